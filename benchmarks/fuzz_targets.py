@@ -22,7 +22,7 @@ from plumbob.protocols import catalog
 from plumbob.protocols.find import find_format
 from plumbob.protocols.rigs import names as rig_names
 from plumbob.session import rows
-from plumbob.session.recorded import export, write_mcap
+from plumbob.session.recorded import convert, write_mcap
 from tests.session.live_samples import FORMAT, SESSION, reads, record, stream
 
 Words = Callable[[Path], Sequence[object]]
@@ -119,12 +119,12 @@ def _parquet(folder: Path) -> Target:
 
 def _csv(folder: Path) -> Target:
     whole = _recording(60)
-    export(whole, folder / "a.csv")
+    convert(whole, folder / "a.csv")
     return Target([folder / "a.csv"], lambda path: ("info", path, "--profile", folder / "a.profile.toml"), text=True)
 
 
 def _profile(folder: Path) -> Target:
-    export(_recording(20), folder / "a.csv")
+    convert(_recording(20), folder / "a.csv")
     return Target([folder / "a.profile.toml"], lambda path: ("info", folder / "a.csv", "--profile", path), text=True)
 
 

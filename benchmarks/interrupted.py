@@ -8,7 +8,7 @@ whole, which its reader decides; and no temporary is left but by SIGKILL, which 
 A disk that fills is a file system in memory, where a user may mount one (`unshare -rm`); otherwise the limit of the
 size of a file. Recordings of a live line have benchmarks of their own (recorder_kill.py, recorder_damage.py).
 
-    python -m benchmarks.interrupted [--trials 20] [--verbs export,run] [--json]
+    python -m benchmarks.interrupted [--trials 20] [--verbs convert,run] [--json]
 """
 
 import argparse
@@ -153,11 +153,11 @@ def cases(inputs: Path) -> dict[str, Case]:
                 "b.card.json": CalibrationCard.load,
             },
         ),
-        "export .mcap": Case("export {}/sea.parquet --out a.mcap", {"a.mcap": _mcap}),
-        "export .csv": Case("export {}/sea.parquet --out a.csv", {"a.csv": _table, "a.profile.toml": _table}),
-        "export .parquet": Case("export {}/sea.mcap --out a.parquet", {"a.parquet": files.read}),
-        "export .tum": Case("export {}/sea.parquet --out a.tum", {"a.tum": _rows(12_001)}),
-        "export .txt": Case("export {}/sea.parquet --out a.txt", {"a.txt": _rows(12_002)}),
+        "convert .mcap": Case("convert {}/sea.parquet a.mcap", {"a.mcap": _mcap}),
+        "convert .csv": Case("convert {}/sea.parquet a.csv", {"a.csv": _table, "a.profile.toml": _table}),
+        "convert .parquet": Case("convert {}/sea.mcap a.parquet", {"a.parquet": files.read}),
+        "convert .tum": Case("convert {}/sea.parquet a.tum", {"a.tum": _rows(12_001)}),
+        "convert .txt": Case("convert {}/sea.parquet a.txt", {"a.txt": _rows(12_002)}),
         "repair": Case("repair {}/torn.mcap --out a.mcap", {"a.mcap": _mcap}),
         "replay": Case("replay {}/line.mcap --out a.parquet", {"a.parquet": files.read}),
     }
@@ -170,7 +170,7 @@ def make_inputs(folder: Path) -> None:
         "sim static --frame NED --sensors mpu6000 --unit random --rate 100Hz --duration 300s --out rest.parquet",
         "sim poses --frame NED --sensors mpu6000+hmc5983 --unit random --seed 3 --set move=2s --out poses.parquet",
         "run sea.parquet --filter mahony --out track.parquet",
-        "export sea.parquet --out sea.mcap",
+        "convert sea.parquet sea.mcap",
         "emulate buoy --duration 60s --write buoy.bin",
         "record --from buoy.bin --format buoy --filter mahony --frame NED --out line.mcap",
     ):
@@ -409,7 +409,7 @@ def row(name: str, one: Counts) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--trials", type=int, default=20, help="by each signal and on a full disk, for each verb (20)")
-    parser.add_argument("--verbs", default="", metavar="A,B", help="these only, as 'export' or 'export .mcap'")
+    parser.add_argument("--verbs", default="", metavar="A,B", help="these only, as 'convert' or 'convert .mcap'")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", action="store_true")
     args = parser.parse_args()

@@ -89,7 +89,7 @@ if TYPE_CHECKING:
     from plumbob.session.estimated import estimate
     from plumbob.session.live import record
     from plumbob.session.reading import read, read_array
-    from plumbob.session.recorded import export
+    from plumbob.session.recorded import convert
     from plumbob.session.replay import replay
     from plumbob.session.session import Session
     from plumbob.session.session_toml import load_session
@@ -132,7 +132,7 @@ _HOME = {
     "emulate": "session.emulated",
     "estimate": "session.estimated",
     "evaluate": "evaluation",
-    "export": "session.recorded",
+    "convert": "session.recorded",
     "filter_names": "filters",
     "filter_rates": "calibration.rates",
     "find_format": "protocols.find",
@@ -184,13 +184,13 @@ __all__ = [
     "calibrate",
     "cite",
     "control",
+    "convert",
     "decode",
     "docs",
     "emulate",
     "errors",
     "estimate",
     "evaluate",
-    "export",
     "filter_names",
     "filter_rates",
     "find_format",

@@ -12,7 +12,7 @@ SCRIPT = Path(__file__).parents[2] / "benchmarks" / "interrupted.py"
 
 @pytest.mark.long("nine seconds: writes a minute of sea in every form, and forks a process for every trial")
 def test_no_file_is_torn_and_no_old_one_lost():
-    words = ["--trials", "4", "--verbs", "export .tum,export .mcap,emulate,repair", "--json"]
+    words = ["--trials", "4", "--verbs", "convert .tum,convert .mcap,emulate,repair", "--json"]
     done = subprocess.run([sys.executable, SCRIPT, *words], capture_output=True, text=True, check=False)
     found = json.loads(done.stdout)
     assert [one["wrong"] for one in found["verbs"].values()] == [[]] * 4

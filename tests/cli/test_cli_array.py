@@ -53,7 +53,7 @@ def test_from_bytes_with_the_mounts_of_the_rig(tmp_path):
     binary, stream, table = (tmp_path / name for name in ("arm.bin", "arm.mcap", "arm.parquet"))
     ok("emulate", "arm", "--write", binary, "--duration", "20s", "--seed", "3")
     ok("record", "--from", binary, "--format", "arm", "--unit", "all", "--out", stream)
-    ok("export", stream, "--out", table)
+    ok("convert", stream, table)
     for source in (stream, table):
         out = tmp_path / f"{source.suffix[1:]}.mcap"
         ok("array", "combine", source, "--mounts", "arm", "--out", out)

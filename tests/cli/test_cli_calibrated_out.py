@@ -36,9 +36,9 @@ def made(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", ["out.parquet", "out.csv", "out.mcap"])
-def test_export_writes_calibrated_samples(made, tmp_path, name):
+def test_convert_writes_calibrated_samples(made, tmp_path, name):
     out = tmp_path / name
-    ok("export", made / "rest.parquet", "--calibration", made / "card.json", "--out", out, "--what", "samples")
+    ok("convert", made / "rest.parquet", "--calibration", made / "card.json", "--out", out, "--what", "samples")
     raw = files.read(made / "rest.parquet").imu
     found = (read_recorded(out) if name.endswith("mcap") else files.read(out)).imu
     np.testing.assert_allclose(found.gyr, GAIN * raw.gyr, rtol=1e-15)
@@ -46,10 +46,10 @@ def test_export_writes_calibrated_samples(made, tmp_path, name):
     np.testing.assert_array_equal(found.acc, raw.acc)
 
 
-def test_export_is_what_python_gives(made, tmp_path):
+def test_convert_is_what_python_gives(made, tmp_path):
     raw = files.read(made / "rest.parquet").imu
     calibrated = plumbob.apply_card(plumbob.CalibrationCard.load(made / "card.json"), raw)
-    ok("export", made / "rest.parquet", "--calibration", made / "card.json", "--out", tmp_path / "a.parquet")
+    ok("convert", made / "rest.parquet", "--calibration", made / "card.json", "--out", tmp_path / "a.parquet")
     found = files.read(tmp_path / "a.parquet")
     np.testing.assert_array_equal(found.imu.gyr, calibrated.gyr)
     assert found.imu.meta == calibrated.meta
@@ -58,11 +58,11 @@ def test_export_is_what_python_gives(made, tmp_path):
 
 def test_refusals(made, tmp_path):
     out = tmp_path / "out.parquet"
-    other = call("export", made / "rest.parquet", "--calibration", made / "other.json", "--out", out)
+    other = call("convert", made / "rest.parquet", "--calibration", made / "other.json", "--out", out)
     assert (other.returncode, out.exists()) == (1, False)
     assert "the card is for device 'unit 8', but the recording is of 'unit 7'" in other.stderr
     words = ("--calibration", made / "card.json", "--out", out, "--what", "attitude")
-    assert "holds an attitude but no samples" in call("export", made / "rest.parquet", *words).stderr
+    assert "holds an attitude but no samples" in call("convert", made / "rest.parquet", *words).stderr
     (tmp_path / "numbers.txt").write_text("1\n2\n3\n")
     bare = ("--rate", "1Hz", "--scale", "1 deg/s", "--calibration", made / "card.json")
     assert "--calibration is for recordings" in call("allan", tmp_path / "numbers.txt", *bare).stderr

@@ -153,7 +153,7 @@ def test_links_that_lead_in_a_circle_are_no_files(tmp_path):
     for force in (True, False):
         with pytest.raises(DecodeError, match="a link that leads back to itself"):
             common.check_outputs(argparse.Namespace(force=force), one)
-    read = plumbob("export", one, "--out", tmp_path / "new.csv")
+    read = plumbob("convert", one, tmp_path / "new.csv")
     assert (read.returncode, read.stderr.count("\n")) == (1, 1)
     assert "one.csv does not exist" in read.stderr
     compared = plumbob("eval", one, other)

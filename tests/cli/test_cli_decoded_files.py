@@ -1,4 +1,4 @@
-"""What plumbob decode writes is a recording: info, run, allan, calibrate and export read it without a further word."""
+"""What plumbob decode writes is a recording: info, run, allan, calibrate and convert read it without a further word."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_every_verb_reads_it(buoy, suffix):
     ok("decode", "sea.bin", "--format", "buoy", "--out", file, cwd=buoy)
     assert "1200 samples, 11.990 s, 100 Hz" in ok("info", file, cwd=buoy).stdout
     assert "1200 samples" in ok("run", file, "--filter", "mahony", "--frame", "NED", cwd=buoy).stdout
-    ok("export", file, "--out", f"from_{suffix}.parquet", cwd=buoy)
+    ok("convert", file, f"from_{suffix}.parquet", cwd=buoy)
     imu = read(buoy / f"from_{suffix}.parquet").imu
     assert np.count_nonzero(np.isnan(imu.mag[:, 0])) == 300  # the magnetometer has 75 Hz: each fourth is absent
     for verb in (["allan", file], ["calibrate", "gyro", file, "--method", "rest"]):

@@ -14,7 +14,7 @@ from plumbob.files.mcap import Recorder
 from plumbob.protocols.c_header import c_header
 from plumbob.protocols.rigs import load
 from plumbob.rotations import Frame, North
-from plumbob.session.recorded import export
+from plumbob.session.recorded import convert
 
 STEER = "unit\x1b]0;owned\x07\x1b[2J\x9b31m\u202edoog\nverdict      whole"
 SHOWN = "unit\\x1b]0;owned\\x07\\x1b[2J\\x9b31m\\u202edoog\\nverdict      whole"
@@ -78,7 +78,7 @@ def test_files_for_other_programs_hold_no_command_for_a_terminal(tmp_path):
     track = AttitudeTrack(t=t, q_nb=np.tile([1.0, 0, 0, 0], (100, 1)), frame=Frame.ENU, north=North.FREE, source=STEER)
     whole = files.Recording(imu=imu, track=track, name=STEER, notes=(STEER,))
     for suffix in (".csv", ".tum", ".txt"):
-        export(whole, tmp_path / f"a{suffix}")
+        convert(whole, tmp_path / f"a{suffix}")
         text = (tmp_path / f"a{suffix}").read_text(encoding="utf-8")
         assert text.replace("\n", "").replace("\t", "").isprintable()
     assert files.read(tmp_path / "a.csv").imu.meta.device == STEER  # its profile has it as it was

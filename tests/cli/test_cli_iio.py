@@ -44,13 +44,13 @@ dev_root = "{tmp_path}/dev"
     os.close(end)
 
 
-def test_record_then_export_without_the_device(folder, capsys):
+def test_record_then_convert_without_the_device(folder, capsys):
     assert main(["record", str(folder / "s.toml"), "--out", str(folder / "a.mcap"), "--duration", "1s", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["samples"], told["format"], told["bytes"]["junk"]) == (200, "bench-gyro", 0)
     assert told["time"]["mode"] == "kernel"
     shutil.rmtree(folder / "sys")
-    words = ["export", str(folder / "a.mcap"), "--what", "samples", "--out", str(folder / "a.csv")]
+    words = ["convert", str(folder / "a.mcap"), str(folder / "a.csv"), "--what", "samples"]
     assert main(words) == 0
     rows = (folder / "a.csv").read_text().splitlines()
     np.testing.assert_allclose(float(rows[-1].split(",")[1]), 199 * SCALE, rtol=1e-12)

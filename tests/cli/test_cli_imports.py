@@ -108,7 +108,7 @@ LINES = {
     "verify": (["verify", "sea.mcap"], {"mcap", "files.mcap", "zstandard"}),
     "repair": (["repair", "sea.mcap", "--out", "repaired.mcap"], {"mcap", "files.mcap", "zstandard"}),
     "replay": (["replay", "sea.mcap"], LIVE),
-    "export": (["export", "sea.mcap", "--out", "sea.csv"], LIVE | {"pyarrow", "pyarrow.csv"}),
+    "convert": (["convert", "sea.mcap", "sea.csv"], LIVE | {"pyarrow", "pyarrow.csv"}),
     "profile": (["profile", "sea.csv", "--out", "draft.toml"], {"numpy"}),
     "devices": (["devices"], {"numpy", "protocols"}),
     "arm, refused": (["arm", "export", "none.csv", "--out", "program.csv"], {"files.mcap", "filters", "mcap", "numpy"}),

@@ -1,4 +1,4 @@
-"""record, replay, verify and export from the command line, on an emulated rig behind a real pseudo-terminal."""
+"""record, replay, verify and convert from the command line, on an emulated rig behind a real pseudo-terminal."""
 
 import json
 import os
@@ -91,7 +91,7 @@ def test_replay_with_another_filter_differs_and_exits_3(recorded):
 
 def test_recorded_samples_are_the_simulated_ones(recorded):
     folder, _, _ = recorded
-    plumbob("export", "a.mcap", "--what", "samples", "--out", "a.parquet", cwd=folder)
+    plumbob("convert", "a.mcap", "a.parquet", "--what", "samples", cwd=folder)
     read, truth = files.read(folder / "a.parquet").imu, files.read(folder / "truth.parquet").imu
     np.testing.assert_allclose(read.gyr, truth.gyr, rtol=0, atol=1e-9)  # the rig's counts are the simulator's steps
     np.testing.assert_allclose(read.t, truth.t, rtol=0, atol=1e-6)

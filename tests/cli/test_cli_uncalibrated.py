@@ -149,9 +149,9 @@ class TestFiles:
         assert UNCALIBRATED in told("info", out).out
 
     @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
-    def test_exported_samples(self, made, told, tmp_path, suffix):
+    def test_converted_samples(self, made, told, tmp_path, suffix):
         out = tmp_path / f"out{suffix}"
-        told("export", made / "raw.parquet", "--what", "samples", "--out", out)
+        told("convert", made / "raw.parquet", out, "--what", "samples")
         if suffix == ".mcap":
             held = open_log(out).metadata["recording"]
         elif suffix == ".parquet":
@@ -170,10 +170,10 @@ class TestFiles:
             assert not [note for note in files.read(tmp_path / name).notes if note.startswith("calibration")]
 
     @pytest.mark.parametrize("suffix", [".tum", ".txt"])
-    def test_exported_attitude(self, made, told, tmp_path, suffix):
+    def test_converted_attitude(self, made, told, tmp_path, suffix):
         track, out = tmp_path / "track.parquet", tmp_path / f"out{suffix}"
         told("run", made / "raw.parquet", "--filter", "mahony", "--out", track)
-        told("export", track, "--out", out)
+        told("convert", track, out)
         assert UNCALIBRATED in out.read_text(encoding="utf-8").splitlines()[0]
 
 

@@ -224,13 +224,13 @@ def test_info_is_info(sea, recorded, tmp_path):
     assert plumbob.info(tmp_path / "noise.json").text() + "\n" == ok("info", tmp_path / "noise.json").stdout
 
 
-def test_eval_and_export_take_files_and_text_with_units(sea, tmp_path):
+def test_eval_and_convert_take_files_and_text_with_units(sea, tmp_path):
     track = tmp_path / "t.parquet"
     plumbob.estimate(sea, "mahony").save(track)
     printed = json.loads(ok("eval", track, sea, "--settle", "2s", "--json").stdout)
     assert json.loads(json.dumps(plumbob.evaluate(track, sea, settle="2 s").summary())) == printed
-    ok("export", sea, "--what", "samples", "--out", tmp_path / "a.csv")
-    plumbob.export(plumbob.read(sea), tmp_path / "b.csv", what="samples")
+    ok("convert", sea, tmp_path / "a.csv", "--what", "samples")
+    plumbob.convert(plumbob.read(sea), tmp_path / "b.csv", what="samples")
     rows = [(tmp_path / name).read_text().splitlines()[-1200:] for name in ("a.csv", "b.csv")]
     assert rows[0] == rows[1]
 

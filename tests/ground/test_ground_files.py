@@ -32,7 +32,7 @@ from plumbob.protocols.find import find_format
 from plumbob.reporting import Figure
 from plumbob.reporting.drawing import picture
 from plumbob.rotations import IDENTITY, Frame, North
-from plumbob.session.recorded import export
+from plumbob.session.recorded import convert
 from plumbob.session.session_toml import load_session
 from plumbob.session.sources import CaptureSource
 
@@ -90,9 +90,9 @@ WRITERS = {
     "a.csv": lambda path, **how: formats.write(path, imu(), **how),
     "page.html": lambda path, **how: certificate(card(), {}).write_html(path, **how),
     "a.png": lambda path, **how: picture(path, [Figure("", lambda canvas: None, height=1.0)], **how),
-    "a.tum": lambda path, **how: export(both(), path, **how),
-    "a.txt": lambda path, **how: export(both(), path, **how),
-    "a.mcap": lambda path, **how: export(both(), path, **how),
+    "a.tum": lambda path, **how: convert(both(), path, **how),
+    "a.txt": lambda path, **how: convert(both(), path, **how),
+    "a.mcap": lambda path, **how: convert(both(), path, **how),
 }
 
 
@@ -197,13 +197,13 @@ with replacing_all(Path(sys.argv[1]), Path(sys.argv[2])) as (one, other):
     ("number", "name"), [(signal.SIGINT, "Ctrl-C"), (signal.SIGTERM, "SIGTERM"), (signal.SIGHUP, "SIGHUP")]
 )
 def test_a_signal_in_the_middle_leaves_what_was_there_and_a_sentence(tmp_path, monkeypatch, capsys, number, name):
-    """After the first chunk of an export; the exit code is what a shell says of a process that a signal ended."""
+    """After the first chunk of a conversion; the exit code is what a shell says of a process that a signal ended."""
     formats.write(tmp_path / "a.parquet", imu())
     out = tmp_path / "a.mcap"
     out.write_bytes(BEFORE)
     monkeypatch.setattr(verdict, "pack", lambda *what: (pack(*what), os.kill(os.getpid(), number))[0])
-    assert main(["export", str(tmp_path / "a.parquet"), "--out", str(out), "--force"]) == 128 + number
-    assert capsys.readouterr().err == f"plumbob export: ended by {name}; not written: {out}.\n"
+    assert main(["convert", str(tmp_path / "a.parquet"), str(out), "--force"]) == 128 + number
+    assert capsys.readouterr().err == f"plumbob convert: ended by {name}; not written: {out}.\n"
     assert (out.read_bytes(), left(tmp_path)) == (BEFORE, ["a.mcap", "a.parquet"])
     assert signal.getsignal(number) == (signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
 

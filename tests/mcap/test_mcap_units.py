@@ -74,7 +74,7 @@ def test_a_killed_recorder_leaves_every_unit(tmp_path):
 
 
 def test_a_file_for_viewers_holds_all_units(tmp_path):
-    plumbob.export(plumbob.Recording(array=array(), name="a"), tmp_path / "a.mcap")
+    plumbob.convert(plumbob.Recording(array=array(), name="a"), tmp_path / "a.mcap")
     found = read_array(tmp_path / "a.mcap")
     for name in UNITS:
         assert found.units[name].gyr.tobytes() == array().units[name].gyr.tobytes()
@@ -87,7 +87,7 @@ def test_a_file_for_viewers_holds_all_units(tmp_path):
 @pytest.mark.parametrize("seed", range(8))
 def test_damage_of_a_file_for_viewers_costs_its_rows_only(tmp_path, seed):
     """What is left is on one time line, and each row is a row of the whole."""
-    plumbob.export(plumbob.Recording(array=array(2000), name="a"), tmp_path / "a.mcap")
+    plumbob.convert(plumbob.Recording(array=array(2000), name="a"), tmp_path / "a.mcap")
     raw = bytearray((tmp_path / "a.mcap").read_bytes())
     at = int(np.random.default_rng(seed).integers(len(raw) // 10, len(raw) * 9 // 10))
     raw[at] ^= 16

@@ -87,7 +87,7 @@ def assert_same(mine, other, *, but=()):
 
 
 def test_whole_from_the_emulator_to_a_file(tmp_path):
-    """emulate, record all, read, export, read: equal to decoding the bytes directly."""
+    """emulate, record all, read, convert, read: equal to decoding the bytes directly."""
     raw, mcap, native = tmp_path / "arm.bin", tmp_path / "arm.mcap", tmp_path / "arm.parquet"
     plumbob.emulate("arm", seed=2, duration=5.0, write=raw)
     kept = plumbob.record(capture=raw, format="arm", unit="all", out=mcap, filter="mahony", frame="NED")
@@ -97,9 +97,9 @@ def test_whole_from_the_emulator_to_a_file(tmp_path):
     assert_decoded(array, raw.read_bytes())
     assert dict(array.mounts) == dict(PRESETS["arm"])
     assert_same(read_array(raw, format="arm", mounts="arm"), array, but=("t", "meta"))
-    plumbob.export(mcap, native)
+    plumbob.convert(mcap, native)
     assert_same(read_array(native, mounts="arm"), array)
-    plumbob.export(native, tmp_path / "again.mcap")
+    plumbob.convert(native, tmp_path / "again.mcap")
     assert_same(read_array(tmp_path / "again.mcap", mounts="arm"), array)
 
 
@@ -313,7 +313,7 @@ def test_one_unit_of_an_array_runs_as_one(tmp_path, capsys):
     from plumbob.cli.main import main
 
     record(tmp_path / "a.mcap", arm())
-    plumbob.export(tmp_path / "a.mcap", tmp_path / "a.parquet", what="samples")
+    plumbob.convert(tmp_path / "a.mcap", tmp_path / "a.parquet", what="samples")
     for name in ("a.mcap", "a.parquet"):
         file = str(tmp_path / name)
         assert main(["run", file, "--filter", "mahony", "--frame", "NED", "--unit", "u3"]) == 0
@@ -324,7 +324,7 @@ def test_one_unit_of_an_array_runs_as_one(tmp_path, capsys):
         three.q_nb.tobytes()
         == plumbob.estimate(tmp_path / "a.parquet", "mahony", unit="3", frame="NED").track.q_nb.tobytes()
     )
-    assert main(["export", str(tmp_path / "a.mcap"), "--unit", "u3", "--out", str(tmp_path / "u3.csv")]) == 0
+    assert main(["convert", str(tmp_path / "a.mcap"), str(tmp_path / "u3.csv"), "--unit", "u3"]) == 0
     alone = plumbob.read(tmp_path / "u3.csv")
     np.testing.assert_array_equal(alone.imu.gyr, plumbob.read(tmp_path / "a.mcap", unit="u3").imu.gyr)
 

@@ -10,7 +10,7 @@ from live_samples import SESSION, Handed, reads, session, stream
 from plumbob import files
 from plumbob.cli.main import main
 from plumbob.session.reading import read
-from plumbob.session.recorded import export, read_recorded
+from plumbob.session.recorded import convert, read_recorded
 from plumbob.session.recording_sink import RecordingSink
 from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
@@ -67,7 +67,7 @@ def test_so_does_whoever_reads_it(late, track, tmp_path, capsys):
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
 def test_it_goes_from_file_to_file(late, tmp_path, suffix):
     out = tmp_path / f"out{suffix}"
-    export(late[0], out)
+    convert(late[0], out)
     assert [note for note in read(out).notes if note.startswith("inferred gaps")] == [
         note for note in read_recorded(late[0]).notes if note.startswith(TELLS)
     ]

@@ -34,9 +34,9 @@ def test_an_axis_is_judged_by_its_own_range(fast):
 
 
 @pytest.mark.parametrize("name", ["fin.parquet", "fin.csv"])
-def test_every_verb_opens_it_and_an_export_keeps_its_ranges(fast, tmp_path, name):
+def test_every_verb_opens_it_and_convert_keeps_its_ranges(fast, tmp_path, name):
     out = tmp_path / name
-    ok("export", fast / "fin.mcap", "--out", out)
+    ok("convert", fast / "fin.mcap", out)
     assert "range ±1.7453, ±1.7453, ±5.236," in ok("info", out).stdout
     assert files.read(out).imu.meta == read_recorded(fast / "fin.mcap").imu.meta
 

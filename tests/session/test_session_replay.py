@@ -1,4 +1,4 @@
-"""Recordings of a line: replay gives the live bits, damage becomes a gap, exports hold what was there."""
+"""Recordings of a line: replay gives the live bits, damage becomes a gap, conversions hold what was there."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from plumbob.filters.offline import Stage
 from plumbob.protocols.rigs import load as load_rig
 from plumbob.rotations import North, quat_angle, quat_conjugate, quat_multiply
 from plumbob.session import reading, rows
-from plumbob.session.recorded import export, only, read_recorded
+from plumbob.session.recorded import convert, only, read_recorded
 from plumbob.session.replay import open_recording, replay
 from plumbob.session.runner import run_stream
 from plumbob.session.sinks import Collected, TextSink
@@ -135,11 +135,11 @@ def test_recorded_samples_are_uncalibrated_and_carry_utc(recording):
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
-def test_export_reads_back_exactly(recording, tmp_path, suffix):
+def test_convert_reads_back_exactly(recording, tmp_path, suffix):
     path, _, live = recording
     whole = read_recorded(path, estimated=True)
     out = tmp_path / f"out{suffix}"
-    export(whole, out)
+    convert(whole, out)
     back = read_recorded(out, estimated=True) if suffix == ".mcap" else files.read(out)
     np.testing.assert_array_equal(back.imu.t_ns, whole.imu.t_ns)
     np.testing.assert_array_equal(back.imu.acc, whole.imu.acc)
@@ -147,36 +147,36 @@ def test_export_reads_back_exactly(recording, tmp_path, suffix):
     assert back.imu.meta == whole.imu.meta
 
 
-def test_tum_export_is_scalar_last(recording, tmp_path):
+def test_tum_conversion_is_scalar_last(recording, tmp_path):
     whole = read_recorded(recording[0], estimated=True)
-    export(whole, tmp_path / "a.tum")
+    convert(whole, tmp_path / "a.tum")
     table = np.loadtxt(tmp_path / "a.tum")
     np.testing.assert_array_equal(table[:, 4:], whole.track.q_nb[:, [1, 2, 3, 0]])
     np.testing.assert_array_equal(table[:, 1:4], 0.0)
     assert table[5, 0] == pytest.approx(whole.track.t[5], abs=1e-9)
 
 
-def test_text_export_has_degrees(recording, tmp_path):
+def test_text_conversion_has_degrees(recording, tmp_path):
     path = tmp_path / "a.txt"
-    export(recording[0], path)
+    convert(recording[0], path)
     lines = path.read_text().splitlines()
     assert lines[0].startswith("# roll about x") and "axes to NED, heading from magnetic north; by mahony(" in lines[0]
     assert lines[1].split("\t") == ["t [s]", "roll [deg]", "pitch [deg]", "yaw [deg]", "flags"]
     assert len(lines) == 2 + len(motion().imu)
 
 
-def test_export_refuses_what_is_not_there_and_what_would_be_lost(recording, tmp_path):
+def test_convert_refuses_what_is_not_there_and_what_would_be_lost(recording, tmp_path):
     samples = only(read_recorded(recording[0], estimated=True), "samples")
     with pytest.raises(ShapeError, match="holds an attitude, and there is none"):
-        export(samples, tmp_path / "a.tum")
+        convert(samples, tmp_path / "a.tum")
     with pytest.raises(ShapeError, match="has no attitude; it has samples"):
         only(samples, "attitude")
     for name in ("b.tum", "b.csv", "b.parquet"):
         (tmp_path / name).write_text("precious")
         with pytest.raises(ParameterError, match="exists already and is not replaced"):
-            export(read_recorded(recording[0], estimated=True), tmp_path / name)
-    with pytest.raises(ParameterError, match=r"an export writes .*, not '\.json'"):
-        export(recording[0], tmp_path / "b.json")
+            convert(read_recorded(recording[0], estimated=True), tmp_path / name)
+    with pytest.raises(ParameterError, match=r"convert writes .*, not '\.json'"):
+        convert(recording[0], tmp_path / "b.json")
 
 
 def test_foreign_file_is_refused(tmp_path):

@@ -137,12 +137,12 @@ def _combine(args: argparse.Namespace) -> int:
 
 def _finish(args: argparse.Namespace, found: Any, out: Path | None) -> int:
     from plumbob.files import Recording
-    from plumbob.session.recorded import export
+    from plumbob.session.recorded import convert
 
     common.print_json(found.summary()) if args.json else print(found.text())
     if out is not None:
         note = f"virtual unit of the array in {', '.join(path.name for path in args.files)}"
-        export(Recording(imu=found.imu, name=out.stem, notes=(note,)), out, overwrite=args.force)
+        convert(Recording(imu=found.imu, name=out.stem, notes=(note,)), out, overwrite=args.force)
         if not args.json:
             print(f"written      {out}")
     return 0

@@ -35,7 +35,7 @@ VERBS = (
     "replay",
     "verify",
     "repair",
-    "export",
+    "convert",
     "profile",
     "sim",
     "run",
@@ -54,6 +54,9 @@ VERBS = (
     "docs",
     "warmup",
 )
+
+FORMER: Final = {"export": "convert"}
+"""Verbs by the names that they had, which scripts may still use."""
 
 EPILOG = """\
 exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done, but a recording is damaged (verify),
@@ -104,6 +107,9 @@ def build_parser(verbs: Sequence[str] = VERBS) -> argparse.ArgumentParser:
     parsers = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     for verb in verbs:
         import_module(f"plumbob.cli.{verb}").add_parser(parsers)
+    for former, verb in FORMER.items() if len(verbs) == 1 else ():
+        if verb in verbs:
+            parsers.choices[former] = parsers.choices[verb]  # not in the list of all
     return parser
 
 
@@ -128,7 +134,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
     """Parser of the one verb that is asked for, which imports no other; of all where none is."""
-    return build_parser(words[:1] if words[:1] and words[0] in VERBS else VERBS)
+    asked = [FORMER.get(word, word) for word in words[:1]]
+    return build_parser(asked if asked and asked[0] in VERBS else VERBS)
 
 
 def run(argv: Sequence[str] | None, parser: Callable[[Sequence[str]], argparse.ArgumentParser], program: str) -> int:

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from dataclasses import replace
 
-    from plumbob.session.recorded import export
+    from plumbob.session.recorded import convert
     from plumbob.session.replay import replay
 
     inputs = (args.recording, args.session, args.calibration, args.noise)
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         opened=lambda session: common.warn_of_compiling([session.stage.filter] if session.stage else []),
     )
     if args.out:
-        export(replace(result.as_recording(), name=args.out.stem), args.out, overwrite=args.force)
+        convert(replace(result.as_recording(), name=args.out.stem), args.out, overwrite=args.force)
     common.print_json(result.summary()) if args.json else print(result.text())
     if args.out and not args.json:
         print(f"written      {args.out}")

@@ -230,6 +230,91 @@ def replacing_all(*paths: Path, overwrite: bool = False) -> Iterator[tuple[Path,
             _remove(targets)  # again: a signal may have struck just before the first time could hold it back
 
 
+@contextmanager
+def replacing_folder(path: Path, *, overwrite: bool, known: Callable[[Path], bool]) -> Iterator[Path]:
+    """As `replacing`, for a folder: give a path that does not exist yet, for a folder that is to take the final name.
+
+    Parameters
+    ----------
+    path : Path
+        The folder.
+    overwrite : bool
+        Whether one that lies there may be replaced, with all that is in it.
+    known : callable
+        Whether a folder is of the kind that is written; another one is never replaced.
+    """
+    require_folder_place(path, overwrite=overwrite, known=known)
+    final = Path(os.path.realpath(path))
+    start, held = f".{final.name[:40]}.plumbob-", -1
+    beside = final.with_name(f"{start}{secrets.token_hex(4)}.tmp")
+    try:
+        _remove_abandoned_folders(final.parent, start)
+        beside.mkdir()
+        held = _held(beside)
+        made = beside / final.name
+        yield made
+        for folder, _, names in os.walk(made):
+            for name in names:
+                with (Path(folder) / name).open("rb+") as file:
+                    os.fsync(file.fileno())
+        with _uninterrupted():
+            require_folder_place(path, overwrite=overwrite, known=known)
+            if final.exists():
+                final.rename(beside / "before")
+            made.rename(final)
+        with suppress(OSError):
+            sync_folder(final.parent)
+    except (PlumbobError, BrokenPipeError):
+        raise
+    except OSError as error:
+        if not final.exists() and (beside / "before").exists():
+            (beside / "before").rename(final)
+        raise DecodeError(_refusal(str(path), error)) from error
+    finally:
+        with _uninterrupted():
+            shutil.rmtree(beside, ignore_errors=True)
+            if held >= 0:
+                os.close(held)
+
+
+def _held(folder: Path) -> int:
+    """Open and lock a folder, as long as its writer lives; -1 where folders cannot be."""
+    if sys.platform == "win32":
+        return -1
+    descriptor = os.open(folder, os.O_RDONLY)
+    with suppress(OSError):  # a disk without locks
+        lock(descriptor)
+    return descriptor
+
+
+def _remove_abandoned_folders(parent: Path, start: str) -> None:
+    """Remove temporary folders whose writer was killed: then nobody has them locked."""
+    for other in parent.iterdir():
+        if sys.platform == "win32" or not re.fullmatch(rf"{re.escape(start)}[0-9a-f]{{8}}\.tmp", other.name):
+            continue
+        with suppress(OSError):  # locked, gone, or another user's
+            descriptor = os.open(other, os.O_RDONLY | os.O_DIRECTORY)
+            try:
+                lock(descriptor)
+                shutil.rmtree(other)
+            finally:
+                os.close(descriptor)
+
+
+def require_folder_place(path: Path, *, overwrite: bool, known: Callable[[Path], bool]) -> None:
+    """Refuse a place where no folder can be written; errors as in `require_place`."""
+    if not path.parent.is_dir():
+        raise DecodeError(f"{path} cannot be written: there is no folder {path.parent}; create it first.")
+    if not path.exists() and not path.is_symlink():
+        return
+    if not path.is_dir() or path.is_mount():
+        raise DecodeError(f"{path} cannot be written: something else than a folder is there; name another one.")
+    if not overwrite:
+        raise _exists(path)
+    if any(path.iterdir()) and not known(path):
+        raise ParameterError(f"{path} is a folder of something else, and is never replaced; name another one.")
+
+
 def _remove(targets: Sequence["_Target"]) -> None:
     with _uninterrupted():
         for target in targets:

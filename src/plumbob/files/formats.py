@@ -36,6 +36,8 @@ class Format:
         As `read`, but samples may stay in the file.
     takes_profile : bool
         Whether a profile describes such files.
+    takes_unit : bool
+        Whether the reader itself chooses one of several units, whose clocks may differ.
     accepts : callable or None
         Whether a path is of this format, by its content; asked where several formats share a suffix, or it is a folder.
         None: the suffix says it all.
@@ -49,6 +51,7 @@ class Format:
     read: Callable[..., Recording]
     opened: Callable[[Path], Recording] | None = None
     takes_profile: bool = False
+    takes_unit: bool = False
     accepts: Callable[[Path], bool] | None = None
     writers: tuple[tuple[str, Callable[[Path, Recording, bool], None]], ...] = ()
 
@@ -62,11 +65,10 @@ def _late(module: str, name: str) -> Callable[..., Any]:
     return call
 
 
-def _foreign(name: str, module: str, suffixes: tuple[str, ...], what: str) -> Format:
+def _foreign(name: str, module: str, suffixes: tuple[str, ...], what: str, takes_unit: bool = False) -> Format:
     """A format of `plumbob.files.foreign`, whose module has `accepts` and `read`; a suffix of "" is a folder."""
-    return Format(
-        name, suffixes, what, _late(f"foreign.{module}", "read"), accepts=_late(f"foreign.{module}", "accepts")
-    )
+    reader, accepts = _late(f"foreign.{module}", "read"), _late(f"foreign.{module}", "accepts")
+    return Format(name, suffixes, what, reader, accepts=accepts, takes_unit=takes_unit)
 
 
 FORMATS: Final = (
@@ -78,7 +80,7 @@ FORMATS: Final = (
         opened=_late("parquet", "open_parquet"),
         writers=((".parquet", _late("parquet", "write_parquet")),),
     ),
-    _foreign("ROS", "ros", (".bag", ".db3", ".mcap", ""), "ROS 1 bags, ROS 2 bags and MCAP with CDR messages"),
+    _foreign("ROS", "ros", (".bag", ".db3", ".mcap", ""), "ROS 1 bags, ROS 2 bags and MCAP of both", True),
     _foreign("ULog", "ulog", (".ulg", ".ulog"), "logs of PX4"),
     _foreign("DataFlash", "ardupilot", (".bin", ".log", ".tlog"), "logs of ArduPilot, and telemetry of MAVLink"),
     _foreign("EuRoC", "euroc", ("", ".csv"), "EuRoC and TUM VI: folders with mav0/imu0, or their data.csv"),
@@ -120,7 +122,11 @@ FORMATS: Final = (
 
 
 def read(
-    path: str | os.PathLike[str], *, profile: "Profile | str | Path | None" = None, whole: bool = True
+    path: str | os.PathLike[str],
+    *,
+    profile: "Profile | str | Path | None" = None,
+    whole: bool = True,
+    unit: str | None = None,
 ) -> Recording:
     """Read a recording; its notes also say what was found in the data (`plumbob.files.notes`).
 
@@ -133,13 +139,15 @@ def read(
     whole : bool
         Whether all is to be in memory; without it, the samples of a native recording that has no attitude stay in their
         file, and are read part by part.
+    unit : str, optional
+        One of several units, by name or number from 1.
 
     Raises
     ------
     DecodeError
         If there is no such file, its suffix is unknown, or it is not what it claims to be.
     ParameterError
-        If a profile is given for a file that describes itself.
+        If a profile is given for a file that describes itself, or there is no such unit.
     UnitError, ClockError, ShapeError, FrameError
         If its numbers cannot be what they are declared to be.
     """
@@ -149,8 +157,12 @@ def read(
         raise ParameterError(f"{file} describes itself ({kind.name}), so it takes no profile; leave --profile out.")
     if kind.takes_profile:
         recording = kind.read(file, profile)
+    elif kind.takes_unit:
+        recording, unit = kind.read(file, unit), None
     else:
         recording = kind.read(file) if whole or kind.opened is None else kind.opened(file)
+    if unit is not None:
+        return recording.of_unit(unit)
     return replace(recording, notes=(*recording.notes, *findings_of(recording)))
 
 

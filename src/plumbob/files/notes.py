@@ -88,7 +88,7 @@ class Recording(Shown):
             first = self.array.names[0]
             raise ParameterError(
                 f"{self.name or 'the recording'} holds the units {known}. Name one with --unit, or write it to a file "
-                f"of its own: plumbob export FILE --unit {first} --out {first}.parquet."
+                f"of its own: plumbob convert FILE {first}.parquet --unit {first}."
             )
         name = self.array.named(unit)
         imu = self.array.units[name]

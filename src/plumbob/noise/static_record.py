@@ -166,7 +166,8 @@ def load_static(
     DecodeError
         If the file is not what it claims to be.
     """
-    file = existing_file(path)
+    folder = check.path("path", path).is_dir() and files.is_recording(Path(path))
+    file = Path(path) if folder else existing_file(path)
     if start is not None and stop is not None and not start < stop:
         raise ParameterError(f"start must be before stop, but they are {start:g} s and {stop:g} s.")
     if is_recording(file, profile, kind):

@@ -241,7 +241,8 @@ def _opened(
     profile = how.get("profile")
     profile = None if profile is None else Path(profile)
     read = read_one(path, profile=profile, whole=False, unit=how.get("unit"))
-    yield replace(read, name=path.name), (path,), None
+    parts = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
+    yield replace(read, name=path.name), tuple(parts), None
 
 
 @contextmanager

@@ -62,8 +62,7 @@ def read(
         from plumbob.session.recorded import read_recorded
 
         return read_recorded(file, unit=unit)
-    found = read_samples(file, profile=profile, whole=whole)
-    return found if unit is None else found.of_unit(unit)
+    return read_samples(file, profile=profile, whole=whole, unit=unit)
 
 
 def is_own(path: Path) -> bool:
@@ -158,7 +157,7 @@ def _by_stem(sources: Sequence[Source]) -> dict[str, Source]:
 
 
 def _of_file(file: Path) -> "tuple[ImuArray, list[str]]":
-    if file.suffix == SUFFIX:
+    if is_own(file):
         from plumbob.session.recorded import read_recorded
 
         found = read_recorded(file, unit="all", calibrated=True)
@@ -195,7 +194,7 @@ def _joined(named: Mapping[str, Source]) -> "ImuArray":
     found: dict[str, ImuData] = {}
     for name, source in named.items():
         file = check.path("sources", source)
-        whole = read_recorded(file, calibrated=True) if file.suffix == SUFFIX else read(file)
+        whole = read_recorded(file, calibrated=True) if is_own(file) else read(file)
         one = whole.of_unit(None).imu
         if one is None:
             raise DecodeError(f"{source} holds an attitude but no sensor data.")

@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from functools import reduce
 from itertools import compress, repeat
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from plumbob.files.notes import findings_of, read_notes, stored_notes
 from plumbob.filters.offline import recalibrated
 from plumbob.rotations import Frame, quat_from_euler_zyx
 from plumbob.session import rows
+from plumbob.session.reading import is_own
 from plumbob.session.replay import Replayed, replay
 from plumbob.session.session import reference_names
 from plumbob.session.session_toml import ALL, SESSION, of_unit, recorded_session
@@ -223,10 +224,11 @@ def _track(found: Sequence[Mapping[str, Any]], told: Any) -> AttitudeTrack:
     )
 
 
-def export(
+def convert(
     recording: Recording | str | Path,
     path: str | Path,
     *,
+    layout: str | None = None,
     what: str = "all",
     unit: str | None = None,
     profile: str | Path | None = None,
@@ -234,18 +236,20 @@ def export(
     overwrite: bool = False,
     note: Callable[[str], object] | None = None,
 ) -> Recording:
-    """Write a recording, or a file of any format, in the format that the new file's suffix names.
+    """Write a recording, or a file of any format, in the format that the new file's suffix or `layout` names.
 
     ``.tum`` holds the attitude as ``t x y z qx qy qz qw`` with positions of zero, for evo; ``.txt`` roll, pitch and yaw
-    in degrees, as the papers' hosts kept them; ``.mcap`` samples and attitude for viewers; others are those of
-    `plumbob.files.write`.
+    in degrees, as the papers' hosts kept them; ``.mcap`` samples and attitude for viewers; ``.bag`` is a bag of ROS 1;
+    others are those of `plumbob.files.write`.
 
     Parameters
     ----------
     recording : Recording or path
         What to write; of a recorded stream, with the attitude that was estimated.
     path : path
-        The new file.
+        The new file, or folder.
+    layout : {"ros2", "rosbag2", "euroc"}, optional
+        An MCAP with the messages of ROS 2 (sensor_msgs), the folder of a ROS 2 bag, or one of EuRoC.
     what : {"all", "samples", "attitude"}
         Leaves the rest out.
     unit : str, optional
@@ -255,9 +259,9 @@ def export(
     calibration : CalibrationCard or path, optional
         Card to apply to the samples.
     overwrite : bool
-        Whether a file that lies there may be replaced.
+        Whether a file that lies there may be replaced, or a folder of the same layout.
     note : callable, optional
-        Called with what a reader should know of the samples.
+        Called with what a reader should know of the samples, and with what the new format cannot hold.
 
     Returns
     -------
@@ -268,30 +272,73 @@ def export(
     ------
     ShapeError
         If the format holds attitudes and there is none.
+    MissingExtraError
+        If the format is written by a package that is not installed.
     ParameterError, DecodeError
         If the suffix is unknown, or the file exists and is not to be replaced, or cannot be written.
     """
     file = Path(path)
+    require_writer(file, layout)
     if not isinstance(recording, Recording):
         given = Path(recording)
-        mcap = given.suffix == ".mcap"
-        recording = read_recorded(given, estimated=True, unit=unit) if mcap else files.read(given, profile=profile)
-        unit = None if mcap else unit
+        if given.exists() and file.resolve() in (given.resolve(), *given.resolve().parents):
+            raise ParameterError(f"{file} is or holds the input; writing there would destroy it. Name another file.")
+        own = is_own(given)
+        recording = (
+            read_recorded(given, estimated=True, unit=unit) if own else files.read(given, profile=profile, unit=unit)
+        )
+        unit = None
     recording = only(recording if unit is None else recording.of_unit(unit), what)
     if calibration is not None:
         recording = recalibrated(recording, CalibrationCard.of(calibration))
         for line in recording.notes:
             if note is not None and line.startswith("temperature: "):
                 note(line)
-    if file.suffix not in SUFFIXES:
-        raise ParameterError(f"{file}: an export writes {', '.join(SUFFIXES)}, not '{file.suffix}'.")
-    if file.suffix in _OWN:
-        _OWN[file.suffix](file, recording, overwrite)
-        return recording
-    if recording.track is not None and not _on_one_clock(recording, recording.track):
-        raise ShapeError(f"{file}: samples and attitude have different times; export one of them with --what.")
-    files.write(file, recording, overwrite=overwrite)
+    writer = LAYOUTS[layout].write if layout is not None else _OWN.get(file.suffix)
+    shared = layout != "euroc" and writer not in _OWN_CLOCKS
+    if shared and recording.track is not None and not _on_one_clock(recording, recording.track):
+        raise ShapeError(f"{file}: samples and attitude have different times; convert one of them with --what.")
+    for line in _lost(file, recording, layout):
+        if note is not None:
+            note(line)
+    if writer is not None:
+        writer(file, recording, overwrite)
+    else:
+        files.write(file, recording, overwrite=overwrite)
     return recording
+
+
+def require_writer(file: Path, layout: str | None) -> None:
+    """Refuse a name or a layout that is not written.
+
+    Raises
+    ------
+    ParameterError
+        With what is written, and how.
+    """
+    if layout is not None:
+        if layout not in LAYOUTS:
+            raise ParameterError(f"there is no layout '{layout}'; there are {', '.join(LAYOUTS)}.")
+        if (suffix := LAYOUTS[layout].suffix) != file.suffix and not (suffix == "" and file.suffix not in SUFFIXES):
+            form = f"a file whose name ends in {suffix}" if suffix else "a folder"
+            raise ParameterError(f"{file}: the layout {layout} is {form}; name the new one so.")
+    elif file.suffix not in SUFFIXES:
+        folders = " or ".join(f"--as {name}" for name, one in LAYOUTS.items() if not one.suffix)
+        raise ParameterError(
+            f"{file}: convert writes {', '.join(SUFFIXES)}, not '{file.suffix}'; and folders with {folders}."
+        )
+
+
+def _lost(file: Path, recording: Recording, layout: str | None) -> Iterable[str]:
+    """What the new format cannot hold of a recording, a line each."""
+    if layout == "euroc":
+        from plumbob.files.foreign.euroc_write import lost
+
+        yield from lost(recording)
+    elif layout is not None or file.suffix == ".bag":
+        yield "ROS has no place for flags, full scales, calibration and what headings count from: left out"
+        if recording.array is not None and recording.track is not None:
+            yield "the attitude is that of the body of several units, and is left out; --what attitude writes it alone"
 
 
 def only(recording: Recording, what: str) -> Recording:
@@ -342,9 +389,40 @@ def _write_text(file: Path, recording: Recording, overwrite: bool) -> None:
         stream.writelines(text_of(track, head=True))
 
 
+def _of_ros(name: str) -> Callable[[Path, Recording, bool], None]:
+    """A writer of bags, which is imported when it is needed."""
+
+    def write(file: Path, recording: Recording, overwrite: bool) -> None:
+        from plumbob.files.foreign import ros_write
+
+        getattr(ros_write, name)(file, recording, overwrite)
+
+    return write
+
+
+def _write_euroc(file: Path, recording: Recording, overwrite: bool) -> None:
+    from plumbob.files.foreign.euroc_write import write_euroc
+
+    write_euroc(file, recording, overwrite)
+
+
+class Layout(NamedTuple):
+    """What a suffix does not say: the suffix of such files, empty of folders, and their writer."""
+
+    suffix: str
+    write: Callable[[Path, Recording, bool], None]
+
+
 _OWN: Final[dict[str, Callable[[Path, Recording, bool], None]]] = {
     ".tum": _write_tum,
     ".txt": _write_text,
     ".mcap": write_mcap,
+    ".bag": _of_ros("write_bag"),
 }
+_OWN_CLOCKS: Final = (_write_tum, _write_text, write_mcap)
 SUFFIXES: Final = (*_OWN, ".csv", ".parquet")
+LAYOUTS: Final = {
+    "ros2": Layout(".mcap", _of_ros("write_mcap")),
+    "rosbag2": Layout("", _of_ros("write_rosbag2")),
+    "euroc": Layout("", _write_euroc),
+}

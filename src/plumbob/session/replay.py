@@ -73,7 +73,7 @@ class Replayed(Ran, Series):
         return 0 if first is None else first + (0 if info is None else info.epoch_offset_ns)
 
     def as_recording(self) -> Recording:
-        """The track, with where it comes from, for `plumbob.write` and `plumbob.export`.
+        """The track, with where it comes from, for `plumbob.write` and `plumbob.convert`.
 
         Raises
         ------

@@ -39,7 +39,7 @@ class Sink(Protocol):
 
 
 class Collected:
-    """Keeps everything, for a replay or an export.
+    """Keeps everything, for a replay or a conversion.
 
     Attributes
     ----------

@@ -1,16 +1,382 @@
-"""ROS 1 bags, ROS 2 bags and MCAP."""
+"""Bags of ROS: samples of sensor_msgs, and poses as attitudes.
 
+Units, axes and frames are those of REP 103 (https://www.ros.org/reps/rep-0103.html), REP 145 (rep-0145: topics, and the
+frames of inertial sensors) and the comments in sensor_msgs/Imu.msg and MagneticField.msg: rad/s, m/s² with gravity (at
+rest, up and +g), tesla, °C, quaternions xyzw, a world with x East, y North, z up. Body axes are those of the frame that
+a message names, as the driver gave them; REP 103 asks for forward, left, up. From where a yaw of zero counts, true or
+magnetic East, is not said, nor whether it counts from there at all: headings are `North.FREE`. A first number of -1 in
+a covariance says that a quantity is not there, and all zeros that the covariance is not known.
+
+The stamp in a message's header is when it was measured, and leads; when the recorder took it counts only where no
+stamp was set. Stamps are UTC where they lie behind the year 2001; earlier ones are of a simulation or since power-on.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
+from typing import Final
 
-from plumbob.core.errors import DecodeError
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import DecodeError, ParameterError, UnitError
+from plumbob.core.files import reading
+from plumbob.core.text import counted
+from plumbob.core.units import to_si
+from plumbob.data import AttitudeTrack, ImuData, ImuMeta
+from plumbob.data.array import ImuArray
+from plumbob.files.foreign import ros_bags
+from plumbob.files.foreign.join import Stream, joined
+from plumbob.files.foreign.ros_bags import Bag, Table, Topic
+from plumbob.files.mcap import layout
 from plumbob.files.notes import Recording
+from plumbob.rotations import Frame, North, dcm_from_quat, quat_from_xyzw
+
+IMU: Final = "sensor_msgs/Imu"
+MAG: Final = "sensor_msgs/MagneticField"
+TEMPERATURE: Final = "sensor_msgs/Temperature"
+POSES: Final = {
+    "geometry_msgs/PoseStamped": 3,
+    "geometry_msgs/PoseWithCovarianceStamped": 3,
+    "geometry_msgs/QuaternionStamped": 0,
+    "geometry_msgs/TransformStamped": 3,
+    "nav_msgs/Odometry": 3,
+}
+"""Types that hold an attitude, and the column at which its quaternion begins."""
+UTC_FROM: Final = 10**18
+"""Stamps from here on, ns, are taken for UTC: 2001-09-09."""
+CONVENTIONS: Final = (
+    "units of sensor_msgs and REP 103: rad/s, m/s² with gravity, T, °C; body axes as the driver gave them (REP 103: "
+    "forward, left, up)"
+)
+_WORLD: Final = "in a world with x East, y North, z up (REP 103); what yaw counts from is not said, so North is free"
+_LISTED: Final = 12
+_UNSET: Final = (0.0, 0.0, 0.0, 1.0)
 
 
 def accepts(path: Path) -> bool:
-    """Whether a path is of this format, by its content."""
-    return False
+    """Whether a path is of this format, by its first bytes; an MCAP by its profile, or by the channels of its summary.
+
+    A recording by Plumbob never is: its profile is empty, and its messages are JSON.
+    """
+    if path.is_dir():
+        metadata = path / ros_bags.METADATA
+        return metadata.is_file() and b"rosbag2_bagfile_information" in _start(metadata, 4096)
+    suffix = path.suffix.lower()
+    if suffix == ".mcap":
+        return _is_ros_mcap(path)
+    return _start(path, 16).startswith(ros_bags.SQLITE if suffix == ".db3" else ros_bags.BAG)
 
 
-def read(path: Path) -> Recording:
-    """Read it."""
-    raise DecodeError(f"{path}: this format is not read yet.")
+def _start(path: Path, count: int, at: int = 0) -> bytes:
+    if not path.is_file():
+        return b""
+    with path.open("rb") as file:
+        file.seek(at)
+        return file.read(count)
+
+
+def _is_ros_mcap(path: Path) -> bool:
+    head = _start(path, 64)
+    profile = len(layout.MAGIC) + layout.RECORD_HEAD.size
+    if not head.startswith(layout.MAGIC + bytes([layout.HEADER])):
+        return False
+    if head[profile : profile + 8] in {b"\x04\0\0\0ros1", b"\x04\0\0\0ros2"}:
+        return True
+    size = path.stat().st_size
+    footer = layout.FOOTER_SIZE + len(layout.MAGIC)
+    if b"plumbob" in head or size < footer:
+        return False
+    summary = int.from_bytes(_start(path, 8, size - footer + layout.RECORD_HEAD.size), "little")
+    if not 0 < summary < size:
+        return False
+    found = _start(path, 1 << 20, summary)
+    return any(mark in found for mark in (b"\x03\0\0\0cdr", b"\x04\0\0\0ros1"))
+
+
+def read(path: Path, unit: str | None = None) -> Recording:
+    """Samples of the IMU of a bag, with its orientation as a track; or, where there is none, the attitudes of poses.
+
+    Several IMUs on the same stamps are an array, called by their topics. Where their stamps differ, or there are
+    several topics of poses and no IMU, `unit` chooses. Poses beside an IMU are left out unless asked for: their body is
+    seldom the IMU's.
+
+    Parameters
+    ----------
+    path : Path
+        A ``.bag`` of ROS 1, a ``.db3`` or ``.mcap`` of ROS 2 (MCAP of ROS 1, too), or the folder of a ROS 2 bag.
+    unit : str, optional
+        A topic of an IMU or of poses, or its number in the order of the message that lists them.
+
+    Raises
+    ------
+    DecodeError
+        If it is damaged, or holds neither inertial data nor poses.
+    ParameterError
+        If there is no such topic, or several could be meant.
+    ClockError, UnitError
+        If its numbers cannot be what the standard says.
+    """
+    with reading(path):
+        bag = ros_bags.open_bag(path)
+        found = _recording(bag, path.stem, unit)
+        return replace(found, notes=(*found.notes, *dict.fromkeys(bag.damage)))
+
+
+def _recording(bag: Bag, name: str, unit: str | None) -> Recording:
+    topics = [topic for topic in bag.topics.values() if topic.count]
+    imus = [topic for topic in topics if topic.kind == IMU]
+    poses = [topic for topic in topics if topic.kind in POSES]
+    if not imus and not poses:
+        kept = f"it holds {_listed(topics)}" if topics else "it holds no message"
+        raise DecodeError(
+            f"{kept}, but neither inertial data (sensor_msgs/Imu) nor poses. Record the IMU's topic, as /imu/data."
+            + "".join(f" {damage}." for damage in bag.damage)
+        )
+    chosen = [_chosen(imus + poses, unit)] if unit is not None else _without_raw(imus) or poses
+    if chosen[0].kind in POSES:
+        if len(chosen) > 1:
+            raise ParameterError(
+                f"it holds no inertial data (sensor_msgs/Imu), but poses, which can be read as attitudes: "
+                f"{_listed(chosen)}. Name one with --unit {chosen[0].name} (in Python, unit='{chosen[0].name}')."
+            )
+        return _of_pose(chosen[0], topics, name)
+    return _of_imus(chosen, topics, name)
+
+
+def _listed(topics: Sequence[Topic]) -> str:
+    rest = f" and {len(topics) - _LISTED} more" if len(topics) > _LISTED else ""
+    return ", ".join(map(str, topics[:_LISTED])) + rest
+
+
+def _chosen(topics: Sequence[Topic], unit: str) -> Topic:
+    for number, topic in enumerate(topics, 1):
+        if unit in {topic.name, topic.name.lstrip("/"), str(number)}:
+            return topic
+    raise ParameterError(f"there is no topic '{unit}' of inertial data or poses; there are {_listed(topics)}.")
+
+
+def _without_raw(imus: list[Topic]) -> list[Topic]:
+    """IMUs by topic, without those that REP 145 calls the same one before its orientation was estimated."""
+    names = {topic.name for topic in imus}
+    return [topic for topic in imus if topic.name.removesuffix("_raw") not in names - {topic.name}]
+
+
+def _left_out(topics: Iterable[Topic], used: Iterable[Topic]) -> list[str]:
+    taken = list(used)
+    rest = [topic for topic in topics if topic not in taken]
+    return [f"left out: {_listed(rest)}"] if rest else []
+
+
+def _stamps(topic: Topic, table: Table) -> tuple[NDArray[np.int64], list[str]]:
+    """When each message was measured, ns; what was done about stamps that are not set."""
+    unset = int(np.count_nonzero(table.stamped == 0))
+    if unset < max(2, len(table.stamped)):
+        return table.stamped, []
+    return table.logged, [f"{topic.name}: no stamp is set; times are those at which the recorder took each message"]
+
+
+def _epoch(stamps: NDArray[np.int64], notes: list[str]) -> int | None:
+    """UTC of the stamp 0, ns; None where stamps are not UTC."""
+    if stamps.size and int(stamps[0]) >= UTC_FROM:
+        return 0
+    notes.append(
+        "stamps lie before 2001, as those of a simulation or since power-on do; UTC is not known, and t = 0 is at the "
+        f"stamp {stamps[0]} ns"
+    )
+    return None
+
+
+@dataclass
+class _Unit:
+    """One IMU as it was read."""
+
+    imu: ImuData | None
+    track: AttitudeTrack | None
+    used: list[Topic]
+    notes: list[str]
+
+
+def _of_imus(chosen: list[Topic], topics: list[Topic], name: str) -> Recording:
+    tables = [ros_bags.table(topic) for topic in chosen]
+    if len(chosen) > 1:
+        first = _stamps(chosen[0], tables[0])[0]
+        for topic, table in zip(chosen, tables, strict=True):
+            if not np.array_equal(_stamps(topic, table)[0], first):
+                raise ParameterError(
+                    f"it holds several IMUs, whose stamps differ: {_listed(chosen)}. Name one with --unit "
+                    f"{chosen[0].name} (in Python, unit='{chosen[0].name}')."
+                )
+    units = [_unit(topic, table, topics) for topic, table in zip(chosen, tables, strict=True)]
+    used = [topic for one in units for topic in one.used]
+    notes = [CONVENTIONS, *(line for one in units for line in one.notes), *_left_out(topics, used)]
+    if any(topic.kind in {MAG, TEMPERATURE} and topic not in used for topic in topics):
+        notes.append("of magnetometers and thermometers one is taken for each IMU, whose header names the same frame")
+    if len(units) == 1:
+        return Recording(imu=units[0].imu, track=units[0].track, name=name, notes=tuple(dict.fromkeys(notes)))
+    notes += [f"{one.used[0].name}: its orientation is left out; name it with --unit" for one in units if one.track]
+    samples = {one.used[0].name: one.imu for one in units if one.imu is not None}
+    if not samples:
+        raise ParameterError(f"it holds orientations alone, on {_listed(chosen)}. Name one with --unit.")
+    return Recording(array=ImuArray(samples), name=name, notes=tuple(dict.fromkeys(notes)))
+
+
+def _unit(topic: Topic, table: Table, topics: list[Topic]) -> _Unit:
+    """Samples and orientation of one IMU, and of the magnetometer and thermometer in its frame."""
+    stamps, notes = _stamps(topic, table)
+    if len(table.frames) > 1:
+        raise DecodeError(f"{topic.name}: its messages are in the frames {', '.join(table.frames[:5])}, not in one.")
+    numbers, epoch, used = table.numbers, _epoch(stamps, notes), [topic]
+    streams = {}
+    for key, at, said in (("gyr", 13, 16), ("acc", 25, 28)):
+        values = _present(numbers[:, at : at + 3], numbers[:, said])
+        if np.isfinite(values).any():
+            streams[key] = Stream(stamps, values)
+        else:
+            notes.append(f"{topic.name}: no {key}, by its covariance (REP 145)")
+    track = _orientation(topic, table, stamps, notes)
+    if not streams:
+        if track is None:
+            raise DecodeError(f"{topic.name} holds neither rates, accelerations nor orientations: all are absent.")
+        return _Unit(None, track, used, notes)
+    frame = next(iter(table.frames), "")
+    meta = ImuMeta(device=frame or topic.name, frame=Frame.ENU)
+    if mag := _beside(MAG, topic, table, topics):
+        numbers = mag[1].numbers
+        values = to_si(_present(numbers[:, :3], numbers[:, 3]), "T")
+        _add("mag", mag[0], Stream(_stamps(*mag)[0], values), streams, stamps, used, notes)
+    if temperature := _beside(TEMPERATURE, topic, table, topics):
+        values = np.where(np.isfinite(temperature[1].numbers[:, 0]), temperature[1].numbers[:, 0], np.nan)
+        _add("temp_c", temperature[0], Stream(_stamps(*temperature)[0], values), streams, stamps, used, notes)
+    imu, how = joined(streams, meta=meta, epoch_ns=epoch)
+    return _Unit(imu, track, used, notes + list(how))
+
+
+def _present(values: Floats, said: Floats) -> Floats:
+    """Values, NaN where the first number of their covariance says that there are none."""
+    absent = said == -1.0
+    return np.where(absent[:, np.newaxis], np.nan, values) if absent.any() else values
+
+
+def _beside(kind: str, imu: Topic, table: Table, topics: list[Topic]) -> tuple[Topic, Table] | None:
+    """The topic of a type in the IMU's frame; of several, the one whose name begins most like the IMU's."""
+    found = []
+    for topic in (one for one in topics if one.kind == kind):
+        other = ros_bags.table(topic)
+        if other.frames == table.frames:
+            found.append((_alike(topic.name, imu.name), topic, other))
+    best = max(found, key=lambda one: one[0], default=None)
+    return None if best is None else best[1:]
+
+
+def _alike(one: str, other: str) -> int:
+    """Parts of two topics' names that are the same, from the first."""
+    pairs = zip(one.strip("/").split("/"), other.strip("/").split("/"), strict=False)
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+
+
+def _add(
+    key: str,
+    topic: Topic,
+    stream: Stream,
+    streams: dict[str, Stream],
+    rows: NDArray[np.int64],
+    used: list[Topic],
+    notes: list[str],
+) -> None:
+    """Take in a stream unless it cannot be in its unit; one whose stamps are all among the IMU's stays at these."""
+    stamps, values = np.asarray(stream.t_ns), np.asarray(stream.values)
+    finite = np.isfinite(values if values.ndim == 1 else values.all(axis=1) & np.isfinite(values).all(axis=1))
+    if not np.count_nonzero(finite):
+        notes.append(f"{topic.name} is left out: it has no value")
+        return
+    if key == "mag":
+        try:
+            ImuData(t=np.arange(len(values), dtype=np.float64), mag=values)
+        except UnitError as error:
+            notes.append(f"{topic.name} is left out: it is hardly in tesla, as sensor_msgs has it: {error}")
+            return
+    used.append(topic)
+    where = np.minimum(np.searchsorted(rows, stamps), rows.size - 1)
+    if (np.diff(rows) > 0).all() and (np.diff(stamps) > 0).all() and np.array_equal(rows[where], stamps):
+        placed = np.full((rows.size, *values.shape[1:]), np.nan)
+        placed[where] = values
+        if stamps.size < rows.size:
+            notes.append(f"{key}: {counted(stamps.size, 'sample')} on {topic.name}, each at its own stamp")
+        stream = Stream(rows, placed)
+    streams[key] = stream
+
+
+def _orientation(topic: Topic, table: Table, stamps: NDArray[np.int64], notes: list[str]) -> AttitudeTrack | None:
+    """Orientation that an IMU tells, where it tells one."""
+    numbers = table.numbers
+    xyzw = _present(numbers[:, :4], numbers[:, 4])
+    zero = (xyzw == 0.0).all(axis=1)
+    xyzw = np.where(zero[:, np.newaxis], np.nan, xyzw)
+    if np.isnan(xyzw).any(axis=1).all():
+        return None
+    if (numbers[:, :4] == _UNSET).all() and not numbers[:, 4:13].any():
+        notes.append(f"{topic.name}: its orientation is left out: it is always the default of the message")
+        return None
+    return _track(topic, stamps, xyzw, numbers[:, 4:13].reshape(-1, 3, 3), notes)
+
+
+def _track(
+    topic: Topic,
+    stamps: NDArray[np.int64],
+    xyzw: Floats,
+    cov_n: Floats | None,
+    notes: list[str],
+    start: int | None = None,
+) -> AttitudeTrack:
+    """Track of quaternions whose stamps may repeat or go back; those that are not of norm 1 are unknown.
+
+    Its time begins at the stamp `start`, ns, or at its own first.
+    """
+    kept = np.ones(stamps.size, dtype=bool)
+    kept[1:] = stamps[1:] > np.maximum.accumulate(stamps)[:-1]
+    some = ~np.isnan(xyzw).all(axis=1)
+    wrong = ~(np.abs(np.linalg.norm(xyzw, axis=1) - 1.0) <= 1e-3)
+    if (count := int(np.count_nonzero(some & wrong))) > 0:
+        notes.append(f"{topic.name}: {counted(count, 'quaternion')} not of norm 1, taken as unknown")
+    q_nb = quat_from_xyzw(np.where(wrong[:, np.newaxis], np.nan, xyzw))[kept]
+    if not np.isfinite(q_nb).any():
+        raise DecodeError(f"{topic.name} holds no quaternion of norm 1.")
+    if kept.sum() < stamps.size:
+        notes.append(
+            f"{topic.name}: {stamps.size - int(kept.sum())} attitudes left out, whose stamps repeat or go back"
+        )
+    cov_b = None
+    if cov_n is not None and cov_n.any():
+        good = np.isfinite(cov_n).all(axis=(1, 2)) & cov_n.any(axis=(1, 2)) & (cov_n[:, 0, 0] != -1.0)
+        known = np.where(good[:, np.newaxis, np.newaxis], cov_n, np.nan)[kept]
+        c_nb = dcm_from_quat(q_nb)
+        cov_b = np.swapaxes(c_nb, 1, 2) @ known @ c_nb
+        notes.append(
+            f"{topic.name}: covariances of the orientation are taken about the world's axes, as those of poses"
+        )
+    notes.append(f"{topic.name}: attitudes {_WORLD}")
+    return AttitudeTrack(
+        t=(stamps[kept] - (stamps[0] if start is None else start)) / 1e9,
+        q_nb=q_nb,
+        frame=Frame.ENU,
+        north=North.FREE,
+        cov_b=cov_b,
+        source=f"{topic.kind} of {topic.name}",
+    )
+
+
+def _of_pose(topic: Topic, topics: list[Topic], name: str) -> Recording:
+    table = ros_bags.table(topic)
+    stamps, notes = _stamps(topic, table)
+    imus = [one for one in topics if one.kind == IMU]
+    leading = _without_raw(imus)[:1] or [one for one in topics if one.kind in POSES]
+    start = min(int(_stamps(one, ros_bags.table(one))[0][0]) for one in leading)
+    at = POSES[topic.kind]
+    track = _track(topic, stamps, table.numbers[:, at : at + 4], None, notes, start)
+    head = [] if imus else ["it holds no inertial data (sensor_msgs/Imu); a pose is read as an attitude"]
+    frames = f"{topic.name}: body to {', '.join(table.frames) or 'a frame without a name'}; positions are left out"
+    zero = f"t = 0 is at the stamp {start} ns, the first of {'its IMU' if imus else 'all its poses'}"
+    return Recording(track=track, name=name, notes=(*head, frames, *notes, zero, *_left_out(topics, [topic])))

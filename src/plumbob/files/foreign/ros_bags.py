@@ -1,0 +1,501 @@
+"""What lies in the bags of ROS: topics, and the messages of the types that `ros` knows; ROS itself is not needed.
+
+Containers: ROS 1 bags in their version 2.0 (https://wiki.ros.org/Bags/Format/2.0), MCAP (https://mcap.dev/spec), and
+the SQLite tables of rosbag2; a folder of rosbag2 holds one or more of the last two. Messages: the serialisation of
+ROS 1, which has no padding, and CDR (OMG DDSI-RTPS 2.3, 10), where a number lies at a multiple of its own size behind
+the four bytes of the encapsulation. Index and summary are not needed, so what comes before a cut is read.
+"""
+
+import bz2
+import os
+import re
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import DecodeError
+from plumbob.core.files import MAX_TEXT, require_room
+from plumbob.core.text import counted
+from plumbob.files.mcap import layout
+from plumbob.files.notes import CUT
+
+BAG: Final = b"#ROSBAG V"
+SQLITE: Final = b"SQLite format 3\x00"
+METADATA: Final = "metadata.yaml"
+_ZSTD: Final = b"\x28\xb5\x2f\xfd"
+_BAG_2: Final = b"#ROSBAG V2.0\n"
+_DATA, _BAG_HEADER, _CHUNK, _CONNECTION = 2, 3, 5, 7
+_HEAD: Final = 1 << 20
+"""Bytes that a record's own header may have."""
+
+
+class Layout(NamedTuple):
+    """What follows the header of a message: whether a second frame is named there, and how many float64 come."""
+
+    child: bool
+    numbers: int
+
+
+LAYOUTS: Final = {
+    "sensor_msgs/Imu": Layout(False, 37),  # quaternion xyzw, 9; angular velocity 3, 9; linear acceleration 3, 9
+    "sensor_msgs/MagneticField": Layout(False, 12),  # field 3, covariance 9
+    "sensor_msgs/Temperature": Layout(False, 2),  # temperature, variance
+    "geometry_msgs/PoseStamped": Layout(False, 7),  # position 3, quaternion xyzw
+    "geometry_msgs/PoseWithCovarianceStamped": Layout(False, 43),  # position 3, quaternion xyzw, covariance 36
+    "geometry_msgs/QuaternionStamped": Layout(False, 4),  # xyzw
+    "geometry_msgs/TransformStamped": Layout(True, 7),  # translation 3, quaternion xyzw
+    "nav_msgs/Odometry": Layout(True, 85),  # position 3, quaternion xyzw, 36; twist 6, 36
+}
+"""By type: its layout behind std_msgs/Header, the same in ROS 1 and ROS 2 (github.com/ros2/common_interfaces)."""
+
+
+@dataclass(slots=True, eq=False)
+class Topic:
+    """A topic of one type, and what it said.
+
+    Attributes
+    ----------
+    name, kind : str
+        Its name, and its type as in ``sensor_msgs/Imu``.
+    encoding : str
+        ``cdr`` or ``ros1``.
+    count : int
+        Messages, read or not.
+    logged : list of int
+        When the recorder took each, ns.
+    messages : list of bytes
+        Those of a type in `LAYOUTS`.
+    """
+
+    name: str
+    kind: str
+    encoding: str
+    count: int = 0
+    logged: list[int] = field(default_factory=list)
+    messages: list[bytes] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.kind}, {self.count})"
+
+    def take(self, log_ns: int, data: bytes) -> None:
+        """Count a message, and keep it where its type is known."""
+        self.count += 1
+        if self.kind in LAYOUTS:
+            self.logged.append(log_ns)
+            self.messages.append(data)
+
+
+class Table(NamedTuple):
+    """Messages of a topic as arrays: stamps of header and recorder (N,), ns, numbers (N, K), names of the frames."""
+
+    stamped: NDArray[np.int64]
+    logged: NDArray[np.int64]
+    numbers: Floats
+    frames: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class Bag:
+    """Topics of a bag, and what of it could not be read."""
+
+    topics: dict[tuple[str, str], Topic] = field(default_factory=dict)
+    damage: list[str] = field(default_factory=list)
+    stored: int = 0
+    unpacked: int = 0
+
+    def topic(self, name: str, kind: str, encoding: str) -> Topic:
+        """Topic of that name and type."""
+        kind = kind.replace("/msg/", "/")
+        if encoding not in {"cdr", "ros1"}:
+            kind = f"{kind or 'no type'} as {encoding or 'no encoding'}"
+        return self.topics.setdefault((name, kind), Topic(name, kind, encoding))
+
+    def room(self, size: int) -> None:
+        """Refuse what the file is about to unpack to, where that is too much for its size."""
+        self.unpacked += size
+        require_room(self.unpacked, self.stored)
+
+    def cut(self, what: str, at: int) -> None:
+        """Note the end of a file in the middle of something."""
+        self.damage.append(f"{CUT}the file ends within {what} at byte {at}; what comes before it was read")
+
+
+def open_bag(path: Path) -> Bag:
+    """Topics and messages of a file or a folder.
+
+    Raises
+    ------
+    DecodeError
+        If it is damaged other than by a cut, unpacks to too much, or is in a version that is not read.
+    """
+    bag = Bag()
+    if path.is_dir():
+        for file in _parts(path):
+            _open_file(file, bag)
+    else:
+        _open_file(path, bag)
+    return bag
+
+
+def _parts(folder: Path) -> list[Path]:
+    """Files of a rosbag2 folder that hold messages; each that its metadata name must be there."""
+    metadata = folder / METADATA
+    if not metadata.is_file() or metadata.stat().st_size > MAX_TEXT:
+        raise DecodeError(f"it needs a {METADATA} of at most {MAX_TEXT} bytes; 'ros2 bag reindex' writes one.")
+    text = metadata.read_bytes().decode("utf-8", "replace")
+    named = re.findall(
+        r"^\s*-\s+[\"']?(?:[^\n\"']*/)?([^\n/\"']+\.(?:db3|mcap)(?:\.zstd)?)[\"']?\s*$", text, re.MULTILINE
+    )
+    if not named:
+        raise DecodeError(f"its {METADATA} names no .db3 or .mcap; other storages are not read.")
+    parts = [folder / name for name in dict.fromkeys(named)]
+    if missing := [part.name for part in parts if not part.is_file()]:
+        raise DecodeError(f"its {METADATA} names {missing[0]}, which is not there; copy the whole folder.")
+    return parts
+
+
+def _open_file(path: Path, bag: Bag) -> None:
+    bag.stored += path.stat().st_size
+    with path.open("rb") as file:
+        start = file.read(len(SQLITE))
+        file.seek(0)
+        if start.startswith(_ZSTD):
+            content = _zstd_file(file, bag)
+            if content.startswith(SQLITE):
+                _sqlite(path, bag, content)
+            else:
+                _mcap(BytesIO(content), len(content), bag)
+        elif start.startswith(SQLITE):
+            _sqlite(path, bag)
+        elif start.startswith(layout.MAGIC):
+            _mcap(file, path.stat().st_size, bag)
+        elif start.startswith(BAG):
+            _bag(file, path.stat().st_size, bag)
+        else:
+            raise DecodeError(f"{path.name} begins with {start[:8]!r}, as neither a ROS bag, MCAP nor SQLite does.")
+
+
+def _zstd_file(file: BinaryIO, bag: Bag) -> bytes:
+    """Content of a file that rosbag2 compressed as a whole; no more than is allowed for its size."""
+    import zstandard
+
+    pieces = []
+    try:
+        with zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True) as stream:
+            while piece := stream.read(1 << 20):
+                bag.room(len(piece))
+                pieces.append(piece)
+    except zstandard.ZstdError as error:
+        raise DecodeError(f"its zstd is damaged: {error}.") from error
+    return b"".join(pieces)
+
+
+def _unpacked(data: bytes, how: str, size: int, bag: Bag) -> bytes:
+    """Content of a chunk, which has `size` bytes by its own word, and by no more memory than that."""
+    bag.room(size)
+    try:
+        if how in {"", "none"}:
+            found = data
+        elif how == "zstd":
+            import zstandard
+
+            found = zstandard.ZstdDecompressor().stream_reader(BytesIO(data), read_across_frames=True).read(size + 1)
+        elif how == "lz4":
+            import lz4.frame
+
+            found = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+        elif how == "bz2":
+            found = bz2.BZ2Decompressor().decompress(data, max_length=size + 1)
+        else:
+            raise DecodeError(f"a chunk is compressed by '{how[:20]}'; none, zstd, lz4 and bz2 are read.")
+    except DecodeError:
+        raise
+    except Exception as error:  # each library has errors of its own, RuntimeError among them
+        raise DecodeError(f"a chunk that is compressed by {how} is damaged: {error}.") from error
+    if len(found) != size:
+        raise DecodeError(f"a chunk has {size} bytes by its own word, but unpacks to another length; it is damaged.")
+    return found
+
+
+def _bag(file: BinaryIO, size: int, bag: Bag) -> None:
+    """ROS 1: chunks, in which connections and messages lie."""
+    if (version := file.readline(32)) != _BAG_2:
+        raise DecodeError(f"it is a ROS bag of {version[1:-1].decode('ascii', 'replace')}, but V2.0 is read.")
+    connections: dict[int, Topic] = {}
+    for operation, head, data in _bag_records(file, size, bag):
+        if operation == _CHUNK:
+            plain = _unpacked(data, _text(head, b"compression"), _number(head, b"size", "<I"), bag)
+            for inner, inner_head, body in _bag_records(BytesIO(plain), len(plain), None):
+                _bag_record(inner, inner_head, body, connections, bag)
+        elif operation == _BAG_HEADER and head.get(b"encryptor"):
+            raise DecodeError("it is encrypted; decrypt it first, with the plugin that wrote it.")
+        else:
+            _bag_record(operation, head, data, connections, bag)
+
+
+def _bag_record(operation: int, head: dict[bytes, bytes], data: bytes, known: dict[int, Topic], bag: Bag) -> None:
+    if operation == _CONNECTION:
+        about = _fields(data)
+        known[_number(head, b"conn", "<I")] = bag.topic(_text(head, b"topic"), _text(about, b"type"), "ros1")
+    elif operation == _DATA:
+        number = _number(head, b"conn", "<I")
+        if number not in known:
+            raise DecodeError(f"a message belongs to the connection {number}, which is not declared; it is damaged.")
+        seconds, rest = divmod(_number(head, b"time", "<Q"), 1 << 32)[::-1]
+        known[number].take(seconds * 10**9 + rest, data)
+
+
+def _bag_records(file: BinaryIO, size: int, bag: Bag | None) -> Iterator[tuple[int, dict[bytes, bytes], bytes]]:
+    """Operation, header and data of each record; data that nobody needs are empty."""
+    at = file.tell()
+    while at < size:
+        start = at
+        if (length := _length(file, size)) is None or length > min(size - file.tell(), _HEAD):
+            break
+        head = _fields(file.read(length))
+        operation = _number(head, b"op", "<B")
+        if (length := _length(file, size)) is None or length > size - file.tell():
+            break
+        if operation in {_CHUNK, _CONNECTION, _DATA}:
+            yield operation, head, file.read(length)
+        else:
+            yield operation, head, b""
+            file.seek(length, os.SEEK_CUR)
+        at = file.tell()
+    else:
+        return
+    if bag is None:
+        raise DecodeError("a record of a chunk goes beyond its end; it is damaged.")
+    bag.cut("a record", start)
+
+
+def _length(file: BinaryIO, size: int) -> int | None:
+    return struct.unpack("<I", file.read(4))[0] if size - file.tell() >= 4 else None
+
+
+def _fields(head: bytes) -> dict[bytes, bytes]:
+    """Fields of a header in ROS 1: each a length, and 'name=value'."""
+    found, at = dict[bytes, bytes](), 0
+    while at < len(head):
+        (length,) = struct.unpack_from("<I", head, at) if len(head) - at >= 4 else (len(head),)
+        name, equals, value = head[at + 4 : at + 4 + length].partition(b"=")
+        if not equals or length > len(head) - at - 4:
+            raise DecodeError("a header of a record has a field that is not 'name=value'; it is damaged.")
+        found[name] = value
+        at += 4 + length
+    return found
+
+
+def _number(head: dict[bytes, bytes], name: bytes, form: str) -> int:
+    value = head.get(name, b"")
+    if len(value) != struct.calcsize(form):
+        raise DecodeError(f"a header of a record has no valid '{name.decode()}'; it is damaged.")
+    return int(struct.unpack(form, value)[0])
+
+
+def _text(head: dict[bytes, bytes], name: bytes) -> str:
+    if name not in head:
+        raise DecodeError(f"a header of a record has no '{name.decode()}'; it is damaged.")
+    return head[name].decode("utf-8", "replace")
+
+
+class _Mcap:
+    """Schemas and channels of an MCAP, as they come."""
+
+    def __init__(self, bag: Bag) -> None:
+        self.bag = bag
+        self.schemas: dict[int, str] = {}
+        self.channels: dict[int, Topic] = {}
+
+    def take(self, operation: int, body: bytes) -> None:
+        """Take in a record."""
+        from mcap.data_stream import ReadDataStream
+        from mcap.exceptions import McapError
+        from mcap.records import Channel
+
+        try:
+            if operation == layout.SCHEMA:
+                self.schemas[struct.unpack_from("<H", body)[0]] = layout.parse_schema(body).name
+            elif operation == layout.CHANNEL:
+                found = Channel.read(ReadDataStream(BytesIO(body)))
+                kind = self.schemas.get(found.schema_id, "")
+                self.channels[found.id] = self.bag.topic(found.topic, kind, found.message_encoding)
+            elif operation == layout.MESSAGE:
+                channel, _, log_ns, _ = struct.unpack_from("<HIQq", body)
+                if log_ns >= 1 << 63:
+                    raise ValueError("beyond every clock")
+                self.channels[channel].take(log_ns, body[22:])
+        except (ValueError, struct.error, McapError, KeyError) as error:
+            raise DecodeError(f"a record of kind {operation:#x} is damaged, or of a channel not declared.") from error
+
+
+def _mcap(file: BinaryIO, size: int, bag: Bag) -> None:
+    """MCAP: records, or chunks of such; the summary behind them repeats what is known."""
+    taken = _Mcap(bag)
+    file.seek(len(layout.MAGIC))
+    for operation, body in _mcap_records(file, size, bag):
+        if operation == layout.DATA_END:
+            return
+        if operation != layout.CHUNK:
+            taken.take(operation, body)
+            continue
+        head = layout.CHUNK_HEAD.size - layout.RECORD_HEAD.size
+        if len(body) < head + layout.SIZE.size:
+            raise DecodeError("a chunk is shorter than its own head; it is damaged.")
+        _, _, plain, crc, letters = struct.unpack_from("<QQQII", body)
+        how = body[head : head + letters].decode("utf-8", "replace") if letters < 32 else "?"
+        content = _unpacked(body[head + letters + layout.SIZE.size :], how, plain, bag)
+        if crc and zlib.crc32(content) != crc:
+            raise DecodeError("a chunk does not fit its checksum; it is damaged. 'mcap recover' saves the others.")
+        for inner, inner_body in _mcap_records(BytesIO(content), len(content), None):
+            taken.take(inner, inner_body)
+    if not bag.damage:
+        bag.damage.append(f"{CUT}the file has no end; messages may be missing")
+
+
+def _mcap_records(file: BinaryIO, size: int, bag: Bag | None) -> Iterator[tuple[int, bytes]]:
+    """Kind and body of each record; bodies that nobody needs are empty."""
+    while (at := file.tell()) < size:
+        head = file.read(layout.RECORD_HEAD.size)
+        length = layout.RECORD_HEAD.unpack(head)[1] if len(head) == layout.RECORD_HEAD.size else size
+        if length > size - file.tell():
+            if bag is None:
+                raise DecodeError("a record of a chunk goes beyond its end; it is damaged.")
+            bag.cut("a record", at)
+            return
+        if head[0] in {layout.SCHEMA, layout.CHANNEL, layout.MESSAGE, layout.CHUNK}:
+            yield head[0], file.read(length)
+        else:
+            yield head[0], b""
+            file.seek(length, os.SEEK_CUR)
+
+
+def _sqlite(path: Path, bag: Bag, content: bytes | None = None) -> None:
+    """SQLite tables of rosbag2: nothing in the file is run, and nothing beside it is opened or written."""
+    import sqlite3
+    from contextlib import closing
+    from urllib.parse import quote
+
+    source = f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1" if content is None else ":memory:"
+    if path.with_name(f"{path.name}-wal").exists():
+        bag.damage.append(f"{CUT}the recorder did not close it; what is in {path.name}-wal alone was not read")
+    try:
+        with closing(sqlite3.connect(source, uri=content is None)) as tables:
+            if content is not None:
+                tables.deserialize(content)
+            tables.execute("PRAGMA trusted_schema = OFF")
+            tables.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(_HEAD, 64 << 20))
+            _messages_of(tables.execute, bag)
+    except (sqlite3.Error, OverflowError) as error:
+        raise DecodeError(f"its SQLite tables are damaged, or not those of rosbag2: {error}.") from error
+
+
+def _messages_of(ask: Callable[..., Iterator[tuple[Any, ...]]], bag: Bag) -> None:
+    real = {name for (name,) in ask("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    if not {"topics", "messages"} <= real:  # a view could go on for ever
+        raise DecodeError("it is a SQLite file without the tables 'topics' and 'messages' of rosbag2.")
+    known: dict[int, Topic] = {}
+    for number, name, kind, encoding in ask("SELECT id, name, type, serialization_format FROM topics"):
+        if not (type(number) is int and all(isinstance(word, str) for word in (name, kind, encoding))):
+            raise DecodeError("its table 'topics' holds what is not a name; it is damaged.")
+        known[number] = bag.topic(name, kind, encoding)
+    for number, topic in known.items():
+        if topic.kind not in LAYOUTS:
+            topic.count += next(iter(ask("SELECT count(*) FROM messages WHERE topic_id = ?", (number,))))[0]
+            continue
+        rows = ask("SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY timestamp, id", (number,))
+        for log_ns, data in rows:
+            if type(log_ns) is not int or not isinstance(data, bytes):
+                raise DecodeError(f"a message of {topic.name} is not one; the table is damaged.")
+            bag.room(len(data))
+            topic.take(log_ns, _message(data, bag))
+
+
+def _message(data: bytes, bag: Bag) -> bytes:
+    """A message, unpacked where rosbag2 compressed each: no encapsulation of CDR begins as zstd does."""
+    if not data.startswith(_ZSTD):
+        return data
+    import zstandard
+
+    most = 1 << 16  # of the types that are read, with the longest names
+    try:
+        found = zstandard.ZstdDecompressor().stream_reader(BytesIO(data)).read(most + 1)
+    except zstandard.ZstdError as error:
+        raise DecodeError(f"a message that is compressed by zstd is damaged: {error}.") from error
+    if len(found) > most:
+        raise DecodeError(f"a message unpacks to more than {most} bytes, which none of its type has.")
+    bag.room(len(found))
+    return found
+
+
+def table(topic: Topic) -> Table:
+    """Numbers of a topic's messages.
+
+    Raises
+    ------
+    DecodeError
+        If a message is not as its type says.
+    """
+    stamps, tails, frames = list[int](), list[bytes](), dict[str, None]()
+    for message in topic.messages:
+        stamp, frame, tail = _parsed(topic, message)
+        stamps.append(stamp)
+        frames[frame] = None
+        tails.append(tail)
+    width = LAYOUTS[topic.kind].numbers
+    numbers = np.frombuffer(b"".join(tails), dtype="<f8").reshape(-1, width).astype(np.float64)
+    return Table(
+        np.array(stamps, dtype=np.int64), np.array(topic.logged, dtype=np.int64), numbers, tuple(filter(None, frames))
+    )
+
+
+_ADVICE: Final = "the message is damaged, or its type was changed where the bag was recorded."
+
+
+def _parsed(topic: Topic, message: bytes) -> tuple[int, str, bytes]:
+    """Stamp, ns, name of the frame, and the numbers in little endian."""
+    order, start = "<", 4
+    cdr = topic.encoding == "cdr"
+    if cdr:
+        if message[:2] not in {b"\x00\x00", b"\x00\x01"}:
+            raise DecodeError(f"{topic.name}: a message is not in plain CDR, but begins with {message[:2]!r}.")
+        order, message, start = "<" if message[1] else ">", message[4:], 0  # ROS 1 has a counter before the stamp
+    kind = LAYOUTS[topic.kind]
+    try:
+        seconds, rest = struct.unpack_from(f"{order}{'i' if cdr else 'I'}I", message, start)
+        frame, at = _name(message, start + 8, order, cdr)
+        if kind.child:
+            _, at = _name(message, at, order, cdr)
+    except (struct.error, UnicodeDecodeError) as error:
+        raise DecodeError(f"{topic.name}: a header has no valid frame; {_ADVICE}") from error
+    if cdr:
+        at += -at % 8
+    tail = message[at : at + 8 * kind.numbers]
+    if len(tail) != 8 * kind.numbers or len(message) - at - len(tail) > (7 if cdr else 0):
+        raise DecodeError(
+            f"{topic.name}: a message has {counted(len(message), 'byte')}, but one of {topic.kind} with this "
+            f"header has {at + 8 * kind.numbers}; {_ADVICE}"
+        )
+    if rest >= 10**9:
+        raise DecodeError(f"{topic.name}: a stamp has {rest} ns beyond its second; {_ADVICE}")
+    tail = tail if order == "<" else np.frombuffer(tail, dtype=">f8").astype("<f8").tobytes()
+    return seconds * 10**9 + rest, frame, tail
+
+
+def _name(message: bytes, at: int, order: str, cdr: bool) -> tuple[str, int]:
+    """A text, and where it ends; in CDR its length counts the zero behind it."""
+    if cdr:
+        at += -at % 4
+    (length,) = struct.unpack_from(f"{order}I", message, at)
+    if length > len(message) - at - 4:
+        raise struct.error("a text goes beyond the message")
+    text = message[at + 4 : at + 4 + length]
+    return (text.rstrip(b"\x00") if cdr else text).decode(), at + 4 + length

@@ -1,0 +1,239 @@
+"""Recordings as bags of ROS 1 and ROS 2, and as MCAP with the messages of ROS 2, for programs that know sensor_msgs.
+
+What `ros` says of units and frames holds here, too: quaternions are turned into a world with x East, y North, z up, and
+body axes stay as they are. A triad without a value has a covariance that begins with -1 (REP 145), and zeros as values;
+a covariance that is not known is zero. The stamp of a message is the UTC of its sample, or its time where UTC is not
+known; samples of the magnetometer and the thermometer are messages of their own, where they have a value.
+
+Messages and bags are written by the package rosbags, which needs no ROS.
+"""
+
+import heapq
+import re
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import ClockError, MissingExtraError
+from plumbob.core.files import replacing, replacing_folder
+from plumbob.core.time import to_ns
+from plumbob.core.units import from_si
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.files.foreign import ros
+from plumbob.files.foreign.ros_bags import METADATA
+from plumbob.files.notes import Recording
+from plumbob.rotations import Frame, change_frame, dcm_from_quat, quat_to_xyzw
+
+_LAST_NS: Final = (1 << 31) * 10**9
+"""Stamps of ROS 2 have 32 bits with a sign for seconds."""
+_UNKNOWN: Final = np.zeros(9)
+_ABSENT: Final = np.array([-1.0, *[0.0] * 8])
+
+
+class _Row(NamedTuple):
+    """A message: when, on which topic, of which type, and what makes it."""
+
+    t_ns: int
+    topic: str
+    kind: str
+    message: Any
+
+
+def write_bag(path: Path, recording: Recording, overwrite: bool = False) -> None:
+    """Write a bag of ROS 1; errors as in `plumbob.write`."""
+    store = _store("ROS1_NOETIC")
+    from rosbags.rosbag1 import Writer
+
+    rows = _rows(recording, store, first=True)
+    with replacing(path, overwrite=overwrite, seeks=True) as temporary:
+        temporary.unlink()  # the writer insists on a name that is free
+        with Writer(temporary) as bag:
+            add = partial(bag.add_connection, typestore=store)
+            _send(rows, add, bag.write, store.serialize_ros1)
+
+
+def write_rosbag2(path: Path, recording: Recording, overwrite: bool = False) -> None:
+    """Write the folder of a ROS 2 bag, with MCAP as its storage; errors as in `plumbob.write`."""
+    store = _store("ROS2_HUMBLE")
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+    rows = _rows(recording, store)
+    with replacing_folder(path, overwrite=overwrite, known=is_rosbag2) as folder:
+        bag = Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP)
+        bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        with bag:
+            add = partial(bag.add_connection, typestore=store)
+            _send(rows, add, bag.write, store.serialize_cdr)
+
+
+def is_rosbag2(path: Path) -> bool:
+    """Whether a folder is a ROS 2 bag and nothing besides."""
+    names = [one.name for one in path.iterdir()]
+    return ros.accepts(path) and all(re.fullmatch(rf"{METADATA}|.*\.(db3|mcap)(\.zstd)?", name) for name in names)
+
+
+def write_mcap(path: Path, recording: Recording, overwrite: bool = False) -> None:
+    """Write one MCAP whose messages and schemas are those of ROS 2; errors as in `plumbob.write`."""
+    store = _store("ROS2_HUMBLE")
+    from mcap.writer import Writer
+
+    rows = _rows(recording, store)
+    with replacing(path, overwrite=overwrite, seeks=True) as temporary, temporary.open("wb") as file:
+        mcap = Writer(file)
+        mcap.start(profile="ros2", library="plumbob")
+
+        def add(topic: str, kind: str) -> int:
+            text, _ = store.generate_msgdef(kind, ros_version=2)
+            schema = mcap.register_schema(kind, "ros2msg", text.encode())
+            return mcap.register_channel(topic, "cdr", schema, {"offered_qos_profiles": ""})
+
+        def write(channel: int, t_ns: int, data: bytes) -> None:
+            mcap.add_message(channel, t_ns, bytes(data), t_ns)
+
+        _send(rows, add, write, store.serialize_cdr)
+        mcap.finish()  # type: ignore[no-untyped-call]
+
+
+def _store(name: str) -> Any:
+    """Types of messages of a version of ROS."""
+    try:
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise MissingExtraError(
+            'bags of ROS are written by rosbags; install it with: pip install "plumbob[ros]".'
+        ) from error
+    return get_typestore(Stores[name])
+
+
+def _send(
+    rows: Iterable[_Row], add: Callable[..., Any], write: Callable[..., Any], serialize: Callable[..., Any]
+) -> None:
+    channels: dict[str, Any] = {}
+    for row in rows:
+        if row.topic not in channels:
+            channels[row.topic] = add(row.topic, row.kind)
+        write(channels[row.topic], row.t_ns, serialize(row.message, row.kind))
+
+
+def _rows(recording: Recording, store: Any, first: bool = False) -> Iterator[_Row]:
+    """Messages in the order of time; their stamps are judged before the first is made."""
+    make = _Messages(store, first)
+    track = recording.track
+    if recording.array is not None:
+        track = None  # that of their body
+        units = {f"/{_name(name)}/imu": (_name(name), one) for name, one in recording.array.units.items()}
+    elif recording.imu is not None:
+        device = recording.imu.meta.device
+        units = {"/imu": ("imu_link" if device == "unknown" else device.lstrip("/"), recording.imu)}
+    else:
+        assert track is not None
+        stamps = _stamps(to_ns(track.t))
+        return make.imu("/imu/data", stamps, "imu_link", None, track)
+    streams = []
+    for topic, (frame, imu) in units.items():
+        stamps = _stamps(imu.t_ns + imu.meta.t0_ns)
+        whole = track if track is not None and np.array_equal(track.t, imu.t) else None
+        streams.append(make.imu(f"{topic}/{'data_raw' if whole is None else 'data'}", stamps, frame, imu, whole))
+        if imu.mag is not None:
+            streams.append(make.mag(f"{topic}/mag", stamps, frame, imu.mag))
+        if imu.temp_c is not None:
+            streams.append(make.temperature(f"{topic}/temperature", stamps, frame, imu.temp_c))
+    return heapq.merge(*streams, key=lambda row: row.t_ns)
+
+
+def _name(text: str) -> str:
+    """A name as topics and frames of ROS take it: letters, digits and _, not a digit first."""
+    found = re.sub(r"[^A-Za-z0-9_]+", "_", text)
+    return found if re.match(r"[A-Za-z]", found) else f"u{found}"
+
+
+def _stamps(t_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    if int(t_ns[0]) < 0 or int(t_ns[-1]) >= _LAST_NS:
+        raise ClockError("its times lie before 1970 or behind 2038, which stamps of ROS cannot hold.")
+    return t_ns
+
+
+class _Messages:
+    """Messages of a version of ROS, one for each row of arrays."""
+
+    def __init__(self, store: Any, first: bool) -> None:
+        self._types = {name.rpartition("/")[2]: kind for name, kind in store.types.items() if _NEEDED.fullmatch(name)}
+        self._first = first
+
+    def _header(self, t_ns: int, frame: str) -> Any:
+        stamp = self._types["Time"](sec=t_ns // 10**9, nanosec=t_ns % 10**9)
+        counter = {"seq": 0} if self._first else {}
+        return self._types["Header"](stamp=stamp, frame_id=frame, **counter)
+
+    def imu(
+        self, topic: str, stamps: NDArray[np.int64], frame: str, imu: ImuData | None, track: AttitudeTrack | None
+    ) -> Iterator[_Row]:
+        """Rates, specific forces, and an orientation where there is one."""
+        kind, vector, quaternion = self._types["Imu"], self._types["Vector3"], self._types["Quaternion"]
+        gyr = _triads(None if imu is None else imu.gyr, len(stamps))
+        acc = _triads(None if imu is None else imu.acc, len(stamps))
+        for t_ns, (rate, rate_cov), (force, force_cov), (xyzw, cov) in zip(
+            stamps.tolist(), gyr, acc, _orientations(track, len(stamps)), strict=True
+        ):
+            message = kind(
+                header=self._header(t_ns, frame),
+                orientation=quaternion(*xyzw),
+                orientation_covariance=cov,
+                angular_velocity=vector(*rate),
+                angular_velocity_covariance=rate_cov,
+                linear_acceleration=vector(*force),
+                linear_acceleration_covariance=force_cov,
+            )
+            yield _Row(t_ns, topic, "sensor_msgs/msg/Imu", message)
+
+    def mag(self, topic: str, stamps: NDArray[np.int64], frame: str, mag: Floats) -> Iterator[_Row]:
+        """Fields, T, where there is one."""
+        some = ~np.isnan(mag).all(axis=1)
+        kind, vector = self._types["MagneticField"], self._types["Vector3"]
+        for t_ns, field in zip(stamps[some].tolist(), from_si(mag[some], "T").tolist(), strict=True):
+            message = kind(
+                header=self._header(t_ns, frame), magnetic_field=vector(*field), magnetic_field_covariance=_UNKNOWN
+            )
+            yield _Row(t_ns, topic, "sensor_msgs/msg/MagneticField", message)
+
+    def temperature(self, topic: str, stamps: NDArray[np.int64], frame: str, temp_c: Floats) -> Iterator[_Row]:
+        """Temperatures, °C, where there is one."""
+        some = np.isfinite(temp_c)
+        for t_ns, value in zip(stamps[some].tolist(), temp_c[some].tolist(), strict=True):
+            message = self._types["Temperature"](header=self._header(t_ns, frame), temperature=value, variance=0.0)
+            yield _Row(t_ns, topic, "sensor_msgs/msg/Temperature", message)
+
+
+_NEEDED: Final = re.compile(
+    r"builtin_interfaces/msg/Time|std_msgs/msg/Header|geometry_msgs/msg/(Vector3|Quaternion)"
+    r"|sensor_msgs/msg/(Imu|MagneticField|Temperature)"
+)
+
+
+def _triads(values: Floats | None, count: int) -> Iterator[tuple[list[float], Floats]]:
+    """Values of each row and their covariance; zeros, said to be absent, where there is none at all."""
+    if values is None:
+        yield from (([0.0] * 3, _ABSENT) for _ in range(count))
+        return
+    absent: NDArray[np.bool_] = np.asarray(np.isnan(values).all(axis=1))
+    filled = np.where(absent[:, np.newaxis], 0.0, values)
+    yield from zip(filled.tolist(), (_ABSENT if gone else _UNKNOWN for gone in absent.tolist()), strict=True)
+
+
+def _orientations(track: AttitudeTrack | None, count: int) -> Iterator[tuple[list[float], Floats]]:
+    """Quaternion xyzw in ENU and its covariance about the axes of the world, of each row."""
+    if track is None:
+        yield from (([0.0, 0.0, 0.0, 1.0], _ABSENT) for _ in range(count))
+        return
+    q_nb = change_frame(track.q_nb, to=Frame.ENU, from_=track.frame)
+    covs: Iterable[Floats] = (_UNKNOWN for _ in range(count))
+    if track.cov_b is not None:
+        c_nb = dcm_from_quat(q_nb)
+        covs = np.nan_to_num(c_nb @ track.cov_b @ np.swapaxes(c_nb, 1, 2)).reshape(-1, 9)
+    for xyzw, cov, known in zip(quat_to_xyzw(q_nb).tolist(), covs, track.known.tolist(), strict=True):
+        yield (xyzw, cov) if known else ([0.0, 0.0, 0.0, 1.0], _ABSENT)

@@ -1,0 +1,154 @@
+"""Bags that the package rosbags writes, which shares nothing with our reader."""
+
+from typing import NamedTuple
+
+import numpy as np
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+T0 = 1_700_000_000_123_456_789
+"""First stamp, ns: UTC in 2023."""
+STEP = 10_000_000
+LATE = 5_000_000
+"""By how much later than its stamp the recorder took a message, ns."""
+ROWS = 150
+ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
+
+
+class Row(NamedTuple):
+    """One message: when it was taken, where, of which type, and its fields."""
+
+    log_ns: int
+    topic: str
+    kind: str
+    fields: dict
+
+
+def samples(seed=1, rows=ROWS):
+    """Rates, forces about +g, fields, T, temperatures, and quaternions xyzw."""
+    rng = np.random.default_rng(seed)
+    xyzw = rng.normal(size=(rows, 4))
+    return {
+        "gyr": rng.normal(size=(rows, 3)),
+        "acc": rng.normal(size=(rows, 3)) + [0.0, 0.0, 9.8],
+        "mag": (rng.normal(size=(rows, 3)) + [0.0, 20.0, -40.0]) * 1e-6,
+        "temp_c": 20.0 + rng.normal(size=rows),
+        "xyzw": xyzw / np.linalg.norm(xyzw, axis=1, keepdims=True),
+    }
+
+
+def header(stamp_ns, frame):
+    return {"stamp": stamp_ns, "frame_id": frame}
+
+
+def imu_rows(given, topic="/imu/data", frame="imu_link", t0=T0, covs=(0.01, 0.0, 0.0), stamped=True):
+    """Messages of an IMU, with the first numbers of its covariances: orientation, rate, acceleration."""
+    for i in range(len(given["gyr"])):
+        stamp = t0 + i * STEP
+        cov = [np.diag([first, 0.02, 0.03]).ravel() for first in covs]
+        fields = {
+            "header": header(stamp if stamped else 0, frame),
+            "orientation": given["xyzw"][i],
+            "orientation_covariance": cov[0] if covs[0] else np.zeros(9),
+            "angular_velocity": given["gyr"][i],
+            "angular_velocity_covariance": cov[1],
+            "linear_acceleration": given["acc"][i],
+            "linear_acceleration_covariance": cov[2],
+        }
+        yield Row(stamp + LATE, topic, "sensor_msgs/msg/Imu", fields)
+
+
+def mag_rows(given, topic="/imu/mag", frame="imu_link", every=1):
+    for i in range(0, len(given["mag"]), every):
+        stamp = T0 + i * STEP
+        fields = {
+            "header": header(stamp, frame),
+            "magnetic_field": given["mag"][i],
+            "magnetic_field_covariance": np.zeros(9),
+        }
+        yield Row(stamp + LATE, topic, "sensor_msgs/msg/MagneticField", fields)
+
+
+def temperature_rows(given, topic="/imu/temperature", frame="imu_link", every=10):
+    for i in range(0, len(given["temp_c"]), every):
+        stamp = T0 + i * STEP
+        fields = {"header": header(stamp, frame), "temperature": float(given["temp_c"][i]), "variance": 0.0}
+        yield Row(stamp + LATE, topic, "sensor_msgs/msg/Temperature", fields)
+
+
+def all_rows(given=None):
+    """What a common driver records: IMU, a slow magnetometer, a thermometer, and a text."""
+    given = samples() if given is None else given
+    rows = [*imu_rows(given), *mag_rows(given, every=4), *temperature_rows(given)]
+    rows.append(Row(T0, "/chatter", "std_msgs/msg/String", {"data": "hello"}))
+    return sorted(rows, key=lambda row: row.log_ns)
+
+
+def message(row, store):
+    """The row as a message of a store's types."""
+    of = store.types
+    vectors = {
+        "angular_velocity": "Vector3",
+        "linear_acceleration": "Vector3",
+        "magnetic_field": "Vector3",
+        "translation": "Vector3",
+        "position": "Point",
+        "orientation": "Quaternion",
+        "rotation": "Quaternion",
+        "quaternion": "Quaternion",
+    }
+
+    def value(name, given):
+        if name == "header":
+            stamp = of["builtin_interfaces/msg/Time"](*divmod(given["stamp"], 10**9))
+            counter = {"seq": 7} if store is ROS1 else {}
+            return of["std_msgs/msg/Header"](stamp=stamp, frame_id=given["frame_id"], **counter)
+        if name in vectors:
+            return of[f"geometry_msgs/msg/{vectors[name]}"](*map(float, given))
+        if isinstance(given, tuple):  # type, fields
+            return of[given[0]](**{key: value(key, one) for key, one in given[1].items()})
+        return given
+
+    return of[row.kind](**{name: value(name, one) for name, one in row.fields.items()})
+
+
+def _fill(bag, rows, store, serialize):
+    connections = {}
+    for row in rows:
+        key = (row.topic, row.kind)
+        if key not in connections:
+            connections[key] = bag.add_connection(*key, typestore=store)
+        bag.write(connections[key], row.log_ns, serialize(message(row, store), row.kind))
+
+
+def write_1(path, rows, compression=None):
+    bag = Writer1(path)
+    if compression:
+        bag.set_compression(Writer1.CompressionFormat[compression])
+    with bag:
+        _fill(bag, rows, ROS1, ROS1.serialize_ros1)
+    return path
+
+
+def write_2(path, rows, storage="SQLITE3", mode="NONE"):
+    bag = Writer2(path, version=8, storage_plugin=StoragePlugin[storage])
+    bag.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
+    with bag:
+        _fill(bag, rows, ROS2, ROS2.serialize_cdr)
+    return path
+
+
+CONTAINERS = {
+    "bag": lambda folder, rows: write_1(folder / "a.bag", rows),
+    "bag, bz2": lambda folder, rows: write_1(folder / "a.bag", rows, "BZ2"),
+    "bag, lz4": lambda folder, rows: write_1(folder / "a.bag", rows, "LZ4"),
+    "folder, db3": lambda folder, rows: write_2(folder / "a", rows),
+    "folder, db3.zstd": lambda folder, rows: write_2(folder / "a", rows, mode="FILE"),
+    "folder, db3 of zstd messages": lambda folder, rows: write_2(folder / "a", rows, mode="MESSAGE"),
+    "folder, mcap": lambda folder, rows: write_2(folder / "a", rows, "MCAP"),
+    "folder, mcap of zstd chunks": lambda folder, rows: write_2(folder / "a", rows, "MCAP", "STORAGE"),
+    "db3": lambda folder, rows: write_2(folder / "a", rows) / "a.db3",
+    "mcap": lambda folder, rows: write_2(folder / "a", rows, "MCAP", "STORAGE") / "a.mcap",
+}

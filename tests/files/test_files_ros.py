@@ -1,0 +1,487 @@
+"""Bags of ROS, written by rosbags and by mcap-ros2-support, and real ones; damaged and hostile ones."""
+
+import sqlite3
+import struct
+
+import numpy as np
+import pytest
+from io_samples import DATA
+
+import plumbob
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnitError
+from plumbob.files.foreign import ros
+from plumbob.rotations import Frame, North, dcm_from_quat
+
+rosbags = pytest.importorskip("rosbags")
+import ros_made as made  # noqa: E402 - it needs rosbags
+
+REAL = DATA / "formats"
+real = pytest.mark.skipif(not (REAL / "ros1_example.bag").is_file(), reason="PLUMBOB_DATA has no formats/")
+
+
+def check_common(found, given):
+    """What `ros_made.all_rows` holds: rates and forces to the bit; the slow ones at their own stamps alone."""
+    imu = found.imu
+    assert np.array_equal(imu.gyr, given["gyr"]) and np.array_equal(imu.acc, given["acc"])
+    assert np.array_equal(imu.t_ns, np.arange(made.ROWS) * made.STEP)
+    assert imu.meta.t0_ns == made.T0  # the header's stamp, not the recorder's 5 ms later
+    np.testing.assert_allclose(imu.mag[::4], given["mag"][::4] * 1e6, rtol=1e-15)  # 1 T is 1e6 µT
+    assert np.isnan(np.delete(imu.mag, np.s_[::4], axis=0)).all()
+    assert np.array_equal(imu.temp_c[::10], given["temp_c"][::10])
+    assert (imu.meta.device, imu.meta.frame) == ("imu_link", Frame.ENU)
+    assert (found.track.frame, found.track.north) == (Frame.ENU, North.FREE)
+    np.testing.assert_allclose(found.track.q_nb, given["xyzw"][:, [3, 0, 1, 2]], rtol=0, atol=1e-15)
+    assert any("left out: /chatter (std_msgs/String, 1)" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("container", made.CONTAINERS)
+def test_every_container_gives_the_same_samples(container, tmp_path):
+    given = made.samples()
+    path = made.CONTAINERS[container](tmp_path, made.all_rows(given))
+    check_common(plumbob.read(path), given)
+
+
+def test_mcap_by_the_library_of_mcap(tmp_path):
+    """mcap-ros2-support serialises by the schema's text; its file has the profile ros2."""
+    from mcap_ros2.writer import Writer
+
+    given = made.samples()
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer, schemas = Writer(file), {}
+        for row in made.all_rows(given):
+            if row.kind not in schemas:
+                schemas[row.kind] = writer.register_msgdef(
+                    row.kind, made.ROS2.generate_msgdef(row.kind, ros_version=2)[0]
+                )
+            fields = dict(row.fields)
+            if "header" in fields:
+                sec, nanosec = divmod(fields["header"]["stamp"], 10**9)
+                fields["header"] = {
+                    "stamp": {"sec": sec, "nanosec": nanosec},
+                    "frame_id": fields["header"]["frame_id"],
+                }
+            for name in ("orientation", "angular_velocity", "linear_acceleration", "magnetic_field"):
+                if name in fields:
+                    fields[name] = dict(zip("xyzw", map(float, fields[name]), strict=False))
+            fields = {name: one.tolist() if isinstance(one, np.ndarray) else one for name, one in fields.items()}
+            writer.write_message(row.topic, schemas[row.kind], fields, row.log_ns)
+        writer.finish()
+    check_common(plumbob.read(tmp_path / "a.mcap"), given)
+
+
+@pytest.mark.parametrize("profile", ["ros1", ""])
+def test_mcap_with_messages_of_ros_1(profile, tmp_path):
+    """As `mcap convert a.bag` makes one; without a profile the summary's channels tell it."""
+    from mcap.writer import Writer
+
+    given = made.samples()
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer, channels = Writer(file), {}
+        writer.start(profile, "somebody")
+        for row in made.all_rows(given):
+            if row.topic not in channels:
+                text = made.ROS1.generate_msgdef(row.kind)[0].encode()
+                schema = writer.register_schema(row.kind.replace("/msg/", "/"), "ros1msg", text)
+                channels[row.topic] = writer.register_channel(row.topic, "ros1", schema)
+            data = bytes(made.ROS1.serialize_ros1(made.message(row, made.ROS1), row.kind))
+            writer.add_message(channels[row.topic], row.log_ns, data, row.log_ns)
+        writer.finish()
+    check_common(plumbob.read(tmp_path / "a.mcap"), given)
+
+
+def test_big_endian_cdr(tmp_path):
+    given, store = made.samples(), made.ROS2
+    bag = made.Writer2(tmp_path / "a", version=8)
+    with bag:
+        known = {}
+        for row in made.all_rows(given):
+            if row.topic not in known:
+                known[row.topic] = bag.add_connection(row.topic, row.kind, typestore=store)
+            data = store.serialize_cdr(made.message(row, store), row.kind, little_endian=False)
+            bag.write(known[row.topic], row.log_ns, data)
+    check_common(plumbob.read(tmp_path / "a"), given)
+
+
+def test_absent_by_the_covariance(tmp_path):
+    """REP 145: the first number of a covariance is -1 where a quantity is not there."""
+    given = made.samples()
+    found = plumbob.read(made.write_1(tmp_path / "a.bag", made.imu_rows(given, covs=(-1.0, 0.0, -1.0))))
+    assert found.track is None and found.imu.acc is None
+    assert np.array_equal(found.imu.gyr, given["gyr"])
+    assert "/imu/data: no acc, by its covariance (REP 145)" in found.notes
+
+
+def test_covariance_of_the_orientation_turns_into_body_axes(tmp_path):
+    given = made.samples()
+    found = plumbob.read(made.write_1(tmp_path / "a.bag", made.imu_rows(given)))
+    c_nb = dcm_from_quat(found.track.q_nb)
+    told = np.einsum("nij,njk,nlk->nil", c_nb, found.track.cov_b, c_nb)  # C P Cᵀ: back about the world's axes
+    np.testing.assert_allclose(told, np.broadcast_to(np.diag([0.01, 0.02, 0.03]), told.shape), atol=1e-15)
+
+
+def test_an_orientation_that_was_never_set_is_left_out(tmp_path):
+    given = made.samples() | {"xyzw": np.tile([0.0, 0.0, 0.0, 1.0], (made.ROWS, 1))}  # the default in ROS 2
+    found = plumbob.read(made.write_2(tmp_path / "a", made.imu_rows(given, covs=(0.0, 0.0, 0.0))))
+    assert found.track is None and any("always the default" in note for note in found.notes)
+
+
+def test_without_stamps_the_recorders_time_counts(tmp_path):
+    found = plumbob.read(made.write_2(tmp_path / "a", made.imu_rows(made.samples(), stamped=False)))
+    assert found.imu.meta.t0_ns == made.T0 + made.LATE
+    assert any("no stamp is set" in note for note in found.notes)
+
+
+def test_stamps_of_a_simulation_are_not_utc(tmp_path):
+    found = plumbob.read(made.write_2(tmp_path / "a", made.imu_rows(made.samples(), t0=0)))
+    assert found.imu.meta.t0_ns == 0 and found.imu.t[0] == 0.0 and len(found.imu) == made.ROWS
+    assert any("UTC is not known" in note for note in found.notes)
+
+
+class TestSeveral:
+    def test_on_the_same_stamps_they_are_an_array(self, tmp_path):
+        a, b = made.samples(1), made.samples(2)
+        rows = [*made.imu_rows(a, "/left", "l"), *made.imu_rows(b, "/right", "r"), *made.mag_rows(b, "/m", "r")]
+        path = made.write_1(tmp_path / "a.bag", sorted(rows, key=lambda row: row.log_ns))
+        found = plumbob.read(path)
+        assert found.array.names == ("/left", "/right")
+        assert np.array_equal(found.array.units["/right"].gyr, b["gyr"])
+        assert found.array.units["/left"].mag is None  # it is in the other's frame
+        np.testing.assert_allclose(found.array.units["/right"].mag, b["mag"] * 1e6, rtol=1e-15)
+        one = plumbob.read(path, unit="right")
+        assert np.array_equal(one.imu.gyr, b["gyr"]) and one.track is not None
+
+    def test_on_their_own_stamps_one_is_chosen(self, tmp_path):
+        a, b = made.samples(1), made.samples(2)
+        rows = [*made.imu_rows(a, "/left"), *made.imu_rows(b, "/right", t0=made.T0 + 1)]
+        path = made.write_2(tmp_path / "a", sorted(rows, key=lambda row: row.log_ns))
+        with pytest.raises(ParameterError, match=r"/left \(sensor_msgs/Imu, 150\), /right .* --unit /left"):
+            plumbob.read(path)
+        for unit in ("/right", "right", "2"):
+            found = plumbob.read(path, unit=unit)
+            assert np.array_equal(found.imu.gyr, b["gyr"]) and found.imu.meta.t0_ns == made.T0 + 1
+        with pytest.raises(ParameterError, match=r"no topic 'up' .*there are /left"):
+            plumbob.read(path, unit="up")
+
+    def test_data_and_data_raw_are_one(self, tmp_path):
+        """REP 145: data is data_raw with an orientation."""
+        a, b = made.samples(1), made.samples(2)
+        rows = [*made.imu_rows(a, "/imu/data_raw"), *made.imu_rows(b, "/imu/data")]
+        path = made.write_2(tmp_path / "a", sorted(rows, key=lambda row: row.log_ns))
+        assert np.array_equal(plumbob.read(path).imu.gyr, b["gyr"])
+        assert np.array_equal(plumbob.read(path, unit="/imu/data_raw").imu.gyr, a["gyr"])
+
+
+def test_a_magnetometer_in_another_frame_is_left_out(tmp_path):
+    given = made.samples()
+    rows = sorted([*made.imu_rows(given), *made.mag_rows(given, frame="mast")], key=lambda row: row.log_ns)
+    found = plumbob.read(made.write_1(tmp_path / "a.bag", rows))
+    assert found.imu.mag is None and any("/imu/mag" in note for note in found.notes)
+
+
+def test_a_magnetometer_in_microtesla_is_left_out(tmp_path):
+    given = made.samples()
+    wrong = given | {"mag": given["mag"] * 1e6}
+    rows = sorted([*made.imu_rows(given), *made.mag_rows(wrong)], key=lambda row: row.log_ns)
+    found = plumbob.read(made.write_1(tmp_path / "a.bag", rows))
+    assert found.imu.mag is None and any("hardly in tesla" in note for note in found.notes)
+
+
+def test_accelerations_in_g_are_refused(tmp_path):
+    given = made.samples()
+    with pytest.raises(UnitError, match="looks like g"):
+        plumbob.read(made.write_1(tmp_path / "a.bag", made.imu_rows(given | {"acc": given["acc"] / 9.80665})))
+
+
+class TestPoses:
+    CASES = {  # noqa: RUF012 - what a type's fields are, https://github.com/ros2/common_interfaces
+        "geometry_msgs/msg/PoseStamped": lambda p, q: {
+            "pose": ("geometry_msgs/msg/Pose", {"position": p, "orientation": q})
+        },
+        "geometry_msgs/msg/PoseWithCovarianceStamped": lambda p, q: {"pose": TestPoses.with_cov(p, q)},
+        "geometry_msgs/msg/QuaternionStamped": lambda p, q: {"quaternion": q},
+        "geometry_msgs/msg/TransformStamped": lambda p, q: {
+            "child_frame_id": "rigid_body",
+            "transform": ("geometry_msgs/msg/Transform", {"translation": p, "rotation": q}),
+        },
+        "nav_msgs/msg/Odometry": lambda p, q: {
+            "child_frame_id": "base_link",
+            "pose": TestPoses.with_cov(p, q),
+            "twist": (
+                "geometry_msgs/msg/TwistWithCovariance",
+                {
+                    "twist": ("geometry_msgs/msg/Twist", {"linear": TestPoses.still(), "angular": TestPoses.still()}),
+                    "covariance": np.zeros(36),
+                },
+            ),
+        },
+    }
+
+    @staticmethod
+    def still():
+        return ("geometry_msgs/msg/Vector3", {"x": 0.5, "y": 0.25, "z": 0.125})
+
+    @staticmethod
+    def with_cov(p, q):
+        pose = ("geometry_msgs/msg/Pose", {"position": p, "orientation": q})
+        return ("geometry_msgs/msg/PoseWithCovariance", {"pose": pose, "covariance": np.arange(36.0)})
+
+    @classmethod
+    def rows(cls, kind, given, topic="/pose", shift=0):
+        for i, xyzw in enumerate(given["xyzw"]):
+            stamp = made.T0 + i * made.STEP + shift
+            fields = {"header": made.header(stamp, "map"), **cls.CASES[kind](given["gyr"][i], xyzw)}
+            yield made.Row(stamp + made.LATE, topic, kind, fields)
+
+    @pytest.mark.parametrize("kind", CASES)
+    @pytest.mark.parametrize("write", [made.write_1, made.write_2])
+    def test_every_type(self, kind, write, tmp_path):
+        given = made.samples()
+        found = plumbob.read(write(tmp_path / "a.bag", self.rows(kind, given)) if write is made.write_1 else
+                             write(tmp_path / "a", self.rows(kind, given)))  # fmt: skip
+        assert found.imu is None and (found.track.frame, found.track.north) == (Frame.ENU, North.FREE)
+        np.testing.assert_allclose(found.track.q_nb, given["xyzw"][:, [3, 0, 1, 2]], rtol=0, atol=1e-15)
+        assert "it holds no inertial data (sensor_msgs/Imu); a pose is read as an attitude" in found.notes
+
+    def test_beside_an_imu_it_is_read_when_asked_for_and_shares_its_time(self, tmp_path):
+        given = made.samples()
+        rows = [*made.imu_rows(given), *self.rows("geometry_msgs/msg/PoseStamped", given, shift=3_000_000)]
+        path = made.write_2(tmp_path / "a", sorted(rows, key=lambda row: row.log_ns))
+        assert any("left out: /pose" in note for note in plumbob.read(path).notes)
+        pose = plumbob.read(path, unit="/pose")
+        np.testing.assert_allclose(pose.track.t, np.arange(made.ROWS) * 0.01 + 0.003, atol=1e-9)
+
+
+class TestReal:
+    @real
+    def test_poses_of_ros_1(self):
+        path = REAL / "ros1_example.bag"
+        with pytest.raises(ParameterError, match=r"groundtruth \(geometry_msgs/PoseStamped, 12765\), ORB-SLAM .*8362"):
+            plumbob.read(path)
+        self.compare(path, "groundtruth", 12765)
+
+    @real
+    def test_odometry_of_ros_2(self):
+        path = REAL / "ros2_turtlebot.mcap"
+        with pytest.raises(ParameterError, match=r"no inertial data .*/odom \(nav_msgs/Odometry, 2639\), /amcl_pose"):
+            plumbob.read(path)
+        self.compare(path, "/amcl_pose", 135)
+        assert any("/tf (tf2_msgs/TFMessage, 5422)" in note for note in plumbob.read(path, unit="/odom").notes)
+
+    @staticmethod
+    def compare(path, topic, count):
+        """Quaternions and stamps are those that rosbags reads."""
+        from rosbags.highlevel import AnyReader
+
+        stamps, xyzw = [], []
+        with AnyReader([path]) as bag:
+            chosen = [one for one in bag.connections if one.topic == topic]
+            for connection, _, raw in bag.messages(chosen):
+                found = bag.deserialize(raw, connection.msgtype)
+                pose = getattr(found.pose, "pose", found.pose)
+                stamps.append(found.header.stamp.sec * 10**9 + found.header.stamp.nanosec)
+                xyzw.append([pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w])
+        track = plumbob.read(path, unit=topic).track
+        assert len(stamps) == count
+        kept = np.flatnonzero(np.diff(np.maximum.accumulate(stamps), prepend=-1) > 0)
+        np.testing.assert_allclose(np.diff(track.t), np.diff(np.array(stamps)[kept]) / 1e9, atol=2e-9)
+        np.testing.assert_allclose(track.q_nb, np.array(xyzw)[kept][:, [3, 0, 1, 2]], atol=1e-8)
+
+
+def test_no_inertial_data_names_what_there_is(tmp_path):
+    rows = [made.Row(made.T0, "/chatter", "std_msgs/msg/String", {"data": "hello"})]
+    for path in (made.write_1(tmp_path / "a.bag", rows), made.write_2(tmp_path / "a", rows)):
+        with pytest.raises(DecodeError, match=r"it holds /chatter \(std_msgs/String, 1\), but neither inertial data"):
+            plumbob.read(path)
+    with pytest.raises(DecodeError, match="holds no message"):
+        plumbob.read(made.write_2(tmp_path / "b", []))
+
+
+class TestOwn:
+    """A recording of ours is never taken for another program's."""
+
+    def test_accepts(self, tmp_path):
+        imu = plumbob.ImuData(t=np.arange(20) / 100, gyr=np.zeros((20, 3)), acc=np.tile([0, 0, 9.8], (20, 1)))
+        path = tmp_path / "a.mcap"
+        plumbob.convert(plumbob.Recording(imu=imu), path)
+        assert not ros.accepts(path)
+        whole = path.read_bytes()
+        for at in range(0, 60):
+            path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x41]) + whole[at + 1 :])
+            assert not ros.accepts(path)
+        path.write_bytes(whole[: len(whole) // 2])
+        assert not ros.accepts(path)
+
+    @pytest.mark.parametrize("name", ["a.bag", "a.db3", "a.mcap"])
+    def test_other_content(self, name, tmp_path):
+        for content in (b"", b"time,gx\n1,2\n", bytes(4000)):
+            (tmp_path / name).write_bytes(content)
+            assert not ros.accepts(tmp_path / name)
+        (tmp_path / "metadata.yaml").write_text("a: b\n")
+        assert not ros.accepts(tmp_path)
+
+
+HOSTILE = ("bag", "bag, bz2", "bag, lz4", "db3", "mcap", "folder, mcap")
+
+
+def content_of(path):
+    return next(path.glob("*.mcap")) if path.is_dir() else path
+
+
+class TestDamaged:
+    @pytest.mark.parametrize("container", HOSTILE)
+    def test_cut_anywhere_gives_what_comes_before_or_an_error(self, container, tmp_path):
+        given = made.samples()
+        path = made.CONTAINERS[container](tmp_path, made.all_rows(given))
+        file = content_of(path)
+        whole = file.read_bytes()
+        for size in np.linspace(1, len(whole) - 1, 40).astype(int):
+            file.write_bytes(whole[:size])
+            try:
+                found = plumbob.read(path)
+            except PlumbobError as error:
+                assert "\n" not in str(error)
+            else:
+                assert np.array_equal(found.imu.gyr, given["gyr"][: len(found.imu)])
+                # behind the messages lie an index or a summary, which nothing is lost with
+                complete = found.imu.temp_c is not None and np.isfinite(found.imu.temp_c[-10])
+                cut = any(note.startswith("cut: ") for note in found.notes)
+                assert cut or (complete and len(found.imu) == made.ROWS)
+
+    @pytest.mark.parametrize("container", HOSTILE)
+    def test_random_damage_never_breaks_the_reader(self, container, tmp_path):
+        path = made.CONTAINERS[container](tmp_path, made.all_rows(made.samples()))
+        file, rng = content_of(path), np.random.default_rng(3)
+        whole = file.read_bytes()
+        for _ in range(60):
+            at, wrong = rng.integers(len(whole)), bytearray(whole)
+            wrong[at : at + 4] = rng.bytes(4)
+            file.write_bytes(wrong)
+            try:
+                plumbob.read(path)
+            except PlumbobError as error:
+                assert "\n" not in str(error)
+
+    def test_a_bag_that_was_never_closed(self, tmp_path):
+        """Without an index, as a recorder that lost its power leaves one; rosbags itself refuses it."""
+        given = made.samples()
+        path = made.write_1(tmp_path / "a.bag", made.all_rows(given))
+        whole = bytearray(path.read_bytes())
+        at = whole.index(b"index_pos=") + 10
+        (index,) = struct.unpack_from("<Q", whole, at)
+        whole[at : at + 8] = bytes(8)
+        path.write_bytes(whole[:index])
+        check_common(plumbob.read(path), given)
+
+    def test_a_missing_part(self, tmp_path):
+        path = made.write_2(tmp_path / "a", made.all_rows())
+        (path / "a.db3").rename(path / "b.db3")
+        with pytest.raises(DecodeError, match=r"names a\.db3, which is not there"):
+            plumbob.read(path)
+
+    def test_a_journal_beside_it(self, tmp_path):
+        path = made.write_2(tmp_path / "a", made.all_rows()) / "a.db3"
+        path.with_name("a.db3-wal").write_bytes(b"x")
+        assert any(note.startswith("cut: the recorder did not close it") for note in plumbob.read(path).notes)
+
+
+class TestHostile:
+    def chunk(self, tmp_path, stored, how, size):
+        """An MCAP of one chunk that says it unpacks to `size` bytes."""
+        name = how.encode()
+        body = struct.pack("<QQQII", 0, 0, size, 0, len(name)) + name + struct.pack("<Q", len(stored)) + stored
+        head = struct.pack("<I", 4) + b"ros2" + struct.pack("<I", 1) + b"x"
+        records = struct.pack("<BQ", 1, len(head)) + head + struct.pack("<BQ", 6, len(body)) + body
+        path = tmp_path / "a.mcap"
+        path.write_bytes(b"\x89MCAP0\r\n" + records)
+        return path
+
+    @pytest.mark.parametrize("how", ["zstd", "lz4", ""])
+    def test_a_chunk_that_claims_terabytes(self, how, tmp_path):
+        with pytest.raises(DecodeError, match="unpack to 1099511627776"):
+            plumbob.read(self.chunk(tmp_path, b"\x28\xb5\x2f\xfd", how, 1 << 40))
+
+    def test_a_chunk_that_unpacks_to_more_than_it_says(self, tmp_path):
+        import lz4.frame
+        import zstandard
+
+        zeros = bytes(200 << 20)
+        for how, stored in (
+            ("zstd", zstandard.ZstdCompressor(write_content_size=False).compress(zeros)),
+            ("lz4", lz4.frame.compress(zeros)),
+        ):
+            with pytest.raises(DecodeError, match="unpacks to another length"):
+                plumbob.read(self.chunk(tmp_path, stored, how, 1000))
+
+    def test_a_file_of_zstd_that_unpacks_to_too_much(self, tmp_path):
+        import zstandard
+
+        folder = made.write_2(tmp_path / "a", made.all_rows(), mode="FILE")
+        (folder / "a.db3.zstd").write_bytes(zstandard.ZstdCompressor().compress(bytes(200 << 20)))
+        with pytest.raises(DecodeError, match="are allowed"):
+            plumbob.read(folder)
+
+    def test_a_view_instead_of_a_table(self, tmp_path):
+        """A view may be a query that never ends."""
+        path = tmp_path / "a.db3"
+        tables = sqlite3.connect(path)
+        tables.execute("CREATE TABLE topics (id INTEGER, name TEXT, type TEXT, serialization_format TEXT)")
+        tables.execute(
+            "CREATE VIEW messages AS WITH RECURSIVE n(topic_id, timestamp, data) AS "
+            "(SELECT 1, 1, x'00' UNION ALL SELECT 1, timestamp + 1, x'00' FROM n) SELECT * FROM n"
+        )
+        tables.commit()
+        tables.close()
+        with pytest.raises(DecodeError, match="without the tables"):
+            plumbob.read(path)
+
+    def test_a_changed_type(self, tmp_path):
+        """A message that is shorter than its type says is refused, not filled."""
+        path = tmp_path / "a.db3"
+        rows = list(made.imu_rows(made.samples()))
+        made.write_2(tmp_path / "b", rows)
+        path.write_bytes((tmp_path / "b" / "b.db3").read_bytes())
+        tables = sqlite3.connect(path)
+        tables.execute("UPDATE messages SET data = substr(data, 1, 200) WHERE id = 20")
+        tables.commit()
+        tables.close()
+        with pytest.raises(DecodeError, match=r"/imu/data: a message has 196 bytes, but one of sensor_msgs/Imu"):
+            plumbob.read(path)
+
+    def test_links_and_pipes(self, tmp_path):
+        import os
+
+        folder = made.write_2(tmp_path / "a", made.all_rows())
+        (folder / "a.db3").unlink()
+        (folder / "a.db3").symlink_to("/dev/zero")
+        with pytest.raises(DecodeError, match="is not there"):
+            plumbob.read(folder)
+        os.mkfifo(tmp_path / "p.bag")
+        with pytest.raises(DecodeError, match="not a regular file"):
+            plumbob.read(tmp_path / "p.bag")
+
+
+def test_it_is_read_without_rosbags(tmp_path):
+    """Reading needs no package beyond those that recordings of Plumbob need."""
+    import subprocess
+    import sys
+
+    path = made.write_2(tmp_path / "a", made.all_rows())
+    code = (
+        "import sys; sys.modules['rosbags'] = None; import plumbob; "
+        f"print(len(plumbob.read({str(path)!r}).imu)); assert 'sqlite3' in sys.modules"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == f"{made.ROWS}\n"
+
+
+def test_bz2_is_bounded(tmp_path):
+    """A chunk of ROS 1 whose bz2 holds more than its size says."""
+    import bz2
+
+    path = made.write_1(tmp_path / "a.bag", made.all_rows(), "BZ2")
+    whole = path.read_bytes()
+    start = whole.index(b"BZh")
+    stored = bz2.compress(bytes(50 << 20))
+    path.write_bytes(whole[: start - 4] + struct.pack("<I", len(stored)) + stored)
+    with pytest.raises(DecodeError, match="unpacks to another length"):
+        plumbob.read(path)

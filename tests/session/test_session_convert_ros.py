@@ -1,0 +1,256 @@
+"""convert for ROS and EuRoC: what the formats' own libraries read of it, the way back, and whole or nothing."""
+
+import errno
+import os
+
+import numpy as np
+import pytest
+
+import plumbob
+from plumbob.cli.main import main
+from plumbob.core import files as core_files
+from plumbob.core.errors import ClockError, DecodeError, MissingExtraError, ParameterError, ShapeError
+from plumbob.files.foreign import ros_write
+from plumbob.rotations import Frame, North, dcm_from_quat
+
+rosbags = pytest.importorskip("rosbags")
+
+ROWS = 120
+T0 = 1_700_000_000_987_654_321
+LAYOUTS = {"a.bag": None, "a.mcap": "ros2", "a": "rosbag2"}
+
+
+@pytest.fixture
+def recording():
+    """In NED, with a magnetometer that has a value in three of four samples, and one triad and axis missing once."""
+    rng = np.random.default_rng(4)
+    t = np.cumsum(rng.uniform(0.005, 0.015, ROWS)).round(9)
+    gyr, acc = rng.normal(size=(ROWS, 3)), rng.normal(size=(ROWS, 3)) + [0.0, 0.0, -9.8]
+    gyr[7], acc[9, 1] = np.nan, np.nan
+    mag = rng.normal(size=(ROWS, 3)) + [20.0, 0.0, 40.0]
+    mag[::4] = np.nan
+    temp = np.where(np.arange(ROWS) % 10 == 0, 20.0 + rng.normal(size=ROWS), np.nan)
+    q_nb = rng.normal(size=(ROWS, 4))
+    q_nb /= np.linalg.norm(q_nb, axis=1, keepdims=True)
+    q_nb[11] = np.nan
+    root = rng.normal(size=(ROWS, 3, 3)) * 0.01
+    meta = plumbob.ImuMeta(device="board 7", t0_ns=T0, frame=Frame.NED)
+    track = plumbob.AttitudeTrack(
+        t=t, q_nb=q_nb, frame=Frame.NED, north=North.MAGNETIC, cov_b=root @ np.swapaxes(root, 1, 2)
+    )
+    imu = plumbob.ImuData(t=t, gyr=gyr, acc=acc, mag=mag, temp_c=temp, meta=meta)
+    return plumbob.Recording(imu=imu, track=track, name="a")
+
+
+def messages(path):
+    """Messages by topic, as rosbags reads them."""
+    from rosbags.highlevel import AnyReader
+
+    found = {}
+    with AnyReader([path]) as bag:
+        for connection, log_ns, raw in bag.messages():
+            one = bag.deserialize(raw, connection.msgtype)
+            assert one.header.stamp.sec * 10**9 + one.header.stamp.nanosec == log_ns
+            found.setdefault((connection.topic, connection.msgtype), []).append((log_ns, one))
+    return found
+
+
+def xyz(vector):
+    return [vector.x, vector.y, vector.z]
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_rosbags_reads_it(recording, tmp_path, name):
+    notes = []
+    plumbob.convert(recording, tmp_path / name, layout=LAYOUTS[name], note=notes.append)
+    assert any("no place for flags" in note for note in notes)
+    imu, found = recording.imu, messages(tmp_path / name)
+    assert {topic: len(rows) for (topic, _), rows in found.items()} == {
+        "/imu/data": ROWS,
+        "/imu/mag": ROWS * 3 // 4,
+        "/imu/temperature": ROWS // 10,
+    }
+    rows = [one for _, one in found["/imu/data", "sensor_msgs/msg/Imu"]]
+    stamps = [log_ns for log_ns, _ in found["/imu/data", "sensor_msgs/msg/Imu"]]
+    assert stamps == (imu.t_ns + T0).tolist()
+    assert {one.header.frame_id for one in rows} == {"board 7"}
+    rates = np.array([xyz(one.angular_velocity) for one in rows])
+    assert np.array_equal(np.delete(rates, 7, axis=0), np.delete(imu.gyr, 7, axis=0))
+    assert [i for i, one in enumerate(rows) if one.angular_velocity_covariance[0] == -1.0] == [7]
+    forces = np.array([xyz(one.linear_acceleration) for one in rows])
+    assert np.array_equal(forces, imu.acc, equal_nan=True)  # one axis alone has no word but NaN
+    assert [i for i, one in enumerate(rows) if one.orientation_covariance[0] == -1.0] == [11]
+    xyzw = np.array([[*xyz(one.orientation), one.orientation.w] for one in rows])
+    # NED to ENU swaps x and y and turns z over: a vector of the body must come out so
+    known = recording.track.known
+    down, up = dcm_from_quat(recording.track.q_nb[known]), dcm_from_quat(xyzw[known][:, [3, 0, 1, 2]])
+    np.testing.assert_allclose(up, down[:, [1, 0, 2], :] * [[1.0], [1.0], [-1.0]], atol=1e-12)
+    covs = np.array([one.orientation_covariance for one in rows]).reshape(-1, 3, 3)[known]
+    np.testing.assert_allclose(np.swapaxes(up, 1, 2) @ covs @ up, recording.track.cov_b[known], atol=1e-15)
+    fields = np.array([xyz(one.magnetic_field) for _, one in found["/imu/mag", "sensor_msgs/msg/MagneticField"]])
+    np.testing.assert_allclose(fields, imu.mag[np.isfinite(imu.mag[:, 0])] * 1e-6, rtol=1e-15)  # tesla
+    heat = [one.temperature for _, one in found["/imu/temperature", "sensor_msgs/msg/Temperature"]]
+    assert heat == imu.temp_c[::10].tolist()
+
+
+def test_the_library_of_mcap_reads_the_schemas(recording, tmp_path):
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    plumbob.convert(recording, tmp_path / "a.mcap", layout="ros2")
+    with (tmp_path / "a.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        rows = [one for _, channel, _, one in reader.iter_decoded_messages() if channel.topic == "/imu/data"]
+    forces = np.array([xyz(one.linear_acceleration) for one in rows])
+    assert np.array_equal(forces, recording.imu.acc, equal_nan=True)
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_there_and_back_is_the_same_to_the_bit(recording, tmp_path, name):
+    plumbob.convert(recording, tmp_path / name, layout=LAYOUTS[name])
+    back, imu = plumbob.read(tmp_path / name), recording.imu
+    assert np.array_equal(back.imu.t_ns + back.imu.meta.t0_ns, imu.t_ns + T0)  # a bag's time begins with its first row
+    for key in ("gyr", "acc", "temp_c"):
+        assert np.array_equal(getattr(back.imu, key), getattr(imu, key), equal_nan=True), key
+    assert back.imu.meta.device == "board 7"
+    np.testing.assert_allclose(back.imu.mag, imu.mag, rtol=3e-16)  # µT to T and back: the last bit at most
+    again = tmp_path / f"again{name}"
+    plumbob.convert(back, again, layout=LAYOUTS[name])
+    assert np.array_equal(plumbob.read(again).track.q_nb, back.track.q_nb, equal_nan=True)
+
+
+def test_an_attitude_alone_and_samples_alone(recording, tmp_path):
+    plumbob.convert(recording, tmp_path / "a.bag", what="attitude")
+    found = messages(tmp_path / "a.bag")["/imu/data", "sensor_msgs/msg/Imu"]
+    assert all(one.linear_acceleration_covariance[0] == -1.0 for _, one in found)
+    back = plumbob.read(tmp_path / "a.bag")
+    assert back.imu is None and int(back.track.known.sum()) == ROWS - 1
+    plumbob.convert(recording, tmp_path / "b.bag", what="samples")
+    assert ("/imu/data_raw", "sensor_msgs/msg/Imu") in messages(tmp_path / "b.bag")
+    assert plumbob.read(tmp_path / "b.bag").track is None
+
+
+def test_several_units(recording, tmp_path):
+    from plumbob.data.array import ImuArray, Mount
+
+    one = recording.imu
+    other = plumbob.ImuData(t=one.t, gyr=one.gyr * 2.0, acc=one.acc, mag=one.mag + 1.0, meta=one.meta)
+    array = ImuArray({"u1": one, "2nd": other}, {"2nd": Mount((0.0, 1.0, 0.0, 0.0), (0.1, 0.2, 0.3))})
+    plumbob.convert(plumbob.Recording(array=array, name="a"), tmp_path / "a.bag")
+    back = plumbob.read(tmp_path / "a.bag").array
+    assert back.names == ("/u1/imu/data_raw", "/u2nd/imu/data_raw")
+    assert np.array_equal(back.units["/u2nd/imu/data_raw"].gyr, other.gyr, equal_nan=True)
+    np.testing.assert_allclose(back.units["/u2nd/imu/data_raw"].mag, other.mag, rtol=3e-16)
+    plumbob.convert(plumbob.Recording(array=array, name="a"), tmp_path / "e", layout="euroc")
+    sensor = (tmp_path / "e" / "mav0" / "imu1" / "sensor.yaml").read_text()
+    assert "data: [1.0, 0.0, 0.0, 0.1, 0.0, -1.0, 0.0, 0.2, 0.0, 0.0, -1.0, 0.3, 0.0, 0.0, 0.0, 1.0]" in sensor
+
+
+def test_euroc_holds_every_bit(recording, tmp_path):
+    """Columns as the data set's own files have them; read by NumPy."""
+    notes = []
+    plumbob.convert(recording, tmp_path / "a", layout="euroc", note=notes.append)
+    lines = (tmp_path / "a/mav0/imu0/data.csv").read_text().splitlines()
+    assert lines[0].startswith("#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y") and lines[0].endswith(
+        "a_RS_S_z [m s^-2]"
+    )
+    imu, kept = recording.imu, np.delete(np.arange(ROWS), [7, 9])
+    assert [int(line.partition(",")[0]) for line in lines[1:]] == (imu.t_ns + T0)[kept].tolist()
+    table = np.loadtxt(tmp_path / "a/mav0/imu0/data.csv", delimiter=",")
+    assert np.array_equal(table[:, 1:4], imu.gyr[kept]) and np.array_equal(table[:, 4:], imu.acc[kept])
+    state = np.loadtxt(tmp_path / "a/mav0/state_groundtruth_estimate0/data.csv", delimiter=",")
+    assert state.shape == (ROWS - 1, 17) and not state[:, 1:4].any()
+    down = dcm_from_quat(recording.track.q_nb[recording.track.known])
+    np.testing.assert_allclose(dcm_from_quat(state[:, 4:8]), down[:, [1, 0, 2], :] * [[1.0], [1.0], [-1.0]], atol=1e-12)
+    assert any("no mag and no temp_c" in note for note in notes) and any("2 samples without" in note for note in notes)
+
+
+class TestFolders:
+    def test_nothing_is_replaced_without_force(self, recording, tmp_path):
+        plumbob.convert(recording, tmp_path / "a", layout="rosbag2")
+        before = {one: one.read_bytes() for one in (tmp_path / "a").iterdir()}
+        with pytest.raises(ParameterError, match="exists already"):
+            plumbob.convert(recording, tmp_path / "a", layout="rosbag2")
+        with pytest.raises(ParameterError, match="folder of something else"):
+            plumbob.convert(recording, tmp_path / "a", layout="euroc", overwrite=True)
+        (tmp_path / "a" / "thesis.tex").write_text("years of work")
+        with pytest.raises(ParameterError, match="folder of something else"):
+            plumbob.convert(recording, tmp_path / "a", layout="rosbag2", overwrite=True)
+        (tmp_path / "a" / "thesis.tex").unlink()
+        assert before == {one: one.read_bytes() for one in (tmp_path / "a").iterdir()}
+        plumbob.convert(recording, tmp_path / "a", layout="rosbag2", what="samples", overwrite=True)
+        assert plumbob.read(tmp_path / "a").track is None
+        assert [one.name for one in tmp_path.iterdir()] == ["a"]
+
+    @pytest.mark.parametrize("layout", ["rosbag2", "euroc"])
+    def test_a_full_disk_leaves_what_was_there(self, recording, tmp_path, layout, monkeypatch):
+        plumbob.convert(recording, tmp_path / "a", layout=layout)
+        before = {one: one.read_bytes() for one in (tmp_path / "a").rglob("*") if one.is_file()}
+
+        def full(descriptor):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        monkeypatch.setattr(core_files.os, "fsync", full)
+        with pytest.raises(
+            DecodeError, match=r"cannot be written: No space left on device\. Nothing was changed there"
+        ):
+            plumbob.convert(recording, tmp_path / "a", layout=layout, overwrite=True)
+        with pytest.raises(DecodeError, match="No space left"):
+            plumbob.convert(recording, tmp_path / "b", layout=layout)
+        assert [one.name for one in tmp_path.iterdir()] == ["a"]
+        assert before == {one: one.read_bytes() for one in (tmp_path / "a").rglob("*") if one.is_file()}
+
+    def test_it_never_writes_over_its_input(self, recording, tmp_path):
+        plumbob.convert(recording, tmp_path / "a", layout="rosbag2")
+        for given in (tmp_path / "a", tmp_path / "a" / "a.mcap"):
+            with pytest.raises(ParameterError, match="is or holds the input"):
+                plumbob.convert(given, tmp_path / "a", layout="rosbag2", overwrite=True)
+
+    def test_what_a_killed_process_left_is_removed(self, recording, tmp_path):
+        (tmp_path / ".a.plumbob-0123abcd.tmp" / "a").mkdir(parents=True)
+        plumbob.convert(recording, tmp_path / "a", layout="euroc")
+        assert [one.name for one in tmp_path.iterdir()] == ["a"]
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.mcap"])
+def test_a_failure_leaves_no_file(recording, tmp_path, name, monkeypatch):
+    monkeypatch.setattr(ros_write, "_triads", lambda *given: iter(()))  # too few rows: the writer fails midway
+    with pytest.raises(ValueError, match="zip"):
+        plumbob.convert(recording, tmp_path / name, layout=LAYOUTS[name])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_cannot_be_written(recording, tmp_path, monkeypatch):
+    for name, layout, told in (
+        ("a.bin", None, r"convert writes .*\.bag.*; and folders with --as rosbag2 or --as euroc"),
+        ("a", None, "folders with --as"),
+        ("a.bag", "ros2", r"the layout ros2 is a file whose name ends in \.mcap"),
+        ("a.mcap", "rosbag2", "the layout rosbag2 is a folder"),
+        ("a.mcap", "ros3", "there is no layout 'ros3'"),
+    ):
+        with pytest.raises(ParameterError, match=told):
+            plumbob.convert(recording, tmp_path / name, layout=layout)
+    later = plumbob.AttitudeTrack(t=recording.track.t + 1.0, q_nb=recording.track.q_nb, frame="NED", north="true")
+    with pytest.raises(ShapeError, match="different times; convert one of them with --what"):
+        plumbob.convert(plumbob.Recording(imu=recording.imu, track=later), tmp_path / "a.bag")
+    beyond = recording.imu.corrected(meta=plumbob.ImuMeta(t0_ns=(1 << 31) * 10**9))
+    with pytest.raises(ClockError, match="behind 2038"):
+        plumbob.convert(plumbob.Recording(imu=beyond), tmp_path / "a.bag")
+    monkeypatch.setitem(__import__("sys").modules, "rosbags.typesys", None)
+    with pytest.raises(MissingExtraError, match=r"pip install \"plumbob\[ros\]\""):
+        plumbob.convert(recording, tmp_path / "a.bag")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_verb(recording, tmp_path, capsys):
+    plumbob.write(tmp_path / "sea.parquet", recording)
+    sea = str(tmp_path / "sea.parquet")
+    assert main(["convert", sea, str(tmp_path / "a"), "--as", "rosbag2"]) == 0
+    out = capsys.readouterr()
+    assert out.out == f"{tmp_path / 'a'}: of sea.parquet, {ROWS} samples, {ROWS} attitudes\n"
+    assert "no place for flags" in out.err
+    assert main(["info", str(tmp_path / "a")]) == 0
+    assert main(["convert", str(tmp_path / "a"), str(tmp_path / "b.csv"), "--what", "samples"]) == 0
+    assert main(["export", sea, "--out", str(tmp_path / "c.bag")]) == 0  # as it was called before
+    assert main(["convert", sea]) == 1
+    assert "name one new file: plumbob convert FILE NEW" in capsys.readouterr().err
