@@ -11,6 +11,7 @@ Drives called ``_sync`` have 10 Hz (one sample for each image), ``_extract`` 100
 """
 
 import os
+import re
 from pathlib import Path
 from typing import Final
 
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, excerpt
+from plumbob.core.errors import DecodeError, excerpt, one_line
 from plumbob.core.files import reading, text_of
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
@@ -31,6 +32,7 @@ from plumbob.rotations.quaternions import quat_from_euler_zyx
 _COLUMNS: Final = 30
 _YPR, _ACC, _GYR = [5, 4, 3], [11, 12, 13], [17, 18, 19]
 """Places of yaw, pitch and roll, of ax ay az, and of wx wy wz, counted from 0 (`dataformat.txt`)."""
+_STAMP: Final = re.compile(r"(?:19|20)\d\d-\d\d-\d\d \d\d:\d\d:\d\d(?:\.\d{1,9})?", re.ASCII)
 _MOST_FILES: Final = 2_000_000
 _MOST_BYTES: Final = 4096
 
@@ -110,13 +112,13 @@ def _values(file: Path, name: str) -> list[float]:
 def _stamps(file: Path) -> NDArray[np.int64]:
     """Stamps of all samples, ns since 1970 if their zone were UTC."""
     lines = [line.strip() for line in text_of(file).splitlines() if line.strip()]
+    for line in lines:
+        if not _STAMP.fullmatch(line):
+            raise DecodeError(f"timestamps.txt holds {excerpt(line)}, which is not a date and a time.")
     try:
         stamps = np.array(lines, dtype="datetime64[ns]")
-    except (ValueError, OverflowError) as error:
-        raise DecodeError(f"timestamps.txt holds a line that is not a date and a time: {error}.") from error
-    unknown = np.isnat(stamps)
-    if unknown.any():
-        raise DecodeError(f"timestamps.txt holds {excerpt(lines[int(np.argmax(unknown))])}, which is not a time.")
+    except ValueError as error:
+        raise DecodeError(f"timestamps.txt holds a line that is not a date and a time: {one_line(error)}.") from error
     return stamps.astype(np.int64)
 
 

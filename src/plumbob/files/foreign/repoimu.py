@@ -5,8 +5,8 @@ By the head lines of the files and Szczęsna et al., ICCVG 2016 (doi:10.1007/978
 rad/s; magnetic field, in units of the local field, as Xsens gives it.
 
 - The field is scaled by 50 µT, so that directions are right and its size is nominal.
-- The axes of the IMU and those of the markers, and the frames, are **not aligned** in the files (the paper's section 4), so a
-  comparison needs ``--align heading,mounting``.
+- The axes of the IMU and those of the markers, and the frames, are **not aligned** in the files (the paper's section
+  4), so a comparison needs ``--align heading,mounting``.
 - Where Vicon lost the markers the quaternion is zero, or not of norm 1: then the attitude is not known.
 """
 
