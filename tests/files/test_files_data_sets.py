@@ -174,7 +174,8 @@ def test_damaged_drives_are_refused(tmp_path):
         read(folder)
 
 
-HEAD = "Time (s);Vicon Orientation;;;;IMU Acceleration;;;IMU Gyroscope;;;IMU Magnetometer;;;\n;W;X;Y;Z;X;Y;Z;X;Y;Z;X;Y;Z;\n"
+HEAD = "Time (s);Vicon Orientation;;;;IMU Acceleration;;;IMU Gyroscope;;;IMU Magnetometer;;;\n"
+HEAD += ";W;X;Y;Z;X;Y;Z;X;Y;Z;X;Y;Z;\n"
 
 
 def test_repoimu_has_the_units_of_its_description(tmp_path):
