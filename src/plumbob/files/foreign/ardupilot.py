@@ -1,16 +1,355 @@
-"""Logs of ArduPilot."""
+"""Logs of ArduPilot: DataFlash as bytes (``.bin``) and as text (``.log``); telemetry (``.tlog``) is in `mavlink`.
 
+The layout of each message is in the log itself, in its ``FMT`` messages; letters and multipliers are those of
+ArduPilot's `libraries/AP_Logger/LogStructure.h`, units those of its page 'Onboard Message Log Messages':
+
+- ``IMU``: body axes forward, right, down; GyrX rad/s, AccX m/s², corrected by ArduPilot's calibration; the navigation
+  frame is NED, so at rest and level acc is −g about z;
+- ``MAG``: MagX in milligauss, offsets taken off;
+- ``XKQ``, ``XKQ1``, ``NKQ1``: quaternion of the filter's first core, body to NED, scalar first; ``ATT``: roll, pitch,
+  yaw in degrees. Both are ArduPilot's own estimate from the same sensors, and **not a reference**;
+- ``TimeUS`` in µs since boot, in logs before 2015 ``TimeMS``; UTC by the GPS week, less the leap seconds since 1980.
+
+Of several units the first is taken, and a note lists the others.
+"""
+
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import units
+from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
+from plumbob.core.files import existing_file, reading
+from plumbob.core.text import counted
+from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.files.foreign import logged, mavlink
+from plumbob.files.foreign.join import Stream, joined
 from plumbob.files.notes import Recording
+from plumbob.rotations import Frame, North
+from plumbob.rotations.quaternions import quat_from_euler_zyx
+
+_HEAD: Final = b"\xa3\x95"
+_FMT, _FMT_LENGTH = 128, 89
+_TEXT: Final = b"FMT,"
+_LETTERS: Final[dict[str, tuple[str, float]]] = {
+    "a": ("(32,)<i2", 1.0),
+    "b": ("i1", 1.0),
+    "B": ("u1", 1.0),
+    "h": ("<i2", 1.0),
+    "H": ("<u2", 1.0),
+    "i": ("<i4", 1.0),
+    "I": ("<u4", 1.0),
+    "f": ("<f4", 1.0),
+    "g": ("<f2", 1.0),
+    "d": ("<f8", 1.0),
+    "n": ("S4", 1.0),
+    "N": ("S16", 1.0),
+    "Z": ("S64", 1.0),
+    "c": ("<i2", 0.01),
+    "C": ("<u2", 0.01),
+    "e": ("<i4", 0.01),
+    "E": ("<u4", 0.01),
+    "L": ("<i4", 1e-7),
+    "M": ("u1", 1.0),
+    "q": ("<i8", 1.0),
+    "Q": ("<u8", 1.0),
+}
+"""Type and multiplier of each letter (`LogStructure.h`, 'Format characters in the format string')."""
+_WANTED: Final = frozenset(("IMU", "IMU2", "IMU3", "MAG", "MAG2", "MAG3", "ATT", "XKQ", "XKQ1", "NKQ1", "GPS", "PARM"))
+_QUATERNIONS: Final = ("XKQ", "XKQ1", "NKQ1")
+_LINE: Final = 4096
+"""Bytes of a line of text at most."""
+_GPS_EPOCH_NS: Final = 315_964_800 * 10**9
+"""6 January 1980 in UTC (IS-GPS-200, 3.3.4)."""
+_LEAPS: Final = ((1_167_264_018, 18), (1_119_744_017, 17), (1_025_136_016, 16), (0, 15))
+"""Seconds of GPS time from which on GPS is so far ahead of UTC (IERS Bulletin C 52, 49, 43); before July 2012: 15."""
+
+
+@dataclass
+class _Log:
+    """Layouts by name, and values of the wanted messages."""
+
+    names: dict[int, str] = field(default_factory=dict)
+    columns: dict[str, tuple[str, tuple[str, ...]]] = field(default_factory=dict)
+    tables: dict[str, dict[str, NDArray[Any]]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
 
 def accepts(path: Path) -> bool:
-    """Whether a path is of this format, by its content."""
-    return False
+    """Whether a file is a DataFlash log by its first message, or telemetry by its first packet."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        start = stream.read(512)
+    if path.suffix.lower() == ".tlog":
+        return mavlink.starts(start)
+    return start.startswith((_HEAD, _TEXT))
 
 
 def read(path: Path) -> Recording:
-    """Read it."""
-    raise DecodeError(f"{path}: this format is not read yet.")
+    """Read samples and ArduPilot's attitude; frames, units and clock are those of this module's description.
+
+    Raises
+    ------
+    DecodeError
+        If it is not such a log, is larger than 2 GiB, or holds no gyroscope.
+    ClockError
+        If more than 1 % of its stamps go back.
+    """
+    file = existing_file(path, logged.MOST)
+    with reading(file):
+        if not accepts(file):
+            raise DecodeError("it begins neither as DataFlash, bytes or text, nor as MAVLink telemetry does.")
+        if file.suffix.lower() == ".tlog":
+            return mavlink.recording(file.read_bytes(), file.stem)
+        with file.open("rb") as stream:
+            binary = stream.read(2) == _HEAD
+        log = _of_bytes(file.read_bytes()) if binary else _of_text(file)
+        return _recording(log, file.stem)
+
+
+def _of_bytes(raw: bytes) -> _Log:
+    """One walk along the messages: two bytes of head, a type, and as many bytes as its FMT says."""
+    log, places, lengths = _Log(), dict[int, "array[int]"](), {_FMT: _FMT_LENGTH}
+    at, size, skipped = 0, len(raw), 0
+    while at + 3 <= size:
+        kind = raw[at + 2]
+        length = lengths.get(kind, 0)
+        if raw[at] != 0xA3 or raw[at + 1] != 0x95 or not length:
+            found = raw.find(_HEAD, at + 1)
+            found = size if found < 0 else found
+            skipped, at = skipped + found - at, found
+            continue
+        if at + length > size:
+            log.notes.append("cut: the file ends within a message")
+            break
+        if kind == _FMT:
+            _defined(log, raw[at + 3 : at + _FMT_LENGTH], lengths, places)
+        elif kind in places:
+            places[kind].append(at + 3)
+        at += length
+    if skipped:
+        log.notes.append(f"damage: {counted(skipped, 'byte')} skipped, which are not messages")
+    data = np.frombuffer(raw, np.uint8)
+    for kind, found_at in places.items():
+        _decoded(log, log.names[kind], data, np.frombuffer(found_at, np.int64), lengths[kind])
+    return log
+
+
+def _defined(log: _Log, body: bytes, lengths: dict[int, int], places: dict[int, "array[int]"]) -> None:
+    """Take a FMT message: type, length, name (4), letters (16), columns (64); the first of a type and a name counts."""
+    kind, length = body[0], body[1]
+    name, letters, columns = (
+        body[a:b].split(b"\0")[0].decode("ascii", errors="replace") for a, b in ((2, 6), (6, 22), (22, 86))
+    )
+    if kind in lengths or length < 3:
+        return
+    lengths[kind] = length
+    if name in _WANTED and name not in log.columns:
+        log.names[kind], log.columns[name] = name, (letters, tuple(columns.split(",")))
+        places[kind] = array("q")
+
+
+def _decoded(log: _Log, name: str, data: NDArray[np.uint8], places: NDArray[np.int64], length: int) -> None:
+    """Columns of one kind of message, with their multipliers."""
+    letters, columns = log.columns[name]
+    if not places.size:
+        return
+    try:
+        layout = np.dtype([(column, _LETTERS[letter][0]) for letter, column in zip(letters, columns, strict=True)])
+    except (ValueError, KeyError, TypeError):
+        log.notes.append(f"damage: the definition of {name} is not one, so its {places.size} messages are left out")
+        return
+    if layout.itemsize + 3 != length:
+        log.notes.append(f"damage: {name} has {length} bytes, but its letters need {layout.itemsize + 3}; left out")
+        return
+    table = logged.records(data, places, layout)
+    log.tables[name] = {
+        column: table[column] if _LETTERS[letter][1] == 1.0 else table[column] * _LETTERS[letter][1]
+        for letter, column in zip(letters, columns, strict=True)
+    }
+
+
+def _of_text(file: Path) -> _Log:
+    """Lines such as ``IMU, 1234, 0.01, …``; ArduPilot's tools write values that carry the multipliers already."""
+    log, bad = _Log(), 0
+    rows: dict[str, list[list[str]]] = {}
+    for line in _lines(file):
+        name, *values = [part.strip() for part in line.split(",")]
+        if name == "FMT" and len(values) >= 5 and values[2] in _WANTED and values[2] not in log.columns:
+            log.columns[values[2]] = (values[3], tuple(values[4:]))
+            rows[values[2]] = []
+        elif name in rows:
+            if len(values) == len(log.columns[name][1]):
+                rows[name].append(values)
+            else:
+                bad += 1
+    for name, lines in rows.items():
+        letters, columns = log.columns[name]
+        if lines and len(letters) == len(columns):
+            bad += _typed(log, name, lines)
+    if bad:
+        log.notes.append(f"damage: {counted(bad, 'line')} left out, which do not hold what their FMT says")
+    return log
+
+
+def _lines(file: Path) -> Iterator[str]:
+    with file.open("rb") as stream:
+        while line := stream.readline(_LINE):
+            yield line.decode("utf-8", errors="replace")
+
+
+def _typed(log: _Log, name: str, lines: list[list[str]]) -> int:
+    """Numbers of the lines of one kind; lines with what is not a number are left out, and counted."""
+    letters, columns = log.columns[name]
+    texts = [i for i, letter in enumerate(letters) if letter in "nNZa"]
+    numbers = [i for i in range(len(columns)) if i not in texts]
+    kept, values = list[list[str]](), list[list[float]]()
+    for line in lines:
+        try:
+            values.append([float(line[i]) for i in numbers])
+            kept.append(line)
+        except ValueError:
+            continue
+    if kept:
+        table = np.array(values, dtype=np.float64).reshape(len(kept), len(numbers))
+        log.tables[name] = {columns[i]: table[:, k] for k, i in enumerate(numbers)}
+        log.tables[name] |= {columns[i]: np.array([line[i].encode() for line in kept]) for i in texts}
+    return len(lines) - len(kept)
+
+
+def _recording(log: _Log, name: str) -> Recording:
+    notes = [
+        "ArduPilot DataFlash: body axes forward, right, down; frame NED; rad/s, m/s², milligauss as µT; clock in µs "
+        "since boot (ArduPilot, Onboard Message Log Messages and LogStructure.h)"
+    ]
+    streams = dict[str, Stream]()
+    if (found := _unit(log, "IMU", "GyrX", notes)) is not None:
+        imu_table, t_ns = found
+        for key, columns in (("gyr", ("GyrX", "GyrY", "GyrZ")), ("acc", ("AccX", "AccY", "AccZ"))):
+            if all(column in imu_table for column in columns):
+                values = np.column_stack([imu_table[column] for column in columns]).astype(np.float64)
+                streams[key] = logged.stream(key, t_ns, values, notes)
+    logged.require_gyroscope(streams, "IMU messages with GyrX")
+    if (found := _unit(log, "MAG", "MagX", notes)) is not None and {"MagY", "MagZ"} <= found[0].keys():
+        table, t_ns = found
+        values = np.column_stack([table[column] for column in ("MagX", "MagY", "MagZ")]).astype(np.float64)
+        streams["mag"] = logged.stream("mag", t_ns, units.to_si(values, "mgauss"), notes)
+    epoch = _epoch(log)
+    if epoch is None:
+        notes.append("UTC: not known, as no GPS with a fix is in the log")
+    declination = _parameter(log, "COMPASS_DEC")  # rad (ArduPilot, Complete Parameter List)
+    meta = ImuMeta(
+        device="ArduPilot",
+        frame=Frame.NED,
+        declination=declination if declination is not None and abs(declination) <= np.pi else None,
+        unit_check=False,
+    )
+    imu, how = joined(streams, meta=meta, epoch_ns=epoch)
+    notes += how
+    track = _attitude(log, imu.t_ns + int(np.asarray(streams["gyr"].t_ns)[0]), imu.t, notes)
+    return Recording(imu=imu, track=track, name=name, notes=(*notes, *log.notes))
+
+
+def _stamps(table: dict[str, NDArray[Any]]) -> NDArray[np.int64] | None:
+    """Stamps of messages, ns: µs, or ms in logs before 2015."""
+    for column, factor in (("TimeUS", 1), ("TimeMS", 1000)):
+        if column in table and table[column].dtype.kind in "iuf":
+            stamps = np.clip(np.nan_to_num(table[column].astype(np.float64)), 0.0, 9e15 / factor)
+            return logged.micro(stamps.astype(np.uint64) * np.uint64(factor))
+    return None
+
+
+def _unit(
+    log: _Log, name: str, column: str, notes: list[str]
+) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]] | None:
+    """Messages of the first unit of a kind, and their stamps; a note lists the other units."""
+    units_found: dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]] = {}
+    for kind in (name, f"{name}2", f"{name}3"):
+        table = log.tables.get(kind, {})
+        t_ns = _stamps(table)
+        if t_ns is None or column not in table:
+            continue
+        if "I" not in table:
+            units_found[kind] = (table, t_ns)
+            continue
+        for instance in np.unique(table["I"]).tolist():
+            own = table["I"] == instance
+            units_found[f"{kind} {instance:g}"] = ({key: values[own] for key, values in table.items()}, t_ns[own])
+    if not units_found:
+        return None
+    first, *others = units_found
+    more = "; not taken: " + ", ".join(f"{one} ({units_found[one][1].size})" for one in others) if others else ""
+    notes.append(f"samples: {first}, {counted(units_found[first][1].size, 'message')}{more}")
+    return units_found[first]
+
+
+def _parameter(log: _Log, name: str) -> float | None:
+    """Value of a parameter, as logged last."""
+    table = log.tables.get("PARM", {})
+    if not {"Name", "Value"} <= table.keys():
+        return None
+    rows = np.flatnonzero(table["Name"] == name.encode())
+    return float(table["Value"][rows[-1]]) if rows.size else None
+
+
+def _epoch(log: _Log) -> int | None:
+    """UTC of boot, ns since 1970, by the GPS messages with a 3D fix; half of them agree with the median."""
+    table = log.tables.get("GPS", {})
+    t_ns = _stamps(table)
+    names = next((pair for pair in (("GWk", "GMS"), ("Week", "TimeMS")) if set(pair) <= table.keys()), None)
+    if t_ns is None or names is None or "Status" not in table:
+        return None
+    if "TimeMS" in names:  # there TimeMS is the GPS's, and T the boot's, in ms
+        if "T" not in table:
+            return None
+        t_ns = logged.micro(table["T"].astype(np.uint64) * np.uint64(1000))
+    week, milli = (table[one].astype(np.int64) for one in names)
+    known = (table["Status"] >= 3) & (week > 1000) & (milli >= 0) & (milli < 604_800_000)
+    if not known.any():
+        return None
+    seconds = week[known] * 604_800
+    leap = next(count for since, count in _LEAPS if int(np.median(seconds + milli[known] // 1000)) >= since)
+    utc_ns = _GPS_EPOCH_NS + (seconds - leap) * 10**9 + milli[known] * 10**6
+    return int(np.median(utc_ns - t_ns[known]))
+
+
+def _attitude(log: _Log, rows_ns: NDArray[np.int64], t: Floats, notes: list[str]) -> AttitudeTrack | None:
+    """ArduPilot's own estimate on the rows of the samples: a quaternion where it is logged, else angles."""
+    for name in (*_QUATERNIONS, "ATT"):
+        table = log.tables.get(name, {})
+        q_nb = _quaternions(table)
+        t_ns = _stamps(table)
+        if q_nb is None or t_ns is None:
+            continue
+        first = table["C"] == table["C"].min() if "C" in table else np.ones(t_ns.size, dtype=bool)
+        placed = logged.attitude_at(rows_ns, t_ns[first], q_nb[first], notes)
+        if placed is not None:
+            return _track(name, placed, t, notes)
+    notes.append("attitude: none in the log at the samples' times (XKQ, XKQ1, NKQ1, ATT)")
+    return None
+
+
+def _track(name: str, q_nb: Floats, t: Floats, notes: list[str]) -> AttitudeTrack:
+    notes.append(
+        f"attitude: {name}, ArduPilot's own estimate from the same sensors, not a reference: a comparison with it "
+        "shows agreement, not accuracy; its heading counts from true north, as ArduPilot adds the declination"
+    )
+    source = f"ArduPilot's own estimate ({name}), not a reference"
+    return AttitudeTrack(t=t, q_nb=q_nb, frame=Frame.NED, north=North.TRUE, source=source)
+
+
+def _quaternions(table: dict[str, NDArray[Any]]) -> Floats | None:
+    """Body to NED (N, 4), wxyz."""
+    if {"Q1", "Q2", "Q3", "Q4"} <= table.keys():
+        return np.column_stack([table[f"Q{i}"] for i in (1, 2, 3, 4)]).astype(np.float64)
+    if {"Yaw", "Pitch", "Roll"} <= table.keys():
+        angles = np.column_stack([table[one] for one in ("Yaw", "Pitch", "Roll")]).astype(np.float64)
+        return quat_from_euler_zyx(units.deg(angles))
+    return None

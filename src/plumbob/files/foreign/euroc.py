@@ -1,16 +1,161 @@
-"""EuRoC and TUM VI."""
+"""EuRoC MAV and TUM VI: folders in the ASL layout, ``mav0/imu0``, or the table ``data.csv`` of an IMU alone.
 
+By the data sets' own head lines and papers (Burri et al., IJRR 2016; Schubert et al., IROS 2018):
+
+- ``timestamp [ns]`` since 1970 by the recorder's clock, ``w_RS_S`` in rad/s, ``a_RS_S`` in m/s²: angular rate and
+  specific force of the sensor S against the reference frame R, in axes of the sensor;
+- ``q_RS``, scalar first, turns axes of the sensor into those of R, whose z axis points up; its heading has an arbitrary
+  zero, so the frame is called ENU with a free heading;
+- ``T_BS`` in ``sensor.yaml`` turns axes of a sensor into those of the body. Samples stay in axes of the IMU, and the
+  ground truth is brought to them: q_R,imu = q_R,S · (T_BS of the truth)⁻¹ · T_BS of the IMU.
+
+The ground truth is ``state_groundtruth_estimate0`` of EuRoC, a batch estimate from laser tracker or Vicon **and this
+IMU**, or ``mocap0`` of TUM VI, poses of the IMU by motion capture.
+"""
+
+import re
 from pathlib import Path
+from typing import Final
 
-from plumbob.core.errors import DecodeError
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import DecodeError, ShapeError
+from plumbob.core.files import existing_file, reading, text_of
+from plumbob.core.text import counted
+from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.files.foreign import logged
+from plumbob.files.foreign.join import joined
 from plumbob.files.notes import Recording
+from plumbob.rotations import Frame, North
+from plumbob.rotations.quaternions import quat_conjugate, quat_from_dcm, quat_multiply
+
+_TRUTHS: Final = {
+    "state_groundtruth_estimate0": "EuRoC ground truth: batch estimate from laser tracker or Vicon and this IMU",
+    "mocap0": "TUM VI motion capture: poses of the IMU",
+}
+_ROTATION_TOLERANCE: Final = 1e-3
+_SAMPLES: Final = np.dtype([("t", "i8"), ("values", "f8", (6,))])
+_POSES: Final = np.dtype([("t", "i8"), ("values", "f8", (7,))])
 
 
 def accepts(path: Path) -> bool:
-    """Whether a path is of this format, by its content."""
-    return False
+    """Whether a folder has the IMU of the ASL layout, or a table begins with its head line."""
+    if path.is_dir():
+        return _home(path) is not None
+    if path.suffix.lower() != ".csv" or not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        head = stream.readline(512)
+    return head.startswith(b"#timestamp") and b"w_RS_S_x" in head and b"a_RS_S_x" in head
+
+
+def _home(folder: Path) -> Path | None:
+    """Folder that holds ``imu0``."""
+    return next((one for one in (folder / "mav0", folder) if (one / "imu0" / "data.csv").is_file()), None)
 
 
 def read(path: Path) -> Recording:
-    """Read it."""
-    raise DecodeError(f"{path}: this format is not read yet.")
+    """Read samples, and the ground truth where a folder has one.
+
+    Raises
+    ------
+    DecodeError
+        If a table is not one of the ASL layout or is damaged, or a link leads out of the folder.
+    ClockError
+        If more than 1 % of the stamps go back.
+    """
+    with reading(path):
+        if not path.is_dir():
+            return _recording(existing_file(path), None, path.stem if path.stem != "data" else _stem(path))
+        home = _home(path)
+        if home is None:
+            raise DecodeError("there is no mav0/imu0/data.csv in it; name the folder that holds mav0.")
+        return _recording(logged.inside(home, "imu0", "data.csv"), home, _stem(home / "imu0" / "data.csv"))
+
+
+def _stem(table: Path) -> str:
+    """Name of the sequence: that of the folder about mav0."""
+    parts = [one for one in table.resolve().parts[:-1] if one not in ("mav0", "imu0", "data")]
+    return parts[-1] if parts else "imu0"
+
+
+def _recording(table: Path, home: Path | None, name: str) -> Recording:
+    rows = logged.rows_of(table, _SAMPLES, 7, delimiter=",", comments="#")
+    notes = [
+        "ASL layout of EuRoC and TUM VI: axes of the IMU; rad/s, m/s²; stamps in ns since 1970 by the recorder's clock "
+        "(head lines of the tables; doi:10.1177/0278364915620033, doi:10.1109/IROS.2018.8593419)"
+    ]
+    turn, rate = _sensor(table.with_name("sensor.yaml"), "imu0", notes)
+    streams = {
+        "gyr": logged.stream("gyr", rows["t"], rows["values"][:, :3], notes),
+        "acc": logged.stream("acc", rows["t"], rows["values"][:, 3:], notes),
+    }
+    meta = ImuMeta(device="ASL imu0", rate_nominal=rate, frame=Frame.ENU, north=North.FREE, unit_check=False)
+    imu, how = joined(streams, meta=meta, epoch_ns=0)
+    notes += how
+    track = None if home is None else _truth(home, turn, imu.t_ns + imu.meta.t0_ns, imu.t, notes)
+    return Recording(imu=imu, track=track, name=name, notes=tuple(notes))
+
+
+def _truth(
+    home: Path, q_b_imu: Floats, rows_ns: NDArray[np.int64], t: Floats, notes: list[str]
+) -> AttitudeTrack | None:
+    for kind, source in _TRUTHS.items():
+        if not (home / kind / "data.csv").exists():
+            continue
+        rows = logged.rows_of(logged.inside(home, kind, "data.csv"), _POSES, 8, delimiter=",", comments="#")
+        q_b_s, _ = _sensor(home / kind / "sensor.yaml", kind, notes)
+        q_rs = rows["values"][:, 3:]
+        q_nb = quat_multiply(quat_multiply(q_rs, quat_conjugate(q_b_s)), q_b_imu)
+        placed = logged.attitude_at(rows_ns, rows["t"], q_nb, notes)
+        if placed is None:
+            notes.append(f"reference: {kind} holds none at the samples' times")
+            continue
+        notes.append(
+            f"reference: {kind}, {counted(rows.size, 'pose')}, axes of the IMU to a frame with z up whose heading has "
+            "an arbitrary zero"
+        )
+        return AttitudeTrack(t=t, q_nb=placed, frame=Frame.ENU, north=North.FREE, source=source)
+    notes.append(f"reference: none ({' or '.join(_TRUTHS)})")
+    return None
+
+
+def _sensor(file: Path, name: str, notes: list[str]) -> tuple[Floats, float | None]:
+    """Rotation of ``T_BS`` as a quaternion, sensor to body, and the rate, Hz, as far as ``sensor.yaml`` says them.
+
+    Of YAML it reads what these files use: keys at the start of a line, numbers, and a list in brackets.
+    """
+    identity = np.array([1.0, 0.0, 0.0, 0.0])
+    if not file.is_file():
+        notes.append(f"{name}: no sensor.yaml, so its axes are taken for those of the body")
+        return identity, None
+    text = re.sub(r"#.*", "", text_of(logged.inside(file.parent.parent, file.parent.name, file.name)))
+    rate = re.search(r"^rate_hz:[ \t]*([0-9.]{1,12})[ \t]*$", text, re.MULTILINE)
+    hertz = _number(rate[1], "rate_hz", file) if rate else None
+    listed = re.search(r"^T_BS:[^\[\]]{0,200}?data:\s{0,80}\[([^\]]{0,2000})\]", text, re.MULTILINE)
+    if listed is None:
+        notes.append(f"{name}: no T_BS in sensor.yaml, so its axes are taken for those of the body")
+        return identity, hertz
+    numbers = [_number(one, "T_BS", file) for one in listed[1].replace(",", " ").split()]
+    if len(numbers) != 16:
+        raise DecodeError(f"T_BS in {name}/{file.name} must have 16 numbers, 4 rows of 4, but it has {len(numbers)}.")
+    c_bs = np.array(numbers).reshape(4, 4)[:3, :3]
+    try:
+        turn = quat_from_dcm(c_bs, tolerance=_ROTATION_TOLERANCE)
+    except ShapeError as error:
+        raise DecodeError(f"T_BS in {name}/{file.name} is not a rotation: {error}") from error
+    if not np.allclose(c_bs, np.eye(3), atol=1e-6):
+        notes.append(f"{name}: T_BS turns its axes into those of the body; samples stay in axes of the IMU")
+    return turn, hertz if hertz else None
+
+
+def _number(text: str, key: str, file: Path) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise DecodeError(f"{key} in {file.parent.name}/{file.name} holds {text[:20]!r}, which is not a number.")
+    return value

@@ -1,16 +1,146 @@
-"""KITTI raw."""
+"""KITTI raw: the folder of a drive, whose ``oxts`` holds one text file for each sample of a GPS/IMU unit (OXTS RT3003).
 
+By ``oxts/dataformat.txt`` of each drive, and Geiger et al., IJRR 2013:
+
+- ``ax ay az`` m/s², specific force, and ``wx wy wz`` rad/s in axes of the vehicle: forward, left, up (FLU);
+- ``roll pitch yaw`` rad; roll positive with the left side up, pitch positive with the front down, yaw 0 = East and
+  counter-clockwise: turns about x, y, z of FLU against ENU. It is the unit's own solution with GPS and two antennas;
+- ``timestamps.txt``: one line for each sample, to the ns, in a time zone that it does not say.
+
+Drives called ``_sync`` have 10 Hz (one sample for each image), ``_extract`` 100 Hz.
+"""
+
+import os
+import re
 from pathlib import Path
+from typing import Final
 
-from plumbob.core.errors import DecodeError
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import DecodeError, excerpt, one_line
+from plumbob.core.files import reading, text_of
+from plumbob.core.text import counted
+from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.files.foreign import logged
+from plumbob.files.foreign.join import joined
 from plumbob.files.notes import Recording
+from plumbob.rotations import Frame, North
+from plumbob.rotations.quaternions import quat_from_euler_zyx
+
+_COLUMNS: Final = 30
+_YPR, _ACC, _GYR = [5, 4, 3], [11, 12, 13], [17, 18, 19]
+"""Places of yaw, pitch and roll, of ax ay az, and of wx wy wz, counted from 0 (`dataformat.txt`)."""
+_STAMP: Final = re.compile(r"(?:19|20)\d\d-\d\d-\d\d \d\d:\d\d:\d\d(?:\.\d{1,9})?", re.ASCII)
+_MOST_FILES: Final = 2_000_000
+_MOST_BYTES: Final = 4096
 
 
 def accepts(path: Path) -> bool:
-    """Whether a path is of this format, by its content."""
-    return False
+    """Whether a folder has ``oxts/timestamps.txt`` and ``oxts/data``."""
+    return path.is_dir() and _home(path) is not None
+
+
+def _home(folder: Path) -> Path | None:
+    """Folder of the GPS/IMU unit."""
+    return next(
+        (
+            one
+            for one in (folder / "oxts", folder)
+            if (one / "timestamps.txt").is_file() and (one / "data").is_dir() and one.name == "oxts"
+        ),
+        None,
+    )
 
 
 def read(path: Path) -> Recording:
-    """Read it."""
-    raise DecodeError(f"{path}: this format is not read yet.")
+    """Read samples and the unit's own attitude of a drive.
+
+    Raises
+    ------
+    DecodeError
+        If a file is missing, is not 30 numbers, or a link leads out of the folder.
+    ClockError
+        If more than 1 % of the stamps go back.
+    """
+    with reading(path):
+        home = _home(path)
+        if home is None:
+            raise DecodeError("there are no oxts/timestamps.txt and oxts/data in it; name the folder of a drive.")
+        rows, table = _table(home)
+        stamps = _stamps(logged.inside(home, "timestamps.txt"))
+        if rows[-1] >= stamps.size:
+            raise DecodeError(f"sample {rows[-1]} has no stamp, as timestamps.txt has {counted(stamps.size, 'line')}.")
+        name = path.resolve().name if path.name != "oxts" else path.resolve().parent.name
+        return _recording(stamps[rows], table, stamps.size, name)
+
+
+def _table(home: Path) -> tuple[NDArray[np.int64], Floats]:
+    """Numbers of the samples, and their values (N, 30)."""
+    names: list[str] = []
+    with os.scandir(logged.inside(home, "data")) as found:
+        for entry in found:
+            if entry.name.endswith(".txt") and entry.name[:-4].isascii() and entry.name[:-4].isdigit():
+                names.append(entry.name)
+            if len(names) > _MOST_FILES:
+                raise DecodeError(f"oxts/data holds more than {_MOST_FILES} files, which is not a drive.")
+    if not names:
+        raise DecodeError("oxts/data holds no files such as 0000000000.txt; take a copy that is whole.")
+    numbered = sorted((int(name[:-4][:18]), name) for name in names)
+    values = np.empty((len(numbered), _COLUMNS))
+    for row, (_, name) in enumerate(numbered):
+        values[row] = _values(logged.inside(home, "data", name), name)
+    return np.array([number for number, _ in numbered], dtype=np.int64), values
+
+
+def _values(file: Path, name: str) -> list[float]:
+    """The 30 numbers of one sample."""
+    if not file.is_file():
+        raise DecodeError(f"oxts/data/{name} is not a regular file.")
+    with file.open("rb") as stream:
+        words = stream.read(_MOST_BYTES).split()
+    try:
+        found = [float(word) for word in words]
+    except ValueError:
+        found = []
+    if len(found) != _COLUMNS:
+        raise DecodeError(f"oxts/data/{name} must hold {_COLUMNS} numbers, but it does not; it has {len(words)} words.")
+    return found
+
+
+def _stamps(file: Path) -> NDArray[np.int64]:
+    """Stamps of all samples, ns since 1970 if their zone were UTC."""
+    lines = [line.strip() for line in text_of(file).splitlines() if line.strip()]
+    for line in lines:
+        if not _STAMP.fullmatch(line):
+            raise DecodeError(f"timestamps.txt holds {excerpt(line)}, which is not a date and a time.")
+    try:
+        stamps = np.array(lines, dtype="datetime64[ns]")
+    except ValueError as error:
+        raise DecodeError(f"timestamps.txt holds a line that is not a date and a time: {one_line(error)}.") from error
+    return stamps.astype(np.int64)
+
+
+def _recording(t_ns: NDArray[np.int64], table: Floats, stamped: int, name: str) -> Recording:
+    notes = [
+        "KITTI raw: axes of the vehicle, forward, left, up; frame ENU, yaw 0 = East, counter-clockwise; m/s², rad/s "
+        "(oxts/dataformat.txt; doi:10.1177/0278364913491297)",
+        "UTC: not known, as timestamps.txt does not say its time zone",
+    ]
+    if missing := stamped - t_ns.size:
+        notes.append(f"oxts/data: {counted(missing, 'sample')} of {stamped} have a stamp and no file")
+    streams = {
+        "gyr": logged.stream("gyr", t_ns, table[:, _GYR], notes),
+        "acc": logged.stream("acc", t_ns, table[:, _ACC], notes),
+    }
+    meta = ImuMeta(device="OXTS RT3003", frame=Frame.ENU, north=North.TRUE, unit_check=False)
+    imu, how = joined(streams, meta=meta)
+    rows_ns = imu.t_ns + int(np.asarray(streams["gyr"].t_ns)[0])
+    q_nb = logged.attitude_at(rows_ns, t_ns, quat_from_euler_zyx(table[:, _YPR]), notes)
+    track = None
+    if q_nb is not None:
+        source = "OXTS RT3003: the unit's own solution with GPS of two antennas and this IMU"
+        notes.append(f"reference: {source}; its heading counts from true north")
+        track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=Frame.ENU, north=North.TRUE, source=source)
+    return Recording(imu=imu, track=track, name=name, notes=(*notes, *how))

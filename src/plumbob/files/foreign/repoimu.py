@@ -1,16 +1,86 @@
-"""RepoIMU."""
+"""RepoIMU: trials of an Xsens MTi on a wand (TStick) or a pendulum, with Vicon, as text.
+
+By the head lines of the files and Szczęsna et al., ICCVG 2016 (doi:10.1007/978-3-319-46418-3_45): two head lines, then
+14 columns, separated by semicolons: time in s; the orientation by Vicon, W X Y Z; acceleration, m/s²; angular rate,
+rad/s; magnetic field, in units of the local field, as Xsens gives it.
+
+- The field is scaled by 50 µT, so that directions are right and its size is nominal.
+- The axes of the IMU and those of the markers, and the frames, are **not aligned** in the files (the paper's section
+  4), so a comparison needs ``--align heading,mounting``.
+- Where Vicon lost the markers the quaternion is zero, or not of norm 1: then the attitude is not known.
+"""
 
 from pathlib import Path
+from typing import Final
 
+import numpy as np
+
+from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import DecodeError
+from plumbob.core.files import existing_file, reading
+from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.files.foreign import logged
+from plumbob.files.foreign.join import joined, stamps_of
 from plumbob.files.notes import Recording
+from plumbob.rotations import Frame, North
+
+_ROWS: Final = np.dtype([("t", "f8"), ("values", "f8", (13,))])
+_HEAD: Final = 512
 
 
 def accepts(path: Path) -> bool:
-    """Whether a path is of this format, by its content."""
-    return False
+    """Whether a table has the two head lines of a trial."""
+    return path.suffix.lower() == ".csv" and path.is_file() and bool(_separator(path))
+
+
+def _separator(path: Path) -> str:
+    """What separates the columns: a semicolon, or a comma in copies; empty where it is not a trial."""
+    with path.open("rb") as stream:
+        names, axes = stream.readline(_HEAD).lower(), stream.readline(_HEAD).lower()
+    if not (b"time" in names and b"vicon" in names and b"imu" in names):
+        return ""
+    for separator in (";", ","):
+        letters = [one.strip(b' "') for one in axes.strip().split(separator.encode())]
+        if letters[1:5] == [b"w", b"x", b"y", b"z"] and letters[5:14] == [b"x", b"y", b"z"] * 3:
+            return separator
+    return ""
 
 
 def read(path: Path) -> Recording:
-    """Read it."""
-    raise DecodeError(f"{path}: this format is not read yet.")
+    """Read samples and the orientation by Vicon; frames and units are those of this module's description.
+
+    Raises
+    ------
+    DecodeError
+        If it has not the head lines of a trial, or a row is not 14 numbers.
+    ClockError
+        If more than 1 % of the stamps go back.
+    """
+    file = existing_file(path, logged.MOST)
+    with reading(file):
+        separator = _separator(file)
+        if not separator:
+            raise DecodeError("it has not the two head lines of a RepoIMU trial (Time, Vicon, IMU; W X Y Z …).")
+        rows = logged.rows_of(file, _ROWS, 14, delimiter=separator, skiprows=2)
+        notes = [
+            "RepoIMU: axes of the IMU; s, m/s², rad/s; magnetic field in units of the local one, scaled by "
+            f"{NOMINAL_FIELD:g} µT (head lines; doi:10.1007/978-3-319-46418-3_45)"
+        ]
+        t_ns, values = stamps_of("time", rows["t"]), rows["values"]
+        streams = {
+            "gyr": logged.stream("gyr", t_ns, values[:, 7:10], notes),
+            "acc": logged.stream("acc", t_ns, values[:, 4:7], notes),
+            "mag": logged.stream("mag", t_ns, values[:, 10:13] * NOMINAL_FIELD, notes),
+        }
+        meta = ImuMeta(device="Xsens MTi (RepoIMU)", frame=Frame.ENU, unit_check=False)
+        imu, how = joined(streams, meta=meta)
+        rows_ns = imu.t_ns + int(np.asarray(streams["gyr"].t_ns)[0])
+        q_nb = logged.attitude_at(rows_ns, t_ns, values[:, :4], notes)
+        track = None
+        if q_nb is not None:
+            notes.append(
+                "reference: Vicon, axes of the markers to a frame with z up; neither axes nor frames are aligned with "
+                "the IMU's, so a comparison needs --align heading,mounting"
+            )
+            track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=Frame.ENU, north=North.FREE, source="Vicon (RepoIMU)")
+        return Recording(imu=imu, track=track, name=file.stem, notes=(*notes, *how))

@@ -1,0 +1,156 @@
+"""What logs of flight controllers and data sets share: records of fixed layout, stamps, and an attitude on the rows.
+
+An attitude that a log holds has stamps of its own. It is brought to the rows of the samples along the shorter arc
+between its two neighbours, where these are not farther apart than a gap; elsewhere it is NaN, 'not known'.
+"""
+
+import warnings
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import DecodeError, one_line
+from plumbob.core.files import existing_file
+from plumbob.core.text import counted
+from plumbob.core.time import GAP_FACTOR, LONGEST
+from plumbob.files.foreign.join import Stream
+from plumbob.rotations.quaternions import quat_normalize, quat_slerp
+
+MOST: Final = 2 << 30
+"""Bytes of a log at most: it is kept in memory while it is searched."""
+_PART: Final = 1 << 14
+_NORM: Final = 1e-3
+
+
+def records(raw: NDArray[np.uint8], places: NDArray[np.int64], layout: "np.dtype[Any]") -> NDArray[Any]:
+    """Records (N,) of one layout that begin at these places in a file's bytes."""
+    found = np.empty((places.size, layout.itemsize), dtype=np.uint8)
+    within = np.arange(layout.itemsize)
+    for start in range(0, places.size, _PART):
+        found[start : start + _PART] = raw[places[start : start + _PART, None] + within]
+    return found.view(layout)[:, 0] if layout.itemsize else np.empty(0, layout)
+
+
+def triad(table: NDArray[Any], *names: str) -> Floats:
+    """Three columns of records as (N, 3), or one that holds three numbers in each record."""
+    if len(names) == 1:
+        return np.asarray(table[names[0]], dtype=np.float64)
+    return np.column_stack([np.asarray(table[name], dtype=np.float64) for name in names])
+
+
+def steady(t_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which stamps fit between their neighbours (N,): a damaged one that leaps ahead would make all after it late."""
+    keep = np.ones(t_ns.size, dtype=bool)
+    if t_ns.size > 2:
+        keep &= np.abs(t_ns - np.median(t_ns)) < LONGEST / 2 * 1e9
+        kept = np.flatnonzero(keep)
+        inner = t_ns[kept]
+        keep[kept[1:-1][(inner[1:-1] >= inner[2:]) & (inner[2:] > inner[:-2])]] = False
+    return keep
+
+
+def stream(name: str, t_ns: NDArray[np.int64], values: Floats, notes: list[str]) -> Stream:
+    """A sensor's stream, without rows whose stamps leap; their count becomes a note."""
+    keep = steady(t_ns)
+    if lost := t_ns.size - int(keep.sum()):
+        notes.append(f"{name}: {counted(lost, 'sample')} left out, whose stamps leap away from their neighbours'")
+    return Stream(t_ns[keep], values[keep])
+
+
+def micro(stamps: NDArray[Any]) -> NDArray[np.int64]:
+    """Integer ns of µs (N,), as flight controllers count them; what no clock of 64 bit ns holds becomes its end."""
+    most = np.iinfo(np.int64).max // 1000
+    return np.minimum(stamps.astype(np.uint64), np.uint64(most)).astype(np.int64) * 1000
+
+
+def attitude_at(rows_ns: NDArray[np.int64], t_ns: NDArray[np.int64], q_nb: Floats, notes: list[str]) -> Floats | None:
+    """Attitude of a log at the rows of its samples.
+
+    Parameters
+    ----------
+    rows_ns : ndarray (N,) of int64
+        Stamps of the samples, ns.
+    t_ns : ndarray (M,) of int64
+        Stamps of the attitude by the same clock, ns.
+    q_nb : ndarray (M, 4)
+        Body to navigation, wxyz; what is not a rotation (a norm that is not 1 within 1e-3) is taken for 'not known'.
+    notes : list of str
+        What was left out is added here.
+
+    Returns
+    -------
+    ndarray (N, 4) or None
+        Quaternions, NaN where the log has no attitude; None where it has none at all.
+    """
+    known = np.abs(np.sqrt(np.sum(q_nb * q_nb, axis=1)) - 1.0) < _NORM
+    known &= steady(t_ns)
+    known[1:] &= t_ns[1:] > np.maximum.accumulate(t_ns)[:-1]
+    if not known.any():
+        return None
+    if lost := known.size - int(known.sum()):
+        what = counted(lost, "attitude")
+        notes.append(f"attitude: {what} left out of {known.size}, not rotations or without a stamp in order")
+    stamps, q = t_ns[known], quat_normalize(q_nb[known])
+    if np.array_equal(stamps, rows_ns):
+        return q
+    right = np.searchsorted(stamps, rows_ns)
+    high = np.minimum(right, stamps.size - 1)
+    exact = stamps[high] == rows_ns
+    low = np.where(exact, high, np.maximum(right - 1, 0))
+    span = stamps[high] - stamps[low]
+    usual = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
+    inside = exact | ((right > 0) & (right < stamps.size) & (span <= GAP_FACTOR * usual))
+    if not inside.any():
+        return None
+    share = np.divide(rows_ns - stamps[low], span, out=np.zeros(rows_ns.size), where=span > 0)
+    found = np.full((rows_ns.size, 4), np.nan)
+    found[inside] = quat_slerp(q[low[inside]], q[high[inside]], share[inside])
+    if not exact.all():
+        notes.append(
+            f"attitude: {counted(stamps.size, 'quaternion')} on stamps of its own, interpolated along the shorter arc "
+            f"at those of the samples; not known in {int(np.count_nonzero(~inside))} of {rows_ns.size}"
+        )
+    return found
+
+
+def require_gyroscope(streams: dict[str, Stream], where: str) -> None:
+    """Refuse a log without angular rates, which lead the rows."""
+    if "gyr" not in streams or not np.asarray(streams["gyr"].t_ns).size:
+        raise DecodeError(f"it holds no samples of a gyroscope ({where}); log them, or take another file.")
+
+
+def inside(folder: Path, *parts: str) -> Path:
+    """Path of a file in a folder, refused where a link leads out of it.
+
+    Raises
+    ------
+    DecodeError
+        If it is not in the folder.
+    """
+    found = folder.joinpath(*parts)
+    if not found.resolve().is_relative_to(folder.resolve()):
+        raise DecodeError(f"{'/'.join(parts)} leads out of the folder; copy the data set with its files.")
+    return found
+
+
+def rows_of(path: Path, layout: Any, columns: int, **how: Any) -> NDArray[Any]:
+    """Rows (N,) of a text table with stamps and numbers, of a type with the fields ``t`` and ``values``.
+
+    Raises
+    ------
+    DecodeError
+        If a row has too few columns or holds what is not a number, or there is none.
+    """
+    file = existing_file(path, MOST)
+    try:
+        with file.open(encoding="utf-8-sig") as text, warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # no rows, which is said below
+            found = np.loadtxt(text, dtype=layout, usecols=range(columns), ndmin=1, **how)
+    except (ValueError, UnicodeDecodeError, OverflowError) as error:
+        raise DecodeError(f"{path.name} holds a row that is not {columns} numbers: {one_line(error)}.") from error
+    if not found.size:
+        raise DecodeError(f"{path.name} holds no rows; take a copy that is whole.")
+    return found

@@ -1,0 +1,260 @@
+"""Telemetry logs: MAVLink packets, each after 8 bytes of the receiver's clock (``.tlog``).
+
+Packets are those of the MAVLink guide, 'Packet Serialization', versions 1 and 2; each is checked by its CRC. Messages
+are those of `common.xml`:
+
+- ``HIGHRES_IMU``: rad/s, m/s², gauss; ``SCALED_IMU``, ``SCALED_IMU2``, ``SCALED_IMU3``: mrad/s, mg, mgauss;
+- ``RAW_IMU`` has no units by the standard; ArduPilot sends it in those of ``SCALED_IMU``, so it is taken where the
+  vehicle's heartbeat says ArduPilot, and refused otherwise;
+- ``ATTITUDE_QUATERNION``: body to NED, scalar first; ``ATTITUDE``: roll, pitch, yaw in rad. They are the vehicle's own
+  estimate, and **not a reference**;
+- body axes forward, right, down; frame NED.
+
+The receiver's stamps are µs since 1970 with the delay of the radio link in them. Rows have the vehicle's own stamps;
+UTC is the receiver's, by the packet that came soonest.
+"""
+
+from array import array
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import units
+from plumbob.core.check import Floats
+from plumbob.core.errors import DecodeError
+from plumbob.core.text import counted
+from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.files.foreign import logged
+from plumbob.files.foreign.join import Stream, joined
+from plumbob.files.notes import Recording
+from plumbob.protocols.checksum import of_rows
+from plumbob.rotations import Frame, North
+from plumbob.rotations.quaternions import quat_from_euler_zyx
+
+_NINE: Final = [(f"{sensor}{axis}", "<i2") for sensor in ("acc", "gyr", "mag") for axis in "xyz"]
+_FLOAT_NINE: Final = [(name, "<f4") for name, _ in _NINE]
+_MILLI: Final = {"acc": "mg", "gyr": "mrad/s", "mag": "mgauss"}
+_SI: Final = {"acc": "m/s2", "gyr": "rad/s", "mag": "gauss"}
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """A message: name, what its CRC is closed with, layout on the wire (longest fields first), units."""
+
+    name: str
+    extra: int
+    layout: "np.dtype[Any]"
+    units: dict[str, str] = field(default_factory=dict)
+
+
+_KINDS: Final = {
+    0: _Kind("HEARTBEAT", 50, np.dtype([("mode", "<u4"), ("type", "u1"), ("autopilot", "u1"), ("rest", "u1", (3,))])),
+    26: _Kind("SCALED_IMU", 170, np.dtype([("ms", "<u4"), *_NINE]), _MILLI),
+    27: _Kind("RAW_IMU", 144, np.dtype([("us", "<u8"), *_NINE]), _MILLI),
+    30: _Kind(
+        "ATTITUDE", 39, np.dtype([("ms", "<u4"), ("roll", "<f4"), ("pitch", "<f4"), ("yaw", "<f4"), ("w", "<f4", (3,))])
+    ),
+    31: _Kind("ATTITUDE_QUATERNION", 246, np.dtype([("ms", "<u4"), ("q", "<f4", (4,)), ("w", "<f4", (3,))])),
+    105: _Kind(
+        "HIGHRES_IMU",
+        93,
+        np.dtype([("us", "<u8"), *_FLOAT_NINE, ("rest", "<f4", (4,)), ("updated", "<u2")]),
+        _SI,
+    ),
+    116: _Kind("SCALED_IMU2", 76, np.dtype([("ms", "<u4"), *_NINE]), _MILLI),
+    129: _Kind("SCALED_IMU3", 46, np.dtype([("ms", "<u4"), *_NINE]), _MILLI),
+}
+"""By message number: fields and CRC_EXTRA of `common.xml`."""
+_PREFERRED: Final = (105, 26, 27, 116, 129)
+_ARDUPILOT: Final = 3
+"""`MAV_AUTOPILOT_ARDUPILOTMEGA`."""
+_EARLIEST_US, _LATEST_US = 946_684_800 * 10**6, 4_102_444_800 * 10**6
+_SIGNED: Final = 0x01
+_CHECK: Final = "crc16-mcrf4xx"
+_BITS: Final = {"acc": 0x007, "gyr": 0x038, "mag": 0x1C0}
+"""`HIGHRES_IMU_UPDATED_FLAGS`."""
+
+
+@dataclass
+class _Packets:
+    """Where packets of one kind and system begin, and when they came."""
+
+    places: "array[int]" = field(default_factory=lambda: array("q"))
+    lengths: "array[int]" = field(default_factory=lambda: array("q"))
+    came_us: "array[int]" = field(default_factory=lambda: array("q"))
+
+
+def starts(start: bytes) -> bool:
+    """Whether these first bytes of a file are a stamp of this century, and a packet."""
+    return (
+        len(start) >= 17 and start[8] in (0xFE, 0xFD) and _EARLIEST_US < int.from_bytes(start[:8], "big") < _LATEST_US
+    )
+
+
+def recording(raw: bytes, name: str) -> Recording:
+    """Samples and the vehicle's own attitude of a telemetry log's bytes.
+
+    Raises
+    ------
+    DecodeError
+        If it holds no gyroscope in known units.
+    """
+    found, skipped = _scanned(raw)
+    data = np.frombuffer(raw, np.uint8)
+    notes = [
+        "MAVLink telemetry: body axes forward, right, down; frame NED; clock of the vehicle, UTC by the receiver's "
+        "(MAVLink guide, Packet Serialization; common.xml)"
+    ]
+    tables: dict[tuple[int, int], tuple[NDArray[Any], NDArray[np.int64]]] = {}
+    bad = 0
+    for key, packets in found.items():
+        table, came_us, wrong = _checked(data, key[1], packets)
+        bad += wrong
+        if table.size:
+            tables[key] = (table, came_us)
+    system, number = _chosen(tables, notes)
+    table, came_us = tables[system, number]
+    own_ns = _own_ns(table)
+    streams = _streams(number, table, own_ns, notes)
+    logged.require_gyroscope(streams, "HIGHRES_IMU, SCALED_IMU, or RAW_IMU of ArduPilot")
+    epoch = int(np.min(came_us * 1000 - own_ns))
+    meta = ImuMeta(device=f"MAVLink system {system}", frame=Frame.NED, unit_check=False)
+    imu, how = joined(streams, meta=meta, epoch_ns=epoch)
+    notes += how
+    track = _attitude(tables, system, epoch, imu.t_ns + int(np.asarray(streams["gyr"].t_ns)[0]), imu.t, notes)
+    if skipped:
+        notes.append(f"damage: {counted(skipped, 'byte')} skipped, which are not packets")
+    if bad:
+        notes.append(f"damage: {counted(bad, 'packet')} left out, whose CRC is wrong")
+    return Recording(imu=imu, track=track, name=name, notes=tuple(notes))
+
+
+def _scanned(raw: bytes) -> tuple[dict[tuple[int, int], _Packets], int]:
+    """Packets of known kinds, by system and message number; bytes that are not packets are counted."""
+    found: dict[tuple[int, int], _Packets] = {}
+    at, size, skipped = 0, len(raw), 0
+    while at + 17 <= size:
+        begin = at + 8
+        version = raw[begin]
+        if version == 0xFE:
+            length, system, number, head, tail = raw[begin + 1], raw[begin + 3], raw[begin + 5], 6, 2
+        elif version == 0xFD:
+            length, system, head = raw[begin + 1], raw[begin + 5], 10
+            number = int.from_bytes(raw[begin + 7 : begin + 10], "little")
+            tail = 15 if raw[begin + 2] & _SIGNED else 2
+        else:
+            at, skipped = at + 1, skipped + 1
+            continue
+        came = int.from_bytes(raw[at:begin], "big")
+        end = begin + head + length + tail
+        follows = end == size or (end + 8 < size and raw[end + 8] in (0xFE, 0xFD)) or size - end < 17
+        if not _EARLIEST_US < came < _LATEST_US or end > size or not follows:
+            at, skipped = at + 1, skipped + 1
+            continue
+        if number in _KINDS:
+            packets = found.setdefault((system, number), _Packets())
+            packets.places.append(begin)
+            packets.lengths.append(length)
+            packets.came_us.append(came)
+        at = end
+    return found, skipped + size - at
+
+
+def _checked(data: NDArray[np.uint8], number: int, packets: _Packets) -> tuple[NDArray[Any], NDArray[np.int64], int]:
+    """Records of the packets whose CRC is right, when they came, and how many are wrong."""
+    kind = _KINDS[number]
+    places, lengths = (np.frombuffer(one, np.int64) for one in (packets.places, packets.lengths))
+    payload = np.zeros((places.size, kind.layout.itemsize), np.uint8)
+    right = np.zeros(places.size, dtype=bool)
+    versions = data[places]
+    for version, length in {(int(v), int(n)) for v, n in zip(versions, lengths, strict=True)}:
+        own = np.flatnonzero((versions == version) & (lengths == length))
+        head = 6 if version == 0xFE else 10
+        layout = np.dtype([("covered", "u1", (head - 1 + length,)), ("crc", "<u2")])
+        for part in np.array_split(own, 1 + own.size // 16384):
+            packet = logged.records(data, places[part] + 1, layout)
+            closed = np.column_stack((packet["covered"], np.full(part.size, kind.extra, np.uint8)))
+            right[part] = of_rows(_CHECK, closed) == packet["crc"]
+            taken = min(length, kind.layout.itemsize)  # what is cut off at the end is zero; what is longer, extensions
+            payload[part, :taken] = packet["covered"][:, head - 1 : head - 1 + taken]
+    came = np.frombuffer(packets.came_us, np.int64)[right]
+    return payload[right].view(kind.layout)[:, 0], came, int(np.count_nonzero(~right))
+
+
+def _chosen(tables: dict[tuple[int, int], Any], notes: list[str]) -> tuple[int, int]:
+    """System and message that the samples are of: the first of the preferred, of the first system that has one."""
+    units_of = [
+        (system, number)
+        for system in sorted({system for system, _ in tables})
+        for number in _PREFERRED
+        if (system, number) in tables and (number != 27 or _is_ardupilot(tables, system))
+    ]
+    if not units_of:
+        raw = any(number == 27 for _, number in tables)
+        why = " RAW_IMU is there, but its units are those of an unknown maker." if raw else ""
+        raise DecodeError(f"it holds no message of an IMU with known units (HIGHRES_IMU, SCALED_IMU).{why}")
+    first, *others = units_of
+    listed = ", ".join(f"{_KINDS[number].name} of system {system}" for system, number in others)
+    more = f"; not taken: {listed}" if others else ""
+    notes.append(f"samples: {_KINDS[first[1]].name} of system {first[0]}{more}")
+    return first
+
+
+def _is_ardupilot(tables: dict[tuple[int, int], Any], system: int) -> bool:
+    return (system, 0) in tables and bool((tables[system, 0][0]["autopilot"] == _ARDUPILOT).any())
+
+
+def _own_ns(table: NDArray[Any]) -> NDArray[np.int64]:
+    """Stamps of the vehicle, ns."""
+    if "us" in (table.dtype.names or ()):
+        return logged.micro(table["us"])
+    return np.asarray(table["ms"].astype(np.int64) * 1_000_000)
+
+
+def _streams(number: int, table: NDArray[Any], own_ns: NDArray[np.int64], notes: list[str]) -> dict[str, Stream]:
+    streams = {}
+    for key, unit in _KINDS[number].units.items():
+        values = units.to_si(logged.triad(table, f"{key}x", f"{key}y", f"{key}z"), unit)
+        there = (table["updated"] & _BITS[key]) > 0 if number == 105 else np.ones(own_ns.size, dtype=bool)
+        if key == "mag":  # zeros stand for a compass that is not there
+            there &= values.any(axis=1)
+        if there.any():
+            streams[key] = logged.stream(key, own_ns[there], values[there], notes)
+    return streams
+
+
+def _attitude(
+    tables: dict[tuple[int, int], tuple[NDArray[Any], NDArray[np.int64]]],
+    system: int,
+    epoch: int,
+    rows_ns: NDArray[np.int64],
+    t: Floats,
+    notes: list[str],
+) -> AttitudeTrack | None:
+    """The vehicle's own estimate on the rows; where its clock is another one, both are put on the receiver's."""
+    for number in (31, 30):
+        if (system, number) not in tables:
+            continue
+        table, came_us = tables[system, number]
+        t_ns = _own_ns(table)
+        apart = int(np.min(came_us * 1000 - t_ns)) - epoch
+        if abs(apart) > 10**9:
+            t_ns = t_ns + apart
+            notes.append("attitude: its clock is another one, so both are put on the receiver's by what came soonest")
+        if number == 31:
+            q_nb = table["q"].astype(np.float64)
+        else:
+            q_nb = quat_from_euler_zyx(logged.triad(table, "yaw", "pitch", "roll"))
+        placed = logged.attitude_at(rows_ns, t_ns, q_nb, notes)
+        if placed is not None:
+            name = _KINDS[number].name
+            notes.append(
+                f"attitude: {name}, the vehicle's own estimate from the same sensors, not a reference: a comparison "
+                "with it shows agreement, not accuracy; its heading is taken to count from true north"
+            )
+            source = f"the vehicle's own estimate ({name}), not a reference"
+            return AttitudeTrack(t=t, q_nb=placed, frame=Frame.NED, north=North.TRUE, source=source)
+    notes.append("attitude: none at the samples' times (ATTITUDE_QUATERNION, ATTITUDE)")
+    return None

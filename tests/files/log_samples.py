@@ -1,0 +1,129 @@
+"""Logs and data sets as their specifications have them, written by hand, and what a damaged copy must not do."""
+
+import struct
+
+import numpy as np
+
+from plumbob.core.errors import PlumbobError
+
+G = 9.80665
+
+
+def motion(count=400, rate=200.0):
+    """Stamps (µs), and a body that is turned about its z axis at .5 rad/s, tilted by nothing, in FRD and NED."""
+    t = np.arange(count) / rate
+    t_us = (1_000_000 + t * 1e6).astype(np.uint64)
+    gyr = np.tile([0.0, 0.0, 0.5], (count, 1))
+    acc = np.tile([0.0, 0.0, -G], (count, 1))
+    half = 0.25 * t
+    q_nb = np.column_stack([np.cos(half), 0 * t, 0 * t, np.sin(half)])  # heading .5 t, clockwise: NED's z is down
+    return t_us, gyr, acc, q_nb
+
+
+def message(kind, body):
+    return struct.pack("<HB", len(body), ord(kind)) + body
+
+
+def ulog(*, topics, told=(), dropouts=(), flags=None, appended=b""):
+    """ULog by the PX4 guide: topics of (name, instance, format, rows of bytes)."""
+    out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1_000_000)
+    if flags is not None:
+        out += message("B", flags)
+    formats = {}
+    for name, _, columns, _ in topics:
+        formats[name] = columns
+    for name, columns in formats.items():
+        out += message("F", f"{name}:{columns}".encode())
+    for kind, key, packed in told:
+        head = f"{kind} {key}".encode()
+        out += message("P" if kind == "float" else "I", bytes([len(head)]) + head + packed)
+    for number, (name, instance, _, _) in enumerate(topics):
+        out += message("A", struct.pack("<BH", instance, number) + name.encode())
+    lengths = [len(rows) for *_, rows in topics]
+    for row in range(max(lengths)):
+        for number, (*_, rows) in enumerate(topics):
+            if row < len(rows):
+                out += message("D", struct.pack("<H", number) + rows[row])
+    for milli in dropouts:
+        out += message("O", struct.pack("<H", milli))
+    return out + appended
+
+
+COMBINED = (
+    "uint64_t timestamp;float[3] gyro_rad;uint32_t gyro_integral_dt;int32_t accelerometer_timestamp_relative;"
+    "float[3] accelerometer_m_s2;uint8_t[4] _padding0;"
+)
+ATTITUDE = "uint64_t timestamp;float[4] q;"
+MAG = "uint64_t timestamp;float[3] magnetometer_ga;"
+SINGLE = "uint64_t timestamp;uint64_t timestamp_sample;uint32_t device_id;float x;float y;float z;"
+GPS = "uint64_t timestamp;uint64_t time_utc_usec;uint8_t fix_type;"
+
+
+def px4(**more):
+    t_us, gyr, acc, q_nb = motion()
+    combined = [struct.pack("<Q3fIi3f", t, *w, 5000, 0, *f) for t, w, f in zip(t_us.tolist(), gyr, acc, strict=True)]
+    attitude = [struct.pack("<Q4f", t, *q) for t, q in zip(t_us.tolist(), q_nb, strict=True)]
+    mag = [struct.pack("<Q3f", t, 0.2, 0.0, 0.4) for t in t_us[::10].tolist()]
+    gps = [struct.pack("<QQB", 2_000_000, 1_700_000_000_000_000, 3)]
+    topics = [
+        ("sensor_combined", 0, COMBINED, combined),
+        ("vehicle_attitude", 0, ATTITUDE, attitude),
+        ("vehicle_magnetometer", 0, MAG, mag),
+        ("vehicle_gps_position", 0, GPS, gps),
+    ]
+    return ulog(topics=topics, **more)
+
+
+def fmt(kind, name, letters, columns, length):
+    body = struct.pack("<BB4s16s64s", kind, length, name.encode(), letters.encode(), columns.encode())
+    return b"\xa3\x95\x80" + body
+
+
+def dataflash(*, instances=False):
+    """DataFlash by `LogStructure.h`: IMU at 200 Hz, MAG at 20 Hz, ATT with letters c and C, GPS, a parameter."""
+    t_us, gyr, acc, _ = motion()
+    out = fmt(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 89)
+    imu = (
+        ("QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", 36)
+        if instances
+        else (
+            "Qffffff",
+            "TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ",
+            35,
+        )
+    )
+    out += fmt(129, "IMU", *imu)
+    out += fmt(130, "MAG", "Qhhh", "TimeUS,MagX,MagY,MagZ", 17)
+    out += fmt(131, "ATT", "QccC", "TimeUS,Roll,Pitch,Yaw", 17)
+    out += fmt(132, "GPS", "QBIH", "TimeUS,Status,GMS,GWk", 18)
+    out += fmt(133, "PARM", "QNf", "TimeUS,Name,Value", 31)
+    out += b"\xa3\x95\x85" + struct.pack("<Q16sf", 1_000_000, b"COMPASS_DEC", 0.2)
+    out += b"\xa3\x95\x84" + struct.pack("<QBIH", 2_000_000, 3, 345_600_000, 2290)
+    for row, t in enumerate(t_us.tolist()):
+        if instances:
+            for instance in (0, 1):
+                out += b"\xa3\x95\x81" + struct.pack("<QB6f", t, instance, *(gyr[row] + instance), *acc[row])
+        else:
+            out += b"\xa3\x95\x81" + struct.pack("<Q6f", t, *gyr[row], *acc[row])
+        yaw = round(np.rad2deg(0.5 * (t - 1_000_000) / 1e6) * 100)
+        out += b"\xa3\x95\x83" + struct.pack("<QhhH", t, 0, 0, yaw)
+        if row % 10 == 0:
+            out += b"\xa3\x95\x82" + struct.pack("<Qhhh", t, 200, 0, 400)
+    return out
+
+
+def survives(read, path, raw, rng, count):
+    """Read copies with a few bytes changed, or cut: each is read, or refused by an error of the project."""
+    refused = 0
+    for _ in range(count):
+        damaged = bytearray(raw)
+        for place in rng.integers(0, len(raw), rng.integers(1, 8)):
+            damaged[place] = rng.integers(0, 256)
+        if rng.random() < 0.2:
+            damaged = damaged[: rng.integers(0, len(raw))]
+        path.write_bytes(bytes(damaged))
+        try:
+            read(path)
+        except PlumbobError:
+            refused += 1
+    return refused

@@ -1,0 +1,198 @@
+"""Logs of ArduPilot, and telemetry of MAVLink."""
+
+import io
+import struct
+
+import numpy as np
+import pytest
+
+from plumbob.core.errors import DecodeError
+from plumbob.files import kind_of, read
+from plumbob.rotations import Frame, North
+from plumbob.rotations.quaternions import quat_angle
+from tests.conftest import DATA
+from tests.files import log_samples as made
+
+REAL = DATA / "formats" / "ardupilot_test.bin"
+real = pytest.mark.skipif(not REAL.is_file(), reason=f"no log of ArduPilot at {REAL}; set PLUMBOB_DATA")
+
+
+def test_samples_have_the_units_and_frames_of_ardupilot(tmp_path):
+    path = tmp_path / "00000001.BIN"
+    path.write_bytes(made.dataflash())
+    recording = read(path)
+    imu, track = recording.imu, recording.track
+    _, gyr, acc, q_nb = made.motion()
+    np.testing.assert_allclose(imu.gyr, gyr, atol=1e-7)
+    np.testing.assert_allclose(imu.acc, acc, rtol=1e-6)
+    known = np.isfinite(imu.mag).all(axis=1)
+    np.testing.assert_allclose(imu.mag[known], [[20.0, 0.0, 40.0]] * 40)  # 1 milligauss is .1 µT
+    assert imu.meta.frame is Frame.NED and imu.meta.declination == pytest.approx(0.2)
+    assert track.frame is Frame.NED and track.north is North.TRUE
+    assert quat_angle(track.q_nb, q_nb).max() < np.deg2rad(0.011)  # letter C counts .01°
+    # week 2290, 4 days into it: 2023-11-30 00:00:00 GPS, 18 s less in UTC; the GPS message is 1 s after the first row
+    assert imu.meta.t0_ns == (1_701_302_400 - 18 - 1) * 10**9
+    assert "not a reference" in track.source
+
+
+def test_the_first_of_several_units_is_taken_and_the_others_are_listed(tmp_path):
+    path = tmp_path / "two.bin"
+    path.write_bytes(made.dataflash(instances=True))
+    recording = read(path)
+    np.testing.assert_allclose(recording.imu.gyr[:, 2], 0.5, atol=1e-6)
+    assert any("samples: IMU 0, 400 messages; not taken: IMU 1 (400)" in note for note in recording.notes)
+
+
+def test_text_and_bytes_say_the_same(tmp_path):
+    t_us, gyr, acc, _ = made.motion()
+    lines = [
+        "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
+        "FMT, 129, 35, IMU, Qffffff, TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ",
+        "FMT, 131, 17, ATT, QccC, TimeUS,Roll,Pitch,Yaw",
+        "FMT, 133, 31, PARM, QNf, TimeUS,Name,Value",
+        "PARM, 1000000, COMPASS_DEC, 0.2",
+    ]
+    for t, w, f in zip(t_us.tolist(), gyr.tolist(), acc.tolist(), strict=True):
+        lines.append(", ".join(map(str, ["IMU", t, *w, *f])))
+        lines.append(f"ATT, {t}, 0.00, 0.00, {np.rad2deg(0.5 * (t - 1e6) / 1e6):.2f}")
+    lines += ["IMU, 1, 2", "IMU, x, 0, 0, 0, 0, 0, 0"]
+    text, binary = tmp_path / "a.log", tmp_path / "a.bin"
+    text.write_text("\n".join(lines))
+    binary.write_bytes(made.dataflash())
+    of_text, of_bytes = read(text), read(binary)
+    np.testing.assert_allclose(of_text.imu.acc, of_bytes.imu.acc, rtol=1e-6)
+    assert quat_angle(of_text.track.q_nb, of_bytes.track.q_nb).max() < 1e-3
+    assert of_text.imu.meta.declination == pytest.approx(0.2)
+    assert any("2 lines left out" in note for note in of_text.notes)
+
+
+def test_old_logs_count_ms(tmp_path):
+    out = made.fmt(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 89)
+    out += made.fmt(129, "IMU", "Iffffff", "TimeMS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", 31)
+    for i in range(100):
+        out += b"\xa3\x95\x81" + struct.pack("<I6f", 1000 + 20 * i, 0, 0, 0.1, 0, 0, -9.8)
+    path = tmp_path / "old.bin"
+    path.write_bytes(out)
+    np.testing.assert_allclose(np.diff(read(path).imu.t), 0.02)
+
+
+def test_definitions_that_lie_are_left_out(tmp_path):
+    out = made.fmt(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 89)
+    out += made.fmt(129, "IMU", "Qffffff", "TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", 50)
+    path = tmp_path / "lie.bin"
+    path.write_bytes(out + b"\xa3\x95\x81" + bytes(47))
+    with pytest.raises(DecodeError, match="no samples of a gyroscope"):
+        read(path)
+
+
+def test_raw_bytes_of_another_device_are_not_taken(tmp_path):
+    path = tmp_path / "raw.bin"
+    path.write_bytes(b"\x55\x51" * 500)
+    with pytest.raises(DecodeError, match="its content is not"):
+        kind_of(path)
+
+
+def test_damaged_logs_are_read_or_refused(tmp_path):
+    rng = np.random.default_rng(2)
+    refused = made.survives(read, tmp_path / "m.bin", made.dataflash(), rng, 150)
+    assert refused < 100
+
+
+@real
+def test_a_real_log_agrees_with_pymavlink():
+    reader = pytest.importorskip("pymavlink.DFReader", reason="the format's own package is not installed")
+    log, rows, angles = reader.DFReader_binary(str(REAL)), [], []
+    while (one := log.recv_match(type=["IMU", "NKQ1"])) is not None:
+        if one.get_type() == "IMU":
+            rows.append([one.TimeUS, one.GyrX, one.GyrY, one.GyrZ, one.AccX, one.AccY, one.AccZ])
+        else:
+            angles.append([one.Q1, one.Q2, one.Q3, one.Q4])
+    theirs, recording = np.array(rows), read(REAL)
+    np.testing.assert_allclose(np.column_stack([recording.imu.gyr, recording.imu.acc]), theirs[:, 1:], rtol=1e-7)
+    np.testing.assert_allclose(recording.imu.t, (theirs[:, 0] - theirs[0, 0]) / 1e6, atol=1e-9)
+    assert np.isfinite(recording.track.q_nb).all(axis=1).sum() == 44
+    assert quat_angle(recording.track.q_nb[1], np.array(angles[0])) < 1e-2
+    assert any("not taken: IMU2 (45)" in note for note in recording.notes)
+
+
+@real
+def test_a_real_logs_frames_fit_gravity():
+    recording = read(REAL)
+    up_b = recording.imu.acc / np.linalg.norm(recording.imu.acc, axis=1)[:, None]
+    w, x, y, z = recording.track.q_nb.T
+    down_b = np.column_stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+    angle = np.rad2deg(np.arccos(np.clip(-(up_b * down_b).sum(axis=1), -1, 1)))
+    assert np.nanmedian(angle) < 1.5
+
+
+def telemetry(send):
+    """Packets by pymavlink, each after the receiver's stamp."""
+    mavlink = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega", reason="pymavlink is not installed")
+    out = io.BytesIO()
+
+    class Wire:
+        us = 0
+
+        def write(self, data):
+            out.write(struct.pack(">Q", self.us) + bytes(data))
+
+    wire = Wire()
+    sender = mavlink.MAVLink(wire, srcSystem=1, srcComponent=1)
+    send(sender, wire, mavlink)
+    return out.getvalue()
+
+
+def sent_highres(sender, wire, mavlink):
+    t_us, gyr, acc, q_nb = made.motion(200)
+    for i, t in enumerate(t_us.tolist()):
+        wire.us = 1_700_000_000_000_000 + t + 3000 + (i % 7) * 1000
+        sender.highres_imu_send(t, *acc[i], *gyr[i], 0.2, 0.0, 0.4, 1000.0, 0.0, 0.0, 25.0, 0x1FF)
+        sender.attitude_quaternion_send(t // 1000, *q_nb[i], *gyr[i])
+
+
+def sent_raw(sender, wire, mavlink, autopilot=3):
+    t_us, _, _, _ = made.motion(200)
+    for t in t_us.tolist():
+        wire.us = 1_700_000_000_000_000 + t
+        sender.heartbeat_send(2, autopilot, 0, 0, 0)
+        sender.raw_imu_send(t, 0, 0, -1000, 0, 0, 500, 200, 0, 400)
+
+
+def test_telemetry_in_si(tmp_path):
+    path = tmp_path / "a.tlog"
+    path.write_bytes(telemetry(sent_highres))
+    recording = read(path)
+    _, gyr, acc, q_nb = made.motion(200)
+    np.testing.assert_allclose(recording.imu.gyr, gyr, atol=1e-7)
+    np.testing.assert_allclose(recording.imu.acc, acc, rtol=1e-6)
+    np.testing.assert_allclose(recording.imu.mag[0], [20.0, 0.0, 40.0], rtol=1e-6)
+    assert quat_angle(recording.track.q_nb, q_nb)[:-1].max() < 1e-3
+    assert recording.imu.meta.t0_ns == 1_700_000_000_000_000_000 + 1_003_000_000  # the soonest packet's delay: 3 ms
+    assert kind_of(path).name == "DataFlash"
+
+
+def test_telemetry_in_milli_units_where_ardupilot_sent_it(tmp_path):
+    path = tmp_path / "a.tlog"
+    path.write_bytes(telemetry(sent_raw))
+    imu = read(path).imu
+    np.testing.assert_allclose(imu.acc, [[0.0, 0.0, -made.G]] * 200)  # −1000 mg
+    np.testing.assert_allclose(imu.gyr, [[0.0, 0.0, 0.5]] * 200)  # 500 mrad/s
+    np.testing.assert_allclose(imu.mag, [[20.0, 0.0, 40.0]] * 200)  # 200 and 400 mgauss
+    path.write_bytes(telemetry(lambda *a: sent_raw(*a, autopilot=12)))
+    with pytest.raises(DecodeError, match="units are those of an unknown maker"):
+        read(path)
+
+
+def test_a_packet_with_a_wrong_crc_is_left_out(tmp_path):
+    raw = bytearray(telemetry(sent_highres))
+    raw[8 + 10 + 12] ^= 1  # in the first packet's payload
+    path = tmp_path / "a.tlog"
+    path.write_bytes(bytes(raw))
+    recording = read(path)
+    assert len(recording.imu) == 199
+    assert any("1 packet left out" in note for note in recording.notes)
+
+
+def test_damaged_telemetry_is_read_or_refused(tmp_path):
+    raw = telemetry(sent_highres)
+    assert made.survives(read, tmp_path / "m.tlog", raw, np.random.default_rng(3), 100) < 60

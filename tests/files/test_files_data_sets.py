@@ -1,0 +1,232 @@
+"""EuRoC, TUM VI, KITTI and RepoIMU, written by hand as their head lines and descriptions have them."""
+
+import os
+
+import numpy as np
+import pytest
+
+from plumbob.core.errors import DecodeError
+from plumbob.files import kind_of, read
+from plumbob.rotations import Frame, North
+from plumbob.rotations.quaternions import quat_angle, quat_multiply, quat_rotate
+from tests.conftest import DATA
+from tests.files import log_samples as made
+
+IMU_HEAD = (
+    "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
+    "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\n"
+)
+TRUTH_HEAD = "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []\n"
+START = 1403636579758555392
+IDENTITY = (
+    "[1.0, 0.0, 0.0, 0.0,\n         0.0, 1.0, 0.0, 0.0,\n         0.0, 0.0, 1.0, 0.0,\n         0.0, 0.0, 0.0, 1.0]"
+)
+QUARTER = "[0, -1, 0, 0.1,\n 1, 0, 0, 0.2, # about z\n 0, 0, 1, 0.3,\n 0, 0, 0, 1]"
+
+
+def yaml(data):
+    return f"# Default\nsensor_type: imu\nT_BS:\n  cols: 4\n  rows: 4\n  data: {data}\nrate_hz: 200 # Hz\n"
+
+
+def asl(folder, truth="state_groundtruth_estimate0", imu_turn=IDENTITY, truth_turn=IDENTITY):
+    """A sequence: at rest, x of the IMU up as on EuRoC's helicopter."""
+    table = folder / "mav0" / "imu0" / "data.csv"
+    table.parent.mkdir(parents=True)
+    stamps = START + 5_000_000 * np.arange(100)
+    table.write_text(IMU_HEAD + "".join(f"{t},0.1,-0.2,0.3,{made.G},0,0\n" for t in stamps))
+    table.with_name("sensor.yaml").write_text(yaml(imu_turn))
+    other = folder / "mav0" / truth / "data.csv"
+    other.parent.mkdir()
+    half = np.sqrt(0.5)  # a quarter turn about y takes x to −z, so minus a quarter turn takes x to z, up
+    other.write_text(TRUTH_HEAD + "".join(f"{t},1,2,3,{half},0,{-half},0,9,9,9\n" for t in stamps[10:90]))
+    other.with_name("sensor.yaml").write_text(yaml(truth_turn))
+    return folder
+
+
+def test_euroc_has_the_units_and_frames_of_its_head_lines(tmp_path):
+    recording = read(asl(tmp_path / "MH_01_easy"))
+    imu, track = recording.imu, recording.track
+    assert recording.name == "MH_01_easy"
+    np.testing.assert_allclose(imu.gyr, [[0.1, -0.2, 0.3]] * 100)
+    np.testing.assert_allclose(imu.acc, [[made.G, 0, 0]] * 100)
+    assert imu.meta.t0_ns == START and imu.meta.rate_nominal == 200.0
+    np.testing.assert_array_equal(np.diff(imu.t_ns), 5_000_000)
+    assert track.frame is Frame.ENU and track.north is North.FREE
+    known = track.known
+    assert known.sum() == 80 and not known[:10].any() and not known[90:].any()
+    # at rest the specific force points up in the navigation frame
+    np.testing.assert_allclose(quat_rotate(track.q_nb[known], imu.acc[known]), [[0, 0, made.G]] * 80, atol=1e-9)
+
+
+def test_the_truth_is_brought_to_axes_of_the_imu(tmp_path):
+    plain = read(asl(tmp_path / "plain")).track.q_nb[50]
+    about_z = np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
+    both = read(asl(tmp_path / "both", imu_turn=QUARTER, truth_turn=QUARTER)).track.q_nb[50]
+    assert quat_angle(both, plain) < 1e-9  # the same sensor axes
+    one = read(asl(tmp_path / "one", imu_turn=QUARTER))
+    assert quat_angle(one.track.q_nb[50], quat_multiply(plain, about_z)) < 1e-9
+    assert any("T_BS turns its axes" in note for note in one.notes)
+
+
+def test_tum_vi_has_motion_capture_and_a_table_alone_has_no_reference(tmp_path):
+    folder = asl(tmp_path / "room1", truth="mocap0")
+    assert "motion capture" in read(folder).track.source
+    assert "motion capture" in read(folder / "mav0").track.source
+    alone = read(folder / "mav0" / "imu0" / "data.csv")
+    assert alone.track is None and alone.name == "room1" and len(alone.imu) == 100
+
+
+def test_damaged_sequences_are_refused(tmp_path):
+    folder = asl(tmp_path / "MH_02")
+    sensor, table = folder / "mav0" / "imu0" / "sensor.yaml", folder / "mav0" / "imu0" / "data.csv"
+    for turn, message in (
+        ("[1, 2, 3]", "16 numbers"),
+        (IDENTITY.replace("1.0", "x"), "not a number"),
+        (IDENTITY.replace("1.0", "2.0"), "not a rotation"),
+    ):
+        sensor.write_text(yaml(turn))
+        with pytest.raises(DecodeError, match=message):
+            read(folder)
+    sensor.unlink()
+    assert any("no sensor.yaml" in note for note in read(folder).notes)
+    whole = table.read_text()
+    for text in (whole + "1,2,3\n", whole + f"{START},a,0,0,0,0,0\n", IMU_HEAD, whole + f"{10**30},0,0,0,0,0,0\n"):
+        table.write_text(text)
+        with pytest.raises(DecodeError, match="row"):
+            read(folder)
+    table.unlink()
+    table.symlink_to("/dev/zero")
+    with pytest.raises(DecodeError):
+        read(folder)
+
+
+def test_links_out_of_a_folder_are_refused(tmp_path):
+    folder = asl(tmp_path / "MH_03")
+    table = folder / "mav0" / "imu0" / "data.csv"
+    table.rename(tmp_path / "elsewhere.csv")
+    table.symlink_to(tmp_path / "elsewhere.csv")
+    with pytest.raises(DecodeError, match="leads out of the folder"):
+        read(folder)
+
+
+def drive(folder, count=50, yaw=0.3, pitch=0.1, roll=-0.2):
+    """A drive at rest: lat lon alt roll pitch yaw, velocities, ax ay az …, wx wy wz … (`dataformat.txt`)."""
+    data = folder / "oxts" / "data"
+    data.mkdir(parents=True)
+    # specific force of a body at rest that is turned by yaw, pitch, roll about z, y, x of FLU against ENU: closed form
+    f = made.G * np.array([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)])
+    row = [49.0, 8.4, 116.0, roll, pitch, yaw, 0, 0, 0, 0, 0, *f, 1, 2, 3, 0.01, 0.02, 0.03, 4, 5, 6, 0.1, 0.1]
+    words = " ".join(f"{value:.12g}" for value in row) + " 4 9 6 6 6\n"
+    for i in range(count):
+        (data / f"{i:010d}.txt").write_text(words)
+    stamps = [f"2011-09-26 13:02:{25 + i * 0.1:012.9f}" for i in range(count)]
+    (folder / "oxts" / "timestamps.txt").write_text("\n".join(stamps) + "\n")
+    return folder
+
+
+def test_kitti_has_the_units_and_frames_of_its_description(tmp_path):
+    folder = drive(tmp_path / "2011_09_26_drive_0001_sync")
+    recording = read(folder)
+    imu, track = recording.imu, recording.track
+    assert recording.name == folder.name and kind_of(folder).name == "KITTI"
+    np.testing.assert_allclose(imu.gyr, [[0.01, 0.02, 0.03]] * 50)
+    np.testing.assert_allclose(np.diff(imu.t), 0.1, atol=1e-8)
+    assert track.frame is Frame.ENU and track.north is North.TRUE
+    np.testing.assert_allclose(quat_rotate(track.q_nb, imu.acc), [[0, 0, made.G]] * 50, atol=1e-9)
+    front = quat_rotate(track.q_nb[0], [1.0, 0, 0])
+    assert front[2] == pytest.approx(-np.sin(0.1))  # pitch positive: front down
+    assert np.arctan2(front[1], front[0]) == pytest.approx(0.3)  # 0 = East, counter-clockwise
+    assert quat_rotate(track.q_nb[0], [0, 1.0, 0])[2] < 0  # roll negative: left side down
+    assert imu.meta.t0_ns == 0 and any("time zone" in note for note in recording.notes)
+
+
+def test_a_drive_with_missing_samples_keeps_their_time(tmp_path):
+    folder = drive(tmp_path / "d")
+    for i in range(20, 30):
+        (folder / "oxts" / "data" / f"{i:010d}.txt").unlink()
+    recording = read(folder)
+    assert len(recording.imu) == 40
+    assert recording.imu.t[20] - recording.imu.t[19] == pytest.approx(1.1)
+    assert any("10 samples of 50 have a stamp and no file" in note for note in recording.notes)
+
+
+def test_damaged_drives_are_refused(tmp_path):
+    folder = drive(tmp_path / "d")
+    stamps, sample = folder / "oxts" / "timestamps.txt", folder / "oxts" / "data" / "0000000007.txt"
+    good = stamps.read_text(), sample.read_text()
+    for text in ("1 2 3", good[1] + " 1", "x " * 30, ""):
+        sample.write_text(text)
+        with pytest.raises(DecodeError, match="30 numbers"):
+            read(folder)
+    sample.write_text(good[1])
+    for text, message in (
+        ("2011-09-26 13:02:25\n", "no stamp"),
+        ("yesterday\n", "not a date"),
+        ("NaT\n" * 50, "not a date"),
+    ):
+        stamps.write_text(text)
+        with pytest.raises(DecodeError, match=message):
+            read(folder)
+    stamps.write_text(good[0])
+    sample.unlink()
+    os.mkfifo(sample)
+    with pytest.raises(DecodeError, match="not a regular file"):
+        read(folder)
+
+
+HEAD = "Time (s);Vicon Orientation;;;;IMU Acceleration;;;IMU Gyroscope;;;IMU Magnetometer;;;\n"
+HEAD += ";W;X;Y;Z;X;Y;Z;X;Y;Z;X;Y;Z;\n"
+
+
+def test_repoimu_has_the_units_of_its_description(tmp_path):
+    path = tmp_path / "TStick_Test01.csv"
+    rows = [f"{0.01 * i:.2f};1;0;0;0;0;0;9.81;0.1;0.2;0.3;0;0.4;-0.9\n" for i in range(1, 101)]
+    rows[10] = rows[10].replace(";1;0;0;0;0", ";0;0;0;0;0")  # Vicon lost the markers
+    path.write_text(HEAD + "".join(rows))
+    recording = read(path)
+    np.testing.assert_allclose(recording.imu.acc, [[0, 0, 9.81]] * 100)
+    np.testing.assert_allclose(recording.imu.gyr, [[0.1, 0.2, 0.3]] * 100)
+    np.testing.assert_allclose(recording.imu.mag, [[0, 20.0, -45.0]] * 100)  # local fields of 50 µT
+    np.testing.assert_allclose(np.diff(recording.imu.t), 0.01)
+    assert recording.track.north is North.FREE
+    assert any("--align heading,mounting" in note for note in recording.notes)
+    path.write_text(HEAD + "".join(rows) + "1;2;3\n")
+    with pytest.raises(DecodeError, match="14 numbers"):
+        read(path)
+    path.write_text(HEAD)
+    with pytest.raises(DecodeError, match="no rows"):
+        read(path)
+
+
+def test_a_real_trial_in_repoimus_layout_is_the_same(tmp_path):
+    native = DATA / "foreign" / "tstick" / "TStick_Test03_Trial1.parquet"
+    if not native.is_file():
+        pytest.skip(f"no trial at {native}; set PLUMBOB_DATA")
+    whole = read(native)
+    imu, q_nb = whole.imu[:500], whole.track.q_nb[:500]
+    path = tmp_path / native.with_suffix(".csv").name
+    table = np.column_stack([imu.t, q_nb, imu.acc, imu.gyr, imu.mag / 50])
+    path.write_text(HEAD + "\n".join(";".join(f"{value:.17g}" for value in row) + ";" for row in table))
+    again = read(path)
+    np.testing.assert_allclose(again.imu.acc, imu.acc)
+    np.testing.assert_allclose(again.imu.mag, imu.mag)
+    assert np.nanmax(quat_angle(again.track.q_nb, q_nb)) < 1e-6
+    assert kind_of(path).name == "RepoIMU"
+    assert 9.6 < np.median(np.linalg.norm(again.imu.acc, axis=1)) < 10.0  # m/s², not g
+
+
+def test_damaged_tables_are_read_or_refused(tmp_path):
+    folder, rng = asl(tmp_path / "MH_04"), np.random.default_rng(4)
+    for name in ("imu0/data.csv", "imu0/sensor.yaml", "state_groundtruth_estimate0/data.csv"):
+        path = folder / "mav0" / name
+        whole = path.read_bytes()
+        made.survives(lambda _: read(folder), path, whole, rng, 60)
+        path.write_bytes(whole)
+    path = tmp_path / "T.csv"
+    text = HEAD + "".join(f"{0.01 * i:.2f};1;0;0;0;0;0;9.81;0.1;0.2;0.3;0;0.4;-0.9\n" for i in range(1, 101))
+    made.survives(read, path, text.encode(), rng, 60)
+    home = drive(tmp_path / "d", 5)
+    for path in (home / "oxts" / "timestamps.txt", home / "oxts" / "data" / "0000000003.txt"):
+        whole = path.read_bytes()
+        made.survives(lambda _: read(home), path, whole, rng, 60)
+        path.write_bytes(whole)

@@ -1,0 +1,169 @@
+"""Logs of PX4."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from plumbob.core.errors import DecodeError
+from plumbob.files import kind_of, read
+from plumbob.files.foreign import ulog as reader
+from plumbob.rotations import Frame, North
+from plumbob.rotations.quaternions import quat_angle
+from tests.conftest import DATA
+from tests.files import log_samples as made
+
+REAL = DATA / "formats" / "px4_small.ulg"
+real = pytest.mark.skipif(not REAL.is_file(), reason=f"no log of PX4 at {REAL}; set PLUMBOB_DATA")
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(made.px4(told=[("float", "EKF2_MAG_DECL", struct.pack("<f", 4.0))], dropouts=[30, 20]))
+    return path
+
+
+def test_samples_have_the_units_and_frames_of_px4(log):
+    recording = read(log)
+    _, gyr, acc, q_nb = made.motion()
+    imu, track = recording.imu, recording.track
+    np.testing.assert_allclose(imu.gyr, gyr, atol=1e-7)
+    np.testing.assert_allclose(imu.acc, acc, rtol=1e-6)
+    known = np.isfinite(imu.mag).all(axis=1)
+    assert known.sum() == 40
+    np.testing.assert_allclose(imu.mag[known], [[20.0, 0.0, 40.0]] * 40, rtol=1e-6)  # 1 gauss is 100 µT
+    assert imu.meta.frame is Frame.NED
+    assert imu.meta.declination == pytest.approx(4.0 * np.pi / 180)
+    assert imu.meta.t0_ns == 1_700_000_000_000_000_000 - 1_000_000_000  # GPS at 2 s of a clock whose first row is 1 s
+    assert track.frame is Frame.NED and track.north is North.TRUE
+    assert quat_angle(track.q_nb, q_nb).max() < 1e-3
+
+
+def test_the_attitude_is_said_to_be_no_reference(log):
+    recording = read(log)
+    assert "not a reference" in recording.track.source
+    assert any("agreement, not accuracy" in note for note in recording.notes)
+    assert any("dropouts: the logger lost data 2 times, 0.05 s" in note for note in recording.notes)
+
+
+def test_a_new_acceleration_has_its_own_stamp(tmp_path):
+    rows = [
+        struct.pack("<Q3fIi3f", 1_000_000 + 5000 * i, 0, 0, 0, 5000, 0x7FFFFFFF if i % 2 else 1000, i, 0, -9.8)
+        for i in range(100)
+    ]
+    path = tmp_path / "a.ulg"
+    path.write_bytes(made.ulog(topics=[("sensor_combined", 0, made.COMBINED, rows)]))
+    imu = read(path).imu
+    known = np.isfinite(imu.acc[:, 0])
+    # every other row has none; each of the others is 1 ms later than its row: linear in time, x(t) = (t − 1 ms) / 5 ms
+    np.testing.assert_allclose(imu.acc[known, 0], imu.t[known] / 0.005 - 0.2, atol=1e-6)
+
+
+def test_single_sensors_are_taken_where_there_is_nothing_else(tmp_path):
+    rows = [struct.pack("<QQI3f", 900 + 1000 * i, 1000 * i, 7, 0.1, 0.2, 0.3) for i in range(200)]
+    topics = [
+        ("sensor_gyro", 0, made.SINGLE, rows),
+        ("sensor_gyro", 1, made.SINGLE, rows),
+        ("sensor_accel", 0, made.SINGLE, rows),
+        ("sensor_mag", 0, made.SINGLE, rows),
+    ]
+    path = tmp_path / "single.ulg"
+    path.write_bytes(made.ulog(topics=topics))
+    recording = read(path)
+    np.testing.assert_allclose(recording.imu.gyr, [[0.1, 0.2, 0.3]] * 200, rtol=1e-6)
+    np.testing.assert_allclose(recording.imu.mag, [[10.0, 20.0, 30.0]] * 200, rtol=1e-6)
+    assert recording.track is None
+    assert any("sensor_gyro 0 of 2 instances" in note and "axes of the board" in note for note in recording.notes)
+    assert any("UTC: not known" in note for note in recording.notes)
+
+
+def test_damage_between_messages_is_skipped_and_said(tmp_path):
+    raw = made.px4()
+    middle = raw.find(b"D", len(raw) // 2) - 2
+    path = tmp_path / "damaged.ulg"
+    path.write_bytes(raw[:middle] + b"\xff" * 100 + raw[middle:])
+    recording = read(path)
+    assert len(recording.imu) >= 390
+    assert any("skipped" in note for note in recording.notes)
+
+
+def test_appended_data_follow_what_a_crash_cut(tmp_path):
+    flags = bytes(8) + b"\x01" + bytes(7) + struct.pack("<3Q", 0, 0, 0)
+    whole = made.px4(flags=flags)
+    cut = len(whole) - 60  # within a message
+    rest = message_of(whole)
+    flags = bytes(8) + b"\x01" + bytes(7) + struct.pack("<3Q", cut, 0, 0)
+    path = tmp_path / "crash.ulg"
+    path.write_bytes(made.px4(flags=flags)[:cut] + rest)
+    assert len(read(path).imu) >= 399
+
+
+def message_of(raw):
+    """One more row of sensor_combined."""
+    return made.message("D", struct.pack("<H", 0) + struct.pack("<Q3fIi3f", 9_000_000, 0, 0, 0.5, 5000, 0, 0, 0, -9.8))
+
+
+def test_unknown_features_are_refused(tmp_path):
+    path = tmp_path / "new.ulg"
+    path.write_bytes(made.px4(flags=bytes(8) + b"\x02" + bytes(7) + bytes(24)))
+    with pytest.raises(DecodeError, match="incompatible flags"):
+        read(path)
+
+
+def test_a_layout_that_holds_itself_is_refused(tmp_path):
+    path = tmp_path / "loop.ulg"
+    path.write_bytes(made.ulog(topics=[("sensor_combined", 0, "uint64_t timestamp;sensor_combined x;", [bytes(20)])]))
+    with pytest.raises(DecodeError, match="holds itself"):
+        read(path)
+    layers = [(f"n{i}", 0, f"n{i + 1}[65535] a;", []) for i in range(7)]
+    path.write_bytes(made.ulog(topics=[("sensor_combined", 0, "n0[9] timestamp;", [bytes(20)]), *layers]))
+    with pytest.raises(DecodeError):
+        read(path)
+
+
+def test_what_is_not_one_is_not_taken_for_one(tmp_path):
+    path = tmp_path / "no.ulg"
+    path.write_bytes(b"ULog")
+    assert not reader.accepts(path)
+    with pytest.raises(DecodeError, match="its content is not"):
+        read(path)
+    path.write_bytes(made.ulog(topics=[("sensor_mag", 0, made.SINGLE, [])]) + b"")
+    with pytest.raises(DecodeError, match="no samples of a gyroscope"):
+        read(path)
+
+
+def test_damaged_copies_are_read_or_refused(tmp_path):
+    raw = made.px4()
+    refused = made.survives(read, tmp_path / "m.ulg", raw, np.random.default_rng(1), 200)
+    assert refused < 150  # a log outlives most of a few changed bytes
+
+
+@real
+def test_a_real_log_agrees_with_pyulog_and_with_px4s_own_attitude():
+    pyulog = pytest.importorskip("pyulog", reason="the format's own package is not installed")
+    theirs = {one.name: one.data for one in pyulog.ULog(str(REAL)).data_list if one.multi_id == 0}
+    recording = read(REAL)
+    imu, track = recording.imu, recording.track
+    combined = theirs["sensor_combined"]
+    for axis in range(3):
+        np.testing.assert_array_equal(imu.gyr[:, axis], combined[f"gyro_rad[{axis}]"].astype(float))
+        np.testing.assert_array_equal(imu.acc[:, axis], combined[f"accelerometer_m_s2[{axis}]"].astype(float))
+    np.testing.assert_array_equal(imu.t_ns // 1000, combined["timestamp"] - combined["timestamp"][0])
+    assert np.isfinite(imu.mag).all(axis=1).sum() == len(theirs["vehicle_magnetometer"]["timestamp"]) == 319
+    q = np.column_stack([theirs["vehicle_attitude"][f"q[{i}]"] for i in range(4)]).astype(float)
+    assert quat_angle(track.q_nb, q).max() < 1e-6
+    gps = theirs["vehicle_gps_position"]
+    boot = np.median(gps["time_utc_usec"].astype(np.int64) - gps["timestamp"].astype(np.int64))
+    assert abs(imu.meta.t0_ns / 1000 - boot - combined["timestamp"][0]) < 1000
+    assert kind_of(REAL).name == "ULog"
+
+
+@real
+def test_a_real_logs_frames_fit_gravity():
+    recording = read(REAL)
+    up_b = recording.imu.acc / np.linalg.norm(recording.imu.acc, axis=1)[:, None]
+    w, x, y, z = recording.track.q_nb.T
+    down_b = np.column_stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+    angle = np.rad2deg(np.arccos(np.clip(-(up_b * down_b).sum(axis=1), -1, 1)))
+    assert np.median(angle) < 0.5  # at rest before the flight: specific force points up
