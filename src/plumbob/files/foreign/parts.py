@@ -80,6 +80,10 @@ class Parts:
         raw = self._bytes(name, info.file_size + 1)
         return raw if raw.endswith((b"\n", b"\r")) else raw + b"\n"
 
+    def size(self, name: str) -> int:
+        """Bytes that a member has, by its own word."""
+        return self._members[name].file_size if self._zipped else self._file(name).stat().st_size
+
     def text(self, name: str) -> str:
         """Text of a small member, as one of metadata is; other bytes than UTF-8 become question marks."""
         return self._bytes(name, 1 << 20).decode("utf-8-sig", "replace")
