@@ -309,6 +309,7 @@ def attitude_at(rows_ns: NDArray[np.int64], stream: Stream) -> Floats:
     known = (rows_ns >= stamps[0]) & (rows_ns <= stamps[-1]) & (span <= GAP_FACTOR * np.median(np.diff(stamps)))
     share = ((rows_ns - stamps[low]) / span)[known, None]
     a, b = q[low[known]], q[high[known]]
-    b = np.where((a * b).sum(axis=1, keepdims=True) < 0.0, -b, b)
-    found[known] = quat_normalize(a + share * (b - a))
+    near = np.where((a * b).sum(axis=1, keepdims=True) < 0.0, -b, b)
+    between = quat_normalize(a + share * (near - a))
+    found[known] = np.where(share == 0.0, a, np.where(share == 1.0, b, between))  # what has a stamp of its own stays
     return found
