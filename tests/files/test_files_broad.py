@@ -13,7 +13,7 @@ from io_samples import DATA
 from scipy import sparse
 
 from plumbob.core.errors import DecodeError, MissingExtraError, PlumbobError
-from plumbob.files import broad, read
+from plumbob.files import arrays, broad, read
 from plumbob.rotations import Frame, North
 
 h5py = pytest.importorskip("h5py")
@@ -498,14 +498,14 @@ def big_endian(found):
 
 
 def test_too_many_variables_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(broad, "MAX_VARIABLES", 6)
+    monkeypatch.setattr(arrays, "MAX_VARIABLES", 6)
     refused(write_mat(tmp_path / "a.mat", content()), "more than 6 variables")
 
 
 def test_a_file_beyond_the_budget_is_not_read(tmp_path):
     with write_mat(tmp_path / "a.mat", content()).open("r+b") as stream:
         stream.truncate(2 << 40)  # of holes
-    refused(tmp_path / "a.mat", "it has 2199023255552 bytes, but a trial has 268435456 at most")
+    refused(tmp_path / "a.mat", "it has 2199023255552 bytes, but .* 268435456")
 
 
 def test_a_trial_of_the_largest_size_fits_the_budget():

@@ -1,4 +1,4 @@
-"""A profile: what a text file does not say about itself, as plain data. `profile_toml` reads it from a file."""
+"""A profile: what a file of numbers does not say about itself, as plain data. `profile_toml` reads it from a file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ from plumbob.data import Range
 from plumbob.rotations import Frame, North
 
 ColumnRef = int | str
-"""A column by its number, counted from 1, or by its name."""
+"""A column by its number, counted from 1, or by its name; one of an array as ``"imu/gyr[1]"``, counted from 1 too."""
 
 NO_COLUMN: Final = "none"
 """Stands for the column of an axis that the sensor does not have."""
@@ -185,7 +185,7 @@ class ReferenceSource:
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """Everything that a text file does not say about itself.
+    """Everything that a text file or a file of arrays does not say about itself.
 
     Attributes
     ----------
@@ -214,6 +214,8 @@ class Profile:
         does not say.
     origin : str
         Name of the profile's file, for messages.
+    arrays : bool
+        Whether it describes named arrays; then `layout` means nothing.
     """
 
     layout: Layout
@@ -229,6 +231,7 @@ class Profile:
     place: str | None = None
     date: str | None = None
     origin: str = "profile"
+    arrays: bool = False
 
     @property
     def stamps(self) -> tuple[ColumnRef, ...]:

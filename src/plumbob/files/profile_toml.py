@@ -37,6 +37,8 @@ _EXAMPLE = {"gyr": "deg/s", "acc": "g", "mag": "uT", "temperature": "degC", "tim
 _SEPARATORS = {",": ",", ";": ";", "tab": "\t", "\t": "\t", "\\t": "\t", " ": " "}  # TOML's '\t' is two characters
 _ORDERS = {"wxyz": 4, "xyzw": 4, "yaw pitch roll": 3}
 _META = ("device", "axes", "frame", "north", "declination", "rate_nominal", "t0_ns", "calibration", "unit_check")
+_INNER = {"bias": 3, "covariance": 9}
+_NO_LAYOUT = Layout(separator=",")
 _LAYOUT = ("separator", "decimal", "encoding", "comment", "missing", "rows")
 
 
@@ -69,9 +71,13 @@ def parse_profile(text: str, *, origin: str = "profile") -> Profile:
     if isinstance(raw.get("kind"), str):
         raise DecodeError(f"it is a {raw['kind']}, not a profile of a text file; give the profile with --profile.")
     _refuse_questions(raw)
-    found = _section("profile", raw, _PROFILE, ("separator", "header", "time"))
+    arrays = raw.get("arrays") is True
+    needed = ("time",) if arrays else ("separator", "header", "time")
+    found = _section("profile", _columns_of_arrays(raw) if arrays else raw, _PROFILE, needed)
     profile = Profile(
-        layout=Layout(**{key: found[key] for key in _LAYOUT if key in found}, **found["header"]),
+        layout=_NO_LAYOUT
+        if arrays
+        else Layout(**{key: found[key] for key in _LAYOUT if key in found}, **found["header"]),
         time=found["time"],
         triads={name: found[name] for name in TRIADS if name in found},
         temperature=found.get("temperature"),
@@ -85,9 +91,29 @@ def parse_profile(text: str, *, origin: str = "profile") -> Profile:
         place=found.get("place"),
         date=found.get("date"),
         origin=origin,
+        arrays=arrays,
     )
     _require_sense(profile)
     return profile
+
+
+def _columns_of_arrays(raw: Mapping[str, Any]) -> dict[str, Any]:
+    """The same with ``columns = "gyr"`` written out, which are all columns of an array, in their order."""
+    if text := [key for key in (*_LAYOUT, "header") if key in raw]:
+        raise DecodeError(f"arrays = true says that the file is not text; remove {', '.join(text)}.")
+
+    def spelled(value: Any, count: int) -> Any:
+        if not isinstance(value, dict) or not isinstance(value.get("columns"), str):
+            return value
+        return value | {"columns": [f"{value['columns'].strip()}[{k}]" for k in range(1, count + 1)]}
+
+    changed = dict(raw) | {name: spelled(raw[name], 3) for name in TRIADS if name in raw}
+    reference = raw.get("reference")
+    if isinstance(reference, dict):
+        inner = {key: spelled(reference[key], count) for key, count in _INNER.items() if key in reference}
+        order = reference.get("order")
+        changed["reference"] = spelled(reference | inner, _ORDERS.get(order, 4) if isinstance(order, str) else 4)
+    return changed
 
 
 def questions(raw: Mapping[str, Any], where: str = "") -> list[str]:
@@ -406,6 +432,7 @@ _PROFILE: Final[dict[str, Parse]] = {
     "comment": schema.text,
     "missing": schema.texts,
     "rows": schema.whole(1),
+    "arrays": schema.truth,
     "header": _header,
     "time": _time,
     "gyr": _group(Quantity.RATE, {"range": _range(Quantity.RATE)}),

@@ -68,6 +68,8 @@ def read_text(path: str | Path, profile: Profile | str | Path | None = None) -> 
     """
     file = existing_file(path)
     declared, note = profile_of(file, profile)
+    if declared.arrays:
+        raise DecodeError(f"{file} is a text file, but {declared.origin} has arrays = true; declare its separator.")
     with reading(file):
         time = declared.time
         exact = time.column if isinstance(time, TimeColumn) and time.unix else None

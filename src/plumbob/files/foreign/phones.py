@@ -1,16 +1,466 @@
-"""Phone apps."""
+"""Recordings of phone apps: phyphox, Sensor Logger (Kelvin Choi), SensorLog (Bernd Thomas), and plain Android folders.
 
-from pathlib import Path
+Body axes are those of the phone: x to the right of the screen, y to its top, z out of it (Android's sensor event
+coordinates, which CoreMotion shares). Specific force is what Android calls acceleration: lying face up, z measures +g.
+CoreMotion measures the opposite, in g.
 
-from plumbob.core.errors import DecodeError
+- phyphox: seconds of experiment, pauses left out; ``meta/time.csv`` says when it was started and paused (phyphox-docs,
+  "Saved states"). Its iOS app turns CoreMotion's sign (ExperimentSensorInput.swift multiplies by -9.81), so both
+  platforms write specific force in m/s².
+- Sensor Logger: ns since 1970, columns z, y, x (awesome-sensor-logger, UNITS.md, COORDINATES.md, CROSSPLATFORM.md). Its
+  Accelerometer is without gravity. On Android TotalAcceleration has it; on iOS it is Accelerometer and Gravity
+  together, whose sign is turned unless 'Standardise Units & Frames' was on.
+- SensorLog: one row of all sensors for each time of logging, each with a stamp of its own; CoreMotion's signs and g.
+- Android folders: columns without names, as `android.hardware.SensorEvent` has the values; the rotation vector is the
+  phone's own attitude, device to East-North-Up with magnetic north.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from decimal import Decimal, InvalidOperation
+from pathlib import Path, PurePosixPath
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import units
+from plumbob.core.check import Floats
+from plumbob.core.errors import DecodeError, excerpt
+from plumbob.core.files import reading
+from plumbob.core.time import GAP_FACTOR
+from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.files.columns import has_zone, is_stamp, stamps_ns
+from plumbob.files.foreign.join import Stream, joined, stamps_of
+from plumbob.files.foreign.parts import (
+    Parts,
+    Sheet,
+    attitude_at,
+    names_in,
+    pairs,
+    records,
+    sheet,
+    triad,
+    whole_ns,
+    zipfile_like,
+)
 from plumbob.files.notes import Recording
+from plumbob.files.profile import Layout
+from plumbob.files.text_table import read_table
+from plumbob.rotations import Frame, North, quat_from_xyzw
+
+AXES_NOTE: Final = (
+    "body axes are the phone's: x right, y to the top of the screen, z out of it; attitudes are meant in East-North-Up "
+    "with magnetic north, Android's world"
+)
+_TABLES: Final = (".csv", ".txt")
 
 
 def accepts(path: Path) -> bool:
-    """Whether a path is of this format, by its content."""
+    """Whether a path holds a recording of a phone app, by the names in it and the first line of its tables."""
+    if path.is_dir() or path.suffix.lower() in _TABLES or zipfile_like(path):
+        return _app_of(Parts(path)) is not None
     return False
 
 
 def read(path: Path) -> Recording:
-    """Read it."""
-    raise DecodeError(f"{path}: this format is not read yet.")
+    """Read a recording of a phone app: an archive, a folder, or one table.
+
+    Raises
+    ------
+    DecodeError
+        If it is none, is damaged, or does not say what its acceleration means.
+    ClockError
+        If its stamps are not a clock's.
+    """
+    with reading(path):
+        parts = Parts(path)
+        app = _app_of(parts)
+        if app is None:
+            raise DecodeError(
+                f"it holds no table of phyphox, Sensor Logger or SensorLog; it holds {excerpt(', '.join(parts.names))}."
+            )
+        return app(parts)
+
+
+def _app_of(parts: Parts) -> Callable[[Parts], Recording] | None:
+    """Reader of the app that wrote it; None where none is known."""
+    if {"record.properties", "accelerometer.txt"} <= set(parts.names):
+        return _android
+    for name in _tables(parts):
+        names = names_in(parts.start(name))
+        if names[:2] == ("time", "seconds_elapsed"):
+            return _sensor_logger
+        if _is_sensorlog(names):
+            return _sensorlog
+        if _is_phyphox(name, names):
+            return _phyphox
+    return None
+
+
+def _tables(parts: Parts) -> list[str]:
+    return [
+        name
+        for name in parts.names
+        if PurePosixPath(name).suffix.lower() in _TABLES and PurePosixPath(name).parent.name != "meta"
+    ]
+
+
+def _stem(name: str) -> str:
+    return PurePosixPath(name).stem
+
+
+def _require_one_place(found: Mapping[str, Any]) -> None:
+    """Refuse tables in several folders: they are several recordings."""
+    places = sorted({str(PurePosixPath(name).parent) for name in found})
+    if len(places) > 1:
+        raise DecodeError(
+            f"it holds tables in {len(places)} folders ({excerpt(', '.join(places))}), which are recordings of their "
+            "own; unpack it and read each folder."
+        )
+
+
+def _recording(
+    parts: Parts, streams: Mapping[str, Stream], notes: Iterable[str], device: str, epoch_ns: int | None
+) -> Recording:
+    """Recording of the streams, whose units a format said."""
+    if not {"gyr", "acc", "mag"} & set(streams):
+        raise DecodeError(f"it holds no gyroscope, accelerometer or magnetometer; {'; '.join(notes)}.")
+    meta = ImuMeta(device=device or "phone", frame=Frame.ENU, north=North.MAGNETIC, unit_check=False)
+    imu, joints = joined(streams, meta=meta, epoch_ns=epoch_ns)
+    return Recording(imu=imu, name=parts.path.stem, notes=(*notes, AXES_NOTE, *joints))
+
+
+# phyphox --------------------------------------------------------------------------------------------------------------
+
+_PHYPHOX_COLUMN: Final = re.compile(r"(?:(?P<what>.*) )?(?P<axis>[xyz]) \((?P<unit>[^)]*)\)", re.IGNORECASE)
+_PHYPHOX_UNITS: Final = {"rad/s": "gyr", "m/s^2": "acc", "m/s²": "acc", "µt": "mag", "μt": "mag", "ut": "mag"}
+_SECONDS: Final = re.compile(r".* \(s\)")
+
+
+def _is_phyphox(name: str, names: tuple[str, ...]) -> bool:
+    return bool(names) and _SECONDS.fullmatch(names[0]) is not None and _phyphox_triad(name, names) is not None
+
+
+def _phyphox_triad(name: str, names: tuple[str, ...]) -> tuple[str, list[str]] | None:
+    """Which triad the columns are, ``"acc?"`` where it is not known whether with gravity, and their names."""
+    groups: dict[tuple[str, str], dict[str, str]] = {}
+    for column in names[1:]:
+        found = _PHYPHOX_COLUMN.fullmatch(column)
+        if found is not None and found["unit"].lower() in _PHYPHOX_UNITS:
+            key = (found["what"] or "", _PHYPHOX_UNITS[found["unit"].lower()])
+            groups.setdefault(key, {})[found["axis"].lower()] = column
+    for (what, kind), axes in groups.items():
+        if len(axes) == 3:
+            said = (what or _stem(name)).lower()
+            plain = re.match(r"(raw )?acc", said) is not None and "without" not in said
+            return (kind if kind != "acc" or plain else "acc?"), [axes[letter] for letter in "xyz"]
+    return None
+
+
+def _phyphox(parts: Parts) -> Recording:
+    found = {name: names_in(parts.start(name)) for name in _tables(parts)}
+    found = {name: names for name, names in found.items() if _is_phyphox(name, names)}
+    _require_one_place(found)
+    events = _phyphox_events(parts)
+    streams: dict[str, Stream] = {}
+    notes = ["phyphox: rad/s, m/s² with gravity (specific force) and µT, as its columns say"]
+    for name, names in found.items():
+        kind, columns = _phyphox_triad(name, names) or ("", [])
+        if kind == "acc?":
+            notes.append(f"left out: {name}, acceleration that is without gravity or does not say that it has it")
+            continue
+        if kind in streams:
+            notes.append(f"left out: {name}, a second {kind}")
+            continue
+        table = sheet(name, parts.read(name)).table([names[0], *columns])
+        if table is None:
+            notes.append(f"{kind}: {name} has no sample")
+            continue
+        notes += table.notes
+        streams[kind] = Stream(_on_wall(stamps_of(name, table.columns[names[0]]), events), triad(table, columns))
+    notes.append(_phyphox_clock(events))
+    device = _meta(parts, "device.csv", pairs)
+    model = " ".join(device[key] for key in ("deviceBrand", "deviceModel") if device.get(key))
+    return _recording(parts, streams, notes, model, 0 if events else None)
+
+
+def _meta(parts: Parts, which: str, parse: Any) -> Any:
+    """Content of a table in ``meta``."""
+    name = next((name for name in parts.names if name == f"meta/{which}" or name.endswith(f"/meta/{which}")), None)
+    return parse(parts.text(name)) if name is not None else parse("")
+
+
+def _phyphox_events(parts: Parts) -> list[tuple[int, int]]:
+    """Start and each resume: ns of the experiment, and what UTC is ahead of them, ns."""
+    found = []
+    for row in _meta(parts, "time.csv", records):
+        if row.get("event", "").strip() != "START":
+            continue
+        try:
+            experiment, system = (
+                round(Decimal(row[key].strip().replace(",", ".")) * 10**9) for key in ("experiment time", "system time")
+            )
+        except (KeyError, InvalidOperation, OverflowError, ValueError) as error:
+            raise DecodeError("meta/time.csv has a START without its times in seconds; export it again.") from error
+        if not (0 <= experiment < 10**17 and 0 < system < 9 * 10**18):
+            raise DecodeError("meta/time.csv has a START at a time that no clock has; export it again.")
+        found.append((experiment, system - experiment))
+    return sorted(found)
+
+
+def _on_wall(stamps: NDArray[np.int64], events: list[tuple[int, int]]) -> NDArray[np.int64]:
+    """Stamps as UTC, with the pauses that the time of the experiment leaves out."""
+    if not events:
+        return stamps
+    starts, ahead = np.array(events, dtype=np.int64).T
+    place = np.maximum(np.searchsorted(starts, stamps, side="right") - 1, 0)
+    return np.asarray(stamps + ahead[place])
+
+
+def _phyphox_clock(events: list[tuple[int, int]]) -> str:
+    if not events:
+        return "clock: seconds of the experiment; without meta/time.csv the start and any pauses are not known"
+    paused = f", with {len(events) - 1} of its pauses put back" if len(events) > 1 else ""
+    return f"clock: seconds of the experiment on UTC by meta/time.csv{paused}"
+
+
+# Sensor Logger --------------------------------------------------------------------------------------------------------
+
+_FIRST_STANDARDISED: Final = (1, 29)
+
+
+def _sensor_logger(parts: Parts) -> Recording:
+    tables = {name: names_in(parts.start(name)) for name in _tables(parts)}
+    found = {name: names for name, names in tables.items() if names[:2] == ("time", "seconds_elapsed")}
+    _require_one_place(found)
+    sheets = {
+        _stem(name): sheet(name, parts.read(name))
+        for name, names in found.items()
+        if {"x", "y", "z"} <= set(names) and _stem(name) in _WANTED
+    }
+    told = next((records(parts.text(name)) for name in parts.names if PurePosixPath(name).name == "Metadata.csv"), [])
+    meta = told[0] if told else {}
+    notes: list[str] = []
+    data = {stem: stream for stem, one in sheets.items() if (stream := _logger_stream(one, notes)) is not None}
+    streams: dict[str, Stream] = {}
+    for kind, title in (("gyr", "Gyroscope"), ("mag", "Magnetometer")):
+        for stem in (title, f"{title}Uncalibrated"):
+            if stem in data:
+                streams[kind] = data[stem]
+                notes.append(f"{kind}: {stem}, {'rad/s' if kind == 'gyr' else 'µT'}")
+                break
+    if force := _logger_force(data, meta, notes):
+        streams["acc"] = force
+    notes += ["clock: ns since 1970 (UTC) of the phone"]
+    if others := sorted(_stem(name) for name in tables if _stem(name) not in (*_WANTED, "Metadata")):
+        notes.append(f"left out: {', '.join(others)}")
+    return _recording(parts, streams, ("Sensor Logger", *notes), meta.get("device name", ""), 0)
+
+
+_WANTED: Final = (
+    "Gyroscope",
+    "GyroscopeUncalibrated",
+    "Magnetometer",
+    "MagnetometerUncalibrated",
+    "TotalAcceleration",
+    "Accelerometer",
+    "Gravity",
+    "AccelerometerUncalibrated",
+)
+
+
+def _logger_stream(one: Sheet, notes: list[str]) -> Stream | None:
+    table = one.table(["time", "x", "y", "z"], "time")
+    if table is None:
+        notes.append(f"{one.title} has no sample")
+        return None
+    notes += table.notes
+    return Stream(whole_ns(table, "time"), triad(table, "xyz"))
+
+
+def _logger_force(data: Mapping[str, Stream], meta: Mapping[str, str], notes: list[str]) -> Stream | None:
+    """Specific force, by the rule of the platform."""
+    platform = meta.get("platform", "").strip().lower()
+    if "TotalAcceleration" in data and platform != "ios":  # only Android has it [UNITS.md]
+        notes.append("acc: TotalAcceleration, m/s² with gravity (specific force), which Sensor Logger has on Android")
+        return data["TotalAcceleration"]
+    if not {"Accelerometer", "AccelerometerUncalibrated"} & set(data):
+        return None
+    if {"Accelerometer", "Gravity"} <= set(data):
+        sign, why = _logger_sign(platform, meta)
+        notes.append(f"acc: Accelerometer and Gravity together, m/s²{why}")
+        return _sum(data["Accelerometer"], data["Gravity"], sign)
+    if "AccelerometerUncalibrated" in data:
+        sign, why = _logger_sign(platform, meta)
+        raw = data["AccelerometerUncalibrated"]
+        unit = "g" if sign < 0.0 else "m/s2"
+        notes.append(f"acc: AccelerometerUncalibrated, {unit}{why}")
+        return Stream(raw.t_ns, sign * units.to_si(np.asarray(raw.values), unit))
+    notes.append("left out: Accelerometer, which is without gravity; record Gravity (or TotalAcceleration) with it")
+    return None
+
+
+def _logger_sign(platform: str, meta: Mapping[str, str]) -> tuple[float, str]:
+    """What acceleration is multiplied by to be specific force, and why."""
+    if platform == "android":
+        return 1.0, ""
+    told = meta.get("standardisation", "").strip().lower()
+    if platform == "ios" and told == "true":
+        return 1.0, ", in Android's sign, as 'Standardise Units & Frames' was on"
+    if platform == "ios" and (told == "false" or (not told and _before_standard(meta.get("appVersion", "")))):
+        return -1.0, ", negated: on iOS it points down at rest where 'Standardise Units & Frames' is off"
+    raise DecodeError(
+        f"Metadata.csv does not say the platform (ios or android) and standardisation (true or false): it has "
+        f"{platform or 'no platform'} and {told or 'no standardisation'}. The sign and unit of acceleration depend on "
+        "them; put the Metadata.csv of the export beside the tables."
+    )
+
+
+def _before_standard(version: str) -> bool:
+    found = re.match(r"(\d{1,4})\.(\d{1,4})", version.strip())
+    return found is not None and (int(found[1]), int(found[2])) < _FIRST_STANDARDISED
+
+
+def _sum(user: Stream, gravity: Stream, sign: float) -> Stream:
+    """Acceleration with gravity at the stamps of the former; gravity is interpolated between its neighbours."""
+    t, own = np.asarray(user.t_ns, dtype=np.int64), np.asarray(gravity.t_ns, dtype=np.int64)
+    values, field = np.asarray(user.values), np.asarray(gravity.values)
+    if not np.array_equal(t, own):
+        order = np.concatenate([[True], np.diff(np.maximum.accumulate(own)) > 0])
+        own, field = own[order], field[order]
+        since = (t - own[0]).astype(np.float64)
+        field = np.stack([np.interp(since, own - own[0], axis, np.nan, np.nan) for axis in field.T], axis=1)
+        if own.size > 1:
+            right = np.clip(np.searchsorted(own, t), 1, own.size - 1)
+            field[(own[right] - own[right - 1]) > GAP_FACTOR * np.median(np.diff(own))] = np.nan
+    return Stream(t, sign * (values + field))
+
+
+# SensorLog ------------------------------------------------------------------------------------------------------------
+
+_STAMP_OF: Final = {
+    "accelerometer": "accelerometerTimestamp_sinceReboot(s)",
+    "gyro": "gyroTimestamp_sinceReboot(s)",
+    "motion": "motionTimestamp_sinceReboot(s)",
+    "magnetometer": "magnetometerTimestamp_sinceReboot(s)",
+}
+_SENSORLOG: Final[tuple[tuple[str, str, str, str, float], ...]] = (
+    ("gyr", "gyro", "gyroRotation{}(rad/s)", "rad/s", 1.0),
+    ("gyr", "motion", "motionRotationRate{}(rad/s)", "rad/s", 1.0),
+    ("acc", "accelerometer", "accelerometerAcceleration{}(G)", "g", -1.0),
+    ("mag", "motion", "motionMagneticField{}(µT)", "uT", 1.0),
+    ("mag", "magnetometer", "magnetometer{}(µT)", "uT", 1.0),
+)
+"""Triads in the order in which they are preferred: columns, unit, and the sign that makes specific force of them."""
+
+
+def _is_sensorlog(names: tuple[str, ...]) -> bool:
+    return bool({"accelerometerAccelerationX(G)", "motionRotationRateX(rad/s)", "gyroRotationX(rad/s)"} & set(names))
+
+
+def _sensorlog(parts: Parts) -> Recording:
+    names = [name for name in _tables(parts) if _is_sensorlog(names_in(parts.start(name)))]
+    if len(names) > 1:
+        raise DecodeError(f"it holds {len(names)} tables of SensorLog, each a recording of its own; read one of them.")
+    raw = parts.read(names[0]).decode("utf-8-sig", "replace").replace("μ", "µ").encode()
+    one = sheet(names[0], raw)
+    notes = ["SensorLog (iOS): rad/s and µT; acceleration in g, negated: CoreMotion measures -1 g upwards at rest"]
+    streams: dict[str, Stream] = {}
+    epoch: int | None = None
+    for kind, sensor, form, unit, sign in _SENSORLOG:
+        columns = [form.format(letter) for letter in "XYZ"]
+        if kind in streams or not set(columns) <= set(one.names):
+            continue
+        stream, began = _sensorlog_stream(one, _STAMP_OF[sensor], columns, notes)
+        if stream is None:
+            notes.append(f"{kind}: {columns[0]} and its axes have no sample")
+            continue
+        epoch = began if epoch is None else epoch
+        streams[kind] = Stream(stream.t_ns, sign * units.to_si(np.asarray(stream.values), unit))
+        notes.append(f"{kind}: {form.format('X, Y, Z')}")
+    notes.append("clock: seconds since the phone's start, on UTC by the first loggingTime, to some 0.1 s")
+    if any(name.startswith("motionQuaternion") for name in one.names):
+        notes.append("left out: motionQuaternion, the phone's own attitude, whose frame varies by a setting of the app")
+    return _recording(parts, streams, notes, "iPhone", epoch)
+
+
+def _sensorlog_stream(one: Sheet, stamp: str, columns: list[str], notes: list[str]) -> tuple[Stream | None, int | None]:
+    """Samples of one sensor, each once: a row repeats what has not changed since the row before."""
+    logged = "loggingTime(txt)"
+    own = stamp in one.names
+    if not own and logged not in one.names:
+        raise DecodeError(f"{one.title} has neither {stamp} nor {logged}, so {columns[0]} has no time.")
+    texts = [logged] if logged in one.names else []
+    table = one.table([*([stamp] if own else []), *columns, *texts], texts=texts)
+    if table is None:
+        return None, None
+    notes += [note for note in table.notes if note not in notes]
+    values = triad(table, columns)
+    known = np.isfinite(values).all(axis=1)
+    cells = table.texts.get(logged, [])
+    if not own:
+        times, absolute = stamps_ns(cells, None)
+        return Stream(np.array(times, dtype=np.int64)[known], values[known]), 0 if absolute else None
+    known &= np.isfinite(table.columns[stamp])
+    known[1:] &= np.diff(table.columns[stamp]) != 0.0
+    if not known.any():
+        return None, None
+    stamps = stamps_of(stamp, table.columns[stamp][known])
+    first = cells[int(np.argmax(known))] if cells else ""
+    if not (is_stamp(first) and has_zone(first)):
+        return Stream(stamps, values[known]), None
+    return Stream(stamps, values[known]), stamps_ns([first], None)[0][0] - int(stamps[0])
+
+
+# Android --------------------------------------------------------------------------------------------------------------
+
+_ANDROID: Final = {
+    "gyr": ("gyroscope-calibrated", "gyroscope"),
+    "acc": ("accelerometer",),
+    "mag": ("magnetometer-calibrated", "magnetometer"),
+}
+_BLANKS: Final = Layout(separator=" ", names=False, missing=("NaN",))
+ATTITUDE_SOURCE: Final = "the phone's own rotation vector (Android), which is an estimate and not a reference"
+
+
+def _android(parts: Parts) -> Recording:
+    told = dict(re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", parts.text("record.properties"), re.MULTILINE))
+    notes = ["Android sensor events: rad/s, m/s² (specific force), µT; clock: s since StartTime"]
+    streams: dict[str, Stream] = {}
+    for kind, stems in _ANDROID.items():
+        present = [stem for stem in stems if f"{stem}.txt" in parts.names]
+        if present:
+            streams[kind] = _android_stream(parts, present[0], 3, notes)
+            notes.append(f"{kind}: {present[0]}")
+    model = " ".join(told[key] for key in ("Manufacturer", "Model") if told.get(key))
+    start = told.get("StartTime", "")
+    epoch = int(start) * 10**9 if re.fullmatch(r"[1-9]\d{0,9}", start) else None
+    recording = _recording(parts, streams, notes, model, epoch)
+    if "rotation-vector.txt" not in parts.names or recording.imu is None:
+        return recording
+    lead = streams["gyr"] if "gyr" in streams else max(streams.values(), key=lambda one: np.size(one.t_ns))
+    own = _android_stream(parts, "rotation-vector", 4, notes)
+    rows = np.asarray(lead.t_ns)[0] + recording.imu.t_ns
+    track = AttitudeTrack(
+        t=recording.imu.t,
+        q_nb=attitude_at(rows, Stream(own.t_ns, quat_from_xyzw(np.asarray(own.values)))),
+        frame=Frame.ENU,
+        north=North.MAGNETIC,
+        source=ATTITUDE_SOURCE,
+    )
+    return Recording(
+        imu=recording.imu,
+        track=track,
+        name=recording.name,
+        notes=(*recording.notes, f"attitude: {ATTITUDE_SOURCE}; East-North-Up, magnetic north"),
+    )
+
+
+def _android_stream(parts: Parts, stem: str, count: int, notes: list[str]) -> Stream:
+    """Stamps and so many values of a table without names."""
+    refs = list(range(1, count + 2))
+    table = read_table(parts.read(f"{stem}.txt"), _BLANKS, refs)
+    notes += [note.replace("cut: ", f"cut: {stem}: ", 1) for note in table.notes]
+    values: Floats = np.stack([table.columns[ref] for ref in refs[1:]], axis=1)
+    return Stream(stamps_of(stem, table.columns[1]), values)

@@ -1,12 +1,271 @@
-"""Named arrays."""
+"""Named arrays of MATLAB (v5 and v7.3), HDF5 and NumPy (.npz), described by a profile in TOML.
 
+The container says names, shapes and types, and nothing of units, frames or clocks; the profile says these. An array is
+named by its path: ``imu/gyr`` is the data set of a group in HDF5, and the field of a struct in MATLAB. MATLAB v7.3
+keeps its tables transposed in HDF5, which is undone here [MathWorks, MAT-File Versions]. In a table of several columns,
+its longer side is that of time.
+"""
+
+import io
+import re
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from plumbob.core.errors import DecodeError
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.errors import DecodeError, excerpt
+from plumbob.core.files import existing_file, reading, require_room, sidecars
+from plumbob.core.text import counted
+from plumbob.files.arrays import (
+    HDF5_SIGNATURE,
+    MAT5_SIGNATURE,
+    NUMERIC,
+    Variable,
+    mat_array,
+    mat_fields,
+    mat_order,
+    mat_variables,
+    opened_hdf5,
+    own_dataset,
+    require_whole_chunks,
+)
+from plumbob.files.foreign.parts import Parts
 from plumbob.files.notes import Recording
+from plumbob.files.profile import ColumnRef, Profile, TimeColumn
+from plumbob.files.text import profile_of, recording_of
+from plumbob.files.text_table import Table
+
+MAX_BYTES: Final = 256 << 20
+"""Bytes of a MATLAB v5 file, which is read as a whole."""
+MAX_ARRAYS: Final = 1000
+_MAT73: Final = b"MATLAB 7.3"
+_MAT73_AT: Final = 512
+_COLUMN: Final = re.compile(r"(?P<name>.+?)\[(?P<number>[1-9]\d{0,3})\]")
+_LISTED: Final = 20
+_DEEPEST: Final = 6
 
 
-def read(path: Path, profile: Any = None) -> Recording:
-    """Read it."""
-    raise DecodeError(f"{path}: this format is not read yet.")
+@dataclass(frozen=True, slots=True)
+class _Listed:
+    """Arrays of a container: shapes of those of numbers, and what the others are."""
+
+    shapes: Mapping[str, tuple[int, ...]]
+    others: Mapping[str, str]
+
+    def told(self) -> str:
+        """Names and shapes for a message."""
+        found = [f"{name} {'×'.join(map(str, shape)) or '1'}" for name, shape in self.shapes.items()]
+        found += [f"{name} ({kind})" for name, kind in self.others.items()]
+        more = f" and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
+        return (", ".join(found[:_LISTED]) or "nothing") + more
+
+
+def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
+    """Read named arrays as their profile describes them.
+
+    Parameters
+    ----------
+    path : Path
+        ``.mat``, ``.h5``, ``.hdf5`` or ``.npz``.
+    profile : Profile or path, optional
+        With ``arrays = true``; without one, ``NAME.toml`` or ``NAME.profile.toml`` beside the file is taken.
+
+    Raises
+    ------
+    DecodeError
+        If there is no profile, an array is missing or not of numbers, lengths differ, or the file is damaged.
+    MissingExtraError
+        If it is HDF5 and h5py is not installed.
+    UnitError, ClockError, ShapeError, FrameError
+        If the numbers cannot be what they are declared to be.
+    """
+    file = existing_file(path)
+    with reading(file):
+        container = _container(file)
+        if profile is None and not any(beside.is_file() for beside in sidecars(file)):
+            raise DecodeError(
+                f"arrays do not say their units, so they need --profile FILE.toml with arrays = true (docs/"
+                f"vendor-files.md shows one). The file holds {container.listed.told()}."
+            )
+    declared, note = profile_of(file, profile)
+    with reading(file):
+        if not declared.arrays:
+            raise DecodeError(f"{declared.origin} describes a text file; for arrays, write arrays = true instead.")
+        if declared.texts:
+            raise DecodeError(f"{declared.origin} names columns of text, but arrays hold numbers; use time.unit.")
+        return recording_of(declared, _table(declared, container), file.stem, note)
+
+
+def _table(profile: Profile, container: "_Container") -> Table:
+    places = {ref: _place(ref, container.listed) for ref in profile.used}
+    content = container.load(sorted({name for name, _ in places.values()}))
+    tables = {name: _upright(name, array) for name, array in content.items()}
+    rows = {name: len(table) for name, (table, _) in tables.items()}
+    if len(set(rows.values())) > 1:
+        told = ", ".join(f"{name} {count}" for name, count in rows.items())
+        raise DecodeError(f"its arrays have different lengths: {told}; a profile describes arrays of one time line.")
+    columns: dict[ColumnRef, Any] = {}
+    zero = Decimal(0)
+    for ref, (name, number) in places.items():
+        table = tables[name][0]
+        if number > table.shape[1]:
+            raise DecodeError(f"{name} has {counted(table.shape[1], 'column')}, so there is no {name}[{number}].")
+        column = table[:, number - 1]
+        if isinstance(profile.time, TimeColumn) and ref == profile.time.column and profile.time.unix and column.size:
+            zero = Decimal(column[0].item())
+            column = column - column[0]
+        columns[ref] = np.asarray(column, dtype=np.float64)
+    turned = tuple(f"{name} has its samples side by side, and was turned" for name, (_, was) in tables.items() if was)
+    return Table(columns, zero, next(iter(rows.values()), 0), turned, {}, lambda row: row + 1)
+
+
+def _place(ref: ColumnRef, listed: _Listed) -> tuple[str, int]:
+    """Array and number of its column, from 1."""
+    if not isinstance(ref, str):
+        raise DecodeError(f"{ref} is the number of a column; an array has a name, as in 'gyr[{ref}]'.")
+    found = _COLUMN.fullmatch(ref)
+    name, number = (found["name"], int(found["number"])) if found and ref not in listed.shapes else (ref, 1)
+    if name not in listed.shapes:
+        kind = listed.others.get(name)
+        why = f"is not an array of numbers but a {kind}" if kind else "is not in the file"
+        raise DecodeError(f"{excerpt(name)} {why}; the file holds {listed.told()}.")
+    return name, number
+
+
+def _upright(name: str, array: NDArray[Any]) -> tuple[NDArray[Any], bool]:
+    """Table of a row for each sample, and whether it lay on its side."""
+    if array.ndim > 2 or array.ndim == 0 or array.size == 0:
+        raise DecodeError(f"{name} has shape {array.shape}, but it must be samples, or samples and columns.")
+    if array.ndim == 1:
+        return array[:, np.newaxis], False
+    aside = array.shape[0] < array.shape[1]
+    return (array.T if aside else array), aside and array.shape[0] > 1
+
+
+class _Container:
+    """Arrays of one file; subclasses list them without loading, and load some."""
+
+    listed: _Listed
+
+    def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
+        raise NotImplementedError
+
+
+def _container(file: Path) -> _Container:
+    with file.open("rb") as stream:
+        start = stream.read(_MAT73_AT + 8)
+    if start.startswith(MAT5_SIGNATURE):
+        return _Mat5(file)
+    if start.startswith(HDF5_SIGNATURE) or start[_MAT73_AT:] == HDF5_SIGNATURE:
+        return _Hdf5(file, transposed=start.startswith(_MAT73))
+    if start.startswith(b"PK"):
+        return _Npz(file)
+    raise DecodeError("it is neither MATLAB v5 or v7.3, nor HDF5, nor NumPy's .npz; save it as one of these.")
+
+
+class _Mat5(_Container):
+    def __init__(self, file: Path) -> None:
+        if (size := file.stat().st_size) > MAX_BYTES:
+            raise DecodeError(f"it has {size} bytes, but such a file may have {MAX_BYTES}; save it as v7.3.")
+        raw = memoryview(file.read_bytes())
+        self._size, self._order = len(raw), mat_order(raw)
+        found: dict[str, Variable] = {}
+        for name, variable in mat_variables(raw, self._order).items():
+            fields = mat_fields(variable, self._order, len(raw))
+            found |= {f"{name}/{key}": field for key, field in fields.items()} or {name: variable}
+        self._found = {name: one for name, one in found.items() if one.kind in NUMERIC.values()}
+        others = {name: one.kind for name, one in found.items() if name not in self._found}
+        self.listed = _Listed({name: one.shape for name, one in self._found.items()}, others)
+
+    def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
+        require_room(sum(self._found[name].size for name in names), self._size)
+        return {name: mat_array(self._found[name], self._order) for name in names}
+
+
+class _Hdf5(_Container):
+    def __init__(self, file: Path, *, transposed: bool) -> None:
+        self._file, self._transposed = file, transposed
+        shapes: dict[str, tuple[int, ...]] = {}
+        others: dict[str, str] = {}
+        with opened_hdf5(file) as (h5py, hdf5):
+            _walk(h5py, hdf5, "", shapes, others)
+        self.listed = _Listed({name: shape[:: -1 if transposed else 1] for name, shape in shapes.items()}, others)
+
+    def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
+        size = self._file.stat().st_size
+        with opened_hdf5(self._file) as (h5py, hdf5):
+            sets = {}
+            for name in names:
+                group, _, key = name.rpartition("/")
+                sets[name] = own_dataset(h5py, hdf5[group] if group else hdf5, key)
+            require_room(sum(one.size * one.dtype.itemsize for one in sets.values()), size)
+            for name, one in sets.items():
+                require_whole_chunks(h5py, name, one, size)
+            return {name: one[()].T if self._transposed else one[()] for name, one in sets.items()}
+
+
+def _walk(h5py: Any, group: Any, prefix: str, shapes: dict[str, tuple[int, ...]], others: dict[str, str]) -> None:
+    """Shapes of the data sets of numbers that lie in this very file; links are not followed."""
+    for key in group:
+        if len(shapes) + len(others) >= MAX_ARRAYS:
+            return
+        name = f"{prefix}{key}"
+        if group.id.links.get_info(key.encode()).type != h5py.h5l.TYPE_HARD:
+            others[name] = "link"
+            continue
+        one = group[key]
+        if isinstance(one, h5py.Group):
+            if prefix.count("/") < _DEEPEST:
+                _walk(h5py, one, f"{name}/", shapes, others)
+        elif isinstance(one, h5py.Dataset) and one.shape is not None and one.dtype.kind in "fiub":
+            shapes[name] = tuple(one.shape)
+        else:
+            others[name] = "data set that is not of numbers"
+
+
+class _Npz(_Container):
+    def __init__(self, file: Path) -> None:
+        self._parts = Parts(file)
+        shapes: dict[str, tuple[int, ...]] = {}
+        others: dict[str, str] = {}
+        for name in self._parts.names:
+            key = name.removesuffix(".npy")
+            shape, dtype = _npy_head(name, self._parts.start(name))
+            if dtype.kind in "fiub":
+                shapes[key] = shape
+            else:
+                others[key] = "array of objects or texts"
+        self.listed = _Listed(shapes, others)
+
+    def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
+        require_room(sum(self._parts.size(f"{name}.npy") for name in names), self._parts.path.stat().st_size)
+        found = {}
+        for name in names:
+            raw = self._parts.read(f"{name}.npy")
+            shape, dtype = _npy_head(name, raw)
+            if int(np.prod(shape, dtype=object)) * dtype.itemsize > len(raw):
+                raise DecodeError(f"{name} claims {shape} values in {len(raw)} bytes, which cannot be.")
+            try:
+                found[name] = np.lib.format.read_array(io.BytesIO(raw), allow_pickle=False)
+            except (ValueError, EOFError) as error:
+                raise DecodeError(f"{name} is cut or damaged: {error}") from error
+        return found
+
+
+def _npy_head(name: str, raw: bytes) -> tuple[tuple[int, ...], Any]:
+    """Shape and type of an array of NumPy [NEP 1]."""
+    stream = io.BytesIO(raw)
+    try:
+        version = np.lib.format.read_magic(stream)
+        head = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = head(stream)
+    except (ValueError, EOFError, SyntaxError, TypeError, zipfile.BadZipFile) as error:
+        raise DecodeError(f"{excerpt(name)} is not an array of NumPy: {str(error)[:100]}") from error
+    if any(side < 0 for side in shape):
+        raise DecodeError(f"{excerpt(name)} claims the shape {shape}.")
+    return shape, dtype

@@ -1,16 +1,216 @@
-"""x-IMU3."""
+"""Logs of x-IMU3 (x-io Technologies): ``.ximu3``, and the folder of CSV that its GUI makes of one device's.
 
+A log is a row of messages that end in a line feed: ASCII as ``I,1000000,…``, or binary, whose first byte is that of
+ASCII plus 0x80, with the time in µs (64 bits) and numbers of 32 bits, least byte first; a line feed in them is DB DC,
+and DB is DB DD. There is no checksum, so a message counts by its identity and its length. Units, files and headings are
+those of x-IMU3-Software, generate_data_messages.json: rate in deg/s, acceleration (specific force) in g, and the
+magnetic field in arbitrary units, 1 at the place of calibration, whose size in µT is not known.
+
+The quaternion describes the sensor relative to the Earth, scalar first, North-West-Up unless the device was set
+otherwise (Fusion, README).
+"""
+
+import re
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import units
+from plumbob.core.check import Floats
+from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import DecodeError
+from plumbob.core.files import existing_file, reading
+from plumbob.core.text import counted
+from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.files.foreign.join import Stream, joined
+from plumbob.files.foreign.parts import Parts, attitude_at, names_in, sheet
 from plumbob.files.notes import Recording
+from plumbob.rotations import Frame, North
+
+MAX_BYTES: Final = 1 << 30
+"""Bytes of a log, which is read as a whole; an hour of all messages at 400 Hz has some 200 MB."""
+NUMBERS: Final = {"I": 6, "M": 3, "Q": 4, "T": 1}
+"""Numbers of the messages that are read: inertial, magnetometer, quaternion, temperature."""
+TABLES: Final = {"I": "Inertial.csv", "M": "Magnetometer.csv", "Q": "Quaternion.csv", "T": "Temperature.csv"}
+STAMP: Final = "Timestamp (us)"
+_ESCAPE: Final = 0xDB
+_LATEST_US: Final = 9.2e15
+_KNOWN_LETTERS: Final = "IMQRALEHTBWSNFPKCY"
+_SOURCE: Final = "the x-IMU3's own attitude, which is an estimate and not a reference"
+_CONVENTIONS: Final = (Frame.NWU, Frame.ENU, Frame.NED)
+"""The setting ahrs_axes_convention, in the order of Fusion's FusionConvention."""
+_Messages = dict[str, tuple[NDArray[np.int64], Floats]]
 
 
 def accepts(path: Path) -> bool:
-    """Whether a path is of this format, by its content."""
-    return False
+    """Whether a path is a log of x-IMU3, or a folder or a file with its table of inertial messages."""
+    if path.suffix.lower() == ".ximu3":
+        return True
+    parts = Parts(path)
+    name = TABLES["I"] if path.is_dir() else path.name
+    return name in parts.names and names_in(parts.start(name))[:2] == (STAMP, "Gyroscope X (deg/s)")
 
 
 def read(path: Path) -> Recording:
-    """Read it."""
-    raise DecodeError(f"{path}: this format is not read yet.")
+    """Read a log of x-IMU3, its table of inertial messages, or the folder of one device's tables.
+
+    Raises
+    ------
+    DecodeError
+        If it has no inertial message.
+    ClockError
+        If its stamps are not a clock's.
+    """
+    with reading(path):
+        notes = ["x-IMU3: deg/s and g, as its messages have them; clock: µs of the device"]
+        if path.suffix.lower() == ".ximu3":
+            messages, told = _of_log(existing_file(path, MAX_BYTES).read_bytes(), notes)
+        else:
+            parts = Parts(path)
+            messages = _of_tables(parts, path.is_dir(), notes)
+            told = parts.text("Command.json") if "Command.json" in parts.names else ""
+        return _recording(path.stem, messages, told, notes)
+
+
+def _recording(name: str, messages: _Messages, told: str, notes: list[str]) -> Recording:
+    if "I" not in messages:
+        raise DecodeError(f"it has no inertial message; {'; '.join(notes[1:]) or 'is this the file?'}.")
+    stamps, inertial = messages["I"]
+    streams = {
+        "gyr": Stream(stamps, units.to_si(inertial[:, :3], "deg/s")),
+        "acc": Stream(stamps, units.to_si(inertial[:, 3:], "g")),
+    }
+    if "M" in messages:
+        streams["mag"] = Stream(messages["M"][0], units.to_si(messages["M"][1], "relative"))
+        notes.append(
+            f"mag is in arbitrary units, 1 at the place of calibration, which is taken for {NOMINAL_FIELD:g} µT"
+        )
+    if "T" in messages:
+        streams["temp_c"] = Stream(messages["T"][0], messages["T"][1][:, 0])
+    frame, north, how = _convention(told)
+    meta = ImuMeta(device="x-IMU3", frame=frame, unit_check=False)
+    imu, joints = joined(streams, meta=meta)
+    track = None
+    if "Q" in messages:
+        q_nb = attitude_at(stamps[0] + imu.t_ns, Stream(*messages["Q"]))
+        track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=frame, north=north, source=_SOURCE)
+        notes.append(f"attitude: {_SOURCE}; {how}")
+    return Recording(imu=imu, track=track, name=name, notes=(*notes, *joints))
+
+
+def _convention(told: str) -> tuple[Frame, North, str]:
+    """Frame and north of the attitude by the settings among the answers to commands, and how they are known."""
+    axes = re.search(r'"ahrs_?axes_?convention" *: *([012])', told, re.IGNORECASE)
+    ignored = re.search(r'"ahrs_?ignore_?magnetometer" *: *(true|false)', told, re.IGNORECASE)
+    frame = _CONVENTIONS[int(axes[1])] if axes else Frame.NWU
+    north = North.MAGNETIC if ignored and ignored[1] == "false" else North.FREE
+    how = f"{frame}, as {'its settings say' if axes else 'x-IMU3 has it unless it was set to ENU or NED'}"
+    if not ignored:
+        how += "; the file does not say whether the magnetometer was used, so headings count from where it began"
+    return frame, north, how
+
+
+def _of_log(raw: bytes, notes: list[str]) -> tuple[_Messages, str]:
+    """Messages by their letter, and the answers to commands."""
+    answers: list[str] = []
+    bodies: dict[str, list[bytes]] = {letter: [] for letter in NUMBERS}
+    texts: dict[str, list[list[float]]] = {letter: [] for letter in NUMBERS}
+    others = junk = 0
+    lines = raw.split(b"\n")
+    if lines.pop():
+        notes.append("cut: the last message has no end, and was left out: the file may be incomplete")
+    for line in lines:
+        letter = chr(line[0] & 0x7F) if line else ""
+        if letter not in NUMBERS:
+            if line[:1] == b"{":
+                answers.append(line.decode("utf-8", "replace"))
+            known = line[:1] == b"{" or (letter and letter in _KNOWN_LETTERS)
+            others, junk = others + bool(known), junk + (not known)
+        elif line[0] & 0x80:
+            body = _unescaped(line)
+            if len(body) == 9 + 4 * NUMBERS[letter]:
+                bodies[letter].append(body)
+            else:
+                junk += 1
+        elif numbers := _numbers(line, NUMBERS[letter]):
+            texts[letter].append(numbers)
+        else:
+            junk += 1
+    if others:
+        notes.append(f"left out: {counted(others, 'message')} of other kinds")
+    if junk:
+        notes.append(f"left out: {counted(junk, 'line')} that are not a message of x-IMU3")
+    return _joined(bodies, texts), "\n".join(answers)
+
+
+def _joined(bodies: Mapping[str, list[bytes]], texts: Mapping[str, list[list[float]]]) -> _Messages:
+    """Binary and ASCII messages of each letter together."""
+    found: _Messages = {}
+    for letter, count in NUMBERS.items():
+        layout = np.dtype([("id", "u1"), ("us", "<u8"), ("values", "<f4", (count,))])
+        rows = np.frombuffer(b"".join(bodies[letter]), layout)
+        table = np.array(texts[letter], dtype=np.float64).reshape(-1, 1 + count)
+        us = np.concatenate([rows["us"].astype(np.float64), table[:, 0]])
+        if us.size:
+            values = np.concatenate([rows["values"].reshape(-1, count).astype(np.float64), table[:, 1:]])
+            found[letter] = (_ns(us), values)
+    return found
+
+
+def _unescaped(line: bytes) -> bytes:
+    return line if _ESCAPE not in line else line.replace(b"\xdb\xdc", b"\n").replace(b"\xdb\xdd", b"\xdb")
+
+
+def _numbers(line: bytes, count: int) -> list[float] | None:
+    """Time and numbers of an ASCII message; None where it is not one."""
+    cells = line.rstrip(b"\r").split(b",")[1:]
+    if len(cells) != 1 + count or not all(re.fullmatch(rb"-?\d{1,19}(\.\d{1,12})?", cell) for cell in cells):
+        return None
+    return [float(cell) for cell in cells]
+
+
+def _ns(us: Floats) -> NDArray[np.int64]:
+    if not ((us >= 0.0) & (us < _LATEST_US)).all():
+        raise DecodeError("a message has a time that no clock has; the log is damaged.")
+    return np.asarray(np.round(us).astype(np.int64) * 1000)
+
+
+def _of_tables(parts: Parts, folder: bool, notes: list[str]) -> _Messages:
+    found: _Messages = {}
+    tables: Mapping[str, str] = TABLES if folder else {"I": parts.names[0]}
+    for letter, name in tables.items():
+        if name not in parts.names:
+            continue
+        one = sheet(name, parts.read(name))
+        wanted = one.names[: 1 + NUMBERS[letter]]
+        if not _headings_fit(letter, wanted):
+            raise DecodeError(f"{name} has the columns {', '.join(one.names)}, which x-IMU3 does not write.")
+        table = one.table(wanted)
+        if table is None:
+            notes.append(f"{name} has no sample")
+            continue
+        notes += table.notes
+        values = np.stack([table.columns[column] for column in wanted[1:]], axis=1)
+        found[letter] = (_ns(table.columns[STAMP]), values)
+    return found
+
+
+_HEADINGS: Final = {
+    "I": r"Gyroscope [XYZ] \(deg/s\)|Accelerometer [XYZ] \(g\)",
+    "M": r"(Magnetometer )?[XYZ]( Axis)? \(a\.u\.\)",
+    "Q": r"[WXYZ]( Element)?",
+    "T": r"Temperature \((degC|°C)\)",
+}
+
+
+def _headings_fit(letter: str, names: tuple[str, ...]) -> bool:
+    """Whether a table has the columns of its messages, with their units and in their order."""
+    pattern = re.compile(_HEADINGS[letter])
+    axes = "".join(
+        re.sub(r"\(.*|Gyroscope|Accelerometer|Magnetometer|Axis|Element|Temperature| ", "", n) for n in names[1:]
+    )
+    expected = {"I": "XYZXYZ", "M": "XYZ", "Q": "WXYZ", "T": ""}[letter]
+    return names[:1] == (STAMP,) and all(pattern.fullmatch(name) for name in names[1:]) and axes == expected

@@ -1,0 +1,293 @@
+"""Named arrays in containers, with every length checked before it is used: MATLAB v5 and HDF5.
+
+SciPy's reader of MATLAB v5 is not used, since damaged files can end its process [MAT-File Format, level 5]. Links and
+data in other files are refused in HDF5.
+"""
+
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.errors import DecodeError, MissingExtraError, PlumbobError, one_line
+from plumbob.core.files import require_room
+
+HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
+MAT5_SIGNATURE: Final = b"MATLAB 5.0"
+MAX_VARIABLES: Final = 10_000
+HEADER_BYTES: Final = 128
+_CHUNK_SLACK: Final = 1_000_000  # values; a writer may choose chunks larger than a short data set
+_BEGINNING_BYTES: Final = 1024
+"""Bytes of a variable in which its class, shape and name must end; of other variables no more is unpacked."""
+_DEEPEST: Final = 6
+"""Structs or groups in each other."""
+
+
+@contextmanager
+def opened_hdf5(file: Path) -> Iterator[tuple[Any, Any]]:
+    """The module h5py and an open file; everything that goes wrong inside is an error of this package.
+
+    Raises
+    ------
+    MissingExtraError
+        If h5py is not installed.
+    DecodeError
+        If the file is cut or damaged.
+    """
+    try:
+        import h5py
+    except ImportError as error:
+        raise MissingExtraError('HDF5 files need h5py; install it with: pip install "plumbob[hdf5]".') from error
+    try:
+        with h5py.File(file, "r") as hdf5:
+            yield h5py, hdf5
+    except PlumbobError:
+        raise
+    except Exception as error:  # h5py raises many types for damaged input
+        raise DecodeError(f"it is cut or damaged ({one_line(error)[:160]}); take a copy that is whole.") from error
+
+
+def require_whole_chunks(h5py: Any, key: str, dataset: Any, size: int) -> None:
+    """Refuse chunks that unpack to more than they state: the library would follow them as far as memory goes."""
+    properties = dataset.id.get_create_plist()
+    filters = [properties.get_filter(i)[0] for i in range(properties.get_nfilters())]
+    if not set(filters) <= {h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32}:
+        raise DecodeError(f"{key} is packed by a filter other than gzip; write it with gzip or unpacked.")
+    if filters.count(h5py.h5z.FILTER_DEFLATE) > 1:
+        raise DecodeError(f"{key} is packed twice; write it with gzip once.")
+    if h5py.h5z.FILTER_DEFLATE not in filters:
+        return
+    most = math.prod(dataset.chunks) * dataset.dtype.itemsize + 4  # of a checksum
+    for i in range(dataset.id.get_num_chunks()):
+        chunk = dataset.id.get_chunk_info(i)
+        if chunk.size > size:
+            raise DecodeError(f"a chunk of {key} claims {chunk.size} bytes in a file of {size}, which cannot be.")
+        skipped, packed = dataset.id.read_direct_chunk(chunk.chunk_offset)
+        if not skipped and len(zlib.decompressobj().decompress(packed, most + 1)) > most:
+            raise DecodeError(f"a chunk of {key} unpacks to more than the {most} bytes that it states.")
+
+
+def own_dataset(h5py: Any, hdf5: Any, key: str) -> Any:
+    """Return a plain numeric data set stored in this very file."""
+    if hdf5.id.links.get_info(key.encode()).type != h5py.h5l.TYPE_HARD:  # asked without following it
+        raise DecodeError(f"{key} is a link, which may lead to another file; links are refused.")
+    dataset = hdf5[key]
+    if not isinstance(dataset, h5py.Dataset) or dataset.shape is None or dataset.dtype.kind not in "fiub":
+        raise DecodeError(f"{key} is not a numeric data set.")
+    if dataset.external or dataset.is_virtual:
+        raise DecodeError(f"{key} is stored in another file; external and virtual data are refused.")
+    if dataset.chunks and math.prod(dataset.chunks) > _CHUNK_SLACK + dataset.size:
+        raise DecodeError(f"{key} claims chunks of {dataset.chunks} for {dataset.shape} values, which cannot be.")
+    return dataset
+
+
+# Table 1-1: types of elements
+_INT8, _INT32, _UINT32, _MATRIX, _COMPRESSED, _UTF8 = 1, 5, 6, 14, 15, 16
+_DTYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+
+# Table 1-3: classes of arrays
+NUMERIC: Final = {
+    6: "double",
+    7: "single",
+    8: "int8",
+    9: "uint8",
+    10: "int16",
+    11: "uint16",
+    12: "int32",
+    13: "uint32",
+    14: "int64",
+    15: "uint64",
+}
+_OTHER = {1: "cell", 2: "struct", 3: "object", 4: "char", 5: "sparse", 16: "function"}
+_OPAQUE = 17  # of MATLAB's own classes; it has a name of another kind
+_COMPLEX_FLAG = 0x800
+
+
+class Variable(NamedTuple):
+    """A variable, of which no more than the beginning has been unpacked.
+
+    `element` is its packed or plain bytes at `place` in the file, `size` what they state to unpack to, and `start`
+    where its numbers begin in those.
+    """
+
+    place: int
+    element: memoryview
+    packed: bool
+    size: int
+    name: str
+    kind: str
+    shape: tuple[int, ...]
+    start: int
+
+
+def mat_variables(raw: memoryview, order: str) -> dict[str, Variable]:
+    """Variables of a MATLAB v5 file by name.
+
+    Raises
+    ------
+    DecodeError
+        If one is cut or damaged, occurs twice, or there are more than `MAX_VARIABLES`.
+    """
+    found: dict[str, Variable] = {}
+    place, count = HEADER_BYTES, 0
+    while place < len(raw):
+        with _damage_at(place):
+            kind, content, _ = _part(raw, place, order)
+            packed = kind == _COMPRESSED
+            element = content if packed else raw[place : place + 8 + len(content)]
+            variable = _variable(place, element, packed, order)
+        if variable.name and variable.name in found:
+            raise DecodeError(f"{variable.name} occurs twice; take a copy that is whole.")
+        found[variable.name] = variable
+        place, count = place + 8 + len(content), count + 1
+        if count > MAX_VARIABLES:
+            raise DecodeError(f"it has more than {MAX_VARIABLES} variables, which no recording does.")
+    return found
+
+
+def mat_order(raw: memoryview) -> str:
+    """Byte order of a MATLAB v5 file, as `struct` writes it.
+
+    Raises
+    ------
+    DecodeError
+        If its header does not end as one does.
+    """
+    order = {b"IM": "<", b"MI": ">"}.get(bytes(raw[HEADER_BYTES - 2 : HEADER_BYTES]))
+    if order is None:
+        raise DecodeError("its header is cut or damaged: it does not end in IM or MI; take a copy that is whole.")
+    return order
+
+
+def mat_fields(variable: Variable, order: str, room: int, depth: int = 0) -> dict[str, Variable]:
+    """Fields of a struct of one element, those of structs in it as ``a/b``; none of anything else.
+
+    Parameters
+    ----------
+    variable : Variable
+        The struct.
+    order : str
+        Byte order.
+    room : int
+        Size of the file, which limits what it may unpack to.
+    depth : int
+        How many structs it lies in.
+
+    Raises
+    ------
+    DecodeError
+        If it is cut or damaged, or unpacks to too much.
+    """
+    if variable.kind != "struct" or math.prod(variable.shape) != 1 or depth > _DEEPEST:
+        return {}
+    require_room(variable.size, room)
+    found: dict[str, Variable] = {}
+    with _damage_at(variable.place):
+        content, _ = _unpacked(variable.element, variable.packed, variable.size + 1)
+        _, width, at = _part(content, variable.start, order)
+        (longest,) = struct.unpack(f"{order}i", width)
+        _, names, at = _part(content, at, order)
+        if not 0 < longest <= 64 or len(names) % longest or len(names) > longest * MAX_VARIABLES:
+            raise ValueError("the names of its fields are not a list of names")
+        for k in range(len(names) // longest):
+            name = str(names[k * longest : (k + 1) * longest], "latin-1").split("\0")[0]
+            _, part, after = _part(content, at, order)
+            if part:
+                found[name] = _variable(variable.place, content[at : at + 8 + len(part)], False, order)
+            at = after
+    inner = {
+        f"{name}/{key}": value
+        for name, one in found.items()
+        for key, value in mat_fields(one, order, room, depth + 1).items()
+    }
+    return found | inner
+
+
+def _variable(place: int, element: memoryview, packed: bool, order: str) -> Variable:
+    """Class, shape and name of a variable, which are its first three parts."""
+    begin, _ = _unpacked(element, packed, _BEGINNING_BYTES)
+    if len(begin) < 8:
+        raise ValueError("it ends in its first tag")
+    kind, size = struct.unpack_from(f"{order}II", begin)
+    if kind != _MATRIX:
+        raise ValueError(f"it is of type {kind} instead of {_MATRIX}, an array")
+    kind, flags, at = _part(begin, 8, order)
+    if (kind, len(flags)) != (_UINT32, 8):
+        raise ValueError("its flags are not two numbers of 32 bits")
+    (word,) = struct.unpack_from(f"{order}I", flags)
+    if word & 0xFF == _OPAQUE:
+        return Variable(place, element, packed, 8 + size, "", "opaque", (), at)
+    kind, dimensions, at = _part(begin, at, order)
+    if kind != _INT32 or len(dimensions) < 8 or len(dimensions) % 4:
+        raise ValueError("its dimensions are not two or more numbers of 32 bits")
+    shape = struct.unpack(f"{order}{len(dimensions) // 4}i", dimensions)
+    kind, name, at = _part(begin, at, order)
+    if kind not in (_INT8, _UTF8) or min(shape) < 0:
+        raise ValueError("its name is not text, or it has a negative dimension")
+    return Variable(place, element, packed, 8 + size, str(name, "latin-1"), _kind(word), shape, at)
+
+
+def _kind(word: int) -> str:
+    kind = (NUMERIC | _OTHER).get(word & 0xFF, f"{word & 0xFF}, which does not exist")
+    return f"complex {kind}" if word & _COMPLEX_FLAG else kind
+
+
+def mat_array(variable: Variable, order: str) -> NDArray[Any]:
+    """Numbers of a variable, in its shape.
+
+    Raises
+    ------
+    DecodeError
+        If it is cut or damaged, or does not unpack to what it states.
+    """
+    values = math.prod(variable.shape)
+    with _damage_at(variable.place):
+        if variable.size > variable.start + 16 + 8 * values:  # a tag, the widest numbers, and what fills 8 bytes
+            raise ValueError(f"it states {variable.size} bytes for {values} numbers")
+        content, whole = _unpacked(variable.element, variable.packed, variable.size + 1)
+        if len(content) != variable.size or not whole:
+            raise ValueError(f"it does not unpack to the {variable.size} bytes that it states")
+        kind, numbers, _ = _part(content, variable.start, order)
+        dtype = np.dtype(order + _DTYPES.get(kind, "f8"))
+        if kind not in _DTYPES or len(numbers) != values * dtype.itemsize:
+            raise ValueError(f"its numbers, of type {kind}, have {len(numbers)} bytes, and not those of {values}")
+    table = np.frombuffer(numbers, dtype).reshape(variable.shape, order="F")
+    return np.ascontiguousarray(table, dtype.newbyteorder("="))
+
+
+def _unpacked(element: memoryview, packed: bool, most: int) -> tuple[memoryview, bool]:
+    """At most so many bytes of an element, and whether that is all of it and its checksum holds."""
+    if not packed:
+        return element[:most], len(element) <= most
+    inflate = zlib.decompressobj()
+    return memoryview(inflate.decompress(element, most)), inflate.eof
+
+
+def _part(data: memoryview, at: int, order: str) -> tuple[int, memoryview, int]:
+    """Type and content of the element at a place, and where the next begins inside an array."""
+    if at + 8 > len(data):
+        raise ValueError(f"it ends in the tag at its byte {at}")
+    kind, size = struct.unpack_from(f"{order}II", data, at)
+    begin = at + 8
+    if kind >> 16:  # a small element: size and type in one word, up to 4 bytes in the other
+        kind, size, begin = kind & 0xFFFF, kind >> 16, at + 4
+    if begin + size > len(data) or (begin == at + 4 and size > 4):
+        raise ValueError(f"the element at its byte {at} states {size} bytes and goes beyond its end")
+    after = at + 8 if begin == at + 4 else begin + size + -size % 8
+    return kind, data[begin : begin + size], after
+
+
+@contextmanager
+def _damage_at(place: int) -> Iterator[None]:
+    try:
+        yield
+    except (ValueError, struct.error, zlib.error) as error:
+        raise DecodeError(
+            f"the variable at byte {place} is cut or damaged: {error}. Take a copy that is whole."
+        ) from error

@@ -1,0 +1,315 @@
+"""A recording in several files: the members of a zip archive or of a folder, and the tables of numbers in them.
+
+Nothing is unpacked to the disk. What an archive claims is judged before a byte of it is unpacked; links in a folder are
+not followed.
+"""
+
+import csv
+import os
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import DecodeError, PlumbobError, excerpt, one_line
+from plumbob.core.files import existing_file, require_room
+from plumbob.core.time import GAP_FACTOR
+from plumbob.files.foreign.join import Stream
+from plumbob.files.profile import ColumnRef, Layout
+from plumbob.files.text_head import decode, find_head, is_idle, split_row
+from plumbob.files.text_table import Table, read_table
+from plumbob.rotations import quat_normalize
+
+MAX_MEMBERS: Final = 1000
+"""Files of an archive or a folder; an app writes a few dozen."""
+MAX_DIRECTORY: Final = 4 << 20
+"""Bytes of the list of members of an archive."""
+HEAD_BYTES: Final = 4096
+"""Bytes of a file that are looked at to see what it is."""
+MISSING: Final = ("", "NaN", "nan", "null", "N/A")
+"""Cells without a value in the tables of phone apps and of vendors' programs."""
+
+_END: Final = b"PK\x05\x06"
+_END_BYTES: Final = 22
+_LOCATOR_64: Final = b"PK\x06\x07"
+_KNOWN_METHODS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_SEPARATORS: Final = (",", ";", "\t")
+
+
+class Parts:
+    """Files of a recording by their path inside it, with ``/`` between folders.
+
+    Parameters
+    ----------
+    path : path
+        A zip archive, a folder (with its folder ``meta``), or one file, which is its only member.
+
+    Raises
+    ------
+    DecodeError
+        If the archive is damaged or encrypted, or has more members or packs more than a recording does.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._zipped = not path.is_dir() and zipfile_like(path)
+        if self._zipped:
+            self._members = _archive_members(path)
+            self.names: tuple[str, ...] = tuple(self._members)
+        else:
+            self.names = tuple(_folder_members(path)) if path.is_dir() else (path.name,)
+
+    def start(self, name: str) -> bytes:
+        """First `HEAD_BYTES` of a member."""
+        return self._bytes(name, HEAD_BYTES)
+
+    def read(self, name: str) -> bytes:
+        """Whole member; one of an archive, whose checksum holds, ends its last line."""
+        if not self._zipped:
+            return existing_file(self._file(name)).read_bytes()
+        info = self._members[name]
+        require_room(info.file_size, self.path.stat().st_size)
+        raw = self._bytes(name, info.file_size + 1)
+        return raw if raw.endswith((b"\n", b"\r")) else raw + b"\n"
+
+    def size(self, name: str) -> int:
+        """Bytes that a member has, by its own word."""
+        return self._members[name].file_size if self._zipped else self._file(name).stat().st_size
+
+    def text(self, name: str) -> str:
+        """Text of a small member, as one of metadata is; other bytes than UTF-8 become question marks."""
+        return self._bytes(name, 1 << 20).decode("utf-8-sig", "replace")
+
+    def _file(self, name: str) -> Path:
+        return self.path / name if self.path.is_dir() else self.path
+
+    def _bytes(self, name: str, most: int) -> bytes:
+        if not self._zipped:
+            with self._file(name).open("rb") as stream:
+                return stream.read(most)
+        with _damage(), zipfile.ZipFile(self.path) as archive, archive.open(self._members[name]) as member:
+            return member.read(most)
+
+
+def zipfile_like(path: Path) -> bool:
+    """Whether a file begins as a zip archive does."""
+    with path.open("rb") as stream:
+        return stream.read(4) in (b"PK\x03\x04", _END)
+
+
+@contextmanager
+def _damage() -> Iterator[None]:
+    try:
+        yield
+    except PlumbobError:
+        raise
+    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError, ValueError) as error:
+        raise DecodeError(
+            f"the archive is cut or damaged ({one_line(error)[:120]}); export it again, or take a copy that is whole."
+        ) from error
+
+
+def _archive_members(path: Path) -> dict[str, zipfile.ZipInfo]:
+    """Members of an archive that are files, after its list was judged by its size."""
+    _require_short_list(path)
+    with _damage(), zipfile.ZipFile(path) as archive:
+        infos = [info for info in archive.infolist() if not info.is_dir() and not _of_system(info.filename)]
+    if len(infos) > MAX_MEMBERS:
+        raise DecodeError(f"the archive has {len(infos)} members, but a recording has {MAX_MEMBERS} at most.")
+    found: dict[str, zipfile.ZipInfo] = {}
+    for info in infos:
+        place = PurePosixPath(info.filename)
+        if place.is_absolute() or ".." in place.parts or "\\" in info.filename:
+            raise DecodeError(f"the archive has a member {excerpt(info.filename)}, whose path leads out of it.")
+        if info.filename in found:
+            raise DecodeError(f"the archive has two members {excerpt(info.filename)}; export it again.")
+        if info.flag_bits & 1:
+            raise DecodeError(f"{excerpt(info.filename)} is encrypted; unpack the archive with its password first.")
+        if info.compress_type not in _KNOWN_METHODS:
+            raise DecodeError(f"{excerpt(info.filename)} is packed by an unknown method; pack it again with Deflate.")
+        found[info.filename] = info
+    return found
+
+
+def _of_system(name: str) -> bool:
+    """Whether a member is what macOS adds to an archive."""
+    return name.startswith("__MACOSX/") or PurePosixPath(name).name.startswith(".")
+
+
+def _require_short_list(path: Path) -> None:
+    """Refuse a list of members that would fill the memory; its size stands at the archive's end [APPNOTE 4.3.16]."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        stream.seek(max(0, size - _END_BYTES - 0xFFFF))
+        tail = stream.read()
+    at = tail.rfind(_END)
+    if at < 0 or len(tail) < at + _END_BYTES:
+        raise DecodeError("the archive has no end: it is cut, or not a zip archive; export it again.")
+    listed = struct.unpack_from("<I", tail, at + 12)[0]
+    if listed > MAX_DIRECTORY or tail[max(0, at - 20) : at].startswith(_LOCATOR_64):
+        raise DecodeError(
+            f"the archive's list of members is longer than {MAX_DIRECTORY} bytes, so it is not a phone's."
+        )
+
+
+def _folder_members(folder: Path) -> Iterator[str]:
+    """Regular files of a folder and of its ``meta``; links are left out."""
+    count = 0
+    for prefix in ("", "meta/"):
+        place = folder / prefix
+        if prefix and (place.is_symlink() or not place.is_dir()):
+            continue
+        with os.scandir(place) as entries:
+            for entry in entries:
+                count += 1
+                if count > MAX_MEMBERS:
+                    return
+                if entry.is_file(follow_symlinks=False) and not entry.name.startswith("."):
+                    yield f"{prefix}{entry.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """A table of numbers with a row of names.
+
+    Attributes
+    ----------
+    title : str
+        Its file, for messages.
+    raw : bytes
+        The file.
+    layout : Layout
+        How it is laid out.
+    names : tuple of str
+        Names of its columns.
+    """
+
+    title: str
+    raw: bytes
+    layout: Layout
+    names: tuple[str, ...]
+
+    def table(
+        self, refs: Sequence[ColumnRef], exact: ColumnRef | None = None, texts: Sequence[ColumnRef] = ()
+    ) -> Table | None:
+        """Columns by name, as `plumbob.files.text_table.read_table` reads them; None where there is no row.
+
+        Raises
+        ------
+        DecodeError
+            If a column is missing or a cell is not a number; the message names file, line and column.
+        """
+        try:
+            text = decode(self.raw, self.layout.encoding)
+            if not text[find_head(f"{text}\n ", self.layout).start :].strip():
+                return None
+            return read_table(self.raw, self.layout, refs, exact, texts)
+        except PlumbobError as error:
+            raise type(error)(f"{self.title}: {error}") from error
+
+
+def sheet(title: str, raw: bytes, *, comment: str = "") -> Sheet:
+    """Read the row of names of a table, and find its separator and decimal sign.
+
+    Parameters
+    ----------
+    title : str
+        Name of the file.
+    raw : bytes
+        Its content.
+    comment : str
+        Lines before the names that begin so are passed over.
+
+    Raises
+    ------
+    DecodeError
+        If there is no row of names, or it is not text.
+    """
+    head, first = _first_rows(title, raw, comment)
+    separator = max(_SEPARATORS, key=head.count)
+    decimal = "," if separator != "," and "," in first and "." not in first else "."
+    names = tuple(cell.strip() for cell in split_row(head, separator, 1))
+    layout = Layout(separator, decimal, "utf-8", comment, MISSING)
+    return Sheet(title, raw, layout, names)
+
+
+def names_in(start: bytes, *, comment: str = "") -> tuple[str, ...]:
+    """Names of the columns of a table by its first bytes; none where it is not one."""
+    try:
+        return sheet("", start, comment=comment).names
+    except DecodeError:
+        return ()
+
+
+def _first_rows(title: str, raw: bytes, comment: str) -> tuple[str, str]:
+    """Row of names, and the first row of numbers or nothing."""
+    try:
+        text = raw[: 1 << 16].decode("utf-8-sig", "ignore" if len(raw) >= HEAD_BYTES else "strict")
+    except UnicodeDecodeError as error:
+        raise DecodeError(f"{title} is not UTF-8 text: byte {error.start + 1} cannot be decoded.") from error
+    rows = [row for row in text.splitlines()[:200] if not is_idle(row, comment)]
+    if not rows or "\0" in rows[0]:
+        raise DecodeError(f"{title} has no row of names.")
+    return rows[0], rows[1] if len(rows) > 1 else ""
+
+
+def pairs(text: str) -> dict[str, str]:
+    """Properties of a table of two columns."""
+    rows = _rows(text)
+    return {row[0].strip(): row[1].strip() for row in rows if len(row) == 2}
+
+
+def records(text: str) -> list[dict[str, str]]:
+    """Rows of a small table by the names of its columns."""
+    rows = _rows(text)
+    return [dict(zip((cell.strip() for cell in rows[0]), row, strict=False)) for row in rows[1:]] if rows else []
+
+
+def _rows(text: str) -> list[list[str]]:
+    head = text.partition("\n")[0]
+    separator = max(_SEPARATORS, key=head.count)
+    try:
+        return [row for row in csv.reader(text.splitlines(), delimiter=separator) if row]
+    except csv.Error:
+        return []
+
+
+def whole_ns(table: Table, ref: ColumnRef) -> NDArray[np.int64]:
+    """Stamps of the exact column of a table, integer ns (N,) where it is in ns."""
+    return np.asarray(int(table.zero) + np.round(table.columns[ref]).astype(np.int64))
+
+
+def triad(table: Table, refs: Sequence[ColumnRef]) -> Floats:
+    """Three columns of a table as vectors (N, 3)."""
+    return np.stack([table.columns[ref] for ref in refs], axis=1)
+
+
+def attitude_at(rows_ns: NDArray[np.int64], stream: Stream) -> Floats:
+    """Attitude (N, 4), wxyz, at other stamps: linear between two neighbours of one sign, NaN outside and across gaps.
+
+    Between neighbours 5 ms apart at 500 °/s, 2.5°, the chord departs from the arc by less than 1e-4°.
+    """
+    stamps, q = np.asarray(stream.t_ns, dtype=np.int64), np.asarray(stream.values, dtype=np.float64)
+    order = np.concatenate([[True], np.diff(np.maximum.accumulate(stamps)) > 0]) if stamps.size else np.empty(0, bool)
+    stamps, q = stamps[order], q[order]
+    found = np.full((len(rows_ns), 4), np.nan)
+    if stamps.size < 2:
+        return found
+    high = np.clip(np.searchsorted(stamps, rows_ns), 1, stamps.size - 1)
+    low = high - 1
+    span = stamps[high] - stamps[low]
+    known = (rows_ns >= stamps[0]) & (rows_ns <= stamps[-1]) & (span <= GAP_FACTOR * np.median(np.diff(stamps)))
+    share = ((rows_ns - stamps[low]) / span)[known, None]
+    a, b = q[low[known]], q[high[known]]
+    near = np.where((a * b).sum(axis=1, keepdims=True) < 0.0, -b, b)
+    between = quat_normalize(a + share * (near - a))
+    found[known] = np.where(share == 0.0, a, np.where(share == 1.0, b, between))  # what has a stamp of its own stays
+    return found

@@ -1,0 +1,337 @@
+"""Recordings of phone apps: hand-written in the forms that the apps document, and four real Android folders."""
+
+import struct
+import zipfile
+
+import numpy as np
+import pytest
+
+from plumbob.core.constants import G0
+from plumbob.core.errors import ClockError, DecodeError, PlumbobError
+from plumbob.files import read
+from plumbob.files.foreign import phones
+from plumbob.files.formats import kind_of
+from plumbob.rotations import Frame, North, quat_rotate
+from tests.files.io_samples import DATA
+
+T0 = 1_759_650_000_000_000_000  # 2025-10-05, the stamp of phyphox-docs, "Saved states"
+REST = (0.1, -0.2, 9.8)
+RATE = (0.01, 0.02, -0.03)
+FIELD = (18.0, -2.0, -42.0)
+
+
+def zipped(path, files, **options):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in files.items():
+            archive.writestr(name, text, **options)
+    return path
+
+
+def foldered(path, files):
+    for name, text in files.items():
+        (path / name).parent.mkdir(parents=True, exist_ok=True)
+        (path / name).write_text(text.rstrip("\n") + "\n", encoding="utf-8")
+    return path
+
+
+# phyphox --------------------------------------------------------------------------------------------------------------
+
+PAUSED = (
+    '"event","experiment time","system time","system time text"\n'
+    '"START",0.000000000E0,1759650000.000,"2025-10-05 10:20:00.000 UTC+02:00"\n'
+    '"PAUSE",1.000000000E0,1759650001.000,"2025-10-05 10:20:01.000 UTC+02:00"\n'
+    '"START",1.000000000E0,1759650005.500,"2025-10-05 10:20:05.500 UTC+02:00"\n'
+)
+DEVICE = '"property","value"\n"version","1.2.0"\n"deviceBrand","google"\n"deviceModel","Pixel 6a"\n'
+
+
+def phyphox_table(what, unit, values, *, rows=200, rate=100.0, separator=",", decimal="."):
+    names = [f"{what}{axis}" for axis in ("x", "y", "z")] if what else ["X", "Y", "Z"]
+    head = separator.join(f'"{cell}"' for cell in ["Time (s)", *(f"{name} ({unit})" for name in names)])
+    lines = [separator.join(f"{v:.9E}" for v in (i / rate, *values)).replace(".", decimal) for i in range(rows)]
+    return "\n".join([head, *lines, ""])
+
+
+def phyphox_files(**layout):
+    return {
+        "Accelerometer.csv": phyphox_table("Acceleration ", "m/s^2", REST, **layout),
+        "Linear Accelerometer.csv": phyphox_table("Linear Acceleration ", "m/s^2", (0.0, 0.0, 0.0), **layout),
+        "Gyroscope.csv": phyphox_table("Gyroscope ", "rad/s", RATE, **layout),
+        "Magnetometer.csv": phyphox_table("Magnetic field ", "µT", FIELD, rate=50.0, **layout),
+        "meta/time.csv": PAUSED.replace(",", layout.get("separator", ",")),
+        "meta/device.csv": DEVICE.replace(",", layout.get("separator", ",")),
+    }
+
+
+@pytest.mark.parametrize(("separator", "decimal"), [(",", "."), ("\t", "."), (";", "."), (";", ","), ("\t", ",")])
+@pytest.mark.parametrize("put", [zipped, foldered])
+def test_phyphox_reads_in_each_of_its_layouts(tmp_path, separator, decimal, put):
+    path = put(tmp_path / "swing.zip", phyphox_files(separator=separator, decimal=decimal))
+    assert kind_of(path).name == "phone"
+    recording = read(path)
+    imu = recording.imu
+    assert imu.meta.device == "google Pixel 6a"
+    np.testing.assert_allclose(imu.acc, np.tile(REST, (200, 1)), rtol=1e-9)
+    np.testing.assert_allclose(imu.gyr, np.tile(RATE, (200, 1)), rtol=1e-9)
+    known = np.isfinite(imu.mag).all(axis=1)
+    np.testing.assert_allclose(imu.mag[known], np.tile(FIELD, (known.sum(), 1)), rtol=1e-9)
+    assert any("Linear Accelerometer.csv" in note for note in recording.notes)
+
+
+def test_phyphox_puts_the_pause_back_that_its_time_leaves_out(tmp_path):
+    imu = read(zipped(tmp_path / "swing.zip", phyphox_files())).imu
+    assert imu.meta.t0_ns == T0
+    # 1 s of the experiment, then 4.5 s of pause: from 10:20:01.000 to 10:20:05.500
+    np.testing.assert_allclose(imu.t[[0, 99, 100, 199]], [0.0, 0.99, 5.5, 6.49], atol=1e-9)
+    assert np.count_nonzero(np.diff(imu.t) > 1.0) == 1
+
+
+def test_phyphox_of_the_short_names_takes_what_it_is_from_the_file(tmp_path):
+    files = {
+        "Gyroscope.csv": phyphox_table("", "rad/s", RATE),
+        "Accelerometer.csv": phyphox_table("", "m/s^2", REST),
+        "Linear Acceleration.csv": phyphox_table("", "m/s^2", (0, 0, 0)),
+    }
+    recording = read(foldered(tmp_path / "run", files))
+    np.testing.assert_allclose(recording.imu.acc[5], REST)
+    assert recording.imu.meta.t0_ns == 0
+    assert any("the start and any pauses are not known" in note for note in recording.notes)
+
+
+def test_phyphox_never_takes_acceleration_without_gravity_for_specific_force(tmp_path):
+    files = phyphox_files()
+    del files["Accelerometer.csv"]
+    recording = read(zipped(tmp_path / "swing.zip", files))
+    assert recording.imu.acc is None
+
+
+def test_one_table_of_phyphox_is_a_recording(tmp_path):
+    path = tmp_path / "Raw Data.csv"
+    path.write_text(phyphox_table("Gyroscope ", "rad/s", RATE), encoding="utf-8")
+    assert kind_of(path).name == "phone"
+    assert read(path).imu.triads == ("gyr",)
+
+
+# Sensor Logger --------------------------------------------------------------------------------------------------------
+
+LOGGER_META = (
+    "version,device name,recording epoch time,recording time,recording timezone,platform,appVersion,device id,sensors,"
+    "sampleRateMs,standardisation,platform version\n"
+    "3,My phone,1759650000000,2025-10-05_08-20-00,Europe/Berlin,{},1.44,id,Accelerometer|Gravity,10|10,{},17\n"
+)
+
+
+def logger_table(values, rows=100, late_ns=0):
+    lines = [f"{T0 + i * 10_000_000 + late_ns},{i / 100},{values[2]},{values[1]},{values[0]}" for i in range(rows)]
+    return "\n".join(["time,seconds_elapsed,z,y,x", *lines])  # the app ends its last line without a line end
+
+
+def ios_files(sign, unit=1.0):
+    """What iOS writes of one motion; `sign` is that of CoreMotion, -1, or of Android [COORDINATES.md]."""
+    user, gravity = np.array([0.5, 0.0, 0.0]), np.array([0.0, 0.0, G0])
+    return {
+        "Accelerometer.csv": logger_table(sign * user),
+        "Gravity.csv": logger_table(sign * gravity),
+        "AccelerometerUncalibrated.csv": logger_table(sign * (user + gravity) / unit),
+        "Gyroscope.csv": logger_table(RATE),
+        "Magnetometer.csv": logger_table(FIELD),
+        "Orientation.csv": "time,seconds_elapsed,qz,qy,qx,qw,roll,pitch,yaw\n",
+    }
+
+
+@pytest.mark.parametrize(("told", "sign"), [("false", -1.0), ("true", 1.0)])
+def test_sensor_logger_on_ios_gives_specific_force_whatever_its_setting(tmp_path, told, sign):
+    files = ios_files(sign) | {"Metadata.csv": LOGGER_META.format("ios", told)}
+    recording = read(zipped(tmp_path / "walk.zip", files))
+    np.testing.assert_allclose(recording.imu.acc, np.tile([0.5, 0.0, G0], (100, 1)), rtol=1e-12)
+    np.testing.assert_allclose(recording.imu.gyr, np.tile(RATE, (100, 1)))
+    np.testing.assert_allclose(recording.imu.mag, np.tile(FIELD, (100, 1)))
+    assert recording.imu.meta.t0_ns == T0
+    assert recording.imu.meta.device == "My phone"
+    assert any("left out: Orientation" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(("told", "sign", "unit"), [("false", -1.0, G0), ("true", 1.0, 1.0)])
+def test_uncalibrated_acceleration_of_ios_is_in_g_unless_standardised(tmp_path, told, sign, unit):
+    files = ios_files(sign, unit) | {"Metadata.csv": LOGGER_META.format("ios", told)}
+    del files["Gravity.csv"]
+    imu = read(zipped(tmp_path / "walk.zip", files)).imu
+    np.testing.assert_allclose(imu.acc, np.tile([0.5, 0.0, G0], (100, 1)), rtol=1e-12)
+
+
+def test_sensor_logger_on_android_takes_total_acceleration(tmp_path):
+    files = {
+        "Accelerometer.csv": logger_table((0.0, 0.0, 0.0)),
+        "TotalAcceleration.csv": logger_table(REST, late_ns=3_000_000),
+        "GyroscopeUncalibrated.csv": logger_table((9.0, 9.0, 9.0)),
+        "Gyroscope.csv": logger_table(RATE),
+    }
+    imu = read(foldered(tmp_path / "walk", files)).imu
+    np.testing.assert_allclose(imu.acc[1:-1], np.tile(REST, (98, 1)), rtol=1e-12)
+    np.testing.assert_allclose(imu.gyr, np.tile(RATE, (100, 1)))
+
+
+def test_sensor_logger_adds_gravity_between_its_own_stamps(tmp_path):
+    files = {
+        "Accelerometer.csv": logger_table((0.5, 0.0, 0.0)),
+        "Gravity.csv": logger_table((0.0, 0.0, G0), late_ns=-4_000_000),
+        "Metadata.csv": LOGGER_META.format("android", "false"),
+        "Gyroscope.csv": logger_table(RATE),
+    }
+    imu = read(foldered(tmp_path / "walk", files)).imu
+    np.testing.assert_allclose(imu.acc[:-1], np.tile([0.5, 0.0, G0], (99, 1)), rtol=1e-12)
+    assert np.isnan(imu.acc[-1]).all()  # gravity ended before
+
+
+@pytest.mark.parametrize("meta", [None, LOGGER_META.format("", ""), LOGGER_META.format("ios", "")])
+def test_sensor_logger_without_its_platform_is_refused(tmp_path, meta):
+    files = ios_files(-1.0) | ({"Metadata.csv": meta} if meta else {})
+    with pytest.raises(DecodeError, match=r"Metadata\.csv does not say"):
+        read(zipped(tmp_path / "walk.zip", files))
+
+
+def test_sensor_logger_without_gravity_has_no_specific_force(tmp_path):
+    files = {"Accelerometer.csv": logger_table((0, 0, 0)), "Gyroscope.csv": logger_table(RATE)}
+    recording = read(zipped(tmp_path / "walk.zip", files))
+    assert recording.imu.acc is None
+    assert any("without gravity; record Gravity" in note for note in recording.notes)
+
+
+# SensorLog ------------------------------------------------------------------------------------------------------------
+
+
+def test_sensorlog_turns_the_sign_of_ios_and_takes_each_sample_once(tmp_path):
+    names = "loggingTime(txt),accelerometerTimestamp_sinceReboot(s)," + ",".join(
+        [f"accelerometerAcceleration{a}(G)" for a in "XYZ"]
+        + ["motionTimestamp_sinceReboot(s)"]
+        + [f"motionRotationRate{a}(rad/s)" for a in "XYZ"]
+        + [f"motionMagneticField{a}(µT)" for a in "XYZ"]
+        + ["motionQuaternionW(R)"]
+    )
+    lines = []
+    for i in range(100):
+        sampled = 5000 + (i // 2) * 0.02  # rows come at twice the rate of the sensors
+        stamp = f"2025-10-05 10:20:{i * 0.01:06.3f} +0200"
+        values = (0.01, -0.02, -1.0, sampled, *RATE, *FIELD, 1.0)
+        lines.append(",".join([stamp, f"{sampled:.4f}", *(f"{v}" for v in values)]))
+    path = tmp_path / "2025-10-05_10_20_00_iPhone.csv"
+    path.write_text("\n".join([names, *lines, ""]), encoding="utf-8")
+    assert kind_of(path).name == "phone"
+    recording = read(path)
+    imu = recording.imu
+    assert len(imu) == 50
+    # face up at rest: CoreMotion's z is -1, and the specific force points up [CMAccelerometerData]
+    np.testing.assert_allclose(imu.acc, np.tile([-0.01 * G0, 0.02 * G0, G0], (50, 1)), rtol=1e-12)
+    np.testing.assert_allclose(imu.gyr, np.tile(RATE, (50, 1)))
+    np.testing.assert_allclose(np.diff(imu.t), 0.02, atol=1e-9)
+    assert imu.meta.t0_ns == 1_759_652_400_000_000_000  # 2025-10-05 08:20:00 UTC
+    assert any("motionQuaternion" in note for note in recording.notes)
+
+
+# Hostile and damaged --------------------------------------------------------------------------------------------------
+
+
+def test_a_bomb_is_refused_by_what_it_claims(tmp_path):
+    head = phyphox_table("Gyroscope ", "rad/s", RATE, rows=3)
+    path = zipped(tmp_path / "bomb.zip", {"Gyroscope.csv": head + "0,0,0,0\n" * 30_000_000})
+    with pytest.raises(DecodeError, match="unpack to"):
+        read(path)
+
+
+def test_a_member_that_unpacks_to_more_than_it_claims_is_cut_there(tmp_path):
+    path = zipped(tmp_path / "lies.zip", {"Gyroscope.csv": phyphox_table("Gyroscope ", "rad/s", RATE)})
+    raw = bytearray(path.read_bytes())
+    at = raw.rfind(b"PK\x01\x02")
+    raw[at + 24 : at + 28] = struct.pack("<I", 200)  # uncompressed size in the list of members [APPNOTE 4.3.12]
+    path.write_bytes(raw)
+    with pytest.raises(DecodeError, match="cut or damaged"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("files", "what"),
+    [
+        ({"../Gyroscope.csv": "x"}, "leads out"),
+        ({"/etc/Gyroscope.csv": "x"}, "leads out"),
+        ({f"{i}.csv": "" for i in range(1001)}, "1001 members"),
+        ({"a/Gyroscope.csv": logger_table(RATE), "b/Gyroscope.csv": logger_table(RATE)}, "2 folders"),
+        ({"Gyroscope.csv": logger_table(RATE).replace(",-0.03", ",x", 1)}, "Gyroscope.csv: line 2, column 'z'"),
+        ({"Gyroscope.csv": "time,seconds_elapsed,z,y,x\n"}, "no gyroscope, accelerometer or magnetometer"),
+        ({"Gyroscope.csv": "time,seconds_elapsed,z,y\n1,2,3,4\n"}, "no gyroscope, accelerometer or magnetometer"),
+    ],
+)
+def test_archives_that_are_no_recording_say_why(tmp_path, files, what):
+    with pytest.raises(DecodeError, match=what):
+        read(zipped(tmp_path / "walk.zip", files))
+
+
+def test_an_encrypted_archive_is_refused(tmp_path):
+    path = zipped(tmp_path / "locked.zip", {"Gyroscope.csv": logger_table(RATE)})
+    raw = bytearray(path.read_bytes())
+    raw[raw.rfind(b"PK\x01\x02") + 8] |= 1  # general purpose bit 0 [APPNOTE 4.4.4]
+    path.write_bytes(raw)
+    with pytest.raises(DecodeError, match="encrypted"):
+        read(path)
+
+
+def test_every_cut_and_every_wrong_byte_of_an_archive_is_an_error_or_a_recording(tmp_path):
+    whole = zipped(tmp_path / "walk.zip", {"Gyroscope.csv": logger_table(RATE, rows=20)}).read_bytes()
+    path = tmp_path / "damaged.zip"
+    damaged = [whole[:n] for n in range(0, len(whole), 7)]
+    damaged += [whole[:n] + bytes([whole[n] ^ 0x55]) + whole[n + 1 :] for n in range(0, len(whole), 3)]
+    for raw in damaged:
+        path.write_bytes(raw)
+        try:
+            read(path)
+        except PlumbobError as error:
+            assert "damaged.zip" in str(error)
+
+
+def test_links_in_a_folder_are_not_followed(tmp_path):
+    outside = tmp_path / "Gyroscope.csv"
+    outside.write_text(logger_table(RATE), encoding="utf-8")
+    folder = tmp_path / "walk"
+    folder.mkdir()
+    (folder / "Gyroscope.csv").symlink_to(outside)
+    assert not phones.accepts(folder)
+
+
+def test_stamps_that_are_not_a_clock_are_refused(tmp_path):
+    lines = logger_table(RATE).splitlines()
+    path = zipped(tmp_path / "walk.zip", {"Gyroscope.csv": "\n".join([lines[0], *reversed(lines[1:])])})
+    with pytest.raises(ClockError, match="gyr: 99 of 100 stamps"):
+        read(path)
+
+
+def test_a_table_of_another_logger_is_not_taken_for_a_phones(tmp_path):
+    for head in ("Time (s),X (m/s^2),Y (m/s^2)", "t,gx,gy,gz", "time,x,y,z", "Time (s),Voltage (V)"):
+        path = tmp_path / "log.csv"
+        path.write_text(f"{head}\n1,2,3,4\n", encoding="utf-8")
+        assert kind_of(path).name == "text"
+
+
+# Real recordings ------------------------------------------------------------------------------------------------------
+
+FOLDERS = sorted(path for path in (DATA / "phones").glob("*") if path.is_dir())
+
+
+@pytest.mark.skipif(len(FOLDERS) != 4, reason=f"no phone recordings in {DATA}; set PLUMBOB_DATA")
+@pytest.mark.parametrize("number", range(4))
+def test_a_real_phone_folder_agrees_with_its_own_attitude(number):
+    folder = FOLDERS[number]
+    assert kind_of(folder).name == "phone"
+    recording = read(folder)
+    imu, track = recording.imu, recording.track
+    direct = np.loadtxt(folder / "gyroscope-calibrated.txt")
+    np.testing.assert_array_equal(imu.gyr[:1000], direct[:1000, 1:])
+    assert imu.meta.device == "LGE Nexus 5"
+    assert (track.frame, track.north) == (Frame.ENU, North.MAGNETIC)
+    known = np.isfinite(track.q_nb).all(axis=1) & np.isfinite(imu.acc).all(axis=1)
+    up = quat_rotate(track.q_nb[known], imu.acc[known]).mean(axis=0)
+    # the mean specific force of a walk that begins and ends at rest is g upwards; with a wrong order of components,
+    # or the attitude the wrong way round, it is not
+    assert np.linalg.norm(up - [0.0, 0.0, 9.81]) < 0.5
+    # the heading: the field turned to East-North-Up must lie in the north, as the rotation vector was made with it
+    both = np.isfinite(track.q_nb).all(axis=1) & np.isfinite(imu.mag).all(axis=1)
+    north = quat_rotate(track.q_nb[both], imu.mag[both])
+    assert np.median(north[:, 1]) > 0.0 and abs(np.median(north[:, 0])) < 0.5 * np.median(north[:, 1])

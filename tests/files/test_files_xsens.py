@@ -1,0 +1,107 @@
+"""Exports of MT Manager, written by hand in the form of OpenSim's example and of MT Manager 2022."""
+
+import numpy as np
+import pytest
+
+from plumbob.core.errors import ClockError, DecodeError, PlumbobError
+from plumbob.files import read
+from plumbob.files.formats import kind_of
+from plumbob.rotations import Frame, quat_from_dcm
+
+OLD = "// Start Time: Unknown\n// Update Rate: 100.0Hz\n// Filter Profile: human (46.1)\n// Firmware Version: 4.0.2\n"
+NEW = (
+    "// General information:\n//  MT Manager version: 2022.2.0\n// Device information:\n//  DeviceId: 00B4D6D1\n"
+    "//  ProductCode: MTW2-3A7G6\n// Device settings:\n//  Filter Profile: human(46.1)\n// Coordinate system: ENU\n"
+)
+SENSORS = ["Acc_X", "Acc_Y", "Acc_Z", "Gyr_X", "Gyr_Y", "Gyr_Z", "Mag_X", "Mag_Y", "Mag_Z"]
+# the row in opensim-core's testXsensDataReader.cpp, of sensor 00B421AF
+VALUES = [3.030769, 5.254238, -7.714005, 0.005991, -0.032133, 0.022713, -0.045410, -0.266113, 0.897217]
+MATRIX = [f"Mat[{row}][{column}]" for column in (1, 2, 3) for row in (1, 2, 3)]
+TURN = [0.609684, 0.730843, 0.306845, 0.519480, -0.660808, 0.541732, 0.598686, -0.170885, -0.782543]
+
+
+def export(path, head, columns, rows, separator="\t"):
+    lines = [separator.join(columns), *(separator.join(map(str, row)) for row in rows)]
+    path.write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("separator", ["\t", ",", ";"])
+def test_counter_and_declared_rate_with_a_wrap_and_a_lost_packet(tmp_path, separator):
+    counts = [(65530 + i) % 65536 for i in range(20) if i != 12]
+    rows = [[f"{count:05d}", "", *VALUES, *TURN] for count in counts]
+    path = export(tmp_path / "a.txt", OLD, ["PacketCounter", "SampleTimeFine", *SENSORS, *MATRIX], rows, separator)
+    assert kind_of(path).name == "Xsens"
+    recording = read(path)
+    imu = recording.imu
+    np.testing.assert_allclose(imu.t, [i / 100 for i in range(20) if i != 12], atol=1e-9)
+    np.testing.assert_allclose(imu.acc[0], VALUES[:3])
+    np.testing.assert_allclose(imu.gyr[0], VALUES[3:6])
+    np.testing.assert_allclose(imu.mag[0], np.array(VALUES[6:9]) * 50.0)  # a.u., of a nominal field of 50 µT
+    assert imu.meta.rate_nominal == 100.0
+    assert recording.track is None  # the old head does not say the frame
+    told = " ".join(recording.notes)
+    assert "leaves out 1 packet" in told and "the file does not say its frame" in told and "arbitrary units" in told
+
+
+def test_sample_time_fine_counts_tenths_of_milliseconds_and_wraps(tmp_path):
+    ticks = [(2**32 - 500 + 100 * i) % 2**32 for i in range(20)]
+    rows = [[i, tick, *VALUES, *TURN] for i, tick in enumerate(ticks)]
+    columns = ["PacketCounter", "SampleTimeFine", *SENSORS, *MATRIX]
+    recording = read(export(tmp_path / "a.txt", NEW, columns, rows))
+    np.testing.assert_allclose(recording.imu.t, np.arange(20) / 100, atol=1e-9)
+    assert recording.imu.meta.device == "MTW2-3A7G6 00B4D6D1"
+    track = recording.track
+    assert track.frame is Frame.ENU
+    # columns of the file run down the columns of the matrix, which turns sensor to ENU
+    dcm = np.array(TURN).reshape(3, 3).T
+    np.testing.assert_allclose(track.q_nb[3], quat_from_dcm(dcm, tolerance=1e-4), atol=1e-9)
+    up = dcm @ VALUES[:3]
+    assert up[2] > 9.5  # the specific force of that row points up, as of a sensor nearly at rest
+
+
+def test_quaternions_go_before_matrices_and_angles(tmp_path):
+    columns = ["PacketCounter", *SENSORS, "Quat_q0", "Quat_q1", "Quat_q2", "Quat_q3", "Roll", "Pitch", "Yaw"]
+    rows = [[i, *VALUES, 0.5, -0.5, 0.5, 0.5, 1, 2, 3] for i in range(10)]
+    track = read(export(tmp_path / "a.txt", OLD + "// Coordinate system: NED\n", columns, rows)).track
+    assert track.frame is Frame.NED
+    np.testing.assert_array_equal(track.q_nb, np.tile([0.5, -0.5, 0.5, 0.5], (10, 1)))
+
+
+def test_utc_columns_give_the_start(tmp_path):
+    utc = ["UTC_Nano", "UTC_Year", "UTC_Month", "UTC_Day", "UTC_Hour", "UTC_Minute", "UTC_Second", "UTC_Valid"]
+    rows = [[i, 100 * i, 250_000_000, 2024, 5, 1, 12, 30, 5 + i, 7, *VALUES] for i in range(10)]
+    imu = read(export(tmp_path / "a.txt", NEW, ["PacketCounter", "SampleTimeFine", *utc, *SENSORS], rows)).imu
+    assert imu.meta.t0_ns == 1_714_566_605_250_000_000  # date -u -d '2024-05-01 12:30:05.25' +%s%N
+
+
+@pytest.mark.parametrize(
+    ("head", "columns", "row", "error", "what"),
+    [
+        (NEW, ["PacketCounter", *SENSORS], [1, *VALUES], DecodeError, "add that line"),
+        (OLD, ["PacketCounter", "SampleTimeFine", *SENSORS], [1, "x", *VALUES], DecodeError, "line 6, column 'Sample"),
+        (OLD, ["PacketCounter", *SENSORS], [1.5, *VALUES], DecodeError, "whole numbers from 0 to 65535"),
+        (OLD, ["PacketCounter", *SENSORS], ["", *VALUES], DecodeError, "neither SampleTimeFine nor"),
+        (OLD, ["PacketCounter", *SENSORS], [7, *VALUES], ClockError, "repeat or go back"),
+    ],
+)
+def test_what_has_no_time_is_refused(tmp_path, head, columns, row, error, what):
+    with pytest.raises(error, match=what):
+        read(export(tmp_path / "a.txt", head, columns, [row] * 5))
+
+
+def test_ticks_that_contradict_the_rate_are_refused(tmp_path):
+    rows = [[i, 10_000 * i, *VALUES] for i in range(10)]  # microseconds, as Xsens DOT has them
+    with pytest.raises(ClockError, match="100 Hz"):
+        read(export(tmp_path / "a.txt", OLD, ["PacketCounter", "SampleTimeFine", *SENSORS], rows))
+
+
+def test_every_cut_is_an_error_or_a_recording(tmp_path):
+    path = export(tmp_path / "a.txt", OLD, ["PacketCounter", *SENSORS], [[i, *VALUES] for i in range(4)])
+    whole = path.read_bytes()
+    for n in range(0, len(whole), 5):
+        path.write_bytes(whole[:n])
+        try:
+            read(path)
+        except PlumbobError as error:
+            assert "a.txt" in str(error)
