@@ -60,7 +60,6 @@ if TYPE_CHECKING:
     from plumbob import arm, array
     from plumbob.calibration.calibrate import calibrate
     from plumbob.calibration.rates import filter_rates
-    from plumbob.cli.info import info
     from plumbob.core import errors, flags, units
     from plumbob.core.docs import docs
     from plumbob.core.errors import PlumbobError, PlumbobWarning
@@ -79,6 +78,7 @@ if TYPE_CHECKING:
     from plumbob.filters.known import cite
     from plumbob.filters.smoother import FixedLag
     from plumbob.noise.allan import allan
+    from plumbob.overview.info import info
     from plumbob.overview.overview import plot, report
     from plumbob.papers.reproduce import reproduce
     from plumbob.protocols.decode import Decoder, decode
@@ -136,7 +136,7 @@ _HOME = {
     "filter_names": "filters",
     "filter_rates": "calibration.rates",
     "find_format": "protocols.find",
-    "info": "cli.info",
+    "info": "overview.info",
     "load_session": "session.session_toml",
     "open_card": "data.cards",
     "plot": "overview.overview",
