@@ -26,7 +26,7 @@ def message(kind, body):
 
 def ulog(*, topics, told=(), dropouts=(), flags=None, appended=b""):
     """ULog by the PX4 guide: topics of (name, instance, format, rows of bytes)."""
-    out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1_000_000)
+    out = bytearray(b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1_000_000))
     if flags is not None:
         out += message("B", flags)
     formats = {}
@@ -46,7 +46,7 @@ def ulog(*, topics, told=(), dropouts=(), flags=None, appended=b""):
                 out += message("D", struct.pack("<H", number) + rows[row])
     for milli in dropouts:
         out += message("O", struct.pack("<H", milli))
-    return out + appended
+    return bytes(out) + appended
 
 
 COMBINED = (

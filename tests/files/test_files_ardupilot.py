@@ -196,3 +196,11 @@ def test_a_packet_with_a_wrong_crc_is_left_out(tmp_path):
 def test_damaged_telemetry_is_read_or_refused(tmp_path):
     raw = telemetry(sent_highres)
     assert made.survives(read, tmp_path / "m.tlog", raw, np.random.default_rng(3), 100) < 60
+
+
+def test_damaged_text_is_read_or_refused(tmp_path):
+    head = "FMT, 129, 35, IMU, Qffffff, TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ\n"
+    head += "FMT, 133, 31, PARM, QNf, TimeUS,Name,Value\nPARM, 1000000, COMPASS_DEC, 0.2\n"
+    raw = head + "".join(f"IMU, {1000000 + 5000 * i}, 0, 0, 0.5, 0, 0, -9.81\n" for i in range(100))
+    refused = made.survives(read, tmp_path / "m.log", raw.encode(), np.random.default_rng(5), 150)
+    assert refused < 140

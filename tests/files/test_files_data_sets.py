@@ -189,6 +189,7 @@ def test_repoimu_has_the_units_of_its_description(tmp_path):
     np.testing.assert_allclose(recording.imu.mag, [[0, 20.0, -45.0]] * 100)  # local fields of 50 µT
     np.testing.assert_allclose(np.diff(recording.imu.t), 0.01)
     assert recording.track.north is North.FREE
+    assert np.flatnonzero(~recording.track.known).tolist() == [10]
     assert any("--align heading,mounting" in note for note in recording.notes)
     path.write_text(HEAD + "".join(rows) + "1;2;3\n")
     with pytest.raises(DecodeError, match="14 numbers"):

@@ -176,24 +176,46 @@ def _decoded(log: _Log, name: str, data: NDArray[np.uint8], places: NDArray[np.i
     }
 
 
+@dataclass
+class _Lines:
+    """Values of the lines of one kind: numbers one after another, and the columns of text."""
+
+    texts: tuple[int, ...]
+    numbers: "array[float]" = field(default_factory=lambda: array("d"))
+    words: list[tuple[bytes, ...]] = field(default_factory=list)
+
+    def taken(self, values: list[str]) -> bool:
+        """Take a line, unless what should be a number is not."""
+        try:
+            found = [float(value) for i, value in enumerate(values) if i not in self.texts]
+        except ValueError:
+            return False
+        self.numbers.extend(found)
+        if self.texts:
+            self.words.append(tuple(values[i].encode() for i in self.texts))
+        return True
+
+
 def _of_text(file: Path) -> _Log:
     """Lines such as ``IMU, 1234, 0.01, …``; ArduPilot's tools write values that carry the multipliers already."""
-    log, bad = _Log(), 0
-    rows: dict[str, list[list[str]]] = {}
+    log, bad, rows = _Log(), 0, dict[str, _Lines]()
     for line in _lines(file):
         name, *values = [part.strip() for part in line.split(",")]
-        if name == "FMT" and len(values) >= 5 and values[2] in _WANTED and values[2] not in log.columns:
-            log.columns[values[2]] = (values[3], tuple(values[4:]))
-            rows[values[2]] = []
-        elif name in rows:
-            if len(values) == len(log.columns[name][1]):
-                rows[name].append(values)
-            else:
-                bad += 1
+        if name in rows:
+            bad += not (len(values) == len(log.columns[name][1]) and rows[name].taken(values))
+        elif name == "FMT" and len(values) >= 5 and values[2] in _WANTED and values[2] not in log.columns:
+            letters, columns = values[3], tuple(values[4:])
+            if len(letters) == len(columns) == len(set(columns)):
+                log.columns[values[2]] = (letters, columns)
+                rows[values[2]] = _Lines(tuple(i for i, letter in enumerate(letters) if letter in "nNZa"))
     for name, lines in rows.items():
-        letters, columns = log.columns[name]
-        if lines and len(letters) == len(columns):
-            bad += _typed(log, name, lines)
+        columns = log.columns[name][1]
+        names = [column for i, column in enumerate(columns) if i not in lines.texts]
+        if lines.numbers:
+            table = np.frombuffer(lines.numbers, np.float64).reshape(-1, len(names))
+            log.tables[name] = {column: table[:, i] for i, column in enumerate(names)}
+            for i, place in enumerate(lines.texts):
+                log.tables[name][columns[place]] = np.array([words[i] for words in lines.words])
     if bad:
         log.notes.append(f"damage: {counted(bad, 'line')} left out, which do not hold what their FMT says")
     return log
@@ -203,25 +225,6 @@ def _lines(file: Path) -> Iterator[str]:
     with file.open("rb") as stream:
         while line := stream.readline(_LINE):
             yield line.decode("utf-8", errors="replace")
-
-
-def _typed(log: _Log, name: str, lines: list[list[str]]) -> int:
-    """Numbers of the lines of one kind; lines with what is not a number are left out, and counted."""
-    letters, columns = log.columns[name]
-    texts = [i for i, letter in enumerate(letters) if letter in "nNZa"]
-    numbers = [i for i in range(len(columns)) if i not in texts]
-    kept, values = list[list[str]](), list[list[float]]()
-    for line in lines:
-        try:
-            values.append([float(line[i]) for i in numbers])
-            kept.append(line)
-        except ValueError:
-            continue
-    if kept:
-        table = np.array(values, dtype=np.float64).reshape(len(kept), len(numbers))
-        log.tables[name] = {columns[i]: table[:, k] for k, i in enumerate(numbers)}
-        log.tables[name] |= {columns[i]: np.array([line[i].encode() for line in kept]) for i in texts}
-    return len(lines) - len(kept)
 
 
 def _recording(log: _Log, name: str) -> Recording:

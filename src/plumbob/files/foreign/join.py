@@ -27,6 +27,7 @@ from plumbob.data import TRIADS, ImuData, ImuMeta
 
 DISORDER: Final = 0.01
 """Share of stamps that may be out of order or repeated before the clock is refused."""
+_FEW = 2
 _SLOW, _FAST = 0.5, 1.5
 
 
@@ -110,7 +111,7 @@ def _ordered(name: str, stream: Stream, notes: list[str]) -> tuple[NDArray[np.in
     kept = np.ones(stamps.size, dtype=bool)
     kept[1:] = stamps[1:] > np.maximum.accumulate(stamps)[:-1]
     lost = stamps.size - int(kept.sum())
-    if lost > DISORDER * stamps.size:
+    if lost > max(_FEW, DISORDER * stamps.size):
         raise ClockError(
             f"{name}: {lost} of {stamps.size} stamps repeat or go back; at most {DISORDER:.0%} may. Check its clock, "
             "or write the rows in the order of time."
@@ -196,5 +197,5 @@ def stamps_of(name: str, seconds: ArrayLike) -> NDArray[np.int64]:
     """
     values = check.column(name, seconds)
     if not np.isfinite(values).all() or np.abs(values).max(initial=0.0) > 9.2e9:
-        raise ClockError(f"{name} holds what is no time in seconds; check the column.")
+        raise ClockError(f"{name} holds numbers that are not times in seconds; check the column.")
     return np.round(values * 1e9).astype(np.int64)
