@@ -196,5 +196,5 @@ def stamps_of(name: str, seconds: ArrayLike) -> NDArray[np.int64]:
     """
     values = check.column(name, seconds)
     if not np.isfinite(values).all() or np.abs(values).max(initial=0.0) > 9.2e9:
-        raise ClockError(f"{name} holds values that are not times in seconds; check the column.")
+        raise ClockError(f"{name} holds what is no time in seconds; check the column.")
     return np.round(values * 1e9).astype(np.int64)
