@@ -5,6 +5,7 @@ import zipfile
 import numpy as np
 import pytest
 
+from plumbob import profile
 from plumbob.core.errors import DecodeError, FrameError, PlumbobError, UnitError
 from plumbob.files import read
 from plumbob.files.formats import kind_of
@@ -110,6 +111,12 @@ def test_without_a_profile_the_arrays_are_listed_with_their_shapes(tmp_path):
         assert kind_of(tmp_path / name).name == "arrays"
         with pytest.raises(DecodeError, match=rf"need --profile.*imu/gyr {ROWS}×3.*"):
             read(tmp_path / name)
+
+
+def test_the_profile_of_arrays_is_not_drafted_but_they_are_listed(tmp_path):
+    hdf5(tmp_path / "a.h5", content())
+    with pytest.raises(DecodeError, match=rf"imu/gyr {ROWS}×3"):
+        profile(tmp_path / "a.h5")
 
 
 @pytest.mark.parametrize(

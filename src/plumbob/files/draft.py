@@ -18,6 +18,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import existing_file, reading, write_text
 from plumbob.core.text import Shown
@@ -30,6 +31,8 @@ from plumbob.files.profile_toml import GUIDE
 from plumbob.files.sniff import Sample, sample_of
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
 
+ARRAYS: Final = (".mat", ".h5", ".hdf5", ".npz")
+"""Suffixes of files of named arrays."""
 _KIND: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
 _WORDS: Final = {
     "gyr": re.compile(r"g|w|gyr.*|gyro.*|omega|.*angular ?(rate|vel).*|rot.*rate|rate|.*角速度|.*陀螺.*"),
@@ -105,6 +108,13 @@ def profile(path: str | os.PathLike[str], *, out: str | os.PathLike[str] | None 
     if out is not None and Path(out).exists():
         raise ParameterError(f"{out} exists already; answer its questions, or name another file with --out.")
     with reading(file):
+        if file.suffix.lower() in ARRAYS:
+            from plumbob.files.foreign.tables import listed
+
+            raise DecodeError(
+                f"profiles of arrays are not drafted; {guide('vendor-files.md')} shows one to fill in. The file holds "
+                f"{listed(file)}."
+            )
         draft = _Writer(file.name, sample_of(file)).draft()
     if out is not None:
         write_text(out, draft.text)

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from plumbob.core import units
 from plumbob.core.check import Floats
+from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import reading
 from plumbob.core.time import GAP_FACTOR
@@ -128,7 +129,7 @@ def _recording(
         raise DecodeError(f"it holds no gyroscope, accelerometer or magnetometer; {'; '.join(notes)}.")
     meta = ImuMeta(device=device or "phone", frame=Frame.ENU, north=North.MAGNETIC, unit_check=False)
     imu, joints = joined(streams, meta=meta, epoch_ns=epoch_ns)
-    return Recording(imu=imu, name=parts.path.stem, notes=(*notes, AXES_NOTE, *joints))
+    return Recording(imu=imu, name=parts.path.resolve().stem, notes=(*notes, AXES_NOTE, *joints))
 
 
 # phyphox --------------------------------------------------------------------------------------------------------------
@@ -313,7 +314,7 @@ def _logger_sign(platform: str, meta: Mapping[str, str]) -> tuple[float, str]:
     raise DecodeError(
         f"Metadata.csv does not say the platform (ios or android) and standardisation (true or false): it has "
         f"{platform or 'no platform'} and {told or 'no standardisation'}. The sign and unit of acceleration depend on "
-        "them; put the Metadata.csv of the export beside the tables."
+        f"them; put the Metadata.csv of the export beside the tables. {guide('phones.md')} has the settings."
     )
 
 

@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import existing_file, reading, require_room, sidecars
 from plumbob.core.text import counted
@@ -89,8 +90,8 @@ def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
         container = _container(file)
         if profile is None and not any(beside.is_file() for beside in sidecars(file)):
             raise DecodeError(
-                f"arrays do not say their units, so they need --profile FILE.toml with arrays = true (docs/"
-                f"vendor-files.md shows one). The file holds {container.listed.told()}."
+                f"arrays do not say their units, so they need --profile FILE.toml with arrays = true; "
+                f"{guide('vendor-files.md')} shows one. The file holds {container.listed.told()}."
             )
     declared, note = profile_of(file, profile)
     with reading(file):
@@ -99,6 +100,11 @@ def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
         if declared.texts:
             raise DecodeError(f"{declared.origin} names columns of text, but arrays hold numbers; use time.unit.")
         return recording_of(declared, _table(declared, container), file.stem, note)
+
+
+def listed(path: Path) -> str:
+    """Names and shapes of the arrays of a file, for messages; errors as in `read`."""
+    return _container(path).listed.told()
 
 
 def _table(profile: Profile, container: "_Container") -> Table:
