@@ -102,13 +102,20 @@ def test_big_endian_cdr(tmp_path):
     check_common(plumbob.read(tmp_path / "a"), given)
 
 
-def test_absent_by_the_covariance(tmp_path):
-    """REP 145: the first number of a covariance is -1 where a quantity is not there."""
+@pytest.mark.parametrize("gone", [-1.0, np.nan])
+def test_absent_by_the_covariance(gone, tmp_path):
+    """The first number of a covariance is -1 (Imu.msg) or NaN (REP 145) where a quantity is not there."""
     given = made.samples()
-    found = plumbob.read(made.write_1(tmp_path / "a.bag", made.imu_rows(given, covs=(-1.0, 0.0, -1.0))))
+    found = plumbob.read(made.write_1(tmp_path / "a.bag", made.imu_rows(given, covs=(gone, 0.0, gone))))
     assert found.track is None and found.imu.acc is None
     assert np.array_equal(found.imu.gyr, given["gyr"])
-    assert "/imu/data: no acc, by its covariance (REP 145)" in found.notes
+    assert "/imu/data: no acc, by its covariance" in found.notes
+
+
+def test_a_frame_of_ned_has_a_world_of_ned(tmp_path):
+    """REP 145: imu_link_ned is the frame of an IMU whose world is north, east, down."""
+    found = plumbob.read(made.write_1(tmp_path / "a.bag", made.imu_rows(made.samples(), frame="imu_link_ned")))
+    assert (found.track.frame, found.imu.meta.frame) == (Frame.NED, Frame.NED)
 
 
 def test_covariance_of_the_orientation_turns_into_body_axes(tmp_path):
@@ -163,7 +170,7 @@ class TestSeveral:
             plumbob.read(path, unit="up")
 
     def test_data_and_data_raw_are_one(self, tmp_path):
-        """REP 145: data is data_raw with an orientation."""
+        """imu_tools: data is data_raw with an orientation."""
         a, b = made.samples(1), made.samples(2)
         rows = [*made.imu_rows(a, "/imu/data_raw"), *made.imu_rows(b, "/imu/data")]
         path = made.write_2(tmp_path / "a", sorted(rows, key=lambda row: row.log_ns))
