@@ -379,6 +379,26 @@ class TestDamaged:
         path.write_bytes(whole[:index])
         check_common(plumbob.read(path), given)
 
+    def test_a_chunk_that_does_not_fit_its_checksum(self, tmp_path):
+        """One bit of a rate in a chunk that is not compressed, so that nothing else shows it."""
+        from mcap.writer import CompressionType, Writer
+
+        given = made.samples()
+        with (tmp_path / "a.mcap").open("wb") as file:
+            writer = Writer(file, compression=CompressionType.NONE)
+            writer.start("ros2", "somebody")
+            schema = writer.register_schema("sensor_msgs/msg/Imu", "ros2msg", b"")
+            channel = writer.register_channel("/imu", "cdr", schema)
+            for row in made.imu_rows(given):
+                data = bytes(made.ROS2.serialize_cdr(made.message(row, made.ROS2), row.kind))
+                writer.add_message(channel, row.log_ns, data, row.log_ns)
+            writer.finish()
+        whole = bytearray((tmp_path / "a.mcap").read_bytes())
+        whole[whole.index(struct.pack("<d", given["gyr"][5, 1]))] ^= 1
+        (tmp_path / "a.mcap").write_bytes(whole)
+        with pytest.raises(DecodeError, match="does not fit its checksum"):
+            plumbob.read(tmp_path / "a.mcap")
+
     def test_a_missing_part(self, tmp_path):
         path = made.write_2(tmp_path / "a", made.all_rows())
         (path / "a.db3").rename(path / "b.db3")
