@@ -102,13 +102,20 @@ def test_big_endian_cdr(tmp_path):
     check_common(plumbob.read(tmp_path / "a"), given)
 
 
-def test_absent_by_the_covariance(tmp_path):
-    """REP 145: the first number of a covariance is -1 where a quantity is not there."""
+@pytest.mark.parametrize("gone", [-1.0, np.nan])
+def test_absent_by_the_covariance(gone, tmp_path):
+    """The first number of a covariance is -1 (Imu.msg) or NaN (REP 145) where a quantity is not there."""
     given = made.samples()
-    found = plumbob.read(made.write_1(tmp_path / "a.bag", made.imu_rows(given, covs=(-1.0, 0.0, -1.0))))
+    found = plumbob.read(made.write_1(tmp_path / "a.bag", made.imu_rows(given, covs=(gone, 0.0, gone))))
     assert found.track is None and found.imu.acc is None
     assert np.array_equal(found.imu.gyr, given["gyr"])
-    assert "/imu/data: no acc, by its covariance (REP 145)" in found.notes
+    assert "/imu/data: no acc, by its covariance" in found.notes
+
+
+def test_a_frame_of_ned_has_a_world_of_ned(tmp_path):
+    """REP 145: imu_link_ned is the frame of an IMU whose world is north, east, down."""
+    found = plumbob.read(made.write_1(tmp_path / "a.bag", made.imu_rows(made.samples(), frame="imu_link_ned")))
+    assert (found.track.frame, found.imu.meta.frame) == (Frame.NED, Frame.NED)
 
 
 def test_covariance_of_the_orientation_turns_into_body_axes(tmp_path):
@@ -163,7 +170,7 @@ class TestSeveral:
             plumbob.read(path, unit="up")
 
     def test_data_and_data_raw_are_one(self, tmp_path):
-        """REP 145: data is data_raw with an orientation."""
+        """imu_tools: data is data_raw with an orientation."""
         a, b = made.samples(1), made.samples(2)
         rows = [*made.imu_rows(a, "/imu/data_raw"), *made.imu_rows(b, "/imu/data")]
         path = made.write_2(tmp_path / "a", sorted(rows, key=lambda row: row.log_ns))
@@ -371,6 +378,26 @@ class TestDamaged:
         whole[at : at + 8] = bytes(8)
         path.write_bytes(whole[:index])
         check_common(plumbob.read(path), given)
+
+    def test_a_chunk_that_does_not_fit_its_checksum(self, tmp_path):
+        """One bit of a rate in a chunk that is not compressed, so that nothing else shows it."""
+        from mcap.writer import CompressionType, Writer
+
+        given = made.samples()
+        with (tmp_path / "a.mcap").open("wb") as file:
+            writer = Writer(file, compression=CompressionType.NONE)
+            writer.start("ros2", "somebody")
+            schema = writer.register_schema("sensor_msgs/msg/Imu", "ros2msg", b"")
+            channel = writer.register_channel("/imu", "cdr", schema)
+            for row in made.imu_rows(given):
+                data = bytes(made.ROS2.serialize_cdr(made.message(row, made.ROS2), row.kind))
+                writer.add_message(channel, row.log_ns, data, row.log_ns)
+            writer.finish()
+        whole = bytearray((tmp_path / "a.mcap").read_bytes())
+        whole[whole.index(struct.pack("<d", given["gyr"][5, 1]))] ^= 1
+        (tmp_path / "a.mcap").write_bytes(whole)
+        with pytest.raises(DecodeError, match="does not fit its checksum"):
+            plumbob.read(tmp_path / "a.mcap")
 
     def test_a_missing_part(self, tmp_path):
         path = made.write_2(tmp_path / "a", made.all_rows())

@@ -254,3 +254,25 @@ def test_the_verb(recording, tmp_path, capsys):
     assert main(["export", sea, "--out", str(tmp_path / "c.bag")]) == 0  # as it was called before
     assert main(["convert", sea]) == 1
     assert "name one new file: plumbob convert FILE NEW" in capsys.readouterr().err
+
+
+@pytest.fixture
+def resting(tmp_path):
+    """Folder of a bag of 20 s at rest."""
+    rng = np.random.default_rng(2)
+    acc = np.array([0.0, 0.0, 9.8]) + 0.01 * rng.normal(size=(2000, 3))
+    imu = plumbob.ImuData(t=np.arange(2000) / 100, gyr=0.001 * rng.normal(size=(2000, 3)), acc=acc)
+    plumbob.convert(plumbob.Recording(imu=imu), tmp_path / "a", layout="rosbag2")
+    return tmp_path / "a"
+
+
+def test_a_noise_analysis_takes_a_folder(resting):
+    from plumbob.noise.static_record import load_static
+
+    assert len(load_static(resting).groups) > 0
+
+
+@pytest.mark.long("the smoother and a whole page, for one line that lists the parts of a folder")
+def test_a_report_takes_a_folder(resting, tmp_path):
+    plumbob.report(resting, out=tmp_path / "a.html")
+    assert (tmp_path / "a.html").is_file()

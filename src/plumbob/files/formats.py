@@ -205,7 +205,7 @@ def write(
     added, file = lines("notes", notes), check.path("path", path)
     writers = {suffix: writer for kind in _by_suffix(file) for suffix, writer in kind.writers}
     if file.suffix.lower() not in writers:
-        raise DecodeError(f"{file}: {file.suffix} is read only; write {', '.join(_writable())} instead.")
+        raise DecodeError(f"{file}: {file.suffix} is not among {', '.join(_writable())}; plumbob.convert writes more.")
     recording = _recording(what, file.stem)
     writers[file.suffix.lower()](file, replace(recording, notes=(*recording.notes, *added)), overwrite)
     return file

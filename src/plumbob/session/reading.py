@@ -67,9 +67,11 @@ def read(
 
 def is_own(path: Path) -> bool:
     """Whether a path is that of a recording by Plumbob, whole or damaged, and not of another program's MCAP."""
+    if path.suffix != SUFFIX:
+        return False
     from plumbob.files.foreign import ros
 
-    return path.suffix == SUFFIX and not (path.is_file() and ros.accepts(path))
+    return not (path.is_file() and ros.accepts(path))
 
 
 def read_one(

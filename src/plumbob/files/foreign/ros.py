@@ -1,11 +1,12 @@
 """Bags of ROS: samples of sensor_msgs, and poses as attitudes.
 
-Units, axes and frames are those of REP 103 (https://www.ros.org/reps/rep-0103.html), REP 145 (rep-0145: topics, and the
-frames of inertial sensors) and the comments in sensor_msgs/Imu.msg and MagneticField.msg: rad/s, m/s² with gravity (at
-rest, up and +g), tesla, °C, quaternions xyzw, a world with x East, y North, z up. Body axes are those of the frame that
-a message names, as the driver gave them; REP 103 asks for forward, left, up. From where a yaw of zero counts, true or
-magnetic East, is not said, nor whether it counts from there at all: headings are `North.FREE`. A first number of -1 in
-a covariance says that a quantity is not there, and all zeros that the covariance is not known.
+Units, axes and frames are those of REP 103 (https://www.ros.org/reps/rep-0103.html), REP 145 (rep-0145.html, drivers of
+inertial sensors) and the comments in sensor_msgs/Imu.msg and MagneticField.msg: rad/s, m/s² of specific force (at rest,
+up and +g), tesla, °C, quaternions xyzw, a world with x East, y North, z up, or north, east, down where the name of the
+frame ends in ``_ned``. Body axes are those of the frame that a message names, as the driver gave them; REP 103 asks for
+forward, left, up. Yaw counts from magnetic north where the unit has a magnetometer and uses it, and from anywhere where
+it has none (REP 145); no message says which, so headings are `North.FREE`. A first number of a covariance that is -1
+(Imu.msg) or NaN (REP 145) says that a quantity is not there, and all zeros that the covariance is not known.
 
 The stamp in a message's header is when it was measured, and leads; when the recorder took it counts only where no
 stamp was set. Stamps are UTC where they lie behind the year 2001; earlier ones are of a simulation or since power-on.
@@ -51,7 +52,9 @@ CONVENTIONS: Final = (
     "units of sensor_msgs and REP 103: rad/s, m/s² with gravity, T, °C; body axes as the driver gave them (REP 103: "
     "forward, left, up)"
 )
-_WORLD: Final = "in a world with x East, y North, z up (REP 103); what yaw counts from is not said, so North is free"
+_WORLD: Final = (
+    "; yaw counts from magnetic north if the unit uses a magnetometer (REP 145), which is not said: North is free"
+)
 _LISTED: Final = 12
 _UNSET: Final = (0.0, 0.0, 0.0, 1.0)
 
@@ -159,7 +162,10 @@ def _chosen(topics: Sequence[Topic], unit: str) -> Topic:
 
 
 def _without_raw(imus: list[Topic]) -> list[Topic]:
-    """IMUs by topic, without those that REP 145 calls the same one before its orientation was estimated."""
+    """IMUs by topic, without the raw ones of which a filter made another with an orientation, as those of imu_tools do.
+
+    They take ``imu/data_raw`` and give ``imu/data`` (https://wiki.ros.org/imu_filter_madgwick).
+    """
     names = {topic.name for topic in imus}
     return [topic for topic in imus if topic.name.removesuffix("_raw") not in names - {topic.name}]
 
@@ -235,14 +241,14 @@ def _unit(topic: Topic, table: Table, topics: list[Topic]) -> _Unit:
         if np.isfinite(values).any():
             streams[key] = Stream(stamps, values)
         else:
-            notes.append(f"{topic.name}: no {key}, by its covariance (REP 145)")
+            notes.append(f"{topic.name}: no {key}, by its covariance")
     track = _orientation(topic, table, stamps, notes)
     if not streams:
         if track is None:
             raise DecodeError(f"{topic.name} holds neither rates, accelerations nor orientations: all are absent.")
         return _Unit(None, track, used, notes)
     frame = next(iter(table.frames), "")
-    meta = ImuMeta(device=frame or topic.name, frame=Frame.ENU)
+    meta = ImuMeta(device=frame or topic.name, frame=_world(table))
     if mag := _beside(MAG, topic, table, topics):
         numbers = mag[1].numbers
         values = to_si(_present(numbers[:, :3], numbers[:, 3]), "T")
@@ -256,7 +262,7 @@ def _unit(topic: Topic, table: Table, topics: list[Topic]) -> _Unit:
 
 def _present(values: Floats, said: Floats) -> Floats:
     """Values, NaN where the first number of their covariance says that there are none."""
-    absent = said == -1.0
+    absent = (said == -1.0) | np.isnan(said)
     return np.where(absent[:, np.newaxis], np.nan, values) if absent.any() else values
 
 
@@ -320,15 +326,22 @@ def _orientation(topic: Topic, table: Table, stamps: NDArray[np.int64], notes: l
     if (numbers[:, :4] == _UNSET).all() and not numbers[:, 4:13].any():
         notes.append(f"{topic.name}: its orientation is left out: it is always the default of the message")
         return None
-    return _track(topic, stamps, xyzw, numbers[:, 4:13].reshape(-1, 3, 3), notes)
+    return _track(topic, table, stamps, xyzw, notes, cov_n=numbers[:, 4:13].reshape(-1, 3, 3))
+
+
+def _world(table: Table) -> Frame:
+    """World of a message whose frame has this name (REP 103, REP 145)."""
+    return Frame.NED if any(name.endswith("_ned") for name in table.frames) else Frame.ENU
 
 
 def _track(
     topic: Topic,
+    table: Table,
     stamps: NDArray[np.int64],
     xyzw: Floats,
-    cov_n: Floats | None,
     notes: list[str],
+    *,
+    cov_n: Floats | None = None,
     start: int | None = None,
 ) -> AttitudeTrack:
     """Track of quaternions whose stamps may repeat or go back; those that are not of norm 1 are unknown.
@@ -357,11 +370,13 @@ def _track(
         notes.append(
             f"{topic.name}: covariances of the orientation are taken about the world's axes, as those of poses"
         )
-    notes.append(f"{topic.name}: attitudes {_WORLD}")
+    frame = _world(table)
+    axes = "north, east, down" if frame is Frame.NED else "east, north, up"
+    notes.append(f"{topic.name}: attitudes in a world whose axes are {axes} (REP 103){_WORLD}")
     return AttitudeTrack(
         t=(stamps[kept] - (stamps[0] if start is None else start)) / 1e9,
         q_nb=q_nb,
-        frame=Frame.ENU,
+        frame=frame,
         north=North.FREE,
         cov_b=cov_b,
         source=f"{topic.kind} of {topic.name}",
@@ -375,7 +390,7 @@ def _of_pose(topic: Topic, topics: list[Topic], name: str) -> Recording:
     leading = _without_raw(imus)[:1] or [one for one in topics if one.kind in POSES]
     start = min(int(_stamps(one, ros_bags.table(one))[0][0]) for one in leading)
     at = POSES[topic.kind]
-    track = _track(topic, stamps, table.numbers[:, at : at + 4], None, notes, start)
+    track = _track(topic, table, stamps, table.numbers[:, at : at + 4], notes, start=start)
     head = [] if imus else ["it holds no inertial data (sensor_msgs/Imu); a pose is read as an attitude"]
     frames = f"{topic.name}: body to {', '.join(table.frames) or 'a frame without a name'}; positions are left out"
     zero = f"t = 0 is at the stamp {start} ns, the first of {'its IMU' if imus else 'all its poses'}"

@@ -1,7 +1,7 @@
 """Recordings as bags of ROS 1 and ROS 2, and as MCAP with the messages of ROS 2, for programs that know sensor_msgs.
 
 What `ros` says of units and frames holds here, too: quaternions are turned into a world with x East, y North, z up, and
-body axes stay as they are. A triad without a value has a covariance that begins with -1 (REP 145), and zeros as values;
+body axes stay as they are. A triad without a value has a covariance that begins with -1 (Imu.msg), and values of zero;
 a covariance that is not known is zero. The stamp of a message is the UTC of its sample, or its time where UTC is not
 known; samples of the magnetometer and the thermometer are messages of their own, where they have a value.
 
@@ -129,7 +129,7 @@ def _rows(recording: Recording, store: Any, first: bool = False) -> Iterator[_Ro
         units = {f"/{_name(name)}/imu": (_name(name), one) for name, one in recording.array.units.items()}
     elif recording.imu is not None:
         device = recording.imu.meta.device
-        units = {"/imu": ("imu_link" if device == "unknown" else device.lstrip("/"), recording.imu)}
+        units = {"/imu": (_frame(device), recording.imu)}
     else:
         assert track is not None
         stamps = _stamps(to_ns(track.t))
@@ -144,6 +144,11 @@ def _rows(recording: Recording, store: Any, first: bool = False) -> Iterator[_Ro
         if imu.temp_c is not None:
             streams.append(make.temperature(f"{topic}/temperature", stamps, frame, imu.temp_c))
     return heapq.merge(*streams, key=lambda row: row.t_ns)
+
+
+def _frame(device: str) -> str:
+    """Name of the sensor's frame: REP 145's where the device has none, and none of those of a world with z down."""
+    return "imu_link" if device == "unknown" else device.lstrip("/") + ("_enu" if device.endswith("_ned") else "")
 
 
 def _name(text: str) -> str:
