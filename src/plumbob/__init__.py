@@ -71,6 +71,7 @@ if TYPE_CHECKING:
     from plumbob.data.chain_toml import load_chain
     from plumbob.data.sample import ImuSample
     from plumbob.evaluation import Evaluation, evaluate
+    from plumbob.evaluation.compare import compare
     from plumbob.files import Recording, write
     from plumbob.files.draft import profile
     from plumbob.files.mcap import repair, verify
@@ -126,6 +127,7 @@ _HOME = {
     "apply_card": "data.calibrated",
     "calibrate": "calibration.calibrate",
     "cite": "filters.known",
+    "compare": "evaluation.compare",
     "control": "viewer.control_client",
     "decode": "protocols.decode",
     "docs": "core.docs",
@@ -183,6 +185,7 @@ __all__ = [
     "array",
     "calibrate",
     "cite",
+    "compare",
     "control",
     "convert",
     "decode",

@@ -76,7 +76,7 @@ LINES = {
     "filters": (["filters"], {"numpy", "filters"}),
     "cite": (["cite"], {"numpy", "filters"}),
     "docs": (["docs", "time"], set()),
-    "info": (["info", "sea.parquet"], READ),
+    "info": (["info", "sea.parquet"], READ | {"calibration"}),
     "run": (["run", "sea.parquet", "--filter", "mekf"], RUN),
     "run --out": (["run", "sea.parquet", "--filter", "mahony", "--out", "track.parquet"], RUN),
     "run, refused": (["run", "none.parquet", "--filter", "mekf"], {"numpy", "filters"}),
@@ -86,6 +86,8 @@ LINES = {
         READ | {"matplotlib", "scipy", "scipy.fft", "scipy.special"},
     ),
     "eval": (["eval", "track.parquet", "sea.parquet"], READ | {"evaluation"}),
+    "compare": (["compare", "sea.parquet", "sea.parquet"], RUN | {"scipy", "scipy.fft", "scipy.interpolate",
+                "scipy.ndimage", "scipy.optimize", "scipy.signal", "scipy.special"}),
     "rest": (["sim", "static", *SIM, "random", "--duration", "90s", "--out", "rest.parquet"], SIMULATED),
     "allan": (
         ["allan", "rest.parquet", "--triads", "gyr"],

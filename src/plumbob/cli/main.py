@@ -43,6 +43,7 @@ VERBS = (
     "reproduce",
     "plot",
     "eval",
+    "compare",
     "allan",
     "calibrate",
     "arm",

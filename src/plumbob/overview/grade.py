@@ -137,7 +137,7 @@ def word_of(points: float) -> str:
     return next(word for word, least in WORDS if points >= least)
 
 
-def grade(imu: ImuData, notes: Sequence[str] = ()) -> Grade:
+def grade(imu: ImuData, notes: Sequence[str] = (), *, judged: bool = False) -> Grade:
     """Grade the samples of one unit.
 
     Parameters
@@ -146,6 +146,8 @@ def grade(imu: ImuData, notes: Sequence[str] = ()) -> Grade:
         The samples.
     notes : sequence of str
         What the reading of the file found; lines about gaps that only the host's clock shows count.
+    judged : bool
+        Whether the notes hold the doubts about units and signs already, as those of a file that has been read do.
     """
     steps = _Steps.of(imu.t)
     repeated = {name: _repeats(imu, name) for name in imu.triads}
@@ -158,7 +160,7 @@ def grade(imu: ImuData, notes: Sequence[str] = ()) -> Grade:
         _clipping(imu),
         _stuck(imu, repeated),
         _resolution(imu, repeated),
-        _plausible(imu, still := _rest(imu)),
+        _plausible(imu, still := _rest(imu), _doubts(imu, notes if judged else None)),
         _calibration(imu.meta.calibration),
         _static(imu, still),
         _clock(imu, steps, notes),
@@ -494,10 +496,10 @@ def _static(imu: ImuData, still: _Still | None) -> Criterion | None:
     )  # fmt: skip
 
 
-def _plausible(imu: ImuData, still: _Still | None) -> Criterion:
+def _plausible(imu: ImuData, still: _Still | None, doubted: Sequence[str]) -> Criterion:
     """The worst of what contradicts the declared units: it costs once."""
     tests = [*_gravity(imu, still), *_field(imu), *_temperature(imu)]
-    tests += [(1.0, doubt) for doubt in (*imu.unit_doubts(), *doubts(imu)) if not _of_clock(doubt)]
+    tests += [(1.0, doubt) for doubt in doubted]
     lost, told = max(tests, key=lambda one: one[0], default=(0.0, ""))
     others = "; ".join(dict.fromkeys(text for share, text in tests if share <= 0.0))
     low, high = EARTH_FIELD
@@ -512,8 +514,11 @@ def _plausible(imu: ImuData, still: _Still | None) -> Criterion:
     )  # fmt: skip
 
 
-def _of_clock(doubt: str) -> bool:
-    return doubt.startswith("time: the stamps come in bursts")
+def _doubts(imu: ImuData, known: Sequence[str] | None) -> list[str]:
+    """Doubts about units and signs; without that about bursts, which is the clock's."""
+    sizes = () if imu.meta.unit_check else imu.unit_doubts()  # else the reading has refused it
+    found = doubts(imu) if known is None else [note for note in known if note.startswith(("time: ", "gyroscope: "))]
+    return [doubt for doubt in (*sizes, *found) if not doubt.startswith("time: the stamps come in bursts")]
 
 
 def _gravity(imu: ImuData, still: _Still | None) -> Iterable[tuple[float, str]]:

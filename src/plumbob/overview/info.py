@@ -124,19 +124,19 @@ def info(
         report["array"] = _array(recording.array)
     if recording.track is not None:
         report["attitude"] = _attitude(recording.track)
-    made = grade_of(recording)
+    made = grade_of(recording, judged=not isinstance(what, Recording))
     report["grade"] = made.summary()
     return Info(report, list(_lines(report, said)), made)
 
 
-def grade_of(recording: "Recording") -> "Grade":
-    """Grade of what a recording holds: of its samples, or of its attitude where it has none."""
+def grade_of(recording: "Recording", *, judged: bool = False) -> "Grade":
+    """Grade of what a recording holds: of its samples, or of its attitude where it has none; `judged` as of `grade`."""
     from plumbob.overview.grade import grade, grade_track, grade_units
 
     if recording.array is not None:
         return grade_units(recording.array.units, recording.notes)
     if recording.imu is not None:
-        return grade(recording.imu, recording.notes)
+        return grade(recording.imu, recording.notes, judged=judged)
     assert recording.track is not None
     return grade_track(recording.track)
 
