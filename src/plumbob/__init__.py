@@ -91,6 +91,7 @@ if TYPE_CHECKING:
     from plumbob.session.reading import read, read_array
     from plumbob.session.recorded import export
     from plumbob.session.replay import replay
+    from plumbob.session.sending import send
     from plumbob.session.session import Session
     from plumbob.session.session_toml import load_session
     from plumbob.session.stream import Stream
@@ -147,6 +148,7 @@ _HOME = {
     "report": "overview.overview",
     "reproduce": "papers.reproduce",
     "replay": "session.replay",
+    "send": "session.sending",
     "simulate": "simulation",
     "simulate_chain": "simulation",
     "verify": "files.mcap",
@@ -208,6 +210,7 @@ __all__ = [
     "replay",
     "report",
     "reproduce",
+    "send",
     "simulate",
     "simulate_chain",
     "units",
