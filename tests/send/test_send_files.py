@@ -23,7 +23,8 @@ from plumbob.core import flags, units
 from plumbob.core.errors import FrameError, LineError, ParameterError, ShapeError
 from plumbob.data import AttitudeTrack
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
-from plumbob.session.sending import Due, parse_send, send
+from plumbob.session.send_spec import parse_send
+from plumbob.session.sending import Due, send
 
 
 def swinging(count: int, rate: float = 100.0, **more: Any) -> AttitudeTrack:
