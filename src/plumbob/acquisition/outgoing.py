@@ -76,7 +76,7 @@ class Udp:
             raise
 
     def write(self, data: bytes, patience: float) -> int:
-        """Send it; that nobody listens on this machine is no fault of a datagram."""
+        """Send it; a datagram for which nobody listens on this machine is sent all the same."""
         if self._socket is None:
             raise OSError("it is not open")
         self._socket.settimeout(patience)

@@ -14,6 +14,7 @@ import numpy as np
 
 from plumbob.core import flags
 from plumbob.core.check import Floats
+from plumbob.core.constants import G0
 from plumbob.core.errors import FrameError
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg
@@ -32,8 +33,6 @@ from plumbob.rotations.headings import euler_sd
 
 UNRELIABLE: Final = flags.NOT_CONVERGED | flags.GAP | flags.TIME_FAULT | flags.GYR_HELD
 """Flags with which an attitude is not to be steered by: not converged, after a gap, or turned on without a rate."""
-STANDARD_GRAVITY: Final = 9.80665
-"""m/s², taken from the specific force; the acceleration of TSS1 has steps of 0.000625 m/s²."""
 _LONGEST_STEP: Final = 1.0
 _HALF_TURN: Final = np.array([0.0, 1.0, 0.0, 0.0])
 
@@ -143,7 +142,7 @@ class Attitude:
         down = dcm_from_quat(np.array(self.q_nb))[2]
         return float(down @ np.array(self.rates_b))
 
-    def acceleration(self, gravity: float = STANDARD_GRAVITY) -> tuple[float, float] | None:
+    def acceleration(self, gravity: float = G0) -> tuple[float, float] | None:
         """Horizontal and upward acceleration without gravity, m/s²; None where they are not known."""
         if self.q_nb is None or self.acc_b is None:
             return None
