@@ -418,7 +418,7 @@ class Sender:
         return found
 
     def close(self, patience: float = 2.0) -> None:
-        """Send what still waits, at most so long, and end."""
+        """Send what still waits, for at most this time, and end."""
         with self._ready:
             self._ending = True
             self._ready.notify()

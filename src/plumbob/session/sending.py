@@ -276,6 +276,7 @@ class SendSink:
             self._sender.put(rest)
         self._encoder = None
         self._sender.close()
+        self._keep = None  # the recording has ended before its sinks, and takes no more rows
         self._tell()
 
 
