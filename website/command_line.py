@@ -37,7 +37,7 @@ that says what is wrong and what to do.
 STAGES = {
     "Try": ("demo", "reproduce", "docs", "warmup"),
     "Simulate": ("sim", "emulate"),
-    "Record": ("record", "replay", "verify", "repair", "convert", "decode", "devices"),
+    "Record": ("record", "replay", "send", "verify", "repair", "convert", "decode", "devices"),
     "Read files": ("info", "profile"),
     "Calibrate and characterise": ("calibrate", "allan", "array"),
     "Estimate and evaluate": ("run", "filters", "cite", "eval", "benchmark"),

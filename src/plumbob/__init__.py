@@ -92,6 +92,7 @@ if TYPE_CHECKING:
     from plumbob.session.reading import read, read_array
     from plumbob.session.recorded import convert
     from plumbob.session.replay import replay
+    from plumbob.session.sending import send
     from plumbob.session.session import Session
     from plumbob.session.session_toml import load_session
     from plumbob.session.stream import Stream
@@ -149,6 +150,7 @@ _HOME = {
     "report": "overview.overview",
     "reproduce": "papers.reproduce",
     "replay": "session.replay",
+    "send": "session.sending",
     "simulate": "simulation",
     "simulate_chain": "simulation",
     "verify": "files.mcap",
@@ -211,6 +213,7 @@ __all__ = [
     "replay",
     "report",
     "reproduce",
+    "send",
     "simulate",
     "simulate_chain",
     "units",

@@ -229,6 +229,17 @@ def span(text: str) -> tuple[float, float]:
     return parse(first, Quantity.TIME), parse(last, Quantity.TIME)
 
 
+def add_send(parser: argparse._ActionsContainer) -> None:
+    """Option --send."""
+    parser.add_argument(
+        "--send",
+        action="append",
+        default=[],
+        metavar="'FORM TARGET [RATE] [A,B]'",
+        help="send the attitude, as 'nmea udp:127.0.0.1:10110 10Hz HDT,PASHR'; see 'plumbob send'; repeatable",
+    )
+
+
 def add_force(parser: argparse.ArgumentParser) -> None:
     """Option --force."""
     parser.add_argument("--force", action="store_true", help="replace files that exist already; never an input")

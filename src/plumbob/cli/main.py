@@ -33,6 +33,7 @@ VERBS = (
     "watch",
     "control",
     "replay",
+    "send",
     "verify",
     "repair",
     "convert",

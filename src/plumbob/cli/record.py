@@ -38,6 +38,7 @@ def add_parser(verbs: common.Adder) -> None:
     )
     p.add_argument("--text", metavar="TXT", help="text file that gets a line of attitude now and then; {utc} as above")
     p.add_argument("--duration", metavar="TIME", help="stop after this time, such as 10s or 0.5h")
+    common.add_send(p)
     common.add_json(p)
     p.set_defaults(run=run)
 
@@ -62,6 +63,7 @@ def run(args: argparse.Namespace) -> int:
             next_part=args.next_part,
             text=args.text,
             duration=args.duration,
+            send=args.send,
             stop=stop,
             opened=lambda: stack.enter_context(common.stopped_by_signals(stop)),  # so that the recording ends whole
             note=status.note,

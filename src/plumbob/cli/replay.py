@@ -26,6 +26,7 @@ def add_parser(verbs: common.Adder) -> None:
     common.add_force(p)
     p.add_argument("--speed", type=float, metavar="K", help="K times as fast as it was; without it, as fast as it goes")
     p.add_argument("--check", action="store_true", help="compare with the live attitude that the recording holds")
+    common.add_send(p)
     common.add_json(p)
     p.set_defaults(run=run)
 
@@ -46,6 +47,7 @@ def run(args: argparse.Namespace) -> int:
         unit=args.unit,
         speed=args.speed,
         check=args.check,
+        send=args.send,
         keep="track" if args.out else "nothing",
         note=common.note,
         opened=lambda session: common.warn_of_compiling([session.stage.filter] if session.stage else []),

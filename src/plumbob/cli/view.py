@@ -35,6 +35,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument(
         "--allow-origin", action="append", default=[], metavar="ORIGIN", help="let a page from there connect, too"
     )
+    common.add_send(p)
     p.add_argument("--no-open", action="store_true", help="do not open a browser")
     common.add_json(p)
     p.set_defaults(run=run)
@@ -87,6 +88,7 @@ def run(args: argparse.Namespace) -> int:
             clients=args.clients,
             allow_origin=args.allow_origin,
             open_browser=not args.no_open and has_display(),
+            send=args.send,
             stop=stop,
             note=status.note,
             opened=opened,

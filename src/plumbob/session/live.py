@@ -14,6 +14,8 @@ from plumbob.protocols.find import unassigned_told
 from plumbob.session.estimated import compiling
 from plumbob.session.recording_sink import RecordingSink, named_at
 from plumbob.session.runner import run_stream
+from plumbob.session.send_spec import parse_send
+from plumbob.session.sending import sending_of
 from plumbob.session.session import RecordSpec, Session
 from plumbob.session.session_toml import session_of
 from plumbob.session.sinks import Sink, TextSink
@@ -75,6 +77,7 @@ def record(
     next_part: bool = False,
     text: str | Path | None = None,
     duration: float | str | None = None,
+    send: Sequence[str] = (),
     sinks: Sequence[Sink] = (),
     stop: Stopping | None = None,
     opened: Callable[[], object] | None = None,
@@ -96,6 +99,9 @@ def record(
         Text file that gets a line of attitude now and then.
     duration : float or str, optional
         When to stop: s, or text with a unit; by default when the source ends, or somebody says `stop`.
+    send : sequence of str
+        To whom the attitude is sent as it comes, as ``"nmea udp:127.0.0.1:10110 10Hz HDT,PASHR"``, beside the
+        ``[[send]]`` of the session.
     sinks : sequence of Sink
         What else takes the samples and attitudes as they come.
     stop : Stopping, optional
@@ -124,6 +130,7 @@ def record(
     """
     given_session = session if isinstance(session, Session) and not line else None
     chosen = _with_outputs(given_session or session_of(_path(session), **line), out, next_part=next_part, text=text)
+    chosen = with_sent(chosen, send)
     chosen = named_at(chosen, time.time_ns())
     seconds = given("duration", duration, Quantity.TIME, positive=True)
     stream, say = Stream(chosen), note or (lambda line: None)
@@ -133,12 +140,13 @@ def record(
     watch = Watch(stream, note, progress=progress)
     others = [TextSink(chosen.output.text, chosen.output.every)] if chosen.output.text else []
     source = open_source(chosen.source)
+    sending = sending_of(chosen, note=say, keep=None if recording_sink is None else recording_sink.on_item)
     if opened is not None:
         opened()
     run_stream(
         stream,
         source,
-        sinks=[watch, *others, *sinks],
+        sinks=[watch, *others, *sending, *sinks],
         recording=recording_sink,
         duration=seconds,
         stop=stop,
@@ -166,6 +174,21 @@ def _with_outputs(session: Session, out: str | Path | None, *, next_part: bool, 
             raise ParameterError("--next-part belongs to a recording; name one with --out.")
         session = replace(session, record=replace(session.record, next_part=True))
     return replace(session, output=replace(session.output, text=str(text))) if text else session
+
+
+def with_sent(session: Session, send: Sequence[str]) -> Session:
+    """Session that sends there, too.
+
+    Raises
+    ------
+    ParameterError
+        If nothing estimates an attitude, or a text is not as `parse_send` takes it.
+    """
+    if not send:
+        return session
+    if session.stage is None:
+        raise ParameterError("--send sends an attitude, and nothing estimates one. Name a filter with --filter.")
+    return replace(session, send=(*session.send, *map(parse_send, send)))
 
 
 def announce(session: Session, say: Note) -> None:

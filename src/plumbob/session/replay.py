@@ -122,6 +122,7 @@ def replay(
     check: bool = False,
     covariance: bool = False,
     keep: Literal["all", "track", "nothing"] = "all",
+    send: Sequence[str] = (),
     sinks: Sequence[Sink] = (),
     note: Note | None = None,
     opened: Callable[[Session], object] | None = None,
@@ -146,6 +147,9 @@ def replay(
         Whether the track is to have the covariance that a filter claims.
     keep : {"all", "track", "nothing"}
         What the result holds in memory besides its counts.
+    send : sequence of str
+        To whom the attitude is sent, as of `plumbob.record`; what the session sent while it was recorded is not sent
+        again.
     sinks : sequence of Sink
         What else takes the samples and attitudes as they come.
     note : callable, optional
@@ -176,12 +180,29 @@ def replay(
     watch, against = Watch(stream, note, events=False), Check(log) if check else None
     kept: dict[str, Sink] = {"all": found, "track": tracks}
     wanted = [watch, *([kept[keep]] if keep in kept else []), *([against] if against else []), *sinks]
+    wanted += _sending(chosen, log, send, note)
     run_stream(stream, ReplaySource(log, speed), sinks=wanted)
     if note is not None:
         for line in _lacking(log):
             note(line)
     track = found.track() if keep == "all" else tracks.track()
     return Replayed(watch, log, found, track, against.comparison if against else None)
+
+
+def _sending(session: Session, log: Log, send: Sequence[str], note: Note | None) -> list[Sink]:
+    """Sinks of what is sent; they may wait, because nothing is lost while a file does."""
+    if not send:
+        return []
+    from plumbob.session.send_spec import parse_send
+    from plumbob.session.sending import SendSink
+
+    if session.stage is None:
+        raise ParameterError("--send sends an attitude, and nothing estimates one. Name a filter with --filter.")
+    offset = 0 if log.first_info is None else log.first_info.epoch_offset_ns
+    declination = session.meta.declination
+    return [
+        SendSink(parse_send(text), declination=declination, offset_ns=offset, note=note, direct=True) for text in send
+    ]
 
 
 def _lacking(log: Log) -> list[str]:

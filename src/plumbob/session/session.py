@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from plumbob.data import ImuMeta
 from plumbob.data.array import Mount
@@ -94,6 +94,35 @@ class OutputSpec:
     text: str | None = None
 
 
+SENT_AS: Final = ("nmea", "tss1", "mavlink", "json", "ros2")
+"""Forms in which an attitude is sent."""
+
+
+@dataclass(frozen=True, slots=True)
+class SendSpec:
+    """An attitude that is sent to another program.
+
+    Attributes
+    ----------
+    kind : str
+        Form of the messages, of `SENT_AS`.
+    to : str
+        Target, as ``udp:127.0.0.1:10110``.
+    rate : float or None
+        Attitudes per second at most, Hz.
+    sentences : tuple of str
+        NMEA sentences; empty for all that the heading allows.
+    body : str or None
+        Body axes, ``"FRD"`` or ``"FLU"``; None for those that go with the frame.
+    """
+
+    kind: str
+    to: str
+    rate: float | None = None
+    sentences: tuple[str, ...] = ()
+    body: str | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class UnitSpec:
     """One of several units of the same frames.
@@ -152,6 +181,8 @@ class Session:
         The session file and every file that it names, so that a recording can hold them and be replayed anywhere.
     units : tuple of UnitSpec
         All units that are decoded, calibrated and recorded, where these are several; `unit` is one of them.
+    send : tuple of SendSpec
+        To whom the attitude is sent while the line runs; a replay sends only where that is asked for.
     """
 
     name: str
@@ -169,3 +200,4 @@ class Session:
     timed_by: str = "frames"
     texts: Mapping[str, str] = field(default_factory=dict)
     units: tuple[UnitSpec, ...] = ()
+    send: tuple[SendSpec, ...] = ()

@@ -29,10 +29,12 @@ from plumbob.protocols.find import find_format
 from plumbob.protocols.format import Format, Message
 from plumbob.protocols.format_toml import parse_format
 from plumbob.rotations import Frame, North, body_axes, in_body_axes
+from plumbob.session.send_spec import send_table
 from plumbob.session.session import (
     OutputSpec,
     RecordSpec,
     ReferenceSpec,
+    SendSpec,
     Session,
     SourceSpec,
     UnitSpec,
@@ -194,6 +196,7 @@ def parse_session(
         reference=_reference(found, form.message(message)),
         record=found.get("record"),
         output=found.get("output", OutputSpec()),
+        send=_sent(found),
         timed_by=timed_by,
         texts=texts,
         units=units,
@@ -360,6 +363,12 @@ def _reference(found: Mapping[str, Any], message: Message) -> ReferenceSpec | No
             f"[reference] needs {', '.join(names)} in message {message.name}, which has no {lacking[0]}."
         )
     return asked
+
+
+def _sent(found: Mapping[str, Any]) -> tuple[SendSpec, ...]:
+    if "send" in found and "estimate" not in found:
+        raise ParameterError("[[send]] sends an attitude, and nothing estimates one. Add [estimate].")
+    return tuple(found.get("send", ()))
 
 
 def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage | None:
@@ -599,4 +608,5 @@ _SESSION: Final[dict[str, Parse]] = {
     "unit": schema.tables(UNIT),
     "record": lambda where, value: RecordSpec(**schema.section(where, value, _RECORD, ("path",))),
     "output": lambda where, value: OutputSpec(**schema.section(where, value, _OUTPUT)),
+    "send": schema.tables(send_table),
 }

@@ -16,9 +16,10 @@ from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack
 from plumbob.data.chain import Chain
 from plumbob.data.chain_toml import load_chain
-from plumbob.session.live import announce
+from plumbob.session.live import announce, with_sent
 from plumbob.session.recording_sink import RecordingSink, named_at
 from plumbob.session.runner import run_stream
+from plumbob.session.sending import sending_of
 from plumbob.session.session import Session
 from plumbob.session.session_toml import ALL, of_unit, session_of
 from plumbob.session.sinks import Sink, TextSink
@@ -107,6 +108,7 @@ def view(
     emulate: str | None = None,
     open_browser: bool = False,
     duration: float | str | None = None,
+    send: Sequence[str] = (),
     stop: Stopping | None = None,
     note: Note | None = None,
     opened: Callable[[str], object] | None = None,
@@ -140,6 +142,8 @@ def view(
         Whether to open the page.
     duration : float or str, optional
         When to stop: s, or text with a unit; by default when somebody says `stop`.
+    send : sequence of str
+        To whom the attitude of a line is sent, as of `plumbob.record`.
     stop : Stopping, optional
         Set from another thread to end.
     note : callable, optional
@@ -173,6 +177,7 @@ def view(
                       folder=place)  # fmt: skip
     with ExitStack() as stack:
         shown = stack.enter_context(opened_up(what, emulate=emulate, chain=chain, note=say, line=line, also=also))
+        shown.sends(send)
         server = Server(serving, say)
         stack.callback(server.close)
         server.card = shown.card_in(Path(stack.enter_context(TemporaryDirectory(prefix="plumbob-view-"))))
@@ -237,6 +242,19 @@ class Shows:
         self._session, self._path, self._options = session, path, dict(options or {})
         self._also, self._chain, self._truth = also, chain, truth
 
+    def sends(self, send: Sequence[str]) -> None:
+        """Send the attitude there as well.
+
+        Raises
+        ------
+        ParameterError
+            If it is not a line, or nothing is estimated.
+        """
+        if send and self._session is None:
+            raise ParameterError("--send of view belongs to a line; a recording is sent by 'plumbob send'.")
+        if self._session is not None:
+            self._session = with_sent(self._session, send)
+
     def card_in(self, folder: Path) -> Path | None:
         """Copy of the session's card in a folder; None where there is none."""
         if self._session is None or self._session.card is None:
@@ -280,6 +298,7 @@ class Shows:
         desk = _LineDesk(feed, switch, outlet)
         texts = [TextSink(session.output.text, session.output.every)] if session.output.text else []
         source = open_source(session.source)
+        sending = sending_of(session, note=remark)
         how.opened()
 
         def each() -> None:
@@ -287,7 +306,7 @@ class Shows:
             desk.serve()
             feed.tick()
 
-        sinks: list[Sink] = [watch, _Told(how.echo), feed, *texts]
+        sinks: list[Sink] = [watch, _Told(how.echo), feed, *texts, *sending]
         run_stream(stream, source, sinks=sinks, recording=switch, duration=how.duration, stop=how.stop, each=each)
         return Viewed(session.name, Ran(watch), switch.recordings, fault=feed.failed)
 

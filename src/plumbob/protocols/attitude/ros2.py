@@ -1,0 +1,131 @@
+"""sensor_msgs/msg/Imu of ROS 2 in CDR, as it stands in an MCAP file: no ROS is needed to write it.
+
+The message is of forward-left-up axes in ENU [REP 103, ros.org/reps/rep-0103.html], and the covariance of the
+orientation is about the axes of ENU; the linear acceleration is specific force, which points up at rest; a first
+covariance of −1 says that a quantity is absent, and covariances of 0 that they are not known [REP 145;
+sensor_msgs/msg/Imu]. CDR here is little-endian, aligned behind its four bytes of representation [OMG DDS-XTypes].
+"""
+
+import struct
+from collections.abc import Sequence
+from typing import IO, Any, Final, cast
+
+import numpy as np
+
+from plumbob.protocols.attitude import Attitude
+from plumbob.rotations import Frame, change_frame, dcm_from_quat, quat_from_rotvec, quat_multiply
+
+TYPE: Final = "sensor_msgs/msg/Imu"
+DEFINITION: Final = """\
+std_msgs/Header header
+geometry_msgs/Quaternion orientation
+float64[9] orientation_covariance
+geometry_msgs/Vector3 angular_velocity
+float64[9] angular_velocity_covariance
+geometry_msgs/Vector3 linear_acceleration
+float64[9] linear_acceleration_covariance
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+================================================================================
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+================================================================================
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+"""
+_ABSENT: Final = (-1.0, *(0.0,) * 8)
+_UNKNOWN: Final = (0.0,) * 9
+_FLU: Final = np.array([1.0, -1.0, -1.0])
+
+
+def imu(a: Attitude, frame_id: str = "imu_link") -> bytes:
+    """The message; an attitude that is not reliable is absent from it."""
+    quaternion: Sequence[float] = (0.0, 0.0, 0.0, 1.0)
+    cov: Sequence[float] = _ABSENT
+    if a.reliable and a.q_nb is not None:
+        half = quat_from_rotvec(np.array([np.pi, 0.0, 0.0]))
+        q = change_frame(a.q_nb, to=Frame.ENU, from_=Frame.NED)
+        w, x, y, z = quat_multiply(q, half).tolist()
+        quaternion, c_nb = (x, y, z, w), dcm_from_quat(q)
+        cov = _UNKNOWN if a.cov_b is None else (c_nb @ np.reshape(a.cov_b, (3, 3)) @ c_nb.T).ravel().tolist()
+    rates, rate_cov = _vector(a.rates_b)
+    force, force_cov = _vector(a.acc_b)
+    seconds, ns = divmod(a.t_ns, 1_000_000_000)
+    name = frame_id.encode() + b"\0"
+    head = struct.pack("<iII", seconds, ns, len(name)) + name
+    head += b"\0" * (-len(head) % 8)
+    values = (*quaternion, *cov, *rates, *rate_cov, *force, *force_cov)
+    return b"\0\1\0\0" + head + struct.pack(f"<{len(values)}d", *values)
+
+
+def _vector(frd: Sequence[float] | None) -> tuple[Sequence[float], Sequence[float]]:
+    if frd is None:
+        return (0.0, 0.0, 0.0), _ABSENT
+    return (np.asarray(frd) * _FLU + 0.0).tolist(), _UNKNOWN
+
+
+class _Drain:
+    """Takes what is written, knows how much that was, and hands it on."""
+
+    def __init__(self) -> None:
+        self._found, self._at = bytearray(), 0
+
+    def write(self, data: Any) -> int:
+        self._found += data
+        self._at += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        return self._at
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def take(self) -> bytes:
+        found = bytes(self._found)
+        self._found.clear()
+        return found
+
+
+class Imus:
+    """An MCAP file of Imu messages, in pieces: the file grows by one whole message after the other.
+
+    Parameters
+    ----------
+    topic, frame_id : str
+        Topic of the messages, and the frame that their header names.
+    """
+
+    def __init__(self, topic: str = "/imu", frame_id: str = "imu_link") -> None:
+        from mcap.writer import CompressionType, Writer
+
+        self._drain, self._frame_id, self._count = _Drain(), frame_id, 0
+        self._writer: Any = Writer(cast(IO[Any], self._drain), chunk_size=1, compression=CompressionType.NONE)
+        self._writer.start(profile="ros2", library="plumbob")
+        schema = self._writer.register_schema(name=TYPE, encoding="ros2msg", data=DEFINITION.encode())
+        self._channel = self._writer.register_channel(topic=topic, message_encoding="cdr", schema_id=schema)
+
+    def encode(self, a: Attitude) -> bytes:
+        """Bytes of the file with this attitude."""
+        self._count += 1
+        data = imu(a, self._frame_id)
+        self._writer.add_message(
+            self._channel, log_time=a.t_ns, publish_time=a.t_ns, data=data, sequence=self._count & 0xFFFFFFFF
+        )
+        return self._drain.take()
+
+    def finish(self) -> bytes:
+        """Bytes that end the file."""
+        self._writer.finish()
+        return self._drain.take()
