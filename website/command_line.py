@@ -30,7 +30,7 @@ that says what is wrong and what to do.
 | 0 | done |
 | 1 | an error that the message explains |
 | 2 | wrong usage |
-| 3 | done, but a recording is damaged (`verify`), has lost rows (`record`, `repair`) or is not replayed to the bit |
+| 3 | done, but a recording is damaged (`verify`), has lost rows (`record`, `repair`) or is not replayed to the bit; no gain is shown (`tune`) |
 | 70 | a defect of Plumbob: please report it |
 | 130, 143 | ended by Ctrl-C, by SIGTERM; a file is there as a whole, or as it was before |
 """
@@ -40,7 +40,7 @@ STAGES = {
     "Record": ("record", "replay", "verify", "repair", "export", "decode", "devices"),
     "Read files": ("info", "profile"),
     "Calibrate and characterise": ("calibrate", "allan", "array"),
-    "Estimate and evaluate": ("run", "filters", "cite", "eval", "benchmark"),
+    "Estimate and evaluate": ("run", "filters", "cite", "eval", "benchmark", "tune"),
     "Many units": ("arm",),
 }
 

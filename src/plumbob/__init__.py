@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from plumbob.data.chain_toml import load_chain
     from plumbob.data.sample import ImuSample
     from plumbob.evaluation import Evaluation, evaluate
+    from plumbob.evaluation.many.tuning import tune
     from plumbob.files import Recording, write
     from plumbob.files.draft import profile
     from plumbob.files.mcap import repair, verify
@@ -149,6 +150,7 @@ _HOME = {
     "replay": "session.replay",
     "simulate": "simulation",
     "simulate_chain": "simulation",
+    "tune": "evaluation.many.tuning",
     "verify": "files.mcap",
     "view": "viewer.view",
     "watch": "viewer.terminal",
@@ -210,6 +212,7 @@ __all__ = [
     "reproduce",
     "simulate",
     "simulate_chain",
+    "tune",
     "units",
     "verify",
     "view",
