@@ -30,7 +30,7 @@ that says what is wrong and what to do.
 | 0 | done |
 | 1 | an error that the message explains |
 | 2 | wrong usage |
-| 3 | done, but a recording is damaged (`verify`), lost rows (`record`, `repair`), is not replayed to the bit, or no gain (`tune`) |
+| 3 | done, but a recording is damaged, has lost rows or is not replayed to the bit; or no gain is shown (`tune`) |
 | 70 | a defect of Plumbob: please report it |
 | 130, 143 | ended by Ctrl-C, by SIGTERM; a file is there as a whole, or as it was before |
 """
