@@ -30,7 +30,7 @@ that says what is wrong and what to do.
 | 0 | done |
 | 1 | an error that the message explains |
 | 2 | wrong usage |
-| 3 | done, but a recording is damaged (`verify`), has lost rows (`record`, `repair`), is not replayed to the bit, differs (`compare`), or its grade is too low (`info`) |
+| 3 | done, but a recording is damaged (`verify`), has lost rows (`record`, `repair`), is not replayed to the bit, differs (`compare`), its grade is too low (`info`), its conventions are wrong (`doctor`); or no gain is shown (`tune`) |
 | 70 | a defect of Plumbob: please report it |
 | 130, 143 | ended by Ctrl-C, by SIGTERM; a file is there as a whole, or as it was before |
 """
@@ -38,9 +38,9 @@ STAGES = {
     "Try": ("demo", "reproduce", "docs", "warmup"),
     "Simulate": ("sim", "emulate"),
     "Record": ("record", "replay", "send", "verify", "repair", "convert", "decode", "devices"),
-    "Read files": ("info", "profile"),
+    "Read files": ("info", "profile", "doctor", "compare"),
     "Calibrate and characterise": ("calibrate", "allan", "array"),
-    "Estimate and evaluate": ("run", "filters", "cite", "eval", "benchmark"),
+    "Estimate and evaluate": ("run", "filters", "cite", "eval", "benchmark", "tune"),
     "Many units": ("arm",),
 }
 

@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from plumbob.data.sample import ImuSample
     from plumbob.evaluation import Evaluation, evaluate
     from plumbob.evaluation.compare import compare
+    from plumbob.evaluation.many.tuning import tune
     from plumbob.files import Recording, write
     from plumbob.files.draft import profile
     from plumbob.files.mcap import repair, verify
@@ -153,6 +154,7 @@ _HOME = {
     "send": "session.sending",
     "simulate": "simulation",
     "simulate_chain": "simulation",
+    "tune": "evaluation.many.tuning",
     "verify": "files.mcap",
     "view": "viewer.view",
     "watch": "viewer.terminal",
@@ -216,6 +218,7 @@ __all__ = [
     "send",
     "simulate",
     "simulate_chain",
+    "tune",
     "units",
     "verify",
     "view",

@@ -118,7 +118,7 @@ LINES = {
 }  # fmt: skip
 """By name: a command line, and what it may import. Each may read what those above it wrote."""
 
-EVERYTHING = {"benchmark", "demo", "reproduce", "warmup"}
+EVERYTHING = {"benchmark", "demo", "reproduce", "tune", "warmup"}
 """Verbs whose task is to try or to compile all there is."""
 
 

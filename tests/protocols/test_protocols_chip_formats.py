@@ -2,7 +2,9 @@
 
 Bytes are computed from the scale factors of the sources named in each TOML file (ADXRS290: Linux adxrs290.c; ADXRS453:
 data sheet Rev. A; MPU-6000: PS-MPU-6000A-00; MPU-3050: Linux mpu3050-core.c; HMC5983: data sheet of the HMC5883L and
-drivers; ADIS16355: data sheet Rev. B, whose table 7 has the gyroscope's codes for ±40 and ±80 deg/s).
+drivers; ADIS16355: data sheet Rev. B, whose table 7 has the gyroscope's codes for ±40 and ±80 deg/s). Those of the
+MPU-9250 and later ones are computed by hand from scales and byte orders of the data sheets and drivers that each file
+names.
 """
 
 import itertools
@@ -21,7 +23,10 @@ from plumbob.protocols.field import MARKS
 from plumbob.protocols.unpack import counts_of, values_of
 from plumbob.simulation.presets import preset_names
 
-CHIPS = ("adxrs290", "adxrs453", "mpu6000", "mpu3050", "hmc5983", "adis16355")
+CHIPS = (
+    "adxrs290", "adxrs453", "mpu6000", "mpu3050", "hmc5983", "adis16355", "mpu9250", "icm20948", "bmi088", "bmi160",
+    "bmi270", "lsm6dso", "lis3mdl", "lsm9ds1", "bno055", "adis16470", "adis16505",
+)  # fmt: skip
 DEG, G, GAUSS = math.pi / 180, 9.80665, 100.0
 POLL = "8222 BDDE BFFF 8000 BE73 818D 8029 8F32 8AAA 8800"
 
@@ -87,6 +92,70 @@ EXAMPLES = [
         {"gyr.x": 546 * 0.07326 * DEG, "gyr.y": -546 * 0.07326 * DEG, "gyr.z": -0.07326 * DEG}
         | {"acc.x": 0.0, "acc.y": -397 * 2.522e-3 * G, "acc.z": 397 * 2.522e-3 * G, "temp_c": 25 + 41 * 0.1453}
         | {"temp_y_c": 25 - 206 * 0.1453, "supply_v": 2730 * 1.8315e-3, "aux_v": 2048 * 0.6105e-3},
+    ),
+    (  # the AK8963 says 100, -200, 300 along its x, y, z: body y, body x, minus body z
+        "mpu9250", {}, "", "00 00 00 00 40 00 05 38 00 00 00 00 33 2C 64 00 38 FF 2C 01 00",
+        {"acc.z": G, "temp_c": 25.0, "gyr.z": 100 * DEG, "mag.x": -30.0, "mag.y": 15.0, "mag.z": -45.0},
+        {"acc.z": G, "temp_c": (1336 + 7011) * 2.995178e-3, "gyr.z": 100 * DEG}
+        | {"mag.x": -30.0, "mag.y": 15.0, "mag.z": -45.0},
+    ),
+    (  # the AK09916 says 100, -200, 300: its y and z are reversed
+        "icm20948", {}, "", "00 00 00 00 40 00 00 00 00 00 33 2C 05 37 01 64 00 38 FF 2C 01 00 00",
+        {"acc.z": G, "temp_c": 25.0, "gyr.z": 100 * DEG, "mag.x": 15.0, "mag.y": 30.0, "mag.z": -45.0},
+        {"acc.z": G, "temp_c": 21 + 1335 / 333.87, "gyr.z": 100 * DEG, "mag.x": 15.0, "mag.y": 30.0, "mag.z": -45.0},
+    ),
+    (
+        "bmi088", {}, "", "00 00 00 00 55 15 00 00 00 00 00 00 00 00 00 00 00 60 00 00 00 00 66 06",
+        {"acc.z": G, "temp_c": 23.375, "gyr.z": 100 * DEG},
+        {"acc.z": 5461 * 6 / 32768 * G, "temp_c": 23.375, "gyr.z": 1638 * 2000 / 32768 * DEG},
+    ),
+    (
+        "bmi160", {}, "", "00 00 00 00 66 06 00 00 00 00 00 40 00 00 00", {"gyr.z": 100 * DEG, "acc.z": G},
+        {"gyr.z": 1638 * 2000 / 32768 * DEG, "acc.z": G},
+    ),
+    (
+        "bmi270", {}, "", "00 00 00 00 00 10 00 00 00 00 66 06 00 00 00", {"gyr.z": 100 * DEG, "acc.z": G},
+        {"gyr.z": 1638 * 2000 / 32768 * DEG, "acc.z": G},
+    ),
+    (
+        "lsm6dso", {}, "", "80 00 00 00 00 00 A4 2C 00 00 00 00 09 40",
+        {"temp_c": 25.5, "gyr.z": 99.995 * DEG, "acc.z": G},
+        {"temp_c": 25.5, "gyr.z": 99.995 * DEG, "acc.z": 16393 * 0.061e-3 * G},
+    ),
+    (
+        "lis3mdl", {}, "", "5D 0D 46 E5 00 00 00 00",
+        {"mag.x": 0.5 * GAUSS, "mag.y": -1.0 * GAUSS, "mag.z": 0.0, "temp_c": 25.0},
+        {"mag.x": 0.5 * GAUSS, "mag.y": -1.0 * GAUSS, "mag.z": 0.0, "temp_c": 25.0},
+    ),
+    (  # x of the magnetometer is mirrored: 1000 counts are -0.14 gauss
+        "lsm9ds1", {}, "", "10 00 00 00 00 00 00 A4 2C 00 00 00 00 09 40 E8 03 D0 07 00 00",
+        {"temp_c": 26.0, "gyr.z": 99.995 * DEG, "acc.z": G, "mag.x": -0.14 * GAUSS, "mag.y": 0.28 * GAUSS},
+        {"temp_c": 26.0, "gyr.z": 99.995 * DEG, "acc.z": 16393 * 0.061e-3 * G}
+        | {"mag.x": -0.14 * GAUSS, "mag.y": 0.28 * GAUSS},
+    ),
+    (
+        "bno055", {}, "",
+        "00 00 00 00 D5 03 40 01 00 00 00 00 00 00 00 00 40 06 A0 05 00 00 00 00 00 40 00 00 00 00 00 00"
+        "00 00 00 00 00 00 00 00 00 00 D5 03 19 FF",
+        {"acc.z": 9.81, "mag.x": 20.0, "gyr.z": 100 * DEG, "heading": 90 * DEG, "qw": 1.0, "gravity_z": 9.81}
+        | {"temp_c": 25.0, "calibrated": 255},
+        {"acc.z": 9.81, "mag.x": 20.0, "gyr.z": 100 * DEG, "heading": 90 * DEG, "roll": 0.0, "qw": 1.0, "qx": 0.0}
+        | {"gravity_z": 9.81, "temp_c": 25.0, "calibrated": 255},
+    ),
+    (  # 90 counts per deg/s of 900 per rad/s, 1 count for 1 mg
+        "bno055", {"gyr_unit": "rad/s", "acc_unit": "mg"}, "",
+        "00 00 00 00 E8 03 00 00 00 00 00 00 00 00 00 00 84 03" + 26 * "00" + "19 00",
+        {"acc.z": G, "gyr.z": 1.0, "temp_c": 25.0}, {"acc.z": G, "gyr.z": 1.0},
+    ),
+    (
+        "adis16470", {}, "", "00 00 00 00 00 00 03 E8 00 00 00 00 03 20 00 FA 00 07 02 0F",
+        {"gyr.z": 100 * DEG, "acc.z": G, "temp_c": 25.0, "data_counter": 7},
+        {"gyr.z": 100 * DEG, "acc.z": G, "temp_c": 25.0, "data_counter": 7},
+    ),
+    (
+        "adis16505", {}, "", "00 00 00 00 00 00 0F A0 00 00 00 00 0F A0 00 FA 00 07 02 5F",
+        {"gyr.z": 100 * DEG, "acc.z": 9.75, "temp_c": 25.0, "data_counter": 7},
+        {"gyr.z": 100 * DEG, "acc.z": 9.75, "temp_c": 25.0, "data_counter": 7},
     ),
 ]  # fmt: skip
 
@@ -385,3 +454,51 @@ def test_a_status_of_one_field_keeps_its_unit_inside_a_frame():
     assert np.isnan(frames.columns["u1.gyr.y"][0])
     assert np.isfinite(frames.columns["u1.gyr.x"][0])
     assert frames.flags["u1"][0] == flags.GYR_ABSENT
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("3E 00", 85.0), ("00 60", 23.375), ("00 20", 23.125), ("00 00", 23.0), ("C1 00", -40.0)]
+)
+def test_codes_of_the_bmi088_data_sheet(text, value):
+    """Page 21, table of the temperature sensor; 80 is invalid there."""
+    frame = "00" * 16 + text + "00" * 6
+    assert one(bound("bmi088"), frame)[1].columns["temp_c"][0] == value
+    assert np.isnan(one(bound("bmi088"), "00" * 16 + "80 00" + "00" * 6)[1].columns["temp_c"][0])
+
+
+def test_an_old_or_overflowed_field_of_the_icm20948_is_no_field():
+    whole = "00" * 14 + "{} 64 00 38 FF 2C 01 00 {}"
+    assert np.isfinite(triads_of(one(bound("icm20948"), whole.format("01", "00"))[1])["mag"]).all()
+    old = one(bound("icm20948"), whole.format("00", "00"))[1]
+    assert np.isnan(triads_of(old)["mag"]).all()
+    assert old.flags[""][0] == flags.MAG_ABSENT
+    assert one(bound("icm20948"), whole.format("01", "08"))[1].flags[""][0] == flags.MAG_INVALID
+    overflowed = one(bound("mpu9250"), "00" * 14 + "64 00 38 FF 2C 01 08")[1]
+    assert overflowed.flags[""][0] == flags.MAG_INVALID
+
+
+def test_trap_order_of_bmi160_and_bmi270():
+    """The same bytes, from the same registers: rates first in the one, specific forces in the other."""
+    text = "66 06 00 00 00 00 00 00 00 00 00 10 00 00 00"
+    older, newer = (one(bound(name), text)[1].columns for name in ("bmi160", "bmi270"))
+    assert older["gyr.x"][0] == pytest.approx(1638 * 2000 / 32768 * DEG)
+    assert newer["acc.x"][0] == pytest.approx(1638 * 8 / 32768 * G)
+
+
+def test_trap_scale_of_the_lsm9ds1_at_16_g():
+    frame = "00" * 9 + "E8 03" + "00" * 10
+    assert one(bound("lsm9ds1", {"acc_range": "16 g"}), frame)[1].columns["acc.x"][0] == pytest.approx(0.732 * G)
+
+
+def test_a_damaged_burst_of_the_adis_is_rejected():
+    frame = bytearray(bytes.fromhex("00 00 00 00 00 00 0F A0 00 00 00 00 0F A0 00 FA 00 07 02 5F"))
+    frame[7] ^= 1
+    assert decode(bytes(frame), bound("adis16505"))[0] == {}
+
+
+def test_sensor_time_of_the_bosch_parts_counts_39_us():
+    """25600 counts are a second: BST-BMI160-DS000-07 table 11 and BST-BMI088-DS001 page 21, which wraps at 655.36 s."""
+    for name in ("bmi088", "bmi160", "bmi270"):
+        (clock,) = (field for field in bound(name).message().fields if field.role == "clock")
+        assert 25600 * clock.scale == pytest.approx(1.0, rel=1e-12)
+        assert (clock.type, clock.order) == ("u24", "little")

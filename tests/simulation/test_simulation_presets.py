@@ -22,9 +22,10 @@ def si(name, triad, figure):
 
 
 def test_every_sensor_of_the_survey_is_there():
-    assert preset_names() == ("adis16355", "adis16355:allan", "adis16355:density", "adxrs290", "adxrs453", "ahrs500ga",
-                              "arm", "arm:rest", "arm:turn", "dcm260b", "hmc5983", "ideal", "mpu3050", "mpu6000",
-                              "mpu6050")  # fmt: skip
+    assert preset_names() == ("adis16355", "adis16355:allan", "adis16355:density", "adis16470", "adis16505", "adxrs290",
+                              "adxrs453", "ahrs500ga", "arm", "arm:rest", "arm:turn", "bmi088", "bmi160", "bmi270",
+                              "bno055", "dcm260b", "hmc5983", "icm20948", "ideal", "lis3mdl", "lsm6dso", "lsm9ds1",
+                              "mpu3050", "mpu6000", "mpu6050", "mpu9250")  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "triad", "figure"), ALL)
@@ -144,7 +145,7 @@ def test_names_variants_and_spelling():
 @pytest.mark.parametrize(
     ("sensors", "rule"),
     [
-        ("mpu9250", "known are .*adxrs290.*mpu6000"),
+        ("mpu9999", "known are .*adxrs290.*mpu6000"),
         ("adis16355:other", "not a sensor"),
         ("", "not a sensor"),
         ("adxrs290", "add a part with z"),

@@ -1,0 +1,231 @@
+"""Tuning: a known optimum is found, what does not generalise is said, and nothing is promised from one recording."""
+
+import json
+import math
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from plumbob import Frame, estimate, evaluate, files, simulate, tune
+from plumbob.cli.main import main
+from plumbob.core.errors import DecodeError, ParameterError, ShapeError
+from plumbob.core.params import describe
+from plumbob.evaluation.many import tuning
+from plumbob.evaluation.many.tuning import Held, Range
+from plumbob.filters import load
+
+
+def recording(seed, *, duration=20.0, sensors="mpu6000+hmc5983"):
+    run = simulate("buoy", frame=Frame.ENU, sensors=sensors, unit="calibrated", seed=seed, duration=duration)
+    return files.Recording(imu=run.imu, track=run.truth, name=f"buoy {seed}")
+
+
+@pytest.fixture(scope="module")
+def several():
+    return [recording(seed) for seed in range(1, 6)]
+
+
+@pytest.fixture(scope="module")
+def found(several):
+    return tune(several, "madgwick", metric="inclination", budget=24)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, several):
+    place = tmp_path_factory.mktemp("trials")
+    for one in several:
+        files.write(place / f"{one.name.replace(' ', '_')}.parquet", one)
+    return place
+
+
+def error(one, values):
+    track = estimate(one.imu, filter="madgwick", params=values, frame=Frame.ENU)
+    return evaluate(track, one.track).summary()["inclination_rmse_deg"]
+
+
+def test_the_optimum_is_that_of_a_wide_scan(several, found):
+    """40 values of beta over its range; the mean of logarithms of the errors that `evaluate` gives."""
+    scan = np.geomspace(0.041 / 100.0, 4.1, 40)
+    means = [np.mean([math.log(error(one, {"beta": float(beta)})) for one in several]) for beta in scan]
+    best = float(scan[int(np.argmin(means))])
+    step = scan[1] / scan[0]
+    (beta,) = found.parameters
+    assert best / step < beta.value < best * step
+    assert math.log(found.train_tuned_deg) < min(means) + 0.005
+
+
+def test_errors_are_those_that_evaluate_gives(several, found):
+    (beta,) = found.parameters
+    for one, row in zip(several, found.recordings, strict=True):
+        assert row.default_deg == pytest.approx(error(one, {}), rel=1e-9)
+        assert row.fitted_deg == pytest.approx(error(one, {"beta": beta.value}), rel=1e-9)
+        assert row.tuned_deg == pytest.approx(error(one, {"beta": beta.folds[row.fold - 1]}), rel=1e-9)
+
+
+@pytest.mark.parametrize("metric", tuning.METRICS)
+def test_every_metric_and_alignment_is_that_of_evaluate(several, metric):
+    one = several[0]
+    for align in ((), ("heading",)):
+        got = tune([one], "mahony", metric=metric, budget=4, align=align)
+        track = estimate(one.imu, filter="mahony", params=got.params, frame=Frame.ENU)
+        told = evaluate(track, one.track, align=align).summary()[f"{metric}_rmse_deg"]
+        assert got.recordings[0].fitted_deg == pytest.approx(told, rel=1e-9)
+
+
+def test_a_gain_that_generalises_is_shown(found):
+    assert found.proven
+    assert found.gain[1] < found.gain[0] < found.gain[2] < 0.0
+    assert found.held_tuned_deg < found.held_default_deg
+    assert "outside of its uncertainty" in found.verdict()
+    assert found.gap == pytest.approx(found.gain[0] - (found.train_tuned_deg / found.train_default_deg - 1.0))
+
+
+def test_the_result_is_the_same_again_and_with_other_threads(several, found):
+    again = tune(several, "madgwick", metric="inclination", budget=24, workers=1)
+    assert again.as_dict() == found.as_dict()
+
+
+def test_what_only_noise_prefers_is_not_a_gain():
+    """The rest detector's waiting time does nothing on a buoy in motion: whatever is fitted, nothing is gained."""
+    several = [recording(seed, duration=8.0) for seed in range(1, 5)]
+    got = tune(several, "vqf", params=["mag_reject", "rest_after"], budget=8)
+    assert not got.proven
+    assert got.verdict().startswith("Keep the defaults")
+
+
+def test_fitting_is_never_worse_than_the_defaults_on_what_it_is_fitted_to(several):
+    got = tune(several[:3], "mahony", budget=6)
+    assert got.train_tuned_deg <= got.train_default_deg
+
+
+def test_the_interval_is_students_of_pairs():
+    """By hand: changes of ln 0.5, ln 0.5 and ln 1: mean −0.4621, sd 0.4002, t(0.975, 2) = 4.3027."""
+    rows = [Held(str(i), str(i), i, 2.0, tuned, 1.0, None) for i, tuned in enumerate((1.0, 1.0, 2.0))]
+    default, tuned, gain = tuning._gain(rows)
+    half = 4.302653 * 0.400188 / math.sqrt(3.0)
+    assert default == pytest.approx(2.0)
+    assert tuned == pytest.approx(2.0 ** (1.0 / 3.0))
+    assert gain == pytest.approx([math.expm1(m) for m in (-0.462098, -0.462098 - half, -0.462098 + half)], rel=1e-4)
+
+
+def test_groups_are_held_out_together(several):
+    of = [
+        replace(one, imu=one.imu.corrected(meta=replace(one.imu.meta, device=device)))
+        for one, device in zip(several, "aabb", strict=False)
+    ]
+    got = tune(of, "madgwick", budget=4, group_by="device")
+    assert (got.folds, [row.fold for row in got.recordings]) == (2, [1, 1, 2, 2])
+    assert tune(of[:2], "madgwick", budget=4, group_by="device").folds == 0  # one device: nothing is left to hold out
+    dealt = tuning._deal(["a", "b", "c", "d", "e"], 2, 1)
+    assert sorted(dealt.values()) in ([1, 1, 1, 2, 2], [1, 1, 2, 2, 2])
+    assert dealt == tuning._deal(["a", "b", "c", "d", "e"], 2, 1)
+
+
+def test_a_held_out_recording_does_not_move_what_is_held_out_against_it(several):
+    """A fold's parameters are those of the others alone, to the bit."""
+    odd = several[2].imu.corrected(meta=several[2].imu.meta, gyr=several[2].imu.gyr + 0.03)  # a bias wants a large gain
+    got = tune([*several[:2], replace(several[2], imu=odd)], "madgwick", metric="inclination", budget=16)
+    alone = tune(several[:2], "madgwick", metric="inclination", budget=16)
+    assert not got.skipped, got.skipped
+    assert got.parameters[0].folds[2] == alone.parameters[0].value
+    assert got.parameters[0].value != alone.parameters[0].value  # else this would show nothing
+
+
+def test_one_recording_promises_nothing(several, tmp_path):
+    got = tune(several[0], "madgwick", budget=8)
+    assert (got.folds, got.gain, got.gap, got.proven) == (0, None, None, False)
+    assert "Nothing can be said of other recordings" in got.text()
+    with pytest.raises(ParameterError, match=r"is not written\. Nothing can be said"):
+        got.write(tmp_path / "p.toml")
+    assert not (tmp_path / "p.toml").exists()
+    assert got.write(tmp_path / "p.toml", unproven=True).is_file()
+
+
+def test_a_value_at_the_end_of_its_range_is_said(several):
+    got = tune(several[:2], "madgwick", params=["beta=1e-5 1/s..1e-4 1/s"], budget=8, metric="inclination")
+    assert got.parameters[0].at_end == "high"
+    assert "beta lies at the high end of the range" in got.text()
+
+
+def test_places_of_a_range_are_even_in_logarithms():
+    beta = next(p for p in describe(load("madgwick").Params) if p.name == "beta")
+    one = Range(beta, 0.01, 1.0)
+    assert one.at(0.5) == pytest.approx(0.1)
+    assert one.place(0.1) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"params": ["zeta"]}, "zeta is 0 1/s by default, so that its range must be given"),
+        ({"params": ["gain"]}, "has no parameter 'gain' that could be tuned; it has beta, zeta"),
+        ({"params": ["beta=1"]}, "a range is written as beta=LOW..HIGH"),
+        ({"params": ["beta=2 1/s..1 1/s"]}, "must rise from above 0"),
+        ({"params": ["beta", "beta"]}, "beta is named twice"),
+        ({"params": ["beta"], "fixed": {"beta": 0.1}}, "both to be tuned and given"),
+        ({"fixed": {"gain": 1.0}}, "has no parameter 'gain'"),
+        ({"budget": 1}, "budget must be a whole number of at least 4"),
+        ({"workers": 0}, "workers"),
+        ({"folds": 9}, "there are only 2"),
+    ],
+)
+def test_wrong_settings_are_refused_with_what_to_do(several, settings, told):
+    with pytest.raises(ParameterError, match=told):
+        tune(several[:2], "madgwick", **{"budget": 4, **settings})
+
+
+@pytest.mark.parametrize("settings", [{"metric": "yaw"}, {"group_by": "moon"}])
+def test_unknown_words_are_refused(several, settings):
+    with pytest.raises(ShapeError, match=f"{next(iter(settings))} must be one of"):
+        tune(several[:2], "madgwick", budget=4, **settings)
+
+
+def test_recordings_that_cannot_be_used_are_named(several, folder, tmp_path):
+    bare = files.Recording(imu=several[0].imu, track=None, name="bare")
+    got = tune([several[0], bare], "madgwick", budget=4)
+    assert "reference" in got.skipped["bare"]
+    assert "skipped bare" in got.text()
+    with pytest.raises(DecodeError, match="no recording with sensor data and a reference"):
+        tune(bare, "madgwick", budget=4)
+
+
+def test_the_command_line_writes_what_run_reads(capsys, folder, tmp_path):
+    out, page = tmp_path / "tuned.toml", tmp_path / "tuned.html"
+    words = ["tune", str(folder), "--filter", "madgwick", "--metric", "inclination", "--budget", "12"]
+    code = main([*words, "--out", str(out), "--html", str(page)])
+    text = capsys.readouterr().out
+    assert code == 0
+    assert "held out" in text and "gap" in text
+    assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    content = out.read_text(encoding="utf-8")
+    assert content.count("sha256 ") == 5
+    assert set(tomllib.loads(content)) == {"madgwick"}
+    one = sorted(folder.iterdir())[0]
+    assert (
+        main(["run", str(one), "--filter", "madgwick", "--params", str(out), "--out", str(tmp_path / "t.parquet")]) == 0
+    )
+    beta = tomllib.loads(content)["madgwick"]["beta"].split()[0]
+    assert f"beta={beta}" in files.read(tmp_path / "t.parquet").track.source
+
+
+def test_exit_code_3_where_nothing_is_shown_and_no_file_is_written(capsys, folder, tmp_path):
+    out = tmp_path / "tuned.toml"
+    words = ["tune", str(sorted(folder.iterdir())[0]), "--filter", "madgwick", "--budget", "4", "--out", str(out)]
+    assert main(words) == 3
+    told = capsys.readouterr()
+    assert "Nothing can be said of other recordings" in told.out
+    assert "is not written" in told.err
+    assert not out.exists()
+    assert main([*words, "--unproven", "--json"]) == 3
+    assert json.loads(capsys.readouterr().out)["gain"] is None
+    assert "Nothing can be said of other recordings" in out.read_text(encoding="utf-8")
+    assert main([*words, "--unproven"]) == 1  # it exists
+
+
+def test_wrong_words_are_one_line(capsys, tmp_path):
+    assert main(["tune", str(tmp_path), "--filter", "madgwick"]) == 1
+    assert main(["tune", str(tmp_path), "--filter", "nothing"]) == 1
+    assert main(["tune", str(tmp_path), "--filter", "madgwick", "--out", "x.txt"]) == 1
+    assert all(line.startswith("plumbob tune: ") for line in capsys.readouterr().err.splitlines() if "note" not in line)
