@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from plumbob.calibration.calibrate import calibrate
     from plumbob.calibration.rates import filter_rates
     from plumbob.cli.info import info
+    from plumbob.conventions import doctor
     from plumbob.core import errors, flags, units
     from plumbob.core.docs import docs
     from plumbob.core.errors import PlumbobError, PlumbobWarning
@@ -129,6 +130,7 @@ _HOME = {
     "control": "viewer.control_client",
     "decode": "protocols.decode",
     "docs": "core.docs",
+    "doctor": "conventions",
     "emulate": "session.emulated",
     "estimate": "session.estimated",
     "evaluate": "evaluation",
@@ -186,6 +188,7 @@ __all__ = [
     "control",
     "decode",
     "docs",
+    "doctor",
     "emulate",
     "errors",
     "estimate",
