@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.conventions.moments import ARRANGEMENTS, BIN, FREE, Grid, designs, grid, means, scalars, windows
+from plumbob.conventions.moments import BIN, FREE, Grid, designs, grid, means, scalars, windows
 from plumbob.core.check import Floats
 
 LONGEST_DELAY: Final = 0.5
@@ -156,7 +156,9 @@ class _Search:
         top = int(log.argmax())
         best = scored[top]
         halves = best.halves()
-        by_half = [np.array([_Scored(m[half], counts[half], self.ridge).log_likelihood for m in moments]) for half in halves]
+        by_half = [
+            np.array([_Scored(m[half], counts[half], self.ridge).log_likelihood for m in moments]) for half in halves
+        ]
         start = BIN * float(shifts[at[top]])
         delays = [self._delay(t, gyr, top, start, np.where(rows, best.weight, 0.0)) for rows in (whole, *halves)]
         return Fit(
@@ -268,7 +270,9 @@ class _Scored:
         self.variance, self.p_block = np.maximum(variance, 1e-300), left
         self.cov = np.linalg.inv(normal)
         self.gain = np.where(live, counts * np.log((change + floor) / (left + floor)), 0.0)
-        self.log_likelihood = -float(np.sum(counts[live] * np.log(left[live] + floor[live]))) - 0.5 * float(self.p @ (ridge * self.p))
+        self.log_likelihood = -float(np.sum(counts[live] * np.log(left[live] + floor[live]))) - 0.5 * float(
+            self.p @ (ridge * self.p)
+        )
         self.explained = 1.0 - float(np.sum(self.weight * left) / max(float(np.sum(self.weight * change)), 1e-300))
 
     def halves(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

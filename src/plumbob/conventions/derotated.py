@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from plumbob.conventions.arrangement import LONGEST_DELAY, Fit, chosen, inflation
 from plumbob.conventions.moments import ARRANGEMENTS, BIN, means
 from plumbob.core.check import Floats
-from plumbob.rotations import dcm_from_quat, quat_chained, quat_from_rotvec
+from plumbob.rotations import dcm_from_quat, quat_chained
 
 FLOOR: Final = 0.02
 """Change of gravity's direction from window to window that biases and scales of good sensors feign, rad."""
@@ -102,7 +102,7 @@ class _Search:
             rows = []
             for shift in self.shifts:
                 both = [self._left(turn, int(shift)) for turn in turns]
-                rows.append(np.concatenate((both[0][0] , both[1][0])))
+                rows.append(np.concatenate((both[0][0], both[1][0])))
                 counts = both[0][1] if counts.size == 0 else np.minimum(counts, both[0][1][: len(counts)])
             made.append(rows)
         fewest = min(one.shape[1] for rows in made for one in rows)
@@ -124,7 +124,7 @@ def _turned(rate: Floats, scale: float) -> Floats:
     """Rotation matrices (N, 3, 3) from the axes of the rates to those at the start, at the middle of each bin."""
     known = np.where(np.isfinite(rate), rate, 0.0) * (scale * BIN)
     half = 0.5 * (known + np.concatenate((np.zeros((1, 3)), known[:-1])))  # from middle to middle
-    return np.asarray(dcm_from_quat(quat_chained(half)[-len(rate):]))
+    return np.asarray(dcm_from_quat(quat_chained(half)[-len(rate) :]))
 
 
 def changes(dcm: Floats, force: Floats, size: int, shift: int) -> tuple[Floats, NDArray[np.bool_]]:

@@ -84,6 +84,8 @@ class Finding:
     @property
     def odds(self) -> str:
         """Odds as powers of ten, and no more than a million to one: models are wrong more often than that."""
+        if self.question == "delay":
+            return ""
         power = self.log_odds / math.log(10.0)
         return "none" if power < 0.05 else f"10^{power:.1f} : 1" if power < 6.0 else "over 10^6 : 1"
 
@@ -142,10 +144,17 @@ class Diagnosis(Reported):
     def report(self) -> Report:
         """Verdicts, lines of the profile, and remarks."""
         rows = [
-            (f"{one.sensor} {one.question}", str(one.answer), one.odds, ("WRONG: " if one.wrong else "") + one.value + (f" ({one.why})" if one.why else ""))
+            (
+                f"{one.sensor} {one.question}",
+                str(one.answer),
+                one.odds,
+                ("WRONG: " if one.wrong else "") + one.value + (f" ({one.why})" if one.why else ""),
+            )
             for one in self.findings
         ]
-        profile = [Table("Lines of the profile", ("",), [(line,) for line in self.lines], words=(0,))] if self.lines else []
+        profile = (
+            [Table("Lines of the profile", ("",), [(line,) for line in self.lines], words=(0,))] if self.lines else []
+        )
         return Report(
             title="Conventions",
             facts=tuple(self.facts().items()),
@@ -239,7 +248,7 @@ def doctor(
         declared = _Declared(_profile(file, profile))
     if recording.imu is None:
         raise ParameterError(f"{name} holds an attitude but no sensor data, so there is nothing to compare.")
-    return _Doctor(recording.imu, name, declared, hemisphere).diagnosis()
+    return Examination(recording.imu, name, declared, hemisphere).diagnosis()
 
 
 def _profile(file: Path, profile: "Profile | str | Path | None") -> "Profile | None":
@@ -279,7 +288,7 @@ class _Declared:
         return [*lines, "mirrored = true"] if np.linalg.det(total) < 0.0 else lines
 
 
-class _Doctor:
+class Examination:
     """All sensors of one recording, and what they say about each other."""
 
     def __init__(self, imu: ImuData, name: str, declared: _Declared, hemisphere: str | None) -> None:
@@ -318,9 +327,14 @@ class _Doctor:
             mag = self.sensors.get("mag")
             if mag is not None and mag.answer is Answer.SURE and mag.found is not None:
                 scales: tuple[float, ...] = (mag.found.scale,)
+                trials = [gyr + mag.axes.T @ mag.found.bias / mag.found.scale]
             else:
                 scales = self._scales(gyr, self.values["acc"])
-            self.sensors["acc"] = _Sensor("acc", fit_force(self.t, gyr, self.values["acc"], scales))
+                trials = [gyr, gyr - _resting(self.t, gyr)]
+            found = [
+                one for rates in trials if (one := fit_force(self.t, rates, self.values["acc"], scales)) is not None
+            ]
+            self.sensors["acc"] = _Sensor("acc", max(found, key=lambda one: one.explained, default=None))
 
     def _scales(self, gyr: Floats, acc: Floats) -> tuple[float, ...]:
         """Scales that the rates may have: of units in use with which a body turns as bodies do, and one by regression."""
@@ -329,7 +343,12 @@ class _Doctor:
         units = [float(to_si(1.0, unit)) / own for unit in UNITS["gyr"]]
         found = [scale for scale in units if _SLOWEST < scale * usual < _FASTEST]
         rough = fit(self.t, gyr, acc, offset=0.1)
-        if rough is not None and rough.margin > CERTAIN and rough.agrees and all(abs(math.log(rough.scale / one)) > 0.3 for one in found):
+        if (
+            rough is not None
+            and rough.margin > CERTAIN
+            and rough.agrees
+            and all(abs(math.log(rough.scale / one)) > 0.3 for one in found)
+        ):
             found.append(rough.scale)
         return tuple(found) or (1.0,)
 
@@ -418,16 +437,24 @@ class _Doctor:
             there = "north" if down > 0.0 else "south"
             self._find(
                 "mag", "sign", Answer.UNKNOWN, f"right {there} of the magnetic equator, where the field points {pointing}",
-                0.0, why=f"elsewhere all its axes have to be negated; --hemisphere says where",
+                0.0, why="elsewhere all its axes have to be negated; --hemisphere says where",
             )  # fmt: skip
             return
         right = (down > 0.0) == (self.hemisphere == "north")
-        sure = min((one.answer for one in known.values()), key=list(Answer).index) if abs(down) > 2.0 * _LEAST_DIP else Answer.LIKELY
+        sure = (
+            min((one.answer for one in known.values()), key=list(Answer).index)
+            if abs(down) > 2.0 * _LEAST_DIP
+            else Answer.LIKELY
+        )
         worst = max((one.answer for one in known.values()), key=list(Answer).index)
         answer = worst if abs(down) > 2.0 * _LEAST_DIP else Answer.LIKELY
         del sure
-        value = f"the field points {pointing}, as {self.hemisphere} of the magnetic equator" if right else (
-            f"the field points {pointing}, but {self.hemisphere} of the magnetic equator the other way: negate all axes"
+        value = (
+            f"the field points {pointing}, as {self.hemisphere} of the magnetic equator"
+            if right
+            else (
+                f"the field points {pointing}, but {self.hemisphere} of the magnetic equator the other way: negate all axes"
+            )
         )
         log_odds = min(one.found.margin for one in known.values() if one.found is not None)
         self._find("mag", "sign", answer, value, log_odds, wrong=not right, why="if acc is specific force")
@@ -476,8 +503,15 @@ class _Doctor:
             assert one.found is not None
             sd = one.found.scale_sd / one.found.scale
             if sd < _VAGUE:
-                self.numbers.setdefault("gyr", {}).update(scale=one.found.scale, scale_sd=one.found.scale_sd, by=one.name)
-                return 1.0 / one.found.scale, sd, one.answer, f"it turns {1.0 / one.found.scale:.4g} times as fast as the {TITLES[one.name]} says"
+                self.numbers.setdefault("gyr", {}).update(
+                    scale=one.found.scale, scale_sd=one.found.scale_sd, by=one.name
+                )
+                return (
+                    1.0 / one.found.scale,
+                    sd,
+                    one.answer,
+                    f"it turns {1.0 / one.found.scale:.4g} times as fast as the {TITLES[one.name]} says",
+                )
         why = self._would_tell(next(iter(self.sensors.values()))) if self.sensors else "acc and mag do not turn"
         return 0.0, 0.0, Answer.UNKNOWN, why
 
@@ -488,7 +522,9 @@ class _Doctor:
             return
         found = unit_odds(name, size, sd, declared)
         if found.unit is None:
-            self._find(name, "unit", Answer.UNKNOWN, f"no unit in use; multiply by {found.factor:.4g}", 0.0, wrong=True, why=by)
+            self._find(
+                name, "unit", Answer.UNKNOWN, f"no unit in use; multiply by {found.factor:.4g}", 0.0, wrong=True, why=by
+            )
             return
         answer = sure if found.log_odds >= CERTAIN else Answer.LIKELY if found.log_odds >= _HINT else Answer.UNKNOWN
         wrong = found.unit != declared and answer is not Answer.UNKNOWN
@@ -504,7 +540,14 @@ class _Doctor:
     def _delay(self, one: _Sensor) -> None:
         found = one.found
         if found is None or not one.known or not math.isfinite(found.delay_sd) or found.delay_sd > _VAGUE_DELAY:
-            self._find(one.name, "delay", Answer.UNKNOWN, "cannot be told from this motion", 0.0, why="turn it faster, to and fro")
+            self._find(
+                one.name,
+                "delay",
+                Answer.UNKNOWN,
+                "cannot be told from this motion",
+                0.0,
+                why="turn it faster, to and fro",
+            )
             return
         apart = abs(found.delay_halves[0] - found.delay_halves[1])
         agree = apart <= max(2.0 * _EXACT, 6.0 * found.delay_sd)
@@ -523,9 +566,28 @@ class _Doctor:
             self.lines.setdefault(one.name, []).append(f'delay = "{1e3 * found.delay:.1f} ms"')
 
     def _find(
-        self, sensor: str, question: str, answer: Answer, value: str, log_odds: float, *, wrong: bool = False, why: str = ""
+        self,
+        sensor: str,
+        question: str,
+        answer: Answer,
+        value: str,
+        log_odds: float,
+        *,
+        wrong: bool = False,
+        why: str = "",
     ) -> None:
         self.findings.append(Finding(sensor, question, answer, value, log_odds, wrong, why))
+
+
+def _resting(t: Floats, gyr: Floats) -> Floats:
+    """Rates (3,) of the quietest tenth of the recording's seconds, which are their bias if the body rests in them."""
+    size = max(2, round(1.0 / float(np.median(np.diff(t)))))
+    rows = np.nan_to_num(gyr[: len(gyr) // size * size]).reshape(-1, size, 3)
+    if len(rows) < 2:
+        return np.zeros(3)
+    spread = np.sum(np.var(rows, axis=1), axis=1)
+    quiet = np.argsort(spread)[: max(1, len(rows) // 10)]
+    return np.asarray(np.median(rows[quiet].mean(axis=1), axis=0))
 
 
 def _finite(values: Floats) -> Floats:

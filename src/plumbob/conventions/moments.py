@@ -56,7 +56,9 @@ def means(t: Floats, values: Floats, edges: Floats) -> Floats:
     if t.size < 2:
         return np.full((edges.size - 1, values.shape[1]), np.nan)
     step = np.diff(t)
-    area = np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(0.5 * (values[1:] + values[:-1]) * step[:, np.newaxis], axis=0)))
+    area = np.concatenate(
+        (np.zeros((1, values.shape[1])), np.cumsum(0.5 * (values[1:] + values[:-1]) * step[:, np.newaxis], axis=0))
+    )
     at = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, t.size - 2)
     into = (edges - t[at])[:, np.newaxis]
     slope = (values[at + 1] - values[at]) / step[at, np.newaxis]
@@ -103,7 +105,11 @@ def windows(at: Grid, size: int, block: int, shift: int = 0) -> Floats:
         Bins by which the vector is later than the rates.
     """
     rows = scalars(at, size, shift)
-    rows = rows[: rows.shape[0] // block * block] if rows.shape[0] >= block else np.concatenate((rows, np.zeros((block - rows.shape[0], SCALARS))))
+    rows = (
+        rows[: rows.shape[0] // block * block]
+        if rows.shape[0] >= block
+        else np.concatenate((rows, np.zeros((block - rows.shape[0], SCALARS))))
+    )
     cut = rows.reshape(-1, block, SCALARS)
     return np.asarray(np.swapaxes(cut, 1, 2) @ cut)
 
