@@ -1,10 +1,10 @@
 """What 'plumbob doctor' finds of conventions that are planted: axes, units and delays, on real and simulated motions.
 
 Each triad of a recording is arranged anew, by one of 48, put in a wrong unit, and made late or early by up to 200 ms.
-Whether an arrangement can be seen at all is computed from the true attitude alone: with it, gravity and field are turned
-into the body, and each other arrangement is scored on them; the least sum of squares in units of the disturbance (linear
-acceleration, iron nearby, noise: what was measured less what the attitude says) must be 25 or more. Sums of squares over
-arrangements are quadratic forms of one 9 × 9 matrix, so this is a statement about its smallest eigenvalues.
+Whether an arrangement can be seen at all is computed from the true attitude alone: with it, gravity and field are
+turned into the body, and each other arrangement is scored on them; the least sum of squares in units of the disturbance
+(linear acceleration, iron nearby, noise: what was measured less what the attitude says) must be 25 or more. Sums of
+squares over arrangements are quadratic forms of one 9 × 9 matrix, so this is a statement about its least eigenvalues.
 """
 
 import argparse
@@ -18,7 +18,7 @@ import numpy as np
 
 from plumbob import read, simulate
 from plumbob.conventions.derotated import FLOOR, changes
-from plumbob.conventions.doctor import Answer, Examination, _Declared
+from plumbob.conventions.diagnosis import Answer, Examination, _Declared
 from plumbob.conventions.moments import ARRANGEMENTS, BIN, means
 from plumbob.core.units import Quantity, to_si
 from plumbob.data import AttitudeTrack, ImuData
@@ -45,6 +45,10 @@ SIMULATED = (
 )  # fmt: skip
 
 
+Planted = tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, str], dict[str, float]]
+"""Values, axes, units and delays by triad."""
+
+
 @dataclass
 class Tally:
     observable: int = 0
@@ -52,9 +56,12 @@ class Tally:
     hidden: int = 0
     hidden_found: int = 0
     confident_wrong: int = 0
-    units: int = 0
-    units_found: int = 0
-    units_wrong: int = 0
+
+
+@dataclass
+class Score:
+    tallies: dict[str, Tally]
+    late: dict[str, list[float]]
 
 
 def recordings(kinds: list[str], simulated: int) -> Iterator[tuple[str, Recording]]:
@@ -80,9 +87,7 @@ def recordings(kinds: list[str], simulated: int) -> Iterator[tuple[str, Recordin
             )
 
 
-def planted(
-    imu: ImuData, rng: np.random.Generator
-) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, str], dict[str, float]]:
+def planted(imu: ImuData, rng: np.random.Generator) -> Planted:
     axes, units, delays, values = {}, {}, {}, {}
     for name in imu.triads:
         axes[name] = ARRANGEMENTS[rng.integers(48)]
@@ -133,86 +138,81 @@ def evidence(recording: Recording, name: str, arranged: np.ndarray) -> float:
     return best
 
 
+def _axes(
+    label: str, recording: Recording, before: Examination, after: Examination, planted_: Planted, all_: Score
+) -> None:
+    """Count what was found of the axes and the delay of each vector sensor."""
+    _, axes, _, delays = planted_
+    kind = label.split("/", maxsplit=1)[0]
+    delayed = {f.sensor: f for f in after.findings if f.question == "delay"}
+    for name, sensor in after.sensors.items():
+        tally = all_.tallies.setdefault(f"{kind} {name}", Tally())
+        found, expected = sensor.found, np.linalg.det(axes[name]) * axes[name] @ axes["gyr"].T
+        right = found is not None and bool((sensor.axes == expected).all())
+        score = evidence(recording, name, expected)
+        seen = score >= SEEN
+        tally.observable += seen
+        tally.hidden += not seen
+        tally.found += seen and right and sensor.known
+        tally.hidden_found += not seen and right and sensor.known
+        wrong = sensor.answer is Answer.SURE and not right
+        tally.confident_wrong += wrong
+        if found is not None and (wrong or (seen and not (right and sensor.known))):
+            print(
+                f"{label} {name}: {'right' if right else 'WRONG'} {sensor.answer} evidence {score:.1f} odds e^"
+                f"{found.margin:.1f} explained {found.explained:.2f} halves agree {found.agrees}, windows "
+                f"{'differ' if found.contradicted else 'agree'}, scale {found.scale:.4g}",
+                flush=True,
+            )
+        old = before.sensors[name]
+        if right and delayed[name].answer is Answer.SURE and old.known and old.found.delay_sd < 2e-3:
+            error = found.delay - old.found.delay - delays[name]
+            all_.late.setdefault(f"{kind} {name}", []).append(error)
+            if abs(error) > 2e-3:
+                print(f"{label} {name}: delay off by {1e3 * error:.2f} ms, sd {1e3 * found.delay_sd:.2f}", flush=True)
+
+
+def _units(label: str, after: Examination, units: dict[str, str], all_: Score) -> None:
+    """Count what was found of the units."""
+    for one in after.findings:
+        if one.question == "unit" and one.answer is not Answer.UNKNOWN:
+            tally = all_.tallies.setdefault(f"{label.split('/', maxsplit=1)[0]} {one.sensor} unit", Tally())
+            right = after.numbers[one.sensor]["unit"] == units[one.sensor]
+            tally.observable += 1
+            tally.found += right
+            tally.confident_wrong += not right and one.answer is Answer.SURE
+            if not right:
+                print(f"{label} {one.sensor}: {one.value}, but it is {units[one.sensor]}; {one.answer}, {one.why}")
+
+
 def main() -> None:
     p = argparse.ArgumentParser(description=__doc__)
     p.add_argument("--kinds", nargs="+", default=["broad", "foreign", "simulated"])
     p.add_argument("--simulated", type=int, default=200)
-    p.add_argument("--verbose", action="store_true")
     args = p.parse_args()
-    tallies: dict[str, Tally] = {}
-    late: dict[str, list[float]] = {}
-    rng = np.random.default_rng(20240501)
-    used = time.process_time()
+    all_, rng, used = Score({}, {}), np.random.default_rng(20240501), time.process_time()
     for label, recording in recordings(args.kinds, args.simulated):
         imu = recording.imu
         if imu is None or "gyr" not in imu.triads:
             continue
         before = Examination(imu, label, _Declared(None), None)
         before.diagnosis()
-        values, axes, units, delays = planted(imu, rng)
         meta = replace(imu.meta, unit_check=False, gyr_range=None, acc_range=None, mag_range=None)
-        after = Examination(ImuData(t=imu.t, meta=meta, **values), label, _Declared(None), None)
+        changed = planted(imu, rng)
+        after = Examination(ImuData(t=imu.t, meta=meta, **changed[0]), label, _Declared(None), None)
         after.diagnosis()
-        for name, sensor in after.sensors.items():
-            tally = tallies.setdefault(f"{label.split('/')[0]} {name}", Tally())
-            expected = np.linalg.det(axes[name]) * axes[name] @ axes["gyr"].T
-            right = sensor.found is not None and bool((sensor.axes == expected).all())
-            score = evidence(recording, name, expected)
-            if score >= SEEN:
-                tally.observable += 1
-                tally.found += right and sensor.known
-            else:
-                tally.hidden += 1
-                tally.hidden_found += right and sensor.known
-            wrong = sensor.answer is Answer.SURE and not right
-            tally.confident_wrong += wrong
-            old = before.sensors[name]
-            if args.verbose or wrong or (score >= SEEN and not (right and sensor.known)):
-                found = sensor.found
-                told = (
-                    ""
-                    if found is None
-                    else f"odds {found.margin:.1f} explained {found.explained:.2f} agrees {found.agrees} contradicted {found.contradicted} scale {found.scale:.4g}"
-                )
-                print(
-                    f"{label} {name}: {'right' if right else 'WRONG'} {sensor.answer} evidence {score:.1f} {told}",
-                    flush=True,
-                )
-            delay = {f.sensor: f for f in after.findings if f.question == "delay"}[name]
-            if right and delay.answer is Answer.SURE and old.known and old.found.delay_sd < 2e-3:
-                error = sensor.found.delay - old.found.delay - delays[name]
-                late.setdefault(f"{label.split('/')[0]} {name}", []).append(error)
-                if abs(error) > 2e-3:
-                    print(
-                        f"{label} {name}: delay off by {1e3 * error:.2f} ms, sd {1e3 * sensor.found.delay_sd:.2f}",
-                        flush=True,
-                    )
-        for one in after.findings:
-            if one.question != "unit":
-                continue
-            tally = tallies.setdefault(f"{label.split('/')[0]} {one.sensor} unit", Tally())
-            if one.answer is not Answer.UNKNOWN:
-                right = after.numbers[one.sensor]["unit"] == units[one.sensor]
-                tally.units += 1
-                tally.units_found += right
-                tally.units_wrong += not right and one.answer is Answer.SURE
-                if not right:
-                    print(
-                        f"{label} {one.sensor}: unit {one.value} but {units[one.sensor]}, {one.answer} {one.why}",
-                        flush=True,
-                    )
-    for name, tally in tallies.items():
-        if name.endswith("unit"):
-            print(f"{name}: {tally.units_found} of {tally.units} answered right, {tally.units_wrong} sure and wrong")
-        else:
-            print(
-                f"{name}: found {tally.found} of {tally.observable} observable, {tally.hidden_found} of {tally.hidden} others; sure and wrong {tally.confident_wrong}"
-            )
-    for name, errors in late.items():
-        e = 1e3 * np.array(errors)
+        _axes(label, recording, before, after, changed, all_)
+        _units(label, after, changed[2], all_)
+    for name, tally in all_.tallies.items():
+        other = "" if name.endswith("unit") else f", {tally.hidden_found} of {tally.hidden} others"
+        what = "answered" if name.endswith("unit") else "observable"
         print(
-            f"{name}: delay of {len(e)} sure ones, rms {np.sqrt(np.mean(e * e)):.2f} ms, largest {np.abs(e).max():.2f} ms"
+            f"{name}: found {tally.found} of {tally.observable} {what}{other}; sure and wrong {tally.confident_wrong}"
         )
+    for name, errors in all_.late.items():
+        e = 1e3 * np.array(errors)
+        rms, largest = np.sqrt(np.mean(e * e)), np.abs(e).max()
+        print(f"{name}: delay of {len(e)} sure ones, rms {rms:.2f} ms, largest {largest:.2f} ms")
     print(f"{time.process_time() - used:.0f} s of CPU")
 
 

@@ -71,7 +71,7 @@ def test_right_conventions_are_confirmed() -> None:
 
 @pytest.mark.parametrize("n", [3, 17, 24, 41])
 def test_arrangements_of_rates_in_the_axes_of_a_sensor(n: int) -> None:
-    # u = P v gives du/dt = −(det(P) P ω) × u: the handedness of the sensor itself cannot be seen, that of the rates can.
+    # u = P v gives du/dt = −(det(P) P ω) × u: the sensor's own handedness cannot be seen, that of the rates can.
     data, w = sensors(seconds=30.0), ARRANGEMENTS[n]
     rates = data["gyr"] @ w  # W ω' = ω for ω' = Wᵀ ω
     for found in (fit(data["t"], rates, data["mag"], offset=0.5), fit_force(data["t"], rates, data["acc"], (1.0,))):

@@ -75,7 +75,7 @@ class _Search:
         share = 1.0 / refined.inflation
         counts = counts * share
         log = _likely(left, counts)[1]
-        gain = counts * np.log((left[:, :, :, :].max(axis=(0, 1, 2)) + FLOOR**2) / (left[scale, shift, top] + FLOOR**2))
+        gain = counts * np.log((left.max(axis=(0, 1, 2)) + FLOOR**2) / (left[scale, shift, top] + FLOOR**2))
         first = np.cumsum(gain) <= 0.5 * gain.sum()
         first[0], first[-1] = True, False
         by_half = [_likely(left[..., rows], counts[rows])[1] for rows in (first, ~first)]
@@ -135,10 +135,10 @@ def changes(dcm: Floats, force: Floats, size: int, shift: int) -> tuple[Floats, 
         dcm, force = dcm[-shift:], force[:shift]
     count = len(force) // size
     dcm, force = dcm[: count * size], force[: count * size]
-    known = np.isfinite(force).all(axis=1)
+    known = np.asarray(np.isfinite(force).all(axis=1))
     u = np.where(known[:, np.newaxis], force, 0.0)
     mean = (np.swapaxes(dcm.reshape(count, size, 9), 1, 2) @ u.reshape(count, size, 3) / size).reshape(count, 3, 9)
-    whole = known.reshape(count, size).all(axis=1)
+    whole = np.asarray(known.reshape(count, size).all(axis=1))
     counts = whole[1:] & whole[:-1]
     change = np.diff(mean, axis=0)
     change[~counts] = 0.0
@@ -161,7 +161,6 @@ class _Refined:
         self.search, self.start, self.scale = search, delay, scale
         self.axes = ARRANGEMENTS[best % _HALF]
         self.sign = 1.0 if best < _HALF else -1.0
-        self.blocks = 0
         p = np.zeros(5)
         for _ in range(3):
             change, slopes = self._linear(p)
@@ -171,7 +170,6 @@ class _Refined:
         self.change, self.slopes = self._linear(p)
         self.weight = self._weight(self.change)
         self.inflation = inflation(self.change * np.sqrt(self.weight)[:, np.newaxis])
-        # The bias is in the axes of the rates turned by the arrangement's handedness.
         self.bias = p[2:]
         still = self._change(np.zeros(5), turning=False)
         power = float(np.sum(self.weight[:, np.newaxis] * still**2))
@@ -206,7 +204,7 @@ class _Refined:
         search = self.search
         rate = means(search.t, search.gyr, search.edges - self.start - p[0])
         rate = self.sign * self.scale * np.exp(p[1]) * rate - p[2:]
-        force = np.where(np.isfinite(rate).all(axis=1)[:, np.newaxis], search.force, np.nan)
+        force = np.where(np.asarray(np.isfinite(rate).all(axis=1))[:, np.newaxis], search.force, np.nan)
         dcm = _turned(rate, 1.0) if turning else np.broadcast_to(np.eye(3), (len(rate), 3, 3))
         return np.asarray(changes(dcm, force, search.size, 0)[0] @ self.axes.T.ravel())
 

@@ -125,7 +125,7 @@ def scalars(at: Grid, size: int, shift: int = 0) -> Floats:
     if count < 2:
         return np.zeros((0, SCALARS))
     rate, u = rate[: count * size], u[: count * size]
-    known = np.isfinite(rate).all(axis=1) & np.isfinite(u).all(axis=1)
+    known = np.asarray(np.isfinite(rate).all(axis=1) & np.isfinite(u).all(axis=1))
     rate, u = np.where(known[:, np.newaxis], rate, 0.0), np.where(known[:, np.newaxis], u, 0.0)
     products = (u[:, :, np.newaxis] * rate[:, np.newaxis, :]).reshape(-1, 9)
     terms = np.concatenate((products, u, rate, np.ones((u.shape[0], 1))), axis=1).reshape(count, size, 16)
@@ -133,7 +133,7 @@ def scalars(at: Grid, size: int, shift: int = 0) -> Floats:
     rise = (np.arange(size) + 0.5) / size * BIN
     up, down = np.einsum("s,nsk->nk", rise, terms[:-1]), np.einsum("s,nsk->nk", rise[::-1], terms[1:])
     mean = u.reshape(count, size, 3).mean(axis=1)
-    whole = known.reshape(count, size).all(axis=1)
+    whole = np.asarray(known.reshape(count, size).all(axis=1))
     row = np.concatenate((up + down, np.diff(mean, axis=0)), axis=1)
     row[~(whole[1:] & whole[:-1])] = 0.0
     return np.asarray(row)

@@ -29,8 +29,9 @@ if TYPE_CHECKING:
 CERTAIN: Final = math.log(1000.0)
 """Logarithm of the odds from which on an answer may be sure."""
 _HINT: Final = math.log(10.0)
+_OVERWHELMING: Final = 30.0
 _EXPLAINED: Final = 0.2
-"""Part of the change that the best arrangement must explain."""
+"""Part of the change that the best arrangement must explain; where it is less, odds have to be overwhelming."""
 _EXACT: Final = 2e-3
 """Standard deviation of a delay that is sure, s."""
 _MATTERS: Final = float(deg(1.0))
@@ -41,6 +42,13 @@ _VAGUE: Final = 0.3
 _VAGUE_DELAY: Final = 0.05  # s
 _LEAST_DIP: Final = 0.17
 """Part of the field along the vertical below which its sign says nothing."""
+
+
+_ASSUMED: Final = (
+    "Turning shows an axis, not its direction: all three axes of the accelerometer, or of the magnetometer, may be "
+    "negated, and turn alike. It is assumed that acc is specific force, which points up at rest: lay the unit flat and "
+    "look."
+)
 
 
 class Answer(StrEnum):
@@ -173,10 +181,12 @@ class _Sensor:
 
     def __post_init__(self) -> None:
         found = self.found
-        if found is None or found.explained < _EXPLAINED or found.margin < _HINT:
+        if found is None or not found.agrees:
             return
-        if found.agrees and not found.contradicted:
+        if not found.contradicted and found.explained >= _EXPLAINED and found.margin >= _HINT:
             self.answer = Answer.SURE if found.margin >= CERTAIN else Answer.LIKELY
+        elif found.explained >= -0.5 and found.margin >= _OVERWHELMING:
+            self.answer = Answer.LIKELY  # most of it is pushes, as in the pocket of who walks
 
     @property
     def axes(self) -> Floats:
@@ -337,7 +347,7 @@ class Examination:
             self.sensors["acc"] = _Sensor("acc", max(found, key=lambda one: one.explained, default=None))
 
     def _scales(self, gyr: Floats, acc: Floats) -> tuple[float, ...]:
-        """Scales that the rates may have: of units in use with which a body turns as bodies do, and one by regression."""
+        """Scales that the rates may have: of units with which a body turns as bodies do, and one by regression."""
         usual = float(np.sqrt(np.nanmean(np.sum(gyr * gyr, axis=1)))) if np.isfinite(gyr).any() else 0.0
         own = float(to_si(1.0, self.declared.unit("gyr")))
         units = [float(to_si(1.0, unit)) / own for unit in UNITS["gyr"]]
@@ -362,7 +372,7 @@ class Examination:
             return
         answer = Answer.LIKELY if any(one.answer is Answer.LIKELY for one in known.values()) else Answer.SURE
         if len({one.mirrored for one in known.values()}) > 1:
-            for name, one in known.items():
+            for name in known:
                 why = "accelerometer and magnetometer contradict each other about the gyroscope's handedness"
                 self._find(name, "axes", Answer.UNKNOWN, "contradiction", 0.0, why=why)
             return
@@ -374,7 +384,7 @@ class Examination:
             reference = turns["acc"] if "acc" in turns else turns["mag"]
         log_odds = min(one.found.margin for one in known.values() if one.found is not None)
         self._gyr_axes(reference, known, answer, log_odds)
-        for name, one in known.items():
+        for one in known.values():
             self._own_axes(one, one.axes @ reference.T, alone=len(known) == 1)
         self._sign(known, reference)
 
@@ -421,40 +431,25 @@ class Examination:
 
     def _sign(self, known: Mapping[str, _Sensor], reference: Floats) -> None:
         """Sign of the field along the vertical; that of the specific force is assumed."""
-        self.remarks.append(
-            "Turning shows an axis, not its direction: all three axes of the accelerometer, or of the magnetometer, may "
-            "be negated and turn alike. It is assumed that acc is specific force, which points up at rest: lay the unit "
-            "flat and look."
-        )
+        self.remarks.append(_ASSUMED)
         if len(known) < 2:
             return
         down = self._downward(known, reference)
         if down is None:
-            self._find("mag", "sign", Answer.UNKNOWN, "the field is level, or nothing lasts", 0.0)
+            self._find("mag", "sign", Answer.UNKNOWN, "the field is level, or changes", 0.0)
             return
         pointing = "down" if down > 0.0 else "up"
         if self.hemisphere is None:
             there = "north" if down > 0.0 else "south"
-            self._find(
-                "mag", "sign", Answer.UNKNOWN, f"right {there} of the magnetic equator, where the field points {pointing}",
-                0.0, why="elsewhere all its axes have to be negated; --hemisphere says where",
-            )  # fmt: skip
+            value = f"right {there} of the magnetic equator, where the field points {pointing}"
+            why = "elsewhere all its axes have to be negated; --hemisphere says where"
+            self._find("mag", "sign", Answer.UNKNOWN, value, 0.0, why=why)
             return
         right = (down > 0.0) == (self.hemisphere == "north")
-        sure = (
-            min((one.answer for one in known.values()), key=list(Answer).index)
-            if abs(down) > 2.0 * _LEAST_DIP
-            else Answer.LIKELY
-        )
-        worst = max((one.answer for one in known.values()), key=list(Answer).index)
-        answer = worst if abs(down) > 2.0 * _LEAST_DIP else Answer.LIKELY
-        del sure
-        value = (
-            f"the field points {pointing}, as {self.hemisphere} of the magnetic equator"
-            if right
-            else (
-                f"the field points {pointing}, but {self.hemisphere} of the magnetic equator the other way: negate all axes"
-            )
+        certain = all(one.answer is Answer.SURE for one in known.values()) and abs(down) > 2.0 * _LEAST_DIP
+        answer = Answer.SURE if certain else Answer.LIKELY
+        value = f"the field points {pointing}" + (
+            "" if right else f", {self.hemisphere} of the magnetic equator: negated"
         )
         log_odds = min(one.found.margin for one in known.values() if one.found is not None)
         self._find("mag", "sign", answer, value, log_odds, wrong=not right, why="if acc is specific force")
@@ -593,5 +588,5 @@ def _resting(t: Floats, gyr: Floats) -> Floats:
 def _finite(values: Floats) -> Floats:
     """Rows with a value on all axes; others are NaN, as are those too large to be squared."""
     with np.errstate(invalid="ignore"):
-        known = (np.abs(values) < 1e12).all(axis=1)
+        known = np.asarray((np.abs(values) < 1e12).all(axis=1))
     return np.where(known[:, np.newaxis], values, np.nan)
