@@ -22,7 +22,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument(
         "--hemisphere",
         choices=("north", "south"),
-        help="side of the magnetic equator, which tells the sign of the magnetometer",
+        help="side of the magnetic equator, which gives the sign of the magnetometer",
     )
     common.add_json(p)
     p.set_defaults(run=run)

@@ -411,12 +411,12 @@ class Examination:
         why = ""
         if alone:
             other = axes_letters(turn)
-            why = f"or the gyroscope's are '{other}': two sensors cannot tell which of them it is"
+            why = f"or the gyroscope's are '{other}': two sensors do not show which of them it is"
         self._find(one.name, "axes", one.answer, value, one.found.margin, wrong=True, why=why)
         self.lines.setdefault(one.name, []).extend(self.declared.axes(one.name, turn.T))
 
     def _unknown_axes(self, name: str, one: _Sensor) -> None:
-        self._find(name, "axes", Answer.UNKNOWN, "cannot be told from this motion", 0.0, why=self._would_tell(one))
+        self._find(name, "axes", Answer.UNKNOWN, "cannot be known from this motion", 0.0, why=self._would_tell(one))
 
     def _would_tell(self, one: _Sensor) -> str:
         """Which motion would tell what this one does not."""
@@ -513,7 +513,7 @@ class Examination:
     def _unit(self, name: str, size: float, sd: float, sure: Answer, by: str) -> None:
         declared = self.declared.unit(name)
         if sure is Answer.UNKNOWN:
-            self._find(name, "unit", Answer.UNKNOWN, "cannot be told from this recording", 0.0, why=by)
+            self._find(name, "unit", Answer.UNKNOWN, "cannot be known from this recording", 0.0, why=by)
             return
         found = unit_odds(name, size, sd, declared)
         if found.unit is None:
@@ -539,7 +539,7 @@ class Examination:
                 one.name,
                 "delay",
                 Answer.UNKNOWN,
-                "cannot be told from this motion",
+                "cannot be known from this motion",
                 0.0,
                 why="turn it faster, to and fro",
             )
