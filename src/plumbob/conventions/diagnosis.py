@@ -227,7 +227,7 @@ def doctor(
     unit : str, optional
         One of several units, by name or number from 1.
     hemisphere : {"north", "south"}, optional
-        Where it was recorded: north of the magnetic equator the field points down, which tells the magnetometer's sign.
+        Where it was recorded: north of the magnetic equator the field points down, which gives the magnetometer's sign.
 
     Returns
     -------
