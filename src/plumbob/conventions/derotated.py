@@ -22,6 +22,7 @@ FLOOR: Final = 0.02
 WINDOWS: Final = (25, 50, 75)
 """Bins of a window: what pushes has to average out, and the bias of the rates must not turn gravity much."""
 _BLOCK: Final = 5.0  # s
+_LONG: Final = 15_000  # bins: five minutes; the delay is refined anyhow
 _HALF: Final = len(ARRANGEMENTS) // 2
 
 
@@ -62,7 +63,7 @@ class _Search:
         count = len(force) // size - 1
         self.block = max(1, min(round(_BLOCK / (size * BIN)), count // 8))
         reach = min(round(LONGEST_DELAY / BIN), len(force) // 8)
-        self.shifts = np.arange(-reach, reach + 1)
+        self.shifts = np.arange(-reach, reach + 1, 2 if len(force) > _LONG else 1)
 
     def fit(self, length: float) -> Fit:
         """Likelihood of each arrangement at its own best scale and delay, by blocks."""
