@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: page papers pictures setup demo test test-long lint docs pages dist house mutants bench noise array arm view accuracy endurance wire fuzz killed clean other-processor
+.PHONY: page papers pictures setup demo test test-long lint docs pages dist house mutants bench bench-doctor noise array arm view accuracy endurance wire fuzz killed clean other-processor
 
 setup: $(VENV)/.installed
 
@@ -106,6 +106,10 @@ noise: $(VENV)/.bench
 	$(BIN)/python -m benchmarks.allan_quality
 	$(BIN)/python -m benchmarks.allan_coverage
 	$(BIN)/python -m benchmarks.allan_bands
+
+# Conventions that are planted in recordings and simulations: found, not found, sure and wrong.
+bench-doctor: setup
+	$(BIN)/python -m benchmarks.doctor
 
 # 64 units at 1 kHz as a stream: its memory, and its time beside one filter's.
 array: setup

@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from plumbob import arm, array
     from plumbob.calibration.calibrate import calibrate
     from plumbob.calibration.rates import filter_rates
+    from plumbob.conventions import doctor
     from plumbob.core import errors, flags, units
     from plumbob.core.docs import docs
     from plumbob.core.errors import PlumbobError, PlumbobWarning
@@ -133,6 +134,7 @@ _HOME = {
     "control": "viewer.control_client",
     "decode": "protocols.decode",
     "docs": "core.docs",
+    "doctor": "conventions",
     "emulate": "session.emulated",
     "estimate": "session.estimated",
     "evaluate": "evaluation",
@@ -194,6 +196,7 @@ __all__ = [
     "convert",
     "decode",
     "docs",
+    "doctor",
     "emulate",
     "errors",
     "estimate",

@@ -38,6 +38,7 @@ VERBS = (
     "repair",
     "convert",
     "profile",
+    "doctor",
     "sim",
     "run",
     "report",

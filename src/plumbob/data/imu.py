@@ -5,6 +5,8 @@ somebody could still write to are copied; to hand over large ones without a copy
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import MISSING, dataclass, field, fields, replace
 from numbers import Integral, Real
 from typing import Any, Self
@@ -775,6 +777,19 @@ def _judge(name: str, triad: Floats, full_scale: Floats | None, unit_check: bool
     return found
 
 
+_CHECKED: ContextVar[bool] = ContextVar("unit_check", default=True)
+
+
+@contextmanager
+def units_unchecked() -> Iterator[None]:
+    """Take recordings whatever their size, as who looks for the right units has to."""
+    token = _CHECKED.set(False)
+    try:
+        yield
+    finally:
+        _CHECKED.reset(token)
+
+
 _TooBig = Callable[[], Iterable[tuple[Floats, NDArray[np.bool_]]]]
 """Parts of a triad, and which of their samples are too big to be true; as often as they are asked for."""
 
@@ -784,7 +799,7 @@ def _require_possible(name: str, parts: _TooBig, full_scale: Floats | None, unit
         missing = np.concatenate([np.isnan(triad).any(axis=1) for triad, _ in parts()])
         what = "is NaN" if missing.all() else "has no finite number"
         raise ShapeError(f"{name} {what} in all {missing.size} samples; pass {name}=None if the unit has none.")
-    if unit_check and (doubt := _unit_doubt(name, parts, full_scale)):
+    if unit_check and _CHECKED.get() and (doubt := _unit_doubt(name, parts, full_scale)):
         raise UnitError(". ".join(doubt))
 
 

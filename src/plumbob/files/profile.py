@@ -123,6 +123,8 @@ class GroupSource:
         Whether the columns point down at rest, as gravity does, instead of up.
     full_scale : float or tuple of 3 floats or None
         Measuring range, in the unit used inside; of each column where they differ.
+    delay : float
+        By how much the stamps of its rows are late, s; negative: early.
     """
 
     columns: tuple[ColumnRef, ...]
@@ -132,6 +134,7 @@ class GroupSource:
     axes: str = AS_MOUNTED
     gravity: bool = False
     full_scale: Range = None
+    delay: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

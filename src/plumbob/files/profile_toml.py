@@ -314,6 +314,7 @@ def _group(kind: Quantity, extra: Mapping[str, Parse], required: tuple[str, ...]
             axes=_own_axes(where, found),
             gravity=found.get("sign") == "gravity",
             full_scale=found.get("range"),
+            delay=found.get("delay", 0.0),
         )
 
     return parse
@@ -393,7 +394,11 @@ _COUNTS: Final[dict[str, Parse]] = {
     "unit_per_count": _scale,
     "zero": _three_or_one,
 }
-_MOUNT: Final[dict[str, Parse]] = {"axes": schema.text, "mirrored": schema.truth}
+_MOUNT: Final[dict[str, Parse]] = {
+    "axes": schema.text,
+    "mirrored": schema.truth,
+    "delay": schema.quantity(Quantity.TIME),
+}
 _HEADER: Final[dict[str, Parse]] = {
     "marker": schema.text,
     "occurrence": schema.whole(1),

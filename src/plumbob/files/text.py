@@ -130,7 +130,9 @@ def _of_stamps(source: TimeStamps, table: Table) -> tuple[Floats, int]:
 
 
 def _imu(profile: Profile, table: Table, t: Floats, t0_ns: int) -> ImuData:
-    triads: dict[str, Any] = {name: _vector(group, table, profile.turn) for name, group in profile.triads.items()}
+    triads: dict[str, Any] = {
+        name: _undelayed(t, _vector(group, table, profile.turn), group.delay) for name, group in profile.triads.items()
+    }
     temperature = profile.temperature
     time = profile.time
     implied = {"rate_nominal": time.rate} if isinstance(time, TimeRate) else {"t0_ns": t0_ns}
@@ -205,6 +207,21 @@ def _vector(group: GroupSource, table: Table, turn: str | None) -> Floats:
     return values if turn is None else in_body_axes(turn, values)
 
 
+def _undelayed(t: Floats, values: Floats, delay: float) -> Floats:
+    """Values (N, 3) at the times of their rows, where they came `delay` late, by straight lines between known ones.
+
+    Rows without values stay without: a slower sensor keeps its rate. What lies outside the recording is NaN.
+    """
+    if delay == 0.0:
+        return values
+    found = np.full_like(values, np.nan)
+    for i, column in enumerate(values.T):
+        known = np.isfinite(column)
+        if np.count_nonzero(known) > 1:
+            found[known, i] = np.interp(t[known] + delay, t[known], column[known], np.nan, np.nan)
+    return found
+
+
 def _covariance(group: GroupSource, table: Table, turn: str | None) -> Floats:
     cov = _stacked(group.columns, table).reshape(-1, 3, 3)
     if turn is not None:
@@ -234,6 +251,10 @@ def _changes(profile: Profile, t0_ns: int) -> tuple[str, ...]:
     for name, group in profile.triads.items():
         if group.axes != AS_MOUNTED:
             notes.append(f"{name}: the case's x, y, z are its '{group.axes}', as the profile says")
+        if group.delay:
+            notes.append(
+                f"{name}: its rows are {1e3 * group.delay:g} ms late, as the profile says, and were interpolated"
+            )
     if any(group.gravity for group in profile.triads.values()):
         notes.append("acc was negated: the profile says that it points down at rest, as gravity does")
     if "mag" in profile.triads and profile.triads["mag"].unit == "relative":

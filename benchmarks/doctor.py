@@ -1,0 +1,220 @@
+"""What 'plumbob doctor' finds of conventions that are planted: axes, units and delays, on real and simulated motions.
+
+Each triad of a recording is arranged anew, by one of 48, put in a wrong unit, and made late or early by up to 200 ms.
+Whether an arrangement can be seen at all is computed from the true attitude alone: with it, gravity and field are
+turned into the body, and each other arrangement is scored on them; the least sum of squares in units of the disturbance
+(linear acceleration, iron nearby, noise: what was measured less what the attitude says) must be 25 or more. Sums of
+squares over arrangements are quadratic forms of one 9 × 9 matrix, so this is a statement about its least eigenvalues.
+"""
+
+import argparse
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from plumbob import read, simulate
+from plumbob.conventions.derotated import FLOOR, changes
+from plumbob.conventions.diagnosis import Answer, Examination, _Declared
+from plumbob.conventions.moments import ARRANGEMENTS, BIN, means
+from plumbob.core.units import Quantity, to_si
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.files import Recording
+from plumbob.rotations import (
+    dcm_from_quat,
+    quat_chained,
+    quat_conjugate,
+    quat_multiply,
+    quat_slerp,
+    rotvec_from_quat,
+)
+
+SEEN = 25.0
+WRONG_UNITS = {
+    "gyr": ("rad/s", "deg/s", "rpm", "mrad/s"),
+    "acc": ("m/s2", "g", "mg"),
+    "mag": ("uT", "nT", "mgauss", "gauss"),
+}
+KIND = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
+SIMULATED = (
+    ("tumble", 60.0), ("buoy", 120.0), ("sway", 60.0), ("arm", 60.0), ("turntable", 60.0), ("static", 60.0),
+    ("tumble", 12.0), ("coning", 60.0), ("cone", 60.0), ("fin", 60.0),
+)  # fmt: skip
+
+
+Planted = tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, str], dict[str, float]]
+"""Values, axes, units and delays by triad."""
+
+
+@dataclass
+class Tally:
+    observable: int = 0
+    found: int = 0
+    hidden: int = 0
+    hidden_found: int = 0
+    confident_wrong: int = 0
+
+
+@dataclass
+class Score:
+    tallies: dict[str, Tally]
+    late: dict[str, list[float]]
+
+
+def recordings(kinds: list[str], simulated: int) -> Iterator[tuple[str, Recording]]:
+    data = Path(os.environ.get("PLUMBOB_DATA", "/nonexistent"))
+    if "broad" in kinds:
+        for path in sorted([*data.glob("broad/*.hdf5"), *data.glob("broad/*.mat")]):
+            yield f"broad/{path.stem[:28]}", read(path)
+    if "foreign" in kinds:
+        for path in sorted(data.glob("foreign/*/*.parquet")):
+            yield f"{path.parent.name}/{path.stem[-28:]}", read(path)
+    if "simulated" in kinds:
+        for seed in range(simulated):
+            name, duration = SIMULATED[seed % len(SIMULATED)]
+            sensors, unit = ("mpu6050+hmc5983", "ahrs500ga")[seed // 10 % 2], ("random", "calibrated")[seed % 2]
+            made = simulate(name, frame="ENU", duration=duration, seed=seed, sensors=sensors, unit=unit)
+            yield (
+                f"sim/{name}-{duration:g}s-{seed}",
+                Recording(
+                    imu=made.imu,
+                    track=AttitudeTrack(t=made.truth.t, q_nb=made.truth.q_nb, frame="ENU", north="true"),
+                    name=name,
+                ),
+            )
+
+
+def planted(imu: ImuData, rng: np.random.Generator) -> Planted:
+    axes, units, delays, values = {}, {}, {}, {}
+    for name in imu.triads:
+        axes[name] = ARRANGEMENTS[rng.integers(48)]
+        units[name] = str(rng.choice(WRONG_UNITS[name]))
+        delays[name] = 0.0 if name == "gyr" else float(rng.uniform(-0.2, 0.2))
+        v = getattr(imu, name)
+        known = np.isfinite(v).all(axis=1)
+        late = np.stack([np.interp(imu.t - delays[name], imu.t[known], v[known, i]) for i in range(3)], axis=1)
+        outside = (imu.t - delays[name] < imu.t[0]) | (imu.t - delays[name] > imu.t[-1])
+        late[~known | outside] = np.nan
+        values[name] = late @ axes[name].T / float(to_si(1.0, units[name], KIND[name]))
+    return values, axes, units, delays
+
+
+def evidence(recording: Recording, name: str, arranged: np.ndarray) -> float:
+    """Least sum of squares by which another arrangement contradicts the true attitude; see above."""
+    imu, track = recording.imu, recording.track
+    rows = np.clip(np.searchsorted(track.t, imu.t), 1, len(track.t) - 1)
+    dcm = dcm_from_quat(np.nan_to_num(track.q_nb[rows], nan=0.5))
+    measured = getattr(imu, name)
+    known = np.isfinite(measured).all(axis=1) & np.isfinite(track.q_nb[rows]).all(axis=1)
+    in_space = np.einsum("nij,nj->ni", dcm, measured)[known]
+    steady = track.frame.up * 9.81 if name == "acc" else np.median(in_space, axis=0)
+    true = np.einsum("nji,j->ni", dcm, steady)
+    length = float(np.linalg.norm(steady))
+    edges = np.arange(imu.t[0], imu.t[-1] + BIN, BIN)
+    at = np.clip(np.searchsorted(track.t, 0.5 * (edges[1:] + edges[:-1])), 1, len(track.t) - 1)
+    share = np.clip((0.5 * (edges[1:] + edges[:-1]) - track.t[at - 1]) / (track.t[at] - track.t[at - 1]), 0.0, 1.0)
+    q = quat_slerp(np.nan_to_num(track.q_nb[at - 1], nan=0.5), np.nan_to_num(track.q_nb[at], nan=0.5), share)
+    turns = rotvec_from_quat(quat_multiply(quat_conjugate(q[:-1]), q[1:]))
+    turned, back = (dcm_from_quat(quat_chained(sign * turns)) for sign in (1.0, -1.0))
+    best = 0.0
+    for size in (25, 50):
+        for some, both in ((true, measured - true),):
+            signal = means(imu.t, np.where(known[:, None], some / length, np.nan), edges)
+            noise = means(imu.t, np.where(known[:, None], both / length, np.nan), edges)
+            seen, counts = changes(turned, signal, size, 0)
+            pushed, also = changes(turned, noise, size, 0)
+            if not (counts & also).any():
+                continue
+            m = ARRANGEMENTS[:24].transpose(0, 2, 1).reshape(24, 9)
+            other = np.sum((seen @ m.T) ** 2, axis=1)  # (n, 24)
+            mirrored = np.sum((changes(back, signal, size, 0)[0] @ m.T) ** 2, axis=1)
+            var = np.sum((pushed @ np.eye(3).ravel()) ** 2, axis=1) / 2.0
+            sd2 = np.median(var[counts & also]) / 0.693 + FLOOR**2
+            total = np.concatenate((other.sum(axis=0)[1:], mirrored.sum(axis=0))) / (2.0 * sd2)
+            best = max(best, float(total.min()))
+    return best
+
+
+def _axes(
+    label: str, recording: Recording, before: Examination, after: Examination, planted_: Planted, all_: Score
+) -> None:
+    """Count what was found of the axes and the delay of each vector sensor."""
+    _, axes, _, delays = planted_
+    kind = label.split("/", maxsplit=1)[0]
+    delayed = {f.sensor: f for f in after.findings if f.question == "delay"}
+    for name, sensor in after.sensors.items():
+        tally = all_.tallies.setdefault(f"{kind} {name}", Tally())
+        found, expected = sensor.found, np.linalg.det(axes[name]) * axes[name] @ axes["gyr"].T
+        right = found is not None and bool((sensor.axes == expected).all())
+        score = evidence(recording, name, expected)
+        seen = score >= SEEN
+        tally.observable += seen
+        tally.hidden += not seen
+        tally.found += seen and right and sensor.known
+        tally.hidden_found += not seen and right and sensor.known
+        wrong = sensor.answer is Answer.SURE and not right
+        tally.confident_wrong += wrong
+        if found is not None and (wrong or (seen and not (right and sensor.known))):
+            print(
+                f"{label} {name}: {'right' if right else 'WRONG'} {sensor.answer} evidence {score:.1f} odds e^"
+                f"{found.margin:.1f} explained {found.explained:.2f} halves agree {found.agrees}, windows "
+                f"{'differ' if found.contradicted else 'agree'}, scale {found.scale:.4g}",
+                flush=True,
+            )
+        old = before.sensors[name]
+        if right and delayed[name].answer is Answer.SURE and old.known and old.found.delay_sd < 2e-3:
+            error = found.delay - old.found.delay - delays[name]
+            all_.late.setdefault(f"{kind} {name}", []).append(error)
+            if abs(error) > 2e-3:
+                print(f"{label} {name}: delay off by {1e3 * error:.2f} ms, sd {1e3 * found.delay_sd:.2f}", flush=True)
+
+
+def _units(label: str, after: Examination, units: dict[str, str], all_: Score) -> None:
+    """Count what was found of the units."""
+    for one in after.findings:
+        if one.question == "unit" and one.answer is not Answer.UNKNOWN:
+            tally = all_.tallies.setdefault(f"{label.split('/', maxsplit=1)[0]} {one.sensor} unit", Tally())
+            right = after.numbers[one.sensor]["unit"] == units[one.sensor]
+            tally.observable += 1
+            tally.found += right
+            tally.confident_wrong += not right and one.answer is Answer.SURE
+            if not right:
+                print(f"{label} {one.sensor}: {one.value}, but it is {units[one.sensor]}; {one.answer}, {one.why}")
+
+
+def main() -> None:
+    p = argparse.ArgumentParser(description=__doc__)
+    p.add_argument("--kinds", nargs="+", default=["broad", "foreign", "simulated"])
+    p.add_argument("--simulated", type=int, default=200)
+    args = p.parse_args()
+    all_, rng, used = Score({}, {}), np.random.default_rng(20240501), time.process_time()
+    for label, recording in recordings(args.kinds, args.simulated):
+        imu = recording.imu
+        if imu is None or "gyr" not in imu.triads:
+            continue
+        before = Examination(imu, label, _Declared(None), None)
+        before.diagnosis()
+        meta = replace(imu.meta, unit_check=False, gyr_range=None, acc_range=None, mag_range=None)
+        changed = planted(imu, rng)
+        after = Examination(ImuData(t=imu.t, meta=meta, **changed[0]), label, _Declared(None), None)
+        after.diagnosis()
+        _axes(label, recording, before, after, changed, all_)
+        _units(label, after, changed[2], all_)
+    for name, tally in all_.tallies.items():
+        other = "" if name.endswith("unit") else f", {tally.hidden_found} of {tally.hidden} others"
+        what = "answered" if name.endswith("unit") else "observable"
+        print(
+            f"{name}: found {tally.found} of {tally.observable} {what}{other}; sure and wrong {tally.confident_wrong}"
+        )
+    for name, errors in all_.late.items():
+        e = 1e3 * np.array(errors)
+        rms, largest = np.sqrt(np.mean(e * e)), np.abs(e).max()
+        print(f"{name}: delay of {len(e)} sure ones, rms {rms:.2f} ms, largest {largest:.2f} ms")
+    print(f"{time.process_time() - used:.0f} s of CPU")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,206 @@
+"""The convention doctor on motions of closed form: what is planted is found, what cannot be seen is not answered."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plumbob import ImuData, ImuMeta, doctor
+from plumbob.cli.main import main
+from plumbob.conventions import Answer, Diagnosis
+from plumbob.conventions.arrangement import fit
+from plumbob.conventions.derotated import fit_force
+from plumbob.conventions.moments import ARRANGEMENTS, means
+from plumbob.conventions.units import unit_odds
+from plumbob.core.units import from_si
+from plumbob.files import Recording
+from plumbob.rotations import dcm_from_quat, quat_from_euler_zyx, signed_axes
+
+G = 9.81
+FIELD = np.array([0.0, 20.0, -44.0])  # ENU, µT: a dip of 65.6°, as in the north
+RATE = 100.0
+AMPLITUDES = (1.1, 0.8, 1.3)
+
+
+def attitude(t: np.ndarray, amplitudes: tuple[float, float, float] = AMPLITUDES) -> np.ndarray:
+    """Body to ENU: yaw, pitch and roll swing with periods that do not match."""
+    angles = [
+        a * np.sin(2.0 * np.pi * f * t + p)
+        for a, f, p in zip(amplitudes, (0.23, 0.31, 0.41), (0.3, 1.0, 2.0), strict=True)
+    ]
+    return dcm_from_quat(quat_from_euler_zyx(np.stack(angles, axis=1)))
+
+
+def sensors(
+    amplitudes: tuple[float, float, float] = AMPLITUDES, seconds: float = 40.0, late: float = 0.0
+) -> dict[str, np.ndarray]:
+    """Time, rates and vectors; those of the magnetometer are stamped `late` seconds late. Noise is that of a phone."""
+    t = np.arange(round(seconds * RATE)) / RATE
+    dcm, h = attitude(t, amplitudes), 1e-4
+    turn = np.einsum("nji,njk->nik", attitude(t - h, amplitudes), attitude(t + h, amplitudes))
+    gyr = np.stack(
+        (turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]), axis=1
+    )
+    rng = np.random.default_rng(7)
+    noise = rng.standard_normal((3, t.size, 3)) * np.array([0.002, 0.05, 0.3])[:, None, None]
+    return {
+        "t": t,
+        "gyr": gyr / (4.0 * h) + np.array([0.01, -0.02, 0.005]) + noise[0],
+        "acc": np.einsum("nji,j->ni", dcm, [0.0, 0.0, G]) + noise[1],
+        "mag": np.einsum("nji,j->ni", attitude(t - late, amplitudes), FIELD) + np.array([3.0, -2.0, 4.0]) + noise[2],
+    }
+
+
+def diagnosed(data: dict[str, np.ndarray], **more: str) -> Diagnosis:
+    imu = ImuData(**data, meta=ImuMeta(unit_check=False))
+    return doctor(Recording(imu=imu, name="planted"), **more)
+
+
+def answers(found: Diagnosis) -> dict[str, tuple[str, bool]]:
+    return {f"{one.sensor} {one.question}": (str(one.answer), one.wrong) for one in found.findings}
+
+
+def test_right_conventions_are_confirmed() -> None:
+    found = diagnosed(sensors(), hemisphere="north")
+    assert not found.wrong and not found.lines
+    told = answers(found)
+    for question in ("gyr axes", "gyr unit", "acc axes", "acc unit", "mag axes", "mag unit", "mag sign", "mag delay"):
+        assert told[question] == ("sure", False), (question, found.text())
+
+
+@pytest.mark.parametrize("n", [3, 17, 24, 41])
+def test_arrangements_of_rates_in_the_axes_of_a_sensor(n: int) -> None:
+    # u = P v gives du/dt = −(det(P) P ω) × u: the sensor's own handedness cannot be seen, that of the rates can.
+    data, w = sensors(seconds=30.0), ARRANGEMENTS[n]
+    rates = data["gyr"] @ w  # W ω' = ω for ω' = Wᵀ ω
+    for found in (fit(data["t"], rates, data["mag"], offset=0.5), fit_force(data["t"], rates, data["acc"], (1.0,))):
+        assert found is not None and found.best == n and found.margin > 7.0 and found.agrees
+        assert found.scale == pytest.approx(1.0, abs=0.02)
+
+
+def test_negated_rates_are_a_mirrored_gyroscope() -> None:
+    data = sensors()
+    found = diagnosed(data | {"gyr": -data["gyr"]})
+    assert answers(found)["gyr axes"] == ("sure", True)
+    assert found.lines[:3] == ("[gyr]", 'axes = "-x -y -z"', "mirrored = true")
+
+
+@pytest.mark.parametrize(
+    ("planted", "lines"),
+    [
+        ("-x y z", ('axes = "-x y z"', "mirrored = true")),  # LSM9DS1: x of the magnetometer points the other way
+        ("x -y -z", ('axes = "x -y -z"',)),  # ICM-20948: the AK09916 inside is turned by 180° about x
+        ("y x -z", ('axes = "y x -z"',)),  # MPU-9250: the AK8963 inside
+    ],
+)
+def test_magnetometers_of_common_parts(planted: str, lines: tuple[str, ...]) -> None:
+    data = sensors()
+    found = diagnosed(data | {"mag": data["mag"] @ signed_axes(planted).T}, hemisphere="north")
+    assert found.lines == ("[mag]", *lines), found.text()
+    assert answers(found)["mag axes"] == ("sure", True)
+    assert answers(found)["gyr axes"] == ("sure", False)
+
+
+def test_without_a_hemisphere_the_sign_of_the_field_stays_open() -> None:
+    data = sensors()
+    found = diagnosed(data | {"mag": -data["mag"]})
+    assert answers(found)["mag sign"] == ("unknown", False)
+    assert answers(diagnosed(data | {"mag": -data["mag"]}, hemisphere="north"))["mag sign"] == ("sure", True)
+    assert answers(diagnosed(data | {"mag": -data["mag"]}, hemisphere="south"))["mag sign"] == ("sure", False)
+
+
+@pytest.mark.parametrize("late", [-0.1737, 0.0412])
+def test_delay_of_the_magnetometer(late: float) -> None:
+    found = diagnosed(sensors(late=late))
+    assert found.values["mag"]["delay_s"] == pytest.approx(late, abs=0.002)
+    assert answers(found)["mag delay"] == ("sure", True)
+
+
+@pytest.mark.parametrize("unit", ["deg/s", "rpm", "mrad/s"])
+def test_unit_of_the_rates(unit: str) -> None:
+    data = sensors()
+    found = diagnosed(data | {"gyr": from_si(data["gyr"], unit)})
+    assert found.values["gyr"]["unit"] == unit
+    assert f'unit = "{unit}"' in found.lines
+
+
+def test_unit_of_the_rates_by_the_accelerometer_alone() -> None:
+    data = sensors()
+    found = diagnosed({"t": data["t"], "gyr": from_si(data["gyr"], "deg/s"), "acc": data["acc"]})
+    assert found.values["gyr"]["unit"] == "deg/s"
+    assert answers(found)["acc axes"] == ("sure", False)
+
+
+def test_units_by_size() -> None:
+    assert unit_odds("acc", 1.0, 0.0, "m/s2").unit == "g"
+    close = unit_odds("acc", 990.0, 0.0, "m/s2")  # 980.665 cm/s² and 1000 mg are 2 % apart
+    assert {close.unit, close.next} == {"mg", "cm/s2"} and close.log_odds < 2.0
+    assert unit_odds("mag", 0.48, 0.0, "uT").unit == "gauss"
+    counts = unit_odds("gyr", 400.0, 0.0, "rad/s")
+    assert counts.unit is None and counts.factor == pytest.approx(1.0 / 400.0)
+
+
+def test_rest_tells_nothing_of_axes_and_nothing_wrong() -> None:
+    found = diagnosed(sensors((0.0, 0.0, 0.0)))
+    told = answers(found)
+    assert not found.wrong
+    for question in ("acc axes", "mag axes", "gyr unit"):
+        assert told[question][0] == "unknown", found.text()
+    assert told["acc unit"][0] == told["mag unit"][0] == "sure"
+
+
+def test_one_axis_does_not_tell_all_and_says_which_would() -> None:
+    found = diagnosed(sensors((1.2, 0.0, 0.0)))
+    told = {f"{one.sensor} {one.question}": one for one in found.findings}
+    assert told["mag axes"].answer is Answer.UNKNOWN and told["acc axes"].answer is Answer.UNKNOWN
+    assert "turn it about" in told["mag axes"].why
+
+
+def test_means_of_straight_lines_and_pauses() -> None:
+    t = np.array([0.0, 0.1, 0.2, 0.3, 2.0, 2.1])
+    found = means(t, np.stack((t, 2.0 * t, 0.0 * t), axis=1), np.array([0.0, 0.15, 0.25, 1.0, 2.05]))
+    assert found[:2] == pytest.approx(np.array([[0.075, 0.15, 0.0], [0.2, 0.4, 0.0]]))
+    assert np.isnan(found[2:]).all()
+
+
+PROFILE = """separator = ","
+frame = "ENU"
+[header]
+names = true
+[time]
+column = "t"
+unit = "s"
+[gyr]
+columns = ["gx", "gy", "gz"]
+unit = "rad/s"
+[acc]
+columns = ["ax", "ay", "az"]
+unit = "m/s2"
+sign = "specific-force"
+[mag]
+columns = ["mx", "my", "mz"]
+unit = "uT"
+"""
+
+
+def written(folder: Path, data: dict[str, np.ndarray], profile: str) -> Path:
+    file = folder / "log.csv"
+    table = np.column_stack([data[name] for name in ("t", "gyr", "acc", "mag")])
+    np.savetxt(file, table, delimiter=",", header="t,gx,gy,gz,ax,ay,az,mx,my,mz", comments="", fmt="%.8g")
+    (folder / "log.toml").write_text(profile, encoding="utf-8")
+    return file
+
+
+def test_the_lines_mend_the_profile(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    data = sensors(late=0.08)
+    data |= {"gyr": from_si(data["gyr"], "deg/s"), "mag": data["mag"] @ np.diag([-1.0, 1.0, 1.0])}
+    file = written(tmp_path, data, PROFILE)
+    assert main(["doctor", str(file), "--hemisphere", "north", "--json"]) == 3
+    told = json.loads(capsys.readouterr().out)
+    lines = told["profile"]
+    assert lines[:3] == ["[gyr]", 'unit = "deg/s"', "[mag]"]
+    gyr, mag = lines[1], lines[3:]
+    mended = PROFILE.replace('unit = "rad/s"', gyr).replace('unit = "uT"', "\n".join(['unit = "uT"', *mag]))
+    file = written(tmp_path, data, mended)
+    assert main(["doctor", str(file), "--hemisphere", "north"]) == 0, capsys.readouterr().out
