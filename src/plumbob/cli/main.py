@@ -64,9 +64,9 @@ FORMER: Final = {"export": "convert"}
 
 EPILOG = """\
 exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done, but a recording is damaged (verify),
-            rows of it are lost (record, repair), attitudes or recordings differ (replay --check, compare), or the
-            grade is below the one asked for (info --min-grade), no gain is shown (tune), a convention is wrong (doctor),
-            70 a defect of this program,
+            rows of it are lost (record, repair), attitudes or recordings differ (replay --check, compare), the grade is
+            below the one asked for (info --min-grade), a convention is wrong (doctor), no gain is shown (tune) or a
+            recording failed (batch), 70 a defect of this program,
             130 ended by Ctrl-C, 143 by SIGTERM: a file that is written is there as a whole, or as it was before
 units: SI and radians inside; every other unit is written, as in --params gate=0.08g
 """
