@@ -78,6 +78,7 @@ if TYPE_CHECKING:
     from plumbob.filters import Filter, filter_names
     from plumbob.filters.known import cite
     from plumbob.filters.smoother import FixedLag
+    from plumbob.fleet.batch import Batch, batch
     from plumbob.noise.allan import allan
     from plumbob.overview.overview import plot, report
     from plumbob.papers.reproduce import reproduce
@@ -105,6 +106,7 @@ _HOME = {
     "ImuArray": "data.array",
     "load_chain": "data.chain_toml",
     "read_array": "session.reading",
+    "Batch": "fleet.batch",
     "CalibrationCard": "data.cards",
     "Decoder": "protocols.decode",
     "Evaluation": "evaluation",
@@ -124,6 +126,7 @@ _HOME = {
     "Session": "session.session",
     "allan": "noise.allan",
     "apply_card": "data.calibrated",
+    "batch": "fleet.batch",
     "calibrate": "calibration.calibrate",
     "cite": "filters.known",
     "control": "viewer.control_client",
@@ -157,6 +160,7 @@ _HOME = {
 
 __all__ = [
     "AttitudeTrack",
+    "Batch",
     "CalibrationCard",
     "Chain",
     "Decoder",
@@ -181,6 +185,7 @@ __all__ = [
     "apply_card",
     "arm",
     "array",
+    "batch",
     "calibrate",
     "cite",
     "control",

@@ -40,6 +40,7 @@ VERBS = (
     "sim",
     "run",
     "report",
+    "batch",
     "reproduce",
     "plot",
     "eval",
@@ -56,9 +57,10 @@ VERBS = (
 )
 
 EPILOG = """\
-exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done, but a recording is damaged (verify),
-            rows of it are lost (record, repair) or attitudes differ (replay --check), 70 a defect of this program,
-            130 ended by Ctrl-C, 143 by SIGTERM: a file that is written is there as a whole, or as it was before
+exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done, but a recording is damaged (verify,
+            batch) or refused (batch), rows of it are lost (record, repair) or attitudes differ (replay --check),
+            70 a defect of this program, 130 ended by Ctrl-C, 143 by SIGTERM: a file that is written is there as a
+            whole, or as it was before
 units: SI and radians inside; every other unit is written, as in --params gate=0.08g
 """
 
