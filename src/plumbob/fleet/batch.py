@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.text import Shown, counted
+from plumbob.core.units import Quantity, given
 from plumbob.fleet.items import JOBS, Item, Source, items_of
 from plumbob.fleet.job import COLUMNS, VERDICTS, Outcome
 from plumbob.fleet.places import Place, is_url, place_of
@@ -171,16 +172,17 @@ def batch(
     """
     began = time.perf_counter()
     say = note if note is not None else _nothing
-    given = {
+    how = {
         "filter": filter, "causal": causal, "lag": lag, "params": dict(params or {}),
         "frame": None if frame is None else str(Frame.parse(frame)), "init": init, "place": place, "date": date,
         "profile": profile, "unit": unit,
     }  # fmt: skip
     cards, by_device = cards_of(calibration)
     settings = Settings(
-        how={name: value for name, value in given.items() if value},
-        cards=cards, by_device=by_device, noise=_noise(noise), burst=burst, tilt_limit=tilt_limit,
-        align=tuple(align), settle=settle, pages=pages, max_bytes=max_bytes,
+        how={name: value for name, value in how.items() if value},
+        cards=cards, by_device=by_device, noise=_noise(noise), burst=_si("burst", burst, Quantity.TIME),
+        tilt_limit=_si("tilt_limit", tilt_limit, Quantity.ANGLE),
+        align=tuple(align), settle=_si("settle", settle, Quantity.TIME), pages=pages, max_bytes=max_bytes,
     )  # fmt: skip
     where, threads = _dataset(out), _threads(jobs, cluster)
     settings.prepare()
@@ -207,6 +209,13 @@ def batch(
 
 def _nothing(_text: str) -> None:
     pass
+
+
+def _si(name: str, value: float | str, quantity: Quantity) -> float:
+    """In SI, so that settings are the same however a number was written."""
+    found = given(name, value, quantity)
+    assert found is not None
+    return found
 
 
 def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":

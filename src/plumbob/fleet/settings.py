@@ -18,8 +18,10 @@ from plumbob.core.files import existing_file
 from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.files import Recording
+from plumbob.overview.gathered import BURST
 from plumbob.overview.overview import Overview, gatherer_of
 from plumbob.overview.subject import subject_from
+from plumbob.overview.tilt import LIMIT
 from plumbob.rotations import IDENTITY, Frame, North
 from plumbob.session.estimated import estimate
 
@@ -43,8 +45,8 @@ class Settings:
         Whether each card is for the recordings of its own device.
     noise : NoiseCard or None
         Noise of the units.
-    burst, tilt_limit : float or str
-        As of `plumbob.report`.
+    burst, tilt_limit : float
+        As of `plumbob.report`, s and rad.
     align, settle
         As of `plumbob.evaluate`.
     pages : bool
@@ -59,10 +61,10 @@ class Settings:
     cards: Cards = ()
     by_device: bool = False
     noise: "NoiseCard | None" = None
-    burst: float | str = "20 min"
-    tilt_limit: float | str = "15 deg"
+    burst: float = BURST
+    tilt_limit: float = LIMIT
     align: tuple[str, ...] = ()
-    settle: float | str = 0.0
+    settle: float = 0.0
     pages: bool = False
     max_bytes: int = 4 << 30
     software: str = __version__
