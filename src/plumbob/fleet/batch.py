@@ -185,8 +185,8 @@ def batch(
         align=tuple(align), settle=_si("settle", settle, Quantity.TIME), pages=pages, max_bytes=max_bytes,
     )  # fmt: skip
     where, threads = _dataset(out), _threads(jobs, cluster)
-    settings.prepare()
     items, total = _listed(sources, say)
+    settings.prepare()
     dataset = place_of(where)
     counts, others, skipped = Counter(dict.fromkeys(VERDICTS, 0)), list[Outcome](), 0
     with dataset.locked():

@@ -127,8 +127,10 @@ def run_job(settings: Settings, item: Item, out: str, stop: threading.Event | No
     row: dict[str, Any] = dict.fromkeys(COLUMNS)
     row |= {"recording": item.name, "source": item.where, "settings_sha256": settings.digest, "software": __version__}
     found: _Found | None = None
+    copy = ""
     try:
         with item.local(settings.max_bytes) as given:
+            copy = "" if isinstance(given, Recording) else f"{given}: "
             row["input_sha256"] = digest_of(given)
             if (before := _before(place, item.key, row)) is not None:
                 spent = time.perf_counter() - began
@@ -138,7 +140,7 @@ def run_job(settings: Settings, item: Item, out: str, stop: threading.Event | No
     except Exception as error:
         if isinstance(error, StoppedError):
             raise
-        row |= {"verdict": _verdict(error), "reason": _reason(error)}
+        row |= {"verdict": _verdict(error), "reason": _reason(error).replace(copy, "")}
     _written(place, item.key, row, found, began)
     return Outcome(item.name, row["verdict"], row["reason"] or "", False, row["seconds"])
 

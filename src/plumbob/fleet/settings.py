@@ -163,10 +163,10 @@ def cards_of(given: Any) -> tuple[Cards, bool]:
     DecodeError
         If a file is not a card.
     """
-    from plumbob.data.cards import CalibrationCard
-
     if given is None:
         return (), False
+    from plumbob.data.cards import CalibrationCard
+
     if isinstance(given, str | Path) and Path(given).is_dir():
         files = sorted(Path(given).glob("*.json"))
         if not files:

@@ -55,24 +55,24 @@ def by_cluster(settings: Settings, items: Iterable[Item], out: str, address: str
         raise LineError(f"no Dask scheduler answers at {address}: {one_line(error)}. Check the address.") from error
     waiting = iter(items)
     with client:
-        running: dict[Any, Item] = {}
+        running: dict[str, tuple[Any, Item]] = {}
 
         def submitted(item: Item) -> Any:
             future = client.submit(run_job, settings, item, out, pure=False)
-            running[future] = item
+            running[future.key] = future, item
             return future
 
         most = 4 * max(1, sum(client.nthreads().values()))
-        over: Any = untyped.as_completed([submitted(item) for item in islice(waiting, most)])
+        over: Any = untyped.as_completed([submitted(item) for item in islice(waiting, most)], loop=client.loop)
         try:
             for future in over:
-                item = running.pop(future)
+                _, item = running.pop(future.key)
                 yield _outcome(future, settings, item, out)
                 future.release()
                 for more in islice(waiting, 1):
                     over.add(submitted(more))
         finally:
-            client.cancel(list(running))
+            client.cancel([future for future, _ in running.values()])
 
 
 def _outcome(future: Any, settings: Settings, item: Item, out: str) -> Outcome:
