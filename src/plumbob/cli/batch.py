@@ -1,6 +1,8 @@
 """plumbob batch: many recordings to one dataset."""
 
 import argparse
+import sys
+from collections.abc import Callable
 from typing import Any
 
 from plumbob.cli import common
@@ -8,6 +10,7 @@ from plumbob.cli.eval import alignments
 from plumbob.cli.report import add_statistics
 
 EXIT_SOME = 3
+MANY = 50
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -75,10 +78,22 @@ def run(args: argparse.Namespace) -> int:
             jobs=args.jobs,
             cluster=args.cluster,
             note=common.note,
-            progress=lambda over, total: bars("recordings", over, total or over),
+            progress=_shown(bars),
         )
     common.print_json(done.summary()) if args.json else print(done.text())
     return 0 if done.counts["done"] == done.recordings else EXIT_SOME
+
+
+def _shown(bars: Callable[[str, int, int], None]) -> Callable[[int, int | None], None]:
+    """A bar on a terminal; elsewhere, of many recordings, a line for each tenth of them."""
+    lines = not sys.stderr.isatty()
+
+    def over(done: int, total: int | None) -> None:
+        bars("recordings", done, total or done)
+        if lines and total and total >= MANY and 10 * done // total > 10 * (done - 1) // total:
+            common.note(f"{done} of {total} recordings")
+
+    return over
 
 
 def _how(args: argparse.Namespace) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -24,13 +25,12 @@ from plumbob.overview.tilt import LIMIT
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
-    import pyarrow as pa
-
     from plumbob.data.cards import NoiseCard
 
 TABLE: Final = "verdicts"
 """Stem of the table of verdicts."""
 _SHOWN: Final = 20
+_ROWS: Final = 1000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -276,30 +276,23 @@ def _record(place: Place, name: str) -> dict[str, Any]:
 
 
 def _write_table(place: Place) -> None:
-    """Table of verdicts of all records, in the order of their names, as Parquet and as CSV."""
-    import pyarrow.csv
-    import pyarrow.parquet as pq
+    """Table of verdicts of all records, in the order of their names, as Parquet and as CSV; few rows at a time."""
+    import pyarrow as pa
+    from pyarrow.csv import CSVWriter
+    from pyarrow.parquet import ParquetWriter
 
     from plumbob.core.files import replacing
 
-    table = _table([_record(place, name)["row"] for name in _records(place)])
-
-    def parquet(path: Path) -> None:
-        with replacing(path, overwrite=True) as temporary:
-            pq.write_table(table, temporary)
-
-    def text(path: Path) -> None:
-        with replacing(path, overwrite=True) as temporary:
-            pyarrow.csv.write_csv(table, temporary)
-
-    place.write(f"{TABLE}.parquet", parquet)
-    place.write(f"{TABLE}.csv", text)
-
-
-def _table(rows: list[dict[str, Any]]) -> "pa.Table":
-    import pyarrow as pa
-
     kinds = {str: pa.string(), int: pa.int64(), float: pa.float64()}
     schema = pa.schema([pa.field(name, kinds[kind]) for name, kind in COLUMNS.items()])
-    rows.sort(key=lambda row: str(row["recording"]))
-    return pa.table({name: [row.get(name) for row in rows] for name in COLUMNS}, schema=schema)
+    names = _records(place)
+    writers: dict[str, Any] = {"parquet": ParquetWriter, "csv": CSVWriter}
+
+    def written(writer: Any, path: Path) -> None:
+        with replacing(path, overwrite=True) as temporary, writer(str(temporary), schema) as open_table:
+            for at in range(0, len(names), _ROWS):
+                rows = [_record(place, name)["row"] for name in names[at : at + _ROWS]]
+                open_table.write_table(pa.table({name: [row.get(name) for row in rows] for name in COLUMNS}, schema))
+
+    for suffix, writer in writers.items():
+        place.write(f"{TABLE}.{suffix}", partial(written, writer))
