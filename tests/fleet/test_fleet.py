@@ -18,6 +18,7 @@ from plumbob.fleet.items import Item, items_of
 from plumbob.fleet.job import COLUMNS
 from plumbob.fleet.places import fetched, place_of
 from plumbob.fleet.settings import cards_of
+from plumbob.overview.quality import MEANING
 from tests.battery.commandline import plumbob as call
 
 SETTINGS = {"filter": "mahony"}
@@ -26,7 +27,7 @@ SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
 
 
 def made(seed, duration=6.0):
-    found = plumbob.simulate("buoy", duration=duration, seed=seed, **SIM)
+    found = plumbob.simulate("buoy", duration=duration, seed=seed, lost=0.42 if seed == 1 else 0.0, **SIM)
     return plumbob.Recording(imu=found.imu, track=found.truth, name=f"r{seed}")
 
 
@@ -87,7 +88,23 @@ def test_a_part_is_what_estimate_writes_and_a_row_what_report_and_evaluate_say(f
     assert row["roll_std_deg"] == said["tilt"]["roll"]["std_deg"]
     assert row["inclination_greatest_deg"] == said["tilt"]["inclination"]["greatest_deg"]
     assert row["heading_mean_deg"] == said["heading"]["mean_deg"]
-    assert row["samples"] == 600 and row["rate_hz"] == pytest.approx(100.0)
+    assert row["samples"] == said["time"]["samples"] < 600 and row["rate_hz"] == pytest.approx(100.0)
+    assert row["missing_samples"] == said["time"]["missing_samples"] > 0 and row["gaps"] == said["time"]["gaps"] > 0
+    assert row["gap_share"] == said["time"]["lost_share"] > 0.0
+    flags = {name: worst(one["flag"] for one in told) for name, told in by_channel(said).items()}
+    assert row["grades"] == ", ".join(f"{name} {MEANING[flag]}" for name, flag in flags.items())
+    assert row["grade"] == MEANING[worst(flags.values())]
+
+
+def by_channel(said):
+    names = said["bursts"][0]["quality"]
+    return {name: [burst["quality"][name] for burst in said["bursts"]] for name in names}
+
+
+def worst(flags):
+    """Of QARTOD's flags: 4 fail, 3 suspect, 9 missing, 2 not evaluated, 1 pass."""
+    found = set(flags)
+    return next(flag for flag in (4, 3, 9, 2, 1) if flag in found)
 
 
 def test_other_tools_read_the_dataset(dataset):
@@ -97,7 +114,7 @@ def test_other_tools_read_the_dataset(dataset):
 
     out = dataset[1]
     table = pyarrow.dataset.dataset(out / "attitude", partitioning="hive").to_table()
-    assert table.num_rows == GOOD * 600
+    assert table.num_rows == sum(row["samples"] or 0 for row in dataset[0].rows())
     assert "deep/r0.parquet" in set(table["recording"].to_pylist())
     rows = pq.read_table(out / "verdicts.parquet")
     assert rows.column_names == list(COLUMNS) and rows.num_rows == GOOD + 3
@@ -135,15 +152,16 @@ def test_what_changed_is_made_again(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the system has no SIGKILL")
-def test_a_killed_run_leaves_whole_files_and_goes_on(folder, dataset, tmp_path):
+@pytest.mark.parametrize(("name", "code"), [("SIGKILL", -9), ("SIGTERM", 143)])
+def test_a_killed_run_leaves_whole_files_and_goes_on(folder, dataset, tmp_path, name, code):
     out = tmp_path / "out"
     words = [sys.executable, "-m", "plumbob", "batch", folder, "--out", out, "--filter", "mahony", "--jobs", "1"]
     child = subprocess.Popen([*map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     until = time.monotonic() + 60.0
     while len(list(out.glob("_jobs/*.json"))) < 4 and child.poll() is None and time.monotonic() < until:
         time.sleep(0.002)
-    child.send_signal(signal.SIGKILL)
-    child.wait()
+    child.send_signal(getattr(signal, name))
+    assert child.wait() == code
     records = len(list(out.glob("_jobs/*.json")))
     assert 4 <= records < GOOD + 3
     expected = parts(dataset[1])
