@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: page papers pictures setup demo test test-long lint docs pages dist house mutants bench bench-doctor noise array arm view accuracy endurance wire fuzz killed clean other-processor
+.PHONY: page papers pictures setup demo test test-long lint docs pages dist house mutants bench bench-doctor noise array arm view accuracy endurance wire fleet fuzz killed clean other-processor
 
 setup: $(VENV)/.installed
 
@@ -140,6 +140,10 @@ wire: setup
 	$(BIN)/python -m benchmarks.recorder_cost
 	$(BIN)/python -m benchmarks.acquire_latency
 	$(BIN)/python -m benchmarks.live --duration 600
+
+# A thousand recordings, some damaged: threads, and a cluster that loses a worker; some minutes.
+fleet: setup
+	$(BIN)/python -m benchmarks.fleet
 
 # Files of every format mutated, 5000 of each: exit codes, time and memory.
 fuzz: setup

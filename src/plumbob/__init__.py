@@ -80,6 +80,7 @@ if TYPE_CHECKING:
     from plumbob.filters import Filter, filter_names
     from plumbob.filters.known import cite
     from plumbob.filters.smoother import FixedLag
+    from plumbob.fleet.batch import Batch, batch
     from plumbob.noise.allan import allan
     from plumbob.overview.info import info
     from plumbob.overview.overview import plot, report
@@ -109,6 +110,7 @@ _HOME = {
     "ImuArray": "data.array",
     "load_chain": "data.chain_toml",
     "read_array": "session.reading",
+    "Batch": "fleet.batch",
     "CalibrationCard": "data.cards",
     "Decoder": "protocols.decode",
     "Evaluation": "evaluation",
@@ -128,6 +130,7 @@ _HOME = {
     "Session": "session.session",
     "allan": "noise.allan",
     "apply_card": "data.calibrated",
+    "batch": "fleet.batch",
     "calibrate": "calibration.calibrate",
     "cite": "filters.known",
     "compare": "evaluation.compare",
@@ -165,6 +168,7 @@ _HOME = {
 
 __all__ = [
     "AttitudeTrack",
+    "Batch",
     "CalibrationCard",
     "Chain",
     "Decoder",
@@ -189,6 +193,7 @@ __all__ = [
     "apply_card",
     "arm",
     "array",
+    "batch",
     "calibrate",
     "cite",
     "compare",

@@ -81,6 +81,7 @@ LINES = {
     "run --out": (["run", "sea.parquet", "--filter", "mahony", "--out", "track.parquet"], RUN),
     "run, refused": (["run", "none.parquet", "--filter", "mekf"], {"numpy", "filters"}),
     "report": (["report", "sea.parquet", "--filter", "mekf"], RUN | {"scipy", "scipy.fft", "scipy.special"}),
+    "batch, refused": (["batch", "none.parquet", "--out", "dataset"], READ | {"evaluation", "scipy"}),
     "plot": (
         ["plot", "sea.parquet", "--filter", "none", "--what", "rates", "--out", "rates.svg"],
         READ | {"matplotlib", "scipy", "scipy.fft", "scipy.special"},

@@ -42,6 +42,7 @@ VERBS = (
     "sim",
     "run",
     "report",
+    "batch",
     "reproduce",
     "plot",
     "eval",

@@ -10,6 +10,7 @@ from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from copy import copy
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
 
@@ -550,12 +551,18 @@ def _crc(name: str, values: NDArray[Any], before: int) -> int:
 
 def _crc_joined(first: int, second: int, size: int) -> int:
     """CRC-32 of bytes from that of their beginning, and from that of their other `size` bytes: first · x^(8 size)."""
+    return _product(_shift(size), first) ^ second
+
+
+@lru_cache(maxsize=64)
+def _shift(size: int) -> int:
+    """x^(8 size): the columns of a recording have two or three sizes, and this takes a hundred products."""
     shift, power = 1 << 31, 1 << 23  # x⁰ and x⁸: the highest power is the lowest bit
     while size:
         if size & 1:
             shift = _product(shift, power)
         power, size = _product(power, power), size >> 1
-    return _product(shift, first) ^ second
+    return shift
 
 
 def _product(a: int, b: int) -> int:

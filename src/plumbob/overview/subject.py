@@ -101,7 +101,7 @@ def subject_of(
     note, progress : callable, optional
         Called with remarks, and with the name, the samples done and all.
     """
-    with _opened(file, how) as (recording, paths, session):
+    with opened(file, how) as (recording, paths, session):
         given = {name: value for name, value in how.items() if name not in ("profile", "unit")}
         if session is not None and given.get("calibration") is None and session.card is not None:
             given["calibration"] = session.card
@@ -222,10 +222,13 @@ def _rows(track: AttitudeTrack, rows: slice) -> AttitudeTrack:
 
 
 @contextmanager
-def _opened(
-    file: str | Path | Recording | ImuData, how: Mapping[str, Any]
+def opened(
+    file: str | Path | Recording | ImuData, how: Mapping[str, Any], *, whole: bool = False
 ) -> "Iterator[tuple[Recording, tuple[Path, ...], Session | None]]":
-    """The recording, its files, and its session where it is of a line."""
+    """The recording, its files, and its session where it is of a line; `how` names its profile and unit.
+
+    With `whole`, its samples are read into memory once.
+    """
     if isinstance(file, ImuData):
         from plumbob.files.notes import unsaved
 
@@ -240,7 +243,7 @@ def _opened(
         return
     profile = how.get("profile")
     profile = None if profile is None else Path(profile)
-    read = read_one(path, profile=profile, whole=False, unit=how.get("unit"))
+    read = read_one(path, profile=profile, whole=whole, unit=how.get("unit"))
     parts = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
     yield replace(read, name=path.name), tuple(parts), None
 

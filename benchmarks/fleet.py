@@ -1,0 +1,210 @@
+"""A thousand recordings, one in twenty damaged: threads, a cluster that loses a worker, and what it costs.
+
+``python -m benchmarks.fleet``. The recordings are simulated once: some scenarios and seeds, and copies of them with
+noise of their own. Every attitude must have the same bits from one thread, two threads and the workers of a Dask
+scheduler, of which one is killed in the middle.
+"""
+
+import argparse
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import plumbob
+from benchmarks.harness.bar import Bar, bar_lines
+from plumbob.files.formats import read
+from plumbob.fleet.batch import Batch, batch
+
+SCENARIOS = (("buoy", 20.0), ("buoy", 40.0), ("buoy", 60.0), ("static", 30.0), ("coning", 20.0))
+PORT = 18786
+
+
+def recordings(folder: Path, count: int) -> dict[str, str]:
+    """Write the recordings, and say which of them are damaged, and how."""
+    how = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
+    base = [plumbob.simulate(name, duration=t, seed=seed, **how) for name, t in SCENARIOS for seed in (1, 2)]
+    damaged = {}
+    folder.mkdir(parents=True)
+    for k in range(count):
+        one, rng = base[k % len(base)], np.random.default_rng(k)
+        noisy = one.imu.gyr + 1e-4 * rng.standard_normal(one.imu.gyr.shape)
+        imu = one.imu.corrected(gyr=noisy, meta=replace(one.imu.meta, device=f"unit {k % 50}"))
+        file = folder / f"{k // 100:02d}" / f"r{k:04d}.parquet"
+        file.parent.mkdir(exist_ok=True)
+        plumbob.write(file, plumbob.Recording(imu=imu, track=one.truth))
+        if k % 20 == 7:
+            damaged[f"{file.parent.name}/{file.stem}"] = _damage(file, k // 20 % 6, rng)
+    return damaged
+
+
+def _damage(file: Path, how: int, rng: np.random.Generator) -> str:
+    whole = file.read_bytes()
+    if how == 0:
+        file.write_bytes(whole[: rng.integers(10, len(whole) - 10)])
+        return "cut"
+    if how == 1:
+        at = int(rng.integers(100, len(whole) // 2))
+        file.write_bytes(whole[:at] + bytes(255 - b for b in whole[at : at + 8]) + whole[at + 8 :])
+        return "flipped"
+    if how == 2:
+        file.write_bytes(b"")
+        return "empty"
+    if how == 3:
+        file.rename(file.with_suffix(".csv"))
+        return "wrong suffix"
+    return _table(file, "nan" if how == 4 else "time")
+
+
+def _table(file: Path, what: str) -> str:
+    """The samples as CSV with its profile, one column NaN throughout or one time before the one in front of it."""
+    recording = read(file)
+    file.unlink()
+    table = file.with_suffix(".csv")
+    plumbob.write(table, recording.imu)
+    lines = table.read_text().splitlines()
+    if what == "time":
+        lines[-1], lines[-5] = lines[-5], lines[-1]
+    else:
+        first = next(i for i, line in enumerate(lines) if line.startswith("t ["))
+        head = lines[first].split(",")
+        places = [i for i, name in enumerate(head) if name.startswith(("gyr", "acc"))]
+        rows = [row.split(",") for row in lines[first + 1 :]]
+        lines[first + 1 :] = [",".join("nan" if i in places else v for i, v in enumerate(row)) for row in rows]
+    table.write_text("\n".join(lines) + "\n")
+    return {"nan": "NaN columns", "time": "not increasing"}[what]
+
+
+def parts(root: Path) -> dict[str, bytes]:
+    return {path.parent.name: path.read_bytes() for path in root.glob("attitude/*/part.parquet")}
+
+
+def timed(folder: Path, out: Path, **how: object) -> tuple[Batch, float]:
+    began = time.perf_counter()
+    done = batch(folder, out, filter="mekf", **how)  # type: ignore[arg-type]
+    return done, time.perf_counter() - began
+
+
+def reading_alone(folder: Path) -> float:
+    began = time.perf_counter()
+    for path in sorted(folder.rglob("*.parquet")):
+        try:
+            read(path)
+        except plumbob.PlumbobError:
+            continue
+    return time.perf_counter() - began
+
+
+def cluster(folder: Path, out: Path) -> tuple[Batch, float, int]:
+    """By a scheduler and two workers, one of which is killed when a quarter is done; records that were there then."""
+    address = f"tcp://127.0.0.1:{PORT}"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    program = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(PORT),
+               "--no-dashboard"]  # fmt: skip
+    one = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny",
+           "--no-dashboard"]  # fmt: skip
+    children = [subprocess.Popen(program, **quiet)]  # type: ignore[call-overload]
+    then: list[int] = []
+    try:
+        time.sleep(3.0)
+        children += [subprocess.Popen(one, **quiet) for _ in range(2)]  # type: ignore[call-overload]
+        time.sleep(3.0)
+        total = sum(1 for path in folder.rglob("*") if path.is_file())
+
+        def killed() -> None:
+            while (found := len(list(out.glob("_jobs/*.json")))) < total // 4:
+                time.sleep(0.02)
+            children[1].send_signal(signal.SIGKILL)
+            then.append(found)
+
+        killer = threading.Thread(target=killed, daemon=True)
+        killer.start()
+        done, spent = timed(folder, out, cluster=address)
+    finally:
+        for child in children[::-1]:
+            child.terminate()
+            child.wait()
+    return done, spent, then[0] if then else 0
+
+
+def killed_run(folder: Path, out: Path) -> int:
+    """A run of its own process, killed in the middle; records that it left."""
+    words = [sys.executable, "-m", "plumbob", "batch", str(folder), "--out", str(out), "--filter", "mekf"]
+    child = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while child.poll() is None and len(list(out.glob("_jobs/*.json"))) < 100:
+        time.sleep(0.02)
+    child.send_signal(signal.SIGKILL)
+    child.wait()
+    return len(list(out.glob("_jobs/*.json")))
+
+
+def measured(root: Path, count: int, *, dask: bool) -> Iterator[str]:
+    folder = root / "in"
+    damaged = recordings(folder, count)
+    size = sum(path.stat().st_size for path in folder.rglob("*.parquet"))
+    yield f"{count} recordings, {size / 2**20:.0f} MiB, {len(damaged)} damaged: {dict(Counter(damaged.values()))}"
+    timed(folder / "00", root / "warm", jobs=1)
+    alone = reading_alone(folder)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    one, t1 = timed(folder, root / "one", jobs=1)
+    t2 = timed(folder, root / "two", jobs=2)[1]
+    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    found, expected = {row["recording"].rpartition(".")[0]: row for row in one.rows()}, parts(root / "one")
+    bars = [Bar("recordings without a verdict", count - len(found), 0, 0),
+            Bar("parts of two threads that differ", _differ(expected, parts(root / "two")), 0, 0)]  # fmt: skip
+    yield f"reading the files alone {alone:.1f} s; one thread {t1:.1f} s, {t1 / alone:.1f} times that; two {t2:.1f} s"
+    yield f"two threads over one: {t1 / t2:.2f} (1.7 on a quiet machine; load average {os.getloadavg()[0]:.1f})"
+    yield f"peak memory {after:.0f} MiB, {after - before:.0f} MiB more than after the first hundred"
+    for how in sorted(set(damaged.values())):
+        rows = [found[name] for name, why in damaged.items() if why == how]
+        verdicts = dict(Counter(row["verdict"] for row in rows))
+        yield f"  {how}: {verdicts}, as: {(rows[0]['reason'] or rows[0]['flags'])[:80]}"
+    bars.append(Bar("whole recordings that are not done", sum(
+        row["verdict"] != "done" for name, row in found.items() if name not in damaged), 0, 0))  # fmt: skip
+    left = killed_run(folder, root / "killed")
+    again = timed(folder, root / "killed", jobs=2)[0]
+    yield f"killed with {left} records, then {again.skipped} of {again.recordings} were not made again"
+    bars += [Bar("parts after a kill that differ", _differ(expected, parts(root / "killed")), 0, 0),
+             Bar("records made again", left - again.skipped, 0, 0)]  # fmt: skip
+    if dask:
+        done, t3, then = cluster(folder, root / "cluster")
+        yield f"two workers of Dask, one killed after {then} records: {t3:.1f} s, {done.counts}"
+        bars += [Bar("parts of the cluster that differ", _differ(expected, parts(root / "cluster")), 0, 0),
+                 Bar("recordings without a verdict of the cluster", count - done.recordings, 0, 0)]  # fmt: skip
+    yield ""
+    yield from bar_lines(bars)
+
+
+def _differ(one: dict[str, bytes], other: dict[str, bytes]) -> int:
+    return sum(one.get(name) != other.get(name) for name in one.keys() | other.keys())
+
+
+def main() -> int:
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("--count", type=int, default=1000, help="recordings (1000)")
+    p.add_argument("--no-dask", action="store_true", help="threads alone")
+    args = p.parse_args()
+    root = Path(tempfile.mkdtemp(prefix="plumbob-fleet-"))
+    failed = False
+    try:
+        for line in measured(root, args.count, dask=not args.no_dask):
+            failed |= line.endswith("MISSED")
+            print(line, flush=True)
+    finally:
+        shutil.rmtree(root, ignore_errors=True)
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

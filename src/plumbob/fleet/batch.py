@@ -1,0 +1,298 @@
+"""Many recordings to one dataset: `plumbob.batch`."""
+
+import json
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from plumbob.core import check
+from plumbob.core.errors import ParameterError
+from plumbob.core.text import Shown, counted
+from plumbob.core.units import Quantity, given
+from plumbob.fleet.items import JOBS, Item, Source, items_of
+from plumbob.fleet.job import COLUMNS, VERDICTS, Outcome
+from plumbob.fleet.places import Place, is_url, place_of
+from plumbob.fleet.settings import Settings, cards_of
+from plumbob.fleet.workers import by_cluster, by_threads
+from plumbob.overview.gathered import BURST
+from plumbob.overview.tilt import LIMIT
+from plumbob.rotations import Frame
+
+if TYPE_CHECKING:
+    from plumbob.data.cards import NoiseCard
+
+TABLE: Final = "verdicts"
+"""Stem of the table of verdicts."""
+_SHOWN: Final = 20
+_ROWS: Final = 1000
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Batch(Shown):
+    """What a run of a batch did.
+
+    Attributes
+    ----------
+    dataset : str
+        Path or URL of the dataset.
+    counts : mapping of str to int
+        Recordings of each verdict.
+    skipped : int
+        How many of them had been so before.
+    seconds : float
+        Time of the run.
+    others : tuple of Outcome
+        The first recordings that are not done.
+    """
+
+    dataset: str
+    counts: Mapping[str, int]
+    skipped: int
+    seconds: float
+    others: tuple[Outcome, ...]
+
+    @property
+    def recordings(self) -> int:
+        """How many there were."""
+        return sum(self.counts.values())
+
+    def facts(self) -> Mapping[str, str]:
+        """Dataset, and the count of each verdict."""
+        return {"dataset": self.dataset, **{name: str(count) for name, count in self.counts.items()}}
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Rows of the table of verdicts, of this run and of those before it into the same dataset."""
+        place = place_of(self.dataset)
+        return [_record(place, name)["row"] for name in _records(place)]
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, as JSON can hold them."""
+        return {
+            "dataset": self.dataset,
+            "recordings": self.recordings,
+            "verdicts": dict(self.counts),
+            "skipped": self.skipped,
+            "seconds": round(self.seconds, 3),
+            "not_done": [
+                {"recording": one.name, "verdict": one.verdict, "reason": one.reason} for one in self.others
+            ],
+        }  # fmt: skip
+
+    def text(self) -> str:
+        """What a reader wants to know first, a line each."""
+        lines = [f"recordings   {self.recordings}, {self.skipped} of them as they were before"]
+        lines += [f"{name:12} {count}" for name, count in self.counts.items() if count]
+        lines += [f"{one.verdict:12} {one.name}: {one.reason}" for one in self.others]
+        if (more := self.recordings - self.counts["done"] - len(self.others)) > 0:
+            lines.append(f"{'':12} and {counted(more, 'further one')}; see the table of verdicts")
+        lines.append(f"dataset      {self.dataset}, {self.seconds:.1f} s")
+        return "\n".join(lines)
+
+
+def batch(
+    sources: Source | Iterable[Source],
+    out: str | os.PathLike[str],
+    *,
+    filter: str | None = None,
+    causal: bool = False,
+    lag: float | str | None = None,
+    params: Mapping[str, Any] | None = None,
+    frame: Frame | str | None = None,
+    init: str | None = None,
+    calibration: Any = None,
+    noise: "NoiseCard | str | Path | None" = None,
+    place: str | None = None,
+    date: str | None = None,
+    profile: str | Path | None = None,
+    unit: str | None = None,
+    burst: float | str = BURST,
+    tilt_limit: float | str = LIMIT,
+    align: Iterable[str] = (),
+    settle: float | str = 0.0,
+    pages: bool = False,
+    jobs: int | None = None,
+    cluster: str | None = None,
+    max_bytes: int = 4 << 30,
+    note: Callable[[str], object] | None = None,
+    progress: Callable[[int, int | None], object] | None = None,
+) -> Batch:
+    """Estimate the attitude of many recordings, and write a dataset and a table of verdicts.
+
+    A recording that is damaged or cannot be used is a row of the table, and not the end. A second run goes on where the
+    first one ended, however it ended: what was made of the same input by the same settings is not made again.
+
+    Parameters
+    ----------
+    sources : path, URL, pattern, Recording or ImuData, or an iterable of them
+        Files of any format that `plumbob.read` takes; folders, with all folders in them; patterns, as
+        ``"sea/**/*.parquet"``; URLs that fsspec knows. An iterable is asked for its next recording when there is room.
+    out : path or URL
+        Folder of the dataset, a new one or one of an earlier run.
+    filter, causal, lag, params, frame, init, noise, place, date, profile, unit : optional
+        As of `plumbob.estimate`, the same for all.
+    calibration : CalibrationCard or path, or several, optional
+        One card for all recordings; or a folder or a sequence of cards, each for the recordings of its device.
+    burst, tilt_limit : float or str
+        As of `plumbob.report`.
+    align, settle : optional
+        As of `plumbob.evaluate`, where a recording carries a reference.
+    pages : bool
+        Whether a page of each recording is written, as `plumbob.report` does.
+    jobs : int, optional
+        Threads; by default one for each processor. Each holds one recording in memory.
+    cluster : str, optional
+        Address of a Dask scheduler, as ``"tcp://127.0.0.1:8786"``, whose workers do it in place of threads. They must
+        see the same paths.
+    max_bytes : int
+        Bytes that a file behind a URL may have.
+    note : callable, optional
+        Called with each remark, and each recording that is not done.
+    progress : callable, optional
+        Called with the number of recordings that are over, and of all; None where that is not known.
+
+    Returns
+    -------
+    Batch
+        Its `rows` are those of the table of verdicts.
+
+    Raises
+    ------
+    ParameterError
+        If an option is wrong, nothing matches, two recordings have one name, or another run writes the dataset.
+    CalibrationError, DecodeError
+        If a card cannot be read.
+    MissingExtraError
+        If a URL, a cluster or pages need what is not installed.
+    """
+    began = time.perf_counter()
+    say = note if note is not None else _nothing
+    how = {
+        "filter": filter, "causal": causal, "lag": lag, "params": dict(params or {}),
+        "frame": None if frame is None else str(Frame.parse(frame)), "init": init, "place": place, "date": date,
+        "profile": profile, "unit": unit,
+    }  # fmt: skip
+    cards, by_device = cards_of(calibration)
+    settings = Settings(
+        how={name: value for name, value in how.items() if value},
+        cards=cards, by_device=by_device, noise=_noise(noise), burst=_si("burst", burst, Quantity.TIME),
+        tilt_limit=_si("tilt_limit", tilt_limit, Quantity.ANGLE),
+        align=tuple(align), settle=_si("settle", settle, Quantity.TIME), pages=pages, max_bytes=max_bytes,
+    )  # fmt: skip
+    where, threads = _dataset(out), _threads(jobs, cluster)
+    items, total = _listed(sources, say)
+    settings.prepare()
+    dataset = place_of(where)
+    counts, others, skipped = Counter(dict.fromkeys(VERDICTS, 0)), list[Outcome](), 0
+    with dataset.locked():
+        running = by_threads(settings, items, where, threads) if cluster is None else by_cluster(
+            settings, items, where, cluster)  # fmt: skip
+        with closing(running):
+            for number, outcome in enumerate(running, 1):
+                counts[outcome.verdict] += 1
+                skipped += outcome.skipped
+                if outcome.reason:
+                    say(f"{outcome.name}: {outcome.verdict}: {outcome.reason}")
+                    if len(others) < _SHOWN:
+                        others.append(outcome)
+                if progress is not None:
+                    progress(number, total)
+        _write_table(dataset)
+    shown = tuple(sorted(others, key=lambda one: one.name))
+    return Batch(where, dict(counts), skipped, time.perf_counter() - began, shown)
+
+
+def _nothing(_text: str) -> None:
+    pass
+
+
+def _si(name: str, value: float | str, quantity: Quantity) -> float:
+    """In SI, so that settings are the same however a number was written."""
+    found = given(name, value, quantity)
+    assert found is not None
+    return found
+
+
+def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
+    if given is None:
+        return None
+    from plumbob.data.cards import NoiseCard
+
+    return NoiseCard.of(given)
+
+
+def _threads(jobs: int | None, cluster: str | None) -> int:
+    if jobs is not None and cluster is not None:
+        raise ParameterError("jobs is the number of threads here, but a cluster has its own workers. Leave one out.")
+    threads = os.cpu_count() or 1 if jobs is None else jobs
+    if not 1 <= threads <= 1024:
+        raise ParameterError(f"jobs must be 1 to 1024, but it is {threads}.")
+    return threads
+
+
+def _dataset(out: str | os.PathLike[str]) -> str:
+    """Path or URL of a dataset, or of a folder that is empty or not there.
+
+    Raises
+    ------
+    ParameterError
+        If other files lie there.
+    """
+    text = os.fspath(out)
+    if not is_url(text):
+        path = check.path("out", out)
+        text = str(path.absolute())  # the workers of a cluster have folders of their own
+        if path.exists() and not path.is_dir():
+            raise ParameterError(f"{out} is a file, but a dataset is a folder. Name another one.")
+    held = place_of(text).names()
+    if held and JOBS not in held:
+        raise ParameterError(f"{out} holds other files ({held[0]}), and not a dataset. Name a new or an empty folder.")
+    return text
+
+
+def _listed(sources: Source | Iterable[Source], say: Callable[[str], object]) -> tuple[Iterable[Item], int | None]:
+    """Items, and how many there are where they need not be made to be counted."""
+    found = items_of(sources, say)
+    if isinstance(sources, Iterator):
+        return found, None
+    listed = list(found)
+    if not listed:
+        raise ParameterError("there is not a recording among what was given. Name files, a folder or a pattern.")
+    return listed, len(listed)
+
+
+def _records(place: Place) -> list[str]:
+    return [name for name in place.names(JOBS) if name.endswith(".json") and not name.startswith(".")]
+
+
+def _record(place: Place, name: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(place.read(f"{JOBS}/{name}") or b"null")
+    return found
+
+
+def _write_table(place: Place) -> None:
+    """Table of verdicts of all records, in the order of their names, as Parquet and as CSV; few rows at a time."""
+    import pyarrow as pa
+    from pyarrow.csv import CSVWriter
+    from pyarrow.parquet import ParquetWriter
+
+    from plumbob.core.files import replacing
+
+    kinds = {str: pa.string(), int: pa.int64(), float: pa.float64()}
+    schema = pa.schema([pa.field(name, kinds[kind]) for name, kind in COLUMNS.items()])
+    names = _records(place)
+    writers: dict[str, Any] = {"parquet": ParquetWriter, "csv": CSVWriter}
+
+    def written(writer: Any, path: Path) -> None:
+        with replacing(path, overwrite=True) as temporary, writer(str(temporary), schema) as open_table:
+            for at in range(0, len(names), _ROWS):
+                rows = [_record(place, name)["row"] for name in names[at : at + _ROWS]]
+                open_table.write_table(pa.table({name: [row.get(name) for row in rows] for name in COLUMNS}, schema))
+
+    for suffix, writer in writers.items():
+        place.write(f"{TABLE}.{suffix}", partial(written, writer))

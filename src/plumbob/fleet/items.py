@@ -1,0 +1,192 @@
+"""What a batch works on: files, folders, patterns, URLs and recordings in memory, each under a name of its own."""
+
+import glob
+import hashlib
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Final
+from urllib.parse import quote
+
+from plumbob.core.errors import ParameterError
+from plumbob.data import ImuData
+from plumbob.files import Recording
+from plumbob.files.columns import to_columns
+from plumbob.files.formats import is_recording
+from plumbob.files.header import dump, header_of
+from plumbob.files.notes import unsaved
+from plumbob.fleet.places import fetched, filesystem, is_url
+
+Source = str | os.PathLike[str] | Recording | ImuData
+Note = Callable[[str], object]
+
+JOBS: Final = "_jobs"
+"""Folder of a dataset by which it is known."""
+_LONGEST: Final = 180
+_DEEPEST: Final = 32
+_BESIDE: Final = (".toml", ".json", ".md")
+"""Suffixes of what lies beside recordings: profiles, cards, words."""
+
+
+@dataclass(frozen=True, eq=False)
+class Item:
+    """One recording of a batch.
+
+    Attributes
+    ----------
+    name : str
+        What the dataset calls it: of a file its path in the folder, or behind the pattern's fixed part, that was given.
+    source : str or Recording
+        Its path or URL, or the recording itself.
+    """
+
+    name: str
+    source: str | Recording
+
+    @property
+    def where(self) -> str:
+        """Its path or URL; none of a recording in memory."""
+        return self.source if isinstance(self.source, str) else ""
+
+    @property
+    def key(self) -> str:
+        """Name of its file and folder in a dataset: quoted as in a URL, and cut where it is long."""
+        key = quote(self.name, safe=" ()+,")
+        if len(key) <= _LONGEST:
+            return key
+        return f"{key[: _LONGEST - 17].rstrip('%')}~{hashlib.sha256(self.name.encode()).hexdigest()[:16]}"
+
+    @contextmanager
+    def local(self, most: int) -> Iterator[Path | Recording]:
+        """The recording, or its file on this machine; errors as of `plumbob.fleet.places.fetched`."""
+        if isinstance(self.source, Recording):
+            yield self.source
+        elif is_url(self.source):
+            with fetched(self.source, most) as path:
+                yield path
+        else:
+            yield Path(self.source)
+
+
+def digest_of(given: Path | Recording) -> str:
+    """SHA-256 of a file, of all files of a folder, or of a recording's header and columns."""
+    if isinstance(given, Recording):
+        columns = to_columns(given)
+        found = hashlib.sha256(dump(header_of(given, list(columns))))
+        for name, values in sorted(columns.items()):
+            found.update(name.encode())
+            found.update(values.tobytes())
+        return found.hexdigest()
+    if not given.is_dir():
+        with given.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    whole = hashlib.sha256()
+    for path in sorted(path for path in given.rglob("*") if path.is_file()):
+        whole.update(f"{path.relative_to(given).as_posix()}\0".encode())
+        whole.update(digest_of(path).encode())
+    return whole.hexdigest()
+
+
+def items_of(sources: Source | Iterable[Source], note: Note) -> Iterator[Item]:
+    """Each recording of what was given; a note says what is left out.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such file, nothing matches a pattern, or two recordings would have one name.
+    """
+    if isinstance(sources, str | os.PathLike | Recording | ImuData):
+        sources = [sources]
+    seen: dict[str, str] = {}
+    for number, source in enumerate(sources, 1):
+        for item in _items(source, number, note):
+            if item.key in seen:
+                raise ParameterError(
+                    f"two recordings are called {item.name}: {seen[item.key] or 'one in memory'} and "
+                    f"{item.where or 'another one'}. Name a folder above both, or name recordings in memory "
+                    "differently."
+                )
+            seen[item.key] = item.where
+            yield item
+
+
+def _items(source: Source, number: int, note: Note) -> Iterator[Item]:
+    if isinstance(source, ImuData):
+        source = unsaved(source, f"samples-{number:06d}")
+    if isinstance(source, Recording):
+        yield Item(source.name or f"recording-{number:06d}", source)
+        return
+    text = os.fspath(source)
+    if is_url(text):
+        yield from _behind_url(text)
+        return
+    path = Path(text)
+    if not path.exists() and glob.has_magic(text):
+        yield from _of_pattern(text, note)
+    elif not path.exists():
+        raise ParameterError(f"{text} does not exist. Check the path; a pattern has *, ? or [.")
+    elif path.is_dir() and not is_recording(path):
+        yield from _of_folder(path, path, note)
+    else:
+        yield Item(path.name, text)
+
+
+def _of_pattern(text: str, note: Note) -> Iterator[Item]:
+    base = Path(*_fixed(Path(text).parts))
+    found = sorted(glob.glob(text, recursive=True))  # noqa: PTH207 - a pattern with folders, absolute or not
+    if not found:
+        raise ParameterError(f"nothing matches {text}. Check the pattern; ** stands for folders in folders.")
+    for one in found:
+        path = Path(one)
+        if path.is_dir() and not is_recording(path):
+            if "**" not in text:  # there its files match, too
+                yield from _of_folder(path, base, note)
+        else:
+            yield Item(path.relative_to(base).as_posix(), one)
+
+
+def _fixed(parts: tuple[str, ...]) -> Iterator[str]:
+    """Folders before the first part with a wildcard."""
+    for part in parts[:-1]:
+        if glob.has_magic(part):
+            return
+        yield part
+
+
+def _of_folder(folder: Path, base: Path, note: Note, depth: int = 0) -> Iterator[Item]:
+    """Recordings in a folder and those in it, in the order of their names."""
+    if (folder / JOBS).is_dir():
+        note(f"{folder} is a dataset of a batch; it is left out")
+        return
+    left: list[str] = []
+    for path in sorted(folder.iterdir()):
+        if path.name.startswith("."):
+            continue
+        if is_recording(path):
+            yield Item(path.relative_to(base).as_posix(), str(path))
+        elif path.is_dir() and not path.is_symlink() and depth < _DEEPEST:
+            yield from _of_folder(path, base, note, depth + 1)
+        elif path.suffix.lower() not in _BESIDE:
+            left.append(path.name)
+    if left:
+        shown = ", ".join(left[:5]) + (f" and {len(left) - 5} more" if len(left) > 5 else "")
+        note(f"{folder}: left out, because no format has such a suffix: {shown}")
+
+
+def _behind_url(url: str) -> Iterator[Item]:
+    """What a URL names, matches, or holds."""
+    system, path = filesystem(url)
+    scheme = url.partition("://")[0]
+    magic = glob.has_magic(path)
+    if not magic and system.isfile(path):
+        yield Item(PurePosixPath(path).name, url)
+        return
+    base = "/".join(_fixed(tuple(path.split("/")))) if magic else path.rstrip("/")
+    found = sorted(map(str, system.glob(path) if magic else system.find(path)))
+    taken = [one for one in found if system.isfile(one) and (magic or is_recording(Path(PurePosixPath(one).name)))]
+    if not taken:
+        raise ParameterError(f"no recording is at {url}. Check the URL.")
+    for one in taken:
+        yield Item(one[len(base) :].lstrip("/"), f"{scheme}://{one.lstrip('/') if scheme != 'file' else one}")

@@ -1,0 +1,252 @@
+"""Where a dataset lies: a folder on this machine, or one behind a URL, by fsspec. Files appear whole or not at all.
+
+Names in a place are relative, with ``/`` between folders.
+"""
+
+import json
+import os
+import re
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from secrets import token_hex
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError, one_line
+from plumbob.core.files import lock
+
+if TYPE_CHECKING:
+    from fsspec import AbstractFileSystem
+
+Fill = Callable[[Path], object]
+"""Writes a file at a path, where one may lie already."""
+
+LOCK: Final = "_jobs/.lock"
+_STALE: Final = 900.0
+"""Age of the lock of a run on another machine, s, above which that run counts as ended."""
+_BEAT: Final = 60.0
+_COPY: Final = 1 << 20
+
+
+class Place(Protocol):
+    """A folder that holds a dataset."""
+
+    def names(self, folder: str = "") -> list[str]:
+        """Names of what lies in a folder, in order; none where it does not exist."""
+        ...
+
+    def has(self, name: str) -> bool:
+        """Whether a file is there."""
+        ...
+
+    def read(self, name: str) -> bytes | None:
+        """Content of a file; None where there is none."""
+        ...
+
+    def write(self, name: str, fill: Fill) -> None:
+        """Write a file, whole or not at all."""
+        ...
+
+    def remove(self, name: str) -> None:
+        """Remove a file, if it is there."""
+        ...
+
+    def locked(self) -> Any:
+        """Context in which no other run writes here; another one is refused."""
+        ...
+
+
+def is_url(text: str) -> bool:
+    """Whether a name is a URL, as ``s3://bucket/folder``."""
+    return re.match(r"[a-zA-Z][a-zA-Z0-9+.-]+://", text) is not None
+
+
+def place_of(name: str) -> Place:
+    """Place of a path or a URL."""
+    return _Remote(name) if is_url(name) else _Local(Path(name))
+
+
+def filesystem(url: str) -> "tuple[AbstractFileSystem, str]":
+    """File system of a URL, and the path in it.
+
+    Raises
+    ------
+    MissingExtraError
+        If fsspec, or what it needs for such URLs, is not installed.
+    ParameterError
+        If it knows no such URLs.
+    """
+    try:
+        from fsspec.core import url_to_fs
+    except ImportError as error:
+        raise MissingExtraError(f'{url} needs fsspec; install it with: pip install "plumbob[remote]".') from error
+    try:
+        found, path = url_to_fs(url)
+    except ImportError as error:
+        raise MissingExtraError(f"{url} needs a package that is not installed: {one_line(error)}.") from error
+    except ValueError as error:
+        raise ParameterError(f"{url} cannot be opened: {one_line(error)}. Check the URL.") from error
+    return found, str(path)
+
+
+@contextmanager
+def fetched(url: str, most: int) -> Iterator[Path]:
+    """Local copy of a file behind a URL, of the same name; it is removed afterwards.
+
+    Raises
+    ------
+    DecodeError
+        If it has more than `most` bytes, or cannot be read.
+    """
+    system, path = filesystem(url)
+    with TemporaryDirectory(prefix="plumbob-") as folder:
+        copy = Path(folder) / (path.rstrip("/").rpartition("/")[2] or "recording")
+        size = 0
+        try:
+            with system.open(path, "rb") as source, copy.open("wb") as target:
+                while part := source.read(_COPY):
+                    size += len(part)
+                    if size > most:
+                        break
+                    target.write(part)
+        except (OSError, ValueError) as error:
+            raise DecodeError(f"{url} cannot be read: {one_line(error) or type(error).__name__}.") from error
+        if size > most:
+            raise DecodeError(f"{url} has more than {most} bytes, which is the limit; allow more with max_bytes.")
+        yield copy
+
+
+class _Local:
+    def __init__(self, root: Path) -> None:
+        self._root = root
+
+    def names(self, folder: str = "") -> list[str]:
+        with suppress(FileNotFoundError):
+            return sorted(path.name for path in (self._root / folder).iterdir())
+        return []
+
+    def has(self, name: str) -> bool:
+        return (self._root / name).is_file()
+
+    def read(self, name: str) -> bytes | None:
+        with suppress(FileNotFoundError):
+            return (self._root / name).read_bytes()
+        return None
+
+    def write(self, name: str, fill: Fill) -> None:
+        path = self._root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        fill(path)
+
+    def remove(self, name: str) -> None:
+        (self._root / name).unlink(missing_ok=True)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Hold a lock of the system, which goes with the process that has it, however that ends."""
+        path = self._root / LOCK
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(path, os.O_CREAT | os.O_RDWR, 0o666)
+        try:
+            try:
+                lock(descriptor)
+            except OSError:
+                raise _taken(str(self._root), os.read(descriptor, 200).decode("utf-8", "replace")) from None
+            os.truncate(descriptor, 0)
+            os.write(descriptor, _holder().encode())
+            yield
+        finally:
+            os.close(descriptor)
+
+
+class _Remote:
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self._system, root = filesystem(url)
+        self._root = root.rstrip("/")
+
+    def names(self, folder: str = "") -> list[str]:
+        with suppress(FileNotFoundError):
+            self._system.invalidate_cache()
+            found = self._system.ls(self._path(folder), detail=False)
+            return sorted(name.rstrip("/").rpartition("/")[2] for name in found)
+        return []
+
+    def has(self, name: str) -> bool:
+        return bool(self._system.isfile(self._path(name)))
+
+    def read(self, name: str) -> bytes | None:
+        with suppress(FileNotFoundError):
+            return bytes(self._system.cat_file(self._path(name)))
+        return None
+
+    def write(self, name: str, fill: Fill) -> None:
+        """Write it here, send it under another name, and rename it there."""
+        with TemporaryDirectory(prefix="plumbob-") as folder:
+            copy = Path(folder) / name.rpartition("/")[2]
+            fill(copy)
+            sent = self._path(f"_temporary/{token_hex(8)}")
+            try:
+                self._system.makedirs(self._path("_temporary"), exist_ok=True)
+                self._system.put_file(str(copy), sent)
+                self._system.makedirs(self._path(name).rpartition("/")[0], exist_ok=True)
+                self._system.mv(sent, self._path(name))
+            except OSError as error:
+                raise DecodeError(f"{self._url}/{name} cannot be written: {one_line(error)}.") from error
+
+    def remove(self, name: str) -> None:
+        with suppress(FileNotFoundError):
+            self._system.rm_file(self._path(name))
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Hold a file that says since when; it is written again while the run lasts, and an old one is passed over."""
+        held = json.loads(self.read(LOCK) or b"null")
+        if held is not None and time.time() - held["time"] < _STALE and not _ended(held["holder"]):
+            raise _taken(self._url, held["holder"])
+        over = threading.Event()
+        with ExitStack() as stack:
+            self._beat()
+            stack.callback(self.remove, LOCK)
+            beating = threading.Thread(target=self._beats, args=(over,), daemon=True)
+            beating.start()
+            stack.callback(beating.join)
+            stack.callback(over.set)
+            yield
+
+    def _beat(self) -> None:
+        self.write(LOCK, lambda path: path.write_text(json.dumps({"holder": _holder(), "time": time.time()})))
+
+    def _beats(self, over: threading.Event) -> None:
+        while not over.wait(_BEAT):
+            with suppress(Exception):  # the network may come back
+                self._beat()
+
+    def _path(self, name: str) -> str:
+        return f"{self._root}/{name}".rstrip("/")
+
+
+def _holder() -> str:
+    return f"process {os.getpid()} on {socket.gethostname()}"
+
+
+def _ended(holder: str) -> bool:
+    """Whether it is a process of this machine that does not live any more."""
+    found = re.fullmatch(r"process (\d{1,9}) on (.*)", holder)
+    if found is None or found[2] != socket.gethostname() or os.name == "nt":
+        return False
+    try:
+        os.kill(int(found[1]), 0)
+    except ProcessLookupError:
+        return True
+    except PermissionError:
+        return False
+    return False
+
+
+def _taken(where: str, holder: str) -> ParameterError:
+    return ParameterError(f"{where} is written by another run ({holder or 'not named'}); wait for its end.")

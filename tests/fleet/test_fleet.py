@@ -1,0 +1,305 @@
+"""A batch of recordings: verdicts, the same bits by any number of workers, and going on after any end."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import plumbob
+from plumbob.core.errors import CalibrationError, DecodeError, ParameterError
+from plumbob.data.cards import CalibrationCard
+from plumbob.fleet.items import Item, items_of
+from plumbob.fleet.job import COLUMNS
+from plumbob.fleet.places import fetched, place_of
+from plumbob.fleet.settings import cards_of
+from plumbob.overview.quality import MEANING
+from tests.battery.commandline import plumbob as call
+
+SETTINGS = {"filter": "mahony"}
+GOOD, BAD = 9, {"cut.parquet": "damaged", "empty.parquet": "damaged", "late.csv": "damaged"}
+SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
+
+
+def made(seed, duration=6.0):
+    found = plumbob.simulate("buoy", duration=duration, seed=seed, lost=0.42 if seed == 1 else 0.0, **SIM)
+    return plumbob.Recording(imu=found.imu, track=found.truth, name=f"r{seed}")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    root = tmp_path_factory.mktemp("fleet") / "in"
+    (root / "deep").mkdir(parents=True)
+    for seed in range(GOOD):
+        plumbob.write(root / ("deep" if seed % 3 == 0 else "") / f"r{seed}.parquet", made(seed))
+    whole = (root / "r1.parquet").read_bytes()
+    (root / "cut.parquet").write_bytes(whole[: len(whole) // 2])
+    (root / "empty.parquet").write_bytes(b"")
+    (root / "late.csv").write_bytes(whole)
+    (root / "notes.doc").write_text("not a recording")
+    return root
+
+
+@pytest.fixture(scope="module")
+def dataset(folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("fleet") / "out"
+    return plumbob.batch(folder, out, jobs=1, **SETTINGS), out
+
+
+def parts(root):
+    return {path.parent.name: path.read_bytes() for path in root.glob("attitude/*/part.parquet")}
+
+
+def verdicts(rows):
+    return {row["recording"]: row["verdict"] for row in rows}
+
+
+def test_each_recording_has_a_row_and_a_damaged_one_is_not_the_end(dataset):
+    done, out = dataset
+    assert done.counts == {"done": GOOD, "refused": 0, "damaged": 3, "failed": 0}
+    found = verdicts(done.rows())
+    assert {name: found[name] for name in BAD} == BAD
+    assert [name for name, verdict in found.items() if verdict == "done"] == sorted(
+        f"{'deep/' if seed % 3 == 0 else ''}r{seed}.parquet" for seed in range(GOOD)
+    )
+    assert len(parts(out)) == GOOD
+    assert all(row["reason"] for row in done.rows() if row["verdict"] != "done")
+
+
+def test_bits_do_not_depend_on_the_number_of_threads(folder, dataset, tmp_path):
+    plumbob.batch(folder, tmp_path / "three", jobs=3, **SETTINGS)
+    assert parts(tmp_path / "three") == parts(dataset[1])
+
+
+def test_a_part_is_what_estimate_writes_and_a_row_what_report_and_evaluate_say(folder, dataset):
+    done, out = dataset
+    file = folder / "r1.parquet"
+    track = plumbob.read(out / "attitude/recording=r1.parquet/part.parquet").track
+    expected = plumbob.estimate(file, "mahony")
+    assert track.q_nb.tobytes() == expected.track.q_nb.tobytes()
+    row = next(row for row in done.rows() if row["recording"] == "r1.parquet")
+    assert row["total_rmse_deg"] == plumbob.evaluate(expected, file).summary()["total_rmse_deg"]
+    said = plumbob.report(file, filter="mahony").summary()["recordings"][0]
+    assert row["roll_std_deg"] == said["tilt"]["roll"]["std_deg"]
+    assert row["inclination_greatest_deg"] == said["tilt"]["inclination"]["greatest_deg"]
+    assert row["heading_mean_deg"] == said["heading"]["mean_deg"]
+    assert row["samples"] == said["time"]["samples"] < 600 and row["rate_hz"] == pytest.approx(100.0)
+    assert row["missing_samples"] == said["time"]["missing_samples"] > 0 and row["gaps"] == said["time"]["gaps"] > 0
+    assert row["gap_share"] == said["time"]["lost_share"] > 0.0
+    flags = {name: worst(one["flag"] for one in told) for name, told in by_channel(said).items()}
+    assert row["grades"] == ", ".join(f"{name} {MEANING[flag]}" for name, flag in flags.items())
+    assert row["grade"] == MEANING[worst(flags.values())]
+
+
+def by_channel(said):
+    names = said["bursts"][0]["quality"]
+    return {name: [burst["quality"][name] for burst in said["bursts"]] for name in names}
+
+
+def worst(flags):
+    """Of QARTOD's flags: 4 fail, 3 suspect, 9 missing, 2 not evaluated, 1 pass."""
+    found = set(flags)
+    return next(flag for flag in (4, 3, 9, 2, 1) if flag in found)
+
+
+def test_other_tools_read_the_dataset(dataset):
+    import pyarrow.csv
+    import pyarrow.dataset
+    import pyarrow.parquet as pq
+
+    out = dataset[1]
+    table = pyarrow.dataset.dataset(out / "attitude", partitioning="hive").to_table()
+    assert table.num_rows == sum(row["samples"] or 0 for row in dataset[0].rows())
+    assert "deep/r0.parquet" in set(table["recording"].to_pylist())
+    rows = pq.read_table(out / "verdicts.parquet")
+    assert rows.column_names == list(COLUMNS) and rows.num_rows == GOOD + 3
+    assert pyarrow.csv.read_csv(out / "verdicts.csv").num_rows == GOOD + 3
+
+
+def test_a_second_run_makes_nothing_again(folder, dataset):
+    out = dataset[1]
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("*.parquet") if path.name == "part.parquet"}
+    table = (out / "verdicts.csv").read_bytes()
+    again = plumbob.batch(folder, out, jobs=2, **SETTINGS)
+    assert again.skipped == GOOD + 3
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+    assert (out / "verdicts.csv").read_bytes() == table
+
+
+def test_what_changed_is_made_again(tmp_path):
+    (tmp_path / "in").mkdir()
+    for seed in (1, 2):
+        plumbob.write(tmp_path / "in" / f"r{seed}.parquet", made(seed))
+    out = tmp_path / "out"
+    plumbob.batch(tmp_path / "in", out, **SETTINGS)
+    first = parts(out)
+    plumbob.write(tmp_path / "in" / "r2.parquet", made(3), overwrite=True)
+    assert plumbob.batch(tmp_path / "in", out, **SETTINGS).skipped == 1
+    second = parts(out)
+    assert second["recording=r1.parquet"] == first["recording=r1.parquet"]
+    assert second["recording=r2.parquet"] != first["recording=r2.parquet"]
+    assert plumbob.batch(tmp_path / "in", out, params={"kp": 0.9}, **SETTINGS).skipped == 0
+    assert parts(out)["recording=r1.parquet"] != first["recording=r1.parquet"]
+    (tmp_path / "in" / "r1.parquet").write_bytes(b"cut")
+    damaged = plumbob.batch(tmp_path / "in", out, params={"kp": 0.9}, **SETTINGS)
+    assert (damaged.skipped, damaged.counts["damaged"]) == (1, 1)
+    assert list(parts(out)) == ["recording=r2.parquet"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the system has no SIGKILL")
+@pytest.mark.parametrize(("name", "code"), [("SIGKILL", -9), ("SIGTERM", 143)])
+def test_a_killed_run_leaves_whole_files_and_goes_on(folder, dataset, tmp_path, name, code):
+    out = tmp_path / "out"
+    words = [sys.executable, "-m", "plumbob", "batch", folder, "--out", out, "--filter", "mahony", "--jobs", "1"]
+    child = subprocess.Popen([*map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    until = time.monotonic() + 60.0
+    while len(list(out.glob("_jobs/*.json"))) < 4 and child.poll() is None and time.monotonic() < until:
+        time.sleep(0.002)
+    child.send_signal(getattr(signal, name))
+    assert child.wait() == code
+    records = len(list(out.glob("_jobs/*.json")))
+    assert 4 <= records < GOOD + 3
+    expected = parts(dataset[1])
+    assert parts(out).items() <= expected.items()
+    done = plumbob.batch(folder, out, jobs=2, **SETTINGS)
+    assert done.skipped >= records
+    assert parts(out) == expected
+    assert not list(out.rglob("*.tmp"))
+
+
+def test_two_runs_at_once_are_refused(folder, tmp_path):
+    with place_of(str(tmp_path / "out")).locked(), pytest.raises(ParameterError, match=f"process {os.getpid()} on"):
+        plumbob.batch(folder, tmp_path / "out", **SETTINGS)
+
+
+def test_a_folder_of_other_files_is_not_a_dataset(folder):
+    with pytest.raises(ParameterError, match="holds other files"):
+        plumbob.batch(folder, folder, **SETTINGS)
+
+
+def test_recordings_in_memory_come_from_an_iterator(folder, dataset, tmp_path):
+    seen = []
+    given = (replace(plumbob.read(folder / f"r{seed}.parquet"), name=f"r{seed}.parquet") for seed in (1, 2))
+    done = plumbob.batch(given, tmp_path / "out", progress=lambda *now: seen.append(now), **SETTINGS)
+    assert seen == [(1, None), (2, None)] and done.counts["done"] == 2
+    expected, found = parts(dataset[1]), parts(tmp_path / "out")
+    assert all(expected[name] == content for name, content in found.items())
+
+
+def test_wrong_options_show_before_any_work(folder, tmp_path):
+    for wrong in ({"filter": "kalman"}, {"filter": "mahony", "params": {"kq": 1.0}}, {"burst": "-1 s"}, {"jobs": 0},
+                  {"jobs": 2, "cluster": "tcp://127.0.0.1:1"}, {"place": "north"}):  # fmt: skip
+        with pytest.raises(ParameterError):
+            plumbob.batch(folder, tmp_path / "out", **wrong)
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(ParameterError, match="nothing matches"):
+        plumbob.batch(folder / "*.mcap", tmp_path / "out", **SETTINGS)
+
+
+def test_cards_go_by_device(tmp_path):
+    one, other = (replace(made(seed), name=f"{seed}") for seed in (1, 2))
+    raw = [plumbob.simulate("buoy", duration=6.0, seed=seed, **(SIM | {"unit": "random"})).imu for seed in (1, 2)]
+    names = [f"unit {seed}" for seed in (1, 2)]
+    raw = [imu.corrected(meta=replace(imu.meta, device=name)) for imu, name in zip(raw, names, strict=True)]
+    poses = [plumbob.simulate("poses", seed=seed, **(SIM | {"unit": "random"})).imu for seed in (1, 2)]
+    cards = [replace(plumbob.calibrate(imu, "accel").card, device=name) for imu, name in zip(poses, names, strict=True)]
+    for card, name in zip(cards, names, strict=True):
+        card.save(tmp_path / f"{name}.json")
+    third = raw[0].corrected(meta=replace(raw[0].meta, device="unit 3"))
+    given = [plumbob.Recording(imu=imu, name=imu.meta.device) for imu in (*raw, third)]
+    done = plumbob.batch(given, tmp_path / "out", calibration=tmp_path, **SETTINGS)
+    assert verdicts(done.rows()) == {"unit 1": "done", "unit 2": "done", "unit 3": "refused"}
+    for imu, card in zip(raw, cards, strict=True):
+        track = plumbob.estimate(imu, "mahony", calibration=card).track
+        part = tmp_path / f"out/attitude/recording={imu.meta.device}/part.parquet"
+        assert plumbob.read(part).track.q_nb.tobytes() == track.q_nb.tobytes()
+    assert one.name != other.name
+    with pytest.raises(ParameterError, match="two calibration cards"):
+        cards_of([cards[0], cards[0]])
+    with pytest.raises(CalibrationError, match="unit 9"):
+        plumbob.fleet.settings.Settings({}, *cards_of(tmp_path)).card_of("unit 9")
+    assert isinstance(cards_of(cards[0])[0][0], CalibrationCard)
+
+
+def test_behind_urls(folder, dataset):
+    fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
+    memory = fsspec.filesystem("memory")
+    for name in ("r1.parquet", "r2.parquet", "cut.parquet"):
+        memory.pipe_file(f"/sea/{name}", (folder / name).read_bytes())
+    done = plumbob.batch("memory://sea", "memory://dataset", jobs=2, **SETTINGS)
+    assert (done.counts["done"], done.counts["damaged"]) == (2, 1)
+    expected = parts(dataset[1])["recording=r1.parquet"]
+    assert memory.cat_file("/dataset/attitude/recording=r1.parquet/part.parquet") == expected
+    assert not memory.exists("/dataset/_jobs/.lock") and not memory.find("/dataset/_temporary")
+    assert plumbob.batch("memory://sea/r*.parquet", "memory://dataset", **SETTINGS).skipped == 2
+    held = {"holder": "process 1 on another-host", "time": time.time()}
+    memory.pipe_file("/dataset/_jobs/.lock", json.dumps(held).encode())
+    with pytest.raises(ParameterError, match="another-host"):
+        plumbob.batch("memory://sea", "memory://dataset", **SETTINGS)
+    memory.pipe_file("/dataset/_jobs/.lock", json.dumps(held | {"time": time.time() - 1000.0}).encode())
+    assert plumbob.batch("memory://sea", "memory://dataset", **SETTINGS).skipped == 3
+    with pytest.raises(DecodeError, match="more than 100 bytes"), fetched("memory://sea/r1.parquet", 100):
+        pass
+
+
+def test_names(folder):
+    said = []
+    found = {item.name: item for item in items_of(folder, said.append)}
+    assert len(found) == GOOD + 3 and found["deep/r0.parquet"].key == "deep%2Fr0.parquet"
+    assert said == [f"{folder}: left out, because no format has such a suffix: notes.doc"]
+    assert [item.name for item in items_of(f"{folder}/**/r0.parquet", said.append)] == ["deep/r0.parquet"]
+    assert [item.name for item in items_of(folder / "r1.parquet", said.append)] == ["r1.parquet"]
+    with pytest.raises(ParameterError, match="two recordings are called r1"):
+        list(items_of([folder / "r1.parquet", folder / "r1.parquet"], said.append))
+    keys = {Item(f"{'é' * 100}{end}", "").key for end in "ab"}
+    assert len(keys) == 2 and max(map(len, keys)) < 200
+    assert "/" not in Item("../../etc/x", "").key and Item("..", "").key == ".."
+
+
+def test_the_verb_is_the_function(folder, dataset, tmp_path):
+    done = call("batch", folder, "--filter", "mahony", "--jobs", "2", "--out", tmp_path / "out", "--json")
+    assert done.returncode == 3, done.stderr
+    said = json.loads(done.stdout)
+    assert said["verdicts"] == dataset[0].counts
+    assert [one["recording"] for one in said["not_done"]] == sorted(BAD)
+    assert "note: cut.parquet: damaged: " in done.stderr
+    assert parts(tmp_path / "out") == parts(dataset[1])
+    good = call("batch", f"{folder}/r*.parquet", "--filter", "mahony", "--out", tmp_path / "good")
+    assert good.returncode == 0 and "done         6" in good.stdout
+
+
+def test_a_defect_fails_its_job_alone_and_is_tried_again(folder, tmp_path, monkeypatch):
+    from plumbob.fleet import job
+
+    def broken(*_args, **_how):
+        raise MemoryError("no room")
+
+    files = [folder / "r1.parquet", folder / "r2.parquet"]
+    with monkeypatch.context() as patch:
+        patch.setattr(job, "estimate", broken)
+        failed = plumbob.batch(files, tmp_path / "out", jobs=1, **SETTINGS)
+    assert failed.counts["failed"] == 2
+    assert plumbob.batch(files, tmp_path / "out", jobs=1, **SETTINGS).counts["done"] == 2
+
+
+def test_statistics_stand_in_the_records(dataset):
+    record = json.loads((dataset[1] / "_jobs/r1.parquet.json").read_text())
+    assert record["statistics"]["bursts"][0]["quality"]["gyr"]["flag"] in (1, 2, 3, 4, 9)
+    assert np.isfinite(record["statistics"]["tilt"]["roll"]["std_deg"])
+    assert len(json.dumps(record)) < 20_000
+
+
+@pytest.mark.long("starts a scheduler and two workers in processes of their own")
+def test_a_cluster_gives_the_same_bits(folder, dataset, tmp_path):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+        done = plumbob.batch(folder, tmp_path / "out", cluster=cluster.scheduler_address, **SETTINGS)
+        assert done.counts == dataset[0].counts
+    assert parts(tmp_path / "out") == parts(dataset[1])
