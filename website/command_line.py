@@ -44,6 +44,7 @@ STAGES = {
     "Calibrate and characterise": ("calibrate", "allan", "array"),
     "Estimate and evaluate": ("run", "filters", "cite", "eval", "benchmark", "tune"),
     "Many units": ("arm",),
+    "Many recordings": ("batch",),
 }
 
 

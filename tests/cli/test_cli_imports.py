@@ -88,7 +88,10 @@ LINES = {
     ),
     "eval": (["eval", "track.parquet", "sea.parquet"], READ | {"evaluation"}),
     "compare": (["compare", "sea.parquet", "sea.parquet"], RUN | {"scipy", "scipy.fft", "scipy.interpolate",
-                "scipy.ndimage", "scipy.optimize", "scipy.signal", "scipy.special"}),
+                "scipy.ndimage", "scipy.optimize", "scipy.signal", "scipy.special", "scipy.stats"}),
+    "doctor": (["doctor", "sea.parquet"], READ | {"scipy", "scipy.fft"}),
+    "send": (["send", "track.parquet", "--as", "json", "--to", "file:sent.jsonl", "--speed", "max"],
+        READ | LIVE - {"numba", "zstandard", "calibration"}),
     "rest": (["sim", "static", *SIM, "random", "--duration", "90s", "--out", "rest.parquet"], SIMULATED),
     "allan": (
         ["allan", "rest.parquet", "--triads", "gyr"],
