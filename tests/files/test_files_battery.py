@@ -171,7 +171,7 @@ def test_unknown_suffixes_list_the_known(tmp_path):
 
 @pytest.mark.parametrize("suffix", [".hdf5", ".mat", ".tsv"])
 def test_formats_that_are_only_read_say_what_to_write(tmp_path, suffix):
-    with pytest.raises(DecodeError, match=r"read only; write \.parquet, \.csv, \.txt"):
+    with pytest.raises(DecodeError, match=r"is not among \.parquet, \.csv, \.txt; plumbob\.convert writes more"):
         write(tmp_path / f"a{suffix}", make_imu())
 
 

@@ -259,10 +259,14 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> Format:
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a path may be that of a recording: its suffix is that of one, or it is a folder of a known format."""
+    """Whether a path may be that of a recording: by its suffix, or by its content where others use that, too."""
     if path.is_dir():
         return any(kind.accepts is not None and kind.accepts(path) for kind in FORMATS if "" in kind.suffixes)
-    return path.suffix.lower() in {suffix for kind in FORMATS for suffix in kind.suffixes if suffix}
+    suffix = path.suffix.lower()
+    candidates = [kind for kind in FORMATS if suffix and suffix in kind.suffixes]
+    if suffix == ".mcap" or any(kind.accepts is None for kind in candidates) or not path.is_file():
+        return bool(candidates)
+    return any(kind.accepts(path) for kind in candidates if kind.accepts is not None)
 
 
 def _by_suffix(path: Path) -> list[Format]:

@@ -47,7 +47,7 @@ _Messages = dict[str, tuple[NDArray[np.int64], Floats]]
 
 def accepts(path: Path) -> bool:
     """Whether a path is a log of x-IMU3, or a folder or a file with its table of inertial messages."""
-    if path.suffix.lower() == ".ximu3":
+    if path.suffix.lower() == ".ximu3" and path.is_file():
         return True
     parts = Parts(path)
     name = TABLES["I"] if path.is_dir() else path.name
