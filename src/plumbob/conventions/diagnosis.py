@@ -208,7 +208,7 @@ class _Sensor:
 
 
 def doctor(
-    what: "Recording | str | Path",
+    what: "Recording | ImuData | str | Path",
     *,
     profile: "Profile | str | Path | None" = None,
     unit: str | None = None,
@@ -220,8 +220,8 @@ def doctor(
 
     Parameters
     ----------
-    what : Recording or path
-        The recording, or its file, read as it is declared; wrong units are not refused.
+    what : Recording, ImuData or path
+        The recording, its samples, or its file, read as it is declared; wrong units are not refused.
     profile : Profile or path, optional
         What the columns of a text file mean; one that lies beside it is found.
     unit : str, optional
@@ -243,10 +243,13 @@ def doctor(
     """
     from plumbob.data.imu import units_unchecked
     from plumbob.files import Recording
+    from plumbob.files.notes import unsaved
 
     if hemisphere is not None:
         check.one_of("hemisphere", hemisphere, ("north", "south"))
     declared = _Declared(None)
+    if isinstance(what, ImuData):
+        what = unsaved(what, "the samples")
     if isinstance(what, Recording):
         recording, name = what.of_unit(unit), what.name
     else:
@@ -263,10 +266,13 @@ def doctor(
 
 def _profile(file: Path, profile: "Profile | str | Path | None") -> "Profile | None":
     """What the columns of a text table were taken for; None of other formats."""
-    from plumbob.core.files import TABLES
+    from plumbob.files import kind_of
     from plumbob.files.text import profile_of
+    from plumbob.session.reading import is_own
 
-    return profile_of(file, profile)[0] if file.suffix.lower() in TABLES else None
+    if is_own(file) or kind_of(file, described=profile is not None).name != "text":
+        return None
+    return profile_of(file, profile)[0]
 
 
 class _Declared:
