@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.conventions.moments import BIN, FREE, Grid, designs, grid, means, scalars, windows
+from plumbob.conventions.moments import BIN, FREE, Grid, designs, grid, means, scalars, solved, windows
 from plumbob.core.check import Floats
 
 LONGEST_DELAY: Final = 0.5
@@ -182,7 +182,7 @@ class _Search:
         m = np.einsum("ncai,ij,ncbj->nab", self.design, gram, self.design, optimize=True)
         change = m[:, -1, -1]
         weak = np.diag(self.ridge) * (change[0] / (3.0 * self.block * len(self.weight)) + 1e-12)
-        p = np.linalg.solve(m[:, :-1, :-1] + weak, m[:, :-1, -1:])[:, :, 0]
+        p = solved(m[:, :-1, :-1] + weak, m[:, :-1, -1:])[:, :, 0]
         return np.where(p[:, 0] > 0.0, _rss(m, p), change) / max(float(change[0]), 1e-300)
 
     def _counts(self, blocks: Floats) -> Floats:
@@ -220,7 +220,7 @@ class _Search:
 
 def _cost(m: Floats, ridge: Floats) -> float:
     """Least squares of moments that are weighted by inverse variances."""
-    p = np.linalg.solve(m[:-1, :-1] + np.diag(ridge), m[:-1, -1])
+    p = solved(m[:-1, :-1] + np.diag(ridge), m[:-1, -1:])[:, 0]
     return float(m[-1, -1] - p @ m[:-1, -1])
 
 
@@ -262,13 +262,13 @@ class _Scored:
             self.weight = np.where(live, 1.0 / variance, 0.0)
             total = np.einsum("k,kab->ab", self.weight, moments)
             normal = total[:-1, :-1] + np.diag(ridge)
-            self.p = np.linalg.solve(normal, total[:-1, -1])
+            self.p = solved(normal, total[:-1, -1:])[:, 0]
             if self.p[0] <= 0.0:
-                self.p = np.append(0.0, np.linalg.solve(normal[1:, 1:], total[1:-1, -1]))
+                self.p = np.append(0.0, solved(normal[1:, 1:], total[1:-1, -1:])[:, 0])
             left = _rss(moments, np.broadcast_to(self.p, (len(moments), FREE)))
             variance = (left + floor) / (2.0 * many)
         self.variance, self.p_block = np.maximum(variance, 1e-300), left
-        self.cov = np.linalg.inv(normal)
+        self.cov = solved(normal, np.eye(FREE))
         self.gain = np.where(live, counts * np.log((change + floor) / (left + floor)), 0.0)
         self.log_likelihood = -float(np.sum(counts[live] * np.log(left[live] + floor[live]))) - 0.5 * float(
             self.p @ (ridge * self.p)
