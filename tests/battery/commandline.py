@@ -42,7 +42,7 @@ def start(*words, cwd=None, **environment):
     """Run a command line in a process of its own, to its end."""
     return subprocess.run(
         [*PLUMBOB, *map(str, words)], cwd=cwd, env={**os.environ, **environment}, capture_output=True, text=True,
-        errors="replace", check=False, timeout=120,
+        errors="replace", check=False, timeout=600,
     )  # fmt: skip
 
 
