@@ -164,7 +164,7 @@ def designs() -> Floats:
 def solved(a: Floats, b: Floats) -> Floats:
     """Solutions of normal equations (…, n, n) x = (…, n, k), whose unknowns may differ by many orders of size.
 
-    Each unknown is scaled by its own diagonal first, and held by a part in 10¹² of it: one that nothing tells stays 0
+    Each unknown is scaled by its own diagonal first, and held by a part in 10¹² of it: one that nothing shows stays 0
     where the plain solution would end in a singular matrix.
     """
     size = np.sqrt(np.maximum(np.diagonal(a, axis1=-2, axis2=-1), 0.0))
