@@ -4,7 +4,7 @@ A time base has two in one array: of all frames, and of those that shaped its li
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +92,46 @@ def after_gap(t: Floats) -> NDArray[np.bool_]:
     late = np.zeros(t.size, dtype=bool)
     late[1:] = is_gap(np.diff(to_ns(t)))
     return late
+
+
+def longest_bridged(t_ns: NDArray[np.int64]) -> float:
+    """Longest step between stamps (N,) that is not a gap, s: `GAP_FACTOR` median steps; 0 for a single stamp."""
+    steps_ns = np.diff(t_ns)
+    return GAP_FACTOR * float(np.median(steps_ns)) / 1e9 if steps_ns.size else 0.0
+
+
+def rising(t_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Mark the stamps (N,) that are later than all before them; the others repeat or go back."""
+    marks = np.ones(t_ns.size, dtype=bool)
+    marks[1:] = t_ns[1:] > np.maximum.accumulate(t_ns)[:-1]
+    return marks
+
+
+class Neighbours(NamedTuple):
+    """Where stamps (N,) lie on another time line: its rows on both sides, equal where it has the very stamp."""
+
+    low: NDArray[np.intp]
+    high: NDArray[np.intp]
+    exact: NDArray[np.bool_]
+    outside: NDArray[np.bool_]
+    gap: NDArray[np.bool_]
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Neither beyond the ends nor in a gap."""
+        return np.asarray(~(self.outside | self.gap))
+
+
+def neighbours(own_ns: NDArray[np.int64], t_ns: NDArray[np.int64], max_gap: float) -> Neighbours:
+    """Find stamps (N,), ns, on a time line (M,) that increases, whose steps longer than `max_gap`, s, are gaps."""
+    last = own_ns.size - 1
+    right = np.searchsorted(own_ns, t_ns)
+    high = np.minimum(right, last)
+    exact = np.asarray(own_ns[high] == t_ns)
+    low = np.where(exact, high, np.maximum(right - 1, 0))
+    outside = ~exact & ((right == 0) | (right > last))
+    gap = ~outside & ((own_ns[high] - own_ns[low]) / 1e9 > max_gap)
+    return Neighbours(low, high, exact, outside, gap)
 
 
 def is_gap(dt_ns: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.core.time import GAP_FACTOR, to_ns
+from plumbob.core.time import longest_bridged, neighbours, to_ns
 from plumbob.data.imu import AttitudeTrack
 from plumbob.rotations import quat_slerp
 
@@ -39,23 +39,20 @@ class Reading:
 
 def default_max_gap(track: AttitudeTrack) -> float:
     """Largest step of a track that is bridged by default, s: `plumbob.core.time.GAP_FACTOR` median steps, to the ns."""
-    steps_ns = np.diff(to_ns(track.t))
-    return GAP_FACTOR * float(np.median(steps_ns)) / 1e9 if steps_ns.size else 0.0
+    return longest_bridged(to_ns(track.t))
 
 
 def read_at(track: AttitudeTrack, t_ns: NDArray[np.int64], *, max_gap: float, offset: float = 0.0) -> Reading:
     """Read a track at other times, integer ns (N,), with `offset` s added to its own stamps."""
-    own_ns = to_ns(track.t + offset) if offset else to_ns(track.t)
-    last = own_ns.size - 1
-    right = np.searchsorted(own_ns, t_ns)
-    high = np.minimum(right, last)
-    exact: Mask = own_ns[high] == t_ns
-    low = np.where(exact, high, np.maximum(right - 1, 0))
-    outside: Mask = ~exact & ((right == 0) | (right > last))
-    gap: Mask = ~outside & ((own_ns[high] - own_ns[low]) / 1e9 > max_gap)
-    between = ~exact & ~outside & ~gap
-    q_nb = np.full((t_ns.size, 4), np.nan)
-    q_nb[exact] = track.q_nb[high[exact]]
-    a, b = low[between], high[between]
-    q_nb[between] = quat_slerp(track.q_nb[a], track.q_nb[b], (t_ns[between] - own_ns[a]) / (own_ns[b] - own_ns[a]))
-    return Reading(q_nb, low, high, exact, outside, gap)
+    return read_rows(to_ns(track.t + offset) if offset else to_ns(track.t), track.q_nb, t_ns, max_gap=max_gap)
+
+
+def read_rows(own_ns: NDArray[np.int64], q_nb: Floats, t_ns: NDArray[np.int64], *, max_gap: float) -> Reading:
+    """Read attitudes (M, 4) with increasing stamps (M,), ns, at other times (N,), ns; `max_gap` is in s."""
+    at = neighbours(own_ns, t_ns, max_gap)
+    between = ~at.exact & at.known
+    found = np.full((t_ns.size, 4), np.nan)
+    found[at.exact] = q_nb[at.high[at.exact]]
+    a, b = at.low[between], at.high[between]
+    found[between] = quat_slerp(q_nb[a], q_nb[b], (t_ns[between] - own_ns[a]) / (own_ns[b] - own_ns[a]))
+    return Reading(found, *at)

@@ -237,13 +237,12 @@ def _recording(log: _Log, name: str) -> Recording:
         imu_table, t_ns = found
         for key, columns in (("gyr", ("GyrX", "GyrY", "GyrZ")), ("acc", ("AccX", "AccY", "AccZ"))):
             if all(column in imu_table for column in columns):
-                values = np.column_stack([imu_table[column] for column in columns]).astype(np.float64)
-                streams[key] = logged.stream(key, t_ns, values, notes)
+                streams[key] = logged.stream(key, t_ns, logged.triad(imu_table, *columns), notes)
     logged.require_gyroscope(streams, "IMU messages with GyrX")
     if (found := _unit(log, "MAG", "MagX", notes)) is not None and {"MagY", "MagZ"} <= found[0].keys():
         table, t_ns = found
-        values = np.column_stack([table[column] for column in ("MagX", "MagY", "MagZ")]).astype(np.float64)
-        streams["mag"] = logged.stream("mag", t_ns, units.to_si(values, "mgauss"), notes)
+        values = units.to_si(logged.triad(table, "MagX", "MagY", "MagZ"), "mgauss")
+        streams["mag"] = logged.stream("mag", t_ns, values, notes)
     epoch = _epoch(log)
     if epoch is None:
         notes.append("UTC: not known, as no GPS with a fix is in the log")
@@ -254,9 +253,9 @@ def _recording(log: _Log, name: str) -> Recording:
         declination=declination if declination is not None and abs(declination) <= np.pi else None,
         unit_check=False,
     )
-    imu, how = joined(streams, meta=meta, epoch_ns=epoch)
+    imu, rows_ns, how = joined(streams, meta=meta, epoch_ns=epoch)
     notes += how
-    track = _attitude(log, imu.t_ns + int(np.asarray(streams["gyr"].t_ns)[0]), imu.t, notes)
+    track = _attitude(log, rows_ns, imu.t, notes)
     return Recording(imu=imu, track=track, name=name, notes=(*notes, *log.notes))
 
 
@@ -353,6 +352,5 @@ def _quaternions(table: dict[str, NDArray[Any]]) -> Floats | None:
     if {"Q1", "Q2", "Q3", "Q4"} <= table.keys():
         return np.column_stack([table[f"Q{i}"] for i in (1, 2, 3, 4)]).astype(np.float64)
     if {"Yaw", "Pitch", "Roll"} <= table.keys():
-        angles = np.column_stack([table[one] for one in ("Yaw", "Pitch", "Roll")]).astype(np.float64)
-        return quat_from_euler_zyx(units.deg(angles))
+        return quat_from_euler_zyx(units.deg(logged.triad(table, "Yaw", "Pitch", "Roll")))
     return None

@@ -93,9 +93,9 @@ def _recording(table: Path, home: Path | None, name: str) -> Recording:
         "acc": logged.stream("acc", rows["t"], rows["values"][:, 3:], notes),
     }
     meta = ImuMeta(device="ASL imu0", rate_nominal=rate, frame=Frame.ENU, north=North.FREE, unit_check=False)
-    imu, how = joined(streams, meta=meta, epoch_ns=0)
+    imu, rows_ns, how = joined(streams, meta=meta, epoch_ns=0)
     notes += how
-    track = None if home is None else _truth(home, turn, imu.t_ns + imu.meta.t0_ns, imu.t, notes)
+    track = None if home is None else _truth(home, turn, rows_ns, imu.t, notes)
     return Recording(imu=imu, track=track, name=name, notes=tuple(notes))
 
 

@@ -13,7 +13,7 @@ sensor and NaN of the others, and no filter could integrate them. Here the leadi
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +22,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ShapeError
 from plumbob.core.text import counted
-from plumbob.core.time import GAP_FACTOR, LONGEST
+from plumbob.core.time import GAP_FACTOR, LONGEST, longest_bridged, neighbours, rising
 from plumbob.data import TRIADS, ImuData, ImuMeta
 
 DISORDER: Final = 0.01
@@ -47,9 +47,15 @@ class Stream:
     values: ArrayLike
 
 
-def joined(
-    streams: Mapping[str, Stream], *, meta: ImuMeta, epoch_ns: int | None = None
-) -> tuple[ImuData, tuple[str, ...]]:
+class Joined(NamedTuple):
+    """Samples on one time line, the stamps of its rows (N,), ns, by the streams' clock, and notes of what was done."""
+
+    imu: ImuData
+    rows_ns: NDArray[np.int64]
+    notes: tuple[str, ...]
+
+
+def joined(streams: Mapping[str, Stream], *, meta: ImuMeta, epoch_ns: int | None = None) -> Joined:
     """Samples of several sensors on the time line of the gyroscope, or of the fastest where there is none.
 
     Parameters
@@ -63,10 +69,9 @@ def joined(
 
     Returns
     -------
-    ImuData
-        The samples; its time begins at 0 with the first row.
-    tuple of str
-        What was done, a line for each stream that needed it.
+    Joined
+        The samples, whose time begins at 0 with the first row, the rows' own stamps, and what was done, a line for each
+        stream that needed it.
 
     Raises
     ------
@@ -92,7 +97,8 @@ def joined(
         if how:
             notes.append(f"{name}: {counted(stamps.size, 'sample')} on stamps of its own, {how} at those of {lead}")
     t0_ns = 0 if epoch_ns is None else int(rows[0]) + epoch_ns
-    return ImuData(t=(rows - rows[0]) / 1e9, meta=replace(meta, t0_ns=t0_ns), **columns), tuple(notes)
+    imu = ImuData(t=(rows - rows[0]) / 1e9, meta=replace(meta, t0_ns=t0_ns), **columns)
+    return Joined(imu, rows, tuple(notes))
 
 
 def _ordered(name: str, stream: Stream, notes: list[str]) -> tuple[NDArray[np.int64], Floats]:
@@ -108,8 +114,7 @@ def _ordered(name: str, stream: Stream, notes: list[str]) -> tuple[NDArray[np.in
             f"{name}: its stamps span {span:.4g} s, but a recording has {LONGEST:.0f} s at most; some "
             "stamps are wrong, or they are not in the unit that the format says."
         )
-    kept = np.ones(stamps.size, dtype=bool)
-    kept[1:] = stamps[1:] > np.maximum.accumulate(stamps)[:-1]
+    kept = rising(stamps)
     lost = stamps.size - int(kept.sum())
     if lost > max(_FEW, DISORDER * stamps.size):
         raise ClockError(
@@ -130,7 +135,7 @@ def _at(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats) -> t
         return _nearest(rows, stamps, values, step), "each at the nearest row"
     averaged = step > own * _FAST
     return (
-        _interpolated(rows, stamps, _averaged(stamps, values, step, own) if averaged else values, own),
+        interpolated(rows, stamps, _averaged(stamps, values, step, own) if averaged else values),
         f"{'averaged over a step and ' if averaged else ''}interpolated linearly",
     )
 
@@ -151,20 +156,26 @@ def _nearest(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats,
     return found
 
 
-def _interpolated(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats, own: float) -> Floats:
-    """Values between neighbours that are not a gap apart; NaN elsewhere, also outside and beside a NaN."""
-    right = np.searchsorted(stamps, rows)
-    high = np.minimum(right, stamps.size - 1)
-    exact = stamps[high] == rows
-    low = np.where(exact, high, np.maximum(right - 1, 0))
-    span = stamps[high] - stamps[low]
-    known = exact | ((right > 0) & (right < stamps.size) & (span <= GAP_FACTOR * own))
-    share = np.divide(rows - stamps[low], span, out=np.zeros(rows.size), where=span > 0)
+def interpolated(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats) -> Floats:
+    """Values between neighbours that are not a gap apart; NaN elsewhere, also outside and beside a NaN.
+
+    Parameters
+    ----------
+    rows : ndarray (N,) of int64
+        Where they are asked for, ns.
+    stamps : ndarray (M,) of int64
+        Where they are known, ns, increasing.
+    values : ndarray (M, 3) or (M,)
+        What they are there.
+    """
+    at = neighbours(stamps, rows, longest_bridged(stamps))
+    span, known = stamps[at.high] - stamps[at.low], at.known
+    share = np.divide(rows - stamps[at.low], span, out=np.zeros(rows.size), where=span > 0)
     found = np.full((rows.size, *values.shape[1:]), np.nan)
-    part = share[known] if values.ndim == 1 else share[known, None]
+    part, exact = (one[known] if values.ndim == 1 else one[known, None] for one in (share, at.exact))
+    low, high = values[at.low[known]], values[at.high[known]]
     with np.errstate(invalid="ignore"):
-        between = values[low[known]] + part * (values[high[known]] - values[low[known]])
-    found[known] = np.where(exact[known] if values.ndim == 1 else exact[known, None], values[high[known]], between)
+        found[known] = np.where(exact, high, low + part * (high - low))
     return found
 
 

@@ -135,8 +135,7 @@ def _recording(t_ns: NDArray[np.int64], table: Floats, stamped: int, name: str) 
         "acc": logged.stream("acc", t_ns, table[:, _ACC], notes),
     }
     meta = ImuMeta(device="OXTS RT3003", frame=Frame.ENU, north=North.TRUE, unit_check=False)
-    imu, how = joined(streams, meta=meta)
-    rows_ns = imu.t_ns + int(np.asarray(streams["gyr"].t_ns)[0])
+    imu, rows_ns, how = joined(streams, meta=meta)
     q_nb = logged.attitude_at(rows_ns, t_ns, quat_from_euler_zyx(table[:, _YPR]), notes)
     track = None
     if q_nb is not None:

@@ -5,6 +5,7 @@ between its two neighbours, where these are not farther apart than a gap; elsewh
 """
 
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,9 +16,10 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, one_line
 from plumbob.core.files import existing_file
 from plumbob.core.text import counted
-from plumbob.core.time import GAP_FACTOR, LONGEST
+from plumbob.core.time import LONGEST, longest_bridged, rising
+from plumbob.data.reading import read_rows
 from plumbob.files.foreign.join import Stream
-from plumbob.rotations.quaternions import quat_normalize, quat_slerp
+from plumbob.rotations import quat_normalize
 
 MOST: Final = 2 << 30
 """Bytes of a log at most: it is kept in memory while it is searched."""
@@ -34,7 +36,7 @@ def records(raw: NDArray[np.uint8], places: NDArray[np.int64], layout: "np.dtype
     return found.view(layout)[:, 0] if layout.itemsize else np.empty(0, layout)
 
 
-def triad(table: NDArray[Any], *names: str) -> Floats:
+def triad(table: NDArray[Any] | Mapping[str, NDArray[Any]], *names: str) -> Floats:
     """Three columns of records as (N, 3), or one that holds three numbers in each record."""
     if len(names) == 1:
         return np.asarray(table[names[0]], dtype=np.float64)
@@ -86,8 +88,7 @@ def attitude_at(rows_ns: NDArray[np.int64], t_ns: NDArray[np.int64], q_nb: Float
         Quaternions, NaN where the log has no attitude, within 1e-3 of norm 1; None where it has none at all.
     """
     known = np.abs(np.sqrt(np.sum(q_nb * q_nb, axis=1)) - 1.0) < _NORM
-    known &= steady(t_ns)
-    known[1:] &= t_ns[1:] > np.maximum.accumulate(t_ns)[:-1]
+    known &= steady(t_ns) & rising(t_ns)
     if not known.any():
         return None
     if lost := known.size - int(known.sum()):
@@ -95,25 +96,17 @@ def attitude_at(rows_ns: NDArray[np.int64], t_ns: NDArray[np.int64], q_nb: Float
         notes.append(f"attitude: {what} left out of {known.size}, not rotations or without a stamp in order")
     if np.array_equal(t_ns, rows_ns):  # in one table with the samples: what is not known there stays so
         return np.where(known[:, None], q_nb, np.nan)
-    stamps, q = t_ns[known], quat_normalize(q_nb[known])
-    right = np.searchsorted(stamps, rows_ns)
-    high = np.minimum(right, stamps.size - 1)
-    exact = stamps[high] == rows_ns
-    low = np.where(exact, high, np.maximum(right - 1, 0))
-    span = stamps[high] - stamps[low]
-    usual = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
-    inside = exact | ((right > 0) & (right < stamps.size) & (span <= GAP_FACTOR * usual))
-    if not inside.any():
+    stamps = t_ns[known]
+    found = read_rows(stamps, quat_normalize(q_nb[known]), rows_ns, max_gap=longest_bridged(stamps))
+    missing = found.outside | found.gap
+    if missing.all():
         return None
-    share = np.divide(rows_ns - stamps[low], span, out=np.zeros(rows_ns.size), where=span > 0)
-    found = np.full((rows_ns.size, 4), np.nan)
-    found[inside] = quat_slerp(q[low[inside]], q[high[inside]], share[inside])
-    if not exact.all():
+    if not found.exact.all():
         notes.append(
             f"attitude: {counted(stamps.size, 'quaternion')} on stamps of its own, interpolated along the shorter arc "
-            f"at those of the samples; not known in {int(np.count_nonzero(~inside))} of {rows_ns.size}"
+            f"at those of the samples; not known in {int(np.count_nonzero(missing))} of {rows_ns.size}"
         )
-    return found
+    return found.q_nb
 
 
 def require_gyroscope(streams: dict[str, Stream], where: str) -> None:

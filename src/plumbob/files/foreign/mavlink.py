@@ -121,9 +121,9 @@ def recording(raw: bytes, name: str) -> Recording:
     logged.require_gyroscope(streams, "HIGHRES_IMU, SCALED_IMU, or RAW_IMU of ArduPilot")
     epoch = int(np.min(came_us * 1000 - own_ns))
     meta = ImuMeta(device=f"MAVLink system {system}", frame=Frame.NED, unit_check=False)
-    imu, how = joined(streams, meta=meta, epoch_ns=epoch)
+    imu, rows_ns, how = joined(streams, meta=meta, epoch_ns=epoch)
     notes += how
-    track = _attitude(tables, system, epoch, imu.t_ns + int(np.asarray(streams["gyr"].t_ns)[0]), imu.t, notes)
+    track = _attitude(tables, system, epoch, rows_ns, imu.t, notes)
     if skipped:
         notes.append(f"damage: {counted(skipped, 'byte')} skipped, which are not packets")
     if bad:

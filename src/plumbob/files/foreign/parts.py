@@ -21,12 +21,9 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, PlumbobError, excerpt, one_line
 from plumbob.core.files import existing_file, require_room
-from plumbob.core.time import GAP_FACTOR
-from plumbob.files.foreign.join import Stream
 from plumbob.files.profile import ColumnRef, Layout
 from plumbob.files.text_head import decode, find_head, is_idle, split_row
 from plumbob.files.text_table import Table, read_table
-from plumbob.rotations import quat_normalize
 
 MAX_MEMBERS: Final = 1000
 """Files of an archive or a folder; an app writes a few dozen."""
@@ -290,26 +287,3 @@ def whole_ns(table: Table, ref: ColumnRef) -> NDArray[np.int64]:
 def triad(table: Table, refs: Sequence[ColumnRef]) -> Floats:
     """Three columns of a table as vectors (N, 3)."""
     return np.stack([table.columns[ref] for ref in refs], axis=1)
-
-
-def attitude_at(rows_ns: NDArray[np.int64], stream: Stream) -> Floats:
-    """Attitude (N, 4), wxyz, at other stamps: linear between two neighbours of one sign, NaN outside and across gaps.
-
-    Between neighbours 5 ms apart at 500 °/s, 2.5°, the chord departs from the arc by less than 1e-4°.
-    """
-    stamps, q = np.asarray(stream.t_ns, dtype=np.int64), np.asarray(stream.values, dtype=np.float64)
-    order = np.concatenate([[True], np.diff(np.maximum.accumulate(stamps)) > 0]) if stamps.size else np.empty(0, bool)
-    stamps, q = stamps[order], q[order]
-    found = np.full((len(rows_ns), 4), np.nan)
-    if stamps.size < 2:
-        return found
-    high = np.clip(np.searchsorted(stamps, rows_ns), 1, stamps.size - 1)
-    low = high - 1
-    span = stamps[high] - stamps[low]
-    known = (rows_ns >= stamps[0]) & (rows_ns <= stamps[-1]) & (span <= GAP_FACTOR * np.median(np.diff(stamps)))
-    share = ((rows_ns - stamps[low]) / span)[known, None]
-    a, b = q[low[known]], q[high[known]]
-    near = np.where((a * b).sum(axis=1, keepdims=True) < 0.0, -b, b)
-    between = quat_normalize(a + share * (near - a))
-    found[known] = np.where(share == 0.0, a, np.where(share == 1.0, b, between))  # what has a stamp of its own stays
-    return found

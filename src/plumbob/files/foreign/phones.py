@@ -29,14 +29,14 @@ from plumbob.core.check import Floats
 from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import reading
-from plumbob.core.time import GAP_FACTOR
+from plumbob.core.time import rising
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.files.columns import has_zone, is_stamp, stamps_ns
-from plumbob.files.foreign.join import Stream, joined, stamps_of
+from plumbob.files.foreign.join import Joined, Stream, interpolated, joined, stamps_of
+from plumbob.files.foreign.logged import attitude_at
 from plumbob.files.foreign.parts import (
     Parts,
     Sheet,
-    attitude_at,
     names_in,
     pairs,
     records,
@@ -125,11 +125,19 @@ def _recording(
     parts: Parts, streams: Mapping[str, Stream], notes: Iterable[str], device: str, epoch_ns: int | None
 ) -> Recording:
     """Recording of the streams, whose units a format said."""
+    made = _on_one_line(streams, notes, device, epoch_ns)
+    return Recording(imu=made.imu, name=_name(parts), notes=(*notes, AXES_NOTE, *made.notes))
+
+
+def _name(parts: Parts) -> str:
+    return parts.path.resolve().stem
+
+
+def _on_one_line(streams: Mapping[str, Stream], notes: Iterable[str], device: str, epoch_ns: int | None) -> Joined:
     if not {"gyr", "acc", "mag"} & set(streams):
         raise DecodeError(f"it holds no gyroscope, accelerometer or magnetometer; {'; '.join(notes)}.")
     meta = ImuMeta(device=device or "phone", frame=Frame.ENU, north=North.MAGNETIC, unit_check=False)
-    imu, joints = joined(streams, meta=meta, epoch_ns=epoch_ns)
-    return Recording(imu=imu, name=parts.path.resolve().stem, notes=(*notes, AXES_NOTE, *joints))
+    return joined(streams, meta=meta, epoch_ns=epoch_ns)
 
 
 # phyphox --------------------------------------------------------------------------------------------------------------
@@ -328,13 +336,8 @@ def _sum(user: Stream, gravity: Stream, sign: float) -> Stream:
     t, own = np.asarray(user.t_ns, dtype=np.int64), np.asarray(gravity.t_ns, dtype=np.int64)
     values, field = np.asarray(user.values), np.asarray(gravity.values)
     if not np.array_equal(t, own):
-        order = np.concatenate([[True], np.diff(np.maximum.accumulate(own)) > 0])
-        own, field = own[order], field[order]
-        since = (t - own[0]).astype(np.float64)
-        field = np.stack([np.interp(since, own - own[0], axis, np.nan, np.nan) for axis in field.T], axis=1)
-        if own.size > 1:
-            right = np.clip(np.searchsorted(own, t), 1, own.size - 1)
-            field[(own[right] - own[right - 1]) > GAP_FACTOR * np.median(np.diff(own))] = np.nan
+        kept = rising(own)
+        field = interpolated(t, own[kept], field[kept])
     return Stream(t, sign * (values + field))
 
 
@@ -437,25 +440,15 @@ def _android(parts: Parts) -> Recording:
     model = " ".join(told[key] for key in ("Manufacturer", "Model") if told.get(key))
     start = told.get("StartTime", "")
     epoch = int(start) * 10**9 if re.fullmatch(r"[1-9]\d{0,9}", start) else None
-    recording = _recording(parts, streams, notes, model, epoch)
-    if "rotation-vector.txt" not in parts.names or recording.imu is None:
-        return recording
-    lead = streams["gyr"] if "gyr" in streams else max(streams.values(), key=lambda one: np.size(one.t_ns))
-    own = _android_stream(parts, "rotation-vector", 4, notes)
-    rows = np.asarray(lead.t_ns)[0] + recording.imu.t_ns
-    track = AttitudeTrack(
-        t=recording.imu.t,
-        q_nb=attitude_at(rows, Stream(own.t_ns, quat_from_xyzw(np.asarray(own.values)))),
-        frame=Frame.ENU,
-        north=North.MAGNETIC,
-        source=ATTITUDE_SOURCE,
-    )
-    return Recording(
-        imu=recording.imu,
-        track=track,
-        name=recording.name,
-        notes=(*recording.notes, f"attitude: {ATTITUDE_SOURCE}; East-North-Up, magnetic north"),
-    )
+    imu, rows_ns, joints = _on_one_line(streams, notes, model, epoch)
+    track = None
+    if "rotation-vector.txt" in parts.names:
+        own = _android_stream(parts, "rotation-vector", 4, notes)
+        q_nb = attitude_at(rows_ns, np.asarray(own.t_ns), quat_from_xyzw(np.asarray(own.values)), notes)
+        if q_nb is not None:
+            track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=Frame.ENU, north=North.MAGNETIC, source=ATTITUDE_SOURCE)
+            notes.append(f"attitude: {ATTITUDE_SOURCE}; East-North-Up, magnetic north")
+    return Recording(imu=imu, track=track, name=_name(parts), notes=(*notes, AXES_NOTE, *joints))
 
 
 def _android_stream(parts: Parts, stem: str, count: int, notes: list[str]) -> Stream:

@@ -73,8 +73,7 @@ def read(path: Path) -> Recording:
             "mag": logged.stream("mag", t_ns, values[:, 10:13] * NOMINAL_FIELD, notes),
         }
         meta = ImuMeta(device="Xsens MTi (RepoIMU)", frame=Frame.ENU, unit_check=False)
-        imu, how = joined(streams, meta=meta)
-        rows_ns = imu.t_ns + int(np.asarray(streams["gyr"].t_ns)[0])
+        imu, rows_ns, how = joined(streams, meta=meta)
         q_nb = logged.attitude_at(rows_ns, t_ns, values[:, :4], notes)
         track = None
         if q_nb is not None:

@@ -25,6 +25,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, UnitError
 from plumbob.core.files import reading
 from plumbob.core.text import counted
+from plumbob.core.time import rising
 from plumbob.core.units import to_si
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
@@ -256,8 +257,8 @@ def _unit(topic: Topic, table: Table, topics: list[Topic]) -> _Unit:
     if temperature := _beside(TEMPERATURE, topic, table, topics):
         values = np.where(np.isfinite(temperature[1].numbers[:, 0]), temperature[1].numbers[:, 0], np.nan)
         _add("temp_c", temperature[0], Stream(_stamps(*temperature)[0], values), streams, stamps, used, notes)
-    imu, how = joined(streams, meta=meta, epoch_ns=epoch)
-    return _Unit(imu, track, used, notes + list(how))
+    made = joined(streams, meta=meta, epoch_ns=epoch)
+    return _Unit(made.imu, track, used, notes + list(made.notes))
 
 
 def _present(values: Floats, said: Floats) -> Floats:
@@ -348,8 +349,7 @@ def _track(
 
     Its time begins at the stamp `start`, ns, or at its own first.
     """
-    kept = np.ones(stamps.size, dtype=bool)
-    kept[1:] = stamps[1:] > np.maximum.accumulate(stamps)[:-1]
+    kept = rising(stamps)
     some = ~np.isnan(xyzw).all(axis=1)
     wrong = ~(np.abs(np.linalg.norm(xyzw, axis=1) - 1.0) <= 1e-3)
     if (count := int(np.count_nonzero(some & wrong))) > 0:

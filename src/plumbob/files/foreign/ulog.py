@@ -288,10 +288,9 @@ def _recording(log: _Log, raw: NDArray[np.uint8], name: str) -> Recording:
         else units.deg(declination),
         unit_check=False,
     )
-    imu, how = joined(streams, meta=meta, epoch_ns=epoch)
+    imu, rows_ns, how = joined(streams, meta=meta, epoch_ns=epoch)
     notes += [what, *how]
-    first = int(np.asarray(streams["gyr"].t_ns)[0])
-    track = _attitude(log, raw, imu.t_ns + first, imu.t, notes)
+    track = _attitude(log, raw, rows_ns, imu.t, notes)
     return Recording(imu=imu, track=track, name=name, notes=(*notes, *_losses(log)))
 
 
@@ -331,11 +330,15 @@ def _single(
     for instance in instances:
         table = _table(log, raw, topic, instance, "timestamp", "x", "y", "z")
         if table is not None:
-            stamp = "timestamp_sample" if "timestamp_sample" in (table.dtype.names or ()) else "timestamp"
-            t_ns, values = logged.micro(table[stamp]), logged.triad(table, "x", "y", "z")
+            t_ns, values = _sampled(table), logged.triad(table, "x", "y", "z")
             streams[key] = logged.stream(key, t_ns, units.gauss(values) if key == "mag" else values, notes)
             return f"{topic} {instance} of {counted(len(instances), 'instance')}"
     return f"no {topic}"
+
+
+def _sampled(table: NDArray[Any]) -> NDArray[np.int64]:
+    """When records were sampled, ns since boot; older logs have the stamp of their publication alone."""
+    return logged.micro(table["timestamp_sample" if "timestamp_sample" in (table.dtype.names or ()) else "timestamp"])
 
 
 def _magnetometer(log: _Log, raw: NDArray[np.uint8], streams: dict[str, Stream], notes: list[str]) -> None:
@@ -343,9 +346,8 @@ def _magnetometer(log: _Log, raw: NDArray[np.uint8], streams: dict[str, Stream],
     for topic in ("vehicle_magnetometer", "sensor_combined"):  # logs before 2018 have it in the latter
         table = _table(log, raw, topic, 0, "timestamp", "magnetometer_ga")
         if table is not None:
-            stamp = "timestamp_sample" if "timestamp_sample" in (table.dtype.names or ()) else "timestamp"
             field_ut = units.gauss(logged.triad(table, "magnetometer_ga"))
-            streams["mag"] = logged.stream("mag", logged.micro(table[stamp]), field_ut, notes)
+            streams["mag"] = logged.stream("mag", _sampled(table), field_ut, notes)
             return
     if log.instances("sensor_mag"):
         notes.append(f"mag: {_single(log, raw, streams, 'mag', 'sensor_mag', notes)}, as the sensor gave it")
@@ -379,8 +381,7 @@ def _attitude(
     if table is None or table["q"].shape[1:] != (4,):
         notes.append("attitude: none in the log (vehicle_attitude)")
         return None
-    stamp = "timestamp_sample" if "timestamp_sample" in (table.dtype.names or ()) else "timestamp"
-    q_nb = logged.attitude_at(rows_ns, logged.micro(table[stamp]), table["q"].astype(np.float64), notes)
+    q_nb = logged.attitude_at(rows_ns, _sampled(table), table["q"].astype(np.float64), notes)
     if q_nb is None:
         notes.append("attitude: vehicle_attitude holds none at the samples' times")
         return None

@@ -26,7 +26,8 @@ from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.files.foreign.join import Stream, joined
-from plumbob.files.foreign.parts import Parts, attitude_at, names_in, sheet
+from plumbob.files.foreign.logged import attitude_at
+from plumbob.files.foreign.parts import Parts, names_in, sheet
 from plumbob.files.notes import Recording
 from plumbob.rotations import Frame, North
 
@@ -92,12 +93,13 @@ def _recording(name: str, messages: _Messages, told: str, notes: list[str]) -> R
         streams["temp_c"] = Stream(messages["T"][0], messages["T"][1][:, 0])
     frame, north, how = _convention(told)
     meta = ImuMeta(device="x-IMU3", frame=frame, unit_check=False)
-    imu, joints = joined(streams, meta=meta)
+    imu, rows_ns, joints = joined(streams, meta=meta)
     track = None
     if "Q" in messages:
-        q_nb = attitude_at(stamps[0] + imu.t_ns, Stream(*messages["Q"]))
-        track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=frame, north=north, source=_SOURCE)
-        notes.append(f"attitude: {_SOURCE}; {how}")
+        q_nb = attitude_at(rows_ns, *messages["Q"], notes)
+        if q_nb is not None:
+            track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=frame, north=north, source=_SOURCE)
+            notes.append(f"attitude: {_SOURCE}; {how}")
     return Recording(imu=imu, track=track, name=name, notes=(*notes, *joints))
 
 

@@ -27,7 +27,8 @@ from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.files.foreign.join import Stream, joined
-from plumbob.files.foreign.parts import HEAD_BYTES, Sheet, attitude_at, names_in, sheet
+from plumbob.files.foreign.logged import attitude_at
+from plumbob.files.foreign.parts import HEAD_BYTES, Sheet, names_in, sheet
 from plumbob.files.notes import Recording
 from plumbob.files.text_table import Table
 from plumbob.rotations import Frame, North, quat_from_dcm, quat_from_euler_zyx
@@ -118,15 +119,17 @@ def _recording(name: str, one: Sheet, head: Mapping[str, str]) -> Recording:
         frame=frame,
         unit_check=False,
     )
-    imu, joints = joined(streams, meta=meta, epoch_ns=_epoch(table, stamps))
+    imu, rows_ns, joints = joined(streams, meta=meta, epoch_ns=_epoch(table, stamps))
     track = None
     if attitude and frame is None:
         notes.append("left out: the attitude, as the file does not say its frame (a line '// Coordinate system: ENU')")
     elif attitude:
-        rows = stamps[0] + imu.t_ns
-        q_nb = attitude_at(rows, Stream(stamps, _attitude(table, attitude)))
-        track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=frame, north=North.MAGNETIC, source=_SOURCE)  # type: ignore[arg-type]
-        notes.append(f"attitude: {_SOURCE}; {frame}, magnetic north, as it counts without GNSS and a declination set")
+        q_nb = attitude_at(rows_ns, stamps, _attitude(table, attitude), notes)
+        if q_nb is not None:
+            track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=frame, north=North.MAGNETIC, source=_SOURCE)  # type: ignore[arg-type]
+            notes.append(
+                f"attitude: {_SOURCE}; {frame}, magnetic north, as it counts without GNSS and a declination set"
+            )
     return Recording(imu=imu, track=track, name=name, notes=(*notes, *joints))
 
 
