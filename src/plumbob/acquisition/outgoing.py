@@ -14,7 +14,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -55,13 +55,28 @@ class Target(Protocol):
 
 
 @dataclass(slots=True)
-class Udp:
-    """A datagram for each message."""
+class _Addressed:
+    """What has a socket to one address."""
 
     host: str
     port: int
+    _socket: socket.socket | None = field(default=None, init=False)
+
+    def tend(self) -> None:
+        """Nothing is due."""
+
+    def close(self) -> None:
+        """Close the socket."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+
+@dataclass(slots=True)
+class Udp(_Addressed):
+    """A datagram for each message."""
+
     broadcast: bool = False
-    _socket: socket.socket | None = None
 
     def open(self) -> None:
         """Resolve the address."""
@@ -84,23 +99,10 @@ class Udp:
             self._socket.send(data)
         return 0
 
-    def tend(self) -> None:
-        """Nothing is due."""
-
-    def close(self) -> None:
-        """Close the socket."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-
 
 @dataclass(slots=True)
-class Tcp:
+class Tcp(_Addressed):
     """A client of a server; what a message could not be written whole to is closed, for its rest would be torn."""
-
-    host: str
-    port: int
-    _socket: socket.socket | None = None
 
     def open(self) -> None:
         """Connect."""
@@ -114,15 +116,6 @@ class Tcp:
         self._socket.settimeout(patience)
         self._socket.sendall(data)
         return 0
-
-    def tend(self) -> None:
-        """Nothing is due."""
-
-    def close(self) -> None:
-        """Close the connection."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
 
 
 class _Client:

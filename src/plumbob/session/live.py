@@ -14,8 +14,7 @@ from plumbob.protocols.find import unassigned_told
 from plumbob.session.estimated import compiling
 from plumbob.session.recording_sink import RecordingSink, named_at
 from plumbob.session.runner import run_stream
-from plumbob.session.send_spec import parse_send
-from plumbob.session.sending import sending_of
+from plumbob.session.sending import sending_of, with_sent
 from plumbob.session.session import RecordSpec, Session
 from plumbob.session.session_toml import session_of
 from plumbob.session.sinks import Sink, TextSink
@@ -174,21 +173,6 @@ def _with_outputs(session: Session, out: str | Path | None, *, next_part: bool, 
             raise ParameterError("--next-part belongs to a recording; name one with --out.")
         session = replace(session, record=replace(session.record, next_part=True))
     return replace(session, output=replace(session.output, text=str(text))) if text else session
-
-
-def with_sent(session: Session, send: Sequence[str]) -> Session:
-    """Session that sends there, too.
-
-    Raises
-    ------
-    ParameterError
-        If nothing estimates an attitude, or a text is not as `parse_send` takes it.
-    """
-    if not send:
-        return session
-    if session.stage is None:
-        raise ParameterError("--send sends an attitude, and nothing estimates one. Name a filter with --filter.")
-    return replace(session, send=(*session.send, *map(parse_send, send)))
 
 
 def announce(session: Session, say: Note) -> None:

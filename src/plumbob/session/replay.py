@@ -193,16 +193,10 @@ def _sending(session: Session, log: Log, send: Sequence[str], note: Note | None)
     """Sinks of what is sent; they may wait, because nothing is lost while a file does."""
     if not send:
         return []
-    from plumbob.session.send_spec import parse_send
-    from plumbob.session.sending import SendSink
+    from plumbob.session.sending import sending_of, with_sent
 
-    if session.stage is None:
-        raise ParameterError("--send sends an attitude, and nothing estimates one. Name a filter with --filter.")
-    offset = 0 if log.first_info is None else log.first_info.epoch_offset_ns
-    declination = session.meta.declination
-    return [
-        SendSink(parse_send(text), declination=declination, offset_ns=offset, note=note, direct=True) for text in send
-    ]
+    offset_ns = 0 if log.first_info is None else log.first_info.epoch_offset_ns
+    return [*sending_of(with_sent(replace(session, send=()), send), note=note, replayed_ns=offset_ns)]
 
 
 def _lacking(log: Log) -> list[str]:

@@ -4,7 +4,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -24,7 +24,7 @@ from plumbob.files import Recording
 from plumbob.protocols.attitude import Attitude, Body, attitudes, body_of
 from plumbob.rotations import North
 from plumbob.session.recording_sink import epoch_offset_ns
-from plumbob.session.send_spec import send_spec
+from plumbob.session.send_spec import parse_send, send_spec
 from plumbob.session.session import SendSpec, Session
 from plumbob.session.stream import Part
 from plumbob.session.watch import Note
@@ -280,12 +280,32 @@ class SendSink:
         self._tell()
 
 
+def with_sent(session: Session, send: Sequence[str]) -> Session:
+    """Session that sends there, too.
+
+    Raises
+    ------
+    ParameterError
+        If nothing estimates an attitude, or a text is not as `parse_send` takes it.
+    """
+    if not send:
+        return session
+    if session.stage is None:
+        raise ParameterError("--send sends an attitude, and nothing estimates one. Name a filter with --filter.")
+    return replace(session, send=(*session.send, *map(parse_send, send)))
+
+
 def sending_of(
-    session: Session, *, note: Note | None = None, keep: Callable[[Event], object] | None = None
-) -> list["SendSink"]:
-    """Sinks of what a session sends while its line runs."""
-    offset_ns, declination = epoch_offset_ns(), session.meta.declination
-    return [SendSink(spec, declination=declination, offset_ns=offset_ns, note=note, keep=keep) for spec in session.send]
+    session: Session,
+    *,
+    note: Note | None = None,
+    keep: Callable[[Event], object] | None = None,
+    replayed_ns: int | None = None,
+) -> list[SendSink]:
+    """Sinks of what a session sends: while its line runs, or again, with UTC less the clock of its recording, ns."""
+    offset_ns = epoch_offset_ns() if replayed_ns is None else replayed_ns
+    how: dict[str, Any] = {"declination": session.meta.declination, "offset_ns": offset_ns, "note": note, "keep": keep}
+    return [SendSink(spec, **how, direct=replayed_ns is not None) for spec in session.send]
 
 
 def _body(spec: SendSpec) -> Body | None:

@@ -16,10 +16,10 @@ from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack
 from plumbob.data.chain import Chain
 from plumbob.data.chain_toml import load_chain
-from plumbob.session.live import announce, with_sent
+from plumbob.session.live import announce
 from plumbob.session.recording_sink import RecordingSink, named_at
 from plumbob.session.runner import run_stream
-from plumbob.session.sending import sending_of
+from plumbob.session.sending import sending_of, with_sent
 from plumbob.session.session import Session
 from plumbob.session.session_toml import ALL, of_unit, session_of
 from plumbob.session.sinks import Sink, TextSink

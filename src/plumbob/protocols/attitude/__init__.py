@@ -192,11 +192,12 @@ def attitudes(
         return
     body = body_of(track.frame) if body is None else body
     c = np.array([1.0, -1.0, -1.0]) if body is Body.FLU else np.ones(3)
-    q = change_frame(track.q_nb, to=Frame.NED, from_=track.frame)
+    q = change_frame(track.q_nb[chosen], to=Frame.NED, from_=track.frame)
     q = quat_multiply(q, _HALF_TURN) if body is Body.FLU else q
-    gyr, acc = _sensed(track, imu)
-    gyr = np.where(np.isfinite(gyr), gyr, _differences(track)) * c
-    q, gyr, acc = q[chosen], gyr[chosen], (acc * c)[chosen]
+    gyr, acc = (sensed[chosen] for sensed in _sensed(track, imu))
+    if not np.isfinite(gyr).all():
+        gyr = np.where(np.isfinite(gyr), gyr, _differences(track)[chosen])
+    gyr, acc = gyr * c, acc * c
     q = np.where(q[:, :1] < 0.0, -q, q) + 0.0
     euler = euler_zyx_from_quat(q)
     cov = np.full((chosen.size, 3, 3), np.nan) if track.cov_b is None else track.cov_b[chosen] * np.outer(c, c)
