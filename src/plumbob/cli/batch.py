@@ -3,11 +3,10 @@
 import argparse
 import sys
 from collections.abc import Callable
-from typing import Any
 
 from plumbob.cli import common
 from plumbob.cli.eval import alignments
-from plumbob.cli.report import add_statistics
+from plumbob.cli.report import HOW, add_how, add_statistics
 
 EXIT_SOME = 3
 MANY = 50
@@ -29,7 +28,7 @@ def add_parser(verbs: common.Adder) -> None:
     )  # fmt: skip
     p.add_argument("sources", nargs="+", metavar="FILE|FOLDER|PATTERN|URL", help="recordings; patterns may be quoted")
     p.add_argument("--out", required=True, metavar="DATASET", help="folder or URL of the dataset, new or to go on with")
-    _add_how(p)
+    add_how(p, instead="", card="calibration card of all, or a folder of cards: each for the recordings of its device")
     add_statistics(p)
     p.add_argument("--align", default="", metavar="A,B", help="of the evaluation, as of 'plumbob eval'")
     p.add_argument(
@@ -43,22 +42,6 @@ def add_parser(verbs: common.Adder) -> None:
     p.set_defaults(run=run)
 
 
-def _add_how(p: argparse.ArgumentParser) -> None:
-    """Options of the estimate, as of run."""
-    which = p.add_mutually_exclusive_group()
-    which.add_argument("--filter", metavar="NAME", help="one of 'plumbob filters', default: smoother")
-    which.add_argument("--causal", action="store_true", help="as a live system knows it: nothing later is used")
-    which.add_argument("--lag", metavar="T", help="smooth with a fixed lag, as 5s")
-    p.add_argument("--params", metavar="P", help=common.PARAMS_HELP)
-    common.add_frame(p, "navigation frame; needed where recordings name none")
-    common.add_init(p)
-    common.add_place(p)
-    common.add_profile(p)
-    common.add_unit(p)
-    common.add_calibration(p, "calibration card of all, or a folder of cards: each for the recordings of its device")
-    common.add_noise(p)
-
-
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.filters.known import SMOOTHER
@@ -69,9 +52,8 @@ def run(args: argparse.Namespace) -> int:
         done = batch(
             args.sources,
             args.out,
-            **_how(args),
-            burst=args.burst,
-            tilt_limit=args.tilt_limit,
+            **{name: getattr(args, name) for name in HOW},
+            **common.filter_of(args),
             align=alignments(args.align),
             settle=args.settle,
             pages=args.pages,
@@ -94,16 +76,3 @@ def _shown(bars: Callable[[str, int, int], None]) -> Callable[[int, int | None],
             common.note(f"{done} of {total} recordings")
 
     return over
-
-
-def _how(args: argparse.Namespace) -> dict[str, Any]:
-    from plumbob.core.errors import ParameterError
-
-    names = ("causal", "lag", "frame", "init", "place", "date", "profile", "unit", "calibration", "noise")
-    given: dict[str, Any] = {name: getattr(args, name) for name in names}
-    if args.filter is None:
-        return given | {"params": dict(common.pairs(args.params))}
-    chosen = common.stages(args.filter, args.params)
-    if len(chosen) != 1:
-        raise ParameterError("batch takes one filter; run it again for another, to another dataset.")
-    return given | {"filter": chosen[0].filter, "params": chosen[0].params}

@@ -58,15 +58,20 @@ def add_estimate(p: argparse.ArgumentParser) -> None:
 
 def estimate_of(args: argparse.Namespace) -> dict[str, Any]:
     """What the options of `add_estimate` say, as `plumbob.record` and `plumbob.replay` take it."""
+    names = ("lag", "frame", "calibration", "noise", "init")
+    return {name: getattr(args, name) for name in names} | filter_of(args)
+
+
+def filter_of(args: argparse.Namespace, *, instead: Sequence[str] = ()) -> dict[str, Any]:
+    """The one filter of --filter with --params; None, or a word that stands `instead` of one, as it is."""
     from plumbob.core.errors import ParameterError
 
-    given = {name: getattr(args, name) for name in ("filter", "lag", "frame", "calibration", "noise", "init")}
-    if args.filter is None:
-        return given | {"params": dict(pairs(args.params))}
+    if args.filter is None or args.filter in instead:
+        return {"filter": args.filter, "params": dict(pairs(args.params))}
     chosen = stages(args.filter, args.params)
     if len(chosen) != 1:
         raise ParameterError(f"{args.verb} takes one filter; run it again for another.")
-    return given | {"filter": chosen[0].filter, "params": chosen[0].params}
+    return {"filter": chosen[0].filter, "params": chosen[0].params}
 
 
 class Status:

@@ -2,7 +2,7 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from plumbob.cli import common
 
@@ -33,14 +33,18 @@ def add_parser(verbs: common.Adder) -> None:
     p.set_defaults(run=run)
 
 
-def add_how(p: argparse.ArgumentParser) -> None:
+HOW: Final = (
+    "causal", "lag", "frame", "init", "place", "date", "profile", "unit", "calibration", "noise", "burst", "tilt_limit",
+)  # fmt: skip
+"""Names of the options of `add_how` and `add_statistics`, besides the filter and its parameters."""
+INSTEAD: Final = "; track: the attitude that the file holds; none: no attitude"
+CARD: Final = "calibration card to apply first; default: of a recorded stream that of its session"
+
+
+def add_how(p: argparse.ArgumentParser, *, instead: str = INSTEAD, card: str = CARD) -> None:
     """Options of the estimate, as of run; and of what stands in for one."""
     which = p.add_mutually_exclusive_group()
-    which.add_argument(
-        "--filter",
-        metavar="NAME",
-        help="one of 'plumbob filters', default: smoother; track: the attitude that the file holds; none: no attitude",
-    )
+    which.add_argument("--filter", metavar="NAME", help=f"one of 'plumbob filters', default: smoother{instead}")
     which.add_argument("--causal", action="store_true", help="as a live system knows it: nothing later is used")
     which.add_argument("--lag", metavar="T", help="smooth with a fixed lag, as 5s")
     p.add_argument("--params", metavar="P", help=common.PARAMS_HELP)
@@ -49,7 +53,7 @@ def add_how(p: argparse.ArgumentParser) -> None:
     common.add_place(p)
     common.add_profile(p)
     common.add_unit(p)
-    common.add_calibration(p, "calibration card to apply first; default: of a recorded stream that of its session")
+    common.add_calibration(p, card)
     common.add_noise(p)
 
 
@@ -61,17 +65,7 @@ def add_statistics(p: argparse.ArgumentParser) -> None:
 
 def how_of(args: argparse.Namespace) -> dict[str, Any]:
     """What the options of `add_how` and `add_statistics` say, as `plumbob.report` takes it."""
-    from plumbob.core.errors import ParameterError
-
-    names = ("causal", "lag", "frame", "init", "place", "date", "profile", "unit", "calibration", "noise", "burst",
-             "tilt_limit")  # fmt: skip
-    given = {name: getattr(args, name) for name in names}
-    if args.filter in (None, "track", "none"):
-        return given | {"filter": args.filter, "params": dict(common.pairs(args.params))}
-    chosen = common.stages(args.filter, args.params)
-    if len(chosen) != 1:
-        raise ParameterError(f"{args.verb} takes one filter; run it again for another.")
-    return given | {"filter": chosen[0].filter, "params": chosen[0].params}
+    return {name: getattr(args, name) for name in HOW} | common.filter_of(args, instead=("track", "none"))
 
 
 def run(args: argparse.Namespace) -> int:

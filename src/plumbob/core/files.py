@@ -95,6 +95,14 @@ def existing_file(path: str | os.PathLike[str], most: int | None = None) -> Path
     return file
 
 
+def sha256_of(path: Path) -> tuple[str, int]:
+    """SHA-256 of a file, as hexadecimal digits, and of how many bytes it is: the file may be growing."""
+    import hashlib
+
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest(), stream.tell()
+
+
 def text_of(path: str | os.PathLike[str], what: str | None = None) -> str:
     """Text of a file of at most `MAX_TEXT` bytes; `what` it should be is for messages.
 
@@ -120,6 +128,10 @@ def profile_beside(path: Path) -> Path:
 
 TABLES: Final = (".csv", ".txt", ".tsv", ".lvm", ".dat", ".log")
 """Suffixes of text tables, which a profile describes."""
+
+
+ARRAYS: Final = (".mat", ".h5", ".hdf5", ".npz")
+"""Suffixes of files of named arrays, which a profile describes."""
 
 
 def sidecars(path: Path) -> tuple[Path, Path]:

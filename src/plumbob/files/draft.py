@@ -20,7 +20,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.core.files import existing_file, reading, write_text
+from plumbob.core.files import ARRAYS, existing_file, reading, write_text
 from plumbob.core.text import Shown
 from plumbob.core.units import UNITS, Quantity, canonical_name, is_name, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
@@ -31,8 +31,6 @@ from plumbob.files.profile_toml import GUIDE
 from plumbob.files.sniff import Sample, sample_of
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
 
-ARRAYS: Final = (".mat", ".h5", ".hdf5", ".npz")
-"""Suffixes of files of named arrays."""
 _KIND: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
 _WORDS: Final = {
     "gyr": re.compile(r"g|w|gyr.*|gyro.*|omega|.*angular ?(rate|vel).*|rot.*rate|rate|.*角速度|.*陀螺.*"),

@@ -9,13 +9,17 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.core.files import TABLES, existing_file, reading, sidecars
+from plumbob.core.files import ARRAYS, TABLES, existing_file, reading, sidecars
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray
 from plumbob.files.notes import Recording, findings_of, lines
 
 if TYPE_CHECKING:
     from plumbob.files.profile import Profile
+
+
+class UnknownFormatError(DecodeError):
+    """A file or folder of no known format: nothing says that it is damaged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +117,7 @@ FORMATS: Final = (
     ),
     Format(
         name="arrays",
-        suffixes=(".mat", ".h5", ".hdf5", ".npz"),
+        suffixes=ARRAYS,
         what="named arrays of MATLAB, HDF5 and NumPy, described by a profile in TOML; read only",
         read=_late("foreign.tables", "read"),
         takes_profile=True,
@@ -235,8 +239,10 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> Format:
 
     Raises
     ------
+    UnknownFormatError
+        If its suffix is unknown, or no format of its suffix knows its content; a `DecodeError`.
     DecodeError
-        If there is none, its suffix is unknown, or no format of its suffix knows its content.
+        If there is none.
     """
     file = check.path("path", path)
     if not file.is_dir():
@@ -254,8 +260,10 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> Format:
                 return kind
     names = ", ".join(kind.name for kind in candidates)
     if file.is_dir():
-        raise DecodeError(f"{file} is a folder, and not one of {names}; name one file in it.")
-    raise DecodeError(f"{file}: its content is not that of a '{file.suffix}' file that is known, which are {names}.")
+        raise UnknownFormatError(f"{file} is a folder, and not one of {names}; name one file in it.")
+    raise UnknownFormatError(
+        f"{file}: its content is not that of a '{file.suffix}' file that is known, which are {names}."
+    )
 
 
 def is_recording(path: Path) -> bool:
@@ -277,7 +285,7 @@ def _by_suffix(path: Path) -> list[Format]:
 
     known = ", ".join(dict.fromkeys(suffix for kind in FORMATS for suffix in kind.suffixes if suffix))
     hint = " Plain numbers are not a recording; 'plumbob allan' takes them." if path.suffix.lower() in SUFFIXES else ""
-    raise DecodeError(
+    raise UnknownFormatError(
         f"{path}: the suffix '{path.suffix}' is unknown; known are {known}; raw bytes are for 'plumbob record --from'."
         f"{hint}"
     )

@@ -11,6 +11,7 @@ from typing import Final
 from urllib.parse import quote
 
 from plumbob.core.errors import ParameterError
+from plumbob.core.files import sha256_of
 from plumbob.data import ImuData
 from plumbob.files import Recording
 from plumbob.files.columns import to_columns
@@ -80,8 +81,7 @@ def digest_of(given: Path | Recording) -> str:
             found.update(values.tobytes())
         return found.hexdigest()
     if not given.is_dir():
-        with given.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        return sha256_of(given)[0]
     whole = hashlib.sha256()
     for path in sorted(path for path in given.rglob("*") if path.is_file()):
         whole.update(f"{path.relative_to(given).as_posix()}\0".encode())

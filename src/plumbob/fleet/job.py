@@ -19,7 +19,7 @@ from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack
 from plumbob.evaluation import evaluate
 from plumbob.files import Recording
-from plumbob.files.formats import kind_of
+from plumbob.files.formats import UnknownFormatError
 from plumbob.fleet.items import JOBS, Item, digest_of
 from plumbob.fleet.places import Place, place_of
 from plumbob.fleet.settings import Settings
@@ -29,7 +29,6 @@ from plumbob.overview.subject import Subject, opened, subject_from
 from plumbob.overview.tables import heading_numbers, inclination_numbers, motion_numbers, summary
 from plumbob.reporting import plain
 from plumbob.session.estimated import Estimated, estimate
-from plumbob.session.reading import is_own
 
 DONE, REFUSED, DAMAGED, FAILED = "done", "refused", "damaged", "failed"
 VERDICTS: Final = {
@@ -154,12 +153,8 @@ def failed(settings: Settings, item: Item, out: str, reason: str) -> Outcome:
     return Outcome(item.name, FAILED, reason, False, 0.0)
 
 
-class _UnknownFormatError(DecodeError):
-    """A file of no known format: nothing says that it is damaged."""
-
-
 def _verdict(error: Exception) -> str:
-    if isinstance(error, DecodeError) and not isinstance(error, _UnknownFormatError):
+    if isinstance(error, DecodeError) and not isinstance(error, UnknownFormatError):
         return DAMAGED
     if isinstance(error, PlumbobError) and not isinstance(error, MissingExtraError):
         return REFUSED
@@ -199,11 +194,6 @@ class _Found:
 
 def _worked(settings: Settings, item: Item, given: Path | Recording, stop: threading.Event | None) -> _Found:
     """Estimate and judge."""
-    if isinstance(given, Path) and not is_own(given):
-        try:
-            kind_of(given)
-        except DecodeError as error:
-            raise _UnknownFormatError(one_line(error)) from error
     gatherer = gatherer_of(burst=settings.burst, tilt_limit=settings.tilt_limit)
     how = {name: value for name, value in settings.how.items() if name not in ("unit", "profile")}
 

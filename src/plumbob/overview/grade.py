@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
-from plumbob.core.time import GAP_FACTOR, to_ns
+from plumbob.core.time import GAP_FACTOR, is_gap, to_ns
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.imu import BLOCK, TITLES, median, norms
@@ -246,14 +246,15 @@ class _Steps:
     @classmethod
     def of(cls, t: Floats) -> "_Steps":
         """The median step may be one of two that alternate: the usual one is the mean of those about it."""
-        dt = np.diff(to_ns(t)) / 1e9
+        dt_ns = np.diff(to_ns(t))
+        dt = dt_ns / 1e9
         if not dt.size:
             none = np.zeros(0, dtype=np.bool_)
             return cls(dt, math.nan, none, none, dt, None)
         middle = float(np.median(dt))
         near = dt[np.abs(dt - middle) <= 0.5 * middle]
         usual = float(np.mean(near)) if near.size else middle
-        gaps = dt > GAP_FACTOR * middle
+        gaps = is_gap(dt_ns)
         tiny = dt < TINY * usual
         return cls(dt, usual, gaps, tiny, np.maximum(np.rint(dt / usual), 1.0), bursts(t))
 

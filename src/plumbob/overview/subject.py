@@ -1,6 +1,5 @@
 """One recording of a page: where it comes from, what was estimated of it, and what was gathered meanwhile."""
 
-import hashlib
 import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from plumbob.core.errors import ParameterError
+from plumbob.core.files import sha256_of
 from plumbob.core.text import counted
 from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
@@ -278,7 +278,7 @@ def _provenance(
 ) -> Iterator[tuple[str, str]]:
     yield "recording", name
     for path in paths[:8]:
-        digest, size = _sha256(path)
+        digest, size = sha256_of(path)
         yield "SHA-256", f"{digest} ({path.name}, {size} bytes)"
     if len(paths) > 8:
         yield "SHA-256", f"and of {counted(len(paths) - 8, 'further part')}, not shown"
@@ -306,12 +306,6 @@ def _software() -> Iterator[tuple[str, str]]:
     versions = f"NumPy {np.__version__}, SciPy {scipy.__version__}, Python {platform.python_version()}"
     made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     yield "made by", f"plumbob {__version__}, {versions}, {made}"
-
-
-def _sha256(path: Path) -> tuple[str, int]:
-    with path.open("rb") as stream:
-        digest = hashlib.file_digest(stream, "sha256").hexdigest()
-        return digest, stream.tell()
 
 
 def _utc(t0_ns: int, t: float) -> str:

@@ -10,7 +10,6 @@ learns anything of its own recordings by sharing it. The gain is the geometric m
 to those of the defaults, with a paired 95 % interval of Student's t over groups.
 """
 
-import hashlib
 import json
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -25,7 +24,7 @@ from numpy.typing import NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, ShapeError
-from plumbob.core.files import write_text
+from plumbob.core.files import sha256_of, write_text
 from plumbob.core.params import Parameter, allowed, checked, describe, shown
 from plumbob.core.text import counted, visible
 from plumbob.core.units import Quantity, given, to_deg
@@ -759,10 +758,7 @@ def _unused(name: str, used: Collection[str]) -> str:
 
 
 def _hash(file: Path | Recording) -> str | None:
-    if isinstance(file, Recording) or not file.is_file():
-        return None
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    return None if isinstance(file, Recording) or not file.is_file() else sha256_of(file)[0]
 
 
 def _text(p: Parameter, value: float) -> str:
