@@ -263,7 +263,7 @@ class SerialPort:
 
 @dataclass(slots=True)
 class FileTarget:
-    """A file, a named pipe, or standard output where there is no path; messages stand there whole at once."""
+    """A file, a named pipe, or standard output where there is no path; each message is written at once."""
 
     path: Path | None
     overwrite: bool = False

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from plumbob.files.profile import Profile
 
 CERTAIN: Final = math.log(1000.0)
-"""Logarithm of the odds from which on an answer may be sure."""
+"""Logarithm of the odds above which an answer may be sure."""
 _HINT: Final = math.log(10.0)
 _OVERWHELMING: Final = 30.0
 _EXPLAINED: Final = 0.2
@@ -35,7 +35,7 @@ _EXPLAINED: Final = 0.2
 _EXACT: Final = 2e-3
 """Standard deviation of a delay that is sure, s."""
 _MATTERS: Final = float(deg(1.0))
-"""Angle by which a delay turns a vector at the usual rate, rad, from which on it is worth a line of the profile."""
+"""Angle by which a delay turns a vector at the usual rate, rad, above which it is worth a line of the profile."""
 _FEWEST: Final = 100
 _SLOWEST, _FASTEST = 0.003, 30.0  # usual rates of bodies that turn at all, rad/s
 _VAGUE: Final = 0.3

@@ -36,7 +36,7 @@ LONGEST_OFFSET: Final = 10.0
 FEWEST: Final = 100
 """Samples in common, fewer of which say nothing."""
 PLANE: Final = 0.02
-"""Ratio of the second to the first principal rate, from which on a rotation is seen about every axis."""
+"""Ratio of the second to the first principal rate, above which a rotation is seen about every axis."""
 COARSE: Final = 0.05
 """Standard deviation of the smoothing that both get before the fit, s: a motion below 3 Hz keeps half of its power."""
 HALF_POWER: Final = 0.1325
