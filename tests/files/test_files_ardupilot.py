@@ -1,5 +1,6 @@
 """Logs of ArduPilot, and telemetry of MAVLink."""
 
+import contextlib
 import io
 import struct
 
@@ -101,12 +102,13 @@ def test_damaged_logs_are_read_or_refused(tmp_path):
 @real
 def test_a_real_log_agrees_with_pymavlink():
     reader = pytest.importorskip("pymavlink.DFReader", reason="the format's own package is not installed")
-    log, rows, angles = reader.DFReader_binary(str(REAL)), [], []
-    while (one := log.recv_match(type=["IMU", "NKQ1"])) is not None:
-        if one.get_type() == "IMU":
-            rows.append([one.TimeUS, one.GyrX, one.GyrY, one.GyrZ, one.AccX, one.AccY, one.AccZ])
-        else:
-            angles.append([one.Q1, one.Q2, one.Q3, one.Q4])
+    rows, angles = [], []
+    with contextlib.closing(reader.DFReader_binary(str(REAL))) as log:
+        while (one := log.recv_match(type=["IMU", "NKQ1"])) is not None:
+            if one.get_type() == "IMU":
+                rows.append([one.TimeUS, one.GyrX, one.GyrY, one.GyrZ, one.AccX, one.AccY, one.AccZ])
+            else:
+                angles.append([one.Q1, one.Q2, one.Q3, one.Q4])
     theirs, recording = np.array(rows), read(REAL)
     np.testing.assert_allclose(np.column_stack([recording.imu.gyr, recording.imu.acc]), theirs[:, 1:], rtol=1e-7)
     np.testing.assert_allclose(recording.imu.t, (theirs[:, 0] - theirs[0, 0]) / 1e6, atol=1e-9)
