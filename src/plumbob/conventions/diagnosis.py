@@ -29,9 +29,11 @@ if TYPE_CHECKING:
 CERTAIN: Final = math.log(1000.0)
 """Logarithm of the odds above which an answer may be sure."""
 _HINT: Final = math.log(10.0)
-_OVERWHELMING: Final = 30.0
 _EXPLAINED: Final = 0.2
-"""Part of the change that the best arrangement must explain; where it is less, odds have to be overwhelming."""
+"""Part of the change that the best arrangement must explain to be sure."""
+_ENOUGH: Final = {"mag": 30.0, "acc": CERTAIN}
+"""Logarithm of the odds that are enough where less is explained: those of an accelerometer allow for pushes already."""
+_NOISE: Final = {"mag": -0.5, "acc": -math.inf}
 _EXACT: Final = 2e-3
 """Standard deviation of a delay that is sure, s."""
 _MATTERS: Final = float(deg(1.0))
@@ -181,11 +183,12 @@ class _Sensor:
 
     def __post_init__(self) -> None:
         found = self.found
-        if found is None or not found.agrees:
+        if found is None or found.torn:
             return
-        if not found.contradicted and found.explained >= _EXPLAINED and found.margin >= _HINT:
+        explains = found.explained >= _EXPLAINED
+        if found.agrees and explains and not found.contradicted and found.margin >= _HINT:
             self.answer = Answer.SURE if found.margin >= CERTAIN else Answer.LIKELY
-        elif found.explained >= -0.5 and found.margin >= _OVERWHELMING:
+        elif found.explained >= _NOISE[self.name] and found.margin >= _ENOUGH[self.name]:
             self.answer = Answer.LIKELY  # most of it is pushes, as in the pocket of who walks
 
     @property
@@ -341,16 +344,15 @@ class Examination:
             self.sensors["mag"] = _Sensor("mag", fit(self.t, gyr, self.values["mag"], offset=0.5))
         if "acc" in self.values:
             mag = self.sensors.get("mag")
+            acc, trials = self.values["acc"], [gyr, gyr - _resting(self.t, gyr)]
+            signs: tuple[float, ...] = (1.0, -1.0)
             if mag is not None and mag.answer is Answer.SURE and mag.found is not None:
                 scales: tuple[float, ...] = (mag.found.scale,)
-                trials = [gyr + mag.axes.T @ mag.found.bias / mag.found.scale]
+                trials.append(gyr + mag.axes.T @ mag.found.bias / mag.found.scale)
+                signs = (-1.0,) if mag.mirrored else (1.0,)
             else:
-                scales = self._scales(gyr, self.values["acc"])
-                trials = [gyr, gyr - _resting(self.t, gyr)]
-            found = [
-                one for rates in trials if (one := fit_force(self.t, rates, self.values["acc"], scales)) is not None
-            ]
-            self.sensors["acc"] = _Sensor("acc", max(found, key=lambda one: one.explained, default=None))
+                scales = self._scales(gyr, acc)
+            self.sensors["acc"] = _Sensor("acc", fit_force(self.t, trials, acc, scales, signs))
 
     def _scales(self, gyr: Floats, acc: Floats) -> tuple[float, ...]:
         """Scales that the rates may have: of units with which a body turns as bodies do, and one by regression."""
