@@ -219,3 +219,17 @@ def test_strides_that_push_harder_than_gravity_do_not_mislead() -> None:
     found = fit_force(data["t"], [gyr], acc, (1.0,))
     assert found is not None and found.margin > 7.0 and found.agrees and not found.torn
     assert (ARRANGEMENTS[found.best] == np.eye(3)).all()
+
+
+def test_pauses_of_the_gyroscope_do_not_count() -> None:
+    """While the rates are missing the body turns unseen: what comes after is compared with what comes after."""
+    data = sensors(seconds=90.0)
+    second = np.floor(data["t"]).astype(int)
+    data["gyr"][second % 6 >= 4] = np.nan
+    quarters = np.pi / 2 * np.eye(3)[np.random.default_rng(1).integers(0, 3, 15)]
+    turned = dcm_from_quat(quat_chained(quarters))[second // 6]
+    acc = np.einsum("nji,nj->ni", turned, data["acc"])
+    gyr = np.einsum("nji,nj->ni", turned, data["gyr"])
+    found = fit_force(data["t"], [gyr], acc, (1.0,))
+    assert found is not None and found.margin > 7.0 and found.agrees and found.explained > 0.99
+    assert (ARRANGEMENTS[found.best] == np.eye(3)).all()

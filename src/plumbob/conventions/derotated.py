@@ -198,10 +198,16 @@ def _margin(log: Floats, top: int) -> float:
 
 
 def _turned(rate: Floats, scale: float) -> Floats:
-    """Rotation matrices (N, 3, 3) from the axes of the rates to those at the start, at the middle of each bin."""
-    known = np.where(np.isfinite(rate), rate, 0.0) * (scale * BIN)
-    half = 0.5 * (known + np.concatenate((np.zeros((1, 3)), known[:-1])))  # from middle to middle
-    return np.asarray(dcm_from_quat(quat_chained(half)[-len(rate) :]))
+    """Rotation matrices (N, 3, 3) from the axes of the rates to those at the start, at the middle of each bin.
+
+    NaN where there are no rates, so that no window with a pause in it counts.
+    """
+    unknown = ~np.isfinite(rate).all(axis=1)
+    turn = np.where(unknown[:, np.newaxis], 0.0, rate) * (scale * BIN)
+    half = 0.5 * (turn + np.concatenate((np.zeros((1, 3)), turn[:-1])))  # from middle to middle
+    dcm = np.asarray(dcm_from_quat(quat_chained(half)[-len(rate) :]))
+    dcm[unknown] = np.nan
+    return dcm
 
 
 def changes(dcm: Floats, force: Floats, size: int, shift: int) -> tuple[Floats, NDArray[np.bool_]]:
@@ -217,8 +223,9 @@ def _products(dcm: Floats, force: Floats, size: int, shift: int) -> tuple[Floats
         dcm, force = dcm[-shift:], force[:shift]
     count = len(force) // size
     dcm, force = dcm[: count * size], force[: count * size]
-    known = np.asarray(np.isfinite(force).all(axis=1))
+    known = np.asarray(np.isfinite(force).all(axis=1) & np.isfinite(dcm[:, 0, 0]))
     u = np.where(known[:, np.newaxis], force, 0.0)
+    dcm = np.where(known[:, np.newaxis, np.newaxis], dcm, 0.0)
     mean = np.swapaxes(dcm.reshape(count, size, 9), 1, 2) @ u.reshape(count, size, 3) / size
     return mean.reshape(count, 3, 9), np.asarray(known.reshape(count, size).all(axis=1))
 
