@@ -33,7 +33,7 @@ def attitude(t: np.ndarray, amplitudes: tuple[float, float, float] = AMPLITUDES)
 
 
 def sensors(
-    amplitudes: tuple[float, float, float] = AMPLITUDES, seconds: float = 40.0, late: float = 0.0
+    amplitudes: tuple[float, float, float] = AMPLITUDES, seconds: float = 90.0, late: float = 0.0
 ) -> dict[str, np.ndarray]:
     """Time, rates and vectors; those of the magnetometer are stamped `late` seconds late. Noise is that of a phone."""
     t = np.arange(round(seconds * RATE)) / RATE

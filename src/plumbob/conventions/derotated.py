@@ -202,7 +202,7 @@ def _turned(rate: Floats, scale: float) -> Floats:
 
     NaN where there are no rates, so that no window with a pause in it counts.
     """
-    unknown = ~np.isfinite(rate).all(axis=1)
+    unknown = np.asarray(~np.isfinite(rate).all(axis=1))
     turn = np.where(unknown[:, np.newaxis], 0.0, rate) * (scale * BIN)
     half = 0.5 * (turn + np.concatenate((np.zeros((1, 3)), turn[:-1])))  # from middle to middle
     dcm = np.asarray(dcm_from_quat(quat_chained(half)[-len(rate) :]))

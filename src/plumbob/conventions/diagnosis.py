@@ -34,7 +34,7 @@ _EXPLAINED: Final = 0.2
 _ENOUGH: Final = {"mag": 30.0, "acc": CERTAIN}
 """Logarithm of the odds that are enough where less is explained: those of an accelerometer allow for pushes already."""
 _NOISE: Final = {"mag": -0.5, "acc": -math.inf}
-_EXACT: Final = 2e-3
+_EXACT: Final = 1e-3
 """Standard deviation of a delay that is sure, s."""
 _MATTERS: Final = float(deg(1.0))
 """Angle by which a delay turns a vector at the usual rate, rad, above which it is worth a line of the profile."""
