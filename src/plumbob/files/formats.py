@@ -96,7 +96,7 @@ FORMATS: Final = (
         (".zip", ".csv", ".txt", ""),
         "phyphox, Sensor Logger and SensorLog, zipped, or as folder or CSV",
     ),
-    _foreign("Xsens", "xsens", (".txt", ".mtb"), "exports of MT Manager as text, and its MTB logs"),
+    _foreign("Xsens", "xsens", (".txt", ".mtb"), "exports of MT Manager as text, and its MTB logs", True),
     _foreign(
         "x-IMU3", "ximu3", (".ximu3", ".csv", ""), "logs of x-IMU3, and the folders of CSV that its GUI makes of them"
     ),

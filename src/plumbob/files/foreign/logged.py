@@ -109,6 +109,17 @@ def attitude_at(rows_ns: NDArray[np.int64], t_ns: NDArray[np.int64], q_nb: Float
     return found.q_nb
 
 
+def others_note(taken: str, others: Mapping[str, int]) -> str:
+    """A note of what was taken of several units, and of how the others, with their counts, are chosen."""
+    if not others:
+        return taken
+    listed = ", ".join(f"{name} ({count})" for name, count in [*others.items()][:20])
+    more = f" and {len(others) - 20} more" if len(others) > 20 else ""
+    name = next(iter(others))
+    chosen = f"'{name}'" if " " in name else name
+    return f"{taken}; not taken: {listed}{more}; --unit {chosen} takes another"
+
+
 def require_gyroscope(streams: dict[str, Stream], where: str) -> None:
     """Refuse a log without angular rates, which lead the rows."""
     if "gyr" not in streams or not np.asarray(streams["gyr"].t_ns).size:
