@@ -14,7 +14,7 @@ settings say so.
 """
 
 from array import array
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.errors import DecodeError
 from plumbob.core.text import counted
-from plumbob.files.foreign.logged import others_note, records
+from plumbob.files.foreign.logged import chosen, others_note, records
 
 PREAMBLE: Final = 0xFA
 _MTDATA, _MTDATA2 = 0x32, 0x36
@@ -170,10 +170,10 @@ def read_unit(raw: bytes, unit: str | None) -> Unit:
     names: dict[str, int] = {}
     for bus in np.unique(messages.bus[data]).tolist():
         one = _name(messages, bus, configuration)
-        names[f"{one} on bus {bus}" if one in names else one] = bus
+        names[f"{one}.bus{bus}" if one in names else one] = bus
     if not names:
         raise DecodeError(f"it holds {counted(messages.kind.size, 'message')}, but no data (MTData2, MTData).")
-    name = _chosen(list(names), unit)
+    name = chosen(list(names), unit)
     counts = {one: int(np.count_nonzero(data & (messages.bus == bus))) for one, bus in names.items()}
     if len(names) > 1:
         notes.append(others_note(f"unit: {name}, {counted(counts.pop(name), 'packet')}", counts))
@@ -266,17 +266,6 @@ def _product(messages: _Messages, configuration: bytes) -> str:
     said = [messages.body(int(one)) for one in messages.of(_PRODUCT_CODE)[:1]] or [configuration[32:52]]
     text = said[0].split(b"\0")[0].decode("ascii", "replace").strip()
     return text if text.isprintable() and len(text) <= 40 else ""
-
-
-def _chosen(names: Sequence[str], unit: str | None) -> str:
-    if unit is None:
-        return names[0]
-    if unit.upper() in names or unit in names:
-        return unit if unit in names else unit.upper()
-    if unit.isdecimal() and 1 <= int(unit) <= len(names):
-        return names[int(unit) - 1]
-    known = ", ".join(f"{name} ({number})" for number, name in enumerate(names[:20], 1))
-    raise ParameterError(f"there is no unit '{unit}' in the log; there are {known}.")
 
 
 def _groups(messages: _Messages, bus: int, configuration: bytes, found: Unit) -> tuple[list[_Group], float | None]:
