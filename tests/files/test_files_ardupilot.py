@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.files import kind_of, read
+from plumbob.files import kind_of, read, write
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_angle
 from tests.conftest import DATA
@@ -48,6 +48,21 @@ def test_the_first_of_several_units_is_taken_and_the_others_are_listed(tmp_path)
         assert quat_angle(other.track.q_nb, recording.track.q_nb).max() < 1e-9
     with pytest.raises(ParameterError, match=r"no unit 'IMU.2' in the log; there are IMU.0 \(1\), IMU.1 \(2\)"):
         read(path, unit="IMU.2")
+
+
+def test_all_units_on_the_same_stamps_are_an_array(tmp_path):
+    path = tmp_path / "two.bin"
+    path.write_bytes(made.dataflash(instances=True))
+    array = read(path, unit="all").array
+    assert array.names == ("IMU.0", "IMU.1")
+    np.testing.assert_allclose(array.units["IMU.1"].gyr - array.units["IMU.0"].gyr, 1.0, atol=1e-6)
+    again = read(write(tmp_path / "two.parquet", array)).array
+    np.testing.assert_array_equal(again.units["IMU.1"].gyr, array.units["IMU.1"].gyr)
+    path.write_bytes(path.read_bytes()[: -2 * 36 - 40])  # a message of one unit fewer
+    with pytest.raises(ParameterError, match=r"stamps of their own.*--unit IMU.0"):
+        read(path, unit="all")
+    path.write_bytes(made.dataflash())
+    assert read(path, unit="all").imu is not None
 
 
 def test_text_and_bytes_say_the_same(tmp_path):
@@ -119,6 +134,7 @@ def test_a_real_log_agrees_with_pymavlink(unit, other):
     theirs, recording = np.array(rows), read(REAL, unit=unit)
     np.testing.assert_allclose(np.column_stack([recording.imu.gyr, recording.imu.acc]), theirs[:, 1:], rtol=1e-7)
     np.testing.assert_allclose(recording.imu.t, (theirs[:, 0] - theirs[0, 0]) / 1e6, atol=1e-9)
+    np.testing.assert_array_equal(read(REAL, unit="all").array.units[unit].acc, recording.imu.acc)
     assert np.isfinite(recording.track.q_nb).all(axis=1).sum() == 44
     assert quat_angle(recording.track.q_nb[1], np.array(angles[0])) < 1e-2
     assert any(f"not taken: {other} (45); --unit {other} takes another" in note for note in recording.notes)

@@ -11,7 +11,8 @@ ArduPilot's `libraries/AP_Logger/LogStructure.h`, units those of its page 'Onboa
 - ``TimeUS`` in µs since boot, in logs before 2015 ``TimeMS``; UTC by the GPS week, less the leap seconds since 1980.
 
 Of several units (``IMU`` and ``IMU2``, or the instances ``IMU.0`` and ``IMU.1``) the first is taken, or the one that is
-asked for, and a note lists the others. The magnetometer and the attitude are the same beside each.
+asked for, and a note lists the others. The magnetometer and the attitude are the same beside each. ``all`` makes an
+array of them, as ArduPilot logs them on the same stamps.
 """
 
 from array import array
@@ -25,16 +26,18 @@ from numpy.typing import NDArray
 
 from plumbob.core import units
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError
+from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data.array import ImuArray
 from plumbob.files.foreign import logged, mavlink
 from plumbob.files.foreign.join import Stream, joined
 from plumbob.files.notes import Recording
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_from_euler_zyx
 
+ALL: Final = "all"
 _HEAD: Final = b"\xa3\x95"
 _FMT, _FMT_LENGTH = 128, 89
 _TEXT: Final = b"FMT,"
@@ -101,7 +104,7 @@ def read(path: Path, unit: str | None = None) -> Recording:
     path : Path
         The log.
     unit : str, optional
-        One of its IMUs, by the name in the note that lists them, or its number from 1.
+        One of its IMUs, by the name in the note that lists them, or its number from 1; or ``all``.
 
     Raises
     ------
@@ -242,24 +245,6 @@ def _recording(log: _Log, name: str, unit: str | None) -> Recording:
         "ArduPilot DataFlash: body axes forward, right, down; frame NED; rad/s, m/s², milligauss as µT; clock in µs "
         "since boot (ArduPilot, Onboard Message Log Messages and LogStructure.h)"
     ]
-    streams = dict[str, Stream]()
-    imus = _units(log, "IMU", "GyrX")
-    if imus:
-        taken = logged.chosen(list(imus), unit)
-        imu_table, t_ns = imus.pop(taken)
-        others = {name: stamps.size for name, (_, stamps) in imus.items()}
-        notes.append(logged.others_note(f"samples: {taken}, {counted(t_ns.size, 'message')}", others))
-        for key, columns in (("gyr", ("GyrX", "GyrY", "GyrZ")), ("acc", ("AccX", "AccY", "AccZ"))):
-            if all(column in imu_table for column in columns):
-                streams[key] = logged.stream(key, t_ns, logged.triad(imu_table, *columns), notes)
-    logged.require_gyroscope(streams, "IMU messages with GyrX")
-    compasses = _units(log, "MAG", "MagX")
-    first, (table, t_ns) = next(iter(compasses.items()), ("", ({}, np.empty(0, np.int64))))
-    if {"MagY", "MagZ"} <= table.keys():
-        rest = "".join(f", not {one}" for one in compasses if one != first)
-        notes.append(f"mag: {first}, {counted(t_ns.size, 'message')}{rest}")
-        values = units.to_si(logged.triad(table, "MagX", "MagY", "MagZ"), "mgauss")
-        streams["mag"] = logged.stream("mag", t_ns, values, notes)
     epoch = _epoch(log)
     if epoch is None:
         notes.append("UTC: not known, as no GPS with a fix is in the log")
@@ -270,10 +255,61 @@ def _recording(log: _Log, name: str, unit: str | None) -> Recording:
         declination=declination if declination is not None and abs(declination) <= np.pi else None,
         unit_check=False,
     )
+    imus = _units(log, "IMU", "GyrX")
+    if unit == ALL and len(imus) > 1:
+        return _together(imus, meta, epoch, name, (*notes, *log.notes))
+    streams = dict[str, Stream]()
+    if imus:
+        taken = logged.chosen(list(imus), unit if unit != ALL else None)
+        table, t_ns = imus.pop(taken)
+        others = {name: stamps.size for name, (_, stamps) in imus.items()}
+        notes.append(logged.others_note(f"samples: {taken}, {counted(t_ns.size, 'message')}", others))
+        streams = _inertial(table, t_ns, notes)
+    logged.require_gyroscope(streams, "IMU messages with GyrX")
+    compasses = _units(log, "MAG", "MagX")
+    first, (table, t_ns) = next(iter(compasses.items()), ("", ({}, np.empty(0, np.int64))))
+    if {"MagY", "MagZ"} <= table.keys():
+        rest = "".join(f", not {one}" for one in compasses if one != first)
+        notes.append(f"mag: {first}, {counted(t_ns.size, 'message')}{rest}")
+        values = units.to_si(logged.triad(table, "MagX", "MagY", "MagZ"), "mgauss")
+        streams["mag"] = logged.stream("mag", t_ns, values, notes)
     imu, rows_ns, how = joined(streams, meta=meta, epoch_ns=epoch)
     notes += how
     track = _attitude(log, rows_ns, imu.t, notes)
     return Recording(imu=imu, track=track, name=name, notes=(*notes, *log.notes))
+
+
+def _inertial(table: dict[str, NDArray[Any]], t_ns: NDArray[np.int64], notes: list[str]) -> dict[str, Stream]:
+    """Rates and specific forces of one unit."""
+    return {
+        key: logged.stream(key, t_ns, logged.triad(table, *columns), notes)
+        for key, columns in (("gyr", ("GyrX", "GyrY", "GyrZ")), ("acc", ("AccX", "AccY", "AccZ")))
+        if all(column in table for column in columns)
+    }
+
+
+def _together(
+    imus: dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]],
+    meta: ImuMeta,
+    epoch: int | None,
+    name: str,
+    notes: tuple[str, ...],
+) -> Recording:
+    """All units as an array, where ArduPilot logged them on the same stamps."""
+    how: list[str] = []
+    made = {one: joined(_inertial(table, t_ns, how), meta=meta, epoch_ns=epoch) for one, (table, t_ns) in imus.items()}
+    rows = next(iter(made.values())).rows_ns
+    if any(not np.array_equal(one.rows_ns, rows) for one in made.values()):
+        raise ParameterError(
+            "its units have stamps of their own, so that they are not an array; take one with --unit "
+            f"{next(iter(made))}."
+        )
+    how += [f"{one}: {note}" for one, joint in made.items() for note in joint.notes]
+    left = (
+        "left out: magnetic field and attitude, which are of none of the units; --unit with the name of one keeps them"
+    )
+    array = ImuArray({one: joint.imu for one, joint in made.items()})
+    return Recording(array=array, name=name, notes=(*notes, *dict.fromkeys(how), left))
 
 
 def _stamps(table: dict[str, NDArray[Any]]) -> NDArray[np.int64] | None:

@@ -177,7 +177,7 @@ def read_unit(raw: bytes, unit: str | None) -> Unit:
     counts = {one: int(np.count_nonzero(data & (messages.bus == bus))) for one, bus in names.items()}
     if len(names) > 1:
         notes.append(others_note(f"unit: {name}, {counted(counts.pop(name), 'packet')}", counts))
-    found = Unit({"deviceid": name}, {}, notes)
+    found = Unit({} if name == f"bus{names[name]}" else {"deviceid": name}, {}, notes)
     if product := _product(messages, configuration):
         found.head["productcode"] = product
     groups, rate = _groups(messages, names[name], configuration, found)
@@ -431,8 +431,8 @@ def _fill(found: Unit, data: NDArray[np.uint8], groups: list[_Group], rate: floa
             "; only Xsens' software takes snapshots apart" if {one & ~0xF for one in held} & {*_SNAPSHOTS} else ""
         )
         raise DecodeError(
-            f"unit {found.head['deviceid']} has no rate, acceleration or magnetic field; it has {_listed(held)}"
-            f"{snapshots}. Export the log as text with MT Manager (File, Export)."
+            f"unit {found.head.get('deviceid', '1')} has no rate, acceleration or magnetic field; it has "
+            f"{_listed(held)}{snapshots}. Export the log as text with MT Manager (File, Export)."
         )
     if frame is not None:
         found.head["coordinate system"] = _FRAMES.get(frame, "unknown")
@@ -488,8 +488,8 @@ def _timed(found: Unit, rate: float | None) -> None:
         found.head["update rate"] = f"{rate:.6f}Hz"
     else:
         raise DecodeError(
-            f"unit {found.head['deviceid']} sent neither SampleTimeFine nor PacketCounter with a rate that the log "
-            "says, so that its time is not known. Record it with SampleTimeFine among the outputs."
+            f"unit {found.head.get('deviceid', '1')} sent neither SampleTimeFine nor PacketCounter with a rate that "
+            "the log says, so that its time is not known. Record it with SampleTimeFine among the outputs."
         )
     counter = found.columns.get("PacketCounter")
     if counter is not None and "SampleTimeFine" in columns and not np.isfinite(counter).all():
