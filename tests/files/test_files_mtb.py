@@ -240,12 +240,22 @@ def test_of_several_units_one_is_chosen(tmp_path):
         read(path, unit="4")
 
 
+def test_what_a_unit_says_of_itself(tmp_path):
+    said = message(0x01, bytes.fromhex("037003F8")) + message(0x1D, b"MTi-300-2A5G4      ")
+    path = log(tmp_path / "a.mtb", said, plain())
+    assert read(path).imu.meta.device == "MTi-300-2A5G4 037003F8"
+    assert read(path, unit="037003f8").imu is not None
+    said = message(0x01, bytes.fromhex("0000008000ABCDEF"))  # 64 bits of the fifth generation
+    assert read(log(tmp_path / "a.mtb", said, plain())).imu.meta.device == "Xsens 8000ABCDEF"
+    assert read(log(tmp_path / "a.mtb", plain())).imu.meta.device == "Xsens"
+
+
 def test_what_only_xsens_takes_apart_is_refused_with_a_word(tmp_path):
     with pytest.raises(DecodeError, match=r"Awinda snapshots \(C810\); only Xsens"):
         read(log(tmp_path / "a.mtb", *(packet(i, block(0xC810, bytes(20))) for i in range(3))))
     with pytest.raises(DecodeError, match="no message of the Xbus"):
         read(log(tmp_path / "a.mtb", b"PacketCounter;Acc_X\n" * 20))
-    with pytest.raises(DecodeError, match="1 message, but no data"):
+    with pytest.raises(DecodeError, match=r"1 message, but no data.*: 0D\."):
         read(log(tmp_path / "a.mtb", several()))
 
 

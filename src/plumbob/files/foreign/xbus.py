@@ -172,13 +172,16 @@ def read_unit(raw: bytes, unit: str | None) -> Unit:
         one = _name(messages, bus, configuration)
         names[f"{one}.bus{bus}" if one in names else one] = bus
     if not names:
-        raise DecodeError(f"it holds {counted(messages.kind.size, 'message')}, but no data (MTData2, MTData).")
+        kinds = ", ".join(f"{kind:02X}" for kind in np.unique(messages.kind).tolist()[:20])
+        raise DecodeError(
+            f"it holds {counted(messages.kind.size, 'message')}, but no data (MTData2, 36, or MTData, 32): {kinds}."
+        )
     name = chosen(list(names), unit)
     counts = {one: int(np.count_nonzero(data & (messages.bus == bus))) for one, bus in names.items()}
     if len(names) > 1:
         notes.append(others_note(f"unit: {name}, {counted(counts.pop(name), 'packet')}", counts))
     found = Unit({} if name == f"bus{names[name]}" else {"deviceid": name}, {}, notes)
-    if product := _product(messages, configuration):
+    if product := _product(messages, names[name], configuration):
         found.head["productcode"] = product
     groups, rate = _groups(messages, names[name], configuration, found)
     _fill(found, messages.data, groups, rate)
@@ -262,9 +265,12 @@ def _name(messages: _Messages, bus: int, configuration: bytes) -> str:
     return f"bus{bus}"
 
 
-def _product(messages: _Messages, configuration: bytes) -> str:
-    said = [messages.body(int(one)) for one in messages.of(_PRODUCT_CODE)[:1]] or [configuration[32:52]]
-    text = said[0].split(b"\0")[0].decode("ascii", "replace").strip()
+def _product(messages: _Messages, bus: int, configuration: bytes) -> str:
+    """Product code of a unit; that in the configuration is the master's, which a unit alone is itself."""
+    said = [messages.body(int(one)) for one in messages.of(_PRODUCT_CODE, bus)[:1]]
+    if not said and _devices(configuration) == 1:
+        said = [configuration[32:52]]
+    text = b"".join(said).split(b"\0")[0].decode("ascii", "replace").strip()
     return text if text.isprintable() and len(text) <= 40 else ""
 
 
