@@ -32,7 +32,7 @@ _DEVICE_ID, _CONFIGURATION, _PRODUCT_CODE, _OUTPUT_CONFIGURATION = 0x01, 0x0D, 0
 _MASTER: Final = 0xFF
 _LONG: Final = 0xFF
 _PART: Final = 1 << 20
-_MOST_LAYOUTS: Final = 32
+_MOST_LAYOUTS: Final = 8
 """Lists of blocks that are told apart among packets of one size; a unit sends a few."""
 _PERIOD_HZ: Final = 115_200.0
 _EVERY_PACKET: Final = (0, 0xFFFF)
