@@ -245,6 +245,11 @@ def test_what_a_unit_says_of_itself(tmp_path):
     path = log(tmp_path / "a.mtb", said, plain())
     assert read(path).imu.meta.device == "MTi-300-2A5G4 037003F8"
     assert read(path, unit="037003f8").imu is not None
+    configuration = bytearray.fromhex(CONFIGURATION)
+    configuration[32:46] = b"MTi-300-2A5G4 "
+    assert (
+        read(log(tmp_path / "a.mtb", message(0x0D, configuration), plain())).imu.meta.device == "MTi-300-2A5G4 037003F8"
+    )
     said = message(0x01, bytes.fromhex("0000008000ABCDEF"))  # 64 bits of the fifth generation
     assert read(log(tmp_path / "a.mtb", said, plain())).imu.meta.device == "Xsens 8000ABCDEF"
     assert read(log(tmp_path / "a.mtb", plain())).imu.meta.device == "Xsens"
