@@ -56,6 +56,10 @@ COMBINED = (
 ATTITUDE = "uint64_t timestamp;float[4] q;"
 MAG = "uint64_t timestamp;float[3] magnetometer_ga;"
 SINGLE = "uint64_t timestamp;uint64_t timestamp_sample;uint32_t device_id;float x;float y;float z;"
+INCREMENTS = (
+    "uint64_t timestamp;uint64_t timestamp_sample;uint32_t accel_device_id;uint32_t gyro_device_id;"
+    "float[3] delta_angle;float[3] delta_velocity;uint32_t delta_angle_dt;uint32_t delta_velocity_dt;"
+)
 GPS = "uint64_t timestamp;uint64_t time_utc_usec;uint8_t fix_type;"
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plumbob.core.errors import ClockError, DecodeError, PlumbobError
+from plumbob.core.errors import ClockError, DecodeError, ParameterError, PlumbobError
 from plumbob.files import read
 from plumbob.files.formats import kind_of
 from plumbob.rotations import Frame, quat_from_dcm
@@ -66,6 +66,27 @@ def test_quaternions_go_before_matrices_and_angles(tmp_path):
     track = read(export(tmp_path / "a.txt", OLD + "// Coordinate system: NED\n", columns, rows)).track
     assert track.frame is Frame.NED
     np.testing.assert_array_equal(track.q_nb, np.tile([0.5, -0.5, 0.5, 0.5], (10, 1)))
+
+
+def test_increments_stand_for_rates_and_accelerations(tmp_path):
+    """A turn of 0.02 rad about z in each sample of 10 ms, and gravity along z with 1 m/s² along x when it begins."""
+    columns = [
+        "PacketCounter",
+        "SampleTimeFine",
+        *(f"VelInc_{axis}" for axis in "XYZ"),
+        *(f"OriInc_q{k}" for k in range(4)),
+    ]
+    row = [0.01, 0.0, 0.0981, np.cos(0.01), 0.0, 0.0, np.sin(0.01)]
+    recording = read(export(tmp_path / "a.txt", NEW, columns, [[i, 100 * i, *row] for i in range(10)]))
+    np.testing.assert_allclose(recording.imu.gyr, [[0.0, 0.0, 2.0]] * 10, atol=1e-12)
+    # seen from axes that have turned left by 0.02 rad, what lay along x lies 0.02 rad to the right
+    np.testing.assert_allclose(recording.imu.acc, [[np.cos(0.02), -np.sin(0.02), 9.81]] * 10, atol=1e-12)
+    path = export(tmp_path / "b.txt", NEW, columns[:5], [[i, 100 * i, *row[:3]] for i in range(10)])
+    recording = read(path)
+    np.testing.assert_allclose(recording.imu.acc, [[1.0, 0.0, 9.81]] * 10, atol=1e-12)
+    assert any("in the axes at its beginning, as no rate is known" in note for note in recording.notes)
+    with pytest.raises(ParameterError, match="holds one unit without a name"):
+        read(path, unit="2")
 
 
 def test_utc_columns_give_the_start(tmp_path):

@@ -85,8 +85,8 @@ FORMATS: Final = (
         writers=((".parquet", _late("parquet", "write_parquet")),),
     ),
     _foreign("ROS", "ros", (".bag", ".db3", ".mcap", ""), "ROS 1 bags, ROS 2 bags and MCAP of both", True),
-    _foreign("ULog", "ulog", (".ulg", ".ulog"), "logs of PX4"),
-    _foreign("DataFlash", "ardupilot", (".bin", ".log", ".tlog"), "logs of ArduPilot, and telemetry of MAVLink"),
+    _foreign("ULog", "ulog", (".ulg", ".ulog"), "logs of PX4", True),
+    _foreign("DataFlash", "ardupilot", (".bin", ".log", ".tlog"), "logs of ArduPilot, and telemetry of MAVLink", True),
     _foreign("EuRoC", "euroc", ("", ".csv"), "EuRoC and TUM VI: folders with mav0/imu0, or their data.csv"),
     _foreign("KITTI", "kitti", ("",), "KITTI raw: a drive's folder with oxts/data"),
     _foreign("RepoIMU", "repoimu", (".csv",), "trials of RepoIMU"),
@@ -96,7 +96,7 @@ FORMATS: Final = (
         (".zip", ".csv", ".txt", ""),
         "phyphox, Sensor Logger and SensorLog, zipped, or as folder or CSV",
     ),
-    _foreign("Xsens", "xsens", (".txt", ".mtb"), "exports of MT Manager as text, and its MTB logs"),
+    _foreign("Xsens", "xsens", (".txt", ".mtb"), "exports of MT Manager as text, and its MTB logs", True),
     _foreign(
         "x-IMU3", "ximu3", (".ximu3", ".csv", ""), "logs of x-IMU3, and the folders of CSV that its GUI makes of them"
     ),
