@@ -16,8 +16,9 @@ def false_accepts(form: Format) -> float:
     fixed = _sync(framing) * _check(framing) * 0.5 ** len(framing.parity) * 256.0 ** -len(framing.end)
     if framing.confirm:
         fixed *= _sync(framing)
-    if framing.length_field:
-        fixed *= 256.0**-framing.length_field.size
+    rule = framing.length_field
+    if rule and (not framing.sync or rule.at >= len(framing.sync[0])):  # else the beginnings say it already
+        fixed *= 256.0**-rule.size
     return fixed * sum(content_odds(message) for message in bound.messages)
 
 

@@ -44,8 +44,10 @@ def test_the_catalogue_declares_what_follows_from_the_format(name):
         ("ahrs400", 256.0**-2 / 256 * 32769 / 65536 * 4096 / 65536),
         # sync of 16 bits, two sums of 16 bits, pitch as above
         ("ahrs500ga", 256.0**-2 * 2 * 256.0**-2 * 32769 / 65536),
-        # sync, kind out of 4, sum of 8 bits, the next sync
-        ("witmotion", 256.0**-4 * 4),
+        # sync, kind out of 5, sum of 8 bits, the next sync
+        ("witmotion", 256.0**-4 * 5),
+        # sync of 24 bits out of 4 twice (confirmed), base and identity of 9 reports; the sync says the length
+        ("bno08x_shtp", (4 * 256.0**-3) ** 2 * 9 * 256.0**-2),
         # sync of 32 bits, check of 16
         ("vectornav_ypr", 256.0**-6),
     ],
