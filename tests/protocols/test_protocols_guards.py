@@ -120,7 +120,7 @@ def test_a_check_of_two_kinds_is_learnt_alike_however_the_bytes_are_cut(words):
 
 def test_floats_that_are_no_numbers_are_absent_and_flagged():
     form = catalog.load("xbus_mtdata2")
-    rows = encode(form, {"gyr.x": [1.0, np.inf, -np.inf, 2.0], "gyr.y": [1.0, 2.0, 3.0, 4.0]})
+    rows = encode(form, {"gyr.x": [1.0, np.inf, -np.inf, 2.0], "gyr.y": [1.0, 2.0, 3.0, 4.0]}, message="rate")
     found = decode(rows.tobytes(), form)[0]["rate"]
     np.testing.assert_array_equal(found.columns["gyr.x"], [1.0, np.nan, np.nan, 2.0])
     assert found.columns["gyr.y"].tolist() == [1.0, 2.0, 3.0, 4.0]

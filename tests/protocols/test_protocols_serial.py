@@ -8,7 +8,7 @@ import pytest
 from plumbob.core import flags, units
 from plumbob.core.errors import ShapeError
 from plumbob.protocols import catalog
-from plumbob.protocols.decode import decode
+from plumbob.protocols.decode import decode, title_of
 from plumbob.protocols.encode import encode
 
 
@@ -373,3 +373,16 @@ def test_a_stream_of_an_mti_whose_outputs_have_several_rates_loses_nothing():
     stream = b"".join(bytes.fromhex(text) for text, _ in MTI.values())
     frames, counts = decode(stream + stream, catalog.load("xbus_mtdata2"))
     assert counts.junk == 0 and {name: len(found) for name, found in frames.items()} == dict.fromkeys(MTI, 2)
+
+
+@pytest.mark.parametrize(
+    ("device", "field", "title"),
+    [
+        ("xbus_mtdata2", "time", "time [0.1 ms]"),
+        ("bmi088", "clock", "clock [39.0625 us]"),
+        ("ahrs400", "time", "time [0.79 us]"),
+    ]
+    + [("vectornav_imu", "time", "time [ns]"), ("xbus_mtdata2", "acc.x", "acc.x [m/s2]")],
+)
+def test_a_table_says_what_one_count_of_a_clock_is(device, field, title):
+    assert title_of({one.name: one for one in catalog.load(device).message().fields}[field]) == title

@@ -222,7 +222,7 @@ def _meaning(one: Field) -> str:
     if not one.physical:
         says = ", ".join(f"{code} {word}" for code, word in one.says.items())
         of = f" (of {', '.join(one.of)}: {says})" if says else ""
-        return f"{told}; {one.role}{of}" + (f", {one.unit}" if one.unit else "")
+        return f"{told}; {one.role}{of}" + (f", {one.tick}" if one.unit else "")
     inside = unit(one.unit).quantity.value
     zero = f" + {one.raw_offset * one.scale + one.zero:.9g}" if one.raw_offset or one.zero else ""
     return f"{told}; count * {one.scale:.9g}{zero} [{inside}]" if inside != "1" else f"{told}; count * {one.scale:.9g}"
