@@ -35,6 +35,19 @@ def angles(pitch, roll, heading, header):
     return {"pitch": f"{pitch} deg", "roll": f"{roll} deg", "heading": f"{heading} deg", "header": str(header)}
 
 
+REPORT = "03 00 0002 00FF 0100"
+ZEROS = {"cargo": "0", "base": "0", "report_count": "0", "delay_high": "0", "delay": "0"}
+UNITS = {"gyr": "rad/s", "mag": "uT", "linear": "m/s2", "gravity": "m/s2"}
+
+
+def axes(name, counts):
+    """What the three words of `REPORT` are, 512, -256 and 1 counts, and what stands around them."""
+    said = {
+        f"{name}.{axis}": f"{count / counts} {UNITS[name]}" for axis, count in zip("xyz", (512, -256, 1), strict=True)
+    }
+    return said | {"accuracy": "3"} | ZEROS
+
+
 LINES = [
     # made from the manual's table (7430-0060-02, page 10) and sum of bytes
     Stream(
@@ -135,6 +148,24 @@ LINES = [
         | {"gyr.x": "1 rad/s", "gyr.y": "-1 rad/s", "gyr.z": "2 rad/s", "bias.x": "0 rad/s", "bias.y": "0 rad/s"}
         | {"bias.z": f"{1 / 512} rad/s"},
     ),
+    # computed from the same file: scales of 1/512, 1/16, 1/256, 1/16384 and 1/4096
+    Stream("bno08x_shtp", "gyr", f"1300 03 00 FB 00000000 02 00 {REPORT}", axes("gyr", 512)),
+    Stream("bno08x_shtp", "mag", f"1300 03 00 FB 00000000 03 00 {REPORT}", axes("mag", 16)),
+    Stream("bno08x_shtp", "linear", f"1300 03 00 FB 00000000 04 00 {REPORT}", axes("linear", 256)),
+    Stream("bno08x_shtp", "gravity", f"1300 03 00 FB 00000000 06 00 {REPORT}", axes("gravity", 256)),
+    Stream(
+        "bno08x_shtp",
+        "mag_raw",
+        f"1900 03 00 FB 00000000 0F 00 {REPORT} 1000 F0FF 0100",
+        axes("mag", 16) | {"bias.x": "1 uT", "bias.y": "-1 uT", "bias.z": "0.0625 uT"},
+    ),
+    Stream(
+        "bno08x_shtp",
+        "rotation",
+        "1700 03 00 FB 00000000 05 00 03 00 0010 0020 00E0 0040 0001",
+        {"accuracy": "3", "qx": "0.25 1", "qy": "0.5 1", "qz": "-0.5 1", "qw": "1 1", "heading_sd": "0.0625 rad"}
+        | ZEROS,
+    ),
     # CEVA BNO08X data sheet, UART-RVC
     Stream(
         "bno08x_rvc",
@@ -149,6 +180,15 @@ LINES = [
         "rate",
         "FAFF 36 14 102002 1234 80200C 3DCCCCCD BE4CCCCD 3E99999A 44",
         {"counter": "4660", "gyr.x": "0.1 rad/s", "gyr.y": "-0.2 rad/s", "gyr.z": "0.3 rad/s"},
+    ),
+    # computed from the blocks of the packets of an MTi-300: x of the acceleration and z of the rate clip
+    Stream(
+        "xbus_mtdata2",
+        "imu_no_mag",
+        "FAFF363110200200011060040000271040200C00000000C0000000411C000080200C3F000000BE80000000000000E0200400082103DA",
+        {"counter": "1", "time": "10000", "acc.x": "0 m/s2", "acc.y": "-2 m/s2", "acc.z": "9.75 m/s2"}
+        | {"gyr.x": "0.5 rad/s", "gyr.y": "-0.25 rad/s", "gyr.z": "0 rad/s", "self_test": "1", "filter_valid": "1"}
+        | {"clips": "1", "sync_out": "0", "acc_clips": "1", "gyr_clips": "4"},
     ),
     # VectorNav UM001, first example, which prints +043.579, +001.885, -000.002
     Stream(
