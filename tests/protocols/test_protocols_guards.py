@@ -212,8 +212,8 @@ def test_parts_lie_one_behind_the_other_and_their_places_count_from_their_first_
     ("old", "new", "told"),
     [
         ('["count", "bits"]', '["count", "bit"]', "message both has no part 'bit'; known are count, bits"),
-        ('["count", "bits"]', '["count", "bits", "bits"]', "message both has field high twice"),
-        ('["count", "bits"]', '["count", "bits", "count"]', "message both has more than one counter"),
+        ('["count", "bits"]', '["count", "bits", "bits"]', "message both has a part twice"),
+        ('["count", "bits"]', '["count", "bits", "count"]', "message both has a part twice"),
         ("length = 7", "length = 6", "field count ends at byte 7, but message turned has 6"),
         ('at = 1, type = "u8", bits = [3, 0]', 'at = 0, type = "u8", bits = [3, 0]', "kind and field low share byte"),
     ],

@@ -129,7 +129,10 @@ def _message(raw: Mapping[str, Any], framing: Framing, order: str, parts: Mappin
     """One kind of frame: its parts one behind the other, then its own fields."""
     at = _first(framing)
     fields: list[Field] = []
-    for name in raw.get("parts", ()):
+    wanted = raw.get("parts", ())
+    if len(set(wanted)) < len(wanted):
+        raise DecodeError(f"message {raw['name']} has a part twice; each name has one meaning.")
+    for name in wanted:
         if name not in parts:
             raise DecodeError(f"message {raw['name']} has no part '{name}'; known are {', '.join(parts) or 'none'}.")
         begin = at
