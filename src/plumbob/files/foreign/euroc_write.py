@@ -63,10 +63,12 @@ def write_euroc(path: Path, recording: Recording, overwrite: bool = False) -> No
     Raises
     ------
     ShapeError
-        If a unit has no gyroscope or no accelerometer.
+        If there are no samples, or a unit has no gyroscope or no accelerometer.
     """
     units: Mapping[str, ImuData] = {} if recording.imu is None else {"": recording.imu}
     units = units if recording.array is None else recording.array.units
+    if not units:
+        raise ShapeError(f"{path}: EuRoC holds the samples of an IMU, and there are none; write an attitude as .tum.")
     for imu in units.values():
         if not _complete(imu).any():
             raise ShapeError(f"{path}: EuRoC holds rates with accelerations, and no sample has both.")
@@ -94,9 +96,6 @@ def lost(recording: Recording) -> Iterator[str]:
         if imu is None:
             continue
         of = f"{name}: " if name else ""
-        lacking = [key for key in ("mag", "temp_c") if getattr(imu, key) is not None]
-        if lacking:
-            yield f"{of}EuRoC holds no {' and no '.join(lacking)}: left out"
         if count := len(imu) - int(_complete(imu).sum()):
             yield f"{of}{counted(count, 'sample')} without a rate or an acceleration left out"
     if recording.track is not None:
