@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plumbob.cli.main import main as plumbob
+from plumbob.core import flags
 from plumbob.core.errors import PlumbobError
 from plumbob.core.time import to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
@@ -394,12 +395,13 @@ def _samples(a: ImuData, b: ImuData, differences: dict[str, str], lost: set[str]
 
 def _meta(a: ImuData, b: ImuData, ia: Any, ib: Any) -> dict[str, bool]:
     of, now = a.meta, b.meta
+    absent = np.uint32(flags.GYR_ABSENT | flags.ACC_ABSENT | flags.MAG_ABSENT)  # which the values themselves say
 
     def gone(*names: str) -> bool:
         return any(getattr(of, n) != getattr(now, n) and getattr(of, n) != getattr(ImuMeta(), n) for n in names)
 
     return {
-        "flags": bool(a.flags.any()) and not np.array_equal(a.flags[ia], b.flags[ib]),
+        "flags": not np.array_equal(a.flags[ia] & ~absent, b.flags[ib] & ~absent),
         "full scales": gone("gyr_range", "acc_range", "mag_range"),
         "calibration": gone("calibration"),
         "nominal rate": gone("rate_nominal"),

@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from plumbob import files
+from plumbob.core import flags
 from plumbob.core.errors import DecodeError, ParameterError, ShapeError
 from plumbob.core.files import reading, replacing
 from plumbob.core.schema import texts
@@ -352,7 +353,7 @@ def _told(recording: Recording) -> Iterator[str]:
         said = {
             "mag": imu.mag is not None,
             "temp_c": imu.temp_c is not None,
-            "flags": imu.flags.any(),
+            "flags": (imu.flags & ~_ABSENT).any(),
             "full scales": any(scale is not None for scale in scales),
             "calibration": meta.calibration is not None,
             "nominal rate": meta.rate_nominal is not None,
@@ -472,6 +473,8 @@ def _write_euroc(file: Path, recording: Recording, overwrite: bool) -> None:
 
 
 _BARE: Final = ImuMeta()
+_ABSENT: Final = np.uint32(flags.GYR_ABSENT | flags.ACC_ABSENT | flags.MAG_ABSENT)
+"""Flags that the values themselves say."""
 _TRACK: Final = frozenset({"bias", "covariance", "flags", "scores", "notes"})
 _SENSE: Final = _TRACK | {
     "full scales", "calibration", "what headings count from", "declination", "mounting of the axes", "source", "start",
