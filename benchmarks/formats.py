@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.harness.bar import Bar, bar_lines
 from plumbob.cli.main import main as plumbob
 from plumbob.core import flags
 from plumbob.core.errors import PlumbobError
@@ -37,8 +38,6 @@ from tests.files.kinds import DATA
 PAGE = Path(__file__).parents[1] / "docs" / "file-kinds.md"
 BROAD = DATA / "broad" / "01_undisturbed_slow_rotation_A.mat"
 BROAD_HDF5 = DATA / "broad" / "36_disturbed_attached_magnet_5cm.hdf5"
-ROS_TWICE = 1e-15
-"""Rotations of the navigation frame may change the last places of a quaternion, rad."""
 
 
 class Kind(NamedTuple):
@@ -224,6 +223,7 @@ class Row:
     tracebacks: list[str] = field(default_factory=list)
     changed: list[str] = field(default_factory=list)
     worst: float = 0.0
+    mag_ulp: float = 0.0
     cpu: float = 0.0
     missing: bool = False
 
@@ -287,7 +287,7 @@ def _run(row: Row, path: Path, folder: Path) -> None:
     if code and "--frame" in err:
         code, out, err = call("run", path, *words, "--frame", row.kind.frame)
     if error := _failed(row, "run", code, err):
-        row.run = error.rpartition(": ")[2] if len(error) > 60 else error
+        row.run = "an attitude alone" if "no sensor data" in error else error.rpartition(": ")[2]
         return
     errors = json.loads(out).get("errors") or {}
     rmse = errors.get("inclination_rmse_deg")
@@ -313,7 +313,8 @@ def _convert(row: Row, path: Path, whole: Recording, target: Target, new: Path) 
     row.changed += [
         f"{row.kind.name} to {target.name}: {k} {v}" for k, v in differences.items() if k not in {"q", "mag"}
     ]
-    row.worst = max([row.worst, *(float(text.split()[0]) for name, text in differences.items() if name == "q")])
+    row.worst = max(row.worst, float(differences.get("q", "0").split()[0]))
+    row.mag_ulp = max(row.mag_ulp, float(differences.get("mag", "0").split()[0]))
 
 
 def tum(path: Path) -> Recording:
@@ -431,11 +432,18 @@ def _attitudes(a: Recording, b: Recording, differences: dict[str, str], lost: se
     q = quat_multiply(q, [0.0, 1.0, 0.0, 0.0]) if turned else q
     q = change_frame(q, to=other.frame, from_=one.frame)
     seen = other.q_nb[ib]
+    q = np.where(np.sum(q * seen, axis=1, keepdims=True) < 0.0, -q, q)  # of both signs the same attitude
     if not np.array_equal(np.isnan(q), np.isnan(seen)) or int(one.known[ia].sum()) != int(other.known.sum()):
         differences["q"] = "9 attitudes come or go"
     elif not np.array_equal(q, seen, equal_nan=True):
         differences["q"] = f"{np.nanmax(quat_angle(q, seen)):.1g} rad"
-    for name, words in (("bias_b", "bias"), ("cov_b", "covariance"), ("flags", "flags"), ("score", "scores")):
+    for name, words in (
+        ("bias_b", "bias"),
+        ("cov_b", "covariance"),
+        ("flags", "flags"),
+        ("score", "scores"),
+        ("mag_weight", "scores"),
+    ):
         x, y = getattr(one, name), getattr(other, name)
         if x is not None and (y is None or not np.allclose(np.nan_to_num(x[ia]), np.nan_to_num(y[ib]), 1e-9, 1e-15)):
             lost.add(words)
@@ -460,16 +468,85 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("names", nargs="*", help="kinds whose names contain one of these words")
     parser.add_argument("--page", action="store_true", help="write docs/file-kinds.md")
     args = parser.parse_args(argv)
+    began = time.process_time()
     done: list[Row] = []
     for row in rows(args.names):
         done.append(row)
-        print(f"{row.kind.name:22}{row.kind.source:20}{row.grade:24}{row.run:30}{row.cpu:6.1f} s")
-        for name, cell in row.cells.items():
-            print(f"    {name:12}{cell:40} {', '.join(sorted(row.said.get(name, ())))}")
-        for line in (*row.silent, *row.changed, *row.tracebacks):
-            print(f"  ! {line}")
-        sys.stdout.flush()
-    return 0
+        print("\n".join(_shown(row)), flush=True)
+    there = [row for row in done if not row.missing]
+    bars = [
+        Bar("tracebacks", sum(len(row.tracebacks) for row in done), 0, 0),
+        Bar("losses that no note says", sum(len(row.silent) for row in done), 0, 0),
+        Bar("stamps, gyr, acc, temp_c not to the bit", sum(len(row.changed) for row in done), 0, 0),
+        Bar("largest change of mag, units of the last place", max((row.mag_ulp for row in there), default=0.0), 0, 1),
+        Bar("largest change of an attitude, 1e-15 rad", 1e15 * max((row.worst for row in there), default=0.0), 0, 1),
+        Bar("kinds without a file", len(done) - len(there), 0, 0),
+        Bar("CPU, s", time.process_time() - began, 0, 120),
+    ]
+    print("\n".join(bar_lines(bars)))
+    if args.page:
+        PAGE.write_text(page(there), encoding="utf-8")
+    return 0 if all(bar.met for bar in bars) else 1
+
+
+def _shown(row: Row) -> Iterator[str]:
+    """Lines of a row."""
+    if row.missing:
+        yield f"{row.kind.name:22}no file under PLUMBOB_DATA"
+        return
+    yield f"{row.kind.name:22}{row.kind.source:20}{row.grade:24}{row.run:40}{row.cpu:6.1f} s"
+    for name, cell in row.cells.items():
+        yield f"    {name:12}{cell:40} {', '.join(sorted(row.said.get(name, ())))}"
+    for line in (*row.silent, *row.changed, *row.tracebacks):
+        yield f"  ! {line}"
+
+
+HEAD = """\
+# Files of every kind, there and back
+
+Made by `make formats`: each file is graded by `info`, filtered by `run --filter vqf`, and converted to all that
+`convert` writes; what is read back is compared with what the first file gives.
+
+*Real* files are recordings of others. The rest hold a part of a real recording (BROAD, trial 03), written by the
+format's own library, or by hand from its description; no file is written by Plumbob but those marked *own*. `run` gives
+the rms error of the inclination against the attitude in the file; in logs and phones, that is agreement with their own
+estimate.
+
+`=` means that every stamp, rate, force, field, temperature and attitude is the same to the bit. *mag* is the largest
+change of the field in units of the last place (ROS has tesla, Plumbob µT), *q* that of an attitude in rad (its world is
+turned from NED to ENU, or it is normalised again).
+"""
+_ROS = ("ROS 2 MCAP", "rosbag2", "ROS 1 bag")
+
+
+def page(done: Sequence[Row]) -> str:
+    """The page of the documentation."""
+    names = [target.name for target in TARGETS if target.name not in _ROS]
+    names[3:3] = ["ROS"]
+    lines = [HEAD, f"| file | from | `info` | `run` | {' | '.join(names)} | CPU, s |", "|---" * (len(names) + 5) + "|"]
+    reasons: dict[str, int] = {}
+    for row in done:
+        cells = row.cells | {"ROS": "; ".join(sorted({row.cells[name] for name in _ROS}))}
+        run, *told = (_noted(cell, reasons) for cell in [row.run, *(cells[name] for name in names)])
+        kind = row.kind
+        lines.append(f"| {kind.name} | {kind.source} | {row.grade} | {run} | {' | '.join(told)} | {row.cpu:.1f} |")
+    lines += ["", *(f"{number}. {reason.rstrip('.')}." for reason, number in reasons.items())]
+    lines += ["", "## What is left out", ""]
+    lines += ["`convert` says in a note what the new format has no place for, where the recording has it:", ""]
+    lines += ["| to | left out |", "|---|---|"]
+    for target in TARGETS:
+        left = sorted(set().union(*(row.said.get(target.name, set()) for row in done)))
+        lines.append(f"| {target.name} | {', '.join(left) or 'nothing'} |")
+    lines += ["", "*Body axes*: ROS has them forward, left, up (REP 103), so y and z of a unit in NED change sign."]
+    return "\n".join([*lines, ""])
+
+
+def _noted(cell: str, reasons: dict[str, int]) -> str:
+    """A cell, or the number of the line below the table that says why there is none."""
+    reason = cell.strip().removeprefix("refused: ")
+    if reason.endswith("°") or (reason == cell and len(reason) < 20):
+        return cell
+    return f"– ({reasons.setdefault(reason, len(reasons) + 1)})"
 
 
 if __name__ == "__main__":

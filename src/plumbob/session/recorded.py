@@ -386,7 +386,9 @@ def _lost(file: Path, recording: Recording, layout: str | None) -> Iterable[str]
         said = {"samples": True, "UTC": form == "txt" and any(imu.meta.t0_ns for imu in _units(recording).values())}
         left = list(compress(said, said.values())) if _units(recording) else []
         recording = replace(recording, imu=None, array=None)
-        if count := int((~track.known).sum()):
+        if form == "txt":
+            yield "angles are rounded to 0.0001° and times to 1 µs"
+        elif count := int((~track.known).sum()):
             yield f"{counted(count, 'row')} without an attitude left out"
     else:
         left = []
@@ -482,7 +484,7 @@ _SENSE: Final = _TRACK | {
 _LACKS: Final[dict[str, frozenset[str]]] = {
     "mcap": frozenset({"covariance", "scores"}),
     "tum": _TRACK,
-    "txt": _TRACK | {"what headings count from", "source"},
+    "txt": _TRACK - {"flags"},
     "euroc": _SENSE - {"bias"} | {"mag", "temp_c", "device"},
     **dict.fromkeys(("bag", "ros2", "rosbag2"), _SENSE - {"covariance"} | {"nominal rate"}),
 }

@@ -44,7 +44,7 @@ T_BS:
   cols: 4
   rows: 4
   data: [{data}]
-rate_hz: {rate:.9g}
+rate_hz: {rate!r}
 """
 _STATE_YAML: Final = """\
 %YAML:1.0
@@ -76,7 +76,7 @@ def write_euroc(path: Path, recording: Recording, overwrite: bool = False) -> No
         for number, (name, imu) in enumerate(units.items()):
             mount = Mount() if recording.array is None else recording.array.mounts[name]
             rate = 1.0 / float(np.median(np.diff(imu.t))) if len(imu) > 1 else 0.0
-            sensor = _IMU_YAML.format(data=_pose(mount), rate=imu.meta.rate_nominal or rate)
+            sensor = _IMU_YAML.format(data=_pose(mount), rate=float(imu.meta.rate_nominal or rate))
             _write(folder / "mav0" / f"imu{number}", sensor, _IMU, _samples(imu))
         if (track := recording.track) is not None:
             t0_ns = next((imu.meta.t0_ns for imu in units.values()), 0)
