@@ -357,11 +357,11 @@ def _told(recording: Recording) -> Iterator[str]:
             "full scales": any(scale is not None for scale in scales),
             "calibration": meta.calibration is not None,
             "nominal rate": meta.rate_nominal is not None,
-            "what headings count from": meta.north is not None,
+            "what headings count from": meta.north not in (None, North.FREE),
             "declination": meta.declination is not None,
             "mounting of the axes": meta.axes != _BARE.axes,
             "device": meta.device != _BARE.device,
-            "start": not meta.t0_ns and imu.t[0] != 0.0,
+            "start of the time": not meta.t0_ns and imu.t[0] != 0.0,
         }
         yield from compress(said, said.values())
     if (track := recording.track) is not None:
@@ -372,7 +372,7 @@ def _told(recording: Recording) -> Iterator[str]:
             "scores": track.score is not None or track.mag_weight is not None,
             "what headings count from": track.north is not North.FREE,
             "source": bool(track.source),
-            "start": not _units(recording) and track.t[0] != 0.0,
+            "start of the time": not _units(recording) and track.t[0] != 0.0,
         }
         yield from compress(said, said.values())
     if provenance(recording.notes):
@@ -479,7 +479,8 @@ _ABSENT: Final = np.uint32(flags.GYR_ABSENT | flags.ACC_ABSENT | flags.MAG_ABSEN
 """Flags that the values themselves say."""
 _TRACK: Final = frozenset({"bias", "covariance", "flags", "scores", "notes"})
 _SENSE: Final = _TRACK | {
-    "full scales", "calibration", "what headings count from", "declination", "mounting of the axes", "source", "start",
+    "full scales", "calibration", "what headings count from", "declination", "mounting of the axes", "source",
+    "start of the time",
 }  # fmt: skip
 _LACKS: Final[dict[str, frozenset[str]]] = {
     "mcap": frozenset({"covariance", "scores"}),
