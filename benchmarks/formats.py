@@ -207,7 +207,7 @@ MADE = (
     Kind("recording of a line", "recording", "own", _recorded),
     Kind("MCAP for viewers", "recording", "own", _for_viewers, frame="NED"),
 )
-"""Kinds of files; 'recording' is Plumbob's own MCAP, which is not among FORMATS."""
+"""Kinds of files."""
 
 
 @dataclass
