@@ -1,7 +1,6 @@
 """Logs of ArduPilot, and telemetry of MAVLink."""
 
 import contextlib
-import io
 import struct
 
 import numpy as np
@@ -13,6 +12,7 @@ from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_angle
 from tests.conftest import DATA
 from tests.files import log_samples as made
+from tests.files.kinds import telemetry
 
 REAL = DATA / "formats" / "ardupilot_test.bin"
 real = pytest.mark.skipif(not REAL.is_file(), reason=f"no log of ArduPilot at {REAL}; set PLUMBOB_DATA")
@@ -66,20 +66,9 @@ def test_all_units_on_the_same_stamps_are_an_array(tmp_path):
 
 
 def test_text_and_bytes_say_the_same(tmp_path):
-    t_us, gyr, acc, _ = made.motion()
-    lines = [
-        "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
-        "FMT, 129, 35, IMU, Qffffff, TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ",
-        "FMT, 131, 17, ATT, QccC, TimeUS,Roll,Pitch,Yaw",
-        "FMT, 133, 31, PARM, QNf, TimeUS,Name,Value",
-        "PARM, 1000000, COMPASS_DEC, 0.2",
-    ]
-    for t, w, f in zip(t_us.tolist(), gyr.tolist(), acc.tolist(), strict=True):
-        lines.append(", ".join(map(str, ["IMU", t, *w, *f])))
-        lines.append(f"ATT, {t}, 0.00, 0.00, {np.rad2deg(0.5 * (t - 1e6) / 1e6):.2f}")
-    lines += ["IMU, 1, 2", "IMU, x, 0, 0, 0, 0, 0, 0"]
+    whole = made.dataflash_text(*made.motion())
     text, binary = tmp_path / "a.log", tmp_path / "a.bin"
-    text.write_text("\n".join(lines))
+    text.write_text(whole + "\nIMU, 1, 2\nIMU, x, 0, 0, 0, 0, 0, 0")
     binary.write_bytes(made.dataflash())
     of_text, of_bytes = read(text), read(binary)
     np.testing.assert_allclose(of_text.imu.acc, of_bytes.imu.acc, rtol=1e-6)
@@ -148,23 +137,6 @@ def test_a_real_logs_frames_fit_gravity():
     down_b = np.column_stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
     angle = np.rad2deg(np.arccos(np.clip(-(up_b * down_b).sum(axis=1), -1, 1)))
     assert np.nanmedian(angle) < 1.5
-
-
-def telemetry(send):
-    """Packets by pymavlink, each after the receiver's stamp."""
-    mavlink = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega", reason="pymavlink is not installed")
-    out = io.BytesIO()
-
-    class Wire:
-        us = 0
-
-        def write(self, data):
-            out.write(struct.pack(">Q", self.us) + bytes(data))
-
-    wire = Wire()
-    sender = mavlink.MAVLink(wire, srcSystem=1, srcComponent=1)
-    send(sender, wire, mavlink)
-    return out.getvalue()
 
 
 def sent_highres(sender, wire, mavlink):

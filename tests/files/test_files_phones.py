@@ -1,7 +1,6 @@
 """Recordings of phone apps: hand-written in the forms that the apps document, and four real Android folders."""
 
 import struct
-import zipfile
 
 import numpy as np
 import pytest
@@ -13,54 +12,20 @@ from plumbob.files.foreign import phones
 from plumbob.files.formats import kind_of
 from plumbob.rotations import Frame, North, quat_rotate
 from tests.files.io_samples import DATA
-
-T0 = 1_759_650_000_000_000_000  # 2025-10-05, the stamp of phyphox-docs, "Saved states"
-REST = (0.1, -0.2, 9.8)
-RATE = (0.01, 0.02, -0.03)
-FIELD = (18.0, -2.0, -42.0)
-
-
-def zipped(path, files, **options):
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, text in files.items():
-            archive.writestr(name, text, **options)
-    return path
-
-
-def foldered(path, files):
-    for name, text in files.items():
-        (path / name).parent.mkdir(parents=True, exist_ok=True)
-        (path / name).write_text(text.rstrip("\n") + "\n", encoding="utf-8")
-    return path
-
+from tests.files.kinds import (
+    FIELD,
+    LOGGER_META,
+    RATE,
+    REST,
+    T0,
+    foldered,
+    logger_table,
+    phyphox_files,
+    phyphox_table,
+    zipped,
+)
 
 # phyphox --------------------------------------------------------------------------------------------------------------
-
-PAUSED = (
-    '"event","experiment time","system time","system time text"\n'
-    '"START",0.000000000E0,1759650000.000,"2025-10-05 10:20:00.000 UTC+02:00"\n'
-    '"PAUSE",1.000000000E0,1759650001.000,"2025-10-05 10:20:01.000 UTC+02:00"\n'
-    '"START",1.000000000E0,1759650005.500,"2025-10-05 10:20:05.500 UTC+02:00"\n'
-)
-DEVICE = '"property","value"\n"version","1.2.0"\n"deviceBrand","google"\n"deviceModel","Pixel 6a"\n'
-
-
-def phyphox_table(what, unit, values, *, rows=200, rate=100.0, separator=",", decimal="."):
-    names = [f"{what}{axis}" for axis in ("x", "y", "z")] if what else ["X", "Y", "Z"]
-    head = separator.join(f'"{cell}"' for cell in ["Time (s)", *(f"{name} ({unit})" for name in names)])
-    lines = [separator.join(f"{v:.9E}" for v in (i / rate, *values)).replace(".", decimal) for i in range(rows)]
-    return "\n".join([head, *lines, ""])
-
-
-def phyphox_files(**layout):
-    return {
-        "Accelerometer.csv": phyphox_table("Acceleration ", "m/s^2", REST, **layout),
-        "Linear Accelerometer.csv": phyphox_table("Linear Acceleration ", "m/s^2", (0.0, 0.0, 0.0), **layout),
-        "Gyroscope.csv": phyphox_table("Gyroscope ", "rad/s", RATE, **layout),
-        "Magnetometer.csv": phyphox_table("Magnetic field ", "µT", FIELD, rate=50.0, **layout),
-        "meta/time.csv": PAUSED.replace(",", layout.get("separator", ",")),
-        "meta/device.csv": DEVICE.replace(",", layout.get("separator", ",")),
-    }
 
 
 @pytest.mark.parametrize(("separator", "decimal"), [(",", "."), ("\t", "."), (";", "."), (";", ","), ("\t", ",")])
@@ -113,17 +78,6 @@ def test_one_table_of_phyphox_is_a_recording(tmp_path):
 
 
 # Sensor Logger --------------------------------------------------------------------------------------------------------
-
-LOGGER_META = (
-    "version,device name,recording epoch time,recording time,recording timezone,platform,appVersion,device id,sensors,"
-    "sampleRateMs,standardisation,platform version\n"
-    "3,My phone,1759650000000,2025-10-05_08-20-00,Europe/Berlin,{},1.44,id,Accelerometer|Gravity,10|10,{},17\n"
-)
-
-
-def logger_table(values, rows=100, late_ns=0):
-    lines = [f"{T0 + i * 10_000_000 + late_ns},{i / 100},{values[2]},{values[1]},{values[0]}" for i in range(rows)]
-    return "\n".join(["time,seconds_elapsed,z,y,x", *lines])  # the app ends its last line without a line end
 
 
 def ios_files(sign, unit=1.0):

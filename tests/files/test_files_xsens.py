@@ -7,23 +7,12 @@ from plumbob.core.errors import ClockError, DecodeError, ParameterError, Plumbob
 from plumbob.files import read
 from plumbob.files.formats import kind_of
 from plumbob.rotations import Frame, quat_from_dcm
+from tests.files.kinds import NEW, OLD, SENSORS, export
 
-OLD = "// Start Time: Unknown\n// Update Rate: 100.0Hz\n// Filter Profile: human (46.1)\n// Firmware Version: 4.0.2\n"
-NEW = (
-    "// General information:\n//  MT Manager version: 2022.2.0\n// Device information:\n//  DeviceId: 00B4D6D1\n"
-    "//  ProductCode: MTW2-3A7G6\n// Device settings:\n//  Filter Profile: human(46.1)\n// Coordinate system: ENU\n"
-)
-SENSORS = ["Acc_X", "Acc_Y", "Acc_Z", "Gyr_X", "Gyr_Y", "Gyr_Z", "Mag_X", "Mag_Y", "Mag_Z"]
 # the row in opensim-core's testXsensDataReader.cpp, of sensor 00B421AF
 VALUES = [3.030769, 5.254238, -7.714005, 0.005991, -0.032133, 0.022713, -0.045410, -0.266113, 0.897217]
 MATRIX = [f"Mat[{row}][{column}]" for column in (1, 2, 3) for row in (1, 2, 3)]
 TURN = [0.609684, 0.730843, 0.306845, 0.519480, -0.660808, 0.541732, 0.598686, -0.170885, -0.782543]
-
-
-def export(path, head, columns, rows, separator="\t"):
-    lines = [separator.join(columns), *(separator.join(map(str, row)) for row in rows)]
-    path.write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
-    return path
 
 
 @pytest.mark.parametrize("separator", ["\t", ",", ";"])

@@ -271,9 +271,8 @@ def _profile(file: Path, profile: "Profile | str | Path | None") -> "Profile | N
     """What the columns of a text table were taken for; None of other formats."""
     from plumbob.files import kind_of
     from plumbob.files.text import profile_of
-    from plumbob.session.reading import is_own
 
-    if is_own(file) or kind_of(file, described=profile is not None).name != "text":
+    if kind_of(file, described=profile is not None).name != "text":
         return None
     return profile_of(file, profile)[0]
 
