@@ -77,6 +77,29 @@ def test_one_table_of_phyphox_is_a_recording(tmp_path):
     assert read(path).imu.triads == ("gyr",)
 
 
+def test_phyphox_believes_a_table_that_says_it_is_without_g(tmp_path):
+    files = {
+        "Gyroscope.csv": phyphox_table("Gyroscope ", "rad/s", RATE),
+        "Accelerometer without g.csv": phyphox_table("Acceleration ", "m/s^2", (0.0, 0.0, 0.0)),
+        "Pressure.csv": '"Time (s)","Pressure (hPa)"\n0.0,1000.0\n',
+    }
+    recording = read(zipped(tmp_path / "swing.zip", files))
+    assert recording.imu.acc is None
+    assert any("Accelerometer without g.csv" in note for note in recording.notes)
+    assert any("Pressure.csv" in note for note in recording.notes)
+
+
+def test_phyphox_reads_all_sensors_of_a_table_of_several(tmp_path):
+    columns = [
+        f"{what} {a} ({unit})" for what, unit in (("Gyroscope", "rad/s"), ("Acceleration", "m/s^2")) for a in "xyz"
+    ]
+    head = ",".join(f'"{name}"' for name in ["Time (s)", *columns])
+    rows = [",".join(f"{v:.9E}" for v in (i / 100, *RATE, *REST)) for i in range(100)]
+    recording = read(zipped(tmp_path / "swing.zip", {"Raw Data.csv": "\n".join([head, *rows, ""])}))
+    np.testing.assert_allclose(recording.imu.gyr, np.tile(RATE, (100, 1)))
+    np.testing.assert_allclose(recording.imu.acc, np.tile(REST, (100, 1)))
+
+
 # Sensor Logger --------------------------------------------------------------------------------------------------------
 
 
@@ -180,6 +203,29 @@ def test_sensorlog_turns_the_sign_of_ios_and_takes_each_sample_once(tmp_path):
     np.testing.assert_allclose(np.diff(imu.t), 0.02, atol=1e-9)
     assert imu.meta.t0_ns == 1_759_652_400_000_000_000  # 2025-10-05 08:20:00 UTC
     assert any("motionQuaternion" in note for note in recording.notes)
+
+
+def test_sensorlog_of_device_motion_alone_adds_gravity_and_takes_no_field_of_zeros(tmp_path):
+    forms = ("motionUserAcceleration{}(G)", "motionGravity{}(G)", "motionRotationRate{}(rad/s)")
+    forms += ("motionMagneticField{}(µT)", "magnetometer{}(µT)")
+    names = ["motionTimestamp_sinceReboot(s)", "magnetometerTimestamp_sinceReboot(s)"]
+    names += [form.format(a) for form in forms for a in "XYZ"]
+    user, gravity = (0.1, 0.0, -0.2), (0.0, 0.6, -0.8)
+    # CoreMotion gives a field of zeros while it is not calibrated, or the attitude asks for none
+    rows = [[i / 100, i / 100, *user, *gravity, *RATE, 0.0, 0.0, 0.0, *FIELD] for i in range(100)]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([",".join(names), *(",".join(map(str, row)) for row in rows), ""]), encoding="utf-8")
+    imu = read(path).imu
+    # what iOS measures is gravity and user acceleration together, and specific force its opposite
+    np.testing.assert_allclose(imu.acc, np.tile([-0.1 * G0, -0.6 * G0, 1.0 * G0], (100, 1)), rtol=1e-12)
+    np.testing.assert_allclose(imu.mag, np.tile(FIELD, (100, 1)))
+
+
+def test_a_field_of_exactly_zero_is_left_out(tmp_path):
+    files = {**phyphox_files(), "Magnetometer.csv": phyphox_table("Magnetic field ", "µT", (0.0, 0.0, 0.0))}
+    recording = read(zipped(tmp_path / "swing.zip", files))
+    assert recording.imu.mag is None
+    assert any("mag: 200 samples of exactly zero" in note for note in recording.notes)
 
 
 # Hostile and damaged --------------------------------------------------------------------------------------------------

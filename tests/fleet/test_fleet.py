@@ -251,7 +251,7 @@ def test_names(folder):
     said = []
     found = {item.name: item for item in items_of(folder, said.append)}
     assert len(found) == GOOD + 3 and found["deep/r0.parquet"].key == "deep%2Fr0.parquet"
-    assert said == [f"{folder}: left out, because no format has such a suffix: notes.doc"]
+    assert said == [f"{folder}: left out, no recordings by their suffix or content: notes.doc"]
     assert [item.name for item in items_of(f"{folder}/**/r0.parquet", said.append)] == ["deep/r0.parquet"]
     assert [item.name for item in items_of(folder / "r1.parquet", said.append)] == ["r1.parquet"]
     with pytest.raises(ParameterError, match="two recordings are called r1"):
@@ -303,3 +303,11 @@ def test_a_cluster_gives_the_same_bits(folder, dataset, tmp_path):
         done = plumbob.batch(folder, tmp_path / "out", cluster=cluster.scheduler_address, **SETTINGS)
         assert done.counts == dataset[0].counts
     assert parts(tmp_path / "out") == parts(dataset[1])
+
+
+def test_pipes_and_devices_are_damaged_and_never_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    (tmp_path / "endless.parquet").symlink_to("/dev/zero")
+    done = plumbob.batch(tmp_path, tmp_path / "dataset", **SETTINGS)
+    assert done.counts["damaged"] == 2
+    assert all("is not a regular file" in row["reason"] for row in done.rows())

@@ -459,7 +459,8 @@ class Examination:
             "" if right else f", {self.hemisphere} of the magnetic equator: negated"
         )
         log_odds = min(one.found.margin for one in known.values() if one.found is not None)
-        self._find("mag", "sign", answer, value, log_odds, wrong=not right, why="if acc is specific force")
+        why = "if acc is specific force" + ("" if right else "; if it shows gravity, write its sign instead")
+        self._find("mag", "sign", answer, value, log_odds, wrong=not right, why=why)
         if not right:
             lines = [line for line in self.lines.get("mag", []) if not line.startswith(("axes", "mirrored"))]
             turn = (known["mag"].axes @ reference.T).T

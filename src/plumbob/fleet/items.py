@@ -11,7 +11,7 @@ from typing import Final
 from urllib.parse import quote
 
 from plumbob.core.errors import ParameterError
-from plumbob.core.files import sha256_of
+from plumbob.core.files import existing_file, sha256_of
 from plumbob.data import ImuData
 from plumbob.files import Recording
 from plumbob.files.columns import to_columns
@@ -72,7 +72,13 @@ class Item:
 
 
 def digest_of(given: Path | Recording) -> str:
-    """SHA-256 of a file, of all files of a folder, or of a recording's header and columns."""
+    """SHA-256 of a file, of all files of a folder, or of a recording's header and columns.
+
+    Raises
+    ------
+    DecodeError
+        If it is a pipe or a device, which may have no end.
+    """
     if isinstance(given, Recording):
         columns = to_columns(given)
         found = hashlib.sha256(dump(header_of(given, list(columns))))
@@ -81,7 +87,7 @@ def digest_of(given: Path | Recording) -> str:
             found.update(values.tobytes())
         return found.hexdigest()
     if not given.is_dir():
-        return sha256_of(given)[0]
+        return sha256_of(existing_file(given))[0]
     whole = hashlib.sha256()
     for path in sorted(path for path in given.rglob("*") if path.is_file()):
         whole.update(f"{path.relative_to(given).as_posix()}\0".encode())
@@ -172,7 +178,7 @@ def _of_folder(folder: Path, base: Path, note: Note, depth: int = 0) -> Iterator
             left.append(path.name)
     if left:
         shown = ", ".join(left[:5]) + (f" and {len(left) - 5} more" if len(left) > 5 else "")
-        note(f"{folder}: left out, because no format has such a suffix: {shown}")
+        note(f"{folder}: left out, no recordings by their suffix or content: {shown}")
 
 
 def _behind_url(url: str) -> Iterator[Item]:
