@@ -140,6 +140,8 @@ def run_job(settings: Settings, item: Item, out: str, stop: threading.Event | No
         if isinstance(error, StoppedError):
             raise
         row |= {"verdict": _verdict(error), "reason": _reason(error).replace(copy, "")}
+    if stop is not None and stop.is_set():  # the batch may be gone already, and another one have begun
+        raise StoppedError
     _written(place, item.key, row, found, began)
     return Outcome(item.name, row["verdict"], row["reason"] or "", False, row["seconds"])
 

@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError, one_line
-from plumbob.core.files import lock
+from plumbob.core.files import ARRAYS, TABLES, lock, sidecars
 
 if TYPE_CHECKING:
     from fsspec import AbstractFileSystem
@@ -65,6 +65,11 @@ def is_url(text: str) -> bool:
     return re.match(r"[a-zA-Z][a-zA-Z0-9+.-]+://", text) is not None
 
 
+def in_memory(name: str) -> bool:
+    """Whether a URL is of files in the memory of this process, which no other one sees."""
+    return name.lower().startswith("memory://")
+
+
 def place_of(name: str) -> Place:
     """Place of a path or a URL."""
     return _Remote(name) if is_url(name) else _Local(Path(name))
@@ -95,7 +100,7 @@ def filesystem(url: str) -> "tuple[AbstractFileSystem, str]":
 
 @contextmanager
 def fetched(url: str, most: int) -> Iterator[Path]:
-    """Local copy of a file behind a URL, of the same name; it is removed afterwards.
+    """Local copy of a file behind a URL, of the same name, and of the profile beside it; it is removed afterwards.
 
     Raises
     ------
@@ -103,21 +108,31 @@ def fetched(url: str, most: int) -> Iterator[Path]:
         If it has more than `most` bytes, or cannot be read.
     """
     system, path = filesystem(url)
+    home, _, name = path.rstrip("/").rpartition("/")
     with TemporaryDirectory(prefix="plumbob-") as folder:
-        copy = Path(folder) / (path.rstrip("/").rpartition("/")[2] or "recording")
-        size = 0
+        copy = Path(folder) / (name or "recording")
         try:
-            with system.open(path, "rb") as source, copy.open("wb") as target:
-                while part := source.read(_COPY):
-                    size += len(part)
-                    if size > most:
-                        break
-                    target.write(part)
+            whole = _copied(system, path, copy, most)
+            for profile in sidecars(copy) if copy.suffix.lower() in (*TABLES, *ARRAYS) else ():
+                if system.isfile(f"{home}/{profile.name}"):
+                    whole &= _copied(system, f"{home}/{profile.name}", profile, most)
         except (OSError, ValueError) as error:
             raise DecodeError(f"{url} cannot be read: {one_line(error) or type(error).__name__}.") from error
-        if size > most:
+        if not whole:
             raise DecodeError(f"{url} has more than {most} bytes, which is the limit; allow more with max_bytes.")
         yield copy
+
+
+def _copied(system: "AbstractFileSystem", path: str, copy: Path, most: int) -> bool:
+    """Copy a file behind a URL; False where it has more bytes than it may."""
+    size = 0
+    with system.open(path, "rb") as source, copy.open("wb") as target:
+        while part := source.read(_COPY):
+            size += len(part)
+            if size > most:
+                return False
+            target.write(part)
+    return True
 
 
 class _Local:
