@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob.core.errors import CalibrationError, DecodeError, ParameterError
+from plumbob.core.errors import CalibrationError, DecodeError, LineError, ParameterError
 from plumbob.data.cards import CalibrationCard
 from plumbob.fleet.child import Child
 from plumbob.fleet.items import Item, digest_of, items_of
@@ -353,6 +353,41 @@ def test_behind_urls(folder, dataset):
     assert plumbob.batch("memory://sea", "memory://dataset", **SETTINGS).skipped == 3
     with pytest.raises(DecodeError, match="more than 100 bytes"), fetched("memory://sea/r1.parquet", 100):
         pass
+
+
+def test_a_table_behind_a_url_has_its_profile_there(tmp_path):
+    fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
+    plumbob.write(tmp_path / "r.csv", made(1).imu)
+    for name in ("r.csv", "r.profile.toml"):
+        fsspec.filesystem("memory").pipe_file(f"/tables/{name}", (tmp_path / name).read_bytes())
+    assert plumbob.batch("memory://tables", tmp_path / "out", **SETTINGS).counts["done"] == 1
+
+
+def test_what_does_not_answer_is_one_error_or_one_row(folder, tmp_path, monkeypatch):
+    fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
+    memory = fsspec.filesystem("memory")
+    for name in ("r1.parquet", "r2.parquet"):
+        memory.pipe_file(f"/lake/{name}", (folder / name).read_bytes())
+    whole = type(memory).open
+
+    def cut(self, path, *how, **more):
+        if "r1" in path:
+            raise RuntimeError("no route")  # as botocore, whose errors are not of the system
+        return whole(self, path, *how, **more)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(type(memory), "open", cut)
+        rows = plumbob.batch("memory://lake", tmp_path / "out", jobs=2, **SETTINGS).rows()
+    assert verdicts(rows) == {"r1.parquet": "failed", "r2.parquet": "done"}
+    assert rows[0]["reason"].startswith("memory://lake/r1.parquet cannot be reached: no route. Check")
+    assert plumbob.batch("memory://lake", tmp_path / "out", jobs=1, **SETTINGS).counts["done"] == 2
+    with monkeypatch.context() as patch:
+        for name in ("isfile", "ls"):
+            patch.setattr(type(memory), name, lambda *_, **__: 1 // 0)
+        with pytest.raises(LineError, match="memory://lake cannot be reached"):
+            plumbob.batch("memory://lake", tmp_path / "new", **SETTINGS)
+        with pytest.raises(LineError, match="memory://new cannot be reached"):
+            plumbob.batch(folder, "memory://new", **SETTINGS)
 
 
 def test_names(folder):

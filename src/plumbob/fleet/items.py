@@ -20,7 +20,7 @@ from plumbob.files.formats import is_recording
 from plumbob.files.header import dump, header_of
 from plumbob.files.mcap.layout import existing_parts
 from plumbob.files.notes import unsaved
-from plumbob.fleet.places import fetched, filesystem, is_url
+from plumbob.fleet.places import fetched, filesystem, is_url, reaching
 
 Source = str | os.PathLike[str] | Recording | ImuData
 Note = Callable[[str], object]
@@ -194,15 +194,16 @@ def _of_folder(folder: Path, base: Path, note: Note, depth: int = 0) -> Iterator
 def _behind_url(url: str) -> Iterator[Item]:
     """What a URL names, matches, or holds."""
     system, path = filesystem(url)
-    scheme = url.partition("://")[0]
-    magic = glob.has_magic(path)
-    if not magic and system.isfile(path):
-        yield Item(PurePosixPath(path).name, url)
-        return
-    base = "/".join(_fixed(tuple(path.split("/")))) if magic else path.rstrip("/")
-    found = sorted(map(str, system.glob(path) if magic else system.find(path)))
-    taken = [one for one in found if system.isfile(one) and (magic or is_recording(Path(PurePosixPath(one).name)))]
+    scheme, magic = url.partition("://")[0], glob.has_magic(path)
+    with reaching(url):
+        system.invalidate_cache()  # it may have listed the folder for an earlier batch
+        if not magic and system.isfile(path):
+            yield Item(PurePosixPath(path).name, url)
+            return
+        found = sorted(map(str, system.glob(path) if magic else system.find(path)))
+        taken = [one for one in found if system.isfile(one) and (magic or is_recording(Path(PurePosixPath(one).name)))]
     if not taken:
         raise ParameterError(f"no recording is at {url}. Check the URL.")
+    base = "/".join(_fixed(tuple(path.split("/")))) if magic else path.rstrip("/")
     for one in taken:
         yield Item(one[len(base) :].lstrip("/"), f"{scheme}://{one.lstrip('/') if scheme != 'file' else one}")
