@@ -134,6 +134,29 @@ def neighbours(own_ns: NDArray[np.int64], t_ns: NDArray[np.int64], max_gap: floa
     return Neighbours(low, high, exact, outside, gap)
 
 
+def interpolated(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats) -> Floats:
+    """Values between neighbours that are not a gap apart; NaN elsewhere, also outside and beside a NaN.
+
+    Parameters
+    ----------
+    rows : ndarray (N,) of int64
+        Where they are asked for, ns.
+    stamps : ndarray (M,) of int64
+        Where they are known, ns, increasing.
+    values : ndarray (M, 3) or (M,)
+        What they are there.
+    """
+    at = neighbours(stamps, rows, longest_bridged(stamps))
+    span, known = stamps[at.high] - stamps[at.low], at.known
+    share = np.divide(rows - stamps[at.low], span, out=np.zeros(rows.size), where=span > 0)
+    found = np.full((rows.size, *values.shape[1:]), np.nan)
+    part, exact = (one[known] if values.ndim == 1 else one[known, None] for one in (share, at.exact))
+    low, high = values[at.low[known]], values[at.high[known]]
+    with np.errstate(invalid="ignore"):
+        found[known] = np.where(exact, high, low + part * (high - low))
+    return found
+
+
 def is_gap(dt_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Mark the steps (N,), ns, that are gaps; integers decide, so that rounding of t does not."""
     return np.asarray(dt_ns > GAP_FACTOR * np.median(dt_ns) if dt_ns.size else np.zeros(0, dtype=bool))
