@@ -73,15 +73,20 @@ class Timing:
 
 def timing(t: Floats) -> Timing:
     """Measure rate, jitter and gaps of increasing times (N,), s."""
-    dt_ns = np.diff(to_ns(t))
+    return timing_of_steps(np.diff(to_ns(t)))
+
+
+def timing_of_steps(dt_ns: NDArray[np.int64]) -> Timing:
+    """Rate, jitter and gaps by the steps (N − 1,), ns, of N stamps; a day of them leaves little room for copies."""
+    samples = dt_ns.size + 1
     if not dt_ns.size:
-        return Timing(t.size, 0.0, float("nan"), 0.0, 0, 0.0)
+        return Timing(samples, 0.0, float("nan"), 0.0, 0, 0.0)
     gaps = is_gap(dt_ns)
     return Timing(
-        samples=t.size,
+        samples=samples,
         duration=int(dt_ns.sum()) / 1e9,
         rate=1e9 / float(np.median(dt_ns)),
-        jitter=float(np.std(dt_ns[~gaps])) / 1e9,
+        jitter=float(np.std(dt_ns, where=~gaps)) / 1e9,
         gaps=int(np.count_nonzero(gaps)),
         longest=int(dt_ns.max()) / 1e9,
     )
