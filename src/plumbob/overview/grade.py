@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR, is_gap, to_ns
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.imu import BLOCK, TITLES, median, norms
 from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, bursts, doubts, statistics
-from plumbob.files.notes import EARTH_FIELD, INFERRED, STUCK_FOR, STUCK_SAMPLES
+from plumbob.files.notes import EARTH_FIELD, INFERRED, STUCK_FOR, STUCK_SAMPLES, Recording
 from plumbob.overview import quality
 from plumbob.rotations import North, quat_angle
 
@@ -135,6 +136,16 @@ class Grade:
 def word_of(points: float) -> str:
     """Word of `WORDS` for a number of points."""
     return next(word for word, least in WORDS if points >= least)
+
+
+def grade_of(recording: Recording, *, judged: bool = False) -> Grade:
+    """Grade of what a recording holds: of its samples, or of its attitude where it has none; `judged` as of `grade`."""
+    if recording.array is not None:
+        return grade_units(recording.array.units, recording.notes)
+    if recording.imu is not None:
+        return grade(recording.imu, recording.notes, judged=judged)
+    assert recording.track is not None
+    return grade_track(recording.track)
 
 
 def grade(imu: ImuData, notes: Sequence[str] = (), *, judged: bool = False) -> Grade:
@@ -318,7 +329,11 @@ def _gaps(steps: _Steps) -> Criterion:
     longest = float(holes.max(initial=0.0))
     share = float(holes.sum() / steps.total) if holes.size else 0.0
     lost = 10.0 * (_share(longest, quality.HOLE) + _share(share, IN_GAPS))
-    told = f"{holes.size} gaps, longest {longest:.3g} s, {_percent(share)} of the time" if holes.size else "no gap"
+    told = (
+        f"{counted(holes.size, 'gap')}, longest {longest:.3g} s, {_percent(share)} of the time"
+        if holes.size
+        else "no gap"
+    )
     return Criterion(
         "gaps", 20.0, round(lost, 2), told,
         f"10 points by the longest, from {quality.HOLE[0]:g} s to {quality.HOLE[1]:g} s, and 10 by the share of the "

@@ -106,6 +106,7 @@ def info(
     """
     from plumbob.core import check
     from plumbob.files import Recording, found_in
+    from plumbob.overview.grade import grade_of
     from plumbob.session.reading import read
 
     if isinstance(what, Recording):
@@ -127,18 +128,6 @@ def info(
     made = grade_of(recording, judged=not isinstance(what, Recording))
     report["grade"] = made.summary()
     return Info(report, list(_lines(report, said)), made)
-
-
-def grade_of(recording: "Recording", *, judged: bool = False) -> "Grade":
-    """Grade of what a recording holds: of its samples, or of its attitude where it has none; `judged` as of `grade`."""
-    from plumbob.overview.grade import grade, grade_track, grade_units
-
-    if recording.array is not None:
-        return grade_units(recording.array.units, recording.notes)
-    if recording.imu is not None:
-        return grade(recording.imu, recording.notes, judged=judged)
-    assert recording.track is not None
-    return grade_track(recording.track)
 
 
 def _grade_lines(grade: "Grade", *, whole: bool) -> Iterator[str]:
