@@ -8,7 +8,7 @@ import pytest
 from plumbob import Filter, Frame, ImuData
 from plumbob.core.errors import PlumbobWarning
 from plumbob.data import ENOUGH
-from plumbob.data.plausibility import bursts, doubts, upside_down
+from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, bursts, doubts, statistics, upside_down
 
 N = 3000
 T = 0.01 * np.arange(N)
@@ -112,3 +112,25 @@ def test_bursts_are_even_over_a_second_and_gaps_are_not():
     assert 'rate = "100.135 Hz" alone' in told  # 5999 steps in 59.909 s: the last burst's pause is not in the record
     assert bursts(np.cumsum(np.where(rng.random(6000) < 0.02, rng.exponential(2.0, 6000), 0.001))) is None
     assert bursts(np.concatenate((even[:3000], even[3000:] + 40.0))) is None
+
+
+def test_the_statistics_of_a_triad_are_those_of_its_usable_samples():
+    """One pass in blocks, against NumPy over the whole; absent and impossible samples do not count."""
+    n = 40_000  # more than two blocks
+    gyr = np.random.default_rng(3).normal(5.0, 1.0, (n, 3))
+    gyr[::7] = np.nan
+    gyr[5] = 1e6
+    gyr[20_000:20_010] = gyr[19_999]
+    gyr[30_001, 1] = gyr[30_000, 1]
+    imu = ImuData(t=0.01 * np.arange(n), gyr=gyr)
+    found, known = statistics(imu, "gyr"), np.isfinite(gyr).all(axis=1) & (np.abs(gyr) < 1e5).all(axis=1)
+    assert found.samples == np.count_nonzero(known)
+    assert found.mean == pytest.approx(gyr[known].mean(axis=0), rel=1e-12)
+    assert found.std == pytest.approx(gyr[known].std(axis=0), rel=1e-12)
+    assert found.norm == pytest.approx(np.median(np.linalg.norm(gyr[known], axis=1)), rel=1e-14)
+    expected = np.full(n, NOT_KNOWN, dtype=np.uint8)
+    expected[known] = 0
+    expected[20_000:20_010][known[20_000:20_010]] = ALL_AXES
+    expected[30_001] = 2 if known[30_001] and known[30_000] else expected[30_001]
+    assert np.array_equal(found.repeats, expected)
+    assert statistics(imu, "gyr") is found, "who asks again is not made to wait again"

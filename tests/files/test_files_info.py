@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from io_samples import make_imu, make_track
 
-from plumbob import AttitudeTrack, files
+from plumbob import AttitudeTrack, ImuData, files
 from plumbob.cli.main import main
 from plumbob.core import flags
 from plumbob.core.errors import ShapeError
 from plumbob.data import ImuMeta
+from plumbob.files import parquet
 from plumbob.files.notes import TOPICS
 from plumbob.rotations import Frame, North
 
@@ -124,3 +125,21 @@ def test_notes_to_write_are_lines_and_not_letters(tmp_path, suffix):
         with pytest.raises(ShapeError, match="notes must be a sequence of lines of text, but got 'text'"):
             files.write(file, what, notes="text")
     assert not file.exists()
+
+
+def test_a_file_is_not_read_again_and_again(tmp_path, info, monkeypatch):
+    """Checksum, units, statistics, turning and rests need a pass each, of what they look at: 97 columns, once 302."""
+    n = 40_000
+    noise = np.random.default_rng(0).normal(0.0, 0.1, (3, n, 3)) + np.array([0.0, 5.0, 20.0])[:, np.newaxis, np.newaxis]
+    file = files.write(tmp_path / "a.parquet", ImuData(0.01 * np.arange(n), *noise, temp_c=np.full(n, 21.0)))
+    read, batches = 0, parquet._batches
+
+    def counted(*args):
+        nonlocal read
+        for at, columns in batches(*args):
+            read += sum(len(values) for values in columns.values())
+            yield at, columns
+
+    monkeypatch.setattr(parquet, "_batches", counted)
+    info(file)
+    assert read / n < 100

@@ -354,6 +354,28 @@ def test_time_that_does_not_go_on_is_refused(parse, stamp):
     in_one_line(caught)
 
 
+@pytest.mark.parametrize("stamp", ["0.00", "-1", "NaN", "inf"])
+def test_a_delay_does_not_hide_a_time_that_does_not_go_on(parse, stamp):
+    with pytest.raises(ClockError, match=r"\bt\b"):
+        parse(ROWS.replace("0.01", stamp), PLAIN + 'delay = "5 ms"\n')
+
+
+@pytest.mark.parametrize("delay", [25, -25])
+def test_a_delay_makes_up_no_value_in_a_gap_or_beyond_an_end(parse, delay):
+    stamps = [*range(0, 100, 10), *range(200, 290, 10)]  # ms; the gap of 110 ms has more than 5 steps
+    rows = "t,gx,gy,gz\n" + "".join(f"{0.001 * ms:.3f},{ms},{'' if ms % 20 else 2 * ms},1\n" for ms in stamps)
+    recording = parse(rows, PLAIN.replace('"rad/s"', f'"mrad/s"\ndelay = "{delay} ms"'))
+    imu = recording.imu
+    there = np.array(stamps) + delay
+    known = ((there >= 0) & (there <= 90)) | ((there >= 200) & (there <= 280))
+    assert np.array_equal(np.isfinite(imu.gyr[:, 0]), known)
+    assert imu.gyr[known, 0] == pytest.approx(1e-3 * there[known])  # the values are their own stamps
+    slower = known & (np.array(stamps) % 20 == 0) & (there <= np.where(there < 100, 80, 280))
+    assert np.array_equal(np.isfinite(imu.gyr[:, 1]), slower), "a slower axis keeps its rows"
+    assert imu.gyr[slower, 1] == pytest.approx(2e-3 * there[slower])
+    assert any("beyond an end are missing" in note for note in recording.notes)
+
+
 def test_a_sensor_without_a_number_is_refused(parse):
     with pytest.raises(ShapeError, match="gyr"):
         parse("t,gx,gy,gz\n0,,,\n1,NaN,NaN,NaN\n", PLAIN)

@@ -14,7 +14,7 @@ import plumbob
 from plumbob.core.errors import MissingExtraError, ParameterError
 from plumbob.core.units import to_deg
 from plumbob.core.web import asset
-from plumbob.overview import printed, traces
+from plumbob.overview import grade, printed, tables, traces
 from plumbob.reporting.style import said
 from tests.battery.browser import CHROMIUM, browser
 from tests.battery.labels import labels
@@ -132,6 +132,30 @@ def test_every_label_has_its_chinese_word(overview):
     words = ["".join(one) for one in heads]
     assert words and not [one for one in words if re.search("[A-Za-z]{3,}", re.sub(symbols, "", one))]
     assert '<html lang="zh">' in chinese
+
+
+def test_the_grade_is_that_of_info_with_what_it_lost_points_for(imu, tmp_path):
+    bare = replace(imu, meta=replace(imu.meta, calibration=None, device="x"))
+    file = plumbob.write(tmp_path / "a.parquet", bare)
+    made, own = plumbob.report(file, filter="mekf"), plumbob.info(file).grade
+    assert made.summary()["recordings"][0]["grade"] == own.summary()
+    (table,) = (one for one in made.report().tables if one.title.startswith("Grade: "))
+    assert table.title == f"Grade: {own.points:g} of 100, {own.word}"
+    lost = {one.name: one for one in own.criteria if one.lost}
+    assert {"gaps", "calibration"} <= set(lost) == {row[0].split()[0] for row in table.rows}
+    assert [float(row[1]) for row in table.rows] == sorted(float(f"{one.lost:.3g}") for one in lost.values())[::-1]
+    gaps = next(row[3] for row in table.rows if row[0] == "gaps")
+    assert gaps == f"{lost['gaps'].measured}; {lost['gaps'].advice}"
+    assert re.search(r"<h2>Quality</h2>.{0,200}Grade: [0-9.]+ of 100", made.page(), re.S)
+    assert f"评级：{own.points:g}/100" in made.page(lang="zh").replace(": ", "：")
+
+
+def test_every_criterion_of_a_grade_has_its_chinese_word():
+    source = Path(grade.__file__).read_text(encoding="utf-8")
+    names = set(re.findall(r'(?:Criterion|_judged)\(\s*"(\w+)"', source))
+    assert len(names) >= 15
+    assert {name for name in names if said(tables._GRADED.get(name, name), "zh") == name} == set()
+    assert said(tables._GRADED["rest"], "zh") == "起始静止"  # `rest` alone heads a column of their numbers: 序号
 
 
 def test_a_browser_draws_it_and_zooms(page, tmp_path):

@@ -20,7 +20,7 @@ from plumbob.acquisition.outgoing import FileTarget, Sender, SerialPort, Tcp, Tc
 from plumbob.acquisition.transport import BackOff
 from plumbob.cli.main import main
 from plumbob.core import flags, units
-from plumbob.core.errors import FrameError, LineError, ParameterError, ShapeError
+from plumbob.core.errors import DecodeError, FrameError, LineError, ParameterError, ShapeError
 from plumbob.data import AttitudeTrack
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 from plumbob.session.send_spec import parse_send
@@ -121,8 +121,13 @@ def test_file_is_written_and_never_replaced(tmp_path: Path) -> None:
     assert numbers(file.read_bytes()) == list(range(20))
     send(swinging(5), "nmea", f"file:{file}", sentences=["HDT"], speed="max", overwrite=True)
     assert numbers(file.read_bytes()) == list(range(5))
-    with pytest.raises(ParameterError, match="no folder"):
+    with pytest.raises(DecodeError, match="no folder"):
         send(swinging(5), "nmea", f"file:{tmp_path}/none/x", speed="max")
+    with pytest.raises(DecodeError, match="it is a folder"):
+        send(swinging(5), "nmea", f"file:{tmp_path}", speed="max")
+    (loop := tmp_path / "loop").symlink_to(loop)
+    with pytest.raises(DecodeError, match="leads back to itself"):
+        send(swinging(5), "nmea", f"file:{loop}", speed="max", overwrite=True)
 
 
 def joining(port: int) -> bytes:

@@ -230,7 +230,7 @@ def test_text_sink_leaves_nothing_behind_where_nothing_came(tmp_path):
     (tmp_path / "a.txt").write_text("precious")
     with pytest.raises(ParameterError, match="never replaces a file"):
         TextSink(tmp_path / "a.txt", 0.05)
-    with pytest.raises(ParameterError, match="there is no folder"):
+    with pytest.raises(DecodeError, match="there is no folder"):
         TextSink(tmp_path / "no" / "a.txt", 0.05)
 
 

@@ -20,6 +20,7 @@ from typing import Any, Final, Protocol
 
 from plumbob.acquisition.transport import BackOff, Event
 from plumbob.core.errors import LineError, ParameterError
+from plumbob.core.files import require_place
 from plumbob.core.text import counted
 
 LOOPBACK: Final = "127.0.0.1"
@@ -324,13 +325,16 @@ def parse_target(text: str, *, overwrite: bool = False) -> Target:
     Raises
     ------
     ParameterError
-        If it is not one of `KINDS`.
+        If it is not one of `KINDS`, or a file that lies there and is not to be replaced.
+    DecodeError
+        If no file can be written there, as `plumbob.core.files.require_place` has it.
     """
     kind, _, rest = text.partition(":")
     if text == "-":
         return FileTarget(None)
     if kind == "file" and rest:
-        return _file(Path(rest), overwrite)
+        require_place(path := Path(rest), overwrite=overwrite)
+        return FileTarget(path, overwrite)
     if kind == "serial":
         device, at, baud = rest.rpartition("@")
         if not at or not device or not baud.isdecimal() or not int(baud):
@@ -342,16 +346,6 @@ def parse_target(text: str, *, overwrite: bool = False) -> Target:
             return TcpServer(host, port)
         return Tcp(host, port) if kind == "tcp" else Udp(host, port, broadcast=kind == "udp-broadcast")
     raise ParameterError(f"'{text}' is not a target; known are {KINDS}.")
-
-
-def _file(path: Path, overwrite: bool) -> FileTarget:
-    if not path.parent.is_dir():
-        raise ParameterError(f"{path} cannot be written: there is no folder {path.parent}; create it first.")
-    if path.is_dir():
-        raise ParameterError(f"{path} is a folder; name a file.")
-    if path.is_file() and not overwrite:
-        raise ParameterError(f"{path} exists already. Name another file, or replace it with overwrite=True (--force).")
-    return FileTarget(path, overwrite)
 
 
 def _address(text: str, rest: str, *, listens: bool) -> tuple[str, int]:

@@ -73,15 +73,20 @@ class Timing:
 
 def timing(t: Floats) -> Timing:
     """Measure rate, jitter and gaps of increasing times (N,), s."""
-    dt_ns = np.diff(to_ns(t))
+    return timing_of_steps(np.diff(to_ns(t)))
+
+
+def timing_of_steps(dt_ns: NDArray[np.int64]) -> Timing:
+    """Rate, jitter and gaps by the steps (N − 1,), ns, of N stamps; a day of them leaves little room for copies."""
+    samples = dt_ns.size + 1
     if not dt_ns.size:
-        return Timing(t.size, 0.0, float("nan"), 0.0, 0, 0.0)
+        return Timing(samples, 0.0, float("nan"), 0.0, 0, 0.0)
     gaps = is_gap(dt_ns)
     return Timing(
-        samples=t.size,
+        samples=samples,
         duration=int(dt_ns.sum()) / 1e9,
         rate=1e9 / float(np.median(dt_ns)),
-        jitter=float(np.std(dt_ns[~gaps])) / 1e9,
+        jitter=float(np.std(dt_ns, where=~gaps)) / 1e9,
         gaps=int(np.count_nonzero(gaps)),
         longest=int(dt_ns.max()) / 1e9,
     )
@@ -132,6 +137,29 @@ def neighbours(own_ns: NDArray[np.int64], t_ns: NDArray[np.int64], max_gap: floa
     outside = ~exact & ((right == 0) | (right > last))
     gap = ~outside & ((own_ns[high] - own_ns[low]) / 1e9 > max_gap)
     return Neighbours(low, high, exact, outside, gap)
+
+
+def interpolated(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats) -> Floats:
+    """Values between neighbours that are not a gap apart; NaN elsewhere, also outside and beside a NaN.
+
+    Parameters
+    ----------
+    rows : ndarray (N,) of int64
+        Where they are asked for, ns.
+    stamps : ndarray (M,) of int64
+        Where they are known, ns, increasing.
+    values : ndarray (M, 3) or (M,)
+        What they are there.
+    """
+    at = neighbours(stamps, rows, longest_bridged(stamps))
+    span, known = stamps[at.high] - stamps[at.low], at.known
+    share = np.divide(rows - stamps[at.low], span, out=np.zeros(rows.size), where=span > 0)
+    found = np.full((rows.size, *values.shape[1:]), np.nan)
+    part, exact = (one[known] if values.ndim == 1 else one[known, None] for one in (share, at.exact))
+    low, high = values[at.low[known]], values[at.high[known]]
+    with np.errstate(invalid="ignore"):
+        found[known] = np.where(exact, high, low + part * (high - low))
+    return found
 
 
 def is_gap(dt_ns: NDArray[np.int64]) -> NDArray[np.bool_]:

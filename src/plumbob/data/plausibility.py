@@ -4,12 +4,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, to_deg
-from plumbob.data.imu import BLOCK, ENOUGH, ImuData, median, norms
+from plumbob.data.imu import BLOCK, ENOUGH, ImuData, known_rows, median, norms
 from plumbob.rotations import Frame
 
 LONGEST_STEP: Final = 0.5
@@ -30,6 +32,73 @@ STEADY: Final = 0.03
 FEWEST_WINDOWS: Final = 5
 THROUGHOUT: Final = 0.99
 STEEP: Final = math.cos(float(deg(135.0)))
+
+
+ALL_AXES: Final = 7
+NOT_KNOWN: Final = 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Statistics:
+    """What the usable samples of a triad are, in its unit.
+
+    Attributes
+    ----------
+    samples : int
+        How many there are.
+    mean, std : ndarray (3,)
+        Their mean and standard deviation; NaN where there are none.
+    norm : float
+        The median of their magnitudes; NaN where there are none.
+    repeats : ndarray (N,) of uint8
+        Of each sample of the recording, which axes repeat their last known value to the bit, as bits 0 to 2, `ALL_AXES`
+        being all of them; or `NOT_KNOWN`.
+    """
+
+    samples: int
+    mean: Floats
+    std: Floats
+    norm: float
+    repeats: NDArray[np.uint8]
+
+
+_MEASURED: Final[WeakKeyDictionary[ImuData, dict[str, Statistics]]] = WeakKeyDictionary()
+
+
+def statistics(imu: ImuData, name: str) -> Statistics:
+    """Measure a triad, in one pass; who asks again about the same recording is not made to wait again.
+
+    Parameters
+    ----------
+    imu : ImuData
+        The recording.
+    name : {"gyr", "acc", "mag"}
+        Which triad; it has it.
+    """
+    known = _MEASURED.setdefault(imu, {})
+    if name not in known:
+        known[name] = _measured(imu.only(name), name)
+    return known[name]
+
+
+def _measured(imu: ImuData, name: str) -> Statistics:
+    count, at, sizes, repeats = 0, 0, np.empty(len(imu)), np.full(len(imu), NOT_KNOWN, dtype=np.uint8)
+    total, square, last = np.zeros(3), np.zeros(3), np.full((1, 3), np.nan)
+    middle = last[0]
+    for part in imu.chunks(BLOCK):
+        values = part.usable(name)
+        known = known_rows(values)
+        if len(own := values[known]):
+            same = (own == np.concatenate((last, own[:-1]))).view(np.uint8)
+            repeats[at : at + len(values)][known] = same[:, 0] + 2 * same[:, 1] + 4 * same[:, 2]
+            sizes[count : count + len(own)] = norms(own)
+            middle, last = middle if count else own.mean(axis=0), own[-1:]
+            off = own - middle  # squares about a value near the mean lose no digits
+            total, square, count = total + off.sum(axis=0), square + (off * off).sum(axis=0), count + len(own)
+        at += len(values)
+    off = total / max(count, 1)
+    std = np.sqrt(np.maximum(square / max(count, 1) - off * off, 0.0))
+    return Statistics(count, middle + off, std if count else middle, median(sizes[:count]), repeats)
 
 
 def doubts(imu: ImuData) -> tuple[str, ...]:
@@ -57,8 +126,7 @@ def upside_down(imu: ImuData, frame: Frame) -> tuple[str, ...]:
     """
     if "acc" not in imu.triads or len(imu) < ENOUGH:
         return ()
-    imu = imu.only("acc")
-    usual = median(imu.gathered(lambda part: norms(part.usable("acc"))))
+    usual = statistics(imu, "acc").norm
 
     def upwards(part: ImuData) -> Floats:
         acc = part.usable("acc")
@@ -66,7 +134,7 @@ def upside_down(imu: ImuData, frame: Frame) -> tuple[str, ...]:
         counts = np.abs(norm - usual) < QUIET * usual
         return np.asarray(acc[counts, 2] * frame.up[2] / norm[counts])
 
-    upward = np.concatenate([upwards(part) for part in imu.chunks(BLOCK)])
+    upward = np.concatenate([upwards(part) for part in imu.only("acc").chunks(BLOCK)])
     if upward.size < ENOUGH or np.mean(upward < 0.0) < THROUGHOUT or median(upward) > STEEP:
         return ()
     level = "+g" if frame.up[2] > 0.0 else "−g"
@@ -137,10 +205,9 @@ def _turning(imu: ImuData) -> tuple[str, ...]:
 
 
 def _rates(imu: ImuData) -> tuple[str, ...]:
-    rates = imu.only("gyr").gathered(lambda part: norms(part.usable("gyr")))
-    size = int(np.count_nonzero(np.isfinite(rates)))
-    usual = median(rates) if size >= ENOUGH else 0.0
-    if usual <= USUAL_RATE:
+    found = statistics(imu, "gyr")
+    usual, size = found.norm, found.samples
+    if size < ENOUGH or usual <= USUAL_RATE:
         return ()
     return (
         f"gyroscope: |gyr| is {usual:.3g} rad/s ({to_deg(usual):.0f} °/s) in the middle of {size} samples; if "

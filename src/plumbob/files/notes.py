@@ -9,17 +9,14 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plumbob.acquisition.timing.report import TimeReport
 from plumbob.core import check, flags
-from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.text import Shown, counted
 from plumbob.data import UNCALIBRATED, AttitudeTrack, ImuData, calibration_told
 from plumbob.data.array import ImuArray
-from plumbob.data.imu import median, norms
-from plumbob.data.plausibility import doubts
+from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, doubts, statistics
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -209,16 +206,12 @@ def _field(imu: ImuData) -> Iterator[str]:
     if "mag" not in imu.triads:
         return
     low, high = EARTH_FIELD
-    typical = float(np.nan_to_num(median(imu.only("mag").gathered(_mag_norms)), nan=math.inf))
+    typical = float(np.nan_to_num(statistics(imu, "mag").norm, nan=math.inf))
     if not low <= typical <= high:
         yield (
             f"magnetic field: the median of |mag| is {typical:.4g} µT, but the Earth's field lies in {low:g} to "
             f"{high:g} µT; the magnetometer is disturbed, uncalibrated, or in another unit"
         )
-
-
-def _mag_norms(part: ImuData) -> Floats:
-    return np.empty(0) if part.mag is None else norms(part.mag)
 
 
 def _flagged(imu: ImuData) -> Iterator[str]:
@@ -243,15 +236,16 @@ def _longest(imu: ImuData) -> float:
 
 def _stuck(imu: ImuData) -> Iterator[str]:
     for name in imu.triads:
-        kind = _repeated(imu, name)
-        if np.count_nonzero(kind == _NEW) < 2:  # it never changes: a simulation without noise, at rest
+        axes = statistics(imu, name).repeats
+        again = axes[axes != NOT_KNOWN] == ALL_AXES
+        if again.size - np.count_nonzero(again) < 2:  # it never changes: a simulation without noise, at rest
             continue
-        edges = np.flatnonzero(np.diff(kind[kind != _NONE] == _AGAIN, prepend=False, append=False))
+        edges = np.flatnonzero(np.diff(again, prepend=False, append=False))
         starts, ends = edges[::2] - 1, edges[1::2] - 1
         long = ends - starts + 1 >= STUCK_SAMPLES
         if not long.any():
             continue
-        known = np.flatnonzero(kind)
+        known = np.flatnonzero(axes != NOT_KNOWN)
         starts, ends = known[starts[long]], known[ends[long]]
         t = imu.t
         lasting = t[ends] - t[starts]
@@ -262,22 +256,3 @@ def _stuck(imu: ImuData) -> Iterator[str]:
             count = int(np.count_nonzero(lasting >= STUCK_FOR))
             more = f", the longest of {count} such stretches" if count > 1 else ""
             yield f"stuck: {name} {what} for {lasting[i]:.6g} s from t = {t[start]:.6g} s{more}"
-
-
-_NONE, _NEW, _AGAIN = 0, 1, 2
-
-
-def _repeated(imu: ImuData, name: str) -> NDArray[np.uint8]:
-    """Of each sample, whether it has no value, a new one, or again that of the one before which had any; (N,)."""
-    last = np.full((1, 3), np.nan)
-
-    def kinds(part: ImuData) -> NDArray[np.uint8]:
-        values = part.usable(name)
-        known = ~np.isnan(values).any(axis=1)
-        own = values[known]
-        kind = np.asarray(known, dtype=np.uint8)
-        kind[known] += (own == np.concatenate((last, own[:-1]))[: len(own)]).all(axis=1)
-        last[:] = own[-1:] if len(own) else last
-        return kind
-
-    return imu.only(name).gathered(kinds)

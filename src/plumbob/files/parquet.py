@@ -56,7 +56,7 @@ _PAGE_BYTES: Final = 64 * 1024
 # A table of contents lists 15 columns for each million rows in less than 3 kB; Arrow takes a hundred times its size.
 _CONTENTS_BYTES: Final = 1024 * 1024
 _THRIFT_ITEMS: Final = 10_000
-_BATCH: Final = 1 << 14
+_BATCH: Final = 1 << 16
 """Rows that are read at a time."""
 GROUP: Final = 1 << 15
 """Rows of the first row groups that are written: a writer holds one. The table of contents lists all, so that after"""
@@ -222,7 +222,7 @@ def _of_all(name: str) -> property:
     def read(data: "Stored") -> NDArray[Any] | None:
         if {name, f"{name}_x"}.isdisjoint(data._names):
             return None
-        found = data.gathered(lambda part: getattr(part, name))
+        found = data.only(*(TRIADS if name == "flags" else (name,))).gathered(lambda part: getattr(part, name))
         found.flags.writeable = False
         return found
 
@@ -232,7 +232,8 @@ def _of_all(name: str) -> property:
 class Stored(ImuData):
     """Samples of a native recording that stay in their file: a part is in memory while it is looked at.
 
-    Slices that follow each other are read once; what has a value of every sample is read whenever it is asked for.
+    Slices that follow each other are read once; what has a value of every sample is read whenever it is asked for, but
+    for the flags: they are four bytes a sample, come from all triads, and are asked for again and again.
     """
 
     _file: Path
@@ -243,6 +244,7 @@ class Stored(ImuData):
     _late: NDArray[np.int64]
     _change: Callable[[ImuData], ImuData] | None
     _held: "_Held"
+    _flags: NDArray[np.uint32] | None
 
     @classmethod
     def of(cls, file: Path, meta: ImuMeta, unit: str = "") -> Self:
@@ -257,7 +259,8 @@ class Stored(ImuData):
         with _open(file) as parquet:
             own = tuple(of_unit(dict.fromkeys(parquet.schema_arrow.names), unit))  # type: ignore[arg-type]
             state = {"_file": file, "_unit": unit, "_names": own, "_rows": parquet.metadata.num_rows}
-        for name, value in (state | {"meta": meta, "_meta": meta, "_change": None, "_held": _Held()}).items():
+        state |= {"meta": meta, "_meta": meta, "_change": None, "_held": _Held(), "_flags": None}
+        for name, value in state.items():
             object.__setattr__(made, name, value)
         check.increasing_time("t", made.t)
         object.__setattr__(made, "_late", np.flatnonzero(is_gap(np.diff(made.t_ns))) + 1)
@@ -280,15 +283,16 @@ class Stored(ImuData):
         return self._with(meta=change(self[:1]).meta, _change=after)
 
     def only(self, *triads: str) -> ImuData:
-        """Reader of these triads alone; of all where they are changed, for a change may ask for others."""
+        """Reader of these columns alone; of all where they are changed, for a change may ask for others."""
         if self._change is not None:
             return self
         others = {column for name in TRIADS if name not in triads for column in GROUPS[name]}
+        others |= {"temp_c"} - set(triads)
         return self._with(_names=tuple(name for name in self._names if name not in others))
 
     def _with(self, **state: Any) -> Self:
         made = copy(self)
-        for name, value in (state | {"_held": _Held()}).items():
+        for name, value in (state | {"_held": _Held(), "_flags": None}).items():
             object.__setattr__(made, name, value)
         return made
 
@@ -342,7 +346,13 @@ class Stored(ImuData):
     acc: Any = _of_all("acc")
     mag: Any = _of_all("mag")
     temp_c: Any = _of_all("temp_c")
-    flags: Any = _of_all("flags")
+
+    @property
+    def flags(self) -> Any:
+        """Flags of all samples, read once."""
+        if self._flags is None:
+            object.__setattr__(self, "_flags", _of_all("flags").fget(self))  # type: ignore[misc]
+        return self._flags
 
 
 class _Held:

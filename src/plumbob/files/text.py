@@ -15,6 +15,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import existing_file, reading, sidecars, text_of
+from plumbob.core.time import interpolated, to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.files.columns import StampError, seconds_of
 from plumbob.files.notes import Recording, read_notes
@@ -210,15 +211,15 @@ def _vector(group: GroupSource, table: Table, turn: str | None) -> Floats:
 def _undelayed(t: Floats, values: Floats, delay: float) -> Floats:
     """Values (N, 3) at the times of their rows, where they came `delay` late, by straight lines between known ones.
 
-    Rows without values stay without: a slower sensor keeps its rate. What lies outside the recording is NaN.
+    Rows without values stay without: a slower sensor keeps its rate. What lies in a gap of an axis, or outside the
+    recording, is NaN.
     """
     if delay == 0.0:
         return values
-    found = np.full_like(values, np.nan)
-    for i, column in enumerate(values.T):
-        known = np.isfinite(column)
-        if np.count_nonzero(known) > 1:
-            found[known, i] = np.interp(t[known] + delay, t[known], column[known], np.nan, np.nan)
+    t_ns, found = to_ns(t), np.full_like(values, np.nan)
+    for i, known in enumerate(np.isfinite(values).T):
+        if known.any():
+            found[known, i] = interpolated(t_ns[known] + round(delay * 1e9), t_ns[known], values[known, i])
     return found
 
 
@@ -253,7 +254,8 @@ def _changes(profile: Profile, t0_ns: int) -> tuple[str, ...]:
             notes.append(f"{name}: the case's x, y, z are its '{group.axes}', as the profile says")
         if group.delay:
             notes.append(
-                f"{name}: its rows are {1e3 * group.delay:g} ms late, as the profile says, and were interpolated"
+                f"{name}: its rows are {1e3 * group.delay:g} ms late, as the profile says, and were interpolated; "
+                "those in a gap or beyond an end are missing"
             )
     if any(group.gravity for group in profile.triads.values()):
         notes.append("acc was negated: the profile says that it points down at rest, as gravity does")

@@ -88,10 +88,13 @@ def digest_of(given: Path | Recording) -> str:
             found.update(name.encode())
             found.update(values.tobytes())
         return found.hexdigest()
-    files = sorted(path for path in given.rglob("*") if path.is_file()) if given.is_dir() else [existing_file(given), *_with(given)]
+    folder = given.is_dir()
+    files = (
+        sorted(path for path in given.rglob("*") if path.is_file()) if folder else [existing_file(given), *_with(given)]
+    )
     if files == [given]:
         return sha256_of(given)[0]
-    whole, home = hashlib.sha256(), given if given.is_dir() else given.parent
+    whole, home = hashlib.sha256(), given if folder else given.parent
     for path in files:
         whole.update(f"{path.relative_to(home).as_posix()}\0".encode())
         whole.update(sha256_of(path)[0].encode())

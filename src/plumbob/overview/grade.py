@@ -11,7 +11,7 @@ Everything is found block by block, so that a recording that stays in its file i
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR, is_gap, to_ns
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.imu import BLOCK, TITLES, median, norms
-from plumbob.data.plausibility import bursts, doubts
-from plumbob.files.notes import EARTH_FIELD, INFERRED, STUCK_FOR, STUCK_SAMPLES
+from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, bursts, doubts, statistics
+from plumbob.files.notes import EARTH_FIELD, INFERRED, STUCK_FOR, STUCK_SAMPLES, Recording
 from plumbob.overview import quality
 from plumbob.rotations import North, quat_angle
 
@@ -137,6 +138,16 @@ def word_of(points: float) -> str:
     return next(word for word, least in WORDS if points >= least)
 
 
+def grade_of(recording: Recording, *, judged: bool = False) -> Grade:
+    """Grade of what a recording holds: of its samples, or of its attitude where it has none; `judged` as of `grade`."""
+    if recording.array is not None:
+        return grade_units(recording.array.units, recording.notes)
+    if recording.imu is not None:
+        return grade(recording.imu, recording.notes, judged=judged)
+    assert recording.track is not None
+    return grade_track(recording.track)
+
+
 def grade(imu: ImuData, notes: Sequence[str] = (), *, judged: bool = False) -> Grade:
     """Grade the samples of one unit.
 
@@ -149,14 +160,14 @@ def grade(imu: ImuData, notes: Sequence[str] = (), *, judged: bool = False) -> G
     judged : bool
         Whether the notes hold the doubts about units and signs already, as those of a file that has been read do.
     """
-    steps = _Steps.of(imu.t)
-    repeated = {name: _repeats(imu, name) for name in imu.triads}
+    steps = _Steps.of(bursts(imu.t), np.diff(imu.t_ns))
+    repeated = {name: statistics(imu, name).repeats for name in imu.triads}
     made = (
         _sensors(imu.triads),
         _rate(steps),
         _jitter(steps),
         _gaps(steps),
-        _loss(imu, steps, notes),
+        _loss(repeated, steps, notes),
         _clipping(imu),
         _stuck(imu, repeated),
         _resolution(imu, repeated),
@@ -177,7 +188,7 @@ def grade_units(units: Mapping[str, ImuData], notes: Sequence[str] = ()) -> Grad
 
 def grade_track(track: AttitudeTrack) -> Grade:
     """Grade an attitude without samples by its times, and by how much of it is known and can be."""
-    steps = _Steps.of(track.t)
+    steps = _Steps.of(bursts(track.t), np.diff(to_ns(track.t)))
     unknown = float(np.mean(~track.known))
     open_ = np.zeros(len(track), dtype=np.bool_) if track.flags is None else track.flags & flags.NOT_CONVERGED != 0
     turn = quat_angle(track.q_nb[:-1], track.q_nb[1:]) / np.maximum(np.diff(track.t), 1e-9)
@@ -234,51 +245,54 @@ def _percent(share: float) -> str:
 
 @dataclass(frozen=True)
 class _Steps:
-    """Steps of a time line, s: all, the usual one, those without gaps and repeated stamps, and their whole number."""
+    """What the steps of a time line say.
 
-    dt: Floats
-    usual: float
-    gaps: NDArray[np.bool_]
-    tiny: NDArray[np.bool_]
-    whole: Floats
-    bursts: str | None
+    How many there are, the usual one and the sum, s; by how much those that are gaps are longer than usual, s; how many
+    repeat a stamp; their standard deviation about whole numbers of the usual one, in steps; the share of the rows that
+    are missing one to four at a time; and how they come in bursts, in words.
+    """
+
+    count: int
+    usual: float = math.nan
+    total: float = 0.0
+    holes: Floats = field(default_factory=lambda: np.empty(0))
+    tiny: int = 0
+    jitter: float = 0.0
+    lost: float = 0.0
+    bursts: str | None = None
 
     @classmethod
-    def of(cls, t: Floats) -> "_Steps":
-        """The median step may be one of two that alternate: the usual one is the mean of those about it."""
-        dt_ns = np.diff(to_ns(t))
-        dt = dt_ns / 1e9
-        if not dt.size:
-            none = np.zeros(0, dtype=np.bool_)
-            return cls(dt, math.nan, none, none, dt, None)
+    def of(cls, said: str | None, dt_ns: NDArray[np.int64]) -> "_Steps":
+        """Measure steps (N,), ns, that come in bursts as is said. A day of them leaves little room for copies."""
+        if not dt_ns.size:
+            return cls(0)
+        gaps, dt = is_gap(dt_ns), dt_ns / 1e9
+        del dt_ns
         middle = float(np.median(dt))
-        near = dt[np.abs(dt - middle) <= 0.5 * middle]
-        usual = float(np.mean(near)) if near.size else middle
-        gaps = is_gap(dt_ns)
+        near = (dt >= 0.5 * middle) & (dt <= 1.5 * middle)
+        # the median step may be one of two that alternate: the usual one is the mean of those about it
+        usual = float(np.mean(dt, where=near)) if near.any() else middle
         tiny = dt < TINY * usual
-        return cls(dt, usual, gaps, tiny, np.maximum(np.rint(dt / usual), 1.0), bursts(t))
+        found = cls(dt.size, usual, float(dt.sum()), dt[gaps] - usual, int(np.count_nonzero(tiny)), bursts=said)
+        if said:
+            return found
+        jitter, lost = _uneven(dt, usual, gaps, tiny)
+        return replace(found, jitter=jitter, lost=lost)
 
-    @property
-    def steady(self) -> NDArray[np.bool_]:
-        return np.asarray(~(self.gaps | self.tiny))
 
-    @property
-    def jitter(self) -> float:
-        """Standard deviation of the steps about whole numbers of the usual one, in steps."""
-        off = self.dt[self.steady] / self.usual - self.whole[self.steady]
-        return float(np.std(off)) if off.size and not self.bursts else 0.0
-
-    @property
-    def lost(self) -> float:
-        """Share of the rows that are missing one to four at a time."""
-        if not self.dt.size or self.bursts:
-            return 0.0
-        kept = ~self.gaps
-        skipped = float(np.sum(self.whole[self.steady] - 1.0))
-        late = float(np.sum(self.dt[kept])) / self.usual - float(np.count_nonzero(kept))
-        doubt = 3.0 * self.jitter * math.sqrt(np.count_nonzero(kept))  # by which jitter moves the mean step
-        missing = max(0.0, min(skipped, late - doubt))
-        return missing / (missing + float(np.count_nonzero(kept)) + 1.0)
+def _uneven(dt: Floats, usual: float, gaps: NDArray[np.bool_], tiny: NDArray[np.bool_]) -> tuple[float, float]:
+    """`jitter` and `lost` of steps that do not come in bursts; the steps (N,), s, are used up."""
+    kept = dt.size - int(np.count_nonzero(gaps))
+    late = float(np.sum(dt, where=~gaps)) / usual - kept
+    whole = np.rint(np.divide(dt, usual, out=dt))
+    np.maximum(whole, 1.0, out=whole)
+    steady = ~(gaps | tiny)
+    skipped = float(np.sum(whole, where=steady)) - np.count_nonzero(steady)
+    np.subtract(dt, whole, out=dt)
+    del whole
+    jitter = float(np.std(dt, where=steady)) if steady.any() else 0.0
+    missing = max(0.0, min(skipped, late - 3.0 * jitter * math.sqrt(kept)))  # by which jitter moves the mean step
+    return jitter, missing / (missing + kept + 1.0)
 
 
 def _sensors(triads: Sequence[str]) -> Criterion:
@@ -295,8 +309,8 @@ def _sensors(triads: Sequence[str]) -> Criterion:
 
 
 def _rate(steps: _Steps) -> Criterion:
-    rate = 1.0 / steps.usual if steps.dt.size else math.nan
-    return _judged("rate", 10.0, rate, RATE, f"{rate:.5g} Hz" if steps.dt.size else "one sample", "samples a second",
+    rate = 1.0 / steps.usual if steps.count else math.nan
+    return _judged("rate", 10.0, rate, RATE, f"{rate:.5g} Hz" if steps.count else "one sample", "samples a second",
                    OURS, "sample faster where the body moves faster than a wave", "{:g} Hz".format)  # fmt: skip
 
 
@@ -304,18 +318,22 @@ def _jitter(steps: _Steps) -> Criterion:
     jitter = steps.jitter
     return _judged(
         "jitter", 10.0, jitter, JITTER, f"{_percent(jitter)} of a step"
-        + (f", {1e6 * jitter * steps.usual:.3g} µs" if steps.dt.size else ""),
+        + (f", {1e6 * jitter * steps.usual:.3g} µs" if steps.count else ""),
         "standard deviation of the steps between gaps, over the usual step", OURS,
         "stamp on the device, by its own clock or a counter (docs/time.md)", _percent,
     )  # fmt: skip
 
 
 def _gaps(steps: _Steps) -> Criterion:
-    holes = steps.dt[steps.gaps] - steps.usual
+    holes = steps.holes
     longest = float(holes.max(initial=0.0))
-    share = float(holes.sum() / steps.dt.sum()) if holes.size else 0.0
+    share = float(holes.sum() / steps.total) if holes.size else 0.0
     lost = 10.0 * (_share(longest, quality.HOLE) + _share(share, IN_GAPS))
-    told = f"{holes.size} gaps, longest {longest:.3g} s, {_percent(share)} of the time" if holes.size else "no gap"
+    told = (
+        f"{counted(holes.size, 'gap')}, longest {longest:.3g} s, {_percent(share)} of the time"
+        if holes.size
+        else "no gap"
+    )
     return Criterion(
         "gaps", 20.0, round(lost, 2), told,
         f"10 points by the longest, from {quality.HOLE[0]:g} s to {quality.HOLE[1]:g} s, and 10 by the share of the "
@@ -324,8 +342,9 @@ def _gaps(steps: _Steps) -> Criterion:
     )  # fmt: skip
 
 
-def _loss(imu: ImuData, steps: _Steps, notes: Sequence[str]) -> Criterion:
-    shares = {"rows": steps.lost, "bytes": _junk(notes)} | {name: _absent(imu, name, steps) for name in imu.triads}
+def _loss(repeated: Mapping[str, NDArray[np.uint8]], steps: _Steps, notes: Sequence[str]) -> Criterion:
+    shares = {"rows": steps.lost, "bytes": _junk(notes)}
+    shares |= {name: _absent(axes != NOT_KNOWN, each=name != "mag") for name, axes in repeated.items()}
     worst = max(shares, key=lambda name: shares[name])
     found = ", ".join(f"{_percent(share)} of {name}" for name, share in shares.items() if share)
     return _judged(
@@ -342,19 +361,17 @@ def _junk(notes: Sequence[str]) -> float:
     return 0.0
 
 
-def _absent(imu: ImuData, name: str, steps: _Steps) -> float:
-    """Share of the time in which a triad has no value for longer than it usually takes from one to the next."""
-    known = imu.only(name).gathered(lambda part: np.asarray(np.isfinite(part.usable(name)).all(axis=1)))
-    at = np.flatnonzero(known)
-    if not at.size or not steps.dt.size:
-        return 1.0 if not at.size else 0.0
-    if at.size == known.size:
-        return 0.0
-    rows = np.diff(np.concatenate(([-1], at, [known.size]))).astype(np.float64)  # in rows, which gaps do not lengthen
-    usual = float(np.median(rows))
-    # a magnetometer of three quarters of the rate has none in each fourth row, which is no loss
-    each = usual == 1.0 and name != "mag"
-    holes = rows[rows > (1.0 if each else GAP_FACTOR * usual)] - usual
+def _absent(known: NDArray[np.bool_], *, each: bool) -> float:
+    """Share of the time in which a triad has no value for longer than it usually takes from one to the next.
+
+    `each` says that every row should have one: a magnetometer of three quarters of the rate has none in each fourth
+    row, which is no loss.
+    """
+    if known.all() or not known.any():
+        return 0.0 if known.all() else 1.0
+    rows = np.diff(np.flatnonzero(known), prepend=-1, append=known.size)
+    usual = float(np.median(rows))  # in rows, which gaps do not lengthen
+    holes = rows[rows > (1.0 if each and usual == 1.0 else GAP_FACTOR * usual)] - usual
     return float(holes.sum() / known.size)
 
 
@@ -371,42 +388,26 @@ def _clipping(imu: ImuData) -> Criterion:
     )  # fmt: skip
 
 
-_UNKNOWN: Final = 8
-
-
-def _repeats(imu: ImuData, name: str) -> NDArray[np.uint8]:
-    """Of each row, which axes repeat their last known value to the bit, as bits 0 to 2; `_UNKNOWN` without values."""
-    last = np.full((1, 3), np.nan)
-
-    def of(part: ImuData) -> NDArray[np.uint8]:
-        values = part.usable(name)
-        known = np.isfinite(values).all(axis=1)
-        own = values[known]
-        found = np.full(len(values), _UNKNOWN, dtype=np.uint8)
-        same = own == np.concatenate((last, own[:-1]))[: len(own)]
-        found[known] = (same @ np.array([1, 2, 4])).astype(np.uint8)
-        last[:] = own[-1:] if len(own) else last
-        return found
-
-    return imu.only(name).gathered(of)
-
-
 def _stuck(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion:
     longest, where = 0.0, "none"
     for name, bits in repeated.items():
-        known = np.flatnonzero(bits != _UNKNOWN)
-        own = bits[known]
-        if not own.size or np.count_nonzero(own != 7) < 2:  # it never changes: a simulation without noise, at rest
+        own = bits[bits != NOT_KNOWN]
+        if np.count_nonzero(own != ALL_AXES) < 2:  # it never changes: a simulation without noise, at rest
             continue
-        t = imu.t[known]
-        for axes, marks in _held(own):
-            for start, stop in check.runs(marks):
-                lasting = float(t[stop - 1] - t[max(start - 1, 0)])
-                if stop - start >= STUCK_SAMPLES - 1 and lasting > longest and _others(own, axes, start, stop):
-                    longest, where = (
-                        lasting,
-                        f"{name} {axes or 'all axes'} for {lasting:.4g} s from t = {t[start]:.4g} s",
-                    )
+        held = [
+            (axes, start, stop)
+            for axes, marks in _held(own)
+            for start, stop in check.runs(marks)
+            if stop - start >= STUCK_SAMPLES - 1
+        ]
+        t = imu.t[bits != NOT_KNOWN] if held else np.empty(0)
+        for axes, start, stop in held:
+            lasting = float(t[stop - 1] - t[max(start - 1, 0)])
+            if lasting > longest and _others(own, axes, start, stop):
+                longest, where = (
+                    lasting,
+                    f"{name} {axes or 'all axes'} for {lasting:.4g} s from t = {t[start]:.4g} s",
+                )
     return _judged(
         "stuck", 30.0, longest, (STUCK_FOR, quality.FLAT[1]), where,
         f"longest time in which a sensor, or an axis while the others move, repeats to the last bit in {STUCK_SAMPLES} "
@@ -416,7 +417,7 @@ def _stuck(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion
 
 
 def _held(own: NDArray[np.uint8]) -> Iterable[tuple[str, NDArray[np.bool_]]]:
-    yield "", np.asarray(own == 7)
+    yield "", np.asarray(own == ALL_AXES)
     for i, axis in enumerate("xyz"):
         yield axis, np.asarray(own & (1 << i) != 0)
 
@@ -426,18 +427,18 @@ def _others(own: NDArray[np.uint8], axes: str, start: int, stop: int) -> bool:
     if not axes:
         return True
     own_bit = 1 << "xyz".index(axes)
-    return float(np.mean((own[start:stop] | own_bit) != 7)) > 0.8
+    return float(np.mean((own[start:stop] | own_bit) != ALL_AXES)) > 0.8
 
 
 def _resolution(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion | None:
     shares = {}
     for name in repeated.keys() - {"mag"}:  # which is often held from its slower rate
-        own = repeated[name][repeated[name] != _UNKNOWN]
-        again = own == 7
+        own = repeated[name][repeated[name] != NOT_KNOWN]
+        again = own == ALL_AXES
         for start, stop in check.runs(again):
             if stop - start >= STUCK_SAMPLES - 1:
                 again[start:stop] = False
-        if own.size and np.count_nonzero(own != 7) >= 2:
+        if own.size and np.count_nonzero(own != ALL_AXES) >= 2:
             shares[name] = float(np.mean(again))
     if not shares:
         return None
@@ -465,7 +466,8 @@ def _rest(imu: ImuData) -> _Still | None:
     t = imu.t
     if "acc" not in imu.triads or t.size < 3 * rests.FEWEST:
         return None
-    size = max(rests.FEWEST, round(rests.BLOCK / float(np.median(np.diff(t)))))
+    step = median(np.diff(t))
+    size = max(rests.FEWEST, round(rests.BLOCK / step))
     if t.size // size < 3:
         return None
     names = [name for name in ("acc", "gyr") if name in imu.triads]
@@ -477,7 +479,7 @@ def _rest(imu: ImuData) -> _Still | None:
             found[name].append((values.mean(axis=1), values.std(axis=1, ddof=1)))
     moments = {name: rests.Moments(*map(np.concatenate, zip(*of, strict=True))) for name, of in found.items()}
     quiet = rests.at_rest(moments["acc"], moments.get("gyr"), size)
-    long = [(a, b) for a, b in check.runs(quiet) if (b - a) * size * float(np.median(np.diff(t))) >= REST[1]]
+    long = [(a, b) for a, b in check.runs(quiet) if (b - a) * size * step >= REST[1]]
     at_start = [t[min(b * size, t.size) - 1] - t[a * size] for a, b in long if t[a * size] - t[0] <= BEGIN]
     of_rest = np.concatenate([np.arange(a, b) for a, b in long]) if long else np.zeros(0, dtype=int)
     force = norms(moments["acc"].mean[of_rest])
@@ -526,7 +528,7 @@ def _gravity(imu: ImuData, still: _Still | None) -> Iterable[tuple[float, str]]:
     if "acc" not in imu.triads:
         return
     at_rest = still is not None and math.isfinite(still.force)
-    typical = still.force if at_rest and still is not None else median(imu.only("acc").gathered(_norm("acc")))
+    typical = still.force if at_rest and still is not None else statistics(imu, "acc").norm
     told = f"|acc| {'at rest' if at_rest else 'in motion'} {typical:.4g} m/s²"
     if at_rest:
         yield _share(abs(typical / G0 - 1.0), GRAVITY), told
@@ -537,7 +539,7 @@ def _gravity(imu: ImuData, still: _Still | None) -> Iterable[tuple[float, str]]:
 def _field(imu: ImuData) -> Iterable[tuple[float, str]]:
     if "mag" not in imu.triads:
         return
-    typical = median(imu.only("mag").gathered(_norm("mag")))
+    typical = statistics(imu, "mag").norm
     low, high = EARTH_FIELD
     off = max(low / typical if typical > 0.0 else math.inf, typical / high)
     yield 0.5 * _share(off, OFF_FIELD), f"|mag| {typical:.4g} µT"
@@ -552,10 +554,6 @@ def _temperature(imu: ImuData) -> Iterable[tuple[float, str]]:
     yield 0.25 * beyond, f"{low:.3g} to {high:.3g} °C"
 
 
-def _norm(name: str) -> Callable[[ImuData], Floats]:
-    return lambda part: norms(part.usable(name))
-
-
 def _calibration(card: str | None) -> Criterion:
     return Criterion(
         "calibration", 10.0, 0.0 if card else 10.0, card or "none",
@@ -565,7 +563,7 @@ def _calibration(card: str | None) -> Criterion:
 
 
 def _clock(imu: ImuData, steps: _Steps, notes: Sequence[str]) -> Criterion:
-    faults = int(np.count_nonzero(imu.flags & np.uint32(flags.TIME_FAULT))) + int(np.count_nonzero(steps.tiny))
+    faults = int(np.count_nonzero(imu.flags & np.uint32(flags.TIME_FAULT))) + steps.tiny
     share = 0.0 if steps.bursts else faults / len(imu)
     said = [f"{_percent(share)} of the stamps repeat or go back"] if share else []
     lost = 15.0 * _share(share, quality.SHARE)

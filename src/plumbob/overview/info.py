@@ -106,6 +106,7 @@ def info(
     """
     from plumbob.core import check
     from plumbob.files import Recording, found_in
+    from plumbob.overview.grade import grade_of
     from plumbob.session.reading import read
 
     if isinstance(what, Recording):
@@ -127,18 +128,6 @@ def info(
     made = grade_of(recording, judged=not isinstance(what, Recording))
     report["grade"] = made.summary()
     return Info(report, list(_lines(report, said)), made)
-
-
-def grade_of(recording: "Recording", *, judged: bool = False) -> "Grade":
-    """Grade of what a recording holds: of its samples, or of its attitude where it has none; `judged` as of `grade`."""
-    from plumbob.overview.grade import grade, grade_track, grade_units
-
-    if recording.array is not None:
-        return grade_units(recording.array.units, recording.notes)
-    if recording.imu is not None:
-        return grade(recording.imu, recording.notes, judged=judged)
-    assert recording.track is not None
-    return grade_track(recording.track)
 
 
 def _grade_lines(grade: "Grade", *, whole: bool) -> Iterator[str]:
@@ -185,6 +174,7 @@ def _card(file: Path) -> Info:
 
 
 def _sensors(imu: Any) -> dict[str, Any]:
+    import numpy as np
 
     from plumbob.core import flags
     from plumbob.core.units import to_deg
@@ -196,7 +186,7 @@ def _sensors(imu: Any) -> dict[str, Any]:
         "frame": str(meta.frame) if meta.frame else None,
         "axes": meta.axes,
         "declination_deg": None if meta.declination is None else to_deg(meta.declination),
-        "time": _timing(imu.t),
+        "time": _timing(np.diff(imu.t_ns)),
         "triads": {name: _triad(imu, name) for name in imu.triads},
         "flags": flags.counts(imu.flags),
     }
@@ -204,6 +194,10 @@ def _sensors(imu: Any) -> dict[str, Any]:
 
 def _array(array: Any) -> dict[str, Any]:
     """Time line of all, and what each unit has, with how it is mounted."""
+    import numpy as np
+
+    from plumbob.core.time import to_ns
+
     units = {}
     for name, imu in array.units.items():
         mount = array.mounts[name]
@@ -212,44 +206,45 @@ def _array(array: Any) -> dict[str, Any]:
         own = _sensors(imu)
         del own["time"]
         units[name] = own | {"mount": mounted | {"noise_card": noise}}
-    return {"time": _timing(array.t), "units": units}
+    return {"time": _timing(np.diff(to_ns(array.t))), "units": units}
 
 
 def _triad(imu: Any, name: str) -> dict[str, Any]:
-    import numpy as np
-
     from plumbob.data.cards import UNITS
+    from plumbob.data.plausibility import statistics
 
-    values = imu.usable(name)
-    values = values[np.isfinite(values).all(axis=1)]
-    full_scale = getattr(imu.meta, f"{name}_range")
+    found = statistics(imu, name)
     return {
         "unit": UNITS[name],
-        "samples": len(values),
-        "range": full_scale,
-        "mean": values.mean(axis=0).tolist() if len(values) else None,
-        "std": values.std(axis=0).tolist() if len(values) else None,
-        "norm_median": float(np.median(np.linalg.norm(values, axis=1))) if len(values) else None,
+        "samples": found.samples,
+        "range": getattr(imu.meta, f"{name}_range"),
+        "mean": found.mean.tolist() if found.samples else None,
+        "std": found.std.tolist() if found.samples else None,
+        "norm_median": found.norm if found.samples else None,
     }
 
 
 def _attitude(track: Any) -> dict[str, Any]:
+    import numpy as np
+
+    from plumbob.core.time import to_ns
+
     return {
         "source": track.source,
         "frame": str(track.frame),
         "north": str(track.north),
-        "time": _timing(track.t),
+        "time": _timing(np.diff(to_ns(track.t))),
         "known_samples": int(track.known.sum()),
         "scored_samples": int(track.score.sum()) if track.score is not None else None,
     }
 
 
-def _timing(t: Any) -> dict[str, Any]:
+def _timing(dt_ns: Any) -> dict[str, Any]:
     import math
 
     from plumbob.core import time
 
-    timing = time.timing(t)
+    timing = time.timing_of_steps(dt_ns)
     return {
         "samples": timing.samples,
         "duration_s": timing.duration,

@@ -30,6 +30,7 @@ from plumbob.overview.tables import (
     burst_table,
     comparison_table,
     flag_table,
+    grade_table,
     heading_circle,
     heading_table,
     quality_table,
@@ -144,7 +145,7 @@ _SECTIONS: Final = (
     ("Bursts", ("chart:bursts", "chart:burst tilt", "table:bursts")),
     ("Sensors", ("chart:rates", "chart:forces", "chart:field", "chart:temperature", "chart:bias", "table:sensors")),
     ("Gaps and flags", ("chart:flags", "table:flags")),
-    ("Quality", ("quality",)),
+    ("Quality", ("table:grade", "quality")),
 )
 
 
@@ -183,6 +184,8 @@ def _of(name: str, subject: Subject) -> Iterator[tuple[Table, bool]]:
         yield replace(sensor_table(g), title=""), False
     elif name == "flags":
         yield replace(flag_table(g), title=""), False
+    elif name == "grade":
+        yield grade_table(subject), False
 
 
 def _folded(table: Table, lang: str) -> str:

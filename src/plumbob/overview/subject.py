@@ -20,6 +20,7 @@ from plumbob.data.imu import BLOCK, TITLES
 from plumbob.data.reading import default_max_gap, read_at
 from plumbob.files import Recording, found_in, inferred_in
 from plumbob.overview.gathered import Gathered, Gatherer
+from plumbob.overview.grade import Grade, grade, grade_of
 from plumbob.rotations import North
 from plumbob.rotations.headings import counted_from
 from plumbob.session.estimated import Estimated, estimate
@@ -61,6 +62,8 @@ class Subject:
         What headings count from; None without an attitude.
     numbers : mapping
         Of the estimate, as JSON can hold them.
+    grade : Grade
+        Of the recording as it was read, as `plumbob.info` gives it; of an estimate, of the samples that it was given.
     t0_ns : int
         UTC of t = 0, ns since 1970; 0 where not known.
     """
@@ -73,6 +76,7 @@ class Subject:
     calibrated: bool
     north: North | None
     numbers: Mapping[str, Any]
+    grade: Grade
     t0_ns: int = 0
 
     def utc(self, t: float) -> str | None:
@@ -107,7 +111,7 @@ def subject_of(
             given["calibration"] = session.card
         which = given.get("filter")
         if which in (OWN, NONE) or recording.imu is None:
-            return _held(recording, paths, session, gatherer, which != NONE)
+            return _held(recording, paths, session, gatherer, which != NONE, judged=bool(paths))
         name, told = recording.name, _told(recording)
         for line in told if note is not None else ():
             note(f"{name}: {line}")  # type: ignore[misc]
@@ -119,7 +123,7 @@ def subject_of(
             note=note,
             progress=None if progress is None else lambda done, total: progress(name, done, total),
         )
-        return subject_from(result, gatherer, paths, session, told)
+        return subject_from(result, gatherer, paths, session, told, grade_of(recording, judged=bool(paths)))
 
 
 def subject_from(
@@ -128,8 +132,9 @@ def subject_from(
     paths: Sequence[Path] = (),
     session: "Session | None" = None,
     of_file: Sequence[str] = (),
+    graded: Grade | None = None,
 ) -> Subject:
-    """Of an estimate that a gatherer has followed; `of_file` are remarks about the file."""
+    """Of an estimate that a gatherer has followed; `of_file` are remarks about the file, `graded` its grade."""
     gathered, last = gatherer.done(), result.outline.last
     numbers = result.summary()
     meta = result.imu.meta
@@ -144,13 +149,20 @@ def subject_from(
     ]
     remarks = (*of_file, *(line.removeprefix(f"{result.name}: ") for line in result.notes))
     calibrated = meta.calibration is not None
+    graded = grade(result.imu, result.inferred) if graded is None else graded
     return Subject(
-        result.name, tuple(paths), gathered, tuple(facts), remarks, calibrated, last.north, numbers, meta.t0_ns
+        result.name, tuple(paths), gathered, tuple(facts), remarks, calibrated, last.north, numbers, graded, meta.t0_ns
     )  # fmt: skip
 
 
 def _held(
-    recording: Recording, paths: Sequence[Path], session: "Session | None", gatherer: Gatherer, attitude: bool
+    recording: Recording,
+    paths: Sequence[Path],
+    session: "Session | None",
+    gatherer: Gatherer,
+    attitude: bool,
+    *,
+    judged: bool,
 ) -> Subject:
     """Of a recording as it is, with its own attitude or none."""
     imu, track = recording.imu, recording.track if attitude else None
@@ -182,6 +194,7 @@ def _held(
         calibrated=calibrated,
         north=None if track is None else track.north,
         numbers=numbers | {"calibration": None if meta is None else meta.calibration},
+        grade=grade_of(recording, judged=judged),
         t0_ns=0 if meta is None else meta.t0_ns,
     )
 

@@ -41,6 +41,7 @@ def tables(subject: Subject) -> list[Table]:
     found.append(flag_table(g))
     if g.tilt is not None:
         found.append(burst_table(subject))
+    found.append(grade_table(subject))
     if quality_table(subject).rows:
         found += [quality_table(subject), threshold_table()]
     if g.headings is not None:
@@ -123,6 +124,28 @@ def burst_table(subject: Subject) -> Table:
     return Table("Bursts", head, rows, detail="bursts")
 
 
+_GRADED: Final = {"rest": "rest at the start"}  # a column of rests has the word of its own
+
+
+def grade_table(subject: Subject) -> Table:
+    """Grade of a recording, and what it lost points for, the dearest first."""
+    grade = subject.grade
+    rows = [
+        (
+            _GRADED.get(one.name, one.name),
+            f"{one.lost:.3g}",
+            f"{one.points:g}",
+            "; ".join(filter(None, (one.measured, one.advice))),
+        )
+        for one in sorted(grade.criteria, key=lambda one: -one.lost)
+        if one.lost
+    ]
+    title = f"Grade: {grade.points:g} of 100, {grade.word}"
+    return Table(
+        title, ("criterion", "points lost", "at most", "reason"), rows or [("none", "0", "100", "")], words=(3,)
+    )
+
+
 def quality_table(subject: Subject) -> Table:
     """Quality flag of each burst and channel, with the tests that did not pass."""
     channels = [name for name in quality.CHANNELS if any(name in one.verdicts for one in subject.gathered.bursts)]
@@ -150,7 +173,7 @@ def comparison_table(subjects: Sequence[Subject]) -> Table:
     """Recordings beside each other."""
     head = ("recording", "duration [s]", "rate [Hz]", "time in gaps [%]", "roll std [°]", "roll significant [°]",
             "roll Tz [s]", "pitch std [°]", "pitch significant [°]", "pitch Tz [s]", "tilt greatest [°]",
-            "heading mean [°]", "calibration")  # fmt: skip
+            "heading mean [°]", "calibration", "grade")  # fmt: skip
     rows = []
     for one in subjects:
         g = one.gathered
@@ -162,7 +185,9 @@ def comparison_table(subjects: Sequence[Subject]) -> Table:
         heading = "-" if g.headings is None else degrees(g.headings.mean)
         loss = percent(g.lost / max(g.duration, g.step))
         told = "yes" if one.calibrated else "no"
-        rows.append((one.name, f"{g.duration:.6g}", f"{1.0 / g.step:.6g}", loss, *tilt, heading, told))
+        rows.append(
+            (one.name, f"{g.duration:.6g}", f"{1.0 / g.step:.6g}", loss, *tilt, heading, told, f"{one.grade.points:g}")
+        )
     return Table("Recordings", head, rows)
 
 
@@ -217,6 +242,7 @@ def summary(subject: Subject) -> dict[str, Any]:
         "spectra": _spectra(g),
         "sensors": _sensor_numbers(g),
         "flags": {name: _runs(runs, g.samples) for name, runs in g.flags.items()},
+        "grade": subject.grade.summary(),
         "bursts": [_burst(subject, one) for one in g.bursts],
         "quality_thresholds": [list(row) for row in quality.thresholds()],
         "plot": {"samples_per_pair": g.traces.each, "rows": int(g.traces.t.size)},

@@ -173,6 +173,12 @@ CHINESE: Final[dict[str, str]] = {
          "spread": "离散度"}.items())},
     **{f"{name} {axis}": f"{chinese} {axis}" for (name, chinese), axis in product(
         {"rate": "角速率", "force": "比力", "field": "磁场", "bias": "零偏"}.items(), "xyz")},
+    # grade
+    "Grade": "评级", "# of #": "#/#", "grade": "评级", "criterion": "准则", "points lost": "扣分",
+    "at most": "最多扣分",
+    "reason": "原因", "jitter": "抖动", "loss": "丢失", "clipping": "饱和", "stuck": "卡滞", "resolution": "分辨率",
+    "plausibility": "合理性", "rest at the start": "起始静止",
+    "clock": "时钟", "converged": "收敛", "jumps": "跳变", "uncertainty": "不确定度",
     # quality flags
     "gyr": "陀螺仪", "acc": "加速度计", "mag": "磁力计", "temp": "温度", "attitude": "姿态", "test": "检验",
     "looks at": "检验内容", "suspect (#)": "可疑（#）", "fail (#)": "不合格（#）", "pass": "通过", "suspect": "可疑",

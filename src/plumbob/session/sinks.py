@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from plumbob.acquisition import Schedule, Task
 from plumbob.acquisition.transport import Event
 from plumbob.core.errors import ParameterError
+from plumbob.core.files import require_place
 from plumbob.core.flags import names
 from plumbob.core.text import visible
 from plumbob.core.time import to_ns
@@ -163,7 +164,9 @@ class TextSink:
     Raises
     ------
     ParameterError
-        If the file exists, or its folder does not.
+        If the file exists.
+    DecodeError
+        If its folder does not.
     """
 
     def __init__(self, path: str | Path, every: float) -> None:
@@ -172,8 +175,7 @@ class TextSink:
             raise ParameterError(
                 f"{path} exists already, and a text recording never replaces a file. Name another file."
             )
-        if not self._path.parent.is_dir():
-            raise ParameterError(f"{path} cannot be written: there is no folder {self._path.parent}; create it first.")
+        require_place(self._path)
         self._file: TextIO | None = None
         self._schedule = Schedule([Task("output", round(every * 1e9))])
 

@@ -22,7 +22,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ShapeError
 from plumbob.core.text import counted
-from plumbob.core.time import GAP_FACTOR, LONGEST, longest_bridged, neighbours, rising
+from plumbob.core.time import GAP_FACTOR, LONGEST, interpolated, is_gap, rising
 from plumbob.data import TRIADS, ImuData, ImuMeta
 
 DISORDER: Final = 0.01
@@ -156,29 +156,6 @@ def _nearest(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats,
     return found
 
 
-def interpolated(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats) -> Floats:
-    """Values between neighbours that are not a gap apart; NaN elsewhere, also outside and beside a NaN.
-
-    Parameters
-    ----------
-    rows : ndarray (N,) of int64
-        Where they are asked for, ns.
-    stamps : ndarray (M,) of int64
-        Where they are known, ns, increasing.
-    values : ndarray (M, 3) or (M,)
-        What they are there.
-    """
-    at = neighbours(stamps, rows, longest_bridged(stamps))
-    span, known = stamps[at.high] - stamps[at.low], at.known
-    share = np.divide(rows - stamps[at.low], span, out=np.zeros(rows.size), where=span > 0)
-    found = np.full((rows.size, *values.shape[1:]), np.nan)
-    part, exact = (one[known] if values.ndim == 1 else one[known, None] for one in (share, at.exact))
-    low, high = values[at.low[known]], values[at.high[known]]
-    with np.errstate(invalid="ignore"):
-        found[known] = np.where(exact, high, low + part * (high - low))
-    return found
-
-
 def _averaged(stamps: NDArray[np.int64], values: Floats, step: float, own: float) -> Floats:
     """Mean over a window of one step of the rows about each stamp; windows do not cross gaps."""
     width = max(3, 2 * round(step / own / 2) + 1)
@@ -193,7 +170,7 @@ def _averaged(stamps: NDArray[np.int64], values: Floats, step: float, own: float
 
 def _parts(stamps: NDArray[np.int64]) -> Iterator[slice]:
     """Stretches without a gap."""
-    breaks = np.flatnonzero(np.diff(stamps) > GAP_FACTOR * _step(stamps)) + 1
+    breaks = np.flatnonzero(is_gap(np.diff(stamps))) + 1
     ends = [0, *breaks.tolist(), stamps.size]
     yield from (slice(a, b) for a, b in pairwise(ends))
 

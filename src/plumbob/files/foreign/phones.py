@@ -30,10 +30,10 @@ from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import reading
 from plumbob.core.text import counted
-from plumbob.core.time import rising
+from plumbob.core.time import interpolated, rising
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.files.columns import has_zone, is_stamp, stamps_ns
-from plumbob.files.foreign.join import Joined, Stream, interpolated, joined, stamps_of
+from plumbob.files.foreign.join import Joined, Stream, joined, stamps_of
 from plumbob.files.foreign.logged import attitude_at
 from plumbob.files.foreign.parts import (
     Parts,
