@@ -48,8 +48,8 @@ def test_the_catalogue_declares_what_follows_from_the_format(name):
         ("witmotion", 256.0**-4 * 5),
         # one of two beginnings of 16 bits, three messages with a register behind; the next, of either kind, confirms
         ("witmotion_ble", 256.0**-2 * (1 + 3 * 256.0**-2) * 2 * 256.0**-2),
-        # sync of 24 bits out of 4 twice (confirmed), base and identity of 9 reports; the sync says the length
-        ("bno08x_shtp", (4 * 256.0**-3) ** 2 * 9 * 256.0**-2),
+        # sync of 24 bits out of 8 twice (confirmed), base and identity of 9 reports; the sync says the length
+        ("bno08x_shtp", (8 * 256.0**-3) ** 2 * 9 * 256.0**-2),
         # sync of 32 bits, check of 16
         ("vectornav_ypr", 256.0**-6),
     ],

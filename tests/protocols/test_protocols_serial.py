@@ -426,3 +426,14 @@ def test_a_stream_of_an_mti_whose_outputs_have_several_rates_loses_nothing():
 )
 def test_a_table_says_what_one_count_of_a_clock_is(device, field, title):
     assert title_of({one.name: one for one in catalog.load(device).message().fields}[field]) == title
+
+
+def test_a_whole_cargo_counts_with_and_without_the_bit_of_a_continued_one():
+    (line,) = [one for one in LINES if (one.device, one.message) == ("bno08x_shtp", "acc")]
+    whole = bytearray.fromhex(line.hex)
+    whole[1] = 0x80
+    form = catalog.load("bno08x_shtp")
+    frames, counts = decode(bytes(whole), form)
+    assert counts.junk == 0 and frames["acc"].columns["cargo"].tolist() == [8]
+    rest = bytes.fromhex("1380 03 09 0102 0304 0506 0708 090A 0B0C 0D0E 0F")  # of another cargo: no base time
+    assert decode(rest, form)[1].framed == 0
