@@ -184,6 +184,13 @@ def test_euroc_holds_every_bit(recording, tmp_path):
         plumbob.convert(recording, tmp_path / "b", layout="euroc", what="attitude")
 
 
+def test_the_rate_of_euroc_comes_back_to_the_bit(recording, tmp_path):
+    meta = plumbob.ImuMeta(t0_ns=T0, rate_nominal=2000.0 / 7.0)
+    fast = plumbob.Recording(imu=recording.imu.corrected(meta=meta))
+    plumbob.convert(fast, tmp_path / "a", layout="euroc")
+    assert plumbob.read(tmp_path / "a").imu.meta.rate_nominal == 2000.0 / 7.0
+
+
 class TestFolders:
     def test_nothing_is_replaced_without_force(self, recording, tmp_path):
         plumbob.convert(recording, tmp_path / "a", layout="rosbag2")
