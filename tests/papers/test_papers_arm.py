@@ -12,8 +12,7 @@ from plumbob.arm import JointTrack, replay, taught
 from plumbob.array.paper import Scheme
 from plumbob.core.units import dps
 from plumbob.papers import arm as package
-from plumbob.papers.arm import faults, misprints, simulated, tables, teaching
-from plumbob.papers.arm.items import ITEMS
+from plumbob.papers.arm import ITEMS, faults, misprints, simulated, tables, teaching
 from plumbob.papers.arm.page import Findings, report
 from plumbob.papers.outcome import Outcome
 from plumbob.papers.work import Work

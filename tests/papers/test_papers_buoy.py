@@ -8,10 +8,9 @@ import pytest
 
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, to_deg, to_dps
-from plumbob.papers.buoy import ITEMS, bench, literal, modules, trials
+from plumbob.papers.buoy import ITEMS, bench, literal, measured, modules, trials
 from plumbob.papers.buoy.outcomes import FIRST, outcomes
 from plumbob.papers.buoy.page import page
-from plumbob.papers.buoy.run import measured
 from plumbob.papers.outcome import Item
 from plumbob.papers.work import Work
 from plumbob.reporting.style import Both, said

@@ -9,9 +9,8 @@ import pytest
 from plumbob.core._jit import jit_disabled
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, g
-from plumbob.papers.rod import equations, methods, results
+from plumbob.papers.rod import ITEMS, equations, methods, results
 from plumbob.papers.rod.compared import budget, compared, mapped, mount_from_gravity, permuted
-from plumbob.papers.rod.items import ITEMS
 from plumbob.papers.rod.literal import BIAS_WALK, GYRO_NOISE, START, Form, literal, observation, observed, transition
 from plumbob.papers.rod.page import page
 from plumbob.papers.work import Work
