@@ -196,6 +196,7 @@ MADE = (
     Kind("SensorLog, CSV", "phone", HAND, put("2025-10-05_10_20_00_iPhone.csv", kinds.sensorlog_of)),
     Kind("Android, folder", "phone", "real", found("phones/Jakob_Nexus5_NoDist_Swinging")),
     Kind("Xsens, text", "Xsens", HAND, lambda to: kinds.xsens_of(to / "MT_1.txt", kinds.real_motion())),
+    Kind("Xsens, MTB", "Xsens", HAND, put("MT_1.mtb", kinds.mtb_of)),
     Kind("x-IMU3, log", "x-IMU3", HAND, put("a.ximu3", kinds.ximu3_of)),
     Kind("x-IMU3, folder", "x-IMU3", HAND, lambda to: kinds.ximu3_folder(to / "x", kinds.real_motion())),
     Kind("CSV with a profile", "text", "library: Python", _text),
@@ -406,7 +407,7 @@ def _meta(a: ImuData, b: ImuData, ia: Any, ib: Any) -> dict[str, bool]:
         "full scales": gone("gyr_range", "acc_range", "mag_range"),
         "calibration": gone("calibration"),
         "nominal rate": gone("rate_nominal"),
-        "what headings count from": gone("north"),
+        "what headings count from": of.north is not North.FREE and gone("north"),
         "declination": gone("declination"),
         "mounting of the axes": gone("axes"),
         "device": gone("device"),
@@ -523,13 +524,13 @@ def page(done: Sequence[Row]) -> str:
     """The page of the documentation."""
     names = [target.name for target in TARGETS if target.name not in _ROS]
     names[3:3] = ["ROS"]
-    lines = [HEAD, f"| file | from | `info` | `run` | {' | '.join(names)} | CPU, s |", "|---" * (len(names) + 5) + "|"]
+    lines = [HEAD, f"| file | from | `info` | `run` | {' | '.join(names)} |", "|---" * (len(names) + 4) + "|"]
     reasons: dict[str, int] = {}
     for row in done:
         cells = row.cells | {"ROS": "; ".join(sorted({row.cells[name] for name in _ROS}))}
         run, *told = (_noted(cell, reasons) for cell in [row.run, *(cells[name] for name in names)])
         kind = row.kind
-        lines.append(f"| {kind.name} | {kind.source} | {row.grade} | {run} | {' | '.join(told)} | {row.cpu:.1f} |")
+        lines.append(f"| {kind.name} | {kind.source} | {row.grade} | {run} | {' | '.join(told)} |")
     lines += ["", *(f"{number}. {reason.rstrip('.')}." for reason, number in reasons.items())]
     lines += ["", "## What is left out", ""]
     lines += ["`convert` says in a note what the new format has no place for, where the recording has it:", ""]

@@ -344,6 +344,38 @@ def xsens_of(path, m):
     return export(path, NEW, columns, rows)
 
 
+def xbus_message(kind, data, bus=0xFF):
+    """A message of Xbus: the bytes after the first add up to 0."""
+    length = bytes([len(data)]) if len(data) < 255 else b"\xff" + struct.pack(">H", len(data))
+    body = bytes([bus, kind]) + length + data
+    return b"\xfa" + body + bytes([-sum(body) & 0xFF])
+
+
+def xbus_block(identity, data):
+    return struct.pack(">HB", identity, len(data)) + data
+
+
+def xbus_floats(identity, *values):
+    return xbus_block(identity, struct.pack(f">{len(values)}f", *values))
+
+
+def mtb_of(m):
+    """MTData2 in ENU: SampleTimeFine of 0.1 ms, fields in units of the local one, quaternions."""
+    raw = b""
+    for i, tick in enumerate(((m.t_ns + 50_000) // 100_000).tolist()):
+        raw += xbus_message(
+            0x36,
+            xbus_block(0x1020, struct.pack(">H", i))
+            + xbus_block(0x1060, struct.pack(">I", tick))
+            + xbus_floats(0x0810, m.temp_c[i])
+            + xbus_floats(0x2010, *m.q_nb[i])
+            + xbus_floats(0x4020, *m.acc[i])
+            + xbus_floats(0x8020, *m.gyr[i])
+            + xbus_floats(0xC020, *(m.mag[i] / 50.0)),
+        )
+    return raw
+
+
 def ximu3_of(m):
     """Messages of °/s and g, fields in units of the local one, temperatures, quaternions in NWU."""
     q_nb = change_frame(m.q_nb, to=Frame.NWU, from_=Frame.ENU)

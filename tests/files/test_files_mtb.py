@@ -15,6 +15,7 @@ from plumbob.files import kind_of, read
 from plumbob.files.foreign import xbus
 from plumbob.rotations import Frame, North
 from tests.files import log_samples as made
+from tests.files.kinds import xbus_block, xbus_floats, xbus_message
 
 NO_MAG = (  # example 3: the shortest with all inertial blocks
     "10 20 02 8D 90 10 60 04 00 54 DB F1 20 10 10 3F 7F 89 11 BC 11 1D FA 3B A0 CE F0 BD 73 25 73 40 20 0C BD DC F9 D0 "
@@ -39,30 +40,17 @@ CONFIGURATION = (  # of the same unit: 037003F8, 1152 / 115200 s, no OutputMode
 )
 
 
-def message(kind, data, bus=0xFF):
-    length = bytes([len(data)]) if len(data) < 255 else b"\xff" + struct.pack(">H", len(data))
-    body = bytes([bus, kind]) + length + data
-    return b"\xfa" + body + bytes([-sum(body) & 0xFF])
-
-
-def block(identity, data):
-    return struct.pack(">HB", identity, len(data)) + data
-
-
-def floats(identity, *values):
-    return block(identity, struct.pack(f">{len(values)}f", *values))
-
-
 def packet(i, *blocks, step=100, bus=0xFF):
-    head = block(0x1020, struct.pack(">H", i % 65536)) + block(
+    head = xbus_block(0x1020, struct.pack(">H", i % 65536)) + xbus_block(
         0x1060, struct.pack(">I", (4 * 10**9 + step * i) % 2**32)
     )
-    return message(0x36, head + b"".join(blocks), bus)
+    return xbus_message(0x36, head + b"".join(blocks), bus)
 
 
 def plain(count=20, **how):
     return b"".join(
-        packet(i, floats(0x8020, 0.1 * i, 0.2, 0.3), floats(0x4020, 1.0, 2.0, 9.0), **how) for i in range(count)
+        packet(i, xbus_floats(0x8020, 0.1 * i, 0.2, 0.3), xbus_floats(0x4020, 1.0, 2.0, 9.0), **how)
+        for i in range(count)
     )
 
 
@@ -78,12 +66,12 @@ def golden(hexes, ticks):
     for i in range(3):
         data[5:12] = b"\x10\x60\x04" + struct.pack(">I", ticks + 25 * i)
         data[3:5] = struct.pack(">H", i)
-        packets.append(message(0x36, bytes(data)))
+        packets.append(xbus_message(0x36, bytes(data)))
     return b"".join(packets)
 
 
 def test_recorded_packets_have_the_values_that_mt_manager_gives(tmp_path):
-    path = log(tmp_path / "a.mtb", message(0x0D, bytes.fromhex(CONFIGURATION)), golden(WARM, 20_332_454))
+    path = log(tmp_path / "a.mtb", xbus_message(0x0D, bytes.fromhex(CONFIGURATION)), golden(WARM, 20_332_454))
     assert kind_of(path).name == "Xsens"
     recording = read(path)
     imu, track = recording.imu, recording.track
@@ -118,7 +106,7 @@ def test_increments_alone_give_the_rates_that_the_unit_sent_beside_them(tmp_path
         identity, size = struct.unpack_from(">HB", whole, at)
         (kept if identity in kept else rates)[identity] = whole[at + 3 : at + 3 + size]
         at += 3 + size
-    packets = [packet(i, *(block(k, kept[k]) for k in (0x8030, 0x4010)), step=25) for i in range(4) if i != 2]
+    packets = [packet(i, *(xbus_block(k, kept[k]) for k in (0x8030, 0x4010)), step=25) for i in range(4) if i != 2]
     recording = read(log(tmp_path / "a.mtb", *packets))
     # float32 of a quaternion near (1, 0, 0, 0) leaves 3e-8 rad in 2.5 ms; the lost packet does not halve the rate
     np.testing.assert_allclose(recording.imu.gyr[0], struct.unpack(">3f", rates[0x8020]), rtol=2e-5, atol=3e-8 / 0.0025)
@@ -140,7 +128,9 @@ def precise(precision, values):
 @pytest.mark.parametrize("precision", [0, 1, 2, 3])
 def test_every_precision(tmp_path, precision):
     gyr, acc = (0.25, -1.5, 3.125), (-0.0078125, 9.75, -20.5)
-    blocks = [block(identity | precision, precise(precision, one)) for identity, one in ((0x8020, gyr), (0x4020, acc))]
+    blocks = [
+        xbus_block(identity | precision, precise(precision, one)) for identity, one in ((0x8020, gyr), (0x4020, acc))
+    ]
     imu = read(log(tmp_path / "a.mtb", *(packet(i, *blocks) for i in range(5)))).imu
     np.testing.assert_allclose(imu.gyr, [gyr] * 5, atol=1e-9)
     np.testing.assert_allclose(imu.acc, [acc] * 5, atol=1e-9)
@@ -149,7 +139,9 @@ def test_every_precision(tmp_path, precision):
 def test_fixed_point_numbers_of_another_program(tmp_path):
     part = bytes.fromhex("ADF052980039 E1F589E9000B F63FCAF0FFFF".replace(" ", ""))
     field = bytes.fromhex("039ADF03 00BE1F81 00000000".replace(" ", ""))
-    packets = [packet(i, block(0x4022, part), floats(0x8020, 0, 0, 0), block(0xC021, field)) for i in range(3)]
+    packets = [
+        packet(i, xbus_block(0x4022, part), xbus_floats(0x8020, 0, 0, 0), xbus_block(0xC021, field)) for i in range(3)
+    ]
     imu = read(log(tmp_path / "a.mtb", *packets)).imu
     np.testing.assert_allclose(
         imu.acc[0], [57.67944828234613, 11.882652873406187, -0.038089100271463394], rtol=0, atol=1e-15
@@ -160,14 +152,14 @@ def test_fixed_point_numbers_of_another_program(tmp_path):
 @pytest.mark.parametrize(("digit", "frame"), [(0x0, Frame.ENU), (0x4, Frame.NED), (0x8, Frame.NWU)])
 def test_attitudes_of_every_kind_and_frame(tmp_path, digit, frame):
     """A yaw of 90°, a pitch of 0, a roll of 90°: x to y, y to z, z to x, so q = (1, 1, 1, 1) / 2."""
-    rate = floats(0x8020, 0, 0, 0)
+    rate = xbus_floats(0x8020, 0, 0, 0)
     kinds = {
         0x2010: (0.5, 0.5, 0.5, 0.5),
         0x2020: (0, 1, 0, 0, 0, 1, 1, 0, 0),  # column by column: the images of x, y and z
         0x2030: (90, 0, 90),  # roll, pitch, yaw
     }
     for identity, values in kinds.items():
-        packets = (packet(i, rate, floats(identity | digit, *values)) for i in range(3))
+        packets = (packet(i, rate, xbus_floats(identity | digit, *values)) for i in range(3))
         track = read(log(tmp_path / "a.mtb", *packets)).track
         assert track.frame is frame
         np.testing.assert_allclose(track.q_nb, [[0.5] * 4] * 3, atol=1e-6)
@@ -176,7 +168,11 @@ def test_attitudes_of_every_kind_and_frame(tmp_path, digit, frame):
 def test_blocks_of_several_rates_keep_their_own_times(tmp_path):
     packets = []
     for i in range(40):
-        blocks = [floats(0x8040, 0.01 * i, 0, 0)] if i % 2 else [floats(0x4020, 0, 0, 9.8), floats(0xC020, i, 0, 0)]
+        blocks = (
+            [xbus_floats(0x8040, 0.01 * i, 0, 0)]
+            if i % 2
+            else [xbus_floats(0x4020, 0, 0, 9.8), xbus_floats(0xC020, i, 0, 0)]
+        )
         packets.append(packet(i, *blocks, step=10))
     imu = read(log(tmp_path / "a.mtb", *packets)).imu
     assert len(imu) == 20
@@ -188,7 +184,8 @@ def test_blocks_of_several_rates_keep_their_own_times(tmp_path):
 
 def test_a_slow_magnetometer_in_the_same_packets_is_not_interpolated(tmp_path):
     packets = [
-        packet(i, floats(0x8020, 0, 0, 0), *([floats(0xC020, i, 0, 0)] if i % 2 == 0 else [])) for i in range(20)
+        packet(i, xbus_floats(0x8020, 0, 0, 0), *([xbus_floats(0xC020, i, 0, 0)] if i % 2 == 0 else []))
+        for i in range(20)
     ]
     mag = read(log(tmp_path / "a.mtb", *packets)).imu.mag
     np.testing.assert_allclose(mag[::2, 0], 50.0 * np.arange(0, 20, 2))
@@ -197,9 +194,9 @@ def test_a_slow_magnetometer_in_the_same_packets_is_not_interpolated(tmp_path):
 
 def test_utc_counts_where_it_is_valid(tmp_path):
     def utc(second, valid):
-        return block(0x1010, struct.pack(">IH6B", 250_000_000, 2024, 5, 1, 12, 30, second, valid))
+        return xbus_block(0x1010, struct.pack(">IH6B", 250_000_000, 2024, 5, 1, 12, 30, second, valid))
 
-    rate = floats(0x8020, 0, 0, 0)
+    rate = xbus_floats(0x8020, 0, 0, 0)
     packets = [packet(i, utc(5 + i, 7 if i else 3), rate, step=10_000) for i in range(3)]
     assert read(log(tmp_path / "a.mtb", *packets)).imu.meta.t0_ns == 1_714_566_605_250_000_000
     recording = read(log(tmp_path / "a.mtb", *(packet(i, utc(i, 0), rate) for i in range(3))))
@@ -208,15 +205,15 @@ def test_utc_counts_where_it_is_valid(tmp_path):
 
 def test_time_wraps(tmp_path):
     start = 2**32 - 4 * 10**9  # ticks until the count begins again
-    packets = [packet(start // 100 - 5 + i, floats(0x8020, 0, 0, 0)) for i in range(12)]
+    packets = [packet(start // 100 - 5 + i, xbus_floats(0x8020, 0, 0, 0)) for i in range(12)]
     np.testing.assert_allclose(read(log(tmp_path / "a.mtb", *packets)).imu.t, np.arange(12) / 100, atol=1e-9)
 
 
 def test_without_time_the_declared_rate_counts(tmp_path):
     def counted(i):
-        return message(0x36, block(0x1020, struct.pack(">H", i)) + floats(0x8020, 0, 0, 0))
+        return xbus_message(0x36, xbus_block(0x1020, struct.pack(">H", i)) + xbus_floats(0x8020, 0, 0, 0))
 
-    settings = message(0xC1, bytes.fromhex("1020FFFF 80200032 C0200019".replace(" ", "")))
+    settings = xbus_message(0xC1, bytes.fromhex("1020FFFF 80200032 C0200019".replace(" ", "")))
     imu = read(log(tmp_path / "a.mtb", settings, *(counted(i) for i in (65534, 65535, 0, 2)))).imu
     np.testing.assert_allclose(imu.t, [0, 0.02, 0.04, 0.08], atol=1e-9)
     with pytest.raises(DecodeError, match="its time is not known"):
@@ -225,11 +222,11 @@ def test_without_time_the_declared_rate_counts(tmp_path):
 
 def several(count=3):
     devices = b"".join(bytes.fromhex(f"00B4210{k}") + bytes(16) for k in range(count))
-    return message(0x0D, bytes.fromhex("00200457") + bytes(92) + struct.pack(">H", count) + devices)
+    return xbus_message(0x0D, bytes.fromhex("00200457") + bytes(92) + struct.pack(">H", count) + devices)
 
 
 def test_of_several_units_one_is_chosen(tmp_path):
-    packets = [packet(i, floats(0x8020, bus, 0, 0), bus=bus) for i in range(5) for bus in (1, 2, 3)]
+    packets = [packet(i, xbus_floats(0x8020, bus, 0, 0), bus=bus) for i in range(5) for bus in (1, 2, 3)]
     path = log(tmp_path / "awinda.mtb", several(), *packets)
     recording = read(path)
     assert recording.imu.meta.device == "Xsens 00B42100" and recording.imu.gyr[0, 0] == 1.0
@@ -241,23 +238,24 @@ def test_of_several_units_one_is_chosen(tmp_path):
 
 
 def test_what_a_unit_says_of_itself(tmp_path):
-    said = message(0x01, bytes.fromhex("037003F8")) + message(0x1D, b"MTi-300-2A5G4      ")
+    said = xbus_message(0x01, bytes.fromhex("037003F8")) + xbus_message(0x1D, b"MTi-300-2A5G4      ")
     path = log(tmp_path / "a.mtb", said, plain())
     assert read(path).imu.meta.device == "MTi-300-2A5G4 037003F8"
     assert read(path, unit="037003f8").imu is not None
     configuration = bytearray.fromhex(CONFIGURATION)
     configuration[32:46] = b"MTi-300-2A5G4 "
     assert (
-        read(log(tmp_path / "a.mtb", message(0x0D, configuration), plain())).imu.meta.device == "MTi-300-2A5G4 037003F8"
+        read(log(tmp_path / "a.mtb", xbus_message(0x0D, configuration), plain())).imu.meta.device
+        == "MTi-300-2A5G4 037003F8"
     )
-    said = message(0x01, bytes.fromhex("0000008000ABCDEF"))  # 64 bits of the fifth generation
+    said = xbus_message(0x01, bytes.fromhex("0000008000ABCDEF"))  # 64 bits of the fifth generation
     assert read(log(tmp_path / "a.mtb", said, plain())).imu.meta.device == "Xsens 8000ABCDEF"
     assert read(log(tmp_path / "a.mtb", plain())).imu.meta.device == "Xsens"
 
 
 def test_what_only_xsens_takes_apart_is_refused_with_a_word(tmp_path):
     with pytest.raises(DecodeError, match=r"Awinda snapshots \(C810\); only Xsens"):
-        read(log(tmp_path / "a.mtb", *(packet(i, block(0xC810, bytes(20))) for i in range(3))))
+        read(log(tmp_path / "a.mtb", *(packet(i, xbus_block(0xC810, bytes(20))) for i in range(3))))
     with pytest.raises(DecodeError, match="no message of the Xbus"):
         read(log(tmp_path / "a.mtb", b"PacketCounter;Acc_X\n" * 20))
     with pytest.raises(DecodeError, match=r"1 message, but no data.*: 0D\."):
@@ -290,8 +288,8 @@ MODES = [
 def test_packets_of_older_units_by_their_settings(tmp_path, mode, settings, body):
     device = struct.pack(">IHHI8x", 0x00300123, len(body()) + 2, mode, settings)
     configuration = bytes.fromhex("00300123 0480 0001".replace(" ", "")) + bytes(88) + b"\0\1" + device
-    packets = [message(0x32, body() + struct.pack(">H", i)) for i in range(5)]
-    recording = read(log(tmp_path / "mti.mtb", message(0x0D, configuration), *packets, message(0x32, b"odd")))
+    packets = [xbus_message(0x32, body() + struct.pack(">H", i)) for i in range(5)]
+    recording = read(log(tmp_path / "mti.mtb", xbus_message(0x0D, configuration), *packets, xbus_message(0x32, b"odd")))
     imu, track = recording.imu, recording.track
     np.testing.assert_allclose(imu.acc, [[1, 2, 9]] * 5)
     np.testing.assert_allclose(imu.gyr, [[0.1, 0.2, 0.3]] * 5, rtol=1e-6)
@@ -309,8 +307,8 @@ def test_older_units_may_leave_a_sensor_out(tmp_path):
         body = b"".join(struct.pack(">3f", *values[kind]) for kind in ("acc", "gyr", "mag") if kind in held)
         device = struct.pack(">IHHI8x", 0x00300123, len(body) + 2, 2, settings)
         configuration = bytes.fromhex("00300123 0480 0000".replace(" ", "")) + bytes(88) + b"\0\1" + device
-        packets = [message(0x32, body + struct.pack(">H", i)) for i in range(3)]
-        imu = read(log(tmp_path / "mti.mtb", message(0x0D, configuration), *packets)).imu
+        packets = [xbus_message(0x32, body + struct.pack(">H", i)) for i in range(3)]
+        imu = read(log(tmp_path / "mti.mtb", xbus_message(0x0D, configuration), *packets)).imu
         assert {*imu.triads} == {*held.split()}
         if "gyr" in held:
             np.testing.assert_allclose(imu.gyr, [values["gyr"]] * 3)
@@ -319,7 +317,7 @@ def test_older_units_may_leave_a_sensor_out(tmp_path):
 
 
 def test_older_packets_without_their_settings_are_refused(tmp_path):
-    packets = [message(0x32, bytes(38))] * 3
+    packets = [xbus_message(0x32, bytes(38))] * 3
     with pytest.raises(DecodeError, match="Configuration says, but that is not in the log"):
         read(log(tmp_path / "a.mtb", *packets))
     with pytest.raises(DecodeError, match="lists 3 units"):
@@ -329,11 +327,11 @@ def test_older_packets_without_their_settings_are_refused(tmp_path):
 
 
 def test_junk_bad_checksums_and_cut_ends_are_counted(tmp_path):
-    raw, one = plain(), len(packet(0, floats(0x8020, 0, 0, 0), floats(0x4020, 0, 0, 0)))
+    raw, one = plain(), len(packet(0, xbus_floats(0x8020, 0, 0, 0), xbus_floats(0x4020, 0, 0, 0)))
     damaged = bytearray(raw)
     damaged[3 * one + 20] ^= 0x40
     chance = (
-        b"\0" + packet(99, floats(0x8020, 9, 9, 9)) + b"\0"
+        b"\0" + packet(99, xbus_floats(0x8020, 9, 9, 9)) + b"\0"
     )  # in damage, no message follows one that fits by chance
     path = log(
         tmp_path / "a.mtb", b"\xfajunk", damaged[: 7 * one], b"\xfa\xff\x36\xff" * 5, chance, damaged[7 * one : -4]
@@ -347,14 +345,14 @@ def test_junk_bad_checksums_and_cut_ends_are_counted(tmp_path):
 
 
 def test_long_messages_have_two_more_bytes_of_length(tmp_path):
-    blocks = [block(0x7020, bytes(200)), block(0x7010, bytes(94)), floats(0x8020, 1, 2, 3)]
+    blocks = [xbus_block(0x7020, bytes(200)), xbus_block(0x7010, bytes(94)), xbus_floats(0x8020, 1, 2, 3)]
     imu = read(log(tmp_path / "a.mtb", *(packet(i, *blocks) for i in range(3)))).imu
     np.testing.assert_allclose(imu.gyr, [[1, 2, 3]] * 3)
 
 
 def test_blocks_that_lie_are_left_out(tmp_path):
-    lie = message(0x36, struct.pack(">HB", 0x8020, 200) + bytes(12))
-    recording = read(log(tmp_path / "a.mtb", plain(), lie, packet(20, floats(0x8020, 1, 2))))
+    lie = xbus_message(0x36, struct.pack(">HB", 0x8020, 200) + bytes(12))
+    recording = read(log(tmp_path / "a.mtb", plain(), lie, packet(20, xbus_floats(0x8020, 1, 2))))
     assert len(recording.imu) == 20
     said = " ".join(recording.notes)
     assert "damage: 1 packet left out, whose blocks do not fill them" in said
@@ -368,6 +366,6 @@ def test_damaged_copies_are_read_or_refused(tmp_path):
 
 def test_more_layouts_than_a_unit_has_cost_no_more_time(tmp_path):
     rng = np.random.default_rng(5)
-    packets = [packet(i, *(block(int(k), b"") for k in rng.integers(1, 2**16, 8))) for i in range(2000)]
+    packets = [packet(i, *(xbus_block(int(k), b"") for k in rng.integers(1, 2**16, 8))) for i in range(2000)]
     recording = read(log(tmp_path / "a.mtb", plain(5), *packets))
     assert any(f"{2000 - xbus._MOST_LAYOUTS} packets left out" in note for note in recording.notes)
