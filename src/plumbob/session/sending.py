@@ -16,7 +16,7 @@ from plumbob.acquisition.transport import Event, Stopping
 from plumbob.core import check
 from plumbob.core.errors import LineError, ParameterError, ShapeError
 from plumbob.core.flags import GAP, GYR_HELD, TIME_FAULT
-from plumbob.core.text import Shown
+from plumbob.core.text import Shown, counted
 from plumbob.core.time import to_ns
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack, ImuData
@@ -278,6 +278,11 @@ class SendSink:
         self._sender.close()
         self._keep = None  # the recording has ended before its sinks, and takes no more rows
         self._tell()
+        if self.withheld:
+            self._note(
+                f"{self._spec.to}: {counted(self.withheld, 'attitude')} not sent, which came faster than live, as after "
+                "a stall or from a file; plumbob send sends all of a recording"
+            )
 
 
 def with_sent(session: Session, send: Sequence[str]) -> Session:
