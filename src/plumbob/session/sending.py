@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -280,8 +281,8 @@ class SendSink:
         self._tell()
         if self.withheld:
             self._note(
-                f"{self._spec.to}: {counted(self.withheld, 'attitude')} not sent, which came faster than live, as after "
-                "a stall or from a file; plumbob send sends all of a recording"
+                f"{self._spec.to}: {counted(self.withheld, 'attitude')} not sent, which came faster than live, as"
+                " after a stall or from a file; plumbob send sends all of a recording"
             )
 
 
@@ -509,7 +510,7 @@ def _held(source: "str | Path | Recording | AttitudeTrack") -> tuple[str, Attitu
         found, name = read_one(file), str(file)
     if found.track is None:
         raise ShapeError(
-            f"{name} holds samples but no attitude. Estimate it first: plumbob run {name} --filter mekf --out "
+            f"{name} holds samples but no attitude. Estimate it first: plumbob run {quote(name)} --filter mekf --out "
             "track.parquet."
         )
     return name, found.track, found.imu, 0 if found.imu is None else found.imu.meta.t0_ns
