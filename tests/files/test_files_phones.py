@@ -265,6 +265,12 @@ def test_archives_that_are_no_recording_say_why(tmp_path, files, what):
         read(zipped(tmp_path / "walk.zip", files))
 
 
+def test_an_empty_archive_is_said_to_be_empty(tmp_path):
+    (tmp_path / "walk.zip").touch()
+    with pytest.raises(DecodeError, match=r"walk.zip is empty: it has 0 bytes"):
+        read(tmp_path / "walk.zip")
+
+
 def test_an_encrypted_archive_is_refused(tmp_path):
     path = zipped(tmp_path / "locked.zip", {"Gyroscope.csv": logger_table(RATE)})
     raw = bytearray(path.read_bytes())

@@ -272,6 +272,8 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> Format:
     names = ", ".join(kind.name for kind in candidates)
     if file.is_dir():
         raise UnknownFormatError(f"{file} is a folder, and not one of {names}; name one file in it.")
+    if file.stat().st_size == 0:
+        raise UnknownFormatError(f"{file} is empty: it has 0 bytes; take a copy that is whole.")
     raise UnknownFormatError(
         f"{file}: its content is not that of a '{file.suffix}' file that is known, which are {names}."
     )
