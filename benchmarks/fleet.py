@@ -130,11 +130,10 @@ def compared(folder: Path, root: Path, what: str) -> Compared:
     c1, c2 = cpu[1] - cpu[0], cpu[2] - cpu[1]
     expected = parts(root / "one")
     most = max(peaks.values(), default=math.nan) / 1024.0
-    here = _high_water("self") / 1024.0
     lines = [
         f"{what}: one process {t1:.1f} s, two {t2:.1f} s; processor time {c1:.1f} and {c2:.1f} s, which alone would be "
         f"{2.0 * c1 / c2:.2f} times as fast (load average {os.getloadavg()[0]:.1f})",
-        f"{what}: peak memory {here:.0f} MiB of this process, {most:.0f} MiB of a child ({len(peaks)} of them)",
+        f"{what}: peak memory of a child {most:.0f} MiB, of {len(peaks)} of them",
     ]
     bars = [
         Bar(f"{what}: two processes over one (quiet machine)", t1 / t2, 1.7, math.inf),
@@ -150,7 +149,7 @@ def _cpu() -> float:
     return sum(one.ru_utime + one.ru_stime for one in found)
 
 
-def _high_water(pid: int | str) -> float:
+def _high_water(pid: int) -> float:
     """Most memory that a process has had, KiB: what getrusage says of a child begins with that of its parent."""
     try:
         return float(Path(f"/proc/{pid}/status").read_text().split("VmHWM:")[1].split()[0])

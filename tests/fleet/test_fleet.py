@@ -441,7 +441,7 @@ def test_statistics_stand_in_the_records(dataset):
 def test_a_cluster_gives_the_same_bits(folder, dataset, tmp_path):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0", host="127.0.0.1"
     ) as cluster:
         done = plumbob.batch(folder, tmp_path / "out", cluster=cluster.scheduler_address, **SETTINGS)
         assert done.counts == dataset[0].counts
