@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plumbob.simulation.rigs.schedule import Task, poll
+from plumbob.simulation.rigs.firmware import Task, poll
 
 MS = 1_000_000
 

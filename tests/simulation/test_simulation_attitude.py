@@ -8,7 +8,7 @@ import pytest
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg
 from plumbob.rotations import euler_zyx_from_quat, quat_angle, quat_from_euler_zyx
-from plumbob.simulation.attitude import AttitudeErrors
+from plumbob.simulation.errors import AttitudeErrors
 
 RATE, COUNT, RUNS = 10.0, 1000, 400
 ERRORS = AttitudeErrors(heading=deg(0.8), tilt=deg(0.2))

@@ -9,8 +9,7 @@ from clock_samples import START_NS, Frames, frames, hold, ticks, without
 from hypothesis import given
 
 from plumbob.acquisition.timing.spec import Counter, TimeSpec
-from plumbob.acquisition.timing.stamping import stamp_frames
-from plumbob.acquisition.timing.timebase import TimeBase
+from plumbob.acquisition.timing.timebase import TimeBase, stamp_frames
 from plumbob.core._jit import jit_disabled
 from plumbob.core.flags import TIME_FAULT
 from tests.battery import examples

@@ -186,7 +186,7 @@ def test_no_path_leads_to_a_file_that_is_not_in_the_table(served, path):
 
 
 def test_a_link_in_the_folder_of_the_page_is_not_served(tmp_path, monkeypatch):
-    from plumbob.viewer import app
+    from plumbob.viewer import serve
 
     folder = tmp_path / "view"
     (folder / "assets").mkdir(parents=True)
@@ -196,8 +196,8 @@ def test_a_link_in_the_folder_of_the_page_is_not_served(tmp_path, monkeypatch):
     (folder / "assets" / "link.js").symlink_to(tmp_path / "secret")
     (tmp_path / "viewers").mkdir()
     (tmp_path / "viewers" / "b.js").write_text("beside")
-    monkeypatch.setattr(app, "asset", lambda name: tmp_path / name)
-    assert app.files() == {
+    monkeypatch.setattr(serve, "asset", lambda name: tmp_path / name)
+    assert serve.files() == {
         "/": (b"page", "text/html; charset=utf-8"),
         "/assets/a.js": (b"script", "text/javascript; charset=utf-8"),
     }

@@ -34,8 +34,7 @@ from plumbob.core.units import unit
 from plumbob.data import TRIADS
 from plumbob.data.cards import NoiseCard
 from plumbob.rotations import skew
-from plumbob.simulation.attitude import AttitudeErrors
-from plumbob.simulation.errors import TriadErrors, stream
+from plumbob.simulation.errors import AttitudeErrors, TriadErrors, stream
 
 MARKS = ("V", "V1", "C", "UNVERIFIED")
 
