@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: page papers pictures setup demo test test-long lint docs pages dist house mutants bench bench-doctor noise array arm view accuracy endurance wire fleet fuzz killed clean other-processor
+.PHONY: page papers pictures setup demo test test-long lint docs pages dist house mutants bench bench-doctor noise array arm view accuracy endurance wire fleet fuzz formats killed clean other-processor
 
 setup: $(VENV)/.installed
 
@@ -144,6 +144,10 @@ wire: setup
 # A thousand recordings, some damaged: threads, and a cluster that loses a worker; some minutes.
 fleet: setup
 	$(BIN)/python -m benchmarks.fleet
+
+# Files of every kind through info, run and convert there and back, and docs/file-kinds.md of it: two minutes.
+formats: setup
+	$(BIN)/python -m benchmarks.formats --page
 
 # Files of every format mutated, 5000 of each: exit codes, time and memory.
 fuzz: setup

@@ -87,6 +87,16 @@ def recordings(kinds: list[str], simulated: int) -> Iterator[tuple[str, Recordin
             )
 
 
+def piece(recording: Recording, seconds: float, rng: np.random.Generator) -> Recording:
+    """Some seconds of a recording."""
+    imu = recording.imu
+    if imu is None or imu.t[-1] - imu.t[0] <= seconds:
+        return recording
+    start = float(rng.uniform(imu.t[0], imu.t[-1] - seconds))
+    rows = np.flatnonzero((imu.t >= start) & (imu.t <= start + seconds))
+    return replace(recording, imu=imu[rows[0] : rows[-1] + 1])
+
+
 def planted(imu: ImuData, rng: np.random.Generator) -> Planted:
     axes, units, delays, values = {}, {}, {}, {}
     for name in imu.triads:
@@ -189,9 +199,12 @@ def main() -> None:
     p = argparse.ArgumentParser(description=__doc__)
     p.add_argument("--kinds", nargs="+", default=["broad", "foreign", "simulated"])
     p.add_argument("--simulated", type=int, default=200)
+    p.add_argument("--seed", type=int, default=20240501, help="of what is planted")
+    p.add_argument("--seconds", type=float, help="a piece of each recording, from anywhere in it")
     args = p.parse_args()
-    all_, rng, used = Score({}, {}), np.random.default_rng(20240501), time.process_time()
-    for label, recording in recordings(args.kinds, args.simulated):
+    all_, rng, used = Score({}, {}), np.random.default_rng(args.seed), time.process_time()
+    for label, whole in recordings(args.kinds, args.simulated):
+        recording = whole if args.seconds is None else piece(whole, args.seconds, rng)
         imu = recording.imu
         if imu is None or "gyr" not in imu.triads:
             continue

@@ -1,11 +1,14 @@
-"""A thousand recordings, one in twenty damaged: threads, a cluster that loses a worker, and what it costs.
+"""A thousand recordings, one in twenty damaged: processes, a cluster that loses a worker, and what it costs.
 
 ``python -m benchmarks.fleet``. The recordings are simulated once: some scenarios and seeds, and copies of them with
-noise of their own. Every attitude must have the same bits from one thread, two threads and the workers of a Dask
-scheduler, of which one is killed in the middle.
+noise of their own. Every attitude must have the same bits from this process, from two, and from the workers of a Dask
+scheduler, of which one is killed in the middle. How much faster two are than one is measured with these short
+recordings and with some of a quarter of an hour, on a machine that does nothing else: processor time says what it would
+be where others take their share.
 """
 
 import argparse
+import math
 import os
 import resource
 import shutil
@@ -17,7 +20,8 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,24 +33,33 @@ from plumbob.fleet.batch import Batch, batch
 
 SCENARIOS = (("buoy", 20.0), ("buoy", 40.0), ("buoy", 60.0), ("static", 30.0), ("coning", 20.0))
 PORT = 18786
+MEMORY = 500.0
+"""Of a child with recordings of a quarter of an hour, MiB."""
 
 
 def recordings(folder: Path, count: int) -> dict[str, str]:
-    """Write the recordings, and say which of them are damaged, and how."""
-    how = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
-    base = [plumbob.simulate(name, duration=t, seed=seed, **how) for name, t in SCENARIOS for seed in (1, 2)]
+    """Write the short recordings, and say which of them are damaged, and how."""
     damaged = {}
-    folder.mkdir(parents=True)
+    for k, file, rng in copies(folder, count, [(name, t, seed) for name, t in SCENARIOS for seed in (1, 2)]):
+        if k % 20 == 7:
+            damaged[f"{file.parent.name}/{file.stem}"] = _damage(file, k // 20 % 6, rng)
+    return damaged
+
+
+def copies(
+    folder: Path, count: int, scenarios: list[tuple[str, float, int]]
+) -> Iterator[tuple[int, Path, np.random.Generator]]:
+    """Simulate scenarios, and write copies of them with noise of their own; the number, file and noise of each."""
+    how = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
+    base = [plumbob.simulate(name, duration=t, seed=seed, **how) for name, t, seed in scenarios]
     for k in range(count):
         one, rng = base[k % len(base)], np.random.default_rng(k)
         noisy = one.imu.gyr + 1e-4 * rng.standard_normal(one.imu.gyr.shape)
         imu = one.imu.corrected(gyr=noisy, meta=replace(one.imu.meta, device=f"unit {k % 50}"))
         file = folder / f"{k // 100:02d}" / f"r{k:04d}.parquet"
-        file.parent.mkdir(exist_ok=True)
+        file.parent.mkdir(exist_ok=True, parents=True)
         plumbob.write(file, plumbob.Recording(imu=imu, track=one.truth))
-        if k % 20 == 7:
-            damaged[f"{file.parent.name}/{file.stem}"] = _damage(file, k // 20 % 6, rng)
-    return damaged
+        yield k, file, rng
 
 
 def _damage(file: Path, how: int, rng: np.random.Generator) -> str:
@@ -94,6 +107,75 @@ def timed(folder: Path, out: Path, **how: object) -> tuple[Batch, float]:
     began = time.perf_counter()
     done = batch(folder, out, filter="mekf", **how)  # type: ignore[arg-type]
     return done, time.perf_counter() - began
+
+
+@dataclass
+class Compared:
+    """One process and two on the same recordings."""
+
+    one: Batch
+    parts: dict[str, bytes]
+    lines: list[str]
+    bars: list[Bar]
+
+
+def compared(folder: Path, root: Path, what: str) -> Compared:
+    """Time this process alone and two children, which have the same bits to write, and look at their memory."""
+    cpu, peaks = [_cpu()], {}
+    one, t1 = timed(folder, root / "one", jobs=1)
+    cpu.append(_cpu())
+    with sampled(peaks):
+        t2 = timed(folder, root / "two", jobs=2)[1]
+    cpu.append(_cpu())
+    c1, c2 = cpu[1] - cpu[0], cpu[2] - cpu[1]
+    expected = parts(root / "one")
+    most = max(peaks.values(), default=math.nan) / 1024.0
+    lines = [
+        f"{what}: one process {t1:.1f} s, two {t2:.1f} s; processor time {c1:.1f} and {c2:.1f} s, which alone would be "
+        f"{2.0 * c1 / c2:.2f} times as fast (load average {os.getloadavg()[0]:.1f})",
+        f"{what}: peak memory of a child {most:.0f} MiB, of {len(peaks)} of them",
+    ]
+    bars = [
+        Bar(f"{what}: two processes over one (quiet machine)", t1 / t2, 1.7, math.inf),
+        Bar(f"{what}: parts of two processes that differ", _differ(expected, parts(root / "two")), 0, 0),
+        Bar(f"{what}: peak memory of a child, MiB", most, 0.0, MEMORY),
+    ]
+    return Compared(one, expected, lines, bars)
+
+
+def _cpu() -> float:
+    """Processor time of this process and of children that have ended, s."""
+    found = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in found)
+
+
+def _high_water(pid: int) -> float:
+    """Most memory that a process has had, KiB: what getrusage says of a child begins with that of its parent."""
+    try:
+        return float(Path(f"/proc/{pid}/status").read_text().split("VmHWM:")[1].split()[0])
+    except (OSError, IndexError):
+        return 0.0
+
+
+@contextmanager
+def sampled(peaks: dict[int, float]) -> Iterator[None]:
+    """Follow the memory of the children of this process, KiB."""
+    over = threading.Event()
+
+    def look() -> None:
+        while not over.wait(0.05):
+            for path in Path("/proc/self/task").glob("*/children"):
+                with suppress(OSError):
+                    for pid in map(int, path.read_text().split()):
+                        peaks[pid] = max(peaks.get(pid, 0.0), _high_water(pid))
+
+    looking = threading.Thread(target=look)
+    looking.start()
+    try:
+        yield
+    finally:
+        over.set()
+        looking.join()
 
 
 def reading_alone(folder: Path) -> float:
@@ -156,31 +238,31 @@ def measured(root: Path, count: int, *, dask: bool) -> Iterator[str]:
     yield f"{count} recordings, {size / 2**20:.0f} MiB, {len(damaged)} damaged: {dict(Counter(damaged.values()))}"
     timed(folder / "00", root / "warm", jobs=1)
     alone = reading_alone(folder)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    one, t1 = timed(folder, root / "one", jobs=1)
-    t2 = timed(folder, root / "two", jobs=2)[1]
-    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    found, expected = {row["recording"].rpartition(".")[0]: row for row in one.rows()}, parts(root / "one")
-    bars = [Bar("recordings without a verdict", count - len(found), 0, 0),
-            Bar("parts of two threads that differ", _differ(expected, parts(root / "two")), 0, 0)]  # fmt: skip
-    yield f"reading the files alone {alone:.1f} s; one thread {t1:.1f} s, {t1 / alone:.1f} times that; two {t2:.1f} s"
-    yield f"two threads over one: {t1 / t2:.2f} (1.7 on a quiet machine; load average {os.getloadavg()[0]:.1f})"
-    yield f"peak memory {after:.0f} MiB, {after - before:.0f} MiB more than after the first hundred"
+    short = compared(folder, root / "short", f"{count} short")
+    found, bars = {row["recording"].rpartition(".")[0]: row for row in short.one.rows()}, short.bars
+    yield from short.lines
+    yield f"reading the files of the short ones alone: {alone:.1f} s"
+    bars.append(Bar("recordings without a verdict", count - len(found), 0, 0))
     for how in sorted(set(damaged.values())):
         rows = [found[name] for name, why in damaged.items() if why == how]
         verdicts = dict(Counter(row["verdict"] for row in rows))
         yield f"  {how}: {verdicts}, as: {(rows[0]['reason'] or rows[0]['flags'])[:80]}"
     bars.append(Bar("whole recordings that are not done", sum(
         row["verdict"] != "done" for name, row in found.items() if name not in damaged), 0, 0))  # fmt: skip
+    for _ in copies(root / "quarters", max(2, count // 25), [("buoy", 900.0, 1)]):
+        pass
+    long = compared(root / "quarters", root / "long", f"{max(2, count // 25)} of 15 min")
+    yield from long.lines
+    bars += long.bars
     left = killed_run(folder, root / "killed")
     again = timed(folder, root / "killed", jobs=2)[0]
     yield f"killed with {left} records, then {again.skipped} of {again.recordings} were not made again"
-    bars += [Bar("parts after a kill that differ", _differ(expected, parts(root / "killed")), 0, 0),
-             Bar("records made again", left - again.skipped, 0, 0)]  # fmt: skip
+    bars += [Bar("parts after a kill that differ", _differ(short.parts, parts(root / "killed")), 0, 0),
+             Bar("records made again", max(0, left - again.skipped), 0, 0)]  # fmt: skip
     if dask:
         done, t3, then = cluster(folder, root / "cluster")
         yield f"two workers of Dask, one killed after {then} records: {t3:.1f} s, {done.counts}"
-        bars += [Bar("parts of the cluster that differ", _differ(expected, parts(root / "cluster")), 0, 0),
+        bars += [Bar("parts of the cluster that differ", _differ(short.parts, parts(root / "cluster")), 0, 0),
                  Bar("recordings without a verdict of the cluster", count - done.recordings, 0, 0)]  # fmt: skip
     yield ""
     yield from bar_lines(bars)
@@ -193,7 +275,7 @@ def _differ(one: dict[str, bytes], other: dict[str, bytes]) -> int:
 def main() -> int:
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--count", type=int, default=1000, help="recordings (1000)")
-    p.add_argument("--no-dask", action="store_true", help="threads alone")
+    p.add_argument("--no-dask", action="store_true", help="processes alone")
     args = p.parse_args()
     root = Path(tempfile.mkdtemp(prefix="plumbob-fleet-"))
     failed = False

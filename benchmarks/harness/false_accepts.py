@@ -1,8 +1,9 @@
 """How many wrong frames a format lets pass, by its checks: what the decoders' benchmark measures is held against it."""
 
 from plumbob.protocols.checksum import SUM16_EITHER, algorithm
-from plumbob.protocols.format import Format, Framing
+from plumbob.protocols.format import Format, Framing, Message
 from plumbob.protocols.overlap import content_odds
+from plumbob.protocols.scan import constant_bytes
 
 
 def false_accepts(form: Format) -> float:
@@ -16,9 +17,18 @@ def false_accepts(form: Format) -> float:
     fixed = _sync(framing) * _check(framing) * 0.5 ** len(framing.parity) * 256.0 ** -len(framing.end)
     if framing.confirm:
         fixed *= _sync(framing)
-    if framing.length_field:
-        fixed *= 256.0**-framing.length_field.size
-    return fixed * sum(content_odds(message) for message in bound.messages)
+    ahead = len(framing.sync[0]) if framing.sync else 0
+    rule = framing.length_field
+    if rule and rule.at >= ahead:
+        fixed *= 256.0**-rule.size
+    return fixed * sum(_beginnings(framing, one, ahead) * content_odds(one, ahead) for one in bound.messages)
+
+
+def _beginnings(framing: Framing, message: Message, ahead: int) -> float:
+    """Share of the beginnings that fit the constants of a message that lie in them."""
+    inside = [found for one in message.fields for found in constant_bytes(one) if found[0] < ahead and found[1]]
+    fit = [all(word[at] & mask == value for at, mask, value in inside) for word in framing.sync]
+    return sum(fit) / len(fit) if fit else 1.0
 
 
 def _sync(framing: Framing) -> float:

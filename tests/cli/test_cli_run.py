@@ -132,8 +132,10 @@ def test_a_reference_that_cannot_be_compared_costs_no_estimate(run, report):
     imu, truth = posed(*[(30.0, 10.0, -20.0)] * 5, frame=Frame.NED)
     other_north = AttitudeTrack(t=truth.t, q_nb=truth.q_nb, frame=Frame.NED, north=North.TRUE)  # and no declination
     recording = files.Recording(imu=imu, track=other_north)
-    assert set(report(recording, "--filter", "tilt_compass")["errors"]) == {"not_compared"}
-    assert "error        not compared: " in run(recording, "--filter", "tilt_compass")[0]
+    assert set(report(recording, "--filter", "tilt_compass")["errors"]) == {"not_compared", "inclination_rmse_deg"}
+    told = run(recording, "--filter", "tilt_compass")[0]
+    assert "error        not compared: " in told
+    assert "error        inclination rmse: " in told  # which no north changes
 
 
 def test_the_track_that_is_written_is_the_estimate(run, tmp_path):

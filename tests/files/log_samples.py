@@ -5,6 +5,8 @@ import struct
 import numpy as np
 
 from plumbob.core.errors import PlumbobError
+from plumbob.core.units import from_si, to_deg
+from plumbob.rotations import euler_zyx_from_quat
 
 G = 9.80665
 
@@ -56,14 +58,25 @@ COMBINED = (
 ATTITUDE = "uint64_t timestamp;float[4] q;"
 MAG = "uint64_t timestamp;float[3] magnetometer_ga;"
 SINGLE = "uint64_t timestamp;uint64_t timestamp_sample;uint32_t device_id;float x;float y;float z;"
+INCREMENTS = (
+    "uint64_t timestamp;uint64_t timestamp_sample;uint32_t accel_device_id;uint32_t gyro_device_id;"
+    "float[3] delta_angle;float[3] delta_velocity;uint32_t delta_angle_dt;uint32_t delta_velocity_dt;"
+)
 GPS = "uint64_t timestamp;uint64_t time_utc_usec;uint8_t fix_type;"
 
 
-def px4(**more):
+def moved(moving):
+    """A motion with its field, µT, in FRD and NED; without one, `motion` in a field of 20, 0, 40 µT."""
     t_us, gyr, acc, q_nb = motion()
+    return (t_us, gyr, acc, np.tile([20.0, 0.0, 40.0], (t_us.size, 1)), q_nb) if moving is None else moving
+
+
+def px4(moving=None, **more):
+    t_us, gyr, acc, field, q_nb = moved(moving)
     combined = [struct.pack("<Q3fIi3f", t, *w, 5000, 0, *f) for t, w, f in zip(t_us.tolist(), gyr, acc, strict=True)]
     attitude = [struct.pack("<Q4f", t, *q) for t, q in zip(t_us.tolist(), q_nb, strict=True)]
-    mag = [struct.pack("<Q3f", t, 0.2, 0.0, 0.4) for t in t_us[::10].tolist()]
+    gauss = from_si(field[::10], "gauss")
+    mag = [struct.pack("<Q3f", t, *one) for t, one in zip(t_us[::10].tolist(), gauss, strict=True)]
     gps = [struct.pack("<QQB", 2_000_000, 1_700_000_000_000_000, 3)]
     topics = [
         ("sensor_combined", 0, COMBINED, combined),
@@ -110,6 +123,26 @@ def dataflash(*, instances=False):
         if row % 10 == 0:
             out += b"\xa3\x95\x82" + struct.pack("<Qhhh", t, 200, 0, 400)
     return out
+
+
+def dataflash_text(t_us, gyr, acc, q_nb, field=None):
+    """The same as text, as `mavlogdump` and old tools write it: angles with two digits."""
+    lines = [
+        "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
+        "FMT, 129, 35, IMU, Qffffff, TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ",
+        "FMT, 130, 17, MAG, Qhhh, TimeUS,MagX,MagY,MagZ",
+        "FMT, 131, 17, ATT, QccC, TimeUS,Roll,Pitch,Yaw",
+        "FMT, 133, 31, PARM, QNf, TimeUS,Name,Value",
+        "PARM, 1000000, COMPASS_DEC, 0.2",
+    ]
+    angles = to_deg(euler_zyx_from_quat(q_nb)).tolist()
+    for i, t in enumerate(t_us.tolist()):
+        yaw, pitch, roll = angles[i]
+        lines.append(", ".join(map(str, ["IMU", t, *gyr[i].tolist(), *acc[i].tolist()])))
+        lines.append(f"ATT, {t}, {roll:.2f}, {pitch:.2f}, {yaw % 360.0:.2f}")
+        if field is not None and i % 10 == 0:
+            lines.append(", ".join(map(str, ["MAG", t, *np.round(10.0 * field[i]).astype(int).tolist()])))
+    return "\n".join(lines)
 
 
 def survives(read, path, raw, rng, count):

@@ -43,10 +43,15 @@ def header(stamp_ns, frame):
     return {"stamp": stamp_ns, "frame_id": frame}
 
 
+def _since(given, i):
+    """Time of a row, ns: by its own stamps where there are some."""
+    return int(given["t_ns"][i]) if "t_ns" in given else i * STEP
+
+
 def imu_rows(given, topic="/imu/data", frame="imu_link", t0=T0, covs=(0.01, 0.0, 0.0), stamped=True):
     """Messages of an IMU, with the first numbers of its covariances: orientation, rate, acceleration."""
     for i in range(len(given["gyr"])):
-        stamp = t0 + i * STEP
+        stamp = t0 + _since(given, i)
         cov = [np.diag([first, 0.02, 0.03]).ravel() for first in covs]
         fields = {
             "header": header(stamp if stamped else 0, frame),
@@ -62,7 +67,7 @@ def imu_rows(given, topic="/imu/data", frame="imu_link", t0=T0, covs=(0.01, 0.0,
 
 def mag_rows(given, topic="/imu/mag", frame="imu_link", every=1):
     for i in range(0, len(given["mag"]), every):
-        stamp = T0 + i * STEP
+        stamp = T0 + _since(given, i)
         fields = {
             "header": header(stamp, frame),
             "magnetic_field": given["mag"][i],
@@ -73,7 +78,7 @@ def mag_rows(given, topic="/imu/mag", frame="imu_link", every=1):
 
 def temperature_rows(given, topic="/imu/temperature", frame="imu_link", every=10):
     for i in range(0, len(given["temp_c"]), every):
-        stamp = T0 + i * STEP
+        stamp = T0 + _since(given, i)
         fields = {"header": header(stamp, frame), "temperature": float(given["temp_c"][i]), "variance": 0.0}
         yield Row(stamp + LATE, topic, "sensor_msgs/msg/Temperature", fields)
 

@@ -1,18 +1,18 @@
 """Logs of ArduPilot, and telemetry of MAVLink."""
 
 import contextlib
-import io
 import struct
 
 import numpy as np
 import pytest
 
-from plumbob.core.errors import DecodeError
-from plumbob.files import kind_of, read
+from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.files import kind_of, read, write
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_angle
 from tests.conftest import DATA
 from tests.files import log_samples as made
+from tests.files.kinds import telemetry
 
 REAL = DATA / "formats" / "ardupilot_test.bin"
 real = pytest.mark.skipif(not REAL.is_file(), reason=f"no log of ArduPilot at {REAL}; set PLUMBOB_DATA")
@@ -41,24 +41,34 @@ def test_the_first_of_several_units_is_taken_and_the_others_are_listed(tmp_path)
     path.write_bytes(made.dataflash(instances=True))
     recording = read(path)
     np.testing.assert_allclose(recording.imu.gyr[:, 2], 0.5, atol=1e-6)
-    assert any("samples: IMU 0, 400 messages; not taken: IMU 1 (400)" in note for note in recording.notes)
+    assert any("IMU.0, 400 messages; not taken: IMU.1 (400); --unit IMU.1 takes" in note for note in recording.notes)
+    for unit in ("IMU.1", "imu1", "IMU[1]", "2"):
+        other = read(path, unit=unit)
+        np.testing.assert_allclose(other.imu.gyr, recording.imu.gyr + 1.0, atol=1e-6)
+        assert quat_angle(other.track.q_nb, recording.track.q_nb).max() < 1e-9
+    with pytest.raises(ParameterError, match=r"no unit 'IMU.2' in the log; there are IMU.0 \(1\), IMU.1 \(2\)"):
+        read(path, unit="IMU.2")
+
+
+def test_all_units_on_the_same_stamps_are_an_array(tmp_path):
+    path = tmp_path / "two.bin"
+    path.write_bytes(made.dataflash(instances=True))
+    array = read(path, unit="all").array
+    assert array.names == ("IMU.0", "IMU.1")
+    np.testing.assert_allclose(array.units["IMU.1"].gyr - array.units["IMU.0"].gyr, 1.0, atol=1e-6)
+    again = read(write(tmp_path / "two.parquet", array)).array
+    np.testing.assert_array_equal(again.units["IMU.1"].gyr, array.units["IMU.1"].gyr)
+    path.write_bytes(path.read_bytes()[: -2 * 36 - 40])  # a message of one unit fewer
+    with pytest.raises(ParameterError, match=r"stamps of their own.*--unit IMU.0"):
+        read(path, unit="all")
+    path.write_bytes(made.dataflash())
+    assert read(path, unit="all").imu is not None
 
 
 def test_text_and_bytes_say_the_same(tmp_path):
-    t_us, gyr, acc, _ = made.motion()
-    lines = [
-        "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
-        "FMT, 129, 35, IMU, Qffffff, TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ",
-        "FMT, 131, 17, ATT, QccC, TimeUS,Roll,Pitch,Yaw",
-        "FMT, 133, 31, PARM, QNf, TimeUS,Name,Value",
-        "PARM, 1000000, COMPASS_DEC, 0.2",
-    ]
-    for t, w, f in zip(t_us.tolist(), gyr.tolist(), acc.tolist(), strict=True):
-        lines.append(", ".join(map(str, ["IMU", t, *w, *f])))
-        lines.append(f"ATT, {t}, 0.00, 0.00, {np.rad2deg(0.5 * (t - 1e6) / 1e6):.2f}")
-    lines += ["IMU, 1, 2", "IMU, x, 0, 0, 0, 0, 0, 0"]
+    whole = made.dataflash_text(*made.motion())
     text, binary = tmp_path / "a.log", tmp_path / "a.bin"
-    text.write_text("\n".join(lines))
+    text.write_text(whole + "\nIMU, 1, 2\nIMU, x, 0, 0, 0, 0, 0, 0")
     binary.write_bytes(made.dataflash())
     of_text, of_bytes = read(text), read(binary)
     np.testing.assert_allclose(of_text.imu.acc, of_bytes.imu.acc, rtol=1e-6)
@@ -100,21 +110,23 @@ def test_damaged_logs_are_read_or_refused(tmp_path):
 
 
 @real
-def test_a_real_log_agrees_with_pymavlink():
+@pytest.mark.parametrize(("unit", "other"), [("IMU", "IMU2"), ("IMU2", "IMU")])
+def test_a_real_log_agrees_with_pymavlink(unit, other):
     reader = pytest.importorskip("pymavlink.DFReader", reason="the format's own package is not installed")
     rows, angles = [], []
     with contextlib.closing(reader.DFReader_binary(str(REAL))) as log:
-        while (one := log.recv_match(type=["IMU", "NKQ1"])) is not None:
-            if one.get_type() == "IMU":
+        while (one := log.recv_match(type=[unit, "NKQ1"])) is not None:
+            if one.get_type() == unit:
                 rows.append([one.TimeUS, one.GyrX, one.GyrY, one.GyrZ, one.AccX, one.AccY, one.AccZ])
             else:
                 angles.append([one.Q1, one.Q2, one.Q3, one.Q4])
-    theirs, recording = np.array(rows), read(REAL)
+    theirs, recording = np.array(rows), read(REAL, unit=unit)
     np.testing.assert_allclose(np.column_stack([recording.imu.gyr, recording.imu.acc]), theirs[:, 1:], rtol=1e-7)
     np.testing.assert_allclose(recording.imu.t, (theirs[:, 0] - theirs[0, 0]) / 1e6, atol=1e-9)
+    np.testing.assert_array_equal(read(REAL, unit="all").array.units[unit].acc, recording.imu.acc)
     assert np.isfinite(recording.track.q_nb).all(axis=1).sum() == 44
     assert quat_angle(recording.track.q_nb[1], np.array(angles[0])) < 1e-2
-    assert any("not taken: IMU2 (45)" in note for note in recording.notes)
+    assert any(f"not taken: {other} (45); --unit {other} takes another" in note for note in recording.notes)
 
 
 @real
@@ -125,23 +137,6 @@ def test_a_real_logs_frames_fit_gravity():
     down_b = np.column_stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
     angle = np.rad2deg(np.arccos(np.clip(-(up_b * down_b).sum(axis=1), -1, 1)))
     assert np.nanmedian(angle) < 1.5
-
-
-def telemetry(send):
-    """Packets by pymavlink, each after the receiver's stamp."""
-    mavlink = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega", reason="pymavlink is not installed")
-    out = io.BytesIO()
-
-    class Wire:
-        us = 0
-
-        def write(self, data):
-            out.write(struct.pack(">Q", self.us) + bytes(data))
-
-    wire = Wire()
-    sender = mavlink.MAVLink(wire, srcSystem=1, srcComponent=1)
-    send(sender, wire, mavlink)
-    return out.getvalue()
 
 
 def sent_highres(sender, wire, mavlink):
@@ -183,6 +178,19 @@ def test_telemetry_in_milli_units_where_ardupilot_sent_it(tmp_path):
     path.write_bytes(telemetry(lambda *a: sent_raw(*a, autopilot=12)))
     with pytest.raises(DecodeError, match="units are those of an unknown maker"):
         read(path)
+
+
+def test_another_imu_of_telemetry(tmp_path):
+    def sent(sender, wire, mavlink):
+        for i in range(50):
+            wire.us = 1_700_000_000_000_000 + 20_000 * i
+            sender.scaled_imu_send(20 * i, 0, 0, -1000, 100, 0, 0, 0, 0, 0)
+            sender.scaled_imu2_send(20 * i, 0, 0, -1000, 200, 0, 0, 0, 0, 0)
+
+    path = tmp_path / "a.tlog"
+    path.write_bytes(telemetry(sent))
+    assert any("not taken: SCALED_IMU2 (50); --unit SCALED_IMU2" in note for note in read(path).notes)
+    np.testing.assert_allclose(read(path, unit="scaled_imu2").imu.gyr, [[0.2, 0.0, 0.0]] * 50)
 
 
 def test_a_packet_with_a_wrong_crc_is_left_out(tmp_path):

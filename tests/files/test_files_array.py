@@ -90,7 +90,7 @@ def test_one_unit_by_name_or_number(tmp_path):
         assert "unit left.arm of u1, 左, left.arm" in found.notes
     with pytest.raises(ParameterError, match=r"no unit 'u9'; there are u1 \(1\), 左 \(2\), left.arm \(3\)"):
         plumbob.read(path, unit="u9")
-    with pytest.raises(ParameterError, match=r"holds the units u1, 左, left.arm. Name one with --unit"):
+    with pytest.raises(ParameterError, match=r"holds the units u1, 左, left.arm. Name one with --unit.* NEW.parquet --unit u1"):
         plumbob.estimate(path, frame="NED")
     plumbob.write(tmp_path / "one.parquet", array.units["u1"])
     with pytest.raises(ParameterError, match="one unit without a name"):

@@ -10,6 +10,7 @@ from plumbob.core.errors import DecodeError, FrameError, PlumbobError, UnitError
 from plumbob.files import read
 from plumbob.files.formats import kind_of
 from plumbob.files.profile_toml import parse_profile
+from tests.files.kinds import hdf5
 
 h5py = pytest.importorskip("h5py")
 scipy_io = pytest.importorskip("scipy.io")
@@ -45,20 +46,6 @@ north = "magnetic"
 
 def content():
     return {"t": T, "imu": {"gyr": GYR, "acc": ACC}, "temp": np.full(ROWS, 21), "quat": QUAT}
-
-
-def hdf5(path, found, turned=False):
-    with h5py.File(path, "w", userblock_size=512 if turned else 0) as file:
-        for name, value in found.items():
-            group = value if isinstance(value, dict) else {"": value}
-            for key, array in group.items():
-                table = np.atleast_2d(array) if turned else array  # MATLAB keeps a table of one column as 1×N there
-                table = table.T if turned and array.ndim == 2 else table
-                file.create_dataset(f"{name}/{key}".strip("/"), data=table, compression="gzip")
-    if turned:
-        raw = bytearray(path.read_bytes())
-        raw[:10] = b"MATLAB 7.3"
-        path.write_bytes(raw)
 
 
 WRITERS = {

@@ -11,36 +11,7 @@ from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_angle, quat_multiply, quat_rotate
 from tests.conftest import DATA
 from tests.files import log_samples as made
-
-IMU_HEAD = (
-    "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
-    "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\n"
-)
-TRUTH_HEAD = "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []\n"
-START = 1403636579758555392
-IDENTITY = (
-    "[1.0, 0.0, 0.0, 0.0,\n         0.0, 1.0, 0.0, 0.0,\n         0.0, 0.0, 1.0, 0.0,\n         0.0, 0.0, 0.0, 1.0]"
-)
-QUARTER = "[0, -1, 0, 0.1,\n 1, 0, 0, 0.2, # about z\n 0, 0, 1, 0.3,\n 0, 0, 0, 1]"
-
-
-def yaml(data):
-    return f"# Default\nsensor_type: imu\nT_BS:\n  cols: 4\n  rows: 4\n  data: {data}\nrate_hz: 200 # Hz\n"
-
-
-def asl(folder, truth="state_groundtruth_estimate0", imu_turn=IDENTITY, truth_turn=IDENTITY):
-    """A sequence: at rest, x of the IMU up as on EuRoC's helicopter."""
-    table = folder / "mav0" / "imu0" / "data.csv"
-    table.parent.mkdir(parents=True)
-    stamps = START + 5_000_000 * np.arange(100)
-    table.write_text(IMU_HEAD + "".join(f"{t},0.1,-0.2,0.3,{made.G},0,0\n" for t in stamps))
-    table.with_name("sensor.yaml").write_text(yaml(imu_turn))
-    other = folder / "mav0" / truth / "data.csv"
-    other.parent.mkdir()
-    half = np.sqrt(0.5)  # a quarter turn about y takes x to −z, so minus a quarter turn takes x to z, up
-    other.write_text(TRUTH_HEAD + "".join(f"{t},1,2,3,{half},0,{-half},0,9,9,9\n" for t in stamps[10:90]))
-    other.with_name("sensor.yaml").write_text(yaml(truth_turn))
-    return folder
+from tests.files.kinds import HEAD, IDENTITY, IMU_HEAD, QUARTER, START, asl, drive, yaml
 
 
 def test_euroc_has_the_units_and_frames_of_its_head_lines(tmp_path):
@@ -109,21 +80,6 @@ def test_links_out_of_a_folder_are_refused(tmp_path):
         read(folder)
 
 
-def drive(folder, count=50, yaw=0.3, pitch=0.1, roll=-0.2):
-    """A drive at rest: lat lon alt roll pitch yaw, velocities, ax ay az …, wx wy wz … (`dataformat.txt`)."""
-    data = folder / "oxts" / "data"
-    data.mkdir(parents=True)
-    # specific force of a body at rest that is turned by yaw, pitch, roll about z, y, x of FLU against ENU: closed form
-    f = made.G * np.array([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)])
-    row = [49.0, 8.4, 116.0, roll, pitch, yaw, 0, 0, 0, 0, 0, *f, 1, 2, 3, 0.01, 0.02, 0.03, 4, 5, 6, 0.1, 0.1]
-    words = " ".join(f"{value:.12g}" for value in row) + " 4 9 6 6 6\n"
-    for i in range(count):
-        (data / f"{i:010d}.txt").write_text(words)
-    stamps = [f"2011-09-26 13:02:{25 + i * 0.1:012.9f}" for i in range(count)]
-    (folder / "oxts" / "timestamps.txt").write_text("\n".join(stamps) + "\n")
-    return folder
-
-
 def test_kitti_has_the_units_and_frames_of_its_description(tmp_path):
     folder = drive(tmp_path / "2011_09_26_drive_0001_sync")
     recording = read(folder)
@@ -172,10 +128,6 @@ def test_damaged_drives_are_refused(tmp_path):
     os.mkfifo(sample)
     with pytest.raises(DecodeError, match="not a regular file"):
         read(folder)
-
-
-HEAD = "Time (s);Vicon Orientation;;;;IMU Acceleration;;;IMU Gyroscope;;;IMU Magnetometer;;;\n"
-HEAD += ";W;X;Y;Z;X;Y;Z;X;Y;Z;X;Y;Z;\n"
 
 
 def test_repoimu_has_the_units_of_its_description(tmp_path):

@@ -1,7 +1,6 @@
 """Recordings of phone apps: hand-written in the forms that the apps document, and four real Android folders."""
 
 import struct
-import zipfile
 
 import numpy as np
 import pytest
@@ -13,54 +12,20 @@ from plumbob.files.foreign import phones
 from plumbob.files.formats import kind_of
 from plumbob.rotations import Frame, North, quat_rotate
 from tests.files.io_samples import DATA
-
-T0 = 1_759_650_000_000_000_000  # 2025-10-05, the stamp of phyphox-docs, "Saved states"
-REST = (0.1, -0.2, 9.8)
-RATE = (0.01, 0.02, -0.03)
-FIELD = (18.0, -2.0, -42.0)
-
-
-def zipped(path, files, **options):
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, text in files.items():
-            archive.writestr(name, text, **options)
-    return path
-
-
-def foldered(path, files):
-    for name, text in files.items():
-        (path / name).parent.mkdir(parents=True, exist_ok=True)
-        (path / name).write_text(text.rstrip("\n") + "\n", encoding="utf-8")
-    return path
-
+from tests.files.kinds import (
+    FIELD,
+    LOGGER_META,
+    RATE,
+    REST,
+    T0,
+    foldered,
+    logger_table,
+    phyphox_files,
+    phyphox_table,
+    zipped,
+)
 
 # phyphox --------------------------------------------------------------------------------------------------------------
-
-PAUSED = (
-    '"event","experiment time","system time","system time text"\n'
-    '"START",0.000000000E0,1759650000.000,"2025-10-05 10:20:00.000 UTC+02:00"\n'
-    '"PAUSE",1.000000000E0,1759650001.000,"2025-10-05 10:20:01.000 UTC+02:00"\n'
-    '"START",1.000000000E0,1759650005.500,"2025-10-05 10:20:05.500 UTC+02:00"\n'
-)
-DEVICE = '"property","value"\n"version","1.2.0"\n"deviceBrand","google"\n"deviceModel","Pixel 6a"\n'
-
-
-def phyphox_table(what, unit, values, *, rows=200, rate=100.0, separator=",", decimal="."):
-    names = [f"{what}{axis}" for axis in ("x", "y", "z")] if what else ["X", "Y", "Z"]
-    head = separator.join(f'"{cell}"' for cell in ["Time (s)", *(f"{name} ({unit})" for name in names)])
-    lines = [separator.join(f"{v:.9E}" for v in (i / rate, *values)).replace(".", decimal) for i in range(rows)]
-    return "\n".join([head, *lines, ""])
-
-
-def phyphox_files(**layout):
-    return {
-        "Accelerometer.csv": phyphox_table("Acceleration ", "m/s^2", REST, **layout),
-        "Linear Accelerometer.csv": phyphox_table("Linear Acceleration ", "m/s^2", (0.0, 0.0, 0.0), **layout),
-        "Gyroscope.csv": phyphox_table("Gyroscope ", "rad/s", RATE, **layout),
-        "Magnetometer.csv": phyphox_table("Magnetic field ", "µT", FIELD, rate=50.0, **layout),
-        "meta/time.csv": PAUSED.replace(",", layout.get("separator", ",")),
-        "meta/device.csv": DEVICE.replace(",", layout.get("separator", ",")),
-    }
 
 
 @pytest.mark.parametrize(("separator", "decimal"), [(",", "."), ("\t", "."), (";", "."), (";", ","), ("\t", ",")])
@@ -112,18 +77,30 @@ def test_one_table_of_phyphox_is_a_recording(tmp_path):
     assert read(path).imu.triads == ("gyr",)
 
 
+def test_phyphox_believes_a_table_that_says_it_is_without_g(tmp_path):
+    files = {
+        "Gyroscope.csv": phyphox_table("Gyroscope ", "rad/s", RATE),
+        "Accelerometer without g.csv": phyphox_table("Acceleration ", "m/s^2", (0.0, 0.0, 0.0)),
+        "Pressure.csv": '"Time (s)","Pressure (hPa)"\n0.0,1000.0\n',
+    }
+    recording = read(zipped(tmp_path / "swing.zip", files))
+    assert recording.imu.acc is None
+    assert any("Accelerometer without g.csv" in note for note in recording.notes)
+    assert any("Pressure.csv" in note for note in recording.notes)
+
+
+def test_phyphox_reads_all_sensors_of_a_table_of_several(tmp_path):
+    columns = [
+        f"{what} {a} ({unit})" for what, unit in (("Gyroscope", "rad/s"), ("Acceleration", "m/s^2")) for a in "xyz"
+    ]
+    head = ",".join(f'"{name}"' for name in ["Time (s)", *columns])
+    rows = [",".join(f"{v:.9E}" for v in (i / 100, *RATE, *REST)) for i in range(100)]
+    recording = read(zipped(tmp_path / "swing.zip", {"Raw Data.csv": "\n".join([head, *rows, ""])}))
+    np.testing.assert_allclose(recording.imu.gyr, np.tile(RATE, (100, 1)))
+    np.testing.assert_allclose(recording.imu.acc, np.tile(REST, (100, 1)))
+
+
 # Sensor Logger --------------------------------------------------------------------------------------------------------
-
-LOGGER_META = (
-    "version,device name,recording epoch time,recording time,recording timezone,platform,appVersion,device id,sensors,"
-    "sampleRateMs,standardisation,platform version\n"
-    "3,My phone,1759650000000,2025-10-05_08-20-00,Europe/Berlin,{},1.44,id,Accelerometer|Gravity,10|10,{},17\n"
-)
-
-
-def logger_table(values, rows=100, late_ns=0):
-    lines = [f"{T0 + i * 10_000_000 + late_ns},{i / 100},{values[2]},{values[1]},{values[0]}" for i in range(rows)]
-    return "\n".join(["time,seconds_elapsed,z,y,x", *lines])  # the app ends its last line without a line end
 
 
 def ios_files(sign, unit=1.0):
@@ -228,6 +205,29 @@ def test_sensorlog_turns_the_sign_of_ios_and_takes_each_sample_once(tmp_path):
     assert any("motionQuaternion" in note for note in recording.notes)
 
 
+def test_sensorlog_of_device_motion_alone_adds_gravity_and_takes_no_field_of_zeros(tmp_path):
+    forms = ("motionUserAcceleration{}(G)", "motionGravity{}(G)", "motionRotationRate{}(rad/s)")
+    forms += ("motionMagneticField{}(µT)", "magnetometer{}(µT)")
+    names = ["motionTimestamp_sinceReboot(s)", "magnetometerTimestamp_sinceReboot(s)"]
+    names += [form.format(a) for form in forms for a in "XYZ"]
+    user, gravity = (0.1, 0.0, -0.2), (0.0, 0.6, -0.8)
+    # CoreMotion gives a field of zeros while it is not calibrated, or the attitude asks for none
+    rows = [[i / 100, i / 100, *user, *gravity, *RATE, 0.0, 0.0, 0.0, *FIELD] for i in range(100)]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([",".join(names), *(",".join(map(str, row)) for row in rows), ""]), encoding="utf-8")
+    imu = read(path).imu
+    # what iOS measures is gravity and user acceleration together, and specific force its opposite
+    np.testing.assert_allclose(imu.acc, np.tile([-0.1 * G0, -0.6 * G0, 1.0 * G0], (100, 1)), rtol=1e-12)
+    np.testing.assert_allclose(imu.mag, np.tile(FIELD, (100, 1)))
+
+
+def test_a_field_of_exactly_zero_is_left_out(tmp_path):
+    files = {**phyphox_files(), "Magnetometer.csv": phyphox_table("Magnetic field ", "µT", (0.0, 0.0, 0.0))}
+    recording = read(zipped(tmp_path / "swing.zip", files))
+    assert recording.imu.mag is None
+    assert any("mag: 200 samples of exactly zero" in note for note in recording.notes)
+
+
 # Hostile and damaged --------------------------------------------------------------------------------------------------
 
 
@@ -263,6 +263,12 @@ def test_a_member_that_unpacks_to_more_than_it_claims_is_cut_there(tmp_path):
 def test_archives_that_are_no_recording_say_why(tmp_path, files, what):
     with pytest.raises(DecodeError, match=what):
         read(zipped(tmp_path / "walk.zip", files))
+
+
+def test_an_empty_archive_is_said_to_be_empty(tmp_path):
+    (tmp_path / "walk.zip").touch()
+    with pytest.raises(DecodeError, match=r"walk.zip is empty: it has 0 bytes"):
+        read(tmp_path / "walk.zip")
 
 
 def test_an_encrypted_archive_is_refused(tmp_path):

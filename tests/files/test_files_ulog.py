@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from plumbob.core.errors import DecodeError
+from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.files import kind_of, read
 from plumbob.files.foreign import ulog as reader
 from plumbob.rotations import Frame, North
@@ -74,8 +74,61 @@ def test_single_sensors_are_taken_where_there_is_nothing_else(tmp_path):
     np.testing.assert_allclose(recording.imu.gyr, [[0.1, 0.2, 0.3]] * 200, rtol=1e-6)
     np.testing.assert_allclose(recording.imu.mag, [[10.0, 20.0, 30.0]] * 200, rtol=1e-6)
     assert recording.track is None
-    assert any("sensor_gyro 0 of 2 instances" in note and "axes of the board" in note for note in recording.notes)
+    said = " ".join(recording.notes)
+    assert "samples: sensor_gyro.0, 200 records; not taken: sensor_gyro.1 (200); --unit sensor_gyro.1 takes" in said
+    assert "axes of the board" in said and "acc: sensor_accel.0, of the same device" in said
     assert any("UTC: not known" in note for note in recording.notes)
+
+
+def several(turned=0):
+    """The log of a vehicle with two IMUs, whose accelerometers are numbered the other way round."""
+    t_us = [1_000_000 + 4000 * i for i in range(300)]
+
+    def single(device, x):
+        return [struct.pack("<QQI3f", t + 100, t, device, x, 0.2, 0.3) for t in t_us]
+
+    increments = [struct.pack("<QQII6fII", t + 90, t, 1, 1, 2e-3, 0, 0, 0, 0, -0.0392, 4000, 4000) for t in t_us]
+    combined = [struct.pack("<Q3fIi3f", t, 0.5, 0, 0, 4000, 0, 0, 0, -9.8) for t in t_us]
+    topics = [
+        ("sensor_combined", 0, made.COMBINED, combined),
+        ("vehicle_imu", 1, made.INCREMENTS, increments),
+        ("sensor_gyro", 0, made.SINGLE, single(0x260209, 1.0)),
+        ("sensor_gyro", 1, made.SINGLE, single(0x230309, 2.0)),
+        ("sensor_accel", 0, made.SINGLE, single(0x130309, 12.0)),
+        ("sensor_accel", 1, made.SINGLE, single(0x160209, 11.0)),
+        ("vehicle_magnetometer", 0, made.MAG, [struct.pack("<Q3f", t, 0.2, 0.0, 0.4) for t in t_us]),
+    ]
+    return made.ulog(topics=topics, told=[("int32_t", "SENS_BOARD_ROT", struct.pack("<i", turned))])
+
+
+def test_another_imu_is_taken_where_it_is_asked_for(tmp_path):
+    path = tmp_path / "several.ulg"
+    path.write_bytes(several())
+    first = read(path)
+    assert first.imu.gyr[0, 0] == 0.5
+    assert any(
+        "not taken: vehicle_imu.1 (300), sensor_gyro.0 (300), sensor_gyro.1 (300); --unit vehicle_imu.1 takes" in note
+        for note in first.notes
+    )
+    for unit, rate, force in (("sensor_gyro.1", 2.0, 12.0), ("SensorGyro0", 1.0, 11.0), ("3", 1.0, 11.0)):
+        recording = read(path, unit=unit)
+        assert (recording.imu.gyr[0, 0], recording.imu.acc[0, 0]) == (rate, force)
+        assert any("on the same bus and address" in note for note in recording.notes)
+        assert recording.imu.mag is not None
+    means = read(path, unit="vehicle_imu.1").imu  # 2 mrad and -39.2 mm/s in 4 ms
+    np.testing.assert_allclose(means.gyr, [[0.5, 0.0, 0.0]] * 300, rtol=1e-6)
+    np.testing.assert_allclose(means.acc, [[0.0, 0.0, -9.8]] * 300, rtol=1e-6)
+    with pytest.raises(ParameterError, match=r"there are sensor_combined \(1\), vehicle_imu.1 \(2\)"):
+        read(path, unit="sensor_gyro.7")
+
+
+def test_a_turned_boards_single_sensors_stand_alone(tmp_path):
+    path = tmp_path / "turned.ulg"
+    path.write_bytes(several(turned=4))
+    recording = read(path, unit="sensor_gyro.0")
+    assert recording.imu.mag is None and recording.track is None
+    assert any("which are in body axes, as the board is turned" in note for note in recording.notes)
+    assert read(path).imu.mag is not None
 
 
 def test_damage_between_messages_is_skipped_and_said(tmp_path):
@@ -159,6 +212,25 @@ def test_a_real_log_agrees_with_pyulog_and_with_px4s_own_attitude():
     boot = np.median(gps["time_utc_usec"].astype(np.int64) - gps["timestamp"].astype(np.int64))
     assert abs(imu.meta.t0_ns / 1000 - boot - combined["timestamp"][0]) < 1000
     assert kind_of(REAL).name == "ULog"
+
+
+@real
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_a_real_logs_imus_agree_with_pyulog(number):
+    pyulog = pytest.importorskip("pyulog", reason="the format's own package is not installed")
+    theirs = {(one.name, one.multi_id): one.data for one in pyulog.ULog(str(REAL)).data_list}
+    imu = read(REAL, unit=f"sensor_gyro.{number}").imu
+    gyr, acc = theirs["sensor_gyro", number], theirs["sensor_accel", number]
+    assert gyr["device_id"][0] == acc["device_id"][0]
+    np.testing.assert_array_equal(imu.gyr, np.column_stack([gyr[axis] for axis in "xyz"]).astype(float))
+    np.testing.assert_array_equal(imu.t_ns // 1000, gyr["timestamp_sample"] - gyr["timestamp_sample"][0])
+    known = np.isfinite(imu.acc).all(axis=1)
+    low, high = (getattr(np, what)([acc[axis] for axis in "xyz"], axis=1) for what in ("min", "max"))
+    assert known.sum() >= 4 and ((imu.acc[known] >= low) & (imu.acc[known] <= high)).all()
+    means, own = read(REAL, unit=f"vehicle_imu.{number}").imu, theirs["vehicle_imu", number]
+    assert len(means) == len(own["timestamp"]) == 12
+    np.testing.assert_allclose(means.gyr[:, 2] * own["delta_angle_dt"] / 1e6, own["delta_angle[2]"], rtol=1e-6)
+    np.testing.assert_allclose(means.acc[:, 2] * own["delta_velocity_dt"] / 1e6, own["delta_velocity[2]"], rtol=1e-6)
 
 
 @real

@@ -1,7 +1,5 @@
 """Logs of x-IMU3: the vector of its protocol, tables in the form of x-IMU3-CSV's examples, and damage."""
 
-import struct
-
 import numpy as np
 import pytest
 
@@ -10,16 +8,10 @@ from plumbob.core.errors import DecodeError, PlumbobError
 from plumbob.files import read
 from plumbob.files.formats import kind_of
 from plumbob.rotations import Frame, North
+from tests.files.kinds import binary
 
 # 0.5, -0.25, 0 deg/s; 0, 0, 1 g; t = 1 s
 VECTOR = bytes.fromhex("C940420F00000000000000003F000080BE0000000000000000000000000000803F0A")
-
-
-def binary(letter, us, *values):
-    """A message as Connection/DataMessages of x-IMU3-Software writes it, by its description."""
-    body = struct.pack(f"<Q{len(values)}f", us, *values)
-    escaped = body.replace(b"\xdb", b"\xdb\xdd").replace(b"\n", b"\xdb\xdc")
-    return bytes([ord(letter) | 0x80]) + escaped + b"\n"
 
 
 def test_the_vector_of_the_protocol(tmp_path):

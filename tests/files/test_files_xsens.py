@@ -3,27 +3,16 @@
 import numpy as np
 import pytest
 
-from plumbob.core.errors import ClockError, DecodeError, PlumbobError
+from plumbob.core.errors import ClockError, DecodeError, ParameterError, PlumbobError
 from plumbob.files import read
 from plumbob.files.formats import kind_of
 from plumbob.rotations import Frame, quat_from_dcm
+from tests.files.kinds import NEW, OLD, SENSORS, export
 
-OLD = "// Start Time: Unknown\n// Update Rate: 100.0Hz\n// Filter Profile: human (46.1)\n// Firmware Version: 4.0.2\n"
-NEW = (
-    "// General information:\n//  MT Manager version: 2022.2.0\n// Device information:\n//  DeviceId: 00B4D6D1\n"
-    "//  ProductCode: MTW2-3A7G6\n// Device settings:\n//  Filter Profile: human(46.1)\n// Coordinate system: ENU\n"
-)
-SENSORS = ["Acc_X", "Acc_Y", "Acc_Z", "Gyr_X", "Gyr_Y", "Gyr_Z", "Mag_X", "Mag_Y", "Mag_Z"]
 # the row in opensim-core's testXsensDataReader.cpp, of sensor 00B421AF
 VALUES = [3.030769, 5.254238, -7.714005, 0.005991, -0.032133, 0.022713, -0.045410, -0.266113, 0.897217]
 MATRIX = [f"Mat[{row}][{column}]" for column in (1, 2, 3) for row in (1, 2, 3)]
 TURN = [0.609684, 0.730843, 0.306845, 0.519480, -0.660808, 0.541732, 0.598686, -0.170885, -0.782543]
-
-
-def export(path, head, columns, rows, separator="\t"):
-    lines = [separator.join(columns), *(separator.join(map(str, row)) for row in rows)]
-    path.write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
-    return path
 
 
 @pytest.mark.parametrize("separator", ["\t", ",", ";"])
@@ -66,6 +55,27 @@ def test_quaternions_go_before_matrices_and_angles(tmp_path):
     track = read(export(tmp_path / "a.txt", OLD + "// Coordinate system: NED\n", columns, rows)).track
     assert track.frame is Frame.NED
     np.testing.assert_array_equal(track.q_nb, np.tile([0.5, -0.5, 0.5, 0.5], (10, 1)))
+
+
+def test_increments_stand_for_rates_and_accelerations(tmp_path):
+    """A turn of 0.02 rad about z in each sample of 10 ms, and gravity along z with 1 m/s² along x when it begins."""
+    columns = [
+        "PacketCounter",
+        "SampleTimeFine",
+        *(f"VelInc_{axis}" for axis in "XYZ"),
+        *(f"OriInc_q{k}" for k in range(4)),
+    ]
+    row = [0.01, 0.0, 0.0981, np.cos(0.01), 0.0, 0.0, np.sin(0.01)]
+    recording = read(export(tmp_path / "a.txt", NEW, columns, [[i, 100 * i, *row] for i in range(10)]))
+    np.testing.assert_allclose(recording.imu.gyr, [[0.0, 0.0, 2.0]] * 10, atol=1e-12)
+    # seen from axes that have turned left by 0.02 rad, what lay along x lies 0.02 rad to the right
+    np.testing.assert_allclose(recording.imu.acc, [[np.cos(0.02), -np.sin(0.02), 9.81]] * 10, atol=1e-12)
+    path = export(tmp_path / "b.txt", NEW, columns[:5], [[i, 100 * i, *row[:3]] for i in range(10)])
+    recording = read(path)
+    np.testing.assert_allclose(recording.imu.acc, [[1.0, 0.0, 9.81]] * 10, atol=1e-12)
+    assert any("in the axes at its beginning, as no rate is known" in note for note in recording.notes)
+    with pytest.raises(ParameterError, match="holds one unit without a name"):
+        read(path, unit="2")
 
 
 def test_utc_columns_give_the_start(tmp_path):

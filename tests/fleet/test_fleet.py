@@ -5,16 +5,19 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import plumbob
-from plumbob.core.errors import CalibrationError, DecodeError, ParameterError
+from plumbob.core.errors import CalibrationError, DecodeError, LineError, ParameterError
 from plumbob.data.cards import CalibrationCard
-from plumbob.fleet.items import Item, items_of
+from plumbob.fleet.child import Child
+from plumbob.fleet.items import Item, digest_of, items_of
 from plumbob.fleet.job import COLUMNS
 from plumbob.fleet.places import fetched, place_of
 from plumbob.fleet.settings import cards_of
@@ -71,8 +74,9 @@ def test_each_recording_has_a_row_and_a_damaged_one_is_not_the_end(dataset):
     assert all(row["reason"] for row in done.rows() if row["verdict"] != "done")
 
 
-def test_bits_do_not_depend_on_the_number_of_threads(folder, dataset, tmp_path):
-    plumbob.batch(folder, tmp_path / "three", jobs=3, **SETTINGS)
+def test_bits_do_not_depend_on_the_number_of_processes(folder, dataset, tmp_path):
+    done = plumbob.batch(folder, tmp_path / "three", jobs=3, **SETTINGS)
+    assert done.counts == dataset[0].counts
     assert parts(tmp_path / "three") == parts(dataset[1])
 
 
@@ -125,7 +129,7 @@ def test_a_second_run_makes_nothing_again(folder, dataset):
     out = dataset[1]
     before = {path: path.stat().st_mtime_ns for path in out.rglob("*.parquet") if path.name == "part.parquet"}
     table = (out / "verdicts.csv").read_bytes()
-    again = plumbob.batch(folder, out, jobs=2, **SETTINGS)
+    again = plumbob.batch(folder, out, jobs=1, **SETTINGS)
     assert again.skipped == GOOD + 3
     assert {path: path.stat().st_mtime_ns for path in before} == before
     assert (out / "verdicts.csv").read_bytes() == table
@@ -136,40 +140,144 @@ def test_what_changed_is_made_again(tmp_path):
     for seed in (1, 2):
         plumbob.write(tmp_path / "in" / f"r{seed}.parquet", made(seed))
     out = tmp_path / "out"
-    plumbob.batch(tmp_path / "in", out, **SETTINGS)
+    plumbob.batch(tmp_path / "in", out, jobs=1, **SETTINGS)
     first = parts(out)
     plumbob.write(tmp_path / "in" / "r2.parquet", made(3), overwrite=True)
-    assert plumbob.batch(tmp_path / "in", out, **SETTINGS).skipped == 1
+    assert plumbob.batch(tmp_path / "in", out, jobs=1, **SETTINGS).skipped == 1
     second = parts(out)
     assert second["recording=r1.parquet"] == first["recording=r1.parquet"]
     assert second["recording=r2.parquet"] != first["recording=r2.parquet"]
-    assert plumbob.batch(tmp_path / "in", out, params={"kp": 0.9}, **SETTINGS).skipped == 0
+    assert plumbob.batch(tmp_path / "in", out, params={"kp": 0.9}, jobs=1, **SETTINGS).skipped == 0
     assert parts(out)["recording=r1.parquet"] != first["recording=r1.parquet"]
     (tmp_path / "in" / "r1.parquet").write_bytes(b"cut")
-    damaged = plumbob.batch(tmp_path / "in", out, params={"kp": 0.9}, **SETTINGS)
+    damaged = plumbob.batch(tmp_path / "in", out, params={"kp": 0.9}, jobs=1, **SETTINGS)
     assert (damaged.skipped, damaged.counts["damaged"]) == (1, 1)
     assert list(parts(out)) == ["recording=r2.parquet"]
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="the system has no SIGKILL")
-@pytest.mark.parametrize(("name", "code"), [("SIGKILL", -9), ("SIGTERM", 143)])
-def test_a_killed_run_leaves_whole_files_and_goes_on(folder, dataset, tmp_path, name, code):
-    out = tmp_path / "out"
-    words = [sys.executable, "-m", "plumbob", "batch", folder, "--out", out, "--filter", "mahony", "--jobs", "1"]
-    child = subprocess.Popen([*map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    until = time.monotonic() + 60.0
-    while len(list(out.glob("_jobs/*.json"))) < 4 and child.poll() is None and time.monotonic() < until:
+def test_a_profile_beside_a_table_is_input_too(tmp_path):
+    table, profile, out = tmp_path / "in/r.csv", tmp_path / "in/r.profile.toml", tmp_path / "out"
+    table.parent.mkdir()
+    plumbob.write(table, made(1).imu)
+    assert plumbob.batch(table.parent, out, **SETTINGS).rows()[0]["device"] == "mpu6000+hmc5983 #1"
+    assert plumbob.batch(table.parent, out, **SETTINGS).skipped == 1
+    profile.write_text(profile.read_text().replace("hmc5983 #1", "hmc5983 #2"))
+    again = plumbob.batch(table.parent, out, **SETTINGS)
+    assert (again.skipped, again.rows()[0]["device"]) == (0, "mpu6000+hmc5983 #2")
+
+
+def test_a_part_of_a_stream_is_read_with_its_first_one(tmp_path):
+    for name in ("s.mcap", "s.0002.mcap", "t.0002.mcap"):
+        (tmp_path / name).write_bytes(name.encode())
+    assert [item.name for item in items_of(tmp_path, print)] == ["s.mcap", "t.0002.mcap"]
+    before = digest_of(tmp_path / "s.mcap")
+    (tmp_path / "s.0002.mcap").write_bytes(b"another")
+    assert digest_of(tmp_path / "s.mcap") != before
+
+
+def children_of(pid):
+    return [int(one) for one in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()] + [
+        int(one) for path in Path(f"/proc/{pid}/task").glob("*/children") for one in path.read_text().split()
+    ]
+
+
+def lives(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def until(true, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not true() and time.monotonic() < end:
         time.sleep(0.002)
-    child.send_signal(getattr(signal, name))
+    return true()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the system has no SIGKILL")
+@pytest.mark.parametrize(
+    ("name", "code", "jobs"), [("SIGKILL", -9, 1), ("SIGTERM", 143, 1), ("SIGKILL", -9, 2), ("SIGINT", 130, 2)]
+)
+def test_a_killed_run_leaves_whole_files_and_no_process_and_goes_on(folder, dataset, tmp_path, name, code, jobs):
+    out = tmp_path / "out"
+    words = [sys.executable, "-m", "plumbob", "batch", folder, "--out", out, "--filter", "mahony", "--jobs", jobs]
+    child = subprocess.Popen(
+        [*map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    until(lambda: len(list(out.glob("_jobs/*.json"))) >= 4 or child.poll() is not None)
+    workers = children_of(child.pid) if jobs > 1 and sys.platform == "linux" else []
+    os.killpg(child.pid, getattr(signal, name))  # as a terminal does
     assert child.wait() == code
+    assert (len(workers) > 0) == (jobs > 1 and sys.platform == "linux")
+    assert until(lambda: not any(map(lives, workers)), 10.0)
     records = len(list(out.glob("_jobs/*.json")))
     assert 4 <= records < GOOD + 3
     expected = parts(dataset[1])
     assert parts(out).items() <= expected.items()
-    done = plumbob.batch(folder, out, jobs=2, **SETTINGS)
-    assert done.skipped >= records
+    done = plumbob.batch(folder, out, jobs=1, **SETTINGS)
+    assert done.skipped >= records and done.counts == dataset[0].counts
     assert parts(out) == expected
     assert not list(out.rglob("*.tmp"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the system has no SIGKILL")
+def test_the_job_of_a_process_that_is_killed_has_failed_and_the_rest_goes_on(folder, dataset, tmp_path, monkeypatch):
+    run, used = Child.run, set()
+
+    def killed(self, item):
+        used.add(self.pid)
+        if item.name == "r1.parquet":
+            os.kill(self.pid, signal.SIGSTOP)  # so that it has the job, and does not do it
+            threading.Timer(0.1, os.kill, (self.pid, signal.SIGKILL)).start()
+        return run(self, item)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Child, "run", killed)
+        done = plumbob.batch(folder, tmp_path / "out", jobs=2, **SETTINGS)
+    assert done.counts == dataset[0].counts | {"done": GOOD - 1, "failed": 1}
+    row = next(row for row in done.rows() if row["verdict"] == "failed")
+    assert (row["recording"], row["samples"], len(used)) == ("r1.parquet", None, 3)
+    assert "SIGKILL, as the system does where memory runs out; the next run tries it again" in row["reason"]
+    assert not any(map(lives, used))
+    again = plumbob.batch(folder, tmp_path / "out", jobs=1, **SETTINGS)
+    assert (again.counts, again.skipped) == (dataset[0].counts, GOOD + 2)
+    assert parts(tmp_path / "out") == parts(dataset[1])
+
+
+def test_a_script_needs_no_main_guard_and_prints_of_a_process_do_no_harm(folder, dataset, tmp_path):
+    (tmp_path / "sitecustomize.py").write_text("print('noise', flush=True)")
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import dataclasses, plumbob\n"
+        "class Own(plumbob.Recording):\n    pass\n"
+        f"given = [plumbob.read({str(folder)!r} + f'/r{{n}}.parquet') for n in (1, 2)]\n"
+        "given = [dataclasses.replace(one, name=f'r{n}.parquet') for n, one in zip((1, 2), given)]\n"
+        "given[1] = Own(**{field.name: getattr(given[1], field.name) for field in dataclasses.fields(given[1])})\n"
+        f"done = plumbob.batch(given, {str(tmp_path / 'out')!r}, filter='mahony', jobs=2)\n"
+        "print(done.counts['done'], __name__)\n"
+    )
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    done = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": path}
+    )
+    assert done.stdout.splitlines() == ["noise", "2 __main__"], done.stderr
+    expected = parts(dataset[1])
+    assert all(expected[name] == content for name, content in parts(tmp_path / "out").items())
+
+
+def test_an_error_of_a_process_is_that_of_the_batch(folder, tmp_path):
+    (tmp_path / "out/_jobs/r1.parquet.json").mkdir(parents=True)
+    with pytest.raises(DecodeError, match=r"r1\.parquet\.json cannot be written: it is a folder") as raised:
+        plumbob.batch([folder / "r1.parquet", folder / "r2.parquet"], tmp_path / "out", jobs=2, **SETTINGS)
+    assert "run_job" in raised.value.__notes__[0]
+
+
+def test_where_no_process_can_be_started_threads_do_it(folder, dataset, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "executable", "")
+    done = plumbob.batch(folder, tmp_path / "out", jobs=2, **SETTINGS)
+    assert done.counts == dataset[0].counts
+    assert parts(tmp_path / "out") == parts(dataset[1])
 
 
 def test_two_runs_at_once_are_refused(folder, tmp_path):
@@ -185,7 +293,7 @@ def test_a_folder_of_other_files_is_not_a_dataset(folder):
 def test_recordings_in_memory_come_from_an_iterator(folder, dataset, tmp_path):
     seen = []
     given = (replace(plumbob.read(folder / f"r{seed}.parquet"), name=f"r{seed}.parquet") for seed in (1, 2))
-    done = plumbob.batch(given, tmp_path / "out", progress=lambda *now: seen.append(now), **SETTINGS)
+    done = plumbob.batch(given, tmp_path / "out", progress=lambda *now: seen.append(now), jobs=1, **SETTINGS)
     assert seen == [(1, None), (2, None)] and done.counts["done"] == 2
     expected, found = parts(dataset[1]), parts(tmp_path / "out")
     assert all(expected[name] == content for name, content in found.items())
@@ -212,7 +320,7 @@ def test_cards_go_by_device(tmp_path):
         card.save(tmp_path / f"{name}.json")
     third = raw[0].corrected(meta=replace(raw[0].meta, device="unit 3"))
     given = [plumbob.Recording(imu=imu, name=imu.meta.device) for imu in (*raw, third)]
-    done = plumbob.batch(given, tmp_path / "out", calibration=tmp_path, **SETTINGS)
+    done = plumbob.batch(given, tmp_path / "out", calibration=tmp_path, jobs=1, **SETTINGS)
     assert verdicts(done.rows()) == {"unit 1": "done", "unit 2": "done", "unit 3": "refused"}
     for imu, card in zip(raw, cards, strict=True):
         track = plumbob.estimate(imu, "mahony", calibration=card).track
@@ -247,11 +355,46 @@ def test_behind_urls(folder, dataset):
         pass
 
 
+def test_a_table_behind_a_url_has_its_profile_there(tmp_path):
+    fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
+    plumbob.write(tmp_path / "r.csv", made(1).imu)
+    for name in ("r.csv", "r.profile.toml"):
+        fsspec.filesystem("memory").pipe_file(f"/tables/{name}", (tmp_path / name).read_bytes())
+    assert plumbob.batch("memory://tables", tmp_path / "out", **SETTINGS).counts["done"] == 1
+
+
+def test_what_does_not_answer_is_one_error_or_one_row(folder, tmp_path, monkeypatch):
+    fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
+    memory = fsspec.filesystem("memory")
+    for name in ("r1.parquet", "r2.parquet"):
+        memory.pipe_file(f"/lake/{name}", (folder / name).read_bytes())
+    whole = type(memory).open
+
+    def cut(self, path, *how, **more):
+        if "r1" in path:
+            raise RuntimeError("no route")  # as botocore, whose errors are not of the system
+        return whole(self, path, *how, **more)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(type(memory), "open", cut)
+        rows = plumbob.batch("memory://lake", tmp_path / "out", jobs=2, **SETTINGS).rows()
+    assert verdicts(rows) == {"r1.parquet": "failed", "r2.parquet": "done"}
+    assert rows[0]["reason"].startswith("memory://lake/r1.parquet cannot be reached: no route. Check")
+    assert plumbob.batch("memory://lake", tmp_path / "out", jobs=1, **SETTINGS).counts["done"] == 2
+    with monkeypatch.context() as patch:
+        for name in ("isfile", "ls"):
+            patch.setattr(type(memory), name, lambda *_, **__: 1 // 0)
+        with pytest.raises(LineError, match="memory://lake cannot be reached"):
+            plumbob.batch("memory://lake", tmp_path / "new", **SETTINGS)
+        with pytest.raises(LineError, match="memory://new cannot be reached"):
+            plumbob.batch(folder, "memory://new", **SETTINGS)
+
+
 def test_names(folder):
     said = []
     found = {item.name: item for item in items_of(folder, said.append)}
     assert len(found) == GOOD + 3 and found["deep/r0.parquet"].key == "deep%2Fr0.parquet"
-    assert said == [f"{folder}: left out, because no format has such a suffix: notes.doc"]
+    assert said == [f"{folder}: left out, no recordings by their suffix or content: notes.doc"]
     assert [item.name for item in items_of(f"{folder}/**/r0.parquet", said.append)] == ["deep/r0.parquet"]
     assert [item.name for item in items_of(folder / "r1.parquet", said.append)] == ["r1.parquet"]
     with pytest.raises(ParameterError, match="two recordings are called r1"):
@@ -298,8 +441,16 @@ def test_statistics_stand_in_the_records(dataset):
 def test_a_cluster_gives_the_same_bits(folder, dataset, tmp_path):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0", host="127.0.0.1"
     ) as cluster:
         done = plumbob.batch(folder, tmp_path / "out", cluster=cluster.scheduler_address, **SETTINGS)
         assert done.counts == dataset[0].counts
     assert parts(tmp_path / "out") == parts(dataset[1])
+
+
+def test_pipes_and_devices_are_damaged_and_never_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    (tmp_path / "endless.parquet").symlink_to("/dev/zero")
+    done = plumbob.batch(tmp_path, tmp_path / "dataset", **SETTINGS)
+    assert done.counts["damaged"] == 2
+    assert all("is not a regular file" in row["reason"] for row in done.rows())

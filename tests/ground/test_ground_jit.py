@@ -7,6 +7,7 @@ import shutil
 import stat
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -454,3 +455,25 @@ def pattern(x):
 @njit
 def divide(a, b):
     return a / b
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the system has no such locks")
+def test_one_process_at_a_time_adds_to_the_cache(tmp_path):
+    """Two that number their files by the index that they read before would give two kernels one number."""
+    import fcntl
+
+    added = threading.Event()
+
+    class Cache:
+        cache_path = str(tmp_path)
+
+        def save_overload(self, *_args):
+            added.set()
+
+    with (tmp_path / ".lock").open("w") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        adding = threading.Thread(target=_jit._Forgiving(Cache()).save_overload, args=(None, None))
+        adding.start()
+        assert not added.wait(0.1)
+    assert added.wait(10.0)
+    adding.join()

@@ -44,8 +44,12 @@ def test_the_catalogue_declares_what_follows_from_the_format(name):
         ("ahrs400", 256.0**-2 / 256 * 32769 / 65536 * 4096 / 65536),
         # sync of 16 bits, two sums of 16 bits, pitch as above
         ("ahrs500ga", 256.0**-2 * 2 * 256.0**-2 * 32769 / 65536),
-        # sync, kind out of 4, sum of 8 bits, the next sync
-        ("witmotion", 256.0**-4 * 4),
+        # sync, kind out of 5, sum of 8 bits, the next sync
+        ("witmotion", 256.0**-4 * 5),
+        # one of two beginnings of 16 bits, three messages with a register behind; the next, of either kind, confirms
+        ("witmotion_ble", 256.0**-2 * (1 + 3 * 256.0**-2) * 2 * 256.0**-2),
+        # sync of 24 bits out of 8 twice (confirmed), base and identity of 9 reports; the sync says the length
+        ("bno08x_shtp", (8 * 256.0**-3) ** 2 * 9 * 256.0**-2),
         # sync of 32 bits, check of 16
         ("vectornav_ypr", 256.0**-6),
     ],
@@ -55,7 +59,7 @@ def test_it_is_the_product_of_what_guards(name, odds):
 
 
 @pytest.mark.skipif(jit_disabled(), reason="60 million bytes need compiled kernels")
-@pytest.mark.parametrize("name", ["ahrs400", "witmotion"])
+@pytest.mark.parametrize("name", ["ahrs400", "witmotion", "witmotion_ble"])
 def test_random_bytes_pass_as_often_as_computed(name):
     form = settled(name)
     form = replace(form, framing=replace(form.framing, confirm=False))  # else there would be nothing to count

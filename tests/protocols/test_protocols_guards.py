@@ -120,8 +120,8 @@ def test_a_check_of_two_kinds_is_learnt_alike_however_the_bytes_are_cut(words):
 
 def test_floats_that_are_no_numbers_are_absent_and_flagged():
     form = catalog.load("xbus_mtdata2")
-    rows = encode(form, {"gyr.x": [1.0, np.inf, -np.inf, 2.0], "gyr.y": [1.0, 2.0, 3.0, 4.0]})
-    found = decode(rows.tobytes(), form)[0]["xbus_mtdata2"]
+    rows = encode(form, {"gyr.x": [1.0, np.inf, -np.inf, 2.0], "gyr.y": [1.0, 2.0, 3.0, 4.0]}, message="rate")
+    found = decode(rows.tobytes(), form)[0]["rate"]
     np.testing.assert_array_equal(found.columns["gyr.x"], [1.0, np.nan, np.nan, 2.0])
     assert found.columns["gyr.y"].tolist() == [1.0, 2.0, 3.0, 4.0]
     assert (found.flags[""] == [0, flags.GYR_INVALID, flags.GYR_INVALID, 0]).all()
@@ -171,3 +171,53 @@ def test_after_a_disturbance_a_frame_counts_once_another_begins_behind_it():
     assert decoder.feed(first + b"\x00" + second, 1) == {}  # no frame begins behind the first
     assert decoder.feed(third, 2)["mine"].start.tolist() == [9, 17]
     assert decoder.counts.junk == 9
+
+
+PARTS = """
+byte_order = "big"
+frame = { sync = "A5", length_field = { at = 1, size = 1, add = 0, least = 4, most = 9 } }
+[part]
+count = [{ name = "id", type = "u8", role = "constant", value = 1 }, { name = "count", type = "u8", role = "counter" }]
+bits = [
+    { name = "kind", type = "u8", role = "constant", value = 2 },
+    { name = "high", at = 1, type = "u8", bits = [7, 4], role = "status" },
+    { name = "low", at = 1, type = "u8", bits = [3, 0], role = "status" },
+    { name = "temp_c", type = "s8", unit = "degC" },
+]
+[[message]]
+name = "both"
+length = 8
+parts = ["count", "bits"]
+field = [{ name = "last", type = "u8", role = "status" }]
+[[message]]
+name = "turned"
+length = 7
+parts = ["bits", "count"]
+"""
+
+
+def test_parts_lie_one_behind_the_other_and_their_places_count_from_their_first_byte():
+    form = parse_format(HEAD + PARTS)
+    assert [(f.name, f.at) for f in form.message("both").fields] == [
+        ("id", 2), ("count", 3), ("kind", 4), ("high", 5), ("low", 5), ("temp_c", 6), ("last", 7)
+    ]  # fmt: skip
+    found, counts = decode(bytes.fromhex("A508 0109 025AF8 07 A507 027C14 010A"), form)
+    assert counts.junk == 0
+    both, turned = found["both"].columns, found["turned"].columns
+    assert [both[name][0] for name in ("count", "high", "low", "temp_c", "last")] == [9, 5, 10, -8.0, 7]
+    assert [turned[name][0] for name in ("high", "low", "temp_c", "count")] == [7, 12, 20.0, 10]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('["count", "bits"]', '["count", "bit"]', "message both has no part 'bit'; known are count, bits"),
+        ('["count", "bits"]', '["count", "bits", "bits"]', "message both has a part twice"),
+        ('["count", "bits"]', '["count", "bits", "count"]', "message both has a part twice"),
+        ("length = 7", "length = 6", "field count ends at byte 7, but message turned has 6"),
+        ('at = 1, type = "u8", bits = [3, 0]', 'at = 0, type = "u8", bits = [3, 0]', "kind and field low share byte"),
+    ],
+)
+def test_parts_that_do_not_fit_are_refused_by_name(old, new, told):
+    with pytest.raises(DecodeError, match=told):
+        parse_format(HEAD + PARTS.replace(old, new))

@@ -72,6 +72,25 @@ def test_clock_and_counter_tell_each_frame():
     assert np.array_equal(frames.columns["counter"], np.arange(len(rig)) % 65536)
 
 
+@pytest.mark.parametrize(
+    ("name", "options", "field", "ticks"),
+    [
+        # 10 ms at 100 Hz: in units of 0.1 ms (Xsens), of 39.0625 us (Bosch), of 1 ns (VectorNav), of 0.79 us down
+        ("xbus_mtdata2", {}, "time", 100),
+        ("bmi270", {}, "clock", 256),
+        ("vectornav_imu", {}, "time", 10_000_000),
+        ("ahrs400", {"rr": "200", "gr": "4"}, "time", -10_000 / 0.79),
+    ],
+)
+def test_a_clock_counts_the_ticks_of_its_device(name, options, field, ticks):
+    form = find_format(name).bind(options)
+    plan = plan_for(form, scenario("buoy"), sensors="mpu6000+hmc5983", frame=Frame.NED, rate=100.0)
+    frames, _ = decoded(make_rig(plan, form, seed=1, duration=1.0))
+    width = next(one.width for one in form.message().fields if one.name == field)
+    expected = np.rint(np.arange(100) * ticks).astype(np.int64) & ((1 << min(width, 63)) - 1)
+    assert np.array_equal(frames.columns[field], expected)
+
+
 def test_a_fast_clock_runs_away():
     frames, _ = decoded(rig_of("buoy", clock_error=4e-5))
     ideal = np.arange(2000) * 10_000.0

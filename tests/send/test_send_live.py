@@ -1,6 +1,7 @@
 """Sending beside a live recording, and at a replay, of an emulated rig behind a pseudo-terminal."""
 
 import json
+import re
 import socket
 import threading
 import time
@@ -125,3 +126,15 @@ def test_what_does_not_go_together(tmp_path: Path) -> None:
     with pytest.raises(PlumbobError, match="send"):
         load_session(path)
     assert issubclass(FrameError, PlumbobError)
+
+
+def test_a_file_read_faster_than_live_says_how_much_is_not_sent(tmp_path: Path) -> None:
+    raw, sent = tmp_path / "buoy.bin", tmp_path / "sent.jsonl"
+    plumbob.emulate("buoy", write=raw, duration="5 s", seed=1, unit="calibrated")
+    text = f'kind = "plumbob session"\nversion = 1\n[source]\nkind = "file"\npath = "{raw}"\n[format]\nname = "buoy"\n'
+    text += '[imu]\nframe = "NED"\n[estimate]\nfilter = "mekf"\n'
+    (tmp_path / "s.toml").write_text(text, encoding="utf-8")
+    notes: list[str] = []
+    plumbob.record(tmp_path / "s.toml", send=[f"json file:{sent} 10Hz"], note=notes.append)
+    left = [int(found[1]) for line in notes if (found := re.search(r"(\d+) attitudes? not sent", line))]
+    assert len(left) == 1 and left[0] + len(sent.read_text().splitlines()) == 50

@@ -17,6 +17,8 @@ rosbags = pytest.importorskip("rosbags")
 
 ROWS = 120
 T0 = 1_700_000_000_987_654_321
+FLU = np.array([1.0, -1.0, -1.0])
+"""Forward, right, down as forward, left, up (REP 103): half a turn about x."""
 LAYOUTS = {"a.bag": None, "a.mcap": "ros2", "a": "rosbag2"}
 
 
@@ -63,7 +65,8 @@ def xyz(vector):
 def test_rosbags_reads_it(recording, tmp_path, name):
     notes = []
     plumbob.convert(recording, tmp_path / name, layout=LAYOUTS[name], note=notes.append)
-    assert any("no place for flags" in note for note in notes)
+    assert any("ROS has no place for what headings count from: left out" in note for note in notes)
+    assert any("turned to forward, left and up (REP 103)" in note for note in notes)
     imu, found = recording.imu, messages(tmp_path / name)
     assert {topic: len(rows) for (topic, _), rows in found.items()} == {
         "/imu/data": ROWS,
@@ -75,20 +78,22 @@ def test_rosbags_reads_it(recording, tmp_path, name):
     assert stamps == (imu.t_ns + T0).tolist()
     assert {one.header.frame_id for one in rows} == {"board 7"}
     rates = np.array([xyz(one.angular_velocity) for one in rows])
-    assert np.array_equal(np.delete(rates, 7, axis=0), np.delete(imu.gyr, 7, axis=0))
+    assert np.array_equal(np.delete(rates, 7, axis=0), np.delete(imu.gyr * FLU, 7, axis=0))
     assert [i for i, one in enumerate(rows) if one.angular_velocity_covariance[0] == -1.0] == [7]
     forces = np.array([xyz(one.linear_acceleration) for one in rows])
-    assert np.array_equal(forces, imu.acc, equal_nan=True)  # one axis alone has no word but NaN
+    assert np.array_equal(forces, imu.acc * FLU, equal_nan=True)  # one axis alone has no word but NaN
     assert [i for i, one in enumerate(rows) if one.orientation_covariance[0] == -1.0] == [11]
     xyzw = np.array([[*xyz(one.orientation), one.orientation.w] for one in rows])
+    assert np.nanmedian(forces[:, 2]) > 9.0  # at rest the force points up, and so does z of the body
     # NED to ENU swaps x and y and turns z over: a vector of the body must come out so
     known = recording.track.known
     down, up = dcm_from_quat(recording.track.q_nb[known]), dcm_from_quat(xyzw[known][:, [3, 0, 1, 2]])
-    np.testing.assert_allclose(up, down[:, [1, 0, 2], :] * [[1.0], [1.0], [-1.0]], atol=1e-12)
+    np.testing.assert_allclose(up, down[:, [1, 0, 2], :] * [[1.0], [1.0], [-1.0]] * FLU, atol=1e-12)
     covs = np.array([one.orientation_covariance for one in rows]).reshape(-1, 3, 3)[known]
-    np.testing.assert_allclose(np.swapaxes(up, 1, 2) @ covs @ up, recording.track.cov_b[known], atol=1e-15)
+    told = recording.track.cov_b[known] * np.outer(FLU, FLU)
+    np.testing.assert_allclose(np.swapaxes(up, 1, 2) @ covs @ up, told, atol=1e-15)
     fields = np.array([xyz(one.magnetic_field) for _, one in found["/imu/mag", "sensor_msgs/msg/MagneticField"]])
-    np.testing.assert_allclose(fields, imu.mag[np.isfinite(imu.mag[:, 0])] * 1e-6, rtol=1e-15)  # tesla
+    np.testing.assert_allclose(fields, (imu.mag * FLU)[np.isfinite(imu.mag[:, 0])] * 1e-6, rtol=1e-15)  # tesla
     heat = [one.temperature for _, one in found["/imu/temperature", "sensor_msgs/msg/Temperature"]]
     assert heat == imu.temp_c[::10].tolist()
 
@@ -102,7 +107,7 @@ def test_the_library_of_mcap_reads_the_schemas(recording, tmp_path):
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         rows = [one for _, channel, _, one in reader.iter_decoded_messages() if channel.topic == "/imu/data"]
     forces = np.array([xyz(one.linear_acceleration) for one in rows])
-    assert np.array_equal(forces, recording.imu.acc, equal_nan=True)
+    assert np.array_equal(forces, recording.imu.acc * FLU, equal_nan=True)
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -110,13 +115,24 @@ def test_there_and_back_is_the_same_to_the_bit(recording, tmp_path, name):
     plumbob.convert(recording, tmp_path / name, layout=LAYOUTS[name])
     back, imu = plumbob.read(tmp_path / name), recording.imu
     assert np.array_equal(back.imu.t_ns + back.imu.meta.t0_ns, imu.t_ns + T0)  # a bag's time begins with its first row
-    for key in ("gyr", "acc", "temp_c"):
-        assert np.array_equal(getattr(back.imu, key), getattr(imu, key), equal_nan=True), key
+    assert back.imu.meta.frame is Frame.ENU
+    for key in ("gyr", "acc"):  # signs alone change, so that nothing is lost
+        assert np.array_equal(getattr(back.imu, key) * FLU, getattr(imu, key), equal_nan=True), key
+    assert np.array_equal(back.imu.temp_c, imu.temp_c, equal_nan=True)
     assert back.imu.meta.device == "board 7"
-    np.testing.assert_allclose(back.imu.mag, imu.mag, rtol=3e-16)  # µT to T and back: the last bit at most
+    np.testing.assert_allclose(back.imu.mag * FLU, imu.mag, rtol=3e-16)  # µT to T and back: the last bit at most
     again = tmp_path / f"again{name}"
     plumbob.convert(back, again, layout=LAYOUTS[name])
     assert np.array_equal(plumbob.read(again).track.q_nb, back.track.q_nb, equal_nan=True)
+    assert np.array_equal(plumbob.read(again).imu.gyr, back.imu.gyr, equal_nan=True)  # it is turned once
+
+
+def test_axes_that_nothing_tells_stay(recording, tmp_path):
+    notes = []
+    bare = recording.imu.corrected(meta=plumbob.ImuMeta(t0_ns=T0))
+    plumbob.convert(plumbob.Recording(imu=bare, name="a"), tmp_path / "a.bag", note=notes.append)
+    assert np.array_equal(plumbob.read(tmp_path / "a.bag").imu.acc, bare.acc, equal_nan=True)
+    assert any("body axes stay as they are: nothing says" in note for note in notes)
 
 
 def test_an_attitude_alone_and_samples_alone(recording, tmp_path):
@@ -162,7 +178,17 @@ def test_euroc_holds_every_bit(recording, tmp_path):
     assert state.shape == (ROWS - 1, 17) and not state[:, 1:4].any()
     down = dcm_from_quat(recording.track.q_nb[recording.track.known])
     np.testing.assert_allclose(dcm_from_quat(state[:, 4:8]), down[:, [1, 0, 2], :] * [[1.0], [1.0], [-1.0]], atol=1e-12)
-    assert any("no mag and no temp_c" in note for note in notes) and any("2 samples without" in note for note in notes)
+    assert any("EuRoC has no place for mag, temp_c, device" in note for note in notes)
+    assert any("2 samples without" in note for note in notes)
+    with pytest.raises(ShapeError, match="samples of an IMU, and there are none"):
+        plumbob.convert(recording, tmp_path / "b", layout="euroc", what="attitude")
+
+
+def test_the_rate_of_euroc_comes_back_to_the_bit(recording, tmp_path):
+    meta = plumbob.ImuMeta(t0_ns=T0, rate_nominal=2000.0 / 7.0)
+    fast = plumbob.Recording(imu=recording.imu.corrected(meta=meta))
+    plumbob.convert(fast, tmp_path / "a", layout="euroc")
+    assert plumbob.read(tmp_path / "a").imu.meta.rate_nominal == 2000.0 / 7.0
 
 
 class TestFolders:
@@ -248,7 +274,7 @@ def test_the_verb(recording, tmp_path, capsys):
     assert main(["convert", sea, str(tmp_path / "a"), "--as", "rosbag2"]) == 0
     out = capsys.readouterr()
     assert out.out == f"{tmp_path / 'a'}: of sea.parquet, {ROWS} samples, {ROWS} attitudes\n"
-    assert "no place for flags" in out.err
+    assert "no place for what headings count from" in out.err
     assert main(["info", str(tmp_path / "a")]) == 0
     assert main(["convert", str(tmp_path / "a"), str(tmp_path / "b.csv"), "--what", "samples"]) == 0
     assert main(["export", sea, "--out", str(tmp_path / "c.bag")]) == 0  # as it was called before

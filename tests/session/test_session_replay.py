@@ -1,5 +1,7 @@
 """Recordings of a line: replay gives the live bits, damage becomes a gap, conversions hold what was there."""
 
+import json
+
 import numpy as np
 import pytest
 from live_samples import OFFSET, SESSION, motion, reads, record, session, stream
@@ -154,6 +156,33 @@ def test_tum_conversion_is_scalar_last(recording, tmp_path):
     np.testing.assert_array_equal(table[:, 4:], whole.track.q_nb[:, [1, 2, 3, 0]])
     np.testing.assert_array_equal(table[:, 1:4], 0.0)
     assert table[5, 0] == pytest.approx(whole.track.t[5], abs=1e-9)
+
+
+def test_tum_says_what_it_leaves_out_and_takes_the_name_that_evo_users_give(recording, tmp_path):
+    notes = []
+    convert(recording[0], tmp_path / "a.txt", layout="tum", note=notes.append)
+    head, first = (tmp_path / "a.txt").read_text().splitlines()[:2]
+    assert head.startswith("# timestamp tx ty tz qx qy qz qw; body to NED, heading from magnetic north; 0 s is ")
+    assert len(first.split(" ")) == 8
+    assert notes[-1] == "TUM has no place for samples, bias, flags, notes: left out"
+
+
+def test_viewers_of_foxglove_find_its_transforms(recording, tmp_path):
+    """By the library of MCAP, and docs.foxglove.dev/docs/sdk/schemas/frame-transform."""
+    from mcap.reader import make_reader
+
+    whole = read_recorded(recording[0], estimated=True)
+    convert(whole, tmp_path / "a.mcap")
+    with (tmp_path / "a.mcap").open("rb") as file:
+        found = [(schema, message) for schema, _, message in make_reader(file).iter_messages(topics=["tf"])]
+    assert {(schema.name, schema.encoding) for schema, _ in found} == {("foxglove.FrameTransform", "jsonschema")}
+    world, *bodies = [json.loads(message.data) for _, message in found]
+    assert (world["parent_frame_id"], world["child_frame_id"]) == ("world (ENU)", "navigation (NED)")
+    assert len(bodies) == len(whole.track)
+    q_nb = [[one["rotation"][axis] for axis in "wxyz"] for one in bodies]
+    np.testing.assert_array_equal(q_nb, whole.track.q_nb)
+    stamps = [one["timestamp"]["sec"] * 10**9 + one["timestamp"]["nsec"] for one in bodies]
+    assert stamps == (whole.imu.t_ns + whole.imu.meta.t0_ns).tolist() == [message.log_time for _, message in found[1:]]
 
 
 def test_text_conversion_has_degrees(recording, tmp_path):

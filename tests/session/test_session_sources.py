@@ -52,6 +52,22 @@ def test_a_recording_is_read_at_its_pace_times_the_speed(slow, clock, speed):
     assert [waited for _, waited in came] == [round(t * MS / speed) for t in (0, 100, 250, 400, 1000)]
 
 
+def test_an_event_of_another_clock_holds_nothing_up(tmp_path, clock):
+    """A file's bytes count their own time; that a target was opened has the host's."""
+    items = [Received(t * MS, bytes([i])) for i, t in enumerate((0, 100, 200))]
+    host = [
+        Event(42_302_000 * MS, "opened", "file:a.jsonl is open."),
+        Event(42_302_001 * MS, "wall-clock", "it was set."),
+    ]
+    record(tmp_path / "file.mcap", [items[0], host[0], *items[1:], host[1]])
+    source, start = sources.ReplaySource(open_recording(tmp_path / "file.mcap")[0], 1.0), clock.now_ns
+    came = []
+    while not source.finished:
+        came += [(item, clock.now_ns - start) for item in source.read(0.1)]
+    assert [item for item, _ in came] == [items[0], host[0], *items[1:], host[1]]
+    assert [waited for _, waited in came] == [0, 100 * MS, 100 * MS, 200 * MS, 200 * MS]
+
+
 def test_a_recording_whose_reader_is_late_does_not_fall_further_behind(slow, clock):
     source, start = sources.ReplaySource(slow[0], 2.0), clock.now_ns
     source.read(0.1)

@@ -25,7 +25,7 @@ def test_every_sensor_of_the_survey_is_there():
     assert preset_names() == ("adis16355", "adis16355:allan", "adis16355:density", "adis16470", "adis16505", "adxrs290",
                               "adxrs453", "ahrs500ga", "arm", "arm:rest", "arm:turn", "bmi088", "bmi160", "bmi270",
                               "bno055", "dcm260b", "hmc5983", "icm20948", "ideal", "lis3mdl", "lsm6dso", "lsm9ds1",
-                              "mpu3050", "mpu6000", "mpu6050", "mpu9250")  # fmt: skip
+                              "mpu3050", "mpu6000", "mpu6050", "mpu9250", "mti630", "vn100")  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "triad", "figure"), ALL)
@@ -46,6 +46,16 @@ def test_every_figure_has_value_unit_source_and_mark(name, triad, figure):
 @pytest.mark.parametrize(
     ("name", "triad", "figure", "expected", "mark"),
     [
+        # public projects that quote the data sheets, each in their own unit
+        ("bmi088", "gyr", "noise_density", 0.014 * DEG, "V1"),
+        ("bmi088", "acc", "noise_density", (160e-6 * G0, 160e-6 * G0, 190e-6 * G0), "V1"),
+        ("lsm6dso", "gyr", "noise_density", 3.8e-3 * DEG, "V1"),
+        ("lis3mdl", "mag", "noise_sample", (0.32, 0.32, 0.41), "V1"),
+        ("bno055", "acc", "noise_density", 150e-6 * G0, "V1"),
+        ("adis16470", "gyr", "bias_instability", 8 * DEG / 3600, "V1"),
+        ("adis16470", "acc", "bias_instability", 13e-6 * G0, "V1"),
+        ("vn100", "gyr", "noise_density", 0.0035 * DEG, "V1"),
+        ("mti630", "acc", "noise_density", 60e-6 * G0, "V1"),
         # survey of sensor noise, section 12, each in the survey's own unit
         ("adxrs290", "gyr", "range", 100.0 * DEG, "V"),
         ("adxrs290", "gyr", "noise_density", 0.004 * DEG, "V"),

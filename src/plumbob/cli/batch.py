@@ -36,7 +36,7 @@ def add_parser(verbs: common.Adder) -> None:
     )
     p.add_argument("--pages", action="store_true", help="also write a page about each recording, as 'plumbob report'")
     which = p.add_mutually_exclusive_group()
-    which.add_argument("--jobs", type=int, metavar="N", help="threads; default: one for each processor")
+    which.add_argument("--jobs", type=int, metavar="N", help="processes; default: one for each processor")
     which.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do it, as tcp://host:8786")
     common.add_json(p)
     p.set_defaults(run=run)

@@ -6,7 +6,7 @@ from pathlib import Path
 from plumbob.cli import common
 from plumbob.core.text import counted
 
-_LAYOUTS = ("ros2", "rosbag2", "euroc")
+_LAYOUTS = ("ros2", "rosbag2", "euroc", "tum")
 _FOLDERS = ("rosbag2", "euroc")
 
 
@@ -28,7 +28,8 @@ def add_parser(verbs: common.Adder) -> None:
         "--as",
         dest="layout",
         choices=_LAYOUTS,
-        help="ros2: .mcap with messages of ROS 2; rosbag2: folder of a ROS 2 bag; euroc: folder with mav0/imu0",
+        help="ros2: .mcap with messages of ROS 2; rosbag2: folder of a ROS 2 bag; euroc: folder with mav0/imu0; "
+        "tum: attitude as .tum or .txt, for evo",
     )
     p.add_argument("--what", choices=("all", "samples", "attitude"), default="all", help="leave the rest out")
     common.add_profile(p)

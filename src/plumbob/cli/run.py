@@ -183,14 +183,23 @@ def _report(args: argparse.Namespace, result: "Estimated", gatherer: "Gatherer")
 
 
 def _errors(track: "AttitudeTrack", reference: "AttitudeTrack") -> dict[str, Any]:
-    """Errors against the reference that the recording carries; a word where they cannot be compared."""
+    """Errors against the reference that the recording carries; a word where they cannot be compared.
+
+    Headings from two norths without a declination say nothing, but inclinations do.
+    """
     from plumbob.core.errors import PlumbobError
     from plumbob.evaluation import evaluate
 
     try:
         summary = evaluate(track, reference).summary()
     except PlumbobError as error:
-        return {"not_compared": str(error)}
+        if track.north is reference.north:
+            return {"not_compared": str(error)}
+        try:
+            aligned = evaluate(track, reference, align=("heading",)).summary()
+        except PlumbobError:
+            return {"not_compared": str(error)}
+        return {"not_compared": str(error), "inclination_rmse_deg": aligned["inclination_rmse_deg"]}
     keys = ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg")
     return {key: summary[key] for key in keys} | {"not_scored": summary["not_scored"]}
 

@@ -75,6 +75,11 @@ class Fit:
         return all(int(np.argmax(half)) == self.best for half in self.halves)
 
     @property
+    def torn(self) -> bool:
+        """Whether a half of the recording clearly says something else."""
+        return any(float(half.max() - half[self.best]) > _CONTRADICTS for half in self.halves)
+
+    @property
     def margin(self) -> float:
         """Logarithm of the odds of the best arrangement against the next."""
         return float(-np.sort(self.log_odds)[-2])

@@ -29,10 +29,12 @@ if TYPE_CHECKING:
 CERTAIN: Final = math.log(1000.0)
 """Logarithm of the odds above which an answer may be sure."""
 _HINT: Final = math.log(10.0)
-_OVERWHELMING: Final = 30.0
 _EXPLAINED: Final = 0.2
-"""Part of the change that the best arrangement must explain; where it is less, odds have to be overwhelming."""
-_EXACT: Final = 2e-3
+"""Part of the change that the best arrangement must explain to be sure."""
+_ENOUGH: Final = {"mag": 30.0, "acc": CERTAIN}
+"""Logarithm of the odds that are enough where less is explained: those of an accelerometer allow for pushes already."""
+_NOISE: Final = {"mag": -0.5, "acc": -math.inf}
+_EXACT: Final = 1e-3
 """Standard deviation of a delay that is sure, s."""
 _MATTERS: Final = float(deg(1.0))
 """Angle by which a delay turns a vector at the usual rate, rad, above which it is worth a line of the profile."""
@@ -181,11 +183,12 @@ class _Sensor:
 
     def __post_init__(self) -> None:
         found = self.found
-        if found is None or not found.agrees:
+        if found is None or found.torn:
             return
-        if not found.contradicted and found.explained >= _EXPLAINED and found.margin >= _HINT:
+        explains = found.explained >= _EXPLAINED
+        if found.agrees and explains and not found.contradicted and found.margin >= _HINT:
             self.answer = Answer.SURE if found.margin >= CERTAIN else Answer.LIKELY
-        elif found.explained >= -0.5 and found.margin >= _OVERWHELMING:
+        elif found.explained >= _NOISE[self.name] and found.margin >= _ENOUGH[self.name]:
             self.answer = Answer.LIKELY  # most of it is pushes, as in the pocket of who walks
 
     @property
@@ -268,9 +271,8 @@ def _profile(file: Path, profile: "Profile | str | Path | None") -> "Profile | N
     """What the columns of a text table were taken for; None of other formats."""
     from plumbob.files import kind_of
     from plumbob.files.text import profile_of
-    from plumbob.session.reading import is_own
 
-    if is_own(file) or kind_of(file, described=profile is not None).name != "text":
+    if kind_of(file, described=profile is not None).name != "text":
         return None
     return profile_of(file, profile)[0]
 
@@ -341,16 +343,15 @@ class Examination:
             self.sensors["mag"] = _Sensor("mag", fit(self.t, gyr, self.values["mag"], offset=0.5))
         if "acc" in self.values:
             mag = self.sensors.get("mag")
+            acc, trials = self.values["acc"], [gyr, gyr - _resting(self.t, gyr)]
+            signs: tuple[float, ...] = (1.0, -1.0)
             if mag is not None and mag.answer is Answer.SURE and mag.found is not None:
                 scales: tuple[float, ...] = (mag.found.scale,)
-                trials = [gyr + mag.axes.T @ mag.found.bias / mag.found.scale]
+                trials.append(gyr + mag.axes.T @ mag.found.bias / mag.found.scale)
+                signs = (-1.0,) if mag.mirrored else (1.0,)
             else:
-                scales = self._scales(gyr, self.values["acc"])
-                trials = [gyr, gyr - _resting(self.t, gyr)]
-            found = [
-                one for rates in trials if (one := fit_force(self.t, rates, self.values["acc"], scales)) is not None
-            ]
-            self.sensors["acc"] = _Sensor("acc", max(found, key=lambda one: one.explained, default=None))
+                scales = self._scales(gyr, acc)
+            self.sensors["acc"] = _Sensor("acc", fit_force(self.t, trials, acc, scales, signs))
 
     def _scales(self, gyr: Floats, acc: Floats) -> tuple[float, ...]:
         """Scales that the rates may have: of units with which a body turns as bodies do, and one by regression."""
@@ -458,7 +459,8 @@ class Examination:
             "" if right else f", {self.hemisphere} of the magnetic equator: negated"
         )
         log_odds = min(one.found.margin for one in known.values() if one.found is not None)
-        self._find("mag", "sign", answer, value, log_odds, wrong=not right, why="if acc is specific force")
+        why = "if acc is specific force" + ("" if right else "; if it shows gravity, write its sign instead")
+        self._find("mag", "sign", answer, value, log_odds, wrong=not right, why=why)
         if not right:
             lines = [line for line in self.lines.get("mag", []) if not line.startswith(("axes", "mirrored"))]
             turn = (known["mag"].axes @ reference.T).T

@@ -32,6 +32,9 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, Generic, ParamSpec, TypeVar, cast
 
+if sys.platform != "win32":
+    import fcntl
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -355,8 +358,24 @@ class _Forgiving:
             return None
 
     def save_overload(self, *args: Any) -> None:
-        with contextlib.suppress(Exception):
+        with contextlib.suppress(Exception), _adding_alone(Path(self._cache.cache_path)):
             self._cache.save_overload(*args)
+
+
+@contextlib.contextmanager
+def _adding_alone(folder: Path) -> Iterator[None]:
+    """Let one process at a time add to a cache: numba numbers a file by an index that it reads and writes again.
+
+    Two that did so at once would give two kernels one number, and the index would take one of them for the other.
+    """
+    descriptor = os.open(folder / ".lock", os.O_CREAT | os.O_RDWR, 0o600)
+    try:
+        if sys.platform != "win32":
+            with contextlib.suppress(OSError):  # a disk without locks
+                fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _reachable(kernel: Kernel[..., Any]) -> Iterator[FunctionType]:

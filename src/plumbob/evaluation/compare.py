@@ -311,7 +311,7 @@ def compare(
 
 def _held(what: Any, unit: str | None, profile: str | Path | None, note: Callable[[str], object] | None) -> "Recording":
     from plumbob.files import Recording, found_in, kind_of
-    from plumbob.session.reading import is_own, read_one
+    from plumbob.session.reading import read_one
 
     if isinstance(what, ImuData):
         return Recording(imu=what)
@@ -319,7 +319,7 @@ def _held(what: Any, unit: str | None, profile: str | Path | None, note: Callabl
         return Recording(track=what)
     if isinstance(what, Recording):
         return what.of_unit(unit)
-    described = profile is not None and not is_own(Path(what)) and kind_of(what, described=True).takes_profile
+    described = profile is not None and kind_of(what, described=True).takes_profile
     recording = read_one(what, profile=profile if described else None, unit=unit)
     for line in found_in(recording.notes) if note is not None else ():
         note(f"{Path(what).name}: {line}")  # type: ignore[misc]

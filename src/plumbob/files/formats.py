@@ -69,6 +69,11 @@ def _late(module: str, name: str) -> Callable[..., Any]:
     return call
 
 
+def _decoded(path: Path) -> Recording:
+    """Refuse a recording of a line, which the session that it holds decodes."""
+    raise DecodeError(f"{path}: a recording of a line is decoded by plumbob.read, not by plumbob.files.read.")
+
+
 def _foreign(name: str, module: str, suffixes: tuple[str, ...], what: str, takes_unit: bool = False) -> Format:
     """A format of `plumbob.files.foreign`, whose module has `accepts` and `read`; a suffix of "" is a folder."""
     reader, accepts = _late(f"foreign.{module}", "read"), _late(f"foreign.{module}", "accepts")
@@ -85,8 +90,14 @@ FORMATS: Final = (
         writers=((".parquet", _late("parquet", "write_parquet")),),
     ),
     _foreign("ROS", "ros", (".bag", ".db3", ".mcap", ""), "ROS 1 bags, ROS 2 bags and MCAP of both", True),
-    _foreign("ULog", "ulog", (".ulg", ".ulog"), "logs of PX4"),
-    _foreign("DataFlash", "ardupilot", (".bin", ".log", ".tlog"), "logs of ArduPilot, and telemetry of MAVLink"),
+    Format(
+        name="recording",
+        suffixes=(".mcap",),
+        what="recordings of a line by Plumbob, and samples for viewers; their bytes are decoded by `plumbob.read`",
+        read=_decoded,
+    ),
+    _foreign("ULog", "ulog", (".ulg", ".ulog"), "logs of PX4", True),
+    _foreign("DataFlash", "ardupilot", (".bin", ".log", ".tlog"), "logs of ArduPilot, and telemetry of MAVLink", True),
     _foreign("EuRoC", "euroc", ("", ".csv"), "EuRoC and TUM VI: folders with mav0/imu0, or their data.csv"),
     _foreign("KITTI", "kitti", ("",), "KITTI raw: a drive's folder with oxts/data"),
     _foreign("RepoIMU", "repoimu", (".csv",), "trials of RepoIMU"),
@@ -96,7 +107,7 @@ FORMATS: Final = (
         (".zip", ".csv", ".txt", ""),
         "phyphox, Sensor Logger and SensorLog, zipped, or as folder or CSV",
     ),
-    _foreign("Xsens", "xsens", (".txt", ".mtb"), "exports of MT Manager as text, and its MTB logs"),
+    _foreign("Xsens", "xsens", (".txt", ".mtb"), "exports of MT Manager as text, and its MTB logs", True),
     _foreign(
         "x-IMU3", "ximu3", (".ximu3", ".csv", ""), "logs of x-IMU3, and the folders of CSV that its GUI makes of them"
     ),
@@ -261,6 +272,8 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> Format:
     names = ", ".join(kind.name for kind in candidates)
     if file.is_dir():
         raise UnknownFormatError(f"{file} is a folder, and not one of {names}; name one file in it.")
+    if file.stat().st_size == 0:
+        raise UnknownFormatError(f"{file} is empty: it has 0 bytes; take a copy that is whole.")
     raise UnknownFormatError(
         f"{file}: its content is not that of a '{file.suffix}' file that is known, which are {names}."
     )
@@ -272,7 +285,7 @@ def is_recording(path: Path) -> bool:
         return any(kind.accepts is not None and kind.accepts(path) for kind in FORMATS if "" in kind.suffixes)
     suffix = path.suffix.lower()
     candidates = [kind for kind in FORMATS if suffix and suffix in kind.suffixes]
-    if suffix == ".mcap" or any(kind.accepts is None for kind in candidates) or not path.is_file():
+    if any(kind.accepts is None for kind in candidates) or not path.is_file():
         return bool(candidates)
     return any(kind.accepts(path) for kind in candidates if kind.accepts is not None)
 

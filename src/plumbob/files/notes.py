@@ -6,6 +6,7 @@ Most of it is found in the data at each reading and never stored; what only the 
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from shlex import quote
 from typing import Final
 
 import numpy as np
@@ -85,7 +86,7 @@ class Recording(Shown):
             first = self.array.names[0]
             raise ParameterError(
                 f"{self.name or 'the recording'} holds the units {known}. Name one with --unit, or write it to a file "
-                f"of its own: plumbob convert FILE {first}.parquet --unit {first}."
+                f"of its own: plumbob convert FILE NEW.parquet --unit {quote(first)}."
             )
         name = self.array.named(unit)
         imu = self.array.units[name]

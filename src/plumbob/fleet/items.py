@@ -3,6 +3,7 @@
 import glob
 import hashlib
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,14 +12,15 @@ from typing import Final
 from urllib.parse import quote
 
 from plumbob.core.errors import ParameterError
-from plumbob.core.files import sha256_of
+from plumbob.core.files import ARRAYS, TABLES, existing_file, sha256_of, sidecars
 from plumbob.data import ImuData
 from plumbob.files import Recording
 from plumbob.files.columns import to_columns
 from plumbob.files.formats import is_recording
 from plumbob.files.header import dump, header_of
+from plumbob.files.mcap.layout import existing_parts
 from plumbob.files.notes import unsaved
-from plumbob.fleet.places import fetched, filesystem, is_url
+from plumbob.fleet.places import fetched, filesystem, is_url, reaching
 
 Source = str | os.PathLike[str] | Recording | ImuData
 Note = Callable[[str], object]
@@ -72,7 +74,13 @@ class Item:
 
 
 def digest_of(given: Path | Recording) -> str:
-    """SHA-256 of a file, of all files of a folder, or of a recording's header and columns."""
+    """SHA-256 of a file, of a file and those that are read with it, of a folder's, or of a recording's columns.
+
+    Raises
+    ------
+    DecodeError
+        If it is a pipe or a device, which may have no end.
+    """
     if isinstance(given, Recording):
         columns = to_columns(given)
         found = hashlib.sha256(dump(header_of(given, list(columns))))
@@ -80,13 +88,30 @@ def digest_of(given: Path | Recording) -> str:
             found.update(name.encode())
             found.update(values.tobytes())
         return found.hexdigest()
-    if not given.is_dir():
+    folder = given.is_dir()
+    files = (
+        sorted(path for path in given.rglob("*") if path.is_file()) if folder else [existing_file(given), *_with(given)]
+    )
+    if files == [given]:
         return sha256_of(given)[0]
-    whole = hashlib.sha256()
-    for path in sorted(path for path in given.rglob("*") if path.is_file()):
-        whole.update(f"{path.relative_to(given).as_posix()}\0".encode())
-        whole.update(digest_of(path).encode())
+    whole, home = hashlib.sha256(), given if folder else given.parent
+    for path in files:
+        whole.update(f"{path.relative_to(home).as_posix()}\0".encode())
+        whole.update(sha256_of(path)[0].encode())
     return whole.hexdigest()
+
+
+def _with(file: Path) -> list[Path]:
+    """Files that are read with a file: the profile of a table, EuRoC's sensor.yaml, further parts of a stream."""
+    if file.suffix.lower() in (*TABLES, *ARRAYS):
+        return [path for path in (*sidecars(file), file.with_name("sensor.yaml")) if path.is_file()]
+    return [path for path in existing_parts(file) if path != file] if file.suffix == ".mcap" else []
+
+
+def _is_further_part(file: Path) -> bool:
+    """Whether a file is a part of a stream that is read with the first one, beside it."""
+    first = re.fullmatch(r"(.+)\.\d{4,}", file.stem)
+    return file.suffix == ".mcap" and first is not None and file.with_name(f"{first[1]}.mcap").is_file()
 
 
 def items_of(sources: Source | Iterable[Source], note: Note) -> Iterator[Item]:
@@ -143,7 +168,7 @@ def _of_pattern(text: str, note: Note) -> Iterator[Item]:
         if path.is_dir() and not is_recording(path):
             if "**" not in text:  # there its files match, too
                 yield from _of_folder(path, base, note)
-        else:
+        elif not _is_further_part(path):
             yield Item(path.relative_to(base).as_posix(), one)
 
 
@@ -162,7 +187,7 @@ def _of_folder(folder: Path, base: Path, note: Note, depth: int = 0) -> Iterator
         return
     left: list[str] = []
     for path in sorted(folder.iterdir()):
-        if path.name.startswith("."):
+        if path.name.startswith(".") or _is_further_part(path):
             continue
         if is_recording(path):
             yield Item(path.relative_to(base).as_posix(), str(path))
@@ -172,21 +197,22 @@ def _of_folder(folder: Path, base: Path, note: Note, depth: int = 0) -> Iterator
             left.append(path.name)
     if left:
         shown = ", ".join(left[:5]) + (f" and {len(left) - 5} more" if len(left) > 5 else "")
-        note(f"{folder}: left out, because no format has such a suffix: {shown}")
+        note(f"{folder}: left out, no recordings by their suffix or content: {shown}")
 
 
 def _behind_url(url: str) -> Iterator[Item]:
     """What a URL names, matches, or holds."""
     system, path = filesystem(url)
-    scheme = url.partition("://")[0]
-    magic = glob.has_magic(path)
-    if not magic and system.isfile(path):
-        yield Item(PurePosixPath(path).name, url)
-        return
-    base = "/".join(_fixed(tuple(path.split("/")))) if magic else path.rstrip("/")
-    found = sorted(map(str, system.glob(path) if magic else system.find(path)))
-    taken = [one for one in found if system.isfile(one) and (magic or is_recording(Path(PurePosixPath(one).name)))]
+    scheme, magic = url.partition("://")[0], glob.has_magic(path)
+    with reaching(url):
+        system.invalidate_cache()  # it may have listed the folder for an earlier batch
+        if not magic and system.isfile(path):
+            yield Item(PurePosixPath(path).name, url)
+            return
+        found = sorted(map(str, system.glob(path) if magic else system.find(path)))
+        taken = [one for one in found if system.isfile(one) and (magic or is_recording(Path(PurePosixPath(one).name)))]
     if not taken:
         raise ParameterError(f"no recording is at {url}. Check the URL.")
+    base = "/".join(_fixed(tuple(path.split("/")))) if magic else path.rstrip("/")
     for one in taken:
         yield Item(one[len(base) :].lstrip("/"), f"{scheme}://{one.lstrip('/') if scheme != 'file' else one}")

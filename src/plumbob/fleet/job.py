@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from plumbob.core.errors import DecodeError, MissingExtraError, PlumbobError, ShapeError, one_line
+from plumbob.core.errors import DecodeError, LineError, MissingExtraError, PlumbobError, ShapeError, one_line
 from plumbob.core.files import write_text
 from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack
@@ -35,7 +35,7 @@ VERDICTS: Final = {
     DONE: "its attitude is in the dataset",
     REFUSED: "it can be read, but not be used as it is",
     DAMAGED: "it cannot be read as what it claims to be",
-    FAILED: "not by its own fault: memory, a missing package, a defect; the next run tries it again",
+    FAILED: "not by its own fault: memory, a network, a missing package, a defect; the next run tries it again",
 }
 
 COLUMNS: Final[Mapping[str, type]] = {
@@ -115,7 +115,7 @@ def run_job(settings: Settings, item: Item, out: str, stop: threading.Event | No
     ------
     ParameterError
         If the settings are wrong.
-    DecodeError
+    DecodeError, LineError
         If the dataset cannot be written.
     StoppedError
         If `stop` is set.
@@ -140,6 +140,8 @@ def run_job(settings: Settings, item: Item, out: str, stop: threading.Event | No
         if isinstance(error, StoppedError):
             raise
         row |= {"verdict": _verdict(error), "reason": _reason(error).replace(copy, "")}
+    if stop is not None and stop.is_set():  # the batch may be gone already, and another one have begun
+        raise StoppedError
     _written(place, item.key, row, found, began)
     return Outcome(item.name, row["verdict"], row["reason"] or "", False, row["seconds"])
 
@@ -156,7 +158,7 @@ def failed(settings: Settings, item: Item, out: str, reason: str) -> Outcome:
 def _verdict(error: Exception) -> str:
     if isinstance(error, DecodeError) and not isinstance(error, UnknownFormatError):
         return DAMAGED
-    if isinstance(error, PlumbobError) and not isinstance(error, MissingExtraError):
+    if isinstance(error, PlumbobError) and not isinstance(error, MissingExtraError | LineError):
         return REFUSED
     return DAMAGED if isinstance(error, FileNotFoundError | PermissionError) else FAILED
 

@@ -16,8 +16,8 @@ from secrets import token_hex
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError, one_line
-from plumbob.core.files import lock
+from plumbob.core.errors import DecodeError, LineError, MissingExtraError, ParameterError, PlumbobError, one_line
+from plumbob.core.files import ARRAYS, TABLES, lock, sidecars
 
 if TYPE_CHECKING:
     from fsspec import AbstractFileSystem
@@ -65,6 +65,11 @@ def is_url(text: str) -> bool:
     return re.match(r"[a-zA-Z][a-zA-Z0-9+.-]+://", text) is not None
 
 
+def in_memory(name: str) -> bool:
+    """Whether a URL is of files in the memory of this process, which no other one sees."""
+    return name.lower().startswith("memory://")
+
+
 def place_of(name: str) -> Place:
     """Place of a path or a URL."""
     return _Remote(name) if is_url(name) else _Local(Path(name))
@@ -94,30 +99,55 @@ def filesystem(url: str) -> "tuple[AbstractFileSystem, str]":
 
 
 @contextmanager
+def reaching(url: str) -> Iterator[None]:
+    """Make one error of what a file system raises: each has types of its own for networks, keys and buckets."""
+    try:
+        yield
+    except PlumbobError:
+        raise
+    except Exception as error:
+        why = one_line(error) or type(error).__name__
+        raise LineError(f"{url} cannot be reached: {why}. Check the URL, the network and the credentials.") from error
+
+
+@contextmanager
 def fetched(url: str, most: int) -> Iterator[Path]:
-    """Local copy of a file behind a URL, of the same name; it is removed afterwards.
+    """Local copy of a file behind a URL, of the same name, and of the profile beside it; it is removed afterwards.
 
     Raises
     ------
     DecodeError
-        If it has more than `most` bytes, or cannot be read.
+        If it has more than `most` bytes, is not there, or may not be read.
+    LineError
+        If the file system does not answer.
     """
     system, path = filesystem(url)
+    home, _, name = path.rstrip("/").rpartition("/")
     with TemporaryDirectory(prefix="plumbob-") as folder:
-        copy = Path(folder) / (path.rstrip("/").rpartition("/")[2] or "recording")
-        size = 0
-        try:
-            with system.open(path, "rb") as source, copy.open("wb") as target:
-                while part := source.read(_COPY):
-                    size += len(part)
-                    if size > most:
-                        break
-                    target.write(part)
-        except (OSError, ValueError) as error:
-            raise DecodeError(f"{url} cannot be read: {one_line(error) or type(error).__name__}.") from error
-        if size > most:
+        copy = Path(folder) / (name or "recording")
+        with reaching(url):
+            try:
+                whole = _copied(system, path, copy, most)
+            except (FileNotFoundError, PermissionError) as error:
+                raise DecodeError(f"{url} cannot be read: {one_line(error) or type(error).__name__}.") from error
+            for profile in sidecars(copy) if copy.suffix.lower() in (*TABLES, *ARRAYS) else ():
+                if system.isfile(f"{home}/{profile.name}"):
+                    whole &= _copied(system, f"{home}/{profile.name}", profile, most)
+        if not whole:
             raise DecodeError(f"{url} has more than {most} bytes, which is the limit; allow more with max_bytes.")
         yield copy
+
+
+def _copied(system: "AbstractFileSystem", path: str, copy: Path, most: int) -> bool:
+    """Copy a file behind a URL; False where it has more bytes than it may."""
+    size = 0
+    with system.open(path, "rb") as source, copy.open("wb") as target:
+        while part := source.read(_COPY):
+            size += len(part)
+            if size > most:
+                return False
+            target.write(part)
+    return True
 
 
 class _Local:
@@ -170,17 +200,18 @@ class _Remote:
         self._root = root.rstrip("/")
 
     def names(self, folder: str = "") -> list[str]:
-        with suppress(FileNotFoundError):
+        with reaching(self._url), suppress(FileNotFoundError):
             self._system.invalidate_cache()
             found = self._system.ls(self._path(folder), detail=False)
             return sorted(name.rstrip("/").rpartition("/")[2] for name in found)
         return []
 
     def has(self, name: str) -> bool:
-        return bool(self._system.isfile(self._path(name)))
+        with reaching(self._url):
+            return bool(self._system.isfile(self._path(name)))
 
     def read(self, name: str) -> bytes | None:
-        with suppress(FileNotFoundError):
+        with reaching(self._url), suppress(FileNotFoundError):
             return bytes(self._system.cat_file(self._path(name)))
         return None
 
@@ -190,16 +221,14 @@ class _Remote:
             copy = Path(folder) / name.rpartition("/")[2]
             fill(copy)
             sent = self._path(f"_temporary/{token_hex(8)}")
-            try:
+            with reaching(f"{self._url}/{name}"):
                 self._system.makedirs(self._path("_temporary"), exist_ok=True)
                 self._system.put_file(str(copy), sent)
                 self._system.makedirs(self._path(name).rpartition("/")[0], exist_ok=True)
                 self._system.mv(sent, self._path(name))
-            except OSError as error:
-                raise DecodeError(f"{self._url}/{name} cannot be written: {one_line(error)}.") from error
 
     def remove(self, name: str) -> None:
-        with suppress(FileNotFoundError):
+        with reaching(self._url), suppress(FileNotFoundError):
             self._system.rm_file(self._path(name))
 
     @contextmanager

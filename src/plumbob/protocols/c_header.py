@@ -66,6 +66,12 @@ static inline void plumbob_set_odd(uint8_t *at, int size, int bit)
 }
 """
 
+# Of C11; no member can have such a name.
+_KEYWORDS: Final = (
+    " auto break case char const continue default do double else enum extern float for goto if inline int long register"
+    " restrict return short signed sizeof static struct switch typedef union unsigned void volatile while "
+)
+
 _CHECKS: Final = {
     SUM8: "    value += data[i];",
     SUM8_ZERO: "    value -= data[i];",
@@ -169,7 +175,9 @@ def _members(form: Format, message: Message) -> Iterator[str]:
     words: dict[int, tuple[int, str, list[str]]] = {}
     framing = form.framing
     if framing.sync and not _says_sync(message):
-        words[0] = (len(framing.sync[0]), "sync", [framing.sync[0].hex(" ").upper()])
+        own = [f.at for f in message.fields if not f.derived]  # of several beginnings, a field may say the rest
+        common = min([len(framing.sync[0]), *own])
+        words[0] = (common, "sync", [framing.sync[0][:common].hex(" ").upper()])
     if rule := framing.length_field:
         words[rule.at] = (rule.size, "length", [f"length of the frame less {rule.add}, {rule.order}-endian"])
     for one in (f for f in message.fields if not f.derived):
@@ -214,7 +222,7 @@ def _meaning(one: Field) -> str:
     if not one.physical:
         says = ", ".join(f"{code} {word}" for code, word in one.says.items())
         of = f" (of {', '.join(one.of)}: {says})" if says else ""
-        return f"{told}; {one.role}{of}" + (f", {one.unit}" if one.unit else "")
+        return f"{told}; {one.role}{of}" + (f", {one.tick}" if one.unit else "")
     inside = unit(one.unit).quantity.value
     zero = f" + {one.raw_offset * one.scale + one.zero:.9g}" if one.raw_offset or one.zero else ""
     return f"{told}; count * {one.scale:.9g}{zero} [{inside}]" if inside != "1" else f"{told}; count * {one.scale:.9g}"
@@ -297,4 +305,5 @@ def _comment(text: str) -> str:
 def _name(text: str) -> str:
     """Identifier of C."""
     made = re.sub(r"\W", "_", text)
-    return f"_{made}" if made[:1].isdigit() else made
+    made = f"_{made}" if made[:1].isdigit() else made
+    return f"{made}_" if f" {made} " in _KEYWORDS else made

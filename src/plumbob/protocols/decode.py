@@ -233,7 +233,7 @@ class Decoded(NamedTuple):
 
 def title_of(one: Field) -> str:
     """Name of a field with its unit, as a table has it."""
-    name = unit(one.unit).quantity.value if one.physical else one.unit
+    name = unit(one.unit).quantity.value if one.physical else one.tick
     return one.name if name in ("", "1") else f"{one.name} [{name}]"
 
 

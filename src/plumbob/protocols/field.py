@@ -177,6 +177,11 @@ class Field:
         return self.type in ("parity", "check")
 
     @property
+    def tick(self) -> str:
+        """What one count of a clock is, as in ``"0.1 ms"``; its unit alone where it is one of that."""
+        return self.unit if abs(self.lsb) == 1.0 else f"{abs(self.lsb):g} {self.unit}"
+
+    @property
     def scale(self) -> float:
         """One count in the unit used inside."""
         return self._factor * self.lsb * self._number("times") / self._number("counts")

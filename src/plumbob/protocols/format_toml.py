@@ -122,17 +122,28 @@ def _messages(found: Mapping[str, Any], framing: Framing, order: str) -> tuple[M
     raw = found.get("message") or [
         {"name": found["name"], "field": found.get("field", []), "embed": found.get("embed", [])}
     ]
-    return tuple(_message(one, framing, order) for one in raw)
+    return tuple(_message(one, framing, order, found.get("part", {})) for one in raw)
 
 
-def _message(raw: Mapping[str, Any], framing: Framing, order: str) -> Message:
+def _message(raw: Mapping[str, Any], framing: Framing, order: str, parts: Mapping[str, Any]) -> Message:
+    """One kind of frame: its parts one behind the other, then its own fields."""
     at = _first(framing)
     fields: list[Field] = []
-    for part in raw.get("field", []):
-        fields += _fields(part, at, order)
+    wanted = raw.get("parts", ())
+    if len(set(wanted)) < len(wanted):
+        raise DecodeError(f"message {raw['name']} has a part twice; each name has one meaning.")
+    for name in wanted:
+        if name not in parts:
+            raise DecodeError(f"message {raw['name']} has no part '{name}'; known are {', '.join(parts) or 'none'}.")
+        begin = at
+        for one in parts[name]:
+            fields += _fields(one | {"at": begin + one["at"]} if "at" in one else one, at, order)
+            at = fields[-1].at + fields[-1].size
+    for one in raw.get("field", []):
+        fields += _fields(one, at, order)
         at = fields[-1].at + fields[-1].size
-    for part in raw.get("embed", []):
-        fields += _embedded(part)
+    for one in raw.get("embed", []):
+        fields += _embedded(one)
     return Message(raw["name"], raw.get("length", framing.length), tuple(fields), raw.get("title", ""))
 
 
@@ -463,6 +474,7 @@ _MESSAGE: Final[dict[str, Parse]] = {
     "name": schema.text,
     "title": schema.text,
     "length": schema.whole(1),
+    "parts": schema.texts,
     "field": _FIELDS,
     "embed": _EMBEDS,
 }
@@ -518,6 +530,7 @@ _FORMAT: Final[dict[str, Parse]] = {
     "sources": schema.mapping(schema.text),
     "frame": _framing,
     "option": schema.mapping(_option),
+    "part": schema.mapping(_FIELDS),
     "fact": schema.mapping(_fact),
     "register": schema.tables(_with_origin(schema.form(_REGISTER, ("address", "name", "meaning")))),
     "field": _FIELDS,

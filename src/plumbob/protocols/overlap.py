@@ -19,12 +19,12 @@ def passes_anything(form: Format) -> bool:
     return not checked and all(content_odds(message) == 1.0 for message in form.messages)
 
 
-def content_odds(message: Message) -> float:
-    """Chance that random bytes have the constants, digits and ranges of a message."""
+def content_odds(message: Message, start: int = 0) -> float:
+    """Chance that random bytes have the constants, digits and ranges of a message; constants from a byte on."""
     found = 1.0
     for one in message.fields:
-        for _, mask, _ in [] if one.type == "bcd" else constant_bytes(one):
-            found *= 0.5 ** mask.bit_count()
+        for at, mask, _ in [] if one.type == "bcd" else constant_bytes(one):
+            found *= 0.5 ** mask.bit_count() if at >= start else 1.0
         found *= _share(one)
     return found
 

@@ -153,7 +153,7 @@ def _value(one: Field) -> str:
     if not one.physical:
         says = "; ".join(f"{code} = {word}" for code, word in one.says.items())
         of = f" ({says} of {', '.join(one.of)})" if says else ""
-        return f"{one.role}{of}" + (f", {one.unit}" if one.unit else "")
+        return f"{one.role}{of}" + (f", {one.tick}" if one.unit else "")
     parts = [f"count{one.raw_offset:+g}" if one.raw_offset else "count"]
     parts += [f"× {one.lsb:.9g}"] if one.lsb != 1.0 else []
     parts += [f"× {_short(one.times)}"] if one.times != 1.0 else []

@@ -67,7 +67,7 @@ def read(
 
 def is_own(path: Path) -> bool:
     """Whether a path is that of a recording by Plumbob, whole or damaged, and not of another program's MCAP."""
-    if path.suffix != SUFFIX:
+    if path.suffix.lower() != SUFFIX:
         return False
     from plumbob.files.foreign import ros
 

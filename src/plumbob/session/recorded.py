@@ -2,7 +2,7 @@
 
 import heapq
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import reduce
 from itertools import compress, repeat
@@ -12,10 +12,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from plumbob import files
+from plumbob.core import flags
 from plumbob.core.errors import DecodeError, ParameterError, ShapeError
 from plumbob.core.files import reading, replacing
 from plumbob.core.schema import texts
-from plumbob.core.text import visible
+from plumbob.core.text import counted, visible
 from plumbob.core.time import to_ns
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import ImuArray, Mount
@@ -24,9 +25,9 @@ from plumbob.files import Recording
 from plumbob.files.header import array_from, array_told, meta_from, plain_meta, track_meta_from
 from plumbob.files.mcap import Log, open_log
 from plumbob.files.mcap.verdict import write_rows
-from plumbob.files.notes import findings_of, read_notes, stored_notes
+from plumbob.files.notes import findings_of, provenance, read_notes, stored_notes
 from plumbob.filters.offline import recalibrated
-from plumbob.rotations import Frame, quat_from_euler_zyx
+from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
 from plumbob.session import rows
 from plumbob.session.reading import is_own
 from plumbob.session.replay import Replayed, replay
@@ -130,17 +131,30 @@ def write_mcap(path: Path, recording: Recording, overwrite: bool = False) -> Non
     for name, imu in units.items():
         stamps, topic = to_ns(imu.t).tolist(), rows.unit_topic(name)
         streams[topic] = zip(stamps, repeat(topic), rows.imu_rows(stamps, imu))
+    t0_ns = next((imu.meta.t0_ns for imu in units.values()), 0)
     if (track := recording.track) is not None:
         stamps = to_ns(track.t).tolist()
         streams[rows.ATTITUDE] = zip(stamps, repeat(rows.ATTITUDE), rows.attitude_rows(stamps, track))
+        streams[rows.TRANSFORMS] = _transforms(stamps, track, t0_ns)
     write_rows(
         path,
         {topic: rows.kind_of(topic) for topic in streams},
         heapq.merge(*streams.values(), key=lambda row: row[0]),
-        epoch_offset_ns=next((imu.meta.t0_ns for imu in units.values()), 0),
+        epoch_offset_ns=t0_ns,
         metadata={_META: json.dumps(_about(recording))},
         overwrite=overwrite,
     )
+
+
+def _transforms(stamps: list[int], track: AttitudeTrack, t0_ns: int) -> Iterator[tuple[int, str, bytes]]:
+    """The attitude once more in the schema of Foxglove, whose viewers draw it; they draw z upwards."""
+    parent = f"navigation ({track.frame})"
+    if track.frame is Frame.NED:
+        turn = frame_rotation(Frame.ENU, Frame.NED).tolist()
+        yield stamps[0], rows.TRANSFORMS, rows.transform_row(stamps[0] + t0_ns, "world (ENU)", parent, turn)
+    for t_ns, q in zip(stamps, track.q_nb.tolist(), strict=True):
+        if q[0] == q[0]:
+            yield t_ns, rows.TRANSFORMS, rows.transform_row(t_ns + t0_ns, parent, "body", q)
 
 
 def _units(recording: Recording) -> Mapping[str, ImuData]:
@@ -248,8 +262,9 @@ def convert(
         What to write; of a recorded stream, with the attitude that was estimated.
     path : path
         The new file, or folder.
-    layout : {"ros2", "rosbag2", "euroc"}, optional
-        An MCAP with the messages of ROS 2 (sensor_msgs), the folder of a ROS 2 bag, or one of EuRoC.
+    layout : {"ros2", "rosbag2", "euroc", "tum"}, optional
+        An MCAP with the messages of ROS 2 (sensor_msgs), the folder of a ROS 2 bag, one of EuRoC, or lines of TUM, in a
+        ``.txt`` too.
     what : {"all", "samples", "attitude"}
         Leaves the rest out.
     unit : str, optional
@@ -319,24 +334,75 @@ def require_writer(file: Path, layout: str | None) -> None:
     if layout is not None:
         if layout not in LAYOUTS:
             raise ParameterError(f"there is no layout '{layout}'; there are {', '.join(LAYOUTS)}.")
-        if (suffix := LAYOUTS[layout].suffix) != file.suffix and not (suffix == "" and file.suffix not in SUFFIXES):
-            form = f"a file whose name ends in {suffix}" if suffix else "a folder"
+        suffixes = LAYOUTS[layout].suffixes
+        if file.suffix not in suffixes and (suffixes or file.suffix in SUFFIXES):
+            form = f"a file whose name ends in {' or '.join(suffixes)}" if suffixes else "a folder"
             raise ParameterError(f"{file}: the layout {layout} is {form}; name the new one so.")
     elif file.suffix not in SUFFIXES:
-        folders = " or ".join(f"--as {name}" for name, one in LAYOUTS.items() if not one.suffix)
+        folders = " or ".join(f"--as {name}" for name, one in LAYOUTS.items() if not one.suffixes)
         raise ParameterError(
             f"{file}: convert writes {', '.join(SUFFIXES)}, not '{file.suffix}'; and folders with {folders}."
         )
 
 
+def _told(recording: Recording) -> Iterator[str]:
+    """Names of what a recording says besides stamps, gyr, acc and attitudes."""
+    for imu in _units(recording).values():
+        meta = imu.meta
+        scales = (meta.gyr_range, meta.acc_range, meta.mag_range)
+        said = {
+            "mag": imu.mag is not None,
+            "temp_c": imu.temp_c is not None,
+            "flags": (imu.flags & ~_ABSENT).any(),
+            "full scales": any(scale is not None for scale in scales),
+            "calibration": meta.calibration is not None,
+            "nominal rate": meta.rate_nominal is not None,
+            "what headings count from": meta.north not in (None, North.FREE),
+            "declination": meta.declination is not None,
+            "mounting of the axes": meta.axes != _BARE.axes,
+            "device": meta.device != _BARE.device,
+            "start of the time": not meta.t0_ns and imu.t[0] != 0.0,
+        }
+        yield from compress(said, said.values())
+    if (track := recording.track) is not None:
+        said = {
+            "bias": track.bias_b is not None,
+            "covariance": track.cov_b is not None,
+            "flags": track.flags is not None,
+            "scores": track.score is not None or track.mag_weight is not None,
+            "what headings count from": track.north is not North.FREE,
+            "source": bool(track.source),
+            "start of the time": not _units(recording) and track.t[0] != 0.0,
+        }
+        yield from compress(said, said.values())
+    if provenance(recording.notes):
+        yield "notes"
+
+
 def _lost(file: Path, recording: Recording, layout: str | None) -> Iterable[str]:
     """What the new format cannot hold of a recording, a line each."""
+    form = layout or file.suffix.removeprefix(".")
+    if form in _TRACKS and (track := recording.track) is not None:
+        said = {"samples": True, "UTC": form == "txt" and any(imu.meta.t0_ns for imu in _units(recording).values())}
+        left = list(compress(said, said.values())) if _units(recording) else []
+        recording = replace(recording, imu=None, array=None)
+        if form == "txt":
+            yield "angles are rounded to 0.0001° and times to 1 µs"
+        elif count := int((~track.known).sum()):
+            yield f"{counted(count, 'row')} without an attitude left out"
+    else:
+        left = []
+    left += [name for name in dict.fromkeys(_told(recording)) if name in _LACKS.get(form, ())]
+    if left:
+        yield f"{_NAMED.get(form, form.upper())} has no place for {', '.join(left)}: left out"
     if layout == "euroc":
         from plumbob.files.foreign.euroc_write import lost
 
         yield from lost(recording)
-    elif layout is not None or file.suffix == ".bag":
-        yield "ROS has no place for flags, full scales, calibration and what headings count from: left out"
+    elif form in _OF_ROS:
+        from plumbob.files.foreign.ros_write import turned
+
+        yield from turned(recording)[1]
         if recording.array is not None and recording.track is not None:
             yield "the attitude is that of the body of several units, and is left out; --what attitude writes it alone"
 
@@ -378,7 +444,9 @@ def _write_tum(file: Path, recording: Recording, overwrite: bool) -> None:
     known = track.known
     table = np.column_stack([track.t, np.zeros((len(track), 3)), track.q_nb[:, [1, 2, 3, 0]]])[known]
     source = visible(" ".join(track.source.split()))
-    head = f"timestamp tx ty tz qx qy qz qw; body to {track.frame}, heading from {track.north} north; by {source}"
+    t0_ns = next((imu.meta.t0_ns for imu in _units(recording).values()), 0)
+    utc = f"; 0 s is {t0_ns} ns of UTC" if t0_ns else ""
+    head = f"timestamp tx ty tz qx qy qz qw; body to {track.frame}, heading from {track.north} north{utc}; by {source}"
     with replacing(file, overwrite=overwrite) as temporary:
         np.savetxt(temporary, table, fmt=["%.9f", *["%d"] * 3, *["%.17g"] * 4], header=head, encoding="utf-8")
 
@@ -406,10 +474,31 @@ def _write_euroc(file: Path, recording: Recording, overwrite: bool) -> None:
     write_euroc(file, recording, overwrite)
 
 
-class Layout(NamedTuple):
-    """What a suffix does not say: the suffix of such files, empty of folders, and their writer."""
+_BARE: Final = ImuMeta()
+_ABSENT: Final = np.uint32(flags.GYR_ABSENT | flags.ACC_ABSENT | flags.MAG_ABSENT)
+"""Flags that the values themselves say."""
+_TRACK: Final = frozenset({"bias", "covariance", "flags", "scores", "notes"})
+_SENSE: Final = _TRACK | {
+    "full scales", "calibration", "what headings count from", "declination", "mounting of the axes", "source",
+    "start of the time",
+}  # fmt: skip
+_LACKS: Final[dict[str, frozenset[str]]] = {
+    "mcap": frozenset({"covariance", "scores"}),
+    "tum": _TRACK,
+    "txt": _TRACK - {"flags"},
+    "euroc": _SENSE - {"bias"} | {"mag", "temp_c", "device"},
+    **dict.fromkeys(("bag", "ros2", "rosbag2"), _SENSE - {"covariance"} | {"nominal rate"}),
+}
+"""What each format has no place for, of `_told`; CSV and Parquet hold everything."""
+_TRACKS: Final = ("tum", "txt")
+_OF_ROS: Final = ("bag", "ros2", "rosbag2")
+_NAMED: Final = {"euroc": "EuRoC", "txt": "text", **dict.fromkeys(_OF_ROS, "ROS")}
 
-    suffix: str
+
+class Layout(NamedTuple):
+    """What a suffix does not say: the suffixes of such files, none of folders, and their writer."""
+
+    suffixes: tuple[str, ...]
     write: Callable[[Path, Recording, bool], None]
 
 
@@ -422,7 +511,8 @@ _OWN: Final[dict[str, Callable[[Path, Recording, bool], None]]] = {
 _OWN_CLOCKS: Final = (_write_tum, _write_text, write_mcap)
 SUFFIXES: Final = (*_OWN, ".csv", ".parquet")
 LAYOUTS: Final = {
-    "ros2": Layout(".mcap", _of_ros("write_mcap")),
-    "rosbag2": Layout("", _of_ros("write_rosbag2")),
-    "euroc": Layout("", _write_euroc),
+    "ros2": Layout((".mcap",), _of_ros("write_mcap")),
+    "rosbag2": Layout((), _of_ros("write_rosbag2")),
+    "euroc": Layout((), _write_euroc),
+    "tum": Layout((".tum", ".txt"), _write_tum),
 }

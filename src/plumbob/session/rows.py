@@ -21,6 +21,7 @@ ATTITUDE: Final = "attitude"
 EVENTS: Final = "events"
 RECORDER: Final = "recorder"
 RAW: Final = "raw"
+TRANSFORMS: Final = "tf"
 
 
 def _numbers(count: int, meaning: str) -> dict[str, Any]:
@@ -54,6 +55,25 @@ ATTITUDE_SCHEMA: Final = _schema(
         **_FLAGS,
     },
 )
+
+
+def _object(**properties: Any) -> dict[str, Any]:
+    return {"type": "object", "properties": properties}
+
+
+_NUMBER: Final = {"type": "number"}
+TIME_SCHEMA: Final = _object(sec={"type": "integer"}, nsec={"type": "integer"})
+TRANSFORM_SCHEMA: Final = _schema(
+    "foxglove.FrameTransform",
+    {
+        "timestamp": TIME_SCHEMA,
+        "parent_frame_id": {"type": "string"},
+        "child_frame_id": {"type": "string"},
+        "translation": _object(x=_NUMBER, y=_NUMBER, z=_NUMBER),
+        "rotation": _object(x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER),
+    },
+)
+"""Of Foxglove, whose viewers draw it (https://docs.foxglove.dev/docs/sdk/schemas/frame-transform)."""
 EVENT_SCHEMA: Final = _schema(
     "plumbob.Event",
     {**_TIME, "kind": {"type": "string"}, "text": {"type": "string"}, "count": {"type": "integer"}},
@@ -72,6 +92,7 @@ _SCHEMAS: Final = {
     RECORDER: ("plumbob.Event", EVENT_SCHEMA),
     IMU: ("plumbob.Imu", IMU_SCHEMA),
     ATTITUDE: ("plumbob.Attitude", ATTITUDE_SCHEMA),
+    TRANSFORMS: ("foxglove.FrameTransform", TRANSFORM_SCHEMA),
 }
 
 
@@ -198,6 +219,19 @@ def attitude_rows(t_ns: list[int], track: AttitudeTrack) -> Iterator[bytes]:
     words = [0] * len(track) if track.flags is None else track.flags.tolist()
     for t, q, b, word in zip(t_ns, q_nb, bias, words, strict=True):
         yield f'{{"t_ns":{t},"q_nb":{q},"bias_b":{b},"flags":{word}}}'.encode()
+
+
+def transform_row(utc_ns: int, parent: str, child: str, q: Sequence[float]) -> bytes:
+    """Row of one frame in another, by a quaternion wxyz; a time of Foxglove is UTC."""
+    sec, nsec = divmod(utc_ns, 1_000_000_000)
+    content = {
+        "timestamp": {"sec": sec, "nsec": nsec},
+        "parent_frame_id": parent,
+        "child_frame_id": child,
+        "translation": {"x": 0.0, "y": 0.0, "z": 0.0},
+        "rotation": dict(zip("wxyz", q, strict=True)),
+    }
+    return json.dumps(content, separators=(",", ":")).encode()
 
 
 def _lists(table: Floats | None, count: int) -> list[str]:

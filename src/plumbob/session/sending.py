@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -16,7 +17,7 @@ from plumbob.acquisition.transport import Event, Stopping
 from plumbob.core import check
 from plumbob.core.errors import LineError, ParameterError, ShapeError
 from plumbob.core.flags import GAP, GYR_HELD, TIME_FAULT
-from plumbob.core.text import Shown
+from plumbob.core.text import Shown, counted
 from plumbob.core.time import to_ns
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack, ImuData
@@ -278,6 +279,11 @@ class SendSink:
         self._sender.close()
         self._keep = None  # the recording has ended before its sinks, and takes no more rows
         self._tell()
+        if self.withheld:
+            self._note(
+                f"{self._spec.to}: {counted(self.withheld, 'attitude')} not sent, which came faster than live, as"
+                " after a stall or from a file; plumbob send sends all of a recording"
+            )
 
 
 def with_sent(session: Session, send: Sequence[str]) -> Session:
@@ -504,7 +510,7 @@ def _held(source: "str | Path | Recording | AttitudeTrack") -> tuple[str, Attitu
         found, name = read_one(file), str(file)
     if found.track is None:
         raise ShapeError(
-            f"{name} holds samples but no attitude. Estimate it first: plumbob run {name} --filter mekf --out "
+            f"{name} holds samples but no attitude. Estimate it first: plumbob run {quote(name)} --filter mekf --out "
             "track.parquet."
         )
     return name, found.track, found.imu, 0 if found.imu is None else found.imu.meta.t0_ns

@@ -1,7 +1,7 @@
 """The source that a session asks for, opened; a recording or a capture as a source."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
@@ -262,7 +262,7 @@ class ReplaySource:
     """
 
     def __init__(self, log: Log, speed: float | None = None) -> None:
-        self._items = self._all(log)
+        self._items = _due(self._all(log))
         self._speed = speed
         self._started: tuple[int, int] | None = None
         self.name = log.paths[0].name
@@ -271,9 +271,9 @@ class ReplaySource:
     def read(self, timeout: float) -> list[Received | Event]:
         """Next items; at the recording's own pace, one at a time, where a speed is given."""
         found: list[Received | Event] = []
-        for item in self._items:
+        for due_ns, item in self._items:
             if self._speed:
-                self._wait_for(item.t_ns, self._speed)
+                self._wait_for(due_ns, self._speed)
                 return [item]
             found.append(item)
             if len(found) == _AT_ONCE:
@@ -303,3 +303,21 @@ class ReplaySource:
                 yield Event(message.t_ns, "reopened", "the recording goes on")
             expected = message.sequence + 1
             yield Received(message.t_ns, message.data)
+
+
+def _due(items: Iterable[Received | Event]) -> Iterator[tuple[int, Received | Event]]:
+    """Items with the time, ns, at which they are due: an event not later than the bytes behind it.
+
+    The bytes of a file have times of their own, counted from their frames; what is said of a sink meanwhile has the
+    host's, which may be hours or years apart.
+    """
+    events: list[Event] = []
+    latest = 0
+    for item in items:
+        if isinstance(item, Event):
+            events.append(item)
+            continue
+        yield from ((min(event.t_ns, item.t_ns), event) for event in events)
+        events, latest = [], item.t_ns
+        yield item.t_ns, item
+    yield from ((min(event.t_ns, latest), event) for event in events)

@@ -24,7 +24,16 @@ from plumbob.core.units import deg, dps
 from plumbob.core.version import __version__
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
-from plumbob.session.rows import ATTITUDE, IMU, attitude_rows, imu_rows, kind_of
+from plumbob.session.rows import (
+    ATTITUDE,
+    IMU,
+    TIME_SCHEMA,
+    TRANSFORMS,
+    attitude_rows,
+    imu_rows,
+    kind_of,
+    transform_row,
+)
 from plumbob.viewer.hub import Hub, deliver
 from plumbob.viewer.messages import as_json
 from plumbob.viewer.pipe import Message
@@ -50,11 +59,6 @@ def _object(title: str, **properties: Any) -> str:
     return json.dumps({"title": title, "type": "object", "properties": properties}, ensure_ascii=False)
 
 
-def _numbers(*names: str) -> dict[str, Any]:
-    return {"type": "object", "properties": {name: {"type": "number"} for name in names}}
-
-
-_TIME: Final = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
 _WORDS: Final = {"type": "string"}
 
 
@@ -75,24 +79,13 @@ def _recorded(topic: str) -> Channel:
 CHANNELS: Final = {
     1: _recorded(IMU),
     2: _recorded(ATTITUDE),
-    3: Channel(
-        "/tf",
-        "foxglove.FrameTransform",
-        _object(
-            "foxglove.FrameTransform",
-            timestamp=_TIME,
-            parent_frame_id=_WORDS,
-            child_frame_id=_WORDS,
-            translation=_numbers("x", "y", "z"),
-            rotation=_numbers("x", "y", "z", "w"),
-        ),
-    ),
+    3: _recorded(TRANSFORMS),
     4: Channel(
         "/events",
         "foxglove.Log",
         _object(
             "foxglove.Log",
-            timestamp=_TIME,
+            timestamp=TIME_SCHEMA,
             level={"type": "integer"},
             message=_WORDS,
             name=_WORDS,
@@ -177,13 +170,13 @@ class Samples:
         frame = self._hello.get("frame")
         parent = f"navigation ({frame})"
         if frame == Frame.NED:  # viewers draw z upwards
-            yield self._utc[-1], _transform(self._utc[-1], "world (ENU)", parent, _NED.tolist())
+            yield self._utc[-1], transform_row(self._utc[-1], "world (ENU)", parent, _NED.tolist())
         for name in [one["name"] for one in self._hello.get("estimators", ())]:
             q_nb = self._q_nb(name)
             child = "body" if name == self._hub.primary else f"body ({name})"
             for utc, q in zip(self._utc, [] if q_nb is None else q_nb.tolist(), strict=False):
                 if q[0] == q[0]:
-                    yield utc, _transform(utc, parent, child, q)
+                    yield utc, transform_row(utc, parent, child, q)
 
     def _angles(self) -> Iterator[Sample]:
         found = self._columns(self._hub.primary, _ANGLES)
@@ -202,18 +195,6 @@ class Samples:
 
 
 _NED: Final = frame_rotation(Frame.ENU, Frame.NED)
-
-
-def _transform(utc: int, parent: str, child: str, q: list[float]) -> bytes:
-    return as_json(
-        {
-            "timestamp": _stamp(utc),
-            "parent_frame_id": parent,
-            "child_frame_id": child,
-            "translation": {"x": 0.0, "y": 0.0, "z": 0.0},
-            "rotation": dict(zip("wxyz", q, strict=True)),
-        }
-    ).encode()
 
 
 def _stamp(utc: int) -> dict[str, int]:

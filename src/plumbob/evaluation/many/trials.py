@@ -47,7 +47,8 @@ def trials_in(*places: Path) -> list[Path]:
             found.append(place)
             continue
         if not place.is_dir():
-            raise DecodeError(f"{place} is not a folder of recordings.")
+            wrong = "is neither a file nor a folder" if place.exists() else "does not exist"
+            raise DecodeError(f"{place} {wrong}; name recordings, or a folder of them.")
         inside = sorted(p for p in place.iterdir() if io.is_recording(p))
         if not inside:
             known = dict.fromkeys(suffix for kind in io.FORMATS for suffix in kind.suffixes if suffix)

@@ -10,7 +10,9 @@ ArduPilot's `libraries/AP_Logger/LogStructure.h`, units those of its page 'Onboa
   yaw in degrees. Both are ArduPilot's own estimate from the same sensors, and **not a reference**;
 - ``TimeUS`` in µs since boot, in logs before 2015 ``TimeMS``; UTC by the GPS week, less the leap seconds since 1980.
 
-Of several units the first is taken, and a note lists the others.
+Of several units (``IMU`` and ``IMU2``, or the instances ``IMU.0`` and ``IMU.1``) the first is taken, or the one that is
+asked for, and a note lists the others. The magnetometer and the attitude are the same beside each. ``all`` makes an
+array of them, as ArduPilot logs them on the same stamps.
 """
 
 from array import array
@@ -24,16 +26,18 @@ from numpy.typing import NDArray
 
 from plumbob.core import units
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError
+from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data.array import ImuArray
 from plumbob.files.foreign import logged, mavlink
 from plumbob.files.foreign.join import Stream, joined
 from plumbob.files.notes import Recording
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_from_euler_zyx
 
+ALL: Final = "all"
 _HEAD: Final = b"\xa3\x95"
 _FMT, _FMT_LENGTH = 128, 89
 _TEXT: Final = b"FMT,"
@@ -92,13 +96,22 @@ def accepts(path: Path) -> bool:
     return start.startswith((_HEAD, _TEXT))
 
 
-def read(path: Path) -> Recording:
+def read(path: Path, unit: str | None = None) -> Recording:
     """Read samples and ArduPilot's attitude; frames, units and clock are those of this module's description.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    unit : str, optional
+        One of its IMUs, by the name in the note that lists them, or its number from 1; or ``all``.
 
     Raises
     ------
     DecodeError
         If it is not such a log, is larger than 2 GiB, or holds no gyroscope.
+    ParameterError
+        If there is no such unit.
     ClockError
         If more than 1 % of its stamps go back.
     """
@@ -107,11 +120,11 @@ def read(path: Path) -> Recording:
         if not accepts(file):
             raise DecodeError("it begins neither as DataFlash, bytes or text, nor as MAVLink telemetry does.")
         if file.suffix.lower() == ".tlog":
-            return mavlink.recording(file.read_bytes(), file.stem)
+            return mavlink.recording(file.read_bytes(), file.stem, unit)
         with file.open("rb") as stream:
             binary = stream.read(2) == _HEAD
         log = _of_bytes(file.read_bytes()) if binary else _of_text(file)
-        return _recording(log, file.stem)
+        return _recording(log, file.stem, unit)
 
 
 def _of_bytes(raw: bytes) -> _Log:
@@ -227,22 +240,11 @@ def _lines(file: Path) -> Iterator[str]:
             yield line.decode("utf-8", errors="replace")
 
 
-def _recording(log: _Log, name: str) -> Recording:
+def _recording(log: _Log, name: str, unit: str | None) -> Recording:
     notes = [
         "ArduPilot DataFlash: body axes forward, right, down; frame NED; rad/s, m/s², milligauss as µT; clock in µs "
         "since boot (ArduPilot, Onboard Message Log Messages and LogStructure.h)"
     ]
-    streams = dict[str, Stream]()
-    if (found := _unit(log, "IMU", "GyrX", notes)) is not None:
-        imu_table, t_ns = found
-        for key, columns in (("gyr", ("GyrX", "GyrY", "GyrZ")), ("acc", ("AccX", "AccY", "AccZ"))):
-            if all(column in imu_table for column in columns):
-                streams[key] = logged.stream(key, t_ns, logged.triad(imu_table, *columns), notes)
-    logged.require_gyroscope(streams, "IMU messages with GyrX")
-    if (found := _unit(log, "MAG", "MagX", notes)) is not None and {"MagY", "MagZ"} <= found[0].keys():
-        table, t_ns = found
-        values = units.to_si(logged.triad(table, "MagX", "MagY", "MagZ"), "mgauss")
-        streams["mag"] = logged.stream("mag", t_ns, values, notes)
     epoch = _epoch(log)
     if epoch is None:
         notes.append("UTC: not known, as no GPS with a fix is in the log")
@@ -253,10 +255,61 @@ def _recording(log: _Log, name: str) -> Recording:
         declination=declination if declination is not None and abs(declination) <= np.pi else None,
         unit_check=False,
     )
+    imus = _units(log, "IMU", "GyrX")
+    if unit == ALL and len(imus) > 1:
+        return _together(imus, meta, epoch, name, (*notes, *log.notes))
+    streams = dict[str, Stream]()
+    if imus:
+        taken = logged.chosen(list(imus), unit if unit != ALL else None)
+        table, t_ns = imus.pop(taken)
+        others = {name: stamps.size for name, (_, stamps) in imus.items()}
+        notes.append(logged.others_note(f"samples: {taken}, {counted(t_ns.size, 'message')}", others))
+        streams = _inertial(table, t_ns, notes)
+    logged.require_gyroscope(streams, "IMU messages with GyrX")
+    compasses = _units(log, "MAG", "MagX")
+    first, (table, t_ns) = next(iter(compasses.items()), ("", ({}, np.empty(0, np.int64))))
+    if {"MagY", "MagZ"} <= table.keys():
+        rest = "".join(f", not {one}" for one in compasses if one != first)
+        notes.append(f"mag: {first}, {counted(t_ns.size, 'message')}{rest}")
+        values = units.to_si(logged.triad(table, "MagX", "MagY", "MagZ"), "mgauss")
+        streams["mag"] = logged.stream("mag", t_ns, values, notes)
     imu, rows_ns, how = joined(streams, meta=meta, epoch_ns=epoch)
     notes += how
     track = _attitude(log, rows_ns, imu.t, notes)
     return Recording(imu=imu, track=track, name=name, notes=(*notes, *log.notes))
+
+
+def _inertial(table: dict[str, NDArray[Any]], t_ns: NDArray[np.int64], notes: list[str]) -> dict[str, Stream]:
+    """Rates and specific forces of one unit."""
+    return {
+        key: logged.stream(key, t_ns, logged.triad(table, *columns), notes)
+        for key, columns in (("gyr", ("GyrX", "GyrY", "GyrZ")), ("acc", ("AccX", "AccY", "AccZ")))
+        if all(column in table for column in columns)
+    }
+
+
+def _together(
+    imus: dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]],
+    meta: ImuMeta,
+    epoch: int | None,
+    name: str,
+    notes: tuple[str, ...],
+) -> Recording:
+    """All units as an array, where ArduPilot logged them on the same stamps."""
+    how: list[str] = []
+    made = {one: joined(_inertial(table, t_ns, how), meta=meta, epoch_ns=epoch) for one, (table, t_ns) in imus.items()}
+    rows = next(iter(made.values())).rows_ns
+    if any(not np.array_equal(one.rows_ns, rows) for one in made.values()):
+        raise ParameterError(
+            "its units have stamps of their own, so that they are not an array; take one with --unit "
+            f"{next(iter(made))}."
+        )
+    how += [f"{one}: {note}" for one, joint in made.items() for note in joint.notes]
+    left = (
+        "left out: magnetic field and attitude, which are of none of the units; --unit with the name of one keeps them"
+    )
+    array = ImuArray({one: joint.imu for one, joint in made.items()})
+    return Recording(array=array, name=name, notes=(*notes, *dict.fromkeys(how), left))
 
 
 def _stamps(table: dict[str, NDArray[Any]]) -> NDArray[np.int64] | None:
@@ -268,28 +321,21 @@ def _stamps(table: dict[str, NDArray[Any]]) -> NDArray[np.int64] | None:
     return None
 
 
-def _unit(
-    log: _Log, name: str, column: str, notes: list[str]
-) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]] | None:
-    """Messages of the first unit of a kind, and their stamps; a note lists the other units."""
-    units_found: dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]] = {}
+def _units(log: _Log, name: str, column: str) -> dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]]:
+    """Messages of each unit of a kind, and their stamps."""
+    found: dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]] = {}
     for kind in (name, f"{name}2", f"{name}3"):
         table = log.tables.get(kind, {})
         t_ns = _stamps(table)
         if t_ns is None or column not in table:
             continue
         if "I" not in table:
-            units_found[kind] = (table, t_ns)
+            found[kind] = (table, t_ns)
             continue
         for instance in np.unique(table["I"]).tolist():
             own = table["I"] == instance
-            units_found[f"{kind} {instance:g}"] = ({key: values[own] for key, values in table.items()}, t_ns[own])
-    if not units_found:
-        return None
-    first, *others = units_found
-    more = "; not taken: " + ", ".join(f"{one} ({units_found[one][1].size})" for one in others) if others else ""
-    notes.append(f"samples: {first}, {counted(units_found[first][1].size, 'message')}{more}")
-    return units_found[first]
+            found[f"{kind}.{instance:g}"] = ({key: values[own] for key, values in table.items()}, t_ns[own])
+    return found
 
 
 def _parameter(log: _Log, name: str) -> float | None:

@@ -132,7 +132,7 @@ def _sensor(file: Path, name: str, notes: list[str]) -> tuple[Floats, float | No
         notes.append(f"{name}: no sensor.yaml, so its axes are taken for those of the body")
         return identity, None
     text = re.sub(r"#.*", "", text_of(logged.inside(file.parent.parent, file.parent.name, file.name)))
-    rate = re.search(r"^rate_hz:[ \t]*([0-9.]{1,12})[ \t]*$", text, re.MULTILINE)
+    rate = re.search(r"^rate_hz:[ \t]*([0-9.]{1,24})[ \t]*$", text, re.MULTILINE)
     hertz = _number(rate[1], "rate_hz", file) if rate else None
     listed = re.search(r"^T_BS:[^\[\]]{0,200}?data:\s{0,80}\[([^\]]{0,2000})\]", text, re.MULTILINE)
     if listed is None:

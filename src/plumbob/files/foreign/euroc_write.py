@@ -44,7 +44,7 @@ T_BS:
   cols: 4
   rows: 4
   data: [{data}]
-rate_hz: {rate:.9g}
+rate_hz: {rate!r}
 """
 _STATE_YAML: Final = """\
 %YAML:1.0
@@ -63,10 +63,12 @@ def write_euroc(path: Path, recording: Recording, overwrite: bool = False) -> No
     Raises
     ------
     ShapeError
-        If a unit has no gyroscope or no accelerometer.
+        If there are no samples, or a unit has no gyroscope or no accelerometer.
     """
     units: Mapping[str, ImuData] = {} if recording.imu is None else {"": recording.imu}
     units = units if recording.array is None else recording.array.units
+    if not units:
+        raise ShapeError(f"{path}: EuRoC holds the samples of an IMU, and there are none; write an attitude as .tum.")
     for imu in units.values():
         if not _complete(imu).any():
             raise ShapeError(f"{path}: EuRoC holds rates with accelerations, and no sample has both.")
@@ -74,7 +76,7 @@ def write_euroc(path: Path, recording: Recording, overwrite: bool = False) -> No
         for number, (name, imu) in enumerate(units.items()):
             mount = Mount() if recording.array is None else recording.array.mounts[name]
             rate = 1.0 / float(np.median(np.diff(imu.t))) if len(imu) > 1 else 0.0
-            sensor = _IMU_YAML.format(data=_pose(mount), rate=imu.meta.rate_nominal or rate)
+            sensor = _IMU_YAML.format(data=_pose(mount), rate=float(imu.meta.rate_nominal or rate))
             _write(folder / "mav0" / f"imu{number}", sensor, _IMU, _samples(imu))
         if (track := recording.track) is not None:
             t0_ns = next((imu.meta.t0_ns for imu in units.values()), 0)
@@ -94,9 +96,6 @@ def lost(recording: Recording) -> Iterator[str]:
         if imu is None:
             continue
         of = f"{name}: " if name else ""
-        lacking = [key for key in ("mag", "temp_c") if getattr(imu, key) is not None]
-        if lacking:
-            yield f"{of}EuRoC holds no {' and no '.join(lacking)}: left out"
         if count := len(imu) - int(_complete(imu).sum()):
             yield f"{of}{counted(count, 'sample')} without a rate or an acceleration left out"
     if recording.track is not None:

@@ -5,7 +5,7 @@ between its two neighbours, where these are not farther apart than a gap; elsewh
 """
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, one_line
+from plumbob.core.errors import DecodeError, ParameterError, one_line
 from plumbob.core.files import existing_file
 from plumbob.core.text import counted
 from plumbob.core.time import LONGEST, longest_bridged, rising
@@ -107,6 +107,39 @@ def attitude_at(rows_ns: NDArray[np.int64], t_ns: NDArray[np.int64], q_nb: Float
             f"at those of the samples; not known in {int(np.count_nonzero(missing))} of {rows_ns.size}"
         )
     return found.q_nb
+
+
+def chosen(names: Sequence[str], unit: str | None) -> str:
+    """One of the units of a log: by its name, as ``IMU.1`` (or ``imu1``), by its number from 1, or the first.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such unit.
+    """
+    if unit is None:
+        return names[0]
+    for alike in (str, _letters):
+        for name in names:
+            if alike(name) == alike(unit):
+                return name
+    if unit.isdecimal() and 1 <= int(unit) <= len(names):
+        return names[int(unit) - 1]
+    known = ", ".join(f"{name} ({number})" for number, name in enumerate(names[:20], 1))
+    raise ParameterError(f"there is no unit '{unit}' in the log; there are {known}.")
+
+
+def _letters(name: str) -> str:
+    return "".join(letter for letter in name.casefold() if letter.isalnum())
+
+
+def others_note(taken: str, others: Mapping[str, int]) -> str:
+    """A note of what was taken of several units, and of how the others, with their counts, are chosen."""
+    if not others:
+        return taken
+    listed = ", ".join(f"{name} ({count})" for name, count in [*others.items()][:20])
+    more = f" and {len(others) - 20} more" if len(others) > 20 else ""
+    return f"{taken}; not taken: {listed}{more}; --unit {next(iter(others))} takes another"
 
 
 def require_gyroscope(streams: dict[str, Stream], where: str) -> None:

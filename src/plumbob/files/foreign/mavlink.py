@@ -93,13 +93,15 @@ def starts(start: bytes) -> bool:
     )
 
 
-def recording(raw: bytes, name: str) -> Recording:
-    """Samples and the vehicle's own attitude of a telemetry log's bytes.
+def recording(raw: bytes, name: str, unit: str | None = None) -> Recording:
+    """Samples and the vehicle's own attitude of a telemetry log's bytes, of the first IMU or the one asked for.
 
     Raises
     ------
     DecodeError
         If it holds no gyroscope in known units.
+    ParameterError
+        If there is no such IMU.
     """
     found, skipped = _scanned(raw)
     data = np.frombuffer(raw, np.uint8)
@@ -114,7 +116,7 @@ def recording(raw: bytes, name: str) -> Recording:
         bad += wrong
         if table.size:
             tables[key] = (table, came_us)
-    system, number = _chosen(tables, notes)
+    system, number = _chosen(tables, unit, notes)
     table, came_us = tables[system, number]
     own_ns = _own_ns(table)
     streams = _streams(number, table, own_ns, notes)
@@ -183,8 +185,11 @@ def _checked(data: NDArray[np.uint8], number: int, packets: _Packets) -> tuple[N
     return payload[right].view(kind.layout)[:, 0], came, int(np.count_nonzero(~right))
 
 
-def _chosen(tables: dict[tuple[int, int], Any], notes: list[str]) -> tuple[int, int]:
-    """System and message that the samples are of: the first of the preferred, of the first system that has one."""
+def _chosen(tables: dict[tuple[int, int], Any], unit: str | None, notes: list[str]) -> tuple[int, int]:
+    """System and message that the samples are of: the first of the preferred, of the first system that has one.
+
+    They are called by the message, and by the system where several have it, as ``SCALED_IMU2.1``.
+    """
     units_of = [
         (system, number)
         for system in sorted({system for system, _ in tables})
@@ -195,11 +200,13 @@ def _chosen(tables: dict[tuple[int, int], Any], notes: list[str]) -> tuple[int, 
         raw = any(number == 27 for _, number in tables)
         why = " RAW_IMU is there, but its units are those of an unknown maker." if raw else ""
         raise DecodeError(f"it holds no message of an IMU with known units (HIGHRES_IMU, SCALED_IMU).{why}")
-    first, *others = units_of
-    listed = ", ".join(f"{_KINDS[number].name} of system {system}" for system, number in others)
-    more = f"; not taken: {listed}" if others else ""
-    notes.append(f"samples: {_KINDS[first[1]].name} of system {first[0]}{more}")
-    return first
+    several = len({system for system, _ in units_of}) > 1
+    names = {f"{_KINDS[number].name}{f'.{system}' * several}": (system, number) for system, number in units_of}
+    name = logged.chosen(list(names), unit)
+    system, number = names.pop(name)
+    others = {one: tables[key][0].size for one, key in names.items()}
+    notes.append(logged.others_note(f"samples: {name.split('.')[0]} of system {system}", others))
+    return system, number
 
 
 def _is_ardupilot(tables: dict[tuple[int, int], Any], system: int) -> bool:

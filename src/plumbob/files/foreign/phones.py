@@ -29,6 +29,7 @@ from plumbob.core.check import Floats
 from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import reading
+from plumbob.core.text import counted
 from plumbob.core.time import interpolated, rising
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.files.columns import has_zone, is_stamp, stamps_ns
@@ -137,7 +138,20 @@ def _on_one_line(streams: Mapping[str, Stream], notes: Iterable[str], device: st
     if not {"gyr", "acc", "mag"} & set(streams):
         raise DecodeError(f"it holds no gyroscope, accelerometer or magnetometer; {'; '.join(notes)}.")
     meta = ImuMeta(device=device or "phone", frame=Frame.ENU, north=North.MAGNETIC, unit_check=False)
-    return joined(streams, meta=meta, epoch_ns=epoch_ns)
+    mag, zeros = streams.get("mag"), 0
+    if mag is not None:
+        measured = np.any(mag.values, axis=1)
+        zeros = int(np.sum(~measured))
+        streams = {**streams, "mag": Stream(np.asarray(mag.t_ns)[measured], np.asarray(mag.values)[measured])}
+    made = joined(streams, meta=meta, epoch_ns=epoch_ns)
+    if not zeros:
+        return made
+    return made._replace(
+        notes=(
+            f"mag: {counted(zeros, 'sample')} of exactly zero left out, as before a phone has calibrated",
+            *made.notes,
+        )
+    )
 
 
 # phyphox --------------------------------------------------------------------------------------------------------------
@@ -148,23 +162,27 @@ _SECONDS: Final = re.compile(r".* \(s\)")
 
 
 def _is_phyphox(name: str, names: tuple[str, ...]) -> bool:
-    return bool(names) and _SECONDS.fullmatch(names[0]) is not None and _phyphox_triad(name, names) is not None
+    return bool(names) and _SECONDS.fullmatch(names[0]) is not None and bool(_phyphox_triads(name, names))
 
 
-def _phyphox_triad(name: str, names: tuple[str, ...]) -> tuple[str, list[str]] | None:
-    """Which triad the columns are, ``"acc?"`` where it is not known whether with gravity, and their names."""
+def _phyphox_triads(name: str, names: tuple[str, ...]) -> list[tuple[str, list[str]]]:
+    """Which triads the columns are, ``"acc?"`` where it is not known whether with gravity, with their names.
+
+    An experiment may keep its sensors in one table, or name columns plainly and say 'without g' in the table's name.
+    """
     groups: dict[tuple[str, str], dict[str, str]] = {}
     for column in names[1:]:
         found = _PHYPHOX_COLUMN.fullmatch(column)
         if found is not None and found["unit"].lower() in _PHYPHOX_UNITS:
             key = (found["what"] or "", _PHYPHOX_UNITS[found["unit"].lower()])
             groups.setdefault(key, {})[found["axis"].lower()] = column
+    triads = []
     for (what, kind), axes in groups.items():
         if len(axes) == 3:
-            said = (what or _stem(name)).lower()
-            plain = re.match(r"(raw )?acc", said) is not None and "without" not in said
-            return (kind if kind != "acc" or plain else "acc?"), [axes[letter] for letter in "xyz"]
-    return None
+            plain = re.match(r"(raw )?acc", (what or _stem(name)).lower()) is not None
+            plain = plain and re.search("without|linear", f"{what} {_stem(name)}".lower()) is None
+            triads.append((kind if kind != "acc" or plain else "acc?", [axes[letter] for letter in "xyz"]))
+    return triads
 
 
 def _phyphox(parts: Parts) -> Recording:
@@ -175,23 +193,32 @@ def _phyphox(parts: Parts) -> Recording:
     streams: dict[str, Stream] = {}
     notes = ["phyphox: rad/s, m/s² with gravity (specific force) and µT, as its columns say"]
     for name, names in found.items():
-        kind, columns = _phyphox_triad(name, names) or ("", [])
-        if kind == "acc?":
-            notes.append(f"left out: {name}, acceleration that is without gravity or does not say that it has it")
-            continue
-        if kind in streams:
-            notes.append(f"left out: {name}, a second {kind}")
-            continue
-        table = sheet(name, parts.read(name)).table([names[0], *columns])
-        if table is None:
-            notes.append(f"{kind}: {name} has no sample")
-            continue
-        notes += table.notes
-        streams[kind] = Stream(_on_wall(stamps_of(name, table.columns[names[0]]), events), triad(table, columns))
+        for kind, columns in _phyphox_triads(name, names):
+            if kind == "acc?":
+                notes.append(f"left out: {name}, acceleration that is without gravity or does not say that it has it")
+            elif kind in streams:
+                notes.append(f"left out: {columns[0]} and its axes of {name}, a second {kind}")
+            elif stream := _phyphox_stream(parts, name, [names[0], *columns], events, notes):
+                streams[kind] = stream
+            else:
+                notes.append(f"{kind}: {name} has no sample")
+    if others := sorted(name for name in _tables(parts) if name not in found):
+        notes.append(f"left out: {excerpt(', '.join(others))}")
     notes.append(_phyphox_clock(events))
     device = _meta(parts, "device.csv", pairs)
     model = " ".join(device[key] for key in ("deviceBrand", "deviceModel") if device.get(key))
     return _recording(parts, streams, notes, model, 0 if events else None)
+
+
+def _phyphox_stream(
+    parts: Parts, name: str, columns: list[str], events: list[tuple[int, int]], notes: list[str]
+) -> Stream | None:
+    """Samples of the columns of time, x, y and z."""
+    table = sheet(name, parts.read(name)).table(columns)
+    if table is None:
+        return None
+    notes += [note for note in table.notes if note not in notes]
+    return Stream(_on_wall(stamps_of(name, table.columns[columns[0]]), events), triad(table, columns[1:]))
 
 
 def _meta(parts: Parts, which: str, parse: Any) -> Any:
@@ -353,10 +380,14 @@ _SENSORLOG: Final[tuple[tuple[str, str, str, str, float], ...]] = (
     ("gyr", "gyro", "gyroRotation{}(rad/s)", "rad/s", 1.0),
     ("gyr", "motion", "motionRotationRate{}(rad/s)", "rad/s", 1.0),
     ("acc", "accelerometer", "accelerometerAcceleration{}(G)", "g", -1.0),
+    ("acc", "motion", "motionUserAcceleration{0}(G) + motionGravity{0}(G)", "g", -1.0),
     ("mag", "motion", "motionMagneticField{}(µT)", "uT", 1.0),
     ("mag", "magnetometer", "magnetometer{}(µT)", "uT", 1.0),
 )
-"""Triads in the order in which they are preferred: columns, unit, and the sign that makes specific force of them."""
+"""Triads in the order in which they are preferred: columns, unit, and the sign that makes specific force of them.
+
+CoreMotion's accelerometer measures the sum of user acceleration and gravity (developer.apple.com, CMDeviceMotion).
+"""
 
 
 def _is_sensorlog(names: tuple[str, ...]) -> bool:
@@ -373,11 +404,11 @@ def _sensorlog(parts: Parts) -> Recording:
     streams: dict[str, Stream] = {}
     epoch: int | None = None
     for kind, sensor, form, unit, sign in _SENSORLOG:
-        columns = [form.format(letter) for letter in "XYZ"]
+        columns = [column.format(letter) for column in form.split(" + ") for letter in "XYZ"]
         if kind in streams or not set(columns) <= set(one.names):
             continue
         stream, began = _sensorlog_stream(one, _STAMP_OF[sensor], columns, notes)
-        if stream is None:
+        if stream is None or (kind == "mag" and not np.any(stream.values)):
             notes.append(f"{kind}: {columns[0]} and its axes have no sample")
             continue
         epoch = began if epoch is None else epoch
@@ -400,7 +431,7 @@ def _sensorlog_stream(one: Sheet, stamp: str, columns: list[str], notes: list[st
     if table is None:
         return None, None
     notes += [note for note in table.notes if note not in notes]
-    values = triad(table, columns)
+    values = np.sum([triad(table, columns[at : at + 3]) for at in range(0, len(columns), 3)], axis=0)
     known = np.isfinite(values).all(axis=1)
     cells = table.texts.get(logged, [])
     if not own:

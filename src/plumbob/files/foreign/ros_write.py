@@ -1,9 +1,12 @@
 """Recordings as bags of ROS 1 and ROS 2, and as MCAP with the messages of ROS 2, for programs that know sensor_msgs.
 
-What `ros` says of units and frames holds here, too: quaternions are turned into a world with x East, y North, z up, and
-body axes stay as they are. A triad without a value has a covariance that begins with -1 (Imu.msg), and values of zero;
-a covariance that is not known is zero. The stamp of a message is the UTC of its sample, or its time where UTC is not
-known; samples of the magnetometer and the thermometer are messages of their own, where they have a value.
+What `ros` says of units and frames holds here, too: quaternions are turned into a world with x East, y North, z up.
+REP 103 wants body axes that point forward, left and up: those of a unit whose world is NED point forward, right and
+down, and are turned by half a turn about x, which changes signs and loses nothing; `plumbob send --as ros2` does the
+same. Axes of several units stay, for the header names the frame of each. A triad without a value has a covariance that
+begins with -1 (Imu.msg), and values of zero; a covariance that is not known is zero. The stamp of a message is the UTC
+of its sample, or its time where UTC is not known; samples of the magnetometer and the thermometer are messages of their
+own, where they have a value.
 
 Messages and bags are written by the package rosbags, which needs no ROS.
 """
@@ -11,6 +14,7 @@ Messages and bags are written by the package rosbags, which needs no ROS.
 import heapq
 import re
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -27,11 +31,14 @@ from plumbob.data import AttitudeTrack, ImuData
 from plumbob.files.foreign import ros
 from plumbob.files.foreign.ros_bags import METADATA
 from plumbob.files.notes import Recording
-from plumbob.rotations import Frame, change_frame, dcm_from_quat, quat_to_xyzw
+from plumbob.rotations import Frame, change_frame, dcm_from_quat, quat_multiply, quat_to_xyzw
 
 _LAST_NS: Final = (1 << 31) * 10**9
 """Stamps of ROS 2 have 32 bits with a sign for seconds."""
 _UNKNOWN: Final = np.zeros(9)
+_SIGNS: Final = np.array([1.0, -1.0, -1.0])
+_HALF_TURN: Final = np.array([0.0, 1.0, 0.0, 0.0])
+"""Between forward-left-up and forward-right-down."""
 _ABSENT: Final = np.array([-1.0, *[0.0] * 8])
 
 
@@ -120,9 +127,30 @@ def _send(
         write(channels[row.topic], row.t_ns, serialize(row.message, row.kind))
 
 
+def turned(recording: Recording) -> tuple[Recording, list[str]]:
+    """The recording in forward-left-up axes where its own are known to be forward-right-down; and what was done."""
+    imu, track = recording.imu, recording.track
+    frame = imu.meta.frame if imu is not None else None
+    frame = track.frame if frame is None and track is not None else frame
+    if recording.array is not None or frame is not Frame.NED:
+        unknown = frame is None and recording.array is None
+        told = "body axes stay as they are: nothing says whether they point forward, left and up, as in REP 103"
+        return recording, [told] if unknown else []
+    if imu is not None:
+        imu = imu.corrected(meta=imu.meta, **{name: getattr(imu, name) * _SIGNS for name in imu.triads})
+    if track is not None:
+        cov_b = None if track.cov_b is None else track.cov_b * np.outer(_SIGNS, _SIGNS)
+        track = replace(track, q_nb=quat_multiply(track.q_nb, _HALF_TURN), cov_b=cov_b)
+    told = (
+        "body axes that point forward, right and down are turned to forward, left and up (REP 103): y and z change sign"
+    )
+    return replace(recording, imu=imu, track=track), [told]
+
+
 def _rows(recording: Recording, store: Any, first: bool = False) -> Iterator[_Row]:
     """Messages in the order of time; their stamps are judged before the first is made."""
     make = _Messages(store, first)
+    recording, _ = turned(recording)
     track = recording.track
     if recording.array is not None:
         track = None  # that of their body

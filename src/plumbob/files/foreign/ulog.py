@@ -7,9 +7,16 @@ The format is that of the PX4 guide, 'ULog File Format', and the topics are thos
 - rates in rad/s, specific force in m/s², magnetic field in gauss;
 - stamps in µs since boot; UTC of boot is known where a GPS topic has both clocks.
 
-The samples are those of `sensor_combined`, the unit that PX4 flew by, in body axes and corrected by its calibration;
-where a log has none, those of the first `sensor_gyro` and `sensor_accel`, as the board gave them. The attitude beside
-them is `vehicle_attitude`: PX4's own estimate from the same sensors, and **not a reference**.
+The samples are those of `sensor_combined`, the unit that PX4 flew by, in body axes and corrected by its calibration.
+Each of its IMUs has instances of its own, of which one can be asked for, as ``vehicle_imu.1`` or ``sensor_gyro.1``:
+
+- `vehicle_imu`: increments over a time that each record says (`VehicleImu.msg`), in body axes and corrected, too; rates
+  and specific forces are their means;
+- `sensor_gyro` and `sensor_accel` as the board gave them, in its axes. A gyroscope and an accelerometer belong together
+  whose device identities are the same, or name one bus and address (PX4 guide, Driver Development, Device IDs).
+
+Where a log has no `sensor_combined`, the instance with most records is taken. The attitude beside them is
+`vehicle_attitude`: PX4's own estimate from the same sensors, and **not a reference**.
 """
 
 import struct
@@ -56,9 +63,18 @@ _CHAIN, _REACH = 8, 70_000
 _UNKNOWN_STAMP: Final = 0x7FFFFFFF
 """`RELATIVE_TIMESTAMP_INVALID` of `SensorCombined.msg`: no new acceleration."""
 _MOST_FORMATS: Final = 10_000
+_BUS: Final = 0xFFFF
+"""Bits of a device identity that are its bus type, bus and address; the rest is the type of the device."""
+_NEEDED: Final = {
+    "sensor_combined": ("timestamp", "gyro_rad", "accelerometer_m_s2"),
+    "vehicle_imu": ("timestamp", "delta_angle", "delta_velocity", "delta_angle_dt", "delta_velocity_dt"),
+    "sensor_gyro": ("timestamp", "x", "y", "z"),
+}
+"""Topics that samples are of, and what they must have."""
 _WANTED: Final = frozenset(
     (
         "sensor_combined",
+        "vehicle_imu",
         "sensor_gyro",
         "sensor_accel",
         "sensor_mag",
@@ -98,13 +114,22 @@ def accepts(path: Path) -> bool:
         return stream.read(len(_MAGIC)) == _MAGIC
 
 
-def read(path: Path) -> Recording:
+def read(path: Path, unit: str | None = None) -> Recording:
     """Read samples and PX4's attitude; frames, units and clock are those of this module's description.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    unit : str, optional
+        One of its IMUs, by the name in the note that lists them, or its number from 1.
 
     Raises
     ------
     DecodeError
         If it is not a ULog, is larger than 2 GiB, or holds no gyroscope.
+    ParameterError
+        If there is no such unit.
     ClockError
         If more than 1 % of its stamps go back.
     """
@@ -113,7 +138,7 @@ def read(path: Path) -> Recording:
         if not accepts(file):
             raise DecodeError("it does not begin as a ULog does; copy the log from the controller again.")
         raw = file.read_bytes()
-        return _recording(_scanned(raw), np.frombuffer(raw, np.uint8), file.stem)
+        return _recording(_scanned(raw), np.frombuffer(raw, np.uint8), file.stem, unit)
 
 
 def _scanned(raw: bytes) -> _Log:
@@ -271,13 +296,18 @@ def _table(log: _Log, raw: NDArray[np.uint8], name: str, instance: int, *needed:
     return logged.records(raw, places[whole], layout) if whole.any() else None
 
 
-def _recording(log: _Log, raw: NDArray[np.uint8], name: str) -> Recording:
+def _recording(log: _Log, raw: NDArray[np.uint8], name: str, unit: str | None) -> Recording:
     notes = [
         "PX4 ULog: body axes forward, right, down; frame NED; rad/s, m/s², gauss as µT; clock in µs since boot (PX4 "
         "guide, ULog File Format, and PX4's message definitions)"
     ]
-    streams, what = _sensors(log, raw, notes)
-    logged.require_gyroscope(streams, "sensor_combined or sensor_gyro")
+    found = _units(log)
+    taken = logged.chosen(list(found), unit) if found else ""
+    streams, in_body = _sensors(log, raw, taken, notes)
+    logged.require_gyroscope(streams, "sensor_combined, vehicle_imu or sensor_gyro")
+    count = found.pop(taken)
+    if in_body:
+        _magnetometer(log, raw, streams, notes)
     epoch = _epoch(log, raw, notes)
     declination = log.told.get("EKF2_MAG_DECL")
     meta = ImuMeta(
@@ -289,16 +319,52 @@ def _recording(log: _Log, raw: NDArray[np.uint8], name: str) -> Recording:
         unit_check=False,
     )
     imu, rows_ns, how = joined(streams, meta=meta, epoch_ns=epoch)
-    notes += [what, *how]
-    track = _attitude(log, raw, rows_ns, imu.t, notes)
+    notes += [logged.others_note(f"samples: {taken}, {counted(count, 'record')}", found), *how]
+    if in_body:
+        track = _attitude(log, raw, rows_ns, imu.t, notes)
+    else:
+        track = None
+        notes.append(
+            f"left out: magnetic field and attitude, which are in body axes, as the board is turned in the vehicle "
+            f"(SENS_BOARD_ROT {log.told['SENS_BOARD_ROT']})"
+        )
     return Recording(imu=imu, track=track, name=name, notes=(*notes, *_losses(log)))
 
 
-def _sensors(log: _Log, raw: NDArray[np.uint8], notes: list[str]) -> tuple[dict[str, Stream], str]:
-    """Streams of the sensors, and a note of where they are from."""
+def _units(log: _Log) -> dict[str, int]:
+    """IMUs that samples can be of, with their numbers of records; first the one PX4 flew by, or that with most.
+
+    Raises
+    ------
+    DecodeError
+        If there is none, and a layout is damaged.
+    """
+    found: dict[str, int] = {}
+    damage: list[DecodeError] = []
+    for topic, needed in _NEEDED.items():
+        instances = log.instances(topic)
+        try:
+            columns = _layout(log, topic).names or () if instances else ()
+        except DecodeError as error:
+            damage.append(error)
+            continue
+        for instance in instances:
+            if (count := len(log.places[topic, instance])) and {*needed} <= {*columns}:
+                found[topic if topic == "sensor_combined" else f"{topic}.{instance}"] = count
+    if not found and damage:
+        raise damage[0]
+    first = "sensor_combined" if "sensor_combined" in found else max(found, key=lambda name: found[name], default="")
+    return {first: found[first], **found} if found else {}
+
+
+def _sensors(log: _Log, raw: NDArray[np.uint8], unit: str, notes: list[str]) -> tuple[dict[str, Stream], bool]:
+    """Streams of a unit's gyroscope and accelerometer, and whether they are in body axes."""
     streams: dict[str, Stream] = {}
-    table = _table(log, raw, "sensor_combined", 0, "timestamp", "gyro_rad", "accelerometer_m_s2")
-    if table is not None:
+    topic, _, number = unit.partition(".")
+    table = _table(log, raw, topic, int(number or 0), *_NEEDED.get(topic, ()))
+    if table is None:
+        return streams, True
+    if topic == "sensor_combined":
         t_ns = logged.micro(table["timestamp"])
         streams["gyr"] = logged.stream("gyr", t_ns, logged.triad(table, "gyro_rad"), notes)
         acc_ns, known = t_ns, np.ones(t_ns.size, dtype=bool)
@@ -308,32 +374,52 @@ def _sensors(log: _Log, raw: NDArray[np.uint8], notes: list[str]) -> tuple[dict[
             acc_ns = t_ns + later * 1000
         acc = logged.triad(table, "accelerometer_m_s2")
         streams["acc"] = logged.stream("acc", acc_ns[known], acc[known], notes)
-        raws = {one: len(log.instances(one)) for one in ("sensor_gyro", "sensor_accel")}
-        others = ", ".join(f"{count} of {one}" for one, count in raws.items() if count)
-        what = "samples: sensor_combined, in body axes, corrected by PX4's calibration"
-        what += f"; not taken: the instances of single sensors ({others})" if others else ""
+    elif topic == "vehicle_imu":
+        for key, column in (("gyr", "delta_angle"), ("acc", "delta_velocity")):
+            span = table[f"{column}_dt"].astype(np.float64) / 1e6
+            known = span > 0.0
+            values = logged.triad(table, column)[known] / span[known, None]
+            streams[key] = logged.stream(key, _sampled(table)[known], values, notes)
     else:
-        what = "samples: " + "; ".join(
-            _single(log, raw, streams, key, topic, notes)
-            for key, topic in (("gyr", "sensor_gyro"), ("acc", "sensor_accel"))
-        )
-        what += "; in axes of the board and without PX4's calibration"
-    _magnetometer(log, raw, streams, notes)
-    return streams, what
+        return _single(log, raw, table, int(number), notes)
+    notes.append(f"axes: {topic} is in body axes, corrected by PX4's calibration")
+    return streams, True
 
 
 def _single(
-    log: _Log, raw: NDArray[np.uint8], streams: dict[str, Stream], key: str, topic: str, notes: list[str]
-) -> str:
-    """Take the first instance of a single sensor; the note says which others there are."""
-    instances = log.instances(topic)
-    for instance in instances:
-        table = _table(log, raw, topic, instance, "timestamp", "x", "y", "z")
-        if table is not None:
-            t_ns, values = _sampled(table), logged.triad(table, "x", "y", "z")
-            streams[key] = logged.stream(key, t_ns, units.gauss(values) if key == "mag" else values, notes)
-            return f"{topic} {instance} of {counted(len(instances), 'instance')}"
-    return f"no {topic}"
+    log: _Log, raw: NDArray[np.uint8], gyroscope: NDArray[Any], instance: int, notes: list[str]
+) -> tuple[dict[str, Stream], bool]:
+    """Streams of one gyroscope and of the accelerometer on its bus and address, or of the same number."""
+    streams = {"gyr": logged.stream("gyr", _sampled(gyroscope), logged.triad(gyroscope, "x", "y", "z"), notes)}
+    places = {
+        one: table
+        for one in log.instances("sensor_accel")
+        if (table := _table(log, raw, "sensor_accel", one, "timestamp", "x", "y", "z")) is not None
+    }
+    one, why = _beside(gyroscope, instance, places)
+    notes.append(f"acc: {why}")
+    if one is not None:
+        acc = places[one]
+        streams["acc"] = logged.stream("acc", _sampled(acc), logged.triad(acc, "x", "y", "z"), notes)
+    notes.append("axes: sensor_gyro is in axes of the board and without PX4's calibration")
+    return streams, not log.told.get("SENS_BOARD_ROT", 0)
+
+
+def _beside(gyroscope: NDArray[Any], instance: int, places: dict[int, NDArray[Any]]) -> tuple[int | None, str]:
+    """Number of the accelerometer that belongs to a gyroscope, and how that is known."""
+    for mask, what in ((~0, "of the same device"), (_BUS, "on the same bus and address")):
+        own = _device(gyroscope) & mask
+        alike = [one for one, table in places.items() if own and _device(table) & mask == own]
+        if len(alike) == 1:
+            return alike[0], f"sensor_accel.{alike[0]}, {what}"
+    if instance in places:
+        return instance, f"sensor_accel.{instance}, of the same number"
+    return None, "none, as no sensor_accel is of the same device, bus and address, or number"
+
+
+def _device(table: NDArray[Any]) -> int:
+    """Identity of a sensor's device; 0 where it does not say one."""
+    return int(table["device_id"][0]) if "device_id" in (table.dtype.names or ()) else 0
 
 
 def _sampled(table: NDArray[Any]) -> NDArray[np.int64]:
@@ -349,8 +435,13 @@ def _magnetometer(log: _Log, raw: NDArray[np.uint8], streams: dict[str, Stream],
             field_ut = units.gauss(logged.triad(table, "magnetometer_ga"))
             streams["mag"] = logged.stream("mag", _sampled(table), field_ut, notes)
             return
-    if log.instances("sensor_mag"):
-        notes.append(f"mag: {_single(log, raw, streams, 'mag', 'sensor_mag', notes)}, as the sensor gave it")
+    for instance in log.instances("sensor_mag"):
+        table = _table(log, raw, "sensor_mag", instance, "timestamp", "x", "y", "z")
+        if table is not None:
+            values = units.gauss(logged.triad(table, "x", "y", "z"))
+            streams["mag"] = logged.stream("mag", _sampled(table), values, notes)
+            notes.append(f"mag: sensor_mag.{instance}, as the sensor gave it")
+            return
 
 
 def _gps(log: _Log, raw: NDArray[np.uint8]) -> NDArray[Any] | None:

@@ -7,37 +7,59 @@ East-North-Up by default and was North-West-Up up to the third generation (MTi U
 reference coordinate frames"), so an attitude counts only where the file says which.
 
 SampleTimeFine counts 0.1 ms in 32 bits (MT0605P, 4.12.3), and PacketCounter wraps at 65536. The columns and the lines
-before them are those of OpenSim's example (opensim-core, testXsensDataReader.cpp) and of MT Manager 2022.
+before them are those of OpenSim's example (opensim-core, testXsensDataReader.cpp) and of MT Manager 2022. The messages
+of an MTB log are taken apart by `xbus`, into the same columns.
+
+Increments are integrals over one sample: a rate of turn is the rotation vector of OriInc divided by the step of time,
+and an acceleration is VelInc, turned from the axes at the beginning of the sample to those at its end, divided by it.
+So a unit makes its own: packets that MT Manager recorded from an MTi-300 hold all four, and agree so to float32, in a
+shake at 12 rad/s, too. They are taken where a file has neither rates nor accelerations.
 """
 
 import re
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core import units
+from plumbob.core import flags, units
 from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import ClockError, DecodeError, excerpt
 from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.files.foreign import xbus
 from plumbob.files.foreign.join import Stream, joined
-from plumbob.files.foreign.logged import attitude_at
-from plumbob.files.foreign.parts import HEAD_BYTES, Sheet, names_in, sheet
+from plumbob.files.foreign.logged import MOST, attitude_at
+from plumbob.files.foreign.parts import HEAD_BYTES, names_in, sheet
 from plumbob.files.notes import Recording
-from plumbob.files.text_table import Table
-from plumbob.rotations import Frame, North, quat_from_dcm, quat_from_euler_zyx
+from plumbob.rotations import (
+    Frame,
+    North,
+    quat_from_dcm,
+    quat_from_euler_zyx,
+    quat_from_rotvec,
+    quat_rotate,
+    rotvec_from_quat,
+)
 
 COMMENT: Final = "//"
 TICK_NS: Final = 100_000
 _COUNTER_WRAPS: Final = 1 << 16
 _TIME_WRAPS: Final = 1 << 32
-_TRIADS: Final = {"gyr": ("Gyr", "rad/s"), "acc": ("Acc", "m/s2"), "mag": ("Mag", "relative")}
+_TRIADS: Final = {
+    kind: tuple(f"{what}_{axis}" for axis in "XYZ") for kind, what in (("gyr", "Gyr"), ("acc", "Acc"), ("mag", "Mag"))
+}
+_INCREMENTS: Final = {
+    "gyr": tuple(f"OriInc_q{k}" for k in range(4)),
+    "acc": tuple(f"VelInc_{axis}" for axis in "XYZ"),
+}
+_CLIPPED: Final = {flags.ACC_CLIPPED: 0x0700, flags.GYR_CLIPPED: 0x3800, flags.MAG_CLIPPED: 0x1C000}
+"""Bits of StatusWord that say of an axis that it is at the end of its range (xsstatusflag.h)."""
 _ATTITUDES: Final = (
     tuple(f"Quat_q{k}" for k in range(4)),
     tuple(f"Mat[{row}][{column}]" for row in (1, 2, 3) for column in (1, 2, 3)),
@@ -48,32 +70,67 @@ _SOURCE: Final = "the sensor's own attitude (Xsens), which is an estimate and no
 _RATE_FITS: Final = 0.1
 
 
+Columns = Mapping[str, Floats]
+
+
 def accepts(path: Path) -> bool:
-    """Whether a text is an export of MT Manager, by its columns, or a file begins as an MTB log does."""
-    with path.open("rb") as stream:
-        start = stream.read(HEAD_BYTES)
+    """Whether a text is an export of MT Manager, by its columns, or a file is called as an MTB log is."""
     if path.suffix.lower() == ".mtb":
         return True
+    with path.open("rb") as stream:
+        start = stream.read(HEAD_BYTES)
     names = names_in(start, comment=COMMENT)
-    return "PacketCounter" in names and any(f"{what}_X" in names for what, _ in _TRIADS.values())
+    return "PacketCounter" in names and any(
+        columns[0] in names for columns in (*_TRIADS.values(), *_INCREMENTS.values())
+    )
 
 
-def read(path: Path) -> Recording:
-    """Read an export of MT Manager.
+def read(path: Path, unit: str | None = None) -> Recording:
+    """Read an export of MT Manager, or one unit of an MTB log.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    unit : str, optional
+        Of a log of several units: the identity of one, or its number from 1; otherwise the first.
 
     Raises
     ------
     DecodeError
         If it has no sensor values, or nothing that time can be made of.
+    ParameterError
+        If there is no such unit.
     ClockError
         If SampleTimeFine and the update rate contradict each other, or stamps go back.
     """
+    if path.suffix.lower() == ".mtb":
+        file = existing_file(path, MOST)
+        with reading(file):
+            found = xbus.read_unit(file.read_bytes(), unit)
+            return _recording(file.stem, found.columns, found.head, found.notes)
     file = existing_file(path)
     with reading(file):
-        if file.suffix.lower() == ".mtb":
-            raise DecodeError("MTB logs are not read yet; export it as text with MT Manager (File, Export).")
-        raw = file.read_bytes()
-        return _recording(file.stem, sheet(file.name, raw, comment=COMMENT), _head(raw))
+        return _exported(file).of_unit(unit)
+
+
+def _exported(file: Path) -> Recording:
+    """An export as text, which holds one unit."""
+    raw = file.read_bytes()
+    one = sheet(file.name, raw, comment=COMMENT)
+    there = set(one.names)
+    found = [columns for columns in (*_TRIADS.values(), *_INCREMENTS.values()) if set(columns) <= there]
+    if not found:
+        raise DecodeError(f"it has no Acc_X, Gyr_X or Mag_X; it has {excerpt(', '.join(one.names), 200)}.")
+    attitude = next((columns for columns in _ATTITUDES if set(columns) <= there), ())
+    times = [column for column in ("PacketCounter", "SampleTimeFine", *_UTC) if column in there]
+    table = one.table([*times, *(column for columns in found for column in columns), *attitude])
+    if table is None:
+        raise DecodeError("it has a row of names and no row of numbers; export it again.")
+    left = [f"left out: {column}" for column in ("FreeAcc_E", "FreeAcc_X", "Pressure") if column in there]
+    return _recording(
+        file.stem, {str(ref): values for ref, values in table.columns.items()}, _head(raw), [*table.notes, *left]
+    )
 
 
 def _head(raw: bytes) -> dict[str, str]:
@@ -85,33 +142,14 @@ def _head(raw: bytes) -> dict[str, str]:
     }
 
 
-def _recording(name: str, one: Sheet, head: Mapping[str, str]) -> Recording:
-    triads = {
-        kind: [f"{what}_{letter}" for letter in "XYZ"]
-        for kind, (what, _) in _TRIADS.items()
-        if {f"{what}_{letter}" for letter in "XYZ"} <= set(one.names)
-    }
-    if not triads:
-        raise DecodeError(f"it has no Acc_X, Gyr_X or Mag_X; it has {excerpt(', '.join(one.names), 200)}.")
-    attitude = next((columns for columns in _ATTITUDES if set(columns) <= set(one.names)), ())
-    times = [column for column in ("PacketCounter", "SampleTimeFine", *_UTC) if column in one.names]
-    table = one.table([*times, *(column for columns in triads.values() for column in columns), *attitude])
-    if table is None:
-        raise DecodeError("it has a row of names and no row of numbers; export it again.")
-    notes = ["MT Manager: m/s² (specific force) and rad/s in the sensor's axes", *table.notes]
-    stamps = _stamps(table, head, notes)
-    streams: dict[str, Stream] = {}
-    for kind, columns in triads.items():
-        values = np.stack([table.columns[column] for column in columns], axis=1)
-        if np.isfinite(values).any():
-            streams[kind] = Stream(stamps, units.to_si(values, _TRIADS[kind][1]))
-        else:
-            notes.append(f"{kind}: {columns[0]} and its axes have no value")
-    if "mag" in streams:
-        notes.append(
-            f"mag is in arbitrary units, 1 at the place of calibration, which is taken for {NOMINAL_FIELD:g} µT"
-        )
-    notes += [f"left out: {column}" for column in ("FreeAcc_E", "FreeAcc_X", "Pressure") if column in one.names]
+def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: list[str]) -> Recording:
+    """Recording of columns by the names of an export."""
+    notes = [
+        "MT Manager: m/s² (specific force) and rad/s in the sensor's axes (MTi Family Reference Manual)",
+        *left_out,
+    ]
+    stamps = _stamps(columns, head, notes)
+    streams = _streams(columns, stamps, notes)
     frame = _frame(head)
     meta = ImuMeta(
         device=" ".join(filter(None, (head.get("productcode", "Xsens"), head.get("deviceid", "")))),
@@ -119,18 +157,98 @@ def _recording(name: str, one: Sheet, head: Mapping[str, str]) -> Recording:
         frame=frame,
         unit_check=False,
     )
-    imu, rows_ns, joints = joined(streams, meta=meta, epoch_ns=_epoch(table, stamps))
+    epoch = _epoch(columns, stamps)
+    if epoch is None and set(_UTC) <= columns.keys():
+        notes.append("UTC: not known, as no packet has a valid date")
+    imu, rows_ns, joints = joined(streams, meta=meta, epoch_ns=epoch)
+    if "StatusWord" in columns:
+        imu = imu.flagged(_clipped(columns["StatusWord"], stamps, rows_ns))
+    attitude = next((one for one in _ATTITUDES if set(one) <= columns.keys()), ())
     track = None
     if attitude and frame is None:
         notes.append("left out: the attitude, as the file does not say its frame (a line '// Coordinate system: ENU')")
     elif attitude:
-        q_nb = attitude_at(rows_ns, stamps, _attitude(table, attitude), notes)
+        q_nb = attitude_at(rows_ns, stamps, _attitude(columns, attitude), notes)
         if q_nb is not None:
             track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=frame, north=North.MAGNETIC, source=_SOURCE)  # type: ignore[arg-type]
             notes.append(
                 f"attitude: {_SOURCE}; {frame}, magnetic north, as it counts without GNSS and a declination set"
             )
     return Recording(imu=imu, track=track, name=name, notes=(*notes, *joints))
+
+
+def _streams(columns: Columns, stamps: NDArray[np.int64], notes: list[str]) -> dict[str, Stream]:
+    """Streams of the triads and the temperature, each at the rows where the leading one has a value."""
+    values: dict[str, Floats] = {}
+    for kind, names in _TRIADS.items():
+        if set(names) <= columns.keys():
+            values[kind] = np.stack([columns[name] for name in names], axis=1)
+        elif kind in _INCREMENTS and set(_INCREMENTS[kind]) <= columns.keys():
+            increments = np.stack([columns[name] for name in _INCREMENTS[kind]], axis=1)
+            values[kind] = (
+                _mean_rates(increments, stamps, notes)
+                if kind == "gyr"
+                else _mean_forces(increments, values.get("gyr"), stamps, notes)
+            )
+    for kind in [kind for kind, one in values.items() if not np.isfinite(one).any()]:
+        del values[kind]
+        notes.append(f"{kind}: {_TRIADS[kind][0]} and its axes have no value")
+    if not values:
+        raise DecodeError("none of its rates, accelerations and magnetic fields is a number; export it again.")
+    if "mag" in values:
+        values["mag"] = units.to_si(values["mag"], "relative")
+        notes.append(
+            f"mag is in arbitrary units, 1 at the place of calibration, which is taken for {NOMINAL_FIELD:g} µT"
+        )
+    there = {kind: np.isfinite(one).any(axis=1) for kind, one in values.items()}
+    lead = there["gyr"] if "gyr" in there else np.ones(stamps.size, dtype=bool)
+    if "Temperature" in columns and np.isfinite(columns["Temperature"]).any():
+        values["temp_c"], there["temp_c"] = columns["Temperature"], np.isfinite(columns["Temperature"])
+    rows = {kind: lead if not (own & ~lead).any() else own for kind, own in there.items()}
+    return {kind: Stream(stamps[rows[kind]], one[rows[kind]]) for kind, one in values.items()}
+
+
+def _mean_rates(turns: Floats, stamps: NDArray[np.int64], notes: list[str]) -> Floats:
+    """Mean rates of turn (N, 3), rad/s, over the sample before each row, of increments of orientation (N, 4)."""
+    there = np.isfinite(turns).all(axis=1)
+    found = np.full((len(turns), 3), np.nan)
+    if there.any():
+        step = _step(stamps[there])
+        found[there] = rotvec_from_quat(turns[there]) / step
+        notes.append(f"gyr: orientation increments (OriInc) over the sample of {step:.6g} s")
+    return found
+
+
+def _mean_forces(changes: Floats, gyr: Floats | None, stamps: NDArray[np.int64], notes: list[str]) -> Floats:
+    """Mean specific forces (N, 3), m/s², in the axes at the end of each sample, of increments of velocity (N, 3)."""
+    there = np.isfinite(changes).all(axis=1)
+    found = np.full((len(changes), 3), np.nan)
+    if there.any():
+        step = _step(stamps[there])
+        back = np.zeros_like(changes[there]) if gyr is None else -step * np.nan_to_num(gyr[there])
+        found[there] = quat_rotate(quat_from_rotvec(back), changes[there]) / step
+        axes = "at its beginning, as no rate is known" if gyr is None else "at its end"
+        notes.append(f"acc: velocity increments (VelInc) over the sample of {step:.6g} s, in the axes {axes}")
+    return found
+
+
+def _step(stamps: NDArray[np.int64]) -> float:
+    """Time of a sample, s: a lost one's increment is lost with it, so that gaps do not count."""
+    steps = np.diff(stamps)
+    steps = steps[steps > 0]
+    if not steps.size:
+        raise DecodeError("it has increments and no two stamps, so that the time of a sample is not known.")
+    return float(steps[steps < 1.5 * np.quantile(steps, 0.5, method="lower")].mean()) / 1e9
+
+
+def _clipped(words: Floats, stamps: NDArray[np.int64], rows_ns: NDArray[np.int64]) -> NDArray[np.uint32]:
+    """Flags of the rows (N,) whose status says that an axis is at the end of its range."""
+    own, first = np.unique(stamps, return_index=True)
+    status = np.nan_to_num(words[first[np.searchsorted(own, rows_ns)]]).astype(np.uint32)
+    found = np.zeros(rows_ns.size, dtype=np.uint32)
+    for flag, bits in _CLIPPED.items():
+        found[(status & np.uint32(bits)) != 0] |= np.uint32(flag)
+    return found
 
 
 def _rate(head: Mapping[str, str]) -> float | None:
@@ -143,10 +261,10 @@ def _frame(head: Mapping[str, str]) -> Frame | None:
     return Frame(told[0].upper()) if told and told[0].upper() in list(Frame) else None
 
 
-def _stamps(table: Table, head: Mapping[str, str], notes: list[str]) -> NDArray[np.int64]:
+def _stamps(columns: Columns, head: Mapping[str, str], notes: list[str]) -> NDArray[np.int64]:
     """Time of each row, ns, from SampleTimeFine, or from PacketCounter and the rate that the head declares."""
-    counter = _unwrapped(table, "PacketCounter", _COUNTER_WRAPS)
-    ticks = _unwrapped(table, "SampleTimeFine", _TIME_WRAPS)
+    counter = _unwrapped(columns, "PacketCounter", _COUNTER_WRAPS)
+    ticks = _unwrapped(columns, "SampleTimeFine", _TIME_WRAPS)
     rate = _rate(head)
     if counter is not None and counter.size > 1:
         steps = np.diff(counter)
@@ -167,13 +285,13 @@ def _stamps(table: Table, head: Mapping[str, str], notes: list[str]) -> NDArray[
             "it has neither SampleTimeFine nor PacketCounter with a line '// Update Rate: 100.0Hz', so its time is not "
             "known; add that line, or describe the file with a profile that has [time] rate."
         )
-    notes.append(f"clock: PacketCounter at {rate:g} Hz, as the head says")
+    notes.append(f"clock: PacketCounter at {rate:g} Hz, as the file says")
     return np.asarray(np.round((counter - counter[0]) * (1e9 / rate)).astype(np.int64))
 
 
-def _unwrapped(table: Table, column: str, wraps: int) -> NDArray[np.int64] | None:
-    """Count of a counter that begins again after so many; None where the table has none."""
-    values: Any = table.columns.get(column)
+def _unwrapped(columns: Columns, column: str, wraps: int) -> NDArray[np.int64] | None:
+    """Count of a counter that begins again after so many; None where there is none."""
+    values = columns.get(column)
     if values is None or not np.isfinite(values).any():
         return None
     if not np.isfinite(values).all() or not ((values >= 0) & (values < wraps)).all() or (values % 1.0).any():
@@ -183,11 +301,11 @@ def _unwrapped(table: Table, column: str, wraps: int) -> NDArray[np.int64] | Non
     return np.asarray(counts + wraps * turns)
 
 
-def _epoch(table: Table, stamps: NDArray[np.int64]) -> int | None:
+def _epoch(columns: Columns, stamps: NDArray[np.int64]) -> int | None:
     """UTC of the stamp 0, ns, by the first row that has a date and a time."""
-    if not set(_UTC) <= set(table.columns):
+    if not set(_UTC) <= columns.keys():
         return None
-    told = np.stack([table.columns[column] for column in _UTC], axis=1)
+    told = np.stack([columns[column] for column in _UTC], axis=1)
     rows = np.flatnonzero(np.isfinite(told).all(axis=1) & (told[:, 0] > 2000))
     if not rows.size:
         return None
@@ -199,11 +317,11 @@ def _epoch(table: Table, stamps: NDArray[np.int64]) -> int | None:
     return int(moment.timestamp()) * 10**9 + nano - int(stamps[rows[0]])
 
 
-def _attitude(table: Table, columns: tuple[str, ...]) -> Floats:
-    values = np.stack([table.columns[column] for column in columns], axis=1)
-    if len(columns) == 4:
+def _attitude(columns: Columns, names: tuple[str, ...]) -> Floats:
+    values = np.stack([columns[name] for name in names], axis=1)
+    if len(names) == 4:
         return values
-    if len(columns) == 3:
+    if len(names) == 3:
         return quat_from_euler_zyx(units.to_si(values, "deg"))
     found = np.full((len(values), 4), np.nan)
     known = np.isfinite(values).all(axis=1)

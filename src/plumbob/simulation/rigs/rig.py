@@ -13,7 +13,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.time import to_ns
-from plumbob.core.units import to_deg, unit
+from plumbob.core.units import to_deg
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.protocols.decode import columns_of
 from plumbob.protocols.encode import encode, held
@@ -66,7 +66,7 @@ def columns_for(
         if one.role == "counter":
             found[one.name] = counter
         elif one.role == "clock":
-            found[one.name] = np.rint(device_ns / (1e9 * unit(one.unit).factor)).astype(np.int64)
+            found[one.name] = np.rint(device_ns / (1e9 * one.scale)).astype(np.int64)
         elif one.role == "status" and not one.derived and "absent" in one.says.values():
             found[one.name] = _presence(one, measured, device_ns.size)
     return found

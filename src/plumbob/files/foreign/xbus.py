@@ -1,0 +1,509 @@
+"""MTB logs of MT Manager: what Xsens units sent on the Xbus, message by message, as the columns of a text export.
+
+A message is FA, a bus identifier, a message identifier, a length (FF: two more bytes hold it), data, and a byte that
+makes the sum of all but FA 0 mod 256 (MT Low Level Communication Protocol MT0101P; ethzasl_xsens_driver, mtdevice.py).
+Numbers are big-endian. MTData2 (36) is a list of blocks: an identity of two bytes, a size and data. The lowest digit of
+an identity is its precision (0 float32, 1 fixed 12.20, 2 fixed 16.32, 3 float64) and the frame of an attitude (0 ENU,
+4 NED, 8 NWU); the rest says what it is (Xsens' xsdataidentifier.h). Fixed 16.32 sends the fraction first, four bytes,
+and then the integer, two (xsmessage.c, getDataFP1632; einride/xsens-go, fixedpoint_test.go).
+
+MTData (32) of older units has a layout that follows from OutputMode and OutputSettings in the message Configuration
+(0D), which also holds the sampling period in 1/115200 s (xsdeviceconfiguration.c; legacydatapacket.cpp,
+updateInfoList). Its matrices run down their columns, as those of MTData2 do, and its frame is NWU, or NED where the
+settings say so.
+"""
+
+from array import array
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import DecodeError
+from plumbob.core.text import counted
+from plumbob.files.foreign.logged import chosen, others_note, records
+
+PREAMBLE: Final = 0xFA
+_MTDATA, _MTDATA2 = 0x32, 0x36
+_DEVICE_ID, _CONFIGURATION, _PRODUCT_CODE, _OUTPUT_CONFIGURATION = 0x01, 0x0D, 0x1D, 0xC1
+_MASTER: Final = 0xFF
+_LONG: Final = 0xFF
+_PART: Final = 1 << 20
+_MOST_LAYOUTS: Final = 8
+"""Lists of blocks that are told apart among packets of one size; a unit sends a few."""
+_PERIOD_HZ: Final = 115_200.0
+_EVERY_PACKET: Final = (0, 0xFFFF)
+_UTC_VALID: Final = 0x04
+_XYZ: Final = ("X", "Y", "Z")
+_QUATERNION, _MATRIX, _EULER = 0x2010, 0x2020, 0x2030
+_COUNTER, _TIME, _UTC, _STATUS = 0x1020, 0x1060, 0x1010, 0xE020
+_SNAPSHOTS: Final = (0xC810, 0xC820)
+_FRAMES: Final = {0x0: "ENU", 0x4: "NED", 0x8: "NWU"}
+_UTC_PARTS: Final = ("Nano", "Year", "Month", "Day", "Hour", "Minute", "Second", "Valid")
+_COLUMNS: Final[dict[int, tuple[str, ...]]] = {
+    0x0810: ("Temperature",),
+    _COUNTER: ("PacketCounter",),
+    _TIME: ("SampleTimeFine",),
+    _UTC: tuple(f"UTC_{part}" for part in _UTC_PARTS),
+    _QUATERNION: tuple(f"Quat_q{k}" for k in range(4)),
+    _MATRIX: tuple(f"Mat[{row}][{column}]" for column in (1, 2, 3) for row in (1, 2, 3)),
+    _EULER: ("Roll", "Pitch", "Yaw"),
+    0x4010: tuple(f"VelInc_{axis}" for axis in _XYZ),
+    0x4020: tuple(f"Acc_{axis}" for axis in _XYZ),
+    0x4040: tuple(f"Acc_{axis}" for axis in _XYZ),
+    0x8020: tuple(f"Gyr_{axis}" for axis in _XYZ),
+    0x8030: tuple(f"OriInc_q{k}" for k in range(4)),
+    0x8040: tuple(f"Gyr_{axis}" for axis in _XYZ),
+    0xC020: tuple(f"Mag_{axis}" for axis in _XYZ),
+    _STATUS: ("StatusWord",),
+}
+"""Columns that MT Manager makes of a block in its export."""
+_CHOICES: Final = ((0x8020, 0x8040, 0x8030), (0x4020, 0x4040, 0x4010), (_QUATERNION, _MATRIX, _EULER))
+"""Blocks of which the first that a log has is taken."""
+_NAMES: Final = {
+    0x1070: "SampleTimeCoarse",
+    0x2010: "quaternion",
+    0x2020: "matrix",
+    0x2030: "Euler angles",
+    0x3010: "pressure",
+    0x4010: "velocity increments",
+    0x4020: "acceleration",
+    0x4030: "FreeAcceleration",
+    0x4040: "AccelerationHR",
+    0x5020: "altitude",
+    0x5040: "latitude and longitude",
+    0x7010: "GNSS solution",
+    0x7020: "GNSS satellites",
+    0x8020: "rate of turn",
+    0x8030: "orientation increments",
+    0x8040: "RateOfTurnHR",
+    0xA010: "raw counts",
+    0xC810: "Awinda snapshots",
+    0xC820: "full snapshots",
+    0xD010: "velocity",
+}
+_WHOLE: Final[dict[int, list[tuple[str, str]]]] = {
+    _COUNTER: [("PacketCounter", ">u2")],
+    _TIME: [("SampleTimeFine", ">u4")],
+    _UTC: list(zip(_UTC_PARTS, (">u4", ">u2", "u1", "u1", "u1", "u1", "u1", "u1"), strict=True)),
+    _STATUS: [("StatusWord", ">u4")],
+}
+_FRACTIONS: Final = {0: (">f4", 1.0), 1: (">i4", 2.0**-20), 3: (">f8", 1.0)}
+_SIZES: Final = {0: 4, 1: 4, 2: 6, 3: 8}
+_Block = tuple[int, int, int]
+"""Identity, place in the data, and size."""
+
+
+@dataclass
+class Unit:
+    """What one unit sent, under the names of MT Manager's export.
+
+    Attributes
+    ----------
+    head : dict
+        What an export says before its table, by key in small letters.
+    columns : dict
+        A vector (N,) for each column of a table with a row for each packet; NaN where a packet has no such value.
+    notes : list of str
+        What was left out.
+    """
+
+    head: dict[str, str] = field(default_factory=dict)
+    columns: dict[str, Floats] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass
+class _Messages:
+    """Messages whose checksums fit, by their places in the file."""
+
+    raw: bytes
+    data: NDArray[np.uint8]
+    begins: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+    bus: NDArray[np.uint8]
+    kind: NDArray[np.uint8]
+
+    def of(self, kind: int, bus: int | None = None) -> NDArray[np.int64]:
+        """Numbers of the messages of a kind, of one bus identifier or of all."""
+        return np.flatnonzero((self.kind == kind) & ((self.bus == bus) if bus is not None else True))
+
+    def body(self, number: int) -> bytes:
+        """Data of a message."""
+        begin = int(self.begins[number])
+        return self.raw[begin : begin + int(self.sizes[number])]
+
+
+@dataclass
+class _Group:
+    """Packets of one layout: their rows, where their data begin, and their blocks."""
+
+    rows: NDArray[np.int64]
+    begins: NDArray[np.int64]
+    blocks: list[_Block]
+
+
+def read_unit(raw: bytes, unit: str | None) -> Unit:
+    """One unit of a log: the one that is asked for, or the first.
+
+    Parameters
+    ----------
+    raw : bytes
+        The file.
+    unit : str or None
+        Identity of the unit, as 037003F8, or its number from 1 in the order of the bus.
+
+    Raises
+    ------
+    DecodeError
+        If it is not such a log, or holds nothing of the unit that is a measurement.
+    ParameterError
+        If there is no such unit.
+    """
+    notes = ["MTB log: messages of the Xbus (MT Low Level Communication Protocol MT0101P)"]
+    messages = _messages(raw, notes)
+    configuration = _configuration(messages)
+    data = np.isin(messages.kind, (_MTDATA, _MTDATA2)) & (messages.sizes > 0)
+    names: dict[str, int] = {}
+    for bus in np.unique(messages.bus[data]).tolist():
+        one = _name(messages, bus, configuration)
+        names[f"{one}.bus{bus}" if one in names else one] = bus
+    if not names:
+        kinds = ", ".join(f"{kind:02X}" for kind in np.unique(messages.kind).tolist()[:20])
+        raise DecodeError(
+            f"it holds {counted(messages.kind.size, 'message')}, but no data (MTData2, 36, or MTData, 32): {kinds}."
+        )
+    name = chosen(list(names), unit)
+    counts = {one: int(np.count_nonzero(data & (messages.bus == bus))) for one, bus in names.items()}
+    if len(names) > 1:
+        notes.append(others_note(f"unit: {name}, {counted(counts.pop(name), 'packet')}", counts))
+    found = Unit({} if name == f"bus{names[name]}" else {"deviceid": name}, {}, notes)
+    if product := _product(messages, names[name], configuration):
+        found.head["productcode"] = product
+    groups, rate = _groups(messages, names[name], configuration, found)
+    _fill(found, messages.data, groups, rate)
+    return found
+
+
+def _messages(raw: bytes, notes: list[str]) -> _Messages:
+    """Messages one after another; after damage the next is one whose checksum fits and that another follows."""
+    data = np.frombuffer(raw, np.uint8)
+    sums, size = np.cumsum(data, dtype=np.uint8), data.size
+    starts, ends = array("q"), array("q")
+    at = junk = 0
+    for first in range(0, size, _PART):
+        begin, end = _candidates(data, sums, first)
+        followed = (end == size) | (data[np.minimum(end, size - 1)] == PREAMBLE)
+        for a, b, chained in zip(begin.tolist(), end.tolist(), followed.tolist(), strict=True):
+            if a == at or (a > at and chained):
+                starts.append(a)
+                ends.append(b)
+                junk, at = junk + a - at, b
+    if not starts:
+        raise DecodeError("it holds no message of the Xbus (FA, bus, kind, length, data, checksum); copy it again.")
+    if at < size and data[at] == PREAMBLE:
+        notes.append(f"cut: the file ends within a message, {counted(size - at, 'byte')} left out")
+    else:
+        junk += size - at
+    if junk:
+        notes.append(f"damage: {counted(junk, 'byte')} skipped, which are not messages whose checksums fit")
+    start, end = np.frombuffer(starts, np.int64), np.frombuffer(ends, np.int64)
+    head = np.where(data[start + 3] == _LONG, 6, 4)
+    return _Messages(raw, data, start + head, end - start - head - 1, data[start + 1], data[start + 2])
+
+
+def _candidates(
+    data: NDArray[np.uint8], sums: NDArray[np.uint8], first: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where messages may begin in a part of the file, and end: places of FA from which the checksum fits."""
+    at = np.flatnonzero(data[first : first + _PART] == PREAMBLE).astype(np.int64) + first
+    at = at[at + 5 <= data.size]
+    length = data[at + 3].astype(np.int64)
+    long = length == _LONG
+    high, low = (data[np.minimum(at + place, data.size - 1)].astype(np.int64) for place in (4, 5))
+    ends = at + np.where(long, (high << 8 | low) + 7, length + 5)
+    inside = ends <= data.size
+    at, ends = at[inside], ends[inside]
+    fits = sums[ends - 1] == sums[at]
+    return at[fits], ends[fits]
+
+
+def _configuration(messages: _Messages) -> bytes:
+    """Data of the message Configuration that the first packets follow; empty where there is none."""
+    found = [one for one in messages.of(_CONFIGURATION)[:1000] if _devices(messages.body(int(one)))]
+    if not found:
+        return b""
+    data = np.flatnonzero(np.isin(messages.kind, (_MTDATA, _MTDATA2)))
+    before = [one for one in found if not data.size or one < data[0]]
+    return messages.body(int(before[-1] if before else found[0]))
+
+
+def _devices(configuration: bytes) -> int:
+    """How many devices a configuration lists: 98 bytes of the master, and 20 of each."""
+    number = _whole(configuration, 96, 2) if len(configuration) >= 98 else 0
+    return number if len(configuration) >= 98 + 20 * number else 0
+
+
+def _whole(data: bytes, at: int, size: int) -> int:
+    return int.from_bytes(data[at : at + size], "big")
+
+
+def _name(messages: _Messages, bus: int, configuration: bytes) -> str:
+    """Identity of a unit as Xsens writes it; where no message tells it, its bus identifier."""
+    devices = _devices(configuration)
+    if bus == _MASTER and devices > 1:
+        return f"{_whole(configuration, 0, 4):08X}"
+    for one in messages.of(_DEVICE_ID, bus)[:1]:
+        if messages.sizes[one] in {4, 8}:
+            return messages.body(int(one)).hex().upper().lstrip("0").zfill(8)
+    place = 0 if bus == _MASTER else bus - 1
+    if 0 <= place < devices:
+        return f"{_whole(configuration, 98 + 20 * place, 4):08X}"
+    return f"bus{bus}"
+
+
+def _product(messages: _Messages, bus: int, configuration: bytes) -> str:
+    """Product code of a unit; that in the configuration is the master's, which a unit alone is itself."""
+    said = [messages.body(int(one)) for one in messages.of(_PRODUCT_CODE, bus)[:1]]
+    if not said and _devices(configuration) == 1:
+        said = [configuration[32:52]]
+    text = b"".join(said).split(b"\0")[0].decode("ascii", "replace").strip()
+    return text if text.isprintable() and len(text) <= 40 else ""
+
+
+def _groups(messages: _Messages, bus: int, configuration: bytes, found: Unit) -> tuple[list[_Group], float | None]:
+    """Packets of a unit by their layouts, and its packets per second, where a message tells them."""
+    numbers = np.flatnonzero(np.isin(messages.kind, (_MTDATA, _MTDATA2)) & (messages.bus == bus) & (messages.sizes > 0))
+    modern = messages.kind[numbers] == _MTDATA2
+    if modern.any():
+        if lost := int(np.count_nonzero(~modern)):
+            found.notes.append(f"left out: {counted(lost, 'packet')} of MTData, beside those of MTData2")
+        return _modern(messages, numbers[modern], found.notes), _declared_rate(messages, bus)
+    return _legacy(messages, numbers, configuration, found)
+
+
+def _declared_rate(messages: _Messages, bus: int) -> float | None:
+    """Packets per second: the largest rate that the output configuration asks for, Hz."""
+    rates = [0]
+    for one in messages.of(_OUTPUT_CONFIGURATION, bus)[-1:]:
+        body = messages.body(int(one))
+        rates += [rate for at in range(2, len(body) - 1, 4) if (rate := _whole(body, at, 2)) not in _EVERY_PACKET]
+    return float(max(rates)) or None
+
+
+def _modern(messages: _Messages, numbers: NDArray[np.int64], notes: list[str]) -> list[_Group]:
+    """Packets of MTData2, told apart by the heads of their blocks."""
+    groups: list[_Group] = []
+    sizes, lost = messages.sizes[numbers], 0
+    for size in np.unique(sizes).tolist():
+        left = np.flatnonzero(sizes == size)
+        for _ in range(_MOST_LAYOUTS):
+            if not left.size:
+                break
+            blocks, whole = _blocks(messages.body(int(numbers[left[0]])))
+            same = _alike(messages, numbers[left], blocks) if whole else np.zeros(1, np.int64)
+            if whole:
+                groups.append(_Group(left[same], messages.begins[numbers[left[same]]], blocks))
+            else:
+                lost += 1
+            left = np.delete(left, same)
+        lost += left.size
+    if lost:
+        notes.append(
+            f"damage: {counted(lost, 'packet')} left out, whose blocks do not fill them, or come in more ways than a "
+            "unit sends"
+        )
+    return groups
+
+
+def _alike(messages: _Messages, numbers: NDArray[np.int64], blocks: list[_Block]) -> NDArray[np.int64]:
+    """Which of the packets of one size have the blocks of the first."""
+    data, begins = messages.data, messages.begins[numbers]
+    found = np.arange(numbers.size)
+    for place in (at - k for _, at, _ in blocks for k in (3, 2, 1)):
+        found = found[data[begins[found] + place] == data[begins[0] + place]]
+    return found
+
+
+def _blocks(data: bytes) -> tuple[list[_Block], bool]:
+    """Blocks of a packet of MTData2, and whether they fill it."""
+    found: list[_Block] = []
+    at = 0
+    while at + 3 <= len(data) and at + 3 + data[at + 2] <= len(data):
+        found.append((_whole(data, at, 2), at + 3, data[at + 2]))
+        at += 3 + data[at + 2]
+    return found, at == len(data)
+
+
+def _legacy(
+    messages: _Messages, numbers: NDArray[np.int64], configuration: bytes, found: Unit
+) -> tuple[list[_Group], float | None]:
+    """Packets of MTData by the configuration of their unit."""
+    devices = _devices(configuration)
+    if devices != 1:
+        what = f"lists {devices} units, whose packets it packs in one" if devices else "is not in the log"
+        raise DecodeError(
+            "its packets are of the older kind (MTData), whose layout the message Configuration says, but that "
+            f"{what}. Export it as text with MT Manager (File, Export)."
+        )
+    mode, settings = _whole(configuration, 104, 2), _whole(configuration, 106, 4)
+    blocks, total = _legacy_blocks(mode, settings)
+    sizes = messages.sizes[numbers]
+    fits = sizes == total
+    if not fits.any():
+        raise DecodeError(
+            f"its packets are of the older kind (MTData) and have {int(sizes[0])} bytes, but OutputMode {mode:04X} and "
+            f"OutputSettings {settings:08X} make {total}. Export it as text with MT Manager (File, Export)."
+        )
+    if lost := int(np.count_nonzero(~fits)):
+        found.notes.append(
+            f"damage: {counted(lost, 'packet')} left out, not of the {total} bytes that the settings make"
+        )
+    found.notes.append(f"packets: MTData by OutputMode {mode:04X} and OutputSettings {settings:08X}")
+    period, skipped = _whole(configuration, 4, 2), _whole(configuration, 6, 2)
+    rate = _PERIOD_HZ / period / (skipped + 1) if period and skipped != 0xFFFF else None
+    return [_Group(np.flatnonzero(fits), messages.begins[numbers[fits]], blocks)], rate
+
+
+def _legacy_blocks(mode: int, settings: int) -> tuple[list[_Block], int]:
+    """Blocks that a mode and its settings put one after another, under the identities of MTData2, and their bytes."""
+    precision = settings >> 8 & 3
+    one = _SIZES[precision]
+    kind = precision | (0x4 if settings & 0x8000_0000 else 0x8)
+    orientation = {0x0: (_QUATERNION | kind, 4 * one), 0x4: (_EULER | kind, 3 * one), 0x8: (_MATRIX | kind, 9 * one)}
+    parts: list[tuple[bool, int, int]] = [
+        (bool(mode & 0x4000), 0xA010, 28 if settings & 0x0100_0000 else 20),
+        (bool(mode & 0x0200), 0xC810, 13 + 13 * one),
+        (bool(mode & 0x1000), 0x7010, 3 if settings & 0x0008_0000 else 44),
+        (bool(mode & 0x0001), 0x0810 | precision, one),
+        (bool(mode & 0x0002 and not settings & 0x10), 0x4020 | precision, 3 * one),
+        (bool(mode & 0x0002 and not settings & 0x20), 0x8020 | precision, 3 * one),
+        (bool(mode & 0x0002 and not settings & 0x40), 0xC020 | precision, 3 * one),
+        (bool(mode & 0x0004), *orientation.get(settings & 0xC, (0, 0))),
+        (bool(mode & 0x0008 and not settings & 0x400), 0xB010, 2),
+        (bool(mode & 0x0008 and not settings & 0x800), 0xB020, 2),
+        (bool(mode & 0x0010), 0x5040 | precision, 3 * one),
+        (bool(mode & 0x0020), 0xD010 | precision, 3 * one),
+        (bool(mode & 0x0800), 0xE010, 4 if settings & 0x80 else 1),
+        (bool(settings & 0x1), _COUNTER, 2),
+        (bool(settings & 0x2), _UTC, 12),
+    ]
+    blocks: list[_Block] = []
+    at = 0
+    for there, identity, size in parts:
+        if there:
+            blocks.append((identity, at, size))
+            at += size
+    return blocks, at
+
+
+def _fill(found: Unit, data: NDArray[np.uint8], groups: list[_Group], rate: float | None) -> None:
+    """Columns of the blocks that are taken, a row for each packet; what is not taken is a note."""
+    held: dict[int, int] = {}
+    for group in groups:
+        for identity in {one for one, _, _ in group.blocks}:
+            held[identity] = held.get(identity, 0) + group.rows.size
+    frame = _frame(held)
+    taken = {choice for choices in _CHOICES for choice in _first(choices, held, frame)}
+    taken |= {identity & ~0xF for identity in held} & ({0x0810, 0xC020, _STATUS} | {_COUNTER, _TIME, _UTC})
+    rows = np.sort(np.concatenate([np.empty(0, np.int64), *(group.rows for group in groups)]))
+    wrong: set[int] = set()
+    for group in groups:
+        places = np.searchsorted(rows, group.rows)
+        once: set[int] = set()
+        for identity, at, size in group.blocks:
+            what = identity & ~0xF
+            if what not in taken or what in once or (what in _CHOICES[2] and identity & 0xC != frame):
+                continue
+            values = _values(data, group.begins + at, identity, size)
+            if values is None:
+                wrong.add(identity)
+                continue
+            once.add(what)
+            for column, part in zip(_COLUMNS[what], values.T, strict=True):
+                if column not in found.columns:
+                    found.columns[column] = np.full(rows.size, np.nan)
+                found.columns[column][places] = part
+    if wrong:
+        found.notes.append(f"damage: blocks left out that have a wrong size: {_listed(wrong)}")
+    left = {identity for identity in held if identity & ~0xF not in taken or identity & ~0xF not in _COLUMNS}
+    if left:
+        found.notes.append(f"left out: {_listed(left)}")
+    if not {"Gyr_X", "OriInc_q0", "Acc_X", "VelInc_X", "Mag_X"} & found.columns.keys():
+        snapshots = (
+            "; only Xsens' software takes snapshots apart" if {one & ~0xF for one in held} & {*_SNAPSHOTS} else ""
+        )
+        raise DecodeError(
+            f"unit {found.head.get('deviceid', '1')} has no rate, acceleration or magnetic field; it has "
+            f"{_listed(held)}{snapshots}. Export the log as text with MT Manager (File, Export)."
+        )
+    if frame is not None:
+        found.head["coordinate system"] = _FRAMES.get(frame, "unknown")
+    _timed(found, rate)
+
+
+def _frame(held: dict[int, int]) -> int | None:
+    """Digit of the frame in which most attitudes of the best kind are."""
+    for what in _CHOICES[2]:
+        counts = {one & 0xC: count for one, count in sorted(held.items()) if one & ~0xF == what}
+        if counts:
+            return max(counts, key=lambda digit: counts[digit])
+    return None
+
+
+def _first(choices: Iterable[int], held: dict[int, int], frame: int | None) -> list[int]:
+    there = {one & ~0xF for one in held if one & ~0xF not in _CHOICES[2] or one & 0xC == frame}
+    return [one for one in choices if one in there][:1]
+
+
+def _values(data: NDArray[np.uint8], places: NDArray[np.int64], identity: int, size: int) -> Floats | None:
+    """Numbers (N, k) of a block; None where its size is not that of its kind."""
+    what, precision = identity & ~0xF, identity & 3
+    width = len(_COLUMNS[what])
+    layout: Any
+    if what in _WHOLE:
+        layout = np.dtype(_WHOLE[what])
+        if size != layout.itemsize:
+            return None
+        found = records(data, places, layout)
+        values = np.column_stack([found[name].astype(np.float64) for name in layout.names])
+        if what == _UTC:
+            values[(found["Valid"] & _UTC_VALID) == 0] = np.nan
+        return values
+    if size != width * _SIZES[precision]:
+        return None
+    if precision == 2:
+        found = records(data, places, np.dtype([("v", [("part", ">u4"), ("whole", ">i2")], (width,))]))["v"]
+        return np.asarray(found["whole"] + found["part"] * 2.0**-32)
+    number, scale = _FRACTIONS[precision]
+    return np.asarray(records(data, places, np.dtype([("v", number, (width,))]))["v"].astype(np.float64) * scale)
+
+
+def _timed(found: Unit, rate: float | None) -> None:
+    """Leave out packets without the time that the others have; without any time, the rate is that of the settings."""
+    columns = found.columns
+    if "SampleTimeFine" in columns:
+        timed = np.isfinite(columns["SampleTimeFine"])
+        if lost := int(np.count_nonzero(~timed)):
+            found.columns = {name: values[timed] for name, values in columns.items()}
+            found.notes.append(f"left out: {counted(lost, 'packet')} without SampleTimeFine")
+    elif rate is not None and "PacketCounter" in columns:
+        found.head["update rate"] = f"{rate:.6f}Hz"
+    else:
+        raise DecodeError(
+            f"unit {found.head.get('deviceid', '1')} sent neither SampleTimeFine nor PacketCounter with a rate that "
+            "the log says, so that its time is not known. Record it with SampleTimeFine among the outputs."
+        )
+    counter = found.columns.get("PacketCounter")
+    if counter is not None and "SampleTimeFine" in columns and not np.isfinite(counter).all():
+        del found.columns["PacketCounter"]
+        found.notes.append("left out: PacketCounter, which some packets lack")
+
+
+def _listed(identities: Iterable[int]) -> str:
+    kinds = sorted({one & ~0xF for one in identities})
+    listed = ", ".join(f"{_NAMES.get(one, 'block')} ({one:04X})" for one in kinds[:20])
+    return f"{listed} and {len(kinds) - 20} more" if len(kinds) > 20 else listed
