@@ -80,7 +80,10 @@ LINES = {
     "run": (["run", "sea.parquet", "--filter", "mekf"], RUN),
     "run --out": (["run", "sea.parquet", "--filter", "mahony", "--out", "track.parquet"], RUN),
     "run, refused": (["run", "none.parquet", "--filter", "mekf"], {"numpy", "filters"}),
-    "report": (["report", "sea.parquet", "--filter", "mekf"], RUN | {"scipy", "scipy.fft", "scipy.special"}),
+    "report": (
+        ["report", "sea.parquet", "--filter", "mekf"],
+        RUN | {"calibration", "scipy", "scipy.fft", "scipy.special"},
+    ),
     "batch, refused": (["batch", "none.parquet", "--out", "dataset"], READ | {"evaluation", "scipy"}),
     "plot": (
         ["plot", "sea.parquet", "--filter", "none", "--what", "rates", "--out", "rates.svg"],

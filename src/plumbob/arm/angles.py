@@ -18,13 +18,13 @@ from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.core.time import to_ns, to_s
 from plumbob.core.units import Quantity, to_si
-from plumbob.files import table as table_of_numbers
+from plumbob.files import arrow
 from plumbob.files.arrow import numbers_of, unpacked_bytes
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-SUFFIXES: Final = table_of_numbers.SUFFIXES
+SUFFIXES: Final = arrow.TABLES
 """Of the files of joint angles."""
 TIME: Final = "t [s]"
 RECORDED: Final = "recorded [s]"
@@ -172,7 +172,7 @@ def write_table(
     file = check.path("path", path)
     _kind(file)
     about = json.dumps({"format_version": _VERSION, "source": source})
-    table_of_numbers.write_table(file, columns, metadata={_KEY: about.encode()}, overwrite=overwrite)
+    arrow.write_table(file, columns, metadata={_KEY: about.encode()}, overwrite=overwrite)
     return file
 
 

@@ -3,16 +3,22 @@
 `unpacked_bytes` is what the pages of a Parquet file unpack to, by the headers in front of them. Arrow believes a page's
 own size, whatever the table of contents says of its column: 33 kB unpacked to a gigabyte. Headers are in Thrift's
 compact protocol (parquet.thrift, PageHeader; thrift-compact-protocol.md).
+
+`write_table` writes a table of numbers over time: columns by name with unit, ``.csv`` or ``.parquet``.
 """
 
+import csv
+import io
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core.errors import DecodeError
+from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.files import replacing
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -131,3 +137,53 @@ class _Header:
     def _integer(self) -> int:
         value = self._unsigned()
         return value >> 1 ^ -(value & 1)
+
+
+TABLES: Final = (".csv", ".parquet")
+"""Endings of a table's file."""
+
+
+def write_table(
+    path: Path,
+    columns: Mapping[str, NDArray[Any]],
+    *,
+    metadata: dict[bytes, bytes] | None = None,
+    overwrite: bool = False,
+) -> Path:
+    """Write columns (N,) of numbers; the file appears whole or not at all, and keeps every bit.
+
+    `metadata` goes into a ``.parquet`` file; a ``.csv`` has no place for it.
+
+    Raises
+    ------
+    ParameterError
+        If the suffix is another, or the file exists and `overwrite` is false.
+    DecodeError
+        If the system refuses to write.
+    """
+    kind = path.suffix.lower()
+    if kind not in TABLES:
+        raise ParameterError(f"a table ends in {' or '.join(TABLES)}, but it is {path}.")
+    import pyarrow as pa
+
+    table = pa.table({name: column_of(values) for name, values in columns.items()})
+    with replacing(path, overwrite=overwrite, seeks=kind == ".parquet") as temporary:
+        if kind == ".parquet":
+            import pyarrow.parquet as pq
+
+            pq.write_table(
+                table.replace_schema_metadata(metadata),
+                temporary,
+                compression="zstd",
+                use_dictionary=False,
+                write_page_checksum=True,
+            )
+        else:
+            from pyarrow import csv as arrow_csv
+
+            head = io.StringIO()
+            csv.writer(head, lineterminator="\n").writerow(columns)
+            with temporary.open("wb") as stream:
+                stream.write(head.getvalue().encode())
+                arrow_csv.write_csv(table, stream, arrow_csv.WriteOptions(include_header=False, quoting_style="none"))
+    return path

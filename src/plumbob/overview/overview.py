@@ -14,6 +14,7 @@ from plumbob.data import ImuData
 from plumbob.files import Recording
 from plumbob.overview.figures import WHATS, figure, figures
 from plumbob.overview.gathered import BURST, Gatherer
+from plumbob.overview.grade import grade
 from plumbob.overview.subject import Progress, Subject, duration, subject_from, subject_of
 from plumbob.overview.tables import comparison_table, summary, tables
 from plumbob.overview.tilt import LIMIT
@@ -219,8 +220,12 @@ def gatherer_of(
 
 
 def of_estimate(result: "Estimated", gatherer: Gatherer, file: str | Path) -> Overview:
-    """Overview of an estimate that a gatherer has followed, and the file that it is of."""
-    return Overview((subject_from(result, gatherer, (Path(file),)),))
+    """Overview of an estimate that a gatherer has followed, and the file that it is of.
+
+    The grade is that of the samples that the filter was given, calibrated where they were.
+    """
+    graded = grade(result.imu, result.inferred)
+    return Overview((subject_from(result, gatherer, (Path(file),), graded=graded),))
 
 
 def plot(
@@ -286,7 +291,7 @@ def plot(
     inches = _inches(units.given("width", width, Quantity.LENGTH))
     gatherer = gatherer_of(burst=burst, tilt_limit=tilt_limit, window=(low, high))
     source = file if isinstance(file, Recording | ImuData) else check.path("file", file)
-    subject = subject_of(source, gatherer, how, note=note, progress=progress)  # type: ignore[arg-type]
+    subject = subject_of(source, gatherer, how, graded=False, note=note, progress=progress)  # type: ignore[arg-type]
     return picture(target, [figure(subject, what)], lang=lang, overwrite=overwrite, width=inches)
 
 

@@ -184,8 +184,8 @@ def _of(name: str, subject: Subject) -> Iterator[tuple[Table, bool]]:
         yield replace(sensor_table(g), title=""), False
     elif name == "flags":
         yield replace(flag_table(g), title=""), False
-    elif name == "grade":
-        yield grade_table(subject), False
+    elif name == "grade" and subject.grade is not None:
+        yield grade_table(subject.grade), False
 
 
 def _folded(table: Table, lang: str) -> str:

@@ -20,7 +20,7 @@ from plumbob.data.imu import BLOCK, TITLES
 from plumbob.data.reading import default_max_gap, read_at
 from plumbob.files import Recording, found_in, inferred_in
 from plumbob.overview.gathered import Gathered, Gatherer
-from plumbob.overview.grade import Grade, grade, grade_of
+from plumbob.overview.grade import Grade, grade_of
 from plumbob.rotations import North
 from plumbob.rotations.headings import counted_from
 from plumbob.session.estimated import Estimated, estimate
@@ -62,8 +62,9 @@ class Subject:
         What headings count from; None without an attitude.
     numbers : mapping
         Of the estimate, as JSON can hold them.
-    grade : Grade
-        Of the recording as it was read, as `plumbob.info` gives it; of an estimate, of the samples that it was given.
+    grade : Grade or None
+        Of the recording as it was read, as `plumbob.info` gives it; of an estimate, of the samples that it was given;
+        None where nobody asked.
     t0_ns : int
         UTC of t = 0, ns since 1970; 0 where not known.
     """
@@ -76,7 +77,7 @@ class Subject:
     calibrated: bool
     north: North | None
     numbers: Mapping[str, Any]
-    grade: Grade
+    grade: Grade | None
     t0_ns: int = 0
 
     def utc(self, t: float) -> str | None:
@@ -89,6 +90,7 @@ def subject_of(
     gatherer: Gatherer,
     how: Mapping[str, Any],
     *,
+    graded: bool = True,
     note: Note | None = None,
     progress: Progress | None = None,
 ) -> Subject:
@@ -102,6 +104,8 @@ def subject_of(
         New, for this one.
     how : mapping
         Arguments of `plumbob.estimate`, where `filter` may also be `OWN` or `NONE`.
+    graded : bool
+        Whether the recording is graded, which takes some passes over its samples.
     note, progress : callable, optional
         Called with remarks, and with the name, the samples done and all.
     """
@@ -111,7 +115,8 @@ def subject_of(
             given["calibration"] = session.card
         which = given.get("filter")
         if which in (OWN, NONE) or recording.imu is None:
-            return _held(recording, paths, session, gatherer, which != NONE, judged=bool(paths))
+            made = _held(recording, paths, session, gatherer, which != NONE)
+            return replace(made, grade=grade_of(recording, judged=bool(paths))) if graded else made
         name, told = recording.name, _told(recording)
         for line in told if note is not None else ():
             note(f"{name}: {line}")  # type: ignore[misc]
@@ -123,7 +128,8 @@ def subject_of(
             note=note,
             progress=None if progress is None else lambda done, total: progress(name, done, total),
         )
-        return subject_from(result, gatherer, paths, session, told, grade_of(recording, judged=bool(paths)))
+        found = grade_of(recording, judged=bool(paths)) if graded else None
+        return subject_from(result, gatherer, paths, session, told, found)
 
 
 def subject_from(
@@ -149,7 +155,6 @@ def subject_from(
     ]
     remarks = (*of_file, *(line.removeprefix(f"{result.name}: ") for line in result.notes))
     calibrated = meta.calibration is not None
-    graded = grade(result.imu, result.inferred) if graded is None else graded
     return Subject(
         result.name, tuple(paths), gathered, tuple(facts), remarks, calibrated, last.north, numbers, graded, meta.t0_ns
     )  # fmt: skip
@@ -161,8 +166,6 @@ def _held(
     session: "Session | None",
     gatherer: Gatherer,
     attitude: bool,
-    *,
-    judged: bool,
 ) -> Subject:
     """Of a recording as it is, with its own attitude or none."""
     imu, track = recording.imu, recording.track if attitude else None
@@ -194,7 +197,7 @@ def _held(
         calibrated=calibrated,
         north=None if track is None else track.north,
         numbers=numbers | {"calibration": None if meta is None else meta.calibration},
-        grade=grade_of(recording, judged=judged),
+        grade=None,
         t0_ns=0 if meta is None else meta.t0_ns,
     )
 

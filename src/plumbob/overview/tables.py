@@ -12,6 +12,7 @@ from plumbob.core.text import number
 from plumbob.core.units import to_deg
 from plumbob.overview import quality
 from plumbob.overview.gathered import AXES, SPECTRAL, TRACED, Burst, Gathered, Runs
+from plumbob.overview.grade import Grade
 from plumbob.overview.subject import Subject
 from plumbob.overview.tilt import Headings, Inclination, Motion
 from plumbob.reporting import Table, plain
@@ -41,7 +42,8 @@ def tables(subject: Subject) -> list[Table]:
     found.append(flag_table(g))
     if g.tilt is not None:
         found.append(burst_table(subject))
-    found.append(grade_table(subject))
+    if subject.grade is not None:
+        found.append(grade_table(subject.grade))
     if quality_table(subject).rows:
         found += [quality_table(subject), threshold_table()]
     if g.headings is not None:
@@ -127,9 +129,8 @@ def burst_table(subject: Subject) -> Table:
 _GRADED: Final = {"rest": "rest at the start"}  # a column of rests has the word of its own
 
 
-def grade_table(subject: Subject) -> Table:
+def grade_table(grade: Grade) -> Table:
     """Grade of a recording, and what it lost points for, the dearest first."""
-    grade = subject.grade
     rows = [
         (
             _GRADED.get(one.name, one.name),
@@ -186,7 +187,16 @@ def comparison_table(subjects: Sequence[Subject]) -> Table:
         loss = percent(g.lost / max(g.duration, g.step))
         told = "yes" if one.calibrated else "no"
         rows.append(
-            (one.name, f"{g.duration:.6g}", f"{1.0 / g.step:.6g}", loss, *tilt, heading, told, f"{one.grade.points:g}")
+            (
+                one.name,
+                f"{g.duration:.6g}",
+                f"{1.0 / g.step:.6g}",
+                loss,
+                *tilt,
+                heading,
+                told,
+                "-" if one.grade is None else f"{one.grade.points:g}",
+            )
         )
     return Table("Recordings", head, rows)
 
@@ -242,7 +252,7 @@ def summary(subject: Subject) -> dict[str, Any]:
         "spectra": _spectra(g),
         "sensors": _sensor_numbers(g),
         "flags": {name: _runs(runs, g.samples) for name, runs in g.flags.items()},
-        "grade": subject.grade.summary(),
+        "grade": None if subject.grade is None else subject.grade.summary(),
         "bursts": [_burst(subject, one) for one in g.bursts],
         "quality_thresholds": [list(row) for row in quality.thresholds()],
         "plot": {"samples_per_pair": g.traces.each, "rows": int(g.traces.t.size)},

@@ -15,7 +15,7 @@ from plumbob.core.units import Quantity, given
 from plumbob.data import TRIADS
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.chain_toml import chain_text
-from plumbob.files.table import SUFFIXES, write_table
+from plumbob.files.arrow import TABLES, write_table
 from plumbob.protocols.find import find_format
 from plumbob.protocols.format import Format
 from plumbob.protocols.unpack import units_of
@@ -201,7 +201,7 @@ def outputs(
 
 def chain_files(path: Path) -> tuple[Path, Path, Path]:
     """Beside a recording of a chain's units: true angles, the chain as it is known, and with the true mounts."""
-    table = path if path.suffix.lower() in SUFFIXES else path.with_suffix(".parquet")
+    table = path if path.suffix.lower() in TABLES else path.with_suffix(".parquet")
     return (
         table.with_stem(f"{path.stem}-angles"),
         path.with_suffix(".chain.toml"),
