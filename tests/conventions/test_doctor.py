@@ -141,6 +141,20 @@ def test_units_by_size() -> None:
     assert counts.unit is None and counts.factor == pytest.approx(1.0 / 400.0)
 
 
+def test_a_unit_that_is_wrong_is_named_where_two_others_fit() -> None:
+    data = sensors()
+    found = diagnosed(data | {"acc": data["acc"] * 101.0})  # mg or cm/s², but not m/s²
+    assert answers(found)["acc unit"] == ("unknown", True) and found.wrong
+    assert not [line for line in found.lines if "unit" in line]
+
+
+def test_a_delay_that_is_certain_but_not_exact_is_wrong() -> None:
+    found = diagnosed(sensors(seconds=30.0, late=0.08))
+    (delay,) = [one for one in found.findings if (one.sensor, one.question) == ("mag", "delay")]
+    assert str(delay.answer) == "likely" and delay.wrong
+    assert found.values["mag"]["delay_s"] == pytest.approx(0.08, abs=0.006)
+
+
 def test_rest_tells_nothing_of_axes_and_nothing_wrong() -> None:
     found = diagnosed(sensors((0.0, 0.0, 0.0)))
     told = answers(found)

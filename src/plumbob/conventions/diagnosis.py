@@ -530,10 +530,12 @@ class Examination:
             )
             return
         answer = sure if found.log_odds >= CERTAIN else Answer.LIKELY if found.log_odds >= _HINT else Answer.UNKNOWN
-        wrong = found.unit != declared and answer is not Answer.UNKNOWN
+        wrong = found.unit != declared and (answer is not Answer.UNKNOWN or found.declared_odds < -CERTAIN)
         value = f"unit = '{found.unit}'" if answer is not Answer.UNKNOWN else f"'{found.unit}' or '{found.next}'"
         self.numbers.setdefault(name, {})["unit"] = found.unit
         self._find(name, "unit", answer, value, found.log_odds, wrong=wrong, why=by)
+        if answer is Answer.UNKNOWN:
+            return  # that it is wrong is certain, which of two is right is not
         counts = self.declared.counts(name)
         if wrong and counts is not None:
             self.lines.setdefault(name, []).append(f"unit_per_count = {counts * found.factor:.6g}")
@@ -559,7 +561,7 @@ class Examination:
         gyr = self.values["gyr"] * found.scale
         angle = abs(found.delay) * float(np.sqrt(np.nanmean(np.sum(gyr * gyr, axis=1))))
         clear = abs(found.delay) > 5.0 * max(found.delay_sd, 0.2 * _EXACT)
-        wrong = answer is Answer.SURE and clear and angle > _MATTERS
+        wrong = one.answer is Answer.SURE and agree and clear and angle > _MATTERS
         side = "late" if found.delay > 0.0 else "early"
         value = f"stamps {1e3 * abs(found.delay):.1f} ± {1e3 * found.delay_sd:.1f} ms {side} against the gyroscope's"
         odds = 0.5 * min((found.delay / found.delay_sd) ** 2, 1e3) if answer is not Answer.UNKNOWN else 0.0

@@ -34,12 +34,15 @@ class UnitOdds:
         Against the next unit.
     next : str
         The next.
+    declared_odds : float
+        Of the declared unit, against the best.
     """
 
     unit: str | None
     factor: float
     log_odds: float
     next: str
+    declared_odds: float
 
 
 def unit_odds(name: str, size: float, sd: float, declared: str) -> UnitOdds:
@@ -64,6 +67,7 @@ def unit_odds(name: str, size: float, sd: float, declared: str) -> UnitOdds:
     away = {unit: math.log(size * float(to_si(1.0, unit, kind)) / own / _USUAL[name]) / spread for unit in known}
     best, second, *_ = sorted(away, key=lambda unit: abs(away[unit]))
     odds = 0.5 * (away[second] ** 2 - away[best] ** 2)
+    against = 0.5 * (away[best] ** 2 - away[declared] ** 2)
     if abs(away[best]) > _NONE_FITS:
-        return UnitOdds(None, _USUAL[name] / size, 0.0, best)
-    return UnitOdds(best, float(to_si(1.0, best, kind)) / own, odds, second)
+        return UnitOdds(None, _USUAL[name] / size, 0.0, best, against)
+    return UnitOdds(best, float(to_si(1.0, best, kind)) / own, odds, second, against)

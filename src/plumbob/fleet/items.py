@@ -18,7 +18,6 @@ from plumbob.files import Recording
 from plumbob.files.columns import to_columns
 from plumbob.files.formats import is_recording
 from plumbob.files.header import dump, header_of
-from plumbob.files.mcap.layout import existing_parts
 from plumbob.files.notes import unsaved
 from plumbob.fleet.places import fetched, filesystem, is_url, reaching
 
@@ -105,7 +104,11 @@ def _with(file: Path) -> list[Path]:
     """Files that are read with a file: the profile of a table, EuRoC's sensor.yaml, further parts of a stream."""
     if file.suffix.lower() in (*TABLES, *ARRAYS):
         return [path for path in (*sidecars(file), file.with_name("sensor.yaml")) if path.is_file()]
-    return [path for path in existing_parts(file) if path != file] if file.suffix == ".mcap" else []
+    if file.suffix != ".mcap":
+        return []
+    from plumbob.files.mcap.layout import existing_parts
+
+    return [path for path in existing_parts(file) if path != file]
 
 
 def _is_further_part(file: Path) -> bool:
