@@ -1,6 +1,7 @@
 """The native recording: bits, damage, and files that claim to be one."""
 
 import json
+import threading
 from dataclasses import fields
 
 import numpy as np
@@ -422,3 +423,17 @@ def test_a_track_of_a_filter_keeps_its_quaternions(folder):
     track = make_track()
     write_parquet(folder / "track.parquet", Recording(track=track))
     assert read_parquet(folder / "track.parquet").track.q_nb.tobytes() == track.q_nb.tobytes()
+
+
+def test_reading_in_parts_leaves_the_callers_arithmetic_alone(tmp_path):
+    """A generator that is abandoned may end in another thread, where NumPy's settings are not its own to restore."""
+    write_parquet(tmp_path / "a.parquet", Recording(imu=make_imu()))
+    before = np.geterr()
+    parts = parquet.open_parquet(tmp_path / "a.parquet").imu._parts(0)
+    next(parts)
+    assert np.geterr() == before
+    ended = []
+    thread = threading.Thread(target=lambda: ended.append(parts.close()))
+    thread.start()
+    thread.join()
+    assert ended == [None]

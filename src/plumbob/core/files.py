@@ -16,9 +16,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, one_line
+
+_T = TypeVar("_T")
 
 if sys.platform != "win32":
     import fcntl
@@ -152,6 +154,17 @@ def reading(path: Path) -> Iterator[None]:
         raise type(error)(f"{path}: {one_line(error)}") from error
     except OSError as error:
         raise DecodeError(f"{path} cannot be read: {error.strerror or one_line(error)}.") from error
+
+
+def read_in_parts(path: Path, parts: Iterator[_T]) -> Iterator[_T]:
+    """Parts of a file as they come; `reading` is around what reads them, not around what is done with them."""
+    while True:
+        with reading(path):
+            try:
+                part = next(parts)
+            except StopIteration:
+                return
+        yield part
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:

@@ -21,7 +21,7 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, one_line
-from plumbob.core.files import existing_file, reading, replacing, require_room
+from plumbob.core.files import existing_file, read_in_parts, reading, replacing, require_room
 from plumbob.core.time import is_gap, to_ns, to_s
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
@@ -308,18 +308,18 @@ class Stored(ImuData):
 
     def _parts(self, start: int) -> Iterator[tuple[int, ImuData]]:
         """Parts from the row group on in which a row lies, with the rows that they begin with."""
-        with reading(self._file):
-            stored = {name if name == TIME or not self._unit else f"{self._unit}.{name}": name for name in self._names}
-            for at, found in _batches(self._file, list(stored), start):
-                columns = {stored[name]: values for name, values in found.items()}
-                words = columns["flags"].copy()
-                late = self._late[slice(*np.searchsorted(self._late, (at, at + words.size)))]
-                words[late - at] |= np.uint32(flags.GAP)
-                triads = {name: triad for name in TRIADS if (triad := joined(columns, name)) is not None}
-                yield (
-                    at,
-                    ImuData.live(columns[TIME], triads, temp_c=columns.get("temp_c"), flags=words, meta=self._meta),
-                )
+        return read_in_parts(self._file, self._stored(start))
+
+    def _stored(self, start: int) -> Iterator[tuple[int, ImuData]]:
+        stored = {name if name == TIME or not self._unit else f"{self._unit}.{name}": name for name in self._names}
+        for at, found in _batches(self._file, list(stored), start):
+            columns = {stored[name]: values for name, values in found.items()}
+            words = columns["flags"].copy()
+            late = self._late[slice(*np.searchsorted(self._late, (at, at + words.size)))]
+            words[late - at] |= np.uint32(flags.GAP)
+            triads = {name: triad for name in TRIADS if (triad := joined(columns, name)) is not None}
+            part = ImuData.live(columns[TIME], triads, temp_c=columns.get("temp_c"), flags=words, meta=self._meta)
+            yield at, part
 
     @property
     def t_ns(self) -> NDArray[np.int64]:
@@ -338,9 +338,8 @@ class Stored(ImuData):
         return found
 
     def _times(self) -> Iterator[tuple[slice, NDArray[np.int64]]]:
-        with reading(self._file):
-            for at, columns in _batches(self._file, (TIME,)):
-                yield slice(at, at + columns[TIME].size), columns[TIME]
+        for at, columns in read_in_parts(self._file, _batches(self._file, (TIME,))):
+            yield slice(at, at + columns[TIME].size), columns[TIME]
 
     gyr: Any = _of_all("gyr")
     acc: Any = _of_all("acc")
