@@ -83,7 +83,7 @@ def test_a_gain_that_generalises_is_shown(found):
 
 
 def test_the_result_is_the_same_again_and_with_other_threads(several, found):
-    again = tune(several, "madgwick", metric="inclination", budget=24, workers=1)
+    again = tune(several, "madgwick", metric="inclination", budget=24, jobs=1)
     assert again.as_dict() == found.as_dict()
 
 
@@ -167,7 +167,7 @@ def test_places_of_a_range_are_even_in_logarithms():
         ({"params": ["beta"], "fixed": {"beta": 0.1}}, "both to be tuned and given"),
         ({"fixed": {"gain": 1.0}}, "has no parameter 'gain'"),
         ({"budget": 1}, "budget must be a whole number of at least 4"),
-        ({"workers": 0}, "workers"),
+        ({"jobs": 0}, "jobs"),
         ({"folds": 9}, "there are only 2"),
     ],
 )

@@ -424,3 +424,18 @@ def test_an_hour_over_a_terminal_without_loss() -> None:
     send(swinging(count), "nmea", f"serial:{terminal.device}@115200", sentences="HDT", speed="max")
     time.sleep(1.0)
     assert numbers(bytes(terminal.data)) == [i % 36000 for i in range(count)]
+
+
+def test_a_file_on_a_disk_that_is_full_is_not_left_half_written(tmp_path: Path) -> None:
+    """A limit of the size of files, as a full disk is none that a test may make; the interpreter ignores its signal."""
+    import resource
+
+    out = tmp_path / "half.jsonl"
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    try:
+        with pytest.raises(LineError, match=r"half\.jsonl"):
+            send(swinging(2000), "json", f"file:{out}", speed=100)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not out.exists()

@@ -303,6 +303,13 @@ class FileTarget:
     def tend(self) -> None:
         """Nothing is due."""
 
+    def discard(self) -> None:
+        """Close it, and remove the file that it made: half of it is worth nothing."""
+        made = self._made and self.path is not None and self._fd >= 0 and stat.S_ISREG(os.fstat(self._fd).st_mode)
+        self.close()
+        if made and self.path is not None:
+            self.path.unlink(missing_ok=True)
+
     def close(self) -> None:
         """Close the file; standard output stays open."""
         if self.path is not None and self._fd >= 0:

@@ -35,7 +35,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--seed", type=int, default=1, metavar="N", help="of the search (default 1)")
     p.add_argument("--align", default="", metavar="A,B", help="remove heading, mounting or time offsets first")
     p.add_argument("--settle", default="0", metavar="S", help="leave out so much at the start, as 10s (default 0)")
-    p.add_argument("--workers", type=int, default=2, metavar="N", help="threads (default 2)")
+    p.add_argument("--jobs", type=int, default=2, metavar="N", help="threads (default 2)")
     common.add_frame(p, "navigation frame where a recording names none")
     p.add_argument("--out", type=Path, metavar="TOML", help="parameter file to write, for 'plumbob run --params'")
     p.add_argument("--unproven", action="store_true", help="write the file even where no gain is shown")
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
             frame=common.frame_of(args),
             align=alignments(args.align),
             settle=args.settle,
-            workers=args.workers,
+            jobs=args.jobs,
             progress=lambda so_far, total: done("tuning", so_far, total),
         )
     common.print_json(found.as_dict()) if args.json else print(found.text())

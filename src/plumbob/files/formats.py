@@ -253,7 +253,7 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> Format:
     UnknownFormatError
         If its suffix is unknown, or no format of its suffix knows its content; a `DecodeError`.
     DecodeError
-        If there is none.
+        If there is none, or it is empty.
     """
     file = check.path("path", path)
     if not file.is_dir():
@@ -273,7 +273,7 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> Format:
     if file.is_dir():
         raise UnknownFormatError(f"{file} is a folder, and not one of {names}; name one file in it.")
     if file.stat().st_size == 0:
-        raise UnknownFormatError(f"{file} is empty: it has 0 bytes; take a copy that is whole.")
+        raise DecodeError(f"{file} is empty: it has 0 bytes; take a copy that is whole.")
     raise UnknownFormatError(
         f"{file}: its content is not that of a '{file.suffix}' file that is known, which are {names}."
     )

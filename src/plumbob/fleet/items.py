@@ -16,7 +16,7 @@ from plumbob.core.files import ARRAYS, TABLES, existing_file, sha256_of, sidecar
 from plumbob.data import ImuData
 from plumbob.files import Recording
 from plumbob.files.columns import to_columns
-from plumbob.files.formats import is_recording
+from plumbob.files.formats import FORMATS, is_recording
 from plumbob.files.header import dump, header_of
 from plumbob.files.notes import unsaved
 from plumbob.fleet.places import fetched, filesystem, is_url, reaching
@@ -30,6 +30,8 @@ _LONGEST: Final = 180
 _DEEPEST: Final = 32
 _BESIDE: Final = (".toml", ".json", ".md")
 """Suffixes of what lies beside recordings: profiles, cards, words."""
+_OF_RECORDINGS: Final = frozenset(suffix for kind in FORMATS for suffix in kind.suffixes) - {"", ".bin", ".log"}
+"""Suffixes of recordings alone: whatever is in such a file, it counts as one, be it damaged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +194,7 @@ def _of_folder(folder: Path, base: Path, note: Note, depth: int = 0) -> Iterator
     for path in sorted(folder.iterdir()):
         if path.name.startswith(".") or _is_further_part(path):
             continue
-        if is_recording(path):
+        if is_recording(path) or (path.suffix.lower() in _OF_RECORDINGS and not path.is_dir()):
             yield Item(path.relative_to(base).as_posix(), str(path))
         elif path.is_dir() and not path.is_symlink() and depth < _DEEPEST:
             yield from _of_folder(path, base, note, depth + 1)

@@ -12,7 +12,7 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from plumbob.acquisition.outgoing import Sender, Target, TcpServer, parse_target, refused
+from plumbob.acquisition.outgoing import FileTarget, Sender, Target, TcpServer, parse_target, refused
 from plumbob.acquisition.transport import Event, Stopping
 from plumbob.core import check
 from plumbob.core.errors import LineError, ParameterError, ShapeError
@@ -149,6 +149,8 @@ class Direct:
                 raise  # the reader of standard output went away; that is its right
             raise LineError(f"{self._name} cannot be written: nobody reads it any more.") from None
         except OSError as error:
+            if isinstance(self._target, FileTarget):
+                self._target.discard()
             raise refused(self._name, error) from error
         if dropped and not isinstance(self._target, TcpServer):
             raise LineError(f"{self._name} has taken nothing for {_PATIENCE:.0f} s.")

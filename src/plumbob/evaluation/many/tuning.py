@@ -361,7 +361,7 @@ def tune(
     frame: Frame | str | None = None,
     align: Collection[str] = (),
     settle: float | str = 0.0,
-    workers: int = 2,
+    jobs: int = 2,
     progress: Callable[[int, int], None] | None = None,
 ) -> Tuning:
     """Fit parameters of a filter to recordings with references, and cross-validate what they are worth.
@@ -392,7 +392,7 @@ def tune(
         What is aligned before an error is measured, as `plumbob.evaluate` has it.
     settle : float or str
         Time at the start that is not judged, s.
-    workers : int
+    jobs : int
         Threads; the result does not depend on them.
     progress : callable, optional
         Called with the number of runs done, and of all that there will be at most.
@@ -411,14 +411,14 @@ def tune(
     check.one_of("metric", metric, METRICS)
     check.one_of("group_by", group_by, GROUPS)
     _require("budget", budget, 4)
-    _require("workers", workers, 1)
+    _require("jobs", jobs, 1)
     ranges = _ranges(filter, params, fixed or {})
     given_ = _fixed(filter, fixed or {}, ranges)
     judge = _Judge(filter, metric, tuple(align), given("settle", settle, Quantity.TIME) or 0.0, given_, ranges)
     trials, skipped = _read(recordings, judge, None if frame is None else Frame.parse(frame), group_by)
     groups = list(dict.fromkeys(trial.group for trial in trials))
     dealt = _deal(groups, folds, seed)
-    with ThreadPoolExecutor(max_workers=workers) as pool:
+    with ThreadPoolExecutor(max_workers=jobs) as pool:
         search = _Search(judge, trials, pool, budget, len(set(dealt.values())), progress)
         return _crossed(search, dealt, group_by=group_by, seed=seed, skipped=skipped)
 
