@@ -470,9 +470,9 @@ def test_a_file_of_a_recordings_suffix_is_a_row_whatever_is_in_it(tmp_path):
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "empty.zip").write_bytes(b"")
     (tmp_path / "in" / "noise.ulg").write_bytes(np.random.default_rng(1).bytes(500))
-    (tmp_path / "in" / "driver.log").write_text("a line that is no log of a flight")
+    (tmp_path / "in" / "firmware.bin").write_bytes(b"no log of a flight")
     notes = []
     done = plumbob.batch(tmp_path / "in", tmp_path / "out", filter="mekf", note=notes.append)
     found = {row["recording"]: row["verdict"] for row in done.rows()}
     assert found == {"empty.zip": "damaged", "noise.ulg": "refused"}
-    assert len(notes) == 1 and notes[0].endswith("driver.log")
+    assert [note.rpartition(": ")[2] for note in notes if "left out" in note] == ["firmware.bin"]

@@ -30,7 +30,7 @@ _LONGEST: Final = 180
 _DEEPEST: Final = 32
 _BESIDE: Final = (".toml", ".json", ".md")
 """Suffixes of what lies beside recordings: profiles, cards, words."""
-_OF_RECORDINGS: Final = frozenset(suffix for kind in FORMATS for suffix in kind.suffixes) - {"", ".bin", ".log"}
+_OF_RECORDINGS: Final = frozenset(suffix for kind in FORMATS for suffix in kind.suffixes) - {"", ".bin"}
 """Suffixes of recordings alone: whatever is in such a file, it counts as one, be it damaged."""
 
 
