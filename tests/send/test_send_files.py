@@ -41,7 +41,7 @@ def numbers(data: bytes) -> list[int]:
 
 
 class Listening:
-    """Reads datagrams from a thread until nothing has come for a while."""
+    """Reads datagrams from a thread until `ended` is called and nothing more has come for a while."""
 
     def __init__(self) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -50,18 +50,23 @@ class Listening:
         self.to = f"udp:127.0.0.1:{self.socket.getsockname()[1]}"
         self.found, self.times = list[bytes](), list[float]()
         self.socket.settimeout(1.0)
-        self._thread = threading.Thread(target=self._read)
+        self._sent = threading.Event()
+        self._thread = threading.Thread(target=self._read, daemon=True)
         self._thread.start()
 
     def _read(self) -> None:
-        try:
+        with self.socket:
             while True:
-                self.found.append(self.socket.recv(65536))
-                self.times.append(time.monotonic())
-        except TimeoutError:
-            self.socket.close()
+                sent = self._sent.is_set()
+                try:
+                    self.found.append(self.socket.recv(65536))
+                    self.times.append(time.monotonic())
+                except TimeoutError:
+                    if sent:
+                        return
 
     def ended(self) -> list[bytes]:
+        self._sent.set()
         self._thread.join()
         return self.found
 
