@@ -315,10 +315,10 @@ def check_outputs(args: argparse.Namespace, *outputs: Path | None, inputs: Seque
 
 
 def _profiles(path: Path) -> list[Path]:
-    """Profiles that are read with a table."""
-    from plumbob.core.files import TABLES, sidecars
+    """Profiles that are read with a file."""
+    from plumbob.core.files import profiles_of
 
-    return [beside for beside in sidecars(path) if beside.is_file()] if path.suffix.lower() in TABLES else []
+    return [profile for profile in profiles_of(path) if profile.is_file()]
 
 
 def unwritten(args: argparse.Namespace) -> list[Path]:

@@ -64,11 +64,12 @@ def fit_force(
     force = means(t, acc / length, edges)
     if not np.isfinite(force).any() or len(force) < _FEWEST * SIZES[0]:
         return None
-    searches = [_Search(t, gyr, force, edges, scales, signs) for gyr in trials]
-    searches = [one for one in searches if one.levels]
-    if not searches:
-        return None
-    return max(searches, key=lambda one: one.plausible).fit()
+    best: _Search | None = None
+    for gyr in trials:  # one by one: each holds what all arrangements leave, at every delay
+        one = _Search(t, gyr, force, edges, scales, signs)
+        if one.levels and (best is None or one.plausible > best.plausible):
+            best = one
+    return None if best is None else best.fit()
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,8 @@ class _Search:
         self.shifts = np.arange(-reach, reach + 1, _STRIDE)
         self.levels = self._levels() if np.isfinite(self.rate).any() else []
         self.logs = [one.likely() for one in self.levels]
-        self.plausible = float(np.sum(self.logs, axis=0).max()) if self.logs else -np.inf
+        self.together = np.sum(self.logs, axis=0)
+        self.plausible = float(self.together.max()) if self.levels else -np.inf
 
     def _levels(self) -> list[_Level]:
         """Mean square changes by windows of every length, which all come from the means of the shortest."""
@@ -137,8 +139,7 @@ class _Search:
 
     def fit(self) -> Fit:
         """Odds of each arrangement at its own best scale and delay, and the delay and scale of the best."""
-        together = np.sum(self.logs, axis=0)
-        scale, shift, top = (int(i) for i in np.unravel_index(int(together.argmax()), together.shape))
+        scale, shift, top = (int(i) for i in np.unravel_index(int(self.together.argmax()), self.together.shape))
         shares = [self._share(one, scale, shift, top) for one in self.levels]
         log = _agreed([share * one for share, one in zip(shares, self.logs, strict=True)])
         best = log.max(axis=(0, 1))
@@ -200,7 +201,7 @@ def _margin(log: Floats, top: int) -> float:
 def _turned(rate: Floats, scale: float) -> Floats:
     """Rotation matrices (N, 3, 3) from the axes of the rates to those at the start, at the middle of each bin.
 
-    NaN where there are no rates, so that no window with a pause in it counts.
+    NaN where rates are missing: windows that contain a pause do not count.
     """
     unknown = np.asarray(~np.isfinite(rate).all(axis=1))
     turn = np.where(unknown[:, np.newaxis], 0.0, rate) * (scale * BIN)

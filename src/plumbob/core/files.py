@@ -141,6 +141,11 @@ def sidecars(path: Path) -> tuple[Path, Path]:
     return path.with_name(f"{path.stem}.toml"), profile_beside(path)
 
 
+def profiles_of(path: Path) -> tuple[Path, ...]:
+    """Names that a profile of a file may have beside it; none where a profile cannot describe such a file."""
+    return sidecars(path) if path.suffix.lower() in (*TABLES, *ARRAYS) else ()
+
+
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
     """Put the file's name before every error of its content, and make one line of it."""

@@ -3,7 +3,7 @@
 import math
 import re
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 WIDTH = 80
 _STEERING = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
@@ -28,6 +28,11 @@ def listed(remarks: Iterable[str]) -> list[str]:
     """Remarks, each with a dash, broken at `WIDTH`."""
     wrapper = textwrap.TextWrapper(WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False)
     return [line for remark in remarks for line in wrapper.wrap(remark)]
+
+
+def first_of(words: Sequence[str], most: int) -> str:
+    """The first so many of some words, and how many more there are."""
+    return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")
 
 
 def counted(count: int, noun: str, plural: str = "") -> str:

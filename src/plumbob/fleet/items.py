@@ -3,7 +3,6 @@
 import glob
 import hashlib
 import os
-import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,7 +11,8 @@ from typing import Final
 from urllib.parse import quote
 
 from plumbob.core.errors import ParameterError
-from plumbob.core.files import ARRAYS, TABLES, existing_file, sha256_of, sidecars
+from plumbob.core.files import existing_file, profiles_of, sha256_of
+from plumbob.core.text import first_of
 from plumbob.data import ImuData
 from plumbob.files import Recording
 from plumbob.files.columns import to_columns
@@ -104,8 +104,8 @@ def digest_of(given: Path | Recording) -> str:
 
 def _with(file: Path) -> list[Path]:
     """Files that are read with a file: the profile of a table, EuRoC's sensor.yaml, further parts of a stream."""
-    if file.suffix.lower() in (*TABLES, *ARRAYS):
-        return [path for path in (*sidecars(file), file.with_name("sensor.yaml")) if path.is_file()]
+    if profiles := profiles_of(file):
+        return [path for path in (*profiles, file.with_name("sensor.yaml")) if path.is_file()]
     if file.suffix != ".mcap":
         return []
     from plumbob.files.mcap.layout import existing_parts
@@ -115,8 +115,11 @@ def _with(file: Path) -> list[Path]:
 
 def _is_further_part(file: Path) -> bool:
     """Whether a file is a part of a stream that is read with the first one, beside it."""
-    first = re.fullmatch(r"(.+)\.\d{4,}", file.stem)
-    return file.suffix == ".mcap" and first is not None and file.with_name(f"{first[1]}.mcap").is_file()
+    if file.suffix != ".mcap":
+        return False
+    from plumbob.files.mcap.layout import is_further_part
+
+    return is_further_part(file)
 
 
 def items_of(sources: Source | Iterable[Source], note: Note) -> Iterator[Item]:
@@ -201,8 +204,7 @@ def _of_folder(folder: Path, base: Path, note: Note, depth: int = 0) -> Iterator
         elif path.suffix.lower() not in _BESIDE:
             left.append(path.name)
     if left:
-        shown = ", ".join(left[:5]) + (f" and {len(left) - 5} more" if len(left) > 5 else "")
-        note(f"{folder}: left out, no recordings by their suffix or content: {shown}")
+        note(f"{folder}: left out, no recordings by their suffix or content: {first_of(left, 5)}")
 
 
 def _behind_url(url: str) -> Iterator[Item]:

@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from plumbob.core.errors import DecodeError, LineError, MissingExtraError, ParameterError, PlumbobError, one_line
-from plumbob.core.files import ARRAYS, TABLES, lock, sidecars
+from plumbob.core.files import lock, profiles_of
 
 if TYPE_CHECKING:
     from fsspec import AbstractFileSystem
@@ -130,7 +130,7 @@ def fetched(url: str, most: int) -> Iterator[Path]:
                 whole = _copied(system, path, copy, most)
             except (FileNotFoundError, PermissionError) as error:
                 raise DecodeError(f"{url} cannot be read: {one_line(error) or type(error).__name__}.") from error
-            for profile in sidecars(copy) if copy.suffix.lower() in (*TABLES, *ARRAYS) else ():
+            for profile in profiles_of(copy):
                 if system.isfile(f"{home}/{profile.name}"):
                     whole &= _copied(system, f"{home}/{profile.name}", profile, most)
         if not whole:

@@ -382,16 +382,16 @@ def _told(recording: Recording) -> Iterator[str]:
 def _lost(file: Path, recording: Recording, layout: str | None) -> Iterable[str]:
     """What the new format cannot hold of a recording, a line each."""
     form = layout or file.suffix.removeprefix(".")
+    left: list[str] = []
     if form in _TRACKS and (track := recording.track) is not None:
-        said = {"samples": True, "UTC": form == "txt" and any(imu.meta.t0_ns for imu in _units(recording).values())}
-        left = list(compress(said, said.values())) if _units(recording) else []
+        units = _units(recording).values()
+        left += ["samples"] if units else []
+        left += ["UTC"] if form == "txt" and any(imu.meta.t0_ns for imu in units) else []
         recording = replace(recording, imu=None, array=None)
         if form == "txt":
             yield "angles are rounded to 0.0001° and times to 1 µs"
         elif count := int((~track.known).sum()):
             yield f"{counted(count, 'row')} without an attitude left out"
-    else:
-        left = []
     left += [name for name in dict.fromkeys(_told(recording)) if name in _LACKS.get(form, ())]
     if left:
         yield f"{_NAMED.get(form, form.upper())} has no place for {', '.join(left)}: left out"

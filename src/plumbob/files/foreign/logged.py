@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, one_line
 from plumbob.core.files import existing_file
-from plumbob.core.text import counted
+from plumbob.core.text import counted, first_of
 from plumbob.core.time import LONGEST, longest_bridged, rising
 from plumbob.data.reading import read_rows
 from plumbob.files.foreign.join import Stream
@@ -137,9 +137,8 @@ def others_note(taken: str, others: Mapping[str, int]) -> str:
     """A note of what was taken of several units, and of how the others, with their counts, are chosen."""
     if not others:
         return taken
-    listed = ", ".join(f"{name} ({count})" for name, count in [*others.items()][:20])
-    more = f" and {len(others) - 20} more" if len(others) > 20 else ""
-    return f"{taken}; not taken: {listed}{more}; --unit {next(iter(others))} takes another"
+    listed = first_of([f"{name} ({count})" for name, count in others.items()], 20)
+    return f"{taken}; not taken: {listed}; --unit {next(iter(others))} takes another"
 
 
 def require_gyroscope(streams: dict[str, Stream], where: str) -> None:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, UnitError
 from plumbob.core.files import reading
-from plumbob.core.text import counted
+from plumbob.core.text import counted, first_of
 from plumbob.core.time import rising
 from plumbob.core.units import to_si
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
@@ -151,8 +151,7 @@ def _recording(bag: Bag, name: str, unit: str | None) -> Recording:
 
 
 def _listed(topics: Sequence[Topic]) -> str:
-    rest = f" and {len(topics) - _LISTED} more" if len(topics) > _LISTED else ""
-    return ", ".join(map(str, topics[:_LISTED])) + rest
+    return first_of([str(topic) for topic in topics], _LISTED)
 
 
 def _chosen(topics: Sequence[Topic], unit: str) -> Topic:

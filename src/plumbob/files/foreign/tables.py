@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import existing_file, reading, require_room, sidecars
-from plumbob.core.text import counted
+from plumbob.core.text import counted, first_of
 from plumbob.files.arrays import (
     HDF5_SIGNATURE,
     MAT5_SIGNATURE,
@@ -62,8 +62,7 @@ class _Listed:
         """Names and shapes for a message."""
         found = [f"{name} {'×'.join(map(str, shape)) or '1'}" for name, shape in self.shapes.items()]
         found += [f"{name} ({kind})" for name, kind in self.others.items()]
-        more = f" and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
-        return (", ".join(found[:_LISTED]) or "nothing") + more
+        return first_of(found, _LISTED) or "nothing"
 
 
 def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
-from plumbob.core.text import counted
+from plumbob.core.text import counted, first_of
 from plumbob.files.foreign.logged import chosen, others_note, records
 
 PREAMBLE: Final = 0xFA
@@ -505,5 +505,4 @@ def _timed(found: Unit, rate: float | None) -> None:
 
 def _listed(identities: Iterable[int]) -> str:
     kinds = sorted({one & ~0xF for one in identities})
-    listed = ", ".join(f"{_NAMES.get(one, 'block')} ({one:04X})" for one in kinds[:20])
-    return f"{listed} and {len(kinds) - 20} more" if len(kinds) > 20 else listed
+    return first_of([f"{_NAMES.get(one, 'block')} ({one:04X})" for one in kinds], 20)

@@ -146,6 +146,12 @@ def existing_parts(path: Path) -> list[Path]:
     return [found[part] for part in sorted(found)]
 
 
+def is_further_part(path: Path) -> bool:
+    """Whether a file is a later part of a recording whose first part lies beside it."""
+    first = re.fullmatch(r"(.+)\.\d{4,}", path.stem)
+    return first is not None and path.with_name(f"{first[1]}{path.suffix}").is_file()
+
+
 State = Literal["new", "recording", "stopped", "closed"]
 
 
