@@ -43,19 +43,19 @@ demo: setup page
 lint test test-long: export OMP_NUM_THREADS := 1
 # Gates that only read: format, lint, types, layers.
 lint: setup
-	$(BIN)/python tests/gates.py lint
+	$(BIN)/python -m tests.gates lint
 
 # Every gate; each runs whatever the others say.
 test: setup page
-	$(BIN)/python tests/gates.py test
+	$(BIN)/python -m tests.gates test
 
 # The long statistical runs, ten times the random cases, and the kernels' own tests again as plain Python.
 test-long: setup
-	$(BIN)/python tests/gates.py long
+	$(BIN)/python -m tests.gates long
 
 # How large the package is, how far a reader walks with a verb, and what nothing reaches, beside their budgets.
 house: setup
-	$(BIN)/python -m benchmarks.house
+	$(BIN)/python -m tests.gates.house --write
 
 # The site: open site/index.html, which needs neither a server nor a network.
 docs: export NO_MKDOCS_2_WARNING := 1

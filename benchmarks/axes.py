@@ -28,7 +28,7 @@ from plumbob.rotations import axes_letters, every_axes
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
 
-from tests.calibration import mag_scene  # noqa: E402
+from tests.helpers import mag_scene  # noqa: E402
 
 MODES = ("auto", "none", "acc", "gyr")
 SENSORS = ("mag", "acc", "gyr")

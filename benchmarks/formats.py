@@ -1,10 +1,10 @@
 """Files of every kind through the command line: `info`, `run`, `convert` there and back, and what each step changes.
 
 Files are real where PLUMBOB_DATA has some; others are written by the format's own library, or by hand from its
-description (`tests/files/kinds.py`), of a motion that was measured. Each is read by `info`, filtered by `run`, and
-converted to all that `convert` writes; what is read back is compared with what the first file gives, number by number.
-Whatever the new file lacks must be in a note of `convert`: a loss without one is counted as silent. With --page, the
-table goes to docs/file-kinds.md.
+description (`tests/helpers/file_kinds.py`), of a motion that was measured. Each is read by `info`, filtered by `run`,
+and converted to all that `convert` writes; what is read back is compared with what the first file gives, number by
+number. Whatever the new file lacks must be in a note of `convert`: a loss without one is counted as silent. With
+--page, the table goes to docs/file-kinds.md.
 """
 
 import argparse
@@ -32,8 +32,9 @@ from plumbob.files import Recording, read
 from plumbob.rotations import North, change_frame, quat_angle, quat_from_xyzw, quat_multiply
 from plumbob.session.reading import is_own
 from plumbob.session.recorded import read_recorded
-from tests.files import kinds, ros_made
-from tests.files.kinds import DATA
+from tests.helpers import file_kinds as kinds
+from tests.helpers import ros_bags as ros_made
+from tests.helpers.file_kinds import DATA
 
 PAGE = Path(__file__).parents[1] / "docs" / "file-kinds.md"
 BROAD = DATA / "broad" / "01_undisturbed_slow_rotation_A.mat"
@@ -141,7 +142,7 @@ def _mcap_of_ros(folder: Path) -> Path:
 
 def _recorded(folder: Path) -> Path:
     """Bytes of a unit with a session, as the recorder writes them."""
-    from tests.session import live_samples
+    from tests.helpers import live_samples
 
     live_samples.record(folder / "line.mcap", live_samples.reads(live_samples.stream(10.0)))
     return folder / "line.mcap"

@@ -39,7 +39,7 @@ ADDRESSES = 6 << 30
 def work(name: str, first: int, count: int, seed: int, folder: Path) -> None:
     """Run cases of one format in this process, and print one line of JSON for each."""
     from benchmarks.fuzz_targets import make
-    from tests.battery.commandline import call
+    from tests.helpers.commandline import call
 
     told = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # whatever libraries print there

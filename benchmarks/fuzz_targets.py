@@ -23,7 +23,7 @@ from plumbob.protocols.find import find_format
 from plumbob.protocols.rigs import names as rig_names
 from plumbob.session import rows
 from plumbob.session.recorded import convert, write_mcap
-from tests.session.live_samples import FORMAT, SESSION, reads, record, stream
+from tests.helpers.live_samples import FORMAT, SESSION, reads, record, stream
 
 Words = Callable[[Path], Sequence[object]]
 

@@ -1,7 +1,7 @@
 """What the live view's server costs, and how late its messages are, with 1, 5, 10 and 100 clients at 1 kHz.
 
 Of the clients a third connect and never read. Run with ``python -m benchmarks.view_load``; it takes about a minute,
-stays on this machine's loopback, and stands in for the process that reads a line with `tests.viewer.feeding`.
+stays on this machine's loopback, and stands in for the process that reads a line with `tests.helpers.feeding`.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from plumbob.viewer.pipe import Message
-from tests.viewer.feeding import COLUMNS, Body, Served, column, hello, serving
+from tests.helpers.feeding import COLUMNS, Body, Served, column, hello, serving
 
 RATE = 1000.0
 BATCH = 16  # samples, as the feed sends them: 60 batches a second

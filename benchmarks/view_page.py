@@ -15,8 +15,8 @@ from importlib import resources
 from pathlib import Path
 
 from benchmarks.view_load import used
-from tests.battery.browser import CHROMIUM, FLAGS, until, viewed
-from tests.battery.commandline import PLUMBOB
+from tests.helpers.browser import CHROMIUM, FLAGS, until, viewed
+from tests.helpers.commandline import PLUMBOB
 
 COUNT_FRAMES = """seconds => new Promise(done => {
   let frames = 0, longest = 0, before = performance.now();

@@ -1,13 +1,11 @@
-"""Where the real recordings lie, and how random cases are drawn: the same on every machine, slow or not."""
+"""How random cases are drawn: the same on every machine, slow or not."""
 
-import os
 import signal
-from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
-DATA = Path(os.environ.get("PLUMBOB_DATA") or Path(__file__).parents[2] / "shared" / "data")
+from tests.helpers.real_data import real
 
 # No deadline, for a shared machine stalls now and then; the same cases each time, so that a red run can be repeated.
 settings.register_profile("plumbob", deadline=None, derandomize=True)
@@ -30,7 +28,4 @@ def hang_up_ends():
 
 @pytest.fixture(scope="session")
 def broad_folder():
-    folder = DATA / "broad"
-    if not folder.is_dir():
-        pytest.skip(f"no BROAD recordings at {folder}; set PLUMBOB_DATA")
-    return folder
+    return real("broad")

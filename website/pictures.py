@@ -52,8 +52,8 @@ def main(*which: str) -> None:
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from playwright.sync_api import sync_playwright
 
-    from tests.battery.browser import CHROMIUM, FLAGS, viewed
-    from tests.battery.commandline import PLUMBOB
+    from tests.helpers.browser import CHROMIUM, FLAGS, viewed
+    from tests.helpers.commandline import PLUMBOB
 
     def shoot(browser: "Browser", name: str, url: str, width: int, height: int, *, dark: bool = False) -> None:
         page = browser.new_page(viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light")

@@ -13,7 +13,7 @@ from plumbob.acquisition import IioPollSource, IioSource
 from plumbob.acquisition.iio import IioDevice, list_devices, refusal
 from plumbob.acquisition.transport import Received
 from plumbob.core.errors import LineError, ParameterError
-from tests.acquisition.iio_scans import taken_apart
+from tests.helpers.iio_scans import taken_apart
 
 SCALE = 87266e-9  # rad/s a count: Linux, drivers/iio/gyro/adxrs290.c
 

@@ -8,7 +8,7 @@ import pytest
 from plumbob import ImuMeta, flags
 from plumbob.array import combine, joined
 from plumbob.core.errors import ClockError, ParameterError, ShapeError
-from tests.array.array_samples import ImuArray, ImuData, Mount, card, sampled, turned
+from tests.helpers.array_samples import ImuArray, ImuData, Mount, card, sampled, turned
 
 T = np.arange(400) / 100.0
 RATE = np.stack([np.sin(3.0 * T), 0.5 * np.cos(2.0 * T), 0.3 * np.sin(5.0 * T)], axis=1)

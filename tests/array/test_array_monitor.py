@@ -10,7 +10,7 @@ from plumbob.array import Monitor, monitor
 from plumbob.array.monitoring import Settings
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import dps
-from tests.array.array_samples import ImuArray, ImuData, Mount, as_array, card, moved
+from tests.helpers.array_samples import ImuArray, ImuData, Mount, as_array, card, moved
 
 FIXED = Settings(gyr_bias=0.02, gyr_walk=1e-3, scale=0.0, scale_walk=0.0, adapt=0.0)
 

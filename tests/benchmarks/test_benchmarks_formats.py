@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import formats
 from plumbob.files import FORMATS, Recording
-from tests.files.io_samples import make_imu, make_track
+from tests.helpers.io_samples import make_imu, make_track
 
 pytest.importorskip("rosbags")
 

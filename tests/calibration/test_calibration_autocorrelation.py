@@ -10,8 +10,8 @@ from plumbob.calibration.mag.alone import fit_mag
 from plumbob.calibration.mag.with_acc import fit_mag_acc
 from plumbob.calibration.mag.with_gyr import fit_mag_gyr
 from plumbob.rotations import quat_conjugate, quat_rotate
-from tests.calibration.capture_samples import slow_without_jit
-from tests.calibration.mag_scene import (
+from tests.helpers.capture_samples import slow_without_jit
+from tests.helpers.mag_scene import (
     FIELD_N,
     STRENGTH,
     attitudes,

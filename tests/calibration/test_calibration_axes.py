@@ -6,7 +6,7 @@ import pytest
 from plumbob.calibration.mag.axes import arrangements, suspects
 from plumbob.core.constants import G0
 from plumbob.rotations import every_axes, quat_conjugate, quat_rotate, signed_axes
-from tests.calibration.mag_scene import attitudes, field, force, rates, trajectory, tumbling, unit_of
+from tests.helpers.mag_scene import attitudes, field, force, rates, trajectory, tumbling, unit_of
 
 NEGATED = -np.eye(3)
 WAYS = ["x -y -z", "y x z", "x y -z", "-y x z", "y z x", "-z y x", "-x -y -z"]

@@ -13,7 +13,7 @@ from plumbob.calibration.ellipsoid.ellipsoid_fit import (
     linearised,
     start_of,
 )
-from tests.calibration.capture_samples import (
+from tests.helpers.capture_samples import (
     FIELD_N,
     any_attitudes,
     in_body,

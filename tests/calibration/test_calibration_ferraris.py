@@ -1,8 +1,6 @@
 """Ferraris sessions: a second program on a real one, and known errors on simulated ones."""
 
 import csv
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,11 +10,11 @@ from plumbob.calibration.gyr.ferraris import FACES, find_parts, fit_ferraris, pa
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps, g
-from tests.calibration.gyro_sessions import ferraris
+from tests.helpers.gyro_sessions import ferraris
+from tests.helpers.real_data import DATA, needs
 
-DATA = Path(os.environ.get("PLUMBOB_DATA") or Path(__file__).parents[3] / "shared" / "data")
 SESSION = DATA / "ferraris" / "annotated_session.csv"
-needs_session = pytest.mark.skipif(not SESSION.is_file(), reason=f"no Ferraris session in {DATA}; set PLUMBOB_DATA")
+needs_session = needs("ferraris/annotated_session.csv")
 
 # imucal 2.6.0 (MIT) on annotated_session.csv, raw counts: FerrarisCalibration(grav=9.80665, expected_angle=360)
 # .compute(ferraris_regions_from_df(data), sampling_rate_hz=204.8, from_acc_unit="a.u.", from_gyr_unit="a.u.").

@@ -8,7 +8,7 @@ from plumbob.calibration.mag.alone import fit_mag
 from plumbob.calibration.mag.field_gradient import PATCH, USUAL, Unevenness, unevenness
 from plumbob.calibration.predicted import heading_apart
 from plumbob.rotations import quat_conjugate, quat_rotate
-from tests.calibration.mag_scene import STRENGTH, field, heading_rms, tumbling, unit_of
+from tests.helpers.mag_scene import STRENGTH, field, heading_rms, tumbling, unit_of
 
 
 def turning(count, path):

@@ -12,7 +12,7 @@ from plumbob.calibration.static_periods import stills
 from plumbob.core._jit import jit_disabled
 from plumbob.data import ImuData, ImuMeta
 from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_rotate
-from tests.calibration.hand import Hand, joined
+from tests.helpers.hand_capture import Hand, joined
 
 HOLD = 2.5
 SOFT_IRON = np.eye(3) + 0.1 * np.random.default_rng(0).normal(size=(3, 3))

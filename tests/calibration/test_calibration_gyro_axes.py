@@ -7,7 +7,7 @@ from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.gyr.hand import fit_hand, flat_tops
 from plumbob.calibration.gyr.plausible import Rates
 from plumbob.core.units import dps
-from tests.calibration.gyro_sessions import hand
+from tests.helpers.gyro_sessions import hand
 
 
 def fit(session):

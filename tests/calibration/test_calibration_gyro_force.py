@@ -9,7 +9,7 @@ from plumbob.calibration.gyr.motion_fit import coupling_at_rest
 from plumbob.calibration.gyr.plausible import Rates
 from plumbob.core.constants import G0
 from plumbob.core.units import dps, g
-from tests.calibration.gyro_sessions import hand
+from tests.helpers.gyro_sessions import hand
 
 G = dps(0.1) / g(1.0) * np.array([[0.5, -0.3, 0.2], [0.9, 1.0, -0.7], [0.0, 0.4, -0.2]])
 BIAS = dps(np.array([1.0, -12.0, 3.0]))

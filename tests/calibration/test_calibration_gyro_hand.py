@@ -8,7 +8,7 @@ from plumbob.calibration.gyr.hand import fit_hand
 from plumbob.calibration.gyr.plausible import Rates
 from plumbob.core.constants import G0
 from plumbob.core.units import dps
-from tests.calibration.gyro_sessions import hand
+from tests.helpers.gyro_sessions import hand
 
 
 def fit(session, **options):

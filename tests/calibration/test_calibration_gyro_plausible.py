@@ -11,7 +11,7 @@ from plumbob.calibration.gyr.rest import fit_rest
 from plumbob.calibration.gyr.temperature import fit_temperature
 from plumbob.core.constants import G0
 from plumbob.core.units import dps
-from tests.calibration.gyro_sessions import hand
+from tests.helpers.gyro_sessions import hand
 
 RATE = 100.0
 BIAS = dps(np.array([0.5, -0.3, 0.2]))

@@ -11,7 +11,7 @@ from plumbob.calibration.mag.alone import fit_mag
 from plumbob.calibration.mag.outcome import heading_told
 from plumbob.calibration.predicted import REGIONS
 from plumbob.rotations import quat_multiply
-from tests.calibration.capture_samples import (
+from tests.helpers.capture_samples import (
     FIELD_N,
     FORCE_N,
     STRENGTH,

@@ -8,7 +8,7 @@ from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.with_acc import fit_mag_acc, turn_of
 from plumbob.core.constants import G0
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec
-from tests.calibration.mag_scene import DIP, STRENGTH, attitudes, field, force, heading_rms, unit_of, within_one_sd
+from tests.helpers.mag_scene import DIP, STRENGTH, attitudes, field, force, heading_rms, unit_of, within_one_sd
 
 
 def fitted(seed, *, count=1000, tilt=None, turned=True, sd=0.2, step=0.073, **options):

@@ -7,7 +7,7 @@ from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag import fit_mag, fit_mag_acc, fit_mag_gyr, fit_mag_level
 from plumbob.core.constants import G0
 from plumbob.core.errors import ClockError, ParameterError, ShapeError
-from tests.calibration.mag_scene import FIELD_N, STRENGTH, attitudes, field, force, rates, trajectory, unit_of
+from tests.helpers.mag_scene import FIELD_N, STRENGTH, attitudes, field, force, rates, trajectory, unit_of
 
 COUNT = 60
 MAG = np.random.default_rng(1).normal(size=(COUNT, 3)) * 30.0

@@ -11,7 +11,7 @@ from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps
 from plumbob.evaluation.many.trials import read_trial
 from plumbob.rotations import dcm_from_quat, quat_chained, quat_conjugate, quat_multiply
-from tests.calibration.mag_scene import (
+from tests.helpers.mag_scene import (
     DIP,
     STRENGTH,
     TURNED,

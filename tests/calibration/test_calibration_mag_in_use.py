@@ -15,7 +15,7 @@ from plumbob.core._jit import jit_disabled
 from plumbob.core.units import dps
 from plumbob.evaluation.many.trials import read_trial
 from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate
-from tests.calibration.mag_scene import (
+from tests.helpers.mag_scene import (
     DIP,
     FIELD_N,
     STRENGTH,

@@ -6,7 +6,7 @@ import pytest
 from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.level import fit_ellipse, fit_mag_level
 from plumbob.core.constants import G0
-from tests.calibration.mag_scene import DIP, STRENGTH
+from tests.helpers.mag_scene import DIP, STRENGTH
 
 BIAS, SHAPE = np.array([6.0, -9.0]), np.array([[1.1, 0.15], [0.15, 0.9]]) / 25.0
 LEVEL = STRENGTH * np.cos(DIP)

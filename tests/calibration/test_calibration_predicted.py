@@ -6,7 +6,7 @@ import pytest
 from plumbob.calibration.predicted import attitudes, heading_sd, tilt_sd
 from plumbob.data.cards import TriadCalibration
 from plumbob.rotations import quat_from_dcm
-from tests.calibration.capture_samples import DIP, STRENGTH, heading_errors
+from tests.helpers.capture_samples import DIP, STRENGTH, heading_errors
 
 
 def covariance(**sds):

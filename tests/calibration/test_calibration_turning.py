@@ -5,7 +5,7 @@ import pytest
 
 from plumbob.calibration.mag.axes import LEAST_SLOPE, agreement, turn
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec
-from tests.calibration.mag_scene import field, rates, trajectory, unit_of
+from tests.helpers.mag_scene import field, rates, trajectory, unit_of
 
 BIAS = np.radians([15.0, -5.0, 2.0])
 

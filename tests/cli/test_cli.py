@@ -18,7 +18,7 @@ from plumbob import Filter, Frame, ImuData, ImuMeta, files, filter_names, simula
 from plumbob.cli.main import build_parser, main
 from plumbob.core import _jit
 from plumbob.rotations import euler_zyx_from_quat
-from tests.battery.commandline import call, ok, plumbob, refused
+from tests.helpers.commandline import call, ok, plumbob, refused
 
 ROOT = Path(__file__).parents[2]
 GOOD_PARAMS = "kp=0.5,ki=0.03,gate=off"

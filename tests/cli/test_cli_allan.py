@@ -1,9 +1,7 @@
 """plumbob allan: real processes, real files."""
 
 import json
-import os
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,12 +11,12 @@ from plumbob.cli import allan
 from plumbob.core.units import dps, from_si, to_si
 from plumbob.files.numbers import RAW
 from plumbob.noise import KINDS
-from tests.battery.commandline import ok, refused
+from tests.helpers.commandline import ok, refused
+from tests.helpers.real_data import DATA, needs
 
-DATA = Path(os.environ.get("PLUMBOB_DATA", "../shared/data"))
 L3GD20 = DATA / "static_l3gd20" / "gyro2_x.txt"
 TRIAL = DATA / "broad" / "03_undisturbed_slow_rotation_C.hdf5"
-needs_data = pytest.mark.skipif(not L3GD20.is_file(), reason=f"no recordings in {DATA}; set PLUMBOB_DATA")
+needs_data = needs("static_l3gd20/gyro2_x.txt")
 NUMBERS = ("--rate", "100Hz", "--scale", "1 deg/s")
 SD = 0.2  # °/s of a sample at 100 Hz: N = 0.02 °/s/√Hz, 1.2 °/√h
 
@@ -241,6 +239,7 @@ def test_disturbed_seconds_are_skipped_on_their_own_or_on_demand(tmp_path):
     assert "--skip needs times as 12s..14s" in refused("allan", tmp_path / "bump.npy", *NUMBERS, "--skip", "5s")
 
 
+@needs("broad")
 def test_a_trial_that_moves_is_refused_and_its_still_start_is_not():
     told = refused("allan", TRIAL)
     start, stop = re.search(r"the longest still stretch is --from (\S+) --to (\S+)\.$", told.strip()).groups()

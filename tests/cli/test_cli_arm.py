@@ -13,7 +13,7 @@ from plumbob.data.chain_toml import chain_text
 from plumbob.simulation import simulate_chain
 from tests.arm.test_arm_program import pick_and_place
 from tests.arm.test_arm_urdf import arm
-from tests.battery.commandline import call, ok
+from tests.helpers.commandline import call, ok
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ import pytest
 import plumbob
 from plumbob.array import combine, info, monitor
 from plumbob.core.units import dps
-from tests.array.array_samples import as_array, moved
-from tests.battery.commandline import ok, refused
-from tests.battery.commandline import plumbob as plumbob_line
+from tests.helpers.array_samples import as_array, moved
+from tests.helpers.commandline import ok, refused
+from tests.helpers.commandline import plumbob as plumbob_line
 
 
 @pytest.fixture(scope="module")

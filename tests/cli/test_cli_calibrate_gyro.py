@@ -1,8 +1,6 @@
 """plumbob calibrate gyro and temperature: real processes, real files."""
 
 import json
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +10,10 @@ from plumbob.core.constants import G0
 from plumbob.core.units import dps, from_si, to_dps
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import TriadCalibration
-from tests.battery.commandline import ok, plumbob, refused
-from tests.calibration.gyro_sessions import ferraris, hand
+from tests.helpers.commandline import ok, plumbob, refused
+from tests.helpers.gyro_sessions import ferraris, hand
+from tests.helpers.real_data import DATA, needs
 
-DATA = Path(os.environ.get("PLUMBOB_DATA") or Path(__file__).parents[3] / "shared" / "data")
 SESSION = DATA / "ferraris" / "annotated_session.csv"
 PROFILE = """\
 separator = ","
@@ -99,7 +97,7 @@ def test_a_ferraris_session_whose_parts_are_found_or_told(captures, tmp_path):
     assert "no turn" in plumbob(*words, "--to", "13s").stderr
 
 
-@pytest.mark.skipif(not SESSION.is_file(), reason=f"no Ferraris session in {DATA}; set PLUMBOB_DATA")
+@needs("ferraris/annotated_session.csv")
 def test_the_real_ferraris_session_in_one_command(tmp_path):
     (tmp_path / "p.toml").write_text(PROFILE)
     words = ("calibrate", "gyro", SESSION, "--profile", tmp_path / "p.toml", "--method", "ferraris")

@@ -10,7 +10,7 @@ from plumbob.core.constants import G0
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import Frame, quat_conjugate, quat_rotate
-from tests.battery.commandline import ok, plumbob, refused
+from tests.helpers.commandline import ok, plumbob, refused
 
 UNIT = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--unit", "random", "--seed", 5)
 

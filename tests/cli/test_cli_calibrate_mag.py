@@ -10,8 +10,8 @@ from plumbob import files as io
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import quat_from_rotvec, quat_multiply
-from tests.battery.commandline import ok, plumbob, refused
-from tests.calibration.mag_scene import (
+from tests.helpers.commandline import ok, plumbob, refused
+from tests.helpers.mag_scene import (
     Unit,
     attitudes,
     field,

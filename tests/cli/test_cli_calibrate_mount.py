@@ -9,7 +9,7 @@ from plumbob import files as io
 from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import Frame, quat_angle, quat_conjugate, quat_multiply, quat_rotate
 from plumbob.simulation import simulate
-from tests.battery.commandline import ok, plumbob, refused
+from tests.helpers.commandline import ok, plumbob, refused
 from tests.session.test_session_mounting import Q_BS, UNIT, Returning
 
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from plumbob.data.cards import CalibrationCard
-from tests.battery.commandline import ok, plumbob, refused
+from tests.helpers.commandline import ok, plumbob, refused
 
 RATES = "50, 100, 200 deg/s"
 

@@ -10,8 +10,8 @@ import plumbob
 from plumbob import files
 from plumbob.core.errors import CalibrationError, ShapeError
 from plumbob.session.recorded import read_recorded
-from tests.battery.commandline import ok
-from tests.battery.commandline import plumbob as call
+from tests.helpers.commandline import ok
+from tests.helpers.commandline import plumbob as call
 
 GAIN = 2.0
 """Of the gyroscope's card: calibrated values, and their noise, are twice the measured ones."""

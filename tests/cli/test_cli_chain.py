@@ -14,7 +14,7 @@ from plumbob.rotations import quat_angle
 from plumbob.simulation import CHAINS, simulate_chain
 from plumbob.simulation.rigs.plan import PLANS
 from plumbob.simulation.rigs.rig import make_rig
-from tests.battery.commandline import call
+from tests.helpers.commandline import call
 
 
 def ok(*words, cwd):

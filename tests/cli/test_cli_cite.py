@@ -7,7 +7,7 @@ import pytest
 import plumbob
 from plumbob.filters import estimator_names, load
 from plumbob.filters.known import bibliography, in_a_line
-from tests.battery import commandline
+from tests.helpers import commandline
 
 MAHONY = (
     "Mahony, Hamel, Pflimlin: Nonlinear Complementary Filters on the Special Orthogonal Group. "

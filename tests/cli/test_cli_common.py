@@ -9,7 +9,7 @@ from plumbob import Filter, Frame
 from plumbob.cli import common
 from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobError
 from plumbob.core.files import write_text
-from tests.battery.commandline import plumbob
+from tests.helpers.commandline import plumbob
 
 
 def options(*items):

@@ -10,7 +10,7 @@ import pytest
 from plumbob.cli import decode
 from plumbob.cli.main import main
 from plumbob.core.constants import G0
-from tests.battery.commandline import ok
+from tests.helpers.commandline import ok
 
 FORMAT = """
 kind = "plumbob format"

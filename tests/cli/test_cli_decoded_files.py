@@ -11,7 +11,7 @@ from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode, prefixes_of, triads_of
 from plumbob.protocols.find import find_format
 from plumbob.protocols.rigs import names
-from tests.battery.commandline import call, ok, refused
+from tests.helpers.commandline import call, ok, refused
 
 SENSORS = [name for name in (*catalog.names(), *names()) if any(map(prefixes_of, find_format(name).messages))]
 

@@ -18,7 +18,7 @@ from plumbob.session.sinks import Collected
 from plumbob.session.stream import Stream
 from plumbob.simulation.rigs.plan import PLANS
 from plumbob.simulation.rigs.rig import make_rig
-from tests.battery.commandline import call, ok
+from tests.helpers.commandline import call, ok
 
 SECONDS = 3.0
 

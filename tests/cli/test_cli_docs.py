@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import plumbob
-from tests.battery import commandline
+from tests.helpers import commandline
 
 DOCS = Path(__file__).parents[2] / "docs"
 TIME = (DOCS / "time.md").read_text(encoding="utf-8")

@@ -16,7 +16,7 @@ from plumbob.calibration.guide.guide import Moment, Progress, Turn
 from plumbob.cli.capture import Board, board_lines
 from plumbob.cli.main import main
 from plumbob.data.cards import CalibrationCard
-from tests.battery.commandline import PLUMBOB, call
+from tests.helpers.commandline import PLUMBOB, call
 
 TIMEOUT = 120
 

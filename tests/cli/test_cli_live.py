@@ -16,7 +16,7 @@ from plumbob import files
 from plumbob.acquisition.transport import Stop
 from plumbob.cli import common
 from plumbob.files.mcap import open_log
-from tests.battery.commandline import PLUMBOB, call
+from tests.helpers.commandline import PLUMBOB, call
 
 TIMEOUT = 120
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from plumbob import NoiseCard, files
-from tests.battery.commandline import ok, plumbob, refused
+from tests.helpers.commandline import ok, plumbob, refused
 
 SIM = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--unit", "calibrated", "--duration", "20s")
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from plumbob.files.mcap import Recorder
-from tests.battery.commandline import plumbob
+from tests.helpers.commandline import plumbob
 
 
 @pytest.fixture

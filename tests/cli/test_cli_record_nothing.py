@@ -10,7 +10,7 @@ from plumbob.protocols.encode import encode
 from plumbob.protocols.find import find_format
 from plumbob.protocols.format_toml import parse_format
 from plumbob.protocols.overlap import unassigned
-from tests.battery.commandline import call
+from tests.helpers.commandline import call
 
 FORMAT = """
 kind = "plumbob format"

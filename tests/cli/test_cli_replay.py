@@ -13,7 +13,7 @@ from plumbob.protocols.page import UNCHECKED
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_euler_zyx
 from plumbob.session import sources
 from plumbob.session.watch import attitude_of, report_lines
-from tests.session.live_samples import FORMAT, SESSION, reads, record, stream
+from tests.helpers.live_samples import FORMAT, SESSION, reads, record, stream
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 from plumbob import AttitudeTrack, Filter, Frame, ImuData, ImuMeta, files
 from plumbob.cli.main import main
 from plumbob.rotations import North, dcm_from_quat, quat_conjugate, quat_from_euler_zyx
-from tests.battery.motion import seen_by
+from tests.helpers.motion import seen_by
 
 
 def posed(*degrees, frame, t=None):

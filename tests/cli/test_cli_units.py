@@ -8,7 +8,7 @@ import pytest
 from plumbob.core.errors import ParameterError
 from plumbob.protocols.decode import unit_of
 from plumbob.protocols.find import find_format
-from tests.battery.commandline import call
+from tests.helpers.commandline import call
 
 UNITS = ["u1", "u2", "u3", "u4", "u5", "u6"]  # of the teaching arm, as its format names them
 

@@ -22,7 +22,7 @@ from plumbob.protocols.rigs import load
 from plumbob.session.emulated import _address
 from plumbob.simulation.rigs.plan import PLANS
 from plumbob.simulation.rigs.rig import make_rig
-from tests.battery.commandline import call
+from tests.helpers.commandline import call
 
 BARE = "note: calibration NONE: these sensor values are uncalibrated\n"
 

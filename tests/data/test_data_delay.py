@@ -6,7 +6,7 @@ import pytest
 from plumbob import Frame, ImuData
 from plumbob.data.delay import gyr_delay
 from plumbob.filters.smoother import Smoother
-from tests.battery.motion import consistent
+from tests.helpers.motion import consistent
 
 N = 6000
 DATA, _ = consistent(N, amplitude=2.0)

@@ -7,7 +7,7 @@ from plumbob import Filter, Frame, ImuData, ImuSample
 from plumbob.core import flags
 from plumbob.core.errors import ClockError, ParameterError, ShapeError
 from plumbob.data import ImuMeta
-from tests.battery.motion import noisy
+from tests.helpers.motion import noisy
 
 TRIADS = ("gyr", "acc", "mag")
 NINE = np.arange(1.0, 10.0)

@@ -18,7 +18,7 @@ from benchmarks.harness.__main__ import main as measure
 from plumbob import profile, read
 from plumbob.core.constants import G0
 from plumbob.core.docs import guide
-from tests.battery.commandline import call
+from tests.helpers.commandline import call
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

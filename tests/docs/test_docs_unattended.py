@@ -13,7 +13,7 @@ import pytest
 
 from plumbob.files.mcap import verify
 from plumbob.session.recorded import read_recorded
-from tests.battery.commandline import call
+from tests.helpers.commandline import call
 
 PAGE = (Path(__file__).parents[2] / "docs" / "sessions.md").read_text(encoding="utf-8")
 

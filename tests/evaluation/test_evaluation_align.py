@@ -24,7 +24,7 @@ from plumbob.rotations import (
     quat_multiply,
     quat_rotate,
 )
-from tests.battery import examples
+from tests.helpers import examples
 
 FEW = examples(0.25)
 

@@ -12,7 +12,7 @@ from plumbob.evaluation import comparison, evaluate
 from plumbob.evaluation.report import _share
 from plumbob.reporting.drawing import svg
 from plumbob.rotations import North, quat_conjugate, quat_from_rotvec, quat_multiply
-from tests.battery.pages import HOSTILE, Outline, PageBattery
+from tests.helpers.page_battery import HOSTILE, Outline, PageBattery
 
 
 @pytest.fixture(scope="module")

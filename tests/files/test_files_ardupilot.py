@@ -10,12 +10,12 @@ from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.files import kind_of, read, write
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_angle
-from tests.conftest import DATA
-from tests.files import log_samples as made
-from tests.files.kinds import telemetry
+from tests.helpers import log_samples as made
+from tests.helpers.file_kinds import telemetry
+from tests.helpers.real_data import DATA, needs
 
 REAL = DATA / "formats" / "ardupilot_test.bin"
-real = pytest.mark.skipif(not REAL.is_file(), reason=f"no log of ArduPilot at {REAL}; set PLUMBOB_DATA")
+real = needs("formats/ardupilot_test.bin")
 
 
 def test_samples_have_the_units_and_frames_of_ardupilot(tmp_path):

@@ -6,7 +6,6 @@ from itertools import pairwise
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from io_samples import make_imu, make_track
 
 import plumbob
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, ShapeError
@@ -16,6 +15,7 @@ from plumbob.data.cards import NoiseCard, TriadNoise
 from plumbob.files import Recording, header, read
 from plumbob.files.columns import to_columns
 from plumbob.files.parquet import Stored, read_parquet, write_parquet
+from tests.helpers.io_samples import make_imu, make_track
 
 Q_BS = np.array([0.5, -0.7, 0.1, 0.4]) / np.linalg.norm([0.5, -0.7, 0.1, 0.4])
 NOISE = NoiseCard("u1", "test", gyr=TriadNoise([0.1, 0.2, 1 / 3], [0.0, 1e-5, 1e-6], [1e-7, 0.0, 0.0]))

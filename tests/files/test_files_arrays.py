@@ -10,7 +10,7 @@ from plumbob.core.errors import DecodeError, FrameError, PlumbobError, UnitError
 from plumbob.files import read
 from plumbob.files.formats import kind_of
 from plumbob.files.profile_toml import parse_profile
-from tests.files.kinds import hdf5
+from tests.helpers.file_kinds import hdf5
 
 h5py = pytest.importorskip("h5py")
 scipy_io = pytest.importorskip("scipy.io")

@@ -7,12 +7,12 @@ import signal
 
 import numpy as np
 import pytest
-from io_samples import CASES, ROWS, assert_same, make_imu, make_track
 
 from plumbob.core.errors import ClockError, DecodeError, ParameterError, PlumbobError, ShapeError
 from plumbob.data import ImuMeta
 from plumbob.files import FORMATS, Recording, read, write
 from plumbob.files.notes import TOPICS
+from tests.helpers.io_samples import CASES, ROWS, assert_same, make_imu, make_track
 
 FORMATS_WRITTEN = {".parquet": {"nan_bits": True}, ".csv": {"nan_bits": False}, ".txt": {"nan_bits": False}}
 every_format = pytest.mark.parametrize("suffix", FORMATS_WRITTEN)

@@ -9,12 +9,12 @@ import zlib
 import numpy as np
 import pytest
 import scipy.io
-from io_samples import DATA
 from scipy import sparse
 
 from plumbob.core.errors import DecodeError, MissingExtraError, PlumbobError
 from plumbob.files import arrays, broad, read
 from plumbob.rotations import Frame, North
+from tests.helpers.real_data import DATA, needs
 
 h5py = pytest.importorskip("h5py")
 
@@ -85,7 +85,7 @@ def check(recording, direct, rate):
 # Real trials ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(not TRIALS, reason=f"no BROAD trials in {DATA}; set PLUMBOB_DATA")
+@needs("broad")
 @pytest.mark.parametrize("path", TRIALS, ids=lambda path: path.name)
 def test_a_real_trial_is_what_its_own_library_reads(path):
     recording = read(path)
@@ -100,7 +100,7 @@ def test_a_real_trial_is_what_its_own_library_reads(path):
     assert any("doi:10.3390/data6070072" in note for note in recording.notes)
 
 
-@pytest.mark.skipif(not TRIALS, reason=f"no BROAD trials in {DATA}; set PLUMBOB_DATA")
+@needs("broad")
 def test_a_level_unit_at_rest_points_up():
     """Before the movement phase the unit lies still: rotated to ENU, specific force points up and is g long."""
     from plumbob.rotations import quat_rotate

@@ -9,9 +9,9 @@ from plumbob.core.errors import DecodeError
 from plumbob.files import kind_of, read
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_angle, quat_multiply, quat_rotate
-from tests.conftest import DATA
-from tests.files import log_samples as made
-from tests.files.kinds import HEAD, IDENTITY, IMU_HEAD, QUARTER, START, asl, drive, yaml
+from tests.helpers import log_samples as made
+from tests.helpers.file_kinds import HEAD, IDENTITY, IMU_HEAD, QUARTER, START, asl, drive, yaml
+from tests.helpers.real_data import real
 
 
 def test_euroc_has_the_units_and_frames_of_its_head_lines(tmp_path):
@@ -152,9 +152,7 @@ def test_repoimu_has_the_units_of_its_description(tmp_path):
 
 
 def test_a_real_trial_in_repoimus_layout_is_the_same(tmp_path):
-    native = DATA / "foreign" / "tstick" / "TStick_Test03_Trial1.parquet"
-    if not native.is_file():
-        pytest.skip(f"no trial at {native}; set PLUMBOB_DATA")
+    native = real("foreign/tstick/TStick_Test03_Trial1.parquet")
     whole = read(native)
     imu, q_nb = whole.imu[:500], whole.track.q_nb[:500]
     path = tmp_path / native.with_suffix(".csv").name

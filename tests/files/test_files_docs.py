@@ -4,11 +4,11 @@ import re
 
 import numpy as np
 import pytest
-from io_samples import ROOT
 
 from plumbob.core.constants import G0
 from plumbob.files import FORMATS, parse_profile, profile_toml, read
 from plumbob.files.columns import COLUMNS
+from tests.helpers.io_samples import ROOT
 
 PAGE = (ROOT / "docs" / "file-formats.md").read_text()
 

@@ -6,7 +6,6 @@ from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
-from io_samples import DATA
 
 import plumbob
 from plumbob.core.constants import G0
@@ -14,6 +13,7 @@ from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.files import parse_profile, read
 from plumbob.files.profile_toml import questions
 from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_multiply, quat_rotate, rotvec_from_quat
+from tests.helpers.real_data import DATA, needs
 
 RATE = 50.0
 T = np.arange(0.0, 24.0, 1.0 / RATE)
@@ -229,7 +229,7 @@ def test_a_draft_is_written_once(files, tmp_path):
         plumbob.profile(path, out=out)
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason=f"needs the recordings in {DATA}")
+@needs(".")
 @pytest.mark.parametrize(
     ("name", "found"),
     [

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from io_samples import DATA, make_imu
 
 from plumbob import files
 from plumbob.data import ImuData, ImuMeta
@@ -10,6 +9,8 @@ from plumbob.data.plausibility import doubts, turning, upside_down
 from plumbob.files.notes import EARTH_FIELD, TOPICS, findings, provenance
 from plumbob.rotations import Frame
 from plumbob.simulation import SCENARIOS, simulate
+from tests.helpers.io_samples import make_imu
+from tests.helpers.real_data import DATA, needs
 
 META = ImuMeta(calibration="card", unit_check=False)
 
@@ -137,7 +138,7 @@ def test_right_rates_of_every_simulation(name, sensors):
     assert (gyroscope(imu), doubts(imu[:10_000]), upside_down(imu, Frame.NWU)) == ([], (), ())
 
 
-@pytest.mark.skipif(not (DATA / "broad").is_dir(), reason="no BROAD recordings; set PLUMBOB_DATA")
+@needs("broad")
 def test_right_rates_and_no_stuck_sensor_in_every_broad_trial():
     trials = [path for path in (DATA / "broad").iterdir() if path.suffix in {".mat", ".hdf5"}]
     assert len(trials) >= 15

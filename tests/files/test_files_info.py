@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from io_samples import make_imu, make_track
 
 from plumbob import AttitudeTrack, ImuData, files
 from plumbob.cli.main import main
@@ -15,6 +14,7 @@ from plumbob.data import ImuMeta
 from plumbob.files import parquet
 from plumbob.files.notes import TOPICS
 from plumbob.rotations import Frame, North
+from tests.helpers.io_samples import make_imu, make_track
 
 
 @pytest.fixture

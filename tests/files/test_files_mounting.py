@@ -12,7 +12,7 @@ from plumbob.core.errors import ClockError, DecodeError, FrameError, UnitError
 from plumbob.files import parse_profile, read, text_table
 from plumbob.files.columns import StampError, stamps_ns
 from plumbob.rotations import quat_angle, quat_conjugate, quat_from_euler_zyx, quat_rotate
-from tests.battery.hand import FIELD_ENU, by_hand
+from tests.helpers.hand_motion import FIELD_ENU, by_hand
 
 HEAD = 'separator = ","\n[header]\nnames = true\n'
 GYR = '[gyr]\ncolumns = ["gx", "gy", "gz"]\nunit = "rad/s"\n'

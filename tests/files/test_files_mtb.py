@@ -14,8 +14,8 @@ from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.files import kind_of, read
 from plumbob.files.foreign import xbus
 from plumbob.rotations import Frame, North
-from tests.files import log_samples as made
-from tests.files.kinds import xbus_block, xbus_floats, xbus_message
+from tests.helpers import log_samples as made
+from tests.helpers.file_kinds import xbus_block, xbus_floats, xbus_message
 
 NO_MAG = (  # example 3: the shortest with all inertial blocks
     "10 20 02 8D 90 10 60 04 00 54 DB F1 20 10 10 3F 7F 89 11 BC 11 1D FA 3B A0 CE F0 BD 73 25 73 40 20 0C BD DC F9 D0 "

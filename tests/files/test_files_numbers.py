@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from io_samples import DATA
 
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.files import numbers as numbers_binary
 from plumbob.files import numbers_text, open_numbers, read
+from tests.helpers.real_data import DATA, needs
 
 L3GD20 = DATA / "static_l3gd20" / "gyro2_x.txt"
 TABLE = np.random.default_rng(1).normal(size=(200, 3)).round(6)
@@ -143,7 +143,7 @@ def test_places_are_right_behind_the_first_chunk(text, small_chunks):
     refused(text("1 2\n" + "1" * 400 + "\n"), "no number ends for")
 
 
-@pytest.mark.skipif(not L3GD20.is_file(), reason=f"no record of an L3GD20 in {DATA}; set PLUMBOB_DATA")
+@needs("static_l3gd20/gyro2_x.txt")
 def test_a_real_record_on_one_line_of_2_mb():
     numbers = open_numbers(L3GD20)
     values = numbers.read()

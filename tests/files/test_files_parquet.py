@@ -12,7 +12,6 @@ import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from io_samples import CASES, assert_same, make_imu, make_track
 
 from plumbob.core import files
 from plumbob.core.errors import ClockError, DecodeError, FrameError, ParameterError
@@ -20,7 +19,8 @@ from plumbob.data import ImuData, ImuMeta
 from plumbob.files import Recording, arrow, header, parquet
 from plumbob.files.columns import COLUMNS, to_columns
 from plumbob.files.parquet import read_parquet, write_parquet
-from tests.battery import examples
+from tests.helpers import examples
+from tests.helpers.io_samples import CASES, assert_same, make_imu, make_track
 
 ROWS = 5
 BITS = hnp.arrays(np.uint64, (ROWS - 1, 3), elements=st.integers(0, 2**64 - 1))

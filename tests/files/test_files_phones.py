@@ -11,8 +11,7 @@ from plumbob.files import read
 from plumbob.files.foreign import phones
 from plumbob.files.formats import kind_of
 from plumbob.rotations import Frame, North, quat_rotate
-from tests.files.io_samples import DATA
-from tests.files.kinds import (
+from tests.helpers.file_kinds import (
     FIELD,
     LOGGER_META,
     RATE,
@@ -24,6 +23,7 @@ from tests.files.kinds import (
     phyphox_table,
     zipped,
 )
+from tests.helpers.real_data import DATA, needs
 
 # phyphox --------------------------------------------------------------------------------------------------------------
 
@@ -321,7 +321,7 @@ def test_a_table_of_another_logger_is_not_taken_for_a_phones(tmp_path):
 FOLDERS = sorted(path for path in (DATA / "phones").glob("*") if path.is_dir())
 
 
-@pytest.mark.skipif(len(FOLDERS) != 4, reason=f"no phone recordings in {DATA}; set PLUMBOB_DATA")
+@needs("phones")
 @pytest.mark.parametrize("number", range(4))
 def test_a_real_phone_folder_agrees_with_its_own_attitude(number):
     folder = FOLDERS[number]

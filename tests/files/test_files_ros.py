@@ -5,18 +5,18 @@ import struct
 
 import numpy as np
 import pytest
-from io_samples import DATA
 
 import plumbob
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnitError
 from plumbob.files.foreign import ros
 from plumbob.rotations import Frame, North, dcm_from_quat
+from tests.helpers.real_data import DATA, needs
 
 rosbags = pytest.importorskip("rosbags")
-import ros_made as made  # noqa: E402 - it needs rosbags
+from tests.helpers import ros_bags as made  # noqa: E402 - it needs rosbags
 
 REAL = DATA / "formats"
-real = pytest.mark.skipif(not (REAL / "ros1_example.bag").is_file(), reason="PLUMBOB_DATA has no formats/")
+real = needs("formats/ros1_example.bag")
 
 
 def check_common(found, given):

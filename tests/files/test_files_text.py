@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from io_samples import DATA, make_imu
 
 from plumbob.core.constants import G0
 from plumbob.core.errors import ClockError, DecodeError, ShapeError, UnitError
 from plumbob.files import Recording, parse_profile, read, text_table, write
 from plumbob.files.text_write import text_cell
 from plumbob.rotations import Frame, North, body_axes, quat_angle, quat_from_euler_zyx, quat_rotate
-from tests.battery import examples
+from tests.helpers import examples
+from tests.helpers.io_samples import make_imu
+from tests.helpers.real_data import DATA, needs
 
 HEAD = 'separator = ","\n[header]\nnames = true\n'
 TIME = '[time]\ncolumn = "t"\nunit = "s"\n'
@@ -552,7 +553,7 @@ PHONE_PROFILE = (
 )
 
 
-@pytest.mark.skipif(not PHONE.is_dir(), reason=f"no phone recordings in {DATA}; set PLUMBOB_DATA")
+@needs("phones/Jakob_Nexus5_NoDist_Texting")
 def test_a_phone_recording_reads_as_numpy_reads_it():
     path = PHONE / "accelerometer.txt"
     direct = np.loadtxt(path)
@@ -566,7 +567,7 @@ def test_a_phone_recording_reads_as_numpy_reads_it():
 FERRARIS = DATA / "ferraris" / "ferraris_example.csv"
 
 
-@pytest.mark.skipif(not FERRARIS.is_file(), reason=f"no Ferraris session in {DATA}; set PLUMBOB_DATA")
+@needs("ferraris/ferraris_example.csv")
 def test_a_csv_without_time_reads_with_a_declared_rate():
     profile = (
         HEAD + '[time]\nrate = "204.8 Hz"\n[gyr]\ncolumns = ["gyr_x", "gyr_y", "gyr_z"]\nunit = "dps"\n'

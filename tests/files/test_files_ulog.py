@@ -10,11 +10,11 @@ from plumbob.files import kind_of, read
 from plumbob.files.foreign import ulog as reader
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_angle
-from tests.conftest import DATA
-from tests.files import log_samples as made
+from tests.helpers import log_samples as made
+from tests.helpers.real_data import DATA, needs
 
 REAL = DATA / "formats" / "px4_small.ulg"
-real = pytest.mark.skipif(not REAL.is_file(), reason=f"no log of PX4 at {REAL}; set PLUMBOB_DATA")
+real = needs("formats/px4_small.ulg")
 
 
 @pytest.fixture

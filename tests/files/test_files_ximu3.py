@@ -8,7 +8,7 @@ from plumbob.core.errors import DecodeError, PlumbobError
 from plumbob.files import read
 from plumbob.files.formats import kind_of
 from plumbob.rotations import Frame, North
-from tests.files.kinds import binary
+from tests.helpers.file_kinds import binary
 
 # 0.5, -0.25, 0 deg/s; 0, 0, 1 g; t = 1 s
 VECTOR = bytes.fromhex("C940420F00000000000000003F000080BE0000000000000000000000000000803F0A")

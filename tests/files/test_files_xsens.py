@@ -7,7 +7,7 @@ from plumbob.core.errors import ClockError, DecodeError, ParameterError, Plumbob
 from plumbob.files import read
 from plumbob.files.formats import kind_of
 from plumbob.rotations import Frame, quat_from_dcm
-from tests.files.kinds import NEW, OLD, SENSORS, export
+from tests.helpers.file_kinds import NEW, OLD, SENSORS, export
 
 # the row in opensim-core's testXsensDataReader.cpp, of sensor 00B421AF
 VALUES = [3.030769, 5.254238, -7.714005, 0.005991, -0.032133, 0.022713, -0.045410, -0.266113, 0.897217]

@@ -8,7 +8,7 @@ from plumbob.core import flags
 from plumbob.core.units import dps
 from plumbob.filters.input_checks import LONG
 from plumbob.filters.smoother import Smoother
-from tests.battery.motion import consistent
+from tests.helpers.motion import consistent
 
 N, BEGIN, END = 4000, 1500, 3000
 DATA, TRUTH = consistent(N, amplitude=2.0)

@@ -14,8 +14,8 @@ from plumbob import Filter, Frame, ImuData, ImuSample
 from plumbob.core.errors import ClockError, DecodeError, ShapeError
 from plumbob.filters import filter_names
 from plumbob.rotations import quat_from_euler_zyx
-from tests.battery.filters import FilterBattery, bits
-from tests.battery.motion import consistent, noisy
+from tests.helpers.filter_battery import FilterBattery, bits
+from tests.helpers.motion import consistent, noisy
 
 
 class TestEveryFilter(FilterBattery):

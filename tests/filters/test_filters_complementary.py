@@ -12,7 +12,7 @@ from plumbob.core.constants import G0
 from plumbob.evaluation import attitude_errors
 from plumbob.filters.complementary import arc, share
 from plumbob.rotations import quat_angle, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
-from tests.battery.motion import consistent, seen_by
+from tests.helpers.motion import consistent, seen_by
 
 EPS = np.finfo(float).eps
 

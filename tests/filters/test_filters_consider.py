@@ -14,7 +14,7 @@ from plumbob.data.cards.left import NOTHING, half_of, left_by, uncalibrated, who
 from plumbob.evaluation.metrics import BOUNDS
 from plumbob.filters.settling import considered
 from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_multiply, quat_rotate, rotvec_from_quat
-from tests.battery.motion import noisy, seen_by
+from tests.helpers.motion import noisy, seen_by
 
 STEP = 1e-6
 """Size of the parameters' errors: what is not linear in them is of its square, 1e-12, a millionth of the effect."""

@@ -32,8 +32,8 @@ from plumbob.rotations import (
     quat_normalize,
     quat_rotate,
 )
-from tests.battery.jacobians import by_differences
-from tests.battery.motion import consistent, seen_by
+from tests.helpers.jacobians import by_differences
+from tests.helpers.motion import consistent, seen_by
 
 UPPER4, UPPER3 = np.triu_indices(4), np.triu_indices(3)
 UPPER7 = np.triu_indices(7)

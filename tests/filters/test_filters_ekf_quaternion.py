@@ -20,8 +20,8 @@ from plumbob.rotations import (
     quat_normalize,
     quat_rotate,
 )
-from tests.battery.jacobians import by_differences, rows_of
-from tests.battery.motion import consistent, noisy
+from tests.helpers.jacobians import by_differences, rows_of
+from tests.helpers.motion import consistent, noisy
 
 UPPER = np.triu_indices(4)
 DIP = math.radians(50.0)

@@ -21,8 +21,8 @@ from plumbob.rotations import (
     quat_normalize,
 )
 from plumbob.simulation import Module, TriadErrors, simulate
-from tests.battery.motion import noisy, seen_by
 from tests.filters.test_filters_fuzzy import PAPER, SUM, by_all_rules
+from tests.helpers.motion import noisy, seen_by
 
 DEG = math.pi / 180.0
 ROWS = {"fuzzy": {"pi": False}, "pi": {"fuzzy": False}, "both": {}, "none": {"fuzzy": False, "pi": False}}

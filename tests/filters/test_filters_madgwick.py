@@ -8,7 +8,7 @@ import pytest
 from plumbob import Filter, Frame, ImuData
 from plumbob.filters.madgwick import gradient
 from plumbob.rotations import quat_angle, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
-from tests.battery.motion import seen_by
+from tests.helpers.motion import seen_by
 
 
 def seen(q, d):

@@ -13,7 +13,7 @@ from plumbob.evaluation import attitude_errors
 from plumbob.filters import mahony
 from plumbob.filters.layout import BIAS, OWN
 from plumbob.rotations import dcm_from_quat, quat_angle, quat_from_euler_zyx, quat_multiply, quat_normalize
-from tests.battery.motion import noisy, seen_by
+from tests.helpers.motion import noisy, seen_by
 
 
 def by_the_paper(q, integral, dt, gyr, acc, mag, kp, ki, gate):

@@ -27,8 +27,8 @@ from plumbob.rotations import (
     rotvec_from_quat,
 )
 from plumbob.simulation import simulate
-from tests.battery.jacobians import by_differences
-from tests.battery.motion import FIELD_ENU, consistent, seen_by
+from tests.helpers.jacobians import by_differences
+from tests.helpers.motion import FIELD_ENU, consistent, seen_by
 
 N, B, V, COV = mekf.N, mekf.B, mekf.V, mekf.COV
 

@@ -8,7 +8,7 @@ from plumbob.core import flags
 from plumbob.core.repeats import REMEMBERED, Repeats
 from plumbob.filters.smoother import FixedLag
 from plumbob.rotations import quat_angle
-from tests.battery.motion import consistent
+from tests.helpers.motion import consistent
 
 N, AT = 1500, 700
 DATA, TRUTH = consistent(N, amplitude=1.5)

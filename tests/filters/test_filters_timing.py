@@ -10,7 +10,7 @@ from plumbob.core.time import to_ns, to_s
 from plumbob.data.sample import ImuSample
 from plumbob.filters.layout import COUNT, LATE, OWN, tick
 from plumbob.rotations import quat_angle
-from tests.battery.motion import consistent
+from tests.helpers.motion import consistent
 
 TODAY_NS = 1_790_000_000_123_456_789
 

@@ -23,7 +23,7 @@ from plumbob.rotations import (
     quat_multiply,
     quat_rotate,
 )
-from tests.battery.motion import FIELD_ENU, consistent, seen_by
+from tests.helpers.motion import FIELD_ENU, consistent, seen_by
 
 FROZEN = {"bias_start": 1e-6, "bias_max": 1e-6, "bias_moving": 1e-7, "bias_resting": 1e-7}
 """No bias is learned: what is left is linear."""

@@ -22,7 +22,7 @@ from plumbob.fleet.job import COLUMNS
 from plumbob.fleet.places import fetched, place_of
 from plumbob.fleet.settings import cards_of
 from plumbob.overview.quality import MEANING
-from tests.battery.commandline import plumbob as call
+from tests.helpers.commandline import plumbob as call
 
 SETTINGS = {"filter": "mahony"}
 GOOD, BAD = 9, {"cut.parquet": "damaged", "empty.parquet": "damaged", "late.csv": "damaged"}

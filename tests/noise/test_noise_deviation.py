@@ -12,7 +12,7 @@ import pytest
 from plumbob.core._jit import jit_disabled
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import KINDS, deviation, kernels
-from tests.noise.records import NBS14, drifting, exactly, flicker, riley_1000, walk, white
+from tests.helpers.noise_records import NBS14, drifting, exactly, flicker, riley_1000, walk, white
 
 EPS = np.finfo(float).eps
 RECORDS = {"white": white, "flicker": flicker, "walk": walk, "drifting": drifting}
@@ -178,7 +178,7 @@ def test_tiles_and_groups_of_factors_leave_nothing_out(monkeypatch):
 def test_plain_python_gives_the_same_values():
     """Sums in another order: M terms, all positive, differ by M eps at worst."""
     code = (
-        "from tests.noise.records import walk; from plumbob.noise import KINDS, deviation;"
+        "from tests.helpers.noise_records import walk; from plumbob.noise import KINDS, deviation;"
         "print([deviation(walk(400), [1, 3, 40, 100, 133], kind).tolist() for kind in KINDS])"
     )
     other = {**os.environ, "NUMBA_DISABLE_JIT": "0" if jit_disabled() else "1"}

@@ -9,7 +9,7 @@ import pytest
 from plumbob.core._jit import jit_disabled
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import deviation, every, every_adev, kernels
-from tests.noise.records import NBS14, drifting, exact_squares, exactly, flicker, walk, white, whole_numbers
+from tests.helpers.noise_records import NBS14, drifting, exact_squares, exactly, flicker, walk, white, whole_numbers
 
 EPS = np.finfo(float).eps
 

@@ -8,7 +8,7 @@ import pytest
 from plumbob.core._jit import jit_disabled
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import AllanStream, deviation, factors, log_factors, stream, stream_factors
-from tests.noise.records import drifting, walk, white
+from tests.helpers.noise_records import drifting, walk, white
 
 EPS = np.finfo(float).eps
 

@@ -9,7 +9,7 @@ import plumbob
 from plumbob.core.errors import MissingExtraError
 from plumbob.core.web import asset
 from plumbob.overview import subject
-from tests.battery.commandline import call, ok
+from tests.helpers.commandline import call, ok
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
 

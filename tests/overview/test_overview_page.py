@@ -16,8 +16,8 @@ from plumbob.core.units import to_deg
 from plumbob.core.web import asset
 from plumbob.overview import grade, printed, tables, traces
 from plumbob.reporting.style import said
-from tests.battery.browser import CHROMIUM, browser
-from tests.battery.labels import labels
+from tests.helpers.browser import CHROMIUM, browser
+from tests.helpers.labels import labels
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
 HOSTILE = '</script><script>document.title="taken"</script><img src=x onerror=alert(1)>'

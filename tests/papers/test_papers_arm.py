@@ -17,7 +17,7 @@ from plumbob.papers.arm.page import Findings, report
 from plumbob.papers.outcome import Outcome
 from plumbob.papers.work import Work
 from plumbob.reporting.style import Both, said
-from tests.battery.labels import labels, texts
+from tests.helpers.labels import labels, texts
 
 FEW = 40
 

@@ -15,7 +15,7 @@ from plumbob.papers.outcome import Item
 from plumbob.papers.work import Work
 from plumbob.reporting.style import Both, said
 from plumbob.rotations import quat_from_euler_zyx, quat_from_rotvec
-from tests.battery.labels import texts
+from tests.helpers.labels import texts
 
 SEEDS = range(6)
 

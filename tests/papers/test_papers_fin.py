@@ -10,7 +10,7 @@ from plumbob.papers.fin import ITEMS, algorithm, attitude, estimation, experimen
 from plumbob.papers.work import Work
 from plumbob.reporting.style import Both, said
 from plumbob.simulation import simulate
-from tests.battery.labels import labels, texts
+from tests.helpers.labels import labels, texts
 
 SYMBOLS = r"ADXRS\d+ [xyz]|ADXRS\d+|\d+[xyz]|σ.*|0xFFFF.*|/\(πfT\)²?|f ≤ f0?"
 """What has no other word in Chinese: names, and symbols with their units."""

@@ -22,7 +22,7 @@ from plumbob.rotations import (
     quat_multiply,
     quat_normalize,
 )
-from tests.battery.labels import labels
+from tests.helpers.labels import labels
 
 pytestmark = pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
 

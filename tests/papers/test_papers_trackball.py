@@ -33,7 +33,7 @@ from plumbob.papers.trackball.static import LONG_TAUS, TAUS, degrees_of_freedom
 from plumbob.papers.trackball.turntable import SCALES, best_gain, measure_turntable
 from plumbob.papers.work import Work
 from plumbob.reporting.style import Both, said
-from tests.battery.labels import texts
+from tests.helpers.labels import texts
 
 SEEDS = range(6)
 

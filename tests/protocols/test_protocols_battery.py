@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 from plumbob.protocols import catalog
-from tests.battery.decoders import DecoderBattery, digest
+from tests.helpers.decoder_battery import DecoderBattery, digest
 
-DIGESTS = "import json; from tests.battery.decoders import catalog, digest; "
+DIGESTS = "import json; from tests.helpers.decoder_battery import catalog, digest; "
 DIGESTS += "print(json.dumps({name: digest(name) for name in catalog.names()}))"
 
 

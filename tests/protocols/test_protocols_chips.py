@@ -10,7 +10,7 @@ from plumbob.core.errors import ShapeError
 from plumbob.core.units import g, gauss
 from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode
-from tests.emulated_chips import (
+from tests.helpers.chips import (
     Adis16355,
     Adxrs290,
     Adxrs453,
@@ -20,8 +20,8 @@ from tests.emulated_chips import (
     words_adis16355,
     words_adxrs453,
 )
-from tests.emulated_chips.fifo import fifo_format
-from tests.emulated_chips.words_adxrs453 import Fault, read_command, sensor_command
+from tests.helpers.chips.fifo import fifo_format
+from tests.helpers.chips.words_adxrs453 import Fault, read_command, sensor_command
 
 MS = 1_000_000
 DEG = math.pi / 180

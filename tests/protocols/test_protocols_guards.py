@@ -11,7 +11,7 @@ from plumbob.protocols.decode import Decoder, decode
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
 from plumbob.protocols.unpack import counts_of
-from tests.battery.decoders import in_pieces
+from tests.helpers.decoder_battery import in_pieces
 
 HEAD = 'kind = "plumbob format"\nversion = 1\nname = "mine"\ntitle = "mine"\n'
 

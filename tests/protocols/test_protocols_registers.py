@@ -11,9 +11,9 @@ from plumbob.protocols.decode import Decoder
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
 from plumbob.protocols.unpack import counts_of, values_of
-from tests.emulated_chips import words_adis16355, words_adxrs453
-from tests.emulated_chips.fifo import fifo_format
-from tests.emulated_chips.registers import register_bytes, register_values
+from tests.helpers.chips import words_adis16355, words_adxrs453
+from tests.helpers.chips.fifo import fifo_format
+from tests.helpers.chips.registers import register_bytes, register_values
 
 DEG, G = math.pi / 180, 9.80665
 

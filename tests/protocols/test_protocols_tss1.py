@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plumbob.core.errors import ParameterError, ShapeError
-from tests.emulated_chips.tss1 import SIZE, Tss1Decoder, encode_tss1
+from tests.helpers.chips.tss1 import SIZE, Tss1Decoder, encode_tss1
 
 # 38.35 and −12.5 cm/s², heave −42 cm, roll 1.25°, pitch −3.07°, from the layout that SBG Systems describes
 LINE = b":0AFF38 -0042H 0125 -0307\r\n"

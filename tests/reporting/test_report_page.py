@@ -8,7 +8,7 @@ from plumbob.core.errors import MissingExtraError, ParameterError, ShapeError
 from plumbob.reporting import PALETTE, SERIES, Figure, Report, Table, plain
 from plumbob.reporting.drawing import CHINESE, svg, variable
 from plumbob.reporting.page import CSS
-from tests.battery.pages import HOSTILE, PageBattery
+from tests.helpers.page_battery import HOSTILE, PageBattery
 
 
 def line(canvas):

@@ -21,7 +21,7 @@ from plumbob.noise.fin import fin_report
 from plumbob.noise.report import NOISE
 from plumbob.noise.report import comparison as before_and_after
 from plumbob.reporting.style import CHINESE, said
-from tests.battery.labels import labels
+from tests.helpers.labels import labels
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "random", "seed": 1}
 SYMBOLS = r"Gauss-Markov|\bPI\b|IEEE|BIC|Hz|RMS|rms|\[[^\]]*\]|\b[QNBKR] = \S+ .*"

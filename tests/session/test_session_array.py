@@ -6,7 +6,6 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from live_samples import OFFSET, Handed
 
 import plumbob
 from plumbob.acquisition.transport import Received
@@ -26,6 +25,7 @@ from plumbob.session.session_toml import of_unit, parse_session
 from plumbob.session.sinks import Collected
 from plumbob.session.stream import Stream
 from plumbob.simulation.rigs import PLANS, make_rig
+from tests.helpers.live_samples import OFFSET, Handed
 
 UNITS = ("u1", "u2", "u3", "u4", "u5", "u6")
 ALL = """

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from live_samples import SESSION, session, stream
 
 from plumbob import files
 from plumbob.acquisition.transport import Received
@@ -20,6 +19,7 @@ from plumbob.session.stream import Stream
 from plumbob.session.watch import SETTLED, Watch
 from plumbob.simulation import simulate
 from plumbob.simulation.presets import draw_module
+from tests.helpers.live_samples import SESSION, session, stream
 
 
 def track(bias_dps):

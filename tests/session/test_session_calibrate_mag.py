@@ -17,7 +17,7 @@ from plumbob.data import ImuData, ImuMeta
 from plumbob.data.cards import UNITS, CalibrationCard, TriadCalibration
 from plumbob.evaluation.many.trials import read_trial
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec
-from tests.calibration.mag_scene import (
+from tests.helpers.mag_scene import (
     STRENGTH,
     TURNED,
     Unit,

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from live_samples import FORMAT, SESSION, motion, reads, session, stream
 
 from plumbob.acquisition.transport import Event, Received
 from plumbob.core import flags
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.session.sinks import Collected
 from plumbob.session.stream import Stream
+from tests.helpers.live_samples import FORMAT, SESSION, motion, reads, session, stream
 
 SERIAL = '[source]\nkind = "serial"\nport = "/dev/null"\nbaud = 115200\nspeed = 60\n'
 COUNTED = SESSION + SERIAL + 'time = "count"\n'

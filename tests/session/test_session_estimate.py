@@ -8,7 +8,7 @@ from plumbob.data import UNCALIBRATED
 from plumbob.data.cards import TriadNoise
 from plumbob.filters import claims_covariance, filter_names, load, takes_noise
 from plumbob.filters.offline import CHUNK, Stage, run_stage, with_noise
-from tests.battery.motion import noisy
+from tests.helpers.motion import noisy
 
 CARD = NoiseCard("unit 7", "a test", gyr=TriadNoise([1e-4] * 3, [0.0] * 3, [2e-5] * 3))
 

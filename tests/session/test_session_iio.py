@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from iio_tree import ACCEL, GYRO, Tree, motion, scans
 
 from plumbob.acquisition.iio_layout import IioChannel, IioLayout, IioType
 from plumbob.acquisition.transport import Event, Received
@@ -26,7 +25,8 @@ from plumbob.session.sinks import Collected
 from plumbob.session.source_toml import iio_format
 from plumbob.session.sources import open_source
 from plumbob.session.stream import Stream
-from tests.acquisition.iio_scans import taken_apart
+from tests.helpers.iio_scans import taken_apart
+from tests.helpers.iio_tree import ACCEL, GYRO, Tree, motion, scans
 
 ESTIMATE = '[estimate]\nfilter = "mahony"\nparams = { kp = 0.5 }\n'
 

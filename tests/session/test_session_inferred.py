@@ -5,7 +5,6 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from live_samples import SESSION, Handed, reads, session, stream
 
 from plumbob import files
 from plumbob.cli.main import main
@@ -16,6 +15,7 @@ from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
 from plumbob.session.stream import Stream
 from plumbob.session.watch import Watch, report_lines, report_of
+from tests.helpers.live_samples import SESSION, Handed, reads, session, stream
 
 TELLS = "inferred gaps: 1 gap, 5 s in all, by the host's delays alone: a stall of the host looks the same"
 

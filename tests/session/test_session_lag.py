@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from live_samples import Handed, reads, session, stream
 
 import plumbob
 from plumbob.acquisition.transport import Event, Received
@@ -19,7 +18,8 @@ from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
 from plumbob.session.sinks import Collected, TextSink
 from plumbob.session.stream import STARTED_AGAIN, Stream
-from tests.battery.hand import by_hand
+from tests.helpers.hand_motion import by_hand
+from tests.helpers.live_samples import Handed, reads, session, stream
 
 LAG = {"lag": "0.6 s"}
 

@@ -4,7 +4,6 @@ import errno
 
 import numpy as np
 import pytest
-from live_samples import FORMAT, RATE, SESSION, Handed, form, motion, reads, session, stream
 
 from plumbob.acquisition.transport import Event, Received
 from plumbob.core import flags
@@ -20,6 +19,7 @@ from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
 from plumbob.session.sinks import Collected
 from plumbob.session.stream import Stream, time_spec
+from tests.helpers.live_samples import FORMAT, RATE, SESSION, Handed, form, motion, reads, session, stream
 
 
 def through(items, chosen=None):

@@ -11,7 +11,7 @@ from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.data import ImuData, ImuMeta
 from plumbob.files.profile_toml import parse_profile
 from plumbob.rotations import in_body_axes, signed_axes
-from tests.calibration.mag_scene import DIP, field, force, rates, trajectory, unit_of
+from tests.helpers.mag_scene import DIP, field, force, rates, trajectory, unit_of
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ from plumbob.files import parquet
 from plumbob.files.formats import read
 from plumbob.filters import offline
 from plumbob.filters.smoother import samples
-from tests.battery.motion import noisy
+from tests.helpers.motion import noisy
 
 CARD = CalibrationCard(
     "unknown",

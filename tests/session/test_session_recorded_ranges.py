@@ -9,7 +9,7 @@ from plumbob.protocols.decode import ranges_of
 from plumbob.protocols.find import find_format
 from plumbob.protocols.format_toml import parse_format
 from plumbob.session.recorded import read_recorded
-from tests.battery.commandline import ok
+from tests.helpers.commandline import ok
 
 JUDGED = np.uint32(flags.GYR_CLIPPED | flags.GYR_INVALID)
 FIN = np.radians([100.0, 100.0, 300.0])

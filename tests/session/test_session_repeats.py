@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from live_samples import SESSION, reads, session, stream
 
 from plumbob.core import flags
 from plumbob.session.sinks import Collected
 from plumbob.session.stream import Stream
+from tests.helpers.live_samples import SESSION, reads, session, stream
 
 FRAME, AT = 30, 900
 SERIAL = '[source]\nkind = "serial"\nport = "/dev/null"\nbaud = 115200\ntime = "count"\n'

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from live_samples import OFFSET, SESSION, motion, reads, record, session, stream
 
 from plumbob import files
 from plumbob.acquisition.transport import Event, Received
@@ -23,6 +22,7 @@ from plumbob.session.sources import open_source
 from plumbob.session.stream import Stream
 from plumbob.simulation.rigs.plan import PLANS
 from plumbob.simulation.rigs.rig import make_rig
+from tests.helpers.live_samples import OFFSET, SESSION, motion, reads, record, session, stream
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from live_samples import OFFSET, Handed, reads, session, stream
 
 from plumbob.acquisition.transport import Received
 from plumbob.core import flags
@@ -18,6 +17,7 @@ from plumbob.session.runner import run_stream
 from plumbob.session.session import OutputSpec, RecordSpec
 from plumbob.session.sinks import Collected
 from plumbob.session.stream import Stream
+from tests.helpers.live_samples import OFFSET, Handed, reads, session, stream
 
 HOUR = 3600 * 10**9
 UTC = 1_773_500_966_123_456_789  # date -u -d @1773500966 is 2026-03-14 15:09:26

@@ -6,13 +6,13 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
-from live_samples import FORMAT, SESSION, motion, reads, session, stream
 
 from plumbob import Frame
 from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError, PlumbobError, UnitError
 from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.session.session_toml import load_session, parse_session, plain_session, recorded_session
 from plumbob.session.stream import Stream
+from tests.helpers.live_samples import FORMAT, SESSION, motion, reads, session, stream
 
 
 def card(device="bench 7"):

@@ -1,11 +1,11 @@
 """Sources with a pace of their own: a recording at K times its speed, and a rig that runs faster than time."""
 
 import pytest
-from live_samples import Handed, record, session
 
 from plumbob.acquisition.transport import Event, Received
 from plumbob.session import sources
 from plumbob.session.replay import open_recording
+from tests.helpers.live_samples import Handed, record, session
 
 MS = 1_000_000
 

@@ -17,9 +17,9 @@ from plumbob.session.session_toml import parse_session
 from plumbob.session.sinks import Collected
 from plumbob.session.sources import open_source, spi_source
 from plumbob.session.stream import Stream
-from tests.emulated_chips.adxrs290 import Adxrs290
-from tests.emulated_chips.adxrs453 import Adxrs453
-from tests.emulated_chips.words_adxrs453 import Fault, sensor_command
+from tests.helpers.chips.adxrs290 import Adxrs290
+from tests.helpers.chips.adxrs453 import Adxrs453
+from tests.helpers.chips.words_adxrs453 import Fault, sensor_command
 
 MS = 1_000_000
 START_NS = 50_000_000_000

@@ -1,8 +1,5 @@
 """From files to channels for a noise analysis: recordings, bare numbers, and what contradicts itself."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,12 +8,12 @@ from plumbob.core.errors import ClockError, DecodeError, ParameterError, ShapeEr
 from plumbob.core.units import Quantity, dps
 from plumbob.data import ImuData, ImuMeta
 from plumbob.noise.static_record import check_static, load_static
+from tests.helpers.real_data import DATA, needs
 
-DATA = Path(os.environ.get("PLUMBOB_DATA") or Path(__file__).parents[3] / "shared" / "data")
 L3GD20 = DATA / "static_l3gd20" / "gyro2_x.txt"
 TRIAL = DATA / "broad" / "03_undisturbed_slow_rotation_C.hdf5"
-needs_l3gd20 = pytest.mark.skipif(not L3GD20.is_file(), reason=f"no record of an L3GD20 in {DATA}; set PLUMBOB_DATA")
-needs_broad = pytest.mark.skipif(not TRIAL.is_file(), reason=f"no BROAD trials in {DATA}; set PLUMBOB_DATA")
+needs_l3gd20 = needs("static_l3gd20/gyro2_x.txt")
+needs_broad = needs("broad/03_undisturbed_slow_rotation_C.hdf5")
 
 ROWS, DT = 3000, 0.01
 

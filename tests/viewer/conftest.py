@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.battery.browser import browser
+from tests.helpers.browser import browser
 
 
 @pytest.fixture(scope="module")

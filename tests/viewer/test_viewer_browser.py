@@ -16,8 +16,8 @@ import plumbob
 from plumbob.core.units import to_deg
 from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import euler_zyx_from_quat
-from tests.battery.browser import PATIENCE, until, viewed
-from tests.battery.commandline import PLUMBOB, ok
+from tests.helpers.browser import PATIENCE, until, viewed
+from tests.helpers.commandline import PLUMBOB, ok
 
 AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"
 WIDE = {"width": 1440, "height": 900}

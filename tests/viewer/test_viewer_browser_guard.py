@@ -2,7 +2,7 @@
 
 import json
 
-from tests.viewer.feeding import Body, hello, request, serving
+from tests.helpers.feeding import Body, hello, request, serving
 
 LISTEN = """async () => {
     const line = new WebSocket(location.origin.replace("http", "ws") + "/ws");

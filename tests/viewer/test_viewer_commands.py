@@ -13,7 +13,7 @@ from websockets.sync.client import connect
 from plumbob.rotations import quat_from_rotvec, quat_multiply
 from plumbob.viewer.commands import RefusedError, command_of
 from plumbob.viewer.messages import Command, Verb
-from tests.viewer.feeding import Body, hello, parsed, request, serving
+from tests.helpers.feeding import Body, hello, parsed, request, serving
 
 BODY = Body(100.0)
 JSON = st.recursive(

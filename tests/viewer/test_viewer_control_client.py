@@ -12,7 +12,7 @@ from plumbob.core.errors import DecodeError, LineError, ParameterError
 from plumbob.viewer.commands import VERBS
 from plumbob.viewer.control_client import asked, control
 from plumbob.viewer.messages import Verb
-from tests.battery.commandline import call
+from tests.helpers.commandline import call
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from plumbob.rotations import Frame, North, quat_from_rotvec, quat_multiply, qua
 from plumbob.session.sinks import text_of
 from plumbob.viewer.derived import Allan, Part
 from plumbob.viewer.pipe import Message
-from tests.viewer.feeding import Body, hello, serving
+from tests.helpers.feeding import Body, hello, serving
 from tests.viewer.test_viewer_commands import Asking
 
 BODY = Body(100.0)

@@ -16,8 +16,8 @@ from plumbob.session.sinks import Collected
 from plumbob.session.stream import Stream
 from plumbob.viewer.feed import Feed, FlagWatch
 from plumbob.viewer.rows import Attitudes, Layout, angles_of, shown_of
-from tests.session import live_samples
-from tests.viewer.outlets import Kept
+from tests.helpers import live_samples
+from tests.helpers.outlets import Kept
 
 PLAIN = live_samples.SESSION.partition("[estimate]")[0]
 

@@ -11,7 +11,7 @@ from websockets.sync.client import connect
 from plumbob.rotations import quat_from_xyzw, quat_rotate
 from plumbob.session.rows import ATTITUDE_SCHEMA, IMU_SCHEMA
 from plumbob.viewer import foxglove
-from tests.viewer.feeding import COLUMNS, Body, column, hello, serving
+from tests.helpers.feeding import COLUMNS, Body, column, hello, serving
 
 BODY = Body(100.0)
 

@@ -8,7 +8,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from tests.viewer.feeding import hello, raw_request, request, serving
+from tests.helpers.feeding import hello, raw_request, request, serving
 
 ROUTES = ("/", "/icon.svg", "/assets/index.js", "/api/hello", "/api/state", "/api/command", "/nothing", "/%2e%2e/etc")
 KEY = (

@@ -15,7 +15,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from tests.viewer.feeding import Body, hello, parsed, raw_request, request, serving
+from tests.helpers.feeding import Body, hello, parsed, raw_request, request, serving
 
 BODY = Body(1000.0)
 

@@ -8,8 +8,8 @@ from plumbob import files
 from plumbob.core.errors import FrameError, ParameterError, ShapeError
 from plumbob.core.units import to_deg
 from plumbob.viewer.playback import Player, load
-from tests.session import live_samples
-from tests.viewer.outlets import Clock, Kept
+from tests.helpers import live_samples
+from tests.helpers.outlets import Clock, Kept
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from plumbob.session.sinks import Collected
 from plumbob.session.stream import Stream
 from plumbob.viewer.commands import checked_name
 from plumbob.viewer.switch import Switch
-from tests.session import live_samples
+from tests.helpers import live_samples
 
 MEKF = live_samples.SESSION.partition("[estimate]")[0] + '[estimate]\nfilter = "mekf"\n'
 

@@ -19,8 +19,8 @@ from plumbob.session.stream import Stream
 from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Batch
 from plumbob.viewer.terminal import CHINESE, Terminal, tape
-from tests.battery.commandline import PLUMBOB, call
-from tests.session import live_samples
+from tests.helpers import live_samples
+from tests.helpers.commandline import PLUMBOB, call
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 MEKF = live_samples.SESSION.partition("[estimate]")[0] + '[estimate]\nfilter = "mekf"\n'

@@ -15,7 +15,7 @@ from websockets.sync.client import connect
 from plumbob.viewer.charts import History, Rows, Thinner, envelope
 from plumbob.viewer.hub import Client, Hub, Ring
 from plumbob.viewer.messages import Attitude, Hello, Link, State
-from tests.viewer.feeding import CLIPPED, COLUMNS, Body, column, hello, parsed, request, serving
+from tests.helpers.feeding import CLIPPED, COLUMNS, Body, column, hello, parsed, request, serving
 
 BODY = Body(100.0)
 

@@ -24,10 +24,10 @@ from plumbob.viewer.messages import Command
 from plumbob.viewer.outlet import Asked
 from plumbob.viewer.pipe import LIMIT
 from plumbob.viewer.view import Shows, opened_up, view
-from tests.battery.browser import PATIENCE, until
-from tests.battery.commandline import PLUMBOB
-from tests.session import live_samples
-from tests.viewer.outlets import Kept, StandIn, emulated
+from tests.helpers import live_samples
+from tests.helpers.browser import PATIENCE, until
+from tests.helpers.commandline import PLUMBOB
+from tests.helpers.outlets import Kept, StandIn, emulated
 
 BUILT = (Path(plumbob.__file__).parent / FOLDER / "view" / "index.html").is_file()
 SERVES = find_spec("plumbob.viewer.serve") is not None

@@ -24,8 +24,8 @@ from plumbob.rotations import (
     quat_multiply,
     quat_rotate,
 )
-from tests.battery.hand import CALIBRATED, by_hand, error_n, rms_deg
-from tests.battery.motion import consistent
+from tests.helpers.hand_motion import CALIBRATED, by_hand, error_n, rms_deg
+from tests.helpers.motion import consistent
 
 FINE = 0.3
 """Degrees rms: 0.02 m/s² of white noise is 0.1° in each sample, 0.3 µT on 20 µT is 0.9°, and hundreds are averaged."""

@@ -28,7 +28,7 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
-from tests.battery.hand import CALIBRATED, by_hand, error_n, rms_deg
+from tests.helpers.hand_motion import CALIBRATED, by_hand, error_n, rms_deg
 
 UNITS, RATE, SECONDS = 40, 100.0, 40.0
 ESTIMATED = {"acc_offset": 0.0, "latency_sd": 0.0, "mag_direction_sd": 0.0}

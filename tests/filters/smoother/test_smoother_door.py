@@ -13,10 +13,10 @@ from plumbob.filters.smoother import Smoother
 from plumbob.rotations import quat_conjugate, quat_rotate
 from plumbob.session.session_toml import session_of
 from plumbob.session.stream import Stream
-from tests.battery.commandline import ok, plumbob, refused
-from tests.battery.hand import by_hand
-from tests.battery.motion import consistent
-from tests.session.live_samples import FORMAT, SESSION, reads, record, stream
+from tests.helpers.commandline import ok, plumbob, refused
+from tests.helpers.hand_motion import by_hand
+from tests.helpers.live_samples import FORMAT, SESSION, reads, record, stream
+from tests.helpers.motion import consistent
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ from plumbob.filters.smoother.keyframes import (
 )
 from plumbob.filters.smoother.samples import MARGIN, stretches
 from plumbob.rotations import quat_angle, quat_from_rotvec, quat_multiply
-from tests.battery.hand import by_hand
+from tests.helpers.hand_motion import by_hand
 
 EPS = np.finfo(float).eps
 

@@ -20,7 +20,7 @@ from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_REPEATS, SIZE, Params
 from plumbob.filters.smoother.sweeps import COUNT, FIELD, FORCE, MEANS, Last
 from plumbob.rotations import quat_angle, quat_conjugate, quat_from_rotvec, quat_rotate
-from tests.battery.hand import by_hand, error_n, rms_deg
+from tests.helpers.hand_motion import by_hand, error_n, rms_deg
 
 slow = pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
 

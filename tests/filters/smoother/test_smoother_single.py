@@ -9,7 +9,7 @@ from plumbob.core import flags
 from plumbob.core._jit import jit_disabled
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.filters.smoother import FixedLag
-from tests.battery.hand import by_hand
+from tests.helpers.hand_motion import by_hand
 
 slow = pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
 

@@ -19,7 +19,7 @@ from plumbob.rotations import (
     quat_multiply,
 )
 from plumbob.rotations.headings import claimed_sd
-from tests.battery.hand import CALIBRATED, by_hand, error_n
+from tests.helpers.hand_motion import CALIBRATED, by_hand, error_n
 
 slow = pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
 

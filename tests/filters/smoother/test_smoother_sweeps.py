@@ -57,9 +57,9 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
-from tests.battery.hand import by_hand
-from tests.battery.jacobians import by_differences
-from tests.battery.motion import noisy
+from tests.helpers.hand_motion import by_hand
+from tests.helpers.jacobians import by_differences
+from tests.helpers.motion import noisy
 
 SEEDS = range(5)
 

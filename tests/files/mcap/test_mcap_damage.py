@@ -1,0 +1,508 @@
+"""Whatever happens to a file: no wrong row, at most the damaged chunk lost, every lost row counted."""
+
+import contextlib
+import io
+import random
+import struct
+import zlib
+
+import pytest
+import zstandard
+from mcap.writer import CompressionType, Writer
+
+from plumbob.core.errors import DecodeError
+from plumbob.files.mcap import layout, open_log, verify
+from plumbob.files.mcap.resync import Source
+from tests.helpers.record_samples import (
+    DECODED,
+    OFFSET,
+    RAW,
+    channels,
+    chunks_of,
+    fill,
+    read,
+    record,
+    recorder,
+    records_of,
+    rows_of,
+)
+
+CHUNK_ROWS = 20  # 0.1 s of two channels at 100 Hz
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Bytes and rows of a small whole recording."""
+    path = tmp_path_factory.mktemp("whole") / "a.mcap"
+    rows = record(path, count=40)
+    return path.read_bytes(), rows
+
+
+def judge(path, raw, rows, most_lost=CHUNK_ROWS):
+    """Read damaged bytes: rows that come are right, in order, and those that do not are few and counted."""
+    path.write_bytes(raw)
+    log, got = read(path)
+    there = set(got)
+    assert got == [row for row in rows if row in there]
+    assert len(rows) - len(got) <= most_lost
+    if log.clean:
+        assert sum(log.lost.values()) == len(rows) - len(got)
+    assert log.damage or log.lost or not log.clean
+    return log, got
+
+
+def test_a_cut_at_every_byte_leaves_a_readable_prefix(tmp_path):
+    path, before = tmp_path / "a.mcap", 0
+    rows = record(path, count=20)
+    raw = path.read_bytes()
+    ends = [at + length for at, length in chunks_of(raw)]
+    for size in range(len(raw)):
+        path.write_bytes(raw[:size])
+        log, got = read(path)
+        assert got == rows[: len(got)]
+        assert len(got) == CHUNK_ROWS * sum(end <= size for end in ends)  # every chunk that is there as a whole
+        assert not log.clean
+        before = len(got)
+    assert before == len(rows)
+
+
+def test_single_bit_flips_never_give_a_wrong_row(whole, tmp_path):
+    """1,500 here; benchmarks/recorder_damage.py takes 10,000."""
+    raw, rows = whole
+    rng = random.Random(1)
+    for bit in rng.sample(range(8 * len(raw)), 1500):
+        damaged = bytearray(raw)
+        damaged[bit // 8] ^= 1 << bit % 8
+        judge(tmp_path / "a.mcap", bytes(damaged), rows)
+
+
+@pytest.mark.parametrize("field", range(9))
+def test_a_flipped_byte_of_a_length_loses_no_more_than_its_chunk(whole, tmp_path, field):
+    raw, rows = whole
+    at, _ = chunks_of(raw)[1]
+    damaged = bytearray(raw)
+    damaged[at + field] ^= 0xFF
+    log, got = judge(tmp_path / "a.mcap", bytes(damaged), rows)
+    assert len(got) == len(rows) - CHUNK_ROWS
+    assert log.lost == {RAW: 10, DECODED: 10}
+    assert log.damage[0].lost == log.lost
+    assert log.damage[0].offset == at
+
+
+@pytest.mark.parametrize("size", [1, 16, 512, 1500])
+def test_zeroed_blocks(whole, tmp_path, size):
+    raw, rows = whole
+    for at in range(0, len(raw) - size, max(97, size // 2)):
+        if raw[at : at + size].count(0) != size:
+            damaged = raw[:at] + bytes(size) + raw[at + size :]
+            hit = sum(a < at + size and at < a + length for a, length in chunks_of(raw))
+            judge(tmp_path / "a.mcap", damaged, rows, most_lost=CHUNK_ROWS * hit)
+
+
+def test_the_beginning_may_be_gone(whole, tmp_path):
+    raw, rows = whole
+    first = chunks_of(raw)[0][0]
+    log, got = judge(tmp_path / "a.mcap", bytes(first) + raw[first:], rows, most_lost=0)
+    assert got == rows
+    assert log.metadata == {"session": "[device]\nname = 'demo'\n"}  # it stands at the end once more
+    log, got = judge(tmp_path / "a.mcap", raw[first:], rows, most_lost=0)
+    assert got == rows
+
+
+def test_swapped_chunks_give_all_rows_and_a_finding(whole, tmp_path):
+    raw, rows = whole
+    (a, _), (b, _), (c, _), _ = chunks_of(raw)
+    (tmp_path / "a.mcap").write_bytes(raw[:a] + raw[b:c] + raw[a:b] + raw[c:])
+    log, got = read(tmp_path / "a.mcap")
+    assert sorted(got) == sorted(rows)
+    assert log.lost == {}
+    assert "out of order" in str(log.damage)
+
+
+def test_swapped_disk_blocks(whole, tmp_path):
+    raw, rows = whole
+    rng = random.Random(2)
+    for _ in range(30):
+        i, j = sorted(rng.sample(range(len(raw) // 512), 2))
+        blocks = [raw[k : k + 512] for k in range(0, len(raw), 512)]
+        blocks[i], blocks[j] = blocks[j], blocks[i]
+        (tmp_path / "a.mcap").write_bytes(b"".join(blocks))
+        log, got = read(tmp_path / "a.mcap")
+        assert set(got) <= set(rows)
+        assert len(got) == len(set(got))
+        assert log.damage
+
+
+def test_a_chunk_that_comes_twice_is_read_once(whole, tmp_path):
+    raw, rows = whole
+    (a, _), (b, _), *_ = chunks_of(raw)
+    (tmp_path / "a.mcap").write_bytes(raw[:b] + raw[a:b] + raw[b:])
+    log, got = read(tmp_path / "a.mcap")
+    assert got == rows
+    assert "is repeated" in str(log.damage)
+
+
+@pytest.mark.parametrize("junk", [b"\0" * 5000, b"junk", random.Random(3).randbytes(5000)])
+def test_appended_junk(whole, tmp_path, junk):
+    raw, rows = whole
+    log, got = judge(tmp_path / "a.mcap", raw + junk, rows, most_lost=0)
+    assert got == rows
+    assert log.damage[0].offset == len(raw)
+    assert log.damage[0].size == len(junk)
+
+
+def test_an_appended_recording_is_not_mixed_in(whole, tmp_path):
+    raw, rows = whole
+    record(tmp_path / "b.mcap")
+    _, got = judge(tmp_path / "a.mcap", raw + (tmp_path / "b.mcap").read_bytes(), rows, most_lost=0)
+    assert got == rows
+
+
+def test_a_recording_inside_a_message_never_comes_out(whole, tmp_path):
+    """A line may carry MCAP itself; when its chunk is damaged, the inner chunks are whole, but not of this file."""
+    inner, _ = whole
+    path = tmp_path / "a.mcap"
+    r = recorder(path, compression="none")
+    number = r.channel("raw", "x")
+    with r:
+        for i in range(3):
+            r.write(number, i * 10**9, inner + bytes([i]))
+    damaged = bytearray(path.read_bytes())
+    damaged[chunks_of(damaged)[1][0] + 60] ^= 1
+    path.write_bytes(damaged)
+    log, got = read(path)
+    assert [(row[0], row[1]) for row in got] == [("raw", 0), ("raw", 2)]
+    assert log.lost == {"raw": 1}
+
+
+def test_a_crc_of_zero_is_damage_in_our_files(whole, tmp_path):
+    raw, rows = whole
+    at, _ = chunks_of(raw)[1]
+    crc = layout.CHUNK_HEAD.unpack_from(raw, at)[5]
+    assert crc != 0
+    place = at + 9 + 24
+    assert raw[place : place + 4] == struct.pack("<I", crc)
+    log, _ = judge(tmp_path / "a.mcap", raw[:place] + bytes(4) + raw[place + 4 :], rows)
+    assert log.lost == {RAW: 10, DECODED: 10}
+
+
+def test_messages_outside_chunks_are_damage_in_our_files(whole, tmp_path):
+    raw, rows = whole
+    at = chunks_of(raw)[1][0]
+    bare = layout.MESSAGE_HEAD.pack(layout.MESSAGE, 22 + 3, 1, 10, OFFSET, OFFSET) + b"lie"
+    log, got = judge(tmp_path / "a.mcap", raw[:at] + bare + raw[at:], rows, most_lost=0)
+    assert got == rows
+    assert (log.damage[0].offset, log.damage[0].size) == (at, len(bare))
+
+
+def test_rows_need_not_come_in_the_order_of_their_times(tmp_path):
+    """Two channels of which one is late: the head of a chunk holds the least and the greatest time."""
+    path = tmp_path / "a.mcap"
+    r = recorder(path)
+    numbers = r.channel("late", "x"), r.channel("early", "x")
+    with r:
+        for t_ns in (50, 20, 90, 40):
+            for number, late in zip(numbers, (7, 0), strict=True):
+                r.write(number, t_ns + late, b"x")
+    raw = path.read_bytes()
+    ((at, _),) = chunks_of(raw)
+    assert layout.CHUNK_HEAD.unpack_from(raw, at)[2:4] == (OFFSET + 20, OFFSET + 97)
+    log, got = read(path)
+    assert [row[2] for row in got] == [57, 50, 27, 20, 97, 90, 47, 40]
+    assert log.damage == []
+    assert log.clean
+
+
+@pytest.mark.parametrize("place", [0, 8])
+def test_wrong_times_at_the_head_of_a_chunk_are_told_and_cost_no_row(whole, tmp_path, place):
+    """Its first time, then its last: no CRC of the chunk guards them."""
+    raw, rows = whole
+    at, _ = chunks_of(raw)[1]
+    damaged = bytearray(raw)
+    damaged[at + 9 + place] ^= 2
+    log, got = judge(tmp_path / "a.mcap", bytes(damaged), rows, most_lost=0)
+    assert got == rows
+    (damage,) = log.damage
+    assert (damage.offset, damage.size, damage.certain) == (at + 9, 16, True)
+    assert "times at a chunk's head" in damage.what
+
+
+def test_a_damaged_index_is_told_and_costs_no_row(whole, tmp_path):
+    raw, rows = whole
+    at, length = chunks_of(raw)[1]
+    damaged = bytearray(raw)
+    damaged[at + length + 20] ^= 4
+    log, got = judge(tmp_path / "a.mcap", bytes(damaged), rows, most_lost=0)
+    assert got == rows
+    assert "index" in log.damage[0].what
+    assert log.damage[0].certain
+
+
+def test_the_version_of_the_recorder_in_the_header_is_guarded_too(whole, tmp_path):
+    raw, rows = whole
+    damaged = raw.replace(b"plumbob recording 1", b"plumbob recording 3", 1)
+    log, _ = judge(tmp_path / "a.mcap", damaged, rows, most_lost=0)
+    assert "the CRC of all data" in log.damage[0].what
+
+
+def test_lost_rows_of_a_rare_channel_are_counted_though_it_never_comes_again(tmp_path):
+    path = tmp_path / "a.mcap"
+    r = recorder(path)
+    number, rare = r.channel("a", "x"), r.channel("rare", "x")
+    with r:
+        for i in range(50):
+            r.write(number, i * 10**7, b"x")
+            if i == 25:
+                r.write(rare, i * 10**7, b"once")
+    damaged = bytearray(path.read_bytes())
+    damaged[chunks_of(damaged)[2][0] + 70] ^= 1
+    path.write_bytes(damaged)
+    log, _ = read(path)
+    assert log.lost == {"a": 10, "rare": 1}
+
+
+# --- lies -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("claimed", [2**20, 2**26, 2**28 + 1, 2**40, 2**63])
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+def test_a_bomb_is_not_inflated(tmp_path, compression, claimed):
+    """A gigabyte of zeros in a few kilobytes, whatever size it states."""
+    import tracemalloc
+
+    import lz4.frame
+
+    zeros = bytes(1 << 26)
+    stored = zstandard.compress(zeros) if compression == "zstd" else lz4.frame.compress(zeros)
+    buffer = io.BytesIO()
+    writer = Writer(buffer)
+    writer.start()
+    raw = buffer.getvalue()
+    head = layout.CHUNK_HEAD.pack(
+        layout.CHUNK, layout.chunk_length(len(compression), len(stored)), 0, 0, claimed, 1, len(compression)
+    )
+    chunk = head + compression.encode() + struct.pack("<Q", len(stored)) + stored
+    (tmp_path / "a.mcap").write_bytes(raw + chunk)
+    tracemalloc.start()
+    log, got = read(tmp_path / "a.mcap")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert got == []
+    assert log.damage
+    assert peak < 16 << 20
+
+
+def test_schemas_and_channels_that_nobody_uses_take_bounded_memory(tmp_path):
+    """Thirty chunks of a new schema of 4 MiB each, in 20 kB: 120 MiB where all are kept."""
+    import tracemalloc
+
+    buffer = io.BytesIO()
+    writer = Writer(buffer)
+    writer.start()
+    chunks = []
+    for number in range(30):
+        body = struct.pack("<HI", number + 1, 1) + b"s" + struct.pack("<II", 0, 4 << 20) + bytes(4 << 20)
+        record = struct.pack("<BQ", layout.SCHEMA, len(body)) + body
+        chunks.append(layout.chunk_record(record, zstandard.compress(record), "zstd", 0, 0))
+    (tmp_path / "a.mcap").write_bytes(buffer.getvalue() + b"".join(chunks))
+    tracemalloc.start()
+    log, got = read(tmp_path / "a.mcap")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert got == []
+    assert any("schemas and channels" in str(damage) for damage in log.damage)
+    assert peak < 100 << 20
+
+
+def whole_chunk(path):
+    """A part's beginning, and its first chunk."""
+    record(path, count=10)
+    raw = path.read_bytes()
+    at, size = chunks_of(raw)[0]
+    return raw[:at], raw[at : at + size]
+
+
+FALSE = {
+    "footers whose summary is all before them": lambda rest: (
+        layout.RECORD_HEAD.pack(layout.FOOTER, 20) + layout.FOOTER_BODY.pack(8, 0, 1) + layout.MAGIC
+    ),
+    "ends of the data": lambda rest: layout.RECORD_HEAD.pack(layout.DATA_END, 4) + layout.CRC.pack(1),
+    "chunks up to the end of the file": lambda rest: (
+        layout.CHUNK_HEAD.pack(layout.CHUNK, layout.chunk_length(0, rest - 48), 0, 0, 1 << 20, 1, 0)
+        + layout.SIZE.pack(rest - 48)
+    ),
+    "words of the part up to the end of the file": lambda rest: (
+        layout.RECORD_HEAD.pack(layout.METADATA, rest - 9) + struct.pack("<I", 7) + b"plumbob"
+    ),
+}
+
+
+@pytest.mark.parametrize("between", [False, True])
+@pytest.mark.parametrize("false", FALSE.values(), ids=FALSE)
+def test_the_work_grows_with_the_file_and_not_with_its_square(tmp_path, monkeypatch, false, between):
+    """Bytes read of a file of nothing but false records, chunks between them or not, and of a longer one."""
+    begin, chunk = whole_chunk(tmp_path / "a.mcap")
+    work = []
+
+    def counted(source, offset, count, at=Source.at):
+        found = at(source, offset, count)
+        work.append(len(found))
+        return found
+
+    def bytes_read(count):
+        tail = b""
+        for _ in range(count):
+            tail = chunk * between + tail
+            tail = false(len(false(100)) + len(tail)) + tail
+        (tmp_path / "b.mcap").write_bytes(begin + tail)
+        work.clear()
+        for _ in open_log(tmp_path / "b.mcap").blocks():
+            continue
+        return sum(work) / (tmp_path / "b.mcap").stat().st_size
+
+    monkeypatch.setattr(Source, "at", counted)
+    assert bytes_read(900) < 1.5 * bytes_read(300)
+    assert bytes_read(900) < 2 * 40  # 32 times, for its name and for its rows
+
+
+@pytest.mark.parametrize(
+    "content", [b"hello, world\n" * 100, b"\x00" * 4096, b"PK\x03\x04" + bytes(100), b"\x89MCAP1\r\n"]
+)
+def test_other_files_are_refused_by_name(tmp_path, content):
+    (tmp_path / "a.mcap").write_bytes(content)
+    with pytest.raises(DecodeError, match=r"a\.mcap is not an MCAP file: it begins with"):
+        open_log(tmp_path / "a.mcap")
+
+
+def test_files_that_are_not_there(tmp_path):
+    with pytest.raises(DecodeError, match="no such file"):
+        open_log(tmp_path / "a.mcap")
+    with pytest.raises(DecodeError, match=r"no \.mcap file in it"):
+        open_log(tmp_path)
+
+
+def forged(raw, rng, share=0.7):
+    """The file with bytes of some chunks' contents changed and every CRC made right again, and which those are."""
+    out, changed = bytearray(raw[:8]), []
+    for opcode, at, length in records_of(raw):
+        record = raw[at : at + length]
+        if opcode == layout.CHUNK:
+            changed.append(rng.random() < share)
+        if opcode == layout.CHUNK and changed[-1]:
+            _, _, first, last, _, _, name = layout.CHUNK_HEAD.unpack_from(record)
+            content = bytearray(zstandard.decompress(record[layout.CHUNK_HEAD.size + name + 8 :]))
+            for _ in range(rng.randrange(1, 5)):
+                content[rng.randrange(len(content))] = rng.choice([0, 1, 255, rng.randrange(256)])
+            record = layout.chunk_record(bytes(content), zstandard.compress(content), "zstd", first, last)
+        out += record
+    return bytes(out) + raw[-8:], changed
+
+
+def test_forged_files_raise_nothing_but_errors_of_ours(whole, tmp_path):
+    """What chunks hold may be anything, with CRCs that hold; what is untouched comes through."""
+    raw, rows = whole
+    rng = random.Random(4)
+    for _ in range(300):
+        data, changed = forged(raw, rng)
+        (tmp_path / "a.mcap").write_bytes(data)
+        with contextlib.suppress(DecodeError):
+            verify(tmp_path / "a.mcap")
+        untouched = [row for i, row in enumerate(rows) if not changed[i // CHUNK_ROWS]]
+        assert set(untouched) <= set(read(tmp_path / "a.mcap")[1])
+    (tmp_path / "a.mcap").write_bytes(forged(raw, rng, share=0.0)[0])
+    assert verify(tmp_path / "a.mcap").whole
+    assert read(tmp_path / "a.mcap")[1] == rows
+
+
+def test_a_chunk_with_two_channels_of_one_topic_is_refused(tmp_path):
+    """A forgery that fuzzing found: its rows would have been counted twice."""
+    path = tmp_path / "a.mcap"
+    r = recorder(path, compression="none")
+    numbers = [r.channel(topic, "x") for topic in ("one", "two")]
+    with r:
+        for number in numbers:
+            r.write(number, 0, b"x")
+    raw = path.read_bytes()
+    at, length = chunks_of(raw)[0]
+    content = raw[at + layout.CHUNK_HEAD.size + 8 : at + length].replace(b"two", b"one")
+    path.write_bytes(raw[:at] + layout.chunk_record(content, content, "", OFFSET, OFFSET) + raw[at + length :])
+    log, got = read(path)
+    assert got == []
+    assert "two channels of one topic" in log.damage[0].what
+
+
+# --- files of other programs ----------------------------------------------------------------------------------
+
+
+def foreign(path, **options):
+    """A file of the MCAP library's own writer."""
+    rows = []
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=300, **options)
+        writer.start(library="another")
+        schema = writer.register_schema("S", "jsonschema", b"{}")
+        number = writer.register_channel("a", "json", schema)
+        for i in range(50):
+            writer.add_message(number, 1000 + i, b'{"i": %d}' % i, 1000 + i)
+            rows.append(("a", 0, 1000 + i, b'{"i": %d}' % i))
+        writer.finish()
+    return rows
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+@pytest.mark.parametrize("use_chunking", [True, False])
+@pytest.mark.parametrize("crcs", [True, False])
+def test_files_of_the_library_are_read(tmp_path, compression, use_chunking, crcs):
+    path = tmp_path / "a.mcap"
+    rows = foreign(path, compression=compression, use_chunking=use_chunking, enable_crcs=crcs, enable_data_crcs=crcs)
+    log, got = read(path)
+    assert got == rows
+    assert log.recording is None
+    assert log.damage == []
+    assert log.clean
+    assert bool(log.unchecked) == (not (use_chunking and crcs))
+
+
+def test_a_damaged_file_of_the_library_is_read_on(tmp_path):
+    path = tmp_path / "a.mcap"
+    rows = foreign(path)
+    damaged = bytearray(path.read_bytes())
+    places = chunks_of(damaged)
+    damaged[places[2][0] + 70] ^= 1
+    path.write_bytes(damaged)
+    log, got = read(path)
+    assert 0 < len(rows) - len(got) < 15
+    assert [row for row in rows if row in got] == got
+    assert log.damage[0].offset == places[2][0]
+    assert not log.damage[0].certain
+
+
+def test_the_crc_catches_what_the_compression_does_not(tmp_path):
+    path = tmp_path / "a.mcap"
+    foreign(path, compression=CompressionType.NONE)
+    damaged = path.read_bytes().replace(b'{"i": 7}', b'{"i": 8}', 1)
+    path.write_bytes(damaged)
+    log, got = read(path)
+    assert (0, 1007, b'{"i": 8}') not in [row[1:] for row in got]
+    assert "CRC" in log.damage[0].what
+    assert zlib.crc32(b"") == 0  # an absent CRC is 0, which is also that of nothing
+
+
+def test_verify_says_that_a_foreign_file_cannot_be_checked(tmp_path):
+    foreign(tmp_path / "a.mcap", enable_crcs=False)
+    verdict = verify(tmp_path / "a.mcap")
+    assert verdict.whole
+    assert verdict.unchecked > 0
+    assert rows_of(open_log(tmp_path / "a.mcap"))[0][2] == 1000
+
+
+@pytest.mark.parametrize("left", [b"", bytes(3000)])
+def test_a_recording_in_parts_survives_one_of_which_nothing_is_left(tmp_path, left):
+    r = recorder(tmp_path / "a.mcap", rotate=0.2)
+    with r:
+        rows = fill(r, channels(r), 40)
+    (tmp_path / "a.0002.mcap").write_bytes(left)
+    log, got = read(tmp_path / "a.mcap")
+    assert got == [row for row in rows if row[1] < 20]
+    assert not log.clean
+    assert log.damage

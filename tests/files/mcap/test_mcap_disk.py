@@ -1,0 +1,267 @@
+"""Full, failing and slow disks: the caller never waits and never sees an exception, and every lost row is counted."""
+
+import errno
+import os
+import shutil
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from plumbob.core.errors import ParameterError
+from plumbob.files.mcap import disk, open_log, verify, writer
+from tests.helpers.record_samples import DECODED, RAW, channels, fill, read, recorder, rows_of
+
+LIMITED = """
+import resource, signal, sys, time
+from plumbob.files.mcap import Recorder
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+r = Recorder(sys.argv[1], epoch_offset_ns=0, reserve=0, compression="none")
+n = r.channel("a", "x")
+with r:
+    for i in range(600):
+        r.write(n, i * 10_000_000, bytes([i % 256]) * 100)
+print(r.written, r.acknowledged, r.dropped, [e.kind for e in r.take_events()])
+"""
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    """Look again after 20 ms instead of a second."""
+    monkeypatch.setattr(writer, "RETRY", 0.02)
+
+
+def wait_for(condition, timeout=30.0):
+    end = time.monotonic() + timeout
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.002)
+    assert condition()
+
+
+class Disk:
+    """Takes the place of os.write and os.fsync until it is healed."""
+
+    def __init__(self, monkeypatch, error=errno.ENOSPC, room=None, fails=("write",)):
+        self.error, self.room, self.fails, self.ill = error, room, fails, True
+        self._write, self._fsync = os.write, os.fsync
+        monkeypatch.setattr(disk.os, "write", self.write)
+        monkeypatch.setattr(disk.os, "fsync", self.fsync)
+
+    def write(self, fd, data):
+        if self.ill and "write" in self.fails:
+            if not self.room:
+                raise OSError(self.error, os.strerror(self.error))
+            data = data[: self.room]  # first a short write, as a real disk does
+            self.room -= len(data)
+        return self._write(fd, data)
+
+    def fsync(self, fd):
+        if self.ill and "fsync" in self.fails and not os.path.isdir(f"/proc/self/fd/{fd}"):  # noqa: PTH112
+            raise OSError(self.error, os.strerror(self.error))
+        return self._fsync(fd)
+
+
+@pytest.mark.parametrize("error", [errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EFBIG])
+def test_a_refused_write_stops_once_and_goes_on_in_a_new_part(tmp_path, monkeypatch, error):
+    r = recorder(tmp_path / "a.mcap")
+    numbers = channels(r)
+    with r:
+        rows = fill(r, numbers, 30)
+        wait_for(lambda: r.acknowledged == 40)
+        ill = Disk(monkeypatch, error, room=150)
+        rows += fill(r, numbers, 60, start=30)
+        r.tick(10**12)
+        wait_for(lambda: r.state == "stopped")
+        assert r.acknowledged == 40  # 20 rows per chunk; the third chunk met the short write
+        time.sleep(0.1)  # several attempts to go on
+        ill.ill = False
+        wait_for(lambda: r.acknowledged == len(rows))
+        assert r.state == "recording"
+    kinds = [e.kind for e in r.take_events() if e.kind != "unfinished"]
+    assert kinds == ["stopped", "resumed"]
+    assert r.dropped == 0
+    assert [p.name for p in sorted(tmp_path.iterdir())] == ["a.0002.mcap", "a.mcap"]
+    log, got = read(tmp_path / "a.mcap")
+    assert got == rows
+    assert log.lost == {}
+
+
+def test_rows_that_never_find_room_are_counted(tmp_path, monkeypatch):
+    r = recorder(tmp_path / "a.mcap", backlog=4000)
+    numbers = channels(r)
+    with r:
+        rows = fill(r, numbers, 20)
+        wait_for(lambda: r.acknowledged == 20)
+        Disk(monkeypatch)
+        fill(r, numbers, 200, start=20)
+    assert r.state == "closed"
+    assert r.written == 400 == r.acknowledged + r.dropped
+    assert r.acknowledged == 20
+    events = r.take_events()
+    assert sum(e.count for e in events if e.kind == "dropped") == r.dropped
+    assert sum(e.kind == "stopped" for e in events) == 1
+    log, got = read(tmp_path / "a.mcap")
+    assert got == rows[:20]
+    assert not log.clean
+
+
+def test_a_slow_disk_costs_memory_then_counted_rows_but_never_the_callers_time(tmp_path, monkeypatch):
+    gate = threading.Event()
+    write = os.write
+    r = recorder(tmp_path / "a.mcap", backlog=20_000, compression="none")
+    numbers = channels(r)
+    with r:
+        monkeypatch.setattr(disk.os, "write", lambda fd, data: (gate.wait(30), write(fd, data))[1])
+        fill(r, numbers, 1000)  # some 100 kB: returns though nothing can be written
+        r.tick(10**12)
+        dropped = r.dropped
+        assert dropped > 0
+        gate.set()
+        wait_for(lambda: r.acknowledged + dropped == r.written)
+        fill(r, numbers, 1020, start=1000)
+    assert r.dropped == dropped
+    assert sum(e.count for e in r.take_events()) == dropped
+    verdict = verify(tmp_path / "a.mcap")
+    assert sum(verdict.rows.values()) == r.acknowledged == 2040 - dropped
+    assert sum(verdict.dropped.values()) == dropped
+    assert verdict.lost == {}
+    assert verdict.whole  # the file is; the recorder itself says what it gave up
+
+
+def test_a_failed_fsync_takes_back_and_writes_anew(tmp_path, monkeypatch):
+    r = recorder(tmp_path / "a.mcap", fsync=0.01)
+    numbers = channels(r)
+    with r:
+        rows = fill(r, numbers, 30)
+        wait_for(lambda: r.acknowledged == 40 and not r._writer._unsynced)
+        ill = Disk(monkeypatch, errno.EIO, fails=("fsync",))
+        rows += fill(r, numbers, 60, start=30)
+        wait_for(lambda: r.state == "stopped")
+        ill.ill = False
+        r.tick(10**12)
+        wait_for(lambda: r.acknowledged == len(rows))
+    assert r.dropped == 0
+    assert "stopped" in {e.kind for e in r.take_events()}
+    log, got = read(tmp_path / "a.mcap")
+    assert got == rows
+    assert log.lost == {}
+    assert "once more" not in str(log.damage)  # cut off from the part whose fsync failed
+
+
+def test_the_reserve_is_kept_and_the_part_ends_properly(tmp_path, monkeypatch):
+    free = [10**9]
+    monkeypatch.setattr(disk, "free", lambda folder: free[0])
+    r = recorder(tmp_path / "a.mcap", reserve=10**8)
+    numbers = channels(r)
+    with r:
+        rows = fill(r, numbers, 20)
+        wait_for(lambda: r.acknowledged == 20)
+        free[0] = 10**8 - 1
+        time.sleep(0.05)
+        rows += fill(r, numbers, 60, start=20)
+        wait_for(lambda: r.state == "stopped")
+        assert verify(tmp_path / "a.mcap").clean
+        free[0] = 10**8 + 1  # not yet: it would stop again at once
+        time.sleep(0.1)
+        assert r.state == "stopped"
+        free[0] = 10**9
+        r.tick(10**12)
+        wait_for(lambda: r.acknowledged == len(rows))
+    events = r.take_events()
+    assert [e.kind for e in events] == ["stopped", "resumed"]
+    assert "less than the reserve of 100 MB is free" in events[0].text
+    assert verify(tmp_path / "a.mcap").whole
+    assert rows_of(open_log(tmp_path / "a.mcap")) == rows
+
+
+def test_a_disk_that_is_full_at_the_start_is_no_error(tmp_path, monkeypatch):
+    free = [0]
+    monkeypatch.setattr(disk, "free", lambda folder: free[0])
+    r = recorder(tmp_path / "a.mcap", reserve=1000)
+    numbers = channels(r)
+    with r:
+        assert r.state == "stopped"
+        assert list(tmp_path.iterdir()) == []
+        rows = fill(r, numbers, 30)
+        free[0] = 10**9
+    assert rows_of(open_log(tmp_path / "a.mcap")) == rows
+
+
+def test_the_default_reserve_is_the_smaller_of_a_gibibyte_and_a_twentieth(tmp_path):
+    total = shutil.disk_usage(tmp_path).total
+    assert disk.default_reserve(tmp_path) == pytest.approx(min(2**30, total / 20), rel=1e-6)
+
+
+def test_a_disk_that_does_not_answer_at_the_end_is_told(tmp_path, monkeypatch):
+    gate = threading.Event()
+    write = os.write
+    r = recorder(tmp_path / "a.mcap").start()
+    numbers = channels(r)
+    monkeypatch.setattr(disk.os, "write", lambda fd, data: (gate.wait(30), write(fd, data))[1])
+    fill(r, numbers, 10)
+    r.close(timeout=0.1)
+    events = r.take_events()
+    assert [(e.kind, e.count) for e in events] == [("unfinished", 20)]
+    gate.set()
+    wait_for(lambda: r.state == "closed")
+    assert verify(tmp_path / "a.mcap").rows == {RAW: 10, DECODED: 10}
+
+
+def test_a_limit_on_the_size_of_files(tmp_path):
+    """RLIMIT_FSIZE: the system writes a part of a chunk first, and refuses the rest with EFBIG."""
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, tmp_path / "a.mcap"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    written, acknowledged, dropped, *_ = done.stdout.split(maxsplit=3)
+    assert (int(written), int(acknowledged), int(dropped)) == (600, 600, 0)
+    log, got = read(tmp_path / "a.mcap")
+    assert len(log.paths) >= 4  # 600 rows of 131 bytes and more in files of 20 kB
+    assert [row[1] for row in got] == list(range(600))
+    assert all(row[3] == bytes([row[1] % 256]) * 100 for row in got)
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A tmpfs of 256 KiB."""
+    folder = tmp_path / "small"
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(folder)], capture_output=True, text=True, check=False
+    )
+    if mounted.returncode:
+        pytest.skip(f"no small disk can be mounted here: {mounted.stderr.strip()}")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+@pytest.mark.parametrize("reserve", [0, 64 * 1024])
+def test_a_full_disk_loses_no_acknowledged_row(small_disk, reserve):
+    r = recorder(small_disk / "a.mcap", reserve=reserve, compression="none", backlog=1 << 20)
+    number = r.channel("a", "x")
+    (small_disk / "ballast").write_bytes(bytes(100_000))
+    with r:
+        for i in range(2000):
+            r.write(number, i * 10**7, bytes([i % 256]) * 80)
+            if i % 100 == 0:
+                time.sleep(0.005)
+        wait_for(lambda: r.state == "stopped")
+        before = r.acknowledged
+        assert 0 < before < r.written
+        (small_disk / "ballast").unlink()
+        wait_for(lambda: r.acknowledged > before)
+    log, got = read(small_disk / "a.mcap")
+    assert len(got) == r.acknowledged
+    assert r.written == r.acknowledged + r.dropped
+    assert all(row[3] == bytes([row[1] % 256]) * 80 for row in got)
+    assert log.damage == []
+
+
+def test_a_recorder_starts_once(tmp_path):
+    with recorder(tmp_path / "a.mcap") as r, pytest.raises(ParameterError, match="started before"):
+        r.start()
+    r.close()
+    r.close()

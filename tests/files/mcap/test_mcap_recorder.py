@@ -1,0 +1,324 @@
+"""What the recorder writes comes back exactly, in Plumbob's reader and in the MCAP library's own."""
+
+import subprocess
+import sys
+import time
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.records import Chunk, Message
+from mcap.stream_reader import StreamReader, breakup_chunk
+
+from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.files.mcap import Recorder, Schema, open_log, verify
+from plumbob.files.mcap.log import SequenceGaps
+from tests.helpers import examples
+from tests.helpers.record_samples import DECODED, OFFSET, RAW, SCHEMA, channels, fill, read, record, recorder, rows_of
+
+FAST = examples(0.4)
+
+
+def library_rows(path):
+    """What the MCAP library (1.6) reads, with all its checks on."""
+    with path.open("rb") as file:
+        messages = make_reader(file, validate_crcs=True).iter_messages(log_time_order=False)
+        return [(c.topic, m.sequence, m.log_time - OFFSET, m.data) for _, c, m in messages]
+
+
+# --- round trip -----------------------------------------------------------------------------------------------
+
+
+@FAST
+@given(
+    rows=st.lists(
+        st.tuples(st.integers(0, 2), st.integers(-(10**9), 10**9), st.binary(max_size=300)), min_size=0, max_size=60
+    ),
+    every=st.sampled_from([0.001, 0.1, 10.0]),
+    compression=st.sampled_from(["zstd", "none"]),
+)
+def test_rows_come_back_exactly(tmp_path_factory, rows, every, compression):
+    path = tmp_path_factory.mktemp("trip") / "a.mcap"
+    r = recorder(path, every=every, compression=compression)
+    r.metadata["words"] = "°/s\n"
+    numbers = [r.channel(f"topic {i}", "x", Schema("S", "e", b"\x00") if i else None, {"i": str(i)}) for i in range(3)]
+    t_ns, want, counts = 10**18, [], [0, 0, 0]
+    with r:
+        for which, step, data in rows:
+            t_ns += step
+            r.write(numbers[which], t_ns, data)
+            want.append((f"topic {which}", counts[which], t_ns, data))
+            counts[which] += 1
+            r.tick(t_ns)
+    log, got = read(path)
+    assert got == want
+    assert log.metadata == {"words": "°/s\n"}
+    assert verify(path).whole
+    assert library_rows(path) == want
+    for message in log:
+        i = message.topic[-1]
+        assert (message.channel.encoding, message.channel.metadata) == ("x", {"i": i})
+        assert message.channel.schema == (Schema("S", "e", b"\x00") if i != "0" else None)
+
+
+def test_the_library_finds_index_summary_and_every_crc(tmp_path):
+    path = tmp_path / "a.mcap"
+    rows = record(path)
+    with path.open("rb") as file:
+        summary = make_reader(file, validate_crcs=True).get_summary()
+    assert summary.statistics.message_count == len(rows) == 120
+    assert summary.statistics.chunk_count == len(summary.chunk_indexes) == 6  # 0.6 s in chunks of 0.1 s
+    assert (summary.statistics.message_start_time, summary.statistics.message_end_time) == (OFFSET, OFFSET + 59 * 10**7)
+    assert {c.topic for c in summary.channels.values()} == {RAW, DECODED}
+    assert [s.data for s in summary.schemas.values()] == [SCHEMA.data]
+    with path.open("rb") as file:  # validates the CRC of the data section, too
+        records = list(StreamReader(file, emit_chunks=True, validate_crcs=True).records)
+    assert sum(isinstance(one, Chunk) for one in records) == 6
+    with path.open("rb") as file:  # the summary's index leads to the rows of one topic
+        found = make_reader(file).iter_messages(topics=[DECODED], starting_at=OFFSET + 30 * 10**7)
+        assert [m.sequence for _, _, m in found] == list(range(30, 60))
+
+
+def test_every_chunk_declares_its_channels(tmp_path):
+    path = tmp_path / "a.mcap"
+    record(path)
+    with path.open("rb") as file:
+        for one in StreamReader(file, emit_chunks=True).records:
+            if isinstance(one, Chunk):
+                inner = breakup_chunk(one, validate_crc=True)
+                used = {m.channel_id for m in inner if isinstance(m, Message)}
+                assert {c.id for c in inner if type(c).__name__ == "Channel"} == used == {1, 2}
+                assert sum(type(s).__name__ == "Schema" for s in inner) == 1
+                assert one.uncompressed_crc != 0
+
+
+def test_a_waiting_chunk_is_sent_off_by_the_clock(tmp_path):
+    r = recorder(tmp_path / "a.mcap")
+    number = r.channel("a", "x")
+    with r:
+        r.write(number, 0, b"1")
+        r.tick(99_999_999)
+        time.sleep(0.05)
+        assert r.acknowledged == 0
+        r.tick(100_000_000)
+        assert wait_for(lambda: r.acknowledged == 1)
+        r.tick(10**12)
+    assert r.written == 1
+
+
+def wait_for(condition, timeout=30.0):
+    end = time.monotonic() + timeout
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.002)
+    return condition()
+
+
+def test_a_channel_may_come_late_and_a_topic_only_once(tmp_path):
+    r = recorder(tmp_path / "a.mcap")
+    first = r.channel("a", "x")
+    with r:
+        r.write(first, 0, b"1")
+        late = r.channel("b", "x")
+        r.write(late, 1, b"2")
+        with pytest.raises(ParameterError, match="has a channel 'a' already"):
+            r.channel("a", "x")
+    assert [row[0] for row in read(tmp_path / "a.mcap")[1]] == ["a", "b"]
+
+
+def test_an_empty_recording_is_whole(tmp_path):
+    with recorder(tmp_path / "a.mcap") as r:
+        assert r.state == "recording"
+    assert r.state == "closed"
+    assert verify(tmp_path / "a.mcap").whole
+    assert library_rows(tmp_path / "a.mcap") == []
+
+
+# --- parts ----------------------------------------------------------------------------------------------------
+
+
+def test_rotation_by_time_loses_and_doubles_nothing(tmp_path):
+    path = tmp_path / "a.mcap"
+    rows = record(path, count=100, rotate=0.25)
+    parts = sorted(tmp_path.iterdir())
+    assert [p.name for p in parts] == ["a.0002.mcap", "a.0003.mcap", "a.0004.mcap", "a.mcap"]  # 0.3 s in chunks of 0.1
+    assert rows_of(open_log(path)) == rows
+    assert rows_of(open_log(parts)) == rows
+    assert rows_of(open_log(tmp_path)) == rows
+    assert rows_of(open_log(parts[0])) == [row for row in rows if 30 <= row[1] < 60]
+    assert all(verify(part).whole for part in [path, *parts, tmp_path])
+    assert [row for part in (parts[3], *parts[:3]) for row in library_rows(part)] == rows
+
+
+def test_rotation_by_size(tmp_path):
+    rows = record(tmp_path / "a.mcap", count=200, rotate_bytes=4000)
+    assert len(list(tmp_path.iterdir())) > 3
+    assert rows_of(open_log(tmp_path / "a.mcap")) == rows
+    assert verify(tmp_path).whole
+
+
+def test_a_recording_is_open_while_one_of_its_parts_is(tmp_path):
+    r = recorder(tmp_path / "a.mcap", rotate_bytes=4000)
+    with r:
+        numbers, until = channels(r), time.monotonic() + 30.0
+        for i in range(200):
+            fill(r, numbers, i + 1, i)
+            r.tick(i * 10_000_000)
+        while len(list(tmp_path.iterdir())) < 2:  # another thread writes
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        assert verify(tmp_path / "a.mcap").open
+    assert not verify(tmp_path / "a.mcap").open
+
+
+def test_a_missing_part_is_told_with_its_rows(tmp_path):
+    rows = record(tmp_path / "a.mcap", count=100, rotate=0.25)
+    (tmp_path / "a.0002.mcap").unlink()
+    verdict = verify(tmp_path / "a.mcap")
+    assert verdict.lost == {RAW: 30, DECODED: 30}
+    assert "part" in verdict.damage[0].what
+    assert sum(verdict.rows.values()) == len(rows) - 60
+
+
+def test_rotation_goes_around_a_foreign_file_of_the_next_name(tmp_path):
+    r = recorder(tmp_path / "a.mcap", rotate=0.2)
+    numbers = channels(r)
+    with r:
+        fill(r, numbers, 10)
+        (tmp_path / "a.0002.mcap").write_text("mine")
+        fill(r, numbers, 60, start=10)
+    assert (tmp_path / "a.0002.mcap").read_text() == "mine"
+    assert (tmp_path / "a.0003.mcap").exists()
+
+
+def test_two_recordings_in_a_folder_are_not_mixed(tmp_path):
+    record(tmp_path / "a.mcap")
+    record(tmp_path / "b.mcap")
+    with pytest.raises(DecodeError, match="several recordings"):
+        open_log(tmp_path)
+
+
+# --- refusals -------------------------------------------------------------------------------------------------
+
+
+def test_a_second_writer_is_refused(tmp_path):
+    path = tmp_path / "a.mcap"
+    with recorder(path) as r:
+        with pytest.raises(ParameterError, match=r"a\.mcap is being recorded by another"):
+            recorder(path).start()
+        code = (
+            "import sys\nfrom plumbob.files.mcap import Recorder\n"
+            "Recorder(sys.argv[1], epoch_offset_ns=0, reserve=0).start()"
+        )
+        done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=False)
+        assert "is being recorded by another" in done.stderr
+        fill(r, channels(r), 10)
+    assert verify(path).rows == {RAW: 10, DECODED: 10}
+
+
+def test_nothing_is_overwritten(tmp_path):
+    (tmp_path / "a.0007.mcap").write_text("mine")
+    with pytest.raises(ParameterError, match=r"a\.0007\.mcap exists already"):
+        recorder(tmp_path / "a.mcap").start()
+    assert [p.name for p in tmp_path.iterdir()] == ["a.0007.mcap"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"compression": "gzip"}, "one of zstd, none"),
+        ({"every": 0.0}, "every must lie in 0 to 10 s"),
+        ({"every": -1.0}, "every must lie in 0 to 10 s"),
+        ({"rotate": 0.0}, "rotate must be positive"),
+        ({"rotate_bytes": -1}, "rotate_bytes must be positive"),
+        ({"rotate": float("nan")}, "rotate must be positive"),
+    ],
+)
+def test_options_without_meaning_are_refused(tmp_path, options, words):
+    with pytest.raises(ParameterError, match=words):
+        recorder(tmp_path / "a.mcap", **options).start()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_places_that_cannot_be_written_are_refused(tmp_path):
+    with pytest.raises(DecodeError, match="there is no folder"):
+        recorder(tmp_path / "no" / "a.mcap").start()
+    with pytest.raises(ParameterError, match=r"must be named \*\.mcap"):
+        recorder(tmp_path / "a.txt").start()
+
+
+def test_reserved_keys_are_refused(tmp_path):
+    r = recorder(tmp_path / "a.mcap")
+    with pytest.raises(ParameterError, match=r"plumbob\.x"):
+        r.channel("a", "x", metadata={"plumbob.x": "1"})
+    r.metadata["plumbob.part"] = "7"
+    with pytest.raises(ParameterError, match=r"plumbob\.part"):
+        r.start()
+
+
+def test_a_row_that_is_too_large_is_counted(tmp_path):
+    r = recorder(tmp_path / "a.mcap")
+    number = r.channel("a", "x")
+    with r:
+        r.write(number, 0, b"1")
+        r.write(number, 1, bytes(9 << 20))
+        r.write(number, 2, b"3")
+    assert (r.written, r.acknowledged, r.dropped) == (3, 2, 1)
+    assert [(e.kind, e.count) for e in r.take_events()] == [("dropped", 1)]
+    verdict = verify(tmp_path / "a.mcap")
+    assert (verdict.whole, verdict.dropped, verdict.lost) == (True, {"a": 1}, {})
+
+
+def test_rows_that_cannot_be_stored_are_counted_and_cost_no_other(tmp_path):
+    r = recorder(tmp_path / "a.mcap")
+    number = r.channel("a", "x")
+    with pytest.raises(ParameterError, match="has no channel 0"):
+        r.write(0, 0, b"1")
+    with r:
+        r.write(number, -OFFSET - 1, b"before the epoch")
+        r.write(number, 0, b"2")
+        r.write(number, 2**64, b"beyond 64 bits")
+    r.write(number, 1, b"after the end")
+    r.tick(10**12)
+    assert (r.written, r.acknowledged, r.dropped) == (4, 1, 3)
+    assert [row[1:] for row in read(tmp_path / "a.mcap")[1]] == [(1, 0, b"2")]
+
+
+# --- sequence numbers -----------------------------------------------------------------------------------------
+
+
+@FAST
+@given(st.lists(st.tuples(st.integers(0, 40), st.integers(1, 5)), max_size=30))
+def test_the_ledger_counts_like_a_set(ranges):
+    """Oracle: a plain set of numbers, instead of intervals."""
+    sequence, seen = SequenceGaps(0), set()
+    for low, count in ranges:
+        numbers = set(range(low, low + count))
+        new = not numbers & seen and (low >= (max(seen) + 1 if seen else 0) or max(numbers) < max(seen))
+        assert sequence.is_new(low, count) == new
+        if new:
+            sequence.take(low, count)
+            seen |= numbers
+    assert sequence.missing == (max(seen) + 1 - len(seen) if seen else 0)
+
+
+def test_sequence_numbers_go_on_beyond_32_bits():
+    sequence = SequenceGaps(2**32 - 2)
+    assert sequence.place(2**32 - 2) == 2**32 - 2
+    sequence.take(2**32 - 2, 4)
+    assert sequence.place(2) == 2**32 + 2
+    assert sequence.place(2**32 - 1) == 2**32 - 1
+
+
+@pytest.mark.parametrize("row", ["text", bytearray(b"x"), 7])
+def test_a_row_that_is_no_bytes_is_refused_and_costs_no_other(tmp_path, row):
+    with Recorder(tmp_path / "a.mcap", epoch_offset_ns=0, reserve=0) as recorder:
+        channel = recorder.channel("a", "json")
+        recorder.write(channel, 0, b"{}")
+        with pytest.raises(ParameterError, match="a row of a recording is bytes"):
+            recorder.write(channel, 1, row)
+        with pytest.raises(TypeError, match="integer"):
+            recorder.write(channel, 0.5, b"{}")
+        recorder.write(channel, 2, b"{}")
+    assert (recorder.written, recorder.acknowledged, recorder.dropped) == (2, 2, 0)
+    assert verify(tmp_path / "a.mcap").clean

@@ -1,0 +1,161 @@
+"""A repair keeps every whole row, says what is missing, and its output opens everywhere."""
+
+import random
+
+import pytest
+from mcap.writer import Writer
+
+from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.files.mcap import layout, open_log, repair, verify
+from tests.helpers.record_samples import (
+    DECODED,
+    RAW,
+    channels,
+    chunks_of,
+    fill,
+    library_rows,
+    read,
+    record,
+    recorder,
+    records_of,
+    rows_of,
+)
+
+
+def check(path, out, rows):
+    """Repair, and repair that once more; returns the verdict and the rows that are left."""
+    verdict = repair(path, out)
+    log, got = read(out)
+    assert got == library_rows(out)
+    assert set(got) <= set(rows)
+    assert verify(out).whole
+    assert log.missing == {topic: count for topic, count in verify(out).dropped.items() if count}
+    again = out.with_name("again.mcap")
+    again.unlink(missing_ok=True)
+    assert not repair(out, again).lossy
+    assert again.read_bytes() == out.read_bytes()
+    out.unlink()
+    return verdict, got
+
+
+def test_a_whole_recording_stays_as_it_is(tmp_path):
+    rows = record(tmp_path / "a.mcap")
+    verdict = repair(tmp_path / "a.mcap", tmp_path / "b.mcap")
+    assert verdict.whole
+    assert (tmp_path / "b.mcap").read_bytes() == (tmp_path / "a.mcap").read_bytes()
+    assert rows_of(open_log(tmp_path / "b.mcap")) == rows
+
+
+def test_cuts(tmp_path):
+    rows = record(tmp_path / "a.mcap", count=40)
+    raw = (tmp_path / "a.mcap").read_bytes()
+    cut = tmp_path / "c" / "a.mcap"
+    cut.parent.mkdir()
+    for size in [0, 4, 8, 20, *random.Random(1).sample(range(len(raw)), 40)]:
+        cut.write_bytes(raw[:size])
+        verdict, got = check(cut, tmp_path / "out.mcap", rows)
+        assert got == rows[: len(got)]
+        assert verdict.whole is False
+
+
+def test_flips(tmp_path):
+    rows = record(tmp_path / "a.mcap", count=40)
+    raw = (tmp_path / "a.mcap").read_bytes()
+    bad = tmp_path / "c" / "a.mcap"
+    bad.parent.mkdir()
+    rng = random.Random(2)
+    for _ in range(60):
+        damaged = bytearray(raw)
+        damaged[rng.randrange(len(raw))] ^= 1 << rng.randrange(8)
+        bad.write_bytes(damaged)
+        verdict, got = check(bad, tmp_path / "out.mcap", rows)
+        assert verdict.lossy == (len(got) < len(rows)) or any(not d.certain for d in verdict.damage)
+        assert sum(verdict.lost.values()) == len(rows) - len(got)
+
+
+def test_zeroed_ranges(tmp_path):
+    """From a byte to most of the file, as a disk that lost its cache leaves them."""
+    rows = record(tmp_path / "a.mcap", count=40)
+    raw = (tmp_path / "a.mcap").read_bytes()
+    bad = tmp_path / "c" / "a.mcap"
+    bad.parent.mkdir()
+    rng = random.Random(3)
+    for _ in range(60):
+        at = rng.randrange(len(raw))
+        size = min(len(raw) - at, int(len(raw) ** rng.random()))
+        bad.write_bytes(raw[:at] + bytes(size) + raw[at + size :])
+        verdict, got = check(bad, tmp_path / "out.mcap", rows)
+        assert verdict.lossy >= (len(got) < len(rows))
+
+
+def test_a_crash_between_chunks_loses_nothing(tmp_path):
+    """Cut after the last index: no end, but no torn row either."""
+    rows = record(tmp_path / "a.mcap", count=40)
+    raw = (tmp_path / "a.mcap").read_bytes()
+    end = [at for opcode, at, _ in records_of(raw) if opcode == layout.METADATA][1]
+    (tmp_path / "c.mcap").write_bytes(raw[:end])
+    verdict, got = check(tmp_path / "c.mcap", tmp_path / "out.mcap", rows)
+    assert got == rows
+    assert (verdict.clean, verdict.lossy, verdict.damage) == (False, False, [])
+
+
+def test_parts_become_one_file(tmp_path):
+    rows = record(tmp_path / "a.mcap", count=100, rotate=0.25)
+    assert repair(tmp_path / "a.mcap", tmp_path / "out.mcap").whole
+    assert read(tmp_path / "out.mcap")[1] == rows
+    (tmp_path / "a.0002.mcap").unlink()
+    verdict, got = check(tmp_path / "a.mcap", tmp_path / "b.mcap", rows)
+    assert verdict.lossy
+    assert len(got) == len(rows) - 60
+
+
+def test_a_later_part_alone_is_repaired_alone(tmp_path):
+    rows = record(tmp_path / "a.mcap", count=100, rotate=0.25)
+    verdict, got = check(tmp_path / "a.0003.mcap", tmp_path / "b.mcap", rows)
+    assert verdict.whole
+    assert got == [row for row in rows if 60 <= row[1] < 90]
+
+
+def test_swapped_chunks_are_kept_in_the_order_found(tmp_path):
+    rows = record(tmp_path / "a.mcap", count=60)
+    raw = (tmp_path / "a.mcap").read_bytes()
+    (a, _), (b, _), (c, _), *_ = chunks_of(raw)
+    (tmp_path / "c.mcap").write_bytes(raw[:a] + raw[b:c] + raw[a:b] + raw[c:])
+    verdict = repair(tmp_path / "c.mcap", tmp_path / "out.mcap")
+    assert not verdict.lossy
+    log, got = read(tmp_path / "out.mcap")
+    assert sorted(got) == sorted(rows)
+    assert (log.clean, log.lost) == (True, {})
+
+
+def test_refusals(tmp_path):
+    record(tmp_path / "a.mcap")
+    with pytest.raises(ParameterError, match=r"a\.mcap exists already"):
+        repair(tmp_path / "a.mcap", tmp_path / "a.mcap")
+    with pytest.raises(DecodeError, match="cannot be written"):
+        repair(tmp_path / "a.mcap", tmp_path / "no" / "b.mcap")
+    with (tmp_path / "f.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start(library="another")
+        writer.finish()
+    with pytest.raises(ParameterError, match="written by another program"):
+        repair(tmp_path / "f.mcap", tmp_path / "b.mcap")
+    with recorder(tmp_path / "r.mcap") as r:
+        fill(r, channels(r), 20)
+        with pytest.raises(ParameterError, match="still being recorded"):
+            repair(tmp_path / "r.mcap", tmp_path / "b.mcap")
+    assert not (tmp_path / "b.mcap").exists()
+    assert not [p for p in tmp_path.iterdir() if p.suffix == ".tmp"]
+
+
+def test_a_verdict_names_rows_time_and_losses(tmp_path):
+    record(tmp_path / "a.mcap", count=40)
+    damaged = bytearray((tmp_path / "a.mcap").read_bytes())
+    damaged[chunks_of(damaged)[1][0] + 60] ^= 1
+    (tmp_path / "a.mcap").write_bytes(damaged)
+    verdict = verify(tmp_path / "a.mcap")
+    assert verdict.lost == {RAW: 10, DECODED: 10}
+    assert verdict.rows == {RAW: 30, DECODED: 30}
+    assert verdict.duration == pytest.approx(0.39)
+    assert (verdict.whole, verdict.lossy, verdict.clean) == (False, True, True)
+    assert verdict.as_dict()["damage"][0]["lost"] == {RAW: 10, DECODED: 10}

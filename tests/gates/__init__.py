@@ -1,0 +1,1 @@
+"""Every gate of the project: what runs them, and what they measure."""

@@ -1,0 +1,147 @@
+"""The gate that lets the size of the house only fall: what is measured, beside what house.toml allows.
+
+``make house`` prints all figures and writes down those that fell; ``make test`` fails where one rose, and names the
+files that raised it, found against the commit that changed house.toml last. A figure is raised by hand, in a commit
+whose subject line has the words 'raise' and 'budget'.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
+
+from tests.gates.figures import Figure, figures
+
+ROOT = Path(__file__).resolve().parents[2]
+WALKS = Path(__file__).with_name("walks.py")
+HEAD = """\
+# The size of the house, as measured last. 'make house' prints each figure and writes down what fell; what rises fails
+# 'make test', with the files that raised it. To raise a figure, edit it here, in a commit whose subject line says
+# 'Raise the budget of …' and why. tests/gates/figures.py and walks.py say how each is counted.
+"""
+EXPLAINED = {
+    "lines": "lines of Python",
+    "files": "files of Python",
+    "functions_entered": "functions that a verb's second run enters",
+    "depth": "functions of the package on each other in that run",
+    "names": "names that say nothing of what they hold",
+    "text": "texts",
+    "tests": "in tests",
+    "circles": "circles of imports",
+}
+
+
+def measure(root: Path) -> dict[str, Figure]:
+    """All figures of a checkout by file, its walks among them."""
+    found = figures(root)
+    for walk, told in walks(root).items():
+        found[f"functions_entered.{walk}"] = dict(
+            Counter("src/plumbob/" + name.partition(":")[0] for name in told["entered"])
+        )
+        found[f"depth.{walk}"] = {"": told["depth"]}
+    return found
+
+
+def walks(root: Path) -> dict[str, dict]:
+    """What each walk enters, in a process of its own."""
+    done = subprocess.run([sys.executable, str(WALKS), str(root)], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"A walk of the house did not end well:\n{done.stdout[-2000:]}{done.stderr[-4000:]}")
+    return json.loads(done.stdout)
+
+
+def budgets(text: str) -> dict[str, int]:
+    """Figures of house.toml by 'table.name'."""
+    return {f"{table}.{name}": most for table, rows in tomllib.loads(text).items() for name, most in rows.items()}
+
+
+def written(figures_now: Mapping[str, int]) -> str:
+    """Text of house.toml."""
+    tables: dict[str, list[str]] = {}
+    for key, value in figures_now.items():
+        table, _, name = key.partition(".")
+        tables.setdefault(table, []).append(f"{name} = {value}")
+    parts = (f"[{table}]  # {EXPLAINED[table]}\n" + "\n".join(tables[table]) for table in EXPLAINED if table in tables)
+    return HEAD + "\n" + "\n\n".join(parts) + "\n"
+
+
+def rises(found: Mapping[str, Figure], allowed: Mapping[str, int], root: Path) -> Iterator[str]:
+    """A sentence for each figure that is above what is allowed, with the files that raised it."""
+    for key, figure in found.items():
+        value, most = sum(figure.values()), allowed.get(key)
+        if most is None:
+            yield f"{key} is {value}, and house.toml has no such figure; the room is new. Write it down there."
+        elif value > most:
+            raised = raisers(root, key, figure)
+            blamed = f"raised by {', '.join(raised)}" if raised else "nothing in git says by which file"
+            yield f"{key} rose from {most} to {value}: {blamed}. Merge or delete as much, or raise the budget."
+
+
+def raisers(root: Path, key: str, figure: Figure) -> list[str]:
+    """Files of which the figure has grown since house.toml was changed last, the most first."""
+    before = _before(root)
+    if before is None or key.startswith("depth."):
+        return []
+    grown = {name: value - before.get(key, {}).get(name, 0) for name, value in figure.items()}
+    return [f"{name} (+{more})" for name, more in sorted(grown.items(), key=lambda one: -one[1]) if more > 0][:5]
+
+
+@cache
+def _before(root: Path) -> dict[str, Figure] | None:
+    """Figures of the commit that changed house.toml last; None without git."""
+    commit = _git(root, "log", "-1", "--format=%H", "--", "house.toml").strip()
+    if not commit:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        archive = subprocess.run(
+            ["git", "archive", commit, "src", "tests", "benchmarks"], cwd=root, capture_output=True, check=True
+        )
+        subprocess.run(["tar", "-x", "-C", folder], input=archive.stdout, check=True)
+        return measure(Path(folder))
+
+
+def _git(root: Path, *words: str) -> str:
+    if not (root / ".git").exists():
+        return ""
+    return subprocess.run(["git", *words], cwd=root, capture_output=True, text=True, check=False).stdout
+
+
+def silent_raises(root: Path, count: int = 30) -> Iterator[str]:
+    """A sentence for each of the last commits that raised a figure and whose subject line does not say so."""
+    for line in _git(root, "log", f"-{count}", "--no-merges", "--format=%H %s", "--", "house.toml").splitlines():
+        commit, _, subject = line.partition(" ")
+        old, new = (_git(root, "show", f"{at}:house.toml") for at in (f"{commit}~", commit))
+        was, now = budgets(old), budgets(new)
+        raised = [key for key, value in now.items() if was and value > was.get(key, 0)]
+        if raised and not (re.search(r"\brais", subject, re.I) and re.search(r"\bbudget", subject, re.I)):
+            yield f"Commit {commit[:10]} raised {', '.join(raised)} and does not say so: {subject!r}."
+
+
+def main(*words: str) -> int:
+    """Check, or print and write down with ``--write``."""
+    place = ROOT / "house.toml"
+    allowed = budgets(place.read_text(encoding="utf-8")) if place.exists() else {}
+    found = measure(ROOT)
+    if "--write" in words:
+        now = {key: sum(figure.values()) for key, figure in found.items()}
+        for key, value in now.items():
+            print(f"{key:44}{value:8}{allowed.get(key, ''):>8}")
+        lowest = {
+            key: min(value, allowed.get(key, value)) for key, value in now.items() if key in allowed or not allowed
+        }
+        place.write_text(written(lowest), encoding="utf-8")
+    told = [*rises(found, allowed, ROOT), *silent_raises(ROOT)]
+    print(*told, sep="\n", end="\n" if told else "")
+    return int(bool(told) and bool(allowed))
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    sys.exit(main(*sys.argv[1:]))

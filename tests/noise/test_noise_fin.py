@@ -1,0 +1,106 @@
+"""The fin paper's report: its percentages recomputed, and the same rule for our own record."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from plumbob.core.errors import ShapeError
+from plumbob.core.text import measured
+from plumbob.core.units import from_si, to_si
+from plumbob.noise.fin import DURATION, TABLE, averaging_time, fin_report, percent_error
+from plumbob.noise.findings import Coefficient, Estimates
+from tests.helpers.page_battery import Outline
+
+# Recomputed by hand from [Ou2017] (7) and its Table 1: percentage, implied averaging time, and the least and the
+# greatest time that rounding of the printed error leaves.
+RECOMPUTED = {
+    ("Q", "453z"): ("6.262", "1.712", "1.6865", "1.737"),
+    ("Q", "290y"): ("62.88", "97.15", None, None),
+    ("Q", "290x"): ("64.80", "100.4", None, None),
+    ("N", "453z"): ("4.779", "1.000", None, None),
+    ("N", "290y"): ("4.778", "1.000", None, None),
+    ("N", "290x"): ("4.763", "0.994", "0.989", "0.998"),
+    ("B", "453z"): ("6.2991", "1.7321", "1.7316", "1.7326"),
+    ("B", "290y"): ("5.841", "1.491", "1.481", "1.501"),
+    ("B", "290x"): ("8.524", "3.151", "3.119", "3.183"),
+}
+
+
+def agrees(value, printed):
+    """Whether a value rounds to what is printed; a hair is allowed for halves."""
+    return printed is None or abs(value - float(printed)) <= 0.5001 * 10.0 ** -len(printed.partition(".")[2])
+
+
+def test_the_papers_example_is_6_299_percent():
+    assert DURATION == 220.0
+    assert f"{100.0 * percent_error(math.sqrt(3.0), DURATION):.3f}" == "6.299"  # [Ou2017] step 8
+    assert math.isclose(averaging_time(percent_error(2.5, 220.0)), 2.5)
+
+
+@pytest.mark.parametrize("entry", TABLE, ids=lambda e: f"{e.letter} {e.axis}")
+def test_every_percentage_of_the_table_is_recomputed(entry):
+    found = (100.0 * entry.relative, *entry.tau)
+    assert all(
+        agrees(value, printed) for value, printed in zip(found, RECOMPUTED[entry.letter, entry.axis], strict=True)
+    )
+
+
+def test_the_table_is_complete():
+    assert {(e.letter, e.axis) for e in TABLE} == set(RECOMPUTED)
+
+
+@pytest.fixture
+def gyro(plain):
+    """Lines that read Q, N and B, in a record as long as the paper's: N = 110 000 at 500 Hz."""
+    terms = {"Q": Coefficient(to_si(4.4, "arcsec")), "N": Coefficient(to_si(0.9, "deg/rth")), "B": Coefficient(2e-4)}
+    return [replace(a, lines=Estimates("lines", terms), curve=replace(a.curve, count=110_000, dt=0.002)) for a in plain]
+
+
+def test_our_own_record_is_read_as_the_paper_reads(gyro):
+    report = fin_report(gyro).text()
+    own = report[: report.index("As printed")]
+    assert own.count("6.299 % 1.732 s") == 3
+    assert own.count("4.778 % 1 s") == 3
+    assert own.count("4.40 ± 0.28") == 3  # 6.299 % of 4.4
+    assert own.count("54.0 ± 2.6") == 3  # 0.9 °/√h is 54 °/h at 1 s, and 4.778 % of it 2.58
+    likelihood = gyro[0].terms["N"]
+    assert measured(*(from_si(v, "deg/h") for v in (likelihood.value, likelihood.lo, likelihood.hi))) in own
+
+
+def test_the_paper_is_reprinted_with_its_misprints_marked(gyro):
+    report = " ".join(fin_report(gyro).text().split())
+    for entry in TABLE:
+        assert f"{entry.axis} {entry.value} ± {entry.error} {100.0 * entry.relative:.3f} %" in report
+        assert entry.remark in report
+    assert report.count("ten times too large") == 2
+    assert '"R" is named a random walk of the angular rate' in report
+    # what the remarks claim: √3 s gives 0.0079 and 0.0083, 1 s gives 0.2277, 3 s gives 0.0946
+    at = {tau: percent_error(tau, DURATION) for tau in (1.0, math.sqrt(3.0), 3.0)}
+    assert f"{0.125 * at[math.sqrt(3.0)]:.4f}" == "0.0079"
+    assert f"{0.132 * at[math.sqrt(3.0)]:.4f}" == "0.0083"
+    assert f"{4.766 * at[1.0]:.4f}" == "0.2277"
+    assert f"{1.138 * at[3.0]:.4f}" == "0.0946"
+    assert [f"{r / 60.0:.3f}" for r in (4.766, 6.509, 15.066)] == ["0.079", "0.108", "0.251"]
+    assert f"{math.sqrt(3.0) * 0.107 / 0.002:.1f}" == "92.7"  # °/s at one sample, were Q in °
+
+
+def test_a_term_without_a_line_and_a_record_too_short_are_dashes(plain):
+    report = fin_report(plain).text()  # whose lines give no Q
+    assert report.splitlines()[4].split() == ["Q", "[arcsec]", "-", "-", "-"]
+    short = [replace(a, curve=replace(a.curve, count=150)) for a in plain]
+    assert fin_report(short).text().splitlines()[5].split()[-3:] == ["-", "-", "-"]
+
+
+def test_it_is_about_a_gyroscope(analyses, gyro):
+    assert fin_report([*analyses[3:], *gyro]).text() == fin_report(gyro).text()
+    with pytest.raises(ShapeError, match="about a gyroscope, but no channel is in rad/s"):
+        fin_report(analyses[3:])
+
+
+def test_lines_fit_a_terminal_and_the_section_a_page(gyro):
+    assert max(map(len, fin_report(gyro).text().splitlines())) <= 80
+    section = fin_report(gyro).page()
+    Outline(section)
+    assert "4.40 ± 0.28" in section
+    assert section.count("ten times too large") == 2
