@@ -49,7 +49,16 @@ def real_motion(rows=3000):
     else:
         from plumbob import simulate
 
-        found = simulate("buoy", frame="ENU", duration=rows / 285.0, rate=285.0, mag_rate=285.0, seed=4)
+        found = simulate(
+            "buoy",
+            frame="ENU",
+            sensors="ideal",
+            unit="calibrated",
+            duration=rows / 285.0,
+            rate=285.0,
+            mag_rate=285.0,
+            seed=4,
+        )
         gyr, acc, mag, q_nb = found.imu.gyr, found.imu.acc, found.imu.mag, found.truth.q_nb
     count = len(gyr)
     t_ns = np.round(np.arange(count) * (7e9 / 2000.0)).astype(np.int64)
