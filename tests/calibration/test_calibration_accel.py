@@ -12,13 +12,12 @@ from plumbob.calibration.predicted import REGIONS
 from plumbob.core.constants import G0
 from plumbob.core.errors import ShapeError
 from plumbob.core.units import deg, g
+from tests.helpers.pose_capture import BIAS, GAIN, symmetric
 
 EPS = np.finfo(float).eps
 FACES = REGIONS[:6]
 NINE = REGIONS[[0, 1, 2, 3, 4, 5, 6, 10, 14]]
 CORNERS = np.array(list(itertools.product((1.0, -1.0), repeat=3))) / np.sqrt(3.0)
-GAIN = np.array([[1.02, 0.005, -0.009], [-0.004, 0.985, 0.012], [0.007, -0.003, 1.011]])
-BIAS = g(np.array([0.03, -0.025, 0.04]))
 ACROSS = [3 + 1, 3 + 2, 3 + 5]  # xy, xz, yz of the matrix in the covariance of bias and matrix
 
 
@@ -28,12 +27,6 @@ def measured(directions, *, gain=GAIN, noise=0.0, jitter=0.0, seed=0):
     held = directions + jitter * rng.standard_normal(directions.shape)
     held = held / np.linalg.norm(held, axis=1, keepdims=True)
     return G0 * held @ gain.T + BIAS + noise * rng.standard_normal(directions.shape)
-
-
-def symmetric(matrix):
-    """Symmetric part of the polar decomposition: what lengths can tell of a matrix."""
-    sizes, axes = np.linalg.eigh(matrix.T @ matrix)
-    return (axes * np.sqrt(sizes)) @ axes.T
 
 
 TRUE = symmetric(np.linalg.inv(GAIN))

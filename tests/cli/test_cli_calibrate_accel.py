@@ -12,10 +12,9 @@ from plumbob.calibration.acc.poses import normal_gravity
 from plumbob.calibration.predicted import REGIONS
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
-from tests.calibration.test_calibration_accel import symmetric
 from tests.cli.test_cli import GOOD_PARAMS
 from tests.helpers.commandline import ok, plumbob, refused
-from tests.helpers.pose_capture import BIAS, GAIN, NOISE, pose_capture
+from tests.helpers.pose_capture import BIAS, GAIN, NOISE, pose_capture, symmetric
 
 UP = np.array([0.2, -0.35, 0.9]) / np.linalg.norm([0.2, -0.35, 0.9])
 

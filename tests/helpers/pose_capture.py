@@ -13,6 +13,12 @@ NOISE = 0.03
 """White noise of a sample, m/s²: 400 µg/√Hz in a bandwidth of 50 Hz."""
 
 
+def symmetric(matrix):
+    """Symmetric part of the polar decomposition: what lengths can tell of a matrix."""
+    sizes, axes = np.linalg.eigh(matrix.T @ matrix)
+    return (axes * np.sqrt(sizes)) @ axes.T
+
+
 def pose_capture(directions, *, dwell=2.0, move=0.6, gyr=True, noise=NOISE, seed=0, meta=None, **triads):
     """Recording of poses at rest.
 

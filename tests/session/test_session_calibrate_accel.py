@@ -14,8 +14,7 @@ from plumbob.core.errors import ParameterError, UnitError
 from plumbob.core.units import g
 from plumbob.rotations import Frame
 from plumbob.simulation import simulate
-from tests.calibration.test_calibration_accel import symmetric
-from tests.helpers.pose_capture import BIAS, GAIN, NOISE, RATE, pose_capture
+from tests.helpers.pose_capture import BIAS, GAIN, NOISE, RATE, pose_capture, symmetric
 
 TRUE = symmetric(np.linalg.inv(GAIN))
 HAND = np.random.default_rng(5).standard_normal((40, 3))
