@@ -13,7 +13,7 @@ from mcap_ros2.decoder import DecoderFactory
 from plumbob.arm import JointTrack, Program, export, taught
 from plumbob.core.errors import ParameterError
 from plumbob.data.chain import Limits
-from tests.arm.test_arm_program import pick_and_place
+from tests.helpers.arm_samples import pick_and_place
 
 
 @pytest.fixture(scope="module")

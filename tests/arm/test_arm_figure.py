@@ -12,8 +12,7 @@ from plumbob.arm import JointTrack, arm_report, stick_figure, taught
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.data.chain import Chain, Joint, Segment
 from plumbob.reporting import Report
-from tests.arm.test_arm_program import pick_and_place
-from tests.arm.test_arm_urdf import arm, scipy_hand
+from tests.helpers.arm_samples import arm, pick_and_place, scipy_hand
 
 
 def data_of(page: str) -> dict:

@@ -8,26 +8,9 @@ from hypothesis import strategies as st
 from plumbob.arm import JointTrack, Program, taught
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.data.chain import Chain, Joint, Limits, Segment
+from tests.helpers.arm_samples import eased, pick_and_place
 
 WIDE = Limits(-10.0, 10.0, 1e3, 1e5, 1e7)
-
-
-def eased(x):
-    """Polynomial of least jerk from 0 to 1 with rest at both ends (Flash and Hogan 1985, eq. 3)."""
-    x = np.clip(x, 0.0, 1.0)
-    return x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
-
-
-def pick_and_place(poses, *, rest=1.0, move=2.0, rate=100.0, noise=0.0, seed=0):
-    """Joint angles that rest at each pose, and the times at which the rests begin."""
-    poses = np.asarray(poses, dtype=float)
-    t = np.arange(0.0, len(poses) * (rest + move) - move, 1.0 / rate)
-    k = np.minimum((t / (rest + move)).astype(int), len(poses) - 1)
-    after = np.minimum(k + 1, len(poses) - 1)
-    x = eased((t - k * (rest + move) - rest) / move)[:, np.newaxis]
-    angles = poses[k] * (1.0 - x) + poses[after] * x
-    angles += np.random.default_rng(seed).normal(0.0, noise, angles.shape) if noise else 0.0
-    return JointTrack(t, tuple(f"j{i}" for i in range(poses.shape[1])), angles)
 
 
 @st.composite

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 from plumbob.arm import JointTrack, Program, chain_from_urdf, export, replay, taught, urdf_text
 from plumbob.arm.urdf import hand_link, moved
 from plumbob.core.errors import ClockError, DecodeError, MissingExtraError, ParameterError, PlumbobError
-from plumbob.data.chain import Chain, Joint, Limits, Segment
+from plumbob.data.chain import Limits
 from plumbob.rotations import dcm_from_quat
-from tests.arm.test_arm_program import pick_and_place
+from tests.helpers.arm_samples import arm, pick_and_place, scipy_hand
 
 ROBOT = """<?xml version="1.0"?>
 <robot name="two">
@@ -59,23 +59,6 @@ def test_a_robot_is_read(tmp_path: Path) -> None:
         found = chain.postures(np.array([angles]))["tip"]
         np.testing.assert_allclose(dcm_from_quat(found.q_nb[0]), by_hand(*angles)[:3, :3], atol=1e-12)
         np.testing.assert_allclose(found.pos_n[0], by_hand(*angles)[:3, 3], atol=1e-12)
-
-
-def arm() -> Chain:
-    """Ball, universal, hinge and fixed joints, tilted against each other."""
-    bounds = Limits(-2.5, 2.5, 1.0, 8.0, 100.0)
-    third = Rotation.from_euler("xyz", [0.3, -0.4, 0.5]).as_quat(scalar_first=True)
-    return Chain(
-        "arm",
-        tuple(Segment(name, unit) for name, unit in (("base", ""), ("upper", "a"), ("lower", "b"), ("hand", "c"))),
-        (
-            Joint("shoulder", "base", "upper", "ball", (0.0, 0.1, 1.2), tuple(third.tolist()), limits=(bounds,) * 3),
-            Joint("elbow", "upper", "lower", "hinge", (0.3, 0, 0), axes=((0, 0.6, 0.8),), limits=(bounds,)),
-            Joint("wrist", "lower", "hand", "universal", (0.25, 0, 0), axes=((0, 1.0, 0), (0, 0, 1.0))),
-        ),
-        hand_b=(0.1, 0.0, 0.02),
-        base_fixed=True,
-    )
 
 
 six = st.lists(st.floats(-2.4, 2.4), min_size=6, max_size=6)
@@ -181,15 +164,6 @@ def test_a_taught_program_moves_the_urdf_where_the_hand_truly_was(tmp_path: Path
     np.testing.assert_allclose(again.hand, done.hand, atol=1e-12)
     with pytest.raises(ClockError, match="give truth for all of it"):
         done.against(clean.t[:100], truth[:100])
-
-
-def scipy_hand(angles: np.ndarray) -> np.ndarray:
-    """Hand of `arm`, by hand."""
-    turn = Rotation.from_euler("xyz", [0.3, -0.4, 0.5]) * Rotation.from_euler("ZYX", angles[:3])
-    at = np.array([0.0, 0.1, 1.2]) + turn.apply([0.3, 0.0, 0.0])
-    turn = turn * Rotation.from_rotvec(np.array([0.0, 0.6, 0.8]) * angles[3])
-    at = at + turn.apply([0.25, 0.0, 0.0])
-    return at + (turn * Rotation.from_euler("YZ", angles[4:])).apply([0.1, 0.0, 0.02])
 
 
 def test_what_a_model_does_not_allow_is_refused(tmp_path: Path) -> None:

@@ -11,8 +11,7 @@ import plumbob
 from plumbob.arm import ArmCard, JointTrack, Program, export, replay, run, taught
 from plumbob.data.chain_toml import chain_text
 from plumbob.simulation import simulate_chain
-from tests.arm.test_arm_program import pick_and_place
-from tests.arm.test_arm_urdf import arm
+from tests.helpers.arm_samples import arm, pick_and_place
 from tests.helpers.commandline import call, ok
 
 

@@ -1,0 +1,51 @@
+"""Chains and motions of an arm, for the tests of this room and of its verb."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from plumbob.arm import JointTrack
+from plumbob.data.chain import Chain, Joint, Limits, Segment
+
+
+def eased(x):
+    """Polynomial of least jerk from 0 to 1 with rest at both ends (Flash and Hogan 1985, eq. 3)."""
+    x = np.clip(x, 0.0, 1.0)
+    return x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+
+
+def pick_and_place(poses, *, rest=1.0, move=2.0, rate=100.0, noise=0.0, seed=0):
+    """Joint angles that rest at each pose, and the times at which the rests begin."""
+    poses = np.asarray(poses, dtype=float)
+    t = np.arange(0.0, len(poses) * (rest + move) - move, 1.0 / rate)
+    k = np.minimum((t / (rest + move)).astype(int), len(poses) - 1)
+    after = np.minimum(k + 1, len(poses) - 1)
+    x = eased((t - k * (rest + move) - rest) / move)[:, np.newaxis]
+    angles = poses[k] * (1.0 - x) + poses[after] * x
+    angles += np.random.default_rng(seed).normal(0.0, noise, angles.shape) if noise else 0.0
+    return JointTrack(t, tuple(f"j{i}" for i in range(poses.shape[1])), angles)
+
+
+def arm() -> Chain:
+    """Ball, universal, hinge and fixed joints, tilted against each other."""
+    bounds = Limits(-2.5, 2.5, 1.0, 8.0, 100.0)
+    third = Rotation.from_euler("xyz", [0.3, -0.4, 0.5]).as_quat(scalar_first=True)
+    return Chain(
+        "arm",
+        tuple(Segment(name, unit) for name, unit in (("base", ""), ("upper", "a"), ("lower", "b"), ("hand", "c"))),
+        (
+            Joint("shoulder", "base", "upper", "ball", (0.0, 0.1, 1.2), tuple(third.tolist()), limits=(bounds,) * 3),
+            Joint("elbow", "upper", "lower", "hinge", (0.3, 0, 0), axes=((0, 0.6, 0.8),), limits=(bounds,)),
+            Joint("wrist", "lower", "hand", "universal", (0.25, 0, 0), axes=((0, 1.0, 0), (0, 0, 1.0))),
+        ),
+        hand_b=(0.1, 0.0, 0.02),
+        base_fixed=True,
+    )
+
+
+def scipy_hand(angles: np.ndarray) -> np.ndarray:
+    """Hand of `arm`, by hand."""
+    turn = Rotation.from_euler("xyz", [0.3, -0.4, 0.5]) * Rotation.from_euler("ZYX", angles[:3])
+    at = np.array([0.0, 0.1, 1.2]) + turn.apply([0.3, 0.0, 0.0])
+    turn = turn * Rotation.from_rotvec(np.array([0.0, 0.6, 0.8]) * angles[3])
+    at = at + turn.apply([0.25, 0.0, 0.0])
+    return at + (turn * Rotation.from_euler("YZ", angles[4:])).apply([0.1, 0.0, 0.02])
