@@ -37,7 +37,7 @@ class Motion(NamedTuple):
 
 
 def real_motion(rows=3000):
-    """A part of a trial of BROAD in which the unit is turned; a simulated buoy where that is not at hand."""
+    """A part of a trial of BROAD in which the unit is turned; a simulated one, swayed, where that is not at hand."""
     path = DATA / "broad" / "03_undisturbed_slow_rotation_C.hdf5"
     if path.is_file():
         import h5py
@@ -49,8 +49,8 @@ def real_motion(rows=3000):
     else:
         from plumbob import simulate
 
-        found = simulate(
-            "buoy",
+        made = simulate(
+            "sway",
             frame="ENU",
             sensors="ideal",
             unit="calibrated",
@@ -59,7 +59,7 @@ def real_motion(rows=3000):
             mag_rate=285.0,
             seed=4,
         )
-        gyr, acc, mag, q_nb = found.imu.gyr, found.imu.acc, found.imu.mag, found.truth.q_nb
+        gyr, acc, mag, q_nb = made.imu.gyr, made.imu.acc, made.imu.mag, made.truth.q_nb
     count = len(gyr)
     t_ns = np.round(np.arange(count) * (7e9 / 2000.0)).astype(np.int64)
     return Motion(t_ns, gyr, acc, mag, 20.0 + 0.25 * (np.arange(count) // 100), q_nb)
