@@ -18,23 +18,17 @@ def file(folder, text, head=HEAD):
     return path
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
+def test_rotations_in_every_way(tmp_path):
+    """By 90° about z from the body: the unit's x axis is the body's y axis, its y axis the body's −x."""
+    for text in (
         'axes = "-y x z"',
         "q_bs = [0.7071067811865476, 0.0, 0.0, 0.7071067811865475]",
         'rotation = "0 deg, 0 deg, 90 deg"',
-    ],
-)
-def test_a_quarter_turn_in_every_way(tmp_path, text):
-    """The unit is turned by 90° about z from the body: its x axis is the body's y axis, its y axis the body's −x."""
-    mount = load_mounts(file(tmp_path, text))["u1"]
-    np.testing.assert_allclose(quat_rotate(mount.q_bs, [1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], atol=1e-15)
-    np.testing.assert_allclose(quat_rotate(mount.q_bs, [0.0, 1.0, 0.0]), [-1.0, 0.0, 0.0], atol=1e-15)
-
-
-def test_roll_pitch_and_yaw_turn_as_those_of_an_attitude(tmp_path):
-    """Yaw first: a unit of roll 90° and yaw 90° has its z axis along the body's x axis."""
+    ):
+        mount = load_mounts(file(tmp_path, text))["u1"]
+        np.testing.assert_allclose(quat_rotate(mount.q_bs, [1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], atol=1e-15)
+        np.testing.assert_allclose(quat_rotate(mount.q_bs, [0.0, 1.0, 0.0]), [-1.0, 0.0, 0.0], atol=1e-15)
+    # yaw first: a unit of roll 90° and yaw 90° has its z axis along the body's x axis
     mount = load_mounts(file(tmp_path, 'rotation = "90 deg, 0 deg, 90 deg"'))["u1"]
     np.testing.assert_allclose(quat_rotate(mount.q_bs, [0.0, 0.0, 1.0]), [1.0, 0.0, 0.0], atol=1e-15)
 
@@ -76,36 +70,31 @@ def test_what_is_written_reads_back(tmp_path):
     assert found["u1"].noise.device == "u1"
 
 
-WRONG = {
-    "unknown key": ("lag = 1", DecodeError, r"unit\[1\] has no key 'lag'"),
-    "two rotations": ('axes = "x y z"\nq_bs = [1, 0, 0, 0]', DecodeError, "more than one of axes, q_bs, rotation"),
-    "left-handed": ('axes = "-x -y -z"', FrameError, "left-handed"),
-    "lever without a unit": ('lever = ["20", "0", "0"]', UnitError, "no unit"),
-    "lever of numbers": ("lever = [0.02, 0, 0]", UnitError, "in quotes"),
-    "lever of two": ('lever = ["20 mm", "0 mm"]', DecodeError, "list of 3 values"),
-    "quaternion of three": ("q_bs = [1, 0, 0]", DecodeError, "list of 4 values"),
-    "no quaternion": ("q_bs = [2, 0, 0, 0]", PlumbobError, "q_bs"),
-    "two angles": ('rotation = "1 deg, 2 deg"', DecodeError, "roll, pitch and yaw"),
-    "angles without a unit": ('rotation = "1, 2, 3"', UnitError, "no unit"),
-    "no such card": ('card = "no.json"', DecodeError, "no.json"),
-    "name twice": ('[[unit]]\nname = "u1"', DecodeError, "'u1' stands twice"),
-    "no name": ('[[unit]]\naxes = "x y z"', DecodeError, "needs the key 'name'"),
-}
+WRONG = [
+    ("lag = 1", DecodeError, r"unit\[1\] has no key 'lag'"),
+    ('axes = "x y z"\nq_bs = [1, 0, 0, 0]', DecodeError, "more than one of axes, q_bs, rotation"),
+    ('axes = "-x -y -z"', FrameError, "left-handed"),
+    ('lever = ["20", "0", "0"]', UnitError, "no unit"),
+    ("lever = [0.02, 0, 0]", UnitError, "in quotes"),
+    ('lever = ["20 mm", "0 mm"]', DecodeError, "list of 3 values"),
+    ("q_bs = [1, 0, 0]", DecodeError, "list of 4 values"),
+    ("q_bs = [2, 0, 0, 0]", PlumbobError, "q_bs"),
+    ('rotation = "1 deg, 2 deg"', DecodeError, "roll, pitch and yaw"),
+    ('rotation = "1, 2, 3"', UnitError, "no unit"),
+    ('card = "no.json"', DecodeError, "no.json"),
+    ('[[unit]]\nname = "u1"', DecodeError, "'u1' stands twice"),
+    ('[[unit]]\naxes = "x y z"', DecodeError, "needs the key 'name'"),
+    (None, DecodeError, "kind must be one of 'plumbob array'"),
+]
 
 
-@pytest.mark.parametrize("case", WRONG)
-def test_wrong_ones_are_refused_with_the_file_and_the_place(tmp_path, case):
-    text, error, match = WRONG[case]
+@pytest.mark.parametrize(("text", "error", "match"), WRONG)
+def test_wrong_ones_are_refused_with_the_file_and_the_place(tmp_path, text, error, match):
     with pytest.raises(error, match=match) as raised:
-        load_mounts(file(tmp_path, text))
+        load_mounts(
+            file(tmp_path, text or "", *(() if text else ('kind = "plumbob session"\nversion = 1\nunit = []\n',)))
+        )
     assert "mounts.toml" in str(raised.value)
-
-
-def test_a_file_of_another_kind_is_refused(tmp_path):
-    with pytest.raises(DecodeError, match="kind must be one of 'plumbob array'"):
-        load_mounts(file(tmp_path, "", head='kind = "plumbob session"\nversion = 1\nunit = []\n'))
-    with pytest.raises(DecodeError, match=r"nothere\.toml"):
-        load_mounts(tmp_path / "nothere.toml")
 
 
 def test_the_preset_measures_each_axis_both_ways():

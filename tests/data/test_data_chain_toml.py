@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobError, UnitError
@@ -12,6 +12,7 @@ from plumbob.data.array import Mount
 from plumbob.data.chain import Chain, Joint, Limits, Segment
 from plumbob.data.chain_toml import chain_text, load_chain, parse_chain
 from plumbob.rotations import quat_rotate
+from tests.helpers import examples
 
 ARM = """
 kind = "plumbob chain"
@@ -111,7 +112,7 @@ def chains(draw: st.DrawFn) -> Chain:
     return Chain(words[7], tuple(segments), tuple(joints), segments[-1].name, draw(vector), draw(st.booleans()))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(0.3)
 @given(chains())
 def test_a_chain_is_read_back_from_its_text(chain: Chain) -> None:
     assert same(parse_chain(chain_text(chain)), chain)

@@ -17,17 +17,36 @@ def same(a, b):
     return np.array_equal(a, b, equal_nan=True)
 
 
+WRONG = [
+    *((ClockError, {"t_ns": t}, "whole number of nanoseconds, but it is") for t in (0.5, "0", None, np.float64(3.0))),
+    *((ClockError, {"t_ns": t}, "t_ns must lie within") for t in (2**63, -(2**63) - 1, 2**70)),
+    *((ParameterError, {"flags": word}, "flags must be") for word in (1.5, "1", None, -1, 2**32, 2**70)),
+    (ShapeError, {"gyr": [False, False, True]}, "gyr must hold real numbers, but its type is bool"),
+    (ShapeError, {"acc": [1j, 0, 0]}, "acc must hold real numbers, but its type is complex128"),
+    (ShapeError, {"mag": ["1", "2", "3"]}, "mag must hold real numbers"),
+    (ShapeError, {"gyr": [1.0, None, 3.0]}, "gyr must hold real numbers, but its type is object"),
+    (ShapeError, {"acc": np.ma.masked_array([1.0, 2.0, 3.0], [0, 1, 0])}, "acc .*masked array"),
+    (ShapeError, {"mag": [[1.0], [2.0, 3.0], [4.0]]}, "mag must be an array of numbers"),
+    *(
+        (ShapeError, {"values": bad}, r"values of a sample must have shape \(9,\), but their shape is")
+        for bad in (np.zeros(8), np.zeros((3, 3)), np.zeros((9, 1)), 0.0, [])
+    ),
+    (ShapeError, {"values": np.zeros(9, dtype=bool)}, "values must hold real numbers, but its type is bool"),
+]
+
+
 class TestImuSample:
-    @pytest.mark.parametrize("make", [ImuSample, lambda t_ns, **k: ImuSample.packed(t_ns, NINE, **k)])
-    def test_what_is_no_word_and_no_time_of_64_bits_is_refused(self, make):
-        for word in (1.5, "1", None, -1, 2**32, 2**70):
-            with pytest.raises(ParameterError, match="flags must be"):
-                make(0, flags=word)
-        for t_ns in (2**63, -(2**63) - 1, 2**70):
-            with pytest.raises(ClockError, match="t_ns must lie within"):
-                make(t_ns)
-        found = make(np.int64(2**63 - 1), flags=np.uint32(2**32 - 1))
-        assert (found.t_ns, found.flags) == (2**63 - 1, 2**32 - 1)
+    @pytest.mark.parametrize(("error", "wrong", "says"), WRONG)
+    def test_what_is_no_sample_is_refused_by_name(self, error, wrong, says):
+        for make, own in ((ImuSample, set(TRIADS)), (ImuSample.packed, {"values"})):
+            if set(wrong) <= {"t_ns", "flags"} | own:
+                with pytest.raises(error, match=says):
+                    make(**({"t_ns": 0} | ({"values": NINE} if "values" in own else {}) | wrong))
+
+    def test_the_largest_time_and_word_are_taken(self):
+        for make in (ImuSample, lambda t_ns, **k: ImuSample.packed(t_ns, NINE, **k)):
+            sample = make(np.int64(2**63 - 1), flags=np.uint32(2**32 - 1))
+            assert (sample.t_ns, sample.flags) == (2**63 - 1, 2**32 - 1)
 
     def test_triads_stand_in_order_and_absent_ones_are_nan(self):
         s = ImuSample(5, gyr=[1.0, 2.0, 3.0], mag=(7, 8, 9))
@@ -47,9 +66,6 @@ class TestImuSample:
         "dress",
         [
             np.array([1, 2, 3], dtype=np.int8),
-            np.array([1, 2, 3], dtype=np.uint64),
-            np.array([1, 2, 3], dtype=np.float16),
-            np.array([1, 2, 3], dtype=np.float32),
             np.array([1, 2, 3], dtype=">f8"),
             np.array([3.0, 2.0, 1.0])[::-1],
             memoryview(np.array([1.0, 2.0, 3.0])),
@@ -64,35 +80,6 @@ class TestImuSample:
         assert s.values.dtype.isnative
         assert getattr(s, triad).tolist() == [1.0, 2.0, 3.0]
 
-    @pytest.mark.parametrize(
-        ("wrong", "says"),
-        [
-            ([False, False, True], "must hold real numbers, but its type is bool"),
-            ([1j, 0, 0], "must hold real numbers, but its type is complex128"),
-            (["1", "2", "3"], "must hold real numbers"),
-            ([1.0, None, 3.0], "must hold real numbers, but its type is object"),
-            (np.ma.masked_array([1.0, 2.0, 3.0], [0, 1, 0]), "masked array"),
-            ([[1.0], [2.0, 3.0], [4.0]], "must be an array of numbers"),
-        ],
-    )
-    def test_what_is_no_number_is_refused_by_name(self, wrong, says):
-        for triad in TRIADS:
-            with pytest.raises(ShapeError, match=f"{triad} .*{says}"):
-                ImuSample(0, **{triad: wrong})
-
-    @pytest.mark.parametrize("wrong", [np.zeros(8), np.zeros((3, 3)), np.zeros((9, 1)), 0.0, []])
-    def test_packed_takes_nine(self, wrong):
-        with pytest.raises(ShapeError, match=r"values of a sample must have shape \(9,\), but their shape is"):
-            ImuSample.packed(0, wrong)
-        with pytest.raises(ShapeError, match="values must hold real numbers, but its type is bool"):
-            ImuSample.packed(0, np.zeros(9, dtype=bool))
-
-    @pytest.mark.parametrize("t", [0.5, "0", None, np.float64(3.0)])
-    def test_a_time_that_is_no_whole_number_is_refused(self, t):
-        for make in (lambda: ImuSample(t), lambda: ImuSample.packed(t, NINE)):
-            with pytest.raises(ClockError, match="whole number of nanoseconds, but it is"):
-                make()
-
     def test_the_numbers_are_its_own_and_cannot_be_written(self):
         mine = NINE.copy()
         for s in (ImuSample.packed(0, mine), ImuSample(0, mine[:3], mine[3:6], mine[6:])):
@@ -104,9 +91,9 @@ class TestImuSample:
                     view[0] = 0.0
 
     def test_it_shows_all_it_holds(self):
-        s = ImuSample(12, gyr=[0.5, 0.0, -0.5], temp_c=20.0, flags=3)
+        shown = repr(ImuSample(12, gyr=[0.5, 0.0, -0.5], temp_c=20.0, flags=3))
         none = "[nan, nan, nan]"
-        assert repr(s) == f"ImuSample(t_ns=12, gyr=[0.5, 0.0, -0.5], acc={none}, mag={none}, temp_c=20.0, flags=3)"
+        assert shown == f"ImuSample(t_ns=12, gyr=[0.5, 0.0, -0.5], acc={none}, mag={none}, temp_c=20.0, flags=3)"
 
 
 class TestSamplesOfARecording:

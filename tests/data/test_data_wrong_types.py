@@ -7,7 +7,7 @@ import pytest
 
 import plumbob
 from plumbob import Filter, Frame, ImuData, ImuMeta, ImuSample, North, Recording, find_format, simulate
-from plumbob.core.errors import FrameError, ParameterError, PlumbobError, ShapeError
+from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
 from plumbob.evaluation import evaluate
 
 FORM = find_format("fin")
@@ -81,12 +81,6 @@ def test_write_refuses_what_is_no_recording(tmp_path):
     with pytest.raises(ParameterError, match="path must be the path of a file, or its text, but it is a list"):
         plumbob.write([1], IMU)
     assert not any(tmp_path.iterdir())
-
-
-def test_the_text_of_a_frame_will_do():
-    assert Filter("mekf", frame="ENU").frame is Frame.ENU
-    with pytest.raises(FrameError, match="'XYZ' is not a navigation frame; known are ENU, NED, NWU"):
-        Filter("mekf", frame="XYZ")
 
 
 def test_a_recording_is_evaluated_by_its_reference():
