@@ -99,7 +99,7 @@ class DecoderBattery:
         if not promises(form):
             pytest.skip("no check")
         first, second = frames_of(form, 2, np.random.default_rng(3))
-        for bit in range(8 * len(first)):
+        for bit in range(0, 8 * len(first), len(first) // 40 | 1):
             wrong = bytearray(first)
             wrong[bit // 8] ^= 1 << bit % 8
             found, counts = decode(bytes(wrong) + second, form)
