@@ -11,6 +11,8 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from tests.gates.unreachable import House, Module, lines, unreachable
+
 CODE = ("src", "tests", "benchmarks")
 # Words of which the issue of names says that they give the grammar and not the content.
 VAGUE = {"found", "one", "known", "told", "left", "own", "whole", "seen", "kept", "asked"}
@@ -42,6 +44,7 @@ def figures(root: Path) -> dict[str, Figure]:
     sources = {path.relative_to(root).as_posix(): path for top in CODE for path in sorted((root / top).rglob("*.py"))}
     found: dict[str, Figure] = defaultdict(dict)
     package: dict[str, list[ast.AST]] = {}
+    house = House()
     for name, path in sources.items():
         text = path.read_text(encoding="utf-8")
         for place in places(name):
@@ -50,9 +53,12 @@ def figures(root: Path) -> dict[str, Figure]:
         if name.startswith("benchmarks/"):
             continue
         with warnings.catch_warnings(action="ignore"):
-            nodes = list(ast.walk(ast.parse(text)))
+            module = ast.parse(text)
+        nodes = list(ast.walk(module))
         if name.startswith("src/"):
             package[name] = nodes
+            house[_module(name)] = Module(name, module.body, nodes)
+            found["functions.longer_than_60_lines"][name] = sum(map(is_long, functions(nodes)))
             found["names.vague"][name] = sum(1 for _ in vague(nodes))
             found["names.vague_functions"][name] = sum(1 for _ in vague_functions(nodes))
             found["text.strings_of_three_words"][name] = sum(1 for _ in sentences(nodes))
@@ -62,6 +68,7 @@ def figures(root: Path) -> dict[str, Figure]:
             found["tests.wording_alone"][name] = sum(map(is_wording, functions(nodes)))
     found["names.classes_of_one_name"] = twins(package)
     found["circles.files"] = circles(package)
+    found["functions.unreachable_lines"] = unreachable(root, house)
     return dict(found)
 
 
@@ -76,6 +83,11 @@ def places(name: str) -> Iterator[str]:
 def functions(nodes: Nodes) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
     """Each function and method."""
     yield from (node for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
+
+
+def is_long(node: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
+    """Whether a function has more than 60 lines without its docstring."""
+    return lines(node) - (lines(node.body[0]) if ast.get_docstring(node, clean=False) is not None else 0) > 60
 
 
 def vague(nodes: Nodes) -> Iterator[str]:
