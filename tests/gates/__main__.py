@@ -1,7 +1,8 @@
 """Every gate of the project, each whatever the others say, and what they cost.
 
 ``make test`` runs all of them, ``make lint`` those that only read. Those run beside the tests, which leave a core idle
-now and then; what they say comes last.
+now and then; what they say comes last. Tests of a group run where its files changed since the upstream branch, or in
+the last commit where that is the same, and always with ``--all``.
 """
 
 import os
@@ -10,12 +11,19 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
 BIN = Path(sys.executable).parent
 CODE = ("src", "tests", "benchmarks", "examples", "website")
-PYTEST = (sys.executable, "-m", "pytest", "-n", os.environ.get("JOBS", "2"), "--dist", "worksteal")
+PYTEST = (sys.executable, "-m", "pytest", "-n", os.environ.get("JOBS", "2"), "--dist", "loadfile")
+GROUPS = {  # folders and files, the tests among them
+    "papers": ("src/plumbob/papers", "tests/papers", "docs/papers.md"),
+    "rigs": ("src/plumbob/simulation/rigs", "src/plumbob/protocols/rigs", "tests/simulation/rigs"),
+    "page": ("src/plumbob/viewer", "web", "tests/viewer"),
+    "arm": ("src/plumbob/arm", "src/plumbob/array", "tests/arm", "tests/array"),
+}
 READERS = {
     "format": (BIN / "ruff", "format", "--check", *CODE),
     "lint": (BIN / "ruff", "check", *CODE),
@@ -23,22 +31,19 @@ READERS = {
     "layers": (BIN / "lint-imports",),
     "house": (sys.executable, "-m", "tests.gates.house"),
 }
-RUNNERS = {
-    "tests": PYTEST,
-    # the kernels as plain Python: what no other gate compares with the compiled ones
-    "plain Python": (*PYTEST, "-q", "tests/rotations", "tests/calibration/test_calibration_ellipsoid_fit.py"),
-}
-if shutil.which("npm") and Path("web/node_modules").is_dir():
-    RUNNERS["page"] = ("npm", "--prefix", "web", "--silent", "test")
+# Where Pythons differ: texts of argparse and errors, processes, threads, sockets, archives, what dataclasses show.
+# Tests that need real recordings run there too, since the other Python runs without them.
+SECOND = ("tests/cli", "tests/core", "tests/data", "tests/files", "tests/fleet", "tests/session", "tests/viewer")
+PLAIN = ("tests/rotations", "tests/calibration/test_calibration_ellipsoid_fit.py")
 # The smoother's recordings take hours as plain Python; its sweeps, which are what is compiled, take a minute.
 SMOOTHED = [f"--ignore=tests/filters/smoother/test_smoother_{name}.py" for name in ("behaviour", "claims", "door")]
-LONG = {
-    "long tests": (*PYTEST, "-m", "long or hypothesis", "--hypothesis-profile", "long"),
-    "plain Python": (*PYTEST, "-q", "tests/filters", *SMOOTHED, "tests/rotations", "tests/noise", "tests/protocols",
-                     "tests/calibration/test_calibration_ellipsoid_fit.py",
-                     "tests/calibration/test_calibration_autocorrelation.py"),
-}  # fmt: skip
-SETS = {"test": (READERS, RUNNERS), "lint": (READERS, {}), "long": ({}, LONG)}
+LONG_PLAIN = (
+    "tests/filters",
+    *SMOOTHED,
+    "tests/noise",
+    "tests/protocols",
+    "tests/calibration/test_calibration_autocorrelation.py",
+)
 
 
 class Outcome(NamedTuple):
@@ -49,6 +54,66 @@ class Outcome(NamedTuple):
     cpu: float
     wall: float
     text: str
+
+
+def changed() -> set[str] | None:
+    """Files that differ from the upstream branch, or from the commit before; None where git cannot say."""
+    base = _git("merge-base", "HEAD", "@{upstream}") or [""]
+    if base == _git("rev-parse", "HEAD") or not base[0]:
+        base = _git("rev-parse", "--verify", "HEAD~")
+    if not base:
+        return None
+    return {*_git("diff", "--name-only", base[0]), *_git("ls-files", "--others", "--exclude-standard")}
+
+
+def _git(*words: str) -> list[str]:
+    try:
+        done = subprocess.run(["git", *words], capture_output=True, text=True, check=False)
+    except OSError:
+        return []
+    return done.stdout.split("\n")[:-1] if done.returncode == 0 else []
+
+
+def is_in(name: str, places: Collection[str]) -> bool:
+    """Whether a file is one of these, or lies in one of these folders."""
+    return any(name == place or name.startswith(f"{place}/") for place in places)
+
+
+def left_out(files: Iterable[str] | None) -> dict[str, list[str]]:
+    """Groups of which none of these files is a part, and where their tests lie."""
+    idle = {} if files is None else {k: v for k, v in GROUPS.items() if not any(is_in(name, v) for name in files)}
+    return {name: [place for place in places if place.startswith("tests/")] for name, places in idle.items()}
+
+
+def touched(files: Iterable[str] | None) -> list[str]:
+    """Folders of tests of the rooms in which these files lie; all where git cannot say, or what all stand on is one."""
+    if files is None or any(is_in(name, ("src/plumbob/core", "tests/helpers")) for name in files):
+        return ["tests"]
+    parts = [Path(name.removeprefix("src/")).parts for name in files if name.startswith(("src/plumbob/", "tests/"))]
+    return sorted({f"tests/{one[1]}" for one in parts if len(one) > 2 and Path("tests", one[1]).is_dir()})
+
+
+def gates(which: str, is_all: bool) -> tuple[dict, dict]:
+    """Gates that read and gates that run, by name."""
+    if which == "lint":
+        return READERS, {}
+    if which == "second":
+        return {"types": READERS["types"], "layers": READERS["layers"]}, {"tests": (*PYTEST, *SECOND)}
+    if which == "long":
+        places = ["tests"] if is_all else touched(changed())
+        plain = [word for word in (*PLAIN, *LONG_PLAIN) if word.startswith("-") or is_all or is_in(word, places)]
+        runs = {"long tests": (*PYTEST, "-m", "long or hypothesis", "--hypothesis-profile", "long", *places)}
+        return {}, {**runs, **({"plain Python": (*PYTEST, "-q", *plain)} if set(plain) - set(SMOOTHED) else {})}
+    idle = {} if is_all else left_out(changed())
+    for name, folders in idle.items():
+        print(f"{name}: nothing of it changed, so {' and '.join(folders)} are left out; 'make test-all' runs them.")
+    ignored = [f"--ignore={folder}" for folders in idle.values() for folder in folders]
+    runs = {"tests": (*PYTEST, *ignored), "plain Python": (*PYTEST, "-q", *PLAIN)}
+    if "page" not in idle and shutil.which("npm") and Path("web/node_modules").is_dir():
+        runs["page"] = ("npm", "--prefix", "web", "--silent", "test")
+    if which == "costs":
+        return {}, {"tests": (*runs["tests"], "-p", "tests.gates.costs")}
+    return READERS, runs
 
 
 def run(name, words, *, shown):
@@ -62,9 +127,9 @@ def run(name, words, *, shown):
     return Outcome(name, child.returncode, used.ru_utime + used.ru_stime, time.monotonic() - started, text)
 
 
-def main(which="test"):
+def main(which="test", *options):
     """Run a set of gates; exit code 1 if one of them does not pass."""
-    readers, runners = SETS[which]
+    readers, runners = gates(which, "--all" in options)
     started, read = time.monotonic(), []
     reading = threading.Thread(target=lambda: read.extend(run(n, words, shown=False) for n, words in readers.items()))
     reading.start()
