@@ -3,11 +3,21 @@
 import functools
 
 import numpy as np
+import pytest
 
 from plumbob import Frame, ImuData
 from plumbob.core.constants import G0
-from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_from_rotvec, quat_multiply, quat_rotate
+from plumbob.rotations import (
+    quat_chained,
+    quat_conjugate,
+    quat_from_euler_zyx,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_rotate,
+)
+from tests.helpers import jit_disabled
 
+slow_as_python = pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
 FIELD_ENU = np.array([0.0, 20.0, -43.0])  # µT; dip 65°, as in central Europe
 
 
@@ -24,14 +34,8 @@ def consistent(n=2000, rate=100.0, amplitude=1.0):
         phases = 2 * np.pi * f[:, np.newaxis, :] * s[:, np.newaxis] + phase[:, np.newaxis, :]
         return amplitude * np.sin(phases[0]) * np.cos(phases[1])
 
-    steps = quat_from_rotvec(rates(tf + 0.5 / (rate * fine)) / (rate * fine))  # midpoint rule on a 16 times finer grid
-    q = np.empty((n, 4))
-    current = quat_from_rotvec(rng.normal(size=3))
-    for i in range(n * fine):
-        if i % fine == 0:
-            q[i // fine] = current
-        current = quat_multiply(current, steps[i])
-        current = current / np.linalg.norm(current)
+    turns = rates(tf + 0.5 / (rate * fine)) / (rate * fine)  # midpoint rule on a 16 times finer grid
+    q = quat_multiply(quat_from_rotvec(rng.normal(size=3)), quat_chained(turns)[:-1:fine])
     return ImuData(t=t, gyr=rates(t), **seen_by(q, Frame.ENU)), q
 
 
@@ -71,3 +75,20 @@ def noisy(n=600, seed=1):
     acc[rng.random(n) < 0.1] = np.nan
     gyr[rng.random(n) < 0.05] = np.nan
     return ImuData(t=t, gyr=gyr, acc=acc, mag=mag)
+
+
+def up_in_body(q_nb, up=1.0):
+    """The vertical in body axes, of a frame whose z axis points up or down: all that is tilt."""
+    return quat_rotate(quat_conjugate(q_nb), [0.0, 0.0, up])
+
+
+def tilt_between(q_nb, truth):
+    """Angle between the verticals of two attitudes, rad."""
+    cosine = np.sum(up_in_body(q_nb) * up_in_body(truth), axis=-1)
+    return np.arccos(np.clip(cosine, -1.0, 1.0))
+
+
+def heading_sd(q_nb, cov_b):
+    """Standard deviation of the heading that covariances in body axes claim, rad, (N,)."""
+    up_b = up_in_body(q_nb)
+    return np.sqrt(np.einsum("ni,nij,nj->n", up_b, cov_b, up_b))
