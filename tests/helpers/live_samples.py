@@ -1,6 +1,8 @@
 """A made-up unit with nine axes, a motion, its bytes, and sessions for them."""
 
 import functools
+import subprocess
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from plumbob.session.session import RecordSpec
 from plumbob.session.session_toml import parse_session
 from plumbob.session.sinks import Collected
 from plumbob.session.stream import Stream
+from tests.helpers.commandline import PLUMBOB
 
 RATE = 200.0
 OFFSET = 1_700_000_000_000_000_000
@@ -129,19 +132,34 @@ class Handed:
         self._items, self.finished, self.closed = list(items), False, False
 
     def read(self, timeout):
-        found, self._items = self._items[:16], self._items[16:]
+        ready, self._items = self._items[:16], self._items[16:]
         self.finished = not self._items
-        return found
+        return ready
 
     def close(self):
         self.closed = True
 
 
+def through(items, chosen=None, *sinks, source=None, recording=None, offset=OFFSET, **spec):
+    """A line of a session, and what it made of items or of a source; `recording` is where all of it is recorded."""
+    line, collected, spec = Stream(chosen or session()), Collected(), {"reserve": 0} | spec
+    keeper = recording and RecordingSink(line.session, RecordSpec(str(recording), **spec), offset=lambda: offset)
+    run_stream(line, source or Handed(items), sinks=[collected, *sinks], recording=keeper)
+    return line, collected
+
+
 def record(path, items, text=SESSION, **spec):
     """Items recorded at `path`, and what the line made of them."""
-    chosen = session(text)
-    line, found = Stream(chosen), Collected()
-    recording_sink = RecordingSink(chosen, RecordSpec(str(path), **spec), offset=lambda: OFFSET)
-    run_stream(line, Handed(items), sinks=[found], recording=recording_sink)
-    assert recording_sink.recorder.acknowledged == recording_sink.recorder.written
-    return found
+    return through(items, session(text), recording=path, **spec)[1]
+
+
+@contextmanager
+def rig(folder, *words):
+    """Emulated buoy as a process; gives the link to its line once it is there."""
+    command = [*PLUMBOB, "emulate", "buoy", "--seed", "2", "--link", str(folder / "line"), *words]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as child:
+        try:
+            assert child.stdout.readline().startswith("/dev/")
+            yield folder / "line"
+        finally:
+            child.terminate()

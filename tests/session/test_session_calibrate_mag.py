@@ -1,6 +1,7 @@
 """Magnetometer of a capture: which samples count, and which fit runs."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,6 @@ from benchmarks.harness.room import room_of
 from plumbob.calibration.calibrate_mag import calibrate_mag
 from plumbob.calibration.calibration import Capture
 from plumbob.calibration.fit import CaptureRefusedError
-from plumbob.calibration.mag.outcome import dip_of
-from plumbob.calibration.mag_checks import _dip
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.data import ImuData, ImuMeta
@@ -18,6 +17,7 @@ from plumbob.data.cards import UNITS, CalibrationCard, TriadCalibration
 from plumbob.evaluation.many.trials import read_trial
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec
 from tests.helpers.mag_scene import (
+    DIP,
     STRENGTH,
     TURNED,
     Unit,
@@ -32,6 +32,8 @@ from tests.helpers.mag_scene import (
 )
 
 COUNT = 400
+NONE, ACC, GYR = {"with_": "none"}, {"with_": "acc"}, {"with_": "gyr"}
+FLAT, STEEP = {"dip": np.radians(40.0)}, {"dip": np.radians(65.0)}
 
 
 @pytest.fixture(scope="module")
@@ -46,13 +48,12 @@ def first_remark(imu, **options):
     return calibrate_mag(imu, strength=STRENGTH, **options).remarks[0]
 
 
-def test_the_dip_is_that_of_samples_with_field_and_force(scene):
-    """The capture's own truth has one dip; every third field and every fifth force are not there."""
-    _, imu = scene
-    mag, acc = imu.mag.copy(), imu.acc.copy()
-    mag[::3], acc[::5] = np.nan, np.nan
-    both = np.isfinite(mag[:, 0]) & np.isfinite(acc[:, 0])
-    assert _dip(mag, acc) == dip_of(imu.mag[both], imu.acc[both])
+def sensed(imu, **triads):
+    return imu.corrected(meta=imu.meta, **triads)
+
+
+def negated(imu):
+    return sensed(imu, mag=-imu.mag)
 
 
 def test_a_steady_accelerometer_helps_and_finds_the_turn(scene):
@@ -63,18 +64,6 @@ def test_a_steady_accelerometer_helps_and_finds_the_turn(scene):
     assert alone.remarks[0] == "Fitted without other sensors: as asked for."
     assert np.degrees(heading_rms(helped.calibration, unit)) < 0.2  # 0.05° at 1000 poses, by the root 0.08°
     assert np.degrees(heading_rms(alone.calibration, unit)) > 0.5  # turned by 2° or more, which no length shows
-
-
-def test_a_moving_or_uncalibrated_accelerometer_does_not(scene):
-    _, imu = scene
-    rng = np.random.default_rng(1)
-    shaken = imu.corrected(acc=imu.acc + 3.0 * rng.normal(size=imu.acc.shape), meta=imu.meta)
-    biased = imu.corrected(acc=imu.acc + 0.05 * G0, meta=imu.meta)
-    for spoiled in (shaken, biased):
-        assert "which moved or is not calibrated" in first_remark(spoiled)
-    assert "as asked for" in first_remark(imu, with_="acc")
-    assert "there is no acc" in first_remark(replace(imu, acc=None))
-    assert "smaller shape" in first_remark(imu, shape="axes")
 
 
 def test_a_force_of_zero_tells_no_vertical_and_is_not_used(scene):
@@ -93,14 +82,6 @@ def test_absent_and_clipped_samples_do_not_count(scene):
     assert len(fit.measured) == COUNT // 2 - 1
 
 
-def test_too_many_clipped_samples_are_refused(scene):
-    _, imu = scene
-    small = replace(imu, meta=replace(imu.meta, mag_range=0.95 * float(np.abs(imu.mag).max())))
-    with pytest.raises(CaptureRefusedError) as refused:
-        calibrate_mag(small)
-    assert refused.value.reasons[0].kind == "clipping"
-
-
 @pytest.fixture(scope="module")
 def restricted():
     """Half a minute of turning with the inclination below 12°, and shaken too much to tell a vertical."""
@@ -117,43 +98,27 @@ def test_the_gyroscope_rescues_restricted_motion(restricted):
     assert fit.remarks[0].startswith("Fitted with the gyroscope, because otherwise no ellipsoid fits")
     assert heading_rms(fit.calibration, unit) < 3.0 * fit.calibration.quality.heading_sd
     assert first_remark(imu, with_="gyr", gyr_calibrated=True) == "Fitted with the gyroscope, as asked for."
-    with pytest.raises(CaptureRefusedError, match="too-few-regions"):
-        calibrate_mag(replace(imu, gyr=None), strength=STRENGTH)
 
 
-def test_a_ring_is_refused_although_there_is_a_gyroscope():
-    rng = np.random.default_rng(24)
-    t, q_nb, true = trajectory(rng, duration=20.0, tilt=np.radians(1.0))
-    imu = ImuData(t=t, gyr=rates(rng, true), acc=force(rng, q_nb), mag=field(rng, unit_of(rng), q_nb))
-    with pytest.raises(CaptureRefusedError, match=r"level-ring.*choose the gyroscope to help.*--shape level"):
-        calibrate_mag(imu)
-
-
-def test_level_is_asked_for():
+@pytest.fixture(scope="module")
+def level():
     rng = np.random.default_rng(23)
     q_nb = attitudes(rng, COUNT, np.radians(0.5))
-    imu = ImuData(t=0.02 * np.arange(COUNT), acc=force(rng, q_nb), mag=field(rng, unit_of(rng), q_nb))
-    fit = calibrate_mag(imu, shape="level")
+    return ImuData(t=0.02 * np.arange(COUNT), acc=force(rng, q_nb), mag=field(rng, unit_of(rng), q_nb))
+
+
+def test_level_is_asked_for(level):
+    fit = calibrate_mag(level, shape="level")
     assert fit.calibration.matrix[2].tolist() == [0.0, 0.0, 1.0]
     assert "ONLY LEVEL" in fit.remarks[1]
-    with pytest.raises(CaptureRefusedError, match="level-ring"):
-        calibrate_mag(imu)
 
 
-def test_choices_that_make_no_sense_are_refused(scene):
-    _, imu = scene
-    with pytest.raises(ShapeError, match="with_ must be one of"):
-        calibrate_mag(imu, with_="barometer")
-    with pytest.raises(ShapeError, match="shape must be one of"):
-        calibrate_mag(imu, shape="cube")
-    with pytest.raises(ParameterError, match="whole matrix"):
-        calibrate_mag(imu, with_="acc", shape="axes")
-    with pytest.raises(CalibrationError, match="no gyr"):
-        calibrate_mag(imu, with_="gyr")
-    with pytest.raises(CalibrationError, match="no acc"):
-        calibrate_mag(replace(imu, acc=None), with_="acc")
-    with pytest.raises(CaptureRefusedError, match="within 3 % of gravity; at least 14 are needed"):
-        calibrate_mag(imu.corrected(acc=imu.acc / G0, meta=imu.meta), with_="acc")
+def ring(duration, **triads):
+    """Turns about the vertical, level to a degree."""
+    rng = np.random.default_rng(24)
+    t, q_nb, true = trajectory(rng, duration=duration, tilt=np.radians(1.0))
+    imu = ImuData(t=t, gyr=rates(rng, true), acc=force(rng, q_nb), mag=field(rng, unit_of(rng), q_nb))
+    return replace(imu, **triads)
 
 
 MIRRORED = {"z negated": np.diag([1.0, 1.0, -1.0]), "x and y swapped": np.eye(3)[[1, 0, 2]]}
@@ -170,60 +135,127 @@ def tumbled():
     return unit, ImuData(t=t, gyr=gyr, acc=force(rng, q_nb), mag=field(rng, unit, q_nb), meta=meta)
 
 
-@pytest.mark.parametrize("mirror", MIRRORED.values(), ids=MIRRORED)
-@pytest.mark.parametrize("helper", ["none", "gyr"])
-def test_a_mirrored_magnetometer_turns_against_the_gyroscope(tumbled, mirror, helper):
-    imu = tumbled[1]
-    wrong = imu.corrected(mag=imu.mag @ mirror.T, meta=imu.meta)
-    assert "mirrored" not in str(calibrate_mag(imu, with_="none").remarks)
-    with pytest.raises(CaptureRefusedError, match=r"mirrored: .*mirrored = true"):
-        calibrate_mag(wrong, with_=helper)
+@pytest.fixture(scope="module")
+def captures(scene, restricted, level, tumbled):
+    """What rows of tables make their captures of."""
+    return SimpleNamespace(scene=scene[1], restricted=restricted[1], level=level, tumbled=tumbled[1])
+
+
+SHAKEN = 3.0 * np.random.default_rng(1).normal(size=(COUNT, 3))
+STILL = np.array([20.0, 0.0, 40.0]) + 0.2 * np.random.default_rng(2).normal(size=(COUNT, 3))
+LEAN = dcm_from_quat(quat_from_rotvec(np.radians([0.0, 0.0, 30.0])))
+
+
+def dead(imu):
+    return sensed(imu, mag=np.where([False, True, False], 3.0, imu.mag))
+
+
+def lightly(imu):
+    """With forces in g."""
+    return sensed(imu, acc=imu.acc / G0)
+
+
+def leaning(imu):
+    """A specific force of the right size, but turned by 30° in the unit."""
+    return replace(slowed(imu), acc=imu.acc @ LEAN.T)
+
+
+def clipped(imu):
+    return replace(imu, meta=replace(imu.meta, mag_range=0.95 * float(np.abs(imu.mag).max())))
+
+
+REFUSED = {
+    "clipping": (lambda c: clipped(c.scene), {}, "^clipping"),
+    "restricted and no gyroscope": (lambda c: replace(c.restricted, gyr=None), {}, "too-few-regions"),
+    "ring and gyroscope": (lambda _: ring(20.0), {}, "level-ring.*choose the gyroscope to help.*--shape level"),
+    "no card of the gyroscope": (lambda _: ring(10.0, acc=None), GYR, "ill-conditioned.*Calibrate the gyroscope first"),
+    "level and not asked for": (lambda c: c.level, {}, "level-ring"),
+    "force in g": (lambda c: lightly(c.scene), ACC, "within 3 % of gravity; at least 14 are needed"),
+    "mirrored, biased rates": (lambda c: sensed(c.tumbled, mag=c.tumbled.mag * [1, 1, -1]), NONE, "^mirrored: "),
+    "negated, dip of the north": (lambda c: negated(c.scene), {"dip": DIP}, "wrong-field: the field dips by -60"),
+    "another dip": (lambda c: c.scene, NONE | FLAT, "wrong-field: .* in the capture, but by 40.0° at the place"),
+    "another dip beside a force": (lambda c: c.scene, ACC | FLAT, "wrong-field"),
+    "a vertical by chance": (lambda c: leaning(c.tumbled), ACC, "not-still: the field is turned by (29|30|31)°"),
+    "a dead axis": (lambda c: dead(c.scene), ACC, "implausible: y of the magnetometer always reads 3 µT"),
+    "still": (lambda c: replace(c.scene, mag=STILL), NONE, "no-motion"),
+    "still beside a force": (lambda c: replace(c.scene, mag=STILL), {}, "no-motion"),
+}
+CHOICES = {
+    "no such help": ({"with_": "barometer"}, ShapeError, "with_ must be one of"),
+    "no such shape": ({"shape": "cube"}, ShapeError, "shape must be one of"),
+    "help and axes": (ACC | {"shape": "axes"}, ParameterError, "whole matrix"),
+    "no gyr": (GYR, CalibrationError, "no gyr"),
+}
+
+
+@pytest.mark.parametrize("case", [*REFUSED, *CHOICES])
+def test_refusals(captures, case):
+    if case in CHOICES:
+        make, (options, error, words) = (lambda c: c.scene), CHOICES[case]
+    else:
+        (make, options, words), error = REFUSED[case], CaptureRefusedError
+    with pytest.raises(error, match=words):
+        calibrate_mag(make(captures), **options)
 
 
 @pytest.mark.parametrize("mirror", MIRRORED.values(), ids=MIRRORED)
 def test_a_mirrored_magnetometer_turns_the_field_up_beside_an_accelerometer(scene, mirror):
-    imu = scene[1]
-    wrong = imu.corrected(mag=imu.mag @ mirror.T, meta=imu.meta)
+    wrong = sensed(scene[1], mag=scene[1].mag @ mirror.T)
     with pytest.raises(CaptureRefusedError, match=r"mirrored: .*turned by 1[78]\d°.*with a dip of -60°"):
         calibrate_mag(wrong)
-    south = calibrate_mag(wrong, dip=-np.radians(60.0))  # a magnetometer that is turned, and no mirror
-    assert any(told.startswith("TURNED BY 1") for told in south.remarks)
+    south = calibrate_mag(wrong, dip=-DIP)  # a magnetometer that is turned, and no mirror
+    assert any(remark.startswith("TURNED BY 1") for remark in south.remarks)
 
 
-def test_all_axes_negated_are_a_field_of_the_south(scene):
-    imu = scene[1]
-    wrong = imu.corrected(mag=-imu.mag, meta=imu.meta)
-    assert any(told.startswith("FIELD POINTS UP: a dip of -60°") for told in calibrate_mag(wrong).remarks)
-    with pytest.raises(CaptureRefusedError, match="wrong-field: the field dips by -60"):
-        calibrate_mag(wrong, dip=np.radians(60.0))
+def holed(imu):
+    """Every third field and every fifth force are not there."""
+    mag, acc = imu.mag.copy(), imu.acc.copy()
+    mag[::3], acc[::5] = np.nan, np.nan
+    return sensed(imu, mag=mag, acc=acc)
 
 
-@pytest.mark.parametrize("helper", ["none", "acc"])
-def test_the_dip_of_the_place_is_compared(scene, helper):
-    imu = scene[1]  # its field dips by 60°
-    assert not any("DIP OFF" in told for told in calibrate_mag(imu, with_=helper, dip=np.radians(59.0)).remarks)
-    doubtful = calibrate_mag(imu, with_=helper, dip=np.radians(65.0))
-    assert any("in the capture, but by 65.0°" in told for told in doubtful.remarks)
-    with pytest.raises(CaptureRefusedError, match=r"wrong-field: .* in the capture, but by 40.0° at the place"):
-        calibrate_mag(imu, with_=helper, dip=np.radians(40.0))
+def five_rates(imu):
+    gyr = imu.usable("gyr").copy()
+    gyr[5:] = np.nan
+    return replace(imu, gyr=gyr, flags=None)
 
 
-def test_what_is_not_calibrated_is_told(scene):
-    imu = scene[1]
-    assert any("UNCALIBRATED accelerometer" in told for told in calibrate_mag(imu).remarks)
-    assert not any("UNCALIBRATED" in told for told in calibrate_mag(imu, acc_calibrated=True).remarks)
+REMARKS = {
+    "shaken": (lambda c: sensed(c.scene, acc=c.scene.acc + SHAKEN), {}, "which moved or is not calibrated", 1),
+    "biased": (lambda c: sensed(c.scene, acc=c.scene.acc + 0.05 * G0), {}, "which moved or is not calibrated", 1),
+    "asked for": (lambda c: c.scene, ACC, "as asked for", 1),
+    "not there": (lambda c: replace(c.scene, acc=None), {}, "there is no acc", 1),
+    "fewer parameters": (lambda c: c.scene, {"shape": "axes"}, "smaller shape", 1),
+    "negated": (lambda c: negated(c.scene), {}, "FIELD POINTS UP: a dip of -60°", 1),
+    "dip of the place": (lambda c: c.scene, NONE | {"dip": np.radians(59.0)}, "DIP OFF", 0),
+    "the same beside a force": (lambda c: c.scene, ACC | {"dip": np.radians(59.0)}, "DIP OFF", 0),
+    "doubtful dip": (lambda c: c.scene, NONE | STEEP, "in the capture, but by 65.0°", 1),
+    "doubtful beside a force": (lambda c: c.scene, ACC | STEEP, "in the capture, but by 65.0°", 1),
+    "of samples with both": (lambda c: holed(c.scene), NONE | STEEP, "in the capture, but by 65.0°", 1),
+    "uncalibrated": (lambda c: c.scene, {}, "UNCALIBRATED accelerometer", 1),
+    "calibrated": (lambda c: c.scene, {"acc_calibrated": True}, "UNCALIBRATED", 0),
+    "right axes": (lambda c: c.tumbled, NONE, "mirrored", 0),
+    "no rates": (lambda c: replace(c.tumbled, gyr=None), NONE, "of the rates", 0),
+    "five rates": (lambda c: five_rates(c.tumbled), NONE, "of the rates", 0),
+}
 
 
-def test_a_bias_alone_is_no_gain_of_the_gyroscope(scene):
-    """A card of rest has the bias of the gyroscope and no covariance of its matrix."""
-    rest, known = np.zeros((12, 12)), np.zeros((12, 12))
-    rest[:3, :3], known[3:, 3:] = 1e-8 * np.eye(3), 1e-6 * np.eye(9)
-    for covariance, calibrated in ((None, False), (rest, False), (known, True)):
-        gyr = TriadCalibration(
-            matrix=np.eye(3), bias=np.zeros(3), unit_in=UNITS["gyr"], unit_out=UNITS["gyr"], covariance=covariance
-        )
-        card = CalibrationCard(device="SN1", date="2026-01-01", method="rest", gyr=gyr)
-        assert Capture(scene[1], "SN1", card, "2026-01-01").gyr_calibrated == calibrated
+@pytest.mark.parametrize("case", REMARKS)
+def test_remarks(captures, case):
+    make, options, words, times = REMARKS[case]
+    assert sum(words in remark for remark in calibrate_mag(make(captures), **options).remarks) == times
+
+
+@pytest.mark.parametrize(
+    ("variances", "calibrated"),
+    [(None, False), ([1e-8] * 3 + [0.0] * 9, False), ([0.0] * 3 + [1e-6] * 9, True)],
+    ids=["no covariance", "a bias at rest", "a matrix"],
+)
+def test_a_bias_alone_is_no_gain_of_the_gyroscope(scene, variances, calibrated):
+    covariance = None if variances is None else np.diag(variances)
+    gyr = TriadCalibration(np.eye(3), np.zeros(3), UNITS["gyr"], UNITS["gyr"], covariance=covariance)
+    card = CalibrationCard(device="SN1", date="2026-01-01", method="rest", gyr=gyr)
+    assert Capture(scene[1], "SN1", card, "2026-01-01").gyr_calibrated == calibrated
     assert not Capture(scene[1], "SN1", None, "2026-01-01").gyr_calibrated
 
 
@@ -245,40 +277,8 @@ def test_fast_turning_tells_no_vertical(tumbled):
     assert "the unit turned too fast" in first_remark(fast)
 
 
-def test_a_vertical_by_chance_is_refused_by_the_gyroscope(tumbled):
-    """A specific force that is of the right size but turned by 30° in the unit."""
-    imu = slowed(tumbled[1])
-    lean = dcm_from_quat(quat_from_rotvec(np.radians([0.0, 0.0, 30.0])))
-    turned = replace(imu, acc=imu.acc @ lean.T)
-    with pytest.raises(
-        CaptureRefusedError, match=r"not-still: the field is turned by (29|30|31)° against the gyroscope"
-    ):
-        calibrate_mag(turned, with_="acc")
-
-
-def test_a_dead_axis_and_a_unit_that_lay_still_are_refused(scene):
-    imu = scene[1]
-    dead, still = (
-        imu.mag.copy(),
-        np.array([20.0, 0.0, 40.0]) + 0.2 * np.random.default_rng(2).normal(size=imu.mag.shape),
-    )
-    dead[:, 1] = 3.0
-    for mag, match in ((dead, "implausible: y of the magnetometer always reads 3 µT"), (still, "no-motion")):
-        for helper in ("auto", "none", "acc"):
-            with pytest.raises(CaptureRefusedError, match=match):
-                calibrate_mag(replace(imu, mag=mag), with_=helper)
-
-
-def test_a_gyroscope_without_a_card_is_to_be_calibrated_first():
-    rng = np.random.default_rng(24)
-    t, q_nb, true = trajectory(rng, duration=10.0, tilt=np.radians(1.0))
-    level = ImuData(t=t, gyr=rates(rng, true), mag=field(rng, unit_of(rng), q_nb))
-    with pytest.raises(CaptureRefusedError, match=r"ill-conditioned.*Calibrate the gyroscope first"):
-        calibrate_mag(level, with_="gyr")
-
-
 @pytest.mark.parametrize(
-    "trial", [*TURNED[:2], *(pytest.param(t, marks=pytest.mark.long(reason="other rooms")) for t in TURNED[2:])]
+    "trial", [TURNED[0], *(pytest.param(t, marks=pytest.mark.long(reason="other rooms")) for t in TURNED[1:])]
 )
 def test_a_calibration_in_a_room_says_how_good_it_is(broad_folder, trial):
     """Within 2.6 times the predicted error, beyond which one of six trials lies once in twenty times."""
@@ -294,32 +294,29 @@ def test_where_the_field_is_uneven_the_gyroscope_helps_unasked(broad_folder):
     imu, _ = read_trial(broad_folder / TURNED[3])
     with pytest.raises(CaptureRefusedError, match="uneven-field: the residuals do not average out"):
         calibrate_mag(imu, with_="none")
-    told = "Fitted with the gyroscope, because otherwise the residuals do not average out"
-    assert calibrate_mag(imu).remarks[0].startswith(told)
+    reason = "Fitted with the gyroscope, because otherwise the residuals do not average out"
+    assert calibrate_mag(imu).remarks[0].startswith(reason)
 
 
 def by_gyroscope(imu, **options):
-    (told,) = [one for one in calibrate_mag(imu, **options).remarks if "of the rates" in one]
-    return told
+    (remark,) = [remark for remark in calibrate_mag(imu, **options).remarks if "of the rates" in remark]
+    return remark
+
+
+def degrees_turned(remark):
+    return float(remark.split("turned by ")[1].split("°")[0])
 
 
 def test_every_fit_is_held_against_the_gyroscope(tumbled):
     """A unit mounted askew by 2° is told in figures; rates that are 8 % off, more than any data sheet, as a doubt."""
     imu = tumbled[1]
-    told = {helper: by_gyroscope(imu, with_=helper) for helper in ("none", "gyr")}
-    assert all(one.startswith("Against the gyroscope, the calibrated field turns at 1.00 of") for one in told.values())
-    assert 1.0 < float(told["none"].split("turned by ")[1].split("°")[0]) < 4.0  # its axes are not at right angles
-    assert float(told["gyr"].split("turned by ")[1].split("°")[0]) < 0.3
+    remarks = {helper: by_gyroscope(imu, with_=helper) for helper in ("none", "gyr")}
+    for remark in remarks.values():
+        assert remark.startswith("Against the gyroscope, the calibrated field turns at 1.00 of")
+    assert 1.0 < degrees_turned(remarks["none"]) < 4.0  # its axes are not at right angles
+    assert degrees_turned(remarks["gyr"]) < 0.3
     wrong = replace(imu, gyr=1.08 * imu.gyr)
     assert by_gyroscope(wrong, with_="none").startswith("GYROSCOPE DISAGREES: the calibrated field turns at 0.9")
-
-
-def test_without_rates_nothing_is_held_against_them(tumbled):
-    imu = tumbled[1]
-    part = imu.usable("gyr").copy()
-    part[5:] = np.nan
-    for blind in (replace(imu, gyr=None), replace(imu, gyr=part, flags=None)):
-        assert not any("of the rates" in one for one in calibrate_mag(blind, with_="none").remarks)
 
 
 def test_a_calibration_that_would_rather_harm_is_refused_unless_forced():
@@ -332,4 +329,4 @@ def test_a_calibration_that_would_rather_harm_is_refused_unless_forced():
     forced = calibrate_mag(perfect, force=True)
     assert forced.remarks[0].startswith("DO NOT USE: the calibration changes headings by")
     iron = replace(perfect, mag=perfect.mag + [10.0, 0.0, 0.0])
-    assert not any(told.startswith("DO NOT USE") for told in calibrate_mag(iron).remarks)
+    assert not any(remark.startswith("DO NOT USE") for remark in calibrate_mag(iron).remarks)

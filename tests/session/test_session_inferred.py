@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 
 from plumbob import files
-from plumbob.cli.main import main
 from plumbob.session.reading import read
 from plumbob.session.recorded import convert, read_recorded
 from plumbob.session.recording_sink import RecordingSink
@@ -15,7 +14,8 @@ from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
 from plumbob.session.stream import Stream
 from plumbob.session.watch import Watch, report_lines, report_of
-from tests.helpers.live_samples import SESSION, Handed, reads, session, stream
+from tests.helpers.commandline import ok
+from tests.helpers.live_samples import Handed, reads, session, stream
 
 TELLS = "inferred gaps: 1 gap, 5 s in all, by the host's delays alone: a stall of the host looks the same"
 
@@ -23,13 +23,12 @@ TELLS = "inferred gaps: 1 gap, 5 s in all, by the host's delays alone: a stall o
 def kept(path, *, late_ns=0, gone=0):
     """Record ten seconds, of which the second half is late or begins after a gap."""
     data, half = stream(), 1000 * 30
-    before, after = reads(data[:half]), reads(data[half + 30 * gone :])
     shift = late_ns + 5_000_000 * (1000 + gone)
-    items = [*before, *(replace(item, t_ns=item.t_ns + shift) for item in after)]
-    chosen = session()
-    line = Stream(chosen)
+    after = (replace(item, t_ns=item.t_ns + shift) for item in reads(data[half + 30 * gone :]))
+    line = Stream(session())
     watch = Watch(line)
-    run_stream(line, Handed(items), sinks=[watch], recording=RecordingSink(chosen, RecordSpec(str(path))))
+    keeper = RecordingSink(line.session, RecordSpec(str(path)))
+    run_stream(line, Handed([*reads(data[:half]), *after]), sinks=[watch], recording=keeper)
     return report_of(watch)
 
 
@@ -51,31 +50,23 @@ def test_record_says_it_at_its_end(late):
 @pytest.fixture(scope="module")
 def track(late, tmp_path_factory):
     path = tmp_path_factory.mktemp("track") / "track.parquet"
-    assert main(["run", str(late[0]), "--filter", "tilt_compass", "--out", str(path)]) == 0
+    ok("run", late[0], "--filter", "tilt_compass", "--out", path)
     return path
 
 
-def test_so_does_whoever_reads_it(late, track, tmp_path, capsys):
+def test_so_does_whoever_reads_it(late, track, tmp_path):
     copy = shutil.copy(track, tmp_path / "copy.parquet")
     for words in (["info", late[0]], ["run", late[0], "--filter", "tilt_compass"], ["eval", track, copy]):
-        assert main([str(word) for word in words]) == 0
-        assert f"note: {words[1].name}: {TELLS}" in capsys.readouterr().err
-    assert main(["replay", str(late[0])]) == 0
-    assert "inferred     1 gap, 5 s in all" in capsys.readouterr().out
+        assert f"note: {words[1].name}: {TELLS}" in ok(*words).stderr
+    assert "inferred     1 gap, 5 s in all" in ok("replay", late[0]).stdout
+    assert sum(note.startswith(TELLS) for note in json.loads(ok("info", late[0], "--json").stdout)["notes"]) == 1
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
 def test_it_goes_from_file_to_file(late, tmp_path, suffix):
-    out = tmp_path / f"out{suffix}"
-    convert(late[0], out)
-    assert [note for note in read(out).notes if note.startswith("inferred gaps")] == [
-        note for note in read_recorded(late[0]).notes if note.startswith(TELLS)
-    ]
-
-
-def test_json_has_it(late, capsys):
-    assert main(["info", str(late[0]), "--json"]) == 0
-    assert any(note.startswith(TELLS) for note in json.loads(capsys.readouterr().out)["notes"])
+    convert(late[0], tmp_path / f"out{suffix}")
+    (note,) = [note for note in read_recorded(late[0]).notes if note.startswith(TELLS)]
+    assert [note for note in read(tmp_path / f"out{suffix}").notes if note.startswith("inferred gaps")] == [note]
 
 
 @pytest.mark.parametrize("gone", [0, 100], ids=["whole", "half a second gone"])
@@ -86,12 +77,16 @@ def test_gaps_that_the_device_s_counts_show_are_not_inferred(tmp_path, gone):
     assert not files.inferred_in(read_recorded(tmp_path / "a.mcap").notes)
 
 
-def test_what_to_do_depends_on_what_the_frames_have():
-    def line_of(mode, drift):
-        report = Stream(session(SESSION)).time.report()
-        return files.inferred(replace(report, mode=mode, drift_ppm=drift, inferred=2, inferred_time=3.25))[0]
-
-    assert "2 gaps, 3.25 s in all" in line_of("host", 0.0)
-    assert "add a counter or a clock to the frame, or where" in line_of("host", 0.0)
-    assert "to the frame, declare its rate, or where" in line_of("host", float("nan"))
-    assert 'its frames\' counts go on; where the line waits for its reader set time = "count"' in line_of("clock", 0.0)
+@pytest.mark.parametrize(
+    ("mode", "drift", "words"),
+    [
+        ("host", 0.0, "add a counter or a clock to the frame, or where"),
+        ("host", float("nan"), "to the frame, declare its rate, or where"),
+        ("clock", 0.0, 'its frames\' counts go on; where the line waits for its reader set time = "count"'),
+    ],
+)
+def test_what_to_do_depends_on_what_the_frames_have(mode, drift, words):
+    report = Stream(session()).time.report()
+    (line, *_) = files.inferred(replace(report, mode=mode, drift_ppm=drift, inferred=2, inferred_time=3.25))
+    assert "2 gaps, 3.25 s in all" in line
+    assert words in line

@@ -1,6 +1,7 @@
 """Recordings of a line: replay gives the live bits, damage becomes a gap, conversions hold what was there."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,17 +13,15 @@ from plumbob.core.errors import DecodeError, ParameterError, ShapeError
 from plumbob.files.mcap import Recorder, open_log
 from plumbob.filters.offline import Stage
 from plumbob.protocols.rigs import load as load_rig
-from plumbob.rotations import North, quat_angle, quat_conjugate, quat_multiply
+from plumbob.rotations import North, euler_zyx_from_quat, quat_angle, quat_conjugate, quat_multiply
 from plumbob.session import reading, rows
 from plumbob.session.recorded import convert, only, read_recorded
 from plumbob.session.replay import open_recording, replay
-from plumbob.session.runner import run_stream
-from plumbob.session.sinks import Collected, TextSink
+from plumbob.session.sinks import TextSink
 from plumbob.session.sources import open_source
-from plumbob.session.stream import Stream
 from plumbob.simulation.rigs.plan import PLANS
 from plumbob.simulation.rigs.rig import make_rig
-from tests.helpers.live_samples import OFFSET, SESSION, motion, reads, record, session, stream
+from tests.helpers.live_samples import OFFSET, SESSION, motion, reads, record, session, stream, through
 
 
 @pytest.fixture(scope="module")
@@ -55,12 +54,17 @@ def test_replay_equals_live_to_the_bit(recording):
 
 def test_comparison_notices_another_filter(recording):
     log, chosen = open_recording(recording[0])
-    other = type(chosen)(
-        **{**{f: getattr(chosen, f) for f in chosen.__dataclass_fields__}, "stage": Stage("integrate", {})}
-    )
-    result = replay(log, session=other, check=True).comparison
+    result = replay(log, session=replace(chosen, stage=Stage("integrate", {})), check=True).comparison
     assert not result.equal
     assert result.different > 0
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory):
+    """Two seconds, 400 attitudes."""
+    path = tmp_path_factory.mktemp("short") / "buoy.mcap"
+    record(path, reads(stream(2.0)))
+    return path
 
 
 def rewritten(path, out, change):
@@ -72,39 +76,42 @@ def rewritten(path, out, change):
     with recorder:
         channel = {topic: rows.declare(recorder, topic) for topic in ("events", "imu", "attitude")}
         channel["raw"] = recorder.channel("raw", "application/octet-stream")
-        kept = list(log)
-        for m in kept:
+        messages = list(log)
+        for m in messages:
             if m.topic not in ("attitude", "recorder"):
                 recorder.write(channel[m.topic], m.t_ns, m.data)
-        for row in change([m.data for m in kept if m.topic == "attitude"]):
-            recorder.write(channel["attitude"], kept[-1].t_ns, row)
+        for row in change([m.data for m in messages if m.topic == "attitude"]):
+            recorder.write(channel["attitude"], messages[-1].t_ns, row)
     return replay(out, check=True)
 
 
+def false(row):
+    return row.replace(b"[0.", b"[0.9")
+
+
 @pytest.mark.parametrize(
-    ("change", "found"),
+    ("change", "counts"),
     [
-        (lambda live: live, (2000, 0, 0, 0)),
+        (lambda live: live, (400, 0, 0, 0)),
         # the false rows meet the replay's, and the true ones are what nobody made
-        (lambda live: [row.replace(b"[0.", b"[0.9") for row in live] + live, (2000, 2000, 2000, 0)),
-        (lambda live: [r for row in live for r in (row.replace(b"[0.", b"[0.9"), row)], (2000, 2000, 2000, 0)),
-        (lambda live: live + live[-3:], (2000, 0, 3, 0)),
-        (lambda live: live[:5] + live[8:], (1997, 0, 0, 3)),
-        (lambda live: live[5:], (1995, 0, 0, 5)),
-        (lambda live: live[:-5], (1995, 0, 0, 5)),
-        (lambda live: [row.replace(b'"t_ns":', b'"t_ns":-') for row in live], (0, 0, 2000, 2000)),
+        (lambda live: [*map(false, live), *live], (400, 400, 400, 0)),
+        (lambda live: [r for row in live for r in (false(row), row)], (400, 400, 400, 0)),
+        (lambda live: live + live[-3:], (400, 0, 3, 0)),
+        (lambda live: live[:5] + live[8:], (397, 0, 0, 3)),
+        (lambda live: live[5:], (395, 0, 0, 5)),
+        (lambda live: live[:-5], (395, 0, 0, 5)),
+        (lambda live: [row.replace(b'"t_ns":', b'"t_ns":-') for row in live], (0, 0, 400, 400)),
     ],
 )
-def test_rows_are_compared_in_their_order_and_none_is_left_out(recording, tmp_path, change, found):
-    result = rewritten(recording[0], tmp_path / "a.mcap", change).comparison
-    counts = (result.compared, result.different, result.only_live, result.only_replayed)
-    assert counts == found
-    assert result.equal == (found == (2000, 0, 0, 0))
+def test_rows_are_compared_in_their_order_and_none_is_left_out(short, tmp_path, change, counts):
+    result = rewritten(short, tmp_path / "a.mcap", change).comparison
+    assert (result.compared, result.different, result.only_live, result.only_replayed) == counts
+    assert result.equal == (counts == (400, 0, 0, 0))
 
 
-def test_attitudes_without_a_time_are_refused(recording, tmp_path):
+def test_attitudes_without_a_time_are_refused(short, tmp_path):
     with pytest.raises(DecodeError, match="no whole number of nanoseconds"):
-        rewritten(recording[0], tmp_path / "a.mcap", lambda _: [b'{"t_ns":1.5,"q_nb":0,"bias_b":0,"flags":0}'])
+        rewritten(short, tmp_path / "a.mcap", lambda _: [b'{"t_ns":1.5,"q_nb":0,"bias_b":0,"flags":0}'])
 
 
 def test_bytes_missing_from_a_damaged_recording_become_a_gap(recording, tmp_path):
@@ -126,6 +133,12 @@ def test_bytes_missing_from_a_damaged_recording_become_a_gap(recording, tmp_path
     assert not replayed.comparison.equal
 
 
+@pytest.fixture(scope="module")
+def whole(recording):
+    """Samples and attitudes of the recording."""
+    return read_recorded(recording[0], estimated=True)
+
+
 def test_recorded_samples_are_uncalibrated_and_carry_utc(recording):
     path, _, live = recording
     read = reading.read(path)
@@ -133,45 +146,35 @@ def test_recorded_samples_are_uncalibrated_and_carry_utc(recording):
     assert read.imu.meta.calibration is None
     assert read.imu.meta.t0_ns == OFFSET + int(live.t_ns[0])
     np.testing.assert_array_equal(read.imu.gyr, live.imu(calibrated=False).gyr)
-    assert any("decoded from" in note for note in read.notes)
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
-def test_convert_reads_back_exactly(recording, tmp_path, suffix):
-    path, _, live = recording
-    whole = read_recorded(path, estimated=True)
+def test_convert_reads_back_exactly(recording, whole, tmp_path, suffix):
     out = tmp_path / f"out{suffix}"
     convert(whole, out)
     back = read_recorded(out, estimated=True) if suffix == ".mcap" else files.read(out)
     np.testing.assert_array_equal(back.imu.t_ns, whole.imu.t_ns)
     np.testing.assert_array_equal(back.imu.acc, whole.imu.acc)
-    np.testing.assert_array_equal(back.track.q_nb, live.track().q_nb)
+    np.testing.assert_array_equal(back.track.q_nb, recording[2].track().q_nb)
     assert back.imu.meta == whole.imu.meta
 
 
-def test_tum_conversion_is_scalar_last(recording, tmp_path):
-    whole = read_recorded(recording[0], estimated=True)
+def test_tum_conversion_is_scalar_last_and_takes_the_name_that_evo_users_give(whole, tmp_path):
+    notes = []
     convert(whole, tmp_path / "a.tum")
+    convert(whole, tmp_path / "a.txt", layout="tum", note=notes.append)
+    assert (tmp_path / "a.txt").read_bytes() == (tmp_path / "a.tum").read_bytes()
+    assert notes[-1] == "TUM has no place for samples, bias, flags, notes: left out"
     table = np.loadtxt(tmp_path / "a.tum")
     np.testing.assert_array_equal(table[:, 4:], whole.track.q_nb[:, [1, 2, 3, 0]])
     np.testing.assert_array_equal(table[:, 1:4], 0.0)
     assert table[5, 0] == pytest.approx(whole.track.t[5], abs=1e-9)
 
 
-def test_tum_says_what_it_leaves_out_and_takes_the_name_that_evo_users_give(recording, tmp_path):
-    notes = []
-    convert(recording[0], tmp_path / "a.txt", layout="tum", note=notes.append)
-    head, first = (tmp_path / "a.txt").read_text().splitlines()[:2]
-    assert head.startswith("# timestamp tx ty tz qx qy qz qw; body to NED, heading from magnetic north; 0 s is ")
-    assert len(first.split(" ")) == 8
-    assert notes[-1] == "TUM has no place for samples, bias, flags, notes: left out"
-
-
-def test_viewers_of_foxglove_find_its_transforms(recording, tmp_path):
+def test_viewers_of_foxglove_find_its_transforms(whole, tmp_path):
     """By the library of MCAP, and docs.foxglove.dev/docs/sdk/schemas/frame-transform."""
     from mcap.reader import make_reader
 
-    whole = read_recorded(recording[0], estimated=True)
     convert(whole, tmp_path / "a.mcap")
     with (tmp_path / "a.mcap").open("rb") as file:
         found = [(schema, message) for schema, _, message in make_reader(file).iter_messages(topics=["tf"])]
@@ -179,45 +182,43 @@ def test_viewers_of_foxglove_find_its_transforms(recording, tmp_path):
     world, *bodies = [json.loads(message.data) for _, message in found]
     assert (world["parent_frame_id"], world["child_frame_id"]) == ("world (ENU)", "navigation (NED)")
     assert len(bodies) == len(whole.track)
-    q_nb = [[one["rotation"][axis] for axis in "wxyz"] for one in bodies]
+    q_nb = [[body["rotation"][axis] for axis in "wxyz"] for body in bodies]
     np.testing.assert_array_equal(q_nb, whole.track.q_nb)
-    stamps = [one["timestamp"]["sec"] * 10**9 + one["timestamp"]["nsec"] for one in bodies]
+    stamps = [body["timestamp"]["sec"] * 10**9 + body["timestamp"]["nsec"] for body in bodies]
     assert stamps == (whole.imu.t_ns + whole.imu.meta.t0_ns).tolist() == [message.log_time for _, message in found[1:]]
 
 
-def test_text_conversion_has_degrees(recording, tmp_path):
-    path = tmp_path / "a.txt"
-    convert(recording[0], path)
-    lines = path.read_text().splitlines()
-    assert lines[0].startswith("# roll about x") and "axes to NED, heading from magnetic north; by mahony(" in lines[0]
-    assert lines[1].split("\t") == ["t [s]", "roll [deg]", "pitch [deg]", "yaw [deg]", "flags"]
-    assert len(lines) == 2 + len(motion().imu)
+def test_text_conversion_has_degrees(whole, tmp_path):
+    convert(whole, tmp_path / "a.txt")
+    table = np.loadtxt(tmp_path / "a.txt", skiprows=2, delimiter="\t", usecols=(0, 1, 2, 3))
+    angles = np.degrees(euler_zyx_from_quat(whole.track.q_nb))[:, ::-1]
+    assert len(table) == len(motion().imu)
+    np.testing.assert_allclose(table[:, 1:], angles, rtol=0, atol=1e-3)
 
 
-def test_convert_refuses_what_is_not_there_and_what_would_be_lost(recording, tmp_path):
-    samples = only(read_recorded(recording[0], estimated=True), "samples")
-    with pytest.raises(ShapeError, match="holds an attitude, and there is none"):
-        convert(samples, tmp_path / "a.tum")
+def test_convert_refuses_what_is_not_there_and_what_would_be_lost(whole, tmp_path):
+    samples = only(whole, "samples")
     with pytest.raises(ShapeError, match="has no attitude; it has samples"):
         only(samples, "attitude")
     for name in ("b.tum", "b.csv", "b.parquet"):
         (tmp_path / name).write_text("precious")
-        with pytest.raises(ParameterError, match="exists already and is not replaced"):
-            convert(read_recorded(recording[0], estimated=True), tmp_path / name)
-    with pytest.raises(ParameterError, match=r"convert writes .*, not '\.json'"):
-        convert(recording[0], tmp_path / "b.json")
-
-
-def test_foreign_file_is_refused(tmp_path):
+    for recording, name, error, words in (
+        (samples, "a.tum", ShapeError, "holds an attitude, and there is none"),
+        (whole, "b.tum", ParameterError, "exists already and is not replaced"),
+        (whole, "b.csv", ParameterError, "exists already and is not replaced"),
+        (whole, "b.parquet", ParameterError, "exists already and is not replaced"),
+        (whole, "b.json", ParameterError, r"convert writes .*, not '\.json'"),
+    ):
+        with pytest.raises(error, match=words):
+            convert(recording, tmp_path / name)
     (tmp_path / "a.mcap").write_bytes(b"no recording")
     with pytest.raises(DecodeError):
         reading.read(tmp_path / "a.mcap")
 
 
-def test_text_sink_writes_now_and_then(tmp_path):
-    found = record(tmp_path / "a.mcap", reads(stream()))
+def test_text_sink_writes_now_and_then(tmp_path, recording):
     sink = TextSink(tmp_path / "a.txt", 0.05)
-    for part in found.parts:
+    for part in recording[2].parts:
         sink.on_part(part)
     sink.close()
     times = np.loadtxt(tmp_path / "a.txt", skiprows=2, usecols=0)
@@ -234,12 +235,13 @@ def test_text_sink_leaves_nothing_behind_where_nothing_came(tmp_path):
         TextSink(tmp_path / "no" / "a.txt", 0.05)
 
 
-def test_recording_without_samples_is_smaller_and_replays_alike(tmp_path, recording):
+def test_recording_without_samples_is_smaller_and_replays_alike(tmp_path, short):
     path = tmp_path / "raw.mcap"
-    record(path, reads(stream()), samples=False)
+    live = record(path, reads(stream(2.0)), samples=False)
     assert {m.topic for m in open_log(path)} == {"raw"}
+    assert path.stat().st_size < short.stat().st_size
     log, chosen = open_recording(path)
-    np.testing.assert_array_equal(replay(log, session=chosen).track.q_nb, recording[2].track().q_nb)
+    np.testing.assert_array_equal(replay(log, session=chosen).track.q_nb, live.track().q_nb)
     with pytest.raises(DecodeError, match="holds no attitudes"):
         replay(log, session=chosen, check=True)
 
@@ -258,20 +260,23 @@ def test_viewers_library_reads_the_recording(recording):
     assert seen["raw"][1] == OFFSET + recording[1][0].t_ns
 
 
+ROD = 'kind = "plumbob session"\nversion = 1\n[format]\nname = "rod"\n[imu]\nframe = "NED"\n'
+REFERENCE = '[reference]\nunit = "ref"\nnorth = "magnetic"\n'
+
+
+def rod(plan, duration):
+    """The rod's rig, and what a line gives of it."""
+    rig = make_rig(plan, load_rig("rod"), seed=1, duration=duration, unit="calibrated")
+    return rig, [Received(int(t) + 10**9, frame.tobytes()) for t, frame in zip(rig.due_ns, rig.frames, strict=True)]
+
+
 def test_reference_in_the_same_frames_is_read_and_compared(tmp_path):
     """The rod's rig: its AHRS gives the truth, to half a count of 180°/2^15."""
-    plan = PLANS["rod"].with_reference("ideal")
-    rig = make_rig(plan, load_rig("rod"), seed=1, duration=20.0, unit="calibrated")
-    text = (
-        'kind = "plumbob session"\nversion = 1\n[format]\nname = "rod"\n[imu]\nframe = "NED"\n'
-        '[reference]\nunit = "ref"\nnorth = "magnetic"\n'
-    )
-    items = [Received(int(t) + 10**9, frame.tobytes()) for t, frame in zip(rig.due_ns, rig.frames, strict=True)]
-    record(tmp_path / "rod.mcap", items, text)
-    whole = read_recorded(tmp_path / "rod.mcap")
-    truth = rig.units["ref"].truth  # its case is turned against the other's, as on the rod
-    assert whole.track.north is North.MAGNETIC
-    turn = quat_multiply(quat_conjugate(truth.q_nb), whole.track.q_nb)
+    rig, items = rod(PLANS["rod"].with_reference("ideal"), 5.0)
+    record(tmp_path / "rod.mcap", items, ROD + REFERENCE)
+    track, truth = read_recorded(tmp_path / "rod.mcap").track, rig.units["ref"].truth  # turned against the other's case
+    assert track.north is North.MAGNETIC
+    turn = quat_multiply(quat_conjugate(truth.q_nb), track.q_nb)
     angle = 2.0 * np.arcsin(np.minimum(1.0, np.linalg.norm(turn[:, 1:], axis=1)))
     half_count = np.radians(0.5 * 180.0 / 2**15)
     assert np.median(angle) < 2.0 * half_count  # three angles, each half a count off at most
@@ -280,13 +285,12 @@ def test_reference_in_the_same_frames_is_read_and_compared(tmp_path):
 @pytest.mark.parametrize("lost", [(), (100, 101, 102)])
 def test_capture_of_a_logger_gives_the_device_times(tmp_path, lost):
     """Raw bytes without a host: time from the device clock, holes where frames are missing."""
-    data = stream()
-    kept = b"".join(data[30 * i : 30 * i + 30] for i in range(len(data) // 30) if i not in lost)
-    (tmp_path / "sd.bin").write_bytes(b"\x00\xa5" + kept)
+    data = stream(2.0)
+    frames = b"".join(data[30 * i : 30 * i + 30] for i in range(len(data) // 30) if i not in lost)
+    (tmp_path / "sd.bin").write_bytes(b"\x00\xa5" + frames)
     chosen = session(SESSION + f'[source]\nkind = "file"\npath = "{tmp_path / "sd.bin"}"\n')
-    line, found = Stream(chosen), Collected()
-    run_stream(line, open_source(chosen.source), sinks=[found])
-    t_ns = np.delete(motion().imu.t_ns // 1000 * 1000, lost)
+    line, found = through([], chosen, source=open_source(chosen.source))
+    t_ns = np.delete(motion(2.0).imu.t_ns // 1000 * 1000, lost)
     np.testing.assert_array_equal(found.imu(calibrated=True).t_ns, t_ns)
     assert line.report()["time"]["lost"] == len(lost)
     assert line.decoder.counts.junk == 2
@@ -294,29 +298,24 @@ def test_capture_of_a_logger_gives_the_device_times(tmp_path, lost):
 
 def test_capture_that_cannot_be_timed_or_decoded_is_refused(tmp_path):
     (tmp_path / "a.bin").write_bytes(bytes(1000))
-    with pytest.raises(DecodeError, match="holds no frame of imu9"):
-        open_source(session(SESSION + f'[source]\nkind = "file"\npath = "{tmp_path / "a.bin"}"\n').source)
-    with pytest.raises(DecodeError, match="does not exist"):
-        open_source(session(SESSION + f'[source]\nkind = "file"\npath = "{tmp_path / "b.bin"}"\n').source)
-    text = f'kind = "plumbob session"\nversion = 1\n[source]\nkind = "file"\npath = "{tmp_path / "a.bin"}"\n'
-    text += '[format]\nname = "mpu6000"\n'
-    with pytest.raises(ParameterError, match="neither a clock nor a rate"):
-        open_source(session(text).source)
-    timed = session(text.replace("[format]", 'rate = "50 Hz"\n[format]'))
-    items = open_source(timed.source)
+    source = f'[source]\nkind = "file"\npath = "{tmp_path / "a.bin"}"\n'
+    bare = f'kind = "plumbob session"\nversion = 1\n{source}[format]\nname = "mpu6000"\n'
+    for text, error, words in (
+        (SESSION + source, DecodeError, "holds no frame of imu9"),
+        (SESSION + source.replace("a.bin", "b.bin"), DecodeError, "does not exist"),
+        (bare, ParameterError, "neither a clock nor a rate"),
+    ):
+        with pytest.raises(error, match=words):
+            open_source(session(text).source)
+    items = open_source(session(bare.replace("[format]", 'rate = "50 Hz"\n[format]')).source)
     assert items.read(0.0)[0].t_ns == round(63 * 1e9 / 50)  # 64 frames, the last of them 63 periods after the first
 
 
 @pytest.mark.parametrize("chosen", ['filter = "integrate"', ""], ids=["integrate", "by default"])
 def test_a_gyroscope_started_from_the_reference_follows_it_and_replays(tmp_path, chosen):
     """The rod's rig has no magnetometer: the start is the AHRS's first frame, headings from its north."""
-    rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=2.0, unit="calibrated")
-    text = (
-        'kind = "plumbob session"\nversion = 1\n[format]\nname = "rod"\n[imu]\nframe = "NED"\n'
-        f'[estimate]\n{chosen}\ninit = "truth"\n[reference]\nunit = "ref"\nnorth = "magnetic"\n'
-    )
-    items = [Received(int(t) + 10**9, frame.tobytes()) for t, frame in zip(rig.due_ns, rig.frames, strict=True)]
-    record(tmp_path / "rod.mcap", items, text)
+    _, items = rod(PLANS["rod"], 2.0)
+    record(tmp_path / "rod.mcap", items, f'{ROD}[estimate]\n{chosen}\ninit = "truth"\n{REFERENCE}')
     log, session = open_recording(tmp_path / "rod.mcap")
     replayed = replay(log, session=session, check=True)
     assert replayed.comparison.equal

@@ -14,7 +14,7 @@ from pynmeagps import NMEAReader
 import plumbob
 from plumbob.core.errors import FrameError, ParameterError, PlumbobError
 from plumbob.session.session_toml import load_session
-from tests.cli.test_cli_live import rig
+from tests.helpers.live_samples import rig
 
 
 def session(folder: Path, line: Path, more: str = "") -> Path:
