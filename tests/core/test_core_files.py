@@ -19,7 +19,6 @@ from plumbob.calibration.rate_table import read_plan
 from plumbob.calibration.report import certificate
 from plumbob.cli import common
 from plumbob.cli.main import main
-from plumbob.core import files
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import MAX_TEXT, replacing, write_text
 from plumbob.data import AttitudeTrack, ImuData
@@ -35,6 +34,7 @@ from plumbob.rotations import IDENTITY, Frame, North
 from plumbob.session.recorded import convert
 from plumbob.session.session_toml import load_session
 from plumbob.session.sources import CaptureSource
+from tests.helpers.commandline import ok, refused
 
 ROOM = 256  # bytes: less than any file below has
 BEFORE = b"what was there before"
@@ -53,7 +53,7 @@ def full_disk():
         signal.signal(signal.SIGXFSZ, before)
 
 
-def left(folder):
+def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
@@ -97,88 +97,62 @@ WRITERS = {
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_full_disk_leaves_what_was_there(tmp_path, name):
-    path = tmp_path / name
-    path.write_bytes(BEFORE)
-    with full_disk(), pytest.raises(DecodeError, match=rf"{name}.* cannot be written: .*Nothing was changed"):
-        written(path, overwrite=True)
-    assert path.read_bytes() == BEFORE
-    assert left(tmp_path) == [name]
-    written(path, overwrite=True)
-    assert path.stat().st_size > ROOM
-
-
-@pytest.mark.parametrize("name", WRITERS)
-def test_a_file_is_replaced_only_where_that_is_asked_for(tmp_path, name):
+def test_what_was_there_is_replaced_where_that_is_asked_for_and_kept_on_a_full_disk(tmp_path, name):
     """One rule, and one sentence from every writer."""
     path = tmp_path / name
     path.write_bytes(BEFORE)
     with pytest.raises(ParameterError, match=rf"{name} exists already and is not replaced\. Name another .*--force"):
         written(path)
-    assert (path.read_bytes(), left(tmp_path)) == (BEFORE, [name])
+    with full_disk(), pytest.raises(DecodeError, match=rf"{name}.* cannot be written: .*Nothing was changed"):
+        written(path, overwrite=True)
+    assert (path.read_bytes(), names(tmp_path)) == (BEFORE, [name])
+    written(path, overwrite=True)
+    assert path.stat().st_size > ROOM
 
 
-def test_nor_is_one_that_came_into_being_meanwhile(tmp_path):
+def test_what_came_into_being_meanwhile_is_kept_and_a_disk_without_links_will_do(tmp_path, monkeypatch):
     path = tmp_path / "a.txt"
     with pytest.raises(ParameterError, match="exists already"), replacing(path) as temporary:
         temporary.write_bytes(b"ours")
         path.write_bytes(BEFORE)
-    assert (path.read_bytes(), left(tmp_path)) == (BEFORE, ["a.txt"])
-
-
-def test_nor_by_a_rename_where_the_disk_has_no_links(tmp_path, monkeypatch):
+    assert (path.read_bytes(), names(tmp_path)) == (BEFORE, ["a.txt"])
+    path.unlink()
     monkeypatch.setattr(os, "link", lambda *_: (_ for _ in ()).throw(OSError(errno.EPERM, "no links here")))
-    assert write_text(tmp_path / "a.txt", "ours").read_text() == "ours"
-    assert left(tmp_path) == ["a.txt"]
+    assert write_text(path, "ours").read_bytes() == b"ours"
+    assert names(tmp_path) == ["a.txt"]
 
 
 def test_what_a_killed_process_left_is_removed_and_what_a_living_one_writes_is_not(tmp_path):
     path = tmp_path / "a.txt"
     with subprocess.Popen([sys.executable, "-c", WAITS, path, tmp_path / "b.txt"], stdout=subprocess.PIPE) as child:
         assert child.stdout.readline() == b"writing\n"
-        (temporary,) = (one for one in left(tmp_path) if one.startswith(".a.txt"))
+        (temporary,) = (one for one in names(tmp_path) if one.startswith(".a.txt"))
         assert re.fullmatch(r"\.a\.txt\.plumbob-[0-9a-f]{8}\.tmp", temporary)  # whose it is, and of which file
         write_text(path, "ours")
-        assert temporary in left(tmp_path)
+        assert temporary in names(tmp_path)
         child.kill()
     write_text(path, "ours again", overwrite=True)
     assert path.read_text() == "ours again"
-    assert temporary not in left(tmp_path)
-    assert [one for one in left(tmp_path) if one.startswith(".b.txt")]  # until a b.txt is written
+    assert temporary not in names(tmp_path)
+    assert [one for one in names(tmp_path) if one.startswith(".b.txt")]  # until a b.txt is written
 
 
 @pytest.fixture(scope="module")
 def stream(tmp_path_factory):
     """Two seconds of a rig's bytes, once decoded: a compiled kernel is a file that a full disk would not keep."""
     path = tmp_path_factory.mktemp("stream") / "fin.bin"
-    assert main(["emulate", "fin", "--duration", "2s", "--write", str(path)]) == 0
-    assert main(["decode", str(path), "--format", "fin", "--out", str(path.with_suffix(".csv"))]) == 0
+    ok("emulate", "fin", "--duration", "2s", "--write", path)
+    ok("decode", path, "--format", "fin", "--out", path.with_suffix(".csv"))
     return path
 
 
-@pytest.mark.parametrize("name", ["table.csv", "table.json", "table.parquet"])
-def test_a_full_disk_leaves_no_cut_table(tmp_path, stream, name, capsys):
-    path = tmp_path / name
+@pytest.mark.parametrize("name", ["table.csv", "table.parquet", "fin.bin"])
+def test_a_full_disk_leaves_no_cut_table_and_no_cut_stream(tmp_path, stream, name):
+    made = ["decode", stream, "--format", "fin", "--out"] if "table" in name else ["emulate", "fin", "--write"]
     with full_disk():
-        assert main(["decode", str(stream), "--format", "fin", "--out", str(path)]) == 1
-    assert re.search(rf"{name}.* cannot be written: .*File too large", capsys.readouterr().err)
-    assert left(tmp_path) == []
-
-
-def test_a_full_disk_leaves_no_cut_stream(tmp_path, capsys):
-    with full_disk():
-        assert main(["emulate", "fin", "--duration", "2s", "--write", str(tmp_path / "fin.bin")]) == 1
-    assert "fin.bin cannot be written: File too large." in capsys.readouterr().err
-    assert left(tmp_path) == []
-
-
-def test_ctrl_c_leaves_what_was_there(tmp_path):
-    path = tmp_path / "a.txt"
-    path.write_bytes(BEFORE)
-    with pytest.raises(KeyboardInterrupt), replacing(path, overwrite=True) as temporary:
-        temporary.write_bytes(b"half of")
-        raise KeyboardInterrupt
-    assert (path.read_bytes(), left(tmp_path)) == (BEFORE, ["a.txt"])
+        line = refused(*made, tmp_path / name, *(() if "table" in name else ("--duration", "2s")))
+    assert re.search(rf"{name}.* cannot be written: .*File too large", line)
+    assert names(tmp_path) == []
 
 
 WAITS = """
@@ -204,7 +178,7 @@ def test_a_signal_in_the_middle_leaves_what_was_there_and_a_sentence(tmp_path, m
     monkeypatch.setattr(verdict, "pack", lambda *what: (pack(*what), os.kill(os.getpid(), number))[0])
     assert main(["convert", str(tmp_path / "a.parquet"), str(out), "--force"]) == 128 + number
     assert capsys.readouterr().err == f"plumbob convert: ended by {name}; not written: {out}.\n"
-    assert (out.read_bytes(), left(tmp_path)) == (BEFORE, ["a.mcap", "a.parquet"])
+    assert (out.read_bytes(), names(tmp_path)) == (BEFORE, ["a.mcap", "a.parquet"])
     assert signal.getsignal(number) == (signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
 
 
@@ -219,7 +193,7 @@ def test_a_signal_between_two_names_waits_for_the_second(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "link", interrupted)
     with pytest.raises(KeyboardInterrupt):
         formats.write(tmp_path / "a.csv", imu())
-    assert left(tmp_path) == ["a.csv", "a.profile.toml"]
+    assert names(tmp_path) == ["a.csv", "a.profile.toml"]
 
 
 def test_files_that_belong_together_change_together(tmp_path):
@@ -250,7 +224,7 @@ def test_pipes_and_the_standard_output_are_written_through(tmp_path):
     reader.start()
     write_text(pipe, "through")
     reader.join(30)
-    assert (got, left(tmp_path)) == ([b"through"], ["pipe"])
+    assert (got, names(tmp_path)) == ([b"through"], ["pipe"])
     code = "from plumbob.core.files import write_text; write_text('/dev/stdout', 'through')"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout == b"through"
     with (tmp_path / "own").open("wb") as own:  # the shell's > own: a rename would leave its content to nobody
@@ -267,11 +241,12 @@ def test_what_is_no_file_on_a_disk_is_kept_from_writers_that_seek(tmp_path, name
     for write in (WRITERS[name], lambda path, **how: repair(sound, path, **how)):
         with pytest.raises(DecodeError, match=rf"{name} cannot be written: it is a pipe or a device"):
             write(pipe, overwrite=True)
-    assert (pipe.is_fifo(), left(tmp_path)) == (True, [name, "sound.mcap"])
+    assert (pipe.is_fifo(), names(tmp_path)) == (True, [name, "sound.mcap"])
 
 
 def test_a_card_replaces_only_a_card_of_its_kind(tmp_path):
-    path = tmp_path / "unit.json"
+    path, other = tmp_path / "unit.json", tmp_path / "other.json"
+    card().save(other)  # a noise card beside a recording is refused before the recording is looked for
     card().save(path)
     before = path.read_bytes()
     with pytest.raises(ParameterError, match=r"unit\.json is a calibration card, not a noise card"):
@@ -282,13 +257,7 @@ def test_a_card_replaces_only_a_card_of_its_kind(tmp_path):
     noise_card().save(path, overwrite=True)
     with pytest.raises(ParameterError, match="is a noise card, not a calibration card"):
         card().save(path, overwrite=True)
-
-
-def test_allan_says_so_before_the_analysis(tmp_path, capsys):
-    card().save(tmp_path / "unit.json")
-    numbers = tmp_path / "absent.txt"  # refused before it is looked for
-    assert main(["allan", str(numbers), "--card", str(tmp_path / "unit.json")]) == 1
-    assert "is a calibration card, not a noise card" in capsys.readouterr().err
+    assert "is a calibration card, not a noise card" in refused("allan", tmp_path / "absent.txt", "--card", other)
 
 
 READERS = {
@@ -324,17 +293,15 @@ def test_only_regular_files_of_a_sane_size_are_read(tmp_path, what):
 @pytest.mark.parametrize("strike", [1, 2, 3])
 def test_a_signal_just_before_signals_are_held_back_leaves_nothing(tmp_path, monkeypatch, strike):
     """Before the temporary is created, before it takes its name, and before it is removed."""
-    hold, entered = files._uninterrupted, []
+    every, entered = signal.valid_signals, []
 
-    @contextmanager
     def struck():
         entered.append(1)
         if len(entered) == strike:
             raise KeyboardInterrupt
-        with hold():
-            yield
+        return every()
 
-    monkeypatch.setattr(files, "_uninterrupted", struck)
+    monkeypatch.setattr(signal, "valid_signals", struck)  # asked for as signals are about to be held back
     with pytest.raises(KeyboardInterrupt), replacing(tmp_path / "a.txt") as temporary:
         temporary.write_text("whole")
-    assert [path.name for path in tmp_path.iterdir()] == (["a.txt"] if strike == 3 else [])
+    assert names(tmp_path) == (["a.txt"] if strike == 3 else [])

@@ -7,22 +7,15 @@ from plumbob.core import flags
 BITS = {name: value for name, value in vars(flags).items() if name.isupper() and name != "MEANING"}
 
 
-def test_each_flag_is_one_bit_of_32_and_has_a_meaning():
+def test_each_flag_is_one_bit_of_32_and_has_its_name_and_a_meaning():
     assert sorted(BITS.values()) == sorted(flags.MEANING)
     assert len(set(BITS.values())) == len(BITS)
-    for value in BITS.values():
+    for name, value in BITS.items():
         assert value.bit_count() == 1
         assert value < 2**32
-
-
-def test_words_follow_the_constants():
-    for name, value in BITS.items():
         assert flags.MEANING[value][0] == name.lower().replace("_", "-")
         assert flags.MEANING[value][1]
-
-
-def test_bits_never_move():
-    """Recordings on disk hold these numbers: a new flag takes a new bit."""
+    # Bits never move: recordings on disk hold these numbers, and a new flag takes a new bit.
     assert [flags.MEANING[1 << i][0] for i in range(16)] == [
         "gyr-absent", "acc-absent", "mag-absent", "gyr-clipped", "acc-clipped", "mag-clipped",
         "gyr-invalid", "acc-invalid", "mag-invalid", "gap", "time-fault", "acc-gated", "mag-gated", "gyr-held",
@@ -30,13 +23,10 @@ def test_bits_never_move():
     ]  # fmt: skip
 
 
-def test_names():
+def test_names_and_counts():
     assert flags.names(0) == ()
     assert flags.names(flags.GAP | flags.GYR_ABSENT) == ("gyr-absent", "gap")
     assert len(flags.names(0xFFFF)) == 16
-
-
-def test_counts():
     words = np.array([flags.GAP, flags.GAP | flags.GYR_ABSENT, 0], dtype=np.uint32)
     assert flags.counts(words) == {"gyr-absent": 1, "gap": 2}
     assert flags.counts(words[2:]) == {}

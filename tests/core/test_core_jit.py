@@ -73,10 +73,8 @@ print(json.dumps({
 """
 
 
-@pytest.fixture
-def tree(tmp_path):
+def planted(root):
     """A copy of the ground floor with one more module of kernels and its callee in another file."""
-    root = tmp_path / "tree"
     package = root / "plumbob"
     (package / "filters").mkdir(parents=True)
     shutil.copy(SOURCE / "__init__.py", package / "__init__.py")
@@ -86,6 +84,25 @@ def tree(tmp_path):
     (package / "filters" / "callee.py").write_text(CALLEE.format(factor=3.0))
     (package / "filters" / "probe.py").write_text(PROBE)
     return root
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory):
+    """The copy, which no test changes."""
+    return planted(tmp_path_factory.mktemp("copy") / "tree")
+
+
+@pytest.fixture(scope="module")
+def filled(tree, tmp_path_factory):
+    """A cache that one process has filled, which no test changes, and what that process said."""
+    cache = tmp_path_factory.mktemp("filled") / "cache"
+    return cache, probe(tree, cache, before="from plumbob.core import _jit; assert _jit.is_cold('loop')")
+
+
+@pytest.fixture
+def cache(filled, tmp_path):
+    """A copy of the cache that is filled."""
+    return shutil.copytree(filled[0], tmp_path / "cache")
 
 
 def python(code, **settings):
@@ -117,18 +134,20 @@ def right(found, factor=3.0):
     return (found["caller"], found["doubling"], found["halving"]) == (10.0 * factor + 1.0, 8.0, 0.125)
 
 
-def test_cache_is_filled_used_and_never_stale(tree, tmp_path):
-    """A callee's edit, a specialised twin, an edit between import and compilation: each must reach the caller."""
-    cache = tmp_path / "cache"
-    first = probe(tree, cache, before="from plumbob.core import _jit; assert _jit.is_cold('loop')")
+def test_cache_is_filled_and_used(tree, filled):
+    cache, first = filled
     assert right(first)
     assert first["hits"] == [0, 0, 0]
     assert cached_files(cache)
-    assert not cached_files(tree)
     second = probe(tree, cache, before="from plumbob.core import _jit; assert not _jit.is_cold('loop')")
     assert right(second)
     assert second["hits"] == [1, 1, 1]
+    assert not cached_files(tree)
 
+
+def test_cache_is_never_stale(tmp_path):
+    """A callee's edit, a specialised twin, an edit between import and compilation: each must reach the caller."""
+    tree, cache = planted(tmp_path / "tree"), tmp_path / "cache"
     callee = tree / "plumbob" / "filters" / "callee.py"
     edit = f"open({str(callee)!r}, 'w').write({CALLEE.format(factor=5.0)!r})"
     assert right(probe(tree, cache, before=edit), factor=3.0)  # this process imported the old source
@@ -137,18 +156,9 @@ def test_cache_is_filled_used_and_never_stale(tree, tmp_path):
     assert edited["hits"][0] == 0
 
 
-def test_a_folder_that_cannot_be_written_means_no_cache(tree, tmp_path):
-    """And not a cache beside the sources, where nothing notices an edit in another file."""
-    (tmp_path / "cache").touch()
-    assert right(probe(tree, tmp_path / "cache"))
-    assert not cached_files(tmp_path)
-
-
-def test_a_folder_that_others_can_write_is_not_unpickled(tree, tmp_path):
+def test_a_folder_that_others_can_write_is_not_unpickled(tree, cache, tmp_path):
     """What lies in a cache runs as code when it is read; and one line says that it was not."""
-    cache, ran = tmp_path / "cache", tmp_path / "ran"
-    probe(tree, cache)
-    folder = next(cache.iterdir())
+    folder, ran = next(cache.iterdir()), tmp_path / "ran"
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
     code = f"import plumbob.filters.probe as probe\n{REPORT}"
     for path in cached_files(cache):
@@ -159,7 +169,7 @@ def test_a_folder_that_others_can_write_is_not_unpickled(tree, tmp_path):
     assert not ran.exists()
     assert done.stderr.count(f"compiled kernels are not kept: {folder} is another user's") == 1
     folder.chmod(0o755)
-    process(code, tree=tree, PLUMBOB_CACHE_DIR=str(cache))
+    process("import plumbob.filters.probe as probe; probe.halving(3, 1.0)", tree=tree, PLUMBOB_CACHE_DIR=str(cache))
     assert ran.exists()  # so the file would have run
 
 
@@ -191,49 +201,48 @@ def test_a_folder_of_another_user_is_not_used(tmp_path, monkeypatch):
     assert "another user's" in _jit.why_no_cache()
 
 
-def test_without_a_home_there_is_no_cache(tree, tmp_path):
-    """An unknown user without HOME: '~' stays '~', and must not become a folder of that name."""
-    code = f"""
+NOBODY = """
 import os, pwd
 def nobody(uid): raise KeyError(uid)
-pwd.getpwuid = nobody
-os.chdir({str(tmp_path)!r})
-import plumbob.filters.probe as probe
-{REPORT}"""
-    gone = {"HOME": None, "PLUMBOB_CACHE_DIR": None, "XDG_CACHE_HOME": None}
-    assert right(python(code, tree=tree, **gone))
+pwd.getpwuid = nobody"""
+FULL = "; import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))"
+GONE = {"HOME": None, "PLUMBOB_CACHE_DIR": None, "XDG_CACHE_HOME": None}
+
+
+@pytest.mark.parametrize(("before", "environment"), [(NOBODY, GONE), (FULL, {})], ids=["no home", "full disk"])
+def test_without_a_home_or_room_there_is_no_cache(tree, tmp_path, before, environment):
+    """An unknown user without HOME: '~' stays '~', and must not become a folder of that name."""
+    code = f"import os; os.chdir({str(tmp_path)!r}){before}\nimport plumbob.filters.probe as probe\n{REPORT}"
+    assert right(python(code, tree=tree, **{"PLUMBOB_CACHE_DIR": str(tmp_path / "cache")} | environment))
     assert not cached_files(tmp_path)
     assert not (tmp_path / "~").exists()
 
 
-def test_a_compilation_says_so_once_on_standard_error(tree, tmp_path):
-    """Without any set-up and where warnings are errors; and not where nothing is compiled, or somebody said it."""
+def test_a_compilation_says_so_once_on_standard_error(tree, cache, tmp_path):
+    """Without any set-up and where warnings are errors; and not where nothing is compiled, or somebody said it.
+
+    A cache in a folder that cannot be written is none, and not one beside the sources, where nothing notices an edit in
+    another file.
+    """
     impatient = "from plumbob.core import _jit; _jit._WAITING._left = 0.0"
-    code = f"import plumbob.filters.probe as probe; {impatient}; {{}}; probe.caller(1.0)"
-    cold = {"tree": tree, "PLUMBOB_CACHE_DIR": str(tmp_path / "cache")}
-    said = process(code.format("pass"), **cold).stderr.splitlines()
+    code = f"import plumbob.filters.probe as probe; {impatient}; {{}}; assert probe.caller(1.0) == 4.0"
+    new = {"tree": tree, "PLUMBOB_CACHE_DIR": str(tmp_path / "new")}
+    said = process(code.format("pass"), **new).stderr.splitlines()
     assert len(said) == 1
     assert said[0].startswith("note: compiling Plumbob's kernels for this processor, which takes some seconds, once")
-    assert str(tmp_path / "cache") in said[0]
-    assert process(code.format("pass"), **cold).stderr == ""  # all is kept
+    assert str(tmp_path / "new") in said[0]
+    assert process(code.format("pass"), tree=tree, PLUMBOB_CACHE_DIR=str(cache)).stderr == ""  # all is kept
 
     (tmp_path / "file").touch()
     uncached = {"tree": tree, "PLUMBOB_CACHE_DIR": str(tmp_path / "file")}
-    assert "at each run: no cache can be kept" in process(code.format("pass"), **uncached).stderr
     silent = "import logging; logging.getLogger('plumbob').setLevel('ERROR')"
     assert process(code.format(silent), **uncached).stderr == ""
+    assert "at each run: no cache can be kept" in process(code.format("pass"), **uncached).stderr
+    assert not cached_files(tree)
 
 
-def test_a_full_disk_costs_only_the_cache(tree, tmp_path):
-    full = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))"
-    assert right(probe(tree, tmp_path / "cache", before=full))
-    assert not cached_files(tmp_path)
-
-
-def test_damaged_cache_files_cost_only_a_compilation(tree, tmp_path):
+def test_damaged_cache_files_cost_only_a_compilation(tree, cache):
     """What a power cut leaves: names without content, halves of files."""
-    cache = tmp_path / "cache"
-    probe(tree, cache)
     for i, path in enumerate(cached_files(cache)):
         os.truncate(path, [0, 20, path.stat().st_size // 2][i % 3])
     repaired = probe(tree, cache)
@@ -244,9 +253,9 @@ def test_damaged_cache_files_cost_only_a_compilation(tree, tmp_path):
 
 def test_kernels_from_elsewhere_are_not_cached(tree, tmp_path):
     """Their sources are not in the fingerprint, so an edit in one would leave the other stale."""
-    (tree / "elsewhere.py").write_text(PROBE.replace("plumbob.filters.callee", "outside"))
-    (tree / "outside.py").write_text(CALLEE.format(factor=7.0))
-    before = "import elsewhere as probe"
+    (tmp_path / "elsewhere.py").write_text(PROBE.replace("plumbob.filters.callee", "outside"))
+    (tmp_path / "outside.py").write_text(CALLEE.format(factor=7.0))
+    before = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import elsewhere as probe"
     assert right(probe(tree, tmp_path / "cache", before=before), factor=7.0)
     assert not cached_files(tmp_path)
 
@@ -295,6 +304,7 @@ ARGUMENTS = {
 
 
 def test_plain_python_gives_the_same_bits_and_needs_no_numba():
+    assert set(ARGUMENTS) == {name for name, value in vars(kernels).items() if isinstance(value, _jit.Kernel)}
     code = f"""
 import json, sys
 from plumbob.rotations import kernels
@@ -303,10 +313,6 @@ assert "numba" not in sys.modules
 print(json.dumps(found))"""
     plain = python(code, NUMBA_DISABLE_JIT="1")
     assert plain == {name: [x.hex() for x in getattr(kernels, name)(*args)] for name, args in ARGUMENTS.items()}
-
-
-def test_every_rotation_kernel_is_among_them():
-    assert set(ARGUMENTS) == {name for name, value in vars(kernels).items() if isinstance(value, _jit.Kernel)}
 
 
 def test_importing_stays_light():
@@ -341,28 +347,31 @@ def is_kernel(node):
     )
 
 
-@pytest.mark.parametrize("path", sorted(SOURCE.rglob("*.py")), ids=lambda p: p.relative_to(SOURCE).as_posix())
-def test_all_that_a_kernel_uses_is_in_the_fingerprint(path):
+def test_all_that_a_kernel_uses_is_in_the_fingerprint():
     """Else an edit there leaves the compiled kernel as it was."""
-    module = ast.parse(path.read_text(encoding="utf-8"))
-    origin = imported_from(module)
-    for kernel in filter(is_kernel, ast.walk(module)):
-        assert str(path) in _jit._SOURCES, f"{path} holds kernels, but _jit._KERNEL_SOURCES does not name it"
-        used = {n.id for statement in kernel.body for n in ast.walk(statement) if isinstance(n, ast.Name)}
-        for name in used & set(origin):
-            assert str(origin[name]) in _jit._SOURCES, f"{kernel.name} uses {name} from {origin[name]}"
+    count = 0
+    for path in sorted(SOURCE.rglob("*.py")):
+        if "njit" not in (text := path.read_text(encoding="utf-8")):
+            continue
+        module = ast.parse(text)
+        origin = imported_from(module)
+        for kernel in filter(is_kernel, ast.walk(module)):
+            count += 1
+            assert str(path) in _jit._SOURCES, f"{path} holds kernels, but _jit._KERNEL_SOURCES does not name it"
+            used = {n.id for statement in kernel.body for n in ast.walk(statement) if isinstance(n, ast.Name)}
+            for name in used & set(origin):
+                assert str(origin[name]) in _jit._SOURCES, f"{kernel.name} uses {name} from {origin[name]}"
+    assert count > len(ARGUMENTS)
 
 
 class TestInProcess:
-    def test_a_kernel_keeps_its_name_and_text(self):
-        assert kernels.rotate.__name__ == "rotate"
-        assert "unit quaternion" in kernels.rotate.__doc__
-        assert kernels.rotate.compiled is kernels.rotate.compiled
-
-    def test_nothing_is_compiled_before_the_first_call(self):
+    def test_a_kernel_keeps_its_name_and_text_and_is_compiled_at_its_first_call(self):
         def never():
             raise AssertionError
 
+        assert kernels.rotate.__name__ == "rotate"
+        assert "unit quaternion" in kernels.rotate.__doc__
+        assert kernels.rotate.compiled is kernels.rotate.compiled
         assert njit(never)._compiled is None
 
     @pytest.mark.parametrize(("value", "off"), [("1", True), ("0", False), ("", False), (None, False)])
@@ -375,11 +384,10 @@ class TestInProcess:
 
     def test_cold_until_something_is_cached(self, monkeypatch, tmp_path):
         monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
-        monkeypatch.setenv("PLUMBOB_CACHE_DIR", str(tmp_path))
-        assert _jit.cache_folder().parent == tmp_path
         monkeypatch.setenv("PLUMBOB_CACHE_DIR", "")  # as good as none, and not the working directory
         assert _jit.cache_folder().is_absolute()
         monkeypatch.setenv("PLUMBOB_CACHE_DIR", str(tmp_path))
+        assert _jit.cache_folder().parent == tmp_path
         assert _jit.is_cold("loop")
         _jit.cache_folder().mkdir()
         (_jit.cache_folder() / "base.loop_twin-0a1b-52.py311.nbi").touch()

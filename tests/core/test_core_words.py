@@ -14,15 +14,10 @@ def parameter(quantity, low=-math.inf, high=math.inf, **kind):
     return Parameter("p", Spec(quantity, "", low, high), 0.0, **{"optional": False, "switch": False, **kind})
 
 
-@pytest.mark.parametrize(("count", "text"), [(0, "0 samples"), (1, "1 sample"), (2, "2 samples")])
-def test_a_count_agrees_with_its_noun(count, text):
-    assert counted(count, "sample") == text
-    assert counted(count, "stretch", "stretches") == text.replace("sample", "stretch" + "e" * (count != 1))
-
-
-@pytest.mark.parametrize(("p", "text"), [(0.0321, "p = 0.032"), (0.001, "p = 0.001"), (1e-138, "p < 0.001")])
-def test_a_probability_is_not_printed_beyond_its_use(p, text):
-    assert p_value(p) == text
+def test_counts_agree_with_their_noun_and_probabilities_end_where_their_use_does():
+    assert [counted(n, "sample") for n in (0, 1, 2)] == ["0 samples", "1 sample", "2 samples"]
+    assert [counted(n, "stretch", "stretches") for n in (1, 2)] == ["1 stretch", "2 stretches"]
+    assert [p_value(p) for p in (0.0321, 0.001, 1e-138)] == ["p = 0.032", "p = 0.001", "p < 0.001"]
 
 
 @pytest.mark.parametrize(
@@ -40,8 +35,6 @@ def test_a_probability_is_not_printed_beyond_its_use(p, text):
 )
 def test_a_range_is_printed_as_it_is_declared_or_inside(one, text):
     assert allowed(one) == text
-
-
-def test_a_value_beyond_its_range_is_refused_in_the_unit_of_the_range():
-    with pytest.raises(ParameterError, match=r"^f: p must be 0 to 570 deg/s, but it is 859\.437 deg/s\.$"):
-        checked("f", parameter(Quantity.RATE, 0.0, 10.0), 15.0)  # 15 rad/s
+    if one.spec.high == 10.0:
+        with pytest.raises(ParameterError, match=r"^f: p must be 0 to 570 deg/s, but it is 859\.437 deg/s\.$"):
+            checked("f", one, 15.0)  # 15 rad/s

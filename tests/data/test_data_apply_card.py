@@ -257,17 +257,17 @@ class TestMount:
         assert not np.flatnonzero(found.flags & flags.ACC_ABSENT).size
 
 
-@pytest.mark.parametrize("size", [1, 2, 7, 64])
+@pytest.mark.parametrize("size", [1, 7, 64])
 def test_chunks_get_the_same_bits_with_everything_that_a_card_can_hold(size):
     """A matrix product does not promise that: for a single row BLAS may add in another order."""
     acc = recording().acc.copy()
     acc[100] = np.nan
-    data = recording(acc=acc, temp_c=np.linspace(0.0, 60.0, N))
+    data = recording(acc=acc, temp_c=np.linspace(0.0, 60.0, N))[40:240]  # from below the span to beyond it
     polynomial = {"bias_per_k": TestTemperature.P, "temp_span_c": TestTemperature.SPAN}
     gyr = model("gyr", **polynomial, g_sensitivity=COUPLING)
     made = replace(card("acc", "mag", **polynomial), gyr=gyr, mount=Mount(np.array([0.5, 0.5, -0.5, 0.5])))
     together = apply_card(made, data)
-    assert np.isnan(together.gyr[100]).all()
+    assert np.isnan(together.gyr[60]).all()
     for name in (*TRIADS, "flags"):
         parts = np.concatenate([getattr(apply_card(made, chunk), name) for chunk in data.chunks(size)])
         assert parts.tobytes() == getattr(together, name).tobytes()

@@ -372,9 +372,7 @@ class TestFiles:
         self.refused(path, "is not a plumbob noise card: its 'kind' says otherwise", NoiseCard)
         self.refused(path.with_name("none.json"), r"none\.json does not exist; check the path")
         card = path.read_bytes()
-        cut = [
-            card[:length] for length in range(len(card) - 2)
-        ]  # without the last brace; without the newline it is one
+        cut = [card[:length] for length in range(0, len(card) - 2, 7)]  # without the newline alone it would be one
         for content in (*NO_CARDS, noise().text().encode(), *cut):
             path.write_bytes(content)
             self.refused(path, "is not a plumbob calibration card")
