@@ -10,14 +10,10 @@ EPS = np.finfo(float).eps
 MEAN = 64 * EPS  # an eigenvector of a 4 × 4 matrix with gaps of order 1
 
 
-def test_one_rotation_is_its_own_average(quats):
-    for q in quats[:20]:
-        assert quat_angle(quat_mean(q[np.newaxis]), q) <= MEAN
-        assert quat_mean(-q[np.newaxis])[0] >= 0
-
-
-def test_of_two_is_half_way(quats):
+def test_of_one_is_itself_and_of_two_half_way(quats):
     for a, b in zip(quats[:20], quats[20:40], strict=True):
+        assert quat_angle(quat_mean(a[np.newaxis]), a) <= MEAN
+        assert quat_mean(-a[np.newaxis])[0] >= 0
         gap = abs(a @ b)  # the two eigenvalues are 1 ± |a·b|
         assert quat_angle(quat_mean([a, b]), quat_slerp(a, b, 0.5)) <= MEAN / gap
 
@@ -44,35 +40,23 @@ def test_turning_all_turns_the_average(quats):
     assert quat_angle(quat_mean(quat_multiply(near, quats[5])), quat_multiply(mean, quats[5])) <= MEAN
 
 
-def test_weights_count_like_repetitions():
+def test_weights_count_like_repetitions_and_absent_rows_not_at_all():
     a, b = quat_from_rotvec([[0.2, 0, 0], [0, 0.4, 0]])
     assert quat_angle(quat_mean([a, b], [3, 1]), quat_mean([a, a, a, b])) <= MEAN
     assert quat_angle(quat_mean([a, b], [0, 1]), b) <= MEAN
+    assert np.array_equal(quat_mean([a, [np.nan] * 4, b]), quat_mean([a, b]))
 
 
-def test_absent_rows_are_left_out():
-    q = quat_from_rotvec([[0.2, 0, 0], [0, 0.4, 0]])
-    assert np.array_equal(quat_mean([q[0], [np.nan] * 4, q[1]]), quat_mean(q))
+NOTHING, TWO = "nothing to average", "not unique"
+REFUSED = [
+    *(((q,), NOTHING) for q in (np.zeros((0, 4)), [[np.nan] * 4], [[1, 0, 0, np.nan]])),
+    *(((q,), TWO) for q in (np.eye(4), np.eye(4)[:2], quat_from_rotvec([[0, 0, 0], [np.pi, 0, 0]]))),
+    *(((np.eye(4)[:2], [1.0, bad]), "weights must be finite and ≥ 0") for bad in (-1.0, np.nan, np.inf)),
+    ((np.eye(4), [1.0]), "weights must have one entry"),
+]
 
 
-@pytest.mark.parametrize("q", [np.zeros((0, 4)), [[np.nan] * 4], [[1, 0, 0, np.nan]]])
-def test_nothing_to_average(q):
-    with pytest.raises(ShapeError, match="nothing to average"):
-        quat_mean(q)
-
-
-@pytest.mark.parametrize("q", [np.eye(4), np.eye(4)[:2], quat_from_rotvec([[0, 0, 0], [np.pi, 0, 0]])])
-def test_no_unique_average(q):
-    with pytest.raises(ShapeError, match="not unique"):
-        quat_mean(q)
-
-
-@pytest.mark.parametrize("bad", [-1.0, np.nan, np.inf])
-def test_weights_must_be_weights(bad):
-    with pytest.raises(ShapeError, match="weights must be finite and ≥ 0"):
-        quat_mean(np.eye(4)[:2], [1.0, bad])
-
-
-def test_one_weight_for_each():
-    with pytest.raises(ShapeError, match="weights must have one entry"):
-        quat_mean(np.eye(4), [1.0])
+@pytest.mark.parametrize(("given", "says"), REFUSED)
+def test_what_has_no_average_is_refused(given, says):
+    with pytest.raises(ShapeError, match=says):
+        quat_mean(*given)

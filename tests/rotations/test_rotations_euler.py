@@ -19,6 +19,7 @@ from plumbob.rotations import (
     rotvec_from_quat,
 )
 from plumbob.rotations.quaternions import GIMBAL_MARGIN
+from tests.helpers import examples
 
 EPS = np.finfo(float).eps
 ROUNDING = 16 * EPS  # a dozen products of sines and cosines, there and back
@@ -32,6 +33,11 @@ def rebuilt(q):
     return quat_angle(q, quat_from_euler_zyx(euler_zyx_from_quat(q)))
 
 
+def apart(angles, others):
+    """Differences of angles, on the circle."""
+    return np.abs((np.subtract(angles, others) + np.pi) % (2 * np.pi) - np.pi)
+
+
 def test_order_is_yaw_then_pitch_then_roll_about_moving_axes():
     """Three rotation vectors, each about the axis that the ones before have turned."""
     yaw, pitch, roll = 0.7, -0.4, 1.1
@@ -43,7 +49,7 @@ def test_order_is_yaw_then_pitch_then_roll_about_moving_axes():
     ("angles_deg", "axis", "expected"),
     [  # in NED, body forward-right-down: what a pilot says
         ((90, 0, 0), [1, 0, 0], [0, 1, 0]),  # heading 90°: the nose points east
-        ((0, 90, 0), [1, 0, 0], [0, 0, -1]),  # pitch +90°: the nose points up
+        ((0, 90, 0), [1, 0, 0], [0, 0, -1]),  # pitch +90°: the nose points up; in ENU and NWU, where z is up, down
         ((0, 0, 90), [0, 1, 0], [0, 0, 1]),  # roll +90°: the right wing points down
         ((90, 0, 90), [0, 1, 0], [0, 0, 1]),
         ((90, 90, 0), [0, 0, 1], [0, 1, 0]),  # then pitched up: the belly faces east, where the nose was
@@ -54,29 +60,20 @@ def test_signs_in_ned(angles_deg, axis, expected):
     np.testing.assert_allclose(turned, expected, atol=4 * EPS)
 
 
-def test_pitch_is_nose_down_where_z_is_up():
-    nose = quat_rotate(quat_from_euler_zyx([0.0, 10 * DEG, 0.0]), [1, 0, 0])
-    assert nose[2] < 0  # in ENU and NWU z is up
-
-
 @given(angles, pitches, angles)
 @example(0.0, 0.0, 0.0)
 @example(np.pi, 0.0, np.pi)
 @example(3.0, np.pi / 2, -1.0)
 @example(3.0, -np.pi / 2, -1.0)
+@examples(0.5)
 def test_ranges_and_reconstruction(yaw, pitch, roll):
+    """Up to a pitch of 1.5 rad, cos = 0.07, an error of the quaternion reaches yaw and roll 14 times magnified."""
     q = quat_from_euler_zyx([yaw, pitch, roll])
     back = euler_zyx_from_quat(q)
     assert (np.abs(back) <= [np.pi, np.pi / 2, np.pi]).all()
     assert rebuilt(q) <= (2 * GIMBAL_MARGIN if near_gimbal(q) else ROUNDING)
-
-
-@given(angles, st.floats(-1.5, 1.5), angles)
-def test_angles_come_back(yaw, pitch, roll):
-    """1.5 rad leaves cos(pitch) = 0.07: an error of the quaternion reaches yaw and roll 14 times magnified."""
-    back = euler_zyx_from_quat(quat_from_euler_zyx([yaw, pitch, roll]))
-    apart = (back - [yaw, pitch, roll] + np.pi) % (2 * np.pi) - np.pi
-    assert np.abs(apart).max() <= 14 * ROUNDING
+    if abs(pitch) <= 1.5:
+        assert apart(back, [yaw, pitch, roll]).max() <= 14 * ROUNDING
 
 
 def test_bijection(rotvec):
@@ -87,9 +84,9 @@ def test_bijection(rotvec):
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("yaw", [0.0, 0.5, -2.0, np.pi])
+@pytest.mark.parametrize("yaw", [0.5, -2.0, np.pi])
 @pytest.mark.parametrize("roll", [0.0, -0.4, 3.0])
-@pytest.mark.parametrize("off", [0.0, 1e-16, 1e-12, 0.9, 1.1, 10.0, 1e3, 1e6], ids="off={}".format)
+@pytest.mark.parametrize("off", [0.0, 1e-16, 0.9, 1.1, 10.0, 1e6], ids="off={}".format)
 def test_around_the_gimbal(sign, yaw, roll, off):
     """`off` counts in margins from ±90°; below 1 the policy holds, above it does not, and the rotation is the same."""
     pitch = sign * (np.pi / 2 - off * GIMBAL_MARGIN)
@@ -102,17 +99,9 @@ def test_around_the_gimbal(sign, yaw, roll, off):
     assert abs(back[1] - pitch) <= 4 * EPS
     if inside:
         assert back[2] == 0.0
-        apart = (back[0] - (yaw - sign * roll) + np.pi) % (2 * np.pi) - np.pi
-        assert abs(apart) <= ROUNDING + 2 * off * GIMBAL_MARGIN
+        assert apart(back[0], yaw - sign * roll) <= ROUNDING + 2 * off * GIMBAL_MARGIN
     else:
-        apart = (back[[0, 2]] - [yaw, roll] + np.pi) % (2 * np.pi) - np.pi
-        assert np.abs(apart).max() <= 4 * EPS / (off * GIMBAL_MARGIN) + ROUNDING
-
-
-def test_exactly_90_degrees():
-    half = np.sqrt(0.5)
-    np.testing.assert_allclose(euler_zyx_from_quat([half, 0, half, 0]), [0, np.pi / 2, 0], atol=2 * EPS)
-    np.testing.assert_allclose(euler_zyx_from_quat([half, 0, -half, 0]), [0, -np.pi / 2, 0], atol=2 * EPS)
+        assert apart(back[[0, 2]], [yaw, roll]).max() <= 4 * EPS / (off * GIMBAL_MARGIN) + ROUNDING
 
 
 @pytest.mark.parametrize(
@@ -134,11 +123,8 @@ def test_half_turns_are_plus_pi(q, expected):
     assert rebuilt(np.array(q, dtype=float)) <= ROUNDING
 
 
-def test_both_signs_of_a_quaternion_have_the_same_angles(quats):
+def test_both_signs_have_the_same_angles_and_absent_stays_absent(quats):
     assert np.array_equal(euler_zyx_from_quat(quats), euler_zyx_from_quat(-quats))
-
-
-def test_absent_stays_absent():
     assert np.isnan(euler_zyx_from_quat([np.nan] * 4)).all()
     assert not near_gimbal([np.nan] * 4)
 
@@ -160,9 +146,6 @@ def test_a_level_turn_is_a_rate_about_z():
     # Banked by 90° the turn is a pitch rate, pitched up by 90° a roll rate with the other sign.
     np.testing.assert_allclose(body_rate_from_euler_zyx([0, 0, np.pi / 2], [0.1, 0, 0]), [0, 0.1, 0], atol=EPS)
     np.testing.assert_allclose(body_rate_from_euler_zyx([0, np.pi / 2, 0], [0.1, 0, 0]), [-0.1, 0, 0], atol=EPS)
-
-
-def test_wrong_shapes():
     with pytest.raises(ShapeError, match="yaw_pitch_roll must have shape"):
         quat_from_euler_zyx([0.0, 0.0])
     with pytest.raises(ShapeError, match="rates must have shape"):

@@ -19,10 +19,7 @@ def test_they_are_the_spread_of_the_angles_of_attitudes_that_stray_so(angles):
     np.testing.assert_allclose(euler_sd(q, COV[np.newaxis])[0], spread, rtol=0.025)
 
 
-def test_of_a_level_body_that_of_the_yaw_is_that_of_the_heading():
+def test_of_a_level_body_that_of_the_yaw_is_that_of_the_heading_and_of_no_variance_there_is_none():
     q = quat_from_euler_zyx([[1.0, 0.0, 0.0]])
     assert euler_sd(q, COV[np.newaxis])[0, 0] == pytest.approx(claimed_sd(q, COV[np.newaxis])[1][0])
-
-
-def test_nothing_is_claimed_where_a_variance_is_not_positive():
     assert np.isnan(euler_sd(quat_from_euler_zyx([[1.0, 0.2, 0.0]]), np.zeros((1, 3, 3)))).all()
