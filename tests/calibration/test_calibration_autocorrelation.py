@@ -23,7 +23,7 @@ from tests.helpers.mag_scene import (
     unit_of,
 )
 
-CAPTURES = 16
+CAPTURES = 10
 ONE_VISIT = np.zeros(1, dtype=np.intp)
 
 
@@ -126,7 +126,7 @@ def test_filtered_noise_is_no_uneven_field(rho, monkeypatch):
         fit = fit_mag(mag, shape=Shape.ELLIPSOID, strength=STRENGTH)
         ratios.append(heading_rms(fit.calibration, unit) / fit.calibration.quality.heading_sd)
         told += is_uneven(fit)
-    assert told <= 1 + CAPTURES // 10
+    assert told <= 1
     assert 0.5 < np.sqrt(np.mean(np.square(ratios))) < 1.5
 
 
@@ -153,7 +153,7 @@ def test_the_covariance_is_honest_near_steel(lever):
 def test_poses_at_rest_show_an_uneven_field_too():
     """40 poses of 100 samples, a gradient of 3 µT/m and 0.3 m of arm: errors that each pose keeps, and no other has."""
     ratios = []
-    for seed in range(CAPTURES // 3):
+    for seed in range(3):
         rng = np.random.default_rng([23, seed])
         unit, q_nb = unit_of(rng), np.repeat(attitudes(rng, 40), 100, axis=0)
         gradient = rng.normal(size=(3, 3))
@@ -174,7 +174,7 @@ def test_poses_at_rest_show_an_uneven_field_too():
 def test_a_gyroscope_sees_through_an_uneven_field():
     """One field in space, not one length: half the heading error at least, and an honest covariance."""
     alone, helped, ratios = [], [], []
-    for seed in range(CAPTURES // 4):
+    for seed in range(4):
         unit, t, mag, gyr = in_a_room(seed, 0.35)
         fit = fit_mag_gyr(t, mag, gyr, strength=STRENGTH, gyr_gain_sd=0.0)
         helped.append(heading_rms(fit.calibration, unit))

@@ -1,11 +1,11 @@
-"""Wrong axes of one sensor: told by the other two, or left open."""
+"""Wrong axes of one sensor: told by the other two, or left open; and whether a field turns as a gyroscope says."""
 
 import numpy as np
 import pytest
 
-from plumbob.calibration.mag.axes import arrangements, suspects
+from plumbob.calibration.mag.axes import LEAST_SLOPE, agreement, arrangements, suspects, turn
 from plumbob.core.constants import G0
-from plumbob.rotations import every_axes, quat_conjugate, quat_rotate, signed_axes
+from plumbob.rotations import dcm_from_quat, every_axes, quat_conjugate, quat_from_rotvec, quat_rotate, signed_axes
 from tests.helpers.mag_scene import attitudes, field, force, rates, trajectory, tumbling, unit_of
 
 NEGATED = -np.eye(3)
@@ -73,7 +73,7 @@ def test_two_wrong_ones_are_held_against_the_accelerometer(scene):
     np.testing.assert_array_equal(second.way, gyr)
 
 
-def test_what_does_not_turn_enough_tells_nothing(scene):
+def test_what_does_not_turn_enough_or_is_shaken_convicts_nobody(scene):
     """Turning about an upright axis alone, x and y may be reversed; a field at rest says nothing at all."""
     rng = np.random.default_rng(62)
     t, q_nb, true = trajectory(rng, duration=30.0, tilt=np.radians(0.5))
@@ -81,12 +81,8 @@ def test_what_does_not_turn_enough_tells_nothing(scene):
     assert suspected(level, mag=signed_axes("-x -y z")) == ()
     still = scene | {"mag": [20.0, 0.0, 40.0] + 0.2 * rng.normal(size=scene["mag"].shape)}
     assert suspected(still, mag=signed_axes("x y -z")) == ()
-
-
-def test_an_accelerometer_that_is_shaken_convicts_nobody(scene):
-    rng = np.random.default_rng(63)
     shaken = scene | {"acc": scene["acc"] + 3.0 * G0 * rng.normal(size=scene["acc"].shape)}
-    assert all(one.triad != "acc" for one in suspected(shaken, mag=signed_axes("x y -z")))
+    assert "acc" not in {suspect.triad for suspect in suspected(shaken, mag=signed_axes("x y -z"))}
 
 
 def test_all_arrangements_are_told_by_the_rates():
@@ -107,3 +103,51 @@ def test_a_few_poses_tell_the_dip(scene):
     mag, acc, nothing = field(rng, unit_of(rng), q_nb), force(rng, q_nb), np.full((30, 3), np.nan)
     (only,) = suspects(arrangements(np.arange(30.0), mag @ signed_axes("x y -z").T, acc=acc, gyr=nothing))
     np.testing.assert_array_equal(only.way, signed_axes("-x -y z"))
+
+
+RATE_BIAS = np.radians([15.0, -5.0, 2.0])
+
+
+@pytest.fixture(scope="module")
+def turning():
+    rng = np.random.default_rng(51)
+    unit = unit_of(rng)
+    t, q_nb, true = trajectory(rng, tilt=np.pi)
+    return unit, t, field(rng, unit, q_nb), rates(rng, true) + RATE_BIAS
+
+
+def test_a_field_that_is_not_calibrated_turns_with_a_gyroscope_that_is_not(turning):
+    _, t, mag, gyr = turning
+    found = agreement(t, mag, gyr)
+    assert 0.8 < found.slope < 1.2  # soft iron of 10 to 20 %
+    np.testing.assert_allclose(found.rate_bias, RATE_BIAS, atol=0.2 * np.radians(20.0))  # as much of the mean rate
+
+
+@pytest.mark.parametrize("mirror", [np.diag([1.0, 1.0, -1.0]), np.eye(3)[[1, 0, 2]], np.eye(3)[[0, 2, 1]]])
+def test_a_mirrored_one_does_not(turning, mirror):
+    _, t, mag, gyr = turning
+    assert agreement(t, mag @ mirror.T, gyr).slope < LEAST_SLOPE
+
+
+def test_all_axes_negated_or_missing_rows_turn_as_before(turning):
+    _, t, mag, gyr = turning
+    slope = agreement(t, mag, gyr).slope
+    assert agreement(t, -mag, gyr).slope == pytest.approx(slope, rel=1e-9)
+    some = mag.copy()
+    some[::3] = np.nan
+    assert agreement(t, some, gyr).slope == pytest.approx(slope, abs=0.01)
+
+
+def test_the_turn_of_a_calibrated_field_is_found(turning):
+    unit, t, mag, gyr = turning
+    turned = dcm_from_quat(quat_from_rotvec(np.radians([10.0, -20.0, 30.0])))
+    found = turn(t, (mag - unit.bias) @ unit.matrix.T @ turned.T, gyr)
+    np.testing.assert_allclose(found, turned, atol=0.005)  # 0.03 to 0.3° at this noise
+
+
+def test_what_does_not_turn_tells_nothing(turning):
+    _, t, mag, gyr = turning
+    rng = np.random.default_rng(1)
+    still = [20.0, 0.0, 40.0] + 0.2 * rng.normal(size=mag.shape)
+    assert agreement(t, still, RATE_BIAS + 1e-3 * rng.normal(size=gyr.shape)) is None
+    assert turn(t[:5], mag[:5], gyr[:5]) is None

@@ -44,6 +44,7 @@ def test_no_length_shows_a_field_that_changes_along_itself():
     assert not found.short
     poses = np.random.default_rng(3).normal(size=(6000, 3))
     assert whole(residuals, poses).sd < 0.02 * USUAL
+    assert whole(np.ones(99), turning(99, 10.0)) == Unevenness()  # readings of single poses are noise
 
 
 def test_noise_that_drowns_a_usual_room_rules_nothing_out():
@@ -57,10 +58,6 @@ def test_what_is_seen_is_counted_twice():
     found = whole(np.sin(2.0 * np.pi * path / 20.0), turning(20_000, 100.0 * PATCH))
     assert found.seen**2 == pytest.approx(2.0 * 0.5 / (1.0 - 9.0 / found.patches), rel=0.05)
     assert found.sd >= found.seen
-
-
-def test_readings_of_single_poses_are_noise():
-    assert whole(np.ones(99), turning(99, 10.0)) == Unevenness()
 
 
 def test_the_unseen_turns_the_matrix_and_shifts_the_centre():
@@ -89,7 +86,7 @@ def in_gradient(seed, *, duration, gradient=2.0, arm=0.25):
 def test_captures_of_lengths_in_a_room_are_never_good_and_honest(duration):
     """Without the floors the error of 15 s is 4 times the predicted one, and half of them are good."""
     ratios = []
-    for seed in range(12):
+    for seed in range(9):
         unit, mag = in_gradient(seed, duration=duration)
         try:
             fit = fit_mag(mag, shape=Shape.ELLIPSOID, strength=STRENGTH)
@@ -101,25 +98,6 @@ def test_captures_of_lengths_in_a_room_are_never_good_and_honest(duration):
     assert np.sqrt(np.mean(np.square(ratios))) < 1.5
 
 
-def test_a_long_capture_in_an_even_field_is_fair_by_its_length_alone():
-    unit, mag = in_gradient(1, duration=120.0, gradient=0.0)
-    fit = fit_mag(mag, shape=Shape.ELLIPSOID, strength=STRENGTH)
-    assert fit.calibration.quality.grade == "fair"
-    assert heading_rms(fit.calibration, unit) < 0.1 * fit.calibration.quality.heading_sd
-    assert any(remark.startswith("LENGTH ALONE") for remark in fit.remarks)
-    assert not any(remark.startswith(("SHORT", "UNEVEN")) for remark in fit.remarks)
-
-
-def test_parts_that_disagree_widen_the_prediction():
-    """The centre drifts by 0.7 µT from one half to the other, slowly enough that nothing jumps."""
-    _, mag = in_gradient(2, duration=120.0, gradient=0.0)
-    drift = np.linspace(0.0, 1.4, len(mag))[:, np.newaxis] * [1.0, 0.0, 0.0]
-    even, drifting = (
-        fit_mag(samples, shape=Shape.ELLIPSOID, strength=STRENGTH).calibration for samples in (mag, mag + drift)
-    )
-    assert drifting.quality.heading_sd > 1.5 * even.quality.heading_sd
-
-
 def test_headings_apart_are_those_of_a_hard_iron():
     """A hard iron b turns level headings by b/h/√2 on average over courses; h = 50 µT · cos 60°."""
     same = np.eye(3), np.zeros(3)
@@ -127,3 +105,16 @@ def test_headings_apart_are_those_of_a_hard_iron():
         (np.eye(3), np.array([0.5, 0.0, 0.0])), same, same, size=50.0, dip=np.radians(60.0), tilt_range=1e-6
     )
     assert off == pytest.approx(0.5 / 25.0 / np.sqrt(2.0), rel=1e-3)
+
+
+def test_a_long_capture_in_an_even_field_is_fair_by_its_length_alone():
+    """And where the centre drifts by 0.7 µT from one half to the other, slowly enough that nothing jumps, parts of it
+    disagree, which widens the prediction."""
+    unit, mag = in_gradient(1, duration=120.0, gradient=0.0)
+    drift = np.linspace(0.0, 1.4, len(mag))[:, np.newaxis] * [1.0, 0.0, 0.0]
+    even, drifting = (fit_mag(samples, shape=Shape.ELLIPSOID, strength=STRENGTH) for samples in (mag, mag + drift))
+    quality = even.calibration.quality
+    assert quality.grade == "fair"
+    assert heading_rms(even.calibration, unit) < 0.1 * quality.heading_sd
+    assert [remark.split()[0] for remark in even.remarks if remark.split()[0].isupper()] == ["LENGTH"]
+    assert drifting.calibration.quality.heading_sd > 1.5 * quality.heading_sd

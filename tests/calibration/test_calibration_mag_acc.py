@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from plumbob.calibration.ellipsoid.ellipsoid_fit import to_size
-from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.with_acc import fit_mag_acc, turn_of
 from plumbob.core.constants import G0
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec
 from tests.helpers.mag_scene import DIP, STRENGTH, attitudes, field, force, heading_rms, unit_of, within_one_sd
+from tests.helpers.refusals import reason_kinds
 
 
 def fitted(seed, *, count=1000, tilt=None, turned=True, sd=0.2, step=0.073, **options):
@@ -22,7 +22,7 @@ def fitted(seed, *, count=1000, tilt=None, turned=True, sd=0.2, step=0.073, **op
     ("scene", "bar", "trials"),
     [  # the project's study of calibrations, magnetometer table: acc+mag, with mounting; text below; tilt ≤ 25°
         ({}, 0.07, 12),
-        ({"count": 18, "sd": 0.02, "step": 0.0}, 0.27, 100),
+        ({"count": 18, "sd": 0.02, "step": 0.0}, 0.27, 40),
         ({"tilt": np.radians(25.0)}, 0.31, 12),
     ],
 )
@@ -40,11 +40,11 @@ def test_heading_meets_the_bar_and_the_covariance_is_honest(scene, bar, trials):
 def test_small_tilt_leaves_no_bias():
     """Derivatives at the measured vectors would share their noise: the mean error is then −1 standard deviations."""
     z = []
-    for k in range(12):
+    for k in range(8):
         fit, unit = fitted([3, k], tilt=np.radians(25.0))
         off = np.concatenate((fit.calibration.bias - unit.bias, (fit.calibration.matrix - unit.matrix).ravel()))
         z.append(off / np.sqrt(np.diag(fit.calibration.covariance)))
-    assert np.abs(np.mean(z, axis=0)).max() < 3.3 / np.sqrt(12)  # one in 1000, of 12 parameters
+    assert np.abs(np.mean(z, axis=0)).max() < 3.3 / np.sqrt(8)  # one in 1000, of 12 parameters
 
 
 def test_without_noise_the_truth_comes_back():
@@ -108,16 +108,6 @@ def test_turn_of_a_rotated_symmetric_matrix():
 )
 def test_what_cannot_calibrate_is_refused(spoil, kind):
     rng = np.random.default_rng(9)
-    unit, q_nb = unit_of(rng), attitudes(rng, 300)
-    with pytest.raises(CaptureRefusedError) as refused:
-        fit_mag_acc(*spoil(field(rng, unit, q_nb), force(rng, q_nb)), strength=STRENGTH)
-    assert kind in [reason.kind for reason in refused.value.reasons]
-
-
-def test_a_ring_and_a_cone_are_refused_by_name():
-    rng = np.random.default_rng(10)
-    unit = unit_of(rng)
-    ring = attitudes(rng, 300, np.radians(1.0))
-    with pytest.raises(CaptureRefusedError) as refused:
-        fit_mag_acc(field(rng, unit, ring), force(rng, ring))
-    assert refused.value.reasons[0].kind == "level-ring"
+    unit, q_nb, ring = unit_of(rng), attitudes(rng, 300), attitudes(rng, 300, np.radians(1.0))
+    assert kind in reason_kinds(fit_mag_acc, *spoil(field(rng, unit, q_nb), force(rng, q_nb)), strength=STRENGTH)
+    assert reason_kinds(fit_mag_acc, field(rng, unit, ring), force(rng, ring))[0] == "level-ring"

@@ -8,11 +8,13 @@ from plumbob.calibration.mag import fit_mag, fit_mag_acc, fit_mag_gyr, fit_mag_l
 from plumbob.core.constants import G0
 from plumbob.core.errors import ClockError, ParameterError, ShapeError
 from tests.helpers.mag_scene import FIELD_N, STRENGTH, attitudes, field, force, rates, trajectory, unit_of
+from tests.helpers.refusals import reason_kinds
 
 COUNT = 60
 MAG = np.random.default_rng(1).normal(size=(COUNT, 3)) * 30.0
 ACC = np.tile([0.0, 0.0, G0], (COUNT, 1))
 T = np.arange(COUNT) * 0.02
+NOTHING = np.zeros((0, 3))
 FITS = {
     "alone": lambda mag=MAG, **options: fit_mag(mag, **options),
     "acc": lambda mag=MAG, acc=ACC, **options: fit_mag_acc(mag, acc, **options),
@@ -28,59 +30,37 @@ def with_nan(samples):
 
 
 @pytest.mark.parametrize(
-    ("way", "samples", "told"),
+    ("ways", "options", "error", "text"),
     [
-        ("alone", {"mag": MAG.T}, r"mag must have shape \(N, 3\).*pass mag.T"),
-        ("alone", {"mag": with_nan(MAG)}, r"mag must be finite, but mag\[7\]"),
-        ("alone", {"acc": ACC[1:]}, r"acc must have one row per sample of the field \(60\), but it has 59"),
-        ("alone", {"acc": with_nan(ACC)}, r"acc must be finite, but acc\[7\]"),
-        ("acc", {"mag": with_nan(MAG)}, r"mag must be finite"),
-        ("acc", {"acc": ACC[1:]}, r"acc must have one row per sample"),
-        ("acc", {"acc": ACC * (T > 0.0)[:, np.newaxis]}, r"acc\[0\] is zero"),
-        ("level", {"mag": with_nan(MAG)}, r"mag must be finite"),
-        ("level", {"acc": ACC[1:]}, r"acc must have one row per sample"),
-        ("gyr", {"mag": MAG[1:]}, r"mag must have one row per time stamp \(60\)"),
-        ("gyr", {"gyr": MAG[1:]}, r"gyr must have one row per time stamp"),
-        ("gyr", {"gyr": with_nan(MAG)}, r"gyr must be finite"),
-        ("gyr", {"acc": ACC[1:]}, r"acc must have one row per time stamp"),
-        ("gyr", {"acc": np.nan * ACC}, r"acc must have a finite sample"),
-        ("gyr", {"acc": ACC * [np.nan, 1.0, 1.0]}, r"acc must have a finite sample"),
+        ("alone", {"mag": MAG.T}, ShapeError, r"mag must have shape \(N, 3\).*pass mag.T"),
+        ("alone acc level", {"mag": with_nan(MAG)}, ShapeError, r"mag must be finite, but mag\[7\]"),
+        ("alone acc level", {"acc": ACC[1:]}, ShapeError, r"acc must have one row per sample of the field \(60\)"),
+        ("alone", {"acc": with_nan(ACC)}, ShapeError, r"acc must be finite, but acc\[7\]"),
+        ("acc", {"acc": ACC * (T > 0.0)[:, np.newaxis]}, ShapeError, r"acc\[0\] is zero"),
+        ("gyr", {"mag": MAG[1:]}, ShapeError, r"mag must have one row per time stamp \(60\)"),
+        ("gyr", {"gyr": MAG[1:]}, ShapeError, "gyr must have one row per time stamp"),
+        ("gyr", {"gyr": with_nan(MAG)}, ShapeError, "gyr must be finite"),
+        ("gyr", {"acc": ACC[1:]}, ShapeError, "acc must have one row per time stamp"),
+        ("gyr", {"acc": np.nan * ACC}, ShapeError, "acc must have a finite sample"),
+        ("gyr", {"acc": ACC * [np.nan, 1.0, 1.0]}, ShapeError, "acc must have a finite sample"),
+        ("gyr", {"t": T[::-1]}, ClockError, "t must strictly increase"),
+        ("alone acc level gyr", {"strength": 0.0}, ParameterError, "strength must be above 0 µT, but it is 0 µT"),
+        ("alone acc level gyr", {"strength": np.nan}, ParameterError, "strength must be above 0 µT"),
+        ("alone level", {"dip": 66.0}, ParameterError, "it is 66 rad; turn degrees into radians"),
+        ("alone level", {"dip": np.nan}, ParameterError, "dip must lie between"),
+        ("alone acc gyr", {"tilt_range": 45.0}, ParameterError, "it is 45 rad; turn degrees into radians"),
+        ("alone acc gyr", {"tilt_range": -0.1}, ParameterError, "tilt_range must be from 0"),
+        ("alone", {"shape": "sphere"}, ParameterError, "Shape.SPHERE.* but it is 'sphere'"),
+        ("gyr", {"gyr_gain_sd": 2.0}, ParameterError, "divide percents by 100"),
+        ("alone level", {"mag": NOTHING}, CaptureRefusedError, "too-few: 0 samples"),
+        ("acc", {"mag": NOTHING, "acc": NOTHING}, CaptureRefusedError, "too-few: 0 samples"),
+        ("gyr", {"t": [], "mag": NOTHING, "gyr": NOTHING}, CaptureRefusedError, "too-few: 0 samples"),
     ],
 )
-def test_samples_that_do_not_match_or_are_not_finite_are_refused(way, samples, told):
-    with pytest.raises(ShapeError, match=told):
-        FITS[way](**samples)
-
-
-@pytest.mark.parametrize(
-    ("ways", "figure", "told"),
-    [
-        (FITS, {"strength": 0.0}, "strength must be above 0 µT, but it is 0 µT"),
-        (FITS, {"strength": np.nan}, "strength must be above 0 µT"),
-        (("alone", "level"), {"dip": 66.0}, "it is 66 rad; turn degrees into radians"),
-        (("alone", "level"), {"dip": np.nan}, "dip must lie between"),
-        (("alone", "acc", "gyr"), {"tilt_range": 45.0}, "it is 45 rad; turn degrees into radians"),
-        (("alone", "acc", "gyr"), {"tilt_range": -0.1}, "tilt_range must be from 0"),
-        (("alone",), {"shape": "sphere"}, "Shape.SPHERE.* but it is 'sphere'"),
-        (("gyr",), {"gyr_gain_sd": 2.0}, "divide percents by 100"),
-    ],
-)
-def test_figures_outside_their_range_are_refused(ways, figure, told):
-    for way in ways:
-        with pytest.raises(ParameterError, match=told):
-            FITS[way](**figure)
-
-
-def test_time_must_increase():
-    with pytest.raises(ClockError, match="t must strictly increase"):
-        fit_mag_gyr(T[::-1], MAG, 0.1 * MAG)
-
-
-def test_no_samples_are_too_few():
-    nothing = np.zeros((0, 3))
-    for fit in (fit_mag, fit_mag_level, lambda mag: fit_mag_acc(mag, mag), lambda mag: fit_mag_gyr([], mag, mag)):
-        with pytest.raises(CaptureRefusedError, match="too-few: 0 samples"):
-            fit(nothing)
+def test_what_does_not_match_or_is_out_of_its_range_is_refused(ways, options, error, text):
+    for way in ways.split():
+        with pytest.raises(error, match=text):
+            FITS[way](**options)
 
 
 def test_lists_are_taken():
@@ -101,9 +81,6 @@ def test_lists_are_taken():
 @pytest.mark.parametrize("value", [np.zeros(3), np.ones(3), np.full(3, 0.1), FIELD_N])
 def test_a_constant_field_is_no_motion(value):
     constant = np.tile(value, (COUNT, 1))
-    for fit in (lambda: fit_mag(constant), lambda: fit_mag(constant, acc=ACC), lambda: fit_mag_acc(constant, ACC)):
-        with pytest.raises(CaptureRefusedError) as refused:
-            fit()
-        assert [reason.kind for reason in refused.value.reasons] == ["no-motion"]
-    with pytest.raises(CaptureRefusedError):
-        fit_mag_level(constant)
+    for way, options in (("alone", {}), ("alone", {"acc": ACC}), ("acc", {})):
+        assert reason_kinds(FITS[way], constant, **options) == ["no-motion"]
+    assert reason_kinds(FITS["level"], constant)

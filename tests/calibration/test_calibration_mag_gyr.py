@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from benchmarks.harness.room import room_of
-from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr, fit_turned_field
-from plumbob.core._jit import jit_disabled
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps
 from plumbob.evaluation.many.trials import read_trial
 from plumbob.rotations import dcm_from_quat, quat_chained, quat_conjugate, quat_multiply
+from tests.helpers import jit_disabled
 from tests.helpers.mag_scene import (
     DIP,
     STRENGTH,
@@ -24,8 +23,9 @@ from tests.helpers.mag_scene import (
     unit_of,
     within_one_sd,
 )
+from tests.helpers.refusals import reasons
 
-TRIALS = 3 if jit_disabled() else 8
+TRIALS = 3 if jit_disabled() else 5
 
 
 def scene(seed, *, gain_sd=0.0, **motion):
@@ -40,7 +40,7 @@ def turned(t, gyr):
     return dcm_from_quat(quat_chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis]))
 
 
-@pytest.mark.parametrize("gain_sd", [0.0, GAIN_SD])
+@pytest.mark.parametrize("gain_sd", [GAIN_SD, pytest.param(0.0, marks=pytest.mark.long(reason="an exact gyroscope"))])
 def test_heading_meets_the_bar_and_the_covariance_is_honest(gain_sd):
     """0.25° on a minute with inclinations up to 15°, with an exact gyroscope and with a calibrated one."""
     errors, shares, ratios = [], [], []
@@ -99,7 +99,7 @@ def test_many_samples_are_thinned():
 
 
 @pytest.mark.parametrize(
-    "trial", [*TURNED[:2], *(pytest.param(t, marks=pytest.mark.long(reason="other rooms")) for t in TURNED[2:])]
+    "trial", [*TURNED[:1], *(pytest.param(t, marks=pytest.mark.long(reason="other rooms")) for t in TURNED[1:])]
 )
 def test_real_recordings_agree_with_the_reference_attitude(broad_folder, trial):
     """As predicted: 1 for a reference that is the truth, √2 for one whose own fit suffers from the room as much."""
@@ -121,29 +121,22 @@ def test_a_slower_magnetometer_and_outliers_do_no_harm():
     assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
 
 
-@pytest.mark.parametrize(
-    ("gain_sd", "first"), [(GAIN_SD, "Look for"), (SHEET_GAIN_SD, "Calibrate the gyroscope first")]
-)
-def test_outliers_may_be_those_of_a_gyroscope_without_a_card(gain_sd, first):
-    _, (t, mag, gyr), _ = scene(6)
-    rng = np.random.default_rng(8)
-    mag[rng.random(len(t)) < 0.2] += 20.0
-    with pytest.raises(CaptureRefusedError, match=f"outliers: .* may. {first}"):
-        fit_mag_gyr(t, mag, gyr, gyr_gain_sd=gain_sd)
-
-
 def test_what_cannot_calibrate_is_refused():
     _, (t, mag, gyr), _ = scene(6)
-    rng = np.random.default_rng(7)
-    level = np.zeros_like(gyr) + [0.0, 0.0, 0.3]
-    with pytest.raises(CaptureRefusedError, match="too-few"):
-        fit_mag_gyr(t[:40], mag[:40], gyr[:40])
-    with pytest.raises(CaptureRefusedError, match="no-motion"):
-        fit_mag_gyr(t, np.tile(mag[0], (len(t), 1)) + 0.2 * rng.normal(size=mag.shape), gyr)
-    exact = np.einsum("nji,j->ni", turned(t, level), [25.0, 0.0, 43.0]) + 0.2 * rng.normal(size=mag.shape)
-    with pytest.raises(CaptureRefusedError, match="ill-conditioned"):
-        fit_mag_gyr(t, exact, level)
-    with pytest.raises(CaptureRefusedError):
-        fit_mag_gyr(t, field(rng, unit_of(rng), attitudes(rng, len(t))), gyr)  # of another motion
+    rng, level = np.random.default_rng(7), np.zeros_like(gyr) + [0.0, 0.0, 0.3]
+    noise = 0.2 * rng.normal(size=mag.shape)
+    circling = np.einsum("nji,j->ni", turned(t, level), [25.0, 0.0, 43.0]) + noise
+    other = field(rng, unit_of(rng), attitudes(rng, 1000))  # of another motion
+    outlying = mag + 20.0 * (rng.random((len(t), 1)) < 0.2)
+    for capture, kind, options, advice in (
+        ((t[:40], mag[:40], gyr[:40]), "too-few", {}, ""),
+        ((t, mag[0] + noise, gyr), "no-motion", {}, ""),
+        ((t, circling, level), "ill-conditioned", {}, ""),
+        ((t[:1000], other, gyr[:1000]), "ill-conditioned", {}, ""),
+        ((t, outlying, gyr), "outliers", {"gyr_gain_sd": GAIN_SD}, "Look for"),
+        ((t, outlying, gyr), "outliers", {"gyr_gain_sd": SHEET_GAIN_SD}, "Calibrate the gyroscope first"),
+    ):
+        (reason, *_) = reasons(fit_mag_gyr, *capture, **options)
+        assert reason.kind == kind and reason.advice.startswith(advice)
     with pytest.raises(CalibrationError, match="rates are missing for 1"):
         fit_mag_gyr(t + (t > 30.0), mag, gyr)

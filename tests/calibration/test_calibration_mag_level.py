@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.level import fit_ellipse, fit_mag_level
 from plumbob.core.constants import G0
 from tests.helpers.mag_scene import DIP, STRENGTH
+from tests.helpers.refusals import reason_kinds, reasons
 
 BIAS, SHAPE = np.array([6.0, -9.0]), np.array([[1.1, 0.15], [0.15, 0.9]]) / 25.0
 LEVEL = STRENGTH * np.cos(DIP)
@@ -27,9 +27,9 @@ def z_scores(fit):
 
 
 def test_covariance_is_honest_and_nothing_is_biased():
-    z = np.array([z_scores(fit_ellipse(ring(np.random.default_rng([1, k]))[:, :2])) for k in range(200)])
-    assert abs(np.mean(np.abs(z) < 1.0) - 0.683) < 4.0 * np.sqrt(0.683 * 0.317 / 1000)
-    assert np.abs(z.mean(axis=0)).max() < 4.0 / np.sqrt(200)
+    z = np.array([z_scores(fit_ellipse(ring(np.random.default_rng([1, k]))[:, :2])) for k in range(100)])
+    assert abs(np.mean(np.abs(z) < 1.0) - 0.683) < 4.0 * np.sqrt(0.683 * 0.317 / 500)
+    assert np.abs(z.mean(axis=0)).max() < 4.0 / np.sqrt(100)
 
 
 def test_without_noise_the_truth_comes_back():
@@ -51,7 +51,7 @@ def test_two_axes_are_calibrated_and_the_third_stays(upright):
     assert c.matrix[np.ix_(level, level)] == pytest.approx(LEVEL * SHAPE, abs=6.0 * float(c.matrix_sd.max()))
     assert c.bias[level] == pytest.approx(BIAS, abs=5.0 * float(c.bias_sd.max()))
     assert c.quality.tilt_range == 0.0
-    assert fit.remarks[0].startswith(f"ONLY LEVEL: headings hold while the {'xyz'[upright]} axis is upright.")
+    assert f"the {'xyz'[upright]} axis is upright" in fit.remarks[0]
     told = fit_mag_level(mag)  # by the axis along which the field changed least
     assert told.calibration.bias.tolist() == c.bias.tolist()
     level_matrix = told.calibration.matrix[np.ix_(level, level)]
@@ -63,12 +63,12 @@ def test_predicted_heading_error_is_that_of_the_heading():
     course = np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
     exact = np.column_stack((np.cos(course), np.sin(course))) @ np.linalg.inv(SHAPE) + BIAS
     ratios = []
-    for k in range(100):
+    for k in range(50):
         c = fit_mag_level(ring(np.random.default_rng([4, k]), 100)).calibration
         x, y = ((exact - c.bias[:2]) @ c.matrix[:2, :2]).T
         off = (np.arctan2(y, x) - course + np.pi) % (2.0 * np.pi) - np.pi
         ratios.append(np.mean(off**2) / c.quality.heading_sd**2)
-    assert abs(np.mean(ratios) - 1.0) < 4.0 * np.sqrt(2.0 / 3.0 / 100)  # as of chi-square with 3 degrees or more
+    assert abs(np.mean(ratios) - 1.0) < 4.0 * np.sqrt(2.0 / 3.0 / 50)  # as of chi-square with 3 degrees or more
 
 
 def test_the_matrix_keeps_the_sensor_s_scale_or_takes_the_field_s():
@@ -112,10 +112,9 @@ def test_headings_that_were_not_seen_are_counted_wherever_they_lie(first):
     400 places in 260° leave steps of 0.65° on average, which widen a gap by several degrees at most.
     """
     rng, first = np.random.default_rng(8), np.radians(first)
-    with pytest.raises(CaptureRefusedError) as refused:
-        fit_mag_level(ring(rng, cover=np.radians(260.0), first=first))
-    kinds = {reason.kind: reason.text for reason in refused.value.reasons}
-    covered = float(kinds["too-few-regions"].split("cover ")[1].split("°")[0])
+    refused = reasons(fit_mag_level, ring(rng, cover=np.radians(260.0), first=first))
+    (text,) = [reason.text for reason in refused if reason.kind == "too-few-regions"]
+    covered = float(text.split("cover ")[1].split("°")[0])
     assert 255.0 < covered < 262.0
     assert fit_mag_level(ring(rng, cover=np.radians(280.0), first=first)).calibration.bias[2] == 0.0
 
@@ -132,6 +131,4 @@ def test_headings_that_were_not_seen_are_counted_wherever_they_lie(first):
     ],
 )
 def test_what_cannot_calibrate_is_refused(capture, kind):
-    with pytest.raises(CaptureRefusedError) as refused:
-        fit_mag_level(**capture(np.random.default_rng(6)))
-    assert refused.value.reasons[0].kind == kind
+    assert reason_kinds(fit_mag_level, **capture(np.random.default_rng(6)))[0] == kind

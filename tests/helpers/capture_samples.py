@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from plumbob.core._jit import jit_disabled
 from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_normalize, quat_rotate
+from tests.helpers import jit_disabled
 
 STRENGTH, DIP = 50.0, np.radians(60.0)
 FIELD_N = STRENGTH * np.array([np.cos(DIP), 0.0, np.sin(DIP)])  # NED
