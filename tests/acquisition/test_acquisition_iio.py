@@ -14,44 +14,23 @@ from plumbob.acquisition.iio import IioDevice, list_devices, refusal
 from plumbob.acquisition.transport import Received
 from plumbob.core.errors import LineError, ParameterError
 from tests.helpers.iio_scans import taken_apart
+from tests.helpers.iio_tree import Tree
 
 SCALE = 87266e-9  # rad/s a count: Linux, drivers/iio/gyro/adxrs290.c
 
 
-class Machine:
+class Machine(Tree):
     """Folders for /sys and /dev."""
 
-    def __init__(self, root):
-        self.sys, self.dev = root / "sys", root / "dev"
-        self.dev.mkdir()
-        (self.sys / "bus" / "iio" / "devices").mkdir(parents=True)
-
-    def add(self, number, name, attributes):
-        folder = self.sys / "bus" / "iio" / "devices" / f"iio:device{number}"
-        for attribute, text in {"name": name, **attributes}.items():
-            file = folder / attribute
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(f"{text}\n")
-        os.mkfifo(self.dev / folder.name)
-        return folder
-
     def add_gyro(self, number=0, name="adxrs290", **more):
-        attributes = {"in_anglvel_scale": SCALE, "in_temp_scale": 100.0, "sampling_frequency": 100.0}
-        for i, (channel, kind) in enumerate(
-            [("anglvel_x", "le:s16/16>>0"), ("anglvel_y", "le:s16/16>>0"), ("temp", "le:s12/16>>0"),
-             ("timestamp", "le:s64/64>>0")]
-        ):  # fmt: skip
-            attributes |= {
-                f"scan_elements/in_{channel}_en": 0,
-                f"scan_elements/in_{channel}_index": i,
-                f"scan_elements/in_{channel}_type": kind,
-            }
-        buffer = {"buffer/enable": 0, "buffer/length": 2, "buffer/watermark": 1, "current_timestamp_clock": "realtime"}
+        rate = "le:s16/16>>0"
+        kinds = {"anglvel_x": rate, "anglvel_y": rate, "temp": "le:s12/16>>0", "timestamp": "le:s64/64>>0"}
         raw = {"in_anglvel_x_raw": 1, "in_anglvel_y_raw": 2, "in_temp_raw": 3}
-        return self.add(number, name, {**attributes, **buffer, **raw, **more})
+        scales = {"in_anglvel_scale": SCALE, "in_temp_scale": 100.0, "sampling_frequency": 100.0}
+        return self.add_buffered(name, kinds, scales | raw | more, number)
 
     def source(self, which="adxrs290", **options):
-        return IioSource(which, sys_root=self.sys, dev_root=self.dev, **options)
+        return IioSource(which, **({"sys_root": self.sys, "dev_root": self.dev} | options))
 
     def polled(self, which, clock, rate=1000.0, **options):
         return IioPollSource(which, rate, sys_root=self.sys, clock=clock, sleep=clock.sleep, **options)
@@ -131,40 +110,38 @@ def test_a_buffer_that_a_killed_program_left_running_is_stopped(machine, gyro):
     (gyro / "buffer" / "enable").write_text("1")
     (gyro / "scan_elements" / "in_temp_en").write_text("1")
     with machine.source(channels=["anglvel_x"]):
-        assert snapshot(gyro)["scan_elements/in_temp_en"] == "0"
-    assert snapshot(gyro)["buffer/enable"] == "0"
+        assert int(snapshot(gyro)["scan_elements/in_temp_en"]) == 0
+    assert int(snapshot(gyro)["buffer/enable"]) == 0
 
 
-def test_a_trigger_is_set_and_taken_back(machine):
-    folder = machine.add_gyro(**{"trigger/current_trigger": ""})
-    with machine.source(trigger="adxrs290-dev0"):
-        assert snapshot(folder)["trigger/current_trigger"] == "adxrs290-dev0"
-    assert snapshot(folder)["trigger/current_trigger"] == ""
-    with pytest.raises(LineError, match="has no trigger/current_trigger"):
-        machine.add_gyro(1, "other")
-        machine.source("other", trigger="x").open()
+@pytest.mark.parametrize(
+    ("more", "options", "attribute", "during"),
+    [
+        ({"trigger/current_trigger": ""}, {"trigger": "adxrs290-dev0"}, "trigger/current_trigger", "adxrs290-dev0"),
+        ({}, {"rate": 50}, "sampling_frequency", "50"),
+    ],
+)
+def test_what_is_set_is_taken_back(machine, more, options, attribute, during):
+    folder = machine.add_gyro(**more)
+    before = snapshot(folder)
+    with machine.source(**options):
+        assert snapshot(folder)[attribute] == during != before[attribute]
+    assert snapshot(folder) == before
 
 
 def test_a_refusal_half_way_puts_back_what_was_done(machine, gyro):
-    before = snapshot(gyro)
     (gyro / "buffer" / "length").unlink()
-    with pytest.raises(LineError, match="has no buffer/length"):
+    before = snapshot(gyro)
+    with pytest.raises(LineError):
         machine.source().open()
-    assert snapshot(gyro) == {name: text for name, text in before.items() if name != "buffer/length"}
+    assert snapshot(gyro) == before
 
 
 def test_by_name_by_number_and_lists(machine, gyro):
     machine.add_gyro(1, "other")
     machine.add_gyro(10, "other")
     assert [device.name for device in list_devices(machine.sys, machine.dev)] == ["adxrs290", "other", "other"]
-    for which in ("adxrs290", 0, "iio:device0"):
-        assert machine.source(which).layout.device == "adxrs290"
-    with pytest.raises(LineError, match=r"no IIO device mpu6050; .*: iio:device0 \(adxrs290\), iio:device1 \(other\)"):
-        machine.source("mpu6050").open()
-    with pytest.raises(LineError, match="is 2 devices"):
-        machine.source("other").layout  # noqa: B018
-    with pytest.raises(LineError, match="the devices of this machine: none"):
-        IioSource("x", sys_root="/nowhere").open()
+    assert {machine.source(which).layout.device for which in ("adxrs290", 0, "iio:device0")} == {"adxrs290"}
 
 
 def test_a_device_is_waited_for(machine, collect):
@@ -174,48 +151,49 @@ def test_a_device_is_waited_for(machine, collect):
         collect(source, lambda got: got.kinds[-1:] == ["opened"])
 
 
-def test_a_device_without_a_buffer_is_for_polling(machine):
-    machine.add(0, "adxrs453", {"in_anglvel_z_raw": 1, "in_anglvel_z_scale": 218166e-9})
-    with pytest.raises(LineError, match="has no buffer, so it can only be polled"):
-        machine.source("adxrs453").open()
+ADXRS453 = {"in_anglvel_z_raw": -160, "in_anglvel_z_scale": 218166e-9}
+VOLTAGE = {
+    f"scan_elements/in_voltage0_{key}": text for key, text in (("en", 0), ("index", 7), ("type", "le:u16/16>>0"))
+}
+VOLTAGE["in_voltage0_scale"] = 1.0
+REFUSED = {  # files of the device, how it is opened, what is said
+    "type": ({"scan_elements/in_anglvel_x_type": "le:s12"}, {}, "not the type of a scan element"),
+    "scale": ({"in_anglvel_scale": "many"}, {}, "which is not a number"),
+    "matrix": ({"in_mount_matrix": "1, 0; 0, 1"}, {}, "not three rows of three"),
+    "no scale": ({"in_anglvel_scale": None}, {}, "has no scale"),
+    "no index": ({"scan_elements/in_anglvel_x_index": None}, {}, "has no index"),
+    "no buffer": ({}, {"which": "adxrs453"}, "has no buffer, so it can only be polled"),
+    "no trigger": ({}, {"trigger": "x"}, "has no trigger/current_trigger"),
+    "no device": ({}, {"which": "mpu6050"}, r"no IIO device mpu6050; .*: iio:device0 \(adxrs290\), iio:device1 \(oth"),
+    "two": ({}, {"which": "other"}, "is 2 devices"),
+    "no machine": ({}, {"sys_root": "/nowhere"}, "the devices of this machine: none"),
+    "unit of a channel": (VOLTAGE, {"channels": ["voltage0"]}, "the unit of 'voltage0' is not known"),
+    "no channel": ({}, {"channels": ["accel_x"]}, "has no accel_x; its channels: anglvel_x"),
+}
 
 
-@pytest.mark.parametrize(
-    ("attribute", "text", "said"),
-    [
-        ("scan_elements/in_anglvel_x_type", "le:s12", "not the type of a scan element"),
-        ("in_anglvel_scale", "many", "which is not a number"),
-        ("in_mount_matrix", "1, 0; 0, 1", "not three rows of three"),
-        ("in_anglvel_scale", None, "has no scale"),
-        ("scan_elements/in_anglvel_x_index", None, "has no index"),
-    ],
-)
-def test_a_device_that_does_not_say_what_its_numbers_mean(machine, gyro, attribute, text, said):
-    if text is None:
-        (gyro / attribute).unlink()
-    else:
-        (gyro / attribute).write_text(text)
-    with pytest.raises(LineError, match=said):
-        machine.source().open()
+@pytest.mark.parametrize("case", REFUSED)
+def test_refusals(machine, case):
+    files, options, words = REFUSED[case]
+    machine.add_gyro(**files)
+    machine.add_gyro(1, "other")
+    machine.add_gyro(10, "other")
+    machine.add("adxrs453", ADXRS453, 2)
+    machine.add("empty", {}, 3)
+    with pytest.raises(LineError, match=words):
+        machine.source(**options).open()
 
 
-def test_channels_of_unknown_units_are_left_out_or_refused(machine):
-    machine.add_gyro(**{
-        "scan_elements/in_voltage0_en": 0, "scan_elements/in_voltage0_index": 7,
-        "scan_elements/in_voltage0_type": "le:u16/16>>0", "in_voltage0_scale": 1.0,
-    })  # fmt: skip
-    assert [c.name for c in machine.source().layout.channels] == ["anglvel_x", "anglvel_y", "temp", "timestamp"]
-    with pytest.raises(LineError, match="the unit of 'voltage0' is not known"):
-        machine.source(channels=["voltage0"]).open()
-    with pytest.raises(LineError, match="has no accel_x; its channels: anglvel_x"):
-        machine.source(channels=["accel_x"]).open()
+def test_channels_of_unknown_units_are_left_out(machine):
+    machine.add_gyro(**VOLTAGE)
+    assert len(machine.source().layout.channels) == 4
 
 
 def test_the_clock_of_the_time_stamps_is_told(machine, gyro):
-    assert machine.source().layout.clock == "monotonic"
-    assert machine.source(channels=["anglvel_x"]).layout.clock == ""
+    clocks = [machine.source(**options).layout.clock for options in ({}, {"channels": ["anglvel_x"]})]
     (gyro / "current_timestamp_clock").unlink()  # Linux before 4.5
-    assert machine.source().layout.clock == "realtime"
+    clocks.append(machine.source().layout.clock)
+    assert clocks == ["monotonic", "", "realtime"]
 
 
 @pytest.mark.parametrize("polled", [False, True])
@@ -233,14 +211,15 @@ def test_a_device_that_has_become_another_is_refused(machine, gyro, clock, polle
 
 
 @pytest.mark.parametrize("file", ["in_anglvel_mount_matrix", "in_mount_matrix", "mount_matrix"])
-def test_the_mount_matrix_is_read(machine, file):
-    machine.add_gyro(**{file: "0, 1, 0; -1, 0, 0; 0, 0, 1"})
-    assert machine.source().layout.mounts == {"gyr": ((0, 1, 0), (-1, 0, 0), (0, 0, 1))}
-
-
-def test_a_mount_matrix_that_turns_nothing_is_none(machine):
-    machine.add_gyro(in_mount_matrix="1, 0, 0; 0, 1, 0; 0, 0, 1", in_accel_mount_matrix="0, 1, 0; 1, 0, 0; 0, 0, 1")
-    assert machine.source().layout.mounts == {}
+def test_the_mount_matrix_is_read(tmp_path, file):
+    for name, text, mounts in (
+        ("turned", "0, 1, 0; -1, 0, 0; 0, 0, 1", {"gyr": ((0, 1, 0), (-1, 0, 0), (0, 0, 1))}),
+        ("turns nothing", "1, 0, 0; 0, 1, 0; 0, 0, 1", {}),
+    ):
+        (tmp_path / name).mkdir()
+        machine = Machine(tmp_path / name)
+        machine.add_gyro(in_accel_mount_matrix="0, 1, 0; 1, 0, 0; 0, 0, 1", **{file: text})
+        assert machine.source().layout.mounts == mounts
 
 
 def test_a_device_that_says_nothing_is_stalled(machine, gyro, collect):
@@ -296,12 +275,10 @@ def test_what_can_never_be_right(machine, options):
 
 def test_polling_reads_each_channel_at_the_rate(machine, clock):
     """ADXRS453: 218166 nrad/s a count; temperature (raw + 225) × 200 m°C (Linux, drivers/iio/gyro/adxrs450.c)."""
-    folder = machine.add(0, "adxrs453", {
-        "in_anglvel_z_raw": -160, "in_anglvel_z_scale": 218166e-9, "in_anglvel_z_quadrature_correction_raw": 5,
-        "in_temp0_raw": -100, "in_temp0_scale": 200, "in_temp0_offset": 225,
-    })  # fmt: skip
-    channels = ("anglvel_z", "temp0")
-    with machine.polled("adxrs453", clock, 250.0, channels=channels) as source:
+    temperature = {"in_temp0_raw": -100, "in_temp0_scale": 200, "in_temp0_offset": 225}
+    quadrature = {"in_anglvel_z_quadrature_correction_raw": 5}
+    folder = machine.add("adxrs453", ADXRS453 | quadrature | temperature)
+    with machine.polled("adxrs453", clock, 250.0, channels=("anglvel_z", "temp0")) as source:
         opened, start = source.read(1)[0], clock()
         first = source.read(1)[0]
         (folder / "in_anglvel_z_raw").write_text("160\n")
@@ -311,6 +288,10 @@ def test_polling_reads_each_channel_at_the_rate(machine, clock):
     assert t_ns is None
     assert np.rad2deg(columns["gyr_z"]) == pytest.approx([-2.0, 2.0], rel=1e-4)
     assert columns["temp_c0"] == pytest.approx([25.0, 25.0])
+    machine.add("empty", {}, 1)
+    for which, words in (("x", "no IIO device"), ("empty", "channel of a known unit")):
+        with pytest.raises(LineError, match=words):
+            machine.polled(which, clock).open()
 
 
 def test_a_sign_that_the_kernel_forgot_is_given_back(machine, gyro, clock):
@@ -330,13 +311,3 @@ def test_a_value_that_is_none_is_a_loss_and_no_exception(machine, gyro, collect,
         assert (got.kinds, "not a 32-bit number" in got.events[0].text) == (["lost"], True)
         (gyro / "in_temp_raw").write_text("7\n")
         collect(source, lambda got: got.kinds == ["reopened"] and got.data)
-
-
-def test_polling_what_is_not_there(machine, clock):
-    with pytest.raises(LineError, match="no IIO device"):
-        machine.polled("x", clock).open()
-    with pytest.raises(LineError, match="no IIO device"):
-        machine.polled("x", clock).layout  # noqa: B018
-    machine.add(0, "empty", {})
-    with pytest.raises(LineError, match="channel of a known unit"):
-        machine.polled("empty", clock).open()

@@ -1,7 +1,6 @@
 """Serial lines, on pseudo-terminals: real descriptors, real hang-ups."""
 
 import errno
-import hashlib
 import os
 import signal
 import subprocess
@@ -44,22 +43,14 @@ def test_bytes_arrive_unchanged_with_the_monotonic_time(opened, line, collect):
     assert opened.name == str(line.link)
 
 
-def test_read_waits_no_longer_than_it_may(opened):
-    start = time.monotonic()
-    assert opened.read(0.05) == []
-    assert time.monotonic() - start >= 0.049
-
-
 def test_unplugged_and_plugged_in_again(opened, line, collect):
     line.write(b"before")
     collect(opened, lambda got: got.data == b"before")
     line.pull()
     got = collect(opened, lambda got: got.kinds == ["lost", "absent"])
-    assert got.data == b""
+    assert len(got) == 2
     line.plug(stale=b"stale")
-    plugged = time.monotonic_ns()
-    got = collect(opened, lambda got: got.kinds == ["reopened"])
-    assert got.events[0].t_ns - plugged < 5_000_000_000  # promised is 1 s; the rest is for a busy machine
+    collect(opened, lambda got: got.kinds == ["reopened"])
     line.write(b"after")
     assert collect(opened, lambda got: got.data).data == b"after"
 
@@ -89,11 +80,8 @@ def test_bytes_come_before_the_loss_that_follows_them(opened, line, monkeypatch)
     """As a USB driver does it: a read gives bytes, the next one fails."""
     opened.read(0)
     answers = [b"abc", b"def", OSError(errno.EIO, "Input/output error")]
-    real = os.read
 
     def read(fd, size):
-        if fd != opened._wire.fileno():
-            return real(fd, size)
         answer = answers[0] if len(answers) == 1 else answers.pop(0)
         if isinstance(answer, OSError):
             raise answer
@@ -102,37 +90,32 @@ def test_bytes_come_before_the_loss_that_follows_them(opened, line, monkeypatch)
     line.write(b"wake")
     with monkeypatch.context() as patch:
         patch.setattr(os, "read", read)
-        found = [*opened.read(1), *opened.read(1)]
-    assert found[0].data == b"abcdef"
-    assert (found[1].kind, len(found)) == ("lost", 2)
-    assert "Input/output error" in found[1].text
+        received, lost = [*opened.read(1), *opened.read(1)]
+    assert received.data == b"abcdef"
+    assert lost.kind == "lost"
+    assert "Input/output error" in lost.text
 
 
 def test_an_absent_port_is_an_error_that_lists_the_ports_or_is_waited_for(line, collect):
     line.pull()
-    source = SerialSource(str(line.link), 9600)
     with pytest.raises(LineError, match=r"There is no serial port .*; the ports of this machine: "):
-        source.open()
+        SerialSource(str(line.link), 9600).open()
     with SerialSource(str(line.link), 9600, wait=True) as waiting:
-        collect(waiting, lambda got: got.kinds == ["absent"])
+        assert [event.kind for event in waiting.read(0)] == ["absent"]
+        start, cpu = time.monotonic(), time.process_time()
+        while time.monotonic() - start < 0.5:
+            waiting.read(0.2)
+        assert time.process_time() - cpu < 0.25 * (time.monotonic() - start)  # waiting costs no time
         line.plug()
         collect(waiting, lambda got: got.kinds == ["opened"])
 
 
-def test_waiting_costs_no_time(line):
-    line.pull()
-    with SerialSource(str(line.link), 9600, wait=True) as source:
-        source.read(0)
-        start, cpu = time.monotonic(), time.process_time()
-        while time.monotonic() - start < 1.0:
-            source.read(0.2)
-        assert time.process_time() - cpu < 0.25 * (time.monotonic() - start)
-
-
 def test_listening_costs_no_time(opened):
     start, cpu = time.monotonic(), time.process_time()
-    opened.read(0.5)
-    assert time.process_time() - cpu < 0.25 * (time.monotonic() - start)
+    assert opened.read(0.3) == []
+    took = time.monotonic() - start
+    assert took >= 0.299
+    assert time.process_time() - cpu < 0.25 * took
 
 
 def test_a_second_reader_is_refused(opened, line):
@@ -140,10 +123,11 @@ def test_a_second_reader_is_refused(opened, line):
     with pytest.raises(LineError, match="in use by another program"):
         second.open()
     with SerialSource(str(line.link), 9600, exclusive=False, gather=0) as third:
-        assert third.read(0)[0].kind == "opened"
+        assert [event.kind for event in third.read(0)] == ["opened"]
     opened.close()
     with second:
-        assert second.read(0)[0].kind == "opened"
+        assert [event.kind for event in second.read(0)] == ["opened"]
+    assert opened.finished
 
 
 @pytest.mark.parametrize(
@@ -161,19 +145,20 @@ def test_refusals_of_the_system_say_what_to_do(line, monkeypatch, number, said):
         SerialSource(str(line.link), 9600).open()
 
 
-@pytest.mark.parametrize("baud", [9600, 115200, 921600, 250000, 123456])
-@pytest.mark.parametrize("form", [(8, "N", 1), (7, "E", 2)])
-def test_usual_and_odd_speeds(line, baud, form):
+@pytest.mark.parametrize(
+    ("baud", "options"),
+    [
+        (9600, {"rtscts": True}),
+        (115200, {"xonxoff": True}),
+        (921600, {}),
+        (250000, {"bytesize": 7, "parity": "E"}),
+        (123456, {"bytesize": 7, "parity": "E", "stopbits": 2}),
+    ],
+)
+def test_usual_and_odd_speeds_and_forms(line, baud, options):
     """A pseudo-terminal takes any, and has no modem lines, which pyserial would set."""
-    bits, parity, stop = form
-    with SerialSource(str(line.link), baud, bytesize=bits, parity=parity, stopbits=stop) as source:
-        assert source.read(0)[0].kind == "opened"
-
-
-@pytest.mark.parametrize("flow", [{"rtscts": True}, {"xonxoff": True}])
-def test_flow_control_may_be_asked_for(line, flow):
-    with SerialSource(str(line.link), 9600, **flow) as source:
-        assert source.read(0)[0].kind == "opened"
+    with SerialSource(str(line.link), baud, **options) as source:
+        assert [event.kind for event in source.read(0)] == ["opened"]
 
 
 @pytest.mark.parametrize("options", [{"baud": 0}, {"bytesize": 9}, {"parity": "X"}, {"stopbits": 3}, {"gather": 5.0}])
@@ -183,21 +168,19 @@ def test_what_can_never_be_right(options):
 
 
 @pytest.mark.parametrize("pause", [0.0, 0.01], ids=["fast reader", "slow reader"])
-def test_a_flood_arrives_whole(opened, line, collect, pause):
-    """10 MB as fast as they go (1 MB for the slow reader): all are there, in order."""
-    data = frames(0, 250_000 if not pause else 25_000)
+def test_a_flood_arrives_whole(opened, line, pause):
+    """2 MB as fast as they go (400 kB for the slow reader): all are there, in order."""
+    data = frames(0, 10_000 if pause else 50_000)
     writer = threading.Thread(target=line.write, args=(data,))
     writer.start()
-    got = hashlib.sha256()
-    size, until = 0, time.monotonic() + 60
-    while size < len(data) and time.monotonic() < until:
+    received, until = bytearray(), time.monotonic() + 60
+    while len(received) < len(data) and time.monotonic() < until:
         for item in opened.read(0.1):
-            got.update(item.data)
-            size += len(item.data)
+            received += item.data
         time.sleep(pause)
     writer.join()
-    assert size == len(data)
-    assert got.digest() == hashlib.sha256(data).digest()
+    assert len(received) == len(data)
+    assert received == data
 
 
 READER = """
@@ -216,16 +199,16 @@ sys.stdout.buffer.write(data)
 """
 
 
-def test_a_reader_that_is_stopped_for_a_second_goes_on(line):
-    """1 kB in that second, less than a pseudo-terminal keeps."""
+def test_a_reader_that_was_stopped_goes_on(line):
+    """1 kB meanwhile, less than a pseudo-terminal keeps."""
     data = frames(0, 50)
     child = subprocess.Popen([sys.executable, "-c", READER, str(line.link), str(len(data))], stdout=subprocess.PIPE)
     try:
         assert child.stdout.readline() == b"opened\n"
         line.write(data[:1000])
         os.kill(child.pid, signal.SIGSTOP)
+        os.waitid(os.P_PID, child.pid, os.WSTOPPED)
         line.write(data[1000:])
-        time.sleep(1.0)
         os.kill(child.pid, signal.SIGCONT)
         out, _ = child.communicate(timeout=60)
     finally:

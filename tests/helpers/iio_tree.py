@@ -18,30 +18,31 @@ class Tree:
         (self.sys / "bus" / "iio" / "devices").mkdir(parents=True)
 
     def add(self, name, attributes, number=0):
+        """A device with these files; one whose text is None is not there."""
         folder = self.sys / "bus" / "iio" / "devices" / f"iio:device{number}"
         for attribute, text in {"name": name, **attributes}.items():
-            file = folder / attribute
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(f"{text}\n")
+            if text is not None:
+                file = folder / attribute
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_text(f"{text}\n")
         os.mkfifo(self.dev / folder.name)
         return folder
+
+    def add_buffered(self, name, kinds, attributes, number=0):
+        """A device with a buffer, whose channels have these types in the scan, in their order."""
+        buffer = {"sampling_frequency": 100, "buffer/enable": 0, "buffer/length": 2, "buffer/watermark": 1}
+        scan = {}
+        for i, (channel, kind) in enumerate(kinds.items()):
+            scan |= {f"in_{channel}_en": 0, f"in_{channel}_index": i, f"in_{channel}_type": kind}
+        scan = {f"scan_elements/{key}": text for key, text in scan.items()}
+        return self.add(name, buffer | {"current_timestamp_clock": "realtime"} | scan | attributes, number)
 
     def add_imu(self, name="imu", **more):
         """Six axes: 12 bits of gyroscope in the upper bits of 16, big-endian acceleration, temperature, time."""
         kinds = {f"anglvel_{a}": "le:s12/16>>4" for a in "xyz"}
         kinds |= {f"accel_{a}": "be:s16/16>>0" for a in "xyz"} | {"temp": "le:s16/16>>0", "timestamp": "le:s64/64>>0"}
-        attributes = {
-            "in_anglvel_scale": repr(GYRO), "in_accel_scale": repr(ACCEL), "in_temp_scale": 2.941176,
-            "in_temp_offset": 12420, "sampling_frequency": 100, "buffer/enable": 0, "buffer/length": 2,
-            "current_timestamp_clock": "realtime",
-        }  # fmt: skip
-        for i, (channel, kind) in enumerate(kinds.items()):
-            attributes |= {
-                f"scan_elements/in_{channel}_en": 0,
-                f"scan_elements/in_{channel}_index": i,
-                f"scan_elements/in_{channel}_type": kind,
-            }
-        return self.add(name, attributes | more)
+        scales = {"in_anglvel_scale": repr(GYRO), "in_accel_scale": repr(ACCEL), "in_temp_scale": 2.941176}
+        return self.add_buffered(name, kinds, scales | {"in_temp_offset": 12420} | more)
 
     def session(self, source="", rest="", kind="iio", device="imu"):
         roots = f'sys_root = "{self.sys}"\n' + (f'dev_root = "{self.dev}"\n' if kind == "iio" else "")

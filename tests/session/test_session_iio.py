@@ -53,6 +53,10 @@ def run(chosen, data, tree, path=None):
     return line, found
 
 
+def joined(parts, name):
+    return np.concatenate([getattr(part.sensed, name) for part in parts])
+
+
 def test_from_the_tree_to_the_recording_to_the_replay(tree, tmp_path):
     tree.add_imu()
     gyr, acc, temp, t_ns = motion(400)
@@ -62,18 +66,17 @@ def test_from_the_tree_to_the_recording_to_the_replay(tree, tmp_path):
     shutil.rmtree(tree.sys)  # a replay needs no device
     log, again = open_recording(tmp_path / "a.mcap")
     replayed = replay(log, session=again, check=True)
-    result = replayed.comparison
-    assert (result.equal, result.compared) == (True, 400)
-    np.testing.assert_array_equal(live.t_ns, t_ns)  # the kernel's own, not those of the reads
-    np.testing.assert_array_equal(replayed.found.t_ns, t_ns)
+    assert (replayed.comparison.equal, replayed.comparison.compared) == (True, 400)
     for found in (live, replayed.found):
-        sensed = [part.sensed for part in found.parts]
-        np.testing.assert_array_equal(np.concatenate([s.gyr for s in sensed]), gyr * GYRO)
-        np.testing.assert_array_equal(np.concatenate([s.acc for s in sensed]), acc * ACCEL)
-        celsius = np.concatenate([s.temp_c for s in sensed])
-        np.testing.assert_allclose(celsius, (temp + 12420) * 2.941176e-3, rtol=1e-14)
+        np.testing.assert_array_equal(found.t_ns, t_ns)  # the kernel's own, not those of the reads
+        np.testing.assert_array_equal(joined(found.parts, "gyr"), gyr * GYRO)
+        np.testing.assert_array_equal(joined(found.parts, "acc"), acc * ACCEL)
+        np.testing.assert_allclose(joined(found.parts, "temp_c"), (temp + 12420) * 2.941176e-3, rtol=1e-14)
     assert again.form == chosen.form
     assert IioLayout.from_json(again.texts["iio.json"]).clock == "monotonic"
+    assert json.loads(again.texts["iio.json"])["channels"][0] == {
+        "name": "anglvel_x", "index": 0, "type": "le:s12/16>>4", "scale": GYRO, "offset": 0.0
+    }  # fmt: skip
 
 
 def test_a_count_at_its_end_is_clipped(tree):
@@ -81,17 +84,14 @@ def test_a_count_at_its_end_is_clipped(tree):
     gyr, acc, temp, t_ns = motion(20)
     gyr[3, 1], gyr[9, 2] = -2048, 2047  # the ends of 12 bits in two's complement
     _, found = run(session(tree.session()), scans(gyr, acc, temp, t_ns), tree)
-    told = np.concatenate([part.sensed.flags for part in found.parts])
-    assert np.flatnonzero(told & flags.GYR_CLIPPED).tolist() == [3, 9]
+    assert np.flatnonzero(joined(found.parts, "flags") & flags.GYR_CLIPPED).tolist() == [3, 9]
 
 
 def test_scans_that_a_full_buffer_lost_are_a_gap(tree):
     tree.add_imu()
-    gyr, acc, temp, t_ns = motion(300)
     kept = np.r_[0:100, 117:300]
-    line, found = run(session(tree.session()), scans(gyr[kept], acc[kept], temp[kept], t_ns[kept]), tree)
-    told = np.concatenate([part.sensed.flags for part in found.parts])
-    assert np.flatnonzero(told & flags.GAP).tolist() == [100]
+    line, found = run(session(tree.session()), scans(*(column[kept] for column in motion(300))), tree)
+    assert np.flatnonzero(joined(found.parts, "flags") & flags.GAP).tolist() == [100]
     report = line.report()["time"]
     assert (report["mode"], report["lost"], report["gap_count"], report["drift_ppm"]) == ("kernel", 17, 1, None)
     assert report["rate"] == pytest.approx(100.0, rel=1e-3)
@@ -132,87 +132,61 @@ def test_a_wall_clock_is_led_to_the_host_like_any_other(tree):
     assert found.t_ns[0] < 1_000_000_000_000_000_000  # monotonic: since the machine was started
 
 
-MOUNT = "0, 1, 0; -1, 0, 0; 0, 0, 1"
-
-
 def test_the_mount_matrix_turns_and_the_axes_of_the_body_come_after_it(tree):
-    tree.add_imu(in_anglvel_mount_matrix=MOUNT)
+    tree.add_imu(in_anglvel_mount_matrix="0, 1, 0; -1, 0, 0; 0, 0, 1")
     gyr, acc, temp, t_ns = motion(30)
     data = scans(gyr, acc, temp, t_ns)
-
-    def sensed(*words):
-        _, found = run(session(tree.session(*words)), data, tree)
-        return (np.concatenate([getattr(p.sensed, name) for p in found.parts]) for name in ("gyr", "acc"))
-
-    turned, plain = sensed()
     board = np.stack([gyr[:, 1], -gyr[:, 0], gyr[:, 2]], axis=1) * GYRO  # rows of the matrix
-    np.testing.assert_array_equal(turned, board)
-    np.testing.assert_array_equal(plain, acc * ACCEL)
-    turned, _ = sensed("", 'axes = "x -y -z"\n')
-    np.testing.assert_array_equal(turned, board * [1, -1, -1])
-    turned, _ = sensed("mount = false")
-    np.testing.assert_array_equal(turned, gyr * GYRO)
+    for words, turned in (
+        ((), board),
+        (("", 'axes = "x -y -z"\n'), board * [1, -1, -1]),
+        (("mount = false",), gyr * GYRO),
+    ):
+        _, found = run(session(tree.session(*words)), data, tree)
+        np.testing.assert_array_equal(joined(found.parts, "gyr"), turned)
+        np.testing.assert_array_equal(joined(found.parts, "acc"), acc * ACCEL * ([1, -1, -1] if len(words) > 1 else 1))
 
 
-def test_a_mount_matrix_between_the_axes_is_refused_unless_left_out(tree):
-    tree.add_imu(in_mount_matrix="0.8, 0.6, 0; -0.6, 0.8, 0; 0, 0, 1")
-    with pytest.raises(ParameterError, match="mount = false"):
-        session(tree.session())
-    assert session(tree.session("mount = false")).form.name == "imu"
-
-
-def test_a_device_that_has_become_another_is_not_opened(tree):
-    folder = tree.add_imu()
-    chosen = session(tree.session())
-    (folder / "in_anglvel_scale").write_text("0.001")
-    with pytest.raises(LineError, match="not what they were"):
-        open_source(chosen.source)
-
-
-WRONG = {
-    "a format beside the kernel's": ("", '[format]\nname = "buoy"\n', DecodeError, r"\[format\] does not go with"),
-    "rate without unit": ('rate = "100"', "", UnitError, "has no unit"),
-    "rate of another unit": ('rate = "100 deg"', "", UnitError, "measures an angle|Hz"),
-    "unknown key": ("baud = 9600", "", DecodeError, "no key 'baud'"),
-    "channel of unknown unit": ('channels = ["voltage0"]', "", LineError, "no voltage0"),
-    "channel that is not there": ('channels = ["magn_x"]', "", LineError, "has no magn_x"),
+SKEWED = "0.8, 0.6, 0; -0.6, 0.8, 0; 0, 0, 1"
+WRONG = {  # of the source, behind it, the device, whose files are changed, and what is refused
+    "a format beside the kernel's": ("", '[format]\nname = "buoy"\n', {}, DecodeError, r"\[format\] does not go with"),
+    "rate without unit": ('rate = "100"', "", {}, UnitError, "has no unit"),
+    "rate of another unit": ('rate = "100 deg"', "", {}, UnitError, "measures an angle|Hz"),
+    "unknown key": ("baud = 9600", "", {}, DecodeError, "no key 'baud'"),
+    "channel that is not there": ('channels = ["magn_x"]', "", {}, LineError, "has no magn_x"),
+    "no scale": ("", "", {"in_accel_scale": ""}, LineError, "not a number"),
+    "mount between the axes": ("", "", {"in_mount_matrix": SKEWED}, ParameterError, "mount = false"),
 }
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_wrong_session_is_refused_with_a_word(tree, case):
-    tree.add_imu()
-    source, rest, error, word = WRONG[case]
+def test_wrong_session_is_refused_before_anything_is_opened(tree, case):
+    source, rest, files, error, word = WRONG[case]
+    tree.add_imu(**files)
     with pytest.raises(error, match=word):
         session(tree.session(source, rest))
 
 
-def test_a_device_that_does_not_say_its_units_is_refused_before_anything_is_opened(tree):
-    folder = tree.add_imu()
-    (folder / "in_accel_scale").unlink()
-    with pytest.raises(LineError, match="has no scale"):
-        session(tree.session())
-    with pytest.raises(LineError, match="no IIO device mpu6050"):
-        session(tree.session(device="mpu6050"))
+def test_what_a_session_needs_of_a_device(tree, tmp_path):
+    folder = tree.add_imu(in_mount_matrix=SKEWED)
+    chosen = session(tree.session("mount = false"))
+    assert chosen.form.name == "imu"
     with pytest.raises(ParameterError, match="carries no gyr"):
-        Stream(session(tree.session('channels = ["temp", "timestamp"]')))
-
-
-def test_a_recording_without_the_words_of_the_kernel_is_refused(tree, tmp_path):
-    tree.add_imu()
-    chosen = session(tree.session())
+        Stream(session(tree.session('mount = false\nchannels = ["temp", "timestamp"]')))
+    (folder / "in_anglvel_scale").write_text("0.001")
+    with pytest.raises(LineError, match="not what they were"):
+        open_source(chosen.source)
+    (folder / "in_anglvel_scale").write_text(f"{GYRO!r}\n")
     del chosen.texts["iio.json"]
     run(chosen, scans(*motion(3)), tree, tmp_path / "a.mcap")
     with pytest.raises(DecodeError, match=r"does not hold iio\.json"):
         open_recording(tmp_path / "a.mcap")
 
 
-def polled(tree, **more):
+def polled(tree):
     """ADXRS453: 218166 nrad/s a count; temperature (raw + 225) × 200 m°C (Linux, drivers/iio/gyro/adxrs450.c)."""
-    tree.add("adxrs453", {
-        "in_anglvel_z_raw": -160, "in_anglvel_z_scale": "0.000218166", "in_temp0_raw": -100, "in_temp0_scale": 200,
-        "in_temp0_offset": 225, **more,
-    })  # fmt: skip
+    temperature = {"in_temp0_raw": -100, "in_temp0_scale": 200, "in_temp0_offset": 225}
+    tree.add("adxrs453", {"in_anglvel_z_raw": -160, "in_anglvel_z_scale": "0.000218166"} | temperature)
     return session(tree.session('rate = "250 Hz"', kind="iio-poll", device="adxrs453"))
 
 
@@ -240,9 +214,8 @@ def test_a_polls_time_is_its_own_and_missed_deadlines_are_a_gap(tree):
         if t == t_ns[203]:
             line.feed(Event(t, "late", "3 deadlines have passed", 3))
         parts.append(line.feed(Received(t, struct.pack("<2i", -7, 0))))
-    np.testing.assert_array_equal(np.concatenate([p.t_ns for p in parts]), t_ns[kept])
-    told = np.concatenate([p.sensed.flags for p in parts])
-    assert np.flatnonzero(told & flags.GAP).tolist() == [200]
+    np.testing.assert_array_equal(np.concatenate([part.t_ns for part in parts]), t_ns[kept])
+    assert np.flatnonzero(joined(parts, "flags") & flags.GAP).tolist() == [200]
     assert (line.report()["time"]["mode"], line.report()["time"]["lost"]) == ("poll", 3)
 
 
@@ -281,24 +254,12 @@ def test_the_format_says_what_the_layout_says(layout, noise):
         np.testing.assert_allclose(found[name.replace("_", ".")], column, rtol=1e-15 * 4, atol=0)
 
 
-def test_every_turn_of_axes_is_taken():
+def test_every_turn_of_axes_is_taken_and_several_numbers_in_one_element_are_none():
     s16 = IioType("<", True, 16, 16)
     channels = tuple(IioChannel(f"anglvel_{a}", i, s16) for i, a in enumerate("xyz"))
     for order in permutations(range(3)):
         matrix = tuple(tuple(float(order[i] == j) for j in range(3)) for i in range(3))
         form = iio_format(IioLayout("any", channels, {"gyr": matrix}))
         assert [form.messages[0].fields[order[i]].name for i in range(3)] == ["gyr.x", "gyr.y", "gyr.z"]
-
-
-def test_several_numbers_in_one_element_are_refused():
-    rotation = IioChannel("magn_x", 0, IioType("<", True, 16, 16, 4))
     with pytest.raises(ParameterError, match="holds 4 numbers"):
-        iio_format(IioLayout("any", (rotation,)))
-
-
-def test_what_the_kernel_said_is_json_that_others_can_read(tree):
-    tree.add_imu()
-    told = json.loads(session(tree.session()).texts["iio.json"])
-    assert told["channels"][0] == {
-        "name": "anglvel_x", "index": 0, "type": "le:s12/16>>4", "scale": GYRO, "offset": 0.0
-    }  # fmt: skip
+        iio_format(IioLayout("any", (IioChannel("magn_x", 0, IioType("<", True, 16, 16, 4)),)))
