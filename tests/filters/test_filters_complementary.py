@@ -7,7 +7,6 @@ import pytest
 
 from plumbob import Filter, Frame, ImuData
 from plumbob.core import flags
-from plumbob.core._jit import jit_disabled
 from plumbob.core.constants import G0
 from plumbob.evaluation import attitude_errors
 from plumbob.filters.complementary import arc, share
@@ -49,23 +48,16 @@ def test_about_one_axis_it_is_the_textbook_s_line():
 
 @pytest.mark.parametrize("rate", [5.0, 100.0, 1000.0])
 def test_an_error_decays_with_its_time_constant_at_any_rate(rate):
-    """exp(−t/τ) whatever the step: 5° of tilt and 8° of heading after 2 s, each with its own τ."""
-    truth = quat_from_euler_zyx([0.3, 0.4, -0.2])
-    t = np.arange(round(2.0 * rate) + 1) / rate
-    data = at_rest(t, truth)
+    """exp(−t/τ) whatever the step: 5° of tilt and 8° of heading, over 180°, after 2 s, each with its own τ."""
+    truth = quat_from_euler_zyx([math.radians(176.0), 0.4, -0.2])
+    data = at_rest(np.arange(round(2.0 * rate) + 1) / rate, truth)
     tilted = quat_multiply(truth, quat_from_rotvec(np.radians(5.0) * np.array([0.6, 0.8, 0.0])))
     off = degrees_off(data, truth, tilted, tau_tilt=1.5, tau_heading=1e6)
     assert off["inclination"][-1] == pytest.approx(off["inclination"][0] * math.exp(-2.0 / 1.5), rel=1e-9)
     turned = quat_multiply(quat_from_euler_zyx([np.radians(8.0), 0.0, 0.0]), truth)
     off = degrees_off(data, truth, turned, tau_tilt=1.5, tau_heading=4.0)
     assert off["heading"][-1] == pytest.approx(8.0 * math.exp(-2.0 / 4.0), rel=1e-9)
-
-
-def test_the_share_of_two_steps_is_that_of_their_sum():
-    for dt, tau in ((0.01, 0.5), (0.3, 0.2), (1e-3, 1e6)):
-        assert 1.0 - (1.0 - share(dt, tau)) ** 2 == pytest.approx(share(2.0 * dt, tau), rel=1e-9)
-    assert share(0.0, 5.0) == 0.0
-    assert share(np.inf, 5.0) == 1.0
+    assert (share(0.0, 5.0), share(np.inf, 5.0)) == (0.0, 1.0)
 
 
 def test_a_bias_leaves_its_product_with_the_time_constant():
@@ -110,13 +102,6 @@ def test_there_is_no_singularity_at_pitch_90_degrees():
     assert (np.diff(decay[decay > 1e-6]) <= 0.0).all()  # passing 90° after 3.1 s does not disturb it
 
 
-def test_a_heading_goes_the_short_way_over_180_degrees():
-    truth, start = (quat_from_euler_zyx([math.radians(a), 0.0, 0.0]) for a in (179.0, -179.0))
-    off = degrees_off(at_rest(np.arange(500) / 100.0, truth), truth, start, tau_heading=1.0)
-    assert off["heading"][0] == pytest.approx(2.0, abs=1e-9)
-    assert (np.diff(off["heading"]) <= 1e-12).all()
-
-
 def test_the_arc_is_the_shortest_and_ends_on_the_direction():
     rng = np.random.default_rng(4)
     for _ in range(50):
@@ -133,14 +118,16 @@ def test_the_arc_is_the_shortest_and_ends_on_the_direction():
 def test_upside_down_without_any_noise_it_waits_and_with_some_it_recovers():
     assert arc(0.0, 0.0, 1.0, 0.0, 0.0, -1.0) == (0.0, 0.0, 0.0)
     truth, opposite = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0, 0.0])
-    data = at_rest(np.arange(2000) / 100.0, truth)
-    params = {"tau_tilt": 1.0, "tau_heading": 1.0}
-    track = Filter("complementary", frame=Frame.NED, init=opposite, params=params).process(data)
-    assert np.isfinite(track.q_nb).all()
+    data, params = at_rest(np.arange(2000) / 100.0, truth), {"tau_tilt": 1.0, "tau_heading": 1.0}
     noise = np.random.default_rng(0).normal(size=data.acc.shape) * 1e-3
-    shaken = ImuData(t=data.t, gyr=data.gyr, acc=data.acc + noise, mag=data.mag)
-    track = Filter("complementary", frame=Frame.NED, init=opposite, params=params).process(shaken)
-    assert quat_angle(track.q_nb[-1], truth) < 1e-3  # 180° e⁻²⁰ is nothing; 1e-3/g of noise, averaged, is left
+    exact, shaken = (
+        Filter("complementary", frame=Frame.NED, init=opposite, params=params).process(
+            ImuData(t=data.t, gyr=data.gyr, acc=data.acc + of, mag=data.mag)
+        )
+        for of in (0.0, noise)
+    )
+    assert np.isfinite(exact.q_nb).all()
+    assert quat_angle(shaken.q_nb[-1], truth) < 1e-3  # 180° e⁻²⁰ is nothing; 1e-3/g of noise, averaged, is left
 
 
 def test_what_has_no_direction_is_flagged_and_not_used():
@@ -150,14 +137,3 @@ def test_what_has_no_direction_is_flagged_and_not_used():
     track = Filter("complementary", frame=Frame.ENU).process(ImuData(t=data.t, gyr=data.gyr, acc=acc, mag=mag))
     assert np.flatnonzero(track.flags & flags.ACC_GATED).tolist() == [20]
     assert np.flatnonzero(track.flags & flags.MAG_GATED).tolist() == [30]
-
-
-@pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
-def test_on_real_trials_it_beats_the_buoy_paper_s_gains(broad_folder):
-    """Mean total error of fifteen trials with one setting; the PI filter with that paper's gains is at 20.03°."""
-    from plumbob.evaluation.many import measure_accuracy, trials_in
-    from plumbob.filters.offline import Stage
-
-    mean = measure_accuracy(trials_in(broad_folder), [Stage("complementary", {})]).mean()["complementary"]
-    assert mean["total_rmse_deg"] < 0.5 * 20.03
-    assert mean["inclination_rmse_deg"] < 5.666

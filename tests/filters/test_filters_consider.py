@@ -1,6 +1,5 @@
 """What a calibration leaves is counted in what a filter claims: the sensitivity, the sum, and units against claims."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -14,24 +13,27 @@ from plumbob.data.cards.left import NOTHING, half_of, left_by, uncalibrated, who
 from plumbob.evaluation.metrics import BOUNDS
 from plumbob.filters.settling import considered
 from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_multiply, quat_rotate, rotvec_from_quat
+from tests.helpers.filter_state import through_json
 from tests.helpers.motion import noisy, seen_by
 
 STEP = 1e-6
 """Size of the parameters' errors: what is not linear in them is of its square, 1e-12, a millionth of the effect."""
 
 
+def own(data, **meta):
+    return replace(data, meta=replace(data.meta, **meta))
+
+
 def turned_by(frame, q, declination, triad, k):
     """Error of tilt and compass in body axes per parameter k of a triad's (d, E), by a difference, and the attitude."""
-    seen = seen_by(q[np.newaxis], frame)
-    wrong = {name: value[0].copy() for name, value in seen.items()}
-    p = np.zeros(12)
+    right, p = seen_by(q[np.newaxis], frame), np.zeros(12)
     p[k] = STEP
-    wrong[triad] += p[:3] + p[3:].reshape(3, 3) @ wrong[triad]
+    wrong = {**right, triad: right[triad] + p[:3] + right[triad] @ p[3:].reshape(3, 3).T}
     meta = ImuMeta(declination=declination)
-    still = {name: value[np.newaxis] for name, value in wrong.items()}
-    data = ImuData(t=[0.0], gyr=np.zeros((1, 3)), **still, meta=meta)
-    right = ImuData(t=[0.0], gyr=np.zeros((1, 3)), **seen, meta=meta)
-    got, true = (Filter("tilt_compass", frame=frame).process(d).q_nb[0] for d in (data, right))
+    got, true = (
+        Filter("tilt_compass", frame=frame).process(ImuData(t=[0.0], gyr=np.zeros((1, 3)), **seen, meta=meta)).q_nb[0]
+        for seen in (wrong, right)
+    )
     return rotvec_from_quat(quat_multiply(quat_conjugate(got), true)) / STEP, true
 
 
@@ -52,10 +54,6 @@ def test_the_sensitivity_is_that_of_tilt_and_compass(frame, triad):
         assert found == pytest.approx(np.outer(error, error), abs=1e-4 * (np.abs(error).max() ** 2 + 1e-6))
 
 
-def own(data, **meta):
-    return replace(data, meta=replace(data.meta, **meta))
-
-
 @pytest.mark.parametrize("name", ["mekf", "ekf7"])
 def test_it_is_added_to_the_claim_and_leaves_the_estimate_alone(name):
     data, f = noisy(), Filter(name, frame=Frame.NED)
@@ -67,8 +65,7 @@ def test_it_is_added_to_the_claim_and_leaves_the_estimate_alone(name):
     assert (np.linalg.eigvalsh(more) > -1e-12).all()
     # two tilts, each of an offset of ±62 mg, uniform; matrix and heading only add to it
     assert (np.trace(more, axis1=1, axis2=2) > 2.0 * 0.062**2 / 3.0).all()
-    again = Filter.restore(json.loads(json.dumps(f.save())))
-    assert again.cov_b.tobytes() == f.cov_b.tobytes() == bare.cov_b[-1].tobytes()
+    assert through_json(f).cov_b.tobytes() == f.cov_b.tobytes() == bare.cov_b[-1].tobytes()
 
 
 def test_what_a_card_leaves_is_in_the_axes_of_the_body():

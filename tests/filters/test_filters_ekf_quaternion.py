@@ -20,8 +20,9 @@ from plumbob.rotations import (
     quat_normalize,
     quat_rotate,
 )
+from tests.helpers.filter_state import fresh_state, state_of
 from tests.helpers.jacobians import by_differences, rows_of
-from tests.helpers.motion import consistent, noisy
+from tests.helpers.motion import consistent, noisy_and_whole
 
 UPPER = np.triu_indices(4)
 DIP = math.radians(50.0)
@@ -67,7 +68,7 @@ def test_the_prediction_by_differences():
         f = by_differences(lambda p, w=w, dt=dt: p + 0.5 * dt * quat_multiply(p, [0.0, *w]), q)
         assert np.abs(f - (np.eye(4) + 0.5 * dt * omega(w))).max() < 1e-8
         root = rng.normal(size=(4, 4))
-        x = np.zeros(OWN + ekf_quaternion.STATE)
+        x = fresh_state("ekf_quaternion")
         x[Q : Q + 4], x[P : P + 10] = q, (root @ root.T)[UPPER]
         ekf_quaternion.predict.py_func(x, dt, *w, 0.0)
         size = np.linalg.norm(f @ q)
@@ -97,35 +98,27 @@ def by_the_paper(q, p, dt, gyr, acc, mag):
 
 def test_the_kernel_is_the_paper_step_by_step():
     """[HuangJiang]: defaults at the paper's 0.1 s are its Q = 1e-4 I, R = 1e-3 I and P0 = 1e-3 I."""
-    data = noisy(900)
-    whole = np.isfinite(data.mag).all(1) & np.isfinite(data.acc).all(1) & np.isfinite(data.gyr).all(1)
-    n = int(whole.sum())
-    data = ImuData(t=np.arange(n) / 10.0, gyr=data.gyr[whole], acc=data.acc[whole], mag=data.mag[whole])
+    data = noisy_and_whole(900, 10.0)
     f = Filter("ekf_quaternion", frame=Frame.NED, params={"dip": DIP})
     track = f.process(data)
     q, p = track.q_nb[0], 1e-3 * np.eye(4)
-    for i in range(1, n):
+    for i in range(1, len(data)):
         q, p = by_the_paper(q, p, 0.1, data.gyr[i], data.acc[i], data.mag[i])
         # H by differences carries 1e-12 into K; the filter forgets, so errors do not add up
         assert quat_angle(q, track.q_nb[i]) < 1e-10
-    assert np.abs(full(f._x[P : P + 10]) - p).max() < 1e-10 * np.abs(p).max()
-    assert n > 200
+    assert np.abs(full(state_of(f)[P : P + 10]) - p).max() < 1e-10 * np.abs(p).max()
 
 
-@pytest.mark.parametrize("absent", ["acc", "mag"])
-def test_an_absent_sensor_leaves_its_half_out(absent):
+@pytest.mark.parametrize(("absent", "seen_n"), [("mag", [0.0, 0.0, 1.0]), ("acc", [math.cos(DIP), 0.0, math.sin(DIP)])])
+def test_an_absent_sensor_leaves_its_half_out(absent, seen_n):
     """From 5° of error about each axis, the direction that is seen is found, and the turn about it is left."""
     q = np.tile(quat_from_euler_zyx([0.4, 0.1, -0.2]), (600, 1))
-    inverse = quat_conjugate(q)
-    arrays = {
-        "acc": quat_rotate(inverse, [0.0, 0.0, -G0]),
-        "mag": quat_rotate(inverse, [50 * math.cos(DIP), 0.0, 50 * math.sin(DIP)]),
-    }
+    inverse, field = quat_conjugate(q), 50.0 * np.array([math.cos(DIP), 0.0, math.sin(DIP)])
+    arrays = {"acc": quat_rotate(inverse, [0.0, 0.0, -G0]), "mag": quat_rotate(inverse, field)}
     arrays[absent][1:] = np.nan  # the first sample has no step yet, so it corrects nothing
     start = quat_multiply(quat_from_euler_zyx(np.radians([5.0, 5.0, 5.0])), q[0])
     data = ImuData(t=np.arange(600) / 10.0, gyr=np.zeros((600, 3)), **arrays)
     track = Filter("ekf_quaternion", frame=Frame.NED, init=start, params={"dip": DIP}).process(data)
-    seen_n = np.array([0.0, 0.0, 1.0] if absent == "mag" else [math.cos(DIP), 0.0, math.sin(DIP)])
     left = np.cross(quat_rotate(track.q_nb[-1], quat_rotate(inverse[-1], seen_n)), seen_n)
     assert np.linalg.norm(left) < 1e-4  # the direction that is seen is right after 60 s, some thirty time constants
     assert quat_angle(track.q_nb[-1], q[-1]) > math.radians(2.0)  # the turn about it is not
@@ -140,14 +133,14 @@ def test_covariance_stays_positive_definite_over_ten_minutes_with_and_without_se
     f = Filter("ekf_quaternion", frame=Frame.ENU)
     for chunk in ImuData(t=np.arange(n) / 10.0, gyr=rng.normal(size=(n, 3)), acc=acc, mag=mag).chunks(200):
         f.process(chunk)
-        assert np.linalg.eigvalsh(full(f._x[P : P + 10])).min() > 0.0
+        assert np.linalg.eigvalsh(full(state_of(f)[P : P + 10])).min() > 0.0
 
 
 def test_a_learned_dip_comes_to_the_true_one():
     data, _ = consistent(2000)
     f = Filter("ekf_quaternion", frame=Frame.ENU)
     f.process(data)
-    assert f._x[ekf_quaternion.FIELD_Z] == pytest.approx(-43.0 / math.hypot(20.0, 43.0), abs=1e-3)
+    assert state_of(f)[ekf_quaternion.FIELD_Z] == pytest.approx(-43.0 / math.hypot(20.0, 43.0), abs=1e-3)
 
 
 def static_errors(seed, n=301):

@@ -6,46 +6,36 @@ import numpy as np
 import pytest
 
 from plumbob.core.units import deg
-from plumbob.filters.field import (
-    DIP_BAND,
-    FIELD_SIZE,
-    FIRST_AFTER,
-    NEW_AFTER,
-    SETTLED,
-    SIZE_BAND,
-    TAU_NOW,
-    TAU_REFERENCE,
-    TURNING,
-    disturbed,
-    known,
-    near,
-)
+from plumbob.filters import field
+from plumbob.filters.field import DIP_BAND, FIRST_AFTER, NEW_AFTER, SETTLED, SIZE_BAND, TAU_NOW, TAU_REFERENCE, TURNING
 
 AT = 3
 DT = 0.02
 EARTH = (50.0, deg(65.0))  # µT and dip: central Europe
 MAGNET = (70.0, deg(50.0))
+near = field.near.py_func
 
 
 class Compass:
     """The block with its state; says what it thinks of a field that lasts."""
 
     def __init__(self, dt=DT):
-        self.x = np.zeros(AT + FIELD_SIZE + 1)
+        self.x = np.zeros(AT + field.FIELD_SIZE + 1)
         self.x[:AT] = self.x[-1] = -5.0
         self.dt = dt
 
-    def see(self, seconds, field, turning=2.0 * TURNING):
-        """Answers to a field (size, dip) that lasts."""
-        h, v = field[0] * math.cos(field[1]), -field[0] * math.sin(field[1])  # upwards, as in ENU
-        found = [disturbed.py_func(self.x, AT, self.dt, turning, h, v) for _ in range(round(seconds / self.dt))]
+    def see(self, seconds, size_and_dip, turning=2.0 * TURNING):
+        """Answers to a field that lasts."""
+        size, dip = size_and_dip
+        h, v = size * math.cos(dip), -size * math.sin(dip)  # upwards, as in ENU
+        answers = [field.disturbed.py_func(self.x, AT, self.dt, turning, h, v) for _ in range(round(seconds / self.dt))]
         assert (self.x[:AT] == -5.0).all()
         assert self.x[-1] == -5.0
-        return np.array(found)
+        return np.array(answers)
 
     def knows(self):
         """Whether there is a reference."""
-        return known.py_func(self.x, AT)
+        return field.known.py_func(self.x, AT)
 
 
 def learned(dt=DT):
@@ -61,28 +51,27 @@ def first_after(answers, dt, value):
 class TestNear:
     @pytest.mark.parametrize("factor", [1.0 - SIZE_BAND, 1.0 + SIZE_BAND])
     def test_size(self, factor):
-        inside = 1.0 + (factor - 1.0) * 0.999
-        assert near.py_func(50.0 * inside, 0.9, 50.0, 0.9)
-        assert not near.py_func(50.0 * (1.0 + (factor - 1.0) * 1.001), 0.9, 50.0, 0.9)
+        for share, same in ((0.999, True), (1.001, False)):
+            assert near(50.0 * (1.0 + share * (factor - 1.0)), 0.9, 50.0, 0.9) == same
 
     @pytest.mark.parametrize("dip", np.radians([-90.0, -65.0, 0.0, 30.0, 79.0]))
     @pytest.mark.parametrize("sign", [-1.0, 1.0])
     def test_dip_is_compared_as_an_angle(self, dip, sign):
         """Its sine is what is kept; near 90° dip the sine hardly changes, and rounds at 1."""
-        for share, same in ((0.999, True), (1.001, False)):
+        for share, same in ((0.0, True), (0.999, True), (1.001, False)):
             other = dip + sign * share * DIP_BAND
-            if abs(other) < math.pi / 2:
-                assert near.py_func(50.0, math.sin(other), 50.0, math.sin(dip)) is same
-        assert near.py_func(50.0, math.sin(dip), 50.0, math.sin(dip))
+            if abs(other) <= math.pi / 2:
+                assert near(50.0, math.sin(other), 50.0, math.sin(dip)) is same
 
-    def test_nothing_is_near_to_no_reference(self):
-        assert not near.py_func(0.0, 0.0, 0.0, 0.0)
-        assert not near.py_func(50.0, 0.9, 0.0, 0.0)
-
-    @pytest.mark.parametrize("bad", [math.nan, math.inf])
-    def test_what_is_no_number_is_not_near(self, bad):
-        assert not near.py_func(bad, 0.9, 50.0, 0.9)
-        assert not near.py_func(50.0, math.nan, 50.0, 0.9)
+    def test_nothing_is_near_to_no_reference_nor_what_is_no_number(self):
+        for bad in (
+            (0.0, 0.0, 0.0, 0.0),
+            (50.0, 0.9, 0.0, 0.0),
+            (math.nan, 0.9, 50.0, 0.9),
+            (math.inf, 0.9, 50.0, 0.9),
+        ):
+            assert not near(*bad)
+        assert not near(50.0, math.nan, 50.0, 0.9)
 
 
 class TestFirstReference:
@@ -98,13 +87,10 @@ class TestFirstReference:
         assert size == pytest.approx(EARTH[0], rel=1e-12)
         assert dip == pytest.approx(-math.sin(EARTH[1]), rel=1e-12)
 
-    def test_not_without_turning(self):
+    def test_not_without_turning_whose_pauses_do_not_count(self):
         compass = Compass()
         assert compass.see(60.0, EARTH, turning=0.99 * TURNING).all()
         assert not compass.knows()
-
-    def test_pauses_in_turning_do_not_count(self):
-        compass = Compass()
         assert compass.see(0.8 * FIRST_AFTER, EARTH).all()
         assert compass.see(60.0, EARTH, turning=0.0).all()
         assert not compass.knows()
@@ -121,15 +107,15 @@ class TestFirstReference:
 
 class TestDisturbance:
     @pytest.mark.parametrize(
-        "field", [(1.2 * EARTH[0], EARTH[1]), (0.8 * EARTH[0], EARTH[1]), (EARTH[0], deg(50.0)), (EARTH[0], deg(80.0))]
+        "wrong", [(1.2 * EARTH[0], EARTH[1]), (0.8 * EARTH[0], EARTH[1]), (EARTH[0], deg(50.0)), (EARTH[0], deg(80.0))]
     )
-    def test_it_is_noticed_within_the_smoothing_time(self, field):
+    def test_it_is_noticed_within_the_smoothing_time(self, wrong):
         """The sine of the dip leaves the band after at most 0.76 of its step, from 65° over 75° to 80°.
 
         The closed form of the low-pass, 1 − e^−s (cos s + sin s), reaches that at s = 1.5.
         """
         compass = learned(0.001)
-        answers = compass.see(0.5, field)
+        answers = compass.see(0.5, wrong)
         assert first_after(answers, 0.001, True) < 1.6 * TAU_NOW
         assert answers[round(1.6 * TAU_NOW / 0.001) :].all()
 
@@ -144,20 +130,17 @@ class TestDisturbance:
         # from 70 to 55 µT the low-pass takes 1.5 τ (a quarter of its step is left), the dip less; then it must stay
         assert SETTLED - DT < when < SETTLED + 2.0 * TAU_NOW + 2.0 * DT
 
-    def test_the_reference_follows_slowly(self):
+    def test_the_reference_follows_slowly_and_no_disturbed_field(self):
         """First order with a gain of dt/(dt + τ): after τ, 1/e of a step is left, but for dt/2τ."""
-        compass = learned()
+        compass, other = learned(), learned()
+        before = other.x[AT + 4 : AT + 6].copy()
         compass.see(TAU_REFERENCE, (1.05 * EARTH[0], EARTH[1]))
         left = (1.05 * EARTH[0] - compass.x[AT + 4]) / (0.05 * EARTH[0])
         # the smoothing of the field itself delays by its mean, τ_now
         assert left == pytest.approx(math.exp(-1.0), abs=(TAU_NOW + DT) / TAU_REFERENCE)
-
-    def test_it_does_not_follow_a_disturbed_field(self):
-        compass = learned()
-        before = compass.x[AT + 4 : AT + 6].copy()
-        compass.see(100.0, MAGNET, turning=0.0)
+        other.see(100.0, MAGNET, turning=0.0)
         # while it crosses the band (2 τ_now) it is followed by dt/τ each
-        assert np.abs(compass.x[AT + 4 : AT + 6] - before).max() < 0.1 * EARTH[0] * 2.0 * TAU_NOW / TAU_REFERENCE
+        assert np.abs(other.x[AT + 4 : AT + 6] - before).max() < 0.1 * EARTH[0] * 2.0 * TAU_NOW / TAU_REFERENCE
 
 
 class TestNewField:
@@ -175,13 +158,10 @@ class TestNewField:
         assert compass.see(10.0 * NEW_AFTER, MAGNET, turning=0.99 * TURNING)[10:].all()
         assert not compass.see(2.0, EARTH)[-1]
 
-    def test_turning_before_does_not_count(self):
+    def test_an_interruption_begins_again(self):
+        """Nor does turning before it count."""
         compass = learned()
         compass.see(3.0 * NEW_AFTER, EARTH)
         assert compass.see(0.9 * NEW_AFTER, MAGNET)[10:].all()
-
-    def test_an_interruption_begins_again(self):
-        compass = learned()
-        assert compass.see(0.7 * NEW_AFTER, MAGNET)[10:].all()
         compass.see(1.0, EARTH)
         assert compass.see(0.7 * NEW_AFTER, MAGNET)[10:].all()

@@ -21,8 +21,9 @@ from plumbob.rotations import (
     quat_normalize,
 )
 from plumbob.simulation import Module, TriadErrors, simulate
-from tests.filters.test_filters_fuzzy import PAPER, SUM, by_all_rules
-from tests.helpers.motion import noisy, seen_by
+from tests.helpers.filter_state import state_of
+from tests.helpers.fuzzy_rules import PAPER, SUM, by_all_rules
+from tests.helpers.motion import noisy, noisy_and_whole, seen_by
 
 DEG = math.pi / 180.0
 ROWS = {"fuzzy": {"pi": False}, "pi": {"fuzzy": False}, "both": {}, "none": {"fuzzy": False, "pi": False}}
@@ -54,14 +55,10 @@ def by_the_paper(q, sums, dt, gyr, acc, mag, weights, table):
     ],
 )
 def test_the_kernel_is_the_paper_step_by_step(params, weights, table):
-    data = noisy(300)
-    whole = np.isfinite(data.mag).all(1) & np.isfinite(data.acc).all(1) & np.isfinite(data.gyr).all(1)
-    n = int(whole.sum())
-    data = ImuData(t=np.arange(n) / 10.0, gyr=data.gyr[whole], acc=data.acc[whole], mag=data.mag[whole])
+    data = noisy_and_whole(300, 10.0)
     track = Filter("fuzzy_pi", frame=Frame.NED, params=params).process(data)
     q, sums = track.q_nb[0], (np.zeros(3), np.zeros(3))
-    assert n > 50
-    for i in range(1, n):
+    for i in range(1, len(data)):
         mean_rate = 0.5 * (data.gyr[i - 1] + data.gyr[i])
         # each step from the filter's own last attitude: errors of 180° and rates of 1 rad/s make the loop no calm one
         q, sums = by_the_paper(track.q_nb[i - 1], sums, 0.1, mean_rate, data.acc[i], data.mag[i], weights, table)
@@ -74,18 +71,13 @@ def test_the_kernel_is_the_paper_step_by_step(params, weights, table):
 def recovery(**params):
     """Last time at which the heading is wrong by half a degree or more, s, after a start 10° wrong, at 10 Hz."""
     n = 1500
-    truth = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
-    data = ImuData(t=np.arange(n) / 10.0, gyr=np.zeros((n, 3)), **seen_with_dip_50(truth))
+    field = np.array([50.0 * math.cos(50.0 * DEG), 0.0, 50.0 * math.sin(50.0 * DEG)])  # of dip 50°
+    level = {"gyr": np.zeros((n, 3)), "acc": np.tile([0.0, 0.0, -G0], (n, 1)), "mag": np.tile(field, (n, 1))}
     start = quat_from_euler_zyx([math.radians(10.0), 0.0, 0.0])
     f = Filter("fuzzy_pi", frame=Frame.NED, init=start, params=params)
-    yaw = np.degrees(2.0 * np.abs(f.process(data).q_nb[:, 3]))
-    return data.t[np.flatnonzero(yaw >= 0.5)[-1]]
-
-
-def seen_with_dip_50(q):
-    seen = seen_by(q, Frame.NED)  # of dip 65°
-    north, down = 50.0 * math.cos(50.0 * DEG), 50.0 * math.sin(50.0 * DEG)
-    return {"acc": seen["acc"], "mag": np.tile([north, 0.0, down], (len(q), 1))}  # for the identity only
+    t = np.arange(n) / 10.0
+    yaw = np.degrees(2.0 * np.abs(f.process(ImuData(t=t, **level)).q_nb[:, 3]))
+    return t[np.flatnonzero(yaw >= 0.5)[-1]]
 
 
 @pytest.mark.parametrize(
@@ -105,31 +97,27 @@ def test_recovery_from_ten_degrees_takes_what_the_page_says(params, expected, ha
     A unit mistake, e in rad or u in rad/s, makes the gain 57 times too small or too large and shows here at once.
     """
     assert recovery(**params) == pytest.approx(expected, abs=0.1 + half_digit)
-
-
-def test_the_pi_law_alone_recovers_slowly():
-    assert recovery(fuzzy=False) > 30.0  # page: 30+ s
+    assert recovery(fuzzy=False) > 30.0  # page, of the PI law alone: 30+ s
 
 
 def test_the_integral_of_the_rules_is_never_beyond_three_degree_seconds():
-    data = noisy(3000)
     f = Filter("fuzzy_pi", frame=Frame.ENU, params={"kp": 0.1})
     largest = 0.0
-    for sample in data.samples():
-        f.update(sample)
-        largest = max(largest, np.abs(f._x[WOUND : WOUND + 3]).max())
+    for chunk in noisy(3000).chunks(10):
+        f.process(chunk)
+        largest = max(largest, np.abs(state_of(f)[WOUND : WOUND + 3]).max())
     assert largest == 3.0  # reached, and not passed
 
 
 # --- one sample late, unit noise, bias ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("params", ROWS.values(), ids=ROWS)
-def test_in_a_steady_turn_there_is_no_lag(params):
+def test_in_a_steady_turn_there_is_no_lag():
     """Exact turns to the sample's own time: without noise only rounding is left, where one sample late is 0.3°."""
     run = simulate("arm", frame=Frame.NED, sensors="ideal", unit="random", seed=0)
-    track = Filter("fuzzy_pi", frame=Frame.NED, params=params).process(run.imu)
-    assert quat_angle(track.q_nb, run.truth.q_nb).max() < 1e-9
+    for params in ROWS.values():
+        track = Filter("fuzzy_pi", frame=Frame.NED, params=params).process(run.imu)
+        assert quat_angle(track.q_nb, run.truth.q_nb).max() < 1e-9
 
 
 def test_in_the_turn_with_the_noise_that_the_paper_states():
@@ -168,12 +156,14 @@ def test_a_bias_is_learned_by_the_integrals():
 
 
 def test_rules_that_correct_a_large_error_less_than_a_small_one_are_refused():
-    with pytest.raises(ParameterError, match=r"far must be at least 4/3° × slope, 4 deg/s, but it is 3 deg/s"):
-        Filter("fuzzy_pi", frame=Frame.NED, params={"slope": 3.0})
-    Filter("fuzzy_pi", frame=Frame.NED, params={"slope": 3.0, "far": "4 deg/s"})
-    Filter("fuzzy_pi", frame=Frame.NED, params={"slope": 3.0, "sum_table": True})
-    with pytest.raises(ParameterError, match=r"far.*needs a unit of rate"):
-        Filter("fuzzy_pi", frame=Frame.NED, params={"far": "3"})
+    for far, words in (
+        ("3 deg/s", r"at least 4/3° × slope, 4 deg/s, but it is 3 deg/s"),
+        ("3", "needs a unit of rate"),
+    ):
+        with pytest.raises(ParameterError, match=f"far.*{words}"):
+            Filter("fuzzy_pi", frame=Frame.NED, params={"slope": 3.0, "far": far})
+    for more in ({"far": "4 deg/s"}, {"sum_table": True}):
+        assert Filter("fuzzy_pi", frame=Frame.NED, params={"slope": 3.0, **more}).params.slope == 3.0
 
 
 # --- the paper's tables -----------------------------------------------------------------------------------------
@@ -182,16 +172,12 @@ def test_rules_that_correct_a_large_error_less_than_a_small_one_are_refused():
 @pytest.fixture(scope="module")
 def rest():
     """Std of the errors over 40 runs of the first table, root mean square over the runs, deg: roll, pitch, yaw."""
-
-    def std(**params):
-        result = measure_scenario(
-            "arm", [Stage("fuzzy_pi", params)], frame=Frame.NED, sensors="arm:rest", unit="random",
-            seeds=range(40), settings={"turn": 0.0},
-        )  # fmt: skip
-        axes = result.values["fuzzy_pi"]
-        return np.array([np.sqrt(np.mean(np.square(axes[a]["std_deg"]))) for a in ("roll", "pitch", "yaw")])
-
-    return {**{name: std(**params) for name, params in ROWS.items()}, "sum": std(sum_table=True)}
+    ways = {**ROWS, "sum": {"sum_table": True}}
+    stages = [Stage("fuzzy_pi", params, label=label) for label, params in ways.items()]
+    how = {"frame": Frame.NED, "sensors": "arm:rest", "unit": "random", "settings": {"turn": 0.0}}
+    runs = measure_scenario("arm", stages, seeds=range(40), **how).values
+    axes = ("roll", "pitch", "yaw")
+    return {label: np.sqrt([np.mean(np.square(runs[label][a]["std_deg"])) for a in axes]) for label in ways}
 
 
 def test_at_rest_one_set_of_sensors_does_what_the_page_says(rest):

@@ -22,6 +22,7 @@ from plumbob.filters.input_checks import (
     trusted,
 )
 from plumbob.filters.layout import OWN, RATE, SAME, STAGE
+from tests.helpers.filter_state import coefficients_of
 
 DT = 0.01
 AT = OWN
@@ -34,7 +35,7 @@ class Gate:
     """The guard with its state."""
 
     def __init__(self):
-        self.c = Filter("integrate", frame=Frame.ENU)._c  # for its largest gap, 1 s
+        self.c = coefficients_of(Filter("integrate", frame=Frame.ENU))  # for its largest gap, 1 s
         self.x = np.zeros(OWN + GUARD_SIZE)
         self.x[STAGE] = 2.0
 
@@ -59,22 +60,16 @@ class TestSpike:
     @pytest.mark.parametrize("axis", [0, 1, 2])
     @pytest.mark.parametrize("sign", [-1.0, 1.0])
     def test_it_is_held_for_one_sample_and_forgotten(self, axis, sign):
+        """And a change that a body can make is not held."""
         gate, base = steady([0.1, 0.2, 0.3]), np.array([0.1, 0.2, 0.3])
-        spike = base + sign * 1.01 * LIMIT * np.eye(3)[axis]
-        found, dt, rate, missed = gate.take(spike)
-        assert found == flags.GYR_HELD
-        assert (dt, missed) == (DT, 0.0)
+        found, dt, rate, missed = gate.take(base + sign * 1.01 * LIMIT * np.eye(3)[axis])
+        assert (found, dt, missed) == (flags.GYR_HELD, DT, 0.0)
         assert rate.tolist() == base.tolist()
-        for _ in range(3):
-            found, _, rate, _ = gate.take(base)
-            assert found == 0
-            assert rate.tolist() == base.tolist()
-
-    def test_a_change_that_a_body_can_make_is_not_held(self):
-        gate = steady([0.0, 0.0, 0.0])
-        found, _, rate, _ = gate.take([0.99 * LIMIT, -0.99 * LIMIT, 0.0])
-        assert found == 0
-        assert rate.tolist() == [0.99 * LIMIT, -0.99 * LIMIT, 0.0]
+        for change in (0.0, 0.0, 0.0, 0.99):
+            now = base + change * sign * LIMIT * np.eye(3)[axis]
+            found, _, rate, missed = gate.take(now)
+            assert (found, missed) == (0, 0.0)
+            assert rate.tolist() == now.tolist()
 
     @given(st.lists(st.floats(-30.0, 30.0), min_size=6, max_size=6))
     def test_confirmed_it_is_made_up_for_and_the_angle_is_exact(self, six):
@@ -96,24 +91,14 @@ class TestSpike:
             total += DT * rate
         assert np.abs(total - 5.0 * DT * after).max() < 20 * np.finfo(float).eps * 5.0 * DT * 150.0  # rates up to 150
 
-    def test_two_samples_of_different_size_confirm_each_other(self):
+    def test_spikes_with_a_good_sample_between_are_each_held_and_two_in_turn_confirm_each_other(self):
         """Both say that the rate was not what it had been; what counts is the angle of both."""
-        gate = steady([0.0, 0.0, 0.0])
-        angle = gate.turned([[15.0, 0.0, 0.0], [20.0, 0.0, 0.0], [20.0, 0.0, 0.0]])
-        assert angle[0] == pytest.approx(0.55, rel=1e-12)
-
-    def test_spikes_with_a_good_sample_between_are_each_held(self):
         gate, angle = steady([0.0, 0.0, 1.0]), np.zeros(3)
         for _ in range(10):
             angle += gate.turned([[50.0, 0.0, 1.0], [0.0, 0.0, 1.0]])
         assert angle == pytest.approx([0.0, 0.0, 0.2], rel=1e-12)
-
-    def test_after_a_missing_rate_nothing_is_known_to_jump_from(self):
-        gate = steady([0.0, 0.0, 0.0])
-        assert gate.take(NAN)[0] == flags.GYR_HELD
-        found, _, rate, _ = gate.take([20.0, 0.0, 0.0])
-        assert found == 0
-        assert rate[0] == 20.0
+        angle = steady([0.0, 0.0, 0.0]).turned([[15.0, 0.0, 0.0], [20.0, 0.0, 0.0], [20.0, 0.0, 0.0]])
+        assert angle[0] == pytest.approx(0.55, rel=1e-12)
 
     def test_a_rate_that_turns_more_than_half_a_revolution_is_never_let_in(self):
         """Confirmed or not: 400 rad/s turns 4 rad in 10 ms, of which the axis is not known."""
@@ -123,28 +108,21 @@ class TestSpike:
             assert found & flags.GYR_HELD
             assert rate[0] == 0.0
 
-    def test_the_first_sample_has_no_step_and_nothing_to_compare_with(self):
-        gate = Gate()
+    def test_the_first_sample_and_one_after_a_missing_rate_have_nothing_to_compare_with(self):
+        gate, lost = Gate(), steady([0.0, 0.0, 0.0])
         assert gate.take([20.0, 0.0, 0.0], dt=0.0)[0] == 0
-        found, _, rate, _ = gate.take([20.0, 0.0, 0.0])
-        assert (found, rate[0]) == (0, 20.0)
+        assert lost.take(NAN)[0] == flags.GYR_HELD
+        for known in (gate, lost):
+            found, _, rate, _ = known.take([20.0, 0.0, 0.0])
+            assert (found, rate[0]) == (0, 20.0)
 
-
-class TestStuck:
     def test_a_stuck_rate_is_none(self):
-        gate = steady([0.1, 0.2, 0.3])
-        found, _, rate, missed = gate.take([5.0, 5.0, 5.0], seen=flags.GYR_STUCK)
-        assert found == flags.GYR_HELD
-        assert rate.tolist() == [0.1, 0.2, 0.3]
+        found, _, rate, missed = steady([0.1, 0.2, 0.3]).take([5.0, 5.0, 5.0], seen=flags.GYR_STUCK)
+        assert (found, rate.tolist()) == (flags.GYR_HELD, [0.1, 0.2, 0.3])
         assert missed > 0.0
 
 
 class TestMissedAngle:
-    def test_nothing_is_missed_while_the_rate_is_known(self):
-        gate = Gate()
-        for _ in range(20):
-            assert gate.take([3.0, -2.0, 1.0])[3] == 0.0
-
     def test_without_a_rate_the_doubt_grows_and_then_all_is_unknown(self):
         """While the last rate is held its change is unknown, Σ α·t·Δt → α HOLD²/2; then the rate itself."""
         gate, total = steady([1.0, 0.0, 0.0]), 0.0
@@ -177,10 +155,7 @@ class TestMissedAngle:
     @given(
         st.lists(
             st.tuples(
-                st.one_of(
-                    st.tuples(*[st.floats(-IMPOSSIBLE_RATE, IMPOSSIBLE_RATE)] * 3),
-                    st.just(NAN),
-                ),
+                st.one_of(st.tuples(*[st.floats(-IMPOSSIBLE_RATE, IMPOSSIBLE_RATE)] * 3), st.just(NAN)),
                 st.floats(0.0, 1e6),
                 st.sampled_from([0, flags.GYR_STUCK, flags.GYR_CLIPPED]),
             ),
@@ -214,19 +189,16 @@ def test_a_vector_that_stays_while_the_body_turns_is_an_old_one(turned, passes):
 
 
 def test_gravity_alone_has_its_size_and_no_other():
-    """Scaled by 1 %, it is gravity still once the scale is learned; an acceleration of 0.2 g makes it longer by 2 %."""
-    x = np.zeros(input_checks.GRAVITY_SIZE)
-    for _ in range(20_000):
-        alone = input_checks.only_gravity.py_func(x, 0, 0.01, 0.0, 0.0, 1.01 * G0)
-    assert alone
-    for _ in range(200):
-        alone = input_checks.only_gravity.py_func(x, 0, 0.01, 0.2 * G0, 0.0, 1.01 * G0)
-    assert not alone
+    """Scaled by 1 %, it is gravity still once the scale is learned; an acceleration of 0.2 g makes it longer by 2 %.
 
-
-def test_who_keeps_accelerating_is_found_within_two_seconds():
-    """5 m/s² makes the specific force longer by 12 %: 3 s ln(12/(12 − 6)) = 2.0 s until its mean is 6 % longer."""
+    5 m/s² makes the specific force longer by 12 %: 3 s ln(12/(12 − 6)) = 2.0 s until its mean is 6 % longer.
+    """
     x = np.zeros(input_checks.GRAVITY_SIZE)
+    for count, push, expected in ((20_000, 0.0, True), (200, 0.2 * G0, False)):
+        for _ in range(count):
+            alone = input_checks.only_gravity.py_func(x, 0, 0.01, push, 0.0, 1.01 * G0)
+        assert alone == expected
+    x[:] = 0.0
     x[0] = G0
     found = [input_checks.keeps_accelerating.py_func(x, 0, 0.01, 5.0, 0.0, G0) for _ in range(400)]
     assert 150 < found.index(True) < 250

@@ -77,6 +77,15 @@ def noisy(n=600, seed=1):
     return ImuData(t=t, gyr=gyr, acc=acc, mag=mag)
 
 
+def noisy_and_whole(n, rate):
+    """Those of `noisy` that have all values, at an even rate, Hz."""
+    data = noisy(n)
+    whole = np.isfinite(np.hstack((data.gyr, data.acc, data.mag))).all(axis=1)
+    t = np.arange(int(whole.sum())) / rate
+    assert t.size > n // 5
+    return ImuData(t=t, gyr=data.gyr[whole], acc=data.acc[whole], mag=data.mag[whole])
+
+
 def up_in_body(q_nb, up=1.0):
     """The vertical in body axes, of a frame whose z axis points up or down: all that is tilt."""
     return quat_rotate(quat_conjugate(q_nb), [0.0, 0.0, up])
