@@ -33,8 +33,22 @@ def converged_after(data, name="complementary"):
     return data.t[first]
 
 
+ONE_STEP = 0.011
+"""A step, s, and the rounding of its sum."""
+
+
 def test_in_motion_an_upright_mean_converges():
-    assert converged_after(level()) == pytest.approx(UPRIGHT_FOR, abs=0.011)  # a step, and the rounding of its sum
+    """A slow accelerometer takes as long; the time counts from its first force; while it is silent it shows nothing."""
+    data, fast = level(), level(rate=400.0)
+    assert converged_after(data) == pytest.approx(UPRIGHT_FOR, abs=ONE_STEP)
+    t = data.t[:, np.newaxis]
+    for of, absent, expected, within in (
+        (fast, np.arange(len(fast))[:, np.newaxis] % 4 != 0, UPRIGHT_FOR, ONE_STEP),
+        (data, t < 2.0, 2.0 + UPRIGHT_FOR, ONE_STEP),
+        (data, (t > 1.0) & (t < 6.0), 5.0 + UPRIGHT_FOR, 0.11),  # its last value holds for 0.1 s
+    ):
+        imu = ImuData(t=of.t, gyr=of.gyr, acc=np.where(absent, np.nan, of.acc))
+        assert converged_after(imu) == pytest.approx(expected, abs=within)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +76,7 @@ def test_at_rest_the_first_sample_converges(turning, size, at_once):
 )
 def test_an_uncalibrated_unit_at_rest_takes_a_second(turning, size, rests):
     after = converged_after(level(turning=turning, force=(0.0, 0.0, size)))
-    assert after == pytest.approx(STEADY_FOR if rests else UPRIGHT_FOR, abs=0.011)
+    assert after == pytest.approx(STEADY_FOR if rests else UPRIGHT_FOR, abs=ONE_STEP)
 
 
 @pytest.mark.parametrize("which", ["gyr", "acc"])
@@ -73,26 +87,7 @@ def test_what_moves_in_that_second_does_not_rest(which, change, rests):
     values = {"gyr": data.gyr.copy(), "acc": data.acc.copy()}
     values[which][50:, 0] += change * dict(zip(("acc", "gyr"), STEADY, strict=True))[which]
     after = converged_after(ImuData(t=data.t, **values))
-    assert (after == pytest.approx(STEADY_FOR, abs=0.011)) == rests
-
-
-def test_a_slow_accelerometer_takes_as_long():
-    data = level(rate=400.0)
-    acc = np.where(np.arange(len(data))[:, np.newaxis] % 4 == 0, data.acc, np.nan)
-    assert converged_after(ImuData(t=data.t, gyr=data.gyr, acc=acc)) == pytest.approx(UPRIGHT_FOR, abs=0.011)
-
-
-def test_the_time_counts_from_the_first_specific_force():
-    data = level()
-    acc = np.where(data.t[:, np.newaxis] < 2.0, np.nan, data.acc)
-    assert converged_after(ImuData(t=data.t, gyr=data.gyr, acc=acc)) == pytest.approx(2.0 + UPRIGHT_FOR, abs=0.011)
-
-
-def test_an_accelerometer_that_is_silent_shows_nothing():
-    data = level()
-    acc = np.where((data.t[:, np.newaxis] > 1.0) & (data.t[:, np.newaxis] < 6.0), np.nan, data.acc)
-    after = converged_after(ImuData(t=data.t, gyr=data.gyr, acc=acc))
-    assert after == pytest.approx(5.0 + UPRIGHT_FOR, abs=0.11)  # its last value holds for 0.1 s
+    assert (after == pytest.approx(STEADY_FOR, abs=ONE_STEP)) == rests
 
 
 def test_a_gap_is_another_start_and_its_length_does_not_count():
@@ -101,29 +96,22 @@ def test_a_gap_is_another_start_and_its_length_does_not_count():
     bad = flagged(ImuData(t=t, gyr=data.gyr, acc=data.acc))
     again = np.flatnonzero(bad & (t > 5.0))
     assert again[0] == 500
-    assert t[again[-1]] - t[500] == pytest.approx(UPRIGHT_FOR, abs=0.011)
-
-
-def leaning():
-    """One that leans at once, and for ever, by 6°, as the specific force says: an acceleration without an end."""
-    data = level(LONGEST + 2.0)
-    lean = np.where(np.arange(len(data))[:, np.newaxis] == 0, [0.0, 0.0, 0.0], [math.tan(math.radians(6.0)) * G0, 0, 0])
-    return ImuData(t=data.t, gyr=[0.0, 0.0, 1e-3] + 0.0 * data.gyr, acc=data.acc * [1, 1, 1.05] + lean)
-
-
-def test_a_filter_that_integrates_is_flagged_for_as_long_as_it_leans():
-    assert flagged(leaning(), "integrate").all()
-
-
-def test_a_filter_that_corrects_is_flagged_no_longer_than_a_time():
-    """A minute of time constant holds the lean of 6° above 3° for 42 s; ten minutes, beyond the longest trial."""
-    data = leaning()
-    bad = flagged(data, "complementary", params={"tau_tilt": "10 min"})
-    assert data.t[np.argmin(bad)] == pytest.approx(LONGEST, abs=0.011)
+    assert t[again[-1]] - t[500] == pytest.approx(UPRIGHT_FOR, abs=ONE_STEP)
 
 
 def test_the_longest_trial_is_by_what_a_filter_can_forget():
+    """A unit that leans at once, and for ever, by 6°, as the force says: an acceleration without an end.
+
+    A filter that integrates is flagged as long. Of one that corrects a minute of time constant holds the lean above 3°
+    for 42 s; ten minutes, beyond the longest trial.
+    """
     assert (trial_time(("acc",)), trial_time(("gyr", "acc")), trial_time(("gyr",))) == (0.0, LONGEST, math.inf)
+    data = level(LONGEST + 2.0)
+    lean = np.where(data.t[:, np.newaxis] == 0.0, [0.0, 0.0, 0.0], [math.tan(math.radians(6.0)) * G0, 0.0, 0.0])
+    data = ImuData(t=data.t, gyr=[0.0, 0.0, 1e-3] + 0.0 * data.gyr, acc=data.acc * [1, 1, 1.05] + lean)
+    assert flagged(data, "integrate").all()
+    bad = flagged(data, "complementary", params={"tau_tilt": "10 min"})
+    assert data.t[np.argmin(bad)] == pytest.approx(LONGEST, abs=ONE_STEP)
 
 
 @pytest.mark.parametrize("up", [1.0, -1.0])
