@@ -6,12 +6,13 @@ import struct
 import numpy as np
 import pytest
 
-from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.errors import ParameterError
 from plumbob.files import kind_of, read, write
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_angle
 from tests.helpers import log_samples as made
 from tests.helpers.file_kinds import telemetry
+from tests.helpers.io_samples import refused
 from tests.helpers.real_data import DATA, needs
 
 REAL = DATA / "formats" / "ardupilot_test.bin"
@@ -46,8 +47,8 @@ def test_the_first_of_several_units_is_taken_and_the_others_are_listed(tmp_path)
         other = read(path, unit=unit)
         np.testing.assert_allclose(other.imu.gyr, recording.imu.gyr + 1.0, atol=1e-6)
         assert quat_angle(other.track.q_nb, recording.track.q_nb).max() < 1e-9
-    with pytest.raises(ParameterError, match=r"no unit 'IMU.2' in the log; there are IMU.0 \(1\), IMU.1 \(2\)"):
-        read(path, unit="IMU.2")
+    match = r"no unit 'IMU.2' in the log; there are IMU.0 \(1\), IMU.1 \(2\)"
+    refused(read, path, unit="IMU.2", match=match, error=ParameterError)
 
 
 def test_all_units_on_the_same_stamps_are_an_array(tmp_path):
@@ -59,8 +60,7 @@ def test_all_units_on_the_same_stamps_are_an_array(tmp_path):
     again = read(write(tmp_path / "two.parquet", array)).array
     np.testing.assert_array_equal(again.units["IMU.1"].gyr, array.units["IMU.1"].gyr)
     path.write_bytes(path.read_bytes()[: -2 * 36 - 40])  # a message of one unit fewer
-    with pytest.raises(ParameterError, match=r"stamps of their own.*--unit IMU.0"):
-        read(path, unit="all")
+    refused(read, path, unit="all", match=r"stamps of their own.*--unit IMU.0", error=ParameterError)
     path.write_bytes(made.dataflash())
     assert read(path, unit="all").imu is not None
 
@@ -85,28 +85,6 @@ def test_old_logs_count_ms(tmp_path):
     path = tmp_path / "old.bin"
     path.write_bytes(out)
     np.testing.assert_allclose(np.diff(read(path).imu.t), 0.02)
-
-
-def test_definitions_that_lie_are_left_out(tmp_path):
-    out = made.fmt(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 89)
-    out += made.fmt(129, "IMU", "Qffffff", "TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", 50)
-    path = tmp_path / "lie.bin"
-    path.write_bytes(out + b"\xa3\x95\x81" + bytes(47))
-    with pytest.raises(DecodeError, match="no samples of a gyroscope"):
-        read(path)
-
-
-def test_raw_bytes_of_another_device_are_not_taken(tmp_path):
-    path = tmp_path / "raw.bin"
-    path.write_bytes(b"\x55\x51" * 500)
-    with pytest.raises(DecodeError, match="its content is not"):
-        kind_of(path)
-
-
-def test_damaged_logs_are_read_or_refused(tmp_path):
-    rng = np.random.default_rng(2)
-    refused = made.survives(read, tmp_path / "m.bin", made.dataflash(), rng, 150)
-    assert refused < 100
 
 
 @real
@@ -175,9 +153,6 @@ def test_telemetry_in_milli_units_where_ardupilot_sent_it(tmp_path):
     np.testing.assert_allclose(imu.acc, [[0.0, 0.0, -made.G]] * 200)  # −1000 mg
     np.testing.assert_allclose(imu.gyr, [[0.0, 0.0, 0.5]] * 200)  # 500 mrad/s
     np.testing.assert_allclose(imu.mag, [[20.0, 0.0, 40.0]] * 200)  # 200 and 400 mgauss
-    path.write_bytes(telemetry(lambda *a: sent_raw(*a, autopilot=12)))
-    with pytest.raises(DecodeError, match="units are those of an unknown maker"):
-        read(path)
 
 
 def test_another_imu_of_telemetry(tmp_path):
@@ -203,14 +178,18 @@ def test_a_packet_with_a_wrong_crc_is_left_out(tmp_path):
     assert any("1 packet left out" in note for note in recording.notes)
 
 
-def test_damaged_telemetry_is_read_or_refused(tmp_path):
-    raw = telemetry(sent_highres)
-    assert made.survives(read, tmp_path / "m.tlog", raw, np.random.default_rng(3), 100) < 60
+LIE = made.fmt(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 89)
+LIE += made.fmt(129, "IMU", "Qffffff", "TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", 50) + b"\xa3\x95\x81" + bytes(47)
 
 
-def test_damaged_text_is_read_or_refused(tmp_path):
-    head = "FMT, 129, 35, IMU, Qffffff, TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ\n"
-    head += "FMT, 133, 31, PARM, QNf, TimeUS,Name,Value\nPARM, 1000000, COMPASS_DEC, 0.2\n"
-    raw = head + "".join(f"IMU, {1000000 + 5000 * i}, 0, 0, 0.5, 0, 0, -9.81\n" for i in range(100))
-    refused = made.survives(read, tmp_path / "m.log", raw.encode(), np.random.default_rng(5), 150)
-    assert refused < 140
+@pytest.mark.parametrize(
+    ("name", "raw", "match"),
+    [
+        ("lie.bin", LIE, "no samples of a gyroscope"),  # a definition of another length than its letters
+        ("raw.bin", b"\x55\x51" * 500, "its content is not"),
+        ("a.tlog", lambda: telemetry(lambda *a: sent_raw(*a, autopilot=12)), "units are those of an unknown maker"),
+    ],
+)
+def test_what_is_no_log_of_samples_is_refused(tmp_path, name, raw, match):
+    (tmp_path / name).write_bytes(raw() if callable(raw) else raw)
+    refused(read, tmp_path / name, match=match, name=name)

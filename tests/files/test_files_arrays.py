@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from plumbob import profile
-from plumbob.core.errors import DecodeError, FrameError, PlumbobError, UnitError
+from plumbob.core.errors import DecodeError, FrameError, UnitError
 from plumbob.files import read
 from plumbob.files.formats import kind_of
 from plumbob.files.profile_toml import parse_profile
 from tests.helpers.file_kinds import hdf5
+from tests.helpers.io_samples import refused
 
 h5py = pytest.importorskip("h5py")
 scipy_io = pytest.importorskip("scipy.io")
@@ -92,108 +93,67 @@ def test_unix_time_in_whole_nanoseconds_keeps_every_one(tmp_path):
     np.testing.assert_array_equal(imu.t_ns, stamps - stamps[0])
 
 
-def test_without_a_profile_the_arrays_are_listed_with_their_shapes(tmp_path):
-    for name, save in WRITERS.items():
-        save(tmp_path / name, content())
-        assert kind_of(tmp_path / name).name == "arrays"
-        with pytest.raises(DecodeError, match=rf"need --profile.*imu/gyr {ROWS}×3.*"):
-            read(tmp_path / name)
+LISTED = rf"imu/gyr {ROWS}×3"
 
 
-def test_the_profile_of_arrays_is_not_drafted_but_they_are_listed(tmp_path):
-    hdf5(tmp_path / "a.h5", content())
-    with pytest.raises(DecodeError, match=rf"imu/gyr {ROWS}×3"):
-        profile(tmp_path / "a.h5")
-
-
-@pytest.mark.parametrize(
-    ("was", "becomes", "what"),
-    [
-        ('"imu/gyr"', '"gyro"', "'gyro' is not in the file; the file holds"),
-        ('"imu/acc[2]"', '"imu/acc[4]"', r"imu/acc has 3 columns, so there is no imu/acc\[4\]"),
-        ('column = "temp"', 'column = "short"', "different lengths"),
-        ('column = "temp"', 'column = "note"', "is not an array of numbers"),
-        ('column = "temp"', "column = 2", "an array has a name"),
-    ],
-)
-def test_a_profile_that_does_not_fit_says_where(tmp_path, was, becomes, what):
-    found = content() | {"short": np.zeros(7), "note": "text"}
-    scipy_io.savemat(tmp_path / "a.mat", found)
-    with pytest.raises(DecodeError, match=what):
-        read(tmp_path / "a.mat", profile=parse_profile(PROFILE.replace(was, becomes)))
-
-
-@pytest.mark.parametrize(
-    ("was", "becomes", "error", "what"),
-    [
-        ("arrays = true", 'arrays = true\nseparator = ","', DecodeError, "remove separator"),
-        ('unit = "rad/s"\n', "", UnitError, "gyr needs a unit"),
-        ('frame = "ENU"\n', "", FrameError, "frame"),
-        ("arrays = true", "arrays = false", DecodeError, "separator"),
-    ],
-)
-def test_profiles_of_arrays_are_strict(was, becomes, error, what):
-    with pytest.raises(error, match=what):
-        parse_profile(PROFILE.replace(was, becomes))
-
-
-def test_a_profile_of_text_is_not_one_of_arrays_nor_the_reverse(tmp_path):
-    np.savez(tmp_path / "a.npz", t=T)
-    text = parse_profile(
-        'separator = ","\n[header]\nnames = true\n[time]\nrate = "1 Hz"\n[gyr]\ncolumns = [1, 2, 3]\nunit = "rad/s"\n'
-    )
-    with pytest.raises(DecodeError, match="write arrays = true"):
-        read(tmp_path / "a.npz", profile=text)
-    (tmp_path / "a.csv").write_text("1,2,3\n")
-    with pytest.raises(DecodeError, match="arrays = true; declare its separator"):
-        read(tmp_path / "a.csv", profile=parse_profile(PROFILE))
+@pytest.mark.parametrize("name", WRITERS)
+def test_without_a_profile_the_arrays_are_listed_with_their_shapes(tmp_path, name):
+    WRITERS[name](tmp_path / name, content())
+    assert kind_of(tmp_path / name).name == "arrays"
+    refused(read, tmp_path / name, match=f"need --profile.*{LISTED}")
+    refused(profile, tmp_path / name, match=LISTED)  # it is not drafted, but they are listed
 
 
 # Hostile --------------------------------------------------------------------------------------------------------------
 
 
-def test_links_of_hdf5_are_refused(tmp_path):
-    secret = tmp_path / "secret.h5"
-    hdf5(secret, content())
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file["imu"] = h5py.ExternalLink(str(secret), "imu")
+TEXT = 'separator = ","\n[header]\nnames = true\n[time]\nrate = "1 Hz"\n[gyr]\ncolumns = [1, 2, 3]\nunit = "rad/s"\n'
+ALONE = FLAT.split("[acc]")[0]
+OBJECTS = np.array([{"a": 1}] * ROWS, dtype=object)
+
+
+def linked(path):
+    hdf5(path.with_name("secret.h5"), content())
+    with h5py.File(path, "w") as file:
+        file["imu"] = h5py.ExternalLink(str(path.with_name("secret.h5")), "imu")
         file["t"] = T
-    with pytest.raises(DecodeError, match="is not in the file"):
-        read(tmp_path / "a.h5", profile=parse_profile(PROFILE))
 
 
-def test_pickled_arrays_are_never_loaded(tmp_path):
-    np.savez(tmp_path / "a.npz", t=T, gyr=np.array([{"a": 1}] * ROWS, dtype=object))
-    text = FLAT.split("[acc]")[0]
-    with pytest.raises(DecodeError, match="array of objects"):
-        read(tmp_path / "a.npz", profile=parse_profile(text))
-
-
-def test_an_array_that_claims_more_than_it_holds_is_refused(tmp_path):
+def enlarged(path):
     head = b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999, 3), }"
-    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
-        archive.writestr("gyr.npy", head.ljust(127) + b"\n" + bytes(64))
-        archive.writestr("t.npy", head.ljust(127) + b"\n" + bytes(64))
-    text = FLAT.split("[acc]")[0]
-    with pytest.raises(DecodeError, match="which cannot be"):
-        read(tmp_path / "a.npz", profile=parse_profile(text))
+    with zipfile.ZipFile(path, "w") as archive:
+        for name in ("gyr.npy", "t.npy"):
+            archive.writestr(name, head.ljust(127) + b"\n" + bytes(64))
 
 
-@pytest.mark.parametrize("name", ["v5.mat", "packed.mat", "a.npz"])
-def test_every_damage_is_an_error_or_a_recording(tmp_path, name):
-    path = tmp_path / name
-    small = {"t": T[:6], "imu": {"gyr": GYR[:6], "acc": ACC[:6]}, "temp": np.full(6, 21), "quat": QUAT[:6]}
-    if name == "a.npz":
-        np.savez(path, t=T[:6], gyr=GYR[:6], acc=ACC[:6], temp=np.full(6, 21), quat=QUAT[:6])
-    else:
-        WRITERS[name](path, small)
-    profile = parse_profile(FLAT if name == "a.npz" else PROFILE)
-    whole = path.read_bytes()
-    damaged = [whole[:n] for n in range(0, len(whole), 31)]
-    damaged += [whole[:n] + bytes([whole[n] ^ 0xA5]) + whole[n + 1 :] for n in range(0, len(whole), 9)]
-    for raw in damaged:
-        path.write_bytes(raw)
-        try:
-            read(path, profile=profile)
-        except PlumbobError as error:
-            assert name in str(error)
+def odd(path):
+    scipy_io.savemat(path, content() | {"short": np.zeros(7), "note": "text"})
+
+
+def numbers(path):
+    path.write_text("1,2,3\n")
+
+
+REFUSED = [
+    ("a.mat", odd, PROFILE.replace('"imu/gyr"', '"gyro"'), "'gyro' is not in the file; the file holds"),
+    ("a.mat", odd, PROFILE.replace("acc[2]", "acc[4]"), r"imu/acc has 3 columns, so there is no imu/acc\[4\]"),
+    ("a.mat", odd, PROFILE.replace('"temp"', '"short"'), "different lengths"),
+    ("a.mat", odd, PROFILE.replace('"temp"', '"note"'), "is not an array of numbers"),
+    ("a.mat", odd, PROFILE.replace('"temp"', "2"), "an array has a name"),
+    ("a.mat", odd, PROFILE.replace("arrays = true", 'arrays = true\nseparator = ","'), "remove separator"),
+    ("a.mat", odd, PROFILE.replace('unit = "rad/s"\n', ""), "gyr needs a unit", UnitError),
+    ("a.mat", odd, PROFILE.replace('frame = "ENU"\n', ""), "frame", FrameError),
+    ("a.mat", odd, PROFILE.replace("arrays = true", "arrays = false"), "separator"),
+    ("a.mat", odd, TEXT, "write arrays = true"),
+    ("a.csv", numbers, PROFILE, "arrays = true; declare its separator"),
+    ("a.h5", linked, PROFILE, "is not in the file"),
+    ("a.npz", lambda path: np.savez(path, t=T, gyr=OBJECTS), ALONE, "array of objects"),
+    ("a.npz", enlarged, ALONE, "which cannot be"),
+]
+
+
+@pytest.mark.parametrize("case", REFUSED, ids=range(len(REFUSED)))
+def test_what_does_not_fit_its_profile_or_is_hostile_is_refused(tmp_path, case):
+    name, put, text, match, error = (*case, DecodeError)[:5]
+    put(tmp_path / name)
+    refused(lambda: read(tmp_path / name, profile=parse_profile(text)), match=match, error=error)

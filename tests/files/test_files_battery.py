@@ -8,13 +8,14 @@ import signal
 import numpy as np
 import pytest
 
-from plumbob.core.errors import ClockError, DecodeError, ParameterError, PlumbobError, ShapeError
+from plumbob.core.errors import ClockError, DecodeError, ParameterError, ShapeError
 from plumbob.data import ImuMeta
 from plumbob.files import FORMATS, Recording, read, write
 from plumbob.files.notes import TOPICS
-from tests.helpers.io_samples import CASES, ROWS, assert_same, make_imu, make_track
+from tests.helpers.io_samples import CASES, ROWS, assert_same, make_imu, make_track, refused
 
 FORMATS_WRITTEN = {".parquet": {"nan_bits": True}, ".csv": {"nan_bits": False}, ".txt": {"nan_bits": False}}
+SUFFIXES = [suffix for kind in FORMATS for suffix in kind.suffixes]
 every_format = pytest.mark.parametrize("suffix", FORMATS_WRITTEN)
 
 
@@ -71,11 +72,10 @@ def test_samples_and_tracks_are_written_bare_and_notes_are_kept(tmp_path, suffix
 
 @every_format
 def test_findings_are_not_stored_because_they_go_stale(tmp_path, suffix):
-    uncalibrated = make_imu(meta=ImuMeta(device="x"))
-    back = read(write(tmp_path / f"a{suffix}", uncalibrated))
-    assert any(note.startswith("calibration: ") for note in back.notes)
-    calibrated = Recording(imu=make_imu(), notes=back.notes)
-    assert not any(note.startswith(TOPICS) for note in read(write(tmp_path / f"b{suffix}", calibrated)).notes)
+    back = read(write(tmp_path / f"a{suffix}", make_imu(meta=ImuMeta(device="x"))))
+    assert sum(note.startswith("calibration: ") for note in back.notes) == 1
+    calibrated = read(write(tmp_path / f"b{suffix}", Recording(imu=make_imu(), notes=back.notes)))
+    assert sum(note.startswith(TOPICS) for note in calibrated.notes) == 0
 
 
 @every_format
@@ -130,68 +130,41 @@ def test_a_crash_while_writing_leaves_nothing(tmp_path, suffix, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-@every_format
-def test_no_folder_to_write_in(tmp_path, suffix):
-    with pytest.raises(DecodeError, match="create it first"):
-        write(tmp_path / "none" / f"a{suffix}", make_imu())
-
-
-@pytest.mark.parametrize("suffix", [s for kind in FORMATS for s in kind.suffixes])
+@pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("content", [b"", b"\x00", b"PAR1", b"hello\n", bytes(range(256)) * 8])
 def test_a_foreign_file_is_refused_by_name_in_one_line(tmp_path, suffix, content):
     path = tmp_path / f"foreign{suffix}"
     path.write_bytes(content)
-    with pytest.raises(DecodeError) as caught:
-        read(path)
-    assert f"foreign{suffix}" in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert len(refused(read, path, match=path.name)) < 1000
 
 
-@pytest.mark.parametrize("suffix", [s for kind in FORMATS for s in kind.suffixes])
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_no_file_and_a_folder_are_refused(tmp_path, suffix):
-    with pytest.raises(DecodeError, match="does not exist"):
-        read(tmp_path / f"none{suffix}")
+    refused(read, tmp_path / f"none{suffix}", match="does not exist")
     (tmp_path / f"folder{suffix}").mkdir()
-    with pytest.raises(DecodeError, match="is a folder, and not one of ROS, EuRoC"):
-        read(tmp_path / f"folder{suffix}")
+    refused(read, tmp_path / f"folder{suffix}", match="is a folder, and not one of ROS, EuRoC")
 
 
-def test_a_pipe_is_refused_instead_of_waited_for(tmp_path):
-    os.mkfifo(tmp_path / "a.parquet")
-    with pytest.raises(DecodeError, match="not a regular file"):
-        read(tmp_path / "a.parquet")
+def test_what_no_format_takes_is_refused(tmp_path):
+    imu = make_imu()
+    os.mkfifo(tmp_path / "pipe.parquet")  # refused instead of waited for
+    refused(read, tmp_path / "pipe.parquet", match="not a regular file")
+    refused(read, tmp_path / "a.xlsx", match=r"'\.xlsx' is unknown; known are \.parquet, \.bag, .*\.csv")
+    refused(write, tmp_path / "a", imu, match="is unknown")
+    known = r"is not among \.parquet, \.csv, \.txt; plumbob\.convert writes more"
+    for suffix in (".hdf5", ".mat", ".tsv"):
+        refused(write, tmp_path / f"a{suffix}", imu, match=known)
+    for suffix in FORMATS_WRITTEN:
+        refused(write, tmp_path / "none" / f"a{suffix}", imu, match="create it first")
+    for what in (imu, make_track(), Recording(imu=imu)):
+        for suffix in (".csv", ".parquet"):
+            refused(write, tmp_path / f"a{suffix}", what, notes="text", match="notes must be", error=ShapeError)
+    refused(Recording, match="imu, track or both", error=ShapeError)
+    refused(Recording, imu=imu, notes="one text", match="notes", error=ShapeError)
+    assert [path.name for path in tmp_path.iterdir()] == ["pipe.parquet"]
 
 
-def test_unknown_suffixes_list_the_known(tmp_path):
-    with pytest.raises(DecodeError, match=r"'\.xlsx' is unknown; known are \.parquet, \.bag, .*\.csv"):
-        read(tmp_path / "a.xlsx")
-    with pytest.raises(DecodeError, match="is unknown"):
-        write(tmp_path / "a", make_imu())
-
-
-@pytest.mark.parametrize("suffix", [".hdf5", ".mat", ".tsv"])
-def test_formats_that_are_only_read_say_what_to_write(tmp_path, suffix):
-    with pytest.raises(DecodeError, match=r"is not among \.parquet, \.csv, \.txt; plumbob\.convert writes more"):
-        write(tmp_path / f"a{suffix}", make_imu())
-
-
-def test_a_profile_for_a_file_that_describes_itself_is_refused(tmp_path):
-    path = write(tmp_path / "a.parquet", make_imu())
-    with pytest.raises(ParameterError, match="takes no profile"):
-        read(path, profile="a.toml")
-
-
-def test_suffixes_do_not_depend_on_case(tmp_path):
+def test_suffixes_do_not_depend_on_case_and_a_native_file_takes_no_profile(tmp_path):
     path = write(tmp_path / "A.PARQUET", make_imu())
-    assert read(path).name == "A"
-
-
-def test_every_error_of_this_package_is_one_of_ours():
-    assert issubclass(DecodeError, PlumbobError)
-
-
-def test_a_recording_of_nothing_is_refused():
-    with pytest.raises(ShapeError, match="imu, track or both"):
-        Recording()
-    with pytest.raises(ShapeError, match="notes"):
-        Recording(imu=make_imu(), notes="one text")  # type: ignore[arg-type]
+    assert len(read(path).imu) == ROWS
+    refused(read, path, profile="a.toml", match="takes no profile", error=ParameterError)

@@ -5,6 +5,7 @@ import struct
 import sys
 import tracemalloc
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from scipy import sparse
 from plumbob.core.errors import DecodeError, MissingExtraError, PlumbobError
 from plumbob.files import arrays, broad, read
 from plumbob.rotations import Frame, North
+from tests.helpers.io_samples import refused
 from tests.helpers.real_data import DATA, needs
 
 h5py = pytest.importorskip("h5py")
@@ -57,13 +59,6 @@ def write_mat(path, found, *, compress=True):
 
 WRITERS = {".hdf5": write_hdf5, ".mat": write_mat}
 every_container = pytest.mark.parametrize("suffix", WRITERS)
-
-
-def refused(path, match):
-    with pytest.raises(DecodeError, match=match) as caught:
-        read(path)
-    assert path.name in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def check(recording, direct, rate):
@@ -123,47 +118,8 @@ def test_a_trial_made_here(tmp_path, suffix):
 
 
 def test_containers_are_known_by_content_not_by_name(tmp_path):
-    check(read(write_hdf5(tmp_path / "a.mat", content())), content(), RATE)
-    scipy.io.savemat(tmp_path / "b.mat", content(), oned_as="column")
-    (tmp_path / "b.mat").rename(tmp_path / "b.h5")
-    check(read(tmp_path / "b.h5"), content(), RATE)
-
-
-def test_the_rate_may_be_a_data_set(tmp_path):
-    check(read(write_hdf5(tmp_path / "a.h5", content(), rate_as_attribute=False)), content(), RATE)
-
-
-def test_uncompressed_mat(tmp_path):
-    check(read(write_mat(tmp_path / "a.mat", content(), compress=False)), content(), RATE)
-
-
-@every_container
-@pytest.mark.parametrize("key", KEYS)
-def test_a_missing_key_is_named(tmp_path, suffix, key):
-    found = content()
-    del found[key]
-    refused(WRITERS[suffix](tmp_path / f"a{suffix}", found), f"not a BROAD trial: {key} missing")
-
-
-@every_container
-@pytest.mark.parametrize(
-    ("key", "value", "match"),
-    [
-        ("imu_acc", np.zeros((ROWS - 1, 3)), "imu_acc must have shape"),
-        ("imu_acc", np.zeros((3, ROWS)), "imu_acc must have shape"),
-        ("imu_gyr", np.zeros((3, ROWS)), "must have shape"),
-        ("opt_quat", np.zeros((ROWS, 3)), "opt_quat must have shape"),
-        ("movement", np.zeros((ROWS, 2)), "movement must have shape"),
-        ("sampling_rate", 0.0, "sampling_rate must be"),
-        ("sampling_rate", np.nan, "sampling_rate must be"),
-        ("sampling_rate", np.array([1.0, 2.0]), "sampling_rate must be"),
-        ("imu_mag", np.zeros((ROWS, 3), dtype=complex), "imu_mag|numeric|real"),
-    ],
-)
-def test_arrays_that_do_not_belong_together(tmp_path, suffix, key, value, match):
-    with pytest.raises(PlumbobError, match=match) as caught:
-        read(WRITERS[suffix](tmp_path / f"a{suffix}", content() | {key: value}))
-    assert f"a{suffix}" in str(caught.value)
+    check(read(write_hdf5(tmp_path / "a.mat", content(), rate_as_attribute=False)), content(), RATE)
+    check(read(write_mat(tmp_path / "b.mat", content(), compress=False).rename(tmp_path / "b.h5")), content(), RATE)
 
 
 @every_container
@@ -223,136 +179,76 @@ def test_without_h5py_the_extra_is_named(tmp_path, monkeypatch):
     assert read(write_mat(tmp_path / "a.mat", content())).imu is not None  # MATLAB v5 needs no extra
 
 
-# Hostile HDF5 ---------------------------------------------------------------------------------------------------------
+# What is refused ------------------------------------------------------------------------------------------------------
+
+WITHOUT_ACC = {key: value for key, value in content().items() if key != "imu_acc"}
+STILL = np.tile([0.0, 0.0, 9.8], (ROWS, 1))
 
 
-def hostile(path, make):
-    """A trial whose accelerometer is made by `make` from the open file."""
-    found = content()
-    del found["imu_acc"]
-    write_hdf5(path, found)
-    with h5py.File(path, "r+") as hdf5:
-        make(hdf5)
-    return path
+def trial(suffix, **changes):
+    """Maker of a trial with other arrays; those that are None are left out."""
+    found = {key: value for key, value in (content() | changes).items() if value is not None}
+    return lambda folder: WRITERS[suffix](folder / f"a{suffix}", found)
 
 
-@pytest.fixture
-def secret(tmp_path):
-    path = tmp_path / "secret.bin"
-    path.write_bytes(np.full((ROWS, 3), 9.8).tobytes())
-    return path
+def hdf5_with(make):
+    """Maker of a trial whose accelerometer comes from `make`, by the open file; beside it lies another, whole."""
+
+    def put(folder):
+        write_hdf5(folder / "other.hdf5", content())
+        (folder / "other.bin").write_bytes(STILL.tobytes())
+        path = write_hdf5(folder / "a.hdf5", WITHOUT_ACC, rate_as_attribute=False)
+        with h5py.File(path, "r+") as hdf5:
+            make(hdf5)
+        return path
+
+    return put
 
 
-def test_external_storage_is_refused(tmp_path, secret):
+def dataset(*what, **how):
+    return hdf5_with(lambda hdf5: hdf5.create_dataset("imu_acc", *what, **how))
+
+
+def linked(link):
+    return hdf5_with(lambda hdf5: hdf5.__setitem__("imu_acc", link))
+
+
+@hdf5_with
+def stored_outside(hdf5):
+    other = Path(hdf5.filename).with_name("other.bin")
+    hdf5.create_dataset("imu_acc", (ROWS, 3), "f8", external=[(str(other), 0, h5py.h5f.UNLIMITED)])
+    assert hdf5["imu_acc"][0, 2] == 9.8  # a plain reader reads the other file
+
+
+@hdf5_with
+def virtual(hdf5):
+    layout = h5py.VirtualLayout((ROWS, 3), "f8")
+    layout[:] = h5py.VirtualSource(Path(hdf5.filename).with_name("other.hdf5"), "imu_acc", (ROWS, 3))
+    hdf5.create_virtual_dataset("imu_acc", layout)
+
+
+@hdf5_with
+def huge(hdf5):
+    del hdf5["imu_gyr"]
+    for key in ("imu_gyr", "imu_acc"):
+        hdf5.create_dataset(key, (10**9, 3), "f8", chunks=(1000, 3))
+
+
+@hdf5_with
+def unwritten(hdf5):
+    hdf5["imu_acc"] = STILL
+    del hdf5["sampling_rate"]
+    hdf5.create_dataset("sampling_rate", (2**30,), "u8")  # 8 GiB of a fill value
+
+
+def chunk_of(packed):
+    """A chunk of these bytes, which the library inflates to their end, whatever the size of a chunk."""
+
     def make(hdf5):
-        hdf5.create_dataset("imu_acc", (ROWS, 3), "f8", external=[(str(secret), 0, h5py.h5f.UNLIMITED)])
+        chunked = hdf5.create_dataset("imu_acc", (ROWS, 3), "f8", chunks=(ROWS, 3), compression="gzip")
+        chunked.id.write_direct_chunk((0, 0), packed)
 
-    path = hostile(tmp_path / "a.hdf5", make)
-    with h5py.File(path, "r") as hdf5:
-        assert hdf5["imu_acc"][0, 0] == 9.8  # a plain reader would read the other file
-    refused(path, "imu_acc is stored in another file")
-
-
-def test_external_links_are_refused(tmp_path):
-    write_hdf5(tmp_path / "other.hdf5", content())
-
-    def make(hdf5):
-        hdf5["imu_acc"] = h5py.ExternalLink("other.hdf5", "/imu_acc")
-
-    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is a link")
-
-
-def test_soft_links_are_refused(tmp_path):
-    def make(hdf5):
-        hdf5["imu_acc"] = h5py.SoftLink("/imu_gyr")
-
-    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is a link")
-
-
-def test_virtual_data_are_refused(tmp_path):
-    write_hdf5(tmp_path / "other.hdf5", content())
-
-    def make(hdf5):
-        layout = h5py.VirtualLayout((ROWS, 3), "f8")
-        layout[:] = h5py.VirtualSource(tmp_path / "other.hdf5", "imu_acc", (ROWS, 3))
-        hdf5.create_virtual_dataset("imu_acc", layout)
-
-    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is stored in another file")
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda hdf5: hdf5.create_group("imu_acc"),
-        lambda hdf5: hdf5.create_dataset("imu_acc", data=h5py.Empty("f8")),
-        lambda hdf5: hdf5.create_dataset("imu_acc", data=np.array(["text"], dtype=object), dtype=h5py.string_dtype()),
-        lambda hdf5: hdf5.create_dataset("imu_acc", (ROWS, 3), [("a", "f8"), ("b", "f8")]),
-    ],
-)
-def test_what_is_no_array_of_numbers_is_refused(tmp_path, make):
-    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is not a numeric data set")
-
-
-def test_claims_of_size_are_refused_before_reading(tmp_path):
-    def huge(hdf5):
-        del hdf5["imu_gyr"]
-        for key in ("imu_gyr", "imu_acc"):
-            hdf5.create_dataset(key, (10**9, 3), "f8", chunks=(1000, 3))
-
-    refused(hostile(tmp_path / "a.hdf5", huge), "claims 1000000000 rows")
-
-    def chunky(hdf5):
-        hdf5.create_dataset("imu_acc", (ROWS, 3), "f8", chunks=(2**24, 3), maxshape=(None, 3))
-
-    refused(hostile(tmp_path / "b.hdf5", chunky), "claims chunks")
-
-
-def test_values_that_were_never_written_take_no_memory(tmp_path):
-    path = write_hdf5(tmp_path / "a.hdf5", content(), rate_as_attribute=False)
-    with h5py.File(path, "r+") as hdf5:
-        del hdf5["sampling_rate"]
-        hdf5.create_dataset("sampling_rate", (2**30,), "u8")  # 8 GiB of a fill value
-    refused(path, r"unpack to 8589\d{6}, but")
-
-
-def chunk_of(packed, **how):
-    def make(hdf5):
-        dataset = hdf5.create_dataset("imu_acc", (ROWS, 3), "f8", chunks=(ROWS, 3), **how)
-        dataset.id.write_direct_chunk((0, 0), packed)
-
-    return make
-
-
-def test_a_chunk_that_unpacks_to_more_than_it_states_is_refused(tmp_path):
-    """The library inflates a chunk to its end, whatever its size: here 64 MiB where 0.5 kB belong."""
-    bomb = zlib.compress(bytes(64 << 20))
-    refused(hostile(tmp_path / "a.hdf5", chunk_of(bomb, compression="gzip")), "a chunk of imu_acc unpacks to more than")
-    right = zlib.compress(np.tile([0.0, 0.0, 9.8], (ROWS, 1)).tobytes())
-    assert len(read(hostile(tmp_path / "b.hdf5", chunk_of(right, compression="gzip"))).imu) == ROWS
-
-
-@pytest.mark.parametrize("how", [{"compression": "lzf"}, {"scaleoffset": 3}])
-def test_other_filters_are_refused(tmp_path, how):
-    def make(hdf5):
-        hdf5.create_dataset("imu_acc", data=np.tile([0.0, 0.0, 9.8], (ROWS, 1)), chunks=True, **how)
-
-    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is packed by a filter other than gzip")
-
-
-@pytest.mark.parametrize("how", [{"shuffle": True}, {"fletcher32": True}, {"shuffle": True, "fletcher32": True}])
-def test_filters_beside_gzip_are_read(tmp_path, how):
-    def make(hdf5):
-        hdf5.create_dataset("imu_acc", data=np.tile([0.0, 0.0, 9.8], (ROWS, 1)), compression="gzip", **how)
-
-    assert len(read(hostile(tmp_path / "a.hdf5", make)).imu) == ROWS
-
-
-# Hostile MATLAB -------------------------------------------------------------------------------------------------------
-
-
-def test_only_numeric_variables_are_read(tmp_path):
-    cells = np.full((ROWS, 3), 1.0, dtype=object)
-    refused(write_mat(tmp_path / "a.mat", content() | {"imu_acc": cells}), "imu_acc must be numeric, .* cell")
+    return hdf5_with(make)
 
 
 def packed_variable(name, content):
@@ -362,110 +258,155 @@ def packed_variable(name, content):
     return data.getvalue()[128:]
 
 
+def mat_of(*elements, found=WITHOUT_ACC):
+    """Maker of a packed trial and further elements of bytes."""
+
+    def put(folder):
+        path = write_mat(folder / "a.mat", found)
+        path.write_bytes(path.read_bytes() + b"".join(elements))
+        return path
+
+    return put
+
+
+def plain_mat(folder):
+    """A trial that is not packed, and where in it the tag of the accelerometer's numbers stands."""
+    path = write_mat(folder / "a.mat", content(), compress=False)
+    return path, path.read_bytes().index(b"imu_acc\0") + 8
+
+
+def mat_with(place, *new):
+    """Maker of a trial with other numbers from this place on, as seen from the accelerometer's numbers."""
+
+    def put(folder):
+        path, at = plain_mat(folder)
+        raw = bytearray(path.read_bytes())
+        raw[at + place : at + place + 4 * len(new)] = struct.pack(f"<{len(new)}I", *new)
+        path.write_bytes(raw)
+        return path
+
+    return put
+
+
+def stated_size(unpacked):
+    """Maker of a trial whose accelerometer unpacks to so many bytes, whatever it states."""
+
+    def put(folder):
+        plain, at = plain_mat(folder)
+        element = plain.read_bytes()[at - 56 : at + 8 + 960]
+        packed = zlib.compress((element + bytes(64 << 20))[:unpacked])
+        return mat_of(struct.pack("<II", 15, len(packed)), packed)(folder)
+
+    return put
+
+
+def stated_shape(folder):
+    path, at = plain_mat(folder)
+    raw = path.read_bytes()
+    element = bytearray(raw[at - 56 : at + 8 + 960]) + bytes(1 << 20)
+    element[4:8] = struct.pack("<I", len(element) - 8)
+    path.write_bytes(raw[: at - 56] + element + raw[at + 8 + 960 :])
+    return path
+
+
+def enlarged(folder):
+    path = write_mat(folder / "a.mat", content())
+    with path.open("r+b") as stream:
+        stream.truncate(2 << 40)  # of holes
+    return path
+
+
+DAMAGED = packed_variable("imu_acc", np.ones((ROWS, 3)))
+DAMAGED = DAMAGED[:-1] + bytes([DAMAGED[-1] ^ 1])
+CUT = "the variable at byte .* is cut or damaged"
+MISFITS = [
+    ("imu_acc", np.zeros((ROWS - 1, 3)), "imu_acc must have shape"),
+    ("imu_acc", np.zeros((3, ROWS)), "imu_acc must have shape"),
+    ("imu_gyr", np.zeros((3, ROWS)), "must have shape"),
+    ("opt_quat", np.zeros((ROWS, 3)), "opt_quat must have shape"),
+    ("movement", np.zeros((ROWS, 2)), "movement must have shape"),
+    ("sampling_rate", 0.0, "sampling_rate must be"),
+    ("sampling_rate", np.nan, "sampling_rate must be"),
+    ("sampling_rate", np.array([1.0, 2.0]), "sampling_rate must be"),
+    ("imu_mag", np.zeros((ROWS, 3), dtype=complex), "imu_mag|numeric|real"),
+]
+REFUSED = [
+    *((trial(suffix, **{key: None}), f"not a BROAD trial: {key} missing") for suffix in WRITERS for key in KEYS),
+    *((trial(suffix, **{key: value}), match) for suffix in WRITERS for key, value, match in MISFITS),
+    (stored_outside, "imu_acc is stored in another file"),
+    (virtual, "imu_acc is stored in another file"),
+    (linked(h5py.ExternalLink("other.hdf5", "/imu_acc")), "imu_acc is a link"),
+    (linked(h5py.SoftLink("/imu_gyr")), "imu_acc is a link"),
+    (hdf5_with(lambda hdf5: hdf5.create_group("imu_acc")), "imu_acc is not a numeric data set"),
+    (dataset(data=h5py.Empty("f8")), "imu_acc is not a numeric data set"),
+    (dataset(data=np.array(["text"], object), dtype=h5py.string_dtype()), "imu_acc is not a numeric data set"),
+    (dataset((ROWS, 3), [("a", "f8"), ("b", "f8")]), "imu_acc is not a numeric data set"),
+    (huge, "claims 1000000000 rows"),
+    (dataset((ROWS, 3), "f8", chunks=(2**24, 3), maxshape=(None, 3)), "claims chunks"),
+    (unwritten, r"unpack to 8589\d{6}, but"),
+    (chunk_of(zlib.compress(bytes(64 << 20))), "a chunk of imu_acc unpacks to more than"),
+    (dataset(data=STILL, chunks=True, compression="lzf"), "imu_acc is packed by a filter other than gzip"),
+    (dataset(data=STILL, chunks=True, scaleoffset=3), "imu_acc is packed by a filter other than gzip"),
+    # MATLAB: the variable's tag lies at −56, its flags from −48 on, its dimensions from −32 and its name from −16
+    (trial(".mat", imu_acc=np.full((ROWS, 3), 1.0, dtype=object)), "imu_acc must be numeric, .* cell"),
+    # SciPy 1.17 ends the process in numbers of a type that does not exist, at least where that is 0 or 8
+    *(
+        (mat_with(0, kind), f"its numbers, of type {kind}, have 960 bytes")
+        for kind in (0, 8, 10, 11, 14, 16, 255, 65535)
+    ),
+    (mat_with(0, 0, 0), "its numbers, of type 0, have 0 bytes"),
+    *((mat_with(4, size), CUT) for size in (0, 952, 968, 2**31, 2**32 - 1)),
+    (mat_with(-56, 15), "Error -3|damaged"),  # plain bytes that are said to be packed
+    (mat_with(-56, 13), "it is of type 13 instead of 14"),
+    (mat_with(-52, 2**32 - 1), "states 4294967295 bytes"),
+    (mat_with(-48, 5), "flags are not two numbers"),
+    (mat_with(-48, 0x00080006), "goes beyond its end"),  # a small element has 4 bytes at most
+    (mat_with(-44, 2**32 - 8), "states 4294967288 bytes"),
+    (mat_with(-40, 255), "class is 255, which does not exist"),
+    (mat_with(-40, 17), "imu_acc missing"),
+    (mat_with(-32, 6), "dimensions are not two or more"),
+    (mat_with(-28, 4), "dimensions are not two or more"),
+    (mat_with(-24, 2**32 - 1), "negative dimension"),
+    (mat_with(-24, 2**31 - 1, 2**31 - 1), r"shape \(40, 3\)"),
+    (mat_with(-16, 9), "name is not text"),
+    (mat_with(-12, 2**32 - 1), "states 4294967295 bytes"),
+    (mat_of(packed_variable("imu_acc", np.zeros(ROWS)), found=content()), "imu_acc occurs twice"),
+    (stated_size(64 << 20), "it does not unpack to the 1024 bytes that it states"),  # no more than the shape allows is
+    (stated_size(1000), "it does not unpack to the 1024 bytes that it states"),
+    (stated_shape, "it states 1049600 bytes for 120 numbers"),
+    (mat_of(DAMAGED), f"{CUT}: .*incorrect data check"),
+    (enlarged, "it has 2199023255552 bytes, but .* 268435456"),
+]
+
+
+@pytest.mark.parametrize(("put", "match"), REFUSED)
+def test_what_is_no_trial_or_hostile_is_refused(tmp_path, put, match):
+    path = put(tmp_path)
+    refused(read, path, match=match, error=PlumbobError, name=path.name)
+
+
+# Odd and right --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("how", [{"shuffle": True}, {"fletcher32": True}, {"shuffle": True, "fletcher32": True}])
+def test_filters_beside_gzip_are_read(tmp_path, how):
+    assert len(read(dataset(data=STILL, compression="gzip", **how)(tmp_path)).imu) == ROWS
+
+
+def test_a_chunk_that_unpacks_to_its_size_is_read(tmp_path):
+    assert read(chunk_of(zlib.compress(STILL.tobytes()))(tmp_path)).imu.acc.tobytes() == STILL.tobytes()
+
+
 def test_other_variables_are_not_unpacked(tmp_path):
     """A variable that no trial needs may be of any size and kind: 64 MiB here, of which 1 KiB is looked at."""
-    path = write_mat(
-        tmp_path / "a.mat", content() | {"text": "why", "struct": {"a": 1.0}, "sparse": sparse.eye_array(3)}
-    )
-    path.write_bytes(path.read_bytes() + packed_variable("payload", np.zeros(8 << 20)))
+    others = {"text": "why", "struct": {"a": 1.0}, "sparse": sparse.eye_array(3)}
+    path = mat_of(packed_variable("payload", np.zeros(8 << 20)), found=content() | others)(tmp_path)
     tracemalloc.start()
     try:
         check(read(path), content(), RATE)
         assert tracemalloc.get_traced_memory()[1] < 2 << 20
     finally:
         tracemalloc.stop()
-
-
-def plain_mat(tmp_path):
-    """A trial that is not packed, and where in it the tag of the accelerometer's numbers stands."""
-    path = write_mat(tmp_path / "a.mat", content(), compress=False)
-    return path, path.read_bytes().index(b"imu_acc\0") + 8
-
-
-def rewritten(path, at, new):
-    raw = bytearray(path.read_bytes())
-    raw[at : at + len(new)] = new
-    path.write_bytes(raw)
-    return path
-
-
-@pytest.mark.parametrize("kind", [0, 8, 10, 11, 14, 16, 255, 65535])
-def test_numbers_of_a_type_that_does_not_exist_are_refused(tmp_path, kind):
-    """SciPy 1.17 ends the process in such a file, at least where the type is 0 or 8."""
-    path, at = plain_mat(tmp_path)
-    refused(rewritten(path, at, struct.pack("<I", kind)), f"its numbers, of type {kind}, have 960 bytes")
-
-
-def test_no_numbers_of_no_type_are_refused(tmp_path):
-    path, at = plain_mat(tmp_path)
-    refused(rewritten(path, at, struct.pack("<II", 0, 0)), "its numbers, of type 0, have 0 bytes")
-
-
-@pytest.mark.parametrize("size", [0, 952, 968, 2**31, 2**32 - 1])
-def test_a_length_that_is_not_that_of_the_numbers_is_refused(tmp_path, size):
-    path, at = plain_mat(tmp_path)
-    refused(rewritten(path, at + 4, struct.pack("<I", size)), "the variable at byte .* is cut or damaged")
-
-
-@pytest.mark.parametrize(
-    ("place", "new", "match"),
-    [
-        (0, (15,), "Error -3|damaged"),  # plain bytes that are said to be packed
-        (0, (13,), "it is of type 13 instead of 14"),
-        (4, (2**32 - 1,), "states 4294967295 bytes"),
-        (8, (5,), "flags are not two numbers"),
-        (8, (0x00080006,), "goes beyond its end"),  # a small element has 4 bytes at most
-        (12, (2**32 - 8,), "states 4294967288 bytes"),
-        (16, (255,), "class is 255, which does not exist"),
-        (16, (17,), "imu_acc missing"),
-        (24, (6,), "dimensions are not two or more"),
-        (28, (4,), "dimensions are not two or more"),
-        (32, (2**32 - 1,), "negative dimension"),
-        (32, (2**31 - 1, 2**31 - 1), r"shape \(40, 3\)"),
-        (40, (9,), "name is not text"),
-        (44, (2**32 - 1,), "states 4294967295 bytes"),
-    ],
-)
-def test_a_damaged_beginning_is_refused(tmp_path, place, new, match):
-    """The variable's tag, its flags from 8 on, its dimensions from 24 and its name from 40."""
-    path, at = plain_mat(tmp_path)
-    refused(rewritten(path, at - 56 + place, struct.pack(f"<{len(new)}I", *new)), match)
-
-
-def test_a_variable_that_occurs_twice_is_refused(tmp_path):
-    path = write_mat(tmp_path / "a.mat", content())
-    path.write_bytes(path.read_bytes() + packed_variable("imu_acc", np.zeros(ROWS)))
-    refused(path, "imu_acc occurs twice")
-
-
-@pytest.mark.parametrize("unpacked", [64 << 20, 1000])
-def test_a_variable_that_does_not_unpack_to_what_it_states_is_refused(tmp_path, unpacked):
-    """Of a bomb no more is unpacked than the shape allows."""
-    path = tmp_path / "a.mat"
-    begin = {key: value for key, value in content().items() if key != "imu_acc"}
-    plain, at = plain_mat(tmp_path)
-    element = plain.read_bytes()[at - 56 : at + 8 + 960]
-    packed = zlib.compress((element + bytes(64 << 20))[:unpacked])
-    write_mat(path, begin)
-    path.write_bytes(path.read_bytes() + struct.pack("<II", 15, len(packed)) + packed)
-    refused(path, "it does not unpack to the 1024 bytes that it states")
-
-
-def test_a_variable_that_states_more_than_its_shape_needs_is_not_unpacked(tmp_path):
-    path, at = plain_mat(tmp_path)
-    raw = path.read_bytes()
-    element = bytearray(raw[at - 56 : at + 8 + 960]) + bytes(1 << 20)
-    element[4:8] = struct.pack("<I", len(element) - 8)
-    path.write_bytes(raw[: at - 56] + element + raw[at + 8 + 960 :])
-    refused(path, "it states 1049600 bytes for 120 numbers")
-
-
-def test_a_damaged_checksum_is_seen(tmp_path):
-    packed = bytearray(packed_variable("imu_acc", np.ones((ROWS, 3))))
-    packed[-1] ^= 1
-    path = write_mat(tmp_path / "a.mat", {key: value for key, value in content().items() if key != "imu_acc"})
-    path.write_bytes(path.read_bytes() + packed)
-    refused(path, "the variable at byte .* is cut or damaged: .*incorrect data check")
 
 
 @pytest.mark.parametrize("dtype", ["f4", "i1", "u1", "i2", "u2", "i4", "u4"])
@@ -497,15 +438,12 @@ def big_endian(found):
     return out
 
 
-def test_too_many_variables_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(arrays, "MAX_VARIABLES", 6)
-    refused(write_mat(tmp_path / "a.mat", content()), "more than 6 variables")
-
-
-def test_a_file_beyond_the_budget_is_not_read(tmp_path):
-    with write_mat(tmp_path / "a.mat", content()).open("r+b") as stream:
-        stream.truncate(2 << 40)  # of holes
-    refused(tmp_path / "a.mat", "it has 2199023255552 bytes, but .* 268435456")
+def test_a_file_has_so_many_variables_and_no_more(tmp_path, monkeypatch):
+    path = write_mat(tmp_path / "a.mat", content())
+    monkeypatch.setattr(arrays, "MAX_VARIABLES", len(content()))
+    assert len(read(path).imu) == ROWS
+    monkeypatch.setattr(arrays, "MAX_VARIABLES", len(content()) - 1)
+    refused(read, path, match=f"more than {len(content()) - 1} variables")
 
 
 def test_a_trial_of_the_largest_size_fits_the_budget():

@@ -5,12 +5,12 @@ import os
 import numpy as np
 import pytest
 
-from plumbob.core.errors import DecodeError
 from plumbob.files import kind_of, read
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_angle, quat_multiply, quat_rotate
 from tests.helpers import log_samples as made
 from tests.helpers.file_kinds import HEAD, IDENTITY, IMU_HEAD, QUARTER, START, asl, drive, yaml
+from tests.helpers.io_samples import refused
 from tests.helpers.real_data import real
 
 
@@ -50,34 +50,24 @@ def test_tum_vi_has_motion_capture_and_a_table_alone_has_no_reference(tmp_path):
 def test_damaged_sequences_are_refused(tmp_path):
     folder = asl(tmp_path / "MH_02")
     sensor, table = folder / "mav0" / "imu0" / "sensor.yaml", folder / "mav0" / "imu0" / "data.csv"
-    for turn, message in (
+    for turn, match in (
         ("[1, 2, 3]", "16 numbers"),
         (IDENTITY.replace("1.0", "x"), "not a number"),
         (IDENTITY.replace("1.0", "2.0"), "not a rotation"),
     ):
         sensor.write_text(yaml(turn))
-        with pytest.raises(DecodeError, match=message):
-            read(folder)
+        refused(read, folder, match=match)
     sensor.unlink()
     assert any("no sensor.yaml" in note for note in read(folder).notes)
     whole = table.read_text()
     for text in (whole + "1,2,3\n", whole + f"{START},a,0,0,0,0,0\n", IMU_HEAD, whole + f"{10**30},0,0,0,0,0,0\n"):
         table.write_text(text)
-        with pytest.raises(DecodeError, match="row"):
-            read(folder)
-    table.unlink()
-    table.symlink_to("/dev/zero")
-    with pytest.raises(DecodeError):
-        read(folder)
-
-
-def test_links_out_of_a_folder_are_refused(tmp_path):
-    folder = asl(tmp_path / "MH_03")
-    table = folder / "mav0" / "imu0" / "data.csv"
-    table.rename(tmp_path / "elsewhere.csv")
-    table.symlink_to(tmp_path / "elsewhere.csv")
-    with pytest.raises(DecodeError, match="leads out of the folder"):
-        read(folder)
+        refused(read, folder, match="row")
+    (tmp_path / "elsewhere.csv").write_text(whole)
+    for target, match in (("/dev/zero", "MH_02 is a folder"), (tmp_path / "elsewhere.csv", "leads out of the folder")):
+        table.unlink()
+        table.symlink_to(target)
+        refused(read, folder, match=match)
 
 
 def test_kitti_has_the_units_and_frames_of_its_description(tmp_path):
@@ -109,25 +99,20 @@ def test_a_drive_with_missing_samples_keeps_their_time(tmp_path):
 def test_damaged_drives_are_refused(tmp_path):
     folder = drive(tmp_path / "d")
     stamps, sample = folder / "oxts" / "timestamps.txt", folder / "oxts" / "data" / "0000000007.txt"
-    good = stamps.read_text(), sample.read_text()
-    for text in ("1 2 3", good[1] + " 1", "x " * 30, ""):
-        sample.write_text(text)
-        with pytest.raises(DecodeError, match="30 numbers"):
-            read(folder)
-    sample.write_text(good[1])
-    for text, message in (
-        ("2011-09-26 13:02:25\n", "no stamp"),
-        ("yesterday\n", "not a date"),
-        ("NaT\n" * 50, "not a date"),
+    no_row, no_stamp, no_date = "30 numbers", "no stamp", "not a date"
+    for path, text, match in (
+        *((sample, text, no_row) for text in ("1 2 3", sample.read_text() + " 1", "x " * 30, "")),
+        (stamps, "2011-09-26 13:02:25\n", no_stamp),
+        *((stamps, text, no_date) for text in ("yesterday\n", "NaT\n" * 50)),
     ):
-        stamps.write_text(text)
-        with pytest.raises(DecodeError, match=message):
-            read(folder)
-    stamps.write_text(good[0])
+        whole = path.read_text()
+        path.write_text(text)
+        refused(read, folder, match=match)
+        path.write_text(whole)
+    assert len(read(folder).imu) == 50
     sample.unlink()
     os.mkfifo(sample)
-    with pytest.raises(DecodeError, match="not a regular file"):
-        read(folder)
+    refused(read, folder, match="not a regular file")
 
 
 def test_repoimu_has_the_units_of_its_description(tmp_path):
@@ -144,11 +129,9 @@ def test_repoimu_has_the_units_of_its_description(tmp_path):
     assert np.flatnonzero(~recording.track.known).tolist() == [10]
     assert any("--align heading,mounting" in note for note in recording.notes)
     path.write_text(HEAD + "".join(rows) + "1;2;3\n")
-    with pytest.raises(DecodeError, match="14 numbers"):
-        read(path)
+    refused(read, path, match="14 numbers")
     path.write_text(HEAD)
-    with pytest.raises(DecodeError, match="no rows"):
-        read(path)
+    refused(read, path, match="no rows")
 
 
 def test_a_real_trial_in_repoimus_layout_is_the_same(tmp_path):
@@ -164,20 +147,3 @@ def test_a_real_trial_in_repoimus_layout_is_the_same(tmp_path):
     assert np.nanmax(quat_angle(again.track.q_nb, q_nb)) < 1e-6
     assert kind_of(path).name == "RepoIMU"
     assert 9.6 < np.median(np.linalg.norm(again.imu.acc, axis=1)) < 10.0  # m/s², not g
-
-
-def test_damaged_tables_are_read_or_refused(tmp_path):
-    folder, rng = asl(tmp_path / "MH_04"), np.random.default_rng(4)
-    for name in ("imu0/data.csv", "imu0/sensor.yaml", "state_groundtruth_estimate0/data.csv"):
-        path = folder / "mav0" / name
-        whole = path.read_bytes()
-        made.survives(lambda _: read(folder), path, whole, rng, 60)
-        path.write_bytes(whole)
-    path = tmp_path / "T.csv"
-    text = HEAD + "".join(f"{0.01 * i:.2f};1;0;0;0;0;0;9.81;0.1;0.2;0.3;0;0.4;-0.9\n" for i in range(1, 101))
-    made.survives(read, path, text.encode(), rng, 60)
-    home = drive(tmp_path / "d", 5)
-    for path in (home / "oxts" / "timestamps.txt", home / "oxts" / "data" / "0000000003.txt"):
-        whole = path.read_bytes()
-        made.survives(lambda _: read(home), path, whole, rng, 60)
-        path.write_bytes(whole)

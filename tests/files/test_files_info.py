@@ -4,38 +4,24 @@ import json
 import math
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
+import plumbob
 from plumbob import AttitudeTrack, ImuData, files
-from plumbob.cli.main import main
 from plumbob.core import flags
-from plumbob.core.errors import ShapeError
 from plumbob.data import ImuMeta
-from plumbob.files import parquet
 from plumbob.files.notes import TOPICS
 from plumbob.rotations import Frame, North
-from tests.helpers.io_samples import make_imu, make_track
+from tests.helpers.commandline import ok
+from tests.helpers.io_samples import make_imu
 
 
-@pytest.fixture
-def info(capsys):
-    def run(*words):
-        assert main(["info", *map(str, words)]) == 0
-        return capsys.readouterr()
-
-    return run
+def facts(path):
+    return plumbob.info(path).summary()
 
 
-def test_facts_on_the_terminal(tmp_path, info):
-    t = np.arange(12) * 0.01
-    t[6:] += 0.5
-    out = info(files.write(tmp_path / "a.parquet", make_imu(t=t))).out
-    assert "declination  -3.495°" in out  # −0.061 rad
-    assert "range ±34.907" in out
-    assert "1 gap, longest step 0.51 s" in out
-
-
-def test_figures_of_time_and_of_a_triad(tmp_path, info):
+def test_figures_of_time_and_of_a_triad(tmp_path):
     """By hand: steps of 10, 30 and 10 ms, whose mean is 50/3 ms and whose scatter is √(800)/3 ms = 9.43 ms.
 
     The forces have the mean (1, −1, 6.25), and the sizes 4, 5, √82 and √98, whose median is the middle of 5 and √82.
@@ -43,7 +29,7 @@ def test_figures_of_time_and_of_a_triad(tmp_path, info):
     acc = [[0.0, 0.0, 4.0], [0.0, -4.0, 3.0], [0.0, 1.0, 9.0], [4.0, -1.0, 9.0]]
     imu = make_imu(rows=4, t=[5.0, 5.01, 5.04, 5.05], acc=acc, mag=None, temp_c=None)
     file = files.write(tmp_path / "a.parquet", imu)
-    found = json.loads(info(file, "--json").out)["sensors"]
+    found = facts(file)["sensors"]
     scatter_us = 1e3 * math.sqrt(800.0) / 3.0
     assert found["time"] == pytest.approx(
         {"samples": 4, "duration_s": 0.05, "rate_hz": 100.0, "jitter_us": scatter_us, "gaps": 0, "longest_step_s": 0.03}
@@ -51,13 +37,14 @@ def test_figures_of_time_and_of_a_triad(tmp_path, info):
     assert found["triads"]["acc"]["mean"] == pytest.approx([1.0, -1.0, 6.25])
     assert found["triads"]["acc"]["std"] == pytest.approx([math.sqrt(v) for v in (3.0, 3.5, 7.6875)])
     assert found["triads"]["acc"]["norm_median"] == pytest.approx(0.5 * (5.0 + math.sqrt(82.0)))
-    out = info(file).out
+    out = ok("info", file).stdout
+    assert json.loads(ok("info", file, "--json").stdout)["sensors"] == found
     assert "time         4 samples, 0.050 s, 100 Hz, jitter 9.43e+03 µs, 0 gaps, longest step 0.03 s" in out
     assert "acc          4 samples in m/s2, range ±156.91, |acc| median 7.0277" in out
     assert "mean [1, -1, 6.25], std [1.732, 1.871, 2.773]" in out
 
 
-def test_what_is_marked_or_not_known_does_not_count(tmp_path, info):
+def test_what_is_marked_or_not_known_does_not_count(tmp_path):
     """Three of five attitudes are known, two are scored, and two samples carry a flag."""
     q = np.tile([1.0, 0.0, 0.0, 0.0], (5, 1))
     q[[1, 4]] = np.nan
@@ -65,25 +52,19 @@ def test_what_is_marked_or_not_known_does_not_count(tmp_path, info):
         t=np.arange(5.0), q_nb=q, frame=Frame.ENU, north=North.TRUE, score=np.array([True, False, True, False, False])
     )
     file = files.write(tmp_path / "t.parquet", track)
-    found = json.loads(info(file, "--json").out)["attitude"]
+    found = facts(file)["attitude"]
     assert (found["known_samples"], found["scored_samples"], found["north"]) == (3, 2, "true")
-    assert "known        3 samples, scored 2" in info(file).out
+    assert "known        3 samples, scored 2" in ok("info", file).stdout
     acc = np.tile([0.0, 0.0, 9.8], (5, 1))
     acc[2] = [0.0, 0.0, 1e6]  # no accelerometer measures that
     marks = np.array([0, flags.ACC_CLIPPED, 0, flags.ACC_CLIPPED, 0], dtype=np.uint32)
     imu = make_imu(rows=5, acc=acc, flags=marks, mag=None, meta=ImuMeta(unit_check=False))
-    found = info(files.write(tmp_path / "a.parquet", imu))
-    assert "flag         acc-clipped: 2 samples" in found.out
-    assert "acc          4 samples" in found.out
+    out = ok("info", files.write(tmp_path / "a.parquet", imu)).stdout
+    assert "flag         acc-clipped: 2 samples" in out
+    assert "acc          4 samples" in out
 
 
-def test_what_is_not_known_is_not_printed(tmp_path, info):
-    out = info(files.write(tmp_path / "a.parquet", make_imu(rows=1, meta=ImuMeta()))).out
-    for word in ("declination", "range", "longest step", "note"):
-        assert word not in out
-
-
-def test_provenance_on_the_terminal_and_findings_once(tmp_path, info):
+def test_provenance_on_the_terminal_and_findings_once(tmp_path):
     file = tmp_path / "log.csv"
     file.write_text("t,x,y,z\n0,0,0,-9.8\n0.01,0,0,-9.9\n0.02,0,0,-9.", encoding="utf-8")
     file.with_suffix(".toml").write_text(
@@ -94,52 +75,42 @@ acc = { columns = ["x", "y", "z"], unit = "m/s2", sign = "gravity" }
 """,
         encoding="utf-8",
     )
-    said = info(file)
+    said = ok("info", file)
     for part in ("log.toml", "acc was negated"):
-        assert part in said.out
+        assert part in said.stdout
     for part in ("cut: line 4, the last,", "calibration: "):
-        assert said.err.count(part) == 1
-    noted = [line for line in said.out.splitlines() if line.startswith("note ")]
+        assert said.stderr.count(part) == 1
+    noted = [line for line in said.stdout.splitlines() if line.startswith("note ")]
     assert noted
     assert not any(topic in line for topic in TOPICS for line in noted)
-    assert any("acc was negated" in note for note in json.loads(info(file, "--json").out)["notes"])
+    assert any("acc was negated" in note for note in facts(file)["notes"])
 
 
-def test_a_triad_without_a_usable_sample(tmp_path, info):
+def test_a_triad_without_a_usable_sample_and_the_declination(tmp_path):
     acc = np.full((12, 3), 1e6)
-    file = files.write(tmp_path / "a.parquet", make_imu(acc=acc, meta=ImuMeta(unit_check=False)))
-    assert "acc          no usable sample" in info(file).out
-    triad = json.loads(info(file, "--json").out)["sensors"]["triads"]["acc"]
-    assert triad == {"unit": "m/s2", "samples": 0, "range": None, "mean": None, "std": None, "norm_median": None}
+    file = files.write(tmp_path / "a.parquet", make_imu(acc=acc, meta=ImuMeta(unit_check=False, declination=-0.061)))
+    out = ok("info", file).stdout
+    assert "acc          no usable sample" in out
+    assert "declination  -3.495°" in out
+    sensors = facts(file)["sensors"]
+    none = {"unit": "m/s2", "samples": 0, "range": None, "mean": None, "std": None, "norm_median": None}
+    assert sensors["triads"]["acc"] == none
+    assert sensors["declination_deg"] == pytest.approx(np.degrees(-0.061))
 
 
-def test_declination_in_json(tmp_path, info):
-    file = files.write(tmp_path / "a.parquet", make_imu())
-    assert json.loads(info(file, "--json").out)["sensors"]["declination_deg"] == pytest.approx(np.degrees(-0.061))
-
-
-@pytest.mark.parametrize("suffix", ["csv", "parquet"])
-def test_notes_to_write_are_lines_and_not_letters(tmp_path, suffix):
-    file = tmp_path / f"a.{suffix}"
-    for what in (make_imu(), make_track(), files.Recording(imu=make_imu())):
-        with pytest.raises(ShapeError, match="notes must be a sequence of lines of text, but got 'text'"):
-            files.write(file, what, notes="text")
-    assert not file.exists()
-
-
-def test_a_file_is_not_read_again_and_again(tmp_path, info, monkeypatch):
+def test_a_file_is_not_read_again_and_again(tmp_path, monkeypatch):
     """Checksum, units, statistics, turning and rests need a pass each, of what they look at: 97 columns, once 302."""
     n = 40_000
     noise = np.random.default_rng(0).normal(0.0, 0.1, (3, n, 3)) + np.array([0.0, 5.0, 20.0])[:, np.newaxis, np.newaxis]
     file = files.write(tmp_path / "a.parquet", ImuData(0.01 * np.arange(n), *noise, temp_c=np.full(n, 21.0)))
-    read, batches = 0, parquet._batches
+    count, batches = 0, pq.ParquetFile.iter_batches
 
-    def counted(*args):
-        nonlocal read
-        for at, columns in batches(*args):
-            read += sum(len(values) for values in columns.values())
-            yield at, columns
+    def counted(*args, **how):
+        nonlocal count
+        for batch in batches(*args, **how):
+            count += batch.num_rows * batch.num_columns
+            yield batch
 
-    monkeypatch.setattr(parquet, "_batches", counted)
-    info(file)
-    assert read / n < 100
+    monkeypatch.setattr(pq.ParquetFile, "iter_batches", counted)
+    facts(file)
+    assert 10 < count / n < 100

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from plumbob.core import flags
-from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.errors import ParameterError
 from plumbob.files import kind_of, read
-from plumbob.files.foreign import xbus
 from plumbob.rotations import Frame, North
-from tests.helpers import log_samples as made
 from tests.helpers.file_kinds import xbus_block, xbus_floats, xbus_message
+from tests.helpers.io_samples import refused
 
 NO_MAG = (  # example 3: the shortest with all inertial blocks
     "10 20 02 8D 90 10 60 04 00 54 DB F1 20 10 10 3F 7F 89 11 BC 11 1D FA 3B A0 CE F0 BD 73 25 73 40 20 0C BD DC F9 D0 "
@@ -209,15 +208,14 @@ def test_time_wraps(tmp_path):
     np.testing.assert_allclose(read(log(tmp_path / "a.mtb", *packets)).imu.t, np.arange(12) / 100, atol=1e-9)
 
 
-def test_without_time_the_declared_rate_counts(tmp_path):
-    def counted(i):
-        return xbus_message(0x36, xbus_block(0x1020, struct.pack(">H", i)) + xbus_floats(0x8020, 0, 0, 0))
+def counted(i):
+    return xbus_message(0x36, xbus_block(0x1020, struct.pack(">H", i)) + xbus_floats(0x8020, 0, 0, 0))
 
+
+def test_without_time_the_declared_rate_counts(tmp_path):
     settings = xbus_message(0xC1, bytes.fromhex("1020FFFF 80200032 C0200019".replace(" ", "")))
     imu = read(log(tmp_path / "a.mtb", settings, *(counted(i) for i in (65534, 65535, 0, 2)))).imu
     np.testing.assert_allclose(imu.t, [0, 0.02, 0.04, 0.08], atol=1e-9)
-    with pytest.raises(DecodeError, match="its time is not known"):
-        read(log(tmp_path / "a.mtb", *(counted(i) for i in range(5))))
 
 
 def several(count=3):
@@ -233,8 +231,7 @@ def test_of_several_units_one_is_chosen(tmp_path):
     assert any("not taken: 00B42101 (5), 00B42102 (5); --unit 00B42101" in note for note in recording.notes)
     assert read(path, unit="00b42102").imu.gyr[0, 0] == 3.0
     assert read(path, unit="2").imu.gyr[0, 0] == 2.0
-    with pytest.raises(ParameterError, match=r"there are 00B42100 \(1\), 00B42101 \(2\)"):
-        read(path, unit="4")
+    refused(read, path, unit="4", match=r"there are 00B42100 \(1\), 00B42101 \(2\)", error=ParameterError)
 
 
 def test_what_a_unit_says_of_itself(tmp_path):
@@ -253,13 +250,23 @@ def test_what_a_unit_says_of_itself(tmp_path):
     assert read(log(tmp_path / "a.mtb", plain())).imu.meta.device == "Xsens"
 
 
-def test_what_only_xsens_takes_apart_is_refused_with_a_word(tmp_path):
-    with pytest.raises(DecodeError, match=r"Awinda snapshots \(C810\); only Xsens"):
-        read(log(tmp_path / "a.mtb", *(packet(i, xbus_block(0xC810, bytes(20))) for i in range(3))))
-    with pytest.raises(DecodeError, match="no message of the Xbus"):
-        read(log(tmp_path / "a.mtb", b"PacketCounter;Acc_X\n" * 20))
-    with pytest.raises(DecodeError, match=r"1 message, but no data.*: 0D\."):
-        read(log(tmp_path / "a.mtb", several()))
+OLDER = [xbus_message(0x32, bytes(38))] * 3
+
+
+@pytest.mark.parametrize(
+    ("parts", "match"),
+    [
+        ([packet(i, xbus_block(0xC810, bytes(20))) for i in range(3)], r"Awinda snapshots \(C810\); only Xsens"),
+        ([b"PacketCounter;Acc_X\n" * 20], "no message of the Xbus"),
+        ([several()], r"1 message, but no data.*: 0D\."),
+        (OLDER, "Configuration says, but that is not in the log"),
+        ([several(), *OLDER], "lists 3 units"),
+        ([several(1), *OLDER], "make 0"),
+        ([counted(i) for i in range(5)], "its time is not known"),
+    ],
+)
+def test_what_only_xsens_takes_apart_is_refused_with_a_word(tmp_path, parts, match):
+    refused(read, log(tmp_path / "a.mtb", *parts), match=match, name="a.mtb")
 
 
 MODES = [
@@ -316,16 +323,6 @@ def test_older_units_may_leave_a_sensor_out(tmp_path):
             np.testing.assert_allclose(imu.mag, [[25.0] * 3] * 3)
 
 
-def test_older_packets_without_their_settings_are_refused(tmp_path):
-    packets = [xbus_message(0x32, bytes(38))] * 3
-    with pytest.raises(DecodeError, match="Configuration says, but that is not in the log"):
-        read(log(tmp_path / "a.mtb", *packets))
-    with pytest.raises(DecodeError, match="lists 3 units"):
-        read(log(tmp_path / "a.mtb", several(), *packets))
-    with pytest.raises(DecodeError, match="make 0"):
-        read(log(tmp_path / "a.mtb", several(1), *packets))
-
-
 def test_junk_bad_checksums_and_cut_ends_are_counted(tmp_path):
     raw, one = plain(), len(packet(0, xbus_floats(0x8020, 0, 0, 0), xbus_floats(0x4020, 0, 0, 0)))
     damaged = bytearray(raw)
@@ -359,13 +356,9 @@ def test_blocks_that_lie_are_left_out(tmp_path):
     assert "damage: blocks left out that have a wrong size: rate of turn (8020)" in said
 
 
-def test_damaged_copies_are_read_or_refused(tmp_path):
-    raw = several(1) + plain(60)
-    assert made.survives(read, tmp_path / "m.mtb", raw, np.random.default_rng(4), 150) < 40
-
-
 def test_more_layouts_than_a_unit_has_cost_no_more_time(tmp_path):
     rng = np.random.default_rng(5)
     packets = [packet(i, *(xbus_block(int(k), b"") for k in rng.integers(1, 2**16, 8))) for i in range(2000)]
     recording = read(log(tmp_path / "a.mtb", plain(5), *packets))
-    assert any(f"{2000 - xbus._MOST_LAYOUTS} packets left out" in note for note in recording.notes)
+    assert len(recording.imu) == 5
+    assert any(f"{2000 - 8} packets left out" in note for note in recording.notes)  # no unit has more than 8

@@ -6,6 +6,7 @@ import pytest
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.files import numbers as numbers_binary
 from plumbob.files import numbers_text, open_numbers, read
+from tests.helpers.io_samples import refused
 from tests.helpers.real_data import DATA, needs
 
 L3GD20 = DATA / "static_l3gd20" / "gyro2_x.txt"
@@ -38,16 +39,8 @@ def text(tmp_path):
 
 @pytest.fixture
 def small_chunks(monkeypatch):
-    """So that every file here is cut at many places."""
+    """So that every text here is cut at many places."""
     monkeypatch.setattr(numbers_text, "CHUNK", 97)
-    monkeypatch.setattr(numbers_binary, "_BLOCK_VALUES", 10)
-
-
-def refused(numbers, match):
-    with pytest.raises(DecodeError, match=match) as caught:
-        numbers.read()
-    assert "a.txt" in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 # Text -----------------------------------------------------------------------------------------------------------------
@@ -92,10 +85,8 @@ def test_progress_ends_at_the_size(text, small_chunks):
     assert told[-1] == numbers.size == numbers.path.stat().st_size
 
 
-def test_nan_is_a_number_and_an_empty_cell_is_not(text):
+def test_nan_is_a_number(text):
     assert np.isnan(text("1\nnan\n3\n").read()[1, 0])
-    refused(text("1,,3,4\n"), r"line 1, value 2: '' is not a number")
-    refused(text("1,2,3\n4,,6\n"), r"line 2, value 2: '' is not a number")
 
 
 def test_what_may_be_cut_is_left_out_and_said(text):
@@ -103,44 +94,74 @@ def test_what_may_be_cut_is_left_out_and_said(text):
         numbers = text(content)
         assert numbers.read().size == len(content.split()) - (2 if "\n" in content else 1)
         assert what in numbers.notes[0]
-    refused(text("7"), "holds no whole row")
 
 
-@pytest.mark.parametrize(
-    ("content", "match"),
-    [
-        ("# only\n", "holds no number"),
-        ("x y\n1 2\n", r"line 1, value 1: 'x' is not a number; .*--profile FILE.toml"),
-        ("1 2\n3 oops\n5 6\n", r"line 2, value 2: 'oops' is not a number"),
-        ("1 2\n\n# c\n3 1_0\n5 6\n", r"line 4, value 2: '1_0' is not a number"),
-        ("1 2\n3\n5 6\n", r"line 2 has 1 numbers, but line 1, the first, has 2: '3'"),
-        ("#\n1 2\n3 4\n5 6 7\n", r"line 4 has 3 numbers, but line 2, the first, has 2"),
-        ("1 2 3 bad 5 ", r"line 1, value 4: 'bad' is not a number"),
-        ("1,5;2,5\n1,6;2,6\n", "the commas may be decimal"),
-        ("1,5 2,5\n1,6 2,6\n", "'5 2' is not a number.*decimal commas needs a profile"),
-        ("1,5\n1,6\n", "may be two whole numbers or one with a decimal comma; declare columns = 2"),
-        (b"\xff\xfe1\x00\n\x00", "is not a number"),
-    ],
-)
-def test_what_is_no_number_is_named(text, content, match):
-    with pytest.raises(DecodeError, match=match):
-        text(content).read()
+def npy(array, cut=0):
+    """Maker of an array in a file, which may be cut at its end."""
+
+    def put(folder):
+        np.save(folder / "a.npy", array, allow_pickle=True)
+        raw = (folder / "a.npy").read_bytes()
+        (folder / "a.npy").write_bytes(raw[: len(raw) - cut])
+        return folder / "a.npy"
+
+    return put
+
+
+WIDE = np.zeros((2000, 3))
+WIDE[3, 0], WIDE[4, 0] = np.inf, np.nan  # others' business
+NO_NPY = [np.zeros((2, 5)), np.zeros((4, 2, 2)), np.zeros(3, complex), np.zeros(3, bool), np.array(["a"])]
+BAD = [  # content, what is declared, what is said
+    ("7", {}, "holds no whole row"),
+    ("1,,3,4\n", {}, "line 1, value 2: '' is not a number"),
+    ("1,2,3\n4,,6\n", {}, "line 2, value 2: '' is not a number"),
+    ("# only\n", {}, "holds no number"),
+    ("x y\n1 2\n", {}, r"line 1, value 1: 'x' is not a number; .*--profile FILE.toml"),
+    ("1 2\n3 oops\n5 6\n", {}, r"line 2, value 2: 'oops' is not a number"),
+    ("1 2\n\n# c\n3 1_0\n5 6\n", {}, r"line 4, value 2: '1_0' is not a number"),
+    ("1 2\n3\n5 6\n", {}, r"line 2 has 1 numbers, but line 1, the first, has 2: '3'"),
+    ("#\n1 2\n3 4\n5 6 7\n", {}, r"line 4 has 3 numbers, but line 2, the first, has 2"),
+    ("1 2 3 bad 5 ", {}, r"line 1, value 4: 'bad' is not a number"),
+    ("1,5;2,5\n1,6;2,6\n", {}, "the commas may be decimal"),
+    ("1,5 2,5\n1,6 2,6\n", {}, "'5 2' is not a number.*decimal commas needs a profile"),
+    ("1,5\n1,6\n", {}, "may be two whole numbers or one with a decimal comma; declare columns = 2"),
+    (b"\xff\xfe1\x00\n\x00", {}, "is not a number"),
+    ("1 2\n3 4\n", {"columns": 3}, "line 1 has 2 numbers, but 3 columns are declared"),
+    ("1 2 3 4 5\n", {"columns": 3}, "5 numbers do not fill rows of 3 columns"),
+    ("1\n2\n", {"columns": 0}, "at least 1", ParameterError),
+    # behind the first chunk
+    ("1.25 2.5\n" * 100 + "3 x\n", {}, "line 101, value 2: 'x'"),
+    ("1.25 " * 100 + "x ", {}, "line 1, value 101: 'x'"),
+    ("1.25 " * 100 + "\n1 2\n", {}, "more than 97 bytes, so it must be the only one"),
+    ("1 2\n" + "1" * 400 + "\n", {}, "no number ends for"),
+    # raw values are never guessed
+    (bytes(20), {"kind": "double", "columns": 1}, "must be one of npy, text, f32.*'double'", ParameterError),
+    (bytes(20), {"kind": "f32"}, "declare the columns", ParameterError),
+    (bytes(20), {"kind": "f32", "columns": 2}, "a.txt: its 20 bytes are 2 rows of 2 f32 values and 4 bytes more"),
+    (b"", {"kind": "f32", "columns": 2}, "is empty"),
+    # .npy
+    *((npy(array), {}, "fewer rows|must hold one array of real numbers") for array in NO_NPY),
+    (npy(np.array([{}], dtype=object)), {}, r"not a \.npy file of numbers"),
+    (npy(np.zeros((50, 2))), {"columns": 3}, "rows have 2 values, but 3"),
+    (npy(np.zeros((50, 2)), cut=8), {}, "it is cut"),
+    # squares of what no sensor gives overflow, and LAPACK says so on standard output
+    (npy(np.vstack([WIDE, [0, 1e300, 0]])), {}, r"row 2001, column 2 is 1e\+300, but no sensor"),
+    (npy(np.vstack([WIDE, [-2e30, 0, 0]])), {}, r"row 2001, column 1 is -2e\+30, but no sensor"),
+]
+
+
+@pytest.mark.parametrize("case", BAD, ids=range(len(BAD)))
+def test_what_is_no_number_is_named_by_its_place(tmp_path, small_chunks, case):
+    content, declared, match, error = (*case, DecodeError)[:4]
+    path = content(tmp_path) if callable(content) else tmp_path / "a.txt"
+    if not callable(content):
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    name = path.name if error is DecodeError else ""
+    refused(lambda: open_numbers(path, **declared).read(), match=match, error=error, name=name)
 
 
 def test_declared_columns_are_held(text):
     assert np.array_equal(text("1,5\n1,6\n", columns=2).read(), [[1.0, 5.0], [1.0, 6.0]])
-    with pytest.raises(DecodeError, match="line 1 has 2 numbers, but 3 columns are declared"):
-        text("1 2\n3 4\n", columns=3)
-    refused(text("1 2 3 4 5\n", columns=3), "5 numbers do not fill rows of 3 columns")
-    with pytest.raises(ParameterError, match=r"at least 1"):
-        text("1\n2\n", columns=0)
-
-
-def test_places_are_right_behind_the_first_chunk(text, small_chunks):
-    refused(text("1.25 2.5\n" * 100 + "3 x\n"), "line 101, value 2: 'x'")
-    refused(text("1.25 " * 100 + "x "), "line 1, value 101: 'x'")
-    refused(text("1.25 " * 100 + "\n1 2\n"), "more than 97 bytes, so it must be the only one")
-    refused(text("1 2\n" + "1" * 400 + "\n"), "no number ends for")
 
 
 @needs("static_l3gd20/gyro2_x.txt")
@@ -169,70 +190,26 @@ def test_raw_values(tmp_path, kind, small_chunks):
     assert told[-1] == numbers.size
 
 
-def test_raw_values_are_never_guessed(tmp_path):
-    path = tmp_path / "a.bin"
-    np.zeros(5, "<f4").tofile(path)
-    with pytest.raises(ParameterError, match=r"'.bin' does not say what numbers it holds"):
-        open_numbers(path, columns=1)
-    with pytest.raises(ParameterError, match=r"must be one of npy, text, f32.*'double'"):
-        open_numbers(path, kind="double", columns=1)
-    with pytest.raises(ParameterError, match="declare the columns"):
-        open_numbers(path, kind="f32")
-    with pytest.raises(DecodeError, match=r"a.bin: its 20 bytes are 2 rows of 2 f32 values and 4 bytes more"):
-        open_numbers(path, kind="f32", columns=2)
-    path.write_bytes(b"")
-    with pytest.raises(DecodeError, match="is empty"):
-        open_numbers(path, kind="f32", columns=2)
-
-
 @pytest.mark.parametrize("dtype", ["f4", "f8", ">f8", "i2", "u1"])
 @pytest.mark.parametrize("order", ["C", "F"])
-def test_npy(tmp_path, dtype, order, small_chunks):
+def test_npy(tmp_path, dtype, order):
     table = np.asarray(np.arange(60).reshape(20, 3), dtype=dtype, order=order)
     np.save(tmp_path / "a.npy", table)
     numbers = open_numbers(tmp_path / "a.npy")
     assert np.array_equal(numbers.read(), table)
-    assert len(list(numbers)) == 7  # blocks of three rows
     np.save(tmp_path / "a.npy", table[:, 0])
     assert np.array_equal(open_numbers(tmp_path / "a.npy", columns=1).read(), table[:, :1])
 
 
-def test_npy_that_is_none(tmp_path):
-    path = tmp_path / "a.npy"
-    for array in (np.zeros((2, 5)), np.zeros((4, 2, 2)), np.zeros(3, complex), np.zeros(3, bool), np.array(["a"])):
-        np.save(path, array)
-        with pytest.raises(DecodeError, match=r"fewer rows|must hold one array of real numbers"):
-            open_numbers(path)
-    np.save(path, np.array([{}], dtype=object), allow_pickle=True)
-    with pytest.raises(DecodeError, match=r"not a \.npy file of numbers"):
-        open_numbers(path)
-    np.save(path, np.zeros((50, 2)))
-    with pytest.raises(DecodeError, match="rows have 2 values, but 3"):
-        open_numbers(path, columns=3)
-    path.write_bytes(path.read_bytes()[:-8])
-    with pytest.raises(DecodeError, match=r"it is cut"):
-        open_numbers(path)
-
-
-@pytest.mark.parametrize("value", [1e300, -2e30])
-def test_numbers_that_no_sensor_gives_are_refused_with_their_place(tmp_path, value):
-    """Squares of them overflow, and LAPACK says so on standard output; NaN and infinity are others' business."""
-    table = np.zeros((2000, 3))
-    table[1500, 1], table[3, 0], table[4, 0] = value, np.inf, np.nan
-    np.save(tmp_path / "a.npy", table)
-    with pytest.raises(
-        DecodeError, match=rf"a\.npy: row 1501, column 2 is {value:g}, but no sensor".replace("+", r"\+")
-    ):
-        open_numbers(tmp_path / "a.npy").read()
-
-
-def test_a_file_that_shrinks_is_noticed(tmp_path):
-    path = tmp_path / "a.f64"
-    np.zeros(10).tofile(path)
-    numbers = open_numbers(path, columns=1)
-    path.write_bytes(b"\0" * 40)
-    with pytest.raises(DecodeError, match="ends after 40 bytes"):
-        numbers.read()
+def test_a_large_file_comes_in_blocks_and_one_that_shrinks_is_noticed(tmp_path):
+    table, path = np.arange(1.0, 900_001.0).reshape(-1, 3), tmp_path / "a.f64"
+    table.tofile(path)
+    numbers = open_numbers(path, columns=3)
+    blocks = list(numbers)
+    assert len(blocks) > 1
+    assert np.array_equal(np.concatenate(blocks), table)
+    path.write_bytes(bytes(48))
+    refused(numbers.read, match="ends after 48 bytes")
 
 
 # Beside recordings ----------------------------------------------------------------------------------------------------
@@ -241,10 +218,8 @@ def test_a_file_that_shrinks_is_noticed(tmp_path):
 def test_the_two_doors_point_to_each_other(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("1 2 3\n4 5 6\n")
-    with pytest.raises(
-        DecodeError, match="Plain numbers of a unit at rest are for 'plumbob allan', with --rate and --scale"
-    ):
-        read(path)
+    refused(read, path, match="Plain numbers of a unit at rest are for 'plumbob allan', with --rate and --scale")
     np.save(tmp_path / "a.npy", np.zeros(3))
-    with pytest.raises(DecodeError, match="Plain numbers are not a recording; 'plumbob allan' takes them"):
-        read(tmp_path / "a.npy")
+    refused(read, tmp_path / "a.npy", match="Plain numbers are not a recording; 'plumbob allan' takes them")
+    path = path.rename(tmp_path / "a.bin")
+    refused(open_numbers, path, columns=1, match="'.bin' does not say what numbers it holds", error=ParameterError)

@@ -1,15 +1,23 @@
 """Bags of ROS, written by rosbags and by mcap-ros2-support, and real ones; damaged and hostile ones."""
 
+import bz2
+import contextlib
+import os
 import sqlite3
 import struct
+import subprocess
+import sys
 
+import lz4.frame
 import numpy as np
 import pytest
+import zstandard
 
 import plumbob
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnitError
 from plumbob.files.foreign import ros
 from plumbob.rotations import Frame, North, dcm_from_quat
+from tests.helpers.io_samples import refused
 from tests.helpers.real_data import DATA, needs
 
 rosbags = pytest.importorskip("rosbags")
@@ -193,12 +201,6 @@ def test_a_magnetometer_in_microtesla_is_left_out(tmp_path):
     assert found.imu.mag is None and any("hardly in tesla" in note for note in found.notes)
 
 
-def test_accelerations_in_g_are_refused(tmp_path):
-    given = made.samples()
-    with pytest.raises(UnitError, match="looks like g"):
-        plumbob.read(made.write_1(tmp_path / "a.bag", made.imu_rows(given | {"acc": given["acc"] / 9.80665})))
-
-
 class TestPoses:
     CASES = {  # noqa: RUF012 - what a type's fields are, https://github.com/ros2/common_interfaces
         "geometry_msgs/msg/PoseStamped": lambda p, q: {
@@ -294,15 +296,6 @@ class TestReal:
         np.testing.assert_allclose(track.q_nb, np.array(xyzw)[kept][:, [3, 0, 1, 2]], atol=1e-8)
 
 
-def test_no_inertial_data_names_what_there_is(tmp_path):
-    rows = [made.Row(made.T0, "/chatter", "std_msgs/msg/String", {"data": "hello"})]
-    for path in (made.write_1(tmp_path / "a.bag", rows), made.write_2(tmp_path / "a", rows)):
-        with pytest.raises(DecodeError, match=r"it holds /chatter \(std_msgs/String, 1\), but neither inertial data"):
-            plumbob.read(path)
-    with pytest.raises(DecodeError, match="holds no message"):
-        plumbob.read(made.write_2(tmp_path / "b", []))
-
-
 class TestOwn:
     """A recording of ours is never taken for another program's."""
 
@@ -327,188 +320,184 @@ class TestOwn:
         assert not ros.accepts(tmp_path)
 
 
-HOSTILE = ("bag", "bag, bz2", "bag, lz4", "db3", "mcap", "folder, mcap")
+@pytest.mark.parametrize("container", ["bag", "bag, bz2", "bag, lz4", "db3", "mcap", "folder, mcap"])
+def test_cut_anywhere_gives_what_comes_before_or_an_error(container, tmp_path):
+    given = made.samples()
+    path = made.CONTAINERS[container](tmp_path, made.all_rows(given))
+    file = path / "a.mcap" if path.is_dir() else path
+    whole = file.read_bytes()
+    for size in np.linspace(1, len(whole) - 1, 25).astype(int):
+        file.write_bytes(whole[:size])
+        try:
+            found = plumbob.read(path)
+        except PlumbobError as error:
+            assert "\n" not in str(error)
+        else:
+            assert np.array_equal(found.imu.gyr, given["gyr"][: len(found.imu)])
+            # behind the messages lie an index or a summary, which nothing is lost with
+            complete = found.imu.temp_c is not None and np.isfinite(found.imu.temp_c[-10])
+            cut = any(note.startswith("cut: ") for note in found.notes)
+            assert cut or (complete and len(found.imu) == made.ROWS)
 
 
-def content_of(path):
-    return next(path.glob("*.mcap")) if path.is_dir() else path
+def test_a_bag_that_was_never_closed(tmp_path):
+    """Without an index, as a recorder that lost its power leaves one; rosbags itself refuses it."""
+    given = made.samples()
+    path = made.write_1(tmp_path / "a.bag", made.all_rows(given))
+    whole = bytearray(path.read_bytes())
+    at = whole.index(b"index_pos=") + 10
+    (index,) = struct.unpack_from("<Q", whole, at)
+    whole[at : at + 8] = bytes(8)
+    path.write_bytes(whole[:index])
+    check_common(plumbob.read(path), given)
 
 
-class TestDamaged:
-    @pytest.mark.parametrize("container", HOSTILE)
-    def test_cut_anywhere_gives_what_comes_before_or_an_error(self, container, tmp_path):
-        given = made.samples()
-        path = made.CONTAINERS[container](tmp_path, made.all_rows(given))
-        file = content_of(path)
-        whole = file.read_bytes()
-        for size in np.linspace(1, len(whole) - 1, 40).astype(int):
-            file.write_bytes(whole[:size])
-            try:
-                found = plumbob.read(path)
-            except PlumbobError as error:
-                assert "\n" not in str(error)
-            else:
-                assert np.array_equal(found.imu.gyr, given["gyr"][: len(found.imu)])
-                # behind the messages lie an index or a summary, which nothing is lost with
-                complete = found.imu.temp_c is not None and np.isfinite(found.imu.temp_c[-10])
-                cut = any(note.startswith("cut: ") for note in found.notes)
-                assert cut or (complete and len(found.imu) == made.ROWS)
-
-    @pytest.mark.parametrize("container", HOSTILE)
-    def test_random_damage_never_breaks_the_reader(self, container, tmp_path):
-        path = made.CONTAINERS[container](tmp_path, made.all_rows(made.samples()))
-        file, rng = content_of(path), np.random.default_rng(3)
-        whole = file.read_bytes()
-        for _ in range(60):
-            at, wrong = rng.integers(len(whole)), bytearray(whole)
-            wrong[at : at + 4] = rng.bytes(4)
-            file.write_bytes(wrong)
-            try:
-                plumbob.read(path)
-            except PlumbobError as error:
-                assert "\n" not in str(error)
-
-    def test_a_bag_that_was_never_closed(self, tmp_path):
-        """Without an index, as a recorder that lost its power leaves one; rosbags itself refuses it."""
-        given = made.samples()
-        path = made.write_1(tmp_path / "a.bag", made.all_rows(given))
-        whole = bytearray(path.read_bytes())
-        at = whole.index(b"index_pos=") + 10
-        (index,) = struct.unpack_from("<Q", whole, at)
-        whole[at : at + 8] = bytes(8)
-        path.write_bytes(whole[:index])
-        check_common(plumbob.read(path), given)
-
-    def test_a_chunk_that_does_not_fit_its_checksum(self, tmp_path):
-        """One bit of a rate in a chunk that is not compressed, so that nothing else shows it."""
-        from mcap.writer import CompressionType, Writer
-
-        given = made.samples()
-        with (tmp_path / "a.mcap").open("wb") as file:
-            writer = Writer(file, compression=CompressionType.NONE)
-            writer.start("ros2", "somebody")
-            schema = writer.register_schema("sensor_msgs/msg/Imu", "ros2msg", b"")
-            channel = writer.register_channel("/imu", "cdr", schema)
-            for row in made.imu_rows(given):
-                data = bytes(made.ROS2.serialize_cdr(made.message(row, made.ROS2), row.kind))
-                writer.add_message(channel, row.log_ns, data, row.log_ns)
-            writer.finish()
-        whole = bytearray((tmp_path / "a.mcap").read_bytes())
-        whole[whole.index(struct.pack("<d", given["gyr"][5, 1]))] ^= 1
-        (tmp_path / "a.mcap").write_bytes(whole)
-        with pytest.raises(DecodeError, match="does not fit its checksum"):
-            plumbob.read(tmp_path / "a.mcap")
-
-    def test_a_missing_part(self, tmp_path):
-        path = made.write_2(tmp_path / "a", made.all_rows())
-        (path / "a.db3").rename(path / "b.db3")
-        with pytest.raises(DecodeError, match=r"names a\.db3, which is not there"):
-            plumbob.read(path)
-
-    def test_a_journal_beside_it(self, tmp_path):
-        path = made.write_2(tmp_path / "a", made.all_rows()) / "a.db3"
-        path.with_name("a.db3-wal").write_bytes(b"x")
-        assert any(note.startswith("cut: the recorder did not close it") for note in plumbob.read(path).notes)
+def test_a_journal_beside_it(tmp_path):
+    path = made.write_2(tmp_path / "a", made.all_rows()) / "a.db3"
+    path.with_name("a.db3-wal").write_bytes(b"x")
+    found = plumbob.read(path)
+    assert len(found.imu) == made.ROWS
+    assert any(note.startswith("cut: the recorder did not close it") for note in found.notes)
 
 
-class TestHostile:
-    def chunk(self, tmp_path, stored, how, size):
-        """An MCAP of one chunk that says it unpacks to `size` bytes."""
-        name = how.encode()
+# What is refused ------------------------------------------------------------------------------------------------------
+
+
+def wrong_checksum(folder):
+    """One bit of a rate in a chunk that is not compressed, so that nothing else shows it."""
+    from mcap.writer import CompressionType, Writer
+
+    given, path = made.samples(), folder / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start("ros2", "somebody")
+        schema = writer.register_schema("sensor_msgs/msg/Imu", "ros2msg", b"")
+        channel = writer.register_channel("/imu", "cdr", schema)
+        for row in made.imu_rows(given):
+            data = bytes(made.ROS2.serialize_cdr(made.message(row, made.ROS2), row.kind))
+            writer.add_message(channel, row.log_ns, data, row.log_ns)
+        writer.finish()
+    whole = bytearray(path.read_bytes())
+    whole[whole.index(struct.pack("<d", given["gyr"][5, 1]))] ^= 1
+    path.write_bytes(whole)
+    return path
+
+
+def missing_part(folder):
+    path = made.write_2(folder / "a", made.all_rows())
+    (path / "a.db3").rename(path / "b.db3")
+    return path
+
+
+def part_elsewhere(folder):
+    path = made.write_2(folder / "a", made.all_rows())
+    (path / "a.db3").unlink()
+    (path / "a.db3").symlink_to("/dev/zero")
+    return path
+
+
+def chunk(how, pack, size):
+    """Maker of an MCAP of one chunk that says it unpacks to `size` bytes."""
+
+    def put(folder):
+        stored, name = pack(), how.encode()
         body = struct.pack("<QQQII", 0, 0, size, 0, len(name)) + name + struct.pack("<Q", len(stored)) + stored
         head = struct.pack("<I", 4) + b"ros2" + struct.pack("<I", 1) + b"x"
         records = struct.pack("<BQ", 1, len(head)) + head + struct.pack("<BQ", 6, len(body)) + body
-        path = tmp_path / "a.mcap"
-        path.write_bytes(b"\x89MCAP0\r\n" + records)
+        (folder / "a.mcap").write_bytes(b"\x89MCAP0\r\n" + records)
+        return folder / "a.mcap"
+
+    return put
+
+
+def zstd_bomb():
+    return zstandard.ZstdCompressor(write_content_size=False).compress(bytes(80 << 20))
+
+
+def zstd_file(folder):
+    path = made.write_2(folder / "a", made.all_rows(), mode="FILE")
+    (path / "a.db3.zstd").write_bytes(zstandard.ZstdCompressor().compress(bytes(80 << 20)))
+    return path
+
+
+def bz2_bomb(folder):
+    """A chunk of ROS 1 whose bz2 holds more than its size says."""
+    path = made.write_1(folder / "a.bag", made.all_rows(), "BZ2")
+    whole, stored = path.read_bytes(), bz2.compress(bytes(10 << 20))
+    path.write_bytes(whole[: whole.index(b"BZh") - 4] + struct.pack("<I", len(stored)) + stored)
+    return path
+
+
+def changed(*commands, rows=()):
+    """Maker of a file of SQLite in which commands were run, with messages or with nothing before."""
+
+    def put(folder):
+        if rows:
+            made.write_2(folder / "a", rows)
+        path = folder / "a" / "a.db3" if rows else folder / "a.db3"
+        with contextlib.closing(sqlite3.connect(path)) as tables:
+            for command in commands:
+                tables.execute(command)
+            tables.commit()
         return path
 
-    @pytest.mark.parametrize("how", ["zstd", "lz4", ""])
-    def test_a_chunk_that_claims_terabytes(self, how, tmp_path):
-        with pytest.raises(DecodeError, match="unpack to 1099511627776"):
-            plumbob.read(self.chunk(tmp_path, b"\x28\xb5\x2f\xfd", how, 1 << 40))
+    return put
 
-    def test_a_chunk_that_unpacks_to_more_than_it_says(self, tmp_path):
-        import lz4.frame
-        import zstandard
 
-        zeros = bytes(200 << 20)
-        for how, stored in (
-            ("zstd", zstandard.ZstdCompressor(write_content_size=False).compress(zeros)),
-            ("lz4", lz4.frame.compress(zeros)),
-        ):
-            with pytest.raises(DecodeError, match="unpacks to another length"):
-                plumbob.read(self.chunk(tmp_path, stored, how, 1000))
+def pipe(folder):
+    os.mkfifo(folder / "p.bag")
+    return folder / "p.bag"
 
-    def test_a_file_of_zstd_that_unpacks_to_too_much(self, tmp_path):
-        import zstandard
 
-        folder = made.write_2(tmp_path / "a", made.all_rows(), mode="FILE")
-        (folder / "a.db3.zstd").write_bytes(zstandard.ZstdCompressor().compress(bytes(200 << 20)))
-        with pytest.raises(DecodeError, match="are allowed"):
-            plumbob.read(folder)
+def in_g(folder):
+    given = made.samples()
+    return made.write_1(folder / "a.bag", made.imu_rows(given | {"acc": given["acc"] / 9.80665}))
 
-    def test_a_view_instead_of_a_table(self, tmp_path):
-        """A view may be a query that never ends."""
-        path = tmp_path / "a.db3"
-        tables = sqlite3.connect(path)
-        tables.execute("CREATE TABLE topics (id INTEGER, name TEXT, type TEXT, serialization_format TEXT)")
-        tables.execute(
-            "CREATE VIEW messages AS WITH RECURSIVE n(topic_id, timestamp, data) AS "
-            "(SELECT 1, 1, x'00' UNION ALL SELECT 1, timestamp + 1, x'00' FROM n) SELECT * FROM n"
-        )
-        tables.commit()
-        tables.close()
-        with pytest.raises(DecodeError, match="without the tables"):
-            plumbob.read(path)
 
-    def test_a_changed_type(self, tmp_path):
-        """A message that is shorter than its type says is refused, not filled."""
-        path = tmp_path / "a.db3"
-        rows = list(made.imu_rows(made.samples()))
-        made.write_2(tmp_path / "b", rows)
-        path.write_bytes((tmp_path / "b" / "b.db3").read_bytes())
-        tables = sqlite3.connect(path)
-        tables.execute("UPDATE messages SET data = substr(data, 1, 200) WHERE id = 20")
-        tables.commit()
-        tables.close()
-        with pytest.raises(DecodeError, match=r"/imu/data: a message has 196 bytes, but one of sensor_msgs/Imu"):
-            plumbob.read(path)
+TOPICS = "CREATE TABLE topics (id INTEGER, name TEXT, type TEXT, serialization_format TEXT)"
+ENDLESS = (  # a view may be a query that never ends
+    "CREATE VIEW messages AS WITH RECURSIVE n(topic_id, timestamp, data) AS "
+    "(SELECT 1, 1, x'00' UNION ALL SELECT 1, timestamp + 1, x'00' FROM n) SELECT * FROM n"
+)
+SHORTER = "UPDATE messages SET data = substr(data, 1, 200) WHERE id = 20"
+CHATTER = [made.Row(made.T0, "/chatter", "std_msgs/msg/String", {"data": "hello"})]
+NO_IMU = r"it holds /chatter \(std_msgs/String, 1\), but neither inertial data"
+REFUSED = {
+    "g": (in_g, "looks like g"),
+    "no inertial data, ROS 1": (lambda folder: made.write_1(folder / "a.bag", CHATTER), NO_IMU),
+    "no inertial data, ROS 2": (lambda folder: made.write_2(folder / "a", CHATTER), NO_IMU),
+    "nothing": (lambda folder: made.write_2(folder / "a", []), "holds no message"),
+    "checksum": (wrong_checksum, "does not fit its checksum"),
+    "missing part": (missing_part, r"names a\.db3, which is not there"),
+    "a link for a part": (part_elsewhere, "is not there"),
+    "terabytes of zstd": (chunk("zstd", lambda: b"\x28\xb5\x2f\xfd", 1 << 40), "unpack to 1099511627776"),
+    "terabytes of lz4": (chunk("lz4", lambda: b"\x28\xb5\x2f\xfd", 1 << 40), "unpack to 1099511627776"),
+    "terabytes": (chunk("", lambda: b"\x28\xb5\x2f\xfd", 1 << 40), "unpack to 1099511627776"),
+    "more than stated, zstd": (chunk("zstd", zstd_bomb, 1000), "unpacks to another length"),
+    "more than stated, lz4": (
+        chunk("lz4", lambda: lz4.frame.compress(bytes(80 << 20)), 1000),
+        "unpacks to another length",
+    ),
+    "more than stated, bz2": (bz2_bomb, "unpacks to another length"),
+    "more than allowed": (zstd_file, "are allowed"),
+    "a view for a table": (changed(TOPICS, ENDLESS), "without the tables"),
+    "a message shorter than its type": (
+        changed(SHORTER, rows=[*made.imu_rows(made.samples())]),
+        r"/imu/data: a message has 196 bytes, but one of sensor_msgs/Imu",
+    ),
+    "a pipe": (pipe, "not a regular file"),
+}
 
-    def test_links_and_pipes(self, tmp_path):
-        import os
 
-        folder = made.write_2(tmp_path / "a", made.all_rows())
-        (folder / "a.db3").unlink()
-        (folder / "a.db3").symlink_to("/dev/zero")
-        with pytest.raises(DecodeError, match="is not there"):
-            plumbob.read(folder)
-        os.mkfifo(tmp_path / "p.bag")
-        with pytest.raises(DecodeError, match="not a regular file"):
-            plumbob.read(tmp_path / "p.bag")
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_no_bag_of_an_imu_or_hostile_is_refused(tmp_path, case):
+    put, match = REFUSED[case]
+    path = put(tmp_path)
+    refused(plumbob.read, path, match=match, error=UnitError if case == "g" else DecodeError)
 
 
 def test_it_is_read_without_rosbags(tmp_path):
     """Reading needs no package beyond those that recordings of Plumbob need."""
-    import subprocess
-    import sys
-
     path = made.write_2(tmp_path / "a", made.all_rows())
-    code = (
-        "import sys; sys.modules['rosbags'] = None; import plumbob; "
-        f"print(len(plumbob.read({str(path)!r}).imu)); assert 'sqlite3' in sys.modules"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == f"{made.ROWS}\n"
-
-
-def test_bz2_is_bounded(tmp_path):
-    """A chunk of ROS 1 whose bz2 holds more than its size says."""
-    import bz2
-
-    path = made.write_1(tmp_path / "a.bag", made.all_rows(), "BZ2")
-    whole = path.read_bytes()
-    start = whole.index(b"BZh")
-    stored = bz2.compress(bytes(50 << 20))
-    path.write_bytes(whole[: start - 4] + struct.pack("<I", len(stored)) + stored)
-    with pytest.raises(DecodeError, match="unpacks to another length"):
-        plumbob.read(path)
+    code = f"import sys; sys.modules['rosbags'] = None; import plumbob; print(len(plumbob.read({str(path)!r}).imu))"
+    assert int(subprocess.check_output([sys.executable, "-c", code])) == made.ROWS

@@ -1,5 +1,6 @@
 """Text files in the dialects that LabVIEW and loggers write."""
 
+import csv
 import json
 import math
 from dataclasses import replace
@@ -15,7 +16,7 @@ from plumbob.files import Recording, parse_profile, read, text_table, write
 from plumbob.files.text_write import text_cell
 from plumbob.rotations import Frame, North, body_axes, quat_angle, quat_from_euler_zyx, quat_rotate
 from tests.helpers import examples
-from tests.helpers.io_samples import make_imu
+from tests.helpers.io_samples import make_imu, refused
 from tests.helpers.real_data import DATA, needs
 
 HEAD = 'separator = ","\n[header]\nnames = true\n'
@@ -35,9 +36,9 @@ def parse(tmp_path):
     return from_text
 
 
-def in_one_line(caught):
-    assert "a.csv" in str(caught.value)
-    assert "\n" not in str(caught.value)
+def refuse(*_, **__):
+    """What Arrow does where it cannot read a table: it is then read line by line."""
+    raise ValueError
 
 
 # Dialects ------------------------------------------------------------------------------------------------------------
@@ -149,19 +150,13 @@ def test_unix_time_in_any_unit(parse, unit, digits):
     assert imu.t_ns.tolist() == [0, 1_000_000_000]
 
 
-def test_unix_time_by_the_slow_path_is_the_same(parse, monkeypatch):
+def test_unix_time_by_line_is_the_same(parse, monkeypatch):
     text = ROWS.replace("0.0", "1464877043.12345678")
     profile = PLAIN.replace('unit = "s"', 'unit = "s"\nepoch = "unix"')
     fast = parse(text, profile).imu
-    monkeypatch.setattr(text_table, "_fast", lambda *_: None)
+    monkeypatch.setattr("pyarrow.csv.read_csv", refuse)
     slow = parse(text, profile).imu
     assert (fast.meta.t0_ns, fast.t.tobytes()) == (slow.meta.t0_ns, slow.t.tobytes())
-
-
-def test_seconds_since_1970_without_saying_so_are_refused(parse):
-    with pytest.raises(ClockError, match="For unix time") as caught:
-        parse(ROWS.replace("0.0", "1464877043.0"), PLAIN)
-    in_one_line(caught)
 
 
 # Units, signs, axes, references ---------------------------------------------------------------------------------------
@@ -267,98 +262,66 @@ def test_imu_and_reference_share_their_time(parse):
 # What is refused ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("row", "match"),
-    [
-        ("0.01,4,abc,6", r"line 3, column 'gy': 'abc' is not a number"),
-        ("0.01,4,0x10,6", r"'0x10' is not a number"),
-        ("0.01,4,1_0,6", r"'1_0' is not a number"),
-        ("0.01,4,--,6", r"'--' is not a number.*add it to 'missing'"),
-        ("0.01,4,１２,6", r"is not a number"),
-        ('0.01,4,"5,5",6', r"'5,5' is not a number.*declare decimal = ','"),
-        ("0.01,4,5\x00,6", r"'5\\x00' is not a number"),
-        ("0.01,4,5", "line 3 has 3 cells, but the first row of numbers has 4"),
-        ("0.01,4,5,6,7", "line 3 has 5 cells"),
-        ('0.01,4,"5,6', "line 3: .* cannot be split"),
-        ("0.01,4,5,6 end of file", "'6 end of file' is not a number"),
-        ("0.01,4," + "5" * 200_000 + "x,6", "is not a number"),
-    ],
-)
-def test_a_bad_cell_is_named_by_line_column_and_text(parse, row, match):
-    with pytest.raises(DecodeError, match=match) as caught:
-        parse(ROWS.replace("0.01,4,5,6", row), PLAIN)
-    in_one_line(caught)
-    assert len(str(caught.value)) < 500
+LINES = "".join(f"{0.01 * k:.2f},0,0,1\n" for k in range(200))
+DEGREES = [
+    "t,gx,gy,gz\n" + "".join(f"{0.01 * k:.2f},{size * 20 * k},0,0\n" for k in range(50)) for size in (1.0, 100.0)
+]
+RANGED = HEAD + TIME + GYR.replace('rad/s"', 'rad/s"\nrange = "500 dps"')
+METRES = HEAD + TIME + ACC.replace('"g"', '"m/s2"')
+COMMENTED = 'comment = "#"\n' + PLAIN.replace("names = true", "names = true\nskip = 2")
+MARKED = PLAIN.replace("names", 'marker = "END"\nnames')
+DELAYED = PLAIN + 'delay = "5 ms"\n'
+CELLS = [
+    ("0.01,4,abc,6", r"line 3, column 'gy': 'abc' is not a number"),
+    ("0.01,4,0x10,6", r"'0x10' is not a number"),
+    ("0.01,4,1_0,6", r"'1_0' is not a number"),
+    ("0.01,4,--,6", r"'--' is not a number.*add it to 'missing'"),
+    ("0.01,4,１２,6", r"is not a number"),
+    ('0.01,4,"5,5",6', r"'5,5' is not a number.*declare decimal = ','"),
+    ("0.01,4,5\x00,6", r"'5\\x00' is not a number"),
+    ("0.01,4,5", "line 3 has 3 cells, but the first row of numbers has 4"),
+    ("0.01,4,5,6,7", "line 3 has 5 cells"),
+    ('0.01,4,"5,6', "line 3: .* cannot be split"),
+    ("0.01,4,5,6 end of file", "'6 end of file' is not a number"),
+    ("0.01,4," + "5" * 200_000 + "x,6", "is not a number"),
+]
+REFUSED = [
+    *((ROWS.replace("0.01,4,5,6", row), PLAIN, match) for row, match in CELLS),
+    ("one\ntwo\n\n# three\nt,gx,gy,gz\n# six\n\n0,1,2,3\n1,4,x,6\n", COMMENTED, "line 9, column 'gy'"),
+    ("", PLAIN, "ends before"),
+    ("t,gx,gy,gz\n", PLAIN, "ends before"),
+    ("t,gx,gy,gz\n\n", PLAIN, "no whole row"),
+    ("t,gx,gy,gz\n0,1,2,3", PLAIN, "no whole row"),
+    ("t;gx;gy;gz\n0;1;2;3\n", PLAIN, "'t' is nowhere in the row of names"),
+    ("t,gx,gx,gz\n0,1,2,3\n", PLAIN, "'gx' is twice or more"),
+    ("t,gx,gy,GZ\n0,1,2,3\n", PLAIN, "'gz' is nowhere"),
+    (ROWS, PLAIN.replace('"t"', "5"), "column 5 is declared, but a row has 4 cells"),
+    (ROWS, PLAIN.replace('"t"', "2"), "are the same column"),
+    (ROWS, PLAIN.replace("true", "false"), "none, as header.names = false"),
+    (ROWS, MARKED, "the marker 'END' comes 0 times"),
+    ("END\n" + ROWS, MARKED.replace("names", "occurrence = 2\nnames"), "comes 1 times"),
+    ("1," * 600_000, PLAIN, "line 1 has 1200000 characters"),  # one of 200 MB took 2 GB
+    (f"t,gx,gy,gz\n0,1,2,3\n{'1,' * 600_000}\n", PLAIN, "line 3 has 1200000 characters"),
+    (b"t,gx,gy,gz\n\xe9\n", PLAIN, r"byte 12 \(line 2\) is not utf-8"),
+    *((text, RANGED, r"its range is .*500 °/s", UnitError) for text in DEGREES),
+    ("t,gx,gy,gz\n" + LINES, METRES, "it looks like g", UnitError),
+    (ROWS.replace("0.0", "1464877043.0"), PLAIN, "For unix time", ClockError),
+    *((ROWS.replace("0.01", stamp), PLAIN, r"t\[1\]|t\b", ClockError) for stamp in ("0.00", "-1", "NaN", "", "inf")),
+    *((ROWS.replace("0.01", stamp), DELAYED, r"\bt\b", ClockError) for stamp in ("0.00", "-1", "NaN", "inf")),
+    ("t,gx,gy,gz\n0,,,\n1,NaN,NaN,NaN\n", PLAIN, "gyr", ShapeError),
+    (QUAT.replace("0.5", "0.6"), HEAD + TIME + TRACK, "norm", ShapeError),
+]
 
 
-def test_line_numbers_count_every_line_of_the_file(parse):
-    text = "one\ntwo\n\n# three\nt,gx,gy,gz\n# six\n\n0,1,2,3\n1,4,x,6\n"
-    with pytest.raises(DecodeError, match="line 9, column 'gy'"):
-        parse(text, 'comment = "#"\n' + PLAIN.replace("names = true", "names = true\nskip = 2"))
+@pytest.mark.parametrize("case", REFUSED, ids=range(len(REFUSED)))
+def test_what_does_not_fit_is_named_by_line_column_and_text(parse, case):
+    text, profile, match, error = (*case, DecodeError)[:4]
+    assert len(refused(parse, text, profile, match=match, error=error, name="a.csv")) < 500
 
 
-@pytest.mark.parametrize(
-    ("text", "profile", "match"),
-    [
-        ("", PLAIN, "ends before"),
-        ("t,gx,gy,gz\n", PLAIN, "ends before"),
-        ("t,gx,gy,gz\n\n", PLAIN, "no whole row"),
-        ("t,gx,gy,gz\n0,1,2,3", PLAIN, "no whole row"),
-        ("t;gx;gy;gz\n0;1;2;3\n", PLAIN, "'t' is nowhere in the row of names"),
-        ("t,gx,gx,gz\n0,1,2,3\n", PLAIN, "'gx' is twice or more"),
-        ("t,gx,gy,GZ\n0,1,2,3\n", PLAIN, "'gz' is nowhere"),
-        (ROWS, PLAIN.replace('"t"', "5"), "column 5 is declared, but a row has 4 cells"),
-        (ROWS, PLAIN.replace('"t"', "2"), "are the same column"),
-        (ROWS, PLAIN.replace("true", "false"), "none, as header.names = false"),
-        (ROWS, PLAIN.replace("names", 'marker = "END"\nnames'), "the marker 'END' comes 0 times"),
-        ("END\n" + ROWS, PLAIN.replace("names", 'marker = "END"\noccurrence = 2\nnames'), "comes 1 times"),
-    ],
-)
-def test_a_layout_that_does_not_fit_is_named(parse, text, profile, match):
-    with pytest.raises(DecodeError, match=match) as caught:
-        parse(text, profile)
-    in_one_line(caught)
-
-
-@pytest.mark.parametrize("text", ["1," * 600_000, f"t,gx,gy,gz\n0,1,2,3\n{'1,' * 600_000}\n"], ids=["names", "numbers"])
-def test_a_row_without_end_is_not_split_in_cells(parse, text):
-    """One line of 200 MB took 2 GB."""
-    with pytest.raises(DecodeError, match=r"line [13] has 1200000 characters"):
-        parse(text, PLAIN)
-
-
-def test_a_wrong_encoding_names_byte_and_line(parse):
-    with pytest.raises(DecodeError, match=r"byte 12 \(line 2\) is not utf-8"):
-        parse(b"t,gx,gy,gz\n\xe9\n", PLAIN)
-
-
-@pytest.mark.parametrize("size", [1.0, 100.0])
-def test_degrees_declared_as_radians_are_refused_by_the_range(parse, size):
-    rows = "".join(f"{0.01 * k:.2f},{size * 20 * k},0,0\n" for k in range(50))
-    profile = HEAD + TIME + GYR.replace('rad/s"', 'rad/s"\nrange = "500 dps"')
-    with pytest.raises(UnitError, match=r"its range is .*500 °/s") as caught:
-        parse("t,gx,gy,gz\n" + rows, profile)
-    in_one_line(caught)
-
-
-def test_g_declared_as_metres_is_refused(parse):
-    rows = "".join(f"{0.01 * k:.2f},0,0,1\n" for k in range(200))
-    with pytest.raises(UnitError, match="it looks like g"):
-        parse("t,gx,gy,gz\n" + rows, HEAD + TIME + ACC.replace('"g"', '"m/s2"'))
-    parse("t,gx,gy,gz\n" + rows, "unit_check = false\n" + HEAD + TIME + ACC.replace('"g"', '"m/s2"'))
-
-
-@pytest.mark.parametrize("stamp", ["0.00", "-1", "NaN", "", "inf"])
-def test_time_that_does_not_go_on_is_refused(parse, stamp):
-    with pytest.raises(ClockError, match=r"t\[1\]|t\b") as caught:
-        parse(ROWS.replace("0.01", stamp), PLAIN)
-    in_one_line(caught)
-
-
-@pytest.mark.parametrize("stamp", ["0.00", "-1", "NaN", "inf"])
-def test_a_delay_does_not_hide_a_time_that_does_not_go_on(parse, stamp):
-    with pytest.raises(ClockError, match=r"\bt\b"):
-        parse(ROWS.replace("0.01", stamp), PLAIN + 'delay = "5 ms"\n')
+def test_units_are_believed_where_that_is_declared(parse):
+    acc = parse("t,gx,gy,gz\n" + LINES, "unit_check = false\n" + METRES).imu.acc
+    assert acc.tolist() == [[0.0, 0.0, 1.0]] * 200
 
 
 @pytest.mark.parametrize("delay", [25, -25])
@@ -377,16 +340,6 @@ def test_a_delay_makes_up_no_value_in_a_gap_or_beyond_an_end(parse, delay):
     assert any("beyond an end are missing" in note for note in recording.notes)
 
 
-def test_a_sensor_without_a_number_is_refused(parse):
-    with pytest.raises(ShapeError, match="gyr"):
-        parse("t,gx,gy,gz\n0,,,\n1,NaN,NaN,NaN\n", PLAIN)
-
-
-def test_a_quaternion_that_is_none_is_refused(parse):
-    with pytest.raises(ShapeError, match="norm"):
-        parse(QUAT.replace("0.5", "0.6"), HEAD + TIME + TRACK)
-
-
 # Cut files ------------------------------------------------------------------------------------------------------------
 
 
@@ -397,45 +350,25 @@ def test_a_last_line_without_end_is_left_out_and_said_so(parse):
 
 
 def test_no_cut_gives_a_number_that_was_not_written(tmp_path):
-    path = write(tmp_path / "a.csv", make_imu(mag=None))
+    path = write(tmp_path / "a.csv", make_imu(rows=3, gyr=None, mag=None, temp_c=None))
     raw, whole = path.read_bytes(), read(path)
     first = raw.index(b"\n", raw.index(b"t [s]")) + 1
-    profile = parse_profile("\n".join(x for x in path_profile(path).splitlines() if not x.startswith("rows")))
+    declared = path.with_name("a.profile.toml").read_text().splitlines()
+    profile = parse_profile("\n".join(line for line in declared if not line.startswith("rows")))
     for size in range(first, len(raw)):
         path.write_bytes(raw[:size])
-        rows = raw[first:size].count(b"\n")
-        if not rows:
-            with pytest.raises(DecodeError):
-                read(path, profile=profile)
-            continue
-        part = read(path, profile=profile)
-        assert len(part.imu) == rows
-        assert part.imu.acc.tobytes() == whole.imu.acc[:rows].tobytes()
-
-
-def path_profile(path):
-    return path.with_name("a.profile.toml").read_text()
-
-
-def test_our_own_csv_knows_its_rows(tmp_path):
-    path = write(tmp_path / "a.csv", make_imu())
-    raw = path.read_bytes()
+        if rows := raw[first:size].count(b"\n"):
+            part = read(path, profile=profile)
+            assert len(part.imu) == rows
+            assert part.imu.acc.tobytes() == whole.imu.acc[:rows].tobytes()
+        else:
+            refused(read, path, profile=profile, match="a.csv")
     for size in (len(raw) - 1, raw.rindex(b"\n", 0, -1) + 1):  # cut in the last line, and just before it
         path.write_bytes(raw[:size])
-        with pytest.raises(DecodeError, match="11 whole rows of numbers, but the profile says rows = 12"):
-            read(path)
+        refused(read, path, match="2 whole rows of numbers, but the profile says rows = 3")
 
 
-# Without a profile ----------------------------------------------------------------------------------------------------
-
-
-def test_without_a_profile_the_first_line_and_the_way_out_are_shown(tmp_path):
-    (tmp_path / "a.csv").write_text(ROWS)
-    with pytest.raises(
-        DecodeError, match=r"--profile FILE\.toml.*'t,gx,gy,gz'.*plumbob profile .*a\.csv drafts one"
-    ) as caught:
-        read(tmp_path / "a.csv")
-    in_one_line(caught)
+# Profiles beside the file ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["a.toml", "a.profile.toml"])
@@ -445,29 +378,20 @@ def test_a_profile_beside_the_file_is_taken_and_said(tmp_path, name):
     assert f"read with the profile {name}, found beside the file" in read(tmp_path / "a.csv").notes
 
 
-def test_two_profiles_beside_the_file_are_one_too_many(tmp_path):
-    (tmp_path / "a.csv").write_text(ROWS)
-    (tmp_path / "a.toml").write_text(PLAIN)
-    (tmp_path / "a.profile.toml").write_text(PLAIN)
-    with pytest.raises(DecodeError, match="name one"):
-        read(tmp_path / "a.csv")
-    assert "read with the profile a.toml" in read(tmp_path / "a.csv", profile=tmp_path / "a.toml").notes
-
-
-def test_no_csv_is_written_that_would_have_two_profiles(tmp_path):
-    (tmp_path / "a.toml").write_text(PLAIN)
-    with pytest.raises(DecodeError, match="two profiles"):
-        write(tmp_path / "a.csv", make_imu())
-    assert [p.name for p in tmp_path.iterdir()] == ["a.toml"]
+def test_no_profile_and_two_are_refused(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(ROWS)
+    refused(read, path, match=r"--profile FILE\.toml.*'t,gx,gy,gz'.*plumbob profile .*a\.csv drafts one", name="a.csv")
+    path.with_suffix(".toml").write_text(PLAIN)
+    path.with_suffix(".profile.toml").write_text(PLAIN)
+    refused(read, path, match="name one")
+    assert "read with the profile a.toml" in read(path, profile=tmp_path / "a.toml").notes
+    (tmp_path / "b.toml").write_text(PLAIN)
+    refused(write, tmp_path / "b.csv", make_imu(), match="two profiles")
+    assert not (tmp_path / "b.csv").exists()
 
 
 # Writing --------------------------------------------------------------------------------------------------------------
-
-
-def test_units_are_in_the_header(tmp_path):
-    lines = write(tmp_path / "a.csv", make_imu()).read_text().splitlines()
-    assert lines[2] == "# note,calibration: card of 2024-05-01"
-    assert lines[3].startswith("t [s],gyr_x [rad/s],gyr_y [rad/s],gyr_z [rad/s],acc_x [m/s2]")
 
 
 @pytest.mark.parametrize("sign", ["=", "+", "-", "@", "\t=", "\r=", " =", "\n@"])
@@ -476,8 +400,6 @@ def test_no_cell_is_a_formula(tmp_path, sign):
     imu = make_imu()
     imu = replace(imu, meta=replace(imu.meta, device=evil))
     path = write(tmp_path / "a.csv", Recording(imu=imu, name=evil), notes=[evil, f"a,{evil}", f"b\n{evil}"])
-    import csv
-
     rows = list(csv.reader(path.read_text().splitlines()))
     cells = [cell for row in rows[: rows.index(next(r for r in rows if r[0] == "t [s]"))] for cell in row]
     assert len(cells) == 12  # two in each of six lines: a note cannot open a cell or a line of its own
@@ -485,11 +407,9 @@ def test_no_cell_is_a_formula(tmp_path, sign):
     assert read(path).imu.meta.device == evil
 
 
-@given(st.text())
-@examples(2)
+@given(st.text(max_size=40))
+@examples(0.8)
 def test_a_text_cell_is_one_harmless_cell(text):
-    import csv
-
     rows = list(csv.reader([text_cell(text)]))
     assert len(rows) <= 1
     assert all(len(row) <= 1 and not row[0].startswith(("=", "+", "-", "@")) for row in rows if row)
@@ -500,7 +420,7 @@ def test_a_text_cell_is_one_harmless_cell(text):
     note=st.text(max_size=20),
     values=st.lists(st.floats(-99.0, 99.0), min_size=3, max_size=3),
 )
-@examples(0.6)
+@examples(0.3)
 def test_any_text_and_number_survives_the_csv(tmp_path_factory, device, note, values):
     folder = tmp_path_factory.mktemp("csv")
     imu = make_imu(rows=1, gyr=np.array([values]), mag=None)
@@ -518,23 +438,21 @@ NUMBERS = st.floats(allow_nan=False, width=64).map(repr) | st.sampled_from(
 
 
 @given(st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=20))
-@examples(0.8)
-def test_the_slow_path_reads_what_the_fast_path_reads(cells):
-    layout = parse_profile(PLAIN).layout
+@examples(0.5)
+def test_every_number_is_the_same_by_line(cells):
     raw = ("a,b,c\n" + "".join(",".join(row) + "\n" for row in cells)).encode()
-    body = text_table.Body(raw, raw.decode(), 6, len(raw), 2)
-    places = {"a": 0, "b": 1, "c": 2}
-    wanted = text_table._Wanted(places, None, ())
-    fast = text_table._fast(body, layout, 3, wanted)
-    slow = text_table._slow(body, layout, 3, wanted)
-    assert fast is not None
-    for name in places:
-        assert np.array_equal(fast[0][name], slow[0][name], equal_nan=True)
-        assert np.array_equal(np.signbit(fast[0][name]), np.signbit(slow[0][name]))
+    layout = parse_profile(PLAIN).layout
+    fast = text_table.read_table(raw, layout, ["a", "b", "c"]).columns
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pyarrow.csv.read_csv", refuse)
+        slow = text_table.read_table(raw, layout, ["a", "b", "c"]).columns
+    for name in "abc":
+        assert np.array_equal(fast[name], slow[name], equal_nan=True)
+        assert np.array_equal(np.signbit(fast[name]), np.signbit(slow[name]))
 
 
 @given(st.binary(max_size=300))
-@examples(1.5)
+@examples(0.6)
 def test_any_bytes_are_read_or_refused_with_one_of_our_errors(raw):
     for encoding in ("utf-8", "gbk", "utf-16", "latin-1"):
         layout = replace(parse_profile(PLAIN).layout, encoding=encoding, names=False)

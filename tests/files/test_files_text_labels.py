@@ -2,9 +2,9 @@
 
 import pytest
 
-from plumbob.core.errors import DecodeError
 from plumbob.files import parse_profile, read
 from plumbob.files.text import read_labels, read_spans
+from tests.helpers.io_samples import refused
 
 PROFILE = parse_profile(
     'separator = ","\ncomment = "#"\n[header]\nnames = true\n[time]\nrate = "100 Hz"\n'
@@ -25,11 +25,7 @@ def test_each_sample_has_the_label_of_its_row(file):
     assert labels == ["rest", "turn, slow", "", "rest"]  # the comment is no row, the cut last line no sample
     assert len(labels) == len(read(file, profile=PROFILE).imu)
     assert read_labels(file, 1, PROFILE) == labels
-
-
-def test_a_column_that_is_not_there_is_named(file):
-    with pytest.raises(DecodeError, match="'section' is nowhere in the row of names"):
-        read_labels(file, "section", PROFILE)
+    refused(read_labels, file, "section", PROFILE, match="'section' is nowhere in the row of names")
 
 
 def test_spans(tmp_path):
@@ -52,5 +48,4 @@ def test_spans(tmp_path):
 def test_a_table_that_is_none_is_refused(tmp_path, text, told):
     path = tmp_path / "parts.csv"
     path.write_text(text)
-    with pytest.raises(DecodeError, match=told):
-        read_spans(path)
+    refused(read_spans, path, match=told)

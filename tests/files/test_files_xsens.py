@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from plumbob.core.errors import ClockError, DecodeError, ParameterError, PlumbobError
+from plumbob.core.errors import ClockError, DecodeError, ParameterError
 from plumbob.files import read
 from plumbob.files.formats import kind_of
 from plumbob.rotations import Frame, quat_from_dcm
 from tests.helpers.file_kinds import NEW, OLD, SENSORS, export
+from tests.helpers.io_samples import refused
 
 # the row in opensim-core's testXsensDataReader.cpp, of sensor 00B421AF
 VALUES = [3.030769, 5.254238, -7.714005, 0.005991, -0.032133, 0.022713, -0.045410, -0.266113, 0.897217]
@@ -85,33 +86,19 @@ def test_utc_columns_give_the_start(tmp_path):
     assert imu.meta.t0_ns == 1_714_566_605_250_000_000  # date -u -d '2024-05-01 12:30:05.25' +%s%N
 
 
-@pytest.mark.parametrize(
-    ("head", "columns", "row", "error", "what"),
-    [
-        (NEW, ["PacketCounter", *SENSORS], [1, *VALUES], DecodeError, "add that line"),
-        (OLD, ["PacketCounter", "SampleTimeFine", *SENSORS], [1, "x", *VALUES], DecodeError, "line 6, column 'Sample"),
-        (OLD, ["PacketCounter", *SENSORS], [1.5, *VALUES], DecodeError, "whole numbers from 0 to 65535"),
-        (OLD, ["PacketCounter", *SENSORS], ["", *VALUES], DecodeError, "neither SampleTimeFine nor"),
-        (OLD, ["PacketCounter", *SENSORS], [7, *VALUES], ClockError, "repeat or go back"),
-    ],
-)
-def test_what_has_no_time_is_refused(tmp_path, head, columns, row, error, what):
-    with pytest.raises(error, match=what):
-        read(export(tmp_path / "a.txt", head, columns, [row] * 5))
+COUNTED, TIMED = ["PacketCounter", *SENSORS], ["PacketCounter", "SampleTimeFine", *SENSORS]
+REFUSED = [
+    (NEW, COUNTED, [[1, *VALUES]] * 5, "add that line"),
+    (OLD, TIMED, [[1, "x", *VALUES]] * 5, "line 6, column 'Sample"),
+    (OLD, COUNTED, [[1.5, *VALUES]] * 5, "whole numbers from 0 to 65535"),
+    (OLD, COUNTED, [["", *VALUES]] * 5, "neither SampleTimeFine nor"),
+    (OLD, COUNTED, [[7, *VALUES]] * 5, "repeat or go back", ClockError),
+    # microseconds, as Xsens DOT has them
+    (OLD, TIMED, [[i, 10_000 * i, *VALUES] for i in range(10)], "100 Hz", ClockError),
+]
 
 
-def test_ticks_that_contradict_the_rate_are_refused(tmp_path):
-    rows = [[i, 10_000 * i, *VALUES] for i in range(10)]  # microseconds, as Xsens DOT has them
-    with pytest.raises(ClockError, match="100 Hz"):
-        read(export(tmp_path / "a.txt", OLD, ["PacketCounter", "SampleTimeFine", *SENSORS], rows))
-
-
-def test_every_cut_is_an_error_or_a_recording(tmp_path):
-    path = export(tmp_path / "a.txt", OLD, ["PacketCounter", *SENSORS], [[i, *VALUES] for i in range(4)])
-    whole = path.read_bytes()
-    for n in range(0, len(whole), 5):
-        path.write_bytes(whole[:n])
-        try:
-            read(path)
-        except PlumbobError as error:
-            assert "a.txt" in str(error)
+@pytest.mark.parametrize("case", REFUSED, ids=range(len(REFUSED)))
+def test_what_has_no_time_is_refused(tmp_path, case):
+    head, columns, rows, match, error = (*case, DecodeError)[:5]
+    refused(read, export(tmp_path / "a.txt", head, columns, rows), match=match, error=error, name="a.txt")

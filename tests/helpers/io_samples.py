@@ -1,13 +1,19 @@
 """Recordings for the tests of files, and how two of them are compared."""
 
+import json
+import zlib
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pytest
 
+from plumbob.core.errors import DecodeError
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-from plumbob.files import Recording
+from plumbob.files import Recording, header
+from plumbob.files.columns import column
 from plumbob.rotations import Frame, North, quat_normalize
 
 ROWS = 12
@@ -90,3 +96,23 @@ def assert_same(a: Recording, b: Recording, *, nan_bits: bool = True) -> None:
                 assert np.array_equal(np.isnan(found), np.isnan(value)), name
                 found[np.isnan(value)] = value[np.isnan(value)]
             assert found.tobytes() == value.tobytes(), name
+
+
+def refused(call, *args, match: str, error: type[Exception] = DecodeError, name: str = "", **options) -> str:
+    """A call is refused, in one line that names the file, and is given."""
+    with pytest.raises(error, match=match) as caught:
+        call(*args, **options)
+    assert name in str(caught.value)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def sealed(columns: dict[str, np.ndarray], content: dict[str, object], seal: bool = True) -> pa.Table:
+    """Table of a native recording with this header, and a checksum that fits: CRC-32 of the header and the columns."""
+    crc = zlib.crc32(header.dump(content))
+    for _, values in sorted(columns.items()):
+        crc = zlib.crc32(np.ascontiguousarray(values).astype(values.dtype.newbyteorder("<")).tobytes(), crc)
+    raw = json.dumps(content | ({"crc32": f"{crc:08x}"} if seal else {}))
+    units = {name: {"unit": column(name).unit} for name in columns}
+    fields = [pa.field(name, pa.from_numpy_dtype(v.dtype), False, units[name]) for name, v in columns.items()]
+    return pa.table(list(map(pa.array, columns.values())), pa.schema(fields, {"plumbob": raw}))

@@ -1,10 +1,9 @@
-"""Logs and data sets as their specifications have them, written by hand, and what a damaged copy must not do."""
+"""Logs and data sets as their specifications have them, written by hand."""
 
 import struct
 
 import numpy as np
 
-from plumbob.core.errors import PlumbobError
 from plumbob.core.units import from_si, to_deg
 from plumbob.rotations import euler_zyx_from_quat
 
@@ -143,20 +142,3 @@ def dataflash_text(t_us, gyr, acc, q_nb, field=None):
         if field is not None and i % 10 == 0:
             lines.append(", ".join(map(str, ["MAG", t, *np.round(10.0 * field[i]).astype(int).tolist()])))
     return "\n".join(lines)
-
-
-def survives(read, path, raw, rng, count):
-    """Read copies with a few bytes changed, or cut: each is read, or refused by an error of the project."""
-    refused = 0
-    for _ in range(count):
-        damaged = bytearray(raw)
-        for place in rng.integers(0, len(raw), rng.integers(1, 8)):
-            damaged[place] = rng.integers(0, 256)
-        if rng.random() < 0.2:
-            damaged = damaged[: rng.integers(0, len(raw))]
-        path.write_bytes(bytes(damaged))
-        try:
-            read(path)
-        except PlumbobError:
-            refused += 1
-    return refused

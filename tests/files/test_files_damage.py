@@ -1,0 +1,129 @@
+"""Damaged copies of every kind of file: read, or refused by an error of the project, in one line that names the file.
+
+What a kind promises beyond that, as which rows of a cut file come back, stands in its own tests.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+import scipy.io
+
+from plumbob.core.errors import PlumbobError
+from plumbob.files import read
+from tests.helpers import file_kinds as kinds
+from tests.helpers import log_samples as logs
+
+CUTS, COPIES = 15, 40
+
+
+class Kind(NamedTuple):
+    """How it is made below a folder from a motion; which of its files is damaged; how many copies may be refused.
+
+    A log outlives most of a few changed bytes; of what has a checksum, every copy may be refused.
+    """
+
+    put: Callable[[Path, kinds.Motion], Path]
+    damaged: str = ""
+    refused: float = 1.0
+
+
+def content(name, made):
+    """A file of these bytes, or of this text."""
+
+    def put(folder, moving):
+        raw = made(moving)
+        (folder / name).write_bytes(raw.encode() if isinstance(raw, str) else raw)
+        return folder / name
+
+    return put
+
+
+def arrays(name, save, inside="imu/"):
+    """Named arrays of a few rows, and their profile beside them."""
+
+    def put(folder, moving):
+        found = kinds.arrays_of(moving.every(16))
+        save(folder / name, found if inside else found | found.pop("imu"))
+        (folder / name).with_suffix(".toml").write_text(kinds.profile_of_arrays(inside))
+        return folder / name
+
+    return put
+
+
+def bag(container):
+    def put(folder, moving):
+        pytest.importorskip("rosbags")
+        from tests.helpers import ros_bags
+
+        return ros_bags.CONTAINERS[container](folder, kinds.ros_rows(moving))
+
+    return put
+
+
+def euroc(folder, moving):
+    return kinds.asl(folder / "MH_04", moving=moving)
+
+
+def kitti(folder, moving):
+    return kinds.drive(folder / "drive", moving=moving.every(16))
+
+
+KINDS = {
+    "PX4": Kind(content("m.ulg", kinds.px4_of), refused=0.5),
+    "DataFlash": Kind(content("m.bin", lambda _: logs.dataflash()), refused=0.5),
+    "DataFlash, text": Kind(content("m.log", kinds.dataflash_text_of), refused=0.5),
+    "telemetry": Kind(content("m.tlog", kinds.tlog_of), refused=0.5),
+    "MTB": Kind(content("m.mtb", kinds.mtb_of), refused=0.5),
+    "MT Manager": Kind(lambda folder, moving: kinds.xsens_of(folder / "m.txt", moving)),
+    "x-IMU3": Kind(content("m.ximu3", kinds.ximu3_of)),
+    "phone": Kind(lambda folder, moving: kinds.zipped(folder / "m.zip", kinds.sensor_logger_of(moving))),
+    "RepoIMU": Kind(content("T.csv", kinds.repoimu_of)),
+    "EuRoC, samples": Kind(euroc, "mav0/imu0/data.csv"),
+    "EuRoC, sensor": Kind(euroc, "mav0/imu0/sensor.yaml"),
+    "EuRoC, truth": Kind(euroc, "mav0/state_groundtruth_estimate0/data.csv"),
+    "KITTI, stamps": Kind(kitti, "oxts/timestamps.txt"),
+    "KITTI, sample": Kind(kitti, "oxts/data/0000000003.txt"),
+    "MATLAB": Kind(arrays("m.mat", scipy.io.savemat)),
+    "MATLAB, packed": Kind(arrays("m.mat", lambda path, found: scipy.io.savemat(path, found, do_compression=True))),
+    "NumPy": Kind(arrays("m.npz", lambda path, found: np.savez(path, **found), inside="")),
+    **{f"ROS, {name}": Kind(bag(name)) for name in ("bag", "bag, bz2", "bag, lz4", "db3", "mcap")},
+    "ROS, folder, mcap": Kind(bag("folder, mcap"), "a.mcap"),
+}
+
+
+@pytest.fixture(scope="module")
+def moving():
+    return kinds.real_motion(80)
+
+
+def copies(raw):
+    """Cut alone, from nothing on; with one byte changed, or up to seven; a fifth of these are cut too."""
+    rng = np.random.default_rng(5)
+    yield from (raw[: len(raw) * part // CUTS] for part in range(CUTS))
+    for number in range(COPIES):
+        damaged = bytearray(raw)
+        for place in rng.integers(0, len(raw), rng.integers(1, 8) if number % 2 else 1):
+            damaged[place] = rng.integers(0, 256)
+        yield bytes(damaged[: rng.integers(0, len(raw))] if number % 5 == 0 else damaged)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_damaged_copies_are_read_or_refused(tmp_path, moving, name):
+    put, damaged, most = KINDS[name]
+    path = put(tmp_path, moving)
+    rows = len(read(path).imu)
+    assert rows >= 5
+    refusals, damaged = [], path / damaged if damaged else path
+    for number, raw in enumerate(copies(damaged.read_bytes())):
+        damaged.write_bytes(raw)
+        try:
+            assert len(read(path).imu) <= rows
+        except PlumbobError as error:
+            refusals.append(number)
+            assert "\n" not in str(error)
+            assert path.name in str(error) or damaged.name in str(error)
+    assert 0 in refusals or name == "EuRoC, sensor", "an empty file is refused, if it holds samples"
+    assert sum(number >= CUTS for number in refusals) <= most * COPIES
