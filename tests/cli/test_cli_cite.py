@@ -59,9 +59,3 @@ def test_every_entry_becomes_a_line_without_marks_of_latex():
 )
 def test_names_and_signs_are_written_as_people_write_them(key, part):
     assert part in in_a_line(bibliography()[key])
-
-
-def test_an_unknown_filter_is_an_error_that_names_the_known():
-    done = commandline.plumbob("cite", "kalman")
-    assert done.returncode == 1
-    assert done.stderr.startswith("plumbob cite: there is no filter 'kalman'; known are complementary")

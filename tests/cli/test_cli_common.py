@@ -22,22 +22,6 @@ def test_options_are_names_and_values():
     assert options("a=b=c") == {"a": "b=c"}
 
 
-@pytest.mark.parametrize(
-    ("items", "says"),
-    [
-        (("a=1", "a=1"), "--option a is given twice"),
-        (("a=1", "b=2", " a =3"), "--option a is given twice"),
-        (("a",), "NAME=VALUE"),
-        (("a=",), "NAME=VALUE"),
-        (("=1",), "NAME=VALUE"),
-        ((" =1",), "NAME=VALUE"),
-    ],
-)
-def test_an_option_that_is_given_twice_or_not_whole_is_refused(items, says):
-    with pytest.raises(ParameterError, match=says):
-        options(*items)
-
-
 def params_of(names, params):
     return {stage.filter: stage.params for stage in common.stages(names, params)}
 
@@ -48,24 +32,6 @@ def test_parameters_go_to_the_filter_that_they_name():
     two = params_of("mahony, vqf", "vqf.tau_acc=2s,mahony.kp=0.7")
     assert two == {"mahony": {"kp": "0.7"}, "vqf": {"tau_acc": "2s"}}
     assert params_of("vqf", None) == {"vqf": {}}
-
-
-@pytest.mark.parametrize(
-    ("names", "params", "says"),
-    [
-        ("mahony", "kp=1,kp=1", "'kp' is given twice"),
-        ("mahony", "kp=1,mahony.kp=2", "'mahony.kp' is given twice"),
-        ("mahony,vqf", "kp=1", "could belong to any of mahony, vqf; write mahony.kp"),
-        ("mahony", "vqf.tau_acc=2s", "names filter 'vqf', which does not run; these do: mahony"),
-        ("mahony", "kp", "name=value"),
-        ("mahony", "kp=", "name=value"),
-        ("mahony", "=1", "name=value"),
-        (" , ", None, "no filter is named"),
-    ],
-)
-def test_parameters_that_fit_no_filter_are_refused(names, params, says):
-    with pytest.raises(ParameterError, match=says):
-        common.stages(names, params)
 
 
 @pytest.fixture
@@ -94,34 +60,51 @@ def test_a_file_holds_plain_keys_or_a_table_for_each_filter(toml):
     assert Filter("vqf", frame=Frame.ENU, params=two.params).params.tau_acc == 2.5
 
 
-@pytest.mark.parametrize("number", ["0.08", "1", "1e-2"])
-def test_a_bare_number_in_a_file_needs_a_unit_as_it_does_on_the_command_line(toml, number):
-    """A gate is usual in g and in m/s²: nobody knows which is meant."""
-    (stage,) = toml(f"gate = {number}\n")
-    with pytest.raises(PlumbobError, match="needs a unit of acceleration"):
-        Filter("mahony", frame=Frame.ENU, params=stage.params)
+def stages(params, names="mahony"):
+    return lambda: common.stages(names, params)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "kp = ",
-        "[mahony]\nkp = 1\n[mahony]\nkp = 2\n",
-        "kp = 1\nkp = 2\n",
-        f"kp = 0x{'f' * 5000}",
-        "a." * 5000 + "b = 1",
-    ],
+REFUSED = [
+    (lambda: options("a=1", "a=1"), ParameterError, "--option a is given twice"),
+    (lambda: options("a=1", "b=2", " a =3"), ParameterError, "--option a is given twice"),
+    *((lambda word=word: options(word), ParameterError, "NAME=VALUE") for word in ("a", "a=", "=1", " =1")),
+    (stages("kp=1,kp=1"), ParameterError, "'kp' is given twice"),
+    (stages("kp=1,mahony.kp=2"), ParameterError, "'mahony.kp' is given twice"),
+    (stages("kp=1", "mahony,vqf"), ParameterError, "could belong to any of mahony, vqf; write mahony.kp"),
+    (stages("vqf.tau_acc=2s"), ParameterError, "names filter 'vqf', which does not run; these do: mahony"),
+    *((stages(params), ParameterError, "name=value") for params in ("kp", "kp=", "=1")),
+    (stages(None, " , "), ParameterError, "no filter is named"),
+    (lambda: common.print_json({"x": float("nan")}), ValueError, "not JSON compliant"),
+    (lambda: common.frame_of(argparse.Namespace(frame="up")), FrameError, "up"),
+]
+
+
+@pytest.mark.parametrize(("call", "error", "says"), REFUSED)
+def test_what_is_not_whole_or_fits_nothing_is_refused(call, error, says):
+    with pytest.raises(error, match=says):
+        call()
+
+
+NO_TOML = (
+    "kp = ",
+    "[mahony]\nkp = 1\n[mahony]\nkp = 2\n",
+    "kp = 1\nkp = 2\n",
+    f"kp = 0x{'f' * 5000}",
+    "a." * 5000 + "b=1",
 )
-def test_a_file_that_is_no_toml_is_refused_by_name(toml, text):
-    with pytest.raises(ParameterError, match=r"p\.toml is not valid TOML"):
-        toml(text)
+
+
+@pytest.mark.parametrize("text", [*NO_TOML, "gate = 0.08", "gate = 1"])
+def test_a_file_that_is_no_toml_or_has_a_number_of_two_units_is_refused(toml, text):
+    """A gate is usual in g and in m/s²: nobody knows which is meant."""
+    says = "needs a unit of acceleration" if "gate" in text else r"p\.toml is not valid TOML"
+    with pytest.raises(PlumbobError, match=says):
+        Filter("mahony", frame=Frame.ENU, params=toml(text)[0].params)
 
 
 def test_a_frame_is_what_is_asked_for_or_nothing():
     assert common.frame_of(argparse.Namespace(frame=None)) is None
     assert common.frame_of(argparse.Namespace(frame="NWU")) is Frame.NWU
-    with pytest.raises(FrameError):
-        common.frame_of(argparse.Namespace(frame="up"))
 
 
 def test_an_input_is_kept_by_whatever_name_it_is_reached(tmp_path, monkeypatch):
@@ -170,16 +153,6 @@ def test_what_is_not_written_is_known_at_the_end(tmp_path):
     for path in (replaced, made):
         write_text(path, "after", overwrite=True)
     assert common.unwritten(args) == [kept, absent]
-
-
-def test_notes_are_on_standard_error_each_on_its_line(capsys):
-    common.note("one", "two")
-    assert tuple(capsys.readouterr()) == ("", "note: one\nnote: two\n")
-
-
-def test_what_is_not_a_number_never_becomes_json():
-    with pytest.raises(ValueError, match="not JSON compliant"):
-        common.print_json({"x": float("nan")})
 
 
 def test_a_noise_card_is_told_to_the_filters_that_take_none(capsys):

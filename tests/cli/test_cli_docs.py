@@ -25,18 +25,6 @@ def test_without_a_page_all_are_listed_with_their_titles():
     assert "conventions      Conventions" in lines
 
 
-@pytest.mark.parametrize("name", ["none", "", "../time.txt", "references.bib"])
-def test_an_unknown_page_is_an_error_that_names_the_known(name):
-    done = commandline.plumbob("docs", name)
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr.startswith(f"plumbob docs: There is no page '{name}'; there are accuracy, acquire, ")
-
-
-def test_a_page_that_is_not_text_is_refused():
-    with pytest.raises(plumbob.PlumbobError, match="There is no page 3"):
-        plumbob.docs(3)
-
-
 @pytest.mark.skipif(os.name != "posix", reason="the browser is a shell script")
 def test_open_gives_the_page_to_the_browser(tmp_path):
     """The browser is a script that writes down what it was given."""

@@ -56,23 +56,3 @@ def test_record_then_convert_without_the_device(folder, capsys):
     np.testing.assert_allclose(float(rows[-1].split(",")[1]), 199 * SCALE, rtol=1e-12)
     assert main(["replay", str(folder / "a.mcap")]) == 0
     assert "200 in 1.990 s, rate 100 Hz by kernel" in capsys.readouterr().out
-
-
-def test_options_make_a_session_of_a_device(capsys):
-    assert main(["record", "--iio", "no-such-chip", "--out", "a.mcap"]) == 1
-    assert "There is no IIO device no-such-chip" in capsys.readouterr().err
-    assert main(["record", "--iio", "123456", "--out", "a.mcap"]) == 1
-    assert "There is no IIO device 123456" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--iio", "x", "--format", "buoy"], "takes no --format"),
-        (["--iio", "x", "--port", "y"], "give either"),
-        ([], "give either"),
-    ],
-)
-def test_options_that_do_not_go_together(words, said, capsys):
-    assert main(["record", *words]) == 1
-    assert said in capsys.readouterr().err

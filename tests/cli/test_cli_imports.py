@@ -45,6 +45,8 @@ def child(words, out):
         os.dup2(said.fileno(), 2)
         try:
             code = main(words)
+        except SystemExit as end:
+            code = end.code or 0
         except BaseException:
             code = traceback.format_exc()
     os.write(out, json.dumps([code, found()]).encode())
@@ -72,6 +74,7 @@ LIVE = {"acquisition.timing.timebase", "calibration", "data.cards.calibration", 
 VIEW = LIVE - {"numba"}
 
 LINES = {
+    "help": (["--help"], set()),
     "sim": (["sim", "buoy", *SIM, "calibrated", "--duration", "12s", "--out", "sea.parquet"], SIMULATED),
     "filters": (["filters"], {"numpy", "filters"}),
     "cite": (["cite"], {"numpy", "filters"}),
@@ -157,4 +160,4 @@ def test_a_verb_imports_only_what_it_uses(told, name):
 
 
 def test_every_verb_is_listed():
-    assert {words[0] for words, _ in LINES.values()} | EVERYTHING == set(VERBS)
+    assert {words[0] for words, _ in LINES.values()} | EVERYTHING == set(VERBS) | {"--help"}

@@ -84,26 +84,7 @@ def test_the_speed_is_a_multiple_of_the_recording_s(replay, recording, monkeypat
     assert clock.now - 10**9 == pytest.approx((times[-1] - times[0]) / speed, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (("--speed", "0"), "--speed must be above 0, but it is 0"),
-        (("--speed", "-2"), "--speed must be above 0, but it is -2"),
-        (("--speed", "nan"), "--speed must be above 0, but it is nan"),
-        (("--params", "kp=1"), "--params, --noise and --init belong to a filter"),
-        (("--filter", "mahony,vqf"), "replay takes one filter"),
-        (("--filter", "mahony", "--frame", "NEU"), "NEU"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(replay, words, says):
-    out, (line,) = replay(*words, code=1)
-    assert out == ""
-    assert says in line
-
-
-def test_a_recording_is_never_replaced_and_no_empty_track_is_written(replay, recording, tmp_path):
-    _, (line,) = replay("--out", recording[0], code=1)
-    assert "is an input" in line
+def test_no_empty_track_is_written(replay, tmp_path):
     (tmp_path / "imu9.toml").write_text(FORMAT, encoding="utf-8")
     (tmp_path / "s.toml").write_text(SESSION.split("[estimate]")[0], encoding="utf-8")
     _, (line,) = replay("--session", tmp_path / "s.toml", "--out", tmp_path / "t.parquet", code=1)
@@ -116,11 +97,9 @@ def test_what_is_missing_from_a_recording_is_noted(replay, recording, tmp_path):
     middle = len(data) // 2
     data[middle : middle + 1500] = bytes(1500)
     (tmp_path / "hurt.mcap").write_bytes(data)
-    _, notes = replay(path=tmp_path / "hurt.mcap")
+    out, notes = replay("--json", path=tmp_path / "hurt.mcap")
+    assert json.loads(out)["samples"] < 2000
     assert any("of raw missing" in note for note in notes)
-
-
-# How a run is told ----------------------------------------------------------------------------------------------------
 
 
 def run_report(**changes):
@@ -158,25 +137,14 @@ def test_every_line_of_a_report(changes, line):
     assert line in report_lines(run_report(**changes), "level")
 
 
-@pytest.mark.parametrize(
-    ("changes", "word"),
-    [
-        ({}, "lost"),
-        ({}, "rejected"),
-        ({}, "checks"),
-        ({}, "inferred"),
-        ({}, "filter"),
-        ({}, "frame "),
-        ({"duration_s": 59.9}, "device clock"),
-        ({"time": {"mode": "host"}}, "device clock"),
-        ({"time": {"drift_ppm": None}}, "device clock"),
-    ],
-)
-def test_what_is_not_known_or_did_not_happen_is_not_told(changes, word):
-    assert not [line for line in report_lines(run_report(**changes), "level") if line.startswith(word)]
+def test_what_is_not_known_or_did_not_happen_is_not_told():
+    names = {line[:12].strip() for line in report_lines(run_report(), "level")}
+    assert names == {"samples", "bytes", "device clock", "calibration"}
+    for changes in ({"duration_s": 59.9}, {"time": {"mode": "host"}}, {"time": {"drift_ppm": None}}):
+        assert names - {line[:12].strip() for line in report_lines(run_report(**changes), "level")} == {"device clock"}
 
 
 def test_the_attitude_of_a_track_is_its_last_one():
     q = quat_from_euler_zyx(np.radians([[1.0, 2.0, 3.0], [-40.0, 25.0, 170.0]]))
-    assert attitude_of(SimpleNamespace(q_nb=q, frame=Frame.NED)) == "roll 170.00°, pitch 25.00°, yaw -40.00°"
-    assert attitude_of(None) == ""
+    shown = [attitude_of(SimpleNamespace(q_nb=q, frame=Frame.NED)), attitude_of(None)]
+    assert shown == ["roll 170.00°, pitch 25.00°, yaw -40.00°", ""]

@@ -133,9 +133,6 @@ def test_a_reference_that_cannot_be_compared_costs_no_estimate(run, report):
     other_north = AttitudeTrack(t=truth.t, q_nb=truth.q_nb, frame=Frame.NED, north=North.TRUE)  # and no declination
     recording = files.Recording(imu=imu, track=other_north)
     assert set(report(recording, "--filter", "tilt_compass")["errors"]) == {"not_compared", "inclination_rmse_deg"}
-    told = run(recording, "--filter", "tilt_compass")[0]
-    assert "error        not compared: " in told
-    assert "error        inclination rmse: " in told  # which no north changes
 
 
 def test_the_track_that_is_written_is_the_estimate(run, tmp_path):
@@ -146,22 +143,6 @@ def test_the_track_that_is_written_is_the_estimate(run, tmp_path):
     apart = dcm_from_quat(found.q_nb) @ dcm_from_quat(quat_conjugate(truth.q_nb))
     assert np.abs(apart - np.eye(3)).max() < 1e-12
     assert found.source.startswith("tilt_compass(")
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (("--filter", "mahony,vqf"), "run takes one filter"),
-        (("--filter", ","), "no filter is named"),
-        (("--filter", "mahony", "--params", "kp=1,kp=2"), "'kp' is given twice"),
-        (("--filter", "mahony", "--frame", "NEU"), "NEU"),
-    ],
-)
-def test_what_cannot_run_is_refused(run, words, says):
-    out, (line,) = run(posed((0.0, 0.0, 0.0), frame=Frame.ENU)[0], *words, code=1)
-    assert out == ""
-    assert line.startswith("plumbob run: ")
-    assert says in line
 
 
 def test_the_frame_that_is_asked_for_goes_before_the_recording_s(report):
@@ -187,19 +168,12 @@ def test_a_place_makes_headings_true(run, report):
     assert any("declination -13.69 deg, by WMM-2025" in note for note in notes)
 
 
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (("--place", NATICK), "does not say when it was made"),
-        (("--date", "2028-07-04"), "date needs place"),
-        (("--place", NATICK, "--date", "2035-07-04"), "no World Magnetic Model is installed for 2035-07-04"),
-        (("--place", NATICK, "--date", "2028-07-04", "--params", "declination=1deg"), "both give the declination"),
-    ],
-)
-def test_a_place_that_tells_nothing_is_refused(run, words, told):
+def test_a_place_that_gives_no_declination_is_refused(run):
     pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
     imu = posed((20.0, 0.0, 0.0), (20.0, 0.0, 0.0), frame=Frame.NED)[0]
-    assert told in " ".join(run(imu, "--filter", "tilt_compass", *words, code=1)[1])
+    twice = ("--date", "2028-07-04", "--params", "declination=1deg")
+    for words, why in (((), "does not say when it was made"), (twice, "both give the declination")):
+        assert why in " ".join(run(imu, "--filter", "tilt_compass", "--place", NATICK, *words, code=1)[1])
 
 
 def spun(first_known=0):
@@ -226,14 +200,5 @@ def test_the_start_may_be_level_or_said(report):
     said = report(spun(), "--filter", "integrate", "--init", "0deg,0deg,30deg", "--params", "declination=0deg")
     assert said["north"] == "true"
     assert said["last_attitude_deg"]["heading"] == pytest.approx(30.0 + math.degrees(0.5 * 1.99))
-
-
-def test_a_list_of_values_may_begin_with_a_negative_one(report):
-    """Southern latitudes, too: argparse takes -33.9,151.2 for an option unless it is joined to its own by =."""
-    said = report(spun(), "--filter", "integrate", "--init", "-5deg,0deg,30deg", "--params", "declination=0deg")
-    assert said["north"] == "true"
-
-
-def test_a_truth_that_is_not_there_is_refused(run):
-    imu = spun().imu
-    assert "it has none" in run(imu, "--filter", "integrate", "--init", "truth", code=1)[1][-1]
+    below = report(spun(), "--filter", "integrate", "--init", "-5deg,0deg,30deg", "--params", "declination=0deg")
+    assert below["north"] == "true"  # argparse takes -33.9,151.2 for an option unless it is joined to its own by =

@@ -1,7 +1,6 @@
 """Every output of uncalibrated values says so in words, and of calibrated ones names the card."""
 
-import io as io_module
-import json
+import io
 from dataclasses import replace
 
 import numpy as np
@@ -9,13 +8,16 @@ import pyarrow.parquet as pq
 import pytest
 
 from plumbob import files
+from plumbob.cli import common
 from plumbob.cli.main import main
 from plumbob.core.units import dps
-from plumbob.data import UNCALIBRATED, calibration_told
+from plumbob.data import UNCALIBRATED
 from plumbob.data.cards import CalibrationCard, NoiseCard, TriadNoise
 from plumbob.files.mcap import open_log
-from plumbob.rotations import Frame
-from plumbob.simulation import simulate
+from plumbob.protocols.decode import columns_of
+from plumbob.protocols.encode import encode
+from plumbob.protocols.format_toml import parse_format
+from tests.helpers.commandline import answer, typed
 
 FORMAT = """
 kind = "plumbob format"
@@ -50,268 +52,147 @@ type = "s16"
 counts = 100
 unit = "degC"
 """
+CARD = "unit 7 2026-11-21 (table)"
 
 
 @pytest.fixture
-def told(capsys):
-    """Run a command, and give what it said."""
-
-    def run(*words, code=0):
-        capsys.readouterr()
-        assert main([str(word) for word in words]) == code
-        return capsys.readouterr()
-
-    return run
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    """An uncalibrated recording with its reference, the card of its unit, a capture of bytes, and their format."""
-    from plumbob.protocols.decode import columns_of
-    from plumbob.protocols.encode import encode
-    from plumbob.protocols.format_toml import load_format
-
-    folder = tmp_path_factory.mktemp("bare")
-    unit = {"sensors": "mpu6000+hmc5983", "unit": "random", "seed": 4}
-    found = simulate("static", frame=Frame.NED, duration=4.0, rate=100.0, **unit)
-    imu = replace(found.imu, meta=replace(found.imu.meta, device="unit 7"))
-    files.write(folder / "raw.parquet", files.Recording(imu=imu, track=found.truth, name="raw"))
-    card = replace(found.calibration, device="unit 7", date="2026-11-21", method="table")
-    card.save(folder / "card.json")
-    replace(card, device="unit 8").save(folder / "other.json")
-    (folder / "six.toml").write_text(FORMAT, encoding="utf-8")
-    form = load_format(folder / "six.toml")
-    (folder / "a.bin").write_bytes(encode(form, columns_of(imu, form.message())).tobytes())
-    return folder
+def folder(samples, tmp_path):
+    """An uncalibrated recording and its track, the card of its unit, a capture of its bytes, and their format."""
+    for name in ("rest.parquet", "card.json", "other.json"):
+        (tmp_path / name).symlink_to(samples / name)
+    imu = files.read(samples / "rest.parquet").imu[:400]
+    (tmp_path / "six.toml").write_text(FORMAT, encoding="utf-8")
+    form = parse_format(FORMAT)
+    (tmp_path / "a.bin").write_bytes(encode(form, columns_of(imu, form.message())).tobytes())
+    typed("run rest.parquet --filter mahony --out track.parquet", cwd=tmp_path)
+    return tmp_path
 
 
-def test_the_words():
-    assert calibration_told(None) == UNCALIBRATED == "NONE: these sensor values are uncalibrated"
-    assert calibration_told("unit 7 2026-11-21 (table)") == "unit 7 2026-11-21 (table)"
+def contents(file):
+    """What a file holds, as text."""
+    if file.suffix == ".mcap":
+        return str(dict(open_log(file).metadata))
+    return str(pq.read_metadata(file).metadata) if file.suffix == ".parquet" else file.read_text(encoding="utf-8")
 
 
-class TestRun:
-    def test_uncalibrated(self, made, told, tmp_path):
-        out = tmp_path / "track.parquet"
-        said = told("run", made / "raw.parquet", "--filter", "mahony", "--out", out)
-        assert f"calibration  {UNCALIBRATED}" in said.out
-        assert "uncalibrated" in said.err
-        assert UNCALIBRATED in files.read(out).track.source
-        assert any(UNCALIBRATED in note for note in files.read(out).notes)
-
-    def test_calibrated(self, made, told, tmp_path):
-        out = tmp_path / "track.csv"
-        words = ("--filter", "mahony", "--calibration", made / "card.json", "--out", out)
-        said = told("run", made / "raw.parquet", *words)
-        assert "calibration  unit 7 2026-11-21 (table)" in said.out
-        kept = out.read_text(encoding="utf-8")
-        assert "; calibration unit 7 2026-11-21 (table)" in kept
-        assert "uncalibrated" not in said.out + said.err + kept
-
-    def test_json(self, made, told):
-        words = ("run", made / "raw.parquet", "--filter", "mahony", "--json")
-        assert json.loads(told(*words).out)["calibration"] is None
-        told_with = json.loads(told(*words, "--calibration", made / "card.json").out)
-        assert told_with["calibration"] == "unit 7 2026-11-21 (table)"
-        assert told_with["filter"].startswith("mahony(")
-
-    def test_a_card_of_another_unit_is_refused(self, made, told):
-        words = ("--filter", "mahony", "--calibration", made / "other.json")
-        said = told("run", made / "raw.parquet", *words, code=1)
-        assert "the card is for device 'unit 8', but the recording is of 'unit 7'" in said.err
+RECORD = "record --from a.bin --format six.toml --device 'unit 7' --filter mahony --frame NED"
+WRITTEN = """
+run rest.parquet --filter mahony --out {} | a.parquet b.csv
+convert rest.parquet {} --what samples | a.csv b.parquet c.mcap
+convert track.parquet {} | a.tum b.txt
+eval track.parquet rest.parquet --html {} | a.html
+decode a.bin --format six.toml --out {} | a.json b.parquet
+RECORD --text {} | a.txt
+RECORD --out {} | a.mcap
+"""
 
 
-class TestEval:
-    @pytest.fixture
-    def tracks(self, made, told, tmp_path):
-        bare, good = tmp_path / "bare.parquet", tmp_path / "good.parquet"
-        told("run", made / "raw.parquet", "--filter", "mahony", "--out", bare)
-        told("run", made / "raw.parquet", "--filter", "mahony", "--calibration", made / "card.json", "--out", good)
-        return bare, good
-
-    REMARK = "the estimate was made from uncalibrated sensor values, whose errors are in these figures"
-
-    def test_text_json_and_page(self, made, told, tracks, tmp_path):
-        bare, good = tracks
-        page = tmp_path / "page.html"
-        said = told("eval", bare, made / "raw.parquet", "--html", page)
-        assert self.REMARK in " ".join(said.out.split())
-        assert self.REMARK in page.read_text(encoding="utf-8")
-        assert self.REMARK in json.loads(told("eval", bare, made / "raw.parquet", "--json").out)["notes"]
-        assert "uncalibrated" not in told("eval", good, made / "raw.parquet").out
+@pytest.mark.parametrize("row", WRITTEN.strip().splitlines())
+def test_files_of_uncalibrated_values_say_so(folder, row):
+    words, _, names = row.partition(" | ")
+    for name in names.split():
+        typed(words.replace("RECORD", RECORD).format(f"out-{name}"), cwd=folder)
+        assert "uncalibrated" in contents(folder / f"out-{name}")
 
 
-class TestFiles:
-    def test_info_of_samples_and_of_a_track(self, made, told, tmp_path):
-        assert f"calibration  {UNCALIBRATED}" in told("info", made / "raw.parquet").out
-        out = tmp_path / "track.parquet"
-        told("run", made / "raw.parquet", "--filter", "mahony", "--out", out)
-        assert UNCALIBRATED in told("info", out).out
-
-    @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
-    def test_converted_samples(self, made, told, tmp_path, suffix):
-        out = tmp_path / f"out{suffix}"
-        told("convert", made / "raw.parquet", out, "--what", "samples")
-        if suffix == ".mcap":
-            held = open_log(out).metadata["recording"]
-        elif suffix == ".parquet":
-            held = str(pq.read_metadata(out).metadata)
-        else:
-            held = out.read_text(encoding="utf-8")
-        assert f"calibration: {UNCALIBRATED}" in held
-
-    def test_what_a_file_says_does_not_go_stale(self, made, told, tmp_path):
-        """The note is made anew from the meta: a recording that is calibrated later does not keep the old one."""
-        first = files.read(files.write(tmp_path / "a.csv", files.read(made / "raw.parquet")))
-        later = replace(first, imu=replace(first.imu, meta=replace(first.imu.meta, calibration="unit 7 table")))
-        for name in ("b.csv", "b.parquet"):
-            files.write(tmp_path / name, later)
-            assert b"uncalibrated" not in (tmp_path / name).read_bytes()
-            assert not [note for note in files.read(tmp_path / name).notes if note.startswith("calibration")]
-
-    @pytest.mark.parametrize("suffix", [".tum", ".txt"])
-    def test_converted_attitude(self, made, told, tmp_path, suffix):
-        track, out = tmp_path / "track.parquet", tmp_path / f"out{suffix}"
-        told("run", made / "raw.parquet", "--filter", "mahony", "--out", track)
-        told("convert", track, out)
-        assert UNCALIBRATED in out.read_text(encoding="utf-8").splitlines()[0]
+PRINTED = """
+run rest.parquet --filter mahony
+info rest.parquet
+info track.parquet
+RECORD
+benchmark scenario static --sensors mpu6000 --unit random --frame NED --seeds 1 --duration 2s --filters mahony
+"""
 
 
-class TestDecode:
-    def test_text(self, made, told):
-        said = told("decode", made / "a.bin", "--format", made / "six.toml")
-        assert f"note: calibration {UNCALIBRATED}" in said.err
-        assert "uncalibrated" not in said.out  # which is a table that other programs read
-
-    @pytest.mark.parametrize("suffix", [".json", ".parquet"])
-    def test_files(self, made, told, tmp_path, suffix):
-        out = tmp_path / f"a{suffix}"
-        told("decode", made / "a.bin", "--format", made / "six.toml", "--out", out)
-        if suffix == ".json":
-            assert json.loads(out.read_text())["calibration"] == UNCALIBRATED
-        else:
-            assert pq.read_metadata(out).metadata[b"calibration"] == UNCALIBRATED.encode()
+@pytest.mark.parametrize("words", PRINTED.strip().splitlines())
+def test_reports_of_uncalibrated_values_say_so(folder, words):
+    assert UNCALIBRATED in " ".join(typed(words.replace("RECORD", RECORD), cwd=folder).stdout.split())
 
 
-class TestLine:
-    def record(self, made, told, tmp_path, *words, code=0):
-        options = ("--format", made / "six.toml", "--device", "unit 7", "--filter", "mahony", "--frame", "NED")
-        return told("record", "--from", made / "a.bin", *options, "--out", tmp_path / "a.mcap", *words, code=code)
-
-    def test_record_and_replay(self, made, told, tmp_path):
-        text = tmp_path / "a.txt"
-        said = self.record(made, told, tmp_path, "--text", text)
-        assert f"calibration  {UNCALIBRATED}" in said.out
-        assert UNCALIBRATED in text.read_text(encoding="utf-8").splitlines()[0]
-        assert open_log(tmp_path / "a.mcap").metadata["calibration"] == UNCALIBRATED
-        assert f"calibration  {UNCALIBRATED}" in told("replay", tmp_path / "a.mcap").out
-        out = tmp_path / "b.parquet"
-        told("replay", tmp_path / "a.mcap", "--out", out)
-        assert UNCALIBRATED in files.read(out).track.source
-
-    def test_the_status_on_a_terminal(self, made, told, tmp_path, monkeypatch, capsys):
-        from plumbob.cli import common
-
-        class Terminal(io_module.StringIO):
-            def isatty(self):
-                return True
-
-        for words, bare in (((), True), (("--calibration", made / "card.json"), False)):
-            screen = Terminal()
-            monkeypatch.setattr(common.sys, "stderr", screen)
-            self.record(made, told, tmp_path, *words)
-            assert "samples" in screen.getvalue()
-            assert ("samples UNCALIBRATED" in screen.getvalue()) is bare
-            (tmp_path / "a.mcap").unlink()
-
-    def test_with_a_card(self, made, told, tmp_path):
-        text = tmp_path / "a.txt"
-        said = self.record(made, told, tmp_path, "--text", text, "--calibration", made / "card.json")
-        assert "calibration  unit 7 2026-11-21 (table)" in said.out
-        assert "; calibration unit 7 2026-11-21 (table)" in text.read_text(encoding="utf-8").splitlines()[0]
-        assert open_log(tmp_path / "a.mcap").metadata["calibration"] == "unit 7 2026-11-21 (table)"
-        assert (
-            json.loads(told("replay", tmp_path / "a.mcap", "--json").out)["calibration"] == "unit 7 2026-11-21 (table)"
-        )
-
-    def test_a_card_of_another_unit_is_refused(self, made, told, tmp_path):
-        said = self.record(made, told, tmp_path, "--calibration", made / "other.json", code=1)
-        assert "the card is for device 'unit 8', but imu.device is 'unit 7'" in said.err
-        assert not (tmp_path / "a.mcap").exists()
-        self.record(made, told, tmp_path)
-        said = told("replay", tmp_path / "a.mcap", "--calibration", made / "other.json", code=1)
-        assert "the card is for 'unit 8', but the recording is of 'unit 7'" in said.err
+def test_a_card_is_named_in_place_of_it(folder):
+    """On standard output, in JSON, in the track, in text and in the stream, and by all who read those."""
+    run = "run rest.parquet --filter mahony"
+    assert answer(run, cwd=folder)["calibration"] is None
+    report = answer(run, "--calibration", "card.json", "--out", "good.csv", cwd=folder)
+    assert (report["calibration"], report["filter"][:7]) == (CARD, "mahony(")
+    done = typed(run, "--calibration", "card.json", cwd=folder)
+    typed(RECORD, "--calibration", "card.json", "--text", "good.txt", "--out", "good.mcap", cwd=folder)
+    assert answer("replay good.mcap", cwd=folder)["calibration"] == CARD
+    compared = typed("eval good.csv rest.parquet", cwd=folder).stdout
+    for text in (done.stdout, *(contents(folder / f"good.{suffix}") for suffix in ("csv", "txt", "mcap"))):
+        assert (CARD in text, "uncalibrated" in text) == (True, False)
+    assert "uncalibrated" not in done.stderr + compared
 
 
-class TestTemperature:
+def test_what_a_file_says_does_not_go_stale(folder):
+    """The note is made anew from the meta: a recording that is calibrated later does not keep the old one."""
+    first = files.read(files.write(folder / "a.csv", files.read(folder / "rest.parquet")))
+    later = replace(first, imu=replace(first.imu, meta=replace(first.imu.meta, calibration="unit 7 table")))
+    for name in ("b.csv", "b.parquet"):
+        files.write(folder / name, later)
+        assert b"uncalibrated" not in (folder / name).read_bytes()
+        assert not [note for note in files.read(folder / name).notes if note.startswith("calibration")]
+
+
+def test_a_table_for_other_programs_has_the_note_on_standard_error(folder):
+    done = typed("decode a.bin --format six.toml", cwd=folder)
+    assert (UNCALIBRATED in done.stderr, "uncalibrated" in done.stdout) == (True, False)
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize("words", [(), ("--calibration", "card.json")])
+def test_the_status_on_a_terminal(folder, words, monkeypatch):
+    screen = Terminal()
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(common.sys, "stderr", screen)
+    options = ("--format", "six.toml", "--device", "unit 7", *words)
+    assert main(["record", "--from", "a.bin", *options]) == 0
+    assert "samples" in screen.getvalue()
+    assert ("samples UNCALIBRATED" in screen.getvalue()) is (not words)
+
+
+def test_a_card_of_another_unit_ends_a_recording_before_it_begins(folder):
+    assert "the card is for device 'unit 8'" in typed(RECORD, "--calibration", "other.json", "--out", "x.mcap",
+                                                      cwd=folder, code=1).stderr  # fmt: skip
+    assert not (folder / "x.mcap").exists()
+
+
+def test_samples_beyond_the_temperatures_of_the_card_are_noted_once(folder):
     """The card holds from 30 to 40 °C; the recordings are at 25 °C."""
-
-    @pytest.fixture
-    def card(self, made, tmp_path):
-        card = CalibrationCard.load(made / "card.json")
-        gyr = replace(card.gyr, bias_per_k=dps(np.full((1, 3), 0.02)), temp_span_c=(30.0, 40.0))
-        replace(card, gyr=gyr).save(tmp_path / "warm.json")
-        return tmp_path / "warm.json"
-
-    TOLD = "100 % of the samples are at 25.0 to 25.0 °C, beyond the 30.0 to 40.0 °C of the calibration of gyr"
-
-    def test_run(self, made, told, card):
-        words = ("run", made / "raw.parquet", "--filter", "mahony", "--calibration", card)
-        assert self.TOLD in told(*words).err
-        assert self.TOLD in json.loads(told(*words, "--json").out)["temperature_beyond"]
-        inside = json.loads(told(*words[:-1], made / "card.json", "--json").out)
-        assert inside["temperature_beyond"] is None
-
-    def test_record_and_replay_say_it_once(self, made, told, card, tmp_path):
-        options = ("--format", made / "six.toml", "--device", "unit 7", "--calibration", card)
-        said = told("record", "--from", made / "a.bin", *options, "--out", tmp_path / "a.mcap")
-        assert said.err.count(self.TOLD) == 1
-        replayed = told("replay", tmp_path / "a.mcap", "--json")
-        assert self.TOLD in json.loads(replayed.out)["temperature_beyond"]
+    card = CalibrationCard.load(folder / "card.json")
+    gyr = replace(card.gyr, bias_per_k=dps(np.full((1, 3), 0.02)), temp_span_c=(30.0, 40.0))
+    replace(card, gyr=gyr).save(folder / "warm.json")
+    beyond = "100 % of the samples are at 25.0 to 25.0 °C, beyond the 30.0 to 40.0 °C of the calibration of gyr"
+    run = "run rest.parquet --filter mahony --calibration"
+    assert beyond in typed(run, "warm.json", cwd=folder).stderr
+    assert beyond in answer(run, "warm.json", cwd=folder)["temperature_beyond"]
+    assert answer(run, "card.json", cwd=folder)["temperature_beyond"] is None
+    assert typed(RECORD, "--calibration", "warm.json", "--out", "a.mcap", cwd=folder).stderr.count(beyond) == 1
+    assert beyond in answer("replay a.mcap", cwd=folder)["temperature_beyond"]
 
 
-class TestBenchmark:
-    def test_accuracy_says_it_of_each_trial(self, made, told, tmp_path):
-        first = files.read(made / "raw.parquet")
-        files.write(tmp_path / "a.parquet", first)
-        words = ("benchmark", "accuracy", tmp_path, "--filters", "mahony", "--frame", "NED")
-        assert told(*words).out.splitlines()[1] == f"calibration {UNCALIBRATED}: all"
-        meta = replace(first.imu.meta, calibration="unit 7 table")
-        files.write(tmp_path / "b.parquet", replace(first, imu=replace(first.imu, meta=meta)))
-        assert told(*words).out.splitlines()[1:3] == [f"calibration {UNCALIBRATED}: a", "calibration unit 7 table: b"]
-        told_in_json = json.loads(told(*words, "--json").out)["calibration"]
-        assert told_in_json == {"a": UNCALIBRATED, "b": "unit 7 table"}
-
-    def test_scenario_says_it_of_each_filter(self, told):
-        words = ("static", "--sensors", "mpu6000+hmc5983", "--unit", "random", "--frame", "NED", "--seeds", 1)
-        said = told("benchmark", "scenario", *words, "--duration", "2s", "--filters", "mahony")
-        assert f"; calibration {UNCALIBRATED}" in " ".join(said.out.split())
+def test_benchmarks_say_it_of_each_trial(folder, tmp_path_factory):
+    trials, first = tmp_path_factory.mktemp("trials"), files.read(folder / "rest.parquet")
+    meta = replace(first.imu.meta, calibration="unit 7 table")
+    files.write(trials / "a.parquet", first)
+    files.write(trials / "b.parquet", replace(first, imu=replace(first.imu, meta=meta)))
+    words = "benchmark accuracy . --filters mahony --frame NED"
+    assert answer(words, cwd=trials)["calibration"] == {"a": UNCALIBRATED, "b": "unit 7 table"}
 
 
-class TestInfoOfCards:
-    def test_a_calibration_card(self, made, told):
-        said = told("info", made / "card.json").out
-        assert said.startswith("Certificate of calibration\ndevice      unit 7\ndate        2026-11-21\n")
-        assert "bias [°/s]" in said
-        assert json.loads(told("info", made / "card.json", "--json").out)["card"]["device"] == "unit 7"
-
-    def test_a_noise_card(self, told, tmp_path):
-        """0.3 °/√h = 0.3/60 °/s/√Hz; 12 °/h."""
-        noise = TriadNoise(dps(np.full(3, 0.3 / 60.0)), dps(np.full(3, 12.0 / 3600.0)), np.zeros(3))
-        NoiseCard("unit 7", "static.parquet", gyr=noise).save(tmp_path / "noise.json")
-        said = told("info", tmp_path / "noise.json").out
-        assert said.startswith("Noise card\ndevice      unit 7\n- static.parquet\n\nGyroscope\n")
-        rows = {line[:26].strip(): line[26:].split() for line in said.splitlines()}
-        assert rows["N white noise [°/√h]"] == ["0.300"] * 3
-        assert rows["B bias instability [°/h]"] == ["12.0"] * 3
-        assert rows["K random walk [°/h/√h]"] == ["0"] * 3
-        assert json.loads(told("info", tmp_path / "noise.json", "--json").out)["card"]["source"] == "static.parquet"
-
-    @pytest.mark.parametrize(("content", "says"), [("{", "is not a card"), ("[]", "is not a card: its 'kind' must be"),
-                                                   ('{"kind": "x"}', "is not a card: its 'kind' must be")])  # fmt: skip
-    def test_no_card(self, told, tmp_path, content, says):
-        (tmp_path / "a.json").write_text(content)
-        assert says in told("info", tmp_path / "a.json", code=1).err
-
-    def test_no_file(self, told, tmp_path):
-        assert "a.json" in told("info", tmp_path / "a.json", code=1).err
+def test_info_shows_the_values_of_a_card(folder):
+    """0.3 °/√h = 0.3/60 °/s/√Hz; 12 °/h."""
+    assert answer("info card.json", cwd=folder)["card"]["device"] == "unit 7"
+    noise = TriadNoise(dps(np.full(3, 0.3 / 60.0)), dps(np.full(3, 12.0 / 3600.0)), np.zeros(3))
+    NoiseCard("unit 7", "static.parquet", gyr=noise).save(folder / "noise.json")
+    rows = {line[:26].strip(): line[26:].split() for line in typed("info noise.json", cwd=folder).stdout.splitlines()}
+    shown = [rows[name] for name in ("N white noise [°/√h]", "B bias instability [°/h]", "K random walk [°/h/√h]")]
+    assert shown == [["0.300"] * 3, ["12.0"] * 3, ["0"] * 3]
+    assert answer("info noise.json", cwd=folder)["card"]["source"] == "static.parquet"
+    for content in ("{", "[]", '{"kind": "x"}'):
+        (folder / "a.json").write_text(content)
+        assert "is not a card" in typed("info a.json", cwd=folder, code=1).stderr

@@ -6,10 +6,14 @@ signals, pipes, the environment or a terminal start a process.
 
 import contextlib
 import io
+import json
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 from plumbob.cli.main import main
 
@@ -17,9 +21,9 @@ STREAMS = ("stdin", "stdout", "stderr")
 PLUMBOB = (sys.executable, "-m", "plumbob.cli.main")
 
 
-def call(*words, data=b"", cwd=None, main=main):
+def call(*words, data=b"", cwd=None, main=main, encoding="utf-8"):
     """Run a command line in this process, that of Plumbob or of another `main`."""
-    streams = [io.TextIOWrapper(io.BytesIO(data if name == "stdin" else b""), encoding="utf-8") for name in STREAMS]
+    streams = [io.TextIOWrapper(io.BytesIO(data if name == "stdin" else b""), encoding=encoding) for name in STREAMS]
     kept = [getattr(sys, name) for name in STREAMS]
     words = [*map(str, words)]
     try:
@@ -67,3 +71,20 @@ def refused(*words, **kwargs):
     assert len(lines) == 1, done.stderr
     assert "Traceback" not in done.stderr
     return lines[0]
+
+
+def typed(line, *more, cwd=None, code=0):
+    """Run a command line that is written as in a shell, with more words behind it, and expect an exit code."""
+    done = call(*shlex.split(line), *more, cwd=cwd)
+    assert done.returncode == code, (line, more, done.returncode, done.stdout, done.stderr)
+    return done
+
+
+def answer(line, *more, cwd=None, code=0):
+    """What a command line prints with ``--json``, which is JSON without NaN or Infinity."""
+    return json.loads(typed(line, *more, "--json", cwd=cwd, code=code).stdout, parse_constant=pytest.fail)
+
+
+def table_of(text):
+    """Rows of a table that is written as lines of cells with bars between them."""
+    return [[cell.strip() for cell in line.split("|")] for line in text.strip().splitlines()]

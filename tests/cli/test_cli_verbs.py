@@ -1,0 +1,163 @@
+"""What all verbs have in common: help, one line for what is wrong, strict JSON, and files that are not replaced."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from plumbob.cli.main import VERBS, build_parser
+from tests.helpers.commandline import answer, ok, plumbob, refused, table_of, typed
+
+ROOT = Path(__file__).parents[2]
+KINDS = {
+    "calibrate": "hand mag accel gyro table temperature mount statictest",
+    "arm": "align run export replay",
+    "array": "info combine monitor",
+    "benchmark": "accuracy scenario",
+}
+HELPED = [*VERBS, *(f"{verb} {kind}" for verb, kinds in KINDS.items() for kind in kinds.split())]
+
+
+@pytest.mark.parametrize("verb", HELPED)
+def test_help_has_an_example_that_the_parser_takes_and_a_page_that_is_there(verb):
+    told = ok(*verb.split(), "--help").stdout
+    assert told.startswith(f"usage: plumbob {verb} ")
+    example, page = re.search(r"^example:\n  (.*?)\n\n.*^documentation: (\S+)", told, re.DOTALL | re.MULTILINE).groups()
+    program, *words = shlex.split(example)
+    assert (program, *words[: len(verb.split())]) == ("plumbob", *verb.split())
+    build_parser(words[:1]).parse_args(words)
+    assert (ROOT / page).is_file()
+    assert set(re.findall(r"^    ([a-z]+)\b", told, re.MULTILINE)) >= set(KINDS.get(verb, "").split())
+
+
+@pytest.mark.parametrize("words", ["run", "eval", "fly", "run x --filter", "arm", "array", "calibrate --live",
+                                   "run x --filter mahony --fra NED", "sim buoy --sens ideal"])  # fmt: skip
+def test_wrong_usage_exits_2(words, tmp_path):
+    """Options are not abbreviated: a new one would change what an old script means."""
+    typed(words, cwd=tmp_path, code=2)
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_a_verb_the_order_of_work_is_printed():
+    """Its commands are those that the parser takes."""
+    lines = ok().stdout.splitlines()
+    commands = [line.partition("plumbob ")[2].split() for line in lines if line.startswith("  ")]
+    assert [words[0] for words in commands] == ["sim", "record", "calibrate", "run", "eval"]
+    for words in commands:
+        build_parser(words[:1]).parse_args(words)
+
+
+REPORTS = """
+run sea.parquet --filter mahony
+eval track.parquet sea.parquet --align heading
+info sea.parquet
+info track.parquet
+info sea.mcap
+info card.json
+info noise.json
+doctor sea.parquet
+allan rest.parquet --triads gyr
+calibrate gyro rest.parquet --method rest
+verify sea.mcap
+replay sea.mcap
+devices
+devices rion
+filters
+filters mekf
+arm export angles.parquet --out {}/program.csv
+benchmark accuracy . --filters mahony
+""".strip().splitlines()
+
+
+@pytest.mark.parametrize("words", REPORTS)
+def test_json_is_strict_and_is_not_the_text(samples, tmp_path, words):
+    line = words.format(tmp_path)
+    assert answer(line, cwd=samples)
+    assert not typed(line, *["--force"] * ("--out" in line), cwd=samples).stdout.startswith("{")
+
+
+OUTPUTS = """
+sim buoy --frame NED --out {} | .parquet |
+sim static --frame NED --out x.parquet --card {} | .json |
+run sea.parquet --filter mahony --out {} | .parquet | sea.parquet
+run sea.parquet --filter mahony --report {} | .html | sea.parquet
+run rest.parquet --filter mekf --noise noise.json --out {} | .csv | noise.json
+report sea.parquet --filter mekf --out {} | .html | sea.parquet
+plot sea.parquet --what rates --filter none --out {} | .svg | sea.parquet
+eval track.parquet sea.parquet --html {} | .html | sea.parquet
+convert sea.parquet --out {} | .csv | sea.parquet
+decode sea.bin --format buoy --out {} | .csv | sea.bin
+emulate buoy --write {} | .bin |
+record --from sea.bin --format buoy --out {} | .mcap |
+replay sea.mcap --out {} | .parquet | sea.mcap
+repair sea.mcap --out {} | .mcap | sea.mcap
+send track.parquet --as json --to file:{} | .jsonl |
+allan one.txt --rate 100Hz --scale '1 deg/s' --card {} | .json | one.txt
+allan one.txt --rate 100Hz --scale '1 deg/s' --plot {} | .png | one.txt
+allan rest.parquet --triads gyr --kalibr {} | .yaml | rest.parquet
+calibrate gyro rest.parquet --out {} | .json | rest.parquet
+calibrate gyro rest.parquet --html {} | .html | rest.parquet
+calibrate statictest rest.parquet --calibration card.json --html {} | .html | card.json
+arm export angles.parquet --chain arm.toml --out {} | .csv | angles.parquet
+arm replay angles.parquet arm.toml --out {} | .csv | angles.parquet
+array combine sea.parquet --out {} | .parquet | sea.parquet
+compare sea.parquet rest.parquet --html {} | .html | sea.parquet
+"""
+
+
+@pytest.mark.parametrize(("words", "suffix", "source"), table_of(OUTPUTS), ids=lambda cell: cell)
+def test_an_output_replaces_no_file_unasked_and_never_an_input(samples, tmp_path, words, suffix, source):
+    """By whatever name an input is reached: here it is a link to the same file."""
+    there, same = tmp_path / f"there{suffix}", tmp_path / f"same{suffix}"
+    there.write_text("before")
+    assert "exists already" in refused(*shlex.split(words.format(there)), cwd=samples)
+    assert there.read_text() == "before"
+    if source:
+        before = (samples / source).read_bytes()
+        same.hardlink_to(samples / source)
+        assert "is an input" in refused(*shlex.split(words.format(same)), "--force", cwd=samples)
+        assert (samples / source).read_bytes() == before
+
+
+READERS = """
+run none.parquet --filter mahony
+info none.parquet
+eval none.parquet none.parquet
+convert none.parquet a.csv
+allan none.parquet
+calibrate gyro none.parquet
+calibrate mount none.parquet --frame NED
+decode none.bin --format buoy
+record --from none.bin --format buoy
+replay none.mcap
+verify none.mcap
+repair none.mcap --out a.mcap
+report none.parquet
+report none.mcap
+plot none.parquet --what rates --out a.svg
+compare none.parquet none.parquet
+doctor none.parquet
+send none.parquet --as json --to file:a.jsonl
+array info none.parquet
+arm export none.csv --out p.csv
+arm run none.toml none.parquet
+batch none.parquet --out a
+profile none.csv
+tune none.parquet --filter mahony --out a.toml
+""".strip().splitlines()
+
+
+@pytest.mark.parametrize("words", READERS)
+def test_a_file_that_is_not_there_is_named_in_one_line(tmp_path, words):
+    assert "none" in refused(*words.split(), cwd=tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_place_that_cannot_be_written_is_one_line(samples, tmp_path):
+    for out, word in ((tmp_path / "none" / "x.parquet", "none"), (tmp_path, "is a folder")):
+        assert word in refused("run", samples / "sea.parquet", "--filter", "mahony", "--out", out)
+
+
+def test_help_says_what_3_means():
+    assert "3 done, but a recording is damaged" in plumbob("--help").stdout
