@@ -12,7 +12,8 @@ import pytest
 
 from plumbob.core.errors import ParameterError
 from plumbob.files.mcap import disk, open_log, verify, writer
-from tests.helpers.record_samples import DECODED, RAW, channels, fill, read, recorder, rows_of
+from tests.helpers.io_samples import refused
+from tests.helpers.record_samples import DECODED, RAW, channels, fill, read, recorder, rows_of, wait_for
 
 LIMITED = """
 import resource, signal, sys, time
@@ -34,34 +35,32 @@ def quick(monkeypatch):
     monkeypatch.setattr(writer, "RETRY", 0.02)
 
 
-def wait_for(condition, timeout=30.0):
-    end = time.monotonic() + timeout
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.002)
-    assert condition()
-
-
 class Disk:
     """Takes the place of os.write and os.fsync until it is healed."""
 
     def __init__(self, monkeypatch, error=errno.ENOSPC, room=None, fails=("write",)):
-        self.error, self.room, self.fails, self.ill = error, room, fails, True
+        self.error, self.room, self.fails, self.ill, self.synced = error, room, fails, True, False
         self._write, self._fsync = os.write, os.fsync
         monkeypatch.setattr(disk.os, "write", self.write)
         monkeypatch.setattr(disk.os, "fsync", self.fsync)
 
+    attempts = 0
+
     def write(self, fd, data):
         if self.ill and "write" in self.fails:
+            self.attempts += 1
             if not self.room:
                 raise OSError(self.error, os.strerror(self.error))
             data = data[: self.room]  # first a short write, as a real disk does
             self.room -= len(data)
+        self.synced = False
         return self._write(fd, data)
 
     def fsync(self, fd):
         if self.ill and "fsync" in self.fails and not os.path.isdir(f"/proc/self/fd/{fd}"):  # noqa: PTH112
             raise OSError(self.error, os.strerror(self.error))
-        return self._fsync(fd)
+        self._fsync(fd)
+        self.synced = True
 
 
 @pytest.mark.parametrize("error", [errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EFBIG])
@@ -74,9 +73,8 @@ def test_a_refused_write_stops_once_and_goes_on_in_a_new_part(tmp_path, monkeypa
         ill = Disk(monkeypatch, error, room=150)
         rows += fill(r, numbers, 60, start=30)
         r.tick(10**12)
-        wait_for(lambda: r.state == "stopped")
-        assert r.acknowledged == 40  # 20 rows per chunk; the third chunk met the short write
-        time.sleep(0.1)  # several attempts to go on
+        wait_for(lambda: ill.attempts > 4)  # the first, and several to go on
+        assert (r.state, r.acknowledged) == ("stopped", 40)  # 20 rows per chunk; the third chunk met the short write
         ill.ill = False
         wait_for(lambda: r.acknowledged == len(rows))
         assert r.state == "recording"
@@ -133,11 +131,12 @@ def test_a_slow_disk_costs_memory_then_counted_rows_but_never_the_callers_time(t
 
 def test_a_failed_fsync_takes_back_and_writes_anew(tmp_path, monkeypatch):
     r = recorder(tmp_path / "a.mcap", fsync=0.01)
-    numbers = channels(r)
+    numbers, ill = channels(r), Disk(monkeypatch, errno.EIO, fails=("fsync",))
+    ill.ill = False
     with r:
         rows = fill(r, numbers, 30)
-        wait_for(lambda: r.acknowledged == 40 and not r._writer._unsynced)
-        ill = Disk(monkeypatch, errno.EIO, fails=("fsync",))
+        wait_for(lambda: r.acknowledged == 40 and ill.synced)
+        ill.ill = True
         rows += fill(r, numbers, 60, start=30)
         wait_for(lambda: r.state == "stopped")
         ill.ill = False
@@ -152,20 +151,23 @@ def test_a_failed_fsync_takes_back_and_writes_anew(tmp_path, monkeypatch):
 
 
 def test_the_reserve_is_kept_and_the_part_ends_properly(tmp_path, monkeypatch):
-    free = [10**9]
-    monkeypatch.setattr(disk, "free", lambda folder: free[0])
+
+    def more():
+        rows.extend(fill(r, numbers, len(rows) // 2 + 10, start=len(rows) // 2))
+        return r.state == "stopped"
+
+    free, looks = [10**9], []
+    monkeypatch.setattr(disk, "free", lambda folder: looks.append(free[0]) or free[0])
     r = recorder(tmp_path / "a.mcap", reserve=10**8)
     numbers = channels(r)
     with r:
         rows = fill(r, numbers, 20)
         wait_for(lambda: r.acknowledged == 20)
         free[0] = 10**8 - 1
-        time.sleep(0.05)
-        rows += fill(r, numbers, 60, start=20)
-        wait_for(lambda: r.state == "stopped")
+        wait_for(more)  # it looks again after a while, when there is something to write
         assert verify(tmp_path / "a.mcap").clean
         free[0] = 10**8 + 1  # not yet: it would stop again at once
-        time.sleep(0.1)
+        wait_for(lambda: looks.count(10**8 + 1) > 1)
         assert r.state == "stopped"
         free[0] = 10**9
         r.tick(10**12)
@@ -261,7 +263,8 @@ def test_a_full_disk_loses_no_acknowledged_row(small_disk, reserve):
 
 
 def test_a_recorder_starts_once(tmp_path):
-    with recorder(tmp_path / "a.mcap") as r, pytest.raises(ParameterError, match="started before"):
-        r.start()
+    with recorder(tmp_path / "a.mcap") as r:
+        refused(r.start, match="started before", error=ParameterError)
     r.close()
     r.close()
+    assert r.state == "closed"

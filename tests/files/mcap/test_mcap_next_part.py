@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.errors import ParameterError
 from plumbob.files.mcap import Recorder, disk, layout, open_log, repair, verify
 from plumbob.files.mcap.log import UNKNOWN_NS
+from tests.helpers.io_samples import refused
 from tests.helpers.record_samples import RAW, channels, fill, payload, recorder, rows_of
 
 HOUR = 3600 * 10**9
@@ -154,39 +155,31 @@ def test_another_session_is_recorded_but_not_read_together(tmp_path, boots):
     assert other.alone
     again = start(path, 50, 75, session="another")
     assert not again.alone
-    with pytest.raises(DecodeError, match=r"a\.0002\.mcap does not go on from the part before it"):
-        open_log(path)
+    refused(open_log, path, match=r"a\.0002\.mcap does not go on from the part before it")
     assert data_of([other.path, again.path]) == [payload(i) for i in range(25, 75)]
 
 
-def test_without_asking_nothing_goes_on(tmp_path, boots):
-    start(tmp_path / "a.mcap", 0, 25)
-    with pytest.raises(ParameterError, match=r"exists already.*ask for the next part"):
-        recorder(tmp_path / "a.mcap").start()
-
-
-def test_a_second_recorder_of_the_name_is_refused(tmp_path, boots):
-    with recorder(tmp_path / "a.mcap"), pytest.raises(ParameterError, match="is being recorded"):
-        recorder(tmp_path / "a.mcap", next_part=True).start()
-    assert layout.existing_parts(tmp_path / "a.mcap") == [tmp_path / "a.mcap"]
-
-
-def test_the_next_part_waits_for_room_as_the_first_does(tmp_path, boots):
-    start(tmp_path / "a.mcap", 0, 25)
-    r = recorder(tmp_path / "a.mcap", next_part=True, reserve=1 << 60).start()
+def test_a_next_part_is_refused_as_the_first_is(tmp_path, boots):
+    path = tmp_path / "a.mcap"
+    start(path, 0, 25)
+    refused(recorder(path).start, match=r"exists already.*ask for the next part", error=ParameterError)
+    r = recorder(path, next_part=True, reserve=1 << 60).start()  # it waits for room
     assert r.state == "stopped"
     r.close()
     assert "has stopped" in r.take_events()[0].text
-    assert layout.existing_parts(tmp_path / "a.mcap") == [tmp_path / "a.mcap"]
+    assert layout.existing_parts(path) == [path]
+    with recorder(tmp_path / "b.mcap"):
+        second = recorder(tmp_path / "b.mcap", next_part=True)
+        refused(second.start, match="is being recorded", error=ParameterError)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 def test_the_next_part_needs_permission_as_the_first_does(tmp_path, boots):
     start(tmp_path / "a.mcap", 0, 25)
     tmp_path.chmod(0o500)
-    with pytest.raises(DecodeError, match="Permission denied"):
-        recorder(tmp_path / "a.mcap", next_part=True).start()
+    refused(recorder(tmp_path / "a.mcap", next_part=True).start, match="Permission denied")
     tmp_path.chmod(0o700)
+    assert layout.existing_parts(tmp_path / "a.mcap") == [tmp_path / "a.mcap"]
 
 
 def test_parts_of_others_do_not_go_on(tmp_path, boots):
@@ -194,8 +187,7 @@ def test_parts_of_others_do_not_go_on(tmp_path, boots):
     for name in ("a.mcap", "b.mcap"):
         start(tmp_path / name, 0, 10)
         start(tmp_path / name, 10, 20)
-    with pytest.raises(DecodeError, match="several recordings"):
-        open_log(tmp_path)
+    refused(open_log, tmp_path, match="several recordings")
     assert data_of(tmp_path / "a.mcap") == [payload(i) for i in range(20)]
 
 
@@ -214,8 +206,7 @@ def test_names_with_the_time_of_the_start():
     assert layout.dated("a.mcap", UTC) == "a.mcap"
     made = [layout.dated("{utc}", UTC + k * 10**9) for k in (0, 1, 40, 86400, 400 * 86400)]
     assert made == sorted(made)
-    with pytest.raises(ParameterError, match=r"but not \{time\}"):
-        layout.dated("{time}.mcap", UTC)
+    refused(layout.dated, "{time}.mcap", UTC, match=r"but not \{time\}", error=ParameterError)
 
 
 def test_the_next_name(tmp_path):

@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob.core.errors import DecodeError
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.array import ImuArray, Mount
+from plumbob.files.header import array_told
 from plumbob.files.mcap import open_log
 from plumbob.protocols.decode import decode, triads_of
 from plumbob.protocols.rigs import load
 from plumbob.session.reading import read_array
 from tests.helpers.commandline import PLUMBOB
-from tests.helpers.record_samples import recorder
+from tests.helpers.io_samples import refused
+from tests.helpers.record_samples import flipped, recorder
 
 UNITS = ("u1", "u2", "u3")
 
@@ -32,24 +33,12 @@ def array(rows=200):
     return ImuArray(units, {"u2": Mount((0.0, 1.0, 0.0, 0.0), (0.1, 0.2, 0.3), 1e-3)})
 
 
+@pytest.mark.long(reason="two processes; of a killed recorder test_mcap_kill tells the same for one channel")
 def test_a_killed_recorder_leaves_every_unit(tmp_path):
     """SIGKILL in the middle of a live line: all units have the same samples, those that the raw bytes hold."""
     link, file = tmp_path / "line", tmp_path / "a.mcap"
     emulate = [*PLUMBOB, "emulate", "arm", "--seed", "2", "--link", str(link), "--speed", "20", "--duration", "200s"]
-    record = [
-        *PLUMBOB,
-        "record",
-        "--port",
-        str(link),
-        "--format",
-        "arm",
-        "--unit",
-        "all",
-        "--time",
-        "count",
-        "--out",
-        str(file),
-    ]
+    record = [*PLUMBOB, *f"record --port {link} --format arm --unit all --time count --out {file}".split()]
     with ExitStack() as stack:
         sender = stack.enter_context(subprocess.Popen(emulate, stdout=subprocess.PIPE, text=True))
         stack.callback(sender.kill)
@@ -84,19 +73,18 @@ def test_a_file_for_viewers_holds_all_units(tmp_path):
     assert plumbob.verify(tmp_path / "a.mcap").whole
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_damage_of_a_file_for_viewers_costs_its_rows_only(tmp_path, seed):
+def test_damage_of_a_file_for_viewers_costs_its_rows_only(tmp_path):
     """What is left is on one time line, and each row is a row of the whole."""
-    plumbob.convert(plumbob.Recording(array=array(2000), name="a"), tmp_path / "a.mcap")
-    raw = bytearray((tmp_path / "a.mcap").read_bytes())
-    at = int(np.random.default_rng(seed).integers(len(raw) // 10, len(raw) * 9 // 10))
-    raw[at] ^= 16
-    (tmp_path / "a.mcap").write_bytes(raw)
-    found, whole = read_array(tmp_path / "a.mcap"), array(2000)
-    assert len(found) > 1000
-    rows = np.searchsorted(whole.t, found.t)
-    for name in UNITS:
-        assert found.units[name].gyr.tobytes() == whole.units[name].gyr[rows].tobytes()
+    whole, path = array(800), tmp_path / "a.mcap"
+    plumbob.convert(plumbob.Recording(array=whole, name="a"), path)
+    raw = path.read_bytes()
+    for at in np.random.default_rng(0).integers(len(raw) // 10, len(raw) * 9 // 10, 6):
+        path.write_bytes(flipped(raw, at, 16))
+        found = read_array(path)
+        assert len(found) > 400
+        rows = np.searchsorted(whole.t, found.t)
+        for name in UNITS:
+            assert found.units[name].gyr.tobytes() == whole.units[name].gyr[rows].tobytes()
 
 
 def crafted(folder, rows, about):
@@ -112,8 +100,6 @@ def crafted(folder, rows, about):
 
 
 def told(*names):
-    from plumbob.files.header import array_told
-
     one = array_told(array())[0]
     return [one | {"name": name} for name in names]
 
@@ -134,5 +120,4 @@ WRONG = {
 def test_what_does_not_go_together_is_refused(tmp_path, case):
     names, match = WRONG[case]
     about = {"array": told(*names) if isinstance(names, list) else names}
-    with pytest.raises(DecodeError, match=match):
-        read_array(crafted(tmp_path, [("imu/u1", 10), ("imu/u2", 20)], about))
+    refused(read_array, crafted(tmp_path, [("imu/u1", 10), ("imu/u2", 20)], about), match=match)
