@@ -1,7 +1,7 @@
 """Whether tests fail by chance: three runs of all of them beside four busy loops, and one in random order.
 
-``make loaded`` (SEED=7 for another order). A plugin too: ``pytest -p tests.gates.loaded --seed 7`` takes files in random
-order, and the tests of each.
+``make loaded`` (SEED=7 for another order). A plugin too: ``pytest -p tests.gates.loaded --seed 7`` takes files in
+random order, and the tests of each.
 """
 
 import os
