@@ -1,7 +1,5 @@
 """plumbob array on files: what the functions of the same names say."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -9,8 +7,7 @@ import plumbob
 from plumbob.array import combine, info, monitor
 from plumbob.core.units import dps
 from tests.helpers.array_samples import as_array, moved
-from tests.helpers.commandline import ok, refused
-from tests.helpers.commandline import plumbob as plumbob_line
+from tests.helpers.commandline import answer, typed
 
 
 @pytest.fixture(scope="module")
@@ -23,47 +20,28 @@ def six(tmp_path_factory):
     return file
 
 
-def test_monitor_says_which_unit_and_writes_the_rest(six, tmp_path):
-    out = tmp_path / "one.parquet"
-    printed = json.loads(ok("array", "monitor", six, "--out", out, "--json").stdout)
-    seen = monitor(plumbob.read(six).array)
+def test_verbs_print_and_write_what_their_functions_find(six, tmp_path):
+    array, out = plumbob.read(six).array, tmp_path / "one.parquet"
+    printed, seen = answer(f"array monitor {six} --out {out}"), monitor(array)
     assert printed == seen.summary()
     assert [(fault["unit"], fault["triad"]) for fault in printed["faults"]] == [("u3", "gyr")]
     assert np.array_equal(plumbob.read(out).imu.gyr, seen.imu.gyr)
-    assert "Units left out" in ok("array", "monitor", six).stdout
-
-
-def test_combine_and_info_print_what_their_functions_find(six, tmp_path):
-    array, out = plumbob.read(six).array, tmp_path / "one.parquet"
-    printed = json.loads(ok("array", "combine", six, "--weights", "equal", "--out", out, "--json").stdout)
-    assert printed == combine(array, weights="equal").summary()
-    assert np.array_equal(plumbob.read(out).imu.acc, combine(array, weights="equal").imu.acc)
-    assert json.loads(ok("array", "info", six, "--json").stdout) == info(array).summary()
-    assert "Clock offset [ms]" in ok("array", "info", six).stdout
-
-
-def test_a_kind_is_needed_and_inputs_are_never_written(six):
-    done = plumbob_line("array")
-    assert (done.returncode, "name a KIND: info, combine, monitor" in done.stderr) == (2, True)
-    assert "is an input" in refused("array", "combine", six, "--out", six)
+    printed, made = answer(f"array combine {six} --weights equal --out {out} --force"), combine(array, weights="equal")
+    assert printed == made.summary()
+    assert np.array_equal(plumbob.read(out).imu.acc, made.imu.acc)
+    assert answer(f"array info {six}") == info(array).summary()
 
 
 def test_from_bytes_with_the_mounts_of_the_rig(tmp_path):
     """The rig's opposite units are turned by 180°: without their mounts, forces of ±1 g cancel."""
-    binary, stream, table = (tmp_path / name for name in ("arm.bin", "arm.mcap", "arm.parquet"))
-    ok("emulate", "arm", "--write", binary, "--duration", "20s", "--seed", "3")
-    ok("record", "--from", binary, "--format", "arm", "--unit", "all", "--out", stream)
-    ok("convert", stream, table)
-    for source in (stream, table):
-        out = tmp_path / f"{source.suffix[1:]}.mcap"
-        ok("array", "combine", source, "--mounts", "arm", "--out", out)
-        force = np.linalg.norm(plumbob.read(out).imu.acc, axis=1)
+    typed("emulate arm --write arm.bin --duration 8s --seed 3", cwd=tmp_path)
+    typed("record --from arm.bin --format arm --unit all --out arm.mcap", cwd=tmp_path)
+    typed("convert arm.mcap arm.parquet", cwd=tmp_path)
+    for source in ("mcap", "parquet"):
+        typed(f"array combine arm.{source} --mounts arm --out {source}.mcap", cwd=tmp_path)
+        force = np.linalg.norm(plumbob.read(tmp_path / f"{source}.mcap").imu.acc, axis=1)
         assert force.mean() == pytest.approx(9.80665, rel=0.01)
-        assert json.loads(ok("array", "monitor", source, "--mounts", "arm", "--json").stdout)["faults"] == []
-    lost = plumbob_line("array", "monitor", stream)
+        assert answer(f"array monitor arm.{source} --mounts arm", cwd=tmp_path)["faults"] == []
+    lost = typed("array monitor arm.mcap", cwd=tmp_path)
     assert "no mount is known" in lost.stderr
     assert "check how the units are mounted" in " ".join(lost.stdout.split())
-    assert "is written as .mcap" in refused("array", "combine", stream, "--out", tmp_path / "one.tum")
-    assert "holds one unit" in refused("array", "info", tmp_path / "parquet.mcap")
-    (tmp_path / "left.parquet").write_bytes(table.read_bytes()[:20000])
-    assert "cut or damaged" in refused("array", "info", tmp_path / "left.parquet")

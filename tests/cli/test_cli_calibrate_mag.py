@@ -1,6 +1,5 @@
 """plumbob calibrate mag: real processes, real files."""
 
-import json
 import re
 
 import numpy as np
@@ -10,18 +9,8 @@ from plumbob import files as io
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import quat_from_rotvec, quat_multiply
-from tests.helpers.commandline import ok, plumbob, refused
-from tests.helpers.mag_scene import (
-    Unit,
-    attitudes,
-    field,
-    force,
-    heading_rms,
-    rates,
-    trajectory,
-    tumbling,
-    unit_of,
-)
+from tests.helpers.commandline import answer, typed
+from tests.helpers.mag_scene import Unit, attitudes, field, force, heading_rms, rates, trajectory, tumbling, unit_of
 
 COUNT = 300
 
@@ -46,8 +35,7 @@ def files(tmp_path_factory, unit):
 
 def test_a_card_is_written_and_used(files, unit, tmp_path):
     card = tmp_path / "card.json"
-    done = ok("calibrate", "mag", files / "all.parquet", "--strength", "500 mgauss", "--out", card)
-    assert "Fitted with the accelerometer" in done.stdout
+    typed(f"calibrate mag all.parquet --strength '500 mgauss' --out {card}", cwd=files)
     found = CalibrationCard.load(card)
     assert found.device == "SN7"
     assert found.mag.reference == 50.0
@@ -55,35 +43,23 @@ def test_a_card_is_written_and_used(files, unit, tmp_path):
 
 
 def test_a_smaller_shape_may_be_asked_for(files):
-    done = ok("calibrate", "mag", files / "all.parquet", "--shape", "sphere", "--tilt", "10deg", "--json")
-    told = json.loads(done.stdout)
+    told = answer("calibrate mag all.parquet --shape sphere --tilt 10deg", cwd=files)
     assert told["card"]["mag"]["method"] == "magnetometer alone: sphere, 4 parameters"
     assert told["card"]["mag"]["quality"]["tilt_range"] == pytest.approx(np.radians(10.0))
 
 
 def test_a_place_tells_the_strength(files):
     pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
-    done = ok("calibrate", "mag", files / "all.parquet", "--place", "42.283,-71.35,1000", "--json")
-    assert "the recording has no date; the field is that of today" in done.stderr
-    assert "note: field at the place: 51." in done.stderr or "note: field at the place: 50." in done.stderr
-    kept = json.loads(done.stdout)["card"]["mag"]["remarks"]
-    assert any(re.search(r"declination -13\.\d\d deg, by WMM-2025", remark) for remark in kept), kept
+    mag = answer("calibrate mag all.parquet --place 42.283,-71.35,1000", cwd=files)["card"]["mag"]
+    assert any(re.search(r"declination -13\.\d\d deg, by WMM-2025", remark) for remark in mag["remarks"])
     # 51.4 µT in 2025 and 50.9 in 2029 by the World Magnetic Model; the recording has no date, so today's counts
-    assert json.loads(done.stdout)["card"]["mag"]["reference"] == pytest.approx(51.2, abs=0.5)
+    assert mag["reference"] == pytest.approx(51.2, abs=0.5)
 
 
 def test_turning_level_is_refused_and_no_card_is_written(files, tmp_path):
     card = tmp_path / "card.json"
-    done = plumbob("calibrate", "mag", files / "level.parquet", "--out", card)
-    assert done.returncode == 1
-    assert "level-ring" in done.stderr
-    assert not card.exists()
-
-
-def test_level_headings_have_no_tilt(files):
-    assert "tilt has no effect" in refused(
-        "calibrate", "mag", files / "level.parquet", "--shape", "level", "--tilt", "9deg"
-    )
+    refusal = answer(f"calibrate mag level.parquet --out {card}", cwd=files, code=1)
+    assert (refusal["refused"][0]["kind"], card.exists()) == ("level-ring", False)
 
 
 def test_a_card_that_would_rather_harm_needs_force(tmp_path):
@@ -91,13 +67,10 @@ def test_a_card_that_would_rather_harm_needs_force(tmp_path):
     t, q_nb, _ = tumbling(rng, duration=15.0)
     perfect = field(rng, Unit(np.eye(3), np.zeros(3)), q_nb)
     io.write(tmp_path / "perfect.parquet", ImuData(t=t, mag=perfect, meta=ImuMeta(device="SN7")))
-    card = tmp_path / "card.json"
-    done = plumbob("calibrate", "mag", tmp_path / "perfect.parquet", "--out", card)
-    assert done.returncode == 1
-    assert "REFUSED, no-gain" in done.stderr
+    card, words = tmp_path / "card.json", "calibrate mag perfect.parquet --out card.json"
+    assert answer(words, cwd=tmp_path, code=1)["refused"][0]["kind"] == "no-gain"
     assert not card.exists()
-    forced = ok("calibrate", "mag", tmp_path / "perfect.parquet", "--out", card, "--force")
-    assert "DO NOT USE" in forced.stdout
+    typed(f"{words} --force", cwd=tmp_path)
     assert CalibrationCard.load(card).mag.remarks[0].startswith("DO NOT USE")
 
 
@@ -116,29 +89,19 @@ def deployed(tmp_path_factory, unit):
 
 def test_a_unit_at_work_is_calibrated_in_use(deployed, unit, tmp_path):
     card = tmp_path / "card.json"
-    done = ok("calibrate", "mag", deployed, "--in-use", "--out", card, "--html", tmp_path / "card.html",
-              "--plot", tmp_path / "card.pdf")  # fmt: skip
+    done = typed(f"calibrate mag {deployed} --in-use --out card.json --html card.html --plot card.pdf", cwd=tmp_path)
     assert (tmp_path / "card.pdf").read_bytes().startswith(b"%PDF")
-    assert "Fitted in use, as asked for" in done.stdout
     assert "150 windows of 4 s in 10 min" in done.stdout
     found = CalibrationCard.load(card).mag
     # no card of the gyroscope: its axes may turn the whole by 0.25° about each of three, and turn it by less here
     assert np.degrees(heading_rms(found, unit)) < 2.0 * np.degrees(found.quality.heading_sd) < 2.0
 
 
-def test_in_use_has_a_gyroscope_and_chooses_for_itself(deployed, files):
-    assert "no gyr" in refused("calibrate", "mag", files / "all.parquet", "--in-use")
-    assert "leave them out" in refused("calibrate", "mag", deployed, "--in-use", "--with", "acc")
-    assert "leave them out" in refused("calibrate", "mag", deployed, "--in-use", "--shape", "sphere")
-    assert "does not go with --live" in refused("calibrate", "mag", "--in-use", "--live", "--port", "/dev/null")
-
-
 def test_a_mirrored_unit_at_work_is_named(deployed, tmp_path):
     imu = io.read(deployed).imu
     mirrored = ImuData(t=imu.t, acc=imu.acc, gyr=imu.gyr, mag=imu.mag * [1.0, 1.0, -1.0], meta=imu.meta)
     io.write(tmp_path / "mirrored.parquet", mirrored)
-    done = plumbob("calibrate", "mag", tmp_path / "mirrored.parquet", "--in-use")
-    assert done.returncode == 1
+    done = typed("calibrate mag mirrored.parquet --in-use", cwd=tmp_path, code=1)
     assert "(x and y reversed, or mirrored: z reversed)" in " ".join(done.stderr.split())  # its dip is not known
 
 
@@ -148,6 +111,4 @@ def test_a_long_record_that_nobody_turned_is_told_of_it(unit, tmp_path):
         t, q_nb, true = trajectory(rng, duration=duration, rate=10.0, tilt=np.radians(4.0))
         imu = ImuData(t=t, gyr=rates(rng, true, rate=10.0), mag=field(rng, unit, q_nb), meta=ImuMeta(device="SN7"))
         io.write(tmp_path / f"{told}.parquet", imu)
-        done = plumbob("calibrate", "mag", tmp_path / f"{told}.parquet")
-        assert done.returncode == 1
-        assert ("--in-use" in done.stderr) is told
+        assert ("--in-use" in typed(f"calibrate mag {told}.parquet", cwd=tmp_path, code=1).stderr) is told

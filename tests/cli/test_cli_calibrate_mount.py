@@ -1,23 +1,24 @@
-"""plumbob calibrate mount: real processes, real files."""
-
-import json
+"""plumbob calibrate mount: real files."""
 
 import numpy as np
 import pytest
 
 from plumbob import files as io
+from plumbob.core.units import dps
 from plumbob.data.cards import CalibrationCard
-from plumbob.rotations import Frame, quat_angle, quat_conjugate, quat_multiply, quat_rotate
-from plumbob.simulation import simulate
-from tests.helpers.commandline import ok, plumbob, refused
-from tests.session.test_session_mounting import Q_BS, UNIT, Returning
+from plumbob.rotations import quat_angle, quat_conjugate, quat_multiply, quat_rotate
+from plumbob.simulation import Module, TriadErrors, simulate
+from tests.helpers.commandline import answer, typed
+
+Q_BS = np.array([0.5, -0.7, 0.1, 0.4]) / np.linalg.norm([0.5, -0.7, 0.1, 0.4])
+UNIT = Module("unit", "test", gyr=TriadErrors(white_rpsd=dps(0.005), bias=dps(1.0)), acc=TriadErrors(white_rpsd=4e-3))
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory):
-    """Recording of a mounted unit, its attitude, and that of the body."""
+def folder(tmp_path_factory):
+    """Recording of a mounted unit whose body is raised after 5 s, its attitude, and that of the body."""
     folder = tmp_path_factory.mktemp("mount")
-    sim = simulate(Returning(), frame=Frame.NED, sensors=UNIT, unit="random", seed=1)
+    sim = simulate("raise", frame="NED", sensors=UNIT, unit="random", seed=1)
     turned = {name: quat_rotate(quat_conjugate(Q_BS), getattr(sim.imu, name)) for name in ("gyr", "acc")}
     io.write(folder / "unit.parquet", sim.imu.corrected(meta=sim.imu.meta, **turned))
     io.write(folder / "estimate.parquet", sim.truth.with_attitude(quat_multiply(sim.truth.q_nb, Q_BS)))
@@ -25,40 +26,26 @@ def files(tmp_path_factory):
     return folder
 
 
-def test_poses_give_a_card_with_the_mounting(files, tmp_path):
+def test_poses_give_a_card_with_the_mounting(folder, tmp_path):
     card = tmp_path / "card.json"
-    done = ok("calibrate", "mount", files / "unit.parquet", "--frame", "NED", "--out", card)
+    done = typed(f"calibrate mount unit.parquet --frame NED --out {card}", cwd=folder)
     assert "- the accelerometer is not calibrated" in done.stdout
-    found = CalibrationCard.load(card).mount
-    assert quat_angle(found.q_bs, Q_BS) < 5.0 * np.linalg.norm(found.sd)
-    assert found.method.startswith("level pose and nose raised by 30.0°, body axes of NED") and found.date
-    spans = ("--level", "0s..5s", "--raised", "8s..13s")
-    told = json.loads(ok("calibrate", "mount", files / "unit.parquet", "--frame", "NED", *spans, "--json").stdout)
-    assert quat_angle(np.array(told["card"]["mount"]["q_bs"]), Q_BS) < 5.0 * np.linalg.norm(found.sd)
-    assert told["remarks"]["mount"][0].startswith("the accelerometer is not calibrated")
+    mount = CalibrationCard.load(card).mount
+    assert quat_angle(mount.q_bs, Q_BS) < 5.0 * np.linalg.norm(mount.sd)
+    assert mount.method.startswith("level pose and nose raised by 30.0°, body axes of NED") and mount.date
+    report = answer("calibrate mount unit.parquet --frame NED --level 0s..5s --raised 8s..13s", cwd=folder)
+    assert quat_angle(np.array(report["card"]["mount"]["q_bs"]), Q_BS) < 5.0 * np.linalg.norm(mount.sd)
+    assert report["remarks"]["mount"][0].startswith("the accelerometer is not calibrated")
 
 
-def test_the_mounting_joins_a_card(files, tmp_path):
+def test_the_mounting_joins_a_card(folder, tmp_path):
     first, second = tmp_path / "first.json", tmp_path / "second.json"
-    ok("calibrate", "mount", files / "unit.parquet", "--frame", "NED", "--level-only", "--out", first)
-    both = ("--estimate", files / "estimate.parquet", "--reference", files / "body.parquet")
-    ok("calibrate", "mount", files / "unit.parquet", *both, "--calibration", first, "--out", second)
+    typed(f"calibrate mount unit.parquet --frame NED --level-only --out {first}", cwd=folder)
+    tracks = "--estimate estimate.parquet --reference body.parquet"
+    typed(f"calibrate mount unit.parquet {tracks} --calibration {first} --out {second}", cwd=folder)
     assert quat_angle(CalibrationCard.load(second).mount.q_bs, Q_BS) < 1e-6
 
 
-def test_what_is_missing_or_does_not_belong_together_is_said(files):
-    unit = files / "unit.parquet"
-    assert "Give one of ENU" in refused("calibrate", "mount", unit)
-    assert "0s..5s" in refused("calibrate", "mount", unit, "--frame", "NED", "--level", "0s", "--raised", "1s..2s")
-    assert "belong together" in refused("calibrate", "mount", unit, "--reference", unit)
-    both = ("--reference", files / "body.parquet", "--estimate", unit)
-    assert "needs no poses" in refused("calibrate", "mount", unit, *both, "--frame", "NED")
-    assert "holds no attitude" in refused("calibrate", "mount", unit, *both)
-
-
-def test_a_moving_body_is_refused(files):
-    done = plumbob(
-        "calibrate", "mount", files / "unit.parquet", "--frame", "NED", "--from", "5.3s", "--to", "7.7s", "--json"
-    )
-    assert done.returncode == 1
-    assert json.loads(done.stdout)["refused"][0]["kind"] == "not-still"
+def test_a_moving_body_is_refused(folder):
+    refusal = answer("calibrate mount unit.parquet --frame NED --from 5.3s --to 7.7s", cwd=folder, code=1)
+    assert refusal["refused"][0]["kind"] == "not-still"

@@ -34,39 +34,47 @@ def calibrate(*words):
     return main(["calibrate", "gyro", "rest.parquet", "--out", "card.json", *words])
 
 
-def test_a_card_is_replaced_only_where_that_is_asked_for(folder, capsys):
-    before = saved(folder / "card.json", "gyr")
-    assert calibrate() == 1
-    assert "card.json exists already and is not replaced" in capsys.readouterr().err
-    assert (folder / "card.json").read_bytes() == before
-    assert calibrate("--force") == 0
-    assert CalibrationCard.load(folder / "card.json").gyr.method.startswith("gyr at rest")
-
-
-@pytest.mark.parametrize("words", [(), ("--calibration", "acc.json")])
-def test_a_fuller_card_is_not_replaced(folder, capsys, words):
-    before = saved(folder / "card.json", "gyr", "acc", "mag")
+@pytest.mark.parametrize(
+    ("before", "device", "words", "says"),
+    [
+        (("gyr",), "SN7", (), "card.json exists already and is not replaced"),
+        (
+            ("gyr", "acc", "mag"),
+            "SN7",
+            ("--force",),
+            "card.json has acc and mag, which this would lose; complete it with",
+        ),
+        (
+            ("gyr", "acc", "mag"),
+            "SN7",
+            ("--force", "--calibration", "acc.json"),
+            "card.json has mag, which this would lose",
+        ),
+        (("gyr",), "SN8", ("--force",), "card.json is the card of 'SN8', not of 'SN7'; name another file"),
+        (
+            ("gyr",),
+            "SN7",
+            ("--calibration", "card.json"),
+            "has gyr already. Name another file, or replace it with --force",
+        ),
+    ],
+)
+def test_a_card_that_has_more_or_is_of_another_unit_stays(folder, capsys, before, device, words, says):
+    before = saved(folder / "card.json", *before, device=device)
     saved(folder / "acc.json", "acc")
-    assert calibrate(*words, "--force") == 1
-    lost = "mag" if words else "acc and mag"
-    says = f"card.json has {lost}, which this would lose; complete it with --calibration card.json, or name another"
+    assert calibrate(*words) == 1
     assert says in " ".join(capsys.readouterr().err.split())
     assert (folder / "card.json").read_bytes() == before
 
 
-def test_nor_is_the_card_of_another_unit(folder, capsys):
-    before = saved(folder / "card.json", "gyr", device="SN8")
-    assert calibrate("--force") == 1
-    assert "card.json is the card of 'SN8', not of 'SN7'; name another file" in capsys.readouterr().err
-    assert (folder / "card.json").read_bytes() == before
-
-
-def test_a_card_is_completed_in_place_and_a_part_of_it_replaced_only_where_that_is_asked_for(folder, capsys):
+def test_a_card_is_replaced_or_completed_where_that_is_asked_for(folder):
+    saved(folder / "card.json", "gyr")
+    assert calibrate("--force") == 0
+    assert CalibrationCard.load(folder / "card.json").gyr.method.startswith("gyr at rest")
+    (folder / "card.json").unlink()
     saved(folder / "card.json", "acc", "mag")
     assert calibrate("--calibration", "card.json") == 0
     assert list(CalibrationCard.load(folder / "card.json").parts) == ["gyr", "acc", "mag"]
-    assert calibrate("--calibration", "card.json") == 1
-    assert "card.json has gyr already. Name another file, or replace it with --force" in capsys.readouterr().err
     assert calibrate("--calibration", "card.json", "--force") == 0
 
 
@@ -90,7 +98,6 @@ def test_live_it_is_refused_before_the_line_is_opened(folder, capsys):
 def test_remarks_of_a_part_are_told_wherever_the_card_is(folder, capsys):
     assert calibrate() == 0
     (first, *_) = CalibrationCard.load(folder / "card.json").gyr.remarks
-    assert main(["info", "card.json"]) == 0
-    assert first in " ".join(capsys.readouterr().out.split())
+    capsys.readouterr()
     assert main(["info", "card.json", "--json"]) == 0
     assert first in json.loads(capsys.readouterr().out)["remarks"]["gyr"]

@@ -5,9 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from plumbob.core.errors import ParameterError
-from plumbob.protocols.decode import unit_of
-from plumbob.protocols.find import find_format
 from tests.helpers.commandline import call
 
 UNITS = ["u1", "u2", "u3", "u4", "u5", "u6"]  # of the teaching arm, as its format names them
@@ -61,10 +58,3 @@ record = { path = "s.mcap" }
     assert call("record", "s.toml", cwd=folder).returncode == 0
     done = call("record", "s.toml", "--unit", "u3", cwd=folder)
     assert (done.returncode, "the session file says format, unit" in done.stderr) == (1, True)
-
-
-def test_a_unit_without_a_name():
-    message = find_format("buoy").message()
-    assert unit_of(message, "") == unit_of(message, "1") == ""
-    with pytest.raises(ParameterError, match="one unit without a name, but 'u1' was asked for"):
-        unit_of(message, "u1")
