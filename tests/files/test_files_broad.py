@@ -126,49 +126,13 @@ def test_containers_are_known_by_content_not_by_name(tmp_path):
 def test_a_cut_trial_is_refused_or_whole(tmp_path, suffix):
     path = WRITERS[suffix](tmp_path / f"a{suffix}", content(rows=8))
     raw = path.read_bytes()
-    for size in np.unique(np.linspace(0, len(raw) - 1, 60).astype(int)):
+    for size in np.unique(np.linspace(0, len(raw), 40).astype(int)):
         path.write_bytes(raw[:size])
         try:
             check(read(path), content(rows=8), RATE)
         except DecodeError as error:
             assert "\n" not in str(error)
-    path.write_bytes(raw)
-    check(read(path), content(rows=8), RATE)
-
-
-@every_container
-def test_a_number_that_is_damaged_is_read_as_it_stands(tmp_path, suffix):
-    """Neither container has a checksum, so a flipped bit of a number cannot be seen; it costs no other number."""
-    found = content(rows=8)
-    plain = {"compress": False} if suffix == ".mat" else {}
-    path = WRITERS[suffix](tmp_path / f"a{suffix}", found, **plain)
-    raw = path.read_bytes()
-    order = "F" if suffix == ".mat" else "C"  # MATLAB stores columns
-    at = raw.index(found["imu_acc"].tobytes(order))
-    for place in range(0, 8 * found["imu_acc"].size, 8):
-        damaged = bytearray(raw)
-        damaged[at + place + 2] ^= 16  # a bit of the fraction
-        path.write_bytes(damaged)
-        numbers = np.frombuffer(bytes(damaged[at : at + 8 * found["imu_acc"].size])).reshape(8, 3, order=order)
-        assert np.count_nonzero(numbers != found["imu_acc"]) == 1
-        check(read(path), found | {"imu_acc": numbers}, RATE)
-
-
-@every_container
-def test_random_damage_ends_in_one_of_our_errors(tmp_path, suffix):
-    """Of names and lengths it is refused; whatever else is read has as many rows as before."""
-    path = WRITERS[suffix](tmp_path / f"a{suffix}", content(rows=8))
-    raw = path.read_bytes()
-    rng = np.random.default_rng(9)
-    for _ in range(150):
-        damaged = bytearray(raw)
-        for place in rng.integers(0, len(raw), 3):
-            damaged[place] = rng.integers(0, 256)
-        path.write_bytes(damaged)
-        try:
-            assert len(read(path).imu) == 8
-        except PlumbobError as error:
-            assert "\n" not in str(error)
+    assert size == len(raw)
 
 
 def test_without_h5py_the_extra_is_named(tmp_path, monkeypatch):

@@ -95,35 +95,27 @@ def test_separators_decimals_and_encodings(parse, separator, decimal, encoding):
     assert imu.t.tolist() == [0.0, 0.01, 0.02]
 
 
-def test_runs_of_blanks_at_both_ends_and_tabs(parse):
-    text = "  t  gx gy\tgz \n   0.00   1  2     3\n 0.01 4   5 6  \n"
-    assert parse(text, PLAIN.replace('","', '" "')).imu.gyr.tolist() == [[1, 2, 3], [4, 5, 6]]
+BY_NUMBER = (
+    'separator = ","\n[header]\nnames = false\n[time]\ncolumn = 4\nunit = "ms"\n'
+    '[gyr]\ncolumns = [3, 1, 2]\nunit = "rad/s"\n'
+)
+SKIPPED = 'comment = "#"\n' + PLAIN.replace("names = true", "names = true\nskip = 2")
 
 
-def test_comments_blank_lines_and_skipped_lines(parse):
-    text = "made by\nlogger\n# a\n\nt,gx,gy,gz\n# b\n0.00,1,2,3\n\n#,,,\n0.01,4,5,6\n"
-    profile = 'comment = "#"\n' + PLAIN.replace("names = true", "names = true\nskip = 2")
-    assert parse(text, profile).imu.gyr.tolist() == [[1, 2, 3], [4, 5, 6]]
-
-
-def test_columns_by_number_without_names(parse):
-    profile = (
-        'separator = ","\n[header]\nnames = false\n[time]\ncolumn = 4\nunit = "ms"\n'
-        '[gyr]\ncolumns = [3, 1, 2]\nunit = "mrad/s"\n'
-    )
-    imu = parse("1,2,3,0\n4,5,6,10\n", profile).imu
-    assert np.allclose(imu.gyr, [[0.003, 0.001, 0.002], [0.006, 0.004, 0.005]], rtol=1e-15)
+@pytest.mark.parametrize(
+    ("text", "profile"),
+    [
+        ("  t  gx gy\tgz \n   0.00   1  2     3\n 0.01 4   5 6  \n", PLAIN.replace('","', '" "')),  # runs of blanks
+        ("made by\nlogger\n# a\n\nt,gx,gy,gz\n# b\n0.00,1,2,3\n\n#,,,\n0.01,4,5,6\n", SKIPPED),
+        ('t,"note, long",gx,gy,gz\n"0.00","a, b",1,2,3\n0.01,plain,4,5,6\n', PLAIN),  # text that is not used
+        ("t,gx,gy,gz\n0.00,1,2,3,\n0.01,4,5,6,\n", PLAIN),  # a separator at the end of rows only
+        ("2,3,1,0\n5,6,4,10\n", BY_NUMBER),
+    ],
+)
+def test_layouts(parse, text, profile):
+    imu = parse(text, profile).imu
+    assert np.allclose(imu.gyr, [[1, 2, 3], [4, 5, 6]], rtol=1e-15)
     assert imu.t.tolist() == [0.0, 0.01]
-
-
-def test_quoted_cells_and_text_columns_that_are_not_used(parse):
-    text = 't,"note, long",gx,gy,gz\n"0.00","a, b",1,2,3\n0.01,plain,4,5,6\n'
-    assert parse(text, PLAIN).imu.gyr.tolist() == [[1, 2, 3], [4, 5, 6]]
-
-
-def test_a_trailing_separator_in_the_rows_only(parse):
-    text = ROWS.replace("\n", ",\n").replace("gz,", "gz")
-    assert parse(text, PLAIN).imu.gyr[2].tolist() == [7, 8, 9]
 
 
 def test_a_declared_rate_gives_the_time(parse):
@@ -268,7 +260,6 @@ DEGREES = [
 ]
 RANGED = HEAD + TIME + GYR.replace('rad/s"', 'rad/s"\nrange = "500 dps"')
 METRES = HEAD + TIME + ACC.replace('"g"', '"m/s2"')
-COMMENTED = 'comment = "#"\n' + PLAIN.replace("names = true", "names = true\nskip = 2")
 MARKED = PLAIN.replace("names", 'marker = "END"\nnames')
 DELAYED = PLAIN + 'delay = "5 ms"\n'
 CELLS = [
@@ -287,7 +278,7 @@ CELLS = [
 ]
 REFUSED = [
     *((ROWS.replace("0.01,4,5,6", row), PLAIN, match) for row, match in CELLS),
-    ("one\ntwo\n\n# three\nt,gx,gy,gz\n# six\n\n0,1,2,3\n1,4,x,6\n", COMMENTED, "line 9, column 'gy'"),
+    ("one\ntwo\n\n# three\nt,gx,gy,gz\n# six\n\n0,1,2,3\n1,4,x,6\n", SKIPPED, "line 9, column 'gy'"),
     ("", PLAIN, "ends before"),
     ("t,gx,gy,gz\n", PLAIN, "ends before"),
     ("t,gx,gy,gz\n\n", PLAIN, "no whole row"),
@@ -480,18 +471,3 @@ def test_a_phone_recording_reads_as_numpy_reads_it():
     assert rows in {len(direct), len(direct) - 1}
     assert recording.imu.acc.tobytes() == np.ascontiguousarray(direct[:rows, 1:]).tobytes()
     assert np.abs(recording.imu.t - direct[:rows, 0]).max() < 1e-9
-
-
-FERRARIS = DATA / "ferraris" / "ferraris_example.csv"
-
-
-@needs("ferraris/ferraris_example.csv")
-def test_a_csv_without_time_reads_with_a_declared_rate():
-    profile = (
-        HEAD + '[time]\nrate = "204.8 Hz"\n[gyr]\ncolumns = ["gyr_x", "gyr_y", "gyr_z"]\nunit = "dps"\n'
-        '[acc]\ncolumns = ["acc_x", "acc_y", "acc_z"]\nunit = "m/s2"\nsign = "specific-force"\n'
-    )
-    direct = np.loadtxt(FERRARIS, delimiter=",", skiprows=1)
-    imu = read(FERRARIS, profile=parse_profile(profile)).imu
-    assert np.allclose(imu.gyr, np.radians(direct[: len(imu), 1:4]), rtol=1e-14)
-    assert imu.acc.tobytes() == np.ascontiguousarray(direct[: len(imu), 4:7]).tobytes()

@@ -76,15 +76,33 @@ def test_single_bit_flips_never_give_a_wrong_row(whole, tmp_path):
         judge(tmp_path / "a.mcap", flipped(raw, bit // 8, 1 << bit % 8), rows)
 
 
-@pytest.mark.parametrize("field", range(9))
-def test_a_flipped_byte_of_a_length_loses_no_more_than_its_chunk(whole, tmp_path, field):
-    raw, rows = whole
-    at, _ = chunks_of(raw)[1]
-    log, got = judge(tmp_path / "a.mcap", flipped(raw, at + field, 0xFF), rows)
-    assert len(got) == len(rows) - CHUNK_ROWS
-    assert log.lost == {RAW: 10, DECODED: 10}
+BARE = layout.MESSAGE_HEAD.pack(layout.MESSAGE, 22 + 3, 1, 10, OFFSET, OFFSET) + b"lie"
+JUNK = (b"\0" * 5000, b"junk", random.Random(3).randbytes(5000))
+SINGLE = [  # what is done to a file and its second chunk; whether that is lost; where damage begins, its size; words
+    *((lambda raw, at, _, k=k: flipped(raw, at + k, 0xFF), True, 0, None, "") for k in range(9)),  # opcode, length
+    (lambda raw, at, _: raw[: at + 33] + bytes(4) + raw[at + 37 :], True, 0, None, ""),  # an absent CRC is 0
+    (lambda raw, at, _: raw[:at] + BARE + raw[at:], False, 0, len(BARE), ""),  # a message outside of chunks
+    # its first time, then its last: no CRC of the chunk guards them
+    *((lambda raw, at, _, k=k: flipped(raw, at + k, 2), False, 9, 16, "times at a chunk's head") for k in (9, 17)),
+    (lambda raw, at, length: flipped(raw, at + length + 20, 4), False, None, None, "index"),
+    (lambda raw, *_: raw.replace(b"recording 1", b"recording 3", 1), False, None, None, "the CRC of all data"),
+    *((lambda raw, *_, junk=junk: raw + junk, False, "end", len(junk), "") for junk in JUNK),
+]
+
+
+@pytest.mark.parametrize("case", SINGLE, ids=range(len(SINGLE)))
+def test_one_damage_loses_no_more_than_its_chunk_and_is_told(whole, tmp_path, case):
+    (raw, rows), (damage, lost, begin, size, what) = whole, case
+    at, length = chunks_of(raw)[1]
+    log, got = judge(tmp_path / "a.mcap", damage(raw, at, length), rows)
+    assert len(got) == len(rows) - CHUNK_ROWS * lost
+    assert log.lost == ({RAW: 10, DECODED: 10} if lost else {})
     assert log.damage[0].lost == log.lost
-    assert log.damage[0].offset == at
+    assert begin is None or log.damage[0].offset == (len(raw) if begin == "end" else at + begin)
+    assert size is None or log.damage[0].size == size
+    assert what in log.damage[0].what
+    assert log.damage[0].certain or not what
+    assert len(log.damage) == 1 or not what
 
 
 @pytest.mark.parametrize("size", [1, 16, 512, 1500])
@@ -100,11 +118,10 @@ def test_zeroed_blocks(whole, tmp_path, size):
 def test_the_beginning_may_be_gone(whole, tmp_path):
     raw, rows = whole
     first = chunks_of(raw)[0][0]
-    log, got = judge(tmp_path / "a.mcap", bytes(first) + raw[first:], rows, most_lost=0)
-    assert got == rows
-    assert log.metadata == {"session": "[device]\nname = 'demo'\n"}  # it stands at the end once more
-    log, got = judge(tmp_path / "a.mcap", raw[first:], rows, most_lost=0)
-    assert got == rows
+    for begin in (bytes(first), b""):
+        log, got = judge(tmp_path / "a.mcap", begin + raw[first:], rows, most_lost=0)
+        assert got == rows
+        assert log.metadata == {"session": "[device]\nname = 'demo'\n"}  # it stands at the end once more
 
 
 def test_swapped_and_repeated_chunks_give_all_rows_once_and_a_finding(whole, tmp_path):
@@ -135,15 +152,6 @@ def test_swapped_disk_blocks(whole, tmp_path):
         assert log.damage
 
 
-@pytest.mark.parametrize("junk", [b"\0" * 5000, b"junk", random.Random(3).randbytes(5000)])
-def test_appended_junk(whole, tmp_path, junk):
-    raw, rows = whole
-    log, got = judge(tmp_path / "a.mcap", raw + junk, rows, most_lost=0)
-    assert got == rows
-    assert log.damage[0].offset == len(raw)
-    assert log.damage[0].size == len(junk)
-
-
 def test_an_appended_recording_is_not_mixed_in(whole, tmp_path):
     raw, rows = whole
     record(tmp_path / "b.mcap")
@@ -167,26 +175,6 @@ def test_a_recording_inside_a_message_never_comes_out(whole, tmp_path):
     assert log.lost == {"raw": 1}
 
 
-def test_a_crc_of_zero_is_damage_in_our_files(whole, tmp_path):
-    raw, rows = whole
-    at, _ = chunks_of(raw)[1]
-    crc = layout.CHUNK_HEAD.unpack_from(raw, at)[5]
-    assert crc != 0
-    place = at + 9 + 24
-    assert raw[place : place + 4] == struct.pack("<I", crc)
-    log, _ = judge(tmp_path / "a.mcap", raw[:place] + bytes(4) + raw[place + 4 :], rows)
-    assert log.lost == {RAW: 10, DECODED: 10}
-
-
-def test_messages_outside_chunks_are_damage_in_our_files(whole, tmp_path):
-    raw, rows = whole
-    at = chunks_of(raw)[1][0]
-    bare = layout.MESSAGE_HEAD.pack(layout.MESSAGE, 22 + 3, 1, 10, OFFSET, OFFSET) + b"lie"
-    log, got = judge(tmp_path / "a.mcap", raw[:at] + bare + raw[at:], rows, most_lost=0)
-    assert got == rows
-    assert (log.damage[0].offset, log.damage[0].size) == (at, len(bare))
-
-
 def test_rows_need_not_come_in_the_order_of_their_times(tmp_path):
     """Two channels of which one is late: the head of a chunk holds the least and the greatest time."""
     path = tmp_path / "a.mcap"
@@ -203,29 +191,6 @@ def test_rows_need_not_come_in_the_order_of_their_times(tmp_path):
     assert [row[2] for row in got] == [57, 50, 27, 20, 97, 90, 47, 40]
     assert log.damage == []
     assert log.clean
-
-
-@pytest.mark.parametrize("place", [0, 8])
-def test_wrong_times_at_the_head_of_a_chunk_are_told_and_cost_no_row(whole, tmp_path, place):
-    """Its first time, then its last: no CRC of the chunk guards them."""
-    raw, rows = whole
-    at, _ = chunks_of(raw)[1]
-    log, got = judge(tmp_path / "a.mcap", flipped(raw, at + 9 + place, 2), rows, most_lost=0)
-    assert got == rows
-    (damage,) = log.damage
-    assert (damage.offset, damage.size, damage.certain) == (at + 9, 16, True)
-    assert "times at a chunk's head" in damage.what
-
-
-def test_a_damaged_index_or_header_is_told_and_costs_no_row(whole, tmp_path):
-    raw, rows = whole
-    at, length = chunks_of(raw)[1]
-    header = raw.replace(b"plumbob recording 1", b"plumbob recording 3", 1)
-    for damaged, what in ((flipped(raw, at + length + 20, 4), "index"), (header, "the CRC of all data")):
-        log, got = judge(tmp_path / "a.mcap", damaged, rows, most_lost=0)
-        assert got == rows
-        assert what in log.damage[0].what
-        assert log.damage[0].certain
 
 
 def test_lost_rows_of_a_rare_channel_are_counted_though_it_never_comes_again(tmp_path):

@@ -48,44 +48,37 @@ def test_a_whole_recording_stays_as_it_is(tmp_path):
     assert rows_of(open_log(tmp_path / "b.mcap")) == rows
 
 
-def test_cuts(tmp_path):
-    rows = record(tmp_path / "a.mcap", count=40)
-    raw = (tmp_path / "a.mcap").read_bytes()
-    cut = tmp_path / "c" / "a.mcap"
-    cut.parent.mkdir()
-    for size in [0, 4, 8, 20, *random.Random(1).sample(range(len(raw)), 20)]:
-        cut.write_bytes(raw[:size])
-        verdict, got = check(cut, tmp_path / "out.mcap", rows)
-        assert got == rows[: len(got)]
-        assert verdict.whole is False
+def cuts(raw, rng):
+    return (raw[:size] for size in [0, 4, 8, 20, *rng.sample(range(len(raw)), 20)])
 
 
-def test_flips(tmp_path):
-    rows = record(tmp_path / "a.mcap", count=40)
-    raw = (tmp_path / "a.mcap").read_bytes()
-    bad = tmp_path / "c" / "a.mcap"
-    bad.parent.mkdir()
-    rng = random.Random(2)
-    for _ in range(25):
-        bad.write_bytes(flipped(raw, rng.randrange(len(raw)), 1 << rng.randrange(8)))
-        verdict, got = check(bad, tmp_path / "out.mcap", rows)
-        assert verdict.lossy == (len(got) < len(rows)) or any(not d.certain for d in verdict.damage)
-        assert sum(verdict.lost.values()) == len(rows) - len(got)
+def flips(raw, rng):
+    return (flipped(raw, rng.randrange(len(raw)), 1 << rng.randrange(8)) for _ in range(25))
 
 
-def test_zeroed_ranges(tmp_path):
+def zeroed(raw, rng):
     """From a byte to most of the file, as a disk that lost its cache leaves them."""
-    rows = record(tmp_path / "a.mcap", count=40)
-    raw = (tmp_path / "a.mcap").read_bytes()
-    bad = tmp_path / "c" / "a.mcap"
-    bad.parent.mkdir()
-    rng = random.Random(3)
     for _ in range(25):
         at = rng.randrange(len(raw))
         size = min(len(raw) - at, int(len(raw) ** rng.random()))
-        bad.write_bytes(raw[:at] + bytes(size) + raw[at + size :])
+        yield raw[:at] + bytes(size) + raw[at + size :]
+
+
+@pytest.mark.parametrize("damaged", [cuts, flips, zeroed])
+def test_a_damaged_recording(tmp_path, damaged):
+    rows = record(tmp_path / "a.mcap", count=40)
+    bad = tmp_path / "c" / "a.mcap"
+    bad.parent.mkdir()
+    for raw in damaged((tmp_path / "a.mcap").read_bytes(), random.Random(2)):
+        bad.write_bytes(raw)
         verdict, got = check(bad, tmp_path / "out.mcap", rows)
-        assert verdict.lossy >= (len(got) < len(rows))
+        assert verdict.lossy >= (len(got) < len(rows)) or damaged is cuts
+        if damaged is cuts:
+            assert got == rows[: len(got)]
+            assert not verdict.whole
+        elif damaged is flips:
+            assert verdict.lossy == (len(got) < len(rows)) or any(not d.certain for d in verdict.damage)
+            assert sum(verdict.lost.values()) == len(rows) - len(got)
 
 
 def test_a_crash_between_chunks_loses_nothing(tmp_path):
