@@ -45,8 +45,14 @@ def test_angles_alone_and_in_degrees(tmp_path: Path) -> None:
     assert found.sd is None and found.hand is None and found.flags is None
 
 
+def flipped(file):
+    content = bytearray(some_track(400).save(file).read_bytes())
+    content[2000] ^= 4
+    file.write_bytes(content)
+
+
 @pytest.mark.parametrize(
-    ("text", "error", "match"),
+    ("table", "error", "match"),
     [
         ("t [s],elbow\n0,1\n", UnitError, "has no unit"),
         ("t [s],elbow [m]\n0,1\n", UnitError, "not a unit of angle"),
@@ -57,35 +63,20 @@ def test_angles_alone_and_in_degrees(tmp_path: Path) -> None:
         ("t [s],a [rad],a [rad]\n0,1,2\n", DecodeError, "twice"),
         ("", DecodeError, "first line"),
         ("t [s],a [rad]\n", ShapeError, "empty"),
+        (lambda folder: JointTrack.load(folder / "flipped.parquet"), DecodeError, "flipped.parquet"),
+        (lambda _: JointTrack([0.0], ("a", "a"), [[0.0, 0.0]]), ShapeError, "occurs twice"),
+        (lambda _: JointTrack([0.0], ("a", "a_sd"), [[0.0, 0.0]]), ShapeError, "standard deviation of 'a'"),
+        (lambda _: JointTrack([0.0], ("a",), [[np.inf]]), ShapeError, "infinite"),
+        (lambda _: JointTrack([0.0], ("a",), [[0.0]], sd=[[-0.1]]), ShapeError, "negative"),
+        (lambda folder: some_track().save(folder / "angles.txt"), ParameterError, r"ends in \.csv"),
     ],
 )
-def test_a_table_that_says_too_little_is_refused(tmp_path: Path, text: str, error: type[Exception], match: str) -> None:
-    file = tmp_path / "angles.csv"
-    file.write_text(text)
+def test_what_is_no_table_of_angles_is_refused(tmp_path: Path, table, error: type[Exception], match: str) -> None:
+    flipped(tmp_path / "flipped.parquet")
+    if isinstance(table, str):
+        (tmp_path / "angles.csv").write_text(table)
     with pytest.raises(error, match=match):
-        JointTrack.load(file)
-
-
-def test_a_flipped_bit_is_refused(tmp_path: Path) -> None:
-    file = some_track(400).save(tmp_path / "angles.parquet")
-    content = bytearray(file.read_bytes())
-    content[2000] ^= 4
-    file.write_bytes(content)
-    with pytest.raises(DecodeError, match=str(file)):
-        JointTrack.load(file)
-
-
-def test_wrong_parts_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ShapeError, match="occurs twice"):
-        JointTrack([0.0], ("a", "a"), [[0.0, 0.0]])
-    with pytest.raises(ShapeError, match="standard deviation of 'a'"):
-        JointTrack([0.0], ("a", "a_sd"), [[0.0, 0.0]])
-    with pytest.raises(ShapeError, match="infinite"):
-        JointTrack([0.0], ("a",), [[np.inf]])
-    with pytest.raises(ShapeError, match="negative"):
-        JointTrack([0.0], ("a",), [[0.0]], sd=[[-0.1]])
-    with pytest.raises(ParameterError, match=r"ends in \.csv"):
-        some_track().save(tmp_path / "angles.txt")
+        JointTrack.load(tmp_path / "angles.csv") if isinstance(table, str) else table(tmp_path)
 
 
 def test_a_slice_is_a_track() -> None:

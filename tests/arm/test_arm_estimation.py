@@ -1,6 +1,7 @@
 """A chain that was aligned and estimated: against the simulated truth, turned, renamed, hurt, and in other frames."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -27,10 +28,16 @@ def moved(name, seconds=20.0, *, program="calibration", seed=2, rate=50.0, frame
     )
 
 
+@cache
+def aligned(name):
+    """Recording of a chain, with 20 µT bent at the forearm, and its card; both are made once."""
+    made = moved(name, 25.0 if name == "five" else 20.0, bend=20.0)
+    return made, align(made.chain, made.array, params=INSTANT, poses=[(0.0, 1.5, made.angles[0])])
+
+
 @pytest.fixture(scope="module")
 def five():
-    made = moved("five", 25.0)
-    return made, align(made.chain, made.array, params=INSTANT, poses=[(0.0, 1.5, made.angles[0])])
+    return aligned("five")
 
 
 def errors(made, tracks, rows=slice(None)):
@@ -69,8 +76,7 @@ def with_hole(array, unit, triad, start, end):
 def test_joints_and_hand_are_within_the_bars(name, causal):
     # bars of the issue: joints 2° rms, hand 2 % of the arm's length, units mounted up to 5° and 2 cm off, and 20 µT
     # bent at the forearm
-    made = moved(name, bend=20.0)
-    card = align(made.chain, made.array, params=INSTANT, poses=[(0.0, 1.5, made.angles[0])])
+    made, card = aligned(name)
     pose = made.angles[0] if made.chain.base_fixed else None
     found = run(card, made.array, params=INSTANT, pose=pose, causal=causal)
     settled = made.t > 3.0
@@ -87,8 +93,7 @@ def test_joints_and_hand_are_within_the_bars(name, causal):
 def test_mounts_are_found_within_their_standard_deviations():
     pulls = []
     for name in ("arm", "five"):
-        made = moved(name, 20.0, seed=7)
-        card = align(made.chain, made.array, params=INSTANT, poses=[(0.0, 1.5, made.angles[0])])
+        made, card = aligned(name)
         for one in card.chain.segments:
             if one.unit:
                 true, sd = made.mounts[one.unit], np.array(card.mount_sd[one.unit])
@@ -100,9 +105,8 @@ def test_mounts_are_found_within_their_standard_deviations():
 
 def test_a_bent_field_bends_no_joint(five):
     made, card = five
-    bent = moved("five", 25.0, bend=20.0)
-    plain, other = (run(card, one.array, params=INSTANT) for one in (made, bent))
-    change = np.abs(plain.joints.angles - other.joints.angles)[made.t > 3.0]
+    plain, bent = (run(card, array, params=INSTANT) for array in (moved("five", 25.0).array, made.array))
+    change = np.abs(plain.joints.angles - bent.joints.angles)[made.t > 3.0]
     assert np.degrees(change.max()) < 0.2  # a tenth of the bar
 
 

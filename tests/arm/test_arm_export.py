@@ -20,6 +20,7 @@ from tests.helpers.arm_samples import pick_and_place
 def program() -> Program:
     """2.5 s and names that need quotes; its smallest numbers have powers of ten."""
     made = taught(pick_and_place([[0.0, 1e-5], [0.3, 0.4]], rest=0.5, move=1.5), Limits(jerk=50.0), rate=125.0)
+    assert 0.0 < np.abs(made.angles[made.angles != 0.0]).min() < 1e-4
     return Program(
         made.t, made.angles, ("elbow: left", 'wrist "1"'), made.velocities, made.accelerations, made.recorded
     )  # fmt: skip
@@ -39,14 +40,9 @@ def same_trajectory(found, program: Program) -> None:
     np.testing.assert_allclose([time["sec"] + 1e-9 * time["nanosec"] for time in times], program.t, atol=1e-9)
 
 
-def test_yaml_is_read_by_pyyaml(program: Program, tmp_path: Path) -> None:
-    file = export(program, tmp_path / "p.yaml")
-    assert "e-0" in file.read_text()
-    same_trajectory(yaml.safe_load(file.read_text()), program)
-
-
-def test_json_is_read_by_json(program: Program, tmp_path: Path) -> None:
-    same_trajectory(json.loads(export(program, tmp_path / "p.json").read_text()), program)
+@pytest.mark.parametrize(("suffix", "reader"), [("yaml", yaml.safe_load), ("json", json.loads)])
+def test_text_is_read_by_readers_of_others(program: Program, tmp_path: Path, suffix: str, reader) -> None:
+    same_trajectory(reader(export(program, tmp_path / f"p.{suffix}").read_text()), program)
 
 
 def test_mcap_is_read_as_ros_2(program: Program, tmp_path: Path) -> None:
@@ -83,11 +79,11 @@ def test_csv_is_read_by_csv_and_by_us(program: Program, tmp_path: Path, unit: st
     np.testing.assert_allclose(again.velocities, program.velocities, atol=50 * 0.008**2)
 
 
-def test_what_cannot_be_written_is_refused(program: Program, tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match=r"\.bag"):
-        export(program, tmp_path / "p.bag")
-    with pytest.raises(ParameterError, match="always in radians"):
-        export(program, tmp_path / "p.json", unit="deg")
-    file = export(program, tmp_path / "p.parquet")
-    with pytest.raises(ParameterError, match="exists already"):
-        export(program, file)
+@pytest.mark.parametrize(
+    ("name", "more", "match"),
+    [("p.bag", {}, r"\.bag"), ("p.json", {"unit": "deg"}, "in radians"), ("p.parquet", {}, "exists already")],
+)
+def test_what_cannot_be_written_is_refused(program: Program, tmp_path: Path, name: str, more, match: str) -> None:
+    export(program, tmp_path / "p.parquet")
+    with pytest.raises(ParameterError, match=match):
+        export(program, tmp_path / name, **more)

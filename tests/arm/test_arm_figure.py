@@ -47,16 +47,13 @@ def test_only_the_one_script_may_run_and_names_cannot_leave_their_place() -> Non
     chain = Chain(bad, (Segment("base"), Segment(bad)), (Joint("j", "base", bad, axes=((0, 0, 1.0),)),))
     page = Report(bad, scenes=[stick_figure(chain, np.arange(3.0), np.zeros((3, 1)))]).page()
     assert "<script>alert" not in page
+    assert "<script" not in Report("a").page() and "script-src" not in Report("a").page()
     (script,) = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
     digest = b64encode(sha256(script.encode()).digest()).decode()
     (policy,) = re.findall(r'Content-Security-Policy" content="([^"]*)"', page)
     assert policy == f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
     assert data_of(page)["names"] == ["base", bad]
     assert not re.search(r"(?:src|href)=|https?://(?!www\.w3\.org)", page)
-
-
-def test_a_page_without_a_scene_has_no_script() -> None:
-    assert "<script" not in Report("a").page() and "script-src" not in Report("a").page()
 
 
 def test_a_report_has_angles_hand_and_program() -> None:
@@ -68,10 +65,7 @@ def test_a_report_has_angles_hand_and_program() -> None:
     report = arm_report(chain, track, program=taught(track, chain), truth=truth, facts=[("take", "7")])
     rows = {row[0]: row for row in report.tables[0].rows}
     assert rows["elbow"][3:] == ["0.57", "2.00", "2.00"]  # 0.01 rad, and an error of 2° everywhere
-    page = report.page()
-    for caption in ("Joint angles over time, with the band of ±σ", "Position of the hand over time", "Stops"):
-        assert caption in page
-    assert len(data_of(page)["shadow"]) == 5
+    assert len(data_of(report.page())["shadow"]) == 5
     with pytest.raises(ParameterError, match="the angles of arm are"):
         arm_report(chain, JointTrack([0.0], ("a",), [[0.0]]))
     with pytest.raises(ShapeError, match="truth must have the times"):

@@ -1,5 +1,7 @@
 """Teach-in: limits, stops and ends are kept whatever was recorded; what is smoothed and slowed is what must be."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,6 +12,7 @@ from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.data.chain import Chain, Joint, Limits, Segment
 from tests.helpers.arm_samples import eased, pick_and_place
 
+POSITIVE = ("rate", "smooth", "still", "dwell")
 WIDE = Limits(-10.0, 10.0, 1e3, 1e5, 1e7)
 
 
@@ -146,14 +149,19 @@ def test_limits_of_a_chain_are_by_name():
         taught(JointTrack(np.arange(20.0), ("k",), np.zeros((20, 1))), chain)
 
 
-def test_what_cannot_be_taught_is_refused():
-    track = pick_and_place([[0.0], [1.0]])
-    for name in ("rate", "smooth", "still", "dwell"):
-        with pytest.raises(ParameterError, match=f"{name} must be above 0"):
-            taught(track, **{name: 0.0})
-    with pytest.raises(ShapeError, match="8 samples"):
-        taught(track[:5])
-    with pytest.raises(ParameterError, match="1 angle need"):
-        taught(track, [Limits(), Limits()])
-    with pytest.raises(ShapeError, match="finite"):
-        Program([0.0, 1.0, 2.0], [[0.0], [np.nan], [0.0]], ("a",), np.zeros((3, 1)), np.zeros((3, 1)))
+ONE = pick_and_place([[0.0], [1.0]])
+NO_NUMBER = ([0.0, 1.0, 2.0], [[0.0], [np.nan], [0.0]], ("a",), np.zeros((3, 1)), np.zeros((3, 1)))
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "match"),
+    [
+        *((partial(taught, ONE, **{name: 0.0}), ParameterError, f"{name} must be above 0") for name in POSITIVE),
+        (partial(taught, ONE[:5]), ShapeError, "8 samples"),
+        (partial(taught, ONE, [Limits(), Limits()]), ParameterError, "1 angle need"),
+        (partial(Program, *NO_NUMBER), ShapeError, "finite"),
+    ],
+)
+def test_what_cannot_be_taught_is_refused(make, error, match):
+    with pytest.raises(error, match=match):
+        make()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_angle, quat_from_euler_zyx
 from plumbob.simulation import GimbalMotion, PoseMotion, scenario
@@ -41,13 +41,6 @@ def test_a_pose_motion_rests_in_each_pose_and_goes_the_short_way():
     whole = float(quat_angle(poses[0], poses[1]))
     peak = 15.0 / 8.0 * whole / 0.5  # of the quintic, 30 u² (1 − u)² at u = 1/2
     assert np.linalg.norm(between.rate_b, axis=1).max() == pytest.approx(peak, rel=1e-12)
-
-
-def test_a_pose_motion_needs_poses_and_times():
-    with pytest.raises(ShapeError, match="at least one pose"):
-        PoseMotion(Frame.NED, np.empty((0, 4)), 1.0, 1.0)
-    with pytest.raises(ParameterError, match="must be positive"):
-        PoseMotion(Frame.NED, [[1.0, 0.0, 0.0, 0.0]], 0.0, 1.0)
 
 
 def test_gimbals_in_the_order_of_euler_angles_are_euler_angles():

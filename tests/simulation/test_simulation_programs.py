@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.data.chain import Limits
 from plumbob.simulation import CHAINS, waypoints
 from plumbob.simulation.programs import move_times
@@ -41,13 +40,3 @@ def test_waypoints_are_reached_with_their_stops():
         np.testing.assert_allclose(jet.value, np.tile(pose, (3, 1)), atol=1e-12)
         np.testing.assert_allclose(jet.rate, 0.0, atol=1e-9)
     assert made.duration == made.stops[-1][1]
-
-
-def test_waypoints_refuse_what_cannot_be_done():
-    chain = CHAINS["teach"]
-    with pytest.raises(ParameterError, match=r"pose 1 takes j2 to 120\.0°, beyond its limits"):
-        waypoints(chain, np.deg2rad([[0] * 6, [0, 120, 0, 0, 0, 0]]))
-    with pytest.raises(ParameterError, match="at least two poses"):
-        waypoints(chain, np.zeros((1, 6)))
-    with pytest.raises(ShapeError, match="poses"):
-        waypoints(chain, np.zeros((2, 5)))

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from plumbob.core.errors import ParameterError
 from plumbob.simulation.signals import (
     Driven,
     Mixed,
@@ -88,13 +87,6 @@ def test_moves_stay_where_they_arrive():
     t = np.array([0.0, 3.5, 5.75, 20.0])
     np.testing.assert_allclose(MOVES.at(t).value, [0.0, 0.7, -0.4, 0.0], atol=1e-15)  # running sums of the changes
     assert not MOVES.at(t).rate.any()
-
-
-def test_moves_may_not_overlap_or_take_no_time():
-    with pytest.raises(ParameterError, match="overlap"):
-        Moves((0.0, 1.0), (1.5, 1.0), (1.0, 1.0))
-    with pytest.raises(ParameterError, match="positive duration"):
-        Moves((0.0,), (0.0,), (1.0,))
 
 
 def test_a_stroke_has_the_velocity_of_a_table_slide():
