@@ -63,16 +63,14 @@ def refusal(*words):
 
 
 def test_a_still_recording_gives_the_bias_and_says_so(captures, tmp_path):
-    told = ok("calibrate", "gyro", captures / "still.parquet", "--out", tmp_path / "card.json").stdout
-    assert "only the bias was found" in told
+    ok("calibrate", "gyro", captures / "still.parquet", "--out", tmp_path / "card.json")
     gyr = CalibrationCard.load(tmp_path / "card.json").gyr
     assert (np.abs(gyr.bias - hand(1).bias) <= 5.0 * gyr.bias_sd).all()
     assert (gyr.matrix == np.eye(3)).all() and gyr.temp_ref_c == pytest.approx(30.0)
 
 
 def test_hand_motion_gives_scale_and_axes_and_keeps_the_accelerometer(captures, tmp_path):
-    loud = ok("calibrate", "gyro", captures / "hand.parquet").stdout
-    assert "--method hand" in loud and "UNCALIBRATED" in loud and "NOT WRITTEN" in loud
+    assert "UNCALIBRATED" in ok("calibrate", "gyro", captures / "hand.parquet").stdout
     words = ("--calibration", captures / "acc.json", "--out", tmp_path / "card.json", "--json")
     found = json.loads(ok("calibrate", "gyro", captures / "hand.parquet", *words).stdout)
     assert not any("UNCALIBRATED" in remark for remark in found["remarks"]["gyr"])
@@ -92,8 +90,6 @@ def test_a_ferraris_session_whose_parts_are_found_or_told(captures, tmp_path):
         card = CalibrationCard.load(tmp_path / name)
         assert (np.abs(card.gyr.matrix - session.matrix) <= 4.0 * card.gyr.matrix_sd).all()
         assert (np.abs(card.acc.matrix - np.eye(3)) <= 5.0 * card.acc.matrix_sd).all()
-    (tmp_path / "parts.csv").write_text("part,from_s,to_s\nx_p,3,2\n")
-    assert "a span needs a length" in refused(*words, "--parts", tmp_path / "parts.csv")
     assert "no turn" in plumbob(*words, "--to", "13s").stderr
 
 
@@ -122,7 +118,7 @@ def test_a_soak_keeps_the_matrix_of_the_card(captures, tmp_path):
     recording(tmp_path / "soak.parquet", soak, temp_c=temp_c)
     ok("calibrate", "gyro", captures / "hand.parquet", "--out", tmp_path / "hand.json")
     words = ("--calibration", tmp_path / "hand.json", "--out", tmp_path / "both.json")
-    assert "degree 1" in ok("calibrate", "temperature", tmp_path / "soak.parquet", *words).stdout
+    ok("calibrate", "temperature", tmp_path / "soak.parquet", *words)
     by_hand, both = (CalibrationCard.load(tmp_path / name).gyr for name in ("hand.json", "both.json"))
     assert (both.matrix == by_hand.matrix).all()
     assert (np.abs(both.bias_per_k[0] - slope) <= 5.0 * both.bias_per_k_sd[0]).all()
@@ -139,9 +135,7 @@ def test_the_trackball_preset_says_that_nothing_was_measured(captures, tmp_path)
     assert np.abs(to_dps(gyr.bias - hand(1).bias) + [0.5, 0.5, 0.6]).max() < 0.02
     at_rest = apply_card(CalibrationCard.load(tmp_path / "card.json"), files.read(captures / "still.parquet").imu).gyr
     assert np.abs(at_rest.mean(axis=0)).max() < dps(1e-3)  # the fit leaves out a part of a block: 4 of 1000 samples
-    assert "none is given; pass temp_c" in refused(
-        "calibrate", "gyro", captures / "hand.parquet", "--preset", "trackball"
-    )
+    assert "pass temp_c" in refused("calibrate", "gyro", captures / "hand.parquet", "--preset", "trackball")
 
 
 def test_captures_that_are_none_leave_no_card(captures, tmp_path):
@@ -159,34 +153,24 @@ def test_captures_that_are_none_leave_no_card(captures, tmp_path):
     assert refusal("calibrate", "gyro", tmp_path / "shaken.parquet", "--out", out) == ["not-still"]
     assert refusal("calibrate", "gyro", tmp_path / "clipped.parquet", "--out", out)[0] == "clipping"
     assert "If the source holds °/s" in refused("calibrate", "gyro", tmp_path / "degrees.csv", "--out", out)
-    (tmp_path / "cut.parquet").write_bytes((captures / "hand.parquet").read_bytes()[:5000])
-    refused("calibrate", "gyro", tmp_path / "cut.parquet", "--out", out)
     assert not out.exists()
-
-
-def test_options_without_effect_are_refused(captures):
-    words = ("calibrate", "gyro", captures / "still.parquet")
-    assert "belongs to --method ferraris" in refused(*words, "--angle", "360deg")
-    assert "method of its own" in refused(*words, "--preset", "trackball", "--method", "rest")
-    both = ("--method", "ferraris", "--parts", "p.csv", "--part-column", "part")
-    assert "Give one of them" in refused(*words, *both)
 
 
 def test_hand_motion_needs_an_accelerometer(tmp_path):
     t, rng = np.arange(3000) / 100.0, np.random.default_rng(0)
     gyro = ImuData(t=t, gyr=dps(0.1) * rng.standard_normal((t.size, 3)), meta=ImuMeta(device="unit 7"))
-    words = ("calibrate", "gyro", files.write(tmp_path / "gyro.parquet", gyro), "--method", "hand")
-    assert "against the accelerometer, and there is no acc" in refused(*words)
+    files.write(tmp_path / "gyro.parquet", gyro)
+    why = refused("calibrate", "gyro", tmp_path / "gyro.parquet", "--method", "hand")
+    assert "against the accelerometer, and there is no acc" in why
 
 
-def test_what_the_reader_found_is_told_first(captures, tmp_path):
+def test_a_gyroscope_that_turns_against_the_accelerometer_is_told_first(captures, tmp_path):
     session = hand(1)
     recording(tmp_path / "turned.parquet", session._replace(gyr=-session.gyr))
     told = ok("calibrate", "accel", tmp_path / "turned.parquet").stderr
     assert "note: turned.parquet: gyroscope: it turns against the accelerometer" in told
-    assert "uncalibrated" not in told.lower()
     assert refusal("calibrate", "gyro", tmp_path / "turned.parquet") == ["implausible"]
-    assert "note" not in ok("calibrate", "accel", captures / "hand.parquet").stderr
+    assert ok("calibrate", "accel", captures / "hand.parquet").stderr == ""
 
 
 def test_a_turning_table_is_no_rest_where_a_magnetometer_sees_it(tmp_path):
@@ -194,9 +178,9 @@ def test_a_turning_table_is_no_rest_where_a_magnetometer_sees_it(tmp_path):
     t = np.arange(3000) / 100.0
     gyr, acc = dps(0.1) * rng.standard_normal((2, t.size, 3)) + [[[0.0, 0.0, dps(3.0)]], [[0.0, 0.0, -G0]]]
     mag = np.stack((25.0 * np.cos(dps(3.0) * t), -25.0 * np.sin(dps(3.0) * t), np.full(t.size, 43.3)), axis=1)
-    meta = ImuMeta(device="unit 7")
-    file = files.write(
-        tmp_path / "turning.parquet", ImuData(t=t, gyr=gyr, acc=acc, mag=mag + rng.normal(size=mag.shape), meta=meta)
-    )
-    for words in (("gyro",), ("gyro", "--method", "rest"), ("gyro", "--preset", "trackball")):
-        assert refusal("calibrate", words[0], file, *words[1:]) == ["not-still"]
+    imu = ImuData(t=t, gyr=gyr, acc=acc, mag=mag + rng.normal(size=mag.shape), meta=ImuMeta(device="unit 7"))
+    file = files.write(tmp_path / "turning.parquet", imu)
+    kinds = [
+        refusal("calibrate", "gyro", file, *words) for words in ((), ("--method", "rest"), ("--preset", "trackball"))
+    ]
+    assert kinds == [["not-still"]] * 3

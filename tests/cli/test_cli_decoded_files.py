@@ -11,7 +11,7 @@ from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode, prefixes_of, triads_of
 from plumbob.protocols.find import find_format
 from plumbob.protocols.rigs import names
-from tests.helpers.commandline import call, ok, refused
+from tests.helpers.commandline import answer, ok, typed
 
 SENSORS = [name for name in (*catalog.names(), *names()) if any(map(prefixes_of, find_format(name).messages))]
 
@@ -49,43 +49,44 @@ def test_every_format_with_sensors_is_read_back(name, tmp_path):
 @pytest.mark.parametrize("suffix", ["csv", "txt", "parquet"])
 def test_every_verb_reads_it(buoy, suffix):
     file = f"{suffix}.{suffix}"
-    ok("decode", "sea.bin", "--format", "buoy", "--out", file, cwd=buoy)
-    assert "1200 samples, 11.990 s, 100 Hz" in ok("info", file, cwd=buoy).stdout
-    assert "1200 samples" in ok("run", file, "--filter", "mahony", "--frame", "NED", cwd=buoy).stdout
-    ok("convert", file, f"from_{suffix}.parquet", cwd=buoy)
+    typed(f"decode sea.bin --format buoy --out {file}", cwd=buoy)
+    time = answer(f"info {file}", cwd=buoy)["sensors"]["time"]
+    assert (time["samples"], time["rate_hz"]) == (1200, pytest.approx(100.0))
+    assert answer(f"run {file} --filter mahony --frame NED", cwd=buoy)["samples"] == 1200
+    typed(f"convert {file} from_{suffix}.parquet", cwd=buoy)
     imu = read(buoy / f"from_{suffix}.parquet").imu
     assert np.count_nonzero(np.isnan(imu.mag[:, 0])) == 300  # the magnetometer has 75 Hz: each fourth is absent
-    for verb in (["allan", file], ["calibrate", "gyro", file, "--method", "rest"]):
-        done = call(*verb, cwd=buoy)
-        assert done.returncode == 1 and "still" in done.stderr  # it was read, and judged: a buoy moves
-
-
-def test_a_table_without_a_time_asks_for_its_rate(tmp_path):
-    form = settled(find_format("hmc5983"))
-    (tmp_path / "raw.bin").write_bytes(b"".join(frames_of(form, 30, np.random.default_rng(1))))
-    for suffix in ("csv", "parquet"):
-        ok("decode", tmp_path / "raw.bin", "--format", "hmc5983", "--out", tmp_path / f"a.{suffix}")
-        with pytest.raises(DecodeError, match=r"1 open question: time\.rate"):
-            read(tmp_path / f"a.{suffix}")
+    for verb in ("allan", "calibrate gyro --method rest"):  # it was read, and judged: a buoy moves
+        assert "still" in typed(verb, file, cwd=buoy, code=1).stderr
 
 
 def test_the_unit_that_is_read_is_one_of_the_frame(tmp_path):
     raw = tmp_path / "raw.bin"
     raw.write_bytes(b"".join(frames_of(settled(find_format("arm")), 30, np.random.default_rng(1))))
-    done = ok("decode", raw, "--format", "arm", "--out", tmp_path / "a.csv")
+    typed("decode raw.bin --format arm --unit u2 --rate '50 Hz' --out a.csv", cwd=tmp_path)
+    done = typed("decode raw.bin --format arm --rate '50 Hz' --out b.csv", cwd=tmp_path)
     assert "read as unit u1 of u1, u2, u3, u4, u5, u6" in done.stderr
-    line = refused("decode", raw, "--format", "arm", "--unit", "u7", "--out", tmp_path / "b.csv")
-    assert "has no unit 'u7'; known are u1, u2" in line
-    assert not (tmp_path / "b.csv").exists()
+    decoded = next(iter(decode(raw.read_bytes(), settled(find_format("arm")))[0].values()))
+    for name, unit in (("a", "u2"), ("b", "u1")):
+        np.testing.assert_allclose(read(tmp_path / f"{name}.csv").imu.gyr, triads_of(decoded, unit)["gyr"], rtol=1e-11)
 
 
-def test_a_changed_table_is_refused(buoy):
-    ok("decode", "sea.bin", "--format", "buoy", "--out", "whole.parquet", cwd=buoy)
-    table = pq.read_table(buoy / "whole.parquet")
-    pq.write_table(table.drop_columns(["gyr.x [rad/s]"]), buoy / "less.parquet")
-    with pytest.raises(DecodeError, match=r"less\.parquet: it has no column gyr\.x \[rad/s\], which its own profile"):
-        read(buoy / "less.parquet")
-    words = table.column_names.index("flags")
-    pq.write_table(table.set_column(words, "flags", [["gap+tired"] * len(table)]), buoy / "odd.parquet")
-    with pytest.raises(DecodeError, match="'tired' is not the name of a flag"):
-        read(buoy / "odd.parquet")
+def test_a_table_that_was_changed_or_has_no_time_is_refused(buoy, tmp_path):
+    typed(f"decode sea.bin --format buoy --out {tmp_path}/whole.parquet", cwd=buoy)
+    table = pq.read_table(tmp_path / "whole.parquet")
+    pq.write_table(table.drop_columns(["gyr.x [rad/s]"]), tmp_path / "less.parquet")
+    flags = table.column_names.index("flags")
+    pq.write_table(table.set_column(flags, "flags", [["gap+tired"] * len(table)]), tmp_path / "odd.parquet")
+    (tmp_path / "raw.bin").write_bytes(
+        b"".join(frames_of(settled(find_format("hmc5983")), 30, np.random.default_rng(1)))
+    )
+    for suffix in ("csv", "parquet"):
+        typed(f"decode raw.bin --format hmc5983 --out timeless.{suffix}", cwd=tmp_path)
+    for name, why in (
+        ("less.parquet", r"less\.parquet: it has no column gyr\.x \[rad/s\], which its own profile"),
+        ("odd.parquet", "'tired' is not the name of a flag"),
+        ("timeless.csv", r"1 open question: time\.rate"),
+        ("timeless.parquet", r"1 open question: time\.rate"),
+    ):
+        with pytest.raises(DecodeError, match=why):
+            read(tmp_path / name)

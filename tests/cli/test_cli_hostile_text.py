@@ -40,28 +40,22 @@ def test_info_shows_the_device_of_a_recording(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["sensors"]["device"] == STEER
 
 
-def test_verify_shows_the_topics_of_a_recording(tmp_path, capsys):
+def test_topics_cards_and_errors_are_shown_so_too(tmp_path, capsys, monkeypatch):
+    """Wherever a verb prints: output and messages go through one door."""
+    monkeypatch.chdir(tmp_path)
     recorder = Recorder(tmp_path / "a.mcap", epoch_offset_ns=0)
     number = recorder.channel(STEER, "json")
     with recorder:
         recorder.write(number, 1, b"{}")
-    assert main(["verify", str(tmp_path / "a.mcap")]) == 0
-    assert f"rows         {SHOWN}: 1" in capsys.readouterr().out
-
-
-def test_a_card_and_an_error_are_shown_so_too(tmp_path, capsys, monkeypatch):
-    """Wherever a verb prints: output and messages go through one door."""
-    monkeypatch.chdir(tmp_path)
     noise = TriadNoise([1e-4] * 3, [1e-5] * 3, [0.0] * 3)
     NoiseCard("unit\x1b[2J", "data\x1b[1m sheet", gyr=noise).save("card.json")
-    main(["info", "card.json"])
+    assert [main(["verify", "a.mcap"]), main(["info", "card.json"])] == [0, 0]
     text = (tmp_path / "card.json").read_text().replace("format_version", "\\u001b[2J")
     (tmp_path / "card.json").write_text(text)
-    main(["run", "x.parquet", "--noise", "card.json", "--filter", "mekf\x1b[2J"])
+    assert main(["run", "x.parquet", "--noise", "card.json", "--filter", "mekf\x1b[2J"]) == 1
     shown = capsys.readouterr()
-    assert "\\x1b[2J" in shown.out
-    assert "\\x1b[2J" in shown.err
-    assert "\x1b" not in shown.out + shown.err
+    assert f"rows         {SHOWN}: 1" in shown.out
+    assert [("\\x1b[2J" in text, "\x1b" in text) for text in (shown.out, shown.err)] == [(True, False)] * 2
 
 
 def test_a_title_does_not_end_the_comment_of_a_header():
