@@ -1,5 +1,7 @@
 """The page of accuracy: what is drawn, what is chosen, and how it is written."""
 
+import re
+
 import pytest
 
 from benchmarks import accuracy
@@ -22,20 +24,10 @@ def test_what_is_best_on_one_half_is_judged_on_the_other():
     """The first set is best on the first recordings and worst on the second, the second the other way round."""
     usual, first, second = ({name: pair for name in accuracy.SETS} for pair in ([1.0, 1.0], [0.5, 2.0], [1.5, 0.8]))
     text = accuracy.choice_text({"sets": [usual, first, second]})
-    assert "| BROAD, even recordings | 1.00 | 2.00 | 0.80 | +100% |" in text
-    assert "| BROAD, odd recordings | 1.00 | 1.50 | 0.50 | +50% |" in text
-
-
-def test_the_draws_are_summed_up():
-    text = accuracy.draws_text([1.0, 2.0, 3.0], 1.7)
-    assert "3 sets of parameters" in text
-    assert "mean total 2.00, 5 to 95 %: 1.10 to 2.90, worst 3.00" in text
-
-
-def test_the_least_error_of_a_row_is_bold_and_what_is_not_known_a_dash():
-    errors = {"total_rmse_deg": 2.0, "heading_rmse_deg": 1.5, "inclination_rmse_deg": 1.0}
-    rows = {"a": {"mean": {"x": errors, "y": errors | {"total_rmse_deg": 1.0}, "z": dict.fromkeys(errors)}}}
-    assert accuracy.compared(rows) == [["a", "2.00 / 1.00", "**1.00 / 1.00**", "–"]]
+    assert re.findall(r"\| BROAD, (\w+) recordings \| 1.00 \| (.*) \|$", text, re.MULTILINE) == [
+        ("even", "2.00 | 0.80 | +100%"),
+        ("odd", "1.50 | 0.50 | +50%"),
+    ]
 
 
 @pytest.mark.parametrize("name", accuracy.SETS)

@@ -28,7 +28,7 @@ def unguarded():
 def test_each_way_of_damage_does_what_it_says(kind, name):
     form = settled(catalog.load(name))
     (frame,) = frames_of(form, 1, rng())
-    for _ in range(50 if kind != "1 MB noise" else 1):
+    for _ in range(20 if kind != "1 MB noise" else 1):
         harmed = HARMS[kind](form, frame, rng())
         assert harmed != frame or kind in ("64 B noise", "1 MB noise")
         if kind in GROWTH:
@@ -39,13 +39,14 @@ def test_each_way_of_damage_does_what_it_says(kind, name):
             assert sum((a ^ b).bit_count() for a, b in zip(harmed, frame, strict=True)) == 1
         if kind == "length flip":
             assert harmed[:4] + harmed[5:] == frame[:4] + frame[5:] if name == "x5555" else harmed[1:] == frame[1:]
-    assert len(HARMS["64 B noise"](form, frame, rng())) == 64
-    assert len(HARMS["1 MB noise"](form, frame, rng())) == 1_000_000
+        assert len(harmed) == {"64 B noise": 64, "1 MB noise": 1_000_000}.get(kind, len(harmed))
 
 
 def test_damage_says_where_the_others_are():
     form = user_frame()
     frames = frames_of(form, 500, rng())
+    found, _ = decode(b"".join(frames), form)
+    assert found["user_crc16"].start.tolist() == list(range(0, 500 * 18, 18))
     stream = damage(form, frames, "byte dropped", 0.02, rng())
     assert stream.faults == 10 and len(stream.whole) == 490 and len(stream.data) == 500 * 18 - 10
     assert all(stream.data[at : at + size] in frames for at, size in stream.whole.items())
@@ -79,9 +80,9 @@ def test_without_a_check_flipped_bits_are_seen_as_wrong_frames():
 
 def test_noise_is_counted_as_often_as_it_must_pass():
     form = unguarded()
-    heard = listen_to_noise(form, 20_000_000, rng())
-    assert heard.expected == pytest.approx(20_000_000 / 65536)
-    assert abs(heard.accepted - heard.expected) < 4 * heard.expected**0.5 + 20e6 * 18 / 65536**2
+    heard = listen_to_noise(form, 5_000_000, rng())
+    assert heard.expected == pytest.approx(5_000_000 / 65536)
+    assert abs(heard.accepted - heard.expected) < 4 * heard.expected**0.5 + 5e6 * 18 / 65536**2
 
 
 def test_growth_is_noticed():
@@ -91,16 +92,9 @@ def test_growth_is_noticed():
     assert not Fuzzed(10, 1, 0, fuzzed.bound, 2, 0.1).sound
 
 
-@pytest.mark.parametrize("name", ["ahrs400", "ahrs500ga", "rion", "x5555", "adxrs453", "witmotion"])
+@pytest.mark.parametrize("name", ["ahrs400", "rion", "adxrs453", "witmotion"])
 def test_targets_are_met_on_a_small_scale(name):
-    result = measure_decoders([catalog.load(name)], frames=2000, noise=200_000, fuzzing=20_000)
+    result = measure_decoders([catalog.load(name)], frames=1000, noise=100_000, fuzzing=10_000)
     assert result.met, result.text()
     (one,) = result.formats
     assert [harm.kind for harm in one.harms] == (["bit flip"] if name == "adxrs453" else list(HARMS))
-
-
-def test_every_frame_of_an_undamaged_stream_is_found():
-    form = user_frame()
-    frames = frames_of(form, 100, rng())
-    found, _ = decode(b"".join(frames), form)
-    assert found["user_crc16"].start.tolist() == list(range(0, 1800, 18))

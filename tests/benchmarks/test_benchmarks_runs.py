@@ -1,0 +1,215 @@
+"""Each benchmark runs at its smallest, and its judge can fail; what it measures belongs to no test."""
+
+import json
+import math
+import sys
+from importlib import import_module
+from random import Random
+
+import numpy as np
+import pytest
+
+from plumbob.core import flags
+from plumbob.filters import filter_names
+from tests.helpers.commandline import call
+
+
+def run(name, *words):
+    """Exit code of a benchmark, and what it prints as JSON."""
+
+    def main(arguments):
+        before, sys.argv = sys.argv, [name, *arguments]
+        try:
+            return import_module(f"benchmarks.{name}").main()
+        finally:
+            sys.argv = before
+
+    done = call(*words, "--json", main=main)
+    return done.returncode, json.loads(done.stdout) if done.stdout else done.stderr
+
+
+def test_a_serial_line_loses_nothing():
+    code, found = run("acquire_latency", "--seconds", "0.3")
+    assert (code, found["frames"], found["lost"], found["events"]) == (0, 300, 0, 0)
+    assert 0.0 < found["p50_ms"] <= found["p99_ms"] <= found["worst_ms"]
+    assert found["reads_per_s"] > 0.0
+
+
+@pytest.mark.long(reason="starts seven processes")
+def test_allan_deviations():
+    small = ("--samples", "2000,3000", "--every", "1000", "--alone", "1000", "--rows", "50000", "--rounds", "1")
+    _, result = run("allan_speed", *small)
+    assert len(result["versus"]) == (0 if result["absent"] else 3)
+    for row in result["versus"]:
+        assert row["met"] == (row["ratio"] >= float(row["bar"].split()[1]))
+    file = result["file"]
+    assert file["met"] == (max(file["megabytes"], file["megabytes_whole"]) <= 300.0)
+    assert file["megabytes"] > 10.0
+    assert min(file["times_reading"], file["wall"], result["alone"][0]["ours"]) > 0.0
+
+
+def test_a_ratio_of_allan_deviations_is_taken_within_a_round(monkeypatch):
+    """In the second of three rounds the machine was busy; each round's own ratio is 20, 10 and 15."""
+    times = iter([1.0, 20.0, 100.0, 1000.0, 1.0, 15.0])
+    monkeypatch.setattr("benchmarks.allan_speed.cpu", lambda call: next(times))
+    row = import_module("benchmarks.allan_speed").versus("", lambda: None, lambda: None, 16.0, 3)
+    assert row["ratio"] == pytest.approx(15.0)
+    assert row["met"] is False
+
+
+def test_calibrations():
+    _, result = run("calibration_speed", "--samples", "3000", "--rounds", "1")
+    assert min(result["seconds"].values()) > 0.0
+    assert result["error_deg"]["whole"] < 1.0
+    assert bool(result["ratio"]) == ("magcal" in result["seconds"])
+
+
+@pytest.mark.parametrize(
+    "filters", ["mekf", pytest.param(",".join(filter_names()), marks=pytest.mark.long(reason="half a minute"))]
+)
+def test_filters_endure_a_few_blocks(filters):
+    code, found = run("endurance", "--samples", "5e3", "--block", "1000", "--filters", filters)
+    assert code == 0
+    assert [one["name"] for one in found] == filters.split(",")
+    for one in found:
+        assert (one["samples"], one["finite"], one["met"]) == (5000, True, True)
+        assert one["at_block_ends"] <= one["largest"] < 1e-12
+        assert one["bias_dps"] >= 0.0
+
+
+def test_blocks_that_filters_endure_are_one_recording(monkeypatch):
+    """A step apart, so that no filter starts anew between them."""
+    endurance, taken = import_module("benchmarks.endurance"), []
+    blocks = [endurance.block(seed, 500) for seed in (0, 1)]
+
+    class Listening:
+        _x = np.zeros(1)
+
+        def __init__(self, *_args, **_how):
+            self.warm_up = lambda: None
+
+        def _batch(self, t_ns, *_args):
+            taken.append(t_ns)
+            return np.tile([1.0, 0.0, 0.0, 0.0], (len(t_ns), 1)), np.zeros((len(t_ns), 3))
+
+    monkeypatch.setattr(endurance, "Filter", Listening)
+    assert endurance.endure("mekf", blocks, 1500).samples == 1500
+    assert (np.diff(np.concatenate(taken)) == endurance.STEP_NS).all()
+    assert not any((data.flags & flags.GAP).any() for data in blocks)
+
+
+def test_blocks_of_endurance_are_plausible_and_a_broken_limit_is_told():
+    """Rms of the smoothed noise is 1 rad/s in each axis by its making; |acc| and |mag| are those of Earth, with noise.
+
+    A block of 20 000 holds some 400 independent rates per axis, so that the rms scatters by 1/√2400 or 2 %. Noise of
+    0.3 m/s² leaves |acc| at g + 0.3²/g or 9.816 m/s², to 0.3/√20000 m/s².
+    """
+    endurance = import_module("benchmarks.endurance")
+    data = endurance.block(0, 20_000)
+    assert np.sqrt(np.mean(data.gyr**2)) == pytest.approx(1.0, abs=0.1)
+    assert np.linalg.norm(data.acc, axis=1).mean() == pytest.approx(9.816, abs=0.01)
+    assert np.isnan(data.mag[1::2]).all()
+    assert np.linalg.norm(data.mag[::2], axis=1).mean() == pytest.approx(np.linalg.norm(endurance.FIELD_ENU), abs=0.05)
+    assert data.acc[:, 2].min() < -8.0 < 8.0 < data.acc[:, 2].max()  # through all attitudes
+    good = {"name": "x", "samples": 1, "ns": 1.0, "at_block_ends": 0.0, "largest": 1e-13, "bias_dps": 0.0}
+    assert endurance.Endured(**good, finite=True).met
+    assert not endurance.Endured(**good, finite=False).met
+    assert not endurance.Endured(**good | {"largest": 1e-12}, finite=True).met
+
+
+def test_a_case_of_damage_is_made_again_from_its_seed():
+    """Of 100 cases every one is as it was, and most differ from what they were made of."""
+    mutated = import_module("benchmarks.fuzz_mutations").mutated
+    file = b'name = "a"\nvalue = [1, 2.5]\n' * 20
+    cases = [[mutated(Random(f"1 {case}"), file, [file], text=case % 2 == 0) for case in range(100)] for _ in "ab"]
+    assert cases[0] == cases[1]
+    assert sum(case == file for case in cases[0]) < 10
+    assert max(map(len, cases[0])) <= 1 << 20
+
+
+@pytest.mark.parametrize(
+    ("change", "good"),
+    [
+        ({}, True),
+        ({"code": 3}, True),
+        ({"code": 70}, False),
+        ({"code": 2}, False),
+        ({"traceback": True}, False),
+        ({"seconds": 11.0}, False),
+        ({"mebibytes": 301}, False),
+    ],
+)
+def test_what_is_a_bad_end_of_a_damaged_file(change, good):
+    tally = import_module("benchmarks.fuzz").Tally("a")
+    assert tally.take({"code": 0, "seconds": 0.1, "mebibytes": 20, "traceback": False} | change) == good
+    assert (tally.row()["bad"], tally.row()["cases"]) == (not good, 1)
+
+
+@pytest.mark.long(reason="40 formats of 60 files each, in a process each: three minutes")
+def test_some_damaged_files_of_every_format(tmp_path):
+    code, rows = run("fuzz", "--cases", "60", "--out", tmp_path)
+    assert code == 0, rows
+    assert all(row["cases"] == 60 for row in rows)
+    assert all(row["0"] < 60 or row["format"].startswith("raw") for row in rows)  # damage is met
+
+
+@pytest.mark.long("nine seconds: writes a minute of sea in every form, and forks a process for every trial")
+def test_no_file_is_torn_and_no_old_one_lost():
+    code, found = run("interrupted", "--trials", "4", "--verbs", "convert .tum,convert .mcap,emulate,repair")
+    assert [one["wrong"] for one in found["verbs"].values()] == [[]] * 4
+    assert (code, found["met"]) == (0, True)
+    assert all(sum(one["stopped"].values()) > 0 for one in found["verbs"].values())  # it was the work that was met
+
+
+def test_a_recorder_costs_is_killed_and_damaged(tmp_path):
+    _, cost = run("recorder_cost", "--seconds", "0.5", "--folder", tmp_path)  # a busy machine may miss the limit
+    assert (cost["rows"], cost["whole"]) == (600, True)  # 0.5 s of 1000 + 200 rows a second
+    _, kill = run("recorder_kill", "--kills", "2", "--folder", tmp_path)
+    assert (kill["acknowledged_lost"], kill["wrong_rows"], kill["repaired"]) == (0, 0, 2)
+    code, damage = run("recorder_damage", "--flips", "20", "--others", "5")
+    assert (code, damage["met"], damage["flips, plumbob"]["files"]) == (0, True, 20)
+    assert damage["flips, mcap library"]["lost_mean"] > damage["flips, plumbob"]["lost_mean"]
+
+
+@pytest.mark.long("starts the command line four times")
+def test_a_recorder_starts_again(tmp_path):
+    code, found = run("recorder_restart", "--seconds", "12", "--kills", "3", "--folder", tmp_path)
+    assert (found["starts"], found["acknowledged_lost"], found["frames_twice_or_back"]) == (4, 0, 0)
+    assert found["rows_acknowledged"] > 0
+    assert (code, found["met"]) == (0, True)
+
+
+@pytest.mark.parametrize(
+    "only", [("mahony",), pytest.param((), marks=pytest.mark.long(reason="a process that loads every filter"))]
+)
+def test_speeds_have_a_row_for_every_filter_and_a_verdict_for_every_gate(only):
+    _, result = run("speed", "--samples", "200", "--rounds", "1", *(("--only", *only) if only else ()))
+    for table in ("batch", "stream"):
+        ours = [row["name"] for row in result[table] if row["name"].startswith("plumbob ")]
+        assert {name for name in filter_names() if any(f"plumbob {name}" in row for row in ours)} == set(
+            only or filter_names()
+        )
+    assert all(row["best"] >= row["median"] > 0.0 for row in result["threads"])
+    assert len(result["gates"]) == 4 + 4 * 3 + (len(only) or 3)
+    for row in result["gates"]:
+        judged = row["target"] is not None and row["measured"] is not None
+        assert (row["met"] is not None) is judged
+
+
+def test_a_gate_of_speeds_compares_within_rounds():
+    """In the middle one of three rounds the machine was busy; each round's own ratio is 0.3, 0.5 and 0.4."""
+    speed = import_module("benchmarks.speed")
+    ours, theirs = "plumbob mekf (loop)", speed.VQF
+    times = {"batch": {ours: [30.0, 500.0, 40.0], theirs: [100.0, 1000.0, 100.0]}, "stream": {}}
+    assert speed.ratio_of(times["batch"], ours, "absent") is None
+    gates = {(row["name"], row["base"]): row for row in speed.gates(times, [])}
+    assert gates[ours, theirs]["measured"] == pytest.approx(0.4)
+    assert (gates[ours, theirs]["target"], gates[ours, theirs]["met"]) == (0.42, True)
+    assert gates["plumbob vqf (loop)", theirs]["met"] is None
+    slow = {**times, "batch": {ours: [43.0], theirs: [100.0]}}
+    assert next(speed.gates(slow, []))["met"] is False
+    measured = ((speed.HASH, 1.9), ("a", 1.7), ("b", 1.5), (speed.VQF, 1.0))
+    threads = [{"name": name, "median": gain} for name, gain in measured]
+    gains = list(speed.gates({"batch": {}, "stream": {}}, threads))[-2:]
+    assert [(row["name"], row["met"]) for row in gains] == [("a", True), ("b", False)]
+    assert math.isfinite(gains[0]["measured"])
