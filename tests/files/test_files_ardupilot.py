@@ -107,16 +107,6 @@ def test_a_real_log_agrees_with_pymavlink(unit, other):
     assert any(f"not taken: {other} (45); --unit {other} takes another" in note for note in recording.notes)
 
 
-@real
-def test_a_real_logs_frames_fit_gravity():
-    recording = read(REAL)
-    up_b = recording.imu.acc / np.linalg.norm(recording.imu.acc, axis=1)[:, None]
-    w, x, y, z = recording.track.q_nb.T
-    down_b = np.column_stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
-    angle = np.rad2deg(np.arccos(np.clip(-(up_b * down_b).sum(axis=1), -1, 1)))
-    assert np.nanmedian(angle) < 1.5
-
-
 def sent_highres(sender, wire, mavlink):
     t_us, gyr, acc, q_nb = made.motion(200)
     for i, t in enumerate(t_us.tolist()):

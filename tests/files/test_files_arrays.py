@@ -61,6 +61,10 @@ WRITERS = {
 def test_groups_and_structs_are_paths(tmp_path, name):
     path = tmp_path / name
     WRITERS[name](path, content())
+    assert kind_of(path).name == "arrays"
+    listed = rf"imu/gyr {ROWS}×3"
+    refused(read, path, match=f"need --profile.*{listed}")
+    refused(profile, path, match=listed)  # it is not drafted, but they are listed
     recording = read(path, profile=parse_profile(PROFILE))
     imu = recording.imu
     np.testing.assert_array_equal(imu.t, T)
@@ -91,17 +95,6 @@ def test_unix_time_in_whole_nanoseconds_keeps_every_one(tmp_path):
     imu = read(tmp_path / "a.npz", profile=parse_profile(text)).imu
     assert imu.meta.t0_ns == stamps[0]
     np.testing.assert_array_equal(imu.t_ns, stamps - stamps[0])
-
-
-LISTED = rf"imu/gyr {ROWS}×3"
-
-
-@pytest.mark.parametrize("name", WRITERS)
-def test_without_a_profile_the_arrays_are_listed_with_their_shapes(tmp_path, name):
-    WRITERS[name](tmp_path / name, content())
-    assert kind_of(tmp_path / name).name == "arrays"
-    refused(read, tmp_path / name, match=f"need --profile.*{LISTED}")
-    refused(profile, tmp_path / name, match=LISTED)  # it is not drafted, but they are listed
 
 
 # Hostile --------------------------------------------------------------------------------------------------------------

@@ -114,6 +114,7 @@ def test_a_trial_made_here(tmp_path, suffix):
     found = content()
     recording = read(WRITERS[suffix](tmp_path / f"a{suffix}", found))
     check(recording, found, RATE)
+    assert recording.track.score.sum() == 34  # of 36 that move, two are among the three that are lost
     assert "reference lost in 3 of 40 samples; 36 belong to the movement phase" in recording.notes
 
 

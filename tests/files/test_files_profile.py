@@ -275,17 +275,11 @@ def test_axes_turn_the_case_unless_they_were_applied():
     assert parse_profile(TRACK).triads == {}
 
 
-def test_unix_time():
+def test_time_and_separator_are_written_in_several_ways():
     assert parse_profile(UNIX).time == TimeColumn("t", "s", unix=True)
-
-
-@pytest.mark.parametrize("word", ['"tab"', '"\\t"', "'\\t'"])
-def test_a_tab_may_be_written_in_three_ways(word):
-    assert parse_profile(MINIMAL.replace('","', word)).layout.separator == "\t"
-
-
-def test_a_rate_stands_for_time():
     assert parse_profile(MINIMAL.replace('column = "t"\nunit = "s"', 'rate = "0.5 Hz"')).time == TimeRate(0.5)
+    for word in ('"tab"', '"\\t"', "'\\t'"):
+        assert parse_profile(MINIMAL.replace('","', word)).layout.separator == "\t"
 
 
 def test_a_profile_file_is_named_in_its_errors(tmp_path):
