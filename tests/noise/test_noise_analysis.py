@@ -1,21 +1,22 @@
 """The whole analysis: mask, sinusoids, model choice, least squares, lines, comparison."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from plumbob.core import _jit
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
 from plumbob.core.units import Quantity, unit
-from plumbob.noise import analyse, compare, curve, edf
+from plumbob.noise import analyse, compare, curve, deviation, edf
 from plumbob.noise.bands import find_mask, least_squares, lines, mask_first_order
 from plumbob.noise.findings import Coefficient, GaussMarkov, Mask, Sinusoid
 from plumbob.noise.spectrum import Spectrum, edges, find_sinusoids, ramp_coefficients
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, allan_transfer, variance
+from tests.helpers import jit_disabled
 
-slow_without_jit = pytest.mark.skipif(_jit.jit_disabled(), reason="sums over long records take minutes as plain Python")
+slow_without_jit = pytest.mark.skipif(jit_disabled(), reason="sums over long records take minutes as plain Python")
 
 
 def white(seed, count=100_000, sd=0.2):
@@ -34,13 +35,9 @@ def test_variances_are_those_of_the_standard():
         at = 7.0 if term.read_at is None else term.read_at
         expected = 0.6643 * 2.0 if letter == "B" else 2.0
         assert math.sqrt(variance(letter, 2.0, at)) == pytest.approx(expected, rel=1e-4)
-
-
-def test_every_unit_of_a_data_sheet_is_known():
     for quantity, by_letter in DATASHEET.items():
-        assert list(by_letter) == list(TERMS)
+        assert list(by_letter) == list(TERMS) and all(map(unit, by_letter.values()))
         assert unit(DEVIATION[quantity]).quantity is quantity
-        assert all(unit(name) for name in by_letter.values())
 
 
 def test_the_transfer_makes_the_variances_of_white_noise_and_walk():
@@ -72,14 +69,15 @@ def test_a_sinusoid_is_measured_and_taken_out():
     assert abs(found.frequency - 3.21) <= 4.0 * found.frequency_sd
     assert found.amplitude_sd == pytest.approx(0.2 * math.sqrt(2.0 / 60_000), rel=0.3)
     assert np.std(left - white(1, 60_000)) < 4.0 * found.amplitude_sd
-    exact = Sinusoid(0.02, 0.0, 3.21, 0.0, 0.01)
     n = np.array([5, 20, 300])
-    theta = np.concatenate(([0.0], np.cumsum(wave)))
-    for factor in n:
-        d = theta[2 * factor :] - 2.0 * theta[factor:-factor] + theta[: -2 * factor]
-        direct = np.mean(d**2) / (2.0 * factor**2)
-        floor = 1e-4 * 0.02**2  # where sin is near 0, what counts is the sampling and the record's ends
-        assert float(exact.variance(factor * 0.01)) == pytest.approx(direct, rel=0.02, abs=floor)
+    floor = 1e-4 * 0.02**2  # where sin is near 0, what counts is the sampling and the record's ends
+    exact = Sinusoid(0.02, 0.0, 3.21, 0.0, 0.01).variance(n * 0.01)
+    assert exact == pytest.approx(deviation(wave, n) ** 2, rel=0.02, abs=floor)
+    t = np.arange(240_000) * 0.01  # through averages
+    x = white(21, 240_000) + 0.03 * np.sin(2.0 * np.pi * 0.9 * t)
+    (found,), _ = find_sinusoids(x.reshape(-1, 40).mean(axis=1), 0.4, 40)
+    assert found.dt == pytest.approx(0.01)
+    assert abs(found.amplitude - 0.03) <= 4.0 * found.amplitude_sd
 
 
 @pytest.mark.parametrize("count", [6000, 24_000])
@@ -111,14 +109,6 @@ def test_a_sinusoid_near_half_the_rate_hides_no_quantization():
     q, n = (found.least_squares.terms[letter] for letter in "QN")
     assert not q.observable
     assert abs(n.value - 0.02) <= 4.0 * (n.hi - n.lo)
-
-
-def test_a_sinusoid_is_measured_through_averages():
-    t = np.arange(240_000) * 0.01
-    x = white(21, 240_000) + 0.03 * np.sin(2.0 * np.pi * 0.9 * t)
-    (found,), _ = find_sinusoids(x.reshape(-1, 40).mean(axis=1), 0.4, 40)
-    assert found.dt == pytest.approx(0.01)
-    assert abs(found.amplitude - 0.03) <= 4.0 * found.amplitude_sd
 
 
 def test_noise_has_no_sinusoids():
@@ -183,16 +173,6 @@ def test_a_low_pass_is_masked_and_white_noise_found_all_the_same(corner, order):
 
 
 @slow_without_jit
-def test_white_noise_is_not_masked():
-    found = analyse(white(3), 0.01)
-    assert found.mask.n == 1
-    assert found.notes == ()
-    assert found.sinusoids == ()
-    assert found.markov is None
-    assert found.terms["B"].hours > found.duration / 3600.0
-
-
-@slow_without_jit
 def test_a_gauss_markov_process_is_told_from_flicker_noise():
     x = white(4, 300_000) + markov(5, 300_000, 1.0, 0.03, 0.01)
     found = analyse(x, 0.01)
@@ -200,33 +180,36 @@ def test_a_gauss_markov_process_is_told_from_flicker_noise():
     assert found.markov.sd.lo * 0.9 <= 0.03 <= found.markov.sd.hi * 1.1
     assert found.markov.time.lo * 0.8 <= 1.0 <= found.markov.time.hi * 1.2
     assert found.candidates[1].chosen
-    ratio = found.model(found.curve.tau) / found.curve.dev
-    known = found.curve.edf > 30.0
-    assert np.abs(ratio[known] - 1.0).max() < 4.0 / math.sqrt(2.0 * 30.0)
-
-
-@slow_without_jit
-def test_a_warm_up_is_no_noise_and_said():
-    t = np.arange(200_000) * 0.01
-    found = analyse(white(6, 200_000, 0.02) + 0.1 * np.exp(-t / 300.0), 0.01)
-    assert any("times the noise that the terms make" in note for note in found.notes)
+    ratio = (found.model(found.curve.tau) / found.curve.dev)[found.curve.edf > 30.0]
+    assert np.abs(ratio - 1.0).max() < 4.0 / math.sqrt(2.0 * 30.0)
 
 
 def exact_curve(seed=0, **terms):
     """Curve of a long record whose deviations are exactly those of the terms."""
     base = curve(white(seed, 20_000), 0.01)
-    dev = np.sqrt(sum(variance(letter, c, base.tau) for letter, c in terms.items()))
-    return type(base)(base.kind, base.dt, base.count, base.n, dev, base.alpha, base.edf, base.lo, base.hi)
+    return replace(base, dev=np.sqrt(sum(variance(letter, c, base.tau) for letter, c in terms.items())))
 
 
 @slow_without_jit
-def test_least_squares_solve_exact_curves_exactly():
+@pytest.mark.parametrize("letters", ["QNKR", "NK", "N", "QR"])
+def test_least_squares_solve_exact_curves_exactly(letters):
     """Without flicker noise, whose sampled curve differs at few samples."""
     truth = {"Q": 1e-3, "N": 0.02, "K": 0.01, "R": 1e-3}
-    found = least_squares(exact_curve(**truth)).terms
-    for letter, value in truth.items():
-        assert found[letter].value == pytest.approx(value, rel=1e-6)
-    assert found["B"].value < 1e-6
+    terms = least_squares(exact_curve(**{letter: truth[letter] for letter in letters})).terms
+    for letter in "QNBKR":
+        expected = truth[letter] if letter in letters else 0.0
+        assert terms[letter].value == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+@slow_without_jit
+def test_least_squares_have_no_negative_coefficients():
+    """White noise less a random walk that takes a quarter of it at the end: no K, and no R, which would be negative."""
+    whole = exact_curve(N=0.02)
+    walk = np.sqrt(0.25 * 3.0) * 0.02 / whole.tau[-1]
+    less = replace(whole, dev=np.sqrt(whole.dev**2 - walk**2 * whole.tau / 3.0))
+    terms = least_squares(less).terms
+    assert (terms["K"].value, terms["R"].value) == (0.0, 0.0)
+    assert terms["N"].value == pytest.approx(0.02, rel=1e-3)  # which the well-known short times tell
 
 
 @slow_without_jit
@@ -281,16 +264,10 @@ def test_a_smoothed_record_is_recognised_and_what_lies_below_its_filter_is_found
     assert abs(n.value - 0.1 * math.sqrt(0.1)) <= 3.0 * (n.hi - n.lo) + 0.015 * n.value  # 3 % of the density
     assert found.markov is None
     assert "K" not in found.lines.terms
-
-
-@slow_without_jit
-def test_of_a_record_too_short_for_its_smoothing_nothing_is_told():
-    found = analyse(smoothed(11, 20_000, 5.0), 0.1)
-    assert "too short to show more" in found.mask.reason
-    assert dict(found.terms) == {}
-    assert found.lines.terms == {}
-    assert found.markov.time.lo <= 5.5
-    assert found.markov.time.hi >= 4.5
+    short = analyse(smoothed(11, 20_000, 5.0), 0.1)
+    assert "too short to show more" in short.mask.reason
+    assert dict(short.terms) == short.lines.terms == {}
+    assert short.markov.time.lo <= 5.5 and short.markov.time.hi >= 4.5
 
 
 @slow_without_jit
@@ -303,19 +280,6 @@ def test_intervals_are_of_the_noise_that_was_found():
     assert found.curve.edf[-1] == pytest.approx(edf("oadev", -2.0, 50_000, found.curve.n[-1:])[0], rel=0.05)
 
 
-def test_what_cannot_be_analysed_is_refused():
-    with pytest.raises(ParameterError, match="needs 100 samples or more, but got 50"):
-        analyse(white(0, 50), 0.01)
-    with pytest.raises(ShapeError, match="is the record constant"):
-        analyse(np.ones(500), 0.01)
-    with pytest.raises(ShapeError, match="not finite"):
-        analyse(np.append(white(0, 500), np.nan), 0.01)
-    with pytest.raises(UnitError, match="one of rate, acceleration, field, ratio"):
-        analyse(white(0, 500), 0.01, quantity=Quantity.ANGLE)
-    with pytest.raises(ParameterError, match="above 0 s"):
-        analyse(white(0, 500), 0.0)
-
-
 def test_lists_float32_and_large_offsets_are_analysed_alike():
     x = white(1, 5000)
     n = analyse(x, 0.01).terms["N"].value
@@ -323,3 +287,28 @@ def test_lists_float32_and_large_offsets_are_analysed_alike():
         assert analyse(same, 0.01).terms["N"].value == pytest.approx(n, rel=1e-6)
     assert analyse(x + 1e6, 0.01).terms["N"].value == pytest.approx(n, rel=1e-7)
     assert analyse(1e12 * x, 0.01).terms["N"].value == pytest.approx(1e12 * n, rel=1e-9)
+
+
+@slow_without_jit
+def test_white_noise_is_not_masked_and_a_warm_up_is_no_noise():
+    found = analyse(white(3), 0.01)
+    assert (found.mask.n, found.notes, found.sinusoids, found.markov) == (1, (), (), None)
+    assert found.terms["B"].hours > found.duration / 3600.0
+    t = np.arange(200_000) * 0.01
+    warming = analyse(white(6, 200_000, 0.02) + 0.1 * np.exp(-t / 300.0), 0.01)
+    assert any("times the noise that the terms make" in note for note in warming.notes)
+
+
+@pytest.mark.parametrize(
+    ("values", "dt", "options", "error", "text"),
+    [
+        (white(0, 50), 0.01, {}, ParameterError, "needs 100 samples or more, but got 50"),
+        (np.ones(500), 0.01, {}, ShapeError, "is the record constant"),
+        (np.append(white(0, 500), np.nan), 0.01, {}, ShapeError, "not finite"),
+        (white(0, 500), 0.01, {"quantity": Quantity.ANGLE}, UnitError, "one of rate, acceleration, field, ratio"),
+        (white(0, 500), 0.0, {}, ParameterError, "above 0 s"),
+    ],
+)
+def test_what_cannot_be_analysed_is_refused(values, dt, options, error, text):
+    with pytest.raises(error, match=text):
+        analyse(values, dt, **options)

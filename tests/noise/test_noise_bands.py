@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob.core import _jit
 from plumbob.noise import analyse, curve
 from plumbob.noise.analysis import within_the_curve
 from plumbob.noise.bands import leave_out
@@ -14,8 +13,9 @@ from plumbob.noise.findings import Band, Mask, Sinusoid
 from plumbob.noise.likelihood import coefficients, fit, octaves
 from plumbob.noise.spectrum import Spectrum, edges, ramp_coefficients, sampled_densities, spectrum
 from plumbob.simulation import errors
+from tests.helpers import jit_disabled
 
-slow_without_jit = pytest.mark.skipif(_jit.jit_disabled(), reason="sums over long records take minutes as plain Python")
+slow_without_jit = pytest.mark.skipif(jit_disabled(), reason="sums over long records take minutes as plain Python")
 
 DT = 0.01
 TRUTH = {"N": 440.0, "B": 300.0, "K": 40.0}
@@ -65,24 +65,17 @@ def test_a_band_is_left_out_and_the_rest_says_what_it_said(sd, quality):
     assert math.exp(logs["Q"]) ** 2 * (2.0 * math.pi * 50.0) ** 2 * DT < 1e-3 * 440.0**2  # nothing, at any frequency
 
 
-def test_without_a_band_nothing_is_left_out():
-    found = leave_out(expected(terms), N_FACTORS)
-    assert found.bands == ()
-    assert np.array_equal(found.kept.start, found.whole.start)
-
-
-def test_a_hump_that_is_wide_is_no_band():
-    """Two octaves that stand above are another kind of noise; what is said of them is a misfit."""
+def test_noise_has_no_bands():
+    """Five standard deviations in some hundred bins: once in ten thousand records. Two octaves that stand above are
+    another kind of noise; what is said of them is a misfit."""
+    clean = leave_out(expected(terms), N_FACTORS)
+    assert clean.bands == () and np.array_equal(clean.kept.start, clean.whole.start)
     wide = expected(lambda f: terms(f) * np.where((f > 0.5) & (f < 2.0), 3.0, 1.0))
     assert leave_out(wide, N_FACTORS).bands == ()
-
-
-def test_noise_has_no_bands():
-    """Five standard deviations in some hundred bins: once in ten thousand records."""
     rng = np.random.default_rng(3)
     for _ in range(20):
-        assert leave_out(spectrum(np.cumsum(0.02 * rng.standard_normal(8192)) + rng.standard_normal(8192), DT),
-                         N_FACTORS[N_FACTORS < 4096]).bands == ()  # fmt: skip
+        record = np.cumsum(0.02 * rng.standard_normal(8192)) + rng.standard_normal(8192)
+        assert leave_out(spectrum(record, DT), N_FACTORS[N_FACTORS < 4096]).bands == ()
 
 
 def test_the_variance_of_a_band_is_that_of_sinusoids_at_its_places():

@@ -1,7 +1,6 @@
-"""Curves with intervals: what they hold, how often they hold the truth, and what is refused."""
+"""Curves with intervals: the noise told from them, how often they hold the truth, and what is refused."""
 
 import math
-import os
 
 import numpy as np
 import pytest
@@ -9,9 +8,12 @@ from scipy.special import psi
 from scipy.stats import chi2
 
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.noise import ONE_SIGMA, curve, curve_of, curves, deviation, edf, interval, log_factors, skew_edf
+from plumbob.noise import ONE_SIGMA, curve, curve_of, curves, deviation, edf, identify, interval, log_factors, skew_edf
+from plumbob.noise.curve import log_variance
+from plumbob.noise.factors import SHAPES
+from tests.helpers import jit_disabled
 
-COMPILED = os.environ.get("NUMBA_DISABLE_JIT") != "1"
+COMPILED = not jit_disabled()
 SAMPLES = 2048
 RATE = np.random.default_rng(8).standard_normal((SAMPLES, 3)) * [1.0, 2.0, 3.0]
 
@@ -38,7 +40,7 @@ def test_columns_are_channels():
     assert (found[0].kind, found[0].count, found[0].dt, found[0].confidence) == ("oadev", SAMPLES, 0.01, ONE_SIGMA)
 
 
-def test_single_factors_get_what_they_get_among_others():
+def test_single_factors_get_what_they_get_among_others_and_from_a_stream():
     """The noise is told on the grid of the record: a factor of the grid comes out as it does without the argument."""
     whole = curve(RATE[:, 0], 1.0)
     for place in (0, 17, whole.n.size - 1):
@@ -47,18 +49,12 @@ def test_single_factors_get_what_they_get_among_others():
     some = curve(RATE[:, 0], 1.0, [5, 100, 777])
     assert some.n.tolist() == [5, 100, 777]
     assert some.edf[1] == pytest.approx(edf("oadev", 0.0, SAMPLES, [100])[0], rel=0.3)
-
-
-def test_a_stream_s_deviation_is_enough():
-    whole = curve(RATE[:, 1], 0.5)
-    again = curve_of(whole.dev, whole.n, SAMPLES, 0.5)
+    again = curve_of(whole.dev, whole.n, SAMPLES, 1.0)
     assert (again.lo == whole.lo).all() and (again.hi == whole.hi).all() and (again.alpha == whole.alpha).all()
-
-
-def test_every_n():
-    one = curve(RATE[:, 0], 1.0, np.arange(1, SAMPLES // 2 + 1))
-    assert one.n.size == SAMPLES // 2
-    assert (one.edf >= 1.0 - 1e-9).all() and np.isfinite(one.hi).all()
+    every = curve(RATE[:, 0], 1.0, np.arange(1, SAMPLES // 2 + 1))
+    assert every.n.size == SAMPLES // 2 and (every.edf >= 1.0 - 1e-9).all() and np.isfinite(every.hi).all()
+    wide = curve_of(whole.dev, whole.n, SAMPLES, 1.0, confidence=0.95)
+    assert (wide.lo < whole.lo).all() and (wide.hi > whole.hi).all()
 
 
 def test_the_interval_of_equal_weights_is_that_of_chi_square():
@@ -140,24 +136,83 @@ def test_intervals_hold_the_truth_as_often_as_they_say(noise, count):
     assert abs(share.mean() - 0.6827) <= sd + 0.03  # benchmarks/allan_coverage.py: means of 63 to 71 %
 
 
-def test_another_confidence():
-    wide = curve_of([1.0, 0.7], [10, 20], 1000, 1.0, confidence=0.95)
-    narrow = curve_of([1.0, 0.7], [10, 20], 1000, 1.0)
-    assert (wide.lo < narrow.lo).all() and (wide.hi > narrow.hi).all()
-    with pytest.raises(ParameterError, match="between 0 and 1"):
-        curve_of([1.0, 0.7], [10, 20], 1000, 1.0, confidence=68.3)
+@pytest.mark.parametrize(
+    ("call", "error", "text"),
+    [
+        (lambda: curve(RATE[:, 0], 0.0), ParameterError, "dt must be"),
+        (lambda: curve(RATE[:, 0], 1.0, [1025]), ParameterError, r"n\[0\] = 1025"),
+        (lambda: curve(np.ones(100), 1.0), ShapeError, "is the record constant"),
+        (lambda: curve([1.0, 2.0, 3.0], 1.0), ParameterError, "two averaging factors"),
+        (lambda: curves(RATE[:, 0], 1.0), ShapeError, r"shape \(N, k\)"),
+        (lambda: curve(RATE[:, 0], 1.0, kind="variance"), ShapeError, "kind"),
+        (lambda: curve_of([1.0, 0.7], [10, 20], 1000, 1.0, confidence=68.3), ParameterError, "between 0 and 1"),
+        (lambda: identify("oadev", 100, [4], [1.0]), ParameterError, "two averaging factors or more"),
+        (lambda: identify("oadev", 100, [4, 4], [1.0, 1.0]), ParameterError, "increasing"),
+        (lambda: identify("oadev", 100, [4, 8], [1.0, 0.0]), ShapeError, r"dev\[1\] = 0.0 \(1 such.*constant"),
+        (lambda: identify("oadev", 100, [4, 8], [math.nan, 1.0]), ShapeError, r"dev\[0\] = nan"),
+    ],
+)
+def test_what_is_no_noise_is_refused(call, error, text):
+    with pytest.raises(error, match=text):
+        call()
 
 
-def test_what_is_no_noise_is_refused():
-    with pytest.raises(ParameterError, match="dt must be"):
-        curve(RATE[:, 0], 0.0)
-    with pytest.raises(ParameterError, match=r"n\[0\] = 1025"):
-        curve(RATE[:, 0], 1.0, [1025])
-    with pytest.raises(ShapeError, match="is the record constant"):
-        curve(np.ones(100), 1.0)
-    with pytest.raises(ParameterError, match="two averaging factors"):
-        curve([1.0, 2.0, 3.0], 1.0)
-    with pytest.raises(ShapeError, match=r"shape \(N, k\)"):
-        curves(RATE[:, 0], 1.0)
-    with pytest.raises(ShapeError, match="kind"):
-        curve(RATE[:, 0], 1.0, kind="variance")
+N = np.unique(np.round(np.geomspace(1, 10_000, 65)).astype(int))
+LONG = 10**9  # samples, so that the values are known to 1e-4 and better
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_each_noise_by_its_own_deviation(kind):
+    """The deviation of noise as it is sampled is no straight line at n < 8, where the slope is off by some tenths."""
+    for level in SHAPES[kind].levels:
+        alpha = identify(kind, LONG, N, np.exp(0.5 * log_variance(SHAPES[kind], level, N)))
+        assert np.abs(alpha[N >= 16] - level).max() < 0.05, level
+        assert np.abs(alpha - level).max() < 0.5, level
+
+
+def test_straight_lines():
+    """σ ∝ τ^(−1/2), 1, τ^(1/2): white noise, flicker and random walk [Riley2008]."""
+    for slope, alpha in ((-0.5, 0.0), (0.0, -1.0), (0.5, -2.0), (0.25, -1.5)):
+        assert identify("oadev", LONG, N, 0.3 * N**slope)[30:] == pytest.approx(alpha, abs=0.01)
+
+
+def test_where_two_noises_meet():
+    """σ² = 1/τ + τ/T² bends from 0 to −2, at τ = T by half; a drift beyond a walk's slope counts as a walk."""
+    meeting = 100.0
+    alpha = identify("oadev", LONG, N, np.sqrt(1.0 / N + N / meeting**2))
+    assert alpha[0] == pytest.approx(0.0, abs=0.1)
+    assert alpha[-1] == pytest.approx(-2.0, abs=0.1)
+    assert np.interp(meeting, N, alpha) == pytest.approx(-1.0, abs=0.1)
+    assert (np.diff(alpha[N >= 8]) < 0.01).all()
+    assert (identify("oadev", LONG, N, N.astype(float)) == -2.0).all()
+
+
+def test_quantization_that_gives_way_to_white_noise():
+    """3 Q²/τ² + N²/τ with equal parts at τ = 30: there the slope is −3/2 and both are half, α = 1."""
+    alpha = identify("oadev", LONG, N, np.sqrt(30.0 / N**2 + 1.0 / N))
+    assert np.interp(30.0, N, alpha) == pytest.approx(1.0, abs=0.1)
+    assert alpha[0] == pytest.approx(2.0 * 30.0 / 31.0, abs=0.15)
+
+
+def test_scatter_on_white_noise():
+    """Other noise is 1 away: where edf ≥ 50, at n ≤ 100, α is known to a quarter of that, at the end to half of it.
+
+    The mean of 100 records whose α scatter by 1/2 is known to 1/20; 4 of them are 0.2.
+    """
+    n = np.unique(np.round(np.geomspace(1, 2048, 45)).astype(int))
+    dev = deviation(np.random.default_rng(11).standard_normal((4096, 100)), n)
+    alpha = np.array([identify("oadev", 4096, n, one) for one in dev.T])
+    assert alpha.std(axis=0)[n <= 100].max() < 0.25
+    assert alpha.std(axis=0).max() < 0.5
+    assert np.abs(alpha.mean(axis=0)).max() < 0.2
+
+
+def test_every_n_is_as_few_are():
+    """A curve of every n is looked at in 16 places an octave: what the rest adds to these is little."""
+    n = np.arange(1, 2049)
+    dev = np.sqrt(1.0 / n + n / 1e4)
+    few = np.unique(np.round(np.geomspace(1, 2048, 177)).astype(int))
+    every = identify("oadev", 4096, n, dev)
+    assert every.shape == n.shape
+    assert np.abs(every[few - 1] - identify("oadev", 4096, few, dev[few - 1])).max() < 0.05
+    assert identify("oadev", LONG, [100, 200], [1.0, 1.0 / math.sqrt(2.0)]) == pytest.approx(0.0, abs=1e-3)

@@ -6,9 +6,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from plumbob.core._jit import jit_disabled
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import deviation, every, every_adev, kernels
+from tests.helpers import jit_disabled
 from tests.helpers.noise_records import NBS14, drifting, exact_squares, exactly, flicker, walk, white, whole_numbers
 
 EPS = np.finfo(float).eps
@@ -28,38 +28,9 @@ RECORDS = (white, flicker, walk, drifting, steep, wave)
 COUNTS = (300,) if jit_disabled() else (1000, 20_000)
 
 
-def all_directly(rate):
-    return deviation(rate, np.arange(1, len(rate) // 2 + 1))
-
-
 def some(count):
     """200 factors, the short ones and the long ones, for which the exact sums are affordable."""
     return np.unique(np.append(np.geomspace(1, count // 2, 120), np.linspace(1, count // 2, 100)).astype(int))
-
-
-def errors(angle, n, sums):
-    """Of sums, in the unit of the exact ones, and these."""
-    exact = [exact_squares(angle, k) for k in n.tolist()]
-    found = [abs(Fraction(one) - other) for one, other in zip(sums.tolist(), exact, strict=True)]
-    return np.array(found, dtype=float), np.array(exact, dtype=float)
-
-
-@pytest.mark.parametrize("make", RECORDS)
-@pytest.mark.parametrize("count", COUNTS)
-def test_within_the_accuracy_that_it_claims(make, count):
-    """σ² is divided and its root is taken, which rounds by an eps or two on either side."""
-    rate = make(count)
-    assert np.abs(every_adev(rate) / all_directly(rate) - 1.0).max() <= every.ACCURACY + 4.0 * EPS
-
-
-@pytest.mark.parametrize("make", RECORDS)
-@pytest.mark.parametrize("count", COUNTS)
-def test_the_bound_of_the_products_holds_against_exact_sums(make, count):
-    """Also where nothing would be taken of them; the bound decides what is summed directly."""
-    angle, n = whole_numbers(next(every.running_sums(make(count)))), some(count)
-    sums, bound = every._sums_of_squares(angle, np.arange(1, count // 2 + 1))
-    error, _ = errors(angle, n, sums[n - 1])
-    assert (error <= bound[n - 1]).all()
 
 
 @pytest.mark.parametrize("make", RECORDS)
@@ -73,37 +44,34 @@ def test_direct_sums_round_no_more_than_any_order_may(make, count):
     angle, n = whole_numbers(next(every.running_sums(make(count)))), some(count)
     sums = np.zeros(n.size)
     kernels.second_squares(angle, n, sums)
-    error, exact = errors(angle, n, sums)
-    first = np.array([np.linalg.norm(angle[k:] - angle[:-k]) for k in n])
+    exact = [exact_squares(angle, k) for k in n.tolist()]
+    error = np.array([abs(Fraction(ours) - other) for ours, other in zip(sums.tolist(), exact, strict=True)], float)
+    first, exact = np.array([np.linalg.norm(angle[k:] - angle[:-k]) for k in n]), np.array(exact, dtype=float)
     norm = 0.5 * EPS * (2.0 * first + np.sqrt(exact))
     roundings = kernels.TILE + 2.0 * math.ceil(angle.size / kernels.TILE)
     bound = 0.5 * EPS * roundings * exact + norm * (2.0 * np.sqrt(exact) + norm)
     assert (error <= 1.001 * bound).all()  # of which 0.001 stands for products of two u
 
 
+@pytest.mark.parametrize("make", RECORDS)
+@pytest.mark.parametrize("count", COUNTS)
+def test_within_the_accuracy_that_it_claims(make, count):
+    """σ² is divided and its root is taken, which rounds by an eps or two on either side."""
+    rate = make(count)
+    made = every_adev(rate)
+    directly = deviation(rate, np.arange(1, count // 2 + 1))
+    assert np.abs(made / directly - 1.0).max() <= every.ACCURACY + 4.0 * EPS
+
+
 @pytest.mark.parametrize("count", [*range(2, 20), 255, 256, 257, 511, 512, 513])
 def test_short_records_and_the_edges_of_triangles(count):
+    """The edges lie at 256 points; [Riley2008] Table 30 has nine rates."""
     rate = white(count)
-    found = every_adev(rate)
-    assert found.shape == (count // 2,)
-    expected = [exactly(rate, n) for n in range(1, count // 2 + 1)] if count < 20 else all_directly(rate)
-    np.testing.assert_allclose(found, expected, rtol=2e-12)
-
-
-def test_head_products_by_brute_force(monkeypatch):
-    """Small triangles, so that a short record goes through many levels of squares."""
-    monkeypatch.setattr(every, "_TRIANGLE", 4)
-    x = np.stack((white(101), walk(101)))
-    found = every._head_products(x, 51)
-    for m in range(51):
-        expected = (x[:, :m] * x[:, m : 2 * m]).sum(axis=1)
-        np.testing.assert_allclose(found[:, m], expected, atol=8 * EPS * np.square(x).sum(axis=1).max())
-
-
-def test_published_rates():
-    """[Riley2008] Table 30; the other two are by brute force."""
-    expected = [91.22945, 85.95287, exactly(NBS14, 3), exactly(NBS14, 4)]
-    assert every_adev(NBS14) == pytest.approx(expected, rel=5e-7)
+    made, n = every_adev(rate), np.arange(1, count // 2 + 1)
+    expected = [exactly(rate, k) for k in n.tolist()] if count < 20 else deviation(rate, n)
+    np.testing.assert_allclose(made, expected, rtol=2e-12, strict=True)
+    published = [91.22945, 85.95287, exactly(NBS14, 3), exactly(NBS14, 4)]
+    assert every_adev(NBS14) == pytest.approx(published, rel=5e-7)
 
 
 @pytest.mark.skipif(jit_disabled(), reason="minutes of plain Python")
@@ -117,34 +85,30 @@ def test_another_program_at_1e5_samples():
 
 
 @pytest.mark.skipif(jit_disabled(), reason="minutes of plain Python")
-def test_few_factors_are_summed_directly():
+def test_few_factors_are_summed_directly(monkeypatch):
     """Else it is right, but no faster than one after the other: 1 in 1000 of white noise, 1 in 20 of a random walk."""
+    directly, summed = every.second_squares, []
+    monkeypatch.setattr(every, "second_squares", lambda *args: (summed.append(args[1].size), directly(*args))[1])
     for make, share in ((white, 1e-3), (drifting, 1e-3), (flicker, 0.02), (walk, 0.05)):
-        n = np.arange(1, 50_001)
-        sums, bound = every._sums_of_squares(next(every.running_sums(make(100_000))), n)
-        assert np.mean(bound > every._SHARE * sums) < share, make.__name__
+        every_adev(make(100_000))
+        assert summed.pop() < share * 50_000, make.__name__
 
 
-def test_a_ramp_alone_and_a_constant():
+def test_ramps_constants_channels_and_offsets():
     """σ = R τ / √2; nothing wanders in a constant, though all of its products are rounding."""
     n = np.arange(1, 151)
     np.testing.assert_allclose(every_adev(0.3 * np.arange(300)), 0.3 * n / math.sqrt(2.0), rtol=1e-10)
     assert (every_adev(np.full(300, 7.3)) == 0.0).all()
-
-
-def test_columns_are_channels_and_an_offset_does_not_matter():
     rate = np.stack((white(301), walk(301)), axis=1)
-    found = every_adev(rate)
-    assert found.shape == (150, 2)
+    both = every_adev(rate)
+    assert both.shape == (150, 2)
     for axis in range(2):
-        assert (found[:, axis] == every_adev(rate[:, axis])).all()
-    np.testing.assert_allclose(every_adev(rate + 1e6), found, rtol=1e-7)
-
-
-def test_what_cannot_be_analysed_is_refused_and_named():
-    with pytest.raises(ParameterError, match="rate holds 1 sample, but an Allan deviation needs two or more"):
-        every_adev([1.0])
-    with pytest.raises(ShapeError, match=r"rate\[1\] is not finite"):
-        every_adev([1.0, math.nan, 3.0])
-    with pytest.raises(ShapeError, match="shape"):
-        every_adev(np.zeros((4, 2, 2)))
+        assert (both[:, axis] == every_adev(rate[:, axis])).all()
+    np.testing.assert_allclose(every_adev(rate + 1e6), both, rtol=1e-7)
+    for bad, error, text in (
+        ([1.0], ParameterError, "rate holds 1 sample, but an Allan deviation needs two or more"),
+        ([1.0, math.nan, 3.0], ShapeError, r"rate\[1\] is not finite"),
+        (np.zeros((4, 2, 2)), ShapeError, "shape"),
+    ):
+        with pytest.raises(error, match=text):
+            every_adev(bad)

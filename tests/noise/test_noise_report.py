@@ -1,0 +1,448 @@
+"""Reports of noise: digits, what is read off a curve, the text, the dictionary, the page, its pictures; comparisons."""
+
+import json
+import math
+import re
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+from matplotlib.patches import Rectangle
+from scipy.signal import lfilter
+
+from plumbob.core.errors import MissingExtraError, ShapeError
+from plumbob.core.text import measured, number
+from plumbob.core.units import Quantity, dps, from_si, to_si
+from plumbob.noise import Compared, compare
+from plumbob.noise.curve import Curve
+from plumbob.noise.fin import fin_report
+from plumbob.noise.findings import Candidate, Coefficient, Estimates, Mask, Sinusoid
+from plumbob.noise.report import (
+    channel_figure,
+    coefficient,
+    comparison,
+    comparison_numbers,
+    datasheet,
+    length,
+    lowest,
+    noise_name,
+    numbers,
+    points,
+    shown,
+    thinned_rows,
+    triad_figure,
+    triads,
+    verdict,
+)
+from plumbob.noise.terms import DATASHEET, variance
+from tests.helpers.page_battery import HOSTILE, Outline, PageBattery
+
+PER_HOUR = math.degrees(1.0) * 3600.0  # °/h in a rad/s
+
+
+# Numbers
+
+
+@pytest.mark.parametrize(
+    ("value", "lo", "hi", "text"),
+    [
+        (1.2345, 1.2, 1.27, "1.234 ± 0.036"),  # sides 0.0345 and 0.0355 are alike: the larger counts
+        (1.0, 0.9904, 1.0104, "1.000 ± 0.010"),  # the larger, 0.0104, says how many digits: 0.0096 would ask for more
+        (1.0, 0.99995, 1.00005, "1.000000 ± 0.000050"),  # the value says whether a power of ten is written
+        (57.03, 54.6, 60.1, "57.0 +3.1 -2.4"),
+        (10.0, 9.95, 11.5, "10.000 +1.500 -0.050"),  # no side is rounded to nothing
+        (0.0126, 0.01248, 0.01272, "0.01260 ± 0.00012"),
+        (12345.0, 12000.0, 12700.0, "12340 ± 360"),
+        (1.0, 0.9004, 1.0996, "1.00 ± 0.10"),  # 0.0996 has two digits as 0.10
+        (3.2e-6, 3.1e-6, 3.3e-6, "(3.20 ± 0.10)e-6"),
+        (2e7, 1.9e7, 2.2e7, "(2.00 +0.20 -0.10)e7"),
+        (-3.0, -3.1, -2.9, "-3.00 ± 0.10"),
+        (0.0, 0.0, 1.0, "0.0 +1.0 -0.0"),
+        (0.5, math.nan, math.nan, "0.500"),
+        (0.5, 0.5, 0.5, "0.500"),
+        (0.5, 0.4, math.inf, "0.500"),
+    ],
+)
+def test_a_value_has_the_digits_that_its_uncertainty_gives(value, lo, hi, text):
+    assert measured(value, lo, hi) == text
+
+
+def test_bare_numbers_lengths_of_time_and_coefficients():
+    for value, digits, text in (
+        (0.0, 3, "0"),
+        (123456.0, 3, "123000"),
+        (0.000123, 3, "0.000123"),
+        (0.05, 2, "0.050"),
+        (1.5e-7, 2, "1.5e-7"),
+        (math.nan, 3, "-"),
+    ):
+        assert number(value, digits) == text
+    seconds = (0.0, 3.0, 119.0, 200.0, 7200.0, 4.4e6)
+    assert list(map(length, seconds)) == ["0 s", "3.0 s", "120 s", "3.3 min", "2.0 h", "1200 h"]
+    names = [noise_name(alpha) for alpha in (2.0, 0.0, -1.0, -2.0, -7.0)]
+    assert names == ["quantization", "white", "flicker", "random walk", "f^-7"]
+    white = Coefficient(*(to_si(v, "deg/rth") for v in (0.3, 0.299, 0.301)))
+    hidden = Coefficient(0.0, upper=to_si(3.2, "deg/h"), observable=False, hours=12.3)
+    nothing = Coefficient(0.0, observable=False)
+    longer = "to show half of it takes a record of"
+    for c, unit, cell, sentence in (
+        (white, "deg/rth", "0.3000 ± 0.0010", "0.3000 ± 0.0010 °/√h"),
+        (hidden, "deg/h", "< 3.2", f"not observable; < 3.2 °/h (95 %); {longer} 12 h"),
+        (nothing, "deg/h", "not observable", f"not observable; {longer} more than a year"),
+    ):
+        assert (coefficient(c, unit), verdict(c, unit)) == (cell, sentence)
+
+
+# What is read off a curve: made-up curves, whose answers are seen at a glance
+
+
+def curve(dev, half, n=None):
+    dev, half = np.array(dev, dtype=float), np.array(half, dtype=float)
+    n = 2 ** np.arange(dev.size) if n is None else np.asarray(n)
+    return Curve("oadev", 0.5, 4 * int(n[-1]), n, dev, 0 * dev, 10 + 0 * dev, dev - half, dev + half)
+
+
+DIP = curve([8, 4, 3, 5, 2], [0.1, 0.1, 0.2, 0.5, 2.0])
+
+
+def test_the_floor_of_a_curve(plain):
+    """A scattered last point is no minimum; the mask does not matter, and points without an interval do."""
+    floor = lowest(replace(plain[0], curve=DIP))
+    assert (floor.tau, floor.dev, floor.lo, floor.hi) == (2.0, 3.0, 2.8, 3.2) and floor.risen
+    for falling in (curve([8, 4, 2, 1], [0.1] * 4), curve([8, 4, 2, 2.1], [0.1, 0.1, 0.1, 0.5])):
+        assert not lowest(replace(plain[0], curve=falling)).risen
+    dips = curve([2, 4, 3, 1], [0.1, 0.1, 0.1, np.inf])
+    assert lowest(replace(plain[0], curve=dips, mask=Mask(2))).dev == 2.0
+
+
+def test_coefficients_are_read_at_the_places_of_the_standard(plain):
+    terms = {k: Coefficient(2.0) for k in "QNBKR"} | {"Q": Coefficient(2.0, observable=False)}
+    a = replace(plain[0], curve=DIP, likelihood=Estimates("likelihood", terms))
+    assert list(shown(a)) == ["N", "B", "K", "R"]
+    # at its place, a line is as high as its coefficient; the flat of B is √(2 ln 2 / π) = 0.664 of it [Riley2008]
+    flat = 2.0 * math.sqrt(2.0 * math.log(2.0) / math.pi)
+    assert [p.letter for p in points(a)] == ["N", "B", "K", "R"]
+    assert [p.tau for p in points(a)] == [1.0, 2.0, 3.0, math.sqrt(2.0)]
+    assert [p.dev for p in points(a)] == pytest.approx([2.0, flat, 2.0, 2.0])
+    without = replace(plain[0], curve=curve([4, 3], [np.inf, np.inf]))
+    assert [p.letter for p in points(without)] == ["N", "K"]  # without a least deviation B has no place
+
+
+def test_long_curves_are_cut_to_some_rows_spread_over_all():
+    n = np.arange(1, 50_001)
+    use = thinned_rows(curve(np.ones(n.size), np.ones(n.size), n=n), 40)
+    assert use.size <= 40 and (use[0], use[-1]) == (0, n.size - 1)
+    assert np.diff(np.log(n[use])).max() <= math.log(2.0)
+    assert np.array_equal(thinned_rows(curve([1, 2, 3], [1, 1, 1]), 40), [0, 1, 2])
+
+
+def test_axes_of_one_name_are_a_triad(analyses, bare):
+    parts = triads([*analyses, bare])
+    assert [(t.name, t.title, "".join(t.channels)) for t in parts] == [
+        ("gyr", "gyroscope", "xyz"),
+        ("acc", "accelerometer", "xyz"),
+        ("column", "column", ""),
+    ]
+    assert parts[1].channels["y"] is analyses[4]
+    mixed = [analyses[0], replace(analyses[1], quantity=Quantity.ACCELERATION)]
+    for given, text in (
+        ([], "at least one analysis"),
+        ([analyses[0], analyses[0]], "two analyses are named 'gyr x'"),
+        (mixed, "the axes of 'gyr' measure m/s2, rad/s"),
+    ):
+        with pytest.raises(ShapeError, match=text):
+            datasheet(given)
+
+
+# The text
+
+
+def row(table, label):
+    return next(line for line in table.splitlines() if line.startswith(label))
+
+
+def with_term(a, letter, term):
+    return replace(a, likelihood=Estimates("likelihood", {**a.terms, letter: term}))
+
+
+def test_axes_stand_side_by_side_with_intervals_in_the_units_beside_them(analyses, bare):
+    table = datasheet(analyses).text()
+    flat = " ".join(table.split())
+    for label, letter in (("N white noise [°/√h]", "N"), ("B bias instability [°/h]", "B")):
+        cells = [coefficient(a.terms[letter], DATASHEET[a.quantity][letter]) for a in analyses[:3]]
+        assert row(table, label).split("]")[1].split() == " ".join(cells).split()
+    assert "300.0 ± 1.2" in row(table, "N white noise [µg/√Hz]")  # planted in the fixture
+    assert "< 0.045" in row(table, "Q quantization [arcsec]")
+    floor = measured(*(from_si(v, "deg/h") for v in lowest(analyses[0])[1:4]))
+    assert floor in row(table, "floor of the curve [°/h]")
+    assert number(from_si(analyses[5].sd, "ug"), 4) in table.split("Accelerometer")[1]
+    assert flat.count("R is not observable: to show half of the limit takes a record of 12 h") == 2  # once a triad
+    for part in (
+        "record 3.3 min at 100 Hz, 20000 samples",
+        "- x: sinusoid of 9.00 ± 0.40 °/h at 12.50000 ± 0.00040 Hz",
+        "x: Gauss-Markov process: standard deviation 5.0 +1.5 -1.0 °/h, correlation time 90 +50 -30 s",
+        "x: masked: averaging times below 0.0800 s, above 6.25 Hz: the device filters its output",
+        "x: values are multiples of 31.50 °/h",
+        "x: the first minute drifts",
+    ):
+        assert part in flat
+    changed = Coefficient(*(to_si(v, "deg/rth") for v in (0.777, 0.775, 0.779)))
+    table = datasheet([with_term(analyses[0], "N", changed)]).text()
+    assert "0.7770 ± 0.0020" in table and "0.3000" not in table
+    hours = zip(analyses[:3], (5.7, 2.0, 5.7), strict=True)
+    table = datasheet([with_term(a, "R", replace(a.terms["R"], hours=h)) for a, h in hours]).text()
+    assert "takes a record of 5.7 h (x), 2.0 h (y), 5.7 h (z)" in " ".join(table.split())
+    odd = replace(bare, step=1.0, sinusoids=(Sinusoid(0.5, 0.02, 12.5, 0.0004, 0.01),))
+    table = " ".join(datasheet([odd]).text("curve").split())
+    for part in ("N white noise [1/√Hz]", "multiples of 1.000, whose", "sinusoid of 0.500 ± 0.020 at"):
+        assert part in table
+
+
+@pytest.mark.parametrize(("share", "words"), [(0.04, ""), (0.3, ", whose rounding (step²/12 · Δt) is 30 % of N²")])
+def test_coarse_steps_are_told_as_a_share_of_the_white_noise(analyses, share, words):
+    a = analyses[1]
+    step = math.sqrt(12.0 * share / a.curve.dt) * a.terms["N"].value  # step²/12 · Δt = share · N²
+    table = " ".join(datasheet([replace(a, step=step)]).text().split())
+    assert f"values are multiples of {number(from_si(step, 'deg/h'), 4)} °/h{words}" in table
+    assert ("rounding" in table) == bool(words)
+
+
+def test_methods_models_and_the_curve_on_demand(analyses, bare):
+    assert "by method" not in datasheet(analyses).text()
+    table = datasheet(analyses[:1]).text("methods")
+    assert row(table, "K [°/h/√h]").split()[2:] == ["-", "24.0", "20.0", "±", "7.0"]
+    assert row(table, "N B  ").split() == ["N", "B", "34.2"]  # −1200.25 + 1234.5, and the other is chosen
+    assert row(table, "N B K").split() == ["N", "B", "K", "0.0", "chosen"]
+    a = analyses[3]
+    last = datasheet([a]).text("curve").splitlines()[-1].split()
+    expected = [number(float(a.curve.tau[-1]))]
+    expected += [number(from_si(float(v[-1]), "ug"), 4) for v in (a.curve.dev, a.curve.lo, a.curve.hi)]
+    expected += [number(float(a.curve.edf[-1])), number(100.0 * float(a.curve.ieee[-1]))]
+    assert last == [*expected, *noise_name(float(a.curve.alpha[-1])).split()]
+    for details in ((), ("methods", "curve")):
+        assert max(map(len, datasheet(analyses).text(*details).splitlines())) <= 80
+        assert not re.search(r"\b(nan|inf)\b", datasheet([*analyses, bare]).text(*details))
+
+
+# The dictionary
+
+
+def test_the_dictionary_is_strict_json_with_both_units_of_every_number(analyses, bare):
+    said = numbers([*analyses, bare])
+    assert json.loads(json.dumps(said, allow_nan=False)) == said
+    assert list(said) == [a.name for a in [*analyses, bare]]
+    assert said["column"]["mean"] == {"1": bare.mean}
+    a, gyr = analyses[0], said["gyr x"]
+    n, q = gyr["coefficients"]["N"], said["acc z"]["coefficients"]["Q"]
+    assert n["name"] == "white noise"
+    # 0.3 °/√h is 0.3/60 °/s/√Hz, that is 8.7266e-5 rad/s/√Hz
+    assert math.isclose(n["value"]["rad/s/rtHz"], math.radians(0.3 / 60.0), rel_tol=1e-12)
+    assert (n["value"]["deg/rth"], n["hi"]["deg/rth"]) == pytest.approx((0.3, 0.3 * 1.004), rel=1e-12)
+    assert set(q["upper"]) == {"m/s", "mm/s"} and (q["observable"], q["hours"]) == (False, None)
+    assert math.isclose(q["upper"]["m/s"], 1e-3 * q["upper"]["mm/s"], rel_tol=1e-12)
+    assert (gyr["samples"], gyr["duration_s"], gyr["dt_s"]) == (20_000, 200.0, 0.01)
+    assert list(gyr["methods"]) == ["lines", "least squares", "likelihood"]
+    assert gyr["methods"]["lines"]["N"]["lo"] == {"rad/s/rtHz": None, "deg/rth": None}  # the method gives none
+    assert math.isclose(gyr["sinusoids"][0]["amplitude"]["deg/h"], 9.0)
+    assert gyr["sinusoids"][0]["frequency_hz"] == 12.5
+    assert math.isclose(gyr["gauss_markov"]["time"]["value"]["s"], 90.0)
+    assert gyr["mask"] == {"n": 8, "frequency_hz": 6.25, "reason": "the device filters its output"}
+    assert gyr["candidates"][0] == {"terms": "N B K", "bic": -1234.5, "chosen": True}
+    assert gyr["notes"] == list(a.notes)
+    curve = gyr["curve"]
+    assert np.array_equal(curve["dev"]["rad/s"], a.curve.dev)
+    assert np.allclose(curve["hi"]["deg/h"], PER_HOUR * a.curve.hi, rtol=1e-12, atol=0.0)
+    assert np.array_equal(curve["tau_s"], a.curve.tau) and curve["alpha"] == a.curve.alpha.tolist()
+    assert np.array_equal(curve["ieee952_relative_error"], a.curve.ieee)
+    assert gyr["minimum"]["dev"]["rad/s"] in a.curve.dev
+
+
+# The page
+
+
+@pytest.fixture(scope="module")
+def text(analyses, bare):
+    mask, candidates = Mask(2, 1.0, HOSTILE), (Candidate(HOSTILE, 1.0, True),)
+    hostile = replace(bare, name=HOSTILE, notes=(HOSTILE,), mask=mask, candidates=candidates)
+    hostile = replace(hostile, lines=Estimates(HOSTILE, {}))
+    made = datasheet([*analyses, hostile], facts=[("device", HOSTILE), (HOSTILE, "x")])
+    return replace(made, parts=[*made.parts, fin_report(analyses)]).page()
+
+
+class TestPage(PageBattery):
+    pass
+
+
+def test_the_coefficients_of_a_sensor_come_before_its_figures(analyses, text):
+    first = "".join(part.partition("<svg")[0] for part in text.split("<h2>"))
+    for a in analyses:
+        for letter, c in a.terms.items():
+            cell = coefficient(c, DATASHEET[a.quantity][letter])
+            assert cell.replace("-", "−").replace("<", "&lt;") in first
+    assert text.count("averaging time [s]</text>") == 2 + 7  # a figure for each triad and each channel
+    assert text.count("Allan deviation [°/h]</text>") == 4
+
+
+def cells_of(page):
+    """Rows of the curve's table as numbers: averaging time, deviation and its interval, degrees of freedom."""
+    table = page.split("<summary>oadev")[1]
+    rows = re.findall(r"<tr><th scope='row'>(.+?)</th>" + "<td>(.+?)</td>" * 4, table)
+    return np.array(rows, dtype=float).T
+
+
+def test_odd_curves_have_a_page_with_their_numbers_and_the_same_each_time(plain):
+    few = plain[0].curve
+    nothing = Estimates("likelihood", {k: Coefficient(0.0, observable=False) for k in "QNBKR"})
+    for keep, changes in (
+        (slice(0, 1), {}),
+        (slice(0, 2), {"mask": Mask(10**9)}),
+        (slice(-1, None), {"likelihood": nothing}),
+    ):
+        columns = (getattr(few, f)[keep] for f in ("n", "dev", "alpha", "edf", "lo", "hi"))
+        short = Curve(few.kind, few.dt, few.count, *columns)
+        wanted = [short.tau, *(PER_HOUR * v for v in (short.dev, short.lo, short.hi)), short.edf]
+        wanted = [column for column in wanted if np.isfinite(column).all()]
+        sheet = datasheet([replace(plain[0], curve=short, **changes)])
+        page = sheet.page()
+        assert page == sheet.page()
+        Outline(page)
+        for cells, exact in zip(cells_of(page), wanted, strict=True):
+            assert cells == pytest.approx(exact, rel=5e-3)  # three digits, four of deviations
+
+
+def test_a_curve_of_every_averaging_factor_makes_a_small_page_and_keeps_its_spikes(tmp_path, plain):
+    n = np.arange(1, 100_001)
+    dev = 1e-3 / np.sqrt(n)
+    dev[43_456] *= 40.0
+    long = replace(plain[0], curve=Curve("oadev", 0.01, 200_000, n, dev, 0.0 * dev, 2e5 / n, dev * 0.9, dev * 1.1))
+    path = datasheet([long]).write_html(tmp_path / "page.html")
+    assert 10_000 < path.stat().st_size < 300_000
+    listed = re.search(r"(\d+) of 100000 averaging times", path.read_text(encoding="utf-8"))
+    assert 30 < int(listed[1]) <= 40
+    drawn = np.concatenate([line.get_ydata() for line in drawing(channel_figure, long).get_lines()])
+    assert PER_HOUR * dev[43_456] == pytest.approx(drawn[np.argmin(np.abs(drawn - PER_HOUR * dev[43_456]))])
+
+
+def test_without_matplotlib_the_extra_is_named(tmp_path, plain, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    for call in (datasheet(plain).page, lambda: datasheet(plain).plot(tmp_path / "x.png")):
+        with pytest.raises(MissingExtraError, match=r'pip install "plumbob\[plot\]"'):
+            call()
+
+
+# Pictures: what they draw, and where, read from matplotlib's own objects in the unit of the axis
+
+
+def drawing(picture, what):
+    """Axes on which a figure of the page was drawn."""
+    drawn = Figure()
+    picture(what).draw(drawn)
+    return drawn.axes[0]
+
+
+def lines(ax, marker):
+    return [line for line in ax.get_lines() if line.get_marker() == marker]
+
+
+def shaded_to(ax):
+    """Ends of masks."""
+    return [patch.get_x() + patch.get_width() for patch in ax.patches if isinstance(patch, Rectangle)]
+
+
+def test_coefficients_stand_at_their_places_with_their_values_and_letters(analyses):
+    """N at 1 s, B at the least deviation as 0.664 of it, K at 3 s, in °/h; 0.3 °/√h, 12 °/h and 20 °/h/√h are planted,
+    for y 1.1 times as much. N falls and has its letter on the right; K rises and has it on the left."""
+    a = analyses[1]
+    ax = drawing(channel_figure, a)
+    dots = [(line.get_xdata()[0], line.get_ydata()[0]) for line in lines(ax, "o")]
+    n, b, k = (from_si(a.terms[letter].value, "deg/h") for letter in "NBK")
+    assert [tau for tau, _ in dots] == [1.0, lowest(a).tau, 3.0]
+    assert [dev for _, dev in dots] == pytest.approx([n, math.sqrt(2 * math.log(2) / math.pi) * b, k])
+    values = {text.get_text(): text.xy for text in ax.texts if "=" in text.get_text()}
+    assert values == dict(zip(("N = 0.330 °/√h", "B = 13.2 °/h", "K = 22.0 °/h/√h"), dots, strict=True))
+    letters = {text.get_text(): text for text in ax.texts if "=" not in text.get_text()}
+    assert {name: text.get_ha() for name, text in letters.items()} == {"N −½": "left", "B 0": "left", "K +½": "right"}
+    for name, text in letters.items():
+        tau, dev = text.xy
+        assert dev == pytest.approx(from_si(math.sqrt(variance(name[0], a.terms[name[0]].value, tau)), "deg/h"))
+        assert ax.get_xlim()[0] < tau < ax.get_xlim()[1] and ax.get_ylim()[0] < dev < ax.get_ylim()[1]
+        assert (text.get_position()[0] > 0.0) == (text.get_ha() == "left")
+    hidden = {letter: replace(c, observable=False) for letter, c in a.terms.items()}
+    assert not drawing(channel_figure, replace(a, likelihood=Estimates("likelihood", hidden))).texts
+
+
+def test_curve_model_terms_and_mask_are_in_the_unit_of_the_axis(analyses):
+    a = analyses[4]
+    ax = drawing(channel_figure, a)
+    assert ax.get_ylabel() == "Allan deviation [µg]"
+    (curve, pale), (model, *terms) = lines(ax, ""), lines(ax, "None")
+    assert np.allclose(curve.get_ydata(), from_si(a.curve.dev[: len(curve.get_xdata())], "ug"))
+    assert curve.get_xdata()[-1] == pytest.approx(pale.get_xdata()[0])  # what scatters is pale
+    assert pale.get_xdata()[-1] == pytest.approx(a.curve.tau[-1])
+    assert np.allclose(model.get_ydata(), from_si(a.model(model.get_xdata()), "ug"))
+    slopes = [np.diff(np.log(line.get_ydata()))[0] / np.diff(np.log(line.get_xdata()))[0] for line in terms]
+    assert slopes == pytest.approx([-0.5, 0.0, 0.5], abs=1e-9)  # of N, B and K
+    low, high = ax.get_ylim()
+    assert low < curve.get_ydata().min() and curve.get_ydata().max() < high
+    sure = replace(a, curve=replace(a.curve, edf=np.full(a.curve.n.size, 99.0)))
+    assert len(lines(drawing(channel_figure, sure), "")) == 1
+    assert [shaded_to(drawing(channel_figure, x)) for x in analyses[:2]] == [[pytest.approx(8 * 0.01)], []]
+
+
+def test_a_triad_has_a_colour_for_each_axis_and_the_longest_mask(analyses):
+    gyr, _ = triads(analyses)
+    ax = drawing(triad_figure, gyr)
+    first = [line for line in ax.get_lines() if line.get_alpha() == 1.0]
+    assert [line.get_color() for line in first] == [colour for _, colour, _ in triad_figure(gyr).key[:3]]
+    assert len({line.get_color() for line in first}) == 3
+    for line, a in zip(first, gyr.channels.values(), strict=True):
+        assert line.get_ydata()[0] == pytest.approx(from_si(a.curve.dev[0], "deg/h"))
+    assert shaded_to(ax) == [pytest.approx(max(a.mask.n * a.curve.dt for a in gyr.channels.values()))]
+
+
+def test_pictures_hold_a_panel_for_each_triad_or_one_for_a_channel(tmp_path, analyses, bare):
+    """3.75 inches of 200 dots high, in which the curves have their colours."""
+    for given, panels in ((analyses, 2), ([replace(bare, name=HOSTILE)], 1)):
+        pixels = imread(datasheet(given).plot(tmp_path / f"{panels}.png"))
+        assert pixels.shape[:2] == (750 * panels, 1500)
+        part = triads(given)[0]
+        keys = triad_figure(part).key if panels > 1 else channel_figure(given[0]).key
+        colour = np.array(to_rgb(keys[0][1]))
+        assert (np.abs(pixels[:750, :, :3] - colour).max(axis=2) < 0.01).sum() > 500
+
+
+# Before and after a filter
+
+
+@pytest.fixture(scope="module")
+def compared():
+    """White noise of 0.1 °/s at 10 Hz before and after a filter of first order of 1 s."""
+    raw = dps(0.1 * np.random.default_rng(0).standard_normal(20_000))
+    keep = np.exp(-0.1)
+    smooth = lfilter([1.0 - keep], [1.0, -keep], raw)
+    return [Compared("gyr x", Quantity.RATE, compare(raw, smooth, 0.1))]
+
+
+class TestComparisonPage(PageBattery):
+    @pytest.fixture
+    def text(self, compared):
+        return comparison([compared[0]._replace(name=HOSTILE)], facts=[(HOSTILE, HOSTILE)]).page()
+
+
+def test_a_comparison_has_both_deviations_and_their_ratio(compared, tmp_path):
+    table = comparison(compared).text().splitlines()
+    cells = next(line.split() for line in table if line.startswith("0.100"))
+    before, after, ratio = map(float, cells[1:4])
+    assert before == pytest.approx(360.0, rel=0.02)
+    assert ratio == pytest.approx(after / before, rel=0.01)
+    assert max(map(len, table)) <= 80
+    said = comparison_numbers(compared)["gyr x"]
+    assert json.loads(json.dumps(said, allow_nan=False)) == said
+    assert said["time_constant_s"] == pytest.approx(1.0, rel=0.05)
+    assert said["bent_below_s"] == pytest.approx(10.0 * said["time_constant_s"])
+    assert len(said["ratio"]) == len(said["before"]["n"]) == len(said["after"]["n"])
+    assert comparison(compared).plot(tmp_path / "x.png").read_bytes()[:4] == b"\x89PNG"
