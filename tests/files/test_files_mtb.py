@@ -165,14 +165,11 @@ def test_attitudes_of_every_kind_and_frame(tmp_path, digit, frame):
 
 
 def test_blocks_of_several_rates_keep_their_own_times(tmp_path):
-    packets = []
-    for i in range(40):
-        blocks = (
-            [xbus_floats(0x8040, 0.01 * i, 0, 0)]
-            if i % 2
-            else [xbus_floats(0x4020, 0, 0, 9.8), xbus_floats(0xC020, i, 0, 0)]
-        )
-        packets.append(packet(i, *blocks, step=10))
+    slow = xbus_floats(0x4020, 0, 0, 9.8)
+    packets = [
+        packet(i, *([xbus_floats(0x8040, 0.01 * i, 0, 0)] if i % 2 else [slow, xbus_floats(0xC020, i, 0, 0)]), step=10)
+        for i in range(40)
+    ]
     imu = read(log(tmp_path / "a.mtb", *packets)).imu
     assert len(imu) == 20
     np.testing.assert_allclose(imu.gyr[:, 0], 0.01 * np.arange(1, 40, 2), atol=1e-7)
@@ -182,13 +179,11 @@ def test_blocks_of_several_rates_keep_their_own_times(tmp_path):
 
 
 def test_a_slow_magnetometer_in_the_same_packets_is_not_interpolated(tmp_path):
-    packets = [
-        packet(i, xbus_floats(0x8020, 0, 0, 0), *([xbus_floats(0xC020, i, 0, 0)] if i % 2 == 0 else []))
-        for i in range(20)
-    ]
-    mag = read(log(tmp_path / "a.mtb", *packets)).imu.mag
-    np.testing.assert_allclose(mag[::2, 0], 50.0 * np.arange(0, 20, 2))
-    assert np.isnan(mag[1::2]).all()
+    rate, mag = xbus_floats(0x8020, 0, 0, 0), [xbus_floats(0xC020, i, 0, 0) for i in range(20)]
+    packets = [packet(i, rate, *([] if i % 2 else [mag[i]])) for i in range(20)]
+    found = read(log(tmp_path / "a.mtb", *packets)).imu.mag
+    np.testing.assert_allclose(found[::2, 0], 50.0 * np.arange(0, 20, 2))
+    assert np.isnan(found[1::2]).all()
 
 
 def test_utc_counts_where_it_is_valid(tmp_path):

@@ -64,13 +64,6 @@ def test_phyphox_of_the_short_names_takes_what_it_is_from_the_file(tmp_path):
     assert any("the start and any pauses are not known" in note for note in recording.notes)
 
 
-def test_phyphox_never_takes_acceleration_without_gravity_for_specific_force(tmp_path):
-    files = phyphox_files()
-    del files["Accelerometer.csv"]
-    recording = read(zipped(tmp_path / "swing.zip", files))
-    assert recording.imu.acc is None
-
-
 def test_one_table_of_phyphox_is_a_recording(tmp_path):
     path = tmp_path / "Raw Data.csv"
     path.write_text(phyphox_table("Gyroscope ", "rad/s", RATE), encoding="utf-8")
@@ -78,9 +71,10 @@ def test_one_table_of_phyphox_is_a_recording(tmp_path):
     assert (kind_of(path).name, imu.triads, imu.gyr.tolist()) == ("phone", ("gyr",), [[*RATE]] * 200)
 
 
-def test_phyphox_believes_a_table_that_says_it_is_without_g(tmp_path):
+def test_phyphox_never_takes_acceleration_without_gravity_for_specific_force(tmp_path):
     files = {
         "Gyroscope.csv": phyphox_table("Gyroscope ", "rad/s", RATE),
+        "Linear Accelerometer.csv": phyphox_table("Linear Acceleration ", "m/s^2", (0.0, 0.0, 0.0)),
         "Accelerometer without g.csv": phyphox_table("Acceleration ", "m/s^2", (0.0, 0.0, 0.0)),
         "Pressure.csv": '"Time (s)","Pressure (hPa)"\n0.0,1000.0\n',
     }
@@ -283,11 +277,11 @@ def test_links_in_a_folder_are_not_followed(tmp_path):
     assert not phones.accepts(folder)
 
 
-def test_a_table_of_another_logger_is_not_taken_for_a_phones(tmp_path):
-    for head in ("Time (s),X (m/s^2),Y (m/s^2)", "t,gx,gy,gz", "time,x,y,z", "Time (s),Voltage (V)"):
-        path = tmp_path / "log.csv"
-        path.write_text(f"{head}\n1,2,3,4\n", encoding="utf-8")
-        assert kind_of(path).name == "text"
+@pytest.mark.parametrize("head", ["Time (s),X (m/s^2),Y (m/s^2)", "t,gx,gy,gz", "time,x,y,z", "Time (s),Voltage (V)"])
+def test_a_table_of_another_logger_is_not_taken_for_a_phones(tmp_path, head):
+    (tmp_path / "log.csv").write_text(f"{head}\n1,2,3,4\n", encoding="utf-8")
+    assert kind_of(tmp_path / "log.csv").name == "text"
+    assert not phones.accepts(tmp_path / "log.csv")
 
 
 # Real recordings ------------------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ import lz4.frame
 import numpy as np
 import pytest
 import zstandard
+from mcap.writer import CompressionType
 
 import plumbob
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnitError
@@ -75,39 +76,6 @@ def test_mcap_by_the_library_of_mcap(tmp_path):
             writer.write_message(row.topic, schemas[row.kind], fields, row.log_ns)
         writer.finish()
     check_common(plumbob.read(tmp_path / "a.mcap"), given)
-
-
-@pytest.mark.parametrize("profile", ["ros1", ""])
-def test_mcap_with_messages_of_ros_1(profile, tmp_path):
-    """As `mcap convert a.bag` makes one; without a profile the summary's channels tell it."""
-    from mcap.writer import Writer
-
-    given = made.samples()
-    with (tmp_path / "a.mcap").open("wb") as file:
-        writer, channels = Writer(file), {}
-        writer.start(profile, "somebody")
-        for row in made.all_rows(given):
-            if row.topic not in channels:
-                text = made.ROS1.generate_msgdef(row.kind)[0].encode()
-                schema = writer.register_schema(row.kind.replace("/msg/", "/"), "ros1msg", text)
-                channels[row.topic] = writer.register_channel(row.topic, "ros1", schema)
-            data = bytes(made.ROS1.serialize_ros1(made.message(row, made.ROS1), row.kind))
-            writer.add_message(channels[row.topic], row.log_ns, data, row.log_ns)
-        writer.finish()
-    check_common(plumbob.read(tmp_path / "a.mcap"), given)
-
-
-def test_big_endian_cdr(tmp_path):
-    given, store = made.samples(), made.ROS2
-    bag = made.Writer2(tmp_path / "a", version=8)
-    with bag:
-        known = {}
-        for row in made.all_rows(given):
-            if row.topic not in known:
-                known[row.topic] = bag.add_connection(row.topic, row.kind, typestore=store)
-            data = store.serialize_cdr(made.message(row, store), row.kind, little_endian=False)
-            bag.write(known[row.topic], row.log_ns, data)
-    check_common(plumbob.read(tmp_path / "a"), given)
 
 
 @pytest.mark.parametrize("gone", [-1.0, np.nan])
@@ -245,8 +213,7 @@ class TestPoses:
     @pytest.mark.parametrize("write", [made.write_1, made.write_2])
     def test_every_type(self, kind, write, tmp_path):
         given = made.samples()
-        found = plumbob.read(write(tmp_path / "a.bag", self.rows(kind, given)) if write is made.write_1 else
-                             write(tmp_path / "a", self.rows(kind, given)))  # fmt: skip
+        found = plumbob.read(write(tmp_path / ("a.bag" if write is made.write_1 else "a"), self.rows(kind, given)))
         assert found.imu is None and (found.track.frame, found.track.north) == (Frame.ENU, North.FREE)
         np.testing.assert_allclose(found.track.q_nb, given["xyzw"][:, [3, 0, 1, 2]], rtol=0, atol=1e-15)
         assert "it holds no inertial data (sensor_msgs/Imu); a pose is read as an attitude" in found.notes
@@ -365,18 +332,8 @@ def test_a_journal_beside_it(tmp_path):
 
 def wrong_checksum(folder):
     """One bit of a rate in a chunk that is not compressed, so that nothing else shows it."""
-    from mcap.writer import CompressionType, Writer
-
-    given, path = made.samples(), folder / "a.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.NONE)
-        writer.start("ros2", "somebody")
-        schema = writer.register_schema("sensor_msgs/msg/Imu", "ros2msg", b"")
-        channel = writer.register_channel("/imu", "cdr", schema)
-        for row in made.imu_rows(given):
-            data = bytes(made.ROS2.serialize_cdr(made.message(row, made.ROS2), row.kind))
-            writer.add_message(channel, row.log_ns, data, row.log_ns)
-        writer.finish()
+    given = made.samples()
+    path = made.write_mcap(folder / "a.mcap", made.imu_rows(given), "ros2", 2, compression=CompressionType.NONE)
     whole = bytearray(path.read_bytes())
     whole[whole.index(struct.pack("<d", given["gyr"][5, 1]))] ^= 1
     path.write_bytes(whole)

@@ -1,8 +1,10 @@
 """Bags that the package rosbags writes, which shares nothing with our reader."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -137,11 +139,30 @@ def write_1(path, rows, compression=None):
     return path
 
 
-def write_2(path, rows, storage="SQLITE3", mode="NONE"):
+def write_2(path, rows, storage="SQLITE3", mode="NONE", **order):
     bag = Writer2(path, version=8, storage_plugin=StoragePlugin[storage])
     bag.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
     with bag:
-        _fill(bag, rows, ROS2, ROS2.serialize_cdr)
+        _fill(bag, rows, ROS2, partial(ROS2.serialize_cdr, **order))
+    return path
+
+
+def write_mcap(path, rows, profile="ros1", ros=1, **options):
+    """By the library of MCAP, as `mcap convert a.bag` makes one of ROS 1."""
+    store, words, encoding = ((ROS1, "ros1msg", "ros1"), (ROS2, "ros2msg", "cdr"))[ros - 1]
+    with path.open("wb") as file:
+        writer, channels = McapWriter(file, **options), {}
+        writer.start(profile, "somebody")
+        for row in rows:
+            if row.topic not in channels:
+                name = row.kind if ros == 2 else row.kind.replace("/msg/", "/")
+                text = store.generate_msgdef(row.kind)[0].encode() if ros == 1 else b""
+                schema = writer.register_schema(name, words, text)
+                channels[row.topic] = writer.register_channel(row.topic, encoding, schema)
+            serialize = store.serialize_ros1 if ros == 1 else store.serialize_cdr
+            data = bytes(serialize(message(row, store), row.kind))
+            writer.add_message(channels[row.topic], row.log_ns, data, row.log_ns)
+        writer.finish()
     return path
 
 
@@ -155,5 +176,8 @@ CONTAINERS = {
     "folder, mcap": lambda folder, rows: write_2(folder / "a", rows, "MCAP"),
     "folder, mcap of zstd chunks": lambda folder, rows: write_2(folder / "a", rows, "MCAP", "STORAGE"),
     "db3": lambda folder, rows: write_2(folder / "a", rows) / "a.db3",
+    "folder, db3, big-endian": lambda folder, rows: write_2(folder / "a", rows, little_endian=False),
+    "mcap of ROS 1": lambda folder, rows: write_mcap(folder / "a.mcap", rows),
+    "mcap of ROS 1, told by its channels": lambda folder, rows: write_mcap(folder / "a.mcap", rows, ""),
     "mcap": lambda folder, rows: write_2(folder / "a", rows, "MCAP", "STORAGE") / "a.mcap",
 }
