@@ -89,12 +89,7 @@ def test_units_of_iio():
         assert columns[name].tolist() == [pytest.approx(value)]
 
 
-@given(
-    order=st.sampled_from("<>"),
-    signed=st.booleans(),
-    storage=st.sampled_from([8, 16, 32, 64]),
-    data=st.data(),
-)
+@given(order=st.sampled_from("<>"), signed=st.booleans(), storage=st.sampled_from([8, 16, 32, 64]), data=st.data())
 def test_every_number_comes_back(order, signed, storage, data):
     """Whatever the bits around it are."""
     bits = data.draw(st.integers(1, min(storage, 52)))  # more would not fit into a float

@@ -131,8 +131,7 @@ def test_a_second_reader_is_refused(opened, line):
 
 
 @pytest.mark.parametrize(
-    ("number", "said"),
-    [(errno.EACCES, "dialout"), (errno.EIO, "Input/output"), (errno.EINVAL, "cannot be opened")],
+    ("number", "said"), [(errno.EACCES, "dialout"), (errno.EIO, "Input/output"), (errno.EINVAL, "cannot be opened")]
 )
 def test_refusals_of_the_system_say_what_to_do(line, monkeypatch, number, said):
     import serial

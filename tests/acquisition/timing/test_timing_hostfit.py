@@ -34,8 +34,7 @@ class HostFit:
     def observe(self, device_ns, host_ns):
         for device, host in zip(device_ns.tolist(), host_ns.tolist(), strict=True):
             first = self.origin is None
-            if first:
-                self.origin = device, host
+            self.origin = self.origin or (device, host)
             x, y = float(device - self.origin[0]), float(host - self.origin[1])
             if first or x < self.real[NOW]:
                 self.resets += not first
@@ -44,6 +43,7 @@ class HostFit:
             self.worst = max(self.worst, delay)
             self.histogram[bin_of(delay)] += 1
             self.real[NOW] = x
+        return self
 
     def to_host(self, device_ns):
         return self.origin[1] + round(line_at(self.real, float(device_ns - self.origin[0])))
@@ -53,107 +53,85 @@ class HostFit:
         return 1e6 * self.real[DRIFT]
 
 
-class TestHostFit:
-    @pytest.mark.parametrize("drift_ppm", [-100.0, 0.0, 40.0, 100.0, 30_000.0])
-    def test_offset_and_drift(self, drift_ppm):
-        """A block of 320 points of mean 200 µs has its lowest at 0.6 µs: 1e-2 ppm over 100 s, and 5 µs at the end."""
-        fit = HostFit()
-        device, host = points(drift_ppm=drift_ppm)
-        fit.observe(device, host)
-        assert fit.drift_ppm == pytest.approx(drift_ppm, abs=0.02)
-        assert fit.to_host(int(device[-1])) == pytest.approx(truth(device[-1], drift_ppm), abs=5_000)
-        assert fit.resets == 0
-
-    def test_delays(self):
-        """Quantiles of the exponential distribution: ln 2 and ln 100 means; bins are 6 % wide."""
-        fit = HostFit()
-        fit.observe(*points())
-        found = delays(fit.histogram, fit.worst)
-        assert found.p50 == pytest.approx(200e-6 * np.log(2.0), rel=0.08)
-        assert found.p99 == pytest.approx(200e-6 * np.log(100.0), rel=0.08)
-        assert found.worst > found.p99
-
-    def test_no_point_is_below_the_line_when_it_comes(self):
-        fit = HostFit()
-        device, host = points(3000)
-        for k in range(3000):
-            fit.observe(device[k : k + 1], host[k : k + 1])
-            assert fit.to_host(int(device[k])) <= host[k] + 1
-
-    def test_stalls_do_not_move_it(self):
-        device, host = points()
-        still = fitted = HostFit()
-        still.observe(device, host)
-        held = host.copy()
-        held[30_000:33_000] = np.maximum(held[30_000:33_000], held[33_000])  # 30 s
-        fitted = HostFit()
-        fitted.observe(device, held)
-        assert fitted.drift_ppm == pytest.approx(still.drift_ppm, abs=0.02)
-        assert fitted.to_host(int(device[-1])) == pytest.approx(still.to_host(int(device[-1])), abs=5_000)
-        assert fitted.worst == pytest.approx(30e9, abs=0.1e9)
-
-    def test_a_backlog_at_the_start(self):
-        """Five seconds of points come at once, and then three as they are made: the first tell nothing of the drift."""
-        device, host = points(800)
-        host[:500] = host[500]
-        fit = HostFit()
-        fit.observe(device, host)
-        assert abs(fit.drift_ppm - 40.0) < 200
-
-    def test_what_comes_at_once_is_one_block(self):
-        """Otherwise a line without a nominal rate would take it for a clock that is infinitely fast."""
-        real = np.zeros(REALS)
-        real[ROUGH] = 1.0
-        begin_line(real, 0.0, 0.0)
-        for k in range(500):
-            observe(real, k * 1e7, 0.0)
-        assert real[DRIFT] == 0.0
-
-    def test_a_device_that_starts_again(self):
-        device, host = points(6000)
-        again = device.copy()
-        again[3000:] -= again[3000] - 5
-        fit = HostFit()
-        fit.observe(again, host)
-        assert fit.resets == 1
-        assert fit.drift_ppm == pytest.approx(40.0, abs=1.0)
-        moved = int(device[3000]) - 5
-        assert fit.to_host(int(again[-1])) == pytest.approx(truth(int(again[-1]) + moved), abs=20_000)
-
-    def test_pieces_give_the_same_bits(self):
-        device, host = points(5000)
-        whole, cut = HostFit(), HostFit()
-        whole.observe(device, host)
-        for k in range(0, 5000, 7):
-            cut.observe(device[k : k + 7], host[k : k + 7])
-        np.testing.assert_array_equal(whole.real, cut.real)
-
-    def test_two_points_at_once_and_one_alone(self):
-        fit = HostFit()
-        fit.observe(np.array([5, 5]), np.array([100, 90]))
-        assert fit.to_host(5) == 90
-        assert fit.drift_ppm == 0.0
+@pytest.mark.parametrize("drift_ppm", [-100.0, 40.0, 30_000.0])
+def test_offset_and_drift(drift_ppm):
+    """A block of 320 points of mean 200 µs has its lowest at 0.6 µs: 1e-2 ppm over 100 s, and 5 µs at the end."""
+    device, host = points(drift_ppm=drift_ppm)
+    fit = HostFit().observe(device, host)
+    assert fit.drift_ppm == pytest.approx(drift_ppm, abs=0.02)
+    assert fit.to_host(int(device[-1])) == pytest.approx(truth(device[-1], drift_ppm), abs=5_000)
+    assert fit.resets == 0
+    found = delays(fit.histogram, fit.worst)
+    # quantiles of the exponential distribution: ln 2 and ln 100 means; bins are 6 % wide
+    assert found.p50 == pytest.approx(200e-6 * np.log(2.0), rel=0.08)
+    assert found.p99 == pytest.approx(200e-6 * np.log(100.0), rel=0.08)
+    assert found.worst > found.p99
 
 
-class TestHistogram:
-    def test_every_delay_has_its_bin_within_six_percent(self):
-        delays = np.unique(np.rint(np.geomspace(1.0, 1e18, 2000)))
-        places = [bin_of(float(delay)) for delay in delays]
-        assert places == sorted(places)
-        assert places[0] > 0
-        assert places[-1] < BINS
-        for delay, place in zip(delays, places, strict=True):
-            assert middle_of(place) == pytest.approx(delay, rel=1 / 32)
+def test_no_point_is_below_the_line_when_it_comes_and_pieces_give_the_same_bits():
+    fit, (device, host) = HostFit(), points(3000)
+    for k in range(3000):
+        fit.observe(device[k : k + 1], host[k : k + 1])
+        assert fit.to_host(int(device[k])) <= host[k] + 1
+    np.testing.assert_array_equal(HostFit().observe(device, host).real, fit.real)
 
-    def test_below_zero_and_beyond(self):
-        assert bin_of(-1.0) == bin_of(0.0) == 0
-        assert bin_of(1e300) < BINS
 
-    def test_quantiles(self):
-        histogram = np.zeros(2 * BINS, dtype=np.int64)
-        assert quantile(histogram, 0, 0.5) == 0.0
-        for delay in range(1, 101):
-            histogram[BINS + bin_of(1000.0 * delay)] += 1
-        assert quantile(histogram, 0, 0.5) == 0.0
-        assert quantile(histogram, BINS, 0.5) == pytest.approx(50_000, rel=1 / 16)
-        assert quantile(histogram, BINS, 1.0) == pytest.approx(100_000, rel=1 / 16)
+def test_stalls_do_not_move_it():
+    device, host = points()
+    held = host.copy()
+    held[30_000:33_000] = np.maximum(held[30_000:33_000], held[33_000])  # 30 s
+    fit = HostFit().observe(device, held)
+    assert fit.drift_ppm == pytest.approx(40.0, abs=0.02)
+    assert fit.to_host(int(device[-1])) == pytest.approx(truth(device[-1]), abs=5_000)
+    assert fit.worst == pytest.approx(30e9, abs=0.1e9)
+
+
+def test_a_backlog_at_the_start():
+    """Five seconds of points come at once, and then three as they are made: the first tell nothing of the drift."""
+    device, host = points(800)
+    host[:500] = host[500]
+    assert abs(HostFit().observe(device, host).drift_ppm - 40.0) < 200
+
+
+def test_what_comes_at_once_is_one_block():
+    """Otherwise a line without a nominal rate would take it for a clock that is infinitely fast."""
+    real = np.zeros(REALS)
+    real[ROUGH] = 1.0
+    begin_line(real, 0.0, 0.0)
+    for k in range(500):
+        observe(real, k * 1e7, 0.0)
+    assert real[DRIFT] == 0.0
+    fit = HostFit().observe(np.array([5, 5]), np.array([100, 90]))
+    assert (fit.to_host(5), fit.drift_ppm) == (90, 0.0)
+
+
+def test_a_device_that_starts_again():
+    device, host = points(6000)
+    again = device.copy()
+    again[3000:] -= again[3000] - 5
+    fit = HostFit().observe(again, host)
+    assert fit.resets == 1
+    assert fit.drift_ppm == pytest.approx(40.0, abs=1.0)
+    moved = int(device[3000]) - 5
+    assert fit.to_host(int(again[-1])) == pytest.approx(truth(int(again[-1]) + moved), abs=20_000)
+
+
+def test_every_delay_has_its_bin_within_six_percent():
+    delays = np.unique(np.rint(np.geomspace(1.0, 1e18, 2000)))
+    places = [bin_of(float(delay)) for delay in delays]
+    assert places == sorted(places)
+    assert 0 < places[0] <= places[-1] < BINS
+    for delay, place in zip(delays, places, strict=True):
+        assert middle_of(place) == pytest.approx(delay, rel=1 / 32)
+    assert bin_of(-1.0) == bin_of(0.0) == 0
+    assert bin_of(1e300) < BINS
+
+
+def test_quantiles():
+    histogram = np.zeros(2 * BINS, dtype=np.int64)
+    assert quantile(histogram, 0, 0.5) == 0.0
+    for delay in range(1, 101):
+        histogram[BINS + bin_of(1000.0 * delay)] += 1
+    assert quantile(histogram, 0, 0.5) == 0.0
+    assert quantile(histogram, BINS, 0.5) == pytest.approx(50_000, rel=1 / 16)
+    assert quantile(histogram, BINS, 1.0) == pytest.approx(100_000, rel=1 / 16)

@@ -1,6 +1,8 @@
 """Any frames, in any pieces: the same bits, times that never fall, counts that add up."""
 
+import functools
 from itertools import pairwise
+from types import FunctionType
 
 import hypothesis.strategies as st
 import numpy as np
@@ -9,9 +11,9 @@ from hypothesis import given
 
 from plumbob.acquisition.timing.spec import Counter, TimeSpec
 from plumbob.acquisition.timing.timebase import TimeBase, stamp_frames
-from plumbob.core._jit import jit_disabled
 from plumbob.core.flags import TIME_FAULT
-from tests.helpers import examples
+from plumbob.core.time import quantile
+from tests.helpers import examples, jit_disabled
 from tests.helpers.clock_samples import START_NS, Frames, frames, hold, ticks, without
 
 SPECS = {
@@ -26,15 +28,14 @@ COLUMNS = ("t_ns", "step", "flags", "lost", "kind")
 
 
 def said(spec, f):
-    found = {}
-    if spec.clock is not None:
-        found["clock"] = ticks(f, spec.clock, 20.0)
+    counts = {} if spec.clock is None else {"clock": ticks(f, spec.clock, 20.0)}
     if spec.frames is not None:
-        found["frames"] = (-f.index if spec.frames.down else f.index) % spec.frames.modulus
-    return found
+        counts["frames"] = (-f.index if spec.frames.down else f.index) % spec.frames.modulus
+    return counts
 
 
-def troubled() -> Frames:
+@functools.cache
+def troubled():
     """Bunches, stalls, losses, a double, a swap and a restart."""
     f = frames(3000, 100.0, 60.0, 16.0, stalls=0.5)
     f = f._replace(t_ns=START_NS + hold(f.t_ns - START_NS, 8e9, 3e9).astype(np.int64))
@@ -47,18 +48,13 @@ def troubled() -> Frames:
     return f._replace(index=f.index - later * 1700, t_ns=f.t_ns + later * 2 * 10**9)
 
 
-def pieces(spec, f, cuts, reopen=()):
-    base = TimeBase(spec)
-    columns = {name: [] for name in COLUMNS}
-    counts = said(spec, f)
-    edges = [0, *sorted(cuts), f.t_ns.size]
-    for a, b in pairwise(edges):
+def pieces(spec, f, cuts=(), reopen=()):
+    base, stamps, counts = TimeBase(spec), [], said(spec, f)
+    for a, b in pairwise([0, *sorted(cuts), f.t_ns.size]):
         if a in reopen:
             base.reopened(int(f.t_ns[a]))
-        stamps = base.stamp(f.t_ns[a:b], f.place[a:b], **{name: c[a:b] for name, c in counts.items()})
-        for name in COLUMNS:
-            columns[name].append(getattr(stamps, name))
-    return base.report(), {name: np.concatenate(parts) for name, parts in columns.items()}
+        stamps.append(base.stamp(f.t_ns[a:b], f.place[a:b], **{name: c[a:b] for name, c in counts.items()}))
+    return base.report(), {name: np.concatenate([getattr(part, name) for part in stamps]) for name in COLUMNS}
 
 
 def assert_same(a, b):
@@ -76,45 +72,31 @@ class TestPieces:
         cuts = [cut for cut in cuts if cut <= f.t_ns.size]
         assert_same(pieces(SPECS[name], f, [1000], {1000}), pieces(SPECS[name], f, [*cuts, 1000], {1000}))
 
-    def test_one_by_one(self, name):
-        f = Frames(*(column[:1000] for column in troubled()))
-        assert_same(pieces(SPECS[name], f, []), pieces(SPECS[name], f, range(1, 1000)))
-
-    def test_plain_python_gives_the_same_bits(self, name, monkeypatch):
-        if jit_disabled():
-            pytest.skip("there is no other")
-        f = Frames(*(column[700:1600] for column in troubled()))
-        compiled = pieces(SPECS[name], f, [])
-        with monkeypatch.context() as patch:
-            patch.setenv("NUMBA_DISABLE_JIT", "1")
-            patch.setattr("plumbob.acquisition.timing.timebase.stamp_frames", plain(stamp_frames))
-            patch.setattr("plumbob.acquisition.timing.report.quantile", compiled_free_quantile())
-            assert_same(compiled, pieces(SPECS[name], f, []))
-
-    def test_nothing_depends_on_what_comes_later(self, name):
+    def test_one_by_one_and_nothing_depends_on_what_comes_later(self, name):
         f = troubled()
-        whole = pieces(SPECS[name], f, [])[1]
-        start = pieces(SPECS[name], Frames(*(column[:1234] for column in f)), [])[1]
+        start = Frames(*(column[:1000] for column in f))
+        whole, begun = pieces(SPECS[name], f)[1], pieces(SPECS[name], start)
+        assert_same(begun, pieces(SPECS[name], start, range(1, 1000)))
         for column in COLUMNS:
-            assert np.array_equal(whole[column][:1234], start[column])
+            assert np.array_equal(whole[column][:1000], begun[1][column])
+
+    @pytest.mark.skipif(jit_disabled(), reason="there is no other")
+    def test_plain_python_gives_the_same_bits(self, name, monkeypatch):
+        f = Frames(*(column[700:1600] for column in troubled()))
+        compiled = pieces(SPECS[name], f)
+        monkeypatch.setattr("plumbob.acquisition.timing.timebase.stamp_frames", plain(stamp_frames))
+        monkeypatch.setattr("plumbob.acquisition.timing.report.quantile", plain(quantile))
+        assert_same(compiled, pieces(SPECS[name], f))
 
 
 def plain(kernel):
     """The kernel and all that it calls, undecorated."""
-    from types import FunctionType
-
     func = kernel.py_func
     names = dict(func.__globals__)
     for name in func.__code__.co_names:
         if hasattr(names.get(name), "py_func"):
             names[name] = plain(names[name])
     return FunctionType(func.__code__, names, func.__name__, func.__defaults__)
-
-
-def compiled_free_quantile():
-    from plumbob.core.time import quantile
-
-    return plain(quantile)
 
 
 @given(
@@ -129,29 +111,22 @@ def compiled_free_quantile():
     ),
     name=st.sampled_from(sorted(SPECS)),
 )
-@examples(1.5)
+@examples(1.0)
 def test_whatever_comes_times_do_not_fall_and_counts_add_up(steps, name):
     spec = SPECS[name]
-    base = TimeBase(spec)
-    host, place, count = 10**15, 0, 0
-    t, words, lost = [], [], 0
+    base, host, place, count, stamps = TimeBase(spec), 10**15, 0, 0, []
+    counters = {key: getattr(spec, key) for key in ("clock", "frames") if getattr(spec, key) is not None}
     for jump, pause, further, wild in steps:
-        host, place = host + pause, place + further
-        count = jump if wild else count + 1
-        stamps = base.stamp(
-            np.array([host]), np.array([place]),
-            clock=None if spec.clock is None else np.array([count % spec.clock.modulus]),
-            frames=None if spec.frames is None else np.array([count % spec.frames.modulus]),
-        )  # fmt: skip
-        t.append(int(stamps.t_ns[0]))
-        words.append(int(stamps.flags[0]))
-        assert stamps.lost[0] >= 0
-        lost += int(stamps.lost[0])
+        host, place, count = host + pause, place + further, jump if wild else count + 1
+        counts = {key: np.array([count % counter.modulus]) for key, counter in counters.items()}
+        stamps.append(base.stamp(np.array([host]), np.array([place]), **counts))
+    t, words, lost = ([int(getattr(part, key)[0]) for part in stamps] for key in ("t_ns", "flags", "lost"))
     used = [a for a, word in zip(t, words, strict=True) if not word & TIME_FAULT]
+    assert all(count >= 0 for count in lost)
     assert all(b >= a for a, b in pairwise(t))
     assert all(b > a for a, b in pairwise(used))
     report = base.report()
-    assert (report.frames, report.lost) == (len(steps), lost)
+    assert (report.frames, report.lost) == (len(steps), sum(lost))
     assert report.duplicates + report.late + report.ahead + report.unsure == len(t) - len(used)
 
 
