@@ -156,8 +156,8 @@ def test_the_status_on_a_terminal(folder, words, monkeypatch):
 
 
 def test_a_card_of_another_unit_ends_a_recording_before_it_begins(folder):
-    assert "the card is for device 'unit 8'" in typed(RECORD, "--calibration", "other.json", "--out", "x.mcap",
-                                                      cwd=folder, code=1).stderr  # fmt: skip
+    done = typed(f"{RECORD} --calibration other.json --out x.mcap", cwd=folder, code=1)
+    assert "the card is for device 'unit 8'" in done.stderr
     assert not (folder / "x.mcap").exists()
 
 

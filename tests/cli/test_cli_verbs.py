@@ -31,8 +31,15 @@ def test_help_has_an_example_that_the_parser_takes_and_a_page_that_is_there(verb
     assert set(re.findall(r"^    ([a-z]+)\b", told, re.MULTILINE)) >= set(KINDS.get(verb, "").split())
 
 
-@pytest.mark.parametrize("words", ["run", "eval", "fly", "run x --filter", "arm", "array", "calibrate --live",
-                                   "run x --filter mahony --fra NED", "sim buoy --sens ideal"])  # fmt: skip
+WRONG = ("run", "eval", "fly", "run x --filter", "arm", "array", "calibrate --live", "calibrate --live mag")
+SHORT = (
+    "run x --filter mahony --fra NED",
+    "sim buoy --sens ideal",
+    "benchmark scenario static --filters mahony --fra NED",
+)
+
+
+@pytest.mark.parametrize("words", [*WRONG, *SHORT])
 def test_wrong_usage_exits_2(words, tmp_path):
     """Options are not abbreviated: a new one would change what an old script means."""
     typed(words, cwd=tmp_path, code=2)

@@ -123,8 +123,8 @@ def test_an_option_changes_the_numbers():
 
 def test_the_emulator_prints_its_port_first_and_ends_on_a_signal(tmp_path):
     link = tmp_path / "line"
-    with subprocess.Popen([*PLUMBOB, "emulate", "buoy", "--link", str(link)], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE) as process:  # fmt: skip
+    words = [*PLUMBOB, "emulate", "buoy", "--link", str(link)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         try:
             name = process.stdout.readline().decode().strip()
             assert str(link.readlink()) == name
