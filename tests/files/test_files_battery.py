@@ -32,17 +32,6 @@ def test_round_trip_keeps_every_bit(tmp_path, suffix, case):
 
 
 @every_format
-def test_round_trip_keeps_zero_signs_denormals_and_infinities(tmp_path, suffix):
-    gyr = np.zeros((ROWS, 3))
-    gyr[0] = [-0.0, 5e-324, -2.2250738585072009e-308]  # smallest and largest denormal (IEEE 754 binary64)
-    gyr[1] = [np.inf, -np.inf, 1.7976931348623157e308]
-    imu = make_imu(gyr=gyr, meta=ImuMeta(unit_check=False))
-    back = read(write(tmp_path / f"a{suffix}", imu))
-    assert_same(Recording(imu=imu), back, **FORMATS_WRITTEN[suffix])
-    assert np.signbit(back.imu.gyr[0, 0])
-
-
-@every_format
 def test_numbers_of_numpy_in_the_meta_are_kept(tmp_path, suffix):
     meta = ImuMeta(gyr_range=np.float64(35.1), t0_ns=np.int64(2**60 + 1), rate_nominal=np.float64(1e3 / 3.0))
     back = read(write(tmp_path / f"a{suffix}", make_imu(meta=meta)))
@@ -79,19 +68,12 @@ def test_findings_are_not_stored_because_they_go_stale(tmp_path, suffix):
 
 
 @every_format
-def test_different_times_are_refused(tmp_path, suffix):
+def test_what_cannot_be_read_back_is_not_written(tmp_path, suffix):
     both = Recording(imu=make_imu(), track=make_track(ROWS - 1))
-    with pytest.raises(ClockError, match="write them in two files"):
-        write(tmp_path / f"a{suffix}", both)
-    assert not list(tmp_path.iterdir())
-
-
-@every_format
-def test_a_part_that_cannot_be_read_back_is_not_written(tmp_path, suffix):
+    refused(write, tmp_path / f"a{suffix}", both, match="write them in two files", error=ClockError)
     part = make_imu()[1:2]  # its only sample has no magnetometer value
-    with pytest.raises(ShapeError, match=r"mag .* in all 1 samples"):
-        write(tmp_path / f"a{suffix}", part)
-    assert not list(tmp_path.iterdir())
+    refused(write, tmp_path / f"a{suffix}", part, match=r"mag .* in all 1 samples", error=ShapeError)
+    assert list(tmp_path.iterdir()) == []
 
 
 @every_format
@@ -125,9 +107,8 @@ def test_a_crash_while_writing_leaves_nothing(tmp_path, suffix, monkeypatch):
         raise OSError(errno.EIO, "Input/output error")
 
     monkeypatch.setattr(os, "fsync", refuse)
-    with pytest.raises(DecodeError, match="Input/output error"):
-        write(tmp_path / f"a{suffix}", make_imu())
-    assert not list(tmp_path.iterdir())
+    refused(write, tmp_path / f"a{suffix}", make_imu(), match="Input/output error")
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

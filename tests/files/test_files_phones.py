@@ -155,13 +155,6 @@ def test_sensor_logger_adds_gravity_between_its_own_stamps(tmp_path):
     assert np.isnan(imu.acc[-1]).all()  # gravity ended before
 
 
-def test_sensor_logger_without_gravity_has_no_specific_force(tmp_path):
-    files = {"Accelerometer.csv": logger_table((0, 0, 0)), "Gyroscope.csv": logger_table(RATE)}
-    recording = read(zipped(tmp_path / "walk.zip", files))
-    assert recording.imu.acc is None
-    assert any("without gravity; record Gravity" in note for note in recording.notes)
-
-
 # SensorLog ------------------------------------------------------------------------------------------------------------
 
 
@@ -209,11 +202,15 @@ def test_sensorlog_of_device_motion_alone_adds_gravity_and_takes_no_field_of_zer
     np.testing.assert_allclose(imu.mag, np.tile(FIELD, (100, 1)))
 
 
-def test_a_field_of_exactly_zero_is_left_out(tmp_path):
-    files = {**phyphox_files(), "Magnetometer.csv": phyphox_table("Magnetic field ", "µT", (0.0, 0.0, 0.0))}
-    recording = read(zipped(tmp_path / "swing.zip", files))
+def test_what_is_no_specific_force_or_no_field_is_left_out(tmp_path):
+    zeros = phyphox_table("Magnetic field ", "µT", (0.0, 0.0, 0.0))
+    recording = read(zipped(tmp_path / "swing.zip", {**phyphox_files(), "Magnetometer.csv": zeros}))
     assert recording.imu.mag is None
     assert any("mag: 200 samples of exactly zero" in note for note in recording.notes)
+    files = {"Accelerometer.csv": logger_table((0, 0, 0)), "Gyroscope.csv": logger_table(RATE)}
+    recording = read(zipped(tmp_path / "walk.zip", files))
+    assert recording.imu.acc is None
+    assert any("without gravity; record Gravity" in note for note in recording.notes)
 
 
 # Hostile and damaged --------------------------------------------------------------------------------------------------

@@ -108,16 +108,17 @@ def test_an_orientation_that_was_never_set_is_left_out(tmp_path):
     assert found.track is None and any("always the default" in note for note in found.notes)
 
 
-def test_without_stamps_the_recorders_time_counts(tmp_path):
-    found = plumbob.read(made.write_2(tmp_path / "a", made.imu_rows(made.samples(), stamped=False)))
-    assert found.imu.meta.t0_ns == made.T0 + made.LATE
-    assert any("no stamp is set" in note for note in found.notes)
-
-
-def test_stamps_of_a_simulation_are_not_utc(tmp_path):
-    found = plumbob.read(made.write_2(tmp_path / "a", made.imu_rows(made.samples(), t0=0)))
-    assert found.imu.meta.t0_ns == 0 and found.imu.t[0] == 0.0 and len(found.imu) == made.ROWS
-    assert any("UTC is not known" in note for note in found.notes)
+@pytest.mark.parametrize(
+    ("how", "start", "why"),
+    [
+        ({"stamped": False}, made.T0 + made.LATE, "no stamp is set"),  # the recorder's time counts
+        ({"t0": 0}, 0, "UTC is not known"),  # stamps of a simulation
+    ],
+)
+def test_time_without_stamps_or_of_a_simulation(tmp_path, how, start, why):
+    found = plumbob.read(made.write_2(tmp_path / "a", made.imu_rows(made.samples(), **how)))
+    assert (found.imu.meta.t0_ns, found.imu.t[0], len(found.imu)) == (start, 0.0, made.ROWS)
+    assert any(why in note for note in found.notes)
 
 
 class TestSeveral:
@@ -154,19 +155,13 @@ class TestSeveral:
         assert np.array_equal(plumbob.read(path, unit="/imu/data_raw").imu.gyr, a["gyr"])
 
 
-def test_a_magnetometer_in_another_frame_is_left_out(tmp_path):
+@pytest.mark.parametrize(("factor", "frame", "why"), [(1.0, "mast", "/imu/mag"), (1e6, "imu_link", "hardly in tesla")])
+def test_a_magnetometer_in_another_frame_or_in_microtesla_is_left_out(tmp_path, factor, frame, why):
     given = made.samples()
-    rows = sorted([*made.imu_rows(given), *made.mag_rows(given, frame="mast")], key=lambda row: row.log_ns)
+    field = made.mag_rows(given | {"mag": given["mag"] * factor}, frame=frame)
+    rows = sorted([*made.imu_rows(given), *field], key=lambda row: row.log_ns)
     found = plumbob.read(made.write_1(tmp_path / "a.bag", rows))
-    assert found.imu.mag is None and any("/imu/mag" in note for note in found.notes)
-
-
-def test_a_magnetometer_in_microtesla_is_left_out(tmp_path):
-    given = made.samples()
-    wrong = given | {"mag": given["mag"] * 1e6}
-    rows = sorted([*made.imu_rows(given), *made.mag_rows(wrong)], key=lambda row: row.log_ns)
-    found = plumbob.read(made.write_1(tmp_path / "a.bag", rows))
-    assert found.imu.mag is None and any("hardly in tesla" in note for note in found.notes)
+    assert found.imu.mag is None and any(why in note for note in found.notes)
 
 
 class TestPoses:

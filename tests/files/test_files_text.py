@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from plumbob.core.constants import G0
 from plumbob.core.errors import ClockError, DecodeError, ShapeError, UnitError
 from plumbob.files import Recording, parse_profile, read, text_table, write
+from plumbob.files.text import read_labels, read_spans
 from plumbob.files.text_write import text_cell
 from plumbob.rotations import Frame, North, body_axes, quat_angle, quat_from_euler_zyx, quat_rotate
 from tests.helpers import examples
@@ -125,7 +126,10 @@ def test_a_declared_rate_gives_the_time(parse):
     assert imu.meta.rate_nominal == 300.0
 
 
-def test_unix_time_keeps_every_nanosecond(parse):
+@pytest.mark.parametrize("by_line", [False, True])
+def test_unix_time_keeps_every_nanosecond(parse, monkeypatch, by_line):
+    if by_line:
+        monkeypatch.setattr("pyarrow.csv.read_csv", refuse)
     text = ROWS.replace("0.00", "1464877043.123456789").replace("0.01", "1464877043.133456791")
     text = text.replace("0.02", "1464877043.143456792")
     imu = parse(text, PLAIN.replace('unit = "s"', 'unit = "s"\nepoch = "unix"')).imu
@@ -140,15 +144,6 @@ def test_unix_time_in_any_unit(parse, unit, digits):
     imu = parse(text, PLAIN.replace('unit = "s"', f'unit = "{unit}"\nepoch = "unix"')).imu
     assert imu.meta.t0_ns == 1_464_877_043_000_000_000
     assert imu.t_ns.tolist() == [0, 1_000_000_000]
-
-
-def test_unix_time_by_line_is_the_same(parse, monkeypatch):
-    text = ROWS.replace("0.0", "1464877043.12345678")
-    profile = PLAIN.replace('unit = "s"', 'unit = "s"\nepoch = "unix"')
-    fast = parse(text, profile).imu
-    monkeypatch.setattr("pyarrow.csv.read_csv", refuse)
-    slow = parse(text, profile).imu
-    assert (fast.meta.t0_ns, fast.t.tobytes()) == (slow.meta.t0_ns, slow.t.tobytes())
 
 
 # Units, signs, axes, references ---------------------------------------------------------------------------------------
@@ -173,15 +168,12 @@ def test_gravity_sign_is_turned_round(parse):
 
 
 def test_axes_turn_every_triad_as_body_axes_says(parse):
-    imu = parse(ROWS, 'axes = "y -x z"\n' + PLAIN).imu
-    assert imu.gyr.tolist() == (np.array([[1, 2, 3], [4, 5, 6], [7, 8, 9.0]]) @ body_axes("y -x z").T).tolist()
-    assert imu.meta.axes == "y -x z"
-
-
-def test_one_missing_component_stays_one_when_axes_turn(parse):
+    """A missing component stays one."""
     imu = parse(ROWS.replace("1,2,3", "1,,3"), 'axes = "y -x z"\n' + PLAIN).imu
     assert np.isnan(imu.gyr[0]).tolist() == [True, False, False]
     assert imu.gyr[0, 1:].tolist() == [-1.0, 3.0]
+    assert imu.gyr[1:].tolist() == (np.array([[4, 5, 6], [7, 8, 9.0]]) @ body_axes("y -x z").T).tolist()
+    assert imu.meta.axes == "y -x z"
 
 
 def test_temperature_and_ranges(parse):
@@ -197,16 +189,12 @@ TRACK = '[reference]\ncolumns = ["w", "x", "y", "z"]\norder = "wxyz"\nframe = "N
 
 
 def test_a_reference_alone_is_a_track(parse):
-    recording = parse(QUAT, HEAD + TIME + TRACK)
-    assert recording.imu is None
-    assert recording.track.q_nb.tolist() == [[0.5, 0.5, -0.5, 0.5], [1, 0, 0, 0]]
-    assert (recording.track.frame, recording.track.north) == (Frame.NED, North.TRUE)
-
-
-def test_scalar_last_is_reordered(parse):
-    text = "t,w,x,y,z\n0,0.5,-0.5,0.5,0.5\n1,0,0,0,1\n"
-    track = parse(text, HEAD + TIME + TRACK.replace("wxyz", "xyzw")).track
-    assert track.q_nb.tolist() == [[0.5, 0.5, -0.5, 0.5], [1, 0, 0, 0]]
+    last = "t,w,x,y,z\n0,0.5,-0.5,0.5,0.5\n1,0,0,0,1\n"
+    for text, profile in ((QUAT, TRACK), (last, TRACK.replace("wxyz", "xyzw"))):
+        recording = parse(text, HEAD + TIME + profile)
+        assert recording.imu is None
+        assert recording.track.q_nb.tolist() == [[0.5, 0.5, -0.5, 0.5], [1, 0, 0, 0]]
+        assert (recording.track.frame, recording.track.north) == (Frame.NED, North.TRUE)
 
 
 def test_angles_in_degrees(parse):
@@ -451,6 +439,53 @@ def test_any_bytes_are_read_or_refused_with_one_of_our_errors(raw):
             text_table.read_table(raw, layout, [1])
         except DecodeError as error:
             assert "\n" not in str(error)
+
+
+# Names of parts: a column beside the numbers, and tables of spans -----------------------------------------------------
+
+LABELLED = parse_profile(
+    'separator = ","\ncomment = "#"\n[header]\nnames = true\n[time]\nrate = "100 Hz"\n'
+    '[gyr]\ncolumns = ["x", "y", "z"]\nunit = "rad/s"\n'
+)
+PARTS = 'part,x,y,z\nrest,0,0,0\n# a remark\n"turn, slow",1,0,0\n,2,0,0\nrest,3,0,0\ncut,4'
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(PARTS)
+    return path
+
+
+def test_each_sample_has_the_label_of_its_row(file):
+    labels = read_labels(file, "part", LABELLED)
+    assert labels == ["rest", "turn, slow", "", "rest"]  # the comment is no row, the cut last line no sample
+    assert len(labels) == len(read(file, profile=LABELLED).imu)
+    assert read_labels(file, 1, LABELLED) == labels
+    refused(read_labels, file, "section", LABELLED, match="'section' is nowhere in the row of names")
+
+
+def test_spans(tmp_path):
+    path = tmp_path / "parts.csv"
+    path.write_text("part,from_s,to_s\nx_p,1,2.5\nx_a,3,4\n")
+    assert read_spans(path) == {"x_p": (1.0, 2.5), "x_a": (3.0, 4.0)}
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("a,b,c\n", "first line must be part,from_s,to_s"),
+        ("", "first line must be part,from_s,to_s"),
+        ("part,from_s,to_s\nx_p,1\n", "line 2: 'x_p,1' is not a name and two numbers"),
+        ("part,from_s,to_s\nx_p,1,1\n", "a span needs a length"),
+        ("part,from_s,to_s\nx_p,nan,1\n", "a span needs a length"),
+        ("part,from_s,to_s\nx_p,1,2\nx_p,3,4\n", "line 3: 'x_p' comes twice"),
+    ],
+)
+def test_a_table_that_is_none_is_refused(tmp_path, text, told):
+    path = tmp_path / "parts.csv"
+    path.write_text(text)
+    refused(read_spans, path, match=told)
 
 
 # Real files -----------------------------------------------------------------------------------------------------------
