@@ -70,8 +70,7 @@ def test_bias_walk_and_field_of_the_gyroscope_are_found():
     assert fit.gyr_bias - same.gyr_bias == pytest.approx(planted, abs=dps(1e-3))
     assert fit.walk == pytest.approx(dps(0.005), rel=0.5)  # 60 steps, a third of which the field does not show
     assert fit.distortion == pytest.approx(same.distortion, abs=1e-2)
-    told = fit_mag_gyr(t, mag, gyr, acc=acc, strength=STRENGTH).remarks[2]
-    assert told == f"Dip of the field: {np.degrees(DIP):.1f}°, by the mean specific force."
+    assert f"{np.degrees(DIP):.1f}°" in fit_mag_gyr(t, mag, gyr, acc=acc, strength=STRENGTH).remarks[2]
 
 
 def test_a_later_magnetometer_is_put_right():
@@ -83,18 +82,7 @@ def test_a_later_magnetometer_is_put_right():
     ]
     assert delays == pytest.approx([0.0, 0.04], abs=3 * 0.6e-3)
     fit = fit_mag_gyr(t[2:], mag[:-2], gyr[2:], strength=STRENGTH, gyr_gain_sd=0.0)
-    assert fit.remarks[1] == f"The magnetometer answers {1e3 * delays[1]:.1f} ms later than the gyroscope."
-    assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
-
-
-def test_many_samples_are_thinned():
-    unit, (t, mag, gyr), _ = scene(9)
-    fine = np.linspace(0.0, t[-1], 2 * (len(t) - 1) + 1)
-    rate = np.column_stack([np.interp(fine, t, column) for column in gyr.T])
-    twice = np.column_stack([np.interp(fine, t, column) for column in mag.T])
-    fit = fit_mag_gyr(fine, twice, rate, strength=STRENGTH, gyr_gain_sd=0.0)
-    assert len(fit.measured) == 3001
-    assert "One of every 2 samples was fitted." in fit.remarks
+    assert f"{1e3 * delays[1]:.1f} ms later" in fit.remarks[1]
     assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
 
 
@@ -110,15 +98,20 @@ def test_real_recordings_agree_with_the_reference_attitude(broad_folder, trial):
     assert np.sqrt(np.mean(off**2 / np.diag(found.covariance))) < 2.0
 
 
-def test_a_slower_magnetometer_and_outliers_do_no_harm():
-    unit, (t, mag, gyr), _ = scene(4)
-    mag[np.arange(len(t)) % 3 != 0] = np.nan
-    mag[300:330:3] += 20.0
-    fit = fit_mag_gyr(t, mag, gyr, strength=STRENGTH, gyr_gain_sd=0.0)
-    assert len(fit.measured) == 1001
-    assert not fit.used[100:110].any()
-    assert np.count_nonzero(~fit.used) <= 12
-    assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
+def test_slower_or_outlying_or_too_many_samples_do_no_harm():
+    unit, (t, mag, gyr), _ = scene(9)
+    fine = np.linspace(0.0, t[-1], 2 * (len(t) - 1) + 1)
+    twice = [np.column_stack([np.interp(fine, t, column) for column in triad.T]) for triad in (mag, gyr)]
+    slow = mag.copy()
+    slow[np.arange(len(t)) % 3 != 0] = np.nan
+    slow[300:330:3] += 20.0
+    thinned = fit_mag_gyr(fine, *twice, strength=STRENGTH, gyr_gain_sd=0.0)
+    slower = fit_mag_gyr(t, slow, gyr, strength=STRENGTH, gyr_gain_sd=0.0)
+    assert [len(fit.measured) for fit in (thinned, slower)] == [3001, 1001]
+    assert "One of every 2 samples was fitted." in thinned.remarks
+    assert not slower.used[100:110].any() and np.count_nonzero(~slower.used) <= 12
+    for fit in (thinned, slower):
+        assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
 
 
 def test_what_cannot_calibrate_is_refused():

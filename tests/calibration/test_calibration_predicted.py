@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from plumbob.calibration.predicted import NAMES, REGIONS, attitudes, filled, heading_sd, names_of, region_of, tilt_sd
-from plumbob.data.cards import TriadCalibration
-from plumbob.rotations import quat_from_dcm
-from tests.helpers.capture_samples import DIP, STRENGTH, heading_errors
+from plumbob.rotations import quat_from_dcm, quat_rotate
+from tests.helpers.mag_scene import DIP, STRENGTH, in_body
 
 
 def covariance(**sds):
@@ -45,11 +44,12 @@ def test_drawn_parameters_scatter_as_predicted():
     root = 0.02 * rng.normal(size=(12, 12)) * np.r_[np.full(3, 5.0), np.full(9, 0.05)][:, np.newaxis]
     matrix = np.array([[1.1, 0.02, 0.0], [-0.03, 0.95, 0.01], [0.0, 0.05, 1.02]])
     q_nb = quat_from_dcm(np.swapaxes(attitudes(np.radians(45.0)), 1, 2)[::3])
-    found = []
+    measured, found = in_body(q_nb) @ np.linalg.inv(matrix).T, []
     for _ in range(400):
         change = root @ rng.normal(size=12)
-        made = TriadCalibration(matrix + change[3:].reshape(3, 3), change[:3], "uT", "uT")
-        found.append(np.mean(heading_errors(made, q_nb, np.linalg.inv(matrix), np.zeros(3)) ** 2))
+        calibrated = (measured - change[:3]) @ (matrix + change[3:].reshape(3, 3)).T
+        north, east, _ = quat_rotate(q_nb, calibrated).T
+        found.append(np.mean(np.arctan2(east, north) ** 2))
     predicted = heading_sd(matrix, root @ root.T, size=STRENGTH, dip=DIP)
     assert np.sqrt(np.mean(found)) == pytest.approx(predicted, rel=0.12)
 

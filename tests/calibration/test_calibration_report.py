@@ -124,7 +124,7 @@ def test_the_text_has_the_planted_numbers_in_units_of_data_sheets():
     flat = " ".join(text.split())
     for part in (
         "matrix · (measured − bias − temperature terms − g-sensitivity · specific force), turned into the axes",
-        "xy -1.00 +xz 0 +yz 0".replace("+", ""),
+        "xy -1.00 xz 0 yz 0",
         "x 0.10°, y 0.10°, z 0.50°",
         "calibrated from 10.0 to 45.0 °C",
         "Gyroscope: GOOD",
@@ -239,13 +239,12 @@ class TestPage(PageBattery):
     pass
 
 
-def test_the_page_says_what_the_text_says_and_is_the_same_each_time():
+def test_a_page_of_many_samples_says_what_the_text_says_and_is_small():
     """A gyroscope has no map of directions."""
-    page = certificate(CARD, FITS).page()
-    assert page == certificate(CARD, FITS).page()
+    page = certificate(CARD, FITS | {"mag": mag_fit(CARD.mag, count=100_000)}).page()
     for part in ("12.34 ± 0.12", "−400 ± 40", "Gyroscope: GOOD", DIP, "unit 7", "<dt>not covered</dt><dd>+x−z</dd>"):
         assert part in page
-    assert page.count("<svg") == 2 + 3 and "Directions covered: 17 / 18" in page
+    assert page.count("<svg") == 2 + 3 and "Directions covered: 17 / 18" in page and len(page) < 800_000
 
 
 def test_a_card_alone_has_a_page_without_figures_and_needs_no_plots(tmp_path, monkeypatch):
@@ -253,10 +252,7 @@ def test_a_card_alone_has_a_page_without_figures_and_needs_no_plots(tmp_path, mo
     page = certificate(CARD, {}, recording="a.mcap").write_html(tmp_path / "card.html").read_text(encoding="utf-8")
     Outline(page)
     assert "<svg" not in page and "a.mcap" in page and DIP in page and "12.34" in page
-
-
-def test_a_million_samples_make_a_small_page():
-    assert len(certificate(CARD, {"mag": mag_fit(CARD.mag, count=100_000)}).page()) < 800_000
+    assert page == certificate(CARD, {}, recording="a.mcap").page()
 
 
 # Figures
@@ -272,7 +268,7 @@ def first(fit, count):
     return replace(fit, measured=fit.measured[:count], residuals=fit.residuals[:count], used=fit.used[:count])
 
 
-@pytest.mark.parametrize("count", [1, 2, 300])
+@pytest.mark.parametrize("count", [2, 300])
 def test_the_map_keeps_areas_and_each_sample_has_its_place_in_its_hemisphere(count):
     """Lambert's map: a cap of half angle θ has the area 2π(1 − cos θ), and here the radius √(1 − cos θ)."""
     fit = first(FITS["mag"], count)

@@ -52,13 +52,6 @@ def test_without_noise_the_planted_parameters_come_back():
     np.testing.assert_allclose(found.g_sensitivity, COUPLING, rtol=0, atol=1e-9 * dps(200.0) / G0)
 
 
-def test_the_card_makes_true_rates_of_the_measured():
-    nominal, measured, force = session(SIX, noise=0.0)
-    card = fit_table(nominal, measured, force=force).calibration
-    rates = (measured - card.bias - force @ card.g_sensitivity.T) @ card.matrix.T
-    np.testing.assert_allclose(rates, nominal, rtol=0, atol=1e-8 * dps(200.0))
-
-
 @pytest.mark.parametrize("drift", [0.0, 2.0 * NOISE])
 def test_errors_are_as_large_as_the_covariance_says(drift):
     trials, pulls = 60, []

@@ -30,6 +30,8 @@ TURNED = (
     "09_undisturbed_fast_rotation_with_breaks_B.hdf5",
     "21_undisturbed_fast_combined.mat",
 )
+
+
 """The undisturbed trials of BROAD at hand in which a hand turned the unit in a room [Laidig2021]."""
 
 
@@ -54,6 +56,11 @@ def unit_of(rng, *, turned=True):
     return Unit(soft, 10.0 * _direction(rng))
 
 
+def soft_iron(rng):
+    """Symmetric response with relative errors of 10 to 20 % along random axes."""
+    return unit_of(rng, turned=False).distortion
+
+
 def attitudes(rng, count, tilt=None):
     """Attitudes q_nb (N, 4) at random, or of every heading with the inclination up to a limit, rad."""
     if tilt is None:
@@ -64,11 +71,14 @@ def attitudes(rng, count, tilt=None):
     return quat_multiply(quat_from_rotvec(np.stack((nothing, nothing, heading), axis=1)), quat_from_rotvec(lean))
 
 
+def in_body(q_nb, v_n=FIELD_N):
+    return quat_rotate(quat_conjugate(q_nb), v_n)
+
+
 def field(rng, unit, q_nb, *, sd=0.2, step=0.073):
     """What the unit measures, µT: 2 mG of noise and steps of 0.73 mG unless told otherwise."""
-    true = quat_rotate(quat_conjugate(q_nb), FIELD_N) @ unit.distortion.T + unit.bias
-    noisy = true + sd * rng.normal(size=true.shape)
-    return np.round(noisy / step) * step if step else noisy
+    measured = in_body(q_nb) @ unit.distortion.T + unit.bias + sd * rng.normal(size=(len(q_nb), 3))
+    return step * np.rint(measured / step) if step else measured
 
 
 def trajectory(rng, *, duration=60.0, rate=50.0, tilt=None):
