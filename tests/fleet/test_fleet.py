@@ -22,6 +22,7 @@ from plumbob.fleet.job import COLUMNS
 from plumbob.fleet.places import fetched, place_of
 from plumbob.fleet.settings import cards_of
 from plumbob.overview.quality import MEANING
+from tests.helpers.browser import until
 from tests.helpers.commandline import plumbob as call
 
 SETTINGS = {"filter": "mahony"}
@@ -188,29 +189,20 @@ def lives(pid):
         return False
 
 
-def until(true, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not true() and time.monotonic() < end:
-        time.sleep(0.002)
-    return true()
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="the system has no SIGKILL")
-@pytest.mark.parametrize(
-    ("name", "code", "jobs"), [("SIGKILL", -9, 1), ("SIGTERM", 143, 1), ("SIGKILL", -9, 2), ("SIGINT", 130, 2)]
-)
+@pytest.mark.parametrize(("name", "code", "jobs"), [("SIGTERM", 143, 1), ("SIGKILL", -9, 2), ("SIGINT", 130, 2)])
 def test_a_killed_run_leaves_whole_files_and_no_process_and_goes_on(folder, dataset, tmp_path, name, code, jobs):
     out = tmp_path / "out"
     words = [sys.executable, "-m", "plumbob", "batch", folder, "--out", out, "--filter", "mahony", "--jobs", jobs]
     child = subprocess.Popen(
         [*map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
-    until(lambda: len(list(out.glob("_jobs/*.json"))) >= 2 or child.poll() is not None)
+    until(lambda: len(list(out.glob("_jobs/*.json"))) >= 2 or child.poll() is not None, "no recording is done")
     workers = children_of(child.pid) if jobs > 1 and sys.platform == "linux" else []
     os.killpg(child.pid, getattr(signal, name))  # as a terminal does
     assert child.wait() == code
     assert (len(workers) > 0) == (jobs > 1 and sys.platform == "linux")
-    assert until(lambda: not any(map(lives, workers)), 10.0)
+    until(lambda: not any(map(lives, workers)), "a worker lives on")
     records = len(list(out.glob("_jobs/*.json")))
     assert 2 <= records < GOOD + 3
     expected = parts(dataset[1])
@@ -281,23 +273,23 @@ def test_where_no_process_can_be_started_threads_do_it(folder, dataset, tmp_path
     assert parts(tmp_path / "out") == parts(dataset[1])
 
 
-@pytest.mark.skipif(not Path("/proc/meminfo").exists(), reason="the system does not say what memory is free")
-def test_by_default_there_are_as_many_processes_as_have_room(monkeypatch):
-    from plumbob.fleet import batch
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="the system does not say what processors are given")
+@pytest.mark.parametrize(("processors", "children"), [({0}, 0), ({0, 1}, 2)])
+def test_by_default_there_are_as_many_processes_as_processors(folder, tmp_path, monkeypatch, processors, children):
+    started, start = [], Child.__init__
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: processors)
+    monkeypatch.setattr(Child, "__init__", lambda self, *how: (started.append(self), start(self, *how))[1])
+    plumbob.batch([folder / "r1.parquet", folder / "r2.parquet"], tmp_path / "out", **SETTINGS)
+    assert len(started) == children
 
-    for room, most in ((1, len(os.sched_getaffinity(0))), (1 << 50, 1)):
-        monkeypatch.setattr(batch, "_MEMORY_KIB", room)
-        assert batch._workers(None, None) == most
 
-
-def test_two_runs_at_once_are_refused(folder, tmp_path):
+def test_a_place_that_is_in_use_or_holds_other_files_is_refused(folder, tmp_path):
     with place_of(str(tmp_path / "out")).locked(), pytest.raises(ParameterError, match=f"process {os.getpid()} on"):
         plumbob.batch(folder, tmp_path / "out", **SETTINGS)
-
-
-def test_a_folder_of_other_files_is_not_a_dataset(folder):
+    before = sorted(folder.iterdir())
     with pytest.raises(ParameterError, match="holds other files"):
         plumbob.batch(folder, folder, **SETTINGS)
+    assert sorted(folder.iterdir()) == before
 
 
 def test_recordings_in_memory_come_from_an_iterator(folder, dataset, tmp_path):

@@ -190,7 +190,6 @@ def test_several_units_have_their_grades_and_the_whole_that_of_the_worst():
     report = found.summary()["grade"]
     assert set(report["units"]) == {"a", "b"}
     assert report["points"] == report["units"]["b"]["points"] < report["units"]["a"]["points"]
-    assert "b " in found.text().splitlines()[-2] or "clipping" in found.text()
 
 
 def test_an_attitude_is_graded_by_its_own_criteria():
@@ -225,13 +224,7 @@ def test_exit_codes_and_json(tmp_path, capsys):
     assert main(["info", str(file), "--require", "GOOD"]) == (0 if points >= 80 else 3)
     assert main(["info", str(file), "--require", "POOR"]) == 0
     assert main(["info", str(file), "--min-grade", "101"]) == 1
-    assert "grade" in capsys.readouterr().out
     with pytest.raises(ParameterError, match="GOOD"):
         info(file).reaches("great")
-
-
-def test_words_are_those_of_certificates():
-    assert [word for word, _ in WORDS] == ["GOOD", "FAIR", "POOR"]
-    assert [word_of(points) for points in (100.0, 80.0, 79.9, 60.0, 59.9, 0.0)] == [
-        "GOOD", "GOOD", "FAIR", "FAIR", "POOR", "POOR",
-    ]  # fmt: skip
+    words = [word_of(points) for points in (100.0, 80.0, 79.9, 60.0, 59.9, 0.0)]
+    assert words == [word for word, _ in WORDS for _ in range(2)] == ["GOOD"] * 2 + ["FAIR"] * 2 + ["POOR"] * 2
