@@ -2,16 +2,17 @@
 
 import errno
 import os
+import sys
 
 import numpy as np
 import pytest
 
 import plumbob
-from plumbob.cli.main import main
 from plumbob.core import files as core_files
 from plumbob.core.errors import ClockError, DecodeError, MissingExtraError, ParameterError, ShapeError
-from plumbob.files.foreign import ros_write
+from plumbob.noise.static_record import load_static
 from plumbob.rotations import Frame, North, dcm_from_quat
+from tests.helpers.commandline import ok, refused
 
 rosbags = pytest.importorskip("rosbags")
 
@@ -191,114 +192,96 @@ def test_the_rate_of_euroc_comes_back_to_the_bit(recording, tmp_path):
     assert plumbob.read(tmp_path / "a").imu.meta.rate_nominal == 2000.0 / 7.0
 
 
-class TestFolders:
-    def test_nothing_is_replaced_without_force(self, recording, tmp_path):
-        plumbob.convert(recording, tmp_path / "a", layout="rosbag2")
-        before = {one: one.read_bytes() for one in (tmp_path / "a").iterdir()}
-        with pytest.raises(ParameterError, match="exists already"):
-            plumbob.convert(recording, tmp_path / "a", layout="rosbag2")
-        with pytest.raises(ParameterError, match="folder of something else"):
-            plumbob.convert(recording, tmp_path / "a", layout="euroc", overwrite=True)
-        (tmp_path / "a" / "thesis.tex").write_text("years of work")
-        with pytest.raises(ParameterError, match="folder of something else"):
-            plumbob.convert(recording, tmp_path / "a", layout="rosbag2", overwrite=True)
-        (tmp_path / "a" / "thesis.tex").unlink()
-        assert before == {one: one.read_bytes() for one in (tmp_path / "a").iterdir()}
-        plumbob.convert(recording, tmp_path / "a", layout="rosbag2", what="samples", overwrite=True)
-        assert plumbob.read(tmp_path / "a").track is None
-        assert [one.name for one in tmp_path.iterdir()] == ["a"]
-
-    @pytest.mark.parametrize("layout", ["rosbag2", "euroc"])
-    def test_a_full_disk_leaves_what_was_there(self, recording, tmp_path, layout, monkeypatch):
-        plumbob.convert(recording, tmp_path / "a", layout=layout)
-        before = {one: one.read_bytes() for one in (tmp_path / "a").rglob("*") if one.is_file()}
-
-        def full(descriptor):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-        monkeypatch.setattr(core_files.os, "fsync", full)
-        with pytest.raises(
-            DecodeError, match=r"cannot be written: No space left on device\. Nothing was changed there"
-        ):
-            plumbob.convert(recording, tmp_path / "a", layout=layout, overwrite=True)
-        with pytest.raises(DecodeError, match="No space left"):
-            plumbob.convert(recording, tmp_path / "b", layout=layout)
-        assert [one.name for one in tmp_path.iterdir()] == ["a"]
-        assert before == {one: one.read_bytes() for one in (tmp_path / "a").rglob("*") if one.is_file()}
-
-    def test_it_never_writes_over_its_input(self, recording, tmp_path):
-        plumbob.convert(recording, tmp_path / "a", layout="rosbag2")
-        for given in (tmp_path / "a", tmp_path / "a" / "a.mcap"):
-            with pytest.raises(ParameterError, match="is or holds the input"):
-                plumbob.convert(given, tmp_path / "a", layout="rosbag2", overwrite=True)
-
-    def test_what_a_killed_process_left_is_removed(self, recording, tmp_path):
-        (tmp_path / ".a.plumbob-0123abcd.tmp" / "a").mkdir(parents=True)
-        plumbob.convert(recording, tmp_path / "a", layout="euroc")
-        assert [one.name for one in tmp_path.iterdir()] == ["a"]
+def contents(folder):
+    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
-@pytest.mark.parametrize("name", ["a.bag", "a.mcap"])
-def test_a_failure_leaves_no_file(recording, tmp_path, name, monkeypatch):
-    monkeypatch.setattr(ros_write, "_triads", lambda *given: iter(()))  # too few rows: the writer fails midway
-    with pytest.raises(ValueError, match="zip"):
+def test_nothing_is_replaced_without_force(recording, tmp_path):
+    out, strange = tmp_path / "a", tmp_path / "a" / "thesis.tex"
+    plumbob.convert(recording, out, layout="rosbag2")
+    before = contents(out)
+    for given, layout, overwrite, words in (
+        (recording, "rosbag2", False, "exists already"),
+        (recording, "euroc", True, "folder of something else"),
+        (out, "rosbag2", True, "is or holds the input"),
+        (out / "a.mcap", "rosbag2", True, "is or holds the input"),
+    ):
+        with pytest.raises(ParameterError, match=words):
+            plumbob.convert(given, out, layout=layout, overwrite=overwrite)
+    strange.write_text("years of work")
+    with pytest.raises(ParameterError, match="folder of something else"):
+        plumbob.convert(recording, out, layout="rosbag2", overwrite=True)
+    strange.unlink()
+    assert contents(out) == before
+    (tmp_path / ".a.plumbob-0123abcd.tmp" / "a").mkdir(parents=True)  # what a killed process left is removed
+    plumbob.convert(recording, out, layout="rosbag2", what="samples", overwrite=True)
+    assert plumbob.read(out).track is None
+    assert list(tmp_path.iterdir()) == [out]
+
+
+@pytest.mark.parametrize("layout", ["rosbag2", "euroc"])
+def test_a_full_disk_leaves_what_was_there(recording, tmp_path, layout, monkeypatch):
+    plumbob.convert(recording, tmp_path / "a", layout=layout)
+    before = contents(tmp_path)
+
+    def full(descriptor):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(core_files.os, "fsync", full)
+    for name, words in (("a", r"written: No space left on device\. Nothing was changed there"), ("b", "No space left")):
+        with pytest.raises(DecodeError, match=words):
+            plumbob.convert(recording, tmp_path / name, layout=layout, overwrite=True)
+    assert list(tmp_path.iterdir()) == [tmp_path / "a"]
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "writes"), [("a.bag", "rosbags.rosbag1.Writer.write"), ("a.mcap", "mcap.writer.Writer.add_message")]
+)
+def test_a_failure_leaves_no_file(recording, tmp_path, name, writes, monkeypatch):
+    def fail(*given):
+        raise ValueError("midway")
+
+    monkeypatch.setattr(writes, fail)
+    with pytest.raises(ValueError, match="midway"):
         plumbob.convert(recording, tmp_path / name, layout=LAYOUTS[name])
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_cannot_be_written(recording, tmp_path, monkeypatch):
-    for name, layout, told in (
-        ("a.bin", None, r"convert writes .*\.bag.*; and folders with --as rosbag2 or --as euroc"),
-        ("a", None, "folders with --as"),
-        ("a.bag", "ros2", r"the layout ros2 is a file whose name ends in \.mcap"),
-        ("a.mcap", "rosbag2", "the layout rosbag2 is a folder"),
-        ("a.mcap", "ros3", "there is no layout 'ros3'"),
-    ):
-        with pytest.raises(ParameterError, match=told):
-            plumbob.convert(recording, tmp_path / name, layout=layout)
     later = plumbob.AttitudeTrack(t=recording.track.t + 1.0, q_nb=recording.track.q_nb, frame="NED", north="true")
-    with pytest.raises(ShapeError, match="different times; convert one of them with --what"):
-        plumbob.convert(plumbob.Recording(imu=recording.imu, track=later), tmp_path / "a.bag")
     beyond = recording.imu.corrected(meta=plumbob.ImuMeta(t0_ns=(1 << 31) * 10**9))
-    with pytest.raises(ClockError, match="behind 2038"):
-        plumbob.convert(plumbob.Recording(imu=beyond), tmp_path / "a.bag")
-    monkeypatch.setitem(__import__("sys").modules, "rosbags.typesys", None)
-    with pytest.raises(MissingExtraError, match=r"pip install \"plumbob\[ros\]\""):
-        plumbob.convert(recording, tmp_path / "a.bag")
+    for given, name, layout, error, words in (
+        (recording, "a.bin", None, ParameterError, r"convert writes .*\.bag.*; and folders with --as rosbag2 or --as"),
+        (recording, "a", None, ParameterError, "folders with --as"),
+        (recording, "a.bag", "ros2", ParameterError, r"the layout ros2 is a file whose name ends in \.mcap"),
+        (recording, "a.mcap", "rosbag2", ParameterError, "the layout rosbag2 is a folder"),
+        (recording, "a.mcap", "ros3", ParameterError, "there is no layout 'ros3'"),
+        (plumbob.Recording(imu=recording.imu, track=later), "a.bag", None, ShapeError, "different times; convert one"),
+        (plumbob.Recording(imu=beyond), "a.bag", None, ClockError, "behind 2038"),
+        (None, "a.bag", None, MissingExtraError, r"pip install \"plumbob\[ros\]\""),
+    ):
+        if given is None:
+            monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
+        with pytest.raises(error, match=words):
+            plumbob.convert(given or recording, tmp_path / name, layout=layout)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_verb(recording, tmp_path, capsys):
+def test_the_verb(recording, tmp_path):
     plumbob.write(tmp_path / "sea.parquet", recording)
-    sea = str(tmp_path / "sea.parquet")
-    assert main(["convert", sea, str(tmp_path / "a"), "--as", "rosbag2"]) == 0
-    out = capsys.readouterr()
-    assert out.out == f"{tmp_path / 'a'}: of sea.parquet, {ROWS} samples, {ROWS} attitudes\n"
-    assert "no place for what headings count from" in out.err
-    assert main(["info", str(tmp_path / "a")]) == 0
-    assert main(["convert", str(tmp_path / "a"), str(tmp_path / "b.csv"), "--what", "samples"]) == 0
-    assert main(["export", sea, "--out", str(tmp_path / "c.bag")]) == 0  # as it was called before
-    assert main(["convert", sea]) == 1
-    assert "name one new file: plumbob convert FILE NEW" in capsys.readouterr().err
+    done = ok("convert", "sea.parquet", "a", "--as", "rosbag2", cwd=tmp_path)
+    assert f"{ROWS} samples, {ROWS} attitudes" in done.stdout
+    assert "no place for what headings count from" in done.stderr
+    ok("convert", "a", "b.csv", "--what", "samples", cwd=tmp_path)
+    ok("export", "sea.parquet", "--out", "c.bag", cwd=tmp_path)  # as it was called before
+    assert "name one new file: plumbob convert FILE NEW" in refused("convert", "sea.parquet", cwd=tmp_path)
+    assert plumbob.read(tmp_path / "c.bag").imu.meta.device == "board 7"
 
 
-@pytest.fixture
-def resting(tmp_path):
-    """Folder of a bag of 20 s at rest."""
+def test_a_noise_analysis_takes_a_folder(tmp_path):
     rng = np.random.default_rng(2)
     acc = np.array([0.0, 0.0, 9.8]) + 0.01 * rng.normal(size=(2000, 3))
     imu = plumbob.ImuData(t=np.arange(2000) / 100, gyr=0.001 * rng.normal(size=(2000, 3)), acc=acc)
     plumbob.convert(plumbob.Recording(imu=imu), tmp_path / "a", layout="rosbag2")
-    return tmp_path / "a"
-
-
-def test_a_noise_analysis_takes_a_folder(resting):
-    from plumbob.noise.static_record import load_static
-
-    assert len(load_static(resting).groups) > 0
-
-
-@pytest.mark.long("the smoother and a whole page, for one line that lists the parts of a folder")
-def test_a_report_takes_a_folder(resting, tmp_path):
-    plumbob.report(resting, out=tmp_path / "a.html")
-    assert (tmp_path / "a.html").is_file()
+    assert len(load_static(tmp_path / "a").groups) > 0
