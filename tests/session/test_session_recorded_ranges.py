@@ -6,9 +6,10 @@ import pytest
 from plumbob import files
 from plumbob.core import flags
 from plumbob.protocols.decode import ranges_of
+from plumbob.protocols.encode import encode
 from plumbob.protocols.find import find_format
 from plumbob.protocols.format_toml import parse_format
-from plumbob.session.recorded import read_recorded
+from plumbob.session.recorded import convert, read_recorded
 from tests.helpers.commandline import ok
 
 JUDGED = np.uint32(flags.GYR_CLIPPED | flags.GYR_INVALID)
@@ -34,11 +35,9 @@ def test_an_axis_is_judged_by_its_own_range(fast):
 
 
 @pytest.mark.parametrize("name", ["fin.parquet", "fin.csv"])
-def test_every_verb_opens_it_and_convert_keeps_its_ranges(fast, tmp_path, name):
-    out = tmp_path / name
-    ok("convert", fast / "fin.mcap", out)
-    assert "range ±1.7453, ±1.7453, ±5.236," in ok("info", out).stdout
-    assert files.read(out).imu.meta == read_recorded(fast / "fin.mcap").imu.meta
+def test_convert_keeps_its_ranges(fast, tmp_path, name):
+    convert(fast / "fin.mcap", tmp_path / name)
+    assert files.read(tmp_path / name).imu.meta == read_recorded(fast / "fin.mcap").imu.meta
 
 
 def test_ranges_turn_with_the_axes(fast, tmp_path):
@@ -77,18 +76,14 @@ unit = "m/s2"
 
 def test_the_units_of_a_format_are_doubted_in_a_note_but_open(tmp_path):
     """1 g of 8192 counts, read as 1 m/s²."""
-    from plumbob.protocols.encode import encode
-
-    form = parse_format(WRONG_UNIT)
     level = {"acc.x": np.zeros(200), "acc.y": np.zeros(200), "acc.z": np.ones(200)}
     (tmp_path / "three.toml").write_text(WRONG_UNIT, encoding="utf-8")
-    (tmp_path / "a.bin").write_bytes(encode(form, level).tobytes())
+    (tmp_path / "a.bin").write_bytes(encode(parse_format(WRONG_UNIT), level).tobytes())
     ok("record", "--from", tmp_path / "a.bin", "--format", tmp_path / "three.toml", "--out", tmp_path / "a.mcap")
     found = read_recorded(tmp_path / "a.mcap")
     np.testing.assert_allclose(found.imu.acc, [[0.0, 0.0, 1.0]] * 200)
-    note = next(note for note in found.notes if note.startswith("units: "))
-    assert "|acc| is 1 m/s²" in note
-    assert note.endswith("looks like g; check the units of the format")
+    (note,) = [note for note in found.notes if note.startswith("units: ")]
+    assert "|acc| is 1 m/s²" in note and note.endswith("looks like g; check the units of the format")
 
 
 def form_of(*types):
@@ -102,18 +97,18 @@ def form_of(*types):
     return parse_format(f'{head}[frame]\nsync = "A5 F1"\nlength = {length}\n' + "\n".join(lines))
 
 
-class TestRangesOf:
-    def test_of_the_catalogue(self):
-        np.testing.assert_allclose(ranges_of(find_format("fin").message(""))["gyr"], FIN, rtol=1e-12)
+S16, SLOW = ("s16", 0.001, ""), ("s16", -0.0005, "")
 
-    def test_an_axis_that_is_not_there_takes_the_largest(self):
-        message = form_of(("z", "s16", 0.001, "")).message("")
-        np.testing.assert_allclose(ranges_of(message)["gyr"], [32.767] * 3)
 
-    def test_floating_point_has_no_range(self):
-        assert not ranges_of(form_of(("x", "f32", 1, ""), ("y", "s16", 0.001, "")).message(""))
-
-    def test_a_negative_count_and_a_shifted_zero(self):
-        """s16 the other way round: −32768 to 32767 counts; u16 about 32768: −32.768 to 32.767 rad/s."""
-        message = form_of(("x", "s16", -0.0005, ""), ("y", "u16", 0.001, "raw_offset = -32768")).message("")
-        np.testing.assert_allclose(ranges_of(message)["gyr"], [16.3835, 32.767, 32.767])
+@pytest.mark.parametrize(
+    ("types", "ranges"),
+    [
+        ([("z", *S16)], [32.767] * 3),  # an axis that is not there takes the largest
+        # the other way round, −32768 to 32767 counts; u16 about 32768, −32.768 to 32.767 rad/s
+        ([("x", *SLOW), ("y", "u16", 0.001, "raw_offset = -32768")], [16.3835, 32.767, 32.767]),
+    ],
+)
+def test_ranges_of_a_format(types, ranges):
+    np.testing.assert_allclose(ranges_of(form_of(*types).message(""))["gyr"], ranges)
+    np.testing.assert_allclose(ranges_of(find_format("fin").message(""))["gyr"], FIN, rtol=1e-12)
+    assert not ranges_of(form_of(("x", "f32", 1, ""), ("y", *S16)).message(""))  # floating point has no range

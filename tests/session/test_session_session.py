@@ -1,6 +1,5 @@
 """Sessions: what they say, and what they refuse before anything is opened."""
 
-import json
 import sys
 from datetime import UTC, datetime
 
@@ -8,11 +7,14 @@ import numpy as np
 import pytest
 
 from plumbob import Frame
-from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError, PlumbobError, UnitError
+from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError, UnitError
 from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.session.session_toml import load_session, parse_session, plain_session, recorded_session
 from plumbob.session.stream import Stream
 from tests.helpers.live_samples import FORMAT, SESSION, motion, reads, session, stream
+
+CARDED = SESSION + '[calibration]\ncard = "card.json"\n'
+CardError = (ParameterError, CalibrationError)
 
 
 def card(device="bench 7"):
@@ -39,32 +41,38 @@ def test_session_says_what_it_was_told():
 
 
 def test_session_keeps_every_text_that_it_needs_and_reads_back_from_them(tmp_path):
-    text = SESSION + '[calibration]\ncard = "card.json"\n'
-    made = session(text, **{"card.json": card_text(tmp_path)})
+    made = session(CARDED, **{"card.json": card_text(tmp_path)})
     assert set(made.texts) == {"session.toml", "imu9.toml", "card.json"}
     again = recorded_session(made.texts, "bench")
     assert again.card.name == made.card.name
     assert again.form == made.form
-    with pytest.raises(DecodeError, match=r"does not hold imu9\.toml"):
-        recorded_session({"session.toml": text}, "bench")
+
+
+def first_part(made):
+    line = Stream(made)
+    return next(part for part in map(line.feed, reads(stream(0.5))) if part is not None)
 
 
 def test_card_is_applied_and_the_uncalibrated_values_stay(tmp_path):
-    made = session(SESSION + '[calibration]\ncard = "card.json"\n', **{"card.json": card_text(tmp_path)})
-    line = Stream(made)
-    part = next(p for p in map(line.feed, reads(stream(0.5))) if p is not None)
+    part = first_part(session(CARDED, **{"card.json": card_text(tmp_path)}))
     np.testing.assert_array_equal(part.imu.gyr, 2.0 * part.sensed.gyr)
     assert part.imu.meta.calibration == f"{card().name}; NOT calibrated: acc, mag"
     assert part.sensed.meta.calibration is None
 
 
 def test_axes_turn_the_case_into_the_body():
-    line = Stream(session(SESSION.replace('frame = "NED"', 'frame = "NED"\naxes = "x -y -z"')))
-    part = next(p for p in map(line.feed, reads(stream(0.5))) if p is not None)
+    part = first_part(session(SESSION.replace('frame = "NED"', 'frame = "NED"\naxes = "x -y -z"')))
     acc = motion(0.5).imu.acc[0]
     np.testing.assert_allclose(part.sensed.acc[0], acc * [1, -1, -1], rtol=0, atol=0.5 / 8192 * 9.81)
 
 
+def placed(day='date = "2028-07-04"', source=""):
+    return SESSION.replace('frame = "NED"', f'frame = "NED"\nplace = "42.283,-71.35,1000"\n{day}') + source
+
+
+DATED = SESSION.replace('frame = "NED"', 'frame = "NED"\ndate = "2028-07-04"')
+DEEP, LONG = f"{'[' * 33}{']' * 33}", f"0x{'f' * 5000}"
+SERIAL = '[source]\nkind = "serial"\nport = "x"\n'
 WRONG = {
     "unknown key": (SESSION + "[imu2]\n", DecodeError, "no key 'imu2'"),
     "no frame": (SESSION.replace('frame = "NED"', ""), FrameError, r"\[estimate\] needs imu.frame"),
@@ -72,18 +80,16 @@ WRONG = {
     "gain without unit": (SESSION.replace('"0.08 g"', "0.08"), ParameterError, "needs a unit"),
     "rate without unit": (SESSION + '[record]\npath = "a.mcap"\nrotate = "60"\n', UnitError, "has no unit"),
     "unknown source": (SESSION + '[source]\nkind = "carrier pigeon"\n', DecodeError, "serial"),
-    "source without baud": (SESSION + '[source]\nkind = "serial"\nport = "x"\n', DecodeError, "baud"),
+    "source without baud": (SESSION + SERIAL, DecodeError, "baud"),
     "both formats": (SESSION.replace("[imu]", 'name = "mpu6000"\n[imu]'), DecodeError, "either the name"),
     "unknown device": (SESSION.replace('file = "imu9.toml"', 'name = "imu10"'), ParameterError, "not a known device"),
     "unknown option": (SESSION.replace("[imu]", 'options = { x = "1" }\n[imu]'), ParameterError, "no option 'x'"),
     "no TOML": ("=", DecodeError, "not valid TOML"),
-    "number that cannot be printed": (
-        SESSION.replace("version = 1", f"version = 0x{'f' * 5000}"),
-        DecodeError,
-        "64 bits",
-    ),
-    "lists without end": (SESSION.replace("kp = 0.5", f"kp = {'[' * 33}{']' * 33}"), DecodeError, "more than 32 deep"),
+    "number that cannot be printed": (SESSION.replace("version = 1", f"version = {LONG}"), DecodeError, "64 bits"),
+    "lists without end": (SESSION.replace("kp = 0.5", f"kp = {DEEP}"), DecodeError, "more than 32 deep"),
     "other kind": (FORMAT, DecodeError, "no key"),
+    "place and declination": (placed('declination = "1 deg"'), DecodeError, "says the declination too"),
+    "a date alone": (DATED, DecodeError, "imu.place, which is missing"),
 }
 
 
@@ -94,19 +100,23 @@ def test_wrong_session_is_refused_with_a_word(case):
         session(text)
 
 
-def test_card_of_another_unit_is_refused(tmp_path):
-    with pytest.raises(PlumbobError, match="device 'other'") as caught:
-        session(SESSION + '[calibration]\ncard = "c.json"\n', **{"c.json": card_text(tmp_path, "other")})
-    assert isinstance(caught.value, ParameterError | CalibrationError)
-
-
-def test_files_lie_beside_the_session(tmp_path):
-    (tmp_path / "imu9.toml").write_text(FORMAT)
+def test_texts_that_are_missing_damaged_or_of_another_unit_are_refused(tmp_path):
+    texts = session(SESSION).texts
     (tmp_path / "buoy.toml").write_text(SESSION)
+    for make, error, words in (
+        (lambda: recorded_session({"session.toml": SESSION}, "bench"), DecodeError, r"does not hold imu9\.toml"),
+        (
+            lambda: recorded_session(texts | {"session.toml": placed(), "earth_field.json": "[1"}, "bench"),
+            DecodeError,
+            "holds no declination",
+        ),
+        (lambda: load_session(tmp_path / "buoy.toml"), DecodeError, r"buoy\.toml: .*imu9\.toml does not exist"),
+        (lambda: session(CARDED, **{"card.json": card_text(tmp_path, "other")}), CardError, "device 'other'"),
+    ):
+        with pytest.raises(error, match=words):
+            make()
+    (tmp_path / "imu9.toml").write_text(FORMAT)
     assert load_session(tmp_path / "buoy.toml").name == "buoy"
-    (tmp_path / "imu9.toml").unlink()
-    with pytest.raises(DecodeError, match=r"buoy\.toml: .*imu9\.toml does not exist"):
-        load_session(tmp_path / "buoy.toml")
 
 
 def test_session_from_options_reads_back():
@@ -118,13 +128,8 @@ def test_session_from_options_reads_back():
         imu={"frame": "ENU", "device": 'a "b"'},
     )
     made = parse_session(text, {}.__getitem__, name="x")
-    assert made.form.chosen["gyr_range"] == "500 deg/s"
-    assert made.meta.device == 'a "b"'
-    assert json.dumps(made.stage.params["kp"]) == '"0.5"'
-
-
-def placed(day='date = "2028-07-04"', source=""):
-    return SESSION.replace('frame = "NED"', f'frame = "NED"\nplace = "42.283,-71.35,1000"\n{day}') + source
+    assert (made.form.chosen["gyr_range"], made.meta.device) == ("500 deg/s", 'a "b"')
+    assert made.stage.params == {"kp": "0.5"}
 
 
 def test_the_place_of_a_line_is_looked_up_once_and_kept_with_its_recording(monkeypatch):
@@ -142,21 +147,3 @@ def test_only_a_line_that_is_yet_to_run_is_of_today():
     assert datetime.now(UTC).date().isoformat() in session(placed("", live)).texts["earth_field.json"]
     with pytest.raises(ParameterError, match=r"imu\.place needs a day"):
         session(placed("", '[source]\nkind = "file"\npath = "a.bin"\n'))
-
-
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        (placed('declination = "1 deg"'), "says the declination too"),
-        (SESSION.replace('frame = "NED"', 'frame = "NED"\ndate = "2028-07-04"'), "imu.place, which is missing"),
-    ],
-)
-def test_a_place_stands_alone(text, told):
-    with pytest.raises(DecodeError, match=told):
-        session(text)
-
-
-def test_a_damaged_field_of_a_recording_is_refused():
-    made = {**session(SESSION).texts, "session.toml": placed(), "earth_field.json": "[1"}
-    with pytest.raises(DecodeError, match="holds no declination"):
-        recorded_session(made, "bench")
