@@ -12,8 +12,7 @@ import pytest
 import plumbob
 from plumbob.calibration.calibrate import KINDS, options_of
 from plumbob.cli.main import VERBS
-from plumbob.core.errors import ParameterError
-from tests.helpers.commandline import ok
+from tests.helpers.commandline import answer, typed
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "random"}
 
@@ -60,65 +59,56 @@ def test_every_verb_has_its_function_with_keyword_only_options():
 
 
 def test_run_is_estimate(sea, tmp_path):
-    printed = json.loads(ok("run", sea, "--filter", "mahony", "--out", tmp_path / "a.parquet", "--json").stdout)
-    result = plumbob.estimate(sea, "mahony")
+    printed = answer(f"run {sea} --filter mahony --out a.parquet", cwd=tmp_path)
+    notes, done = [], []
+    result = plumbob.estimate(sea, "mahony", note=notes.append, progress=lambda *counts: done.append(counts))
+    assert (tuple(notes), done[0], done[-1]) == (result.notes, (0, 1200), (1200, 1200))
     assert result.summary() == {name: printed[name] for name in result.summary()}
-    assert plumbob.read(tmp_path / "a.parquet").track.q_nb.tobytes() == result.track.q_nb.tobytes()
+    recording = plumbob.read(sea)
+    tracks = [plumbob.estimate(given, "mahony").track for given in (str(sea), recording, recording.imu)]
+    assert {track.q_nb.tobytes() for track in (*tracks, plumbob.read(tmp_path / "a.parquet").track)} == {
+        result.track.q_nb.tobytes()
+    }
     assert plumbob.evaluate(result, sea).summary()["total_rmse_deg"] == printed["errors"]["total_rmse_deg"]
 
 
-def test_estimate_takes_files_recordings_and_samples_alike(sea):
-    recording = plumbob.read(sea)
-    tracks = [plumbob.estimate(given, "mahony").track for given in (sea, str(sea), recording, recording.imu)]
-    assert len({track.q_nb.tobytes() for track in tracks}) == 1
-
-
-def test_notes_come_as_they_are_found_and_stand_in_the_result(sea):
-    said, done = [], []
-    result = plumbob.estimate(sea, "mekf", note=said.append, progress=lambda *counts: done.append(counts))
-    assert tuple(said) == result.notes
-    assert isinstance(said, list)
-    assert done[0] == (0, 1200) and done[-1] == (1200, 1200)
-
-
 def test_calibrate_is_calibrate(poses, tmp_path):
-    ok("calibrate", "accel", poses, "--out", tmp_path / "card.json")
-    found = plumbob.calibrate(poses, "accel")
-    ours, theirs = found.card.acc, plumbob.CalibrationCard.load(tmp_path / "card.json").acc
-    assert np.array_equal(ours.matrix, theirs.matrix) and np.array_equal(ours.bias, theirs.bias)
-    again = plumbob.calibrate(plumbob.read(poses).imu, "mag", calibration=found.card)
+    typed(f"calibrate accel {poses} --gravity '9.81 m/s2' --out card.json", cwd=tmp_path)
+    theirs = plumbob.CalibrationCard.load(tmp_path / "card.json").acc
+    for gravity in ("9.81 m/s2", 9.81):
+        card = plumbob.calibrate(poses, "accel", gravity=gravity).card
+        assert np.array_equal(card.acc.matrix, theirs.matrix) and np.array_equal(card.acc.bias, theirs.bias)
+    again = plumbob.calibrate(plumbob.read(poses).imu, "mag", calibration=card)
     assert set(again.card.parts) == {"acc", "mag"}
-
-
-def test_units_are_text_or_si(poses):
-    by_text, by_number = (plumbob.calibrate(poses, "accel", gravity=given) for given in ("9.81 m/s2", 9.81))
-    assert np.array_equal(by_text.card.acc.matrix, by_number.card.acc.matrix)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_an_option_that_a_kind_does_not_have_is_refused_with_those_that_it_has(poses, kind):
-    with pytest.raises(ParameterError, match="has no option 'shap'") as refused:
-        plumbob.calibrate(poses, kind, shap="auto")
-    assert all(name in str(refused.value) for name in options_of(kind))
 
 
 def test_allan_is_allan(tmp_path):
     still = plumbob.simulate("static", duration=60.0, seed=2, **SIM).imu
     plumbob.write(tmp_path / "rest.parquet", still)
-    printed = json.loads(ok("allan", tmp_path / "rest.parquet", "--triads", "gyr", "--json").stdout)
-    told = plumbob.allan(tmp_path / "rest.parquet", triads=("gyr",)).summary()
-    assert json.loads(json.dumps(told)) == printed
+    printed = answer("allan rest.parquet --triads gyr", cwd=tmp_path)
+    ours = plumbob.allan(tmp_path / "rest.parquet", triads=("gyr",)).summary()
+    assert json.loads(json.dumps(ours)) | {"file": "rest.parquet"} == printed
     of_array = plumbob.allan(still.gyr, rate="100 Hz", scale="1 rad/s")
     of_samples = plumbob.allan(still, triads=("gyr",))
     assert [a.sd for a in of_array.analyses] == pytest.approx([a.sd for a in of_samples.analyses], rel=1e-12)
 
 
-@pytest.mark.parametrize("given", [3, None])
-def test_what_is_no_data_is_refused(given):
-    for use in (plumbob.read, lambda what: plumbob.calibrate(what, "accel"), plumbob.allan,
-                lambda what: plumbob.estimate(what, "mahony")):  # fmt: skip
-        with pytest.raises(ParameterError, match="must be the path of a file"):
-            use(given)
+def test_what_a_function_does_not_take_is_refused(sea, poses, wire, recorded):
+    reads = (plumbob.read, lambda what: plumbob.calibrate(what, "accel"), plumbob.allan)
+    cases = [(use, (given,), {}, "must be the path of a file") for use in reads for given in (3, None)]
+    cases += [(plumbob.calibrate, (poses, kind), {"shap": "auto"}, "has no option 'shap'") for kind in KINDS]
+    cases += [
+        (plumbob.estimate, (3, "mahony"), {}, "must be the path of a file"),
+        (plumbob.record, (recorded.stream.session,), {"format": "buoy"}, "leave the other options out"),
+        (plumbob.record, (), {"capture": wire, "port": "/dev/ttyUSB0", "format": "buoy"}, "give either a session file"),
+        (plumbob.docs, (3,), {}, "There is no page 3"),
+    ]
+    for use, given, options, why in cases:
+        with pytest.raises(plumbob.PlumbobError, match=why) as refusal:
+            use(*given, **options)
+        assert "shap" not in options or all(name in str(refusal.value) for name in options_of(given[1]))
+    with pytest.raises(TypeError, match="sped"):
+        plumbob.record(capture=wire, format="buoy", sped=2)
 
 
 @pytest.fixture(scope="module")
@@ -136,58 +126,36 @@ def recorded(wire):
                           params={"kp": 0.5, "gate": 0.8}, out=out)  # fmt: skip
 
 
-def test_emulate_is_emulate(wire, tmp_path):
-    ok("emulate", "buoy", "--seed", 3, "--duration", "5s", "--write", tmp_path / "b.bin")
+def test_emulate_is_emulate_names_its_port_and_stops_when_it_is_told_to(wire, tmp_path):
+    typed("emulate buoy --seed 3 --duration 5s --write b.bin", cwd=tmp_path)
     assert (tmp_path / "b.bin").read_bytes() == wire.read_bytes()
-
-
-def test_emulate_names_its_port_and_stops_when_it_is_told_to():
     stop, names = threading.Event(), []
     served = plumbob.emulate("buoy", tcp=":0", stop=stop, opened=lambda name: (names.append(name), stop.set()))
-    assert served.sent == 0
-    assert names[0].startswith("tcp://127.0.0.1:")
+    assert (served.sent, names[0].rpartition(":")[0]) == (0, "tcp://127.0.0.1")
 
 
 def test_decode_is_decode(wire, tmp_path):
-    ok("decode", wire, "--format", "buoy", "--out", tmp_path / "b.json")
+    typed(f"decode {wire} --format buoy --out b.json", cwd=tmp_path)
     printed = json.loads((tmp_path / "b.json").read_text())
-    whole = wire.read_bytes()
-    pieces = (whole[at : at + 777] for at in range(0, len(whole), 777))
-    for given in (wire, str(wire), whole, pieces):
-        found = plumbob.decode(given, "buoy")
-        assert found.frames["buoy"].start.tolist() == printed["columns"]["byte"]
-        assert found.counts.summary() == printed["counts"]
-    assert repr(found) == "<Decoded: buoy 500; junk 0 of 15500 bytes>"
-    assert "<td>500</td>" in found._repr_html_()
-
-
-def test_decode_hands_frames_on_as_they_come(wire):
-    rows = []
-    found = plumbob.decode(wire, plumbob.find_format("buoy"), each=lambda frames, _: rows.extend(frames.values()))
-    assert found.frames == {}
-    assert sum(map(len, rows)) == found.counts.frames["buoy"] == 500
+    raw, rows = wire.read_bytes(), []
+    pieces = (raw[at : at + 777] for at in range(0, len(raw), 777))
+    for given in (wire, str(wire), raw, pieces):
+        decoded = plumbob.decode(given, "buoy")
+        assert decoded.frames["buoy"].start.tolist() == printed["columns"]["byte"]
+        assert decoded.counts.summary() == printed["counts"]
+    decoded = plumbob.decode(wire, plumbob.find_format("buoy"), each=lambda frames, _: rows.extend(frames.values()))
+    assert (decoded.frames, sum(map(len, rows)), decoded.counts.frames["buoy"]) == ({}, 500, 500)
 
 
 def test_record_is_record(wire, recorded, tmp_path):
-    words = ("--from", wire, "--format", "buoy", "--device", "b7", "--frame", "NED", "--filter", "mahony")
-    gate = "kp=0.5,gate=0.8m/s2"
-    printed = json.loads(ok("record", *words, "--params", gate, "--out", tmp_path / "a.mcap", "--json").stdout)
-    ours = recorded.summary()
+    words = "--format buoy --device b7 --frame NED --filter mahony --params kp=0.5,gate=0.8m/s2"
+    printed, ours = answer(f"record --from {wire} {words} --out a.mcap", cwd=tmp_path), recorded.summary()
     for report in (printed, ours):
         report["recording"].pop("path")
         report.pop("session")
     assert json.loads(json.dumps(ours)) == printed
     assert not recorded.lossy
     assert recorded.nothing is None
-
-
-def test_record_refuses_words_beside_a_session_and_more_than_one_line(wire, recorded):
-    with pytest.raises(ParameterError, match="leave the other options out"):
-        plumbob.record(recorded.stream.session, format="buoy")
-    with pytest.raises(ParameterError, match="give either a session file"):
-        plumbob.record(capture=wire, port="/dev/ttyUSB0", format="buoy")
-    with pytest.raises(TypeError, match="sped"):
-        plumbob.record(capture=wire, format="buoy", sped=2)
 
 
 def test_a_card_goes_into_a_recording_from_a_file_or_as_an_object(tmp_path):
@@ -204,8 +172,10 @@ def test_a_card_goes_into_a_recording_from_a_file_or_as_an_object(tmp_path):
 
 def test_replay_is_replay(recorded, tmp_path):
     path = recorded.recording["path"]
-    printed = json.loads(ok("replay", path, "--filter", "vqf", "--out", tmp_path / "v.parquet", "--json").stdout)
-    again = plumbob.replay(path, filter="vqf")
+    printed, again = (
+        answer(f"replay {path} --filter vqf --out v.parquet", cwd=tmp_path),
+        plumbob.replay(path, filter="vqf"),
+    )
     assert json.loads(json.dumps(again.summary())) == printed
     assert plumbob.read(tmp_path / "v.parquet").track.q_nb.tobytes() == again.track.q_nb.tobytes()
     same = plumbob.replay(path, check=True, keep="nothing")
@@ -213,23 +183,20 @@ def test_replay_is_replay(recorded, tmp_path):
     assert again.imu.t.tobytes() == plumbob.read(path).imu.t.tobytes()
 
 
-def test_info_is_info(sea, recorded, tmp_path):
+def test_info_is_info(sea, recorded, samples):
     for file in (sea, recorded.recording["path"]):
-        done = ok("info", file, "--json")
-        found = plumbob.info(file)
-        assert json.loads(json.dumps(found.summary())) == json.loads(done.stdout)
-        assert str(plumbob.info(plumbob.read(file)).facts()["samples"]) == found.facts()["samples"]
-    assert plumbob.info(sea, note=lambda line: None).text() + "\n" == ok("info", sea).stdout
-    plumbob.simulate("static", seed=1, duration="2 s", **SIM).noise.save(tmp_path / "noise.json")
-    assert plumbob.info(tmp_path / "noise.json").text() + "\n" == ok("info", tmp_path / "noise.json").stdout
+        result = plumbob.info(file)
+        assert json.loads(json.dumps(result.summary())) == answer(f"info {file}")
+        assert str(plumbob.info(plumbob.read(file)).facts()["samples"]) == result.facts()["samples"]
+    for file in (sea, samples / "noise.json"):
+        assert plumbob.info(file, note=lambda line: None).text() + "\n" == typed(f"info {file}").stdout
 
 
 def test_eval_and_convert_take_files_and_text_with_units(sea, tmp_path):
-    track = tmp_path / "t.parquet"
-    plumbob.estimate(sea, "mahony").save(track)
-    printed = json.loads(ok("eval", track, sea, "--settle", "2s", "--json").stdout)
-    assert json.loads(json.dumps(plumbob.evaluate(track, sea, settle="2 s").summary())) == printed
-    ok("convert", sea, tmp_path / "a.csv", "--what", "samples")
+    plumbob.estimate(sea, "mahony").save(tmp_path / "t.parquet")
+    printed = answer(f"eval t.parquet {sea} --settle 2s", cwd=tmp_path)
+    assert json.loads(json.dumps(plumbob.evaluate(tmp_path / "t.parquet", sea, settle="2 s").summary())) == printed
+    typed(f"convert {sea} a.csv --what samples", cwd=tmp_path)
     plumbob.convert(plumbob.read(sea), tmp_path / "b.csv", what="samples")
     rows = [(tmp_path / name).read_text().splitlines()[-1200:] for name in ("a.csv", "b.csv")]
     assert rows[0] == rows[1]

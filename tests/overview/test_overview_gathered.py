@@ -10,7 +10,7 @@ import plumbob
 from plumbob.core.errors import ShapeError
 from plumbob.data import AttitudeTrack
 from plumbob.overview import traces
-from plumbob.overview.gathered import TRACED, Gatherer, attitude_channels
+from plumbob.overview.gathered import Gatherer, attitude_channels
 from plumbob.overview.traces import Tracing
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
 from plumbob.rotations.headings import heading_of
@@ -58,17 +58,14 @@ def test_parts_do_not_change_what_is_gathered(sea):
     assert one.moments.sd == pytest.approx(two.moments.sd, rel=1e-9, nan_ok=True)
 
 
-def test_gaps_are_counted_with_what_they_lack(sea):
+def test_gaps_are_counted_with_what_they_lack_and_bursts_by_time(sea):
     imu, track = sea
     found = gathered(imu, track, [len(imu)])
     assert len(found.gaps) == 1
     assert found.gaps[0] == pytest.approx((24.99, 28.0))
     assert found.missing == 300
     assert found.lost == pytest.approx(3.0)
-
-
-def test_a_rest_of_less_than_half_a_burst_is_the_last_one_s(sea):
-    imu, track = sea
+    # a rest of less than half a burst is the last one's
     assert [round(b.end - b.begin) for b in gathered(imu, track, [len(imu)], burst=20.0).bursts] == [20, 20, 23]
     assert [round(b.end - b.begin) for b in gathered(imu, track, [len(imu)], burst=25.0).bursts] == [25, 25, 13]
 
@@ -153,7 +150,3 @@ def test_claimed_angles_are_those_of_small_errors():
     own = [float(found[name][0]) for name in ("heading_sd", "pitch_sd", "roll_sd")]
     assert own == pytest.approx(spread, rel=4.0 / math.sqrt(2.0 * n))
     assert np.degrees(found["roll"][0]) == pytest.approx(-25.0)
-
-
-def test_traced_channels_have_their_names():
-    assert len(set(TRACED)) == len(TRACED)
