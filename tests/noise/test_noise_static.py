@@ -8,20 +8,7 @@ import pytest
 
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import Quantity
-from plumbob.noise.static.artefacts import (
-    Runs,
-    Spikes,
-    Stillness,
-    bend_energies,
-    clipped,
-    find_step,
-    held,
-    interleaved,
-    joined,
-    longest_gap,
-    median_of_three,
-    shaking,
-)
+from plumbob.noise.static import artefacts
 from plumbob.noise.static.judge import FEWEST_SAMPLES, StaticCheck, judge
 from plumbob.noise.static.report import bridged
 from plumbob.simulation.errors import flicker, random_walk
@@ -57,29 +44,23 @@ def white(seed=0, count=COUNT):
     return np.random.default_rng(seed).standard_normal(count)
 
 
-# Noise is no motion ---------------------------------------------------------------------------------------------------
-
-
 def noises(rng, count):
     def white_of(sd):
         return sd * rng.standard_normal((count, 3))
 
-    def flicker_of(b):
-        return flicker(np.full(3, b), count, rng)
-
-    def walk_of(k):
-        return random_walk(np.full(3, k), count, 1.0 / DT, rng)
-
+    flicker_1, walk_1 = flicker(np.ones(3), count, rng), random_walk(np.ones(3), count, 1.0 / DT, rng)
     t = np.arange(count)[:, np.newaxis] * DT
-    yield "white", white_of(1.0)
-    yield "flicker", flicker_of(1.0)
-    yield "walk", walk_of(1.0)
-    yield "all and a ramp", white_of(1.0) + flicker_of(0.3) + walk_of(0.1) + 5.0 * t
-    yield "warm-up", white_of(1.0) + 20.0 * np.exp(-t / 60.0)
-    yield "quantised", np.round(white_of(0.7) + flicker_of(0.3) + walk_of(0.1))
-    yield "coarse", np.round(white_of(0.3) + walk_of(0.1))
-    yield "coarse and a ramp", np.round(white_of(0.05) + 0.1 * t)
-    yield "quantised angle", np.diff(rng.standard_normal((count + 1, 3)), axis=0)
+    yield from {
+        "white": white_of(1.0),
+        "flicker": flicker_1,
+        "walk": walk_1,
+        "all and a ramp": white_of(1.0) + 0.3 * flicker_1 + 0.1 * walk_1 + 5.0 * t,
+        "warm-up": white_of(1.0) + 20.0 * np.exp(-t / 60.0),
+        "quantised": np.round(white_of(0.7) + 0.3 * flicker_1 + 0.1 * walk_1),
+        "coarse": np.round(white_of(0.3) + 0.1 * walk_1),
+        "coarse and a ramp": np.round(white_of(0.05) + 0.1 * t),
+        "quantised angle": np.diff(rng.standard_normal((count + 1, 3)), axis=0),
+    }.items()
 
 
 @pytest.mark.skipif(PLAIN, reason="takes minutes without compiled kernels")
@@ -100,8 +81,6 @@ def test_noise_is_not_refused(dt, rounds):
     assert refused == []
 
 
-# Motions are motions --------------------------------------------------------------------------------------------------
-
 MOTIONS = {
     "a step": 5.0 * (T > 30.0),
     "a short bump": 8.0 * np.exp(-0.5 * ((T - 30.0) / 0.1) ** 2),
@@ -114,19 +93,16 @@ MOTIONS = {
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_a_motion_is_refused_and_the_still_part_passes(motion):
     values = white() + MOTIONS[motion]
-    found = report(values, start=100.0)
-    assert kinds(found) == ["moving"]
-    moved = found.moving[0]
-    assert moved[0] < 130.0 + 2.0
-    assert moved[1] > 130.0
-    start, stop = found.still
+    judged = report(values, start=100.0)
+    assert kinds(judged) == ["moving"]
+    assert judged.moving[0][0] < 130.0 + 2.0 and judged.moving[0][1] > 130.0
+    start, stop = judged.still
     assert (stop < 130.0 + 1.0) or (start > 130.0)
     assert stop - start > 15.0
-    assert f"--from {math.ceil(10 * start - 1e-6) / 10:g}s --to" in found.errors[0].text
-    first, end = round((start - 100.0) / DT), round((stop - 100.0) / DT)
-    assert report(values[first:end]).errors == ()
+    assert f"--from {math.ceil(10 * start - 1e-6) / 10:g}s --to" in judged.errors[0].text
+    assert report(values[round((start - 100.0) / DT) : round((stop - 100.0) / DT)]).errors == ()
     with pytest.raises(ShapeError, match="not a static record: x: moved or was disturbed from"):
-        found.require()
+        judged.require()
 
 
 @pytest.mark.skipif(PLAIN, reason="the kernels are the same as for shorter averages")
@@ -170,10 +146,10 @@ def test_a_steady_shaking_is_refused_and_a_faint_line_is_told():
 @pytest.mark.parametrize("frequency", [0.5, 3.0, 20.0, 45.0])
 def test_frequency_and_amplitude_of_an_oscillation(frequency):
     """Alone, so that the line is known to a bin of its spectrum, and the amplitude to its averaging there."""
-    found = shaking(7.0 * np.sin(2.0 * math.pi * frequency * T), DT)
+    found = artefacts.shaking(7.0 * np.sin(2.0 * math.pi * frequency * T), DT)
     assert found.frequency == pytest.approx(frequency, abs=1.0 / (COUNT * DT))
     assert found.amplitude == pytest.approx(7.0, rel=0.05)
-    assert shaking(white(), DT) is None
+    assert artefacts.shaking(white(), DT) is None
 
 
 def test_a_gyroscope_that_turns_all_the_time():
@@ -186,25 +162,20 @@ def test_a_gyroscope_that_turns_all_the_time():
 
 
 def test_an_accelerometer_that_is_tilted_slowly_or_is_not_in_gravity():
-    angle = math.radians(6.0) * T / T[-1]  # as slow as a ramp, which noise has too
-    level = np.stack([9.81 * np.sin(angle), 0.0 * T, 9.81 * np.cos(angle)], axis=1)
+    def turned(degrees, size=9.81):
+        angle = math.radians(degrees) * T / T[-1]  # as slow as a ramp, which noise has too
+        return size * np.stack([np.sin(angle), 0.0 * T, np.cos(angle)], axis=1)
+
     noise = 0.02 * np.random.default_rng(6).standard_normal((COUNT, 3))
     words = {"quantity": Quantity.ACCELERATION, "triad": True}
-    assert report(level + noise).errors == ()
-    assert kinds(report(level + noise, **words)) == []  # within 3° of its middle
-    angle *= 2.0
-    level = np.stack([9.81 * np.sin(angle), 0.0 * T, 9.81 * np.cos(angle)], axis=1)
-    found = report(level + noise, **words)
-    assert kinds(found) == ["moving"]
-    found = report(1.5 * (level[:1] + noise), **words)
-    assert kinds(found) == ["not at rest"]
-    assert found.errors[0].text == "measures 1.5 g, but at rest it is 1 g: a wrong scale, or never at rest?"
-    turned = 0.05 * 9.80665 * np.stack([np.sin(9.0 * angle), 0.0 * T, np.cos(9.0 * angle)], axis=1)
-    for values in (noise, 0.05 * (level + noise), turned + noise):
+    assert report(turned(6.0) + noise).errors == ()
+    assert kinds(report(turned(6.0) + noise, **words)) == []  # within 3° of its middle
+    assert kinds(report(turned(12.0) + noise, **words)) == ["moving"]
+    judged = report(1.5 * (turned(0.0) + noise), **words)
+    assert kinds(judged) == ["not at rest"]
+    assert judged.errors[0].text == "measures 1.5 g, but at rest it is 1 g: a wrong scale, or never at rest?"
+    for values in (noise, 0.05 * (turned(12.0) + noise), turned(108.0, 0.05 * 9.80665) + noise):
         assert kinds(report(values, **words)) == ["not at rest"]  # its direction says nothing
-
-
-# Blocks ---------------------------------------------------------------------------------------------------------------
 
 
 def test_blocks_of_any_size_give_the_same_report():
@@ -216,9 +187,6 @@ def test_blocks_of_any_size_give_the_same_report():
         for start in range(0, COUNT, size):
             one.add(values[start : start + size])
         assert judge(one) == whole
-
-
-# Numbers that no noise gives ------------------------------------------------------------------------------------------
 
 
 def test_too_short_and_what_does_not_meet():
@@ -242,28 +210,19 @@ def test_too_short_and_what_does_not_meet():
 def test_not_finite_is_counted_and_placed():
     values = np.stack([white(1), white(2)], axis=1)
     values[[50, 5000], 1] = math.nan, math.inf
-    one = StaticCheck(["gyr x", "gyr y"], DT)
-    one.add(values[:40])
-    one.add(values[40:])
-    found = judge(one)
-    assert [str(f) for f in found.findings] == [
-        "gyr y: sample 50 is not finite (2 such of 6000); the longest stretch of numbers is --from 0.6s --to 50s."
-    ]
+    static = StaticCheck(["gyr x", "gyr y"], DT)
+    static.add(values[:40])
+    static.add(values[40:])
+    (finding,) = judge(static).findings
+    text = "gyr y: sample 50 is not finite (2 such of 6000); the longest stretch of numbers is --from 0.6s --to 50s."
+    assert str(finding) == text
     assert report(values[60:5000], start=0.6).errors == ()
     values[::900, 0] = math.nan
     assert "6000); no stretch is long enough." in report(values).errors[0].text
     assert "--from 0s --to 20s" in report(np.append(white()[:2000], [math.nan, 1.0, math.nan])).errors[0].text
 
 
-def spiky():
-    values = white()
-    values[[1234, 4000]] = 30.0, -25.0
-    return values
-
-
-def in_turn(channels):
-    levels = np.random.default_rng(7).permutation(np.arange(channels)) * 4.0  # apart by four standard deviations
-    return (white(8)[:, np.newaxis] + levels).ravel()[:COUNT]
+LEVELS = np.array([1, 0, 2, 5, 3, 4])
 
 
 @pytest.mark.parametrize(
@@ -271,7 +230,12 @@ def in_turn(channels):
     [
         (np.full(COUNT, 0.25), "constant", True, "all 6000 values are 0.25; the sensor is stuck"),
         (0.0625 * np.round(0.3 * white() + 0.2), "coarse", False, "of the step 0.0625 with"),
-        (spiky(), "spikes", False, "as errors of transmission do: 2, at sample 1234, 4000;"),
+        (
+            white() + 30.0 * np.isin(T, T[[1234, 4000]]),
+            "spikes",
+            False,
+            "as errors of transmission do: 2, at sample 1234, 4000;",
+        ),
         (np.arange(COUNT), "one way", True, r"only rises; is it time or a counter\? Leave"),
         (1.7e9 + T, "one way", True, "only rises"),
         (0.1 * T, "one way", True, "only rises"),
@@ -281,7 +245,11 @@ def in_turn(channels):
             (np.repeat(white(), n)[:COUNT], "held", True, f"about {n} times in a row.* about {100 / n:.4g} Hz")
             for n in (2, 3, 10)
         ),
-        *((in_turn(n), "interleaved", True, f"{n} channels in turn") for n in (2, 3, 6)),
+        # in turn, apart by four standard deviations
+        *(
+            (white(8) + 4.0 * LEVELS[np.arange(COUNT) % n], "interleaved", True, f"{n} channels in turn")
+            for n in (2, 3, 6)
+        ),
     ],
 )
 def test_what_no_noise_gives_is_named(values, kind, refuses, text):
@@ -302,10 +270,10 @@ def test_units_and_what_looks_alike():
         assert kinds(report(uneven)) == ["held"]
     for sd in (0.2, 0.3, 0.5, 1.0):
         for seed in range(5):
-            assert held(np.round(sd * white(seed) + 0.4)) == held(white(seed)) == 1
+            assert artefacts.held(np.round(sd * white(seed) + 0.4)) == artefacts.held(white(seed)) == 1
     hum = 0.5 * np.sin(math.pi * np.arange(COUNT) + 0.5)  # of half the rate, folded
     for channel in (white(1) + hum, np.cumsum(white(2)), white(3) + 0.01 * np.arange(COUNT)):
-        assert interleaved(channel) == 1
+        assert artefacts.interleaved(channel) == 1
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -314,7 +282,7 @@ def test_a_spike_begins_nine_standard_deviations_off_its_neighbours(off, told, s
     """The second differences of white noise have 6 sd² [Riley2008]; the median of 23 cells of 256 knows sd to 1.5 %."""
     values = 0.3 * white()
     values[2999:3002] = 1.0, 1.0 + sign * 0.3 * off, 1.0
-    one = Spikes()
+    one = artefacts.Spikes()
     for block in np.split(values, [700, 2999, 3001]):
         one.add(block)
     assert one.found(0.0) == ([3000] if told else [])
@@ -336,11 +304,11 @@ def test_noise_of_few_levels_is_not_clipped():
     for sd in (1.0, 1.5, 3.0, 10.0):
         for seed, offset in enumerate(np.linspace(0.0, 0.5, 6)):
             values = np.round(sd * white(seed) + offset)
-            assert clipped(values) == []
+            assert artefacts.clipped(values) == []
             assert report(values).findings == ()
     slow = np.round(np.convolve(white(3), np.ones(40), "same"))
     slow[3000:3030] = slow.max() + 1.0
-    assert clipped(slow) == []  # for long, but once
+    assert artefacts.clipped(slow) == []  # for long, but once
     assert kinds(report(np.round(0.2 * white() + 30.0 * np.exp(-T / 5.0)))) == ["coarse"]  # rests at its last level
 
 
@@ -351,17 +319,14 @@ def test_a_stuck_part_is_refused_and_the_rest_passes(values, level):
     for first, end in ((3000, 4000), (1200, COUNT), (0, 4500)):
         stuck = values(white())
         stuck[first:end] = stuck[first] if level is None else level
-        found = report(stuck, start=100.0)
-        assert kinds(found) == ["stuck"]
-        (part,) = found.moving
+        judged = report(stuck, start=100.0)
+        assert kinds(judged) == ["stuck"]
+        (part,) = judged.moving
         assert part == pytest.approx((100.0 + first * DT, 100.0 + end * DT), abs=8 * DT)  # neighbours may be equal
-        assert f"repeats one value from {part[0]:.4g} s" in found.errors[0].text
-        start, stop = round((found.still[0] - 100.0) / DT), round((found.still[1] - 100.0) / DT)
+        assert f"repeats one value from {part[0]:.4g} s" in judged.errors[0].text
+        start, stop = (round((edge - 100.0) / DT) for edge in judged.still)
         assert stop <= first or start >= end
         assert report(stuck[start:stop]).errors == ()
-
-
-# Step -----------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -372,38 +337,35 @@ def test_a_step_is_found_through_the_rounding_of_a_text(step, digits, offset):
     """A straight line through 40 or more levels knows its slope to the rounding over the span of the levels."""
     counts = np.round(12.0 * white(8)) + 100.0
     values = np.round(counts * step + offset, digits)
-    assert find_step(values) == pytest.approx(step, abs=10.0**-digits / 40.0, rel=1e-6)
+    assert artefacts.find_step(values) == pytest.approx(step, abs=10.0**-digits / 40.0, rel=1e-6)
     if digits > 3:
-        assert find_step(values.astype(np.float32)) == pytest.approx(step, rel=1e-3)
+        assert artefacts.find_step(values.astype(np.float32)) == pytest.approx(step, rel=1e-3)
 
 
 def test_no_step_is_invented():
     for seed in range(20):
-        assert find_step(white(seed)) == 0.0
-        assert find_step(np.round(1e5 * white(seed))) == 0.0  # hardly a value comes twice
-    assert find_step(np.full(500, 3.0)) == 0.0
-    assert find_step(np.repeat(white()[:50], 20)) == 0.0  # repeated, but at no multiples
-    assert find_step(np.tile([1.0, 1.5], 500)) == pytest.approx(0.5)
-
-
-# Parts ----------------------------------------------------------------------------------------------------------------
+        assert artefacts.find_step(white(seed)) == 0.0
+        assert artefacts.find_step(np.round(1e5 * white(seed))) == 0.0  # hardly a value comes twice
+    assert artefacts.find_step(np.full(500, 3.0)) == 0.0
+    assert artefacts.find_step(np.repeat(white()[:50], 20)) == 0.0  # repeated, but at no multiples
+    assert artefacts.find_step(np.tile([1.0, 1.5], 500)) == pytest.approx(0.5)
 
 
 def test_kernels_and_intervals():
     middle = np.empty(5)
-    median_of_three(np.array([0.0, 5.0, 1.0, 2.0, 2.0, -9.0, 3.0]), middle)
+    artefacts.median_of_three(np.array([0.0, 5.0, 1.0, 2.0, 2.0, -9.0, 3.0]), middle)
     assert middle.tolist() == [1.0, 2.0, 2.0, 2.0, 2.0]
     total, largest = np.empty(2), np.empty(2)
-    bend_energies(np.array([0.0, 1.0, 4.0, 9.0, 0.0, 0.0]), 2, total, largest)
+    artefacts.bend_energies(np.array([0.0, 1.0, 4.0, 9.0, 0.0, 0.0]), 2, total, largest)
     assert (total.tolist(), largest.tolist()) == ([8.0, 277.0], [4.0, 196.0])  # bends 2, 2, -14, 9
-    assert joined([(5, 7), (0, 2), (1, 3), (3, 4)]) == [(0, 4), (5, 7)]
-    assert longest_gap([(2, 3), (6, 9)], 0, 10) == (3, 6)
-    assert longest_gap([], 0, 10) == (0, 10)
-    assert longest_gap([(-5, 20)], 0, 10)[1] <= longest_gap([(-5, 20)], 0, 10)[0]
+    assert artefacts.joined([(5, 7), (0, 2), (1, 3), (3, 4)]) == [(0, 4), (5, 7)]
+    assert artefacts.longest_gap([(2, 3), (6, 9)], 0, 10) == (3, 6)
+    assert artefacts.longest_gap([], 0, 10) == (0, 10)
+    assert artefacts.longest_gap([(-5, 20)], 0, 10)[1] <= artefacts.longest_gap([(-5, 20)], 0, 10)[0]
 
 
 def test_runs_across_blocks():
-    runs = Runs()
+    runs = artefacts.Runs()
     values = np.repeat([1.0, 2.0, 1.5, 3.0], [5, 40, 1, 30])
     for block in (values[:0], *np.array_split(values, 20)):
         runs.add(block)
@@ -416,12 +378,10 @@ def test_runs_across_blocks():
 def test_a_spike_of_one_sample_is_no_motion_and_one_of_three_is(width, moved):
     values = white()
     values[3000 : 3000 + width] += 100.0
-    stillness = Stillness(DT)
+    stillness = artefacts.Stillness(DT)
     stillness.add(values)
     assert bool(stillness.moving(0, COUNT, 0.0)) == moved
 
-
-# Disturbed seconds of a long record -----------------------------------------------------------------------------------
 
 LONG = np.arange(60_000) * DT
 BUMPS = 8.0 * np.exp(-0.5 * ((LONG - 200.0) / 0.1) ** 2) + 20.0 * np.exp(-0.5 * ((LONG - 207.0) / 0.2) ** 2)
@@ -464,11 +424,8 @@ def test_what_is_asked_for_is_skipped_whatever_it_holds():
 
 @pytest.mark.parametrize("unit", [False, True])
 def test_each_sensor_is_judged_by_itself_but_a_unit_that_moves_as_a_whole(unit):
-    names, quantities = ("gyr x", "acc x"), (Quantity.RATE, Quantity.ACCELERATION) if unit else (None, None)
-    quiet, moved = (
-        StaticCheck([name], DT, **({"quantity": quantity} if quantity else {}))
-        for name, quantity in zip(names, quantities, strict=True)
-    )
+    words = [{"quantity": q} for q in (Quantity.RATE, Quantity.ACCELERATION)] if unit else [{}, {}]
+    quiet, moved = (StaticCheck([name], DT, **more) for name, more in zip(("gyr x", "acc x"), words, strict=True))
     quiet.add(0.01 * white(3))
     moved.add(0.01 * (white(4) + MOTIONS["half of the time"]))
     judged = judge(quiet, moved)
