@@ -10,7 +10,7 @@ from plumbob import CalibrationCard, ImuData, ImuMeta, flags
 from plumbob.calibration.gyr.drift import GyroDrift, chen2013
 from plumbob.cli.main import main
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.units import dps, g, to_dps
+from plumbob.core.units import dps, g
 from plumbob.data.cards import TriadCalibration
 from plumbob.filters.channel import RateFilter
 
@@ -40,14 +40,6 @@ def test_it_takes_off_the_drift_then_the_constant_and_then_filters():
     assert found.imu.acc.tobytes() == imu.acc.tobytes()
     assert np.array_equal(found.imu.flags, imu.flags)
     assert any(line.startswith("rates: filter: scalar(walk=0.0316 deg/s") for line in found.recording.notes)
-
-
-def test_a_window_of_one_sample_shows_the_compensation_alone():
-    imu, rate = warming()
-    found = plumbob.filter_rates(imu, "moving_average", params={"samples": 1}, drift="chen2013", rest=(0.0, 20.0))
-    left = to_dps(found.imu.gyr - rate)
-    assert np.abs(left.mean(axis=0)).max() < 0.02
-    assert left.std() == pytest.approx(0.1, rel=0.1)
 
 
 @pytest.mark.parametrize(("lacking", "told"), [("temp_c", "no temperature"), ("acc", "no specific force")])

@@ -11,21 +11,7 @@ UP_N = np.array([0.0, 0.0, -G0])
 
 
 class Hand:
-    """A unit at an attitude, with the errors of its sensors.
-
-    Parameters
-    ----------
-    seed : int
-        Of attitude and noise.
-    hard_iron, soft_iron : array_like (3,), (3, 3)
-        Errors of the magnetometer, µT.
-    level : bool
-        Whether it starts level.
-    trembling : float
-        Angle by which each sample is off, rms about each axis, rad.
-    rate : float
-        Sampling rate, Hz.
-    """
+    """A unit at an attitude, with errors of its magnetometer in µT; each sample is off by `trembling` rad rms."""
 
     def __init__(self, seed=0, *, hard_iron=(10.0, -8.0, 6.0), soft_iron=None, level=False, trembling=0.0, rate=50.0):
         self.rng = np.random.default_rng(seed)

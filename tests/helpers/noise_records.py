@@ -3,6 +3,9 @@
 import math
 
 import numpy as np
+from scipy.signal import lfilter
+
+from plumbob.noise.spectrum import Spectrum, edges, ramp_coefficients
 
 NBS14 = [892, 809, 823, 798, 671, 644, 883, 903, 677]
 """[Riley2008] Table 29."""
@@ -66,3 +69,19 @@ def exactly(rate, n, kind="oadev"):
     if kind in {"adev", "hdev"}:
         found = found[::n]
     return math.sqrt(math.fsum(found**2) / len(found) / (6.0 if kind in {"ohdev", "hdev"} else 2.0)) / n
+
+
+def first_order(white, time, dt=1.0):
+    """Exact first-order process of variance 1 from white noise along the last axis, in its stationary state."""
+    decay = math.exp(-dt / time)
+    drive = white * math.sqrt(1.0 - decay**2)
+    drive[..., 0] = white[..., 0]
+    return lfilter([1.0], [1.0, -decay], drive, axis=-1)
+
+
+def expected_spectrum(density, count, dt):
+    """What the spectra of many records are on average: cosine coefficient j has the density at j / (2 N Δt)."""
+    start, j = edges(count), np.arange(count)
+    ramp = np.add.reduceat(ramp_coefficients(j, count, dt) ** 2, start[:-1])
+    power = np.add.reduceat(density(np.maximum(j, 0.5) / (2.0 * count * dt)), start[:-1])
+    return Spectrum(dt, count, 1, start[:-1], start[1:], power, 0.0 * power, ramp)

@@ -20,19 +20,7 @@ def symmetric(matrix):
 
 
 def pose_capture(directions, *, dwell=2.0, move=0.6, gyr=True, noise=NOISE, seed=0, meta=None, **triads):
-    """Recording of poses at rest.
-
-    Parameters
-    ----------
-    directions : ndarray (N, 3)
-        What is up, in the axes of the case.
-    dwell, move : float
-        Time at rest in each, and from one to the next, s.
-    gyr : bool
-        Whether there is a gyroscope.
-    noise : float
-        Of a sample, m/s².
-    """
+    """Recording of poses at rest, each `dwell` s; up is given in the axes of the case; ways take `move` s."""
     rng = np.random.default_rng(seed)
     resting, moving = round(dwell * RATE), round(move * RATE)
     ups, rates = [], []
@@ -54,9 +42,7 @@ def pose_capture(directions, *, dwell=2.0, move=0.6, gyr=True, noise=NOISE, seed
 def arc(here, there, count):
     """Directions on the way, and the rates at which the case turns."""
     angle = np.arccos(np.clip(here @ there, -1.0, 1.0))
-    across = (
-        np.cross(here, there) if 1e-6 < angle < np.pi - 1e-6 else np.cross(here, np.roll(here, 1) + [0.1, 0.0, 0.0])
-    )
+    across = np.cross(here, there if 1e-6 < angle < np.pi - 1e-6 else np.roll(here, 1) + [0.1, 0.0, 0.0])
     across = across / np.linalg.norm(across)
     part = angle * (np.arange(count) + 1.0) / (count + 1.0)
     turned = np.cos(part)[:, np.newaxis] * here + np.sin(part)[:, np.newaxis] * np.cross(across, here)

@@ -12,21 +12,16 @@ from plumbob.core.units import Quantity, unit
 from plumbob.noise import analyse, compare, curve, deviation, edf
 from plumbob.noise.bands import find_mask, least_squares, lines, mask_first_order
 from plumbob.noise.findings import Coefficient, GaussMarkov, Mask, Sinusoid
-from plumbob.noise.spectrum import Spectrum, edges, find_sinusoids, ramp_coefficients
+from plumbob.noise.spectrum import find_sinusoids
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, allan_transfer, variance
 from tests.helpers import jit_disabled
+from tests.helpers.noise_records import expected_spectrum, first_order
 
 slow_without_jit = pytest.mark.skipif(jit_disabled(), reason="sums over long records take minutes as plain Python")
 
 
 def white(seed, count=100_000, sd=0.2):
     return sd * np.random.default_rng(seed).standard_normal(count)
-
-
-def markov(seed, count, time, sd, dt):
-    decay = math.exp(-dt / time)
-    drive = np.random.default_rng(seed).standard_normal(count) * math.sqrt(1.0 - decay**2)
-    return sd * lfilter([1.0], [1.0, -decay], drive)
 
 
 def test_variances_are_those_of_the_standard():
@@ -120,14 +115,6 @@ def test_noise_has_no_sinusoids():
     assert false <= 1
 
 
-def expected_spectrum(density, count=2_000_000, dt=0.01):
-    """What the spectra of many records are on average: cosine coefficient j has the density at j / (2 N Δt)."""
-    start, j = edges(count), np.arange(count)
-    ramp = np.add.reduceat(ramp_coefficients(j, count, dt) ** 2, start[:-1])
-    power = np.add.reduceat(density(j / (2.0 * count * dt)), start[:-1])
-    return Spectrum(dt, count, 1, start[:-1], start[1:], power, 0.0 * power, ramp)
-
-
 @pytest.mark.parametrize("corner", [6.0, 9.0, 12.0, 20.0])
 def test_a_mask_leaves_a_low_pass_less_than_one_percent(corner):
     """Of the density, f²/(f² + f_c²): at most about 6 % where the cut is found, and 2³ times less at the margin below.
@@ -136,18 +123,18 @@ def test_a_mask_leaves_a_low_pass_less_than_one_percent(corner):
     need be would be thrown away.
     """
     n = np.unique(np.round(np.geomspace(1, 10_000, 100)).astype(int))
-    mask, kept = find_mask(expected_spectrum(lambda f: 1.0 / (1.0 + (f / corner) ** 2)), n)
+    mask, kept = find_mask(expected_spectrum(lambda f: 1.0 / (1.0 + (f / corner) ** 2), 2_000_000, 0.01), n)
     taken = mask.frequency**2 / (mask.frequency**2 + corner**2)
     assert 0.25 * 0.0075 < taken < 0.01
     assert kept.frequency.max() < mask.frequency
     assert "falls" in mask.reason
-    assert find_mask(expected_spectrum(lambda f: 1.0 + 0.0 * f), n)[0] == Mask()
+    assert find_mask(expected_spectrum(np.ones_like, 2_000_000, 0.01), n)[0] == Mask()
 
 
 def test_the_mask_of_a_smoothed_record_that_is_too_short_ends_ten_time_constants_on():
     """3 s of smoothing in 60 s: below 3 % of loss there is not a single coefficient, so the curve alone is masked."""
     n = np.array([1, 10, 100, 1000, 2000, 2999, 3000, 3001, 5000])
-    mask, kept = mask_first_order(expected_spectrum(np.ones_like, count=6000), 3.0, n)
+    mask, kept = mask_first_order(expected_spectrum(np.ones_like, 6000, 0.01), 3.0, n)
     assert kept is None
     assert mask.n == 3000
     assert mask.frequency == pytest.approx(math.sqrt(0.03) / (2.0 * math.pi * 3.0))  # where (2πfτ)² is 3 %
@@ -174,7 +161,7 @@ def test_a_low_pass_is_masked_and_white_noise_found_all_the_same(corner, order):
 
 @slow_without_jit
 def test_a_gauss_markov_process_is_told_from_flicker_noise():
-    x = white(4, 300_000) + markov(5, 300_000, 1.0, 0.03, 0.01)
+    x = white(4, 300_000) + 0.03 * first_order(white(5, 300_000, 1.0), 1.0, 0.01)
     found = analyse(x, 0.01)
     assert found.markov is not None
     assert found.markov.sd.lo * 0.9 <= 0.03 <= found.markov.sd.hi * 1.1

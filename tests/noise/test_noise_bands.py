@@ -11,9 +11,10 @@ from plumbob.noise.analysis import within_the_curve
 from plumbob.noise.bands import leave_out
 from plumbob.noise.findings import Band, Mask, Sinusoid
 from plumbob.noise.likelihood import coefficients, fit, octaves
-from plumbob.noise.spectrum import Spectrum, edges, ramp_coefficients, sampled_densities, spectrum
+from plumbob.noise.spectrum import sampled_densities, spectrum
 from plumbob.simulation import errors
 from tests.helpers import jit_disabled
+from tests.helpers.noise_records import expected_spectrum
 
 slow_without_jit = pytest.mark.skipif(jit_disabled(), reason="sums over long records take minutes as plain Python")
 
@@ -37,11 +38,7 @@ def resonance(frequency, sd, quality, at=0.55):
 
 
 def expected(density, count=1_000_000):
-    """What the spectra of many records are on average."""
-    start, j = edges(count), np.arange(count)
-    square = np.add.reduceat(ramp_coefficients(j, count, DT) ** 2, start[:-1])
-    power = np.add.reduceat(density(np.maximum(j, 0.5) / (2.0 * count * DT)), start[:-1])
-    return Spectrum(DT, count, 1, start[:-1], start[1:], power, 0.0 * power, square)
+    return expected_spectrum(density, count, DT)
 
 
 @pytest.mark.parametrize("quality", [25.0, 170.0])

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 from scipy.fft import dct
-from scipy.signal import lfilter
 
 from plumbob.noise import analysis, likelihood
 from plumbob.noise.findings import Coefficient
 from plumbob.noise.likelihood import evaluate, point
 from plumbob.noise.spectrum import LETTERS, densities, edges, markov_bins, markov_density, ramp_coefficients, spectrum
 from plumbob.simulation import errors
+from tests.helpers.noise_records import first_order
 
 EPS = np.finfo(float).eps
 ONE = np.ones(3)
@@ -22,11 +22,7 @@ def walk(count, rng, rows=1):
 
 
 def markov(count, time, rng, rows=1):
-    """Exact first-order process of variance 1, in its stationary state from the first sample on."""
-    decay = math.exp(-1.0 / time)
-    drive = rng.standard_normal((rows, count)) * math.sqrt(1.0 - decay**2)
-    drive[:, 0] /= math.sqrt(1.0 - decay**2)
-    return lfilter([1.0], [1.0, -decay], drive, axis=1)
+    return first_order(rng.standard_normal((rows, count)), time)
 
 
 def flicker(count, rng, rows):
