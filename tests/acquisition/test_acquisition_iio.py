@@ -137,17 +137,19 @@ def test_a_refusal_half_way_puts_back_what_was_done(machine, gyro):
     assert snapshot(gyro) == before
 
 
-def test_by_name_by_number_and_lists(machine, gyro):
-    machine.add_gyro(1, "other")
+def test_which_device_and_what_its_layout_says(machine, gyro, collect):
+    folder = machine.add_gyro(1, "other", **VOLTAGE)
     machine.add_gyro(10, "other")
     assert [device.name for device in list_devices(machine.sys, machine.dev)] == ["adxrs290", "other", "other"]
-    assert {machine.source(which).layout.device for which in ("adxrs290", 0, "iio:device0")} == {"adxrs290"}
-
-
-def test_a_device_is_waited_for(machine, collect):
-    with machine.source(wait=True) as source:
+    layouts = [machine.source(which).layout for which in ("adxrs290", 0, "iio:device0", "iio:device1")]
+    assert [layout.device for layout in layouts] == [*["adxrs290"] * 3, "other"]
+    assert {len(layout.channels) for layout in layouts} == {4}  # channels of unknown units are left out
+    clocks = [layouts[0].clock, machine.source(channels=["anglvel_x"]).layout.clock]
+    (folder / "current_timestamp_clock").unlink()  # Linux before 4.5
+    assert [*clocks, machine.source(1).layout.clock] == ["monotonic", "", "realtime"]
+    with machine.source("later", wait=True) as source:
         collect(source, lambda got: got.kinds == ["absent"])
-        machine.add_gyro()
+        machine.add_gyro(2, "later")
         collect(source, lambda got: got.kinds[-1:] == ["opened"])
 
 
@@ -182,18 +184,6 @@ def test_refusals(machine, case):
     machine.add("empty", {}, 3)
     with pytest.raises(LineError, match=words):
         machine.source(**options).open()
-
-
-def test_channels_of_unknown_units_are_left_out(machine):
-    machine.add_gyro(**VOLTAGE)
-    assert len(machine.source().layout.channels) == 4
-
-
-def test_the_clock_of_the_time_stamps_is_told(machine, gyro):
-    clocks = [machine.source(**options).layout.clock for options in ({}, {"channels": ["anglvel_x"]})]
-    (gyro / "current_timestamp_clock").unlink()  # Linux before 4.5
-    clocks.append(machine.source().layout.clock)
-    assert clocks == ["monotonic", "", "realtime"]
 
 
 @pytest.mark.parametrize("polled", [False, True])

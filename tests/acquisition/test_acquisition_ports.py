@@ -36,13 +36,6 @@ def kind_of(port, ports, words):
     return no.value.kind
 
 
-@pytest.mark.parametrize("port", ["auto:0403:6001:A3", "auto:ffff:0001", "/dev/ttyNONE", "/dev/ttyNONE*", "none"])
-def test_none_lists_what_there_is(port):
-    listed = r"There is no serial port .*/dev/ttyUSB1 \(FT232R\), /dev/ttyACM0 \(Pico\)"
-    kinds = [kind_of(port, PORTS, listed), kind_of(port, [], "the ports of this machine: none")]
-    assert kinds == 2 * ["absent"]
-
-
 def test_by_path_pattern_and_usb_identity(tmp_path, monkeypatch):
     (tmp_path / "ttyX1").touch()
     path = str(tmp_path / "ttyX1")
@@ -52,8 +45,14 @@ def test_by_path_pattern_and_usb_identity(tmp_path, monkeypatch):
     ports = {"ttyX?": "ttyX1", "auto:2e8a:0005": pico, "auto:2E8A:0005:B": pico, "auto:0403:6001:A2": "/dev/ttyUSB1"}
     assert {port: find(port) for port in ports} == ports
     (tmp_path / "ttyX2").touch()
-    several = {str(tmp_path / "ttyX*"): "is 2 serial ports", "auto:0403:6001": "/dev/ttyUSB0, /dev/ttyUSB1; name one"}
-    assert {kind_of(port, PORTS, words) for port, words in several.items()} == {"ambiguous"}
+    listed = r"There is no serial port .*/dev/ttyUSB1 \(FT232R\), /dev/ttyACM0 \(Pico\)"
+    for port, kind, words in (
+        (str(tmp_path / "ttyX*"), "ambiguous", "is 2 serial ports"),
+        ("auto:0403:6001", "ambiguous", "/dev/ttyUSB0, /dev/ttyUSB1; name one"),
+        *((port, "absent", listed) for port in ("auto:0403:6001:A3", "auto:ffff:0001", "/dev/ttyNONE*", "none")),
+    ):
+        assert kind_of(port, PORTS, words) == kind
+    assert kind_of("none", [], "the ports of this machine: none") == "absent"
 
 
 def test_this_machine_can_be_asked():

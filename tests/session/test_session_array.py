@@ -234,8 +234,9 @@ def test_sessions_that_do_not_go_together_are_refused(case):
     units, more, match = WRONG[case]
     with pytest.raises(PlumbobError, match=match):
         session(ALL.replace('units = "all"', units or 'units = "all"') + more, **FILES)
-    with pytest.raises(PlumbobError, match="one unit without a name"):
-        session(ALL.replace('"arm"', '"buoy"'))
+    for text in (ALL, U2):
+        with pytest.raises(PlumbobError, match="one unit without a name"):
+            Stream(session(text.replace('"arm"', '"buoy"')))
 
 
 def test_faults_on_the_line_are_those_of_one_unit(tmp_path):

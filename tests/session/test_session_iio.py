@@ -8,14 +8,11 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from plumbob.acquisition.iio_layout import IioChannel, IioLayout, IioType
 from plumbob.acquisition.transport import Event, Received
 from plumbob.core import flags
 from plumbob.core.errors import DecodeError, LineError, ParameterError, UnitError
-from plumbob.protocols.decode import decode
 from plumbob.session.recording_sink import RecordingSink
 from plumbob.session.replay import open_recording, replay
 from plumbob.session.runner import run_stream
@@ -25,7 +22,6 @@ from plumbob.session.sinks import Collected
 from plumbob.session.source_toml import iio_format
 from plumbob.session.sources import open_source
 from plumbob.session.stream import Stream
-from tests.helpers.iio_scans import taken_apart
 from tests.helpers.iio_tree import ACCEL, GYRO, Tree, motion, scans
 
 ESTIMATE = '[estimate]\nfilter = "mahony"\nparams = { kp = 0.5 }\n'
@@ -217,41 +213,6 @@ def test_a_polls_time_is_its_own_and_missed_deadlines_are_a_gap(tree):
     np.testing.assert_array_equal(np.concatenate([part.t_ns for part in parts]), t_ns[kept])
     assert np.flatnonzero(joined(parts, "flags") & flags.GAP).tolist() == [200]
     assert (line.report()["time"]["mode"], line.report()["time"]["lost"]) == ("poll", 3)
-
-
-@st.composite
-def types(draw):
-    storage = draw(st.sampled_from([8, 16, 32]))
-    bits = draw(st.integers(1, storage))
-    return IioType(
-        draw(st.sampled_from("<>")), draw(st.booleans()), bits, storage, 1, draw(st.integers(0, storage - bits))
-    )
-
-
-@st.composite
-def layouts(draw):
-    channels, mounts = [], {}
-    for kind, triad in (("anglvel", "gyr"), ("accel", "acc"), ("magn", "mag")):
-        for axis in "xyz":
-            scale, offset = draw(st.floats(1e-6, 10.0)), draw(st.integers(-1000, 1000))
-            channels.append(IioChannel(f"{kind}_{axis}", len(channels), draw(types()), scale, float(offset)))
-        order, signs = draw(st.permutations(range(3))), draw(st.tuples(*3 * [st.sampled_from([1.0, -1.0])]))
-        mounts[triad] = tuple(tuple(signs[i] * (order[i] == j) for j in range(3)) for i in range(3))
-    channels.append(IioChannel("timestamp", len(channels), IioType("<", True, 64, 64)))
-    return IioLayout("any", tuple(channels), mounts, "monotonic")
-
-
-@given(layouts(), st.binary(min_size=400, max_size=400))
-def test_the_format_says_what_the_layout_says(layout, noise):
-    """Two programs for the same bytes: the decoder of the format, and one for scans alone."""
-    data = noise[: len(noise) // layout.size * layout.size]
-    t_ns, columns = taken_apart(IioLayout.from_json(layout.to_json()), data)
-    frames, counts = decode(data, iio_format(layout))
-    found = frames["any"].columns
-    assert counts.junk == 0
-    np.testing.assert_array_equal(found["t_ns"], t_ns)
-    for name, column in columns.items():
-        np.testing.assert_allclose(found[name.replace("_", ".")], column, rtol=1e-15 * 4, atol=0)
 
 
 def test_every_turn_of_axes_is_taken_and_several_numbers_in_one_element_are_none():

@@ -7,7 +7,6 @@ import pytest
 
 from plumbob.acquisition.transport import Event, Received
 from plumbob.core import flags
-from plumbob.core.errors import ParameterError
 from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.files.mcap import disk, verify
 from plumbob.filters.offline import run_stage
@@ -77,12 +76,6 @@ def test_junk_is_counted_and_never_becomes_a_sample():
     assert not found.parts
     assert line.decoder.counts.junk == line.decoder.counts.received == 20_000
     assert line.report()["bytes"]["junk"] == 20_000
-
-
-def test_a_unit_that_is_not_there_is_refused():
-    text = 'kind = "plumbob session"\nversion = 1\n[format]\nfile = "imu9.toml"\nunit = "u2"\n'
-    with pytest.raises(ParameterError, match="one unit without a name, but 'u2' was asked for"):
-        Stream(session(text))
 
 
 def test_time_comes_from_the_device_clock_where_there_is_one():

@@ -1,6 +1,7 @@
 """Recordings of decoded rows that anybody may have written: each is read, or refused in a sentence with its name."""
 
 import json
+from contextlib import suppress
 from dataclasses import asdict
 
 import numpy as np
@@ -11,6 +12,7 @@ from plumbob.core.errors import DecodeError, PlumbobError
 from plumbob.data import ImuMeta
 from plumbob.files.header import plain_meta
 from plumbob.files.mcap import Recorder
+from plumbob.files.numbers import open_npy
 from plumbob.session import rows
 from plumbob.session.recorded import read_recorded
 
@@ -101,3 +103,15 @@ def test_an_event_that_is_none_is_refused(text):
     with pytest.raises(DecodeError, match="a row of 'events'"):
         rows.event_of(text.encode())
     assert rows.event_of(rows.event_row(Event(1, "a", "b", 2))) == Event(1, "a", "b", 2)
+
+
+def test_no_byte_of_an_array_of_numpy_makes_a_traceback(tmp_path):
+    """Every byte of the header turned to each of some signs that mean something in it."""
+    path = tmp_path / "damaged.npy"
+    np.save(path, np.arange(30.0).reshape(10, 3))
+    data = path.read_bytes()
+    for at in range(6, 128):
+        for sign in b"('{\\":
+            path.write_bytes(data[:at] + bytes([sign]) + data[at + 1 :])
+            with suppress(DecodeError):
+                open_npy(path, None)

@@ -143,17 +143,20 @@ def test_serial_port():
 
 def test_file_is_written_and_never_replaced(tmp_path):
     file, words = tmp_path / "out.nmea", {"sentences": ["HDT"], "speed": "max"}
+    alone = plumbob.Recording(imu=plumbob.ImuData(t=[0.0], gyr=[[0, 0, 0]], acc=[[0, 0, 9.8]]), name="alone")
     (loop := tmp_path / "loop").symlink_to(loop)
     send(swinging(20), "nmea", f"file:{file}", **words)
     assert numbers(file.read_bytes()) == list(range(20))
-    for path, overwrite, error, message in (
-        (file, False, ParameterError, "exists already"),
-        (tmp_path / "none" / "x", False, DecodeError, "no folder"),
-        (tmp_path, False, DecodeError, "it is a folder"),
-        (loop, True, DecodeError, "leads back to itself"),
+    for what, path, overwrite, error, message in (
+        (swinging(5), file, False, ParameterError, "exists already"),
+        (swinging(5), tmp_path / "none" / "x", False, DecodeError, "no folder"),
+        (swinging(5), tmp_path, False, DecodeError, "it is a folder"),
+        (swinging(5), loop, True, DecodeError, "leads back to itself"),
+        (swinging(5, north=North.FREE), file, True, FrameError, "arbitrary zero"),
+        (alone, file, True, ShapeError, "no attitude"),
     ):
         with pytest.raises(error, match=message):
-            send(swinging(5), "nmea", f"file:{path}", overwrite=overwrite, **words)
+            send(what, "nmea", f"file:{path}", overwrite=overwrite, **words)
     assert numbers(file.read_bytes()) == list(range(20))
     send(swinging(5), "nmea", f"file:{file}", overwrite=True, **words)
     assert numbers(file.read_bytes()) == list(range(5))
@@ -200,16 +203,6 @@ def test_due_keeps_the_rate_with_jitter():
     late = Due(10.0)
     late.rows([0], [0])
     assert late.rows([10_000_000_000, 10_010_000_000, 10_100_000_000], [0] * 3)[0] == [0, 2]  # no burst after a gap
-
-
-def test_what_has_no_attitude_or_heading_is_refused():
-    alone = plumbob.Recording(imu=plumbob.ImuData(t=[0.0], gyr=[[0, 0, 0]], acc=[[0, 0, 9.8]]), name="alone")
-    for what, error, words in (
-        (swinging(3, north=North.FREE), FrameError, "arbitrary zero"),
-        (alone, ShapeError, "no attitude"),
-    ):
-        with pytest.raises(error, match=words):
-            send(what, "nmea", "udp:127.0.0.1:9", sentences="HDT")
 
 
 def test_targets():

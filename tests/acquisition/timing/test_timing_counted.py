@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from plumbob.acquisition.timing.counter import CountedTime
 from plumbob.acquisition.timing.spec import Counter, TimeSpec
-from plumbob.core.errors import ParameterError
 
 PLACE = 26 * np.arange(1000)
 INDEX = np.arange(1000)
@@ -65,8 +64,3 @@ def test_it_does_not_matter_how_frames_are_handed_over(cuts):
         base, whole = CountedTime(spec), CountedTime(spec).after_first(PLACE, clock=clock)
         parts = [base.after_first(PLACE[a:b], clock=clock[a:b]) for a, b in pairwise(edges)]
         np.testing.assert_array_equal(np.concatenate(parts), whole)
-
-
-def test_without_clock_and_rate_there_is_nothing_to_count():
-    with pytest.raises(ParameterError, match="without a clock in the frame, time can only be counted at a rate"):
-        CountedTime(TimeSpec(frames=Counter(8)))

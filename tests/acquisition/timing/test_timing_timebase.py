@@ -5,6 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from plumbob.acquisition.timing.counter import CountedTime
 from plumbob.acquisition.timing.spec import Counter, TimeSpec
 from plumbob.acquisition.timing.timebase import TimeBase
 from plumbob.core.errors import ParameterError, ShapeError
@@ -461,41 +462,37 @@ class TestOtherFaults:
         assert len(report.gaps) == 1000
 
 
+def three(spec, frames):
+    return TimeBase(spec).stamp(np.arange(3), np.arange(3), frames=frames)
+
+
 class TestRefusals:
     @pytest.mark.parametrize(
-        ("spec", "bad", "words"),
+        ("make", "error", "message"),
         [
-            (CLOCKED, np.arange(3), "clock is missing; the time comes from a counter of 32 bits"),
-            (COUNTED, np.zeros(3), "frames must be a row of integers, 3, one per frame"),
-            (COUNTED, np.zeros((3, 1), dtype=np.int64), "frames must be a row of integers, 3, one per frame"),
-            (COUNTED, np.zeros(4, dtype=np.int64), "frames must be a row of integers, 3, one per frame"),
+            (lambda: Counter(0), ParameterError, "1 to 64 bits"),
+            (lambda: Counter(65), ParameterError, "1 to 64 bits"),
+            (lambda: Counter(16, 0), ParameterError, "tick_ns must be above 0"),
+            (lambda: Counter(16, float("nan")), ParameterError, "finite number"),
+            (lambda: Counter(16, Fraction(1, 2**31)), ParameterError, "denominator up to 2³⁰"),
+            (lambda: TimeSpec(clock=Counter(16)), ParameterError, "clock needs tick_ns"),
+            (lambda: TimeSpec(frames=Counter(16, 10)), ParameterError, "frames counts frames"),
+            (lambda: TimeSpec(rate=0.0), ParameterError, "rate must be"),
+            (lambda: TimeSpec(rate=float("nan")), ParameterError, "rate must be"),
+            (lambda: TimeSpec(frame_bytes=0), ParameterError, "frame_bytes"),
+            (lambda: TimeSpec(speed=0.0), ParameterError, "speed must be positive and finite"),
+            (lambda: TimeSpec(speed=-1.0), ParameterError, "speed must be positive and finite"),
+            (lambda: TimeSpec(speed=np.inf), ParameterError, "speed must be positive and finite"),
+            (lambda: TimeSpec(speed=np.nan), ParameterError, "speed must be positive and finite"),
+            (lambda: CountedTime(TimeSpec(frames=Counter(8))), ParameterError, "time can only be counted at a rate"),
+            (lambda: three(CLOCKED, np.arange(3)), ShapeError, "clock is missing; .* a counter of 32 bits"),
+            (lambda: three(COUNTED, np.zeros(3)), ShapeError, "a row of integers, 3, one per frame"),
+            (lambda: three(COUNTED, np.zeros((3, 1), dtype=np.int64)), ShapeError, "a row of integers, 3"),
+            (lambda: three(COUNTED, np.zeros(4, dtype=np.int64)), ShapeError, "a row of integers, 3"),
         ],
     )
-    def test_counts_that_are_none(self, spec, bad, words):
-        with pytest.raises(ShapeError, match=words):
-            TimeBase(spec).stamp(np.arange(3), np.arange(3), frames=bad)
-
-    @pytest.mark.parametrize(
-        ("make", "message"),
-        [
-            (lambda: Counter(0), "1 to 64 bits"),
-            (lambda: Counter(65), "1 to 64 bits"),
-            (lambda: Counter(16, 0), "tick_ns must be above 0"),
-            (lambda: Counter(16, float("nan")), "finite number"),
-            (lambda: Counter(16, Fraction(1, 2**31)), "denominator up to 2³⁰"),
-            (lambda: TimeSpec(clock=Counter(16)), "clock needs tick_ns"),
-            (lambda: TimeSpec(frames=Counter(16, 10)), "frames counts frames"),
-            (lambda: TimeSpec(rate=0.0), "rate must be"),
-            (lambda: TimeSpec(rate=float("nan")), "rate must be"),
-            (lambda: TimeSpec(frame_bytes=0), "frame_bytes"),
-            *(
-                (lambda speed=speed: TimeSpec(rate=100.0, speed=speed), "speed must be positive and finite")
-                for speed in (0.0, -1.0, np.inf, np.nan)
-            ),
-        ],
-    )
-    def test_specs(self, make, message):
-        with pytest.raises(ParameterError, match=message):
+    def test_what_is_refused(self, make, error, message):
+        with pytest.raises(error, match=message):
             make()
 
     def test_nothing_yet(self):
