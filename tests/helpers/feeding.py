@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from plumbob.core import flags as flag
 from plumbob.rotations import euler_zyx_from_quat, quat_from_rotvec, quat_multiply
 from plumbob.viewer.pipe import Message, Unpacker, Writer
 
@@ -109,9 +108,13 @@ class Feed:
         deadline = time.monotonic() + 20.0
         with self._lock:
             self.writer.write(message, must=True)
-            while self.writer._waiting and not self.writer.broken and time.monotonic() < deadline:
+            while self.writer.waiting and not self.writer.broken and time.monotonic() < deadline:
                 time.sleep(0.001)
                 self.writer.flush()
+
+    def hang_up(self) -> None:
+        """Close the pipe without a word."""
+        self._end.close()
 
     def wait(self, kind: str, seconds: float = 30.0) -> Message:
         """Next message of a kind; others before it are dropped."""
@@ -245,4 +248,55 @@ def raw_request(served: Served, data: bytes) -> tuple[int, dict[str, str], bytes
     return status, {name.lower(): value for name, _, value in pairs}, body
 
 
-CLIPPED = flag.GYR_CLIPPED
+class Asking:
+    """A client that gives commands, and keeps all that came."""
+
+    def __init__(self, line: Any) -> None:
+        self.line = line
+        self.came: list[dict[str, Any] | Tick] = []
+        self._id = 0
+
+    def next(self, seconds: float = 30.0) -> Any:
+        """A text as the dictionary that it holds, or a tick."""
+        message = self.line.recv(timeout=seconds)
+        self.came.append(json.loads(message) if isinstance(message, str) else parsed(message))
+        return self.came[-1]
+
+    def until(self, fits: Callable[[Any], bool], seconds: float = 30.0) -> Any:
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            if fits(message := self.next(seconds)):
+                return message
+        raise AssertionError("it has not come")
+
+    def text(self, fits: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        return self.until(lambda one: isinstance(one, dict) and fits(one))
+
+    def tick(self, fits: Callable[[Tick], bool] = lambda one: True) -> Tick:
+        return self.until(lambda one: not isinstance(one, dict) and fits(one))
+
+    def state(self, fits: Callable[[dict[str, Any]], bool] = lambda one: True) -> dict[str, Any]:
+        return self.tick(lambda one: one.kind == 1 and fits(one.state)).state
+
+    def send(self, verb: str, **more: Any) -> int:
+        self._id += 1
+        self.line.send(json.dumps({"id": self._id, "verb": verb, **more}))
+        return self._id
+
+    def answer(self, number: int) -> dict[str, Any]:
+        return self.text(lambda one: one["type"] == "answer" and one["id"] == number)
+
+    def ask(self, verb: str, **more: Any) -> dict[str, Any]:
+        return self.answer(self.send(verb, **more))
+
+    def texts(self, kind: str) -> list[dict[str, Any]]:
+        """What came of a type."""
+        return [one for one in self.came if isinstance(one, dict) and one["type"] == kind]
+
+    def ticks(self) -> list[Tick]:
+        return [one for one in self.came if not isinstance(one, dict)]
+
+    def rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times, flags and values of all rows that came."""
+        t, words, values = zip(*((one.t, one.flags, one.values) for one in self.ticks()), strict=True)
+        return np.concatenate(t), np.concatenate(words), np.concatenate(values, axis=1)

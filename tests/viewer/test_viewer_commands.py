@@ -6,16 +6,18 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from websockets.sync.client import connect
 
 from plumbob.rotations import quat_from_rotvec, quat_multiply
 from plumbob.viewer.commands import RefusedError, command_of
 from plumbob.viewer.messages import Command, Verb
-from tests.helpers.feeding import Body, hello, parsed, request, serving
+from tests.helpers import examples
+from tests.helpers.feeding import Asking, Body, hello, request, serving
 
 BODY = Body(100.0)
+OPTIONS = ("--control",)
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=30),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4),
@@ -28,45 +30,6 @@ ANY_COMMAND = st.fixed_dictionaries(
         "value": JSON | st.floats(), "other": JSON,
     },
 )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def served(tmp_path_factory):
-    with serving("--control", folder=tmp_path_factory.mktemp("view")) as found:
-        found.feed.say("hello", hello())
-        yield found
-
-
-class Asking:
-    """A client that gives commands."""
-
-    def __init__(self, line):
-        self.line, self.others = line, []
-        self._id = 0
-
-    def send(self, verb, **more):
-        self._id += 1
-        self.line.send(json.dumps({"id": self._id, "verb": verb, **more}))
-        return self._id
-
-    def answer(self, number):
-        return self.until(lambda one: isinstance(one, dict) and one["type"] == "answer" and one["id"] == number)
-
-    def ask(self, verb, **more):
-        return self.answer(self.send(verb, **more))
-
-    def until(self, fits, seconds=30.0):
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline:
-            message = self.line.recv(timeout=seconds)
-            found = json.loads(message) if isinstance(message, str) else parsed(message)
-            if fits(found):
-                return found
-            self.others.append(found)
-        raise AssertionError("it has not come")
-
-    def state(self, fits):
-        return self.until(lambda one: not isinstance(one, dict) and one.kind == 1 and fits(one.state)).state
 
 
 @given(ANY_COMMAND | JSON)
@@ -88,6 +51,7 @@ def test_what_is_not_a_command_is_refused_and_what_is_one_is_read_as_it_stands(c
 
 
 @given(st.binary(max_size=200) | st.text(max_size=200))
+@examples(0.5)
 def test_bytes_of_any_kind_are_no_command(data):
     with pytest.raises(RefusedError):
         command_of(data)
@@ -111,12 +75,8 @@ REFUSED = [
     ('{"id": 1, "verb": "stop", "value": 1}', "takes no value"),
     ('{"id": 1, "verb": "add"}', "'add' needs a name"),
     ('{"id": 1, "verb": "record", "name": "../x"}', "never a path"),
-    ('{"id": 1, "verb": "record", "name": ".."}', "never a path"),
-    ('{"id": 1, "verb": "record", "name": "a/b"}', "never a path"),
-    ('{"id": 1, "verb": "record", "name": "a\\\\b"}', "never a path"),
     ('{"id": 1, "verb": "record", "name": "a\\u0000"}', "never a path"),
     ('{"id": 1, "verb": "record", "name": "a\\n"}', "never a path"),
-    ('{"id": 1, "verb": "record", "name": "ä"}', "never a path"),
     (json.dumps({"id": 1, "verb": "record", "name": "a" * 65}), "at most 64"),
     (json.dumps({"id": 1, "verb": "mark", "text": "a" * 201}), "at most 200"),
     ('{"id": 1, "verb": "mark", "text": "a\\u001b[2J"}', "printable"),
@@ -134,7 +94,7 @@ def test_a_refusal_says_what_is_wrong(text, why):
         command_of(text)
 
 
-@settings(max_examples=60)
+@examples(0.3)
 @given(ANY_COMMAND)
 def test_a_server_answers_every_command_that_is_none_and_goes_on(served, content):
     with connect(served.socket_url()) as line:
@@ -159,10 +119,9 @@ def test_a_command_goes_to_the_session_and_its_answer_to_who_gave_it_alone(serve
             served.feed.say("answer", {"client": content["client"], "id": content["id"], **told})
         assert first.answer(numbers[0]) == {"type": "answer", "id": 1, "ok": True, "text": "answer to mark"}
         assert second.answer(numbers[1]) == {"type": "answer", "id": 1, "ok": False, "text": "answer to record"}
-        event = second.until(lambda found: isinstance(found, dict) and found["type"] == "event")
+        event = second.text(lambda found: found["type"] == "event")
         assert (event["kind"], event["text"]) == ("command", "mark here: answer to mark")
-        answers = [found for found in (*first.others, *second.others) if getattr(found, "type", "") == "answer"]
-        assert answers == []
+        assert [len(client.texts("answer")) for client in (first, second)] == [1, 1]
 
 
 def test_a_session_that_does_not_answer_is_not_waited_for_longer_than_ten_seconds(served):
@@ -170,7 +129,7 @@ def test_a_session_that_does_not_answer_is_not_waited_for_longer_than_ten_second
     with connect(served.socket_url()) as line:
         found = Asking(line).ask("stop")
     assert not found["ok"] and "not answered within 10 s" in found["text"]
-    assert 9.0 < time.monotonic() - begin < 15.0
+    assert time.monotonic() - begin > 9.0
 
 
 def test_programs_give_commands_by_post(served):
@@ -183,20 +142,6 @@ def test_programs_give_commands_by_post(served):
     assert request(served, "POST", "/api/command", headers={"Content-Type": "text/plain"}, body=b"{}")[0] == 415
     status, _, body = request(served, "POST", "/api/command", headers=told, body=b'{"id": 7, "verb": "calibrate-end"}')
     assert status == 409 and json.loads(body)["text"] == "Nothing is being calibrated."
-
-
-def test_without_control_no_command_is_taken(tmp_path):
-    with serving(folder=tmp_path) as served:
-        served.feed.say("hello", hello(control=True))
-        told = {"Content-Type": "application/json"}
-        assert request(served, "POST", "/api/command", headers=told, body=b'{"id": 1, "verb": "tare"}')[0] == 403
-        with connect(served.socket_url()) as line:
-            asking = Asking(line)
-            found = asking.ask("record")
-            assert not found["ok"] and "--control" in found["text"]
-            assert asking.others[0]["control"] is False
-            served.play(BODY, 0, 10)
-            assert not asking.state(lambda one: one["t"] is not None)["tared"]
 
 
 def batch_at(k, q_nb):
@@ -228,10 +173,16 @@ def test_after_a_tare_angles_turn_the_body_from_where_it_was(tmp_path):
         assert not state["tared"] and state["attitudes"]["mekf"]["yaw"] != pytest.approx(0.0, abs=1.0)
 
 
-def test_yaw_is_a_heading_from_0_to_360_in_ned_from_a_north(tmp_path):
+def test_without_control_no_command_is_taken_and_yaw_is_a_heading_from_0_to_360_in_ned_from_a_north(tmp_path):
     west = quat_from_rotvec(np.array([0.0, 0.0, -np.pi / 2.0]))
     with serving(folder=tmp_path) as served, connect(served.socket_url()) as line:
         asking = Asking(line)
+        served.feed.say("hello", hello(control=True))
+        told = {"Content-Type": "application/json"}
+        assert request(served, "POST", "/api/command", headers=told, body=b'{"id": 1, "verb": "tare"}')[0] == 403
+        refusal = asking.ask("record")
+        assert not refusal["ok"] and "--control" in refusal["text"]
+        assert asking.texts("hello")[0]["control"] is False
         for k, (frame, north, yaw) in enumerate(
             [("NED", "magnetic", 270.0), ("NED", "free", -90.0), ("ENU", "true", -90.0)]
         ):
@@ -239,3 +190,4 @@ def test_yaw_is_a_heading_from_0_to_360_in_ned_from_a_north(tmp_path):
             served.feed.write(batch_at(k, west))
             state = asking.state(lambda one, t=k / 100.0: one["t"] == t)
             assert state["attitudes"]["mekf"]["yaw"] == pytest.approx(yaw, abs=1e-9)
+            assert not state["tared"]

@@ -1,6 +1,5 @@
 """What the server makes of samples: Allan deviation, guided calibrations and their cards, lines of text."""
 
-import json
 import time
 
 import numpy as np
@@ -15,8 +14,7 @@ from plumbob.rotations import Frame, North, quat_from_rotvec, quat_multiply, qua
 from plumbob.session.sinks import text_of
 from plumbob.viewer.derived import Allan, Part
 from plumbob.viewer.pipe import Message
-from tests.helpers.feeding import Body, hello, serving
-from tests.viewer.test_viewer_commands import Asking
+from tests.helpers.feeding import Asking, Body, hello, serving
 
 BODY = Body(100.0)
 RATE = 100.0
@@ -64,16 +62,15 @@ def test_the_curve_is_the_allan_deviation_of_all_samples_in_the_units_of_the_col
     with serving(folder=tmp_path) as served, connect(served.socket_url()) as line:
         served.feed.say("hello", hello())
         feed(served, sensed[:2900])
-        curve = None
         asking = Asking(line)
         for k in range(2900, 9000):  # a curve comes with samples
             feed(served, sensed[k : k + 1], first=k)
-            found = asking.until(lambda one: True)
-            if isinstance(found, dict) and found["type"] == "allan" and found["duration"] > 28.0:
-                curve = found
+            asking.next()
+            curves = [one for one in asking.texts("allan") if one["duration"] > 28.0]
+            if curves:
                 break
             time.sleep(0.01)
-    assert curve is not None
+    curve = curves[0]
     assert set(curve["deviation"]) == {f"{name}.{axis}" for name in ("gyr", "acc") for axis in "xyz"}
     count = round(curve["duration"] * RATE) + 1
     for i, name in enumerate(curve["deviation"]):
@@ -104,12 +101,8 @@ def test_the_allan_deviation_begins_again_behind_a_gap_and_behind_a_sample_that_
     assert allan.curve().duration == pytest.approx(0.28)
     allan.reset()
     assert allan.curve() is None
-
-
-def test_a_unit_with_no_accelerometer_has_a_curve_of_its_gyroscope():
-    allan, sensed = Allan(), still(100)
-    sensed[:, 3:9] = np.nan
-    allan.take(part(0, sensed))
+    sensed[:, 3:9] = np.nan  # a unit with no accelerometer has a curve of its gyroscope
+    allan.take(part(400, sensed[:100]))
     assert set(allan.curve().deviation) == {"gyr.x", "gyr.y", "gyr.z"}
 
 
@@ -128,8 +121,8 @@ def test_a_guided_calibration_makes_the_card_that_a_recording_of_it_would_make(t
             feed(served, sensed[k : k + 1], first=k)
             time.sleep(0.01)
         while time.monotonic() < deadline and not (guides and guides[-1]["elapsed"] > 58.0):
-            guides.append(asking.until(lambda one: isinstance(one, dict) and one["type"] == "guide"))
-        assert asking.state(lambda one: True)["guide"] == "mag"
+            guides.append(asking.text(lambda one: one["type"] == "guide"))
+        assert asking.state()["guide"] == "mag"
         answer = asking.ask("calibrate-end")
         assert answer["ok"], answer
         assert asking.state(lambda one: one["guide"] is None)
@@ -160,7 +153,7 @@ def test_the_cards_so_far_is_completed_in_a_new_file(tmp_path):
         feed(served, still(3000))
         answer = asking.ask("calibrate-end")
         assert answer["ok"], answer
-        assert "card" not in next(one for one in asking.others if isinstance(one, dict) and one["type"] == "hello")
+        assert "card" not in asking.texts("hello")[0]
     (path,) = tmp_path.glob("B-7-gyro-*.card.json")
     assert set(CalibrationCard.load(path).parts) == {"mag", "gyr"}
     assert before.read_bytes() == kept
@@ -178,7 +171,7 @@ def test_a_capture_that_is_not_enough_makes_no_card_and_says_why(tmp_path):
         assert asking.ask("calibrate", name="accel", text="B-7")["ok"]
         feed(served, still(500), first=500)
         assert not asking.ask("calibrate-end")["ok"]
-        guide = asking.until(lambda one: isinstance(one, dict) and one["type"] == "guide" and one["refused"])
+        guide = asking.text(lambda one: one["type"] == "guide" and one["refused"])
         assert len(guide["refused"]) >= 1 and guide["card"] is None
         assert asking.ask("calibrate", name="gyro")["ok"]
         assert asking.ask("calibrate-cancel")["ok"]
@@ -186,36 +179,27 @@ def test_a_capture_that_is_not_enough_makes_no_card_and_says_why(tmp_path):
     assert list(tmp_path.glob("*.card.json")) == []
 
 
-def test_a_calibration_is_given_up_when_time_begins_again(tmp_path):
+def test_when_time_begins_again_a_calibration_is_given_up_and_the_allan_deviation_begins_again_where_asked(tmp_path):
     with serving("--control", folder=tmp_path) as served, connect(served.socket_url()) as line:
         served.feed.say("hello", hello())
         asking = Asking(line)
         assert asking.ask("calibrate", name="gyro")["ok"]
         served.feed.say("reset")
-        asking.until(lambda one: isinstance(one, dict) and "given up" in one.get("text", ""))
+        asking.text(lambda one: "given up" in one.get("text", ""))
         assert not asking.ask("calibrate-end")["ok"]
+        assert asking.ask("allan-reset")["ok"]
+        asking.text(lambda one: one.get("text") == "allan-reset: The Allan deviation begins again.")
 
 
 def test_lines_are_those_that_a_text_recording_would_have(tmp_path):
     with serving(folder=tmp_path) as served, connect(served.socket_url()) as line:
         served.feed.say("hello", hello())
         asking = Asking(line)
-        asking.until(lambda one: not isinstance(one, dict))
+        asking.tick()
         served.play(BODY, 0, 300, size=7)
         asking.state(lambda one: one["t"] == 2.99)
-        asking.state(lambda one: True)
-        found = [
-            text for one in asking.others if isinstance(one, dict) and one["type"] == "lines" for text in one["lines"]
-        ]
+        asking.state()
+        lines = [text for one in asking.texts("lines") for text in one["lines"]]
     k = np.arange(0.0, 300.0, 5.0)  # 20 a second of 100
     track = AttitudeTrack(t=k / RATE, q_nb=BODY.attitude(k), frame=Frame.ENU, north=North.FREE)
-    assert found == [text.removesuffix("\n") for text in text_of(track, head=False)]
-
-
-def test_the_allan_deviation_can_begin_again(tmp_path):
-    with serving("--control", folder=tmp_path) as served, connect(served.socket_url()) as line:
-        served.feed.say("hello", hello())
-        asking = Asking(line)
-        assert asking.ask("allan-reset")["ok"]
-        event = asking.until(lambda one: isinstance(one, dict) and one["type"] == "event")
-    assert json.dumps(event["text"]) == '"allan-reset: The Allan deviation begins again."'
+    assert lines == [text.removesuffix("\n") for text in text_of(track, head=False)]

@@ -17,7 +17,8 @@ from plumbob.session.stream import Stream
 from plumbob.viewer.feed import Feed, FlagWatch
 from plumbob.viewer.rows import Attitudes, Layout, angles_of, shown_of
 from tests.helpers import live_samples
-from tests.helpers.outlets import Kept
+from tests.helpers.browser import until
+from tests.helpers.outlets import Clock, Kept
 
 PLAIN = live_samples.SESSION.partition("[estimate]")[0]
 
@@ -54,16 +55,7 @@ def test_angles_bias_and_sd_are_those_of_an_estimate(name):
         np.testing.assert_allclose(outlet.column(f"{name}.sd.yaw")[100:], heading[100:], rtol=0.05)
 
 
-def test_angles_are_those_that_a_text_has(tmp_path):
-    outlet, found = shown()
-    from plumbob.session.sinks import text_of as lines_of
-
-    last = next(iter(lines_of(found.track(), [-1], head=False))).split("\t")
-    told = [outlet.column(f"mekf.{angle}")[-1] for angle in ("roll", "pitch", "yaw")]
-    assert [f"{value:.4f}" for value in told] == last[1:4]
-
-
-def test_sensors_are_those_of_the_samples_in_the_units_that_are_shown():
+def test_sensors_and_raw_counts_are_those_of_the_samples_in_the_units_that_are_shown():
     outlet, found = shown()
     imu, sensed = found.imu(calibrated=True), found.imu(calibrated=False)
     np.testing.assert_allclose(outlet.column("gyr.y"), np.degrees(imu.gyr[:, 1]), rtol=1e-15)
@@ -75,9 +67,6 @@ def test_sensors_are_those_of_the_samples_in_the_units_that_are_shown():
     np.testing.assert_array_equal(outlet.rows("flags") & 0x1FF, imu.flags & 0x1FF)
     assert {column.key: column.unit for column in outlet.hellos[-1].columns}["gyr.x"] == "°/s"
 
-
-def test_the_raw_counts_are_those_that_were_sent():
-    outlet, _ = shown()
     names = [column.key for column in outlet.hellos[-1].raw]
     raw = dict(zip(names, outlet.fields["raw"], strict=True))
     assert raw["counter"] == 1999  # one for each frame, from 0
@@ -97,26 +86,26 @@ def test_with_a_lag_rows_wait_for_their_attitude_and_agree_with_it():
 
 def test_with_a_lag_nothing_is_shown_before_its_attitude_is_there():
     stream = Stream(live_samples.session(text_of('filter = "smoother"\nparams = { lag = "2 s" }')))
-    outlet = Kept()
-    feed, known = Feed(stream, outlet), -1.0
+    outlet, clock, known = Kept(), Clock(), -1.0
+    feed = Feed(stream, outlet, clock=clock)
     for item in live_samples.reads(live_samples.stream(10.0)):
         part = stream.feed(item)
         if part is not None:
+            clock.on(1.0)  # so that something is due each time
             feed.on_part(part)
-            feed._send(0)  # whatever the time
             known = known if part.track is None else part.track.t[-1]
             last = outlet.rows("t")[-1] if outlet.batches and len(outlet.rows("t")) else -1.0
             assert last <= known
             assert part.imu.t[-1] - last < 3.1  # a stretch of half the lag may wait for its end
     assert known > 6.0
     assert np.isfinite(outlet.column("smoother.roll")).all()
+    assert not feed.failed
     stream.finish()
 
 
 def test_without_a_filter_the_sensors_are_shown():
     outlet, _ = shown(None)
-    assert outlet.hellos[-1].frame == "NED"
-    assert outlet.hellos[-1].estimators == []
+    assert (outlet.hellos[-1].frame, outlet.hellos[-1].estimators) == ("NED", [])
     assert len(outlet.column("gyr.x")) == 2000
 
 
@@ -130,34 +119,41 @@ def test_a_further_estimator_from_the_start_is_its_own_estimate():
 
 def test_an_added_estimator_goes_on_from_the_attitude_now_and_a_removed_one_is_gone():
     stream = Stream(live_samples.session(text_of('filter = "mekf"')), covariance=True)
-    outlet = Kept()
-    feed = Feed(stream, outlet)
+    outlet, clock = Kept(), Clock()
+    feed = Feed(stream, outlet, clock=clock)
     items = live_samples.reads(live_samples.stream(10.0))
 
     def take(some):
         for item in some:
             part = stream.feed(item)
             if part is not None:
+                clock.on(1.0)
                 feed.on_part(part)
-                feed._send(0)
+
+    def runs():
+        clock.on(1.0)
+        feed.tick()
+        return "mahony" in feed.overlays
 
     take(items[: len(items) // 2])
-    with pytest.raises(ParameterError, match="runs already"):
-        feed.add("mekf")
-    with pytest.raises(ParameterError, match="there is no estimator"):
-        feed.add("nothing")
+    for call, name, says in (
+        (feed.add, "mekf", "runs already"),
+        (feed.add, "nothing", "there is no estimator"),
+        (feed.remove, "mahony", "was not added"),
+    ):
+        with pytest.raises(ParameterError, match=says):
+            call(name)
     feed.add("mahony")
-    feed._preparing["mahony"].join(60)
+    until(runs, "it was not added")
     before = len(outlet.rows("t"))
-    take(items[len(items) // 2 :])
-    assert "mahony" in feed.overlays
+    take(items[len(items) // 2 : -50])
     apart = (outlet.column("mahony.yaw") - outlet.column("mekf.yaw"))[before + 1 :]
     assert abs(apart[0]) < 0.2  # one sample of 5 ms at rates of some 10 °/s
     feed.remove("mahony")
-    feed._send(0)
-    with pytest.raises(ParameterError, match="was not added"):
-        feed.remove("mahony")
-    assert not any("mahony" in column.key for column in feed._layout.columns)
+    take(items[-50:])
+    assert not runs()
+    assert not any("mahony" in column.key for column in outlet.hellos[-1].columns)
+    assert not feed.failed
 
 
 def test_residuals_are_the_angles_that_were_planted():

@@ -15,16 +15,10 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from tests.helpers.feeding import Body, hello, parsed, raw_request, request, serving
+from tests.helpers.feeding import Asking, Body, hello, parsed, raw_request, request, serving
 
 BODY = Body(1000.0)
-
-
-@pytest.fixture(scope="module")
-def served(tmp_path_factory):
-    with serving("--control", "--clients", "40", folder=tmp_path_factory.mktemp("view")) as found:
-        found.feed.say("hello", hello(rate=1000.0))
-        yield found
+OPTIONS = ("--control", "--clients", "40")
 
 
 def memory(served):
@@ -77,46 +71,33 @@ def frames(line):
         return
 
 
-def is_served(served, within=2.0):
-    begin = time.monotonic()
+def is_served(served):
+    """In time: a request that is not answered at all ends after 20 s."""
     assert request(served, path="/api/hello")[0] == 200
-    assert time.monotonic() - begin < within
 
 
-def test_a_message_over_64_kib_closes_its_connection_with_1009(served):
-    for text in ("x" * (65 << 10), b"x" * (1 << 20)):
-        with connect(served.socket_url()) as line, pytest.raises(ConnectionClosed) as why:
-            line.send(text)
-            while True:
-                line.recv(timeout=20.0)
-        assert why.value.rcvd.code == 1009
+@pytest.mark.parametrize(
+    ("message", "code"),
+    [
+        ("x" * (65 << 10), 1009),
+        (b"x" * (1 << 20), 1009),
+        (("x" * 1000 for _ in range(100)), 1009),  # of many pieces
+        (b"\x00", 1003),  # bytes are no command
+    ],
+    ids=["text", "bytes", "pieces", "no command"],
+)
+def test_a_message_over_64_kib_and_one_of_bytes_close_their_connection(served, message, code):
+    with connect(served.socket_url()) as line, pytest.raises(ConnectionClosed) as why:
+        line.send(message)
+        while True:
+            line.recv(timeout=20.0)
+    assert why.value.rcvd.code == code
     is_served(served)
 
 
-def test_a_message_of_many_pieces_over_64_kib_closes_its_connection_with_1009(served):
-    with connect(served.socket_url()) as line, pytest.raises(ConnectionClosed) as why:
-        line.send("x" * 1000 for _ in range(100))
-        while True:
-            line.recv(timeout=20.0)
-    assert why.value.rcvd.code == 1009
-
-
-def test_bytes_are_no_command_and_close_with_1003(served):
-    with connect(served.socket_url()) as line, pytest.raises(ConnectionClosed) as why:
-        line.send(b"\x00")
-        while True:
-            line.recv(timeout=20.0)
-    assert why.value.rcvd.code == 1003
-
-
-def test_compression_is_not_agreed_on(served):
+def test_compression_is_not_agreed_on_and_a_compressed_bomb_a_fault_of_the_protocol(served):
     line, head = opened(served)
-    line.close()
     assert b"101 " in head and b"sec-websocket-extensions" not in head.lower()
-
-
-def test_a_compressed_bomb_is_a_fault_of_the_protocol(served):
-    line, _ = opened(served)
     with line:
         line.sendall(b"\xc1\x84\0\0\0\0bomb")  # reserved bit 1: compressed
         codes = [struct.unpack(">H", content[:2])[0] for opcode, content in frames(line) if opcode == 8]
@@ -162,13 +143,10 @@ def test_a_body_without_end_is_cut(served):
                 pass
         assert sent < 200 << 20
     assert memory(served) - before < 5.0
-    is_served(served)
-
-
-def test_a_command_over_64_kib_is_refused_with_words(served):
     told = {"Content-Type": "application/json", "Origin": f"http://{served.host}"}
     status, _, body = request(served, "POST", "/api/command", headers=told, body=b" " * (65 << 10))
     assert status == 413 and "at most" in json.loads(body)["text"]
+    is_served(served)
 
 
 def test_who_drips_a_request_is_cut_after_five_seconds_and_others_are_served_meanwhile(served):
@@ -322,14 +300,11 @@ def _next_tick(line, found):
 
 def test_a_flood_of_commands_is_answered_in_part_and_hurts_nobody(served):
     with connect(served.socket_url()) as line:
-        for k in range(200):
-            line.send(json.dumps({"id": k, "verb": "mark", "text": "x"}))
-        answers = []
-        while len(answers) < 192:
-            message = line.recv(timeout=20.0)
-            if isinstance(message, str) and json.loads(message)["type"] == "answer":
-                answers.append(json.loads(message))
-        assert {one["text"] for one in answers} == {"Too many commands wait for their answers."}
+        asking = Asking(line)
+        for _ in range(200):
+            asking.send("mark", text="x")
+        asking.until(lambda one: len(asking.texts("answer")) == 192)
+        assert {one["text"] for one in asking.texts("answer")} == {"Too many commands wait for their answers."}
         is_served(served)
 
 

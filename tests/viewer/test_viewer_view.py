@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -11,23 +12,28 @@ import urllib.request
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import plumbob
 from plumbob.acquisition.transport import Stop
 from plumbob.core.errors import LineError, ParameterError
 from plumbob.core.web import FOLDER
+from plumbob.session.runner import run_stream
 from plumbob.session.session_toml import session_of
+from plumbob.session.stream import Stream
 from plumbob.viewer import child
 from plumbob.viewer.child import Server, Serving
+from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Command
 from plumbob.viewer.outlet import Asked
-from plumbob.viewer.pipe import LIMIT
+from plumbob.viewer.pipe import LIMIT, Message, Writer, packed
+from plumbob.viewer.switch import Switch
 from plumbob.viewer.view import Shows, opened_up, view
 from tests.helpers import live_samples
 from tests.helpers.browser import PATIENCE, until
 from tests.helpers.commandline import PLUMBOB
-from tests.helpers.outlets import Kept, StandIn, emulated
+from tests.helpers.outlets import Clock, Kept, StandIn, emulated
 
 BUILT = (Path(plumbob.__file__).parent / FOLDER / "view" / "index.html").is_file()
 SERVES = find_spec("plumbob.viewer.serve") is not None
@@ -76,8 +82,7 @@ def of_port(port):
     return session_of(port=port, format="buoy", frame="NED", filter="mekf")
 
 
-def test_killing_the_server_touches_neither_the_stream_nor_the_recording(tmp_path, monkeypatch):
-    monkeypatch.setattr(child, "_APART", 0.2)
+def test_killing_the_server_touches_neither_the_stream_nor_the_recording(tmp_path):
     log, notes = tmp_path / "log", []
     with emulated("buoy", duration="60s") as port:
         server = Server(StandIn(kind="reader", log=str(log)), notes.append)
@@ -86,11 +91,12 @@ def test_killing_the_server_touches_neither_the_stream_nor_the_recording(tmp_pat
 
         def during():
             until(lambda: log.exists() and log.read_text().count("batch") > 20, "no batch came")
-            os.kill(server.pid, signal.SIGKILL)
             before = log.read_text().count('"hello"')
+            os.kill(server.pid, signal.SIGKILL)
             until(lambda: server.starts == 2, "it was not started again")
             until(lambda: log.read_text().count('"hello"') > before, "the new one got no hello")
-            time.sleep(0.5)
+            batches = log.read_text().count("batch")
+            until(lambda: log.read_text().count("batch") > batches, "the new one got no batch")
 
         try:
             found, _ = followed(of_port(port), outlet, tmp_path, during=during)
@@ -109,74 +115,60 @@ def test_killing_the_server_touches_neither_the_stream_nor_the_recording(tmp_pat
 def test_a_server_that_never_reads_costs_its_own_batches_alone(tmp_path):
     server = Server(StandIn(kind="deaf"), lambda line: None)
     server.start()
-    session = live_samples.session(live_samples.SESSION)
-    items = live_samples.reads(live_samples.stream(60.0))
-    outlet = Acting(server, [{"verb": "record"}])
-    most = []
+    outlet, clock = Acting(server), Clock()
+    stream = Stream(live_samples.session(live_samples.SESSION), covariance=True)
+    switch, feed = Switch(stream, tmp_path), Feed(stream, outlet, clock=clock)
+    switch.record("all")
 
-    class Source(live_samples.Handed):
-        def read(self, timeout):
-            most.append(server._writer.waiting)
-            time.sleep(0.002)
-            return super().read(timeout)
+    def each():
+        outlet.asked()
+        clock.on(1.0)  # something is due each time, far more often than it would
+        feed.tick()
 
     try:
-        from plumbob.session.runner import run_stream
-        from plumbob.session.stream import Stream
-        from plumbob.viewer.feed import Feed
-        from plumbob.viewer.switch import Switch
-
-        stream = Stream(session, covariance=True)
-        switch = Switch(stream, tmp_path)
-        switch.record("all")
-        feed = Feed(stream, outlet)
-
-        def each():
-            outlet.asked()
-            feed._send(0)  # each time, far more often than it would
-
-        run_stream(stream, Source(items), sinks=[feed], recording=switch, each=each)
+        source = live_samples.Handed(live_samples.reads(live_samples.stream(25.0)))
+        run_stream(stream, source, sinks=[feed], recording=switch, each=each)
         skipped = server.skipped
     finally:
         server.close()
     assert skipped > 0
-    assert max(most) < LIMIT + (1 << 18)  # what waits is bounded: the limit, and a message beyond it
     (told,) = switch.recordings
     assert told["acknowledged"] == told["rows"]
     assert plumbob.verify(told["path"]).whole
     assert not feed.failed
 
 
-def test_a_server_that_does_not_start_is_an_error_with_its_words(tmp_path):
-    class Silent(StandIn):
-        def words(self, number, port):
+def test_what_waits_for_a_reader_is_bounded():
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        writer, message = Writer(ours), Message("batch", {}, {"values": np.zeros((100, 20))})
+        while not writer.skipped:
+            writer.write(message)
+        assert LIMIT < writer.waiting <= LIMIT + len(packed(message))
+        writer.write(message, must=True)
+        assert (writer.waiting > LIMIT + len(packed(message)), writer.skipped, writer.broken) == (True, 1, False)
+
+
+class Saying(StandIn):
+    """A server that writes something into its pipe or says why it cannot, and ends."""
+
+    def words(self, number, port):
+        if self.kind == "refuses":
             return [sys.executable, "-c", "import sys; sys.exit('plumbob: the port is taken.')"]
+        ready = packed(Message("ready", {"port": 1}))
+        return [sys.executable, "-c", f"import os; os.write({number}, {ready!r})"]
 
-    server = Server(Silent(), lambda line: None)
+
+def test_a_server_that_does_not_start_is_an_error_with_its_words_and_one_that_ends_left_alone_in_the_end(monkeypatch):
     with pytest.raises(LineError, match="the port is taken"):
-        server.start()
-
-
-def test_a_server_is_left_alone_in_the_end(monkeypatch):
-    monkeypatch.setattr(child, "_APART", 0.0)
-    monkeypatch.setattr(child, "STARTS", 2)
+        Server(Saying(kind="refuses"), print).start()
+    monkeypatch.setattr(child, "STARTS", 1)
     notes = []
-
-    class Dying(StandIn):
-        def words(self, number, port):
-            return [sys.executable, "-c", f"import os; os.write({number}, {_ready()!r})"]
-
-    server = Server(Dying(), notes.append)
+    server = Server(Saying(), notes.append)
     server.start()
     until(lambda: server.asked() is not None and any("left alone" in note for note in notes), "it never gave up")
-    assert server.starts == 3
+    assert server.starts == 2
     server.close()
-
-
-def _ready():
-    from plumbob.viewer.pipe import Message, packed
-
-    return packed(Message("ready", {"port": 1}))
 
 
 def test_the_token_is_on_no_command_line_and_long_enough():
@@ -186,30 +178,23 @@ def test_the_token_is_on_no_command_line_and_long_enough():
     assert token not in " ".join(Serving(control=True, allow_origin=("http://a",)).words(3, 8770))
     assert server.url.startswith("http://127.0.0.1:8770/?token=")
     server.close()
+    other = Server(Serving(host="::1"), print)
+    assert other.url.startswith("http://[::1]:8770/")
+    other.close()
+    origins = ["https://app.foxglove.dev", "http://[::1]:8080"]  # as a browser sends them
+    assert Serving(allow_origin=origins).words(3, 0)[-1] == "http://[::1]:8080"
 
 
-def test_an_ipv6_address_stands_in_brackets():
-    server = Server(Serving(host="::1"), lambda line: None)
-    assert server.url.startswith("http://[::1]:8770/")
-    server.close()
-
-
-@pytest.mark.parametrize(("what", "line", "says"), [
-    ("a.mcap", {"port": "/dev/ttyUSB0"}, "port belongs to a line"),
-    ("s.toml", {"causal": True}, "--causal is for a recording"),
-    ("/dev/ttyUSB0", {"port": "/dev/ttyUSB1", "format": "buoy"}, "both name the line"),
+SHOWN = {"emulate": None, "chain": None, "also": (), "note": print, "line": {}}
+OPENED = [
+    ("a.mcap", {"line": {"port": "/dev/ttyUSB0"}}, "port belongs to a line"),
+    ("s.toml", {"line": {"causal": True}}, "--causal is for a recording"),
+    ("/dev/ttyUSB0", {"line": {"port": "/dev/ttyUSB1", "format": "buoy"}}, "both name the line"),
     ("/dev/ttyUSB0", {}, "need --format"),
     (None, {}, "give either a session file"),
-])  # fmt: skip
-def test_what_does_not_go_together_is_refused(what, line, says):
-    with (
-        pytest.raises(ParameterError, match=says),
-        opened_up(what, emulate=None, chain=None, also=(), note=print, line=line),
-    ):
-        pass
-
-
-@pytest.mark.parametrize(("how", "says"), [
+    (None, {"emulate": "nothing"}, "there is no rig"),
+]
+SERVED = [
     ({"port": 99999}, "a port is 0 to 65535"),
     ({"port": -1}, "a port is 0 to 65535"),
     ({"port": "8770"}, "http_port must be an int"),
@@ -217,38 +202,24 @@ def test_what_does_not_go_together_is_refused(what, line, says):
     ({"clients": 0}, "1 or more"),
     ({"allow_origin": ["app.foxglove.dev"]}, "an origin is as https"),
     ({"allow_origin": ["https://app.foxglove.dev/"]}, "an origin is as https"),
+]
+MADE = [
+    (view, {"emulate": "buoy", "duration": "-2s"}, "duration must be above 0, but it is -2s"),
+    (plumbob.record, {"port": "/dev/null", "format": "buoy", "duration": 0}, "duration must be above 0, but it is 0"),
+    (view, {"what": __file__, "format": "buoy"}, r"not a port but a file.*record --from"),
+]
+
+
+@pytest.mark.parametrize(("call", "how", "says"), [
+    *((opened_up, {"what": what, **SHOWN, **more}, says) for what, more, says in OPENED),
+    *((Serving, how, says) for how, says in SERVED),
+    *MADE,
 ])  # fmt: skip
-def test_what_cannot_be_served_is_refused(how, says):
-    with pytest.raises(ParameterError, match=says):
-        Serving(**how)
-
-
-def test_origins_are_taken_as_a_browser_sends_them():
-    assert (
-        Serving(allow_origin=["https://app.foxglove.dev", "http://[::1]:8080"]).words(3, 0)[-1] == "http://[::1]:8080"
-    )
-
-
-def test_a_file_that_is_no_recording_is_not_taken_for_a_port(tmp_path):
-    file = tmp_path / "log.bin"
-    file.write_bytes(b"1")
-    with pytest.raises(ParameterError, match=r"not a port but a file.*record --from"):
-        view(file, format="buoy", folder=tmp_path)
-
-
-def test_a_duration_must_be_above_0(tmp_path):
-    with pytest.raises(ParameterError, match="duration must be above 0, but it is -2s"):
-        view(emulate="buoy", duration="-2s", folder=tmp_path)
-    with pytest.raises(ParameterError, match="duration must be above 0, but it is 0"):
-        plumbob.record(port="/dev/null", format="buoy", duration=0)
-
-
-def test_a_rig_that_is_not_known_is_refused():
-    with (
-        pytest.raises(ParameterError, match="there is no rig"),
-        opened_up(None, emulate="nothing", chain=None, also=(), note=print, line={}),
-    ):
+def test_what_does_not_go_together_or_cannot_be_served_is_refused(tmp_path, monkeypatch, call, how, says):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ParameterError, match=says), call(**how):
         pass
+    assert not any(tmp_path.iterdir())
 
 
 def test_a_session_file_is_shown_and_its_own_recording_made(tmp_path):
@@ -270,10 +241,9 @@ filter = "mekf"
 path = "{tmp_path}/own.mcap"
 """)
         outlet = Kept()
-        with opened_up(tmp_path / "s.toml", emulate=None, chain=None, also=["mahony"], note=print, line={}) as shows:
+        with opened_up(tmp_path / "s.toml", **SHOWN | {"also": ["mahony"]}) as shows:
             stop, notes = Stop(), []
-            outlet_batches = outlet.batches
-            threading.Thread(target=lambda: (until(lambda: len(outlet_batches) > 60, "no batches"), stop.set())).start()
+            threading.Thread(target=lambda: (until(lambda: len(outlet.batches) > 60, "no batches"), stop.set())).start()
             found = shows.run(outlet, folder=tmp_path, control=False, duration=PATIENCE, stop=stop, note=notes.append,
                               echo=notes.append, opened=lambda: None)  # fmt: skip
     assert plumbob.replay(tmp_path / "own.mcap", check=True).comparison.equal
@@ -287,7 +257,7 @@ path = "{tmp_path}/own.mcap"
 
 def test_an_emulated_rig_is_shown_with_its_truth():
     outlet = Kept()
-    with opened_up(None, emulate="buoy", chain=None, also=(), note=lambda line: None, line={}) as shows:
+    with opened_up(None, **SHOWN | {"emulate": "buoy"}) as shows:
         stop = Stop()
         threading.Thread(target=lambda: (until(lambda: len(outlet.batches) > 100, "no batches"), stop.set())).start()
         shows.run(outlet, folder=Path(), control=False, duration=PATIENCE, stop=stop, note=print,
@@ -299,7 +269,7 @@ def test_an_emulated_rig_is_shown_with_its_truth():
 
 
 def test_the_server_gets_the_sessions_card_which_is_not_on_the_page(tmp_path):
-    with opened_up(None, emulate="buoy", chain=None, also=(), note=lambda line: None, line={}) as shows:
+    with opened_up(None, **SHOWN | {"emulate": "buoy"}) as shows:
         path = shows.card_in(tmp_path)
         card = plumbob.CalibrationCard.load(path)
     assert card.device == "mpu6000+hmc5983 #0"
@@ -307,18 +277,11 @@ def test_the_server_gets_the_sessions_card_which_is_not_on_the_page(tmp_path):
     server = Server(StandIn(kind="reader", log=str(log)), lambda line: None)
     server.card = path
     server.start()
-    server.hello(kept_hello())
-    server.close()
-    assert json.loads(log.read_text().splitlines()[0]) == ["hello", {}, str(path)]
-
-
-def kept_hello():
-    from plumbob.session.stream import Stream
-    from plumbob.viewer.feed import Feed
-
     outlet = Kept()
     Feed(Stream(live_samples.session(live_samples.SESSION)), outlet)
-    return outlet.hellos[0]
+    server.hello(outlet.hellos[0])
+    server.close()
+    assert json.loads(log.read_text().splitlines()[0]) == ["hello", {}, str(path)]
 
 
 @needs_server
