@@ -31,7 +31,7 @@ def moved(name, seconds=20.0, *, program="calibration", seed=2, rate=50.0, frame
 @cache
 def aligned(name):
     """Recording of a chain, with 20 µT bent at the forearm, and its card; both are made once."""
-    made = moved(name, 25.0 if name == "five" else 20.0, bend=20.0)
+    made = moved(name, 25.0 if name == "five" else 14.0, bend=20.0)
     return made, align(made.chain, made.array, params=INSTANT, poses=[(0.0, 1.5, made.angles[0])])
 
 
@@ -210,30 +210,33 @@ def test_units_that_were_exchanged_are_said_to_be(five):
     made, card = five
     units = dict(made.array.units) | {"u3": made.array.units["u4"], "u4": made.array.units["u3"]}
     found = run(card, ImuArray(units), params=INSTANT)
-    assert any("was exchanged" in note for note in found.notes)
+    assert sum("was exchanged" in note for note in found.notes) > 0
     assert (found.joints.flags & flags.INCONSISTENT != 0).mean() > 0.2
-    again = align(made.chain, ImuArray(units), params=INSTANT)
-    assert sum(joint.rating.startswith("poor") for joint in again.joints) >= 2
 
 
-@pytest.mark.parametrize("wrong", [{"axes": ((0.0, 1.0, 0.0),)}, {"origin": (0.6, 0.0, 0.0)}])
-def test_what_contradicts_the_chain_is_rated_poor(five, wrong):
+def good(card):
+    return [joint.rating == "good" for joint in card.joints]
+
+
+@pytest.mark.parametrize(("wrong", "rows"), [({"axes": ((0.0, 1.0, 0.0),)}, 1250), ({"origin": (0.6, 0.0, 0.0)}, 400)])
+def test_what_contradicts_the_chain_is_rated_poor(five, wrong, rows):
     made, card = five
-    assert all(joint.rating == "good" for joint in card.joints)
-    joints = tuple(replace(one, **wrong) if one.name == "j23" else one for one in made.chain.joints)
-    found = align(replace(made.chain, joints=joints), made.array, params=INSTANT)
-    assert found.joints[1].rating.startswith("poor")
+    assert all(good(card))
+    joints = tuple(replace(joint, **wrong) if joint.name == "j23" else joint for joint in made.chain.joints)
+    poses = [(0.0, 1.5, made.angles[0])]
+    other = align(replace(made.chain, joints=joints), made.array[:rows], params=INSTANT, poses=poses)
+    assert good(other)[:2] == [True, False]
 
 
 def test_a_pose_that_was_not_held_is_rated_poor():
-    made = moved("arm")
-    wrong = made.angles[0] + np.array([0.0, 0.0, 0.0, deg(30.0), 0.0, 0.0])
-    found = align(made.chain, made.array, params=INSTANT, poses=[(0.0, 1.5, wrong)])
-    assert any(joint.rating.startswith("poor") for joint in found.joints)
+    made, card = aligned("arm")
+    assert all(good(card))
+    held = made.angles[0] + np.array([0.0, 0.0, 0.0, deg(30.0), 0.0, 0.0])
+    assert not all(good(align(made.chain, made.array[:300], params=INSTANT, poses=[(0.0, 1.5, held)])))
 
 
-def test_geometry_that_nobody_knows_is_found_and_usable():
-    made = moved("five", 30.0)
+def test_geometry_that_nobody_knows_is_found_and_usable(five):
+    made, _ = five
     joints = tuple(Joint(one.name, one.parent, one.child, one.kind, origin=None) for one in made.chain.joints)
     blind = replace(made.chain, joints=joints)
     with pytest.raises(ParameterError, match="align"):
@@ -260,35 +263,27 @@ def test_a_card_keeps_every_bit_from_file_to_file(five, tmp_path):
     again = ArmCard.load(tmp_path / "card.json")
     for one, other in zip(card.links(), again.links(), strict=True):
         assert np.array_equal(one.arms, other.arms) and np.array_equal(one.axes, other.axes)
-        assert (one.play, one.force_sd, one.parent, one.child) == (
-            other.play,
-            other.force_sd,
-            other.parent,
-            other.child,
-        )
+        assert (one.play, one.force_sd) == (other.play, other.force_sd)
+        assert (one.parent, one.child) == (other.parent, other.child)
     assert again.text() == card.text()
 
 
 def test_what_cannot_be_done_says_why(five, tmp_path):
     made, card = five
-    array = made.array
-    with pytest.raises(ParameterError, match="finite angles"):
-        run(card, array, params=INSTANT, pose=[np.nan] * 6)
-    with pytest.raises(ParameterError, match="does not fit"):
-        run(card, array, params=INSTANT, pose=[0.0, 1.2, 0.0, 0.0, 0.0, 0.0])
-    with pytest.raises(ParameterError, match="must be finite"):
-        align(made.chain, array, params=INSTANT, poses=[(0.0, 1.0, [np.nan] * 6)])
-    with pytest.raises(ParameterError, match="above 0"):
-        align(made.chain, array, params=INSTANT, pose_sd=0.0)
-    with pytest.raises(ShapeError, match="are needed"):
-        align(made.chain, array[:100], params=INSTANT)
-    with pytest.raises(ParameterError, match="no parameter"):
-        run(card, array, params={"foo": 1.0})
-    with pytest.raises(ParameterError, match="no joint"):
-        run(Chain("one", (Segment("a", "u1"),)), array)
+    array, alone = made.array, Chain("one", (Segment("a", "u1"),))
     other = Chain("other", (Segment("a", "u1"), Segment("b", "nobody")), (Joint("j", "a", "b", "ball"),))
-    with pytest.raises(ParameterError, match="Name the units"):
-        run(other, array)
+    for call, chain, recording, more, error, match in (
+        (run, card, array, {"pose": [np.nan] * 6}, ParameterError, "finite angles"),
+        (run, card, array, {"pose": [0.0, 1.2, 0.0, 0.0, 0.0, 0.0]}, ParameterError, "does not fit"),
+        (run, card, array, {"params": {"foo": 1.0}}, ParameterError, "no parameter"),
+        (run, alone, array, {}, ParameterError, "no joint"),
+        (run, other, array, {}, ParameterError, "Name the units"),
+        (align, made.chain, array, {"poses": [(0.0, 1.0, [np.nan] * 6)]}, ParameterError, "must be finite"),
+        (align, made.chain, array, {"pose_sd": 0.0}, ParameterError, "above 0"),
+        (align, made.chain, array[:100], {}, ShapeError, "are needed"),
+    ):
+        with pytest.raises(error, match=match):
+            call(chain, recording, **{"params": INSTANT} | more)
     cut = tmp_path / "cut.json"
     cut.write_text(card.text()[:500])
     with pytest.raises(PlumbobError):

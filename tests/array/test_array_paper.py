@@ -30,16 +30,20 @@ def test_one_set_starts_from_its_own_sample_and_two_from_both():
         assert roll == pytest.approx(np.arctan2(-force[1], -force[2]), abs=1e-12)
 
 
-def test_another_array_is_refused():
+@pytest.mark.parametrize(
+    ("scheme", "match"),
+    [
+        ({"set1": "lqr"}, "law of a set"),
+        ({"sets": 3}, "sets"),
+        ({"rule_units": "rad"}, "rule_units must be one of deg, deg as rad/s"),
+        (5, "six units"),
+        (6, "must point along -x"),  # not mounted as they are
+    ],
+)
+def test_another_array_or_scheme_is_refused(scheme, match):
     array, _ = arm(1, turns=False)
-    names = list(array.units)
-    with pytest.raises(ShapeError, match="six units"):
-        sets_of(ImuArray({k: array.units[k] for k in names[:5]}))
-    with pytest.raises(ShapeError, match="must point along -x"):
-        sets_of(ImuArray(array.units))  # not mounted as they are
-    with pytest.raises(ParameterError, match="law of a set"):
-        paper(array, frame=Frame.NED, scheme=Scheme(set1="lqr"))
-    with pytest.raises(ParameterError, match="sets"):
-        paper(array, frame=Frame.NED, scheme=Scheme(sets=3))
-    with pytest.raises(ParameterError, match="rule_units must be one of deg, deg as rad/s"):
-        paper(array, frame=Frame.NED, scheme=Scheme(rule_units="rad"))
+    with pytest.raises(ShapeError if isinstance(scheme, int) else ParameterError, match=match):
+        if isinstance(scheme, int):
+            sets_of(ImuArray({name: array.units[name] for name in list(array.units)[:scheme]}))
+        else:
+            paper(array, frame=Frame.NED, scheme=Scheme(**scheme))

@@ -43,7 +43,6 @@ def test_what_was_planted_is_found_against_the_mean(array):
         assert np.abs((one.bias["gyr"] - (BIAS[one.name] - mean_bias)) / one.bias_sd["gyr"]).max() < 4.0
         assert one.rotation_sd.max() < 1e-3
         assert abs(one.clock_offset) < 4.0 * one.clock_sd
-    assert "Rotation beyond the mount" in found.text()
     assert found.summary()["units"][0]["name"] == "a"
 
 
@@ -80,11 +79,7 @@ def test_at_rest_the_clock_stays_unknown():
     found = info(sampled(t, mounts, gyr=zero, acc=zero + [0.0, 0.0, 9.8], noise=NOISE))
     assert np.isnan(found["a"].clock_offset)
     assert found["a"].rotation_sd[2] > 0.1  # about the vertical, nothing shows it: half of the prior at least
-    assert "hardly moved" in found.text()
-
-
-def test_one_unit_has_nobody_to_be_compared_with():
+    with pytest.raises(ParameterError, match="no unit 'z'"):
+        found["z"]
     with pytest.raises(ParameterError, match="two units"):
         info(ImuArray({"a": ImuData(T, RATE)}))
-    with pytest.raises(ParameterError, match="no unit 'z'"):
-        info(sampled(T, {"a": Mount(), "b": Mount()}, gyr=RATE, acc=FORCE))["z"]

@@ -1,16 +1,12 @@
 """The buoy's own program: events, fusion, frames outward, and its log."""
 
-import shutil
-import subprocess
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from plumbob import Filter, Frame, read
-from plumbob.core.errors import CalibrationError, ParameterError
 from plumbob.data import ImuData
-from plumbob.protocols.c_header import c_header
 from plumbob.protocols.decode import decode
 from plumbob.protocols.rigs import load
 from plumbob.protocols.ring import read_ring
@@ -20,7 +16,6 @@ from plumbob.simulation.rigs import PLANS, FlashLog, Processor, make_rig, run_fi
 from plumbob.simulation.rigs.firmware import decoded
 from tests.helpers.commandline import ok, refused
 
-CC = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 FORM = load("buoy_attitude")
 PLAN = PLANS["buoy_attitude"]
 
@@ -42,7 +37,7 @@ def plain(imu):
 
 def off(track, truth):
     """Error, °, at the times of a track, against the truth of the newest millisecond."""
-    row = np.searchsorted(truth.t_ns if hasattr(truth, "t_ns") else truth.t, track.t, side="right") - 1
+    row = np.searchsorted(truth.t, track.t, side="right") - 1
     return np.degrees(quat_angle(track.q_nb, truth.q_nb[row]))
 
 
@@ -134,8 +129,6 @@ def test_a_slow_clock_costs_idle_time_and_then_deadlines(imu):
     idle = [run_firmware(imu[:6000], processor=Processor(clock_hz=hz)).idle for hz in (25e6, 16e6, 8e6)]
     assert idle == sorted(idle, reverse=True)
     assert run_firmware(imu[:6000], processor=Processor(clock_hz=8e6)).missed["sample"] > 0
-    with pytest.raises(ParameterError, match="too slow"):
-        run_firmware(imu[:6000], processor=Processor(clock_hz=4e6))  # 11.25 ms of each 10 ms
 
 
 def test_the_log_holds_the_frames_that_went_out(plain):
@@ -156,16 +149,13 @@ def test_a_full_log_is_said_and_a_second_run_goes_on_with_its_numbers(imu):
 
 def test_the_processors_card_is_applied_and_said():
     rig = make_rig(PLAN, FORM, seed=5, duration=10.0)
-    card, imu = rig.units[""].calibration, rig.units[""].imu
     raw = decode(rig.firmware.frames, FORM).frames["buoy_attitude"].columns
-    done = make_rig(PLAN, FORM, seed=5, duration=10.0, calibration=card)
+    done = make_rig(PLAN, FORM, seed=5, duration=10.0, calibration=rig.units[""].calibration)
     said = decode(done.stream(), FORM).frames["buoy_attitude"].columns
     assert not raw["calibrated"].any()
     assert said["calibrated"].all()
     truth = rig.units[""].truth
     assert np.median(off(done.firmware.track, truth)[100:]) < 0.3 * np.median(off(rig.firmware.track, truth)[100:])
-    with pytest.raises(CalibrationError, match="the card is for device"):
-        run_firmware(imu, calibration=make_rig(PLAN, FORM, seed=6, duration=1.0).units[""].calibration)
 
 
 def test_a_buoy_at_rest_says_its_rates_and_force():
@@ -186,10 +176,10 @@ def test_faults_of_the_line_are_those_of_any_rig(rig):
 
 def test_what_its_sensors_are_is_what_it_computes_from(rig):
     """A gyroscope behind a high-pass says no steady rate; the chips are sampled at 1 kHz all the same."""
-    other = make_rig(PLAN, FORM, seed=3, duration=30.0, unit="calibrated", high_pass=0.5)
+    other = make_rig(PLAN, FORM, seed=3, duration=5.0, unit="calibrated", high_pass=0.5)
     assert other.units[""].imu.meta.rate_nominal == rig.units[""].imu.meta.rate_nominal == 1000.0
-    assert other.frames.shape == rig.frames.shape
-    assert not np.array_equal(other.frames, rig.frames)
+    assert other.frames.shape == (99, 32)
+    assert not np.array_equal(other.frames, rig.frames[:99])
 
 
 def test_a_coarse_recording_is_fused_where_it_has_something_new():
@@ -201,46 +191,6 @@ def test_a_coarse_recording_is_fused_where_it_has_something_new():
     assert done.served["sample"] == 1663
     assert np.isnan(done.samples.gyr[:, 2]).sum() == pytest.approx(1663 - 499, abs=2)
     assert np.abs(done.track.roll).max() < 1e-3
-
-
-def test_what_cannot_run_is_refused(rig, imu):
-    with pytest.raises(ParameterError, match="take must be one of"):
-        run_firmware(imu, take="median")
-    with pytest.raises(ParameterError, match="before a frame"):
-        run_firmware(imu[:40])
-    with pytest.raises(ParameterError, match="sends samples as they are"):
-        make_rig(PLANS["buoy"], load("buoy"), seed=1, calibration=rig.units[""].calibration)
-
-
-MAIN = """
-#include "frame.h"
-#include <stdio.h>
-int main(void)
-{
-    plumbob_buoy_attitude f;
-    memset(&f, 0, sizeof f);
-%s
-    plumbob_buoy_attitude_seal(&f);
-    return fwrite(&f, sizeof f, 1, stdout) != 1;
-}
-"""
-
-
-@pytest.mark.skipif(CC is None, reason="no C compiler")
-def test_firmware_in_c_packs_the_same_bytes(plain, tmp_path):
-    fields = [one for one in FORM.bind().messages[0].fields if not one.fixed]
-    said = decode(plain.frames, FORM).frames["buoy_attitude"].columns
-    lines = [
-        f"    plumbob_buoy_attitude_set_{one.name.replace('.', '_')}(&f, "
-        f"{round((float(said[one.name][50]) - one.zero) / one.scale) if one.physical else int(said[one.name][50])});"
-        for one in fields
-    ]
-    (tmp_path / "frame.h").write_text(c_header(FORM.bind()))
-    (tmp_path / "main.c").write_text(MAIN % "\n".join(lines))
-    words = [CC, "-std=c11", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wno-unused-function"]
-    subprocess.run([*words, "-o", "main", "main.c"], cwd=tmp_path, check=True)
-    made = subprocess.run([tmp_path / "main"], capture_output=True, check=True)
-    assert made.stdout == plain.frames[50 * 32 : 51 * 32]
 
 
 SESSION = """
@@ -255,16 +205,16 @@ record = { path = "said.mcap" }
 
 
 def test_on_the_command_line_it_is_a_rig_with_a_log_and_records_like_an_ahrs(tmp_path):
-    words = ("--seed", "3", "--duration", "20s", "--flash-log", "flash.bin", "--write", "said.bin")
+    words = ("--seed", "3", "--duration", "10s", "--flash-log", "flash.bin", "--write", "said.bin")
     done = ok("emulate", "buoy_attitude", "--truth", "truth.parquet", *words, cwd=tmp_path)
-    assert "send 399 served, 0 missed" in done.stderr
+    assert "send 199 served, 0 missed" in done.stderr
     table = ok("decode", "flash.bin", "--format", "buoy_attitude", "--ring", cwd=tmp_path)
-    assert "392 records, 0 missing" in table.stderr
-    assert len(table.stdout.splitlines()) == 393
+    assert "192 records, 0 missing" in table.stderr
+    assert len(table.stdout.splitlines()) == 193
     (tmp_path / "logger.toml").write_text(SESSION)
     ok("record", "logger.toml", cwd=tmp_path)
     recording = read(tmp_path / "said.mcap")
-    assert len(recording.imu) == 399
+    assert len(recording.imu) == 199
     assert recording.track is not None
     want = decoded((tmp_path / "said.bin").read_bytes())
     assert np.degrees(quat_angle(recording.track.q_nb, want.q_nb)).max() < 1e-9

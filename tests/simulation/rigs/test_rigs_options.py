@@ -54,14 +54,6 @@ def test_a_card_may_be_for_one_unit_of_several():
     assert [unit.noise.gyr.n_rpsd[0] for unit in rod.units.values()] == [0.1, 0.0]  # a reference keeps what it has
 
 
-def test_cards_that_do_not_fit_are_refused():
-    with pytest.raises(ParameterError, match="arm has no measuring unit 'u9' for a noise card; it has u1, u2"):
-        make_rig(PLANS["arm"], load("arm"), seed=1, duration=2.0, noise={"u9": LOUD})
-    acc = NoiseCard("unit 8", "told", acc=LOUD.gyr)
-    with pytest.raises(ParameterError, match=r"noise card of unit 8 has acc, but adxrs290\+adxrs453 has gyr"):
-        make_rig(PLANS["fin"], load("fin"), seed=1, duration=2.0, noise=acc)
-
-
 def test_a_rig_may_have_other_parts(tmp_path):
     frames, _ = emulated("arm", tmp_path, sensors="arm:turn", scenario="static", duration=30.0, unit="calibrated")
     scatter = triads_of(frames, "u2")["mag"].std(axis=0)
@@ -70,8 +62,6 @@ def test_a_rig_may_have_other_parts(tmp_path):
         emulated("buoy", tmp_path, sensors="mpu6000")
     with pytest.raises(ParameterError, match="rig buoy has its own frame; leave --frame out"):
         emulated("buoy", tmp_path, frame="ENU")
-    with pytest.raises(ParameterError, match="'mpu9999' is not a sensor"):
-        emulated("buoy", tmp_path, sensors="mpu9999")
     frames, _ = emulated("rod", tmp_path, sensors="ideal", unit="calibrated")
     assert np.isfinite(frames.columns["ref.heading"]).all()
 
@@ -172,10 +162,6 @@ def test_a_mounting_may_differ_from_the_declared_one():
     declared = {one.prefix: np.array(one.q_bs) for one in PLANS["arm"].units}
     bodies = [quat_multiply(unit.truth.q_nb[0], quat_conjugate(declared[key])) for key, unit in arm.units.items()]
     assert min(quat_angle(bodies[0], one) for one in bodies[1:]) > deg(0.1)  # no reference: every unit
-    with pytest.raises(ParameterError, match="--set mount_angle"):
-        make_rig(PLANS["teach"], load("teach"), seed=1, duration=1.0, mount_error=deg(1.0))
-    with pytest.raises(ParameterError, match="mount_error must be 0 to 180°"):
-        make_rig(PLANS["ring"], load("ring"), seed=1, duration=1.0, mount_error=-1.0)
 
 
 @pytest.mark.parametrize(("name", "most"), [("ring", 5.0), ("rod", 1.0)])

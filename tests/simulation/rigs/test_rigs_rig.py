@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from plumbob.core import flags
-from plumbob.core.errors import ParameterError
 from plumbob.protocols.checksum import of_rows
 from plumbob.protocols.decode import decode, temperature_of, triads_of
 from plumbob.protocols.find import find_format
@@ -154,33 +153,26 @@ def test_the_rods_reference_says_the_same_attitude_in_its_own_axes():
     assert np.abs(off).max() <= 0.5 * math.pi / 32768 * (1 + 1e-9)
 
 
-def test_a_damaged_inner_packet_is_absent_while_the_frame_is_sound():
-    """The byte sum of the inner packet does not fit, but the carrier's own check was made after the damage."""
-    rig = rig_of("rod", duration=1.0)
-    rows = rig.frames.copy()
-    rows[5, 28 + 3] ^= 1
+def with_check(rows):
+    """Frames whose own check was made after the damage inside."""
     check = of_rows("crc16-ccitt-false", rows[:, 2:-2])
     rows[:, -2], rows[:, -1] = check & 0xFF, check >> 8
-    frames, counts = decoded(rig, rows.tobytes())
-    assert counts.junk == 0
-    assert frames.columns["ref.ahrs500ga.check"].tolist() == [1] * 5 + [0] + [1] * 94
-    assert np.flatnonzero(np.isnan(frames.columns["ref.roll"])).tolist() == [5]
-    assert np.flatnonzero(np.isnan(frames.columns["ref.gyr.x"])).tolist() == [5]
-    assert frames.flags["ref"][5] & flags.GYR_ABSENT
-    assert not np.isnan(triads_of(frames)["gyr"]).any()
+    return rows.tobytes()
 
 
-def test_a_silent_inner_device_does_not_cost_the_frame():
+def test_a_damaged_or_silent_inner_packet_is_absent_while_the_frame_is_sound():
     rig = rig_of("rod", duration=1.0)
     rows = rig.frames.copy()
+    rows[5, 28 + 3] ^= 1  # the byte sum of the inner packet does not fit
     rows[7, 28:54] = 0
-    check = of_rows("crc16-ccitt-false", rows[:, 2:-2])
-    rows[:, -2], rows[:, -1] = check & 0xFF, check >> 8
-    frames, counts = decoded(rig, rows.tobytes())
+    frames, counts = decoded(rig, with_check(rows))
     assert (len(frames), counts.junk) == (100, 0)
-    assert frames.columns["ref.ahrs500ga.sync0"].tolist() == [1] * 7 + [0] + [1] * 92
-    assert np.flatnonzero(np.isnan(frames.columns["ref.heading"])).tolist() == [7]
-    assert not np.isnan(triads_of(frames)["acc"]).any()
+    assert np.flatnonzero(frames.columns["ref.ahrs500ga.check"] == 0).tolist() == [5]
+    assert np.flatnonzero(frames.columns["ref.ahrs500ga.sync0"] == 0).tolist() == [7]
+    for name in ("ref.roll", "ref.heading", "ref.gyr.x"):
+        assert np.flatnonzero(np.isnan(frames.columns[name])).tolist() == [5, 7]
+    assert (frames.flags["ref"][[5, 7]] & flags.GYR_ABSENT).all()
+    assert not any(np.isnan(triads_of(frames)[triad]).any() for triad in ("gyr", "acc"))
 
 
 def test_temperature_goes_into_the_frame():
@@ -219,35 +211,15 @@ def test_a_format_of_ones_own_is_fed_with_the_triads_that_it_has():
     assert len(frames) == 200
 
 
-def test_what_cannot_be_emulated_says_why():
-    form = parse_format(MINE)
-    with pytest.raises(ParameterError, match="give a rate"):
-        plan_for(form, scenario("buoy"), sensors="ideal", frame=Frame.NED, rate=None)
-    bare = parse_format(
-        MINE.replace('name = "acc"\naxes = "xyz"', 'name = "depth"').replace('"g"', '"m"').replace("17", "9")
-    )
-    plan = plan_for(bare, scenario("buoy"), sensors="ideal", frame=Frame.NED, rate=50.0)
-    with pytest.raises(ParameterError, match="no field that a simulation can fill"):
-        make_rig(plan, bare, seed=1, duration=1.0)
-    with pytest.raises(ParameterError, match=r"'mpu9999' is not a known device.* Rigs are arm, buoy"):
-        find_format("mpu9999")
-    with pytest.raises(ParameterError, match="fault length needs a length"):
-        rig_of("buoy", faults={"length": 0.1})
-    with pytest.raises(ParameterError, match="'fip' is not a fault; known are unplug"):
-        rig_of("buoy", faults={"fip": 0.1})
-    with pytest.raises(ParameterError, match="0 to 1, but it is 2"):
-        rig_of("buoy", faults={"flip": 2.0})
-
-
 LINE = [k for k in KINDS if k not in ("unplug", "stall", "reset", "jump", "length", "burst")]
 
 
 @pytest.mark.parametrize("kind", LINE)
 def test_faults_found_are_the_faults_logged(kind):
     """At most one undamaged frame may be lost for each fault; a loss of the frame itself is the fault."""
-    rig = rig_of("buoy", duration=100.0, faults={kind: 0.02})
+    rig = rig_of("buoy", duration=30.0, faults={kind: 0.06})
     faults = rig.faults
-    assert 100 < len(faults) < 300  # 2 % of 10 000
+    assert 100 < len(faults) < 300  # 6 % of 3000
     frames, counts = decoded(rig)
     hit = np.zeros(len(rig), dtype=bool)
     hit[[f.frame for f in faults]] = kind != "noise"

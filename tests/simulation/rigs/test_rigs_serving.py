@@ -81,7 +81,7 @@ def test_a_terminal_in_real_time_keeps_its_pace(line):
     assert (served.sent, served.lost, served.unheard) == (200, 0, 0)
     assert reader.data == rig.stream()
     took = reader.times[-1] - reader.times[0]
-    assert 1.95 < took < 2.0 + 1e-9 * served.latest_ns + 1.0  # the last frame is due 1.99 s after the first
+    assert 1.95 < took < 3.9 + 1e-9 * served.latest_ns  # the last frame is due 1.99 s after the first
     assert not os.path.lexists(reader.path)
 
 
