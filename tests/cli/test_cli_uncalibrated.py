@@ -14,56 +14,16 @@ from plumbob.core.units import dps
 from plumbob.data import UNCALIBRATED
 from plumbob.data.cards import CalibrationCard, NoiseCard, TriadNoise
 from plumbob.files.mcap import open_log
-from plumbob.protocols.decode import columns_of
-from plumbob.protocols.encode import encode
-from plumbob.protocols.format_toml import parse_format
 from tests.helpers.commandline import answer, typed
 
-FORMAT = """
-kind = "plumbob format"
-version = 1
-name = "six"
-title = "made-up unit with six axes and a thermometer"
-byte_order = "little"
-
-[frame]
-sync = "A5 5A"
-length = 18
-rate = "100 Hz"
-checksum = { kind = "crc16-ccitt-false", at = -2, from = 2 }
-
-[[field]]
-name = "gyr"
-axes = "xyz"
-type = "s16"
-counts = 65.5
-unit = "deg/s"
-
-[[field]]
-name = "acc"
-axes = "xyz"
-type = "s16"
-counts = 8192
-unit = "g"
-
-[[field]]
-name = "temp_c"
-type = "s16"
-counts = 100
-unit = "degC"
-"""
 CARD = "unit 7 2026-11-21 (table)"
 
 
 @pytest.fixture
 def folder(samples, tmp_path):
-    """An uncalibrated recording and its track, the card of its unit, a capture of its bytes, and their format."""
-    for name in ("rest.parquet", "card.json", "other.json"):
+    """An uncalibrated recording and its track, the card of its unit, and bytes of a line that is said to have it."""
+    for name in ("rest.parquet", "card.json", "other.json", "sea.bin"):
         (tmp_path / name).symlink_to(samples / name)
-    imu = files.read(samples / "rest.parquet").imu[:400]
-    (tmp_path / "six.toml").write_text(FORMAT, encoding="utf-8")
-    form = parse_format(FORMAT)
-    (tmp_path / "a.bin").write_bytes(encode(form, columns_of(imu, form.message())).tobytes())
     typed("run rest.parquet --filter mahony --out track.parquet", cwd=tmp_path)
     return tmp_path
 
@@ -75,13 +35,13 @@ def contents(file):
     return str(pq.read_metadata(file).metadata) if file.suffix == ".parquet" else file.read_text(encoding="utf-8")
 
 
-RECORD = "record --from a.bin --format six.toml --device 'unit 7' --filter mahony --frame NED"
+RECORD = "record --from sea.bin --format buoy --device 'unit 7' --filter mahony --frame NED"
 WRITTEN = """
 run rest.parquet --filter mahony --out {} | a.parquet b.csv
 convert rest.parquet {} --what samples | a.csv b.parquet c.mcap
 convert track.parquet {} | a.tum b.txt
 eval track.parquet rest.parquet --html {} | a.html
-decode a.bin --format six.toml --out {} | a.json b.parquet
+decode sea.bin --format buoy --out {} | a.json b.parquet
 RECORD --text {} | a.txt
 RECORD --out {} | a.mcap
 """
@@ -135,7 +95,7 @@ def test_what_a_file_says_does_not_go_stale(folder):
 
 
 def test_a_table_for_other_programs_has_the_note_on_standard_error(folder):
-    done = typed("decode a.bin --format six.toml", cwd=folder)
+    done = typed("decode sea.bin --format buoy", cwd=folder)
     assert (UNCALIBRATED in done.stderr, "uncalibrated" in done.stdout) == (True, False)
 
 
@@ -149,8 +109,8 @@ def test_the_status_on_a_terminal(folder, words, monkeypatch):
     screen = Terminal()
     monkeypatch.chdir(folder)
     monkeypatch.setattr(common.sys, "stderr", screen)
-    options = ("--format", "six.toml", "--device", "unit 7", *words)
-    assert main(["record", "--from", "a.bin", *options]) == 0
+    options = ("--format", "buoy", "--device", "unit 7", *words)
+    assert main(["record", "--from", "sea.bin", *options]) == 0
     assert "samples" in screen.getvalue()
     assert ("samples UNCALIBRATED" in screen.getvalue()) is (not words)
 
