@@ -1,21 +1,20 @@
 """The smoother as its users meet it: the default of estimate and run, what is refused in words, and bad input."""
 
 import json
-import re
 import warnings
 
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData, ImuMeta, estimate, files, flags, load_session
+from plumbob import Filter, ImuData, ImuMeta, estimate, files, flags, load_session
 from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
 from plumbob.filters.smoother import Smoother
 from plumbob.rotations import quat_conjugate, quat_rotate
 from plumbob.session.session_toml import session_of
 from plumbob.session.stream import Stream
-from tests.helpers.commandline import ok, plumbob, refused
+from tests.helpers.commandline import ok, plumbob
 from tests.helpers.hand_motion import by_hand
-from tests.helpers.live_samples import FORMAT, SESSION, reads, record, stream
+from tests.helpers.live_samples import FORMAT, SESSION
 from tests.helpers.motion import consistent
 
 
@@ -33,6 +32,7 @@ def file(hand, tmp_path_factory):
 
 
 def test_estimate_smooths_unless_it_is_asked_otherwise(hand):
+    """And warming up compiles it and leaves it as it was."""
     whole = Smoother(frame="ENU").process(hand.imu())
     assert (estimate(hand.imu()).track.q_nb == whole.q_nb).all()
     assert (estimate(hand.imu(), "smoother").track.q_nb == whole.q_nb).all()
@@ -46,42 +46,57 @@ def test_estimate_smooths_unless_it_is_asked_otherwise(hand):
     assert (estimate(hand.imu(), lag=1.0, params={"lag": 2.0}).track.q_nb == lagged).all()  # what is nearer decides
     assert (estimate(hand.imu(), params={"lag": "1s"}).track.q_nb == lagged).all()
     assert (lagged != whole.q_nb).any()
+    smoother = Smoother(frame="ENU")
+    smoother.warm_up()
+    assert (smoother.process(hand.imu()).q_nb == whole.q_nb).all()
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "error", "words"),
     [
-        ({"filter": "mekf", "causal": True}, "causal is for the smoother, but filter is mekf"),
-        ({"causal": True, "lag": 1.0}, "causal is a lag of 0 s, but lag is 1.0. Leave one of them out"),
-        ({"filter": "vqf", "lag": 1.0}, "lag is for the smoother, but filter is vqf"),
-        ({"init": "flat"}, "init must be level, truth or ROLL,PITCH,HEADING with units"),
-        ({"init": "truth"}, "takes the first attitude of the recording's reference, but it has none"),
-        ({"lag": "5 m"}, "'m' is not a unit of time"),
-        ({"lag": -0.01}, "lag must be 0 to"),
-        ({"params": {"kp": 1.0}}, "smoother has no parameter 'kp'"),
-        ({"filter": "smother"}, "there is no filter 'smother'; known are .*smoother"),
+        ({"filter": "mekf", "causal": True}, ParameterError, "causal is for the smoother, but filter is mekf"),
+        ({"causal": True, "lag": 1.0}, ParameterError, "causal is a lag of 0 s, but lag is 1.0. Leave one of them out"),
+        ({"filter": "vqf", "lag": 1.0}, ParameterError, "lag is for the smoother, but filter is vqf"),
+        ({"init": "flat"}, ParameterError, "init must be level, truth or ROLL,PITCH,HEADING with units"),
+        ({"init": "truth"}, ParameterError, "takes the first attitude of the recording's reference, but it has none"),
+        ({"lag": "5 m"}, ParameterError, "'m' is not a unit of time"),
+        ({"lag": -0.01}, ParameterError, "lag must be 0 to"),
+        ({"params": {"kp": 1.0}}, ParameterError, "smoother has no parameter 'kp'; known are acc_bias"),
+        ({"params": {"max_gap": 1.0}}, ParameterError, "smoother has no parameter 'max_gap'"),  # it is the samples' own
+        ({"params": {"speed": -1.0}}, ParameterError, "speed"),
+        ({"filter": "smother"}, ParameterError, "there is no filter 'smother'; known are .*smoother"),
+        ({"recording": {"acc": None}}, ShapeError, "smoother needs gyr, acc, but the recording has no acc"),
+        ({"recording": {"gyr": 0}}, ShapeError, "smoother needs two samples with a rate"),
+        ({"recording": {"gyr": 300}}, ShapeError, "smoother needs two samples with a rate"),
+        ({"recording": "dict"}, ShapeError, "data must be an ImuData, but it is a dict"),
     ],
 )
-def test_what_contradicts_itself_is_refused_in_words(hand, arguments, words):
-    with pytest.raises(ParameterError, match=words):
-        estimate(hand.imu(), **arguments)
+def test_what_contradicts_itself_is_refused_in_words(hand, arguments, error, words):
+    how = dict(arguments)
+    match how.pop("recording", {}):
+        case {"gyr": row}:
+            imu = hand.imu(gyr=kept(hand.gyr, [row]))
+        case {"acc": None}:
+            imu = hand.imu(acc=None)
+        case "dict":
+            imu = {}
+        case _:
+            imu = hand.imu()
+    with pytest.raises(error, match=words):
+        Smoother(frame="ENU").process(imu) if imu == {} else estimate(imu, **how)
 
 
 def test_a_stream_has_no_smoother_of_the_whole(tmp_path):
     """Nor is it a Filter; each says what to do."""
     with pytest.raises(ParameterError, match=r"has a class of its own: plumbob\.FixedLag\(frame=\.\.\.\) takes single"):
         Filter("smoother", frame="ENU")
-    record(tmp_path / "sea.mcap", reads(stream()[:400]))
-    words = "on a stream the smoother cannot wait for the end, but lag is off. .* leave it out: it is then 0 s"
-    assert re.search(words, refused("replay", tmp_path / "sea.mcap", "--filter", "smoother", "--params", "lag=off"))
-    assert "and the session has mahony. Name the one" in refused("replay", tmp_path / "sea.mcap", "--init", "level")
-    line = refused("replay", tmp_path / "sea.mcap", "--lag", "2s", "--filter", "vqf")
-    assert "lag is for the smoother, but filter is vqf" in line
     asked = SESSION.replace('"mahony"', '"smoother"').replace('kp = 0.5, gate = "0.08 g"', 'lag = "off"')
     (tmp_path / "s.toml").write_text(asked, encoding="utf-8")
     (tmp_path / "imu9.toml").write_text(FORMAT, encoding="utf-8")
-    with pytest.raises(ParameterError, match=words):
+    with pytest.raises(ParameterError, match="on a stream the smoother cannot wait for the end, but lag is off"):
         load_session(tmp_path / "s.toml")
+    with pytest.raises(PlumbobError):
+        Smoother(frame="ENU").process(GOOD[:1])
 
 
 def test_a_session_that_estimates_without_a_name_has_the_smoother_without_a_lag(tmp_path):
@@ -95,72 +110,36 @@ def test_a_session_that_estimates_without_a_name_has_the_smoother_without_a_lag(
     assert session_of(**{**by_options, "init": None}).stage is None  # as long as nothing says to estimate
 
 
-def test_what_lacks_a_sensor_is_refused(hand):
-    with pytest.raises(ShapeError, match="smoother needs gyr, acc, but the recording has no acc"):
-        estimate(ImuData(t=hand.t, gyr=hand.gyr, meta=ImuMeta(frame=Frame.ENU)))
-    with pytest.raises(ShapeError, match="data must be an ImuData, but it is a dict"):
-        Smoother(frame="ENU").process({})
-
-
 # --- command line -------------------------------------------------------------------------------------------
 
 
-def test_run_says_how_it_smoothed(file, hand):
-    out = ok("run", file).stdout
-    assert "smoother: smoothed over the whole recording; --causal gives what a live system would have known" in out
+def test_run_says_how_it_smoothed(file, hand, tmp_path):
     assert "smoother (lag=1 s): smoothed with a lag of 1 s" in ok("run", file, "--lag", "1s").stdout
-    causal = ok("run", file, "--causal").stdout
-    assert "smoother (lag=0 s): the past smoothed now and then" in causal
-    assert causal == ok("run", file, "--lag", "0s").stdout
+    assert ok("run", file, "--causal").stdout == ok("run", file, "--lag", "0s").stdout
+    for words in (("--causal", "--lag", "1s"), ("--filter", "vqf", "--lag", "1s"), ("--filter", "vqf", "--causal")):
+        assert plumbob("run", file, *words).returncode == 2
     found = json.loads(ok("run", file, "--json").stdout)
-    assert found["filter"].startswith("smoother(gyr_noise=")
     assert "lag=off" in found["filter"]
     assert found["samples"] == hand.t.size
     track = Smoother(frame="ENU").process(hand.imu())
     last = quat_rotate(quat_conjugate(track.q_nb[-1]), [0.0, 0.0, 1.0])
     assert np.sin(np.radians(-found["last_attitude_deg"]["pitch"])) == pytest.approx(last[0], abs=1e-9)
-
-
-def test_run_refuses_two_ways_at_once(file):
-    for words in (("--causal", "--lag", "1s"), ("--filter", "vqf", "--lag", "1s"), ("--filter", "vqf", "--causal")):
-        done = plumbob("run", file, *words)
-        assert done.returncode == 2
-        assert "not allowed with argument" in done.stderr
-    assert "but it has none; give ROLL,PITCH,HEADING" in refused("run", file, "--init", "truth")
-    assert "run takes one filter" in refused("run", file, "--filter", "smoother,vqf")
-
-
-def test_remarks_of_a_recording_are_notes_of_run(tmp_path, hand):
     gap = files.write(tmp_path / "gap.parquet", hand.imu(t=hand.t + np.where(hand.t > 3.0, 2.0, 0.0)))
     assert "note: a gap in the samples (until 5.0 s): the attitude starts again" in ok("run", gap).stderr
-
-
-def test_its_parameters_are_listed_with_those_of_every_filter():
-    out = ok("filters", "smoother").stdout
-    assert out.startswith("smoother: the whole recording at once")
-    assert "What the smoother estimates, and what it takes for granted." in out
-    for name in Smoother(frame="ENU").params._fields:
-        assert f"    {name}" in out
     assert "smoother" in json.loads(ok("filters", "--json").stdout)["filters"]
-    assert "[Bierman1973]" in ok("cite", "smoother").stdout
-
-
-def test_warming_up_compiles_it_and_leaves_it_as_it_was(hand):
-    smoother = Smoother(frame="NED")
-    smoother.warm_up()
-    assert (smoother.process(hand.imu()).q_nb == Smoother(frame="NED").process(hand.imu()).q_nb).all()
 
 
 # --- bad input ----------------------------------------------------------------------------------------------
 
 GOOD, _ = consistent(600)
+TRIADS, STEPS = ("gyr", "acc", "mag"), (1e-9, 1.0, 60.0)
 UNCHECKED = ImuMeta(unit_check=False)
 NAN = np.full_like(GOOD.gyr, np.nan)
 
 
 def kept(values, rows):
     """Values in some rows only."""
-    some = NAN.copy()
+    some = np.full_like(values, np.nan)
     some[rows] = values[rows]
     return some
 
@@ -180,9 +159,7 @@ def stepped(step, at=300):
 TINY = {name: 1e-300 * getattr(GOOD, name) for name in ("gyr", "acc", "mag")}
 DAMAGED = {
     **{f"{n} samples": {k: getattr(GOOD, k)[:n] for k in ("t", "gyr", "acc", "mag")} for n in (2, 3, 5, 10, 30)},
-    "a second": {"t": np.arange(600.0)},
-    "a minute": {"t": 60.0 * np.arange(600.0)},
-    "a nanosecond": {"t": 1e-9 * np.arange(600.0)},
+    **{f"steps of {dt:g} s": {k: getattr(GOOD, k)[:80] for k in TRIADS} | {"t": dt * np.arange(80.0)} for dt in STEPS},
     "no field": {"mag": None},
     "one field": {"mag": kept(GOOD.mag, [0])},
     "last field": {"mag": kept(GOOD.mag, [599])},
@@ -200,7 +177,7 @@ DAMAGED = {
     "all forces large": {"acc": 1e3 * GOOD.acc, "meta": UNCHECKED},
     "all fields large": {"mag": 1e3 * GOOD.mag, "meta": UNCHECKED},
     "all rates large": {"gyr": 90.0 * GOOD.gyr},
-    "a gap of days": {"t": stepped(1e6)},
+    "a gap of days": {"t": stepped(2e5)},
     "the first sample alone": {"t": stepped(500.0, 1)},
     "the last sample alone": {"t": stepped(500.0, 599)},
     "noise": {
@@ -226,17 +203,3 @@ def test_whatever_comes_there_is_an_attitude_or_a_word(case, params):
     assert np.linalg.eigvalsh(track.cov_b).min() > 0.0
     if case in FLAGGED:
         assert FLAGGED[case] in flags.counts(track.flags)
-
-
-@pytest.mark.parametrize("triad", ["gyr", "acc", "mag"])
-def test_a_triad_without_a_number_is_refused_at_the_door(triad):
-    with pytest.raises(ShapeError, match=f"{triad} is NaN in all 600 samples"):
-        ImuData(**{name: getattr(GOOD, name) for name in ("t", "gyr", "acc", "mag")} | {triad: NAN})
-
-
-def test_a_recording_with_less_than_two_rates_is_refused():
-    for rows in ([0], [300]):
-        with pytest.raises(ShapeError, match="smoother needs two samples with a rate"):
-            Smoother(frame="ENU").process(ImuData(t=GOOD.t, gyr=kept(GOOD.gyr, rows), acc=GOOD.acc, mag=GOOD.mag))
-    with pytest.raises(PlumbobError):
-        Smoother(frame="ENU").process(GOOD[:1])

@@ -11,21 +11,14 @@ from hypothesis.extra import numpy as nps
 
 from plumbob import ImuData
 from plumbob.core import flags
-from plumbob.core._jit import jit_disabled
 from plumbob.core.units import deg
-from plumbob.filters.smoother import Smoother, samples
-from plumbob.filters.smoother.keyframes import (
-    LONGEST,
-    SWING,
-    UNKNOWN_FORCE,
-    UNKNOWN_RATE,
-    Keyframes,
-    between,
-    longest_step,
-)
+from plumbob.filters.smoother import Smoother, keyframes, samples
+from plumbob.filters.smoother.keyframes import Keyframes, between, longest_step
 from plumbob.filters.smoother.samples import MARGIN, stretches
-from plumbob.rotations import quat_angle, quat_from_rotvec, quat_multiply
+from plumbob.rotations import quat_angle, quat_chained, quat_from_rotvec, quat_multiply
+from tests.helpers import examples
 from tests.helpers.hand_motion import by_hand
+from tests.helpers.motion import slow_as_python
 
 EPS = np.finfo(float).eps
 
@@ -55,19 +48,18 @@ def damaged(draw):
     return ImuData(t=t, **triads), has
 
 
-def _bow(t, known):
+def bow(t, known):
     """Share of a sine of the stated frequency that a straight line over each hole misses, at most, (N,)."""
-    found = np.zeros(t.size)
+    missed = np.zeros(t.size)
     for i in np.flatnonzero(~known):
         before, after = np.flatnonzero(known[:i]), i + np.flatnonzero(known[i:])
-        ends = (
-            (before[-1] if before.size else after[0], after[0] if after.size else before[-1]) if known.any() else None
-        )
-        found[i] = np.inf if ends is None else (2.0 * np.pi * SWING * (t[ends[1]] - t[ends[0]])) ** 2 / 8.0
-    return found
+        ends = [*before[-1:], *after[:1]]
+        missed[i] = (2.0 * np.pi * keyframes.SWING * (t[ends[-1]] - t[ends[0]])) ** 2 / 8.0 if ends else np.inf
+    return missed
 
 
 @given(damaged(), st.sampled_from([0.001, 0.049, 0.3]))
+@examples(0.6)
 def test_every_sample_with_a_rate_is_in_exactly_one_step(given_, spacing):
     """But those in a hole of the gyroscope; a step is as long as asked, unless a gap or the end cuts it."""
     imu, has = given_
@@ -97,6 +89,7 @@ def test_every_sample_with_a_rate_is_in_exactly_one_step(given_, spacing):
 
 
 @given(damaged())
+@examples(0.6)
 def test_missing_values_are_interpolated_and_counted(given_):
     imu, has = given_
     frames = Keyframes.of(imu, 0.049)
@@ -112,11 +105,11 @@ def test_missing_values_are_interpolated_and_counted(given_):
     lost = [np.where(has[name][frames.rows], 0.0, dt) for name in ("gyr", "acc")]
     # by their definitions: standard deviations that add up over a spell; a straight line over a hole of length h is off
     # by at most (2 π f h)²/8 of a sine of frequency f: the remainder of linear interpolation, h² max |f''| / 8
-    bow = {name: _bow(frames.t, has[name][frames.rows]) for name in ("gyr", "acc")}
+    bows = {name: bow(frames.t, has[name][frames.rows]) for name in ("gyr", "acc")}
     for k, (i, j) in enumerate(itertools.pairwise(frames.first)):
         own = slice(i + 1, j + 1)
-        force = UNKNOWN_FORCE * np.sum(np.minimum(1.0, bow["acc"][own]) * lost[1][own])
-        rate = deg(2.0) * np.sum(np.minimum(UNKNOWN_RATE, bow["gyr"][own]) * lost[0][own])
+        force = keyframes.UNKNOWN_FORCE * np.sum(np.minimum(1.0, bows["acc"][own]) * lost[1][own])
+        rate = deg(2.0) * np.sum(np.minimum(keyframes.UNKNOWN_RATE, bows["gyr"][own]) * lost[0][own])
         assert frames.pushed[k] == pytest.approx(force**2, abs=1e-9)
         assert frames.missed[k] >= rate**2 * (1 - 1e-6) - 1e-12
         assert (frames.missed[k] == 0.0) == (lost[0][own].sum() == 0.0)
@@ -143,7 +136,7 @@ def test_a_usual_step_is_no_gap_at_any_rate(rate):
     frames = Keyframes.of(h.imu(), 0.049)
     assert not frames.gap.any()
     assert np.median(frames.step) == pytest.approx(max(math.ceil(0.049 * rate) / rate, 1.0 / rate))
-    longest = max(LONGEST, 3.0 / rate)
+    longest = max(keyframes.LONGEST, 3.0 / rate)
     for step, gap in ((longest * 0.99, False), (longest * 1.01, True)):
         t = h.t.copy()
         t[30:] += step - 1.0 / rate
@@ -177,19 +170,11 @@ def test_clipped_and_stuck_values_are_not_used():
 # --- attitudes between keyframes ----------------------------------------------------------------------------
 
 
-def free_path(h):
-    """The gyroscope's own way, by the package's rotations alone."""
-    q = np.empty((h.t.size, 4))
-    q[0] = h.q[0]
-    for i in range(1, h.t.size):
-        q[i] = quat_multiply(q[i - 1], quat_from_rotvec((h.t[i] - h.t[i - 1]) * h.gyr[i]))
-    return q
-
-
 def test_between_keyframes_the_way_is_the_gyroscope_s():
     """Exact where the keyframes lie on it, a few ε for each of 500 products; and where they do not, it meets them."""
     h = by_hand(5.0, seed=2)
-    frames, q = Keyframes.of(h.imu(), 0.049), free_path(h)
+    frames = Keyframes.of(h.imu(), 0.049)
+    q = quat_multiply(h.q[0], quat_chained(np.diff(h.t)[:, np.newaxis] * h.gyr[1:]))
     moving = np.ones(frames.gap.size, dtype=bool)
     assert quat_angle(between(frames, moving, q[frames.first], h.gyr), q).max() < 500 * 4 * EPS
     rng = np.random.default_rng(0)
@@ -262,28 +247,23 @@ def with_later(h, cut, rng):
     return h.imu(t=t, acc=acc, **changed)
 
 
-@pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
+@slow_as_python
 @pytest.mark.parametrize("lag", [0.0, 0.1, 0.7, 2.0])
 def test_a_lag_lets_nothing_later_change_an_estimate(lag):
     """To the bit, with declination; and what comes within the lag does change it, or the test could not fail."""
-    h = by_hand(8.0, 50.0, rest=((0.0, 1.5),), seed=5)
-    cut = 5.0
+    h, cut = by_hand(6.0, 50.0, rest=((0.0, 1.5),), seed=5), 4.0
     smoother = Smoother(frame="NED", params={"lag": lag, "declination": 0.1})
     whole = smoother.process(h.imu())
     other = smoother.process(with_later(h, cut, np.random.default_rng(0)))
-    cut_off = smoother.process(h.rows(h.t <= cut).imu())
     known = h.t <= cut - lag
-    for track in (other, cut_off):
-        rows = np.flatnonzero(known)
+    for track in (other, smoother.process(h.rows(h.t <= cut).imu())):
         for name in ("q_nb", "bias_b", "cov_b", "flags"):
-            assert (getattr(track, name)[rows] == getattr(whole, name)[rows]).all(), name
+            assert (getattr(track, name)[: known.sum()] == getattr(whole, name)[known]).all(), name
     if lag > 0.5:
-        assert (other.q_nb[~known] != whole.q_nb[~known]).any()
-        late = ~known & (h.t < cut)
-        assert (other.q_nb[late] != whole.q_nb[late]).any()
+        assert (other.q_nb[~known & (h.t < cut)] != whole.q_nb[~known & (h.t < cut)]).any()
 
 
-@pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
+@slow_as_python
 def test_a_field_that_comes_late_does_not_turn_what_was_before():
     """A heading that counts from a free zero is not turned by the declination of a field that nobody has seen yet."""
     h = by_hand(12.0, 50.0, seed=6)
@@ -296,7 +276,7 @@ def test_a_field_that_comes_late_does_not_turn_what_was_before():
     assert not (late.flags[h.t > 11.0] & flags.HEADING_FREE).any()
 
 
-@pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
+@slow_as_python
 def test_a_lag_brings_the_estimate_nearer_to_the_truth():
     """The same recordings with 2 s of lag, with 8 s and with all of it: the error falls by half and more each time.
 

@@ -1,0 +1,181 @@
+"""What the smoother without a lag is made of: doubts, weights of a field, what proves one, rest, and the level."""
+
+import math
+
+import numpy as np
+import pytest
+
+from plumbob import ImuData
+from plumbob.core.units import deg, dps
+from plumbob.filters.smoother import inertial, live, onward, standing
+from plumbob.filters.smoother.field import Reference, middle_of, share_of_rest, weights
+from plumbob.filters.smoother.inertial import calm, first_rest
+from plumbob.filters.smoother.keyframes import Keyframes
+from plumbob.filters.smoother.model import SIZE, Params
+from plumbob.filters.smoother.sweeps import COUNT, FIELD, FORCE, MEANS, Last
+from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate, rotvec_from_quat
+from tests.helpers.hand_motion import by_hand
+from tests.helpers.motion import slow_as_python
+from tests.helpers.smoother_pieces import arrived, place
+
+
+def test_what_is_lost_may_be_anything():
+    p, learned, state = np.eye(SIZE), np.ones(onward.LEARNED), standing.fresh()
+    onward.begin_anew(state, 7.0, p, learned)
+    assert (np.diag(p)[:3] == 1.0 + onward.ANY_ATTITUDE).all()
+    assert not learned.any()
+    assert (state[standing.JUMPED], state[standing.UNTIL]) == (7.0, 7.0 + standing.HOLDS)
+
+
+def compared(rate, turns, seconds=3.0, step=0.05):
+    """What contradicts a rate (3,), rad/s, of a unit that turns at another one: angles, rad, over time."""
+    state, angles = standing.fresh(), []
+    for k in range(round(seconds / step)):
+        back = quat_conjugate(quat_from_rotvec(np.asarray(turns) * (k + 0.5) * step))
+        seen = np.concatenate((quat_rotate(back, [0.0, 0.0, 9.81]), quat_rotate(back, [0.0, 20.0, -40.0]), np.empty(3)))
+        angles.append(math.sqrt(standing.stands(state, seen, np.asarray(rate), step, (k + 1) * step)))
+    return np.array(angles)
+
+
+def test_what_stands_still_contradicts_a_turn_by_what_that_would_have_moved():
+    """About x gravity moves by the whole angle and the field (0, 20, −40) too: √2 of it."""
+    none, rate = np.zeros(3), np.array([dps(4.0), 0.0, 0.0])
+    lag = 0.5 * standing.FIRST + standing.LATEST  # from the middle of the first mean to that of a fading one
+    assert compared(rate, none)[-1] == pytest.approx(math.sqrt(2.0) * dps(4.0) * (3.0 - lag), rel=0.02)
+    assert not compared(rate, rate).any()
+    assert not compared(rate, 0.8 * rate).any()  # it moved by more than a quarter
+    assert compared(rate, 0.2 * rate).any()
+    assert not compared(none, rate).any()
+
+
+def test_a_large_level_velocity_may_be_gravity_in_a_wrong_attitude():
+    """A tilt of ε adds g ε every second; with a memory of four seconds 1 m/s is usual."""
+    learned = np.zeros(onward.LEARNED)
+    learned[onward.EAST_SPEED] = 1.0
+    assert onward.unlikely_tilt(learned) == 0.0
+    learned[onward.NORTH_SPEED] = 9.80665 * 4.0 * deg(5.0)
+    assert math.sqrt(onward.unlikely_tilt(learned)) == pytest.approx(deg(5.0))
+
+
+def test_a_field_weighs_what_it_weighs_in_a_smoothed_recording():
+    """The same formula, step by step and for all at once."""
+    p, reference = Params(), Reference(20.0, -40.0, 1.0)
+    fields = np.array([0.0, 20.0, -40.0]) + np.random.default_rng(0).normal(0.0, [8.0, 8.0, 4.0], (200, 3))
+    expected = weights(reference, p, fields, np.zeros(200, dtype=bool), directed=True)
+    mean = np.zeros(MEANS)
+    mean[COUNT] = 5.0
+    for field, weight in zip(fields, expected, strict=True):
+        mean[FIELD : FIELD + 3] = field
+        assert onward.field_weight(mean, onward.Field.of(reference, p)) == pytest.approx(weight, rel=1e-12)
+    mean[COUNT] = 0.0
+    assert onward.field_weight(mean, onward.Field.of(reference, p)) == 0.0
+    assert onward.field_weight(mean, onward.Field.of(None, p)) == 0.0
+
+
+def test_the_speed_of_a_swing_is_learned():
+    """Of a cos(ωt) the speed is a/ω, here on one of two axes; it lasts about a period, 6 σ_v / σ_a = 6/ω."""
+    dt, omega, force = 0.05, 2.0 * math.pi * 1.0, 3.0
+    learned, mean, densities = np.zeros(onward.LEARNED), np.zeros(MEANS), []
+    for k in range(2000):
+        mean[FORCE] = dt * force * math.cos(omega * k * dt)
+        densities.append(onward.velocity_density(learned, mean, dt, 0.05, False))
+    speed2 = 0.25 * (force / omega) ** 2  # mean of ½ v²
+    assert np.mean(densities[-200:]) == pytest.approx(2.0 * 6.0 / omega * speed2, rel=0.1)
+    quiet = onward.velocity_density(np.zeros(onward.LEARNED), np.zeros(MEANS), dt, 0.05, False)
+    assert quiet == pytest.approx(2.0 * inertial.SHORTEST * 0.05**2)
+
+
+def test_what_proves_a_field_is_turning_in_it():
+    reference = Reference(20.0, -40.0, 1.0)
+    settled = live.Proven(reference, turning=30.0, rest=100.0)
+    assert settled.settled
+    assert settled.known(None, 0.0, 0.0).seen == pytest.approx(2.0 * 130.0)  # nothing turns: all that was seen
+    assert settled.known(None, 5.0, 0.0).seen == pytest.approx(2.0 * (30.0 + 24.0 - 10.0))
+    assert live.Proven(reference, turning=2.0, rest=100.0).known(None, 5.0, 0.0).seen == 0.0
+    lain = live.Proven(reference, turning=0.5, rest=100.0)
+    assert not lain.settled
+    lain.take(Reference(30.0, -30.0, 0.0), since=50.0)
+    assert lain.settled
+    assert lain.known(None, 5.0, 20.0).seen == pytest.approx(0.8 * 5.0)  # as much as the rest in the other one counts
+    assert lain.known(None, 5.0, 60.0).seen == 0.0  # which is not asked any more
+    assert Params().mag_spread * 3.0 < reference.apart(Reference(27.0, -40.0, 1.0))
+
+
+def test_a_heading_from_elsewhere_turns_all_that_lies_in_the_level():
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(SIZE, SIZE))
+    last = Last(quat_from_rotvec(np.array([0.1, -0.2, 0.3])), rng.normal(size=SIZE), root @ root.T)
+    learned = rng.normal(size=onward.LEARNED)
+    there, faster = Last(*(of.copy() for of in last)), learned.copy()
+    onward.turn_heading_by(0.7, *there, faster)
+    turn = rotvec_from_quat(quat_multiply(there.attitude, quat_conjugate(last.attitude)))
+    assert turn == pytest.approx([0.0, 0.0, 0.7], abs=1e-12)
+    level = slice(onward.EAST_SPEED, onward.NORTH_SPEED + 1)
+    turned = quat_rotate(quat_from_rotvec(np.array([0.0, 0.0, 0.7])), [*learned[level], 0.0])
+    np.testing.assert_allclose(faster[level], turned[:2], rtol=1e-12)
+    assert there.cov[2, 2] == pytest.approx(last.cov[2, 2])
+    assert np.trace(there.cov[:2, :2]) == pytest.approx(np.trace(last.cov[:2, :2]))
+    assert math.hypot(*there.state[6:8]) == pytest.approx(math.hypot(*last.state[6:8]))
+    onward.turn_heading_by(-0.7, *there, faster)
+    for before, back in zip((*last, learned), (*there, faster), strict=True):
+        np.testing.assert_allclose(before, back, rtol=0, atol=1e-10)
+
+
+def test_a_calm_window_that_ends_now_is_calm_later_than_one_around_now():
+    h = by_hand(20.0, rest=((5.0, 10.0),), seed=6)
+    frames, p = Keyframes.of(h.imu(), 0.049), Params()
+    stream, _ = arrived(h.imu())
+    around, (so_far, mean) = np.flatnonzero(calm(frames, p).quiet), stream.quiet(slice(0, stream.steps))
+    ends = np.flatnonzero(so_far)
+    for i in (0, -1):
+        late = frames.time[around[i] + 1] + 0.5 * p.rest_time
+        assert stream.time(ends[i] + 1) == pytest.approx(late, abs=0.11)
+    now = stream.time(ends[-1] + 1)
+    window = (h.t > now - p.rest_time) & (h.t <= now)
+    np.testing.assert_allclose(mean[ends[-1]], h.gyr[window].mean(axis=0), atol=deg(0.1))
+
+
+def still(seconds, rate_z, field):
+    """A unit whose gyroscope shows an even rate about the vertical, and a field (N, 3) over time, or none."""
+    t, rng = np.arange(0.0, seconds, 0.01), np.random.default_rng(7)
+    gyr = np.array([0.0, 0.0, rate_z]) + rng.normal(0.0, dps(0.05), (t.size, 3))
+    acc = np.array([0.0, 0.0, 9.81]) + rng.normal(0.0, 0.02, (t.size, 3))
+    mag = None if field is None else field(t) + rng.normal(0.0, 0.2, (t.size, 3))
+    return Keyframes.of(ImuData(t=t, gyr=gyr, acc=acc, mag=mag), 0.049)
+
+
+def test_a_field_that_jumps_at_rest_is_no_turn_and_one_that_goes_round_evenly_is():
+    """9 °/s, or a magnet that is put beside the unit and turns its field by as much as that in ten seconds."""
+    rate = dps(9.0)
+    even = still(10.0, rate, lambda t: place(t, rate * t))
+    jump = still(10.0, 0.0, lambda t: np.where(t[:, np.newaxis] < 6.0, place(t), place(t, 10.0 * rate)))
+    assert not calm(even, Params()).quiet.any()
+    assert calm(jump, Params()).quiet.mean() > 0.8
+
+
+@pytest.mark.parametrize(("seconds", "rests"), [(3.0, False), (12.0, True)])
+def test_a_calm_second_with_a_large_rate_about_gravity_is_a_turn_and_a_long_one_a_bias(seconds, rests):
+    """8 °/s is 1.6 of the bias's standard deviations, each of which takes 3 s of rest where no field tells."""
+    frames, p = still(seconds, dps(8.0), None), Params()
+    resting, bias = first_rest(calm(frames, p), p, frames.step)
+    assert resting.any() == rests
+    assert bias[2] == pytest.approx(dps(8.0) if rests else 0.0, abs=dps(0.05))
+
+
+@slow_as_python
+def test_all_rest_counts_no_more_than_most_of_the_turning():
+    frames = Keyframes.of(by_hand(60.0, rest=((0.0, 40.0),), seed=8).imu(), 0.049)
+    seen = inertial.level(frames, Params())
+    share = share_of_rest(frames, seen)
+    assert (share[~seen.resting] == 1.0).all()
+    turning = live.turning_time(frames, seen.sweep.bias[1:], seen.resting).sum()
+    assert (share * frames.step)[seen.resting].sum() == pytest.approx(0.8 * turning)
+
+
+def test_a_field_far_off_is_another_one_however_far_all_are_off():
+    """A reference that half of the fields miss by their own size is believed no wider than a fifth of it."""
+    assert Reference(30.0, -40.0, 60.0).spread(Params()) == pytest.approx(10.0)
+    assert Reference(30.0, -40.0, 2.0).spread(Params()) == pytest.approx(3.0)
+    values = np.array([4.0, 1.0, 3.0, 2.0])
+    middles = [middle_of(values, np.array(of)) for of in ([1.0] * 4, [10.0, 1.0, 1.0, 1.0], [1.0, 1.0, 3.0, 1.0])]
+    assert middles == [2.0, 4.0, 3.0]  # of their weight
