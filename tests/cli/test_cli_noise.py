@@ -5,9 +5,9 @@ import json
 import pytest
 
 from plumbob import NoiseCard, files
-from tests.helpers.commandline import ok
+from tests.helpers.commandline import answer, typed
 
-SIM = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--unit", "calibrated", "--duration", "20s")
+SIM = "--frame NED --sensors mpu6000+hmc5983 --unit calibrated --duration 20s"
 
 
 @pytest.fixture(scope="module")
@@ -15,65 +15,42 @@ def unit(tmp_path_factory):
     """A recording of a simulated unit, and the noise card of that unit."""
     folder = tmp_path_factory.mktemp("noise")
     recording, card = folder / "buoy.parquet", folder / "noise.json"
-    ok("sim", "buoy", *SIM, "--seed", 0, "--out", recording, "--noise-card", card)
+    typed(f"sim buoy {SIM} --seed 0 --out {recording} --noise-card {card}")
     return recording, card
 
 
-def test_run_takes_the_card_and_tells_what_the_filter_claims(unit, tmp_path):
+@pytest.mark.parametrize("suffix", ["parquet", "csv"])
+def test_run_takes_the_card_and_its_covariance_goes_through_a_file_to_the_evaluation(unit, tmp_path, suffix):
     recording, card = unit
-    track = tmp_path / "track.parquet"
-    words = ("run", recording, "--filter", "mekf", "--noise", card, "--out", track)
-    report = json.loads(ok(*words, "--json").stdout)
+    report = answer(f"run {recording} --filter mekf --noise {card} --out track.{suffix}", cwd=tmp_path)
     assert "gyr_noise=0.005 deg/s/rtHz," in report["filter"]  # 0.005 °/s/√Hz, sheet of the MPU-6000
     assert report["noise_card"].startswith("mpu6000+hmc5983 #0 (simulated")
-    assert set(report["claimed_sd_deg"]) == {"inclination", "heading"}
     assert all(0.0 < sd < 30.0 for sd in report["claimed_sd_deg"].values())
-    text = ok(*words, "--force").stdout
-    assert "noise card   mpu6000+hmc5983 #0" in text
-    sd = report["claimed_sd_deg"]
-    assert f"inclination {sd['inclination']:.3f}°, heading {sd['heading']:.3f}° (standard dev" in text
-    assert files.read(track).track.cov_b.shape == (2000, 3, 3)
-
-
-@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
-def test_a_covariance_goes_through_a_file_to_the_evaluation(unit, tmp_path, suffix):
-    recording, _ = unit
-    track = tmp_path / f"track{suffix}"
-    ok("run", recording, "--filter", "mekf", "--out", track)
-    told = json.loads(ok("eval", track, recording, "--json").stdout)
-    found = told["consistency"]
-    assert found["count"] + found["unusable"] == 2000 - told["samples"]["left_out"]["not_converged"]
-    assert told["samples"]["left_out"]["not_converged"] < 400
-    assert found["mean"] > 0.0
-
-
-def test_what_claims_nothing_says_nothing_and_a_free_heading_has_no_claim(unit):
-    recording, _ = unit
-    report = json.loads(ok("run", recording, "--filter", "mahony", "--json").stdout)
-    assert (report["claimed_sd_deg"], report["noise_card"]) == (None, None)
-    free = ok("run", recording, "--filter", "mekf", "--params", "mag=off").stdout
-    assert "heading unknown (standard deviations at the end)" in free
+    assert files.read(tmp_path / f"track.{suffix}").track.cov_b.shape == (2000, 3, 3)
+    judged = answer(f"eval track.{suffix} {recording}", cwd=tmp_path)
+    left_out = judged["samples"]["left_out"]["not_converged"]
+    assert judged["consistency"]["count"] + judged["consistency"]["unusable"] == 2000 - left_out > 1600
+    assert judged["consistency"]["mean"] > 0.0
+    nothing = answer(f"run {recording} --filter mahony")
+    assert (nothing["claimed_sd_deg"], nothing["noise_card"]) == (None, None)
 
 
 def test_benchmarks_give_the_card_to_those_that_take_one_and_say_so(unit, tmp_path):
     recording, card = unit
     (tmp_path / "a.parquet").write_bytes(recording.read_bytes())
-    told = "note: the noise card is for mekf, ekf7; mahony can take nothing from it"
-    done = ok("benchmark", "accuracy", tmp_path, "--filters", "mekf,mahony,ekf7", "--noise", card, "--json")
-    assert told in done.stderr
+    done = typed(f"benchmark accuracy . --filters mekf,mahony,ekf7 --noise {card} --json", cwd=tmp_path)
+    assert "note: the noise card is for mekf, ekf7; mahony can take nothing from it" in done.stderr
     settings = json.loads(done.stdout)["settings"]
-    assert "gyr_noise=0.005 deg/s/rtHz," in settings["mekf"]
-    assert "gyro_noise=0.005 deg/s/rtHz" in settings["ekf7"]
+    noisy = [name for name, text in settings.items() if "noise=0.005 deg/s/rtHz" in text]
+    assert noisy == ["mekf", "ekf7"]
 
 
 def test_a_unit_s_own_card_is_the_one_that_sim_writes(unit):
     """The card of seed 0 as a file, and the unit's own, run the same filter on the same samples."""
     _, card = unit
     assert NoiseCard.load(card).device == "mpu6000+hmc5983 #0"
-    words = ("benchmark", "scenario", "buoy", *SIM, "--seeds", 1, "--filters", "mekf,mahony", "--json")
-    own, file, without = (ok(*words, *more) for more in (("--noise", "own"), ("--noise", card), ()))
-    assert "the noise card is for mekf; mahony can" in own.stderr
-    own, file, without = (json.loads(done.stdout) for done in (own, file, without))
+    words = f"benchmark scenario buoy {SIM} --seeds 1 --filters mekf,mahony"
+    own, file, without = (answer(f"{words} {more}") for more in ("--noise own", f"--noise {card}", ""))
     assert own["seeds"] == file["seeds"]
     assert own["settings"] == file["settings"]
     assert own["settings"]["mekf"] != without["settings"]["mekf"]
@@ -82,9 +59,9 @@ def test_a_unit_s_own_card_is_the_one_that_sim_writes(unit):
 
 
 def test_the_simulator_takes_a_noise_card(unit, tmp_path):
-    _, card = unit
-    out, own = tmp_path / "x.parquet", tmp_path / "own.json"
-    words = ("sim", "static", "--frame", "NED", "--duration", "2s", "--noise", card)
-    assert "from the card of mpu6000+hmc5983 #0" in ok(*words, "--out", out, "--noise-card", own).stdout
-    assert NoiseCard.load(own).gyr.n_rpsd.tolist() == NoiseCard.load(card).gyr.n_rpsd.tolist()
-    assert any("noise of gyr, acc, mag from the card of" in note for note in files.read(out).notes)
+    words = f"sim static --frame NED --duration 2s --noise {unit[1]} --out x.parquet --noise-card own.json"
+    assert "from the card of mpu6000+hmc5983 #0" in typed(words, cwd=tmp_path).stdout
+    own, given = (NoiseCard.load(path) for path in (tmp_path / "own.json", unit[1]))
+    assert own.gyr.n_rpsd.tolist() == given.gyr.n_rpsd.tolist()
+    notes = files.read(tmp_path / "x.parquet").notes
+    assert any("noise of gyr, acc, mag from the card of" in note for note in notes)

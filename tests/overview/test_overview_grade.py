@@ -177,11 +177,11 @@ def test_bursts_are_the_clock_s_fault():
 
 def test_missing_sensors_cost_and_the_rest_at_the_start_is_seen():
     imu = good(10.0)
-    assert grade(ImuData(t=imu.t, gyr=imu.gyr, acc=imu.acc, meta=imu.meta))["sensors"].lost == 5.0
-    assert grade(ImuData(t=imu.t, acc=imu.acc, mag=imu.mag, meta=imu.meta))["sensors"].lost == 20.0
+    for lost, triads in ((5.0, ("gyr", "acc")), (20.0, ("acc", "mag"))):
+        values = {name: getattr(imu, name) for name in triads}
+        assert grade(ImuData(t=imu.t, **values, meta=imu.meta))["sensors"].lost == lost
     rest = simulate("static", frame="ENU", sensors="mpu6000", unit="calibrated", seed=1, duration=20.0).imu
-    assert grade(rest)["rest"].lost == 0.0
-    assert grade(rest)["rest"].value == pytest.approx(20.0, abs=1.0)
+    assert (grade(rest)["rest"].lost, grade(rest)["rest"].value) == (0.0, pytest.approx(20.0, abs=1.0))
 
 
 def test_several_units_have_their_grades_and_the_whole_that_of_the_worst():
