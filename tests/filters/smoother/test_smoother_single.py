@@ -6,14 +6,17 @@ import pytest
 import plumbob
 from plumbob import ImuData, ImuMeta, ImuSample
 from plumbob.core import flags
-from plumbob.core._jit import jit_disabled
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.filters.smoother import FixedLag
+from plumbob.filters.smoother.live import Live
 from tests.helpers.hand_motion import by_hand
-
-slow = pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
+from tests.helpers.motion import slow_as_python
 
 META = ImuMeta(declination=0.05, calibration="by hand", gyr_range=30.0)
+
+
+def samples(h):
+    return (ImuSample(round(t * 1e9), *v) for t, *v in zip(h.t, h.gyr, h.acc, h.mag, strict=True))
 
 
 def odd(h, name):
@@ -32,13 +35,10 @@ def odd(h, name):
     return gyr, acc, mag
 
 
-CASES = ("plain", "slow field", "held field", "missing", "stuck", "beyond", "gap")
-
-
-@slow
-@pytest.mark.parametrize("case", CASES)
+@slow_as_python
+@pytest.mark.parametrize("case", ["slow field", "held field", "missing", "stuck", "beyond", "gap"])
 def test_it_gives_the_bits_of_the_stream(case):
-    h = by_hand(8.0, seed=1, rest=((3.0, 6.0),))
+    h = by_hand(6.5, seed=1, rest=((3.0, 6.0),))
     h = h.rows((h.t < 4.0) | (h.t > 4.6)) if case == "gap" else h
     gyr, acc, mag = odd(h, case)
     t_ns = np.round(h.t * 1e9).astype(np.int64)
@@ -56,44 +56,40 @@ def test_it_gives_the_bits_of_the_stream(case):
     single.reset()
 
 
-def test_between_keyframes_samples_wait():
+def test_between_keyframes_samples_wait(monkeypatch):
     """Of five samples at 100 Hz four are no keyframe, 49 ms apart."""
-    h = by_hand(4.0, seed=1)
-    stream, taken = FixedLag(frame="ENU"), []
-    stream.take = None
-    whole, stream._take = stream._take, lambda data: taken.append(len(data)) or whole(data)
-    for i in range(h.t.size):
-        stream.update(ImuSample(round(h.t[i] * 1e9), h.gyr[i], h.acc[i], h.mag[i]))
+    h, taken, take = by_hand(4.0, seed=1), [], Live.take
+    monkeypatch.setattr(Live, "take", lambda self, data: taken.append(len(data)) or take(self, data))
+    stream = FixedLag(frame="ENU")
+    for sample in samples(h):
+        stream.update(sample)
     assert sum(taken) > h.t.size - 5
     assert len(taken) < 0.3 * h.t.size
     stream.reset()
 
 
 def test_time_that_does_not_run_on_is_flagged_until_it_is_clear_that_the_clock_was_set_back():
-    h = by_hand(2.0, seed=1)
-    stream, ns = FixedLag(frame="ENU"), [round(t * 1e9) for t in h.t]
-    for i in range(100):
-        stream.update(ImuSample(ns[i], h.gyr[i], h.acc[i], h.mag[i]))
+    stream, ahead = FixedLag(frame="ENU"), list(samples(by_hand(2.0, seed=1)))
+    for sample in ahead[:100]:
+        stream.update(sample)
     before = stream.q_nb
-    assert stream.update(ImuSample(ns[99], h.gyr[100], h.acc[100], h.mag[100])) & flags.TIME_FAULT
+    assert stream.update(ImuSample(ahead[99].t_ns, *np.split(ahead[100].values, 3))) & flags.TIME_FAULT
     assert (stream.q_nb == before).all()
-    late = [stream.update(ImuSample(ns[i] - 10**15, h.gyr[i], h.acc[i], h.mag[i])) for i in range(100, 106)]
+    late = [stream.update(ImuSample(s.t_ns - 10**15, *np.split(s.values, 3))) for s in ahead[100:106]]
     assert [bool(word & flags.TIME_FAULT) for word in late] == [True, True, False, False, False, False]
     stream.reset()
 
 
 def test_before_the_first_sample_and_after_a_reset_it_is_at_its_start():
     start = np.array([0.6, 0.0, 0.0, 0.8])
-    stream = plumbob.FixedLag(frame="NED", init=start)
-    h = by_hand(1.0, seed=1)
-    rows, first = list(zip(h.t, h.gyr, h.acc, h.mag, strict=True)), []
+    stream, words = plumbob.FixedLag(frame="NED", init=start), []
     for _ in range(2):
         assert (stream.q_nb == start).all()
         assert (stream.bias_b == 0.0).all()
         assert np.diag(stream.cov_b) == pytest.approx([np.radians(1.0) ** 2] * 3)
-        first.append([stream.update(ImuSample(round(t * 1e9), *v)) for t, *v in rows])
+        words.append([stream.update(sample) for sample in samples(by_hand(1.0, seed=1))])
         stream.reset()
-    assert first[0] == first[1]
+    assert words[0] == words[1]
 
 
 def test_what_cannot_be_is_refused_in_words():

@@ -5,23 +5,15 @@ import pytest
 
 from plumbob import AttitudeTrack, Frame, ImuMeta, North, estimate
 from plumbob.core import flags
-from plumbob.core._jit import jit_disabled
 from plumbob.core.units import deg
 from plumbob.filters import Start
 from plumbob.filters.offline import Stage, run_stage
 from plumbob.filters.smoother import FixedLag, Smoother
 from plumbob.filters.smoother.inertial import GIVEN
-from plumbob.rotations import (
-    change_frame,
-    quat_angle,
-    quat_from_euler_zyx,
-    quat_from_rotvec,
-    quat_multiply,
-)
+from plumbob.rotations import change_frame, quat_angle, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
 from plumbob.rotations.headings import claimed_sd
 from tests.helpers.hand_motion import CALIBRATED, by_hand, error_n
-
-slow = pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
+from tests.helpers.motion import slow_as_python
 
 LAGS = ({"lag": 0.0}, {"lag": 1.0}, {})
 
@@ -42,7 +34,7 @@ def followed(h, init, *, frame="ENU", mag=True, **params):
     return Smoother(frame=frame, params={**params, "mag": mag}, init=init).process(h.imu())
 
 
-@slow
+@slow_as_python
 @pytest.mark.parametrize("seed", range(3))
 def test_an_acceleration_at_the_start_is_no_gravity_where_the_attitude_is_given(seed):
     """Without one, the first half second is off by the 17° that 3 m/s² lean; see 1° of a given one."""
@@ -53,11 +45,11 @@ def test_an_acceleration_at_the_start_is_no_gravity_where_the_attitude_is_given(
     assert known.max() < np.degrees(2.0 * GIVEN)
 
 
-@slow
+@slow_as_python
 @pytest.mark.parametrize("params", LAGS, ids=str)
 @pytest.mark.parametrize("rest", [(), ((0.0, 20.0),)], ids=["moved", "rested"])
 def test_a_wrong_one_is_corrected_within_seconds_and_claims_nothing_that_it_does_not_know(params, rest):
-    h = by_hand(20.0, seed=1, rest=rest)
+    h = by_hand(12.0, seed=1, rest=rest)
     wrong = quat_multiply(quat_from_rotvec([deg(30.0), 0.0, 0.0]), h.q[0])
     track = followed(h, wrong, **params)
     off, claimed = tilt_deg(track, h), np.degrees(claimed_sd(track.q_nb, track.cov_b)[0])
@@ -68,11 +60,11 @@ def test_a_wrong_one_is_corrected_within_seconds_and_claims_nothing_that_it_does
     assert not said[h.t > 6.0].any()
 
 
-@slow
+@slow_as_python
 @pytest.mark.parametrize("params", LAGS, ids=str)
 @pytest.mark.parametrize("frame", list(Frame))
 def test_without_a_field_headings_count_from_the_given_one_and_their_uncertainty_grows(params, frame):
-    h = by_hand(20.0, seed=1)
+    h = by_hand(14.0, seed=1)
     start = change_frame(h.q[0], to=frame, from_=Frame.ENU)
     track = followed(h, start, frame=frame, mag=False, **params)
     assert track.north is North.MAGNETIC  # what headings of this recording count from, as for a filter
@@ -85,21 +77,18 @@ def test_without_a_field_headings_count_from_the_given_one_and_their_uncertainty
     assert (track.flags[-1] & flags.HEADING_FREE) != 0  # no magnetometer has set it
 
 
-@slow
+@slow_as_python
 @pytest.mark.parametrize("params", LAGS, ids=str)
 def test_behind_a_gap_a_given_heading_may_be_any(params):
-    h = by_hand(20.0, seed=1)
+    h = by_hand(13.0, seed=1)
     h = h.rows((h.t < 8.0) | (h.t > 10.0))
-    heading = claimed_sd(*_attitude(followed(h, h.q[0], mag=False, **params)))[1]
+    track = followed(h, h.q[0], mag=False, **params)
+    heading = claimed_sd(track.q_nb, track.cov_b)[1]
     assert heading[h.t < 8.0].max() < deg(20.0)
     assert heading[h.t > 10.0].min() > 3.0
 
 
-def _attitude(track):
-    return track.q_nb, track.cov_b
-
-
-@slow
+@slow_as_python
 def test_a_field_decides_the_heading_and_level_says_the_tilt_alone():
     h = by_hand(20.0, seed=1)
     turned = quat_multiply(quat_from_rotvec([0.0, 0.0, deg(40.0)]), h.q[0])
