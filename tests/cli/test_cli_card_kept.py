@@ -9,6 +9,7 @@ from plumbob import files
 from plumbob.cli.main import main
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.cards import UNITS, CalibrationCard, TriadCalibration
+from tests.helpers.commandline import table_of
 
 N = 4000
 
@@ -34,35 +35,20 @@ def calibrate(*words):
     return main(["calibrate", "gyro", "rest.parquet", "--out", "card.json", *words])
 
 
-@pytest.mark.parametrize(
-    ("before", "device", "words", "says"),
-    [
-        (("gyr",), "SN7", (), "card.json exists already and is not replaced"),
-        (
-            ("gyr", "acc", "mag"),
-            "SN7",
-            ("--force",),
-            "card.json has acc and mag, which this would lose; complete it with",
-        ),
-        (
-            ("gyr", "acc", "mag"),
-            "SN7",
-            ("--force", "--calibration", "acc.json"),
-            "card.json has mag, which this would lose",
-        ),
-        (("gyr",), "SN8", ("--force",), "card.json is the card of 'SN8', not of 'SN7'; name another file"),
-        (
-            ("gyr",),
-            "SN7",
-            ("--calibration", "card.json"),
-            "has gyr already. Name another file, or replace it with --force",
-        ),
-    ],
-)
-def test_a_card_that_has_more_or_is_of_another_unit_stays(folder, capsys, before, device, words, says):
-    before = saved(folder / "card.json", *before, device=device)
+KEPT = """
+gyr         | SN7 |                                 | card.json exists already and is not replaced
+gyr acc mag | SN7 | --force                         | card.json has acc and mag, which this would lose; complete it with
+gyr acc mag | SN7 | --force --calibration acc.json  | card.json has mag, which this would lose
+gyr         | SN8 | --force                         | card.json is the card of 'SN8', not of 'SN7'; name another file
+gyr         | SN7 | --calibration card.json         | has gyr already. Name another file, or replace it with --force
+"""
+
+
+@pytest.mark.parametrize(("parts", "device", "words", "says"), table_of(KEPT))
+def test_a_card_that_has_more_or_is_of_another_unit_stays(folder, capsys, parts, device, words, says):
+    before = saved(folder / "card.json", *parts.split(), device=device)
     saved(folder / "acc.json", "acc")
-    assert calibrate(*words) == 1
+    assert calibrate(*words.split()) == 1
     assert says in " ".join(capsys.readouterr().err.split())
     assert (folder / "card.json").read_bytes() == before
 

@@ -75,10 +75,11 @@ def test_each_recording_has_a_row_and_a_damaged_one_is_not_the_end(dataset):
     assert all(row["reason"] for row in done.rows() if row["verdict"] != "done")
 
 
-def test_bits_do_not_depend_on_the_number_of_processes(folder, dataset, tmp_path):
-    done = plumbob.batch(folder, tmp_path / "three", jobs=3, **SETTINGS)
-    assert done.counts == dataset[0].counts
-    assert parts(tmp_path / "three") == parts(dataset[1])
+def test_bits_do_not_depend_on_the_number_of_processes_or_threads(folder, dataset, tmp_path, monkeypatch):
+    for out, executable in (("processes", sys.executable), ("threads", "")):  # where no process can be started
+        monkeypatch.setattr(sys, "executable", executable)
+        assert plumbob.batch(folder, tmp_path / out, jobs=3, **SETTINGS).counts == dataset[0].counts
+        assert parts(tmp_path / out) == parts(dataset[1])
 
 
 def test_a_part_is_what_estimate_writes_and_a_row_what_report_and_evaluate_say(folder, dataset):
@@ -99,6 +100,9 @@ def test_a_part_is_what_estimate_writes_and_a_row_what_report_and_evaluate_say(f
     flags = {name: worst(one["flag"] for one in told) for name, told in by_channel(said).items()}
     assert row["grades"] == ", ".join(f"{name} {MEANING[flag]}" for name, flag in flags.items())
     assert row["grade"] == MEANING[worst(flags.values())]
+    record = json.loads((out / "_jobs/r1.parquet.json").read_text())
+    assert record["statistics"]["tilt"]["roll"]["std_deg"] == row["roll_std_deg"]
+    assert len(json.dumps(record)) < 20_000
 
 
 def by_channel(said):
@@ -266,13 +270,6 @@ def test_an_error_of_a_process_is_that_of_the_batch(folder, tmp_path):
     assert "run_job" in raised.value.__notes__[0]
 
 
-def test_where_no_process_can_be_started_threads_do_it(folder, dataset, tmp_path, monkeypatch):
-    monkeypatch.setattr(sys, "executable", "")
-    done = plumbob.batch(folder, tmp_path / "out", jobs=2, **SETTINGS)
-    assert done.counts == dataset[0].counts
-    assert parts(tmp_path / "out") == parts(dataset[1])
-
-
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="the system does not say what processors are given")
 @pytest.mark.parametrize(("processors", "children"), [({0}, 0), ({0, 1}, 2)])
 def test_by_default_there_are_as_many_processes_as_processors(folder, tmp_path, monkeypatch, processors, children):
@@ -432,13 +429,6 @@ def test_a_defect_fails_its_job_alone_and_is_tried_again(folder, tmp_path, monke
     assert plumbob.batch(files, tmp_path / "out", jobs=1, **SETTINGS).counts["done"] == 2
 
 
-def test_statistics_stand_in_the_records(dataset):
-    record = json.loads((dataset[1] / "_jobs/r1.parquet.json").read_text())
-    assert record["statistics"]["bursts"][0]["quality"]["gyr"]["flag"] in (1, 2, 3, 4, 9)
-    assert np.isfinite(record["statistics"]["tilt"]["roll"]["std_deg"])
-    assert len(json.dumps(record)) < 20_000
-
-
 @pytest.mark.long("starts a scheduler and two workers in processes of their own")
 def test_a_cluster_gives_the_same_bits(folder, dataset, tmp_path):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
@@ -450,21 +440,17 @@ def test_a_cluster_gives_the_same_bits(folder, dataset, tmp_path):
     assert parts(tmp_path / "out") == parts(dataset[1])
 
 
-def test_pipes_and_devices_are_damaged_and_never_read(tmp_path):
-    os.mkfifo(tmp_path / "pipe.csv")
-    (tmp_path / "endless.parquet").symlink_to("/dev/zero")
-    done = plumbob.batch(tmp_path, tmp_path / "dataset", **SETTINGS)
-    assert done.counts["damaged"] == 2
-    assert all("is not a regular file" in row["reason"] for row in done.rows())
-
-
-def test_a_file_of_a_recordings_suffix_is_a_row_whatever_is_in_it(tmp_path):
+def test_what_is_no_recording_is_a_row_or_left_out(tmp_path):
+    """Pipes and devices are never read; a file of a recording's suffix is a row, whatever is in it."""
     (tmp_path / "in").mkdir()
+    os.mkfifo(tmp_path / "in" / "pipe.csv")
+    (tmp_path / "in" / "endless.parquet").symlink_to("/dev/zero")
     (tmp_path / "in" / "empty.zip").write_bytes(b"")
     (tmp_path / "in" / "noise.ulg").write_bytes(np.random.default_rng(1).bytes(500))
     (tmp_path / "in" / "firmware.bin").write_bytes(b"no log of a flight")
     notes = []
-    done = plumbob.batch(tmp_path / "in", tmp_path / "out", filter="mekf", note=notes.append)
-    found = {row["recording"]: row["verdict"] for row in done.rows()}
-    assert found == {"empty.zip": "damaged", "noise.ulg": "refused"}
+    rows = plumbob.batch(tmp_path / "in", tmp_path / "out", filter="mekf", note=notes.append, jobs=1).rows()
+    damaged = dict.fromkeys(("pipe.csv", "endless.parquet", "empty.zip"), "damaged")
+    assert verdicts(rows) == damaged | {"noise.ulg": "refused"}
+    assert sum("is not a regular file" in row["reason"] for row in rows) == 2
     assert [note.rpartition(": ")[2] for note in notes if "left out" in note] == ["firmware.bin"]
