@@ -112,6 +112,7 @@ def test_an_error_that_is_not_scored_says_why(tmp_path):
     assert ("not scored   heading: " in free, "inclination rmse: 0.000°" in free) == (True, True)
 
 
+@pytest.mark.long(reason="compiles a filter in a process of its own; that it is said, the tests of the cache show")
 @pytest.mark.skipif(jit_disabled(), reason="nothing is compiled here")
 def test_the_first_run_on_a_cold_cache_says_why_it_waits(samples, tmp_path):
     words = ("run", samples / "sea.parquet", "--filter", "integrate_first_order")

@@ -156,21 +156,16 @@ def test_captures_that_are_none_leave_no_card(captures, tmp_path):
     assert not out.exists()
 
 
-def test_hand_motion_needs_an_accelerometer(tmp_path):
-    t, rng = np.arange(3000) / 100.0, np.random.default_rng(0)
-    gyro = ImuData(t=t, gyr=dps(0.1) * rng.standard_normal((t.size, 3)), meta=ImuMeta(device="unit 7"))
-    files.write(tmp_path / "gyro.parquet", gyro)
-    why = refused("calibrate", "gyro", tmp_path / "gyro.parquet", "--method", "hand")
-    assert "against the accelerometer, and there is no acc" in why
-
-
-def test_a_gyroscope_that_turns_against_the_accelerometer_is_told_first(captures, tmp_path):
+def test_a_gyroscope_without_its_accelerometer_or_against_it_is_refused(captures, tmp_path):
     session = hand(1)
     recording(tmp_path / "turned.parquet", session._replace(gyr=-session.gyr))
+    assert refusal("calibrate", "gyro", tmp_path / "turned.parquet") == ["implausible"]
     told = ok("calibrate", "accel", tmp_path / "turned.parquet").stderr
     assert "note: turned.parquet: gyroscope: it turns against the accelerometer" in told
-    assert refusal("calibrate", "gyro", tmp_path / "turned.parquet") == ["implausible"]
     assert ok("calibrate", "accel", captures / "hand.parquet").stderr == ""
+    files.write(tmp_path / "gyro.parquet", ImuData(t=session.t, gyr=session.gyr, meta=ImuMeta(device="unit 7")))
+    why = refused("calibrate", "gyro", tmp_path / "gyro.parquet", "--method", "hand")
+    assert "against the accelerometer, and there is no acc" in why
 
 
 def test_a_turning_table_is_no_rest_where_a_magnetometer_sees_it(tmp_path):

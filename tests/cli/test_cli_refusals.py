@@ -10,6 +10,8 @@ import pytest
 from tests.helpers.commandline import refused, table_of
 
 REFUSED = """
+run sea.parquet --filter mahony --out none/x.parquet | there is no folder none
+run sea.parquet --filter mahony --out . | is a folder
 run rest.parquet --filter mahony,vqf | run takes one filter
 run rest.parquet --filter mahony --frame NEU | NEU
 run rest.parquet --filter mahony --params gate=0.08 | needs a unit

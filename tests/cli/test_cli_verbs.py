@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from plumbob.cli.main import VERBS, build_parser
-from tests.helpers.commandline import answer, ok, plumbob, refused, table_of, typed
+from tests.helpers.commandline import answer, ok, refused, table_of, typed
 
 ROOT = Path(__file__).parents[2]
 KINDS = {
@@ -159,12 +159,3 @@ tune none.parquet --filter mahony --out a.toml
 def test_a_file_that_is_not_there_is_named_in_one_line(tmp_path, words):
     assert "none" in refused(*words.split(), cwd=tmp_path)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_place_that_cannot_be_written_is_one_line(samples, tmp_path):
-    for out, word in ((tmp_path / "none" / "x.parquet", "none"), (tmp_path, "is a folder")):
-        assert word in refused("run", samples / "sea.parquet", "--filter", "mahony", "--out", out)
-
-
-def test_help_says_what_3_means():
-    assert "3 done, but a recording is damaged" in plumbob("--help").stdout
