@@ -34,7 +34,7 @@ def lagged(**params):
 
 def test_attitudes_are_those_of_the_recording_to_the_bit_and_none_is_lost():
     """They come by the lag later, and no more than a part beyond: reads bring up to some tens of samples."""
-    line, found = through(reads(stream()), lagged())
+    line, found = through(reads(stream(4.0)), lagged())
     batch = run_stage(found.imu(calibrated=True), line.session.stage, frame=line.session.frame)
     for name in ("t", "q_nb", "bias_b", "cov_b", "flags"):
         np.testing.assert_array_equal(getattr(found.track(), name), getattr(batch, name))
@@ -48,7 +48,7 @@ def test_attitudes_are_those_of_the_recording_to_the_bit_and_none_is_lost():
 
 def test_a_recording_of_it_is_replayed_to_the_bit_and_text_has_the_times_of_its_attitudes(tmp_path):
     chosen = lagged()
-    _, live = through(reads(stream()), chosen, TextSink(tmp_path / "a.txt", 0.1), recording=tmp_path / "a.mcap")
+    _, live = through(reads(stream(4.0)), chosen, TextSink(tmp_path / "a.txt", 0.1), recording=tmp_path / "a.mcap")
     track, again = live.track(), replay(tmp_path / "a.mcap", session=chosen, check=True)
     assert again.comparison.equal
     assert again.comparison.compared == len(track)
@@ -61,7 +61,7 @@ def test_a_recording_of_it_is_replayed_to_the_bit_and_text_has_the_times_of_its_
 
 
 def test_what_waits_when_a_recorder_starts_again_is_given_before():
-    items = reads(stream())
+    items = reads(stream(4.0))
     half = len(items) // 2
     event = Event(items[half].t_ns, STARTED_AGAIN, "the recorder was away")
     later = [Received(item.t_ns + 10**9, item.data) for item in items[half:]]
@@ -76,10 +76,10 @@ def test_what_waits_when_a_recorder_starts_again_is_given_before():
 
 def test_without_a_lag_attitudes_come_with_their_samples_and_are_replayed_to_the_bit(tmp_path):
     chosen = lagged(lag="0 s")
-    _, live = through(reads(stream()), chosen, recording=tmp_path / "a.mcap")
+    _, live = through(reads(stream(4.0)), chosen, recording=tmp_path / "a.mcap")
     for part in live.parts:
         np.testing.assert_array_equal(part.track_ns, part.t_ns)
-    _, other = through(reads(stream(), seed=3), chosen)
+    _, other = through(reads(stream(4.0), seed=3), chosen)
     np.testing.assert_array_equal(live.track().q_nb, other.track().q_nb)  # however it was read
     assert replay(tmp_path / "a.mcap", session=chosen, check=True).comparison.equal
     batch = run_stage(live.imu(calibrated=True), chosen.stage, frame=chosen.frame)
@@ -87,7 +87,7 @@ def test_without_a_lag_attitudes_come_with_their_samples_and_are_replayed_to_the
 
 
 def test_a_stream_that_ends_at_once_has_attitudes_that_claim_nothing():
-    _, found = through(reads(stream())[:1], lagged())
+    _, found = through(reads(stream(4.0))[:1], lagged())
     assert len(found.track()) == len(found.t_ns) > 0
     assert through([], lagged())[1].track() is None
     with pytest.raises(ParameterError, match="cannot wait for the end, but lag is off"):

@@ -30,7 +30,7 @@ def start(path, items, offset=OFFSET):
 
 def two_starts(path, monkeypatch, *, reboot):
     """Two starts, the second 2 s later, in the midst of a frame; after a reboot by a clock that began an hour later."""
-    items = reads(stream())
+    items = reads(stream(4.0))
     half = len(items) // 2
     later = 2 * 10**9 - (HOUR if reboot else 0)
     monkeypatch.setattr(disk, "boot", lambda: "first")
@@ -87,9 +87,9 @@ def test_a_text_goes_on_as_the_recording_does(tmp_path):
 
 
 def test_another_session_goes_into_parts_of_its_own(tmp_path):
-    start(tmp_path / "a.mcap", reads(stream())[:50])
+    start(tmp_path / "a.mcap", reads(stream(4.0))[:50])
     other = session(session().texts["session.toml"].replace("bench 7", "bench 8"))
-    _, found = through(reads(stream())[:50], other, recording=tmp_path / "a.mcap", next_part=True)
+    _, found = through(reads(stream(4.0))[:50], other, recording=tmp_path / "a.mcap", next_part=True)
     assert "its session is another: parts from a.0002.mcap on are to be read apart" in found.events[0].text
     assert len(read_recorded(tmp_path / "a.0002.mcap").imu) > 0
     with pytest.raises(DecodeError, match="does not go on"):
@@ -122,7 +122,7 @@ class Full(Collected):
 
 
 def test_a_sink_that_fails_does_not_end_the_recording(tmp_path):
-    chosen, items, full, found = session(), reads(stream()), Full(), Collected()
+    chosen, items, full, found = session(), reads(stream(4.0)), Full(), Collected()
     recording_sink = RecordingSink(chosen, RecordSpec(str(tmp_path / "a.mcap"), reserve=0))
     run_stream(Stream(chosen), Handed(items), sinks=[full, found], recording=recording_sink)
     assert len(full.parts) == 4
