@@ -9,11 +9,11 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from plumbob import AttitudeTrack, Frame, ImuData, North, Recording, compare, simulate
-from plumbob.cli.main import main
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import deg, to_deg
 from plumbob.files import write
 from plumbob.rotations import change_frame, quat_angle, quat_conjugate, quat_from_euler_zyx, quat_rotate
+from tests.helpers.commandline import call, ok
 
 OFFSET, DRIFT = 37.3e-3, 50e-6
 Q_AB = quat_from_euler_zyx(np.array([deg(20.0), deg(-35.0), deg(110.0)]))
@@ -24,9 +24,8 @@ NOISE = {"gyr": 0.002, "acc": 0.03, "mag": 0.3}
 
 @cache
 def curves(scenario, duration):
-    imu = simulate(
-        scenario, frame="ENU", sensors="ideal", unit="calibrated", seed=1, rate=1000.0, duration=duration
-    ).imu
+    how = {"frame": "ENU", "sensors": "ideal", "unit": "calibrated", "seed": 1, "rate": 1000.0}
+    imu = simulate(scenario, **how, duration=duration).imu
     return {name: CubicSpline(imu.t, getattr(imu, name)) for name in NOISE}
 
 
@@ -152,25 +151,21 @@ def test_attitudes_are_judged_across_frames_with_tolerance():
 
 def test_what_cannot_be_compared_is_refused():
     a, _ = pair(duration=15.0)
-    with pytest.raises(ShapeError, match="nothing to compare"):
-        compare(a, track())
-    with pytest.raises(ParameterError, match="align knows"):
-        compare(a, a, align=["clock"])
-    with pytest.raises(ParameterError, match="share"):
-        compare(a, a, tolerance="1deg")
+    for other, how, error, words in (
+        (track(), {}, ShapeError, "nothing to compare"),
+        (a, {"align": ["clock"]}, ParameterError, "align knows"),
+        (a, {"tolerance": "1deg"}, ParameterError, "share"),
+    ):
+        with pytest.raises(error, match=words):
+            compare(a, other, **how)
 
 
-def test_command_line(tmp_path, capsys):
-    a, b = pair(duration=15.0)
-    for name, imu in (("a", a), ("b", b)):
-        write(tmp_path / f"{name}.parquet", Recording(imu=imu))
-    files = [str(tmp_path / "a.parquet"), str(tmp_path / "b.parquet")]
-    assert main(["compare", *files]) == 0
-    assert "time offset" in capsys.readouterr().out
-    assert main(["compare", *files, "--tolerance", "0", "--json"]) == 3
-    told = json.loads(capsys.readouterr().out)
-    assert told["mounting"]["euler_zyx_deg"] == pytest.approx([20.0, -35.0, 110.0], abs=0.5)
-    assert main(["compare", files[0], files[0], "--tolerance", "0"]) == 0
-    assert main(["compare", *files, "--align", "none", "--tolerance", "1%"]) == 3
-    assert main(["compare", *files, "--html", str(tmp_path / "c.html")]) == 0
+def test_command_line(tmp_path):
+    files = [write(tmp_path / f"{i}.parquet", Recording(imu=imu)) for i, imu in enumerate(pair(duration=15.0))]
+    told = call("compare", *files, "--tolerance", "0", "--json")
+    assert told.returncode == 3
+    assert json.loads(told.stdout)["mounting"]["euler_zyx_deg"] == pytest.approx([20.0, -35.0, 110.0], abs=0.5)
+    ok("compare", files[0], files[0], "--tolerance", "0")
+    assert call("compare", *files, "--align", "none", "--tolerance", "1%").returncode == 3
+    ok("compare", *files, "--html", tmp_path / "c.html")
     assert "Difference of each triad" in (tmp_path / "c.html").read_text()
