@@ -1,61 +1,46 @@
-"""plumbob benchmark accuracy with other libraries, as a user meets it."""
+"""plumbob benchmark accuracy with other libraries and changed recordings."""
 
-import json
 import sys
 
 import pytest
 
 from plumbob import Frame, files
-from plumbob.cli.main import main
 from plumbob.simulation import simulate
+from tests.helpers.commandline import answer, refused, typed
+
+WORDS = "benchmark accuracy a.parquet --filters"
 
 
-@pytest.fixture
-def folder(tmp_path):
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("accuracy")
     run = simulate("buoy", frame=Frame.ENU, sensors="ideal", unit="calibrated", seed=1, duration=10.0)
-    files.write(tmp_path / "a.parquet", files.Recording(imu=run.imu, track=run.truth, name="a"))
-    return str(tmp_path)
+    files.write(folder / "a.parquet", files.Recording(imu=run.imu, track=run.truth, name="a"))
+    return folder
 
 
-def run(capsys, *words):
-    """Exit code, standard output and standard error."""
-    code = main(["benchmark", "accuracy", *words])
-    return code, *capsys.readouterr()
-
-
-def test_json_has_the_peers_beside_our_filters(capsys, folder):
+def test_json_has_the_peers_beside_our_filters(folder):
     pytest.importorskip("vqf")
-    code, out, _ = run(capsys, folder, "--filters", "mahony,integrate", "--peers", "vqf", "--json")
-    found = json.loads(out)
-    assert code == 0
-    parts = {"settings", "align", "calibration", "trials", "mean", "skipped", "absent"}
-    assert set(found) == parts | {"changes", "folders", "coverage", "against", "differences", "better"}
+    result = answer(f"{WORDS} mahony,integrate --peers vqf", cwd=folder)
     names = {"mahony", "integrate", "vqf.VQF", "vqf.BasicVQF", "vqf.offlineVQF"}
-    assert set(found["settings"]) == set(found["trials"]["a"]) == set(found["mean"]) == names
+    assert set(result["settings"]) == set(result["trials"]["a"]) == set(result["mean"]) == names
     keys = {"total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg"}
-    assert all(set(errors) == keys for errors in found["mean"].values())
-    assert found["absent"] == {}
+    assert all(set(errors) == keys for errors in result["mean"].values())
+    assert result["absent"] == {}
 
 
-def test_peers_that_are_absent_are_named_and_the_others_run(capsys, folder, monkeypatch):
+def test_peers_that_are_absent_are_named_and_the_others_run(folder, monkeypatch):
     monkeypatch.setitem(sys.modules, "ahrs", None)  # Python's own way to say that there is none
-    code, out, _ = run(capsys, folder, "--filters", "mahony", "--peers", "ahrs")
-    assert code == 0
-    assert "\n- left out: ahrs: " in out
+    result = answer(f"{WORDS} mahony --peers ahrs", cwd=folder)
+    assert (list(result["mean"]), list(result["absent"])) == (["mahony"], ["ahrs"])
 
 
-def test_a_change_is_made_and_named_and_the_estimators_are_compared(capsys, folder):
-    words = (folder, "--filters", "mekf,vqf", "--against", "mekf", "--bias", "1dps", "--no-mag")
-    out = run(capsys, *words, "--align", "heading", "--calibrated")[1]
-    assert "changed     bias 1dps, no_mag, seed 1" in out
-    lines = out.splitlines()
-    head, trial, _, better = lines[
-        (at := lines.index("Total RMSE of mekf, and what others have more [°]") + 1) : at + 4
-    ]
+def test_a_change_is_made_and_named_and_the_estimators_are_compared(folder):
+    words = f"{WORDS} mekf,vqf --against mekf --bias 1dps --no-mag --align heading --calibrated"
+    lines = typed(words, cwd=folder).stdout.splitlines()
+    assert "changed     bias 1dps, no_mag, seed 1" in lines
+    at = lines.index("Total RMSE of mekf, and what others have more [°]") + 1
+    head, trial, _, better = lines[at : at + 4]
     assert head.split() == ["mekf", "vqf"]
     assert better.split() == ["better", "in", "1" if trial.split()[-1].startswith("-") else "0", "of", "1"]
-
-
-def test_a_start_behind_the_end_leaves_no_motion(capsys, folder):
-    code, out, err = run(capsys, folder, "--filters", "mahony", "--start", "20s")
-    assert (code, out, "there is no motion in it" in err) == (1, "", True)
+    assert "there is no motion in it" in refused(*f"{WORDS} mahony --start 20s".split(), cwd=folder)

@@ -138,13 +138,10 @@ def test_every_line_of_a_report(changes, line):
 
 
 def test_what_is_not_known_or_did_not_happen_is_not_told():
+    q = quat_from_euler_zyx(np.radians([[1.0, 2.0, 3.0], [-40.0, 25.0, 170.0]]))
+    shown = [attitude_of(SimpleNamespace(q_nb=q, frame=Frame.NED)), attitude_of(None)]  # the last one
+    assert shown == ["roll 170.00°, pitch 25.00°, yaw -40.00°", ""]
     names = {line[:12].strip() for line in report_lines(run_report(), "level")}
     assert names == {"samples", "bytes", "device clock", "calibration"}
     for changes in ({"duration_s": 59.9}, {"time": {"mode": "host"}}, {"time": {"drift_ppm": None}}):
         assert names - {line[:12].strip() for line in report_lines(run_report(**changes), "level")} == {"device clock"}
-
-
-def test_the_attitude_of_a_track_is_its_last_one():
-    q = quat_from_euler_zyx(np.radians([[1.0, 2.0, 3.0], [-40.0, 25.0, 170.0]]))
-    shown = [attitude_of(SimpleNamespace(q_nb=q, frame=Frame.NED)), attitude_of(None)]
-    assert shown == ["roll 170.00°, pitch 25.00°, yaw -40.00°", ""]
