@@ -1,5 +1,7 @@
 """A recording that is played: what is shown at a place is the file's sample at or before it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -26,6 +28,11 @@ def sea(tmp_path_factory):
     made = plumbob.simulate("buoy", frame="NED", sensors="mpu6000+hmc5983", unit="calibrated", seed=1, duration=100.0)
     files.write(path, files.Recording(imu=made.imu, track=made.truth, name="sea"))
     return path, made
+
+
+def row_at(imu, t):
+    """Row of the sample at or before a time."""
+    return max(0, np.searchsorted(imu.t, min(t, imu.t[-1]), side="right") - 1)
 
 
 def player(path, clock=None, **options):
@@ -55,35 +62,26 @@ def test_a_place_shows_the_sample_at_or_before_it(sea, position):
     shown, outlet = player(path, filter="vqf")
     shown.pause()
     shown.seek(position)
-    t = made.imu.t
-    row = max(0, np.searchsorted(t, min(position, t[-1]), side="right") - 1)
+    row = row_at(made.imu, position)
     assert outlet.resets == 1
-    assert outlet.rows("t")[-1] == t[row]
+    assert outlet.rows("t")[-1] == made.imu.t[row]
     assert outlet.column("gyr.z")[-1] == pytest.approx(np.degrees(made.imu.gyr[row, 2]), rel=1e-15)
     track = plumbob.estimate(path, "vqf").track
     assert outlet.column("vqf.roll")[-1] == to_deg(track.roll)[row]
     assert outlet.fields["attitudes"]["vqf"]["q_nb"] == track.q_nb[row].tolist()
 
 
-def test_the_minute_before_a_place_comes_with_it(sea):
+def test_the_minute_before_a_place_comes_with_it_and_waits_for_room(sea):
     path, made = sea
     shown, outlet = player(path, filter="vqf")
     shown.pause()
-    shown.seek(90.0)
-    t = made.imu.t
-    np.testing.assert_array_equal(outlet.rows("t"), t[(t >= 30.0) & (t <= 90.0)])
-
-
-def test_what_is_not_taken_yet_waits_for_room(sea):
-    path, made = sea
-    shown, outlet = player(path, filter="vqf")
     outlet.ready = False
-    shown.pause()
-    shown.seek(50.0)
+    shown.seek(90.0)
     assert not outlet.batches
     outlet.ready = True
     shown.tick()
-    assert outlet.rows("t")[-1] == made.imu.t[np.searchsorted(made.imu.t, 50.0, side="right") - 1]
+    t = made.imu.t
+    np.testing.assert_array_equal(outlet.rows("t"), t[(t >= 30.0) & (t <= 90.0)])
 
 
 def test_time_runs_with_the_speed_and_stands_in_a_pause(sea):
@@ -114,13 +112,29 @@ def test_time_runs_with_the_speed_and_stands_in_a_pause(sea):
     assert shown.position == 0.0
 
 
-@pytest.mark.parametrize("speed", [0.0, -1.0, 101.0, float("nan")])
-def test_other_speeds_are_refused(sea, speed):
-    shown, _ = player(sea[0], filter="vqf")
-    with pytest.raises(ParameterError, match=r"from 0\.1 to 100"):
-        shown.set_speed(speed)
-    with pytest.raises(ParameterError, match="number of seconds"):
-        shown.seek(float("nan"))
+def test_what_cannot_be_played_is_refused(sea, tmp_path):
+    path, bare, track = sea[0], tmp_path / "bare.parquet", tmp_path / "track.parquet"
+    imu = sea[1].imu
+    files.write(bare, files.Recording(imu=imu.corrected(meta=replace(imu.meta, frame=None)), name="bare"))
+    assert load(bare, frame="NED", filter="vqf").frame == "NED"
+    plumbob.estimate(path, "vqf", out=track)
+    shown, _ = player(path, filter="vqf")
+    for error, call, says in (
+        *((ParameterError, lambda v=v: shown.set_speed(v), r"from 0\.1 to 100") for v in (0.0, -1.0, 101.0, np.nan)),
+        (ParameterError, lambda: shown.seek(np.nan), "number of seconds"),
+        (FrameError, lambda: load(bare), "--frame"),
+        (ParameterError, lambda: load(path, filter="vqf", also=["vqf"]), "asked for twice"),
+        (ShapeError, lambda: load(track, "vqf"), "nothing to estimate from"),
+        *((ParameterError, lambda n=n: shown.remove(n), "was not added") for n in ("vqf", "mahony")),
+    ):
+        with pytest.raises(error, match=says):
+            call()
+    # a track alone is shown
+    shown, outlet = player(track)
+    shown.seek(10.0)
+    row = row_at(imu, 10.0)
+    assert [one.name for one in outlet.hellos[0].estimators] == ["recorded"]
+    assert outlet.column("recorded.pitch")[-1] == pytest.approx(to_deg(plumbob.estimate(path, "vqf").track.pitch)[row])
 
 
 def test_without_a_filter_it_is_smoothed_and_the_truth_is_the_reference(sea):
@@ -130,7 +144,7 @@ def test_without_a_filter_it_is_smoothed_and_the_truth_is_the_reference(sea):
     shown.seek(60.0)
     result = plumbob.estimate(path)
     errors = plumbob.evaluate(result.track, made.truth, declination="0 deg").errors
-    row = np.searchsorted(made.imu.t, 60.0, side="right") - 1
+    row = row_at(made.imu, 60.0)
     labels = {column.key: column.label for column in outlet.hellos[0].columns}
     quantity = "total" if labels["smoother.error"] == "error" else "inclination"
     assert outlet.column("smoother.error")[-1] == pytest.approx(np.degrees(errors[quantity][row]))
@@ -141,29 +155,11 @@ def test_an_estimator_is_added_and_removed(sea):
     shown.pause()
     shown.seek(40.0)
     shown.add("mahony")
-    assert (
-        outlet.column("mahony.roll")[-1]
-        == to_deg(plumbob.estimate(sea[0], "mahony").track.roll)[np.searchsorted(sea[1].imu.t, 40.0, side="right") - 1]
-    )
+    track = plumbob.estimate(sea[0], "mahony").track
+    assert outlet.column("mahony.roll")[-1] == to_deg(track.roll)[row_at(sea[1].imu, 40.0)]
     assert shown.position == 40.0
     shown.remove("mahony")
     assert not any("mahony" in column.key for column in outlet.hellos[-1].columns)
-    for name in ("vqf", "mahony"):
-        with pytest.raises(ParameterError, match="was not added"):
-            shown.remove(name)
-
-
-def test_a_track_alone_is_shown(tmp_path, sea):
-    path = tmp_path / "track.parquet"
-    plumbob.estimate(sea[0], "vqf", out=path)
-    shown, outlet = player(path)
-    shown.seek(10.0)
-    assert [one.name for one in outlet.hellos[0].estimators] == ["recorded"]
-    assert outlet.column("recorded.pitch")[-1] == pytest.approx(
-        to_deg(plumbob.estimate(sea[0], "vqf").track.pitch)[np.searchsorted(sea[1].imu.t, 10.0, side="right") - 1]
-    )
-    with pytest.raises(ShapeError, match="nothing to estimate from"):
-        load(path, "vqf")
 
 
 def test_events_come_at_their_time(tmp_path):
@@ -184,22 +180,6 @@ def test_events_come_at_their_time(tmp_path):
     ((t, kind, text),) = outlet.events
     assert (kind, text) == ("mark", "half way")
     assert 2.0 < t < 3.0
-
-
-def test_a_recording_without_a_frame_asks_for_one(tmp_path, sea):
-    from dataclasses import replace
-
-    path = tmp_path / "bare.parquet"
-    imu = sea[1].imu
-    files.write(path, files.Recording(imu=imu.corrected(meta=replace(imu.meta, frame=None)), name="bare"))
-    with pytest.raises(FrameError, match="--frame"):
-        load(path)
-    assert load(path, frame="NED", filter="vqf").frame == "NED"
-
-
-def test_one_estimator_is_not_shown_twice(sea):
-    with pytest.raises(ParameterError, match="asked for twice"):
-        load(sea[0], filter="vqf", also=["vqf"])
 
 
 def test_a_chain_that_is_played_stands_as_it_did(tmp_path):

@@ -1,5 +1,6 @@
 """A recording that starts and stops while the line runs: whole, replayed to the bit, and never over another file."""
 
+import itertools
 import json
 
 import numpy as np
@@ -11,7 +12,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.session.recording_sink import RecordingSink
 from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
-from plumbob.session.sinks import Collected
+from plumbob.session.sinks import Collected, TextSink
 from plumbob.session.stream import Stream
 from plumbob.viewer.commands import checked_name
 from plumbob.viewer.switch import Switch
@@ -20,28 +21,22 @@ from tests.helpers import live_samples
 MEKF = live_samples.SESSION.partition("[estimate]")[0] + '[estimate]\nfilter = "mekf"\n'
 
 
-class Done:
-    """Does something at a read, as commands do between two reads."""
-
-    def __init__(self, actions):
-        self._actions, self._reads, self.answers = dict(actions), 0, []
-
-    def __call__(self):
-        self._reads += 1
-        if self._reads in self._actions:
-            self.answers.append(self._actions[self._reads]())
-
-
 def switched(tmp_path, actions, text=MEKF, own=None, duration=10.0):
     """Run of a stream while a switch does what `actions` of it say at some reads; events, answers, and the switch."""
     session = live_samples.session(text)
     stream = Stream(session, covariance=True)
     sink = None if own is None else RecordingSink(session, RecordSpec(str(tmp_path / own)))
     switch, found = Switch(stream, tmp_path, sink), Collected()
-    done = Done(actions(switch))
+    reads, answers, at = itertools.count(1), [], actions(switch)
+
+    def each():
+        """As commands do between two reads."""
+        if (action := at.get(next(reads))) is not None:
+            answers.append(action())
+
     source = live_samples.Handed(live_samples.reads(live_samples.stream(duration)))
-    run_stream(stream, source, sinks=[found], recording=switch, each=done)
-    return switch, found, done.answers
+    run_stream(stream, source, sinks=[found], recording=switch, each=each)
+    return switch, found, answers
 
 
 def test_a_recording_made_on_the_way_is_whole_and_replays_to_the_bit(tmp_path):
@@ -71,19 +66,25 @@ def test_a_recording_made_on_the_way_is_whole_and_replays_to_the_bit(tmp_path):
     assert [event.kind for event in found.events] == ["recording", "mark", "recording"]
 
 
-def test_two_recordings_of_one_second_have_two_names(tmp_path):
-    switch, _, _ = switched(
+def test_two_recordings_of_one_second_have_two_names_and_a_text_is_written_while_it_is_asked_for(tmp_path):
+    switch, _, answers = switched(
         tmp_path,
         lambda switch: {
+            4: lambda: switch.write_text("t"),
             5: lambda: switch.record("a"),
             10: switch.stop,
             15: lambda: switch.record("a"),
             20: switch.stop,
+            30: switch.stop_text,
         },
     )
     first, second = (one["path"] for one in switch.recordings)
     assert first != second
-    assert all(plumbob.verify(one["path"]).whole for one in switch.recordings)
+    assert all(plumbob.verify(path).whole for path in (first, second))
+    lines = (tmp_path / answers[0].rpartition("/")[2]).read_text(encoding="utf-8").splitlines()
+    assert lines[1].startswith("t [s]\troll [deg]")
+    assert len(lines) > 20
+    assert switch.text is None
 
 
 def test_the_sessions_own_recording_begins_with_it(tmp_path):
@@ -93,14 +94,6 @@ def test_the_sessions_own_recording_begins_with_it(tmp_path):
     assert again.comparison.equal
     np.testing.assert_array_equal(again.track.q_nb, found.track().q_nb)
     assert switch.recordings[0]["acknowledged"] == switch.recordings[0]["rows"]
-
-
-def test_a_text_is_written_while_it_is_asked_for(tmp_path):
-    switch, _, answers = switched(tmp_path, lambda switch: {5: lambda: switch.write_text("t"), 30: switch.stop_text})
-    lines = (tmp_path / answers[0].rpartition("/")[2]).read_text(encoding="utf-8").splitlines()
-    assert lines[1].startswith("t [s]\troll [deg]")
-    assert len(lines) > 20
-    assert switch.text is None
 
 
 def test_what_cannot_be_done_is_refused_in_words(tmp_path):
@@ -129,27 +122,25 @@ def test_what_cannot_be_done_is_refused_in_words(tmp_path):
 def test_a_name_is_never_a_path(name):
     with pytest.raises(ParameterError, match="never a path"):
         checked_name(name)
-
-
-@pytest.mark.parametrize("name", ["sea", "Sea-2_b.1", "x" * 64])
-def test_other_names_are_taken(name):
-    assert checked_name(name) == name
+    for other in ("sea", "Sea-2_b.1", "x" * 64):
+        assert checked_name(other) == other
 
 
 def test_a_text_on_a_full_disk_ends_and_says_so(tmp_path, monkeypatch):
-    session = live_samples.session(MEKF)
-    stream = Stream(session)
+    class Full(TextSink):
+        def on_part(self, part):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("plumbob.viewer.switch.TextSink", Full)
+    stream = Stream(live_samples.session(MEKF))
     switch = Switch(stream, tmp_path)
     switch.write_text("t")
-
-    def full(part):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(switch._text, "on_part", full)
     part = next(filter(None, map(stream.feed, live_samples.reads(live_samples.stream(5.0)))))
     switch.on_part(part, 0)
     assert switch.text is None
-    assert "No space left" in switch.tick(0)[-1].text
+    (event,) = [one for one in switch.tick(0) if one.kind == "failed"]
+    assert "No space left" in event.text
+    switch.close()
 
 
 def test_events_of_a_stream_are_kept(tmp_path):
