@@ -16,7 +16,7 @@ from plumbob.files import read
 from tests.helpers import file_kinds as kinds
 from tests.helpers import log_samples as logs
 
-CUTS, COPIES = 15, 40
+CUTS, COPIES = 12, 30
 
 
 class Kind(NamedTuple):

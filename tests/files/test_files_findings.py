@@ -141,6 +141,7 @@ def test_right_rates_of_every_simulation(name, sensors):
 
 
 @needs("broad")
+@pytest.mark.long(reason="fifteen recordings of minutes; before every commit simulations stand for them")
 def test_right_rates_and_no_stuck_sensor_in_every_broad_trial():
     trials = [path for path in (DATA / "broad").iterdir() if path.suffix in {".mat", ".hdf5"}]
     assert len(trials) >= 15

@@ -37,7 +37,7 @@ BOTH = to_columns(CASES["both"])
 CONTENT = header.header_of(CASES["both"], list(BOTH))
 
 
-@examples(0.6)
+@examples(0.3)
 @given(gyr=BITS, acc=BITS, flags=hnp.arrays(np.uint32, ROWS), steps=st.lists(st.integers(1, 10**12), min_size=ROWS))
 def test_every_bit_pattern_comes_back(folder, gyr, acc, flags, steps):
     """Any 64 bits are a float64: NaN with any payload, −0, denormals, infinities."""
