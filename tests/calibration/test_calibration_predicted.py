@@ -30,12 +30,11 @@ def test_level_closed_forms():
     assert heading == pytest.approx(0.5 / np.sqrt(2.0) / (STRENGTH * np.cos(DIP)), rel=1e-12)
     assert tilt_sd(np.eye(3), covariance(p0=0.05), size=10.0, tilt_range=0.0) == pytest.approx(0.005, rel=1e-12)
     assert tilt_sd(np.eye(3), covariance(p2=0.05), size=10.0, tilt_range=0.0) == pytest.approx(0.0, abs=1e-15)
-
-
-def test_a_bias_counts_in_the_unit_of_the_measurement():
-    """A sensor that reads half needs a matrix of 2: its bias counts twice."""
-    once = heading_sd(np.eye(3), covariance(p1=0.3), size=STRENGTH, dip=DIP)
-    assert heading_sd(2.0 * np.eye(3), covariance(p1=0.3), size=STRENGTH, dip=DIP) == pytest.approx(2.0 * once)
+    # a sensor that reads half needs a matrix of 2: its bias counts twice
+    once, twice = (heading_sd(m * np.eye(3), covariance(p1=0.3), size=STRENGTH, dip=DIP) for m in (1.0, 2.0))
+    assert twice == pytest.approx(2.0 * once)
+    # a fit that determines nothing may leave negative variances by rounding
+    assert heading_sd(np.eye(3), -np.eye(12), size=50.0, dip=1.0, tilt_range=0.5) == np.inf
 
 
 def test_drawn_parameters_scatter_as_predicted():
@@ -52,11 +51,6 @@ def test_drawn_parameters_scatter_as_predicted():
         found.append(np.mean(np.arctan2(east, north) ** 2))
     predicted = heading_sd(matrix, root @ root.T, size=STRENGTH, dip=DIP)
     assert np.sqrt(np.mean(found)) == pytest.approx(predicted, rel=0.12)
-
-
-def test_a_covariance_of_nothing_predicts_nothing():
-    """A fit that determines nothing may leave negative variances by rounding."""
-    assert heading_sd(np.eye(3), -np.eye(12), size=50.0, dip=1.0, tilt_range=0.5) == np.inf
 
 
 def test_six_faces_and_twelve_edges_of_length_one():
@@ -78,13 +72,7 @@ def test_each_direction_is_in_its_own_region_and_so_is_what_is_near():
 
 def test_counts_and_names():
     counts = filled(np.array([[1, 0, 0], [2, 0.1, 0], [0, -3, 3.0]]))
-    assert counts[NAMES.index("+x")] == 2
-    assert counts[NAMES.index("−y+z")] == 1
-    assert counts.sum() == 3
+    assert (counts[NAMES.index("+x")], counts[NAMES.index("−y+z")], counts.sum()) == (2, 1, 3)
     assert names_of([0, 1]) == "+x, −x"
-
-
-def test_very_many_are_counted_evenly():
-    counts = filled(np.tile(REGIONS, (10_000, 1)))
-    assert (counts > 0).sum() >= 1
-    assert counts.sum() <= 40_000
+    many = filled(np.tile(REGIONS, (10_000, 1)))  # very many are counted evenly
+    assert (many > 0).sum() >= 1 and many.sum() <= 40_000

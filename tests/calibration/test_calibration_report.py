@@ -9,31 +9,71 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from plumbob.calibration import report
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason
-from plumbob.calibration.predicted import NAMES, region_of
-from plumbob.calibration.report import (
-    certificate,
-    coverage_figure,
-    numbers,
-    refusal_numbers,
-    refusal_text,
-    residual_figure,
-    sensing_axes,
-    temperature_figure,
-)
-from plumbob.core.units import deg, from_si, to_si
-from plumbob.data.cards import CalibrationCard, Mount
+from plumbob.calibration.predicted import NAMES, REGIONS, region_of
+from plumbob.core.units import deg, dps, from_si, g, to_si
+from plumbob.data.cards import CalibrationCard, Mount, Quality, TriadCalibration
 from plumbob.reporting.drawing import svg
 from plumbob.rotations import quat_from_euler_zyx
-from tests.helpers.certificate_samples import (
-    acc_calibration,
-    covariance,
-    gyr_calibration,
-    gyr_fit,
-    mag_calibration,
-    mag_fit,
-)
 from tests.helpers.page_battery import HOSTILE, Outline, PageBattery
+
+
+def covariance(bias_sd, matrix_sd):
+    return np.diag(np.r_[np.full(3, bias_sd), np.full(9, matrix_sd)] ** 2)
+
+
+def mag_calibration(**changes):
+    """Hard iron of 12.34, −5.6, 30 µT; the x axis reads 2 % too much, y points 1° towards x."""
+    response = np.array([[1.02, 0.0, 0.0], [np.sin(deg(1.0)), np.cos(deg(1.0)), 0.0], [0.0, 0.0, 1.0]])
+    given = {
+        "matrix": np.linalg.inv(response), "bias": [12.34, -5.6, 30.0], "unit_in": "uT", "unit_out": "uT",
+        "covariance": covariance(0.12, 0.002), "residual_rms": 0.25, "reference": 48.2, "method": "ellipsoid",
+        "date": "2026-11-20",
+        "quality": Quality(grade="fair", samples=300, outliers=3, regions=17, condition=45.6, heading_sd=deg(0.31),
+                           tilt_range=deg(45.0)),
+    }  # fmt: skip
+    return TriadCalibration(**given | changes)
+
+
+def gyr_calibration(**changes):
+    given = {
+        "matrix": np.diag([1.0004, 1.0, 0.9996]), "bias": dps(np.array([1.5, -0.25, 0.01])), "unit_in": "rad/s",
+        "unit_out": "rad/s", "covariance": covariance(dps(0.003), 4e-5), "bias_per_k": dps(np.array([[0.03, 0, -0.02],
+        [1e-3, 0, 0]])), "bias_per_k_sd": dps(np.full((2, 3), 5e-4)), "temp_span_c": (10.0, 45.0),
+        "g_sensitivity": dps(0.1) / g(1.0) * np.eye(3), "g_sensitivity_sd": dps(0.006) / g(1.0) * np.ones((3, 3)),
+        "residual_rms": dps(0.02), "method": "rate table",
+        "quality": Quality(grade="good", samples=42, scale_sd=4e-5),
+    }  # fmt: skip
+    return TriadCalibration(**given | changes)
+
+
+def acc_calibration(**changes):
+    given = {"matrix": np.eye(3), "bias": to_si(np.array([30.0, 0, -12]), "mg"), "unit_in": "m/s2", "unit_out": "m/s2"}
+    return TriadCalibration(**given | changes)
+
+
+def mag_fit(model, *, count=300, missing="+x−z", remarks=()):
+    """Samples of a field of 48.2 µT in every region but one, with noise of 0.25 µT and three planted outliers."""
+    rng = np.random.default_rng(7)
+    directions = rng.normal(size=(2 * count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    truth = 48.2 * directions
+    measured = truth @ np.linalg.inv(model.matrix).T + model.bias + 0.25 * rng.normal(size=truth.shape)
+    keep = region_of(measured - model.bias) != NAMES.index(missing)
+    measured = measured[keep][:count]
+    used = np.ones(len(measured), dtype=bool)
+    used[[10, 100, 200]] = False
+    measured[~used] += 20.0
+    residuals = np.linalg.norm((measured - model.bias) @ model.matrix.T, axis=1) - 48.2
+    return Fitted(model, measured, residuals, used, remarks)
+
+
+def gyr_fit(model, *, remarks=()):
+    rates = dps(50.0) * np.repeat(REGIONS, 2, axis=0)
+    residuals = dps(0.02) * np.random.default_rng(3).normal(size=rates.shape)
+    return Fitted(model, rates, residuals, np.ones(len(rates), dtype=bool), remarks)
+
 
 EPS = np.finfo(float).eps
 DIP = "the dip is 62.1° ± 0.3°."
@@ -56,7 +96,7 @@ def alone(name, model):
 
 
 def text_of(card, fits=()):
-    return certificate(card, dict(fits)).text()
+    return report.certificate(card, dict(fits)).text()
 
 
 def rows(text, label):
@@ -65,22 +105,19 @@ def rows(text, label):
     return [re.split(r"\s{2,}", line[len(label) :].strip()) for line in lines]
 
 
-# Sensing axes
-
-
 def test_planted_axes_are_found():
-    axes = sensing_axes(mag_calibration())
+    axes = report.sensing_axes(mag_calibration())
     assert axes.scale == pytest.approx([0.02, 0.0, 0.0], abs=8 * EPS)
     assert axes.misalignment == pytest.approx([0.0, deg(1.0), 0.0], abs=1e-12)  # √(1 − cos²) of 1° keeps 12 digits
     assert axes.skew == pytest.approx([-deg(1.0), 0.0, 0.0], abs=16 * EPS)  # y leans towards x: less than 90°
-    perfect = sensing_axes(acc_calibration())
+    perfect = report.sensing_axes(acc_calibration())
     assert not np.concatenate([perfect.scale, perfect.misalignment, perfect.skew]).any() and perfect.scale_sd is None
 
 
 def test_a_turned_triad_is_misaligned_but_not_skewed():
     """A turn by 2° about z moves x and y, keeps z and all angles between axes."""
     c, s = np.cos(deg(2.0)), np.sin(deg(2.0))
-    axes = sensing_axes(acc_calibration(matrix=[[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
+    axes = report.sensing_axes(acc_calibration(matrix=[[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
     assert axes.misalignment == pytest.approx([deg(2.0), deg(2.0), 0.0], abs=1e-12)
     assert np.array_equal((axes.scale, axes.skew), np.zeros((2, 3)))
 
@@ -99,13 +136,10 @@ def test_standard_deviations_of_the_gains_follow_the_matrix():
         slopes[:, k] = (up - down) / (2.0 * h)
     expected = np.sqrt(np.diag(slopes @ model.covariance[3:, 3:] @ slopes.T))
     # rounding eps/h and curvature h² of numbers near 1
-    assert sensing_axes(model).scale_sd == pytest.approx(expected, rel=10 * EPS / h)
-    axes = sensing_axes(acc_calibration(matrix=np.diag([0.5, 1.0, 2.0]), covariance=covariance(0.0, 1e-3)))
+    assert report.sensing_axes(model).scale_sd == pytest.approx(expected, rel=10 * EPS / h)
+    axes = report.sensing_axes(acc_calibration(matrix=np.diag([0.5, 1.0, 2.0]), covariance=covariance(0.0, 1e-3)))
     assert axes.scale == pytest.approx([1.0, 0.0, -0.5], abs=4 * EPS)
     assert axes.scale_sd == pytest.approx([4e-3, 1e-3, 2.5e-4], rel=8 * EPS)
-
-
-# Text and JSON
 
 
 def test_the_text_has_the_planted_numbers_in_units_of_data_sheets():
@@ -153,7 +187,7 @@ def test_terms_that_a_card_has_not_are_left_out():
     assert len(rows(many, "bias per K")) == 11 and "bias per K¹¹ [°/s/K¹¹]" in many
     mounted = replace(CARD, mount=replace(MOUNT, remarks=("nothing shows the heading.",)))
     assert text_of(mounted).endswith("\n- nothing shows the heading.")
-    assert numbers(mounted, {})["remarks"]["mount"] == ["nothing shows the heading."]
+    assert report.numbers(mounted, {})["remarks"]["mount"] == ["nothing shows the heading."]
 
 
 def test_a_matrix_that_was_not_fitted_is_not_shown_as_a_result():
@@ -164,7 +198,7 @@ def test_a_matrix_that_was_not_fitted_is_not_shown_as_a_result():
         text = text_of(card)
         assert rows(text, "matrix, scale, axes") == [["not found"] * 3]
         assert not re.search("row x|scale error|axis misalignment|non-orthogonality|residual", text)
-        figures = numbers(card, {})["figures"]["acc"]
+        figures = report.numbers(card, {})["figures"]["acc"]
         assert [figures[name] for name in ("matrix_sd", "scale", "scale_sd", "misalignment")] == [None] * 4
     assert rows(text, "bias [mg]") == [["30.0 ± 1.2", "0.0 ± 1.2", "-12.0 ± 1.2"]]
     assert rows(text, "bias [m/s²]") == [["0.294 ± 0.012", "0.000 ± 0.012", "-0.118 ± 0.012"]]
@@ -181,17 +215,17 @@ def test_sizes_before_and_after():
         model = mag_calibration(matrix=np.eye(3), bias=np.array([10.0, 0.0, 0.0]), reference=reference)
         fit = Fitted(model, measured, np.array([0.0, 0, 0, 450]), np.array([True, True, True, False]))
         card = alone("mag", model)
-        figures = numbers(card, {"mag": fit})["figures"]["mag"]
+        figures = report.numbers(card, {"mag": fit})["figures"]["mag"]
         assert figures["size_rms_before"] == pytest.approx(np.sqrt(np.mean(miss**2)), rel=1e-15)
         assert (figures["size_expected"], figures["size_rms_after"]) == (50.0, 0.0)
         # √((100 + 100 + 0.9805)/3) = 8.18496
         assert "8.18 µT rms before calibration, 0 µT after" in " ".join(text_of(card, {"mag": fit}).split())
-    figures = numbers(CARD, FITS)["figures"]["gyr"]  # a gyroscope has no size
+    figures = report.numbers(CARD, FITS)["figures"]["gyr"]  # a gyroscope has no size
     assert figures["size_expected"] is None and figures["size_rms_before"] is None
 
 
 def test_json_holds_the_card_and_figures():
-    said = json.loads(json.dumps(numbers(CARD, FITS), allow_nan=False))
+    said = json.loads(json.dumps(report.numbers(CARD, FITS), allow_nan=False))
     assert said["card"] == json.loads(CARD.text())
     assert said["refused"] == []
     assert said["remarks"] == {"mag": [DIP], "gyr": [], "mount": []}
@@ -200,7 +234,7 @@ def test_json_holds_the_card_and_figures():
     assert said["figures"]["mag"]["scale"] == pytest.approx([0.02, 0.0, 0.0], abs=1e-14)
     assert said["figures"]["mag"]["bias_sd"] == pytest.approx([0.12] * 3, rel=1e-15)
     assert said["figures"]["mount"]["yaw_pitch_roll"] == pytest.approx(np.radians([90.0, 2.0, -1.0]), abs=1e-15)
-    assert numbers(CARD, {})["figures"]["mag"]["size_rms_after"] is None
+    assert report.numbers(CARD, {})["figures"]["mag"]["size_rms_after"] is None
 
 
 def test_refusals():
@@ -208,19 +242,16 @@ def test_refusals():
         Reason("cone", "the field stays within 12° of a cone about z.", "Turn the unit about its other two axes too."),
         Reason("outliers", "12 % of 240 samples do not fit.", "Go outside."),
     )
-    assert refusal_text(refused).splitlines() == [
+    assert report.refusal_text(refused).splitlines() == [
         "REFUSED, cone; no card is made",
         "- cone: the field stays within 12° of a cone about z.",
         "  Turn the unit about its other two axes too.",
         "- outliers: 12 % of 240 samples do not fit.",
         "  Go outside.",
     ]
-    said = refusal_numbers(refused)
+    said = report.refusal_numbers(refused)
     assert [reason["kind"] for reason in said["refused"]] == ["cone", "outliers"]
-    assert said["card"] is None and set(said) == set(numbers(CARD, {}))
-
-
-# Page
+    assert said["card"] is None and set(said) == set(report.numbers(CARD, {}))
 
 
 @pytest.fixture(scope="module")
@@ -232,7 +263,7 @@ def text():
     acc = acc_calibration(method=HOSTILE)
     card = CalibrationCard(HOSTILE, "2026-11-21", HOSTILE, acc=acc, software=HOSTILE, mount=mount, **marked)
     fits = {"mag": mag_fit(marked["mag"], remarks=(HOSTILE,)), "gyr": gyr_fit(marked["gyr"], remarks=(HOSTILE,))}
-    return certificate(card, fits, recording=HOSTILE).page()
+    return report.certificate(card, fits, recording=HOSTILE).page()
 
 
 class TestPage(PageBattery):
@@ -241,7 +272,7 @@ class TestPage(PageBattery):
 
 def test_a_page_of_many_samples_says_what_the_text_says_and_is_small():
     """A gyroscope has no map of directions."""
-    page = certificate(CARD, FITS | {"mag": mag_fit(CARD.mag, count=100_000)}).page()
+    page = report.certificate(CARD, FITS | {"mag": mag_fit(CARD.mag, count=100_000)}).page()
     for part in ("12.34 ± 0.12", "−400 ± 40", "Gyroscope: GOOD", DIP, "unit 7", "<dt>not covered</dt><dd>+x−z</dd>"):
         assert part in page
     assert page.count("<svg") == 2 + 3 and "Directions covered: 17 / 18" in page and len(page) < 800_000
@@ -249,13 +280,12 @@ def test_a_page_of_many_samples_says_what_the_text_says_and_is_small():
 
 def test_a_card_alone_has_a_page_without_figures_and_needs_no_plots(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    page = certificate(CARD, {}, recording="a.mcap").write_html(tmp_path / "card.html").read_text(encoding="utf-8")
+    page = (
+        report.certificate(CARD, {}, recording="a.mcap").write_html(tmp_path / "card.html").read_text(encoding="utf-8")
+    )
     Outline(page)
     assert "<svg" not in page and "a.mcap" in page and DIP in page and "12.34" in page
-    assert page == certificate(CARD, {}, recording="a.mcap").page()
-
-
-# Figures
+    assert page == report.certificate(CARD, {}, recording="a.mcap").page()
 
 
 def axes_of(picture):
@@ -274,7 +304,7 @@ def test_the_map_keeps_areas_and_each_sample_has_its_place_in_its_hemisphere(cou
     fit = first(FITS["mag"], count)
     seen = (fit.measured - CARD.mag.bias)[fit.used]
     directions = seen / np.linalg.norm(seen, axis=1, keepdims=True)
-    picture = coverage_figure(fit)
+    picture = report.coverage_figure(fit)
     regions = set(region_of(seen).tolist())
     assert f"{len(regions)} / 18" in picture.caption
     for side, ax in zip((1.0, -1.0), axes_of(picture), strict=True):
@@ -297,7 +327,7 @@ def test_residuals_are_in_their_places_and_outliers_on_the_edge(count):
     """1.5 times the largest residual is the edge, also where all have one sign."""
     fit = first(FITS["mag"], count)
     for shown in (fit, replace(fit, residuals=-np.abs(fit.residuals))):
-        (ax,) = axes_of(residual_figure("mag", shown))
+        (ax,) = axes_of(report.residual_figure("mag", shown))
         dots = ax.get_lines()[0]
         places = np.flatnonzero(np.isfinite(dots.get_ydata()))
         assert dots.get_xdata()[places] == pytest.approx(np.flatnonzero(shown.used) + 1.0)
@@ -313,15 +343,15 @@ def test_residuals_are_in_their_places_and_outliers_on_the_edge(count):
 def test_a_gyroscope_is_drawn_in_degrees_per_second():
     """0.03 °/s/K and 0.001 °/s/K² about 25 °C: at 45 °C, x has left its bias by 0.03 · 20 + 0.001 · 400 = 1 °/s."""
     fit = FITS["gyr"]
-    (ax,) = axes_of(residual_figure("gyr", fit))
+    (ax,) = axes_of(report.residual_figure("gyr", fit))
     lines = [line.get_ydata() for line in ax.get_lines() if line.get_marker() == "."]
     assert np.stack(lines, axis=1) == pytest.approx(from_si(fit.residuals, "deg/s"))
     assert ax.get_ylabel() == "residual [°/s]"
-    x, *_ = axes_of(temperature_figure("gyr", fit.calibration))[0].get_lines()
+    x, *_ = axes_of(report.temperature_figure("gyr", fit.calibration))[0].get_lines()
     assert (x.get_xdata()[-1], x.get_ydata()[-1]) == pytest.approx((45.0, 1.0))
 
 
 def test_labels_of_a_picture_keep_their_digits():
     small = replace(FITS["mag"], residuals=FITS["mag"].residuals * 0.01)
-    labels = re.findall(r">(?:−|-)?(0\.\d+)</text>", svg(residual_figure("mag", small), salt="x"))
+    labels = re.findall(r">(?:−|-)?(0\.\d+)</text>", svg(report.residual_figure("mag", small), salt="x"))
     assert max(len(label) for label in labels) > len("0.00")

@@ -33,9 +33,8 @@ def session(faces, *, seed=0, noise=NOISE, tilt=0.0, coupling=COUPLING, rates=RA
             spin = dps(rate)
             nominal.append(spin * up)
             force.append(G0 * true)
-            measured.append(
-                bias + RESPONSE @ ((spin + earth) * true) + coupling @ (G0 * true) + rng.normal(0, noise, 3)
-            )
+            drifted = bias + coupling @ (G0 * true)
+            measured.append(drifted + RESPONSE @ ((spin + earth) * true) + rng.normal(0, noise, 3))
     return np.array(nominal), np.array(measured), np.array(force)
 
 
@@ -95,13 +94,6 @@ def test_a_tilt_that_is_larger_than_assumed_is_told_and_taken_into_the_covarianc
     assert not any("opposite" in remark for remark in fit(SIX, tilt=deg(0.1), seed=1).remarks)
 
 
-@pytest.mark.parametrize(("coupling", "parameters"), [(COUPLING, 21), (np.zeros((3, 3)), 12)])
-def test_auto_takes_the_model_that_the_session_shows(coupling, parameters):
-    found = fit(SIX, coupling=coupling, tilt=deg(0.1))
-    assert found.calibration.method.endswith(f"{parameters} parameters")
-    assert found.calibration.g_sensitivity.any() == (parameters == 21)
-
-
 def test_auto_seldom_sees_a_coupling_that_is_none():
     # The F-test is at 1 %: more than 4 of 75 have the chance 0.0009 (binomial), with drift as without.
     for drift in (0.0, 2.0 * NOISE):
@@ -112,6 +104,8 @@ def test_auto_seldom_sees_a_coupling_that_is_none():
 @pytest.mark.parametrize(
     ("faces", "options", "parameters", "remark"),
     [
+        (SIX, {"tilt": deg(0.1)}, 21, ""),
+        (SIX, {"tilt": deg(0.1), "coupling": np.zeros((3, 3))}, 12, ""),
         (SIX[:5], {}, 21, ""),  # as many faces as parameters leave nothing to tell coupling from drift
         ([SIX[0], SIX[1], SIX[2], SIX[4]], {}, 12, "4 faces are too few"),
         (THREE, {"rest": False}, 12, "g-sensitivity cannot be separated from the bias"),
@@ -122,7 +116,7 @@ def test_what_few_faces_leave_out_is_said(faces, options, parameters, remark):
     made = fit(faces, **options)
     assert made.calibration.method.endswith(f"{parameters} parameters")
     assert made.calibration.g_sensitivity.any() == (parameters == 21)
-    assert any(remark in text for text in made.remarks)
+    assert remark in " ".join(made.remarks)
 
 
 def test_the_latitude_takes_the_earths_rate_out_of_the_coupling():
@@ -131,9 +125,8 @@ def test_the_latitude_takes_the_earths_rate_out_of_the_coupling():
     unknown = fit(SIX, noise=0.0, earth=vertical)
     np.testing.assert_allclose(known.g_sensitivity, COUPLING, rtol=0, atol=1e-9 * dps(200.0) / G0)
     # without it, S times the Earth's rate along up is read as a coupling to up
-    np.testing.assert_allclose(
-        unknown.calibration.g_sensitivity - COUPLING, RESPONSE * vertical / G0, rtol=0, atol=1e-9 * dps(200.0) / G0
-    )
+    read = unknown.calibration.g_sensitivity - COUPLING
+    np.testing.assert_allclose(read, RESPONSE * vertical / G0, rtol=0, atol=1e-9 * dps(200.0) / G0)
     assert any("Earth's rate" in remark for remark in unknown.remarks)
 
 

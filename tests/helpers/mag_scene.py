@@ -126,10 +126,23 @@ def heading_rms(calibration, unit, *, tilt=TILTS):
     return float(np.sqrt(np.mean(np.arctan2(east, north) ** 2)))
 
 
-def within_one_sd(calibration, unit):
-    """Share of bias and matrix that lie within their standard deviation of the truth."""
+def in_sds(calibration, unit):
+    """Errors of bias and matrix in their standard deviations."""
     off = np.concatenate((calibration.bias - unit.bias, (calibration.matrix - unit.matrix).ravel()))
-    return float(np.mean(np.abs(off) < np.sqrt(np.diag(calibration.covariance))))
+    return off / np.sqrt(np.diag(calibration.covariance))
+
+
+def assert_honest(calibrations, units, bar):
+    """The median error of heading is below a bar, °; errors are as large as the covariance and the prediction say.
+
+    Of the 12 parameters of a calibration 3 count as independent; a heading error's square is as of chi-square with 3.
+    """
+    errors = np.array([heading_rms(made, unit) for made, unit in zip(calibrations, units, strict=True)])
+    assert np.degrees(np.median(errors)) <= bar
+    share = np.mean([np.abs(in_sds(made, unit)) < 1.0 for made, unit in zip(calibrations, units, strict=True)])
+    assert abs(share - 0.683) < 3.0 * np.sqrt(0.683 * 0.317 / (3 * len(errors)))
+    ratios = errors / [made.quality.heading_sd for made in calibrations]
+    assert abs(np.sqrt(np.mean(np.square(ratios))) - 1.0) < 3.0 / np.sqrt(2 * 3 * len(errors))
 
 
 def _direction(rng):

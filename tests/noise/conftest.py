@@ -15,72 +15,57 @@ PLANTED = {  # of an MPU-6000-like unit: N, B, K in the unit of data sheets
 }
 
 
-def sampled(quantity, count, seed):
-    """White noise, flicker and random walk (count, 3) and their coefficients inside."""
-    rng = np.random.default_rng(seed)
-    n, b, k = (to_si(value, unit) for unit, value in PLANTED[quantity])
-    axes = np.array([1.0, 1.1, 0.9])
-    samples = errors.white(errors.white_sd(n * axes, RATE), count, rng)
-    samples += errors.flicker(b * axes, count, rng) + errors.random_walk(k * axes, count, RATE, rng)
-    return samples, [{"N": n * f, "B": b * f, "K": k * f} for f in axes]
-
-
-def coefficients(truth, q_upper, r_upper):
-    """N to 0.4 %, B to +9 −7 %, K to ±35 %; no quantization and no ramp."""
-    return {
-        "Q": Coefficient(0.0, 0.0, 0.5 * q_upper, q_upper, observable=False),
-        "N": Coefficient(truth["N"], 0.996 * truth["N"], 1.004 * truth["N"], 1.007 * truth["N"]),
-        "B": Coefficient(truth["B"], 0.93 * truth["B"], 1.09 * truth["B"], 1.16 * truth["B"]),
-        "K": Coefficient(truth["K"], 0.65 * truth["K"], 1.35 * truth["K"], 1.6 * truth["K"]),
-        "R": Coefficient(0.1 * r_upper, 0.0, 0.5 * r_upper, r_upper, observable=False, hours=12.3),
-    }
-
-
 def analysis_of(name, quantity, samples, truth, **changes):
-    terms = coefficients(truth, q_upper=truth["N"] / 400.0, r_upper=truth["K"] / 60.0)
-    lines = {k: Coefficient(1.1 * truth[k]) for k in ("N", "B")}
+    """N to 0.4 %, B to +9 −7 %, K to ±35 %; no quantization and no ramp."""
+    n, b, k = (truth[letter] for letter in "NBK")
+    terms = {
+        "Q": Coefficient(0.0, 0.0, n / 800.0, n / 400.0, observable=False),
+        "N": Coefficient(n, 0.996 * n, 1.004 * n, 1.007 * n),
+        "B": Coefficient(b, 0.93 * b, 1.09 * b, 1.16 * b),
+        "K": Coefficient(k, 0.65 * k, 1.35 * k, 1.6 * k),
+        "R": Coefficient(k / 600.0, 0.0, k / 120.0, k / 60.0, observable=False, hours=12.3),
+    }
     given = {
-        "lines": Estimates("lines", lines),
-        "least_squares": Estimates("least squares", {**terms, "K": Coefficient(1.2 * truth["K"])}),
+        "lines": Estimates("lines", {"N": Coefficient(1.1 * n), "B": Coefficient(1.1 * b)}),
+        "least_squares": Estimates("least squares", {**terms, "K": Coefficient(1.2 * k)}),
         "likelihood": Estimates("likelihood", terms),
         **changes,
     }
     return Analysis(name, quantity, float(samples.mean()), float(samples.std()), curve(samples, 1.0 / RATE), **given)
 
 
-def make(count, quantities=("gyr", "acc"), seed=5, **changes):
-    found = []
-    for triad in quantities:
-        quantity = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION}[triad]
-        samples, truths = sampled(quantity, count, seed + len(found))
-        for axis in range(3):
-            of = (f"{triad} {'xyz'[axis]}", quantity, samples[:, axis], truths[axis])
-            found.append(analysis_of(*of, **(changes if axis == 0 else {})))
-    return found
-
-
-def rich():
-    """Everything else that an analysis can hold."""
-    return {
-        "mask": Mask(8, 6.25, "the device filters its output"),
-        "sinusoids": (Sinusoid(to_si(9.0, "deg/h"), to_si(0.4, "deg/h"), 12.5, 0.0004, 0.01),),
-        "markov": GaussMarkov(
-            Coefficient(to_si(5.0, "deg/h"), to_si(4.0, "deg/h"), to_si(6.5, "deg/h")), Coefficient(90.0, 60.0, 140.0)
-        ),
-        "candidates": (Candidate("N B K", -1234.5, True), Candidate("N B", -1200.25, False)),
-        "step": to_si(31.5, "deg/h"),
-        "notes": ("the first minute drifts <b>by</b> 3 °C",),
-    }
+def triad(name, quantity, seed, count=20_000, **changes):
+    """White noise, flicker and random walk with the planted coefficients, 1.1 and 0.9 of them; changes are of x."""
+    rng, axes = np.random.default_rng(seed), np.array([1.0, 1.1, 0.9])
+    n, b, k = (to_si(value, unit) for unit, value in PLANTED[quantity])
+    samples = errors.white(errors.white_sd(n * axes, RATE), count, rng)
+    samples += errors.flicker(b * axes, count, rng) + errors.random_walk(k * axes, count, RATE, rng)
+    return [
+        analysis_of(
+            f"{name} {axis}", quantity, column, {"N": n * f, "B": b * f, "K": k * f}, **(changes if axis == "x" else {})
+        )
+        for axis, column, f in zip("xyz", samples.T, axes, strict=True)
+    ]
 
 
 @pytest.fixture(scope="session")
 def analyses():
-    return make(20_000, **rich())
+    """Everything else that an analysis can hold, too."""
+    hour = to_si(1.0, "deg/h")
+    rich = {
+        "mask": Mask(8, 6.25, "the device filters its output"),
+        "sinusoids": (Sinusoid(9.0 * hour, 0.4 * hour, 12.5, 0.0004, 0.01),),
+        "markov": GaussMarkov(Coefficient(5.0 * hour, 4.0 * hour, 6.5 * hour), Coefficient(90.0, 60.0, 140.0)),
+        "candidates": (Candidate("N B K", -1234.5, True), Candidate("N B", -1200.25, False)),
+        "step": 31.5 * hour,
+        "notes": ("the first minute drifts <b>by</b> 3 °C",),
+    }
+    return triad("gyr", Quantity.RATE, 5, **rich) + triad("acc", Quantity.ACCELERATION, 8, **rich)
 
 
 @pytest.fixture(scope="session")
 def plain():
-    return make(20_000, ("gyr",))
+    return triad("gyr", Quantity.RATE, 5)
 
 
 @pytest.fixture(scope="session")

@@ -57,19 +57,15 @@ def test_single_factors_get_what_they_get_among_others_and_from_a_stream():
     assert (wide.lo < whole.lo).all() and (wide.hi > whole.hi).all()
 
 
-def test_the_interval_of_equal_weights_is_that_of_chi_square():
+def test_intervals_are_those_of_chi_square():
+    """Of equal weights; and n = N/2 is one square of a normal variable, between 0.0401 and 1.987 of its mean."""
     for freedom in (1.0, 2.5, 30.0):
-        lo, hi = interval(np.array([2.0]), np.array([freedom]), np.array([freedom]), 0.9)
-        assert lo[0] == pytest.approx(2.0 * math.sqrt(freedom / chi2.ppf(0.95, freedom)))
-        assert hi[0] == pytest.approx(2.0 * math.sqrt(freedom / chi2.ppf(0.05, freedom)))
-
-
-def test_a_single_difference_is_one_square():
-    """n = N/2: one square of a normal variable, between 0.0401 and 1.987 of its mean with 68.27 %."""
+        ends = np.ravel(interval(np.array([2.0]), np.array([freedom]), np.array([freedom]), 0.9))
+        assert ends == pytest.approx(2.0 * np.sqrt(freedom / chi2.ppf([0.95, 0.05], freedom)))
     one = curve(RATE[:, 0], 1.0, [SAMPLES // 2])
     assert one.edf[0] == pytest.approx(1.0)
-    assert one.dev[0] / one.lo[0] == pytest.approx(math.sqrt(chi2.ppf(0.5 + ONE_SIGMA / 2.0, 1)))
-    assert one.dev[0] / one.hi[0] == pytest.approx(math.sqrt(chi2.ppf(0.5 - ONE_SIGMA / 2.0, 1)))
+    ratios = [one.dev[0] / one.lo[0], one.dev[0] / one.hi[0]]
+    assert ratios == pytest.approx(np.sqrt(chi2.ppf([0.5 + ONE_SIGMA / 2.0, 0.5 - ONE_SIGMA / 2.0], 1)).tolist())
 
 
 def test_skewness_of_records_that_are_made_here():
@@ -170,10 +166,11 @@ def test_each_noise_by_its_own_deviation(kind):
         assert np.abs(alpha - level).max() < 0.5, level
 
 
-def test_straight_lines():
+def test_straight_lines_and_two_points():
     """σ ∝ τ^(−1/2), 1, τ^(1/2): white noise, flicker and random walk [Riley2008]."""
     for slope, alpha in ((-0.5, 0.0), (0.0, -1.0), (0.5, -2.0), (0.25, -1.5)):
         assert identify("oadev", LONG, N, 0.3 * N**slope)[30:] == pytest.approx(alpha, abs=0.01)
+    assert identify("oadev", LONG, [100, 200], [1.0, 1.0 / math.sqrt(2.0)]) == pytest.approx(0.0, abs=1e-3)
 
 
 def test_where_two_noises_meet():
@@ -215,4 +212,3 @@ def test_every_n_is_as_few_are():
     every = identify("oadev", 4096, n, dev)
     assert every.shape == n.shape
     assert np.abs(every[few - 1] - identify("oadev", 4096, few, dev[few - 1])).max() < 0.05
-    assert identify("oadev", LONG, [100, 200], [1.0, 1.0 / math.sqrt(2.0)]) == pytest.approx(0.0, abs=1e-3)
