@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from plumbob.core import flags, units
-from plumbob.core.errors import ShapeError
+from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode, title_of
 from plumbob.protocols.encode import encode
@@ -320,8 +320,15 @@ def test_an_unknown_packet_that_passes_its_check_is_counted_and_not_data():
 
 def test_a_request_is_one_frame_without_columns():
     assert encode(catalog.load("x5555"), {}, message="ping").tobytes() == bytes.fromhex("5555 504B 00 9EF4")
-    with pytest.raises(ShapeError, match="columns of rion"):
-        encode(catalog.load("rion"), {}, message="angles")
+    pair = {"pitch": [0.1], "roll": [0.1, 0.2]}
+    for columns, message, error, match in (
+        ({}, "angles", ShapeError, "columns of rion"),
+        (pair, "angles", ShapeError, "columns of rion"),
+        ({"yaw": [0.1]}, "angles", ParameterError, "message angles has no field 'yaw' to encode"),
+        ({}, "angle", ParameterError, "rion has no message 'angle'; known are"),
+    ):
+        with pytest.raises(error, match=match):
+            encode(catalog.load("rion"), columns, message=message)
 
 
 def test_an_angle_that_wraps_goes_round_instead_of_being_cut():

@@ -12,27 +12,29 @@ from plumbob.simulation import draw_module, preset, preset_names
 from plumbob.simulation.presets import ANGLES, FIGURES, MARKS, Figure
 
 DEG = math.pi / 180.0
-ALL = [(name, triad, figure) for name in preset_names() for triad, sheet in preset(name).triads.items()
-       for figure in sheet.figures]  # fmt: skip
 
 
 def si(name, triad, figure):
     return preset(name).triads[triad].figures[figure].si
 
 
-@pytest.mark.parametrize(("name", "triad", "figure"), ALL)
-def test_every_figure_has_value_unit_source_and_mark(name, triad, figure):
-    entry = preset(name).triads[triad].figures[figure]
-    assert figure in FIGURES
-    assert entry.mark in MARKS
-    assert preset(name).sources[entry.source].strip()
-    assert (entry.si > 0.0).all()
-    assert np.isfinite(entry.si).all()
-    numerator, *denominators = entry.unit.split(" per ")
-    assert unit(numerator) in UNITS.values()
-    assert all(d in {"rtHz", "rth"} or unit(d) in UNITS.values() for d in denominators)
-    # a figure that nobody has read somewhere says so
-    assert (entry.mark == "UNVERIFIED") == (entry.source in {"MEMORY", "BUOY", "ASSUMED"} or entry.source == "DS-5883")
+@pytest.fixture(scope="module")
+def drawn():
+    return [draw_module("mpu6000+hmc5983", seed) for seed in range(300)]
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_every_figure_has_value_unit_source_and_mark(name):
+    for figure, entry in (item for sheet in preset(name).triads.values() for item in sheet.figures.items()):
+        assert figure in FIGURES
+        assert entry.mark in MARKS
+        assert preset(name).sources[entry.source].strip()
+        assert (entry.si > 0.0).all() and np.isfinite(entry.si).all()
+        numerator, *denominators = entry.unit.split(" per ")
+        assert unit(numerator) in UNITS.values()
+        assert all(d in {"rtHz", "rth"} or unit(d) in UNITS.values() for d in denominators)
+        # a figure that nobody has read somewhere says so
+        assert (entry.mark == "UNVERIFIED") == (entry.source in {"MEMORY", "BUOY", "ASSUMED", "DS-5883"})
 
 
 @pytest.mark.parametrize(
@@ -148,8 +150,7 @@ def test_ideal_has_no_errors_at_all():
         assert np.isinf(triad.full_scale).all()
 
 
-def test_drawn_errors_fill_the_sheet_s_limits_evenly():
-    drawn = [draw_module("mpu6000+hmc5983", seed) for seed in range(300)]
+def test_drawn_errors_fill_the_sheet_s_limits_evenly(drawn):
     limits = {
         ("acc", "bias"): np.array([0.05, 0.05, 0.08]) * G0,
         ("gyr", "bias"): 20.0 * DEG,
@@ -164,8 +165,8 @@ def test_drawn_errors_fill_the_sheet_s_limits_evenly():
         np.testing.assert_allclose(values.mean(axis=0), 0.0, atol=4.0 / math.sqrt(3.0 * 300))
 
 
-def test_pick_up_between_axes_fills_its_limit():
-    m = np.array([draw_module("mpu6000", seed).gyr.misalignment for seed in range(100)])[:, ~np.eye(3, dtype=bool)]
+def test_pick_up_between_axes_fills_its_limit(drawn):
+    m = np.array([module.gyr.misalignment for module in drawn])[:, ~np.eye(3, dtype=bool)]
     assert np.abs(m).max() <= 0.02  # survey: ±2 %
     np.testing.assert_allclose(m.std(), 0.02 / math.sqrt(3.0), rtol=4.0 * 0.5 * math.sqrt(0.8 / m.size))  # uniform
 

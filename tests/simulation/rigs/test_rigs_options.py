@@ -109,14 +109,14 @@ def heading_off(said, true):
 @pytest.mark.parametrize(("name", "heading", "tilt"), [("rod", 0.2, 0.03), ("ring", 0.8, 0.2)])
 def test_references_err_by_what_is_stated(name, heading, tilt):
     off = []
-    for seed in range(40):
+    for seed in range(24):
         rig = make_rig(PLANS[name], load(name), seed=seed, duration=1.0, unit="calibrated")
         frames, _ = decode(rig.stream(), rig.form)
         said = [frames[name].columns[f"ref.{key}"] for key in ("heading", "pitch", "roll")]
         true = euler_zyx_from_quat(rig.units["ref"].truth.q_nb)
         off.append([heading_off(one[50], true[50, k]) for k, one in enumerate(said)])
     rms = np.sqrt(np.square(off).mean(axis=0))
-    np.testing.assert_allclose(rms, deg(np.array([heading, tilt, tilt])), rtol=0.45)  # 40 runs: 4 standard deviations
+    np.testing.assert_allclose(rms, deg(np.array([heading, tilt, tilt])), rtol=0.58)  # 24 runs: 4 standard deviations
 
 
 def test_a_perfect_reference_says_the_truth_to_half_a_count(tmp_path):
