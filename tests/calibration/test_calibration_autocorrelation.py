@@ -26,7 +26,7 @@ from tests.helpers.mag_scene import (
 )
 
 slow_without_jit = pytest.mark.skipif(jit_disabled(), reason="many captures take minutes as plain Python")
-CAPTURES = 10
+CAPTURES = 8
 ONE_VISIT = np.zeros(1, dtype=np.intp)
 
 

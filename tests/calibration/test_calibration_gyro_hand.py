@@ -138,7 +138,7 @@ def test_hand_motion_finds_it_with_a_calibrated_accelerometer_only(calibrated):
     assert any("depends on specific force" in remark for remark in fit.remarks)
 
 
-SESSION = hand(4)
+SESSION = hand(4, motions=16)
 NOISE = np.random.default_rng(0).standard_normal(SESSION.gyr.shape)
 RATE = np.abs(SESSION.gyr).max(axis=1)
 

@@ -22,7 +22,7 @@ def fitted(seed, *, count=1000, tilt=None, sd=0.2, step=0.073):
     ("scene", "bar", "trials"),
     [  # the project's study of calibrations, magnetometer table: acc+mag, with mounting; text below; tilt ≤ 25°
         ({}, 0.07, 8),
-        ({"count": 18, "sd": 0.02, "step": 0.0}, 0.27, 40),
+        ({"count": 18, "sd": 0.02, "step": 0.0}, 0.27, 24),
         ({"tilt": np.radians(25.0)}, 0.31, 8),
     ],
 )

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from benchmarks.harness.room import room_of
 from benchmarks.in_use import DIP as DIP_OF_SCENES
 from benchmarks.in_use import capture
 from plumbob.calibration.mag import fit_mag_in_use
@@ -11,9 +10,9 @@ from plumbob.calibration.mag.in_use_fit import fit_in_use
 from plumbob.calibration.mag.windows import SEGMENT
 from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD
 from plumbob.core.units import dps
-from plumbob.evaluation.many.trials import read_trial
 from plumbob.rotations import quat_from_rotvec, quat_rotate
 from tests.helpers import jit_disabled
+from tests.helpers.broad_rooms import room_at
 from tests.helpers.mag_scene import (
     DIP,
     FIELD_N,
@@ -31,7 +30,7 @@ from tests.helpers.mag_scene import (
 from tests.helpers.refusals import reasons
 
 RATE = 10.0
-TRIALS = 3 if jit_disabled() else 6
+TRIALS = 3 if jit_disabled() else 5
 
 
 def scene(seed, *, minutes=10.0, gain_sd=GAIN_SD, off=None, **motion):
@@ -133,9 +132,9 @@ def test_what_cannot_calibrate_is_refused(change, kind):
 )
 def test_real_recordings_agree_with_rates_of_the_reference(broad_folder, trial):
     """Optical attitudes have no errors of a gyroscope; the field is the same, which walks by degrees in a room."""
-    imu, reference = read_trial(broad_folder / trial)
+    imu, room = room_at(broad_folder / trial)
     found = fit_mag_in_use(imu.t, imu.mag, imu.gyr, acc=imu.acc, gyr_gain_sd=SHEET_GAIN_SD).calibration
-    assert room_of(imu, reference).heading_off(found) < 2.0 * found.quality.heading_sd
+    assert room.heading_off(found) < 2.0 * found.quality.heading_sd
 
 
 @pytest.mark.long(reason="two hours of a boat at 50 Hz")

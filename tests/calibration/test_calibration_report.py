@@ -256,26 +256,25 @@ def test_refusals():
 
 @pytest.fixture(scope="module")
 def text():
-    """A page in which every text that a user can give is hostile."""
+    """A page of many samples in which every text that a user can give is hostile."""
     hostile = {"method": HOSTILE, "remarks": (HOSTILE,)}
     marked = {name: replace(getattr(CARD, name), **hostile) for name in ("gyr", "mag")}
     mount = Mount([1.0, 0.0, 0.0, 0.0], **hostile)
     acc = acc_calibration(method=HOSTILE)
     card = CalibrationCard(HOSTILE, "2026-11-21", HOSTILE, acc=acc, software=HOSTILE, mount=mount, **marked)
-    fits = {"mag": mag_fit(marked["mag"], remarks=(HOSTILE,)), "gyr": gyr_fit(marked["gyr"], remarks=(HOSTILE,))}
+    fits = {
+        "mag": mag_fit(marked["mag"], count=100_000, remarks=(HOSTILE,)),
+        "gyr": gyr_fit(marked["gyr"], remarks=(HOSTILE,)),
+    }
     return report.certificate(card, fits, recording=HOSTILE).page()
 
 
 class TestPage(PageBattery):
-    pass
-
-
-def test_a_page_of_many_samples_says_what_the_text_says_and_is_small():
-    """A gyroscope has no map of directions."""
-    page = report.certificate(CARD, FITS | {"mag": mag_fit(CARD.mag, count=100_000)}).page()
-    for part in ("12.34 ± 0.12", "−400 ± 40", "Gyroscope: GOOD", DIP, "unit 7", "<dt>not covered</dt><dd>+x−z</dd>"):
-        assert part in page
-    assert page.count("<svg") == 2 + 3 and "Directions covered: 17 / 18" in page and len(page) < 800_000
+    def test_it_says_what_the_text_says_and_is_small(self, text):
+        """A gyroscope has no map of directions."""
+        for part in ("12.34 ± 0.12", "−400 ± 40", "Gyroscope: GOOD", "<dt>not covered</dt><dd>+x−z</dd>"):
+            assert part in text
+        assert text.count("<svg") == 2 + 3 and "Directions covered: 17 / 18" in text and len(text) < 800_000
 
 
 def test_a_card_alone_has_a_page_without_figures_and_needs_no_plots(tmp_path, monkeypatch):

@@ -63,12 +63,12 @@ def test_random_walk_and_quantization_are_exact_in_cosines():
 
 def test_flicker_noise_has_less_than_its_density_in_the_lowest_cosines():
     """0.774 at j = 1 by the closed form; the generator's finite past costs less than the 3 % added here."""
-    records = flicker(1024, np.random.default_rng(3), 1500)
+    records = flicker(1024, np.random.default_rng(3), 900)
     s = spectrum(records[0], 1.0)
     rows = densities(s)[LETTERS.index("B"), :16]
     ratio = mean_square(records)[1:17] / rows
     assert rows[0] * 2.0 * math.sin(0.5 * math.pi / 1024) == pytest.approx(0.774, abs=5e-4)
-    assert np.abs(ratio - 1.0).max() <= 4.0 * math.sqrt(2.0 / 1500) + 0.03
+    assert np.abs(ratio - 1.0).max() <= 4.0 * math.sqrt(2.0 / 900) + 0.03
 
 
 @pytest.mark.parametrize("time", [20.0, 400.0, 4000.0])

@@ -221,7 +221,7 @@ def text(analyses, bare):
     mask, candidates = Mask(2, 1.0, HOSTILE), (Candidate(HOSTILE, 1.0, True),)
     hostile = replace(bare, name=HOSTILE, notes=(HOSTILE,), mask=mask, candidates=candidates)
     hostile = replace(hostile, lines=Estimates(HOSTILE, {}))
-    made = report.datasheet([*analyses, hostile], facts=[("device", HOSTILE), (HOSTILE, "x")])
+    made = report.datasheet([*analyses[:3], hostile], facts=[("device", HOSTILE), (HOSTILE, "x")])
     return replace(made, parts=[*made.parts, fin_report(analyses)]).page()
 
 
@@ -347,10 +347,15 @@ def compared():
     return [Compared("gyr x", Quantity.RATE, compare(raw, smooth, 0.1))]
 
 
+@pytest.fixture(scope="module")
+def page_of_comparison(compared):
+    return report.comparison([compared[0]._replace(name=HOSTILE)], facts=[(HOSTILE, HOSTILE)]).page()
+
+
 class TestComparisonPage(PageBattery):
     @pytest.fixture
-    def text(self, compared):
-        return report.comparison([compared[0]._replace(name=HOSTILE)], facts=[(HOSTILE, HOSTILE)]).page()
+    def text(self, page_of_comparison):
+        return page_of_comparison
 
 
 def test_a_comparison_has_both_deviations_and_their_ratio(compared, tmp_path):

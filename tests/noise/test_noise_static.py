@@ -66,7 +66,7 @@ def noises(rng, count):
 @pytest.mark.skipif(PLAIN, reason="takes minutes without compiled kernels")
 @pytest.mark.parametrize(
     ("dt", "rounds"),
-    [(DT, 6), (1.0, 3), (0.05, 3), (5e-4, 3), pytest.param(DT, 34, marks=pytest.mark.long(reason="seconds"))],
+    [(DT, 4), (1.0, 2), (0.05, 2), (5e-4, 2), pytest.param(DT, 34, marks=pytest.mark.long(reason="seconds"))],
 )
 def test_noise_is_not_refused(dt, rounds):
     """27 channels a round; if one in a hundred were refused, none of 900 would be in e⁻⁹ of such tests, 1e-4."""
