@@ -394,7 +394,7 @@ def _sqlite(path: Path, bag: Bag, content: bytes | None = None) -> None:
             tables.execute("PRAGMA trusted_schema = OFF")
             tables.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(_HEAD, 64 << 20))
             _messages_of(tables.execute, bag)
-    except (sqlite3.Error, OverflowError) as error:
+    except (sqlite3.Error, OverflowError, UnicodeDecodeError) as error:  # a damaged name is not UTF-8
         raise DecodeError(f"its SQLite tables are damaged, or not those of rosbag2: {error}.") from error
 
 
