@@ -1,37 +1,22 @@
 """The fin paper [Ou2017]: its printed forms fail as stated, closed forms hold, records go through bytes and text."""
 
 import math
-import re
 
 import numpy as np
 import pytest
 
-from plumbob.papers.fin import ITEMS, algorithm, attitude, estimation, experiment, forms, records, swimming, system
+from plumbob.papers.fin import algorithm, estimation, experiment, forms, records, swimming, system
 from plumbob.papers.work import Work
-from plumbob.reporting.style import Both, said
 from plumbob.simulation import simulate
-from tests.helpers.labels import labels, texts
+from tests.helpers.papers import by_key, english_alone, unmet
 
-SYMBOLS = r"ADXRS\d+ [xyz]|ADXRS\d+|\d+[xyz]|σ.*|0xFFFF.*|/\(πfT\)²?|f ≤ f0?"
+SYMBOLS = r"0xFFFF.*|ADXRS\d+ [xyz]|ADXRS\d+|\d+[xyz]|σ.*|/\(πfT\)²?|f ≤ f0?"
 """What has no other word in Chinese: names, and symbols with their units."""
 
 
 @pytest.fixture(scope="module")
 def work(tmp_path_factory):
     return Work(tmp_path_factory.mktemp("fin"), 1)
-
-
-@pytest.fixture(scope="module")
-def algorithm_part(work):
-    return algorithm.part(work, lambda _: None, 12)
-
-
-def without_chinese(report):
-    """Words that a page says in English alone."""
-    plain = {
-        text for text in (*texts(report), *labels(report)) if not isinstance(text, Both) and said(text, "zh") == text
-    }
-    return {text for text in plain if re.search(r"[A-Za-z]{3,}", text) and not re.fullmatch(SYMBOLS, text)}
 
 
 def test_printed_sums_make_white_noise_look_like_quantization():
@@ -47,15 +32,12 @@ def test_printed_sums_make_white_noise_look_like_quantization():
         assert white.at_second(reading) == pytest.approx(math.sqrt(500.0) / 500.0, rel=0.1)
 
 
-def test_printed_sum_has_no_term_at_half_of_the_record():
+def test_every_sum_is_that_of_the_definition_but_the_printed_one_at_half_of_the_record():
+    """Bar of papers 000: 1e-12."""
     rates = np.random.default_rng(1).standard_normal(100)
     assert math.isnan(forms.allan_sum(rates, 50, "moving"))
     halves = rates.reshape(2, 50).mean(axis=1)
     assert forms.allan_sum(rates, 50) == pytest.approx(abs(halves[1] - halves[0]) / math.sqrt(2.0), rel=1e-12)
-
-
-def test_every_factor_against_sums_of_the_definition():
-    """Bar of papers 000: 1e-12."""
     rates = np.random.default_rng(2).standard_normal(5000) + 3.0
     assert forms.every_sum(rates, np.arange(1, 2501, 50)) <= 1e-12
 
@@ -77,13 +59,14 @@ def test_rounding_a_rate_is_not_quantization_noise():
     assert found.angle == pytest.approx(-1.0, abs=0.02)
 
 
-def test_all_bars_of_the_algorithm(algorithm_part):
+def test_all_bars_of_the_algorithm(work):
     """Percentages of Table 1 and their T, units, integrals, sums: as papers 000 states them."""
-    _, outcomes = algorithm_part
-    assert not [one.key for one in outcomes if not one.met]
-    by = {one.key: one for one in outcomes}
+    report, outcomes = algorithm.part(work, lambda _: None, 12)
+    assert unmet(outcomes) == set()
+    by = by_key(outcomes)
     assert by["eq7"].faithful == pytest.approx(6.2989, abs=1e-4)
     assert by["interval.B.453z"].faithful == pytest.approx(1.7321, abs=5e-5)
+    assert english_alone(report, SYMBOLS) == set()
 
 
 def test_words_of_the_chips(work):
@@ -91,8 +74,8 @@ def test_words_of_the_chips(work):
     assert system.word(work.folder, "s16") == pytest.approx(-0.0125)
     assert system.word(work.folder, "u16") == pytest.approx(819.1875)
     report, outcomes = system.part(work, records.COUNT)
-    assert not [one.key for one in outcomes if not one.met]
-    assert without_chinese(report) == set()
+    assert unmet(outcomes) == set()
+    assert english_alone(report, SYMBOLS) == set()
 
 
 def test_per_axis_integrals_diverge_and_the_quaternion_does_not():
@@ -104,48 +87,35 @@ def test_per_axis_integrals_diverge_and_the_quaternion_does_not():
     assert swimming.coning() <= 1e-3
 
 
-def test_clipping_is_flagged(work):
-    """papers 000: peaks of 126 and 121 °/s at 1 Hz."""
+def test_clipping_is_flagged_and_a_high_pass_takes_the_angle_away(work):
+    """papers 000: peaks of 126 and 121 °/s at 1 Hz; a turn of 90° and a hold read 0.00° behind 0.011 Hz."""
     cut = swimming.clipped(work)
     assert cut.peaks[:2] == pytest.approx([126.0, 121.0], abs=0.5)
     assert cut.missed == 0
     assert cut.share > 0.3
-
-
-def test_a_high_pass_takes_the_angle_away():
-    """papers 000: a turn of 90° and a hold read 0.00° behind 0.011 Hz."""
     assert swimming.turned_without_noise(0.011) == pytest.approx(0.0, abs=0.005)
 
 
 def test_records_keep_their_values_through_bytes_and_text(work):
     """What the frame rounds to 1/200 and 1/80 °/s, and nothing else."""
     rates = records.drawn(records.THREE, np.random.default_rng(4), 10_000)
+    again = records.drawn(records.THREE, np.random.default_rng(4), 10_000)
+    assert np.array_equal(rates, again)  # the same seed draws the same bits
     found = records.analysed(records.sent(work, "short", rates).recording)
     assert found.lost == 0.0
     assert [a.curve.n.size for a in found.noise.analyses] == [5000] * 3
     report, outcomes = experiment.part(dict.fromkeys(("table", "parts", "three"), found))
-    assert {one.key for one in outcomes if not one.met} == {"allan.n"}  # of a shorter record
-    assert without_chinese(report) == set()
-
-
-def test_the_same_seed_draws_the_same_bits():
-    twice = [records.drawn(records.TABLE_1, np.random.default_rng(5), 500) for _ in range(2)]
-    assert np.array_equal(*twice)
+    assert unmet(outcomes) == {"allan.n"}  # of a shorter record
+    assert english_alone(report, SYMBOLS) == set()
 
 
 def test_estimators_on_a_few_records(work):
     """Least squares and likelihood find Q and N to a percent; the paper's lines do not."""
     report, outcomes = estimation.part(work, lambda _: None, 6, long=False)
-    by = {one.key: one for one in outcomes}
+    by = by_key(outcomes)
     assert max(by["three.Q.bias"].best, by["three.N.bias"].best) < 1.0
     assert min(by["three.Q.bias"].faithful, by["three.N.bias"].faithful) > 5.0
-    assert without_chinese(report) == set()
-
-
-def test_pages_speak_chinese(algorithm_part):
-    report, outcomes = algorithm_part
-    assert without_chinese(report) == set()
-    assert all(one.what.zh != one.what[:] for one in outcomes)
+    assert english_alone(report, SYMBOLS) == set()
 
 
 def test_angles_error_by_term():
@@ -163,9 +133,3 @@ def test_temperature_page_and_warm_up_are_of_one_unit():
         "static", frame="NED", sensors=unit, unit="random", seed=1, duration=220.0, warm_up=swimming.WARM_UP
     )
     assert made.imu.temp_c[-1] - 25.0 == pytest.approx(15.0 * (1.0 - math.exp(-220.0 / 120.0)), abs=0.01)
-    assert attitude.NAMES["yaw"].zh == "偏航角"
-
-
-def test_every_item_says_where_or_why():
-    assert len(ITEMS) == 23
-    assert all(one.by or one.reason for one in ITEMS)

@@ -14,7 +14,7 @@ import pytest
 import plumbob
 from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError
 from plumbob.papers.outcome import Outcome, at_least, at_most, restored, table
-from plumbob.papers.reproduce import DEFINITIONS, NAMES, TITLES, _alone, items, reproduce
+from plumbob.papers.reproduce import DEFINITIONS, NAMES, TITLES, items, reproduce
 from plumbob.papers.work import Work
 from plumbob.reporting import Report
 from plumbob.reporting.style import Both, said
@@ -46,20 +46,16 @@ def test_a_verdict_follows_from_the_bars(how, verdict):
     assert outcome(**how).verdict == verdict
 
 
-@pytest.mark.parametrize(
-    "how", [{"faithful": None}, {"best_bar": at_most(1.0)}, {"reproducible": False}], ids=["value", "bar", "reason"]
-)
-def test_an_outcome_that_says_nothing_is_refused(how):
-    with pytest.raises(ParameterError):
-        outcome(**how)
-
-
-def test_an_outcome_reaches_another_process_whole():
+def test_an_outcome_says_something_reaches_another_process_whole_and_is_json():
+    for how in ({"faithful": None}, {"best_bar": at_most(1.0)}, {"reproducible": False}):
+        with pytest.raises(ParameterError):
+            outcome(**how)
     one = outcome(best=0.5, best_bar=at_most(1.0), reason=Both("noise", "噪声"))
     again = restored(json.loads(json.dumps(one.stored())))
     assert again == one
-    assert again.what.zh == "误差"
-    assert again.reason.zh == "噪声"
+    assert (again.what.zh, again.reason.zh) == ("误差", "噪声")
+    told = outcome(faithful=math.nan, best=math.inf).summary()
+    assert (told["faithful"], told["best"]) == (None, None)
 
 
 def test_a_text_in_both_languages_is_read_in_each():
@@ -68,49 +64,42 @@ def test_a_text_in_both_languages_is_read_in_each():
     assert said(both, "en") == "error"
     assert said(both, "zh") == "误差"
     assert said(str(both), "zh") == "误差"  # a plot's label goes through str
+    (row,) = table([outcome(best=0.5, best_bar=at_most(1.0), faithful=0.012345)]).rows
+    assert row == ["Fig 8", "error", "°", "9.60", "0.0123", "0.500 (≤ 1)", "pass"]
     page = Report(both, facts=[(both, both)], remarks=[both], tables=[table([outcome()])]).page(lang="zh")
     assert "error" not in page.partition("</style>")[2]
     assert page.count("误差") == 6  # title twice, name and value, remark, row of the table
 
 
-def test_a_table_shows_values_with_their_bars():
-    (row,) = table([outcome(best=0.5, best_bar=at_most(1.0), faithful=0.012345)]).rows
-    assert row == ["Fig 8", "error", "°", "9.60", "0.0123", "0.500 (≤ 1)", "pass"]
-
-
-def test_what_cannot_be_run_is_refused(tmp_path):
-    with pytest.raises(ParameterError, match="'fish' is not a paper; known are fin, buoy, trackball, arm, rod, or all"):
-        reproduce("fish")
-    with pytest.raises(ParameterError, match="jobs must be a whole number of at least 1"):
-        reproduce("fin", jobs=0, out=tmp_path)
-    with pytest.raises(ParameterError, match="seed must be a whole number"):
-        reproduce("fin", seed=-1, out=tmp_path)
+def test_what_cannot_be_run_is_refused_before_any_work(tmp_path, monkeypatch):
     (tmp_path / "own.txt").write_text("mine")
-    with pytest.raises(ParameterError, match="is not empty"):
-        reproduce("fin", out=tmp_path)
-    with pytest.raises(ParameterError, match=r"seed must be a whole number of at least 0, but it is 1\.5"):
-        reproduce("fin", seed=1.5, out=tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["own.txt"]
-
-
-def test_without_matplotlib_it_says_so_before_any_work(tmp_path, monkeypatch):
+    for name, how, says in (
+        ("fish", {}, "'fish' is not a paper; known are fin, buoy, trackball, arm, rod, or all"),
+        ("fin", {"jobs": 0}, "jobs must be a whole number of at least 1"),
+        ("fin", {"seed": -1}, "seed must be a whole number"),
+        ("fin", {"seed": 1.5}, r"seed must be a whole number of at least 0, but it is 1\.5"),
+        ("fin", {}, "is not empty"),
+    ):
+        with pytest.raises(ParameterError, match=says):
+            reproduce(name, **how, out=tmp_path)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(MissingExtraError, match="the pages' figures need matplotlib"):
         reproduce("fin", out=tmp_path / "pages")
-    assert not (tmp_path / "pages").exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["own.txt"]
 
 
 def alone(monkeypatch, code):
     """Make each paper's process run this code, with the paper's name as `name`."""
-    started = []
+    started, popen = [], subprocess.Popen
 
-    def start(*words):
-        command = [sys.executable, "-c", f"import sys, time, os; name = sys.argv[1]\n{code}", *words]
-        started.append(subprocess.Popen(command, stderr=subprocess.PIPE, encoding="utf-8"))
+    def start(words, **how):
+        assert words[:4] == [sys.executable, "-P", "-m", "plumbob.papers.alone"]
+        command = [sys.executable, "-c", f"import sys, time, os; name = sys.argv[1]\n{code}", *words[4:]]
+        started.append(popen(command, **how))
         return started[-1]
 
-    monkeypatch.setattr("plumbob.papers.reproduce._alone", start)
+    monkeypatch.setattr(subprocess, "Popen", start)
     return started
 
 
@@ -142,13 +131,6 @@ def test_the_first_paper_that_fails_ends_all(tmp_path, monkeypatch, end, told):
     assert all(process.poll() is not None for process in started)
 
 
-def test_a_module_in_the_folder_of_work_does_not_hide_ours(tmp_path, monkeypatch):
-    (tmp_path / "random.py").write_text("raise SystemExit('not this one')")
-    monkeypatch.chdir(tmp_path)
-    process = _alone("fish", str(tmp_path), "1", "en")
-    assert "not this one" not in process.communicate()[1]
-
-
 def test_what_is_not_recorded_whole_is_refused(tmp_path, monkeypatch):
     """As on a disk that is full: a figure of what is left would be wrong."""
 
@@ -161,17 +143,6 @@ def test_what_is_not_recorded_whole_is_refused(tmp_path, monkeypatch):
         Work(tmp_path).recorded("rod", "x", duration=0.1)
 
 
-def test_a_value_that_is_not_finite_is_null_in_json():
-    told = outcome(faithful=math.nan, best=math.inf).summary()
-    assert told["faithful"] is None
-    assert told["best"] is None
-
-
-def test_it_is_the_same_function_by_every_name():
-    assert plumbob.reproduce is reproduce
-    assert set(TITLES) == set(NAMES)
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_every_item_is_done_or_has_its_reason(name):
     """The files that an item names exist, and the outcomes are on the page of the papers."""
@@ -182,12 +153,7 @@ def test_every_item_is_done_or_has_its_reason(name):
         assert set(re.findall(r"\[([\w.-]+)\]", item.by)) <= known, item
         for path in re.findall(r"`((?:src|tests|benchmarks|examples|website|docs)/[^\s`]*)`", item.by):
             assert (ROOT / path).exists(), (item.what, path)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_page_of_the_papers_has_every_item(name):
-    """Otherwise: make papers."""
-    assert "\n".join(items_lines(name)) in PAGE.read_text(encoding="utf-8")
+    assert "\n".join(items_lines(name)) in PAGE.read_text(encoding="utf-8")  # otherwise: make papers
 
 
 def test_the_table_of_the_readme_has_figures_of_the_page_of_the_papers():
@@ -195,3 +161,4 @@ def test_the_table_of_the_readme_has_figures_of_the_page_of_the_papers():
     text = README.read_text(encoding="utf-8")
     assert readme(text, PAGE.read_text(encoding="utf-8")) == text
     assert text.count("\n| rod | ") == 2
+    assert plumbob.reproduce is reproduce and set(TITLES) == set(NAMES)

@@ -1,7 +1,6 @@
 """The trackball paper's tests: records are what they should be, figures follow from theory, and misprints fail."""
 
 import math
-import re
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg, dps, to_dps
 from plumbob.filters.channel_scalar import ramp_lag, steady_gain
 from plumbob.noise import deviation
-from plumbob.papers.outcome import Item
 from plumbob.papers.trackball import ITEMS, misprints, recorded, static
 from plumbob.papers.trackball.found import Found
 from plumbob.papers.trackball.page import page
@@ -32,8 +30,7 @@ from plumbob.papers.trackball.records import (
 from plumbob.papers.trackball.static import LONG_TAUS, TAUS, degrees_of_freedom
 from plumbob.papers.trackball.turntable import SCALES, best_gain, measure_turntable
 from plumbob.papers.work import Work
-from plumbob.reporting.style import Both, said
-from tests.helpers.labels import texts
+from tests.helpers.papers import by_key, english_alone, named, unmet
 
 SEEDS = range(6)
 
@@ -257,34 +254,12 @@ def test_the_noise_of_the_rig_is_the_noise_of_the_statistics():
     assert deviation(still, [1]) == pytest.approx(WHITE, rel=0.05)
 
 
-def test_outcomes_are_whole_and_their_keys_unique(found):
-    outcomes = found.outcomes()
-    keys = [one.key for one in outcomes]
-    assert len(set(keys)) == len(keys) > 55
-    assert all(one.what.zh != one.what for one in outcomes)
-    missed = {one.key for one in outcomes if not one.met}
-    assert missed <= {"allan.ratio.50", "allan.scatter.50", "allan.scatter.10"}  # few seeds here
-
-
-def test_items_name_outcomes_that_exist(found):
-    keys = {one.key for one in found.outcomes()}
-    assert len(ITEMS) == 20
-    assert all(isinstance(one, Item) and (one.by or one.reason) for one in ITEMS)
-    for one in ITEMS:
-        assert set(re.findall(r"\[([\w.]+)\]", one.by)) <= keys, one
-
-
-def test_every_text_of_the_page_has_its_chinese(found):
-    report = page(found, 2)
-    every = list(texts(report))
-    assert len(every) > 100
-    english = [text for text in every if not isinstance(text, Both) and said(text, "zh") == text]
-    assert [
-        text
-        for text in english
-        if re.search(r"[a-z]{4}", text) and not text.startswith(("plumbob ", "solid", "dashed", "dotted"))
-    ] == []
-    assert "陀螺漂移模型建立" in report.page(lang="zh")
+def test_outcomes_are_whole_and_items_name_them(found):
+    outcomes = by_key(found.outcomes())
+    assert len(outcomes) > 55
+    assert unmet(outcomes.values()) <= {"allan.ratio.50", "allan.scatter.50", "allan.scatter.10"}  # few seeds here
+    assert named(ITEMS) <= outcomes.keys()
+    assert english_alone(page(found, 2), r"plumbob .*|solid.*|dashed.*|dotted.*") == set()
 
 
 def test_same_seeds_same_figures(tmp_path):
@@ -296,11 +271,8 @@ def test_same_seeds_same_figures(tmp_path):
     assert first.after.tobytes() == second.after.tobytes()
 
 
-def test_a_sample_of_the_scalar_filter_takes_nine_operations():
+def test_a_sample_of_the_scalar_filter_takes_nine_operations_and_a_gain_that_is_none_has_no_theory():
     """(9) three, (10) two for Q Δt, (11) two, (12) two [Chen2013]."""
     assert operations() == 9
-
-
-def test_a_gain_that_is_none_has_no_theory():
     with pytest.raises(ParameterError):
         scalar_filter(0.0)
