@@ -54,5 +54,6 @@ def test_unusable_covariances_are_counted(noisy, track):
 
 def test_no_claim_and_no_comparable_heading_give_no_verdict(noisy):
     _, reference = noisy(1.0)
-    assert evaluate(reference, reference).consistency is None
-    assert evaluate(*noisy(1.0, north=North.FREE)).consistency is None
+    free = evaluate(*noisy(1.0, north=North.FREE))
+    assert evaluate(reference, reference).consistency is free.consistency is None
+    assert "covariance claimed, but not judged" in " ".join(free.text().split())

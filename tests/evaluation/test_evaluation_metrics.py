@@ -17,6 +17,7 @@ from plumbob.rotations import (
     quat_normalize,
     quat_rotate,
 )
+from tests.helpers import examples
 
 ABSOLUTE = ("total", "heading", "inclination")
 quats = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: sum(c * c for c in q) > 0.01)
@@ -67,21 +68,18 @@ def test_agrees_with_the_published_formulas(a, b):
 
 
 @given(quats, quats)
-def test_inclination_is_the_angle_between_the_verticals(a, b):
+@examples(0.5)
+def test_inclination_is_the_angle_between_the_verticals_and_part_of_the_total(a, b):
     a, b = quat_normalize(np.array(a)), quat_normalize(np.array(b))
     up = [quat_rotate(quat_conjugate(q), [0.0, 0.0, 1.0]) for q in (a, b)]
-    angle = np.arctan2(np.linalg.norm(np.cross(*up)), np.dot(*up))
-    assert errors(a, b)["inclination"][0] == pytest.approx(angle, abs=1e-12)
-
-
-@given(quats, quats)
-def test_total_is_made_of_heading_and_inclination(a, b):
-    found = {k: v[0] for k, v in errors(quat_normalize(np.array(a)), quat_normalize(np.array(b))).items()}
+    found = {name: values[0] for name, values in errors(a, b).items()}
+    assert found["inclination"] == pytest.approx(np.arctan2(np.linalg.norm(np.cross(*up)), np.dot(*up)), abs=1e-12)
     made = np.cos(found["heading"] / 2) * np.cos(found["inclination"] / 2)
     assert np.cos(found["total"] / 2) == pytest.approx(made, abs=1e-12)
 
 
 @given(quats, quats, angles)
+@examples(0.5)
 def test_nothing_changes_with_signs_nor_with_a_turn_of_the_world(a, b, yaw):
     a, b = quat_normalize(np.array(a)), quat_normalize(np.array(b))
     world = quat_from_rotvec([0.0, 0.0, yaw])
@@ -109,21 +107,11 @@ def test_euler_errors_are_signed_and_wrapped():
     np.testing.assert_allclose(table, [[3.0, -2.0, 1.0], [-3.0, 1.0, 3.0]], atol=1e-12)
 
 
-def test_yaw_and_roll_are_left_out_near_the_gimbal():
-    guard = np.degrees(GIMBAL_GUARD)
-    pitch = np.array([0.0, 90.0 - guard - 0.1, 90.0 - guard + 0.1, -90.0 + guard - 0.1])
-    q = quat_from_euler_zyx(np.radians(np.stack((0 * pitch, pitch, 0 * pitch), axis=1)))
-    found = errors(q, q)
-    for name in ("yaw", "roll"):
-        assert np.isnan(found[name]).tolist() == [False, False, True, True]
-    assert np.isfinite(found["pitch"]).all()
-    assert np.isfinite(found["total"]).all()
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_one_of_two_near_the_gimbal_is_enough(sign):
     """Pitches of estimate and reference by turns inside and outside of the guard, with a yaw of 3° between them."""
-    inside, outside = sign * 87.0, sign * 80.0
+    guard = 90.0 - np.degrees(GIMBAL_GUARD)
+    inside, outside = sign * (guard + 0.1), sign * (guard - 0.1)
     pitch_est, pitch_ref = np.array([outside, outside, inside, inside]), np.array([outside, inside, outside, inside])
     zero = np.zeros(4)
     q_est = quat_from_euler_zyx(np.radians(np.stack((zero + 3.0, pitch_est, zero), axis=1)))
@@ -133,11 +121,9 @@ def test_one_of_two_near_the_gimbal_is_enough(sign):
         assert np.isnan(found[name]).tolist() == [False, True, True, True]
         assert np.degrees(found[name][0]) == pytest.approx(value, abs=1e-9)
     assert np.degrees(found["pitch"]) == pytest.approx(pitch_est - pitch_ref, abs=1e-9)
-
-
-def test_unknown_stays_unknown():
-    found = errors([np.nan] * 4, [1.0, 0.0, 0.0, 0.0])
-    assert all(np.isnan(found[name]).all() for name in QUANTITIES)
+    assert np.isfinite(found["total"]).all()
+    unknown = errors([np.nan] * 4, [1.0, 0.0, 0.0, 0.0])
+    assert all(np.isnan(unknown[name]).all() for name in QUANTITIES)
 
 
 @given(st.floats(-50.0, 50.0))
@@ -160,9 +146,4 @@ def test_statistics_against_numpy():
     assert np.abs(e[round(found.max_at * 7.0)]) == found.max_abs
     assert found.count == 500
     assert Stats.of(np.full(3, np.nan), np.arange(3.0)) is None
-
-
-def test_std_hides_a_constant_error_and_rmse_does_not():
-    found = Stats.of(np.full(10, 0.2), np.arange(10.0))
-    assert found.std == pytest.approx(0.0, abs=1e-15)
-    assert found.rmse == pytest.approx(0.2)
+    assert Stats.of(np.full(10, 0.2), np.arange(10.0)).std == pytest.approx(0.0, abs=1e-15)

@@ -138,16 +138,15 @@ def test_one_recording_promises_nothing(several, tmp_path):
     assert got.write(tmp_path / "p.toml", unproven=True).is_file()
 
 
-def test_a_value_at_the_end_of_its_range_is_said(several):
-    got = tune(several[:2], "madgwick", params=["beta=1e-5 1/s..1e-4 1/s"], budget=8, metric="inclination")
-    assert got.parameters[0].at_end == "high"
-
-
-def test_places_of_a_range_are_even_in_logarithms():
+def test_places_of_a_range_are_even_in_logarithms_and_one_at_its_end_is_said(several):
     beta = next(p for p in describe(load("madgwick").Params) if p.name == "beta")
     one = Range(beta, 0.01, 1.0)
     assert one.at(0.5) == pytest.approx(0.1)
     assert one.place(0.1) == pytest.approx(0.5)
+    bare = files.Recording(imu=several[0].imu, track=None, name="bare")
+    low = ["beta=1e-5 1/s..1e-4 1/s"]
+    got = tune([*several[:2], bare], "madgwick", params=low, budget=8, metric="inclination")
+    assert (got.parameters[0].at_end, set(got.skipped)) == ("high", {"bare"})
 
 
 @pytest.mark.parametrize(
@@ -170,12 +169,7 @@ def test_places_of_a_range_are_even_in_logarithms():
 def test_wrong_settings_are_refused_with_what_to_do(several, settings, words):
     with pytest.raises((ParameterError, ShapeError), match=words):
         tune(several[:2], "madgwick", **{"budget": 4, **settings})
-
-
-def test_recordings_that_cannot_be_used_are_named(several):
     bare = files.Recording(imu=several[0].imu, track=None, name="bare")
-    got = tune([several[0], bare], "madgwick", budget=4)
-    assert set(got.skipped) == {"bare"}
     with pytest.raises(DecodeError, match="no recording with sensor data and a reference"):
         tune(bare, "madgwick", budget=4)
 

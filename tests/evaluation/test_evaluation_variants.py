@@ -10,7 +10,7 @@ from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack
 from plumbob.evaluation.many import CHANGES, changed
 from plumbob.evaluation.many.variants import MARGIN, motion_begins, turning
-from plumbob.rotations import North, quat_conjugate, quat_rotate
+from plumbob.rotations import North, quat_rotate
 
 RATE, STILL = 50.0, 5.0
 
@@ -39,8 +39,6 @@ def test_motion_begins_where_two_thirds_of_a_second_turn(imu):
     """A mean of 20 °/s over a second around a sample, with 30 °/s from 5 s on: at 5 s + (2/3 − 1/2) s."""
     assert motion_begins(imu) == pytest.approx(STILL + 1.0 / 6.0, abs=1.5 / RATE)
     assert turning(imu)[1000] == pytest.approx(dps(30.0))
-    with pytest.raises(ShapeError, match="no motion in it"):
-        motion_begins(imu[:200])
 
 
 def test_nothing_changes_what_is_not_named(imu, reference):
@@ -57,8 +55,6 @@ def test_a_late_start_keeps_what_comes_after_it(imu, reference):
     late = changed(imu, reference, {"start": "20s"})
     assert late.t[0] == pytest.approx(motion_begins(imu) + 20.0, abs=1.0 / RATE)
     assert np.array_equal(late.gyr, imu.gyr[-len(late) :])
-    with pytest.raises(ShapeError, match="less than 60 s after its motion begins"):
-        changed(imu, reference, {"start": "60s"})
 
 
 def test_gaps_lie_in_the_motion_and_follow_the_seed(imu, reference):
@@ -122,8 +118,6 @@ def test_means_of_blocks_keep_the_angle(imu, reference):
     assert np.allclose(np.diff(slow.t), 0.1)
     assert slow.t[0] == imu.t[4]
     assert np.allclose(slow.gyr.sum(axis=0) / 10.0, imu.gyr.sum(axis=0) / RATE)
-    with pytest.raises(ShapeError, match="own rate is too low"):
-        changed(imu, reference, {"rate": "100Hz"})
 
 
 def test_several_changes_go_together_whatever_their_order(imu, reference):
@@ -135,15 +129,19 @@ def test_several_changes_go_together_whatever_their_order(imu, reference):
 
 
 def test_what_cannot_be_read_or_made_is_refused(imu, reference):
-    with pytest.raises(ParameterError, match="there is no change 'noise'"):
-        changed(imu, reference, {"noise": "1"})
-    with pytest.raises(ParameterError, match="'15,-10,20uT:0s-20s'"):
-        changed(imu, reference, {"wrong_field": "1,2,3uT:0s-2s@noon"})
-    with pytest.raises(UnitError, match="needs a unit"):
-        changed(imu, reference, {"bias": "6"})
-    without = changed(imu, reference, {"no_mag": ""})
+    for how, error, words in (
+        ({"noise": "1"}, ParameterError, "there is no change 'noise'"),
+        ({"wrong_field": "1,2,3uT:0s-2s@noon"}, ParameterError, "'15,-10,20uT:0s-20s'"),
+        ({"bias": "6"}, UnitError, "needs a unit"),
+        ({"start": "60s"}, ShapeError, "less than 60 s after its motion begins"),
+        ({"rate": "100Hz"}, ShapeError, "own rate is too low"),
+    ):
+        with pytest.raises(error, match=words):
+            changed(imu, reference, how)
     with pytest.raises(ShapeError, match="it has no mag that could be changed"):
-        changed(without, reference, {"hard_iron": "5uT"})
+        changed(changed(imu, reference, {"no_mag": ""}), reference, {"hard_iron": "5uT"})
+    with pytest.raises(ShapeError, match="no motion in it"):
+        motion_begins(imu[:200])
 
 
 def test_the_recording_itself_stays_as_it_was(imu, reference):
@@ -154,9 +152,3 @@ def test_the_recording_itself_stays_as_it_was(imu, reference):
     for name, text in how.items():
         changed(imu, reference, {name: text})
     assert [getattr(imu, name).tobytes() for name in ("t", "gyr", "acc", "mag", "flags")] == before
-
-
-def test_a_field_fixed_in_the_world_turns_in_the_body(imu, reference):
-    """The inverse of the reference's attitude brings it to body axes; the attitude itself would be wrong."""
-    added = changed(imu, reference, {"wrong_field": "1,2,3uT:0s-1s"}).mag[:40] - imu.mag[:40]
-    assert np.allclose(added, quat_rotate(quat_conjugate(reference.q_nb[:40]), np.array([1.0, 2.0, 3.0])))

@@ -24,8 +24,8 @@ from plumbob.rotations import (
     quat_multiply,
     quat_rotate,
 )
-from tests.helpers.hand_motion import CALIBRATED, by_hand, error_n, rms_deg
-from tests.helpers.motion import consistent
+from tests.helpers.hand_motion import by_hand, error_n, rms_deg
+from tests.helpers.motion import consistent, heading_sd, tilt_between
 
 FINE = 0.3
 """Degrees rms: 0.02 m/s² of white noise is 0.1° in each sample, 0.3 µT on 20 µT is 0.9°, and hundreds are averaged."""
@@ -37,12 +37,6 @@ def smoothed(imu, **params):
     return smoother.process(imu), " ".join(smoother.remarks)
 
 
-def heading_sd(track):
-    """Standard deviation of the heading that is claimed, rad, (N,)."""
-    up_b = quat_rotate(quat_conjugate(track.q_nb), [0.0, 0.0, 1.0])
-    return np.sqrt(np.einsum("ni,nij,nj->n", up_b, track.cov_b, up_b))
-
-
 def errors(track, h):
     """Error in navigation axes; of a free heading without its middle."""
     e = error_n(track.q_nb, h.q)
@@ -51,30 +45,31 @@ def errors(track, h):
     return e
 
 
+def is_fine(track, h, times=1):
+    return (rms_deg(errors(track, h)) < times * FINE).all()
+
+
 # --- moved and at rest --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("rest", [(), ((0.0, 5.0), (20.0, 25.0))])
+@pytest.mark.parametrize(("seed", "rest"), [(0, ()), (1, ()), (2, ()), (1, ((0.0, 5.0), (20.0, 25.0)))])
 def test_a_hand_s_motion_is_followed(rest, seed):
-    """From the first sample on, at rest or in motion."""
+    """From the first sample on, at rest or in motion.
+
+    The mean of 1.5 s around a moment, and all that differs from it in 1.5 s: calm is 1.5 s from all motion.
+    """
     h = by_hand(seed=seed, rest=rest)
     track, remarks = smoothed(h.imu())
-    e = errors(track, h)
-    assert (rms_deg(e) < FINE).all()
-    assert (rms_deg(e[:100]) < 2 * FINE).all()
+    assert is_fine(track, h)
+    assert (rms_deg(errors(track, h)[:100]) < 2 * FINE).all()
     assert remarks == ""
     assert not (track.flags & (flags.MAG_GATED | flags.NOT_CONVERGED | flags.HEADING_FREE)).any()
-
-
-def test_rest_is_found_where_it_is():
-    """The mean of 1.5 s around a moment, and all that differs from it in 1.5 s: calm is 1.5 s from all motion."""
-    h = by_hand(rest=((0.0, 5.0), (20.0, 25.0)), seed=1)
-    resting = smoothed(h.imu())[0].flags & flags.AT_REST != 0
-    deep = np.logical_or.reduce([(h.t > a + 0.5 + 1.6) & (h.t < a + 4.5 - 1.6) for a in (0.0, 20.0)])
-    moving = ((h.t > 5.0) & (h.t < 20.0)) | (h.t > 25.0)
-    assert resting[deep].all()
-    assert not resting[moving].any()
+    resting = track.flags & flags.AT_REST != 0
+    deep = [(h.t > a + 0.5 + 1.6) & (h.t < b - 0.5 - 1.6) for a, b in rest]
+    assert resting[np.logical_or.reduce(deep)].all() if rest else not resting.any()
+    assert not resting[
+        np.logical_and.reduce([np.ones(h.t.size, bool), *((h.t < a) | (h.t > b) for a, b in rest)])
+    ].any()
 
 
 @pytest.mark.parametrize("bias", [0.0, 2.0])
@@ -85,7 +80,7 @@ def test_rest_alone_gives_the_bias(bias):
     track, _ = smoothed(h.imu(gyr=h.gyr + off))
     assert (track.flags & flags.AT_REST).all()
     assert np.abs(track.bias_b - off).max() < dps(0.005)
-    assert (rms_deg(errors(track, h)) < FINE / 3).all()
+    assert is_fine(track, h, 1 / 3)
 
 
 @pytest.mark.parametrize("bias", [0.0, 1.0])
@@ -123,8 +118,7 @@ def test_simulated_units_are_followed(scenario):
     sensors = "adis16355" if scenario == "rod" else "mpu6000+hmc5983"
     run = simulate(scenario, frame=Frame.NED, sensors=sensors, unit="calibrated", seed=3, duration=60.0)
     track = Smoother(frame=Frame.NED).process(run.imu)
-    up, true_up = (quat_rotate(quat_conjugate(q), [0.0, 0.0, 1.0]) for q in (track.q_nb, run.truth.q_nb))
-    tilt = np.arccos(np.clip((up * true_up).sum(axis=1), -1.0, 1.0))
+    tilt = tilt_between(track.q_nb, run.truth.q_nb)
     assert np.degrees(np.sqrt(np.mean(tilt**2))) < 1.0 / 3.0
     if track.north is not North.FREE:
         assert np.degrees(np.sqrt(np.mean(quat_angle(track.q_nb, run.truth.q_nb) ** 2))) < 0.6
@@ -133,62 +127,62 @@ def test_simulated_units_are_followed(scenario):
 # --- errors of the gyroscope --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("rest", [(), ((20.0, 30.0),)])
-def test_a_bias_of_six_degrees_a_second_is_found(rest):
-    h, off = by_hand(60.0, rest=rest, seed=2), dps(np.array([6.0, -6.0, 6.0]))
-    track, _ = smoothed(h.imu(gyr=h.gyr + off))
-    assert (rms_deg(errors(track, h)) < FINE).all()
-    assert np.abs(track.bias_b - off).max() < dps(0.3)
-
-
-@pytest.mark.parametrize("bias", [12.0, 20.0, 40.0])
-def test_a_bias_of_any_size_is_found_at_rest(bias):
+@pytest.mark.parametrize(("bias", "rest"), [(6.0, ()), (6.0, (20, 30)), (12.0, (20, 30)), (40.0, (20, 30))])
+def test_a_bias_of_any_size_is_found_at_rest_and_one_of_6_degrees_a_second_in_motion(bias, rest):
     """A gyroscope that nobody calibrated: what turns across gravity, or with the field still, can be no turn."""
-    h, off = by_hand(60.0, rest=((20.0, 30.0),), seed=2), dps(np.array([bias, -bias, bias]))
+    h, off = by_hand(60.0, rest=(rest,) if rest else (), seed=2), dps(np.array([bias, -bias, bias]))
     track, _ = smoothed(h.imu(gyr=h.gyr + off))
-    assert (rms_deg(errors(track, h)) < FINE).all()
+    assert is_fine(track, h)
     assert np.abs(track.bias_b - off).max() < dps(0.3)
 
 
 @pytest.mark.parametrize("seed", [1, 3, 5])
 def test_a_buoy_whose_gyroscope_nobody_calibrated_keeps_its_heading(seed):
-    """Nothing rests, biases of up to 18 °/s: the drift is found by the field, whose own errors, up to 12°, stay."""
-    run = simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", unit="random", seed=seed, duration=60.0)
+    """Nothing rests, biases of up to 18 °/s: the drift is found by the field, whose own errors, up to 12°, stay.
+
+    A fin's with a bias of 26 °/s: the velocity that a prior of 0.1 °/s leaves outweighs it.
+    """
+    how = {"frame": Frame.NED, "sensors": "mpu6000+hmc5983", "unit": "random", "duration": 60.0}
+    run = simulate("buoy", **how, seed=seed)
     track = Smoother(frame=Frame.NED).process(run.imu)
     assert evaluate(track, run.truth).summary()["heading"]["std_deg"] < 3.0
+    if seed == 1:
+        run = simulate("fin", **how, seed=seed, rate="100Hz")
+        track = Smoother(frame=Frame.NED).process(run.imu)
+        assert np.linalg.norm(track.bias_b[-1]) == pytest.approx(dps(26.4), abs=dps(1.0))
+        # an uncalibrated field; 91° by the small bias
+        assert evaluate(track, run.truth).summary()["total_rmse_deg"] < 10.0
 
 
 @pytest.mark.parametrize("scale", [1.01, 0.99])
 def test_a_scale_that_is_wrong_by_a_hundredth_is_found(scale):
     """Without the states for it the heading would be off by 1 % of the way: 0.9 rad to and fro make 0.5°."""
     h = by_hand(60.0, seed=2)
-    smoother = Smoother(frame="ENU")
-    track = smoother.process(h.imu(gyr=scale * h.gyr))
-    assert (rms_deg(errors(track, h)) < FINE).all()
-    found = smoother.smooth(h.imu(gyr=scale * h.gyr)).sweep.matrix.reshape(3, 3)
-    assert np.abs(found - (1.0 - 1.0 / scale) * np.eye(3)).max() < 0.004  # rate = (1 − M) gyr
+    imu = h.imu(gyr=scale * h.gyr)
+    assert is_fine(smoothed(imu)[0], h)
+    matrix = Smoother(frame="ENU").smooth(imu).sweep.matrix.reshape(3, 3)
+    assert np.abs(matrix - (1.0 - 1.0 / scale) * np.eye(3)).max() < 0.004  # rate = (1 − M) gyr
 
 
 # --- gaps ---------------------------------------------------------------------------------------------------
 
 
 def test_gaps_are_named_and_passed():
-    """Five gaps of a second in motion: bias and field go through, attitude and velocity start again behind each."""
+    """Five gaps of a second in motion: bias and field go through, attitude and velocity start again behind each.
+
+    What is missing in one sample of twenty costs little.
+    """
     h = by_hand(60.0, seed=4)
-    left = np.abs((h.t + 5.0) % 10.0 - 5.0) > 0.5
-    cut = h.rows(left)
+    cut = h.rows(np.abs((h.t + 5.0) % 10.0 - 5.0) > 0.5)
     track, remarks = smoothed(cut.imu())
     assert remarks.startswith("6 gaps in the samples (until 0.5") or remarks.startswith("5 gaps in the samples")
-    assert (rms_deg(errors(track, cut)) < 2 * FINE).all()
-
-
-@pytest.mark.parametrize("triad", ["gyr", "acc", "mag"])
-def test_what_is_missing_in_one_sample_of_twenty_costs_little(triad):
-    h = by_hand(60.0, seed=5)
-    values = getattr(h, triad).copy()
-    values[np.random.default_rng(0).random(h.t.size) < 0.05] = np.nan
-    track, remarks = smoothed(h.imu(**{triad: values}))
-    assert (rms_deg(errors(track, h)) < FINE).all()
+    assert is_fine(track, cut, 2)
+    lost = np.random.default_rng(0).random((3, h.t.size)) < 0.05
+    triads = {
+        k: np.where(of[:, np.newaxis], np.nan, getattr(h, k)) for k, of in zip(("gyr", "acc", "mag"), lost, strict=True)
+    }
+    track, remarks = smoothed(h.imu(**triads))
+    assert is_fine(track, h)
     assert remarks == ""
 
 
@@ -207,25 +201,22 @@ def test_a_hole_of_the_gyroscope_is_as_uncertain_as_it_is_long():
 
 
 @pytest.mark.parametrize("where", [slice(0, 600), slice(2400, None), slice(600, 2400)])
-@pytest.mark.parametrize("lag", [None, 2.0])
+@pytest.mark.parametrize("lag", ["off", 2.0])
 def test_without_rates_for_long_the_rest_is_still_estimated(where, lag, monkeypatch):
     """Whole stretches without a rate: nothing is claimed of them, and those around are as they were."""
-    for name, value in (("LONG", 12.0), ("CORE", 4.0), ("MARGIN", 2.0)):
-        monkeypatch.setattr(samples, name, value)
+    in_stretches(monkeypatch, long=12.0, core=4.0, margin=2.0)
     h = by_hand(30.0, seed=7)
     gyr, lost = h.gyr.copy(), np.zeros(h.t.size, dtype=bool)
     gyr[where], lost[where] = np.nan, True
-    track, _ = smoothed(h.imu(gyr=gyr), **({} if lag is None else {"lag": lag}))
+    track, _ = smoothed(h.imu(gyr=gyr), lag=lag)
     assert np.isfinite(track.q_nb).all()
     assert (track.flags[lost] & flags.NOT_CONVERGED).all()
     assert (track.flags[lost] & flags.GYR_HELD).all()
     # beside a hole a stretch is short: what is estimated from a second of samples is doubtful, and may say so
     far = ~np.convolve(lost, np.ones(801), mode="same").astype(bool)
-    e = errors(track, h)
-    assert (rms_deg(e[far]) < 5 * FINE).all()
+    assert (rms_deg(errors(track, h)[far]) < 5 * FINE).all()
     deep = np.convolve(~lost, np.ones(1001), mode="same") == 0
-    if deep.any():
-        assert (np.trace(track.cov_b[deep], axis1=1, axis2=2) > math.pi**2).all()
+    assert (np.trace(track.cov_b[deep], axis1=1, axis2=2) > math.pi**2).all()
 
 
 # --- fields -------------------------------------------------------------------------------------------------
@@ -239,11 +230,9 @@ def wrong_for(h, begin, end, off_n):
 
 @pytest.mark.parametrize(
     ("off", "worst"),
-    [  # 10 µT east turn a level field of 20 µT by 27° and change its size by 2.4 µT only: some of it is believed
-        ((20.0, 0.0, 0.0), 3 * FINE), ((10.0, 0.0, 0.0), 3.0), ((0.0, -25.0, 0.0), 3 * FINE),
-        ((15.0, -10.0, 20.0), 3 * FINE),
-    ],
-)  # fmt: skip
+    # 10 µT east turn a level field of 20 µT by 27° and change its size by 2.4 µT only: some of it is believed
+    [((20.0, 0.0, 0.0), 3 * FINE), ((10.0, 0.0, 0.0), 3.0), ((15.0, -10.0, 20.0), 3 * FINE)],
+)
 def test_a_wrong_field_for_a_minute_is_seen_and_named(off, worst):
     h = by_hand(180.0, seed=8, rest=((0.0, 5.0),))
     imu, spell = wrong_for(h, 80.0, 140.0, off)
@@ -253,7 +242,7 @@ def test_a_wrong_field_for_a_minute_is_seen_and_named(off, worst):
     assert (track.flags[spell] & flags.MAG_GATED != 0).mean() > 0.95
     assert (track.flags[~spell] & flags.MAG_GATED != 0).mean() < 0.05
     assert "the field was not that of the place (80–140 s)" in remarks
-    assert (np.abs(e[:, 2]) < 3.0 * heading_sd(track)).all()
+    assert (np.abs(e[:, 2]) < 3.0 * heading_sd(track.q_nb, track.cov_b)).all()
 
 
 @pytest.mark.parametrize("off", [(0.0, -25.0, 0.0), (0.0, -40.0, 0.0), (15.0, -10.0, 20.0)])
@@ -262,7 +251,7 @@ def test_a_wrong_first_field_does_not_decide(off):
     h = by_hand(100.0, seed=9)
     imu, spell = wrong_for(h, -1.0, 20.0, off)
     track, remarks = smoothed(imu)
-    assert (rms_deg(errors(track, h)) < 2 * FINE).all()
+    assert is_fine(track, h, 2)
     assert (track.flags[spell] & flags.MAG_GATED != 0).mean() > 0.95
     assert "(0–20 s)" in remarks
 
@@ -278,26 +267,21 @@ def test_two_fields_of_equal_weight_are_named_and_the_error_is_inside_the_claim(
     first = errors(track, h)[:, 2]
     other = first + math.radians(away)  # east of north: a body's heading is less by that, and its yaw is more
     for error in (first, other):
-        assert (np.abs(error) < 2.0 * heading_sd(track)).mean() > 0.95
+        assert (np.abs(error) < 2.0 * heading_sd(track.q_nb, track.cov_b)).mean() > 0.95
 
 
-def test_a_magnet_on_the_unit_is_taken_off():
-    h, own = by_hand(150.0, seed=11), np.array([10.0, -20.0, 8.0])
-    spell = (h.t > 40.0) & (h.t < 100.0)
-    track, remarks = smoothed(h.imu(mag=h.mag + np.where(spell[:, np.newaxis], own, 0.0)))
-    assert (rms_deg(errors(track, h)) < 2 * FINE).all()
-    assert f"a field of {np.linalg.norm(own):.0f} µT turned with the sensor" in remarks
-
-
-@pytest.mark.parametrize("own", [(10.0, -20.0, 8.0), (6.0, -3.0, 2.0)])
-def test_iron_of_the_unit_is_taken_off(own):
-    """The whole recording has it; 6 µT across are 17° of a level field of 20 µT."""
+@pytest.mark.parametrize(
+    ("own", "spell"), [((10.0, -20.0, 8.0), True), ((10.0, -20.0, 8.0), False), ((6.0, -3.0, 2.0), False)]
+)
+def test_a_magnet_on_the_unit_and_its_own_iron_are_taken_off(own, spell):
+    """For a minute, or for the whole recording; 6 µT across are 17° of a level field of 20 µT."""
     h = by_hand(150.0, seed=11)
-    track, remarks = smoothed(h.imu(mag=h.mag + own))
-    assert (rms_deg(errors(track, h)) < 2 * FINE).all()
-    said = float(remarks.split("a field of ")[1].split(" µT")[0])
-    assert said == pytest.approx(np.linalg.norm(own), abs=0.2)
-    assert "of its own" in remarks
+    on = (h.t > 40.0) & (h.t < 100.0) if spell else h.t >= 0.0
+    track, remarks = smoothed(h.imu(mag=h.mag + np.where(on[:, np.newaxis], own, 0.0)))
+    assert is_fine(track, h, 2)
+    size = float(remarks.split("a field of ")[1].split(" µT")[0])
+    assert size == pytest.approx(np.linalg.norm(own), abs=0.5 if spell else 0.2)  # in whole µT, or in tenths
+    assert ("turned with the sensor" if spell else "of its own") in remarks
 
 
 @pytest.mark.parametrize("own", [(3.0, 0.0, 0.0), (2.5, 0.0, -1.7)])
@@ -308,7 +292,7 @@ def test_what_may_be_iron_or_an_uneven_field_is_named_and_inside_the_claim(own):
     assert "a field of 3.0 µT seems to turn with the unit" in remarks
     error = np.abs(errors(track, h)[:, 2])
     assert math.degrees(error.max()) > 2.0
-    assert (error < 1.96 * heading_sd(track)).mean() > 0.9
+    assert (error < 1.96 * heading_sd(track.q_nb, track.cov_b)).mean() > 0.9
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -317,10 +301,9 @@ def test_no_magnet_is_invented(seed):
     h = by_hand(100.0, seed=seed)
     bent = h.in_body(2.0 * np.sin(2.0 * np.pi * h.t[:, np.newaxis] / [17.0, 29.0, 37.0]))
     for mag in (h.mag, h.mag + bent):
-        smoother = Smoother(frame="ENU")
-        found = smoother.smooth(h.imu(mag=mag))
-        assert found.attached is not None
-        assert not found.attached.found
+        attached = Smoother(frame="ENU").smooth(h.imu(mag=mag)).attached
+        assert attached is not None
+        assert not attached.found
 
 
 @pytest.mark.parametrize("rest", [(), ((0.0, 10.0), (30.0, 40.0))])
@@ -344,7 +327,7 @@ def test_without_a_field_the_tilt_is_right_and_the_heading_free(rest):
 
 @pytest.fixture(scope="module")
 def moved():
-    """A recording with a magnet for a while, rest and a gap, and its track."""
+    """A recording with rest and a gap, and its track."""
     h = by_hand(60.0, seed=13, rest=((20.0, 26.0),))
     h = h.rows((h.t < 40.0) | (h.t > 41.0))
     return h, Smoother(frame="ENU").process(h.imu())
@@ -407,16 +390,12 @@ def test_upside_down_and_nose_up_are_attitudes_as_all_others():
         assert quat_angle(track.q_nb, quat_multiply(h.q, turn)).max() < deg(3.0)
 
 
-@pytest.mark.parametrize("rate", [20.0, 50.0, 400.0])
+@pytest.mark.parametrize("rate", [20.0, 50.0, 400.0, None])
 def test_the_answer_does_not_depend_on_the_rate(rate):
-    h = by_hand(40.0, rate, seed=15)
-    assert (rms_deg(errors(smoothed(h.imu())[0], h)) < FINE).all()
-
-
-def test_irregular_stamps_are_taken_as_they_are():
+    """Irregular stamps are taken as they are."""
     steps = np.random.default_rng(1).uniform(0.002, 0.03, 3000)
-    h = by_hand(t=np.cumsum(steps), seed=16)
-    assert (rms_deg(errors(smoothed(h.imu())[0], h)) < FINE).all()
+    h = by_hand(40.0, rate, seed=15) if rate else by_hand(t=np.cumsum(steps), seed=16)
+    assert is_fine(smoothed(h.imu())[0], h)
 
 
 def test_a_latency_turns_the_attitude_ahead():
@@ -431,24 +410,29 @@ def test_a_latency_turns_the_attitude_ahead():
 # --- stretches ----------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def stretched(monkeypatch):
-    for name, value in (("LONG", 60.0), ("CORE", 40.0), ("MARGIN", 20.0)):
+def in_stretches(monkeypatch, *, long, core, margin):
+    for name, value in (("LONG", long), ("CORE", core), ("MARGIN", margin)):
         monkeypatch.setattr(samples, name, value)
 
 
+@pytest.fixture
+def stretched(monkeypatch):
+    in_stretches(monkeypatch, long=60.0, core=40.0, margin=20.0)
+
+
 def test_a_long_recording_in_stretches_is_as_the_whole(stretched, monkeypatch):
-    h = by_hand(130.0, seed=18, rest=((30.0, 36.0),))
+    """Progress counts every sample once."""
+    h, done = by_hand(130.0, seed=18, rest=((30.0, 36.0),)), []
     off = dps(np.array([1.0, -1.0, 2.0]))
-    parts, _ = smoothed(h.imu(gyr=h.gyr + off))
+    parts = Smoother(frame="ENU").process(h.imu(gyr=h.gyr + off), progress=done.append)
+    assert (len(done), sum(done)) == (4, h.t.size)
     monkeypatch.setattr(samples, "LONG", 1e9)
     whole, _ = smoothed(h.imu(gyr=h.gyr + off))
     assert (parts.q_nb != whole.q_nb).any()
-    assert (rms_deg(errors(parts, h)) < FINE).all()
+    assert is_fine(parts, h)
     assert np.degrees(quat_angle(parts.q_nb, whole.q_nb)).max() < 2 * FINE
     steps, true_steps = (quat_multiply(q[1:], quat_conjugate(q[:-1])) for q in (parts.q_nb, h.q))
-    jumps = quat_angle(steps, true_steps)
-    assert np.degrees(jumps).max() < 2 * FINE
+    assert np.degrees(quat_angle(steps, true_steps)).max() < 2 * FINE
 
 
 def test_a_free_heading_goes_on_from_stretch_to_stretch(stretched):
@@ -471,14 +455,6 @@ def test_a_field_that_is_wrong_for_most_of_a_stretch_is_not_taken_for_that_of_th
     assert (rms_deg(e[~spell]) < 5 * FINE).all()
 
 
-def test_remarks_and_progress_count_every_sample_once(stretched):
-    h, done = by_hand(130.0, seed=21), []
-    Smoother(frame="ENU").process(h.imu(), progress=done.append)
-    assert len(done) == 4
-    assert sum(done) == h.t.size
-    assert CALIBRATED.calibration == "by hand"
-
-
 def test_a_vertical_bias_is_no_field_of_the_sensor():
     """Ten minutes at sea, 0.9 °/s about the vertical unknown at first: in an attitude without heading that turns the
     field of the place as evenly as one of the sensor would. The heading was 96° off.
@@ -488,14 +464,6 @@ def test_a_vertical_bias_is_no_field_of_the_sensor():
     assert attached is not None
     assert not attached.found
     assert evaluate(estimate(sea.imu).track, sea.truth).summary()["heading_rmse_deg"] < 0.5
-
-
-def test_a_large_bias_that_no_rest_shows_is_not_hidden_by_a_likelier_small_one():
-    """A fin's gyroscope with a bias of 26 °/s: the velocity that a prior of 0.1 °/s leaves outweighs it."""
-    run = simulate("fin", frame="NED", sensors="mpu6000+hmc5983", rate="100Hz", unit="random", seed=1, duration="60 s")
-    track = estimate(run.imu).track
-    assert np.linalg.norm(track.bias_b[-1]) == pytest.approx(dps(26.4), abs=dps(1.0))
-    assert evaluate(track, run.truth).summary()["total_rmse_deg"] < 10.0  # an uncalibrated field; 91° by the small bias
 
 
 @pytest.mark.parametrize("params", [{}, {"lag": 0.0}], ids=["whole", "no lag"])
@@ -524,15 +492,14 @@ def test_a_rate_that_falls_to_a_tenth_is_no_row_of_gaps(lag):
 
 
 @pytest.mark.parametrize("lag", ["0 s", "off"])
-@pytest.mark.parametrize("missing", [5.0, 20.0])
-def test_an_accelerometer_that_is_silent_in_motion_costs_nothing_beside_a_good_gyroscope(missing, lag):
+def test_an_accelerometer_that_is_silent_in_motion_costs_nothing_beside_a_good_gyroscope(lag):
     """A held force turns with the body: it is no acceleration. The gyroscope is exact, so that nothing else is off."""
-    data, truth = consistent(7000, amplitude=1.5)
-    acc = np.array(data.acc)
-    acc[(data.t > data.t[0] + 30.0) & (data.t < data.t[0] + 30.0 + missing)] = np.nan
-    silent = ImuData(t=data.t, gyr=data.gyr, acc=acc, mag=data.mag, meta=data.meta)
-    found, whole = (
-        np.degrees(quat_angle(Smoother(frame="ENU", params={"lag": lag}).process(of).q_nb[2500:], truth[2500:])).max()
-        for of in (silent, data)
-    )
-    assert found < whole + 0.2
+    data, truth = consistent(5500, amplitude=1.5)
+
+    def worst(missing):
+        acc = np.where(((data.t > 30.0) & (data.t < 30.0 + missing))[:, np.newaxis], np.nan, data.acc)
+        imu = ImuData(t=data.t, gyr=data.gyr, acc=acc, mag=data.mag)
+        track = Smoother(frame="ENU", params={"lag": lag}).process(imu)
+        return np.degrees(quat_angle(track.q_nb[2500:], truth[2500:])).max()
+
+    assert max(worst(5.0), worst(20.0)) < worst(0.0) + 0.2
