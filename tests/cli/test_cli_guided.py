@@ -7,7 +7,6 @@ import shlex
 import signal
 import subprocess
 import time
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -16,21 +15,9 @@ from plumbob import files
 from plumbob.calibration.guide.guide import Moment, Progress, Turn
 from plumbob.cli.capture import Board, board_lines
 from plumbob.data.cards import CalibrationCard
-from tests.helpers.commandline import PLUMBOB, answer, typed
+from tests.helpers.commandline import PLUMBOB, answer, emulated, typed
 
 TIMEOUT = 120
-
-
-@contextmanager
-def buoy(folder, *words):
-    """Emulated buoy behind a pseudo-terminal; gives the link to its line."""
-    command = [*PLUMBOB, "emulate", "buoy", "--seed", "3", "--link", "line", *words]
-    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as child:
-        try:
-            assert child.stdout.readline().startswith("/dev/")
-            yield "line"
-        finally:
-            child.terminate()
 
 
 @pytest.fixture(scope="module")
@@ -77,8 +64,8 @@ def test_a_ring_is_refused_live_too_and_its_bytes_are_kept(folder):
 
 
 def test_interrupted_it_makes_what_there_is(tmp_path):
-    with buoy(tmp_path, "--scenario", "tumble", "--speed", "4") as line:
-        words = [*PLUMBOB, *shlex.split(live("mag")), "--port", line]
+    with emulated(tmp_path, "--scenario tumble --speed 4") as line:
+        words = [*PLUMBOB, *shlex.split(live("mag")), "--port", str(line)]
         with subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
             told = ""
             while not any(f"{count} of 18" in told for count in range(12, 17)):
@@ -91,14 +78,14 @@ def test_interrupted_it_makes_what_there_is(tmp_path):
 
 
 def test_a_line_that_comes_back_goes_on(tmp_path):
-    with buoy(tmp_path, "--scenario", "tumble", "--faults", "unplug=0.05%", "--speed", "10") as line:
+    with emulated(tmp_path, "--scenario tumble --faults unplug=0.05% --speed 10") as line:
         done = typed(f"{live('mag')} --port {line} --json", cwd=tmp_path)
     assert ["lost" in done.stderr, "reopened" in done.stderr, json.loads(done.stdout)["guide"]["done"]] == [True] * 3
 
 
 def test_bytes_of_another_format_are_noticed(tmp_path):
-    with buoy(tmp_path, "--speed", "20") as line:
-        words = [*PLUMBOB, *shlex.split(live("gyro").replace("buoy --", "trackball --")), "--port", line]
+    with emulated(tmp_path, "--speed 20") as line:
+        words = [*PLUMBOB, *shlex.split(live("gyro").replace("buoy --", "trackball --")), "--port", str(line)]
         with subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as child:
             told = ""
             while "is it the right format" not in told:

@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import subprocess
-from contextlib import contextmanager
 from importlib import resources
 
 import numpy as np
@@ -15,29 +14,16 @@ from plumbob.acquisition.transport import Stop
 from plumbob.cli import common
 from plumbob.files.mcap import open_log
 from tests.helpers.browser import until
-from tests.helpers.commandline import PLUMBOB, answer, typed
+from tests.helpers.commandline import PLUMBOB, answer, emulated, typed
 
 TIMEOUT = 120
-
-
-@contextmanager
-def rig(folder, *words):
-    """Emulated buoy as a process; gives the link to its line once it is there."""
-    link = folder / "line"
-    command = [*PLUMBOB, "emulate", "buoy", "--seed", "2", "--link", str(link), *words]
-    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as child:
-        try:
-            assert child.stdout.readline().startswith("/dev/")
-            yield link
-        finally:
-            child.terminate()
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     """A recording of 20 s of sea in one second, made as a user makes one."""
     folder = tmp_path_factory.mktemp("live")
-    with rig(folder, "--speed", "20", "--duration", "20s", "--truth", "truth.parquet") as link:
+    with emulated(folder, "--speed 20 --duration 20s --truth truth.parquet") as link:
         (folder / "s.toml").write_text(f"""
 kind = "plumbob session"
 version = 1
@@ -97,7 +83,7 @@ def test_recorded_samples_are_the_simulated_ones(recorded):
 
 @pytest.mark.usefixtures("hang_up_ends")
 def test_interrupted_recordings_end_whole(tmp_path):
-    with rig(tmp_path) as link:
+    with emulated(tmp_path, "") as link:
         for how in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             words = ["record", "--port", str(link), "--format", "buoy", "--out", f"{how}.mcap"]
             with subprocess.Popen([*PLUMBOB, *words], cwd=tmp_path, stdout=subprocess.PIPE, text=True) as child:
@@ -115,7 +101,7 @@ def test_interrupted_recordings_end_whole(tmp_path):
 
 def test_a_recording_outlives_those_who_read_its_notes(tmp_path):
     """As when a pager or a remote shell is gone: the note cannot be written, the recording goes on."""
-    with rig(tmp_path) as link:
+    with emulated(tmp_path, "") as link:
         words = ["record", "--port", str(link), "--format", "buoy", "--out", "a.mcap", "--duration", "2s"]
         read, write = os.pipe()
         os.close(read)
@@ -130,7 +116,7 @@ def test_a_recording_outlives_those_who_read_its_notes(tmp_path):
 
 
 def test_a_line_of_another_format_is_noticed_while_there_is_time(tmp_path):
-    with rig(tmp_path, "--speed", "20") as link:
+    with emulated(tmp_path, "--speed 20") as link:
         done = typed(f"record --port {link} --format trackball --duration 1s", cwd=tmp_path, code=1)
     assert ": is it the right format, and baud?" in done.stderr
     # nothing is known of a clock that was never read
@@ -138,7 +124,7 @@ def test_a_line_of_another_format_is_noticed_while_there_is_time(tmp_path):
 
 
 def test_a_recording_that_lacks_rows_exits_3(tmp_path):
-    with rig(tmp_path) as link:
+    with emulated(tmp_path, "") as link:
         (tmp_path / "s.toml").write_text(f"""
 kind = "plumbob session"
 version = 1

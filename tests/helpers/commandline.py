@@ -88,3 +88,15 @@ def answer(line, *more, cwd=None, code=0):
 def table_of(text):
     """Rows of a table that is written as lines of cells with bars between them."""
     return [[cell.strip() for cell in line.split("|")] for line in text.strip().splitlines()]
+
+
+@contextlib.contextmanager
+def emulated(folder, words):
+    """An emulated buoy as a process, with options as in a shell; gives the link to its line once it is there."""
+    command = [*PLUMBOB, "emulate", "buoy", "--seed", "2", "--link", "line", *shlex.split(words)]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as child:
+        try:
+            assert child.stdout.readline().startswith("/dev/")
+            yield folder / "line"
+        finally:
+            child.terminate()
