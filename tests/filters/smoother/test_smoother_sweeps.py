@@ -1,55 +1,24 @@
 """The two sweeps: each step against differences of what it linearises, and both against dense textbook forms."""
 
-import hashlib
 import math
 import os
 import subprocess
 import sys
 from dataclasses import astuple
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from plumbob import ImuData
 from plumbob.core.constants import G0
-from plumbob.filters.smoother import Params, Smoother, sweeps
+from plumbob.filters.smoother import Params, sweeps
 from plumbob.filters.smoother.inertial import kinds
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, Noise, V, start_covariance
-from plumbob.filters.smoother.sweeps import (
-    AGAIN,
-    COUNT,
-    EAST,
-    FADE,
-    FIELD,
-    FORCE,
-    HEADING,
-    INVERSE,
-    KIND,
-    LIFT,
-    MEANS,
-    MEASURED,
-    MOVING,
-    RATE,
-    RESIDUAL,
-    REST_JITTER,
-    RESTING,
-    ROUGH,
-    STEP,
-    TERMS,
-    TIME,
-    TURN,
-    UNUSED,
-    back_over,
-    back_to_the_last,
-    backward,
-    forward,
-    integrate,
-    propagate_attitude,
-    propagate_velocity,
-    sweep,
-)
+from plumbob.filters.smoother.sweeps import AGAIN, FADE, HEADING, INVERSE, KIND, LIFT, MOVING, RESTING, TIME
 from plumbob.rotations import (
+    quat_chained,
     quat_conjugate,
     quat_from_rotvec,
     quat_multiply,
@@ -57,9 +26,10 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
+from tests.helpers import jit_disabled
 from tests.helpers.hand_motion import by_hand
 from tests.helpers.jacobians import by_differences
-from tests.helpers.motion import noisy
+from tests.helpers.smoother_pieces import digest
 
 SEEDS = range(5)
 
@@ -77,7 +47,7 @@ def transition(f):
     """F of a step, as its rows: λ ← Fᵀ λ of each unit vector."""
     rows = np.eye(SIZE)
     for row in rows:
-        back_over(row, np.zeros((SIZE, SIZE)), f)
+        sweeps.back_over(row, np.zeros((SIZE, SIZE)), f)
     return rows
 
 
@@ -88,26 +58,22 @@ def samples_of_a_step(rng, still):
     q, x = quat_normalize(rng.normal(size=4)), np.zeros(SIZE)
     x[B : B + 3], x[A : A + 3], x[M:] = rng.normal(0, 0.05, 3), rng.normal(0, 0.05, 3), rng.normal(0, 0.01, 9)
     if still:
-        for i, middle in enumerate(attitudes(t, gyr, q, x)[1], start=1):
-            acc[i] = quat_rotate(quat_conjugate(middle), [0.0, 0.0, G0]) + x[A : A + 3]
+        acc[1:] = quat_rotate(quat_conjugate(attitudes(t, gyr, q, x)[1]), [0.0, 0.0, G0]) + x[A : A + 3]
     return t, gyr, acc, mag, q, x
 
 
 def attitudes(t, gyr, q, x):
     """Attitude behind the last sample, and in the middle of each; the true model, by the package's rotations alone."""
-    matrix, middles = np.eye(3) - x[M:].reshape(3, 3), []
-    for dt, rate in zip(np.diff(t), gyr[1:], strict=True):
-        half = quat_from_rotvec(0.5 * dt * (matrix @ rate - x[B : B + 3]))
-        middles.append(quat_multiply(q, half))
-        q = quat_multiply(middles[-1], half)
-    return q, middles
+    halves = 0.5 * np.diff(t)[:, np.newaxis] * (gyr[1:] @ (np.eye(3) - x[M:].reshape(3, 3)).T - x[B : B + 3])
+    way = quat_multiply(q, quat_chained(np.repeat(halves, 2, axis=0)))
+    return way[-1], way[1::2]
 
 
 def stepped(samples):
     """What the kernel makes of a step: attitude, transition and means."""
     t, gyr, acc, mag, q, x = samples
-    f, mean, after = np.empty(STEP), np.empty(MEANS), q.copy()
-    rough = integrate(0, t.size - 1, t, gyr, acc, mag, MOVING, after, x, f, mean)
+    f, mean, after = np.empty(sweeps.STEP), np.empty(sweeps.MEANS), q.copy()
+    rough = sweeps.integrate(0, t.size - 1, t, gyr, acc, mag, MOVING, after, x, f, mean)
     f[FADE] = 1.0
     return after, f, mean, rough
 
@@ -121,7 +87,7 @@ def true_errors(samples):
         change[B : B + 3], change[A:] = e[B : B + 3], e[A:]
         end, middles = attitudes(t, gyr, quat_multiply(quat_from_rotvec(e[:3]), q), x + change)
         force = acc[1:] - (x + change)[A : A + 3]
-        return end, e[V : V + 2] + np.diff(t) @ quat_rotate(np.array(middles), force)[:, :2]
+        return end, e[V : V + 2] + np.diff(t) @ quat_rotate(middles, force)[:, :2]
 
     end, velocity = run(np.zeros(SIZE))
 
@@ -157,7 +123,7 @@ def test_the_velocity_of_a_step_is_linearised_right(seed):
     exact = [*range(TH, TH + 3), V, V + 1, *range(A, A + 3)]
     assert np.abs(found[:, exact] - expected[:, exact]).max() < 1e-8
     assert f[LIFT] == pytest.approx(G0 * f[TIME], rel=1e-12)
-    assert np.abs(mean[FORCE : FORCE + 2]).max() < 1e-12
+    assert np.abs(mean[sweeps.FORCE : sweeps.FORCE + 2]).max() < 1e-12
     assert rough < 1e-20
     left_out = np.abs(found - expected)
     assert left_out[:, B : B + 3].max() < 0.51 * G0 * f[TIME] ** 2
@@ -167,14 +133,14 @@ def test_the_velocity_of_a_step_is_linearised_right(seed):
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("kind", [MOVING, RESTING, AGAIN])
 def test_covariances_go_through_the_same_transition(seed, kind):
-    """P ← F P Fᵀ forward, Λ ← Fᵀ Λ F backward, with the F of the row above, to rounding."""
+    """P ← F P Fᵀ forward, Λ ← Fᵀ Λ F sweeps.backward, with the F of the row above, to rounding."""
     rng = np.random.default_rng(seed)
     _, f, _, _ = stepped(samples_of_a_step(rng, still=False))
     f[KIND], f[FADE] = kind, 0.7
     full = transition(f)
     back, information = np.zeros(SIZE), spd(rng)
     expected = full.T @ information @ full
-    back_over(back, information, f)
+    sweeps.back_over(back, information, f)
     assert np.abs(information - expected).max() < 1e-13
     f[FADE] = 1.0
     full = transition(f)
@@ -185,21 +151,21 @@ def test_covariances_go_through_the_same_transition(seed, kind):
         return
     p = spd(rng)
     before = p.copy()
-    propagate_velocity(p, f)
+    sweeps.propagate_velocity(p, f)
     if kind == MOVING:
-        propagate_attitude(p, f)
+        sweeps.propagate_attitude(p, f)
     assert np.abs(p - full @ before @ full.T).max() < 1e-13
 
 
-# --- backward against Rauch, Tung and Striebel --------------------------------------------------------------
+# --- sweeps.backward against Rauch, Tung and Striebel --------------------------------------------------------------
 
-H = np.zeros((MEASURED, SIZE))
+H = np.zeros((sweeps.MEASURED, SIZE))
 """What each scalar at a keyframe measures, in the order in which it is used: velocity, heading, rates."""
-H[EAST, V] = H[EAST + 1, V + 1] = 1.0
+H[sweeps.EAST, V] = H[sweeps.EAST + 1, V + 1] = 1.0
 H[HEADING, TH + 2] = H[HEADING, BEND] = 1.0
 for i in range(3):
-    H[RATE + i, B + i] = 1.0
-ORDER = (EAST, EAST + 1, RATE, RATE + 1, RATE + 2, HEADING)
+    H[sweeps.RATE + i, B + i] = 1.0
+ORDER = (sweeps.EAST, sweeps.EAST + 1, sweeps.RATE, sweeps.RATE + 1, sweeps.RATE + 2, HEADING)
 
 
 def textbook(rng, n=40):
@@ -208,9 +174,13 @@ def textbook(rng, n=40):
     Moving, resting and new starts by turns; every third heading is missing. What `backward` takes, and what it must
     give: smoothed error (n + 1, 21) with its covariance, [Rauch1965].
     """
-    step, gain, term = np.zeros((n, STEP)), np.zeros((n, MEASURED, SIZE)), np.zeros((n, MEASURED, TERMS))
+    step, gain, term = (
+        np.zeros((n, sweeps.STEP)),
+        np.zeros((n, sweeps.MEASURED, SIZE)),
+        np.zeros((n, sweeps.MEASURED, sweeps.TERMS)),
+    )
     kind = rng.choice([MOVING, MOVING, MOVING, RESTING, AGAIN], n)
-    step[:, TURN:LIFT] = rng.normal(0.0, 0.2, (n, LIFT))
+    step[:, sweeps.TURN : LIFT] = rng.normal(0.0, 0.2, (n, LIFT))
     step[:, LIFT], step[:, FADE], step[:, KIND] = rng.normal(0.0, 0.5, n), rng.uniform(0.7, 0.99, n), kind
     start, p = spd(rng), spd(rng)
     start[:, 3:6] = start[3:6] = start[:, 8:] = start[8:] = 0.0  # only attitude and velocity start again
@@ -222,12 +192,16 @@ def textbook(rng, n=40):
         before.append(p)
         shift = np.zeros(SIZE)
         for m in ORDER:
-            if (m == HEADING and k % 3 == 0) or (m >= RATE and kind[k] != RESTING) or (m < 2 and kind[k] == AGAIN):
+            if (
+                (m == HEADING and k % 3 == 0)
+                or (m >= sweeps.RATE and kind[k] != RESTING)
+                or (m < 2 and kind[k] == AGAIN)
+            ):
                 continue
             s = H[m] @ p @ H[m] + rng.uniform(0.5, 2.0)
             residual, gain[k, m] = 0.05 * rng.normal(), p @ H[m] / s
             shift, p = shift + gain[k, m] * residual, p - s * np.outer(gain[k, m], gain[k, m])
-            term[k, m, RESIDUAL], term[k, m, INVERSE] = residual, 1.0 / s
+            term[k, m, sweeps.RESIDUAL], term[k, m, INVERSE] = residual, 1.0 / s
         after.append(p)
         moved.append(f)
         shifts.append(shift)
@@ -248,7 +222,7 @@ def test_backward_is_rauch_tung_and_striebel_s(seed):
     q, x = np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1)), rng.normal(size=(n + 1, SIZE))
     q_s, x_s, cov_s = np.empty((n + 1, 4)), np.empty((n + 1, KEPT)), np.empty((n + 1, 6, 6))
     later = np.zeros(SIZE), np.zeros((SIZE, SIZE))
-    backward(q, x, np.ascontiguousarray(p[:, :KEPT]), gain, term, step, *later, q_s, x_s, cov_s)
+    sweeps.backward(q, x, np.ascontiguousarray(p[:, :KEPT]), gain, term, step, *later, q_s, x_s, cov_s)
     scale = np.abs(smoothed).max()
     assert scale > 0.05
     assert np.abs(rotvec_from_quat(q_s) - smoothed[:, :3]).max() < 1e-10 * max(scale, 1.0)
@@ -264,7 +238,7 @@ def test_what_goes_back_stays_symmetric_and_positive(seed):
     (_, gain, term, step), _, _ = textbook(np.random.default_rng(seed))
     lam, big, y = np.zeros(SIZE), np.zeros((SIZE, SIZE)), np.zeros(SIZE)
     for k in range(len(step) - 1, -1, -1):
-        back_to_the_last(lam, big, y, gain[k], term[k], step[k])
+        sweeps.back_to_the_last(lam, big, y, gain[k], term[k], step[k])
         size = np.abs(big).max()
         assert np.abs(big - big.T).max() <= 1e-14 * size
         assert np.linalg.eigvalsh(big).min() > -1e-13 * size
@@ -275,37 +249,45 @@ def test_what_goes_back_stays_symmetric_and_positive(seed):
 # --- forward against a dense filter -------------------------------------------------------------------------
 
 
-def recording():
+@pytest.fixture(scope="module")
+def recorded():
     """Six seconds: moving, at rest from 2 to 4 s, a gap of a second at 5 s, no field in every third sample."""
     h = by_hand(6.0, rest=((2.0, 4.0),), seed=3)
     t = np.where(h.t < 5.0, h.t, h.t + 1.0)
     mag = np.where(np.arange(t.size)[:, np.newaxis] % 3 == 0, np.nan, h.mag)
-    return ImuData(t=t, gyr=h.gyr, acc=h.acc, mag=mag)
-
-
-def passed(frames, resting, p, noise):
-    """One call of `forward`, with all that it fills."""
-    n = frames.gap.size
-    q, x, cov = np.empty((n + 1, 4)), np.empty((n + 1, SIZE)), np.empty((n + 1, KEPT, SIZE))
-    gain, term = np.zeros((n, MEASURED, SIZE)), np.zeros((n, MEASURED, TERMS))
-    step, mean = np.empty((n, STEP)), np.empty((n, MEANS))
-    kind, density = kinds(frames, resting), np.full(n, 0.01)
-    heading = np.where(np.arange(n) % 5 == 0, 2.0 * UNUSED, 0.01)
-    start = np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1))
-    forward(
-        frames.t, frames.gyr, frames.acc, frames.mag, frames.first, kind, frames.missed, frames.pushed, density,
-        heading, start, p, noise, start[0].copy(), np.zeros(SIZE), p.copy(), q, x, cov, gain, term, step, mean,
-    )  # fmt: skip
-    return kind, density, heading, q, x, cov, gain, term, step, mean
-
-
-def test_forward_is_the_textbook_s_filter():
-    """P after every keyframe, by dense algebra from the same steps and means, [BarShalom2001] sec. 5.2.3."""
-    frames, params = Keyframes.of(recording(), 0.049), Params()
-    noise = Noise.of(params, 0.05)
-    p0 = start_covariance(params, tilt=0.2, heading=0.5, bias=0.05, rigid=False)
+    frames, params = Keyframes.of(ImuData(t=t, gyr=h.gyr, acc=h.acc, mag=mag), 0.049), Params()
     at_rest = np.interp(frames.middle, [2.4, 2.5, 3.5, 3.6], [0, 1, 1, 0]) == 1.0
-    kind, density, heading, q, x, cov, gain, term, step, mean = passed(frames, at_rest, p0, noise)
+    n = frames.gap.size
+    given = {
+        "frames": frames,
+        "kind": kinds(frames, at_rest),
+        "velocity": np.full(n, 0.01),
+        "heading": np.where(np.arange(n) % 5 == 0, 2.0 * sweeps.UNUSED, 0.01),
+        "start": np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1)),
+    }
+    p0 = start_covariance(params, tilt=0.2, heading=0.5, bias=0.05, rigid=False)
+    return SimpleNamespace(**given, n=n, p0=p0, noise=Noise.of(params, 0.05))
+
+
+def passed(r):
+    """One call of `forward`, with all that it fills."""
+    n, frames = r.n, r.frames
+    q, x, cov = np.empty((n + 1, 4)), np.empty((n + 1, SIZE)), np.empty((n + 1, KEPT, SIZE))
+    gain, term = np.zeros((n, sweeps.MEASURED, SIZE)), np.zeros((n, sweeps.MEASURED, sweeps.TERMS))
+    step, mean = np.empty((n, sweeps.STEP)), np.empty((n, sweeps.MEANS))
+    sweeps.forward(
+        frames.t, frames.gyr, frames.acc, frames.mag, frames.first, r.kind, frames.missed, frames.pushed, r.velocity,
+        r.heading, r.start, r.p0, r.noise, r.start[0].copy(), np.zeros(SIZE), r.p0.copy(), q, x, cov, gain, term, step,
+        mean,
+    )  # fmt: skip
+    return q, x, cov, gain, term, step, mean
+
+
+def test_forward_is_the_textbook_s_filter(recorded):
+    """P after every keyframe, by dense algebra from the same steps and means, [BarShalom2001] sec. 5.2.3."""
+    frames, noise, p0, kind = recorded.frames, recorded.noise, recorded.p0, recorded.kind
+    density, heading = recorded.velocity, recorded.heading
+    q, x, cov, gain, term, step, mean = passed(recorded)
     assert {MOVING, RESTING, AGAIN} == set(kind.tolist())
     p, used = p0, 0
     for k in range(frames.gap.size):
@@ -317,11 +299,11 @@ def test_forward_is_the_textbook_s_filter():
             for i in (0, 1, 2, V, V + 1):
                 p[i, i] = p0[i, i]
         else:
-            turned = noise.gyr * dt + noise.nonlinearity * u[ROUGH] + frames.missed[k]
-            grown[:3] = turned if kind[k] == MOVING else REST_JITTER * dt
-            rough = integrate(
+            turned = noise.gyr * dt + noise.nonlinearity * u[sweeps.ROUGH] + frames.missed[k]
+            grown[:3] = turned if kind[k] == MOVING else sweeps.REST_JITTER * dt
+            rough = sweeps.integrate(
                 frames.first[k], frames.first[k + 1], frames.t, frames.gyr, frames.acc, frames.mag, kind[k],
-                q[k].copy(), x[k], np.empty(STEP), np.empty(MEANS),
+                q[k].copy(), x[k], np.empty(sweeps.STEP), np.empty(sweeps.MEANS),
             )  # fmt: skip
             grown[V] = grown[V + 1] = noise.acc * (dt + 0.5 * rough) + frames.pushed[k]
         p = p + np.diag(grown)
@@ -331,77 +313,46 @@ def test_forward_is_the_textbook_s_filter():
             used += 1
             var = {0: density[k] / dt, 1: density[k] / dt, HEADING: heading[k]}.get(m, noise.rest / dt)
             if m == HEADING:  # the tilt counts as noise, [Schmidt1966]
-                east, north, up = u[FIELD : FIELD + 3]
+                east, north, up = u[sweeps.FIELD : sweeps.FIELD + 3]
                 var += up**2 / (east**2 + north**2) * p[TH + 1, TH + 1]
-            s = max(H[m] @ p @ H[m] + var, term[k, m, RESIDUAL] ** 2 / 9.0)
+            s = max(H[m] @ p @ H[m] + var, term[k, m, sweeps.RESIDUAL] ** 2 / 9.0)
             assert term[k, m, INVERSE] == pytest.approx(1.0 / s, rel=1e-9)
             assert np.abs(gain[k, m] - p @ H[m] / s).max() < 1e-9 * np.abs(gain[k, m]).max()
             p = p - np.outer(p @ H[m], H[m] @ p) / s
         sd = np.sqrt(np.diag(p))
         assert np.abs((cov[k + 1] - p[:KEPT]) / np.outer(sd[:KEPT], sd)).max() < 1e-9
-        assert (term[k, HEADING, INVERSE] > 0.0) == (u[COUNT] > 0.0 and k % 5 != 0)
+        assert (term[k, HEADING, INVERSE] > 0.0) == (u[sweeps.COUNT] > 0.0 and k % 5 != 0)
     assert used > 2 * np.count_nonzero(kind != AGAIN)
 
 
-def test_the_smoothed_covariance_is_one_and_no_larger_than_the_filtered():
+def swept(r, bias=0.0):
+    return sweeps.sweep(r.frames, r.kind, r.velocity, r.heading, r.start, np.full(3, bias), r.p0, r.noise)
+
+
+def test_the_smoothed_covariance_is_one_and_no_larger_than_the_filtered(recorded):
     """Symmetric, no eigenvalue below zero; later measurements take uncertainty away at every keyframe."""
-    frames, params = Keyframes.of(recording(), 0.049), Params()
-    p0 = start_covariance(params, tilt=0.2, heading=0.5, bias=0.05, rigid=False)
-    noise, n = Noise.of(params, 0.05), frames.gap.size
-    at_rest = np.interp(frames.middle, [2.4, 2.5, 3.5, 3.6], [0, 1, 1, 0]) == 1.0
-    filtered = passed(frames, at_rest, p0, noise)[5][:, :6, :6]
-    start, heading = np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1)), np.where(np.arange(n) % 5 == 0, 2.0 * UNUSED, 0.01)
-    kind = kinds(frames, at_rest)
-    found = sweep(frames, kind, np.full(n, 0.01), heading, start, np.zeros(3), p0, noise)
+    filtered, smoothed = passed(recorded)[2][:, :6, :6], swept(recorded).cov
     scale = 1.0 / np.sqrt(np.diagonal(filtered, axis1=1, axis2=2))
-    scaled, larger = (c * scale[:, :, np.newaxis] * scale[:, np.newaxis] for c in (found.cov, filtered))
-    assert (found.cov == np.swapaxes(found.cov, 1, 2)).all()
+    scaled, larger = (c * scale[:, :, np.newaxis] * scale[:, np.newaxis] for c in (smoothed, filtered))
+    assert (smoothed == np.swapaxes(smoothed, 1, 2)).all()
     assert np.linalg.eigvalsh(scaled).min() > 0.0
     assert np.linalg.eigvalsh(larger - scaled).min() > -1e-9
     assert np.linalg.eigvalsh(scaled[0]).max() < 0.1  # the first attitude is known tenfold better from all
 
 
 @pytest.mark.parametrize("block", [1, 7, 64])
-def test_a_sweep_in_blocks_is_that_in_one(block, monkeypatch):
+def test_a_sweep_in_blocks_is_that_in_one(recorded, block, monkeypatch):
     """To the bit: the way forward is gone again from what it was at the start of each block."""
-    frames, params = Keyframes.of(recording(), 0.049), Params()
-    p0 = start_covariance(params, tilt=0.2, heading=0.5, bias=0.05, rigid=False)
-    n = frames.gap.size
-    at_rest = np.interp(frames.middle, [2.4, 2.5, 3.5, 3.6], [0, 1, 1, 0]) == 1.0
-    given = kinds(frames, at_rest), np.full(n, 0.01), np.where(np.arange(n) % 5 == 0, 2.0 * UNUSED, 0.01)
-    start = np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1))
-
-    def swept():
-        *arrays, last = astuple(sweep(frames, *given, start, np.full(3, 0.01), p0, Noise.of(params, 0.05)))
-        return *arrays, *last
-
-    assert n < sweeps.BLOCK
-    whole = swept()
+    assert recorded.n < sweeps.BLOCK
+    *whole, last = astuple(swept(recorded, 0.01))
     monkeypatch.setattr(sweeps, "BLOCK", block)
-    assert all(np.array_equal(one, other, equal_nan=True) for one, other in zip(whole, swept(), strict=True))
-
-
-def short():
-    """Two seconds without physical sense, with missing values and a gap; every kernel but the attached field's runs."""
-    imu = noisy(160, seed=4)
-    return ImuData(t=np.where(np.arange(160) < 80, imu.t, imu.t + 1.0), gyr=imu.gyr, acc=imu.acc, mag=imu.mag)
-
-
-def digest():
-    """All numbers of a track."""
-    track = Smoother(frame="ENU").process(short())
-    numbers = (track.q_nb, track.bias_b, track.cov_b, track.flags)
-    return hashlib.sha256(b"".join(values.tobytes() for values in numbers)).hexdigest()
+    *parts, end = astuple(swept(recorded, 0.01))
+    assert all(np.array_equal(*pair, equal_nan=True) for pair in zip((*whole, *last), (*parts, *end), strict=True))
 
 
 def test_compiled_and_plain_python_give_the_same_bits():
-    other = "0" if os.environ.get("NUMBA_DISABLE_JIT", "0") == "1" else "1"
-    code = "from tests.filters.smoother.test_smoother_sweeps import digest; print(digest())"
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", code],
-        env={**os.environ, "NUMBA_DISABLE_JIT": other},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    code = "from tests.helpers.smoother_pieces import digest; print(digest())"
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "0" if jit_disabled() else "1"}
+    words = [sys.executable, "-W", "ignore", "-c", code]
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == digest()
