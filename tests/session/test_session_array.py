@@ -198,27 +198,6 @@ def test_each_unit_has_its_own_card_and_mount(calibrated):
     assert again.mounts["u2"] == array.mounts["u2"]  # who is not named stays as the session says
 
 
-def test_tables_alone_name_the_units():
-    """Without units = "all" those of the tables, in their order; the first is estimated."""
-    chosen = session(ALL.replace('units = "all"', "") + CARDS, **FILES)
-    assert [unit.unit for unit in chosen.units] == ["u4", "u2"]
-    assert (chosen.unit, chosen.card.device) == ("u4", "arm 7 u4")
-    part = Stream(chosen).feed(Received(0, arm()))
-    assert tuple(part.units) == ("u4", "u2")
-    assert part.imu is part.units["u4"].imu
-    other = of_unit(chosen, "u2")
-    assert (other.unit, other.card.device, len(other.units)) == ("u2", "arm 7 u2", 2)
-
-
-def test_a_file_of_mounts_calibrates(recording, calibrated, tmp_path):
-    for name, text in FILES.items():
-        (tmp_path / name).write_text(text, encoding="utf-8")
-    (tmp_path / "mounts.toml").write_text('kind = "plumbob array"\nversion = 1\n' + CARDS, encoding="utf-8")
-    assert_same(read_array(recording[0], mounts=tmp_path / "mounts.toml"), read_array(calibrated))
-    with pytest.raises(PlumbobError, match="already calibrated"):
-        read_array(calibrated, mounts=tmp_path / "mounts.toml")
-
-
 WRONG = {
     "no such unit": ("", '[[unit]]\nname = "u9"', "u9"),
     "a word": ('units = "both"', "", "must be one of 'all'"),
@@ -229,14 +208,31 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("case", WRONG)
-def test_sessions_that_do_not_go_together_are_refused(case):
-    units, more, match = WRONG[case]
-    with pytest.raises(PlumbobError, match=match):
-        session(ALL.replace('units = "all"', units or 'units = "all"') + more, **FILES)
+def test_tables_alone_name_the_units():
+    """Without units = "all" those of the tables, in their order; the first is estimated."""
+    chosen = session(ALL.replace('units = "all"', "") + CARDS, **FILES)
+    assert [unit.unit for unit in chosen.units] == ["u4", "u2"]
+    assert (chosen.unit, chosen.card.device) == ("u4", "arm 7 u4")
+    part = Stream(chosen).feed(Received(0, arm()))
+    assert tuple(part.units) == ("u4", "u2")
+    assert part.imu is part.units["u4"].imu
+    other = of_unit(chosen, "u2")
+    assert (other.unit, other.card.device, len(other.units)) == ("u2", "arm 7 u2", 2)
+    for units, more, match in WRONG.values():
+        with pytest.raises(PlumbobError, match=match):
+            session(ALL.replace('units = "all"', units or 'units = "all"') + more, **FILES)
     for text in (ALL, U2):
         with pytest.raises(PlumbobError, match="one unit without a name"):
             Stream(session(text.replace('"arm"', '"buoy"')))
+
+
+def test_a_file_of_mounts_calibrates(recording, calibrated, tmp_path):
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "mounts.toml").write_text('kind = "plumbob array"\nversion = 1\n' + CARDS, encoding="utf-8")
+    assert_same(read_array(recording[0], mounts=tmp_path / "mounts.toml"), read_array(calibrated))
+    with pytest.raises(PlumbobError, match="already calibrated"):
+        read_array(calibrated, mounts=tmp_path / "mounts.toml")
 
 
 def test_faults_on_the_line_are_those_of_one_unit(tmp_path):

@@ -74,7 +74,7 @@ def test_the_card_makes_the_rates_right(made, session, planned, fitted):
         np.testing.assert_allclose(applied.gyr[inside].mean(axis=0), plateau.rate, rtol=0, atol=6.0 * dps(0.0029))
 
 
-def test_a_clipped_rate_is_refused_and_can_be_left_out():
+def test_what_is_missing_or_clipped_is_refused_and_can_be_left_out(made, session):
     clipped = simulated(gyr=TriadErrors(bias=GYR.bias, white_rpsd=dps(0.005), full_scale=dps(150.0)))
     whole = capture(clipped.imu, triads=("gyr",))
     planned, _ = found_plateaus(whole.imu, dps(np.array([50.0, 100.0, 150.0])))
@@ -84,9 +84,6 @@ def test_a_clipped_rate_is_refused_and_can_be_left_out():
     planned, remarks = found_plateaus(whole.imu, dps(np.array([50.0, 100.0])))
     assert len(planned) == 30 and len(remarks) == 12 and "is left out" in remarks[0]
     assert calibrate_table(whole, planned).calibration.quality.samples == 30
-
-
-def test_what_is_missing_is_named(made, session):
     half = capture(made.imu, triads=("gyr",), span=(0.0, made.imu.t[-1] / 4.0))
     for analyse, error, words in (
         (lambda: calibrate_table(half, found_plateaus(half.imu, NOMINAL)[0]), CaptureRefusedError, "few.*about x or y"),

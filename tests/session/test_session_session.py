@@ -22,11 +22,6 @@ def card(device="bench 7"):
     return CalibrationCard(device=device, date="2026-01-01", method="made up", gyr=scaled)
 
 
-def card_text(tmp_path, device="bench 7"):
-    card(device).save(tmp_path / "card.json")
-    return (tmp_path / "card.json").read_text()
-
-
 def test_session_says_what_it_was_told():
     made = session(
         SESSION
@@ -41,11 +36,27 @@ def test_session_says_what_it_was_told():
 
 
 def test_session_keeps_every_text_that_it_needs_and_reads_back_from_them(tmp_path):
-    made = session(CARDED, **{"card.json": card_text(tmp_path)})
+    made = session(CARDED, **{"card.json": card().text()})
     assert set(made.texts) == {"session.toml", "imu9.toml", "card.json"}
     again = recorded_session(made.texts, "bench")
     assert again.card.name == made.card.name
     assert again.form == made.form
+    texts = session(SESSION).texts
+    (tmp_path / "buoy.toml").write_text(SESSION)
+    for make, error, words in (
+        (lambda: recorded_session({"session.toml": SESSION}, "bench"), DecodeError, r"does not hold imu9\.toml"),
+        (
+            lambda: recorded_session(texts | {"session.toml": placed(), "earth_field.json": "[1"}, "bench"),
+            DecodeError,
+            "holds no declination",
+        ),
+        (lambda: load_session(tmp_path / "buoy.toml"), DecodeError, r"buoy\.toml: .*imu9\.toml does not exist"),
+        (lambda: session(CARDED, **{"card.json": card("other").text()}), CardError, "device 'other'"),
+    ):
+        with pytest.raises(error, match=words):
+            make()
+    (tmp_path / "imu9.toml").write_text(FORMAT)
+    assert load_session(tmp_path / "buoy.toml").name == "buoy"
 
 
 def first_part(made):
@@ -53,8 +64,8 @@ def first_part(made):
     return next(part for part in map(line.feed, reads(stream(0.5))) if part is not None)
 
 
-def test_card_is_applied_and_the_uncalibrated_values_stay(tmp_path):
-    part = first_part(session(CARDED, **{"card.json": card_text(tmp_path)}))
+def test_card_is_applied_and_the_uncalibrated_values_stay():
+    part = first_part(session(CARDED, **{"card.json": card().text()}))
     np.testing.assert_array_equal(part.imu.gyr, 2.0 * part.sensed.gyr)
     assert part.imu.meta.calibration == f"{card().name}; NOT calibrated: acc, mag"
     assert part.sensed.meta.calibration is None
@@ -98,25 +109,6 @@ def test_wrong_session_is_refused_with_a_word(case):
     text, error, word = WRONG[case]
     with pytest.raises(error, match=word):
         session(text)
-
-
-def test_texts_that_are_missing_damaged_or_of_another_unit_are_refused(tmp_path):
-    texts = session(SESSION).texts
-    (tmp_path / "buoy.toml").write_text(SESSION)
-    for make, error, words in (
-        (lambda: recorded_session({"session.toml": SESSION}, "bench"), DecodeError, r"does not hold imu9\.toml"),
-        (
-            lambda: recorded_session(texts | {"session.toml": placed(), "earth_field.json": "[1"}, "bench"),
-            DecodeError,
-            "holds no declination",
-        ),
-        (lambda: load_session(tmp_path / "buoy.toml"), DecodeError, r"buoy\.toml: .*imu9\.toml does not exist"),
-        (lambda: session(CARDED, **{"card.json": card_text(tmp_path, "other")}), CardError, "device 'other'"),
-    ):
-        with pytest.raises(error, match=words):
-            make()
-    (tmp_path / "imu9.toml").write_text(FORMAT)
-    assert load_session(tmp_path / "buoy.toml").name == "buoy"
 
 
 def test_session_from_options_reads_back():
