@@ -71,23 +71,6 @@ def test_a_bias_leaves_its_product_with_the_time_constant():
         assert off[what][-1] == pytest.approx(0.5 * (tau - 0.5 * dt), rel=1e-3)
 
 
-@pytest.mark.parametrize("frame", list(Frame))
-def test_tilt_and_heading_are_corrected_apart(frame):
-    truth = quat_from_euler_zyx([0.3, 0.4, -0.2])
-    data = at_rest(np.arange(200) / 100.0, truth, frame)
-    params = {"tau_tilt": 0.5, "tau_heading": 0.5}
-
-    def errors(start, **more):
-        f = Filter("complementary", frame=frame, init=start, params={**params, **more})
-        return attitude_errors(f.process(data).q_nb, np.tile(truth, (len(data), 1)))
-
-    turned = errors(quat_multiply(quat_from_euler_zyx([0.5, 0.0, 0.0]), truth))
-    assert turned["inclination"].max() < 1e-12  # a wrong compass never tips the horizon
-    assert turned["heading"][-1] < 0.02 * turned["heading"][0]  # e⁻⁴
-    tilted = errors(quat_multiply(quat_from_rotvec([0.3, -0.4, 0.0]), truth), mag=False)
-    assert np.ptp(tilted["heading"]) < 1e-12  # the shortest arc to the horizon turns nothing about the vertical
-
-
 def test_there_is_no_singularity_at_pitch_90_degrees():
     """Two loops through pitch ±90° without noise: rate and steps are exact, so only rounding is left."""
     t = np.arange(2514) / 100.0

@@ -43,22 +43,6 @@ def test_the_bar_of_the_fin_paper():
     assert error_deg("integrate", t, fin, body_rate_from_euler_zyx(angles, rates)).max() < 1e-3
 
 
-@pytest.mark.parametrize(("name", "order"), [("integrate", 3), ("integrate_first_order", 1)])
-def test_order_of_convergence_on_coning(name, order):
-    """Ten seconds with 1x, 2x and 4x the rate.
-
-    First order: the last sample alone spans the step, so the error is O(Δt). With a parabola each step is off by
-    Δt⁴/24 ω''', which sums to Δt³/24 times the difference of ω'' at both ends, and a 9.9 s stretch of a 1 Hz motion
-    leaves one.
-    """
-    errors = []
-    for rate_hz in (50.0, 100.0, 200.0):
-        t = np.arange(int(9.9 * rate_hz) + 1) / rate_hz
-        errors.append(error_deg(name, t, *coning(t, 0.05, 2 * math.pi))[-1])
-    found = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
-    assert np.abs(found - order).max() < 0.1
-
-
 @pytest.mark.parametrize(("rate_dps", "known_deg_per_s"), [(172.0, 0.013), (573.0, 0.48), (2000.0, 20.0)])
 def test_known_errors_of_the_first_order_step_at_100_hz(rate_dps, known_deg_per_s):
     """[Yu2018] (3), corrected: each step turns by 2 atan(ωΔt/2) instead of ωΔt."""

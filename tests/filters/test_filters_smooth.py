@@ -1,7 +1,5 @@
 """The low-pass with exact steps: its closed form, SciPy's transition, and its corner."""
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -48,15 +46,6 @@ def test_any_step_from_any_state_is_scipys_transition(t, y, w, v):
     assert np.abs(np.subtract(smooth.py_func(*weights.py_func(t, 1.0), y, w, v), expected)).max() < 1e-12 * (
         abs(y) + abs(w) + abs(v) + 1e-300
     )
-
-
-@pytest.mark.parametrize("tau", [0.05, 0.5, 20.0])
-def test_the_corner_lies_at_root_two_over_tau(tau):
-    """−3 dB, exactly 1/√2 of a sine; a thousand steps per τ hold it with a gain of 1 − (√2/1000)²/24 = 1 − 8e-8."""
-    p, q, r, s = weights.py_func(1e-3 * tau, tau)
-    z = np.exp(1j * math.sqrt(2.0) * 1e-3)  # of one step at √2/τ rad/s
-    gain = np.linalg.solve(z * np.eye(2) - [[p, q], [r, s]], [1.0 - p, -r])[0]
-    assert abs(gain) == pytest.approx(math.sqrt(0.5), rel=1e-7)
 
 
 class TestKeptWeights:
