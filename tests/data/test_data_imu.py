@@ -131,11 +131,9 @@ REFUSED = [
         for name in TRIADS
     ),
     (ShapeError, {"acc": np.zeros((N - 1, 3))}, r"acc .*one row per time stamp \(200\), but it has 199"),
-    (ShapeError, {"acc": np.zeros((0, 3))}, "acc .*but it has 0"),
     (ShapeError, {"mag": np.full((N, 3), np.inf)}, "mag has no finite number in all 200 samples"),
     (ShapeError, {"temp_c": np.zeros(N + 1)}, "temp_c"),
     (ShapeError, {"temp_c": np.zeros((N, 1))}, "temp_c"),
-    (ShapeError, {"temp_c": 21.0}, "temp_c"),
     (ShapeError, {"flags": np.zeros(N - 1)}, "flags"),
     (ShapeError, {"flags": np.full(N, -1)}, "flags"),
     (ShapeError, {"t": np.zeros((N, 1))}, "t must"),
@@ -162,7 +160,6 @@ REFUSED = [
     ),
     (UnitError, changed("gyr", np.s_[[5, 9, 11], 0], 1e4), "3 of 200 samples exceed it"),
     (UnitError, {"acc": parts()["acc"] / G}, r"\|acc\| is .*looks like g\. .*units\.g\(acc\)"),
-    (UnitError, {"acc": parts()["acc"] / G, "meta": ImuMeta(acc_range=units.g(16.0))}, "looks like g"),
     (UnitError, {"acc": parts()["acc"] / G * (np.arange(N) >= 80)[:, np.newaxis]}, "looks like g"),
     (UnitError, {"acc": parts()["acc"] * 1000 / G}, r"looks like mg\. .*units\.g\(acc\)"),
     (UnitError, {"acc": parts()["acc"] * 16384 / G}, "looks like raw counts"),  # MPU-6000 at ±2 g: 16384 LSB/g
@@ -174,7 +171,6 @@ REFUSED = [
 DECLINATION = "declination must be an angle in rad from −π to π"
 META = [
     (ShapeError, {"gyr_range": [1.0, 2.0]}, "gyr_range must"),
-    (ShapeError, {"gyr_range": [[1.0, 2.0, 3.0]]}, "gyr_range must"),
     (ShapeError, {"gyr_range": "2000 dps"}, "gyr_range must"),
     (ShapeError, {"gyr_range": True}, "gyr_range must"),
     (UnitError, {"gyr_range": 0.0}, "gyr_range must be a positive full scale"),

@@ -39,9 +39,7 @@ def test_the_figures_of_both_tables(rest, turn):
             assert found[name].std == pytest.approx(values, rel=0.12)
     # the mean of |b| of U(±0.13 °/s) over 30 s: 0.065 · 30/√12 = 0.563°, which scatters by 9 % over 40 seeds
     assert rest["none"].std == pytest.approx(0.563, rel=0.25)
-
-
-def test_the_step_from_pi_to_fuzzy_pi_is_that_of_averaging_two_sets(rest):
+    # the step from PI to fuzzy PI is that of averaging two sets
     assert rest["fuzzy"].std == pytest.approx(rest["control"].std, rel=0.1)
     assert rest["sum"].std == pytest.approx([0.229, 0.233, 0.279], rel=0.1)  # papers.md: noisier
 
@@ -86,11 +84,11 @@ def test_every_printed_form_fails_as_it_is_known_to(rest, turn):
     """papers.md: std 11 to 20° with e in ° and u in rad/s; .184 against .015° of a late error; and so on, in `bar`."""
     rows = misprints.found(10, rest, turn)
     assert [one.key for one in rows if not one.bar[0] <= one.wrong <= one.bar[1]] == []
-    by_key = {one.key: one for one in rows}
-    assert by_key["raw.rate"].wrong == pytest.approx(5.0 / np.sqrt(2.0), rel=0.01)  # the signal cancels
-    assert by_key["units.rad"].wrong < by_key["units.rad"].right  # a table at rest alone would choose the mistake
-    assert by_key["units.rad.recovery"].wrong > 6.0 * by_key["units.rad.recovery"].right
-    assert by_key["late"].right == pytest.approx(0.015, abs=0.003)
+    keyed = {one.key: one for one in rows}
+    assert keyed["raw.rate"].wrong == pytest.approx(5.0 / np.sqrt(2.0), rel=0.01)  # the signal cancels
+    assert keyed["units.rad"].wrong < keyed["units.rad"].right  # a table at rest alone would choose the mistake
+    assert keyed["units.rad.recovery"].wrong > 6.0 * keyed["units.rad.recovery"].right
+    assert keyed["late"].right == pytest.approx(0.015, abs=0.003)
 
 
 def test_mamdani_is_another_regulator_than_products():
@@ -104,14 +102,11 @@ def test_mamdani_is_another_regulator_than_products():
 
 def test_the_stated_noise_gives_nothing_like_the_table():
     """papers.md: PI .010/.007/.014, fuzzy-PI .006 to .017 in place of .157/.143/.206 and .096/.098/.142."""
-    by_key = {one.key: one for one in misprints.stated(5)}
-    assert by_key["stated.pi"].faithful == pytest.approx(0.010, abs=0.002)
-    assert by_key["stated.fuzzy"].faithful < 0.1 * by_key["stated.fuzzy"].paper
-    assert not any(one.reproducible for one in by_key.values())
-
-
-def test_numbers_of_the_gain():
-    """0.8 / 2π = 0.127 Hz; 2π · 15 = 94.2 1/s; half of 10 Hz."""
+    keyed = by_key(misprints.stated(5))
+    assert keyed["stated.pi"].faithful == pytest.approx(0.010, abs=0.002)
+    assert keyed["stated.fuzzy"].faithful < 0.1 * keyed["stated.fuzzy"].paper
+    assert not any(one.reproducible for one in keyed.values())
+    # of the gain: 0.8 / 2π = 0.127 Hz; 2π · 15 = 94.2 1/s; half of 10 Hz
     values = {one.key: one.faithful for one in misprints.of_gain()}
     assert values == pytest.approx({"gain.corner": 0.1273, "gain.needed": 94.25, "gain.nyquist": 5.0}, rel=1e-3)
     assert all(one.met for one in misprints.combination())
@@ -130,10 +125,7 @@ def test_a_fault_of_one_axis_is_isolated(moving):
     one = faults.watched("biased", "gyr", moving=moving, seeds=15)
     assert (one.detected, one.isolated) == (100.0, 100.0)
     assert one.median < (5.0 if moving else 2.0)
-
-
-def test_two_sensors_cannot_isolate():
-    assert faults.two_units() == (True, 0)
+    assert faults.two_units() == (True, 0)  # two sensors cannot isolate
 
 
 @pytest.fixture(scope="module")

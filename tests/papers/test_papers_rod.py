@@ -12,13 +12,7 @@ from plumbob.papers.rod.compared import budget, compared, mapped, mount_from_gra
 from plumbob.papers.rod.literal import BIAS_WALK, GYRO_NOISE, START, Form, literal, observation, observed, transition
 from plumbob.papers.rod.page import page
 from plumbob.papers.work import Work
-from plumbob.rotations import (
-    quat_angle,
-    quat_from_euler_zyx,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_normalize,
-)
+from plumbob.rotations import quat_angle, quat_from_euler_zyx, quat_from_rotvec, quat_multiply, quat_normalize
 from tests.helpers import jit_disabled
 from tests.helpers.papers import by_key, english_alone, named, unmet
 

@@ -5,14 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from plumbob.rotations import (
-    dcm_from_quat,
-    kernels,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_normalize,
-    quat_rotate,
-)
+from plumbob.rotations import dcm_from_quat, kernels, quat_from_rotvec, quat_multiply, quat_normalize, quat_rotate
 
 EPS = np.finfo(float).eps
 

@@ -6,13 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from plumbob.rotations import (
-    kernels,
-    quat_angle,
-    quat_from_rotvec,
-    rotvec_from_quat,
-    skew,
-)
+from plumbob.rotations import kernels, quat_angle, quat_from_rotvec, rotvec_from_quat, skew
 
 EPS = np.finfo(float).eps
 SWITCH = 0.01  # rad, below which both are series

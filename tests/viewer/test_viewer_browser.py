@@ -244,16 +244,6 @@ def test_the_page_finds_its_server_again_and_doubles_nothing(chromium, buoy):
         until(lambda: value.text_content() != first, "the page stands still")
 
 
-def test_two_pages_show_the_same_and_a_tare_holds_for_both(chromium, buoy):
-    with opened(chromium, buoy) as one, opened(chromium, buoy) as other:
-        one.locator(".panel-controls").get_by_role("button", name="Tare", exact=True).click()
-        for page in (one, other):
-            page.wait_for_selector(".panel-attitude .tared:visible")
-        one.locator(".panel-controls").get_by_role("button", name="Untare", exact=True).click()
-        for page in (one, other):
-            page.wait_for_selector(".panel-attitude .tared", state="hidden")
-
-
 HOSTILE = "<img src=x onerror=document.title=1>"
 
 
@@ -271,10 +261,7 @@ def test_names_of_devices_are_text(chromium, tmp_path):
 PHONE = {"width": 390, "height": 844}
 
 
-@pytest.mark.parametrize(
-    ("look", "size"),
-    [("theme=light", WIDE), ("theme=dark&lang=zh", PHONE), ("theme=sun", PHONE)],
-)
+@pytest.mark.parametrize(("look", "size"), [("theme=light", WIDE), ("theme=dark&lang=zh", PHONE), ("theme=sun", PHONE)])
 def test_axe_has_no_serious_finding_and_nothing_is_wider_than_the_screen(chromium, buoy, look, size):
     if not AXE.is_file():
         pytest.skip("axe-core is not installed; 'make page' does it")

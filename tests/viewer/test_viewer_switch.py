@@ -42,11 +42,7 @@ def switched(tmp_path, actions, text=MEKF, own=None, duration=10.0):
 def test_a_recording_made_on_the_way_is_whole_and_replays_to_the_bit(tmp_path):
     switch, found, answers = switched(
         tmp_path,
-        lambda switch: {
-            10: lambda: switch.record("pier"),
-            20: lambda: switch.mark("lee of the pier"),
-            40: switch.stop,
-        },
+        lambda switch: {10: lambda: switch.record("pier"), 20: lambda: switch.mark("lee of the pier"), 40: switch.stop},
     )
     (told,) = switch.recordings
     path = tmp_path / told["path"].rpartition("/")[2]
