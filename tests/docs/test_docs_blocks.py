@@ -28,6 +28,19 @@ NOT_PRINTED = {"noise.md": "of an hour", "own-csv.md": "a file, tested below"}
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
+# s of CPU: what these show, the tests of their rooms show in less
+DEAR = {
+    "console": {"arm.md": 24, "fleet.md": 4, "noise.md": 4},
+    "python": {"in-python.md": 10, "arm.md": 5, "estimator.md": 4, "fleet.md": 2},
+}
+
+
+def pages(kind):
+    """All pages; those whose blocks are dear are run before a release."""
+    dear = {name: [pytest.mark.long(reason=f"{seconds} s of CPU")] for name, seconds in DEAR[kind].items()}
+    return [pytest.param(page, marks=dear.get(page.name, ()), id=page.name) for page in PAGES]
+
+
 def blocks(page):
     return BLOCK.findall(page.read_text(encoding="utf-8"))
 
@@ -39,7 +52,7 @@ def write_named_files(page, folder):
             (folder / name[1]).write_text(text if kind == "toml" else text[name.end() :], encoding="utf-8")
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+@pytest.mark.parametrize("page", pages("python"))
 def test_python_blocks_print_what_follows_them(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_named_files(page, tmp_path)
@@ -54,7 +67,7 @@ def test_python_blocks_print_what_follows_them(page, tmp_path, monkeypatch):
                 assert printed.getvalue() == text
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+@pytest.mark.parametrize("page", pages("console"))
 def test_console_blocks_run_and_print_what_follows_them(page, tmp_path):
     """Lines of the text that follows are printed, in this order; '…' stands for others."""
     write_named_files(page, tmp_path)
@@ -114,14 +127,7 @@ def test_every_page_that_a_message_names_is_there_and_in_the_wheel():
 def test_an_installed_package_names_its_own_pages(tmp_path):
     """The package copied as the wheel has it, with its docs inside, and nothing of the checkout in reach."""
     package = tmp_path / "lib" / "plumbob"
-    for part in (
-        "__init__.py",
-        "core/__init__.py",
-        "core/docs.py",
-        "core/errors.py",
-        "core/lazy.py",
-        "core/version.py",
-    ):
+    for part in ("__init__.py", *(f"core/{name}.py" for name in ("__init__", "docs", "errors", "lazy", "version"))):
         (package / part).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / "src" / "plumbob" / part, package / part)
     shutil.copytree(ROOT / "docs", package / "docs")
