@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.fft import dct
+from scipy.interpolate import PchipInterpolator
 
 from plumbob.noise import analysis, likelihood
 from plumbob.noise.findings import Coefficient
@@ -200,24 +201,29 @@ def test_terms_that_cannot_be_told_apart_are_still_there_together(count):
 
 
 def test_an_interval_has_the_quantiles_of_the_profile():
-    """Of the likelihood with all else at its best, between nothing and three standard deviations: by straight lines
-    between 200 values, and by a cubic between 32, which are a step apart."""
+    """Of the likelihood with all else at its best, at 33 values from nothing to three standard deviations, and between
+    them of SciPy's cubic that does not overshoot."""
     rng = np.random.default_rng(12)
     s = spectrum(0.2 * rng.standard_normal(6000) + 0.1 * markov(6000, 60.0, rng)[0], 1.0)
     best = likelihood.fit(s, markov_time=60.0)
+    bins = likelihood.bins_of(s)
     for k, c in zip((4, 5), likelihood.markov_coefficients(s, best), strict=True):
 
-        def fallen(value, k=k):
-            logs = best.logs.copy()
+        def held(logs, value, k=k):
+            logs = logs.copy()
             logs[k] = math.log(value)
-            start = (point(logs, s.terms.size) for _ in range(2))
-            return likelihood.search(likelihood.bins_of(s), np.arange(6) == k, *start).sums[0] - 0.5 * best.deviance
+            return likelihood.search(bins, np.arange(6) == k, *(point(logs, s.terms.size) for _ in range(2)))
 
         top = math.exp(best.logs[k]) * 1.5
-        while fallen(top) < 4.5:
+        while held(best.logs, top).sums[0] - 0.5 * best.deviance < 4.5:
             top *= 1.5
-        values = np.linspace(0.0, top, 201)
-        density = np.exp([-fallen(max(value, 1e-6 * top)) for value in values])
+        values, fine = np.linspace(0.0, top, 33), np.linspace(0.0, top, 4001)
+        logs, halves = best.logs, []
+        for value in values[::-1]:
+            at = held(logs, max(value, 1e-6 * top))
+            halves.append(at.sums[0])
+            logs = at.logs
+        density = np.exp(PchipInterpolator(values, np.min(halves) - halves[::-1])(fine))
         share = np.concatenate(([0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))))
-        quantiles = np.interp((0.158655, 0.5, 0.841345, 0.95), share / share[-1], values)
-        assert [c.lo, c.value, c.hi, c.upper] == pytest.approx(quantiles.tolist(), abs=top / 32.0 / 5.0)
+        quantiles = np.interp((0.158655, 0.5, 0.841345, 0.95), share / share[-1], fine)
+        assert [c.lo, c.value, c.hi, c.upper] == pytest.approx(quantiles.tolist(), rel=1e-6)
