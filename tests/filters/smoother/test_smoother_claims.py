@@ -30,7 +30,7 @@ from plumbob.rotations import (
 from tests.helpers.hand_motion import CALIBRATED, by_hand, error_n, rms_deg
 from tests.helpers.motion import heading_sd
 
-UNITS, RATE, SECONDS = 40, 100.0, 30.0
+UNITS, RATE, SECONDS = 30, 100.0, 30.0
 ESTIMATED = {"acc_offset": 0.0, "latency_sd": 0.0, "mag_direction_sd": 0.0}
 """What is only counted, and not in these recordings."""
 

@@ -276,6 +276,7 @@ def test_a_field_that_comes_late_does_not_turn_what_was_before():
     assert not (late.flags[h.t > 11.0] & flags.HEADING_FREE).any()
 
 
+@pytest.mark.long(reason="two seconds; that a lag is kept to the bit, and that a hand is followed, cheaper tests see")
 @slow_as_python
 def test_a_lag_brings_the_estimate_nearer_to_the_truth():
     """The same recordings with 2 s of lag, with 8 s and with all of it: the error falls by half and more each time.

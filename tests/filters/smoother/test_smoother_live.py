@@ -167,24 +167,18 @@ def test_a_gyroscope_that_is_stuck_is_missing_until_it_says_something_new():
     assert rms_deg(error_n(track.q_nb, h.q)[h.t > 28.0]).max() < 1.0
 
 
-def test_a_bias_that_jumps_in_motion_is_doubted_before_the_attitude_is_far_off():
-    """It may take long until it is found; what is more than 30° off must not look as if it were known."""
-    h = by_hand(60.0, rest=((0.0, 5.0),), seed=1)
-    track, _ = followed(h.imu(gyr=h.gyr + np.where(h.t[:, np.newaxis] < 20.0, 0.0, dps(8.0))))
-    off = np.degrees(np.linalg.norm(error_n(track.q_nb, h.q), axis=1))
-    doubted = (track.flags & np.uint32(flags.INCONSISTENT | flags.NOT_CONVERGED)) != 0
-    assert not doubted[(h.t > 1.0) & (h.t < 20.0)].any()
-    assert doubted[(h.t > 20.0) & (off > 30.0)][:100].mean() > 0.5
-
-
 @pytest.mark.parametrize("rate", [3.0, 8.0])
 def test_a_bias_that_jumps_in_motion_is_found_by_the_seconds_that_contradict_all_before(rate):
-    h = by_hand(80.0, rest=((0.0, 5.0),), seed=1)
+    """It may take long until it is found; what is more than 30° off must not look as if it were known."""
+    h = by_hand(70.0, rest=((0.0, 5.0),), seed=1)
     track, _ = followed(h.imu(gyr=h.gyr + np.where(h.t[:, np.newaxis] < 30.0, 0.0, dps(rate))))
     said = (track.flags & np.uint32(flags.INCONSISTENT)) != 0
-    assert not said[h.t < 30.0].any()
+    e = error_n(track.q_nb, h.q)
+    assert not (said | ~converged(track))[(h.t > 1.0) & (h.t < 30.0)].any()
     assert said[(h.t > 30.0) & (h.t < 50.0)].any()
-    assert rms_deg(error_n(track.q_nb, h.q)[h.t > 60.0]).max() < 2.0
+    far = (h.t > 30.0) & (np.degrees(np.linalg.norm(e, axis=1)) > 30.0)
+    assert not far.any() or (said | ~converged(track))[far][:100].mean() > 0.5
+    assert rms_deg(e[h.t > 60.0]).max() < 2.0
     np.testing.assert_allclose(track.bias_b[-1], dps(rate), atol=dps(0.5))
 
 
