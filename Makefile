@@ -12,13 +12,13 @@ demo: setup page  ## the main job on emulated bytes, with a report and the live 
 	$(BIN)/plumbob demo --out demo-out --force --view
 
 test: setup page  ## every gate, each whatever the others say; papers, rigs, page and arm where their files changed
-	$(BIN)/python -m tests.gates test
+	$(BIN)/python -m gates test
 
 lint: setup  ## the gates that only read: format, lint, types, layers, the size of the house
-	$(BIN)/python -m tests.gates lint
+	$(BIN)/python -m gates lint
 
 house: setup  ## print the size of the house beside house.toml, and write down what fell
-	$(BIN)/python -m tests.gates.house --write
+	$(BIN)/python -m gates.house --write
 
 pages: setup  ## the pages that a program makes; the tests say when they are out of date
 	$(BIN)/plumbob devices --markdown > docs/devices.md
@@ -29,13 +29,13 @@ pages: setup  ## the pages that a program makes; the tests say when they are out
 
 ##@ More tests
 test-all: setup page  ## as 'test', with every group
-	$(BIN)/python -m tests.gates test --all
+	$(BIN)/python -m gates test --all
 
 test-second: setup page  ## types, imports, and the tests in which Pythons differ: PYTHON=python3.13 VENV=.venv-3.13
-	$(BIN)/python -m tests.gates second
+	$(BIN)/python -m gates second
 
 test-long: setup  ## dear statistics, ten times the random cases and plain Python, of the rooms that changed last
-	$(BIN)/python -m tests.gates long
+	$(BIN)/python -m gates long
 
 # NumPy, numba, OpenBLAS and glibc read these: sums in another order, no fused products, other last digits of a sine.
 other-processor: setup  ## tests as a processor with SSE only would run them: TESTS=tests/noise
@@ -45,10 +45,10 @@ other-processor: setup  ## tests as a processor with SSE only would run them: TE
 	GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F $(BIN)/python -m pytest -n 2 --dist loadfile $(TESTS)
 
 loaded: setup  ## three times the tests beside four busy loops, then once in random order: SEED=1
-	$(BIN)/python -m tests.gates.loaded
+	$(BIN)/python -m gates.loaded
 
 costs: setup  ## what the tests cost: CPU seconds by folder, those that compile among them, and the dearest tests
-	$(BIN)/python -m tests.gates costs --all
+	$(BIN)/python -m gates costs --all
 
 mutants: setup  ## plant faults one at a time and print which the tests miss: about an hour of two cores
 	$(BIN)/python benchmarks/mutants

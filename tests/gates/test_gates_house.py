@@ -34,6 +34,7 @@ FILES = {
     "src/plumbob/core/steps.py": STEPS,
     "tests/a.py": "",
     "benchmarks/a.py": "",
+    "gates/a.py": "",
 }
 
 
@@ -70,7 +71,7 @@ def commit(folder, subject):
 
 
 def gate(folder, *words):
-    command = [sys.executable, "-m", "tests.gates.house", "--root", str(folder), *words]
+    command = [sys.executable, "-m", "gates.house", "--root", str(folder), *words]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 

@@ -1,6 +1,6 @@
 """How far a reader walks with a verb: the functions that its second run in one process enters, and how deep.
 
-``python tests/gates/walks.py [FOLDER]`` prints, as JSON, for each walk its depth and the functions entered. FOLDER is a
+``python gates/walks.py [FOLDER]`` prints, as JSON, for each walk its depth and the functions entered. FOLDER is a
 checkout; that of this file without one. Bodies of modules, classes and comprehensions are not functions; compiled
 kernels count as what is called from Python. Recordings are simulated, so that the walks need no data.
 """
@@ -63,7 +63,7 @@ class Walk:
 
 def main(root: str = "") -> None:
     """Simulate, run each walk twice, and print what the second one enters."""
-    source = Path(root or Path(__file__).parents[2]).resolve() / "src"
+    source = Path(root or Path(__file__).parents[1]).resolve() / "src"
     sys.path.insert(0, str(source))
     from plumbob.cli import main as command
 

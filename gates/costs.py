@@ -1,6 +1,6 @@
 """What the tests cost, by folder: CPU seconds with those of child processes, and which of them numba compiles in.
 
-A plugin: ``make costs``, or ``pytest -p tests.gates.costs``. Compiling in a child process counts as the child's.
+A plugin: ``make costs``, or ``pytest -p gates.costs``. Compiling in a child process counts as the child's.
 """
 
 import os

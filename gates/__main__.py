@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 BIN = Path(sys.executable).parent
-CODE = ("src", "tests", "benchmarks", "examples", "website")
+CODE = ("src", "tests", "benchmarks", "examples", "gates", "website")
 PYTEST = (sys.executable, "-m", "pytest", "-n", os.environ.get("JOBS", "2"), "--dist", "loadfile")
 GROUPS = {  # folders and files, the tests among them
     "papers": ("src/plumbob/papers", "tests/papers", "docs/papers.md"),
@@ -29,7 +29,7 @@ READERS = {
     "lint": (BIN / "ruff", "check", *CODE),
     "types": (BIN / "mypy",),
     "layers": (BIN / "lint-imports",),
-    "house": (sys.executable, "-m", "tests.gates.house"),
+    "house": (sys.executable, "-m", "gates.house"),
 }
 # Where Pythons differ: texts of argparse and errors, processes, threads, sockets, archives, what dataclasses show.
 # Tests that need real recordings run there too, since the other Python runs without them.
@@ -112,7 +112,7 @@ def gates(which: str, is_all: bool) -> tuple[dict, dict]:
     if "page" not in idle and shutil.which("npm") and Path("web/node_modules").is_dir():
         runs["page"] = ("npm", "--prefix", "web", "--silent", "test")
     if which == "costs":
-        return {}, {"tests": (*runs["tests"], "-p", "tests.gates.costs")}
+        return {}, {"tests": (*runs["tests"], "-p", "gates.costs")}
     return READERS, runs
 
 

@@ -1,6 +1,6 @@
 """Whether tests fail by chance: three runs of all of them beside four busy loops, and one in random order.
 
-``make loaded`` (SEED=7 for another order). A plugin too: ``pytest -p tests.gates.loaded --seed 7`` takes files in
+``make loaded`` (SEED=7 for another order). A plugin too: ``pytest -p gates.loaded --seed 7`` takes files in
 random order, and the tests of each.
 """
 
@@ -48,7 +48,7 @@ def main():
     """Run them all; exit code 1 if a test failed in any."""
     failures = [run(f"beside four busy loops, {number} of 3", 4) for number in (1, 2, 3)]
     seed = os.environ.get("SEED", "1")
-    failures.append(run(f"random order, seed {seed}", 0, "-p", "tests.gates.loaded", "--seed", seed))
+    failures.append(run(f"random order, seed {seed}", 0, "-p", "gates.loaded", "--seed", seed))
     print(f"failures: {sum(failures)}")
     return int(any(failures))
 

@@ -18,14 +18,14 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
-from tests.gates.figures import Figure, figures
+from gates.figures import CODE, Figure, figures
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 WALKS = Path(__file__).with_name("walks.py")
 HEAD = """\
 # The size of the house, as measured last. 'make house' prints each figure and writes down what fell; what rises fails
 # 'make test', with the files that raised it. To raise a figure, edit it here, in a commit whose subject line says
-# 'Raise the budget of …' and why. tests/gates/figures.py and walks.py say how each is counted.
+# 'Raise the budget of …' and why. gates/figures.py and walks.py say how each is counted.
 """
 EXPLAINED = {
     "lines": "lines of Python",
@@ -105,9 +105,7 @@ def _before(root: Path) -> dict[str, Figure] | None:
     if not commit:
         return None
     with tempfile.TemporaryDirectory() as folder:
-        archive = subprocess.run(
-            ["git", "archive", commit, "src", "tests", "benchmarks"], cwd=root, capture_output=True, check=True
-        )
+        archive = subprocess.run(["git", "archive", commit, *CODE], cwd=root, capture_output=True, check=True)
         subprocess.run(["tar", "-x", "-C", folder], input=archive.stdout, check=True)
         return measure(Path(folder))
 
