@@ -1,5 +1,7 @@
 """The feed: its numbers are those of the estimate, whatever came when; a fault in it costs the view alone."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -27,12 +29,13 @@ def text_of(estimate):
     return f"{PLAIN}[estimate]\n{estimate}"
 
 
-def shown(estimate='filter = "mekf"', *, duration=10.0, outlet=None, **options):
+@functools.cache
+def shown(estimate='filter = "mekf"', also=()):
     """What a feed shows of a stream, and the parts that it gave."""
     stream = Stream(live_samples.session(text_of(estimate) if estimate else PLAIN), covariance=True)
-    outlet, found = outlet or Kept(), Collected()
-    feed = Feed(stream, outlet, **options)
-    source = live_samples.Handed(live_samples.reads(live_samples.stream(duration)))
+    outlet, found = Kept(), Collected()
+    feed = Feed(stream, outlet, also=also)
+    source = live_samples.Handed(live_samples.reads(live_samples.stream(10.0)))
     run_stream(stream, source, sinks=[found, feed], each=feed.tick)
     assert not feed.failed, feed.failed
     return outlet, found
@@ -56,7 +59,7 @@ def test_angles_bias_and_sd_are_those_of_an_estimate(name):
 
 
 def test_sensors_and_raw_counts_are_those_of_the_samples_in_the_units_that_are_shown():
-    outlet, found = shown()
+    outlet, found = shown('filter = "mekf"')
     imu, sensed = found.imu(calibrated=True), found.imu(calibrated=False)
     np.testing.assert_allclose(outlet.column("gyr.y"), np.degrees(imu.gyr[:, 1]), rtol=1e-15)
     np.testing.assert_array_equal(outlet.column("acc.z"), imu.acc[:, 2])
@@ -110,7 +113,7 @@ def test_without_a_filter_the_sensors_are_shown():
 
 
 def test_a_further_estimator_from_the_start_is_its_own_estimate():
-    outlet, found = shown(also=["mahony", "smoother"])
+    outlet, found = shown(also=("mahony", "smoother"))
     track = plumbob.estimate(found.imu(calibrated=True), "mahony", frame="NED").track
     np.testing.assert_array_equal(outlet.column("mahony.yaw"), to_deg(track.yaw))
     assert [one.name for one in outlet.hellos[-1].estimators] == ["mekf", "mahony", "smoother"]

@@ -1,5 +1,6 @@
 """The view in a terminal: what stands where, in two sizes and two languages, on a real pseudo-terminal, and keys."""
 
+import functools
 import os
 import re
 import select
@@ -23,20 +24,33 @@ from plumbob.viewer.messages import Batch
 from plumbob.viewer.terminal import CHINESE, Terminal, tape
 from tests.helpers import live_samples
 from tests.helpers.commandline import PLUMBOB, refused
+from tests.helpers.outlets import Kept
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 MEKF = live_samples.SESSION.partition("[estimate]")[0] + '[estimate]\nfilter = "mekf"\n'
 PATIENCE = 90.0
 
 
-def shown(lang="en", also=("mahony",), truth=True, stop=None):
-    """Terminal that was shown a stream, and the stream."""
-    stream = Stream(live_samples.session(MEKF), covariance=True)
-    terminal = Terminal(stop or Stop(), lang)
-    feed = Feed(stream, terminal, also=also, truth=live_samples.motion().truth if truth else None)
+@functools.cache
+def run(also, truth):
+    """A stream that has run, and what a feed gave of it."""
+    stream, outlet = Stream(live_samples.session(MEKF), covariance=True), Kept()
+    feed = Feed(stream, outlet, also=also, truth=live_samples.motion().truth if truth else None)
     run_stream(stream, live_samples.Handed(live_samples.reads(live_samples.stream(10.0))), sinks=[feed],
                each=feed.tick)  # fmt: skip
     assert not feed.failed
+    return stream, outlet
+
+
+def shown(lang="en", also=("mahony",), truth=True, stop=None):
+    """Terminal that was shown a stream, and the stream."""
+    stream, outlet = run(also, truth)
+    terminal = Terminal(stop or Stop(), lang)
+    for hello, batch in outlet.batches:
+        terminal.hello(hello)
+        terminal.batch(batch)
+    for event in outlet.events:
+        terminal.event(*event)
     return terminal, stream
 
 
