@@ -31,7 +31,7 @@ def moved(name, seconds=20.0, *, program="calibration", seed=2, rate=50.0, frame
 @cache
 def aligned(name):
     """Recording of a chain, with 20 µT bent at the forearm, and its card; both are made once."""
-    made = moved(name, 25.0 if name == "five" else 14.0, bend=20.0)
+    made = moved(name, {"five": 25.0, "teach": 8.0}.get(name, 10.0), bend=20.0)
     return made, align(made.chain, made.array, params=INSTANT, poses=[(0.0, 1.5, made.angles[0])])
 
 
