@@ -49,13 +49,18 @@ def test_a_share_that_rounds_to_nothing_is_not_nothing(judged, track):
     assert shares == ["100.0 %", "< 0.1 %"]
 
 
-def test_rows_that_cannot_be_compared_are_called_so(judged, track):
+def test_rows_that_cannot_be_compared_are_called_so(judged, track, monkeypatch):
     other = evaluate(judged.estimate, judged.reference, settle=4.0)
     free = evaluate(track(judged.t, judged.estimate.q_nb, north=North.FREE), judged.reference)
     assert comparison({"a": judged, "b": judged}).remarks == []
     assert "the rows differ in the samples scored" in comparison({"a": judged, "b": other}).remarks[0]
     both = comparison({"free": free, "magnetic": judged}).page()  # with figures of the tilt alone
     assert both.count("not scored: the heading of the estimate counts from an arbitrary zero") == 1
+    with pytest.raises(ShapeError, match="at least one evaluation"):
+        comparison({})
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(MissingExtraError, match=r'pip install "plumbob\[plot\]"'):
+        comparison({"x": judged}).page()
 
 
 @pytest.mark.parametrize("size", [1, 2, 3])
@@ -84,11 +89,3 @@ def test_any_number_of_samples_makes_a_small_file(tmp_path, track, count):
     level = np.tile([1.0, 0.0, 0.0, 0.0], (t.size, 1))
     path = evaluate(track(t, q), track(t, level)).write_html(tmp_path / "page.html")
     assert 50_000 < path.stat().st_size < 2_000_000
-
-
-def test_a_page_without_matplotlib_or_about_nothing_is_refused(judged, monkeypatch):
-    with pytest.raises(ShapeError, match="at least one evaluation"):
-        comparison({})
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(MissingExtraError, match=r'pip install "plumbob\[plot\]"'):
-        comparison({"x": judged}).page()
