@@ -99,7 +99,7 @@ emulate buoy --write {} | .bin |
 record --from sea.bin --format buoy --out {} | .mcap |
 replay sea.mcap --out {} | .parquet | sea.mcap
 repair sea.mcap --out {} | .mcap | sea.mcap
-send track.parquet --as json --to file:{} | .jsonl |
+send track.parquet --as json --to file:{} | .jsonl | track.parquet
 allan one.txt --rate 100Hz --scale '1 deg/s' --card {} | .json | one.txt
 allan one.txt --rate 100Hz --scale '1 deg/s' --plot {} | .png | one.txt
 allan rest.parquet --triads gyr --kalibr {} | .yaml | rest.parquet

@@ -41,11 +41,8 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.acquisition.transport import Stop
-    from plumbob.core.errors import ParameterError
     from plumbob.session.sending import send
 
-    if args.to == f"file:{args.source}":
-        raise ParameterError(f"{args.source} is read; name another file to write.")
     stop = Stop()
     with ExitStack() as stack:
         stack.enter_context(common.stopped_by_signals(stop))

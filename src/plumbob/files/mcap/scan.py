@@ -8,10 +8,10 @@ from io import BytesIO
 from pathlib import Path
 from typing import Final
 
+from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 
-from mcap import records
 from plumbob.core.errors import DecodeError
 from plumbob.files.mcap import layout
 from plumbob.files.mcap.content import (
