@@ -13,17 +13,7 @@ from plumbob.calibration.mag.with_acc import fit_mag_acc
 from plumbob.calibration.mag.with_gyr import fit_mag_gyr
 from plumbob.rotations import quat_conjugate, quat_rotate
 from tests.helpers import jit_disabled
-from tests.helpers.mag_scene import (
-    FIELD_N,
-    STRENGTH,
-    attitudes,
-    field,
-    force,
-    heading_rms,
-    rates,
-    tumbling,
-    unit_of,
-)
+from tests.helpers import mag_scene as mags
 
 slow_without_jit = pytest.mark.skipif(jit_disabled(), reason="many captures take minutes as plain Python")
 CAPTURES = 8
@@ -51,14 +41,14 @@ def steel(rng, place_n):
 def in_a_room(seed, lever):
     """Unit, and what it and a gyroscope measure while a hand turns and wanders near steel; the lever is in metres."""
     rng = np.random.default_rng([21, seed])
-    unit = unit_of(rng, turned=False)
-    t, q_nb, turning = tumbling(rng)
+    unit = mags.unit_of(rng, turned=False)
+    t, q_nb, turning = mags.tumbling(rng)
     arm = rng.normal(size=3)
     wander = np.sin(2.0 * np.pi * (rng.uniform(0.005, 0.03, 3) * t[:, None] + rng.uniform(size=3)))
     place_n = quat_rotate(q_nb, lever * arm / np.linalg.norm(arm)) + 0.1 * wander
-    field_b = quat_rotate(quat_conjugate(q_nb), FIELD_N + steel(rng, place_n))
+    field_b = quat_rotate(quat_conjugate(q_nb), mags.FIELD_N + steel(rng, place_n))
     mag = field_b @ unit.distortion.T + unit.bias + 0.2 * rng.normal(size=(len(t), 3))
-    return unit, t, mag, rates(rng, turning)
+    return unit, t, mag, mags.rates(rng, turning)
 
 
 @lru_cache
@@ -66,7 +56,7 @@ def fit_in_a_room(seed, lever):
     """Of lengths alone; None where it is refused."""
     unit, _, mag, _ = in_a_room(seed, lever)
     try:
-        return unit, fit_mag(mag, shape=Shape.ELLIPSOID, strength=STRENGTH)
+        return unit, fit_mag(mag, shape=Shape.ELLIPSOID, strength=mags.STRENGTH)
     except CaptureRefusedError as refused:
         assert refused.reasons[0].kind == "uneven-field"
         return unit, None
@@ -78,7 +68,7 @@ def is_uneven(fit):
 
 def off(fit, unit):
     """Error of the heading over the predicted one."""
-    return heading_rms(fit.calibration, unit) / fit.calibration.quality.heading_sd
+    return mags.heading_rms(fit.calibration, unit) / fit.calibration.quality.heading_sd
 
 
 def rms(values):
@@ -142,11 +132,11 @@ def test_filtered_noise_is_no_uneven_field(rho, monkeypatch):
     ratios, told = [], 0
     for seed in range(CAPTURES):
         rng = np.random.default_rng([22, seed])
-        unit = unit_of(rng, turned=False)
-        _, q_nb, _ = tumbling(rng)
+        unit = mags.unit_of(rng, turned=False)
+        _, q_nb, _ = mags.tumbling(rng)
         noise = np.column_stack([first_order(rng, len(q_nb), rho) for _ in range(3)])
-        mag = field(rng, unit, q_nb, sd=0.0, step=0.0) + 0.2 * np.sqrt(1.0 - rho * rho) * noise
-        fit = fit_mag(mag, shape=Shape.ELLIPSOID, strength=STRENGTH)
+        mag = mags.field(rng, unit, q_nb, sd=0.0, step=0.0) + 0.2 * np.sqrt(1.0 - rho * rho) * noise
+        fit = fit_mag(mag, shape=Shape.ELLIPSOID, strength=mags.STRENGTH)
         ratios.append(off(fit, unit))
         told += is_uneven(fit)
     assert told <= 1
@@ -171,17 +161,17 @@ def test_poses_at_rest_show_an_uneven_field_too():
     ratios = []
     for seed in range(3):
         rng = np.random.default_rng([23, seed])
-        unit, q_nb = unit_of(rng), np.repeat(attitudes(rng, 40), 100, axis=0)
+        unit, q_nb = mags.unit_of(rng), np.repeat(mags.attitudes(rng, 40), 100, axis=0)
         gradient = rng.normal(size=(3, 3))
         gradient += gradient.T
         gradient -= np.eye(3) * np.trace(gradient) / 3.0
         place_n = quat_rotate(q_nb, np.array([0.3, 0.0, 0.0]))
         off_b = quat_rotate(quat_conjugate(q_nb), place_n @ gradient * 3.0 / np.linalg.norm(gradient))
-        mag = field(rng, unit, q_nb) + off_b @ unit.distortion.T
-        fit = fit_mag_acc(mag, force(rng, q_nb), strength=STRENGTH)
+        mag = mags.field(rng, unit, q_nb) + off_b @ unit.distortion.T
+        fit = fit_mag_acc(mag, mags.force(rng, q_nb), strength=mags.STRENGTH)
         assert is_uneven(fit)
         ratios.append(off(fit, unit))
-        even = fit_mag_acc(field(rng, unit, q_nb), force(rng, q_nb), strength=STRENGTH)
+        even = fit_mag_acc(mags.field(rng, unit, q_nb), mags.force(rng, q_nb), strength=mags.STRENGTH)
         assert not is_uneven(even)
     assert 0.25 < rms(ratios) < 1.5
 
@@ -192,10 +182,10 @@ def test_a_gyroscope_sees_through_an_uneven_field():
     alone, helped, ratios = [], [], []
     for seed in range(4):
         unit, t, mag, gyr = in_a_room(seed, 0.35)
-        fit = fit_mag_gyr(t, mag, gyr, strength=STRENGTH, gyr_gain_sd=0.0)
-        helped.append(heading_rms(fit.calibration, unit))
+        fit = fit_mag_gyr(t, mag, gyr, strength=mags.STRENGTH, gyr_gain_sd=0.0)
+        helped.append(mags.heading_rms(fit.calibration, unit))
         ratios.append(off(fit, unit))
         by_lengths = fit_in_a_room(seed, 0.35)[1]
-        alone.append(np.inf if by_lengths is None else heading_rms(by_lengths.calibration, unit))
+        alone.append(np.inf if by_lengths is None else mags.heading_rms(by_lengths.calibration, unit))
     assert np.median(helped) < 0.5 * np.median(alone)
     assert 0.5 < rms(ratios) < 1.5

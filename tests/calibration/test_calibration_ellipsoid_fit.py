@@ -5,22 +5,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from plumbob.calibration.ellipsoid.ellipsoid_fit import (
-    Ellipsoid,
-    Shape,
-    accumulate,
-    fit_axes,
-    fit_norm,
-    fit_quadric,
-    linearised,
-    outlying,
-    start_of,
-)
+from plumbob.calibration.ellipsoid import ellipsoid_fit as ellipsoids
 from tests.helpers import jit_disabled
 from tests.helpers.mag_scene import STRENGTH, Unit, attitudes, field, soft_iron
 
 slow_without_jit = pytest.mark.skipif(jit_disabled(), reason="many captures take minutes as plain Python")
-START = Ellipsoid(np.zeros(3), np.eye(3) / STRENGTH)
+START = ellipsoids.Ellipsoid(np.zeros(3), np.eye(3) / STRENGTH)
 
 
 def capture(rng, count, response, bias, noise=0.2, step=0.073, tilt=None):
@@ -30,9 +20,13 @@ def capture(rng, count, response, bias, noise=0.2, step=0.073, tilt=None):
 @pytest.mark.parametrize(
     ("fit", "count", "response"),
     [
-        (fit_quadric, 40, soft_iron(np.random.default_rng(1))),
-        (lambda m: fit_norm(m, Shape.ELLIPSOID, START).ellipsoid, 40, soft_iron(np.random.default_rng(1))),
-        (fit_axes, 18, np.diag([1.1, 0.9, 1.02])),
+        (ellipsoids.fit_quadric, 40, soft_iron(np.random.default_rng(1))),
+        (
+            lambda m: ellipsoids.fit_norm(m, ellipsoids.Shape.ELLIPSOID, START).ellipsoid,
+            40,
+            soft_iron(np.random.default_rng(1)),
+        ),
+        (ellipsoids.fit_axes, 18, np.diag([1.1, 0.9, 1.02])),
     ],
 )
 def test_without_noise_the_ellipsoid_comes_back(fit, count, response):
@@ -47,7 +41,7 @@ def test_without_noise_the_ellipsoid_comes_back(fit, count, response):
 def test_where_no_closed_form_gives_one_a_sphere_is_the_start():
     """Four corners of a cube about a centre, each half a space diagonal away, are too few for six parameters."""
     corners = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
-    found = start_of(100.0 + 50.0 * corners)
+    found = ellipsoids.start_of(100.0 + 50.0 * corners)
     np.testing.assert_allclose(found.centre, 100.0, rtol=1e-12)
     np.testing.assert_allclose(found.shape, np.eye(3) / (50.0 * np.sqrt(3.0)), rtol=1e-12)
 
@@ -58,9 +52,9 @@ def test_a_hyperboloid_is_no_ellipsoid():
     z, angle = rng.uniform(-2, 2, 50), rng.uniform(0, 2 * np.pi, 50)
     radius = np.sqrt(1.0 + z * z)
     points = np.stack((radius * np.cos(angle), radius * np.sin(angle), z), axis=-1)
-    assert fit_axes(points) is None
-    assert fit_quadric(points) is None
-    assert fit_quadric(np.ones((20, 3))) is None
+    assert ellipsoids.fit_axes(points) is None
+    assert ellipsoids.fit_quadric(points) is None
+    assert ellipsoids.fit_quadric(np.ones((20, 3))) is None
 
 
 @pytest.mark.parametrize("i", range(9))
@@ -72,7 +66,7 @@ def test_derivatives_are_those_of_the_residual(i):
 
     def residual(change):
         left, normal = np.empty(1), np.empty((9, 10))
-        accumulate(point, p + change * np.eye(9)[i], np.inf, used, left, normal)
+        ellipsoids.accumulate(point, p + change * np.eye(9)[i], np.inf, used, left, normal)
         return left[0], normal[i, 9] / left[0]
 
     numeric = (residual(1e-6)[0] - residual(-1e-6)[0]) / 2e-6
@@ -84,12 +78,12 @@ def test_linearised_agrees_with_the_kernel_on_the_ellipsoid():
     rng = np.random.default_rng(5)
     response, bias = soft_iron(rng), np.array([6.0, -7.0, 3.0])
     exact = capture(rng, 30, response, bias, 0.0, 0.0)
-    ellipsoid = Ellipsoid(bias, np.linalg.inv(response) / STRENGTH)
-    rows, left = linearised(exact, ellipsoid)
+    ellipsoid = ellipsoids.Ellipsoid(bias, np.linalg.inv(response) / STRENGTH)
+    rows, left = ellipsoids.linearised(exact, ellipsoid)
     assert np.abs(left).max() < 1e-9
     t = ellipsoid.shape
     p, found, normal = np.r_[bias, np.diag(t), t[0, 1], t[0, 2], t[1, 2]], np.empty(30), np.empty((9, 10))
-    accumulate(exact, p, np.inf, np.ones(30, dtype=bool), found, normal)
+    ellipsoids.accumulate(exact, p, np.inf, np.ones(30, dtype=bool), found, normal)
     np.testing.assert_allclose(
         np.tril(normal[:, :9]), np.tril(rows.T @ rows), rtol=1e-9, atol=1e-9 * np.abs(normal).max()
     )
@@ -106,7 +100,7 @@ def test_the_covariance_holds_what_it_says(count, noise):
     for _ in range(40):
         response, bias = soft_iron(rng), 6.0 * rng.normal(size=3)
         m = capture(rng, count, response, bias, noise, 0.0)
-        fit = fit_norm(m, Shape.ELLIPSOID, fit_quadric(m))
+        fit = ellipsoids.fit_norm(m, ellipsoids.Shape.ELLIPSOID, ellipsoids.fit_quadric(m))
         true = np.linalg.inv(response) / STRENGTH
         found = np.r_[fit.ellipsoid.centre - bias, np.diag(fit.ellipsoid.shape - true)]
         squares.append(found**2 / np.diag(fit.covariance)[:6])
@@ -121,7 +115,7 @@ def test_outliers_are_set_aside_and_nothing_else(count, wrong):
     m = capture(rng, count, response, bias)
     radial = (m[:wrong] - bias) / np.linalg.norm(m[:wrong] - bias, axis=1, keepdims=True)
     m[:wrong] += 10.0 * radial
-    fit = fit_norm(m, Shape.ELLIPSOID, fit_quadric(m))
+    fit = ellipsoids.fit_norm(m, ellipsoids.Shape.ELLIPSOID, ellipsoids.fit_quadric(m))
     assert not fit.used[:wrong].any()
     assert fit.used[wrong:].all()
     assert np.abs(fit.ellipsoid.centre - bias).max() < 4.0 * np.sqrt(np.diag(fit.covariance)[:3].max())
@@ -132,7 +126,7 @@ def test_false_alarms_are_as_rare_as_said():
     rng, alarms = np.random.default_rng(8), 0
     for _ in range(150):
         m = capture(rng, 18, np.eye(3), np.zeros(3), step=0.0)
-        alarms += not fit_norm(m, Shape.ELLIPSOID, fit_quadric(m)).used.all()
+        alarms += not ellipsoids.fit_norm(m, ellipsoids.Shape.ELLIPSOID, ellipsoids.fit_quadric(m)).used.all()
     assert alarms < 2
 
 
@@ -143,7 +137,7 @@ def test_small_tilt_does_not_run_to_infinity():
     for _ in range(10):
         response, bias = soft_iron(rng), 6.0 * rng.normal(size=3)
         m = capture(rng, 1000, response, bias, tilt=np.radians(25.0))
-        fit = fit_norm(m, Shape.ELLIPSOID, fit_quadric(m))
+        fit = ellipsoids.fit_norm(m, ellipsoids.Shape.ELLIPSOID, ellipsoids.fit_quadric(m))
         assert np.abs(fit.ellipsoid.centre - bias).max() < 5.0 * np.sqrt(np.diag(fit.covariance)[:3].max())
 
 
@@ -162,7 +156,7 @@ def test_the_group_is_the_one_without_which_the_rest_fits_best(planted):
     """[Cook1982]: the same sign at one end: together they turn the line, and none stands out by itself."""
     rows, values = line(1)
     values[list(planted)] += 0.05
-    found = outlying(rows, left_of(rows, values), false_alarm=1e-3, rounding=1e-13)
+    found = ellipsoids.outlying(rows, left_of(rows, values), false_alarm=1e-3, rounding=1e-13)
     assert found.tolist() == list(planted)
 
     def cost(group):
@@ -176,16 +170,19 @@ def test_normal_errors_lose_samples_as_rarely_as_promised():
     alarms = 0
     for seed in range(200):
         rows, values = line(seed, count=12)
-        alarms += outlying(rows, left_of(rows, values), false_alarm=0.03, rounding=1e-13).size > 0
+        alarms += ellipsoids.outlying(rows, left_of(rows, values), false_alarm=0.03, rounding=1e-13).size > 0
     assert alarms <= 13
 
 
 def test_rounding_and_what_is_too_few_or_alone_knows_a_parameter_stay():
     rows, values = line(0, noise=0.0)
-    assert outlying(rows, left_of(rows, values), false_alarm=1e-3, rounding=1e-13).size == 0
+    assert ellipsoids.outlying(rows, left_of(rows, values), false_alarm=1e-3, rounding=1e-13).size == 0
     rows, values = line(0, count=4)
-    assert outlying(rows, left_of(rows, values + [0.0, 1.0, 0.0, 0.0]), false_alarm=1.0, rounding=1e-13).size == 0
+    assert (
+        ellipsoids.outlying(rows, left_of(rows, values + [0.0, 1.0, 0.0, 0.0]), false_alarm=1.0, rounding=1e-13).size
+        == 0
+    )
     rows, values = line(0)
     alone = np.column_stack((rows, np.eye(20)[3]))
     values[3] += 1.0
-    assert outlying(alone, left_of(alone, values), false_alarm=1e-3, rounding=1e-13).size == 0
+    assert ellipsoids.outlying(alone, left_of(alone, values), false_alarm=1e-3, rounding=1e-13).size == 0

@@ -8,20 +8,8 @@ from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps
 from plumbob.rotations import dcm_from_quat, quat_chained, quat_conjugate, quat_multiply
 from tests.helpers import jit_disabled
+from tests.helpers import mag_scene as mags
 from tests.helpers.broad_rooms import room_at
-from tests.helpers.mag_scene import (
-    DIP,
-    STRENGTH,
-    TURNED,
-    assert_honest,
-    attitudes,
-    field,
-    force,
-    heading_rms,
-    rates,
-    trajectory,
-    unit_of,
-)
 from tests.helpers.refusals import reasons
 
 TRIALS = 3 if jit_disabled() else 5
@@ -29,9 +17,9 @@ TRIALS = 3 if jit_disabled() else 5
 
 def scene(seed, *, gain_sd=0.0, **motion):
     rng = np.random.default_rng(seed)
-    unit = unit_of(rng)
-    t, q_nb, true = trajectory(rng, **motion)
-    return unit, (t, field(rng, unit, q_nb), rates(rng, true, gain_sd=gain_sd)), force(rng, q_nb)
+    unit = mags.unit_of(rng)
+    t, q_nb, true = mags.trajectory(rng, **motion)
+    return unit, (t, mags.field(rng, unit, q_nb), mags.rates(rng, true, gain_sd=gain_sd)), mags.force(rng, q_nb)
 
 
 def turned(t, gyr):
@@ -45,13 +33,13 @@ def test_heading_meets_the_bar_and_the_covariance_is_honest(gain_sd):
     made, units = [], []
     for k in range(TRIALS):
         unit, measured, acc = scene([5, k], gain_sd=gain_sd)
-        made.append(fit_mag_gyr(*measured, acc=acc, strength=STRENGTH, gyr_gain_sd=gain_sd).calibration)
+        made.append(fit_mag_gyr(*measured, acc=acc, strength=mags.STRENGTH, gyr_gain_sd=gain_sd).calibration)
         units.append(unit)
-    assert_honest(made, units, 0.25)
+    mags.assert_honest(made, units, 0.25)
 
 
 def test_the_turns_are_those_of_the_body():
-    t, q_nb, true = trajectory(np.random.default_rng(1))
+    t, q_nb, true = mags.trajectory(np.random.default_rng(1))
     found, wanted = turned(t, true), dcm_from_quat(quat_multiply(quat_conjugate(q_nb[0]), q_nb))
     # trapezoids of 20 ms: h³/12 of the rate's curvature, 0.06 rad/s³ here, add up to 2e-6 rad over 60 s
     assert np.abs(found - wanted).max() < 1e-4
@@ -65,7 +53,7 @@ def test_bias_walk_and_field_of_the_gyroscope_are_found():
     assert fit.gyr_bias - same.gyr_bias == pytest.approx(planted, abs=dps(1e-3))
     assert fit.walk == pytest.approx(dps(0.005), rel=0.5)  # 60 steps, a third of which the field does not show
     assert fit.distortion == pytest.approx(same.distortion, abs=1e-2)
-    assert f"{np.degrees(DIP):.1f}°" in fit_mag_gyr(t, mag, gyr, acc=acc, strength=STRENGTH).remarks[2]
+    assert f"{np.degrees(mags.DIP):.1f}°" in fit_mag_gyr(t, mag, gyr, acc=acc, strength=mags.STRENGTH).remarks[2]
 
 
 def test_a_later_magnetometer_is_put_right():
@@ -76,13 +64,14 @@ def test_a_later_magnetometer_is_put_right():
         for late in (mag[2:], mag[:-2])
     ]
     assert delays == pytest.approx([0.0, 0.04], abs=3 * 0.6e-3)
-    fit = fit_mag_gyr(t[2:], mag[:-2], gyr[2:], strength=STRENGTH, gyr_gain_sd=0.0)
+    fit = fit_mag_gyr(t[2:], mag[:-2], gyr[2:], strength=mags.STRENGTH, gyr_gain_sd=0.0)
     assert f"{1e3 * delays[1]:.1f} ms later" in fit.remarks[1]
-    assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
+    assert np.degrees(mags.heading_rms(fit.calibration, unit)) < 0.25
 
 
 @pytest.mark.parametrize(
-    "trial", [*TURNED[:1], *(pytest.param(t, marks=pytest.mark.long(reason="other rooms")) for t in TURNED[1:])]
+    "trial",
+    [*mags.TURNED[:1], *(pytest.param(t, marks=pytest.mark.long(reason="other rooms")) for t in mags.TURNED[1:])],
 )
 def test_real_recordings_agree_with_the_reference_attitude(broad_folder, trial):
     """As predicted: 1 for a reference that is the truth, √2 for one whose own fit suffers from the room as much."""
@@ -99,13 +88,13 @@ def test_slower_or_outlying_or_too_many_samples_do_no_harm():
     slow = mag.copy()
     slow[np.arange(len(t)) % 3 != 0] = np.nan
     slow[300:330:3] += 20.0
-    thinned = fit_mag_gyr(fine, *twice, strength=STRENGTH, gyr_gain_sd=0.0)
-    slower = fit_mag_gyr(t, slow, gyr, strength=STRENGTH, gyr_gain_sd=0.0)
+    thinned = fit_mag_gyr(fine, *twice, strength=mags.STRENGTH, gyr_gain_sd=0.0)
+    slower = fit_mag_gyr(t, slow, gyr, strength=mags.STRENGTH, gyr_gain_sd=0.0)
     assert [len(fit.measured) for fit in (thinned, slower)] == [3001, 1001]
     assert "One of every 2 samples was fitted." in thinned.remarks
     assert not slower.used[100:110].any() and np.count_nonzero(~slower.used) <= 12
     for fit in (thinned, slower):
-        assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
+        assert np.degrees(mags.heading_rms(fit.calibration, unit)) < 0.25
 
 
 def test_what_cannot_calibrate_is_refused():
@@ -113,7 +102,7 @@ def test_what_cannot_calibrate_is_refused():
     rng, level = np.random.default_rng(7), np.zeros_like(gyr) + [0.0, 0.0, 0.3]
     noise = 0.2 * rng.normal(size=mag.shape)
     circling = np.einsum("nji,j->ni", turned(t, level), [25.0, 0.0, 43.0]) + noise
-    other = field(rng, unit_of(rng), attitudes(rng, 1000))  # of another motion
+    other = mags.field(rng, mags.unit_of(rng), mags.attitudes(rng, 1000))  # of another motion
     outlying = mag + 20.0 * (rng.random((len(t), 1)) < 0.2)
     for capture, kind, options, advice in (
         ((t[:40], mag[:40], gyr[:40]), "too-few", {}, ""),

@@ -12,21 +12,8 @@ from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD
 from plumbob.core.units import dps
 from plumbob.rotations import quat_from_rotvec, quat_rotate
 from tests.helpers import jit_disabled
+from tests.helpers import mag_scene as mags
 from tests.helpers.broad_rooms import room_at
-from tests.helpers.mag_scene import (
-    DIP,
-    FIELD_N,
-    STRENGTH,
-    TURNED,
-    assert_honest,
-    field,
-    force,
-    heading_rms,
-    in_body,
-    rates,
-    trajectory,
-    unit_of,
-)
 from tests.helpers.refusals import reasons
 
 RATE = 10.0
@@ -36,19 +23,19 @@ TRIALS = 3 if jit_disabled() else 5
 def scene(seed, *, minutes=10.0, gain_sd=GAIN_SD, off=None, **motion):
     """Unit, what it measures at work, and its attitudes; `off` (N, 3) is added to the field of the place."""
     rng = np.random.default_rng(seed)
-    unit = unit_of(rng)
-    t, q_nb, true = trajectory(rng, duration=60.0 * minutes, rate=RATE, **motion)
-    mag = field(rng, unit, q_nb)
+    unit = mags.unit_of(rng)
+    t, q_nb, true = mags.trajectory(rng, duration=60.0 * minutes, rate=RATE, **motion)
+    mag = mags.field(rng, unit, q_nb)
     if off is not None:
-        mag += in_body(q_nb, off(t)) @ unit.distortion.T
-    return unit, (t, mag, rates(rng, true, rate=RATE, gain_sd=gain_sd)), q_nb
+        mag += mags.in_body(q_nb, off(t)) @ unit.distortion.T
+    return unit, (t, mag, mags.rates(rng, true, rate=RATE, gain_sd=gain_sd)), q_nb
 
 
 def test_heading_is_found_and_the_covariance_is_honest():
     """Ten minutes with inclinations up to 15°; a gyroscope's axes off by 0.2 % turn the whole by 0.1 to 0.3°."""
     units, captures, _ = zip(*(scene([7, k]) for k in range(TRIALS)), strict=True)
-    made = [fit_mag_in_use(*measured, strength=STRENGTH, dip=DIP).calibration for measured in captures]
-    assert_honest(made, units, 0.25)
+    made = [fit_mag_in_use(*measured, strength=mags.STRENGTH, dip=mags.DIP).calibration for measured in captures]
+    mags.assert_honest(made, units, 0.25)
 
 
 def test_a_field_that_turns_with_the_place_does_no_harm():
@@ -56,11 +43,11 @@ def test_a_field_that_turns_with_the_place_does_no_harm():
 
     def turning(t):
         about = quat_from_rotvec(np.radians(3.0) * t[:, None] / 60.0 * np.array([0.0, 0.0, 1.0]))
-        return quat_rotate(about, FIELD_N) - FIELD_N
+        return quat_rotate(about, mags.FIELD_N) - mags.FIELD_N
 
     unit, (t, mag, gyr), _ = scene(3, off=turning, gain_sd=0.0)
-    found = fit_mag_in_use(t, mag, gyr, dip=DIP, gyr_gain_sd=0.0).calibration
-    assert np.degrees(heading_rms(found, unit)) < 3.0 * np.degrees(found.quality.heading_sd) < 1.0
+    found = fit_mag_in_use(t, mag, gyr, dip=mags.DIP, gyr_gain_sd=0.0).calibration
+    assert np.degrees(mags.heading_rms(found, unit)) < 3.0 * np.degrees(found.quality.heading_sd) < 1.0
 
 
 def test_steel_that_it_passes_is_set_aside():
@@ -71,9 +58,11 @@ def test_steel_that_it_passes_is_set_aside():
         return 20.0 * np.exp(-(((t[:, None] - places) / 3.0) ** 2)).sum(axis=1)[:, None] * np.array([0.6, 0.0, -0.8])
 
     unit, measured, _ = scene(4, off=steel)
-    fit = fit_mag_in_use(*measured, dip=DIP)
+    fit = fit_mag_in_use(*measured, dip=mags.DIP)
     assert 0.02 < fit.calibration.quality.outliers / len(fit.used) < 0.2
-    assert np.degrees(heading_rms(fit.calibration, unit)) < 3.0 * np.degrees(fit.calibration.quality.heading_sd) < 1.5
+    assert (
+        np.degrees(mags.heading_rms(fit.calibration, unit)) < 3.0 * np.degrees(fit.calibration.quality.heading_sd) < 1.5
+    )
 
 
 def test_a_bias_that_walks_is_followed_from_segment_to_segment():
@@ -99,11 +88,13 @@ def test_what_is_missing_is_left_out():
     mag[np.arange(len(t)) % 3 != 0] = np.nan
     mag[:500] = np.nan
     kept = (t < 200.0) | (t > 260.0)
-    acc = force(np.random.default_rng(1), q_nb)
+    acc = mags.force(np.random.default_rng(1), q_nb)
     fit = fit_mag_in_use(t[kept], mag[kept], gyr[kept], acc=acc[kept])
     assert "windows of 4 s in 10 min" in fit.remarks[0]
     assert int(fit.remarks[0].split()[2]) == 150 - 13 - 15  # before the field, and where rates are missing
-    assert np.degrees(heading_rms(fit.calibration, unit)) < 3.0 * np.degrees(fit.calibration.quality.heading_sd) < 1.0
+    assert (
+        np.degrees(mags.heading_rms(fit.calibration, unit)) < 3.0 * np.degrees(fit.calibration.quality.heading_sd) < 1.0
+    )
 
 
 @pytest.mark.parametrize(
@@ -128,7 +119,8 @@ def test_what_cannot_calibrate_is_refused(change, kind):
 
 
 @pytest.mark.parametrize(
-    "trial", [*TURNED[:1], *(pytest.param(t, marks=pytest.mark.long(reason="other rooms")) for t in TURNED[1:])]
+    "trial",
+    [*mags.TURNED[:1], *(pytest.param(t, marks=pytest.mark.long(reason="other rooms")) for t in mags.TURNED[1:])],
 )
 def test_real_recordings_agree_with_rates_of_the_reference(broad_folder, trial):
     """Optical attitudes have no errors of a gyroscope; the field is the same, which walks by degrees in a room."""

@@ -97,9 +97,6 @@ def test_unix_time_in_whole_nanoseconds_keeps_every_one(tmp_path):
     np.testing.assert_array_equal(imu.t_ns, stamps - stamps[0])
 
 
-# Hostile --------------------------------------------------------------------------------------------------------------
-
-
 TEXT = 'separator = ","\n[header]\nnames = true\n[time]\nrate = "1 Hz"\n[gyr]\ncolumns = [1, 2, 3]\nunit = "rad/s"\n'
 ALONE = FLAT.split("[acc]")[0]
 OBJECTS = np.array([{"a": 1}] * ROWS, dtype=object)

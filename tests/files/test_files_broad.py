@@ -77,9 +77,6 @@ def check(recording, direct, rate):
     assert recording.imu.meta.rate_nominal == rate
 
 
-# Real trials ----------------------------------------------------------------------------------------------------------
-
-
 @needs("broad")
 @pytest.mark.parametrize("path", TRIALS, ids=lambda path: path.name)
 def test_a_real_trial_is_what_its_own_library_reads(path):
@@ -104,9 +101,6 @@ def test_a_level_unit_at_rest_points_up():
     rows = np.flatnonzero(recording.track.known & ~recording.track.score)[:500]
     acc_n = quat_rotate(recording.track.q_nb[rows], recording.imu.acc[rows]).mean(axis=0)
     assert acc_n == pytest.approx([0.0, 0.0, 9.81], abs=0.3)  # the unit's own bias is below 0.3 m/s²
-
-
-# Made here ------------------------------------------------------------------------------------------------------------
 
 
 @every_container
@@ -143,8 +137,6 @@ def test_without_h5py_the_extra_is_named(tmp_path, monkeypatch):
         read(path)
     assert read(write_mat(tmp_path / "a.mat", content())).imu is not None  # MATLAB v5 needs no extra
 
-
-# What is refused ------------------------------------------------------------------------------------------------------
 
 WITHOUT_ACC = {key: value for key, value in content().items() if key != "imu_acc"}
 STILL = np.tile([0.0, 0.0, 9.8], (ROWS, 1))
@@ -348,9 +340,6 @@ REFUSED = [
 def test_what_is_no_trial_or_hostile_is_refused(tmp_path, put, match):
     path = put(tmp_path)
     refused(read, path, match=match, error=PlumbobError, name=path.name)
-
-
-# Odd and right --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("how", [{"shuffle": True}, {"fletcher32": True}, {"shuffle": True, "fletcher32": True}])

@@ -34,9 +34,6 @@ def rows(stamps, names="t"):
     return f"{names},gx,gy,gz\n" + "".join(f"{stamp},1,2,3\n" for stamp in stamps)
 
 
-# Time -----------------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("first", "second"),
     [
@@ -105,9 +102,6 @@ def test_a_time_that_cannot_be_read_is_named(parse, case):
     refused(parse, text, profile, match=match, error=error, name="a.csv")
 
 
-# Counts ---------------------------------------------------------------------------------------------------------------
-
-
 def test_counts_around_a_middle(parse):
     """Offset binary: 32768 is zero, and a scale below zero turns the sign."""
     text = "gx,gy,gz,ax,ay,az\n32768,32778,32758,32768,32768,36864\n32768,32768,32768,32768,32768,36864\n"
@@ -119,8 +113,6 @@ def test_counts_around_a_middle(parse):
     assert imu.gyr[0] == pytest.approx([0.0, -0.1, 0.1], rel=1e-15)
     assert imu.acc.tolist() == [[0.0, 0.0, G0]] * 2
 
-
-# Axes -----------------------------------------------------------------------------------------------------------------
 
 MOUNTED = {
     "gyr": ("rad/s", "-y x z", "y -x z"),  # what the profile says, and the turn the other way round

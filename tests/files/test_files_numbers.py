@@ -43,9 +43,6 @@ def small_chunks(monkeypatch):
     monkeypatch.setattr(numbers_text, "CHUNK", 97)
 
 
-# Text -----------------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("chunk", [1 << 20, 97])
 def test_dialects_in_one_chunk_or_many(text, monkeypatch, dialect, chunk):
@@ -170,9 +167,6 @@ def test_a_real_record_on_one_line_of_2_mb():
     assert len(list(numbers)) > 1
 
 
-# Binary ---------------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("kind", numbers_binary.RAW)
 def test_raw_values(tmp_path, kind, small_chunks):
     table = np.arange(60).reshape(20, 3)
@@ -206,9 +200,6 @@ def test_a_large_file_comes_in_blocks_and_one_that_shrinks_is_noticed(tmp_path):
     assert np.array_equal(np.concatenate(blocks), table)
     path.write_bytes(bytes(48))
     refused(numbers.read, match="ends after 48 bytes")
-
-
-# Beside recordings ----------------------------------------------------------------------------------------------------
 
 
 def test_the_two_doors_point_to_each_other(tmp_path):

@@ -147,9 +147,6 @@ def test_a_file_unpacks_to_64_mib_and_128_times_its_size_or_to_what_the_environm
     refused(require_room, 1, 1, match="PLUMBOB_MEMORY must be a size, for example 4GiB, but it is 'much'")
 
 
-# Headers and tables of others -----------------------------------------------------------------------------------------
-
-
 def bare(raw, key=b"plumbob"):
     """Maker of a table of a single column with this text as header."""
     return lambda: pa.table({"t_ns": [0]}).replace_schema_metadata({key: raw})
@@ -263,9 +260,6 @@ def test_what_is_no_recording_or_another_than_its_header_says_is_refused(tmp_pat
 def test_a_forged_file_is_read_where_nothing_is_wrong(tmp_path):
     pq.write_table(sealed(BOTH, CONTENT), tmp_path / "a.parquet")
     assert_same(CASES["both"], read_parquet(tmp_path / "a.parquet"))
-
-
-# Pages ----------------------------------------------------------------------------------------------------------------
 
 
 def integer(value):

@@ -322,9 +322,6 @@ def test_a_journal_beside_it(tmp_path):
     assert any(note.startswith("cut: the recorder did not close it") for note in found.notes)
 
 
-# What is refused ------------------------------------------------------------------------------------------------------
-
-
 def wrong_checksum(folder):
     """One bit of a rate in a chunk that is not compressed, so that nothing else shows it."""
     given = made.samples()

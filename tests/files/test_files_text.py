@@ -42,8 +42,6 @@ def refuse(*_, **__):
     raise ValueError
 
 
-# Dialects ------------------------------------------------------------------------------------------------------------
-
 LABVIEW = """LabVIEW 测量\t
 Writer_Version\t2
 ***End_of_Header***\t
@@ -146,9 +144,6 @@ def test_unix_time_in_any_unit(parse, unit, digits):
     assert imu.t_ns.tolist() == [0, 1_000_000_000]
 
 
-# Units, signs, axes, references ---------------------------------------------------------------------------------------
-
-
 def test_counts_become_units(parse):
     half = GYR.replace('"rad/s"', '"dps"\ncounts_per_unit = 16.4')  # MPU-6050 data sheet, ±2000 °/s
     imu = parse(ROWS, HEAD + TIME + half).imu
@@ -239,9 +234,6 @@ def test_imu_and_reference_share_their_time(parse):
     assert recording.track.known.tolist() == [True, False]
 
 
-# What is refused ------------------------------------------------------------------------------------------------------
-
-
 LINES = "".join(f"{0.01 * k:.2f},0,0,1\n" for k in range(200))
 DEGREES = [
     "t,gx,gy,gz\n" + "".join(f"{0.01 * k:.2f},{size * 20 * k},0,0\n" for k in range(50)) for size in (1.0, 100.0)
@@ -319,9 +311,6 @@ def test_a_delay_makes_up_no_value_in_a_gap_or_beyond_an_end(parse, delay):
     assert any("beyond an end are missing" in note for note in recording.notes)
 
 
-# Cut files ------------------------------------------------------------------------------------------------------------
-
-
 def test_a_last_line_without_end_is_left_out_and_said_so(parse):
     recording = parse(ROWS[:-1], PLAIN)
     assert len(recording.imu) == 2
@@ -347,9 +336,6 @@ def test_no_cut_gives_a_number_that_was_not_written(tmp_path):
         refused(read, path, match="2 whole rows of numbers, but the profile says rows = 3")
 
 
-# Profiles beside the file ---------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", ["a.toml", "a.profile.toml"])
 def test_a_profile_beside_the_file_is_taken_and_said(tmp_path, name):
     (tmp_path / "a.csv").write_text(ROWS)
@@ -368,9 +354,6 @@ def test_no_profile_and_two_are_refused(tmp_path):
     (tmp_path / "b.toml").write_text(PLAIN)
     refused(write, tmp_path / "b.csv", make_imu(), match="two profiles")
     assert not (tmp_path / "b.csv").exists()
-
-
-# Writing --------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("sign", ["=", "+", "-", "@", "\t=", "\r=", " =", "\n@"])
@@ -409,8 +392,6 @@ def test_any_text_and_number_survives_the_csv(tmp_path_factory, device, note, va
     assert back.imu.meta.device == device.encode("utf-8", "replace").decode()
 
 
-# Two paths, one result ------------------------------------------------------------------------------------------------
-
 NUMBERS = st.floats(allow_nan=False, width=64).map(repr) | st.sampled_from(
     ["1e400", "-0", "+3", ".5", "5.", "1E5", "nan", "NaN", "inf", "-Infinity", " 7 ", "00012", "1e-400", "4.9e-324"]
 )
@@ -440,8 +421,6 @@ def test_any_bytes_are_read_or_refused_with_one_of_our_errors(raw):
         except DecodeError as error:
             assert "\n" not in str(error)
 
-
-# Names of parts: a column beside the numbers, and tables of spans -----------------------------------------------------
 
 LABELLED = parse_profile(
     'separator = ","\ncomment = "#"\n[header]\nnames = true\n[time]\nrate = "100 Hz"\n'
@@ -487,8 +466,6 @@ def test_a_table_that_is_none_is_refused(tmp_path, text, told):
     path.write_text(text)
     refused(read_spans, path, match=told)
 
-
-# Real files -----------------------------------------------------------------------------------------------------------
 
 PHONE = DATA / "phones" / "Jakob_Nexus5_NoDist_Texting"
 PHONE_PROFILE = (

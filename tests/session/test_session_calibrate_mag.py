@@ -16,20 +16,7 @@ from plumbob.data import ImuData, ImuMeta
 from plumbob.data.cards import UNITS, CalibrationCard, TriadCalibration
 from plumbob.evaluation.many.trials import read_trial
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec
-from tests.helpers.mag_scene import (
-    DIP,
-    STRENGTH,
-    TURNED,
-    Unit,
-    attitudes,
-    field,
-    force,
-    heading_rms,
-    rates,
-    trajectory,
-    tumbling,
-    unit_of,
-)
+from tests.helpers import mag_scene as mags
 
 COUNT = 400
 NONE, ACC, GYR = {"with_": "none"}, {"with_": "acc"}, {"with_": "gyr"}
@@ -39,13 +26,13 @@ FLAT, STEEP = {"dip": np.radians(40.0)}, {"dip": np.radians(65.0)}
 @pytest.fixture(scope="module")
 def scene():
     rng = np.random.default_rng(21)
-    unit, q_nb = unit_of(rng), attitudes(rng, COUNT)
+    unit, q_nb = mags.unit_of(rng), mags.attitudes(rng, COUNT)
     t = 0.02 * np.arange(COUNT)
-    return unit, ImuData(t=t, acc=force(rng, q_nb), mag=field(rng, unit, q_nb), meta=ImuMeta(device="SN1"))
+    return unit, ImuData(t=t, acc=mags.force(rng, q_nb), mag=mags.field(rng, unit, q_nb), meta=ImuMeta(device="SN1"))
 
 
 def first_remark(imu, **options):
-    return calibrate_mag(imu, strength=STRENGTH, **options).remarks[0]
+    return calibrate_mag(imu, strength=mags.STRENGTH, **options).remarks[0]
 
 
 def sensed(imu, **triads):
@@ -58,12 +45,12 @@ def negated(imu):
 
 def test_a_steady_accelerometer_helps_and_finds_the_turn(scene):
     unit, imu = scene
-    helped = calibrate_mag(imu, strength=STRENGTH, acc_calibrated=True)
-    alone = calibrate_mag(imu, strength=STRENGTH, with_="none")
+    helped = calibrate_mag(imu, strength=mags.STRENGTH, acc_calibrated=True)
+    alone = calibrate_mag(imu, strength=mags.STRENGTH, with_="none")
     assert helped.remarks[0].startswith("Fitted with the accelerometer, whose specific force is gravity: 400 of 400")
     assert alone.remarks[0] == "Fitted without other sensors: as asked for."
-    assert np.degrees(heading_rms(helped.calibration, unit)) < 0.2  # 0.05° at 1000 poses, by the root 0.08°
-    assert np.degrees(heading_rms(alone.calibration, unit)) > 0.5  # turned by 2° or more, which no length shows
+    assert np.degrees(mags.heading_rms(helped.calibration, unit)) < 0.2  # 0.05° at 1000 poses, by the root 0.08°
+    assert np.degrees(mags.heading_rms(alone.calibration, unit)) > 0.5  # turned by 2° or more, which no length shows
 
 
 def test_a_force_of_zero_tells_no_vertical_and_is_not_used(scene):
@@ -78,7 +65,7 @@ def test_absent_and_clipped_samples_do_not_count(scene):
     mag = imu.mag.copy()
     mag[::2] = np.nan
     mag[1] = [200.0, 0.0, 0.0]
-    fit = calibrate_mag(replace(imu, mag=mag, meta=replace(imu.meta, mag_range=200.0)), strength=STRENGTH)
+    fit = calibrate_mag(replace(imu, mag=mag, meta=replace(imu.meta, mag_range=200.0)), strength=mags.STRENGTH)
     assert len(fit.measured) == COUNT // 2 - 1
 
 
@@ -86,25 +73,27 @@ def test_absent_and_clipped_samples_do_not_count(scene):
 def restricted():
     """Half a minute of turning with the inclination below 12°, and shaken too much to tell a vertical."""
     rng = np.random.default_rng(22)
-    unit = unit_of(rng)
-    t, q_nb, true = trajectory(rng, duration=30.0, tilt=np.radians(12.0))
-    acc = force(rng, q_nb) + rng.normal(size=(len(t), 3))
-    return unit, ImuData(t=t, gyr=rates(rng, true), acc=acc, mag=field(rng, unit, q_nb), meta=ImuMeta(device="SN1"))
+    unit = mags.unit_of(rng)
+    t, q_nb, true = mags.trajectory(rng, duration=30.0, tilt=np.radians(12.0))
+    acc = mags.force(rng, q_nb) + rng.normal(size=(len(t), 3))
+    return unit, ImuData(
+        t=t, gyr=mags.rates(rng, true), acc=acc, mag=mags.field(rng, unit, q_nb), meta=ImuMeta(device="SN1")
+    )
 
 
 def test_the_gyroscope_rescues_restricted_motion(restricted):
     unit, imu = restricted
-    fit = calibrate_mag(imu, strength=STRENGTH, gyr_calibrated=True)
+    fit = calibrate_mag(imu, strength=mags.STRENGTH, gyr_calibrated=True)
     assert fit.remarks[0].startswith("Fitted with the gyroscope, because otherwise no ellipsoid fits")
-    assert heading_rms(fit.calibration, unit) < 3.0 * fit.calibration.quality.heading_sd
+    assert mags.heading_rms(fit.calibration, unit) < 3.0 * fit.calibration.quality.heading_sd
     assert first_remark(imu, with_="gyr", gyr_calibrated=True) == "Fitted with the gyroscope, as asked for."
 
 
 @pytest.fixture(scope="module")
 def level():
     rng = np.random.default_rng(23)
-    q_nb = attitudes(rng, COUNT, np.radians(0.5))
-    return ImuData(t=0.02 * np.arange(COUNT), acc=force(rng, q_nb), mag=field(rng, unit_of(rng), q_nb))
+    q_nb = mags.attitudes(rng, COUNT, np.radians(0.5))
+    return ImuData(t=0.02 * np.arange(COUNT), acc=mags.force(rng, q_nb), mag=mags.field(rng, mags.unit_of(rng), q_nb))
 
 
 def test_level_is_asked_for(level):
@@ -116,8 +105,10 @@ def test_level_is_asked_for(level):
 def ring(duration, **triads):
     """Turns about the vertical, level to a degree."""
     rng = np.random.default_rng(24)
-    t, q_nb, true = trajectory(rng, duration=duration, tilt=np.radians(1.0))
-    imu = ImuData(t=t, gyr=rates(rng, true), acc=force(rng, q_nb), mag=field(rng, unit_of(rng), q_nb))
+    t, q_nb, true = mags.trajectory(rng, duration=duration, tilt=np.radians(1.0))
+    imu = ImuData(
+        t=t, gyr=mags.rates(rng, true), acc=mags.force(rng, q_nb), mag=mags.field(rng, mags.unit_of(rng), q_nb)
+    )
     return replace(imu, **triads)
 
 
@@ -128,19 +119,19 @@ Z_NEGATED, X_AND_Y_SWAPPED = np.diag([1.0, 1.0, -1.0]), np.eye(3)[[1, 0, 2]]
 def tumbled():
     """A minute of turning through all attitudes, slowly enough for a vertical, with a gyroscope's bias of 15 °/s."""
     rng = np.random.default_rng(25)
-    unit = unit_of(rng)
-    t, q_nb, true = trajectory(rng, duration=120.0, tilt=np.pi)
-    gyr = rates(rng, true) + np.radians([15.0, 0.0, 0.0])
+    unit = mags.unit_of(rng)
+    t, q_nb, true = mags.trajectory(rng, duration=120.0, tilt=np.pi)
+    gyr = mags.rates(rng, true) + np.radians([15.0, 0.0, 0.0])
     meta = ImuMeta(device="SN1")
-    return unit, ImuData(t=t, gyr=gyr, acc=force(rng, q_nb), mag=field(rng, unit, q_nb), meta=meta)
+    return unit, ImuData(t=t, gyr=gyr, acc=mags.force(rng, q_nb), mag=mags.field(rng, unit, q_nb), meta=meta)
 
 
 @pytest.fixture(scope="module")
 def captures(scene, restricted, level, tumbled):
     """What rows of tables make their captures of: a perfect magnetometer, turned for 15 s, too."""
     rng = np.random.default_rng(41)
-    t, q_nb, _ = tumbling(rng, duration=15.0)
-    perfect = ImuData(t=t, mag=field(rng, Unit(np.eye(3), np.zeros(3)), q_nb), meta=ImuMeta(device="SN1"))
+    t, q_nb, _ = mags.tumbling(rng, duration=15.0)
+    perfect = ImuData(t=t, mag=mags.field(rng, mags.Unit(np.eye(3), np.zeros(3)), q_nb), meta=ImuMeta(device="SN1"))
     return SimpleNamespace(
         scene=scene[1],
         restricted=restricted[1],
@@ -183,7 +174,7 @@ REFUSED = {
     "level and not asked for": (lambda c: c.level, {}, "level-ring"),
     "force in g": (lambda c: lightly(c.scene), ACC, "within 3 % of gravity; at least 14 are needed"),
     "mirrored, biased rates": (lambda c: sensed(c.tumbled, mag=c.tumbled.mag * [1, 1, -1]), NONE, "^mirrored: "),
-    "negated, dip of the north": (lambda c: negated(c.scene), {"dip": DIP}, "wrong-field: the field dips by -60"),
+    "negated, dip of the north": (lambda c: negated(c.scene), {"dip": mags.DIP}, "wrong-field: the field dips by -60"),
     "another dip": (lambda c: c.scene, NONE | FLAT, "wrong-field: .* in the capture, but by 40.0° at the place"),
     "another dip beside a force": (lambda c: c.scene, ACC | FLAT, "wrong-field"),
     "a vertical by chance": (lambda c: leaning(c.tumbled), ACC, "not-still: the field is turned by (29|30|31)°"),
@@ -239,8 +230,8 @@ REMARKS = {
     "of samples with both": (lambda c: holed(c.scene), NONE | STEEP, "in the capture, but by 65.0°", 1),
     "uncalibrated": (lambda c: c.scene, {}, "UNCALIBRATED accelerometer", 1),
     "calibrated": (lambda c: c.scene, {"acc_calibrated": True}, "UNCALIBRATED", 0),
-    "turned, and no mirror": (lambda c: c.mirrored, {"dip": -DIP}, "TURNED BY 1", 1),
-    "swapped, and no mirror": (lambda c: c.swapped, {"dip": -DIP}, "TURNED BY 1", 1),
+    "turned, and no mirror": (lambda c: c.mirrored, {"dip": -mags.DIP}, "TURNED BY 1", 1),
+    "swapped, and no mirror": (lambda c: c.swapped, {"dip": -mags.DIP}, "TURNED BY 1", 1),
     "forced": (lambda c: c.perfect, {"force": True}, "DO NOT USE: the calibration changes headings by", 1),
     "iron": (lambda c: replace(c.perfect, mag=c.perfect.mag + [10.0, 0.0, 0.0]), {}, "DO NOT USE", 0),
     "right axes": (lambda c: c.tumbled, NONE, "mirrored", 0),
@@ -287,7 +278,7 @@ def test_fast_turning_tells_no_vertical(tumbled):
 
 
 @pytest.mark.parametrize(
-    "trial", [TURNED[0], *(pytest.param(t, marks=pytest.mark.long(reason="other rooms")) for t in TURNED[1:])]
+    "trial", [mags.TURNED[0], *(pytest.param(t, marks=pytest.mark.long(reason="other rooms")) for t in mags.TURNED[1:])]
 )
 def test_a_calibration_in_a_room_says_how_good_it_is(broad_folder, trial):
     """Within 2.6 times the predicted error, beyond which one of six trials lies once in twenty times."""
@@ -300,7 +291,7 @@ def test_a_calibration_in_a_room_says_how_good_it_is(broad_folder, trial):
 
 def test_where_the_field_is_uneven_the_gyroscope_helps_unasked(broad_folder):
     """Alone, this trial has seven directions, and a misfit that stays; the heading would be off by 4.5°."""
-    imu, _ = read_trial(broad_folder / TURNED[3])
+    imu, _ = read_trial(broad_folder / mags.TURNED[3])
     with pytest.raises(CaptureRefusedError, match="uneven-field: the residuals do not average out"):
         calibrate_mag(imu, with_="none")
     reason = "Fitted with the gyroscope, because otherwise the residuals do not average out"

@@ -94,9 +94,6 @@ def test_what_is_in_memory_is_written_too(tmp_path, suffix):
         assert track.q_nb == pytest.approx(again.q_nb, abs=1e-12)  # digits of a text
 
 
-# --- nothing half -------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("error", [KeyboardInterrupt, SystemExit])
 @pytest.mark.parametrize("lies", [False, True], ids=["new", "replaced"])
 def test_an_interrupted_estimate_leaves_nothing(file, tmp_path, error, lies):
@@ -135,9 +132,6 @@ def test_a_full_disk_leaves_nothing(file, tmp_path):
     with pytest.raises(DecodeError, match=r"sea\.parquet: .*take a copy that is whole"):
         plumbob.estimate(file, frame="ENU", out=tmp_path / "a.parquet")
     assert sorted(tmp_path.iterdir()) == before
-
-
-# --- samples that stay in their file ------------------------------------------------------------------------
 
 
 def held(imu):
@@ -194,8 +188,6 @@ def test_the_whole_is_refused_in_the_same_words(tmp_path, monkeypatch, change, e
         said.append(str(caught.value))
     assert said[0] == said[1]
 
-
-# --- memory -------------------------------------------------------------------------------------------------
 
 # ru_maxrss would not do: a child inherits that of the process that started it.
 PEAK = """

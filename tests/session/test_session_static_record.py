@@ -44,9 +44,6 @@ def numbers(tmp_path):
     return written
 
 
-# Recordings -----------------------------------------------------------------------------------------------------------
-
-
 def test_a_recording_gives_its_triads(recording):
     content = make()
     record = load_static(recording(**content))
@@ -209,9 +206,6 @@ def test_a_trial_moves_and_its_start_does_not():
     again = check_static(load_static(TRIAL, start=0.0, stop=np.floor(10 * stop) / 10))
     assert again.errors == ()
     assert again.steps["gyr x"] == pytest.approx(dps(2000.0 / 2**15), rel=1e-3)  # 16 bits for ±2000 °/s
-
-
-# Bare numbers ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

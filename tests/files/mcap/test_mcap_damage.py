@@ -14,21 +14,8 @@ from mcap.writer import CompressionType, Writer
 from plumbob.core.errors import DecodeError
 from plumbob.files.mcap import layout, open_log, verify
 from plumbob.files.mcap.resync import Source
+from tests.helpers import record_samples as made
 from tests.helpers.io_samples import refused
-from tests.helpers.record_samples import (
-    DECODED,
-    OFFSET,
-    RAW,
-    channels,
-    chunks_of,
-    fill,
-    flipped,
-    read,
-    record,
-    recorder,
-    records_of,
-    rows_of,
-)
 
 CHUNK_ROWS = 20  # 0.1 s of two channels at 100 Hz
 
@@ -37,14 +24,14 @@ CHUNK_ROWS = 20  # 0.1 s of two channels at 100 Hz
 def whole(tmp_path_factory):
     """Bytes and rows of a small whole recording."""
     path = tmp_path_factory.mktemp("whole") / "a.mcap"
-    rows = record(path, count=40)
+    rows = made.record(path, count=40)
     return path.read_bytes(), rows
 
 
 def judge(path, raw, rows, most_lost=CHUNK_ROWS):
     """Read damaged bytes: rows that come are right, in order, and those that do not are few and counted."""
     path.write_bytes(raw)
-    log, got = read(path)
+    log, got = made.read(path)
     there = set(got)
     assert got == [row for row in rows if row in there]
     assert len(rows) - len(got) <= most_lost
@@ -56,12 +43,12 @@ def judge(path, raw, rows, most_lost=CHUNK_ROWS):
 
 def test_a_cut_anywhere_leaves_a_readable_prefix(tmp_path):
     path = tmp_path / "a.mcap"
-    rows = record(path, count=20)
+    rows = made.record(path, count=20)
     raw = path.read_bytes()
-    ends = [at + length for at, length in chunks_of(raw)]
+    ends = [at + length for at, length in made.chunks_of(raw)]
     for size in sorted({*range(0, len(raw), 7), *(end + k for end in ends for k in (-1, 0, 1)), len(raw) - 1}):
         path.write_bytes(raw[:size])
-        log, got = read(path)
+        log, got = made.read(path)
         assert got == rows[: len(got)]
         assert len(got) == CHUNK_ROWS * sum(end <= size for end in ends)  # every chunk that is there as a whole
         assert not log.clean
@@ -73,18 +60,18 @@ def test_single_bit_flips_never_give_a_wrong_row(whole, tmp_path):
     raw, rows = whole
     rng = random.Random(1)
     for bit in rng.sample(range(8 * len(raw)), 400):
-        judge(tmp_path / "a.mcap", flipped(raw, bit // 8, 1 << bit % 8), rows)
+        judge(tmp_path / "a.mcap", made.flipped(raw, bit // 8, 1 << bit % 8), rows)
 
 
-BARE = layout.MESSAGE_HEAD.pack(layout.MESSAGE, 22 + 3, 1, 10, OFFSET, OFFSET) + b"lie"
+BARE = layout.MESSAGE_HEAD.pack(layout.MESSAGE, 22 + 3, 1, 10, made.OFFSET, made.OFFSET) + b"lie"
 JUNK = (b"\0" * 5000, b"junk", random.Random(3).randbytes(5000))
 SINGLE = [  # what is done to a file and its second chunk; whether that is lost; where damage begins, its size; words
-    *((lambda raw, at, _, k=k: flipped(raw, at + k, 0xFF), True, 0, None, "") for k in range(9)),  # opcode, length
+    *((lambda raw, at, _, k=k: made.flipped(raw, at + k, 0xFF), True, 0, None, "") for k in range(9)),  # opcode, length
     (lambda raw, at, _: raw[: at + 33] + bytes(4) + raw[at + 37 :], True, 0, None, ""),  # an absent CRC is 0
     (lambda raw, at, _: raw[:at] + BARE + raw[at:], False, 0, len(BARE), ""),  # a message outside of chunks
     # its first time, then its last: no CRC of the chunk guards them
-    *((lambda raw, at, _, k=k: flipped(raw, at + k, 2), False, 9, 16, "times at a chunk's head") for k in (9, 17)),
-    (lambda raw, at, length: flipped(raw, at + length + 20, 4), False, None, None, "index"),
+    *((lambda raw, at, _, k=k: made.flipped(raw, at + k, 2), False, 9, 16, "times at a chunk's head") for k in (9, 17)),
+    (lambda raw, at, length: made.flipped(raw, at + length + 20, 4), False, None, None, "index"),
     (lambda raw, *_: raw.replace(b"recording 1", b"recording 3", 1), False, None, None, "the CRC of all data"),
     *((lambda raw, *_, junk=junk: raw + junk, False, "end", len(junk), "") for junk in JUNK),
 ]
@@ -93,10 +80,10 @@ SINGLE = [  # what is done to a file and its second chunk; whether that is lost;
 @pytest.mark.parametrize("case", SINGLE, ids=range(len(SINGLE)))
 def test_one_damage_loses_no_more_than_its_chunk_and_is_told(whole, tmp_path, case):
     (raw, rows), (damage, lost, begin, size, what) = whole, case
-    at, length = chunks_of(raw)[1]
+    at, length = made.chunks_of(raw)[1]
     log, got = judge(tmp_path / "a.mcap", damage(raw, at, length), rows)
     assert len(got) == len(rows) - CHUNK_ROWS * lost
-    assert log.lost == ({RAW: 10, DECODED: 10} if lost else {})
+    assert log.lost == ({made.RAW: 10, made.DECODED: 10} if lost else {})
     assert log.damage[0].lost == log.lost
     assert begin is None or log.damage[0].offset == (len(raw) if begin == "end" else at + begin)
     assert size is None or log.damage[0].size == size
@@ -111,13 +98,13 @@ def test_zeroed_blocks(whole, tmp_path, size):
     for at in range(0, len(raw) - size, max(197, size // 2)):
         if raw[at : at + size].count(0) != size:
             damaged = raw[:at] + bytes(size) + raw[at + size :]
-            hit = sum(a < at + size and at < a + length for a, length in chunks_of(raw))
+            hit = sum(a < at + size and at < a + length for a, length in made.chunks_of(raw))
             judge(tmp_path / "a.mcap", damaged, rows, most_lost=CHUNK_ROWS * hit)
 
 
 def test_the_beginning_may_be_gone(whole, tmp_path):
     raw, rows = whole
-    first = chunks_of(raw)[0][0]
+    first = made.chunks_of(raw)[0][0]
     for begin in (bytes(first), b""):
         log, got = judge(tmp_path / "a.mcap", begin + raw[first:], rows, most_lost=0)
         assert got == rows
@@ -126,13 +113,13 @@ def test_the_beginning_may_be_gone(whole, tmp_path):
 
 def test_swapped_and_repeated_chunks_give_all_rows_once_and_a_finding(whole, tmp_path):
     raw, rows = whole
-    (a, _), (b, _), (c, _), _ = chunks_of(raw)
+    (a, _), (b, _), (c, _), _ = made.chunks_of(raw)
     for damaged, order, what in (
         (raw[:a] + raw[b:c] + raw[a:b] + raw[c:], sorted(rows), "out of order"),
         (raw[:b] + raw[a:b] + raw[b:], rows, "is repeated"),
     ):
         (tmp_path / "a.mcap").write_bytes(damaged)
-        log, got = read(tmp_path / "a.mcap")
+        log, got = made.read(tmp_path / "a.mcap")
         assert (sorted(got) if order != rows else got) == order
         assert log.lost == {}
         assert what in str(log.damage)
@@ -146,7 +133,7 @@ def test_swapped_disk_blocks(whole, tmp_path):
         blocks = [raw[k : k + 512] for k in range(0, len(raw), 512)]
         blocks[i], blocks[j] = blocks[j], blocks[i]
         (tmp_path / "a.mcap").write_bytes(b"".join(blocks))
-        log, got = read(tmp_path / "a.mcap")
+        log, got = made.read(tmp_path / "a.mcap")
         assert set(got) <= set(rows)
         assert len(got) == len(set(got))
         assert log.damage
@@ -154,7 +141,7 @@ def test_swapped_disk_blocks(whole, tmp_path):
 
 def test_an_appended_recording_is_not_mixed_in(whole, tmp_path):
     raw, rows = whole
-    record(tmp_path / "b.mcap")
+    made.record(tmp_path / "b.mcap")
     _, got = judge(tmp_path / "a.mcap", raw + (tmp_path / "b.mcap").read_bytes(), rows, most_lost=0)
     assert got == rows
 
@@ -163,14 +150,14 @@ def test_a_recording_inside_a_message_never_comes_out(whole, tmp_path):
     """A line may carry MCAP itself; when its chunk is damaged, the inner chunks are whole, but not of this file."""
     inner, _ = whole
     path = tmp_path / "a.mcap"
-    r = recorder(path, compression="none")
+    r = made.recorder(path, compression="none")
     number = r.channel("raw", "x")
     with r:
         for i in range(3):
             r.write(number, i * 10**9, inner + bytes([i]))
     raw = path.read_bytes()
-    path.write_bytes(flipped(raw, chunks_of(raw)[1][0] + 60))
-    log, got = read(path)
+    path.write_bytes(made.flipped(raw, made.chunks_of(raw)[1][0] + 60))
+    log, got = made.read(path)
     assert [(row[0], row[1]) for row in got] == [("raw", 0), ("raw", 2)]
     assert log.lost == {"raw": 1}
 
@@ -178,16 +165,16 @@ def test_a_recording_inside_a_message_never_comes_out(whole, tmp_path):
 def test_rows_need_not_come_in_the_order_of_their_times(tmp_path):
     """Two channels of which one is late: the head of a chunk holds the least and the greatest time."""
     path = tmp_path / "a.mcap"
-    r = recorder(path)
+    r = made.recorder(path)
     numbers = r.channel("late", "x"), r.channel("early", "x")
     with r:
         for t_ns in (50, 20, 90, 40):
             for number, late in zip(numbers, (7, 0), strict=True):
                 r.write(number, t_ns + late, b"x")
     raw = path.read_bytes()
-    ((at, _),) = chunks_of(raw)
-    assert layout.CHUNK_HEAD.unpack_from(raw, at)[2:4] == (OFFSET + 20, OFFSET + 97)
-    log, got = read(path)
+    ((at, _),) = made.chunks_of(raw)
+    assert layout.CHUNK_HEAD.unpack_from(raw, at)[2:4] == (made.OFFSET + 20, made.OFFSET + 97)
+    log, got = made.read(path)
     assert [row[2] for row in got] == [57, 50, 27, 20, 97, 90, 47, 40]
     assert log.damage == []
     assert log.clean
@@ -195,7 +182,7 @@ def test_rows_need_not_come_in_the_order_of_their_times(tmp_path):
 
 def test_lost_rows_of_a_rare_channel_are_counted_though_it_never_comes_again(tmp_path):
     path = tmp_path / "a.mcap"
-    r = recorder(path)
+    r = made.recorder(path)
     number, rare = r.channel("a", "x"), r.channel("rare", "x")
     with r:
         for i in range(50):
@@ -203,8 +190,8 @@ def test_lost_rows_of_a_rare_channel_are_counted_though_it_never_comes_again(tmp
             if i == 25:
                 r.write(rare, i * 10**7, b"once")
     raw = path.read_bytes()
-    path.write_bytes(flipped(raw, chunks_of(raw)[2][0] + 70))
-    log, _ = read(path)
+    path.write_bytes(made.flipped(raw, made.chunks_of(raw)[2][0] + 70))
+    log, _ = made.read(path)
     assert log.lost == {"a": 10, "rare": 1}
 
 
@@ -212,12 +199,9 @@ def read_within(path):
     """Log, its rows, and the most memory that this took, bytes."""
     tracemalloc.start()
     try:
-        return *read(path), tracemalloc.get_traced_memory()[1]
+        return *made.read(path), tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-
-
-# --- lies -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("claimed", [2**20, 2**26, 2**28 + 1, 2**40, 2**63])
@@ -260,9 +244,9 @@ def test_schemas_and_channels_that_nobody_uses_take_bounded_memory(tmp_path):
 
 def whole_chunk(path):
     """A part's beginning, and its first chunk."""
-    record(path, count=10)
+    made.record(path, count=10)
     raw = path.read_bytes()
-    at, size = chunks_of(raw)[0]
+    at, size = made.chunks_of(raw)[0]
     return raw[:at], raw[at : at + size]
 
 
@@ -321,7 +305,7 @@ def test_what_is_no_recording_is_refused_by_name(tmp_path):
 def forged(raw, rng, share=0.7):
     """The file with bytes of some chunks' contents changed and every CRC made right again, and which those are."""
     out, changed = bytearray(raw[:8]), []
-    for opcode, at, length in records_of(raw):
+    for opcode, at, length in made.records_of(raw):
         record = raw[at : at + length]
         if opcode == layout.CHUNK:
             changed.append(rng.random() < share)
@@ -345,30 +329,29 @@ def test_forged_files_raise_nothing_but_errors_of_ours(whole, tmp_path):
         with contextlib.suppress(DecodeError):
             verify(tmp_path / "a.mcap")
         untouched = [row for i, row in enumerate(rows) if not changed[i // CHUNK_ROWS]]
-        assert set(untouched) <= set(read(tmp_path / "a.mcap")[1])
+        assert set(untouched) <= set(made.read(tmp_path / "a.mcap")[1])
     (tmp_path / "a.mcap").write_bytes(forged(raw, rng, share=0.0)[0])
     assert verify(tmp_path / "a.mcap").whole
-    assert read(tmp_path / "a.mcap")[1] == rows
+    assert made.read(tmp_path / "a.mcap")[1] == rows
 
 
 def test_a_chunk_with_two_channels_of_one_topic_is_refused(tmp_path):
     """A forgery that fuzzing found: its rows would have been counted twice."""
     path = tmp_path / "a.mcap"
-    r = recorder(path, compression="none")
+    r = made.recorder(path, compression="none")
     numbers = [r.channel(topic, "x") for topic in ("one", "two")]
     with r:
         for number in numbers:
             r.write(number, 0, b"x")
     raw = path.read_bytes()
-    at, length = chunks_of(raw)[0]
+    at, length = made.chunks_of(raw)[0]
     content = raw[at + layout.CHUNK_HEAD.size + 8 : at + length].replace(b"two", b"one")
-    path.write_bytes(raw[:at] + layout.chunk_record(content, content, "", OFFSET, OFFSET) + raw[at + length :])
-    log, got = read(path)
+    path.write_bytes(
+        raw[:at] + layout.chunk_record(content, content, "", made.OFFSET, made.OFFSET) + raw[at + length :]
+    )
+    log, got = made.read(path)
     assert got == []
     assert "two channels of one topic" in log.damage[0].what
-
-
-# --- files of other programs ----------------------------------------------------------------------------------
 
 
 def foreign(path, **options):
@@ -392,7 +375,7 @@ def foreign(path, **options):
 def test_files_of_the_library_are_read(tmp_path, compression, use_chunking, crcs):
     path = tmp_path / "a.mcap"
     rows = foreign(path, compression=compression, use_chunking=use_chunking, enable_crcs=crcs, enable_data_crcs=crcs)
-    log, got = read(path)
+    log, got = made.read(path)
     assert got == rows
     assert log.recording is None
     assert log.damage == []
@@ -404,9 +387,9 @@ def test_a_damaged_file_of_the_library_is_read_on(tmp_path):
     path = tmp_path / "a.mcap"
     rows = foreign(path)
     raw = path.read_bytes()
-    at, _ = chunks_of(raw)[2]
-    path.write_bytes(flipped(raw, at + 70))
-    log, got = read(path)
+    at, _ = made.chunks_of(raw)[2]
+    path.write_bytes(made.flipped(raw, at + 70))
+    log, got = made.read(path)
     assert 0 < len(rows) - len(got) < 15
     assert [row for row in rows if row in got] == got
     assert log.damage[0].offset == at
@@ -418,7 +401,7 @@ def test_the_crc_catches_what_the_compression_does_not(tmp_path):
     foreign(path, compression=CompressionType.NONE)
     damaged = path.read_bytes().replace(b'{"i": 7}', b'{"i": 8}', 1)
     path.write_bytes(damaged)
-    log, got = read(path)
+    log, got = made.read(path)
     assert (0, 1007, b'{"i": 8}') not in [row[1:] for row in got]
     assert "CRC" in log.damage[0].what
 
@@ -428,16 +411,16 @@ def test_verify_says_that_a_foreign_file_cannot_be_checked(tmp_path):
     verdict = verify(tmp_path / "a.mcap")
     assert verdict.whole
     assert verdict.unchecked > 0
-    assert rows_of(open_log(tmp_path / "a.mcap"))[0][2] == 1000
+    assert made.rows_of(open_log(tmp_path / "a.mcap"))[0][2] == 1000
 
 
 @pytest.mark.parametrize("left", [b"", bytes(3000)])
 def test_a_recording_in_parts_survives_one_of_which_nothing_is_left(tmp_path, left):
-    r = recorder(tmp_path / "a.mcap", rotate=0.2)
+    r = made.recorder(tmp_path / "a.mcap", rotate=0.2)
     with r:
-        rows = fill(r, channels(r), 40)
+        rows = made.fill(r, made.channels(r), 40)
     (tmp_path / "a.0002.mcap").write_bytes(left)
-    log, got = read(tmp_path / "a.mcap")
+    log, got = made.read(tmp_path / "a.mcap")
     assert got == [row for row in rows if row[1] < 20]
     assert not log.clean
     assert log.damage

@@ -15,28 +15,10 @@ from plumbob.files.mcap import Recorder, Schema, open_log, verify
 from plumbob.files.mcap.log import SequenceGaps
 from plumbob.files.mcap.verdict import CHUNK_NS, write_rows
 from tests.helpers import examples
+from tests.helpers import record_samples as made
 from tests.helpers.io_samples import refused
-from tests.helpers.record_samples import (
-    DECODED,
-    OFFSET,
-    RAW,
-    SCHEMA,
-    channels,
-    chunks_of,
-    fill,
-    library_rows,
-    payload,
-    read,
-    record,
-    recorder,
-    rows_of,
-    wait_for,
-)
 
 FAST = examples(0.4)
-
-
-# --- round trip -----------------------------------------------------------------------------------------------
 
 
 @FAST
@@ -49,7 +31,7 @@ FAST = examples(0.4)
 )
 def test_rows_come_back_exactly(tmp_path_factory, rows, every, compression):
     path = tmp_path_factory.mktemp("trip") / "a.mcap"
-    r = recorder(path, every=every, compression=compression)
+    r = made.recorder(path, every=every, compression=compression)
     r.metadata["words"] = "°/s\n"
     numbers = [r.channel(f"topic {i}", "x", Schema("S", "e", b"\x00") if i else None, {"i": str(i)}) for i in range(3)]
     t_ns, want, counts = 10**18, [], [0, 0, 0]
@@ -60,11 +42,11 @@ def test_rows_come_back_exactly(tmp_path_factory, rows, every, compression):
             want.append((f"topic {which}", counts[which], t_ns, data))
             counts[which] += 1
             r.tick(t_ns)
-    log, got = read(path)
+    log, got = made.read(path)
     assert got == want
     assert log.metadata == {"words": "°/s\n"}
     assert verify(path).whole
-    assert library_rows(path) == want
+    assert made.library_rows(path) == want
     for message in log:
         i = message.topic[-1]
         assert (message.channel.encoding, message.channel.metadata) == ("x", {"i": i})
@@ -73,25 +55,28 @@ def test_rows_come_back_exactly(tmp_path_factory, rows, every, compression):
 
 def test_the_library_finds_index_summary_and_every_crc(tmp_path):
     path = tmp_path / "a.mcap"
-    rows = record(path)
+    rows = made.record(path)
     with path.open("rb") as file:
         summary = make_reader(file, validate_crcs=True).get_summary()
     assert summary.statistics.message_count == len(rows) == 120
     assert summary.statistics.chunk_count == len(summary.chunk_indexes) == 6  # 0.6 s in chunks of 0.1 s
-    assert (summary.statistics.message_start_time, summary.statistics.message_end_time) == (OFFSET, OFFSET + 59 * 10**7)
-    assert {c.topic for c in summary.channels.values()} == {RAW, DECODED}
-    assert [s.data for s in summary.schemas.values()] == [SCHEMA.data]
+    assert (summary.statistics.message_start_time, summary.statistics.message_end_time) == (
+        made.OFFSET,
+        made.OFFSET + 59 * 10**7,
+    )
+    assert {c.topic for c in summary.channels.values()} == {made.RAW, made.DECODED}
+    assert [s.data for s in summary.schemas.values()] == [made.SCHEMA.data]
     with path.open("rb") as file:  # validates the CRC of the data section, too
         records = list(StreamReader(file, emit_chunks=True, validate_crcs=True).records)
     assert sum(isinstance(one, Chunk) for one in records) == 6
     with path.open("rb") as file:  # the summary's index leads to the rows of one topic
-        found = make_reader(file).iter_messages(topics=[DECODED], starting_at=OFFSET + 30 * 10**7)
+        found = make_reader(file).iter_messages(topics=[made.DECODED], starting_at=made.OFFSET + 30 * 10**7)
         assert [m.sequence for _, _, m in found] == list(range(30, 60))
 
 
 def test_every_chunk_declares_its_channels(tmp_path):
     path = tmp_path / "a.mcap"
-    record(path)
+    made.record(path)
     with path.open("rb") as file:
         for one in StreamReader(file, emit_chunks=True).records:
             if isinstance(one, Chunk):
@@ -104,112 +89,106 @@ def test_every_chunk_declares_its_channels(tmp_path):
 
 def test_a_waiting_chunk_is_sent_off_by_the_clock(tmp_path):
     path = tmp_path / "a.mcap"
-    r = recorder(path)
+    r = made.recorder(path)
     number = r.channel("a", "x")
     with r:
         r.write(number, 0, b"1")
         r.tick(99_999_999)
         r.write(number, 99_999_999, b"2")
         r.tick(100_000_000)
-        wait_for(lambda: r.acknowledged == 2)
+        made.wait_for(lambda: r.acknowledged == 2)
         r.tick(10**12)
     assert r.written == 2
-    assert len(chunks_of(path.read_bytes())) == 1
+    assert len(made.chunks_of(path.read_bytes())) == 1
 
 
 def test_a_channel_may_come_late_and_a_topic_only_once(tmp_path):
-    r = recorder(tmp_path / "a.mcap")
+    r = made.recorder(tmp_path / "a.mcap")
     first = r.channel("a", "x")
     with r:
         r.write(first, 0, b"1")
         late = r.channel("b", "x")
         r.write(late, 1, b"2")
         refused(r.channel, "a", "x", match="has a channel 'a' already", error=ParameterError)
-    assert [row[0] for row in read(tmp_path / "a.mcap")[1]] == ["a", "b"]
+    assert [row[0] for row in made.read(tmp_path / "a.mcap")[1]] == ["a", "b"]
 
 
 def test_an_empty_recording_is_whole(tmp_path):
-    with recorder(tmp_path / "a.mcap") as r:
+    with made.recorder(tmp_path / "a.mcap") as r:
         assert r.state == "recording"
     assert r.state == "closed"
     assert verify(tmp_path / "a.mcap").whole
-    assert library_rows(tmp_path / "a.mcap") == []
-
-
-# --- parts ----------------------------------------------------------------------------------------------------
+    assert made.library_rows(tmp_path / "a.mcap") == []
 
 
 def test_rotation_by_time_loses_and_doubles_nothing(tmp_path):
     path = tmp_path / "a.mcap"
-    rows = record(path, count=100, rotate=0.25)
+    rows = made.record(path, count=100, rotate=0.25)
     parts = sorted(tmp_path.iterdir())
     assert [p.name for p in parts] == ["a.0002.mcap", "a.0003.mcap", "a.0004.mcap", "a.mcap"]  # 0.3 s in chunks of 0.1
-    assert rows_of(open_log(path)) == rows
-    assert rows_of(open_log(parts)) == rows
-    assert rows_of(open_log(tmp_path)) == rows
-    assert rows_of(open_log(parts[0])) == [row for row in rows if 30 <= row[1] < 60]
+    assert made.rows_of(open_log(path)) == rows
+    assert made.rows_of(open_log(parts)) == rows
+    assert made.rows_of(open_log(tmp_path)) == rows
+    assert made.rows_of(open_log(parts[0])) == [row for row in rows if 30 <= row[1] < 60]
     assert all(verify(part).whole for part in [path, *parts, tmp_path])
-    assert [row for part in (parts[3], *parts[:3]) for row in library_rows(part)] == rows
+    assert [row for part in (parts[3], *parts[:3]) for row in made.library_rows(part)] == rows
 
 
 def test_rotation_by_size(tmp_path):
-    rows = record(tmp_path / "a.mcap", count=200, rotate_bytes=4000)
+    rows = made.record(tmp_path / "a.mcap", count=200, rotate_bytes=4000)
     assert len(list(tmp_path.iterdir())) > 3
-    assert rows_of(open_log(tmp_path / "a.mcap")) == rows
+    assert made.rows_of(open_log(tmp_path / "a.mcap")) == rows
     assert verify(tmp_path).whole
 
 
 def test_a_recording_is_open_while_one_of_its_parts_is(tmp_path):
-    r = recorder(tmp_path / "a.mcap", rotate_bytes=4000)
+    r = made.recorder(tmp_path / "a.mcap", rotate_bytes=4000)
     with r:
-        numbers = channels(r)
+        numbers = made.channels(r)
         for i in range(200):
-            fill(r, numbers, i + 1, i)
+            made.fill(r, numbers, i + 1, i)
             r.tick(i * 10_000_000)
-        wait_for(lambda: len(list(tmp_path.iterdir())) >= 2)
+        made.wait_for(lambda: len(list(tmp_path.iterdir())) >= 2)
         assert verify(tmp_path / "a.mcap").open
     assert not verify(tmp_path / "a.mcap").open
 
 
 def test_a_missing_part_is_told_with_its_rows(tmp_path):
-    rows = record(tmp_path / "a.mcap", count=100, rotate=0.25)
+    rows = made.record(tmp_path / "a.mcap", count=100, rotate=0.25)
     (tmp_path / "a.0002.mcap").unlink()
     verdict = verify(tmp_path / "a.mcap")
-    assert verdict.lost == {RAW: 30, DECODED: 30}
+    assert verdict.lost == {made.RAW: 30, made.DECODED: 30}
     assert "part" in verdict.damage[0].what
     assert sum(verdict.rows.values()) == len(rows) - 60
 
 
 def test_rotation_goes_around_a_foreign_file_of_the_next_name(tmp_path):
-    r = recorder(tmp_path / "a.mcap", rotate=0.2)
-    numbers = channels(r)
+    r = made.recorder(tmp_path / "a.mcap", rotate=0.2)
+    numbers = made.channels(r)
     with r:
-        fill(r, numbers, 10)
+        made.fill(r, numbers, 10)
         (tmp_path / "a.0002.mcap").write_text("mine")
-        fill(r, numbers, 60, start=10)
+        made.fill(r, numbers, 60, start=10)
     assert (tmp_path / "a.0002.mcap").read_text() == "mine"
     assert (tmp_path / "a.0003.mcap").exists()
 
 
-# --- refusals -------------------------------------------------------------------------------------------------
-
-
 def test_a_second_writer_is_refused(tmp_path):
     path = tmp_path / "a.mcap"
-    with recorder(path) as r:
-        refused(recorder(path).start, match=r"a\.mcap is being recorded by another", error=ParameterError)
+    with made.recorder(path) as r:
+        refused(made.recorder(path).start, match=r"a\.mcap is being recorded by another", error=ParameterError)
         code = (
             "import sys\nfrom plumbob.files.mcap import Recorder\n"
             "Recorder(sys.argv[1], epoch_offset_ns=0, reserve=0).start()"
         )
         done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=False)
         assert "is being recorded by another" in done.stderr
-        fill(r, channels(r), 10)
-    assert verify(path).rows == {RAW: 10, DECODED: 10}
+        made.fill(r, made.channels(r), 10)
+    assert verify(path).rows == {made.RAW: 10, made.DECODED: 10}
 
 
 def started(path, key=None, **options):
-    r = recorder(path, **options)
+    r = made.recorder(path, **options)
     if key:
         r.metadata[key] = "7"
     r.start()
@@ -234,12 +213,12 @@ def test_what_has_no_meaning_no_place_or_a_file_already_is_refused(tmp_path, nam
     (tmp_path / "b.0007.mcap").write_text("mine")
     refused(started, tmp_path / name, **options, match=match, error=(ParameterError, DecodeError))
     reserved = {"metadata": {"plumbob.x": "1"}}
-    refused(recorder(tmp_path / "a.mcap").channel, "a", "x", **reserved, match=r"plumbob\.x", error=ParameterError)
+    refused(made.recorder(tmp_path / "a.mcap").channel, "a", "x", **reserved, match=r"plumbob\.x", error=ParameterError)
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("b.0007.mcap", "mine")]
 
 
 def test_a_row_that_is_too_large_is_counted(tmp_path):
-    r = recorder(tmp_path / "a.mcap")
+    r = made.recorder(tmp_path / "a.mcap")
     number = r.channel("a", "x")
     with r:
         r.write(number, 0, b"1")
@@ -252,21 +231,18 @@ def test_a_row_that_is_too_large_is_counted(tmp_path):
 
 
 def test_rows_that_cannot_be_stored_are_counted_and_cost_no_other(tmp_path):
-    r = recorder(tmp_path / "a.mcap")
+    r = made.recorder(tmp_path / "a.mcap")
     number = r.channel("a", "x")
     with pytest.raises(ParameterError, match="has no channel 0"):
         r.write(0, 0, b"1")
     with r:
-        r.write(number, -OFFSET - 1, b"before the epoch")
+        r.write(number, -made.OFFSET - 1, b"before the epoch")
         r.write(number, 0, b"2")
         r.write(number, 2**64, b"beyond 64 bits")
     r.write(number, 1, b"after the end")
     r.tick(10**12)
     assert (r.written, r.acknowledged, r.dropped) == (4, 1, 3)
-    assert [row[1:] for row in read(tmp_path / "a.mcap")[1]] == [(1, 0, b"2")]
-
-
-# --- sequence numbers -----------------------------------------------------------------------------------------
+    assert [row[1:] for row in made.read(tmp_path / "a.mcap")[1]] == [(1, 0, b"2")]
 
 
 @FAST
@@ -306,22 +282,20 @@ def test_a_row_that_is_no_bytes_is_refused_and_costs_no_other(tmp_path, row):
     assert verify(tmp_path / "a.mcap").clean
 
 
-# --- rows that are there already: one complete file, whatever its length --------------------------------------
-
-TOPICS = {RAW: ("application/octet-stream", None), DECODED: ("json", SCHEMA)}
+TOPICS = {made.RAW: ("application/octet-stream", None), made.DECODED: ("json", made.SCHEMA)}
 
 
 def rows(count, step_ns):
-    return [(i * step_ns, topic, payload(i)) for i in range(count) for topic in TOPICS]
+    return [(i * step_ns, topic, made.payload(i)) for i in range(count) for topic in TOPICS]
 
 
 @pytest.mark.parametrize(("count", "step_ns"), [(0, 1), (1, 1), (500, CHUNK_NS // 100), (50, 3 * CHUNK_NS)])
 def test_what_goes_in_comes_out_by_both_readers(tmp_path, count, step_ns):
     given = rows(count, step_ns)
-    write_rows(tmp_path / "a.mcap", TOPICS, given, epoch_offset_ns=OFFSET, metadata={"owner": "x"})
-    log, got = read(tmp_path / "a.mcap")
+    write_rows(tmp_path / "a.mcap", TOPICS, given, epoch_offset_ns=made.OFFSET, metadata={"owner": "x"})
+    log, got = made.read(tmp_path / "a.mcap")
     assert [(topic, t_ns, data) for topic, _, t_ns, data in got] == [(topic, t_ns, data) for t_ns, topic, data in given]
-    assert got == library_rows(tmp_path / "a.mcap")
+    assert got == made.library_rows(tmp_path / "a.mcap")
     assert verify(tmp_path / "a.mcap").whole
     assert log.metadata == {"owner": "x"}
     assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
@@ -329,5 +303,5 @@ def test_what_goes_in_comes_out_by_both_readers(tmp_path, count, step_ns):
 
 def test_a_time_that_mcap_cannot_hold_is_refused_and_nothing_is_left(tmp_path):
     how = {"epoch_offset_ns": 0, "metadata": {}, "match": "a time of -1 s cannot be stored in MCAP"}
-    refused(write_rows, tmp_path / "a.mcap", TOPICS, [(-(10**9), RAW, b"")], **how, error=ParameterError)
+    refused(write_rows, tmp_path / "a.mcap", TOPICS, [(-(10**9), made.RAW, b"")], **how, error=ParameterError)
     assert list(tmp_path.iterdir()) == []

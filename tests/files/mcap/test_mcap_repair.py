@@ -7,28 +7,15 @@ from mcap.writer import Writer
 
 from plumbob.core.errors import ParameterError
 from plumbob.files.mcap import layout, open_log, repair, verify
+from tests.helpers import record_samples as made
 from tests.helpers.io_samples import refused
-from tests.helpers.record_samples import (
-    DECODED,
-    RAW,
-    channels,
-    chunks_of,
-    fill,
-    flipped,
-    library_rows,
-    read,
-    record,
-    recorder,
-    records_of,
-    rows_of,
-)
 
 
 def check(path, out, rows):
     """Repair, and repair that once more; returns the verdict and the rows that are left."""
     verdict = repair(path, out)
-    log, got = read(out)
-    assert got == library_rows(out)
+    log, got = made.read(out)
+    assert got == made.library_rows(out)
     assert set(got) <= set(rows)
     assert verify(out).whole
     assert log.missing == {topic: count for topic, count in verify(out).dropped.items() if count}
@@ -41,11 +28,11 @@ def check(path, out, rows):
 
 
 def test_a_whole_recording_stays_as_it_is(tmp_path):
-    rows = record(tmp_path / "a.mcap")
+    rows = made.record(tmp_path / "a.mcap")
     verdict = repair(tmp_path / "a.mcap", tmp_path / "b.mcap")
     assert verdict.whole
     assert (tmp_path / "b.mcap").read_bytes() == (tmp_path / "a.mcap").read_bytes()
-    assert rows_of(open_log(tmp_path / "b.mcap")) == rows
+    assert made.rows_of(open_log(tmp_path / "b.mcap")) == rows
 
 
 def cuts(raw, rng):
@@ -53,7 +40,7 @@ def cuts(raw, rng):
 
 
 def flips(raw, rng):
-    return (flipped(raw, rng.randrange(len(raw)), 1 << rng.randrange(8)) for _ in range(25))
+    return (made.flipped(raw, rng.randrange(len(raw)), 1 << rng.randrange(8)) for _ in range(25))
 
 
 def zeroed(raw, rng):
@@ -66,7 +53,7 @@ def zeroed(raw, rng):
 
 @pytest.mark.parametrize("damaged", [cuts, flips, zeroed])
 def test_a_damaged_recording(tmp_path, damaged):
-    rows = record(tmp_path / "a.mcap", count=40)
+    rows = made.record(tmp_path / "a.mcap", count=40)
     bad = tmp_path / "c" / "a.mcap"
     bad.parent.mkdir()
     for raw in damaged((tmp_path / "a.mcap").read_bytes(), random.Random(2)):
@@ -83,9 +70,9 @@ def test_a_damaged_recording(tmp_path, damaged):
 
 def test_a_crash_between_chunks_loses_nothing(tmp_path):
     """Cut after the last index: no end, but no torn row either."""
-    rows = record(tmp_path / "a.mcap", count=40)
+    rows = made.record(tmp_path / "a.mcap", count=40)
     raw = (tmp_path / "a.mcap").read_bytes()
-    end = [at for opcode, at, _ in records_of(raw) if opcode == layout.METADATA][1]
+    end = [at for opcode, at, _ in made.records_of(raw) if opcode == layout.METADATA][1]
     (tmp_path / "c.mcap").write_bytes(raw[:end])
     verdict, got = check(tmp_path / "c.mcap", tmp_path / "out.mcap", rows)
     assert got == rows
@@ -93,9 +80,9 @@ def test_a_crash_between_chunks_loses_nothing(tmp_path):
 
 
 def test_parts_become_one_file(tmp_path):
-    rows = record(tmp_path / "a.mcap", count=100, rotate=0.25)
+    rows = made.record(tmp_path / "a.mcap", count=100, rotate=0.25)
     assert repair(tmp_path / "a.mcap", tmp_path / "out.mcap").whole
-    assert read(tmp_path / "out.mcap")[1] == rows
+    assert made.read(tmp_path / "out.mcap")[1] == rows
     (tmp_path / "a.0002.mcap").unlink()
     verdict, got = check(tmp_path / "a.mcap", tmp_path / "b.mcap", rows)
     assert verdict.lossy
@@ -103,27 +90,27 @@ def test_parts_become_one_file(tmp_path):
 
 
 def test_a_later_part_alone_is_repaired_alone(tmp_path):
-    rows = record(tmp_path / "a.mcap", count=100, rotate=0.25)
+    rows = made.record(tmp_path / "a.mcap", count=100, rotate=0.25)
     verdict, got = check(tmp_path / "a.0003.mcap", tmp_path / "b.mcap", rows)
     assert verdict.whole
     assert got == [row for row in rows if 60 <= row[1] < 90]
 
 
 def test_swapped_chunks_are_kept_in_the_order_found(tmp_path):
-    rows = record(tmp_path / "a.mcap", count=60)
+    rows = made.record(tmp_path / "a.mcap", count=60)
     raw = (tmp_path / "a.mcap").read_bytes()
-    (a, _), (b, _), (c, _), *_ = chunks_of(raw)
+    (a, _), (b, _), (c, _), *_ = made.chunks_of(raw)
     (tmp_path / "c.mcap").write_bytes(raw[:a] + raw[b:c] + raw[a:b] + raw[c:])
     verdict = repair(tmp_path / "c.mcap", tmp_path / "out.mcap")
     assert not verdict.lossy
-    log, got = read(tmp_path / "out.mcap")
+    log, got = made.read(tmp_path / "out.mcap")
     assert sorted(got) == sorted(rows)
     assert (log.clean, log.lost) == (True, {})
 
 
 def test_refusals(tmp_path):
     whole, out = tmp_path / "a.mcap", tmp_path / "b.mcap"
-    record(whole)
+    made.record(whole)
     refused(repair, whole, whole, match=r"a\.mcap exists already", error=ParameterError)
     refused(repair, whole, tmp_path / "no" / "b.mcap", match="cannot be written")
     with (tmp_path / "f.mcap").open("wb") as file:
@@ -131,19 +118,19 @@ def test_refusals(tmp_path):
         writer.start(library="another")
         writer.finish()
     refused(repair, tmp_path / "f.mcap", out, match="written by another program", error=ParameterError)
-    with recorder(tmp_path / "r.mcap") as r:
-        fill(r, channels(r), 20)
+    with made.recorder(tmp_path / "r.mcap") as r:
+        made.fill(r, made.channels(r), 20)
         refused(repair, tmp_path / "r.mcap", out, match="still being recorded", error=ParameterError)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mcap", "f.mcap", "r.mcap"]
 
 
 def test_a_verdict_names_rows_time_and_losses(tmp_path):
-    record(tmp_path / "a.mcap", count=40)
+    made.record(tmp_path / "a.mcap", count=40)
     raw = (tmp_path / "a.mcap").read_bytes()
-    (tmp_path / "a.mcap").write_bytes(flipped(raw, chunks_of(raw)[1][0] + 60))
+    (tmp_path / "a.mcap").write_bytes(made.flipped(raw, made.chunks_of(raw)[1][0] + 60))
     verdict = verify(tmp_path / "a.mcap")
-    assert verdict.lost == {RAW: 10, DECODED: 10}
-    assert verdict.rows == {RAW: 30, DECODED: 30}
+    assert verdict.lost == {made.RAW: 10, made.DECODED: 10}
+    assert verdict.rows == {made.RAW: 30, made.DECODED: 30}
     assert verdict.duration == pytest.approx(0.39)
     assert (verdict.whole, verdict.lossy, verdict.clean) == (False, True, True)
-    assert verdict.as_dict()["damage"][0]["lost"] == {RAW: 10, DECODED: 10}
+    assert verdict.as_dict()["damage"][0]["lost"] == {made.RAW: 10, made.DECODED: 10}
