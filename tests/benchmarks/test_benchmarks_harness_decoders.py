@@ -1,11 +1,9 @@
 """The decoder benchmark: what it does to frames, and that it notices losses, wrong frames and growth."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from benchmarks.harness.decoder_fuzz import Fuzzed, fuzz, listen_to_noise
+from benchmarks.harness.decoder_fuzz import Fuzzed, fuzz
 from benchmarks.harness.decoder_streams import HARMS, Damaged, damage, frames_of, settled, user_frame
 from benchmarks.harness.decoders import judge, measure_decoders
 from plumbob.protocols import catalog
@@ -16,11 +14,6 @@ GROWTH = {"bit flip": 0, "byte dropped": -1, "byte inserted": 1, "length flip": 
 
 def rng():
     return np.random.default_rng(3)
-
-
-def unguarded():
-    form = user_frame()
-    return replace(form, framing=replace(form.framing, checksum=None))
 
 
 @pytest.mark.parametrize("kind", HARMS)
@@ -55,7 +48,7 @@ def test_damage_says_where_the_others_are():
     }
 
 
-def test_a_lost_frame_and_a_wrong_one_are_noticed():
+def test_a_lost_frame_a_wrong_one_and_growth_are_noticed():
     form = user_frame()
     first, second, third = frames_of(form, 3, rng())
     hidden = Damaged(first + second[:-1] + third, {0: 18, 18: 18, 35: 18}, frozenset(), 1)
@@ -68,16 +61,6 @@ def test_a_lost_frame_and_a_wrong_one_are_noticed():
     assert judge(form, "cut frame", forged).wrong == 1 and not judge(form, "cut frame", forged).met
     restored = Damaged(first + second + third, {0: 18, 36: 18}, frozenset({second}), 1)
     assert judge(form, "cut frame", restored).wrong == 0
-
-
-def test_noise_is_counted_as_often_as_it_must_pass():
-    form = unguarded()
-    heard = listen_to_noise(form, 5_000_000, rng())
-    assert heard.expected == pytest.approx(5_000_000 / 65536)
-    assert abs(heard.accepted - heard.expected) < 4 * heard.expected**0.5 + 5e6 * 18 / 65536**2
-
-
-def test_growth_is_noticed():
     fuzzed = fuzz(user_frame(), 20_000, rng())
     assert fuzzed.size == 20_000 and fuzzed.sound and 300 < fuzzed.frames < 20_000 / 18
     assert not Fuzzed(10, 1, fuzzed.bound + 1, fuzzed.bound, 1, 0.1).sound

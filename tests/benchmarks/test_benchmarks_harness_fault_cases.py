@@ -12,7 +12,7 @@ from benchmarks.harness.second_cases import GROUPS as SECOND_GROUPS
 from benchmarks.harness.second_cases import MOTIONS
 from plumbob.core import flags
 from plumbob.core.errors import ParameterError
-from plumbob.core.units import to_deg, to_dps
+from plumbob.core.units import to_dps
 from plumbob.rotations import quat_conjugate, quat_rotate
 
 BY_NAME = {case.name: case for case in (*CASES, *SECOND)}
@@ -98,8 +98,6 @@ def test_ends_of_ranges_are_clipped_and_flagged_as_a_decoder_would():
     shock = rows_of("acc_clip_shock_50ms")
     assert [i for i, row in enumerate(shock) if row[4]] == [3000, 3001, 3002, 3003, 3004]
     assert shock[3000][2][0] == RANGES["acc"]
-    assert rows_of("gyro_glitch_fullscale_1")[3000][4] == flags.GYR_CLIPPED
-    assert rows_of("acc_glitch_fullscale_1")[3000][4] == flags.ACC_CLIPPED
     assert rows_of("huge1e30_gyr_1")[3000][4] == 0  # no code of a decoder
     assert np.abs(stream("mag_glitch_x100_1").mag[3000]).max() <= RANGES["mag"]
 
@@ -112,51 +110,9 @@ def test_disturbances_have_their_size_and_direction():
     field = quat_rotate(damaged.truth[3000:3500], damaged.mag[3000:3500])
     assert field.mean(axis=0) == pytest.approx([0.0, 0.0, -np.linalg.norm(FIELD_N)], abs=5 * 0.3 / math.sqrt(500))
     assert np.abs(stream("freefall_noise_2s").acc[3000:3200]).max() < 6 * 0.03  # 600 normal numbers
-    damaged = stream("mag_exact_antiparallel_1")
-    acc, mag = damaged.acc[3000], damaged.mag[3000]
-    assert np.dot(acc, mag) == pytest.approx(-np.linalg.norm(acc) * np.linalg.norm(mag))
     assert (stream("mag_hardiron_50uT_20s").mag - CLEAN.mag[:9000])[3500] == pytest.approx([50.0, 0.0, 0.0])
-    assert to_dps(stream("gyro_bias_step_5dps").gyr - CLEAN.gyr[:9000])[[2999, 3000, 8999], 2] == pytest.approx(
-        [0, 5, 5]
-    )
-
-
-def test_stamps():
-    assert (stream("dt_zero_equal_stamps_1s").t[3000:3100] == 30.0).all()
-    assert stream("dt_zero_equal_stamps_1s").t[3100] == 31.0
     assert np.diff(stream("dt_negative_step_0p5s").t)[2999] == pytest.approx(-0.49)
-    assert np.diff(stream("dt_clock_jump_1e6s").t)[2999] == pytest.approx(1e6 + 0.01)
-    assert math.isnan(rows_of("dt_nan_1")[3000][0])
-    steps = np.diff(stream("dt_jitter_arrival_10s").t)
-    assert steps.min() > 0.0
-    assert steps[2999:4000].std() == pytest.approx(0.01 / math.sqrt(6.0), rel=0.2)  # of a difference of two uniforms
-
-
-def test_fields_turn_north_as_described():
-    for name, degrees in (("field_east_10s_brisk", 56.4), ("field_weak_20s_slow", 26.7)):
-        damaged = stream(name)
-        field = quat_rotate(damaged.truth[3000:3800], damaged.mag[3000:3800]).mean(axis=0)
-        assert to_deg(math.atan2(field[0], field[1])) == pytest.approx(degrees, abs=0.5)
-    assert change("iron_20s_brisk", "mag")[3000:5000] == pytest.approx(np.tile([30.0, 0.0, 0.0], (2000, 1)))
-    damaged = stream("dropout_0.14s_field_none")
-    assert (damaged.origin[2999], damaged.origin[3000]) == (2999, 3014)
-    assert damaged.mag[3000:5000] - CALM["none"].mag[3014:5014] == pytest.approx(np.tile([30.0, 0.0, 0.0], (2000, 1)))
-
-
-def test_axes_are_reversed_swapped_dead_and_biased():
     assert change("sign_acc_5s_slow", "acc")[3000:3500] == pytest.approx(-2.0 * CALM["slow"].acc[3000:3500])
-    swapped = stream("swap_gyr_20s_brisk").gyr[3000:5000]
-    assert (swapped == CALM["brisk"].gyr[3000:5000][:, [1, 0, 2]]).all()
-    dies = stream("dies_gyr_30s_brisk").gyr
-    assert dies[4500, 2] == pytest.approx(0.5 * CALM["brisk"].gyr[4500, 2])
-    assert (dies[6000:, 2] == 0.0).all()
-    assert (dies[:, :2] == CALM["brisk"].gyr[: len(dies), :2]).all()
-    sticks = stream("sticks_mag_20s_brisk").mag
-    assert (sticks[3000:5000, 2] == CALM["brisk"].mag[2999, 2]).all()
     ramp = to_dps(change("ramp_5dps_30s_none", "gyr"))
     assert ramp[[2999, 4500, 6000, 11999], 1] == pytest.approx([0.0, 2.5, 5.0, 5.0])
     assert not stream("bias_1dps_no_mag_none").has_mag.any()
-    wrapped = stream("wraps_acc_20s_none").acc[3000:5000, 2]
-    assert wrapped == pytest.approx(CALM["none"].acc[3000:5000, 2] - 18.0)
-    hit = np.flatnonzero(stream("shocks_20s_none").acc[:, 0] == RANGES["acc"])
-    assert hit.tolist() == [3000 + 100 * i + k for i in range(20) for k in (0, 1)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.harness.room import room_of
-from benchmarks.harness.rooms import Outcome, Rooms, Trial, measure_rooms, windows
+from benchmarks.harness.rooms import Outcome, Rooms, Trial, measure_rooms
 from plumbob.core.errors import DecodeError, ParameterError, ShapeError
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import TriadCalibration
@@ -86,15 +86,6 @@ def test_a_real_room(broad_folder, tmp_path):
     assert json.loads(json.dumps(found.as_dict()))["trials"][name]["alone"]["refused"] == "uneven-field"
     with pytest.raises(DecodeError, match="no file holds both a magnetometer and a reference"):
         measure_rooms([path])
-
-
-def test_windows_follow_each_other_and_the_rest_is_left_out():
-    """25 s at 10 Hz hold two windows of 10 s."""
-    t = 5.0 + np.arange(251) / 10.0
-    parts = list(windows(ImuData(t=t, mag=np.full((251, 3), 30.0)), 10.0))
-    assert [start for start, _ in parts] == [0.0, 10.0]
-    assert [len(part) for _, part in parts] == [100, 100]
-    assert parts[1][1].t[0] == 15.0
 
 
 def test_windows_of_a_turned_unit_are_calibrated_each(turned, monkeypatch):

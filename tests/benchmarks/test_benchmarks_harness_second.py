@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.harness.contender import Answer, contender_of
+from benchmarks.harness.contender import Answer
 from benchmarks.harness.fault_scene import LONGEST, record
 from benchmarks.harness.second import compare, listen, measure_second
-from benchmarks.harness.second_cases import CASES, MOTIONS, NONE, SLOW
+from benchmarks.harness.second_cases import CASES, MOTIONS, NONE
 from benchmarks.harness.silence import Outcome
-from plumbob.filters.offline import Stage
 from plumbob.rotations import quat_from_euler_zyx, quat_multiply
 
 BY_NAME = {case.name: case for case in CASES}
@@ -64,26 +63,6 @@ def test_warnings_and_errors_that_the_clean_run_has_too_are_none():
     clean = listen(Told(5.0), case.clean(), free=False)
     assert compare(case, given, listen(Told(6.9), given, free=False), clean, 1).by_both == Outcome.RIGHT
     assert compare(case, given, listen(Told(7.1), given, free=False), clean, 1).by_both == Outcome.WRONG
-
-
-@pytest.mark.parametrize("name", ["mekf", "smoother"])
-def test_an_answer_has_the_bits_of_a_stream_that_comes_sample_by_sample(name):
-    contender = contender_of(Stage(name, {}))
-    given = record(SLOW, 900)
-    answer, running = contender.answer(given), contender.start()
-    for i, row in enumerate(given.rows()):
-        assert running.take(row) == answer.words[i]
-        assert np.array_equal(running.attitude(), answer.q_nb[i])
-    assert answer.cov_b.shape == (900, 3, 3)
-
-
-def test_what_cannot_concern_a_contender_does_not_count():
-    contender = Told(0.0)
-    contender.timed = False
-    found = measure_second([contender], [BY_NAME["clock_half_20s_slow"], BY_NAME["field_east_1s_none"]])
-    assert found.found["told"]["clock_half_20s_slow"].by_both == Outcome.NOT_APPLICABLE
-    assert list(found.judged("told")) == ["field_east_1s_none"]
-    assert "n/a" in found.text()
 
 
 def test_bars_count_what_could_be_seen_apart():

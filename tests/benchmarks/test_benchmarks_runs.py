@@ -6,7 +6,6 @@ import sys
 from importlib import import_module
 from random import Random
 
-import numpy as np
 import pytest
 
 from plumbob.core import flags
@@ -77,40 +76,9 @@ def test_filters_endure_a_few_blocks(filters):
         assert one["bias_dps"] >= 0.0
 
 
-def test_blocks_that_filters_endure_are_one_recording(monkeypatch):
-    """A step apart, so that no filter starts anew between them."""
-    endurance, taken = import_module("benchmarks.endurance"), []
-    blocks = [endurance.block(seed, 500) for seed in (0, 1)]
-
-    class Listening:
-        _x = np.zeros(1)
-
-        def __init__(self, *_args, **_how):
-            self.warm_up = lambda: None
-
-        def _batch(self, t_ns, *_args):
-            taken.append(t_ns)
-            return np.tile([1.0, 0.0, 0.0, 0.0], (len(t_ns), 1)), np.zeros((len(t_ns), 3))
-
-    monkeypatch.setattr(endurance, "Filter", Listening)
-    assert endurance.endure("mekf", blocks, 1500).samples == 1500
-    assert (np.diff(np.concatenate(taken)) == endurance.STEP_NS).all()
-    assert not any((data.flags & flags.GAP).any() for data in blocks)
-
-
-def test_blocks_of_endurance_are_plausible_and_a_broken_limit_is_told():
-    """Rms of the smoothed noise is 1 rad/s in each axis by its making; |acc| and |mag| are those of Earth, with noise.
-
-    A block of 20 000 holds some 400 independent rates per axis, so that the rms scatters by 1/√2400 or 2 %. Noise of
-    0.3 m/s² leaves |acc| at g + 0.3²/g or 9.816 m/s², to 0.3/√20000 m/s².
-    """
+def test_blocks_of_endurance_have_no_gap_and_a_broken_limit_is_told():
     endurance = import_module("benchmarks.endurance")
-    data = endurance.block(0, 20_000)
-    assert np.sqrt(np.mean(data.gyr**2)) == pytest.approx(1.0, abs=0.1)
-    assert np.linalg.norm(data.acc, axis=1).mean() == pytest.approx(9.816, abs=0.01)
-    assert np.isnan(data.mag[1::2]).all()
-    assert np.linalg.norm(data.mag[::2], axis=1).mean() == pytest.approx(np.linalg.norm(endurance.FIELD_ENU), abs=0.05)
-    assert data.acc[:, 2].min() < -8.0 < 8.0 < data.acc[:, 2].max()  # through all attitudes
+    assert not (endurance.block(0, 500).flags & flags.GAP).any()
     good = {"name": "x", "samples": 1, "ns": 1.0, "at_block_ends": 0.0, "largest": 1e-13, "bias_dps": 0.0}
     assert endurance.Endured(**good, finite=True).met
     assert not endurance.Endured(**good, finite=False).met

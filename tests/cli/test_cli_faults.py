@@ -2,8 +2,6 @@
 
 import json
 
-import pytest
-
 from benchmarks.harness.__main__ import main
 from benchmarks.harness.fault_cases import CASES
 from benchmarks.harness.second_cases import CASES as SECOND
@@ -35,27 +33,3 @@ def test_list_needs_no_filter():
     first, second = faults("--list").stdout, faults("--battery second --list").stdout
     assert all(case.name in first and case.what in first for case in CASES)
     assert all(case.name in second and case.what in second and case.unseen in second for case in SECOND)
-
-
-def test_tables():
-    first = "--filters mahony --params kp=0.7 --cases F6,dt_nan_1"
-    second = "--battery second --filters integrate --cases turn_1dps_60s,turn_1dps_60s_no_mag"
-    for words, names in (
-        (first, ["gyro_bias_step_5dps", "dt_nan_1"]),
-        (second, ["turn_1dps_60s", "turn_1dps_60s_no_mag?"]),
-    ):
-        done = faults(words)
-        assert (done.returncode, [line.split()[0] for line in done.stdout.splitlines()[:3]]) == (0, ["fault", *names])
-
-
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        ("--filters mahony --cases nan_gps_1", "there is no case or group 'nan_gps_1'"),
-        ("--filters mahony --battery second --cases F1", "there is no case or group 'F1'"),
-        ("", "--filters is missing"),
-    ],
-)
-def test_what_is_unknown_is_one_clear_line(words, line):
-    done = faults(words)
-    assert (done.returncode, done.stdout, line in done.stderr.splitlines()[-1]) == (1, "", True)

@@ -1,13 +1,11 @@
 """plumbob calibrate statictest as a user meets it, from captures to table, JSON and page; benchmark calibration."""
 
-import json
 import math
 
 import pytest
 
-from benchmarks.harness.__main__ import main as measure
 from plumbob.data.cards import CalibrationCard
-from tests.helpers.commandline import answer, call, typed
+from tests.helpers.commandline import answer, typed
 
 UNIT = "--frame NED --sensors mpu6000+hmc5983 --unit random --seed 3 --rate 20Hz"
 
@@ -56,10 +54,3 @@ def test_simulated_captures_that_calibrate_nothing_are_refused(words, kind, tmp_
     typed(f"sim {words} {UNIT} --out a.parquet", cwd=tmp_path)
     refusal = answer("calibrate mag a.parquet --out card.json", cwd=tmp_path, code=1)["refused"]
     assert (refusal[0]["kind"], (tmp_path / "card.json").exists()) == (kind, False)
-
-
-def test_benchmark_of_calibrations():
-    done = call("calibration", "--sections", "table", "--seeds", "2", "--json", main=measure)
-    report = json.loads(done.stdout)
-    assert (done.returncode, report["seeds"]) == (0, 2)
-    assert report["table"]["bars"]  # two seeds are few to meet them
