@@ -31,12 +31,9 @@ def test_runs_of_neighbouring_nanoseconds_come_back(days):
     assert np.array_equal(to_ns(t), t_ns)
 
 
-def test_seconds_are_the_decimal_number():
+def test_seconds_are_the_decimal_number_up_to_the_limit():
     assert to_s(np.array([300_000_000, 1, -10_000_000])).tolist() == [0.3, 1e-9, -0.01]
     assert to_ns(np.array([0.1 + 0.2, -0.3, 1e-9, 4e-10, 6e-10])).tolist() == [300_000_000, -300_000_000, 1, 0, 1]
-
-
-def test_the_limit():
     assert to_ns(np.array([np.nextafter(2.0**23, 0)]))[0] == LIMIT_NS - 1
     assert to_ns(np.array([1.0])).dtype == np.int64
     assert to_s(np.array([1], dtype=np.int64)).dtype == np.float64
@@ -46,31 +43,25 @@ def test_the_limit():
 
 
 class TestTiming:
-    def test_even(self):
+    def test_gaps_are_steps_longer_than_five_medians_and_jitter_the_spread_of_regular_ones(self):
         assert timing(0.01 * np.arange(101)) == Timing(101, 1.0, 100.0, 0.0, 0, 0.01)
-
-    def test_gaps_are_steps_longer_than_five_medians(self):
         dt_ns = np.full(100, 10_000_000)
         dt_ns[[20, 50, 80]] = 50_000_000, 50_000_001, 3_000_000_000  # exactly five medians is no gap
         t = to_s(np.concatenate(([0], np.cumsum(dt_ns))))
         found = timing(t)
         assert (found.gaps, found.longest, found.rate) == (2, 3.0, 100.0)
         assert np.flatnonzero(after_gap(t)).tolist() == [51, 81]
+        dt_ns = np.tile([9_000_000, 11_000_000], 50)
+        t = to_s(np.concatenate(([0], np.cumsum(dt_ns))))
+        assert timing(t).jitter == pytest.approx(1e-3, rel=1e-12)
+        one = timing(np.array([5.0]))
+        assert (one.samples, one.duration, one.gaps) == (1, 0.0, 0)
+        assert np.isnan(one.rate)
+        assert after_gap(np.array([5.0])).tolist() == [False]
+        assert after_gap(np.array([5.0, 9.0])).tolist() == [False, False]
 
     @pytest.mark.parametrize("start", [0.0, 0.1, 1e6, 8e6])
     def test_the_verdict_does_not_depend_on_the_start(self, start):
         """In float64 differences, five steps of 0.01 s are sometimes longer than 5 × 0.01 s."""
         t = start + 0.01 * np.concatenate((np.arange(50), np.arange(54, 100)))
         assert timing(t).gaps == 0
-
-    def test_jitter_is_the_spread_of_regular_steps(self):
-        dt_ns = np.tile([9_000_000, 11_000_000], 50)
-        t = to_s(np.concatenate(([0], np.cumsum(dt_ns))))
-        assert timing(t).jitter == pytest.approx(1e-3, rel=1e-12)
-
-    def test_too_short(self):
-        one = timing(np.array([5.0]))
-        assert (one.samples, one.duration, one.gaps) == (1, 0.0, 0)
-        assert np.isnan(one.rate)
-        assert after_gap(np.array([5.0])).tolist() == [False]
-        assert after_gap(np.array([5.0, 9.0])).tolist() == [False, False]

@@ -144,11 +144,13 @@ def code_of(kernel, *args):
 
 @pytest.mark.skipif(_jit.jit_disabled(), reason="plain Python has no machine code")
 class TestMachineCode:
-    def test_callees_are_inlined_and_addresses_are_not_counted(self):
+    def test_callees_are_inlined_addresses_are_not_counted_and_a_kernel_keeps_its_order(self):
         """Arrays are: two atomic operations for each that a kernel hands on."""
         assert "long_callee" not in re.sub(r"NumbaEnv\S*", "", code_of(caller, 0.1))
         assert "NRT_" in code_of(with_arrays, *arrays(True))
         assert "NRT_" not in code_of(with_addresses, *arrays(True))
+        # 1 + 2⁻⁶⁰ is 1 in float64, so nothing is left; in another order 2⁻⁶⁰ would be
+        assert sum_of_rests(np.full(8, 2.0**-60)) == 0.0
 
     def test_only_marked_kernels_add_in_any_order(self):
         """Also when they are specialised; and NaN stays NaN."""
@@ -161,7 +163,3 @@ class TestMachineCode:
         assert "fadd reassoc" in both
         assert re.search(r"fadd double", both)
         assert np.isnan(both_sums(x)).all()
-
-    def test_a_kernel_keeps_its_order_where_its_caller_does_not(self):
-        """1 + 2⁻⁶⁰ is 1 in float64, so nothing is left; in another order 2⁻⁶⁰ would be."""
-        assert sum_of_rests(np.full(8, 2.0**-60)) == 0.0

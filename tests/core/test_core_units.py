@@ -141,12 +141,9 @@ def test_a_bare_number_needs_a_unit_where_it_could_mean_two_things(quantity):
     assert units.parse(f"2.5 {quantity.value}", quantity) == 2.5
 
 
-def test_units_as_people_write_them():
+def test_constants_and_units_as_people_write_them():
     signs = {"deg/h/rth": "°/h/√h", "ug/s/rtHz": "µg/s/√Hz", "rad/s2/rtHz": "rad/s²/√Hz", "nT s": "nT s", "degC": "°C"}
     assert {name: units.written(name) for name in signs} == signs
-
-
-def test_constants():
     assert constants.G0 == 9.80665  # 3rd CGPM 1901, resolution 2
     assert constants.EARTH_RATE == 7.292115e-5  # NGA.STND.0036_1.0.0_WGS84 (2014), table 3.1
     assert constants.WGS84_A == 6378137.0  # the same

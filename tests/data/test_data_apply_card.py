@@ -66,7 +66,7 @@ def test_it_inverts_the_sensor_model():
     assert np.abs(found - data.acc).max() <= 32 * EPS * 20
 
 
-def test_an_axis_error_is_on_the_right_side():
+def test_an_axis_error_is_on_the_right_side_and_a_part_without_a_magnetic_sample_can_be_calibrated():
     """Row 0 of M makes the new x: a card that adds 0.1 y to x must not add 0.1 x to y."""
     matrix = np.eye(3)
     matrix[0, 1] = 0.1
@@ -74,9 +74,6 @@ def test_an_axis_error_is_on_the_right_side():
     found = apply_card(card("gyr", matrix=matrix, bias=np.zeros(3)), data).gyr
     assert np.array_equal(found[:, 1:], data.gyr[:, 1:])
     np.testing.assert_allclose(found[:, 0], data.gyr[:, 0] + 0.1 * data.gyr[:, 1], atol=4 * EPS * 5)
-
-
-def test_a_part_without_a_magnetic_sample_can_be_calibrated():
     mag = np.tile([20.0, 0.0, -40.0], (N, 1))
     mag[100:250] = np.nan
     part = recording(mag=mag)[120:240]
@@ -158,12 +155,10 @@ class TestTemperature:
         np.testing.assert_allclose(self.drift([temp_c])[0], expected, rtol=0, atol=16 * EPS * 2.0)
         assert np.abs(expected - self.value(temp_c)).max() > 1e-5  # the polynomial itself would be somewhere else
 
-    def test_a_reference_outside_the_span(self):
+    def test_beyond_a_span_without_the_reference_and_in_the_measurement(self):
         drift = self.drift([50.0], temp_span_c=(30.0, 40.0))[0]
         np.testing.assert_allclose(drift, self.value(40.0) + 10.0 * self.slope(40.0), rtol=0, atol=16 * EPS * 2.0)
-
-    def test_it_is_taken_off_the_measurement(self):
-        """From 0 to 60 °C: by hand below the span, in it and above it, where the drift goes on along its tangent."""
+        # from 0 to 60 °C: by hand below the span, in it and above it, where the drift goes on along its tangent
         data = recording(temp_c=np.linspace(0.0, 60.0, N))
         made = card("gyr", bias_per_k=self.P, temp_ref_c=self.REF, temp_span_c=self.SPAN)
         held = [min(max(float(t), self.SPAN[0]), self.SPAN[1]) for t in data.temp_c]
@@ -200,21 +195,16 @@ class TestTemperature:
 
 
 class TestGSensitivity:
-    def test_the_calibrated_specific_force_is_what_counts(self):
+    def test_the_specific_force_that_counts_is_calibrated_where_it_can_be(self):
         """rate = M_g (measured − b − G f), and f = M_a (measured − b) where the card has it."""
         data = recording()
         both = replace(card("gyr", g_sensitivity=COUPLING), acc=model("acc", matrix=1.1 * np.eye(3)))
         force = 1.1 * (data.acc - BIAS)
         expected = (data.gyr - BIAS - force @ COUPLING.T) @ MATRIX.T
         np.testing.assert_allclose(apply_card(both, data).gyr, expected, rtol=0, atol=32 * EPS * 5)
-
-    def test_without_a_calibrated_accelerometer_the_measured_one_is_taken(self):
-        data = recording()
         expected = (data.gyr - BIAS - data.acc @ COUPLING.T) @ MATRIX.T
         found = apply_card(card("gyr", g_sensitivity=COUPLING), data).gyr
         np.testing.assert_allclose(found, expected, rtol=0, atol=32 * EPS * 5)
-
-    def test_a_sample_without_specific_force_has_no_rate(self):
         acc = recording().acc.copy()
         acc[5], acc[9] = np.nan, 1e6  # absent, invalid
         found = apply_card(card("gyr", g_sensitivity=COUPLING), recording(acc=acc))
@@ -235,21 +225,17 @@ class TestMount:
             x, y, z = getattr(corrected, name).T
             np.testing.assert_allclose(getattr(found, name), np.stack([-y, x, z], axis=1), rtol=0, atol=8 * EPS * 100)
 
-    def test_a_mounting_turns_the_ranges(self):
+    def test_a_mounting_turns_ranges_is_a_calibration_and_needs_all_axes(self):
         """A quarter turn about z: the body's x is the case's −y, and its y the case's x."""
         data = recording(meta=ImuMeta(device="unit 7", gyr_range=(10.0, 20.0, 40.0), acc_range=100.0))
         found = apply_card(replace(card(), mount=self.QUARTER), data)
         np.testing.assert_allclose(found.meta.full_scale("gyr"), [20.0, 10.0, 40.0], rtol=8 * EPS)
         np.testing.assert_allclose(found.meta.full_scale("acc"), [100.0, 100.0, 100.0], rtol=8 * EPS)
-
-    def test_a_mounting_alone_is_a_calibration(self):
         data = recording(mag=None)
         hung = apply_card(replace(card(), mount=self.QUARTER), data)
         np.testing.assert_allclose(hung.gyr[:, 1], data.gyr[:, 0], rtol=0, atol=8 * EPS * 10)
         assert hung.mag is None
         assert hung.meta.calibration == "unit 7 2026-11-21 (test); NOT calibrated: gyr, acc"
-
-    def test_a_triad_that_lacks_an_axis_is_absent_once_turned(self):
         mag = recording().mag.copy()
         mag[3, 0] = np.nan
         found = apply_card(replace(card(), mount=self.QUARTER), recording(mag=mag))

@@ -97,16 +97,13 @@ def test_wrong_ones_are_refused_with_the_file_and_the_place(tmp_path, text, erro
     assert "mounts.toml" in str(raised.value)
 
 
-def test_the_preset_measures_each_axis_both_ways():
+def test_the_preset_measures_each_axis_both_ways_and_the_rig_is_mounted_so():
     """Three units as the body, and of the others each body axis has one that measures it reversed."""
     turned = {name: mount.dcm for name, mount in load_mounts("arm").items()}
     assert list(turned) == ["u1", "u2", "u3", "u4", "u5", "u6"]
     for axis, opposite in enumerate(("u4", "u5", "u6")):
         np.testing.assert_array_equal(turned[f"u{axis + 1}"], np.eye(3))
         assert turned[opposite][axis, axis] == -1.0
-
-
-def test_the_rig_is_mounted_as_the_preset():
     from plumbob.simulation.rigs import PLANS
 
     assert {unit.prefix: unit.q_bs for unit in PLANS["arm"].units} == {

@@ -115,7 +115,7 @@ VERSION_1 = """{
 """
 
 
-def test_a_file_of_version_1_is_read(tmp_path):
+def test_a_file_of_version_1_and_a_noise_card_are_read(tmp_path):
     (tmp_path / "card.json").write_text(VERSION_1)
     card = CalibrationCard.load(tmp_path / "card.json")
     assert (card.name, list(card.parts)) == ("unit 7 2026-01-31 (six faces)", ["gyr"])
@@ -125,14 +125,26 @@ def test_a_file_of_version_1_is_read(tmp_path):
     assert not card.gyr.g_sensitivity.any()
     assert [card.gyr.covariance, card.gyr.bias_sd, card.gyr.matrix_sd, card.gyr.quality] == [None] * 4
     assert card.text().startswith('{\n  "kind": "plumbob calibration card",\n  "format_version": 2,')
+    text = calibration(device="Gerät").text()
+    assert json.loads(text)["acc"]["matrix"] == MATRIX and text.isascii() and text.endswith("}\n")
+    noise().save(str(tmp_path / "noise.json"))
+    back = NoiseCard.load(str(tmp_path / "noise.json"))
+    assert (back.device, back.source, back.acc, back.mag) == ("unit 7", "data sheet", None, None)
+    assert np.array_equal(back.gyr.n_rpsd, noise().gyr.n_rpsd)
 
 
-def test_standard_deviations_are_the_roots_of_the_covariance():
+def test_standard_deviations_are_the_roots_of_the_covariance_and_arrays_are_frozen():
     covariance = np.diag(np.arange(12.0) ** 2)
     covariance[4, 5] = covariance[5, 4] = 1.0
     made = triad(covariance=covariance)
     assert made.bias_sd.tolist() == [0.0, 1.0, 2.0]
     assert made.matrix_sd.tolist() == [[3.0, 4.0, 5.0], [6.0, 7.0, 8.0], [9.0, 10.0, 11.0]]
+    matrix = np.array(MATRIX)
+    made = triad(matrix=matrix)
+    matrix[0, 0] = 5.0
+    assert made.matrix[0, 0] == 1.01
+    with pytest.raises(ValueError, match="read-only"):
+        made.matrix[0, 0] = 5.0
 
 
 class TestParts:
@@ -159,33 +171,6 @@ class TestParts:
         assert both.gyr.date == "2026-11-20"
         with pytest.raises(CalibrationError, match="the card is of device 'unit 7', but the new one is of 'unit 8'"):
             calibration().merged(calibration(device="unit 8"))
-
-
-def test_noise_round_trip(tmp_path):
-    noise().save(str(tmp_path / "noise.json"))
-    back = NoiseCard.load(str(tmp_path / "noise.json"))
-    assert (back.device, back.source, back.acc, back.mag) == ("unit 7", "data sheet", None, None)
-    assert np.array_equal(back.gyr.n_rpsd, noise().gyr.n_rpsd)
-
-
-def test_the_file_is_readable_json(tmp_path):
-    calibration().save(tmp_path / "card.json")
-    text = (tmp_path / "card.json").read_bytes()
-    content = json.loads(text)
-    assert content["kind"] == "plumbob calibration card"
-    assert content["format_version"] == 2
-    assert content["acc"]["matrix"] == MATRIX
-    assert text.isascii()
-    assert text.endswith(b"}\n")
-
-
-def test_frozen():
-    matrix = np.array(MATRIX)
-    made = triad(matrix=matrix)
-    matrix[0, 0] = 5.0
-    assert made.matrix[0, 0] == 1.01
-    with pytest.raises(ValueError, match="read-only"):
-        made.matrix[0, 0] = 5.0
 
 
 def quality(**change):
@@ -239,14 +224,13 @@ REFUSED = [
     *((make, {"date": "2026-11-21 or so"}, "date must be ISO 8601, as 2026-11-21") for make in (triad, calibration)),
     (quality, {"grade": "great"}, "grade must be one of good, fair, poor, but it is 'great'"),
     (quality, {"samples": -1}, "samples must be a whole number ≥ 0, but it is -1"),
-    (quality, {"samples": 3.0}, "samples must be a whole number"),
-    (quality, {"outliers": True}, "outliers must be a whole number"),
-    (quality, {"regions": "all"}, "regions must be a whole number"),
-    (quality, {"condition": np.nan}, "condition must be a finite number"),
-    (quality, {"tilt_sd": "1"}, "tilt_sd must be a finite number"),
-    (quality, {"heading_sd": np.inf}, "heading_sd must be a finite number"),
-    (quality, {"tilt_range": True}, "tilt_range must be a finite number"),
-    (quality, {"scale_sd": np.nan}, "scale_sd must be a finite number"),
+    *((quality, {n: 3.0}, f"{n} must be a whole number") for n in ("samples", "outliers", "regions")),
+    *((quality, {"outliers": bad}, "outliers must be a whole number") for bad in (True, "all")),
+    *(
+        (quality, {n: np.nan}, f"{n} must be a finite")
+        for n in ["condition", "tilt_sd", "heading_sd", "tilt_range", "scale_sd"]
+    ),
+    *((quality, {"tilt_sd": bad}, "tilt_sd must be a finite number") for bad in ("1", np.inf, True)),
     (quality, {"tilt_sd": -1e-3}, "tilt_sd must not be negative, but it is -0.001"),
     (mount, {"q_bs": [1.0, 0.0, 0.0]}, r"q_bs must be finite and of shape \(4,\)"),
     (mount, {"sd": [0.1, 0.1]}, r"sd must be finite and of shape \(3,\)"),

@@ -28,19 +28,13 @@ def test_a_delay_is_found(by, push):
     assert delay.delay == pytest.approx(by, abs=max(3.0 * delay.sd, 1e-3))
 
 
-def test_no_delay_is_none():
+def test_no_delay_is_none_nor_is_there_one_of_forces_that_have_nothing_to_do_with_the_rates():
     delay = gyr_delay(late(0.0, push=0.5))
     assert not delay.found
     assert abs(delay.delay) < 3.0 * delay.sd
-
-
-def test_where_the_body_moves_on_its_own_nothing_is_found():
-    """Forces of 5 m/s² that have nothing to do with the rates."""
+    # forces of 5 m/s² that have nothing to do with the rates
     found = gyr_delay(late(0.0, push=5.0))
     assert found is None or not found.found
-
-
-def test_it_takes_motion_and_both_sensors():
     still = ImuData(t=DATA.t, gyr=np.zeros((N, 3)), acc=np.tile([0.0, 0.0, 9.81], (N, 1)))
     assert not gyr_delay(still).found
     assert gyr_delay(ImuData(t=DATA.t, gyr=DATA.gyr)) is None

@@ -51,13 +51,10 @@ def test_the_model_is_that_of_the_day():
             earth_field_at(0.8, 0.2, 0.0, day)
 
 
-def test_without_the_library_the_extra_is_named(monkeypatch):
+def test_a_place_is_read_in_degrees_and_metres_and_without_the_library_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygeomag", None)
     with pytest.raises(MissingExtraError):
         earth_field_at(0.8, 0.2, 0.0, "2026-01-01")
-
-
-def test_a_place_is_read_in_degrees_and_metres():
     assert parse_place("48.1, 11.6") == pytest.approx((np.radians(48.1), np.radians(11.6), 0.0))
     assert parse_place("-33,151,60") == pytest.approx((np.radians(-33.0), np.radians(151.0), 60.0))
 

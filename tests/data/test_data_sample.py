@@ -43,36 +43,25 @@ class TestImuSample:
                 with pytest.raises(error, match=says):
                     make(**({"t_ns": 0} | ({"values": NINE} if "values" in own else {}) | wrong))
 
-    def test_the_largest_time_and_word_are_taken(self):
+    def test_what_is_put_in_comes_out_and_the_largest_time_and_word_are_taken(self):
         for make in (ImuSample, lambda t_ns, **k: ImuSample.packed(t_ns, NINE, **k)):
             sample = make(np.int64(2**63 - 1), flags=np.uint32(2**32 - 1))
             assert (sample.t_ns, sample.flags) == (2**63 - 1, 2**32 - 1)
-
-    def test_triads_stand_in_order_and_absent_ones_are_nan(self):
         s = ImuSample(5, gyr=[1.0, 2.0, 3.0], mag=(7, 8, 9))
         assert same(s.values, [1, 2, 3, np.nan, np.nan, np.nan, 7, 8, 9])
         assert (s.t_ns, s.temp_c, s.flags) == (5, None, 0)
         assert same(ImuSample(0).values, np.full(9, np.nan))
-
-    def test_triads_and_packed_make_the_same_sample(self):
         apart = ImuSample(-7, NINE[:3], NINE[3:6], NINE[6:], temp_c=21.5, flags=flags.GAP)
         packed = ImuSample.packed(-7, NINE, 21.5, flags.GAP)
         for s in (apart, packed):
             assert (s.t_ns, s.temp_c, s.flags) == (-7, 21.5, flags.GAP)
             assert s.values.tobytes() == NINE.tobytes()
             assert [getattr(s, name).tolist() for name in TRIADS] == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
+        shown = repr(ImuSample(12, gyr=[0.5, 0.0, -0.5], temp_c=20.0, flags=3))
+        none = "[nan, nan, nan]"
+        assert shown == f"ImuSample(t_ns=12, gyr=[0.5, 0.0, -0.5], acc={none}, mag={none}, temp_c=20.0, flags=3)"
 
-    @pytest.mark.parametrize(
-        "dress",
-        [
-            np.array([1, 2, 3], dtype=np.int8),
-            np.array([1, 2, 3], dtype=">f8"),
-            np.array([3.0, 2.0, 1.0])[::-1],
-            memoryview(np.array([1.0, 2.0, 3.0])),
-            range(1, 4),
-        ],
-        ids=lambda v: f"{type(v).__name__}-{getattr(v, 'dtype', '')}",
-    )
+    @pytest.mark.parametrize("dress", [np.array([1, 2, 3], dtype=">i2"), np.array([3.0, 2.0, 1.0])[::-1], range(1, 4)])
     @pytest.mark.parametrize("triad", TRIADS)
     def test_numbers_in_any_dress(self, triad, dress):
         s = ImuSample(0, **{triad: dress})
@@ -89,11 +78,6 @@ class TestImuSample:
             for view in (s.values, s.gyr, s.acc, s.mag):
                 with pytest.raises(ValueError, match="read-only"):
                     view[0] = 0.0
-
-    def test_it_shows_all_it_holds(self):
-        shown = repr(ImuSample(12, gyr=[0.5, 0.0, -0.5], temp_c=20.0, flags=3))
-        none = "[nan, nan, nan]"
-        assert shown == f"ImuSample(t_ns=12, gyr=[0.5, 0.0, -0.5], acc={none}, mag={none}, temp_c=20.0, flags=3)"
 
 
 class TestSamplesOfARecording:
@@ -127,14 +111,12 @@ class TestSamplesOfARecording:
             for name in TRIADS:
                 assert same(getattr(s, name), [1.0, 2.0, 9.0] if name == has else [np.nan] * 3)
 
-    def test_a_part_keeps_its_times_and_flags(self):
+    def test_samples_outlive_the_recording_and_its_parts_keep_times_and_flags(self):
         data = noisy(50)
         whole, part = list(data.samples())[20:30], list(data[20:30].samples())
         assert [(s.t_ns, s.flags, s.values.tobytes()) for s in part] == [
             (s.t_ns, s.flags, s.values.tobytes()) for s in whole
         ]
-
-    def test_samples_outlive_the_recording_and_the_filter_leaves_them_alone(self):
         samples = list(noisy(20).samples())
         before = [s.values.tobytes() for s in samples]
         f = Filter("mahony", frame=Frame.ENU)

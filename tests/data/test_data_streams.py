@@ -29,16 +29,17 @@ def test_each_goes_to_the_next_inertial_sample(t_mag, expected):
     assert joined(t_mag) == expected
 
 
-def test_equal_stamps_meet_to_the_nanosecond():
+def test_equal_stamps_meet_to_the_nanosecond_and_absent_values_do_not_win():
     """0.1 + 0.2 is not 0.3 in float64: the sample at 0.3 s must not wait for the next."""
     t = np.array([0.1, 0.2, 0.3, 0.4])
     assert joined([0.1 + 0.2], t=t) == {2: 10.0}
     assert joined([0.3 + 1e-9], t=t) == {3: 10.0}
-
-
-def test_an_absent_value_does_not_win():
     values = np.array([[10.0, 0, 0], [np.nan, 0, 0], [30.0, 0, 0]])
     assert joined([0.001, 0.002, 0.015], values) == {1: 10.0, 2: 30.0}
+    data = ImuData.from_streams(T, gyr=GYR, acc=GYR + 9.81, t_mag=[0.0], mag=[[20, 0, 0]], meta=ImuMeta(device="x"))
+    assert data.meta.device == "x"
+    assert data.triads == ("gyr", "acc", "mag")
+    assert np.array_equal(data.acc, GYR + 9.81)
 
 
 CLOCKS = r"no sample of mag, at .* Put both on one clock"
@@ -59,10 +60,3 @@ CLOCKS = r"no sample of mag, at .* Put both on one clock"
 def test_bad_clocks_and_lengths_are_named(t, t_mag, values, error, says):
     with pytest.raises(error, match=says):
         joined(t_mag, values, t=t)
-
-
-def test_the_rest_is_passed_on():
-    data = ImuData.from_streams(T, gyr=GYR, acc=GYR + 9.81, t_mag=[0.0], mag=[[20, 0, 0]], meta=ImuMeta(device="x"))
-    assert data.meta.device == "x"
-    assert data.triads == ("gyr", "acc", "mag")
-    assert np.array_equal(data.acc, GYR + 9.81)

@@ -25,14 +25,11 @@ def made(**changes):
     return AttitudeTrack(**(parts() | changes))
 
 
-def test_rounded_digits_are_normalised_and_exact_ones_kept():
+def test_rounded_digits_are_normalised_and_unknown_attitudes_are_nan():
     q = parts()["q_nb"]
     rounded = made(q_nb=np.round(q, 4)).q_nb
     assert np.abs(np.linalg.norm(rounded, axis=1) - 1).max() <= 2 * EPS
     assert np.array_equal(made(q_nb=rounded).q_nb, rounded)  # storing a track again changes nothing
-
-
-def test_unknown_attitudes_are_nan():
     q = parts()["q_nb"]
     q[3], q[4, 2] = np.nan, np.nan
     track = made(q_nb=q)
@@ -78,11 +75,23 @@ def test_refused(error, name, value, says):
         made(**{name: value})
 
 
-def test_a_frame_and_a_north_are_needed_and_their_texts_will_do():
+def test_frames_and_norths_are_needed_and_another_attitude_or_frame_is_a_new_track():
     track = made(frame="ENU", north="true")
     assert (track.frame, track.north) == (Frame.ENU, North.TRUE)
     with pytest.raises(TypeError):
         AttitudeTrack(t=[0.0], q_nb=[[1, 0, 0, 0]])
+    track = made(**OPTIONAL)
+    turned = track.with_attitude(track.q_nb[::-1], source="reversed")
+    assert np.array_equal(turned.q_nb, track.q_nb[::-1])
+    assert turned.source == "reversed"
+    assert np.array_equal(turned.bias_b, track.bias_b)
+    with pytest.raises(ShapeError, match="q_nb"):
+        track.with_attitude(np.zeros((3, 4)))
+    track = made()
+    assert assert_same(track, Frame.ENU, Frame.NWU, because="test").frame is Frame.NWU
+    assert np.array_equal(replace(track, north=North.FREE).q_nb, track.q_nb)
+    with pytest.raises(FrameError):
+        assert_same(track, Frame.ENU, "XYZ", because="test")
 
 
 OPTIONAL = {
@@ -109,24 +118,6 @@ def test_frozen_for_good():
             assert not getattr(twin, name).flags.writeable
     assert track.flags.dtype == np.uint32
     assert track.score.dtype == bool
-
-
-def test_with_attitude():
-    track = made(**OPTIONAL)
-    turned = track.with_attitude(track.q_nb[::-1], source="reversed")
-    assert np.array_equal(turned.q_nb, track.q_nb[::-1])
-    assert turned.source == "reversed"
-    assert np.array_equal(turned.bias_b, track.bias_b)
-    with pytest.raises(ShapeError, match="q_nb"):
-        track.with_attitude(np.zeros((3, 4)))
-
-
-def test_relabelled_and_replaced():
-    track = made()
-    assert assert_same(track, Frame.ENU, Frame.NWU, because="test").frame is Frame.NWU
-    assert np.array_equal(replace(track, north=North.FREE).q_nb, track.q_nb)
-    with pytest.raises(FrameError):
-        assert_same(track, Frame.ENU, "XYZ", because="test")
 
 
 def test_the_distance_to_a_gap_is_to_the_nearer_of_its_ends():

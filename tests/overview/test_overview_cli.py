@@ -99,21 +99,15 @@ def test_a_track_is_taken_as_it_is(folder):
     assert "as the file holds it: mekf" in dict(both.facts)["estimate"]
 
 
-def test_sensors_alone_need_no_frame_and_have_no_attitude(folder):
+def test_a_recorded_line_takes_its_card_and_needs_no_frame_for_sensors_alone(folder):
     found = plumbob.report(folder / "bare.mcap", filter="none").subjects[0]
     assert found.gathered.tilt is None and found.gathered.spectra is None
     assert dict(found.facts)["estimate"] == "none"
-
-
-def test_a_recorded_line_takes_the_card_of_its_session(folder):
     card = plumbob.CalibrationCard.load(folder / "t.card.json")
     with_card = plumbob.report(folder / "line.mcap", filter="mekf").subjects[0]
     assert with_card.calibrated and dict(with_card.facts)["calibration"] == card.name
     bare = plumbob.report(folder / "bare.mcap", filter="mekf").subjects[0]
     assert not bare.calibrated
-
-
-def test_what_was_estimated_live_is_taken_where_it_is_asked_for(folder):
     live = plumbob.report(folder / "line.mcap", filter="track").subjects[0].gathered
     again = plumbob.replay(folder / "line.mcap").track
     assert live.tilt.roll.samples == len(again)
@@ -141,28 +135,31 @@ def test_damage_is_said(folder, tmp_path, monkeypatch):
         assert [any("damaged: " in line for line in lines) for lines in (notes, damaged.remarks)] == [True, True]
 
 
-def test_a_tilt_limit_is_a_limit(folder):
+def test_a_tilt_limit_is_a_limit_and_what_does_not_go_together_is_refused(folder):
     found = plumbob.report(folder / "track.parquet", tilt_limit="3 deg").subjects[0].gathered.tilt.inclination
     assert found.limit == pytest.approx(np.radians(3.0))
     assert found.beyond > 0
+    before = sorted(folder.iterdir())
+    for words, why in (
+        ("--filter track", "holds no attitude, which filter 'track' takes"),
+        ("--burst '0 s'", "above 0"),
+    ):
+        assert why in typed(f"report sea.parquet --out a.html {words}", cwd=folder, code=1).stderr
+    assert sorted(folder.iterdir()) == before
 
 
-def test_plot_is_plot(folder, tmp_path):
+def test_plot_is_plot_and_pictures_of_little_have_axes(folder, tmp_path):
     pytest.importorskip("matplotlib")
     words = "--filter mekf --from 5s --to 20s"
     typed(f"plot sea.parquet --what angles {words} --out {tmp_path}/a.svg", cwd=folder)
     plumbob.plot(folder / "sea.parquet", tmp_path / "b.svg", what="angles", filter="mekf", begin="5s", end="20s")
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
-
-
-def test_pictures_of_little_have_axes(folder, tmp_path):
-    """Of time around a single sample, of frequency with numbers in a narrow band."""
-    pytest.importorskip("matplotlib")  # its warning of an axis without a length fails the test
-    plumbob.plot(folder / "sea.parquet", tmp_path / "a.svg", what="rates", filter="none", begin="29.985 s")
-    assert (tmp_path / "a.svg").is_file()
+    # of time around a single sample, of frequency in a narrow band: a warning of an axis without a length is an error
+    plumbob.plot(folder / "sea.parquet", tmp_path / "c.svg", what="rates", filter="none", begin="29.985 s")
+    assert (tmp_path / "c.svg").is_file()
     made = plumbob.simulate("buoy", duration=0.03, seed=1, **SIM)
-    plumbob.plot(made.imu, tmp_path / "b.svg", what="spectrum", filter="mekf")
-    assert "mathdefault" not in (tmp_path / "b.svg").read_text()
+    plumbob.plot(made.imu, tmp_path / "d.svg", what="spectrum", filter="mekf")
+    assert "mathdefault" not in (tmp_path / "d.svg").read_text()
 
 
 def test_the_claimed_band_breaks_at_a_gap(monkeypatch, tmp_path):
@@ -184,13 +181,3 @@ def test_the_claimed_band_breaks_at_a_gap(monkeypatch, tmp_path):
         assert np.isnan(low[behind - 1])
         assert np.isfinite(low[: behind - 1]).any()
         assert np.isfinite(low[behind:]).any()
-
-
-def test_what_does_not_go_together_is_refused(folder):
-    before = sorted(folder.iterdir())
-    for words, why in (
-        ("--filter track", "holds no attitude, which filter 'track' takes"),
-        ("--burst '0 s'", "above 0"),
-    ):
-        assert why in typed(f"report sea.parquet --out a.html {words}", cwd=folder, code=1).stderr
-    assert sorted(folder.iterdir()) == before

@@ -12,8 +12,7 @@ from plumbob.data import AttitudeTrack
 from plumbob.overview import traces
 from plumbob.overview.gathered import Gatherer, attitude_channels
 from plumbob.overview.traces import Tracing
-from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
-from plumbob.rotations.headings import heading_of
+from plumbob.rotations import euler_zyx_from_quat, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
 
@@ -70,15 +69,12 @@ def test_gaps_are_counted_with_what_they_lack_and_bursts_by_time(sea):
     assert [round(b.end - b.begin) for b in gathered(imu, track, [len(imu)], burst=25.0).bursts] == [25, 25, 13]
 
 
-def test_a_window_counts_alone(sea):
+def test_a_window_counts_alone_and_every_sample_of_a_short_recording_is_traced(sea):
     imu, track = sea
     found = gathered(imu, track, [700] * 20, window=(5.0, 15.0))
     assert (found.samples, found.begin, found.end) == (1001, 5.0, 15.0)
     with pytest.raises(ShapeError, match="no sample lies between 70 and 80 s"):
         gathered(imu, track, [700] * 20, window=(70.0, 80.0))
-
-
-def test_every_sample_of_a_short_recording_is_traced(sea):
     imu, track = sea
     found = gathered(imu, track, [999] * 10).traces
     assert found.each == 1
@@ -127,14 +123,6 @@ def test_extremes_of_an_angle_are_about_its_first_value(monkeypatch):
     tracing = Tracing(("heading",), 4, most=2, circular=("heading",))
     tracing.add(np.arange(4.0), angle[:, None], np.zeros(4, dtype=bool))
     assert np.degrees(tracing.done().of("heading")) == pytest.approx([350.0, 368.0], rel=1e-6)
-
-
-@pytest.mark.parametrize("frame", list(Frame))
-def test_headings_count_clockwise_from_north(frame):
-    """A body whose x axis points East."""
-    yaw = {"NED": 90.0, "ENU": 0.0, "NWU": -90.0}[frame]
-    q = quat_from_euler_zyx(np.radians([[yaw, 10.0, -20.0]]))
-    assert np.degrees(heading_of(q, frame)) == pytest.approx(90.0)
 
 
 def test_claimed_angles_are_those_of_small_errors():

@@ -131,27 +131,31 @@ def test_a_fault_costs_its_criterion_the_more_the_larger_it_is_and_no_other(name
     assert last > before[name.strip()] + 2.0 or not sizes
 
 
-def test_a_good_recording_is_good_and_without_calibration_less():
+def test_a_good_recording_is_good_without_calibration_less_and_held_values_cost_resolution():
     imu = good()
     assert grade(imu).word == "GOOD"
     bare = grade(made(imu, meta=replace(imu.meta, calibration=None)))
     assert bare["calibration"].lost == 10.0
     assert bare.points == pytest.approx(grade(imu).points - 10.0)
+    imu = good()
+    held = np.repeat(np.array(imu.gyr)[::2], 2, axis=0)
+    assert grade(made(imu, gyr=held))["resolution"].value == pytest.approx(0.5, abs=0.01)
 
 
-def test_a_constant_axis_is_stuck_and_a_simulation_that_never_changes_is_not():
+def test_a_constant_axis_is_stuck_a_simulation_that_never_changes_is_not_and_bursts_are_the_clock_s_fault():
     imu = good(10.0)
     acc = np.array(imu.acc)
     acc[:, 2] = 0.5
     assert grade(made(imu, acc=acc))["stuck"].lost == 30.0
     still = ImuData(t=imu.t, gyr=np.zeros((len(imu), 3)), acc=np.tile([0.0, 0.0, G0], (len(imu), 1)))
     assert grade(still)["stuck"].lost == 0.0
-
-
-def test_held_values_cost_resolution():
     imu = good()
-    held = np.repeat(np.array(imu.gyr)[::2], 2, axis=0)
-    assert grade(made(imu, gyr=held))["resolution"].value == pytest.approx(0.5, abs=0.01)
+    n = len(imu)
+    t = 0.1 * (np.arange(n) // 10) + 0.0005 * (np.arange(n) % 10)  # ten rows at a time
+    found = grade(made(imu, t=t))
+    assert found["clock"].lost == 15.0
+    assert "bursts" in found["clock"].measured
+    assert found["loss"].lost == 0.0
 
 
 def test_a_slower_magnetometer_loses_nothing_and_two_steps_that_alternate_are_jitter_but_no_loss():
@@ -165,26 +169,13 @@ def test_a_slower_magnetometer_loses_nothing_and_two_steps_that_alternate_are_ji
     assert found["jitter"].value == pytest.approx(0.2, rel=0.01)  # 1 ms of 5 ms
 
 
-def test_bursts_are_the_clock_s_fault():
-    imu = good()
-    n = len(imu)
-    t = 0.1 * (np.arange(n) // 10) + 0.0005 * (np.arange(n) % 10)  # ten rows at a time
-    found = grade(made(imu, t=t))
-    assert found["clock"].lost == 15.0
-    assert "bursts" in found["clock"].measured
-    assert found["loss"].lost == 0.0
-
-
-def test_missing_sensors_cost_and_the_rest_at_the_start_is_seen():
+def test_missing_sensors_cost_a_rest_at_the_start_is_seen_and_several_units_are_as_good_as_the_worst():
     imu = good(10.0)
     for lost, triads in ((5.0, ("gyr", "acc")), (20.0, ("acc", "mag"))):
         values = {name: getattr(imu, name) for name in triads}
         assert grade(ImuData(t=imu.t, **values, meta=imu.meta))["sensors"].lost == lost
     rest = simulate("static", frame="ENU", sensors="mpu6000", unit="calibrated", seed=1, duration=20.0).imu
     assert (grade(rest)["rest"].lost, grade(rest)["rest"].value) == (0.0, pytest.approx(20.0, abs=1.0))
-
-
-def test_several_units_have_their_grades_and_the_whole_that_of_the_worst():
     imu = good(10.0)
     found = info(Recording(array=ImuArray({"a": imu, "b": clipping(imu, 0.05)})))
     report = found.summary()["grade"]

@@ -31,10 +31,14 @@ def test_a_healthy_burst_passes(channel):
     assert (found.flag, found.why, found.good) == (PASS, "", pytest.approx(1.0, abs=1e-3))
 
 
-def test_noise_at_rest_passes():
+def test_noise_at_rest_a_slow_magnetometer_and_a_short_burst_pass():
     """White noise alone: of 60 000 values of three axes few are beyond four standard deviations."""
     for seed in range(5):
         assert judged("gyr", lambda v, seed=seed: np.random.default_rng(seed).normal(size=v.shape)).flag == PASS
+    assert "mean shift" not in judged("gyr", keep=slice(2000), span=(0.0, 40.0)).tests
+    # three values in four samples: its own rate counts
+    found = judged("mag", lambda values: np.where(np.arange(T.size)[:, None] % 4 == 3, np.nan, values))
+    assert (found.flag, found.good) == (PASS, pytest.approx(1.0, abs=1e-3))
 
 
 def spikes(count, size):
@@ -73,22 +77,12 @@ def test_a_planted_fault_is_found(test, channel, change, flag):
     assert judged(channel, change).tests[test] == flag
 
 
-def test_a_short_burst_has_no_shift_of_its_mean():
-    assert "mean shift" not in judged("gyr", keep=slice(2000), span=(0.0, 40.0)).tests
-
-
 def test_a_hole_is_a_gap_and_costs_good_samples():
     for seconds, gap, good in ((0.5, PASS, PASS), (5.0, SUSPECT, PASS), (45.0, FAIL, SUSPECT), (90.0, FAIL, FAIL)):
         found = judged("gyr", keep=~((T >= 100.0) & (T - seconds < 100.0)))
         assert (found.tests["gap"], found.tests["percent good"]) == (gap, good)
         assert found.good == pytest.approx(1.0 - seconds / LENGTH, abs=1e-3)
     assert judged("gyr", keep=slice(-250)).tests["gap"] == SUSPECT  # at the end
-
-
-def test_a_slow_magnetometer_is_whole():
-    """Three values in four samples: its own rate counts."""
-    found = judged("mag", lambda values: np.where(np.arange(T.size)[:, None] % 4 == 3, np.nan, values))
-    assert (found.flag, found.good) == (PASS, pytest.approx(1.0, abs=1e-3))
 
 
 def test_clipped_samples_are_out_of_range_and_attitudes_that_are_not_trusted_not_good():
@@ -107,11 +101,8 @@ def test_hard_accelerations_are_found():
     assert judged("acc", vertical=0.9 * vertical).tests["acceleration"] == PASS
 
 
-def test_nothing_is_missing_and_little_is_not_evaluated():
+def test_nothing_is_missing_little_is_not_evaluated_and_every_test_has_its_threshold_stated():
     assert judged("gyr", lambda values: np.full_like(values, np.nan)).flag == MISSING
     assert judged("gyr", keep=slice(20)).flag == NOT_EVALUATED
-
-
-def test_every_test_has_its_threshold_stated():
     made = {test for channel in OFFSETS for test in judged(channel, vertical=np.zeros(T.size)).tests}
     assert made == {name for name, *_ in thresholds()}

@@ -50,15 +50,12 @@ def test_no_segment_crosses_a_gap_or_an_unknown_value():
     assert math.isnan(peak_period(welch(t, np.full((t.size, 1), np.nan)), 0))
 
 
-def test_an_angle_goes_on_through_the_half_turn():
+def test_an_angle_goes_on_through_the_half_turn_and_uneven_samples_are_interpolated():
     t = times()
     angle = np.pi + 0.3 * np.sin(2.0 * np.pi * 0.2 * t)
     wrapped = (angle + np.pi) % (2.0 * np.pi) - np.pi
     found = welch(t, wrapped[:, None], segment=100.0, turns=(0,))
     assert found.density.sum() * found.resolution == pytest.approx(0.045, rel=1e-3)
-
-
-def test_uneven_samples_are_interpolated_and_counted():
     rng = np.random.default_rng(2)
     t = np.sort(times(400.0) + rng.uniform(-0.45, 0.45, times(400.0).size) / RATE)
     found = welch(t, np.sin(2.0 * np.pi * 0.2 * t)[:, None], segment=100.0)
@@ -77,14 +74,11 @@ def test_parts_join_by_their_numbers_of_segments():
     assert joined.density == pytest.approx(weighted / joined.segments)
 
 
-def test_bands_keep_the_power():
+def test_bands_keep_the_power_and_a_short_stretch_has_short_segments():
     t = times()
     found = welch(t, np.random.default_rng(6).normal(size=(t.size, 1)), segment=200.0)
     frequency, density = found.gathered()
     assert frequency.size < found.frequency.size / 3
     assert frequency[:100] == pytest.approx(found.frequency[:100])
     assert np.mean(density) == pytest.approx(np.mean(found.density), rel=0.1)
-
-
-def test_a_short_stretch_has_short_segments():
     assert welch(np.arange(3.0), np.zeros((3, 1))).length == LEAST

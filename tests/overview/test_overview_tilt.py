@@ -65,22 +65,16 @@ def test_the_significant_wave_is_the_mean_of_the_highest_third():
     assert math.isnan(still.significant) and math.isnan(still.tz) and still.waves == 0
 
 
-def test_ripples_near_zero_make_no_waves():
+def test_no_wave_is_made_of_ripples_or_across_a_gap_and_unknown_attitudes_are_left_out():
     t, roll = sine(5.0, 10.0)
     ripple = np.radians(0.05) * np.sin(2.0 * np.pi * t / 0.05)
     assert tilt_statistics(t, roll + ripple, roll).roll.waves == tilt_statistics(t, roll, roll).roll.waves
-
-
-def test_a_wave_across_a_gap_is_left_out():
     t = np.arange(0.0, 100.0, 0.01)
     x = np.sin(2.0 * np.pi * t / 10.0 - 0.1)
     kept = (t < 42.0) | (t > 44.0)
     heights, periods = waves(t[kept], x[kept], gap=0.05)
     assert heights.size == waves(t, x, gap=0.05)[0].size - 1
     assert periods == pytest.approx(np.full(heights.size, 10.0), abs=1e-4)
-
-
-def test_unknown_attitudes_are_left_out():
     t, roll = sine(5.0, 10.0)
     roll[30_000:40_000] = np.nan
     found = tilt_statistics(t, roll, roll)
@@ -137,15 +131,12 @@ def test_headings_are_directions_on_a_circle():
     assert turning.resultant == pytest.approx(0.0, abs=1e-12)
 
 
-def test_sectors_stand_about_north():
+def test_sectors_stand_about_north_and_nothing_known_is_nothing_said():
     found = Headings.of(np.radians([356.0, 1.0, 4.0, 11.0, 100.0]))
     assert found.sectors(36)[[0, 1, 10]] == pytest.approx([0.6, 0.2, 0.2])
     assert found.sectors(16)[[0, 4]] == pytest.approx([0.8, 0.2])
     with pytest.raises(ShapeError, match=r"sectors of 2\.5° and multiples"):
         found.sectors(7)
-
-
-def test_nothing_known_is_nothing_said():
     empty = Headings.of(np.full(3, np.nan))
     assert math.isnan(empty.mean) and math.isnan(empty.spread)
     assert math.isnan(Inclination.of(np.arange(3.0), np.full(3, np.nan), 0.1).share_beyond)

@@ -78,13 +78,16 @@ def test_sensors_and_raw_counts_are_those_of_the_samples_in_the_units_that_are_s
     assert raw["temp_c"] == round(100.0 * imu.temp_c[-1])
 
 
-def test_with_a_lag_rows_wait_for_their_attitude_and_agree_with_it():
+def test_with_a_lag_rows_wait_and_agree_with_their_attitude_and_without_a_filter_the_sensors_are_shown():
     outlet, found = shown('filter = "smoother"\nparams = { lag = "2 s" }')
     track, imu = found.track(), found.imu(calibrated=True)
     np.testing.assert_array_equal(outlet.rows("t"), imu.t)
     np.testing.assert_array_equal(track.t, imu.t)
     np.testing.assert_array_equal(outlet.column("gyr.x"), to_dps(imu.gyr[:, 0]))
     np.testing.assert_array_equal(outlet.column("smoother.roll"), to_deg(track.euler_zyx[:, 2]))
+    outlet, _ = shown(None)
+    assert (outlet.hellos[-1].frame, outlet.hellos[-1].estimators) == ("NED", [])
+    assert len(outlet.column("gyr.x")) == 2000
 
 
 def test_with_a_lag_nothing_is_shown_before_its_attitude_is_there():
@@ -104,12 +107,6 @@ def test_with_a_lag_nothing_is_shown_before_its_attitude_is_there():
     assert np.isfinite(outlet.column("smoother.roll")).all()
     assert not feed.failed
     stream.finish()
-
-
-def test_without_a_filter_the_sensors_are_shown():
-    outlet, _ = shown(None)
-    assert (outlet.hellos[-1].frame, outlet.hellos[-1].estimators) == ("NED", [])
-    assert len(outlet.column("gyr.x")) == 2000
 
 
 def test_a_further_estimator_from_the_start_is_its_own_estimate():
@@ -198,13 +195,14 @@ def test_the_error_is_that_of_an_evaluation(declination, quantity, label):
     assert outlet.fields["attitudes"]["smoother"]["error"] == pytest.approx(outlet.column("smoother.error")[-1])
 
 
-def test_flags_that_rise_and_fall_are_events():
+def test_flags_that_rise_and_fall_are_events_and_angles_are_roll_pitch_yaw_in_degrees():
     watch, t = FlagWatch(), np.arange(0.0, 1.0, 0.1)
     word = np.full(10, plumbob.flags.GYR_CLIPPED, dtype=np.uint32)
     assert [text.partition(":")[0] for _, text in watch.changes(t, word)] == ["gyr-clipped"]
     assert not list(watch.changes(t + 1.0, word))
     assert not list(watch.changes(t + 2.0, 0 * word))  # not before it has been away for 2 s
     assert list(watch.changes(t + 4.0, 0 * word)) == [(pytest.approx(1.9), "gyr-clipped has ended")]
+    np.testing.assert_allclose(angles_of(quat_from_euler_zyx([[-1.0, 0.2, 0.3]])), np.degrees([[0.3, 0.2, -1.0]]))
 
 
 class Broken(Kept):
@@ -263,7 +261,3 @@ def test_a_chain_gives_the_points_of_its_stick_figure():
     assert follower.points_of({"lower": np.full(4, np.nan), "upper": north})[2:] == [None, None]
     with pytest.raises(ParameterError, match="has the units"):
         Follower(chain, Frame.NED, ["other"])
-
-
-def test_angles_are_roll_pitch_yaw_in_degrees():
-    np.testing.assert_allclose(angles_of(quat_from_euler_zyx([[-1.0, 0.2, 0.3]])), np.degrees([[0.3, 0.2, -1.0]]))

@@ -70,10 +70,13 @@ def test_the_link_gives_a_cookie_that_scripts_cannot_read_and_leads_to_a_clean_a
     assert request(served, path="/api/hello", token=None, headers={"Cookie": others})[0] == 200
 
 
-def test_the_token_is_nowhere_in_what_the_server_says(served):
+def test_the_token_is_nowhere_in_what_the_server_says_and_a_refused_websocket_says_why(served):
     for route in ROUTES:
         status, headers, body = request(served, path=route)
         assert served.token not in f"{status} {headers}" and served.token.encode() not in body
+    with pytest.raises(InvalidStatus) as why, connect(f"ws://{served.host}/ws?token=wrong"):
+        pass
+    assert (why.value.response.status_code, b"Use the link" in why.value.response.body) == (401, True)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +111,7 @@ def foreign(served):
             f"https://{served.host}", "http://127.0.0.1", "file://", f"{own}/", ""]  # fmt: skip
 
 
-def test_pages_of_another_origin_are_refused(served):
+def test_pages_of_another_origin_are_refused_and_a_cookie_without_one_changes_nothing(served):
     cookie = f"Cookie: plumbob-{served.port}={served.token}"
     for origin in foreign(served):
         head = f"Host: {served.host}\r\n{cookie}\r\nOrigin: {origin}"
@@ -116,10 +119,6 @@ def test_pages_of_another_origin_are_refused(served):
         assert upgrade(served, f"Host: {served.host}\r\nOrigin: {origin}", f"/ws?token={served.token}") == 403, origin
         assert request(served, "POST", "/api/command", headers={"Origin": origin}, body=b"{}")[0] == 403
         assert request(served, path="/api/hello", headers={"Origin": origin})[0] == 403
-
-
-def test_without_an_origin_a_cookie_is_not_enough_to_change_anything(served):
-    cookie = f"Cookie: plumbob-{served.port}={served.token}"
     assert upgrade(served, f"Host: {served.host}\r\n{cookie}") == 403
     assert upgrade(served, f"Host: {served.host}\r\n{cookie}\r\nOrigin: http://{served.host}") == 101
     assert upgrade(served, f"Host: {served.host}", f"/ws?token={served.token}") == 101
@@ -231,9 +230,3 @@ def test_it_listens_at_this_machines_own_addresses_alone_unless_every_address_is
         assert request(every, path="/api/hello")[0] == 200
         assert request(every, path="/api/hello", host=f"{socket.gethostname()}:{every.port}")[0] == 200
         assert request(every, path="/api/hello", host=f"evil.example:{every.port}")[0] == 421
-
-
-def test_a_refused_websocket_says_why(served):
-    with pytest.raises(InvalidStatus) as why, connect(f"ws://{served.host}/ws?token=wrong"):
-        pass
-    assert (why.value.response.status_code, b"Use the link" in why.value.response.body) == (401, True)

@@ -130,7 +130,7 @@ def test_keys_ask_for_what_they_say(monkeypatch):
     assert stop.is_set()
 
 
-def test_a_tare_lets_angles_count_from_now(monkeypatch):
+def test_a_tare_lets_angles_count_from_now_and_what_is_not_a_terminal_is_refused(monkeypatch):
     terminal, _ = shown(truth=False, also=())
     keys(terminal, monkeypatch, "t")
     row = next(line for line in text(terminal) if line.startswith("mekf"))
@@ -138,6 +138,9 @@ def test_a_tare_lets_angles_count_from_now(monkeypatch):
     assert "tared" in text(terminal)[0]
     keys(terminal, monkeypatch, "t")
     assert "tared" not in text(terminal)[0]
+    assert re.search("standard output is not one.*plumbob record", refused("watch", "--emulate", "buoy"))
+    with pytest.raises(ParameterError, match="fills a terminal"):
+        plumbob.watch(emulate="buoy")
 
 
 @pytest.mark.parametrize(("yaw", "frame", "heading"), [
@@ -161,12 +164,6 @@ def test_the_tape_has_the_heading_in_its_middle(heading, width):
         at = found.start() + len(found[0]) // 2
         away = (told - heading + 180.0) % 360.0 - 180.0
         assert min(abs(at - width // 2 - 0.2 * (away + turn)) for turn in (-360.0, 0.0, 360.0)) <= 1.0
-
-
-def test_what_is_not_a_terminal_is_refused():
-    assert re.search("standard output is not one.*plumbob record", refused("watch", "--emulate", "buoy"))
-    with pytest.raises(ParameterError, match="fills a terminal"):
-        plumbob.watch(emulate="buoy")
 
 
 class Screen:

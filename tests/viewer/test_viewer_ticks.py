@@ -166,21 +166,22 @@ def test_rows_do_not_depend_on_how_the_stream_was_cut(sizes):
         np.testing.assert_array_equal(a, b)
 
 
-def test_a_slow_stream_is_not_thinned_and_one_that_is_played_fast_has_as_many_rows_a_second_of_the_clock():
+def test_a_slow_stream_is_not_thinned_its_history_is_kept_where_columns_change_and_a_ring_keeps_the_newest():
     thinner = Thinner(1)
     rows = Rows(np.arange(10000) / 100.0, np.zeros(10000, dtype=np.uint32), np.zeros((10000, 1)))
     assert thinner.take(rows, rate=100.0) is rows
     assert thinner.take(rows, rate=1000.0, speed=0.1) is rows
     assert len(Thinner(1).take(rows, rate=100.0, speed=10.0).t) <= 120 * 10.0 + 2
-
-
-def test_the_history_keeps_what_it_knows_where_columns_change():
     history = History(["a", "b"])
     history.add(Rows(np.array([1.0, 2.0]), np.array([1, 2], dtype=np.uint32), np.array([[1.0, 10.0], [2.0, 20.0]])))
     found = parsed(history.with_columns(["b", "c"]).chunk(0, 3)[0])
     assert (found.kind, found.epoch, found.state) == (2, 3, {})
     assert found.t.tolist() == [1.0, 2.0] and found.flags.tolist() == [1, 2]
     assert found.values[0].tolist() == [10.0, 20.0] and np.isnan(found.values[1]).all()
+    ring = Ring(3)
+    for k in range(5):
+        ring.add(k)
+    assert (ring.first, ring.end, [ring[k] for k in range(2, 5)]) == (2, 5, [2, 3, 4])
 
 
 def test_other_columns_are_followed_by_their_history_and_when_time_begins_again_it_is_empty(tmp_path):
@@ -286,13 +287,6 @@ def test_who_lags_gets_the_newest_tick_and_every_event():
         assert client.next() is None
 
     asyncio.run(main())
-
-
-def test_a_ring_keeps_the_newest():
-    ring = Ring(3)
-    for k in range(5):
-        ring.add(k)
-    assert (ring.first, ring.end, [ring[k] for k in range(2, 5)]) == (2, 5, [2, 3, 4])
 
 
 @pytest.mark.parametrize("how", ["SIGTERM", "SIGINT", "close", "end"])
