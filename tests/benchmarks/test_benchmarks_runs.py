@@ -27,11 +27,15 @@ def run(name, *words):
     return done.returncode, json.loads(done.stdout) if done.stdout else done.stderr
 
 
-def test_a_serial_line_loses_nothing():
+def test_a_serial_line_loses_nothing_and_calibrations_run():
     code, found = run("acquire_latency", "--seconds", "0.3")
     assert (code, found["frames"], found["lost"], found["events"]) == (0, 300, 0, 0)
     assert 0.0 < found["p50_ms"] <= found["p99_ms"] <= found["worst_ms"]
     assert found["reads_per_s"] > 0.0
+    _, result = run("calibration_speed", "--samples", "3000", "--rounds", "1")
+    assert min(result["seconds"].values()) > 0.0
+    assert result["error_deg"]["whole"] < 1.0
+    assert bool(result["ratio"]) == ("magcal" in result["seconds"])
 
 
 @pytest.mark.long(reason="starts seven processes")
@@ -54,13 +58,6 @@ def test_a_ratio_of_allan_deviations_is_taken_within_a_round(monkeypatch):
     row = import_module("benchmarks.allan_speed").versus("", lambda: None, lambda: None, 16.0, 3)
     assert row["ratio"] == pytest.approx(15.0)
     assert row["met"] is False
-
-
-def test_calibrations():
-    _, result = run("calibration_speed", "--samples", "3000", "--rounds", "1")
-    assert min(result["seconds"].values()) > 0.0
-    assert result["error_deg"]["whole"] < 1.0
-    assert bool(result["ratio"]) == ("magcal" in result["seconds"])
 
 
 @pytest.mark.parametrize(

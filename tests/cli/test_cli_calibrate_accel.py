@@ -64,7 +64,7 @@ def test_json_and_the_options_of_gravity(files):
     assert given["matrix"][0][1] == 0.0
 
 
-def test_level_only_is_refused_and_leaves_no_card(files, tmp_path):
+def test_level_only_and_another_unit_than_declared_are_refused_and_leave_no_card(files, tmp_path):
     out = tmp_path / "card.json"
     refusal = answer(f"calibrate accel level.parquet --out {out}", cwd=files, code=1)
     assert refusal["refused"][0]["kind"] == "too-few-regions"
@@ -72,10 +72,7 @@ def test_level_only_is_refused_and_leaves_no_card(files, tmp_path):
     assert not out.exists()
     six = answer("calibrate accel poses.parquet --shape six", cwd=files, code=1)
     assert "18 poses are not the six faces" in str(six["refused"])
-
-
-def test_values_in_another_unit_than_declared_are_refused(tmp_path):
-    """1 g written as 1 m/s²."""
+    # 1 g written as 1 m/s²
     imu = pose_capture(REGIONS)
     table = np.column_stack((imu.t, imu.acc / G0))
     head = "t [s],acc_x [m/s2],acc_y [m/s2],acc_z [m/s2]"

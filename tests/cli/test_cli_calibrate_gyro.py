@@ -62,19 +62,16 @@ def refusal(*words):
     return [reason["kind"] for reason in found["refused"]]
 
 
-def test_a_still_recording_gives_the_bias_and_says_so(captures, tmp_path):
+def test_rest_gives_the_bias_and_hand_motion_scale_and_axes_beside_the_accelerometer_of_the_card(captures, tmp_path):
     ok("calibrate", "gyro", captures / "still.parquet", "--out", tmp_path / "card.json")
     gyr = CalibrationCard.load(tmp_path / "card.json").gyr
     assert (np.abs(gyr.bias - hand(1).bias) <= 5.0 * gyr.bias_sd).all()
     assert (gyr.matrix == np.eye(3)).all() and gyr.temp_ref_c == pytest.approx(30.0)
-
-
-def test_hand_motion_gives_scale_and_axes_and_keeps_the_accelerometer(captures, tmp_path):
     assert "UNCALIBRATED" in ok("calibrate", "gyro", captures / "hand.parquet").stdout
-    words = ("--calibration", captures / "acc.json", "--out", tmp_path / "card.json", "--json")
+    words = ("--calibration", captures / "acc.json", "--out", tmp_path / "hand.json", "--json")
     found = json.loads(ok("calibrate", "gyro", captures / "hand.parquet", *words).stdout)
     assert not any("UNCALIBRATED" in remark for remark in found["remarks"]["gyr"])
-    card = CalibrationCard.load(tmp_path / "card.json")
+    card = CalibrationCard.load(tmp_path / "hand.json")
     assert card.acc.method == "acc known"
     assert (np.abs(card.gyr.matrix - hand(1).matrix) <= 5.0 * card.gyr.matrix_sd).all()
 

@@ -56,14 +56,11 @@ def tilt_errors(path, card):
     return np.arctan2(np.linalg.norm(np.cross(force, up), axis=1), (force * up).sum(axis=1))
 
 
-def test_what_the_recording_lacks_is_said(tmp_path):
+def test_what_the_recording_lacks_is_said_and_turning_level_is_refused(tmp_path, folder):
     unit = UNIT.replace("+hmc5983", "")
     typed(f"sim poses {unit} --set number=18 --out nomag.parquet", cwd=tmp_path)
     report = answer("calibrate hand nomag.parquet", cwd=tmp_path)
     assert (report["card"]["mag"], set(report["remarks"])) == (None, {"acc", "gyr"})
-
-
-def test_turning_level_is_refused_and_no_card_is_written(folder, tmp_path):
     card = tmp_path / "card.json"
     done = typed(f"calibrate hand ring.parquet --out {card}", cwd=folder, code=1)
     assert ("REFUSED, too-few-regions" in done.stderr, card.exists()) == (True, False)

@@ -42,10 +42,13 @@ def test_a_card_is_written_and_used(files, unit, tmp_path):
     assert np.degrees(heading_rms(found.mag, unit)) < 0.25  # 0.05° at 1000 poses, by the root 0.09°
 
 
-def test_a_smaller_shape_may_be_asked_for(files):
+def test_a_smaller_shape_may_be_asked_for_and_turning_level_is_refused(files, tmp_path):
     told = answer("calibrate mag all.parquet --shape sphere --tilt 10deg", cwd=files)
     assert told["card"]["mag"]["method"] == "magnetometer alone: sphere, 4 parameters"
     assert told["card"]["mag"]["quality"]["tilt_range"] == pytest.approx(np.radians(10.0))
+    card = tmp_path / "card.json"
+    refusal = answer(f"calibrate mag level.parquet --out {card}", cwd=files, code=1)
+    assert (refusal["refused"][0]["kind"], card.exists()) == ("level-ring", False)
 
 
 def test_a_place_tells_the_strength(files):
@@ -54,12 +57,6 @@ def test_a_place_tells_the_strength(files):
     assert any(re.search(r"declination -13\.\d\d deg, by WMM-2025", remark) for remark in mag["remarks"])
     # 51.4 µT in 2025 and 50.9 in 2029 by the World Magnetic Model; the recording has no date, so today's counts
     assert mag["reference"] == pytest.approx(51.2, abs=0.5)
-
-
-def test_turning_level_is_refused_and_no_card_is_written(files, tmp_path):
-    card = tmp_path / "card.json"
-    refusal = answer(f"calibrate mag level.parquet --out {card}", cwd=files, code=1)
-    assert (refusal["refused"][0]["kind"], card.exists()) == ("level-ring", False)
 
 
 def test_a_card_that_would_rather_harm_needs_force(tmp_path):

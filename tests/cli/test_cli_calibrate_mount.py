@@ -38,14 +38,11 @@ def test_poses_give_a_card_with_the_mounting(folder, tmp_path):
     assert report["remarks"]["mount"][0].startswith("the accelerometer is not calibrated")
 
 
-def test_the_mounting_joins_a_card(folder, tmp_path):
+def test_the_mounting_joins_a_card_and_a_moving_body_is_refused(folder, tmp_path):
     first, second = tmp_path / "first.json", tmp_path / "second.json"
     typed(f"calibrate mount unit.parquet --frame NED --level-only --out {first}", cwd=folder)
     tracks = "--estimate estimate.parquet --reference body.parquet"
     typed(f"calibrate mount unit.parquet {tracks} --calibration {first} --out {second}", cwd=folder)
     assert quat_angle(CalibrationCard.load(second).mount.q_bs, Q_BS) < 1e-6
-
-
-def test_a_moving_body_is_refused(folder):
     refusal = answer("calibrate mount unit.parquet --frame NED --from 5.3s --to 7.7s", cwd=folder, code=1)
     assert refusal["refused"][0]["kind"] == "not-still"

@@ -16,7 +16,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_from_the_simulated_session_to_a_card_that_run_takes(folder, tmp_path):
+def test_from_the_simulated_session_to_a_card_that_run_takes_or_a_refusal(folder, tmp_path):
     card = tmp_path / "card.json"
     typed(f"calibrate table session.parquet {RATES} --latitude '0 deg' --out {card}", cwd=folder)
     gyr = CalibrationCard.load(card).gyr
@@ -25,9 +25,6 @@ def test_from_the_simulated_session_to_a_card_that_run_takes(folder, tmp_path):
     typed(f"run session.parquet --filter integrate --calibration {card}", cwd=folder)
     chosen = answer(f"calibrate table session.parquet {RATES} --model 12", cwd=folder)
     assert chosen["card"]["method"].endswith("12 parameters")
-
-
-def test_a_refusal_writes_no_card(folder, tmp_path):
-    card = tmp_path / "card.json"
+    card = tmp_path / "none.json"
     refusal = answer(f"calibrate table session.parquet --rates '2, 3 rad/s' --out {card}", cwd=folder, code=1)
     assert (refusal["refused"][0]["kind"], card.exists()) == ("no-motion", False)

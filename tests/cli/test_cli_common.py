@@ -16,22 +16,21 @@ def options(*items):
     return common.options_of(argparse.Namespace(option=list(items)))
 
 
-def test_options_are_names_and_values():
-    assert options() == {}
-    assert options("gyr_range=500 deg/s", " acc_range = 4 g ") == {"gyr_range": "500 deg/s", "acc_range": "4 g"}
-    assert options("a=b=c") == {"a": "b=c"}
-
-
 def params_of(names, params):
     return {stage.filter: stage.params for stage in common.stages(names, params)}
 
 
-def test_parameters_go_to_the_filter_that_they_name():
+def test_options_frames_and_parameters_are_read_as_they_are_written():
+    assert options() == {}
+    assert options("gyr_range=500 deg/s", " acc_range = 4 g ") == {"gyr_range": "500 deg/s", "acc_range": "4 g"}
+    assert options("a=b=c") == {"a": "b=c"}
     assert params_of("mahony", "kp=0.7, gate = 0.08 g") == {"mahony": {"kp": "0.7", "gate": "0.08 g"}}
     assert params_of("mahony", "mahony.kp=0.7") == {"mahony": {"kp": "0.7"}}
     two = params_of("mahony, vqf", "vqf.tau_acc=2s,mahony.kp=0.7")
     assert two == {"mahony": {"kp": "0.7"}, "vqf": {"tau_acc": "2s"}}
     assert params_of("vqf", None) == {"vqf": {}}
+    assert common.frame_of(argparse.Namespace(frame=None)) is None
+    assert common.frame_of(argparse.Namespace(frame="NWU")) is Frame.NWU
 
 
 @pytest.fixture
@@ -99,11 +98,6 @@ def test_what_is_not_whole_or_fits_nothing_is_refused(toml):
         (stage,) = toml(f"gate = {number}\n")
         with pytest.raises(PlumbobError, match="needs a unit of acceleration"):
             Filter("mahony", frame=Frame.ENU, params=stage.params)
-
-
-def test_a_frame_is_what_is_asked_for_or_nothing():
-    assert common.frame_of(argparse.Namespace(frame=None)) is None
-    assert common.frame_of(argparse.Namespace(frame="NWU")) is Frame.NWU
 
 
 def test_an_input_is_kept_by_whatever_name_it_is_reached(tmp_path, monkeypatch):

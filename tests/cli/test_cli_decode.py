@@ -85,7 +85,7 @@ def test_a_device_without_any_check_is_said_to_have_none(tmp_path, name, size):
     assert says in typed(f"devices {name}").stdout
 
 
-def test_a_row_is_what_the_bytes_say(call):
+def test_a_row_and_a_column_in_json_are_what_the_bytes_say(call, tmp_path):
     rows, notes = call(fast(7, 1000, -500, 2000) + fast(8, 0, 0, -1))
     assert rows[0] == "byte,n,acc.x [m/s2],acc.y [m/s2],acc.z [m/s2],flags"
     start, n, *acc, marks = rows[1].split(",")
@@ -93,6 +93,11 @@ def test_a_row_is_what_the_bytes_say(call):
     assert [float(v) for v in acc] == pytest.approx([G0, -0.5 * G0, 2.0 * G0], rel=1e-11)
     assert rows[2].split(",")[0] == "14"
     assert notes == []
+    call(fast(7, 1000) + fast(8), "--rate", "2Hz", "--out", "x.json")
+    table = json.loads((tmp_path / "x.json").read_text(encoding="utf-8"))
+    assert (table["message"], table["columns"]["t [s]"]) == ("fast", [0.0, 0.5])
+    assert table["columns"]["acc.x [m/s2]"] == pytest.approx([G0, 0.0])
+    assert table["counts"]["frames"] == {"fast": 2, "slow": 0}
 
 
 SKIPPED = "the frame counter skips {}: that many frames are missing, or it jumped"
@@ -136,14 +141,6 @@ def test_frames_of_no_described_message_and_junk_are_counted(call):
         "17 bytes of 69 belong to no frame; candidates rejected: 1 for their checksum",
         SKIPPED.format(1),
     ]
-
-
-def test_a_table_in_json_holds_columns_with_units(call, tmp_path):
-    call(fast(7, 1000) + fast(8), "--rate", "2Hz", "--out", "x.json")
-    table = json.loads((tmp_path / "x.json").read_text(encoding="utf-8"))
-    assert (table["message"], table["columns"]["t [s]"]) == ("fast", [0.0, 0.5])
-    assert table["columns"]["acc.x [m/s2]"] == pytest.approx([G0, 0.0])
-    assert table["counts"]["frames"] == {"fast": 2, "slow": 0}
 
 
 def test_a_number_beyond_all_numbers_is_no_value(tmp_path):

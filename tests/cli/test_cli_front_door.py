@@ -5,6 +5,7 @@ import json
 import sys
 import threading
 from operator import attrgetter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -32,22 +33,17 @@ def poses(tmp_path_factory):
     return file
 
 
-def test_every_public_name_is_there():
-    assert [name for name in plumbob.__all__ if getattr(plumbob, name, None) is None] == []
-
-
 RENAMED = {"run": "estimate", "eval": "evaluate", "sim": "simulate"}
 OF_THE_PROGRAM = {"demo", "devices", "filters", "benchmark", "warmup"}
 """Verbs that list what is there or exercise it: in Python these are objects (`plumbob.filter_names`, `find_format`)."""
 PACKAGES = {"arm": ("align", "run", "export", "replay"), "array": ("info", "combine", "monitor")}
 """Verbs whose kinds are functions of the package of the same name."""
-
-
 FIRST = {"record", "docs", "run", "view", "watch"}
 """Verbs whose first argument has a default: the session, the page, the filter, what is shown."""
 
 
-def test_every_verb_has_its_function_with_keyword_only_options():
+def test_every_public_name_is_there_and_every_verb_has_its_function_with_keyword_only_options():
+    assert [name for name in plumbob.__all__ if getattr(plumbob, name, None) is None] == []
     functions = {verb: RENAMED.get(verb, verb) for verb in set(VERBS) - OF_THE_PROGRAM - set(PACKAGES)}
     functions |= {f"{verb}.{kind}": f"{verb}.{kind}" for verb, kinds in PACKAGES.items() for kind in kinds}
     for verb, name in functions.items():
@@ -192,7 +188,7 @@ def test_info_is_info(sea, recorded, samples):
         assert plumbob.info(file, note=lambda line: None).text() + "\n" == typed(f"info {file}").stdout
 
 
-def test_eval_and_convert_take_files_and_text_with_units(sea, tmp_path):
+def test_eval_convert_and_simulate_take_files_and_text_with_units(sea, tmp_path):
     plumbob.estimate(sea, "mahony").save(tmp_path / "t.parquet")
     printed = answer(f"eval t.parquet {sea} --settle 2s", cwd=tmp_path)
     assert json.loads(json.dumps(plumbob.evaluate(tmp_path / "t.parquet", sea, settle="2 s").summary())) == printed
@@ -200,9 +196,6 @@ def test_eval_and_convert_take_files_and_text_with_units(sea, tmp_path):
     plumbob.convert(plumbob.read(sea), tmp_path / "b.csv", what="samples")
     rows = [(tmp_path / name).read_text().splitlines()[-1200:] for name in ("a.csv", "b.csv")]
     assert rows[0] == rows[1]
-
-
-def test_simulate_takes_text_with_units():
     by_text = plumbob.simulate("buoy", seed=1, duration="2 s", strength="0.5 gauss", dip="50 deg", **SIM)
     by_number = plumbob.simulate("buoy", seed=1, duration=2.0, strength=50.0, dip=np.radians(50.0), **SIM)
     assert by_text.imu.mag.tobytes() == by_number.imu.mag.tobytes()
@@ -226,14 +219,10 @@ def test_results_are_one_line_a_small_table_and_a_picture(sea, recorded, tmp_pat
 
 def test_frames_have_the_columns_of_the_csv(sea, tmp_path, monkeypatch):
     """pandas is no dependency: what it would be handed is looked at, and its absence is told."""
-
-    class Pandas:
-        DataFrame = dict
-
     imu = plumbob.read(sea).imu
     plumbob.write(tmp_path / "a.csv", imu)
     header = next(line for line in (tmp_path / "a.csv").read_text().splitlines() if line.startswith("t [s]"))
-    monkeypatch.setitem(sys.modules, "pandas", Pandas)
+    monkeypatch.setitem(sys.modules, "pandas", SimpleNamespace(DataFrame=dict))
     assert ",".join(imu.to_frame()) == header
     assert plumbob.decode(bytes(0), "buoy").frames == {}
     monkeypatch.setitem(sys.modules, "pandas", None)

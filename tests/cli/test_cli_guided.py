@@ -7,6 +7,7 @@ import shlex
 import signal
 import subprocess
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -55,12 +56,17 @@ def test_a_live_capture_ends_by_itself_when_it_is_good(folder, kind, capture):
         np.testing.assert_allclose(card.mag.bias, true.bias, rtol=0, atol=5.0 * card.mag.bias_sd.max())
 
 
-def test_a_ring_is_refused_live_too_and_its_bytes_are_kept(folder):
+def test_a_ring_is_refused_live_and_recorded_and_its_bytes_are_kept(folder):
     refusal = answer(f"{live('mag')} --from ring.bin --raw ring.mcap", cwd=folder, code=1)
     assert refusal["refused"][0]["kind"] == "level-ring"
     assert answer("verify ring.mcap", cwd=folder)["whole"]
     sent = files.read(folder / "ring.parquet").imu
     assert answer("info ring.mcap", cwd=folder)["sensors"]["time"]["samples"] == len(sent)
+    told = typed("calibrate mag tumble.parquet --guide", cwd=folder).stdout
+    assert "s  enough: the capture is good" in told and "missing      nothing" in told
+    told = answer("calibrate mag ring.parquet --guide", cwd=folder, code=1)
+    assert (told["refused"][0]["kind"], told["guide"]["done"]) == ("level-ring", False)
+    assert "tilt it" in told["guide"]["next"]
 
 
 def test_interrupted_it_makes_what_there_is(tmp_path):
@@ -96,14 +102,6 @@ def test_bytes_of_another_format_are_noticed(tmp_path):
     assert child.returncode == 1
 
 
-def test_a_recording_tells_how_its_capture_went(folder):
-    told = typed("calibrate mag tumble.parquet --guide", cwd=folder).stdout
-    assert "s  enough: the capture is good" in told and "missing      nothing" in told
-    told = answer("calibrate mag ring.parquet --guide", cwd=folder, code=1)
-    assert (told["refused"][0]["kind"], told["guide"]["done"]) == ("level-ring", False)
-    assert "tilt it" in told["guide"]["next"]
-
-
 FILLED = np.isin(np.arange(18), [0, 2, 6, 10])
 UNDER_WAY = Progress(
     elapsed=12.3, filled=FILLED, direction=6, still_for=0.0, next_step="turn it", turn=Turn(0, 0.8), goal=14,
@@ -111,28 +109,12 @@ UNDER_WAY = Progress(
 )  # fmt: skip
 
 
-def test_the_board_shows_directions_seen_missing_here_and_next():
-    board = board_lines("calibrate mag", UNDER_WAY)
-    shown = ["".join(line[:34].split()) for line in board[4:7]]
-    assert shown == ["■·■▣·", "··○·■···", "·····"]
-    assert "4 of 18 seen" in board[4]
-    assert [line.split(maxsplit=1)[0] for line in board[8:]] == ["now", "next", "so", "WARNING"]
-
-
-class Terminal(text_io.StringIO):
-    def isatty(self):
-        return True
-
-
-class Told:
-    timeline = (Moment(1.0, "+x seen, 1 of 18"),)
-
-
 def test_board_is_drawn_over_itself_on_a_terminal_only(monkeypatch):
     monkeypatch.setattr(time, "monotonic", iter(np.arange(0.0, 100.0)).__next__)
-    screen, pipe = Terminal(), text_io.StringIO()
+    screen, pipe = text_io.StringIO(), text_io.StringIO()
+    screen.isatty = lambda: True
     for out in (screen, pipe):
-        board = Board("calibrate mag", Told(), out)
+        board = Board("calibrate mag", SimpleNamespace(timeline=(Moment(1.0, "+x seen, 1 of 18"),)), out)
         board.show(UNDER_WAY)
         board.show(UNDER_WAY)
         board.erase()

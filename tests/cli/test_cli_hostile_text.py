@@ -20,11 +20,15 @@ STEER = "unit\x1b]0;owned\x07\x1b[2J\x9b31m\u202edoog\nverdict      whole"
 SHOWN = "unit\\x1b]0;owned\\x07\\x1b[2J\\x9b31m\\u202edoog\\nverdict      whole"
 
 
-def test_every_control_character_is_written_as_an_escape():
+def test_every_control_character_is_an_escape_and_a_title_does_not_end_the_comment_of_a_header():
     assert visible(STEER) == SHOWN
     controls = [chr(i) for i in range(0x20)] + [chr(i) for i in range(0x7F, 0xA0)]  # C0, DEL and C1 of Unicode
     assert all(visible(c).isascii() and visible(c).isprintable() for c in controls)
     assert visible("a\tb\nµ °", keep="\n\t") == "a\tb\nµ °"
+    form = replace(load("fin"), title="fin */ int owned; /* \n#include <evil.h>")
+    text = c_header(form)
+    assert text.startswith("/* fin * / int owned; / * \\n#include <evil.h>\n")
+    assert text.count("/*") == text.count("*/") == c_header(load("fin")).count("/*")
 
 
 def test_info_shows_the_device_of_a_recording(tmp_path, capsys):
@@ -56,13 +60,6 @@ def test_topics_cards_and_errors_are_shown_so_too(tmp_path, capsys, monkeypatch)
     shown = capsys.readouterr()
     assert f"rows         {SHOWN}: 1" in shown.out
     assert [("\\x1b[2J" in text, "\x1b" in text) for text in (shown.out, shown.err)] == [(True, False)] * 2
-
-
-def test_a_title_does_not_end_the_comment_of_a_header():
-    form = replace(load("fin"), title="fin */ int owned; /* \n#include <evil.h>")
-    text = c_header(form)
-    assert text.startswith("/* fin * / int owned; / * \\n#include <evil.h>\n")
-    assert text.count("/*") == text.count("*/") == c_header(load("fin")).count("/*")
 
 
 def test_files_for_other_programs_hold_no_command_for_a_terminal(tmp_path):

@@ -48,33 +48,16 @@ params = {{ kp = 0.5 }}
     return folder, json.loads(told.stdout), told.stderr
 
 
-def test_live_line_loses_nothing_and_says_so(recorded):
-    _, told, notes = recorded
+def test_a_live_line_loses_nothing_and_replays_to_the_bit_but_with_another_filter(recorded):
+    folder, told, notes = recorded
     assert told["samples"] == 2000
     assert told["time"]["lost"] == told["bytes"]["junk"] == 0
     assert told["recording"]["acknowledged"] == told["recording"]["rows"]
     assert "lost" in notes  # the rig went away at its end
-
-
-def test_replay_is_equal_to_the_bit(recorded):
-    folder = recorded[0]
-    assert answer("replay a.mcap --check", cwd=folder)["check"] == {
-        "compared": 2000,
-        "different": 0,
-        "only_live": 0,
-        "only_replayed": 0,
-        "equal": True,
-    }
-
-
-def test_replay_with_another_filter_differs_and_exits_3(recorded):
-    folder = recorded[0]
+    check = answer("replay a.mcap --check", cwd=folder)["check"]
+    assert check == {"compared": 2000, "different": 0, "only_live": 0, "only_replayed": 0, "equal": True}
     check = answer("replay a.mcap --filter mahony --params kp=0.6 --check", cwd=folder, code=3)["check"]
     assert (check["compared"], check["equal"]) == (2000, False)
-
-
-def test_recorded_samples_are_the_simulated_ones(recorded):
-    folder = recorded[0]
     typed("convert a.mcap a.parquet --what samples", cwd=folder)
     read, truth = files.read(folder / "a.parquet").imu, files.read(folder / "truth.parquet").imu
     np.testing.assert_allclose(read.gyr, truth.gyr, rtol=0, atol=1e-9)  # the rig's counts are the simulator's steps
@@ -115,12 +98,16 @@ def test_a_recording_outlives_those_who_read_its_notes(tmp_path):
     assert log.clean
 
 
-def test_a_line_of_another_format_is_noticed_while_there_is_time(tmp_path):
+def test_a_line_of_another_format_is_noticed_and_no_folder_of_its_maker_is_named(tmp_path):
     with emulated(tmp_path, "--speed 20") as link:
         done = typed(f"record --port {link} --format trackball --duration 1s", cwd=tmp_path, code=1)
     assert ": is it the right format, and baud?" in done.stderr
     # nothing is known of a clock that was never read
     assert ("recorded     NOTHING" in done.stdout, "ppm" in done.stdout) == (True, False)
+    (tmp_path / "b.toml").write_text((resources.files("plumbob.protocols.rigs") / "buoy.toml").read_text())
+    typed("emulate buoy --duration 2s --write b.bin", cwd=tmp_path)
+    typed("record --from b.bin --format b.toml --out b.mcap", cwd=tmp_path)
+    assert str(tmp_path) not in str(dict(open_log(tmp_path / "b.mcap").metadata))
 
 
 def test_a_recording_that_lacks_rows_exits_3(tmp_path):
@@ -134,13 +121,6 @@ record = {{ path = "a.mcap", reserve = 1_000_000_000_000_000_000 }}
 """)
         report = answer("record s.toml --duration 1s", cwd=tmp_path, code=3)["recording"]
     assert report["acknowledged"] == 0 < report["rows"]
-
-
-def test_recording_names_no_folder_of_its_maker(tmp_path):
-    (tmp_path / "b.toml").write_text((resources.files("plumbob.protocols.rigs") / "buoy.toml").read_text())
-    typed("emulate buoy --duration 2s --write b.bin", cwd=tmp_path)
-    typed("record --from b.bin --format b.toml --out b.mcap", cwd=tmp_path)
-    assert str(tmp_path) not in str(dict(open_log(tmp_path / "b.mcap").metadata))
 
 
 def test_signals_say_stop_and_are_given_back():

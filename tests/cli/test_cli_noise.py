@@ -35,7 +35,7 @@ def test_run_takes_the_card_and_its_covariance_goes_through_a_file_to_the_evalua
     assert (nothing["claimed_sd_deg"], nothing["noise_card"]) == (None, None)
 
 
-def test_benchmarks_give_the_card_to_those_that_take_one_and_say_so(unit, tmp_path):
+def test_benchmarks_and_the_simulator_take_the_card_and_say_so(unit, tmp_path):
     recording, card = unit
     (tmp_path / "a.parquet").write_bytes(recording.read_bytes())
     done = typed(f"benchmark accuracy . --filters mekf,mahony,ekf7 --noise {card} --json", cwd=tmp_path)
@@ -43,6 +43,12 @@ def test_benchmarks_give_the_card_to_those_that_take_one_and_say_so(unit, tmp_pa
     settings = json.loads(done.stdout)["settings"]
     noisy = [name for name, text in settings.items() if "noise=0.005 deg/s/rtHz" in text]
     assert noisy == ["mekf", "ekf7"]
+    words = f"sim static --frame NED --duration 2s --noise {unit[1]} --out x.parquet --noise-card own.json"
+    assert "from the card of mpu6000+hmc5983 #0" in typed(words, cwd=tmp_path).stdout
+    own, given = (NoiseCard.load(path) for path in (tmp_path / "own.json", unit[1]))
+    assert own.gyr.n_rpsd.tolist() == given.gyr.n_rpsd.tolist()
+    notes = files.read(tmp_path / "x.parquet").notes
+    assert any("noise of gyr, acc, mag from the card of" in note for note in notes)
 
 
 def test_a_unit_s_own_card_is_the_one_that_sim_writes(unit):
@@ -56,12 +62,3 @@ def test_a_unit_s_own_card_is_the_one_that_sim_writes(unit):
     assert own["settings"]["mekf"] != without["settings"]["mekf"]
     assert own["seeds"]["mahony"] == without["seeds"]["mahony"]
     assert own["scenario"] == f"{file['scenario']}; noise cards of the units"
-
-
-def test_the_simulator_takes_a_noise_card(unit, tmp_path):
-    words = f"sim static --frame NED --duration 2s --noise {unit[1]} --out x.parquet --noise-card own.json"
-    assert "from the card of mpu6000+hmc5983 #0" in typed(words, cwd=tmp_path).stdout
-    own, given = (NoiseCard.load(path) for path in (tmp_path / "own.json", unit[1]))
-    assert own.gyr.n_rpsd.tolist() == given.gyr.n_rpsd.tolist()
-    notes = files.read(tmp_path / "x.parquet").notes
-    assert any("noise of gyr, acc, mag from the card of" in note for note in notes)

@@ -40,10 +40,14 @@ def repaired(name, out, code, cwd):
     return (cwd / out).read_bytes()
 
 
-def test_whole(whole, tmp_path):
+def test_whole_and_unfinished(whole, tmp_path):
     done = typed("verify a.mcap", cwd=tmp_path)
     assert (done.stderr, done.stdout.splitlines()[0]) == ("", "a.mcap: 50 rows in 0.490 s")
     assert repaired("a.mcap", "b.mcap", 0, tmp_path) == whole.read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(unfinished(whole))
+    done = typed("verify cut.mcap", cwd=tmp_path, code=3)
+    assert "no row that had been written is missing" in done.stdout
+    repaired("cut.mcap", "c.mcap", 0, tmp_path)
 
 
 def test_damaged(whole, tmp_path):
@@ -56,13 +60,6 @@ def test_damaged(whole, tmp_path):
     assert "dropped      raw/imu: 10 rows" in typed("verify b.mcap", cwd=tmp_path).stdout
     found = answer("repair bad.mcap --out c.mcap", cwd=tmp_path, code=3)
     assert (found["lossy"], found["out"]) == (True, "c.mcap")
-
-
-def test_unfinished(whole, tmp_path):
-    (tmp_path / "cut.mcap").write_bytes(unfinished(whole))
-    done = typed("verify cut.mcap", cwd=tmp_path, code=3)
-    assert "no row that had been written is missing" in done.stdout
-    repaired("cut.mcap", "b.mcap", 0, tmp_path)
 
 
 def test_an_empty_file_claims_nothing(tmp_path):

@@ -84,15 +84,12 @@ def test_the_speed_is_a_multiple_of_the_recording_s(replay, recording, monkeypat
     assert clock.now - 10**9 == pytest.approx((times[-1] - times[0]) / speed, rel=1e-9)
 
 
-def test_no_empty_track_is_written(replay, tmp_path):
+def test_no_empty_track_is_written_and_what_a_recording_lacks_is_noted(replay, tmp_path, recording):
     (tmp_path / "imu9.toml").write_text(FORMAT, encoding="utf-8")
     (tmp_path / "s.toml").write_text(SESSION.split("[estimate]")[0], encoding="utf-8")
     _, (line,) = replay("--session", tmp_path / "s.toml", "--out", tmp_path / "t.parquet", code=1)
     assert "nothing was estimated, so there is no track to write" in line
     assert not (tmp_path / "t.parquet").exists()
-
-
-def test_what_is_missing_from_a_recording_is_noted(replay, recording, tmp_path):
     data = bytearray(recording[0].read_bytes())
     middle = len(data) // 2
     data[middle : middle + 1500] = bytes(1500)

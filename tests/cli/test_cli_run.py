@@ -79,7 +79,7 @@ def claimed_by_hand(imu, at):
     return math.degrees(math.sqrt(p_n[0, 0] + p_n[1, 1])), math.degrees(math.sqrt(p_n[2, 2]))
 
 
-def test_what_the_filter_claims_is_of_the_last_attitude(run, report):
+def test_what_the_filter_claims_is_of_the_last_attitude_without_a_free_heading(run, report):
     imu = still(4.0)
     claimed = report(imu, "--filter", "mekf")["claimed_sd_deg"]
     first, last = claimed_by_hand(imu, 0), claimed_by_hand(imu, -1)
@@ -87,9 +87,6 @@ def test_what_the_filter_claims_is_of_the_last_attitude(run, report):
     assert first[0] > 2.0 * last[0]  # or the test could not tell the two
     told = f"claimed      inclination {last[0]:.3f}°, heading {last[1]:.3f}° (standard deviations at the end)"
     assert told in run(imu, "--filter", "mekf")[0]
-
-
-def test_a_free_heading_is_not_claimed(run, report):
     imu = still(1.0, mag=False)
     claimed = report(imu, "--filter", "mekf")["claimed_sd_deg"]
     assert claimed["heading"] is None
@@ -114,7 +111,7 @@ def test_restarts_are_noted_where_they_are_more_than_one_in_twenty(run, gaps, no
         assert "the median step is 0.02 s." in told[0]
 
 
-def test_errors_are_those_against_the_recording_s_own_reference(run, report):
+def test_errors_are_those_against_the_recording_s_own_reference_where_it_can_be_compared(run, report):
     """Turned by 5° about the vertical, all of it is heading; turned by 3° of roll beside, the total is both."""
     imu, truth = posed(*[(30.0, 10.0, -20.0)] * 5, frame=Frame.NED)
     turn = np.tile(quat_from_euler_zyx(np.radians([35.0, 10.0, -20.0])), (5, 1))
@@ -122,16 +119,12 @@ def test_errors_are_those_against_the_recording_s_own_reference(run, report):
     errors = report(recording, "--filter", "tilt_compass")["errors"]
     assert errors["total_rmse_deg"] == errors["heading_rmse_deg"] == pytest.approx(5.0, abs=1e-6)
     assert errors["inclination_rmse_deg"] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_a_reference_that_cannot_be_compared_costs_no_estimate(run, report):
-    imu, truth = posed(*[(30.0, 10.0, -20.0)] * 5, frame=Frame.NED)
     other_north = AttitudeTrack(t=truth.t, q_nb=truth.q_nb, frame=Frame.NED, north=North.TRUE)  # and no declination
     recording = files.Recording(imu=imu, track=other_north)
     assert set(report(recording, "--filter", "tilt_compass")["errors"]) == {"not_compared", "inclination_rmse_deg"}
 
 
-def test_the_track_that_is_written_is_the_estimate(run, tmp_path):
+def test_the_track_that_is_written_is_the_estimate_in_the_frame_that_is_asked_for(run, tmp_path, report):
     imu, truth = posed((5.0, 2.0, 1.0), (60.0, -10.0, 20.0), frame=Frame.NED)
     out, _ = run(imu, "--filter", "tilt_compass", "--out", tmp_path / "t.parquet")
     assert out.splitlines()[-1] == f"written      {tmp_path / 't.parquet'}"
@@ -139,10 +132,7 @@ def test_the_track_that_is_written_is_the_estimate(run, tmp_path):
     apart = dcm_from_quat(found.q_nb) @ dcm_from_quat(quat_conjugate(truth.q_nb))
     assert np.abs(apart - np.eye(3)).max() < 1e-12
     assert found.source.startswith("tilt_compass(")
-
-
-def test_the_frame_that_is_asked_for_goes_before_the_recording_s(report):
-    """Yaw 100° in NED is 260° counted from north against the clock, −100°, in NWU."""
+    # yaw 100° in NED is 260° counted from north against the clock, −100°, in NWU
     found = report(posed((100.0, 0.0, 0.0), frame=Frame.NED)[0], "--filter", "tilt_compass", "--frame", "NWU")
     assert found["frame"] == "NWU"
     assert found["last_attitude_deg"]["yaw"] == pytest.approx(-100.0)
@@ -153,7 +143,7 @@ NATICK = "42.283,-71.35,1000"
 """Declination −13.6891° on 2028-07-04 by MATLAB's example of wrldmagm, good to half of its last digit."""
 
 
-def test_a_place_makes_headings_true(run, report):
+def test_a_place_makes_headings_true_or_is_refused(run, report):
     pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
     imu = posed((20.0, 0.0, 0.0), (20.0, 0.0, 0.0), frame=Frame.NED)[0]
     found = report(imu, "--filter", "tilt_compass", "--place", NATICK, "--date", "2028-07-04")
@@ -161,11 +151,6 @@ def test_a_place_makes_headings_true(run, report):
     assert found["last_attitude_deg"]["heading"] == pytest.approx(20.0 - 13.6891, abs=0.0055)
     _, notes = run(imu, "--filter", "tilt_compass", "--place", NATICK, "--date", "2028-07-04")
     assert any("declination -13.69 deg, by WMM-2025" in note for note in notes)
-
-
-def test_a_place_that_gives_no_declination_is_refused(run):
-    pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
-    imu = posed((20.0, 0.0, 0.0), (20.0, 0.0, 0.0), frame=Frame.NED)[0]
     twice = ("--date", "2028-07-04", "--params", "declination=1deg")
     for words, why in (((), "does not say when it was made"), (twice, "both give the declination")):
         assert why in " ".join(run(imu, "--filter", "tilt_compass", "--place", NATICK, *words, code=1)[1])

@@ -94,31 +94,24 @@ def test_what_a_file_says_does_not_go_stale(folder):
         assert not [note for note in files.read(folder / name).notes if note.startswith("calibration")]
 
 
-def test_a_table_for_other_programs_has_the_note_on_standard_error(folder):
+def test_a_table_for_other_programs_has_the_note_elsewhere_and_a_card_of_another_unit_ends_a_recording(folder):
     done = typed("decode sea.bin --format buoy", cwd=folder)
     assert (UNCALIBRATED in done.stderr, "uncalibrated" in done.stdout) == (True, False)
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
+    done = typed(f"{RECORD} --calibration other.json --out x.mcap", cwd=folder, code=1)
+    assert "the card is for device 'unit 8'" in done.stderr
+    assert not (folder / "x.mcap").exists()
 
 
 @pytest.mark.parametrize("words", [(), ("--calibration", "card.json")])
 def test_the_status_on_a_terminal(folder, words, monkeypatch):
-    screen = Terminal()
+    screen = io.StringIO()
+    screen.isatty = lambda: True
     monkeypatch.chdir(folder)
     monkeypatch.setattr(common.sys, "stderr", screen)
     options = ("--format", "buoy", "--device", "unit 7", *words)
     assert main(["record", "--from", "sea.bin", *options]) == 0
     assert "samples" in screen.getvalue()
     assert ("samples UNCALIBRATED" in screen.getvalue()) is (not words)
-
-
-def test_a_card_of_another_unit_ends_a_recording_before_it_begins(folder):
-    done = typed(f"{RECORD} --calibration other.json --out x.mcap", cwd=folder, code=1)
-    assert "the card is for device 'unit 8'" in done.stderr
-    assert not (folder / "x.mcap").exists()
 
 
 def test_samples_beyond_the_temperatures_of_the_card_are_noted_once(folder):

@@ -37,10 +37,6 @@ def buoy(tmp_path_factory):
     return path
 
 
-def test_the_emulator_writes_what_the_rig_says(buoy):
-    assert buoy.read_bytes() == make_rig(PLANS["buoy"], load("buoy"), seed=1, duration=5.0).stream()
-
-
 def test_options_of_a_rig_are_those_of_python(tmp_path):
     card = NoiseCard("unit 7", "told", gyr=TriadNoise(n_rpsd=[0.01] * 3, b=[0.0] * 3, k_rpsd=[0.0] * 3))
     card.save(tmp_path / "card.json")
@@ -79,6 +75,14 @@ def piped(data, form, *words):
     *notes, bare = done.stderr.splitlines()
     assert (done.returncode, bare) == (0, BARE)
     return done.stdout.splitlines()[1:], [note.removeprefix("note: ") for note in notes]
+
+
+def test_the_emulator_writes_what_the_rig_says_into_files_and_pipes(buoy):
+    assert buoy.read_bytes() == make_rig(PLANS["buoy"], load("buoy"), seed=1, duration=5.0).stream()
+    words = shlex.split("emulate mpu6000 --scenario coning --rate 200Hz --duration 1s --write -")
+    data = subprocess.run([*PLUMBOB, *words], stdout=subprocess.PIPE, check=True, timeout=LONG).stdout
+    assert len(data) == 200 * 14
+    assert len(piped(data, "mpu6000")[0]) == 200
 
 
 def test_every_loss_is_told_on_standard_error(buoy):
@@ -154,14 +158,7 @@ def test_truth_card_and_faults_lie_beside(tmp_path):
     assert (tmp_path / "a.bin").read_bytes() == rig.stream()
 
 
-def test_a_pipe_from_emulator_to_decoder():
-    words = shlex.split("emulate mpu6000 --scenario coning --rate 200Hz --duration 1s --write -")
-    data = subprocess.run([*PLUMBOB, *words], stdout=subprocess.PIPE, check=True, timeout=LONG).stdout
-    assert len(data) == 200 * 14
-    assert len(piped(data, "mpu6000")[0]) == 200
-
-
-def test_lists_name_every_device_with_its_values():
+def test_lists_name_every_device_with_its_values_and_the_page_is_up_to_date():
     listed = typed("devices").stdout
     assert all(f"  {name} " in listed for name in (*catalog.names(), *PLANS))
     assert all(name in typed("emulate --list").stdout for name in (*PLANS, "unplug", "burst"))
@@ -169,6 +166,8 @@ def test_lists_name_every_device_with_its_values():
     assert answer("devices rion")["framing"]["sync"] == ["68", "77"]
     assert "count / gyr_range deg/s" in typed("devices mpu6000").stdout
     assert "count / 65.5 deg/s" in typed("devices mpu6000 --option 'gyr_range=500 deg/s'").stdout
+    # otherwise: plumbob devices --markdown > docs/devices.md
+    assert (ROOT / "docs" / "devices.md").read_text(encoding="utf-8") == typed("devices --markdown").stdout
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
@@ -178,11 +177,6 @@ def test_the_printed_header_compiles(tmp_path):
     words = shlex.split("cc -std=c11 -Wall -Werror -Wno-unused-function -c main.c")
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-
-
-def test_the_page_of_devices_is_up_to_date():
-    """Otherwise: plumbob devices --markdown > docs/devices.md."""
-    assert (ROOT / "docs" / "devices.md").read_text(encoding="utf-8") == typed("devices --markdown").stdout
 
 
 def test_sim_warms_up_as_a_rig_does(tmp_path):

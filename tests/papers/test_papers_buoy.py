@@ -23,17 +23,14 @@ def found(tmp_path_factory):
     return measured(work, modules=4, units=2, seas=1, offered=2, duration=120.0)
 
 
-def test_the_printed_rows_never_leave_the_identity():
+def test_the_printed_rows_never_leave_the_identity_and_a_first_order_step_stretches_and_lags():
     """Rows 2 to 4 of (3) hold q1, q2 and q3 alone, all zero at the identity; row 1 too [Yu2018]."""
     rate = np.array([0.3, -0.2, 0.5])
     assert list(literal.turned(rate, 1000, literal=True)) == [1.0, 0.0, 0.0, 0.0]
     small = 1e-3 * rate
     close = literal.turned(small, 100) / np.linalg.norm(literal.turned(small, 100))
     assert close == pytest.approx(quat_from_rotvec(small), abs=1e-12)  # 100 steps of 0.01 s
-
-
-def test_a_first_order_step_stretches_and_lags():
-    """|q| grows by √(1 + ω²Ts²/4) a step, and a normalised step turns by 2 atan(ωTs/2); both exact."""
+    # |q| grows by √(1 + ω²Ts²/4) a step, and a normalised step turns by 2 atan(ωTs/2); both exact
     grown = np.linalg.norm(literal.turned(np.array([0.62, 0.0, 0.0]), 60_000))
     assert grown == pytest.approx((1.0 + 0.25 * (0.62 * 0.01) ** 2) ** 30_000, rel=1e-9)
     for rate in literal.RATES:
@@ -49,16 +46,13 @@ def test_arctan_loses_half_of_the_circle_and_the_text_has_another_order_than_the
     assert literal.angles(literal.zxy(0.4, -0.3, 1.1), literal=False) == pytest.approx((-0.324, 0.381, 0.976), abs=5e-4)
 
 
-def test_a_gate_passes_what_pythagoras_says():
+def test_the_gate_passes_what_pythagoras_says_and_the_loop_what_its_poles_say():
     across, tilt = literal.passes(0.08 * G0)
     assert across == pytest.approx(math.sqrt(1.08**2 - 1.0))
     assert to_deg(tilt) == pytest.approx(22.2, abs=0.05)
     assert literal.passes(0.08)[0] == pytest.approx(0.128, abs=5e-4)
     assert literal.static_share(0.08) < 0.005  # 20 mg of bias are 0.196 m/s², with 4 mg of noise three sd away
     assert literal.static_share(0.08 * G0) == 1.0
-
-
-def test_poles_and_peak_are_those_of_the_characteristic_equation():
     found = literal.loop()
     for pole in found.poles:
         assert pole**2 + 0.5 * pole + 0.03 == pytest.approx(0.0, abs=1e-15)
@@ -66,9 +60,6 @@ def test_poles_and_peak_are_those_of_the_characteristic_equation():
     # the loop is linear in small angles: 1 °/s peaks at 1.6°
     assert literal.zero_rate_error(1.0) == pytest.approx(found.peak, rel=0.01)
     assert literal.zero_rate_error(5.0, mag=True) < literal.zero_rate_error(5.0)  # the field corrects it, too
-
-
-def test_a_modulus_has_no_direction_and_a_row_without_r_no_length():
     assert literal.corrected_to(10.0, literal=False) < 0.5
     assert literal.corrected_to(10.0, literal=True) > 10.0
     assert literal.normalised_yaw(literal=False) < 1e-9
@@ -120,17 +111,14 @@ def test_what_calibrates_nothing_is_refused(name):
     assert found.failed > 0.0 or found.yaw > 90.0
 
 
-def test_the_gate_helps_and_the_recommended_filter_more():
+def test_the_gate_helps_the_recommended_filter_more_and_no_stroke_tilts_beyond_its_bound():
     """Bars of the specification: 3.3° and 2.7°, 60 %, and 1.2°."""
     found = trials.slide(*FIRST, [1])
     open_, shut, new = (found[name][0] for name in ("no gate", "gate 0.08 g", "mekf"))
     assert (shut <= [3.3, 2.7]).all()
     assert (shut <= 0.4 * open_).all()
     assert (new <= 1.2).all()
-
-
-def test_no_stroke_tilts_the_estimate_beyond_its_bound():
-    """Kp v/g: the error that a stroke's whole speed feeds in, with nothing taken back."""
+    # Kp v/g: the error that a stroke's whole speed feeds in, with nothing taken back
     assert trials.bound(3.0) == pytest.approx(to_deg(0.5 * 3.0 / G0))
     weak, paper = trials.gain_scan((0.25, 0.5), 3.0, 0.8, gate="off")
     assert max(weak) < max(paper) < trials.bound(3.0)

@@ -42,17 +42,14 @@ def test_every_sum_is_that_of_the_definition_but_the_printed_one_at_half_of_the_
     assert forms.every_sum(rates, np.arange(1, 2501, 50)) <= 1e-12
 
 
-def test_the_integrals_of_the_spectra():
+def test_the_integrals_of_the_spectra_and_the_slopes_of_rounding():
     """∫ sin⁴u/u² = π/4, ∫ sin⁴u/u³ = ln 2, and sin⁴u/u grows as (3/8) ln u; 0.77 up to Nyquist (papers 000, eq 3)."""
     assert forms.white_integral(1e3, 2) == pytest.approx(math.pi / 4.0, rel=1e-3)
     growth = forms.white_integral(1e4, 1) - forms.white_integral(1e3, 1)
     assert growth == pytest.approx(0.375 * math.log(10.0), rel=1e-3)
     assert forms.flicker_integral(1e3) == pytest.approx(math.log(2.0), rel=1e-4)
     assert forms.quantisation_integral(0.002, math.sqrt(3.0), 250.0) == pytest.approx(0.77, abs=0.005)
-
-
-def test_rounding_a_rate_is_not_quantization_noise():
-    """papers 000, traps: slope −1/2 of a rounded rate (−0.500, −0.498), −1 of a rounded angle."""
+    # papers 000, traps: slope −1/2 of a rounded rate (−0.500, −0.498), −1 of a rounded angle
     found = forms.slopes(np.random.default_rng(3))
     assert found.rate == pytest.approx(-0.5, abs=0.02)
     assert found.rate_at_second == pytest.approx(1.0, abs=0.1)
@@ -78,17 +75,14 @@ def test_words_of_the_chips(work):
     assert english_alone(report, SYMBOLS) == set()
 
 
-def test_per_axis_integrals_diverge_and_the_quaternion_does_not():
+def test_angles_of_swimming_diverge_per_axis_behind_a_high_pass_and_where_rates_are_clipped(work):
     """papers 000, attitude traps: 3351° of pitch and 1219° of yaw; coning at most 1e-3°."""
     free = swimming.without_noise()
     assert swimming.largest(free.axis)["pitch"] == pytest.approx(3351.0, abs=0.5)
     assert swimming.largest(free.axis)["yaw"] == pytest.approx(1219.0, abs=0.5)
     assert max(swimming.largest(free.quaternion).values()) < 5e-4
     assert swimming.coning() <= 1e-3
-
-
-def test_clipping_is_flagged_and_a_high_pass_takes_the_angle_away(work):
-    """papers 000: peaks of 126 and 121 °/s at 1 Hz; a turn of 90° and a hold read 0.00° behind 0.011 Hz."""
+    # papers 000: peaks of 126 and 121 °/s at 1 Hz; a turn of 90° and a hold read 0.00° behind 0.011 Hz
     cut = swimming.clipped(work)
     assert cut.peaks[:2] == pytest.approx([126.0, 121.0], abs=0.5)
     assert cut.missed == 0
@@ -118,15 +112,12 @@ def test_estimators_on_a_few_records(work):
     assert english_alone(report, SYMBOLS) == set()
 
 
-def test_angles_error_by_term():
+def test_angles_error_by_term_and_temperature_warms_one_unit_up():
     """N √t and 0.664 B t of 15.066 °/h at 1 s and 57.056 °/h over 220 s: 15.066/3600 √220 and 57.056/3600 · 220."""
     found = experiment.angle_errors(records.TABLE_1, 2)
     assert found["N"] == pytest.approx(15.066 / 3600.0 * math.sqrt(220.0))
     assert found["B"] == pytest.approx(57.056 / 3600.0 * 220.0)
-
-
-def test_temperature_page_and_warm_up_are_of_one_unit():
-    """A unit with an assumed bias per kelvin reads it: 15 K (1 − e^(−220/120)) at the end."""
+    # A unit with an assumed bias per kelvin reads it: 15 K (1 − e^(−220/120)) at the end
     unit = swimming.fin_unit(1)
     assert unit.gyr is not None
     made = simulate(

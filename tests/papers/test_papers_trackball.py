@@ -97,9 +97,17 @@ def test_the_turntable_is_the_paper_s():
     assert rest.measured.mean(axis=0) == pytest.approx(dps(1.5), abs=dps(0.05))
 
 
-def test_the_allan_deviation_at_50_s_stays(short):
+def test_at_50_s_nothing_is_gained_neither_in_deviation_nor_in_angle_nor_in_scatter(short):
     """90 single differences before and after. They differ by the filter's memory of one end, 3 s of 50, at most."""
     assert short.adev[RATIOS.index(1e-3), -1] == pytest.approx(1.0, abs=0.1)
+    # A settled filter holds back Σ (y − x̂) = (1 − K)/K (x̂_end − x̂_start) and no more, however long the record is.
+    # For Q/R = 0.001 that is 31 samples of 0.013 °/s · √2, or 0.06°, against angles of √500 · 0.1 °/s · 0.1 s = 0.2°
+    # from white noise and more from flicker. Added as squares it is below 5 %.
+    assert short.angle[:3] == pytest.approx(1.0, abs=0.05)
+    # √(π/2 − 1) = 0.756 at 50 s, where a record has one difference; degrees of freedom are told beside
+    assert short.scatter[-1] == pytest.approx(math.sqrt(0.5 * math.pi - 1.0), abs=0.2)
+    assert degrees_of_freedom(1000, 50.0) == 1.0
+    assert degrees_of_freedom(1000, 10.0) == pytest.approx(12.8, abs=0.1)  # scatter 0.29, as 400 simulations show
 
 
 def test_white_noise_falls_as_theory_says(white):
@@ -132,22 +140,6 @@ def test_four_hours_hold_what_was_planted(long):
     planted = math.sqrt(n**2 / 600.0 + b**2 + k**2 * 600.0 / 3.0)
     assert long.before[LONG_TAUS.index(600.0)] == pytest.approx(planted, rel=0.23)
     assert long.white == pytest.approx(n, rel=0.02)
-
-
-def test_the_angle_keeps_its_error(short):
-    """A settled filter holds back Σ (y − x̂) = (1 − K)/K (x̂_end − x̂_start) and no more, however long the record is.
-
-    For Q/R = 0.001 that is 31 samples of 0.013 °/s · √2, or 0.06°, against angles of √500 · 0.1 °/s · 0.1 s = 0.2° from
-    white noise and more from flicker. Added as squares it is below 5 %.
-    """
-    assert short.angle[:3] == pytest.approx(1.0, abs=0.05)
-
-
-def test_one_difference_scatters_as_half_a_normal_distribution(short):
-    """√(π/2 − 1) = 0.756 at 50 s, where a record has one difference; degrees of freedom are told beside."""
-    assert short.scatter[-1] == pytest.approx(math.sqrt(0.5 * math.pi - 1.0), abs=0.2)
-    assert degrees_of_freedom(1000, 50.0) == 1.0
-    assert degrees_of_freedom(1000, 10.0) == pytest.approx(12.8, abs=0.1)  # scatter 0.29, as 400 simulations show
 
 
 def test_lags_are_those_of_theory(table):
@@ -186,11 +178,18 @@ def test_a_gain_error_stays_and_a_lag_can_hide_it(table):
     assert rows["scalar Q/R=0.01"].ramp_rms < rows["bias removed"].ramp_rms
 
 
-def test_fits_of_five_powers():
+def test_fits_of_five_powers_points_of_the_ball_and_noise_of_the_rig():
     """A curve of N and B alone: its weights are found by both fits where nothing is random; cond as in papers.md."""
     assert np.linalg.cond(static.powers()) == pytest.approx(3141.0, abs=1.0)
     plain, weighted = static.measure_fits(range(20))
     assert (plain, weighted) == (1.0, 0.0)
+    # A body whose nose points down touches with its nose: attitude 90° nose down, q = (√½, 0, −√½, 0)
+    nose_down = np.array([[math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0]])
+    assert recorded.touching(nose_down) == pytest.approx(np.array([[1.0, 0.0, 0.0]]), abs=1e-15)
+    assert recorded.apart(np.eye(3), np.roll(np.eye(3), 1, axis=0)) == pytest.approx(0.5 * math.pi)
+    assert noise_card().gyr.n_rpsd == pytest.approx(WHITE * math.sqrt(STEP))
+    still = at_rest(1, 1000.0, flicker=0.0).measured
+    assert deviation(still, [1]) == pytest.approx(WHITE, rel=0.05)
 
 
 def test_printed_forms_fail_as_they_must():
@@ -215,16 +214,13 @@ def test_the_paper_s_temperature_makes_other_parts_worse(part, raw, left):
     assert to_dps(at.coefficient) == pytest.approx(part, abs=5e-4)
 
 
-def test_the_recorded_static_test_is_the_paper_s(tests):
+def test_the_recorded_tests_are_the_paper_s_and_show_the_lag(tests):
     rest = tests[0]
     assert (rest.t.size, rest.temp_c) == (1000, 25.0)
     assert 1.0 / to_dps(rest.quantum) == pytest.approx(131.0)  # LSB/(°/s) [Chen2013]
     assert np.abs(rest.before.mean(axis=0)).max() < 1e-12  # J is taken off
     assert rest.after[:, 0].std() < 0.5 * rest.before[:, 0].std()
     assert rest.compared.tau == pytest.approx(TAUS)
-
-
-def test_the_recorded_turntable_shows_the_lag_in_the_attitude(tests):
     turned = tests[2]
     assert turned.t.size == 2000
     errors = {name: to_dps(rate - turned.true)[:1000] for name, rate in turned.rates.items()}
@@ -232,26 +228,10 @@ def test_the_recorded_turntable_shows_the_lag_in_the_attitude(tests):
     ends = {name: abs(math.degrees(error[999])) for name, error in turned.headings.items()}
     assert ends["calibrated, paper's filter"] - ends["calibrated"] == pytest.approx(57.0, abs=2.0)
     assert ends["calibrated"] < 5.0
-
-
-def test_the_ball_keeps_its_track_where_it_is_calibrated_and_not_filtered(tests):
     lapped = tests[3]
     off = {name: np.degrees(recorded.apart(at, lapped.tracks["true"])).max() for name, at in lapped.tracks.items()}
     assert off["calibrated"] < 10.0
     assert off["calibrated"] < min(off["best"], off["paper"], off["measured"])
-
-
-def test_points_and_angles_between_them():
-    """A body whose nose points down touches with its nose: attitude 90° nose down, q = (√½, 0, −√½, 0)."""
-    nose_down = np.array([[math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0]])
-    assert recorded.touching(nose_down) == pytest.approx(np.array([[1.0, 0.0, 0.0]]), abs=1e-15)
-    assert recorded.apart(np.eye(3), np.roll(np.eye(3), 1, axis=0)) == pytest.approx(0.5 * math.pi)
-
-
-def test_the_noise_of_the_rig_is_the_noise_of_the_statistics():
-    assert noise_card().gyr.n_rpsd == pytest.approx(WHITE * math.sqrt(STEP))
-    still = at_rest(1, 1000.0, flicker=0.0).measured
-    assert deviation(still, [1]) == pytest.approx(WHITE, rel=0.05)
 
 
 def test_outcomes_are_whole_and_items_name_them(found):
