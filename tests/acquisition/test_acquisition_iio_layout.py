@@ -37,14 +37,6 @@ def test_types(text, kind):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "le:s16", "xe:s16/16>>0", "le:f32/32>>0", "le:s12/12>>0", "le:s14/16>>4", "le:s0/8"]
-)
-def test_what_can_be_no_type(text):
-    with pytest.raises(ParameterError):
-        parse_type(text)
-
-
-@pytest.mark.parametrize(
     ("types", "size"),
     [
         (["le:s16/16>>0"], 2),
@@ -62,15 +54,8 @@ def test_elements_lie_at_multiples_of_their_size(types, size):
 def test_three_rates_a_temperature_and_the_time():
     """ADXRS290: 87266 nrad/s and 0.1 °C a count (Linux, drivers/iio/gyro/adxrs290.c); the scan is padded to 16 bytes.
     2468, −19999 and 317 counts are 12.34 °/s, −99.995 °/s and 31.7 °C."""
-    adxrs290 = IioLayout(
-        "adxrs290",
-        (
-            IioChannel("anglvel_x", 0, S16, scale=87266e-9),
-            IioChannel("anglvel_y", 1, S16, scale=87266e-9),
-            IioChannel("temp", 2, S16, scale=100.0),
-            TIME,
-        ),
-    )
+    rates = [IioChannel(f"anglvel_{axis}", i, S16, scale=87266e-9) for i, axis in enumerate("xy")]
+    adxrs290 = IioLayout("adxrs290", (*rates, IioChannel("temp", 2, S16, scale=100.0), TIME))
     scan = bytes.fromhex("A409 E1B1 3D01 0000") + struct.pack("<q", 1_700_000_000_123_456_789)
     columns = decoded(adxrs290, scan * 2)
     assert columns["t_ns"].tolist() == [1_700_000_000_123_456_789] * 2
@@ -108,16 +93,16 @@ def test_a_mount_matrix_turns_the_chips_axes_into_the_boards():
     """v_board = M v_chip: here the board's x is the chip's y, and its y the chip's −x."""
     columns = decoded(layout(*["le:s16/16>>0"] * 4, mounts={"gyr": SWAP}), struct.pack("<4h", 1, 2, 3, 4))
     assert [columns[name].item() for name in ("gyr_x", "gyr_y", "gyr_z", "acc_x")] == [2.0, -1.0, 3.0, 4.0]
-
-
-def test_a_mount_matrix_of_a_chip_with_two_axes():
     columns = decoded(layout(*["le:s16/16>>0"] * 2, mounts={"gyr": SWAP, "mag": SWAP}), struct.pack("<2h", 1, 2))
     assert [columns[name].item() for name in ("gyr_x", "gyr_y")] == [2.0, -1.0]
     with pytest.raises(ParameterError, match="mixes axes that are not all enabled"):
         layout("le:s16/16>>0", mounts={"gyr": ((0.8, 0.6, 0.0), (-0.6, 0.8, 0.0), (0.0, 0.0, 1.0))})
 
 
-def test_what_can_be_no_layout():
+def test_what_can_be_no_type_and_no_layout():
+    for text in ("", "le:s16", "xe:s16/16>>0", "le:f32/32>>0", "le:s12/12>>0", "le:s14/16>>4", "le:s0/8"):
+        with pytest.raises(ParameterError):
+            parse_type(text)
     with pytest.raises(ParameterError):
         IioLayout("x", ())
     with pytest.raises(UnitError, match="voltage0"):
@@ -128,14 +113,9 @@ def test_a_layout_goes_into_a_recording_and_comes_back():
     first = layout("be:s12/16>>4", "le:s32/32X4>>0", "le:s16/16>>0", mounts={"gyr": SWAP})
     assert IioLayout.from_json(first.to_json()) == first
     assert "\n" not in first.to_json()
-
-
-@pytest.mark.parametrize(
-    "text", ["", "[]", "{}", '{"device": "x", "channels": [{"name": "accel_x"}], "mounts": {}}', "null"]
-)
-def test_a_damaged_layout_is_told(text):
-    with pytest.raises(DecodeError):
-        IioLayout.from_json(text)
+    for text in ("", "[]", "{}", '{"device": "x", "channels": [{"name": "accel_x"}], "mounts": {}}', "null"):
+        with pytest.raises(DecodeError):
+            IioLayout.from_json(text)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ class Driver:
         return struct.pack("=20i", 1, 2, 3, 4, 1000, 6, *told, *range(9))
 
 
-def test_only_what_is_new_is_told():
+def test_only_what_is_new_is_told_by_a_driver_with_counters():
     driver = Driver()
     driver.overrun = driver.frame = 5  # from before the port was opened
     counters = Overruns(7, "ttyX", ioctl=driver)
@@ -36,9 +36,6 @@ def test_only_what_is_new_is_told():
     assert counters.ask(2 * EVERY_NS) == []
     driver.error = OSError(errno.EIO, "gone")
     assert counters.ask(3 * EVERY_NS) == []
-
-
-def test_a_driver_without_counters_is_not_asked_again():
     driver = Driver()
     driver.error = OSError(errno.ENOTTY, "no")
     counters = Overruns(7, "pty", ioctl=driver)

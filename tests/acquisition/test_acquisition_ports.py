@@ -55,11 +55,8 @@ def test_by_path_pattern_and_usb_identity(tmp_path, monkeypatch):
     assert kind_of("none", [], "the ports of this machine: none") == "absent"
 
 
-def test_this_machine_can_be_asked():
+def test_ports_of_this_machine_and_what_can_be_none():
     assert all(port.device for port in list_ports())
-
-
-@pytest.mark.parametrize("port", ["", "auto:", "auto:403:6001", "auto:0403", "auto:0403:6001:"])
-def test_what_can_be_no_port(port):
-    with pytest.raises(ParameterError):
-        check_port(port)
+    for port in ("", "auto:", "auto:403:6001", "auto:0403", "auto:0403:6001:"):
+        with pytest.raises(ParameterError):
+            check_port(port)

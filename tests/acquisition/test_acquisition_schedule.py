@@ -20,16 +20,13 @@ def test_the_buoys_periods():
     assert set(schedule.missed.values()) == {0}
 
 
-def test_tasks_that_coincide_are_due_in_their_order():
+def test_tasks_are_due_in_their_order_and_not_before():
     schedule = Schedule(BUOY)
     assert schedule.due(0) == ("tick", "sample", "fuse", "store")
     assert schedule.due(0) == ()
     assert schedule.due(MS) == ("tick",)
     assert schedule.due(3 * MS) == ("tick", "sample")
     assert schedule.missed == {"tick": 1, "sample": 0, "fuse": 0, "store": 0}
-
-
-def test_before_the_start_and_backwards_nothing_is_due():
     schedule = Schedule([Task("a", 10)], start_ns=100)
     assert schedule.due(99) == ()
     assert schedule.next_ns == 100

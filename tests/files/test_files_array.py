@@ -54,28 +54,22 @@ def test_every_bit_comes_back(tmp_path):
     assert_same(array, plumbob.read(tmp_path / "b.parquet").array)
 
 
-def test_a_rotation_keeps_its_bits_however_often_it_is_made():
+def test_an_array_keeps_rotations_names_and_attitude(tmp_path):
     """Dividing by a norm that is 1 but for rounding would change the last bit now and then."""
     q = np.random.default_rng(1).normal(size=(2000, 4))
     for one in q / np.linalg.norm(q, axis=1, keepdims=True):
         first = Mount(tuple(one))
         assert Mount(first.q_bs).q_bs == first.q_bs == tuple(one.tolist())
     assert Mount((2.0 - 1e-3 - 1.0, 0.0, 0.0, 0.0)).q_bs == (1.0, 0.0, 0.0, 0.0)
-
-
-def test_columns_have_the_name_of_their_unit_and_say_their_own_unit(tmp_path):
     plumbob.write(tmp_path / "a.parquet", made())
     schema = pq.read_schema(tmp_path / "a.parquet")
     assert schema.names[:2] == ["t_ns", "u1.gyr_x"]
     assert set(schema.names) >= {"u1.mag_z", "u1.temp_c", "u1.flags", "左.acc_y", "left.arm.gyr_z"}
     assert not {"左.mag_x", "左.temp_c", "left.arm.acc_x"} & set(schema.names)
     assert schema.field("左.acc_y").metadata == {b"unit": b"m/s2"}
-
-
-def test_it_carries_an_attitude_on_the_same_clock(tmp_path):
     whole = Recording(array=made(), track=make_track())
-    write_parquet(tmp_path / "a.parquet", whole)
-    found = read_parquet(tmp_path / "a.parquet")
+    write_parquet(tmp_path / "b.parquet", whole)
+    found = read_parquet(tmp_path / "b.parquet")
     assert_same(whole.array, found.array)
     assert found.track.q_nb.tobytes() == whole.track.q_nb.tobytes()
     assert found.of_unit("u1").track is None  # nobody knows whether it is that unit's
@@ -132,16 +126,13 @@ def mounted(**change):
 
 REFUSED = {
     "no list": ({"array": "u1"}, "must have the keys name, imu, mount"),
-    "no mount": ({"array": [{"name": "u1", "imu": {}}]}, "must have the keys name, imu, mount"),
     "older version": ({"format_version": 1}, "must have the keys"),
-    "version": ({"format_version": 3}, "reads up to 2; update Plumbob"),
     "no array": ({"array": ...}, "must have the keys"),
     "twice": ({"array": [*TOLD, TOLD[0]]}, "twice"),
     "one too few": ({"array": TOLD[1:]}, "columns of the units u1, which its header does not name"),
     "one too many": ({"array": [*TOLD, TOLD[0] | {"name": "u9"}]}, "columns flags of the unit u9 are missing"),
     "a name of 5": ({"array": [TOLD[0] | {"name": 5}, *TOLD[1:]]}, "must be a text"),
     "three for a quaternion": (mounted(q_bs=[1.0, 0.0, 0.0]), "q_bs"),
-    "no rotation": (mounted(q_bs=[3.0, 0.0, 0.0, 0.0]), "q_bs"),
     "lever of text": (mounted(lever_b=["1", 0.0, 0.0]), "must be a number"),
     "no noise card": (mounted(noise={"kind": "x"}), "is not a plumbob noise card"),
 }
@@ -152,9 +143,8 @@ def test_a_wrong_header_is_refused(tmp_path, case):
     change, match = REFUSED[case]
     whole = Recording(array=made())
     columns = to_columns(whole)
-    content = {
-        key: value for key, value in (header.header_of(whole, list(columns)) | change).items() if value is not ...
-    }
+    content = header.header_of(whole, list(columns)) | change
+    content = {key: value for key, value in content.items() if value is not ...}
     pq.write_table(sealed(columns, content), tmp_path / "a.parquet")
     refused(read_parquet, tmp_path / "a.parquet", match=match, error=PlumbobError)
 

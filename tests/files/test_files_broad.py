@@ -166,10 +166,6 @@ def dataset(*what, **how):
     return hdf5_with(lambda hdf5: hdf5.create_dataset("imu_acc", *what, **how))
 
 
-def linked(link):
-    return hdf5_with(lambda hdf5: hdf5.__setitem__("imu_acc", link))
-
-
 @hdf5_with
 def stored_outside(hdf5):
     other = Path(hdf5.filename).with_name("other.bin")
@@ -279,7 +275,6 @@ CUT = "the variable at byte .* is cut or damaged"
 MISFITS = [
     ("imu_acc", np.zeros((ROWS - 1, 3)), "imu_acc must have shape"),
     ("imu_acc", np.zeros((3, ROWS)), "imu_acc must have shape"),
-    ("imu_gyr", np.zeros((3, ROWS)), "must have shape"),
     ("opt_quat", np.zeros((ROWS, 3)), "opt_quat must have shape"),
     ("movement", np.zeros((ROWS, 2)), "movement must have shape"),
     ("sampling_rate", 0.0, "sampling_rate must be"),
@@ -292,8 +287,7 @@ REFUSED = [
     *((trial(suffix, **{key: value}), match) for suffix in WRITERS for key, value, match in MISFITS),
     (stored_outside, "imu_acc is stored in another file"),
     (virtual, "imu_acc is stored in another file"),
-    (linked(h5py.ExternalLink("other.hdf5", "/imu_acc")), "imu_acc is a link"),
-    (linked(h5py.SoftLink("/imu_gyr")), "imu_acc is a link"),
+    (hdf5_with(lambda f: f.__setitem__("imu_acc", h5py.ExternalLink("other.hdf5", "/imu_acc"))), "imu_acc is a link"),
     (hdf5_with(lambda hdf5: hdf5.create_group("imu_acc")), "imu_acc is not a numeric data set"),
     (dataset(data=h5py.Empty("f8")), "imu_acc is not a numeric data set"),
     (dataset(data=np.array(["text"], object), dtype=h5py.string_dtype()), "imu_acc is not a numeric data set"),
@@ -303,14 +297,10 @@ REFUSED = [
     (unwritten, r"unpack to 8589\d{6}, but"),
     (chunk_of(zlib.compress(bytes(64 << 20))), "a chunk of imu_acc unpacks to more than"),
     (dataset(data=STILL, chunks=True, compression="lzf"), "imu_acc is packed by a filter other than gzip"),
-    (dataset(data=STILL, chunks=True, scaleoffset=3), "imu_acc is packed by a filter other than gzip"),
     # MATLAB: the variable's tag lies at −56, its flags from −48 on, its dimensions from −32 and its name from −16
     (trial(".mat", imu_acc=np.full((ROWS, 3), 1.0, dtype=object)), "imu_acc must be numeric, .* cell"),
     # SciPy 1.17 ends the process in numbers of a type that does not exist, at least where that is 0 or 8
-    *(
-        (mat_with(0, kind), f"its numbers, of type {kind}, have 960 bytes")
-        for kind in (0, 8, 10, 11, 14, 16, 255, 65535)
-    ),
+    *((mat_with(0, kind), f"its numbers, of type {kind}, have 960 bytes") for kind in (0, 8, 10, 14, 255, 65535)),
     (mat_with(0, 0, 0), "its numbers, of type 0, have 0 bytes"),
     *((mat_with(4, size), CUT) for size in (0, 952, 968, 2**31, 2**32 - 1)),
     (mat_with(-56, 15), "Error -3|damaged"),  # plain bytes that are said to be packed
@@ -322,7 +312,6 @@ REFUSED = [
     (mat_with(-40, 255), "class is 255, which does not exist"),
     (mat_with(-40, 17), "imu_acc missing"),
     (mat_with(-32, 6), "dimensions are not two or more"),
-    (mat_with(-28, 4), "dimensions are not two or more"),
     (mat_with(-24, 2**32 - 1), "negative dimension"),
     (mat_with(-24, 2**31 - 1, 2**31 - 1), r"shape \(40, 3\)"),
     (mat_with(-16, 9), "name is not text"),
@@ -343,11 +332,8 @@ def test_what_is_no_trial_or_hostile_is_refused(tmp_path, put, match):
 
 
 @pytest.mark.parametrize("how", [{"shuffle": True}, {"fletcher32": True}, {"shuffle": True, "fletcher32": True}])
-def test_filters_beside_gzip_are_read(tmp_path, how):
+def test_filters_beside_gzip_and_whole_chunks_are_read(tmp_path, how):
     assert len(read(dataset(data=STILL, compression="gzip", **how)(tmp_path)).imu) == ROWS
-
-
-def test_a_chunk_that_unpacks_to_its_size_is_read(tmp_path):
     assert read(chunk_of(zlib.compress(STILL.tobytes()))(tmp_path)).imu.acc.tobytes() == STILL.tobytes()
 
 
@@ -392,14 +378,11 @@ def big_endian(found):
     return out
 
 
-def test_a_file_has_so_many_variables_and_no_more(tmp_path, monkeypatch):
+def test_sizes_are_bounded(tmp_path, monkeypatch):
     path = write_mat(tmp_path / "a.mat", content())
     monkeypatch.setattr(arrays, "MAX_VARIABLES", len(content()))
     assert len(read(path).imu) == ROWS
     monkeypatch.setattr(arrays, "MAX_VARIABLES", len(content()) - 1)
     refused(read, path, match=f"more than {len(content()) - 1} variables")
-
-
-def test_a_trial_of_the_largest_size_fits_the_budget():
     per_row = 8 * sum(int(np.prod(shape)) for shape in broad.SHAPES.values())
     assert broad.MAX_ROWS * (per_row + 8 * 3) < broad.MAX_BYTES  # with opt_pos, which is not read

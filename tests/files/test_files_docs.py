@@ -20,13 +20,19 @@ def example(name, tmp_path, encoding):
     return read(tmp_path / "a.txt", profile=parse_profile(profile))
 
 
-def test_the_labview_example(tmp_path):
+def test_the_examples_are_read(tmp_path):
     imu = example("LabVIEW", tmp_path, "gbk").imu
     assert imu.t.tolist() == [0.0, 0.01, 0.02]
     assert imu.gyr[0] == pytest.approx(np.radians([0.12, 0.05, -0.01]), rel=1e-14)  # y and z turned by axes
     assert np.isnan(imu.gyr[1]).tolist() == [False, False, True]
     assert imu.acc[2] == pytest.approx([0.002 * G0, 0.012 * G0, G0], rel=1e-14)  # at rest it points up, and z is up
     assert imu.temp_c.tolist() == [23.4, 23.4, 23.5]
+    imu = example("Dates", tmp_path, "utf-8").imu
+    assert imu.t.tolist() == [0.0, 0.01]
+    assert imu.meta.t0_ns == 1_714_566_605_120_000_000  # date -u -d 2024-05-01T12:30:05Z +%s (GNU coreutils 9.1)
+    assert imu.acc[0] == pytest.approx([0.0, -4 / 4096 * G0, 4098 / 4096 * G0], rel=1e-14)
+    assert imu.gyr[0] == pytest.approx(np.radians([0.003, 0.012, 0.110]), rel=1e-14)
+    assert imu.mag[0] == pytest.approx([21.2, 1.1, -38.8], rel=1e-14)  # 1 G = 100 µT
 
 
 def test_the_logger_example(tmp_path):
@@ -37,15 +43,6 @@ def test_the_logger_example(tmp_path):
     assert imu.acc[0, 2] == pytest.approx(16350 / 16384 * G0, rel=1e-14)
     assert imu.mag[0].tolist() == pytest.approx([31.8, 1.65, -58.2])
     assert track.q_nb.tolist() == [[1.0, 0.0, 0.0, 0.0]] * 2
-
-
-def test_the_example_of_dates_counts_and_axes(tmp_path):
-    imu = example("Dates", tmp_path, "utf-8").imu
-    assert imu.t.tolist() == [0.0, 0.01]
-    assert imu.meta.t0_ns == 1_714_566_605_120_000_000  # date -u -d 2024-05-01T12:30:05Z +%s (GNU coreutils 9.1)
-    assert imu.acc[0] == pytest.approx([0.0, -4 / 4096 * G0, 4098 / 4096 * G0], rel=1e-14)
-    assert imu.gyr[0] == pytest.approx(np.radians([0.003, 0.012, 0.110]), rel=1e-14)
-    assert imu.mag[0] == pytest.approx([21.2, 1.1, -38.8], rel=1e-14)  # 1 G = 100 µT
 
 
 def test_every_suffix_and_column_is_documented():

@@ -196,16 +196,13 @@ def test_what_is_no_table_is_refused(tmp_path, text, match):
     refused(plumbob.profile, tmp_path / "a.csv", match=match)
 
 
-def test_names_cannot_leave_their_line(tmp_path):
+def test_names_stay_in_their_line_and_a_draft_is_written_once(tmp_path, files):
     """What a file says of itself stands in texts and comments of the draft, and in nothing else."""
     head = '"t\x1b[2J","gx\x85frame","gy\u2028x","gz\\",ax,ay,az,"=evil""]"\n'
     rows = np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 9.8, 5.0], (10, 1))
     draft = plumbob.profile(table(tmp_path / "a.csv", head, [T[:10], *rows.T]))
     assert set(tomllib.loads(draft.text)) <= {"separator", "decimal", "frame", "axes", "header", "time", "acc", "gyr"}
     assert all(line.isprintable() for line in draft.text.split("\n"))
-
-
-def test_a_draft_is_written_once(files, tmp_path):
     path = tmp_path / "a.csv"
     path.write_bytes(files["phyphox"][0].read_bytes())
     out = tmp_path / "a.profile.toml"

@@ -19,12 +19,12 @@ def lines(topic, **changes):
     return [line for line in findings(make_imu(**({"meta": META} | changes))) if line.startswith(topic)]
 
 
-def test_nothing_is_said_of_a_clean_recording():
+def test_clean_and_uncalibrated_recordings_and_provenance():
     assert findings(make_imu(meta=META)) == ()
-
-
-def test_uncalibrated():
     assert lines("calibration: ", meta=ImuMeta()) != []
+    assert provenance(["b", *(f"{topic}x" for topic in TOPICS), "a", "b"]) == ("b", "a")
+    # IGRF-13: total intensity from 22 µT (South Atlantic anomaly) to 67 µT (near the southern magnetic pole).
+    assert EARTH_FIELD == (22.0, 67.0)
 
 
 @pytest.mark.parametrize("size", [0.5, 21.0, 22.5, 49.0, 66.5, 68.0, 900.0, 1e300])
@@ -45,16 +45,6 @@ def test_clipped_and_invalid_samples_and_gaps_are_counted():
         "invalid: gyr is infinite or impossible in 1 of 12 samples",
         "gaps: samples are missing before 1 of 12; the longest step is 0.51 s",
     )
-
-
-def test_provenance_keeps_order_and_drops_findings_and_repetitions():
-    lines = provenance(["b", *(f"{topic}x" for topic in TOPICS), "a", "b"])
-    assert lines == ("b", "a")
-
-
-def test_earth_field_is_that_of_igrf():
-    # IGRF-13: total intensity from 22 µT (South Atlantic anomaly) to 67 µT (near the southern magnetic pole).
-    assert EARTH_FIELD == (22.0, 67.0)
 
 
 def still(rows=1000, **changes):
@@ -95,11 +85,16 @@ def test_a_sensor_that_froze_or_fell_silent(imu, line):
     assert len(imu) == 1000
 
 
-def test_a_slow_sensor_is_not_stuck_before_it_had_time():
+def test_nothing_is_said_too_early_without_motion_or_sensors():
     slow = make_imu(100, t=np.arange(100) * 0.1, meta=META)
     acc = slow.acc.copy()
     acc[10:55] = acc[10]  # 4.4 s, but 45 samples
     assert stuck(make_imu(100, t=slow.t, meta=META, acc=acc)) == []
+    rest = make_imu(3000, t=np.arange(3000) * 0.01, meta=META)
+    assert not turning(rest).tells
+    for changes in ({"acc": None}, {"gyr": None}, {"acc": np.zeros((3000, 3))}, {"gyr": np.zeros((3000, 3))}):
+        assert not turning(make_imu(3000, t=rest.t, meta=META, **changes)).tells
+    assert not turning(make_imu(1)).tells
 
 
 def turned(imu, factor, **changes):
@@ -169,11 +164,3 @@ def test_factor_of_a_slow_turn_with_bias_and_holes(monkeypatch, most):
     assert found.factor == pytest.approx(1.0, abs=0.02)
     assert found.correlation == pytest.approx(1.0, abs=0.01)
     assert found.windows < (6000 // 20 - 25 if most > 300 else 100)
-
-
-def test_nothing_is_said_without_motion_or_without_both_sensors():
-    rest = make_imu(3000, t=np.arange(3000) * 0.01, meta=META)
-    assert not turning(rest).tells
-    for changes in ({"acc": None}, {"gyr": None}, {"acc": np.zeros((3000, 3))}, {"gyr": np.zeros((3000, 3))}):
-        assert not turning(make_imu(3000, t=rest.t, meta=META, **changes)).tells
-    assert not turning(make_imu(1)).tells

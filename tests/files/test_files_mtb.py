@@ -197,20 +197,17 @@ def test_utc_counts_where_it_is_valid(tmp_path):
     assert recording.imu.meta.t0_ns == 0 and any("UTC: not known" in note for note in recording.notes)
 
 
-def test_time_wraps(tmp_path):
+def test_time_wraps_or_is_counted_by_the_declared_rate(tmp_path):
     start = 2**32 - 4 * 10**9  # ticks until the count begins again
     packets = [packet(start // 100 - 5 + i, xbus_floats(0x8020, 0, 0, 0)) for i in range(12)]
     np.testing.assert_allclose(read(log(tmp_path / "a.mtb", *packets)).imu.t, np.arange(12) / 100, atol=1e-9)
+    settings = xbus_message(0xC1, bytes.fromhex("1020FFFF 80200032 C0200019".replace(" ", "")))
+    imu = read(log(tmp_path / "a.mtb", settings, *(counted(i) for i in (65534, 65535, 0, 2)))).imu
+    np.testing.assert_allclose(imu.t, [0, 0.02, 0.04, 0.08], atol=1e-9)
 
 
 def counted(i):
     return xbus_message(0x36, xbus_block(0x1020, struct.pack(">H", i)) + xbus_floats(0x8020, 0, 0, 0))
-
-
-def test_without_time_the_declared_rate_counts(tmp_path):
-    settings = xbus_message(0xC1, bytes.fromhex("1020FFFF 80200032 C0200019".replace(" ", "")))
-    imu = read(log(tmp_path / "a.mtb", settings, *(counted(i) for i in (65534, 65535, 0, 2)))).imu
-    np.testing.assert_allclose(imu.t, [0, 0.02, 0.04, 0.08], atol=1e-9)
 
 
 def several(count=3):
@@ -236,10 +233,8 @@ def test_what_a_unit_says_of_itself(tmp_path):
     assert read(path, unit="037003f8").imu is not None
     configuration = bytearray.fromhex(CONFIGURATION)
     configuration[32:46] = b"MTi-300-2A5G4 "
-    assert (
-        read(log(tmp_path / "a.mtb", xbus_message(0x0D, configuration), plain())).imu.meta.device
-        == "MTi-300-2A5G4 037003F8"
-    )
+    path = log(tmp_path / "a.mtb", xbus_message(0x0D, configuration), plain())
+    assert read(path).imu.meta.device == "MTi-300-2A5G4 037003F8"
     said = xbus_message(0x01, bytes.fromhex("0000008000ABCDEF"))  # 64 bits of the fifth generation
     assert read(log(tmp_path / "a.mtb", said, plain())).imu.meta.device == "Xsens 8000ABCDEF"
     assert read(log(tmp_path / "a.mtb", plain())).imu.meta.device == "Xsens"
@@ -264,33 +259,22 @@ def test_what_only_xsens_takes_apart_is_refused_with_a_word(tmp_path, parts, mat
     refused(read, log(tmp_path / "a.mtb", *parts), match=match, name="a.mtb")
 
 
+SENSED = (1, 2, 9, 0.1, 0.2, 0.3)
 MODES = [
     # OutputMode, OutputSettings, data of a packet besides the counter: the order is that of MT0101P, MTData
-    (0x0002, 0x0000_0001, lambda: struct.pack(">9f", 1, 2, 9, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)),
-    (
-        0x0807,
-        0x0000_0001,
-        lambda: struct.pack(">14fB", 21, 1, 2, 9, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.5, 0.5, 0.5, 0.5, 1),
-    ),
-    (0x0006, 0x8000_0045, lambda: struct.pack(">9f", 1, 2, 9, 0.1, 0.2, 0.3, 90, 0, 90)),
-    (
-        0x0006,
-        0x0000_0309,
-        lambda: struct.pack(">18d", 1, 2, 9, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0, 1, 0, 0, 0, 1, 1, 0, 0),
-    ),
-    (
-        0x102E,
-        0x0000_0401,
-        lambda: bytes(44) + struct.pack(">13f", 1, 2, 9, 0.1, 0.2, 0.3, 0, 0, 0, *[0.5] * 4) + bytes(14),
-    ),
+    (0x0002, 0x0000_0001, struct.pack(">9f", *SENSED, 0.4, 0.5, 0.6)),
+    (0x0807, 0x0000_0001, struct.pack(">14fB", 21, *SENSED, 0.4, 0.5, 0.6, *[0.5] * 4, 1)),
+    (0x0006, 0x8000_0045, struct.pack(">9f", *SENSED, 90, 0, 90)),
+    (0x0006, 0x0000_0309, struct.pack(">18d", *SENSED, 0.4, 0.5, 0.6, 0, 1, 0, 0, 0, 1, 1, 0, 0)),
+    (0x102E, 0x0000_0401, bytes(44) + struct.pack(">13f", *SENSED, 0, 0, 0, *[0.5] * 4) + bytes(14)),
 ]
 
 
 @pytest.mark.parametrize(("mode", "settings", "body"), MODES)
 def test_packets_of_older_units_by_their_settings(tmp_path, mode, settings, body):
-    device = struct.pack(">IHHI8x", 0x00300123, len(body()) + 2, mode, settings)
+    device = struct.pack(">IHHI8x", 0x00300123, len(body) + 2, mode, settings)
     configuration = bytes.fromhex("00300123 0480 0001".replace(" ", "")) + bytes(88) + b"\0\1" + device
-    packets = [xbus_message(0x32, body() + struct.pack(">H", i)) for i in range(5)]
+    packets = [xbus_message(0x32, body + struct.pack(">H", i)) for i in range(5)]
     recording = read(log(tmp_path / "mti.mtb", xbus_message(0x0D, configuration), *packets, xbus_message(0x32, b"odd")))
     imu, track = recording.imu, recording.track
     np.testing.assert_allclose(imu.acc, [[1, 2, 9]] * 5)
@@ -322,9 +306,8 @@ def test_junk_bad_checksums_and_cut_ends_are_counted(tmp_path):
     raw, one = plain(), len(packet(0, xbus_floats(0x8020, 0, 0, 0), xbus_floats(0x4020, 0, 0, 0)))
     damaged = bytearray(raw)
     damaged[3 * one + 20] ^= 0x40
-    chance = (
-        b"\0" + packet(99, xbus_floats(0x8020, 9, 9, 9)) + b"\0"
-    )  # in damage, no message follows one that fits by chance
+    # in damage, no message follows one that fits by chance
+    chance = b"\0" + packet(99, xbus_floats(0x8020, 9, 9, 9)) + b"\0"
     path = log(
         tmp_path / "a.mtb", b"\xfajunk", damaged[: 7 * one], b"\xfa\xff\x36\xff" * 5, chance, damaged[7 * one : -4]
     )
@@ -336,22 +319,16 @@ def test_junk_bad_checksums_and_cut_ends_are_counted(tmp_path):
     assert "PacketCounter leaves out 1 packet" in said
 
 
-def test_long_messages_have_two_more_bytes_of_length(tmp_path):
+def test_long_messages_and_blocks_that_lie(tmp_path):
     blocks = [xbus_block(0x7020, bytes(200)), xbus_block(0x7010, bytes(94)), xbus_floats(0x8020, 1, 2, 3)]
     imu = read(log(tmp_path / "a.mtb", *(packet(i, *blocks) for i in range(3)))).imu
     np.testing.assert_allclose(imu.gyr, [[1, 2, 3]] * 3)
-
-
-def test_blocks_that_lie_are_left_out(tmp_path):
     lie = xbus_message(0x36, struct.pack(">HB", 0x8020, 200) + bytes(12))
     recording = read(log(tmp_path / "a.mtb", plain(), lie, packet(20, xbus_floats(0x8020, 1, 2))))
     assert len(recording.imu) == 20
     said = " ".join(recording.notes)
     assert "damage: 1 packet left out, whose blocks do not fill them" in said
     assert "damage: blocks left out that have a wrong size: rate of turn (8020)" in said
-
-
-def test_more_layouts_than_a_unit_has_cost_no_more_time(tmp_path):
     rng = np.random.default_rng(5)
     packets = [packet(i, *(xbus_block(int(k), b"") for k in rng.integers(1, 2**16, 8))) for i in range(2000)]
     recording = read(log(tmp_path / "a.mtb", plain(5), *packets))

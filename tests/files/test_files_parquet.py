@@ -80,7 +80,7 @@ def test_a_cut_is_refused_and_a_flipped_bit_never_gives_other_numbers(folder, na
     assert refusals > 60
 
 
-def test_storage_is_as_documented(folder):
+def test_storage_units_and_size_are_as_documented(folder):
     path = folder / "storage.parquet"
     write_parquet(path, CASES["both"])
     group = pq.ParquetFile(path).metadata.row_group(0)
@@ -93,9 +93,6 @@ def test_storage_is_as_documented(folder):
         )
         # RLE is how Parquet numbers its levels; PLAIN would be listed if it were used.
         assert expected is None or set(column.encodings) - {"RLE"} == {expected}
-
-
-def test_any_tool_sees_units_and_header(folder):
     path = folder / "plain.parquet"
     write_parquet(path, CASES["both"])
     table = pq.read_table(path)
@@ -109,9 +106,6 @@ def test_any_tool_sees_units_and_header(folder):
     assert content["imu"]["t0_ns"] == 1_700_000_000_123_456_789
     assert content["track"] == {"frame": "NWU", "north": "free", "source": "test, of the files"}
     assert table.column("t_ns").to_numpy()[1] == 253_500_000  # 0.25 s + 3.5 ms
-
-
-def test_noise_is_stored_below_its_raw_size(folder):
     path = folder / "noise.parquet"
     write_parquet(path, Recording(imu=make_imu(rows=20_000)))
     # 10 float64 columns of white noise, a time and flags are 92 bytes raw; the study measured 59.8 bytes for 9 + time.
@@ -233,14 +227,8 @@ REFUSED = [
     *((without(name, told=False), "not of the same names") for name in ("t_ns", "flags")),
     *((without(name), f"the columns {name} are missing") for name in ("t_ns", "gyr_y", "flags", "q_w", "cov_zz")),
     (extra, "column heart is unknown"),
-    *(
-        (replaced(name, kind=kind), f"the column {name} must be")
-        for name, kind in (("gyr_x", pa.float32()), ("t_ns", pa.int32()), ("score", pa.uint8()))
-    ),
-    *(
-        (replaced("gyr_x", metadata=unit), "gyr_x must be in rad/s, but its metadata says")
-        for unit in ({"unit": "deg/s"}, {"unit": ""}, None)
-    ),
+    (replaced("gyr_x", kind=pa.float32()), "the column gyr_x must be"),
+    *((replaced("gyr_x", metadata=unit), "must be in rad/s, but its metadata") for unit in ({"unit": "deg/s"}, None)),
     (replaced("gyr_x", pa.array([None] + [0.0] * 11), nullable=True), "gyr_x holds 1 nulls"),
     (lambda: sealed(BOTH, CONTENT, seal=False), "does not fit its checksum"),
     (swapped, "does not fit its checksum"),
@@ -287,16 +275,8 @@ def with_pages(path, pages):
     path.write_bytes(raw)
 
 
-PROFILE = """separator = ","
-[header]
-names = true
-[time]
-rate = "100 Hz"
-[acc]
-columns = ["x", "y", "z"]
-unit = "m/s2"
-sign = "specific-force"
-"""
+PROFILE = 'separator = ","\n[header]\nnames = true\n[time]\nrate = "100 Hz"\n'
+PROFILE += '[acc]\ncolumns = ["x", "y", "z"]\nunit = "m/s2"\nsign = "specific-force"\n'
 
 
 @pytest.mark.parametrize("described", [True, False])

@@ -31,15 +31,12 @@ def test_phyphox_reads_in_each_of_its_layouts(tmp_path, separator, decimal, put)
     assert any("Linear Accelerometer.csv" in note for note in recording.notes)
 
 
-def test_phyphox_puts_the_pause_back_that_its_time_leaves_out(tmp_path):
+def test_phyphox_pauses_short_names_and_single_tables(tmp_path):
     imu = read(kinds.zipped(tmp_path / "swing.zip", kinds.phyphox_files())).imu
     assert imu.meta.t0_ns == kinds.T0
     # 1 s of the experiment, then 4.5 s of pause: from 10:20:01.000 to 10:20:05.500
     np.testing.assert_allclose(imu.t[[0, 99, 100, 199]], [0.0, 0.99, 5.5, 6.49], atol=1e-9)
     assert np.count_nonzero(np.diff(imu.t) > 1.0) == 1
-
-
-def test_phyphox_of_the_short_names_takes_what_it_is_from_the_file(tmp_path):
     files = {
         "Gyroscope.csv": kinds.phyphox_table("", "rad/s", kinds.RATE),
         "Accelerometer.csv": kinds.phyphox_table("", "m/s^2", kinds.REST),
@@ -49,16 +46,13 @@ def test_phyphox_of_the_short_names_takes_what_it_is_from_the_file(tmp_path):
     np.testing.assert_allclose(recording.imu.acc[5], kinds.REST)
     assert recording.imu.meta.t0_ns == 0
     assert any("the start and any pauses are not known" in note for note in recording.notes)
-
-
-def test_one_table_of_phyphox_is_a_recording(tmp_path):
     path = tmp_path / "Raw Data.csv"
     path.write_text(kinds.phyphox_table("Gyroscope ", "rad/s", kinds.RATE), encoding="utf-8")
     imu = read(path).imu
     assert (kind_of(path).name, imu.triads, imu.gyr.tolist()) == ("phone", ("gyr",), [[*kinds.RATE]] * 200)
 
 
-def test_phyphox_never_takes_acceleration_without_gravity_for_specific_force(tmp_path):
+def test_phyphox_takes_no_acceleration_without_gravity_and_all_of_a_table_of_several(tmp_path):
     files = {
         "Gyroscope.csv": kinds.phyphox_table("Gyroscope ", "rad/s", kinds.RATE),
         "Linear Accelerometer.csv": kinds.phyphox_table("Linear Acceleration ", "m/s^2", (0.0, 0.0, 0.0)),
@@ -69,9 +63,6 @@ def test_phyphox_never_takes_acceleration_without_gravity_for_specific_force(tmp
     assert recording.imu.acc is None
     assert any("Accelerometer without g.csv" in note for note in recording.notes)
     assert any("Pressure.csv" in note for note in recording.notes)
-
-
-def test_phyphox_reads_all_sensors_of_a_table_of_several(tmp_path):
     columns = [
         f"{what} {a} ({unit})" for what, unit in (("Gyroscope", "rad/s"), ("Acceleration", "m/s^2")) for a in "xyz"
     ]

@@ -186,44 +186,27 @@ REFUSED = [
     # keys
     (minimal('separator = ","', 'seperator = ","'), "has no key .* known are format_version, separator, decimal"),
     (minimal("names = true", "name = true"), "has no key .* known are marker, occurrence, skip, names"),
-    (minimal('column = "t"', 'colum = "t"'), "has no key .* known are column, unit, epoch, rate"),
-    (minimal('unit = "dps"', 'units = "dps"'), "known are columns, unit, counts_per_unit, unit_per_count, zero, range"),
     (minimal('separator = ","', ""), "needs the key 'separator'"),
-    (minimal("[header]\nnames = true", ""), "needs the key 'header'"),
-    (minimal("names = true", ""), "needs the key 'names'"),
     (ACC, "acc needs the key 'sign'"),
     (ACC + 'sign = "down"', "must be one of 'specific-force', 'gravity'"),
     # units
     *((minimal(f'unit = "{unit}"', ""), 'needs a unit.*Add unit = "', UnitError) for unit in ("s", "dps")),
-    (
-        minimal('"dps"', '"DPS"'),
-        "gyr.unit: 'DPS' is not a unit of rate; if 'dps' was meant.*known are rad/s",
-        UnitError,
-    ),
-    (minimal('"dps"', '"g"'), "is not a unit of rate", UnitError),
+    (minimal('"dps"', '"DPS"'), "'DPS' is not a unit of rate; if 'dps' was meant.*known are rad/s", UnitError),
     (minimal('unit = "s"', 'unit = "Hz"'), "is not a unit of time", UnitError),
     (minimal('"dps"', '"dps"\nrange = "2000"'), "has no unit", UnitError),
-    (minimal('"dps"', '"dps"\nrange = "16 g"'), "is not a unit of rate", UnitError),
     (minimal('unit = "dps"', THREE.replace(', "3 rad/s"', "")), r"gyr\.range must be one range, or three .* it has 2"),
     (minimal('unit = "dps"', THREE.replace('"3 rad/s"', "3")), r"gyr\.range\[2\] must be a number and its", UnitError),
     (minimal('","', '","\nrate_nominal = "100"'), "rate_nominal: '100' has no unit", UnitError),
     (minimal('","', '","\nrate_nominal = "fast Hz"'), "not a number with a unit", UnitError),
-    (minimal('","', '","\ndeclination = "3.5"'), "has no unit", UnitError),
     # references
-    (
-        with_reference('frame = "ENU"', ""),
-        "reference needs 'frame', because there is no default; known are",
-        FrameError,
-    ),
+    (with_reference('frame = "ENU"', ""), "needs 'frame', because there is no default; known are", FrameError),
     (with_reference('north = "true"', ""), "reference needs 'north'", FrameError),
-    (with_reference('order = "wxyz"', ""), "needs the key 'order'"),
     (with_reference("ENU", "NEU"), "'NEU' is not a navigation frame", FrameError),
     (with_reference('"true"', '"grid"'), "'grid' is not a heading reference", FrameError),
     (with_reference('"wxyz"', '"yaw pitch roll"'), "needs 3 columns, but 4 came"),
     (with_reference("[4, 5, 6, 7]", "[4, 5, 6]"), "needs 4 columns, but 3 came"),
     (with_reference('order = "wxyz"', 'order = "wxyz"\nunit = "deg"'), "a quaternion has none"),
     (with_reference("7]", "7]\nunit = 1"), "must be a text"),
-    (with_reference("[4, 5, 6, 7]", "[4, 5, 6, 4]"), "column '4' is declared twice"),
     (with_reference("[4, 5, 6, 7]", '[4, 5, 6, "x"]'), "column 'x' is declared twice"),
     (ANGLES, "reference needs a unit", UnitError),
     (TURNED, "reference needs 'of'", FrameError),
@@ -242,7 +225,6 @@ REFUSED = [
     (minimal('","', '","\nformat_version = 2'), "reads 1; update Plumbob"),
     (minimal('","', '","\nunit_check = 0'), "true or false"),
     (minimal('","', '","\nrate_nominal = "-5 Hz"'), "above 0"),
-    (minimal("names = true", "names = 1"), "true or false"),
     (minimal("names = true", "names = false\nafter_names = 1"), "needs names = true"),
     (minimal("names = true", "names = true\noccurrence = 2"), "add header.marker"),
     (minimal('column = "t"\nunit = "s"', ""), "either column and unit .*or a declared rate"),
@@ -269,13 +251,10 @@ def test_what_is_not_declared_misspelt_or_nonsense_is_refused(case):
     refused(parse_profile, text, match=match, error=error)
 
 
-def test_axes_turn_the_case_unless_they_were_applied():
+def test_axes_time_and_separator_are_written_in_several_ways():
     assert parse_profile(TURNED + 'of = "case"').turn == "x -y -z"
     assert parse_profile("axes_applied = true\n" + TURNED).turn is None
     assert parse_profile(TRACK).triads == {}
-
-
-def test_time_and_separator_are_written_in_several_ways():
     assert parse_profile(UNIX).time == TimeColumn("t", "s", unix=True)
     assert parse_profile(MINIMAL.replace('column = "t"\nunit = "s"', 'rate = "0.5 Hz"')).time == TimeRate(0.5)
     for word in ('"tab"', '"\\t"', "'\\t'"):

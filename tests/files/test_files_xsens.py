@@ -50,12 +50,16 @@ def test_sample_time_fine_counts_tenths_of_milliseconds_and_wraps(tmp_path):
     assert up[2] > 9.5  # the specific force of that row points up, as of a sensor nearly at rest
 
 
-def test_quaternions_go_before_matrices_and_angles(tmp_path):
+def test_quaternions_first_and_start_in_utc(tmp_path):
     columns = ["PacketCounter", *SENSORS, "Quat_q0", "Quat_q1", "Quat_q2", "Quat_q3", "Roll", "Pitch", "Yaw"]
     rows = [[i, *VALUES, 0.5, -0.5, 0.5, 0.5, 1, 2, 3] for i in range(10)]
     track = read(export(tmp_path / "a.txt", OLD + "// Coordinate system: NED\n", columns, rows)).track
     assert track.frame is Frame.NED
     np.testing.assert_array_equal(track.q_nb, np.tile([0.5, -0.5, 0.5, 0.5], (10, 1)))
+    utc = ["UTC_Nano", "UTC_Year", "UTC_Month", "UTC_Day", "UTC_Hour", "UTC_Minute", "UTC_Second", "UTC_Valid"]
+    rows = [[i, 100 * i, 250_000_000, 2024, 5, 1, 12, 30, 5 + i, 7, *VALUES] for i in range(10)]
+    imu = read(export(tmp_path / "a.txt", NEW, ["PacketCounter", "SampleTimeFine", *utc, *SENSORS], rows)).imu
+    assert imu.meta.t0_ns == 1_714_566_605_250_000_000  # date -u -d '2024-05-01 12:30:05.25' +%s%N
 
 
 def test_increments_stand_for_rates_and_accelerations(tmp_path):
@@ -77,13 +81,6 @@ def test_increments_stand_for_rates_and_accelerations(tmp_path):
     assert any("in the axes at its beginning, as no rate is known" in note for note in recording.notes)
     with pytest.raises(ParameterError, match="holds one unit without a name"):
         read(path, unit="2")
-
-
-def test_utc_columns_give_the_start(tmp_path):
-    utc = ["UTC_Nano", "UTC_Year", "UTC_Month", "UTC_Day", "UTC_Hour", "UTC_Minute", "UTC_Second", "UTC_Valid"]
-    rows = [[i, 100 * i, 250_000_000, 2024, 5, 1, 12, 30, 5 + i, 7, *VALUES] for i in range(10)]
-    imu = read(export(tmp_path / "a.txt", NEW, ["PacketCounter", "SampleTimeFine", *utc, *SENSORS], rows)).imu
-    assert imu.meta.t0_ns == 1_714_566_605_250_000_000  # date -u -d '2024-05-01 12:30:05.25' +%s%N
 
 
 COUNTED, TIMED = ["PacketCounter", *SENSORS], ["PacketCounter", "SampleTimeFine", *SENSORS]

@@ -49,16 +49,8 @@ def real_motion(rows=3000):
     else:
         from plumbob import simulate
 
-        made = simulate(
-            "sway",
-            frame="ENU",
-            sensors="ideal",
-            unit="calibrated",
-            duration=rows / 285.0,
-            rate=285.0,
-            mag_rate=285.0,
-            seed=4,
-        )
+        rates = {"duration": rows / 285.0, "rate": 285.0, "mag_rate": 285.0}
+        made = simulate("sway", frame="ENU", sensors="ideal", unit="calibrated", seed=4, **rates)
         gyr, acc, mag, q_nb = made.imu.gyr, made.imu.acc, made.imu.mag, made.truth.q_nb
     count = len(gyr)
     t_ns = np.round(np.arange(count) * (7e9 / 2000.0)).astype(np.int64)
@@ -255,15 +247,8 @@ def ros_rows(m):
     """Messages of a driver: samples, orientation, a slow magnetometer, a thermometer; xyzw, tesla."""
     from tests.helpers import ros_bags as ros_made
 
-    given = {
-        "gyr": m.gyr,
-        "acc": m.acc,
-        "mag": from_si(m.mag, "T"),
-        "temp_c": m.temp_c,
-        "t_ns": m.t_ns,
-        "xyzw": m.q_nb[:, [1, 2, 3, 0]],
-    }
-    return ros_made.all_rows(given)
+    slow = {"mag": from_si(m.mag, "T"), "temp_c": m.temp_c}
+    return ros_made.all_rows({"t_ns": m.t_ns, "gyr": m.gyr, "acc": m.acc, "xyzw": m.q_nb[:, [1, 2, 3, 0]]} | slow)
 
 
 def px4_of(m):
@@ -325,15 +310,10 @@ def sensor_logger_of(m):
 
 def sensorlog_of(m):
     """One row of all sensors with CoreMotion's sign and g."""
-    names = (
-        "loggingTime(txt),motionTimestamp_sinceReboot(s),"
-        + ",".join(f"accelerometerAcceleration{a}(G)" for a in "XYZ")
-        + ",accelerometerTimestamp_sinceReboot(s),"
-        + ",".join(f"motionRotationRate{a}(rad/s)" for a in "XYZ")
-        + ","
-        + ",".join(f"motionMagneticField{a}(µT)" for a in "XYZ")
-    )
-    lines = [names]
+    names = ["loggingTime(txt)", "motionTimestamp_sinceReboot(s)"]
+    names += [*(f"accelerometerAcceleration{a}(G)" for a in "XYZ"), "accelerometerTimestamp_sinceReboot(s)"]
+    names += [form.format(a) for form in ("motionRotationRate{}(rad/s)", "motionMagneticField{}(µT)") for a in "XYZ"]
+    lines = [",".join(names)]
     for t_ns, gyr, acc, mag in zip(m.t_ns.tolist(), m.gyr, m.acc, m.mag, strict=True):
         t = f"{5000 + t_ns / 1e9:.6f}"
         stamp = f"2025-10-05 10:20:{t_ns / 1e9:06.3f} +0200"
@@ -369,16 +349,9 @@ def mtb_of(m):
     """MTData2 in ENU: SampleTimeFine of 0.1 ms, fields in units of the local one, quaternions."""
     raw = b""
     for i, tick in enumerate(((m.t_ns + 50_000) // 100_000).tolist()):
-        raw += xbus_message(
-            0x36,
-            xbus_block(0x1020, struct.pack(">H", i))
-            + xbus_block(0x1060, struct.pack(">I", tick))
-            + xbus_floats(0x0810, m.temp_c[i])
-            + xbus_floats(0x2010, *m.q_nb[i])
-            + xbus_floats(0x4020, *m.acc[i])
-            + xbus_floats(0x8020, *m.gyr[i])
-            + xbus_floats(0xC020, *(m.mag[i] / 50.0)),
-        )
+        data = xbus_block(0x1020, struct.pack(">H", i)) + xbus_block(0x1060, struct.pack(">I", tick))
+        data += xbus_floats(0x0810, m.temp_c[i]) + xbus_floats(0x2010, *m.q_nb[i]) + xbus_floats(0x4020, *m.acc[i])
+        raw += xbus_message(0x36, data + xbus_floats(0x8020, *m.gyr[i]) + xbus_floats(0xC020, *(m.mag[i] / 50.0)))
     return raw
 
 
@@ -400,9 +373,7 @@ def ximu3_folder(folder, m):
     folder.mkdir()
     us = 1_000_000 + m.t_ns // 1000
     rates = np.column_stack([from_si(m.gyr, "deg/s"), m.acc / G0])
-    axes = [
-        f"{what} {axis} ({unit})" for what, unit in (("Gyroscope", "deg/s"), ("Accelerometer", "g")) for axis in "XYZ"
-    ]
+    axes = [form.format(axis) for form in ("Gyroscope {} (deg/s)", "Accelerometer {} (g)") for axis in "XYZ"]
     tables = {
         "Inertial.csv": ("Timestamp (us)," + ",".join(axes), rates),
         "Magnetometer.csv": ("Timestamp (us),X (a.u.),Y (a.u.),Z (a.u.)", m.mag / 50.0),

@@ -30,10 +30,7 @@ def ulog(*, topics, told=(), dropouts=(), flags=None, appended=b""):
     out = bytearray(b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1_000_000))
     if flags is not None:
         out += message("B", flags)
-    formats = {}
-    for name, _, columns, _ in topics:
-        formats[name] = columns
-    for name, columns in formats.items():
+    for name, columns in {name: columns for name, _, columns, _ in topics}.items():
         out += message("F", f"{name}:{columns}".encode())
     for kind, key, packed in told:
         head = f"{kind} {key}".encode()
@@ -77,12 +74,8 @@ def px4(moving=None, **more):
     gauss = from_si(field[::10], "gauss")
     mag = [struct.pack("<Q3f", t, *one) for t, one in zip(t_us[::10].tolist(), gauss, strict=True)]
     gps = [struct.pack("<QQB", 2_000_000, 1_700_000_000_000_000, 3)]
-    topics = [
-        ("sensor_combined", 0, COMBINED, combined),
-        ("vehicle_attitude", 0, ATTITUDE, attitude),
-        ("vehicle_magnetometer", 0, MAG, mag),
-        ("vehicle_gps_position", 0, GPS, gps),
-    ]
+    topics = [("sensor_combined", 0, COMBINED, combined), ("vehicle_attitude", 0, ATTITUDE, attitude)]
+    topics += [("vehicle_magnetometer", 0, MAG, mag), ("vehicle_gps_position", 0, GPS, gps)]
     return ulog(topics=topics, **more)
 
 
@@ -95,16 +88,8 @@ def dataflash(*, instances=False):
     """DataFlash by `LogStructure.h`: IMU at 200 Hz, MAG at 20 Hz, ATT with letters c and C, GPS, a parameter."""
     t_us, gyr, acc, _ = motion()
     out = fmt(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 89)
-    imu = (
-        ("QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", 36)
-        if instances
-        else (
-            "Qffffff",
-            "TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ",
-            35,
-        )
-    )
-    out += fmt(129, "IMU", *imu)
+    i, b = (",I", "B") if instances else ("", "")
+    out += fmt(129, "IMU", f"Q{b}ffffff", f"TimeUS{i},GyrX,GyrY,GyrZ,AccX,AccY,AccZ", 35 + instances)
     out += fmt(130, "MAG", "Qhhh", "TimeUS,MagX,MagY,MagZ", 17)
     out += fmt(131, "ATT", "QccC", "TimeUS,Roll,Pitch,Yaw", 17)
     out += fmt(132, "GPS", "QBIH", "TimeUS,Status,GMS,GWk", 18)

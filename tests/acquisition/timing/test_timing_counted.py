@@ -15,18 +15,25 @@ PLACE = 26 * np.arange(1000)
 INDEX = np.arange(1000)
 
 
-def test_one_period_for_each_frame():
+def test_time_counted_from_frames_is_exact():
     told = CountedTime(TimeSpec(rate=300.0)).after_first(PLACE)
     np.testing.assert_array_equal(told, [round(Fraction(k * 10**9, 300)) for k in range(1000)])
-
-
-def test_bytes_of_damaged_frames_have_their_time():
-    """Three frames of 26 bytes are lost; of a fourth one byte is, and noise of 5 bytes came between two others."""
+    # three frames of 26 bytes are lost; of a fourth one byte is, and noise of 5 bytes came between two others
     place = np.delete(PLACE, [100, 101, 102, 200])
     place[place > PLACE[200]] -= 1
     place[place > PLACE[300]] += 5
     told = CountedTime(TimeSpec(rate=100.0, frame_bytes=26)).after_first(place)
     np.testing.assert_array_equal(told, 10**7 * np.delete(INDEX, [100, 101, 102, 200]))
+    ticks = 327 * INDEX + 65_000
+    spec = TimeSpec(clock=Counter(16, Fraction(10**9, 32768)), frames=Counter(8), rate=100.0)
+    told = CountedTime(spec).after_first(PLACE, clock=ticks % 65536, frames=0 * INDEX)
+    np.testing.assert_array_equal(told, [327 * k * 10**9 // 32768 for k in range(1000)])
+    clock = INDEX.astype(np.uint64) - np.uint64(500)  # from 500 below its turn on
+    told = CountedTime(TimeSpec(clock=Counter(64, 1))).after_first(PLACE, clock=clock)
+    np.testing.assert_array_equal(told, INDEX)
+    counts = np.concatenate([np.arange(500), np.arange(500)])
+    told = CountedTime(TimeSpec(frames=Counter(16), rate=100.0)).after_first(PLACE, frames=counts)
+    np.testing.assert_array_equal(told, 10**7 * np.concatenate([np.arange(500), 499 + np.arange(500)]))
 
 
 @pytest.mark.parametrize("down", [False, True])
@@ -35,25 +42,6 @@ def test_a_counter_through_its_turns(down):
     counts = (-kept if down else kept) % 256
     told = CountedTime(TimeSpec(frames=Counter(8, down=down), rate=100.0)).after_first(PLACE[kept], frames=counts)
     np.testing.assert_array_equal(told, 10**7 * kept)
-
-
-def test_a_clock_to_the_tick_and_before_a_counter():
-    ticks = 327 * INDEX + 65_000
-    spec = TimeSpec(clock=Counter(16, Fraction(10**9, 32768)), frames=Counter(8), rate=100.0)
-    told = CountedTime(spec).after_first(PLACE, clock=ticks % 65536, frames=0 * INDEX)
-    np.testing.assert_array_equal(told, [327 * k * 10**9 // 32768 for k in range(1000)])
-
-
-def test_a_clock_of_all_bits():
-    clock = INDEX.astype(np.uint64) - np.uint64(500)  # from 500 below its turn on
-    told = CountedTime(TimeSpec(clock=Counter(64, 1))).after_first(PLACE, clock=clock)
-    np.testing.assert_array_equal(told, INDEX)
-
-
-def test_a_count_that_goes_back_adds_nothing():
-    counts = np.concatenate([np.arange(500), np.arange(500)])
-    told = CountedTime(TimeSpec(frames=Counter(16), rate=100.0)).after_first(PLACE, frames=counts)
-    np.testing.assert_array_equal(told, 10**7 * np.concatenate([np.arange(500), 499 + np.arange(500)]))
 
 
 @given(cuts=st.lists(st.integers(0, 1000), max_size=8))

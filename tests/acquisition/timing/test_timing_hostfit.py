@@ -86,15 +86,12 @@ def test_stalls_do_not_move_it():
     assert fit.worst == pytest.approx(30e9, abs=0.1e9)
 
 
-def test_a_backlog_at_the_start():
+def test_a_backlog_and_a_block_tell_nothing_of_the_drift():
     """Five seconds of points come at once, and then three as they are made: the first tell nothing of the drift."""
     device, host = points(800)
     host[:500] = host[500]
     assert abs(HostFit().observe(device, host).drift_ppm - 40.0) < 200
-
-
-def test_what_comes_at_once_is_one_block():
-    """Otherwise a line without a nominal rate would take it for a clock that is infinitely fast."""
+    # otherwise a line without a nominal rate would take it for a clock that is infinitely fast
     real = np.zeros(REALS)
     real[ROUGH] = 1.0
     begin_line(real, 0.0, 0.0)
@@ -116,7 +113,7 @@ def test_a_device_that_starts_again():
     assert fit.to_host(int(again[-1])) == pytest.approx(truth(int(again[-1]) + moved), abs=20_000)
 
 
-def test_every_delay_has_its_bin_within_six_percent():
+def test_bins_and_quantiles_of_delays():
     delays = np.unique(np.rint(np.geomspace(1.0, 1e18, 2000)))
     places = [bin_of(float(delay)) for delay in delays]
     assert places == sorted(places)
@@ -125,9 +122,6 @@ def test_every_delay_has_its_bin_within_six_percent():
         assert middle_of(place) == pytest.approx(delay, rel=1 / 32)
     assert bin_of(-1.0) == bin_of(0.0) == 0
     assert bin_of(1e300) < BINS
-
-
-def test_quantiles():
     histogram = np.zeros(2 * BINS, dtype=np.int64)
     assert quantile(histogram, 0, 0.5) == 0.0
     for delay in range(1, 101):

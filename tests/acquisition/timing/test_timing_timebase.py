@@ -481,14 +481,11 @@ class TestRefusals:
             (lambda: TimeSpec(rate=float("nan")), ParameterError, "rate must be"),
             (lambda: TimeSpec(frame_bytes=0), ParameterError, "frame_bytes"),
             (lambda: TimeSpec(speed=0.0), ParameterError, "speed must be positive and finite"),
-            (lambda: TimeSpec(speed=-1.0), ParameterError, "speed must be positive and finite"),
             (lambda: TimeSpec(speed=np.inf), ParameterError, "speed must be positive and finite"),
-            (lambda: TimeSpec(speed=np.nan), ParameterError, "speed must be positive and finite"),
             (lambda: CountedTime(TimeSpec(frames=Counter(8))), ParameterError, "time can only be counted at a rate"),
             (lambda: three(CLOCKED, np.arange(3)), ShapeError, "clock is missing; .* a counter of 32 bits"),
             (lambda: three(COUNTED, np.zeros(3)), ShapeError, "a row of integers, 3, one per frame"),
             (lambda: three(COUNTED, np.zeros((3, 1), dtype=np.int64)), ShapeError, "a row of integers, 3"),
-            (lambda: three(COUNTED, np.zeros(4, dtype=np.int64)), ShapeError, "a row of integers, 3"),
         ],
     )
     def test_what_is_refused(self, make, error, message):

@@ -182,16 +182,13 @@ def test_the_next_part_needs_permission_as_the_first_does(tmp_path, boots):
     assert layout.existing_parts(tmp_path / "a.mcap") == [tmp_path / "a.mcap"]
 
 
-def test_parts_of_others_do_not_go_on(tmp_path, boots):
+def test_parts_of_others_and_parts_that_are_not_there(tmp_path, boots):
     """Two recordings of several starts in one folder are not one."""
     for name in ("a.mcap", "b.mcap"):
         start(tmp_path / name, 0, 10)
         start(tmp_path / name, 10, 20)
     refused(open_log, tmp_path, match="several recordings")
     assert data_of(tmp_path / "a.mcap") == [payload(i) for i in range(20)]
-
-
-def test_a_part_that_is_not_there_is_told(tmp_path, boots):
     for begin in (0, 25, 50):
         start(tmp_path / "a.mcap", begin, begin + 25)
     (tmp_path / "a.0002.mcap").unlink()
@@ -200,16 +197,13 @@ def test_a_part_that_is_not_there_is_told(tmp_path, boots):
     assert "parts 2 to 2 of the recording are not here, or are empty" in verdict.damage[0].what
 
 
-def test_names_with_the_time_of_the_start():
+def test_names_of_parts_and_starts(tmp_path):
     assert layout.dated("logs/buoy-{utc}.mcap", UTC) == "logs/buoy-20260314T150926Z.mcap"
     assert layout.dated("{utc}.mcap", 0) == "19700101T000000Z.mcap"
     assert layout.dated("a.mcap", UTC) == "a.mcap"
     made = [layout.dated("{utc}", UTC + k * 10**9) for k in (0, 1, 40, 86400, 400 * 86400)]
     assert made == sorted(made)
     refused(layout.dated, "{time}.mcap", UTC, match=r"but not \{time\}", error=ParameterError)
-
-
-def test_the_next_name(tmp_path):
     path = Path(tmp_path / "a.txt")
     assert layout.next_path(path) == path
     path.touch()
