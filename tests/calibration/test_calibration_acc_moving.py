@@ -77,9 +77,7 @@ def test_it_is_far_better_than_none():
 @pytest.mark.long("many captures")
 @pytest.mark.parametrize("motion", [{}, {"arm": 0.3}, {"speed": 16.0}, {"swing": 0.1}, {"lasting": 60.0}], ids=str)
 def test_the_error_is_what_is_predicted(motion):
-    """Root mean square of error over predicted: of twelve captures it scatters by 15 %, and the arm is half as long or
-    half as long again as is thought.
-    """
+    """Root mean square over predicted: of twelve captures it scatters by 15 %, and the arm is off by a half at most."""
     found = ratios(range(12), **motion)
     ratio = math.sqrt(float(np.mean((found[:, 0] / found[:, 1]) ** 2)))
     assert 0.4 < ratio < 1.6
@@ -98,14 +96,11 @@ def test_what_is_never_slow_or_pushed_about_is_refused(motion, text):
         fit_accel_moving(t, acc, gyr)
 
 
-def test_a_gap_is_nobody_s_window():
+def test_gaps_and_recordings_that_never_rest():
     t, acc, gyr, matrix, bias = tumbling(2)
     late = t + 5.0 * (t > 40.0)
     found = fit_accel_moving(late, acc, gyr).calibration
     assert tilt_off(found, matrix, bias) < 3.0 * found.quality.tilt_sd
-
-
-def test_a_recording_that_never_rests():
     t, acc, gyr, matrix, bias = tumbling(3)
     imu = ImuData(t=t, acc=acc, gyr=gyr)
     with pytest.raises(CaptureRefusedError, match="ask for that with --moving"):

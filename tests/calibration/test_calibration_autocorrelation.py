@@ -75,25 +75,19 @@ def rms(values):
     return np.sqrt(np.mean(np.square(values)))
 
 
-def test_memory_of_samples():
+def test_memory_of_samples_and_visits():
     """(1 + ρ)/(1 − ρ) of a first-order process: 19 for ρ = 0.9; 1 for white noise and for few samples."""
     rng = np.random.default_rng(16)
     slow, white = first_order(rng, 20_000, 0.9), rng.normal(size=20_000)
     assert memory(slow, ONE_VISIT) == pytest.approx(19.0, rel=0.15)
     assert memory(white, ONE_VISIT) == pytest.approx(1.0, abs=0.05)
     assert memory(slow[:50], ONE_VISIT) == 1.0
-
-
-def test_memory_that_noise_hides_from_neighbours_shows_in_visits():
-    """A tenth of the power has ρ = 0.999: (1 + ρ)/(1 − ρ) = 1999 of it, 200 of all; neighbours alone say 1.2."""
+    # A tenth of the power has ρ = 0.999: (1 + ρ)/(1 − ρ) = 1999 of it, 200 of all; neighbours alone say 1.2
     rng = np.random.default_rng(17)
     slow = first_order(rng, 200_000, 0.999)
     residuals = slow / slow.std() + 3.0 * rng.normal(size=slow.size)
     assert memory(residuals, ONE_VISIT) < 1.5
     assert memory(residuals, np.arange(0, slow.size, 100)) == pytest.approx(200.0, rel=0.4)  # 100 times is 200 of 1999
-
-
-def test_visits_begin_beyond_15_degrees():
     course = np.radians(np.arange(0.0, 360.0, 0.999))
     level = np.stack((np.cos(course), np.sin(course)), axis=1)
     assert np.diff(visits(level)) == pytest.approx(16)  # 15.98° is the first beyond

@@ -28,12 +28,19 @@ def test_a_short_capture_is_taken_to_be_in_a_usual_room():
     assert found.patches == pytest.approx(8.0, rel=0.05)
 
 
-def test_evidence_rules_it_out():
+def test_evidence_and_noise():
     """Noise of 0.2 µT over 60 patches: its chance, 40 times as much, is far below the power of a usual room."""
     residuals = 0.2 * np.random.default_rng(2).normal(size=6000)
     found = whole(residuals, turning(6000, 60.0 * PATCH), lengths=False)
     assert found.sd < 0.02 * USUAL
     assert found.seen == 0.0
+    found = whole(5.0 * np.random.default_rng(3).normal(size=6000), turning(6000, 60.0 * PATCH))
+    assert found.sd == pytest.approx(USUAL, rel=0.05)
+    # A wave of power 0.5 along 20 rad of turning, which neighbouring visits share; 9 of 100 patches are taken up
+    path = np.linspace(0.0, 100.0 * PATCH, 20_000)
+    found = whole(np.sin(2.0 * np.pi * path / 20.0), turning(20_000, 100.0 * PATCH))
+    assert found.seen**2 == pytest.approx(2.0 * 0.5 / (1.0 - 9.0 / found.patches), rel=0.05)
+    assert found.sd >= found.seen
 
 
 def test_no_length_shows_a_field_that_changes_along_itself():
@@ -45,19 +52,6 @@ def test_no_length_shows_a_field_that_changes_along_itself():
     poses = np.random.default_rng(3).normal(size=(6000, 3))
     assert whole(residuals, poses).sd < 0.02 * USUAL
     assert whole(np.ones(99), turning(99, 10.0)) == Unevenness()  # readings of single poses are noise
-
-
-def test_noise_that_drowns_a_usual_room_rules_nothing_out():
-    found = whole(5.0 * np.random.default_rng(3).normal(size=6000), turning(6000, 60.0 * PATCH))
-    assert found.sd == pytest.approx(USUAL, rel=0.05)
-
-
-def test_what_is_seen_is_counted_twice():
-    """A wave of power 0.5 along 20 rad of turning, which neighbouring visits share; 9 of 100 patches are taken up."""
-    path = np.linspace(0.0, 100.0 * PATCH, 20_000)
-    found = whole(np.sin(2.0 * np.pi * path / 20.0), turning(20_000, 100.0 * PATCH))
-    assert found.seen**2 == pytest.approx(2.0 * 0.5 / (1.0 - 9.0 / found.patches), rel=0.05)
-    assert found.sd >= found.seen
 
 
 def test_the_unseen_turns_the_matrix_and_shifts_the_centre():

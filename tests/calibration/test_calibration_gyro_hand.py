@@ -100,13 +100,10 @@ def poses(rng, count, noise, matrix=COUPLING):
     return BIAS + forces @ matrix.T + noise * rng.normal(size=(count, 3)), forces
 
 
-def test_without_noise_it_comes_back():
+def test_coupling_at_rest_comes_back_with_errors_as_large_as_said():
     found = coupling_at_rest(*poses(np.random.default_rng(0), 20, 0.0))
     np.testing.assert_allclose(found.matrix, COUPLING, rtol=0, atol=1e-12)
-
-
-def test_errors_are_as_large_as_said():
-    """Nine entries of 40 captures: mean square over the variance said, 1.06 for t of 36, ± √(2 / 360)."""
+    # nine entries of 40 captures: mean square over the variance said, 1.06 for t of 36, ± √(2 / 360)
     rng, squares = np.random.default_rng(1), []
     for _ in range(40):
         found = coupling_at_rest(*poses(rng, 40, dps(0.01)))

@@ -47,12 +47,16 @@ def test_the_card_takes_the_errors_back():
     assert made.matrix_sd.max() < 1e-2
 
 
-def test_without_a_strength_the_scale_is_the_sensor_s():
+def test_scale_magnets_and_regions():
     rng = np.random.default_rng(2)
     fit = fit_mag(capture(rng, attitudes(rng, 300), soft_iron(rng)))
     assert np.linalg.det(fit.calibration.matrix) == pytest.approx(1.0, rel=1e-12)
     assert fit.calibration.reference is None
     assert any("own scale" in remark for remark in fit.remarks)
+    # 18 attitudes that show every direction once; and a grade as predicted
+    mag = STRENGTH * REGIONS + [6.0, -4.0, 3.0] + NOISE * np.random.default_rng(15).normal(size=(18, 3))
+    quality = fit_mag(mag).calibration.quality
+    assert quality.regions == 18 and quality.grade in {"good", "fair"}
 
 
 @pytest.mark.parametrize(
@@ -115,13 +119,6 @@ def test_dip_by_the_specific_force():
     assert steep.calibration.quality.heading_sd > 2.0 * alone.calibration.quality.heading_sd
 
 
-def test_regions_are_those_of_the_measured_vector():
-    """18 attitudes that show every direction once; and a grade as predicted."""
-    mag = STRENGTH * REGIONS + [6.0, -4.0, 3.0] + NOISE * np.random.default_rng(15).normal(size=(18, 3))
-    quality = fit_mag(mag).calibration.quality
-    assert quality.regions == 18 and quality.grade in {"good", "fair"}
-
-
 def test_small_tilts_are_not_wrong_silently():
     """Up to 15°: either refused, or the true error is within 4 of the predicted sd."""
     rng = np.random.default_rng(8)
@@ -179,7 +176,6 @@ def captured(count=300, *, response=None, tilt=None, jump=0.0, seed=12):
         (moved(0, 4.0, 500), {}, "too-few-regions", r"leaves a heading error of 15° \(1 sd\)"),
         (moved(1, 4.0, 500), {}, "too-few-regions", "leaves no heading at all"),
         (moved(6, 4.0, 500), {}, "too-few-regions", "no ellipsoid fits; the field changed by 7 µT about a mean of 45"),
-        (moved(13, 4.0, 500), {}, "too-few-regions", r"changed by 6\.9 µT about a mean of 45 µT"),
     ],
 )
 def test_captures_that_tell_nothing_are_refused(mag, options, kind, text):

@@ -36,7 +36,7 @@ def test_heading_meets_the_bar_and_the_covariance_is_honest(scene, bar, trials):
     assert np.abs(np.mean(z, axis=0)).max() < 3.3 / np.sqrt(trials)
 
 
-def test_without_noise_the_truth_comes_back():
+def test_the_truth_comes_back_in_the_scale_of_the_field_or_the_sensor():
     rng = np.random.default_rng(4)
     unit, q_nb = unit_of(rng), attitudes(rng, 60)
     mag, acc = field(rng, unit, q_nb, sd=0.0, step=0.0), force(rng, q_nb, sd=0.0)
@@ -44,6 +44,13 @@ def test_without_noise_the_truth_comes_back():
     assert np.abs(fit.calibration.matrix - unit.matrix).max() < 1e-8  # a step of 1e-3 of a standard deviation of 1e-9
     assert np.abs(fit.calibration.bias - unit.bias).max() < 1e-7
     assert f"{np.degrees(DIP):.2f}" in fit.remarks[0]
+    rng = np.random.default_rng(6)
+    unit, q_nb = unit_of(rng), attitudes(rng, 200)
+    mag, acc = field(rng, unit, q_nb), force(rng, q_nb)
+    known, own = (fit_mag_acc(mag, acc, strength=s).calibration for s in (STRENGTH, None))
+    assert np.linalg.det(own.matrix) == pytest.approx(1.0, rel=1e-12)
+    assert own.reference is None
+    assert known.quality.heading_sd == pytest.approx(own.quality.heading_sd, rel=1e-6)  # scale turns no heading
 
 
 def test_outliers_of_either_sensor_are_set_aside():
@@ -59,17 +66,7 @@ def test_outliers_of_either_sensor_are_set_aside():
     assert np.degrees(heading_rms(fit.calibration, unit)) < 0.2
 
 
-def test_own_strength_keeps_the_scale_of_the_sensor():
-    rng = np.random.default_rng(6)
-    unit, q_nb = unit_of(rng), attitudes(rng, 200)
-    mag, acc = field(rng, unit, q_nb), force(rng, q_nb)
-    known, own = (fit_mag_acc(mag, acc, strength=s).calibration for s in (STRENGTH, None))
-    assert np.linalg.det(own.matrix) == pytest.approx(1.0, rel=1e-12)
-    assert own.reference is None
-    assert known.quality.heading_sd == pytest.approx(own.quality.heading_sd, rel=1e-6)  # scale turns no heading
-
-
-def test_the_scale_to_a_determinant_of_one_has_the_derivatives_that_it_claims():
+def test_turns_and_scales_are_split_with_their_derivatives():
     rng = np.random.default_rng(8)
     matrix = np.eye(3) / 50.0 + 1e-3 * rng.normal(size=(3, 3))
     scaled, _ = to_size(matrix, np.zeros((12, 12)), None)
@@ -80,9 +77,6 @@ def test_the_scale_to_a_determinant_of_one_has_the_derivatives_that_it_claims():
         only = np.zeros((12, 12))
         only[3 + j, 3 + j] = 1.0
         assert np.sqrt(np.diag(to_size(matrix, only, None)[1])[3:]) == pytest.approx(np.abs(by_j), abs=1e-2)
-
-
-def test_turn_of_a_rotated_symmetric_matrix():
     turn = dcm_from_quat(quat_from_rotvec([0.0, 0.3, 0.0]))
     assert turn_of(turn @ np.diag([1.0, 2.0, 3.0])) == pytest.approx(0.3, abs=1e-12)
 

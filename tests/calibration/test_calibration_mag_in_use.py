@@ -65,17 +65,14 @@ def test_steel_that_it_passes_is_set_aside():
     )
 
 
-def test_a_bias_that_walks_is_followed_from_segment_to_segment():
+def test_a_walking_bias_and_a_later_magnetometer_are_followed():
     """0.1 °/s from one segment of ten minutes to the next, of which each has the mean."""
     _, (t, mag, gyr), _ = scene(5, minutes=30.0, gain_sd=0.0)
     walking = dps(0.1) / SEGMENT * t[:, None] * np.array([1.0, -1.0, 0.5])
     one, other = (fit_in_use(t, mag, rate, gyr_gain_sd=0.0).gyr_bias for rate in (gyr, gyr + walking))
     wanted = dps(0.1) * (np.arange(3) + 0.5)[:, None] * np.array([1.0, -1.0, 0.5])
     assert other - one == pytest.approx(wanted, abs=dps(2e-3))
-
-
-def test_a_later_magnetometer_is_put_right():
-    """0.1 s; a field of 25 µT that turns by 0.3 rad/s with noise of 0.2 µT tells it to 0.4 ms in 6000."""
+    # 0.1 s; a field of 25 µT that turns by 0.3 rad/s with noise of 0.2 µT tells it to 0.4 ms in 6000
     _, (t, mag, gyr), _ = scene(6, gain_sd=0.0)
     found = [fit_in_use(t[2:], late, gyr[2:], gyr_gain_sd=0.0) for late in (mag[2:], mag[1:-1])]
     # that a sensor is rarely later than 20 ms is known before, and pulls by (0.4/20)² at most
@@ -104,12 +101,11 @@ def test_what_is_missing_is_left_out():
         (lambda t, mag, gyr: (t[:50], np.full((50, 3), np.nan), gyr[:50]), "too-few"),
         (lambda t, mag, gyr: (t, mag[:1] + 0.0 * mag, 0.0 * gyr), "ill-conditioned"),
         (lambda t, mag, gyr: (t, mag * [1.0, 1.0, -1.0], gyr), "ill-conditioned"),
-        (lambda t, mag, gyr: (t, mag[::-1], gyr), "ill-conditioned"),
         (lambda t, mag, gyr: (t, mag, np.degrees(gyr)), "ill-conditioned"),
         (lambda t, mag, gyr: (t, mag * [1.0, 1.0, 0.0], gyr), "implausible"),
         (lambda t, mag, gyr: (t, 1e9 * mag, gyr), "wrong-field"),
     ],
-    ids=["30 s", "no field", "at rest", "mirrored", "another field", "degrees", "dead axis", "no µT"],
+    ids=["30 s", "no field", "at rest", "mirrored", "degrees", "dead axis", "no µT"],
 )
 def test_what_cannot_calibrate_is_refused(change, kind):
     _, measured, _ = scene(9, minutes=2.0)

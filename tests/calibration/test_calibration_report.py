@@ -105,17 +105,14 @@ def rows(text, label):
     return [re.split(r"\s{2,}", line[len(label) :].strip()) for line in lines]
 
 
-def test_planted_axes_are_found():
+def test_planted_axes_are_found_and_a_turn_is_no_skew():
     axes = report.sensing_axes(mag_calibration())
     assert axes.scale == pytest.approx([0.02, 0.0, 0.0], abs=8 * EPS)
     assert axes.misalignment == pytest.approx([0.0, deg(1.0), 0.0], abs=1e-12)  # √(1 − cos²) of 1° keeps 12 digits
     assert axes.skew == pytest.approx([-deg(1.0), 0.0, 0.0], abs=16 * EPS)  # y leans towards x: less than 90°
     perfect = report.sensing_axes(acc_calibration())
     assert not np.concatenate([perfect.scale, perfect.misalignment, perfect.skew]).any() and perfect.scale_sd is None
-
-
-def test_a_turned_triad_is_misaligned_but_not_skewed():
-    """A turn by 2° about z moves x and y, keeps z and all angles between axes."""
+    # A turn by 2° about z moves x and y, keeps z and all angles between axes
     c, s = np.cos(deg(2.0)), np.sin(deg(2.0))
     axes = report.sensing_axes(acc_calibration(matrix=[[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
     assert axes.misalignment == pytest.approx([deg(2.0), deg(2.0), 0.0], abs=1e-12)

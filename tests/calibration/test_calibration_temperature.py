@@ -66,16 +66,13 @@ def test_the_bias_is_that_at_the_reference_temperature():
     assert warm.temp_ref_c == pytest.approx(65.0)  # the middle of a span that does not hold 25 °C
 
 
-def test_what_the_card_has_already_is_kept():
+def test_the_card_is_kept_and_a_knock_cut_out():
     t, gyr, temp_c, _, bias = soak(2)
     coupling, acc = dps(0.1) * np.eye(3), np.tile([0.0, 0.0, 9.8], (t.size, 1))
     known = replace(UNCALIBRATED, matrix=1.02 * np.eye(3), g_sensitivity=coupling, bias=np.ones(3))
     found = fit_temperature(Rates(t, gyr + acc @ coupling.T, temp_c=temp_c, acc=acc, known=known)).calibration
     assert (found.matrix == known.matrix).all() and (found.g_sensitivity == coupling).all()
     assert (np.abs(found.bias - bias) <= 4.0 * found.bias_sd).all()
-
-
-def test_a_knock_is_cut_out():
     t, gyr, temp_c, slopes, _ = soak(3)
     knocked = gyr.copy()
     knocked[5000:5040] += dps(30.0) * np.random.default_rng(1).standard_normal((40, 3))

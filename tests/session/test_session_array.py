@@ -198,14 +198,14 @@ def test_each_unit_has_its_own_card_and_mount(calibrated):
     assert again.mounts["u2"] == array.mounts["u2"]  # who is not named stays as the session says
 
 
-WRONG = {
-    "no such unit": ("", '[[unit]]\nname = "u9"', "u9"),
-    "a word": ('units = "both"', "", "must be one of 'all'"),
-    "estimated unit is not among them": ('unit = "u3"', '[[unit]]\nname = "u1"', "is 'u3', but the units"),
-    "card of one": ("", '[calibration]\ncard = "arm.json"', r"\[calibration\] has the card of one unit"),
-    "card of another": ("", '[[unit]]\nname = "u2"\ncard = "u2.json"', r"device in \[\[unit\]\]"),
-    "twice": ("", '[[unit]]\nname = "u2"\n[[unit]]\nname = "u2"', "stands twice"),
-}
+WRONG = [
+    ("", '[[unit]]\nname = "u9"', "u9"),
+    ('units = "both"', "", "must be one of 'all'"),
+    ('unit = "u3"', '[[unit]]\nname = "u1"', "is 'u3', but the units"),
+    ("", '[calibration]\ncard = "arm.json"', r"\[calibration\] has the card of one unit"),
+    ("", '[[unit]]\nname = "u2"\ncard = "u2.json"', r"device in \[\[unit\]\]"),
+    ("", '[[unit]]\nname = "u2"\n[[unit]]\nname = "u2"', "stands twice"),
+]
 
 
 def test_tables_alone_name_the_units():
@@ -218,7 +218,7 @@ def test_tables_alone_name_the_units():
     assert part.imu is part.units["u4"].imu
     other = of_unit(chosen, "u2")
     assert (other.unit, other.card.device, len(other.units)) == ("u2", "arm 7 u2", 2)
-    for units, more, match in WRONG.values():
+    for units, more, match in WRONG:
         with pytest.raises(PlumbobError, match=match):
             session(ALL.replace('units = "all"', units or 'units = "all"') + more, **FILES)
     for text in (ALL, U2):
@@ -317,7 +317,7 @@ def test_files_of_one_unit_each(tmp_path):
             read_array(given, mounts=mounts)
 
 
-def test_a_unit_that_is_dead_from_the_start_is_left_out():
+def test_dead_units_and_lags():
     """A triad without any number is absent, a unit without any is not there; the others do not suffer."""
     _, found = through(items(arm()), session())
     for part in found.parts:
@@ -329,10 +329,7 @@ def test_a_unit_that_is_dead_from_the_start_is_left_out():
     assert array.names == ("u1", "u2", "u4", "u5", "u6")
     assert array.units["u5"].triads == ("gyr", "acc")
     assert_decoded(ImuArray({"u6": array.units["u6"]}), arm(), ["u6"])
-
-
-def test_with_a_lag_every_unit_comes_as_the_samples_come():
-    """The attitudes that wait come at the end, in a part without samples; its array is empty."""
+    # the attitudes that wait come at the end, in a part without samples; its array is empty
     _, found = through(items(arm()), session(ALL.replace('filter = "mahony"', 'params = { lag = "1 s" }')))
     assert len(found.track()) == 60
     assert len(found.array(calibrated=True)) == 60

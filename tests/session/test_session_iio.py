@@ -75,12 +75,14 @@ def test_from_the_tree_to_the_recording_to_the_replay(tree, tmp_path):
     }  # fmt: skip
 
 
-def test_a_count_at_its_end_is_clipped(tree):
+def test_clipped_counts_and_repeated_stamps(tree):
     tree.add_imu()
-    gyr, acc, temp, t_ns = motion(20)
+    gyr, acc, temp, t_ns = motion(50)
     gyr[3, 1], gyr[9, 2] = -2048, 2047  # the ends of 12 bits in two's complement
-    _, found = run(session(tree.session()), scans(gyr, acc, temp, t_ns), tree)
+    t_ns[20] = t_ns[19]
+    line, found = run(session(tree.session()), scans(gyr, acc, temp, t_ns), tree)
     assert np.flatnonzero(joined(found.parts, "flags") & flags.GYR_CLIPPED).tolist() == [3, 9]
+    assert (line.faults, found.t_ns.size) == (1, 49)
 
 
 def test_scans_that_a_full_buffer_lost_are_a_gap(tree):
@@ -91,14 +93,6 @@ def test_scans_that_a_full_buffer_lost_are_a_gap(tree):
     report = line.report()["time"]
     assert (report["mode"], report["lost"], report["gap_count"], report["drift_ppm"]) == ("kernel", 17, 1, None)
     assert report["rate"] == pytest.approx(100.0, rel=1e-3)
-
-
-def test_a_stamp_that_repeats_is_not_used(tree):
-    tree.add_imu()
-    gyr, acc, temp, t_ns = motion(50)
-    t_ns[20] = t_ns[19]
-    line, found = run(session(tree.session()), scans(gyr, acc, temp, t_ns), tree)
-    assert (line.faults, found.t_ns.size) == (1, 49)
 
 
 def test_a_device_that_comes_back_begins_behind_a_gap(tree):

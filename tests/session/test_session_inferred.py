@@ -39,12 +39,17 @@ def late(tmp_path_factory):
     return path, kept(path, late_ns=5_000_000_000)
 
 
-def test_record_says_it_at_its_end(late):
+def test_it_is_said_and_goes_from_file_to_file(late, track, tmp_path):
     _, report = late
     assert report["inferred_gaps"].startswith(TELLS)
     assert report["time"]["inferred"] == 1
     assert report["time"]["inferred_time"] == pytest.approx(5.0, abs=0.01)
     assert "inferred     1 gap, 5 s in all" in "\n".join(report_lines(report, ""))
+    copy = shutil.copy(track, tmp_path / "copy.parquet")
+    for words in (["info", late[0]], ["run", late[0], "--filter", "tilt_compass"], ["eval", track, copy]):
+        assert f"note: {words[1].name}: {TELLS}" in ok(*words).stderr
+    assert "inferred     1 gap, 5 s in all" in ok("replay", late[0]).stdout
+    assert sum(note.startswith(TELLS) for note in json.loads(ok("info", late[0], "--json").stdout)["notes"]) == 1
 
 
 @pytest.fixture(scope="module")
@@ -52,14 +57,6 @@ def track(late, tmp_path_factory):
     path = tmp_path_factory.mktemp("track") / "track.parquet"
     ok("run", late[0], "--filter", "tilt_compass", "--out", path)
     return path
-
-
-def test_so_does_whoever_reads_it(late, track, tmp_path):
-    copy = shutil.copy(track, tmp_path / "copy.parquet")
-    for words in (["info", late[0]], ["run", late[0], "--filter", "tilt_compass"], ["eval", track, copy]):
-        assert f"note: {words[1].name}: {TELLS}" in ok(*words).stderr
-    assert "inferred     1 gap, 5 s in all" in ok("replay", late[0]).stdout
-    assert sum(note.startswith(TELLS) for note in json.loads(ok("info", late[0], "--json").stdout)["notes"]) == 1
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])

@@ -102,13 +102,10 @@ def test_what_else_it_may_be_is_said(capture, missing, options, words, south):
     assert ("South" in reason.advice) == south
 
 
-def test_the_place_tells_a_turn_from_a_mirror(capture):
+def test_the_place_and_the_axes_of_a_recording_count(capture):
     remarks = calibrate_mag(turned(capture, "mag", "x y -z"), with_="acc", dip=-DIP).remarks
     assert [remark[:14] for remark in remarks if "(x and y reversed)" in remark] == ["TURNED BY 180°"]
-
-
-def test_body_axes_of_a_recording_are_those_that_the_line_stands_before(capture):
-    """A sensor that sits a quarter turn about its x, in a case that sits a quarter turn about its z."""
+    # A sensor that sits a quarter turn about its x, in a case that sits a quarter turn about its z
     own, case = signed_axes("x z -y"), signed_axes("y -x z")
     meta = replace(capture.meta, axes="y -x z")
     wrong = capture.corrected(meta=meta, mag=capture.mag @ (case @ own @ case.T).T)  # case of true, sensor, body

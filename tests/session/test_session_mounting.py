@@ -84,16 +84,13 @@ def test_rests_are_found_and_give_the_planted_mounting(frame, scenario):
     np.testing.assert_allclose(applied.acc[last].mean(axis=0), tilt[last].mean(axis=0), rtol=0, atol=12.0 * 0.002)
 
 
-def test_spans_say_which_pose_is_which():
+def test_spans_and_turns_are_seen():
     _, unit = made(Wandering)
     found = mount_by_poses(unit, frame=Frame.NED, level=(0.0, 5.0), raised=(8.0, 13.0))
     assert (np.abs(error(found)) < 4.5 * found.mount.sd).all()
     assert kind_of(unit) == "no-motion"  # three poses: which is raised?
     assert kind_of(unit, level=(5.5, 7.5), raised=(8.0, 13.0)) == "not-still"
     assert kind_of(unit, level=(0.0, 5.0), raised=(90.0, 99.0)) == "not-still"
-
-
-def test_the_gyroscope_sees_that_the_body_was_turned():
     _, unit = made(Turning)
     assert kind_of(unit) == "no-motion"
     blind = replace(unit, imu=replace(unit.imu, gyr=None))

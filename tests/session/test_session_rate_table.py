@@ -94,15 +94,12 @@ def test_what_is_missing_or_clipped_is_refused_and_can_be_left_out(made, session
             analyse()
 
 
-def test_a_plan_says_what_the_table_did(tmp_path, session, planned, fitted):
+def test_a_plan_says_rates_and_specific_force(tmp_path, session, planned, fitted):
     path = tmp_path / "plan.csv"
     rows = [(plateau.start, plateau.stop, *np.degrees(plateau.rate).tolist()) for plateau in planned]
     path.write_text("\n".join((HEADER, *(", ".join(map(repr, row)) for row in rows))) + "\n")
     read = calibrate_table(session, read_plan(path)).calibration
     np.testing.assert_allclose(read.bias, fitted.calibration.bias, rtol=1e-12)
-
-
-def test_a_plan_may_say_the_specific_force(tmp_path):
     path = tmp_path / "plan.csv"
     path.write_text(f"{HEADER},acc_x_g,acc_y_g,acc_z_g\n0,5,0,0,90,0.0,0.5,-1\n")
     (one,) = read_plan(path)

@@ -64,14 +64,11 @@ def first_part(made):
     return next(part for part in map(line.feed, reads(stream(0.5))) if part is not None)
 
 
-def test_card_is_applied_and_the_uncalibrated_values_stay():
+def test_card_and_axes_are_applied():
     part = first_part(session(CARDED, **{"card.json": card().text()}))
     np.testing.assert_array_equal(part.imu.gyr, 2.0 * part.sensed.gyr)
     assert part.imu.meta.calibration == f"{card().name}; NOT calibrated: acc, mag"
     assert part.sensed.meta.calibration is None
-
-
-def test_axes_turn_the_case_into_the_body():
     part = first_part(session(SESSION.replace('frame = "NED"', 'frame = "NED"\naxes = "x -y -z"')))
     acc = motion(0.5).imu.acc[0]
     np.testing.assert_allclose(part.sensed.acc[0], acc * [1, -1, -1], rtol=0, atol=0.5 / 8192 * 9.81)
@@ -85,7 +82,6 @@ DATED = SESSION.replace('frame = "NED"', 'frame = "NED"\ndate = "2028-07-04"')
 DEEP, LONG = f"{'[' * 33}{']' * 33}", f"0x{'f' * 5000}"
 SERIAL = '[source]\nkind = "serial"\nport = "x"\n'
 WRONG = {
-    "unknown key": (SESSION + "[imu2]\n", DecodeError, "no key 'imu2'"),
     "no frame": (SESSION.replace('frame = "NED"', ""), FrameError, r"\[estimate\] needs imu.frame"),
     "unknown filter": (SESSION.replace("mahony", "mahoney"), ParameterError, "mahoney"),
     "gain without unit": (SESSION.replace('"0.08 g"', "0.08"), ParameterError, "needs a unit"),
@@ -124,17 +120,14 @@ def test_session_from_options_reads_back():
     assert made.stage.params == {"kp": "0.5"}
 
 
-def test_the_place_of_a_line_is_looked_up_once_and_kept_with_its_recording(monkeypatch):
+def test_a_line_has_the_place_and_day_of_its_run(monkeypatch):
     """MATLAB's example of wrldmagm has −13.6891° there on that day."""
     pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
     made = session(placed())
     assert np.degrees(made.meta.declination) == pytest.approx(-13.6891, abs=0.0055)
     monkeypatch.setitem(sys.modules, "pygeomag", None)  # a replay elsewhere, later, without the model
     assert recorded_session(made.texts, "bench").meta == made.meta
-
-
-def test_only_a_line_that_is_yet_to_run_is_of_today():
-    pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
+    monkeypatch.undo()
     live = '[source]\nkind = "serial"\nport = "/dev/ttyUSB0"\nbaud = 9600\n'
     assert datetime.now(UTC).date().isoformat() in session(placed("", live)).texts["earth_field.json"]
     with pytest.raises(ParameterError, match=r"imu\.place needs a day"):

@@ -76,15 +76,12 @@ def test_a_recording_whose_reader_is_late_does_not_fall_further_behind(slow, clo
     assert came == [180 * MS, 180 * MS, 200 * MS, 500 * MS]
 
 
-def test_without_a_speed_nobody_waits(slow, clock):
+def test_times_are_those_of_the_speed(slow, clock):
     source, start = sources.ReplaySource(slow[0]), clock.now_ns
     assert [item.t_ns for item in source.read(0.1)] == [item.t_ns for item in slow[1]]
     assert source.finished
     assert clock.now_ns == start
-
-
-def test_the_times_of_a_rig_that_runs_faster_are_stretched_to_what_they_stand_for(clock):
-    """At 20 times the speed, 3 ms after the start stand for 60 ms."""
+    # at 20 times the speed, 3 ms after the start stand for 60 ms
     start = clock.now_ns
     items = [Received(start, b"a"), Received(start + 3 * MS, b"b"), Event(start + 10 * MS, "damaged", "x", 1)]
     source = sources.Stretched(Handed(items), 20.0)

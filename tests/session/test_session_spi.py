@@ -219,7 +219,7 @@ def test_wrong_session_is_refused_with_a_word(case):
         session(text)
 
 
-def test_commands_are_those_of_the_data_sheet():
+def test_commands_of_the_data_sheet():
     settings, rate = session().source.settings, sensor_command()
     assert settings["exchange"] == (rate,)
     assert settings["start"] == (0.1, sensor_command(check=True), 0.05, rate, 0.05, rate, rate)
