@@ -1,6 +1,6 @@
 """Whether tests fail by chance: three runs of all of them beside four busy loops, and one in random order.
 
-``make loaded`` (SEED=7 for another order). A plugin too: ``pytest -p gates.loaded --seed 7`` takes files in
+``make loaded`` (BUSY=2 RUNS=1 SEED=7 for others). A plugin too: ``pytest -p gates.loaded --seed 7`` takes files in
 random order, and the tests of each.
 """
 
@@ -11,7 +11,7 @@ import sys
 import time
 
 BUSY = (sys.executable, "-c", "while True: pass")
-PYTEST = (sys.executable, "-m", "pytest", "-n", "2", "--dist", "loadfile", "-q", "-rfE")
+PYTEST = (sys.executable, "-m", "pytest", "-n", "2", "--dist", "loadfile", "-q", "-rfE", "-p", "no:cacheprovider")
 
 
 def pytest_addoption(parser):
@@ -46,9 +46,9 @@ def run(title, busy, *words):
 
 def main():
     """Run them all; exit code 1 if a test failed in any."""
-    failures = [run(f"beside four busy loops, {number} of 3", 4) for number in (1, 2, 3)]
-    seed = os.environ.get("SEED", "1")
-    failures.append(run(f"random order, seed {seed}", 0, "-p", "gates.loaded", "--seed", seed))
+    busy, runs, seed = (int(os.environ.get(name, usual)) for name, usual in (("BUSY", 4), ("RUNS", 3), ("SEED", 1)))
+    failures = [run(f"beside {busy} busy loops, {number + 1} of {runs}", busy) for number in range(runs)]
+    failures.append(run(f"random order, seed {seed}", 0, "-p", "gates.loaded", "--seed", str(seed)))
     print(f"failures: {sum(failures)}")
     return int(any(failures))
 
