@@ -1,6 +1,6 @@
-"""How the units of an array sit on their bodies, as TOML: read strictly, and written so that it reads back equal."""
+"""How the units of an array sit on their bodies, as TOML, read strictly."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -68,30 +68,6 @@ def load_units(path: str | Path) -> dict[str, MountedUnit]:
         return units_of(found["unit"], lambda name: text_of(file.parent / name))
     except PlumbobError as error:
         raise type(error)(f"{file}: {error}") from error
-
-
-def load_mounts(path: str | Path) -> dict[str, Mount]:
-    """Mounts alone of `load_units`, by name; errors as there."""
-    return {name: unit.mount for name, unit in load_units(path).items()}
-
-
-def mounts_text(mounts: Mapping[str, Mount], *, noise: Mapping[str, str] | None = None) -> str:
-    """Text that `load_mounts` reads back, each number to the bit.
-
-    Parameters
-    ----------
-    mounts : mapping of str to Mount
-        By unit.
-    noise : mapping of str to str, optional
-        Files of the units' noise cards, which are not written here.
-    """
-    lines = [f'kind = "{KIND}"', f"version = {VERSION}"]
-    for name, mount in mounts.items():
-        lines += ["", "[[unit]]", f"name = {schema.toml_text(name)}", f"q_bs = {list(mount.q_bs)!r}"]
-        lines += ["lever = [" + ", ".join(f'"{value!r} m"' for value in mount.lever_b) + "]"]
-        lines += [f'clock_offset = "{mount.clock_offset!r} s"'] if mount.clock_offset else []
-        lines += [f"noise = {schema.toml_text(noise[name])}"] if noise and name in noise else []
-    return "\n".join(lines) + "\n"
 
 
 def units_of(tables: list[dict[str, Any]], fetch: Fetch) -> dict[str, MountedUnit]:
