@@ -46,6 +46,9 @@ LONG_PLAIN = (
 )
 
 
+LAST = 10  # commits whose rooms the long tests look at, where the upstream branch has them all
+
+
 class Outcome(NamedTuple):
     """What a gate came to."""
 
@@ -56,11 +59,11 @@ class Outcome(NamedTuple):
     text: str
 
 
-def changed() -> set[str] | None:
-    """Files that differ from the upstream branch, or from the commit before; None where git cannot say."""
+def changed(commits: int = 1) -> set[str] | None:
+    """Files that differ from the upstream branch, or from some commits before; None where git cannot say."""
     base = _git("merge-base", "HEAD", "@{upstream}") or [""]
     if base == _git("rev-parse", "HEAD") or not base[0]:
-        base = _git("rev-parse", "--verify", "HEAD~")
+        base = _git("rev-parse", "--verify", f"HEAD~{commits}")
     if not base:
         return None
     return {*_git("diff", "--name-only", base[0]), *_git("ls-files", "--others", "--exclude-standard")}
@@ -86,11 +89,12 @@ def left_out(files: Iterable[str] | None) -> dict[str, list[str]]:
 
 
 def touched(files: Iterable[str] | None) -> list[str]:
-    """Folders of tests of the rooms in which these files lie; all where git cannot say, or what all stand on is one."""
-    if files is None or any(is_in(name, ("src/plumbob/core", "tests/helpers")) for name in files):
+    """Folders of tests of the rooms in which these files lie; all where git cannot say."""
+    if files is None:
         return ["tests"]
     parts = [Path(name.removeprefix("src/")).parts for name in files if name.startswith(("src/plumbob/", "tests/"))]
-    return sorted({f"tests/{one[1]}" for one in parts if len(one) > 2 and Path("tests", one[1]).is_dir()})
+    rooms = {f"tests/{one[1]}" for one in parts if len(one) > 2} - {"tests/helpers", "tests/gates"}
+    return sorted(room for room in rooms if Path(room).is_dir())
 
 
 def gates(which: str, is_all: bool) -> tuple[dict, dict]:
@@ -100,8 +104,11 @@ def gates(which: str, is_all: bool) -> tuple[dict, dict]:
     if which == "second":
         return {"types": READERS["types"], "layers": READERS["layers"]}, {"tests": (*PYTEST, *SECOND)}
     if which == "long":
-        places = ["tests"] if is_all else touched(changed())
+        places = ["tests"] if is_all else touched(changed(LAST))
         plain = [word for word in (*PLAIN, *LONG_PLAIN) if word.startswith("-") or is_all or is_in(word, places)]
+        if not places:
+            print("No file of a room changed in the last commits: no long test is run.")
+            return {}, {}
         runs = {"long tests": (*PYTEST, "-m", "long or hypothesis", "--hypothesis-profile", "long", *places)}
         return {}, {**runs, **({"plain Python": (*PYTEST, "-q", *plain)} if set(plain) - set(SMOOTHED) else {})}
     idle = {} if is_all else left_out(changed())
