@@ -452,11 +452,11 @@ def send(
         If the target cannot be opened, or breaks.
     """
     spec = send_spec(form, to, rate=rate, sentences=sentences, body=body)
-    target = Path(to.removeprefix("file:"))
-    if to.startswith("file:") and isinstance(source, str | Path) and target.exists() and target.samefile(source):
-        raise ParameterError(f"{target} is an input; writing there would destroy it. Name another file.")
     pace = _pace(speed)
     name, track, imu, t0_ns = _held(source)
+    output = Path(to.removeprefix("file:"))
+    if to.startswith("file:") and isinstance(source, str | Path) and output.exists() and output.samefile(source):
+        raise ParameterError(f"{output} is an input; writing there would destroy it. Name another file.")
     angle = given("declination", declination, Quantity.ANGLE)
     angle = imu.meta.declination if angle is None and imu is not None else angle
     encoder = encoder_of(spec, track.north, angle)
