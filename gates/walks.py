@@ -72,6 +72,9 @@ def main(root: str = "") -> None:
         for words in INPUTS:
             _run(command.main, words)
         for name, words in WALKS.items():
+            if name == "report" and not has_pages(source):
+                print("The walk 'report' is left out: the pages are not built ('make page').", file=sys.stderr)
+                continue
             _run(command.main, words)
             walk = Walk(str(source / "plumbob"))
             threading.setprofile(walk.note)
@@ -83,6 +86,11 @@ def main(root: str = "") -> None:
                 threading.setprofile(None)
             found[name] = {"depth": walk.depth, "entered": sorted(walk.entered)}
     print(json.dumps(found))
+
+
+def has_pages(source: Path) -> bool:
+    """Whether the script of reports is built, which needs Node; without Plumbob's own room of reports nothing does."""
+    return (source / "plumbob/web/report.js").is_file() or not (source / "plumbob/overview").is_dir()
 
 
 def _run(command, words) -> None:
