@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from plumbob.cli.main import main
+from plumbob.core import web
 
 STREAMS = ("stdin", "stdout", "stderr")
 PLUMBOB = (sys.executable, "-m", "plumbob.cli.main")
@@ -100,3 +101,8 @@ def emulated(folder, words):
             yield folder / "line"
         finally:
             child.terminate()
+
+
+def is_built():
+    """Whether 'make page' has built the pages, which needs Node."""
+    return (Path(web.__file__).parents[1] / web.FOLDER / "report.js").is_file()

@@ -6,22 +6,10 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob.core.errors import MissingExtraError
-from plumbob.core.web import asset
 from plumbob.overview import subject
-from tests.helpers.commandline import answer, typed
+from tests.helpers.commandline import answer, is_built, typed
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
-
-
-def is_built():
-    try:
-        asset("report.js")
-    except MissingExtraError:
-        return False
-    return True
-
-
 BUILT = pytest.mark.skipif(not is_built(), reason="the pages are not built: run 'make page'")
 
 

@@ -210,6 +210,7 @@ MADE = [
 ]
 
 
+@needs_server
 @pytest.mark.parametrize(("call", "how", "says"), [
     *((opened_up, {"what": what, **SHOWN, **more}, says) for what, more, says in OPENED),
     *((Serving, how, says) for how, says in SERVED),
