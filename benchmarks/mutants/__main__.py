@@ -104,7 +104,8 @@ class Tree:
         listed = subprocess.run(
             ["git", "ls-files", "-co", "--exclude-standard"], cwd=TOP, capture_output=True, text=True, check=True
         )
-        for name in listed.stdout.splitlines():
+        built = (path.relative_to(TOP) for path in (TOP / "src/plumbob/web").rglob("*"))  # which git does not keep
+        for name in (*listed.stdout.splitlines(), *built):
             if (TOP / name).is_file():
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(TOP / name, folder / name)
@@ -275,9 +276,7 @@ def main() -> int:
     trees: queue.Queue[Tree] = queue.Queue()
     for number in range(args.jobs):
         trees.put(Tree(work / f"tree{number}", data))
-    first = trees.get()
-    ran = trace(first, work, args.jobs)
-    trees.put(first)
+    ran = trace(trees.queue[0], work, args.jobs)
 
     def one(mutant: Mutant) -> dict[str, object]:
         tree = trees.get()
