@@ -211,7 +211,7 @@ def test_names_stay_in_their_line_and_a_draft_is_written_once(tmp_path, files):
     refused(plumbob.profile, path, out=out, match="exists already; answer its questions", error=ParameterError)
 
 
-@needs(".")
+@needs("phones", "ferraris")
 @pytest.mark.parametrize(
     ("name", "found"),
     [
