@@ -6,6 +6,7 @@ the last commit where that is the same, and always with ``--all``.
 """
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -32,8 +33,9 @@ READERS = {
     "house": (sys.executable, "-m", "gates.house"),
 }
 # Where Pythons differ: texts of argparse and errors, processes, threads, sockets, archives, what dataclasses show.
-# Tests that need real recordings run there too, since the other Python runs without them.
+# All files of tests that need recordings run there too, since the other Python runs without them.
 SECOND = ("tests/cli", "tests/core", "tests/data", "tests/files", "tests/fleet", "tests/session", "tests/viewer")
+RECORDED = re.compile("real_data|real_motion|broad_folder|broad_rooms")
 PLAIN = ("tests/rotations", "tests/calibration/test_calibration_ellipsoid_fit.py")
 # The smoother's recordings take hours as plain Python; its sweeps, which are what is compiled, take a minute.
 SMOOTHED = [f"--ignore=tests/filters/smoother/test_smoother_{name}.py" for name in ("behaviour", "claims", "door")]
@@ -104,7 +106,9 @@ def gates(which: str, is_all: bool) -> tuple[dict, dict]:
     if which == "lint":
         return READERS, {}
     if which == "second":
-        return {"types": READERS["types"], "layers": READERS["layers"]}, {"tests": (*PYTEST, *SECOND)}
+        tests = (path for path in sorted(Path("tests").rglob("test_*.py")) if not is_in(path.as_posix(), SECOND))
+        more = (str(path) for path in tests if RECORDED.search(path.read_text(encoding="utf-8")))
+        return {"types": READERS["types"], "layers": READERS["layers"]}, {"tests": (*PYTEST, *SECOND, *more)}
     if which == "long":
         places = ["tests"] if is_all else touched(changed(LAST))
         plain = [word for word in (*PLAIN, *LONG_PLAIN) if word.startswith("-") or is_all or is_in(word, places)]
