@@ -16,9 +16,11 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
+from gates import PYTEST
+from gates.house import ROOT, git
+
 BIN = Path(sys.executable).parent
 CODE = ("src", "tests", "benchmarks", "examples", "gates", "website")
-PYTEST = (sys.executable, "-m", "pytest", "-n", os.environ.get("JOBS", "2"), "--dist", "loadfile")
 GROUPS = {  # folders and files, the tests among them
     "papers": ("src/plumbob/papers", "tests/papers", "docs/papers.md"),
     "rigs": ("src/plumbob/simulation/rigs", "src/plumbob/protocols/rigs", "tests/simulation/rigs"),
@@ -41,14 +43,11 @@ PLAIN = ("tests/rotations", "tests/calibration/test_calibration_ellipsoid_fit.py
 SMOOTHED = [f"--ignore=tests/filters/smoother/test_smoother_{name}.py" for name in ("behaviour", "claims", "door")]
 LONG_PLAIN = (
     "tests/filters",
-    *SMOOTHED,
     "tests/noise",
     "tests/protocols",
     "tests/calibration/test_calibration_autocorrelation.py",
 )
 
-
-NOTHING_SELECTED = 5  # pytest's exit code where no test has the mark
 LAST = 10  # commits whose rooms the long tests look at, where the upstream branch has them all
 
 
@@ -64,20 +63,13 @@ class Outcome(NamedTuple):
 
 def changed(commits: int = 1) -> set[str] | None:
     """Files that differ from the upstream branch, or from some commits before; None where git cannot say."""
-    base = _git("merge-base", "HEAD", "@{upstream}") or [""]
-    if base == _git("rev-parse", "HEAD") or not base[0]:
-        base = _git("rev-parse", "--verify", f"HEAD~{commits}")
+    base = git(ROOT, "merge-base", "HEAD", "@{upstream}")
+    if not base or base == git(ROOT, "rev-parse", "HEAD"):
+        base = git(ROOT, "rev-parse", "--verify", f"HEAD~{commits}")
     if not base:
         return None
-    return {*_git("diff", "--name-only", base[0]), *_git("ls-files", "--others", "--exclude-standard")}
-
-
-def _git(*words: str) -> list[str]:
-    try:
-        done = subprocess.run(["git", *words], capture_output=True, text=True, check=False)
-    except OSError:
-        return []
-    return done.stdout.split("\n")[:-1] if done.returncode == 0 else []
+    names = git(ROOT, "diff", "--name-only", base.strip()) + git(ROOT, "ls-files", "--others", "--exclude-standard")
+    return set(names.splitlines())
 
 
 def is_in(name: str, places: Collection[str]) -> bool:
@@ -92,13 +84,12 @@ def left_out(files: Iterable[str] | None) -> dict[str, list[str]]:
 
 
 def touched(files: Iterable[str] | None) -> list[str]:
-    """Folders of tests of the rooms in which these files lie; all where git cannot say."""
+    """Folders of tests of the rooms in which these files lie, and the pages' code; all where git cannot say."""
     if files is None:
         return ["tests"]
     parts = [Path(name.removeprefix("src/")).parts for name in files if name.startswith(("src/plumbob/", "tests/"))]
-    rooms = {f"tests/{one[1]}" for one in parts if len(one) > 2} - {"tests/helpers", "tests/gates"}
-    rooms |= {"tests/docs"} if any(name.endswith(".md") for name in files) else set()
-    return sorted(room for room in rooms if Path(room).is_dir())
+    rooms = {"docs", *(one[1] for one in parts if len(one) > 2)} - {"helpers", "gates"}
+    return sorted(f"tests/{room}" for room in rooms if Path("tests", room).is_dir())
 
 
 def gates(which: str, is_all: bool) -> tuple[dict, dict]:
@@ -111,19 +102,15 @@ def gates(which: str, is_all: bool) -> tuple[dict, dict]:
         return {"types": READERS["types"], "layers": READERS["layers"]}, {"tests": (*PYTEST, *SECOND, *more)}
     if which == "long":
         places = ["tests"] if is_all else touched(changed(LAST))
-        plain = [word for word in (*PLAIN, *LONG_PLAIN) if word.startswith("-") or is_all or is_in(word, places)]
-        if not places:
-            print("No file of a room changed in the last commits: no long test is run.")
-            return {}, {}
         runs = {"long tests": (*PYTEST, "-m", "long or hypothesis", "--hypothesis-profile", "long", *places)}
-        return {}, {**runs, **({"plain Python": (*PYTEST, "-q", *plain)} if set(plain) - set(SMOOTHED) else {})}
+        if plain := [place for place in (*PLAIN, *LONG_PLAIN) if is_all or is_in(place, places)]:
+            runs["plain Python"] = (*PYTEST, "-q", *plain, *SMOOTHED)
+        return {}, runs
     idle = {} if is_all else left_out(changed())
     for name, folders in idle.items():
         print(f"{name}: nothing of it changed, so {' and '.join(folders)} are left out; 'make test-all' runs them.")
     ignored = [f"--ignore={folder}" for folders in idle.values() for folder in folders]
     runs = {"tests": (*PYTEST, *ignored), "plain Python": (*PYTEST, "-q", *PLAIN)}
-    if is_all:
-        runs["dear pages"] = (*PYTEST, "-q", "-m", "long", "tests/docs")
     if "page" not in idle and shutil.which("npm") and Path("web/node_modules").is_dir():
         runs["page"] = ("npm", "--prefix", "web", "--silent", "test")
     if which == "costs":
@@ -139,8 +126,6 @@ def run(name, words, *, shown):
         text = "" if shown else child.stdout.read().decode(errors="replace")
         _, status, used = os.wait4(child.pid, 0)
         child.returncode = os.waitstatus_to_exitcode(status)
-        if name == "long tests" and child.returncode == NOTHING_SELECTED:
-            child.returncode = 0
     return Outcome(name, child.returncode, used.ru_utime + used.ru_stime, time.monotonic() - started, text)
 
 

@@ -8,10 +8,10 @@ import ast
 import re
 import warnings
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from gates.unreachable import House, Module, lines, unreachable
+from gates.unreachable import House, Module, closure, lines, unreachable
 
 CODE = ("src", "tests", "benchmarks", "gates")
 # Words of which the issue of names says that they give the grammar and not the content.
@@ -73,7 +73,7 @@ def figures(root: Path) -> dict[str, Figure]:
 
 
 def places(name: str) -> Iterator[str]:
-    """Where a file counts: in src, tests or benchmarks, and of src in its room too."""
+    """Where a file counts: in its top folder, and of src in its room too."""
     parts = name.split("/")
     yield parts[0]
     if parts[0] == "src":
@@ -214,21 +214,10 @@ def circles(package: Mapping[str, Nodes]) -> Figure:
                     home = modules.get(f"{node.module}.{alias.name}") or modules.get(node.module)
                     if home and home != name:
                         ahead[name].add(home)
-    reach = {start: _reached(ahead, start) for start in ahead}
+    reach = {start: closure(after, lambda place: ahead.get(place, ())) for start, after in ahead.items()}
     rings = {frozenset(there for there in reach[start] if start in reach.get(there, ())) for start in reach}
     return {", ".join(sorted(ring)): 1 for ring in rings if len(ring) > 1}
 
 
 def _module(name: str) -> str:
     return ".".join(Path(name).with_suffix("").parts[1:]).removesuffix(".__init__")
-
-
-def _reached(ahead: Mapping[str, Iterable[str]], start: str) -> set[str]:
-    reached: set[str] = set()
-    todo = list(ahead.get(start, ()))
-    while todo:
-        place = todo.pop()
-        if place not in reached:
-            reached.add(place)
-            todo.extend(ahead.get(place, ()))
-    return reached

@@ -9,6 +9,7 @@ import argparse
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -103,7 +104,7 @@ def raisers(root: Path, key: str, figure: Figure) -> list[str]:
 @cache
 def _before(root: Path) -> dict[str, Figure] | None:
     """Figures of the commit that changed house.toml last; None without git."""
-    commit = _git(root, "log", "-1", "--format=%H", "--", "house.toml").strip()
+    commit = git(root, "log", "-1", "--format=%H", "--", "house.toml").strip()
     if not commit:
         return None
     with tempfile.TemporaryDirectory() as folder:
@@ -112,17 +113,18 @@ def _before(root: Path) -> dict[str, Figure] | None:
         return measure(Path(folder))
 
 
-def _git(root: Path, *words: str) -> str:
-    if not (root / ".git").exists():
+def git(root: Path, *words: str) -> str:
+    """What git prints of a checkout; nothing where it fails, is not installed or does not know the folder."""
+    if not (root / ".git").exists() or shutil.which("git") is None:
         return ""
     return subprocess.run(["git", *words], cwd=root, capture_output=True, text=True, check=False).stdout
 
 
 def silent_raises(root: Path, count: int = 30) -> Iterator[str]:
     """A sentence for each of the last commits that raised a figure and whose subject line does not say so."""
-    for line in _git(root, "log", f"-{count}", "--no-merges", "--format=%H %s", "--", "house.toml").splitlines():
+    for line in git(root, "log", f"-{count}", "--no-merges", "--format=%H %s", "--", "house.toml").splitlines():
         commit, _, subject = line.partition(" ")
-        old, new = (_git(root, "show", f"{at}:house.toml") for at in (f"{commit}~", commit))
+        old, new = (git(root, "show", f"{at}:house.toml") for at in (f"{commit}~", commit))
         was, now = budgets(old), budgets(new)
         raised = [key for key, value in now.items() if was and value > was.get(key, 0)]
         if raised and not (re.search(r"\brais", subject, re.I) and re.search(r"\bbudget", subject, re.I)):

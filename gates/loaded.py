@@ -10,8 +10,9 @@ import subprocess
 import sys
 import time
 
+from gates import PYTEST
+
 BUSY = (sys.executable, "-c", "while True: pass")
-PYTEST = (sys.executable, "-m", "pytest", "-n", "2", "--dist", "loadfile", "-q", "-rfE", "-p", "no:cacheprovider")
 
 
 def pytest_addoption(parser):
@@ -33,7 +34,9 @@ def run(title, busy, *words):
     started = time.monotonic()
     loops = [subprocess.Popen(BUSY) for _ in range(busy)]
     try:
-        done = subprocess.run([*PYTEST, *words], capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [*PYTEST, "-q", "-rfE", "-p", "no:cacheprovider", *words], capture_output=True, text=True, check=False
+        )
     finally:
         for loop in loops:
             loop.kill()

@@ -8,11 +8,13 @@ in TOML, reaches everything of that name. So dead code with a living namesake is
 import ast
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 TABLES = {"__all__", "_HOME", "(__getattr__, __dir__)"}
 DEFINITIONS = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
+T = TypeVar("T")
 Unit = tuple[str, str]
 """A module, and a function or class in it; with '', the rest of the module."""
 
@@ -60,14 +62,22 @@ def unreachable(root: Path, house: House) -> dict[str, int]:
     words: dict[str, set[Unit]] = defaultdict(set)
     for module, name in units:
         words[name or module.rpartition(".")[2]].add((module, name))
-    todo, reached = list(_doors(root, house, words)), set()
-    while todo:
-        unit = todo.pop()
-        if unit in units and unit not in reached:
-            reached.add(unit)
-            todo.extend(_uses(house, words, unit, units[unit]))
+    doors = _doors(root, house, words)
+    reached = closure(doors, lambda unit: _uses(house, words, unit, units[unit]) if unit in units else ())
     dead = {unit: nodes for unit, nodes in units.items() if unit not in reached and unit[1]}
     return {f"{house[m].file}:{name}": sum(map(lines, nodes)) for (m, name), nodes in dead.items()}
+
+
+def closure(start: Iterable[T], following: Callable[[T], Iterable[T]]) -> set[T]:
+    """All that these come to, themselves among them."""
+    reached: set[T] = set()
+    todo = list(start)
+    while todo:
+        place = todo.pop()
+        if place not in reached:
+            reached.add(place)
+            todo.extend(following(place))
+    return reached
 
 
 def lines(node: ast.stmt) -> int:

@@ -39,7 +39,7 @@ class Walk:
 
     def __init__(self, package: str) -> None:
         self.package, self.entered, self.depth = package + os.sep, set(), 0
-        self._codes, self._here = {}, threading.local()
+        self._codes = {}
 
     def _is_function(self, code) -> bool:
         inside = self._codes.get(code)
