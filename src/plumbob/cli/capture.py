@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 
 def completes(args: argparse.Namespace) -> bool:
     """Whether the card so far is the card to write: then it is completed, and nothing of it is lost."""
+    from plumbob.core.files import is_same_file
+
     both = args.out is not None and args.calibration is not None
-    return both and common.is_same_file(args.out, args.calibration)
+    return both and is_same_file(args.out, args.calibration)
 
 
 def require_room(args: argparse.Namespace, device: str, made: Collection[str], base: "CalibrationCard | None") -> None:

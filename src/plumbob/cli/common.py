@@ -298,27 +298,19 @@ def check_outputs(args: argparse.Namespace, *outputs: Path | None, inputs: Seque
         Files that are read; none of them is ever an output.
     """
     from plumbob.core.errors import ParameterError
-    from plumbob.core.files import require_place
+    from plumbob.core.files import is_same_file, profiles_of, require_other, require_place
 
-    read = [
-        path for given in inputs if given is not None for path in (given, *(_profiles(given) if args.force else ()))
-    ]
+    read = [path for path in inputs if path is not None]
+    if args.force:
+        read += [profile for path in read for profile in profiles_of(path) if profile.is_file()]
     wanted = [path for path in outputs if path is not None]
     for number, path in enumerate(wanted):
-        if any(is_same_file(given, path) for given in read):
-            raise ParameterError(f"{path} is an input; writing there would destroy it. Name another file.")
+        require_other(path, read)
         if any(is_same_file(other, path) for other in wanted[:number]):
             raise ParameterError(f"{path} is named for two outputs; give each a file of its own.")
     for path in wanted:
         require_place(path, overwrite=args.force)
     args.outputs = {path: _stamp(path) for path in wanted}
-
-
-def _profiles(path: Path) -> list[Path]:
-    """Profiles that are read with a file."""
-    from plumbob.core.files import profiles_of
-
-    return [profile for profile in profiles_of(path) if profile.is_file()]
 
 
 def unwritten(args: argparse.Namespace) -> list[Path]:
@@ -339,13 +331,6 @@ def with_profile(path: Path | None, tables: Sequence[str] = (".csv",)) -> tuple[
     from plumbob.core.files import profile_beside
 
     return (path,) if path is None or path.suffix.lower() not in tables else (path, profile_beside(path))
-
-
-def is_same_file(one: Path, other: Path) -> bool:
-    """Whether two paths lead to one file, by whatever links; one that does not exist yet is compared by its path."""
-    if one.exists() and other.exists():
-        return one.samefile(other)
-    return os.path.realpath(one) == os.path.realpath(other)  # where a link leads to itself, Path.resolve raises
 
 
 def note(*lines: str) -> None:

@@ -52,8 +52,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _refuse_mixed_up_files(args: argparse.Namespace) -> None:
     from plumbob.core.errors import ParameterError
+    from plumbob.core.files import is_same_file
 
-    if common.is_same_file(args.estimate, args.reference):
+    if is_same_file(args.estimate, args.reference):
         raise ParameterError(f"{args.estimate} is both estimate and reference; name the track of 'plumbob run' first.")
     common.check_pages(args, inputs=(args.estimate, args.reference, args.profile))
 

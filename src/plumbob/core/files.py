@@ -12,7 +12,7 @@ import shutil
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
@@ -203,6 +203,19 @@ def require_place(path: Path, *, overwrite: bool = False) -> None:
         raise _exists(path)
     if not os.access(path, os.W_OK):  # a rename would not ask
         raise DecodeError(f"{path} cannot be written: it is write-protected. Nothing was changed there.")
+
+
+def is_same_file(one: Path, other: Path) -> bool:
+    """Whether two paths lead to one file, by whatever links; one that does not exist yet is compared by its path."""
+    if one.exists() and other.exists():
+        return one.samefile(other)
+    return os.path.realpath(one) == os.path.realpath(other)  # where a link leads to itself, Path.resolve raises
+
+
+def require_other(path: Path, inputs: Iterable[Path]) -> None:
+    """Refuse, with a ParameterError, to write where one of the inputs lies, whatever links lead there."""
+    if any(is_same_file(given, path) for given in inputs):
+        raise ParameterError(f"{path} is an input; writing there would destroy it. Name another file.")
 
 
 def _exists(path: Path) -> ParameterError:

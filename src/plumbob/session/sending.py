@@ -16,6 +16,7 @@ from plumbob.acquisition.outgoing import FileTarget, Sender, Target, TcpServer, 
 from plumbob.acquisition.transport import Event, Stopping
 from plumbob.core import check
 from plumbob.core.errors import LineError, ParameterError, ShapeError
+from plumbob.core.files import require_other
 from plumbob.core.flags import GAP, GYR_HELD, TIME_FAULT
 from plumbob.core.text import Shown, counted
 from plumbob.core.time import to_ns
@@ -454,9 +455,8 @@ def send(
     spec = send_spec(form, to, rate=rate, sentences=sentences, body=body)
     pace = _pace(speed)
     name, track, imu, t0_ns = _held(source)
-    output = Path(to.removeprefix("file:"))
-    if to.startswith("file:") and isinstance(source, str | Path) and output.exists() and output.samefile(source):
-        raise ParameterError(f"{output} is an input; writing there would destroy it. Name another file.")
+    if to.startswith("file:") and isinstance(source, str | Path):
+        require_other(Path(to.removeprefix("file:")), [Path(source)])
     angle = given("declination", declination, Quantity.ANGLE)
     angle = imu.meta.declination if angle is None and imu is not None else angle
     encoder = encoder_of(spec, track.north, angle)

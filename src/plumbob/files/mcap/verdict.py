@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from plumbob.core.errors import ParameterError
-from plumbob.core.files import replacing, require_place
+from plumbob.core.files import replacing, require_other, require_place
 from plumbob.core.text import Shown
 from plumbob.files.mcap import disk
 from plumbob.files.mcap.info import PartInfo
@@ -272,8 +272,7 @@ def repair(
 
 
 def _refuse(log: Log, target: Path) -> None:
-    if any(target.exists() and target.samefile(file) for file in log.paths):
-        raise ParameterError(f"{target} is an input; writing there would destroy it. Name another file.")
+    require_other(target, log.paths)
     if log.recording is None:
         raise ParameterError(
             f"{log.paths[0]} was written by another program, so nobody here knows what is missing; use 'mcap recover'."
