@@ -15,7 +15,8 @@ from importlib import resources
 from pathlib import Path
 
 from benchmarks.view_load import used
-from tests.helpers.browser import CHROMIUM, FLAGS, until, viewed
+from tests.helpers import until
+from tests.helpers.browser import CHROMIUM, FLAGS, viewed
 from tests.helpers.commandline import PLUMBOB
 
 COUNT_FRAMES = """seconds => new Promise(done => {

@@ -56,9 +56,9 @@ def test_values_order_and_shapes_stay():
     assert check.one_of("order", "wxyz", ("wxyz", "xyzw")) == "wxyz"
 
 
-def leaning(value, count=5):
-    """Unit quaternions, of which the fourth has another number at its second place."""
-    q = np.tile([1.0, 0, 0, 0], (count, 1))
+def leaning(value):
+    """Five unit quaternions, of which the fourth has another number at its second place."""
+    q = np.tile([1.0, 0, 0, 0], (5, 1))
     q[3, 1] = value
     return q
 

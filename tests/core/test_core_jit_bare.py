@@ -1,17 +1,13 @@
 """Bare addresses and inlining: the same bits as with arrays and calls, and no reference counting left."""
 
-import json
-import os
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
-from plumbob.core import _jit
 from plumbob.core._jit import bare, njit, njit_reassociated, specialise
 from plumbob.rotations.kernels import quat_exp, quat_mul
+from tests.helpers import in_the_other_mode, jit_disabled
 
 
 @njit
@@ -75,13 +71,8 @@ def test_arrays_and_addresses_give_the_same_bits():
 
 
 def test_plain_python_gives_the_same_bits_and_bare_is_then_the_array_itself():
-    other = "0" if _jit.jit_disabled() else "1"
-    code = "import json; from tests.core.test_core_jit_bare import states; print(json.dumps(states()))"
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": other}
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], env=environment, capture_output=True, text=True, check=True
-    )
-    assert json.loads(done.stdout) == states()
+    code = "from tests.core.test_core_jit_bare import states; given = states()"
+    assert in_the_other_mode(code, warnings="error") == states()
     x = np.zeros(3)
     assert bare.py_func(x) is x
 
@@ -142,7 +133,7 @@ def code_of(kernel, *args):
     return re.search(rf"^define [^\n]*@\"?{re.escape(name)}\"?\(.*?^}}", text, re.MULTILINE | re.DOTALL).group()
 
 
-@pytest.mark.skipif(_jit.jit_disabled(), reason="plain Python has no machine code")
+@pytest.mark.skipif(jit_disabled(), reason="plain Python has no machine code")
 class TestMachineCode:
     def test_callees_are_inlined_addresses_are_not_counted_and_a_kernel_keeps_its_order(self):
         """Arrays are: two atomic operations for each that a kernel hands on."""

@@ -11,7 +11,7 @@ from plumbob.filters.smoother import Smoother
 from tests.helpers.motion import consistent
 
 N, BEGIN, END = 4000, 1500, 3000
-DATA, TRUTH = consistent(N, amplitude=2.0)
+DATA, _ = consistent(N, amplitude=2.0)
 NOISE = {"gyr": dps(0.1), "acc": 0.03, "mag": 0.3}
 STEP = {"gyr": dps(1.0) / 16.4, "acc": 9.80665 / 2048.0, "mag": 0.15}  # a digit of an MPU-9250 at its full range
 STUCK = {"gyr": flags.GYR_STUCK, "acc": flags.ACC_STUCK, "mag": flags.MAG_STUCK}

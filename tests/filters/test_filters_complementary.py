@@ -16,9 +16,9 @@ from tests.helpers.motion import consistent, seen_by
 EPS = np.finfo(float).eps
 
 
-def at_rest(t, q, frame=Frame.NED, gyr=(0.0, 0.0, 0.0)):
+def at_rest(t, q, gyr=(0.0, 0.0, 0.0)):
     """A unit at rest whose gyroscope says something all the same."""
-    return ImuData(t=t, gyr=np.tile(gyr, (len(t), 1)), **seen_by(np.tile(q, (len(t), 1)), frame))
+    return ImuData(t=t, gyr=np.tile(gyr, (len(t), 1)), **seen_by(np.tile(q, (len(t), 1)), Frame.NED))
 
 
 def degrees_off(data, truth, start, **params):

@@ -26,9 +26,10 @@ from plumbob.rotations import (
     quat_normalize,
     quat_rotate,
 )
+from tests.helpers import slow_as_python
 from tests.helpers.filter_state import coefficients_of, fresh_state, state_of
 from tests.helpers.jacobians import by_differences
-from tests.helpers.motion import consistent, seen_by, slow_as_python, up_in_body
+from tests.helpers.motion import consistent, seen_by, up_in_body
 
 UPPER4, UPPER3 = np.triu_indices(4), np.triu_indices(3)
 UPPER7 = np.triu_indices(7)

@@ -26,6 +26,9 @@ def mahony(**params):
 )
 def test_text_is_converted_with_its_unit(text, si):
     assert mahony(gate=text).params.gate == pytest.approx(si, rel=1e-15)
+
+
+def test_the_gate_can_be_off():
     assert [mahony(gate=word).params.gate for word in ("off", "OFF", "none")] == [None] * 3
 
 

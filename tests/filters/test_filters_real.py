@@ -4,7 +4,7 @@ import pytest
 
 from plumbob.evaluation.many import measure_accuracy, trials_in
 from plumbob.filters.offline import Stage
-from tests.helpers.motion import slow_as_python
+from tests.helpers import slow_as_python
 
 STAGES = (
     Stage("mahony", {"kp": 0.5, "ki": 0.03, "gate": None}, label="as the paper"),

@@ -32,11 +32,9 @@ UP = np.array([0.0, 0.0, 1.0])
 DIP_SHARE = np.hypot(*FIELD_ENU[:2]) / np.linalg.norm(FIELD_ENU)
 """A turn about the vertical turns the field's direction by this of its angle."""
 POSE = quat_from_euler_zyx([0.4, -0.3, 0.2])
+POSE_UP = up_in_body(POSE)
 DIGITS = 2e-8
 """What the last digits of `alive` leave of a heading: a mean rate of 0.5e-9 √3 rad/s over 20 s."""
-
-
-POSE_UP = up_in_body(POSE)
 
 
 def alive(n):

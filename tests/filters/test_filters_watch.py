@@ -13,6 +13,7 @@ from plumbob.filters.layout import LAST, OWN
 
 STUCK = (flags.GYR_STUCK, flags.ACC_STUCK, flags.MAG_STUCK)
 NAN = (math.nan,) * 3
+FIELD = np.array([50.0, -43.0, 20.0])
 
 
 class Stream:
@@ -50,29 +51,27 @@ def test_each_triad_is_watched_by_itself():
     assert word == flags.GYR_STUCK | flags.MAG_STUCK
 
 
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_what_is_not_stuck(axis):
-    """A slow field that is absent in between, or always; an axis that is; alternating values; one axis that lives.
+@pytest.mark.parametrize(
+    ("rate", "said"),
+    [
+        # 10 Hz: each value stands for 0.1 s, less than `LONG`
+        *((r, lambda k, r=r: {"mag": (math.floor(k * 10.0 / r), 0.0, 5.0)}) for r in (100.0, 400.0, 1000.0)),
+        (100.0, lambda k: {"mag": (float(k), 0.0, 5.0) if k % 10 == 0 else NAN}),  # absent in between
+        (100.0, lambda k: {"mag": NAN}),
+        (100.0, lambda k: {"gyr": (0.1 * (k % 2), 0.0, 0.0)}),
+        *((100.0, lambda k, axis=axis: {"acc": tuple(np.where(axis, np.nan, [1.0, 2.0, 3.0]))}) for axis in np.eye(3)),
+        # 10 nT, below any magnetometer's last digit
+        *((100.0, lambda k, axis=axis: {"mag": tuple(FIELD + 0.01 * (k % 2) * axis)}) for axis in np.eye(3)),
+    ],
+)
+def test_what_is_not_stuck(rate, said):
+    """A slow field, repeated or absent in between; what is absent; alternating values; one axis that lives.
 
-    Its last bit, of a value about 50 µT, shows in the sum of all three. At 10 Hz a value that is repeated stands for
-    0.1 s, less than `LONG`.
+    Its last bit, of a value about 50 µT, shows in the sum of all three.
     """
-    holed, field, streams = [1.0, 2.0, 3.0], np.array([50.0, -43.0, 20.0]), [Stream() for _ in range(4)]
-    holed[axis] = math.nan
-    for k in range(2000):
-        lives = tuple(field + 0.01 * (k % 2) * np.eye(3)[axis])  # 10 nT, below any magnetometer's last digit
-        slow = (float(k), 0.0, 5.0) if k % 10 == 0 else NAN
-        for stream, triads in zip(
-            streams,
-            ({"mag": slow}, {"mag": NAN, "acc": tuple(holed)}, {"mag": lives}, {"gyr": (0.1 * (k % 2), 0.0, 0.0)}),
-            strict=True,
-        ):
-            assert stream.take(0.01, **triads) == 0
-    assert np.isfinite(streams[1].x).all()
-    for rate in (100.0, 400.0, 1000.0):
-        stream = Stream()
-        for k in range(round(3 * rate)):
-            assert stream.take(1.0 / rate, mag=(math.floor(k * 10.0 / rate), 0.0, 5.0)) == 0
+    stream = Stream()
+    assert not any(stream.take(1.0 / rate, **said(k)) for k in range(3000))
+    assert np.isfinite(stream.x).all()
 
 
 def test_what_says_the_same_before_and_after_an_absence_is():

@@ -22,7 +22,7 @@ from plumbob.fleet.job import COLUMNS
 from plumbob.fleet.places import fetched, place_of
 from plumbob.fleet.settings import cards_of
 from plumbob.overview.quality import MEANING
-from tests.helpers.browser import until
+from tests.helpers import until
 from tests.helpers.commandline import plumbob as call
 
 SETTINGS = {"filter": "mahony"}

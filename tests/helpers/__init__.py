@@ -1,9 +1,20 @@
 """Batteries: what every filter, decoder, format and page must pass, and what their tests share."""
 
+import json
 import os
+import subprocess
+import sys
+import time
+from pathlib import Path
 from typing import Any
 
+import pytest
 from hypothesis import settings
+
+from plumbob.core._jit import jit_disabled
+
+PATIENCE = 60.0  # s; never waited for on a machine that is not overloaded
+slow_as_python = pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
 
 
 def examples(share: float, **more: Any) -> settings:
@@ -11,6 +22,20 @@ def examples(share: float, **more: Any) -> settings:
     return settings(max_examples=max(1, round(share * settings.default.max_examples)), **more)
 
 
-def jit_disabled() -> bool:
-    """Whether kernels run as plain Python in this process, as ``NUMBA_DISABLE_JIT=1`` asks for."""
-    return os.environ.get("NUMBA_DISABLE_JIT") == "1"
+def until(condition, what="what was waited for did not come", patience=PATIENCE):
+    """Wait for a condition, and fail where it does not come; what it gave."""
+    end = time.monotonic() + patience
+    while not (given := condition()):
+        assert time.monotonic() < end, what() if callable(what) else what
+        time.sleep(0.002)
+    return given
+
+
+def in_the_other_mode(code, warnings="ignore"):
+    """What code makes of the name `given`, in a process that compiles kernels where this one does not, or does not."""
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "0" if jit_disabled() else "1"}
+    words = [sys.executable, "-W", warnings, "-c", f"import json; {code}; print(json.dumps(given))"]
+    root = Path(__file__).parents[2]
+    return json.loads(
+        subprocess.run(words, cwd=root, env=environment, capture_output=True, text=True, check=True).stdout
+    )

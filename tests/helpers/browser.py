@@ -1,11 +1,10 @@
-"""A real browser, Debian's Chromium driven by Playwright; `plumbob view` for it; and waiting for what comes."""
+"""A real browser, Debian's Chromium driven by Playwright, and `plumbob view` for it."""
 
 import json
 import re
 import shutil
 import subprocess
 import threading
-import time
 import urllib.request
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -13,11 +12,11 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
+from tests.helpers import until
 from tests.helpers.commandline import PLUMBOB
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 FLAGS = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
-PATIENCE = 60.0
 COLD = 240.0  # the first view compiles kernels, which a busy machine takes minutes for
 
 
@@ -31,15 +30,6 @@ def browser():
         found = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         yield found
         found.close()
-
-
-def until(condition, what, patience=PATIENCE):
-    """Wait for a condition, and fail where it does not come; what it gave."""
-    end = time.monotonic() + patience
-    while not (found := condition()):
-        assert time.monotonic() < end, what() if callable(what) else what
-        time.sleep(0.01)
-    return found
 
 
 class View:

@@ -1,7 +1,6 @@
 """Recordings for the tests: made-up channels whose every row can be checked."""
 
 import json
-import time
 
 from mcap.reader import NonSeekingReader, SeekingReader
 
@@ -90,11 +89,3 @@ def chunks_of(raw):
 def flipped(raw, place, bits=1):
     """These bytes with some bits of one other."""
     return raw[:place] + bytes([raw[place] ^ bits]) + raw[place + 1 :]
-
-
-def wait_for(condition, timeout=30.0):
-    """Wait until another thread has done it."""
-    end = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.002)

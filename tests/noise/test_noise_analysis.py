@@ -14,10 +14,8 @@ from plumbob.noise.bands import find_mask, least_squares, lines, mask_first_orde
 from plumbob.noise.findings import Coefficient, GaussMarkov, Mask, Sinusoid
 from plumbob.noise.spectrum import find_sinusoids
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, allan_transfer, variance
-from tests.helpers import jit_disabled
+from tests.helpers import slow_as_python
 from tests.helpers.noise_records import expected_spectrum, first_order
-
-slow_without_jit = pytest.mark.skipif(jit_disabled(), reason="sums over long records take minutes as plain Python")
 
 
 def white(seed, count=100_000, sd=0.2):
@@ -141,7 +139,7 @@ def test_the_mask_of_a_smoothed_record_that_is_too_short_ends_ten_time_constants
     assert "too short" in mask.reason
 
 
-@slow_without_jit
+@slow_as_python
 @pytest.mark.parametrize(("corner", "order"), [(10.0, 1), (20.0, 2)])
 def test_a_low_pass_is_masked_and_white_noise_found_all_the_same(corner, order):
     """Passing a first-order low-pass, white noise keeps its density at low frequencies, where N is what it was."""
@@ -159,7 +157,7 @@ def test_a_low_pass_is_masked_and_white_noise_found_all_the_same(corner, order):
     assert found.least_squares.terms["N"].value == pytest.approx(0.02, rel=0.02)
 
 
-@slow_without_jit
+@slow_as_python
 def test_a_gauss_markov_process_is_told_from_flicker_noise():
     x = white(4, 300_000) + 0.03 * first_order(white(5, 300_000, 1.0), 1.0, 0.01)
     found = analyse(x, 0.01)
@@ -177,7 +175,7 @@ def exact_curve(seed=0, **terms):
     return replace(base, dev=np.sqrt(sum(variance(letter, c, base.tau) for letter, c in terms.items())))
 
 
-@slow_without_jit
+@slow_as_python
 @pytest.mark.parametrize("letters", ["QNKR", "NK", "N", "QR"])
 def test_least_squares_solve_exact_curves_exactly(letters):
     """Without flicker noise, whose sampled curve differs at few samples."""
@@ -188,7 +186,7 @@ def test_least_squares_solve_exact_curves_exactly(letters):
         assert terms[letter].value == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
-@slow_without_jit
+@slow_as_python
 def test_least_squares_have_no_negative_coefficients():
     """White noise less a random walk that takes a quarter of it at the end: no K, and no R, which would be negative."""
     whole = exact_curve(N=0.02)
@@ -199,7 +197,7 @@ def test_least_squares_have_no_negative_coefficients():
     assert terms["N"].value == pytest.approx(0.02, rel=1e-3)  # which the well-known short times tell
 
 
-@slow_without_jit
+@slow_as_python
 @pytest.mark.parametrize(("letter", "value"), [("Q", 1e-3), ("N", 0.02), ("B", 0.01), ("K", 0.3), ("R", 0.01)])
 def test_lines_read_off_a_single_term_exactly(letter, value):
     found = lines(exact_curve(**{letter: value})).terms
@@ -210,7 +208,7 @@ def test_lines_read_off_a_single_term_exactly(letter, value):
     assert found[letter].hi == pytest.approx(value * (1.0 + percent), rel=1e-9)
 
 
-@slow_without_jit
+@slow_as_python
 def test_a_filter_is_recognised_and_its_curve_is_not_believed():
     """A scalar filter of gain 1 − exp(−0.01): 1 s. White noise keeps √(1 − (3 − 4e^−x + e^−2x) / 2x), x = τ/s."""
     keep = math.exp(-0.01)
@@ -226,7 +224,7 @@ def test_a_filter_is_recognised_and_its_curve_is_not_believed():
     assert any("nothing has changed" in note for note in found.notes)
 
 
-@slow_without_jit
+@slow_as_python
 def test_records_without_a_filter_between_them():
     assert compare(white(8), white(9), 0.01).notes == ("the two spectra show no low-pass between them",)
     halved = compare(white(8), 0.5 * white(8), 0.01)
@@ -241,7 +239,7 @@ def smoothed(seed, count, time, dt=0.1):
     return lfilter([1.0 - keep], [1.0, -keep], white(seed, count, 0.1))
 
 
-@slow_without_jit
+@slow_as_python
 def test_a_smoothed_record_is_recognised_and_what_lies_below_its_filter_is_found():
     """White noise keeps its density at low frequencies: N = 0.1 √0.1. A line of +1/2, the filter's, is not read off."""
     found = analyse(smoothed(10, 400_000, 5.0), 0.1)
@@ -257,7 +255,7 @@ def test_a_smoothed_record_is_recognised_and_what_lies_below_its_filter_is_found
     assert short.markov.time.lo <= 5.5 and short.markov.time.hi >= 4.5
 
 
-@slow_without_jit
+@slow_as_python
 def test_intervals_are_of_the_noise_that_was_found():
     """A random walk under white noise: at the longest times its edf, however the end of the curve happens to bend."""
     x = white(12, 50_000, 0.05) + 0.01 * np.cumsum(white(13, 50_000, 1.0))
@@ -276,7 +274,7 @@ def test_lists_float32_and_large_offsets_are_analysed_alike():
     assert analyse(1e12 * x, 0.01).terms["N"].value == pytest.approx(1e12 * n, rel=1e-9)
 
 
-@slow_without_jit
+@slow_as_python
 def test_white_noise_is_not_masked_and_a_warm_up_is_no_noise():
     found = analyse(white(3), 0.01)
     assert (found.mask.n, found.notes, found.sinusoids, found.markov) == (1, (), (), None)

@@ -13,10 +13,8 @@ from plumbob.noise.findings import Band, Mask, Sinusoid
 from plumbob.noise.likelihood import coefficients, fit, octaves
 from plumbob.noise.spectrum import sampled_densities, spectrum
 from plumbob.simulation import errors
-from tests.helpers import jit_disabled
+from tests.helpers import slow_as_python
 from tests.helpers.noise_records import expected_spectrum
-
-slow_without_jit = pytest.mark.skipif(jit_disabled(), reason="sums over long records take minutes as plain Python")
 
 DT = 0.01
 TRUTH = {"N": 440.0, "B": 300.0, "K": 40.0}
@@ -82,7 +80,7 @@ def test_the_variance_of_a_band_is_that_of_sinusoids_at_its_places():
     assert band.variance(tau) == pytest.approx(0.5 * sum(each), rel=1e-12)
 
 
-@slow_without_jit
+@slow_as_python
 def test_an_analysis_with_a_band():
     """[IEEE952]'s model with the band goes through the curve where the terms alone do not."""
     rng, count = np.random.default_rng(8), 200_000
@@ -142,7 +140,7 @@ def test_intervals_grow_with_departures_from_octave_to_octave():
         assert 0.6 < told / scatter < 1.7
 
 
-@slow_without_jit
+@slow_as_python
 def test_a_band_that_the_last_fit_explains_is_none():
     """One in 240 of such records ended in a division by its power, which is 0 (seed found by search)."""
     rng, count, rate, one = np.random.default_rng(171), 110_000, 500.0, np.ones(3)

@@ -11,7 +11,7 @@ from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import ONE_SIGMA, curve, curve_of, curves, deviation, edf, identify, interval, log_factors, skew_edf
 from plumbob.noise.curve import log_variance
 from plumbob.noise.factors import SHAPES
-from tests.helpers import jit_disabled
+from tests.helpers import jit_disabled, slow_as_python
 
 COMPILED = not jit_disabled()
 SAMPLES = 2048
@@ -113,7 +113,7 @@ TRUTH = {
 }
 
 
-@pytest.mark.skipif(not COMPILED, reason="long as plain Python")
+@slow_as_python
 @pytest.mark.parametrize("count", [100, pytest.param(400, marks=pytest.mark.long(reason="5 s for each noise"))])
 @pytest.mark.parametrize("noise", TRUTH)
 def test_intervals_hold_the_truth_as_often_as_they_say(noise, count):

@@ -7,7 +7,7 @@ import pytest
 
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import KINDS, deviation, kernels
-from tests.helpers import jit_disabled
+from tests.helpers import jit_disabled, slow_as_python
 from tests.helpers.noise_records import NBS14, drifting, exactly, flicker, riley_1000, walk, white
 
 EPS = np.finfo(float).eps
@@ -56,7 +56,7 @@ def test_the_longest_average_is_one_difference(kind):
             deviation(rate, [longest + 1], kind)
 
 
-@pytest.mark.skipif(jit_disabled(), reason="minutes of plain Python")
+@slow_as_python
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_drift_of_a_hundred_times_the_noise_costs_few_digits(kind):
     """Against extended precision. θ reaches N · 100 / 8 < 2²², so each of its sums rounds to multiples of 2^-31.

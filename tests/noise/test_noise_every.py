@@ -8,7 +8,7 @@ import pytest
 
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import deviation, every, every_adev, kernels
-from tests.helpers import jit_disabled
+from tests.helpers import jit_disabled, slow_as_python
 from tests.helpers.noise_records import NBS14, drifting, exact_squares, exactly, flicker, walk, white, whole_numbers
 
 EPS = np.finfo(float).eps
@@ -65,16 +65,20 @@ def test_within_the_accuracy_that_it_claims(make, count):
 
 @pytest.mark.parametrize("count", [*range(2, 20), 255, 256, 257, 511, 512, 513])
 def test_short_records_and_the_edges_of_triangles(count):
-    """The edges lie at 256 points; [Riley2008] Table 30 has nine rates."""
+    """The edges lie at 256 points."""
     rate = white(count)
     made, n = every_adev(rate), np.arange(1, count // 2 + 1)
     expected = [exactly(rate, k) for k in n.tolist()] if count < 20 else deviation(rate, n)
     np.testing.assert_allclose(made, expected, rtol=2e-12, strict=True)
+
+
+def test_published_rates():
+    """[Riley2008] Table 30; the other two are by brute force."""
     published = [91.22945, 85.95287, exactly(NBS14, 3), exactly(NBS14, 4)]
     assert every_adev(NBS14) == pytest.approx(published, rel=5e-7)
 
 
-@pytest.mark.skipif(jit_disabled(), reason="minutes of plain Python")
+@slow_as_python
 def test_few_factors_are_summed_directly(monkeypatch):
     """Else it is right, but no faster than one after the other: 1 in 1000 of white noise, 1 in 20 of a random walk."""
     directly, summed = every.second_squares, []

@@ -12,7 +12,7 @@ from plumbob.noise.static import artefacts
 from plumbob.noise.static.judge import FEWEST_SAMPLES, StaticCheck, judge
 from plumbob.noise.static.report import bridged
 from plumbob.simulation.errors import flicker, random_walk
-from tests.helpers import jit_disabled
+from tests.helpers import jit_disabled, slow_as_python
 
 COUNT, DT = 6000, 0.01
 T = np.arange(COUNT) * DT
@@ -63,7 +63,7 @@ def noises(rng, count):
     }.items()
 
 
-@pytest.mark.skipif(PLAIN, reason="takes minutes without compiled kernels")
+@slow_as_python
 @pytest.mark.parametrize(
     ("dt", "rounds"),
     [(DT, 4), (1.0, 2), (0.05, 2), (5e-4, 2), pytest.param(DT, 34, marks=pytest.mark.long(reason="seconds"))],

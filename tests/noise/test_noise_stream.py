@@ -8,7 +8,7 @@ import pytest
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import AllanStream, deviation, factors, log_factors, stream_factors
 from plumbob.noise.factors import stream_steps
-from tests.helpers import jit_disabled
+from tests.helpers import jit_disabled, slow_as_python
 from tests.helpers.noise_records import drifting, walk, white
 
 EPS = np.finfo(float).eps
@@ -58,7 +58,7 @@ def test_every_difference_below_the_first_longer_step():
     np.testing.assert_allclose(result.dev[:, 0], deviation(rate, result.n), rtol=1e-11)
 
 
-@pytest.mark.skipif(jit_disabled(), reason="minutes of plain Python")
+@slow_as_python
 def test_what_longer_steps_leave_out_is_far_below_the_uncertainty():
     """On white noise σ itself scatters by about √(n / N) / 2 or more; the steps move it by less than 1/500 of that."""
     rate = white(1_000_000)

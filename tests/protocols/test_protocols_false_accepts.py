@@ -11,7 +11,7 @@ from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode
 from plumbob.protocols.overlap import passes_anything
 from plumbob.protocols.page import framing_of
-from tests.helpers import jit_disabled
+from tests.helpers import slow_as_python
 
 STREAMS = [name for name in catalog.names() if not catalog.load(name).framing.transfers]
 
@@ -60,7 +60,7 @@ def test_it_is_the_product_of_what_guards(name, odds):
     assert false_accepts(settled(name)) == pytest.approx(odds, rel=1e-12)
 
 
-@pytest.mark.skipif(jit_disabled(), reason="60 million bytes need compiled kernels")
+@slow_as_python
 @pytest.mark.parametrize("name", ["ahrs400", "witmotion", "witmotion_ble"])
 def test_random_bytes_pass_as_often_as_computed(name):
     form = settled(name)

@@ -15,7 +15,7 @@ from plumbob.core.units import deg
 from plumbob.data.cards import TriadNoise
 from plumbob.data.cards.left import uncalibrated
 from plumbob.data.imu import ImuMeta
-from plumbob.filters.smoother import Params, Smoother, samples
+from plumbob.filters.smoother import Params, Smoother
 from plumbob.filters.smoother.field import LEAST_BEND, LEAST_NOISE, Reference, scatter_of
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_REPEATS
@@ -29,6 +29,7 @@ from plumbob.rotations import (
 )
 from tests.helpers.hand_motion import CALIBRATED, by_hand, error_n, rms_deg
 from tests.helpers.motion import heading_sd
+from tests.helpers.smoother_pieces import in_stretches
 
 UNITS, RATE, SECONDS = 30, 100.0, 30.0
 ESTIMATED = {"acc_offset": 0.0, "latency_sd": 0.0, "mag_direction_sd": 0.0}
@@ -174,8 +175,7 @@ def test_a_free_heading_claims_a_bias_that_no_rest_showed_and_the_scale_by_what_
 
 
 def test_a_free_heading_stays_uncertain_from_stretch_to_stretch(monkeypatch):
-    for name, value in (("LONG", 20.0), ("CORE", 10.0), ("MARGIN", 5.0)):
-        monkeypatch.setattr(samples, name, value)
+    in_stretches(monkeypatch, long=20.0, core=10.0, margin=5.0)
     h = by_hand(60.0, 50.0, seed=3)
     track = Smoother(frame="ENU").process(h.imu(mag=None))
     sd = heading_sd(track.q_nb, track.cov_b)

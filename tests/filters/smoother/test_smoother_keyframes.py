@@ -16,9 +16,8 @@ from plumbob.filters.smoother import Smoother, keyframes, samples
 from plumbob.filters.smoother.keyframes import Keyframes, between, longest_step
 from plumbob.filters.smoother.samples import MARGIN, stretches
 from plumbob.rotations import quat_angle, quat_chained, quat_from_rotvec, quat_multiply
-from tests.helpers import examples
+from tests.helpers import examples, slow_as_python
 from tests.helpers.hand_motion import by_hand
-from tests.helpers.motion import slow_as_python
 
 EPS = np.finfo(float).eps
 

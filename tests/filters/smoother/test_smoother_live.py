@@ -21,8 +21,9 @@ from plumbob.filters.smoother import FixedLag, Smoother, inertial, live, onward
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_REPEATS, Params
 from plumbob.rotations import quat_angle, quat_conjugate, quat_rotate
+from tests.helpers import slow_as_python
 from tests.helpers.hand_motion import by_hand, error_n, rms_deg
-from tests.helpers.motion import heading_sd, slow_as_python, tilt_between
+from tests.helpers.motion import heading_sd, tilt_between
 from tests.helpers.smoother_pieces import arrived, place
 
 pytestmark = slow_as_python
@@ -126,7 +127,7 @@ def test_a_field_that_changes_at_rest_is_in_doubt_and_the_one_that_the_unit_turn
 def test_a_proven_field_does_not_yield_to_another_one_in_which_the_unit_turns():
     h = by_hand(40.0, rest=((0.0, 5.0),), seed=3)
     foreign = np.where(((h.t > 20.0) & (h.t < 35.0))[:, np.newaxis], [20.0, 0.0, 0.0], 0.0)
-    track, told = followed(h.imu(mag=h.mag + quat_rotate(quat_conjugate(h.q), foreign)))
+    track, told = followed(h.imu(mag=h.mag + h.in_body(foreign)))
     assert np.degrees(np.abs(error_n(track.q_nb, h.q)[h.t > 6.0, 2])).max() < 2.0
     assert "the field was not that of the place (20–35 s)" in told
 
@@ -212,8 +213,7 @@ def lying(seconds, bias):
 
 def wrong_at_first(h, until):
     """Field of a hand's motion with another one, µT, on it up to a time, s."""
-    other = np.where(h.t[:, np.newaxis] < until, [20.0, -15.0, 10.0], 0.0)
-    return h.mag + quat_rotate(quat_conjugate(h.q), other)
+    return h.mag + h.in_body(np.where(h.t[:, np.newaxis] < until, [20.0, -15.0, 10.0], 0.0))
 
 
 @pytest.mark.parametrize("size", [1, 1000])
@@ -340,6 +340,6 @@ def test_what_is_remarked_at_the_end_does_not_depend_on_the_parts(monkeypatch):
     told = []
     for size in (10_000, 2500):
         monkeypatch.setattr("plumbob.filters.smoother.smoothing.AT_ONCE", size)
-        told.append(followed(h.imu(mag=h.mag + quat_rotate(quat_conjugate(h.q), wrong)))[1])
+        told.append(followed(h.imu(mag=h.mag + h.in_body(wrong)))[1])
     assert told[0] == told[1]
     assert "the field was not that of the place (50–60 s)" in told[0]

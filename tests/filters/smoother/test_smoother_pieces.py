@@ -14,8 +14,8 @@ from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import SIZE, Params
 from plumbob.filters.smoother.sweeps import COUNT, FIELD, FORCE, MEANS, Last
 from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate, rotvec_from_quat
+from tests.helpers import slow_as_python
 from tests.helpers.hand_motion import by_hand
-from tests.helpers.motion import slow_as_python
 from tests.helpers.smoother_pieces import arrived, place
 
 

@@ -9,14 +9,10 @@ from plumbob.core import flags
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.filters.smoother import FixedLag
 from plumbob.filters.smoother.live import Live
+from tests.helpers import slow_as_python
 from tests.helpers.hand_motion import by_hand
-from tests.helpers.motion import slow_as_python
 
 META = ImuMeta(declination=0.05, calibration="by hand", gyr_range=30.0)
-
-
-def samples(h):
-    return (ImuSample(round(t * 1e9), *v) for t, *v in zip(h.t, h.gyr, h.acc, h.mag, strict=True))
 
 
 def odd(h, name):
@@ -61,7 +57,7 @@ def test_between_keyframes_samples_wait(monkeypatch):
     h, taken, take = by_hand(4.0, seed=1), [], Live.take
     monkeypatch.setattr(Live, "take", lambda self, data: taken.append(len(data)) or take(self, data))
     stream = FixedLag(frame="ENU")
-    for sample in samples(h):
+    for sample in h.imu().samples():
         stream.update(sample)
     assert sum(taken) > h.t.size - 5
     assert len(taken) < 0.3 * h.t.size
@@ -69,13 +65,13 @@ def test_between_keyframes_samples_wait(monkeypatch):
 
 
 def test_time_that_does_not_run_on_is_flagged_until_it_is_clear_that_the_clock_was_set_back():
-    stream, ahead = FixedLag(frame="ENU"), list(samples(by_hand(2.0, seed=1)))
+    stream, ahead = FixedLag(frame="ENU"), list(by_hand(2.0, seed=1).imu().samples())
     for sample in ahead[:100]:
         stream.update(sample)
     before = stream.q_nb
-    assert stream.update(ImuSample(ahead[99].t_ns, *np.split(ahead[100].values, 3))) & flags.TIME_FAULT
+    assert stream.update(ImuSample.packed(ahead[99].t_ns, ahead[100].values)) & flags.TIME_FAULT
     assert (stream.q_nb == before).all()
-    late = [stream.update(ImuSample(s.t_ns - 10**15, *np.split(s.values, 3))) for s in ahead[100:106]]
+    late = [stream.update(ImuSample.packed(s.t_ns - 10**15, s.values)) for s in ahead[100:106]]
     assert [bool(word & flags.TIME_FAULT) for word in late] == [True, True, False, False, False, False]
     stream.reset()
 
@@ -87,7 +83,7 @@ def test_before_the_first_sample_and_after_a_reset_it_is_at_its_start():
         assert (stream.q_nb == start).all()
         assert (stream.bias_b == 0.0).all()
         assert np.diag(stream.cov_b) == pytest.approx([np.radians(1.0) ** 2] * 3)
-        words.append([stream.update(sample) for sample in samples(by_hand(1.0, seed=1))])
+        words.append([stream.update(sample) for sample in by_hand(1.0, seed=1).imu().samples()])
         stream.reset()
     assert words[0] == words[1]
 

@@ -12,8 +12,8 @@ from plumbob.filters.smoother import FixedLag, Smoother
 from plumbob.filters.smoother.inertial import GIVEN
 from plumbob.rotations import change_frame, quat_angle, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
 from plumbob.rotations.headings import claimed_sd
+from tests.helpers import slow_as_python
 from tests.helpers.hand_motion import CALIBRATED, by_hand, error_n
-from tests.helpers.motion import slow_as_python
 
 LAGS = ({"lag": 0.0}, {"lag": 1.0}, {})
 

@@ -1,9 +1,6 @@
 """The two sweeps: each step against differences of what it linearises, and both against dense textbook forms."""
 
 import math
-import os
-import subprocess
-import sys
 from dataclasses import astuple
 from types import SimpleNamespace
 
@@ -26,7 +23,7 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
-from tests.helpers import jit_disabled
+from tests.helpers import in_the_other_mode
 from tests.helpers.hand_motion import by_hand
 from tests.helpers.jacobians import by_differences
 from tests.helpers.smoother_pieces import digest
@@ -133,7 +130,7 @@ def test_the_velocity_of_a_step_is_linearised_right(seed):
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("kind", [MOVING, RESTING, AGAIN])
 def test_covariances_go_through_the_same_transition(seed, kind):
-    """P ← F P Fᵀ forward, Λ ← Fᵀ Λ F sweeps.backward, with the F of the row above, to rounding."""
+    """P ← F P Fᵀ forward, Λ ← Fᵀ Λ F backward, with the F of the row above, to rounding."""
     rng = np.random.default_rng(seed)
     _, f, _, _ = stepped(samples_of_a_step(rng, still=False))
     f[KIND], f[FADE] = kind, 0.7
@@ -157,7 +154,7 @@ def test_covariances_go_through_the_same_transition(seed, kind):
     assert np.abs(p - full @ before @ full.T).max() < 1e-13
 
 
-# --- sweeps.backward against Rauch, Tung and Striebel --------------------------------------------------------------
+# --- backward against Rauch, Tung and Striebel --------------------------------------------------------------
 
 H = np.zeros((sweeps.MEASURED, SIZE))
 """What each scalar at a keyframe measures, in the order in which it is used: velocity, heading, rates."""
@@ -351,8 +348,5 @@ def test_a_sweep_in_blocks_is_that_in_one(recorded, block, monkeypatch):
 
 
 def test_compiled_and_plain_python_give_the_same_bits():
-    code = "from tests.helpers.smoother_pieces import digest; print(digest())"
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "0" if jit_disabled() else "1"}
-    words = [sys.executable, "-W", "ignore", "-c", code]
-    done = subprocess.run(words, env=environment, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == digest()
+    code = "from tests.helpers.smoother_pieces import digest; given = digest()"
+    assert in_the_other_mode(code) == digest()

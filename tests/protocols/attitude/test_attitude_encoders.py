@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pynmea2
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pynmeagps import NMEAReader
 
@@ -27,6 +27,7 @@ from plumbob.rotations import (
     quat_multiply,
     quat_rotate,
 )
+from tests.helpers import examples
 
 NOON = 1_700_000_000_123_456_789  # 2023-11-14T22:13:20.123456789Z
 HALF_TURN = np.array([0.0, 1.0, 0.0, 0.0])  # about x: forward-right-down to forward-left-up, and back
@@ -94,7 +95,7 @@ def same_body(q_frd: Any) -> list[tuple[AttitudeTrack, Body]]:
     return found
 
 
-@settings(max_examples=60, deadline=None)
+@examples(0.6)
 @given(st.floats(0.0, 359.98), st.floats(-89.0, 89.0), st.floats(-179.0, 179.0))
 def test_frames_and_axes_give_the_same_sentence(heading: float, pitch: float, roll: float) -> None:
     angles = units.deg(np.array([round(heading, 2) + 0.001, round(pitch, 2) + 0.001, round(roll, 2) + 0.001]))
@@ -327,7 +328,7 @@ def test_ros2_is_read_by_rosbags(tmp_path: Any) -> None:
     assert last.orientation_covariance[0] == -1.0 and last.orientation.w == 1.0
 
 
-@settings(max_examples=60, deadline=None)
+@examples(0.6)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(lambda q: sum(x * x for x in q) > 0.01))
 def test_any_attitude_is_read_back(q: list[float]) -> None:
     unit = np.array(q) / np.linalg.norm(q)
