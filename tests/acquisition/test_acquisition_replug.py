@@ -99,7 +99,7 @@ def test_read_opens_and_asks_again(make):
     assert kinds(make("soon").read(0.1)) == ["opened"]
 
 
-def test_waiting_backs_off_and_tells_each_reason_once(make, clock):
+def test_waiting_backs_off_and_tells_each_reason_once(make):
     line, items = make(*[ABSENT] * 6, ("denied", "no right"), ABSENT, wait=True), []
     while len(items) < 4:
         items += line.read(1.0)
@@ -134,7 +134,7 @@ def test_a_line_that_breaks_whenever_it_is_opened_is_not_hammered(make, clock):
     assert len(line.asked) < 25
 
 
-def test_bytes_make_up_for_failures_from_before(make, clock):
+def test_bytes_make_up_for_failures_from_before(make):
     line = make(*[ABSENT] * 6, wait=True)
     while not any(e.kind == "opened" for e in line.read(1.0)):
         pass

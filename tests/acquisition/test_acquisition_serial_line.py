@@ -158,6 +158,9 @@ def test_usual_and_odd_speeds_and_forms(line, baud, options):
     """A pseudo-terminal takes any, and has no modem lines, which pyserial would set."""
     with SerialSource(str(line.link), baud, **options) as source:
         assert [event.kind for event in source.read(0)] == ["opened"]
+
+
+def test_what_can_never_be_right():
     for wrong in ({"baud": 0}, {"bytesize": 9}, {"parity": "X"}, {"stopbits": 3}, {"gather": 5.0}):
         with pytest.raises(ParameterError):
             SerialSource("/dev/ttyX", **{"baud": 9600, **wrong})

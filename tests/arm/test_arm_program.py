@@ -4,12 +4,13 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from plumbob.arm import JointTrack, Program, taught
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.data.chain import Chain, Joint, Limits, Segment
+from tests.helpers import examples
 from tests.helpers.arm_samples import eased, pick_and_place
 
 POSITIVE = ("rate", "smooth", "still", "dwell")
@@ -36,7 +37,7 @@ size = st.one_of(st.just(np.inf), st.floats(0.05, 50.0))
 limits = st.builds(Limits, st.floats(-2.0, -0.1), st.floats(0.1, 2.0), size, size, size)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(0.6)
 @given(motions(), limits, st.sampled_from((50.0, 100.0, 125.0, 1000.0)))
 def test_limits_are_kept_by_differences_of_samples(track, bounds, rate):
     program = taught(track, bounds, rate=rate)
@@ -50,7 +51,7 @@ def test_limits_are_kept_by_differences_of_samples(track, bounds, rate):
     np.testing.assert_allclose(np.diff(program.t), 1.0 / rate, rtol=1e-6)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(0.4)
 @given(motions(), size, size, size)
 def test_stops_and_ends_are_kept(track, velocity, acceleration, jerk):
     program = taught(track, Limits(-10.0, 10.0, velocity, acceleration, jerk))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -14,6 +14,7 @@ from plumbob.arm.urdf import hand_link, moved
 from plumbob.core.errors import ClockError, MissingExtraError, ParameterError, PlumbobError
 from plumbob.data.chain import Limits
 from plumbob.rotations import dcm_from_quat
+from tests.helpers import examples
 from tests.helpers.arm_samples import arm, pick_and_place, scipy_hand
 
 ROBOT = """<?xml version="1.0"?>
@@ -69,7 +70,7 @@ def test_a_robot_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 six = st.lists(st.floats(-2.4, 2.4), min_size=6, max_size=6)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(0.4)
 @given(six)
 def test_our_kinematics_are_those_of_the_parser(angles: list[float]) -> None:
     chain, row = arm(), np.array([angles])

@@ -16,8 +16,11 @@ from plumbob.core.units import to_dps
 from plumbob.rotations import quat_conjugate, quat_rotate
 
 BY_NAME = {case.name: case for case in (*CASES, *SECOND)}
-CLEAN = record(USUAL, 15000)
-CALM = {name: record(motion, LONGEST) for name, motion in MOTIONS.items()}
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return record(USUAL, 15000)
 
 
 def stream(name):
@@ -25,25 +28,26 @@ def stream(name):
 
 
 def change(name, triad):
-    """Of a stream of the second battery that has lost no samples, from the clean one of its motion."""
+    """Of a stream of the second battery that has lost no samples, from the clean one of its motion; and that one."""
     damaged = stream(name)
-    return getattr(damaged, triad) - getattr(CALM[name.rpartition("_")[2]], triad)[: damaged.t.size]
+    calm = getattr(record(MOTIONS[name.rpartition("_")[2]], damaged.t.size), triad)
+    return getattr(damaged, triad) - calm, calm
 
 
 def rows_of(name):
     return list(stream(name).rows())
 
 
-def test_the_scene_is_as_described():
+def test_the_scene_is_as_described(clean):
     q, rates = truth_of(USUAL)
     assert (rates[:500] == 0.0).all()
     assert to_dps(np.abs(rates).max(axis=0)) == pytest.approx([100.0, 125.0, 150.0], rel=1e-3)
     assert math.degrees(math.asin(-FIELD_N[2] / np.linalg.norm(FIELD_N))) == pytest.approx(66.0)
     inverse = quat_conjugate(q)
     errors = {
-        "gyr": to_dps(CLEAN.gyr - rates) - 0.1,
-        "acc": CLEAN.acc - quat_rotate(inverse, GRAVITY_N),
-        "mag": CLEAN.mag - quat_rotate(inverse, FIELD_N),
+        "gyr": to_dps(clean.gyr - rates) - 0.1,
+        "acc": clean.acc - quat_rotate(inverse, GRAVITY_N),
+        "mag": clean.mag - quat_rotate(inverse, FIELD_N),
     }
     for name, sd in {"gyr": 0.1, "acc": 0.03, "mag": 0.3}.items():
         count = errors[name].size
@@ -102,17 +106,18 @@ def test_ends_of_ranges_are_clipped_and_flagged_as_a_decoder_would():
     assert np.abs(stream("mag_glitch_x100_1").mag[3000]).max() <= RANGES["mag"]
 
 
-def test_disturbances_have_their_size_and_direction():
+def test_disturbances_have_their_size_and_direction(clean):
     damaged = stream("acc_lin_5ms2_10s")
-    extra = quat_rotate(damaged.truth[3000:4000], damaged.acc[3000:4000] - CLEAN.acc[3000:4000])
+    extra = quat_rotate(damaged.truth[3000:4000], damaged.acc[3000:4000] - clean.acc[3000:4000])
     assert np.abs(extra - [5.0, 0.0, 0.0]).max() < 1e-12  # rounding of 10 m/s²
     damaged = stream("mag_parallel_gravity_5s")
     field = quat_rotate(damaged.truth[3000:3500], damaged.mag[3000:3500])
     assert field.mean(axis=0) == pytest.approx([0.0, 0.0, -np.linalg.norm(FIELD_N)], abs=5 * 0.3 / math.sqrt(500))
     assert np.abs(stream("freefall_noise_2s").acc[3000:3200]).max() < 6 * 0.03  # 600 normal numbers
-    assert (stream("mag_hardiron_50uT_20s").mag - CLEAN.mag[:9000])[3500] == pytest.approx([50.0, 0.0, 0.0])
+    assert (stream("mag_hardiron_50uT_20s").mag - clean.mag[:9000])[3500] == pytest.approx([50.0, 0.0, 0.0])
     assert np.diff(stream("dt_negative_step_0p5s").t)[2999] == pytest.approx(-0.49)
-    assert change("sign_acc_5s_slow", "acc")[3000:3500] == pytest.approx(-2.0 * CALM["slow"].acc[3000:3500])
-    ramp = to_dps(change("ramp_5dps_30s_none", "gyr"))
+    reversed_by, calm = change("sign_acc_5s_slow", "acc")
+    assert reversed_by[3000:3500] == pytest.approx(-2.0 * calm[3000:3500])
+    ramp = to_dps(change("ramp_5dps_30s_none", "gyr")[0])
     assert ramp[[2999, 4500, 6000, 11999], 1] == pytest.approx([0.0, 2.5, 5.0, 5.0])
     assert not stream("bias_1dps_no_mag_none").has_mag.any()

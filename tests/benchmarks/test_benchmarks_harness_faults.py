@@ -16,8 +16,6 @@ from benchmarks.harness.verdict import Verdict
 from plumbob.core.errors import ParameterError
 from plumbob.filters.offline import Stage
 
-BY_NAME = {case.name: case for case in CASES}
-
 
 def ours(name, **params):
     return OurFilter(Stage(name, params))

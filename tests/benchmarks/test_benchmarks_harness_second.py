@@ -10,16 +10,11 @@ import pytest
 from benchmarks.harness.contender import Answer
 from benchmarks.harness.fault_scene import LONGEST, record
 from benchmarks.harness.second import compare, listen, measure_second
-from benchmarks.harness.second_cases import CASES, MOTIONS, NONE
+from benchmarks.harness.second_cases import CASES, NONE
 from benchmarks.harness.silence import Outcome
 from plumbob.rotations import quat_from_euler_zyx, quat_multiply
 
 BY_NAME = {case.name: case for case in CASES}
-CLEAN = {name: record(motion, LONGEST) for name, motion in MOTIONS.items()}
-
-
-def stream(name):
-    return BY_NAME[name].stream()
 
 
 class Told:
@@ -41,10 +36,11 @@ class Told:
 
 
 def test_errors_and_claims_are_of_heading_and_inclination():
-    heard = listen(Told(6.0, sd_deg=[1.0, 1.0, 2.0]), CLEAN["none"], free=False)
+    clean = record(NONE, LONGEST)
+    heard = listen(Told(6.0, sd_deg=[1.0, 1.0, 2.0]), clean, free=False)
     assert heard.error_deg == pytest.approx(6.0)
     assert heard.claimed.ratio == pytest.approx(3.0)
-    heard = listen(Told(0.0, 6.0, sd_deg=[3.0, 4.0, 4.0]), CLEAN["none"], free=False)
+    heard = listen(Told(0.0, 6.0, sd_deg=[3.0, 4.0, 4.0]), clean, free=False)
     assert heard.claimed.error_deg[0] == pytest.approx([0.0, 6.0], abs=1e-6)
     assert heard.claimed.ratio == pytest.approx(6.0 / 5.0)  # of both tilts, 3° and 4°
     upright = record(replace(NONE, start=(0.0, -0.5 * math.pi, 0.0)), 100)  # on its x axis, which is then the vertical

@@ -12,21 +12,16 @@ from plumbob.calibration.mag.alone import fit_mag
 from plumbob.calibration.mag.with_acc import fit_mag_acc
 from plumbob.calibration.mag.with_gyr import fit_mag_gyr
 from plumbob.rotations import quat_conjugate, quat_rotate
-from tests.helpers import jit_disabled
 from tests.helpers import mag_scene as mags
+from tests.helpers import noise_records, slow_as_python
 
-slow_without_jit = pytest.mark.skipif(jit_disabled(), reason="many captures take minutes as plain Python")
 CAPTURES = 8
 ONE_VISIT = np.zeros(1, dtype=np.intp)
 
 
 def first_order(rng, count, rho):
-    white = rng.normal(size=count)
-    found = np.empty(count)
-    found[0] = white[0] / np.sqrt(1.0 - rho * rho)
-    for i in range(1, count):
-        found[i] = rho * found[i - 1] + white[i]
-    return found
+    """One of which each step is driven by white noise of variance 1."""
+    return noise_records.first_order(rng.normal(size=count), -1.0 / np.log(rho)) / np.sqrt(1.0 - rho * rho)
 
 
 def steel(rng, place_n):
@@ -116,7 +111,7 @@ def test_what_stays_counts_as_four_and_a_half_samples():
     assert found.unevenness == pytest.approx(0.5 * 400 / 391 * 10_000 / SLOW, rel=0.1)
 
 
-@slow_without_jit
+@slow_as_python
 @pytest.mark.parametrize(
     "rho", [0.9, *(pytest.param(rho, marks=pytest.mark.long(reason="other memories")) for rho in (0.5, 0.97))]
 )
@@ -137,7 +132,7 @@ def test_filtered_noise_is_no_uneven_field(rho, monkeypatch):
     assert 0.5 < rms(ratios) < 1.5
 
 
-@slow_without_jit
+@slow_as_python
 @pytest.mark.parametrize("lever", [0.35, pytest.param(0.1, marks=pytest.mark.long(reason="another lever"))])
 def test_the_covariance_is_honest_near_steel(lever):
     """Not too small; too large, by less than 5, where the hand's wandering makes the errors, and not the lever."""
@@ -149,7 +144,7 @@ def test_the_covariance_is_honest_near_steel(lever):
     assert max(ratios) < 3.0
 
 
-@slow_without_jit
+@slow_as_python
 def test_poses_at_rest_show_an_uneven_field_too():
     """40 poses of 100 samples, a gradient of 3 µT/m and 0.3 m of arm: errors that each pose keeps, and no other has."""
     ratios = []
@@ -170,7 +165,7 @@ def test_poses_at_rest_show_an_uneven_field_too():
     assert 0.25 < rms(ratios) < 1.5
 
 
-@slow_without_jit
+@slow_as_python
 def test_a_gyroscope_sees_through_an_uneven_field():
     """One field in space, not one length: half the heading error at least, and an honest covariance."""
     alone, helped, ratios = [], [], []

@@ -122,7 +122,6 @@ def test_turns_of_fields_that_are_not_calibrated_negated_or_still(turning):
     some = mag.copy()
     some[::3] = np.nan
     assert agreement(t, some, gyr).slope == pytest.approx(slope, abs=0.01)
-    _, t, mag, gyr = turning
     rng = np.random.default_rng(1)
     still = [20.0, 0.0, 40.0] + 0.2 * rng.normal(size=mag.shape)
     assert agreement(t, still, RATE_BIAS + 1e-3 * rng.normal(size=gyr.shape)) is None

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from plumbob.calibration.ellipsoid import ellipsoid_fit as ellipsoids
-from tests.helpers import jit_disabled
+from tests.helpers import slow_as_python
 from tests.helpers.mag_scene import STRENGTH, Unit, attitudes, field, soft_iron
 
-slow_without_jit = pytest.mark.skipif(jit_disabled(), reason="many captures take minutes as plain Python")
 START = ellipsoids.Ellipsoid(np.zeros(3), np.eye(3) / STRENGTH)
 
 
@@ -89,7 +88,7 @@ def test_linearised_agrees_with_the_kernel_on_the_ellipsoid():
     )
 
 
-@slow_without_jit
+@slow_as_python
 @pytest.mark.parametrize(("count", "noise"), [(18, 0.2), (18, 0.02), (300, 0.2)])
 def test_the_covariance_holds_what_it_says(count, noise):
     """Errors over their standard deviations have a second moment of about 1: χ² of some 9 · 40 numbers has 7 % of sd.
@@ -130,7 +129,7 @@ def test_false_alarms_are_as_rare_as_said():
     assert alarms < 2
 
 
-@slow_without_jit
+@slow_as_python
 def test_small_tilt_does_not_run_to_infinity():
     """noise.md 5.2: with tilt up to 25° the plain norm fails in 82 % of captures, orthogonal distance in none."""
     rng = np.random.default_rng(9)

@@ -16,6 +16,7 @@ from plumbob.filters.channel import RateFilter
 
 T = 0.1 * np.arange(400)
 BIAS = dps(np.array([1.5, -0.7, 0.2]))
+CARD = CalibrationCard("ball", "2026-01-01", "test", gyr=TriadCalibration(np.eye(3), BIAS, "rad/s", "rad/s"))
 PARAMS = {"walk": "0.0316 deg/s", "noise": "0.1 deg/s"}
 
 
@@ -56,8 +57,7 @@ def test_a_part_of_the_drift_whose_sensor_is_missing_stays_and_is_named(lacking,
 
 def test_a_card_stands_in_place_of_a_drift_model():
     imu, _ = warming()
-    card = CalibrationCard("ball", "2026-01-01", "test", gyr=TriadCalibration(np.eye(3), BIAS, "rad/s", "rad/s"))
-    found = plumbob.filter_rates(imu, "moving_average", params={"samples": 1}, calibration=card)
+    found = plumbob.filter_rates(imu, "moving_average", params={"samples": 1}, calibration=CARD)
     np.testing.assert_allclose(found.imu.gyr, imu.gyr - BIAS, atol=1e-15)
     assert found.imu.meta.calibration is not None
 
@@ -98,13 +98,12 @@ def test_the_command_line_gives_the_same_to_the_bit_and_an_attitude_follows(tmp_
 
 def test_what_does_not_go_together_is_refused():
     imu, _ = warming()
-    card = CalibrationCard("ball", "2026-01-01", "test", gyr=TriadCalibration(np.eye(3), BIAS, "rad/s", "rad/s"))
     filtered, scalar = plumbob.filter_rates, "scalar"
     for call, error, text in (
         (lambda: plumbob.estimate(imu, scalar, frame="NED"), ParameterError, r"plumbob\.filter_rates"),
         (lambda: filtered(imu, "mahony"), ParameterError, "no channel filter 'mahony'"),
         (lambda: filtered(warming(gyr=None)[0], scalar), ShapeError, "has no gyroscope"),
-        (lambda: filtered(imu, scalar, calibration=card, drift=GyroDrift()), ParameterError, "Give one of them"),
+        (lambda: filtered(imu, scalar, calibration=CARD, drift=GyroDrift()), ParameterError, "Give one of them"),
         (lambda: filtered(imu, scalar, drift="mine"), ParameterError, "'mine' is not a drift model; known is chen2013"),
         (lambda: filtered(imu, scalar, rest=(50.0, 60.0)), ParameterError, "goes from 0 to 39.9 s"),
         (lambda: filtered(imu, scalar, params={"q": 1}), ParameterError, "scalar has no parameter 'q'"),

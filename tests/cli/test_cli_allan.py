@@ -1,4 +1,4 @@
-"""plumbob allan: real processes, real files."""
+"""plumbob allan on files."""
 
 import re
 
@@ -35,10 +35,10 @@ def folder(tmp_path_factory):
     return folder
 
 
-def densities(result, unit="rad/s/rtHz"):
-    """White noise of each axis."""
+def densities(result):
+    """White noise of each axis, rad/s/√Hz."""
     axes = [axis for name, axis in result.items() if name not in {"file", "calibration"}]
-    return [axis["coefficients"]["N"]["value"][unit] for axis in axes]
+    return [axis["coefficients"]["N"]["value"]["rad/s/rtHz"] for axis in axes]
 
 
 def test_white_noise_as_a_data_sheet_has_it(folder):

@@ -1,4 +1,4 @@
-"""plumbob calibrate accel: real processes, real files."""
+"""plumbob calibrate accel on files."""
 
 import math
 

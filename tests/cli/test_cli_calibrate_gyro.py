@@ -1,6 +1,4 @@
-"""plumbob calibrate gyro and temperature: real processes, real files."""
-
-import json
+"""plumbob calibrate gyro and temperature on files."""
 
 import numpy as np
 import pytest
@@ -10,7 +8,7 @@ from plumbob.core.constants import G0
 from plumbob.core.units import dps, from_si, to_dps
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import TriadCalibration
-from tests.helpers.commandline import ok, plumbob, refused
+from tests.helpers.commandline import answer, ok, plumbob, refused
 from tests.helpers.gyro_sessions import ferraris, hand
 from tests.helpers.real_data import DATA, needs
 
@@ -55,9 +53,7 @@ def captures(tmp_path_factory):
 
 def refusal(*words):
     """Reasons of a refusal as JSON; exit code 1."""
-    done = plumbob(*words, "--json")
-    assert done.returncode == 1, done.stderr
-    found = json.loads(done.stdout)
+    found = answer("calibrate", *words, code=1)
     assert found["card"] is None
     return [reason["kind"] for reason in found["refused"]]
 
@@ -68,8 +64,8 @@ def test_rest_gives_the_bias_and_hand_motion_scale_and_axes_beside_the_accelerom
     assert (np.abs(gyr.bias - hand(1).bias) <= 5.0 * gyr.bias_sd).all()
     assert (gyr.matrix == np.eye(3)).all() and gyr.temp_ref_c == pytest.approx(30.0)
     assert "UNCALIBRATED" in ok("calibrate", "gyro", captures / "hand.parquet").stdout
-    words = ("--calibration", captures / "acc.json", "--out", tmp_path / "hand.json", "--json")
-    found = json.loads(ok("calibrate", "gyro", captures / "hand.parquet", *words).stdout)
+    words = ("--calibration", captures / "acc.json", "--out", tmp_path / "hand.json")
+    found = answer("calibrate gyro", captures / "hand.parquet", *words)
     assert not any("UNCALIBRATED" in remark for remark in found["remarks"]["gyr"])
     card = CalibrationCard.load(tmp_path / "hand.json")
     assert card.acc.method == "acc known"
@@ -119,7 +115,7 @@ def test_a_soak_keeps_the_matrix_of_the_card(captures, tmp_path):
     by_hand, both = (CalibrationCard.load(tmp_path / name).gyr for name in ("hand.json", "both.json"))
     assert (both.matrix == by_hand.matrix).all()
     assert (np.abs(both.bias_per_k[0] - slope) <= 5.0 * both.bias_per_k_sd[0]).all()
-    assert refusal("calibrate", "temperature", captures / "still.parquet") == ["no-temperature", "too-few"]
+    assert refusal("temperature", captures / "still.parquet") == ["no-temperature", "too-few"]
 
 
 def test_the_trackball_preset_says_that_nothing_was_measured(captures, tmp_path):
@@ -135,7 +131,7 @@ def test_the_trackball_preset_says_that_nothing_was_measured(captures, tmp_path)
     assert "pass temp_c" in refused("calibrate", "gyro", captures / "hand.parquet", "--preset", "trackball")
 
 
-def test_captures_that_are_none_leave_no_card(captures, tmp_path):
+def test_captures_that_are_none_leave_no_card(tmp_path):
     session, out = hand(1), tmp_path / "card.json"
     rng = np.random.default_rng(0)
     recording(tmp_path / "shaken.parquet", session._replace(acc=session.acc + rng.normal(0.0, 3.0, session.acc.shape)))
@@ -147,8 +143,8 @@ def test_captures_that_are_none_leave_no_card(captures, tmp_path):
     table = np.hstack((from_si(session.acc, "g"), to_dps(session.gyr)))
     names = "acc_x,acc_y,acc_z,gyr_x,gyr_y,gyr_z"
     np.savetxt(tmp_path / "degrees.csv", table, delimiter=",", header=names, comments="")
-    assert refusal("calibrate", "gyro", tmp_path / "shaken.parquet", "--out", out) == ["not-still"]
-    assert refusal("calibrate", "gyro", tmp_path / "clipped.parquet", "--out", out)[0] == "clipping"
+    assert refusal("gyro", tmp_path / "shaken.parquet", "--out", out) == ["not-still"]
+    assert refusal("gyro", tmp_path / "clipped.parquet", "--out", out)[0] == "clipping"
     assert "If the source holds °/s" in refused("calibrate", "gyro", tmp_path / "degrees.csv", "--out", out)
     assert not out.exists()
 
@@ -156,7 +152,7 @@ def test_captures_that_are_none_leave_no_card(captures, tmp_path):
 def test_a_gyroscope_without_its_accelerometer_or_against_it_is_refused(captures, tmp_path):
     session = hand(1)
     recording(tmp_path / "turned.parquet", session._replace(gyr=-session.gyr))
-    assert refusal("calibrate", "gyro", tmp_path / "turned.parquet") == ["implausible"]
+    assert refusal("gyro", tmp_path / "turned.parquet") == ["implausible"]
     told = ok("calibrate", "accel", tmp_path / "turned.parquet").stderr
     assert "note: turned.parquet: gyroscope: it turns against the accelerometer" in told
     assert ok("calibrate", "accel", captures / "hand.parquet").stderr == ""
@@ -172,7 +168,5 @@ def test_a_turning_table_is_no_rest_where_a_magnetometer_sees_it(tmp_path):
     mag = np.stack((25.0 * np.cos(dps(3.0) * t), -25.0 * np.sin(dps(3.0) * t), np.full(t.size, 43.3)), axis=1)
     imu = ImuData(t=t, gyr=gyr, acc=acc, mag=mag + rng.normal(size=mag.shape), meta=ImuMeta(device="unit 7"))
     file = files.write(tmp_path / "turning.parquet", imu)
-    kinds = [
-        refusal("calibrate", "gyro", file, *words) for words in ((), ("--method", "rest"), ("--preset", "trackball"))
-    ]
+    kinds = [refusal("gyro", file, *words) for words in ((), ("--method", "rest"), ("--preset", "trackball"))]
     assert kinds == [["not-still"]] * 3

@@ -1,4 +1,4 @@
-"""plumbob calibrate hand: real processes, real files."""
+"""plumbob calibrate hand on files."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""plumbob calibrate mag: real processes, real files."""
+"""plumbob calibrate mag on files."""
 
 import re
 

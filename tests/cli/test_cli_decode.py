@@ -7,7 +7,6 @@ import struct
 
 import pytest
 
-from plumbob.cli.main import main
 from plumbob.core.constants import G0
 from tests.helpers.commandline import answer, typed
 
@@ -57,18 +56,16 @@ def slow(temp_c):
 
 
 @pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
+def call(tmp_path):
     """Decode bytes; the lines of the table, and the notes but the one on calibration, which is always there."""
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "pair.toml").write_text(FORMAT, encoding="utf-8")
 
     def run(data, *words):
         (tmp_path / "in.bin").write_bytes(data)
-        assert main(["decode", "in.bin", "--format", "pair.toml", *words]) == 0
-        out, err = capsys.readouterr()
-        notes = [line.removeprefix("note: ") for line in err.splitlines()]
+        done = typed("decode in.bin --format pair.toml", *words, cwd=tmp_path)
+        notes = [line.removeprefix("note: ") for line in done.stderr.splitlines()]
         assert notes.pop().startswith("calibration NONE")
-        return out.splitlines(), notes
+        return done.stdout.splitlines(), notes
 
     return run
 

@@ -23,10 +23,15 @@ def buoy(tmp_path_factory):
     return folder
 
 
+def bytes_of(form):
+    """Thirty frames of each message."""
+    return b"".join(frames_of(form, 30, np.random.default_rng(1)))
+
+
 @pytest.mark.parametrize("name", SENSORS)
 def test_every_format_with_sensors_is_read_back(name, tmp_path):
     form = settled(find_format(name))
-    raw = b"".join(frames_of(form, 30, np.random.default_rng(1)))
+    raw = bytes_of(form)
     (tmp_path / "raw.bin").write_bytes(raw)
     asked = {key: next(iter(o.choices), "1") for key, o in find_format(name).options.items() if o.default is None}
     options = [word for key, value in asked.items() for word in ("--option", f"{key}={value}")]
@@ -61,12 +66,12 @@ def test_every_verb_reads_it(buoy, suffix):
 
 
 def test_the_unit_that_is_read_is_one_of_the_frame(tmp_path):
-    raw = tmp_path / "raw.bin"
-    raw.write_bytes(b"".join(frames_of(settled(find_format("arm")), 30, np.random.default_rng(1))))
+    raw, form = tmp_path / "raw.bin", settled(find_format("arm"))
+    raw.write_bytes(bytes_of(form))
     typed("decode raw.bin --format arm --unit u2 --rate '50 Hz' --out a.csv", cwd=tmp_path)
     done = typed("decode raw.bin --format arm --rate '50 Hz' --out b.csv", cwd=tmp_path)
     assert "read as unit u1 of u1, u2, u3, u4, u5, u6" in done.stderr
-    decoded = next(iter(decode(raw.read_bytes(), settled(find_format("arm")))[0].values()))
+    decoded = next(iter(decode(raw.read_bytes(), form)[0].values()))
     for name, unit in (("a", "u2"), ("b", "u1")):
         np.testing.assert_allclose(read(tmp_path / f"{name}.csv").imu.gyr, triads_of(decoded, unit)["gyr"], rtol=1e-11)
 
@@ -77,9 +82,7 @@ def test_a_table_that_was_changed_or_has_no_time_is_refused(buoy, tmp_path):
     pq.write_table(table.drop_columns(["gyr.x [rad/s]"]), tmp_path / "less.parquet")
     flags = table.column_names.index("flags")
     pq.write_table(table.set_column(flags, "flags", [["gap+tired"] * len(table)]), tmp_path / "odd.parquet")
-    (tmp_path / "raw.bin").write_bytes(
-        b"".join(frames_of(settled(find_format("hmc5983")), 30, np.random.default_rng(1)))
-    )
+    (tmp_path / "raw.bin").write_bytes(bytes_of(settled(find_format("hmc5983"))))
     for suffix in ("csv", "parquet"):
         typed(f"decode raw.bin --format hmc5983 --out timeless.{suffix}", cwd=tmp_path)
     for name, why in (

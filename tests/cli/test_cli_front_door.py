@@ -19,11 +19,8 @@ SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "random"}
 
 
 @pytest.fixture(scope="module")
-def sea(tmp_path_factory):
-    file = tmp_path_factory.mktemp("door") / "sea.parquet"
-    made = plumbob.simulate("buoy", duration=12.0, seed=1, **(SIM | {"unit": "calibrated"}))
-    plumbob.write(file, plumbob.Recording(imu=made.imu, track=made.truth))
-    return file
+def sea(samples):
+    return samples / "sea.parquet"
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +86,7 @@ def test_allan_is_allan(tmp_path):
     assert [a.sd for a in of_array.analyses] == pytest.approx([a.sd for a in of_samples.analyses], rel=1e-12)
 
 
-def test_what_a_function_does_not_take_is_refused(sea, poses, wire, recorded):
+def test_what_a_function_does_not_take_is_refused(poses, wire, recorded):
     reads = (plumbob.read, lambda what: plumbob.calibrate(what, "accel"), plumbob.allan)
     cases = [(use, (given,), {}, "must be the path of a file") for use in reads for given in (3, None)]
     cases += [(plumbob.calibrate, (poses, kind), {"shap": "auto"}, "has no option 'shap'") for kind in KINDS]

@@ -69,17 +69,23 @@ def test_a_ring_is_refused_live_and_recorded_and_its_bytes_are_kept(folder):
     assert "tilt it" in told["guide"]["next"]
 
 
+def interrupted(words, line, cwd, *marks):
+    """Exit code and last words of a live capture that gets Ctrl-C at the first line with one of these marks."""
+    words = [*PLUMBOB, *shlex.split(words), "--port", str(line)]
+    with subprocess.Popen(words, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
+        told = ""
+        while not any(mark in told for mark in marks):
+            told = child.stderr.readline()
+            assert told
+        os.kill(child.pid, signal.SIGINT)
+        said = child.communicate(timeout=TIMEOUT)[1]
+    return child.returncode, said
+
+
 def test_interrupted_it_makes_what_there_is(tmp_path):
     with emulated(tmp_path, "--scenario tumble --speed 4") as line:
-        words = [*PLUMBOB, *shlex.split(live("mag")), "--port", str(line)]
-        with subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
-            told = ""
-            while not any(f"{count} of 18" in told for count in range(12, 17)):
-                told = child.stderr.readline()
-                assert told
-            os.kill(child.pid, signal.SIGINT)
-            child.communicate(timeout=TIMEOUT)
-    assert child.returncode == 0
+        code, _ = interrupted(live("mag"), line, tmp_path, *(f"{count} of 18" for count in range(12, 17)))
+    assert code == 0
     assert CalibrationCard.load(tmp_path / "mag.json").mag.quality.regions < 18
 
 
@@ -91,15 +97,9 @@ def test_a_line_that_comes_back_goes_on(tmp_path):
 
 def test_bytes_of_another_format_are_noticed(tmp_path):
     with emulated(tmp_path, "--speed 20") as line:
-        words = [*PLUMBOB, *shlex.split(live("gyro").replace("buoy --", "trackball --")), "--port", str(line)]
-        with subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as child:
-            told = ""
-            while "is it the right format" not in told:
-                told = child.stderr.readline()
-                assert told
-            os.kill(child.pid, signal.SIGINT)
-            assert "no sample arrived over the line" in child.communicate(timeout=TIMEOUT)[1]
-    assert child.returncode == 1
+        words = live("gyro").replace("buoy --", "trackball --")
+        code, said = interrupted(words, line, tmp_path, "is it the right format")
+    assert (code, "no sample arrived over the line" in said) == (1, True), said
 
 
 FILLED = np.isin(np.arange(18), [0, 2, 6, 10])

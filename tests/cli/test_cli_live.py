@@ -13,7 +13,7 @@ from plumbob import files
 from plumbob.acquisition.transport import Stop
 from plumbob.cli import common
 from plumbob.files.mcap import open_log
-from tests.helpers.browser import until
+from tests.helpers import until
 from tests.helpers.commandline import PLUMBOB, answer, emulated, typed
 
 TIMEOUT = 120

@@ -1,4 +1,4 @@
-"""Noise cards and claimed covariances on the command line: real processes, real files."""
+"""Noise cards and claimed covariances on the command line."""
 
 import json
 

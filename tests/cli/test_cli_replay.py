@@ -61,7 +61,7 @@ def test_the_memory_of_a_check_does_not_grow_with_the_recording(replay, recordin
     assert peak(recording[0]) - peak(tmp_path / "short.mcap") < 2 * recording[0].stat().st_size + 200_000
 
 
-def test_another_filter_frame_or_parameter_goes_before_the_session_s(replay, recording):
+def test_another_filter_frame_or_parameter_goes_before_the_session_s(replay):
     words = ("--filter", "mahony", "--params", "kp=0.7,gate=off", "--frame", "ENU", "--check", "--json")
     report = json.loads(replay(*words, code=3)[0])
     assert report["filter"].startswith("mahony(kp=0.7 1/s")
@@ -73,7 +73,7 @@ def test_another_filter_frame_or_parameter_goes_before_the_session_s(replay, rec
 
 
 @pytest.mark.parametrize("speed", [0.5, 4.0])
-def test_the_speed_is_a_multiple_of_the_recording_s(replay, recording, monkeypatch, speed):
+def test_the_speed_is_a_multiple_of_the_recording_s(replay, monkeypatch, speed):
     """Of a clock that passes only by sleeping: what took t live takes t / K."""
     clock = SimpleNamespace(now=10**9)
     clock.monotonic_ns = lambda: clock.now

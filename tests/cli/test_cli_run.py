@@ -111,7 +111,7 @@ def test_restarts_are_noted_where_they_are_more_than_one_in_twenty(run, gaps, no
         assert "the median step is 0.02 s." in told[0]
 
 
-def test_errors_are_those_against_the_recording_s_own_reference_where_it_can_be_compared(run, report):
+def test_errors_are_those_against_the_recording_s_own_reference_where_it_can_be_compared(report):
     """Turned by 5° about the vertical, all of it is heading; turned by 3° of roll beside, the total is both."""
     imu, truth = posed(*[(30.0, 10.0, -20.0)] * 5, frame=Frame.NED)
     turn = np.tile(quat_from_euler_zyx(np.radians([35.0, 10.0, -20.0])), (5, 1))

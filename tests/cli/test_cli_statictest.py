@@ -1,4 +1,4 @@
-"""plumbob calibrate statictest as a user meets it, from captures to table, JSON and page; benchmark calibration."""
+"""plumbob calibrate statictest as a user meets it, from captures to JSON and page."""
 
 import math
 

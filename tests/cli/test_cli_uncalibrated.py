@@ -14,7 +14,7 @@ from plumbob.core.units import dps
 from plumbob.data import UNCALIBRATED
 from plumbob.data.cards import CalibrationCard, NoiseCard, TriadNoise
 from plumbob.files.mcap import open_log
-from tests.helpers.commandline import answer, typed
+from tests.helpers.commandline import answer, table_of, typed
 
 CARD = "unit 7 2026-11-21 (table)"
 
@@ -47,9 +47,8 @@ RECORD --out {} | a.mcap
 """
 
 
-@pytest.mark.parametrize("row", WRITTEN.strip().splitlines())
-def test_files_of_uncalibrated_values_say_so(folder, row):
-    words, _, names = row.partition(" | ")
+@pytest.mark.parametrize(("words", "names"), table_of(WRITTEN))
+def test_files_of_uncalibrated_values_say_so(folder, words, names):
     for name in names.split():
         typed(words.replace("RECORD", RECORD).format(f"out-{name}"), cwd=folder)
         assert "uncalibrated" in contents(folder / f"out-{name}")

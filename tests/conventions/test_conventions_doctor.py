@@ -61,32 +61,32 @@ def answers(found: Diagnosis) -> dict[str, tuple[str, bool]]:
     return {f"{one.sensor} {one.question}": (str(one.answer), one.wrong) for one in found.findings}
 
 
+def test_right_conventions_are_confirmed() -> None:
+    found = diagnosed(sensors(seconds=90.0), hemisphere="north")
+    assert not found.wrong and not found.lines
+    told = answers(found)
+    for question in ("gyr axes", "gyr unit", "acc axes", "acc unit", "mag axes", "mag unit", "mag sign", "mag delay"):
+        assert told[question] == ("sure", False), (question, found.text())
+
+
 @pytest.mark.parametrize(
-    ("axes", "lines", "hemisphere", "sign"),
+    ("axes", "hemisphere", "lines", "answer"),
     [
-        ("x y z", (), "north", ("sure", False)),
-        ("-x -y -z", (), None, ("unknown", False)),  # without a hemisphere the sign of the field stays open
-        ("-x -y -z", (), "south", ("sure", False)),
-        ("-x -y -z", (), "north", ("sure", True)),
-        ("-x y z", ('axes = "-x y z"', "mirrored = true"), "north", None),  # LSM9DS1: its x points the other way
-        ("x -y -z", ('axes = "x -y -z"',), "north", None),  # ICM-20948: the AK09916 inside is turned by 180° about x
-        ("y x -z", ('axes = "y x -z"',), "north", None),  # MPU-9250: the AK8963 inside
+        ("-x -y -z", None, None, ("mag sign", "unknown", False)),  # without a hemisphere it stays open
+        ("-x -y -z", "south", None, ("mag sign", "sure", False)),
+        ("-x -y -z", "north", None, ("mag sign", "sure", True)),
+        # LSM9DS1: its x points the other way; the magnetometers inside ICM-20948 and MPU-9250, AK09916 and AK8963
+        ("-x y z", "north", ("[mag]", 'axes = "-x y z"', "mirrored = true"), ("mag axes", "sure", True)),
+        ("x -y -z", "north", ("[mag]", 'axes = "x -y -z"'), ("mag axes", "sure", True)),
+        ("y x -z", "north", ("[mag]", 'axes = "y x -z"'), ("mag axes", "sure", True)),
     ],
 )
-def test_magnetometers_of_common_parts(axes: str, lines: tuple[str, ...], hemisphere: str | None, sign: Any) -> None:
-    data = sensors(seconds=90.0 if axes == "x y z" else 40.0)
-    found = diagnosed(data | {"mag": data["mag"] @ signed_axes(axes).T}, hemisphere=hemisphere)
-    told = answers(found)
+def test_magnetometers_of_common_parts(axes: str, hemisphere: str | None, lines: Any, answer: Any) -> None:
+    found = diagnosed(sensors() | {"mag": sensors()["mag"] @ signed_axes(axes).T}, hemisphere=hemisphere)
+    told, (question, *answered) = answers(found), answer
     assert told["gyr axes"] == told["acc unit"] == ("sure", False)
-    if lines:
-        assert found.lines == ("[mag]", *lines), found.text()
-        assert told["mag axes"] == ("sure", True)
-    else:
-        assert told["mag sign"] == sign
-    if axes == "x y z":
-        assert not found.wrong and not found.lines
-        for question in ("gyr unit", "acc axes", "mag axes", "mag unit", "mag delay"):
-            assert told[question] == ("sure", False), (question, found.text())
+    assert told[question] == tuple(answered)
+    assert lines in {None, found.lines}, found.text()
 
 
 @pytest.mark.parametrize("n", [3, 17, 24, 41])
@@ -224,13 +224,13 @@ def test_strides_that_push_harder_than_gravity_do_not_mislead() -> None:
 
 def test_pauses_of_the_gyroscope_do_not_count() -> None:
     """While the rates are missing the body turns unseen: what comes after is compared with what comes after."""
-    data = dict(sensors(seconds=90.0))
+    data = sensors(seconds=90.0)
     second = np.floor(data["t"]).astype(int)
-    data["gyr"][second % 6 >= 4] = np.nan
+    rates = np.where((second % 6 >= 4)[:, np.newaxis], np.nan, data["gyr"])
     quarters = np.pi / 2 * np.eye(3)[np.random.default_rng(1).integers(0, 3, 15)]
     turned = dcm_from_quat(quat_chained(quarters))[second // 6]
     acc = np.einsum("nji,nj->ni", turned, data["acc"])
-    gyr = np.einsum("nji,nj->ni", turned, data["gyr"])
+    gyr = np.einsum("nji,nj->ni", turned, rates)
     found = fit_force(data["t"], [gyr], acc, (1.0,))
     assert found is not None and found.margin > 7.0 and found.agrees and found.explained > 0.99
     assert (ARRANGEMENTS[found.best] == np.eye(3)).all()

@@ -15,12 +15,12 @@ N = 3000
 T = 0.01 * np.arange(N)
 
 
-def nodding(*, t=T, rate=1.0, sign=1.0, spin=0.0, n=N):
-    """A body with z up that nods by 0.3 rad about y, acc = R(−angle) g by hand, and may spin about z."""
+def nodding(*, t=T, rate=1.0, sign=1.0):
+    """A body with z up that nods by 0.3 rad about y, acc = R(−angle) g by hand."""
     angle = 0.3 * np.sin(1.3 * T)
     acc = sign * 9.80665 * np.column_stack((-np.sin(angle), np.zeros(N), np.cos(angle)))
-    gyr = rate * np.outer(0.39 * np.cos(1.3 * T), [0.0, 1.0, 0.0]) + [0.0, 0.0, spin]
-    return ImuData(t=np.asarray(t)[:n], gyr=gyr[:n], acc=acc[:n])
+    gyr = rate * np.outer(0.39 * np.cos(1.3 * T), [0.0, 1.0, 0.0])
+    return ImuData(t=t, gyr=gyr, acc=acc)
 
 
 def told(imu, frame=Frame.ENU):

@@ -30,7 +30,6 @@ def test_rounded_digits_are_normalised_and_unknown_attitudes_are_nan():
     rounded = made(q_nb=np.round(q, 4)).q_nb
     assert np.abs(np.linalg.norm(rounded, axis=1) - 1).max() <= 2 * EPS
     assert np.array_equal(made(q_nb=rounded).q_nb, rounded)  # storing a track again changes nothing
-    q = parts()["q_nb"]
     q[3], q[4, 2] = np.nan, np.nan
     track = made(q_nb=q)
     assert len(track) == N

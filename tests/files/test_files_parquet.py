@@ -23,6 +23,7 @@ from plumbob.files.columns import COLUMNS, to_columns
 from plumbob.files.parquet import open_parquet, read_parquet, write_parquet
 from tests.helpers import examples
 from tests.helpers.io_samples import CASES, assert_same, make_imu, refused, sealed
+from tests.helpers.record_samples import flipped
 
 ROWS = 5
 BITS = hnp.arrays(np.uint64, (ROWS - 1, 3), elements=st.integers(0, 2**64 - 1))
@@ -66,9 +67,7 @@ def test_a_cut_is_refused_and_a_flipped_bit_never_gives_other_numbers(folder, na
         refused(read_parquet, path, match="damaged.parquet")
     refusals = 0
     for bit in np.random.default_rng(3).choice(8 * len(raw), 120, replace=False):
-        damaged = bytearray(raw)
-        damaged[bit >> 3] ^= 1 << (bit & 7)
-        path.write_bytes(damaged)
+        path.write_bytes(flipped(raw, bit >> 3, 1 << (bit & 7)))
         try:
             back = read_parquet(path)
             assert_same(before, back)

@@ -20,6 +20,7 @@ from plumbob.files.foreign import ros
 from plumbob.rotations import Frame, North, dcm_from_quat
 from tests.helpers.io_samples import refused
 from tests.helpers.real_data import DATA, needs
+from tests.helpers.record_samples import flipped
 
 rosbags = pytest.importorskip("rosbags")
 from tests.helpers import ros_bags as made  # noqa: E402 - it needs rosbags
@@ -29,7 +30,7 @@ real = needs("formats/ros1_example.bag")
 
 
 def check_common(found, given):
-    """What `ros_made.all_rows` holds: rates and forces to the bit; the slow ones at their own stamps alone."""
+    """What `ros_bags.all_rows` holds: rates and forces to the bit; the slow ones at their own stamps alone."""
     imu = found.imu
     assert np.array_equal(imu.gyr, given["gyr"]) and np.array_equal(imu.acc, given["acc"])
     assert np.array_equal(imu.t_ns, np.arange(made.ROWS) * made.STEP)
@@ -262,7 +263,7 @@ class TestOwn:
         assert not ros.accepts(path)
         whole = path.read_bytes()
         for at in range(0, 60):
-            path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x41]) + whole[at + 1 :])
+            path.write_bytes(flipped(whole, at, 0x41))
             assert not ros.accepts(path)
         path.write_bytes(whole[: len(whole) // 2])
         assert not ros.accepts(path)

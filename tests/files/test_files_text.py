@@ -22,6 +22,7 @@ from tests.helpers.io_samples import make_imu, refused
 HEAD = 'separator = ","\n[header]\nnames = true\n'
 TIME = '[time]\ncolumn = "t"\nunit = "s"\n'
 GYR = '[gyr]\ncolumns = ["gx", "gy", "gz"]\nunit = "rad/s"\n'
+ACC = '[acc]\ncolumns = ["gx", "gy", "gz"]\nunit = "g"\nsign = "specific-force"\n'
 PLAIN = HEAD + TIME + GYR
 ROWS = "t,gx,gy,gz\n0.00,1,2,3\n0.01,4,5,6\n0.02,7,8,9\n"
 
@@ -163,9 +164,6 @@ def test_units_signs_axes_and_ranges(parse):
     assert imu.meta.rate_nominal == 300.0
     acc = parse("t,gx,gy,gz\n" + LINES, "unit_check = false\n" + METRES).imu.acc
     assert acc.tolist() == [[0.0, 0.0, 1.0]] * 200
-
-
-ACC = '[acc]\ncolumns = ["gx", "gy", "gz"]\nunit = "g"\nsign = "specific-force"\n'
 
 
 QUAT = "t,w,x,y,z\n0,0.5,0.5,-0.5,0.5\n1,1,0,0,0\n"

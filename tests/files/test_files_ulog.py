@@ -143,18 +143,13 @@ def test_appended_data_follow_what_a_crash_cut(tmp_path):
     flags = bytes(8) + b"\x01" + bytes(7) + struct.pack("<3Q", 0, 0, 0)
     whole = made.px4(flags=flags)
     cut = len(whole) - 60  # within a message
-    rest = message_of(whole)
+    rest = made.message("D", struct.pack("<HQ3fIi3f", 0, 9_000_000, 0, 0, 0.5, 5000, 0, 0, 0, -9.8))
     flags = bytes(8) + b"\x01" + bytes(7) + struct.pack("<3Q", cut, 0, 0)
     path = tmp_path / "crash.ulg"
     path.write_bytes(made.px4(flags=flags)[:cut] + rest)
     recording = read(path)
     assert len(recording.imu) == 400  # the last of the 400 was cut, and one follows
     assert not any("damage" in note for note in recording.notes)
-
-
-def message_of(raw):
-    """One more row of sensor_combined."""
-    return made.message("D", struct.pack("<H", 0) + struct.pack("<Q3fIi3f", 9_000_000, 0, 0, 0.5, 5000, 0, 0, 0, -9.8))
 
 
 LOOP = [("sensor_combined", 0, "uint64_t timestamp;sensor_combined x;", [bytes(20)])]

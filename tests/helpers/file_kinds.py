@@ -128,10 +128,10 @@ RATE = (0.01, 0.02, -0.03)
 FIELD = (18.0, -2.0, -42.0)
 
 
-def zipped(path, files, **options):
+def zipped(path, files):
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in files.items():
-            archive.writestr(name, text, **options)
+            archive.writestr(name, text)
     return path
 
 
@@ -245,10 +245,10 @@ def hdf5(path, found, turned=False):
 
 def ros_rows(m):
     """Messages of a driver: samples, orientation, a slow magnetometer, a thermometer; xyzw, tesla."""
-    from tests.helpers import ros_bags as ros_made
+    from tests.helpers import ros_bags
 
     slow = {"mag": from_si(m.mag, "T"), "temp_c": m.temp_c}
-    return ros_made.all_rows({"t_ns": m.t_ns, "gyr": m.gyr, "acc": m.acc, "xyzw": m.q_nb[:, [1, 2, 3, 0]]} | slow)
+    return ros_bags.all_rows({"t_ns": m.t_ns, "gyr": m.gyr, "acc": m.acc, "xyzw": m.q_nb[:, [1, 2, 3, 0]]} | slow)
 
 
 def px4_of(m):

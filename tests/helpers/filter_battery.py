@@ -24,14 +24,13 @@ from plumbob.rotations import (
     quat_multiply,
     quat_rotate,
 )
-from tests.helpers import examples
+from tests.helpers import examples, slow_as_python
 from tests.helpers.filter_state import state_of, through_json
 from tests.helpers.motion import (
     FIELD_ENU,
     consistent,
     noisy,
     seen_by,
-    slow_as_python,
     swinging,
     tilt_between,
     up_in_body,

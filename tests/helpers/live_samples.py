@@ -1,8 +1,6 @@
 """A made-up unit with nine axes, a motion, its bytes, and sessions for them."""
 
 import functools
-import subprocess
-from contextlib import contextmanager
 
 import numpy as np
 
@@ -17,7 +15,6 @@ from plumbob.session.session import RecordSpec
 from plumbob.session.session_toml import parse_session
 from plumbob.session.sinks import Collected
 from plumbob.session.stream import Stream
-from tests.helpers.commandline import PLUMBOB
 
 RATE = 200.0
 OFFSET = 1_700_000_000_000_000_000
@@ -151,15 +148,3 @@ def through(items, chosen=None, *sinks, source=None, recording=None, offset=OFFS
 def record(path, items, text=SESSION, **spec):
     """Items recorded at `path`, and what the line made of them."""
     return through(items, session(text), recording=path, **spec)[1]
-
-
-@contextmanager
-def rig(folder, *words):
-    """Emulated buoy as a process; gives the link to its line once it is there."""
-    command = [*PLUMBOB, "emulate", "buoy", "--seed", "2", "--link", str(folder / "line"), *words]
-    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as child:
-        try:
-            assert child.stdout.readline().startswith("/dev/")
-            yield folder / "line"
-        finally:
-            child.terminate()

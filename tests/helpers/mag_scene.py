@@ -30,8 +30,6 @@ TURNED = (
     "09_undisturbed_fast_rotation_with_breaks_B.hdf5",
     "21_undisturbed_fast_combined.mat",
 )
-
-
 """The undisturbed trials of BROAD at hand in which a hand turned the unit in a room [Laidig2021]."""
 
 
@@ -115,7 +113,7 @@ def rates(rng, true, *, rate=50.0, gain_sd=0.0):
 
 def force(rng, q_nb, *, sd=LEAN):
     """Specific force at rest, m/s², the vertical of which is off by `sd`."""
-    return G0 * (quat_rotate(quat_conjugate(q_nb), np.array([0.0, 0.0, -1.0])) + sd * rng.normal(size=(len(q_nb), 3)))
+    return G0 * (in_body(q_nb, np.array([0.0, 0.0, -1.0])) + sd * rng.normal(size=(len(q_nb), 3)))
 
 
 def heading_rms(calibration, unit, *, tilt=TILTS):

@@ -3,7 +3,6 @@
 import functools
 
 import numpy as np
-import pytest
 
 from plumbob import Frame, ImuData
 from plumbob.core.constants import G0
@@ -15,9 +14,7 @@ from plumbob.rotations import (
     quat_multiply,
     quat_rotate,
 )
-from tests.helpers import jit_disabled
 
-slow_as_python = pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
 FIELD_ENU = np.array([0.0, 20.0, -43.0])  # µT; dip 65°, as in central Europe
 
 

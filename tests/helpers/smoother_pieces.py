@@ -1,11 +1,11 @@
-"""What tests of the smoother's pieces share: a stream that arrived, a field over time, and all bits of a track."""
+"""What tests of the smoother share: a stream that arrived, a field over time, short stretches, all bits of a track."""
 
 import hashlib
 
 import numpy as np
 
 from plumbob import ImuData
-from plumbob.filters.smoother import Smoother
+from plumbob.filters.smoother import Smoother, samples
 from plumbob.filters.smoother.arriving import Arriving
 from plumbob.filters.smoother.model import Params
 from tests.helpers.motion import noisy
@@ -33,3 +33,9 @@ def digest():
     track = Smoother(frame="ENU").process(ImuData(t=t, gyr=imu.gyr, acc=imu.acc, mag=imu.mag))
     numbers = (track.q_nb, track.bias_b, track.cov_b, track.flags)
     return hashlib.sha256(b"".join(values.tobytes() for values in numbers)).hexdigest()
+
+
+def in_stretches(monkeypatch, *, long, core, margin):
+    """What is longer than `long`, s, is smoothed in parts."""
+    for name, value in (("LONG", long), ("CORE", core), ("MARGIN", margin)):
+        monkeypatch.setattr(samples, name, value)

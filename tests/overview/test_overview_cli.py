@@ -53,7 +53,7 @@ def test_json_has_all_numbers(folder):
     assert one["estimate"]["filter"].startswith("mekf")
 
 
-def test_the_page_of_run_is_of_its_own_estimate(folder, tmp_path):
+def test_the_page_of_run_is_of_its_own_estimate(folder):
     """Estimated once, with the numbers that report has."""
     from plumbob.overview import overview
     from plumbob.overview.gathered import Gatherer

@@ -75,7 +75,6 @@ def test_a_window_counts_alone_and_every_sample_of_a_short_recording_is_traced(s
     assert (found.samples, found.begin, found.end) == (1001, 5.0, 15.0)
     with pytest.raises(ShapeError, match="no sample lies between 70 and 80 s"):
         gathered(imu, track, [700] * 20, window=(70.0, 80.0))
-    imu, track = sea
     found = gathered(imu, track, [999] * 10).traces
     assert found.each == 1
     assert found.t.size == len(imu) + 1  # a row of NaN in the gap

@@ -137,7 +137,6 @@ def test_a_good_recording_is_good_without_calibration_less_and_held_values_cost_
     bare = grade(made(imu, meta=replace(imu.meta, calibration=None)))
     assert bare["calibration"].lost == 10.0
     assert bare.points == pytest.approx(grade(imu).points - 10.0)
-    imu = good()
     held = np.repeat(np.array(imu.gyr)[::2], 2, axis=0)
     assert grade(made(imu, gyr=held))["resolution"].value == pytest.approx(0.5, abs=0.01)
 
@@ -176,7 +175,6 @@ def test_missing_sensors_cost_a_rest_at_the_start_is_seen_and_several_units_are_
         assert grade(ImuData(t=imu.t, **values, meta=imu.meta))["sensors"].lost == lost
     rest = simulate("static", frame="ENU", sensors="mpu6000", unit="calibrated", seed=1, duration=20.0).imu
     assert (grade(rest)["rest"].lost, grade(rest)["rest"].value) == (0.0, pytest.approx(20.0, abs=1.0))
-    imu = good(10.0)
     found = info(Recording(array=ImuArray({"a": imu, "b": clipping(imu, 0.05)})))
     report = found.summary()["grade"]
     assert set(report["units"]) == {"a", "b"}

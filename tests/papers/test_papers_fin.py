@@ -8,10 +8,7 @@ import pytest
 from plumbob.papers.fin import algorithm, estimation, experiment, forms, records, swimming, system
 from plumbob.papers.work import Work
 from plumbob.simulation import simulate
-from tests.helpers.papers import by_key, english_alone, unmet
-
-SYMBOLS = r"0xFFFF.*|ADXRS\d+ [xyz]|ADXRS\d+|\d+[xyz]|σ.*|/\(πfT\)²?|f ≤ f0?"
-"""What has no other word in Chinese: names, and symbols with their units."""
+from tests.helpers.papers import FIN_SYMBOLS, by_key, english_alone, unmet
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +60,7 @@ def test_all_bars_of_the_algorithm(work):
     by = by_key(outcomes)
     assert by["eq7"].faithful == pytest.approx(6.2989, abs=1e-4)
     assert by["interval.B.453z"].faithful == pytest.approx(1.7321, abs=5e-5)
-    assert english_alone(report, SYMBOLS) == set()
+    assert english_alone(report, FIN_SYMBOLS) == set()
 
 
 def test_words_of_the_chips(work):
@@ -72,7 +69,7 @@ def test_words_of_the_chips(work):
     assert system.word(work.folder, "u16") == pytest.approx(819.1875)
     report, outcomes = system.part(work, records.COUNT)
     assert unmet(outcomes) == set()
-    assert english_alone(report, SYMBOLS) == set()
+    assert english_alone(report, FIN_SYMBOLS) == set()
 
 
 def test_angles_of_swimming_diverge_per_axis_behind_a_high_pass_and_where_rates_are_clipped(work):
@@ -100,7 +97,7 @@ def test_records_keep_their_values_through_bytes_and_text(work):
     assert [a.curve.n.size for a in found.noise.analyses] == [5000] * 3
     report, outcomes = experiment.part(dict.fromkeys(("table", "parts", "three"), found))
     assert unmet(outcomes) == {"allan.n"}  # of a shorter record
-    assert english_alone(report, SYMBOLS) == set()
+    assert english_alone(report, FIN_SYMBOLS) == set()
 
 
 def test_estimators_on_a_few_records(work):
@@ -109,7 +106,7 @@ def test_estimators_on_a_few_records(work):
     by = by_key(outcomes)
     assert max(by["three.Q.bias"].best, by["three.N.bias"].best) < 1.0
     assert min(by["three.Q.bias"].faithful, by["three.N.bias"].faithful) > 5.0
-    assert english_alone(report, SYMBOLS) == set()
+    assert english_alone(report, FIN_SYMBOLS) == set()
 
 
 def test_angles_error_by_term_and_temperature_warms_one_unit_up():

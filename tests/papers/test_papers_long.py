@@ -12,7 +12,7 @@ import pytest
 from plumbob.papers import fin
 from plumbob.papers.reproduce import NAMES, items
 from plumbob.papers.work import Work
-from tests.helpers.papers import english_alone, named
+from tests.helpers.papers import FIN_SYMBOLS, english_alone, named
 from website.papers import page
 
 pytestmark = pytest.mark.long("some minutes; the parts of each paper are tested with few seeds")
@@ -25,8 +25,6 @@ NOTHING = 1e-4
 """Smaller figures are rounding errors of one processor."""
 
 
-SYMBOLS = r"0xFFFF.*|ADXRS\d+ [xyz]|ADXRS\d+|\d+[xyz]|σ.*|/\(πfT\)²?|f ≤ f0?"
-"""What has no other word in Chinese: names, and symbols with their units."""
 CANNOT = {"accel.early", "switch.hard.jump", "switch.hard", "switch.hard_reset", "switch.narrow", "switch.narrow_reset"}
 """What the rod's paper prints and its method cannot give."""
 
@@ -100,4 +98,4 @@ def test_every_bar_is_met_with_another_seed(tmp_path, name):
 
 
 def test_every_text_of_the_fin_s_page_has_its_chinese(tmp_path):
-    assert english_alone(fin.run(Work(tmp_path, 1)).report, SYMBOLS) == set()
+    assert english_alone(fin.run(Work(tmp_path, 1)).report, FIN_SYMBOLS) == set()

@@ -13,10 +13,10 @@ from plumbob.papers.rod.literal import BIAS_WALK, GYRO_NOISE, START, Form, liter
 from plumbob.papers.rod.page import page
 from plumbob.papers.work import Work
 from plumbob.rotations import quat_angle, quat_from_euler_zyx, quat_from_rotvec, quat_multiply, quat_normalize
-from tests.helpers import jit_disabled
+from tests.helpers import slow_as_python
 from tests.helpers.papers import by_key, english_alone, named, unmet
 
-pytestmark = pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
+pytestmark = slow_as_python
 
 SHORT = 20.0
 

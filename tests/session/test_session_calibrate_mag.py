@@ -58,7 +58,6 @@ def test_samples_that_tell_nothing_do_not_count(scene):
     acc = imu.acc.copy()
     acc[5] = 0.0
     assert calibrate_mag(replace(imu, acc=acc), with_="none").calibration.quality.heading_sd < np.radians(2.0)
-    _, imu = scene
     mag = imu.mag.copy()
     mag[::2] = np.nan
     mag[1] = [200.0, 0.0, 0.0]

@@ -9,7 +9,6 @@ import pytest
 
 from plumbob.calibration.calibrate_mount import mount_by_poses, mount_by_reference
 from plumbob.calibration.calibration import capture, card_of
-from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.core.constants import G0
 from plumbob.core.errors import FrameError, ParameterError
 from plumbob.core.units import deg, dps
@@ -17,6 +16,7 @@ from plumbob.data.calibrated import apply_card
 from plumbob.rotations import Frame, North, change_frame, quat_conjugate, quat_multiply, quat_rotate, rotvec_from_quat
 from plumbob.simulation import EulerMotion, Module, Scenario, TriadErrors, simulate
 from plumbob.simulation.signals import Moves, constant
+from tests.helpers.refusals import reason_kinds
 
 Q_BS = np.array([0.5, -0.7, 0.1, 0.4])
 Q_BS = Q_BS / np.linalg.norm(Q_BS)
@@ -63,9 +63,7 @@ def error(found):
 
 def kind_of(unit, **options):
     """Why a capture gives no mounting."""
-    with pytest.raises(CaptureRefusedError) as caught:
-        mount_by_poses(unit, frame=Frame.NED, **options)
-    return caught.value.reasons[0].kind
+    return reason_kinds(mount_by_poses, unit, frame=Frame.NED, **options)[0]
 
 
 @pytest.mark.parametrize("frame", Frame)

@@ -14,6 +14,7 @@ from plumbob.core.units import dps
 from plumbob.data.calibrated import apply_card
 from plumbob.rotations import Frame
 from plumbob.simulation import Module, TriadErrors, simulate
+from tests.helpers.refusals import reason_kinds
 
 NOMINAL = dps(np.array([50.0, 100.0, 200.0]))
 COUPLING = dps(np.array([[0.05, -0.03, 0.02], [0.04, 0.06, -0.05], [-0.02, 0.03, 0.07]])) / G0
@@ -78,9 +79,7 @@ def test_what_is_missing_or_clipped_is_refused_and_can_be_left_out(made, session
     clipped = simulated(gyr=TriadErrors(bias=GYR.bias, white_rpsd=dps(0.005), full_scale=dps(150.0)))
     whole = capture(clipped.imu, triads=("gyr",))
     planned, _ = found_plateaus(whole.imu, dps(np.array([50.0, 100.0, 150.0])))
-    with pytest.raises(CaptureRefusedError) as why:
-        calibrate_table(whole, planned)
-    assert why.value.reasons[0].kind == "clipping"
+    assert reason_kinds(calibrate_table, whole, planned)[0] == "clipping"
     planned, remarks = found_plateaus(whole.imu, dps(np.array([50.0, 100.0])))
     assert len(planned) == 30 and len(remarks) == 12 and "is left out" in remarks[0]
     assert calibrate_table(whole, planned).calibration.quality.samples == 30
@@ -100,7 +99,6 @@ def test_a_plan_says_rates_and_specific_force(tmp_path, session, planned, fitted
     path.write_text("\n".join((HEADER, *(", ".join(map(repr, row)) for row in rows))) + "\n")
     read = calibrate_table(session, read_plan(path)).calibration
     np.testing.assert_allclose(read.bias, fitted.calibration.bias, rtol=1e-12)
-    path = tmp_path / "plan.csv"
     path.write_text(f"{HEADER},acc_x_g,acc_y_g,acc_z_g\n0,5,0,0,90,0.0,0.5,-1\n")
     (one,) = read_plan(path)
     np.testing.assert_allclose(one.rate, [0.0, 0.0, np.pi / 2.0], rtol=1e-15)

@@ -112,8 +112,11 @@ def test_rows_are_compared_in_their_order_and_none_is_left_out(short, tmp_path, 
     result = rewritten(short, tmp_path / "a.mcap", change).comparison
     assert (result.compared, result.different, result.only_live, result.only_replayed) == counts
     assert result.equal == (counts == (400, 0, 0, 0))
+
+
+def test_a_row_whose_time_is_no_whole_number_is_refused(short, tmp_path):
     with pytest.raises(DecodeError, match="no whole number of nanoseconds"):
-        rewritten(short, tmp_path / "b.mcap", lambda _: [b'{"t_ns":1.5,"q_nb":0,"bias_b":0,"flags":0}'])
+        rewritten(short, tmp_path / "a.mcap", lambda _: [b'{"t_ns":1.5,"q_nb":0,"bias_b":0,"flags":0}'])
 
 
 def test_bytes_missing_from_a_damaged_recording_become_a_gap(recording, tmp_path):

@@ -25,6 +25,7 @@ from plumbob.data import AttitudeTrack
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 from plumbob.session.send_spec import parse_send
 from plumbob.session.sending import Due, send
+from tests.helpers import until
 
 HDT = len(b"$HEHDT,0.00,T*00\r\n")
 SOON = BackOff(0.02, 0.1)
@@ -42,13 +43,6 @@ def swinging(count, **more):
 def numbers(data):
     """Hundredths of degrees of all HDT."""
     return [round(100 * float(line.split(b",")[1])) for line in data.split(b"\r\n") if line]
-
-
-def until(condition, seconds=30.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.001)
 
 
 class Reading:

@@ -12,7 +12,7 @@ from pynmeagps import NMEAReader
 import plumbob
 from plumbob.core.errors import ParameterError, PlumbobError
 from plumbob.session.session_toml import load_session
-from tests.helpers.live_samples import rig
+from tests.helpers.commandline import emulated
 
 BUOY = """
 kind = "plumbob session"
@@ -43,7 +43,7 @@ def received(sock):
 def test_live_and_replayed(tmp_path):
     """A target that refuses all the time costs the recording nothing; the other gets 10 a second."""
     sea, notes = tmp_path / "sea.mcap", []
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock, rig(tmp_path, "--duration", "30s") as line:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock, emulated(tmp_path, "--duration 30s") as line:
         sock.bind(("127.0.0.1", 0))
         more = f'[source]\nkind = "serial"\nport = "{line}"\nbaud = 115200\n[record]\npath = "{sea}"\n'
         more += f'[[send]]\nas = "json"\nto = "udp:127.0.0.1:{sock.getsockname()[1]}"\nrate = "10 Hz"\n'

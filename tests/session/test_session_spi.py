@@ -18,8 +18,7 @@ from plumbob.session.sinks import Collected
 from plumbob.session.sources import spi_source
 from plumbob.session.stream import Stream
 from tests.helpers.chips.adxrs290 import Adxrs290
-from tests.helpers.chips.adxrs453 import Adxrs453
-from tests.helpers.chips.words_adxrs453 import Fault, sensor_command
+from tests.helpers.chips.adxrs453 import Adxrs453, Fault, sensor_command
 
 MS = 1_000_000
 START_NS = 50_000_000_000

@@ -16,7 +16,8 @@ import plumbob
 from plumbob.core.units import to_deg
 from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import euler_zyx_from_quat
-from tests.helpers.browser import PATIENCE, until, viewed
+from tests.helpers import PATIENCE, until
+from tests.helpers.browser import viewed
 from tests.helpers.commandline import PLUMBOB, ok
 
 AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"

@@ -20,16 +20,16 @@ BODY = Body(100.0)
 RATE = 100.0
 
 
-def still(count, seed=3):
+def still(count):
     """A unit at rest: gyr, acc, mag and temperature with white noise."""
-    noise = np.random.default_rng(seed).normal(size=(count, 9)) * np.repeat([0.002, 0.02, 0.1], 3)
+    noise = np.random.default_rng(3).normal(size=(count, 9)) * np.repeat([0.002, 0.02, 0.1], 3)
     mean = np.concatenate(([0.01, -0.02, 0.005], [0.0, 0.0, 9.80665], [20.0, 5.0, -40.0]))
     return np.column_stack((mean + noise, np.full(count, 25.0)))
 
 
-def turned(count, seed=5):
+def turned(count):
     """A unit that is turned through all attitudes, whose magnetometer has an offset and unequal axes."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(5)
     t = np.arange(count) / RATE
     # Turned slowly about z of the navigation frame, faster about a level axis: the field comes from everywhere.
     about_z = quat_from_rotvec(np.outer(0.31 * t, [0.0, 0.0, 1.0]))

@@ -18,8 +18,7 @@ from plumbob.session.sinks import Collected
 from plumbob.session.stream import Stream
 from plumbob.viewer.feed import Feed, FlagWatch
 from plumbob.viewer.rows import Attitudes, Layout, angles_of, shown_of
-from tests.helpers import live_samples
-from tests.helpers.browser import until
+from tests.helpers import live_samples, until
 from tests.helpers.outlets import Clock, Kept
 
 PLAIN = live_samples.SESSION.partition("[estimate]")[0]

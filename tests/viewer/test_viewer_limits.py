@@ -27,17 +27,16 @@ def memory(served):
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-def opened(served, *, room=None, path=None):
+def opened(served, *, room=None):
     """WebSocket over a bare socket: no library reads ahead of the test."""
     line = socket.socket()
     if room is not None:
         line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, room)
     line.settimeout(20.0)
     line.connect(("127.0.0.1", served.port))
-    target = path or f"/ws?token={served.token}"
     key = base64.b64encode(b"0123456789abcdef").decode()
     line.sendall(
-        f"GET {target} HTTP/1.1\r\nHost: {served.host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        f"GET /ws?token={served.token} HTTP/1.1\r\nHost: {served.host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
         f"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {key}\r\n"
         "Sec-WebSocket-Extensions: permessage-deflate; client_max_window_bits\r\n\r\n".encode()
     )

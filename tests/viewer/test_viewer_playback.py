@@ -30,6 +30,11 @@ def sea(tmp_path_factory):
     return path, made
 
 
+@pytest.fixture(scope="module")
+def vqf(sea):
+    return plumbob.estimate(sea[0], "vqf").track
+
+
 def row_at(imu, t):
     """Row of the sample at or before a time."""
     return max(0, np.searchsorted(imu.t, min(t, imu.t[-1]), side="right") - 1)
@@ -57,7 +62,7 @@ def test_a_recorded_line_shows_its_own_estimate_samples_and_counts(line):
 
 
 @pytest.mark.parametrize("position", [0.0, 3.0, 3.0049, 7.123456, 99.99, 1e9, -5.0])
-def test_a_place_shows_the_sample_at_or_before_it(sea, position):
+def test_a_place_shows_the_sample_at_or_before_it(sea, vqf, position):
     path, made = sea
     shown, outlet = player(path, filter="vqf")
     shown.pause()
@@ -66,9 +71,8 @@ def test_a_place_shows_the_sample_at_or_before_it(sea, position):
     assert outlet.resets == 1
     assert outlet.rows("t")[-1] == made.imu.t[row]
     assert outlet.column("gyr.z")[-1] == pytest.approx(np.degrees(made.imu.gyr[row, 2]), rel=1e-15)
-    track = plumbob.estimate(path, "vqf").track
-    assert outlet.column("vqf.roll")[-1] == to_deg(track.roll)[row]
-    assert outlet.fields["attitudes"]["vqf"]["q_nb"] == track.q_nb[row].tolist()
+    assert outlet.column("vqf.roll")[-1] == to_deg(vqf.roll)[row]
+    assert outlet.fields["attitudes"]["vqf"]["q_nb"] == vqf.q_nb[row].tolist()
 
 
 def test_the_minute_before_a_place_comes_with_it_and_waits_for_room(sea):
@@ -112,7 +116,7 @@ def test_time_runs_with_the_speed_and_stands_in_a_pause(sea):
     assert shown.position == 0.0
 
 
-def test_what_cannot_be_played_is_refused(sea, tmp_path):
+def test_what_cannot_be_played_is_refused(sea, vqf, tmp_path):
     path, bare, track = sea[0], tmp_path / "bare.parquet", tmp_path / "track.parquet"
     imu = sea[1].imu
     files.write(bare, files.Recording(imu=imu.corrected(meta=replace(imu.meta, frame=None)), name="bare"))
@@ -134,7 +138,7 @@ def test_what_cannot_be_played_is_refused(sea, tmp_path):
     shown.seek(10.0)
     row = row_at(imu, 10.0)
     assert [one.name for one in outlet.hellos[0].estimators] == ["recorded"]
-    assert outlet.column("recorded.pitch")[-1] == pytest.approx(to_deg(plumbob.estimate(path, "vqf").track.pitch)[row])
+    assert outlet.column("recorded.pitch")[-1] == pytest.approx(to_deg(vqf.pitch)[row])
 
 
 def test_without_a_filter_it_is_smoothed_and_the_truth_is_the_reference(sea):

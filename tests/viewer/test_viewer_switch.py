@@ -21,9 +21,9 @@ from tests.helpers import live_samples
 MEKF = live_samples.SESSION.partition("[estimate]")[0] + '[estimate]\nfilter = "mekf"\n'
 
 
-def switched(tmp_path, actions, text=MEKF, own=None, duration=10.0):
+def switched(tmp_path, actions, own=None, duration=10.0):
     """Run of a stream while a switch does what `actions` of it say at some reads; events, answers, and the switch."""
-    session = live_samples.session(text)
+    session = live_samples.session(MEKF)
     stream = Stream(session, covariance=True)
     sink = None if own is None else RecordingSink(session, RecordSpec(str(tmp_path / own)))
     switch, found = Switch(stream, tmp_path, sink), Collected()

@@ -30,8 +30,7 @@ from plumbob.viewer.outlet import Asked
 from plumbob.viewer.pipe import LIMIT, Message, Writer, packed
 from plumbob.viewer.switch import Switch
 from plumbob.viewer.view import Shows, opened_up, view
-from tests.helpers import live_samples
-from tests.helpers.browser import PATIENCE, until
+from tests.helpers import PATIENCE, live_samples, until
 from tests.helpers.commandline import PLUMBOB
 from tests.helpers.outlets import Clock, Kept, StandIn, emulated
 
@@ -58,7 +57,7 @@ class Acting:
         self.answers.append((asked.command.verb, ok, text))
 
 
-def followed(session, outlet, folder, *, during, duration=None):
+def followed(session, outlet, folder, *, during):
     """Run a session into an outlet while `during` goes on beside; what was viewed, and notes."""
     stop, notes, found = Stop(), [], []
 
@@ -72,7 +71,7 @@ def followed(session, outlet, folder, *, during, duration=None):
         threading.Thread(target=aside).start()
 
     found = Shows(session).run(
-        outlet, folder=folder, control=True, duration=duration, stop=stop, note=notes.append, echo=notes.append,
+        outlet, folder=folder, control=True, duration=None, stop=stop, note=notes.append, echo=notes.append,
         opened=opened,
     )  # fmt: skip
     return found, notes

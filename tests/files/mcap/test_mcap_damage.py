@@ -109,7 +109,6 @@ def test_foreign_beginnings_and_appended_recordings(whole, tmp_path):
         log, got = judge(tmp_path / "a.mcap", begin + raw[first:], rows, most_lost=0)
         assert got == rows
         assert log.metadata == {"session": "[device]\nname = 'demo'\n"}  # it stands at the end once more
-    raw, rows = whole
     made.record(tmp_path / "b.mcap")
     _, got = judge(tmp_path / "a.mcap", raw + (tmp_path / "b.mcap").read_bytes(), rows, most_lost=0)
     assert got == rows

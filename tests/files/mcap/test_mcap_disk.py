@@ -12,8 +12,9 @@ import pytest
 
 from plumbob.core.errors import ParameterError
 from plumbob.files.mcap import disk, open_log, verify, writer
+from tests.helpers import until
 from tests.helpers.io_samples import refused
-from tests.helpers.record_samples import DECODED, RAW, channels, fill, read, recorder, rows_of, wait_for
+from tests.helpers.record_samples import DECODED, RAW, channels, fill, read, recorder, rows_of
 
 LIMITED = """
 import resource, signal, sys, time
@@ -69,14 +70,14 @@ def test_a_refused_write_stops_once_and_goes_on_in_a_new_part(tmp_path, monkeypa
     numbers = channels(r)
     with r:
         rows = fill(r, numbers, 30)
-        wait_for(lambda: r.acknowledged == 40)
+        until(lambda: r.acknowledged == 40)
         ill = Disk(monkeypatch, error, room=150)
         rows += fill(r, numbers, 60, start=30)
         r.tick(10**12)
-        wait_for(lambda: ill.attempts > 4)  # the first, and several to go on
+        until(lambda: ill.attempts > 4)  # the first, and several to go on
         assert (r.state, r.acknowledged) == ("stopped", 40)  # 20 rows per chunk; the third chunk met the short write
         ill.ill = False
-        wait_for(lambda: r.acknowledged == len(rows))
+        until(lambda: r.acknowledged == len(rows))
         assert r.state == "recording"
     kinds = [e.kind for e in r.take_events() if e.kind != "unfinished"]
     assert kinds == ["stopped", "resumed"]
@@ -92,7 +93,7 @@ def test_rows_that_never_find_room_are_counted(tmp_path, monkeypatch):
     numbers = channels(r)
     with r:
         rows = fill(r, numbers, 20)
-        wait_for(lambda: r.acknowledged == 20)
+        until(lambda: r.acknowledged == 20)
         Disk(monkeypatch)
         fill(r, numbers, 200, start=20)
     assert r.state == "closed"
@@ -118,7 +119,7 @@ def test_a_slow_disk_costs_memory_then_counted_rows_but_never_the_callers_time(t
         dropped = r.dropped
         assert dropped > 0
         gate.set()
-        wait_for(lambda: r.acknowledged + dropped == r.written)
+        until(lambda: r.acknowledged + dropped == r.written)
         fill(r, numbers, 1020, start=1000)
     assert r.dropped == dropped
     assert sum(e.count for e in r.take_events()) == dropped
@@ -135,13 +136,13 @@ def test_a_failed_fsync_takes_back_and_writes_anew(tmp_path, monkeypatch):
     ill.ill = False
     with r:
         rows = fill(r, numbers, 30)
-        wait_for(lambda: r.acknowledged == 40 and ill.synced)
+        until(lambda: r.acknowledged == 40 and ill.synced)
         ill.ill = True
         rows += fill(r, numbers, 60, start=30)
-        wait_for(lambda: r.state == "stopped")
+        until(lambda: r.state == "stopped")
         ill.ill = False
         r.tick(10**12)
-        wait_for(lambda: r.acknowledged == len(rows))
+        until(lambda: r.acknowledged == len(rows))
     assert r.dropped == 0
     assert "stopped" in {e.kind for e in r.take_events()}
     log, got = read(tmp_path / "a.mcap")
@@ -162,16 +163,16 @@ def test_the_reserve_is_kept_and_the_part_ends_properly(tmp_path, monkeypatch):
     numbers = channels(r)
     with r:
         rows = fill(r, numbers, 20)
-        wait_for(lambda: r.acknowledged == 20)
+        until(lambda: r.acknowledged == 20)
         free[0] = 10**8 - 1
-        wait_for(more)  # it looks again after a while, when there is something to write
+        until(more)  # it looks again after a while, when there is something to write
         assert verify(tmp_path / "a.mcap").clean
         free[0] = 10**8 + 1  # not yet: it would stop again at once
-        wait_for(lambda: looks.count(10**8 + 1) > 1)
+        until(lambda: looks.count(10**8 + 1) > 1)
         assert r.state == "stopped"
         free[0] = 10**9
         r.tick(10**12)
-        wait_for(lambda: r.acknowledged == len(rows))
+        until(lambda: r.acknowledged == len(rows))
     events = r.take_events()
     assert [e.kind for e in events] == ["stopped", "resumed"]
     assert "less than the reserve of 100 MB is free" in events[0].text
@@ -208,7 +209,7 @@ def test_a_disk_that_does_not_answer_at_the_end_is_told(tmp_path, monkeypatch):
     events = r.take_events()
     assert [(e.kind, e.count) for e in events] == [("unfinished", 20)]
     gate.set()
-    wait_for(lambda: r.state == "closed")
+    until(lambda: r.state == "closed")
     assert verify(tmp_path / "a.mcap").rows == {RAW: 10, DECODED: 10}
 
 
@@ -250,11 +251,11 @@ def test_a_full_disk_loses_no_acknowledged_row(small_disk, reserve):
             r.write(number, i * 10**7, bytes([i % 256]) * 80)
             if i % 100 == 0:
                 time.sleep(0.005)
-        wait_for(lambda: r.state == "stopped")
+        until(lambda: r.state == "stopped")
         before = r.acknowledged
         assert 0 < before < r.written
         (small_disk / "ballast").unlink()
-        wait_for(lambda: r.acknowledged > before)
+        until(lambda: r.acknowledged > before)
     log, got = read(small_disk / "a.mcap")
     assert len(got) == r.acknowledged
     assert r.written == r.acknowledged + r.dropped

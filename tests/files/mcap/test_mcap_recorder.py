@@ -11,10 +11,10 @@ from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.files.mcap import Recorder, Schema, open_log, verify
+from plumbob.files.mcap import Schema, open_log, verify
 from plumbob.files.mcap.log import SequenceGaps
 from plumbob.files.mcap.verdict import CHUNK_NS, write_rows
-from tests.helpers import examples
+from tests.helpers import examples, until
 from tests.helpers import record_samples as made
 from tests.helpers.io_samples import refused
 
@@ -96,7 +96,7 @@ def test_a_waiting_chunk_is_sent_off_by_the_clock(tmp_path):
         r.tick(99_999_999)
         r.write(number, 99_999_999, b"2")
         r.tick(100_000_000)
-        made.wait_for(lambda: r.acknowledged == 2)
+        until(lambda: r.acknowledged == 2)
         r.tick(10**12)
     assert r.written == 2
     assert len(made.chunks_of(path.read_bytes())) == 1
@@ -154,7 +154,7 @@ def test_a_recording_is_open_while_one_of_its_parts_is(tmp_path):
         for i in range(200):
             made.fill(r, numbers, i + 1, i)
             r.tick(i * 10_000_000)
-        made.wait_for(lambda: len(list(tmp_path.iterdir())) >= 2)
+        until(lambda: len(list(tmp_path.iterdir())) >= 2)
         assert verify(tmp_path / "a.mcap").open
     assert not verify(tmp_path / "a.mcap").open
 
@@ -266,7 +266,7 @@ def test_sequence_numbers_go_on_beyond_32_bits():
 
 @pytest.mark.parametrize("row", ["text", bytearray(b"x"), 7])
 def test_a_row_that_is_no_bytes_is_refused_and_costs_no_other(tmp_path, row):
-    with Recorder(tmp_path / "a.mcap", epoch_offset_ns=0, reserve=0) as recorder:
+    with made.recorder(tmp_path / "a.mcap") as recorder:
         channel = recorder.channel("a", "json")
         recorder.write(channel, 0, b"{}")
         with pytest.raises(ParameterError, match="a row of a recording is bytes"):

@@ -1,12 +1,31 @@
 """ADXRS453 on SPI: replies one frame late, faults that stay until read, the self-test of its start (DS-453)."""
 
+from enum import IntFlag
+
 from plumbob.protocols import catalog
 from plumbob.protocols.encode import encode
-from tests.helpers.chips.words_adxrs453 import Fault
 
 START_NS = 100_000_000  # from power-up until the rate is valid
 DECAY_NS = 50_000_000  # until the faults of the self-test are gone after its end
 INVALID, VALID, TESTED = 0, 1, 2
+
+
+class Fault(IntFlag):
+    """Bits of the column ``faults``."""
+
+    CHK = 1
+    CST = 2
+    PWR = 4
+    POR = 8
+    NVM = 16
+    Q = 32
+    PLL = 64
+
+
+def sensor_command(*, check: bool = False) -> bytes:
+    """Ask for the rate, of sequence number 0; `check` starts the self-test, which sets every fault."""
+    word = 1 << 29 | int(check) << 1
+    return (word | (1 - word.bit_count() % 2)).to_bytes(4, "big")  # an odd number of ones
 
 
 class Adxrs453:

@@ -151,7 +151,7 @@ def test_a_stop_ends_it_soon(line):
     port.close()
 
 
-def test_without_a_reader_it_waits(tmp_path):
+def test_without_a_reader_it_waits():
     port, stop = PtyPort(), threading.Event()
     threading.Timer(0.1, stop.set).start()
     assert serve(rig_of(1.0), port, speed=None, stop=stop).sent == 0
