@@ -10,11 +10,11 @@ import pytest
 
 from plumbob.core import flags
 from plumbob.filters import filter_names
-from tests.helpers.commandline import call
+from tests.helpers.commandline import call, start
 
 
-def run(name, *words):
-    """Exit code of a benchmark, and what it prints as JSON."""
+def run(name, *words, alone=False):
+    """Exit code and JSON of a benchmark; one that forks or measures memory runs in a process of its own."""
 
     def main(arguments):
         before, sys.argv = sys.argv, [name, *arguments]
@@ -23,7 +23,8 @@ def run(name, *words):
         finally:
             sys.argv = before
 
-    done = call(*words, "--json", main=main)
+    program = {"program": (sys.executable, "-m", f"benchmarks.{name}")}
+    done = start(*words, "--json", **program) if alone else call(*words, "--json", main=main)
     return done.returncode, json.loads(done.stdout) if done.stdout else done.stderr
 
 
@@ -112,7 +113,7 @@ def test_what_is_a_bad_end_of_a_damaged_file(change, good):
 
 @pytest.mark.long(reason="40 formats of 60 files each, in a process each: three minutes")
 def test_some_damaged_files_of_every_format(tmp_path):
-    code, rows = run("fuzz", "--cases", "60", "--out", tmp_path)
+    code, rows = run("fuzz", "--cases", "60", "--out", tmp_path, alone=True)
     assert code == 0, rows
     assert all(row["cases"] == 60 for row in rows)
     assert all(row["0"] < 60 or row["format"].startswith("raw") for row in rows)  # damage is met
@@ -120,7 +121,8 @@ def test_some_damaged_files_of_every_format(tmp_path):
 
 @pytest.mark.long("nine seconds: writes a minute of sea in every form, and forks a process for every trial")
 def test_no_file_is_torn_and_no_old_one_lost():
-    code, found = run("interrupted", "--trials", "4", "--verbs", "convert .tum,convert .mcap,emulate,repair")
+    verbs = "convert .tum,convert .mcap,emulate,repair"
+    code, found = run("interrupted", "--trials", "4", "--verbs", verbs, alone=True)
     assert [one["wrong"] for one in found["verbs"].values()] == [[]] * 4
     assert (code, found["met"]) == (0, True)
     assert all(sum(one["stopped"].values()) > 0 for one in found["verbs"].values())  # it was the work that was met

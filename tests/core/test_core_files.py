@@ -3,13 +3,11 @@
 import errno
 import os
 import re
-import resource
 import signal
 import stat
 import subprocess
 import sys
 import threading
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -34,23 +32,10 @@ from plumbob.rotations import IDENTITY, Frame, North
 from plumbob.session.recorded import convert
 from plumbob.session.session_toml import load_session
 from plumbob.session.sources import CaptureSource
+from tests.helpers import full_disk
 from tests.helpers.commandline import ok, refused
 
-ROOM = 256  # bytes: less than any file below has
 BEFORE = b"what was there before"
-
-
-@contextmanager
-def full_disk():
-    """Let no file of this process grow beyond `ROOM` bytes: the write that would is refused, as on a full disk."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-        signal.signal(signal.SIGXFSZ, before)
 
 
 def names(folder):
@@ -107,7 +92,7 @@ def test_what_was_there_is_replaced_where_that_is_asked_for_and_kept_on_a_full_d
         written(path, overwrite=True)
     assert (path.read_bytes(), names(tmp_path)) == (BEFORE, [name])
     written(path, overwrite=True)
-    assert path.stat().st_size > ROOM
+    assert path.stat().st_size > 256
 
 
 def test_what_came_into_being_meanwhile_is_kept_and_a_disk_without_links_will_do(tmp_path, monkeypatch):

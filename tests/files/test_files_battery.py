@@ -2,8 +2,6 @@
 
 import errno
 import os
-import resource
-import signal
 
 import numpy as np
 import pytest
@@ -12,6 +10,7 @@ from plumbob.core.errors import ClockError, DecodeError, ParameterError, ShapeEr
 from plumbob.data import ImuMeta
 from plumbob.files import FORMATS, Recording, read, write
 from plumbob.files.notes import TOPICS
+from tests.helpers import full_disk
 from tests.helpers.io_samples import CASES, ROWS, assert_same, make_imu, make_track, refused
 
 FORMATS_WRITTEN = {".parquet": {"nan_bits": True}, ".csv": {"nan_bits": False}, ".txt": {"nan_bits": False}}
@@ -93,18 +92,10 @@ def test_overwriting_replaces_the_whole_file(tmp_path, suffix):
 @every_format
 @pytest.mark.parametrize("limit", [0, 100, 2000])
 def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, suffix, limit):
-    # RLIMIT_FSIZE gives a short write, then EFBIG, as a full disk gives ENOSPC.
     path = write(tmp_path / f"a{suffix}", CASES["both"])
     before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    old = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    try:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
-        with pytest.raises(DecodeError, match=r"a\..*cannot be written.*Nothing was changed"):
-            write(path, make_imu(rows=500), overwrite=True)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-        signal.signal(signal.SIGXFSZ, old)
+    with full_disk(limit), pytest.raises(DecodeError, match=r"a\..*cannot be written.*Nothing was changed"):
+        write(path, make_imu(rows=500), overwrite=True)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
 
 

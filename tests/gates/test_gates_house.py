@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from gates import PYTEST
+
 ROOT = Path(__file__).parents[2]
 MAIN = '''"""Verbs."""
 
@@ -117,3 +119,13 @@ def test_a_figure_that_is_raised_must_be_said_in_the_subject_line(house):
     assert "raised lines.core and does not say so: 'Tidy up'" in done.stdout
     git(house, "commit", "-q", "--amend", "-m", "Raise the budget of core: a room for steps")
     assert gate(house).returncode == 0
+
+
+def test_a_worker_that_dies_is_a_failure_and_ends_the_run(tmp_path):
+    (tmp_path / "test_a.py").write_text("import os\n\ndef test_a():\n    os._exit(3)\n\ndef test_b():\n    pass\n")
+    for name in "bcd":
+        (tmp_path / f"test_{name}.py").write_text("def test_a():\n    pass\n")
+    words = (*PYTEST, "-q", "-c", ROOT / "pyproject.toml", "--rootdir", tmp_path, tmp_path)
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 1
+    assert "crashed while running 'test_a.py::test_a'" in done.stdout

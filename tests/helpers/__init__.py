@@ -2,9 +2,11 @@
 
 import json
 import os
+import resource
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +31,17 @@ def until(condition, what="what was waited for did not come", patience=PATIENCE)
         assert time.monotonic() < end, what() if callable(what) else what
         time.sleep(0.002)
     return given
+
+
+@contextmanager
+def full_disk(room=256):
+    """Let no file of this process grow beyond `room` bytes: first a short write, then EFBIG, as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))  # Python ignores the signal of it
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def in_the_other_mode(code, warnings="ignore"):

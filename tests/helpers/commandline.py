@@ -43,10 +43,10 @@ def call(*words, data=b"", cwd=None, main=main, encoding="utf-8"):
     return subprocess.CompletedProcess(["plumbob", *words], code or 0, out, err)
 
 
-def start(*words, cwd=None, **environment):
-    """Run a command line in a process of its own, to its end."""
+def start(*words, cwd=None, program=PLUMBOB, **environment):
+    """Run a command line, or that of another program, in a process of its own, to its end."""
     return subprocess.run(
-        [*PLUMBOB, *map(str, words)], cwd=cwd, env={**os.environ, **environment}, capture_output=True, text=True,
+        [*program, *map(str, words)], cwd=cwd, env={**os.environ, **environment}, capture_output=True, text=True,
         errors="replace", check=False, timeout=600,
     )  # fmt: skip
 

@@ -1,7 +1,6 @@
 """Estimating from file to file: numbers, notes and bytes are those of the whole, nothing is half, memory is bounded."""
 
 import os
-import resource
 import subprocess
 import sys
 from dataclasses import replace
@@ -20,6 +19,7 @@ from plumbob.files import parquet
 from plumbob.files.formats import read
 from plumbob.filters import offline
 from plumbob.filters.smoother import samples
+from tests.helpers import full_disk
 from tests.helpers.motion import noisy
 
 GYR = TriadCalibration(np.eye(3) * 1.01, np.full(3, 1e-3), "rad/s", "rad/s", g_sensitivity=np.full((3, 3), 1e-4))
@@ -115,13 +115,9 @@ def test_an_interrupted_estimate_leaves_nothing(file, tmp_path, error, lies):
 
 def test_a_full_disk_leaves_nothing(file, tmp_path):
     before = sorted(tmp_path.iterdir())
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))  # the track has some 400 kB
-    try:
-        with pytest.raises(DecodeError, match=r"a\.parquet cannot be written: .*Nothing was changed there"):
-            plumbob.estimate(file, "mekf", frame="ENU", out=tmp_path / "a.parquet")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    match = r"a\.parquet cannot be written: .*Nothing was changed there"
+    with full_disk(100_000), pytest.raises(DecodeError, match=match):  # the track has some 400 kB
+        plumbob.estimate(file, "mekf", frame="ENU", out=tmp_path / "a.parquet")
     assert sorted(tmp_path.iterdir()) == before
     raw = bytearray(file.read_bytes())  # neither is anything left by a file that is refused before it is estimated
     with pytest.raises(plumbob.errors.ParameterError, match="exists already"):

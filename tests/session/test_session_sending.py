@@ -3,7 +3,6 @@
 import json
 import os
 import pty
-import resource
 import socket
 import threading
 import time
@@ -25,7 +24,7 @@ from plumbob.data import AttitudeTrack
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 from plumbob.session.send_spec import parse_send
 from plumbob.session.sending import Due, send
-from tests.helpers import until
+from tests.helpers import full_disk, until
 
 HDT = len(b"$HEHDT,0.00,T*00\r\n")
 SOON = BackOff(0.02, 0.1)
@@ -350,12 +349,6 @@ def test_an_hour_over_udp_without_loss():
 
 
 def test_a_file_on_a_disk_that_is_full_is_not_left_half_written(tmp_path):
-    """A limit of the size of files, as a full disk is none that a test may make; the interpreter ignores its signal."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
-    try:
-        with pytest.raises(LineError, match=r"half\.jsonl"):
-            send(swinging(2000), "json", f"file:{tmp_path / 'half.jsonl'}", speed=100)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    with full_disk(4096), pytest.raises(LineError, match=r"half\.jsonl"):
+        send(swinging(2000), "json", f"file:{tmp_path / 'half.jsonl'}", speed=100)
     assert list(tmp_path.iterdir()) == []
