@@ -89,7 +89,7 @@ def test_a_recording_outlives_those_who_read_its_notes(tmp_path):
         read, write = os.pipe()
         os.close(read)
         done = subprocess.run([*PLUMBOB, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=write, text=True,
-                              check=False, timeout=TIMEOUT)  # fmt: skip
+                              check=False, timeout=TIMEOUT, env={**os.environ, "PYTHONUNBUFFERED": ""})  # fmt: skip
         os.close(write)
     assert done.returncode == 0
     assert "samples" in done.stdout

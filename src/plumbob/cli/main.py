@@ -152,6 +152,7 @@ def run(argv: Sequence[str] | None, parser: Callable[[Sequence[str]], argparse.A
             stream.reconfigure(errors="replace")
     if argv is None:  # the process ends with this: to look for cycles in all that it imported takes as long as a run
         atexit.register(gc.freeze)
+        atexit.register(_forget_what_nobody_reads)
     words = sys.argv[1:] if argv is None else list(argv)
     args = argparse.Namespace(verb=" ".join(words[:1]))  # until they are parsed
     try:
@@ -179,6 +180,15 @@ def run(argv: Sequence[str] | None, parser: Callable[[Sequence[str]], argparse.A
         print(f"{program} {args.verb}: this is a defect of plumbob {__version__}; please report it.", file=sys.stderr)
         return 70
     return code
+
+
+def _forget_what_nobody_reads() -> None:
+    """Let notes that could not be written not become the exit code: Python flushes them once more at its end."""
+    try:
+        if sys.stderr:
+            sys.stderr.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
 
 
 class _SignalledError(BaseException):
