@@ -92,7 +92,7 @@ def test_what_was_there_is_replaced_where_that_is_asked_for_and_kept_on_a_full_d
         written(path, overwrite=True)
     assert (path.read_bytes(), names(tmp_path)) == (BEFORE, [name])
     written(path, overwrite=True)
-    assert path.stat().st_size > 256
+    assert path.stat().st_size > 256  # more than `full_disk` left room for
 
 
 def test_what_came_into_being_meanwhile_is_kept_and_a_disk_without_links_will_do(tmp_path, monkeypatch):
