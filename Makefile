@@ -34,14 +34,14 @@ test-all: setup page  ## as 'test', with every group
 test-second: setup page  ## types, imports, and the tests in which Pythons differ: PYTHON=python3.13 VENV=.venv-3.13
 	$(BIN)/python -m gates second
 
-test-long: setup  ## dear statistics, ten times the random cases and plain Python, of the rooms that changed last
+test-long: setup  ## dear statistics and ten times the random cases, of the rooms that changed last
 	$(BIN)/python -m gates long
 
-# NumPy, numba, OpenBLAS and glibc read these: sums in another order, no fused products, other last digits of a sine.
+# NumPy, OpenBLAS and glibc read these: sums in another order, no fused products, other last digits of a sine.
 other-processor: setup  ## tests as a processor with SSE only would run them: TESTS=tests/noise
 	NPY_DISABLE_CPU_FEATURES="$$($(BIN)/python -c \
 		'from numpy._core._multiarray_umath import __cpu_dispatch__ as names; print(*names)')" \
-	NUMBA_CPU_NAME=generic OPENBLAS_CORETYPE=Nehalem OMP_NUM_THREADS=1 \
+	OPENBLAS_CORETYPE=Nehalem OMP_NUM_THREADS=1 \
 	GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F $(BIN)/python -m pytest -n 2 --dist loadfile $(TESTS)
 
 loaded: setup  ## three times the tests beside four busy loops, then once in random order: SEED=1
@@ -135,7 +135,7 @@ fuzz: setup  ## files of every format mutated, 5000 of each: exit codes, time an
 setup: $(VENV)/.installed  ## the environment in .venv, which all targets make
 
 clean:  ## delete all that was made
-	rm -rf $(VENV) $(DIST) .mutants demo-out bench-out build dist site web/node_modules web/.built src/plumbob/web
+	rm -rf $(VENV) $(DIST) src/plumbob/_kernels.* .mutants demo-out bench-out build dist site web/node_modules web/.built src/plumbob/web
 
 help:  ## this
 	@awk -F ':.*## ' '/^##@/ {printf "\n%s\n", substr($$0, 5)} /^[a-z-]+:.*## / {printf "  make %-16s%s\n", $$1, $$2}' Makefile

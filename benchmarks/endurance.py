@@ -69,7 +69,6 @@ def block(seed: int, count: int) -> ImuData:
 def endure(name: str, blocks: list[ImuData], samples: int) -> Endured:
     """Take blocks in turn until there are that many samples."""
     f = Filter(name, frame=Frame.ENU)
-    f.warm_up()
     done, spent, ends, largest, bias, finite = 0, 0, 0.0, 0.0, 0.0, True
     while done < samples:
         data = blocks[done // len(blocks[0]) % len(blocks)]

@@ -144,7 +144,6 @@ def run(seconds: float, folder: Path) -> int:
         port = unit.stdout.readline().strip()
         session = parse_session(SESSION.format(port=port), {"imu9.toml": FORMAT}.__getitem__, name="live")
         line, ages = Stream(session), Ages()
-        line.warm_up()
         recording_sink = RecordingSink(session, RecordSpec(str(folder / "live.mcap")))
         source = open_source(session.source)
         unit.stdin.write("go\n")

@@ -39,14 +39,6 @@ READERS = {
 SECOND = ("tests/cli", "tests/core", "tests/data", "tests/files", "tests/fleet", "tests/session", "tests/viewer")
 RECORDED = re.compile("real_data|real_motion|broad_folder|broad_rooms")
 PLAIN = ("tests/rotations", "tests/calibration/test_calibration_ellipsoid_fit.py")
-# The smoother's recordings take hours as plain Python; its sweeps, which are what is compiled, take a minute.
-SMOOTHED = [f"--ignore=tests/filters/smoother/test_smoother_{name}.py" for name in ("behaviour", "claims", "door")]
-LONG_PLAIN = (
-    "tests/filters",
-    "tests/noise",
-    "tests/protocols",
-    "tests/calibration/test_calibration_autocorrelation.py",
-)
 
 LAST = 10  # commits whose rooms the long tests look at, where the upstream branch has them all
 
@@ -103,8 +95,6 @@ def gates(which: str, is_all: bool) -> tuple[dict, dict]:
     if which == "long":
         places = ["tests"] if is_all else touched(changed(LAST))
         runs = {"long tests": (*PYTEST, "-m", "long or hypothesis", "--hypothesis-profile", "long", *places)}
-        if plain := [place for place in (*PLAIN, *LONG_PLAIN) if is_all or is_in(place, places)]:
-            runs["plain Python"] = (*PYTEST, "-q", *plain, *SMOOTHED)
         return {}, runs
     idle = {} if is_all else left_out(changed())
     for name, folders in idle.items():
@@ -121,7 +111,7 @@ def gates(which: str, is_all: bool) -> tuple[dict, dict]:
 def run(name, words, *, shown):
     """Run a gate, its output shown or kept; CPU time is that of the process and of all that it waited for."""
     started = time.monotonic()
-    env = {**os.environ, "NUMBA_DISABLE_JIT": "1"} if name == "plain Python" else None
+    env = {**os.environ, "PLUMBOB_KERNELS": "python"} if name == "plain Python" else None
     with subprocess.Popen(words, env=env, stdout=None if shown else subprocess.PIPE, stderr=subprocess.STDOUT) as child:
         text = "" if shown else child.stdout.read().decode(errors="replace")
         _, status, used = os.wait4(child.pid, 0)

@@ -37,7 +37,7 @@ shown (`tune`) |
 | 130, 143 | ended by Ctrl-C, by SIGTERM; a file is there as a whole, or as it was before |
 """
 STAGES = {
-    "Try": ("demo", "reproduce", "docs", "warmup"),
+    "Try": ("demo", "reproduce", "docs"),
     "Simulate": ("sim", "emulate"),
     "Record": ("record", "replay", "send", "verify", "repair", "convert", "decode", "devices"),
     "Read files": ("info", "profile", "doctor", "compare"),

@@ -129,7 +129,6 @@ def run_faults(args: argparse.Namespace) -> int:
     wanted = [name.strip() for name in args.cases.split(",") if name.strip()]
     others, absent = peers(args.peers)
     contenders = [*map(contender_of, chosen), *others]
-    common.warn_of_compiling([stage.filter for stage in chosen])
 
     def told(cases: "Sequence[Case]") -> AbstractContextManager[Callable[[int], None]]:
         runs = len(cases) * len(contenders)

@@ -116,9 +116,9 @@ class Tree:
         """Where Python looks first: in this copy."""
         return os.pathsep.join(map(str, (*more, self.folder / "src", self.folder)))
 
-    def pytest(self, *words: str, cache: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    def pytest(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
         """Run tests of this copy."""
-        env = {**self.environment, "PYTHONPATH": self.path_with(), "PLUMBOB_CACHE_DIR": str(cache), **environment}
+        env = {**self.environment, "PYTHONPATH": self.path_with(), **environment}
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *words]
         return subprocess.run(
             command, cwd=self.folder, env=env, capture_output=True, text=True, check=False, timeout=60.0 * MINUTES
@@ -136,7 +136,7 @@ def trace(tree: Tree, work: Path, jobs: int) -> dict[str, dict[str, float]]:
     out.mkdir()
     traced = {"PLUMBOB_TRACE": str(out), "PLUMBOB_TRACE_ROOT": str(tree.package)}
     words = ("-p", "traced", "-n", str(jobs), "--dist", "loadfile", "--durations=0", "--durations-min=0.001", "-vv")
-    done = tree.pytest(*words, cache=work / "cache", PYTHONPATH=tree.path_with(HERE / "trace"), **traced)
+    done = tree.pytest(*words, PYTHONPATH=tree.path_with(HERE / "trace"), **traced)
     if done.returncode:
         sys.exit(f"The tests fail without any fault:\n{done.stdout[-4000:]}")
     seconds = _durations(done.stdout)
@@ -190,7 +190,6 @@ def judge(tree: Tree, mutant: Mutant, tests: list[str], work: Path) -> dict[str,
     """Plant it, run the tests, take it away again."""
     path = tree.package / mutant.path
     source = path.read_text(encoding="utf-8")
-    own = work / f"cache-{tree.folder.name}"
     listed = tree.folder / "tests.txt"
     listed.write_text("\n".join(tests), encoding="utf-8")
     chosen = {"PLUMBOB_SELECTED": str(listed), "PYTHONPATH": tree.path_with(HERE / "trace")}
@@ -198,13 +197,11 @@ def judge(tree: Tree, mutant: Mutant, tests: list[str], work: Path) -> dict[str,
     started = time.monotonic()
     try:
         path.write_text(mutant.plant(source), encoding="utf-8")
-        cache = own if "@njit" in source else work / "cache"  # what is compiled of an edited kernel is of no use later
-        by = _first_failure(tree.pytest("-x", "-p", "selected", *files, cache=cache, **chosen)) if files else NOBODY
+        by = _first_failure(tree.pytest("-x", "-p", "selected", *files, **chosen)) if files else NOBODY
     except subprocess.TimeoutExpired:
         by = "it never ends"
     finally:
         path.write_text(source, encoding="utf-8")
-        shutil.rmtree(own, ignore_errors=True)
     seconds = round(time.monotonic() - started, 1)
     return {"name": mutant.name, "row": mutant.row, "found": by not in {"", NOBODY}, "by": by, "seconds": seconds}
 

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 import plumbob
-from benchmarks.harness.__main__ import main as measure
-from plumbob import Filter, Frame, ImuData, files, filter_names, simulate
+from plumbob import Filter, Frame, ImuData, files, simulate
 from plumbob.rotations import euler_zyx_from_quat
-from tests.helpers import jit_disabled
-from tests.helpers.commandline import PLUMBOB, answer, call, ok, refused, typed
+from tests.helpers.commandline import PLUMBOB, answer, call, typed
 
 
 @pytest.fixture(scope="module")
@@ -112,15 +110,6 @@ def test_an_error_that_is_not_scored_says_why(tmp_path):
     assert ("not scored   heading: " in free, "inclination rmse: 0.000°" in free) == (True, True)
 
 
-@pytest.mark.long(reason="compiles a filter in a process of its own; that it is said, the tests of the cache show")
-@pytest.mark.skipif(jit_disabled(), reason="nothing is compiled here")
-def test_the_first_run_on_a_cold_cache_says_why_it_waits(samples, tmp_path):
-    words = ("run", samples / "sea.parquet", "--filter", "integrate_first_order")
-    first, second = (ok(*words, PLUMBOB_CACHE_DIR=str(tmp_path)) for _ in range(2))
-    assert "compiling integrate_first_order for this processor" in first.stderr and str(tmp_path) in first.stderr
-    assert ("compiling" in second.stderr, second.stdout) == (False, first.stdout)
-
-
 def test_a_closed_pipe_is_no_error_and_python_m_plumbob_is_plumbob():
     line = " ".join([*PLUMBOB, "filters | head -1"])
     done = subprocess.run(line, shell=True, capture_output=True, text=True, check=False)
@@ -135,23 +124,3 @@ def test_a_terminal_that_cannot_show_units_still_gets_the_result(samples, encodi
     for words in (("filters",), ("info", samples / "sea.parquet"), ("sim", "--list")):
         done = call(*words, encoding=encoding)
         assert (done.returncode, len(done.stdout) > 100) == (0, True)
-
-
-def test_warmup_says_where_kernels_are_kept_or_that_they_are_not(samples, tmp_path, monkeypatch):
-    """Compiled once for all tests of a run, kept in memory then: no cache folder costs a compilation here."""
-    ok("warmup")
-    assert "compiling" not in ok("run", samples / "sea.parquet", "--filter", "mekf").stderr
-    assert "compiling" not in call("channel", "--seeds", 1, main=measure).stderr
-    (tmp_path / "file").write_text("in the way")
-    monkeypatch.setenv("PLUMBOB_CACHE_DIR", str(tmp_path / "file"))
-    assert "cannot be written" in refused("warmup")
-
-
-@pytest.mark.long(reason="compiles every kernel: three minutes")
-def test_after_a_warmup_nothing_waits(buoy, tmp_path):
-    cache = {"PLUMBOB_CACHE_DIR": str(tmp_path)}
-    assert str(tmp_path) in ok("warmup", **cache).stdout
-    compiled = {path.name for path in tmp_path.rglob("*.nb?")}
-    for name in filter_names():
-        assert "compiling" not in ok("run", buoy, "--filter", name, **cache).stderr
-    assert {path.name for path in tmp_path.rglob("*.nb?")} == compiled

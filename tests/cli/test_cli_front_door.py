@@ -31,7 +31,7 @@ def poses(tmp_path_factory):
 
 
 RENAMED = {"run": "estimate", "eval": "evaluate", "sim": "simulate"}
-OF_THE_PROGRAM = {"demo", "devices", "filters", "benchmark", "warmup"}
+OF_THE_PROGRAM = {"demo", "devices", "filters", "benchmark"}
 """Verbs that list what is there or exercise it: in Python these are objects (`plumbob.filter_names`, `find_format`)."""
 PACKAGES = {"arm": ("align", "run", "export", "replay"), "array": ("info", "combine", "monitor")}
 """Verbs whose kinds are functions of the package of the same name."""

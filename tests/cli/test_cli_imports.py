@@ -1,8 +1,7 @@
 """What each verb may import: a run on a Parquet file pays for no serial port, plot or simulator.
 
 Each verb runs on a small real input in a process of its own, forked from one that has imported nothing but the command
-line. Kernels run as plain Python, so that numba's own imports hide nothing; a verb that calls a kernel counts as one
-that imports numba.
+line. A verb that calls a kernel counts as one that imports `kernels`.
 """
 
 import json
@@ -17,7 +16,7 @@ from tests.helpers.commandline import table_of
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="the system cannot fork")
 
-PACKAGES = ("h5py", "lz4", "matplotlib", "mcap", "numba", "numpy", "pandas", "pyarrow", "pygeomag", "rich", "scipy",
+PACKAGES = ("h5py", "lz4", "matplotlib", "mcap", "numpy", "pandas", "pyarrow", "pygeomag", "rich", "scipy",
             "serial", "zstandard")  # fmt: skip
 ROOMS = ("acquisition.serial_line", "acquisition.sockets", "acquisition.timing.timebase", "calibration",
          "data.cards.calibration", "evaluation", "evaluation.many", "files.mcap", "filters",
@@ -36,9 +35,9 @@ lines, packages, rooms, parts = json.load(sys.stdin)
 def found():
     known = {m for m in sys.modules if m in packages or m in parts}
     known |= {m.removeprefix("plumbob.") for m in sys.modules if m.removeprefix("plumbob.") in rooms}
-    jit = sys.modules.get("plumbob.core._jit")
-    called = jit and any(isinstance(k, jit.Kernel) and k._compiled for k in gc.get_objects())
-    return sorted(known | ({"numba"} if called else set()))
+    door = sys.modules.get("plumbob.core.kernels")
+    called = door and any(isinstance(k, door.Kernel) and k._compiled for k in gc.get_objects())
+    return sorted(known | ({"kernels"} if called else set()))
 
 def child(words, out):
     with open("said.txt", "w") as said:
@@ -68,7 +67,7 @@ SETS = {
     "PARQUET": "numpy pyarrow pyarrow.parquet",
     "READ": "PARQUET filters",  # to open a recording, whose room imports what all filters share
     "SIMULATED": "PARQUET data.cards.calibration simulation",
-    "RUN": "READ evaluation numba",
+    "RUN": "READ evaluation kernels",
     "FITS": "scipy scipy.fft scipy.interpolate scipy.optimize scipy.special",
     "VIEW": "acquisition.timing.timebase calibration data.cards.calibration files.mcap filters mcap numpy protocols "
     "session.stream zstandard",
@@ -92,22 +91,22 @@ compare sea.parquet sea.parquet | RUN FITS scipy.ndimage scipy.signal scipy.stat
 doctor sea.parquet | READ scipy scipy.fft
 send track.parquet --as json --to file:sent.jsonl --speed max | READ VIEW
 sim static SENSORS random --duration 90s --rate 50Hz --out rest.parquet | SIMULATED
-allan rest.parquet --triads gyr | READ data.cards.calibration noise numba FITS
-calibrate gyro rest.parquet --method rest | READ calibration data.cards.calibration numba
+allan rest.parquet --triads gyr | READ data.cards.calibration noise kernels FITS
+calibrate gyro rest.parquet --method rest | READ calibration data.cards.calibration kernels
 emulate buoy --duration 3s --write sea.bin | numpy data.cards.calibration simulation simulation.rigs.rig protocols
-decode sea.bin --format buoy --out sea-decoded.csv | numba numpy protocols
-record --from sea.bin --format buoy --out sea.mcap | VIEW numba
+decode sea.bin --format buoy --out sea-decoded.csv | kernels numpy protocols
+record --from sea.bin --format buoy --out sea.mcap | VIEW kernels
 view none.mcap --no-open | VIEW
 watch none.mcap | VIEW
 control http://127.0.0.1:1/?token=a stop |
 verify sea.mcap | mcap files.mcap zstandard
 repair sea.mcap --out repaired.mcap | mcap files.mcap zstandard
-replay sea.mcap | VIEW numba
-convert sea.mcap sea.csv | VIEW numba pyarrow pyarrow.csv
+replay sea.mcap | VIEW kernels
+convert sea.mcap sea.csv | VIEW kernels pyarrow pyarrow.csv
 profile sea.csv --out draft.toml | numpy
 devices | numpy protocols
 arm export none.csv --out program.csv | files.mcap filters mcap numpy
-array info none.parquet | READ numba
+array info none.parquet | READ kernels
 """
 """A command line, and what it may import. Each may read what those above it wrote."""
 
@@ -118,8 +117,8 @@ def allowed(words):
 
 
 LISTED = {line: allowed(names) for line, names in table_of(LINES.replace("SENSORS", SENSORS))}
-EVERYTHING = {"benchmark", "demo", "reproduce", "tune", "warmup"}
-"""Verbs whose task is to try or to compile all there is."""
+EVERYTHING = {"benchmark", "demo", "reproduce", "tune"}
+"""Verbs whose task is to try all there is."""
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +131,7 @@ def told(tmp_path_factory):
     given = json.dumps([{line: line.split() for line in LISTED}, PACKAGES, ROOMS, PARTS])
     done = subprocess.run(
         [sys.executable, "-c", PROBE], input=given, cwd=folder, text=True,
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}, capture_output=True, check=False,
+        env={**os.environ, "PYTHONPATH": path}, capture_output=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)

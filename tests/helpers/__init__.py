@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from plumbob.core._jit import jit_disabled
+from plumbob.core.kernels import is_plain
 
 PATIENCE = 60.0  # s; never waited for on a machine that is not overloaded
-slow_as_python = pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
+slow_as_python = pytest.mark.skipif(is_plain(), reason="minutes in plain Python, whose bits are the same")
 
 
 def examples(share: float, **more: Any) -> settings:
@@ -46,7 +46,7 @@ def full_disk(room=256):
 
 def in_the_other_mode(code, warnings="ignore"):
     """What code makes of the name `given`, in a process that compiles kernels where this one does not, or does not."""
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "0" if jit_disabled() else "1"}
+    environment = {**os.environ, "PLUMBOB_KERNELS": "" if is_plain() else "python"}
     words = [sys.executable, "-W", warnings, "-c", f"import json; {code}; print(json.dumps(given))"]
     root = Path(__file__).parents[2]
     return json.loads(

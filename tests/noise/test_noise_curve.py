@@ -11,9 +11,9 @@ from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import ONE_SIGMA, curve, curve_of, curves, deviation, edf, identify, interval, log_factors, skew_edf
 from plumbob.noise.curve import log_variance
 from plumbob.noise.factors import SHAPES
-from tests.helpers import jit_disabled, slow_as_python
+from tests.helpers import is_plain, slow_as_python
 
-COMPILED = not jit_disabled()
+COMPILED = not is_plain()
 SAMPLES = 2048
 RATE = np.random.default_rng(8).standard_normal((SAMPLES, 3)) * [1.0, 2.0, 3.0]
 

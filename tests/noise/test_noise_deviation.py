@@ -7,7 +7,7 @@ import pytest
 
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import KINDS, deviation, kernels
-from tests.helpers import jit_disabled, slow_as_python
+from tests.helpers import is_plain, slow_as_python
 from tests.helpers.noise_records import NBS14, drifting, exactly, flicker, riley_1000, walk, white
 
 EPS = np.finfo(float).eps
@@ -120,7 +120,7 @@ def test_any_order_and_repeats_of_the_factors():
 
 def test_tiles_and_groups_of_factors_leave_nothing_out():
     """A tile is longer than most records here."""
-    count = 3000 if jit_disabled() else 5 * kernels.TILE // 2
+    count = 3000 if is_plain() else 5 * kernels.TILE // 2
     rate = white(count)
     theta = np.concatenate(([0.0], np.cumsum(rate - rate.mean())))
     for n in ([1, 2, 3], [5], [1, 40, count // 4, count // 2], [1, 2, 3, 5, 8, count // 3, count // 2 - 1]):

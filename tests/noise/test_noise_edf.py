@@ -8,10 +8,10 @@ import pytest
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import deviation, edf
 from plumbob.noise.factors import SHAPES
-from tests.helpers import jit_disabled
+from tests.helpers import is_plain
 
 KINDS = ("oadev", "adev", "mdev", "ohdev", "hdev")
-COMPILED = not jit_disabled()
+COMPILED = not is_plain()
 SUMMED = 3e-3  # what the straight lines between far lags cost, at most
 CUT = 8e-3  # what the correlation of flicker noise beyond the lags that are summed is worth
 

@@ -8,7 +8,7 @@ import pytest
 
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import deviation, every, every_adev, kernels
-from tests.helpers import jit_disabled, slow_as_python
+from tests.helpers import is_plain, slow_as_python
 from tests.helpers.noise_records import NBS14, drifting, exact_squares, exactly, flicker, walk, white, whole_numbers
 
 EPS = np.finfo(float).eps
@@ -25,7 +25,7 @@ def steep(count):
 
 
 RECORDS = (white, flicker, walk, drifting, steep, wave)
-COUNTS = (300,) if jit_disabled() else (1000, 20_000)
+COUNTS = (300,) if is_plain() else (1000, 20_000)
 
 
 def some(count):

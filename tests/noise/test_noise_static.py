@@ -12,11 +12,11 @@ from plumbob.noise.static import artefacts
 from plumbob.noise.static.judge import FEWEST_SAMPLES, StaticCheck, judge
 from plumbob.noise.static.report import bridged
 from plumbob.simulation.errors import flicker, random_walk
-from tests.helpers import jit_disabled, slow_as_python
+from tests.helpers import is_plain, slow_as_python
 
 COUNT, DT = 6000, 0.01
 T = np.arange(COUNT) * DT
-PLAIN = jit_disabled()
+PLAIN = is_plain()
 
 
 def check(values, **words):

@@ -8,15 +8,15 @@ import pytest
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import AllanStream, deviation, factors, log_factors, stream_factors
 from plumbob.noise.factors import stream_steps
-from tests.helpers import jit_disabled, slow_as_python
+from tests.helpers import is_plain, slow_as_python
 from tests.helpers.noise_records import drifting, walk, white
 
 EPS = np.finfo(float).eps
 
 
 TILE = 2**14  # samples that are worked on together
-COUNTS = (2, 3, 1000, 3001) if jit_disabled() else (2, 3, 1000, TILE - 1, TILE, TILE + 1, 2 * TILE, 5 * TILE + 77)
-RECORD = 1500 if jit_disabled() else 40_000
+COUNTS = (2, 3, 1000, 3001) if is_plain() else (2, 3, 1000, TILE - 1, TILE, TILE + 1, 2 * TILE, 5 * TILE + 77)
+RECORD = 1500 if is_plain() else 40_000
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps
 from plumbob.rotations import Frame
 from plumbob.simulation import Module, TriadErrors, simulate
-from tests.helpers import jit_disabled
+from tests.helpers import is_plain
 from tests.helpers.refusals import reasons
 
 # Axes of the accelerometer are those of the case, because its poses do not show a turn of them.
@@ -122,7 +122,7 @@ def rates_of_another_hour(imu):
             {"magnet-moved", "outliers"},
             "magnetometer: ",
             "'plumbob calibrate accel', then 'gyro', would do",
-            marks=pytest.mark.skipif(jit_disabled(), reason="a quarter of a minute as plain Python"),
+            marks=pytest.mark.skipif(is_plain(), reason="a quarter of a minute as plain Python"),
         ),
     ],
 )

@@ -1,7 +1,6 @@
 """From a recording to an attitude: covariances over chunks, and noise cards to those filters that take one."""
 
 import pytest
-from numba.core.event import install_recorder
 
 from plumbob import Filter, Frame, NoiseCard
 from plumbob.core.errors import ParameterError
@@ -49,14 +48,3 @@ def test_cards_go_to_those_that_take_one():
     assert run_stage(noisy(CHUNK + 100), given[1], frame=Frame.ENU).cov_b is None
     with pytest.raises(ParameterError, match="mahony has no parameter that a noise card could give"):
         run_stage(noisy(), with_noise([Stage("mahony", {})], CARD)[0], frame=Frame.ENU)
-
-
-@pytest.mark.parametrize("name", filter_names())
-def test_warming_up_compiles_what_is_called_later(name):
-    """The loop that keeps a covariance is another one; both are then found compiled, for the arrays of a recording."""
-    f = Filter(name, frame=Frame.ENU)
-    f.warm_up()
-    with install_recorder("numba:compiler_lock") as compiled:
-        for covariance in (False, True):
-            f.process(noisy(), covariance=covariance)
-    assert len(compiled.buffer) == 0

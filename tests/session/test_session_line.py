@@ -88,7 +88,6 @@ def test_time_comes_from_the_device_clock_where_there_is_one():
 
 def test_line_that_waits_for_bytes_says_so_in_its_report():
     line = Stream(session())
-    line.warm_up()  # leaves it untouched
     assert line.decoder.counts.received == 0
     assert line.t0_ns is None
     line.feed(Received(0, stream()[:40]))

@@ -26,10 +26,12 @@ def note(code):
 
 
 def reach(kernel):
-    from plumbob.core import _jit
+    from plumbob.core.kernels import Kernel
 
-    for function in _jit._reachable(kernel):
-        current.add(function.__code__)
+    current.add(kernel.py_func.__code__)
+    for name in kernel.py_func.__code__.co_names:
+        if isinstance(callee := kernel.py_func.__globals__.get(name), Kernel):
+            reach(callee)
 
 
 def start():
@@ -56,8 +58,8 @@ def switch(name):
 
 
 def save():
-    if "plumbob.core._jit" in sys.modules:
-        from plumbob.core._jit import Kernel
+    if "plumbob.core.kernels" in sys.modules:
+        from plumbob.core.kernels import Kernel
 
         if not any(seen):  # a process of its own, whose kernels nobody watched
             for one in gc.get_objects():

@@ -2,7 +2,7 @@
 
 from sitecustomize import reach, switch
 
-from plumbob.core._jit import Kernel
+from plumbob.core.kernels import Kernel
 
 
 def pytest_configure():

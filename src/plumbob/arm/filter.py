@@ -33,9 +33,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.arm.links import GROUND, Link
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg, dps
 from plumbob.rotations import (
@@ -115,6 +115,10 @@ class Samples:
     mag: Floats | None = None
     flags: NDArray[np.uint32] | None = None
 
+    def __post_init__(self) -> None:
+        for name in ("gyr", "acc"):  # kernels take numbers that stand one behind the other
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name)))
+
     def __len__(self) -> int:
         return int(self.t.size)
 
@@ -125,7 +129,7 @@ class Samples:
         return Samples(self.t[first:last], self.gyr[:, first:last], self.acc[:, first:last], mag, flags)
 
 
-@njit
+@kernel
 def at_joint(
     m0: float, m1: float, m2: float, m3: float, fx: float, fy: float, fz: float, wx: float, wy: float, wz: float,
     ax: float, ay: float, az: float, rx: float, ry: float, rz: float,
@@ -137,7 +141,7 @@ def at_joint(
     return rotate(m0, m1, m2, m3, fx + ex + tx, fy + ey + ty, fz + ez + tz)  # [Kok2014]
 
 
-@njit
+@kernel
 def add_forces(
     t: Floats, gyr: Floats, acc: Floats, u: int, r: int, bias: Floats, m0: float, m1: float, m2: float, m3: float,
     ends: Floats, at: Floats, found: Floats, forces: Floats,
@@ -161,17 +165,25 @@ def add_forces(
     found[u, COUNT] += 1.0
 
 
-@njit
+@kernel
 def add_turn(found: Floats, u: int, dt: float, q0: float, q1: float, q2: float, q3: float) -> None:
     """Add a step at attitude q to the integral of the rotation matrix."""
     ix, iy, iz = rotate(q0, q1, q2, q3, 1.0, 0.0, 0.0)
     jx, jy, jz = rotate(q0, q1, q2, q3, 0.0, 1.0, 0.0)
     kx, ky, kz = cross(ix, iy, iz, jx, jy, jz)
-    for i, one in enumerate((ix, jx, kx, iy, jy, ky, iz, jz, kz)):
-        found[u, i] += dt * one
+    row = found[u]
+    row[0] += dt * ix
+    row[1] += dt * jx
+    row[2] += dt * kx
+    row[3] += dt * iy
+    row[4] += dt * jy
+    row[5] += dt * ky
+    row[6] += dt * iz
+    row[7] += dt * jz
+    row[8] += dt * kz
 
 
-@njit
+@kernel
 def integrate(
     t: Floats, gyr: Floats, acc: Floats, first: int, last: int, mean_rate: bool,
     q: Floats, v: Floats, bias: Floats, ends: Floats, at: Floats, path: Floats, found: Floats, forces: Floats,
@@ -181,8 +193,8 @@ def integrate(
     `q` (U, 4), `v` (U, 3) and `bias` (U, 3) are those of the units, `ends` (E, 3) arms to joint centres and `at` (E,)
     whose they are. Attitudes go to `path` (U, N, 4). `found` (U, 16) gets the integral of R (9), of the acceleration
     (3), of the squared rate, times without a rate and without a force, and the number of forces; `forces` (E, 3) the
-    mean force at each arm's end, NaN where one is missing. A force is used when the sample behind it has come, because
-    angular acceleration needs both neighbours.
+    mean force at each arm's end, NaN where one is missing, as at the ground. A force is used when the sample behind it
+    has come, because angular acceleration needs both neighbours.
     """
     found[:] = 0.0
     forces[:] = 0.0
@@ -218,7 +230,7 @@ def integrate(
         for i in range(3):
             v[u, i] += found[u, 9 + i]
     for e in range(at.shape[0]):
-        count = found[int(at[e]), COUNT]
+        count = found[int(at[e]), COUNT] if at[e] >= 0.0 else 0.0  # the ground has no unit
         for k in range(3):
             forces[e, k] = forces[e, k] / count if count > 0.0 else math.nan
 

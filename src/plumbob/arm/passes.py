@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from plumbob.arm.filter import GAP, WIDTH, ChainFilter, Keyframe, Params, Samples
 from plumbob.arm.links import GROUND, Link
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, to_deg
 from plumbob.rotations import (
     dcm_from_quat,
@@ -409,7 +409,7 @@ class _Kept:
             self._bias.append(one.linear[:, :3].copy())
             if path is not None:
                 end = frames[k + 1].row if k + 1 < len(frames) else one.row
-                fill(self._samples.t, self._samples.gyr, one.row, end, self._params.mean_rate, one.q, one.linear[:, :3],
+                fill(self._samples.t, self._samples.gyr, one.row, end, self._params.mean_rate, one.q, one.linear,
                      path)  # fmt: skip
                 if k + 1 < len(frames):
                     self._bridge(one, frames[k + 1], path)
@@ -443,9 +443,9 @@ def backward(frames: Sequence[Keyframe]) -> list[Keyframe]:
     return found[::-1]
 
 
-@njit
+@kernel
 def fill(t: Floats, gyr: Floats, first: int, last: int, mean_rate: bool, q: Floats, bias: Floats, path: Floats) -> None:
-    """Attitudes from a smoothed keyframe at a sample on, to the one before the next."""
+    """Attitudes from a smoothed keyframe at a sample on, to the one before the next; `bias` may hold more behind it."""
     for u in range(q.shape[0]):
         q0, q1, q2, q3 = q[u, 0], q[u, 1], q[u, 2], q[u, 3]
         wx, wy, wz = bias[u, 0], bias[u, 1], bias[u, 2]

@@ -16,9 +16,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.kernels import kernel
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import NoiseCard
@@ -65,7 +65,7 @@ def params_of(noise: NoiseCard | None, bias_start: float) -> Params:
     return found._replace(**{name: value for name, value in known.items() if value > 0.0})
 
 
-@njit
+@kernel
 def update(p: Floats, state: Floats, h: Floats, residual: float, var: float, gain: Floats) -> None:
     """Take up one number; `state` is (θ, b) as far as this row has changed it, and h has zeros for the bias."""
     s, e = var, residual
@@ -81,7 +81,7 @@ def update(p: Floats, state: Floats, h: Floats, residual: float, var: float, gai
             p[i, j] -= gain[i] * gain[j] / s
 
 
-@njit
+@kernel
 def update_bias(p: Floats, state: Floats, k: int, residual: float, var: float, gain: Floats) -> None:
     """Take up a rate of the body at rest, which is its bias."""
     s = p[3 + k, 3 + k] + var
@@ -94,7 +94,7 @@ def update_bias(p: Floats, state: Floats, k: int, residual: float, var: float, g
             p[i, j] -= gain[i] * gain[j] / s
 
 
-@njit
+@kernel
 def at_rest(p: Floats, var: float, r0: float, r1: float, r2: float) -> bool:
     """True where a mean rate, of this variance and less the bias, is only noise and what the bias may still be."""
     x: bool = r0 * r0 < REST * (var + p[3, 3])
@@ -103,7 +103,7 @@ def at_rest(p: Floats, var: float, r0: float, r1: float, r2: float) -> bool:
     return x and y and z
 
 
-@njit
+@kernel
 def step_time(
     x: Floats, p: Floats, state: Floats, gain: Floats, turned: Floats, noise: Floats, dt: float, step: float,
     gx: float, gy: float, gz: float,
@@ -126,15 +126,15 @@ def step_time(
             for k in range(3):
                 update_bias(p, state, k, x[RATE + k] - x[BIAS + k], white / step, gain)
         return
-    r = rows(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rows(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
     turn(x, dt * (x[RATE] - x[BIAS]), dt * (x[RATE + 1] - x[BIAS + 1]), dt * (x[RATE + 2] - x[BIAS + 2]))
-    for j in range(3):
-        for k in range(3):
-            turned[j, k] = -dt * r[3 * j + k]
+    turned[0, 0], turned[0, 1], turned[0, 2] = -dt * r00, -dt * r01, -dt * r02
+    turned[1, 0], turned[1, 1], turned[1, 2] = -dt * r10, -dt * r11, -dt * r12
+    turned[2, 0], turned[2, 1], turned[2, 2] = -dt * r20, -dt * r21, -dt * r22
     propagate(p, turned, (white if known else 1.0) * dt, noise[1] * noise[1] * dt)
 
 
-@njit
+@kernel
 def turn(x: Floats, rx: float, ry: float, rz: float) -> None:
     """Turn the attitude by a vector in body axes."""
     e0, e1, e2, e3 = quat_exp(rx, ry, rz)
@@ -142,7 +142,7 @@ def turn(x: Floats, rx: float, ry: float, rz: float) -> None:
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
 
 
-@njit
+@kernel
 def see_gravity(
     x: Floats, p: Floats, state: Floats, h: Floats, gain: Floats, noise: Floats, up: float, step: float,
     ax: float, ay: float, az: float,
@@ -169,7 +169,7 @@ def see_gravity(
     update(p, state, h, fy, var, gain)
 
 
-@njit
+@kernel
 def see_field(
     x: Floats, p: Floats, state: Floats, h: Floats, gain: Floats, noise: Floats, north: Floats, step: float,
     mx: float, my: float, mz: float,
@@ -198,7 +198,7 @@ def see_field(
     update(p, state, h, north[0] * hy - north[1] * hx, var, gain)
 
 
-@njit
+@kernel
 def inject(x: Floats, state: Floats) -> None:
     """Move what the measurements of a row have found to attitude and bias."""
     e0, e1, e2, e3 = quat_exp(state[0], state[1], state[2])
@@ -208,7 +208,7 @@ def inject(x: Floats, state: Floats) -> None:
         x[BIAS + k] += state[3 + k]
 
 
-@njit
+@kernel
 def run(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, noise: Floats, up: float, north: Floats, first_step: float,
     x: Floats, p: Floats, room: Floats, q_nb: Floats, bias: Floats, cov: Floats,
@@ -232,7 +232,7 @@ def run(
                 cov[i, j, k] = p[j, k]
 
 
-@njit
+@kernel
 def propagate(p: Floats, turned: Floats, spread: float, walk: float) -> None:
     """Covariance after a step in which the bias turns the attitude by `turned` (3, 3)."""
     for j in range(3):  # the upper right block first, for the upper left needs the old one

@@ -22,9 +22,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps, to_deg
 from plumbob.data import AttitudeTrack
 from plumbob.data.array import ImuArray
@@ -131,7 +131,7 @@ def sets_of(array: ImuArray) -> Sets:
     return Sets(plus, minus, parity)
 
 
-@njit
+@kernel
 def error_of(
     up: float, q0: float, q1: float, q2: float, q3: float, fx: float, fy: float, fz: float,
     ax: float, ay: float, az: float, mx: float, my: float, mz: float,
@@ -146,7 +146,7 @@ def error_of(
     return e0 + d0, e1 + d1, e2 + d2
 
 
-@njit
+@kernel
 def law(kind: int, e: float, dt: float, rules: Floats, integral: Floats, k: int) -> float:
     """Correction of a rate, rad/s, from the error e, rad."""
     if kind == 1:
@@ -161,7 +161,7 @@ def law(kind: int, e: float, dt: float, rules: Floats, integral: Floats, k: int)
     return 0.0
 
 
-@njit
+@kernel
 def kept(kind: int, rules: Floats, integral: Floats, k: int) -> float:
     """What of the correction stays without an error, rad/s."""
     if kind == 1:
@@ -173,7 +173,17 @@ def kept(kind: int, rules: Floats, integral: Floats, k: int) -> float:
     return 0.0
 
 
-@njit
+@kernel
+def blended(
+    first: int, second: int, weight: float, a: float, c: float, dt: float, rules: Floats, sums: Floats, k: int
+) -> float:
+    """Correction about an axis by both sets."""
+    by_first = law(first, a, dt, rules, sums[0], k)
+    by_second = law(second, c, dt, rules, sums[1], k)
+    return (1.0 - weight) * by_first + weight * by_second
+
+
+@kernel
 def run(
     t: Floats, gyr1: Floats, acc1: Floats, mag1: Floats, gyr2: Floats, acc2: Floats, mag2: Floats,
     kinds: Floats, rules: Floats, up: float, field: Floats, ekf: bool, noise: Floats, x: Floats, sums: Floats,
@@ -219,15 +229,9 @@ def run(
                 up, p0, p1, p2, p3, field[0], field[1], field[2],
                 acc2[i, 0], acc2[i, 1], acc2[i, 2], mag2[i, 0], mag2[i, 1], mag2[i, 2],
             )  # fmt: skip
-            d0 = (1.0 - weight) * law(first, a0, dt, rules, sums[0], 0) + weight * law(
-                second, c0, dt, rules, sums[1], 0
-            )
-            d1 = (1.0 - weight) * law(first, a1, dt, rules, sums[0], 1) + weight * law(
-                second, c1, dt, rules, sums[1], 1
-            )
-            d2 = (1.0 - weight) * law(first, a2, dt, rules, sums[0], 2) + weight * law(
-                second, c2, dt, rules, sums[1], 2
-            )
+            d0 = blended(first, second, weight, a0, c0, dt, rules, sums, 0)
+            d1 = blended(first, second, weight, a1, c1, dt, rules, sums, 1)
+            d2 = blended(first, second, weight, a2, c2, dt, rules, sums, 2)
             u0, u1, u2 = d0 - sums[2, 0], d1 - sums[2, 1], d2 - sums[2, 2]  # the prediction has the rest
             if ekf:
                 x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = q_nb[i - 1, 0], q_nb[i - 1, 1], q_nb[i - 1, 2], q_nb[i - 1, 3]

@@ -3,15 +3,17 @@
 import math
 from typing import Final
 
-from plumbob.core._jit import njit
+import numpy as np
+
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.rotations.kernels import Vec
 
 SINGULAR: Final = 1e-9
 """A pivot that is less than this share of its own diagonal says that the axes do not span the unknowns."""
 
 
-@njit
+@kernel
 def factor(a: Floats, size: int) -> bool:
     """Cholesky factor of a symmetric matrix (size, size) in place, lower half; False where it is singular."""
     for j in range(size):
@@ -28,7 +30,7 @@ def factor(a: Floats, size: int) -> bool:
     return True
 
 
-@njit
+@kernel
 def solve(a: Floats, b: Floats, size: int) -> None:
     """Replace b by the solution, of a factor made by `factor`."""
     for i in range(size):
@@ -41,7 +43,7 @@ def solve(a: Floats, b: Floats, size: int) -> None:
         b[i] /= a[i, i]
 
 
-@njit
+@kernel
 def inverse3(a: Floats, out: Floats) -> bool:
     """Inverse of a symmetric matrix (3, 3), by cofactors; False where it is singular."""
     c00 = a[1, 1] * a[2, 2] - a[1, 2] * a[1, 2]
@@ -59,7 +61,7 @@ def inverse3(a: Floats, out: Floats) -> bool:
     return True
 
 
-@njit
+@kernel
 def add_axis(a: Floats, c0: float, c1: float, c2: float, w: float) -> None:
     """Add an axis c of weight w to the upper half of the normal equations of three unknowns."""
     a[0, 0] += w * c0 * c0
@@ -70,7 +72,7 @@ def add_axis(a: Floats, c0: float, c1: float, c2: float, w: float) -> None:
     a[2, 2] += w * c2 * c2
 
 
-@njit
+@kernel
 def times(m: Floats, b0: float, b1: float, b2: float) -> Vec:
     """Product of a matrix (3, 3) and a vector."""
     return (
@@ -80,7 +82,7 @@ def times(m: Floats, b0: float, b1: float, b2: float) -> Vec:
     )
 
 
-@njit
+@kernel
 def combine_rows(y: Floats, axes: Floats, weight: Floats, x: Floats, left: Floats) -> None:
     """Vector x (N, 3), body axes, of all sensor axes, and what each axis measures beyond it.
 
@@ -95,7 +97,7 @@ def combine_rows(y: Floats, axes: Floats, weight: Floats, x: Floats, left: Float
     x, left : ndarray (N, 3), (N, U, 3)
         Results; NaN where the axes that are left do not span the body.
     """
-    a, inverse = 0.0 * axes[0], 0.0 * axes[0]
+    a, inverse = np.zeros((3, 3)), np.zeros((3, 3))
     for i in range(y.shape[0]):
         a[:, :] = 0.0
         b0 = b1 = b2 = 0.0
@@ -120,7 +122,7 @@ def combine_rows(y: Floats, axes: Floats, weight: Floats, x: Floats, left: Float
                 )
 
 
-@njit
+@kernel
 def force_rows(
     y: Floats, axes: Floats, weight: Floats, levers: Floats, rate: Floats, turn: Floats, turn_weight: float,
     x: Floats, left: Floats, a: Floats, b: Floats,
@@ -180,7 +182,7 @@ def force_rows(
                 left[i, u, k] = y[i, u, k] - (axes[u, k, 0] * f0 + axes[u, k, 1] * f1 + axes[u, k, 2] * f2)
 
 
-@njit
+@kernel
 def add(
     a: Floats, b: Floats, w: float, value: float, h0: float, h1: float, h2: float, h3: float, h4: float, h5: float
 ) -> None:

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from plumbob.array.solve import add_axis, inverse3, times
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 
 TH: Final = 0  # bias, and share of x, y and z, of each axis: 12
 COV: Final = 12  # their covariance, 10 upper entries by rows
@@ -91,7 +91,7 @@ FAST_FROM: Final = 4
 """Units from which on the others tell the scale of the noise within `tau`."""
 
 
-@njit
+@kernel
 def start_unit(x: Floats, bias_var: float, scale_var: float) -> None:
     """State of a unit's triad before its first value (UNIT_SIZE,)."""
     for k in range(UNIT_SIZE):
@@ -102,7 +102,7 @@ def start_unit(x: Floats, bias_var: float, scale_var: float) -> None:
         x[SQUARE + k], x[LAST + k], x[CHANGING + k] = 1.0, math.nan, 1.0
 
 
-@njit
+@kernel
 def grow(x: Floats, bias_var: float, scale_var: float) -> None:
     """Let time pass: bias and scale walk."""
     x[COV] += bias_var
@@ -111,7 +111,7 @@ def grow(x: Floats, bias_var: float, scale_var: float) -> None:
     x[COV + 9] += scale_var
 
 
-@njit
+@kernel
 def gain(x: Floats, h1: float, h2: float, h3: float) -> tuple[float, float, float, float, float]:
     """P h, and hᵀ P h, of a measurement h = (1, h1, h2, h3)."""
     p = COV
@@ -122,7 +122,7 @@ def gain(x: Floats, h1: float, h2: float, h3: float) -> tuple[float, float, floa
     return k0, k1, k2, k3, k0 + k1 * h1 + k2 * h2 + k3 * h3
 
 
-@njit
+@kernel
 def shrink(x: Floats, k0: float, k1: float, k2: float, k3: float, s: float) -> None:
     """Covariance after a measurement of gain k/s."""
     p, i = COV, 1.0 / s
@@ -138,7 +138,7 @@ def shrink(x: Floats, k0: float, k1: float, k2: float, k3: float, s: float) -> N
     x[p + 9] -= i * k3 * k3
 
 
-@njit
+@kernel
 def body_value(
     y: Floats, axes: Floats, weight: Floats, x: Floats, h: Floats, corrected: bool, out: bool,
     a: Floats, inverse: Floats, found: Floats,
@@ -173,7 +173,7 @@ def body_value(
     return units
 
 
-@njit
+@kernel
 def middle(y: Floats, axes: Floats, x: Floats, h: Floats, room: Floats, found: Floats) -> None:
     """Middle value of the units that are in and have all three axes, of each axis of the body."""
     for j in range(3):
@@ -198,7 +198,7 @@ def middle(y: Floats, axes: Floats, x: Floats, h: Floats, room: Floats, found: F
             found[j] = 0.5 * (room[(count - 1) // 2] + room[count // 2])
 
 
-@njit
+@kernel
 def innovate(
     x: Floats, y: Floats, axes: Floats, weight: Floats, inverse: Floats, h: Floats, scale: float, use: Floats
 ) -> None:
@@ -241,7 +241,7 @@ def innovate(
         shrink(x, k0, k1, k2, k3, best)
 
 
-@njit
+@kernel
 def average(x: Floats, mix: float, share: float) -> None:
     """Take the last innovations of a unit into their means, each counted by this share."""
     for k in range(3):
@@ -252,7 +252,7 @@ def average(x: Floats, mix: float, share: float) -> None:
         x[SQUARE + k] += mix * (e * e - x[SQUARE + k])
 
 
-@njit
+@kernel
 def see_changes(x: Floats, y: Floats, changed: bool) -> None:
     """Count for how long each axis of a unit has said the same, while `changed` says that the others moved on."""
     for k in range(3):
@@ -269,7 +269,7 @@ def see_changes(x: Floats, y: Floats, changed: bool) -> None:
         x[LAST + k] = y[k]
 
 
-@njit
+@kernel
 def is_frozen(x: Floats) -> bool:
     """True where an axis has said the same for longer than chance explains."""
     if x[SAMPLES] < 30.0:
@@ -281,7 +281,7 @@ def is_frozen(x: Floats) -> bool:
     return False
 
 
-@njit
+@kernel
 def score_of(x: Floats, c: Floats, spread: float, others: float) -> tuple[float, float]:
     """How far a unit is on the way to an alarm, which is 1, by its mean innovation and by their squares."""
     mean = square = 0.0
@@ -293,13 +293,13 @@ def score_of(x: Floats, c: Floats, spread: float, others: float) -> tuple[float,
     return mean / (c[ALARM] * math.sqrt(spread * others)), square / (c[NOISY] * others)
 
 
-@njit
+@kernel
 def leave_out(x: Floats, reason: float) -> None:
     """Leave a unit out."""
     x[STATE], x[REASON], x[AGREES] = OUT, reason, 0.0
 
 
-@njit
+@kernel
 def keep(x: Floats, g: Floats, t: float) -> None:
     """Keep the trackers of all units now and then."""
     if g[KEPT_COUNT] > 0.0 and t - g[KEPT_T] < KEEP:
@@ -312,7 +312,7 @@ def keep(x: Floats, g: Floats, t: float) -> None:
             x[u, KEPT + k] = x[u, TH + k]
 
 
-@njit
+@kernel
 def settle_others(x: Floats, g: Floats, but: int) -> None:
     """Forget what the unit that was left out has moved meanwhile: trackers of all, innovations of those that are in."""
     for u in range(x.shape[0]):
@@ -326,7 +326,7 @@ def settle_others(x: Floats, g: Floats, but: int) -> None:
             x[u, STATE] = GOOD
 
 
-@njit
+@kernel
 def kind_of(x: Floats) -> float:
     """Whether a unit deviates, with a sign that lasts, or is noisy."""
     mean = square = 0.0
@@ -336,7 +336,7 @@ def kind_of(x: Floats) -> float:
     return IS_NOISY if square > SIGNED * mean * mean else DEVIATES
 
 
-@njit
+@kernel
 def score_all(x: Floats, g: Floats, c: Floats) -> int:
     """Give each unit its score, against the noise that the others have; returns how many units are in."""
     total, inside = 0.0, 0
@@ -356,7 +356,7 @@ def score_all(x: Floats, g: Floats, c: Floats) -> int:
     return inside
 
 
-@njit
+@kernel
 def suspect(x: Floats) -> None:
     """Let the trackers of a unit wait as long as it deviates."""
     if x[STATE] == GOOD and x[SCORE] > BECOMES_SUSPECT:
@@ -365,7 +365,7 @@ def suspect(x: Floats) -> None:
         x[STATE] = GOOD
 
 
-@njit
+@kernel
 def judge(x: Floats, g: Floats, c: Floats, dt: float) -> bool:
     """Decide about each unit of a triad, x (U, UNIT_SIZE); True where units contradict and none can be isolated."""
     inside = score_all(x, g, c)
@@ -396,7 +396,7 @@ def judge(x: Floats, g: Floats, c: Floats, dt: float) -> bool:
     return unclear
 
 
-@njit
+@kernel
 def readmit(x: Floats, c: Floats, dt: float) -> None:
     """Take a unit in again that has agreed for long enough."""
     x[AGREES] = x[AGREES] + dt if x[SCORE] < AGAIN_GOOD and not is_frozen(x) else 0.0
@@ -404,7 +404,7 @@ def readmit(x: Floats, c: Floats, dt: float) -> None:
         x[STATE], x[REASON] = GOOD, 0.0
 
 
-@njit
+@kernel
 def note_absence(x: Floats, y: Floats, c: Floats, dt: float) -> None:
     """Count for how long each unit has had no value while others had; then it is dead."""
     for u in range(x.shape[0]):
@@ -417,7 +417,7 @@ def note_absence(x: Floats, y: Floats, c: Floats, dt: float) -> None:
             x[u, ABSENT] = 0.0
 
 
-@njit
+@kernel
 def changes(x: Floats, y: Floats) -> float:
     """Share of the units whose values are not those of before."""
     moved = seen = 0.0
@@ -432,7 +432,7 @@ def changes(x: Floats, y: Floats) -> float:
     return moved / max(seen, 1.0)
 
 
-@njit
+@kernel
 def adapt(g: Floats, c: Floats, dt: float, use: Floats) -> None:
     """Learn the scale of the noise from squares over their expectation."""
     if c[ADAPT] > 0.0 and use[1] > 0.0:
@@ -440,7 +440,7 @@ def adapt(g: Floats, c: Floats, dt: float, use: Floats) -> None:
         g[SCALE] = max(1e-3, g[SCALE] * (1.0 + min(weight, 1.0) * (min(use[0] / use[1], 10.0) - 1.0)))
 
 
-@njit
+@kernel
 def take_triad(
     t: float, triad: int, x: Floats, g: Floats, c: Floats, y: Floats, axes: Floats, weight: Floats,
     a: Floats, inverse: Floats, h: Floats, found: Floats, use: Floats, room: Floats,
@@ -493,7 +493,7 @@ def take_triad(
     return found_flags
 
 
-@njit
+@kernel
 def take_lever(y: Floats, axes: Floats, levers: Floats, w: Floats, turn: Floats) -> None:
     """Take off what turning makes an accelerometer at a lever feel, of all units (U, 3), in place."""
     size = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
@@ -507,7 +507,7 @@ def take_lever(y: Floats, axes: Floats, levers: Floats, w: Floats, turn: Floats)
             y[u, k] -= axes[u, k, 0] * f0 + axes[u, k, 1] * f1 + axes[u, k, 2] * f2
 
 
-@njit
+@kernel
 def take_rows(
     t: Floats, y: Floats, x: Floats, g: Floats, c: Floats, axes: Floats, weight: Floats, levers: Floats, leans: bool,
     a: Floats, inverse: Floats, h: Floats, use: Floats, room: Floats, found: Floats, words: NDArray[np.uint32],
@@ -541,7 +541,7 @@ def take_rows(
             words[i, u] = word_of(x[0, u], 0) | word_of(x[1, u], 1) | word_of(x[2, u], 2)
 
 
-@njit
+@kernel
 def word_of(x: Floats, triad: int) -> int:
     """State of a unit's triad: 0 good, 1 suspect, 2 deviates, 3 noisy, 4 frozen, 5 dead, in four bits at 4 × triad."""
     state = 0

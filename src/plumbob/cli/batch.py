@@ -44,10 +44,8 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.filters.known import SMOOTHER
     from plumbob.fleet.batch import batch
 
-    common.warn_of_compiling([args.filter or SMOOTHER])
     with common.progress_bars() as bars:
         done = batch(
             args.sources,

@@ -149,7 +149,6 @@ def run_accuracy(args: argparse.Namespace) -> int:
     asked = {name: value for name in CHANGES if (value := getattr(args, name)) is not None}
     chosen = common.given_noise(common.stages(args.filters, args.params), args.noise)
     others, absent = peer_runs(args.peers)
-    common.warn_of_compiling([stage.filter for stage in chosen])
     runs = len(chosen) + len(others)
     with common.progress(f"{counted(len(files), 'file')}, {counted(runs, 'run')} each", len(files) * runs) as advance:
         result = measure_accuracy(
@@ -189,7 +188,6 @@ def run_scenario(args: argparse.Namespace) -> int:
     seeds = seeds_of(args)
     chosen, own_noise = _with_noise(common.stages(args.filters, args.params), args.noise)
     frame, settings = scenario_settings(args)
-    common.warn_of_compiling([stage.filter for stage in chosen])
     with common.progress(counted(args.seeds, "seed"), args.seeds) as advance:
         result = measure_scenario(
             args.scenario,

@@ -212,8 +212,7 @@ def tell(args: argparse.Namespace, imu: "ImuData") -> None:
 def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
     """Samples of the line until the guide or somebody says stop; None where there are none."""
     from plumbob.acquisition.transport import Stop
-    from plumbob.calibration.guide.guides import GUIDES, GuideSink, warm_up
-    from plumbob.core import _jit
+    from plumbob.calibration.guide.guides import GUIDES, GuideSink
     from plumbob.session.recording_sink import RecordingSink
     from plumbob.session.runner import run_stream
     from plumbob.session.sinks import Collected, Sink
@@ -222,10 +221,6 @@ def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
     from plumbob.session.watch import Watch
 
     stream, guide, collected = Stream(session), GUIDES[args.guided](), Collected()
-    if _jit.is_cold("accumulate"):
-        common.note(_jit.compiling("the guide"))
-    stream.warm_up()
-    warm_up()
     board, stop = Board(f"calibrate {args.kind}", guide), Stop()
 
     def note(told: str) -> None:

@@ -493,11 +493,3 @@ def _may_draw(stream: TextIO) -> bool:
     """Whether Rich may take a stream for a terminal, so that it must be asked: its import costs a tenth of a second."""
     forced = any(os.environ.get(name) for name in ("FORCE_COLOR", "TTY_COMPATIBLE"))
     return forced or (not stream.closed and stream.isatty())
-
-
-def warn_of_compiling(names: Sequence[str]) -> None:
-    """Say why the next call waits, where a filter has not been compiled on this machine yet."""
-    from plumbob.session.estimated import compiling
-
-    if told := compiling(names):
-        note(told)

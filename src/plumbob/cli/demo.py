@@ -245,7 +245,6 @@ def run(args: argparse.Namespace) -> int:
     started = time.perf_counter()
     args.out.mkdir(parents=True, exist_ok=True)
     common.check_outputs(args, *(args.out / name for name in FILES))  # from here on, they may be replaced
-    common.warn_of_compiling(["mekf", *(stage.filter for stage in stages())])
     card = calibrate_unit(args.out, seed=SEED)
     _say(args, f"1 calibrated  by 40 poses by hand and a raised nose: {args.out / CARD}, {args.out / CERTIFICATE}")
     with _rig(args.out, duration) as port:
@@ -332,7 +331,6 @@ def _live(out: Path, port: str, device: str) -> "Stream":
 
     session = _session(out, port, device)
     line, found = Stream(session), Collected()
-    line.warm_up()
     assert session.record and session.output.text
     recording_sink = RecordingSink(session, session.record)
     sink = TextSink(session.output.text, session.output.every)

@@ -57,7 +57,6 @@ VERBS = (
     "filters",
     "cite",
     "docs",
-    "warmup",
 )
 
 FORMER: Final = {"export": "convert"}

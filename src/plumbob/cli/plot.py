@@ -46,12 +46,9 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.filters.known import SMOOTHER
     from plumbob.overview.overview import plot
 
     common.check_outputs(args, args.out, inputs=(args.file, args.profile, args.calibration, args.noise))
-    if args.filter not in ("track", "none"):
-        common.warn_of_compiling([args.filter or SMOOTHER])
     with common.progress_bars() as bars:
         plot(
             args.file,

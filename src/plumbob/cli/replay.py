@@ -50,7 +50,6 @@ def run(args: argparse.Namespace) -> int:
         send=args.send,
         keep="track" if args.out else "nothing",
         note=common.note,
-        opened=lambda session: common.warn_of_compiling([session.stage.filter] if session.stage else []),
     )
     if args.out:
         convert(replace(result.as_recording(), name=args.out.stem), args.out, overwrite=args.force)

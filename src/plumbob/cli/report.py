@@ -71,7 +71,6 @@ def how_of(args: argparse.Namespace) -> dict[str, Any]:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.errors import ParameterError
-    from plumbob.filters.known import SMOOTHER
     from plumbob.overview.overview import report
 
     for name, endings in PAGES.items():
@@ -81,8 +80,6 @@ def run(args: argparse.Namespace) -> int:
     if args.lang and not (args.out or args.pdf):
         raise ParameterError("--lang is for --out or --pdf, which is not given; leave it out.")
     common.check_outputs(args, args.out, args.pdf, inputs=(*args.files, args.profile, args.calibration, args.noise))
-    if args.filter not in ("track", "none"):
-        common.warn_of_compiling([args.filter or SMOOTHER])
     with common.progress_bars() as bars:
         found = report(args.files, **how_of(args), note=common.note, progress=bars)
     written = {"page": (args.out, found.write_html), "pdf": (args.pdf, found.write_pdf)}

@@ -90,7 +90,6 @@ def run(args: argparse.Namespace) -> int:
     if args.report and args.report.suffix.lower() not in common.ENDINGS["html"]:
         raise ParameterError(f"--report needs a name that ends in .html or .htm, but got {args.report}.")
     common.check_outputs(args, *common.with_profile(args.out), args.card, args.report, inputs=inputs)
-    common.warn_of_compiling([stage.filter])
     gatherer = _gatherer() if args.report else None
     with common.progress_bars() as bars:
         result = estimate(
@@ -145,7 +144,6 @@ def _rates(args: argparse.Namespace) -> int:
     if beside := [f"--{name}" for name in _OF_ATTITUDES if getattr(args, name) is not None]:
         raise ParameterError(f"{', '.join(beside)}: {args.filter} gives no attitude. Leave it out.")
     common.check_outputs(args, *common.with_profile(args.out), inputs=(args.file, args.profile, args.calibration))
-    common.warn_of_compiling([f"channel_{args.filter}"])
     result = filter_rates(
         args.file,
         args.filter,

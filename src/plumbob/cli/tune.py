@@ -55,7 +55,6 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"--out needs a name that ends in .toml, but got {args.out}.")
     common.check_pages(args, args.out, inputs=args.places)
     (stage,) = common.stages(args.filter, args.fixed)
-    common.warn_of_compiling([stage.filter])
     with common.progress_bars() as done:
         found = tune(
             args.places,

@@ -5,8 +5,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 
 REMEMBERED: Final = 128
 """Rows that are known again: more than a second at 100 Hz."""
@@ -34,7 +34,7 @@ class Repeats:
         return fresh
 
 
-@njit
+@kernel
 def _mark(
     known: NDArray[np.uint64], count: NDArray[np.int64], keys: NDArray[np.uint64], fresh: NDArray[np.bool_]
 ) -> None:  # fmt: skip

@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError
+from plumbob.core.kernels import kernel
 
 LONGEST: Final = float(2**23)
 """Seconds of a recording at most, 97 days: beyond, neighbouring float64 are more than a nanosecond apart."""
@@ -171,7 +171,7 @@ BINS: Final = 16 * 58
 """Up to 10¹⁸ ns; everything below 32 ns has a bin of its own."""
 
 
-@njit
+@kernel
 def bin_of(delay: float) -> int:
     """Bin of a delay, ns."""
     value = int(min(max(delay, 0.0), 1e18))
@@ -182,14 +182,14 @@ def bin_of(delay: float) -> int:
     return 16 * octave + value
 
 
-@njit
+@kernel
 def middle_of(place: int) -> float:
     """Delay in the middle of a bin, ns."""
     octave = max(place // 16 - 1, 0)
     return (place - 16 * octave + 0.5) * 2.0**octave if octave else float(place)
 
 
-@njit
+@kernel
 def quantile(histogram: NDArray[np.int64], first: int, share: float) -> float:
     """Delay that this share of the frames keeps, ns, in the histogram that begins there; 0 where there are none."""
     total = 0

@@ -6,7 +6,7 @@ A filter module holds the algorithm: ``Params`` (what a user sets), ``coefficien
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol, Self
@@ -15,17 +15,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core import check, flags
-from plumbob.core._jit import Kernel, bare, njit, specialise
 from plumbob.core.check import Floats
 from plumbob.core.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobWarning, ShapeError
+from plumbob.core.kernels import Kernel, bare, kernel, specialise
 from plumbob.core.params import Spec, build, describe, shown
 from plumbob.core.text import Shown
 from plumbob.core.units import Quantity, to_deg
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.sample import ImuSample
 from plumbob.filters.input_checks import as_one, judge, or_zero, usable, watch
-from plumbob.filters.known import SMOOTHER, load
+from plumbob.filters.known import SMOOTHER, filter_names, load
 from plumbob.filters.layout import (
     BIAS,
     BLIND,
@@ -108,7 +108,7 @@ class Loops:
     single: Kernel[..., int]
 
 
-@njit
+@kernel
 def step(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
@@ -117,12 +117,12 @@ def step(
     return 0
 
 
-@njit
+@kernel
 def look(x: Floats, dt: float, mx: float, my: float, mz: float) -> None:
     """Stand in for `see_field`, where a covariance asks for it."""
 
 
-@njit
+@kernel
 def see_field(x: Floats, dt: float, mx: float, my: float, mz: float) -> None:
     """Mean level and vertical part of the field over `SEEN_TAU`, against which errors of its calibration weigh."""
     if not usable(mx, my, mz):
@@ -134,7 +134,7 @@ def see_field(x: Floats, dt: float, mx: float, my: float, mz: float) -> None:
     x[SEEN + 1] += weight * (hz - x[SEEN + 1])
 
 
-@njit
+@kernel
 def _take(
     c: Floats, x: Floats, t_ns: int, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
@@ -150,7 +150,7 @@ def _take(
     return found | settle(c, x, dt, seen, blind, found, gx, gy, gz, ax, ay, az)
 
 
-@njit
+@kernel
 def _row(
     i: int, c: Floats, x: Floats, t_ns: NDArray[np.int64], seen: NDArray[np.uint32],
     gyr: Floats, acc: Floats, mag: Floats, q_nb: Floats, bias_b: Floats, found: NDArray[np.uint32],
@@ -164,7 +164,7 @@ def _row(
     bias_b[3 * i], bias_b[3 * i + 1], bias_b[3 * i + 2] = x[BIAS], x[BIAS + 1], x[BIAS + 2]
 
 
-@njit
+@kernel
 def _batch(
     c: Floats, x: Floats, t_ns: NDArray[np.int64], seen: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats,
     q_nb: Floats, bias_b: Floats, found: NDArray[np.uint32],
@@ -176,7 +176,7 @@ def _batch(
         )  # fmt: skip
 
 
-@njit
+@kernel
 def _claiming(
     c: Floats, x: Floats, t_ns: NDArray[np.int64], seen: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats,
     q_nb: Floats, bias_b: Floats, found: NDArray[np.uint32], first: int, cov: Floats,
@@ -192,7 +192,7 @@ def _claiming(
         cov[i, last], cov[i, last + 1] = x[SEEN], x[SEEN + 1]
 
 
-@njit
+@kernel
 def _single(s: Floats, t_ns: int, seen: int, values: Floats) -> int:
     size = int(s[SIZE])
     c, x = bare(s), bare(s[size:])
@@ -213,14 +213,20 @@ def _single(s: Floats, t_ns: int, seen: int, values: Floats) -> int:
 
 def loops_of(name: str, module: FilterModule) -> Loops:
     """Batch and single-sample entries of a filter, compiled around its step."""
-    looks = {"look": see_field} if hasattr(module, "COVARIANCE") else {}
-    take = specialise(_take, f"take_{name}", step=module.step, **looks)
+    seen = see_field if hasattr(module, "COVARIANCE") else look
+    take = specialise(_take, f"take_{name}", step=module.step, look=seen)
     row = specialise(_row, f"row_{name}", _take=take)
     return Loops(
-        batch=specialise(_batch, f"batch_{name}", _row=row),
+        batch=specialise(_batch, f"batch_{name}", whole=True, _row=row),
         claiming=specialise(_claiming, f"claiming_{name}", _row=row),
-        single=specialise(_single, f"single_{name}", _take=take),
+        single=specialise(_single, f"single_{name}", whole=True, _take=take),
     )
+
+
+def specialised() -> list[Kernel[..., Any]]:
+    """Loops of all filters, of which C is made."""
+    all_loops = [_cached_loops(name, load(name)) for name in filter_names() if name != SMOOTHER]
+    return [one for loops in all_loops for one in (loops.batch, loops.claiming, loops.single)]
 
 
 class Filter(Shown):
@@ -296,7 +302,7 @@ class Filter(Shown):
         self._s: Floats = np.concatenate((c, np.zeros(OWN + self.module.STATE)))  # one array: one pointer to pass
         self._c, self._x = self._s[: c.size], self._s[c.size :]
         self._q = self._x[Q : Q + 4]
-        self._single: Callable[..., int] = self._compile_single  # numba is imported when it is needed, and not here
+        self._single = self._loops.single.compiled
         self._init = None if init is None else start_of(init, frame)
         self.reset()
 
@@ -446,18 +452,6 @@ class Filter(Shown):
             if isinstance(sample, ImuSample):
                 raise
             raise ShapeError(f"update takes an ImuSample, but got {type(sample).__name__}.") from None
-
-    def _compile_single(self, *args: Any) -> int:
-        self._single = self._loops.single.compiled
-        return self._single(*args)
-
-    def warm_up(self) -> None:
-        """Compile now, so that neither a recording nor the first live sample waits."""
-        none = check.read_only(np.empty((0, 3)))  # as a recording's arrays are: numba tells them from writable ones
-        words = check.read_only(np.empty(0, dtype=np.uint32))
-        for place in (slice(0, 0), self._covariance):
-            self._batch(np.empty(0, dtype=np.int64), words, none, none, none, place)
-        self._loops.single.compiled(self._s.copy(), 0, 0, ImuSample(0).values)
 
     def save(self) -> dict[str, Any]:
         """Everything needed to go on later, ready for JSON, which keeps every bit of a float."""

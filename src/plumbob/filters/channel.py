@@ -26,10 +26,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core import check, flags
-from plumbob.core._jit import Kernel, njit, specialise
 from plumbob.core.check import Floats
 from plumbob.core.constants import IMPOSSIBLE_RATE
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.kernels import Kernel, kernel, specialise
 from plumbob.core.params import build, describe, shown
 from plumbob.core.time import to_ns
 from plumbob.filters.known import RATE_FILTERS
@@ -75,12 +75,12 @@ class ChannelModule(Protocol):
         ...
 
 
-@njit
+@kernel
 def step(c: Floats, x: Floats, dt: float, y: float) -> None:
     """Stand in for the step of a filter, which `RateFilter` puts here."""
 
 
-@njit
+@kernel
 def _take(c: Floats, x: Floats, t_ns: int, y: float) -> int:
     dt = tick(x, t_ns, y)
     if dt < 0.0:
@@ -93,7 +93,7 @@ def _take(c: Floats, x: Floats, t_ns: int, y: float) -> int:
     return flags.GYR_HELD | (flags.GYR_ABSENT if math.isnan(y) else flags.GYR_INVALID)
 
 
-@njit
+@kernel
 def _batch(
     c: Floats, x: Floats, t_ns: NDArray[np.int64], rate: Floats, out: Floats, found: NDArray[np.uint32]
 ) -> None:  # fmt: skip
@@ -145,7 +145,7 @@ class RateFilter:
         self.channels = channels
         self.module = load(name)
         self.params = build(self.module.Params, params or {}, of=name)
-        self._batch = _cached_batch(name, self.module)
+        self._batch = batch_of(name, self.module)
         self._c = np.array(self.module.coefficients(self.params), dtype=np.float64)
         self._x = np.empty((_count(channels), OWN + self.module.own_state(self.params)))
         self.reset()
@@ -196,10 +196,6 @@ class RateFilter:
         _, found = self._run(np.array([t_ns], dtype=np.int64), np.array([rate], dtype=np.float64))
         return int(found[0])
 
-    def warm_up(self) -> None:
-        """Compile now, so that the first sample does not wait."""
-        self._run(np.empty(0, dtype=np.int64), np.empty((0, self._x.shape[0])))
-
     def _run(self, t_ns: NDArray[np.int64], rate: Floats) -> tuple[Floats, NDArray[np.uint32]]:
         out, found = np.empty(rate.shape), np.empty(t_ns.size, dtype=np.uint32)
         self._batch(self._c, self._x, t_ns, check.read_only(rate), out, found)
@@ -232,11 +228,17 @@ def load(name: str) -> ChannelModule:
 _BATCHES: dict[str, Kernel[..., None]] = {}
 
 
-def _cached_batch(name: str, module: ChannelModule) -> Kernel[..., None]:
+def batch_of(name: str, module: ChannelModule) -> Kernel[..., None]:
+    """Loop of a filter over a recording, with its step inlined."""
     if name not in _BATCHES:
         take = specialise(_take, f"take_channel_{name}", step=module.step)
         _BATCHES[name] = specialise(_batch, f"batch_channel_{name}", _take=take)
     return _BATCHES[name]
+
+
+def specialised() -> list[Kernel[..., None]]:
+    """Loops of all channel filters, of which C is made."""
+    return [batch_of(name, load(name)) for name in channel_names()]
 
 
 def _count(channels: int | None) -> int:

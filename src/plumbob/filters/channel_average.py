@@ -22,9 +22,9 @@ n          samples       1        length of the window
 import math
 from typing import Annotated, Final, NamedTuple
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity
 from plumbob.filters.layout import OWN, RATE
@@ -66,7 +66,7 @@ def own_state(params: Params) -> int:
     return RING - OWN + int(params.samples)
 
 
-@njit
+@kernel
 def step(c: Floats, x: Floats, dt: float, y: float) -> None:
     """Take one sample; a missing one holds the mean."""
     if math.isnan(y):

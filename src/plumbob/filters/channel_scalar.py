@@ -27,9 +27,9 @@ unit.
 import math
 from typing import Annotated, Final, NamedTuple
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, dps
 from plumbob.filters.layout import BLIND, LEVEL, OWN, RATE, STAGE
@@ -68,7 +68,7 @@ def own_state(params: Params) -> int:
     return 2
 
 
-@njit
+@kernel
 def step(c: Floats, x: Floats, dt: float, y: float) -> None:
     """Take one sample; one that is missing only lets the variance grow."""
     if x[STAGE] == BLIND:

@@ -25,8 +25,8 @@ Departures from [Chen2013]: the second state. The paper's one-state filter is `c
 import math
 from typing import Annotated, Final, NamedTuple
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg, dps
 from plumbob.filters.layout import BLIND, LEVEL, OWN, RATE, STAGE
@@ -75,7 +75,7 @@ def own_state(params: Params) -> int:
     return 4
 
 
-@njit
+@kernel
 def predict(c: Floats, x: Floats, dt: float) -> None:
     """Carry state and covariance over a step."""
     x[RATE] += dt * x[ACC]
@@ -84,7 +84,7 @@ def predict(c: Floats, x: Floats, dt: float) -> None:
     x[P11] += c[DENSITY] * dt
 
 
-@njit
+@kernel
 def correct(c: Floats, x: Floats, y: float) -> None:
     """Take up a measured rate."""
     innovation, variance = y - x[RATE], x[P00] + c[R]
@@ -96,7 +96,7 @@ def correct(c: Floats, x: Floats, y: float) -> None:
     x[P00] *= 1.0 - k0
 
 
-@njit
+@kernel
 def step(c: Floats, x: Floats, dt: float, y: float) -> None:
     """Take one sample; one that is missing is only predicted."""
     if x[STAGE] == BLIND:

@@ -33,8 +33,8 @@ import math
 from typing import Annotated, Final, NamedTuple
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity
 from plumbob.filters.input_checks import admit, refused, usable
@@ -68,20 +68,20 @@ def coefficients(params: Params) -> tuple[float, ...]:
     return params.tau_tilt, params.tau_heading
 
 
-@njit
+@kernel
 def share(dt: float, tau: float) -> float:
     """Part of a difference that goes within a step dt, where it decays with the time constant τ."""
     return -math.expm1(-dt / tau)  # [Higgins1975]: the gain of the steady state
 
 
-@njit
+@kernel
 def predict(x: Floats, dt: float, px: float, py: float, pz: float, gx: float, gy: float, gz: float) -> None:
     """Turn the attitude by a rate that goes straight from p to g within the step."""
     half = 0.5 * dt
     turn(x, half * (px + gx), half * (py + gy), half * (pz + gz))
 
 
-@njit
+@kernel
 def arc(sx: float, sy: float, sz: float, ux: float, uy: float, uz: float) -> Vec:
     """Shortest turn of the body, rad, that brings the unit vector u in its axes onto the direction s.
 
@@ -95,7 +95,7 @@ def arc(sx: float, sy: float, sz: float, ux: float, uy: float, uz: float) -> Vec
     return scale * rx, scale * ry, scale * rz
 
 
-@njit
+@kernel
 def correct_tilt(c: Floats, x: Floats, dt: float, ax: float, ay: float, az: float) -> int:
     """Go part of the way to the accelerometer's tilt; a flag where it has none. The heading stays."""
     if not usable(ax, ay, az):
@@ -107,7 +107,7 @@ def correct_tilt(c: Floats, x: Floats, dt: float, ax: float, ay: float, az: floa
     return 0
 
 
-@njit
+@kernel
 def correct_heading(c: Floats, x: Floats, dt: float, mx: float, my: float, mz: float) -> int:
     """Go part of the way to the compass heading; a flag where there is none. The tilt stays."""
     if not usable(mx, my, mz):
@@ -121,7 +121,7 @@ def correct_heading(c: Floats, x: Floats, dt: float, mx: float, my: float, mz: f
     return 0
 
 
-@njit
+@kernel
 def step(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,

@@ -46,9 +46,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 import numpy as np
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg, dps, g
 from plumbob.filters.input_checks import admit, refused, usable
@@ -169,7 +169,7 @@ def covariance(q_nb: Floats, entries: Floats) -> Floats:
     return found
 
 
-@njit
+@kernel
 def resting(
     c: Floats, x: Floats, dt: float, excess: float,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float,
@@ -191,7 +191,7 @@ def resting(
     return bool(x[QUIET] >= c[REST_TIME])
 
 
-@njit
+@kernel
 def take_means(c: Floats, x: Floats) -> None:
     """Set tilt and bias to the means at rest; the heading stays."""
     l0, l1, l2, l3 = level(c[UP], x[MEAN_ACC], x[MEAN_ACC + 1], x[MEAN_ACC + 2])  # [Li2012] (7), (8)
@@ -203,7 +203,7 @@ def take_means(c: Floats, x: Floats) -> None:
         set_covariance(x, c[REST_VAR] / (c[REST_TIME] * G0 * G0), c[GYRO_VAR] / c[REST_TIME])
 
 
-@njit
+@kernel
 def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: float, mz: float) -> int:
     """Take up tilt and heading; P then starts again, but what is known of the bias stays."""
     before = x[STAGE]
@@ -217,7 +217,7 @@ def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: 
     return missing
 
 
-@njit
+@kernel
 def motion_var(c: Floats, x: Floats, dt: float, excess: float) -> float:
     """Variance of the accelerometer in motion; it falls to that of rest as the quiet lasts, without a jump."""
     moving = 1.0 - x[QUIET] / c[REST_TIME]
@@ -225,7 +225,7 @@ def motion_var(c: Floats, x: Floats, dt: float, excess: float) -> float:
     return found
 
 
-@njit
+@kernel
 def step(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,

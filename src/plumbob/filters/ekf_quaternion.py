@@ -32,8 +32,8 @@ import math
 from typing import Annotated, Final, NamedTuple
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity
 from plumbob.filters.input_checks import admit, refused, usable
@@ -85,7 +85,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
     return params.gyro_noise**2, params.direction_sd**2 * PAPER_STEP, params.start_sd**2, dip
 
 
-@njit
+@kernel
 def start_covariance(x: Floats, var: float) -> None:
     """Make every component of q uncertain alike."""
     for k in range(P, P + 10):
@@ -93,7 +93,7 @@ def start_covariance(x: Floats, var: float) -> None:
     x[P], x[P + 4], x[P + 7], x[P + 9] = var, var, var, var
 
 
-@njit
+@kernel
 def predict(x: Floats, dt: float, wx: float, wy: float, wz: float, noise: float) -> None:
     """q⁻ = F q, P⁻ = F P Fᵀ + Γ Q Γᵀ with F = I + Δt/2 Ω(ω) and Γ = Δt/2 Ξ(q), scaled so that q keeps its length."""
     half = 0.5 * dt
@@ -118,7 +118,7 @@ def predict(x: Floats, dt: float, wx: float, wy: float, wz: float, noise: float)
     x[P + 8], x[P + 9] = back * z23 - noise * (q2 * q3), back * z33 + noise * (1.0 - q3 * q3)
 
 
-@njit
+@kernel
 def correct(x: Floats, h0: float, h1: float, h2: float, h3: float, target: float, var: float) -> None:
     """Take up one number that should be h·q, and is target."""
     k0 = x[P] * h0 + x[P + 1] * h1 + x[P + 2] * h2 + x[P + 3] * h3
@@ -144,7 +144,7 @@ def correct(x: Floats, h0: float, h1: float, h2: float, h3: float, target: float
     x[P + 9] -= s3 * k3
 
 
-@njit
+@kernel
 def correct_direction(
     x: Floats, q0: float, q1: float, q2: float, q3: float,
     dx: float, dy: float, dz: float, sx: float, sy: float, sz: float, var: float,
@@ -162,7 +162,7 @@ def correct_direction(
     correct(x, t3, -t2, t1, t0, sz + hz, var)
 
 
-@njit
+@kernel
 def field_reference(c: Floats, x: Floats, dt: float, mx: float, my: float, mz: float) -> Vec:
     """Direction of the field in the navigation frame: north, and down by the dip, known or the mean of all looks."""
     z = -c[UP] * c[SIN_DIP]
@@ -175,7 +175,7 @@ def field_reference(c: Floats, x: Floats, dt: float, mx: float, my: float, mz: f
     return size * c[NORTH_X], size * c[NORTH_Y], z
 
 
-@njit
+@kernel
 def correct_all(
     c: Floats, x: Floats, dt: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float
 ) -> int:
@@ -198,7 +198,7 @@ def correct_all(
     return found
 
 
-@njit
+@kernel
 def step(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,

@@ -8,8 +8,8 @@ turns with it) becomes the new reference, [Laidig2023]. The dip is kept as its s
 import math
 from typing import Final
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps
 from plumbob.filters.layout import kept_weights, smooth
 
@@ -38,7 +38,7 @@ _NOW, _REFERENCE, _AGREED, _CANDIDATE, _LASTED, _TRUSTED, _WEIGHTS = 0, 4, 6, 7,
 _COS_BAND = math.cos(DIP_BAND)
 
 
-@njit
+@kernel
 def near(size: float, dip: float, size0: float, dip0: float) -> bool:
     """True where a field agrees with another in size and dip, given as its sine; not with one of size zero."""
     if not abs(size - size0) < SIZE_BAND * size0:
@@ -47,13 +47,13 @@ def near(size: float, dip: float, size0: float, dip0: float) -> bool:
     return math.sqrt(max(0.0, cos2)) + dip * dip0 > _COS_BAND
 
 
-@njit
+@kernel
 def _follow(x: Floats, place: int, gain: float, h: float, v: float) -> None:
     x[place] += gain * (h - x[place])
     x[place + 1] += gain * (v - x[place + 1])
 
 
-@njit
+@kernel
 def _now(x: Floats, place: int, at: int, dt: float, size: float, dip: float) -> tuple[float, float]:
     """Size and sine of the dip as they are now, smoothed over `TAU_NOW`; `at` is the place of the weights."""
     if x[place] == 0.0:
@@ -64,13 +64,13 @@ def _now(x: Floats, place: int, at: int, dt: float, size: float, dip: float) -> 
     return x[place], x[place + 2]
 
 
-@njit
+@kernel
 def known(x: Floats, at: int) -> bool:
     """True where there is a reference to compare with."""
     return bool(x[at + _REFERENCE] > 0.0)
 
 
-@njit
+@kernel
 def disturbed(x: Floats, at: int, dt: float, turning: float, h: float, v: float) -> bool:
     """Take the horizontal and vertical part of a field sample, µT, and say whether it is to be distrusted.
 
@@ -111,7 +111,7 @@ def disturbed(x: Floats, at: int, dt: float, turning: float, h: float, v: float)
     return bool(x[at + _TRUSTED] == 0.0)
 
 
-@njit
+@kernel
 def unlike2(x: Floats, at: int, noise: float) -> float:
     """Square of how far the field deviates from the reference, in rad as seen from the level plane.
 

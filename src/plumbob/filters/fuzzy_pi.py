@@ -64,9 +64,9 @@ import math
 from typing import Annotated, Final, NamedTuple
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, dps, to_dps
 from plumbob.filters.complementary import predict
@@ -86,13 +86,13 @@ SPACING: Final = E_END / (SETS * E_FACTOR)
 """Distance of two neighbouring sets of the error, deg."""
 
 
-@njit
+@kernel
 def wind(integral: float, error: float, dt: float) -> float:
     """Integral of the error, deg s, stopped at the ends of its universe: beyond them the rules would not see it."""
     return min(max(integral + error * dt, -I_END), I_END)
 
 
-@njit
+@kernel
 def grades(value: float, end: float) -> tuple[int, float]:
     """Lower of the two neighbouring sets, −3 to 2, to which a value belongs, and its grade in the upper one.
 
@@ -103,7 +103,7 @@ def grades(value: float, end: float) -> tuple[int, float]:
     return lower, place - lower
 
 
-@njit
+@kernel
 def conclusion(e: int, i: int, near: float, far: float, ki: float) -> float:
     """What the rule of error set e and integral set i, each −3 to 3, concludes, deg/s."""
     size = far if abs(e) == SETS else abs(e) * near
@@ -111,7 +111,7 @@ def conclusion(e: int, i: int, near: float, far: float, ki: float) -> float:
     return min(max(u, -U_END), U_END)
 
 
-@njit
+@kernel
 def regulate(error: float, integral: float, near: float, far: float, ki: float) -> float:
     """Correction, deg/s, of an error, deg, whose integral is given, deg s.
 
@@ -189,7 +189,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
     return params.fuzzy / both, params.pi / both, params.kp, params.ki, near, far, rule_ki
 
 
-@njit
+@kernel
 def tilt_error(c: Floats, x: Floats, ax: float, ay: float, az: float) -> tuple[int, float, float, float]:
     """Turn that would bring the predicted up direction onto the specific force; zero and a flag where it is absent."""
     if not usable(ax, ay, az):
@@ -200,7 +200,7 @@ def tilt_error(c: Floats, x: Floats, ax: float, ay: float, az: float) -> tuple[i
     return 0, ex, ey, ez
 
 
-@njit
+@kernel
 def by_rules(c: Floats, x: Floats, axis: int, dt: float, e: float) -> float:
     """Correction of the rate about one axis by the fuzzy rules, which think in degrees, rad/s."""
     error = math.degrees(e)
@@ -208,7 +208,7 @@ def by_rules(c: Floats, x: Floats, axis: int, dt: float, e: float) -> float:
     return math.radians(regulate(error, x[WOUND + axis], c[NEAR], c[FAR], c[RULE_KI]))
 
 
-@njit
+@kernel
 def by_pi(c: Floats, x: Floats, axis: int, dt: float, e: float) -> float:
     """Correction of the rate about one axis by the PI law, rad/s."""
     x[INTEGRAL + axis] += dt * e
@@ -216,11 +216,13 @@ def by_pi(c: Floats, x: Floats, axis: int, dt: float, e: float) -> float:
     return u
 
 
-@njit
+@kernel
 def correction(c: Floats, x: Floats, axis: int, dt: float, e: float) -> float:
     """Correction of the rate about one axis beyond the bias known before, rad/s; learns the bias too."""
     known = x[BIAS + axis]
-    u = c[FUZZY] * by_rules(c, x, axis, dt, e) + c[PI] * by_pi(c, x, axis, dt, e)  # [HuangJiang] (20)
+    fuzzy = by_rules(c, x, axis, dt, e)
+    linear = by_pi(c, x, axis, dt, e)
+    u = c[FUZZY] * fuzzy + c[PI] * linear  # [HuangJiang] (20)
     kept = c[FUZZY] * math.radians(c[RULE_KI] * x[WOUND + axis]) + c[PI] * (c[KI] * x[INTEGRAL + axis])
     # departs from [HuangJiang]: the prediction takes off the bias known so far
     x[BIAS + axis] = -kept  # what would remain of u without an error
@@ -228,7 +230,7 @@ def correction(c: Floats, x: Floats, axis: int, dt: float, e: float) -> float:
     return more
 
 
-@njit
+@kernel
 def step(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,

@@ -28,9 +28,9 @@ import math
 from typing import Final
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps
 from plumbob.filters.layout import AXES, BLIND, COUNT, HELD, LAST, MAX_GAP, RATE, SAME, STAGE
 from plumbob.rotations.kernels import Vec
@@ -80,7 +80,7 @@ _STEP: Final = 10  # to the value before
 _WRAPPED: Final = 11  # largest value when it wrapped around; 0 where it has not
 
 
-@njit
+@kernel
 def axis_flags(x: Floats, triad: int, dt: float, vx: float, vy: float, vz: float) -> int:
     """What is wrong with an axis of a triad: `CLIPPED`, `STUCK`, `WRAPPED`, or 0."""
     i = AXES + 3 * WIDTH * triad
@@ -104,7 +104,7 @@ def axis_flags(x: Floats, triad: int, dt: float, vx: float, vy: float, vz: float
     return found | (STUCK if (stuck_x or stuck_y or stuck_z) and not found & CLIPPED else 0)
 
 
-@njit
+@kernel
 def _moves(x: Floats, at: int, share: float, v: float, least: float) -> bool:
     """Whether an axis has moved in the last second, and says new values all the time."""
     if x[at + _CHANGES] == 0.0:
@@ -114,7 +114,7 @@ def _moves(x: Floats, at: int, share: float, v: float, least: float) -> bool:
     return bool(x[at + _DEVIATION] > least and x[at + _TWO] < 0.5 * LONG)
 
 
-@njit
+@kernel
 def _stuck(x: Floats, at: int, dt: float, v: float, others_move: bool) -> bool:
     """Whether an axis has had two values at most for long while the others moved, until it has a third one."""
     before = x[at + _LAST]
@@ -130,7 +130,7 @@ def _stuck(x: Floats, at: int, dt: float, v: float, others_move: bool) -> bool:
     return bool(x[at + _STUCK] > 0.0)
 
 
-@njit
+@kernel
 def _range(x: Floats, at: int, dt: float, v: float, another_moves: bool) -> int:
     """Whether an axis is at the end of its range, or beyond, by its values so far."""
     size, step = abs(v), abs(v - x[at + _LAST])
@@ -155,19 +155,19 @@ def _range(x: Floats, at: int, dt: float, v: float, another_moves: bool) -> int:
 _MIX_Y, _MIX_Z = math.sqrt(2.0), math.sqrt(3.0)  # no combination of whole steps of the axes gives the same sum
 
 
-@njit
+@kernel
 def as_one(vx: float, vy: float, vz: float) -> float:
     """One number for the three axes; it stays the same where they do, and practically only there."""
     return vx + _MIX_Y * vy + _MIX_Z * vz
 
 
-@njit
+@kernel
 def or_zero(value: float) -> float:
     """Zero for NaN."""
     return 0.0 if math.isnan(value) else value
 
 
-@njit
+@kernel
 def _repeats(x: Floats, triad: int, dt: float, vx: float, vy: float, vz: float) -> bool:
     said = as_one(vx, vy, vz)
     if said != x[LAST + triad]:
@@ -180,7 +180,7 @@ def _repeats(x: Floats, triad: int, dt: float, vx: float, vy: float, vz: float) 
     return bool(x[SAME + triad] > LONG and x[SAME + triad] > MANY * dt)
 
 
-@njit
+@kernel
 def watch(
     x: Floats, dt: float,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
@@ -240,7 +240,7 @@ Admitted = tuple[int, float, float, float, float, float]
 Held = tuple[bool, float, float, float, float, float, float]
 
 
-@njit
+@kernel
 def hold_spike(x: Floats, at: int, dt: float, gx: float, gy: float, gz: float) -> Held:
     """Hold back a rate that jumps; returns whether it was, the rate to use, and what must be made up for."""
     px, py, pz = x[RATE], x[RATE + 1], x[RATE + 2]
@@ -256,7 +256,7 @@ def hold_spike(x: Floats, at: int, dt: float, gx: float, gy: float, gz: float) -
     return False, gx, gy, gz, sx - px, sy - py, sz - pz
 
 
-@njit
+@kernel
 def missed_angle(x: Floats, seen: int, dt: float, px: float, py: float, pz: float) -> float:
     """Angle, rad, by which the step may be wrong because the rate was not known; p is the rate before."""
     held: float = x[HELD]
@@ -273,7 +273,7 @@ def missed_angle(x: Floats, seen: int, dt: float, px: float, py: float, pz: floa
     return 0.0
 
 
-@njit
+@kernel
 def admit_rate(c: Floats, x: Floats, at: int, dt: float, seen: int, gx: float, gy: float, gz: float) -> Admitted:
     """Judge the rate and the step.
 
@@ -298,13 +298,13 @@ def admit_rate(c: Floats, x: Floats, at: int, dt: float, seen: int, gx: float, g
     return found, dt, gx, gy, gz, missed_angle(x, seen, dt, px, py, pz)
 
 
-@njit
+@kernel
 def may_be_gravity(ax: float, ay: float, az: float) -> bool:
     """True for a specific force that is near enough to g to begin with; not for NaN."""
     return off_gravity(ax, ay, az) <= START_BAND
 
 
-@njit
+@kernel
 def only_gravity(x: Floats, at: int, dt: float, ax: float, ay: float, az: float) -> bool:
     """True where the specific force has had the size of gravity for a while.
 
@@ -321,7 +321,7 @@ def only_gravity(x: Floats, at: int, dt: float, ax: float, ay: float, az: float)
     return bool(abs(x[at + 1] - x[at]) < LONGER and x[at + 2] < STEADY * STEADY)
 
 
-@njit
+@kernel
 def keeps_accelerating(x: Floats, at: int, dt: float, mx: float, my: float, mz: float) -> bool:
     """True where the mean specific force m has been too long for some seconds: no wave or stroke does that."""
     beyond = math.sqrt(mx * mx + my * my + mz * mz) - x[at]
@@ -329,7 +329,7 @@ def keeps_accelerating(x: Floats, at: int, dt: float, mx: float, my: float, mz: 
     return bool(x[at + 3] > KEEPS_ON)
 
 
-@njit
+@kernel
 def trusted(x: Floats, triad: int, seen: int, bad: int, vx: float, vy: float, vz: float) -> Vec:
     """Vector, or NaN where one of the flags `bad` says that it is not to be used, or where it is of old.
 
@@ -347,7 +347,7 @@ HOLD = 0.1
 _MAX_ANGLE2 = math.pi * math.pi  # a turn of more than half a revolution in one step has no unique axis
 
 
-@njit
+@kernel
 def admit(c: Floats, x: Floats, dt: float, gx: float, gy: float, gz: float) -> tuple[int, float, float, float, float]:
     """Judge one step.
 
@@ -373,7 +373,7 @@ def admit(c: Floats, x: Floats, dt: float, gx: float, gy: float, gz: float) -> t
     return found | flags.GYR_HELD, dt, x[RATE], x[RATE + 1], x[RATE + 2]
 
 
-@njit
+@kernel
 def judge(
     known: int, vx: float, vy: float, vz: float, limit: float, absent: int, invalid: int
 ) -> tuple[int, float, float, float]:
@@ -385,19 +385,19 @@ def judge(
     return 0, vx, vy, vz
 
 
-@njit
+@kernel
 def refused(flag: int, vx: float, vy: float, vz: float) -> int:
     """Flag of a vector that is there but was not used; none for NaN, which other flags explain."""
     return 0 if math.isnan(vx) or math.isnan(vy) or math.isnan(vz) else flag
 
 
-@njit
+@kernel
 def off_gravity(ax: float, ay: float, az: float) -> float:
     """By how much a specific force is longer or shorter than g, m/s²; NaN for NaN."""
     return abs(math.sqrt(ax * ax + ay * ay + az * az) - G0)
 
 
-@njit
+@kernel
 def usable(vx: float, vy: float, vz: float) -> bool:
     """True for a vector that has a direction: finite and not zero."""
     size2 = vx * vx + vy * vy + vz * vz

@@ -15,8 +15,8 @@ Departures from [Bortz1971]: the non-commuting integral is cut after its first t
 
 from typing import Annotated, Final, NamedTuple
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity
 from plumbob.filters.input_checks import admit
@@ -47,7 +47,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
     return (1.0 if params.mean_rate else 0.0,)
 
 
-@njit
+@kernel
 def increment(x: Floats, dt: float, px: float, py: float, pz: float, gx: float, gy: float, gz: float) -> Vec:
     """Integral of the rate over a step dt that begins at p and ends at g, rad; the sample before p bends it."""
     before = x[STEP]
@@ -65,7 +65,7 @@ def increment(x: Floats, dt: float, px: float, py: float, pz: float, gx: float, 
     )
 
 
-@njit
+@kernel
 def turn(x: Floats, rx: float, ry: float, rz: float) -> None:
     """Turn the attitude by a rotation vector in body axes."""
     e0, e1, e2, e3 = quat_exp(rx, ry, rz)
@@ -73,7 +73,7 @@ def turn(x: Floats, rx: float, ry: float, rz: float) -> None:
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
 
 
-@njit
+@kernel
 def step(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,

@@ -8,8 +8,8 @@ Departures from [Yu2018]: the indices of its equation (3) are corrected, and q i
 
 from typing import Final, NamedTuple
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.filters.input_checks import admit
 from plumbob.filters.layout import HEADED, STAGE
 from plumbob.filters.mahony import integrate
@@ -30,7 +30,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
     return ()
 
 
-@njit
+@kernel
 def step(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,

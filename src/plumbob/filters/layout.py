@@ -21,8 +21,8 @@ corner lies at √2/τ rad/s.
 import math
 from typing import Final
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.core.repeats import REMEMBERED
 
 # Coefficients
@@ -72,7 +72,7 @@ _SECOND: Final = 1_000_000_000
 _EXACT: Final = 2**53
 
 
-@njit
+@kernel
 def _from_anchor(x: Floats, t_ns: int) -> float:
     """Time since the anchor, ns, which moves where it is too far away."""
     since = t_ns - int(x[_ANCHOR]) * _SECOND
@@ -88,14 +88,14 @@ def _from_anchor(x: Floats, t_ns: int) -> float:
     return float(t_ns - anchor * _SECOND)
 
 
-@njit
+@kernel
 def _remember(x: Floats, now: float, said: float) -> None:
     place = int(x[TAKEN]) % REMEMBERED
     x[_TIMES + place], x[_SAID + place] = now, said
     x[TAKEN] += 1.0
 
 
-@njit
+@kernel
 def _sent_twice(x: Floats, now: float, said: float) -> bool:
     found = False
     for i in range(min(int(x[TAKEN]), REMEMBERED)):
@@ -103,7 +103,7 @@ def _sent_twice(x: Floats, now: float, said: float) -> bool:
     return found
 
 
-@njit
+@kernel
 def tick(x: Floats, t_ns: int, said: float) -> float:
     """Step to a sample at t_ns, s; 0 for the first, and `LATE` for one that must not be used.
 
@@ -132,7 +132,7 @@ def tick(x: Floats, t_ns: int, said: float) -> float:
 Weights = tuple[float, float, float, float]
 
 
-@njit
+@kernel
 def weights(dt: float, tau: float) -> Weights:
     """Transition of (y − v, w) over a step dt, s, at a time constant tau, s, row by row."""
     t = dt / tau
@@ -141,7 +141,7 @@ def weights(dt: float, tau: float) -> Weights:
     return c + s, s, -2.0 * s, c - s
 
 
-@njit
+@kernel
 def kept_weights(x: Floats, at: int, dt: float, tau: float) -> Weights:
     """Weights from five places of the state, renewed only where the step has changed by more than a thousandth."""
     if not abs(dt - x[at + 4]) <= 1e-3 * x[at + 4]:
@@ -150,7 +150,7 @@ def kept_weights(x: Floats, at: int, dt: float, tau: float) -> Weights:
     return x[at], x[at + 1], x[at + 2], x[at + 3]
 
 
-@njit
+@kernel
 def smooth(p: float, q: float, r: float, s: float, y: float, w: float, v: float) -> tuple[float, float]:
     """One step of a channel with the `weights` p, q, r, s towards the input v."""
     u = y - v

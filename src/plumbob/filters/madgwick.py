@@ -26,8 +26,8 @@ import math
 from typing import Annotated, Final, NamedTuple
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity
 from plumbob.filters.input_checks import admit, refused, usable
@@ -60,7 +60,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
     return params.beta, params.zeta
 
 
-@njit
+@kernel
 def gradient(
     w: float, x: float, y: float, z: float, dx: float, dy: float, dz: float, sx: float, sy: float, sz: float
 ) -> Quat:
@@ -77,7 +77,7 @@ def gradient(
     )
 
 
-@njit
+@kernel
 def tilt_gradient(c: Floats, x: Floats, ax: float, ay: float, az: float) -> tuple[int, float, float, float, float]:
     """Gradient that the accelerometer gives, or zero and a flag."""
     if not usable(ax, ay, az):
@@ -87,7 +87,7 @@ def tilt_gradient(c: Floats, x: Floats, ax: float, ay: float, az: float) -> tupl
     return 0, g0, g1, g2, g3
 
 
-@njit
+@kernel
 def field_gradient(c: Floats, x: Floats, mx: float, my: float, mz: float) -> tuple[int, float, float, float, float]:
     """Gradient that the magnetometer gives, or zero and a flag; its reference is its own field turned to north."""
     if not usable(mx, my, mz):
@@ -102,7 +102,7 @@ def field_gradient(c: Floats, x: Floats, mx: float, my: float, mz: float) -> tup
     return 0, g0, g1, g2, g3
 
 
-@njit
+@kernel
 def learn_bias(c: Floats, x: Floats, dt: float, e0: float, e1: float, e2: float, e3: float) -> None:
     """Move the bias along the error's rate of turn."""
     k = 2.0 * c[ZETA] * dt
@@ -112,7 +112,7 @@ def learn_bias(c: Floats, x: Floats, dt: float, e0: float, e1: float, e2: float,
     x[BIAS + 2] += k * wz
 
 
-@njit
+@kernel
 def step(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,

@@ -32,9 +32,9 @@ import math
 from typing import Annotated, Final, NamedTuple
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity
 from plumbob.filters.input_checks import admit, refused, usable
@@ -75,7 +75,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
     return params.kp, params.ki, gate, 1.0 if params.quick_start else 0.0
 
 
-@njit
+@kernel
 def tilt_error(c: Floats, x: Floats, ax: float, ay: float, az: float) -> tuple[int, float, float, float]:
     """Turn that would bring the predicted up direction onto the specific force; zero and a flag where it is gated."""
     if not usable(ax, ay, az):
@@ -89,7 +89,7 @@ def tilt_error(c: Floats, x: Floats, ax: float, ay: float, az: float) -> tuple[i
     return 0, scale * ex, scale * ey, scale * ez
 
 
-@njit
+@kernel
 def field_error(c: Floats, x: Floats, mx: float, my: float, mz: float) -> tuple[int, float, float, float]:
     """Turn that would bring the predicted field direction onto the measured one; zero and a flag where it is absent."""
     if not usable(mx, my, mz):
@@ -105,7 +105,7 @@ def field_error(c: Floats, x: Floats, mx: float, my: float, mz: float) -> tuple[
     return 0, scale * (level * lx + hz * vx), scale * (level * ly + hz * vy), scale * (level * lz + hz * vz)
 
 
-@njit
+@kernel
 def regulate(c: Floats, x: Floats, dt: float, ex: float, ey: float, ez: float) -> Vec:
     """Correction of the rate by the PI law, and the bias that it learns."""
     kp, ki = c[KP], c[KI]
@@ -119,7 +119,7 @@ def regulate(c: Floats, x: Floats, dt: float, ex: float, ey: float, ez: float) -
     return kp * ex - x[BIAS], kp * ey - x[BIAS + 1], kp * ez - x[BIAS + 2]
 
 
-@njit
+@kernel
 def integrate(x: Floats, dt: float, wx: float, wy: float, wz: float) -> None:
     """First-order step of the quaternion, normalised."""
     half = 0.5 * dt
@@ -128,7 +128,7 @@ def integrate(x: Floats, dt: float, wx: float, wy: float, wz: float) -> None:
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(x[Q] + d0, x[Q + 1] + d1, x[Q + 2] + d2, x[Q + 3] + d3)
 
 
-@njit
+@kernel
 def step(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,

@@ -37,9 +37,9 @@ from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 import numpy as np
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg, dps
 from plumbob.filters.field import FIELD_SIZE, disturbed, known, unlike2
@@ -210,7 +210,7 @@ def covariance(q_nb: Floats, entries: Floats) -> Floats:
     return turned
 
 
-@njit
+@kernel
 def know(x: Floats, i: int, sd: float) -> None:
     """Know one error to a standard deviation, uncorrelated with the others."""
     for j in range(N):
@@ -218,7 +218,7 @@ def know(x: Floats, i: int, sd: float) -> None:
     x[COV + (N + 1) * i] = sd * sd
 
 
-@njit
+@kernel
 def know_tilt(x: Floats, sd: float) -> None:
     """Know both tilts, rad, and that the body stands."""
     know(x, TH, sd)
@@ -227,7 +227,7 @@ def know_tilt(x: Floats, sd: float) -> None:
     x[FIELDS], x[FIELDS + 1], x[FIELDS + 2], x[FIELDS + 3] = 0.0, 0.0, 0.0, 0.0  # seen with the old tilt
 
 
-@njit
+@kernel
 def know_heading(x: Floats, lean_x: float, lean_y: float) -> None:
     """Know the heading from one field: it has the tilt's error in it, as the field leans."""
     for k in (0, 1, 3, 4, 5, 6, 7):
@@ -235,21 +235,21 @@ def know_heading(x: Floats, lean_x: float, lean_y: float) -> None:
     x[COV + HEADING] = START_HEADING * START_HEADING - lean_x * pair(x, 0, 2) - lean_y * pair(x, 1, 2)
 
 
-@njit
+@kernel
 def know_bias(x: Floats, sd: float) -> None:
     """Know the bias, rad/s."""
     for i in range(B, B + 3):
         know(x, i, sd)
 
 
-@njit
+@kernel
 def pair(x: Floats, i: int, j: int) -> float:
     """Entry i, j of P."""
     entry: float = x[COV + N * min(i, j) + max(i, j)]
     return entry
 
 
-@njit
+@kernel
 def carry(x: Floats) -> None:
     """P ← F P Fᵀ of θ ← θ − D δb, with D in x[STEP_TURN]."""
     for i in range(3):
@@ -268,7 +268,7 @@ def carry(x: Floats) -> None:
             x[COV + N * i + j] -= d0 * x[row] + d1 * x[row + 1] + d2 * x[row + 2]
 
 
-@njit
+@kernel
 def push(x: Floats, p: float) -> None:
     """P ← F P Fᵀ of v ← v + p (θ_y, −θ_x): a wrong tilt takes gravity for an acceleration."""
     vx, vy = COV + V, COV + V + 1  # columns of v in row 0
@@ -280,7 +280,7 @@ def push(x: Floats, p: float) -> None:
         x[vy + N * k] -= p * pair(x, 0, k)
 
 
-@njit
+@kernel
 def spread(x: Floats, missed: float) -> None:
     """Add an angle that may have been missed to the standard deviation of the attitude; both tilts alike."""
     tilt = 2.0 * missed * math.sqrt(0.5 * (x[COV] + x[COV + N + 1])) + missed * missed
@@ -292,7 +292,7 @@ def spread(x: Floats, missed: float) -> None:
 _SIXTH: Final = 1.0 / 6.0
 
 
-@njit
+@kernel
 def effect(dt: float, ux: float, uy: float, uz: float, rx: float, ry: float, rz: float) -> Vec:
     """Row r of Δt R J(u), with u the turn of the step and J the right Jacobian of so(3), to second order in u."""
     ax, ay, az = cross(rx, ry, rz, ux, uy, uz)
@@ -304,7 +304,7 @@ def effect(dt: float, ux: float, uy: float, uz: float, rx: float, ry: float, rz:
     )
 
 
-@njit
+@kernel
 def predict(
     c: Floats, x: Floats, dt: float, missed: float, gx: float, gy: float, gz: float,
     r00: float, r01: float, r02: float, r10: float, r11: float, r12: float, r20: float, r21: float, r22: float,
@@ -324,7 +324,7 @@ def predict(
     x[COV + HEADING] = min(x[COV + HEADING], FREE)
 
 
-@njit
+@kernel
 def update(x: Floats, residual: float, s: float) -> None:
     """State and covariance by the column P Hᵀ and the innovation's variance s."""
     inverse = 1.0 / s  # [BarShalom2001] sec. 5.2.3
@@ -335,7 +335,7 @@ def update(x: Floats, residual: float, s: float) -> None:
             x[COV + N * i + j] -= gain * x[COLUMN + j]
 
 
-@njit
+@kernel
 def stand_still(x: Floats, axis: int, var: float) -> None:
     """The velocity along a navigation axis is zero, but for the variance."""
     for k in range(N):
@@ -343,7 +343,7 @@ def stand_still(x: Floats, axis: int, var: float) -> None:
     update(x, -x[ERROR + V + axis], x[COLUMN + V + axis] + var)
 
 
-@njit
+@kernel
 def point_north(x: Floats, lean_x: float, lean_y: float, angle: float, var: float) -> float:
     """Heading angle that a field shows through a tilt; it corrects heading and bias. Returns its squared innovation.
 
@@ -367,7 +367,7 @@ def point_north(x: Floats, lean_x: float, lean_y: float, angle: float, var: floa
     return nis
 
 
-@njit
+@kernel
 def zero_rate(x: Floats, axis: int, rate: float, noise: float, dt: float, r0: float, r1: float, r2: float) -> None:
     """At rest a rate is bias and noise, the same noise that this step's turn has; r is the axis in navigation."""
     for k in range(N):
@@ -379,7 +379,7 @@ def zero_rate(x: Floats, axis: int, rate: float, noise: float, dt: float, r0: fl
     update(x, residual, max(x[COLUMN + B + axis] + noise / dt, residual * residual * HUBER_INVERSE))
 
 
-@njit
+@kernel
 def may_be_bias(x: Floats) -> bool:
     """True where the mean rate is near the bias, for what is known of it; a slow turn is not."""
     for k in range(3):
@@ -389,7 +389,7 @@ def may_be_bias(x: Floats) -> bool:
     return True
 
 
-@njit
+@kernel
 def inject(x: Floats) -> None:
     """Move the errors that were found into attitude and bias."""
     e0, e1, e2, e3 = quat_exp(x[ERROR], x[ERROR + 1], x[ERROR + 2])  # [Sola2017] sec. 7
@@ -400,7 +400,7 @@ def inject(x: Floats) -> None:
     x[BIAS], x[BIAS + 1], x[BIAS + 2] = x[ERROR + 3], x[ERROR + 4], x[ERROR + 5]
 
 
-@njit
+@kernel
 def learn_speed(x: Floats, dt: float) -> None:
     """Learn how fast the body moves, from the velocity about its mean, so that a wrong tilt does not pass for speed."""
     slow, gain = dt / (dt + MEAN_TAU), dt / (dt + SPEED_TAU)
@@ -410,7 +410,7 @@ def learn_speed(x: Floats, dt: float) -> None:
     x[SPEED2] += gain * (0.5 * (dx * dx + dy * dy) - x[SPEED2])
 
 
-@njit
+@kernel
 def call_back(x: Floats, density: float) -> float:
     """The level velocity is zero, give or take; returns the squared innovation over its variance, for both axes."""
     var = density / x[SINCE]
@@ -425,7 +425,7 @@ def call_back(x: Floats, density: float) -> float:
     return nis
 
 
-@njit
+@kernel
 def follow_gravity(c: Floats, x: Floats, dt: float, fx: float, fy: float, fz: float) -> int:
     """Integrate a specific force in navigation axes, the last one dt ago, and call the velocity back."""
     gravity = only_gravity(x, GRAVITY, dt, fx, fy, fz)
@@ -458,7 +458,7 @@ def follow_gravity(c: Floats, x: Floats, dt: float, fx: float, fy: float, fz: fl
     return flags.ACC_GATED
 
 
-@njit
+@kernel
 def stop(x: Floats) -> None:
     """Begin again with a velocity of zero."""
     know(x, V, 0.0)
@@ -466,13 +466,13 @@ def stop(x: Floats) -> None:
     x[ERROR + V], x[ERROR + V + 1], x[MEAN], x[MEAN + 1], x[GATED] = 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-@njit
+@kernel
 def leans(x: Floats) -> bool:
     """True where the mean specific force stands askew."""
     return bool(x[FORCE] * x[FORCE] + x[FORCE + 1] * x[FORCE + 1] > LEAN * LEAN)
 
 
-@njit
+@kernel
 def follow_field(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy: float, hz: float) -> int:
     """Heading from a field in navigation axes, the last one dt ago."""
     if not has_heading(hx, hy, hz):
@@ -498,7 +498,7 @@ def follow_field(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy:
     return flags.MAG_GATED if nis > GATE else 0
 
 
-@njit
+@kernel
 def look_at_field(c: Floats, x: Floats) -> int:
     """Heading from the mean of the fields since the last look."""
     s = 1.0 / x[FIELDS]
@@ -508,7 +508,7 @@ def look_at_field(c: Floats, x: Floats) -> int:
     return found
 
 
-@njit
+@kernel
 def take_field(
     c: Floats, x: Floats, dt: float,
     r00: float, r01: float, r02: float, r10: float, r11: float, r12: float, r20: float, r21: float, r22: float,
@@ -525,7 +525,7 @@ def take_field(
     return look_at_field(c, x) if x[MAG_AGE] > OFTEN or dt == 0.0 else 0
 
 
-@njit
+@kernel
 def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: float, mz: float) -> int:
     """Take up what is missing: tilt from a specific force that may be gravity, heading from a field."""
     if x[STAGE] < LEVEL and not may_be_gravity(ax, ay, az):
@@ -544,7 +544,7 @@ def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: 
     return found
 
 
-@njit
+@kernel
 def begin(c: Floats, x: Floats) -> None:
     """Covariance before the first sample."""
     know_bias(x, c[BIAS_START])
@@ -554,7 +554,7 @@ def begin(c: Floats, x: Floats) -> None:
         x[FORCE + 2], x[SPEED2] = c[UP] * G0, START_SPEED * START_SPEED
 
 
-@njit
+@kernel
 def level_again(c: Floats, x: Floats, fx: float, fy: float, fz: float) -> None:
     """Turn the specific force, in navigation axes, up by the shortest way, and know the tilt as at the start."""
     if not may_be_gravity(fx, fy, fz):
@@ -567,7 +567,7 @@ def level_again(c: Floats, x: Floats, fx: float, fy: float, fz: float) -> None:
     x[FORCE], x[FORCE + 1], x[FORCE + 2] = 0.0, 0.0, c[UP] * G0
 
 
-@njit
+@kernel
 def step(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,

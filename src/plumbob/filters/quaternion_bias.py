@@ -7,9 +7,9 @@ columns.
 
 from typing import Final
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.kernels import kernel
 from plumbob.filters.layout import BIAS, OWN, Q
 from plumbob.rotations.kernels import Quat, Vec, half_angle, quat_mul, third_row
 
@@ -23,7 +23,7 @@ HEADING_LIMIT: Final = 1.0
 """Variance that the heading may reach, rad²; no sensor speaks of it, so no other figure depends on it."""
 
 
-@njit
+@kernel
 def set_covariance(x: Floats, angle_var: float, bias_var: float) -> None:
     """Make the attitude uncertain by angle_var in every direction, the bias by bias_var, and the two independent."""
     for k in range(P_QQ, P_BB + 6):
@@ -34,7 +34,7 @@ def set_covariance(x: Floats, angle_var: float, bias_var: float) -> None:
     x[ABOUT], x[ABOUT + 1], x[ABOUT + 2], x[ABOUT + 3] = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
 
 
-@njit
+@kernel
 def bias_derivative(
     q0: float, q1: float, q2: float, q3: float, dt: float, wx: float, wy: float, wz: float, w: float, s: float
 ) -> tuple[Quat, Quat, Quat]:
@@ -51,7 +51,7 @@ def bias_derivative(
     )
 
 
-@njit
+@kernel
 def spread_to_bias(
     x: Floats, e0: float, e1: float, e2: float, e3: float, bx: Quat, by: Quat, bz: Quat
 ) -> tuple[Quat, Quat, Quat]:
@@ -75,7 +75,7 @@ def spread_to_bias(
     return dx, dy, dz
 
 
-@njit
+@kernel
 def _mixed(
     bx: float, by: float, bz: float, pxx: float, pxy: float, pxz: float, pyy: float, pyz: float, pzz: float
 ) -> tuple[float, float, float]:
@@ -83,7 +83,7 @@ def _mixed(
     return bx * pxx + by * pxy + bz * pxz, bx * pxy + by * pyy + bz * pyz, bx * pxz + by * pyz + bz * pzz
 
 
-@njit
+@kernel
 def spread_turn(
     x: Floats, e0: float, e1: float, e2: float, e3: float,
     bx: Quat, by: Quat, bz: Quat, dx: Quat, dy: Quat, dz: Quat,
@@ -118,7 +118,7 @@ def spread_turn(
     x[P_QQ + 9] = z33 + 2.0 * (bx3 * dx3 + by3 * dy3 + bz3 * dz3)
 
 
-@njit
+@kernel
 def add_noise(x: Floats, angle_var: float, walk_var: float) -> None:
     """Make every turn of the attitude more uncertain by angle_var, the bias by walk_var; the length of q is kept."""
     p = 0.25 * angle_var
@@ -138,7 +138,7 @@ def add_noise(x: Floats, angle_var: float, walk_var: float) -> None:
     x[P_BB + 5] += walk_var
 
 
-@njit
+@kernel
 def predict(x: Floats, dt: float, gx: float, gy: float, gz: float, angle_var: float, walk_var: float) -> None:
     """Turn the attitude by the rate less the bias, and P with it: P⁻ = Φ P Φᵀ + Q."""
     wx, wy, wz = dt * (gx - x[BIAS]), dt * (gy - x[BIAS + 1]), dt * (gz - x[BIAS + 2])  # [Li2012] (9)
@@ -154,7 +154,7 @@ def predict(x: Floats, dt: float, gx: float, gy: float, gz: float, angle_var: fl
     add_noise(x, angle_var, walk_var)
 
 
-@njit
+@kernel
 def seen(p0: float, p1: float, p2: float, p3: float, h0: float, h1: float, h2: float, h3: float) -> Vec:
     """H p for a column p; the rows of H are those of [Li2012] step (3), and h is q times twice gravity upward."""
     return (
@@ -164,7 +164,7 @@ def seen(p0: float, p1: float, p2: float, p3: float, h0: float, h1: float, h2: f
     )
 
 
-@njit
+@kernel
 def factors(
     aa: float, ab: float, ac: float, bb: float, bc: float, cc: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -177,7 +177,7 @@ def factors(
     return da, db, 1.0 / (cc - l_ca * ac - l_cb * left), l_ba, l_ca, l_cb
 
 
-@njit
+@kernel
 def correct_gravity(x: Floats, up: float, ax: float, ay: float, az: float, var: float) -> None:
     """Take up a specific force as gravity: x += K (f − h(q)), P −= K S Kᵀ, with S = H P Hᵀ + R = L D Lᵀ.
 
@@ -239,7 +239,7 @@ def correct_gravity(x: Floats, up: float, ax: float, ay: float, az: float, var: 
     x[P_BB + 5] -= u * a6 + v * b6 + w * c6
 
 
-@njit
+@kernel
 def hold_heading(x: Floats) -> None:
     """Halve the error of the heading, with all that depends on it, where its variance has reached the limit."""
     if x[P_QQ] + x[P_QQ + 4] + x[P_QQ + 7] + x[P_QQ + 9] < 0.25 * HEADING_LIMIT:

@@ -38,9 +38,9 @@ from typing import Annotated, Final
 import numpy as np
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg
 from plumbob.data.cards.left import Half, whole_of
@@ -61,14 +61,14 @@ REST_SIZE = 18  # y and w of three rates and three specific forces; weights and 
 _FORCE, _WEIGHTS, _STEP, _STILL = 6, 12, 16, 17
 
 
-@njit
+@kernel
 def _channel(x: Floats, place: int, p: float, q: float, r: float, s: float, v: float) -> float:
     y, w = smooth(p, q, r, s, x[place], x[place + 1], v)
     x[place], x[place + 1] = y, w
     return v - y
 
 
-@njit
+@kernel
 def _triad(x: Floats, place: int, p: float, q: float, r: float, s: float, vx: float, vy: float, vz: float) -> float:
     """Smooth a vector; returns the square of its distance from its smooth self."""
     ex = _channel(x, place, p, q, r, s, vx)
@@ -77,7 +77,7 @@ def _triad(x: Floats, place: int, p: float, q: float, r: float, s: float, vx: fl
     return ex * ex + ey * ey + ez * ez
 
 
-@njit
+@kernel
 def at_rest(
     x: Floats, at: int, dt: float, rate_limit: float, force_limit: float, bias_limit: float, after: float,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float,
@@ -103,19 +103,19 @@ def at_rest(
     return bool(x[at + _STILL] >= after)
 
 
-@njit
+@kernel
 def mean_rate(x: Floats, at: int) -> Vec:
     """Smoothed rate, rad/s."""
     return x[at], x[at + 2], x[at + 4]
 
 
-@njit
+@kernel
 def mean_force(x: Floats, at: int) -> Vec:
     """Smoothed specific force, m/s²."""
     return x[at + _FORCE], x[at + _FORCE + 2], x[at + _FORCE + 4]
 
 
-@njit
+@kernel
 def mean_speed(x: Floats, at: int) -> float:
     """Size of the smoothed rate, rad/s."""
     wx, wy, wz = mean_rate(x, at)
@@ -207,7 +207,7 @@ def trial_time(needs: tuple[str, ...]) -> float:
     return LONGEST if "acc" in needs else math.inf  # a filter that integrates keeps a wrong tilt, and so the flag
 
 
-@njit
+@kernel
 def begin(x: Floats) -> None:
     """Put the attitude on trial."""
     for k in range(TRIAL_SIZE):
@@ -215,7 +215,7 @@ def begin(x: Floats) -> None:
     x[TRIAL + _ON] = 1.0
 
 
-@njit
+@kernel
 def average(c: Floats, x: Floats, ax: float, ay: float, az: float) -> bool:
     """Average a specific force in navigation axes; returns whether the mean points up."""
     fx, fy, fz = rotate(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], ax, ay, az)
@@ -229,14 +229,14 @@ def average(c: Floats, x: Floats, ax: float, ay: float, az: float) -> bool:
     return bool(math.sqrt(x[at] * x[at] + x[at + 1] * x[at + 1]) < UPRIGHT * (c[UP] * x[at + 2]))
 
 
-@njit
+@kernel
 def stands(gx: float, gy: float, gz: float, ax: float, ay: float, az: float) -> bool:
     """True for a rate and a specific force of a unit at rest, as far as one sample can tell; not for NaN."""
     turns = math.sqrt(gx * gx + gy * gy + gz * gz)
     return off_gravity(ax, ay, az) < SIZE_BAND and turns < REST_TURN
 
 
-@njit
+@kernel
 def may_rest(gx: float, gy: float, gz: float, ax: float, ay: float, az: float) -> bool:
     """True for a rate and a specific force that an uncalibrated unit at rest may have; not for NaN."""
     size, turn = STEADY_BAND
@@ -244,7 +244,7 @@ def may_rest(gx: float, gy: float, gz: float, ax: float, ay: float, az: float) -
     return slow and off_gravity(ax, ay, az) < size
 
 
-@njit
+@kernel
 def steady(
     x: Floats, first: bool, since: float, gx: float, gy: float, gz: float, ax: float, ay: float, az: float
 ) -> bool:
@@ -265,7 +265,7 @@ def steady(
     return bool(x[TRIAL + _STEADY] >= STEADY_FOR)
 
 
-@njit
+@kernel
 def converged(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float,
@@ -287,7 +287,7 @@ def converged(
     return bool(x[TRIAL + _UPRIGHT] >= UPRIGHT_FOR or x[TRIAL + _ELAPSED] >= c[TRIAL_TIME])
 
 
-@njit
+@kernel
 def settle(
     c: Floats, x: Floats, dt: float, seen: int, blind: bool, found: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float,

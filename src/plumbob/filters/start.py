@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plumbob.core import check, flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.kernels import kernel
 from plumbob.core.units import Quantity, parse
 from plumbob.filters.input_checks import usable
 from plumbob.filters.layout import HEADED, LEVEL, NORTH_X, NORTH_Y, STAGE, UP, Q
@@ -23,14 +23,14 @@ from plumbob.rotations import Frame, North, quat_from_euler_zyx, quat_normalize
 from plumbob.rotations.kernels import Quat, Vec, quat_mul, quat_unit, rotate, third_row
 
 
-@njit
+@kernel
 def up_in_body(up: float, q0: float, q1: float, q2: float, q3: float) -> Vec:
     """Unit vector away from the Earth in body axes, where an accelerometer at rest points."""
     zx, zy, zz = third_row(q0, q1, q2, q3)
     return up * zx, up * zy, up * zz
 
 
-@njit
+@kernel
 def level(up: float, ax: float, ay: float, az: float) -> Quat:
     """Attitude of yaw zero whose up direction is that of the specific force a."""
     zx, zy, zz = up * ax, up * ay, up * az
@@ -40,20 +40,20 @@ def level(up: float, ax: float, ay: float, az: float) -> Quat:
     return cp * cr, cp * sr, sp * cr, -sp * sr
 
 
-@njit
+@kernel
 def has_heading(hx: float, hy: float, hz: float) -> bool:
     """False for a field that stands (nearly) vertical, within 0.1 % of its size."""
     level2 = hx * hx + hy * hy
     return level2 > 1e-6 * (level2 + hz * hz)
 
 
-@njit
+@kernel
 def angle_to(hx: float, hy: float, nx: float, ny: float) -> float:
     """Angle about z, rad, that brings the level vector h to the direction n."""
     return math.atan2(hx * ny - hy * nx, hx * nx + hy * ny)
 
 
-@njit
+@kernel
 def upright(up: float, ex: float, ey: float, ez: float) -> Quat:
     """Shortest turn that brings the unit vector e up, which is +z or −z as `up` says."""
     if up * ez >= 0.0:
@@ -68,7 +68,7 @@ def upright(up: float, ex: float, ey: float, ez: float) -> Quat:
     return 0.5 * across / v, s * ey, -s * ex, 0.0
 
 
-@njit
+@kernel
 def heading_offset(
     c: Floats, q0: float, q1: float, q2: float, q3: float, mx: float, my: float, mz: float
 ) -> tuple[bool, float]:
@@ -85,13 +85,13 @@ def heading_offset(
     return True, angle_to(hx, hy, c[NORTH_X], c[NORTH_Y])
 
 
-@njit
+@kernel
 def turn_about_vertical(angle: float, q0: float, q1: float, q2: float, q3: float) -> Quat:
     """Attitude q turned by an angle, rad, about the navigation z axis."""
     return quat_mul(math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle), q0, q1, q2, q3)
 
 
-@njit
+@kernel
 def initialise(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: float, mz: float) -> int:
     """Take up tilt, then heading, as soon as a sample shows them; returns what is still missing as flags."""
     if x[STAGE] < LEVEL:

@@ -13,8 +13,8 @@ import math
 from typing import Final, NamedTuple
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.filters.input_checks import admit, refused, usable
 from plumbob.filters.layout import COUNT, HEADED, LEVEL, OWN, STAGE, UP, Q
 from plumbob.filters.start import heading_offset, level, turn_about_vertical
@@ -37,7 +37,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
     return ()
 
 
-@njit
+@kernel
 def step(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,

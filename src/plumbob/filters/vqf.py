@@ -38,9 +38,9 @@ import math
 from typing import Annotated, Final, NamedTuple
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg, dps
 from plumbob.filters.field import FIELD_SIZE, disturbed
@@ -207,7 +207,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
     return tuple(params)
 
 
-@njit
+@kernel
 def begin(c: Floats, x: Floats) -> None:
     """Take the attitude as it is, and start all averages again; the bias stays."""
     q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
@@ -219,7 +219,7 @@ def begin(c: Floats, x: Floats) -> None:
     average_anew(c, x)
 
 
-@njit
+@kernel
 def average_anew(c: Floats, x: Floats) -> None:
     """Follow the next specific force at once, then the mean, then the low-pass; and so the heading."""
     x[LOOKS], x[LOOKED], x[GATED], x[MISSED], x[MISSED2] = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -227,7 +227,7 @@ def average_anew(c: Floats, x: Floats) -> None:
     x[FIRST_GAIN], x[REJECTED] = 1.0, c[REJECT]
 
 
-@njit
+@kernel
 def reset_bias(x: Floats, sd: float) -> None:
     """Know the bias to a standard deviation, rad/s, and nothing better."""
     for k in range(6):
@@ -235,7 +235,7 @@ def reset_bias(x: Floats, sd: float) -> None:
     x[COV], x[COV + 3], x[COV + 5] = sd * sd, sd * sd, sd * sd
 
 
-@njit
+@kernel
 def turn(x: Floats, dt: float, gx: float, gy: float, gz: float) -> None:
     """Turn the body in the drifting frame."""
     e0, e1, e2, e3 = quat_exp(dt * (gx - x[BIAS]), dt * (gy - x[BIAS + 1]), dt * (gz - x[BIAS + 2]))  # [Laidig2023]
@@ -243,7 +243,7 @@ def turn(x: Floats, dt: float, gx: float, gy: float, gz: float) -> None:
     x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3] = quat_unit(q0, q1, q2, q3)
 
 
-@njit
+@kernel
 def miss(x: Floats, missed: float) -> bool:
     """Count an angle that may have been missed, rad; returns whether all of it is too much.
 
@@ -257,7 +257,7 @@ def miss(x: Floats, missed: float) -> bool:
     return bool(x[MISSED] * x[MISSED] + x[MISSED2] > MISSED_LIMIT2)
 
 
-@njit
+@kernel
 def make_up(c: Floats, x: Floats, dt: float) -> None:
     """What was missed decays as the horizon is corrected."""
     if x[MISSED] + x[MISSED2] > 0.0:
@@ -266,7 +266,7 @@ def make_up(c: Floats, x: Floats, dt: float) -> None:
         x[MISSED2] *= kept * kept
 
 
-@njit
+@kernel
 def average(x: Floats, place: int, first: bool, v: float) -> None:
     """Smooth one number: its mean at first, then the low-pass."""
     if first:
@@ -278,7 +278,7 @@ def average(x: Floats, place: int, first: bool, v: float) -> None:
         )
 
 
-@njit
+@kernel
 def horizon(c: Floats, x: Floats, dt: float, first: bool, ax: float, ay: float, az: float) -> tuple[bool, float, float]:
     """Smooth the specific force and turn the drifting frame level; returns whether it did, and the turn about x and y.
 
@@ -304,7 +304,7 @@ def horizon(c: Floats, x: Floats, dt: float, first: bool, ax: float, ay: float, 
     return True, ey, -ex
 
 
-@njit
+@kernel
 def look(x: Floats, h0: float, h1: float, h2: float, residual: float, var: float, limit: float) -> None:
     """One Kalman update of the bias with a scalar that sees it along h."""
     p0 = x[COV] * h0 + x[COV + 1] * h1 + x[COV + 2] * h2
@@ -324,7 +324,7 @@ def look(x: Floats, h0: float, h1: float, h2: float, residual: float, var: float
     x[COV + 5] -= k2 * p2
 
 
-@njit
+@kernel
 def drift(c: Floats, x: Floats, dt: float) -> float:
     """Let the bias grow uncertain again, up to its start, at once after a jump; returns by how much it should."""
     grown = FORGET_RATE * FORGET_RATE * dt / FORGET
@@ -337,7 +337,7 @@ def drift(c: Floats, x: Floats, dt: float) -> float:
     return grown
 
 
-@njit
+@kernel
 def learn_resting(c: Floats, x: Floats, grown: float) -> None:
     """At rest the mean rate is the bias."""
     level = c[BIAS_RESTING] * c[BIAS_RESTING]
@@ -349,14 +349,14 @@ def learn_resting(c: Floats, x: Floats, grown: float) -> None:
     look(x, 0.0, 0.0, 1.0, mz - x[BIAS + 2], var, limit)
 
 
-@njit
+@kernel
 def like(d: float, var: float) -> bool:
     """True where two rates differ by no more than the band and three standard deviations."""
     beyond = abs(d) - REST_BAND
     return not (beyond > 0.0 and beyond * beyond > 9.0 * var)
 
 
-@njit
+@kernel
 def stand(x: Floats) -> None:
     """Keep gravity and the field as they are now, to see whether they turn."""
     x[STOOD], x[STOOD + 1], x[STOOD + 2], x[STOOD_FOR] = 0.0, 0.0, 0.0, 0.0
@@ -366,7 +366,7 @@ def stand(x: Floats) -> None:
         x[STOOD_FIELD + k] = known * x[LATEST + k]
 
 
-@njit
+@kernel
 def seen_turn(x: Floats, then: int, nx: float, ny: float, nz: float) -> tuple[float, float]:
     """Square of the angle, rad², by which a turn would have moved a vector that is now n, and how much of it is seen.
 
@@ -381,7 +381,7 @@ def seen_turn(x: Floats, then: int, nx: float, ny: float, nz: float) -> tuple[fl
     return whole / size2, (vx * (nx - ux) + vy * (ny - uy) + vz * (nz - uz)) / size2
 
 
-@njit
+@kernel
 def rests(c: Floats, x: Floats, dt: float) -> int:
     """Flags of a steady rate: of rest, or none where it may be a slow turn.
 
@@ -420,14 +420,14 @@ def rests(c: Floats, x: Floats, dt: float) -> int:
     return 0
 
 
-@njit
+@kernel
 def seen_along(x: Floats, row: int, y: float) -> tuple[float, float, float, float]:
     """Direction in which a row of the smoothed matrix sees the bias, and what is left of y."""
     h0, h1, h2 = x[ROWS + 6 * row], x[ROWS + 6 * row + 2], x[ROWS + 6 * row + 4]
     return h0, h1, h2, y - h0 * x[BIAS] - h1 * x[BIAS + 1] - h2 * x[BIAS + 2]
 
 
-@njit
+@kernel
 def learn_moving(c: Floats, x: Floats, dt: float, grown: float, vx: float, vy: float) -> None:
     """In motion, what is left of the bias calls for turns v of the horizon, rad."""
     level = c[BIAS_MOVING] * c[BIAS_MOVING]
@@ -449,7 +449,7 @@ def learn_moving(c: Floats, x: Floats, dt: float, grown: float, vx: float, vy: f
     look(x, h0, h1, h2, rz, var / BLIND_WEIGHT, limit)  # [Laidig2023]
 
 
-@njit
+@kernel
 def blur(x: Floats, first: bool) -> None:
     """Smooth the matrix of body to level, and the bias seen through it, as the specific force is smoothed."""
     q0, q1, q2, q3 = quat_mul(
@@ -468,7 +468,7 @@ def blur(x: Floats, first: bool) -> None:
         average(x, ROWS + 12 + 2 * column, first, vz)
 
 
-@njit
+@kernel
 def heading(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy: float, v: float) -> int:
     """Turn towards north, given the level and the vertical part of the field in the level frame."""
     cos, sin = x[TURN], x[TURN + 1]
@@ -500,7 +500,7 @@ def heading(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy: floa
     return found
 
 
-@njit
+@kernel
 def leans(x: Floats, dt: float, ax: float, ay: float, az: float) -> bool:
     """True where the specific force, which is gravity alone, stands askew in the level frame; not soon again."""
     fx, fy, fz = rotate(x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3], ax, ay, az)
@@ -513,7 +513,7 @@ def leans(x: Floats, dt: float, ax: float, ay: float, az: float) -> bool:
     return bool(x[QUIET] > LEAN_AFTER and lean2 > LEAN * LEAN)
 
 
-@njit
+@kernel
 def follow_gravity(
     c: Floats, x: Floats, held: bool, gx: float, gy: float, gz: float, ax: float, ay: float, az: float
 ) -> int:
@@ -550,7 +550,7 @@ def follow_gravity(
     return found
 
 
-@njit
+@kernel
 def compose(c: Floats, x: Floats, q0: float, q1: float, q2: float, q3: float) -> None:
     """Attitude in the navigation frame from that in the level frame, q."""
     cos, sin = x[TURN], x[TURN + 1]
@@ -560,7 +560,7 @@ def compose(c: Floats, x: Floats, q0: float, q1: float, q2: float, q3: float) ->
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = q0, q1, q2, q3
 
 
-@njit
+@kernel
 def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: float, mz: float) -> int:
     """Begin with the first specific force that may be gravity, or with an attitude that was given."""
     if x[STAGE] == HEADED:
@@ -574,7 +574,7 @@ def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: 
     return found
 
 
-@njit
+@kernel
 def step(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,

@@ -22,7 +22,6 @@ from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.files import Recording
 from plumbob.files.notes import unsaved
 from plumbob.noise import (
-    KINDS,
     AllanStream,
     Analysis,
     Averager,
@@ -35,14 +34,13 @@ from plumbob.noise import (
     compare,
     curve_of,
     curves,
-    deviation,
     every_adev,
     log_factors,
     stream_factors,
     with_curve,
 )
 from plumbob.noise.factors import Factors, kind_of
-from plumbob.noise.static import StaticCheck, StaticReport, bridged, judge
+from plumbob.noise.static import StaticReport, bridged
 from plumbob.noise.static_record import Channels, StaticRecord, check_static, load_static, static_of, static_of_numbers
 from plumbob.reporting import Report, Reported
 
@@ -137,21 +135,6 @@ def comparisons(
             Compared(name, one.quantity, compare(x[:, i], y[:, i], one.dt, n=n)) for i, name in enumerate(one.names)
         ]
     return found
-
-
-def warm_up() -> None:
-    """Compile every kernel of an analysis: check, all deviations, every averaging factor, likelihood, and streams."""
-    samples = np.random.default_rng(0).standard_normal((4096, 1))
-    still = StaticCheck(("x",), 1.0)
-    still.add(samples)
-    judge(still)
-    for kind in KINDS:
-        deviation(samples, [2], kind)
-    every_adev(samples[:, 0])
-    analyse(samples[:, 0], 1.0)
-    stream = AllanStream([1, 2], channels=1)
-    stream.feed(samples)
-    stream.result()
 
 
 def _channels(groups: Sequence[Channels]) -> str:

@@ -22,10 +22,18 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core._jit import njit, njit_reassociated
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.noise.findings import Band, Coefficient
-from plumbob.noise.spectrum import LETTERS, MarkovBins, Spectrum, densities, markov_bins, markov_density
+from plumbob.noise.spectrum import (
+    LETTERS,
+    MarkovBins,
+    Spectrum,
+    densities,
+    markov_bin_densities,
+    markov_bins,
+    markov_density,
+)
 
 _ROUNDS: Final = 100
 _SMALL_STEP: Final = 1e-5
@@ -86,81 +94,108 @@ def point(logs: Floats, bins: int) -> Point:
     return Point(np.array(logs, dtype=np.float64), *(np.zeros(shape) for shape in shapes))
 
 
-@njit_reassociated
+@kernel
 def evaluate(bins: Bins, at: Point) -> float:
     """Fill in everything at `at.logs` but the information, and return half the deviance."""
     _densities(bins, at)
-    density = at.density
-    square = np.sum(bins.ramp / density)
-    ramp = np.sum(bins.cross / density) / square
-    share = (bins.power - 2.0 * ramp * bins.cross + ramp**2 * bins.ramp) / density  # [Whittle1953]
-    half = 0.5 * np.sum(bins.terms * np.log(density) + share) + 0.5 * math.log(square)  # [Patterson1971]
-    slope = 0.5 * (bins.terms - share - bins.ramp / density / square)
+    density, count = at.density, at.density.shape[0]
+    square = ramp = half = 0.0
+    for i in range(count):
+        square += bins.ramp[i] / density[i]
+        ramp += bins.cross[i] / density[i]
+    ramp = ramp / square
     for k in range(at.logs.shape[0]):
-        at.gradient[k] = np.sum(at.relative[k] * slope)
+        at.gradient[k] = 0.0
+    for i in range(count):
+        share = (bins.power[i] - 2.0 * ramp * bins.cross[i] + ramp * ramp * bins.ramp[i]) / density[i]  # [Whittle1953]
+        half += bins.terms[i] * math.log(density[i]) + share
+        slope = 0.5 * (bins.terms[i] - share - bins.ramp[i] / density[i] / square)
+        for k in range(at.logs.shape[0]):
+            at.gradient[k] += at.relative[k, i] * slope
+    half = 0.5 * half + 0.5 * math.log(square)  # [Patterson1971]
     at.sums[0], at.sums[1], at.sums[2] = half, ramp, square
-    return float(half)
+    return half
 
 
-@njit_reassociated
+@kernel
 def _densities(bins: Bins, at: Point) -> None:
     """Density and its relative derivatives by the logarithms."""
-    rows, density, relative = bins.rows, at.density, at.relative
-    r = rows.shape[0]
-    density[:] = 0.0
-    for k in range(r):
-        relative[k] = math.exp(2.0 * at.logs[k]) * rows[k]
-        density[:] = density + relative[k]
-        relative[k] = 2.0 * relative[k]
-    if at.logs.shape[0] > r:
-        power, time = math.exp(2.0 * at.logs[r]), math.exp(at.logs[r + 1])
-        relative[r + 1] = 0.0
+    relative, terms = at.relative, bins.rows.shape[0]
+    at.density[:] = 0.0
+    for k in range(terms):
+        _add(at.density, bins.rows[k], math.exp(2.0 * at.logs[k]), relative[k])
+    if at.logs.shape[0] > terms:
+        power, time = math.exp(2.0 * at.logs[terms]), math.exp(at.logs[terms + 1])
+        process, slope = relative[terms], relative[terms + 1]
+        slope[:] = 0.0
         for side in (1.0, -1.0, 0.0):
-            relative[r] = power * markov_density(bins.process, time * math.exp(side * _AHEAD))
-            relative[r + 1] = relative[r + 1] + side / (2.0 * _AHEAD) * relative[r]
-        density[:] = density + relative[r]
-        relative[r] = 2.0 * relative[r]
+            markov_bin_densities(bins.process, time * math.exp(side * _AHEAD), process)
+            for i in range(slope.shape[0]):
+                slope[i] += side / (2.0 * _AHEAD) * (power * process[i])
+        _add(at.density, process, power, process)
     for k in range(relative.shape[0]):
-        relative[k] = relative[k] / density
+        for i in range(at.density.shape[0]):
+            relative[k, i] = relative[k, i] / at.density[i]
 
 
-@njit_reassociated
+@kernel
+def _add(density: Floats, row: Floats, power: float, slope: Floats) -> None:
+    """Add a term of that power, and note its derivative by the logarithm of its coefficient."""
+    for i in range(density.shape[0]):
+        part = power * row[i]
+        density[i] += part
+        slope[i] = 2.0 * part
+
+
+@kernel
 def inform(bins: Bins, at: Point) -> None:
     """Fill in the information of a point that is otherwise complete."""
     for i in range(at.logs.shape[0]):
-        weighted = 0.5 * at.relative[i] * bins.terms
         for j in range(i + 1):
-            at.information[i, j] = at.information[j, i] = np.sum(weighted * at.relative[j])
+            total = 0.0
+            for m in range(bins.terms.shape[0]):
+                total += 0.5 * at.relative[i, m] * bins.terms[m] * at.relative[j, m]
+            at.information[i, j] = at.information[j, i] = total
 
 
-@njit
 def search(bins: Bins, held: NDArray[np.bool_], start: Point, room: Point) -> Point:
     """Point of the largest likelihood by Fisher scoring with damping from `start`, the `held` (p,) where they are.
 
     Both points are written to, and one of them is returned.
     """
-    now, trial = room, start
-    free, step = np.zeros(held.shape[0], np.bool_), np.zeros(held.shape[0])
+    p = held.size
+    is_start = _search(bins, held, start, room, np.zeros(p, dtype=np.bool_), np.zeros(p), np.zeros((p, p)))
+    return start if is_start else room
+
+
+@kernel
+def _search(
+    bins: Bins, held: NDArray[np.bool_], start: Point, room: Point, free: NDArray[np.bool_], step: Floats, work: Floats
+) -> bool:
+    """Search, and say whether it is `start` that holds the end of it; the last three are room to work in."""
+    now, trial, is_start = room, start, False
     half, moved = math.inf, 0.0
     damping, rounds = 1e-2, 0
     while damping < 1e8 and rounds <= _ROUNDS:
-        if evaluate(bins, trial) <= half:  # at first where it stands
-            now, trial = trial, now
+        tried = evaluate(bins, trial)
+        if tried <= half:  # at first where it stands
+            now, trial, is_start = trial, now, not is_start
             inform(bins, now)
             rounds += 1
             damping = max(damping / 10.0, 1e-9)
             gain, half = half - now.sums[0], now.sums[0]
-            if not _present(bins, now, held, free) or gain < 1e-9 or 0.0 < moved < _SMALL_STEP:
+            some = _present(bins, now, held, free)
+            if not some or gain < 1e-9 or 0.0 < moved < _SMALL_STEP:
                 break
         else:
             damping *= 4.0
-        moved = _solve(now, free, damping, step)
+        moved = _solve(now, free, damping, step, work)
         for k in range(step.shape[0]):
             trial.logs[k] = now.logs[k] + step[k]
-    return now
+    return is_start
 
 
-@njit
+@kernel
 def _present(bins: Bins, now: Point, held: NDArray[np.bool_], free: NDArray[np.bool_]) -> bool:
     """Say which of those that are not held the density feels, and whether any does.
 
@@ -168,18 +203,22 @@ def _present(bins: Bins, now: Point, held: NDArray[np.bool_], free: NDArray[np.b
     """
     some = False
     for k in range(held.shape[0]):
-        free[k] = not held[k] and (k >= bins.rows.shape[0] or 0.5 * np.max(now.relative[k]) > _ABSENT)
+        most = 0.0
+        for i in range(now.density.shape[0]):
+            most = max(most, now.relative[k, i])
+        free[k] = not held[k] and (k >= bins.rows.shape[0] or 0.5 * most > _ABSENT)
         some = some or free[k]
     return some
 
 
-@njit
-def _solve(now: Point, free: NDArray[np.bool_], damping: float, step: Floats) -> float:
+@kernel
+def _solve(now: Point, free: NDArray[np.bool_], damping: float, step: Floats, matrix: Floats) -> float:
     """Step of the free parameters, by elimination in the damped information, and its largest part; none is above 1."""
     p = free.shape[0]
-    matrix = now.information.copy()
     largest = 0.0
     for k in range(p):
+        for i in range(p):
+            matrix[k, i] = now.information[k, i]
         step[k] = -now.gradient[k] if free[k] else 0.0
         largest = max(largest, matrix[k, k] if free[k] else 0.0)
     for k in range(p):

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core import check
-from plumbob.core._jit import njit_reassociated
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.noise.findings import Sinusoid
 
 _SINGLE = 64  # lowest coefficients kept one by one; the ramp, and most of what is known about K and B, is in them
@@ -189,7 +189,6 @@ def markov_bins(spectrum: Spectrum) -> MarkovBins:
     return MarkovBins(cosine, np.pi * j, sign, lags, float(spectrum.dt), float(step), float(spectrum.count * step))
 
 
-@njit_reassociated
 def markov_density(bins: MarkovBins, time: float) -> Floats:
     """Density (m,) of a first-order Gauss–Markov process of standard deviation 1 by its correlation time, s.
 
@@ -199,16 +198,30 @@ def markov_density(bins: MarkovBins, time: float) -> Floats:
     The variance of the cosine coefficient j is that density times 1 − 2 ε (1 − (−1)^j e^(−1/ε)) / (1 + (jπε)²), with
     ε = t₀/T: the covariance exp(−|t|/t₀), integrated twice against cos(jπt/T).
     """
-    d = bins.lags.shape[0]
+    found = np.empty(bins.cosine.size)
+    markov_bin_densities(bins, time, found)
+    return found
+
+
+@kernel
+def markov_bin_densities(bins: MarkovBins, time: float, found: Floats) -> None:
+    """Fill in `markov_density`."""
+    d = float(bins.lags.shape[0])
     decay = math.exp(-bins.dt / time)
-    powers = decay**bins.lags
-    means = np.sum(powers) / d
-    r0 = (2.0 * np.sum((d - bins.lags) * powers) - d) / d**2
-    r1, rho = decay * means**2, decay**d
+    means = r0 = 0.0
+    for k in range(bins.lags.shape[0]):
+        power = decay ** bins.lags[k]
+        means += power
+        r0 += (d - bins.lags[k]) * power
+    means, r0 = means / d, (2.0 * r0 - d) / (d * d)
+    r1, rho = decay * means * means, decay**d
     e = time / bins.length
-    in_cosines = 1.0 - 2.0 * e * (1.0 - math.exp(-1.0 / e) * bins.sign) / (1.0 + (e * bins.angle) ** 2)
-    density = r0 + 2.0 * r1 * (bins.cosine - rho) / (1.0 - 2.0 * rho * bins.cosine + rho**2)
-    return np.asarray(bins.step * density * in_cosines)
+    left = math.exp(-1.0 / e)
+    for i in range(found.shape[0]):
+        angle = e * bins.angle[i]
+        in_cosines = 1.0 - 2.0 * e * (1.0 - left * bins.sign[i]) / (1.0 + angle * angle)
+        density = r0 + 2.0 * r1 * (bins.cosine[i] - rho) / (1.0 - 2.0 * rho * bins.cosine[i] + rho * rho)
+        found[i] = bins.step * density * in_cosines
 
 
 def _averaged(sampled: Callable[[Floats], Floats], spectrum: Spectrum) -> Floats:

@@ -6,8 +6,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core._jit import njit
 from plumbob.core.errors import DecodeError
+from plumbob.core.kernels import kernel
 
 Bytes = NDArray[np.uint8]
 
@@ -141,7 +141,7 @@ def _crc_of_rows(how: Algorithm, remainders: NDArray[np.int64], wide: NDArray[np
     return np.asarray(value ^ how.final)
 
 
-@njit
+@kernel
 def plain_sum(data: Bytes, start: int, stop: int) -> int:
     """Sum of bytes."""
     total = 0
@@ -150,7 +150,7 @@ def plain_sum(data: Bytes, start: int, stop: int) -> int:
     return total
 
 
-@njit
+@kernel
 def word_sum(data: Bytes, start: int, stop: int) -> int:
     """Sum of big-endian 16-bit words."""
     total = 0
@@ -161,7 +161,7 @@ def word_sum(data: Bytes, start: int, stop: int) -> int:
     return total
 
 
-@njit
+@kernel
 def exclusive_or(data: Bytes, start: int, stop: int) -> int:
     """Exclusive or of bytes."""
     value = 0
@@ -170,7 +170,7 @@ def exclusive_or(data: Bytes, start: int, stop: int) -> int:
     return value
 
 
-@njit
+@kernel
 def fletcher(data: Bytes, start: int, stop: int) -> int:
     """Two running sums modulo 256."""
     first, second = 0, 0
@@ -180,7 +180,7 @@ def fletcher(data: Bytes, start: int, stop: int) -> int:
     return first << 8 | second
 
 
-@njit
+@kernel
 def cyclic(
     data: Bytes,
     start: int,

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core._jit import njit
+from plumbob.core.kernels import kernel
 from plumbob.protocols.checksum import (
     FLETCHER16,
     SUM8,
@@ -153,7 +153,7 @@ VOTES: Final = 8
 """Frames after which a checksum of two possible kinds is settled, where one fits every time."""
 
 
-@njit
+@kernel
 def _is_sync(data: Bytes, at: int, sync: Bytes) -> bool:
     for a in range(sync.shape[0]):
         same = True
@@ -166,7 +166,7 @@ def _is_sync(data: Bytes, at: int, sync: Bytes) -> bool:
     return False
 
 
-@njit
+@kernel
 def _length_at(data: Bytes, at: int, length: Ints) -> int:
     """Length of the frame that begins here; 0 where it is not believed."""
     if length[0] > 0:
@@ -175,7 +175,7 @@ def _length_at(data: Bytes, at: int, length: Ints) -> int:
     return value if length[5] <= value <= length[6] else 0
 
 
-@njit
+@kernel
 def _has_end(data: Bytes, end: int, length: Ints) -> bool:
     """Whether the frame that ends here has what every frame ends with."""
     same = True
@@ -184,7 +184,7 @@ def _has_end(data: Bytes, end: int, length: Ints) -> bool:
     return same
 
 
-@njit
+@kernel
 def _has_constants(data: Bytes, at: int, constants: Ints, first: int, end: int) -> bool:
     for k in range(first, end):
         byte = int(data[at + constants[k, 0]])
@@ -196,7 +196,7 @@ def _has_constants(data: Bytes, at: int, constants: Ints, first: int, end: int) 
     return True
 
 
-@njit
+@kernel
 def _has_parity(data: Bytes, at: int, parity: Ints) -> bool:
     for p in range(parity.shape[0]):
         folded = 0
@@ -210,7 +210,7 @@ def _has_parity(data: Bytes, at: int, parity: Ints) -> bool:
     return True
 
 
-@njit
+@kernel
 def _message_at(data: Bytes, at: int, size: int, messages: Ints, constants: Ints) -> int:
     """Row of the message whose constants are here, the one that asks most; −1 for none."""
     for m in range(messages.shape[0]):
@@ -219,7 +219,7 @@ def _message_at(data: Bytes, at: int, size: int, messages: Ints, constants: Ints
     return -1
 
 
-@njit
+@kernel
 def _is_plausible(data: Bytes, at: int, message: int, strong: bool, messages: Ints, parity: Ints, ranges: Ints) -> bool:
     """Whether parity and ranges allow it; a frame of no known message needs a strong check to be believed."""
     if message < 0:
@@ -229,7 +229,7 @@ def _is_plausible(data: Bytes, at: int, message: int, strong: bool, messages: In
     return _in_range(data, at, ranges, messages[message, 4], messages[message, 5])
 
 
-@njit
+@kernel
 def _digits(word: int) -> int:
     """Sign nibble and five digits."""
     value = 0
@@ -238,7 +238,7 @@ def _digits(word: int) -> int:
     return -value if word >> 20 == 1 else value
 
 
-@njit
+@kernel
 def _in_range(data: Bytes, at: int, ranges: Ints, first: int, end: int) -> bool:
     for k in range(first, end):
         word = word_at(data, at + ranges[k, 0], ranges[k, 1], ranges[k, 2])
@@ -250,7 +250,7 @@ def _in_range(data: Bytes, at: int, ranges: Ints, first: int, end: int) -> bool:
     return True
 
 
-@njit
+@kernel
 def _computed(data: Bytes, start: int, stop: int, check: Ints, remainders: Ints) -> int:
     if check[0] == SUM8 or check[0] == SUM16:
         return plain_sum(data, start, stop) & ((1 << int(check[5])) - 1)
@@ -265,7 +265,7 @@ def _computed(data: Bytes, start: int, stop: int, check: Ints, remainders: Ints)
     return cyclic(data, start, stop, remainders, check[5], check[6], check[7], check[8])
 
 
-@njit
+@kernel
 def _fits(data: Bytes, at: int, size: int, check: Ints, remainders: Ints, state: Ints) -> bool:
     if check[0] == 0:
         return True
@@ -286,7 +286,7 @@ def _fits(data: Bytes, at: int, size: int, check: Ints, remainders: Ints, state:
     return by_bytes or by_words
 
 
-@njit
+@kernel
 def _why_not(size: int, content: bool) -> int:
     """Place of the counter for a rejected frame."""
     if size == 0:
@@ -294,7 +294,7 @@ def _why_not(size: int, content: bool) -> int:
     return BAD_CHECKSUM if content else BAD_CONTENT
 
 
-@njit
+@kernel
 def scan(data: Bytes, end: int, final: bool, plan: Plan, state: Ints, out: Ints) -> tuple[int, int]:
     """Search frames from the first byte on.
 
@@ -318,8 +318,6 @@ def scan(data: Bytes, end: int, final: bool, plan: Plan, state: Ints, out: Ints)
     found, done : int
         Frames found, and bytes done with; the rest must be handed over again, with more behind it.
     """
-    # In one piece: numba counts references to each array that is handed on, and a kernel for what is found at one byte
-    # would take ten of them. That was measured to cost 40 % of the speed.
     sync, length, check, remainders, messages, constants, parity, ranges = plan
     ahead = sync.shape[1]
     header = ahead if length[0] else max(ahead, length[1] + length[2])

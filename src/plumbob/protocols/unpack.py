@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.protocols.checksum import algorithm, of_rows
 from plumbob.protocols.field import Checksum, Field, owner_of
 from plumbob.protocols.format import Message
@@ -135,7 +135,7 @@ def _to_digits(counts: Ints) -> Bytes:
     return np.asarray(digits[:, 0::2] << 4 | digits[:, 1::2], dtype=np.uint8)
 
 
-@njit
+@kernel
 def word_at(data: NDArray[np.uint8], at: int, size: int, big: int) -> int:
     """Word of some bytes, unsigned but for the 64th bit."""
     value = 0
@@ -144,7 +144,7 @@ def word_at(data: NDArray[np.uint8], at: int, size: int, big: int) -> int:
     return value
 
 
-@njit
+@kernel
 def count_in(word: int, lowest: int, bits: int, signed: int) -> int:
     """Count of some bits of a word."""
     if bits == 64:  # in halves, for compiled whole numbers end there and Python's do not
@@ -247,7 +247,7 @@ def _row(one: Field, units: list[str]) -> tuple[int, ...]:
     return (one.at, one.size, int(one.order == "big"), lowest, one.width, int(one.signed), low, high, place, flag)
 
 
-@njit
+@kernel
 def unpack(data: Bytes, start: Ints, plan: Ints, scales: Floats, values: Floats, counts: Ints, words: Flags) -> None:
     """Fill values (V, N), counts (C, N) and flags (U, N) from the plain fields; those with a scale come first."""
     for f in range(plan.shape[0]):

@@ -6,13 +6,13 @@ arrays component by component through ``.py_func``; that is how :mod:`plumbob.ro
 
 import math
 
-from plumbob.core._jit import njit
+from plumbob.core.kernels import kernel
 
 Vec = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 
 
-@njit
+@kernel
 def quat_mul(a0: float, a1: float, a2: float, a3: float, b0: float, b1: float, b2: float, b3: float) -> Quat:
     """Hamilton product a ⊗ b."""
     return (
@@ -23,13 +23,13 @@ def quat_mul(a0: float, a1: float, a2: float, a3: float, b0: float, b1: float, b
     )
 
 
-@njit
+@kernel
 def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Vec:
     """Vector product a × b."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@njit
+@kernel
 def rotate(q0: float, q1: float, q2: float, q3: float, vx: float, vy: float, vz: float) -> Vec:
     """Turn v by the unit quaternion q: with q_nb, body coordinates become navigation coordinates."""
     tx = 2.0 * (q2 * vz - q3 * vy)
@@ -42,7 +42,7 @@ def rotate(q0: float, q1: float, q2: float, q3: float, vx: float, vy: float, vz:
     )
 
 
-@njit
+@kernel
 def rows(
     q0: float, q1: float, q2: float, q3: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
@@ -57,7 +57,7 @@ def rows(
     )  # fmt: skip
 
 
-@njit
+@kernel
 def third_row(q0: float, q1: float, q2: float, q3: float) -> Vec:
     """Third row of the matrix of q: with q_nb, the navigation z axis seen in the body."""
     return (
@@ -67,7 +67,7 @@ def third_row(q0: float, q1: float, q2: float, q3: float) -> Vec:
     )
 
 
-@njit
+@kernel
 def quat_unit(q0: float, q1: float, q2: float, q3: float) -> Quat:
     """Scale q to norm 1; a zero or non-finite q becomes the identity."""
     n = q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3
@@ -80,7 +80,7 @@ def quat_unit(q0: float, q1: float, q2: float, q3: float) -> Quat:
     return q0 * s, q1 * s, q2 * s, q3 * s
 
 
-@njit
+@kernel
 def half_angle(angle2: float) -> tuple[float, float]:
     """cos(θ/2) and sin(θ/2)/θ from θ² (rad²)."""
     if angle2 < 1e-4:  # below 0.01 rad: the next term of each series is under 1e-16
@@ -93,7 +93,7 @@ def half_angle(angle2: float) -> tuple[float, float]:
     return w, s
 
 
-@njit
+@kernel
 def quat_exp(rx: float, ry: float, rz: float) -> Quat:
     """Unit quaternion of the rotation vector r (rad)."""
     w, s = half_angle(rx * rx + ry * ry + rz * rz)

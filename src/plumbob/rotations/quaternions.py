@@ -26,9 +26,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plumbob.core import check
-from plumbob.core._jit import Kernel
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
+from plumbob.core.kernels import Kernel
 from plumbob.rotations import kernels
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core import _jit, check, flags
+from plumbob.core import check, flags
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.core.series import Series
 from plumbob.core.text import counted
@@ -25,7 +25,7 @@ from plumbob.data.plausibility import upside_down
 from plumbob.files import Recording, findings, found_in, inferred_in, write
 from plumbob.files.notes import unsaved
 from plumbob.files.parquet import write_parts
-from plumbob.filters import SMOOTHER, Filter, claims_covariance, filter_names
+from plumbob.filters import SMOOTHER, Filter
 from plumbob.filters.offline import (
     Stage,
     bias_beyond,
@@ -429,19 +429,6 @@ def _stage(filter: str | None, causal: bool, lag: float | str | None, asked: Sta
     """What runs, of what was asked for."""
     named, params = lagged(filter, lag, asked.params, causal=causal)
     return replace(asked, filter=named or SMOOTHER, params=params or {})
-
-
-def compiling(names: Sequence[str]) -> str | None:
-    """Why the next call waits, where filters have not been compiled on this machine yet; None where they have."""
-    cold = [name for name in names if _jit.is_cold(_kernel_of(name))]
-    return _jit.compiling(", ".join(cold)) if cold else None
-
-
-def _kernel_of(name: str) -> str:
-    """Kernel that an estimator compiles last."""
-    if name == SMOOTHER:
-        return "backward"
-    return f"claiming_{name}" if name in filter_names() and claims_covariance(name) else f"batch_{name}"
 
 
 def recording_of(

@@ -11,7 +11,6 @@ from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import Quantity, given
 from plumbob.protocols.find import unassigned_told
-from plumbob.session.estimated import compiling
 from plumbob.session.recording_sink import RecordingSink, named_at
 from plumbob.session.runner import run_stream
 from plumbob.session.sending import sending_of, with_sent
@@ -134,7 +133,6 @@ def record(
     seconds = given("duration", duration, Quantity.TIME, positive=True)
     stream, say = Stream(chosen), note or (lambda line: None)
     announce(chosen, say)
-    stream.warm_up()
     recording_sink = None if chosen.record is None else RecordingSink(chosen, chosen.record)
     watch = Watch(stream, note, progress=progress)
     others = [TextSink(chosen.output.text, chosen.output.every)] if chosen.output.text else []
@@ -176,8 +174,6 @@ def _with_outputs(session: Session, out: str | Path | None, *, next_part: bool, 
 
 
 def announce(session: Session, say: Note) -> None:
-    """What is known before the first byte: spare bytes of the format, and a filter that must be compiled."""
-    told = [unassigned_told(session.form, session.form.message(session.message))]
-    told += [None if session.stage is None else compiling([session.stage.filter])]
-    for line in filter(None, told):
-        say(line)
+    """What is known before the first byte: spare bytes of the format."""
+    if told := unassigned_told(session.form, session.form.message(session.message)):
+        say(told)

@@ -206,19 +206,6 @@ class Stream:
         found: NDArray[np.int64] = to_ns(track.t) + self._t0
         return found
 
-    def warm_up(self) -> None:
-        """Compile every kernel now, so that the first sample need not wait; the line itself is not touched."""
-        from plumbob.protocols.encode import encode
-
-        message = self.session.form.message(self.session.message)
-        physical = [f.name for f in message.fields if f.physical][:1]
-        rows = encode(self.session.form, dict.fromkeys(physical, np.zeros(3)), message=message.name)
-        other = Stream(self.session, covariance=self._covariance)
-        other.feed(Received(0, rows.tobytes()))
-        other.finish()
-        if isinstance(self.filter, FixedLag):
-            self.filter.warm_up()
-
     def report(self) -> dict[str, Any]:
         """What became of every byte and of time, for JSON."""
         told = asdict(self.time_report())

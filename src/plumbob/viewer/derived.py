@@ -170,10 +170,8 @@ class Guided:
 
     @cached_property
     def _guide(self) -> "Guide":
-        """The guide, with all that it needs compiled."""
-        from plumbob.calibration.guide.guides import GUIDES, warm_up
+        from plumbob.calibration.guide.guides import GUIDES
 
-        warm_up()
         return GUIDES[self.kind]()
 
     def take(self, part: Part) -> Guidance:

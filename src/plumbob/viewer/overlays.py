@@ -83,7 +83,6 @@ class Overlay:
     def __init__(self, name: str, frame: Frame, meta: ImuMeta, start: Start | None = None) -> None:
         self.name = name
         self._filter = follower_of(Stage(name, {}), frame, meta, start=start)
-        self._filter.warm_up()
         self._frame = frame
 
     @property

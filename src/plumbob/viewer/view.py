@@ -283,7 +283,6 @@ class Shows:
         session = named_at(session, time.time_ns())
         stream = Stream(session, covariance=True)
         announce(session, how.note)
-        stream.warm_up()
         switch = Switch(stream, how.folder, None if session.record is None else RecordingSink(session, session.record))
         feed = Feed(
             stream, outlet, also=self._also, chain=self._chain, truth=self._truth, control=how.control, recording=True,

@@ -13,7 +13,7 @@ from plumbob.acquisition.timing.spec import Counter, TimeSpec
 from plumbob.acquisition.timing.timebase import TimeBase, stamp_frames
 from plumbob.core.flags import TIME_FAULT
 from plumbob.core.time import quantile
-from tests.helpers import examples, jit_disabled
+from tests.helpers import examples, is_plain
 from tests.helpers.clock_samples import START_NS, Frames, frames, hold, ticks, without
 
 SPECS = {
@@ -66,7 +66,7 @@ def assert_same(a, b):
 @pytest.mark.parametrize("name", SPECS)
 class TestPieces:
     @given(cuts=st.lists(st.integers(0, 2600), max_size=20))
-    @examples(0.02 if jit_disabled() else 0.2)
+    @examples(0.02 if is_plain() else 0.2)
     def test_any_cut_gives_the_same_bits(self, name, cuts):
         f = troubled()
         cuts = [cut for cut in cuts if cut <= f.t_ns.size]
@@ -80,7 +80,7 @@ class TestPieces:
         for column in COLUMNS:
             assert np.array_equal(whole[column][:1000], begun[1][column])
 
-    @pytest.mark.skipif(jit_disabled(), reason="there is no other")
+    @pytest.mark.skipif(is_plain(), reason="there is no other")
     def test_plain_python_gives_the_same_bits(self, name, monkeypatch):
         f = Frames(*(column[700:1600] for column in troubled()))
         compiled = pieces(SPECS[name], f)

@@ -10,7 +10,7 @@ from plumbob.acquisition.timing.spec import Counter, TimeSpec
 from plumbob.acquisition.timing.timebase import TimeBase
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.flags import GAP, TIME_FAULT
-from tests.helpers import jit_disabled
+from tests.helpers import is_plain
 from tests.helpers.clock_samples import LEAST_NS, START_NS, Frames, frames, hold, ticks, without
 
 SECOND = 10**9
@@ -19,7 +19,7 @@ UNCOUNTED = TimeSpec(rate=100.0)
 CLOCKED = TimeSpec(clock=Counter(32, 1000), frames=Counter(8))
 SHORT = TimeSpec(clock=Counter(16, 790, down=True), rate=100.0)  # 51.8 ms a turn, as of an AHRS400
 SPECS = {"frames": COUNTED, "host": UNCOUNTED, "clock": CLOCKED, "short": SHORT}
-long = pytest.mark.skipif(jit_disabled(), reason="a million frames want compiled kernels")
+long = pytest.mark.skipif(is_plain(), reason="a million frames want compiled kernels")
 
 
 def counts(spec, f, drift_ppm=0.0):

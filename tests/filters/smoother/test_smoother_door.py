@@ -47,7 +47,6 @@ def test_estimate_smooths_unless_it_is_asked_otherwise(hand):
     assert (estimate(hand.imu(), params={"lag": "1s"}).track.q_nb == lagged).all()
     assert (lagged != whole.q_nb).any()
     smoother = Smoother(frame="ENU")
-    smoother.warm_up()
     assert (smoother.process(hand.imu()).q_nb == whole.q_nb).all()
 
 

@@ -43,9 +43,9 @@ from plumbob.acquisition.timing.spec import (
     Counter,
     TimeSpec,
 )
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.kernels import kernel
 
 ANOTHER_HOST: Final = 2
 """Value of REOPENED where host times before and after do not belong together."""
@@ -59,7 +59,7 @@ _UNSURE: Final = 1e-3  # of the time passed: what two clocks may differ by
 _NO: Final = -1
 
 
-@njit
+@kernel
 def advance(n: Ints, r: Floats, histogram: Ints, count: int, host_ns: int) -> int:
     """Take the next frame's count.
 
@@ -90,7 +90,7 @@ def advance(n: Ints, r: Floats, histogram: Ints, count: int, host_ns: int) -> in
     return (WRAPPED if turns > 0 else 0) | (SUSPECT if is_doubtful(n, r) else 0)
 
 
-@njit
+@kernel
 def _is_next(r: Floats, ahead: float) -> bool:
     """Whether a step is that to the very next frame, whatever the host says."""
     if r[TYPICAL] == 0.0:
@@ -98,7 +98,7 @@ def _is_next(r: Floats, ahead: float) -> bool:
     return bool(abs(ahead - r[TYPICAL]) <= _CLOSE * r[TYPICAL])
 
 
-@njit
+@kernel
 def _slack(n: Ints, r: Floats, passed: float) -> float:
     """How early a frame may seem to be, because the line is not yet where it belongs, ns."""
     if r[NOW] - r[SINCE] < LEARNING:
@@ -106,7 +106,7 @@ def _slack(n: Ints, r: Floats, passed: float) -> float:
     return float(_SLACK + 0.5 * r[TYPICAL] + _UNSURE * passed)
 
 
-@njit
+@kernel
 def _impossible(n: Ints, r: Floats, forward: int, delay: float, host_ns: int) -> bool:
     """Whether so many counts forward would be in the future, or a little way back is all but certain."""
     ahead = forward * r[TICK]
@@ -117,7 +117,7 @@ def _impossible(n: Ints, r: Floats, forward: int, delay: float, host_ns: int) ->
     return bool(nearly and ahead > passed + _BEHIND * r[TYPICAL])
 
 
-@njit
+@kernel
 def _insists(n: Ints, r: Floats, count: int) -> bool:
     """Count the frames that contradict in a row, in order among themselves; True when they are enough."""
     after = int((n[SIGN] * (count - n[CHAIN_COUNT])) % n[MODULUS])
@@ -127,7 +127,7 @@ def _insists(n: Ints, r: Floats, count: int) -> bool:
     return bool(n[CHAIN] >= _RISING or n[REOPENED])
 
 
-@njit
+@kernel
 def _turns(n: Ints, r: Floats, delay: float, close: bool) -> int:
     """Turns that the counter has made unseen, by the host's time; −1 where no number of them explains the delay."""
     whole = turn(n, r)
@@ -139,7 +139,7 @@ def _turns(n: Ints, r: Floats, delay: float, close: bool) -> int:
     return int(turns) if delay - turns * whole <= min(r[USUAL], 0.5 * whole) else _NO
 
 
-@njit
+@kernel
 def make_up(n: Ints, r: Floats, lasting: float) -> int:
     """Add the turns that a lasting delay shows, or begin again where it is not a number of turns."""
     whole = turn(n, r)
@@ -159,7 +159,7 @@ def make_up(n: Ints, r: Floats, lasting: float) -> int:
     return RESET
 
 
-@njit
+@kernel
 def begin_again(n: Ints, r: Floats, host_ns: int, count: int) -> int:
     """Go on from the host's time, because the count does not say how long it has been."""
     n[STEP] = 0

@@ -66,8 +66,8 @@ from plumbob.acquisition.timing.spec import (
     USUAL,
     WORST,
 )
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.core.time import BINS, bin_of, quantile
 
 _SHORTEST: Final = 50e6  # ns
@@ -78,13 +78,13 @@ _FASTEST, _SLOWEST = -0.9, 9.0  # ten times, or a tenth of, what is nominal
 _WINDOW: Final = 1.25 * CAPACITY * _LONGEST  # a block before that is forgotten, even if few came since
 
 
-@njit
+@kernel
 def line_at(r: Floats, x: float) -> float:
     """Host time at which a frame of device time x arrives at the earliest, ns since the first."""
     return float(r[LINE_Y] + (x - r[LINE_X]) + (x - r[LINE_X]) * r[DRIFT])
 
 
-@njit
+@kernel
 def begin_line(r: Floats, x: float, y: float) -> None:
     """Forget all points but keep the drift, which is the oscillator's."""
     r[LINE_X], r[LINE_Y] = x, y
@@ -94,7 +94,7 @@ def begin_line(r: Floats, x: float, y: float) -> None:
     r[BEST_X], r[BEST_Y], r[BLOCK_SINCE] = x, y, y
 
 
-@njit
+@kernel
 def observe(r: Floats, x: float, y: float) -> float:
     """Take a point and return its delay, ns; x must not fall."""
     if x >= r[BLOCK_END] and y >= r[BLOCK_SINCE] + 0.5 * r[BLOCK]:  # a backlog is not spread over blocks
@@ -113,7 +113,7 @@ def observe(r: Floats, x: float, y: float) -> float:
     return delay
 
 
-@njit
+@kernel
 def _keep_block(r: Floats) -> None:
     """Remember the lowest point of the block that ends."""
     count = int(r[POINTS])
@@ -130,7 +130,7 @@ def _keep_block(r: Floats) -> None:
     r[POINTS] = count + 1.0
 
 
-@njit
+@kernel
 def _pair_blocks(r: Floats) -> None:
     """Make one block of each two."""
     for k in range(CAPACITY // 2):
@@ -141,7 +141,7 @@ def _pair_blocks(r: Floats) -> None:
     r[BLOCK] *= 2.0
 
 
-@njit
+@kernel
 def _fit(r: Floats) -> None:
     """Draw the line anew: slope from the hull, height from the lowest point."""
     last = int(r[POINTS]) - 1
@@ -157,7 +157,7 @@ def _fit(r: Floats) -> None:
     r[SCATTER] = _raise_line(r, r[DRIFT])
 
 
-@njit
+@kernel
 def _hull(r: Floats) -> int:
     """Corners of the lower convex hull of the blocks' points, from left to right; returns how many."""
     corners = 0
@@ -175,7 +175,7 @@ def _hull(r: Floats) -> int:
     return corners
 
 
-@njit
+@kernel
 def _slope_in_the_middle(r: Floats, corners: int) -> float:
     """Slope less 1 of the hull's edge in the middle of the window, in host time: a backlog that drains is short."""
     # departs from [Zhang2002]: the edge in the middle gives the slope
@@ -190,7 +190,7 @@ def _slope_in_the_middle(r: Floats, corners: int) -> float:
     return float(min(max(slope, _FASTEST), _SLOWEST))
 
 
-@njit
+@kernel
 def _raise_line(r: Floats, slope: float) -> float:
     """Lay the line of that slope against the blocks' points from below; returns their mean height above it, ns."""
     count = int(r[POINTS])
@@ -222,13 +222,13 @@ LEARNING: Final = 2e9
 _FORMING: Final = 12e9  # ns of the host's time, in which a new line may have to tilt
 
 
-@njit
+@kernel
 def turn(n: Ints, r: Floats) -> float:
     """Time of one turn of the counter, ns; of one frame where there is no counter."""
     return float(n[MODULUS] * r[TICK])
 
 
-@njit
+@kernel
 def _limit(n: Ints, r: Floats) -> float:
     """Delay from which on a frame is suspect, ns: half of what could be missing unseen.
 
@@ -241,7 +241,7 @@ def _limit(n: Ints, r: Floats) -> float:
     return float(max(0.5 * r[TICK], 4.0 * r[SCATTER], _LEAST) + beat)
 
 
-@njit
+@kernel
 def _is_told(n: Ints, r: Floats, delay: float, host_ns: int) -> bool:
     """Whether the line takes a frame: not one out of a backlog, which would bend it, unless all are like that."""
     if float(host_ns - n[ORIGIN]) - r[SINCE_HOST] < _FORMING and (
@@ -253,7 +253,7 @@ def _is_told(n: Ints, r: Floats, delay: float, host_ns: int) -> bool:
     return bool(delay < min(_limit(n, r), max(_BACKLOG * r[USUAL], _LITTLE)))
 
 
-@njit
+@kernel
 def settle(n: Ints, r: Floats, histogram: Ints, host_ns: int) -> float:
     """Take the frame at NOW into the line, unless it is suspect; returns a delay that has lasted, ns, else 0."""
     y = float(host_ns - n[ORIGIN])
@@ -276,13 +276,13 @@ def settle(n: Ints, r: Floats, histogram: Ints, host_ns: int) -> float:
     return _wait(n, r, delay, host_ns)
 
 
-@njit
+@kernel
 def is_doubtful(n: Ints, r: Floats) -> bool:
     """Whether the last frame has been suspect for some time."""
     return bool(n[SUSPECTS] > 0 and n[HOST] - n[SUSPECT_SINCE] >= _DOUBT * r[SPEED])
 
 
-@njit
+@kernel
 def _wait(n: Ints, r: Floats, delay: float, host_ns: int) -> float:
     """Count a suspect frame; returns the least delay once it has lasted, ns, else 0."""
     least = r[SUSPECT_DELAY] if n[SUSPECTS] > 0 else math.inf

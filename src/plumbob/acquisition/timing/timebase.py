@@ -71,10 +71,10 @@ from plumbob.acquisition.timing.spec import (
     TimeSpec,
 )
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
 from plumbob.core.flags import GAP, TIME_FAULT
+from plumbob.core.kernels import kernel
 from plumbob.core.time import BINS
 
 _HASTE: Final = 2e-3  # of a step: by more no step is made longer or shorter
@@ -86,7 +86,7 @@ _ALL_ODD: Final = 8
 _MEMORY: Final = 1.0 / 16.0
 
 
-@njit
+@kernel
 def stamp_frames(
     n: Ints,
     r: Floats,
@@ -108,7 +108,7 @@ def stamp_frames(
         words[k] = _flags_of(n, kind)
 
 
-@njit
+@kernel
 def _flags_of(n: Ints, kind: int) -> int:
     """Flags of the frame; counts it."""
     n[FRAMES] += 1
@@ -122,7 +122,7 @@ def _flags_of(n: Ints, kind: int) -> int:
     return int(word)
 
 
-@njit
+@kernel
 def stamp_frame(n: Ints, r: Floats, histogram: Ints, host_ns: int, place: int, count: int, frame: int) -> int:
     """Move STAMP on to the next frame, and MISSING to what is lost before it; returns what became of the frame."""
     n[MISSING], n[STEP] = 0, 0
@@ -142,7 +142,7 @@ def stamp_frame(n: Ints, r: Floats, histogram: Ints, host_ns: int, place: int, c
     return kind
 
 
-@njit
+@kernel
 def _start(n: Ints, r: Floats, host_ns: int, place: int, count: int, frame: int) -> int:
     """Begin at the first frame, at its host time."""
     n[STARTED], n[REOPENED] = 1, 0
@@ -152,7 +152,7 @@ def _start(n: Ints, r: Floats, host_ns: int, place: int, count: int, frame: int)
     return 0
 
 
-@njit
+@kernel
 def _never_back(n: Ints, r: Floats, host_ns: int) -> int:
     """Host time that goes on where the host's clock has been set back; how long that took, nobody knows."""
     host = host_ns + n[SHIFT]
@@ -165,7 +165,7 @@ def _never_back(n: Ints, r: Floats, host_ns: int) -> int:
     return int(host)
 
 
-@njit
+@kernel
 def _by_clock(n: Ints, r: Floats, histogram: Ints, host: int, count: int, frame: int) -> int:
     """Take the device's own time, in exact arithmetic."""
     kind = advance(n, r, histogram, count, host)
@@ -181,13 +181,14 @@ def _by_clock(n: Ints, r: Floats, histogram: Ints, host: int, count: int, frame:
         n[FRAME] = frame
         return kind
     passed = n[STEP] * r[TICK]
-    n[STAMP] += _exactly(n)
+    lead = _exactly(n)
+    n[STAMP] += lead
     n[MISSING] = _missed_frames(n, r, passed, frame)
     _learn_pace(n, r, passed)
     return kind
 
 
-@njit
+@kernel
 def _learn_pace(n: Ints, r: Floats, passed: float) -> None:
     """Follow the time from frame to frame; steps that do not fit change it only when there is nothing else any more."""
     if abs(passed - r[TYPICAL]) <= 0.5 * r[TYPICAL]:
@@ -199,7 +200,7 @@ def _learn_pace(n: Ints, r: Floats, passed: float) -> None:
         r[TYPICAL], n[ODD] = passed, 0
 
 
-@njit
+@kernel
 def _exactly(n: Ints) -> int:
     """STEP counts in whole nanoseconds; what is left over is kept."""
     turns = n[STEP] // n[TICK_DENOMINATOR]
@@ -210,7 +211,7 @@ def _exactly(n: Ints) -> int:
     return int(n[STEP] * n[TICK_WHOLE] + turns * n[TICK_REST] + carried)
 
 
-@njit
+@kernel
 def _missed(r: Floats, passed: float) -> int:
     """Frames that time says are missing."""
     if r[TYPICAL] == 0.0:
@@ -218,7 +219,7 @@ def _missed(r: Floats, passed: float) -> int:
     return int(max(math.floor(passed / r[TYPICAL] + 0.5) - 1, 0))
 
 
-@njit
+@kernel
 def _missed_frames(n: Ints, r: Floats, passed: float, frame: int) -> int:
     """Frames that the frame counter says are missing, with as many turns as time says; without a counter, time says."""
     by_time = _missed(r, passed)
@@ -232,7 +233,7 @@ def _missed_frames(n: Ints, r: Floats, passed: float, frame: int) -> int:
     return total - 1 if 1 <= total <= 2.0 * expected + 8.0 else by_time
 
 
-@njit
+@kernel
 def _by_frames(n: Ints, r: Floats, histogram: Ints, host: int, place: int, count: int) -> int:
     """Count periods, from the frame counter or from the place in the stream."""
     counted = n[MODULUS] > 1
@@ -244,12 +245,13 @@ def _by_frames(n: Ints, r: Floats, histogram: Ints, host: int, place: int, count
         n[MISSING] = _missed(r, float(n[EXTRA]))
         r[FRACTION] = 0.0
     else:
-        n[STAMP] += _lead(n, r, n[STEP] * r[TICK])
+        lead = _lead(n, r, n[STEP] * r[TICK])
+        n[STAMP] += lead
         n[MISSING] = n[STEP] - 1
     return kind
 
 
-@njit
+@kernel
 def _by_place(n: Ints, r: Floats, histogram: Ints, host: int, place: int) -> int:
     """Without a counter: the next frame, unless bytes between the two, or a lasting delay, tell of more."""
     if n[REOPENED]:
@@ -264,7 +266,7 @@ def _by_place(n: Ints, r: Floats, histogram: Ints, host: int, place: int) -> int
     return SUSPECT if is_doubtful(n, r) else 0
 
 
-@njit
+@kernel
 def _frames_in(n: Ints, place: int) -> int:
     """Frames that the bytes since the last one have room for."""
     if n[FRAME_BYTES] == 0:
@@ -272,7 +274,7 @@ def _frames_in(n: Ints, place: int) -> int:
     return int(max((2 * (place - n[PLACE]) + n[FRAME_BYTES]) // (2 * n[FRAME_BYTES]), 1))
 
 
-@njit
+@kernel
 def _lead(n: Ints, r: Floats, nominal: float) -> int:
     """Length of a step of so much nominal time, ns, led towards the line; what is below a nanosecond is kept."""
     step = nominal + nominal * r[DRIFT]
@@ -285,7 +287,7 @@ def _lead(n: Ints, r: Floats, nominal: float) -> int:
     return int(whole)
 
 
-@njit
+@kernel
 def _learn(n: Ints, r: Floats, host: int, place: int, count: int) -> int:
     """Take the host's times while the period is being measured; frames of one read cannot be told apart in time."""
     if n[REOPENED]:

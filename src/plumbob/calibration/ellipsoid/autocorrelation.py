@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.ellipsoid.ellipsoid_fit import NormFit
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.core.units import deg
 
 VISIT: Final = deg(15.0)
@@ -41,7 +41,9 @@ _LONG_VISIT: Final = 6  # samples that have a first and a last third
 def visits(directions: Floats) -> NDArray[np.intp]:
     """Where each visit begins: the first of the vectors (N, D) that is more than `VISIT` off the last one's first."""
     unit = np.ascontiguousarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))
-    return np.flatnonzero(_begins(unit, math.cos(VISIT)))
+    found = np.zeros(len(unit), dtype=np.bool_)
+    _begins(unit, math.cos(VISIT), found)
+    return np.flatnonzero(found)
 
 
 def means_of(residuals: Floats, starts: NDArray[np.intp]) -> Floats:
@@ -151,19 +153,17 @@ def _covariance(rho: float, size: float, gap: float) -> float:
     return float(rho ** (gap + 1.0) * ((1.0 - rho**size) / (size * (1.0 - rho))) ** 2)
 
 
-@njit
-def _begins(unit: Floats, cosine: float) -> NDArray[np.bool_]:
-    """Samples (N,) of unit vectors (N, D) with which a visit begins."""
-    found = np.zeros(len(unit), dtype=np.bool_)
+@kernel
+def _begins(unit: Floats, cosine: float, found: NDArray[np.bool_]) -> None:
+    """Mark the samples (N,) of unit vectors (N, D) with which a visit begins."""
     first = 0
-    for i in range(len(unit)):
+    for i in range(unit.shape[0]):
         along = 0.0
         for j in range(unit.shape[1]):
             along += unit[i, j] * unit[first, j]
         if i == 0 or along < cosine:
             found[i] = True
             first = i
-    return found
 
 
 LONG: Final = 100

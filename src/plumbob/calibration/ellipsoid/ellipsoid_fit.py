@@ -25,6 +25,7 @@ six are wrong by degrees. A capture that cannot determine the nine cannot tell e
 far as the full shape is.
 """
 
+import math
 from enum import Enum
 from itertools import combinations
 from typing import Final, NamedTuple
@@ -33,8 +34,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.fit import inverse_of
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.core.text import p_value
 
 
@@ -66,7 +67,7 @@ def fit_axes(vectors: Floats) -> Ellipsoid | None:
     return Ellipsoid(centre, np.diag(np.sqrt(np.array([1.0, ey2, ez2]) / radius2)))  # [Yu2018] (14): with its first /R
 
 
-@njit
+@kernel
 def square_sums(vectors: Floats, middle: Floats, size: float, sums: Floats) -> None:
     """Add the products of the ten terms of a quadric, of vectors brought to the origin and to length 1, to `sums`."""
     row = np.empty(10)
@@ -173,7 +174,7 @@ class NormFit(NamedTuple):
     cost: float
 
 
-@njit
+@kernel
 def accumulate(
     points: Floats, p: Floats, soft: float, use: NDArray[np.bool_], residuals: Floats, normal: Floats
 ) -> float:
@@ -190,12 +191,12 @@ def accumulate(
         ux = xx * dx + xy * dy + xz * dz
         uy = xy * dx + yy * dy + yz * dz
         uz = xz * dx + yz * dy + zz * dz
-        size = np.sqrt(ux * ux + uy * uy + uz * uz)
+        size = math.sqrt(ux * ux + uy * uy + uz * uz)
         nx, ny, nz = ux / size, uy / size, uz / size
         gx = xx * nx + xy * ny + xz * nz
         gy = xy * nx + yy * ny + yz * nz
         gz = xz * nx + yz * ny + zz * nz
-        slope = np.sqrt(gx * gx + gy * gy + gz * gz)
+        slope = math.sqrt(gx * gx + gy * gy + gz * gz)
         r = (size - 1.0) / slope
         residuals[i] = r
         if not use[i]:
@@ -222,7 +223,7 @@ def accumulate(
         row[8] = (ay * dz + az * dy - r * (wy * nz + wz * ny)) / slope
         ratio = r / soft
         weight = 1.0 / (1.0 + ratio * ratio)  # [Holland1977]: weights of Cauchy
-        cost += r * r if soft == np.inf else soft * soft * np.log1p(ratio * ratio)
+        cost += r * r if soft == math.inf else soft * soft * math.log1p(ratio * ratio)
         for j in range(9):
             scaled = weight * row[j]
             for k in range(j + 1):

@@ -358,8 +358,3 @@ def guided(guide: Guide, imu: ImuData) -> Progress:
     for part in imu.chunks(_CHUNK):
         progress = guide.feed(part)
     return progress
-
-
-def warm_up() -> None:
-    """Compile what guides need now, so that no sample has to wait for it."""
-    fit_norm(10.0 * REGIONS, Shape.SPHERE, Ellipsoid(np.zeros(3), 0.1 * np.eye(3)))

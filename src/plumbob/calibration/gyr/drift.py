@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plumbob.core import check
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError
+from plumbob.core.kernels import kernel
 from plumbob.core.units import dps, g
 from plumbob.rotations.kernels import quat_exp, quat_mul
 
@@ -36,7 +36,7 @@ def rotation_vectors(rate: Floats, dt: Floats) -> Floats:
     return np.asarray(0.5 * step * (first + second) + step**2 / 12.0 * np.cross(first, second))  # [Bortz1971] (4)
 
 
-@njit
+@kernel
 def accumulate(r: Floats, q: Floats) -> None:
     """Attitudes q (N, 4) from the identity on by rotation vectors r (N−1, 3) in the axes of the body."""
     q[0, 0], q[0, 1], q[0, 2], q[0, 3] = 1.0, 0.0, 0.0, 0.0

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.data import ImuData
 from plumbob.filters.input_checks import watch
 from plumbob.filters.layout import LAST as WATCHED
@@ -51,14 +51,23 @@ PLACES: Final = 18
 _SWINGS: Final = (2.0 * math.pi * SWING) ** 2 / 8.0
 
 
-@njit
+@kernel
 def usual_step(state: Floats, recent: Floats) -> float:
     """Median length of the last steps, s."""
     n = min(int(state[COUNT]), RECENT)
-    return float(np.median(recent[:n])) if n else 0.0
+    if n <= 0:
+        return 0.0
+    row = np.empty(RECENT)
+    for i in range(n):
+        at = i
+        while at > 0 and row[at - 1] > recent[i]:
+            row[at] = row[at - 1]
+            at -= 1
+        row[at] = recent[i]
+    return float(0.5 * (row[(n - 1) // 2] + row[n // 2]))
 
 
-@njit
+@kernel
 def hold(state: Floats, at: int, t: float, dt: float, values: Floats, broken: bool, out: Floats) -> float:
     """Value of a triad, or that of the last sample that has one; returns for how long none was known, s.
 
@@ -78,7 +87,7 @@ def hold(state: Floats, at: int, t: float, dt: float, values: Floats, broken: bo
     return 0.0
 
 
-@njit
+@kernel
 def close(state: Floats, end: int, gap: bool, k: int, last: NDArray[np.int64], gaps: Bools, variance: Floats) -> int:
     """End the step at a sample."""
     last[k], gaps[k] = end, gap
@@ -87,7 +96,7 @@ def close(state: Floats, end: int, gap: bool, k: int, last: NDArray[np.int64], g
     return k + 1
 
 
-@njit
+@kernel
 def arrive(
     state: Floats, recent: Floats, t: Floats, gyr: Floats, acc: Floats, spacing: float, begin: int, kept: Bools,
     gyr_out: Floats, acc_out: Floats, last: NDArray[np.int64], gaps: Bools, variance: Floats,
@@ -141,7 +150,7 @@ def arrive(
     return steps
 
 
-@njit
+@kernel
 def watch_on(
     x: Floats, before: float, t: Floats, gyr: Floats, acc: Floats, mag: Floats, word: NDArray[np.uint32]
 ) -> None:
@@ -175,7 +184,7 @@ def watched(imu: ImuData) -> ImuData:
     return imu.flagged(Watch().words(np.ascontiguousarray(imu.t), *trusted(imu, mag=True)))
 
 
-@njit
+@kernel
 def calm_from(
     first: int, time: Floats, gap: Bools, rate: Floats, force: Floats, p_time: float, p_rate: float, p_force: float,
     around: Floats, quiet: Bools,
@@ -186,7 +195,7 @@ def calm_from(
         quiet[k - first] = calm_at(k, time, gap, rate, force, p_time, p_rate, p_force, around, low, spread)
 
 
-@njit
+@kernel
 def calm_at(
     k: int, time: Floats, gap: Bools, rate: Floats, force: Floats, p_time: float, p_rate: float, p_force: float,
     around: Floats, low: NDArray[np.int64], spread: Floats,

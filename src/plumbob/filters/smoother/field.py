@@ -7,8 +7,8 @@ from typing import Final, Self
 
 import numpy as np
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps
 from plumbob.filters.smoother.inertial import PIECE, Inertial
 from plumbob.filters.smoother.keyframes import Bools, Keyframes
@@ -51,11 +51,11 @@ IGNORED: Final = 1e-4
 """A weight below this is none."""
 
 
-@njit
-def on_earth(level: float | Floats, vertical: float | Floats) -> bool | Bools:
-    """Whether the field of any place may have these parts, µT."""
-    size = np.hypot(level, vertical)
-    return (level < MOST_LEVEL) & (size > WEAKEST) & (size < STRONGEST)
+@kernel
+def on_earth(level: float, vertical: float) -> bool:
+    """Whether the field of any place may have these parts, µT; also of arrays through ``.py_func``."""
+    size2 = level * level + vertical * vertical
+    return (level < MOST_LEVEL) & (size2 > WEAKEST * WEAKEST) & (size2 < STRONGEST * STRONGEST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ def reference_of(
     level, up = np.hypot(field[:, 0], field[:, 1]), field[:, 2]
     turning, resting = times_seen(frames, seen.resting, seen.sweep.bias[1:])
     weight = turning + resting
-    usable = np.isfinite(level) & ~doubtful & (weight > 0.0) & on_earth(level, up)
+    usable = np.isfinite(level) & ~doubtful & (weight > 0.0) & on_earth.py_func(level, up)  # type: ignore[arg-type]  # whole arrays
     if not usable.any():
         return None
     points, weight = np.stack((level[usable], up[usable]), axis=1), weight[usable]
@@ -210,7 +210,7 @@ def _mode_of(points: Floats, weight: Floats, sharpness: float) -> Floats:
     return found
 
 
-@njit
+@kernel
 def mode(points: Floats, weight: Floats, stride: int, sharpness: float) -> int:
     """Place of the point, of every so many, near which most of the weight lies."""
     best, most = 0, -1.0
@@ -365,7 +365,7 @@ def _followed(dt: Floats, angle: Floats, trust: Floats, gap: Bools) -> Floats:
     return out
 
 
-@njit
+@kernel
 def follow(
     dt: Floats, angle: Floats, trust: Floats, gap: Bools, rate_sd: float, walk: float, noise: float, look: float,
     kept: Floats, out: Floats,

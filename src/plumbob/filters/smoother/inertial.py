@@ -8,9 +8,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, mean_between, path, sum_between
 from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, TH, Noise, Params, start_covariance
@@ -161,7 +161,7 @@ def _quiet(frames: Keyframes, p: Params) -> tuple[Bools, Floats, Floats]:
     return (rate_spread < p.rest_rate) & (force_spread < p.rest_force) & ~near_gap, mean, up
 
 
-@njit
+@kernel
 def farthest(values: Floats, mean: Floats, low: NDArray[np.int64], high: NDArray[np.int64], out: Floats) -> None:
     """How far values (K, 3) of a window around each, from row `low` to before row `high`, are from its mean, (K,)."""
     for k in range(out.size):
@@ -213,7 +213,8 @@ def first_rest(found: Calm, p: Params, step: Floats) -> tuple[Bools, Floats]:
     rates = mean[quiet]
     stride = max(1, len(rates) // MOST)
     tried = rates[::stride]
-    count = neighbours(rates, tried, p.rest_band)
+    count = np.zeros(len(tried), dtype=np.int64)
+    neighbours(rates, tried, p.rest_band, count)
     likely = count * np.exp(-0.5 * (found.turn[quiet][::stride] / p.bias_start) ** 2)
     bias = tried[np.argmax(likely)]
     for _ in range(3):
@@ -226,10 +227,9 @@ def first_rest(found: Calm, p: Params, step: Floats) -> tuple[Bools, Floats]:
     return resting, np.median(mean[resting], axis=0)
 
 
-@njit
-def neighbours(points: Floats, centres: Floats, within: float) -> NDArray[np.int64]:
-    """How many points (n, 3) lie within a distance of each centre (m, 3)."""
-    count = np.zeros(centres.shape[0], dtype=np.int64)
+@kernel
+def neighbours(points: Floats, centres: Floats, within: float, count: NDArray[np.int64]) -> None:
+    """Count the points (n, 3) that lie within a distance of each centre (m, 3)."""
     for i in range(centres.shape[0]):
         for j in range(points.shape[0]):
             dx, dy, dz = (
@@ -239,10 +239,9 @@ def neighbours(points: Floats, centres: Floats, within: float) -> NDArray[np.int
             )
             if dx * dx + dy * dy + dz * dz <= within * within:
                 count[i] += 1
-    return count
 
 
-@njit
+@kernel
 def leaky(dt: Floats, force: Floats, memory: float, out: Floats) -> None:
     """Half the sum of a level force integrated forward, and backward, with a memory."""
     n = dt.size

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.core.units import deg
 from plumbob.data import ImuData
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit
@@ -229,7 +229,7 @@ def mean_between(values: Floats, low: NDArray[np.int64], high: NDArray[np.int64]
     return found
 
 
-@njit
+@kernel
 def turned_by(q: Floats, rx: float, ry: float, rz: float) -> None:
     """Turn an attitude by a rotation vector in body axes."""
     e0, e1, e2, e3 = quat_exp(rx, ry, rz)
@@ -237,7 +237,7 @@ def turned_by(q: Floats, rx: float, ry: float, rz: float) -> None:
     q[0], q[1], q[2], q[3] = quat_unit(a0, a1, a2, a3)
 
 
-@njit
+@kernel
 def path(t: Floats, gyr: Floats, q: Floats) -> None:
     """Attitude at every sample by the gyroscope alone, from the identity."""
     for k in range(4):

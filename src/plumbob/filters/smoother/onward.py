@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.kernels import kernel
 from plumbob.core.units import deg
 from plumbob.filters.smoother.field import (
     APART,
@@ -110,7 +110,7 @@ class Field(NamedTuple):
         return cls(reference.level, reference.vertical, reference.spread(p), white_noise(p, reference) ** 2)
 
 
-@njit
+@kernel
 def velocity_density(learned: Floats, mean: Floats, dt: float, least: float, untold: bool) -> float:
     """Spectral density of the level velocity, m²/s, by how the body has moved up to now; a held force says nothing."""
     if untold:
@@ -127,7 +127,7 @@ def velocity_density(learned: Floats, mean: Floats, dt: float, least: float, unt
     return density_of(learned, least)
 
 
-@njit
+@kernel
 def density_of(learned: Floats, least: float) -> float:
     """The same by what is learned."""
     speed = math.sqrt(learned[SPEED2])
@@ -135,7 +135,7 @@ def density_of(learned: Floats, least: float) -> float:
     return 2.0 * lasts * max(speed, least) ** 2
 
 
-@njit
+@kernel
 def doubt(cov: Floats, all2: float, tilt2: float, heading2: float) -> None:
     """Count what is in doubt, rad², in a covariance (3, 3): the attitude, its tilt, its heading."""
     cov[0, 0] += all2 + tilt2
@@ -143,7 +143,7 @@ def doubt(cov: Floats, all2: float, tilt2: float, heading2: float) -> None:
     cov[2, 2] += all2 + heading2
 
 
-@njit
+@kernel
 def begin_anew(standing: Floats, now: float, p: Floats, learned: Floats) -> None:
     """Forget what is known of attitude and motion: any is possible."""
     standing[JUMPED] = now
@@ -153,14 +153,14 @@ def begin_anew(standing: Floats, now: float, p: Floats, learned: Floats) -> None
     learned[:] = 0.0
 
 
-@njit
+@kernel
 def unlikely_tilt(learned: Floats) -> float:
     """Variance of the tilt, rad², by a level velocity beyond the usual: it may be gravity in a wrong attitude."""
     speed2 = learned[EAST_SPEED] ** 2 + learned[NORTH_SPEED] ** 2
     return max(speed2 - FAST * FAST, 0.0) / (LEAK * G0) ** 2  # type: ignore[no-any-return]
 
 
-@njit
+@kernel
 def field_weight(mean: Floats, field: Field) -> float:
     """How far the mean field of a step is believed, 0 to 1, by size, dip and direction; as `weights` has it."""
     if mean[COUNT] == 0.0:
@@ -174,7 +174,7 @@ def field_weight(mean: Floats, field: Field) -> float:
     return 1.0 / (share * share)  # type: ignore[no-any-return]
 
 
-@njit
+@kernel
 def onward(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, first: NDArray[np.int64], gap: Bools, quiet: Bools,
     around: Floats, missed: Floats, pushed: Floats, untold: Bools, noise: Noise, field: Field,
@@ -237,7 +237,7 @@ def onward(
         word[k] = (flags.AT_REST if kind == RESTING else 0) | (flags.INCONSISTENT if end < standing[UNTIL] else 0)
 
 
-@njit
+@kernel
 def measure(
     p: Floats, now: Floats, gain: Floats, term: Floats, column: Floats, mean: Floats, dt: float, kind: int,
     learned: Floats, least_speed: float, untold: bool, noise: Noise, field: Field,
@@ -259,7 +259,7 @@ def measure(
     return weight
 
 
-@njit
+@kernel
 def forget_velocity(p: Floats, now: Floats) -> None:
     """The level velocity may be any: a held force turns with the body, and adds up to nonsense."""
     for i in (V, V + 1):
@@ -269,7 +269,7 @@ def forget_velocity(p: Floats, now: Floats) -> None:
         p[i, i] = ANY_SPEED**2
 
 
-@njit
+@kernel
 def kind_of(quiet: bool, around: Floats, now: Floats, rest_band: float) -> int:
     """Kind of a step: at rest where it ends a calm window whose mean rate is the bias."""
     off2 = 0.0
@@ -278,13 +278,13 @@ def kind_of(quiet: bool, around: Floats, now: Floats, rest_band: float) -> int:
     return RESTING if quiet and off2 < rest_band * rest_band else MOVING
 
 
-@njit
+@kernel
 def taken(other: Floats, field: Field) -> Field:
     """Another field as the one of the place."""
     return Field(math.hypot(other[OTHER], other[OTHER + 1]), other[OTHER + 2], field.spread, field.white2)
 
 
-@njit
+@kernel
 def contradicted(other: Floats, mean: Floats, dt: float, rate: float, field: Field, weight: float, again: bool) -> bool:
     """Whether the unit has turned enough in another field for that to be the one of the place."""
     if field.level == 0.0 or not on_earth(math.hypot(mean[FIELD], mean[FIELD + 1]), mean[FIELD + 2]):
@@ -297,7 +297,7 @@ def contradicted(other: Floats, mean: Floats, dt: float, rate: float, field: Fie
     return bool(other[SEEN] > STEADY and other[TURNED] > TAKES and level > LEAST_LEVEL)
 
 
-@njit
+@kernel
 def see_other(other: Floats, mean: Floats, dt: float, rate: float, field: Field) -> None:
     """Follow a field that contradicts the one of the place; one that changes is not the one that was seen before."""
     east, north, up = mean[FIELD], mean[FIELD + 1], mean[FIELD + 2]
@@ -315,7 +315,7 @@ def see_other(other: Floats, mean: Floats, dt: float, rate: float, field: Field)
         other[DOUBT] = math.atan2(other[OTHER], other[OTHER + 1])
 
 
-@njit
+@kernel
 def turn_heading_by(by: float, attitude: Floats, now: Floats, p: Floats, learned: Floats) -> None:
     """Count headings from elsewhere: turn all that has a direction about the vertical, rad."""
     c, s = math.cos(0.5 * by), math.sin(0.5 * by)
@@ -332,7 +332,7 @@ def turn_heading_by(by: float, attitude: Floats, now: Floats, p: Floats, learned
     learned[EAST_SPEED], learned[NORTH_SPEED] = c * east - s * north, s * east + c * north
 
 
-@njit
+@kernel
 def between_keyframes(
     t: Floats, gyr: Floats, first: NDArray[np.int64], early: Bools, gap: Bools, q_k: Floats, x: Floats, q: Floats,
 ) -> None:  # fmt: skip

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core import flags
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.core.errors import ShapeError
+from plumbob.core.kernels import kernel
 from plumbob.core.repeats import REMEMBERED
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.imu import TRIADS
@@ -33,7 +33,7 @@ _WRONG: Final = WRONG[0]
 _LIMITS: Final = {"gyr": IMPOSSIBLE_RATE, "acc": IMPOSSIBLE_ACCELERATION, "mag": IMPOSSIBLE_FIELD}
 
 
-@njit
+@kernel
 def go_on(
     q: Floats, x: Floats, watched: Floats, since: float, key: float, spacing: float, t: float, values: Floats,
     limits: Floats, mag: bool, turns: Floats, out: Floats,

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
-from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.params import build, describe, shown
 from plumbob.core.repeats import Repeats
@@ -154,18 +153,6 @@ class Smoother(Shown):
         if self._init is None:
             return None
         return Given(change_frame(self._init.q_nb, to=Frame.ENU, from_=self.frame), self._init.north is not North.FREE)
-
-    def warm_up(self) -> None:
-        """Compile now, so that the first recording does not wait."""
-        still = [0.0] * 3, [0.0, 0.0, G0], [0.0, 20.0, -40.0]
-        gyr, acc, mag = (np.tile(triad, (50, 1)) for triad in still)
-        for lag in ("off", "0 s"):
-            one = Smoother(frame=self.frame, params={"lag": lag})
-            one.process(ImuData(t=np.linspace(0.0, 1.0, 50), gyr=gyr, acc=acc, mag=mag))
-        stream = FixedLag(frame=self.frame)
-        for k in range(50):
-            stream.update(ImuSample(20_000_000 * k, *still))
-        stream.reset()
 
     def process(self, data: ImuData, *, progress: Callable[[int], None] | None = None) -> AttitudeTrack:
         """Attitude, bias and covariance at every sample of a recording.

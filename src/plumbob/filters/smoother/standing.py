@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 from plumbob.core.units import deg
 from plumbob.filters.smoother.keyframes import turned_by
 from plumbob.filters.smoother.model import SIZE, TH, B, V
@@ -49,7 +49,7 @@ def fresh() -> Floats:
     return state
 
 
-@njit
+@kernel
 def means(acc: Floats, mag: Floats, begin: int, end: int, out: Floats) -> None:
     """Mean force and field of the samples behind `begin`, up to and with `end`; NaN without any."""
     for axis in range(3):
@@ -63,7 +63,7 @@ def means(acc: Floats, mag: Floats, begin: int, end: int, out: Floats) -> None:
         out[3 + axis] = field / count if count else math.nan
 
 
-@njit
+@kernel
 def moved(state: Floats, at: int) -> tuple[float, float]:
     """Squares of the angles, rad, by which a direction should have moved, and by which it did."""
     size2, off2 = 0.0, 0.0
@@ -80,7 +80,7 @@ def moved(state: Floats, at: int) -> tuple[float, float]:
     return expected2 / size2, off2 / size2
 
 
-@njit
+@kernel
 def stands(state: Floats, seen: Floats, rate: Floats, dt: float, now: float) -> float:
     """Compare mean force and field of a step, the first six of `seen`, with a turn at a rate (3,).
 
@@ -111,7 +111,7 @@ def stands(state: Floats, seen: Floats, rate: Floats, dt: float, now: float) -> 
     return 0.0
 
 
-@njit
+@kernel
 def take_bias(state: Floats, time: float, attitude: Floats, x: Floats, p: Floats, band: float, before: float) -> None:
     """Take the rate for the bias, known to a band, rad/s; what was turned by it goes back.
 

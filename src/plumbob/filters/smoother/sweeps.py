@@ -15,9 +15,9 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.kernels import kernel
 from plumbob.filters.smoother.keyframes import Keyframes, turned_by
 from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, Noise, V
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rows
@@ -61,7 +61,7 @@ REST_JITTER: Final = 1e-10
 """Variance that the attitude gains at rest, rad²/s."""
 
 
-@njit
+@kernel
 def corrected_by(q: Floats, rx: float, ry: float, rz: float) -> None:
     """Turn an attitude by a rotation vector in navigation axes."""
     e0, e1, e2, e3 = quat_exp(rx, ry, rz)  # [Sola2017] sec. 7
@@ -69,14 +69,14 @@ def corrected_by(q: Floats, rx: float, ry: float, rz: float) -> None:
     q[0], q[1], q[2], q[3] = quat_unit(a0, a1, a2, a3)
 
 
-@njit
+@kernel
 def correct(attitude: Floats, now: Floats) -> None:
     """Take the error of the attitude into it."""
     corrected_by(attitude, now[TH], now[TH + 1], now[TH + 2])
     now[TH], now[TH + 1], now[TH + 2] = 0.0, 0.0, 0.0
 
 
-@njit
+@kernel
 def corrected_rate(x: Floats, gx: float, gy: float, gz: float) -> tuple[float, float, float]:
     """Rate without bias, scale and misalignment."""
     return (
@@ -86,7 +86,7 @@ def corrected_rate(x: Floats, gx: float, gy: float, gz: float) -> tuple[float, f
     )
 
 
-@njit
+@kernel
 def integrate(
     i: int, last: int, t: Floats, gyr: Floats, acc: Floats, mag: Floats, kind: int, q: Floats, x: Floats,
     f: Floats, mean: Floats,
@@ -133,7 +133,7 @@ def integrate(
     return acceleration2
 
 
-@njit
+@kernel
 def turn_of(f: Floats, i: int, dt: float, r0: float, r1: float, r2: float, gx: float, gy: float, gz: float) -> None:
     """Row i of what errors of the gyroscope do to the attitude: θ' = −R (δb + δM ω), [Sola2017] sec. 5.3."""
     r0, r1, r2 = dt * r0, dt * r1, dt * r2
@@ -152,7 +152,7 @@ def turn_of(f: Floats, i: int, dt: float, r0: float, r1: float, r2: float, gx: f
     f[scaled + 8] += r2 * gz
 
 
-@njit
+@kernel
 def propagate_velocity(p: Floats, f: Floats) -> None:
     """P ← F P Fᵀ of v ← v + lift (θ_y, −θ_x) − R δa: a wrong tilt takes gravity for an acceleration, a bias too."""
     lift = f[LIFT]
@@ -164,7 +164,7 @@ def propagate_velocity(p: Floats, f: Floats) -> None:
         p[j, V + 1] -= lift * p[j, TH] + f[TURN + 3] * p[j, A] + f[TURN + 4] * p[j, A + 1] + f[TURN + 5] * p[j, A + 2]
 
 
-@njit
+@kernel
 def propagate_attitude(p: Floats, f: Floats) -> None:
     """P ← F P Fᵀ of θ ← θ − R (δb + δM ω)."""
     for i in range(3):
@@ -182,7 +182,7 @@ def propagate_attitude(p: Floats, f: Floats) -> None:
             p[j, TH + i] = c
 
 
-@njit
+@kernel
 def start_again(p: Floats, p0: Floats, x: Floats) -> None:
     """Forget attitude and velocity, and nothing else."""
     for i in (TH, TH + 1, TH + 2, V, V + 1):
@@ -192,7 +192,7 @@ def start_again(p: Floats, p0: Floats, x: Floats) -> None:
     x[V], x[V + 1] = 0.0, 0.0
 
 
-@njit
+@kernel
 def predict(
     p: Floats, now: Floats, f: Floats, mean: Floats, spread2: float, missed: float, pushed: float, noise: Noise
 ) -> None:
@@ -213,7 +213,7 @@ def predict(
     p[V + 1, V + 1] += shake
 
 
-@njit
+@kernel
 def fade(p: Floats, x: Floats, by: float, var: float) -> None:
     """Let the deflection of the field go back to none: first-order Gauss–Markov."""
     for j in range(SIZE):
@@ -224,7 +224,7 @@ def fade(p: Floats, x: Floats, by: float, var: float) -> None:
     p[BEND, BEND] += var * (1.0 - by * by)
 
 
-@njit
+@kernel
 def update(p: Floats, x: Floats, gain: Floats, term: Floats, column: Floats, residual: float, s: float) -> None:
     """State and covariance by a scalar whose column P Hᵀ and innovation variance are given; keeps what goes back."""
     s = max(s, residual * residual / HUBER)
@@ -239,7 +239,7 @@ def update(p: Floats, x: Floats, gain: Floats, term: Floats, column: Floats, res
     term[RESIDUAL], term[INVERSE] = residual, inverse
 
 
-@njit
+@kernel
 def update_one(
     p: Floats, x: Floats, gain: Floats, term: Floats, column: Floats, i: int, residual: float, var: float
 ) -> None:
@@ -249,14 +249,14 @@ def update_one(
     update(p, x, gain, term, column, residual, column[i] + var)
 
 
-@njit
+@kernel
 def zero_velocity_update(p: Floats, x: Floats, gain: Floats, term: Floats, column: Floats, var: float) -> None:
     """The level velocity is zero, but for what the body moves."""
     for i in range(2):
         update_one(p, x, gain[EAST + i], term[EAST + i], column, V + i, -x[V + i], var)
 
 
-@njit
+@kernel
 def zero_rate_update(
     p: Floats, x: Floats, gain: Floats, term: Floats, column: Floats, mean: Floats, dt: float, var: float
 ) -> None:
@@ -265,7 +265,7 @@ def zero_rate_update(
         update_one(p, x, gain[RATE + i], term[RATE + i], column, B + i, mean[RAW + i] / dt - x[B + i], var)
 
 
-@njit
+@kernel
 def heading_update(p: Floats, x: Floats, gain: Floats, term: Floats, column: Floats, mean: Floats, var: float) -> None:
     """Heading by the direction of the mean field in navigation axes; its deflection shares the innovation.
 
@@ -284,7 +284,7 @@ def heading_update(p: Floats, x: Floats, gain: Floats, term: Floats, column: Flo
     update(p, x, gain[HEADING], term[HEADING], column, angle, column[TH + 2] + column[BEND] + var)
 
 
-@njit
+@kernel
 def forward(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, first: NDArray[np.int64], kind: NDArray[np.int64],
     missed: Floats, pushed: Floats, density: Floats, heading_var: Floats, q_start: Floats, p0: Floats, noise: Noise,
@@ -326,7 +326,7 @@ def forward(
         keep(k + 1, attitude, now, p, q, x, cov)
 
 
-@njit
+@kernel
 def keep(k: int, attitude: Floats, now: Floats, p: Floats, q: Floats, x: Floats, cov: Floats) -> None:
     """Write down what is known at a keyframe; of the covariance as many of the first states as there is room for."""
     for i in range(4):
@@ -338,7 +338,7 @@ def keep(k: int, attitude: Floats, now: Floats, p: Floats, q: Floats, x: Floats,
             cov[k, i, j] = p[i, j]
 
 
-@njit
+@kernel
 def back_through(lam: Floats, big: Floats, y: Floats, gain: Floats, term: Floats, first: int, second: int) -> None:
     """λ and Λ before a scalar measurement of one state, or of the sum of two, from those after it."""
     inverse = term[INVERSE]
@@ -368,7 +368,7 @@ def back_through(lam: Floats, big: Floats, y: Floats, gain: Floats, term: Floats
         big[second, first] += known
 
 
-@njit
+@kernel
 def back_over_attitude(lam: Floats, big: Floats, f: Floats) -> None:
     """λ ← Fᵀ λ and Λ ← Fᵀ Λ F of θ ← θ − R (δb + δM ω)."""
     for i in range(3):
@@ -386,7 +386,7 @@ def back_over_attitude(lam: Floats, big: Floats, f: Floats) -> None:
                 big[j, M + m] -= f[scaled + m] * c
 
 
-@njit
+@kernel
 def back_over_velocity(lam: Floats, big: Floats, f: Floats) -> None:
     """λ ← Fᵀ λ and Λ ← Fᵀ Λ F of v ← v + lift (θ_y, −θ_x) − R δa."""
     lift = f[LIFT]
@@ -408,7 +408,7 @@ def back_over_velocity(lam: Floats, big: Floats, f: Floats) -> None:
             big[j, A + m] -= f[TURN + m] * vx + f[TURN + 3 + m] * vy
 
 
-@njit
+@kernel
 def back_over(lam: Floats, big: Floats, f: Floats) -> None:
     """From behind a step to before it; where the attitude started again, nothing of it and the velocity passes."""
     lam[BEND] *= f[FADE]
@@ -427,7 +427,7 @@ def back_over(lam: Floats, big: Floats, f: Floats) -> None:
     back_over_velocity(lam, big, f)
 
 
-@njit
+@kernel
 def smooth_state(k: int, lam: Floats, q: Floats, x: Floats, cov: Floats, d: Floats, q_s: Floats, x_s: Floats) -> None:
     """Attitude and the first states of the whole recording: x − P λ."""
     for i in range(KEPT):
@@ -440,7 +440,7 @@ def smooth_state(k: int, lam: Floats, q: Floats, x: Floats, cov: Floats, d: Floa
     corrected_by(q_s[k], d[TH], d[TH + 1], d[TH + 2])
 
 
-@njit
+@kernel
 def smooth_covariance(cov: Floats, big: Floats, product: Floats, out: Floats) -> None:
     """Covariance of attitude and bias of the whole recording: P − P Λ P."""
     for i in range(6):
@@ -458,7 +458,7 @@ def smooth_covariance(cov: Floats, big: Floats, product: Floats, out: Floats) ->
             out[i, j], out[j, i] = s, s
 
 
-@njit
+@kernel
 def backward(
     q: Floats, x: Floats, cov: Floats, gain: Floats, term: Floats, step: Floats, lam: Floats, big: Floats,
     q_s: Floats, x_s: Floats, cov_s: Floats,
@@ -476,7 +476,7 @@ def backward(
             back_to_the_last(lam, big, y, gain[k - 1], term[k - 1], step[k - 1])
 
 
-@njit
+@kernel
 def back_to_the_last(lam: Floats, big: Floats, y: Floats, gain: Floats, term: Floats, f: Floats) -> None:
     """From behind the measurements of a keyframe to behind those of the one before, last first."""
     if term[HEADING, INVERSE] > 0.0:

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core import check
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.kernels import kernel
 
 Parts = list[tuple[float, float]]
 """Intervals, first and end."""
@@ -158,7 +158,7 @@ with the same second differences."""
 _CELL: Final = 256
 
 
-@njit
+@kernel
 def distances(x: Floats, typical: Floats, largest: Floats, place: Floats) -> None:
     """Distances of samples from the median of themselves and their neighbours, for each cell.
 
@@ -266,7 +266,7 @@ FEWEST_CHANGES: Final = 8
 _RUN, _RISES, _FALLS, _EQUAL, _FOUND = range(5)
 
 
-@njit
+@kernel
 def follow(x: Floats, state: Floats, ends: Floats, lengths: Floats) -> None:
     """Runs of equal neighbours that end within `x`.
 
@@ -360,7 +360,7 @@ _GAUSSIAN: Final = 4
 """Averages over fewer samples are not Gaussian: the running median takes the middle out of noise, not its tails."""
 
 
-@njit
+@kernel
 def median_of_three(x: Floats, out: Floats) -> None:
     """Running median: out[i] is the one of x[i], x[i + 1], x[i + 2]."""
     for i in range(out.shape[0]):
@@ -368,7 +368,7 @@ def median_of_three(x: Floats, out: Floats) -> None:
         out[i] = max(min(a, b), min(max(a, b), c))
 
 
-@njit
+@kernel
 def bend_energies(x: Floats, hop: int, total: Floats, largest: Floats) -> None:
     """Sums and largest of squared second differences, `hop` of them for each number of `total` and `largest`."""
     for i in range(total.shape[0]):

@@ -9,11 +9,10 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps, g
 from plumbob.data import ImuData
 from plumbob.rotations.kernels import quat_mul
@@ -138,60 +137,78 @@ def literal(imu: ImuData, acc_sd: Floats | float = ACC_SD, form: Form | None = N
         Samples at rest at the begin whose mean gives the first attitude.
     """
     form = form or Form()
-    kind: type[np.floating] = np.float32 if form.single else np.float64
     assert imu.gyr is not None
     assert imu.acc is not None
     roll, pitch = level_angles(-imu.acc[:rest].mean(axis=0, keepdims=True))
     (cr, sr), (cp, sp) = ((math.cos(0.5 * a), math.sin(0.5 * a)) for a in (float(roll[0]), float(pitch[0])))
-    x = np.array([cr * cp, sr * cp, cr * sp, -sr * sp, 0.0, 0.0, 0.0], dtype=kind)
+    x = np.array([cr * cp, sr * cp, cr * sp, -sr * sp, 0.0, 0.0, 0.0])
     angle, bias = START
-    p = np.diag([0.25 * angle**2] * 4 + [bias**2] * 3).astype(kind)
+    p = np.diag([0.25 * angle**2] * 4 + [bias**2] * 3)
     q_nb, length = np.empty((len(imu), 4)), np.empty(len(imu))
     dt = (imu.t[-1] - imu.t[0]) / (len(imu) - 1)
     var = np.broadcast_to(np.asarray(acc_sd, dtype=np.float64) ** 2, len(imu)).copy()
     filtered(
         x, p, imu.gyr, imu.acc, var, dt, GYRO_NOISE**2 * dt, BIAS_WALK**2 * dt, form.predicted, form.half_angle,
-        form.specific_force, form.normalised, form.joseph, form.carried, q_nb, length,
+        form.specific_force, form.normalised, form.joseph, form.carried, form.single, q_nb,
+        length,
     )  # fmt: skip
-    return Run(q_nb, length, p.astype(np.float64))
+    return Run(q_nb, length, p)
 
 
-@njit
+@kernel
 def filtered(
-    x: NDArray[np.floating], p: NDArray[np.floating], gyr: Floats, acc: Floats, var: Floats, dt: float,
+    x: Floats, p: Floats, gyr: Floats, acc: Floats, var: Floats, dt: float,
     angle_var: float, walk_var: float, predicted: bool, half_angle: bool, specific_force: bool, normalised: bool,
-    joseph: bool, carried: bool, q_nb: Floats, length: Floats,
+    joseph: bool, carried: bool, single: bool, q_nb: Floats, length: Floats,
 ) -> None:  # fmt: skip
     """Take all samples; x (7,) and p (7, 7) are the state, q_nb (N, 4) and length (N,) what comes out."""
     phi, h, ph, k, left = np.zeros((7, 7)), np.zeros((3, 7)), np.zeros((7, 3)), np.zeros((7, 3)), np.zeros((7, 7))
     work, s, inverse, e = np.zeros((7, 7)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
+    store(x, p, single)
     for n in range(gyr.shape[0]):
         if n > 0:
             set_transition(phi, x, gyr[n, 0] - x[4], gyr[n, 1] - x[5], gyr[n, 2] - x[6], dt)
             if predicted:  # departs from [Li2012]: P⁻ = ΦPΦᵀ + Q
                 sandwich(phi, p, work)
+                store(x, p, single)
                 add_noise(p, x, angle_var, walk_var)
             turn(x, dt * (gyr[n, 0] - x[4]), dt * (gyr[n, 1] - x[5]), dt * (gyr[n, 2] - x[6]), half_angle)
+            store(x, p, single)
         q0, q1, q2, q3 = float(x[0]), float(x[1]), float(x[2]), float(x[3])
         sign = -1.0 if specific_force else 1.0  # departs from [Li2012] (11): the sign of specific force
         set_observation(h, e, x, acc[n, 0], acc[n, 1], acc[n, 2], sign)
         gain(p, h, var[n], ph, s, inverse, k)
         for i in range(7):
             x[i] += k[i, 0] * e[0] + k[i, 1] * e[1] + k[i, 2] * e[2]  # [Li2012] step (5)
+        store(x, p, single)
         shrink(p, k, h, var[n], joseph, left, work)
+        store(x, p, single)
         size = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3])
         length[n] = size
         for i in range(4):
             q_nb[n, i] = x[i] / size
             if normalised:  # departs from [Li2012]: normalised
                 x[i] = x[i] / size
+        store(x, p, single)
         if carried:  # departs from [Li2012]: P goes with the quaternion
-            set_turn(phi, *quat_mul(q0, -q1, -q2, -q3, x[0], x[1], x[2], x[3]))
+            e0, e1, e2, e3 = quat_mul(q0, -q1, -q2, -q3, x[0], x[1], x[2], x[3])
+            set_turn(phi, e0, e1, e2, e3)
             sandwich(phi, p, work)
+            store(x, p, single)
 
 
-@njit
-def set_transition(phi: Floats, x: NDArray[np.floating], wx: float, wy: float, wz: float, dt: float) -> None:
+@kernel
+def store(x: Floats, p: Floats, single: bool) -> None:
+    """Round state and covariance to single precision, where they are kept so."""
+    if single:
+        for i in range(7):
+            x[i] = float(np.float32(x[i]))
+            for j in range(7):
+                p[i, j] = float(np.float32(p[i, j]))
+
+
+@kernel
+def set_transition(phi: Floats, x: Floats, wx: float, wy: float, wz: float, dt: float) -> None:
     """Set Φ as `transition` has it."""
     half = 0.5 * dt
     for i in range(7):
@@ -206,7 +223,7 @@ def set_transition(phi: Floats, x: NDArray[np.floating], wx: float, wy: float, w
     phi[0, 6], phi[1, 6], phi[2, 6], phi[3, 6] = half * x[3], -half * x[2], half * x[1], -half * x[0]
 
 
-@njit
+@kernel
 def set_turn(phi: Floats, e0: float, e1: float, e2: float, e3: float) -> None:
     """Set (7, 7) to what a turn by e does with the covariance: q ⊗ e for the quaternion."""
     for i in range(7):
@@ -218,8 +235,8 @@ def set_turn(phi: Floats, e0: float, e1: float, e2: float, e3: float) -> None:
     phi[3, 0], phi[3, 1], phi[3, 2], phi[3, 3] = e3, e2, -e1, e0
 
 
-@njit
-def sandwich(a: Floats, p: NDArray[np.floating], work: Floats) -> None:
+@kernel
+def sandwich(a: Floats, p: Floats, work: Floats) -> None:
     """Set p to a p aᵀ, all (7, 7)."""
     for i in range(7):
         for j in range(7):
@@ -236,8 +253,8 @@ def sandwich(a: Floats, p: NDArray[np.floating], work: Floats) -> None:
             p[j, i] = total
 
 
-@njit
-def add_noise(p: NDArray[np.floating], x: NDArray[np.floating], angle_var: float, walk_var: float) -> None:
+@kernel
+def add_noise(p: Floats, x: Floats, angle_var: float, walk_var: float) -> None:
     """Add Q: ¼ angle_var Ξ Ξᵀ for the quaternion, walk_var for the bias."""
     size = x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3]
     for i in range(4):
@@ -247,8 +264,8 @@ def add_noise(p: NDArray[np.floating], x: NDArray[np.floating], angle_var: float
         p[i, i] += walk_var
 
 
-@njit
-def turn(x: NDArray[np.floating], wx: float, wy: float, wz: float, half_angle: bool) -> None:
+@kernel
+def turn(x: Floats, wx: float, wy: float, wz: float, half_angle: bool) -> None:
     """Turn q by W, rad."""
     size = math.sqrt(wx * wx + wy * wy + wz * wz)
     angle = 0.5 * size if half_angle else size  # departs from [Li2012] (10): the half angle, which it lacks
@@ -257,10 +274,8 @@ def turn(x: NDArray[np.floating], wx: float, wy: float, wz: float, half_angle: b
     x[0], x[1], x[2], x[3] = quat_mul(x[0], x[1], x[2], x[3], c, s * wx, s * wy, s * wz)  # [Li2012] (10)
 
 
-@njit
-def set_observation(
-    h: Floats, e: Floats, x: NDArray[np.floating], ax: float, ay: float, az: float, sign: float
-) -> None:
+@kernel
+def set_observation(h: Floats, e: Floats, x: Floats, ax: float, ay: float, az: float, sign: float) -> None:
     """Set H as `observation` has it, and the innovation; `sign` −1 is that of specific force."""
     q0, q1, q2, q3 = float(x[0]), float(x[1]), float(x[2]), float(x[3])
     g2 = 2.0 * sign * G0
@@ -272,8 +287,8 @@ def set_observation(
     e[2] = az - 0.5 * g2 * (q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3)
 
 
-@njit
-def gain(p: NDArray[np.floating], h: Floats, var: float, ph: Floats, s: Floats, inverse: Floats, k: Floats) -> None:
+@kernel
+def gain(p: Floats, h: Floats, var: float, ph: Floats, s: Floats, inverse: Floats, k: Floats) -> None:
     """Set K to P⁻Hᵀ(HP⁻Hᵀ + R)⁻¹."""
     for i in range(7):
         for j in range(3):
@@ -296,8 +311,8 @@ def gain(p: NDArray[np.floating], h: Floats, var: float, ph: Floats, s: Floats, 
             k[i, j] = total / det  # [Li2012] step (4)
 
 
-@njit
-def shrink(p: NDArray[np.floating], k: Floats, h: Floats, var: float, joseph: bool, left: Floats, work: Floats) -> None:
+@kernel
+def shrink(p: Floats, k: Floats, h: Floats, var: float, joseph: bool, left: Floats, work: Floats) -> None:
     """Set P to (I−KH)P⁻, or by Joseph's form."""
     for i in range(7):
         for j in range(7):

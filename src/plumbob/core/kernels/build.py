@@ -1,0 +1,147 @@
+"""Make the extension ``plumbob._kernels`` beside the package: C of the kernels, one object for each room."""
+
+import contextlib
+import hashlib
+import importlib.abc
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from plumbob.core.kernels import CHECKOUT, PACKAGE, STAMP, hash_of
+
+FLAGS = (
+    "-O3", "-std=c99", "-fPIC", "-fwrapv", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math",
+    "-fvisibility=hidden",
+)  # fmt: skip
+"""No contraction of products and sums and nothing beyond the baseline processor: the same bits everywhere. Nobody reads
+errno or the processor's floating-point flags."""
+LIBRARIES = ("scipy", "pyarrow", "platformdirs", "rich", "mcap", "serial")
+"""What modules with kernels import and kernels do without; where one is missing, an empty one stands for it."""
+NAME = f"_kernels.{'pyd' if os.name == 'nt' else 'abi3.so'}"
+
+
+class BuildError(Exception):
+    """No extension could be made."""
+
+
+def compiler() -> list[str]:
+    """Words that call a C compiler: the one that CC names, the system's, or zig's from PyPI; empty where none is."""
+    if named := os.environ.get("CC"):
+        return named.split()
+    for one in ("cc", "gcc", "clang"):
+        if shutil.which(one):
+            return [one]
+    return [sys.executable, "-m", "ziglang", "cc"] if find_spec("ziglang") else []
+
+
+class _Absent(ModuleType):
+    """Stands for a library that is not there while Plumbob is built: no kernel needs one but NumPy."""
+
+    __path__ = ()  # type: ignore[assignment]
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return type(name, (), {"__class_getitem__": classmethod(lambda cls, item: cls)})
+
+
+class _Absence(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+        return ModuleSpec(fullname, self, is_package=True) if fullname.partition(".")[0] in LIBRARIES else None
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        return _Absent(spec.name)
+
+    def exec_module(self, module: ModuleType) -> None:
+        pass
+
+
+@contextlib.contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Let one process at a time build."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / ".lock").open("w") as lock:
+        if sys.platform != "win32":
+            import fcntl
+
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def build(folder: Path | None = None) -> Path:
+    """Make the extension, and only what has changed of it.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        For C and objects; by default ``build/kernels`` of a checkout, or a temporary one.
+
+    Raises
+    ------
+    BuildError
+        Without a compiler, or if it fails.
+    UnsupportedError
+        If a kernel is not in the subset.
+    """
+    if folder is None and (CHECKOUT / "pyproject.toml").is_file():
+        folder = CHECKOUT / "build" / "kernels"
+    if folder is None:
+        with tempfile.TemporaryDirectory() as place:
+            return build(Path(place))
+    words = compiler()
+    if not words:
+        raise BuildError("There is no C compiler. Install one, or ziglang from PyPI.")
+    absence = _Absence()
+    sys.meta_path.append(absence)
+    try:
+        from plumbob.core.kernels import emit
+
+        emit.kernels()
+    finally:
+        sys.meta_path.remove(absence)
+    with alone(folder):
+        files = list(emit.write(folder))
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            objects = list(pool.map(lambda file: compiled(words, file), sorted(files, key=_size, reverse=True)))
+        target, made = PACKAGE / NAME, folder / NAME
+        link = ["-undefined", "dynamic_lookup"] if sys.platform == "darwin" else []
+        _run([*words, "-shared", *link, "-o", str(made), *map(str, objects), "-lm"])
+        shutil.copy(made, target.with_name(f".{NAME}.tmp"))
+        target.with_name(f".{NAME}.tmp").replace(target)
+        sources = emit.sources()
+        STAMP.write_text(json.dumps({"hash": hash_of(sources), "files": sources}, indent=0), encoding="utf-8")
+    return target
+
+
+def _size(file: Path) -> int:
+    return file.stat().st_size
+
+
+def compiled(words: list[str], file: Path) -> Path:
+    """Object of a file of C, made again where the C, a header or the compiler is another."""
+    content = [path.read_bytes() for path in (file, *sorted(file.parent.glob("*.h")))]
+    mark = hashlib.sha256(b"".join(content) + repr((words, FLAGS)).encode()).hexdigest()[:16]
+    target = file.with_name(f"{file.stem}-{mark}.o")
+    if not target.is_file():
+        for old in file.parent.glob(f"{file.stem}-*.o"):
+            old.unlink()
+        part = target.with_suffix(".part")
+        _run([*words, *FLAGS, "-c", str(file), "-o", str(part)])
+        part.replace(target)
+    return target
+
+
+def _run(words: list[str]) -> None:
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise BuildError(f"{' '.join(words[:3])} … ended with {done.returncode}:\n{done.stderr[-4000:]}")

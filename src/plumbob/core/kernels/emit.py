@@ -1,0 +1,193 @@
+"""All kernels of the package as C, a file for each room, with the functions by which Python calls them."""
+
+import ast
+from collections import defaultdict
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+from plumbob.core.kernels import PACKAGE, Kernel, bare, key_of
+from plumbob.core.kernels.sources import kernel_function, name_in_c, room_of
+from plumbob.core.kernels.translate import Translator, order, typed, writes
+from plumbob.core.kernels.types import DOUBLE, INTEGER, NOTHING, TRUTH, Array, Several, Type, UnsupportedError
+
+HERE = Path(__file__).parent
+KINDS = {"f64": "d", "i64": "lq", "u64": "LQ", "u32": "IL", "u8": "B", "truth": "?"}
+HEAD = """/* Made by plumbob.core.kernels of the Python in plumbob/{room}. */
+#include "python.h"
+#include "kernels.h"
+#include "door.h"
+"""
+
+
+def kernels() -> list[Kernel[..., Any]]:
+    """Every kernel of the package, and those that its modules say they specialise."""
+    found: dict[int, Kernel[..., Any]] = {}
+    package = PACKAGE
+    for file in sorted(package.rglob("*.py")):
+        if "@kernel" not in file.read_text(encoding="utf-8"):
+            continue
+        name = ".".join(("plumbob", *file.relative_to(package).with_suffix("").parts))
+        module = import_module(name)
+        specialised = module.specialised() if hasattr(module, "specialised") else []
+        for value in (*vars(module).values(), *specialised):
+            if isinstance(value, Kernel) and value is not bare:
+                found.setdefault(id(value), value)
+    return list(found.values())
+
+
+def rooms() -> dict[str, list[FunctionType]]:
+    """Functions of all kernels by room."""
+    found: dict[str, dict[str, FunctionType]] = defaultdict(dict)
+    for kernel in kernels():
+        func = kernel_function(kernel)
+        found[room_of(func)].setdefault(name_in_c(func), func)
+    for func in (func for funcs in found.values() for func in funcs.values()):
+        typed(func)  # all that is known of the fields of named tuples, before any is written
+    typed.cache_clear()
+    return {room: list(funcs.values()) for room, funcs in sorted(found.items())}
+
+
+def unit(room: str, funcs: list[FunctionType]) -> str:
+    """One file of C."""
+    parts = list(order(funcs))
+    structs: dict[str, Several] = {}
+    for part in parts:
+        structs |= part.structs
+    entries = [door(part) for part in parts if part.func in set(funcs)]
+    table = "\n".join(f'    {{"{key}", (PyCFunction)(void (*)(void))door_{name}, METH_FASTCALL, NULL}},'
+                      for name, key, _ in entries)  # fmt: skip
+    return "\n".join([
+        HEAD.format(room=room),
+        *(one.declaration() for one in structs.values()),
+        *("\n" + part.written for part in parts),
+        *("\n" + text for _, _, text in entries),
+        f"\nPyMethodDef kernels_of_{room}[] = {{\n{table}\n    {{NULL, NULL, 0, NULL}},\n}};\n",
+    ])  # fmt: skip
+
+
+def door(part: Translator) -> tuple[str, str, str]:
+    """Name, key and C of the function by which Python calls a kernel."""
+    key, written = key_of(part.func), writes(part.func)
+    if (count := sum(map(arrays, part.parameters.values()))) > 64:
+        raise UnsupportedError(f"{key} takes {count} arrays, and the door holds 64")
+    lines, names = [], []
+    for at, kind in enumerate(part.parameters.values()):
+        lines.append(f"    {kind} a{at} = {{0}};")
+        names.append(f"a{at}")
+    lines.append("    Held held; held.open = 0;")
+    lines.append("    PyObject *answer = NULL;")
+    lines.append(f'    if (!are("{key}", {len(names)}, count)) return NULL;')
+    for at, (name, kind) in enumerate(part.parameters.items()):
+        lines += taken(f"a{at}", kind, f"args[{at}]", name in written, f"{key}, {name}")
+    call = f"{part.name}({', '.join(names)})"
+    kept, back = ("    void *thread = PyEval_SaveThread();", "    PyEval_RestoreThread(thread);")
+    if not loops(part):
+        kept = back = ""
+    lines += ["    Way_out way;", "    way_out = &way;", kept, "    if (setjmp(way.back)) {", back]
+    lines += [f'        is_outside("{key}", &way);', "        goto out;", "    }"]
+    if part.answer == NOTHING:
+        lines += [f"    {call};", back, "    answer = &_Py_NoneStruct;", "    Py_IncRef(answer);"]
+    else:
+        lines += [f"    {part.answer} found = {call};", back, f"    answer = {given('found', part.answer)};"]
+    lines += ["out:", "    let_go(&held);", "    return answer;"]
+    head = f"static PyObject *door_{part.name}(PyObject *self, PyObject *const *args, Py_ssize_t count) {{"
+    return part.name, key, "\n".join([head, "    (void)self;", *filter(None, lines), "}"])
+
+
+def arrays(kind: Type) -> int:
+    """How many arrays a value of a type is, or holds."""
+    return sum(map(arrays, kind.items)) if isinstance(kind, Several) else int(isinstance(kind, Array))
+
+
+def loops(part: Translator) -> bool:
+    """Whether a kernel may take long, so that other threads go on meanwhile."""
+    return "for (" in part.written and any(isinstance(kind, Array) for kind in part.parameters.values())
+
+
+def taken(name: str, kind: Type, source: str, written: bool, key: str) -> list[str]:
+    """C that takes an argument from Python."""
+    if isinstance(kind, Array):
+        size = f"sizeof *{name}.p"
+        return [f'    if (!take({source}, &held, "{key}", "{name}", "{KINDS[kind.item]}", {size}, {kind.axes}, '
+                f"{int(written)}, &{name}.p, &{name}.n0)) goto out;"]  # fmt: skip
+    if isinstance(kind, Several):
+        lines = []
+        for at, (field, of) in enumerate(zip(kind.fields, kind.items, strict=True)):
+            part = f"{name}_{field}".replace(".", "_")
+            lines += [f'    {{ PyObject *{part} = part_of({source}, {at}, {len(kind.items)}, "{key}");']
+            lines += [f"    if (!{part}) goto out;", *taken(f"{name}.{field}", of, part, written, key)]
+            lines += ["    }"]
+        return lines
+    return [f"    if (!take_{kind}({source}, &{name})) goto out;"]
+
+
+def given(code: str, kind: Type) -> str:
+    """C that gives a value to Python."""
+    if isinstance(kind, str):
+        makers = {DOUBLE: "PyFloat_FromDouble", INTEGER: "PyLong_FromLongLong", TRUTH: "PyBool_FromLong"}
+        return f"{makers[kind]}({code})"
+    if isinstance(kind, Several) and not any(isinstance(one, Array) for one in kind.items):
+        parts = [given(f"{code}.{field}", one) for field, one in zip(kind.fields, kind.items, strict=True)]
+        return f'Py_BuildValue("({"N" * len(parts)})", {", ".join(parts)})'
+    raise UnsupportedError(f"{kind} is not given to Python")
+
+
+def module(names: list[str]) -> str:
+    """The file that makes one extension of all rooms."""
+    tables = "\n".join(f"extern PyMethodDef kernels_of_{name}[];" for name in names)
+    added = "\n".join(f"    if (PyModule_AddFunctions(module, kernels_of_{name})) return -1;" for name in names)
+    return f"""{HEAD.format(room="all its rooms")}
+{tables}
+
+__thread Way_out *way_out;
+void outside(int64_t i, int64_t n) {{
+    way_out->i = i;
+    way_out->n = n;
+    longjmp(way_out->back, 1);
+}}
+
+static int fill(PyObject *module) {{
+{added}
+    return 0;
+}}
+
+static PyModuleDef_Slot slots[] = {{{{Py_mod_exec, (void *)fill}}, {{0, NULL}}}};
+static PyModuleDef definition = {{.base = {{1, NULL}}, .name = "_kernels", .slots = slots}};
+TO_PYTHON PyObject *PyInit__kernels(void) {{ return PyModuleDef_Init(&definition); }}
+"""
+
+
+def write(folder: Path) -> Iterator[Path]:
+    """Write the C of all rooms into a folder; a file whose text is as it was is left alone."""
+    texts, names = {}, []
+    for room, funcs in rooms().items():
+        texts[f"{room}.c"] = unit(room, funcs)
+        names.append(room)
+    texts["module.c"] = module(names)
+    for header in ("python.h", "kernels.h", "door.h"):
+        texts[header] = (HERE / header).read_text(encoding="utf-8")
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        path = folder / name
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+        if name.endswith(".c"):
+            yield path
+
+
+def sources() -> list[str]:
+    """Files of the package on which the C depends: those of kernels, what they import, and what makes C of them."""
+    package, found = PACKAGE, set()
+    for kernel in kernels():
+        file = Path(kernel_function(kernel).__code__.co_filename)
+        found.add(file)
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("plumbob."):
+                path = package.joinpath(*(node.module or "").split(".")[1:])
+                found.update(one for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file())
+                found.update(one for name in node.names if (one := path / f"{name.name}.py").is_file())
+    found.update([*HERE.glob("*.py"), *HERE.glob("*.h")])
+    return sorted(path.relative_to(package).as_posix() for path in found)
