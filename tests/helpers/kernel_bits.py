@@ -87,7 +87,7 @@ def compared(funcs):
     """The same of some kernels."""
     counts, differ = {}, []
     for func in funcs:
-        key = kernels.key_of(func)
+        key = kernels.name_in_extension(func)
         counts[key] = 0
         for seed, wild in enumerate(WILD):
             rng = np.random.default_rng(seed)

@@ -217,9 +217,9 @@ def loops_of(name: str, module: FilterModule) -> Loops:
     take = specialise(_take, f"take_{name}", step=module.step, look=seen)
     row = specialise(_row, f"row_{name}", _take=take)
     return Loops(
-        batch=specialise(_batch, f"batch_{name}", whole=True, _row=row),
+        batch=specialise(_batch, f"batch_{name}", inline=True, _row=row),
         claiming=specialise(_claiming, f"claiming_{name}", _row=row),
-        single=specialise(_single, f"single_{name}", whole=True, _take=take),
+        single=specialise(_single, f"single_{name}", inline=True, _take=take),
     )
 
 

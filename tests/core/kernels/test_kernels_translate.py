@@ -90,7 +90,7 @@ def compiled(tmp_path_factory):
     spec = importlib.util.spec_from_file_location("_kernels", folder / "_kernels.so")
     found = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(found)
-    return lambda one: getattr(found, kernels.key_of(one.py_func))
+    return lambda one: getattr(found, kernels.name_in_extension(one.py_func))
 
 
 small = st.integers(-(2**40), 2**40)

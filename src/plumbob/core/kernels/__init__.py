@@ -42,7 +42,7 @@ class Kernel(Generic[P, R]):
             return self.compiled(*args, **kwargs)
         except ValueError:
             copies = tuple(map(_in_a_row, args))
-            if all(one is other for one, other in zip(copies, args, strict=True)):
+            if all(copy is given for copy, given in zip(copies, args, strict=True)):
                 raise
         answer = self.compiled(*copies, **kwargs)
         for given, copy in zip(args, copies, strict=True):
@@ -60,8 +60,8 @@ class Kernel(Generic[P, R]):
 def _in_a_row(value: Any) -> Any:
     """An array, or those of a tuple, with numbers that stand one behind the other."""
     if isinstance(value, tuple):
-        items = [_in_a_row(one) for one in value]
-        if all(one is other for one, other in zip(items, value, strict=True)):
+        items = [_in_a_row(item) for item in value]
+        if all(item is before for item, before in zip(items, value, strict=True)):
             return value
         return type(value)(*items) if hasattr(value, "_fields") else tuple(items)
     if not hasattr(value, "flags") or value.flags.c_contiguous:
@@ -74,8 +74,8 @@ def _in_a_row(value: Any) -> Any:
 def _write_back(given: Any, copy: Any) -> None:
     """Bring what a kernel wrote into a copy to where it was given."""
     if isinstance(given, tuple):
-        for one, other in zip(given, copy, strict=True):
-            _write_back(one, other)
+        for part, copied in zip(given, copy, strict=True):
+            _write_back(part, copied)
     elif copy is not given and given.flags.writeable:
         given[...] = copy
 
@@ -99,7 +99,7 @@ bare = Kernel(_itself)
 """Numbers of an array in a row, whatever its axes: what a kernel hands to one that counts them itself."""
 
 
-def specialise(loop: Kernel[..., R], name: str, *, whole: bool = False, **kernels: Kernel[..., Any]) -> Kernel[..., R]:
+def specialise(loop: Kernel[..., R], name: str, *, inline: bool = False, **kernels: Kernel[..., Any]) -> Kernel[..., R]:
     """Return a copy of `loop` in which the given global names mean the given kernels.
 
     This is how one batch loop serves every filter without a function pointer: each filter's loop has that filter's step
@@ -111,7 +111,7 @@ def specialise(loop: Kernel[..., R], name: str, *, whole: bool = False, **kernel
         The pattern; it names its callee as a module global.
     name : str
         Name of the copy. C is made of those that `plumbob.core.kernels.emit` meets.
-    whole : bool
+    inline : bool
         Inline all that it calls, which is worth the time of a compiler for a loop that runs often.
     **kernels : Kernel
         What the globals mean.
@@ -121,7 +121,7 @@ def specialise(loop: Kernel[..., R], name: str, *, whole: bool = False, **kernel
     copy.__annotations__ = pattern.__annotations__
     copy.__qualname__ = name
     copy.__module__ = pattern.__module__
-    copy.__dict__["is_whole"] = whole
+    copy.__dict__["is_inlined"] = inline
     return Kernel(copy)
 
 
@@ -130,24 +130,24 @@ def is_plain() -> bool:
     return os.environ.get("PLUMBOB_KERNELS", "") == "python"
 
 
-def key_of(func: Callable[..., Any]) -> str:
+def name_in_extension(func: Callable[..., Any]) -> str:
     """Name of a kernel in the extension."""
     return f"{func.__module__}.{func.__qualname__}"
 
 
-def hash_of(files: list[str]) -> str:
+def content_hash(files: list[str]) -> str:
     """Hash of the content of files of the package."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for name in files:
-        found.update(name.encode() + b"\0" + (PACKAGE / name).read_bytes())
-    return found.hexdigest()
+        digest.update(name.encode() + b"\0" + (PACKAGE / name).read_bytes())
+    return digest.hexdigest()
 
 
 def is_fresh() -> bool:
     """Whether the extension was made of the sources that are there."""
     try:
         stamp = json.loads(STAMP.read_text(encoding="utf-8"))
-        return bool(hash_of(stamp["files"]) == stamp["hash"])
+        return bool(content_hash(stamp["files"]) == stamp["hash"])
     except (OSError, ValueError, KeyError):
         return False
 
@@ -188,10 +188,10 @@ def _warn(why: str) -> None:
 
 def _in_c(func: Callable[P, R]) -> Callable[P, R]:
     """A kernel's function in the extension; what it returns as a named tuple becomes one."""
-    found = getattr(extension(), key_of(func), None)
-    if found is None:
+    function = getattr(extension(), name_in_extension(func), None)
+    if function is None:
         return func
     answer = func.__annotations__.get("return")
     if isinstance(answer, type) and issubclass(answer, tuple):
-        return lambda *args, **kwargs: cast(R, answer(*found(*args, **kwargs)))
-    return cast(Callable[P, R], found)
+        return lambda *args, **kwargs: cast(R, answer(*function(*args, **kwargs)))
+    return cast(Callable[P, R], function)

@@ -5,64 +5,64 @@ import functools
 from collections.abc import Iterator
 from types import FunctionType
 
-from plumbob.core.kernels.sources import Source, source_of
+from plumbob.core.kernels.sources import KernelSource, read_source
 from plumbob.core.kernels.types import Array, Several, UnsupportedError, signature
 
 Same = list[tuple[str, str, int]]
 
 
 @functools.cache
-def axes_of(func: FunctionType) -> dict[str, int]:
+def count_axes(func: FunctionType) -> dict[str, int]:
     """Axes of each array of a kernel by its name, and of those in named tuples by 'name.field'.
 
     A subscript of k numbers has k axes; what is handed to a kernel has the axes that this one gives it.
     """
-    source = source_of(func)
-    found, least, same = seen_in(source)
-    spread(found, least, same)
+    source = read_source(func)
+    counts, least, same = seen_in(source)
+    spread(counts, least, same)
     for name, axes in least.items():
         if axes > 1:
-            found.setdefault(name, {axes})
-    for name, axes_found in found.items():
-        if len(axes_found) > 1 or max(axes_found) < least.get(name, 1):
-            raise UnsupportedError(f"{source.where(source.tree)}: {name} is indexed with {sorted(axes_found)} numbers")
-    return {name: min(axes_found) for name, axes_found in found.items()}
+            counts.setdefault(name, {axes})
+    for name, seen_counts in counts.items():
+        if len(seen_counts) > 1 or max(seen_counts) < least.get(name, 1):
+            raise UnsupportedError(f"{source.where(source.tree)}: {name} is indexed with {sorted(seen_counts)} numbers")
+    return {name: min(seen_counts) for name, seen_counts in counts.items()}
 
 
-def seen_in(source: Source) -> tuple[dict[str, set[int]], dict[str, int], Same]:
+def seen_in(source: KernelSource) -> tuple[dict[str, set[int]], dict[str, int], Same]:
     """Axes that subscripts and calls show, least axes that they show, and which names are of the same numbers."""
-    found: dict[str, set[int]] = {}
+    counts: dict[str, set[int]] = {}
     least: dict[str, int] = {}
     same: Same = []
-    views = {id(one) for call in ast.walk(source.tree) if isinstance(call, ast.Call) for one in rows(call, source)}
+    views = {id(array) for call in ast.walk(source.tree) if isinstance(call, ast.Call) for array in rows(call, source)}
     for node in ast.walk(source.tree):
         if isinstance(node, ast.Subscript) and (name := spelled(node.value)):
             if name.endswith(".shape") and isinstance(node.slice, ast.Constant):
                 of = name.removesuffix(".shape")
                 least[of] = max(least.get(of, 1), int(str(node.slice.value)) + 1)
             elif id(node) not in views and isinstance(node.slice, ast.Tuple):
-                found.setdefault(name, set()).add(len(node.slice.elts))
+                counts.setdefault(name, set()).add(len(node.slice.elts))
             elif id(node) not in views:
                 least.setdefault(name, 1)
         elif isinstance(node, ast.Call):
             for name, axes in handed(node, source):
-                found.setdefault(name, set()).add(axes)
+                counts.setdefault(name, set()).add(axes)
         elif isinstance(node, ast.Assign):
-            same += (one for target in node.targets for one in aliases(target, node.value, source))
-    return found, least, same
+            same += (alias for target in node.targets for alias in aliases(target, node.value, source))
+    return counts, least, same
 
 
-def spread(found: dict[str, set[int]], least: dict[str, int], same: Same) -> None:
+def spread(counts: dict[str, set[int]], least: dict[str, int], same: Same) -> None:
     """Let names of the same numbers know each other's axes; last, what is indexed and nothing else has one axis."""
     for turn in range(2 * len(same) + 2):
-        for one, other, more in same:
-            if turn > len(same) and one in least and one not in found and more:
-                found[one] = {least[one]}
-            for k in found.get(other, set()).copy():
+        for view, array, more in same:
+            if turn > len(same) and view in least and view not in counts and more:
+                counts[view] = {least[view]}
+            for k in counts.get(array, set()).copy():
                 if k > more:
-                    found.setdefault(one, set()).add(k - more)
-            for k in found.get(one, set()).copy():
-                found.setdefault(other, set()).add(k + more)
+                    counts.setdefault(view, set()).add(k - more)
+            for k in counts.get(view, set()).copy():
+                counts.setdefault(array, set()).add(k + more)
 
 
 def spelled(node: ast.expr) -> str:
@@ -78,11 +78,11 @@ def part(node: ast.expr) -> tuple[str, int]:
     """Whose array an expression is, and how many axes fewer it has."""
     if isinstance(node, ast.Subscript):
         indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-        return spelled(node.value), sum(not isinstance(one, ast.Slice) for one in indices)
+        return spelled(node.value), sum(not isinstance(index, ast.Slice) for index in indices)
     return spelled(node), 0
 
 
-def rows(call: ast.Call, source: Source) -> Iterator[ast.expr]:
+def rows(call: ast.Call, source: KernelSource) -> Iterator[ast.expr]:
     """Arguments of a call that are arrays."""
     callee = source.kernel(call.func)
     if callee is not None:
@@ -91,12 +91,12 @@ def rows(call: ast.Call, source: Source) -> Iterator[ast.expr]:
                 yield given
 
 
-def handed(call: ast.Call, source: Source) -> Iterator[tuple[str, int]]:
+def handed(call: ast.Call, source: KernelSource) -> Iterator[tuple[str, int]]:
     """Axes of what a call hands on, by those of the kernel's parameters."""
     callee = source.kernel(call.func)
     if callee is None:
         return
-    inner, (types, _) = axes_of(callee), signature(callee)
+    inner, (types, _) = count_axes(callee), signature(callee)
     for given, (name, kind) in zip(call.args, types.items(), strict=False):
         outer, fewer = part(given)
         if outer and isinstance(kind, Array):
@@ -107,14 +107,14 @@ def handed(call: ast.Call, source: Source) -> Iterator[tuple[str, int]]:
                     yield f"{outer}.{field}", inner[f"{name}.{field}"]
 
 
-def aliases(target: ast.expr, value: ast.expr, source: Source) -> Iterator[tuple[str, str, int]]:
+def aliases(target: ast.expr, value: ast.expr, source: KernelSource) -> Iterator[tuple[str, str, int]]:
     """Names that an assignment gives to arrays: the new one, whose it is, and how many axes it has fewer."""
     if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
-        for one, other in zip(target.elts, value.elts, strict=True):
-            yield from aliases(one, other, source)
+        for name, meant in zip(target.elts, value.elts, strict=True):
+            yield from aliases(name, meant, source)
     elif isinstance(target, ast.Tuple) and isinstance(value, ast.Name):
-        for one, field in zip(target.elts, source.fields(value.id), strict=False):
-            yield spelled(one), f"{value.id}.{field}", 0
+        for name, field in zip(target.elts, source.fields(value.id), strict=False):
+            yield spelled(name), f"{value.id}.{field}", 0
     elif isinstance(target, ast.Name) and isinstance(value, ast.Subscript | ast.Name | ast.Attribute):
         of, fewer = part(value)
         if of:

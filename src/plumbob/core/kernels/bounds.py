@@ -11,25 +11,25 @@ from collections.abc import Iterator
 
 def checked_before(loop: ast.For) -> list[ast.Subscript]:
     """Parts of arrays that each turn of a loop reads or writes, with indices that its first and last turn bound."""
-    if any(isinstance(one, ast.Break | ast.Return) for one in ast.walk(loop)):
+    if any(isinstance(inner, ast.Break | ast.Return) for inner in ast.walk(loop)):
         return []  # its last turn may never come
-    stored = [one.id for one in ast.walk(loop) if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)]
+    stored = [inner.id for inner in ast.walk(loop) if isinstance(inner, ast.Name) and isinstance(inner.ctx, ast.Store)]
     bound = set(stored)
     name = loop.target.id if isinstance(loop.target, ast.Name) and stored.count(loop.target.id) == 1 else ""
-    found = {}
+    checked = {}
     for node in sure(loop.body):
         if isinstance(node, ast.Subscript) and not names(node.value) & bound:
             indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-            if all(isinstance(one, ast.Slice) or is_line(one, name, bound) for one in indices):
-                found[ast.unparse(node)] = node
-    return list(found.values())
+            if all(isinstance(index, ast.Slice) or is_line(index, name, bound) for index in indices):
+                checked[ast.unparse(node)] = node
+    return list(checked.values())
 
 
 def sure(body: list[ast.stmt]) -> Iterator[ast.AST]:
     """What a block of statements computes whatever its conditions say."""
-    for one in body:
-        yield from parts(one)
-        if any(isinstance(inner, ast.Continue) for inner in ast.walk(one)):
+    for statement in body:
+        yield from parts(statement)
+        if any(isinstance(inner, ast.Continue) for inner in ast.walk(statement)):
             return
 
 
@@ -45,13 +45,13 @@ def parts(node: ast.AST) -> Iterator[ast.AST]:
         inner = [node.values[0]]
     elif isinstance(node, ast.Compare):
         inner = [node.left, node.comparators[0]]
-    for one in inner:
-        yield from parts(one)
+    for part in inner:
+        yield from parts(part)
 
 
 def names(node: ast.AST) -> set[str]:
     """Names in an expression."""
-    return {one.id for one in ast.walk(node) if isinstance(one, ast.Name)}
+    return {inner.id for inner in ast.walk(node) if isinstance(inner, ast.Name)}
 
 
 def is_line(node: ast.expr, name: str, bound: set[str]) -> bool:

@@ -17,14 +17,14 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from plumbob.core.kernels import CHECKOUT, PACKAGE, STAMP, hash_of
+from plumbob.core.kernels import CHECKOUT, PACKAGE, STAMP, content_hash
 
 FLAGS = (
     "-O3", "-std=c99", "-fPIC", "-fwrapv", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math",
-    "-fvisibility=hidden",
+    "-fno-builtin-pow", "-fvisibility=hidden",
 )  # fmt: skip
 """No contraction of products and sums and nothing beyond the baseline processor: the same bits everywhere. Nobody reads
-errno or the processor's floating-point flags."""
+errno or the processor's floating-point flags; a power of 2 is the library's own, and not another function's."""
 LIBRARIES = ("scipy", "pyarrow", "platformdirs", "rich", "mcap", "serial")
 """What modules with kernels import and kernels do without; where one is missing, an empty one stands for it."""
 NAME = f"_kernels.{'pyd' if os.name == 'nt' else 'abi3.so'}"
@@ -38,9 +38,9 @@ def compiler() -> list[str]:
     """Words that call a C compiler: the one that CC names, the system's, or zig's from PyPI; empty where none is."""
     if named := os.environ.get("CC"):
         return named.split()
-    for one in ("cc", "gcc", "clang"):
-        if shutil.which(one):
-            return [one]
+    for program in ("cc", "gcc", "clang"):
+        if shutil.which(program):
+            return [program]
     return [sys.executable, "-m", "ziglang", "cc"] if find_spec("ziglang") else []
 
 
@@ -119,7 +119,7 @@ def build(folder: Path | None = None) -> Path:
         shutil.copy(made, target.with_name(f".{NAME}.tmp"))
         target.with_name(f".{NAME}.tmp").replace(target)
         sources = emit.sources()
-        STAMP.write_text(json.dumps({"hash": hash_of(sources), "files": sources}, indent=0), encoding="utf-8")
+        STAMP.write_text(json.dumps({"hash": content_hash(sources), "files": sources}, indent=0), encoding="utf-8")
     return target
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
-from plumbob.core.kernels import PACKAGE, Kernel, bare, key_of
-from plumbob.core.kernels.sources import kernel_function, name_in_c, room_of
+from plumbob.core.kernels import PACKAGE, Kernel, bare, name_in_extension
+from plumbob.core.kernels.sources import kernel_function, name_in_c, room_name
 from plumbob.core.kernels.translate import Translator, order, typed, writes
 from plumbob.core.kernels.types import DOUBLE, INTEGER, NOTHING, TRUTH, Array, Several, Type, UnsupportedError
 
@@ -24,7 +24,7 @@ HEAD = """/* Made by plumbob.core.kernels of the Python in plumbob/{room}. */
 
 def kernels() -> list[Kernel[..., Any]]:
     """Every kernel of the package, and those that its modules say they specialise."""
-    found: dict[int, Kernel[..., Any]] = {}
+    by_id: dict[int, Kernel[..., Any]] = {}
     package = PACKAGE
     for file in sorted(package.rglob("*.py")):
         if "@kernel" not in file.read_text(encoding="utf-8"):
@@ -34,20 +34,20 @@ def kernels() -> list[Kernel[..., Any]]:
         specialised = module.specialised() if hasattr(module, "specialised") else []
         for value in (*vars(module).values(), *specialised):
             if isinstance(value, Kernel) and value is not bare:
-                found.setdefault(id(value), value)
-    return list(found.values())
+                by_id.setdefault(id(value), value)
+    return list(by_id.values())
 
 
 def rooms() -> dict[str, list[FunctionType]]:
     """Functions of all kernels by room."""
-    found: dict[str, dict[str, FunctionType]] = defaultdict(dict)
+    by_room: dict[str, dict[str, FunctionType]] = defaultdict(dict)
     for kernel in kernels():
         func = kernel_function(kernel)
-        found[room_of(func)].setdefault(name_in_c(func), func)
-    for func in (func for funcs in found.values() for func in funcs.values()):
+        by_room[room_name(func)].setdefault(name_in_c(func), func)
+    for func in (func for funcs in by_room.values() for func in funcs.values()):
         typed(func)  # all that is known of the fields of named tuples, before any is written
     typed.cache_clear()
-    return {room: list(funcs.values()) for room, funcs in sorted(found.items())}
+    return {room: list(funcs.values()) for room, funcs in sorted(by_room.items())}
 
 
 def unit(room: str, funcs: list[FunctionType]) -> str:
@@ -61,7 +61,7 @@ def unit(room: str, funcs: list[FunctionType]) -> str:
                       for name, key, _ in entries)  # fmt: skip
     return "\n".join([
         HEAD.format(room=room),
-        *(one.declaration() for one in structs.values()),
+        *(struct.declaration() for struct in structs.values()),
         *("\n" + part.written for part in parts),
         *("\n" + text for _, _, text in entries),
         f"\nPyMethodDef kernels_of_{room}[] = {{\n{table}\n    {{NULL, NULL, 0, NULL}},\n}};\n",
@@ -70,7 +70,7 @@ def unit(room: str, funcs: list[FunctionType]) -> str:
 
 def door(part: Translator) -> tuple[str, str, str]:
     """Name, key and C of the function by which Python calls a kernel."""
-    key, written = key_of(part.func), writes(part.func)
+    key, written = name_in_extension(part.func), writes(part.func)
     if (count := sum(map(arrays, part.parameters.values()))) > 64:
         raise UnsupportedError(f"{key} takes {count} arrays, and the door holds 64")
     lines, names = [], []
@@ -83,15 +83,15 @@ def door(part: Translator) -> tuple[str, str, str]:
     for at, (name, kind) in enumerate(part.parameters.items()):
         lines += taken(f"a{at}", kind, f"args[{at}]", name in written, f"{key}, {name}")
     call = f"{part.name}({', '.join(names)})"
-    kept, back = ("    void *thread = PyEval_SaveThread();", "    PyEval_RestoreThread(thread);")
+    leave, come_back = ("    void *thread = PyEval_SaveThread();", "    PyEval_RestoreThread(thread);")
     if not loops(part):
-        kept = back = ""
-    lines += ["    Way_out way;", "    way_out = &way;", kept, "    if (setjmp(way.back)) {", back]
+        leave = come_back = ""
+    lines += ["    Way_out way;", "    way_out = &way;", leave, "    if (setjmp(way.back)) {", come_back]
     lines += [f'        is_outside("{key}", &way);', "        goto out;", "    }"]
     if part.answer == NOTHING:
-        lines += [f"    {call};", back, "    answer = &_Py_NoneStruct;", "    Py_IncRef(answer);"]
+        lines += [f"    {call};", come_back, "    answer = &_Py_NoneStruct;", "    Py_IncRef(answer);"]
     else:
-        lines += [f"    {part.answer} found = {call};", back, f"    answer = {given('found', part.answer)};"]
+        lines += [f"    {part.answer} found = {call};", come_back, f"    answer = {given('found', part.answer)};"]
     lines += ["out:", "    let_go(&held);", "    return answer;"]
     head = f"static PyObject *door_{part.name}(PyObject *self, PyObject *const *args, Py_ssize_t count) {{"
     return part.name, key, "\n".join([head, "    (void)self;", *filter(None, lines), "}"])
@@ -129,8 +129,8 @@ def given(code: str, kind: Type) -> str:
     if isinstance(kind, str):
         makers = {DOUBLE: "PyFloat_FromDouble", INTEGER: "PyLong_FromLongLong", TRUTH: "PyBool_FromLong"}
         return f"{makers[kind]}({code})"
-    if isinstance(kind, Several) and not any(isinstance(one, Array) for one in kind.items):
-        parts = [given(f"{code}.{field}", one) for field, one in zip(kind.fields, kind.items, strict=True)]
+    if isinstance(kind, Several) and not any(isinstance(item, Array) for item in kind.items):
+        parts = [given(f"{code}.{field}", item) for field, item in zip(kind.fields, kind.items, strict=True)]
         return f'Py_BuildValue("({"N" * len(parts)})", {", ".join(parts)})'
     raise UnsupportedError(f"{kind} is not given to Python")
 
@@ -180,14 +180,16 @@ def write(folder: Path) -> Iterator[Path]:
 
 def sources() -> list[str]:
     """Files of the package on which the C depends: those of kernels, what they import, and what makes C of them."""
-    package, found = PACKAGE, set()
+    package, files = PACKAGE, set()
     for kernel in kernels():
         file = Path(kernel_function(kernel).__code__.co_filename)
-        found.add(file)
+        files.add(file)
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("plumbob."):
                 path = package.joinpath(*(node.module or "").split(".")[1:])
-                found.update(one for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file())
-                found.update(one for name in node.names if (one := path / f"{name.name}.py").is_file())
-    found.update([*HERE.glob("*.py"), *HERE.glob("*.h")])
-    return sorted(path.relative_to(package).as_posix() for path in found)
+                files.update(
+                    path_of for path_of in (path.with_suffix(".py"), path / "__init__.py") if path_of.is_file()
+                )
+                files.update(path_of for name in node.names if (path_of := path / f"{name.name}.py").is_file())
+    files.update([*HERE.glob("*.py"), *HERE.glob("*.h")])
+    return sorted(path.relative_to(package).as_posix() for path in files)

@@ -24,8 +24,9 @@ static inline int64_t py_at(int64_t i, int64_t n) {
     return i;
 }
 
-/* Long sums also in a form for processors with AVX2: the same operations, so the same bits. */
-#if defined(__x86_64__) && defined(__gnu_linux__) && (!defined(__clang__) || __clang_major__ >= 16)
+/* Long sums also in a form for processors with AVX2: the same operations, so the same bits. Not by clang: what it needs to
+   ask for the processor brings zig's own sin and cos with it, whose last bits are not those of the system's. */
+#if defined(__x86_64__) && defined(__GLIBC__) && !defined(__clang__)
 #define WIDE __attribute__((target_clones("avx2", "default")))
 #else
 #define WIDE

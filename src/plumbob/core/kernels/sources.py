@@ -14,7 +14,7 @@ from plumbob.core.kernels.types import Several, UnsupportedError, signature
 
 
 @dataclass(frozen=True)
-class Source:
+class KernelSource:
     """A kernel as it is written."""
 
     func: FunctionType
@@ -44,8 +44,8 @@ class Source:
         """Value of an expression of names of modules and numbers alone; None where it is none."""
         try:
             code = compile(ast.Expression(node), self.func.__code__.co_filename, "eval")
-            known = _Numbers(self.func.__globals__, self.func.__code__.co_varnames)
-            return eval(code, {"__builtins__": {}}, known)  # noqa: S307 - the package's own source
+            numbers = _Constants(self.func.__globals__, self.func.__code__.co_varnames)
+            return eval(code, {"__builtins__": {}}, numbers)  # noqa: S307 - the package's own source
         except (_NoNumberError, TypeError, AttributeError, ArithmeticError):
             return None
 
@@ -54,22 +54,22 @@ class _NoNumberError(Exception):
     pass
 
 
-class _Numbers(Mapping[str, Any]):
+class _Constants(Mapping[str, Any]):
     """Globals of a kernel, less what its variables hide."""
 
-    def __init__(self, known: dict[str, Any], hidden: tuple[str, ...]) -> None:
-        self._known, self._hidden = known, hidden
+    def __init__(self, named: dict[str, Any], hidden: tuple[str, ...]) -> None:
+        self._named, self._hidden = named, hidden
 
     def __getitem__(self, name: str) -> Any:
-        if name in self._hidden or name not in self._known or isinstance(self._known[name], Kernel):
+        if name in self._hidden or name not in self._named or isinstance(self._named[name], Kernel):
             raise _NoNumberError(name)
-        return self._known[name]
+        return self._named[name]
 
     def __iter__(self) -> Any:
-        return iter(self._known)
+        return iter(self._named)
 
     def __len__(self) -> int:
-        return len(self._known)
+        return len(self._named)
 
 
 def kernel_function(kernel: Kernel[..., Any]) -> FunctionType:
@@ -79,16 +79,16 @@ def kernel_function(kernel: Kernel[..., Any]) -> FunctionType:
 
 
 @functools.cache
-def source_of(func: FunctionType) -> Source:
+def read_source(func: FunctionType) -> KernelSource:
     """Read the source of a kernel; that of a specialised one is its pattern's."""
     lines, first = inspect.getsourcelines(func.__code__)
     tree = ast.parse(textwrap.dedent("".join(lines))).body[0]
     if not isinstance(tree, ast.FunctionDef):
         raise UnsupportedError(f"{func.__code__.co_filename}:{first}: no function")
-    return Source(func, tree, textwrap.dedent("".join(lines)).splitlines(), first)
+    return KernelSource(func, tree, textwrap.dedent("".join(lines)).splitlines(), first)
 
 
-def room_of(func: FunctionType) -> str:
+def room_name(func: FunctionType) -> str:
     """Folder of the package in which a kernel stands."""
     return "_".join(func.__module__.split(".")[1:-1])
 

@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from plumbob.core.kernels import bare
-from plumbob.core.kernels.axes import axes_of, spelled
+from plumbob.core.kernels.axes import count_axes, spelled
 from plumbob.core.kernels.bounds import checked_before, names
-from plumbob.core.kernels.sources import Source, name_in_c, source_of
+from plumbob.core.kernels.sources import KernelSource, name_in_c, read_source
 from plumbob.core.kernels.types import (
     DOUBLE,
     INTEGER,
@@ -62,7 +62,7 @@ Coded = tuple[str, Type]
 @functools.cache
 def writes(func: FunctionType) -> frozenset[str]:
     """Parameters that are arrays, or hold some, into which a kernel writes, by itself or through another."""
-    source, found = source_of(func), set()
+    source, written = read_source(func), set()
     aka: dict[str, str] = {}
 
     def root(node: ast.expr) -> str:
@@ -78,19 +78,19 @@ def writes(func: FunctionType) -> frozenset[str]:
                 if isinstance(target, ast.Tuple):
                     values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value] * len(target.elts)
                     pairs = list(zip(target.elts, values, strict=False))
-                for one, value in pairs:
-                    if isinstance(one, ast.Name) and isinstance(value, ast.Subscript | ast.Attribute | ast.Name):
-                        aka[one.id] = root(value)
+                for bound, value in pairs:
+                    if isinstance(bound, ast.Name) and isinstance(value, ast.Subscript | ast.Attribute | ast.Name):
+                        aka[bound.id] = root(value)
     for node in ast.walk(source.tree):
         if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store):
-            found.add(root(node))
+            written.add(root(node))
         elif isinstance(node, ast.Call) and (callee := source.kernel(node.func)) and callee is not func:
             inner = writes(callee)
             for given, name in zip(node.args, signature(callee)[0], strict=False):
                 if name in inner:
                     stripped = given.args[0] if isinstance(given, ast.Call) else given  # bare(x)
-                    found.add(root(stripped))
-    return frozenset(found & set(signature(func)[0]))
+                    written.add(root(stripped))
+    return frozenset(written & set(signature(func)[0]))
 
 
 def with_axes(kind: Type, name: str, axes: dict[str, int]) -> Type:
@@ -106,26 +106,26 @@ def with_axes(kind: Type, name: str, axes: dict[str, int]) -> Type:
 _FIELDS: dict[tuple[Any, str], int] = {}
 
 
-def of_field(kind: Several, field: str, seen: int | None) -> Type:
+def of_field(kind: Several, field: str, axes: int | None) -> Type:
     """A field's type; it has the axes that any kernel has seen."""
-    one = kind.items[kind.names.index(field)]
-    if isinstance(one, Several) and one.maker:
-        return Several(tuple(of_field(one, name, None) for name in one.names), one.names, one.maker)
-    if not isinstance(one, Array):
-        return one
-    known = _FIELDS.get((kind.maker, field))
-    if seen and known and seen != known:
-        raise UnsupportedError(f"{kind}.{field} has {known} axes in one kernel and {seen} in another")
-    if seen:
-        _FIELDS[kind.maker, field] = seen
-    return Array(one.item, seen or known or 1)
+    kind_of = kind.items[kind.names.index(field)]
+    if isinstance(kind_of, Several) and kind_of.maker:
+        return Several(tuple(of_field(kind_of, inner, None) for inner in kind_of.names), kind_of.names, kind_of.maker)
+    if not isinstance(kind_of, Array):
+        return kind_of
+    before = _FIELDS.get((kind.maker, field))
+    if axes and before and axes != before:
+        raise UnsupportedError(f"{kind}.{field} has {before} axes in one kernel and {axes} in another")
+    if axes:
+        _FIELDS[kind.maker, field] = axes
+    return Array(kind_of.item, axes or before or 1)
 
 
 @functools.cache
 def typed(func: FunctionType) -> tuple[dict[str, Type], Type]:
     """Types of a kernel's parameters and of its answer, with the axes of arrays."""
     types, answer = signature(func)
-    axes = axes_of(func)
+    axes = count_axes(func)
     return {name: with_axes(kind, name, axes) for name, kind in types.items()}, with_axes(answer, "", {})
 
 
@@ -133,14 +133,14 @@ class Translator:
     """Writes one kernel in C."""
 
     def __init__(self, func: FunctionType) -> None:
-        self.source: Source = source_of(func)
+        self.source: KernelSource = read_source(func)
         self.func = func
         self.name = name_in_c(func)
         self.parameters, self.answer = typed(func)
         self.types: dict[str, Type] = dict(self.parameters)
         self.callees: dict[FunctionType, None] = {}
         self.structs: dict[str, Several] = {}
-        self._axes = axes_of(func)
+        self._axes = count_axes(func)
         self._memory: dict[str, str] = {}
         self._lines: list[str] = []
         self._number = 0
@@ -152,9 +152,9 @@ class Translator:
     def head(self) -> str:
         """Declaration."""
         given = ", ".join(f"{self.struct(kind)} {self.mangled(name)}" for name, kind in self.parameters.items())
-        whole = "__attribute__((flatten)) " if self.func.__dict__.get("is_whole") else ""
-        whole += "WIDE " if self.func.__dict__.get("is_wide") else ""
-        return f"{whole}static {self.struct(self.answer)} {self.name}({given or 'void'})"
+        attributes = "__attribute__((flatten)) " if self.func.__dict__.get("is_inlined") else ""
+        attributes += "WIDE " if self.func.__dict__.get("is_wide") else ""
+        return f"{attributes}static {self.struct(self.answer)} {self.name}({given or 'void'})"
 
     def text(self) -> None:
         """Write the function in C."""
@@ -165,9 +165,11 @@ class Translator:
                 self.statement(statement, 1)
             if before == self.types:
                 break
-        own = [(name, kind) for name, kind in self.types.items() if name not in self.parameters]
+        variables = [(name, kind) for name, kind in self.types.items() if name not in self.parameters]
         empty = {NOTHING}
-        declared = [f"    {self.struct(kind)} {self.mangled(name)} = {{0}};" for name, kind in own if kind not in empty]
+        declared = [
+            f"    {self.struct(kind)} {self.mangled(name)} = {{0}};" for name, kind in variables if kind not in empty
+        ]
         self.written = "\n".join([f"{self.head()} {{", *self._memory.values(), *declared, *self._lines, "}"])
 
     def refuse(self, node: ast.AST, why: str) -> UnsupportedError:
@@ -178,8 +180,8 @@ class Translator:
     def struct(self, kind: Type) -> str:
         """Name of a type in C, whose struct is remembered."""
         if isinstance(kind, Several):
-            for one in kind.items:
-                self.struct(one)
+            for item in kind.items:
+                self.struct(item)
             self.structs[str(kind)] = kind
         return str(kind)
 
@@ -216,8 +218,8 @@ class Translator:
 
     def body(self, statements: list[ast.stmt], depth: int) -> None:
         """Write statements."""
-        for one in statements:
-            self.statement(one, depth)
+        for statement in statements:
+            self.statement(statement, depth)
 
     def _pass(self, node: ast.Pass, depth: int) -> None:
         """Nothing."""
@@ -251,7 +253,7 @@ class Translator:
             return self._each(node, node.iter, depth)
         if not (isinstance(node.iter, ast.Call) and spelled(node.iter.func) == "range"):
             raise self.refuse(node.iter, "a loop goes over range(…) or a tuple of numbers")
-        given = [self.whole(one) for one in node.iter.args]
+        given = [self.integer(bound) for bound in node.iter.args]
         start, stop = ("0LL", given[0]) if len(given) == 1 else given[:2]
         step = self.source.constant(node.iter.args[2]) if len(given) == 3 else 1
         at, end = self.fresh("at"), self.fresh("end")
@@ -263,36 +265,36 @@ class Translator:
         else:
             goes_on = f"{at} {'<' if step > 0 else '>'} {end}"
         self.put(depth, f"int64_t {at} = {start};", f"const int64_t {end} = {stop};")
-        known = self._within
+        before = self._within
         if isinstance(step, int):
             self.before(node, at, f"{at} + ({end} - {at} - {1 if step > 0 else -1}) / {step} * {step}", goes_on, depth)
         self.put(depth, f"for (; {goes_on}; {at} += {step}) {{")
         self.put(depth + 1, f"{self.mangled(node.target.id)} = {at};")
         self.body(node.body, depth + 1)
         self.put(depth, "}")
-        self._within = known
+        self._within = before
         return None
 
     def before(self, node: ast.For, first: str, last: str, goes_on: str, depth: int) -> None:
         """Check the indices of a loop at its first and its last turn, if it has one."""
         assert isinstance(node.target, ast.Name)
         loop = checked_before(node)
-        places = [one for one in loop if ast.unparse(one) not in self._within and self.is_known(one.value)]
+        places = [place for place in loop if ast.unparse(place) not in self._within and self.is_known(place.value)]
         if not places:
             return
         self.put(depth, f"if ({goes_on}) {{")
         for turn in (last, first):
             self.put(depth + 1, f"{self.mangled(node.target.id)} = {turn};")
-            for one in places:
-                code, _ = self.expression(one.value)
-                for axis, index in enumerate(self.indices(one)):
+            for place in places:
+                code, _ = self.expression(place.value)
+                for axis, index in enumerate(self.indices(place)):
                     if not isinstance(index, ast.Slice) and (turn == last or node.target.id in names(index)):
                         self.put(depth + 1, f"{self.index(code, axis, index)};")
         self.put(depth, "}")
-        self._within = self._within | {ast.unparse(one) for one in places}
+        self._within = self._within | {ast.unparse(place) for place in places}
 
     def _each(self, node: ast.For, each: ast.Tuple, depth: int) -> None:
-        values = [self.expression(one) for one in each.elts]
+        values = [self.expression(item) for item in each.elts]
         kind = functools.reduce(joined, (kind for _, kind in values))
         assert isinstance(node.target, ast.Name)
         self.assign(node.target, ("", kind), depth, declare=True)
@@ -308,7 +310,7 @@ class Translator:
             self.put(depth, "return;")
         elif isinstance(node.value, ast.Tuple) and isinstance(self.answer, Several):
             self.alone(node.value)
-            parts = [self.expression(one)[0] for one in node.value.elts]
+            parts = [self.expression(item)[0] for item in node.value.elts]
             self.put(depth, f"return ({self.struct(self.answer)}){{{', '.join(parts)}}};")
         else:
             self.put(depth, f"return {self.converted(self.expression(node.value), self.answer, node)};")
@@ -325,7 +327,7 @@ class Translator:
         (target,) = node.targets
         if isinstance(target, ast.Name) and self._room(target.id, value, depth):
             return
-        if isinstance(target, ast.Subscript) and any(isinstance(one, ast.Slice) for one in self.indices(target)):
+        if isinstance(target, ast.Subscript) and any(isinstance(index, ast.Slice) for index in self.indices(target)):
             self._fill(target, value, depth)
         elif isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
             pairs = zip(target.elts, value.elts, strict=True)
@@ -338,13 +340,13 @@ class Translator:
     def _at_once(self, pairs: list[tuple[ast.expr, ast.expr]], depth: int) -> None:
         """Several assignments: all values are known before the first name is bound."""
         held = []
-        for _, one in pairs:
-            code, kind = self.expression(one)
+        for _, side in pairs:
+            code, kind = self.expression(side)
             name = self.fresh("now")
             self.put(depth, f"const {self.struct(kind)} {name} = {code};")
             held.append((name, kind))
-        for (one, _), coded in zip(pairs, held, strict=True):
-            self.assign(one, coded, depth)
+        for (side, _), coded in zip(pairs, held, strict=True):
+            self.assign(side, coded, depth)
 
     def _annassign(self, node: ast.AnnAssign, depth: int) -> None:
         if node.value is None or not isinstance(node.target, ast.Name):
@@ -362,12 +364,12 @@ class Translator:
         """Bind a name, write into an array, or take a tuple apart."""
         code, kind = coded
         if isinstance(target, ast.Name):
-            known = self.types.get(target.id)
+            before = self.types.get(target.id)
             if kind == NOTHING:
                 raise self.refuse(target, "a kernel that returns nothing has no value")
-            self.types[target.id] = kind if known is None else joined(known, kind)
+            self.types[target.id] = kind if before is None else joined(before, kind)
             if target.id in self.parameters and self.types[target.id] != self.parameters[target.id]:
-                raise self.refuse(target, f"a parameter {known} is given {kind}")
+                raise self.refuse(target, f"a parameter {before} is given {kind}")
             if not declare:
                 code = self.converted(coded, self.types[target.id], target)
                 self.put(depth, f"{self.mangled(target.id)} = {code};")
@@ -377,8 +379,8 @@ class Translator:
         elif isinstance(target, ast.Tuple) and isinstance(kind, Several) and len(kind.items) == len(target.elts):
             held = self.fresh("parts")
             self.put(depth, f"const {self.struct(kind)} {held} = {code};")
-            for one, field, of in zip(target.elts, kind.fields, kind.items, strict=True):
-                self.assign(one, (f"{held}.{field}", of), depth)
+            for name, field, of in zip(target.elts, kind.fields, kind.items, strict=True):
+                self.assign(name, (f"{held}.{field}", of), depth)
         else:
             raise self.refuse(target, f"{kind} cannot be assigned to this")
 
@@ -391,7 +393,7 @@ class Translator:
         sizes = (shape,) if isinstance(shape, int) else shape
         if not isinstance(sizes, tuple) or math.prod(sizes) > 4096:
             raise self.refuse(value, "the size of a kernel's own array is a constant of at most 4096 numbers")
-        wanted = [one.value for one in value.keywords if one.arg == "dtype"] + value.args[1:]
+        wanted = [keyword.value for keyword in value.keywords if keyword.arg == "dtype"] + value.args[1:]
         item = ITEMS[self.source.constant(wanted[0]) if wanted else np.float64]
         kind = Array(item, len(sizes))
         memory = f"{name}_memory"
@@ -420,7 +422,7 @@ class Translator:
         self.alone(node)
         value = self.source.constant(node)
         if isinstance(value, tuple) and not isinstance(node, ast.Tuple):
-            parts = [number(one, lambda why: self.refuse(node, why)) for one in value]
+            parts = [number(item, lambda why: self.refuse(node, why)) for item in value]
             kind = Several(tuple(of for _, of in parts))
             return f"({self.struct(kind)}){{{', '.join(code for code, _ in parts)}}}", kind
         if self._is_number(value):
@@ -441,7 +443,7 @@ class Translator:
             raise self.refuse(node, f"{kind} is not a condition")
         return code if kind == TRUTH else f"({code}) != 0"
 
-    def whole(self, node: ast.expr) -> str:
+    def integer(self, node: ast.expr) -> str:
         """C of what must be a whole number."""
         code, kind = self.expression(node)
         if kind not in (INTEGER, TRUTH):
@@ -475,7 +477,7 @@ class Translator:
         raise self.refuse(node, "no number, and no part of a named tuple")
 
     def _tuple_code(self, node: ast.Tuple) -> Coded:
-        parts = [self.expression(one) for one in node.elts]
+        parts = [self.expression(item) for item in node.elts]
         kind = Several(tuple(of for _, of in parts))
         return f"({self.struct(kind)}){{{', '.join(code for code, _ in parts)}}}", kind
 
@@ -509,7 +511,7 @@ class Translator:
         raise self.refuse(node, f"{sign} of {a} and {b} is not in the subset")
 
     def _compare_code(self, node: ast.Compare) -> Coded:
-        values = [self.expression(one) for one in (node.left, *node.comparators)]
+        values = [self.expression(side) for side in (node.left, *node.comparators)]
         if any(isinstance(kind, Array | Several) for _, kind in values):
             raise self.refuse(node, "numbers are compared, nothing else")
         parts = []
@@ -520,7 +522,7 @@ class Translator:
         return parts[0] if len(parts) == 1 else f"({' && '.join(parts)})", TRUTH
 
     def _boolop_code(self, node: ast.BoolOp) -> Coded:
-        values = [self.test(one) for one in node.values]
+        values = [self.test(side) for side in node.values]
         return "(" + (" && " if isinstance(node.op, ast.And) else " || ").join(values) + ")", TRUTH
 
     def _ifexp_code(self, node: ast.IfExp) -> Coded:
@@ -532,7 +534,7 @@ class Translator:
             return f"({self.test(node.test)} ? {yes} : {no})", kind
         if isinstance(kind, Several) and isinstance(node.body, ast.Tuple) and isinstance(node.orelse, ast.Tuple):
             self.struct(kind)
-            sides = [", ".join(self.expression(one)[0] for one in side.elts) for side in (node.body, node.orelse)]
+            sides = [", ".join(self.expression(item)[0] for item in side.elts) for side in (node.body, node.orelse)]
             return f"({self.test(node.test)} ? ({kind}){{{sides[0]}}} : ({kind}){{{sides[1]}}})", kind
         raise self.refuse(node, f"{a} or {b}")
 
@@ -547,9 +549,9 @@ class Translator:
             raise self.refuse(node, "no axis of an array")
         table = self.source.constant(node.value)
         if isinstance(table, tuple) and self.source.constant(node.slice) is None:
-            parts = [number(one, lambda why: self.refuse(node, why)) for one in table]
+            parts = [number(item, lambda why: self.refuse(node, why)) for item in table]
             of = functools.reduce(joined, (kind for _, kind in parts))
-            index = f"py_at({self.whole(node.slice)}, {len(parts)})"
+            index = f"py_at({self.integer(node.slice)}, {len(parts)})"
             return f"((const {of}[]){{{', '.join(code for code, _ in parts)}}})[{index}]", of
         code, kind = self.expression(node.value)
         if isinstance(kind, Several):
@@ -559,7 +561,7 @@ class Translator:
             raise self.refuse(node, "a part of a tuple is named by a constant")
         if not isinstance(kind, Array):
             raise self.refuse(node, f"{kind} has no parts")
-        if kind.axes > len(self.indices(node)) or any(isinstance(one, ast.Slice) for one in self.indices(node)):
+        if kind.axes > len(self.indices(node)) or any(isinstance(index, ast.Slice) for index in self.indices(node)):
             return self.view(node)
         place, item = self.place(node)
         return (place if item in ("f64", "i64", "u64") else f"({LOADED[item]}){place}"), LOADED[item]
@@ -580,7 +582,7 @@ class Translator:
     def counted(self, code: str, axis: int, node: ast.expr) -> str:
         """C of an index, counted from the first."""
         value = self.source.constant(node)
-        return f"{code}.n{axis} + {value}" if isinstance(value, int) and value < 0 else self.whole(node)
+        return f"{code}.n{axis} + {value}" if isinstance(value, int) and value < 0 else self.integer(node)
 
     def index(self, code: str, axis: int, node: ast.expr) -> str:
         """C of an index that is checked."""
@@ -589,8 +591,8 @@ class Translator:
     def offset(self, code: str, indices: list[ast.expr], *, is_open: bool) -> str:
         """Where the number is, counted from the first; `is_open` where no loop has checked that before."""
         total = ""
-        for axis, one in enumerate(indices):
-            here = self.index(code, axis, one) if is_open else self.counted(code, axis, one)
+        for axis, node in enumerate(indices):
+            here = self.index(code, axis, node) if is_open else self.counted(code, axis, node)
             total = f"({total}) * {code}.n{axis} + {here}" if total else here
         return total
 
@@ -599,11 +601,11 @@ class Translator:
         code, kind = self.expression(node.value)
         assert isinstance(kind, Array)
         indices = self.indices(node)
-        numbers = [one for one in indices if not isinstance(one, ast.Slice)]
+        numbers = [index for index in indices if not isinstance(index, ast.Slice)]
         slices = indices[len(numbers) :]
-        if any(isinstance(one, ast.Slice) for one in indices[: len(numbers)]):
+        if any(isinstance(index, ast.Slice) for index in indices[: len(numbers)]):
             raise self.refuse(node, "numbers of a column do not stand one behind the other")
-        if any(one.lower or one.upper for one in slices[1:] if isinstance(one, ast.Slice)):
+        if any(index.lower or index.upper for index in slices[1:] if isinstance(index, ast.Slice)):
             raise self.refuse(node, "only the first axis of a view may be cut")
         rest = kind.axes - len(numbers)
         out = Array(kind.item, rest)
@@ -614,8 +616,8 @@ class Translator:
         if isinstance(first, ast.Slice):
             if first.step:
                 raise self.refuse(node, "a view has no step")
-            begin = f"py_bound({self.whole(first.lower)}, {length})" if first.lower else "0LL"
-            end = f"py_bound({self.whole(first.upper)}, {length})" if first.upper else length
+            begin = f"py_bound({self.integer(first.lower)}, {length})" if first.lower else "0LL"
+            end = f"py_bound({self.integer(first.upper)}, {length})" if first.upper else length
             length = end if begin == "0LL" else f"py_length({begin}, {end})"
         start = f"({start}) * {sizes[len(numbers)]} + {begin}" if numbers else begin
         for size in sizes[len(numbers) + 1 :]:
@@ -626,7 +628,7 @@ class Translator:
     # --- calls -------------------------------------------------------------------------------------------------
 
     def _call_code(self, node: ast.Call) -> Coded:
-        if node.keywords or any(isinstance(one, ast.Starred) for one in node.args):
+        if node.keywords or any(isinstance(argument, ast.Starred) for argument in node.args):
             raise self.refuse(node, "arguments stand in their order, each by itself")
         if callee := self.source.kernel(node.func):
             return self.kernel_call(callee, node)
@@ -641,7 +643,7 @@ class Translator:
             return code, kind
         if isinstance(meant, type) and issubclass(meant, tuple):
             return self.named(of_annotation(meant), node)
-        given = [self.expression(one) for one in node.args]
+        given = [self.expression(argument) for argument in node.args]
         if any(isinstance(kind, Several) or kind == NOTHING for _, kind in given):
             raise self.refuse(node, "numbers only")
         return self.built_in(name, given, node)
@@ -668,7 +670,10 @@ class Translator:
         """A named tuple is made."""
         assert isinstance(kind, Several)
         kind = Several(tuple(of_field(kind, name, None) for name in kind.names), kind.names, kind.maker)
-        given = [self.converted(self.expression(one), of, node) for one, of in zip(node.args, kind.items, strict=True)]
+        given = [
+            self.converted(self.expression(argument), of, node)
+            for argument, of in zip(node.args, kind.items, strict=True)
+        ]
         return f"({self.struct(kind)}){{{', '.join(given)}}}", kind
 
     def kernel_call(self, callee: FunctionType, node: ast.Call) -> Coded:
@@ -676,11 +681,11 @@ class Translator:
         parameters, answer = typed(callee)
         self.callees[callee] = None
         defaults = [number(value, lambda why: self.refuse(node, why)) for value in callee.__defaults__ or ()]
-        given = [self.expression(one) for one in node.args]
+        given = [self.expression(argument) for argument in node.args]
         given += defaults[len(defaults) - (len(parameters) - len(given)) :] if len(given) < len(parameters) else []
         if len(given) != len(parameters):
             raise self.refuse(node, f"{len(parameters)} arguments are needed")
-        codes = [self.converted(one, kind, node) for one, kind in zip(given, parameters.values(), strict=True)]
+        codes = [self.converted(coded, kind, node) for coded, kind in zip(given, parameters.values(), strict=True)]
         return f"{name_in_c(callee)}({', '.join(codes)})", answer
 
     # --- order -------------------------------------------------------------------------------------------------
@@ -696,8 +701,8 @@ class Translator:
             parts = node.args
         elif isinstance(node, ast.Tuple):
             parts = node.elts
-        written = [self.is_writing(one) for one in parts]
-        if any(written) and sum(wrote or self.is_reading(one) for wrote, one in zip(written, parts, strict=True)) > 1:
+        written = [self.is_writing(part) for part in parts]
+        if any(written) and sum(wrote or self.is_reading(part) for wrote, part in zip(written, parts, strict=True)) > 1:
             raise self.refuse(node, "a kernel that writes stands beside what reads an array: give its result a name")
 
     def is_known(self, node: ast.expr) -> bool:
@@ -709,12 +714,12 @@ class Translator:
 
     def is_writing(self, node: ast.expr) -> bool:
         """Whether an expression writes into an array."""
-        calls = (one for one in ast.walk(node) if isinstance(one, ast.Call))
-        return any(writes(callee) for one in calls if (callee := self.source.kernel(one.func)))
+        calls = (call for call in ast.walk(node) if isinstance(call, ast.Call))
+        return any(writes(callee) for call in calls if (callee := self.source.kernel(call.func)))
 
     def is_reading(self, node: ast.expr) -> bool:
         """Whether an expression reads an array."""
-        return any(isinstance(one, ast.Subscript) and "shape" not in ast.unparse(one) for one in ast.walk(node))
+        return any(isinstance(part, ast.Subscript) and "shape" not in ast.unparse(part) for part in ast.walk(node))
 
 
 ITEM_IN_C = {
@@ -750,12 +755,12 @@ def order(funcs: list[FunctionType]) -> Iterator[Translator]:
     def visit(func: FunctionType) -> Iterator[Translator]:
         if func in done:
             return
-        one = Translator(func)
-        one.text()
-        done[func] = one
-        for callee in one.callees:
+        translator = Translator(func)
+        translator.text()
+        done[func] = translator
+        for callee in translator.callees:
             yield from visit(callee)
-        yield one
+        yield translator
 
     for func in funcs:
         yield from visit(func)

@@ -34,7 +34,9 @@ class Several:
     maker: Any = None
 
     def __str__(self) -> str:
-        return self.maker.__name__ if self.maker else "t_" + "_".join(str(one).removesuffix("_t") for one in self.items)
+        return (
+            self.maker.__name__ if self.maker else "t_" + "_".join(str(item).removesuffix("_t") for item in self.items)
+        )
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -86,15 +88,15 @@ def signature(func: Callable[..., Any]) -> tuple[dict[str, Type], Type]:
         raise UnsupportedError(f"{code.co_filename}:{code.co_firstlineno}: in {code.co_name}: {error}") from None
 
 
-def joined(one: Type, other: Type) -> Type:
+def joined(first: Type, second: Type) -> Type:
     """Type of a variable that is assigned both."""
-    if one == other:
-        return one
+    if first == second:
+        return first
     for wide in (DOUBLE, INTEGER):
-        if {one, other} <= {wide, INTEGER, TRUTH} and wide in (one, other):
+        if {first, second} <= {wide, INTEGER, TRUTH} and wide in (first, second):
             return wide
-    if isinstance(one, Several) and isinstance(other, Several) and len(one.items) == len(other.items):
-        items = tuple(joined(a, b) for a, b in zip(one.items, other.items, strict=True))
-        named = one if one.maker else other
+    if isinstance(first, Several) and isinstance(second, Several) and len(first.items) == len(second.items):
+        items = tuple(joined(a, b) for a, b in zip(first.items, second.items, strict=True))
+        named = first if first.maker else second
         return Several(items, named.names, named.maker)
-    raise UnsupportedError(f"one name for {one} and {other}")
+    raise UnsupportedError(f"one name for {first} and {second}")
