@@ -213,8 +213,8 @@ def _single(s: Floats, t_ns: int, seen: int, values: Floats) -> int:
 
 def loops_of(name: str, module: FilterModule) -> Loops:
     """Batch and single-sample entries of a filter, compiled around its step."""
-    seen = see_field if hasattr(module, "COVARIANCE") else look
-    take = specialise(_take, f"take_{name}", step=module.step, look=seen)
+    look_on = see_field if hasattr(module, "COVARIANCE") else look
+    take = specialise(_take, f"take_{name}", step=module.step, look=look_on)
     row = specialise(_row, f"row_{name}", _take=take)
     return Loops(
         batch=specialise(_batch, f"batch_{name}", inline=True, _row=row),

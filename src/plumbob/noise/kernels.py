@@ -139,20 +139,20 @@ def modified_squares(angle: Floats, n: NDArray[np.int64], sums: Floats) -> None:
 
 
 @kernel
-def _modified_squares(angle: Floats, n: NDArray[np.int64], whole: Floats, tile: Floats, sums: Floats) -> None:
+def _modified_squares(angle: Floats, n: NDArray[np.int64], running: Floats, tile: Floats, sums: Floats) -> None:
     mean = 0.0
     for k in range(angle.shape[0]):
         mean += angle[k]
     mean = mean / angle.shape[0]
-    accumulate(angle, mean, 0.0, whole[1:])
+    accumulate(angle, mean, 0.0, running[1:])
     for start in range(0, angle.shape[0], TILE):
         _accumulate_about_line(angle[start : start + 2 * TILE], tile)
         for j in range(n.shape[0]):
-            terms, square = min(TILE, whole.shape[0] - 3 * n[j] - start), float(n[j]) ** 2
+            terms, square = min(TILE, running.shape[0] - 3 * n[j] - start), float(n[j]) ** 2
             if terms > 0 and 3 * n[j] <= TILE:
                 sums[j] += _third_square(tile, n[j], 0, terms) / square
             elif terms > 0:
-                sums[j] += _third_square(whole, n[j], start, start + terms) / square
+                sums[j] += _third_square(running, n[j], start, start + terms) / square
 
 
 @kernel

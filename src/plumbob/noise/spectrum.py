@@ -198,13 +198,13 @@ def markov_density(bins: MarkovBins, time: float) -> Floats:
     The variance of the cosine coefficient j is that density times 1 − 2 ε (1 − (−1)^j e^(−1/ε)) / (1 + (jπε)²), with
     ε = t₀/T: the covariance exp(−|t|/t₀), integrated twice against cos(jπt/T).
     """
-    found = np.empty(bins.cosine.size)
-    markov_bin_densities(bins, time, found)
-    return found
+    density = np.empty(bins.cosine.size)
+    markov_bin_densities(bins, time, density)
+    return density
 
 
 @kernel
-def markov_bin_densities(bins: MarkovBins, time: float, found: Floats) -> None:
+def markov_bin_densities(bins: MarkovBins, time: float, filled: Floats) -> None:
     """Fill in `markov_density`."""
     d = float(bins.lags.shape[0])
     decay = math.exp(-bins.dt / time)
@@ -216,12 +216,12 @@ def markov_bin_densities(bins: MarkovBins, time: float, found: Floats) -> None:
     means, r0 = means / d, (2.0 * r0 - d) / (d * d)
     r1, rho = decay * means * means, decay**d
     e = time / bins.length
-    left = math.exp(-1.0 / e)
-    for i in range(found.shape[0]):
+    remnant = math.exp(-1.0 / e)
+    for i in range(filled.shape[0]):
         angle = e * bins.angle[i]
-        in_cosines = 1.0 - 2.0 * e * (1.0 - left * bins.sign[i]) / (1.0 + angle * angle)
+        in_cosines = 1.0 - 2.0 * e * (1.0 - remnant * bins.sign[i]) / (1.0 + angle * angle)
         density = r0 + 2.0 * r1 * (bins.cosine[i] - rho) / (1.0 - 2.0 * rho * bins.cosine[i] + rho * rho)
-        found[i] = bins.step * density * in_cosines
+        filled[i] = bins.step * density * in_cosines
 
 
 def _averaged(sampled: Callable[[Floats], Floats], spectrum: Spectrum) -> Floats:

@@ -2,7 +2,6 @@
 
 import importlib.util
 import math
-import subprocess
 from typing import NamedTuple
 
 import numpy as np
@@ -85,8 +84,8 @@ def compiled(tmp_path_factory):
         (folder / name).write_text((emit.HERE / name).read_text())
     (folder / "here.c").write_text(emit.unit(room, [one.py_func for one in (arithmetic, bind, views, places)]))
     (folder / "module.c").write_text(emit.module([room]))
-    objects = [str(build.compiled(build.compiler(), folder / name)) for name in ("here.c", "module.c")]
-    subprocess.run([*build.compiler(), "-shared", "-o", folder / "_kernels.so", *objects, "-lm"], check=True)
+    objects = [build.compiled(build.compiler(), folder / name) for name in ("here.c", "module.c")]
+    build.link(build.compiler(), objects, folder / "_kernels.so")
     spec = importlib.util.spec_from_file_location("_kernels", folder / "_kernels.so")
     found = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(found)

@@ -41,9 +41,9 @@ _LONG_VISIT: Final = 6  # samples that have a first and a last third
 def visits(directions: Floats) -> NDArray[np.intp]:
     """Where each visit begins: the first of the vectors (N, D) that is more than `VISIT` off the last one's first."""
     unit = np.ascontiguousarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))
-    found = np.zeros(len(unit), dtype=np.bool_)
-    _begins(unit, math.cos(VISIT), found)
-    return np.flatnonzero(found)
+    begins = np.zeros(len(unit), dtype=np.bool_)
+    _begins(unit, math.cos(VISIT), begins)
+    return np.flatnonzero(begins)
 
 
 def means_of(residuals: Floats, starts: NDArray[np.intp]) -> Floats:
@@ -154,7 +154,7 @@ def _covariance(rho: float, size: float, gap: float) -> float:
 
 
 @kernel
-def _begins(unit: Floats, cosine: float, found: NDArray[np.bool_]) -> None:
+def _begins(unit: Floats, cosine: float, begins: NDArray[np.bool_]) -> None:
     """Mark the samples (N,) of unit vectors (N, D) with which a visit begins."""
     first = 0
     for i in range(unit.shape[0]):
@@ -162,7 +162,7 @@ def _begins(unit: Floats, cosine: float, found: NDArray[np.bool_]) -> None:
         for j in range(unit.shape[1]):
             along += unit[i, j] * unit[first, j]
         if i == 0 or along < cosine:
-            found[i] = True
+            begins[i] = True
             first = i
 
 

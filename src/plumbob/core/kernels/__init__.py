@@ -165,9 +165,14 @@ def extension() -> ModuleType | None:
         return None
 
 
+def is_checkout() -> bool:
+    """Whether the package stands among what builds it."""
+    return (CHECKOUT / "pyproject.toml").is_file() and (CHECKOUT / "hatch_build.py").is_file()
+
+
 def _build() -> bool:
     """Build in a checkout; whether that went well."""
-    if not (CHECKOUT / "pyproject.toml").is_file() or not (CHECKOUT / "hatch_build.py").is_file():
+    if not is_checkout():
         return False
     words = [sys.executable, "-m", "plumbob.core.kernels", "build"]
     env = {**os.environ, "PLUMBOB_KERNELS": "python", "PYTHONPATH": str(PACKAGE.parent)}

@@ -74,11 +74,15 @@ def spelled(node: ast.expr) -> str:
     return ""
 
 
+def brackets(node: ast.Subscript) -> list[ast.expr]:
+    """What stands in the brackets."""
+    return list(node.slice.elts) if isinstance(node.slice, ast.Tuple) else [node.slice]
+
+
 def part(node: ast.expr) -> tuple[str, int]:
     """Whose array an expression is, and how many axes fewer it has."""
     if isinstance(node, ast.Subscript):
-        indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-        return spelled(node.value), sum(not isinstance(index, ast.Slice) for index in indices)
+        return spelled(node.value), sum(not isinstance(index, ast.Slice) for index in brackets(node))
     return spelled(node), 0
 
 

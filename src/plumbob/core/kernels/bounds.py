@@ -8,6 +8,8 @@ condition is checked where it stands.
 import ast
 from collections.abc import Iterator
 
+from plumbob.core.kernels.axes import brackets
+
 
 def checked_before(loop: ast.For) -> list[ast.Subscript]:
     """Parts of arrays that each turn of a loop reads or writes, with indices that its first and last turn bound."""
@@ -17,11 +19,10 @@ def checked_before(loop: ast.For) -> list[ast.Subscript]:
     bound = set(stored)
     name = loop.target.id if isinstance(loop.target, ast.Name) and stored.count(loop.target.id) == 1 else ""
     checked = {}
-    for node in sure(loop.body):
-        if isinstance(node, ast.Subscript) and not names(node.value) & bound:
-            indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-            if all(isinstance(index, ast.Slice) or is_line(index, name, bound) for index in indices):
-                checked[ast.unparse(node)] = node
+    for node in (node for node in sure(loop.body) if isinstance(node, ast.Subscript)):
+        lines = (isinstance(index, ast.Slice) or is_line(index, name, bound) for index in brackets(node))
+        if not names(node.value) & bound and all(lines):
+            checked[ast.unparse(node)] = node
     return list(checked.values())
 
 

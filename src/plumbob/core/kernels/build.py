@@ -17,7 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from plumbob.core.kernels import CHECKOUT, PACKAGE, STAMP, content_hash
+from plumbob.core.kernels import CHECKOUT, PACKAGE, STAMP, content_hash, is_checkout
 
 FLAGS = (
     "-O3", "-std=c99", "-fPIC", "-fwrapv", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math",
@@ -93,7 +93,7 @@ def build(folder: Path | None = None) -> Path:
     UnsupportedError
         If a kernel is not in the subset.
     """
-    if folder is None and (CHECKOUT / "pyproject.toml").is_file():
+    if folder is None and is_checkout():
         folder = CHECKOUT / "build" / "kernels"
     if folder is None:
         with tempfile.TemporaryDirectory() as place:
@@ -112,19 +112,16 @@ def build(folder: Path | None = None) -> Path:
     with alone(folder):
         files = list(emit.write(folder))
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            objects = list(pool.map(lambda file: compiled(words, file), sorted(files, key=_size, reverse=True)))
+            objects = list(
+                pool.map(lambda file: compiled(words, file), sorted(files, key=lambda file: -file.stat().st_size))
+            )
         target, made = PACKAGE / NAME, folder / NAME
-        link = ["-undefined", "dynamic_lookup"] if sys.platform == "darwin" else []
-        _run([*words, "-shared", *link, "-o", str(made), *map(str, objects), "-lm"])
+        link(words, objects, made)
         shutil.copy(made, target.with_name(f".{NAME}.tmp"))
         target.with_name(f".{NAME}.tmp").replace(target)
         sources = emit.sources()
         STAMP.write_text(json.dumps({"hash": content_hash(sources), "files": sources}, indent=0), encoding="utf-8")
     return target
-
-
-def _size(file: Path) -> int:
-    return file.stat().st_size
 
 
 def compiled(words: list[str], file: Path) -> Path:
@@ -139,6 +136,12 @@ def compiled(words: list[str], file: Path) -> Path:
         _run([*words, *FLAGS, "-c", str(file), "-o", str(part)])
         part.replace(target)
     return target
+
+
+def link(words: list[str], objects: list[Path], target: Path) -> None:
+    """Make one extension of objects."""
+    missing = ["-undefined", "dynamic_lookup"] if sys.platform == "darwin" else []  # what Python brings
+    _run([*words, "-shared", *missing, "-o", str(target), *map(str, objects), "-lm"])
 
 
 def _run(words: list[str]) -> None:

@@ -48,10 +48,10 @@ static int take_double(PyObject *given, double *value) {
 }
 
 static int take_int64_t(PyObject *given, int64_t *value) {
-    PyObject *whole = PyNumber_Index(given);
-    if (!whole) return 0;
-    *value = PyLong_AsLongLong(whole);
-    Py_DecRef(whole);
+    PyObject *integer = PyNumber_Index(given);
+    if (!integer) return 0;
+    *value = PyLong_AsLongLong(integer);
+    Py_DecRef(integer);
     return !(*value == -1 && PyErr_Occurred());
 }
 

@@ -25,11 +25,10 @@ HEAD = """/* Made by plumbob.core.kernels of the Python in plumbob/{room}. */
 def kernels() -> list[Kernel[..., Any]]:
     """Every kernel of the package, and those that its modules say they specialise."""
     by_id: dict[int, Kernel[..., Any]] = {}
-    package = PACKAGE
-    for file in sorted(package.rglob("*.py")):
+    for file in sorted(PACKAGE.rglob("*.py")):
         if "@kernel" not in file.read_text(encoding="utf-8"):
             continue
-        name = ".".join(("plumbob", *file.relative_to(package).with_suffix("").parts))
+        name = ".".join(("plumbob", *file.relative_to(PACKAGE).with_suffix("").parts))
         module = import_module(name)
         specialised = module.specialised() if hasattr(module, "specialised") else []
         for value in (*vars(module).values(), *specialised):
@@ -53,19 +52,21 @@ def rooms() -> dict[str, list[FunctionType]]:
 def unit(room: str, funcs: list[FunctionType]) -> str:
     """One file of C."""
     parts = list(order(funcs))
-    structs: dict[str, Several] = {}
-    for part in parts:
-        structs |= part.structs
     entries = [door(part) for part in parts if part.func in set(funcs)]
     table = "\n".join(f'    {{"{key}", (PyCFunction)(void (*)(void))door_{name}, METH_FASTCALL, NULL}},'
                       for name, key, _ in entries)  # fmt: skip
     return "\n".join([
         HEAD.format(room=room),
-        *(struct.declaration() for struct in structs.values()),
-        *("\n" + part.written for part in parts),
+        text(parts),
         *("\n" + text for _, _, text in entries),
         f"\nPyMethodDef kernels_of_{room}[] = {{\n{table}\n    {{NULL, NULL, 0, NULL}},\n}};\n",
     ])  # fmt: skip
+
+
+def text(parts: list[Translator]) -> str:
+    """C of kernels, each behind those that it calls, and before them the structs that they need."""
+    structs = {name: struct for part in parts for name, struct in part.structs.items()}
+    return "\n".join([*(struct.declaration() for struct in structs.values()), *("\n" + part.written for part in parts)])
 
 
 def door(part: Translator) -> tuple[str, str, str]:
@@ -83,9 +84,8 @@ def door(part: Translator) -> tuple[str, str, str]:
     for at, (name, kind) in enumerate(part.parameters.items()):
         lines += taken(f"a{at}", kind, f"args[{at}]", name in written, f"{key}, {name}")
     call = f"{part.name}({', '.join(names)})"
-    leave, come_back = ("    void *thread = PyEval_SaveThread();", "    PyEval_RestoreThread(thread);")
-    if not loops(part):
-        leave = come_back = ""
+    others_run = "    void *thread = PyEval_SaveThread();", "    PyEval_RestoreThread(thread);"
+    leave, come_back = others_run if loops(part) else ("", "")
     lines += ["    Way_out way;", "    way_out = &way;", leave, "    if (setjmp(way.back)) {", come_back]
     lines += [f'        is_outside("{key}", &way);', "        goto out;", "    }"]
     if part.answer == NOTHING:
@@ -180,16 +180,16 @@ def write(folder: Path) -> Iterator[Path]:
 
 def sources() -> list[str]:
     """Files of the package on which the C depends: those of kernels, what they import, and what makes C of them."""
-    package, files = PACKAGE, set()
+    files = set()
     for kernel in kernels():
         file = Path(kernel_function(kernel).__code__.co_filename)
         files.add(file)
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("plumbob."):
-                path = package.joinpath(*(node.module or "").split(".")[1:])
+                path = PACKAGE.joinpath(*(node.module or "").split(".")[1:])
                 files.update(
                     path_of for path_of in (path.with_suffix(".py"), path / "__init__.py") if path_of.is_file()
                 )
                 files.update(path_of for name in node.names if (path_of := path / f"{name.name}.py").is_file())
     files.update([*HERE.glob("*.py"), *HERE.glob("*.h")])
-    return sorted(path.relative_to(package).as_posix() for path in files)
+    return sorted(path.relative_to(PACKAGE).as_posix() for path in files)

@@ -67,11 +67,9 @@ def export(name: str, folder: Path, frame: str = "ENU") -> list[Path]:
     coefficients, state = made._c.size, made._s
     single = kernel_function(made._loops.single)
     parts = list(order([single]))
-    structs = {key: struct for part in parts for key, struct in part.structs.items()}
-    text = [*(struct.declaration() for struct in structs.values()), *("\n" + part.written for part in parts)]
     words = {
         "name": name, "frame": frame, "size": state.size, "q": coefficients + layout.Q, "b": coefficients + layout.BIAS,
-        "kernels": "\n".join(text), "single": parts[-1].name,
+        "kernels": emit.text(parts), "single": parts[-1].name,
         "start": ", ".join(repr(float(number)).replace("inf", "INFINITY").replace("nan", "NAN") for number in state),
     }  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)

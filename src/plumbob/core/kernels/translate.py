@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from plumbob.core.kernels import bare
-from plumbob.core.kernels.axes import count_axes, spelled
+from plumbob.core.kernels.axes import brackets, count_axes, spelled
 from plumbob.core.kernels.bounds import checked_before, names
 from plumbob.core.kernels.sources import KernelSource, name_in_c, read_source
 from plumbob.core.kernels.types import (
@@ -140,7 +140,6 @@ class Translator:
         self.types: dict[str, Type] = dict(self.parameters)
         self.callees: dict[FunctionType, None] = {}
         self.structs: dict[str, Several] = {}
-        self._axes = count_axes(func)
         self._memory: dict[str, str] = {}
         self._lines: list[str] = []
         self._number = 0
@@ -166,9 +165,8 @@ class Translator:
             if before == self.types:
                 break
         variables = [(name, kind) for name, kind in self.types.items() if name not in self.parameters]
-        empty = {NOTHING}
         declared = [
-            f"    {self.struct(kind)} {self.mangled(name)} = {{0}};" for name, kind in variables if kind not in empty
+            f"    {self.struct(kind)} {self.mangled(name)} = {{0}};" for name, kind in variables if kind != NOTHING
         ]
         self.written = "\n".join([f"{self.head()} {{", *self._memory.values(), *declared, *self._lines, "}"])
 
@@ -287,7 +285,7 @@ class Translator:
             self.put(depth + 1, f"{self.mangled(node.target.id)} = {turn};")
             for place in places:
                 code, _ = self.expression(place.value)
-                for axis, index in enumerate(self.indices(place)):
+                for axis, index in enumerate(brackets(place)):
                     if not isinstance(index, ast.Slice) and (turn == last or node.target.id in names(index)):
                         self.put(depth + 1, f"{self.index(code, axis, index)};")
         self.put(depth, "}")
@@ -327,7 +325,7 @@ class Translator:
         (target,) = node.targets
         if isinstance(target, ast.Name) and self._room(target.id, value, depth):
             return
-        if isinstance(target, ast.Subscript) and any(isinstance(index, ast.Slice) for index in self.indices(target)):
+        if isinstance(target, ast.Subscript) and any(isinstance(index, ast.Slice) for index in brackets(target)):
             self._fill(target, value, depth)
         elif isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
             pairs = zip(target.elts, value.elts, strict=True)
@@ -425,16 +423,12 @@ class Translator:
             parts = [number(item, lambda why: self.refuse(node, why)) for item in value]
             kind = Several(tuple(of for _, of in parts))
             return f"({self.struct(kind)}){{{', '.join(code for code, _ in parts)}}}", kind
-        if self._is_number(value):
+        if isinstance(value, bool | int | float | np.integer | np.floating | Enum):
             return number(value, lambda why: self.refuse(node, why))
         write: Callable[..., Coded] | None = getattr(self, f"_{type(node).__name__.lower()}_code", None)
         if write is None:
             raise self.refuse(node, f"{type(node).__name__} is not in the subset")
         return write(node)
-
-    @staticmethod
-    def _is_number(value: Any) -> bool:
-        return isinstance(value, bool | int | float | np.integer | np.floating | Enum)
 
     def test(self, node: ast.expr) -> str:
         """C of a condition."""
@@ -561,20 +555,15 @@ class Translator:
             raise self.refuse(node, "a part of a tuple is named by a constant")
         if not isinstance(kind, Array):
             raise self.refuse(node, f"{kind} has no parts")
-        if kind.axes > len(self.indices(node)) or any(isinstance(index, ast.Slice) for index in self.indices(node)):
+        if kind.axes > len(brackets(node)) or any(isinstance(index, ast.Slice) for index in brackets(node)):
             return self.view(node)
         place, item = self.place(node)
         return (place if item in ("f64", "i64", "u64") else f"({LOADED[item]}){place}"), LOADED[item]
 
-    @staticmethod
-    def indices(node: ast.Subscript) -> list[ast.expr]:
-        """What stands in the brackets."""
-        return list(node.slice.elts) if isinstance(node.slice, ast.Tuple) else [node.slice]
-
     def place(self, node: ast.Subscript) -> tuple[str, str]:
         """C of one number of an array, and what kind it is."""
         code, kind = self.expression(node.value)
-        indices = self.indices(node)
+        indices = brackets(node)
         if not isinstance(kind, Array) or len(indices) != kind.axes:
             raise self.refuse(node, f"one number of {kind} needs an index for each axis")
         return f"{code}.p[{self.offset(code, indices, is_open=ast.unparse(node) not in self._within)}]", kind.item
@@ -600,7 +589,7 @@ class Translator:
         """C of a part of an array whose numbers stand one behind the other."""
         code, kind = self.expression(node.value)
         assert isinstance(kind, Array)
-        indices = self.indices(node)
+        indices = brackets(node)
         numbers = [index for index in indices if not isinstance(index, ast.Slice)]
         slices = indices[len(numbers) :]
         if any(isinstance(index, ast.Slice) for index in indices[: len(numbers)]):
