@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
+unexport PYTHONDONTWRITEBYTECODE  # with it every process would compile the package's bytecode again
 
 # Two processes whose linear algebra takes two threads each wait for each other.
 lint test test-all test-second test-long costs: export OMP_NUM_THREADS := 1
@@ -74,7 +75,12 @@ dist: setup page  ## source distribution and wheel, and that installed in a new 
 	$(BIN)/python -m build --outdir dist . > /dev/null
 	$(PYTHON) -m venv $(DIST)
 	$(DIST)/bin/python -m pip install --quiet --disable-pip-version-check "$$(echo dist/*.whl)[plot]"
-	cd $(DIST) && bin/plumbob demo --out demo-out --force
+	cd $(DIST) && env -i PATH="$$PWD/bin" HOME="$$PWD" plumbob demo --out demo-out --force  # no compiler is found
+	@ls -l dist
+
+wheels: setup page  ## wheels for other machines, by zig's compiler: TARGETS=manylinux_2_28_aarch64
+	for target in $${TARGETS:-$$($(BIN)/python -c 'from plumbob.core.kernels.build import TARGETS; print(*TARGETS)')}; \
+		do PLUMBOB_TARGET=$$target $(BIN)/python -m build --wheel --outdir dist . > /dev/null || exit 1; done
 	@ls -l dist
 
 ##@ Measurements, printed as ratios to other programs where there are any
@@ -163,5 +169,6 @@ web/.built: $(WEB_SOURCES)
 	fi
 
 .PHONY: accuracy arm array bench bench-doctor clean costs demo dist docs endurance fleet formats fuzz help house killed lint \
-	loaded mutants noise other-processor page pages papers pictures setup test test-all test-long test-second view wire
+	loaded mutants noise other-processor page pages papers pictures setup test test-all test-long test-second view wheels \
+	wire
 .DEFAULT_GOAL := help

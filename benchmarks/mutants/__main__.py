@@ -110,7 +110,7 @@ class Tree:
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(TOP / name, folder / name)
         self.package = folder / "src" / "plumbob"
-        self.environment = {**os.environ, "PLUMBOB_DATA": data, "OMP_NUM_THREADS": "1"}
+        self.environment = {**os.environ, "PLUMBOB_DATA": data, "OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
 
     def path_with(self, *more: Path) -> str:
         """Where Python looks first: in this copy."""

@@ -1,5 +1,6 @@
 """Checks of arguments: numbers, arrays, words and paths, refused with what came instead; runs of marked places."""
 
+import sys
 from collections.abc import Sequence
 from numbers import Real
 from pathlib import Path
@@ -55,9 +56,8 @@ def floats(name: str, value: ArrayLike) -> Floats:
 
 
 def _float64(name: str, value: ArrayLike, kinds: str) -> Floats:
-    if isinstance(value, np.ma.MaskedArray) or (
-        isinstance(value, list | tuple) and any(isinstance(v, np.ma.MaskedArray) for v in value)
-    ):
+    masked = getattr(sys.modules.get("numpy.ma"), "MaskedArray", ())  # where nobody has loaded it, none is there
+    if isinstance(value, masked) or (isinstance(value, list | tuple) and any(isinstance(v, masked) for v in value)):
         raise ShapeError(f"{name} is a masked array; fill the masked samples with NaN: {name}.filled(np.nan).")
     try:
         array: NDArray[Any] = np.asarray(value)

@@ -50,7 +50,7 @@ def bias_beyond(filter_: Filter | Smoother, track: AttitudeTrack) -> str | None:
     )
 
 
-CHUNK = 1 << 16
+CHUNK = 1 << 14
 """Samples handed to a filter at a time; the result does not depend on it."""
 
 Progress = Callable[[int], None]

@@ -36,6 +36,7 @@ def checkout(tmp_path):
 def run(checkout, **environment):
     """What CODE prints, and what is said beside it."""
     env = {**os.environ, "PLUMBOB_KERNELS": "", "PYTHONPATH": str(checkout / "src"), **environment}
+    env["PYTHONDONTWRITEBYTECODE"] = "1"  # it is known by the second and size of its source
     words = [sys.executable, "-c", CODE]
     done = subprocess.run(words, cwd=checkout, env=env, capture_output=True, text=True, check=True)
     return done.stdout.strip(), done.stderr

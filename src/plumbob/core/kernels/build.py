@@ -5,6 +5,7 @@ import hashlib
 import importlib.abc
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -27,7 +28,17 @@ FLAGS = (
 errno or the processor's floating-point flags; a power of 2 is the library's own, and not another function's."""
 LIBRARIES = ("scipy", "pyarrow", "platformdirs", "rich", "mcap", "serial")
 """What modules with kernels import and kernels do without; where one is missing, an empty one stands for it."""
-NAME = f"_kernels.{'pyd' if os.name == 'nt' else 'abi3.so'}"
+TARGETS = {
+    "manylinux_2_28_x86_64": "x86_64-linux-gnu.2.28",
+    "manylinux_2_28_aarch64": "aarch64-linux-gnu.2.28",
+    "macosx_11_0_x86_64": "x86_64-macos.11.0",
+    "macosx_11_0_arm64": "aarch64-macos.11.0",
+    "win_amd64": "x86_64-windows-gnu",
+}
+"""Other machines that zig compiles for on this one: platforms of wheels, and zig's names of them."""
+
+
+ZIG = (sys.executable, "-m", "ziglang")
 
 
 class BuildError(Exception):
@@ -41,7 +52,7 @@ def compiler() -> list[str]:
     for program in ("cc", "gcc", "clang"):
         if shutil.which(program):
             return [program]
-    return [sys.executable, "-m", "ziglang", "cc"] if find_spec("ziglang") else []
+    return [*ZIG, "cc"] if find_spec("ziglang") else []
 
 
 class _Absent(ModuleType):
@@ -78,13 +89,20 @@ def alone(folder: Path) -> Iterator[None]:
         yield
 
 
-def build(folder: Path | None = None) -> Path:
+def build(folder: Path | None = None, target: str = "") -> tuple[Path, Path]:
     """Make the extension, and only what has changed of it.
 
     Parameters
     ----------
     folder : Path, optional
         For C and objects; by default ``build/kernels`` of a checkout, or a temporary one.
+    target : str
+        One of TARGETS: for that machine, by zig, into the folder. Otherwise for this one, beside the package.
+
+    Returns
+    -------
+    tuple
+        The extension, and the file that says of which sources it is.
 
     Raises
     ------
@@ -94,11 +112,11 @@ def build(folder: Path | None = None) -> Path:
         If a kernel is not in the subset.
     """
     if folder is None and is_checkout():
-        folder = CHECKOUT / "build" / "kernels"
+        folder = CHECKOUT / "build" / "kernels" / target
     if folder is None:
         with tempfile.TemporaryDirectory() as place:
             return build(Path(place))
-    words = compiler()
+    words = [*ZIG, "cc", "-target", TARGETS[target]] if target else compiler()
     if not words:
         raise BuildError("There is no C compiler. Install one, or ziglang from PyPI.")
     absence = _Absence()
@@ -115,19 +133,31 @@ def build(folder: Path | None = None) -> Path:
             objects = list(
                 pool.map(lambda file: compiled(words, file), sorted(files, key=lambda file: -file.stat().st_size))
             )
-        target, made = PACKAGE / NAME, folder / NAME
-        link(words, objects, made)
-        shutil.copy(made, target.with_name(f".{NAME}.tmp"))
-        target.with_name(f".{NAME}.tmp").replace(target)
+        made, stamp = folder / extension_file(target), folder / STAMP.name
+        link(words, objects, made, target)
         sources = emit.sources()
-        STAMP.write_text(json.dumps({"hash": content_hash(sources), "files": sources}, indent=0), encoding="utf-8")
-    return target
+        stamp.write_text(json.dumps({"hash": content_hash(sources), "files": sources}, indent=0), encoding="utf-8")
+        if target:
+            return made, stamp
+        for file in (made, stamp):
+            shutil.copy(file, part := PACKAGE / f".{file.name}.tmp")
+            part.replace(PACKAGE / file.name)
+    return PACKAGE / made.name, STAMP
+
+
+def extension_file(target: str = "") -> str:
+    """File of the extension on a machine, by default this one."""
+    return f"_kernels.{'pyd' if _is_windows(target) else 'abi3.so'}"
+
+
+def _is_windows(target: str) -> bool:
+    return target.startswith("win") if target else os.name == "nt"
 
 
 def compiled(words: list[str], file: Path) -> Path:
     """Object of a file of C, made again where the C, a header or the compiler is another."""
     content = [path.read_bytes() for path in (file, *sorted(file.parent.glob("*.h")))]
-    mark = hashlib.sha256(b"".join(content) + repr((words, FLAGS)).encode()).hexdigest()[:16]
+    mark = hashlib.sha256(b"".join(content) + repr((Path(words[0]).name, words[1:], FLAGS)).encode()).hexdigest()[:16]
     target = file.with_name(f"{file.stem}-{mark}.o")
     if not target.is_file():
         for old in file.parent.glob(f"{file.stem}-*.o"):
@@ -138,10 +168,26 @@ def compiled(words: list[str], file: Path) -> Path:
     return target
 
 
-def link(words: list[str], objects: list[Path], target: Path) -> None:
-    """Make one extension of objects."""
-    missing = ["-undefined", "dynamic_lookup"] if sys.platform == "darwin" else []  # what Python brings
-    _run([*words, "-shared", *missing, "-o", str(target), *map(str, objects), "-lm"])
+def link(words: list[str], objects: list[Path], made: Path, target: str = "") -> None:
+    """Make one extension of objects; what it needs of Python is found when Python loads it."""
+    python: list[str] = []
+    if target.startswith("macosx") if target else sys.platform == "darwin":
+        python = ["-undefined", "dynamic_lookup"]
+    elif _is_windows(target):
+        python = [str(_import_library(made.parent))]
+    _run([*words, "-shared", *python, "-o", str(made), *map(str, objects), "-lm"])
+
+
+def _import_library(folder: Path) -> Path:
+    """What Windows' linker asks for: which names python3.dll has, those of our header."""
+    header = (Path(__file__).parent / "python.h").read_text(encoding="utf-8")
+    functions = re.findall(r"^FROM_PYTHON [^(]*?(\w+)\(", header, flags=re.MULTILINE)
+    objects = re.findall(r"^FROM_PYTHON PyObject ([^(]*);", header, flags=re.MULTILINE)
+    names = [*functions, *(f"{name} DATA" for line in objects for name in re.findall(r"\w+", line))]
+    listed, library = folder / "python3.def", folder / "python3.lib"
+    listed.write_text("\n".join(["LIBRARY python3.dll", "EXPORTS", *names, ""]), encoding="ascii")
+    _run([*ZIG, "dlltool", "-m", "i386:x86-64", "-d", str(listed), "-l", str(library)])
+    return library
 
 
 def _run(words: list[str]) -> None:
