@@ -20,12 +20,15 @@ import numpy as np
 from plumbob.core.params import describe
 from plumbob.core.text import counted
 from plumbob.core.version import __version__
-from plumbob.evaluation.many import Accuracy, measure_accuracy, peer_runs
-from plumbob.evaluation.many.accuracy import KEYS, SHARES
-from plumbob.files import Recording, read
+from plumbob.data.recording import Recording
+from plumbob.files import read
 from plumbob.filters.offline import Stage
 from plumbob.filters.smoother.model import Params
-from plumbob.reporting import Figure, Report
+from plumbob.fleet.experiments.accuracy import KEYS, SHARES, Accuracy
+from plumbob.fleet.experiments.peers import peer_runs
+from plumbob.fleet.experiments.trials import measure_accuracy
+from plumbob.reporting.content import Figure
+from plumbob.reporting.report import Report
 
 ROOT = Path(__file__).parents[1]
 KEPT = ROOT / "bench-out" / "accuracy.json"
@@ -300,7 +303,7 @@ In Python the words are the same; `trials_in(Path("trials"))` gives the recordin
 
 ```python
 import plumbob as pb
-from plumbob.evaluation.many import measure_accuracy
+from plumbob.fleet.experiments.trials import measure_accuracy
 from plumbob.filters.offline import Stage
 
 run = pb.simulate("buoy", frame="ENU", sensors="mpu6000+hmc5983", unit="calibrated", seed=1, duration="40 s")
@@ -499,7 +502,7 @@ mean total {values.mean():.2f}, 5 to 95 %: {low:.2f} to {high:.2f}, worst {value
 
 def draw_picture(rows: Mapping[str, Any]) -> None:
     """Total errors, a row for each set and a mark for each estimator."""
-    from plumbob.reporting import INK, SERIES
+    from plumbob.reporting.style import INK, SERIES
 
     names = estimators(rows)
     colours = dict(zip(names, (*SERIES, INK), strict=True))

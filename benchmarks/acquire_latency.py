@@ -19,8 +19,8 @@ import time
 import tty
 from pathlib import Path
 
-from plumbob.acquisition import SerialSource
-from plumbob.acquisition.transport import Received
+from plumbob.live.transports.serial_line import SerialSource
+from plumbob.live.transports.transport import Received
 
 FRAME = struct.Struct("<qq24x")
 WRITER = """

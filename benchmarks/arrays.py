@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.harness.bar import Bar, bar_lines
 from plumbob import Filter, Frame, ImuData
-from plumbob.array import Monitor
+from plumbob.arm.array import Monitor
 from plumbob.data.array import ImuArray
 from plumbob.papers.arm.faults import as_array, moved
 

@@ -23,7 +23,7 @@ from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.axes import arrangements, suspects
 from plumbob.core.errors import CalibrationError
 from plumbob.data import ImuData, ImuMeta
-from plumbob.evaluation.many.trials import read_trial
+from plumbob.fleet.experiments.trials import read_trial
 from plumbob.rotations import axes_letters, every_axes
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1])]

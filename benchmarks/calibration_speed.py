@@ -20,7 +20,7 @@ from collections.abc import Callable
 import numpy as np
 
 from plumbob.calibration.ellipsoid.ellipsoid_fit import fit_quadric
-from plumbob.calibration.mag.alone import fit_mag
+from plumbob.calibration.mag.ellipsoid import fit_mag
 
 SECONDS = 1.0
 

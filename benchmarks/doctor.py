@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from plumbob import read, simulate
-from plumbob.conventions.derotated import FLOOR, changes
-from plumbob.conventions.diagnosis import Answer, Examination, _Declared
-from plumbob.conventions.moments import ARRANGEMENTS, BIN, means
 from plumbob.core.units import Quantity, to_si
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.files import Recording
+from plumbob.data.recording import Recording
+from plumbob.quality.derotated import FLOOR, changes
+from plumbob.quality.diagnosis import Answer, Examination, _Declared
+from plumbob.quality.moments import ARRANGEMENTS, BIN, means
 from plumbob.rotations import (
     dcm_from_quat,
     quat_chained,

@@ -28,10 +28,11 @@ from plumbob.core import flags
 from plumbob.core.errors import PlumbobError
 from plumbob.core.time import to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-from plumbob.files import Recording, read
+from plumbob.data.recording import Recording
+from plumbob.files import read
+from plumbob.files.formats import is_own
+from plumbob.live.recorded import read_recorded
 from plumbob.rotations import North, change_frame, quat_angle, quat_from_xyzw, quat_multiply
-from plumbob.session.reading import is_own
-from plumbob.session.recorded import read_recorded
 from tests.helpers import file_kinds as kinds
 from tests.helpers import ros_bags as ros_made
 from tests.helpers.file_kinds import DATA
@@ -353,7 +354,7 @@ def compared(a: Recording, b: Recording) -> tuple[dict[str, str], set[str]]:
 
 def _findings_alone(a: Recording, b: Recording) -> bool:
     """Whether the notes that went are findings, which a reader makes of the data again."""
-    from plumbob.files.notes import provenance
+    from plumbob.data.recording import provenance
 
     return set(provenance(a.notes)) <= set(b.notes)
 

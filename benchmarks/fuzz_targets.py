@@ -15,14 +15,15 @@ from benchmarks.fuzz_mutations import mutated, mutated_text
 from benchmarks.harness.decoder_streams import frames_of, settled
 from plumbob import Frame, files, simulate
 from plumbob.core.errors import PlumbobError
-from plumbob.files import Recording, header
+from plumbob.data.recording import Recording
+from plumbob.files import header
 from plumbob.files.mcap import Recorder, open_log
 from plumbob.filters import Filter
+from plumbob.live import rows
+from plumbob.live.recorded import convert, write_mcap
 from plumbob.protocols import catalog
 from plumbob.protocols.find import find_format
 from plumbob.protocols.rigs import names as rig_names
-from plumbob.session import rows
-from plumbob.session.recorded import convert, write_mcap
 from tests.helpers.live_samples import FORMAT, SESSION, reads, record, stream
 
 Words = Callable[[Path], Sequence[object]]

@@ -38,7 +38,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import PlumbobError
 from plumbob.core.units import deg, dps, to_deg
 from plumbob.data.cards import UNITS, TriadCalibration
-from plumbob.evaluation.many.trials import read_trial
+from plumbob.fleet.experiments.trials import read_trial
 from plumbob.papers.buoy.modules import field_n, in_body
 from plumbob.rotations import (
     dcm_from_quat,

@@ -33,7 +33,7 @@ from plumbob import files
 from plumbob.cli.main import main as plumbob
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.files.mcap import verify
-from plumbob.session.recorded import read_recorded
+from plumbob.live.recorded import read_recorded
 
 SIGNALS = {"SIGKILL": signal.SIGKILL, "SIGTERM": signal.SIGTERM, "SIGINT": signal.SIGINT}
 DONE = (0, 3)

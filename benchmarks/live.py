@@ -131,13 +131,13 @@ class Ages:
 
 def run(seconds: float, folder: Path) -> int:
     """Measure, and print."""
-    from plumbob.session.recording_sink import RecordingSink
-    from plumbob.session.replay import open_recording, replay
-    from plumbob.session.runner import run_stream
-    from plumbob.session.session import RecordSpec
-    from plumbob.session.session_toml import parse_session
-    from plumbob.session.sources import open_source
-    from plumbob.session.stream import Stream
+    from plumbob.live.recording_sink import RecordingSink
+    from plumbob.live.replay import open_recording, replay
+    from plumbob.live.runner import run_stream
+    from plumbob.live.session import RecordSpec
+    from plumbob.live.session_toml import parse_session
+    from plumbob.live.sources import open_source
+    from plumbob.live.stream import Stream
 
     me = [sys.executable, __file__, "--emit", "--duration", str(seconds)]
     with subprocess.Popen(me, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as unit:

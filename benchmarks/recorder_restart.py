@@ -28,9 +28,9 @@ import numpy as np
 
 from plumbob.files.mcap import open_log, verify
 from plumbob.files.mcap.layout import existing_parts
+from plumbob.live.replay import replay
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
-from plumbob.session.replay import replay
 
 RATE = 200
 FORMAT = """
@@ -79,7 +79,7 @@ COUNTERS = struct.Struct("<Q")
 CHILD = """
 import mmap, sys, threading, time
 from plumbob.cli.main import main
-from plumbob.session import recording_sink as keep
+from plumbob.live import recording_sink as keep
 
 class Watched(keep.RecordingSink):
     def __init__(self, *args, **options):

@@ -23,9 +23,9 @@ BIN = Path(sys.executable).parent
 CODE = ("src", "tests", "benchmarks", "examples", "gates", "website")
 GROUPS = {  # folders and files, the tests among them
     "papers": ("src/plumbob/papers", "tests/papers", "docs/papers.md"),
-    "rigs": ("src/plumbob/simulation/rigs", "src/plumbob/protocols/rigs", "tests/simulation/rigs"),
+    "rigs": ("src/plumbob/live/rigs", "src/plumbob/protocols/rigs", "tests/live/rigs"),
     "page": ("src/plumbob/viewer", "web", "tests/viewer"),
-    "arm": ("src/plumbob/arm", "src/plumbob/array", "tests/arm", "tests/array"),
+    "arm": ("src/plumbob/arm", "tests/arm"),
 }
 READERS = {
     "format": (BIN / "ruff", "format", "--check", *CODE),
@@ -36,7 +36,7 @@ READERS = {
 }
 # Where Pythons differ: texts of argparse and errors, processes, threads, sockets, archives, what dataclasses show.
 # All files of tests that need recordings run there too, since the other Python runs without them.
-SECOND = ("tests/cli", "tests/core", "tests/data", "tests/files", "tests/fleet", "tests/session", "tests/viewer")
+SECOND = ("tests/cli", "tests/core", "tests/data", "tests/files", "tests/fleet", "tests/live", "tests/viewer")
 RECORDED = re.compile("real_data|real_motion|broad_folder|broad_rooms")
 PLAIN = ("tests/rotations", "tests/calibration/test_calibration_ellipsoid_fit.py")
 

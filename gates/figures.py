@@ -11,9 +11,11 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from gates.unreachable import House, Module, closure, lines, unreachable
+from gates.unreachable import House, Module, closure, is_ours, lines, unreachable
 
 CODE = ("src", "tests", "benchmarks", "gates")
+SUBJECTS = ("noise", "evaluation", "quality", "calibration", "filters")
+"""Rooms of the library of which no file should come to what reads files, draws pages or listens to lines."""
 # Words of which the issue of names says that they give the grammar and not the content.
 VAGUE = {"found", "one", "known", "told", "left", "own", "whole", "seen", "kept", "asked"}
 VAGUE_FUNCTIONS = {"told", "whole", "held", "turned", "followed", "beside", "of", "at"} | VAGUE
@@ -44,6 +46,7 @@ def figures(root: Path) -> dict[str, Figure]:
     sources = {path.relative_to(root).as_posix(): path for top in CODE for path in sorted((root / top).rglob("*.py"))}
     found: dict[str, Figure] = defaultdict(dict)
     package: dict[str, list[ast.AST]] = {}
+    ahead: dict[str, list[tuple[str, str]]] = {}
     house = House()
     for name, path in sources.items():
         text = path.read_text(encoding="utf-8")
@@ -58,6 +61,7 @@ def figures(root: Path) -> dict[str, Figure]:
         if name.startswith("src/"):
             package[name] = nodes
             house[_module(name)] = Module(name, module.body, nodes)
+            ahead[_module(name)] = list(imports(nodes))
             found["functions.longer_than_60_lines"][name] = sum(map(is_long, functions(nodes)))
             found["names.vague"][name] = sum(1 for _ in vague(nodes))
             found["names.vague_functions"][name] = sum(1 for _ in vague_functions(nodes))
@@ -68,6 +72,13 @@ def figures(root: Path) -> dict[str, Figure]:
             found["tests.wording_alone"][name] = sum(map(is_wording, functions(nodes)))
     found["names.classes_of_one_name"] = twins(package)
     found["circles.files"] = circles(package)
+    for subject in SUBJECTS:
+        reached = closure(
+            (module for module in house if module.startswith(f"plumbob.{subject}.")),
+            lambda module: (house.home(*one)[0] for one in ahead.get(module, ()) if one[0] in house),
+        )
+        files = [house[module].file for module in reached if module in house]
+        found[f"closures.{subject}"] = {file: found["lines.src"][file] for file in files}
     found["functions.unreachable_lines"] = unreachable(root, house)
     return dict(found)
 
@@ -129,6 +140,17 @@ def sentences(nodes: Nodes) -> Iterator[str]:
             text = node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
         if len(re.findall(r"[^\W\d_]{2,}", text)) >= 3:
             yield text
+
+
+def imports(nodes: Nodes) -> Iterator[tuple[str, str]]:
+    """What a file takes from the package as it runs, in functions too: module and name."""
+    for_types = {
+        id(inner) for node in nodes if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }  # fmt: skip
+    for node in nodes:
+        if isinstance(node, ast.ImportFrom) and is_ours(node.module) and id(node) not in for_types:
+            yield from ((str(node.module), alias.name) for alias in node.names)
 
 
 def private(nodes: Nodes) -> Iterator[str]:

@@ -161,7 +161,7 @@ def run_rooms(args: argparse.Namespace) -> int:
     """Do it in rooms."""
     from benchmarks.harness.rooms import measure_rooms
     from plumbob.core.units import Quantity, parse
-    from plumbob.evaluation.many import trials_in
+    from plumbob.fleet.experiments.trials import trials_in
 
     files = trials_in(args.folder)
     window = None if args.window is None else parse(args.window, Quantity.TIME)

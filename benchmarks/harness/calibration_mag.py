@@ -26,7 +26,7 @@ from benchmarks.harness.calibration_world import (
 )
 from benchmarks.harness.section import Section
 from plumbob.calibration.fit import CaptureRefusedError, Fitted
-from plumbob.calibration.mag.alone import fit_mag
+from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.calibration.mag.with_acc import fit_mag_acc
 from plumbob.calibration.mag.with_gyr import fit_mag_gyr
 from plumbob.core.check import Floats

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmarks.harness.fault_scene import FRAME, RATE, Row, Stream
-from plumbob.acquisition.timing import Counter, TimeBase, TimeSpec
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.params import Parameter, describe
@@ -21,6 +20,8 @@ from plumbob.data.sample import ImuSample
 from plumbob.filters import SMOOTHER, CommonParams, Filter, load
 from plumbob.filters.offline import Stage
 from plumbob.filters.smoother import FixedLag
+from plumbob.live.timing.spec import Counter, TimeSpec
+from plumbob.live.timing.timebase import TimeBase
 
 STEP_NS = round(1e9 / RATE)
 

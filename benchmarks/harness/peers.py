@@ -1,7 +1,7 @@
 """Adapters to other libraries: same samples, same clock, each with the calls and signs that its own examples use.
 
 They are imported when they are asked for. Each starts as its constructor leaves it; those of ahrs start from the
-identity. A peer without time input runs with its nominal step. Whole recordings: `plumbob.evaluation.many.peers`.
+identity. A peer without time input runs with its nominal step. Whole recordings: `plumbob.fleet.experiments.peers`.
 """
 
 from abc import ABC, abstractmethod
@@ -18,8 +18,8 @@ from benchmarks.harness.fault_scene import DIP_DEG, RATE, Row, Stream
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import to_deg
-from plumbob.evaluation.many import peers as whole
-from plumbob.evaluation.many.peers import FUSION_TUNING, TUNED_FUSION, fusion_filter, made, quiet
+from plumbob.fleet.experiments import peers as whole
+from plumbob.fleet.experiments.peers import FUSION_TUNING, TUNED_FUSION, fusion_filter, made, quiet
 from plumbob.rotations import Frame, change_frame, quat_conjugate
 
 STEP = 1.0 / RATE

@@ -17,7 +17,7 @@ from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, Shape
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import TriadCalibration
-from plumbob.evaluation.many.trials import read_trial
+from plumbob.fleet.experiments.trials import read_trial
 
 WAYS: Final = {"alone": "none", "chosen": "auto"}
 """What may help, by what it is called: nothing, and what is chosen without being told."""

@@ -31,10 +31,10 @@ HERE = Path(__file__).parent
 TOP = HERE.parents[1]
 # By risk: how many faults each room gets of 172, and which folders or files it is, less what an earlier room has.
 ROOMS = {
-    "core and report": (8, "core reporting acquisition/transport.py"),
+    "core and report": (8, "core reporting live/transports/transport.py"),
     "rotations": (7, "rotations"),
     "data and cards": (7, "data"),
-    "time base": (8, "acquisition/timing"),
+    "time base": (8, "live/timing"),
     "smoother": (10, "filters/smoother"),
     "filters": (12, "filters"),
     "calibration": (12, "calibration"),
@@ -43,10 +43,10 @@ ROOMS = {
     "recordings": (7, "files/mcap"),
     "foreign files": (7, "files/foreign"),
     "files": (7, "files/*.py"),
-    "sessions": (7, "session acquisition/*.py"),
-    "evaluation": (7, "evaluation conventions"),
-    "simulation": (7, "simulation"),
-    "array": (7, "array"),
+    "array": (7, "arm/array"),
+    "sessions": (7, "live/*.py live/transports door"),
+    "evaluation": (7, "evaluation quality"),
+    "simulation": (7, "simulation live/rigs"),
     "arm": (7, "arm"),
     "overview": (7, "overview"),
     "viewer": (7, "viewer"),

@@ -57,10 +57,8 @@ from plumbob.core.lazy import lazily
 from plumbob.core.version import __version__
 
 if TYPE_CHECKING:
-    from plumbob import arm, array
-    from plumbob.calibration.calibrate import calibrate
-    from plumbob.calibration.rates import filter_rates
-    from plumbob.conventions import doctor
+    from plumbob import arm
+    from plumbob.arm import array
     from plumbob.core import errors, flags, units
     from plumbob.core.docs import docs
     from plumbob.core.errors import PlumbobError, PlumbobWarning
@@ -70,18 +68,33 @@ if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard, NoiseCard, open_card
     from plumbob.data.chain import Chain
     from plumbob.data.chain_toml import load_chain
+    from plumbob.data.recording import Recording
     from plumbob.data.sample import ImuSample
-    from plumbob.evaluation import Evaluation, evaluate
-    from plumbob.evaluation.compare import compare
-    from plumbob.evaluation.many.tuning import tune
-    from plumbob.files import Recording, write
+    from plumbob.door.allan import allan
+    from plumbob.door.calibrate import calibrate
+    from plumbob.door.compare import compare
+    from plumbob.door.doctor import doctor
+    from plumbob.door.estimate import estimate
+    from plumbob.door.evaluate import evaluate
+    from plumbob.door.rates import filter_rates
+    from plumbob.door.reading import read, read_array
+    from plumbob.door.send import send
+    from plumbob.evaluation.evaluation import Evaluation
+    from plumbob.files import write
     from plumbob.files.draft import profile
     from plumbob.files.mcap import repair, verify
     from plumbob.filters import Filter, filter_names
     from plumbob.filters.known import cite
     from plumbob.filters.smoother import FixedLag
     from plumbob.fleet.batch import Batch, batch
-    from plumbob.noise.allan import allan
+    from plumbob.fleet.experiments.tuning import tune
+    from plumbob.live.emulated import emulate
+    from plumbob.live.record import record
+    from plumbob.live.recorded import convert
+    from plumbob.live.replay import replay
+    from plumbob.live.session import Session
+    from plumbob.live.session_toml import load_session
+    from plumbob.live.stream import Stream
     from plumbob.overview.info import info
     from plumbob.overview.overview import plot, report
     from plumbob.papers.reproduce import reproduce
@@ -89,16 +102,6 @@ if TYPE_CHECKING:
     from plumbob.protocols.find import find_format
     from plumbob.protocols.format import Format
     from plumbob.rotations import Frame, North
-    from plumbob.session.emulated import emulate
-    from plumbob.session.estimated import estimate
-    from plumbob.session.live import record
-    from plumbob.session.reading import read, read_array
-    from plumbob.session.recorded import convert
-    from plumbob.session.replay import replay
-    from plumbob.session.sending import send
-    from plumbob.session.session import Session
-    from plumbob.session.session_toml import load_session
-    from plumbob.session.stream import Stream
     from plumbob.simulation import simulate, simulate_chain
     from plumbob.viewer.control_client import control
     from plumbob.viewer.terminal import watch
@@ -109,11 +112,11 @@ _HOME = {
     "Chain": "data.chain",
     "ImuArray": "data.array",
     "load_chain": "data.chain_toml",
-    "read_array": "session.reading",
+    "read_array": "door.reading",
     "Batch": "fleet.batch",
     "CalibrationCard": "data.cards",
     "Decoder": "protocols.decode",
-    "Evaluation": "evaluation",
+    "Evaluation": "evaluation.evaluation",
     "Filter": "filters",
     "FixedLag": "filters.smoother",
     "Format": "protocols.format",
@@ -121,45 +124,45 @@ _HOME = {
     "ImuData": "data.imu",
     "ImuMeta": "data.imu",
     "ImuSample": "data.sample",
-    "Stream": "session.stream",
+    "Stream": "live.stream",
     "NoiseCard": "data.cards",
     "North": "rotations",
     "PlumbobError": "core.errors",
     "PlumbobWarning": "core.errors",
-    "Recording": "files",
-    "Session": "session.session",
-    "allan": "noise.allan",
+    "Recording": "data.recording",
+    "Session": "live.session",
+    "allan": "door.allan",
     "apply_card": "data.calibrated",
     "batch": "fleet.batch",
-    "calibrate": "calibration.calibrate",
+    "calibrate": "door.calibrate",
     "cite": "filters.known",
-    "compare": "evaluation.compare",
+    "compare": "door.compare",
     "control": "viewer.control_client",
     "decode": "protocols.decode",
     "docs": "core.docs",
-    "doctor": "conventions",
-    "emulate": "session.emulated",
-    "estimate": "session.estimated",
-    "evaluate": "evaluation",
-    "convert": "session.recorded",
+    "doctor": "door.doctor",
+    "emulate": "live.emulated",
+    "estimate": "door.estimate",
+    "evaluate": "door.evaluate",
+    "convert": "live.recorded",
     "filter_names": "filters",
-    "filter_rates": "calibration.rates",
+    "filter_rates": "door.rates",
     "find_format": "protocols.find",
     "info": "overview.info",
-    "load_session": "session.session_toml",
+    "load_session": "live.session_toml",
     "open_card": "data.cards",
     "plot": "overview.overview",
     "profile": "files.draft",
-    "read": "session.reading",
-    "record": "session.live",
+    "read": "door.reading",
+    "record": "live.record",
     "repair": "files.mcap",
     "report": "overview.overview",
     "reproduce": "papers.reproduce",
-    "replay": "session.replay",
-    "send": "session.sending",
+    "replay": "live.replay",
+    "send": "door.send",
     "simulate": "simulation",
     "simulate_chain": "simulation",
-    "tune": "evaluation.many.tuning",
+    "tune": "fleet.experiments.tuning",
     "verify": "files.mcap",
     "view": "viewer.view",
     "watch": "viewer.terminal",
@@ -235,7 +238,7 @@ __all__ = [
 ]
 
 
-_MODULES = {"arm": "arm", "array": "array", "errors": "core.errors", "flags": "core.flags", "units": "core.units"}
+_MODULES = {"arm": "arm", "array": "arm.array", "errors": "core.errors", "flags": "core.flags", "units": "core.units"}
 """Modules that users take whole, by the names that they have here."""
 
 _name = lazily(__name__, _HOME)[0]

@@ -11,7 +11,7 @@ import pytest
 from plumbob.arm import JointTrack, arm_report, stick_figure, taught
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.data.chain import Chain, Joint, Segment
-from plumbob.reporting import Report
+from plumbob.reporting.report import Report
 from tests.helpers.arm_samples import arm, pick_and_place, scipy_hand
 
 

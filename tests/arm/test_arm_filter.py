@@ -8,7 +8,7 @@ import pytest
 
 from plumbob.arm.filter import WIDTH, ChainFilter, Params, Samples
 from plumbob.arm.links import links_of
-from plumbob.arm.passes import backward, begin, estimated, followed, keyframe_rows, stretches
+from plumbob.arm.smoother import backward, begin, estimated, followed, keyframe_rows, stretches
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.rotations import quat_conjugate, quat_multiply, quat_rotate, rotvec_from_quat

@@ -7,7 +7,7 @@ from plumbob.arm.anchor import anchored
 from plumbob.arm.filter import Params, Samples
 from plumbob.arm.geometry import Prior, fit_arms, fit_axes, lever_matrices, sway, terms_of, whole
 from plumbob.arm.links import GROUND, links_of, unit_numbers
-from plumbob.arm.passes import Motion, keyframe_rows
+from plumbob.arm.smoother import Motion, keyframe_rows
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg
 from plumbob.data.array import Mount

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from benchmarks import formats
-from plumbob.files import FORMATS, Recording
+from plumbob.data.recording import Recording
+from plumbob.files import FORMATS
 from tests.helpers.io_samples import make_imu, make_track
 
 pytest.importorskip("rosbags")

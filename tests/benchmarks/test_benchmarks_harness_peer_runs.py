@@ -12,12 +12,13 @@ import pytest
 from plumbob import Frame, files
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import deg
-from plumbob.evaluation import evaluate
-from plumbob.evaluation.many import measure_accuracy, peer_runs, trials_in
-from plumbob.evaluation.many.accuracy import KEYS
-from plumbob.evaluation.many.peers import peer_track
-from plumbob.evaluation.many.variants import without_mag
+from plumbob.data.recording import Recording
+from plumbob.door.evaluate import evaluate
 from plumbob.filters.offline import Stage
+from plumbob.fleet.experiments.accuracy import KEYS
+from plumbob.fleet.experiments.peers import peer_runs, peer_track
+from plumbob.fleet.experiments.trials import measure_accuracy, trials_in
+from plumbob.fleet.experiments.variants import without_mag
 from plumbob.rotations import North, change_frame, quat_angle, quat_from_euler_zyx, quat_multiply
 from plumbob.simulation import simulate
 
@@ -42,7 +43,7 @@ def rocking():
 
 
 def file_of(path, run):
-    files.write(path, files.Recording(imu=run.imu, track=run.truth, name=path.stem))
+    files.write(path, Recording(imu=run.imu, track=run.truth, name=path.stem))
 
 
 class Broken:

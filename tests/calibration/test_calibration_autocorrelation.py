@@ -8,7 +8,7 @@ import pytest
 from plumbob.calibration.ellipsoid.autocorrelation import SLOW, alike, memory, visits
 from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
 from plumbob.calibration.fit import CaptureRefusedError
-from plumbob.calibration.mag.alone import fit_mag
+from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.calibration.mag.with_acc import fit_mag_acc
 from plumbob.calibration.mag.with_gyr import fit_mag_gyr
 from plumbob.rotations import quat_conjugate, quat_rotate

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
-from plumbob.calibration.mag.alone import fit_mag
+from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.calibration.mag.field_gradient import PATCH, USUAL, Unevenness, unevenness
 from plumbob.calibration.predicted import heading_apart
 from plumbob.rotations import quat_conjugate, quat_rotate

@@ -7,11 +7,11 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from plumbob.calibration.guide.guide import ENOUGH, LONG_ENOUGH, RestGuide, Turn, nearest, pose_words, turn_to
-from plumbob.calibration.guide.guides import AccelGuide, MagGuide
 from plumbob.calibration.predicted import REGIONS, region_of
-from plumbob.calibration.static_periods import stills
 from plumbob.data import ImuData, ImuMeta
+from plumbob.live.guide.guide import ENOUGH, LONG_ENOUGH, RestGuide, Turn, nearest, pose_words, turn_to
+from plumbob.live.guide.guides import AccelGuide, MagGuide
+from plumbob.quality.static_periods import stills
 from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_rotate
 from tests.helpers.hand_capture import Hand, joined
 

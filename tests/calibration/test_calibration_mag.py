@@ -7,7 +7,7 @@ import pytest
 
 from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
 from plumbob.calibration.fit import KINDS, CaptureRefusedError
-from plumbob.calibration.mag.alone import fit_mag
+from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.calibration.predicted import REGIONS
 from plumbob.rotations import quat_from_rotvec, quat_multiply
 from tests.helpers.mag_scene import STRENGTH, Unit, attitudes, field, force, heading_rms, soft_iron

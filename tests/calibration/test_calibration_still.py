@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from plumbob.calibration.static_periods import BLOCK, stills
 from plumbob.core.units import dps
+from plumbob.quality.static_periods import BLOCK, stills
 from plumbob.rotations import Frame
 from plumbob.simulation import simulate
 

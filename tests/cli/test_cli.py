@@ -9,6 +9,7 @@ import pytest
 
 import plumbob
 from plumbob import Filter, Frame, ImuData, files, simulate
+from plumbob.data.recording import Recording
 from plumbob.rotations import euler_zyx_from_quat
 from tests.helpers.commandline import PLUMBOB, answer, call, typed
 
@@ -55,7 +56,7 @@ def test_benchmark_accuracy_on_a_folder(samples, tmp_path):
         files.write(tmp_path / f"{name}.parquet", sea)
     (tmp_path / "broken.parquet").write_bytes((tmp_path / "a.parquet").read_bytes()[:5000])
     gyro = ImuData(t=sea.imu.t, gyr=sea.imu.gyr, meta=sea.imu.meta)
-    files.write(tmp_path / "gyro.parquet", files.Recording(imu=gyro, track=sea.track, name="gyro"))
+    files.write(tmp_path / "gyro.parquet", Recording(imu=gyro, track=sea.track, name="gyro"))
     words = "benchmark accuracy . --filters mahony,tilt_compass --params mahony.kp=0.05 --align heading"
     result = answer(words, cwd=tmp_path)
     assert (set(result["trials"]), set(result["skipped"])) == ({"a", "b"}, {"broken.parquet", "gyro.parquet"})

@@ -3,6 +3,7 @@
 import pytest
 
 from plumbob import Frame, files
+from plumbob.data.recording import Recording
 from plumbob.simulation import simulate
 from tests.helpers.commandline import answer, refused, typed
 
@@ -13,7 +14,7 @@ WORDS = "benchmark accuracy a.parquet --filters"
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("accuracy")
     run = simulate("buoy", frame=Frame.ENU, sensors="ideal", unit="calibrated", seed=1, duration=10.0)
-    files.write(folder / "a.parquet", files.Recording(imu=run.imu, track=run.truth, name="a"))
+    files.write(folder / "a.parquet", Recording(imu=run.imu, track=run.truth, name="a"))
     return folder
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob.array import combine, info, monitor
+from plumbob.arm.array import combine, info, monitor
 from plumbob.core.units import dps
 from tests.helpers.array_samples import as_array, moved
 from tests.helpers.commandline import answer, typed

@@ -7,7 +7,7 @@ import pytest
 
 import plumbob
 from plumbob import files
-from plumbob.session.recorded import read_recorded
+from plumbob.live.recorded import read_recorded
 from tests.helpers.commandline import answer, typed
 
 GAIN = 2.0

@@ -8,11 +8,11 @@ import pyarrow.parquet as pq
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.chain_toml import load_chain
 from plumbob.files import read
+from plumbob.live.rigs.plan import PLANS
+from plumbob.live.rigs.rig import make_rig
 from plumbob.protocols.rigs import load
 from plumbob.rotations import quat_angle
 from plumbob.simulation import CHAINS, simulate_chain
-from plumbob.simulation.rigs.plan import PLANS
-from plumbob.simulation.rigs.rig import make_rig
 from tests.helpers.commandline import typed
 
 

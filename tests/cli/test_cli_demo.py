@@ -9,17 +9,18 @@ import numpy as np
 import pytest
 
 from plumbob import files
-from plumbob.acquisition.transport import Event, Received
 from plumbob.cli import demo
 from plumbob.cli.demo import require_as_sent
 from plumbob.core.errors import DecodeError
+from plumbob.core.event import Event
+from plumbob.live.recorded import read_recorded
+from plumbob.live.rigs.plan import PLANS
+from plumbob.live.rigs.rig import make_rig
+from plumbob.live.session_toml import parse_session
+from plumbob.live.sinks import Collected
+from plumbob.live.stream import Stream
+from plumbob.live.transports.transport import Received
 from plumbob.protocols.rigs import load
-from plumbob.session.recorded import read_recorded
-from plumbob.session.session_toml import parse_session
-from plumbob.session.sinks import Collected
-from plumbob.session.stream import Stream
-from plumbob.simulation.rigs.plan import PLANS
-from plumbob.simulation.rigs.rig import make_rig
 from tests.helpers.commandline import call, ok
 
 SECONDS = 3.0

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob.calibration.calibrate import KINDS, options_of
 from plumbob.cli.main import VERBS
+from plumbob.door.calibrate import KINDS, options_of
 from tests.helpers.commandline import answer, typed
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "random"}

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from plumbob import files
-from plumbob.calibration.guide.guide import Moment, Progress, Turn
 from plumbob.cli.capture import Board, board_lines
 from plumbob.data.cards import CalibrationCard
+from plumbob.live.guide.guide import Moment, Progress, Turn
 from tests.helpers.commandline import PLUMBOB, answer, emulated, typed
 
 TIMEOUT = 120

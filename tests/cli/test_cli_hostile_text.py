@@ -10,11 +10,12 @@ from plumbob.cli.main import main
 from plumbob.core.text import visible
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.cards import NoiseCard, TriadNoise
+from plumbob.data.recording import Recording
 from plumbob.files.mcap import Recorder
+from plumbob.live.recorded import convert
 from plumbob.protocols.c_header import c_header
 from plumbob.protocols.rigs import load
 from plumbob.rotations import Frame, North
-from plumbob.session.recorded import convert
 
 STEER = "unit\x1b]0;owned\x07\x1b[2J\x9b31m\u202edoog\nverdict      whole"
 SHOWN = "unit\\x1b]0;owned\\x07\\x1b[2J\\x9b31m\\u202edoog\\nverdict      whole"
@@ -34,7 +35,7 @@ def test_every_control_character_is_an_escape_and_a_title_does_not_end_the_comme
 def test_info_shows_the_device_of_a_recording(tmp_path, capsys):
     t = np.arange(100) * 0.01
     imu = ImuData(t=t, gyr=np.random.default_rng(0).normal(size=(100, 3)), meta=ImuMeta(device=STEER))
-    files.write(tmp_path / "a.parquet", files.Recording(imu=imu, name="a", notes=(STEER,)))
+    files.write(tmp_path / "a.parquet", Recording(imu=imu, name="a", notes=(STEER,)))
     assert main(["info", str(tmp_path / "a.parquet")]) == 0
     shown = capsys.readouterr()
     assert f"device       {SHOWN}, body axes" in shown.out
@@ -67,7 +68,7 @@ def test_files_for_other_programs_hold_no_command_for_a_terminal(tmp_path):
     t = np.arange(100) * 0.01
     imu = ImuData(t=t, gyr=np.random.default_rng(0).normal(size=(100, 3)), meta=ImuMeta(device=STEER))
     track = AttitudeTrack(t=t, q_nb=np.tile([1.0, 0, 0, 0], (100, 1)), frame=Frame.ENU, north=North.FREE, source=STEER)
-    whole = files.Recording(imu=imu, track=track, name=STEER, notes=(STEER,))
+    whole = Recording(imu=imu, track=track, name=STEER, notes=(STEER,))
     for suffix in (".csv", ".tum", ".txt"):
         convert(whole, tmp_path / f"a{suffix}")
         text = (tmp_path / f"a{suffix}").read_text(encoding="utf-8")

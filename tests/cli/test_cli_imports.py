@@ -18,10 +18,10 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="the system cann
 
 PACKAGES = ("h5py", "lz4", "matplotlib", "mcap", "numpy", "pandas", "pyarrow", "pygeomag", "rich", "scipy",
             "serial", "zstandard")  # fmt: skip
-ROOMS = ("acquisition.serial_line", "acquisition.sockets", "acquisition.timing.timebase", "calibration",
-         "data.cards.calibration", "evaluation", "evaluation.many", "files.mcap", "filters",
-         "noise", "protocols", "report.drawing", "session.stream", "simulation",
-         "simulation.rigs.rig")  # fmt: skip
+ROOMS = ("live.transports.serial_line", "live.transports.sockets", "live.timing.timebase", "calibration",
+         "data.cards.calibration", "evaluation", "fleet.experiments", "files.mcap", "filters",
+         "noise", "protocols", "reporting.drawing", "live.stream", "simulation",
+         "live.rigs.rig")  # fmt: skip
 PARTS = ("scipy.fft", "scipy.interpolate", "scipy.io", "scipy.optimize", "scipy.signal", "scipy.special", "scipy.stats",
          "pyarrow.csv", "pyarrow.parquet")  # fmt: skip
 """What is looked for: packages, parts of packages, and rooms of this one."""
@@ -67,10 +67,11 @@ SETS = {
     "PARQUET": "numpy pyarrow pyarrow.parquet",
     "READ": "PARQUET filters",  # to open a recording, whose room imports what all filters share
     "SIMULATED": "PARQUET data.cards.calibration simulation",
+    "DRAWN": "matplotlib reporting.drawing scipy scipy.fft scipy.special",
     "RUN": "READ evaluation kernels",
     "FITS": "scipy scipy.fft scipy.interpolate scipy.optimize scipy.special",
-    "VIEW": "acquisition.timing.timebase calibration data.cards.calibration files.mcap filters mcap numpy protocols "
-    "session.stream zstandard",
+    "VIEW": "live.timing.timebase calibration data.cards.calibration files.mcap filters mcap numpy protocols "
+    "live.stream zstandard",
 }
 SENSORS = "--frame NED --sensors mpu6000+hmc5983 --unit"
 LINES = """
@@ -85,7 +86,7 @@ run sea.parquet --filter mahony --out track.parquet | RUN
 run none.parquet --filter mekf | numpy filters
 report sea.parquet --filter mekf | RUN calibration scipy scipy.fft scipy.special
 batch none.parquet --out dataset | READ evaluation scipy
-plot sea.parquet --filter none --what rates --out rates.svg | READ matplotlib scipy scipy.fft scipy.special
+plot sea.parquet --filter none --what rates --out rates.svg | READ DRAWN
 eval track.parquet sea.parquet | READ evaluation
 compare sea.parquet sea.parquet | RUN FITS scipy.ndimage scipy.signal scipy.stats
 doctor sea.parquet | READ scipy scipy.fft
@@ -93,7 +94,7 @@ send track.parquet --as json --to file:sent.jsonl --speed max | READ VIEW
 sim static SENSORS random --duration 90s --rate 50Hz --out rest.parquet | SIMULATED
 allan rest.parquet --triads gyr | READ data.cards.calibration noise kernels FITS
 calibrate gyro rest.parquet --method rest | READ calibration data.cards.calibration kernels
-emulate buoy --duration 3s --write sea.bin | numpy data.cards.calibration simulation simulation.rigs.rig protocols
+emulate buoy --duration 3s --write sea.bin | numpy data.cards.calibration simulation live.rigs.rig protocols
 decode sea.bin --format buoy --out sea-decoded.csv | kernels numpy protocols
 record --from sea.bin --format buoy --out sea.mcap | VIEW kernels
 view none.mcap --no-open | VIEW

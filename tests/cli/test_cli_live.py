@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from plumbob import files
-from plumbob.acquisition.transport import Stop
 from plumbob.cli import common
 from plumbob.files.mcap import open_log
+from plumbob.live.transports.transport import Stop
 from tests.helpers import until
 from tests.helpers.commandline import PLUMBOB, answer, emulated, typed
 

@@ -9,10 +9,10 @@ import pytest
 
 from plumbob import files
 from plumbob.cli.main import main
+from plumbob.live import sources
+from plumbob.live.watch import attitude_of, report_lines
 from plumbob.protocols.page import UNCHECKED
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_euler_zyx
-from plumbob.session import sources
-from plumbob.session.watch import attitude_of, report_lines
 from tests.helpers.live_samples import FORMAT, SESSION, reads, record, stream
 
 

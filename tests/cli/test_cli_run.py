@@ -9,6 +9,7 @@ import pytest
 
 from plumbob import AttitudeTrack, Filter, Frame, ImuData, ImuMeta, files
 from plumbob.cli.main import main
+from plumbob.data.recording import Recording
 from plumbob.rotations import North, dcm_from_quat, quat_conjugate, quat_from_euler_zyx
 from tests.helpers.motion import seen_by
 
@@ -115,12 +116,12 @@ def test_errors_are_those_against_the_recording_s_own_reference_where_it_can_be_
     """Turned by 5° about the vertical, all of it is heading; turned by 3° of roll beside, the total is both."""
     imu, truth = posed(*[(30.0, 10.0, -20.0)] * 5, frame=Frame.NED)
     turn = np.tile(quat_from_euler_zyx(np.radians([35.0, 10.0, -20.0])), (5, 1))
-    recording = files.Recording(imu=imu, track=truth.with_attitude(turn, frame=Frame.NED))
+    recording = Recording(imu=imu, track=truth.with_attitude(turn, frame=Frame.NED))
     errors = report(recording, "--filter", "tilt_compass")["errors"]
     assert errors["total_rmse_deg"] == errors["heading_rmse_deg"] == pytest.approx(5.0, abs=1e-6)
     assert errors["inclination_rmse_deg"] == pytest.approx(0.0, abs=1e-6)
     other_north = AttitudeTrack(t=truth.t, q_nb=truth.q_nb, frame=Frame.NED, north=North.TRUE)  # and no declination
-    recording = files.Recording(imu=imu, track=other_north)
+    recording = Recording(imu=imu, track=other_north)
     assert set(report(recording, "--filter", "tilt_compass")["errors"]) == {"not_compared", "inclination_rmse_deg"}
 
 
@@ -162,7 +163,7 @@ def spun(first_known=0):
     q = quat_from_euler_zyx(np.stack([math.radians(60.0) + 0.5 * t, 0.0 * t, 0.0 * t], axis=1))
     q[:first_known] = np.nan
     imu = ImuData(t=t, gyr=np.tile([0.0, 0.0, 0.5], (200, 1)), meta=ImuMeta(frame=Frame.NED))
-    return files.Recording(imu=imu, track=AttitudeTrack(t=t, q_nb=q, frame=Frame.ENU, north=North.TRUE))
+    return Recording(imu=imu, track=AttitudeTrack(t=t, q_nb=q, frame=Frame.ENU, north=North.TRUE))
 
 
 @pytest.mark.parametrize("unknown", [0, 40])

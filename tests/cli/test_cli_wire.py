@@ -15,13 +15,13 @@ import pytest
 from plumbob import read, read_array
 from plumbob.core.units import deg
 from plumbob.data.cards import CalibrationCard, NoiseCard, TriadNoise
+from plumbob.live.rigs.plan import PLANS
+from plumbob.live.rigs.rig import make_rig
 from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode
 from plumbob.protocols.encode import encode
 from plumbob.protocols.find import find_format
 from plumbob.protocols.rigs import load
-from plumbob.simulation.rigs.plan import PLANS
-from plumbob.simulation.rigs.rig import make_rig
 from tests.helpers.commandline import PLUMBOB, answer, call, typed
 
 BARE = "note: calibration NONE: these sensor values are uncalibrated"

@@ -12,6 +12,7 @@ import threading
 import numpy as np
 import pytest
 
+from plumbob import Recording
 from plumbob import files as formats
 from plumbob.calibration.rate_table import read_plan
 from plumbob.calibration.report import certificate
@@ -25,13 +26,13 @@ from plumbob.files.mcap import repair, verdict
 from plumbob.files.mcap.layout import pack
 from plumbob.files.profile_toml import load_profile
 from plumbob.files.text import read_spans
+from plumbob.live.recorded import convert
+from plumbob.live.session_toml import load_session
+from plumbob.live.sources import CaptureSource
 from plumbob.protocols.find import find_format
-from plumbob.reporting import Figure
+from plumbob.reporting.content import Figure
 from plumbob.reporting.drawing import picture
 from plumbob.rotations import IDENTITY, Frame, North
-from plumbob.session.recorded import convert
-from plumbob.session.session_toml import load_session
-from plumbob.session.sources import CaptureSource
 from tests.helpers import full_disk
 from tests.helpers.commandline import ok, refused
 
@@ -65,7 +66,7 @@ def written(path, **how):
 
 
 def both():
-    return formats.Recording(imu=imu(), track=track(), name="a")
+    return Recording(imu=imu(), track=track(), name="a")
 
 
 WRITERS = {

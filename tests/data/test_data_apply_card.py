@@ -10,7 +10,7 @@ from plumbob.core.errors import CalibrationError
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.calibrated import apply_card, temperature_beyond, temperature_drift
 from plumbob.data.cards import UNITS, CalibrationCard, Mount, TriadCalibration
-from plumbob.data.cards.left import NOTHING
+from plumbob.data.cards.residuals import NOTHING
 
 N = 300
 EPS = np.finfo(float).eps

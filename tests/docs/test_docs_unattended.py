@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from plumbob.files.mcap import verify
-from plumbob.session.recorded import read_recorded
+from plumbob.live.recorded import read_recorded
 from tests.helpers.commandline import call
 
 PAGE = (Path(__file__).parents[2] / "docs" / "sessions.md").read_text(encoding="utf-8")

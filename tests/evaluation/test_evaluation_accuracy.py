@@ -8,10 +8,11 @@ import pytest
 from plumbob import Frame, files
 from plumbob.core.errors import DecodeError
 from plumbob.core.units import deg
-from plumbob.evaluation.many import measure_accuracy, trials_in
-from plumbob.evaluation.many.accuracy import KEYS, SHARES
+from plumbob.data.recording import Recording
 from plumbob.evaluation.metrics import INSIDE, inside_claim
 from plumbob.filters.offline import Stage
+from plumbob.fleet.experiments.accuracy import KEYS, SHARES
+from plumbob.fleet.experiments.trials import measure_accuracy, trials_in
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply
 from plumbob.simulation import simulate
 
@@ -29,7 +30,7 @@ def folders(tmp_path_factory):
             run = simulate("buoy", **how, seed=seed, duration=40.0)
             imu = run.imu if folder == "sea" else replace(run.imu, mag=None)
             imu = replace(imu, meta=replace(imu.meta, calibration=None, acc_left=None, mag_left=None))
-            files.write(root / folder / f"buoy{seed}.parquet", files.Recording(imu=imu, track=run.truth, name="buoy"))
+            files.write(root / folder / f"buoy{seed}.parquet", Recording(imu=imu, track=run.truth, name="buoy"))
     return root / "sea", root / "bare"
 
 

@@ -6,12 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plumbob.core.errors import ClockError, ParameterError, ShapeError
-from plumbob.evaluation import evaluate, find_time_offset
+from plumbob.door.evaluate import evaluate
 from plumbob.evaluation.align import (
     MIN_TILT_SPREAD,
     find_heading,
     find_mounting,
     find_mounting_and_heading,
+    find_time_offset,
     masked_correlation,
     turn_heading,
 )

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from plumbob.core.errors import ClockError, ParameterError
 from plumbob.core.time import GAP_FACTOR
 from plumbob.data.reading import default_max_gap
-from plumbob.evaluation import Fate, associate
+from plumbob.evaluation.align import Fate, associate
 from plumbob.rotations import quat_angle, quat_from_rotvec
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from plumbob.evaluation import attitude_errors
+from plumbob.evaluation.metrics import attitude_errors
 from plumbob.rotations import dcm_from_quat, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
 from plumbob.rotations.headings import claimed_sd
 

@@ -10,7 +10,7 @@ import pytest
 
 from plumbob import ImuData
 from plumbob import files as io
-from plumbob.files import Recording
+from plumbob.data.recording import Recording
 from plumbob.rotations import North, quat_from_euler_zyx, quat_multiply
 from tests.helpers.commandline import call, ok, refused
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from plumbob.evaluation import evaluate
+from plumbob.door.evaluate import evaluate
 from plumbob.evaluation.metrics import BOUNDS, CONFIDENCE, DOF
 from plumbob.rotations import North, quat_from_rotvec, quat_multiply
 

@@ -9,7 +9,8 @@ from plumbob import Filter, ImuData
 from plumbob.core import flags
 from plumbob.core.errors import FrameError, ParameterError, ShapeError, UnitError
 from plumbob.core.units import deg
-from plumbob.evaluation import QUANTITIES, evaluate
+from plumbob.door.evaluate import evaluate
+from plumbob.evaluation.metrics import QUANTITIES
 from plumbob.rotations import Frame, North, change_frame, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
 from plumbob.rotations.headings import turn_heading
 

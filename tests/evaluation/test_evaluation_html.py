@@ -7,7 +7,8 @@ import pytest
 
 from plumbob.core import flags
 from plumbob.core.errors import MissingExtraError, ShapeError
-from plumbob.evaluation import comparison, evaluate
+from plumbob.door.evaluate import evaluate
+from plumbob.evaluation.report import comparison
 from plumbob.rotations import North, quat_conjugate, quat_from_rotvec, quat_multiply
 from tests.helpers.page_battery import HOSTILE, PageBattery
 

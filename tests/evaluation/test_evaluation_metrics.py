@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob.evaluation import GIMBAL_GUARD, QUANTITIES, Stats, attitude_errors
-from plumbob.evaluation.metrics import wrap
+from plumbob.evaluation.metrics import GIMBAL_GUARD, QUANTITIES, Stats, attitude_errors, wrap
 from plumbob.rotations import (
     Frame,
     change_frame,

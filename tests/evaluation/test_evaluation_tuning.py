@@ -11,15 +11,16 @@ import pytest
 from plumbob import Frame, estimate, evaluate, files, simulate, tune
 from plumbob.core.errors import DecodeError, ParameterError, ShapeError
 from plumbob.core.params import describe
-from plumbob.evaluation.many import tuning
-from plumbob.evaluation.many.tuning import Range
+from plumbob.data.recording import Recording
 from plumbob.filters import load
+from plumbob.fleet.experiments import tuning
+from plumbob.fleet.experiments.tuning import Range
 from tests.helpers.commandline import call, ok, refused
 
 
 def recording(seed, *, duration=12.0, sensors="mpu6000+hmc5983"):
     run = simulate("buoy", frame=Frame.ENU, sensors=sensors, unit="calibrated", seed=seed, duration=duration)
-    return files.Recording(imu=run.imu, track=run.truth, name=f"buoy {seed}")
+    return Recording(imu=run.imu, track=run.truth, name=f"buoy {seed}")
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +144,7 @@ def test_places_of_a_range_are_even_in_logarithms_and_one_at_its_end_is_said(sev
     one = Range(beta, 0.01, 1.0)
     assert one.at(0.5) == pytest.approx(0.1)
     assert one.place(0.1) == pytest.approx(0.5)
-    bare = files.Recording(imu=several[0].imu, track=None, name="bare")
+    bare = Recording(imu=several[0].imu, track=None, name="bare")
     low = ["beta=1e-5 1/s..1e-4 1/s"]
     got = tune([*several[:2], bare], "madgwick", params=low, budget=8, metric="inclination")
     assert (got.parameters[0].at_end, set(got.skipped)) == ("high", {"bare"})
@@ -169,7 +170,7 @@ def test_places_of_a_range_are_even_in_logarithms_and_one_at_its_end_is_said(sev
 def test_wrong_settings_are_refused_with_what_to_do(several, settings, words):
     with pytest.raises((ParameterError, ShapeError), match=words):
         tune(several[:2], "madgwick", **{"budget": 4, **settings})
-    bare = files.Recording(imu=several[0].imu, track=None, name="bare")
+    bare = Recording(imu=several[0].imu, track=None, name="bare")
     with pytest.raises(DecodeError, match="no recording with sensor data and a reference"):
         tune(bare, "madgwick", budget=4)
 

@@ -8,8 +8,7 @@ from plumbob.core import flags
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack
-from plumbob.evaluation.many import CHANGES, changed
-from plumbob.evaluation.many.variants import MARGIN, motion_begins, turning
+from plumbob.fleet.experiments.variants import CHANGES, MARGIN, changed, motion_begins, turning
 from plumbob.rotations import North, quat_rotate
 
 RATE, STILL = 50.0, 5.0

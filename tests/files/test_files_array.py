@@ -12,7 +12,8 @@ from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
 from plumbob.data import ImuMeta
 from plumbob.data.array import ImuArray, Mount
 from plumbob.data.cards import NoiseCard, TriadNoise
-from plumbob.files import Recording, header, read
+from plumbob.data.recording import Recording
+from plumbob.files import header, read
 from plumbob.files.columns import to_columns
 from plumbob.files.parquet import Stored, read_parquet, write_parquet
 from tests.helpers.commandline import ok

@@ -8,8 +8,8 @@ import pytest
 
 from plumbob.core.errors import ClockError, DecodeError, ParameterError, ShapeError
 from plumbob.data import ImuMeta
-from plumbob.files import FORMATS, Recording, read, write
-from plumbob.files.notes import TOPICS
+from plumbob.data.recording import TOPICS, Recording
+from plumbob.files import FORMATS, read, write
 from tests.helpers import full_disk
 from tests.helpers.io_samples import CASES, ROWS, assert_same, make_imu, make_track, refused
 

@@ -6,7 +6,7 @@ import pytest
 from plumbob import files
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.plausibility import doubts, turning, upside_down
-from plumbob.files.notes import EARTH_FIELD, TOPICS, findings, provenance
+from plumbob.data.recording import EARTH_FIELD, TOPICS, findings, provenance
 from plumbob.rotations import Frame
 from plumbob.simulation import SCENARIOS, simulate
 from tests.helpers.io_samples import make_imu

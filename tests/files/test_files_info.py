@@ -11,7 +11,7 @@ import plumbob
 from plumbob import AttitudeTrack, ImuData, files
 from plumbob.core import flags
 from plumbob.data import ImuMeta
-from plumbob.files.notes import TOPICS
+from plumbob.data.recording import TOPICS
 from plumbob.rotations import Frame, North
 from tests.helpers.commandline import ok
 from tests.helpers.io_samples import make_imu

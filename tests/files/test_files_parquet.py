@@ -17,7 +17,8 @@ from plumbob.core.errors import ClockError, DecodeError, FrameError, ParameterEr
 from plumbob.core.files import require_room
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.array import ImuArray
-from plumbob.files import Recording, header
+from plumbob.data.recording import Recording
+from plumbob.files import header
 from plumbob.files.arrow import unpacked_bytes
 from plumbob.files.columns import COLUMNS, to_columns
 from plumbob.files.parquet import open_parquet, read_parquet, write_parquet

@@ -8,7 +8,7 @@ import pytest
 from plumbob import Filter, Frame, ImuData
 from plumbob.core import flags
 from plumbob.core.constants import G0
-from plumbob.evaluation import attitude_errors
+from plumbob.evaluation.metrics import attitude_errors
 from plumbob.filters.complementary import arc, share
 from plumbob.rotations import quat_angle, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
 from tests.helpers.motion import consistent, seen_by

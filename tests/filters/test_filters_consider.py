@@ -9,7 +9,7 @@ from benchmarks.claims import judged, limits
 from plumbob import CalibrationCard, Filter, Frame, ImuData, ImuMeta, files
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import Mount, TriadCalibration
-from plumbob.data.cards.left import NOTHING, half_of, left_by, uncalibrated, whole_of
+from plumbob.data.cards.residuals import NOTHING, half_of, left_by, uncalibrated, whole_of
 from plumbob.evaluation.metrics import BOUNDS
 from plumbob.filters.settling import considered
 from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_multiply, quat_rotate, rotvec_from_quat

@@ -11,7 +11,7 @@ from plumbob.core import flags
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.data.cards import TriadNoise
-from plumbob.evaluation import attitude_errors
+from plumbob.evaluation.metrics import attitude_errors
 from plumbob.filters import ekf7, quaternion_bias
 from plumbob.filters.layout import BIAS, Q
 from plumbob.filters.quaternion_bias import ABOUT, P_BB, P_QB, P_QQ

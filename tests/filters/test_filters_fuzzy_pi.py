@@ -8,10 +8,10 @@ import pytest
 from plumbob import Filter, Frame, ImuData
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
-from plumbob.evaluation import evaluate
-from plumbob.evaluation.many import measure_scenario
+from plumbob.door.evaluate import evaluate
 from plumbob.filters.fuzzy_pi import WOUND
 from plumbob.filters.offline import Stage
+from plumbob.fleet.experiments.scenario import measure_scenario
 from plumbob.rotations import (
     dcm_from_quat,
     quat_angle,

@@ -2,8 +2,8 @@
 
 import pytest
 
-from plumbob.evaluation.many import measure_accuracy, trials_in
 from plumbob.filters.offline import Stage
+from plumbob.fleet.experiments.trials import measure_accuracy, trials_in
 from tests.helpers import slow_as_python
 
 STAGES = (

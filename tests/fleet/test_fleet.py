@@ -21,7 +21,7 @@ from plumbob.fleet.items import Item, digest_of, items_of
 from plumbob.fleet.job import COLUMNS
 from plumbob.fleet.places import fetched, place_of
 from plumbob.fleet.settings import cards_of
-from plumbob.overview.quality import MEANING
+from plumbob.quality.quality import MEANING
 from tests.helpers import until
 from tests.helpers.commandline import plumbob as call
 

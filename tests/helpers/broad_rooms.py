@@ -3,7 +3,7 @@
 from functools import lru_cache
 
 from benchmarks.harness.room import room_of
-from plumbob.evaluation.many.trials import read_trial
+from plumbob.fleet.experiments.trials import read_trial
 
 
 @lru_cache

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.acquisition.timing.spec import Counter
+from plumbob.live.timing.spec import Counter
 
 LEAST_NS = 400_000  # constant part of every delay: transmission, driver
 START_NS = 5_000_000_000_000  # a host that has been up for 83 minutes

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from plumbob.acquisition.iio_layout import TIMESTAMP
 from plumbob.core.units import unit
+from plumbob.live.source_toml import iio_format
+from plumbob.live.transports.iio_layout import TIMESTAMP
 from plumbob.protocols.decode import decode
-from plumbob.session.source_toml import iio_format
 
 AXES = "xyz"
 

@@ -12,7 +12,8 @@ import pytest
 
 from plumbob.core.errors import DecodeError
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-from plumbob.files import Recording, header
+from plumbob.data.recording import Recording
+from plumbob.files import header
 from plumbob.files.columns import column
 from plumbob.rotations import Frame, North, quat_normalize
 

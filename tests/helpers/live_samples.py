@@ -5,16 +5,16 @@ import functools
 import numpy as np
 
 from plumbob import Frame, simulate
-from plumbob.acquisition.transport import Received
+from plumbob.live.recording_sink import RecordingSink
+from plumbob.live.runner import run_stream
+from plumbob.live.session import RecordSpec
+from plumbob.live.session_toml import parse_session
+from plumbob.live.sinks import Collected
+from plumbob.live.stream import Stream
+from plumbob.live.transports.transport import Received
 from plumbob.protocols.decode import columns_of
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
-from plumbob.session.recording_sink import RecordingSink
-from plumbob.session.runner import run_stream
-from plumbob.session.session import RecordSpec
-from plumbob.session.session_toml import parse_session
-from plumbob.session.sinks import Collected
-from plumbob.session.stream import Stream
 
 RATE = 200.0
 OFFSET = 1_700_000_000_000_000_000

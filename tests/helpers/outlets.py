@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from plumbob import emulate
-from plumbob.acquisition.transport import Stop
+from plumbob.live.transports.transport import Stop
 from plumbob.viewer.child import Serving
 from plumbob.viewer.messages import Command
 from plumbob.viewer.outlet import Asked

@@ -17,9 +17,9 @@ from plumbob.core.text import measured, number
 from plumbob.core.units import Quantity, dps, from_si, to_si
 from plumbob.noise import Compared, compare, report
 from plumbob.noise.curve import Curve
-from plumbob.noise.fin import fin_report
 from plumbob.noise.findings import Candidate, Coefficient, Estimates, Mask, Sinusoid
 from plumbob.noise.terms import DATASHEET, variance
+from plumbob.papers.fin.datasheet import fin_report
 from tests.helpers.page_battery import HOSTILE, Outline, PageBattery
 
 PER_HOUR = math.degrees(1.0) * 3600.0  # °/h in a rad/s

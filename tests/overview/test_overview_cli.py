@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob.overview import subject
+from plumbob.overview import report_entry as subject
 from tests.helpers.commandline import answer, is_built, typed
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
@@ -56,7 +56,7 @@ def test_json_has_all_numbers(folder):
 def test_the_page_of_run_is_of_its_own_estimate(folder):
     """Estimated once, with the numbers that report has."""
     from plumbob.overview import overview
-    from plumbob.overview.gathered import Gatherer
+    from plumbob.overview.streaming_stats import Gatherer
 
     gatherer = Gatherer(burst=10.0)
     result = plumbob.estimate(folder / "sea.parquet", "mekf", follow=gatherer)

@@ -10,7 +10,7 @@ import plumbob
 from plumbob.core.errors import ShapeError
 from plumbob.data import AttitudeTrack
 from plumbob.overview import traces
-from plumbob.overview.gathered import Gatherer, attitude_channels
+from plumbob.overview.streaming_stats import Gatherer, attitude_channels
 from plumbob.overview.traces import Tracing
 from plumbob.rotations import euler_zyx_from_quat, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
 

@@ -13,7 +13,7 @@ from plumbob.core import flags
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.files import write
-from plumbob.overview.grade import WORDS, grade, grade_track, word_of
+from plumbob.quality.grade import WORDS, grade, grade_track, word_of
 
 LITTLE = 1.0
 """What another criterion may lose by a fault that is not its own, points."""

@@ -5,7 +5,7 @@ import pytest
 
 from plumbob.core import flags
 from plumbob.core.constants import G0
-from plumbob.overview.quality import FAIL, MISSING, NOT_EVALUATED, PASS, SUSPECT, thresholds, verdict
+from plumbob.quality.quality import FAIL, MISSING, NOT_EVALUATED, PASS, SUSPECT, thresholds, verdict
 
 RATE, LENGTH = 50.0, 600.0
 SPAN = (0.0, LENGTH)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from plumbob.overview.spectra import LEAST, Spectra, peak_period, welch
+from plumbob.quality.spectra import LEAST, Spectra, peak_period, welch
 
 RATE = 50.0
 

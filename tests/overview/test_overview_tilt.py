@@ -7,7 +7,7 @@ import pytest
 
 import plumbob
 from plumbob.core.errors import ShapeError
-from plumbob.overview.tilt import Headings, Inclination, Motion, TiltStatistics, tilt_statistics, waves
+from plumbob.quality.tilt import Headings, Inclination, Motion, TiltStatistics, tilt_statistics, waves
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
 

@@ -8,12 +8,12 @@ import pytest
 
 from plumbob import simulate, simulate_chain
 from plumbob.arm import JointTrack, replay, taught
-from plumbob.array.paper import Scheme
+from plumbob.arm.array.paper import Scheme
 from plumbob.core.units import dps
 from plumbob.papers import arm as package
 from plumbob.papers.arm import faults, misprints, simulated, tables, teaching
 from plumbob.papers.arm.page import Findings, report
-from plumbob.papers.work import Work
+from plumbob.papers.workspace import Work
 from tests.helpers.papers import by_key, english_alone
 
 FEW = 40

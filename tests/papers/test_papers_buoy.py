@@ -7,10 +7,11 @@ import pytest
 
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, to_deg, to_dps
-from plumbob.papers.buoy import ITEMS, bench, literal, measured, modules, trials
+from plumbob.papers.buoy import ITEMS, bench, measured, modules, trials
+from plumbob.papers.buoy import as_printed as literal
 from plumbob.papers.buoy.outcomes import FIRST, outcomes
 from plumbob.papers.buoy.page import page
-from plumbob.papers.work import Work
+from plumbob.papers.workspace import Work
 from plumbob.rotations import quat_from_euler_zyx, quat_from_rotvec
 from tests.helpers.papers import by_key, english_alone, named, unmet
 

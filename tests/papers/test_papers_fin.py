@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from plumbob.papers.fin import algorithm, estimation, experiment, forms, records, swimming, system
-from plumbob.papers.work import Work
+from plumbob.papers.workspace import Work
 from plumbob.simulation import simulate
 from tests.helpers.papers import FIN_SYMBOLS, by_key, english_alone, unmet
 

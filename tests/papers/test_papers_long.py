@@ -11,7 +11,7 @@ import pytest
 
 from plumbob.papers import fin
 from plumbob.papers.reproduce import NAMES, items
-from plumbob.papers.work import Work
+from plumbob.papers.workspace import Work
 from tests.helpers.papers import FIN_SYMBOLS, english_alone, named
 from website.papers import page
 

@@ -15,8 +15,8 @@ import plumbob
 from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError
 from plumbob.papers.outcome import Outcome, at_least, at_most, restored, table
 from plumbob.papers.reproduce import DEFINITIONS, NAMES, TITLES, items, reproduce
-from plumbob.papers.work import Work
-from plumbob.reporting import Report
+from plumbob.papers.workspace import Work
+from plumbob.reporting.report import Report
 from plumbob.reporting.style import Both, said
 from website.papers import README, items_lines, keys_of, readme
 
@@ -94,7 +94,7 @@ def alone(monkeypatch, code):
     started, popen = [], subprocess.Popen
 
     def start(words, **how):
-        assert words[:4] == [sys.executable, "-P", "-m", "plumbob.papers.alone"]
+        assert words[:4] == [sys.executable, "-P", "-m", "plumbob.papers.standalone"]
         command = [sys.executable, "-c", f"import sys, time, os; name = sys.argv[1]\n{code}", *words[4:]]
         started.append(popen(command, **how))
         return started[-1]
@@ -138,7 +138,7 @@ def test_what_is_not_recorded_whole_is_refused(tmp_path, monkeypatch):
         note("stopped: no space")
         return SimpleNamespace(lossy=True)
 
-    monkeypatch.setattr("plumbob.papers.work.record", full)
+    monkeypatch.setattr("plumbob.papers.workspace.record", full)
     with pytest.raises(DecodeError, match=r"x\.mcap was not recorded whole: stopped: no space\."):
         Work(tmp_path).recorded("rod", "x", duration=0.1)
 

@@ -8,10 +8,10 @@ import pytest
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, g
 from plumbob.papers.rod import ITEMS, equations, methods, results
-from plumbob.papers.rod.compared import budget, compared, mapped, mount_from_gravity, permuted
-from plumbob.papers.rod.literal import BIAS_WALK, GYRO_NOISE, START, Form, literal, observation, observed, transition
+from plumbob.papers.rod.as_printed import BIAS_WALK, GYRO_NOISE, START, Form, literal, observation, observed, transition
+from plumbob.papers.rod.comparison import budget, compared, mapped, mount_from_gravity, permuted
 from plumbob.papers.rod.page import page
-from plumbob.papers.work import Work
+from plumbob.papers.workspace import Work
 from plumbob.rotations import quat_angle, quat_from_euler_zyx, quat_from_rotvec, quat_multiply, quat_normalize
 from tests.helpers import slow_as_python
 from tests.helpers.papers import by_key, english_alone, named, unmet

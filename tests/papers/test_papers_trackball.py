@@ -10,7 +10,6 @@ from plumbob.core.units import deg, dps, to_dps
 from plumbob.filters.channel_scalar import ramp_lag, steady_gain
 from plumbob.noise import deviation
 from plumbob.papers.trackball import ITEMS, misprints, recorded, static
-from plumbob.papers.trackball.found import Found
 from plumbob.papers.trackball.page import page
 from plumbob.papers.trackball.records import (
     FLICKER,
@@ -27,9 +26,10 @@ from plumbob.papers.trackball.records import (
     operations,
     scalar_filter,
 )
+from plumbob.papers.trackball.results import Found
 from plumbob.papers.trackball.static import LONG_TAUS, TAUS, degrees_of_freedom
 from plumbob.papers.trackball.turntable import SCALES, best_gain, measure_turntable
-from plumbob.papers.work import Work
+from plumbob.papers.workspace import Work
 from tests.helpers.papers import by_key, english_alone, named, unmet
 
 SEEDS = range(6)

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from plumbob.core.errors import MissingExtraError, ParameterError, ShapeError
-from plumbob.reporting import PALETTE, SERIES, Figure, Report, Table, plain
+from plumbob.reporting.content import Figure, Table
 from plumbob.reporting.drawing import CHINESE, svg, variable
 from plumbob.reporting.page import CSS
+from plumbob.reporting.report import Report, plain
+from plumbob.reporting.style import PALETTE, SERIES
 from tests.helpers.page_battery import HOSTILE, PageBattery
 
 

@@ -9,17 +9,17 @@ from scipy.signal import lfilter
 
 import plumbob
 from plumbob.calibration.report import certificate
-from plumbob.calibration.static_test import static_test
 from plumbob.core import flags
 from plumbob.core.units import Quantity
 from plumbob.data.cards import CalibrationCard, Mount
-from plumbob.evaluation import comparison
+from plumbob.evaluation.report import comparison
 from plumbob.filters import load
 from plumbob.filters.base import CommonParams
 from plumbob.noise import Compared, compare
-from plumbob.noise.fin import fin_report
 from plumbob.noise.report import NOISE
 from plumbob.noise.report import comparison as before_and_after
+from plumbob.papers.buoy.static_test import static_test
+from plumbob.papers.fin.datasheet import fin_report
 from plumbob.reporting.style import CHINESE, said
 from tests.helpers.labels import labels
 

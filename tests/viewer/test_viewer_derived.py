@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from websockets.sync.client import connect
 
-from plumbob.calibration.calibrate import calibrate
 from plumbob.core import flags
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.cards import CalibrationCard
+from plumbob.door.calibrate import calibrate
+from plumbob.live.sinks import text_of
 from plumbob.rotations import Frame, North, quat_from_rotvec, quat_multiply, quat_rotate
-from plumbob.session.sinks import text_of
 from plumbob.viewer.derived import Allan, Part
 from plumbob.viewer.pipe import Message
 from tests.helpers.feeding import Asking, Body, hello, serving

@@ -10,12 +10,12 @@ from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data.chain import Chain, Joint, Segment
+from plumbob.live.recording_sink import RecordingSink
+from plumbob.live.runner import run_stream
+from plumbob.live.session import RecordSpec
+from plumbob.live.sinks import Collected
+from plumbob.live.stream import Stream
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
-from plumbob.session.recording_sink import RecordingSink
-from plumbob.session.runner import run_stream
-from plumbob.session.session import RecordSpec
-from plumbob.session.sinks import Collected
-from plumbob.session.stream import Stream
 from plumbob.viewer.feed import Feed, FlagWatch
 from plumbob.viewer.rows import Attitudes, Layout, angles_of, shown_of
 from tests.helpers import live_samples, until
@@ -237,7 +237,7 @@ frame = "NED"
 
 
 def test_a_chain_gives_the_points_of_its_stick_figure():
-    from plumbob.session.session_toml import parse_session
+    from plumbob.live.session_toml import parse_session
     from plumbob.viewer.overlays import Follower
 
     session = parse_session(ARM_TEXT, {}.__getitem__, name="teach")

@@ -8,8 +8,8 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from plumbob.live.rows import ATTITUDE_SCHEMA, IMU_SCHEMA
 from plumbob.rotations import quat_from_xyzw, quat_rotate
-from plumbob.session.rows import ATTITUDE_SCHEMA, IMU_SCHEMA
 from plumbob.viewer import foxglove
 from tests.helpers.feeding import COLUMNS, Body, column, hello, serving
 

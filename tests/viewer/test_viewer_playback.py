@@ -9,6 +9,7 @@ import plumbob
 from plumbob import files
 from plumbob.core.errors import FrameError, ParameterError, ShapeError
 from plumbob.core.units import to_deg
+from plumbob.data.recording import Recording
 from plumbob.viewer.playback import Player, load
 from tests.helpers import live_samples
 from tests.helpers.outlets import Clock, Kept
@@ -26,7 +27,7 @@ def sea(tmp_path_factory):
     """Simulated recording with its truth, 100 s."""
     path = tmp_path_factory.mktemp("sea") / "sea.parquet"
     made = plumbob.simulate("buoy", frame="NED", sensors="mpu6000+hmc5983", unit="calibrated", seed=1, duration=100.0)
-    files.write(path, files.Recording(imu=made.imu, track=made.truth, name="sea"))
+    files.write(path, Recording(imu=made.imu, track=made.truth, name="sea"))
     return path, made
 
 
@@ -119,7 +120,7 @@ def test_time_runs_with_the_speed_and_stands_in_a_pause(sea):
 def test_what_cannot_be_played_is_refused(sea, vqf, tmp_path):
     path, bare, track = sea[0], tmp_path / "bare.parquet", tmp_path / "track.parquet"
     imu = sea[1].imu
-    files.write(bare, files.Recording(imu=imu.corrected(meta=replace(imu.meta, frame=None)), name="bare"))
+    files.write(bare, Recording(imu=imu.corrected(meta=replace(imu.meta, frame=None)), name="bare"))
     assert load(bare, frame="NED", filter="vqf").frame == "NED"
     plumbob.estimate(path, "vqf", out=track)
     shown, _ = player(path, filter="vqf")
@@ -167,7 +168,7 @@ def test_an_estimator_is_added_and_removed(sea):
 
 
 def test_events_come_at_their_time(tmp_path):
-    from plumbob.acquisition.transport import Event
+    from plumbob.core.event import Event
 
     path = tmp_path / "e.mcap"
     items = live_samples.reads(live_samples.stream(5.0))
@@ -190,8 +191,8 @@ def test_a_chain_that_is_played_stands_as_it_did(tmp_path):
     """The hand of the machine `teach` against its true angles: 1° is 10 mm at the end of an arm of 0.6 m."""
     from plumbob.arm.angles import JointTrack
     from plumbob.data.chain_toml import load_chain
+    from plumbob.live.emulated import chain_files
     from plumbob.rotations import Frame, change_frame
-    from plumbob.session.emulated import chain_files
 
     truth = tmp_path / "t.parquet"
     plumbob.emulate("teach", write=tmp_path / "t.bin", truth=truth, duration="10s", seed=1, unit="calibrated")

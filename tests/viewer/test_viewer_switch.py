@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob.acquisition.transport import Event
 from plumbob.core.errors import ParameterError
-from plumbob.session.recording_sink import RecordingSink
-from plumbob.session.runner import run_stream
-from plumbob.session.session import RecordSpec
-from plumbob.session.sinks import Collected, TextSink
-from plumbob.session.stream import Stream
+from plumbob.core.event import Event
+from plumbob.live.recording_sink import RecordingSink
+from plumbob.live.runner import run_stream
+from plumbob.live.session import RecordSpec
+from plumbob.live.sinks import Collected, TextSink
+from plumbob.live.stream import Stream
 from plumbob.viewer.commands import checked_name
 from plumbob.viewer.switch import Switch
 from tests.helpers import live_samples

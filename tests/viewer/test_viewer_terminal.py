@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob.acquisition.transport import Stop
 from plumbob.core.errors import ParameterError
+from plumbob.live.runner import run_stream
+from plumbob.live.stream import Stream
+from plumbob.live.transports.transport import Stop
 from plumbob.rotations import Frame, quat_from_euler_zyx
 from plumbob.rotations.headings import heading_of
-from plumbob.session.runner import run_stream
-from plumbob.session.stream import Stream
 from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Batch
 from plumbob.viewer.terminal import CHINESE, Terminal, tape

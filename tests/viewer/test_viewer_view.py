@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob.acquisition.transport import Stop
 from plumbob.core.errors import LineError, ParameterError
 from plumbob.core.web import FOLDER
-from plumbob.session.runner import run_stream
-from plumbob.session.session_toml import session_of
-from plumbob.session.stream import Stream
+from plumbob.live.runner import run_stream
+from plumbob.live.session_toml import session_of
+from plumbob.live.stream import Stream
+from plumbob.live.transports.transport import Stop
 from plumbob.viewer import child
 from plumbob.viewer.child import Server, Serving
 from plumbob.viewer.feed import Feed

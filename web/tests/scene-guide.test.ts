@@ -70,7 +70,7 @@ test("a region is the goal before all else, then here, seen or missing", () => {
 });
 
 describe("words of the next step", () => {
-  // Sentences of plumbob.calibration.guide.
+  // Sentences of plumbob.live.guide.
   const SENTENCES: [string, string][] = [
     ["turn it about its x axis by about 115°, z towards y, to +x−y", "Turn about its x axis by 115°, z towards y"],
     ["tilt it: turn it about its z axis by about 90°, x towards y, then slowly through all attitudes", "Turn about its z axis by 90°, x towards y"],

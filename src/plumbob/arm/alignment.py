@@ -24,7 +24,7 @@ from plumbob.arm.geometry import (
     terms_of,
 )
 from plumbob.arm.links import FORCE_SD, FORCE_TIME, GROUND, PLAY_TIME, Link, axes_of, links_of, unit_numbers
-from plumbob.arm.passes import Motion, followed
+from plumbob.arm.smoother import Motion, followed
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
@@ -34,8 +34,8 @@ from plumbob.data.array import ImuArray, Mount
 from plumbob.data.cards.file import Card, built, kind_of
 from plumbob.data.chain import Chain, Joint, Segment
 from plumbob.data.chain_toml import chain_text, load_chain, parse_chain
-from plumbob.filters.smoother.arriving import watched
 from plumbob.filters.smoother.keyframes import trusted
+from plumbob.filters.smoother.preprocess import watched
 from plumbob.rotations import (
     dcm_from_quat,
     quat_conjugate,
@@ -47,7 +47,7 @@ from plumbob.rotations import (
 )
 
 if TYPE_CHECKING:
-    from plumbob.session.reading import Source
+    from plumbob.door.reading import Source
 
 ROUNDS: Final = 10
 """Attitudes and geometry are found in turn, so often at most,"""
@@ -238,10 +238,10 @@ def opened_chain(chain: Chain | ArmCard | str | Path) -> Chain | ArmCard:
 
 
 def opened_array(array: "ImuArray | Source | Sequence[Source] | Mapping[str, Source]") -> ImuArray:
-    """Recording of several units, read where it was named; errors as of `plumbob.session.reading.read_array`."""
+    """Recording of several units, read where it was named; errors as of `plumbob.door.reading.read_array`."""
     if isinstance(array, ImuArray):
         return array
-    from plumbob.session.reading import read_array
+    from plumbob.door.reading import read_array
 
     return read_array(array)
 
@@ -266,7 +266,7 @@ def align(
     ----------
     chain : Chain or path
         The chain; of joints of unknown geometry the kind suffices.
-    array : ImuArray, or what `plumbob.session.reading.read_array` reads
+    array : ImuArray, or what `plumbob.door.reading.read_array` reads
         A recording in which every joint moves about all its axes for some seconds, briskly.
     poses : sequence of (float, float, sequence of float)
         From when to when, s, the chain was held still at which angles, rad. One at rest with all angles at zero in

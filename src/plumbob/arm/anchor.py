@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from plumbob.arm.filter import LEAST_FIELD, Params, Samples
-from plumbob.arm.passes import Motion
+from plumbob.arm.smoother import Motion
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
 from plumbob.rotations import quat_rotate, wrap

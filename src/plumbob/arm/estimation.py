@@ -14,7 +14,7 @@ from plumbob.arm.anchor import UNKNOWN, Anchored, anchored, drifting
 from plumbob.arm.angles import JointTrack
 from plumbob.arm.filter import Params, Samples
 from plumbob.arm.links import GROUND, Link, links_of, unit_numbers
-from plumbob.arm.passes import FRAME_SD, LOST, Motion, Start, followed
+from plumbob.arm.smoother import FRAME_SD, LOST, Motion, Start, followed
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
@@ -40,7 +40,7 @@ from plumbob.rotations import (
 )
 
 if TYPE_CHECKING:
-    from plumbob.session.reading import Source
+    from plumbob.door.reading import Source
 
 DOUBT: Final = deg(10.0)
 """A sample at which an angle is uncertain by more than this, rad, is said to be not converged."""
@@ -164,7 +164,7 @@ def run(
     ----------
     chain : ArmCard, Chain or path
         The card that `align` makes, or a chain whose units sit exactly as it says.
-    array : ImuArray, or what `plumbob.session.reading.read_array` reads
+    array : ImuArray, or what `plumbob.door.reading.read_array` reads
         A unit for each segment; a root that stands still needs none.
     frame : Frame or str, optional
         Navigation frame of the result; by default that of the recording. The root of a fixed base has its z axis up,

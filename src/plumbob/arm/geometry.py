@@ -6,7 +6,7 @@ import numpy as np
 
 from plumbob.arm.filter import Samples
 from plumbob.arm.links import GROUND, Link
-from plumbob.arm.passes import Motion
+from plumbob.arm.smoother import Motion
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg

@@ -10,13 +10,13 @@ from plumbob.calibration.acc.moving import fit_accel_moving
 from plumbob.calibration.acc.poses import fit_accel
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason
 from plumbob.calibration.predicted import TILT_RANGE
-from plumbob.calibration.static_periods import stills
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.data import ImuData
 from plumbob.data.cards import TriadCalibration
+from plumbob.quality.static_periods import stills
 
 LEAST: Final = 1.0
 """Shortest stretch at rest that counts as a pose, s."""

@@ -17,13 +17,13 @@ from plumbob.calibration.gyr.motion_fit import find_motions
 from plumbob.calibration.gyr.plausible import UNCALIBRATED, Rates
 from plumbob.calibration.gyr.rest import fit_rest
 from plumbob.calibration.gyr.temperature import fit_temperature
-from plumbob.calibration.static_periods import stills
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError
 from plumbob.data import TITLES
 from plumbob.data.cards import TriadCalibration
+from plumbob.quality.static_periods import stills
 
 
 def gyro_at_rest(capture: Capture) -> dict[str, Fitted]:

@@ -9,22 +9,22 @@ from numpy.typing import NDArray
 
 from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
 from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
-from plumbob.calibration.mag.alone import fit_mag, unturned
 from plumbob.calibration.mag.axes import LEAST_SLOPE, agreement
+from plumbob.calibration.mag.checks import WEAKEST, stuck
+from plumbob.calibration.mag.ellipsoid import fit_mag, unturned
 from plumbob.calibration.mag.in_use import fit_mag_in_use
-from plumbob.calibration.mag.level import fit_mag_level
-from plumbob.calibration.mag.outcome import WEAKEST, stuck
+from plumbob.calibration.mag.planar import fit_mag_level
 from plumbob.calibration.mag.with_acc import FEWEST, fit_mag_acc
 from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr
 from plumbob.calibration.mag_checks import require_field_turns, told_by_others, without_gain, wrong_axes
 from plumbob.calibration.predicted import TILT_RANGE
-from plumbob.calibration.static_periods import stills
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, ParameterError
 from plumbob.core.units import dps, to_deg, to_dps
 from plumbob.data import ImuData
+from plumbob.quality.static_periods import stills
 
 HELPERS: Final = ("auto", "none", "acc", "gyr")
 """What may help the magnetometer."""

@@ -1,6 +1,5 @@
 """From recordings to the mounting of a unit: the poses at rest, the turn between them, or two attitudes over time."""
 
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -8,16 +7,14 @@ import numpy as np
 from plumbob.calibration.calibration import Capture
 from plumbob.calibration.fit import CaptureRefusedError, Reason
 from plumbob.calibration.mount import Mounted, mount_from_attitudes, mount_from_level, mount_from_poses
-from plumbob.calibration.static_periods import stills
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, FrameError, ParameterError
+from plumbob.core.errors import FrameError, ParameterError
 from plumbob.core.units import deg, to_deg
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.evaluation.align import associate
-from plumbob.files import Recording
+from plumbob.quality.static_periods import stills
 from plumbob.rotations import Frame, change_frame, quat_from_rotvec, quat_multiply, rotvec_from_quat
 from plumbob.rotations.headings import heading_policy
-from plumbob.session.reading import read
 
 SAME_POSE: Final = float(deg(5.0))
 """Largest angle between two stretches at rest that are one pose, rad."""
@@ -140,17 +137,3 @@ def _turn(imu: ImuData, one: slice, other: slice) -> Floats | None:
         even = len(q) // 2 * 2
         q = np.concatenate((quat_multiply(q[:even:2], q[1:even:2]), q[even:]))
     return rotvec_from_quat(q[0])
-
-
-def track_of(given: str | Path | Recording) -> AttitudeTrack:
-    """Attitude of a recording or its file.
-
-    Raises
-    ------
-    DecodeError
-        If it holds none.
-    """
-    track = given.track if isinstance(given, Recording) else read(given).track
-    if track is None:
-        raise DecodeError(f"{given} holds no attitude; make one with 'plumbob run --out'.")
-    return track

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from pathlib import Path
 
 from plumbob.calibration.fit import Fitted
 from plumbob.calibration.mount import Mounted
@@ -12,8 +11,6 @@ from plumbob.core.version import __version__
 from plumbob.data import ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
-from plumbob.files.notes import found_in
-from plumbob.session import reading
 
 SOFTWARE = f"plumbob {__version__}"
 _UNNAMED = "unknown"
@@ -59,32 +56,6 @@ class Capture:
     def dated(self) -> bool:
         """Whether the recording has its time, so that `date` is its day and not today."""
         return bool(self.imu.meta.t0_ns)
-
-
-def capture_of(
-    path: str | Path,
-    *,
-    triads: tuple[str, ...],
-    if_present: tuple[str, ...] = (),
-    profile: Path | None = None,
-    span: tuple[float, float] | None = None,
-    device: str | None = None,
-    base: CalibrationCard | None = None,
-) -> Capture:
-    """Read a capture; arguments as in `capture`.
-
-    Raises
-    ------
-    PlumbobError
-        If the file cannot be read, or as in `capture`.
-    """
-    recording = reading.read_one(path, profile=profile)
-    if recording.imu is None:
-        raise CalibrationError(f"{path} holds an attitude but no sensor data, so there is nothing to calibrate.")
-    read = capture(recording.imu, triads=triads, if_present=if_present, span=span, device=device, base=base)
-    # That it is uncalibrated is what a capture is for.
-    found = tuple(line for line in found_in(recording.notes) if not line.startswith("calibration: "))
-    return replace(read, found=found)
 
 
 def capture(

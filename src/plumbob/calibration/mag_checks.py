@@ -21,7 +21,7 @@ from plumbob.calibration.mag.axes import (
     turn,
     wander,
 )
-from plumbob.calibration.mag.outcome import DIP, dip_of
+from plumbob.calibration.mag.checks import DIP, dip_of
 from plumbob.calibration.mag.with_acc import FEWEST, rotation_in, turn_of
 from plumbob.calibration.predicted import heading_apart, heading_sd
 from plumbob.core.check import Floats

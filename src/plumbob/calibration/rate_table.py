@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from plumbob.calibration.calibration import Capture
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, mean_of_whole
 from plumbob.calibration.gyr.table import MOUNTING, fit_table
-from plumbob.calibration.static_periods import BLOCK
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, one_line
@@ -21,6 +20,7 @@ from plumbob.core.files import text_of
 from plumbob.core.units import dps, g, to_dps
 from plumbob.data import ImuData
 from plumbob.data.cards import TriadCalibration
+from plumbob.quality.static_periods import BLOCK
 
 LEAST: Final = 2.0
 """Shortest plateau, s, its first and last block not counted."""

@@ -16,7 +16,9 @@ from plumbob.core.text import WIDTH, counted, listed, measured, number
 from plumbob.core.units import from_si, g, to_deg, written
 from plumbob.data import TITLES, TRIADS
 from plumbob.data.cards import UNITS, CalibrationCard, Mount, TriadCalibration
-from plumbob.reporting import INK, MUTED, SERIES, Figure, Report, Table, plain
+from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.report import Report, plain
+from plumbob.reporting.style import INK, MUTED, SERIES
 from plumbob.rotations import euler_zyx_from_quat
 
 if TYPE_CHECKING:

@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
         return _compare(args)
     if args.deviation is not None:
         return _deviation_alone(args)
-    from plumbob.noise.allan import allan
+    from plumbob.door.allan import allan
 
     with common.progress_bars() as bars:
         noise = allan(**_static(args, args.file, card=args.calibration), taus=_taus(args.taus), progress=bars)
@@ -170,7 +170,7 @@ def _times(text: str | None) -> list[tuple[float, float]]:
 
 def _refuse_what_is_for_recordings(args: argparse.Namespace, path: Path) -> None:
     from plumbob.core.errors import ParameterError
-    from plumbob.noise.static_record import is_recording
+    from plumbob.door.allan import is_recording
 
     named = [f"--{name}" for name in ("triads", "profile", "calibration") if getattr(args, name) is not None]
     if named and path.is_file() and not is_recording(path, args.profile, args.type):
@@ -197,7 +197,7 @@ def _print(args: argparse.Namespace, noise: "Noise") -> None:
     if args.json:
         common.print_json(noise.summary())
     elif args.paper == "fin":
-        from plumbob.noise.fin import fin_report
+        from plumbob.papers.fin.datasheet import fin_report
 
         print(fin_report(noise.analyses).text())
     else:
@@ -213,7 +213,7 @@ def _write(args: argparse.Namespace, noise: "Noise") -> None:
 
     report = noise.report(device=args.device)
     if args.paper == "fin":
-        from plumbob.noise.fin import fin_report
+        from plumbob.papers.fin.datasheet import fin_report
 
         report = replace(report, parts=[*report.parts, fin_report(noise.analyses)])
     common.write_pages(args, report)
@@ -230,7 +230,8 @@ def _write(args: argparse.Namespace, noise: "Noise") -> None:
 
 
 def _deviation_alone(args: argparse.Namespace) -> int:
-    from plumbob.noise.allan import deviations, open_static
+    from plumbob.door.allan import open_static
+    from plumbob.noise.allan import deviations
     from plumbob.noise.report import curve_numbers, curves_report
 
     with common.progress_bars() as bars:
@@ -246,7 +247,8 @@ def _deviation_alone(args: argparse.Namespace) -> int:
 
 def _compare(args: argparse.Namespace) -> int:
     from plumbob.core.version import __version__
-    from plumbob.noise.allan import comparisons, open_static
+    from plumbob.door.allan import open_static
+    from plumbob.noise.allan import comparisons
     from plumbob.noise.report import comparison, comparison_numbers
 
     with common.progress_bars() as bars:

@@ -59,7 +59,7 @@ def _files(args: argparse.Namespace) -> list[Path]:
 
 def _read(args: argparse.Namespace) -> "ImuArray":
     from plumbob.core.errors import ParameterError
-    from plumbob.session.reading import read_array
+    from plumbob.door.reading import read_array
 
     named = ["=" in one for one in args.sources]
     if all(named):

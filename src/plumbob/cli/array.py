@@ -104,8 +104,8 @@ def _read(args: argparse.Namespace, out: Path | None = None) -> "ImuArray":
     """The units, once it is known that the virtual unit can be written."""
     from plumbob.core.errors import ParameterError
     from plumbob.data.array import Mount
-    from plumbob.files import found_in
-    from plumbob.session.reading import read_array
+    from plumbob.data.recording import found_in
+    from plumbob.door.reading import read_array
 
     if out is not None:
         if out.suffix.lower() not in _SUFFIXES:
@@ -122,7 +122,7 @@ def _read(args: argparse.Namespace, out: Path | None = None) -> "ImuArray":
 
 def _show(args: argparse.Namespace, verb: str) -> int:
     """Print what a function of the same name finds, and write the virtual unit where it was asked for."""
-    from plumbob import array
+    from plumbob.arm import array
 
     out = getattr(args, "out", None)
     found: Any = getattr(array, verb)(_read(args, out))
@@ -130,14 +130,14 @@ def _show(args: argparse.Namespace, verb: str) -> int:
 
 
 def _combine(args: argparse.Namespace) -> int:
-    from plumbob.array import combine
+    from plumbob.arm.array import combine
 
     return _finish(args, combine(_read(args, args.out), weights=args.weights, correct=args.correct), args.out)
 
 
 def _finish(args: argparse.Namespace, found: Any, out: Path | None) -> int:
-    from plumbob.files import Recording
-    from plumbob.session.recorded import convert
+    from plumbob.data.recording import Recording
+    from plumbob.live.recorded import convert
 
     common.print_json(found.summary()) if args.json else print(found.text())
     if out is not None:

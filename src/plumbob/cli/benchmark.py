@@ -80,7 +80,7 @@ CHANGES: Final = {
     "asynchronous": ("", "rates, specific forces and fields in different rows"),
     "missing": ("R", "rows without values, as 5%%"),
 }  # fmt: skip
-"""By name, as `plumbob.evaluation.many.changed` knows them: letter of the value, help."""
+"""By name, as `plumbob.fleet.experiments.changed` knows them: letter of the value, help."""
 
 
 def _add_scenario(kinds: common.Adder) -> None:
@@ -143,7 +143,8 @@ def show(result: Result, args: argparse.Namespace) -> int:
 def run_accuracy(args: argparse.Namespace) -> int:
     """Do it on recordings."""
     from plumbob.cli.eval import alignments
-    from plumbob.evaluation.many import measure_accuracy, peer_runs, trials_in
+    from plumbob.fleet.experiments.peers import peer_runs
+    from plumbob.fleet.experiments.trials import measure_accuracy, trials_in
 
     files = trials_in(*args.places)
     asked = {name: value for name in CHANGES if (value := getattr(args, name)) is not None}
@@ -183,7 +184,7 @@ def _between(text: str | None) -> tuple[float, float] | None:
 def run_scenario(args: argparse.Namespace) -> int:
     """Do it on a scenario."""
     from plumbob.core.units import Quantity, parse
-    from plumbob.evaluation.many import measure_scenario
+    from plumbob.fleet.experiments.scenario import measure_scenario
 
     seeds = seeds_of(args)
     chosen, own_noise = _with_noise(common.stages(args.filters, args.params), args.noise)

@@ -9,7 +9,7 @@ from plumbob.cli import capture, common
 
 if TYPE_CHECKING:
     from plumbob.data import AttitudeTrack
-    from plumbob.files import Recording
+    from plumbob.data.recording import Recording
 
 KINDS: tuple[str, ...] = ("hand", "mag", "accel", "gyro", "table", "temperature", "mount", "statictest")
 """What can be calibrated: `add_` declares it."""
@@ -282,11 +282,11 @@ def add_statictest(kinds: common.Adder) -> None:
 def find_statictest(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.calibration.calibration import capture
-    from plumbob.calibration.static_test import static_test
     from plumbob.cli.eval import alignments
     from plumbob.core.errors import CalibrationError
     from plumbob.core.units import Quantity, parse
     from plumbob.data.cards import CalibrationCard
+    from plumbob.papers.buoy.static_test import static_test
 
     inputs = (args.file, args.reference, args.calibration, args.profile)
     common.check_pages(args, inputs=inputs)

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, Final, TextIO
 from plumbob.cli import common
 
 if TYPE_CHECKING:
-    from plumbob.calibration.calibrate import Calibrated, Kind
     from plumbob.calibration.calibration import Capture
     from plumbob.calibration.fit import CaptureRefusedError
-    from plumbob.calibration.guide.guide import Guide, Progress
     from plumbob.data import ImuData
     from plumbob.data.cards import CalibrationCard
-    from plumbob.session.session import Session
+    from plumbob.door.calibrate import Calibrated, Kind
+    from plumbob.live.guide.guide import Guide, Progress
+    from plumbob.live.session import Session
 
 
 def completes(args: argparse.Namespace) -> bool:
@@ -200,7 +200,7 @@ def require_recording(args: argparse.Namespace) -> None:
 
 def tell(args: argparse.Namespace, imu: "ImuData") -> None:
     """Say how the capture of a recording went."""
-    from plumbob.calibration.guide.guides import GUIDES, guided
+    from plumbob.live.guide.guides import GUIDES, guided
 
     guide = GUIDES[args.guided]()
     progress = guided(guide, imu)
@@ -211,14 +211,14 @@ def tell(args: argparse.Namespace, imu: "ImuData") -> None:
 
 def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
     """Samples of the line until the guide or somebody says stop; None where there are none."""
-    from plumbob.acquisition.transport import Stop
-    from plumbob.calibration.guide.guides import GUIDES, GuideSink
-    from plumbob.session.recording_sink import RecordingSink
-    from plumbob.session.runner import run_stream
-    from plumbob.session.sinks import Collected, Sink
-    from plumbob.session.sources import open_source
-    from plumbob.session.stream import Stream
-    from plumbob.session.watch import Watch
+    from plumbob.live.guide.guides import GUIDES, GuideSink
+    from plumbob.live.recording_sink import RecordingSink
+    from plumbob.live.runner import run_stream
+    from plumbob.live.sinks import Collected, Sink
+    from plumbob.live.sources import open_source
+    from plumbob.live.stream import Stream
+    from plumbob.live.transports.transport import Stop
+    from plumbob.live.watch import Watch
 
     stream, guide, collected = Stream(session), GUIDES[args.guided](), Collected()
     board, stop = Board(f"calibrate {args.kind}", guide), Stop()
@@ -270,8 +270,8 @@ def _session(args: argparse.Namespace) -> "Session":
     from dataclasses import replace
 
     from plumbob.data import ImuMeta
-    from plumbob.session.session import RecordSpec
-    from plumbob.session.session_toml import session_of
+    from plumbob.live.session import RecordSpec
+    from plumbob.live.session_toml import session_of
 
     named = args.device if args.file is None else None
     session = session_of(args.file, capture=args.start, device=named, **common.line_of(args))
@@ -351,7 +351,7 @@ def add_options(
 
 def find(args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...] = (), **converted: Any) -> int:
     """Calibrate what the options name, from a file or live, and finish; what else is read is among `inputs`."""
-    from plumbob.calibration.calibrate import options_of
+    from plumbob.door.calibrate import options_of
 
     return _finish(
         args, _calibrated(args, kind, inputs, {n: getattr(args, n, None) for n in options_of(kind)} | converted)
@@ -361,8 +361,8 @@ def find(args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...] = 
 def _calibrated(
     args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...], options: dict[str, Any]
 ) -> "Calibrated":
-    from plumbob.calibration.calibrate import KINDS, calibrate
     from plumbob.data.cards import CalibrationCard
+    from plumbob.door.calibrate import KINDS, calibrate
 
     how = KINDS[kind]
     out = None if completes(args) else args.out
@@ -377,8 +377,7 @@ def _calibrated(
 
 def _capture(args: argparse.Namespace, how: "Kind", base: "CalibrationCard | None") -> "Capture":
     """Capture that the options name, for the triads that are calibrated, some of them only where it has them."""
-    from plumbob.calibration.calibrate import span_of
-    from plumbob.calibration.calibration import capture_of
+    from plumbob.door.calibrate import capture_of, span_of
 
     found = capture_of(
         args.file,

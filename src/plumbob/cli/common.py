@@ -13,12 +13,12 @@ from plumbob.core.docs import guide
 from plumbob.core.text import visible
 
 if TYPE_CHECKING:
-    from plumbob.acquisition.transport import Stop
-    from plumbob.files import Recording
+    from plumbob.data.recording import Recording
     from plumbob.filters.offline import Stage
-    from plumbob.reporting import Report
+    from plumbob.live.transports.transport import Stop
+    from plumbob.live.watch import Watch
+    from plumbob.reporting.report import Report
     from plumbob.rotations import Frame
-    from plumbob.session.watch import Watch
 
 
 def add_line(p: argparse._ActionsContainer, *, all_units: str = "") -> None:
@@ -83,7 +83,7 @@ class Status:
 
     def show(self, watch: "Watch") -> None:
         """Show now and then what a stream gives."""
-        from plumbob.session.watch import attitude_of
+        from plumbob.live.watch import attitude_of
 
         if not self._shown or watch.last is None or (t := float(watch.last.imu.t[-1])) < self._next:
             return
@@ -215,8 +215,8 @@ def frame_of(args: argparse.Namespace) -> "Frame | None":
 
 def read(path: Path, profile: Path | None = None) -> "Recording":
     """Read a recording and warn of what was found in its data; `info` shows its provenance too."""
-    from plumbob.files import found_in
-    from plumbob.session import reading
+    from plumbob.data.recording import found_in
+    from plumbob.door import reading
 
     recording = reading.read_one(path, profile=profile)
     note(*(f"{path.name}: {line}" for line in found_in(recording.notes)))

@@ -45,7 +45,7 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.evaluation.compare import compare
+    from plumbob.door.compare import compare
 
     common.check_pages(args, inputs=(args.a, args.b, args.profile))
     words = None if args.align is None else [word.strip() for word in args.align.split(",") if word.strip()]

@@ -42,7 +42,7 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.errors import ParameterError
-    from plumbob.session.recorded import convert, require_writer
+    from plumbob.live.recorded import convert, require_writer
 
     if (args.new is None) == (args.out is None):
         raise ParameterError("name one new file: plumbob convert FILE NEW.")

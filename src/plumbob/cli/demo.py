@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from plumbob.data import AttitudeTrack, ImuData
     from plumbob.data.cards import CalibrationCard
     from plumbob.filters.offline import Stage
+    from plumbob.live.session import Session
+    from plumbob.live.stream import Stream
     from plumbob.protocols.decode import Counts
-    from plumbob.session.session import Session
-    from plumbob.session.stream import Stream
     from plumbob.simulation import Scenario
 
 _SAME_TIME: Final = 1e-6
@@ -122,14 +122,14 @@ def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
     """Samples of a capture, from the bytes that the unit says during a motion, in a file as a logger keeps them."""
     from plumbob.core.errors import DecodeError
     from plumbob.core.files import replacing
+    from plumbob.live.rigs.plan import PLANS
+    from plumbob.live.rigs.rig import make_rig
+    from plumbob.live.runner import run_stream
+    from plumbob.live.session_toml import session_of
+    from plumbob.live.sinks import Collected
+    from plumbob.live.sources import open_source
+    from plumbob.live.stream import Stream
     from plumbob.protocols.rigs import load
-    from plumbob.session.runner import run_stream
-    from plumbob.session.session_toml import session_of
-    from plumbob.session.sinks import Collected
-    from plumbob.session.sources import open_source
-    from plumbob.session.stream import Stream
-    from plumbob.simulation.rigs.plan import PLANS
-    from plumbob.simulation.rigs.rig import make_rig
 
     rig = make_rig(replace(PLANS["buoy"], scenario=motion, duration=motion.duration), load("buoy"), seed=seed)
     with replacing(path, overwrite=True) as temporary:
@@ -238,7 +238,8 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.units import Quantity, parse
     from plumbob.data import calibration_told
-    from plumbob.evaluation import comparison, evaluate
+    from plumbob.door.evaluate import evaluate
+    from plumbob.evaluation.report import comparison
 
     duration = parse(args.duration, Quantity.TIME)
     settle = min(SETTLE, SETTLE_SHARE * duration)
@@ -276,9 +277,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _show(out: Path) -> None:
     """Show the buoy on the live page for a while; where that cannot be, say why."""
-    from plumbob.acquisition.transport import Stop
     from plumbob.cli.view import has_display
     from plumbob.core.errors import MissingExtraError
+    from plumbob.live.transports.transport import Stop
     from plumbob.viewer.view import view
 
     browser, stop = has_display(), Stop()
@@ -322,11 +323,11 @@ def _command(out: Path, duration: float) -> list[str]:
 
 def _live(out: Path, port: str, device: str) -> "Stream":
     """Run the line on the port until the buoy has said everything."""
-    from plumbob.session.recording_sink import RecordingSink
-    from plumbob.session.runner import run_stream
-    from plumbob.session.sinks import Collected, TextSink
-    from plumbob.session.sources import open_source
-    from plumbob.session.stream import Stream
+    from plumbob.live.recording_sink import RecordingSink
+    from plumbob.live.runner import run_stream
+    from plumbob.live.sinks import Collected, TextSink
+    from plumbob.live.sources import open_source
+    from plumbob.live.stream import Stream
 
     session = _session(out, port, device)
     line, found = Stream(session), Collected()
@@ -341,7 +342,7 @@ def _live(out: Path, port: str, device: str) -> "Stream":
 def _session(out: Path, port: str, device: str) -> "Session":
     """Write the session file as a user would, for this unit's card, and load it."""
     from plumbob.core.files import write_text
-    from plumbob.session.session_toml import load_session
+    from plumbob.live.session_toml import load_session
 
     for name in (RECORDING, TEXT):
         (out / name).unlink(missing_ok=True)
@@ -355,8 +356,8 @@ def _replayed(out: Path, sent: "ImuData") -> "tuple[dict[str, AttitudeTrack], in
     """Attitudes by name, the live filter's, that without its card and the others', and how many live ones are equal."""
     from plumbob.core.errors import PlumbobError
     from plumbob.filters.offline import Stage, run_stage
+    from plumbob.live.replay import open_recording, replay
     from plumbob.rotations import Frame
-    from plumbob.session.replay import open_recording, replay
 
     log, session = open_recording(out / RECORDING)
     replayed = replay(log, session=session, check=True)

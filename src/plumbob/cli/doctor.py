@@ -30,7 +30,7 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.conventions import doctor
+    from plumbob.door.doctor import doctor
 
     found = doctor(args.file, profile=args.profile, unit=args.unit, hemisphere=args.hemisphere)
     common.print_json(found.summary()) if args.json else print(found.text())

@@ -75,9 +75,9 @@ def _add_faults(p: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.acquisition.transport import Stop
     from plumbob.core.errors import ParameterError
-    from plumbob.session.emulated import emulate, outputs
+    from plumbob.live.emulated import emulate, outputs
+    from plumbob.live.transports.transport import Stop
 
     if args.list:
         _print_list()
@@ -139,8 +139,8 @@ def _is_named(word: str) -> bool:
 
 
 def _print_list() -> None:
-    from plumbob.simulation.rigs.faults import KINDS
-    from plumbob.simulation.rigs.plan import PLANS
+    from plumbob.live.rigs.faults import KINDS
+    from plumbob.live.rigs.plan import PLANS
 
     print("rigs")
     for name, plan in PLANS.items():

@@ -32,7 +32,7 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.evaluation import evaluate
+    from plumbob.door.evaluate import evaluate
 
     _refuse_mixed_up_files(args)
     result = evaluate(

@@ -45,9 +45,9 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.acquisition.transport import Stop
     from plumbob.core.errors import DecodeError
-    from plumbob.session.live import record
+    from plumbob.live.record import record
+    from plumbob.live.transports.transport import Stop
 
     status, stop = common.Status(quiet=args.json), Stop()
     with closing(status), ExitStack() as stack:

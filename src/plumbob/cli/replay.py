@@ -35,8 +35,8 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from dataclasses import replace
 
-    from plumbob.session.recorded import convert
-    from plumbob.session.replay import replay
+    from plumbob.live.recorded import convert
+    from plumbob.live.replay import replay
 
     inputs = (args.recording, args.session, args.calibration, args.noise)
     common.check_outputs(args, *common.with_profile(args.out), inputs=inputs)

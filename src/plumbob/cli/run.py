@@ -9,8 +9,8 @@ from plumbob.core.text import counted
 
 if TYPE_CHECKING:
     from plumbob.data import AttitudeTrack
-    from plumbob.overview.gathered import Gatherer
-    from plumbob.session.estimated import Estimated
+    from plumbob.door.estimate import Estimated
+    from plumbob.overview.streaming_stats import Gatherer
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -73,8 +73,8 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.errors import ParameterError
+    from plumbob.door.estimate import estimate
     from plumbob.filters.known import RATE_FILTERS, SMOOTHER
-    from plumbob.session.estimated import estimate
 
     if args.filter in RATE_FILTERS:
         return _rates(args)
@@ -138,8 +138,8 @@ _OF_ATTITUDES = ("frame", "init", "place", "date", "noise", "card", "report")
 
 def _rates(args: argparse.Namespace) -> int:
     """Filter the rates."""
-    from plumbob.calibration.rates import filter_rates
     from plumbob.core.errors import ParameterError
+    from plumbob.door.rates import filter_rates
 
     if beside := [f"--{name}" for name in _OF_ATTITUDES if getattr(args, name) is not None]:
         raise ParameterError(f"{', '.join(beside)}: {args.filter} gives no attitude. Leave it out.")
@@ -168,7 +168,7 @@ def _rates(args: argparse.Namespace) -> int:
 
 
 def _gatherer() -> "Gatherer":
-    from plumbob.overview.gathered import Gatherer
+    from plumbob.overview.streaming_stats import Gatherer
 
     return Gatherer()
 
@@ -186,7 +186,7 @@ def _errors(track: "AttitudeTrack", reference: "AttitudeTrack") -> dict[str, Any
     Headings from two norths without a declination say nothing, but inclinations do.
     """
     from plumbob.core.errors import PlumbobError
-    from plumbob.evaluation import evaluate
+    from plumbob.door.evaluate import evaluate
 
     try:
         summary = evaluate(track, reference).summary()

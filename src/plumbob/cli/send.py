@@ -40,8 +40,8 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.acquisition.transport import Stop
-    from plumbob.session.sending import send
+    from plumbob.door.send import send
+    from plumbob.live.transports.transport import Stop
 
     stop = Stop()
     with ExitStack() as stack:

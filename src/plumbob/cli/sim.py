@@ -78,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
     from plumbob import files
     from plumbob.core.errors import ParameterError
     from plumbob.data import calibration_told
+    from plumbob.data.recording import Recording
     from plumbob.simulation import simulate
 
     if args.list:
@@ -92,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
     choice = {"sensors": args.sensors, "unit": args.unit, "seed": args.seed, "noise": args.noise}
     result = simulate(args.scenario, frame=frame, warm_up=args.warm_up, **choice, **given)
     notes = (result.truth.source, *(() if args.noise is None else (f"noise {result.noise.source}",)))
-    recording = files.Recording(imu=result.imu, track=result.truth, name=args.scenario, notes=notes)
+    recording = Recording(imu=result.imu, track=result.truth, name=args.scenario, notes=notes)
     files.write(args.out, recording, overwrite=args.force)
     for path, card in ((args.card, result.calibration), (args.noise_card, result.noise)):
         if path:
@@ -109,7 +110,8 @@ def _run_chain(args: argparse.Namespace) -> int:
     from plumbob import files
     from plumbob.data import calibration_told
     from plumbob.data.chain_toml import load_chain
-    from plumbob.session.emulated import chain_files, unit_file, write_chain
+    from plumbob.data.recording import Recording
+    from plumbob.live.emulated import chain_files, unit_file, write_chain
     from plumbob.simulation import named_chain, simulate_chain
 
     file = Path(args.chain) if args.chain and args.chain.endswith(".toml") else None
@@ -123,7 +125,7 @@ def _run_chain(args: argparse.Namespace) -> int:
     choice = {"sensors": args.sensors, "unit": args.unit, "seed": args.seed}
     made = simulate_chain(chain, args.scenario, frame=frame, **choice, **world, **given)
     told = f"simulated {made.program.name}, seed {args.seed}"
-    recording = files.Recording(array=made.array, name=made.chain.name, notes=(told,))
+    recording = Recording(array=made.array, name=made.chain.name, notes=(told,))
     files.write(args.out, recording, overwrite=args.force)
     write_chain(args.out, made, overwrite=args.force)
     for path, own in cards.items():

@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.cli.eval import alignments
     from plumbob.core.errors import ParameterError
-    from plumbob.evaluation.many.tuning import tune
+    from plumbob.fleet.experiments.tuning import tune
 
     if args.out is not None and args.out.suffix.lower() != ".toml":
         raise ParameterError(f"--out needs a name that ends in .toml, but got {args.out}.")

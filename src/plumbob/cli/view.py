@@ -67,8 +67,8 @@ def shown_of(args: argparse.Namespace) -> dict[str, Any]:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.acquisition.transport import Stop
     from plumbob.core.errors import DecodeError
+    from plumbob.live.transports.transport import Stop
     from plumbob.viewer.view import view
 
     stop, status = Stop(), common.Status(quiet=args.json)

@@ -22,8 +22,8 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.acquisition.transport import Stop
     from plumbob.core.errors import DecodeError
+    from plumbob.live.transports.transport import Stop
     from plumbob.viewer.terminal import watch
 
     stop = Stop()

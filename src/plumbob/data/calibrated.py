@@ -9,7 +9,7 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError
 from plumbob.data.cards import UNITS, CalibrationCard, TriadCalibration
-from plumbob.data.cards.left import left_by
+from plumbob.data.cards.residuals import left_by
 from plumbob.data.imu import TRIADS, ImuData
 from plumbob.rotations import dcm_from_quat
 

@@ -118,7 +118,7 @@ class ImuMeta:
     @property
     def left(self) -> tuple[Half, Half]:
         """What errors are left of accelerometer and magnetometer, as far as is known."""
-        from plumbob.data.cards.left import NOTHING, uncalibrated
+        from plumbob.data.cards.residuals import NOTHING, uncalibrated
 
         acc, mag = (uncalibrated("acc"), uncalibrated("mag")) if self.calibration is None else (NOTHING, NOTHING)
         return acc if self.acc_left is None else self.acc_left, mag if self.mag_left is None else self.mag_left

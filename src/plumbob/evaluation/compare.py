@@ -7,30 +7,28 @@ of it can be seen where the body hardly turns, and of the rotation nothing where
 comparison says so.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from plumbob.core import flags
-from plumbob.core.check import Floats, number
-from plumbob.core.errors import ClockError, ParameterError, ShapeError
+from plumbob.core.check import Floats
+from plumbob.core.errors import ClockError
 from plumbob.core.time import GAP_FACTOR, timing
-from plumbob.core.units import Quantity, given, to_deg
+from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards.file import UNITS
 from plumbob.evaluation.align import FINEST_STEP, MIN_CORRELATION, MIN_RATE_SD, masked_correlation
-from plumbob.evaluation.evaluation import Evaluation, evaluate
-from plumbob.reporting import Report, Reported
-from plumbob.reporting.report import Table, plain
+from plumbob.evaluation.evaluation import Evaluation
+from plumbob.reporting.content import Table
+from plumbob.reporting.report import Report, Reported, plain
 from plumbob.rotations import IDENTITY, dcm_from_quat, euler_zyx_from_quat, quat_from_dcm, skew
 
 if TYPE_CHECKING:
-    from plumbob.files import Recording
+    from plumbob.data.recording import Recording
 
-ALIGNMENTS: Final = ("time", "mounting", "heading")
 LONGEST_OFFSET: Final = 10.0
 """Largest time offset sought by default, s."""
 FEWEST: Final = 100
@@ -243,103 +241,8 @@ def _three(values: Floats, digits: int = 3) -> str:
     return " ".join("-" if not np.isfinite(value) else f"{value:.{digits}g}" for value in values)
 
 
-def compare(
-    a: "Recording | ImuData | AttitudeTrack | str | Path",
-    b: "Recording | ImuData | AttitudeTrack | str | Path",
-    *,
-    align: Collection[str] | None = None,
-    max_offset: float | str = LONGEST_OFFSET,
-    tolerance: float | str | None = None,
-    settle: float | str = 0.0,
-    declination: float | str | None = None,
-    unit: str | None = None,
-    profile: str | Path | None = None,
-    note: Callable[[str], object] | None = None,
-) -> Comparison:
-    """Compare two recordings of one motion, or two attitudes.
-
-    Parameters
-    ----------
-    a, b : Recording, ImuData, AttitudeTrack or path
-        Samples are compared where both have them, else attitudes; of these a is judged by b, as by `plumbob.evaluate`.
-    align : collection of {"time", "mounting", "heading"}, optional
-        What is removed before differences are measured. By default time and mounting of recordings, of which all is
-        found and said anyway, and nothing of attitudes. Headings are those of attitudes.
-    max_offset : float or str
-        Largest time offset sought, s.
-    tolerance : float or str, optional
-        Of attitudes an angle, rad or text with a unit: the largest total difference. Of recordings a share: the root
-        mean square of the difference of each triad over that of a. 0 asks for equality to the bit.
-    settle : float or str
-        Of attitudes: time after the start of a that is left out, s.
-    declination : float or str, optional
-        Of attitudes: where one heading is true and the other magnetic, rad.
-    unit : str, optional
-        One of several units, by name or number from 1.
-    profile : path, optional
-        What the columns of text files mean.
-    note : callable, optional
-        Called with what was found in files.
-
-    Returns
-    -------
-    Comparison
-
-    Raises
-    ------
-    ParameterError
-        If a setting is unknown or out of range.
-    ShapeError
-        If one holds only samples and the other only an attitude, or attitudes have nothing in common.
-    """
-    one, other = (_held(what, unit, profile, note) for what in (a, b))
-    if align is not None and (bad := [word for word in align if word not in ALIGNMENTS]):
-        raise ParameterError(f"align knows {', '.join(ALIGNMENTS)}, but not {', '.join(map(str, bad))}.")
-    if one.imu is not None and other.imu is not None:
-        most = number("max_offset", given("max_offset", max_offset, Quantity.TIME), "s")
-        return _recordings(one, other, ("time", "mounting") if align is None else align, most, _part(tolerance))
-    if one.track is None or other.track is None:
-        raise ShapeError(
-            f"{one.name or 'a'} and {other.name or 'b'} have nothing to compare: one holds samples alone, the other an "
-            "attitude alone. Run a filter on the samples first: plumbob run."
-        )
-    limit = given("tolerance", tolerance, Quantity.ANGLE)
-    found = evaluate(one.track, other.track, align=align or (), max_offset=max_offset, settle=settle,
-                     declination=declination)  # fmt: skip
-    return _attitudes(one, other, found, limit)
-
-
-def _held(what: Any, unit: str | None, profile: str | Path | None, note: Callable[[str], object] | None) -> "Recording":
-    from plumbob.files import Recording, found_in, kind_of
-    from plumbob.session.reading import read_one
-
-    if isinstance(what, ImuData):
-        return Recording(imu=what)
-    if isinstance(what, AttitudeTrack):
-        return Recording(track=what)
-    if isinstance(what, Recording):
-        return what.of_unit(unit)
-    described = profile is not None and kind_of(what, described=True).takes_profile
-    recording = read_one(what, profile=profile if described else None, unit=unit)
-    for line in found_in(recording.notes) if note is not None else ():
-        note(f"{Path(what).name}: {line}")  # type: ignore[misc]
-    return replace(recording, name=Path(what).name)
-
-
-def _part(tolerance: float | str | None) -> float | None:
-    if tolerance is None:
-        return None
-    text = str(tolerance).strip()
-    try:
-        share = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
-    except ValueError:
-        share = float("nan")
-    if not 0.0 <= share < np.inf:
-        raise ParameterError(f"tolerance of recordings is a share, such as 0.01 or 1%, but got {tolerance}.")
-    return share
-
-
-def _attitudes(a: "Recording", b: "Recording", found: Evaluation, limit: float | None) -> Comparison:
+def compare_attitudes(a: "Recording", b: "Recording", found: Evaluation, limit: float | None) -> Comparison:
+    """Compare two attitudes, of which the first has been judged by the second; `limit` is the largest error, rad."""
     assert a.track is not None
     assert b.track is not None
     first = _first({"t": a.track.t, "q_nb": a.track.q_nb}, {"t": b.track.t, "q_nb": b.track.q_nb})
@@ -382,9 +285,10 @@ def _columns(imu: ImuData) -> dict[str, Any]:
     return {"t": imu.t, "gyr": imu.gyr, "acc": imu.acc, "mag": imu.mag, "temp_c": imu.temp_c, "flags": imu.flags}
 
 
-def _recordings(
+def compare_recordings(
     a: "Recording", b: "Recording", align: Collection[str], most: float, tolerance: float | None
 ) -> Comparison:
+    """Compare the samples of two recordings; `most` is the largest offset, s, `tolerance` a share of each triad."""
     assert a.imu is not None
     assert b.imu is not None
     first, remarks = _first(_columns(a.imu), _columns(b.imu)), list[str]()

@@ -4,23 +4,21 @@ One rule holds throughout: the estimate is judged as it was delivered. Whatever 
 declination, time, mounting or heading, is done to the reference, and the result says so.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from plumbob.core import flags
-from plumbob.core.check import Floats, number, said
+from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.series import frame_of
 from plumbob.core.text import counted
-from plumbob.core.units import Quantity, deg, given, to_deg
+from plumbob.core.units import deg, to_deg
 from plumbob.data import UNCALIBRATED, AttitudeTrack
 from plumbob.evaluation import report
 from plumbob.evaluation.align import (
-    ALIGNMENTS,
     Alignment,
     Fate,
     Mask,
@@ -32,6 +30,7 @@ from plumbob.evaluation.align import (
     find_time_offset,
     not_converged,
 )
+from plumbob.evaluation.judged import JudgedTrack, Settings
 from plumbob.evaluation.metrics import (
     GIMBAL_GUARD,
     NEEDS_HEADING,
@@ -42,7 +41,7 @@ from plumbob.evaluation.metrics import (
     consistency,
     total_rmse,
 )
-from plumbob.reporting import Report, Reported
+from plumbob.reporting.report import Report, Reported
 from plumbob.rotations import IDENTITY, Frame, change_frame, quat_angle
 from plumbob.rotations.headings import HeadingPolicy, heading_policy, turn_heading
 
@@ -50,78 +49,9 @@ RATE_BASELINE = 0.1
 """Time over which the reference's turning is measured, s; shorter ones would measure its noise."""
 
 
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """What was asked for; times in s, angles in rad, None where left to the default."""
-
-    align: tuple[str, ...] = ()
-    max_gap: float | None = None
-    max_offset: float = 1.0
-    declination: float | None = None
-    settle: float = 0.0
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class Evaluation(Reported):
-    """An estimate judged by a reference.
-
-    Attributes
-    ----------
-    estimate, reference : AttitudeTrack
-        As they were given.
-    settings : Settings
-        As they were asked for.
-    match : Match
-        Which samples met, and why others did not; `match.q_ref` is the reference in the estimate's frame, brought to
-        its times and aligned.
-    alignment : Alignment
-        What was found.
-    errors : mapping of str to ndarray (N,)
-        Error of each quantity that may be scored, rad, at the estimate's times, wherever both are known; NaN before the
-        estimate had converged. The statistics take only the rows where `match.scored`.
-    stats : mapping of str to Stats
-        Of each quantity that is scored.
-    not_scored : mapping of str to str
-        Why the others are not.
-    near_gimbal : int
-        Scored samples without yaw and roll, because a pitch is within `GIMBAL_GUARD` of ±90°.
-    consistency : Consistency or None
-        Where the estimate claims a covariance.
-    reference_rate : float or None
-        Rms angular rate of the reference over the scored samples, rad/s; None where it cannot be determined.
-    notes : tuple of str
-        What a reader should know.
-    """
-
-    estimate: AttitudeTrack
-    reference: AttitudeTrack
-    settings: Settings
-    match: Match
-    alignment: Alignment
-    errors: Mapping[str, Floats]
-    stats: Mapping[str, Stats]
-    not_scored: Mapping[str, str]
-    near_gimbal: int
-    consistency: Consistency | None
-    reference_rate: float | None
-    notes: tuple[str, ...]
-
-    @property
-    def t(self) -> Floats:
-        """Times of the estimate, s, (N,)."""
-        return self.estimate.t
-
-    @property
-    def not_converged_until(self) -> float | None:
-        """Time of the last sample that is left out because the estimate had not converged, s; None without one."""
-        times = self.t[self.match.fate == Fate.NOT_CONVERGED]
-        return float(times[-1]) if times.size else None
-
-    def flag_counts(self) -> dict[str, int]:
-        """Scored samples that carry each flag of the estimate that occurs."""
-        if self.estimate.flags is None:
-            return {}
-        return flags.counts(self.estimate.flags[self.match.scored])
+class Evaluation(JudgedTrack, Reported):
+    """An estimate judged by a reference; see `JudgedTrack`."""
 
     def facts(self) -> Mapping[str, str]:
         """What it is, in words: scored samples and the root mean square of each error, degrees."""
@@ -146,74 +76,8 @@ class Evaluation(Reported):
         return report.report(self, facts=facts)
 
 
-class Tracked(Protocol):
-    """What holds an attitude, such as a `plumbob.Recording` with its reference."""
-
-    @property
-    def track(self) -> AttitudeTrack | None:
-        """The attitude."""
-
-
-def evaluate(
-    estimate: AttitudeTrack | Tracked | str | Path,
-    reference: AttitudeTrack | Tracked | str | Path,
-    *,
-    align: Collection[str] = (),
-    max_gap: float | str | None = None,
-    max_offset: float | str = 1.0,
-    declination: float | str | None = None,
-    settle: float | str = 0.0,
-    profile: str | Path | None = None,
-    note: Callable[[str], object] | None = None,
-) -> Evaluation:
-    """Judge an estimate by a reference.
-
-    Parameters
-    ----------
-    estimate : AttitudeTrack, Recording, Estimated or path
-        Judged at its own times, in its own frame; not where it carries `flags.NOT_CONVERGED`, because nothing had
-        shown there that it is right.
-    reference : AttitudeTrack, Recording or path
-        The truth; where it has a ``score``, only those samples count. Of a recording, its ``track``.
-    align : collection of {"time", "mounting", "heading"}
-        Constants to find and remove, in that order; none by default, because a constant error is an error. Aligning
-        time also removes the delay of a filter.
-    max_gap : float or str, optional
-        Largest step of the reference that is bridged, s, or text with a unit; by default 5 of its median steps.
-    max_offset : float or str
-        Largest time offset sought, s.
-    declination : float or str, optional
-        Of the place, rad, east positive; needed where one heading is true and the other magnetic.
-    settle : float or str
-        Time after the estimate's first sample that is left out, s.
-    profile : path, optional
-        What the columns of a reference in a text file mean.
-    note : callable, optional
-        Called with what was found in files.
-
-    Returns
-    -------
-    Evaluation
-
-    Raises
-    ------
-    ParameterError
-        If a setting is unknown or out of range, or mounting and heading cannot be separated.
-    ClockError
-        If the two have no time in common, or no time offset can be found.
-    FrameError
-        If one heading is true, the other magnetic, and neither declination nor alignment bridges them.
-    ShapeError
-        If no sample is left to score, or one of the two is not an attitude and holds none.
-    """
-    settings = Settings(
-        _asked(align),
-        given("max_gap", max_gap, Quantity.TIME),
-        number("max_offset", given("max_offset", max_offset, Quantity.TIME), "s"),
-        given("declination", declination, Quantity.ANGLE),
-        number("settle", given("settle", settle, Quantity.TIME), "s"),
-    )
-    estimate, reference = _attitude("estimate", estimate, None, note), _attitude("reference", reference, profile, note)
+def judge(estimate: AttitudeTrack, reference: AttitudeTrack, settings: Settings) -> Evaluation:
+    """Judge an estimate by a reference; arguments, errors and result as of `plumbob.evaluate`."""
     policy = heading_policy(
         estimate.north, reference.north, aligned="heading" in settings.align, declination=settings.declination
     )
@@ -231,47 +95,6 @@ def evaluate(
     alignment = replace(_rotation_alignment(estimate, match, settings), time=time.time)
     match = replace(match, q_ref=alignment.apply(match.q_ref, estimate.frame))
     return _measure(estimate, reference, settings, match, alignment, policy)
-
-
-def _attitude(
-    name: str,
-    what: AttitudeTrack | Tracked | str | Path,
-    profile: str | Path | None,
-    note: Callable[[str], object] | None,
-) -> AttitudeTrack:
-    if isinstance(what, AttitudeTrack):
-        return what
-    if isinstance(what, str | Path):
-        return _attitude_in(name, Path(what), profile, note or (lambda line: None))
-    if isinstance(held := getattr(what, "track", None), AttitudeTrack):
-        return held
-    kind = "has no track" if hasattr(what, "track") else f"is {said(what)}"
-    raise ShapeError(
-        f"{name} must be an AttitudeTrack, or a Recording that has one, but it {kind}. A filter's process gives an "
-        "estimate; a file is read with plumbob.read."
-    )
-
-
-def _attitude_in(name: str, path: Path, profile: str | Path | None, note: Callable[[str], object]) -> AttitudeTrack:
-    """Attitude of a file."""
-    from plumbob.files import found_in
-    from plumbob.session.reading import read
-
-    recording = read(path, profile=profile)
-    for line in found_in(recording.notes):
-        note(f"{path.name}: {line}")
-    if recording.track is None:
-        raise ShapeError(f"{path} holds sensor data but no attitude; run a filter on it first: plumbob run {path} ...")
-    if name == "estimate" and recording.imu is not None:
-        note(f"{path} holds sensor data: it looks like a recording with its reference, not an estimate")
-    return recording.track
-
-
-def _asked(align: Collection[str]) -> tuple[str, ...]:
-    words = (align,) if isinstance(align, str) or not isinstance(align, Collection) else tuple(align)
-    if unknown := [word for word in words if not isinstance(word, str) or word not in ALIGNMENTS]:
-        raise ParameterError(f"align knows {', '.join(ALIGNMENTS)}, but not {', '.join(map(said, unknown))}.")
-    return tuple(word for word in ALIGNMENTS if word in words)
 
 
 def _refuse_blind_mounting(policy: HeadingPolicy, settings: Settings) -> None:

@@ -17,15 +17,17 @@ from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack
 from plumbob.evaluation.align import Fate
+from plumbob.evaluation.judged import JudgedTrack
 from plumbob.evaluation.metrics import CONFIDENCE, DOF, NEEDS_HEADING, QUANTITIES, Stats
-from plumbob.reporting import SERIES, SHADE, SOFT, Figure, Report, Table
+from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.report import Report
+from plumbob.reporting.style import SERIES, SHADE, SOFT
 from plumbob.rotations import IDENTITY, North, euler_zyx_from_quat, quat_angle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
-    from plumbob.evaluation.evaluation import Evaluation
 
 ESTIMATE, REFERENCE = SERIES[0], SOFT
 COLOUR: Final = dict(zip(("total", "heading", "inclination"), SERIES, strict=False))
@@ -46,7 +48,7 @@ _DEFINITIONS = (
 )
 
 
-def numbers(e: "Evaluation") -> dict[str, Any]:
+def numbers(e: JudgedTrack) -> dict[str, Any]:
     """Numbers of an evaluation, strictly valid for JSON.
 
     Returns
@@ -73,7 +75,7 @@ def numbers(e: "Evaluation") -> dict[str, Any]:
     }
 
 
-def report(e: "Evaluation", *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+def report(e: JudgedTrack, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
     """What an evaluation found, with figures; `facts` say more of where it comes from."""
     return Report(
         "Attitude error, estimate against reference",
@@ -86,7 +88,7 @@ def report(e: "Evaluation", *, facts: Sequence[tuple[str, str]] = ()) -> Report:
 
 
 def comparison(
-    evaluations: Mapping[str, "Evaluation"], *, title: str = "Attitude errors", facts: Sequence[tuple[str, str]] = ()
+    evaluations: Mapping[str, JudgedTrack], *, title: str = "Attitude errors", facts: Sequence[tuple[str, str]] = ()
 ) -> Report:
     """Evaluations beside each other, and a part for each.
 
@@ -121,7 +123,7 @@ def comparison(
     )
 
 
-def _facts(e: "Evaluation") -> list[tuple[str, str]]:
+def _facts(e: JudgedTrack) -> list[tuple[str, str]]:
     """What was compared, and how."""
     s = e.settings
     facts = [(name, _describe_track(track)) for name, track in (("estimate", e.estimate), ("reference", e.reference))]
@@ -141,7 +143,7 @@ def _facts(e: "Evaluation") -> list[tuple[str, str]]:
     return facts + [("flagged", f"{counted(n, 'scored sample')}: {name}") for name, n in e.flag_counts().items()]
 
 
-def _tables(e: "Evaluation") -> list[Table]:
+def _tables(e: JudgedTrack) -> list[Table]:
     rows = [[name, *_cells(e.stats.get(name))] for name in QUANTITIES]
     _, params, _ = _source_parts(e.estimate)
     listed = [tuple(one.split("=", 1)) for one in params.split(", ") if "=" in one]
@@ -159,7 +161,7 @@ def _cells(s: Stats | None) -> list[str]:
     return [*angles[:4], f"{s.max_at:.2f}", *angles[4:]]
 
 
-def _sample_table(e: "Evaluation") -> Table:
+def _sample_table(e: JudgedTrack) -> Table:
     """Samples that count, those that do not, and flags of those that do."""
     scored, meaning = int(e.match.scored.sum()), dict(flags.MEANING.values())
     rows = [("scored", str(scored), _share(scored, e.t.size), "")]
@@ -173,7 +175,7 @@ def _share(n: int, of: int) -> str:
     return f"{percent:.1f} %" if percent >= 0.1 or not n else "< 0.1 %"
 
 
-def _remarks(e: "Evaluation") -> list[str]:
+def _remarks(e: JudgedTrack) -> list[str]:
     reasons = [
         f"{', '.join(name for name, why in e.not_scored.items() if why == reason)} not scored: {reason}"
         for reason in dict.fromkeys(e.not_scored.values())
@@ -181,7 +183,7 @@ def _remarks(e: "Evaluation") -> list[str]:
     return [_FOOTNOTE, *reasons, *e.notes]
 
 
-def _differences(evaluations: list["Evaluation"]) -> str:
+def _differences(evaluations: list[JudgedTrack]) -> str:
     """In what the evaluations differ besides their estimates; empty where they can be compared."""
     judged: dict[str, set[object]] = {
         "the samples scored": {e.t[e.match.scored].tobytes() for e in evaluations},
@@ -191,7 +193,7 @@ def _differences(evaluations: list["Evaluation"]) -> str:
     return " and ".join(name for name, values in judged.items() if len(values) > 1)
 
 
-def _comparison_table(evaluations: Mapping[str, "Evaluation"]) -> Table:
+def _comparison_table(evaluations: Mapping[str, JudgedTrack]) -> Table:
     """RMSE of each, the smallest of each column in bold."""
     rows, strong = [], []
     aligned = any(e.settings.align for e in evaluations.values())
@@ -206,7 +208,7 @@ def _comparison_table(evaluations: Mapping[str, "Evaluation"]) -> Table:
     return Table("RMSE [°]", head, rows, (len(QUANTITIES) + 2,) if aligned else (), strong)
 
 
-def _left_out(e: "Evaluation") -> dict[str, int]:
+def _left_out(e: JudgedTrack) -> dict[str, int]:
     """How many samples were left out, by the reason in words."""
     until = e.not_converged_until
     found = {fate.meaning: n for fate, n in e.match.counts().items() if fate is not Fate.SCORED}
@@ -229,7 +231,7 @@ def _source_parts(track: AttitudeTrack) -> tuple[str, str, str]:
     return (found[1], found[2], found[3]) if found else (track.source, "", "")
 
 
-def _describe_samples(e: "Evaluation") -> str:
+def _describe_samples(e: JudgedTrack) -> str:
     """How many samples count, over which time, and how the reference was read."""
     samples = _samples(e)
     span = f"{samples['first_s']:.3f} to {samples['last_s']:.3f} s"
@@ -239,7 +241,7 @@ def _describe_samples(e: "Evaluation") -> str:
     )
 
 
-def _describe_alignment(e: "Evaluation") -> list[str]:
+def _describe_alignment(e: JudgedTrack) -> list[str]:
     """One line for each constant that was found."""
     a, lines = e.alignment, []
     if a.time is not None:
@@ -260,7 +262,7 @@ def _describe_alignment(e: "Evaluation") -> list[str]:
     return lines
 
 
-def _describe_consistency(e: "Evaluation") -> str:
+def _describe_consistency(e: JudgedTrack) -> str:
     """How the error fits the claimed covariance."""
     c = e.consistency
     if c is None:
@@ -282,7 +284,7 @@ def _numbers(values: Floats) -> str:
     return " ".join(f"{v:.5f}" for v in values)
 
 
-def _rmse(e: "Evaluation", name: str) -> float | None:
+def _rmse(e: JudgedTrack, name: str) -> float | None:
     return to_deg(e.stats[name].rmse) if name in e.stats else None
 
 
@@ -293,7 +295,7 @@ def _stats(s: Stats | None) -> dict[str, Any] | None:
     return {**angles, "max_at_s": s.max_at, "count": s.count}
 
 
-def _samples(e: "Evaluation") -> dict[str, Any]:
+def _samples(e: JudgedTrack) -> dict[str, Any]:
     times = e.t[e.match.scored]
     exact = int(e.match.exact.sum())
     return {
@@ -309,7 +311,7 @@ def _samples(e: "Evaluation") -> dict[str, Any]:
     }
 
 
-def _alignment(e: "Evaluation") -> dict[str, Any]:
+def _alignment(e: JudgedTrack) -> dict[str, Any]:
     a = e.alignment
     found: dict[str, Any] = {"time": None, "mounting": None}
     if a.time is not None:
@@ -325,7 +327,7 @@ def _alignment(e: "Evaluation") -> dict[str, Any]:
     }
 
 
-def _settings(e: "Evaluation") -> dict[str, Any]:
+def _settings(e: JudgedTrack) -> dict[str, Any]:
     s = e.settings
     return {
         "align": list(s.align),
@@ -349,7 +351,7 @@ def _track(track: AttitudeTrack) -> dict[str, Any]:
     }
 
 
-def _figures(e: "Evaluation", columns: int) -> list[Figure]:
+def _figures(e: JudgedTrack, columns: int) -> list[Figure]:
     shade = ("not scored", SHADE, "block")
     attitude = [("estimate", ESTIMATE, "solid"), ("reference", REFERENCE, "solid"), shade]
     errors = [(name, colour, "solid") for name, colour in COLOUR.items() if name in e.stats]
@@ -366,7 +368,7 @@ def _figures(e: "Evaluation", columns: int) -> list[Figure]:
     ]
 
 
-def _draw_attitude(e: "Evaluation", columns: int, canvas: "FigureBase") -> None:
+def _draw_attitude(e: JudgedTrack, columns: int, canvas: "FigureBase") -> None:
     """Yaw, pitch and roll of estimate and reference over time."""
     est, ref = euler_zyx_from_quat(e.estimate.q_nb), euler_zyx_from_quat(e.match.q_ref)
     axes = canvas.subplots(3, 1, sharex=True)
@@ -379,7 +381,7 @@ def _draw_attitude(e: "Evaluation", columns: int, canvas: "FigureBase") -> None:
     axes[2].set_xlabel("time [s]")
 
 
-def _draw_errors(e: "Evaluation", columns: int, canvas: "FigureBase") -> None:
+def _draw_errors(e: JudgedTrack, columns: int, canvas: "FigureBase") -> None:
     """Total, heading and inclination error over time, those of them that are scored."""
     names = [name for name in COLOUR if name in e.stats]
     axes = canvas.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
@@ -391,7 +393,7 @@ def _draw_errors(e: "Evaluation", columns: int, canvas: "FigureBase") -> None:
     axes[-1].set_xlabel("time [s]")
 
 
-def _draw_distribution(e: "Evaluation", canvas: "FigureBase") -> None:
+def _draw_distribution(e: JudgedTrack, canvas: "FigureBase") -> None:
     """Share of samples whose error is at most so much, with the median and the 95th and 99th percentile."""
     ax = canvas.subplots()
     scored = [name for name in COLOUR if name in e.stats]
@@ -403,7 +405,7 @@ def _draw_distribution(e: "Evaluation", canvas: "FigureBase") -> None:
     _finish_cumulative(ax, [e.stats[name] for name in scored])
 
 
-def comparison_figure(evaluations: Mapping[str, "Evaluation"]) -> Figure:
+def comparison_figure(evaluations: Mapping[str, JudgedTrack]) -> Figure:
     """Distribution of the one error that all have: total, or inclination where a heading is free."""
     shared = NEEDS_HEADING[0] if all(NEEDS_HEADING[0] in e.stats for e in evaluations.values()) else "inclination"
     styles = [(SERIES[i % len(SERIES)], _DASHES[i // len(SERIES) % len(_DASHES)]) for i in range(len(evaluations))]
@@ -418,7 +420,7 @@ def comparison_figure(evaluations: Mapping[str, "Evaluation"]) -> Figure:
     return Figure(f"Cumulative distribution of the {shared} error", draw, keys)
 
 
-def _line(ax: "Axes", e: "Evaluation", values: Floats, columns: int, *, jump: float = np.inf, **style: Any) -> None:
+def _line(ax: "Axes", e: JudgedTrack, values: Floats, columns: int, *, jump: float = np.inf, **style: Any) -> None:
     from plumbob.reporting.drawing import envelope
 
     gap = GAP_FACTOR * float(np.median(np.diff(e.t))) if e.t.size > 1 else np.inf
@@ -427,7 +429,7 @@ def _line(ax: "Axes", e: "Evaluation", values: Floats, columns: int, *, jump: fl
     ax.plot(t, to_deg(y), marker=marker, **style)
 
 
-def _shade(ax: "Axes", e: "Evaluation", columns: int) -> None:
+def _shade(ax: "Axes", e: JudgedTrack, columns: int) -> None:
     from plumbob.reporting.drawing import runs
 
     if e.t.size < 2:

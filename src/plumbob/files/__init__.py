@@ -6,7 +6,6 @@ from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
     from plumbob.files.formats import FORMATS, Format, is_recording, kind_of, read, write
-    from plumbob.files.notes import Recording, findings, found_in, inferred, inferred_in
     from plumbob.files.numbers import Numbers, open_numbers
     from plumbob.files.profile import Profile
     from plumbob.files.profile_toml import load_profile, parse_profile
@@ -18,11 +17,6 @@ __getattr__, __dir__ = lazily(
         "Format": "formats",
         "Numbers": "numbers",
         "Profile": "profile",
-        "Recording": "notes",
-        "findings": "notes",
-        "found_in": "notes",
-        "inferred": "notes",
-        "inferred_in": "notes",
         "is_recording": "formats",
         "kind_of": "formats",
         "load_profile": "profile_toml",
@@ -38,11 +32,6 @@ __all__ = [
     "Format",
     "Numbers",
     "Profile",
-    "Recording",
-    "findings",
-    "found_in",
-    "inferred",
-    "inferred_in",
     "is_recording",
     "kind_of",
     "load_profile",

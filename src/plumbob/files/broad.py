@@ -16,6 +16,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import existing_file, reading, require_room
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
+from plumbob.data.recording import Recording
 from plumbob.files.arrays import (
     HDF5_SIGNATURE,
     MAT5_SIGNATURE,
@@ -28,7 +29,6 @@ from plumbob.files.arrays import (
     own_dataset,
     require_whole_chunks,
 )
-from plumbob.files.notes import Recording
 from plumbob.rotations import Frame, North
 
 SHAPES: Final[dict[str, tuple[int, ...]]] = {

@@ -20,7 +20,7 @@ from plumbob.core.errors import ClockError, DecodeError, excerpt
 from plumbob.core.time import to_ns, to_s
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.cards import UNITS
-from plumbob.files.notes import Recording
+from plumbob.data.recording import Recording
 from plumbob.rotations import Frame, North
 
 FORM: Final = "ISO 8601"

@@ -18,7 +18,7 @@ from plumbob.files.profile import NO_COLUMN
 if TYPE_CHECKING:
     import pyarrow.parquet as pq
 
-    from plumbob.files.notes import Recording
+    from plumbob.data.recording import Recording
     from plumbob.protocols.format import Format, Message
 
 KEY: Final = b"plumbob profile"

@@ -51,7 +51,7 @@ _CENTURY: Final = (datetime(2000, 1, 1, tzinfo=UTC).timestamp(), datetime(2100, 
 _REST: Final = {"m/s2": G0, "g": 1.0, "mg": 1000.0}
 """|acc| at rest, by unit."""
 _EARTH: Final = {"uT": (22.0, 67.0), "mgauss": (220.0, 670.0), "gauss": (0.22, 0.67), "nT": (22e3, 67e3)}
-"""The Earth's field, by unit: `plumbob.files.notes.EARTH_FIELD`."""
+"""The Earth's field, by unit: `plumbob.data.recording.EARTH_FIELD`."""
 _FASTEST: Final = 70.0
 """Beyond nearly every part, rad/s: 4000 deg/s."""
 _ABOUT: Final = 0.15

@@ -12,7 +12,7 @@ from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import ARRAYS, TABLES, existing_file, reading, sidecars
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray
-from plumbob.files.notes import Recording, findings_of, lines
+from plumbob.data.recording import Recording, findings_of, lines
 
 if TYPE_CHECKING:
     from plumbob.files.profile import Profile
@@ -143,7 +143,7 @@ def read(
     whole: bool = True,
     unit: str | None = None,
 ) -> Recording:
-    """Read a recording; its notes also say what was found in the data (`plumbob.files.notes`).
+    """Read a recording; its notes also say what was found in the data (`plumbob.data.recording`).
 
     Parameters
     ----------
@@ -306,3 +306,12 @@ def _by_suffix(path: Path) -> list[Format]:
 
 def _writable() -> list[str]:
     return [suffix for kind in FORMATS for suffix, _ in kind.writers]
+
+
+def is_own(path: Path) -> bool:
+    """Whether a path is that of a recording by Plumbob, whole or damaged, and not of another program's MCAP."""
+    if path.suffix.lower() != ".mcap":
+        return False
+    from plumbob.files.foreign import ros
+
+    return not (path.is_file() and ros.accepts(path))

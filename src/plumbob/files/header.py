@@ -12,8 +12,8 @@ from plumbob.core.errors import DecodeError, ParameterError, excerpt
 from plumbob.data import ImuMeta, Range
 from plumbob.data.array import ImuArray, Mount
 from plumbob.data.cards import NoiseCard
+from plumbob.data.recording import Recording, stored_notes
 from plumbob.files.columns import column
-from plumbob.files.notes import Recording, stored_notes
 from plumbob.rotations import Frame, North
 
 KIND: Final = "plumbob recording"

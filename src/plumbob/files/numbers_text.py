@@ -14,8 +14,8 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
+from plumbob.data.recording import CUT
 from plumbob.files.arrow import numbers_of
-from plumbob.files.notes import CUT
 from plumbob.files.profile_toml import GUIDE
 from plumbob.files.text_head import single_blanks
 

@@ -25,6 +25,7 @@ from plumbob.core.files import existing_file, read_in_parts, reading, replacing,
 from plumbob.core.time import is_gap, to_ns, to_s
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
+from plumbob.data.recording import Recording, read_notes
 from plumbob.files import header
 from plumbob.files.arrow import column_of, numbers_of, unpacked_bytes
 from plumbob.files.columns import (
@@ -43,7 +44,6 @@ from plumbob.files.columns import (
 )  # fmt: skip
 from plumbob.files.decoded import KEY as PROFILE
 from plumbob.files.decoded import read_described
-from plumbob.files.notes import Recording, read_notes
 
 if TYPE_CHECKING:
     import pyarrow as pa

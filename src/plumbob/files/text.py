@@ -17,8 +17,8 @@ from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import existing_file, reading, sidecars, text_of
 from plumbob.core.time import interpolated, to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
+from plumbob.data.recording import Recording, read_notes
 from plumbob.files.columns import StampError, seconds_of
-from plumbob.files.notes import Recording, read_notes
 from plumbob.files.profile import (
     AS_MOUNTED,
     NO_COLUMN,

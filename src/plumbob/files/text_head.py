@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from plumbob.core.errors import DecodeError, excerpt, one_line
-from plumbob.files.notes import CUT
+from plumbob.data.recording import CUT
 from plumbob.files.profile import Layout
 
 

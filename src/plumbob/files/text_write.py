@@ -13,10 +13,10 @@ from plumbob.core.text import visible
 from plumbob.core.time import to_s
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.cards import UNITS
+from plumbob.data.recording import Recording, stored_notes
 from plumbob.files.arrow import column_of
 from plumbob.files.columns import COLUMNS, GROUPS, TIME, Columns, to_columns
 from plumbob.files.header import plain_meta
-from plumbob.files.notes import Recording, stored_notes
 
 _FORMULA: Final = ("=", "+", "-", "@")
 

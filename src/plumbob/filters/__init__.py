@@ -1,7 +1,15 @@
 """Filters: from sensor data to attitude, one file each, all behind `Filter`."""
 
-from plumbob.filters.base import CommonParams, Filter, FilterModule
-from plumbob.filters.known import SMOOTHER, claims_covariance, estimator_names, filter_names, load, takes_noise
+from plumbob.filters.base import CommonParams, Filter
+from plumbob.filters.known import (
+    SMOOTHER,
+    FilterModule,
+    claims_covariance,
+    estimator_names,
+    filter_names,
+    load,
+    takes_noise,
+)
 from plumbob.filters.start import Start
 
 __all__ = [

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +25,7 @@ from plumbob.core.units import Quantity, to_deg
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.sample import ImuSample
 from plumbob.filters.input_checks import as_one, judge, or_zero, usable, watch
-from plumbob.filters.known import SMOOTHER, filter_names, load
+from plumbob.filters.known import SMOOTHER, FilterModule, filter_names, load
 from plumbob.filters.layout import (
     BIAS,
     BLIND,
@@ -76,27 +76,6 @@ class CommonParams(NamedTuple):
     ] = None
     max_gap: Annotated[float, Spec(Quantity.TIME, "a longer step is not integrated: the filter starts again", 0)] = 1.0
     mag: Annotated[bool, Spec(Quantity.RATIO, "use the magnetometer; off: headings count from a free zero")] = True
-
-
-class FilterModule(Protocol):
-    """What a filter's file must hold.
-
-    It may hold two more functions. ``covariance(q_nb, entries)`` gives the covariance of the attitude error in body
-    axes, (N, 3, 3), rad², from the entries of the state that the slice ``COVARIANCE`` names; ``from_noise(card)``
-    gives parameters from a `NoiseCard`.
-    """
-
-    SUMMARY: str
-    REFERENCES: tuple[str, ...]
-    NEEDS: tuple[str, ...]
-    STATE: int
-    Params: Any
-    step: Kernel[..., int]
-
-    @staticmethod
-    def coefficients(params: Any) -> tuple[float, ...]:
-        """Own coefficients of the kernel."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

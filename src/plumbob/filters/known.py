@@ -4,14 +4,12 @@ import re
 import unicodedata
 from collections.abc import Iterator, Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, cast
+from typing import Any, Protocol, cast
 
 from plumbob.core.check import said
 from plumbob.core.docs import docs_folder
 from plumbob.core.errors import ParameterError
-
-if TYPE_CHECKING:
-    from plumbob.filters.base import FilterModule
+from plumbob.core.kernels import Kernel
 
 _MODULES = (
     "complementary",
@@ -37,6 +35,27 @@ CAUSAL_LAG = "0 s"
 """Its lag on a stream where none is given, and for what a live system would have known: nothing later is used."""
 
 
+class FilterModule(Protocol):
+    """What a filter's file must hold.
+
+    It may hold two more functions. ``covariance(q_nb, entries)`` gives the covariance of the attitude error in body
+    axes, (N, 3, 3), rad², from the entries of the state that the slice ``COVARIANCE`` names; ``from_noise(card)``
+    gives parameters from a `NoiseCard`.
+    """
+
+    SUMMARY: str
+    REFERENCES: tuple[str, ...]
+    NEEDS: tuple[str, ...]
+    STATE: int
+    Params: Any
+    step: Kernel[..., int]
+
+    @staticmethod
+    def coefficients(params: Any) -> tuple[float, ...]:
+        """Own coefficients of the kernel."""
+        ...
+
+
 def filter_names() -> tuple[str, ...]:
     """Names that `Filter` accepts: causal filters, sample by sample."""
     return _MODULES
@@ -47,7 +66,7 @@ def estimator_names() -> tuple[str, ...]:
     return (*_MODULES, SMOOTHER)
 
 
-def load(name: str) -> "FilterModule":
+def load(name: str) -> FilterModule:
     """Module of a filter, or of the smoother, which has no step.
 
     Raises

@@ -7,26 +7,25 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import FrameError, ParameterError, ShapeError
+from plumbob.core.errors import FrameError, ParameterError
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.reading import default_max_gap, read_at
 from plumbob.filters import SMOOTHER, Filter, Start, takes_noise
 from plumbob.filters.known import CAUSAL_LAG
-from plumbob.filters.smoother import FixedLag, Smoother
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import heading_policy, turn_heading
 
 if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard, NoiseCard
-    from plumbob.files import Recording
+    from plumbob.filters.smoother import FixedLag, Smoother
 
 BEYOND: Final = 3.0
 """Standard deviations of the prior from which on an estimate contradicts it."""
 
 
-def bias_beyond(filter_: Filter | Smoother, track: AttitudeTrack) -> str | None:
+def bias_beyond(filter_: "Filter | Smoother", track: AttitudeTrack) -> str | None:
     """Say in words that the last estimated bias contradicts the filter's prior, and what to do; None where not.
 
     Parameters
@@ -87,7 +86,7 @@ class Stage:
         return self.label or self.filter
 
 
-def declination_deg(filter_: Filter | Smoother, track: AttitudeTrack) -> float | None:
+def declination_deg(filter_: "Filter | Smoother", track: AttitudeTrack) -> float | None:
     """Declination that makes a track's headings true, degrees; None where they are not."""
     angle = filter_.common.declination
     return None if track.north is not North.TRUE or angle is None else float(to_deg(angle))
@@ -132,7 +131,7 @@ def calibrated(imu: ImuData, card: "CalibrationCard | None", *, live: bool = Fal
 
 def estimator_of(
     stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start: Start | None = None
-) -> Filter | Smoother:
+) -> "Filter | Smoother":
     """Filter or smoother of a stage for samples with this meta; `Filter` has the rule of its headings.
 
     Parameters
@@ -147,15 +146,23 @@ def estimator_of(
         The start, where the stage leaves it to the truth.
     """
     arguments = _arguments(stage, frame, meta, start)
-    return Smoother(**arguments) if stage.filter == SMOOTHER else Filter(stage.filter, **arguments)
+    if stage.filter != SMOOTHER:
+        return Filter(stage.filter, **arguments)
+    from plumbob.filters.smoother import Smoother
+
+    return Smoother(**arguments)
 
 
 def follower_of(
     stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start: Start | None = None
-) -> Filter | FixedLag:
+) -> "Filter | FixedLag":
     """What estimates a stream: a filter, or the smoother with a lag; arguments of `estimator_of`."""
     arguments = _arguments(stage, frame, meta, start)
-    return FixedLag(**arguments) if stage.filter == SMOOTHER else Filter(stage.filter, **arguments)
+    if stage.filter != SMOOTHER:
+        return Filter(stage.filter, **arguments)
+    from plumbob.filters.smoother import FixedLag
+
+    return FixedLag(**arguments)
 
 
 def _arguments(stage: Stage, frame: Frame, meta: ImuMeta | None, start: Start | None) -> dict[str, Any]:
@@ -185,33 +192,6 @@ def lagged(
             f"{'causal' if causal else 'lag'} is for the smoother, but filter is {filter}. Leave one of them out."
         )
     return SMOOTHER, {**(params or {}), "lag": lag}
-
-
-def recalibrated(recording: "Recording", card: "CalibrationCard") -> "Recording":
-    """Recording with the card applied to its samples, and what is then found in them in its notes.
-
-    Parameters
-    ----------
-    recording : Recording
-        Uncalibrated samples; an attitude that comes with them stays as it is.
-    card : CalibrationCard
-        Of this very unit.
-
-    Raises
-    ------
-    ShapeError
-        If it has no samples.
-    CalibrationError
-        As `plumbob.apply_card`.
-    """
-    from plumbob.data.calibrated import temperature_beyond
-    from plumbob.files.notes import findings, provenance
-
-    if recording.imu is None:
-        raise ShapeError(f"{recording.name} holds an attitude but no samples that a calibration card could correct.")
-    imu = calibrated(recording.imu, card)
-    beyond = () if (told := temperature_beyond(card, imu)) is None else (f"temperature: {told}",)
-    return replace(recording, imu=imu, notes=(*provenance(recording.notes), *findings(imu), *beyond))
 
 
 def run_stage(
@@ -245,7 +225,7 @@ def run_stage(
 
 def started(
     imu: ImuData, stage: Stage, frame: Frame, reference: AttitudeTrack | None = None
-) -> tuple[ImuData, Filter | Smoother]:
+) -> "tuple[ImuData, Filter | Smoother]":
     """Samples, and what estimates them; from the first sample on whose truth is known, where it starts from that."""
     start = None
     if stage.init == TRUTH_WORD:
@@ -253,9 +233,9 @@ def started(
     return imu, estimator_of(stage, frame, imu.meta, start=start)
 
 
-def parts_of(imu: ImuData, estimator: Filter | Smoother, progress: Progress | None = None) -> Iterator[AttitudeTrack]:
+def parts_of(imu: ImuData, estimator: "Filter | Smoother", progress: Progress | None = None) -> Iterator[AttitudeTrack]:
     """Parts of the track of a recording, one after the other, as `AttitudeTrack.joined` takes them."""
-    if isinstance(estimator, Smoother):
+    if not isinstance(estimator, Filter):
         yield from estimator.parts(imu, progress=progress)
         return
     for chunk in imu.chunks(CHUNK):
@@ -264,7 +244,7 @@ def parts_of(imu: ImuData, estimator: Filter | Smoother, progress: Progress | No
             progress(len(chunk))
 
 
-def start_from(reference: AttitudeTrack | None, imu: ImuData, filter_: Filter | Smoother) -> tuple[ImuData, Start]:
+def start_from(reference: AttitudeTrack | None, imu: ImuData, filter_: "Filter | Smoother") -> tuple[ImuData, Start]:
     """Samples from the first one on whose attitude a reference knows, and that attitude as the filter's start.
 
     Parameters
@@ -299,7 +279,7 @@ def start_from(reference: AttitudeTrack | None, imu: ImuData, filter_: Filter | 
     return imu[first:], start_at(reading.q_nb[first], reference.frame, reference.north, filter_, "mag" in imu.triads)
 
 
-def start_at(q_nb: Floats, frame: Frame, north: North, filter_: Filter | Smoother, has_mag: bool) -> Start:
+def start_at(q_nb: Floats, frame: Frame, north: North, filter_: "Filter | Smoother", has_mag: bool) -> Start:
     """Start of a true attitude (4,), whose frame and north are given."""
     q_nb = change_frame(q_nb, to=filter_.frame, from_=frame)
     own = filter_.north(has_mag)

@@ -43,7 +43,7 @@ from plumbob.core.constants import G0
 from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg
-from plumbob.data.cards.left import Half, whole_of
+from plumbob.data.cards.residuals import Half, whole_of
 from plumbob.filters.input_checks import HOLD, off_gravity, usable
 from plumbob.filters.layout import TRIAL, TRIAL_TIME, UP, Q, kept_weights, smooth
 from plumbob.rotations import dcm_from_quat

@@ -113,7 +113,7 @@ def initialise(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float,
 LEVEL_WORD: Final = "level"
 """Roll and pitch zero; the heading is free until a magnetometer sets it."""
 TRUTH_WORD: Final = "truth"
-"""The first attitude of the recording's reference, which `plumbob.session.start_from` looks up."""
+"""The first attitude of the recording's reference, which `plumbob.filters.offline.start_from` looks up."""
 
 
 class Start(NamedTuple):
@@ -147,7 +147,8 @@ def start_of(init: "Start | ArrayLike | str", frame: Frame) -> Start:
         return Start(quat_from_euler_zyx([0.0, 0.0, 0.0]), North.FREE)
     if init == TRUTH_WORD:
         raise ParameterError(
-            "init='truth' needs the recording's reference: plumbob.session.start_from(reference, imu, ...) gives it."
+            "init='truth' needs the recording's reference; plumbob.filters.offline.start_from(reference, imu, ...) "
+            "gives it."
         )
     return Start(_of_angles(init, frame))
 

@@ -19,8 +19,8 @@ from plumbob.fleet.job import COLUMNS, VERDICTS, Outcome
 from plumbob.fleet.places import Place, is_url, place_of
 from plumbob.fleet.settings import Settings, cards_of
 from plumbob.fleet.workers import by_children, by_cluster, here
-from plumbob.overview.gathered import BURST
-from plumbob.overview.tilt import LIMIT
+from plumbob.overview.streaming_stats import BURST
+from plumbob.quality.tilt import LIMIT
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:

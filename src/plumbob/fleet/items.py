@@ -14,11 +14,10 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.files import existing_file, profiles_of, sha256_of
 from plumbob.core.text import first_of
 from plumbob.data import ImuData
-from plumbob.files import Recording
+from plumbob.data.recording import Recording, unsaved
 from plumbob.files.columns import to_columns
 from plumbob.files.formats import FORMATS, is_recording
 from plumbob.files.header import dump, header_of
-from plumbob.files.notes import unsaved
 from plumbob.fleet.places import fetched, filesystem, is_url, reaching
 
 Source = str | os.PathLike[str] | Recording | ImuData

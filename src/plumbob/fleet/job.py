@@ -17,18 +17,18 @@ from plumbob.core.errors import DecodeError, LineError, MissingExtraError, Plumb
 from plumbob.core.files import write_text
 from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack
-from plumbob.evaluation import evaluate
-from plumbob.files import Recording
+from plumbob.data.recording import Recording
+from plumbob.door.estimate import Estimated, estimate
+from plumbob.door.evaluate import evaluate
 from plumbob.files.formats import UnknownFormatError
 from plumbob.fleet.items import JOBS, Item, digest_of
 from plumbob.fleet.places import Place, place_of
 from plumbob.fleet.settings import Settings
-from plumbob.overview import quality
 from plumbob.overview.overview import Overview, gatherer_of
-from plumbob.overview.subject import Subject, opened, subject_from
+from plumbob.overview.report_entry import Subject, opened, subject_from
 from plumbob.overview.tables import heading_numbers, inclination_numbers, motion_numbers, summary
-from plumbob.reporting import plain
-from plumbob.session.estimated import Estimated, estimate
+from plumbob.quality import quality
+from plumbob.reporting.report import plain
 
 DONE, REFUSED, DAMAGED, FAILED = "done", "refused", "damaged", "failed"
 VERDICTS: Final = {

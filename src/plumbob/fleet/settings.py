@@ -17,13 +17,13 @@ from plumbob.core.errors import CalibrationError, ParameterError
 from plumbob.core.files import existing_file
 from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-from plumbob.files import Recording
-from plumbob.overview.gathered import BURST
+from plumbob.data.recording import Recording
+from plumbob.door.estimate import estimate
 from plumbob.overview.overview import Overview, gatherer_of
-from plumbob.overview.subject import subject_from
-from plumbob.overview.tilt import LIMIT
+from plumbob.overview.report_entry import subject_from
+from plumbob.overview.streaming_stats import BURST
+from plumbob.quality.tilt import LIMIT
 from plumbob.rotations import IDENTITY, Frame, North
-from plumbob.session.estimated import estimate
 
 if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard, NoiseCard

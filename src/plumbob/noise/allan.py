@@ -6,21 +6,14 @@ The analysis goes channel by channel, in memory or in one pass over a larger fil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.units import Quantity, given
 from plumbob.core.version import __version__
-from plumbob.data import TRIADS, ImuData
-from plumbob.data.cards import CalibrationCard, NoiseCard
-from plumbob.files import Recording
-from plumbob.files.notes import unsaved
+from plumbob.data.cards import NoiseCard
 from plumbob.noise import (
     AllanStream,
     Analysis,
@@ -41,8 +34,8 @@ from plumbob.noise import (
 )
 from plumbob.noise.factors import Factors, kind_of
 from plumbob.noise.static import StaticReport, bridged
-from plumbob.noise.static_record import Channels, StaticRecord, check_static, load_static, static_of, static_of_numbers
-from plumbob.reporting import Report, Reported
+from plumbob.noise.static_record import Channels, StaticRecord
+from plumbob.reporting.report import Report, Reported
 
 IN_MEMORY: Final = 1 << 24
 """Bytes of a file of bare numbers up to which it is read whole."""
@@ -230,10 +223,6 @@ def _with_findings(analysis: Analysis, report: StaticReport) -> Analysis:
     return replace(analysis, step=report.steps.get(analysis.name, 0.0), notes=(*warnings, *analysis.notes))
 
 
-Note = Callable[[str], None]
-Progress = Callable[[str, int, int], None]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Noise(Reported):
     """Noise of a unit, found from a static record.
@@ -292,129 +281,3 @@ class Noise(Reported):
         from plumbob.noise.report import numbers
 
         return {"file": str(self.record.path), "calibration": self.calibration, **numbers(self.analyses)}
-
-
-def allan(
-    record: str | Path | Recording | ImuData | NDArray[Any],
-    *,
-    rate: float | str | None = None,
-    scale: str | None = None,
-    triads: Sequence[str] = TRIADS,
-    start: float | str | None = None,
-    stop: float | str | None = None,
-    skip: Sequence[tuple[float, float]] = (),
-    taus: Taus = None,
-    calibration: CalibrationCard | str | Path | None = None,
-    profile: str | Path | None = None,
-    kind: str | None = None,
-    columns: int | None = None,
-    note: Note | None = None,
-    progress: Progress | None = None,
-) -> Noise:
-    """Analyse the noise of a unit at rest.
-
-    Parameters
-    ----------
-    record : path, Recording, ImuData or array (N,) or (N, k)
-        A recording of a unit at rest, or a file or array of plain numbers.
-    rate : float or str, optional
-        Samples per second, Hz, of plain numbers; a recording must agree with it.
-    scale : str, optional
-        What 1 is in plain numbers, such as ``"0.00875 deg/s"``; ``"1"`` for numbers without a unit.
-    triads : sequence of str
-        Which sensors of a recording.
-    start, stop : float or str, optional
-        Part of the record: s, or text with a unit.
-    skip : sequence of (float, float)
-        Times to leave out, s.
-    taus : sequence of float, "all" or None
-        Averaging times of the curve, s.
-    calibration : CalibrationCard or path, optional
-        Card of a recording's unit, applied first.
-    profile : path, optional
-        What the columns of a text file mean.
-    kind, columns : optional
-        As in `plumbob.files.open_numbers`.
-    note : callable, optional
-        Called with each note as soon as it is known.
-    progress : callable, optional
-        Called with what is being done, the bytes done, and of all.
-
-    Returns
-    -------
-    Noise
-
-    Raises
-    ------
-    ShapeError
-        If no sensor of the record is static.
-    ParameterError, UnitError
-        If rate or scale is missing, wrong or contradicted by the record.
-    ClockError
-        If its samples are uneven.
-    DecodeError
-        If a file cannot be read.
-    """
-    opened, report, applied = open_static(
-        record, rate=rate, scale=scale, triads=triads, start=start, stop=stop, skip=skip, calibration=calibration,
-        profile=profile, kind=kind, columns=columns, note=note, progress=progress,
-    )  # fmt: skip
-    told = None if progress is None else lambda done: progress("noise", done, opened.size)
-    return Noise(opened, report, tuple(characterise(opened, report, taus=taus, progress=told)), applied)
-
-
-def open_static(
-    record: str | Path | Recording | ImuData | NDArray[Any],
-    *,
-    rate: float | str | None = None,
-    scale: str | None = None,
-    triads: Sequence[str] = TRIADS,
-    start: float | str | None = None,
-    stop: float | str | None = None,
-    skip: Sequence[tuple[float, float]] = (),
-    calibration: CalibrationCard | str | Path | None = None,
-    profile: str | Path | None = None,
-    kind: str | None = None,
-    columns: int | None = None,
-    note: Note | None = None,
-    progress: Progress | None = None,
-) -> tuple[StaticRecord, StaticReport, str | None]:
-    """Open a record and judge whether it is static; arguments and errors as of `allan`.
-
-    Returns
-    -------
-    StaticRecord, StaticReport, str or None
-        The channels, what was found in them, and the name of the card that was applied.
-    """
-    card = None if calibration is None else CalibrationCard.of(calibration)
-    applied = Path(calibration).name if isinstance(calibration, str | Path) else card.device if card else None
-    hertz, first, last = (
-        given(name, value, quantity)
-        for name, value, quantity in (
-            ("rate", rate, Quantity.FREQUENCY), ("start", start, Quantity.TIME), ("stop", stop, Quantity.TIME)
-        )
-    )  # fmt: skip
-    if isinstance(record, np.ndarray):
-        opened = static_of_numbers(record, hertz, scale)
-    elif isinstance(record, Recording | ImuData):
-        whole = record if isinstance(record, Recording) else unsaved(record, "samples")
-        opened = static_of(whole, Path(whole.name), card, triads, (first, last), hertz)
-    else:
-        opened = load_static(
-            check.path("record", record), rate=hertz, scale=scale, profile=None if profile is None else Path(profile),
-            card=card, triads=triads, start=first, stop=last, kind=kind, columns=columns,
-        )  # fmt: skip
-    report = check_static(
-        opened, None if progress is None else lambda done: progress("checking", done, opened.size), skip=skip
-    )
-    say = note or (lambda line: None)
-    name = opened.path.name
-    for line in (*opened.notes, *(f"{sensor} left out: {why}" for sensor, why in opened.refused.items())):
-        say(f"{name}: {line}")
-    if all(report.refused(*group.names) for group in opened.groups):
-        for finding in report.errors[1:]:
-            say(str(finding))
-        raise ShapeError(f"{opened.path} is not a static record: {report.errors[0]}")
-    for finding in report.errors:
-        say(f"{name}: left out: {finding}")
-    return opened, report, applied

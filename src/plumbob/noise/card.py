@@ -22,7 +22,8 @@ from plumbob.data.cards import UNITS, NoiseCard, TriadNoise
 from plumbob.noise.findings import Analysis, Coefficient
 from plumbob.noise.report import AXES, Triad, coefficient, length_and_rate, triads
 from plumbob.noise.terms import DATASHEET, TERMS
-from plumbob.reporting import Report, Table
+from plumbob.reporting.content import Table
+from plumbob.reporting.report import Report
 
 
 def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> NoiseCard:

@@ -18,7 +18,9 @@ from plumbob.noise.compare import Compared
 from plumbob.noise.curve import Curve
 from plumbob.noise.findings import Analysis, Coefficient, Deviation, Estimates
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, variance
-from plumbob.reporting import INK, SERIES, SHADE, Figure, Report, Table, plain
+from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.report import Report, plain
+from plumbob.reporting.style import INK, SERIES, SHADE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

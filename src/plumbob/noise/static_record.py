@@ -5,31 +5,25 @@ what the numbers themselves show. Of a recording the longest stretch without a g
 """
 
 import math
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob import files
 from plumbob.core import check, units
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ParameterError, ShapeError, UnitError
-from plumbob.core.files import existing_file, sidecars
 from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import Quantity
 from plumbob.data import TRIAD_FLAGS, TRIADS, ImuData
 from plumbob.data.cards import UNITS, CalibrationCard
 from plumbob.data.plausibility import bursts
-from plumbob.files import Recording
-from plumbob.files.numbers import SUFFIXES, TEXT_SUFFIXES, Numbers, open_numbers
-from plumbob.filters.offline import recalibrated
+from plumbob.data.recording import Recording, recalibrated
 from plumbob.noise.static import FEWEST_SAMPLES, StaticCheck, StaticReport, find_step, judge
-from plumbob.session.reading import read_one
 
 ANALYSED: Final = (Quantity.RATE, Quantity.ACCELERATION, Quantity.FIELD, Quantity.RATIO)
 """Quantities whose noise has a data sheet's units."""
@@ -39,6 +33,29 @@ _EXAMPLE: Final = (
 )
 _TRIAD_OF: Final = {Quantity.RATE: "gyr", Quantity.ACCELERATION: "acc", Quantity.FIELD: "mag"}
 _SAME: Final = 0.01
+
+
+class PlainNumbers(Protocol):
+    """PlainNumbers without time or unit that can be read again and again, such as those of a file."""
+
+    @property
+    def path(self) -> Path:
+        """The file, for messages."""
+
+    @property
+    def size(self) -> int:
+        """Its bytes, of which `blocks` reports those that are done."""
+
+    @property
+    def columns(self) -> int:
+        """PlainNumbers in a row."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader must know."""
+
+    def blocks(self, progress: Callable[[int], None] | None = None) -> Iterator[Floats]:
+        """Rows (n, k), block by block, from the start each time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +74,7 @@ class Channels:
         Time of the first sample in the file's own time, s.
     triad : bool
         Whether they are the axes of one sensor.
-    source : ndarray (N, k) or Numbers
+    source : ndarray (N, k) or PlainNumbers
         The samples, in inside units; or a file of numbers that are scaled as they are read.
     factor : float
         What 1 in the source is worth inside.
@@ -70,12 +87,12 @@ class Channels:
     dt: float
     start: float
     triad: bool
-    source: "Floats | Numbers" = field(repr=False)
+    source: "Floats | PlainNumbers" = field(repr=False)
     factor: float = 1.0
     rows: tuple[int, int | None] = (0, None)
 
     def blocks(self, progress: Callable[[int], None] | None = None) -> Iterator[Floats]:
-        """Samples (n, k) in inside units, block by block, from the start each time; as `Numbers.blocks`."""
+        """Samples (n, k) in inside units, block by block, from the start each time; as `PlainNumbers.blocks`."""
         if isinstance(self.source, np.ndarray):
             yield self.source
             return
@@ -119,66 +136,6 @@ class StaticRecord:
     notes: tuple[str, ...]
 
 
-def load_static(
-    path: str | os.PathLike[str],
-    *,
-    rate: float | None = None,
-    scale: str | None = None,
-    profile: Path | None = None,
-    card: CalibrationCard | None = None,
-    triads: Sequence[str] = TRIADS,
-    start: float | None = None,
-    stop: float | None = None,
-    kind: str | None = None,
-    columns: int | None = None,
-) -> StaticRecord:
-    """Open a file; a recording is read, plain numbers are read in blocks when they are asked for.
-
-    A text is a recording where a profile is given or lies beside it, and plain numbers otherwise.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    rate : float, optional
-        Samples per second: needed for plain numbers; a recording must agree with it.
-    scale : str, optional
-        What 1 is in a file of plain numbers, such as ``"0.00875 deg/s"``; ``"1"`` for numbers without a unit.
-    profile : Path, optional
-        What a text recording does not say about itself.
-    card : CalibrationCard, optional
-        Calibration of a recording's unit, applied first.
-    triads : sequence of str
-        Which sensors of a recording.
-    start, stop : float, optional
-        Part of the record, s.
-    kind, columns : optional
-        As in `plumbob.files.open_numbers`.
-
-    Raises
-    ------
-    ParameterError
-        If the rate or the scale is missing, contradicts the file, or is for the other kind of file.
-    UnitError
-        If the scale is not a unit whose noise is analysed, or the numbers are scaled already.
-    ClockError, ShapeError
-        If a recording's samples are uneven, or no sensor of it can be used.
-    DecodeError
-        If the file is not what it claims to be.
-    """
-    folder = check.path("path", path).is_dir() and files.is_recording(Path(path))
-    file = Path(path) if folder else existing_file(path)
-    if start is not None and stop is not None and not start < stop:
-        raise ParameterError(f"start must be before stop, but they are {start:g} s and {stop:g} s.")
-    if is_recording(file, profile, kind):
-        if scale is not None or columns is not None:
-            raise ParameterError(f"{file} is a recording with units of its own; leave scale and columns out.")
-        return _of_recording(file, profile, card, triads, (start, stop), rate)
-    if card is not None:
-        raise ParameterError(f"{file} holds plain numbers, but a calibration card corrects a recording with units.")
-    return _of_numbers(open_numbers(file, kind=kind, columns=columns), rate, scale, (start, stop))
-
-
 def check_static(
     record: StaticRecord,
     progress: Callable[[int], None] | None = None,
@@ -205,27 +162,6 @@ def check_static(
     return judge(*checks, skip=skip)
 
 
-def is_recording(file: Path, profile: Path | None, kind: str | None) -> bool:
-    """Whether a file brings its own time and units; otherwise its numbers need a rate and a scale."""
-    if kind is not None:
-        return False
-    suffix = file.suffix.lower()
-    if suffix in TEXT_SUFFIXES:
-        return profile is not None or any(beside.is_file() for beside in sidecars(file))
-    return suffix not in SUFFIXES and files.is_recording(file)
-
-
-def _of_recording(
-    file: Path,
-    profile: Path | None,
-    card: CalibrationCard | None,
-    triads: Sequence[str],
-    between: tuple[float | None, float | None],
-    rate: float | None,
-) -> StaticRecord:
-    return static_of(read_one(file, profile=profile), file, card, triads, between, rate, size=file.stat().st_size)
-
-
 def static_of(
     recording: Recording,
     file: Path,
@@ -250,9 +186,10 @@ def static_of(
     return StaticRecord(file, size, groups, found.refused, (*recording.notes, *found.notes))
 
 
-def _of_numbers(
-    numbers: Numbers, rate: float | None, scale: str | None, between: tuple[float | None, float | None]
+def static_of_plain(
+    numbers: PlainNumbers, rate: float | None, scale: str | None, between: tuple[float | None, float | None]
 ) -> StaticRecord:
+    """Channels of numbers without time or unit; arguments and errors as of `plumbob.allan`."""
     file = numbers.path
     if rate is None or scale is None:
         asked = {"rate": (rate, "samples per second"), "scale": (scale, _EXAMPLE)}
@@ -264,7 +201,7 @@ def _of_numbers(
     if not 0.0 < rate < math.inf:
         raise ParameterError(f"rate must be a positive number of samples per second, but it is {rate}.")
     size, unit = _scale(scale)
-    notes = _scaled_twice(file, next(iter(numbers)), size, unit)
+    notes = _scaled_twice(file, next(numbers.blocks()), size, unit)
     start, stop = between
     first = 0 if start is None else max(0, round(start * rate))
     end = None if stop is None else round(stop * rate)

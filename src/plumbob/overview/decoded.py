@@ -6,12 +6,13 @@ from pathlib import Path
 
 from plumbob.core.errors import DecodeError
 from plumbob.data import ImuData
-from plumbob.files import Recording, inferred, read
+from plumbob.data.recording import Recording, inferred
+from plumbob.files import read
 from plumbob.files.mcap import Log
 from plumbob.files.parquet import write_parts
-from plumbob.session.session import Session
-from plumbob.session.sources import ReplaySource
-from plumbob.session.stream import Part, Stream
+from plumbob.live.session import Session
+from plumbob.live.sources import ReplaySource
+from plumbob.live.stream import Part, Stream
 
 _WAIT = 0.02
 

@@ -10,10 +10,11 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg
-from plumbob.overview.gathered import SPECTRAL, Gathered
-from plumbob.overview.subject import Subject
+from plumbob.overview.report_entry import Subject
+from plumbob.overview.streaming_stats import SPECTRAL, Gathered
 from plumbob.overview.tables import SPECTRAL_UNITS, heading_circle, shown_scale
-from plumbob.reporting import INK, SERIES, SOFT, Figure
+from plumbob.reporting.content import Figure
+from plumbob.reporting.style import INK, SERIES, SOFT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

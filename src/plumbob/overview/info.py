@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 from plumbob.core.text import Shown, counted, visible
 
 if TYPE_CHECKING:
-    from plumbob.files import Recording
-    from plumbob.overview.grade import Grade
+    from plumbob.data.recording import Recording
+    from plumbob.quality.grade import Grade
 
 
 class Info(Shown):
@@ -46,7 +46,7 @@ class Info(Shown):
         """
         from plumbob.core import check
         from plumbob.core.errors import ParameterError
-        from plumbob.overview.grade import WORDS
+        from plumbob.quality.grade import WORDS
 
         if self._points is None:
             raise ParameterError(
@@ -105,9 +105,9 @@ def info(
         If there is no such unit.
     """
     from plumbob.core import check
-    from plumbob.files import Recording, found_in
-    from plumbob.overview.grade import grade_of
-    from plumbob.session.reading import read
+    from plumbob.data.recording import Recording, found_in
+    from plumbob.door.reading import read
+    from plumbob.quality.grade import grade_of
 
     if isinstance(what, Recording):
         name, recording = what.name, what if unit is None else what.of_unit(unit)
@@ -159,7 +159,7 @@ def _card(file: Path) -> Info:
     card, points = open_card(file), None
     if isinstance(card, CalibrationCard):
         from plumbob.calibration.report import certificate, numbers
-        from plumbob.overview.grade import WORDS
+        from plumbob.quality.grade import WORDS
 
         told, report = numbers(card, {}), certificate(card, {})
         least = {word.lower(): points for word, points in WORDS}

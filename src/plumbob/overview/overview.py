@@ -11,21 +11,21 @@ from plumbob.core import check, units
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import Quantity, to_deg
 from plumbob.data import ImuData
-from plumbob.files import Recording
+from plumbob.data.recording import Recording
 from plumbob.overview.figures import WHATS, figure, figures
-from plumbob.overview.gathered import BURST, Gatherer
-from plumbob.overview.grade import grade
-from plumbob.overview.subject import Progress, Subject, duration, subject_from, subject_of
+from plumbob.overview.report_entry import Progress, Subject, duration, subject_from, subject_of
+from plumbob.overview.streaming_stats import BURST, Gatherer
 from plumbob.overview.tables import comparison_table, summary, tables
-from plumbob.overview.tilt import LIMIT
 from plumbob.overview.traces import WHOLE
 from plumbob.overview.wording import definitions, remarks
-from plumbob.reporting import Report, Reported
+from plumbob.quality.grade import grade
+from plumbob.quality.tilt import LIMIT
+from plumbob.reporting.report import Report, Reported
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard, NoiseCard
-    from plumbob.session.estimated import Estimated
+    from plumbob.door.estimate import Estimated
 
 Source = str | PathLike[str] | Recording | ImuData
 

@@ -21,10 +21,9 @@ from plumbob.core.text import visible
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg
 from plumbob.core.web import asset
-from plumbob.overview import quality
 from plumbob.overview.figures import SD, SECTORS
-from plumbob.overview.gathered import SPECTRAL, Gathered
-from plumbob.overview.subject import Subject
+from plumbob.overview.report_entry import Subject
+from plumbob.overview.streaming_stats import SPECTRAL, Gathered
 from plumbob.overview.tables import (
     SPECTRAL_UNITS,
     burst_table,
@@ -41,9 +40,10 @@ from plumbob.overview.tables import (
     threshold_table,
 )
 from plumbob.overview.wording import BARE, remarks
-from plumbob.reporting import LANGUAGES, Table
+from plumbob.quality import quality
+from plumbob.reporting.content import Table
 from plumbob.reporting.page import CSS, facts_html, table_html
-from plumbob.reporting.style import said
+from plumbob.reporting.style import LANGUAGES, said
 
 _NONE: Final = -32768
 _CODES: Final = 65534

@@ -10,12 +10,13 @@ from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.text import number
 from plumbob.core.units import to_deg
-from plumbob.overview import quality
-from plumbob.overview.gathered import AXES, SPECTRAL, TRACED, Burst, Gathered, Runs
-from plumbob.overview.grade import Grade
-from plumbob.overview.subject import Subject
-from plumbob.overview.tilt import Headings, Inclination, Motion
-from plumbob.reporting import Table, plain
+from plumbob.overview.report_entry import Subject
+from plumbob.overview.streaming_stats import AXES, SPECTRAL, TRACED, Burst, Gathered, Runs
+from plumbob.quality import quality
+from plumbob.quality.grade import Grade
+from plumbob.quality.tilt import Headings, Inclination, Motion
+from plumbob.reporting.content import Table
+from plumbob.reporting.report import plain
 
 UNITS: Final = {"gyr": "°/s", "acc": "m/s²", "mag": "µT", "temp": "°C"}
 SPECTRAL_UNITS: Final = dict(zip(SPECTRAL, ("°²/Hz", "°²/Hz", "(°/s)²/Hz", "(m/s²)²/Hz"), strict=True))

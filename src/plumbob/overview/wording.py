@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from plumbob.data import UNCALIBRATED
-from plumbob.overview import quality
-from plumbob.overview.subject import Subject
-from plumbob.overview.tilt import DEAD
+from plumbob.overview.report_entry import Subject
+from plumbob.quality import quality
+from plumbob.quality.tilt import DEAD
 from plumbob.rotations import North
 
 BARE: Final = f"Calibration: {UNCALIBRATED}. All numbers of this page are of uncalibrated values."

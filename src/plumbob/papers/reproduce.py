@@ -20,9 +20,10 @@ from plumbob.core.series import needed
 from plumbob.core.text import counted
 from plumbob.core.version import __version__
 from plumbob.papers.outcome import CANNOT, HEAD, MISSED, PASS, SHOWN, Item, Outcome, Paper, restored, table
-from plumbob.papers.work import Work
-from plumbob.reporting import Report, Table
+from plumbob.papers.workspace import Work
+from plumbob.reporting.content import Table
 from plumbob.reporting.page import part_links
+from plumbob.reporting.report import Report
 from plumbob.reporting.style import LANGUAGES, Both
 
 TITLES: Final[Mapping[str, Both]] = {
@@ -270,7 +271,7 @@ def _alone(*words: str) -> subprocess.Popen[str]:
     """Start a paper's process: with the modules of this one, whatever lies in the folder where it is started."""
     paths = os.pathsep.join(path or f"{Path.cwd()}" for path in sys.path)
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "plumbob.papers.alone", *words],
+        [sys.executable, "-P", "-m", "plumbob.papers.standalone", *words],
         env={**os.environ, "PYTHONPATH": paths, "PYTHONIOENCODING": "utf-8"},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,

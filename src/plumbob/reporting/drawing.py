@@ -26,7 +26,7 @@ from plumbob.reporting.style import GRID, INK, LANGUAGES, MUTED, PALETTE, SHADE,
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
-    from plumbob.reporting.report import Figure
+    from plumbob.reporting.content import Figure
 
 PICTURES: Final = (".svg", ".png", ".pdf")
 """Endings of the names of pictures."""

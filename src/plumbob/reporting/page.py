@@ -16,7 +16,7 @@ from plumbob.reporting.drawing import svg, variable
 from plumbob.reporting.style import LANGUAGES, said
 
 if TYPE_CHECKING:
-    from plumbob.reporting.report import Figure, Report, Table
+    from plumbob.reporting.content import Figure, ReportContent, Table
 
 _SHORT_CELL, _LONG_CELL = 16, 60  # letters of a cell of words
 _MINUS = re.compile(r"-(?=[\d.∞]|$)")  # of a number, or alone
@@ -25,7 +25,7 @@ _PART = "part-"  # and its number: where a link of the page leads
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 
-def page(report: "Report", *, lang: str = "en") -> str:
+def page(report: "ReportContent", *, lang: str = "en") -> str:
     """HTML of a report; any text in it is safe."""
     check.one_of("lang", lang, LANGUAGES)
     title = escape(said(report.title, lang))
@@ -40,7 +40,7 @@ def page(report: "Report", *, lang: str = "en") -> str:
     ]
     return (
         f'<!DOCTYPE html>\n<html lang="{lang}">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
+        f'<meta http-equiv="ReportContent-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{title}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
         + "\n".join([*body, f"<footer>{foot}</footer>"])
@@ -48,11 +48,11 @@ def page(report: "Report", *, lang: str = "en") -> str:
     )
 
 
-def _moves(report: "Report") -> bool:
+def _moves(report: "ReportContent") -> bool:
     return bool(report.scenes) or any(map(_moves, report.parts))
 
 
-def _body(report: "Report", lang: str, number: "count[int]", *, depth: int) -> Iterator[str]:
+def _body(report: "ReportContent", lang: str, number: "count[int]", *, depth: int) -> Iterator[str]:
     folded = [table for table in report.tables if table.detail or (table.title and len(table.rows) > _LONG)]
     yield from (table_html(table, lang) for table in report.tables if table not in folded)
     if depth > 1:
@@ -71,7 +71,7 @@ def _body(report: "Report", lang: str, number: "count[int]", *, depth: int) -> I
         yield "</section>"
 
 
-def part_links(report: "Report") -> list[tuple[str, str]]:
+def part_links(report: "ReportContent") -> list[tuple[str, str]]:
     """Links to the parts of a page, for its head."""
     return [(part.title, f"#{_PART}{i}") for i, part in enumerate(report.parts, 1)]
 

@@ -18,20 +18,20 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.acquisition import Schedule, Task
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError, ParameterError, PlumbobError, ShapeError, one_line
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import TRIADS, ImuData, ImuMeta
-from plumbob.session.sinks import line_of
+from plumbob.live.sinks import line_of
+from plumbob.live.transports.polled import Schedule, Task
 from plumbob.viewer.hub import Hub
 from plumbob.viewer.messages import AllanCurve, Command, Guidance, numbers
 from plumbob.viewer.pipe import Message
 
 if TYPE_CHECKING:
-    from plumbob.calibration.guide.guide import Guide, Progress
+    from plumbob.live.guide.guide import Guide, Progress
 
 EVERY_S: Final = 0.1
 """Length of the parts that the thread gets, s."""
@@ -170,7 +170,7 @@ class Guided:
 
     @cached_property
     def _guide(self) -> "Guide":
-        from plumbob.calibration.guide.guides import GUIDES
+        from plumbob.live.guide.guides import GUIDES
 
         return GUIDES[self.kind]()
 
@@ -204,9 +204,9 @@ class Guided:
             return self.guidance(refused=[one_line(why)])
 
     def _written(self) -> Path:
-        from plumbob.calibration.calibrate import KINDS, calibrate
         from plumbob.calibration.calibration import capture
         from plumbob.data.cards import CalibrationCard
+        from plumbob.door.calibrate import KINDS, calibrate
 
         imu = self._whole()
         base = None if self._unit.card is None else CalibrationCard.load(self._unit.card)

@@ -16,12 +16,12 @@ from plumbob.data import AttitudeTrack
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.chain import Chain
 from plumbob.data.chain_toml import load_chain
-from plumbob.session.emulated import chain_files, unit_file
-from plumbob.session.reading import read
-from plumbob.session.session import Session
-from plumbob.session.session_toml import SESSION, parse_session, session_of
-from plumbob.session.watch import Note
-from plumbob.simulation.rigs.plan import PLANS, Chained
+from plumbob.door.reading import read
+from plumbob.live.emulated import chain_files, unit_file
+from plumbob.live.rigs.plan import PLANS, Chained
+from plumbob.live.session import Session
+from plumbob.live.session_toml import SESSION, parse_session, session_of
+from plumbob.live.watch import Note
 
 _FILTER: Final = "mekf"
 _BLIND: Final = "integrate"

@@ -10,19 +10,20 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.acquisition.transport import Event, Received
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, one_line
+from plumbob.core.event import Event
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.chain import Chain
 from plumbob.filters import Start
+from plumbob.live.recording_sink import epoch_offset_ns
+from plumbob.live.session import Session, reference_names
+from plumbob.live.stream import Part, Stream
+from plumbob.live.transports.transport import Received
+from plumbob.live.watch import LONG
 from plumbob.protocols.encode import encode
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
-from plumbob.session.recording_sink import epoch_offset_ns
-from plumbob.session.session import Session, reference_names
-from plumbob.session.stream import Part, Stream
-from plumbob.session.watch import LONG
 from plumbob.viewer.messages import Batch, Hello, Link, numbers
 from plumbob.viewer.outlet import Outlet
 from plumbob.viewer.overlays import Follower, Overlay, described, greeting, require_addable, units_of

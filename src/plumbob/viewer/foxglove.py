@@ -23,8 +23,7 @@ from plumbob.core.time import to_ns
 from plumbob.core.units import deg, dps
 from plumbob.core.version import __version__
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
-from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
-from plumbob.session.rows import (
+from plumbob.live.rows import (
     ATTITUDE,
     IMU,
     TIME_SCHEMA,
@@ -34,6 +33,7 @@ from plumbob.session.rows import (
     kind_of,
     transform_row,
 )
+from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
 from plumbob.viewer.hub import Hub, deliver
 from plumbob.viewer.messages import as_json
 from plumbob.viewer.pipe import Message

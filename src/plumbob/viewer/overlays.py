@@ -18,8 +18,8 @@ from plumbob.data.chain import Chain, Posture
 from plumbob.filters import SMOOTHER, Filter, Start, filter_names, load
 from plumbob.filters.offline import Stage, follower_of
 from plumbob.filters.smoother import FixedLag, Smoother
+from plumbob.live.stream import UnitPart
 from plumbob.rotations import Frame, change_frame, quat_conjugate, quat_multiply, quat_rotate
-from plumbob.session.stream import UnitPart
 from plumbob.viewer.messages import Skeleton
 from plumbob.viewer.rows import Attitudes, Layout, Shown, rows_at, shown_of
 

@@ -9,23 +9,24 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.acquisition.transport import Event
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.event import Event
 from plumbob.core.time import to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.array import ImuArray
 from plumbob.data.chain import Chain
-from plumbob.files import Recording
+from plumbob.data.recording import Recording
+from plumbob.door.estimate import estimate
+from plumbob.door.reading import read
+from plumbob.files.formats import is_own
 from plumbob.files.mcap import open_log
+from plumbob.live.recorded import read_recorded, reference_of
+from plumbob.live.replay import Replayed, replay
+from plumbob.live.session_toml import SESSION, of_unit, recorded_session
+from plumbob.live.watch import Note
 from plumbob.protocols.format import Message
 from plumbob.rotations import Frame
-from plumbob.session.estimated import estimate
-from plumbob.session.reading import is_own, read
-from plumbob.session.recorded import read_recorded, reference_of
-from plumbob.session.replay import Replayed, replay
-from plumbob.session.session_toml import SESSION, of_unit, recorded_session
-from plumbob.session.watch import Note
 from plumbob.viewer.messages import Batch, Hello, Link, Playback, numbers
 from plumbob.viewer.outlet import Outlet
 from plumbob.viewer.overlays import Follower, described, greeting, require_addable

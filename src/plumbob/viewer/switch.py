@@ -7,13 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from plumbob.acquisition.transport import Event, Received
 from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.event import Event
 from plumbob.files.mcap.layout import SUFFIX, dated, existing_parts
-from plumbob.session.recording_sink import RecordingSink, epoch_offset_ns
-from plumbob.session.session import RecordSpec
-from plumbob.session.sinks import TextSink
-from plumbob.session.stream import Part, Stream
+from plumbob.live.recording_sink import RecordingSink, epoch_offset_ns
+from plumbob.live.session import RecordSpec
+from plumbob.live.sinks import TextSink
+from plumbob.live.stream import Part, Stream
+from plumbob.live.transports.transport import Received
 from plumbob.viewer.commands import LONGEST_NAME, checked_name, checked_text
 
 MARK: Final = "mark"

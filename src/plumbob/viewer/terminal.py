@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from plumbob.acquisition.transport import Stop, Stopping
 from plumbob.core.errors import ParameterError
 from plumbob.core.flags import names
 from plumbob.core.text import visible
 from plumbob.core.units import Quantity, given, to_deg
 from plumbob.data.chain import Chain
+from plumbob.live.transports.transport import Stop, Stopping
 from plumbob.rotations import Frame, North
 from plumbob.rotations.headings import heading_of
 from plumbob.viewer.angles import Tare, angles_of
@@ -32,7 +32,7 @@ from plumbob.viewer.view import Viewed, opened_up
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from plumbob.session.session import Session
+    from plumbob.live.session import Session
 
 _EVERY: Final = 0.1
 _STALE_NS: Final = 1_000_000_000

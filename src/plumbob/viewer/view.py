@@ -8,24 +8,25 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from plumbob.acquisition.transport import Event, Stopping
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
+from plumbob.core.event import Event
 from plumbob.core.text import Shown, counted
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack
 from plumbob.data.chain import Chain
 from plumbob.data.chain_toml import load_chain
-from plumbob.session.live import announce
-from plumbob.session.recording_sink import RecordingSink, named_at
-from plumbob.session.runner import run_stream
-from plumbob.session.sending import sending_of, with_sent
-from plumbob.session.session import Session
-from plumbob.session.session_toml import ALL, of_unit, session_of
-from plumbob.session.sinks import Sink, TextSink
-from plumbob.session.sources import open_source
-from plumbob.session.stream import Part, Stream
-from plumbob.session.watch import Note, Ran, Watch, nothing_of
+from plumbob.live.record import announce
+from plumbob.live.recording_sink import RecordingSink, named_at
+from plumbob.live.runner import run_stream
+from plumbob.live.sending import sending_of, with_sent
+from plumbob.live.session import Session
+from plumbob.live.session_toml import ALL, of_unit, session_of
+from plumbob.live.sinks import Sink, TextSink
+from plumbob.live.sources import open_source
+from plumbob.live.stream import Part, Stream
+from plumbob.live.transports.transport import Stopping
+from plumbob.live.watch import Note, Ran, Watch, nothing_of
 from plumbob.viewer.child import Server, Serving, require_view
 from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Command

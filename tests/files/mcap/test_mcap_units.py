@@ -13,11 +13,11 @@ import pytest
 import plumbob
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.array import ImuArray, Mount
+from plumbob.door.reading import read_array
 from plumbob.files.header import array_told
 from plumbob.files.mcap import open_log
 from plumbob.protocols.decode import decode, triads_of
 from plumbob.protocols.rigs import load
-from plumbob.session.reading import read_array
 from tests.helpers.commandline import PLUMBOB
 from tests.helpers.io_samples import refused
 from tests.helpers.record_samples import flipped, recorder

@@ -13,7 +13,7 @@ from plumbob.core import flags
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.data.cards import TriadNoise
-from plumbob.data.cards.left import uncalibrated
+from plumbob.data.cards.residuals import uncalibrated
 from plumbob.data.imu import ImuMeta
 from plumbob.filters.smoother import Params, Smoother
 from plumbob.filters.smoother.field import LEAST_BEND, LEAST_NOISE, Reference, scatter_of

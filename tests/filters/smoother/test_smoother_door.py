@@ -9,9 +9,9 @@ import pytest
 from plumbob import Filter, ImuData, ImuMeta, estimate, files, flags, load_session
 from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
 from plumbob.filters.smoother import Smoother
+from plumbob.live.session_toml import session_of
+from plumbob.live.stream import Stream
 from plumbob.rotations import quat_conjugate, quat_rotate
-from plumbob.session.session_toml import session_of
-from plumbob.session.stream import Stream
 from tests.helpers.commandline import ok, plumbob
 from tests.helpers.hand_motion import by_hand
 from tests.helpers.live_samples import FORMAT, SESSION

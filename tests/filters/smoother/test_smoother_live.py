@@ -17,7 +17,8 @@ from plumbob import ImuData, ImuMeta
 from plumbob.core import flags
 from plumbob.core.errors import ShapeError
 from plumbob.core.units import deg, dps
-from plumbob.filters.smoother import FixedLag, Smoother, inertial, live, onward
+from plumbob.filters.smoother import FixedLag, Smoother, inertial, live
+from plumbob.filters.smoother import causal as onward
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_REPEATS, Params
 from plumbob.rotations import quat_angle, quat_conjugate, quat_rotate

@@ -7,7 +7,9 @@ import pytest
 
 from plumbob import ImuData
 from plumbob.core.units import deg, dps
-from plumbob.filters.smoother import inertial, live, onward, standing
+from plumbob.filters.smoother import causal as onward
+from plumbob.filters.smoother import inertial, live
+from plumbob.filters.smoother import stationary as standing
 from plumbob.filters.smoother.field import Reference, middle_of, share_of_rest, weights
 from plumbob.filters.smoother.inertial import calm, first_rest
 from plumbob.filters.smoother.keyframes import Keyframes

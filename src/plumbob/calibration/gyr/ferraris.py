@@ -36,13 +36,13 @@ from plumbob.calibration.gyr.plausible import (
 )
 from plumbob.calibration.gyr.rest import bias_of, rest
 from plumbob.calibration.predicted import TILT_RANGE, tilt_sd
-from plumbob.calibration.static_periods import MOVED, TURNED, stills
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.data.cards import UNITS, Quality, TriadCalibration
+from plumbob.quality.static_periods import MOVED, TURNED, stills
 
 FACES: Final = ("x_p", "x_a", "y_p", "y_a", "z_p", "z_a")
 """Positions at rest, by the axis that measures +g (p, parallel) or −g (a, antiparallel)."""

@@ -16,13 +16,13 @@ from plumbob.calibration.gyr.plausible import (
     unseen_turn,
     without_known,
 )
-from plumbob.calibration.static_periods import stills
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE
 from plumbob.core.text import counted
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data.cards import Quality, TriadCalibration
+from plumbob.quality.static_periods import stills
 
 LEAST: Final = 2.0
 """Shortest time at rest that gives a bias, s."""

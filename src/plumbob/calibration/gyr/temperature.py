@@ -28,11 +28,11 @@ from plumbob.calibration.gyr.plausible import (
     unseen_turn,
     without_known,
 )
-from plumbob.calibration.static_periods import stills
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.units import to_dps
 from plumbob.data.cards import Quality, TriadCalibration
+from plumbob.quality.static_periods import stills
 
 LEAST_SPAN: Final = 5.0
 """Smallest span of temperature that shows a slope, K."""

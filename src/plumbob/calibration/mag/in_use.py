@@ -6,9 +6,7 @@ import numpy as np
 
 from plumbob.calibration.ellipsoid.ellipsoid_fit import to_size_of
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
-from plumbob.calibration.mag.field_gradient import Unevenness
-from plumbob.calibration.mag.in_use_fit import FEWEST_WINDOWS, LENGTH, InUseFit, fit_in_use
-from plumbob.calibration.mag.outcome import (
+from plumbob.calibration.mag.checks import (
     DIP,
     STEEL,
     Doubt,
@@ -25,6 +23,8 @@ from plumbob.calibration.mag.outcome import (
     with_rates,
     wrong_field,
 )
+from plumbob.calibration.mag.field_gradient import Unevenness
+from plumbob.calibration.mag.in_use_fit import FEWEST_WINDOWS, LENGTH, InUseFit, fit_in_use
 from plumbob.calibration.mag.with_acc import turn_of
 from plumbob.calibration.mag.with_gyr import GAIN_SD
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd

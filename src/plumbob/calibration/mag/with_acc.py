@@ -23,9 +23,7 @@ from numpy.typing import NDArray
 from plumbob.calibration.ellipsoid.autocorrelation import alike
 from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, Shape, radius_of, to_size
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, inverse_of, refuse
-from plumbob.calibration.mag.alone import fit_mag
-from plumbob.calibration.mag.field_gradient import unevenness
-from plumbob.calibration.mag.outcome import (
+from plumbob.calibration.mag.checks import (
     Doubt,
     calibration_of,
     finite_rows,
@@ -41,6 +39,8 @@ from plumbob.calibration.mag.outcome import (
     where_known,
     wrong_field,
 )
+from plumbob.calibration.mag.ellipsoid import fit_mag
+from plumbob.calibration.mag.field_gradient import unevenness
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0

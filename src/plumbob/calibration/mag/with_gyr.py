@@ -19,9 +19,7 @@ from numpy.typing import NDArray
 from plumbob.calibration.ellipsoid.autocorrelation import Alike, memory_of_each
 from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, to_size_of
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
-from plumbob.calibration.mag.alone import unturned
-from plumbob.calibration.mag.field_gradient import PATCH, Unevenness, unevenness
-from plumbob.calibration.mag.outcome import (
+from plumbob.calibration.mag.checks import (
     DIP,
     STEEL,
     Doubt,
@@ -38,6 +36,8 @@ from plumbob.calibration.mag.outcome import (
     with_rates,
     wrong_field,
 )
+from plumbob.calibration.mag.ellipsoid import unturned
+from plumbob.calibration.mag.field_gradient import PATCH, Unevenness, unevenness
 from plumbob.calibration.mag.windows import by_error, inverse_of, leaning, tightness
 from plumbob.calibration.mag.with_acc import turn_of
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd

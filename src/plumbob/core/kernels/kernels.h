@@ -44,14 +44,21 @@ static inline double py_degrees(double a) { return a * (180.0 / 3.14159265358979
 /* Whole quotients round down; nothing is divided by zero. */
 static inline int64_t py_floor_div(int64_t a, int64_t b) {
     if (b == 0) return 0;
+    if (b == -1) return -a;
     int64_t q = a / b;
     return q - (a % b != 0 && (a < 0) != (b < 0));
 }
-static inline int64_t py_floor_mod(int64_t a, int64_t b) { return b == 0 ? 0 : a - py_floor_div(a, b) * b; }
+static inline int64_t py_floor_mod(int64_t a, int64_t b) { return b == 0 || b == -1 ? 0 : a - py_floor_div(a, b) * b; }
 static inline double py_floor_mod_f(double a, double b) {
     double r = fmod(a, b);
     return r != 0.0 ? ((b < 0.0) != (r < 0.0) ? r + b : r) : copysign(0.0, b);
 }
+
+/* As NumPy shifts by what is not from 0 to 63 bits, which C leaves open. */
+static inline int64_t py_shift_left(int64_t a, int64_t n) { return (uint64_t)n < 64 ? a << n : 0; }
+static inline int64_t py_shift_right(int64_t a, int64_t n) { return (uint64_t)n < 64 ? a >> n : a < 0 ? -1 : 0; }
+static inline uint64_t py_shift_left_u(uint64_t a, uint64_t n) { return n < 64 ? a << n : 0; }
+static inline uint64_t py_shift_right_u(uint64_t a, uint64_t n) { return n < 64 ? a >> n : 0; }
 
 /* A bound of a slice of n numbers, and how many are between two. */
 static inline int64_t py_bound(int64_t at, int64_t n) {

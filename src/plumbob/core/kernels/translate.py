@@ -500,6 +500,8 @@ class Translator:
         if sign in NAMED and (sign != "//" or kind == INTEGER):
             name = NAMED[sign] + ("_f" if kind == DOUBLE and sign == "%" else "")
             return f"{name}({left}, {right})", DOUBLE if sign == "**" else kind
+        if sign in (">>", "<<") and kind != DOUBLE and self.source.constant(node.right) not in range(64):
+            return f"py_shift_{'left' if sign == '<<' else 'right'}{'_u' * (kind == WORD)}({left}, {right})", kind
         if sign in ("&", "|", "^", ">>", "<<") and kind != DOUBLE:
             return f"({left} {sign} {right})", TRUTH if kinds == {TRUTH} and sign in "&|^" else kind
         raise self.refuse(node, f"{sign} of {a} and {b} is not in the subset")

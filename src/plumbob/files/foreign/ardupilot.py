@@ -31,9 +31,9 @@ from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.array import ImuArray
+from plumbob.data.recording import Recording
 from plumbob.files.foreign import logged, mavlink
 from plumbob.files.foreign.join import Stream, joined
-from plumbob.files.notes import Recording
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_from_euler_zyx
 

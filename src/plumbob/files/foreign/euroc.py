@@ -25,9 +25,9 @@ from plumbob.core.errors import DecodeError, ShapeError
 from plumbob.core.files import existing_file, reading, text_of
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data.recording import Recording
 from plumbob.files.foreign import logged
 from plumbob.files.foreign.join import joined
-from plumbob.files.notes import Recording
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_conjugate, quat_from_dcm, quat_multiply
 

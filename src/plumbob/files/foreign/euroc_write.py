@@ -19,7 +19,7 @@ from plumbob.core.text import counted
 from plumbob.core.time import to_ns
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import Mount
-from plumbob.files.notes import Recording
+from plumbob.data.recording import Recording
 from plumbob.rotations import Frame, change_frame
 
 _RATE, _FORCE, _SPEED = "[rad s^-1]", "[m s^-2]", "[m s^-1]"

@@ -23,9 +23,9 @@ from plumbob.core.errors import DecodeError, excerpt, one_line
 from plumbob.core.files import reading, text_of
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data.recording import Recording
 from plumbob.files.foreign import logged
 from plumbob.files.foreign.join import joined
-from plumbob.files.notes import Recording
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_from_euler_zyx
 

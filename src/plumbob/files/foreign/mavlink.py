@@ -26,9 +26,9 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data.recording import Recording
 from plumbob.files.foreign import logged
 from plumbob.files.foreign.join import Stream, joined
-from plumbob.files.notes import Recording
 from plumbob.protocols.checksum import of_rows
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_from_euler_zyx

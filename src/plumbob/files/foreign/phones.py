@@ -32,6 +32,7 @@ from plumbob.core.files import reading
 from plumbob.core.text import counted
 from plumbob.core.time import interpolated, rising
 from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data.recording import Recording
 from plumbob.files.columns import has_zone, is_stamp, stamps_ns
 from plumbob.files.foreign.join import Joined, Stream, joined, stamps_of
 from plumbob.files.foreign.logged import attitude_at
@@ -46,7 +47,6 @@ from plumbob.files.foreign.parts import (
     whole_ns,
     zipfile_like,
 )
-from plumbob.files.notes import Recording
 from plumbob.files.profile import Layout
 from plumbob.files.text_table import read_table
 from plumbob.rotations import Frame, North, quat_from_xyzw

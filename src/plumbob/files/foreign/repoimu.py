@@ -19,9 +19,9 @@ from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import existing_file, reading
 from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data.recording import Recording
 from plumbob.files.foreign import logged
 from plumbob.files.foreign.join import joined, stamps_of
-from plumbob.files.notes import Recording
 from plumbob.rotations import Frame, North
 
 _ROWS: Final = np.dtype([("t", "f8"), ("values", "f8", (13,))])

@@ -29,11 +29,11 @@ from plumbob.core.time import rising
 from plumbob.core.units import to_si
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
+from plumbob.data.recording import Recording
 from plumbob.files.foreign import ros_bags
 from plumbob.files.foreign.join import Stream, joined
 from plumbob.files.foreign.ros_bags import Bag, Table, Topic
 from plumbob.files.mcap import layout
-from plumbob.files.notes import Recording
 from plumbob.rotations import Frame, North, dcm_from_quat, quat_from_xyzw
 
 IMU: Final = "sensor_msgs/Imu"

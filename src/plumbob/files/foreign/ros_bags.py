@@ -24,8 +24,8 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import MAX_TEXT, require_room
 from plumbob.core.text import counted
+from plumbob.data.recording import CUT
 from plumbob.files.mcap import layout
-from plumbob.files.notes import CUT
 
 BAG: Final = b"#ROSBAG V"
 SQLITE: Final = b"SQLite format 3\x00"

@@ -28,9 +28,9 @@ from plumbob.core.files import replacing, replacing_folder
 from plumbob.core.time import to_ns
 from plumbob.core.units import from_si
 from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.recording import Recording
 from plumbob.files.foreign import ros
 from plumbob.files.foreign.ros_bags import METADATA
-from plumbob.files.notes import Recording
 from plumbob.rotations import Frame, change_frame, dcm_from_quat, quat_multiply, quat_to_xyzw
 
 _LAST_NS: Final = (1 << 31) * 10**9

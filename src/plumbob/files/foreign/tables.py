@@ -22,6 +22,7 @@ from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import existing_file, reading, require_room, sidecars
 from plumbob.core.text import counted, first_of
+from plumbob.data.recording import Recording
 from plumbob.files.arrays import (
     HDF5_SIGNATURE,
     MAT5_SIGNATURE,
@@ -36,7 +37,6 @@ from plumbob.files.arrays import (
     require_whole_chunks,
 )
 from plumbob.files.foreign.parts import Parts
-from plumbob.files.notes import Recording
 from plumbob.files.profile import ColumnRef, Profile, TimeColumn
 from plumbob.files.text import profile_of, recording_of
 from plumbob.files.text_table import Table

@@ -33,9 +33,9 @@ from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data.recording import Recording
 from plumbob.files.foreign import logged
 from plumbob.files.foreign.join import Stream, joined
-from plumbob.files.notes import Recording
 from plumbob.rotations import Frame, North
 
 _MAGIC: Final = b"ULog\x01\x12\x35"

@@ -25,10 +25,10 @@ from plumbob.core.errors import DecodeError
 from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data.recording import Recording
 from plumbob.files.foreign.join import Stream, joined
 from plumbob.files.foreign.logged import attitude_at
 from plumbob.files.foreign.parts import Parts, names_in, sheet
-from plumbob.files.notes import Recording
 from plumbob.rotations import Frame, North
 
 MAX_BYTES: Final = 1 << 30

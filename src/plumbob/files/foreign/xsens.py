@@ -32,11 +32,11 @@ from plumbob.core.errors import ClockError, DecodeError, excerpt
 from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data.recording import Recording
 from plumbob.files.foreign import xbus
 from plumbob.files.foreign.join import Stream, joined
 from plumbob.files.foreign.logged import MOST, attitude_at
 from plumbob.files.foreign.parts import HEAD_BYTES, names_in, sheet
-from plumbob.files.notes import Recording
 from plumbob.rotations import (
     Frame,
     North,

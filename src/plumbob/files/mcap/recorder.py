@@ -13,8 +13,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from plumbob.acquisition.transport import Event
 from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.event import Event
 from plumbob.files.mcap import disk, info, layout
 from plumbob.files.mcap.layout import CHUNK_BYTES, MESSAGE_BYTES, Channel, OpenChunk, Rules, Schema, State
 from plumbob.files.mcap.scan import identify

@@ -5,13 +5,13 @@ whole recording, and all is repeated from the smoothed attitude until nothing de
 
     samples ─ keyframes ─ rest ─┬─ forward, backward: gyroscope and accelerometer, several first biases   (inertial)
                                 │        └ the hypothesis that leaves the least velocity
-                                ├─ a field that turns with the sensor                                     (attached)
+                                ├─ a field that turns with the sensor                         (sensor_fixed_field)
                                 ├─ reference field, heading of the recording                              (field)
                                 ├─ forward, backward, twice: all sensors, each field weighted by its fit  (sweeps)
                                 └─ attitude, bias and covariance at every sample                          (smoothing)
 
 ``model`` has the states and parameters, ``sweeps`` the two passes; they hold the equations. Without a lag, ``live``
-looks at the past now and then, and ``onward`` filters on between two looks; ``single`` takes a sample at a time.
+looks at the past now and then, and ``causal`` filters on between two looks; ``per_sample`` takes a sample at a time.
 """
 
 from typing import TYPE_CHECKING

@@ -23,8 +23,21 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.data import ImuData, ImuMeta
-from plumbob.data.cards.left import whole_of
-from plumbob.filters.smoother.arriving import Arriving
+from plumbob.data.cards.residuals import whole_of
+from plumbob.filters.smoother.causal import (
+    BEGAN,
+    CONTRARY,
+    DOUBT,
+    TAKEN,
+    Field,
+    Room,
+    between_keyframes,
+    doubt,
+    onward,
+    taken,
+    turn_heading_by,
+    unlikely_tilt,
+)
 from plumbob.filters.smoother.field import (
     APART,
     LEAST_TURNING,
@@ -43,21 +56,8 @@ from plumbob.filters.smoother.inertial import (
 )
 from plumbob.filters.smoother.keyframes import Bools, Keyframes
 from plumbob.filters.smoother.model import FREE_HEADING, SIZE, TH, B, M, Noise, Params
-from plumbob.filters.smoother.onward import (
-    BEGAN,
-    CONTRARY,
-    DOUBT,
-    TAKEN,
-    Field,
-    Room,
-    between_keyframes,
-    doubt,
-    onward,
-    taken,
-    turn_heading_by,
-    unlikely_tilt,
-)
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth, smooth_lately
+from plumbob.filters.smoother.preprocess import Arriving
 from plumbob.filters.smoother.samples import (
     ANYTHING,
     DOUBTFUL,
@@ -68,7 +68,7 @@ from plumbob.filters.smoother.samples import (
     covariance_of,
     widened,
 )
-from plumbob.filters.smoother.standing import HOLDS, JUMPED, UNTIL, fresh
+from plumbob.filters.smoother.stationary import HOLDS, JUMPED, UNTIL, fresh
 from plumbob.filters.smoother.sweeps import (
     Last,
 )
@@ -135,7 +135,7 @@ class Running:
     proven : bool
         Whether the unit has turned in that one.
     standing : ndarray (24,)
-        What contradicts the gyroscope: see `standing`.
+        What contradicts the gyroscope: see `stationary`.
     unknown : int
         Flag of a field that no turning in it has shown up to the look.
     """
@@ -202,7 +202,7 @@ class Proven:
 
 
 class Between(NamedTuple):
-    """What a next sample goes on from where it ends no step: see `single`.
+    """What a next sample goes on from where it ends no step: see `per_sample`.
 
     Attitude (4,), body to ENU, and state (21,), what is watched for stuck sensors, the flags of the step, the time at
     which the step began and its usual length, s.

@@ -9,7 +9,6 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
-from plumbob.filters.smoother.attached import Attached, attached_field
 from plumbob.filters.smoother.field import (
     APART,
     Reference,
@@ -34,6 +33,7 @@ from plumbob.filters.smoother.inertial import (
 )
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, between
 from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, B, M, Noise, Params, start_covariance
+from plumbob.filters.smoother.sensor_fixed_field import Attached, attached_field
 from plumbob.filters.smoother.sweeps import Sweep, sweep
 from plumbob.rotations import Frame, dcm_from_quat, quat_slerp
 from plumbob.rotations.headings import turn_heading

@@ -13,7 +13,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.data import ImuData, ImuMeta
-from plumbob.data.cards.left import Half, uncalibrated, whole_of
+from plumbob.data.cards.residuals import Half, uncalibrated, whole_of
 from plumbob.filters.settling import considered
 from plumbob.filters.smoother.keyframes import BLOCK, Keyframes
 from plumbob.filters.smoother.model import Params

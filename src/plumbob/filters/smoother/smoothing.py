@@ -15,15 +15,16 @@ from plumbob.core.params import build, describe, shown
 from plumbob.core.repeats import Repeats
 from plumbob.core.text import Shown
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
-from plumbob.data.cards.left import whole_of
+from plumbob.data.cards.residuals import whole_of
 from plumbob.data.sample import ImuSample
 from plumbob.filters.base import CommonParams, north_of
 from plumbob.filters.known import CAUSAL_LAG, SMOOTHER
-from plumbob.filters.smoother.arriving import watched
 from plumbob.filters.smoother.inertial import GIVEN, Given
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
+from plumbob.filters.smoother.per_sample import Now, Single
+from plumbob.filters.smoother.preprocess import watched
 from plumbob.filters.smoother.remarks import remarks_before, remarks_of, remarks_so_far
 from plumbob.filters.smoother.samples import (
     ANYTHING,
@@ -39,7 +40,6 @@ from plumbob.filters.smoother.samples import (
     unknown,
     widened,
 )
-from plumbob.filters.smoother.single import Now, Single
 from plumbob.filters.start import Start, start_of
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import turn_heading

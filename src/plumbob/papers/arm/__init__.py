@@ -8,22 +8,22 @@ through the bytes of the rig ``arm``; the statistics over many seeds are drawn d
 from collections.abc import Mapping
 from typing import Final
 
-from plumbob.array import monitor
-from plumbob.array.paper import paper
-from plumbob.calibration.calibrate_mount import track_of
+from plumbob.arm.array import monitor
+from plumbob.arm.array.paper import paper
 from plumbob.core.units import dps
 from plumbob.data import ImuData
 from plumbob.data.array import ImuArray
+from plumbob.door.calibrate import track_of
+from plumbob.door.reading import read_array
 from plumbob.papers.arm import faults, misprints, tables, teaching
-from plumbob.papers.arm.drawn import Broken, Run
+from plumbob.papers.arm.drawings import Broken, Run
 from plumbob.papers.arm.page import Findings, report
 from plumbob.papers.arm.simulated import AXES, REST, Over, noise_of, with_noise
 from plumbob.papers.arm.tables import ANGLES, SCHEMES, SEEDS
 from plumbob.papers.outcome import Item, Outcome, Paper, at_least, at_most
-from plumbob.papers.work import Work
+from plumbob.papers.workspace import Work
 from plumbob.reporting.style import Both
 from plumbob.rotations import Frame
-from plumbob.session.reading import read_array
 
 __all__ = ["ITEMS", "run"]
 
@@ -283,16 +283,18 @@ ITEMS: Final[tuple[Item, ...]] = (
         where="(4)–(12)",
         what="roll, pitch and yaw by accelerometers and magnetometers, of one unit and of the combined "
         "measurements with their noise; quaternion to start from",
-        by="`src/plumbob/filters/tilt_compass.py`; `src/plumbob/array/paper.py` (run), its first row; "
+        by="`src/plumbob/filters/tilt_compass.py`; `src/plumbob/arm/array/paper.py` (run), its first row; "
         "`src/plumbob/filters/start.py`",
     ),
     Item(
-        where="§2, Fig 1", what="structure of the whole algorithm", by="`src/plumbob/array/paper.py`, table on the page"
+        where="§2, Fig 1",
+        what="structure of the whole algorithm",
+        by="`src/plumbob/arm/array/paper.py`, table on the page",
     ),
     Item(
         where="§2, Fig 2",
         what="six units on ± axes, the signs of both sets",
-        by="`plumbob emulate arm`, `src/plumbob/array/paper.py` (sets_of); [pair.bias], [pair.noise], [pair.parity]",
+        by="`plumbob emulate arm`, `src/plumbob/arm/array/paper.py`; [pair.bias], [pair.noise], [pair.parity]",
     ),
     Item(
         where="(13), (14)",
@@ -302,7 +304,7 @@ ITEMS: Final[tuple[Item, ...]] = (
     Item(
         where="(15)–(17)",
         what="errors by vector products, one for each set",
-        by="`src/plumbob/array/paper.py` (error_of); formed at the predicted attitude: [misprint.late]",
+        by="`src/plumbob/arm/array/paper.py` (error_of); formed at the predicted attitude: [misprint.late]",
     ),
     Item(
         where="(18)",
@@ -313,19 +315,19 @@ ITEMS: Final[tuple[Item, ...]] = (
     Item(
         where="(19)",
         what="PI regulator of set 2, P = 0.8, I = 0.02",
-        by="`src/plumbob/array/paper.py` (law); [recovery.control]",
+        by="`src/plumbob/arm/array/paper.py` (law); [recovery.control]",
     ),
     Item(
         where="(20)",
         what="rate of the body as the mean of both sets, of opposite mounting",
-        by="`src/plumbob/array/paper.py` (run); [misprint.raw.rate], [misprint.raw.yaw]",
+        by="`src/plumbob/arm/array/paper.py` (run); [misprint.raw.rate], [misprint.raw.yaw]",
     ),
     Item(
         where="(21)–(27), §4",
         what="EKF on the quaternion: state equation, measurement equation of two directions of units 1 to 3, Q = "
         "0.0001 I3, R = 0.001 I6, P0 = 0.001 I4",
         by="`src/plumbob/filters/ekf_quaternion.py` (predict, correct_direction, and its defaults), "
-        "`src/plumbob/array/paper.py` (paper); [once.roll], [once.pitch], [once.yaw]",
+        "`src/plumbob/arm/array/paper.py` (paper); [once.roll], [once.pitch], [once.yaw]",
     ),
     Item(
         where="§4",

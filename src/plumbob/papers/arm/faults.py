@@ -6,8 +6,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.array import monitor
-from plumbob.array.monitoring import Monitored
+from plumbob.arm.array import monitor
+from plumbob.arm.array.monitoring import Monitored
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.units import dps

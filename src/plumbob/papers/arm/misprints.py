@@ -5,14 +5,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.array.paper import Scheme, sets_of
+from plumbob.arm.array.paper import Scheme, sets_of
 from plumbob.core.check import Floats
 from plumbob.core.units import dps, to_dps
 from plumbob.filters.fuzzy_pi import E_END, I_END, SETS, U_END, conclusion, regulate
 from plumbob.papers.arm.simulated import RATE, REST, STATED, TURN, Noise, Over, arm
 from plumbob.papers.arm.tables import PAPER, measured, recovery
 from plumbob.papers.outcome import Bar, Outcome, at_least, at_most
-from plumbob.reporting import Table
+from plumbob.reporting.content import Table
 from plumbob.reporting.style import Both
 
 _PI: Final = Scheme(set1="pi", sets=1)

@@ -9,12 +9,14 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import to_deg
-from plumbob.papers.arm import drawn, faults, misprints, tables, teaching
-from plumbob.papers.arm.drawn import Broken, Run
+from plumbob.papers.arm import drawings as drawn
+from plumbob.papers.arm import faults, misprints, tables, teaching
+from plumbob.papers.arm.drawings import Broken, Run
 from plumbob.papers.arm.simulated import MOUNTS, Noise, Over, noise_of
 from plumbob.papers.arm.tables import PAPER, WORDS
 from plumbob.papers.outcome import Outcome
-from plumbob.reporting import Report, Table
+from plumbob.reporting.content import Table
+from plumbob.reporting.report import Report
 from plumbob.reporting.style import Both
 
 
@@ -135,12 +137,12 @@ def _scheme() -> Report:
         (
             Both("complementary filter (13), (14)", "互补滤波 (13)、(14)"),
             Both("u corrects the rate", "u 修正角速度"),
-            "array.paper.run; filters.fuzzy_pi",
+            "arm.array.paper.run; filters.fuzzy_pi",
         ),
         (
             Both("errors (15)–(17)", "误差 (15)–(17)"),
             Both("vector products of measured and predicted vectors", "测量与估计向量的叉积"),
-            "array.paper.error_of",
+            "arm.array.paper.error_of",
         ),
         (
             Both("fuzzy regulator (18)", "模糊调节器 (18)"),
@@ -150,12 +152,12 @@ def _scheme() -> Report:
         (
             Both("PI regulator (19)", "PI 调节器 (19)"),
             Both("0.8 e2 + 0.02 ∫e2", "0.8 e2 + 0.02 ∫e2"),
-            "array.paper.law",
+            "arm.array.paper.law",
         ),
         (
             Both("mean rate (20)", "角速度均值 (20)"),
             Both("half the difference of raw signals", "原始信号之半差"),
-            "array.paper.run; array.combine",
+            "arm.array.paper.run; array.combine",
         ),
         (
             Both("EKF (21)–(27)", "EKF (21)–(27)"),

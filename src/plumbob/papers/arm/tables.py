@@ -5,9 +5,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.array import estimate
-from plumbob.array.monitoring import Settings
-from plumbob.array.paper import Scheme, paper
+from plumbob.arm.array import estimate
+from plumbob.arm.array.monitoring import Settings
+from plumbob.arm.array.paper import Scheme, paper
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps, to_deg

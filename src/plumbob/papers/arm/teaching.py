@@ -19,12 +19,13 @@ from plumbob.core.files import write_text
 from plumbob.core.units import deg, to_deg
 from plumbob.data.chain import Chain
 from plumbob.data.chain_toml import load_chain
+from plumbob.door.reading import read_array
 from plumbob.papers.outcome import Outcome, at_least, at_most
-from plumbob.papers.work import Work
-from plumbob.reporting import INK, SERIES, SOFT, Figure, Report, Table
-from plumbob.reporting.style import Both
+from plumbob.papers.workspace import Work
+from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.report import Report
+from plumbob.reporting.style import INK, SERIES, SOFT, Both
 from plumbob.rotations import quat_conjugate, quat_multiply, rotvec_from_quat, wrap
-from plumbob.session.reading import read_array
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase

@@ -7,8 +7,8 @@ import numpy as np
 
 from plumbob.core.units import deg
 from plumbob.papers.buoy import bench, trials
+from plumbob.papers.buoy.as_printed import GATES, KP, misprints
 from plumbob.papers.buoy.device import run_device
-from plumbob.papers.buoy.literal import GATES, KP, misprints
 from plumbob.papers.buoy.modules import (
     DEGENERATE,
     WIDE_STEP,
@@ -22,7 +22,7 @@ from plumbob.papers.buoy.modules import (
 from plumbob.papers.buoy.outcomes import KPS, SCANNED, Results, outcomes
 from plumbob.papers.buoy.page import page
 from plumbob.papers.outcome import Item, Paper
-from plumbob.papers.work import Work
+from plumbob.papers.workspace import Work
 
 __all__ = ["ITEMS", "run"]
 
@@ -114,7 +114,7 @@ ITEMS: Final = (
     Item(
         where="(1), (4) to (6)",
         what="attitude quaternion of axis and angle, and the Euler angles of it",
-        by="`src/plumbob/rotations/quaternions.py`; `src/plumbob/papers/buoy/literal.py`; [literal.arctan]",
+        by="`src/plumbob/rotations/quaternions.py`; `src/plumbob/papers/buoy/as_printed.py`; [literal.arctan]",
     ),
     Item(
         where="(2), (3)",
@@ -163,7 +163,7 @@ ITEMS: Final = (
     Item(
         where="§2.2, Fig 4",
         what="main loop that polls event flags, low power between them",
-        by="`src/plumbob/simulation/rigs/firmware.py`; [events.missed], [events.idle]",
+        by="`src/plumbob/live/rigs/firmware.py`; [events.missed], [events.idle]",
     ),
     Item(
         where="§2.2",

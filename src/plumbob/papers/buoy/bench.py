@@ -9,13 +9,16 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.calibration.calibrate_mount import track_of
 from plumbob.calibration.predicted import filled
-from plumbob.calibration.static_test import StaticTest, static_test
 from plumbob.core.check import Floats
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import CalibrationCard
+from plumbob.door.calibrate import track_of
+from plumbob.door.estimate import estimate
+from plumbob.door.reading import read
+from plumbob.live.replay import replay
 from plumbob.overview.overview import Overview, report
+from plumbob.papers.buoy.static_test import StaticTest, static_test
 from plumbob.papers.buoy.trials import (
     SENSORS,
     SLIDE,
@@ -26,11 +29,8 @@ from plumbob.papers.buoy.trials import (
     paper_card,
     region_readings,
 )
-from plumbob.papers.work import Work, samples_of
+from plumbob.papers.workspace import Work, samples_of
 from plumbob.rotations import Frame
-from plumbob.session.estimated import estimate
-from plumbob.session.reading import read
-from plumbob.session.replay import replay
 from plumbob.simulation.errors import unit_seed
 
 CARD: Final = "best.card.json"

@@ -4,16 +4,16 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.calibration.calibrate_mount import track_of
 from plumbob.core.check import Floats
 from plumbob.core.time import to_s
 from plumbob.data.cards import CalibrationCard
+from plumbob.door.calibrate import track_of
+from plumbob.live.rigs.firmware import FORMAT, Processor, decoded, run_firmware
 from plumbob.papers.buoy.trials import errors_deg
-from plumbob.papers.work import Work, samples_of
+from plumbob.papers.workspace import Work, samples_of
 from plumbob.protocols.decode import decode
 from plumbob.protocols.rigs import load
 from plumbob.protocols.ring import read_ring
-from plumbob.simulation.rigs.firmware import FORMAT, Processor, decoded, run_firmware
 
 PERIODS: Final = {"sample": 3, "fuse": 10, "send": 50}
 """Of the events, ms [Yu2018]."""

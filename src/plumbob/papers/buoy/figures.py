@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from plumbob.calibration.ellipsoid.ellipsoid_fit import fit_axes
-from plumbob.calibration.static_test import ANGLES, StaticTest
 from plumbob.core.check import Floats
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack
 from plumbob.papers.buoy.bench import Sailed, Slid
-from plumbob.reporting import INK, MUTED, SERIES, SOFT, Figure
+from plumbob.papers.buoy.static_test import ANGLES, StaticTest
+from plumbob.reporting.content import Figure
 from plumbob.reporting.scene import Scene
-from plumbob.reporting.style import Both
+from plumbob.reporting.style import INK, MUTED, SERIES, SOFT, Both
 from plumbob.rotations import euler_zyx_from_quat, quat_rotate
 
 if TYPE_CHECKING:

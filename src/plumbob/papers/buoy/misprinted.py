@@ -3,11 +3,12 @@
 from collections.abc import Iterator, Sequence
 
 from plumbob.core.units import from_si
+from plumbob.papers.buoy.as_printed import RATES
 from plumbob.papers.buoy.figures import signed
-from plumbob.papers.buoy.literal import RATES
 from plumbob.papers.buoy.modules import STEP, WIDE_STEP
 from plumbob.papers.buoy.outcomes import Results
-from plumbob.reporting import Report, Table
+from plumbob.reporting.content import Table
+from plumbob.reporting.report import Report
 from plumbob.reporting.style import Both
 
 

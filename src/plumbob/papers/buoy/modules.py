@@ -18,7 +18,7 @@ import numpy as np
 from plumbob.calibration.acc.poses import fit_accel
 from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape, fit_axes, radius_of
 from plumbob.calibration.fit import CaptureRefusedError
-from plumbob.calibration.mag.alone import fit_mag
+from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, g, to_deg, to_si

@@ -6,16 +6,16 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.calibration.static_test import ANGLES, StaticTest
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import from_si, to_deg, to_dps
 from plumbob.filters import mahony
+from plumbob.papers.buoy.as_printed import RATES, Misprints, loop
 from plumbob.papers.buoy.bench import KEPT, Calibrated, Sailed, Slid
 from plumbob.papers.buoy.device import PERIODS, Device
 from plumbob.papers.buoy.figures import ANGLE
-from plumbob.papers.buoy.literal import RATES, Misprints, loop
 from plumbob.papers.buoy.modules import STEP, WIDE_STEP, Refused, Ring
+from plumbob.papers.buoy.static_test import ANGLES, StaticTest
 from plumbob.papers.buoy.trials import SETTLE, STROKES, bound
 from plumbob.papers.outcome import Outcome, at_least, at_most
 from plumbob.reporting.style import Both

@@ -6,17 +6,18 @@ from typing import Final
 
 import numpy as np
 
-from plumbob.calibration.static_test import ANGLES
 from plumbob.core.units import to_deg, to_dps
-from plumbob.overview.quality import FAIL, MEANING
-from plumbob.overview.tilt import tilt_statistics
 from plumbob.papers.buoy import bench, figures, trials
+from plumbob.papers.buoy.as_printed import KI, KP, loop
 from plumbob.papers.buoy.device import PERIODS
 from plumbob.papers.buoy.figures import ANGLE, signed
-from plumbob.papers.buoy.literal import KI, KP, loop
 from plumbob.papers.buoy.misprinted import misprinted
 from plumbob.papers.buoy.outcomes import FIRST, KPS, SCANNED, Results, sea_rms
-from plumbob.reporting import Figure, Report, Table
+from plumbob.papers.buoy.static_test import ANGLES
+from plumbob.quality.quality import FAIL, MEANING
+from plumbob.quality.tilt import tilt_statistics
+from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.report import Report
 from plumbob.reporting.style import Both
 from plumbob.rotations import euler_zyx_from_quat
 

@@ -13,8 +13,6 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from plumbob.calibration.calibrate import calibrate
-from plumbob.calibration.static_periods import stills
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError
@@ -22,9 +20,11 @@ from plumbob.core.units import to_deg
 from plumbob.data import ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard, TriadCalibration
+from plumbob.door.calibrate import calibrate
 from plumbob.evaluation.metrics import euler_errors
 from plumbob.filters.offline import Stage, run_stage
 from plumbob.papers.buoy.modules import by_paper
+from plumbob.quality.static_periods import stills
 from plumbob.rotations import Frame
 from plumbob.simulation import Simulation, simulate
 

@@ -4,8 +4,8 @@ from typing import Final
 
 from plumbob.papers.fin import algorithm, attitude, estimation, experiment, system
 from plumbob.papers.outcome import Item, Paper
-from plumbob.papers.work import Work
-from plumbob.reporting import Report
+from plumbob.papers.workspace import Work
+from plumbob.reporting.report import Report
 from plumbob.reporting.style import Both
 
 __all__ = ["ITEMS", "run"]

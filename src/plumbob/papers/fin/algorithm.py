@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from plumbob.core.check import Floats
-from plumbob.noise.fin import TABLE, percent_error
 from plumbob.noise.report import log_ticks
 from plumbob.papers.fin import forms
+from plumbob.papers.fin.datasheet import TABLE, percent_error
 from plumbob.papers.fin.records import COUNT, LENGTH, RATE, TABLE_1, drawn, printed
 from plumbob.papers.outcome import Outcome, at_most
-from plumbob.papers.work import Work
-from plumbob.reporting import Figure, Report, Table
+from plumbob.papers.workspace import Work
+from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.report import Report
 from plumbob.reporting.style import MUTED, SERIES, Both
 
 if TYPE_CHECKING:

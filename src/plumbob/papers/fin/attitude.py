@@ -12,8 +12,9 @@ from plumbob.core.units import to_dps
 from plumbob.noise.report import log_ticks
 from plumbob.papers.fin import swimming as s
 from plumbob.papers.outcome import Outcome, at_most
-from plumbob.papers.work import Work
-from plumbob.reporting import Figure, Report, Table
+from plumbob.papers.workspace import Work
+from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.report import Report
 from plumbob.reporting.style import MUTED, SERIES, Both
 
 if TYPE_CHECKING:

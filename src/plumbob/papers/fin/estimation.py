@@ -8,8 +8,9 @@ import numpy as np
 from plumbob.noise.report import log_ticks
 from plumbob.papers.fin import estimators as e
 from plumbob.papers.outcome import Outcome, at_least, at_most
-from plumbob.papers.work import Work
-from plumbob.reporting import Figure, Report, Table
+from plumbob.papers.workspace import Work
+from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.report import Report
 from plumbob.reporting.style import SERIES, Both
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.units import to_si
 from plumbob.noise import TERMS, Analysis, Coefficient, Curve, analyse
-from plumbob.noise.fin import percent_error
+from plumbob.papers.fin.datasheet import percent_error
 from plumbob.papers.fin.records import COUNT, RATE, SIGMA, THREE, drawn, truth
 
 METHODS: Final = ("lines", "undivided", "nearest", "least squares", "likelihood")

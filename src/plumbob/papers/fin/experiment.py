@@ -10,8 +10,8 @@ from plumbob.core import text
 from plumbob.core.check import Floats
 from plumbob.core.units import from_si, to_deg
 from plumbob.noise import Analysis, Coefficient
-from plumbob.noise.fin import TABLE, fin_report
 from plumbob.noise.report import coefficient, log_ticks, lowest
+from plumbob.papers.fin.datasheet import TABLE, fin_report
 from plumbob.papers.fin.estimators import with_paper_interval
 from plumbob.papers.fin.records import (
     AXES,
@@ -29,8 +29,9 @@ from plumbob.papers.fin.records import (
 )
 from plumbob.papers.fin.swimming import AT_REST
 from plumbob.papers.outcome import Outcome, at_most
-from plumbob.papers.work import Taken, Work
-from plumbob.reporting import Figure, Report, Table
+from plumbob.papers.workspace import Taken, Work
+from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.report import Report
 from plumbob.reporting.style import MUTED, SERIES, Both
 
 if TYPE_CHECKING:

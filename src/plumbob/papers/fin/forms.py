@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from plumbob.core.check import Floats
 from plumbob.core.units import dps
 from plumbob.noise import curves, deviation, edf, every_adev
-from plumbob.noise.fin import percent_error
+from plumbob.papers.fin.datasheet import percent_error
 from plumbob.papers.fin.records import COUNT, RATE
 from plumbob.simulation import errors
 

@@ -14,10 +14,11 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.units import to_si
 from plumbob.data import ImuData
+from plumbob.door.allan import allan
 from plumbob.files import write
-from plumbob.noise.allan import Noise, allan
-from plumbob.noise.fin import TABLE
-from plumbob.papers.work import Taken, Work, samples_of
+from plumbob.noise.allan import Noise
+from plumbob.papers.fin.datasheet import TABLE
+from plumbob.papers.workspace import Taken, Work, samples_of
 from plumbob.simulation import Simulation, errors, simulate
 
 RATE: Final = 500.0

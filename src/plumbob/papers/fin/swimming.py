@@ -7,27 +7,26 @@ from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 
-from plumbob.calibration.calibrate import calibrate
-from plumbob.calibration.calibrate_mount import track_of
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, dps, to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
+from plumbob.door.calibrate import calibrate, track_of
+from plumbob.door.estimate import estimate
 from plumbob.evaluation.metrics import euler_errors
 from plumbob.files import write
 from plumbob.filters import Filter
+from plumbob.live.replay import replay
+from plumbob.live.rigs.rig import fitted
 from plumbob.noise import deviation
 from plumbob.papers.fin.forms import slope
 from plumbob.papers.fin.records import LENGTH, RATE, rates_of
-from plumbob.papers.work import Work, samples_of
+from plumbob.papers.workspace import Work, samples_of
 from plumbob.protocols.find import find_format
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_conjugate, quat_multiply, quat_normalize
-from plumbob.session.estimated import estimate
-from plumbob.session.replay import replay
 from plumbob.simulation import EulerMotion, Module, Motion, Scenario, Simulation, draw_module, simulate
-from plumbob.simulation.rigs.rig import fitted
 from plumbob.simulation.signals import Moves, Stack, constant
 
 PARTS: Final = "adxrs290+adxrs453"

@@ -9,11 +9,12 @@ import numpy as np
 from plumbob.core.units import to_dps
 from plumbob.papers.fin.records import COUNT, RATE
 from plumbob.papers.outcome import Outcome
-from plumbob.papers.work import Work
+from plumbob.papers.workspace import Work
 from plumbob.protocols.decode import decode
 from plumbob.protocols.field import Field
 from plumbob.protocols.find import find_format
-from plumbob.reporting import Report, Table
+from plumbob.reporting.content import Table
+from plumbob.reporting.report import Report
 from plumbob.reporting.style import Both
 
 _WORD: Final = """\

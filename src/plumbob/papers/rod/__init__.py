@@ -3,8 +3,9 @@
 from typing import Final
 
 from plumbob.papers.outcome import Item, Paper
-from plumbob.papers.rod import compared, equations, methods, page, results
-from plumbob.papers.work import Work
+from plumbob.papers.rod import comparison as compared
+from plumbob.papers.rod import equations, methods, page, results
+from plumbob.papers.workspace import Work
 
 SEEDS = 24
 """Of the table of methods; the bar is on 95 % of them."""
@@ -96,7 +97,7 @@ ITEMS: Final = (
     Item(
         where="§2.4",
         what="state of quaternion and gyroscope drift",
-        by="[jacobian.phi], `src/plumbob/filters/ekf7.py`, `src/plumbob/papers/rod/literal.py`",
+        by="[jacobian.phi], `src/plumbob/filters/ekf7.py`, `src/plumbob/papers/rod/as_printed.py`",
     ),
     Item(
         where="(9), (10)",
@@ -112,7 +113,7 @@ ITEMS: Final = (
         where="§2.4 (2)–(6), (11)",
         what="gravity by the quaternion and its observation matrix H; gain, update of the state and of the "
         "covariance P",
-        by="[jacobian.h], [misprint.eq11]; [fused.equations], `src/plumbob/papers/rod/literal.py`",
+        by="[jacobian.h], [misprint.eq11]; [fused.equations], `src/plumbob/papers/rod/as_printed.py`",
     ),
     Item(
         where="§3.1",

@@ -8,10 +8,10 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, to_deg
+from plumbob.live.rigs.plan import PLANS
 from plumbob.papers.outcome import Outcome, at_least, at_most
 from plumbob.papers.rod import methods
-from plumbob.papers.rod.compared import mapped, permutation_error, permuted
-from plumbob.papers.rod.literal import (
+from plumbob.papers.rod.as_printed import (
     Form,
     level_angles,
     literal,
@@ -21,7 +21,8 @@ from plumbob.papers.rod.literal import (
     printed_angles,
     transition,
 )
-from plumbob.reporting import Table
+from plumbob.papers.rod.comparison import mapped, permutation_error, permuted
+from plumbob.reporting.content import Table
 from plumbob.reporting.style import Both
 from plumbob.rotations import (
     dcm_from_quat,
@@ -34,7 +35,6 @@ from plumbob.rotations import (
     quat_rotate,
 )
 from plumbob.simulation.errors import stream
-from plumbob.simulation.rigs.plan import PLANS
 
 _TINY: Final = at_most(1e-12)
 ANGLES: Final = 0.3, -0.2, 0.9

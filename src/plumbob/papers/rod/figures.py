@@ -8,10 +8,10 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, to_deg, to_dps
-from plumbob.papers.rod.compared import Compared, permutation_error
+from plumbob.papers.rod.comparison import Compared, permutation_error
 from plumbob.papers.rod.equations import Grown
 from plumbob.papers.rod.methods import LIMIT, METHODS, SHAKEN, Table, tilt_errors
-from plumbob.reporting import Figure
+from plumbob.reporting.content import Figure
 from plumbob.reporting.style import INK, MUTED, SERIES, SHADE, SOFT, Both
 from plumbob.rotations import euler_zyx_from_quat
 
@@ -228,7 +228,7 @@ def exchange_figure(run: Compared) -> Figure:
 
 
 def _exchange(run: Compared, canvas: "FigureBase") -> None:
-    from plumbob.papers.rod.compared import mapped, permuted
+    from plumbob.papers.rod.comparison import mapped, permuted
 
     left, right = canvas.subplots(1, 2)
     tilt = np.linspace(0.0, 35.0, 141)

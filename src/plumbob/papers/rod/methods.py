@@ -1,6 +1,6 @@
 """Ways to the rod's attitude over many seeds: what one run may owe to chance, and what each switch of the paper costs.
 
-These runs are simulated without bytes; `plumbob.papers.rod.compared` has the one that goes through them.
+These runs are simulated without bytes; `plumbob.papers.rod.comparison` has the one that goes through them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,8 +18,8 @@ from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import NoiseCard
 from plumbob.evaluation.metrics import attitude_errors, euler_errors
 from plumbob.filters.offline import Stage, run_stage
-from plumbob.papers.rod import literal
-from plumbob.papers.rod.literal import Form
+from plumbob.papers.rod import as_printed as literal
+from plumbob.papers.rod.as_printed import Form
 from plumbob.reporting.style import Both
 from plumbob.rotations import Frame, quat_conjugate, quat_multiply, quat_rotate
 from plumbob.simulation import simulate

@@ -6,7 +6,7 @@ import numpy as np
 
 from plumbob.core.units import to_deg
 from plumbob.papers.outcome import Outcome, at_least, at_most
-from plumbob.papers.rod.compared import Compared, budget
+from plumbob.papers.rod.comparison import Compared, budget
 from plumbob.papers.rod.methods import LIMIT, Table
 from plumbob.protocols.format_toml import device
 from plumbob.reporting.style import Both

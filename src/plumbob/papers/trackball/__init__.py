@@ -7,9 +7,9 @@ from typing import Final
 
 from plumbob.papers.outcome import Item, Paper
 from plumbob.papers.trackball import misprints, recorded, static, turntable
-from plumbob.papers.trackball.found import Found
 from plumbob.papers.trackball.page import page
-from plumbob.papers.work import Work
+from plumbob.papers.trackball.results import Found
+from plumbob.papers.workspace import Work
 
 __all__ = ["ITEMS", "run"]
 
@@ -94,7 +94,7 @@ ITEMS: Final = (
         reason="The nonlinearity itself is not simulated; what matters is the tolerance of the gain.",
     ),
     Item(where="(4)", what="drift by acceleration of 0.1 °/s/g", by="[drift.k_a] [drift.metres]"),
-    Item(where="(5)", what="whole drift model", by="[drift.twice] [drift.gain]; `src/plumbob/calibration/rates.py`"),
+    Item(where="(5)", what="whole drift model", by="[drift.twice] [drift.gain]; `src/plumbob/door/rates.py`"),
     Item(where="(6)", what="constant error J, taken off the samples", by="`run --rest 0s..100s`; page, part 2"),
     Item(
         where="(7)-(12)",
@@ -135,7 +135,7 @@ ITEMS: Final = (
     Item(
         where="§3",
         what="data read from an SD card after the motion",
-        by="session of a file of bytes, `record --from`; `src/plumbob/papers/work.py`",
+        by="session of a file of bytes, `record --from`; `src/plumbob/papers/workspace.py`",
     ),
     Item(
         where="Fig 4",

@@ -12,8 +12,8 @@ from plumbob.noise.terms import TERMS
 from plumbob.papers.trackball.recorded import Lapped, Rest, Turned
 from plumbob.papers.trackball.records import AT_REST, RATIOS, SAMPLES, STEP
 from plumbob.papers.trackball.static import TAUS, Fit, Short, degrees_of_freedom, powers
-from plumbob.reporting import GRID, INK, MUTED, SERIES, SOFT, Figure
-from plumbob.reporting.style import Both
+from plumbob.reporting.content import Figure
+from plumbob.reporting.style import GRID, INK, MUTED, SERIES, SOFT, Both
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,12 +5,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.calibration.calibrate import calibrate
 from plumbob.calibration.gyr.drift import GyroDrift, chen2013
 from plumbob.core.check import Floats
 from plumbob.core.units import dps, g, to_dps
 from plumbob.data import ImuData
 from plumbob.data.calibrated import apply_card
+from plumbob.door.calibrate import calibrate
 from plumbob.papers.trackball.records import BIAS, PEAK, SAMPLES, STEP, WHITE, at_rest, scalar_filter
 from plumbob.rotations import Frame
 from plumbob.simulation import Module, TriadErrors, scenario, simulate

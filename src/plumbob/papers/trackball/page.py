@@ -9,12 +9,13 @@ from plumbob.core.check import Floats
 from plumbob.core.units import deg, from_si, to_deg, to_dps
 from plumbob.filters.channel_scalar import steady_gain
 from plumbob.papers.trackball import figures, misprints
-from plumbob.papers.trackball.found import Found
 from plumbob.papers.trackball.recorded import Lapped, apart
 from plumbob.papers.trackball.records import AT_REST, IN_MOTION, RATIOS, SAMPLES, STEP
+from plumbob.papers.trackball.results import Found
 from plumbob.papers.trackball.static import LONG, LONG_TAUS, TAUS, degrees_of_freedom, theory
 from plumbob.papers.trackball.turntable import OnTurntable
-from plumbob.reporting import Report, Table
+from plumbob.reporting.content import Table
+from plumbob.reporting.report import Report
 from plumbob.reporting.scene import Scene
 from plumbob.reporting.style import Both
 

@@ -11,12 +11,12 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from plumbob.calibration.calibrate import calibrate
-from plumbob.calibration.calibrate_mount import track_of
-from plumbob.calibration.rates import filter_rates
 from plumbob.core.check import Floats
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack
+from plumbob.door.calibrate import calibrate, track_of
+from plumbob.door.estimate import estimate
+from plumbob.door.rates import filter_rates
 from plumbob.noise import Comparison, compare
 from plumbob.papers.trackball.records import (
     AT_REST,
@@ -30,9 +30,8 @@ from plumbob.papers.trackball.records import (
     unfiltered,
 )
 from plumbob.papers.trackball.static import TAUS, factors
-from plumbob.papers.work import Work, samples_of
+from plumbob.papers.workspace import Work, samples_of
 from plumbob.rotations import Frame, quat_conjugate, quat_rotate
-from plumbob.session.estimated import estimate
 from plumbob.simulation import scenario
 from plumbob.simulation.errors import stream
 

@@ -1,0 +1,39 @@
+"""An array of units on one body: combined, watched, and each compared with the others."""
+
+from typing import TYPE_CHECKING
+
+from plumbob.core.lazy import lazily
+
+if TYPE_CHECKING:
+    from plumbob.arm.array.attitude import estimate
+    from plumbob.arm.array.combination import combine
+    from plumbob.arm.array.monitoring import Monitor, Monitored, monitor
+    from plumbob.arm.array.relative import ArrayInfo, info
+    from plumbob.arm.array.timeline import joined
+    from plumbob.arm.array.virtual_unit import Combined
+
+_HOME = {
+    "ArrayInfo": "relative",
+    "Combined": "combination",
+    "Monitor": "monitoring",
+    "Monitored": "monitoring",
+    "combine": "combination",
+    "estimate": "attitude",
+    "info": "relative",
+    "joined": "timeline",
+    "monitor": "monitoring",
+}
+
+__all__ = [
+    "ArrayInfo",
+    "Combined",
+    "Monitor",
+    "Monitored",
+    "combine",
+    "estimate",
+    "info",
+    "joined",
+    "monitor",
+]
+
+__getattr__, __dir__ = lazily(__name__, _HOME)

@@ -1,0 +1,357 @@
+"""The monitor of an array: which unit contradicts the others, since when, and what is measured without it."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.arm.array.channels import combined_noise, densities, directions, levers, nominal_step, stacked, with_noise
+from plumbob.arm.array.tracker import OF_TRIAD, OUT, SCALE, STATE, TRIAD_SIZE, UNIT_SIZE, start_unit, take_rows
+from plumbob.core import check, flags
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.series import Series
+from plumbob.core.text import counted
+from plumbob.core.units import dps
+from plumbob.data import TRIADS, ImuData, ImuMeta
+from plumbob.data.array import ImuArray, Mount
+from plumbob.data.cards import NoiseCard
+from plumbob.reporting.content import Table
+from plumbob.reporting.report import Report
+
+KINDS: Final = ("good", "suspect", "deviates", "noisy", "frozen", "dead")
+"""What a unit's triad may be, by its number in a word of `Monitored.words`."""
+CHUNK: Final = 4096
+"""Rows that `monitor` takes at a time; the result does not depend on it."""
+
+
+class Settings(NamedTuple):
+    """How an array is watched; numbers in SI.
+
+    Attributes
+    ----------
+    tau : float
+        Deviations are averaged over this, s.
+    alarm : float
+        A mean deviation of so many standard deviations is an alarm.
+    noisy : float
+        So is a noise whose variance is so many times the expected one.
+    readmit : float
+        A unit that agrees again for this long is taken in again, s.
+    dead : float
+        A unit without a value for this long, while others have some, is dead, s.
+    adapt : float
+        The scale of the noise is learned over this, s; 0: it is as given.
+    learn : float
+        No alarm before, s.
+    gyr_bias, acc_bias, mag_bias : float
+        Standard deviation of a unit's bias at the start, rad/s, m/s², µT.
+    gyr_walk, acc_walk, mag_walk : float
+        Random walk of it, per √s.
+    scale : float
+        Standard deviation of a unit's scale and alignment at the start.
+    scale_walk : float
+        Random walk of it, 1/√s.
+    """
+
+    tau: float = 1.0
+    alarm: float = 5.5
+    noisy: float = 4.5
+    readmit: float = 5.0
+    dead: float = 0.5
+    adapt: float = 30.0
+    learn: float = 3.0
+    gyr_bias: float = dps(1.0)
+    acc_bias: float = 0.3
+    mag_bias: float = 5.0
+    gyr_walk: float = dps(0.002)
+    acc_walk: float = 5e-4
+    mag_walk: float = 5e-3
+    scale: float = 0.01
+    scale_walk: float = 1e-5
+
+    def coefficients(self, step: float) -> Floats:
+        """What the kernel reads."""
+        if (
+            not all(np.isfinite(value) and value >= 0.0 for value in self)
+            or min(self.tau, self.alarm, self.noisy) <= 0.0
+        ):
+            raise ParameterError(f"the settings of a monitor must be positive numbers, but they are {self}.")
+        found = [self.tau, self.alarm, self.noisy, self.readmit, self.dead, step, self.adapt, self.learn]
+        for triad in TRIADS:
+            of = {letter: float(getattr(self, f"{triad}_{letter}")) ** 2 for letter in ("bias", "walk")}
+            found += [of["bias"], self.scale**2, of["walk"], self.scale_walk**2]
+        return np.array(found)
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One time for which a unit's triad was left out.
+
+    Attributes
+    ----------
+    unit, triad : str
+        Which.
+    kind : str
+        Of `KINDS`.
+    begin, end : float
+        When, s; the end is NaN where it lasts.
+    """
+
+    unit: str
+    triad: str
+    kind: str
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Monitored(Series):
+    """What a monitor has made of an array, or of a part of a stream.
+
+    Attributes
+    ----------
+    imu : ImuData
+        The virtual unit in body axes, without the units that are left out; its flags are `UNIT_SUSPECT`,
+        `UNIT_EXCLUDED` and `CANNOT_ISOLATE`, and what all units said.
+    words : ndarray (N, U) of uint32
+        State of each unit: four bits for each triad, gyr lowest, of which the number is a place in `KINDS`.
+    names : tuple of str
+        Names of the units.
+    noise : NoiseCard or None
+        Of the virtual unit, with all units.
+    """
+
+    imu: ImuData
+    words: NDArray[np.uint32]
+    names: tuple[str, ...]
+    noise: NoiseCard | None = None
+
+    def __len__(self) -> int:
+        return len(self.imu)
+
+    def state(self, triad: str) -> NDArray[np.uint32]:
+        """State of a triad of each unit (N, U), as places in `KINDS`."""
+        return (self.words >> np.uint32(4 * TRIADS.index(check.one_of("triad", triad, TRIADS)))) & np.uint32(15)
+
+    def excluded(self, triad: str) -> NDArray[np.bool_]:
+        """True where a unit's triad is left out (N, U)."""
+        out: NDArray[np.bool_] = self.state(triad) > 1
+        return out
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Every time for which a unit's triad was left out, in order of time."""
+        return tuple(sorted(self._faults(), key=lambda fault: fault.begin))
+
+    def _faults(self) -> Iterator[Fault]:
+        t = self.imu.t
+        for triad in TRIADS:
+            state = self.state(triad)
+            for u in np.flatnonzero((state > 1).any(axis=0)).tolist():
+                for start, stop in check.runs(state[:, u] > 1):
+                    end = float(t[stop]) if stop < t.size else float("nan")
+                    kind = KINDS[int(np.bincount(state[start:stop, u]).argmax())]  # what it was called longest
+                    yield Fault(self.names[u], triad, kind, float(t[start]), end)
+
+    def facts(self) -> Mapping[str, str]:
+        """Units, samples and faults."""
+        return {"units": ", ".join(self.names), "faults": str(len(self.faults)), **self.imu.facts()}
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Of the virtual unit."""
+        return self.imu.columns()
+
+    def summary(self) -> dict[str, Any]:
+        """All findings, as JSON can hold them."""
+        from plumbob.reporting.report import plain
+
+        found: dict[str, Any] = plain(
+            {
+                "units": list(self.names),
+                "samples": len(self),
+                "duration_s": float(self.imu.t[-1] - self.imu.t[0]),
+                "flags": flags.counts(self.imu.flags),
+                "faults": list(self.faults),
+            }
+        )
+        return found
+
+    def report(self) -> Report:
+        """Faults and counts."""
+        counts = flags.counts(self.imu.flags)
+        facts = [("units", ", ".join(self.names)), ("samples", f"{len(self)}, {self.imu.t[-1] - self.imu.t[0]:.6g} s")]
+        facts += [("flag", f"{name}: {counted(count, 'sample')}") for name, count in counts.items()]
+        rows = [
+            (f.unit, f.triad, f.kind, f"{f.begin:.2f}", "-" if np.isnan(f.end) else f"{f.end:.2f}") for f in self.faults
+        ]
+        table = Table("Units left out", ("unit", "triad", "fault", "from [s]", "to [s]"), rows, words=(1, 2))
+        unsolved = int(np.count_nonzero(self.imu.flags & flags.CANNOT_ISOLATE))
+        remarks = ["No unit contradicts the others."] if not (rows or unsolved) else []
+        if unsolved:
+            remarks.append(
+                f"In {counted(unsolved, 'sample')} units contradict each other, and nothing says which one is wrong."
+            )
+        if 2 * unsolved > len(self):
+            remarks.append("This is most of the time: check how the units are mounted, and their calibration.")
+        return Report("Array monitor", facts, (table,) if rows else (), remarks)
+
+    def text(self) -> str:
+        """Report as text."""
+        return self.report().text()
+
+
+class Monitor:
+    """Watch an array as its samples come; cut anywhere, a stream gives the same bits.
+
+    Parameters
+    ----------
+    mounts : mapping of str to Mount
+        How each unit sits on the body, its noise card with it; see `ImuArray.mounts`.
+    step : float
+        Nominal time between two samples, s: what one sample's noise is follows from it.
+    settings : Settings, optional
+        Times and thresholds.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the units.
+    """
+
+    def __init__(self, mounts: Mapping[str, Mount], *, step: float, settings: Settings | None = None) -> None:
+        self.names = tuple(mounts)
+        if not self.names:
+            raise ShapeError("a monitor needs at least one unit, but no mount was given.")
+        if not 0.0 < check.number("step", step, "s") < np.inf:
+            raise ParameterError(f"step must be a positive number of seconds, but it is {step}.")
+        self.settings = settings or Settings()
+        self._mounts = dict(mounts)
+        self._axes, self._levers = directions(mounts), levers(mounts)
+        self._c = self.settings.coefficients(step)
+        self._weight = np.ascontiguousarray([step / densities(mounts, triad) ** 2 for triad in TRIADS])
+        units = len(self.names)
+        self._x = np.zeros((3, units, UNIT_SIZE))
+        self._g = np.zeros((3, TRIAD_SIZE))
+        self._h = np.zeros((4, 3))
+        self._room = (np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3), np.zeros(units))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget every sample."""
+        self._g[:], self._h[:] = 0.0, 0.0
+        self._g[:, SCALE] = 1.0
+        at = OF_TRIAD
+        for triad in range(3):
+            for u in range(len(self.names)):
+                start_unit(self._x[triad, u], float(self._c[at + 4 * triad]), float(self._c[at + 4 * triad + 1]))
+
+    def take(self, array: ImuArray) -> Monitored:
+        """Take the next samples.
+
+        Parameters
+        ----------
+        array : ImuArray
+            The next part, of the same units.
+
+        Returns
+        -------
+        Monitored
+
+        Raises
+        ------
+        ParameterError
+            If its units are others.
+        """
+        if array.names != self.names:
+            raise ParameterError(
+                f"this monitor watches {', '.join(self.names)}, but the samples are of {', '.join(array.names)}. "
+                "Make a monitor for each array."
+            )
+        y = np.ascontiguousarray(np.stack([stacked(array, triad) for triad in TRIADS], axis=1))
+        values = np.empty((len(array), 3, 3))
+        words = np.zeros((len(array), len(self.names)), dtype=np.uint32)
+        row = common_flags(array)
+        a, inverse, use, room = self._room
+        take_rows(
+            np.ascontiguousarray(array.t), y, self._x, self._g, self._c, self._axes, self._weight, self._levers,
+            bool(self._levers.any()), a, inverse, self._h, use, room, values, words, row,
+        )  # fmt: skip
+        return Monitored(virtual(array, values, row), words, self.names, combined_noise(array, _name(array)))
+
+    @property
+    def relative(self) -> dict[str, Floats]:
+        """What each sensor axis has beyond the mean, by triad, (U, 3, 4): bias, and its share of the body's x, y, z."""
+        return {triad: self._x[i, :, :12].reshape(-1, 3, 4).copy() for i, triad in enumerate(TRIADS)}
+
+    @property
+    def left_out(self) -> dict[str, tuple[str, ...]]:
+        """Units that are left out now, by triad."""
+        return {
+            triad: tuple(name for u, name in enumerate(self.names) if self._x[i, u, STATE] == OUT)
+            for i, triad in enumerate(TRIADS)
+        }
+
+
+def monitor(array: ImuArray, *, settings: Settings | None = None) -> Monitored:
+    """Watch an array: which units contradict the others, and what the rest of them measure.
+
+    Parameters
+    ----------
+    array : ImuArray
+        The units; the noise cards of their mounts say what may be noise. Where none has one, the noise that the values
+        show is taken, at least that of a common part. A `Monitor` of a stream takes that of a common part.
+    settings : Settings, optional
+        Times and thresholds.
+
+    Returns
+    -------
+    Monitored
+        The virtual unit, the state of each unit, and faults.
+
+    Examples
+    --------
+    >>> from plumbob.arm.array import monitor  # doctest: +SKIP
+    >>> print(monitor(array).text())  # doctest: +SKIP
+    """
+    from plumbob.arm.array.timeline import aligned
+
+    known = any(mount.noise is not None for mount in array.mounts.values())
+    array = with_noise(aligned(array))
+    watch = Monitor(array.mounts, step=nominal_step(array), settings=settings)
+    parts = [watch.take(part) for part in array.chunks(CHUNK)]
+    imu = ImuData.joined([part.imu for part in parts])
+    return Monitored(
+        imu, np.concatenate([part.words for part in parts]), array.names, parts[0].noise if known else None
+    )
+
+
+def common_flags(array: ImuArray) -> NDArray[np.uint32]:
+    """Flags (N,) that all units have, and gaps and faults of time, which one is enough for."""
+    words = [one.flags for one in array.units.values()]
+    every = np.bitwise_and.reduce(words)
+    any_ = np.bitwise_or.reduce(words) & np.uint32(flags.GAP | flags.TIME_FAULT)
+    found: NDArray[np.uint32] = (every | any_).astype(np.uint32)
+    return found
+
+
+def virtual(array: ImuArray, values: Floats, row: NDArray[np.uint32]) -> ImuData:
+    """Virtual unit (N, triads, 3) in body axes; a triad that no unit has is left out."""
+    first = next(iter(array.units.values()))
+    has = [any(getattr(one, triad) is not None for one in array.units.values()) for triad in TRIADS]
+    triads = {triad: np.ascontiguousarray(values[:, i]) for i, triad in enumerate(TRIADS) if has[i]}
+    meta = ImuMeta(
+        device=_name(array), rate_nominal=first.meta.rate_nominal, t0_ns=first.meta.t0_ns, frame=first.meta.frame,
+        north=first.meta.north, declination=first.meta.declination, calibration=first.meta.calibration,
+        unit_check=False,
+    )  # fmt: skip
+    temps = [one.temp_c for one in array.units.values() if one.temp_c is not None]
+    return ImuData.live(
+        first.t_ns, triads, temp_c=np.mean(temps, axis=0) if temps else None, flags=row, meta=meta
+    )  # fmt: skip
+
+
+def _name(array: ImuArray) -> str:
+    return f"array of {', '.join(array.names)}"[:80]

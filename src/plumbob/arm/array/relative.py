@@ -1,0 +1,294 @@
+"""How the units of an array differ: small rotations, relative biases and clock offsets, each with its uncertainty."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from plumbob.arm.array.channels import densities, nominal_step, stacked, with_noise
+from plumbob.arm.array.timeline import aligned
+from plumbob.arm.array.virtual_unit import Combined, combined
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.text import measured
+from plumbob.core.units import to_deg, to_dps
+from plumbob.data import TRIADS, ImuData
+from plumbob.data.array import ImuArray
+from plumbob.reporting.content import Table
+from plumbob.reporting.report import Report, Reported, plain
+from plumbob.rotations import quat_from_rotvec, quat_multiply, skew
+
+PRIOR: Final = {"rotation": 0.2, "gyr": 0.1, "acc": 0.3, "mag": 5.0, "clock": 1.0}
+"""Standard deviations before anything is seen: rad, rad/s, m/s², µT, s."""
+MOVES: Final = 5.0
+"""A rate of so many standard deviations of its noise is a motion; only then does it show rotation and clock."""
+RELIABLE: Final = 0.5
+"""The angular acceleration must be at least this share motion and not noise, or the clock stays unknown."""
+ROUNDS: Final = 4
+_SIZE = 13  # rotation, three biases, clock
+_SEARCHED = 1.0  # s, on both sides
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitInfo:
+    """How a unit differs from the mean of all, each with its standard deviation.
+
+    Attributes
+    ----------
+    name : str
+        Of the unit.
+    rotation, rotation_sd : ndarray (3,)
+        Small rotation beyond its mount, body axes, rad: true C_bs = exp(rotation) C_bs of the mount.
+    bias, bias_sd : mapping of str to ndarray (3,)
+        By triad, body axes.
+    clock_offset, clock_sd : float
+        By how much later than the mount says its values were taken, s; NaN where nothing has shown it.
+    parity_rms : mapping of str to float
+        By triad: what its axes measure beyond the mean.
+    """
+
+    name: str
+    rotation: Floats
+    rotation_sd: Floats
+    bias: Mapping[str, Floats]
+    bias_sd: Mapping[str, Floats]
+    clock_offset: float
+    clock_sd: float
+    parity_rms: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ArrayInfo(Reported):
+    """How the units of an array differ.
+
+    Attributes
+    ----------
+    units : tuple of UnitInfo
+        One each, in order.
+    samples : int
+        That were looked at.
+    duration : float
+        Their time, s.
+    """
+
+    units: tuple[UnitInfo, ...]
+    samples: int
+    duration: float
+
+    def facts(self) -> Mapping[str, str]:
+        """Units and samples."""
+        return {"units": ", ".join(one.name for one in self.units), "samples": f"{self.samples}, {self.duration:.6g} s"}
+
+    def __getitem__(self, name: str) -> UnitInfo:
+        """Of one unit.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such unit.
+        """
+        for one in self.units:
+            if one.name == name:
+                return one
+        raise ParameterError(f"there is no unit '{name}'; units are {', '.join(one.name for one in self.units)}.")
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, as JSON can hold them; SI."""
+        found: dict[str, Any] = plain({"samples": self.samples, "duration_s": self.duration, "units": list(self.units)})
+        return found
+
+    def report(self) -> Report:
+        """Tables by unit."""
+        tables = [
+            Table("Rotation beyond the mount [°]", ("unit", "x", "y", "z"), [
+                (one.name, *_cells(to_deg(one.rotation), to_deg(one.rotation_sd))) for one in self.units
+            ])
+        ]  # fmt: skip
+        names = {"gyr": "gyroscope bias [°/s]", "acc": "accelerometer bias [m/s²]", "mag": "magnetometer bias [µT]"}
+        for triad in TRIADS:
+            if not any(triad in one.bias for one in self.units):
+                continue
+            turn = to_dps if triad == "gyr" else np.asarray
+            rows = [(one.name, *_cells(turn(one.bias[triad]), turn(one.bias_sd[triad]))) for one in self.units]
+            tables.append(Table(f"Relative {names[triad]}", ("unit", "x", "y", "z"), rows))
+        rows = [
+            (one.name, *_cells(np.array([1e3 * one.clock_offset]), np.array([1e3 * one.clock_sd])))
+            for one in self.units
+        ]
+        tables.append(Table("Clock offset [ms]", ("unit", "later by"), rows))
+        remarks = ["Every figure is relative to the mean of all units: what they have in common does not show."]
+        if any(np.isnan(one.clock_offset) for one in self.units):
+            remarks.append("The array hardly moved: clock offsets need rates well above the noise.")
+        return Report("Array", list(self.facts().items()), tables, remarks)
+
+
+def _cells(values: Floats, sds: Floats) -> tuple[str, ...]:
+    pairs = zip(np.asarray(values).tolist(), np.asarray(sds).tolist(), strict=True)
+    return tuple(measured(value, value - sd, value + sd) for value, sd in pairs)
+
+
+def info(array: ImuArray) -> ArrayInfo:
+    """Estimate how the units of an array differ from their mean.
+
+    A small rotation of each unit shows in rates, forces and fields; a relative bias in each of them; a clock offset in
+    what the rates change. All of a unit are estimated together by least squares, with priors that hold what nothing
+    shows: at rest in one pose a rotation about the vertical shows in the field alone, and about a level axis it cannot
+    be separated from a bias of the accelerometer.
+
+    Parameters
+    ----------
+    array : ImuArray
+        The units. They should have been turned about all axes.
+
+    Returns
+    -------
+    ArrayInfo
+
+    Raises
+    ------
+    ParameterError
+        If there is one unit only.
+    """
+    if len(array.units) < 2:
+        raise ParameterError("one unit cannot be compared with others; an array needs two units at least.")
+    array = with_noise(array)
+    late = _coarse(array)
+    found: list[_Fit] = []
+    for _ in range(ROUNDS):
+        shifted = _later(array, late)
+        virtual = combined(shifted, "noise", None, causal=False)
+        found = [_fit(shifted, virtual, u) for u in range(len(array.units))]
+        steps = np.array([0.0 if np.isnan(fit.clock_sd) else fit.x[12] for fit in found])
+        late += steps
+        if (np.abs(steps) < 1e-6).all():
+            break
+    rms = virtual.parity_rms
+    units = []
+    for u, (name, fit) in enumerate(zip(array.names, found, strict=True)):
+        has = [triad for triad in TRIADS if triad in rms and np.isfinite(rms[triad][u]).any()]
+        places = {triad: slice(3 + 3 * i, 6 + 3 * i) for i, triad in enumerate(TRIADS)}
+        units.append(
+            UnitInfo(
+                name,
+                fit.x[:3],
+                fit.sd[:3],
+                {triad: fit.x[places[triad]] for triad in rms},
+                {triad: fit.sd[places[triad]] for triad in rms},
+                float("nan") if np.isnan(fit.clock_sd) else float(late[u] - late.mean()),
+                fit.clock_sd,
+                {triad: float(np.sqrt(np.nanmean(rms[triad][u] ** 2))) for triad in has},
+            )
+        )
+    return ArrayInfo(tuple(units), len(array), float(array.t[-1] - array.t[0]))
+
+
+def corrected(array: ImuArray, found: ArrayInfo) -> ImuArray:
+    """Array with what `info` found put right: its mounts turned, biases taken off, clocks set."""
+    units, mounts = {}, {}
+    for name, imu in array.units.items():
+        one, mount = found[name], array.mounts[name]
+        late = 0.0 if np.isnan(one.clock_offset) else one.clock_offset
+        q_bs = quat_multiply(quat_from_rotvec(one.rotation), np.array(mount.q_bs))
+        mounts[name] = replace(mount, q_bs=tuple(q_bs.tolist()), clock_offset=mount.clock_offset + late)
+        less = {t: getattr(imu, t) - one.bias[t] @ mount.dcm for t in imu.triads if t in one.bias}
+        units[name] = ImuData(
+            imu.t, **less, temp_c=imu.temp_c, flags=imu.flags, meta=replace(imu.meta, unit_check=False)
+        )
+    return ImuArray(units, mounts)
+
+
+def _later(array: ImuArray, late: Floats) -> ImuArray:
+    mounts = {
+        name: replace(mount, clock_offset=mount.clock_offset + float(more))
+        for (name, mount), more in zip(array.mounts.items(), late, strict=True)
+    }
+    return aligned(ImuArray(array.units, mounts))
+
+
+def _coarse(array: ImuArray) -> Floats:
+    """Clock offsets to the nearest sample, from the correlation of the sizes of rates with the first unit's."""
+    late = np.zeros(len(array.units))
+    if len(array) < 16:
+        return late
+    step = nominal_step(array)
+    reach = min(round(_SEARCHED / step), len(array) // 4)
+    sizes = np.linalg.norm(stacked(array, "gyr"), axis=2)
+    sizes = np.where(np.isfinite(sizes), sizes, 0.0)
+    noise = float(np.mean(densities(array.mounts, "gyr"))) / np.sqrt(step)
+    if not float(np.std(sizes, axis=0).min()) > MOVES * noise:
+        return late
+    sizes = sizes - sizes.mean(axis=0)
+    size = 1 << (2 * len(array) - 1).bit_length()
+    spectra = np.fft.rfft(sizes, size, axis=0)
+    for u in range(1, late.size):
+        alike = np.fft.irfft(spectra[:, 0].conj() * spectra[:, u], size)
+        near = np.concatenate((alike[-reach:], alike[: reach + 1]))
+        late[u] = -(int(near.argmax()) - reach) * step  # its values come so much earlier
+    found: Floats = late - late.mean()
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    x: Floats
+    sd: Floats
+    clock_sd: float
+
+
+def _fit(array: ImuArray, combined: Combined, u: int) -> _Fit:
+    """Rotation, biases and clock offset of a unit, by least squares of its parity in body axes."""
+    step, mount = nominal_step(array), list(array.mounts.values())[u]
+    weights = [PRIOR["rotation"], PRIOR["gyr"], PRIOR["acc"], PRIOR["mag"]]
+    normal = np.diag(np.concatenate((np.repeat(1.0 / np.square(weights), 3), [1.0 / PRIOR["clock"] ** 2])))
+    right = np.zeros(_SIZE)
+    reliable = 0.0
+    for i, triad in enumerate(TRIADS):
+        if triad not in combined.parity:
+            continue
+        left = combined.parity[triad][:, u] @ mount.dcm.T
+        mean = getattr(combined.imu, triad)
+        there = np.isfinite(left).all(axis=1) & np.isfinite(mean).all(axis=1)
+        if there.sum() < 2:
+            continue
+        noise = float(np.mean(densities(array.mounts, triad)[u])) / np.sqrt(step)
+        design = np.zeros((len(array), 3, _SIZE))
+        design[:, :, 3 + 3 * i : 6 + 3 * i] = np.eye(3)
+        moving = np.ones(len(array), dtype=bool)
+        if triad == "gyr":
+            moving = np.linalg.norm(mean, axis=1) > MOVES * noise
+            slope = np.gradient(mean, array.t, axis=0)
+            reliable = _reliable(slope[moving & there], noise / np.sqrt(len(array.units)), step)
+            design[moving, :, 12] = slope[moving] if reliable > RELIABLE else 0.0
+        design[moving, :, :3] = skew(mean[moving])
+        a, b = design[there].reshape(-1, _SIZE), left[there].reshape(-1)
+        spread = max(noise, _robust(b))
+        seen = a.T @ a
+        of_noise = 2.0 * float((moving & there).sum()) * noise**2 / len(array.units)
+        seen[:3, :3] = _less(seen[:3, :3], of_noise)  # the noise of the mean shows no rotation
+        normal += seen / spread**2
+        right += a.T @ b / spread**2
+    cov = np.linalg.inv(normal)
+    x, sd = cov @ right, np.sqrt(np.diag(cov))
+    known = reliable > RELIABLE
+    return _Fit(x, sd, float(sd[12]) if known else float("nan"))
+
+
+def _reliable(slope: Floats, noise: float, step: float) -> float:
+    """Share of the slope's variance that is motion."""
+    if len(slope) < 10:
+        return 0.0
+    share: float = 1.0 - 0.5 * (noise / step) ** 2 / float(np.mean(slope**2))
+    return share
+
+
+def _less(matrix: Floats, size: float) -> Floats:
+    """Symmetric matrix less a multiple of one, but never below zero."""
+    values, vectors = np.linalg.eigh(matrix)
+    found: Floats = (vectors * np.maximum(values - size, 0.0)) @ vectors.T
+    return found
+
+
+def _robust(values: Floats) -> float:
+    """Scatter of values about their median, as a standard deviation."""
+    return 1.4826 * float(np.median(np.abs(values - np.median(values))))

@@ -1,0 +1,176 @@
+"""The virtual unit of an array: weighted least squares of all its sensor axes, and what each measures beyond it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob.arm.array.channels import combined_noise, densities, directions, levers, nominal_step, stacked, weights_of
+from plumbob.arm.array.monitoring import Monitored, common_flags, virtual
+from plumbob.arm.array.solve import combine_rows, force_rows
+from plumbob.arm.array.timeline import aligned
+from plumbob.core import check, flags
+from plumbob.core.check import Floats
+from plumbob.core.errors import ShapeError
+from plumbob.core.series import Series
+from plumbob.core.text import number
+from plumbob.core.units import to_dps
+from plumbob.data import TRIADS, ImuData
+from plumbob.data.array import ImuArray
+from plumbob.reporting.content import Table
+from plumbob.reporting.report import Report
+
+if TYPE_CHECKING:
+    from plumbob.data.cards import NoiseCard
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Combined(Series):
+    """An array as one unit.
+
+    Attributes
+    ----------
+    imu : ImuData
+        The virtual unit in body axes, at the body's reference point. Its noise falls as one over the square root of the
+        number of units.
+    parity : mapping of str to ndarray (N, U, 3)
+        By triad: what each sensor axis measures beyond it, in the axes of each unit.
+    names : tuple of str
+        Names of the units.
+    noise : NoiseCard or None
+        Of the virtual unit, where a unit has a card.
+    """
+
+    imu: ImuData
+    parity: Mapping[str, Floats]
+    names: tuple[str, ...]
+    noise: "NoiseCard | None" = None
+
+    def __len__(self) -> int:
+        return len(self.imu)
+
+    @property
+    def parity_rms(self) -> dict[str, Floats]:
+        """Root mean square of the parity of each sensor axis (U, 3), by triad; NaN where it has no value."""
+        found = {}
+        for triad, left in self.parity.items():
+            known = np.isfinite(left)
+            count = known.sum(axis=0)
+            total = np.sum(np.where(known, left, 0.0) ** 2, axis=0)
+            found[triad] = np.sqrt(np.where(count > 0, total, np.nan) / np.maximum(count, 1))
+        return found
+
+    def facts(self) -> Mapping[str, str]:
+        """Units and samples."""
+        return {"units": ", ".join(self.names), **self.imu.facts()}
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Of the virtual unit."""
+        return self.imu.columns()
+
+    def summary(self) -> dict[str, Any]:
+        """What each sensor axis measures beyond the virtual unit, as JSON can hold it; SI and µT."""
+        from plumbob.reporting.report import plain
+
+        found: dict[str, Any] = plain(
+            {"units": list(self.names), "samples": len(self), "parity_rms": self.parity_rms, "noise": self._densities}
+        )
+        return found
+
+    @property
+    def _densities(self) -> dict[str, Floats]:
+        parts = {triad: getattr(self.noise, triad, None) for triad in TRIADS}
+        return {triad: part.n_rpsd for triad, part in parts.items() if part is not None}
+
+    def report(self) -> Report:
+        """What each unit measures beyond the virtual one."""
+        facts = [("units", ", ".join(self.names)), ("samples", f"{len(self)}, {self.imu.t[-1] - self.imu.t[0]:.6g} s")]
+        scale = {"gyr": float(to_dps(1.0)), "acc": 1.0, "mag": 1.0}
+        names = {"gyr": "gyr [°/s]", "acc": "acc [m/s²]", "mag": "mag [µT]"}
+        rms = self.parity_rms
+        rows = [
+            (name, *(number(scale[triad] * float(np.sqrt(np.mean(rms[triad][u] ** 2)))) for triad in rms))
+            for u, name in enumerate(self.names)
+        ]
+        table = Table("Rms beyond the virtual unit", ("unit", *(names[triad] for triad in rms)), rows)
+        return Report("Combined array", facts, (table,))
+
+    def text(self) -> str:
+        """Report as text."""
+        return self.report().text()
+
+
+def combined(
+    array: ImuArray, weights: str, excluded: "Monitored | Mapping[str, ArrayLike] | None", causal: bool
+) -> Combined:
+    """Combine the units as their mounts say; arguments and errors as of `plumbob.array.combine`."""
+    array = aligned(array)
+    out = _masks(excluded, array)
+    axes, arms = directions(array.mounts), levers(array.mounts)
+    values = np.full((len(array), 3, 3), np.nan)
+    parity: dict[str, Floats] = {}
+    for i, triad in enumerate(TRIADS):
+        if all(getattr(one, triad) is None for one in array.units.values()):
+            continue
+        y = stacked(array, triad)
+        if triad in out:
+            y = np.where(out[triad][:, :, np.newaxis], np.nan, y)
+        weight, x, left = weights_of(array, triad, weights), np.empty((len(array), 3)), np.empty(y.shape)
+        if triad == "acc" and arms.any() and "gyr" in parity:
+            rate = np.ascontiguousarray(values[:, 0])
+            _forces(array, y, axes, weight, arms, rate, x, left, causal)
+        else:
+            combine_rows(y, axes, weight, x, left)
+        values[:, i], parity[triad] = x, left
+    if not np.isfinite(values).any():
+        raise ShapeError(
+            "the axes of the array's units do not span the body in any sample: three axes that do not lie in a plane "
+            "are needed. Check the mounts."
+        )
+    imu = virtual(array, values, common_flags(array) | _out_flags(out, len(array)))
+    return Combined(imu, parity, array.names, combined_noise(array, imu.meta.device))
+
+
+def _forces(
+    array: ImuArray, y: Floats, axes: Floats, weight: Floats, arms: Floats, rate: Floats, x: Floats, left: Floats,
+    causal: bool,
+) -> None:  # fmt: skip
+    """Specific force at the reference point; where there is no rate, that of a body that does not turn."""
+    step = nominal_step(array)
+    turn = _causal_slope(rate, array.t) if causal else np.gradient(rate, array.t, axis=0)
+    noise2 = 1.0 / float(np.mean(np.sum(1.0 / densities(array.mounts, "gyr") ** 2, axis=0))) / step
+    slope_var = 2.0 * noise2 / step**2 * (1.0 if causal else 0.25)
+    acc_var = float(np.mean(densities(array.mounts, "acc") ** 2)) / step
+    turn_weight = float(np.mean(weight)) * acc_var / slope_var  # in the units of the weights
+    known = np.where(np.isfinite(rate), rate, 0.0)
+    force_rows(y, axes, weight, arms, known, turn, turn_weight, x, left, np.zeros((6, 6)), np.zeros(6))
+
+
+def _causal_slope(values: Floats, t: Floats) -> Floats:
+    slope = np.zeros_like(values)
+    slope[1:] = np.diff(values, axis=0) / np.diff(t)[:, np.newaxis]
+    return slope
+
+
+def _masks(excluded: "Monitored | Mapping[str, ArrayLike] | None", array: ImuArray) -> dict[str, NDArray[np.bool_]]:
+    if excluded is None:
+        return {}
+    if isinstance(excluded, Monitored):
+        excluded = {triad: excluded.excluded(triad) for triad in TRIADS}
+    found, shape = {}, (len(array), len(array.units))
+    for triad, mask in excluded.items():
+        check.one_of("excluded", triad, TRIADS)
+        out = np.asarray(mask, dtype=bool)
+        if out.shape != shape:
+            raise ShapeError(f"excluded['{triad}'] must be of shape {shape}, samples and units, but it is {out.shape}.")
+        found[triad] = out
+    return found
+
+
+def _out_flags(out: Mapping[str, NDArray[np.bool_]], count: int) -> NDArray[np.uint32]:
+    any_out = np.zeros(count, dtype=bool)
+    for mask in out.values():
+        any_out |= mask.any(axis=1)
+    return np.where(any_out, np.uint32(flags.UNIT_EXCLUDED), np.uint32(0)).astype(np.uint32)

@@ -1,0 +1,382 @@
+"""Magnetometer from its own samples: hard iron, soft iron and scale, by the field's length and halves that agree.
+
+The field has one strength; turned through all attitudes, the measured vectors lie on an ellipsoid whose centre is the
+hard iron. The shape is chosen by test, outliers are set aside, and what the capture cannot determine is refused: its
+covariance decides, its geometry explains. The length of a vector fixes no rotation, so the matrix is symmetric, the one
+that turns the measured vectors least; `with_acc` finds the rotation too.
+"""
+
+import math
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from plumbob.calibration.ellipsoid.autocorrelation import LONG, alike_in
+from plumbob.calibration.ellipsoid.ellipsoid_fit import (
+    SPARE,
+    NormFit,
+    Shape,
+    choose,
+    fit_norm,
+    fit_shape,
+    linearised,
+    radius_of,
+    scaled,
+)
+from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
+from plumbob.calibration.mag.checks import (
+    DIP,
+    EVEN,
+    MOST_OUTLIERS,
+    STEEL,
+    WEAKEST,
+    Doubt,
+    calibration_of,
+    dip_of,
+    finite_rows,
+    forces,
+    heading_told,
+    outliers,
+    own_scale,
+    require_figures,
+    set_aside,
+    unequal,
+    uneven,
+    uneven_told,
+    where_known,
+    wrong_field,
+)
+from plumbob.calibration.mag.field_gradient import Unevenness, one_axis, unevenness_in
+from plumbob.calibration.predicted import NAMES, TILT_RANGE, filled, heading_apart, heading_sd, names_of
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+
+FEWEST: Final = 30
+"""Samples from which on a change is looked for."""
+
+_SOME_OF_ALL: Final = 4000
+
+_PLACES: Final = np.linspace(0.05, 0.95, 37)
+_EXPLAINED: Final = 0.5  # of the squares that the fit leaves
+_SIZE: Final = 0.01  # of the field
+_CHANCE: Final = 1e-6  # at each place, that noise alone explains so much
+
+
+def moved(vectors: Floats, fit: NormFit) -> Reason | None:
+    """Reason to refuse vectors (N, 3), in their order, whose centre jumps somewhere; None where it does not.
+
+    At each of some places, the fit is allowed another centre from there on. That explains half of what one centre
+    leaves, beyond chance and by more than 1 % of the field, only where there was a jump. The samples of the other field
+    are outliers as a rule, and count all the same; but where there are few of them at the start, what they measured has
+    passed, and with them set aside the rest is judged.
+    """
+    if len(vectors) < FEWEST:
+        return None
+    some = slice(None, None, max(1, len(vectors) // _SOME_OF_ALL))
+    rows, left = linearised(vectors[some], fit.ellipsoid)
+    radius = 3.0 / float(np.trace(fit.ellipsoid.shape))
+    jump = _largest(rows, left, radius)
+    if jump is not None and jump.place <= MOST_OUTLIERS:
+        rows, left = rows[fit.used[some]], left[fit.used[some]]
+        jump = _largest(rows, left, radius)
+    if jump is None:
+        return None
+    size = float(np.linalg.norm(jump.size))
+    return Reason(
+        "magnet-moved",
+        f"after {100.0 * jump.place:.0f} % of the samples the centre of the field jumped by {size:.2g} µT, "
+        f"{100.0 * size / radius:.0f} % of the field; that explains {100.0 * jump.explained:.0f} % of the misfit.",
+        "Keep phones, tools, live cables and steel away from the unit, fix what moves on it, and capture again.",
+    )
+
+
+class _Jump(NamedTuple):
+    """A jump of the centre: share of the misfit that it explains, where it is, and the jump (3,)."""
+
+    explained: float
+    place: float
+    size: Floats
+
+
+def _largest(rows: Floats, left: Floats, radius: float) -> _Jump | None:
+    """Jump that explains the most of what is left (N,), None where it is chance, or too small."""
+    best = _Jump(0.0, 0.0, np.zeros(3))
+    for place in _PLACES:
+        jump = np.where(np.arange(len(left))[:, np.newaxis] >= place * len(left), rows[:, :3], 0.0)
+        best = max(best, _jump(place, rows, jump, left), key=lambda found: found.explained)
+    if best.explained < _EXPLAINED or np.linalg.norm(best.size) < _SIZE * radius:
+        return None
+    return best if _chance(best, *rows.shape) <= _CHANCE else None
+
+
+def _chance(jump: _Jump, count: int, parameters: int) -> float:
+    from scipy.stats import f
+
+    free = count - parameters - 3
+    return float(f.sf(jump.explained / 3.0 / ((1.0 - jump.explained) / free), 3, free))
+
+
+def _jump(place: float, rows: Floats, jump: Floats, left: Floats) -> _Jump:
+    """What a linear step with a jump leaves, against one without."""
+    both = np.hstack((rows, jump))
+    scale = np.maximum(np.linalg.norm(both, axis=0), 1e-12)
+    normal, right = (both / scale).T @ (both / scale), (both / scale).T @ left
+    without, step = (np.linalg.lstsq(normal[:n, :n], right[:n], rcond=1e-12)[0] for n in (rows.shape[1], len(right)))
+    total = float(left @ left) - float(right[: rows.shape[1]] @ without)
+    gained = float(right @ step) - float(right[: rows.shape[1]] @ without)
+    return _Jump(gained / total if total > 0.0 else 0.0, float(place), -(step / scale)[-3:])
+
+
+PARTS: Final = (2, 3)
+
+MOST_APART: Final = 2.0
+"""Difference of parts over what they predict, root mean square, that chance makes as a rule."""
+
+_SOME_OF_HALVES: Final = 20_000
+
+
+class Place(NamedTuple):
+    """Strength, in the unit of the calibrated vector, and dip of a field, rad, and the inclination that counts, rad."""
+
+    size: float
+    dip: float
+    tilt_range: float
+
+
+def widening(vectors: Floats, fit: NormFit, field: Unevenness, memory: float, place: Place) -> float:
+    """Factor, at least 1, of a covariance by what the parts of a capture differ beyond their own predictions.
+
+    Parameters
+    ----------
+    vectors : ndarray (N, 3)
+        Measured field, µT, in order of time.
+    fit : NormFit
+        Of the full shape to all of them.
+    field : Unevenness
+        Of the whole capture.
+    memory : float
+        How many neighbouring samples count as one.
+    place : Place
+        Where headings are used.
+    """
+    some = vectors[fit.used][:: max(1, len(vectors) // _SOME_OF_HALVES)]
+    whole = scaled(fit, place.size, alike=1.0)[0], fit.ellipsoid.centre
+    ratios = []
+    for count in PARTS:
+        if len(some) < count * LONG:
+            break
+        parts = [_part(piece, fit, field, memory, place) for piece in np.array_split(some, count)]
+        for one, other in pairwise(parts):
+            if one is not None and other is not None:
+                off = heading_apart(one[0], other[0], whole, size=place.size, dip=place.dip)
+                ratios.append(off / math.hypot(one[1], other[1]))
+    worst = max(ratios, default=0.0)
+    return max(1.0, (worst / MOST_APART) ** 2)
+
+
+def _part(
+    vectors: Floats, whole: NormFit, field: Unevenness, memory: float, place: Place
+) -> tuple[tuple[Floats, Floats], float] | None:
+    """Calibration of a part, and the heading error that it predicts beside the other parts; None where it is lost.
+
+    What no length shows is the same in all parts, and does not count between them.
+    """
+    fit = fit_norm(vectors, Shape.ELLIPSOID, whole.ellipsoid, robust=False)
+    if fit is None:
+        return None
+    patches = unevenness_in(fit, vectors).patches
+    wandering = field._replace(patches=patches).spread(fit.residuals)
+    matrix, covariance = scaled(fit, place.size, alike=memory + wandering)
+    sd = heading_sd(matrix, covariance, size=place.size, dip=place.dip, tilt_range=place.tilt_range)
+    return ((matrix, fit.ellipsoid.centre), sd) if sd <= HEADING.poor else None
+
+
+LEAST_CHANGE: Final = 5.0
+"""Root mean square change of the field below which the unit was not turned, µT: a level field of 10 µT makes 7."""
+
+_HARDLY: Final = 0.5  # root mean square change of the field over its mean; turned through all attitudes, it is large
+_ADVICE: Final = "Turn the unit slowly through all attitudes: each face and each edge once up, as if it were a cube."
+_WORDS: Final = {
+    Shape.SPHERE: "sphere, 4 parameters",
+    Shape.AXES: "axis-aligned ellipsoid, 6 parameters",
+    Shape.ELLIPSOID: "general ellipsoid, 9 parameters",
+}
+
+
+def fit_mag(
+    mag: Floats,
+    *,
+    shape: Shape | None = None,
+    strength: float | None = None,
+    acc: Floats | None = None,
+    dip: float | None = None,
+    tilt_range: float = TILT_RANGE,
+) -> Fitted:
+    """Fit an ellipsoid to what a magnetometer measured in many attitudes.
+
+    Parameters
+    ----------
+    mag : ndarray (N, 3)
+        Measured field, µT, in order of time; finite.
+    shape : Shape, optional
+        What to fit; without it, the smallest shape that the capture does not contradict.
+    strength : float, optional
+        Strength of the field at the place, µT; without it, the sensor's own scale is kept on average.
+    acc : ndarray (N, 3), optional
+        Specific force at the same instants, m/s², finite: it shows the dip, and how the unit was turned.
+    dip : float, optional
+        Dip of the field, rad, for the predicted heading error.
+    tilt_range : float
+        Inclination up to which the predicted heading error holds, rad.
+
+    Raises
+    ------
+    CaptureRefusedError
+        If the capture cannot determine the calibration, with the reasons.
+    ShapeError
+        If samples are not finite, or not as many of both sensors.
+    ParameterError
+        If another argument is outside its range.
+    """
+    _require_shape(shape)
+    require_figures(strength=strength, dip=dip, tilt_range=tilt_range)
+    mag = finite_rows("mag", mag)
+    acc = None if acc is None else forces(acc, len(mag))
+    least = (shape or Shape.ELLIPSOID).value + SPARE
+    if len(mag) < least:
+        refuse([_too_few(len(mag), least)])
+    if (narrow := _constant(mag) or one_axis(mag, acc)) is not None:
+        refuse([narrow])
+    fit, full, why = _fitted(mag, shape)
+    radius = radius_of(fit.ellipsoid.shape)
+    size = strength or radius
+    dip = _dip(mag, fit, acc) if dip is None else dip
+    shared, place = alike_in(full, mag), Place(size, dip, tilt_range)
+    field = unevenness_in(full, mag)
+    matrix, _ = scaled(fit, strength, alike=1.0)
+    _, independent = scaled(full, strength, alike=1.0)  # what is too small to show may be there all the same
+    left = full.residuals[full.used]
+    covariance = field.counted(independent, memory=shared.memory, residuals=left, matrix=matrix, radius=radius)
+    covariance = covariance * widening(mag, full, field, shared.memory, place)
+    sd, even = (heading_sd(matrix, c, **place._asdict()) for c in (covariance, independent * shared.memory))
+    doubt = Doubt.of(sd, even, field, shared)
+    _check(mag, fit, doubt, strength)
+    calibration = calibration_of(
+        matrix=matrix,
+        bias=fit.ellipsoid.centre,
+        covariance=covariance,
+        residuals=fit.residuals,
+        used=fit.used,
+        radius=radius,
+        strength=strength,
+        method=f"magnetometer alone: {_WORDS[fit.shape]}",
+        condition=fit.condition,
+        heading_sd=sd,
+        tilt_range=tilt_range,
+        directions=mag - fit.ellipsoid.centre,
+    )
+    return Fitted(calibration, mag, fit.residuals, fit.used, _remarks(fit, why, strength, size, doubt))
+
+
+def unturned(mag: Floats, advice: str) -> Reason | None:
+    """Reason to refuse a capture whose field (N, 3), µT, hardly changed, with what to do; None where it did."""
+    change = _change(mag)
+    if change >= LEAST_CHANGE:
+        return None
+    return Reason("no-motion", f"the measured field only changed by {change:.2g} µT.", advice)
+
+
+def _change(mag: Floats) -> float:
+    """Root mean square change of a field (N, 3)."""
+    return math.sqrt(float(np.sum(np.var(mag, axis=0))))
+
+
+def _require_shape(shape: Shape | None) -> None:
+    if shape is not None and not isinstance(shape, Shape):
+        known = ", ".join(str(each) for each in Shape)
+        raise ParameterError(f"shape must be one of {known}, or None to have it chosen, but it is {shape!r}.")
+
+
+def _constant(mag: Floats) -> Reason | None:
+    """Reason to refuse a field that hardly changed; a weak one, of whatever scale, by as large a share of it."""
+    size = math.sqrt(float(np.mean(np.sum(mag * mag, axis=1))))
+    return unturned(mag, _ADVICE) if _change(mag) <= LEAST_CHANGE * min(1.0, size / WEAKEST) else None
+
+
+def _fitted(mag: Floats, shape: Shape | None) -> tuple[NormFit, NormFit, str]:
+    """Fit, the full shape that it was held against, and why it was chosen."""
+    chosen = choose(mag) if shape is None else None
+    if chosen is not None:
+        return chosen
+    fit = None if shape is None else fit_shape(mag, shape)
+    if fit is None:
+        raise CaptureRefusedError(unturned(mag, _ADVICE) or _shapeless(mag))
+    return fit, fit, "asked for"
+
+
+def _shapeless(mag: Floats) -> Reason:
+    """Reason to refuse a capture that no ellipsoid fits."""
+    directions = mag - mag.mean(axis=0)
+    if filled(directions).all():
+        change, mean = _change(mag), float(np.linalg.norm(mag.mean(axis=0)))
+        if change < _HARDLY * mean:
+            what = f"no ellipsoid fits; the field changed by {change:.2g} µT about a mean of {mean:.2g} µT"
+            return Reason("too-few-regions", f"{what}, as if the unit was hardly turned.", _ADVICE)
+        what = f"no ellipsoid fits, although all {len(NAMES)} directions were seen: the field itself changed."
+        return Reason("uneven-field", what, f"{STEEL} {EVEN}")
+    return Reason("too-few-regions", f"no ellipsoid fits; {_regions_told(directions)}.", _ADVICE)
+
+
+def _check(mag: Floats, fit: NormFit, doubt: Doubt, strength: float | None) -> None:
+    """Refuse a fit that says nothing, or something that cannot be."""
+    shape = fit.ellipsoid.shape
+    found = (
+        moved(mag, fit),
+        outliers(
+            fit.used, "Look for switched currents, moving iron and steel nearby, or capture where the field is even."
+        ),
+        uneven(doubt) or _coverage(mag, fit, doubt.sd),
+        *where_known(doubt.sd, unequal(shape), wrong_field(radius_of(shape), strength)),
+    )
+    refuse([reason for reason in found if reason is not None])
+
+
+def _too_few(count: int, least: int) -> Reason:
+    return Reason("too-few", f"{count} samples, but this shape needs {least} at least.", _ADVICE)
+
+
+def _coverage(mag: Floats, fit: NormFit, sd: float) -> Reason | None:
+    if sd <= HEADING.poor:
+        return None
+    told = _regions_told((mag - fit.ellipsoid.centre)[fit.used])
+    return Reason(
+        "too-few-regions",
+        f"the capture leaves {heading_told(sd)}; {told}.",
+        _ADVICE,
+    )
+
+
+def _regions_told(directions: Floats) -> str:
+    seen = filled(directions)
+    empty = [i for i, count in enumerate(seen.tolist()) if count == 0]
+    told = f"{len(NAMES) - len(empty)} of {len(NAMES)} directions were seen"
+    return f"{told}, missing {names_of(empty)}" if empty else told
+
+
+def _dip(mag: Floats, fit: NormFit, acc: Floats | None) -> float:
+    """Dip of the field, rad, by the specific force; an assumed one without it."""
+    if acc is None:
+        return DIP
+    return dip_of(((mag - fit.ellipsoid.centre) @ fit.ellipsoid.shape)[fit.used], acc[fit.used])
+
+
+def _remarks(fit: NormFit, why: str, strength: float | None, size: float, doubt: Doubt) -> tuple[str, ...]:
+    told = [f"Shape: {_WORDS[fit.shape]} ({why})."]
+    if fit.shape is not Shape.ELLIPSOID and why != "asked for":
+        told.append("Predicted errors are those of the general ellipsoid, because soft iron may be too small to show.")
+    told += own_scale(strength, size)
+    told.append(
+        "The length of the field does not show how the magnetometer is turned in its case; the accelerometer does."
+    )
+    return (*told, *uneven_told(doubt), *set_aside(fit.used))

@@ -1,0 +1,288 @@
+"""One recording, and the notes of what was found in it or inferred.
+
+Most of it is found in the data at each reading and never stored; what only the reading of a live line shows is stored.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from shlex import quote
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from plumbob.core import check, flags
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.text import Shown, counted
+from plumbob.data import UNCALIBRATED, AttitudeTrack, ImuData, calibration_told
+from plumbob.data.array import ImuArray
+from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, doubts, statistics
+from plumbob.data.time_report import TimeReport
+
+if TYPE_CHECKING:
+    from plumbob.data.cards import CalibrationCard
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(Shown):
+    """What one file holds.
+
+    Parameters
+    ----------
+    imu : ImuData or None
+        The samples.
+    track : AttitudeTrack or None
+        With samples: the reference that belongs to them. Alone: an estimate or a reference.
+    name : str
+        Short name, usually the stem of the file.
+    notes : tuple of str
+        Provenance, one line each: where the data come from and what was done to them.
+    array : ImuArray or None
+        The samples of several units, where it holds these; then `imu` is None.
+
+    Raises
+    ------
+    ShapeError
+        If there is neither, or the notes are not lines of text.
+    """
+
+    imu: ImuData | None = None
+    track: AttitudeTrack | None = None
+    name: str = ""
+    notes: tuple[str, ...] = ()
+    array: ImuArray | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a recording of nothing."""
+        if self.imu is None and self.track is None and self.array is None:
+            raise ShapeError("a recording needs imu, track or both, but neither was given.")
+        if self.imu is not None and self.array is not None:
+            raise ShapeError("a recording holds the samples of one unit or those of an array, but both were given.")
+        for name, expected in (("imu", ImuData), ("track", AttitudeTrack), ("array", ImuArray)):
+            if getattr(self, name) is not None:
+                check.kind(name, getattr(self, name), expected)
+        object.__setattr__(self, "notes", lines("notes", self.notes))
+
+    def facts(self) -> Mapping[str, str]:
+        """Name, samples, attitude, and how many notes there are."""
+        parts = {"samples": self.imu or self.array, "attitude": self.track}
+        held = {name: part.facts()["samples"] for name, part in parts.items() if part is not None}
+        held |= {} if self.array is None else {"units": ", ".join(self.array.names)}
+        return {"name": self.name or "not named", **held, "notes": str(len(self.notes))}
+
+    def of_unit(self, unit: str | None) -> "Recording":
+        """One unit alone, by its name or its number from 1; a recording of one unit is its own.
+
+        The attitude beside several units is left out: it is that of one of them, or of their body.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such unit, or none is named and there are several.
+        """
+        if self.array is None and unit is None:
+            return self
+        if self.array is None:
+            raise ParameterError(f"{self.name or 'the recording'} holds one unit without a name; leave --unit out.")
+        known = ", ".join(self.array.names)
+        if unit is None:
+            first = self.array.names[0]
+            raise ParameterError(
+                f"{self.name or 'the recording'} holds the units {known}. Name one with --unit, or write it to a file "
+                f"of its own: plumbob convert FILE NEW.parquet --unit {quote(first)}."
+            )
+        name = self.array.named(unit)
+        imu = self.array.units[name]
+        notes = (*provenance(self.notes), f"unit {name} of {known}", *findings(imu))
+        return replace(self, imu=imu, track=None, array=None, notes=notes)
+
+
+def unsaved(imu: ImuData, name: str) -> Recording:
+    """Recording of samples that no file holds, with what is found in them, by their device's name or another."""
+    return Recording(imu=imu, name=imu.meta.device or name, notes=tuple(findings(imu)))
+
+
+def recalibrated(recording: Recording, card: "CalibrationCard") -> Recording:
+    """Recording with the card applied to its samples, and what is then found in them in its notes.
+
+    Parameters
+    ----------
+    recording : Recording
+        Uncalibrated samples; an attitude that comes with them stays as it is.
+    card : CalibrationCard
+        Of this very unit.
+
+    Raises
+    ------
+    ShapeError
+        If it has no samples.
+    CalibrationError
+        As `plumbob.apply_card`.
+    """
+    from plumbob.data.calibrated import apply_card, temperature_beyond
+
+    if recording.imu is None:
+        raise ShapeError(f"{recording.name} holds an attitude but no samples that a calibration card could correct.")
+    imu = apply_card(card, recording.imu)
+    beyond = () if (told := temperature_beyond(card, imu)) is None else (f"temperature: {told}",)
+    return replace(recording, imu=imu, notes=(*provenance(recording.notes), *findings(imu), *beyond))
+
+
+def lines(name: str, given: Iterable[str]) -> tuple[str, ...]:
+    """Lines of text, each without breaks; one text is refused, for its lines would be its letters."""
+    found = None if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
+    if found is None or not all(isinstance(line, str) for line in found):
+        raise ShapeError(f"{name} must be a sequence of lines of text, but got {given!r}.")
+    return tuple(" ".join(line.split()) for line in found)
+
+
+EARTH_FIELD: Final = (22.0, 67.0)
+"""Smallest and largest flux density at the surface of the Earth, µT [Alken2021]."""
+
+TOPICS: Final = (
+    "calibration: ",
+    "magnetic field: ",
+    "clipped: ",
+    "invalid: ",
+    "gaps: ",
+    "stuck: ",
+    "time: ",
+    "gyroscope: ",
+)
+"""How the lines of `findings` begin."""
+
+INFERRED: Final = "inferred gaps: "
+CUT: Final = "cut: "
+"""How lines of what only the reading shows begin; they go from file to file: samples alone do not show them again."""
+
+STUCK_FOR: Final = 1.0
+"""A sensor that repeats its value to the bit for so long is stuck, s: noise changes the last digit before."""
+STUCK_SAMPLES: Final = 50
+
+_CLIPPED = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}
+_INVALID = {"gyr": flags.GYR_INVALID, "acc": flags.ACC_INVALID, "mag": flags.MAG_INVALID}
+
+
+def findings(imu: ImuData) -> tuple[str, ...]:
+    """Lines about calibration, the magnetic field, clipped and invalid samples, gaps, stuck sensors, and `doubts`."""
+    return (*_calibration(imu), *_field(imu), *_flagged(imu), *_gaps(imu), *_stuck(imu), *doubts(imu))
+
+
+def findings_of(recording: Recording) -> tuple[str, ...]:
+    """Findings of the samples; of several units, each line once, with the units that it is about if not all."""
+    if recording.array is None:
+        return () if recording.imu is None else findings(recording.imu)
+    of: dict[str, list[str]] = {}
+    for name, one in recording.array.units.items():
+        for line in findings(one):
+            of.setdefault(line, []).append(name)
+    return tuple(
+        line if len(names) == len(recording.array.names) else line.replace(": ", f": {', '.join(names)}: ", 1)
+        for line, names in of.items()
+    )
+
+
+def inferred(report: TimeReport) -> tuple[str, ...]:
+    """Line about gaps that nothing but the host's delays spoke for; none where there are none."""
+    if not report.inferred:
+        return ()
+    gaps = counted(report.inferred, "gap")
+    rate = "" if math.isfinite(report.drift_ppm) else ", declare its rate"
+    count = f"add a counter or a clock to the frame{rate}, or" if report.mode == "host" else "its frames' counts go on;"
+    return (
+        f"{INFERRED}{gaps}, {report.inferred_time:.3g} s in all, by the host's delays alone: a stall of the host looks "
+        f'the same, and times around them may be wrong; {count} where the line waits for its reader set time = "count" '
+        "(docs/time.md)",
+    )
+
+
+def inferred_in(notes: Iterable[str]) -> tuple[str, ...]:
+    """Lines among notes that only the reading shows, for what is made of the recording."""
+    return tuple(note for note in notes if note.startswith((INFERRED, CUT)))
+
+
+def found_in(notes: Iterable[str]) -> tuple[str, ...]:
+    """Findings among the notes of a recording that has been read, so that nobody looks for them twice."""
+    return tuple(note for note in notes if note.startswith((INFERRED, CUT, *TOPICS)))
+
+
+def provenance(notes: Iterable[str]) -> tuple[str, ...]:
+    """Notes without findings, which would go stale in a file, and without repetitions."""
+    return tuple(dict.fromkeys(note for note in notes if not note.startswith(TOPICS)))
+
+
+def stored_notes(recording: Recording) -> tuple[str, ...]:
+    """Notes as a file keeps them: provenance, and in words whether the sensor values are calibrated."""
+    units = (recording.imu,) if recording.array is None else recording.array.units.values()
+    return (*provenance(recording.notes), *_stored(*units))
+
+
+def read_notes(notes: Iterable[str], *units: ImuData | None) -> tuple[str, ...]:
+    """Notes of a file without what `stored_notes` added, which its meta says too."""
+    return tuple(note for note in notes if note not in _stored(*units))
+
+
+def _stored(*units: ImuData | None) -> tuple[str, ...]:
+    told = (f"calibration: {calibration_told(one.meta.calibration)}" for one in units if one is not None)
+    return tuple(dict.fromkeys(told))
+
+
+def _calibration(imu: ImuData) -> Iterator[str]:
+    if imu.meta.calibration is None:
+        yield f"calibration: {UNCALIBRATED}, as the device gave them"
+
+
+def _field(imu: ImuData) -> Iterator[str]:
+    if "mag" not in imu.triads:
+        return
+    low, high = EARTH_FIELD
+    typical = float(np.nan_to_num(statistics(imu, "mag").norm, nan=math.inf))
+    if not low <= typical <= high:
+        yield (
+            f"magnetic field: the median of |mag| is {typical:.4g} µT, but the Earth's field lies in {low:g} to "
+            f"{high:g} µT; the magnetometer is disturbed, uncalibrated, or in another unit"
+        )
+
+
+def _flagged(imu: ImuData) -> Iterator[str]:
+    words = imu.flags
+    meanings = {"clipped": (_CLIPPED, "at the end of the range"), "invalid": (_INVALID, "infinite or impossible")}
+    for topic, (bits, what) in meanings.items():
+        for name in imu.triads:
+            count = int(np.count_nonzero(words & np.uint32(bits[name])))
+            if count:
+                yield f"{topic}: {name} is {what} in {count} of {len(imu)} samples"
+
+
+def _gaps(imu: ImuData) -> Iterator[str]:
+    count = int(np.count_nonzero(imu.flags & np.uint32(flags.GAP)))
+    if count:
+        yield f"gaps: samples are missing before {count} of {len(imu)}; the longest step is {_longest(imu):.6g} s"
+
+
+def _longest(imu: ImuData) -> float:
+    return int(np.diff(imu.t_ns).max()) / 1e9
+
+
+def _stuck(imu: ImuData) -> Iterator[str]:
+    for name in imu.triads:
+        axes = statistics(imu, name).repeats
+        again = axes[axes != NOT_KNOWN] == ALL_AXES
+        if again.size - np.count_nonzero(again) < 2:  # it never changes: a simulation without noise, at rest
+            continue
+        edges = np.flatnonzero(np.diff(again, prepend=False, append=False))
+        starts, ends = edges[::2] - 1, edges[1::2] - 1
+        long = ends - starts + 1 >= STUCK_SAMPLES
+        if not long.any():
+            continue
+        known = np.flatnonzero(axes != NOT_KNOWN)
+        starts, ends = known[starts[long]], known[ends[long]]
+        t = imu.t
+        lasting = t[ends] - t[starts]
+        i = int(np.argmax(lasting))
+        if lasting[i] >= STUCK_FOR:
+            start = int(starts[i])
+            what = "does not change" if imu[start : start + 1].usable(name).any() else "is exactly zero"
+            count = int(np.count_nonzero(lasting >= STUCK_FOR))
+            more = f", the longest of {count} such stretches" if count > 1 else ""
+            yield f"stuck: {name} {what} for {lasting[i]:.6g} s from t = {t[start]:.6g} s{more}"

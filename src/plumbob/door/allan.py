@@ -1,0 +1,223 @@
+"""From a file at rest to the figures of a data sheet: `plumbob allan`, in Python and on the command line."""
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob import files
+from plumbob.core import check
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.files import existing_file, sidecars
+from plumbob.core.units import Quantity, given
+from plumbob.data import TRIADS, ImuData
+from plumbob.data.cards import CalibrationCard
+from plumbob.data.recording import Recording, unsaved
+from plumbob.door.reading import read_one
+from plumbob.files.numbers import SUFFIXES, TEXT_SUFFIXES, open_numbers
+from plumbob.noise.allan import Noise, Taus, characterise
+from plumbob.noise.static import StaticReport
+from plumbob.noise.static_record import StaticRecord, check_static, static_of, static_of_numbers, static_of_plain
+
+Note = Callable[[str], None]
+Progress = Callable[[str, int, int], None]
+
+
+def allan(
+    record: str | Path | Recording | ImuData | NDArray[Any],
+    *,
+    rate: float | str | None = None,
+    scale: str | None = None,
+    triads: Sequence[str] = TRIADS,
+    start: float | str | None = None,
+    stop: float | str | None = None,
+    skip: Sequence[tuple[float, float]] = (),
+    taus: Taus = None,
+    calibration: CalibrationCard | str | Path | None = None,
+    profile: str | Path | None = None,
+    kind: str | None = None,
+    columns: int | None = None,
+    note: Note | None = None,
+    progress: Progress | None = None,
+) -> Noise:
+    """Analyse the noise of a unit at rest.
+
+    Parameters
+    ----------
+    record : path, Recording, ImuData or array (N,) or (N, k)
+        A recording of a unit at rest, or a file or array of plain numbers.
+    rate : float or str, optional
+        Samples per second, Hz, of plain numbers; a recording must agree with it.
+    scale : str, optional
+        What 1 is in plain numbers, such as ``"0.00875 deg/s"``; ``"1"`` for numbers without a unit.
+    triads : sequence of str
+        Which sensors of a recording.
+    start, stop : float or str, optional
+        Part of the record: s, or text with a unit.
+    skip : sequence of (float, float)
+        Times to leave out, s.
+    taus : sequence of float, "all" or None
+        Averaging times of the curve, s.
+    calibration : CalibrationCard or path, optional
+        Card of a recording's unit, applied first.
+    profile : path, optional
+        What the columns of a text file mean.
+    kind, columns : optional
+        As in `plumbob.files.open_numbers`.
+    note : callable, optional
+        Called with each note as soon as it is known.
+    progress : callable, optional
+        Called with what is being done, the bytes done, and of all.
+
+    Returns
+    -------
+    Noise
+
+    Raises
+    ------
+    ShapeError
+        If no sensor of the record is static.
+    ParameterError, UnitError
+        If rate or scale is missing, wrong or contradicted by the record.
+    ClockError
+        If its samples are uneven.
+    DecodeError
+        If a file cannot be read.
+    """
+    opened, report, applied = open_static(
+        record, rate=rate, scale=scale, triads=triads, start=start, stop=stop, skip=skip, calibration=calibration,
+        profile=profile, kind=kind, columns=columns, note=note, progress=progress,
+    )  # fmt: skip
+    told = None if progress is None else lambda done: progress("noise", done, opened.size)
+    return Noise(opened, report, tuple(characterise(opened, report, taus=taus, progress=told)), applied)
+
+
+def open_static(
+    record: str | Path | Recording | ImuData | NDArray[Any],
+    *,
+    rate: float | str | None = None,
+    scale: str | None = None,
+    triads: Sequence[str] = TRIADS,
+    start: float | str | None = None,
+    stop: float | str | None = None,
+    skip: Sequence[tuple[float, float]] = (),
+    calibration: CalibrationCard | str | Path | None = None,
+    profile: str | Path | None = None,
+    kind: str | None = None,
+    columns: int | None = None,
+    note: Note | None = None,
+    progress: Progress | None = None,
+) -> tuple[StaticRecord, StaticReport, str | None]:
+    """Open a record and judge whether it is static; arguments and errors as of `allan`.
+
+    Returns
+    -------
+    StaticRecord, StaticReport, str or None
+        The channels, what was found in them, and the name of the card that was applied.
+    """
+    card = None if calibration is None else CalibrationCard.of(calibration)
+    applied = Path(calibration).name if isinstance(calibration, str | Path) else card.device if card else None
+    hertz, first, last = (
+        given(name, value, quantity)
+        for name, value, quantity in (
+            ("rate", rate, Quantity.FREQUENCY), ("start", start, Quantity.TIME), ("stop", stop, Quantity.TIME)
+        )
+    )  # fmt: skip
+    if isinstance(record, np.ndarray):
+        opened = static_of_numbers(record, hertz, scale)
+    elif isinstance(record, Recording | ImuData):
+        whole = record if isinstance(record, Recording) else unsaved(record, "samples")
+        opened = static_of(whole, Path(whole.name), card, triads, (first, last), hertz)
+    else:
+        opened = load_static(
+            check.path("record", record), rate=hertz, scale=scale, profile=None if profile is None else Path(profile),
+            card=card, triads=triads, start=first, stop=last, kind=kind, columns=columns,
+        )  # fmt: skip
+    report = check_static(
+        opened, None if progress is None else lambda done: progress("checking", done, opened.size), skip=skip
+    )
+    say = note or (lambda line: None)
+    name = opened.path.name
+    for line in (*opened.notes, *(f"{sensor} left out: {why}" for sensor, why in opened.refused.items())):
+        say(f"{name}: {line}")
+    if all(report.refused(*group.names) for group in opened.groups):
+        for finding in report.errors[1:]:
+            say(str(finding))
+        raise ShapeError(f"{opened.path} is not a static record: {report.errors[0]}")
+    for finding in report.errors:
+        say(f"{name}: left out: {finding}")
+    return opened, report, applied
+
+
+def load_static(
+    path: str | os.PathLike[str],
+    *,
+    rate: float | None = None,
+    scale: str | None = None,
+    profile: Path | None = None,
+    card: CalibrationCard | None = None,
+    triads: Sequence[str] = TRIADS,
+    start: float | None = None,
+    stop: float | None = None,
+    kind: str | None = None,
+    columns: int | None = None,
+) -> StaticRecord:
+    """Open a file; a recording is read, plain numbers are read in blocks when they are asked for.
+
+    A text is a recording where a profile is given or lies beside it, and plain numbers otherwise.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    rate : float, optional
+        Samples per second: needed for plain numbers; a recording must agree with it.
+    scale : str, optional
+        What 1 is in a file of plain numbers, such as ``"0.00875 deg/s"``; ``"1"`` for numbers without a unit.
+    profile : Path, optional
+        What a text recording does not say about itself.
+    card : CalibrationCard, optional
+        Calibration of a recording's unit, applied first.
+    triads : sequence of str
+        Which sensors of a recording.
+    start, stop : float, optional
+        Part of the record, s.
+    kind, columns : optional
+        As in `plumbob.files.open_numbers`.
+
+    Raises
+    ------
+    ParameterError
+        If the rate or the scale is missing, contradicts the file, or is for the other kind of file.
+    UnitError
+        If the scale is not a unit whose noise is analysed, or the numbers are scaled already.
+    ClockError, ShapeError
+        If a recording's samples are uneven, or no sensor of it can be used.
+    DecodeError
+        If the file is not what it claims to be.
+    """
+    folder = check.path("path", path).is_dir() and files.is_recording(Path(path))
+    file = Path(path) if folder else existing_file(path)
+    if start is not None and stop is not None and not start < stop:
+        raise ParameterError(f"start must be before stop, but they are {start:g} s and {stop:g} s.")
+    if is_recording(file, profile, kind):
+        if scale is not None or columns is not None:
+            raise ParameterError(f"{file} is a recording with units of its own; leave scale and columns out.")
+        recording = read_one(file, profile=profile)
+        return static_of(recording, file, card, triads, (start, stop), rate, size=file.stat().st_size)
+    if card is not None:
+        raise ParameterError(f"{file} holds plain numbers, but a calibration card corrects a recording with units.")
+    return static_of_plain(open_numbers(file, kind=kind, columns=columns), rate, scale, (start, stop))
+
+
+def is_recording(file: Path, profile: Path | None, kind: str | None) -> bool:
+    """Whether a file brings its own time and units; otherwise its numbers need a rate and a scale."""
+    if kind is not None:
+        return False
+    suffix = file.suffix.lower()
+    if suffix in TEXT_SUFFIXES:
+        return profile is not None or any(beside.is_file() for beside in sidecars(file))
+    return suffix not in SUFFIXES and files.is_recording(file)

@@ -1,0 +1,450 @@
+"""From a capture to a calibration card: `plumbob calibrate`, in Python and on the command line."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from inspect import signature
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from plumbob.calibration.calibration import Capture, capture, card_of
+from plumbob.core import check
+from plumbob.core.constants import G0
+from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError
+from plumbob.core.units import Quantity, given
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.cards import CalibrationCard
+from plumbob.data.earth_field import earth_field_at, parse_place
+from plumbob.data.recording import Recording, found_in
+from plumbob.door.reading import read, read_one
+from plumbob.reporting.report import Report, Reported
+from plumbob.rotations import Frame
+
+if TYPE_CHECKING:
+    from plumbob.calibration.fit import Fitted
+    from plumbob.calibration.mount import Mounted
+    from plumbob.calibration.rate_table import Plateau
+
+Note = Callable[[str], None]
+Value = float | str | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibrated(Reported):
+    """What a calibration found.
+
+    Attributes
+    ----------
+    card : CalibrationCard
+        The card so far, completed; it corrects every later recording of the unit.
+    fits : mapping of str to Fitted
+        By triad: the fit, with residuals, grade and remarks.
+    capture : Capture
+        What it was found from.
+    """
+
+    card: CalibrationCard
+    fits: "Mapping[str, Fitted]"
+    capture: Capture
+
+    def facts(self) -> Mapping[str, str]:
+        """Unit, and the grade of each part."""
+        grades = {name: getattr(fit.calibration.quality, "grade", None) or "found" for name, fit in self.fits.items()}
+        return {"device": self.card.device} | (grades or {"mount": "found"})
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the card; errors as of `CalibrationCard.save`."""
+        self.card.save(path, overwrite=overwrite)
+
+    def report(self, *, recording: str = "") -> Report:
+        """Certificate, which names the recording where one is given."""
+        from plumbob.calibration.report import certificate
+
+        return certificate(self.card, self.fits, recording=recording)
+
+    def summary(self) -> dict[str, Any]:
+        """All figures, as JSON can hold them."""
+        from plumbob.calibration.report import numbers
+
+        return numbers(self.card, self.fits)
+
+
+def calibrate(
+    recording: Capture | str | Path | Recording | ImuData,
+    kind: str,
+    *,
+    calibration: CalibrationCard | str | Path | None = None,
+    device: str | None = None,
+    start: Value = None,
+    stop: Value = None,
+    profile: str | Path | None = None,
+    note: Note | None = None,
+    **options: Any,
+) -> Calibrated:
+    """Calibrate a unit from a capture.
+
+    Parameters
+    ----------
+    recording : path, Recording, ImuData or Capture
+        What was recorded for it, uncalibrated.
+    kind : {"hand", "mag", "accel", "gyro", "ferraris", "table", "temperature", "mount"}
+        What is calibrated.
+    calibration : CalibrationCard or path, optional
+        The card so far: applied to the other triads, and completed.
+    device : str, optional
+        The unit, where the recording does not name it.
+    start, stop : float or str, optional
+        Part of the recording: s, or text with a unit.
+    profile : path, optional
+        What the columns of a text file mean.
+    note : callable, optional
+        Called with each note on the way.
+    **options
+        Of the kind, as those of the command line: numbers in SI, or text with a unit; see `options_of`.
+
+    Returns
+    -------
+    Calibrated
+
+    Raises
+    ------
+    CaptureRefusedError
+        If the capture cannot calibrate it; its reasons say what was missing and what to do.
+    CalibrationError
+        If the recording is calibrated already, lacks a triad, or belongs to another unit than the card.
+    ParameterError
+        If the kind or an option is not known, or two options say the same.
+    DecodeError
+        If a file cannot be read.
+    """
+    how = KINDS[check.one_of("kind", kind, tuple(KINDS))]
+    known = options_of(kind)
+    if unknown := [name for name in options if name not in known]:
+        raise ParameterError(f"{kind} has no option '{unknown[0]}'; it has {', '.join(known) or 'none'}.")
+    base = None if calibration is None else CalibrationCard.of(calibration)
+    opened = (
+        recording
+        if isinstance(recording, Capture)
+        else _opened(recording, how, base, device, span_of(start, stop), None if profile is None else Path(profile))
+    )
+    say = note or (lambda line: None)
+    if not isinstance(recording, Capture):
+        for line in opened.found:
+            say(line)
+    fits, mounted = how.find(opened, say, **options)
+    return Calibrated(card_of(opened, fits, mounted=mounted), fits, opened)
+
+
+def capture_of(
+    path: str | Path,
+    *,
+    triads: tuple[str, ...],
+    if_present: tuple[str, ...] = (),
+    profile: Path | None = None,
+    span: tuple[float, float] | None = None,
+    device: str | None = None,
+    base: CalibrationCard | None = None,
+) -> Capture:
+    """Read a capture; arguments as of `plumbob.calibration.calibration.capture`.
+
+    Raises
+    ------
+    PlumbobError
+        If the file cannot be read, or as in `capture`.
+    """
+    recording = read_one(path, profile=profile)
+    if recording.imu is None:
+        raise CalibrationError(f"{path} holds an attitude but no sensor data, so there is nothing to calibrate.")
+    read = capture(recording.imu, triads=triads, if_present=if_present, span=span, device=device, base=base)
+    # That it is uncalibrated is what a capture is for.
+    found = tuple(line for line in found_in(recording.notes) if not line.startswith("calibration: "))
+    return replace(read, found=found)
+
+
+def options_of(kind: str) -> tuple[str, ...]:
+    """Options that a kind takes beside those of every kind."""
+    return tuple(signature(KINDS[kind].find).parameters)[2:]
+
+
+def span_of(start: Value, stop: Value) -> tuple[float, float] | None:
+    """Part of a recording, s, from its start or to its end where one is not given; None for the whole."""
+    first, last = given("start", start, Quantity.TIME), given("stop", stop, Quantity.TIME)
+    if first is None and last is None:
+        return None
+    return 0.0 if first is None else first, float("inf") if last is None else last
+
+
+def _opened(
+    recording: str | Path | Recording | ImuData,
+    how: "Kind",
+    base: CalibrationCard | None,
+    device: str | None,
+    span: tuple[float, float] | None,
+    profile: Path | None,
+) -> Capture:
+    if not isinstance(recording, Recording | ImuData):
+        return capture_of(
+            check.path("recording", recording),
+            triads=how.triads,
+            if_present=how.if_present,
+            profile=profile,
+            span=span,
+            device=device,
+            base=base,
+        )
+    imu = recording.of_unit(None).imu if isinstance(recording, Recording) else recording
+    if imu is None:
+        raise CalibrationError("the recording holds an attitude but no sensor data, so there is nothing to calibrate.")
+    return capture(imu, triads=how.triads, if_present=how.if_present, span=span, device=device, base=base)
+
+
+Found = tuple["Mapping[str, Fitted]", "Mounted | None"]
+
+
+def _mag(
+    opened: Capture,
+    say: Note,
+    *,
+    with_: str = "auto",
+    shape: str = "auto",
+    strength: Value = None,
+    place: str | None = None,
+    tilt: Value = None,
+    in_use: bool = False,
+    force: bool = False,
+) -> Found:
+    from plumbob.calibration.calibrate_mag import calibrate_mag
+    from plumbob.calibration.predicted import TILT_RANGE
+
+    if shape == "level" and tilt is not None:
+        raise ParameterError("shape level calibrates headings of a level unit, so tilt has no effect. Leave one out.")
+    tilt_range = given("tilt", tilt, Quantity.ANGLE)
+    field, dip, told = _field(opened, say, strength, place)
+    fit = calibrate_mag(
+        opened.imu,
+        with_=with_,
+        shape=shape,
+        strength=field,
+        dip=dip,
+        tilt_range=TILT_RANGE if tilt_range is None else tilt_range,
+        acc_calibrated=opened.acc_calibrated,
+        gyr_calibrated=opened.gyr_calibrated,
+        in_use=in_use,
+        force=force,
+    )
+    return _with_remark({"mag": fit}, told), None
+
+
+def _accel(
+    opened: Capture,
+    _say: Note,
+    *,
+    shape: str = "auto",
+    moving: bool = False,
+    gravity: Value = None,
+    latitude: Value = None,
+    height: Value = None,
+) -> Found:
+    from plumbob.calibration.calibrate_accel import calibrate_accel
+
+    at = gravity_of(gravity=gravity, latitude=latitude, height=height)
+    return {"acc": calibrate_accel(opened.imu, shape=shape, gravity=at, moving=moving)}, None
+
+
+def _gyro(
+    opened: Capture,
+    _say: Note,
+    *,
+    method: str = "auto",
+    preset: str | None = None,
+) -> Found:
+    from plumbob.calibration import calibrate_gyro as gyro
+
+    if preset is not None:
+        check.one_of("preset", preset, ("trackball",))
+        return gyro.gyro_of_trackball(opened), None
+    fits = {"auto": gyro.gyro_by_choice, "rest": gyro.gyro_at_rest, "hand": gyro.gyro_by_hand}
+    return fits[check.one_of("method", method, tuple(fits))](opened), None
+
+
+def _ferraris(
+    opened: Capture,
+    _say: Note,
+    *,
+    parts: Mapping[str, slice] | str | Path | None = None,
+    labels: Sequence[str] | None = None,
+    angle: Value = "360 deg",
+) -> Found:
+    from plumbob.calibration.calibrate_gyro import ferraris_session
+    from plumbob.calibration.gyr.ferraris import parts_of_labels, parts_of_times
+    from plumbob.files.text import read_spans
+
+    if isinstance(parts, str | Path):
+        parts = parts_of_times(opened.imu.t, read_spans(Path(parts)))
+    elif labels is not None:
+        parts = parts_of_labels(list(labels))
+    turned = given("angle", angle, Quantity.ANGLE)
+    assert turned is not None
+    return ferraris_session(opened, parts, angle=turned), None
+
+
+def _hand(
+    opened: Capture,
+    say: Note,
+    *,
+    gravity: Value = None,
+    latitude: Value = None,
+    height: Value = None,
+    strength: Value = None,
+    place: str | None = None,
+    force: bool = False,
+) -> Found:
+    from plumbob.calibration.calibrate_gyro import calibrate_by_hand
+    from plumbob.data import TITLES
+
+    at = gravity_of(gravity=gravity, latitude=latitude, height=height, place=place)
+    lacking = [title for name, title in TITLES.items() if name not in opened.imu.triads]
+    if lacking:
+        say(f"the recording has no {' and no '.join(lacking)}, which {'are' if lacking[1:] else 'is'} left out")
+    field, dip, told = _field(opened, say, strength, place)
+    return _with_remark(calibrate_by_hand(opened, gravity=at, strength=field, dip=dip, force=force), told), None
+
+
+def _table(
+    opened: Capture,
+    _say: Note,
+    *,
+    rates: Sequence[float] | None = None,
+    plan: str | Path | None = None,
+    model: str = "auto",
+    mounting: Value = "0.1 deg",
+    latitude: Value = None,
+) -> Found:
+    from plumbob.calibration.rate_table import calibrate_table, found_plateaus, read_plan
+
+    if (rates is None) == (plan is None):
+        raise ParameterError("A rate table needs its rates or a plan of its plateaus. Give one of the two.")
+    planned: list[Plateau]
+    remarks: list[str]
+    planned, remarks = (read_plan(Path(plan)), []) if plan is not None else found_plateaus(opened.imu, rates or ())
+    tilt = given("mounting", mounting, Quantity.ANGLE)
+    assert tilt is not None
+    fitted = calibrate_table(
+        opened, planned, model=model, mounting=tilt, latitude=given("latitude", latitude, Quantity.ANGLE)
+    )
+    return {"gyr": replace(fitted, remarks=(*fitted.remarks, *remarks))}, None
+
+
+def _temperature(opened: Capture, _say: Note) -> Found:
+    from plumbob.calibration.calibrate_gyro import gyro_over_temperature
+
+    return gyro_over_temperature(opened), None
+
+
+def _mount(
+    opened: Capture,
+    _say: Note,
+    *,
+    frame: Frame | str | None = None,
+    level: tuple[float, float] | None = None,
+    raised: tuple[float, float] | None = None,
+    level_only: bool = False,
+    estimate: str | Path | Recording | None = None,
+    reference: str | Path | Recording | None = None,
+) -> Found:
+    from plumbob.calibration.calibrate_mount import mount_by_poses, mount_by_reference
+
+    if (reference is None) != (estimate is None):
+        raise ParameterError("reference and estimate belong together: attitudes of the body and of the unit.")
+    if estimate is not None and reference is not None:
+        if level or raised or level_only or frame:
+            raise ParameterError("a reference needs no poses: leave out level, raised, level_only and frame.")
+        return {}, mount_by_reference(track_of(estimate), track_of(reference))
+    if frame is None:
+        raise FrameError(f"the body's axes depend on the navigation frame. Give one of {', '.join(Frame)}.")
+    found = mount_by_poses(opened, frame=Frame.parse(frame), level=level, raised=raised, level_only=level_only)
+    return {}, found
+
+
+class Kind(NamedTuple):
+    """What is calibrated: triads that a capture must have, those that it may have, and how it is done."""
+
+    triads: tuple[str, ...]
+    if_present: tuple[str, ...]
+    find: Callable[..., Found]
+
+
+KINDS: Final[Mapping[str, Kind]] = {
+    "hand": Kind(("acc",), ("gyr", "mag"), _hand),
+    "mag": Kind(("mag",), (), _mag),
+    "accel": Kind(("acc",), (), _accel),
+    "gyro": Kind(("gyr",), (), _gyro),
+    "ferraris": Kind(("acc", "gyr"), (), _ferraris),
+    "table": Kind(("gyr",), (), _table),
+    "temperature": Kind(("gyr",), (), _temperature),
+    "mount": Kind((), (), _mount),
+}
+
+
+def gravity_of(
+    *, gravity: Value = None, latitude: Value = None, height: Value = None, place: str | None = None
+) -> float:
+    """Gravity, m/s²: its value, else that of the latitude, else that of the place, else the standard one.
+
+    Raises
+    ------
+    ParameterError
+        If two of them say it, or there is a height without a latitude.
+    """
+    from plumbob.calibration.acc.poses import normal_gravity
+
+    if latitude is None and height is not None:
+        raise ParameterError("height needs latitude: both together give gravity. Give both.")
+    if gravity is not None and latitude is not None:
+        raise ParameterError("gravity and latitude both give gravity. Give one of them.")
+    if latitude is not None and place is not None:
+        raise ParameterError("latitude and place both give the place of the capture. Give one of them.")
+    if (value := given("gravity", gravity, Quantity.ACCELERATION)) is not None:
+        return value
+    if (north := given("latitude", latitude, Quantity.ANGLE)) is not None:
+        return normal_gravity(north, given("height", height, Quantity.LENGTH) or 0.0)
+    if place is not None:
+        north, _, above = parse_place(place)
+        return normal_gravity(north, above)
+    return G0
+
+
+def _field(
+    opened: Capture, say: Note, strength: Value, place: str | None
+) -> tuple[float | None, float | None, tuple[str, ...]]:
+    """Strength, µT, and dip, rad, of the field on the day of a capture, as far as they are known; and a remark.
+
+    The remark keeps the declination in the card. No verb takes it from there: a unit is used elsewhere too.
+    """
+    if place is None:
+        return given("strength", strength, Quantity.FIELD), None, ()
+    if strength is not None:
+        raise ParameterError("strength and place both give the field. Give one of them.")
+    if not opened.dated:
+        say(f"the recording has no date; the field is that of today, {opened.date}")
+    field = earth_field_at(*parse_place(place), opened.date)
+    say(f"field at the place: {field.told}")
+    return field.strength, field.dip, (f"Field at the place of the capture: {field.told}.",)
+
+
+def _with_remark(fits: "Mapping[str, Fitted]", told: tuple[str, ...]) -> "dict[str, Fitted]":
+    """Fits with what the place said as a remark of the magnetometer."""
+    return {n: replace(fit, remarks=(*fit.remarks, *told)) if n == "mag" else fit for n, fit in fits.items()}
+
+
+def track_of(given: str | Path | Recording) -> AttitudeTrack:
+    """Attitude of a recording or its file.
+
+    Raises
+    ------
+    DecodeError
+        If it holds none.
+    """
+    track = given.track if isinstance(given, Recording) else read(given).track
+    if track is None:
+        raise DecodeError(f"{given} holds no attitude; make one with 'plumbob run --out'.")
+    return track

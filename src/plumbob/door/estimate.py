@@ -1,0 +1,568 @@
+"""From a recording to an attitude, with what a reader should know of both: `plumbob run`, and `plumbob.estimate`."""
+
+import math
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import check, flags
+from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
+from plumbob.core.series import Series
+from plumbob.core.text import counted
+from plumbob.core.time import timing
+from plumbob.core.units import to_deg
+from plumbob.core.version import __version__
+from plumbob.data import AttitudeTrack, ImuData, calibration_told
+from plumbob.data.earth_field import located
+from plumbob.data.plausibility import upside_down
+from plumbob.data.recording import Recording, findings, found_in, inferred_in, unsaved
+from plumbob.door.reading import read, read_one
+from plumbob.files import write
+from plumbob.files.parquet import write_parts
+from plumbob.filters import SMOOTHER, Filter
+from plumbob.filters.offline import (
+    Stage,
+    bias_beyond,
+    declination_deg,
+    estimator_of,
+    lagged,
+    navigation_frame,
+    parts_of,
+    started,
+)
+from plumbob.rotations import Frame, North, dcm_from_quat, euler_zyx_from_quat, quat_rotate
+from plumbob.rotations.headings import claimed_sd, counted_from, zero_of
+
+if TYPE_CHECKING:
+    from plumbob.data.cards import CalibrationCard, NoiseCard
+    from plumbob.filters.smoother import Smoother
+
+Note = Callable[[str], None]
+Progress = Callable[[int, int], None]
+
+_OFTEN = 0.05
+"""Share of samples behind a gap from which on the declared unit of time is in doubt."""
+
+
+class Follower(Protocol):
+    """What looks at samples and attitudes while they are estimated."""
+
+    def begin(self, samples: ImuData) -> None:
+        """Be ready for these samples, as the filter is given them."""
+        ...
+
+    def take(self, imu: ImuData, track: AttitudeTrack) -> None:
+        """Take consecutive samples and their attitudes."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimated(Series):
+    """An estimated attitude, and what belongs to it.
+
+    Attributes
+    ----------
+    attitude : AttitudeTrack or Path
+        The attitude at every sample, with its covariance where the filter claims one, or the file that has it; the last
+        one alone where it was not to be kept.
+    outline : Outline
+        How long it is, its end, and its flags.
+    imu : ImuData
+        The samples that the filter was given, calibrated where a card was.
+    filter : Filter or Smoother
+        What made it; a filter in its first state.
+    name : str
+        Of the recording.
+    notes : tuple of str
+        What was found in the samples or in the result, a line each.
+    reference : AttitudeTrack or None
+        The reference that came with the recording.
+    temperature_beyond, bias_beyond : str or None
+        By how much the samples leave the card's temperatures, and the estimated bias its prior, in words.
+    noise_card : str or None
+        Which noise card the filter took its parameters from.
+    inferred : tuple of str
+        What the reader had to infer, for the notes of a file.
+    applied : CalibrationCard or None
+        The card that was applied to the samples.
+    """
+
+    attitude: AttitudeTrack | Path
+    outline: "Outline"
+    imu: ImuData
+    filter: "Filter | Smoother"
+    name: str
+    notes: tuple[str, ...]
+    reference: AttitudeTrack | None = None
+    temperature_beyond: str | None = None
+    bias_beyond: str | None = None
+    noise_card: str | None = None
+    inferred: tuple[str, ...] = ()
+    applied: "CalibrationCard | None" = None
+
+    @property
+    def track(self) -> AttitudeTrack:
+        """The attitude at every sample; read each time that it is asked for, where it was written as it came."""
+        if isinstance(self.attitude, AttitudeTrack):
+            return self.attitude
+        track = read(self.attitude).track
+        assert track is not None
+        return track
+
+    def facts(self) -> Mapping[str, str]:
+        """Recording, filter, length, and the attitude at the end."""
+        yaw, pitch, roll = (f"{angle:.2f}°" for angle in self._last.values())
+        return {
+            "recording": self.name,
+            "filter": self.filter.name,
+            "samples": str(self.outline.samples),
+            "at the end": f"yaw {yaw}, pitch {pitch}, roll {roll}",
+        }
+
+    @property
+    def _last(self) -> dict[str, float]:
+        """Yaw, pitch and roll of the last attitude, degrees."""
+        return dict(
+            zip(
+                ("yaw", "pitch", "roll"),
+                map(float, to_deg(euler_zyx_from_quat(self.outline.last.q_nb[-1]))),
+                strict=True,
+            )
+        )
+
+    @property
+    def told(self) -> str:
+        """What ran, in words: what differs from the defaults."""
+        facts = self.filter.facts()
+        name = facts["name"] if facts["params"] == "defaults" else f"{facts['name']} ({facts['params']})"
+        if isinstance(self.filter, Filter):
+            return f"{name}: each attitude from the samples before it"
+        lag = self.filter.params.lag
+        if lag == 0.0:
+            return f"{name}: the past smoothed now and then, and a filter on from there; nothing later is used"
+        if lag is not None:
+            return f"{name}: smoothed with a lag of {lag:g} s"
+        return f"{name}: smoothed over the whole recording; --causal gives what a live system would have known"
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Of the track."""
+        return self.track.columns()
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the track, with where it comes from; errors as of `plumbob.write`."""
+        track = self.track
+        write(path, track, notes=_provenance(self.name, track, self.inferred), overwrite=overwrite)
+
+    def card(self) -> "CalibrationCard":
+        """Card of the unit with the bias, scale and misalignment of its gyroscope that were found in use.
+
+        It is the card that was applied, with a new part for the gyroscope and its covariance, or a first one.
+
+        Raises
+        ------
+        ParameterError
+            If a filter ran, which finds no scale.
+        CalibrationError
+            If the samples had been calibrated before, by a card that is not here.
+        """
+        return _card_in_use(self)
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, as JSON can hold them; angles in degrees."""
+        outline = self.outline
+        track = outline.last
+        forward = quat_rotate(track.q_nb[-1], [1.0, 0.0, 0.0])
+        heading = float(to_deg(float(np.arctan2(forward @ track.frame.east, forward @ track.frame.north)))) % 360.0
+        return {
+            "frame": str(track.frame),
+            "north": str(track.north),
+            "calibration": self.imu.meta.calibration,
+            "samples": outline.samples,
+            "duration_s": outline.duration,
+            "last_attitude_deg": {"heading": heading, **self._last},
+            "flags": {name: outline.flags[name] for _, (name, _) in flags.MEANING.items() if name in outline.flags},
+            "filter": self.filter.describe(),
+            "bias_beyond": self.bias_beyond,
+            "declination_deg": declination_deg(self.filter, track),
+            "temperature_beyond": self.temperature_beyond,
+            "noise_card": self.noise_card,
+            "claimed_sd_deg": _claimed(track),
+        }
+
+    def text(self) -> str:
+        """What a reader wants to know first, a line each."""
+        report = self.summary()
+        last, north = report["last_attitude_deg"], report["north"]
+        lines = [
+            f"filter       {self.told}",
+            f"frame        {report['frame']}, heading from {counted_from(north, report['declination_deg'])}",
+            f"calibration  {calibration_told(report['calibration'])}",
+        ]
+        if self.noise_card:
+            lines.append(f"noise card   {self.noise_card}")
+        lines.append(f"at the end   yaw {last['yaw']:.3f}°, pitch {last['pitch']:.3f}°, roll {last['roll']:.3f}°")
+        lines.append(f"heading      {last['heading']:.3f}° clockwise from {zero_of(north)}, of the body's x axis")
+        if claims := report["claimed_sd_deg"]:
+            said = ", ".join(f"{name} {'unknown' if sd is None else f'{sd:.3f}°'}" for name, sd in claims.items())
+            lines.append(f"claimed      {said} (standard deviations at the end)")
+        for name, count in report["flags"].items():
+            lines.append(f"flag         {name}: {counted(count, 'sample')} ({100.0 * count / report['samples']:.2f} %)")
+        return "\n".join(lines)
+
+
+@dataclass(slots=True)
+class Outline:
+    """What is known of a track whose parts have come by: its length, its end, and its flags.
+
+    Attributes
+    ----------
+    samples : int
+        Number of samples.
+    begin : float
+        Time of the first, s.
+    last : AttitudeTrack
+        The last sample.
+    flags : Counter
+        How many samples carry each flag, by name.
+    """
+
+    samples: int = 0
+    begin: float = 0.0
+    last: AttitudeTrack = field(init=False)
+    flags: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def duration(self) -> float:
+        """From the first sample to the last, s."""
+        return float(self.last.t[-1]) - self.begin
+
+    def of(self, parts: Iterable[AttitudeTrack]) -> Iterator[AttitudeTrack]:
+        """The parts as they come."""
+        for part in parts:
+            self.begin = self.begin if self.samples else float(part.t[0])
+            self.samples += len(part)
+            self.last = part.end
+            self.flags.update(flags.counts(np.asarray(part.flags)))
+            yield part
+            del part  # the next one may need its room
+
+
+def estimate(
+    recording: str | Path | Recording | ImuData,
+    filter: str | None = None,
+    *,
+    causal: bool = False,
+    lag: float | str | None = None,
+    params: Mapping[str, Any] | None = None,
+    frame: Frame | str | None = None,
+    init: str | None = None,
+    calibration: "CalibrationCard | str | Path | None" = None,
+    noise: "NoiseCard | str | Path | None" = None,
+    place: str | None = None,
+    date: str | None = None,
+    profile: str | Path | None = None,
+    unit: str | None = None,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    follow: Follower | None = None,
+    keep: bool = True,
+    note: Note | None = None,
+    progress: Progress | None = None,
+) -> Estimated:
+    """Estimate the attitude at every sample of a recording: smoothed, or with one filter.
+
+    Parameters
+    ----------
+    recording : path, Recording or ImuData
+        Sensor data; a file of any format that `plumbob.read` takes.
+    filter : str, optional
+        Name of a causal filter, `plumbob.filter_names` lists them, or "smoother", which is the default: each attitude
+        is then estimated from what came before and after it.
+    causal : bool
+        Estimate as on a stream by default: each attitude knows only what came before it, a lag of zero.
+    lag : float or str, optional
+        Smooth with a fixed lag, s: each attitude knows nothing that comes later than this after it. With a lag of
+        zero it knows only what came before: the past is smoothed now and then, and a filter goes on from there.
+    params : mapping, optional
+        Its parameters: numbers in SI, or text with a unit, as ``{"gate": "0.08 g"}``.
+    frame : Frame or str, optional
+        Navigation frame of the result; by default that of the recording.
+    init : str, optional
+        What it starts from: "level", "ROLL,PITCH,HEADING" with units, or "truth", the reference's first attitude; by
+        default its first samples. To the smoother the tilt is then known to a degree, unless the first seconds
+        contradict it; the heading counts where no field gives one.
+    calibration : CalibrationCard or path, optional
+        Card of this unit, applied first.
+    noise : NoiseCard or path, optional
+        Noise of this unit, for a filter that takes its parameters from it.
+    place, date : str, optional
+        Where and when it was recorded, ``LAT,LON[,HEIGHT]`` and ISO 8601: headings are then true.
+    profile : path, optional
+        What the columns of a text file mean.
+    unit : str, optional
+        Which of several units in the file, by name or number from 1.
+    out : path, optional
+        Where to write the track. A ``.parquet`` file is written while the attitude is estimated, and the samples of one
+        without a reference are read meanwhile, so that neither is in memory as a whole.
+    overwrite : bool
+        Whether a file that lies there may be replaced.
+    follow : Follower, optional
+        What looks at samples and attitudes as they are estimated, part by part.
+    keep : bool
+        Whether the result holds the attitude at every sample; without it, and without `out`, neither the track nor the
+        samples of a ``.parquet`` file are in memory as a whole.
+    note : callable, optional
+        Called with each note as soon as it is known; the result holds them too.
+    progress : callable, optional
+        Called with the number of samples done, and of all.
+
+    Returns
+    -------
+    Estimated
+
+    Raises
+    ------
+    ShapeError
+        If the recording holds no sensor data.
+    FrameError
+        If neither `frame` nor the recording names a frame.
+    ParameterError
+        If the filter or a parameter is not known, two arguments say the same, or none of several units is named.
+    CalibrationError
+        If a card is for another unit, or the samples are calibrated already.
+    DecodeError
+        If a file cannot be read.
+    """
+    notes: list[str] = []
+    written = None if out is None else check.path("out", out)
+    native = written is not None and written.suffix.lower() == ".parquet"
+    label, source, imu = recording_of(recording, profile, unit, whole=keep and not native)
+    stage = _stage(filter, causal, lag, Stage("", dict(params or {}), noise=_noise(noise), init=init))
+    frame = navigation_frame(imu, None if frame is None else Frame.parse(frame), where=label)
+
+    def say(line: str) -> None:
+        notes.append(line)
+        if note is not None:
+            note(line)
+
+    imu = _placed(imu, place, date, stage, say)
+    card = None if calibration is None else _card(calibration)
+    imu, beyond = (imu, None) if card is None else _calibrated(imu, card)
+    doubt = tuple(inferred_in(source.notes))
+    for line in _found(source, imu, frame, card, beyond):
+        say(f"{source.name}: {line}")
+    done = None if progress is None else _counted(progress, len(imu))
+    used, runs = started(imu, stage, frame, source.track)
+    made_by = estimator_of(stage, frame, imu.meta) if isinstance(runs, Filter) else runs
+    outline = Outline()
+    parts = outline.of(_followed(used, parts_of(used, runs, done), follow))
+    attitude: AttitudeTrack | Path
+    if written is not None and native and source.track is None:
+        attitude = _streamed(written, parts, source.name, doubt, overwrite)
+    elif keep or written is not None:
+        attitude = AttitudeTrack.joined(parts, len(used))
+    else:
+        deque(parts, maxlen=0)
+        attitude = outline.last
+    for line in _restarts(imu, outline) if isinstance(made_by, Filter) else made_by.remarks:
+        say(line)
+    if (contradiction := bias_beyond(made_by, outline.last)) is not None:
+        say(contradiction)
+    told = None if stage.noise is None else f"{stage.noise.device} ({stage.noise.source})"
+    result = Estimated(
+        attitude, outline, imu, made_by, source.name, tuple(notes), source.track, beyond, contradiction, told, doubt,
+        card,
+    )  # fmt: skip
+    if written is not None and attitude is not written:
+        result.save(written, overwrite=overwrite)
+    return result
+
+
+def _followed(imu: ImuData, parts: Iterator[AttitudeTrack], follow: Follower | None) -> Iterator[AttitudeTrack]:
+    """The parts, each shown with its samples to who follows."""
+    if follow is None:
+        yield from parts
+        return
+    follow.begin(imu)
+    again = imu.each(lambda part: part)  # a reader of its own: the filter's goes on from where that is
+    at = 0
+    for part in parts:
+        follow.take(again[at : at + len(part)], part)
+        at += len(part)
+        yield part
+        del part  # the next one may need its room
+
+
+def _found(
+    source: Recording, imu: ImuData, frame: Frame, card: "CalibrationCard | None", beyond: str | None
+) -> Iterator[str]:
+    """What is known of the samples before anything is estimated."""
+    yield from found_in(source.notes) if card is None else (*inferred_in(source.notes), *findings(imu))
+    if beyond is not None:
+        yield f"temperature: {beyond}"
+    yield from upside_down(imu, frame)
+
+
+def _streamed(file: Path, parts: Iterator[AttitudeTrack], name: str, inferred: Sequence[str], overwrite: bool) -> Path:
+    """The file, written part by part."""
+    write_parts(file, map(partial(_part, name, inferred), parts), overwrite)  # a `for` would keep a part
+    return file
+
+
+def _provenance(name: str, track: AttitudeTrack, inferred: Sequence[str]) -> tuple[str, ...]:
+    return (f"estimated from {name} by {track.source}", *inferred)
+
+
+def _part(name: str, inferred: Sequence[str], track: AttitudeTrack) -> Recording:
+    """Part of a track as it is written, with where it comes from."""
+    return Recording(track=track, notes=_provenance(name, track, inferred))
+
+
+def _stage(filter: str | None, causal: bool, lag: float | str | None, asked: Stage) -> Stage:
+    """What runs, of what was asked for."""
+    named, params = lagged(filter, lag, asked.params, causal=causal)
+    return replace(asked, filter=named or SMOOTHER, params=params or {})
+
+
+def recording_of(
+    given: str | Path | Recording | ImuData, profile: str | Path | None, unit: str | None, *, whole: bool
+) -> tuple[str, Recording, ImuData]:
+    """What messages call it, the recording, and its samples.
+
+    Raises
+    ------
+    ShapeError
+        If it holds no sensor data.
+    """
+    if isinstance(given, ImuData):
+        given = unsaved(given, "the samples")
+    if isinstance(given, Recording):
+        label, found = given.name, given.of_unit(unit)
+    else:
+        file = check.path("recording", given)
+        found = read_one(file, profile=None if profile is None else Path(profile), whole=whole, unit=unit)
+        label, found = str(file), replace(found, name=file.name)
+    if found.imu is None:
+        raise ShapeError(f"{label} holds an attitude but no sensor data, so there is nothing to estimate from.")
+    return label, found, found.imu
+
+
+def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
+    if given is None:
+        return None
+    from plumbob.data.cards import NoiseCard
+
+    return NoiseCard.of(given)
+
+
+def _card(given: "CalibrationCard | str | Path") -> "CalibrationCard":
+    from plumbob.data.cards import CalibrationCard
+
+    return CalibrationCard.of(given)
+
+
+def _calibrated(imu: ImuData, card: "CalibrationCard") -> tuple[ImuData, str | None]:
+    """Samples with a card applied, and by how much they leave its temperatures."""
+    from plumbob.data.calibrated import apply_card, temperature_beyond
+
+    imu = imu.each(lambda part: apply_card(card, part))
+    return imu, temperature_beyond(card, imu)
+
+
+def _counted(progress: Progress, total: int) -> Callable[[int], None]:
+    """From samples since the last call to samples so far."""
+    so_far = 0
+
+    def done(more: int) -> None:
+        nonlocal so_far
+        so_far += more
+        progress(so_far, total)
+
+    progress(0, total)
+    return done
+
+
+def _placed(imu: ImuData, place: str | None, date: str | None, stage: Stage, say: Note) -> ImuData:
+    """Samples with the declination of their place, and a note of the field there."""
+    if place is None:
+        if date is not None:
+            raise ParameterError("date needs place. Give both.")
+        return imu
+    if "declination" in stage.params:
+        raise ParameterError("place and the parameter declination both give the declination. Give one of them.")
+    imu, field = located(imu, place, date=date)
+    say(f"field at the place: {field.told}")
+    return imu
+
+
+IN_USE: Final = "in use, by the smoother"
+"""Method of a calibration that a recording gave by the way."""
+
+
+def _card_in_use(result: Estimated) -> "CalibrationCard":
+    """Card with the gyroscope's part of a smoothed recording: `Estimated.card`."""
+    from plumbob.data.cards import CalibrationCard, TriadCalibration
+
+    found = None if isinstance(result.filter, Filter) else result.filter.learned
+    if found is None:
+        raise ParameterError(f"{result.filter.name} finds no scale and misalignment. Smooth the recording.")
+    card, meta = result.applied, result.imu.meta
+    if card is None and meta.calibration is not None:
+        raise CalibrationError(
+            f"the samples have been calibrated already, with {meta.calibration}. Give the uncalibrated recording, and "
+            "the card with calibration (--calibration)."
+        )
+    before = None if card is None else card.gyr
+    dcm_bs = np.eye(3) if card is None or card.mount is None else dcm_from_quat(card.mount.q_bs)
+    # rate = (I − M) gyr − b of calibrated rates, of the unit's own axes: one matrix and bias of the measured ones
+    own = dcm_bs.T @ (np.eye(3) - found.matrix) @ dcm_bs
+    matrix = own if before is None else own @ before.matrix
+    change = np.linalg.inv(matrix)
+    bias = change @ dcm_bs.T @ found.bias
+    first = np.eye(3) if before is None else before.matrix
+    to_card = np.zeros((12, 12))
+    to_card[:3, :3] = change @ dcm_bs.T
+    to_card[3:, 3:] = -np.kron(dcm_bs.T, first.T @ dcm_bs.T)
+    covariance = to_card @ found.cov @ to_card.T
+    part: dict[str, Any] = {
+        "matrix": matrix,
+        "bias": bias if before is None else before.bias + bias,
+        "covariance": 0.5 * (covariance + covariance.T),
+        "method": IN_USE,
+        "date": datetime.now(UTC).date().isoformat(),
+        "quality": None,
+        "residual_rms": None,
+        "remarks": (f"from {result.name}, {result.outline.duration:.0f} s",),
+    }
+    gyr = TriadCalibration(unit_in="rad/s", unit_out="rad/s", **part) if before is None else replace(before, **part)
+    date = part["date"]
+    if card is None:
+        return CalibrationCard(meta.device, date, f"gyr: {IN_USE}", gyr=gyr, software=f"plumbob {__version__}")
+    return replace(card, gyr=gyr, date=date, software=f"plumbob {__version__}")
+
+
+def _restarts(imu: ImuData, outline: Outline) -> list[str]:
+    """A filter that restarts all the time estimates nothing: most often time is in another unit than declared."""
+    share = outline.flags[flags.MEANING[flags.GAP][0]] / outline.samples
+    if share <= _OFTEN:
+        return []
+    return [
+        f"{100.0 * share:.0f} % of the samples come after a gap, and a filter restarts after a gap longer than "
+        f"max_gap; the median step is {1.0 / timing(imu.t).rate:.4g} s. Check the unit of time, and max_gap."
+    ]
+
+
+def _claimed(track: AttitudeTrack) -> dict[str, float | None] | None:
+    """Standard deviations that the filter claims for its last attitude; none for a heading that is free."""
+    if track.cov_b is None:
+        return None
+    tilt, heading = (float(sd[0]) for sd in claimed_sd(track.q_nb[-1:], track.cov_b[-1:]))
+    known = {"inclination": tilt, "heading": float("nan") if track.north is North.FREE else heading}
+    return {name: float(to_deg(sd)) if math.isfinite(sd) else None for name, sd in known.items()}

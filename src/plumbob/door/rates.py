@@ -1,0 +1,225 @@
+"""Rates of a recording, compensated and filtered: `plumbob run --filter scalar`, and `plumbob.filter_rates`.
+
+The steps are those of the trackball paper [Chen2013]: what temperature and specific force contribute is taken off, then
+the constant that a stretch at rest shows, and each axis goes through a filter of rates (`plumbob.filters.channel`). The
+result is samples, not an attitude: a filter of attitudes may take them, and then shows what the filter of rates did.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from plumbob.calibration.gyr.drift import GyroDrift, chen2013
+from plumbob.core import check, flags
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.text import Shown, counted
+from plumbob.core.units import Quantity, g, given, to_dps
+from plumbob.data import ImuData, calibration_told
+from plumbob.data.calibrated import apply_card
+from plumbob.data.cards import CalibrationCard
+from plumbob.data.recording import Recording
+from plumbob.door.estimate import recording_of
+from plumbob.files import write
+from plumbob.filters.channel import RateFilter
+
+DRIFTS: Final[Mapping[str, Callable[[], GyroDrift]]] = {"chen2013": chen2013}
+"""Drift models by name."""
+
+_OF_RATES = np.uint32(flags.GYR_HELD | flags.GYR_ABSENT | flags.GYR_CLIPPED | flags.GYR_INVALID | flags.GAP)
+_KEPT = np.uint32(flags.GYR_HELD | flags.TIME_FAULT)  # of the filter's flags; the others are the samples' own
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FilteredRates(Shown):
+    """A recording whose gyroscope has been compensated and filtered.
+
+    Attributes
+    ----------
+    recording : Recording
+        The samples with their new rates, their flags, the reference that came with them, and what was done to them.
+    filter : str
+        Name and parameters of the filter of rates.
+    drift : GyroDrift
+        What was taken off before; its bias is the constant of the stretch at rest.
+    notes : tuple of str
+        What was done, a line each.
+    """
+
+    recording: Recording
+    filter: str
+    drift: GyroDrift
+    notes: tuple[str, ...]
+
+    @property
+    def imu(self) -> ImuData:
+        """The samples."""
+        assert self.recording.imu is not None
+        return self.recording.imu
+
+    def facts(self) -> Mapping[str, str]:
+        """Recording, filter and length."""
+        name = self.filter.partition("(")[0]
+        return {"recording": self.recording.name, "filter": name, "samples": str(len(self.imu))}
+
+    def summary(self) -> dict[str, Any]:
+        """What JSON has of it; rates in degrees per second."""
+        return {
+            "samples": len(self.imu),
+            "duration_s": float(self.imu.t[-1] - self.imu.t[0]),
+            "filter": self.filter,
+            "calibration": self.imu.meta.calibration,
+            "constant_dps": to_dps(self.drift.bias).tolist(),
+            "notes": list(self.notes),
+            "flags": flags.counts(self.imu.flags),
+        }
+
+    def text(self) -> str:
+        """What a reader wants to know first, a line each."""
+        lines = [f"calibration  {calibration_told(self.imu.meta.calibration)}"]
+        lines += [f"{topic:12} {told}" for topic, _, told in (note.partition(": ") for note in self.notes)]
+        for name, count in flags.counts(self.imu.flags & _OF_RATES).items():
+            share = 100.0 * count / len(self.imu)
+            lines.append(f"flag         {name}: {counted(count, 'sample')} ({share:.2f} %)")
+        return "\n".join(lines)
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the recording; errors as of `plumbob.write`."""
+        write(path, self.recording, overwrite=overwrite)
+
+
+def filter_rates(
+    recording: str | Path | Recording | ImuData,
+    filter: str,
+    *,
+    params: Mapping[str, Any] | None = None,
+    drift: str | GyroDrift | None = None,
+    rest: tuple[float | str, float | str] | None = None,
+    calibration: CalibrationCard | str | Path | None = None,
+    profile: str | Path | None = None,
+    unit: str | None = None,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    note: Callable[[str], None] | None = None,
+) -> FilteredRates:
+    """Compensate and filter the rates of a recording, each axis for itself.
+
+    Parameters
+    ----------
+    recording : path, Recording or ImuData
+        Sensor data; a file of any format that `plumbob.read` takes.
+    filter : str
+        Filter of rates: "scalar", "two_state" or "moving_average"; the last one with a window of one sample changes
+        nothing.
+    params : mapping, optional
+        Its parameters: numbers in SI, or text with a unit, as ``{"noise": "0.1 deg/s"}``.
+    drift : GyroDrift or "chen2013", optional
+        What is taken off first; "chen2013" names the trackball paper's figures, which are not those of your unit. A
+        part whose sensor the recording lacks is left out, with a note.
+    rest : (float, float) or (str, str), optional
+        Begin and end of a stretch at rest, s or text with a unit: the mean there is taken off, too.
+    calibration : CalibrationCard or path, optional
+        Card of this unit, applied in place of a drift model.
+    profile : path, optional
+        What the columns of a text file mean.
+    unit : str, optional
+        Which of several units in the file, by name or number from 1.
+    out : path, optional
+        Where to write the recording.
+    overwrite : bool
+        Whether a file that lies there may be replaced.
+    note : callable, optional
+        Called with each note as soon as it is known; the result holds them too.
+
+    Returns
+    -------
+    FilteredRates
+
+    Raises
+    ------
+    ShapeError
+        If the recording has no gyroscope.
+    ParameterError
+        If the filter, a parameter or the drift model is not known, two arguments say the same, or nothing was recorded
+        in `rest`.
+    CalibrationError
+        If a card is for another unit, or the samples are calibrated already.
+    DecodeError
+        If a file cannot be read.
+    """
+    label, source, imu = recording_of(recording, profile, unit, whole=True)
+    if imu.gyr is None:
+        raise ShapeError(f"{label} has no gyroscope, whose rates this filters.")
+    smoother = RateFilter(filter, channels=3, params=params)
+    notes: list[str] = []
+
+    def say(line: str) -> None:
+        notes.append(line)
+        if note is not None:
+            note(line)
+
+    model = _model(drift)
+    if calibration is not None:
+        if drift is not None:
+            raise ParameterError("drift and calibration both take the bias off. Give one of them.")
+        imu = apply_card(CalibrationCard.of(calibration), imu)
+    model = _known(model, imu, say)
+    if rest is not None:
+        model = _at_rest(model, imu, rest, say)
+    found = smoother.process(imu.t, model.compensate(imu.usable("gyr"), imu.temp_c, imu.acc))
+    say(f"filter: {smoother.describe()}")
+    imu = imu.corrected(gyr=found.rate, meta=imu.meta).flagged(found.flags & _KEPT)
+    made = replace(source, imu=imu, notes=(*source.notes, *(f"rates: {line}" for line in notes)))
+    result = FilteredRates(made, smoother.describe(), model, tuple(notes))
+    if out is not None:
+        result.save(check.path("out", out), overwrite=overwrite)
+    return result
+
+
+def _model(drift: str | GyroDrift | None) -> GyroDrift:
+    if drift is None or isinstance(drift, GyroDrift):
+        return drift or GyroDrift()
+    if drift not in DRIFTS:
+        raise ParameterError(
+            f"'{drift}' is not a drift model; known is {', '.join(DRIFTS)}. That of your own unit is a calibration "
+            "card, as 'plumbob calibrate gyro' and 'plumbob calibrate temperature' write it: --calibration."
+        )
+    return DRIFTS[drift]()
+
+
+def _known(model: GyroDrift, imu: ImuData, say: Callable[[str], None]) -> GyroDrift:
+    """Model without the parts whose sensor the recording lacks."""
+    if model.bias_per_k.any() and imu.temp_c is None:
+        say("drift: no temperature was recorded, so that what it contributes stays in the rates")
+        model = replace(model, bias_per_k=np.zeros(3))
+    if model.g_sensitivity.any() and imu.acc is None:
+        say("drift: no specific force was recorded, so that what it contributes stays in the rates")
+        model = replace(model, g_sensitivity=np.zeros((3, 3)))
+    if model.bias_per_k.any():
+        say(f"drift: taken off {_three(to_dps(model.bias_per_k))} °/s per °C from {model.temp_ref_c:g} °C")
+    if model.g_sensitivity.any():
+        per_g = to_dps(model.g_sensitivity) * g(1.0)
+        say(f"drift: taken off {', '.join(map(_three, per_g))} °/s per g along x, y, z, a row for each axis")
+    return model
+
+
+def _at_rest(
+    model: GyroDrift, imu: ImuData, rest: tuple[float | str, float | str], say: Callable[[str], None]
+) -> GyroDrift:
+    start, stop = (given("rest", end, Quantity.TIME) or 0.0 for end in rest)
+    rows = (imu.t >= start) & (imu.t < stop)
+    still = imu.picked(rows) if rows.any() else None
+    if still is None or still.gyr is None:
+        raise ParameterError(
+            f"rest = {start:g} to {stop:g} s holds no sample; the recording goes from {imu.t[0]:g} to {imu.t[-1]:g} s."
+        )
+    found = model.at_rest(still.usable("gyr"), still.temp_c, still.acc)  # [Chen2013] (6)
+    say(f"constant: {_three(to_dps(found.bias))} °/s, the mean from {start:g} to {stop:g} s")
+    return found
+
+
+def _three(values: Floats) -> str:
+    return " ".join(f"{value:.4g}" for value in values)

@@ -1,0 +1,225 @@
+"""One door to recordings: a file of any format, or the bytes of a live stream, decoded again; one unit, or an array."""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plumbob.core import check
+from plumbob.core.errors import ClockError, DecodeError, ParameterError
+from plumbob.files.formats import is_own
+from plumbob.files.formats import read as read_samples
+
+if TYPE_CHECKING:
+    from plumbob.data import ImuData
+    from plumbob.data.array import ImuArray, Mount
+    from plumbob.data.recording import Recording
+    from plumbob.files import Profile
+
+
+def read(
+    path: str | os.PathLike[str],
+    *,
+    profile: "Profile | str | Path | None" = None,
+    whole: bool = True,
+    unit: str | None = None,
+) -> "Recording":
+    """Read a file of any format, a recorded stream too: its samples are decoded again from their bytes.
+
+    A file of several units gives them as `Recording.array`, unless one is asked for.
+
+    Parameters
+    ----------
+    path : path
+        The file; its suffix says the format.
+    profile : Profile or path, optional
+        What the columns of a text file mean; one that lies beside it is found.
+    whole : bool
+        Whether all is to be in memory; without it, the samples of a ``.parquet`` recording that has no attitude stay in
+        their file: slices and `ImuData.chunks` read them part by part.
+    unit : str, optional
+        One of several units, by name or number from 1.
+
+    Returns
+    -------
+    Recording
+        Samples, attitude, or both, and notes of what a reader should know.
+
+    Raises
+    ------
+    DecodeError
+        If the file cannot be read, or is not what its suffix says.
+    ParameterError
+        If `path` is not a path, the format takes no profile, or there is no such unit.
+    MissingExtraError
+        If the format needs a package that is not installed.
+    """
+    file = check.path("path", path)
+    if is_own(file):
+        from plumbob.live.recorded import read_recorded
+
+        return read_recorded(file, unit=unit)
+    return read_samples(file, profile=profile, whole=whole, unit=unit)
+
+
+def read_one(
+    path: str | os.PathLike[str],
+    *,
+    profile: "Profile | str | Path | None" = None,
+    whole: bool = True,
+    unit: str | None = None,
+) -> "Recording":
+    """Read a file as `read` does, for who takes one unit.
+
+    Raises
+    ------
+    ParameterError
+        Also if it holds several, and none of them is asked for.
+    """
+    return read(path, profile=profile, whole=whole, unit=unit).of_unit(None)
+
+
+Source = str | os.PathLike[str]
+
+
+def read_array(
+    sources: Source | Sequence[Source] | Mapping[str, Source],
+    *,
+    mounts: "Source | Mapping[str, Mount] | None" = None,
+    format: str | Path | None = None,
+    rate: float | str | None = None,
+    note: Callable[[str], object] | None = None,
+) -> "ImuArray":
+    """Read several units on one time line.
+
+    Parameters
+    ----------
+    sources : path, sequence of path, or mapping of str to path
+        A file of several units, ``.parquet`` or ``.mcap``; a recorded stream (``.mcap``), whose bytes hold several, of
+        whatever unit its attitude is; raw bytes, with `format`; or files of one unit each, called by their stems or as
+        the mapping calls them.
+    mounts : path, mapping of str to Mount, or the name of a preset, optional
+        How the units sit on their bodies, in place of what the file says; a TOML file (`plumbob.data.array_toml`) may
+        name calibration cards, too. ``"arm"``: the six of the teaching arm.
+    format : str or path, optional
+        What raw bytes mean: a device, a rig or a ``.toml`` file.
+    rate : float or str, optional
+        Frames per second of raw bytes, Hz, where the format has neither clock nor rate.
+    note : callable, optional
+        Called with each line of what a reader should know.
+
+    Returns
+    -------
+    ImuArray
+        Calibrated where cards are named: by the session of a stream, or by `mounts`.
+
+    Raises
+    ------
+    DecodeError
+        If a file cannot be read, or holds no samples.
+    ClockError
+        If files of one unit each are not on one time line.
+    ParameterError
+        If there are not several units where they should be, or a mount belongs to none.
+    CalibrationError
+        If a card does not fit the unit, or is applied a second time.
+    """
+    if not isinstance(sources, str | os.PathLike):
+        named = sources if isinstance(sources, Mapping) else _by_stem(sources)
+        array, notes = _joined(named), list[str]()
+    elif format is not None:
+        array, notes = _of_bytes(check.path("sources", sources), format, rate)
+    else:
+        array, notes = _of_file(check.path("sources", sources))
+    for line in notes if note is not None else ():
+        note(line)  # type: ignore[misc]
+    return array if mounts is None else _mounted(array, mounts)
+
+
+def _by_stem(sources: Sequence[Source]) -> dict[str, Source]:
+    named = {check.path("sources", one).stem: one for one in sources}
+    if len(named) < len(sources):
+        raise ParameterError(
+            "two of the files have the same stem, by which their units are called; rename one, or in Python name the "
+            "units: {'left': path, 'right': path}."
+        )
+    return named
+
+
+def _of_file(file: Path) -> "tuple[ImuArray, list[str]]":
+    if is_own(file):
+        from plumbob.live.recorded import read_recorded
+
+        found = read_recorded(file, unit="all", calibrated=True)
+    else:
+        found = read(file)
+    if found.array is None:
+        raise ParameterError(
+            f"{file} holds one unit; give one such file for each unit, or raw bytes with their format."
+        )
+    return found.array, list(found.notes)
+
+
+def _of_bytes(file: Path, format: str | Path, rate: float | str | None) -> "tuple[ImuArray, list[str]]":
+    from plumbob.live.runner import run_stream
+    from plumbob.live.session_toml import ALL, session_of
+    from plumbob.live.sinks import Collected
+    from plumbob.live.sources import open_source
+    from plumbob.live.stream import Stream
+
+    session = session_of(capture=file, format=format, rate=rate, unit=ALL)
+    stream, found = Stream(session), Collected()
+    run_stream(stream, open_source(session.source), sinks=[found])
+    array = found.array(calibrated=True)
+    assert array is not None
+    counts = stream.decoder.counts
+    return array, [f"decoded from {counts.received} raw bytes as {session.form.name}, {counts.junk} of them junk"]
+
+
+def _joined(named: Mapping[str, Source]) -> "ImuArray":
+    """Units of files that hold one each."""
+    from plumbob.data.array import ImuArray
+    from plumbob.live.recorded import read_recorded
+
+    found: dict[str, ImuData] = {}
+    for name, source in named.items():
+        file = check.path("sources", source)
+        whole = read_recorded(file, calibrated=True) if is_own(file) else read(file)
+        one = whole.of_unit(None).imu
+        if one is None:
+            raise DecodeError(f"{source} holds an attitude but no sensor data.")
+        found[name] = one
+    starts = {one.meta.t0_ns for one in found.values()} - {0}
+    if len(starts) > 1:
+        raise ClockError(
+            f"the files begin at different times, up to {(max(starts) - min(starts)) / 1e9:.9g} s apart, and an array "
+            "has one time line. Put them on one first; plumbob.array.joined does that."
+        )
+    return ImuArray(found)
+
+
+def _mounted(array: "ImuArray", mounts: "Source | Mapping[str, Mount]") -> "ImuArray":
+    """The array with these mounts, and calibrated by the cards that stand beside them."""
+    from plumbob.data.array import PRESETS, ImuArray
+    from plumbob.data.array_toml import MountedUnit, load_units
+    from plumbob.data.calibrated import apply_card
+
+    if isinstance(mounts, Mapping):
+        told = {name: MountedUnit(name, mount) for name, mount in mounts.items()}
+    else:
+        told = load_units(Path(mounts))
+    units = dict(array.units)
+    if str(mounts) in PRESETS:
+        if not told.keys() & units.keys():
+            raise ParameterError(
+                f"the units of '{mounts}' are {', '.join(told)}, but those of the array are {', '.join(units)}; "
+                "name them so, or the files, or write a mount for each in a TOML file."
+            )
+        told = {name: one for name, one in told.items() if name in units}  # one that died has been left out
+    for name in told.keys() & units.keys():
+        card, device = told[name].card, told[name].device
+        if device:
+            units[name] = units[name].corrected(meta=replace(units[name].meta, device=device))
+        units[name] = units[name] if card is None else apply_card(card, units[name])
+    return ImuArray(units, {**array.mounts, **{name: one.mount for name, one in told.items()}})

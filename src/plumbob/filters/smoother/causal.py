@@ -1,0 +1,377 @@
+"""Without a lag, between two looks at the past: a filter on the models of the smoother that goes on from the last look.
+
+Rest, speed and the weight of each field come from what was before. What contradicts itself is doubted: the covariance
+grows by the angle in question, and the look that comes next decides.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import flags
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.kernels import kernel
+from plumbob.core.units import deg
+from plumbob.filters.smoother.field import (
+    APART,
+    LEAST_LEVEL,
+    STEEPEST,
+    TURNING,
+    Reference,
+    on_earth,
+    white_noise,
+)
+from plumbob.filters.smoother.inertial import (
+    ANY_SPEED,
+    LEAK,
+    LONGEST,
+    REST_SPEED,
+    SHORTEST,
+    SPEED_TIMES,
+    WINDOW,
+)
+from plumbob.filters.smoother.keyframes import Bools, turned_by
+from plumbob.filters.smoother.model import SIZE, TH, B, Noise, Params, V
+from plumbob.filters.smoother.samples import (
+    GATED,
+)
+from plumbob.filters.smoother.stationary import CLEAR, HOLDS, JUMPED, STOOD, UNTIL, means, stands, take_bias
+from plumbob.filters.smoother.sweeps import (
+    AGAIN,
+    COUNT,
+    FADE,
+    FIELD,
+    FORCE,
+    MEANS,
+    MEASURED,
+    MOVING,
+    RAW,
+    RESTING,
+    STEP,
+    TERMS,
+    TIME,
+    correct,
+    corrected_rate,
+    fade,
+    heading_update,
+    integrate,
+    keep,
+    predict,
+    zero_rate_update,
+    zero_velocity_update,
+)
+
+ANY_ATTITUDE: Final = 10.0
+"""Variance that a gap adds to the attitude, rad²."""
+FAST: Final = 1.0
+"""A level velocity that is gathered within `LEAK` and is larger, m/s, may be gravity in a wrong attitude."""
+LOST: Final = deg(20.0)
+"""A tilt that would be off by more than this, rad, is sought again, as at a start in motion."""
+
+SPEED2: Final = 0  # what is learned of the motion: mean squares of level speed and force, and the velocity
+FORCE2: Final = 1
+EAST_SPEED: Final = 2
+NORTH_SPEED: Final = 3
+LEARNED: Final = 4
+
+OTHER: Final = 0  # a field that contradicts the one of the place: its mean, east, north and up, µT
+SEEN: Final = 3  # for how long it stays as it is, s, and by how much the unit has turned in it since, rad
+TURNED: Final = 4
+TAKEN: Final = 5  # whether it has become the one of the place
+BEGAN: Final = 6  # and since when it had been seen, s
+DOUBT: Final = 7  # its azimuth, rad, as long as the field of the place is not seen again
+CONTRARY: Final = 8
+STEADY: Final = 0.5
+"""A field that contradicts one that no turn has proven, and stays for so long, s, may be that of the place as well;"""
+TAKES: Final = deg(30.0)
+"""once the unit has turned in it by this, rad, it is: what surrounds a unit where it lies is not the place."""
+ALIKE: Final = 2.0
+"""It stays as it is within so many spreads of the field."""
+TAKEN_SD: Final = deg(5.0)
+"""The heading is then known to this, rad."""
+
+
+class Field(NamedTuple):
+    """The field of the place as the filter takes it: level and vertical part, spread, µT, and white noise, µT²/Hz."""
+
+    level: float
+    vertical: float
+    spread: float
+    white2: float
+
+    @classmethod
+    def of(cls, reference: Reference | None, p: Params) -> "Field":
+        """Of a reference; without a level part where there is none."""
+        if reference is None:
+            return cls(0.0, 0.0, 1.0, 1.0)
+        return cls(reference.level, reference.vertical, reference.spread(p), white_noise(p, reference) ** 2)
+
+
+@kernel
+def velocity_density(learned: Floats, mean: Floats, dt: float, least: float, untold: bool) -> float:
+    """Spectral density of the level velocity, m²/s, by how the body has moved up to now; a held force says nothing."""
+    if untold:
+        learned[EAST_SPEED] = learned[NORTH_SPEED] = 0.0
+        return density_of(learned, least)
+    fading = math.exp(-dt / LEAK)
+    learned[EAST_SPEED] = learned[EAST_SPEED] * fading + mean[FORCE]
+    learned[NORTH_SPEED] = learned[NORTH_SPEED] * fading + mean[FORCE + 1]
+    share = 1.0 - math.exp(-dt / WINDOW)
+    speed2 = 0.5 * (learned[EAST_SPEED] ** 2 + learned[NORTH_SPEED] ** 2)
+    force2 = 0.5 * (mean[FORCE] ** 2 + mean[FORCE + 1] ** 2) / (dt * dt)
+    learned[SPEED2] += share * (speed2 - learned[SPEED2])
+    learned[FORCE2] += share * (force2 - learned[FORCE2])
+    return density_of(learned, least)
+
+
+@kernel
+def density_of(learned: Floats, least: float) -> float:
+    """The same by what is learned."""
+    speed = math.sqrt(learned[SPEED2])
+    lasts = min(max(SPEED_TIMES * speed / max(math.sqrt(learned[FORCE2]), 1e-3), SHORTEST), LONGEST)
+    return 2.0 * lasts * max(speed, least) ** 2
+
+
+@kernel
+def doubt(cov: Floats, all2: float, tilt2: float, heading2: float) -> None:
+    """Count what is in doubt, rad², in a covariance (3, 3): the attitude, its tilt, its heading."""
+    cov[0, 0] += all2 + tilt2
+    cov[1, 1] += all2 + tilt2
+    cov[2, 2] += all2 + heading2
+
+
+@kernel
+def begin_anew(standing: Floats, now: float, p: Floats, learned: Floats) -> None:
+    """Forget what is known of attitude and motion: any is possible."""
+    standing[JUMPED] = now
+    standing[UNTIL] = now + HOLDS
+    for i in (TH, TH + 1, TH + 2, V, V + 1):
+        p[i, i] += ANY_ATTITUDE
+    learned[:] = 0.0
+
+
+@kernel
+def unlikely_tilt(learned: Floats) -> float:
+    """Variance of the tilt, rad², by a level velocity beyond the usual: it may be gravity in a wrong attitude."""
+    speed2 = learned[EAST_SPEED] ** 2 + learned[NORTH_SPEED] ** 2
+    return max(speed2 - FAST * FAST, 0.0) / (LEAK * G0) ** 2  # type: ignore[no-any-return]
+
+
+@kernel
+def field_weight(mean: Floats, field: Field) -> float:
+    """How far the mean field of a step is believed, 0 to 1, by size, dip and direction; as `weights` has it."""
+    if mean[COUNT] == 0.0:
+        return 0.0
+    level = math.hypot(mean[FIELD], mean[FIELD + 1])
+    if not level > STEEPEST * field.level or field.level == 0.0:
+        return 0.0
+    half = field.level * math.sin(0.5 * math.atan2(mean[FIELD], mean[FIELD + 1]))
+    off2 = (level - field.level) ** 2 + (mean[FIELD + 2] - field.vertical) ** 2 + half * half
+    share = 1.0 + off2 / (field.spread * field.spread)
+    return 1.0 / (share * share)  # type: ignore[no-any-return]
+
+
+@kernel
+def onward(
+    t: Floats, gyr: Floats, acc: Floats, mag: Floats, first: NDArray[np.int64], gap: Bools, quiet: Bools,
+    around: Floats, missed: Floats, pushed: Floats, untold: Bools, noise: Noise, field: Field,
+    rest_band: float, rest_time: float, least_speed: float, proven: bool, attitude: Floats, now: Floats, p: Floats,
+    learned: Floats, against: Floats, other: Floats, standing: Floats, q: Floats, x: Floats, cov: Floats,
+    word: NDArray[np.uint32], weight: Floats,
+) -> None:  # fmt: skip
+    """Filter on over some keyframes: attitude, state and covariance of the attitude at each, and what each step was.
+
+    `attitude`, `now`, `p` and `learned` are those before the first step, and are left as those after the last;
+    `against` is the time for which the unit turned in other fields than that of the place, `other` such a field, and
+    `stationary` what contradicts the gyroscope.
+    """
+    column, gain, term = np.zeros(SIZE), np.zeros((MEASURED, SIZE)), np.zeros((MEASURED, TERMS))
+    f, mean, seen, rate = np.zeros(STEP), np.zeros(MEANS), np.empty(9), np.empty(3)
+    keep(0, attitude, now, p, q, x, cov)
+    for k in range(first.size - 1):
+        kind = AGAIN if gap[k] else kind_of(quiet[k], around[k], now, rest_band)
+        spread2 = integrate(first[k], first[k + 1], t, gyr, acc, mag, kind, attitude, now, f, mean)
+        dt = f[TIME]
+        f[FADE] = math.exp(-dt / noise.bend_time)
+        weight[k] = 0.0
+        if kind == AGAIN:
+            for i in (TH, TH + 1, TH + 2, V, V + 1):
+                p[i, i] += ANY_ATTITUDE
+        else:
+            predict(p, now, f, mean, spread2, missed[k], pushed[k], noise)
+        for i in range(3):
+            p[B + i, B + i] += noise.walk * dt
+        fade(p, now, f[FADE], noise.bend)
+        if kind != AGAIN:
+            weight[k] = measure(
+                p, now, gain, term, column, mean, dt, kind, learned, least_speed, untold[k], noise, field
+            )  # fmt: skip
+        rate[0], rate[1], rate[2] = corrected_rate(now, mean[RAW] / dt, mean[RAW + 1] / dt, mean[RAW + 2] / dt)
+        turning = math.sqrt(rate[0] ** 2 + rate[1] ** 2 + rate[2] ** 2) if kind == MOVING else 0.0
+        if weight[k] < GATED and field.level > 0.0:
+            against[0] += min(turning / TURNING, 1.0) * dt  # as `turning_time` has it
+        correct(attitude, now)
+        doubt2, end = 0.0, t[first[k + 1]]
+        if kind == MOVING:
+            means(acc, mag, first[k], first[k + 1], seen)
+            doubt2 = stands(standing, seen, rate, dt, end)
+        else:
+            standing[STOOD] = 0.0
+        if doubt2 > CLEAR * CLEAR and quiet[k]:
+            take_bias(standing, end, attitude, now, p, rest_band, rest_time)
+            learned[:] = 0.0
+        if not proven and contradicted(other, mean, dt, turning, field, weight[k], kind == AGAIN):
+            turn_heading_by(other[DOUBT], attitude, now, p, learned)
+            p[TH + 2, TH + 2] += TAKEN_SD**2
+            field = taken(other, field)
+            other[TAKEN], other[BEGAN], other[SEEN], other[DOUBT] = 1.0, end - other[SEEN], 0.0, 0.0
+            proven = True
+        keep(k + 1, attitude, now, p, q, x, cov)
+        tilt2 = unlikely_tilt(learned)
+        doubt(cov[k + 1], doubt2, tilt2, other[DOUBT] ** 2)
+        if tilt2 > LOST * LOST:
+            begin_anew(standing, end, p, learned)
+        word[k] = (flags.AT_REST if kind == RESTING else 0) | (flags.INCONSISTENT if end < standing[UNTIL] else 0)
+
+
+@kernel
+def measure(
+    p: Floats, now: Floats, gain: Floats, term: Floats, column: Floats, mean: Floats, dt: float, kind: int,
+    learned: Floats, least_speed: float, untold: bool, noise: Noise, field: Field,
+) -> float:  # fmt: skip
+    """Take in what a step shows of velocity, rest and heading; returns how far its field was believed."""
+    density = velocity_density(learned, mean, dt, least_speed, untold)
+    if untold:
+        forget_velocity(p, now)
+    else:
+        if kind == RESTING:
+            density = 2.0 * SHORTEST * REST_SPEED**2
+        zero_velocity_update(p, now, gain, term, column, density / dt)
+    if kind == RESTING:
+        zero_rate_update(p, now, gain, term, column, mean, dt, noise.rest / dt)
+    weight = field_weight(mean, field)
+    if weight > 0.0:
+        var = field.white2 / (field.level * field.level * dt * weight)
+        heading_update(p, now, gain, term, column, mean, var)
+    return weight
+
+
+@kernel
+def forget_velocity(p: Floats, now: Floats) -> None:
+    """The level velocity may be any: a held force turns with the body, and adds up to nonsense."""
+    for i in (V, V + 1):
+        now[i] = 0.0
+        for j in range(SIZE):
+            p[i, j] = p[j, i] = 0.0
+        p[i, i] = ANY_SPEED**2
+
+
+@kernel
+def kind_of(quiet: bool, around: Floats, now: Floats, rest_band: float) -> int:
+    """Kind of a step: at rest where it ends a calm window whose mean rate is the bias."""
+    off2 = 0.0
+    for i in range(3):
+        off2 += (around[i] - now[B + i]) ** 2
+    return RESTING if quiet and off2 < rest_band * rest_band else MOVING
+
+
+@kernel
+def taken(other: Floats, field: Field) -> Field:
+    """Another field as the one of the place."""
+    return Field(math.hypot(other[OTHER], other[OTHER + 1]), other[OTHER + 2], field.spread, field.white2)
+
+
+@kernel
+def contradicted(other: Floats, mean: Floats, dt: float, rate: float, field: Field, weight: float, again: bool) -> bool:
+    """Whether the unit has turned enough in another field for that to be the one of the place."""
+    if field.level == 0.0 or not on_earth(math.hypot(mean[FIELD], mean[FIELD + 1]), mean[FIELD + 2]):
+        return False
+    if again or mean[COUNT] == 0.0 or weight >= GATED:
+        other[SEEN], other[DOUBT] = 0.0, 0.0
+        return False
+    see_other(other, mean, dt, rate, field)
+    level = math.hypot(other[OTHER], other[OTHER + 1])
+    return bool(other[SEEN] > STEADY and other[TURNED] > TAKES and level > LEAST_LEVEL)
+
+
+@kernel
+def see_other(other: Floats, mean: Floats, dt: float, rate: float, field: Field) -> None:
+    """Follow a field that contradicts the one of the place; one that changes is not the one that was seen before."""
+    east, north, up = mean[FIELD], mean[FIELD + 1], mean[FIELD + 2]
+    apart2 = east**2 + (north - field.level) ** 2 + (up - field.vertical) ** 2
+    off2 = (east - other[OTHER]) ** 2 + (north - other[OTHER + 1]) ** 2 + (up - other[OTHER + 2]) ** 2
+    if other[SEEN] == 0.0 or off2 > (ALIKE * field.spread) ** 2 or apart2 < (APART * field.spread) ** 2:
+        other[SEEN], other[TURNED] = 0.0, 0.0
+    if other[SEEN] > STEADY:
+        other[TURNED] += rate * dt
+    other[SEEN] += dt
+    share = dt / min(other[SEEN], 1.0)
+    for i in range(3):
+        other[OTHER + i] += min(share, 1.0) * (mean[FIELD + i] - other[OTHER + i])
+    if other[SEEN] > STEADY:
+        other[DOUBT] = math.atan2(other[OTHER], other[OTHER + 1])
+
+
+@kernel
+def turn_heading_by(by: float, attitude: Floats, now: Floats, p: Floats, learned: Floats) -> None:
+    """Count headings from elsewhere: turn all that has a direction about the vertical, rad."""
+    c, s = math.cos(0.5 * by), math.sin(0.5 * by)
+    w, x, y, z = attitude[0], attitude[1], attitude[2], attitude[3]
+    attitude[0], attitude[1], attitude[2], attitude[3] = c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w
+    c, s = math.cos(by), math.sin(by)
+    for i in (TH, V):
+        now[i], now[i + 1] = c * now[i] - s * now[i + 1], s * now[i] + c * now[i + 1]
+        for j in range(SIZE):
+            p[i, j], p[i + 1, j] = c * p[i, j] - s * p[i + 1, j], s * p[i, j] + c * p[i + 1, j]
+        for j in range(SIZE):
+            p[j, i], p[j, i + 1] = c * p[j, i] - s * p[j, i + 1], s * p[j, i] + c * p[j, i + 1]
+    east, north = learned[EAST_SPEED], learned[NORTH_SPEED]
+    learned[EAST_SPEED], learned[NORTH_SPEED] = c * east - s * north, s * east + c * north
+
+
+@kernel
+def between_keyframes(
+    t: Floats, gyr: Floats, first: NDArray[np.int64], early: Bools, gap: Bools, q_k: Floats, x: Floats, q: Floats,
+) -> None:  # fmt: skip
+    """Attitude at every sample, from the keyframe before it by the gyroscope.
+
+    A keyframe that came early, because nothing followed it, changes what comes after it alone.
+    """
+    now = np.empty(4)
+    for k in range(first.size):
+        for i in range(4):
+            now[i] = q_k[k, i]
+            if k == 0 or not early[k - 1]:
+                q[first[k], i] = now[i]
+        last = first[k + 1] if k < first.size - 1 else first[k]
+        for s in range(first[k] + 1, last + 1):
+            if not gap[k]:
+                dt = t[s] - t[s - 1]
+                wx, wy, wz = corrected_rate(x[k], gyr[s, 0], gyr[s, 1], gyr[s, 2])
+                turned_by(now, dt * wx, dt * wy, dt * wz)
+            for i in range(4):
+                q[s, i] = now[i]
+
+
+class Room(NamedTuple):
+    """What is known at some keyframes, and of the steps between: see `onward`."""
+
+    q: Floats
+    x: Floats
+    cov: Floats
+    word: NDArray[np.uint32]
+    weight: Floats
+
+    @classmethod
+    def of(cls, n: int) -> "Room":
+        """For n steps."""
+        return cls(
+            np.empty((n + 1, 4)),
+            np.empty((n + 1, SIZE)),
+            np.empty((n + 1, 3, 3)),
+            np.empty(n, dtype=np.uint32),
+            np.empty(n),
+        )

@@ -1,0 +1,780 @@
+"""Parameters of a filter fitted to recordings with references, and what they are worth on recordings not fitted to.
+
+The error of a set of parameters is the geometric mean over recordings of the rms error that `plumbob.evaluate` defines:
+the mean of logarithms, so that a recording with large errors does not outweigh the others. It is searched in the
+logarithms of the parameters, first on a fixed scrambled Sobol design, then from its best point by Nelder and Mead.
+
+Cross-validation: the groups of recordings are dealt to folds; for each fold the search sees the other recordings only,
+and the errors on the fold's own are those held out. The design does not depend on errors, so that no fold
+learns anything of its own recordings by sharing it. The gain is the geometric mean of the held-out errors relative
+to those of the defaults, with a paired 95 % interval of Student's t over groups.
+"""
+
+import json
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, ShapeError
+from plumbob.core.files import sha256_of, write_text
+from plumbob.core.params import Parameter, allowed, checked, describe, shown
+from plumbob.core.text import counted, visible
+from plumbob.core.units import Quantity, given, to_deg
+from plumbob.core.version import __version__
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.recording import Recording
+from plumbob.door.evaluate import evaluate
+from plumbob.evaluation.align import not_converged
+from plumbob.evaluation.metrics import error_quat
+from plumbob.filters.known import load
+from plumbob.filters.offline import Stage, navigation_frame, run_stage
+from plumbob.fleet.experiments.trials import read_trial, trials_in
+from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.report import Report, Reported, plain
+from plumbob.rotations import Frame
+
+if TYPE_CHECKING:
+    from matplotlib.figure import FigureBase
+
+METRICS: Final = ("total", "heading", "inclination")
+GROUPS: Final = ("recording", "folder", "device")
+REACH: Final = 100.0
+"""Without a range, a parameter is sought between its default over this and its default times this."""
+NEAR_END: Final = 0.02
+"""A value within this share of its range, in logarithms, is at the end of the range."""
+DESIGN: Final = 0.6
+"""Share of the budget that is spent on the design; the rest refines."""
+STEP: Final = 0.08
+"""First step of the refinement, share of the range in logarithms."""
+WORST: Final = math.pi
+"""Error of a run that cannot be scored, rad: none is larger."""
+LEAST: Final = 1e-9
+"""Smallest error whose logarithm is taken, rad."""
+
+FEW: Final[Mapping[str, tuple[str, ...]]] = {
+    "mahony": ("kp", "ki"),
+    "vqf": ("tau_acc", "tau_mag"),
+    "mekf": ("gyr_noise", "acc_noise", "speed", "mag_noise"),
+}
+"""The few that matter most, of filters with gates or many parameters; of others all with a default above 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """A parameter that is sought, with the ends of its range in the unit inside."""
+
+    parameter: Parameter
+    low: float
+    high: float
+
+    def at(self, x: float) -> float:
+        """Value at a place of the range, 0 to 1, even in logarithms."""
+        return float(min(self.high, max(self.low, self.low * (self.high / self.low) ** x)))
+
+    def place(self, value: float) -> float:
+        """Where a value lies in the range, 0 to 1."""
+        return min(1.0, max(0.0, math.log(value / self.low) / math.log(self.high / self.low)))
+
+
+@dataclass(frozen=True, slots=True)
+class Tuned:
+    """What was found for a parameter: values in the unit inside.
+
+    Attributes
+    ----------
+    name : str
+        Of the parameter.
+    default, value : float
+        Of the filter, and fitted to all recordings; the default is NaN where it is off.
+    low, high : float
+        Range that was searched.
+    folds : tuple of float
+        Value of each fold; that they differ much says that the recordings do not determine it.
+    at_end : str
+        "low" or "high" where the value lies at that end of its range, else empty.
+    """
+
+    name: str
+    default: float
+    value: float
+    low: float
+    high: float
+    folds: tuple[float, ...]
+    at_end: str
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Errors on a recording, degrees, and what it is.
+
+    Attributes
+    ----------
+    name, group : str
+        Of the recording, and of what is held out together.
+    fold : int or None
+        Number of the fold in which it is held out, from 1; None where there are no folds.
+    default_deg : float
+        With the filter's defaults.
+    tuned_deg : float or None
+        Held out: with parameters that were fitted without its group.
+    fitted_deg : float
+        With parameters that were fitted to all recordings, this one too.
+    sha256 : str or None
+        Of its file.
+    """
+
+    name: str
+    group: str
+    fold: int | None
+    default_deg: float
+    tuned_deg: float | None
+    fitted_deg: float
+    sha256: str | None
+
+
+@dataclass(frozen=True, repr=False)
+class Tuning(Reported):
+    """Tuned parameters of a filter, and whether they can be expected to help on other recordings.
+
+    Attributes
+    ----------
+    filter, metric, group_by : str
+        As they were asked for.
+    fixed : Mapping
+        Parameters that were given and not sought.
+    parameters : tuple of Tuned
+        What was sought.
+    recordings : tuple of Held
+        Errors on each.
+    folds : int
+        Number of folds; 0 where there is one group only, so that nothing can be held out.
+    train_default_deg, train_tuned_deg : float
+        Geometric mean over folds and their training recordings.
+    held_default_deg, held_tuned_deg : float or None
+        Geometric mean over groups of what is held out.
+    gain : (float, float, float) or None
+        Held-out error relative to the defaults', −0.2 for a fifth less, with its paired 95 % interval over groups.
+    budget, runs, seed : int
+        Evaluations for each search, filter runs in all, and the seed of the design.
+    align : tuple of str
+        What was aligned before the errors were measured.
+    skipped : Mapping
+        Files that were not used, and why.
+    """
+
+    filter: str
+    metric: str
+    group_by: str
+    fixed: Mapping[str, Any]
+    parameters: tuple[Tuned, ...]
+    recordings: tuple[Held, ...]
+    folds: int
+    train_default_deg: float
+    train_tuned_deg: float
+    held_default_deg: float | None
+    held_tuned_deg: float | None
+    gain: tuple[float, float, float] | None
+    budget: int
+    runs: int
+    seed: int
+    align: tuple[str, ...]
+    skipped: Mapping[str, str]
+
+    @property
+    def proven(self) -> bool:
+        """Whether a gain on recordings that were not fitted to is outside of its uncertainty."""
+        return self.gain is not None and self.gain[2] < 0.0
+
+    @property
+    def gap(self) -> float | None:
+        """Generalisation gap: by how much the gain is less on held-out recordings than on those fitted to, 0 to 1."""
+        if self.gain is None:
+            return None
+        return self.gain[0] - (self.train_tuned_deg / self.train_default_deg - 1.0)
+
+    @property
+    def params(self) -> dict[str, Any]:
+        """Fitted to all recordings, with those that were given; what `plumbob.estimate` takes as `params`."""
+        return {**self.fixed, **{p.name: p.value for p in self.parameters}}
+
+    def verdict(self) -> str:
+        """What to do, in a sentence or two."""
+        if self.gain is None:
+            return (
+                f"Nothing can be said of other recordings: there is one {self.group_by} only, and the parameters are "
+                "fitted to it. Add recordings of other motions, days or units."
+            )
+        groups = counted(len({r.group for r in self.recordings}), self.group_by)
+        if self.proven:
+            return f"The gain on held-out recordings is outside of its uncertainty over {groups}."
+        if self.gain[1] > 0.0:
+            return f"Keep the defaults: on held-out recordings the tuned parameters are worse, over {groups}."
+        return f"Keep the defaults: the gain on held-out recordings is within its uncertainty over {groups}."
+
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words."""
+        return {"filter": self.filter, "recordings": str(len(self.recordings)), "verdict": self.verdict()}
+
+    def as_dict(self) -> dict[str, Any]:
+        """Ready for JSON: parameters in the unit inside, errors in degrees."""
+        names = [name for name in self.__dataclass_fields__ if name not in {"parameters", "recordings", "skipped"}]
+        found = {name: plain(getattr(self, name)) for name in names}
+        found |= {"proven": self.proven, "gap": self.gap, "verdict": self.verdict(), "version": __version__}
+        rows = {"parameters": list(self.parameters), "recordings": list(self.recordings), "skipped": self.skipped}
+        return found | {name: plain(value) for name, value in rows.items()}
+
+    def report(self) -> Report:
+        """Parameters, errors on what was fitted to and on what was not, and each recording."""
+        return Report(
+            f"Parameters of {self.filter}",
+            facts=list(self._facts()),
+            tables=[self._values(), self._errors(), self._each()],
+            remarks=[*self._ends(), *(f"skipped {name}: {why}" for name, why in self.skipped.items()), self.verdict()],
+            figures=[Figure("RMSE of each recording, defaults and tuned", self._draw, height=3.0)],
+        )
+
+    def _facts(self) -> Sequence[tuple[str, str]]:
+        by = "" if self.group_by == "recording" else f", {self.group_by}s held out together"
+        folds = f"{counted(self.folds, 'fold')}{by}" if self.folds else "none: nothing can be held out"
+        work = f"{self.budget} evaluations for each search, {self.runs} runs of the filter, seed {self.seed}"
+        facts = [
+            ("recordings", str(len(self.recordings))),
+            ("error", f"{self.metric} RMSE, geometric mean over recordings"),
+            ("aligned", ", ".join(self.align) or "nothing"),
+            ("folds", folds),
+            ("search", work),
+        ]
+        if self.fixed:
+            facts.append(("given", ", ".join(f"{name}={value}" for name, value in self.fixed.items())))
+        return facts
+
+    def _values(self) -> Table:
+        known = _known(self.filter)
+        rows = []
+        for p in self.parameters:
+            one = known[p.name]
+            spread = f"{_text(one, min(p.folds))} to {_text(one, max(p.folds))}" if p.folds else "–"
+            default = "off" if math.isnan(p.default) else _text(one, p.default)
+            searched = f"{_text(one, p.low)} to {_text(one, p.high)}"
+            rows.append([p.name, default, _text(one, p.value), spread, searched])
+        head = ["", "default", "tuned", "in the folds", "searched"]
+        return Table("Parameters, tuned to all recordings", head, rows)
+
+    def _errors(self) -> Table:
+        rows = [_compared("fitted to", self.train_default_deg, self.train_tuned_deg)]
+        if self.gain is not None and self.held_default_deg is not None and self.held_tuned_deg is not None:
+            rows.append(_compared("held out", self.held_default_deg, self.held_tuned_deg))
+            rows[-1][-1] = f"{_percent(self.gain[0])} ({_percent(self.gain[1])} to {_percent(self.gain[2])})"
+            rows.append(["gap", "", "", "" if self.gap is None else _percent(self.gap)])
+        head = ["", "defaults", "tuned", "change (95 %)"]
+        return Table(f"{self.metric.capitalize()} RMSE, geometric mean [°]", head, rows)
+
+    def _each(self) -> Table:
+        rows = [
+            [r.name, "–" if r.fold is None else str(r.fold), f"{r.default_deg:.3f}", _degrees(r.tuned_deg),
+             f"{r.fitted_deg:.3f}"]
+            for r in self.recordings
+        ]  # fmt: skip
+        return Table("RMSE of each recording [°]", ["", "fold", "defaults", "held out", "fitted to all"], rows)
+
+    def _ends(self) -> Sequence[str]:
+        return [
+            f"{p.name} lies at the {p.at_end} end of the range that was searched: the best value may be beyond it"
+            for p in self.parameters
+            if p.at_end
+        ]
+
+    def _draw(self, figure: "FigureBase") -> None:
+        ax = figure.subplots()
+        rows = np.arange(len(self.recordings))
+        ax.plot([r.default_deg for r in self.recordings], rows, "o", label="defaults")
+        tuned = [r.fitted_deg if r.tuned_deg is None else r.tuned_deg for r in self.recordings]
+        ax.plot(tuned, rows, "s", label="held out" if self.folds else "fitted to")
+        ax.set_yticks(rows, [r.name[:28] for r in self.recordings], fontsize=6)
+        ax.set_xscale("log")
+        ax.set_xlabel(f"{self.metric} RMSE [°]")
+        ax.legend()
+
+    def toml(self) -> str:
+        """Parameter file as ``run --params`` takes it, with where the values come from in comments."""
+        known = _known(self.filter)
+        lines = [f"# Parameters of {self.filter}, tuned by plumbob {__version__}.", f"# {self.verdict()}"]
+        lines += [f"# {name}: {visible(value)}" for name, value in self._facts()]
+        lines.append(
+            f"# RMSE fitted to: defaults {self.train_default_deg:.4g} deg, tuned {self.train_tuned_deg:.4g} deg"
+        )
+        if self.gain is not None:
+            change, low, high = map(_percent, self.gain)
+            held = f"defaults {self.held_default_deg:.4g} deg, tuned {self.held_tuned_deg:.4g} deg"
+            lines.append(f"# RMSE held out: {held}, change {change} (95 %: {low} to {high})")
+        for r in self.recordings:
+            fold = "" if r.fold is None else f", fold {r.fold}"
+            lines.append(f"# {json.dumps(r.name, ensure_ascii=False)}{fold}, sha256 {r.sha256 or 'not of a file'}")
+        lines += ["", f"[{self.filter}]"]
+        for name, value in self.params.items():
+            text = value if isinstance(value, str) else shown(known[name], value)
+            lines.append(f"{name} = {json.dumps(text)}")
+        return "\n".join([*lines, ""])
+
+    def write(self, path: str | Path, *, unproven: bool = False, overwrite: bool = False) -> Path:
+        """Write the parameter file.
+
+        Parameters
+        ----------
+        path : path
+            Its name ends in .toml.
+        unproven : bool
+            Write it even where no gain on held-out recordings is shown.
+        overwrite : bool
+            Replace a file that exists.
+
+        Raises
+        ------
+        ParameterError
+            If the name ends otherwise, or no gain is shown and `unproven` is not set.
+        """
+        if (path := check.path("path", path)).suffix.lower() != ".toml":
+            raise ParameterError(f"a parameter file needs a name that ends in .toml, but got {path}.")
+        if not (self.proven or unproven):
+            raise ParameterError(f"{path} is not written. {self.verdict()} To write it all the same, say unproven.")
+        return write_text(path, self.toml(), overwrite=overwrite)
+
+
+def tune(
+    recordings: str | Path | Recording | Sequence[str | Path | Recording],
+    filter: str,
+    *,
+    params: Collection[str] | None = None,
+    fixed: Mapping[str, Any] | None = None,
+    metric: str = "total",
+    group_by: str = "recording",
+    folds: int | None = None,
+    budget: int = 60,
+    seed: int = 1,
+    frame: Frame | str | None = None,
+    align: Collection[str] = (),
+    settle: float | str = 0.0,
+    jobs: int = 2,
+    progress: Callable[[int, int], None] | None = None,
+) -> Tuning:
+    """Fit parameters of a filter to recordings with references, and cross-validate what they are worth.
+
+    Parameters
+    ----------
+    recordings : path, Recording, or sequence of them
+        Files, folders of files, or recordings, each with sensor data and a reference. Others are skipped.
+    filter : str
+        Name of the filter.
+    params : collection of str, optional
+        What to seek: names, or ``name=LOW..HIGH`` with units; by default the few that matter most.
+    fixed : Mapping, optional
+        Parameters that keep a given value.
+    metric : str
+        Error that is to be small: "total", "heading" or "inclination", as `plumbob.evaluate` has them.
+    group_by : str
+        What is held out together: "recording", "folder" or "device".
+    folds : int, optional
+        Number of folds; by default one for each group.
+    budget : int
+        Evaluations for each search, over all its recordings.
+    seed : int
+        Of the design, and of the folds where there are fewer than groups.
+    frame : Frame or str, optional
+        Navigation frame where a recording names none.
+    align : collection of str
+        What is aligned before an error is measured, as `plumbob.evaluate` has it.
+    settle : float or str
+        Time at the start that is not judged, s.
+    jobs : int
+        Threads; the result does not depend on them.
+    progress : callable, optional
+        Called with the number of runs done, and of all that there will be at most.
+
+    Returns
+    -------
+    Tuning
+
+    Raises
+    ------
+    ParameterError
+        If a setting is not known or out of range.
+    DecodeError
+        If no recording can be used.
+    """
+    check.one_of("metric", metric, METRICS)
+    check.one_of("group_by", group_by, GROUPS)
+    _require("budget", budget, 4)
+    _require("jobs", jobs, 1)
+    ranges = _ranges(filter, params, fixed or {})
+    given_ = _fixed(filter, fixed or {}, ranges)
+    judge = _Judge(filter, metric, tuple(align), given("settle", settle, Quantity.TIME) or 0.0, given_, ranges)
+    trials, skipped = _read(recordings, judge, None if frame is None else Frame.parse(frame), group_by)
+    groups = list(dict.fromkeys(trial.group for trial in trials))
+    dealt = _deal(groups, folds, seed)
+    with ThreadPoolExecutor(max_workers=jobs) as pool:
+        search = _Search(judge, trials, pool, budget, len(set(dealt.values())), progress)
+        return _crossed(search, dealt, group_by=group_by, seed=seed, skipped=skipped)
+
+
+class _Trial:
+    """A recording in memory, what of it is judged, and the errors that are known of it, by place."""
+
+    def __init__(self, name: str, group: str, imu: ImuData, reference: AttitudeTrack, frame: Frame) -> None:
+        self.name, self.group, self.imu, self.reference, self.frame = name, group, imu, reference, frame
+        self.sha256: str | None = None
+        self.q_ref: Floats = np.empty((0, 4))
+        self.judged: NDArray[np.bool_] = np.empty(0, dtype=np.bool_)
+        self.default = math.nan
+        self.known: dict[bytes, float] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class _Judge:
+    """How a set of parameters is judged on a recording."""
+
+    filter: str
+    metric: str
+    align: tuple[str, ...]
+    settle: float
+    fixed: Mapping[str, Any]
+    ranges: tuple[Range, ...]
+
+    def values(self, x: Floats) -> dict[str, Any]:
+        """Parameters at a place of the unit cube."""
+        return {**self.fixed, **{r.parameter.name: r.at(float(p)) for r, p in zip(self.ranges, x, strict=True)}}
+
+    def prepare(self, trial: _Trial) -> None:
+        """Associate once, as `evaluate` does, and measure the defaults; ShapeError where they cannot be scored."""
+        track = self._track(trial, dict(self.fixed))
+        found = evaluate(track, trial.reference, align=self.align, settle=self.settle)
+        if self.metric not in found.stats:
+            raise ShapeError(f"its {self.metric} error cannot be scored: {found.not_scored[self.metric]}.")
+        if not track.known.all():
+            raise ShapeError("the filter with its defaults leaves attitudes that are not known.")
+        trial.default = max(found.stats[self.metric].rmse, LEAST)
+        whole = evaluate(replace(track, flags=None), trial.reference, align=self.align, settle=self.settle)
+        trial.q_ref, trial.judged = whole.match.q_ref, whole.match.scored
+
+    def error(self, trial: _Trial, x: Floats) -> float:
+        """Rms error, rad, `WORST` where it cannot be scored; the same number as `evaluate` gives."""
+        try:
+            track = self._track(trial, self.values(x))
+            if not track.known.all():
+                return WORST
+            if self.align:
+                found = evaluate(track, trial.reference, align=self.align, settle=self.settle)
+                return max(found.stats[self.metric].rmse, LEAST)
+        except ShapeError:
+            return WORST
+        rows = trial.judged & ~not_converged(track)
+        if not rows.any():
+            return WORST
+        return max(_rms(self.metric, track.q_nb[rows], trial.q_ref[rows]), LEAST)
+
+    def _track(self, trial: _Trial, values: Mapping[str, Any]) -> AttitudeTrack:
+        return run_stage(trial.imu, Stage(self.filter, values), frame=trial.frame)
+
+
+def _rms(metric: str, q_est: Floats, q_ref: Floats) -> float:
+    """Rms of one error of `attitude_errors`, without the cost of the others."""
+    w, x, y, z = np.abs(np.moveaxis(error_quat(q_est, q_ref), -1, 0))
+    if metric == "total":
+        half = np.arctan2(np.sqrt(x * x + y * y + z * z), w)
+    elif metric == "heading":
+        half = np.arctan2(z, w)
+    else:
+        half = np.arctan2(np.hypot(x, y), np.hypot(w, z))
+    return float(2.0 * np.sqrt(np.mean(half * half)))
+
+
+class _Search:
+    """The search in the unit cube, on any of the recordings; what was run once is not run again."""
+
+    def __init__(
+        self,
+        judge: _Judge,
+        trials: Sequence[_Trial],
+        pool: ThreadPoolExecutor,
+        budget: int,
+        folds: int,
+        progress: Callable[[int, int], None] | None,
+    ) -> None:
+        self.judge, self.trials, self.pool, self.budget = judge, trials, pool, budget
+        self.runs, self.progress = 0, progress
+        self.designed = max(2, round(DESIGN * budget))
+        searches = 1 + (folds if folds > 1 else 0)
+        self.most = len(trials) * (self.designed + searches * (budget - self.designed + 1))
+
+    def logs(self, x: Floats, trials: Sequence[_Trial]) -> Floats:
+        """Logarithms of the errors (len(trials),) at a place."""
+        key = x.tobytes()
+        new = [trial for trial in trials if key not in trial.known]
+        for trial, error in zip(new, self.pool.map(lambda t: self.judge.error(t, x), new), strict=True):
+            trial.known[key] = error
+        self.runs += len(new)
+        if self.progress is not None:
+            self.progress(self.runs, self.most)
+        return np.log([trial.known[key] for trial in trials])
+
+    def best(self, trials: Sequence[_Trial], design: Floats) -> Floats:
+        """Best place (d,) for these recordings: of the design, then refined from there."""
+        from scipy.optimize import minimize
+
+        def cost(x: Floats) -> float:
+            return float(self.logs(np.asarray(x, dtype=np.float64), trials).mean())
+
+        costs = [cost(x) for x in design]
+        start = design[int(np.argmin(costs))]
+        if (left := self.budget - self.designed) < 1:
+            return np.asarray(start)
+        steps = np.where(start + STEP <= 1.0, STEP, -STEP)
+        simplex = np.vstack([start, start + np.diag(steps)])
+        found = minimize(
+            cost,
+            start,
+            method="Nelder-Mead",
+            bounds=[(0.0, 1.0)] * start.size,
+            options={"maxfev": left, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-5},
+        )
+        return np.asarray(found.x if found.fun < min(costs) else start)
+
+    def design(self, seed: int) -> Floats:
+        """Places that every search begins with: the defaults, and a scrambled Sobol sequence, (n, d)."""
+        from scipy.stats import qmc
+
+        ranges = self.judge.ranges
+        sobol = qmc.Sobol(len(ranges), seed=seed).random_base2(math.ceil(math.log2(self.designed)))
+        default = [r.place(r.parameter.default) if _positive(r.parameter.default) else 0.0 for r in ranges]
+        return np.vstack([default, sobol[: self.designed - 1]])
+
+
+def _crossed(
+    search: _Search, dealt: Mapping[str, int], *, group_by: str, seed: int, skipped: Mapping[str, str]
+) -> Tuning:
+    """Fit to all; then, for each fold, fit to the others and judge it by its own."""
+    trials, judge, design = search.trials, search.judge, search.design(seed)
+    best = search.best(trials, design)
+    fitted = dict(zip((t.name for t in trials), np.exp(search.logs(best, trials)), strict=True))
+    count = len(set(dealt.values())) if len(dealt) > 1 else 0
+    held: dict[str, float] = {}
+    places, train_default, train_tuned = [], [], []
+    for fold in range(1, count + 1):
+        inside = [t for t in trials if dealt[t.group] != fold]
+        own = [t for t in trials if dealt[t.group] == fold]
+        place = search.best(inside, design)
+        places.append(place)
+        train_default.append(np.mean(np.log([t.default for t in inside])))
+        train_tuned.append(search.logs(place, inside).mean())
+        held |= zip((t.name for t in own), np.exp(search.logs(place, own)), strict=True)
+    if not count:
+        train_default, train_tuned = (
+            [np.mean(np.log([t.default for t in trials]))],
+            [np.mean(np.log([*fitted.values()]))],
+        )
+    rows = tuple(
+        Held(t.name, t.group, dealt[t.group] if count else None, to_deg(t.default),
+             to_deg(float(held[t.name])) if count else None, to_deg(float(fitted[t.name])), t.sha256)
+        for t in trials
+    )  # fmt: skip
+    held_default, held_tuned, gain = _gain(rows) if count else (None, None, None)
+    return Tuning(
+        filter=judge.filter,
+        metric=judge.metric,
+        group_by=group_by,
+        fixed=judge.fixed,
+        parameters=tuple(_tuned(r, i, best, places) for i, r in enumerate(judge.ranges)),
+        recordings=rows,
+        folds=count,
+        train_default_deg=to_deg(float(np.exp(np.mean(train_default)))),
+        train_tuned_deg=to_deg(float(np.exp(np.mean(train_tuned)))),
+        held_default_deg=held_default,
+        held_tuned_deg=held_tuned,
+        gain=gain,
+        budget=search.budget,
+        runs=search.runs,
+        seed=seed,
+        align=judge.align,
+        skipped=skipped,
+    )
+
+
+def _gain(rows: Sequence[Held]) -> tuple[float, float, tuple[float, float, float]]:
+    """Held-out errors, degrees, and their change with its interval: pairs of groups, Student's t."""
+    from scipy.stats import t
+
+    default: dict[str, list[float]] = {}
+    tuned: dict[str, list[float]] = {}
+    for row in rows:
+        default.setdefault(row.group, []).append(math.log(row.default_deg))
+        tuned.setdefault(row.group, []).append(math.log(row.tuned_deg or row.default_deg))
+    before, after = (np.array([np.mean(v) for v in logs.values()]) for logs in (default, tuned))
+    change = after - before
+    half = float(t.ppf(0.975, change.size - 1)) * float(change.std(ddof=1)) / math.sqrt(change.size)
+    mean = float(change.mean())
+    ends = (math.expm1(mean), math.expm1(mean - half), math.expm1(mean + half))
+    return math.exp(before.mean()), math.exp(after.mean()), ends
+
+
+def _tuned(range_: Range, i: int, best: Floats, places: Sequence[Floats]) -> Tuned:
+    p, x = range_.parameter, float(best[i])
+    end = "low" if x < NEAR_END else "high" if x > 1.0 - NEAR_END else ""
+    default = math.nan if p.default is None else float(p.default)
+    folds = tuple(range_.at(float(place[i])) for place in places)
+    return Tuned(p.name, default, range_.at(x), range_.low, range_.high, folds, end)
+
+
+def _deal(groups: Sequence[str], folds: int | None, seed: int) -> dict[str, int]:
+    """Fold of each group, from 1."""
+    if folds is None or len(groups) == 1:
+        return {group: i + 1 for i, group in enumerate(groups)}
+    _require("folds", folds, 2)
+    if folds > len(groups):
+        raise ParameterError(f"folds is {folds}, but there are only {len(groups)} to be held out.")
+    order = np.random.default_rng(seed).permutation(len(groups))
+    return {groups[int(g)]: i % folds + 1 for i, g in enumerate(order)}
+
+
+def _require(name: str, value: int, least: int) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or value < least:
+        raise ParameterError(f"{name} must be a whole number of at least {least}, but got {value!r}.")
+
+
+def _known(filter: str) -> dict[str, Parameter]:
+    """Parameters of a filter, and those that every filter has."""
+    from plumbob.filters import CommonParams
+
+    return {p.name: p for p in (*describe(load(filter).Params), *describe(CommonParams))}
+
+
+def _positive(value: Any) -> bool:
+    return isinstance(value, float | int) and not isinstance(value, bool) and value > 0.0
+
+
+def _ranges(filter: str, params: Collection[str] | None, fixed: Mapping[str, Any]) -> tuple[Range, ...]:
+    """What is sought, and where."""
+    own = {p.name: p for p in describe(load(filter).Params)}
+    if isinstance(params, str):
+        params = params.split(",")
+    if params is None:
+        few = FEW.get(filter, tuple(name for name, p in own.items() if not p.switch and _positive(p.default)))
+        params = [name for name in few if name not in fixed]
+    found: dict[str, Range] = {}
+    for text in params:
+        name, equals, span = (part.strip() for part in text.partition("="))
+        if name not in own or own[name].switch:
+            known = ", ".join(n for n, p in own.items() if not p.switch)
+            raise ParameterError(f"{filter} has no parameter '{name}' that could be tuned; it has {known or 'none'}.")
+        if name in found:
+            raise ParameterError(f"{filter}: {name} is named twice.")
+        if name in fixed:
+            raise ParameterError(f"{filter}: {name} is both to be tuned and given a value. Leave one of them out.")
+        found[name] = _range(filter, own[name], span if equals else "")
+    if not found:
+        raise ParameterError(f"{filter} has no parameter to tune.")
+    return tuple(found.values())
+
+
+def _range(filter: str, p: Parameter, span: str) -> Range:
+    """Range that is given as LOW..HIGH, or around the default."""
+    if span:
+        ends = span.split("..")
+        if len(ends) != 2:
+            raise ParameterError(f"{filter}: a range is written as {p.name}=LOW..HIGH, but got '{span}'.")
+        low, high = (checked(filter, p, end) for end in ends)
+    elif _positive(p.default):
+        low, high = max(p.spec.low, p.default / REACH), min(p.spec.high, p.default * REACH)
+    else:
+        raise ParameterError(
+            f"{filter}: {p.name} is {shown(p, p.default)} by default, so that its range must be given: "
+            f"{p.name}=LOW..HIGH, within {allowed(p)}."
+        )
+    if not (_positive(low) and _positive(high) and low < high):
+        raise ParameterError(f"{filter}: the range of {p.name} must rise from above 0, but got '{span}'.")
+    return Range(p, float(low), float(high))
+
+
+def _fixed(filter: str, fixed: Mapping[str, Any], ranges: Sequence[Range]) -> dict[str, Any]:
+    known = _known(filter)
+    for name in fixed:
+        if name not in known:
+            raise ParameterError(f"{filter} has no parameter '{name}'; known are {', '.join(known)}.")
+    return {name: checked(filter, known[name], value) for name, value in fixed.items()}
+
+
+def _read(
+    recordings: str | Path | Recording | Sequence[str | Path | Recording],
+    judge: _Judge,
+    frame: Frame | None,
+    group_by: str,
+) -> tuple[list[_Trial], dict[str, str]]:
+    """Recordings that can be judged, each read once, and why others are skipped."""
+    several = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
+    files: list[Path | Recording] = []
+    for one in several:
+        files += [one] if isinstance(one, Recording) else trials_in(check.path("recordings", one))
+    trials: list[_Trial] = []
+    skipped: dict[str, str] = {}
+    for file in files:
+        where = file.name
+        try:
+            imu, reference = read_trial(file)
+            nav = navigation_frame(imu, frame, where=where)
+            trial = _Trial(_unused(where, {t.name for t in trials}), "", imu, reference, nav)
+            judge.prepare(trial)
+        except (PlumbobError, OSError) as error:
+            if isinstance(error, ParameterError):
+                raise
+            skipped[_unused(where, set(skipped))] = str(error)
+            continue
+        trial.group = _group(file, trial, group_by)
+        trial.sha256 = _hash(file)
+        trials.append(trial)
+    if not trials:
+        why = "; ".join(f"{name}: {told}" for name, told in skipped.items())
+        raise DecodeError(f"no recording with sensor data and a reference can be used. {why}".strip())
+    return trials, skipped
+
+
+def _group(file: Path | Recording, trial: _Trial, group_by: str) -> str:
+    if group_by == "device":
+        return trial.imu.meta.device
+    if group_by == "folder" and isinstance(file, Path):
+        return str(file.resolve().parent)
+    return trial.name
+
+
+def _unused(name: str, used: Collection[str]) -> str:
+    number, free = 2, name
+    while free in used:
+        free, number = f"{name} ({number})", number + 1
+    return free
+
+
+def _hash(file: Path | Recording) -> str | None:
+    return None if isinstance(file, Recording) or not file.is_file() else sha256_of(file)[0]
+
+
+def _text(p: Parameter, value: float) -> str:
+    """Value with three digits, as a table has it."""
+    number, space, unit = shown(p, value).partition(" ")
+    return f"{float(number):.3g}{space}{unit}"
+
+
+def _compared(name: str, before: float, after: float) -> list[str]:
+    return [name, f"{before:.3f}", f"{after:.3f}", _percent(after / before - 1.0)]
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:+.1f} %"
+
+
+def _degrees(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3f}"

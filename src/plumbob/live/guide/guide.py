@@ -1,0 +1,387 @@
+"""Guided capture: what has been seen so far, what to do next, and when it is enough.
+
+A guide takes a stream in parts and goes over it block by block, so that it does not matter how the stream was cut. It
+judges with what the fits judge with, and promises nothing: the calibration is that of the fit of the whole capture.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.calibration.predicted import NAMES, REGIONS, names_of
+from plumbob.core.check import Floats, runs
+from plumbob.core.units import deg
+from plumbob.data import TRIAD_FLAGS, TRIADS, ImuData
+from plumbob.quality.static_periods import BLOCK, FEWEST, Moments, at_rest
+
+_COLUMNS: Final = 1 + 3 * len(TRIADS) + len(TRIADS)
+
+
+class Block(NamedTuple):
+    """Samples of a block.
+
+    Attributes
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    triads : mapping of str to ndarray (N, 3)
+        Every triad; NaN where a sample is absent or invalid.
+    clipped : mapping of str to ndarray (N,) of bool
+        Samples at the end of the triad's range.
+    """
+
+    t: Floats
+    triads: dict[str, Floats]
+    clipped: dict[str, NDArray[np.bool_]]
+
+
+class Blocks:
+    """Cuts parts of a recording in blocks: each ends with the first sample that is `BLOCK` later than its first."""
+
+    def __init__(self) -> None:
+        self._pending = np.empty((0, _COLUMNS))
+
+    def feed(self, part: ImuData) -> Iterator[Block]:
+        """Take a part, and yield the blocks that it completes; what is left waits for the next."""
+        rows = np.concatenate((self._pending, _rows(part)))
+        first = 0
+        while first < len(rows):
+            stop = max(int(np.searchsorted(rows[:, 0], rows[first, 0] + BLOCK)), first + FEWEST)
+            if stop >= len(rows):
+                break
+            yield _block(rows[first:stop])
+            first = stop
+        self._pending = rows[first:]
+
+
+class Rest:
+    """Say for every block of a stream whether the unit was at rest in it, by the rule of `still`.
+
+    A mean or scatter over a NaN is NaN, and such a block is not at rest.
+
+    All blocks are judged again with each, since quiet is relative to the rest; an hour of them takes 1.6 MB.
+    """
+
+    def __init__(self) -> None:
+        self._told = np.empty((64, 14))
+        self._count = 0
+        self._runs: list[tuple[int, int]] = []
+        self._has = {"acc": False, "gyr": False}
+
+    def add(self, block: Block) -> None:
+        """Take the next block."""
+        if self._count == len(self._told):
+            self._told = np.concatenate((self._told, np.empty_like(self._told)))
+        acc, gyr = block.triads["acc"], block.triads["gyr"]
+        for name in self._has:
+            self._has[name] |= bool(np.isfinite(block.triads[name]).any())
+        moments = (acc.mean(axis=0), acc.std(axis=0, ddof=1), gyr.mean(axis=0), gyr.std(axis=0, ddof=1))
+        stop = block.t[-1] + (block.t[-1] - block.t[0]) / (len(block.t) - 1)
+        self._told[self._count] = np.concatenate((*moments, (block.t[0], stop)))
+        self._count += 1
+        self._size = len(block.t)
+        self._judge()
+
+    @property
+    def stretches(self) -> list[tuple[int, int]]:
+        """First and stop of each run of blocks at rest."""
+        return self._runs
+
+    @property
+    def lasting(self) -> float:
+        """How long the unit has been at rest until now, s; 0 where it is not."""
+        if not self._runs or self._runs[-1][1] != self._count:
+            return 0.0
+        return self.time_of(self._runs[-1])
+
+    def time_of(self, stretch: tuple[int, int]) -> float:
+        """Length of a run of blocks, s."""
+        first, stop = stretch
+        return float(self._told[stop - 1, 13] - self._told[first, 12])
+
+    def mean_force(self, stretch: tuple[int, int]) -> Floats:
+        """Mean specific force (3,) of a run of blocks, m/s²."""
+        return np.asarray(self._told[slice(*stretch), :3].mean(axis=0))
+
+    def _judge(self) -> None:
+        told = self._told[: self._count]
+        acc, gyr = Moments(told[:, :3], told[:, 3:6]), Moments(told[:, 6:9], told[:, 9:12])
+        if not any(self._has.values()):
+            return
+        if not self._has["acc"]:  # which says nothing against rest
+            acc = Moments(*np.zeros((2, self._count, 3)))
+        self._runs = runs(at_rest(acc, gyr if self._has["gyr"] else None, self._size))
+
+
+def _rows(part: ImuData) -> Floats:
+    clipped = [(part.flags & np.uint32(TRIAD_FLAGS[name][1])) != 0 for name in TRIADS]
+    return np.column_stack((part.t, *(part.usable(name) for name in TRIADS), *clipped))
+
+
+def _block(rows: Floats) -> Block:
+    return Block(
+        rows[:, 0],
+        {name: rows[:, 1 + 3 * i : 4 + 3 * i] for i, name in enumerate(TRIADS)},
+        {name: rows[:, 10 + i] > 0.0 for i, name in enumerate(TRIADS)},
+    )
+
+
+_AXES: Final = "xyz"
+_STEP: Final = deg(5.0)
+
+
+class Turn(NamedTuple):
+    """Turn of the unit about one of its own axes.
+
+    Attributes
+    ----------
+    axis : int
+        0, 1 or 2 for x, y or z.
+    angle : float
+        Right-handed about the positive axis, rad.
+    """
+
+    axis: int
+    angle: float
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        others = [_AXES[(self.axis + k) % 3] for k in (1, 2)]
+        moving, goal = others if self.angle > 0.0 else reversed(others)
+        degrees = 5 * max(1, round(abs(self.angle) / _STEP))
+        return f"turn it about its {_AXES[self.axis]} axis by about {degrees}°, {moving} towards {goal}"
+
+
+def nearest(direction: Floats, regions: list[int]) -> int:
+    """Region of some that a direction (3,) has the smallest angle to."""
+    return regions[int(np.argmax(REGIONS[regions] @ direction))]
+
+
+def turn_to(direction: Floats, goal: Floats) -> Turn:
+    """Turn of the unit that brings a vector closest to a goal, both as (3,) of length 1 in the unit's axes.
+
+    Turning about an axis leaves the vector's component along it; the best axis is the one along which goal and vector
+    differ least. Where a turn about no single axis ends at the goal, the next one comes closer.
+    """
+    rises = np.abs(np.arcsin(np.clip(direction, -1.0, 1.0)) - np.arcsin(np.clip(goal, -1.0, 1.0)))
+    return min((Turn(axis, _angle(axis, direction, goal)) for axis in range(3)), key=lambda turn: _cost(turn, rises))
+
+
+def pose_words(region: int) -> str:
+    """How the unit stands when the specific force, which points up at rest, lies in a region."""
+    parts = [(_AXES[k], value > 0.0) for k, value in enumerate(REGIONS[region].tolist()) if abs(value) > 0.1]
+    slope = "" if len(parts) == 1 else "45° "
+    return " and ".join(f"its {axis} axis {slope}{'up' if up else 'down'}" for axis, up in parts)
+
+
+def _angle(axis: int, direction: Floats, goal: Floats) -> float:
+    """Angle of the unit, which is the opposite of that of the vector in its axes."""
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    turned = math.atan2(goal[b], goal[a]) - math.atan2(direction[b], direction[a])
+    return -math.remainder(turned, math.tau)
+
+
+def _cost(turn: Turn, rises: Floats) -> tuple[float, float]:
+    return round(float(rises[turn.axis]), 2), abs(turn.angle)
+
+
+ENOUGH: Final = 15
+"""Directions of the 18 from which on a good prediction ends the capture."""
+
+_LASTS: Final = 2.0
+
+
+class Moment(NamedTuple):
+    """Something that happened in a capture: when, s from its start, and what."""
+
+    t: float
+    text: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Progress:
+    """State of a guided capture.
+
+    Attributes
+    ----------
+    elapsed : float
+        Time since the first sample, s.
+    filled : ndarray (18,) of bool or None
+        Directions that were seen, by `plumbob.calibration.predicted`; None where directions do not count, or as long as
+        nothing shows them.
+    direction : int or None
+        The direction at present, where it is known.
+    still_for : float
+        How long the unit has been at rest until now, s; 0 while it moves.
+    next_step : str
+        What to do now, in words.
+    turn : Turn or None
+        The turn that the words ask for.
+    goal : int or None
+        The direction that it leads to.
+    predicted : str
+        Provisional figure that the grade judges, in words; empty as long as there is none.
+    grade : str or None
+        Its grade so far.
+    share : float
+        How much of the capture is done, from 0 to 1.
+    warnings : tuple of str
+        What is wrong at present.
+    done : bool
+        Whether it is enough.
+    """
+
+    elapsed: float
+    filled: NDArray[np.bool_] | None
+    direction: int | None = None
+    still_for: float
+    next_step: str
+    turn: Turn | None = None
+    goal: int | None = None
+    predicted: str = ""
+    grade: str | None = None
+    share: float
+    warnings: tuple[str, ...] = ()
+    done: bool
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the unit is at rest now."""
+        return self.still_for > 0.0
+
+    @property
+    def missing(self) -> list[int]:
+        """Directions that were not seen; all of them until something shows them."""
+        return list(range(len(NAMES))) if self.filled is None else np.flatnonzero(~self.filled).tolist()
+
+
+class Guide(ABC):
+    """Guide of a capture.
+
+    Attributes
+    ----------
+    timeline : list of Moment
+        What has happened so far: directions that were seen, warnings, and the end.
+    triad : str
+        What is calibrated.
+    """
+
+    triad: str
+
+    def __init__(self) -> None:
+        self.timeline: list[Moment] = []
+        self._blocks, self._rest = Blocks(), Rest()
+        self._start: float | None = None
+        self._now = 0.0
+        self._known = 0.0
+        self._warned: dict[str, float] = {}
+        self._done = False
+
+    def feed(self, part: ImuData) -> Progress:
+        """Take a part of the stream, uncalibrated in what is calibrated; parts come in the order of time."""
+        for block in self._blocks.feed(part):
+            self._take(block)
+        return self.progress()
+
+    @property
+    def centre(self) -> Floats:
+        """What is measured (3,) where there is nothing to measure, as far as is known: directions count from there."""
+        return np.zeros(3)
+
+    @abstractmethod
+    def progress(self) -> Progress:
+        """State after the last whole block."""
+
+    @abstractmethod
+    def _look(self, block: Block) -> None:
+        """Take up a block."""
+
+    def _take(self, block: Block) -> None:
+        if self._start is None:
+            self._start = float(block.t[0])
+        self._now = float(block.t[-1]) - self._start
+        self._rest.add(block)
+        self._judge_triad(block)
+        self._look(block)
+        if not self._done and self.progress().done:
+            self._done = True
+            self._say("enough: the capture is good")
+
+    def _judge_triad(self, block: Block) -> None:
+        clipped = block.clipped[self.triad]
+        if clipped.any():
+            self._warn(f"{self.triad} is at the end of its range: move slower, or keep away from magnets")
+        if np.isfinite(block.triads[self.triad]).all(axis=1).any():
+            self._known = self._now
+        elif self._now - self._known > _LASTS:
+            self._warn(f"no {self.triad} comes: is it there, and switched on?")
+
+    def _say(self, text: str) -> None:
+        self.timeline.append(Moment(self._now, text))
+
+    def _warn(self, text: str) -> None:
+        """Warn now and for a while; the timeline gets it once as long as it lasts."""
+        if text not in self._warnings:
+            self._say(f"warning: {text}")
+        self._warned[text] = self._now
+
+    @property
+    def _warnings(self) -> tuple[str, ...]:
+        return tuple(text for text, when in self._warned.items() if self._now - when <= _LASTS)
+
+
+class Seen:
+    """Directions that a capture has seen, and the timeline's words about them."""
+
+    def __init__(self) -> None:
+        self.filled = np.zeros(len(NAMES), dtype=np.bool_)
+
+    def update(self, filled: NDArray[np.bool_]) -> str | None:
+        """Take what is filled now; words where that is new."""
+        new = np.flatnonzero(filled & ~self.filled)
+        self.filled = filled
+        if not new.size:
+            return None
+        return f"{names_of(new.tolist())} seen, {int(filled.sum())} of {len(NAMES)}"
+
+
+LONG_ENOUGH: Final = 20.0
+"""Rest in one piece that is asked for, s."""
+
+_FIRST: Final = 2.0
+
+
+class RestGuide(Guide):
+    """Asks for the unit to be left alone."""
+
+    triad = "gyr"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._was_lying = False
+
+    def progress(self) -> Progress:
+        """State after the last whole block."""
+        lasting = min(self._rest.lasting, LONG_ENOUGH)
+        done = self._done or lasting >= LONG_ENOUGH
+        words = f"leave the unit untouched: {lasting:.1f} of {LONG_ENOUGH:.0f} s"
+        return Progress(
+            elapsed=self._now,
+            filled=None,
+            still_for=self._rest.lasting,
+            next_step="done" if done else words,
+            share=1.0 if done else lasting / LONG_ENOUGH,
+            warnings=self._warnings,
+            done=done,
+        )
+
+    def _look(self, block: Block) -> None:
+        lying = self._rest.lasting >= _FIRST
+        if lying != self._was_lying:
+            self._say("at rest" if lying else "touched: the rest starts again")
+        self._was_lying = lying

@@ -1,0 +1,179 @@
+"""A live stream from its device to a recording: `plumbob record`, and `plumbob.record`."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from plumbob.core import check
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import Quantity, given
+from plumbob.live.recording_sink import RecordingSink, named_at
+from plumbob.live.runner import run_stream
+from plumbob.live.sending import sending_of, with_sent
+from plumbob.live.session import RecordSpec, Session
+from plumbob.live.session_toml import session_of
+from plumbob.live.sinks import Sink, TextSink
+from plumbob.live.sources import open_source
+from plumbob.live.stream import Stream
+from plumbob.live.transports.transport import Stopping
+from plumbob.live.watch import Note, Ran, Watch, nothing_of
+from plumbob.protocols.find import unassigned_told
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Recorded(Ran):
+    """A live stream that has ended.
+
+    Attributes
+    ----------
+    recording : mapping of str to Any or None
+        Its ``path``, the ``rows`` that were to be written, those ``acknowledged`` by the disk, and those ``dropped``;
+        None where nothing was recorded.
+    failed : bool
+        Whether an output beside the recording failed on the way.
+    """
+
+    recording: Mapping[str, Any] | None
+    failed: bool
+
+    @property
+    def lossy(self) -> bool:
+        """Whether rows of the recording are lost, or an output failed."""
+        kept = self.recording
+        return self.failed or (kept is not None and kept["acknowledged"] < kept["rows"])
+
+    @property
+    def nothing(self) -> str | None:
+        """Why there is no sample, and where to look; None where there are some."""
+        return None if self.samples else nothing_of(self.stream)
+
+    def facts(self) -> Mapping[str, str]:
+        """As of every run, and where it was recorded."""
+        return {**super().facts(), "recorded": "nothing" if self.recording is None else self.recording["path"]}
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, as JSON can hold them."""
+        return super().summary() | ({} if self.recording is None else {"recording": dict(self.recording)})
+
+    def text(self) -> str:
+        """What a reader wants to know first, a line each."""
+        kept = self.recording
+        where = (
+            "NOTHING: neither --out nor [record] names a file"
+            if kept is None
+            else f"{kept['path']}: {kept['acknowledged']} of {kept['rows']} rows on disk"
+        )
+        return f"{super().text()}\nrecorded     {where}"
+
+
+def record(
+    session: "Session | str | Path | None" = None,
+    *,
+    out: str | Path | None = None,
+    next_part: bool = False,
+    text: str | Path | None = None,
+    duration: float | str | None = None,
+    send: Sequence[str] = (),
+    sinks: Sequence[Sink] = (),
+    stop: Stopping | None = None,
+    opened: Callable[[], object] | None = None,
+    note: Note | None = None,
+    progress: Callable[[Watch], None] | None = None,
+    **line: Any,
+) -> Recorded:
+    """Read a live stream, estimate its attitude as it comes, and record both.
+
+    Parameters
+    ----------
+    session : Session or path, optional
+        What the stream is; without one, `line` says it.
+    out : path, optional
+        Recording to write, ``.mcap``; ``{utc}`` in its name is the time of the start.
+    next_part : bool
+        Whether to go on with the next part where the recording exists, instead of refusing.
+    text : path, optional
+        Text file that gets a line of attitude now and then.
+    duration : float or str, optional
+        When to stop: s, or text with a unit; by default when the source ends, or somebody says `stop`.
+    send : sequence of str
+        To whom the attitude is sent as it comes, as ``"nmea udp:127.0.0.1:10110 10Hz HDT,PASHR"``, beside the
+        ``[[send]]`` of the session.
+    sinks : sequence of Sink
+        What else takes the samples and attitudes as they come.
+    stop : Stopping, optional
+        Set from another thread to end, such as a `threading.Event`.
+    opened : callable, optional
+        Called once everything is ready and the source is open.
+    note : callable, optional
+        Called with each remark as it is made.
+    progress : callable, optional
+        Called with the `Watch` after each part.
+    **line
+        As of `plumbob.live.session_toml.session_of`: ``port``, ``capture`` or ``iio``, ``format``, ``filter``...
+
+    Returns
+    -------
+    Recorded
+
+    Raises
+    ------
+    ParameterError
+        If not exactly one stream is named, its options do not fit, or an output exists already.
+    LineError
+        If it cannot be opened.
+    PlumbobError
+        As in `plumbob.load_session`.
+    """
+    given_session = session if isinstance(session, Session) and not line else None
+    chosen = _with_outputs(given_session or session_of(_path(session), **line), out, next_part=next_part, text=text)
+    chosen = with_sent(chosen, send)
+    chosen = named_at(chosen, time.time_ns())
+    seconds = given("duration", duration, Quantity.TIME, positive=True)
+    stream, say = Stream(chosen), note or (lambda line: None)
+    announce(chosen, say)
+    recording_sink = None if chosen.record is None else RecordingSink(chosen, chosen.record)
+    watch = Watch(stream, note, progress=progress)
+    others = [TextSink(chosen.output.text, chosen.output.every)] if chosen.output.text else []
+    source = open_source(chosen.source)
+    sending = sending_of(chosen, note=say, keep=None if recording_sink is None else recording_sink.on_item)
+    if opened is not None:
+        opened()
+    run_stream(
+        stream,
+        source,
+        sinks=[watch, *others, *sending, *sinks],
+        recording=recording_sink,
+        duration=seconds,
+        stop=stop,
+        each=watch.look,
+    )
+    if recording_sink is None:
+        return Recorded(watch, None, False)
+    recorder = recording_sink.recorder
+    told = {"path": str(recorder.path), "rows": recorder.written, "acknowledged": recorder.acknowledged}
+    return Recorded(watch, told | {"dropped": recorder.dropped}, bool(recording_sink.failures))
+
+
+def _path(session: "Session | str | Path | None") -> Path | None:
+    if isinstance(session, Session):
+        raise ParameterError("a Session says everything about its stream; leave the other options out.")
+    return None if session is None else check.path("session", session)
+
+
+def _with_outputs(session: Session, out: str | Path | None, *, next_part: bool, text: str | Path | None) -> Session:
+    """Session whose outputs are those that were asked for; what is not stays as the session says."""
+    if out:
+        session = replace(session, record=replace(session.record or RecordSpec(""), path=str(out)))
+    if next_part:
+        if session.record is None:
+            raise ParameterError("--next-part belongs to a recording; name one with --out.")
+        session = replace(session, record=replace(session.record, next_part=True))
+    return replace(session, output=replace(session.output, text=str(text))) if text else session
+
+
+def announce(session: Session, say: Note) -> None:
+    """What is known before the first byte: spare bytes of the format."""
+    if told := unassigned_told(session.form, session.form.message(session.message)):
+        say(told)

@@ -1,0 +1,516 @@
+"""A recorded stream as samples and attitudes; and both written for other programs: MCAP, TUM, plain text."""
+
+import heapq
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from functools import reduce
+from itertools import compress, repeat
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from plumbob import files
+from plumbob.core import flags
+from plumbob.core.errors import DecodeError, ParameterError, ShapeError
+from plumbob.core.files import reading, replacing
+from plumbob.core.schema import texts
+from plumbob.core.text import counted, visible
+from plumbob.core.time import to_ns
+from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
+from plumbob.data.array import ImuArray, Mount
+from plumbob.data.cards import CalibrationCard
+from plumbob.data.recording import Recording, findings_of, inferred, provenance, read_notes, recalibrated, stored_notes
+from plumbob.files.formats import is_own
+from plumbob.files.header import array_from, array_told, meta_from, plain_meta, track_meta_from
+from plumbob.files.mcap import Log, open_log
+from plumbob.files.mcap.verdict import write_rows
+from plumbob.live import rows
+from plumbob.live.replay import Replayed, replay
+from plumbob.live.session import reference_names
+from plumbob.live.session_toml import ALL, SESSION, of_unit, recorded_session
+from plumbob.live.sinks import text_of
+from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
+
+_META: Final = "recording"
+
+
+def read_recorded(
+    path: str | Path, *, estimated: bool = False, unit: str | None = None, calibrated: bool = False
+) -> Recording:
+    """Samples of a recording, and a reference in the same frames, or the estimated attitude where that is asked for.
+
+    Where the session decodes several units, they are those of all, unless one is asked for.
+
+    Parameters
+    ----------
+    path : path
+        The recording.
+    estimated : bool
+        Whether `track` is to be what was estimated; without it, it is the reference, or None, for an estimate is none.
+    unit : str, optional
+        One of several units in the same frames, by name or number from 1; ``"all"``: all, also where the session
+        decodes one.
+    calibrated : bool
+        Whether the session's cards are to be applied.
+
+    Raises
+    ------
+    DecodeError
+        If it is not a recording of samples.
+    ParameterError
+        If there is no such unit.
+    """
+    file = Path(path)
+    log = open_log(file)
+    if SESSION not in log.metadata:
+        found = _from_rows(log, file, estimated=estimated)
+        return found if unit is None or unit == ALL else found.of_unit(unit)
+    session = recorded_session(log.metadata, file.stem)
+    if unit is not None:
+        chosen = of_unit(session, unit)
+        session = chosen if unit == ALL else replace(chosen, units=())
+    replayed = replay(log, session=session if estimated else replace(session, stage=None))
+    imu = replayed.found.imu(calibrated=calibrated)
+    if imu is None:
+        raise DecodeError(f"{file} holds no sample that could be decoded; 'plumbob verify' says what is in it.")
+    array = replayed.found.array(calibrated=calibrated)
+    units = {"": imu} if array is None else array.units
+    units = {name: replace(one, meta=replace(one.meta, t0_ns=replayed.t0_ns)) for name, one in units.items()}
+    counts = replayed.stream.decoder.counts
+    notes = [f"decoded from {counts.received} raw bytes as {session.form.name}, {counts.junk} of them junk"]
+    if log.starts > 1:
+        notes += [f"recorded in {log.starts} starts; the recorder was away in between"]
+    notes += [f"damaged: {damage}" for damage in log.damage]
+    notes += inferred(replayed.stream.time_report())
+    dead = [] if array is None else [one.unit for one in replayed.stream.session.units if one.unit not in array.units]
+    notes += [f"unit {name} has no value in any sample, and is left out" for name in dead]
+    doubts = dict.fromkeys(doubt for one in units.values() for doubt in one.unit_doubts())
+    notes += [f"units: {doubt}; check the units of the format" for doubt in doubts]
+    whole = Recording(
+        imu=units[""] if array is None else None,
+        track=replayed.track if estimated else reference_of(replayed),
+        name=file.stem,
+        array=None if array is None else ImuArray(units, array.mounts),
+    )
+    return replace(whole, notes=(*notes, *findings_of(whole)))
+
+
+def reference_of(replayed: Replayed) -> AttitudeTrack | None:
+    """Attitude of the reference that the session of a replay names; its angles are those of NED, as heading is."""
+    session = replayed.stream.session
+    if session.reference is None:
+        return None
+    names = reference_names(session.reference)
+    parts = [np.stack([part.frames.columns[name] for name in names], axis=1) for part in replayed.found.parts]
+    angles = np.concatenate(parts)
+    return AttitudeTrack(
+        t=np.concatenate([part.imu.t for part in replayed.found.parts]),
+        q_nb=quat_from_euler_zyx(angles),
+        frame=Frame.NED,
+        north=session.reference.north,
+        source=f"{', '.join(names)} of {session.form.name}",
+    )
+
+
+def write_mcap(path: Path, recording: Recording, overwrite: bool = False) -> None:
+    """Write samples and attitude as a recording that viewers such as Foxglove and Lichtblick open.
+
+    Raises
+    ------
+    ParameterError
+        If the file exists and `overwrite` is false.
+    DecodeError
+        If the system refuses; then nothing is left there.
+    """
+    streams: dict[str, Iterable[tuple[int, str, bytes]]] = {}
+    units = _units(recording)
+    for name, imu in units.items():
+        stamps, topic = to_ns(imu.t).tolist(), rows.unit_topic(name)
+        streams[topic] = zip(stamps, repeat(topic), rows.imu_rows(stamps, imu))
+    t0_ns = next((imu.meta.t0_ns for imu in units.values()), 0)
+    if (track := recording.track) is not None:
+        stamps = to_ns(track.t).tolist()
+        streams[rows.ATTITUDE] = zip(stamps, repeat(rows.ATTITUDE), rows.attitude_rows(stamps, track))
+        streams[rows.TRANSFORMS] = _transforms(stamps, track, t0_ns)
+    write_rows(
+        path,
+        {topic: rows.kind_of(topic) for topic in streams},
+        heapq.merge(*streams.values(), key=lambda row: row[0]),
+        epoch_offset_ns=t0_ns,
+        metadata={_META: json.dumps(_about(recording))},
+        overwrite=overwrite,
+    )
+
+
+def _transforms(stamps: list[int], track: AttitudeTrack, t0_ns: int) -> Iterator[tuple[int, str, bytes]]:
+    """The attitude once more in the schema of Foxglove, whose viewers draw it; they draw z upwards."""
+    parent = f"navigation ({track.frame})"
+    if track.frame is Frame.NED:
+        turn = frame_rotation(Frame.ENU, Frame.NED).tolist()
+        yield stamps[0], rows.TRANSFORMS, rows.transform_row(stamps[0] + t0_ns, "world (ENU)", parent, turn)
+    for t_ns, q in zip(stamps, track.q_nb.tolist(), strict=True):
+        if q[0] == q[0]:
+            yield t_ns, rows.TRANSFORMS, rows.transform_row(t_ns + t0_ns, parent, "body", q)
+
+
+def _units(recording: Recording) -> Mapping[str, ImuData]:
+    """Samples by unit; those of the only one under an empty name."""
+    if recording.array is not None:
+        return recording.array.units
+    return {} if recording.imu is None else {"": recording.imu}
+
+
+def _about(recording: Recording) -> dict[str, Any]:
+    imu, track, array = recording.imu, recording.track, recording.array
+    several = {} if array is None else {"array": array_told(array)}
+    meta = {} if imu is None else asdict(plain_meta(imu.meta))
+    told = {} if track is None else {"frame": str(track.frame), "north": str(track.north), "source": track.source}
+    return {"imu": meta, "track": told, "notes": list(stored_notes(recording))} | several
+
+
+def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
+    """Recording of decoded rows only, as `write_mcap` makes one."""
+    found: dict[str, list[dict[str, Any]]] = {rows.IMU: [], rows.ATTITUDE: []}
+    with reading(file):
+        for message in log:
+            if message.topic == rows.ATTITUDE or rows.unit_of_topic(message.topic) is not None:
+                found.setdefault(message.topic, []).append(rows.parsed(message.topic, message.data))
+        about = rows.parsed_object(f"the metadata '{_META}'", log.metadata.get(_META, "{}"))
+        if not any(found.values()):
+            raise DecodeError(
+                "it has neither a session nor decoded samples: it was not made by Plumbob, or it is cut off near its "
+                "beginning. Take a whole copy."
+            )
+        imu = _imu(found[rows.IMU], about.get("imu", {})) if found[rows.IMU] else None
+        array = _array(found, array_from(about["array"])) if "array" in about else None
+        wanted = found[rows.ATTITUDE] and (estimated or (imu is None and array is None))
+        track = _track(found[rows.ATTITUDE], about.get("track")) if wanted else None
+        units = [imu] if array is None else array.units.values()
+        notes = read_notes(texts("notes", about.get("notes", [])), *units)
+        return Recording(imu=imu, track=track, name=file.stem, notes=notes, array=array)
+
+
+def _array(found: Mapping[str, Sequence[Mapping[str, Any]]], told: Mapping[str, tuple[ImuMeta, Mount]]) -> ImuArray:
+    if lacking := [name for name in told if not found.get(rows.unit_topic(name))]:
+        raise DecodeError(f"it has no samples of the unit {lacking[0]}, which its metadata name; take a whole copy.")
+    of = {name: found[rows.unit_topic(name)] for name in told}
+    stamps = {name: rows.whole("t_ns", of[name], np.int64) for name in told}
+    common = reduce(np.intersect1d, stamps.values())  # damage may have cost some units rows that others have
+    if not common.size:
+        raise DecodeError("its units have no time in common; take a whole copy.")
+    units = {}
+    for name, (meta, _) in told.items():
+        kept = np.isin(stamps[name], common)
+        units[name] = _samples(list(compress(of[name], kept)), meta)
+    return ImuArray(units, {name: mount for name, (_, mount) in told.items()})
+
+
+def _imu(found: Sequence[Mapping[str, Any]], meta: Any) -> ImuData:
+    return _samples(found, meta_from(meta))
+
+
+def _samples(found: Sequence[Mapping[str, Any]], meta: ImuMeta) -> ImuData:
+    triads = {name: rows.table(name, found, 3) for name in TRIADS if found[0][name] is not None}
+    temps = rows.table("temp_c", found)
+    return ImuData(
+        t=rows.whole("t_ns", found, np.int64) / 1e9,
+        temp_c=None if np.isnan(temps).all() else temps,
+        flags=rows.whole("flags", found, np.uint32),
+        meta=meta,
+        **triads,
+    )
+
+
+def _track(found: Sequence[Mapping[str, Any]], told: Any) -> AttitudeTrack:
+    frame, north, source = track_meta_from(told)
+    return AttitudeTrack(
+        t=rows.whole("t_ns", found, np.int64) / 1e9,
+        q_nb=rows.table("q_nb", found, 4),
+        frame=frame,
+        north=north,
+        bias_b=rows.table("bias_b", found, 3) if found[0]["bias_b"] is not None else None,
+        flags=rows.whole("flags", found, np.uint32),
+        source=source,
+    )
+
+
+def convert(
+    recording: Recording | str | Path,
+    path: str | Path,
+    *,
+    layout: str | None = None,
+    what: str = "all",
+    unit: str | None = None,
+    profile: str | Path | None = None,
+    calibration: CalibrationCard | str | Path | None = None,
+    overwrite: bool = False,
+    note: Callable[[str], object] | None = None,
+) -> Recording:
+    """Write a recording, or a file of any format, in the format that the new file's suffix or `layout` names.
+
+    ``.tum`` holds the attitude as ``t x y z qx qy qz qw`` with positions of zero, for evo; ``.txt`` roll, pitch and yaw
+    in degrees, as the papers' hosts kept them; ``.mcap`` samples and attitude for viewers; ``.bag`` is a bag of ROS 1;
+    others are those of `plumbob.files.write`.
+
+    Parameters
+    ----------
+    recording : Recording or path
+        What to write; of a recorded stream, with the attitude that was estimated.
+    path : path
+        The new file, or folder.
+    layout : {"ros2", "rosbag2", "euroc", "tum"}, optional
+        An MCAP with the messages of ROS 2 (sensor_msgs), the folder of a ROS 2 bag, one of EuRoC, or lines of TUM, in a
+        ``.txt`` too.
+    what : {"all", "samples", "attitude"}
+        Leaves the rest out.
+    unit : str, optional
+        One of several units, by name or number from 1, whose samples alone are written.
+    profile : path, optional
+        What the columns of a text file mean.
+    calibration : CalibrationCard or path, optional
+        Card to apply to the samples.
+    overwrite : bool
+        Whether a file that lies there may be replaced, or a folder of the same layout.
+    note : callable, optional
+        Called with what a reader should know of the samples, and with what the new format cannot hold.
+
+    Returns
+    -------
+    Recording
+        What was written.
+
+    Raises
+    ------
+    ShapeError
+        If the format holds attitudes and there is none.
+    MissingExtraError
+        If the format is written by a package that is not installed.
+    ParameterError, DecodeError
+        If the suffix is unknown, or the file exists and is not to be replaced, or cannot be written.
+    """
+    file = Path(path)
+    require_writer(file, layout)
+    if not isinstance(recording, Recording):
+        given = Path(recording)
+        if given.exists() and file.resolve() in (given.resolve(), *given.resolve().parents):
+            raise ParameterError(f"{file} is or holds the input; writing there would destroy it. Name another file.")
+        own = is_own(given)
+        recording = (
+            read_recorded(given, estimated=True, unit=unit) if own else files.read(given, profile=profile, unit=unit)
+        )
+        unit = None
+    recording = only(recording if unit is None else recording.of_unit(unit), what)
+    if calibration is not None:
+        recording = recalibrated(recording, CalibrationCard.of(calibration))
+        for line in recording.notes:
+            if note is not None and line.startswith("temperature: "):
+                note(line)
+    writer = LAYOUTS[layout].write if layout is not None else _OWN.get(file.suffix)
+    shared = layout != "euroc" and writer not in _OWN_CLOCKS
+    if shared and recording.track is not None and not _on_one_clock(recording, recording.track):
+        raise ShapeError(f"{file}: samples and attitude have different times; convert one of them with --what.")
+    for line in _lost(file, recording, layout):
+        if note is not None:
+            note(line)
+    if writer is not None:
+        writer(file, recording, overwrite)
+    else:
+        files.write(file, recording, overwrite=overwrite)
+    return recording
+
+
+def require_writer(file: Path, layout: str | None) -> None:
+    """Refuse a name or a layout that is not written.
+
+    Raises
+    ------
+    ParameterError
+        With what is written, and how.
+    """
+    if layout is not None:
+        if layout not in LAYOUTS:
+            raise ParameterError(f"there is no layout '{layout}'; there are {', '.join(LAYOUTS)}.")
+        suffixes = LAYOUTS[layout].suffixes
+        if file.suffix not in suffixes and (suffixes or file.suffix in SUFFIXES):
+            form = f"a file whose name ends in {' or '.join(suffixes)}" if suffixes else "a folder"
+            raise ParameterError(f"{file}: the layout {layout} is {form}; name the new one so.")
+    elif file.suffix not in SUFFIXES:
+        folders = " or ".join(f"--as {name}" for name, one in LAYOUTS.items() if not one.suffixes)
+        raise ParameterError(
+            f"{file}: convert writes {', '.join(SUFFIXES)}, not '{file.suffix}'; and folders with {folders}."
+        )
+
+
+def _told(recording: Recording) -> Iterator[str]:
+    """Names of what a recording says besides stamps, gyr, acc and attitudes."""
+    for imu in _units(recording).values():
+        meta = imu.meta
+        scales = (meta.gyr_range, meta.acc_range, meta.mag_range)
+        said = {
+            "mag": imu.mag is not None,
+            "temp_c": imu.temp_c is not None,
+            "flags": (imu.flags & ~_ABSENT).any(),
+            "full scales": any(scale is not None for scale in scales),
+            "calibration": meta.calibration is not None,
+            "nominal rate": meta.rate_nominal is not None,
+            "what headings count from": meta.north not in (None, North.FREE),
+            "declination": meta.declination is not None,
+            "mounting of the axes": meta.axes != _BARE.axes,
+            "device": meta.device != _BARE.device,
+            "start of the time": not meta.t0_ns and imu.t[0] != 0.0,
+        }
+        yield from compress(said, said.values())
+    if (track := recording.track) is not None:
+        said = {
+            "bias": track.bias_b is not None,
+            "covariance": track.cov_b is not None,
+            "flags": track.flags is not None,
+            "scores": track.score is not None or track.mag_weight is not None,
+            "what headings count from": track.north is not North.FREE,
+            "source": bool(track.source),
+            "start of the time": not _units(recording) and track.t[0] != 0.0,
+        }
+        yield from compress(said, said.values())
+    if provenance(recording.notes):
+        yield "notes"
+
+
+def _lost(file: Path, recording: Recording, layout: str | None) -> Iterable[str]:
+    """What the new format cannot hold of a recording, a line each."""
+    form = layout or file.suffix.removeprefix(".")
+    left: list[str] = []
+    if form in _TRACKS and (track := recording.track) is not None:
+        units = _units(recording).values()
+        left += ["samples"] if units else []
+        left += ["UTC"] if form == "txt" and any(imu.meta.t0_ns for imu in units) else []
+        recording = replace(recording, imu=None, array=None)
+        if form == "txt":
+            yield "angles are rounded to 0.0001° and times to 1 µs"
+        elif count := int((~track.known).sum()):
+            yield f"{counted(count, 'row')} without an attitude left out"
+    left += [name for name in dict.fromkeys(_told(recording)) if name in _LACKS.get(form, ())]
+    if left:
+        yield f"{_NAMED.get(form, form.upper())} has no place for {', '.join(left)}: left out"
+    if layout == "euroc":
+        from plumbob.files.foreign.euroc_write import lost
+
+        yield from lost(recording)
+    elif form in _OF_ROS:
+        from plumbob.files.foreign.ros_write import turned
+
+        yield from turned(recording)[1]
+        if recording.array is not None and recording.track is not None:
+            yield "the attitude is that of the body of several units, and is left out; --what attitude writes it alone"
+
+
+def only(recording: Recording, what: str) -> Recording:
+    """Return the recording's samples, its attitude, or both.
+
+    Raises
+    ------
+    ShapeError
+        If what is asked for is not there.
+    """
+    if what == "all":
+        return recording
+    kept = replace(recording, track=None) if what == "samples" and _units(recording) else None
+    if what == "attitude" and recording.track is not None:
+        kept = replace(recording, imu=None, array=None)
+    if kept is None:
+        raise ShapeError(f"{recording.name} has no {what}; it has {_content(recording)}.")
+    return kept
+
+
+def _content(recording: Recording) -> str:
+    return " and ".join(w for w, part in (("samples", _units(recording)), ("attitude", recording.track)) if part)
+
+
+def _on_one_clock(recording: Recording, track: AttitudeTrack) -> bool:
+    return all(np.array_equal(one.t, track.t) for one in _units(recording).values())
+
+
+def _attitude(file: Path, recording: Recording) -> AttitudeTrack:
+    if recording.track is None:
+        raise ShapeError(f"{file}: {file.suffix} holds an attitude, and there is none; estimate one first.")
+    return recording.track
+
+
+def _write_tum(file: Path, recording: Recording, overwrite: bool) -> None:
+    track = _attitude(file, recording)
+    known = track.known
+    table = np.column_stack([track.t, np.zeros((len(track), 3)), track.q_nb[:, [1, 2, 3, 0]]])[known]
+    source = visible(" ".join(track.source.split()))
+    t0_ns = next((imu.meta.t0_ns for imu in _units(recording).values()), 0)
+    utc = f"; 0 s is {t0_ns} ns of UTC" if t0_ns else ""
+    head = f"timestamp tx ty tz qx qy qz qw; body to {track.frame}, heading from {track.north} north{utc}; by {source}"
+    with replacing(file, overwrite=overwrite) as temporary:
+        np.savetxt(temporary, table, fmt=["%.9f", *["%d"] * 3, *["%.17g"] * 4], header=head, encoding="utf-8")
+
+
+def _write_text(file: Path, recording: Recording, overwrite: bool) -> None:
+    track = _attitude(file, recording)
+    with replacing(file, overwrite=overwrite) as temporary, temporary.open("w", encoding="utf-8") as stream:
+        stream.writelines(text_of(track, head=True))
+
+
+def _of_ros(name: str) -> Callable[[Path, Recording, bool], None]:
+    """A writer of bags, which is imported when it is needed."""
+
+    def write(file: Path, recording: Recording, overwrite: bool) -> None:
+        from plumbob.files.foreign import ros_write
+
+        getattr(ros_write, name)(file, recording, overwrite)
+
+    return write
+
+
+def _write_euroc(file: Path, recording: Recording, overwrite: bool) -> None:
+    from plumbob.files.foreign.euroc_write import write_euroc
+
+    write_euroc(file, recording, overwrite)
+
+
+_BARE: Final = ImuMeta()
+_ABSENT: Final = np.uint32(flags.GYR_ABSENT | flags.ACC_ABSENT | flags.MAG_ABSENT)
+"""Flags that the values themselves say."""
+_TRACK: Final = frozenset({"bias", "covariance", "flags", "scores", "notes"})
+_SENSE: Final = _TRACK | {
+    "full scales", "calibration", "what headings count from", "declination", "mounting of the axes", "source",
+    "start of the time",
+}  # fmt: skip
+_LACKS: Final[dict[str, frozenset[str]]] = {
+    "mcap": frozenset({"covariance", "scores"}),
+    "tum": _TRACK,
+    "txt": _TRACK - {"flags"},
+    "euroc": _SENSE - {"bias"} | {"mag", "temp_c", "device"},
+    **dict.fromkeys(("bag", "ros2", "rosbag2"), _SENSE - {"covariance"} | {"nominal rate"}),
+}
+"""What each format has no place for, of `_told`; CSV and Parquet hold everything."""
+_TRACKS: Final = ("tum", "txt")
+_OF_ROS: Final = ("bag", "ros2", "rosbag2")
+_NAMED: Final = {"euroc": "EuRoC", "txt": "text", **dict.fromkeys(_OF_ROS, "ROS")}
+
+
+class Layout(NamedTuple):
+    """What a suffix does not say: the suffixes of such files, none of folders, and their writer."""
+
+    suffixes: tuple[str, ...]
+    write: Callable[[Path, Recording, bool], None]
+
+
+_OWN: Final[dict[str, Callable[[Path, Recording, bool], None]]] = {
+    ".tum": _write_tum,
+    ".txt": _write_text,
+    ".mcap": write_mcap,
+    ".bag": _of_ros("write_bag"),
+}
+_OWN_CLOCKS: Final = (_write_tum, _write_text, write_mcap)
+SUFFIXES: Final = (*_OWN, ".csv", ".parquet")
+LAYOUTS: Final = {
+    "ros2": Layout((".mcap",), _of_ros("write_mcap")),
+    "rosbag2": Layout((), _of_ros("write_rosbag2")),
+    "euroc": Layout((), _write_euroc),
+    "tum": Layout((".tum", ".txt"), _write_tum),
+}

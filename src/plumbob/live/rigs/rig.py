@@ -1,0 +1,310 @@
+"""A rig: every frame with its time, the truth behind it, and the faults on the way."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.time import to_ns
+from plumbob.core.units import to_deg
+from plumbob.data.cards import CalibrationCard, NoiseCard
+from plumbob.live.rigs import faults as line_faults
+from plumbob.live.rigs.faults import Damage, Fault
+from plumbob.live.rigs.plan import Chained, Mounted, Plan
+from plumbob.protocols.decode import columns_of
+from plumbob.protocols.encode import encode, held
+from plumbob.protocols.field import Field
+from plumbob.protocols.format import Format, Message
+from plumbob.protocols.rigs import load
+from plumbob.rotations import Frame, euler_zyx_from_quat
+from plumbob.simulation import ChainSimulation, Module, Simulation, TriadErrors, draw_module, simulate, simulate_chain
+from plumbob.simulation.errors import stream, unit_seed
+from plumbob.simulation.signals import Signal
+from plumbob.simulation.simulation import WarmingUp
+
+if TYPE_CHECKING:
+    from plumbob.live.rigs.firmware import Firmware
+
+Column = Floats | NDArray[np.int64]
+Card = NoiseCard | str | Path
+Cards = Card | Mapping[str, Card]
+"""A noise card for every measuring unit, or one for each of some units, by the prefix of their fields."""
+_JUST_BELOW = 1.0 - 1e-9  # a value at the end of its range stays there whatever it is rounded by
+
+
+def columns_for(
+    message: Message, units: Mapping[str, Simulation], device_ns: NDArray[np.int64], counter: NDArray[np.int64]
+) -> dict[str, Column]:
+    """Columns for `plumbob.protocols.encode.encode`.
+
+    Parameters
+    ----------
+    message : Message
+        What is sent; bound.
+    units : mapping of str to Simulation
+        By prefix.
+    device_ns : ndarray (N,) of int64
+        The device's own clock at each frame, ns.
+    counter : ndarray (N,) of int64
+        Number of each frame.
+    """
+    fields = {one.name: one for one in message.fields}
+    measured: dict[str, Floats] = {}
+    for prefix, simulation in units.items():
+        measured |= columns_of(simulation.imu, message, prefix) | _angles(simulation, fields, prefix)
+    if not measured:
+        return {}
+    found: dict[str, Column] = {name: _in_register(fields[name], values) for name, values in measured.items()}
+    for one in message.fields:
+        if one.role == "counter":
+            found[one.name] = counter
+        elif one.role == "clock":
+            found[one.name] = np.rint(device_ns / (1e9 * one.scale)).astype(np.int64)
+        elif one.role == "status" and not one.derived and "absent" in one.says.values():
+            found[one.name] = _presence(one, measured, device_ns.size)
+    return found
+
+
+def _in_register(one: Field, values: Floats) -> Floats:
+    """Hold the last value where there is none, and run into the rail where the sensor is at the end of its range."""
+    said = held(values)
+    if not one.triad or one.type[0] == "f":
+        return said
+    beyond = np.abs(said) >= one.full_scale * _JUST_BELOW
+    return np.where(beyond, np.nan if one.overflow else np.copysign(np.inf, said), said)
+
+
+def _angles(simulation: Simulation, fields: Mapping[str, Field], prefix: str) -> dict[str, Floats]:
+    """Roll, pitch and heading, for devices that say them: of a reference, else true; heading from true North."""
+    names = {name: f"{prefix}.{name}" if prefix else name for name in ("heading", "pitch", "roll")}
+    if not any(name in fields for name in names.values()):
+        return {}
+    angles = simulation.angles
+    if angles is None:
+        angles = euler_zyx_from_quat(simulation.kinematics.in_frame(Frame.NED).q_nb)
+    found = {names[key]: angles[:, i] for i, key in enumerate(names) if names[key] in fields}
+    if (heading := fields.get(names["heading"])) and _counts_from_zero(heading):
+        found[heading.name] = np.remainder(found[heading.name], 2.0 * math.pi)
+    return found
+
+
+def _counts_from_zero(one: Field) -> bool:
+    """Whether a heading goes from 0° to 360°; decimal digits do, of compasses that speak so [RI-705]."""
+    return one.type == "bcd" or (one.range or one.limits)[0] >= 0
+
+
+def _presence(one: Field, measured: Mapping[str, Floats], count: int) -> NDArray[np.int64]:
+    """Counts of a status that says whether its triads or fields have a new value; what is not simulated has none."""
+    there = np.zeros(count, dtype=bool)
+    for name, values in measured.items():
+        if name in one.of or name.rpartition(".")[0] in one.of:
+            there |= ~np.isnan(values)
+    absent = next(code for code, word in one.says.items() if word == "absent")
+    present = one.value if one.value not in one.says else min(set(range(len(one.says) + 1)) - set(one.says))
+    return np.where(there, present, absent)
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """A rig that is ready to talk.
+
+    Attributes
+    ----------
+    plan : Plan
+        What it is made of.
+    form : Format
+        What it says, bound.
+    units : mapping of str to Simulation
+        Truth, samples, calibration and noise of each unit in its own axes, by the prefix of its fields.
+    due_ns : ndarray (N,) of int64
+        When each frame is ready, ns from the start.
+    frames : ndarray (N, L) of uint8
+        Frames as the device makes them, before anything happens to them on the line.
+    damage : Damage
+        What happens to them on the line.
+    chain : ChainSimulation or None
+        The chain that the units are on, where they are on one.
+    firmware : Firmware or None
+        What its own processor did, where that computes what it says.
+    """
+
+    plan: Plan
+    form: Format
+    units: Mapping[str, Simulation]
+    due_ns: NDArray[np.int64]
+    frames: NDArray[np.uint8]
+    damage: Damage
+    chain: ChainSimulation | None = None
+    firmware: "Firmware | None" = None
+
+    def __len__(self) -> int:
+        return int(self.due_ns.size)
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Faults on the line, in order."""
+        return self.damage.faults
+
+    def payloads(self, first: int, end: int) -> list[bytes]:
+        """Bytes that go out for frames `first` to `end`, exclusive; empty where a frame is lost."""
+        changed, lost = self.damage.changed, self.damage.lost
+        return [b"" if lost[i] else changed.get(i) or self.frames[i].tobytes() for i in range(first, end)]
+
+    def stream(self) -> bytes:
+        """All bytes that go out."""
+        return b"".join(self.payloads(0, len(self)))
+
+
+def make_rig(
+    plan: Plan,
+    form: Format,
+    *,
+    seed: int,
+    duration: float | None = None,
+    unit: str = "random",
+    clock_error: float = 0.0,
+    faults: Mapping[str, float] | None = None,
+    calibration: CalibrationCard | None = None,
+    noise: Cards | None = None,
+    temp_c: float | str | Signal | None = None,
+    warm_up: WarmingUp | None = None,
+    high_pass: float | None = None,
+    mount_error: float = 0.0,
+) -> Rig:
+    """Build a rig.
+
+    Parameters
+    ----------
+    plan : Plan
+        What it is made of.
+    form : Format
+        What it says; its first message is what it sends.
+    seed : int
+        Of everything left to chance: the sea, the units' errors, their noise, faults.
+    duration : float, optional
+        s, default: the plan's.
+    unit : {"random", "calibrated"}
+        Units as they left the line, or after an ideal calibration.
+    clock_error : float
+        By how much the device's own clock is fast: 4e-5 are 40 µs a second.
+    faults : mapping of str to float, optional
+        Share of the frames that a fault of `plumbob.live.rigs.faults.KINDS` befalls.
+    calibration : CalibrationCard, optional
+        What the rig's own processor corrects its samples with.
+    noise : NoiseCard, str, path, or mapping, optional
+        N, B and K of the measuring units instead of their own: one card for all, or cards by prefix.
+    temp_c, warm_up : optional
+        Temperature, °C, and by how much the rig warms up, as of `plumbob.simulation.simulate`.
+    high_pass : float, optional
+        Corner of a first-order high-pass behind each measuring unit's gyroscope, Hz.
+    mount_error : float
+        Standard deviation about each axis, rad, of how the references sit against what the plan says; of all units
+        where there is no reference.
+
+    Raises
+    ------
+    ParameterError
+        If a name is unknown or a value outside its domain.
+    """
+    bound = form.bind()
+    message = bound.messages[0]
+    if calibration is not None and not plan.firmware:
+        raise ParameterError(f"rig {plan.name} sends samples as they are; leave the calibration to who reads them.")
+    measured = load("buoy").bind().messages[0] if plan.firmware else message  # chips count as in the rig of samples
+    modules = _modules(plan, measured, seed, noise, high_pass)
+    common = {"frame": plan.frame, "unit": unit, "rate": plan.sampled}
+    common |= {"duration": plan.duration if duration is None else duration}
+    world = {name: value for name, value in (("temp_c", temp_c), ("warm_up", warm_up)) if value is not None}
+    units, chain = _units(plan, modules, seed, common | world, mount_error)
+    done = _computed(units[""], calibration) if plan.firmware else None
+    due_ns = to_ns(next(iter(units.values())).imu.t) if done is None else done.sent_ns
+    drawn = line_faults.draw(bound, faults or {}, due_ns, seed)
+    device_ns = drawn.device_ns + np.rint(drawn.device_ns * clock_error).astype(np.int64)
+    if done is None:
+        columns = columns_for(message, units, device_ns, drawn.counter)
+    else:
+        clock = done.columns["clock"] + (device_ns - due_ns) // 1000
+        columns = {**done.columns, "clock": clock, "counter": drawn.counter}
+    if not columns:
+        raise ParameterError(f"{form.name} has no field that a simulation can fill: no triad, temperature or angle.")
+    frames = encode(bound, columns)
+    damaged = line_faults.damage(bound, drawn, frames, due_ns, seed)
+    return Rig(plan, bound, units, due_ns, frames, damaged, chain, done)
+
+
+def _computed(unit: Simulation, calibration: CalibrationCard | None) -> "Firmware":
+    from plumbob.live.rigs.firmware import run_firmware  # with the filters, which no other rig needs
+
+    return run_firmware(unit.imu, calibration=calibration)
+
+
+def _modules(
+    plan: Plan, message: Message, seed: int, noise: Cards | None, high_pass: float | None
+) -> dict[str, Module]:
+    """Modules by prefix, each with its own errors, or with those that are asked for instead."""
+    cards: Mapping[str, Card] = {}
+    if noise is not None:
+        cards = noise if isinstance(noise, Mapping) else {one.prefix: noise for one in plan.measuring}
+    if unknown := [name for name in cards if name not in [one.prefix for one in plan.measuring]]:
+        names = ", ".join(one.prefix or "the unit without a prefix" for one in plan.measuring)
+        raise ParameterError(f"{plan.name} has no measuring unit '{unknown[0]}' for a noise card; it has {names}.")
+    modules = {}
+    for number, one in enumerate(plan.units):
+        module = fitted(draw_module(one.sensors, unit_seed(seed, number)), message, one.prefix)
+        if one.prefix in cards:
+            module = module.with_noise(check.kind("noise", NoiseCard.of(cards[one.prefix]), NoiseCard))
+        if high_pass is not None and not one.reference:
+            module = module.with_high_pass(high_pass)
+        modules[one.prefix] = module
+    return modules
+
+
+def _units(
+    plan: Plan, modules: Mapping[str, Module], seed: int, common: Mapping[str, Any], mount_error: float
+) -> tuple[Mapping[str, Simulation], ChainSimulation | None]:
+    """Units by prefix, each with its own noise, and the chain that they are on."""
+    if not 0.0 <= mount_error <= math.pi:
+        raise ParameterError(f"mount_error must be 0 to 180°, but it is {to_deg(mount_error):g}°.")
+    if isinstance(plan.scenario, Chained):
+        if mount_error:
+            raise ParameterError("the units of a chain have --set mount_angle; leave mount_error out.")
+        chained, settings = plan.scenario, {**plan.scenario.settings, **common}
+        made = simulate_chain(chained.chain, chained.program, sensors=modules, seed=seed, **settings)
+        return made.units, made
+    aslant = [one for one in plan.units if one.reference] or plan.units
+    units = {}
+    for number, one in enumerate(plan.units):
+        motion = Mounted(plan=plan.scenario, frame=plan.frame, q_bs=one.q_bs, seed=seed)
+        if mount_error and one in aslant:
+            x, y, z = (mount_error * stream(seed, "mount", one.prefix).standard_normal(3)).tolist()
+            motion = replace(motion, off=(x, y, z))
+        units[one.prefix] = simulate(motion, sensors=modules[one.prefix], seed=unit_seed(seed, number), **common)
+    return units, None
+
+
+def fitted(module: Module, message: Message, prefix: str) -> Module:
+    """Unit whose counts and ranges are those of the wire, so that nothing is rounded or cut twice."""
+    return replace(
+        module,
+        gyr=_fitted(module.gyr, message, prefix, "gyr"),
+        acc=_fitted(module.acc, message, prefix, "acc"),
+        mag=_fitted(module.mag, message, prefix, "mag"),
+    )
+
+
+def _fitted(errors: TriadErrors | None, message: Message, prefix: str, triad: str) -> TriadErrors | None:
+    if errors is None:
+        return None
+    lsb, full_scale = np.array(errors.lsb), np.array(errors.full_scale)
+    for i, axis in enumerate("xyz"):
+        name = ".".join(part for part in (prefix, triad, axis) if part)
+        for one in (f for f in message.fields if f.name == name and f.type[0] != "f"):
+            lsb[i], full_scale[i] = abs(one.scale), one.full_scale
+    return replace(errors, lsb=lsb, full_scale=full_scale)

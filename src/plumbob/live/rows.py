@@ -1,0 +1,248 @@
+"""Rows of a recording's decoded channels: JSON with a schema, as viewers plot it, every number exact to the bit."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from types import NoneType
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import DecodeError, one_line
+from plumbob.core.event import Event
+from plumbob.data import TRIADS, AttitudeTrack, ImuData
+from plumbob.files.mcap import Recorder, Schema
+
+IMU: Final = "imu"
+ATTITUDE: Final = "attitude"
+EVENTS: Final = "events"
+RECORDER: Final = "recorder"
+RAW: Final = "raw"
+TRANSFORMS: Final = "tf"
+
+
+def _numbers(count: int, meaning: str) -> dict[str, Any]:
+    each = {"type": ["number", "null"]}
+    return {"type": ["array", "null"], "items": each, "minItems": count, "maxItems": count, "description": meaning}
+
+
+def _schema(title: str, properties: dict[str, Any]) -> bytes:
+    return json.dumps({"title": title, "type": "object", "properties": properties}, ensure_ascii=False).encode()
+
+
+_TIME: Final = {"t_ns": {"type": "integer", "description": "host's monotonic clock, ns"}}
+_FLAGS: Final = {"flags": {"type": "integer", "description": "bits of plumbob.core.flags"}}
+IMU_SCHEMA: Final = _schema(
+    "plumbob.Imu",
+    {
+        **_TIME,
+        "gyr": _numbers(3, "angular rate in body axes, rad/s, uncalibrated"),
+        "acc": _numbers(3, "specific force in body axes, m/s², uncalibrated"),
+        "mag": _numbers(3, "magnetic flux density in body axes, µT, uncalibrated"),
+        "temp_c": {"type": ["number", "null"], "description": "temperature, °C"},
+        **_FLAGS,
+    },
+)
+ATTITUDE_SCHEMA: Final = _schema(
+    "plumbob.Attitude",
+    {
+        **_TIME,
+        "q_nb": _numbers(4, "body to navigation, wxyz"),
+        "bias_b": _numbers(3, "estimated gyroscope bias, rad/s"),
+        **_FLAGS,
+    },
+)
+
+
+def _object(**properties: Any) -> dict[str, Any]:
+    return {"type": "object", "properties": properties}
+
+
+_NUMBER: Final = {"type": "number"}
+TIME_SCHEMA: Final = _object(sec={"type": "integer"}, nsec={"type": "integer"})
+TRANSFORM_SCHEMA: Final = _schema(
+    "foxglove.FrameTransform",
+    {
+        "timestamp": TIME_SCHEMA,
+        "parent_frame_id": {"type": "string"},
+        "child_frame_id": {"type": "string"},
+        "translation": _object(x=_NUMBER, y=_NUMBER, z=_NUMBER),
+        "rotation": _object(x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER),
+    },
+)
+"""Of Foxglove, whose viewers draw it (https://docs.foxglove.dev/docs/sdk/schemas/frame-transform)."""
+EVENT_SCHEMA: Final = _schema(
+    "plumbob.Event",
+    {**_TIME, "kind": {"type": "string"}, "text": {"type": "string"}, "count": {"type": "integer"}},
+)
+
+
+_KEYS: Final = {
+    IMU: {"t_ns", *TRIADS, "temp_c", "flags"},
+    ATTITUDE: {"t_ns", "q_nb", "bias_b", "flags"},
+    EVENTS: {"t_ns", "kind", "text", "count"},
+}
+_ADVICE: Final = "the file is damaged, or was not made by Plumbob."
+Whole = TypeVar("Whole", np.int64, np.uint32)
+_SCHEMAS: Final = {
+    EVENTS: ("plumbob.Event", EVENT_SCHEMA),
+    RECORDER: ("plumbob.Event", EVENT_SCHEMA),
+    IMU: ("plumbob.Imu", IMU_SCHEMA),
+    ATTITUDE: ("plumbob.Attitude", ATTITUDE_SCHEMA),
+    TRANSFORMS: ("foxglove.FrameTransform", TRANSFORM_SCHEMA),
+}
+
+
+def unit_topic(unit: str) -> str:
+    """Topic of the samples of one of several units; that of the only one is `IMU`."""
+    return f"{IMU}/{unit}" if unit else IMU
+
+
+def unit_of_topic(topic: str) -> str | None:
+    """Unit whose samples a topic holds, an empty one of the only unit; None where it holds something else."""
+    kind, _, unit = topic.partition("/")
+    return unit if kind == IMU else None
+
+
+def declare(recorder: Recorder, topic: str) -> int:
+    """Declare a channel of rows, and return its number."""
+    return recorder.channel(topic, *kind_of(topic))
+
+
+def kind_of(topic: str) -> tuple[str, Schema]:
+    """Encoding and schema of the rows of a topic."""
+    name, schema = _SCHEMAS[topic.partition("/")[0]]
+    return "json", Schema(name, "jsonschema", schema)
+
+
+def event_row(event: Event) -> bytes:
+    """Row of an event."""
+    told = {"t_ns": event.t_ns, "kind": event.kind, "text": event.text, "count": event.count}
+    return json.dumps(told, ensure_ascii=False).encode()
+
+
+def event_of(row: bytes) -> Event:
+    """Event of a row; DecodeError where it is none."""
+    event = Event(**parsed(EVENTS, row))
+    if [type(value) for value in (event.t_ns, event.kind, event.text, event.count)] != [int, str, str, int]:
+        raise DecodeError(f"a row of '{EVENTS}' is not an event with a time, two texts and a count; {_ADVICE}")
+    return event
+
+
+def parsed(topic: str, row: bytes) -> dict[str, Any]:
+    """Row of a topic as its schema says it; what stands under the keys is judged by `table` and `whole`.
+
+    Raises
+    ------
+    DecodeError
+        If it is cut, is not a JSON object, or has not the keys of the schema.
+    """
+    where = f"a row of '{topic}'"
+    content = parsed_object(where, row)
+    keys = _KEYS[topic.partition("/")[0]]
+    if not keys <= content.keys():
+        raise DecodeError(f"{where} lacks {', '.join(sorted(keys - content.keys()))}; {_ADVICE}")
+    return {key: content[key] for key in keys}
+
+
+def time_of(row: bytes) -> int:
+    """Time of an attitude's row, ns; DecodeError where it has none."""
+    t_ns = parsed(ATTITUDE, row)["t_ns"]
+    if type(t_ns) is not int:
+        raise DecodeError(f"a row of '{ATTITUDE}' has no whole number of nanoseconds as its time; {_ADVICE}")
+    return t_ns
+
+
+def shifted(row: bytes, by_ns: int) -> bytes:
+    """Row of ours with its own time later by so much, ns."""
+    if not by_ns:
+        return row
+    head, _, rest = row.partition(b",")
+    return b'{"t_ns":%d,%b' % (int(head.removeprefix(b'{"t_ns":')) + by_ns, rest)
+
+
+def parsed_object(where: str, text: str | bytes) -> dict[str, Any]:
+    """Object that a text in JSON says; DecodeError where it is none."""
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise DecodeError(f"{where} is not JSON ({one_line(error)[:80]}); {_ADVICE}") from error
+    if not isinstance(content, dict):
+        raise DecodeError(f"{where} is not a JSON object; {_ADVICE}")
+    return content
+
+
+def table(key: str, found: Sequence[Mapping[str, Any]], width: int | None = None) -> Floats:
+    """Numbers of a column, (N,) or (N, width); null is NaN.
+
+    Raises
+    ------
+    DecodeError
+        If something else stands there.
+    """
+    values = [row[key] for row in found]
+    if width is not None:
+        absent = [None] * width
+        values = [absent if value is None else value for value in values]
+        if set(map(type, values)) != {list} or set(map(len, values)) != {width}:
+            raise DecodeError(f"'{key}' must hold {width} numbers in each row; {_ADVICE}")
+    if not set(map(type, values if width is None else chain.from_iterable(values))) <= {int, float, NoneType}:
+        raise DecodeError(f"'{key}' must hold numbers or null; {_ADVICE}")
+    try:
+        return np.array(values, dtype=np.float64)
+    except OverflowError as error:  # an integer of hundreds of digits
+        raise DecodeError(f"'{key}' holds a number beyond every sensor; {_ADVICE}") from error
+
+
+def whole(key: str, found: Sequence[Mapping[str, Any]], dtype: type[Whole]) -> NDArray[Whole]:
+    """Whole numbers of a column, (N,); DecodeError where one is none, or beyond the type."""
+    values, limits = [row[key] for row in found], np.iinfo(dtype)
+    if set(map(type, values)) != {int} or not limits.min <= min(values) <= max(values) <= limits.max:
+        raise DecodeError(f"'{key}' must hold whole numbers from {limits.min} to {limits.max}; {_ADVICE}")
+    return np.array(values, dtype=dtype)
+
+
+def imu_rows(t_ns: list[int], imu: ImuData) -> Iterator[bytes]:
+    """One row for each sample."""
+    gyr, acc, mag = (_lists(getattr(imu, name), len(imu)) for name in TRIADS)
+    temps = ["null"] * len(imu) if imu.temp_c is None else [_number(value) for value in imu.temp_c.tolist()]
+    for t, g, a, m, temp, word in zip(t_ns, gyr, acc, mag, temps, imu.flags.tolist(), strict=True):
+        yield f'{{"t_ns":{t},"gyr":{g},"acc":{a},"mag":{m},"temp_c":{temp},"flags":{word}}}'.encode()
+
+
+def attitude_rows(t_ns: list[int], track: AttitudeTrack) -> Iterator[bytes]:
+    """One row for each attitude."""
+    q_nb, bias = _lists(track.q_nb, len(track)), _lists(track.bias_b, len(track))
+    words = [0] * len(track) if track.flags is None else track.flags.tolist()
+    for t, q, b, word in zip(t_ns, q_nb, bias, words, strict=True):
+        yield f'{{"t_ns":{t},"q_nb":{q},"bias_b":{b},"flags":{word}}}'.encode()
+
+
+def transform_row(utc_ns: int, parent: str, child: str, q: Sequence[float]) -> bytes:
+    """Row of one frame in another, by a quaternion wxyz; a time of Foxglove is UTC."""
+    sec, nsec = divmod(utc_ns, 1_000_000_000)
+    content = {
+        "timestamp": {"sec": sec, "nsec": nsec},
+        "parent_frame_id": parent,
+        "child_frame_id": child,
+        "translation": {"x": 0.0, "y": 0.0, "z": 0.0},
+        "rotation": dict(zip("wxyz", q, strict=True)),
+    }
+    return json.dumps(content, separators=(",", ":")).encode()
+
+
+def _lists(table: Floats | None, count: int) -> list[str]:
+    """JSON of each row (N, K); numbers are the shortest decimals that read back to the same bits."""
+    if table is None:
+        return ["null"] * count
+    if table.size and np.isfinite(table).all():
+        return [f"[{row}]" for row in json.dumps(table.tolist(), separators=(",", ":"))[2:-2].split("],[")]
+    return [f"[{','.join(map(_number, row))}]" for row in table.tolist()]
+
+
+def _number(value: float) -> str:
+    """A number; JSON has no word for what is not finite."""
+    return repr(value) if math.isfinite(value) else "null"

@@ -1,0 +1,340 @@
+"""Send an attitude to other programs: of a file, `plumbob.send`; live, a sink beside the recording."""
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Final, Protocol
+
+import numpy as np
+
+from plumbob.core.errors import LineError, ParameterError
+from plumbob.core.event import Event
+from plumbob.core.flags import GAP, GYR_HELD, TIME_FAULT
+from plumbob.core.text import counted
+from plumbob.core.time import to_ns
+from plumbob.data import AttitudeTrack
+from plumbob.live.recording_sink import epoch_offset_ns
+from plumbob.live.send_spec import parse_send
+from plumbob.live.session import SendSpec, Session
+from plumbob.live.stream import Part
+from plumbob.live.transports.outgoing import FileTarget, Sender, Target, TcpServer, parse_target, refused
+from plumbob.live.watch import Note
+from plumbob.protocols.attitude import Attitude, Body, attitudes, body_of
+from plumbob.rotations import North
+
+_CARRIED: Final = GAP | TIME_FAULT | GYR_HELD
+"""Flags of attitudes that are left out which the next one carries."""
+_PATIENCE: Final = 10.0
+_BURST: Final = 0.5
+_OVERTURNED: Final = 0.5 * math.pi
+
+
+class Encoder(Protocol):
+    """Makes bytes of attitudes."""
+
+    def encode(self, a: Attitude) -> bytes | None:
+        """Bytes of an attitude; None where nothing is to be sent of it."""
+        ...
+
+    def finish(self) -> bytes:
+        """Bytes behind the last attitude."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class _Each:
+    """Encoder without a state."""
+
+    of: Callable[[Attitude], bytes | None]
+
+    def encode(self, a: Attitude) -> bytes | None:
+        return self.of(a)
+
+    def finish(self) -> bytes:
+        return b""
+
+
+def encoder_of(spec: SendSpec, north: North, declination: float | None) -> Encoder:
+    """Encoder of what is asked for; heavy ones are imported here.
+
+    Raises
+    ------
+    FrameError
+        If a heading is asked for that the attitude does not have.
+    MissingExtraError
+        If it needs a package that is not installed.
+    """
+    if spec.kind == "nmea":
+        from plumbob.protocols.attitude.nmea import SENTENCES, sentences_for
+
+        makers = [SENTENCES[name] for name in sentences_for(spec.sentences, north, declination)]
+        return _Each(lambda a: b"".join(make(a) for make in makers))
+    if spec.kind == "tss1":
+        from plumbob.protocols.attitude import tss1
+
+        return _Each(partial(tss1.line, heave=None))
+    if spec.kind == "json":
+        from plumbob.protocols.attitude import json_lines
+
+        return _Each(json_lines.line)
+    if spec.kind == "mavlink":
+        from plumbob.protocols.attitude.mavlink import Mavlink
+
+        return Mavlink()
+    from plumbob.protocols.attitude.ros2 import Imus
+
+    return Imus()
+
+
+class Due:
+    """Chooses attitudes at most as fast as asked, by their own times; flags of those left out go with the next."""
+
+    def __init__(self, rate: float | None) -> None:
+        self._period_ns = 0 if rate is None else round(1e9 / rate)
+        self._next_ns: int | None = None
+        self._before_ns: int | None = None
+        self._carried = 0
+
+    def rows(self, t_ns: Sequence[int], words: Sequence[int]) -> tuple[list[int], list[int]]:
+        """Rows that are due, and the flags that each carries from those before it."""
+        rows, more = [], []
+        for i, (t, word) in enumerate(zip(t_ns, words, strict=True)):
+            step = 0 if self._before_ns is None else t - self._before_ns
+            self._before_ns = t
+            early = min(step // 2, self._period_ns // 4)  # the nearest sample, also where their times jitter
+            if self._next_ns is not None and t < self._next_ns - early:
+                self._carried |= word & _CARRIED
+                continue
+            behind = self._next_ns is None or t - self._next_ns > self._period_ns
+            self._next_ns = (t if behind or self._next_ns is None else self._next_ns) + self._period_ns
+            rows.append(i)
+            more.append(self._carried)
+            self._carried = 0
+        return rows, more
+
+
+class Direct:
+    """Writes messages to a target at once, and waits for it: nothing is dropped, and a target that broke is an error.
+
+    Raises
+    ------
+    LineError
+        If it cannot be opened, or written.
+    """
+
+    def __init__(self, target: Target, name: str) -> None:
+        self._target, self._name = target, name
+        self.sent = self.dropped = 0
+        try:
+            target.open()
+        except OSError as error:
+            raise refused(name, error) from error
+
+    def put(self, data: bytes) -> None:
+        """Write a message."""
+        try:
+            dropped = self._target.write(data, _PATIENCE)
+        except BrokenPipeError:
+            if self._name == "-":
+                raise  # the reader of standard output went away; that is its right
+            raise LineError(f"{self._name} cannot be written: nobody reads it any more.") from None
+        except OSError as error:
+            if isinstance(self._target, FileTarget):
+                self._target.discard()
+            raise refused(self._name, error) from error
+        if dropped and not isinstance(self._target, TcpServer):
+            raise LineError(f"{self._name} has taken nothing for {_PATIENCE:.0f} s.")
+        self.dropped += dropped
+        self.sent += 1
+
+    def tend(self) -> None:
+        """Let clients in, and write what waits for them."""
+        self._target.tend()
+
+    def take_events(self) -> list[Event]:
+        """Nothing happens behind the back of who writes directly."""
+        return []
+
+    def close(self) -> None:
+        """Let go of the target."""
+        self._target.close()
+
+
+class SendSink:
+    """Sends attitudes of a stream as they come; it never waits, and a target that is away costs the recording nothing.
+
+    Parameters
+    ----------
+    spec : SendSpec
+        What and where to.
+    declination : float or None
+        rad, east positive.
+    offset_ns : int
+        UTC minus the clock of the stream, ns.
+    note : callable, optional
+        Called with each remark.
+    keep : callable, optional
+        Called with each event, such as the recording.
+    direct : bool
+        Whether to write at once and wait, as a replay may.
+    """
+
+    def __init__(
+        self,
+        spec: SendSpec,
+        *,
+        declination: float | None,
+        offset_ns: int,
+        note: Note | None = None,
+        keep: Callable[[Event], object] | None = None,
+        direct: bool = False,
+    ) -> None:
+        self._spec, self._declination, self._offset_ns = spec, declination, offset_ns
+        self._note, self._keep = note or (lambda line: None), keep
+        target = parse_target(spec.to)
+        self._paced = not direct
+        self._sender: Sender | Direct = Direct(target, spec.to) if direct else Sender(target, spec.to)
+        self._encoder: Encoder | None = None
+        self._due, self._before = Due(spec.rate), deque[AttitudeTrack](maxlen=1)
+        self._allowance, self._looked = self._most, time.monotonic()
+        self.withheld = 0
+
+    def __str__(self) -> str:
+        return f"sending to {self._spec.to}"
+
+    @property
+    def sent(self) -> int:
+        """Messages that the target took."""
+        return self._sender.sent
+
+    @property
+    def dropped(self) -> int:
+        """Messages that it did not."""
+        return self._sender.dropped
+
+    @property
+    def _most(self) -> float:
+        """Messages that may go at once, after a wait."""
+        return max(1.0, _BURST * (self._spec.rate or 0.0))
+
+    def on_part(self, part: Part) -> None:
+        """Send what is due."""
+        self._tell()
+        track = part.track
+        if track is None or not len(track):
+            return
+        if self._encoder is None:
+            self._encoder = encoder_of(self._spec, track.north, self._declination)
+            for line in remarks(self._spec, track.north):
+                self._note(line)
+        joined = AttitudeTrack.joined([*self._before, track], len(track) + len(self._before))
+        first = len(joined) - len(track)
+        words = np.zeros(len(track), dtype=np.uint32) if track.flags is None else track.flags
+        rows, more = self._due.rows(part.track_ns.tolist(), words.tolist())
+        kept = rows[len(rows) - self._granted(len(rows)) :] if rows else []
+        self.withheld += len(rows) - len(kept)
+        t0_ns = int(part.track_ns[0]) - int(to_ns(track.t[:1])[0]) + self._offset_ns
+        for a in attitudes(
+            joined, [row + first for row in kept], t0_ns=t0_ns, utc=True, body=asked_body(self._spec),
+            declination=self._declination, imu=part.imu, more=more[len(rows) - len(kept) :],
+        ):  # fmt: skip
+            if (data := self._encoder.encode(a)) is not None:
+                self._sender.put(data)
+        self._before.append(track.end)
+
+    def _granted(self, wanted: int) -> int:
+        """How many of these may go now: a stream that comes in a burst after a stall is not sent in one."""
+        if not self._paced or self._spec.rate is None:
+            return wanted
+        now = time.monotonic()
+        self._allowance = min(self._most, self._allowance + (now - self._looked) * self._spec.rate)
+        self._looked = now
+        granted = min(wanted, int(self._allowance))
+        self._allowance -= granted
+        return granted
+
+    def on_event(self, event: Event) -> None:
+        """Nothing is sent of it."""
+        self._tell()
+
+    def _tell(self) -> None:
+        for event in self._sender.take_events():
+            self._note(event.text)
+            if self._keep is not None:
+                self._keep(event)
+
+    def close(self) -> None:
+        """Send what waits, and end."""
+        if self._encoder is not None and (rest := self._encoder.finish()):
+            self._sender.put(rest)
+        self._encoder = None
+        self._sender.close()
+        self._keep = None  # the recording has ended before its sinks, and takes no more rows
+        self._tell()
+        if self.withheld:
+            self._note(
+                f"{self._spec.to}: {counted(self.withheld, 'attitude')} not sent, which came faster than live, as"
+                " after a stall or from a file; plumbob send sends all of a recording"
+            )
+
+
+def with_sent(session: Session, send: Sequence[str]) -> Session:
+    """Session that sends there, too.
+
+    Raises
+    ------
+    ParameterError
+        If nothing estimates an attitude, or a text is not as `parse_send` takes it.
+    """
+    if not send:
+        return session
+    if session.stage is None:
+        raise ParameterError("--send sends an attitude, and nothing estimates one. Name a filter with --filter.")
+    return replace(session, send=(*session.send, *map(parse_send, send)))
+
+
+def sending_of(
+    session: Session,
+    *,
+    note: Note | None = None,
+    keep: Callable[[Event], object] | None = None,
+    replayed_ns: int | None = None,
+) -> list[SendSink]:
+    """Sinks of what a session sends: while its line runs, or again, with UTC less the clock of its recording, ns."""
+    offset_ns = epoch_offset_ns() if replayed_ns is None else replayed_ns
+    how: dict[str, Any] = {"declination": session.meta.declination, "offset_ns": offset_ns, "note": note, "keep": keep}
+    return [SendSink(spec, **how, direct=replayed_ns is not None) for spec in session.send]
+
+
+def asked_body(spec: SendSpec) -> Body | None:
+    """Body axes that a specification asks for; None where it does not."""
+    return None if spec.body is None else Body.parse(spec.body)
+
+
+def remarks(spec: SendSpec, north: North) -> Iterator[str]:
+    """What a reader of the messages should know."""
+    if spec.kind == "tss1":
+        yield "TSS1: the heave is not estimated; its digits are 0, and the status is u, not settled"
+    if north is North.FREE:
+        yield "the heading counts from an arbitrary zero: no sentence carries it, and yaw of MAVLink and ROS drifts"
+
+
+def overturned(track: AttitudeTrack, body: Body | None) -> str | None:
+    """Warning where most attitudes would be sent upside down, as with the wrong body axes."""
+    known = track.known
+    if not known.any():
+        return None
+    axes = body_of(track.frame) if body is None else body
+    rows = np.flatnonzero(known)[:: max(1, int(known.sum()) // 1000)].tolist()
+    rolls = [abs(math.remainder(a.angles[0], 2 * math.pi)) for a in
+             attitudes(track, rows, t0_ns=0, utc=False, body=axes) if a.angles]  # fmt: skip
+    if not rolls or float(np.median(rolls)) <= _OVERTURNED:
+        return None
+    other = Body.FLU if axes is Body.FRD else Body.FRD
+    return (
+        f"most attitudes are upside down with body axes {axes}; where the body's axes are {other}, say body='{other}' "
+        f"(--body {other})."
+    )

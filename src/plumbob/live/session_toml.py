@@ -1,0 +1,612 @@
+"""Read a session from TOML, strictly, with the format, the card and the noise that it names."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from plumbob.core import schema
+from plumbob.core.docs import guide
+from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobError
+from plumbob.core.files import text_of
+from plumbob.core.params import describe
+from plumbob.core.schema import Parse
+from plumbob.core.units import Quantity
+from plumbob.data import ImuMeta
+from plumbob.data.array_toml import UNIT, MountedUnit, units_of
+from plumbob.data.cards import CalibrationCard, NoiseCard
+from plumbob.data.cards.file import Card
+from plumbob.data.earth_field import earth_field_at, parse_place
+from plumbob.filters import SMOOTHER, CommonParams, load
+from plumbob.filters.offline import Stage, follower_of, lagged
+from plumbob.filters.start import TRUTH_WORD
+from plumbob.live.send_spec import send_table
+from plumbob.live.session import (
+    OutputSpec,
+    RecordSpec,
+    ReferenceSpec,
+    SendSpec,
+    Session,
+    SourceSpec,
+    UnitSpec,
+    reference_names,
+)
+from plumbob.live.source_toml import iio_format, parse_source
+from plumbob.live.sources import KERNEL, described
+from plumbob.protocols.decode import prefixes_of, ranges_of, unit_of
+from plumbob.protocols.find import find_format
+from plumbob.protocols.format import Format, Message
+from plumbob.protocols.format_toml import parse_format
+from plumbob.rotations import Frame, North, body_axes, in_body_axes
+
+GUIDE: Final = guide("sessions.md")
+KIND: Final = "plumbob session"
+VERSION: Final = 1
+SESSION: Final = "session.toml"
+"""Under this name a recording keeps the session itself."""
+IIO: Final = "iio.json"
+"""Under this name it keeps what the kernel said of a device, so that a replay needs none."""
+PLACE: Final = "earth_field.json"
+"""And under this one the field at the session's place, so that a replay needs neither model nor date."""
+ALL: Final = "all"
+"""Word for all units of a frame."""
+
+Fetch = Callable[[str], str]
+"""Gives the text of a file that the session names."""
+Describe = Callable[[SourceSpec], str]
+"""Gives what the kernel says of a source, in JSON."""
+Locate = Callable[[str, str], str]
+"""Gives the Earth's field at a place on a day, in JSON."""
+
+
+def load_session(path: str | Path, *, date: str | None = None) -> Session:
+    """Read a session; files that it names lie beside it, unless their paths are absolute.
+
+    Parameters
+    ----------
+    path : path
+        The session file.
+    date : str, optional
+        Day on which its bytes came, ISO 8601, for a place without a date; today for a line that is yet to run.
+
+    Raises
+    ------
+    DecodeError
+        If a file is missing or no TOML, or a key is unknown, missing or of the wrong type.
+    ParameterError, UnitError, FrameError, CalibrationError
+        If what it asks for does not exist or does not go together.
+    """
+    text = text_of(path)
+    file = Path(path)
+    try:
+        return _beside(file, parse_session(text, lambda name: text_of(file.parent / name), name=file.stem, date=date))
+    except PlumbobError as error:
+        raise type(error)(f"{file}: {error}") from error
+
+
+def _beside(file: Path, session: Session) -> Session:
+    """The session with the file of its bytes beside it, as every file that it names; what is written goes elsewhere."""
+    source = session.source
+    if source is None or source.kind != "file":
+        return session
+    settings = {**source.settings, "path": str(file.parent / source.settings["path"])}
+    return replace(session, source=replace(source, settings=settings))
+
+
+def recorded_session(texts: Mapping[str, str], name: str) -> Session:
+    """Session that a recording holds.
+
+    Raises
+    ------
+    DecodeError
+        If it holds none.
+    """
+
+    def fetch(wanted: str) -> str:
+        if wanted not in texts:
+            raise DecodeError(f"the recording does not hold {wanted}; it was not made by 'plumbob record'.")
+        return texts[wanted]
+
+    return parse_session(
+        fetch(SESSION), fetch, name=name, describe=lambda _: fetch(IIO), locate=lambda *_: fetch(PLACE), date=""
+    )
+
+
+def _field_at(place: str, date: str) -> str:
+    return json.dumps(earth_field_at(*parse_place(place), date)._asdict())
+
+
+def parse_session(
+    text: str,
+    fetch: Fetch,
+    *,
+    name: str,
+    describe: Describe = described,
+    locate: Locate = _field_at,
+    date: str | None = None,
+) -> Session:
+    """Session from TOML text; errors as in `load_session`.
+
+    Parameters
+    ----------
+    text : str
+        The session.
+    fetch : callable
+        Gives the text of each file that it names.
+    name : str
+        Short name.
+    describe : callable
+        Gives what the kernel says of a source; asked only where it is an IIO device.
+    locate : callable
+        Gives the field at a place; asked only where the session names one.
+    date : str, optional
+        As in `load_session`.
+    """
+    texts = {SESSION: text}
+
+    def keep(wanted: str) -> str:
+        texts[wanted] = fetch(wanted)
+        return texts[wanted]
+
+    found = schema.section("session", schema.toml(text, GUIDE), _SESSION, ("kind", "version"), top=True)
+    source: SourceSpec | None = found.get("source")
+    if source is not None and source.kind in KERNEL:
+        texts[IIO] = describe(source)
+        source, form, timed_by = _kernel(source, found, texts[IIO])
+        message, unit, names = form.name, "", list[str]()
+        if "unit" in found:
+            raise DecodeError(
+                f"[[unit]] does not go with source.kind = '{source.kind}', which has one unit; leave it out."
+            )
+    else:
+        form, message, unit, names = _format(found, keep)
+        timed_by = _timed_by(source, form, form.message(message))
+        if source is not None and source.kind == "file":
+            source = replace(source, settings={**source.settings, "form": form, "message": message})
+    imu = dict(found.get("imu", {}))
+    if "place" in imu or "date" in imu:
+        texts[PLACE] = locate(*_place_and_day(imu, source, date))
+        imu["declination"] = _declination(texts[PLACE])
+    frame = imu.get("frame")
+    meta = _meta(imu, source, form, message, unit)
+    card = _card(found, keep)
+    _require_device(card, meta.device, "[imu] device or --device")
+    units = _units(names, units_of(found.get("unit", []), keep), meta, form.message(message))
+    for one in units:
+        if card is not None:
+            raise ParameterError("[calibration] has the card of one unit; name those of several as card in [[unit]].")
+        _require_device(one.card, one.meta.device, "device in [[unit]]")
+    if units:
+        meta, card = next((one.meta, one.card) for one in units if one.unit == unit)
+    stage = _stage(found, frame, keep)
+    return Session(
+        name=name,
+        source=source,
+        form=form,
+        message=message,
+        unit=unit,
+        meta=meta,
+        frame=frame,
+        card=card,
+        stage=stage,
+        reference=_reference(found, form.message(message)),
+        record=found.get("record"),
+        output=found.get("output", OutputSpec()),
+        send=_sent(found),
+        timed_by=timed_by,
+        texts=texts,
+        units=units,
+    )
+
+
+def _require_device(card: CalibrationCard | None, device: str, where: str) -> None:
+    if card is not None and card.device != device:
+        raise ParameterError(
+            f"the card is for device '{card.device}', but imu.device is '{device}'; use the card of this unit, or name "
+            f"the unit that it is, as {where}."
+        )
+
+
+def _units(
+    names: Sequence[str], told: Mapping[str, MountedUnit], meta: ImuMeta, message: Message
+) -> tuple[UnitSpec, ...]:
+    """Units that are decoded, with what their tables say of them."""
+    found, named = [], {unit_of(message, name): one for name, one in told.items()}
+    for name in names:
+        one = named.get(name, MountedUnit(name))
+        own = replace(meta, device=one.device or meta.device, **_ranges(message, name, meta.axes))
+        found.append(UnitSpec(name, own, one.card, one.mount))
+    return tuple(found)
+
+
+def _declination(field: str) -> float:
+    """Declination, rad, that the text of a field says; a recording's may be damaged."""
+    try:
+        return float(json.loads(field)["declination"])
+    except (ValueError, TypeError, LookupError, RecursionError) as error:
+        raise DecodeError(f"{PLACE} of the recording holds no declination; the file is damaged.") from error
+
+
+def _place_and_day(imu: Mapping[str, Any], source: SourceSpec | None, date: str | None) -> tuple[str, str]:
+    """Where the line is, and on which day; only bytes that are yet to come are of today."""
+    if "place" not in imu or "declination" in imu:
+        raise DecodeError(
+            "imu.place says the declination too, so imu.declination must not stand beside it; keep one of them."
+            if "place" in imu
+            else "imu.date is the day of imu.place, which is missing; add it, or leave imu.date out."
+        )
+    live = source is not None and source.kind != "file"
+    today = datetime.now(UTC).date().isoformat() if live else None
+    day = imu.get("date", today if date is None else date)
+    if day is None:
+        raise ParameterError(
+            "imu.place needs a day, because the Earth's field changes from year to year and bytes in a file do not "
+            "say when they came; give imu.date (--date) as YYYY-MM-DD."
+        )
+    return imu["place"], day
+
+
+def of_unit(session: Session, asked: str) -> Session:
+    """Session of another unit in the same frames, by its name or its number from 1; ``"all"``: of all, as it is else.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such unit, or it is not one of those that the session decodes.
+    """
+    message = session.form.message(session.message)
+    if asked == ALL and session.units:
+        return session
+    if asked == ALL and prefixes_of(message) != ("",):
+        own = UnitSpec(session.unit, session.meta, session.card)
+        units = _units(prefixes_of(message), {}, session.meta, message)
+        return replace(session, units=tuple(own if one.unit == session.unit else one for one in units))
+    unit = unit_of(message, asked)
+    if known := [one for one in session.units if one.unit == unit]:
+        return replace(session, unit=unit, meta=known[0].meta, card=known[0].card)
+    return replace(session, unit=unit, meta=replace(session.meta, **_ranges(message, unit, session.meta.axes)))
+
+
+def _ranges(message: Message, unit: str, axes: str) -> dict[str, Any]:
+    """Full scales of a unit's triads in body axes, by the names that the data have for them."""
+    return {f"{name}_range": np.abs(in_body_axes(axes, case)) for name, case in ranges_of(message, unit).items()}
+
+
+def _kernel(source: SourceSpec, found: Mapping[str, Any], told: str) -> tuple[SourceSpec, Format, str]:
+    """Source that insists on what the kernel said, its format, and what tells its time."""
+    from plumbob.live.transports.iio_layout import IioLayout
+
+    if "format" in found:
+        raise DecodeError(f"[format] does not go with source.kind = '{source.kind}': the kernel says it; leave it out.")
+    layout = IioLayout.from_json(told)
+    settings = {**source.settings, "layout": layout}
+    form = iio_format(layout, mounted=settings.pop("mount", True))
+    timed_by = "poll" if source.kind == "iio-poll" else "kernel" if layout.clock == "monotonic" else "frames"
+    return replace(source, settings=settings), form, timed_by
+
+
+def _timed_by(source: SourceSpec | None, form: Format, message: Message) -> str:
+    """What tells the time of a source that is not the kernel's; a poll over SPI must give whole transfers."""
+    if source is None:
+        return "frames"
+    settings = source.settings
+    if source.kind == "file" or settings.get("time") == "count":
+        if message.of_role("clock") is None and not (settings.get("rate") or form.framing.rate):
+            raise ParameterError(f"{form.name} has neither a clock nor a rate to count time by; give source.rate.")
+        return "count"
+    if source.kind != "spi":
+        return "frames"
+    size, length = sum(map(len, settings["exchange"])) - settings.get("skip", 0), form.framing.length
+    if form.framing.transfers and length and (size <= 0 or size % length):
+        raise ParameterError(
+            f"a poll gives {size} bytes after source.skip, but a transfer of {form.name} has {length}; "
+            "give commands as long as their replies, and skip what comes in while the first of them goes out."
+        )
+    return "poll"
+
+
+def _format(tables: Mapping[str, Any], keep: Fetch) -> tuple[Format, str, str, list[str]]:
+    """Format, message, the unit to estimate, and the units to decode where these are several."""
+    if "format" not in tables:
+        raise schema.absent("session", "format")
+    found = tables["format"]
+    if ("name" in found) == ("file" in found):
+        raise DecodeError('format needs either the name of a known device or file = "my.toml".')
+    form = find_format(found["name"]) if "name" in found else parse_format(keep(found["file"]))
+    form = form.bind(found.get("options", {}))
+    message = form.message(found.get("message", ""))
+    listed = [unit_of(message, table["name"]) for table in tables.get("unit", [])]
+    if "units" not in found and not listed:
+        return form, message.name, unit_of(message, found.get("unit", "")), []
+    if prefixes_of(message) == ("",):
+        raise ParameterError(f"message {message.name} has one unit without a name; leave units and [[unit]] out.")
+    names = list(dict.fromkeys(listed)) if "units" not in found else list(prefixes_of(message))
+    unit = unit_of(message, found.get("unit", names[0] if names else ""))
+    if unit not in names:
+        raise ParameterError(f"format.unit is '{unit}', but the units of [[unit]] are {', '.join(names)}; name one.")
+    return form, message.name, unit, names
+
+
+def _meta(imu: Mapping[str, Any], source: SourceSpec | None, form: Format, message: str, unit: str) -> ImuMeta:
+    axes = imu.get("axes", "x y z")
+    ranges = {} if source is not None and source.kind in KERNEL else _ranges(form.message(message), unit, axes)
+    asked = None if source is None else source.settings.get("rate")
+    return ImuMeta(
+        device=imu.get("device", form.name),
+        axes=axes,
+        frame=imu.get("frame"),
+        declination=imu.get("declination"),
+        rate_nominal=asked or form.framing.rate,
+        unit_check=False,  # the format says the units
+        **ranges,
+    )
+
+
+def _card(found: Mapping[str, Any], keep: Fetch) -> CalibrationCard | None:
+    if "calibration" not in found:
+        return None
+    name = found["calibration"]["card"]
+    return CalibrationCard.from_text(keep(name), name)
+
+
+def _reference(found: Mapping[str, Any], message: Message) -> ReferenceSpec | None:
+    if "reference" not in found:
+        return None
+    asked = ReferenceSpec(found["reference"].get("unit", ""), found["reference"]["north"])
+    names = reference_names(asked)
+    if lacking := [name for name in names if not any(f.name == name for f in message.fields)]:
+        raise ParameterError(
+            f"[reference] needs {', '.join(names)} in message {message.name}, which has no {lacking[0]}."
+        )
+    return asked
+
+
+def _sent(found: Mapping[str, Any]) -> tuple[SendSpec, ...]:
+    if "send" in found and "estimate" not in found:
+        raise ParameterError("[[send]] sends an attitude, and nothing estimates one. Add [estimate].")
+    return tuple(found.get("send", ()))
+
+
+def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage | None:
+    if "estimate" not in found:
+        return None
+    asked = found["estimate"]
+    if frame is None:
+        raise FrameError(f"[estimate] needs imu.frame, because there is no default; known are {', '.join(Frame)}.")
+    noise = NoiseCard.from_text(keep(asked["noise"]), asked["noise"]) if "noise" in asked else None
+    stage = Stage(asked.get("filter", SMOOTHER), asked.get("params", {}), noise=noise, init=asked.get("init"))
+    if stage.init == TRUTH_WORD and "reference" not in found:
+        raise ParameterError("estimate.init = 'truth' takes the first attitude of [reference], which is missing.")
+    follower_of(stage, frame)  # refuses what it cannot take, before the start
+    return stage
+
+
+def session_of(
+    file: Path | None = None,
+    *,
+    port: str | None = None,
+    capture: str | Path | None = None,
+    iio: str | int | None = None,
+    baud: int = 115200,
+    rate: float | str | None = None,
+    time: str | None = None,
+    format: str | Path | None = None,
+    unit: str | None = None,
+    device: str | None = None,
+    frame: Frame | str | None = None,
+    place: str | None = None,
+    date: str | None = None,
+    filter: str | None = None,
+    lag: float | str | None = None,
+    params: Mapping[str, Any] | None = None,
+    calibration: CalibrationCard | str | Path | None = None,
+    noise: NoiseCard | str | Path | None = None,
+    init: str | None = None,
+) -> Session:
+    """Session of a file, or of a few words, as the options of the command line are.
+
+    Parameters
+    ----------
+    file : path, optional
+        Session file, which says everything but the line's own options.
+    port, capture, iio : optional
+        Without a file one of these: a serial line; raw bytes in a file (``--from``); an IIO device.
+    baud : int
+        Speed of `port`.
+    rate : float or str, optional
+        Frames per second of `port` or `capture`, Hz, where the format has neither clock nor rate.
+    time : {"host", "count"}, optional
+        What times the frames of `port`.
+    format : str or path, optional
+        What the bytes mean: a device, a rig or a format file.
+    unit : str, optional
+        Which unit, where a frame has several; ``"all"`` decodes and records all, and estimates the first.
+    device : str, optional
+        Name of this unit, to which its calibration card belongs.
+    frame : Frame or str, optional
+        Navigation frame.
+    place, date : str, optional
+        As in `plumbob.estimate`.
+    filter, lag, params, calibration, noise, init : optional
+        As in `plumbob.estimate`, but the smoother has no lag by default; nothing is estimated without `filter`, `lag`,
+        `params`, `noise` or `init`.
+
+    Raises
+    ------
+    ParameterError
+        If not exactly one line is named, or options do not fit it.
+    PlumbobError
+        As in `load_session`.
+    """
+    cards = {"calibration": calibration, "noise": noise}
+    imu = {"device": device, "frame": frame and str(frame), "place": place, "date": date}
+    tables: dict[str, Mapping[str, Any]] = _estimate_table(*lagged(filter, lag, params), init, noise)
+    if calibration is not None:
+        tables["calibration"] = {"card": _name_of("calibration", calibration)}
+    if known := {key: value for key, value in imu.items() if value}:
+        tables["imu"] = known
+    if unit:
+        tables["format"] = {"units": ALL} if unit == ALL else {"unit": unit}
+    if [file, port, capture, iio].count(None) != 3:
+        raise ParameterError("give either a session file, or --port or --from with --format, or --iio.")
+    if file is not None:
+        if format or tables:
+            raise ParameterError(
+                "the session file says format, unit, device, frame, calibration and filter; leave the options out."
+            )
+        return load_session(file)
+    if iio is not None and (format or unit):
+        raise ParameterError("--iio takes no --format and no --unit: the kernel says what the bytes mean.")
+    if iio is None and format is None:
+        raise ParameterError(
+            "--port and --from need --format: what the bytes mean is not guessed; see 'plumbob devices'."
+        )
+    source = _source_table(port, capture, iio, baud=baud, rate=rate, time=time)
+    held = {_name_of(key, card): card.text() for key, card in cards.items() if isinstance(card, Card)}
+    return parse_session(
+        plain_session(form=None if format is None else str(format), source=source, **tables),
+        lambda name: held[name] if name in held else text_of(Path(name)),
+        name=Path(str(port or capture or iio)).name,
+    )
+
+
+def _source_table(
+    port: str | None,
+    capture: str | Path | None,
+    iio: str | int | None,
+    *,
+    baud: int,
+    rate: float | str | None,
+    time: str | None,
+) -> dict[str, Any]:
+    if iio is not None:
+        return {"kind": "iio", "device": int(iio) if str(iio).isdecimal() else iio}
+    paced = {"rate": f"{rate!r} Hz" if isinstance(rate, int | float) else rate} if rate else {}
+    if capture is not None:
+        return {"kind": "file", "path": str(capture), **paced}
+    return {"kind": "serial", "port": port, "baud": baud, **paced, **({"time": time} if time else {})}
+
+
+def _estimate_table(
+    filter: str | None, params: Mapping[str, Any] | None, init: str | None, noise: Any
+) -> dict[str, Mapping[str, Any]]:
+    """Table of a filter; numbers are in SI, and say so in the text of the session."""
+    if filter is None and not (params or noise or init):
+        return {}
+    filter = filter or SMOOTHER
+    quantities = {one.name: one.spec.quantity for kind in (load(filter).Params, CommonParams) for one in describe(kind)}
+    table: dict[str, Any] = {"filter": filter}
+    if params:
+        table["params"] = {key: _with_unit(value, quantities.get(key, Quantity.RATIO)) for key, value in params.items()}
+    if noise is not None:
+        table["noise"] = _name_of("noise", noise)
+    return {"estimate": table | ({"init": init} if init else {})}
+
+
+def _with_unit(value: Any, quantity: Quantity) -> Any:
+    """A number in SI with its unit; a switch or an absent value as a word."""
+    if value is None or isinstance(value, bool):
+        return "on" if value else "off"
+    return f"{value!r} {quantity.value}" if isinstance(value, int | float) and quantity is not Quantity.RATIO else value
+
+
+def _name_of(key: str, card: Card | str | Path) -> str:
+    """Name of a card's file; one that has none gets that of its part in the session."""
+    return f"{key}.json" if isinstance(card, Card) else str(card)
+
+
+def plain_session(*, form: str | None, source: Mapping[str, Any], **tables: Mapping[str, Any]) -> str:
+    """Text of a session of a catalogued format, a format file or none, as the command line makes one of its options."""
+    content: dict[str, Mapping[str, Any]] = {"source": source, **tables}
+    if form is not None:
+        known = {"file": form} if form.endswith(".toml") else {"name": form}
+        content["format"] = {**known, **tables.get("format", {})}
+    lines = [f'kind = "{KIND}"', f"version = {VERSION}"]
+    for name, table in content.items():
+        lines += ["", f"[{name}]", *(f"{_key(key)} = {_toml(value)}" for key, value in table.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _key(key: str) -> str:
+    return json.dumps(key)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(key)} = {_toml(item)}" for key, item in value.items()) + " }"
+    return json.dumps(value)
+
+
+def _frame(where: str, value: Any) -> Frame:
+    return Frame.parse(schema.text(where, value))
+
+
+def _north(where: str, value: Any) -> North:
+    return North.parse(schema.text(where, value))
+
+
+def _axes(where: str, value: Any) -> str:
+    body_axes(schema.text(where, value))
+    return str(value)
+
+
+def _unit(where: str, value: Any) -> str:
+    """Name of a unit, or its number from 1."""
+    return str(schema.whole(1)(where, value)) if isinstance(value, int) else schema.text(where, value)
+
+
+def _param(where: str, value: Any) -> Any:
+    """Numbers follow the rule for text: where two units are usual, one must stand there."""
+    return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+_FORMAT: Final[dict[str, Parse]] = {
+    "name": schema.text,
+    "file": schema.text,
+    "message": schema.text,
+    "unit": _unit,
+    "units": schema.one_of(ALL),
+    "options": schema.mapping(schema.text),
+}
+_IMU: Final[dict[str, Parse]] = {
+    "device": schema.text,
+    "axes": _axes,
+    "frame": _frame,
+    "declination": schema.quantity(Quantity.ANGLE),
+    "place": schema.text,
+    "date": schema.text,
+}
+_ESTIMATE: Final[dict[str, Parse]] = {
+    "filter": schema.text,
+    "params": schema.mapping(_param),
+    "noise": schema.text,
+    "init": schema.text,
+}
+_REFERENCE: Final[dict[str, Parse]] = {"unit": schema.text, "north": _north}
+_RECORD: Final[dict[str, Parse]] = {
+    "path": schema.text,
+    "rotate": schema.size(Quantity.TIME),
+    "rotate_bytes": schema.whole(1),
+    "reserve": schema.whole(0),
+    "samples": schema.truth,
+    "next_part": schema.truth,
+}
+_OUTPUT: Final[dict[str, Parse]] = {"every": schema.size(Quantity.TIME), "text": schema.text}
+_SESSION: Final[dict[str, Parse]] = {
+    "kind": schema.one_of(KIND),
+    "version": schema.version(VERSION),
+    "source": parse_source,
+    "format": schema.form(_FORMAT),
+    "imu": schema.form(_IMU),
+    "calibration": schema.form({"card": schema.text}, ("card",)),
+    "estimate": schema.form(_ESTIMATE),
+    "reference": schema.form(_REFERENCE, ("north",)),
+    "unit": schema.tables(UNIT),
+    "record": lambda where, value: RecordSpec(**schema.section(where, value, _RECORD, ("path",))),
+    "output": lambda where, value: OutputSpec(**schema.section(where, value, _OUTPUT)),
+    "send": schema.tables(send_table),
+}

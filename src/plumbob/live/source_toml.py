@@ -1,0 +1,217 @@
+"""The table [source] of a session, and the format of a Linux IIO device that it names."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+from plumbob.core import schema, units
+from plumbob.core.errors import DecodeError, ParameterError, UnitError, excerpt
+from plumbob.core.schema import Parse
+from plumbob.core.units import Quantity
+from plumbob.data import TRIADS
+from plumbob.live.session import SourceSpec
+from plumbob.protocols.field import Field, Provenance
+from plumbob.protocols.format import Format, Framing, Message
+
+if TYPE_CHECKING:
+    from plumbob.live.transports.iio_layout import IioChannel, IioLayout
+
+CLOCK: Final = "t_ns"
+"""Field with the kernel's time stamp."""
+
+_ABI: Final = "IIO-ABI"
+
+_DOCUMENTED: Final = {_ABI: "Linux, Documentation/ABI/testing/sysfs-bus-iio, and the device as the kernel showed it"}
+
+_STAMPS: Final = {
+    "": "the scans carry no time stamps",
+    "monotonic": "time stamps are on the host's monotonic clock",
+    "realtime": "time stamps are on the host's wall clock, which may step: this kernel knows no other",
+}
+_AXES: Final = ("x", "y", "z")
+
+
+def iio_format(layout: "IioLayout", *, mounted: bool = True) -> Format:
+    """Format of a device's scans: ``gyr.x`` and so on in the axes of the board, ``temp_c``, and the kernel's time.
+
+    Parameters
+    ----------
+    layout : IioLayout
+        What the kernel says.
+    mounted : bool
+        Whether mount matrices are applied; each must then take every axis to an axis.
+
+    Raises
+    ------
+    ParameterError
+        If a mount matrix does more than that, or an element of a scan holds several numbers.
+    """
+    fields = tuple(
+        _stamp(channel, at) if channel.name == "timestamp" else _measured(layout, channel, at, mounted)
+        for channel, at in zip(layout.channels, layout.places, strict=True)
+    )
+    return Format(
+        name=layout.device,
+        title=f"{layout.device} behind the kernel's IIO driver",
+        framing=Framing(length=layout.size),
+        messages=(Message(layout.device, layout.size, fields),),
+        sources=_DOCUMENTED,
+        facts={"clock": (_STAMPS[layout.clock], Provenance(_ABI))},
+    )
+
+
+def _stamp(channel: "IioChannel", at: int) -> Field:
+    return _field(channel, CLOCK, at, "ns", 1.0, role="clock")
+
+
+def _measured(layout: "IioLayout", channel: "IioChannel", at: int, mounted: bool) -> Field:
+    head, _, axis = channel.column.rpartition("_")
+    if head not in TRIADS or axis not in _AXES:
+        return _field(channel, _plain_name(layout, channel), at, channel.unit_name, channel.scale)
+    sign = 1
+    if mounted and head in layout.mounts:
+        axis, sign = _turned(layout, head, axis)
+    return _field(channel, f"{head}.{axis}", at, channel.unit_name, sign * channel.scale)
+
+
+def _plain_name(layout: "IioLayout", channel: "IioChannel") -> str:
+    """Name of what belongs to no triad; the only temperature is that of the unit, whatever the driver numbers it."""
+    thermometers = [one for one in layout.channels if one.name.startswith("temp")]
+    return "temp_c" if thermometers == [channel] else channel.column
+
+
+def _turned(layout: "IioLayout", triad: str, axis: str) -> tuple[str, int]:
+    """Axis of the board that an axis of the chip is, and its sign."""
+    matrix = layout.mounts[triad]
+    lines = [*matrix, *zip(*matrix, strict=True)]
+    if any(sorted(map(abs, line)) != [0.0, 0.0, 1.0] for line in lines):
+        raise ParameterError(
+            f"{layout.device}: the mount matrix of {triad} is {matrix}, which does not map axes to axes. "
+            "Set mount = false to leave it out, and put it into the calibration card."
+        )
+    column = [row[_AXES.index(axis)] for row in matrix]
+    board = next(i for i, value in enumerate(column) if value)
+    return _AXES[board], round(column[board])
+
+
+def _field(channel: "IioChannel", name: str, at: int, unit: str, lsb: float, role: str = "value") -> Field:
+    kind = channel.type
+    if kind.repeat > 1:
+        raise ParameterError(f"{channel.name} holds {kind.repeat} numbers ({kind}); leave it out of the channels.")
+    whole = kind.bits == kind.storage
+    return Field(
+        name=name,
+        at=at,
+        type=f"{'s' if kind.signed else 'u'}{kind.storage}",
+        size=kind.size,
+        order="little" if kind.order == "<" else "big",
+        bits=None if whole else (kind.shift + kind.bits - 1, kind.shift),
+        unit=unit,
+        lsb=lsb,
+        raw_offset=channel.offset,
+        role=role,
+        origin=Provenance(_ABI),
+    )
+
+
+def parse_source(where: str, value: Any) -> SourceSpec:
+    """Source from its table.
+
+    Raises
+    ------
+    DecodeError
+        If its kind or a key is unknown, missing or of the wrong type.
+    UnitError
+        If a unit is missing or wrong.
+    """
+    named = schema.section(
+        where, value, {**dict.fromkeys(value, _anything), "kind": schema.one_of(*_SOURCES)}, ("kind",)
+    )
+    kind = named["kind"]
+    known, required = _SOURCES[kind]
+    found = schema.section(where, value, {"kind": schema.text, **known}, required)
+    return SourceSpec(kind, {key: item for key, item in found.items() if key != "kind"})
+
+
+def _anything(where: str, value: Any) -> Any:
+    return value
+
+
+def _which(where: str, value: Any) -> str | int:
+    """Name of a device, or its number."""
+    return schema.whole(0)(where, value) if isinstance(value, int) else schema.text(where, value)
+
+
+def _command(where: str, value: Any) -> bytes:
+    try:
+        data = bytes.fromhex(schema.text(where, value))
+    except ValueError:
+        data = b""
+    if not data:
+        raise DecodeError(f"{where} must be bytes in hex, as in '20 00 00 00', but it is {excerpt(str(value))}.")
+    return data
+
+
+def _commands(where: str, value: Any) -> tuple[bytes, ...]:
+    return tuple(_command(where, item) for item in schema.texts(where, value))
+
+
+def _steps(where: str, value: Any) -> tuple[bytes | float, ...]:
+    """Commands, and times to wait between them, s."""
+    return tuple(_step(where, item) for item in schema.texts(where, value))
+
+
+def _step(where: str, text: str) -> bytes | float:
+    try:
+        return units.parse(text, Quantity.TIME) if units.split(text)[1] else _command(where, text)
+    except UnitError:
+        return _command(where, text)
+
+
+_PORT: Final = schema.whole(1, 65535)
+
+_RATE: Final = schema.size(Quantity.FREQUENCY)
+
+_STREAM: Final[dict[str, Parse]] = {"gather": schema.size(Quantity.TIME), "speed": schema.positive, "rate": _RATE}
+
+_PATIENT: Final[dict[str, Parse]] = {**_STREAM, "time": schema.one_of("host", "count")}
+"""Of streams whose sender waits for a reader that is late; datagrams are lost instead."""
+_IIO: Final[dict[str, Parse]] = {
+    "device": _which,
+    "channels": schema.texts,
+    "rate": _RATE,
+    "mount": schema.truth,
+    "sys_root": schema.text,
+}
+_SOURCES: Final[Mapping[str, tuple[dict[str, Parse], tuple[str, ...]]]] = {
+    "serial": (
+        {"port": schema.text, "baud": schema.whole(1), "wait": schema.truth, **_PATIENT},
+        ("port", "baud"),
+    ),
+    "udp": ({"host": schema.text, "port": _PORT, **_STREAM}, ("port",)),
+    "file": ({"path": schema.text, "rate": _RATE}, ("path",)),
+    "tcp": ({"host": schema.text, "port": _PORT, **_PATIENT}, ("host", "port")),
+    "iio": (
+        {
+            **_IIO,
+            "trigger": schema.text,
+            "length": schema.whole(1),
+            "watermark": schema.whole(1),
+            "dev_root": schema.text,
+        },
+        ("device",),
+    ),
+    "iio-poll": (_IIO, ("device", "rate")),
+    "spi": (
+        {
+            "bus": schema.whole(0),
+            "device": schema.whole(0),
+            "mode": schema.whole(0, 3),
+            "hz": schema.whole(1),
+            "rate": _RATE,
+            "exchange": _commands,
+            "skip": schema.whole(0),
+            "start": _steps,
+        },
+        ("bus", "device", "mode", "hz", "rate", "exchange"),
+    ),
+}

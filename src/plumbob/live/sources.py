@@ -1,0 +1,327 @@
+"""The source that a session asks for, opened; a recording or a capture as a source."""
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.event import Event
+from plumbob.core.files import existing_file
+from plumbob.files.mcap import Log
+from plumbob.live import rows
+from plumbob.live.session import SourceSpec
+from plumbob.live.stream import counts_of, time_spec
+from plumbob.live.timing.counter import CountedTime
+from plumbob.live.transports.transport import Received, Source
+from plumbob.protocols.decode import Frames, decode
+from plumbob.protocols.format import Format
+
+if TYPE_CHECKING:
+    from plumbob.live.transports.iio import IioPollSource, IioSource
+    from plumbob.live.transports.spi_bus import SpiBus, SpiSource
+
+_TOGETHER = 64
+"""Frames that are handed on at a time."""
+
+
+class CaptureSource:
+    """A file of raw bytes as a line that is read as fast as it goes.
+
+    No host was there, so each read is given the time that the frames themselves tell: the device's clock, else the
+    frame counter and the rate, else their place and the rate. What only a host could tell is not known: how long the
+    device was silent, where its counter went round more than half.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    form : Format
+        What its bytes mean, bound.
+    message : str
+        Which message has the samples.
+    rate : float or None
+        Frames per second, Hz, where the format does not say it.
+    """
+
+    def __init__(self, path: str, form: Format, message: str, rate: float | None = None) -> None:
+        self._path, self._form, self._message, self._rate = Path(path), form, message, rate
+        self._items: list[Received] | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the file."""
+        return self._path.name
+
+    @property
+    def finished(self) -> bool:
+        """Whether everything has been handed on."""
+        return self._items == []
+
+    def open(self) -> "CaptureSource":
+        """Read the file.
+
+        Raises
+        ------
+        DecodeError
+            If it is not a regular file, cannot be read, or holds no frame of the message.
+        """
+        try:
+            data = existing_file(self._path).read_bytes()
+        except OSError as error:
+            raise DecodeError(f"{self._path} cannot be read: {error.strerror}.") from error
+        found, counts = decode(data, self._form)
+        if self._message not in found:
+            what = f"no frame of {self._form.name}, message {self._message}, in {counts.received} bytes"
+            raise DecodeError(f"{self._path} holds {what}; 'plumbob decode' tries other formats.")
+        frames = found[self._message]
+        t_ns = self._times(frames)
+        ends = [int(frames.start[k]) for k in range(_TOGETHER, len(frames), _TOGETHER)] + [len(data)]
+        lasts = [*range(_TOGETHER - 1, len(frames) - 1, _TOGETHER)][: len(ends) - 1] + [len(frames) - 1]
+        begins = [0, *ends[:-1]]
+        self._items = [
+            Received(int(t_ns[last]), data[begin:end]) for begin, end, last in zip(begins, ends, lasts, strict=True)
+        ]
+        return self
+
+    def read(self, timeout: float) -> list[Received | Event]:
+        """Next bytes."""
+        if self._items is None:
+            self.open()
+        assert self._items is not None
+        return [self._items.pop(0)] if self._items else []
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def _times(self, frames: Frames) -> NDArray[np.int64]:
+        spec = time_spec(self._form, frames.message)
+        counted = CountedTime(replace(spec, rate=self._rate or spec.rate))
+        return counted.after_first(frames.start, **counts_of(frames))
+
+
+KERNEL: Final = ("iio", "iio-poll")
+"""Sources of which the kernel says what the bytes mean."""
+GATHER: Final = 0.007
+"""Time in which bytes are gathered before they go through the line, s: latency for fewer, fuller parts."""
+_AT_ONCE: Final = 256
+
+
+class Openable(Source, Protocol):
+    """A source that is made, and then opened."""
+
+    def open(self) -> Source:
+        """Open it; LineError where that is not possible."""
+        ...
+
+
+def open_source(spec: SourceSpec | None) -> Source:
+    """Open the source of a session.
+
+    Raises
+    ------
+    ParameterError
+        If the session names none.
+    PlumbobError
+        If it cannot be opened; the message says why.
+    """
+    if spec is None:
+        raise ParameterError("the session names no [source]; add one, or give --port.")
+    made = make_source(spec).open()
+    return Stretched(made, spec.settings["speed"]) if "speed" in spec.settings else made
+
+
+def make_source(spec: SourceSpec) -> Openable:
+    """Source of a session, not yet open."""
+    if spec.kind == "spi":
+        return spi_source(spec.settings)
+    if spec.kind in KERNEL:
+        return _iio_source(spec)
+    if spec.kind == "file":
+        return CaptureSource(**spec.settings)
+    of_time = {"speed", "time", "rate"}
+    settings = {"gather": GATHER, **{key: value for key, value in spec.settings.items() if key not in of_time}}
+    if spec.kind == "serial":
+        from plumbob.live.transports.serial_line import SerialSource
+
+        return SerialSource(settings.pop("port"), settings.pop("baud"), **settings)
+    from plumbob.live.transports.sockets import TcpSource, UdpSource
+
+    if spec.kind == "udp":
+        return UdpSource(settings.pop("port"), **settings)
+    return TcpSource(settings.pop("host"), settings.pop("port"), **settings)
+
+
+def described(spec: SourceSpec) -> str:
+    """What the kernel says of an IIO device, in JSON; LineError where it cannot be asked."""
+    return _iio_source(spec).layout.to_json()
+
+
+def _iio_source(spec: SourceSpec) -> "IioSource | IioPollSource":
+    from plumbob.live.transports.iio import IioPollSource, IioSource
+
+    settings = {key: value for key, value in spec.settings.items() if key != "mount"}
+    if spec.kind == "iio":
+        return IioSource(settings.pop("device"), **settings)
+    return IioPollSource(settings.pop("device"), settings.pop("rate"), **settings)
+
+
+def spi_source(
+    settings: Mapping[str, Any],
+    *,
+    open_bus: "Callable[[], SpiBus] | None" = None,
+    clock: Callable[[], int] = time.monotonic_ns,
+    sleep: Callable[[float], None] = time.sleep,
+) -> "SpiSource":
+    """Source of a chip on SPI, not yet open.
+
+    Parameters
+    ----------
+    settings : mapping
+        As a session has them: ``start`` is commands and times to wait, s; of the replies to a poll the first ``skip``
+        bytes are left out.
+    open_bus, clock, sleep
+        As in `plumbob.live.transports.spi_bus.SpiSource`.
+    """
+    from plumbob.live.transports.spi_bus import SpiSource
+
+    commands, skip, steps = settings["exchange"], settings.get("skip", 0), settings.get("start", ())
+
+    def begin(bus: "SpiBus") -> str:
+        replies = []
+        for step in steps:
+            if isinstance(step, bytes):
+                replies.append(bus.transfer(step).hex())
+            else:
+                sleep(step)
+        return f"start answered {' '.join(replies)}"
+
+    return SpiSource(
+        settings["bus"],
+        settings["device"],
+        lambda bus: b"".join(map(bus.transfer, commands))[skip:],
+        settings["rate"],
+        mode=settings["mode"],
+        hz=settings["hz"],
+        start=begin if steps else None,
+        open_bus=open_bus,
+        clock=clock,
+        sleep=sleep,
+    )
+
+
+class Stretched:
+    """A source that runs faster than time, as an emulated rig may: its host times are stretched to what they stand for.
+
+    Parameters
+    ----------
+    source : Source
+        The source, open.
+    speed : float
+        How many times faster than real time it runs.
+    """
+
+    def __init__(self, source: Source, speed: float) -> None:
+        self._source, self._speed = source, speed
+        self._start = time.monotonic_ns()
+
+    @property
+    def name(self) -> str:
+        """Name of the source."""
+        return self._source.name
+
+    @property
+    def finished(self) -> bool:
+        """Whether the source is."""
+        return self._source.finished
+
+    def read(self, timeout: float) -> list[Received | Event]:
+        """Read the source, with every time stretched from the moment this was made."""
+        return [replace(item, t_ns=self._stretched(item.t_ns)) for item in self._source.read(timeout)]
+
+    def close(self) -> None:
+        """Close the source."""
+        self._source.close()
+
+    def _stretched(self, t_ns: int) -> int:
+        return self._start + round((t_ns - self._start) * self._speed)
+
+
+class ReplaySource:
+    """The raw reads and the events of a recording, as they came.
+
+    Rows that are missing from a damaged recording become an event, so that the line does not take bytes for neighbours
+    that are none.
+
+    Parameters
+    ----------
+    log : Log
+        The recording.
+    speed : float or None
+        How many times faster than it was; None is as fast as it goes.
+    """
+
+    def __init__(self, log: Log, speed: float | None = None) -> None:
+        self._items = _due(self._all(log))
+        self._speed = speed
+        self._started: tuple[int, int] | None = None
+        self.name = log.paths[0].name
+        self.finished = False
+
+    def read(self, timeout: float) -> list[Received | Event]:
+        """Next items; at the recording's own pace, one at a time, where a speed is given."""
+        found: list[Received | Event] = []
+        for due_ns, item in self._items:
+            if self._speed:
+                self._wait_for(due_ns, self._speed)
+                return [item]
+            found.append(item)
+            if len(found) == _AT_ONCE:
+                return found
+        self.finished = True
+        return found
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def _wait_for(self, t_ns: int, speed: float) -> None:
+        if self._started is None:
+            self._started = (t_ns, time.monotonic_ns())
+        due = self._started[1] + (t_ns - self._started[0]) / speed
+        time.sleep(max(0.0, (due - time.monotonic_ns()) / 1e9))
+
+    def _all(self, log: Log) -> Iterator[Received | Event]:
+        expected = 0
+        for message in log:
+            if message.topic == rows.EVENTS:
+                yield replace(rows.event_of(message.data), t_ns=message.t_ns)
+            if message.topic != rows.RAW:
+                continue
+            if message.sequence > expected:
+                missing = message.sequence - expected
+                yield Event(message.t_ns, "dropped", f"{missing} reads are missing from the recording", missing)
+                yield Event(message.t_ns, "reopened", "the recording goes on")
+            expected = message.sequence + 1
+            yield Received(message.t_ns, message.data)
+
+
+def _due(items: Iterable[Received | Event]) -> Iterator[tuple[int, Received | Event]]:
+    """Items with the time, ns, at which they are due: an event not later than the bytes behind it.
+
+    The bytes of a file have times of their own, counted from their frames; what is said of a sink meanwhile has the
+    host's, which may be hours or years apart.
+    """
+    events: list[Event] = []
+    latest = 0
+    for item in items:
+        if isinstance(item, Event):
+            events.append(item)
+            continue
+        yield from ((min(event.t_ns, item.t_ns), event) for event in events)
+        events, latest = [], item.t_ns
+        yield item.t_ns, item
+    yield from ((min(event.t_ns, latest), event) for event in events)

@@ -1,0 +1,395 @@
+"""The line: bytes in, attitude out, the same object for a live stream, a replay and a simulation.
+
+What comes out depends on nothing but the items that went in, in their order: a replay of recorded reads and events
+gives the same bits as they gave live.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from fractions import Fraction
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob.core import check, flags
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.event import Event
+from plumbob.core.repeats import REMEMBERED, Repeats
+from plumbob.core.time import to_ns
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.array import ImuArray, Mount
+from plumbob.data.time_report import TimeReport
+from plumbob.filters import Filter
+from plumbob.filters.offline import calibrated, follower_of, start_at
+from plumbob.filters.smoother import FixedLag
+from plumbob.filters.start import TRUTH_WORD
+from plumbob.live.session import Session, UnitSpec, reference_names
+from plumbob.live.timing.counter import CountedTime
+from plumbob.live.timing.spec import Counter, TimeSpec
+from plumbob.live.timing.timebase import TimeBase
+from plumbob.live.transports.transport import Received
+from plumbob.protocols.decode import Decoder, Frames, temperature_of, triads_of, unit_of
+from plumbob.protocols.field import Field
+from plumbob.protocols.format import Format, Message
+from plumbob.rotations import Frame, in_body_axes, quat_from_euler_zyx
+
+BROKEN: Final = ("lost", "dropped")
+"""Events after which what is pending belongs to nothing that will come."""
+BACK: Final = "reopened"
+"""Event after which time starts anew behind a gap."""
+STARTED_AGAIN: Final = "restarted"
+"""Event after which everything starts anew: the recorder itself was away, and nobody knows what came meanwhile."""
+_APART_NS: Final = 1_000_000
+"""Least step between samples of two starts, ns; less only where a line ran ahead of the host's time."""
+
+
+class UnitPart(NamedTuple):
+    """What one of several units gave: what its sensors said, the same calibrated, and how it is mounted."""
+
+    sensed: ImuData
+    imu: ImuData
+    mount: Mount = Mount()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Part:
+    """What one item gave.
+
+    Attributes
+    ----------
+    t_ns : ndarray (N,) of int64
+        Times of the samples on the host's monotonic clock, ns.
+    frames : Frames
+        Decoded frames, one for each sample.
+    sensed : ImuData
+        What the sensors said, in body axes, uncalibrated; its time starts with the first sample of the line.
+    imu : ImuData
+        The same, calibrated where there is a card.
+    track : AttitudeTrack or None
+        Attitude, where something estimates one: of these samples, or with a lag of earlier ones. At the end of the
+        stream it may come without samples.
+    track_ns : ndarray (M,) of int64
+        Times of the attitudes, as those of the samples.
+    units : mapping of str to UnitPart
+        Every unit, where the session decodes several; `sensed` and `imu` are of the estimated one.
+    """
+
+    t_ns: NDArray[np.int64]
+    frames: Frames
+    sensed: ImuData
+    imu: ImuData
+    track: AttitudeTrack | None
+    track_ns: NDArray[np.int64]
+    units: Mapping[str, UnitPart] = field(default_factory=dict)
+
+    @property
+    def array(self) -> ImuArray | None:
+        """Samples of all units, calibrated where they have cards; None where the session decodes one."""
+        mounts = {name: one.mount for name, one in self.units.items()}
+        return ImuArray({name: one.imu for name, one in self.units.items()}, mounts) if mounts else None
+
+
+class _Unit:
+    """Takes the samples of one unit out of the frames."""
+
+    def __init__(self, spec: UnitSpec) -> None:
+        self._spec = spec
+        self._temp_c = math.nan
+
+    def take(self, frames: Frames, t_ns: NDArray[np.int64], told: NDArray[np.uint32]) -> UnitPart:
+        """Its samples, which come at these times, with what the stamps have shown."""
+        spec = self._spec
+        triads = {name: self._turned(values) for name, values in triads_of(frames, spec.unit).items()}
+        temp_c, known = self._temperature(frames), frames.flags[spec.unit] | told
+        sensed = ImuData.live(t_ns, triads, temp_c=temp_c, flags=known, meta=spec.meta)
+        return UnitPart(sensed, calibrated(sensed, spec.card, live=True), spec.mount)
+
+    def _temperature(self, frames: Frames) -> Floats | None:
+        """Temperature (N,), °C; where one is missing, the last that was known, for it changes slowly."""
+        found = temperature_of(frames, self._spec.unit)
+        if found is None:
+            return None
+        if np.isnan(found).any():
+            found = found.copy()
+            for i in np.flatnonzero(np.isnan(found)).tolist():
+                found[i] = found[i - 1] if i else self._temp_c
+        self._temp_c = float(found[-1]) if found.size else self._temp_c
+        return found
+
+    def _turned(self, values: Floats) -> Floats:
+        axes = self._spec.meta.axes
+        return values if axes == "x y z" else in_body_axes(axes, values)
+
+
+class Stream:
+    """Decodes, stamps, calibrates and estimates a stream.
+
+    Parameters
+    ----------
+    session : Session
+        What the bytes mean and what to do with them. Its source and its recording are others' business.
+    covariance : bool
+        Whether tracks have the covariance that a filter claims, which costs time; the attitude is the same to the bit.
+
+    Raises
+    ------
+    ParameterError
+        If the message does not have the unit.
+    """
+
+    def __init__(self, session: Session, *, covariance: bool = False) -> None:
+        self.session = check.kind("session", session, Session, hint="load_session(path) gives one.")
+        self._covariance = covariance
+        self.decoder = Decoder(session.form)
+        message = session.form.message(session.message)
+        unit_of(message, session.unit)
+        self._spec = _time_spec(session, message)
+        self._known_again = _known_again(time_spec(session.form, message))
+        self.faults = 0
+        self._repeated = 0
+        self._t0: int | None = None
+        self._earlier: list[TimeReport] = []
+        self._again = False
+        self._last_ns: int | None = None
+        self._newest: Part | None = None
+        self._shift_ns = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        """Know nothing yet."""
+        self.time = TimeBase(self._spec)
+        self._counted = CountedTime(self._spec) if self.session.timed_by == "count" else None
+        self._began_ns: int | None = None
+        self._latest_ns = 0
+        self._units = {spec.unit: _Unit(spec) for spec in _specs(self.session)}
+        self._repeats = Repeats()
+        self.filter = _estimator(self.session)
+        self._started = False
+
+    def feed(self, item: Received | Event) -> Part | None:
+        """Take what has come, and return what it completes; None where that is nothing."""
+        if isinstance(item, Received):
+            return self._through(self.decoder.feed(item.data, item.t_ns))
+        done = self._through(self.decoder.finish()) if item.kind in (*BROKEN, STARTED_AGAIN) else None
+        if item.kind == STARTED_AGAIN:
+            done = self._with_rest(done)
+            if self.time.report().frames:
+                self._earlier.append(self.time.report())
+            self._begin()
+            self._again = True
+            return done
+        if item.kind == BACK or (self._counted is not None and item.kind in BROKEN):
+            self.time.reopened(item.t_ns if self._counted is None else self._latest_ns)
+        return done
+
+    def finish(self) -> Part | None:
+        """Say that the stream has ended, and return what was pending."""
+        return self._with_rest(self._through(self.decoder.finish()))
+
+    def _with_rest(self, part: Part | None) -> Part | None:
+        """What is pending where no sample of this start will come any more: attitudes that were waiting for some."""
+        rest = self.filter.finish() if isinstance(self.filter, FixedLag) else None
+        if rest is None or self._newest is None:
+            return part
+        if part is None:
+            newest, no_time = self._newest, np.zeros(0, dtype=np.int64)
+            frames = _only(newest.frames, np.zeros(newest.t_ns.size, dtype=bool))
+            part = self._part(frames, no_time, no_time.astype(np.uint32))
+        known = [track for track in (part.track, rest) if track is not None]
+        track = AttitudeTrack.joined(known, sum(map(len, known)))
+        return replace(part, track=track, track_ns=self._track_ns(track))
+
+    def _track_ns(self, track: AttitudeTrack) -> NDArray[np.int64]:
+        assert self._t0 is not None
+        found: NDArray[np.int64] = to_ns(track.t) + self._t0
+        return found
+
+    def report(self) -> dict[str, Any]:
+        """What became of every byte and of time, for JSON."""
+        told = asdict(self.time_report())
+        if self.session.timed_by != "frames":  # the host's clock beside itself
+            told |= {"mode": self.session.timed_by, "drift_ppm": None, "offset": None, "delays": None}
+        return {
+            "bytes": self.decoder.counts.summary(),
+            "time": _without_nan(told),
+            "not_usable": self.faults,
+        }
+
+    def time_report(self) -> TimeReport:
+        """What the stamps have shown, of all starts; each after the first is a gap."""
+        whole, again = TimeReport.joined([*self._earlier, self.time.report()]), self._repeated
+        return replace(
+            whole,
+            gap_count=whole.gap_count + len(self._earlier),
+            frames=whole.frames + again,
+            duplicates=whole.duplicates + again,
+        )
+
+    def _through(self, found: dict[str, Frames]) -> Part | None:
+        frames = self._without_repeats(found.get(self.session.message))
+        if frames is None:
+            return None
+        host, clock = self._clocks(frames)
+        stamps = self.time.stamp(host, frames.start, clock=clock, frames=counts_of(frames)["frames"])
+        usable = (stamps.flags & np.uint32(flags.TIME_FAULT)) == 0
+        if not usable.all():
+            self.faults += int(np.count_nonzero(~usable))
+            if not usable.any():
+                return None
+            frames = _only(frames, usable)
+        t_ns, told = stamps.t_ns[usable], stamps.flags[usable]
+        if self._again:
+            self._again = False
+            told[0] |= flags.GAP
+            if self._last_ns is not None:
+                self._shift_ns = max(0, self._last_ns + _APART_NS - int(t_ns[0]))
+        t_ns += self._shift_ns
+        self._last_ns = int(t_ns[-1])
+        if self._t0 is None:
+            self._t0 = int(t_ns[0])
+        part = self._part(frames, t_ns, told)
+        if not self._started:
+            self._start(frames, part.imu)
+        track, track_ns = self._estimate(t_ns, part.imu)
+        self._newest = replace(part, track=track, track_ns=track_ns)
+        return self._newest
+
+    def _without_repeats(self, frames: Frames | None) -> Frames | None:
+        """Frames that were not sent before; None where there are none."""
+        if frames is None or not self._known_again:
+            return frames
+        fresh = self._repeats.fresh(np.column_stack(tuple(frames.columns.values())))
+        if fresh.all():
+            return frames
+        count = int(np.count_nonzero(~fresh))
+        self.faults += count
+        self._repeated += count
+        return _only(frames, fresh) if fresh.any() else None
+
+    def _estimate(self, t_ns: NDArray[np.int64], imu: ImuData) -> tuple[AttitudeTrack | None, NDArray[np.int64]]:
+        """Attitudes that these samples complete, and their times."""
+        if isinstance(self.filter, FixedLag):
+            ready = self.filter.take(imu)
+            return ready, t_ns[:0] if ready is None else self._track_ns(ready)
+        if self.filter is None:
+            return None, t_ns[:0]
+        return self.filter.process(imu, covariance=self._covariance, look=False), t_ns
+
+    def _start(self, frames: Frames, imu: ImuData) -> None:
+        """Start the filter from the reference's attitude in the first frame, where the session asks for it."""
+        self._started = True
+        session = self.session
+        if self.filter is None or session.stage is None or session.reference is None:
+            return
+        angles = np.array([frames.columns[name][0] for name in reference_names(session.reference)])
+        if session.stage.init == TRUTH_WORD and np.isfinite(angles).all():
+            q_nb = quat_from_euler_zyx(angles)
+            start = start_at(q_nb, Frame.NED, session.reference.north, self.filter, "mag" in imu.triads)
+            self.filter = follower_of(session.stage, self.filter.frame, session.meta, start=start)
+
+    def _clocks(self, frames: Frames) -> tuple[NDArray[np.int64], ArrayLike | None]:
+        """Host's times, and what the device's clock says; where one of them is the sample's own, it is both."""
+        device = counts_of(frames)["clock"]
+        match self.session.timed_by:
+            case "count":
+                return self._counted_ns(frames), device
+            case "poll":
+                return frames.t_ns, frames.t_ns
+            case "kernel":
+                stamps = np.asarray(device, dtype=np.int64)
+                return stamps, stamps
+        return frames.t_ns, device
+
+    def _counted_ns(self, frames: Frames) -> NDArray[np.int64]:
+        """Times that the frames count from the first read on, which take the place of the host's."""
+        assert self._counted is not None
+        if self._began_ns is None:
+            self._began_ns = int(frames.t_ns[0])
+        t_ns = self._began_ns + self._counted.after_first(frames.start, **counts_of(frames))
+        self._latest_ns = int(t_ns[-1])
+        return t_ns
+
+    @property
+    def t0_ns(self) -> int | None:
+        """Host's monotonic time of the first sample, ns; None before it."""
+        return self._t0
+
+    def _part(self, frames: Frames, t_ns: NDArray[np.int64], told: NDArray[np.uint32]) -> Part:
+        """Samples of all units; no attitude yet."""
+        assert self._t0 is not None
+        units = {name: unit.take(frames, t_ns - self._t0, told) for name, unit in self._units.items()}
+        own = units[self.session.unit]
+        return Part(t_ns, frames, own.sensed, own.imu, None, t_ns[:0], units if self.session.units else {})
+
+
+def time_spec(form: Format, message: Message) -> TimeSpec:
+    """What the frames of a message bring to tell the time by."""
+    device, count = message.of_role("clock"), message.of_role("counter")
+    alone = len(form.messages) == 1 and not form.framing.length_field
+    return TimeSpec(
+        clock=Counter(device.width, _tick_ns(device), down=device.scale < 0.0) if device else None,
+        frames=Counter(count.width) if count else None,
+        rate=form.framing.rate,
+        frame_bytes=message.length if alone else None,
+    )
+
+
+def _known_again(spec: TimeSpec) -> bool:
+    """Whether a frame brings a clock or a counter that does not come round among the last ones that are known."""
+    counters = (spec.frames, 2 * REMEMBERED), (spec.clock, 2**16)  # a clock counts many ticks from frame to frame
+    return any(counter is not None and counter.modulus >= least for counter, least in counters)
+
+
+def counts_of(frames: Frames) -> dict[str, NDArray[Any] | None]:
+    """What the frames' own clock and counter say, by the names that a time base has for them."""
+    roles = {"clock": frames.message.of_role("clock"), "frames": frames.message.of_role("counter")}
+    return {name: None if field is None else frames.columns[field.name] for name, field in roles.items()}
+
+
+def _time_spec(session: Session, message: Message) -> TimeSpec:
+    """The same for a session: whose samples are timed by the host has the host's clock for the device's."""
+    if session.timed_by in {"frames", "count"}:
+        speed = 1.0 if session.source is None else float(session.source.settings.get("speed", 1.0))
+        return replace(time_spec(session.form, message), rate=session.meta.rate_nominal, speed=speed)
+    return TimeSpec(clock=Counter(64, 1), rate=session.meta.rate_nominal if session.timed_by == "poll" else None)
+
+
+def _without_nan(told: dict[str, Any]) -> dict[str, Any]:
+    """Report with None for what is not known, as JSON has it."""
+    known: dict[str, Any] = {}
+    for name, value in told.items():
+        inner = _without_nan(value) if isinstance(value, dict) else value
+        known[name] = None if isinstance(value, float) and not math.isfinite(value) else inner
+    return known
+
+
+def _tick_ns(device: Field) -> Fraction:
+    """Time of one count; a unit and a size are decimal numbers or fractions, so this is exact."""
+    return abs(Fraction(device.scale * 1e9).limit_denominator(1 << 30))
+
+
+def _specs(session: Session) -> list[UnitSpec]:
+    """Units to decode; what the session says of the estimated one goes before what it says in their list."""
+    own = UnitSpec(session.unit, session.meta, session.card)
+    return [replace(own, mount=one.mount) if one.unit == own.unit else one for one in session.units] or [own]
+
+
+def _estimator(session: Session) -> Filter | FixedLag | None:
+    if session.stage is None:
+        return None
+    if session.frame is None:
+        raise ParameterError("a session that estimates needs a frame.")
+    return follower_of(session.stage, session.frame, session.meta)
+
+
+def _only(frames: Frames, rows: NDArray[np.bool_]) -> Frames:
+    return Frames(
+        frames.message,
+        frames.start[rows],
+        frames.t_ns[rows],
+        {name: column[rows] for name, column in frames.columns.items()},
+        {unit: found[rows] for unit, found in frames.flags.items()},
+    )

@@ -1,0 +1,234 @@
+"""A counter of n bits, made to count on: what each frame's count means, beside the host's time.
+
+A count says where in its turn the counter is, forwards or back. The host's time says which of the two is possible: no
+frame arrives before it was made, and a delay is seldom longer than usual. Where a gap may be longer than a turn, the
+host's time also says how many turns it was; a frame that follows the last one closely, but late, has waited in a queue
+until `timing.delay` proves the contrary. A count that contradicts the host is not followed: it is late, or
+ahead, and its frame not used. Only when `_RISING` such counts in a row are in order among themselves has the counter
+begun again.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.kernels import kernel
+from plumbob.live.timing.delay import LEARNING, Ints, begin_line, is_doubtful, line_at, settle, turn
+from plumbob.live.timing.spec import (
+    AHEAD,
+    CHAIN,
+    CHAIN_COUNT,
+    COUNT,
+    DUPLICATE,
+    EXTRA,
+    HOST,
+    INFERRED,
+    INFERRED_NS,
+    LATE,
+    MODULUS,
+    NOW,
+    ORIGIN,
+    REOPENED,
+    RESET,
+    SIGN,
+    SINCE,
+    STEP,
+    SUSPECT,
+    SUSPECTS,
+    TICK,
+    TYPICAL,
+    USUAL,
+    WRAPPED,
+    Counter,
+    TimeSpec,
+)
+
+ANOTHER_HOST: Final = 2
+"""Value of REOPENED where host times before and after do not belong together."""
+
+_RISING: Final = 4
+_CLOSE: Final = 0.3  # frames: by so much may steps differ where none is missing
+_FIRST: Final = 1e9  # ns
+_BEHIND: Final = 16.0  # frames: farther back, nothing comes late
+_SLACK: Final = 1e6  # ns
+_UNSURE: Final = 1e-3  # of the time passed: what two clocks may differ by
+_NO: Final = -1
+
+
+@kernel
+def advance(n: Ints, r: Floats, histogram: Ints, count: int, host_ns: int) -> int:
+    """Take the next frame's count.
+
+    STEP is set to the counts since the last accepted frame; after a reset EXTRA, ns, stands in its place. Returns what
+    became of the frame.
+    """
+    n[STEP], n[EXTRA] = 0, 0
+    forward = int((n[SIGN] * (count - n[COUNT])) % n[MODULUS])
+    delay = float(host_ns - n[ORIGIN]) - line_at(r, r[NOW] + forward * r[TICK])
+    close = _is_next(r, forward * r[TICK])
+    back = (n[MODULUS] - forward) * r[TICK] if forward else 0.0
+    if _impossible(n, r, forward, delay, host_ns) and not close:
+        kind = LATE if back <= _BEHIND * r[TYPICAL] else AHEAD
+        return begin_again(n, r, host_ns, count) if _insists(n, r, count) else kind
+    turns = _turns(n, r, delay, close and not n[REOPENED])
+    if forward == 0 and turns <= 0:
+        return DUPLICATE
+    if turns == _NO and n[REOPENED]:
+        return begin_again(n, r, host_ns, count)
+    n[CHAIN], n[COUNT] = 0, count
+    n[STEP] = forward + max(turns, 0) * n[MODULUS]
+    r[NOW] += n[STEP] * r[TICK]
+    if n[REOPENED] == ANOTHER_HOST:
+        begin_line(r, r[NOW], float(host_ns - n[ORIGIN]))
+    lasting = settle(n, r, histogram, host_ns)
+    if lasting > 0.0:
+        return make_up(n, r, lasting)
+    return (WRAPPED if turns > 0 else 0) | (SUSPECT if is_doubtful(n, r) else 0)
+
+
+@kernel
+def _is_next(r: Floats, ahead: float) -> bool:
+    """Whether a step is that to the very next frame, whatever the host says."""
+    if r[TYPICAL] == 0.0:
+        return 0.0 < ahead <= _FIRST
+    return bool(abs(ahead - r[TYPICAL]) <= _CLOSE * r[TYPICAL])
+
+
+@kernel
+def _slack(n: Ints, r: Floats, passed: float) -> float:
+    """How early a frame may seem to be, because the line is not yet where it belongs, ns."""
+    if r[NOW] - r[SINCE] < LEARNING:
+        return float(min(_FIRST, 0.25 * turn(n, r)))
+    return float(_SLACK + 0.5 * r[TYPICAL] + _UNSURE * passed)
+
+
+@kernel
+def _impossible(n: Ints, r: Floats, forward: int, delay: float, host_ns: int) -> bool:
+    """Whether so many counts forward would be in the future, or a little way back is all but certain."""
+    ahead = forward * r[TICK]
+    passed = float(host_ns - n[HOST])
+    if delay < -_slack(n, r, passed):
+        return True
+    nearly = (n[MODULUS] - forward) * r[TICK] <= 0.5 * _BEHIND * r[TYPICAL]
+    return bool(nearly and ahead > passed + _BEHIND * r[TYPICAL])
+
+
+@kernel
+def _insists(n: Ints, r: Floats, count: int) -> bool:
+    """Count the frames that contradict in a row, in order among themselves; True when they are enough."""
+    after = int((n[SIGN] * (count - n[CHAIN_COUNT])) % n[MODULUS])
+    follows = n[CHAIN] > 0 and after > 0 and after * r[TICK] <= _BEHIND * r[TYPICAL]
+    n[CHAIN] = n[CHAIN] + 1 if follows else 1
+    n[CHAIN_COUNT] = count
+    return bool(n[CHAIN] >= _RISING or n[REOPENED])
+
+
+@kernel
+def _turns(n: Ints, r: Floats, delay: float, close: bool) -> int:
+    """Turns that the counter has made unseen, by the host's time; −1 where no number of them explains the delay."""
+    whole = turn(n, r)
+    if delay < 0.5 * whole:
+        return 0
+    if close:
+        return _NO
+    turns = math.floor((delay + _SLACK) / whole)
+    return int(turns) if delay - turns * whole <= min(r[USUAL], 0.5 * whole) else _NO
+
+
+@kernel
+def make_up(n: Ints, r: Floats, lasting: float) -> int:
+    """Add the turns that a lasting delay shows, or begin again where it is not a number of turns."""
+    whole = turn(n, r)
+    turns = math.floor(lasting / whole + 0.5)
+    fits = abs(lasting - turns * whole) <= r[USUAL]
+    by_turns = turns > 0 and (fits or n[MODULUS] == 1)
+    n[INFERRED] += 1
+    n[INFERRED_NS] += int(turns * whole if by_turns else lasting)
+    if by_turns:
+        n[STEP] += turns * n[MODULUS]
+        r[NOW] += turns * whole
+        return WRAPPED
+    r[NOW] += lasting
+    n[EXTRA] = int(n[STEP] * r[TICK] + lasting)
+    n[STEP] = 0
+    begin_line(r, r[NOW], float(n[HOST] - n[ORIGIN]))
+    return RESET
+
+
+@kernel
+def begin_again(n: Ints, r: Floats, host_ns: int, count: int) -> int:
+    """Go on from the host's time, because the count does not say how long it has been."""
+    n[STEP] = 0
+    n[EXTRA] = max(host_ns - n[HOST], 1)
+    n[CHAIN], n[SUSPECTS] = 0, 0
+    n[COUNT], n[HOST] = count, host_ns
+    r[NOW] += float(n[EXTRA])
+    begin_line(r, r[NOW], float(host_ns - n[ORIGIN]))
+    return RESET
+
+
+class CountedTime:
+    """Counts ticks of the frames' clock, else their counter and the rate, else one period for each frame.
+
+    Valid where nothing can be lost, or where what is lost shows in a count: a step is taken for the shorter way round a
+    turn, one that goes back for none, and how long the device was silent is not known. The result does not depend on
+    how frames are handed over.
+
+    Parameters
+    ----------
+    spec : TimeSpec
+        What the frames bring to count.
+
+    Raises
+    ------
+    ParameterError
+        If that is neither a clock nor a rate.
+    """
+
+    def __init__(self, spec: TimeSpec) -> None:
+        if spec.clock is None and spec.rate is None:
+            raise ParameterError("without a clock in the frame, time can only be counted at a rate; give the rate.")
+        self._spec = spec
+        self._last: int | None = None
+        self._total = 0
+
+    def after_first(
+        self, place: NDArray[np.int64], *, clock: ArrayLike | None = None, frames: ArrayLike | None = None
+    ) -> NDArray[np.int64]:
+        """Times (N,) of the next frames since the first of all, ns; parameters as of `TimeBase.stamp`."""
+        spec = self._spec
+        if spec.clock is not None and spec.clock.tick is not None:
+            ticks = self._counted(_whole(clock), spec.clock)
+            return np.asarray(ticks * spec.clock.tick.numerator // spec.clock.tick.denominator)
+        passed = self._placed(place) if spec.frames is None else self._counted(_whole(frames), spec.frames)
+        return np.asarray(np.rint(passed * (1e9 / float(spec.rate or 1.0))), dtype=np.int64)
+
+    def _counted(self, counts: NDArray[np.int64], counter: Counter) -> NDArray[np.int64]:
+        half, turn = counter.modulus // 2, counter.modulus
+        steps = self._steps(counts) * (-1 if counter.down else 1)
+        return self._sum(np.maximum((steps + half) % turn - half, 0))
+
+    def _placed(self, place: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Frames that the bytes from one to the next have room for: a damaged one among them has its time."""
+        steps, length = self._steps(place), self._spec.frame_bytes
+        room = np.ones_like(steps) if length is None else np.maximum((2 * steps + length) // (2 * length), 1)
+        return self._sum(np.where(steps > 0, room, 0))
+
+    def _steps(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+        before = counts[:1] if self._last is None else np.array([self._last])
+        self._last = int(counts[-1]) if counts.size else self._last
+        return np.diff(counts, prepend=before)
+
+    def _sum(self, steps: NDArray[np.int64]) -> NDArray[np.int64]:
+        totals = self._total + np.cumsum(steps)
+        self._total = int(totals[-1]) if totals.size else self._total
+        return np.asarray(totals, dtype=np.int64)
+
+
+def _whole(counts: ArrayLike | None) -> NDArray[np.int64]:
+    """Counts as int64, of which a turn's lowest bits are what they were."""
+    return np.asarray(counts).astype(np.int64)

@@ -1,0 +1,464 @@
+"""The time base of one source: takes what came with each frame, gives each frame its time.
+
+A device clock gives it in exact integers, with the device's own steps. A frame counter gives a whole number of periods,
+and the clock that they make is led to the line beneath the host's times, so slowly that no step shows it. Without any
+counter the step is one frame, or as many as the place in the stream shows; frames that were lost without a trace in the
+stream show as a delay that lasts.
+
+Every frame's time depends on the frames before it and on what came with it, never on how they were handed over.
+"""
+
+import math
+from collections import deque
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob.core import flags
+from plumbob.core.check import Floats
+from plumbob.core.errors import ShapeError
+from plumbob.core.flags import GAP, TIME_FAULT
+from plumbob.core.kernels import kernel
+from plumbob.core.time import BINS
+from plumbob.data.time_report import Stamps, TimeReport, delays
+from plumbob.live.timing.counter import ANOTHER_HOST, advance, begin_again, make_up
+from plumbob.live.timing.delay import Ints, begin_line, is_doubtful, line_at, settle
+from plumbob.live.timing.spec import (
+    BROKEN,
+    COUNT,
+    DRIFT,
+    DUPLICATE,
+    EXTRA,
+    FRACTION,
+    FRAME,
+    FRAME_BYTES,
+    FRAME_MODULUS,
+    FRAME_SIGN,
+    FRAMES,
+    GAPS,
+    HOST,
+    INFERRED,
+    INFERRED_NS,
+    LATEST,
+    LEARN_SINCE,
+    LEARNT,
+    LOST,
+    MISSING,
+    MODULUS,
+    NOW,
+    ODD,
+    ORIGIN,
+    PLACE,
+    REALS,
+    REMAINDER,
+    REOPENED,
+    RESET,
+    ROUGH,
+    SHIFT,
+    SIGN,
+    SINCE,
+    SPEED,
+    STAMP,
+    STARTED,
+    STEP,
+    SUSPECT,
+    TALLY,
+    TICK,
+    TICK_DENOMINATOR,
+    TICK_REST,
+    TICK_WHOLE,
+    TYPICAL,
+    UNSURE,
+    UNUSED,
+    WHOLES,
+    WORST,
+    Counter,
+    TimeSpec,
+)
+
+_HASTE: Final = 2e-3  # of a step: by more no step is made longer or shorter
+_SHORT, _LONG = 1e9, 30e9  # ns: time constants towards the line, when it is new and when it is old
+_AGE: Final = 0.25  # time constant over age
+_LEARN_TIME: Final = 500_000_000  # ns
+_LEARN_FRAMES: Final = 8
+_ALL_ODD: Final = 8
+_MEMORY: Final = 1.0 / 16.0
+
+
+@kernel
+def stamp_frames(
+    n: Ints,
+    r: Floats,
+    histogram: Ints,
+    host_ns: Ints,
+    place: Ints,
+    count: Ints,
+    frame: Ints,
+    t_ns: Ints,
+    step: Ints,
+    words: NDArray[np.uint32],
+    lost: Ints,
+    kinds: NDArray[np.uint8],
+) -> None:
+    """Stamp frames in order; the last five arrays take what comes out."""
+    for k in range(host_ns.size):
+        kind = stamp_frame(n, r, histogram, host_ns[k], place[k], count[k], frame[k])
+        t_ns[k], step[k], lost[k], kinds[k] = n[STAMP], n[STEP], n[MISSING], kind
+        words[k] = _flags_of(n, kind)
+
+
+@kernel
+def _flags_of(n: Ints, kind: int) -> int:
+    """Flags of the frame; counts it."""
+    n[FRAMES] += 1
+    for bit in range(8):
+        n[TALLY + bit] += (kind >> bit) & 1
+    word = TIME_FAULT if kind & (UNUSED | UNSURE) else 0
+    if n[MISSING] > 0 or kind & (RESET | BROKEN):
+        n[LOST] += n[MISSING]
+        n[GAPS] += 1
+        word |= GAP
+    return int(word)
+
+
+@kernel
+def stamp_frame(n: Ints, r: Floats, histogram: Ints, host_ns: int, place: int, count: int, frame: int) -> int:
+    """Move STAMP on to the next frame, and MISSING to what is lost before it; returns what became of the frame."""
+    n[MISSING], n[STEP] = 0, 0
+    if n[STARTED] == 0:
+        return _start(n, r, host_ns, place, count, frame)
+    host = _never_back(n, r, int(host_ns))
+    if r[TICK] == 0.0:
+        kind = _learn(n, r, host, place, count)
+    elif n[TICK_DENOMINATOR] > 0:
+        kind = _by_clock(n, r, histogram, host, count, frame)
+    else:
+        kind = _by_frames(n, r, histogram, host, place, count)
+    if kind & UNUSED:
+        return kind
+    kind |= BROKEN if n[REOPENED] else 0
+    n[REOPENED], n[PLACE] = 0, place
+    return kind
+
+
+@kernel
+def _start(n: Ints, r: Floats, host_ns: int, place: int, count: int, frame: int) -> int:
+    """Begin at the first frame, at its host time."""
+    n[STARTED], n[REOPENED] = 1, 0
+    n[ORIGIN] = n[LATEST] = n[HOST] = n[STAMP] = n[LEARN_SINCE] = host_ns
+    n[COUNT], n[FRAME], n[PLACE] = count, frame, place
+    begin_line(r, 0.0, 0.0)
+    return 0
+
+
+@kernel
+def _never_back(n: Ints, r: Floats, host_ns: int) -> int:
+    """Host time that goes on where the host's clock has been set back; how long that took, nobody knows."""
+    host = host_ns + n[SHIFT]
+    if host < n[LATEST]:
+        resumed = n[LATEST] + int(r[TYPICAL])
+        n[SHIFT] += resumed - host
+        host = resumed
+        n[REOPENED] = ANOTHER_HOST
+    n[LATEST] = host
+    return int(host)
+
+
+@kernel
+def _by_clock(n: Ints, r: Floats, histogram: Ints, host: int, count: int, frame: int) -> int:
+    """Take the device's own time, in exact arithmetic."""
+    kind = advance(n, r, histogram, count, host)
+    if kind & UNUSED:
+        if kind == DUPLICATE and n[FRAME_MODULUS] > 0:
+            n[FRAME] = frame  # another frame in the same tick
+        return kind
+    if kind & RESET:
+        passed = float(n[EXTRA])
+        n[STAMP] += n[EXTRA]
+        n[REMAINDER] = 0
+        n[MISSING] = _missed(r, passed)
+        n[FRAME] = frame
+        return kind
+    passed = n[STEP] * r[TICK]
+    lead = _exactly(n)
+    n[STAMP] += lead
+    n[MISSING] = _missed_frames(n, r, passed, frame)
+    _learn_pace(n, r, passed)
+    return kind
+
+
+@kernel
+def _learn_pace(n: Ints, r: Floats, passed: float) -> None:
+    """Follow the time from frame to frame; steps that do not fit change it only when there is nothing else any more."""
+    if abs(passed - r[TYPICAL]) <= 0.5 * r[TYPICAL]:
+        r[TYPICAL] += _MEMORY * (passed - r[TYPICAL])
+        n[ODD] = 0
+        return
+    n[ODD] += 1
+    if n[ODD] == _ALL_ODD:
+        r[TYPICAL], n[ODD] = passed, 0
+
+
+@kernel
+def _exactly(n: Ints) -> int:
+    """STEP counts in whole nanoseconds; what is left over is kept."""
+    turns = n[STEP] // n[TICK_DENOMINATOR]
+    rest = n[STEP] - turns * n[TICK_DENOMINATOR]
+    over = rest * n[TICK_REST] + n[REMAINDER]
+    carried = over // n[TICK_DENOMINATOR]
+    n[REMAINDER] = over - carried * n[TICK_DENOMINATOR]
+    return int(n[STEP] * n[TICK_WHOLE] + turns * n[TICK_REST] + carried)
+
+
+@kernel
+def _missed(r: Floats, passed: float) -> int:
+    """Frames that time says are missing."""
+    if r[TYPICAL] == 0.0:
+        r[TYPICAL] = passed
+    return int(max(math.floor(passed / r[TYPICAL] + 0.5) - 1, 0))
+
+
+@kernel
+def _missed_frames(n: Ints, r: Floats, passed: float, frame: int) -> int:
+    """Frames that the frame counter says are missing, with as many turns as time says; without a counter, time says."""
+    by_time = _missed(r, passed)
+    if n[FRAME_MODULUS] == 0:
+        return by_time
+    forward = int((n[FRAME_SIGN] * (frame - n[FRAME])) % n[FRAME_MODULUS])
+    n[FRAME] = frame
+    expected = passed / r[TYPICAL]
+    turns = max(math.floor((expected - forward) / n[FRAME_MODULUS] + 0.5), 0)
+    total = int(forward + turns * n[FRAME_MODULUS])
+    return total - 1 if 1 <= total <= 2.0 * expected + 8.0 else by_time
+
+
+@kernel
+def _by_frames(n: Ints, r: Floats, histogram: Ints, host: int, place: int, count: int) -> int:
+    """Count periods, from the frame counter or from the place in the stream."""
+    counted = n[MODULUS] > 1
+    kind = advance(n, r, histogram, count, host) if counted else _by_place(n, r, histogram, host, place)
+    if kind & UNUSED:
+        return kind
+    if kind & RESET:
+        n[STAMP] += n[EXTRA]
+        n[MISSING] = _missed(r, float(n[EXTRA]))
+        r[FRACTION] = 0.0
+    else:
+        lead = _lead(n, r, n[STEP] * r[TICK])
+        n[STAMP] += lead
+        n[MISSING] = n[STEP] - 1
+    return kind
+
+
+@kernel
+def _by_place(n: Ints, r: Floats, histogram: Ints, host: int, place: int) -> int:
+    """Without a counter: the next frame, unless bytes between the two, or a lasting delay, tell of more."""
+    if n[REOPENED]:
+        return begin_again(n, r, host, 0)
+    frames = _frames_in(n, place)
+    early = line_at(r, r[NOW] + frames * r[TICK]) - float(host - n[ORIGIN])
+    n[STEP] = frames if early <= 0.5 * r[TICK] else 1  # what is too early for frames was noise
+    r[NOW] += n[STEP] * r[TICK]
+    lasting = settle(n, r, histogram, host)
+    if lasting > 0.0:
+        return make_up(n, r, lasting)
+    return SUSPECT if is_doubtful(n, r) else 0
+
+
+@kernel
+def _frames_in(n: Ints, place: int) -> int:
+    """Frames that the bytes since the last one have room for."""
+    if n[FRAME_BYTES] == 0:
+        return 1
+    return int(max((2 * (place - n[PLACE]) + n[FRAME_BYTES]) // (2 * n[FRAME_BYTES]), 1))
+
+
+@kernel
+def _lead(n: Ints, r: Floats, nominal: float) -> int:
+    """Length of a step of so much nominal time, ns, led towards the line; what is below a nanosecond is kept."""
+    step = nominal + nominal * r[DRIFT]
+    behind = line_at(r, r[NOW]) - float(n[STAMP] - n[ORIGIN]) - r[FRACTION] - step
+    slowly = min(max(_AGE * (r[NOW] - r[SINCE]), _SHORT), _LONG)
+    haste = _HASTE * nominal
+    step += r[FRACTION] + min(max(behind * min(nominal / slowly, 1.0), -haste), haste)
+    whole = max(math.floor(step), 1)
+    r[FRACTION] = step - whole
+    return int(whole)
+
+
+@kernel
+def _learn(n: Ints, r: Floats, host: int, place: int, count: int) -> int:
+    """Take the host's times while the period is being measured; frames of one read cannot be told apart in time."""
+    if n[REOPENED]:
+        n[LEARNT], n[LEARN_SINCE] = 0, host
+    step = _frames_in(n, place)
+    if n[MODULUS] > 1:
+        step = int((n[SIGN] * (count - n[COUNT])) % n[MODULUS])
+        if step == 0:
+            return DUPLICATE
+    known = host > n[STAMP]
+    n[LEARNT] += step if host > n[LEARN_SINCE] else 0  # what the first read brings may have waited
+    n[COUNT], n[HOST] = count, host
+    n[STAMP] = host if known else n[STAMP] + 1
+    if host - n[LEARN_SINCE] >= _LEARN_TIME and n[LEARNT] >= _LEARN_FRAMES:
+        r[TICK] = r[TYPICAL] = (host - n[LEARN_SINCE]) / n[LEARNT]
+        r[ROUGH] = 1.0
+        begin_line(r, r[NOW], float(host - n[ORIGIN]))
+    return 0 if known else UNSURE
+
+
+REMEMBERED: Final = 1000
+"""Gaps that a report lists."""
+
+
+class TimeBase:
+    """Gives frames their times, in order, once each.
+
+    Parameters
+    ----------
+    spec : TimeSpec
+        What the frames bring to tell the time by.
+
+    Notes
+    -----
+    The result does not depend on how frames are handed over: one call with all of them gives the same bits as many
+    calls. Memory is bounded.
+    """
+
+    def __init__(self, spec: TimeSpec) -> None:
+        self.spec = spec
+        self._whole = np.zeros(WHOLES, dtype=np.int64)
+        self._real = np.zeros(REALS)
+        self._histogram = np.zeros(2 * BINS, dtype=np.int64)
+        self._gaps: deque[tuple[int, int, int]] = deque(maxlen=REMEMBERED)
+        configure(self._whole, self._real, spec)
+
+    def stamp(
+        self,
+        t_ns: NDArray[np.int64],
+        place: NDArray[np.int64],
+        *,
+        clock: ArrayLike | None = None,
+        frames: ArrayLike | None = None,
+    ) -> Stamps:
+        """Stamp the next frames.
+
+        Parameters
+        ----------
+        t_ns : int64 (N,)
+            Host time of the read that brought each frame's first byte, ns.
+        place : int64 (N,)
+            Offset of each frame's first byte in the stream.
+        clock, frames : integers (N,), optional
+            What the device clock and the frame counter say; required where `spec` names them. Only the bits that it
+            names count.
+
+        Raises
+        ------
+        ShapeError
+            If the arrays do not fit each other, hold no integers, or a counter is missing.
+        """
+        host = _integers("t_ns", t_ns, None)
+        size = host.shape[0]
+        counter = self._counts("clock", clock, self.spec.clock, size)
+        second = self._counts("frames", frames, self.spec.frames, size)
+        before = int(self._whole[STAMP])
+        out = Stamps(
+            np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.uint32),
+            np.empty(size, np.int64), np.empty(size, np.uint8),
+        )  # fmt: skip
+        stamp_frames(
+            self._whole, self._real, self._histogram,
+            host, _integers("place", place, size), second if self.spec.clock is None else counter, second,
+            out.t_ns, out.step, out.flags, out.lost, out.kind,
+        )  # fmt: skip
+        self._remember(before, out)
+        return out
+
+    def reopened(self, t_ns: int) -> None:
+        """Say that the source was opened again at that host time, ns: before the next frame there is a gap."""
+        n = self._whole
+        if n[STARTED]:
+            back = max(int(n[LATEST] - n[SHIFT]) - t_ns, 0)  # another clock, after a restart of the host
+            n[SHIFT] += back
+            n[REOPENED] = ANOTHER_HOST if back else 1
+
+    def report(self) -> TimeReport:
+        """What the frames so far have shown."""
+        n, r = self._whole, self._real
+        tally = [int(count) for count in n[TALLY : TALLY + 8]]
+        known = self.spec.clock is not None or self.spec.rate is not None
+        duplicates, late, ahead, resets, wrapped, suspects, broken, unsure = tally
+        return TimeReport(
+            mode=self.spec.mode,
+            frames=int(n[FRAMES]),
+            rate=self._rate(tally[0] + tally[1] + tally[2]),
+            drift_ppm=1e6 * float(r[DRIFT]) if known else float("nan"),
+            delays=delays(self._histogram, float(r[WORST])),
+            offset=(int(n[STAMP] - n[ORIGIN]) - line_at(r, float(r[NOW]))) / 1e9,
+            lost=int(n[LOST]),
+            duplicates=duplicates,
+            late=late,
+            ahead=ahead,
+            resets=resets,
+            wraps_by_host=wrapped,
+            suspects=suspects,
+            reopened=broken,
+            unsure=unsure,
+            inferred=int(n[INFERRED]),
+            inferred_time=int(n[INFERRED_NS]) / 1e9,
+            gap_count=int(n[GAPS]),
+            gaps=tuple(self._gaps),
+        )
+
+    def _rate(self, unused: int) -> float:
+        """Frames in a second of the host: on average by a device clock, else as the line says."""
+        n, r = self._whole, self._real
+        period = float(r[TYPICAL])
+        if self.spec.clock is not None:
+            steps = int(n[FRAMES] + n[LOST]) - unused - 1
+            period = int(n[STAMP] - n[ORIGIN]) / steps if steps > 0 else 0.0
+        return 1e9 / (period * (1.0 + float(r[DRIFT]))) if period else float("nan")
+
+    def _counts(self, name: str, counts: ArrayLike | None, counter: Counter | None, size: int) -> NDArray[np.int64]:
+        if counter is None:
+            return np.zeros(size, dtype=np.int64)
+        if counts is None:
+            raise ShapeError(f"{name} is missing; the time comes from a counter of {counter.bits} bits.")
+        return _integers(name, counts, size)
+
+    def _remember(self, before: int, stamps: Stamps) -> None:
+        for k in np.flatnonzero(stamps.flags & flags.GAP)[-REMEMBERED:].tolist():
+            start = int(stamps.t_ns[k - 1]) if k else before
+            self._gaps.append((start, int(stamps.t_ns[k]), int(stamps.lost[k])))
+
+
+def configure(whole: NDArray[np.int64], real: NDArray[np.float64], spec: TimeSpec) -> None:
+    """Write into a state what does not change."""
+    counter = spec.clock or spec.frames
+    whole[MODULUS] = 1 if counter is None else counter.modulus
+    whole[SIGN] = -1 if counter is not None and counter.down else 1
+    whole[FRAME_BYTES] = spec.frame_bytes or 0
+    period = 1e9 / spec.rate if spec.rate else 0.0
+    real[TICK] = real[TYPICAL] = period
+    real[SPEED] = spec.speed
+    if spec.clock is not None and spec.clock.tick is not None:
+        tick = spec.clock.tick
+        whole[TICK_WHOLE], rest = divmod(tick.numerator, tick.denominator)
+        whole[TICK_REST], whole[TICK_DENOMINATOR] = rest, tick.denominator
+        real[TICK] = float(tick)
+        if spec.frames is not None:
+            whole[FRAME_MODULUS] = spec.frames.modulus
+            whole[FRAME_SIGN] = -1 if spec.frames.down else 1
+
+
+def _integers(name: str, value: ArrayLike, size: int | None) -> NDArray[np.int64]:
+    """Return `value` as int64; of 64 unsigned bits the lowest 62."""
+    array: NDArray[Any] = np.asarray(value)
+    if array.ndim != 1 or array.dtype.kind not in "iu" or (size is not None and array.shape[0] != size):
+        many = "one per frame" if size is None else f"{size}, one per frame"
+        raise ShapeError(f"{name} must be a row of integers, {many}, but it is {array.dtype} {array.shape}.")
+    if array.dtype == np.uint64:
+        array = array & np.uint64(2**62 - 1)
+    return np.ascontiguousarray(array, dtype=np.int64)

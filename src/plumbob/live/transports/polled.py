@@ -1,0 +1,196 @@
+"""Sources that ask a device at a rate, on deadlines that do not drift."""
+
+import time
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+from plumbob.core.errors import LineError, ParameterError
+from plumbob.core.event import Event
+from plumbob.live.transports.transport import BackOff, NoLine, Opened, Received
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """Something to do again and again.
+
+    Attributes
+    ----------
+    name : str
+        What `Schedule.due` calls it.
+    period_ns : int
+        From one deadline to the next, ns.
+    """
+
+    name: str
+    period_ns: int
+
+
+class Schedule:
+    """Which tasks are due at a time.
+
+    Deadlines are ``start_ns + k * period_ns`` for whole k from 0, so nothing drifts, however late it is asked. A task
+    that is asked too late for several deadlines is due once: the rest are counted as missed and never made up for.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+        In the order in which they are due where deadlines coincide.
+    start_ns : int
+        First deadline of all tasks, ns, on the clock of the times given to `due`.
+
+    Attributes
+    ----------
+    missed : dict of str to int
+        Deadlines missed so far, by task.
+
+    Raises
+    ------
+    ParameterError
+        If there is no task, two share a name, or a period is not positive.
+    """
+
+    def __init__(self, tasks: Sequence[Task], *, start_ns: int = 0) -> None:
+        if not tasks or len({task.name for task in tasks}) < len(tasks):
+            raise ParameterError(f"A schedule needs tasks with different names, but got {[t.name for t in tasks]}.")
+        for task in tasks:
+            if task.period_ns <= 0:
+                raise ParameterError(f"The period of task '{task.name}' must be above 0 ns, but is {task.period_ns}.")
+        self._tasks = tuple(tasks)
+        self._start_ns = start_ns
+        self._done = {task.name: -1 for task in tasks}  # number of the last deadline that was met or missed
+        self.missed = {task.name: 0 for task in tasks}
+
+    def due(self, t_ns: int) -> tuple[str, ...]:
+        """Names of the tasks with a deadline at or before `t_ns` for which they were not yet due."""
+        names = []
+        for task in self._tasks:
+            k = (t_ns - self._start_ns) // task.period_ns
+            late = k - self._done[task.name] - 1
+            if late >= 0:
+                self.missed[task.name] += late
+                self._done[task.name] = k
+                names.append(task.name)
+        return tuple(names)
+
+    @property
+    def next_ns(self) -> int:
+        """Next deadline of any task, ns."""
+        return min(self._start_ns + (self._done[task.name] + 1) * task.period_ns for task in self._tasks)
+
+
+class Polled(Opened):
+    """A `Source` that asks: one answer each period, stamped right after it was there.
+
+    Deadlines are the start plus whole periods. A missed one is reported as ``late`` and not made up for, so answers are
+    never bunched. A device that fails is reported as ``lost``, opened again, then reported as ``reopened``.
+
+    Parameters
+    ----------
+    name : str
+        For messages and recordings.
+    rate : float
+        Questions per second, Hz.
+    back_off : BackOff
+        Patience with a device that is not there.
+    clock : callable
+        Monotonic time, ns.
+    sleep : callable
+        Waits so many s.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        rate: float,
+        *,
+        back_off: BackOff | None = None,
+        clock: Callable[[], int] = time.monotonic_ns,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        if not 0.0 < rate <= 1e5:
+            raise ParameterError(f"A device is polled at a rate above 0 and up to 100000 Hz, but got {rate}.")
+        super().__init__(name, back_off, clock, sleep)
+        self._period_ns = round(1e9 / rate)
+        self._schedule: Schedule | None = None
+        self._up = False
+        self._lost_ns = 0
+
+    @abstractmethod
+    def _connect(self) -> str:
+        """Open the device and say in words what it is; NoLine or OSError where that is not possible."""
+
+    @abstractmethod
+    def _ask(self) -> bytes:
+        """One answer; OSError where the device fails."""
+
+    def open(self) -> Self:
+        """Open the device now; `read` does where this was not called.
+
+        Raises
+        ------
+        LineError
+            If that is not possible. Afterwards nothing raises any more.
+        """
+        if self._schedule is None:
+            try:
+                where = self._try()
+            except NoLine as no:
+                raise LineError(no.text) from no.__cause__
+            now = self._clock()
+            self._up = True
+            self._schedule = Schedule((Task("poll", self._period_ns),), start_ns=now)
+            self._told.append(Event(now, "opened", f"{where} is open, asked every {self._period_ns / 1e6:g} ms."))
+        return self
+
+    def _more(self, until_ns: int) -> list[Received | Event]:
+        assert self._schedule is not None
+        if not self._up:
+            return self._wait(self._next_try_ns, until_ns, self._reopen)
+        return self._wait(self._schedule.next_ns, until_ns, self._answer)
+
+    def _wait(self, at_ns: int, until_ns: int, act: Callable[[], list[Received | Event]]) -> list[Received | Event]:
+        left_ns = min(at_ns, until_ns) - self._clock()
+        if left_ns > 0:
+            self._sleep(left_ns / 1e9)
+        return act() if self._clock() >= at_ns else []
+
+    def _answer(self) -> list[Received | Event]:
+        assert self._schedule is not None
+        before = self._schedule.missed["poll"]
+        self._schedule.due(self._clock())
+        late = self._schedule.missed["poll"] - before
+        try:
+            data = self._ask()
+        except OSError as error:
+            return [*self._late(late), self._lose(error)]
+        return [*self._late(late), Received(self._clock(), data)]
+
+    def _late(self, count: int) -> list[Received | Event]:
+        text = f"{self._name}: {count} deadlines of {self._period_ns / 1e6:g} ms have passed without a poll."
+        return [Event(self._clock(), "late", text, count)] if count else []
+
+    def _lose(self, error: OSError) -> Event:
+        self._lost_ns, self._up, self._failures = self._clock(), False, 0
+        self._try_later(self._lost_ns)
+        self._let_go()
+        return Event(self._lost_ns, "lost", f"{self._name} is lost: {error}.")
+
+    def _try(self) -> str:
+        try:
+            return self._connect()
+        except OSError as error:
+            self._let_go()  # it may be half open
+            raise NoLine("absent", f"{self._name} cannot be opened: {error}.") from error
+
+    def _reopen(self) -> list[Received | Event]:
+        try:
+            where = self._try()
+        except NoLine:
+            self._try_later(self._clock())
+            return []
+        now = self._clock()
+        self._up = True
+        self._schedule = Schedule((Task("poll", self._period_ns),), start_ns=now)
+        return [Event(now, "reopened", f"{where} is open again after {(now - self._lost_ns) / 1e9:.3f} s without it.")]

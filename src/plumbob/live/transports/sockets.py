@@ -1,0 +1,285 @@
+"""Sensors behind UDP and TCP."""
+
+import errno
+import os
+import select
+import socket
+import struct
+import sys
+import time
+from collections.abc import Callable
+from typing import Any, Final
+
+from plumbob.core.errors import ParameterError
+from plumbob.core.event import Event
+from plumbob.core.text import counted
+from plumbob.live.transports.reconnecting import TAKE_LIMIT, Replug
+from plumbob.live.transports.serial_line import GATHER
+from plumbob.live.transports.transport import BackOff, NoLine, Received
+
+LOOPBACK: Final = "127.0.0.1"
+KEEPALIVE: Final = 8.0
+"""How long the kernel takes to find a machine gone: 5 s without a byte, then 3 probes, one each second."""
+
+_LARGEST: Final = 1 << 16  # no datagram is larger
+_MANY: Final = 4096  # datagrams that one `take` is content with
+_SO_RXQ_OVFL: Final = 40  # Linux, asm-generic/socket.h; Python has no name for it
+_NOTHING = {errno.EAGAIN, errno.EWOULDBLOCK}
+
+
+class UdpSource(Replug):
+    """Datagrams, each a `Received` of its own, in the order in which they came.
+
+    Parameters
+    ----------
+    port : int
+        Where to listen; 0 takes a free one (see `port`).
+    host : str
+        Local address. Loopback, unless another is named: ``0.0.0.0`` listens to every network.
+    buffer : int
+        Bytes that the kernel is asked to keep while nobody reads; it grants no more than ``net.core.rmem_max``.
+    wait, gather, back_off, clock, sleep
+        As in `Replug`.
+
+    Notes
+    -----
+    Events: ``opened``, ``lost``, ``reopened``; ``dropped`` with the number of datagrams for which the buffer had no
+    room, reported before the next one that came through (Linux); ``busy``, ``denied`` or ``absent`` while the address
+    cannot be had.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such port number, or the address is empty.
+    """
+
+    def __init__(
+        self,
+        port: int,
+        *,
+        host: str = LOOPBACK,
+        buffer: int = 1 << 22,
+        wait: bool = False,
+        gather: float = GATHER,
+        back_off: BackOff | None = None,
+        clock: Callable[[], int] = time.monotonic_ns,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        name = _name("udp", host, port, lowest=0)
+        super().__init__(name, wait=wait, gather=gather, back_off=back_off, clock=clock, sleep=sleep)
+        self._host, self._asked, self._buffer = host, port, buffer
+        self._port = port
+
+    @property
+    def port(self) -> int:
+        """Port that it listens to; where 0 was asked for, the one that was free, from the first opening on."""
+        return self._port
+
+    def _connect(self, patience: float) -> "UdpWire":
+        family, address = _resolve(self._host, self._port, socket.SOCK_DGRAM)
+        sock = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, self._buffer)
+            _count_drops(sock)
+            sock.bind(address)
+            sock.setblocking(False)
+        except OSError as error:
+            sock.close()
+            raise _refusal(self._name, error) from error
+        self._port = sock.getsockname()[1]
+        return UdpWire(sock, self._clock)
+
+
+class UdpWire:
+    """A bound socket."""
+
+    def __init__(self, sock: socket.socket, clock: Callable[[], int]) -> None:
+        granted = sock.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+        host, port = sock.getsockname()[:2]
+        self.where = f"udp {host}:{port} (buffer of {granted} bytes)"
+        self._sock, self._clock, self._dropped = sock, clock, 0
+
+    def fileno(self) -> int:
+        """Descriptor of the socket."""
+        return self._sock.fileno()
+
+    def take(self) -> list[Received | Event]:
+        """All datagrams that are there, and how many were dropped before which."""
+        found: list[Received | Event] = []
+        while len(found) < _MANY:
+            try:
+                data, ancillary, *_ = self._sock.recvmsg(_LARGEST, socket.CMSG_SPACE(4))
+            except OSError as error:
+                if found or error.errno in _NOTHING:  # an error that is pending comes again
+                    return found
+                raise
+            now = self._clock()
+            found += self._drops(now, ancillary)
+            found.append(Received(now, data))
+        return found
+
+    def _drops(self, now: int, ancillary: list[tuple[int, int, bytes]]) -> list[Event]:
+        for level, kind, value in ancillary:
+            if (level, kind) == (socket.SOL_SOCKET, _SO_RXQ_OVFL):
+                total = struct.unpack("=I", value)[0]  # since the socket was made
+                count, self._dropped = (total - self._dropped) % 2**32, total
+                if count:
+                    return [Event(now, "dropped", f"{self.where}: no room for {counted(count, 'datagram')}.", count)]
+        return []
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._sock.close()
+
+
+def _count_drops(sock: socket.socket) -> None:
+    if sys.platform == "linux":  # elsewhere drops show in the data only
+        sock.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+
+
+class TcpSource(Replug):
+    """Bytes of a TCP server, connected again when it goes away.
+
+    Parameters
+    ----------
+    host, port : str, int
+        The server.
+    silence : float, optional
+        Without a byte for this time, s, the connection counts as half open, and is lost. Without it only the kernel's
+        probes find that: they see a machine that has gone (in about `KEEPALIVE` s), not a program that hangs.
+    connect_timeout : float
+        How long a server may take to answer, s. Its name is looked up first, which may take the system longer.
+    wait, gather, back_off, clock, sleep
+        As in `Replug`.
+
+    Notes
+    -----
+    Events: ``opened``, ``lost``, ``reopened``, and while there is no connection ``absent``, ``refused`` or ``denied``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such port number, or the address is empty.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        *,
+        silence: float | None = None,
+        connect_timeout: float = 5.0,
+        wait: bool = False,
+        gather: float = GATHER,
+        back_off: BackOff | None = None,
+        clock: Callable[[], int] = time.monotonic_ns,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        super().__init__(
+            _name("tcp", host, port, lowest=1), wait=wait, gather=gather, back_off=back_off, silence=silence,
+            breaks_on_silence=True, clock=clock, sleep=sleep,
+        )  # fmt: skip
+        self._host, self._port = host, port
+        self._connect_ns = round(connect_timeout * 1e9)
+        self._half: tuple[socket.socket, int] | None = None  # still connecting, until when
+
+    def _connect(self, patience: float) -> "TcpWire | None":
+        sock, until_ns = self._half or self._begin()
+        self._half = None
+        patience = min(patience, max(0.0, (until_ns - self._clock()) / 1e9))
+        try:
+            if not _writable(sock, patience):
+                if self._clock() < until_ns:
+                    self._half = sock, until_ns
+                    return None
+                raise TimeoutError(errno.ETIMEDOUT, "no answer")
+            if number := sock.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+                raise OSError(number, os.strerror(number))
+            _keep_alive(sock)
+        except OSError as error:
+            sock.close()
+            raise _refusal(self._name, error) from error
+        return TcpWire(sock, self._name, self._clock)
+
+    def _begin(self) -> tuple[socket.socket, int]:
+        family, address = _resolve(self._host, self._port, socket.SOCK_STREAM)
+        sock = socket.socket(family, socket.SOCK_STREAM)
+        sock.setblocking(False)
+        number = sock.connect_ex(address)
+        if number not in {0, errno.EINPROGRESS}:
+            sock.close()
+            raise _refusal(self._name, OSError(number, os.strerror(number)))
+        return sock, self._clock() + self._connect_ns
+
+    def close(self) -> None:
+        """Let go of the connection, made or half made; more than once does no harm."""
+        half, self._half = self._half, None
+        if half is not None:
+            half[0].close()
+        super().close()
+
+
+class TcpWire:
+    """A connection."""
+
+    def __init__(self, sock: socket.socket, where: str, clock: Callable[[], int]) -> None:
+        self.where, self._sock, self._clock = where, sock, clock
+
+    def fileno(self) -> int:
+        """Descriptor of the socket."""
+        return self._sock.fileno()
+
+    def take(self) -> list[Received | Event]:
+        """All bytes that are there."""
+        try:
+            data = self._sock.recv(TAKE_LIMIT)
+        except BlockingIOError:
+            return []
+        if not data:
+            raise ConnectionResetError(errno.ECONNRESET, "the other end has closed the connection")
+        return [Received(self._clock(), data)]
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._sock.close()
+
+
+def _writable(sock: socket.socket, patience: float) -> bool:
+    poll = select.poll()
+    poll.register(sock, select.POLLOUT)
+    return bool(poll.poll(patience * 1e3))
+
+
+def _keep_alive(sock: socket.socket) -> None:
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for option, value in (("TCP_KEEPIDLE", 5), ("TCP_KEEPINTVL", 1), ("TCP_KEEPCNT", 3)):
+        if hasattr(socket, option):  # each where the system has it
+            sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
+
+
+def _name(kind: str, host: str, port: int, *, lowest: int) -> str:
+    if not host:
+        raise ParameterError(
+            f"An address must be named; {LOOPBACK} is this machine, 0.0.0.0 every network that it is in."
+        )
+    if not lowest <= port < 2**16:
+        raise ParameterError(f"A {kind} port is a number from {lowest} to 65535, but got {port}.")
+    return f"{kind} {host}:{port}"
+
+
+def _resolve(host: str, port: int, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Any]:
+    try:
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=kind)[0]
+    except OSError as error:
+        raise NoLine("absent", f"There is no address {host}: {error.strerror}.") from error
+    return family, address
+
+
+def _refusal(name: str, error: OSError) -> NoLine:
+    if error.errno == errno.EADDRINUSE:
+        return NoLine("busy", f"{name} is in use by another program; end it, or take another port.")
+    if error.errno in {errno.EACCES, errno.EPERM}:
+        return NoLine("denied", f"No permission for {name}; ports below 1024 belong to the system.")
+    if error.errno == errno.ECONNREFUSED:
+        return NoLine("refused", f"{name}: nobody listens there.")
+    return NoLine("absent", f"{name}: {error.strerror}.")

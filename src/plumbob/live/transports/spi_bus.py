@@ -1,0 +1,151 @@
+"""Chips on an SPI bus, polled through spidev."""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from plumbob.core.errors import MissingExtraError, ParameterError
+from plumbob.live.transports.polled import Polled
+from plumbob.live.transports.transport import BackOff, NoLine
+
+
+class SpiBus(Protocol):
+    """An open SPI device, real or emulated."""
+
+    def transfer(self, data: bytes) -> bytes:
+        """Clock bytes out and as many in, with chip select low from the first to the last."""
+        ...
+
+    def close(self) -> None:
+        """Let go."""
+        ...
+
+
+Exchange = Sequence[bytes] | Callable[[SpiBus], bytes]
+"""What one poll does: commands, whose replies are joined, or a function of the bus that returns the reply."""
+
+
+class SpiDev:
+    """``/dev/spidev<bus>.<device>``.
+
+    Parameters
+    ----------
+    bus, device : int
+        Number of the bus and of its chip select.
+    mode : int
+        Clock polarity and phase, 0 to 3.
+    hz : int
+        Clock, Hz; the driver takes the next lower one that it has.
+
+    Raises
+    ------
+    MissingExtraError
+        If spidev is not installed.
+    OSError
+        If there is no such device, or no permission.
+    """
+
+    def __init__(self, bus: int, device: int, *, mode: int, hz: int) -> None:
+        try:
+            import spidev
+        except ImportError as error:
+            raise MissingExtraError(
+                "An SPI bus needs spidev, which is not installed: pip install 'plumbob[spi]' (Linux)."
+            ) from error
+        self._spi = spidev.SpiDev()
+        self._spi.open(bus, device)
+        self._spi.mode, self._spi.max_speed_hz = mode, hz
+
+    def transfer(self, data: bytes) -> bytes:
+        """Clock bytes out and as many in, with chip select low from the first to the last."""
+        return bytes(self._spi.xfer2(list(data)))
+
+    def close(self) -> None:
+        """Let go."""
+        self._spi.close()
+
+
+class SpiSource(Polled):
+    """Replies of a chip, one `Received` for each poll.
+
+    Parameters
+    ----------
+    bus, device : int
+        ``/dev/spidev<bus>.<device>``.
+    exchange : sequence of bytes, or callable
+        One poll. Each command is a transfer of its own, with chip select released after it; the replies are joined,
+        none is left out. A chip that answers one transfer late, as the ADXRS453 does, answers command k with reply
+        k + 1: the first reply after opening belongs to no command, and what the last one asked for comes with the next
+        poll, a period old. For fresh values, give the command twice.
+    rate : float
+        Polls per second, Hz.
+    mode, hz : int
+        Clock polarity and phase, and clock, as the chip's data sheet says.
+    start : callable, optional
+        Wakes the chip up, at each opening, before the first poll. What it returns is reported with the opening.
+    open_bus : callable, optional
+        Opens the bus in place of spidev, to put an emulated chip there.
+    back_off, clock, sleep
+        As in `Polled`.
+
+    Notes
+    -----
+    Events: ``opened``, ``late``, ``lost``, ``reopened``. A wire that is pulled off the bus is none of these: the bus
+    then reads zeros or ones, which is for the decoder to see.
+
+    Raises
+    ------
+    ParameterError
+        If mode, clock or commands can never be right.
+    """
+
+    def __init__(
+        self,
+        bus: int,
+        device: int,
+        exchange: Exchange,
+        rate: float,
+        *,
+        mode: int,
+        hz: int,
+        start: Callable[[SpiBus], str | None] | None = None,
+        open_bus: Callable[[], SpiBus] | None = None,
+        back_off: BackOff | None = None,
+        clock: Callable[[], int] = time.monotonic_ns,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        super().__init__(f"spi {bus}.{device}", rate, back_off=back_off, clock=clock, sleep=sleep)
+        if mode not in {0, 1, 2, 3} or hz <= 0:
+            raise ParameterError(f"SPI has modes 0 to 3 and a clock above 0 Hz, but got mode={mode}, hz={hz}.")
+        if not callable(exchange) and not (exchange and all(exchange)):
+            raise ParameterError(
+                f"A poll of {self._name} needs at least one command, and none empty, but got {exchange}."
+            )
+        self._number, self._mode, self._hz = (bus, device), mode, hz
+        self._exchange, self._start, self._open_bus = exchange, start, open_bus or self._spidev
+        self._bus: SpiBus | None = None
+
+    def _spidev(self) -> SpiBus:
+        return SpiDev(*self._number, mode=self._mode, hz=self._hz)
+
+    def _connect(self) -> str:
+        path = "/dev/spidev{}.{}".format(*self._number)
+        try:
+            self._bus = self._open_bus()
+        except FileNotFoundError as error:
+            raise NoLine("absent", f"There is no {path}; is SPI enabled (on a Pi: dtparam=spi=on)?") from error
+        except PermissionError as error:
+            raise NoLine("denied", f"No permission to open {path}; add yourself to the group spi.") from error
+        said = self._start(self._bus) if self._start is not None else None
+        return f"{self._name} (mode {self._mode}, {self._hz} Hz{f', {said}' if said else ''})"
+
+    def _ask(self) -> bytes:
+        assert self._bus is not None
+        if callable(self._exchange):
+            return self._exchange(self._bus)
+        return b"".join(map(self._bus.transfer, self._exchange))
+
+    def _let_go(self) -> None:
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            bus.close()

@@ -1,0 +1,250 @@
+"""What a run of a stream shows while it lasts, live or again, and its report."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from plumbob.core.event import Event
+from plumbob.core.text import Shown, counted
+from plumbob.core.units import to_deg
+from plumbob.data import AttitudeTrack, calibration_told
+from plumbob.data.calibrated import temperature_beyond
+from plumbob.data.recording import inferred
+from plumbob.filters.offline import bias_beyond, declination_deg
+from plumbob.live.sources import KERNEL
+from plumbob.live.stream import Part, Stream
+from plumbob.protocols.decode import Counts
+from plumbob.protocols.overlap import passes_anything
+from plumbob.protocols.page import UNCHECKED
+from plumbob.rotations import euler_zyx_from_quat
+from plumbob.rotations.headings import counted_from
+
+Note = Callable[[str], None]
+
+LONG: Final = 60.0
+"""Duration from which on the drift of a device clock is told, s."""
+
+SETTLED: Final = 30.0
+"""Time after which the estimated bias of a start in motion says something, s."""
+
+_DOUBT_BYTES: Final = 256
+_DOUBT_FRAMES: Final = 8
+"""Bytes, and frames of the greatest length, within which one frame must have been found."""
+
+
+class Watch:
+    """Sink that counts what a stream gives, and says what somebody should look at while there is time.
+
+    Parameters
+    ----------
+    stream : Stream
+        The stream.
+    note : callable, optional
+        Called with each remark.
+    events : bool
+        Whether events are remarks, too; those of a replay are old.
+    progress : callable, optional
+        Called with this object after every part.
+
+    Attributes
+    ----------
+    samples : int
+        Samples so far.
+    last : Part or None
+        The newest part that has samples.
+    track : AttitudeTrack or None
+        The newest attitudes.
+    temperature_beyond, bias_beyond : str or None
+        By how much the samples leave the card's temperatures, and the estimated bias its prior, in words.
+    """
+
+    def __init__(
+        self,
+        stream: Stream,
+        note: Note | None = None,
+        *,
+        events: bool = True,
+        progress: "Callable[[Watch], None] | None" = None,
+    ) -> None:
+        self.stream = stream
+        self._note, self._events, self._progress = note or _nowhere, events, progress or _nowhere
+        self.samples = 0
+        self.last: Part | None = None
+        self.track: AttitudeTrack | None = None
+        self.temperature_beyond: str | None = None
+        self.bias_beyond: str | None = None
+        self._doubted = False
+
+    def on_part(self, part: Part) -> None:
+        """Count, and say once each that the temperature leaves the span of the card, and the bias its prior."""
+        card, filter_, track = self.stream.session.card, self.stream.filter, part.track
+        if part.t_ns.size:
+            self.samples += part.t_ns.size
+            self.last = part
+            if card is not None and self.temperature_beyond is None:
+                self.temperature_beyond = temperature_beyond(card, part.imu)
+                self._say(float(part.imu.t[0]), self.temperature_beyond)
+        if track is not None:
+            self.track = track
+            if filter_ is not None and float(track.t[-1]) >= SETTLED and self.bias_beyond is None:
+                self.bias_beyond = bias_beyond(filter_, track)
+                self._say(float(track.t[0]), self.bias_beyond)
+        self._progress(self)
+
+    def _say(self, t: float, what: str | None) -> None:
+        if what is not None:
+            self._note(f"at {t:.1f} s: {what}")
+
+    def look(self) -> None:
+        """Say once that bytes come and none of them is a frame, while there is time to do something about it."""
+        counts, form = self.stream.decoder.counts, self.stream.decoder.form
+        if self._doubted or counts.framed or counts.received < max(_DOUBT_BYTES, _DOUBT_FRAMES * form.framing.most):
+            return
+        self._doubted = True
+        none = f"none of the first {counts.received} bytes is a frame of {form.name}{counts.why_rejected()}"
+        self._note(f"{none}: is it the right format, and baud?")
+
+    def on_event(self, event: Event) -> None:
+        """Say it."""
+        if self._events:
+            self._note(f"{event.kind}: {event.text}")
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+
+def _nowhere(_: object) -> None:
+    pass
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Ran(Shown):
+    """What a stream gave, live or replayed.
+
+    Attributes
+    ----------
+    watch : Watch
+        What was counted, and said on the way.
+    """
+
+    watch: Watch
+
+    @property
+    def stream(self) -> Stream:
+        """The stream, with its counts."""
+        return self.watch.stream
+
+    @property
+    def samples(self) -> int:
+        """Samples that were decoded."""
+        return self.watch.samples
+
+    def facts(self) -> Mapping[str, str]:
+        """Session, device, samples, and the attitude at the end."""
+        report = self.summary()
+        found = {"session": report["session"], "device": report["device"], "samples": str(self.samples)}
+        found |= {"filter": report["filter"].partition("(")[0]} if report["filter"] else {}
+        return found | ({"at the end": last} if (last := attitude_of(self.watch.track)) else {})
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, as JSON can hold them."""
+        return report_of(self.watch)
+
+    def text(self) -> str:
+        """What a reader wants to know first, a line each."""
+        return "\n".join(report_lines(self.summary(), attitude_of(self.watch.track)))
+
+
+def nothing_of(stream: Stream) -> str:
+    """Why a stream gave no sample, and where to look."""
+    counts, session = stream.decoder.counts, stream.session
+    if not counts.received:
+        return "no byte has arrived: is the device on, is it the right port, does it send by itself?"
+    if counts.frames[session.message]:
+        return (
+            f"none of {counts.frames[session.message]} frames could be used: their times repeat or contradict others."
+        )
+    if others := ", ".join(f"{count} of {name}" for name, count in counts.frames.items() if count):
+        return f"no frame of message {session.message} has come, but {others}; name that in [format] message."
+    none = f"none of {counts.received} bytes is a frame of {session.form.name}{counts.why_rejected()}"
+    return f"{none}. {_look_at(counts)}"
+
+
+def _look_at(counts: Counts) -> str:
+    """What to look at first, by what most candidates failed."""
+    advice = (
+        (counts.bad_checksum, "Frames begin as they should, but their checksum fails. Check [frame] length, and kind, "
+         "at, from and to of its checksum."),
+        (counts.bad_content, "Frames begin as they should, but constants, digits or parity differ. Check those."),
+        (counts.bad_length, "Check [frame] length_field, or the speed of the line."),
+        (counts.unknown, "Frames pass their check, but match no message. Check the constants of each."),
+    )  # fmt: skip
+    most, told = max(advice, key=lambda one: one[0])
+    told = told if most else "Nothing begins as a frame should. Check the speed of the line and [frame] sync."
+    return f"{told} 'plumbob decode' tries other formats on a file of raw bytes."
+
+
+def attitude_of(track: AttitudeTrack | None) -> str:
+    """Last attitude of a track in words; empty where there is none."""
+    if track is None:
+        return ""
+    yaw, pitch, roll = to_deg(euler_zyx_from_quat(track.q_nb[-1]))
+    return f"roll {roll:.2f}°, pitch {pitch:.2f}°, yaw {yaw:.2f}°"
+
+
+def report_of(watch: Watch) -> dict[str, Any]:
+    """What a run gave, for JSON."""
+    stream, last = watch.stream, watch.last
+    session = stream.session
+    by_kernel = session.source is not None and session.source.kind in KERNEL
+    track = watch.track
+    return {
+        "session": session.name,
+        "format": session.form.name,
+        "unchecked_bytes": session.form.framing.length if passes_anything(session.form) and not by_kernel else None,
+        "device": session.meta.device,
+        "calibration": last.imu.meta.calibration if last else session.card and session.card.name,
+        "temperature_beyond": watch.temperature_beyond,
+        "bias_beyond": watch.bias_beyond,
+        "filter": None if stream.filter is None else stream.filter.describe(),
+        "frame": None if session.frame is None else str(session.frame),
+        "north": None if track is None else str(track.north),
+        "declination_deg": None if track is None or stream.filter is None else declination_deg(stream.filter, track),
+        "samples": watch.samples,
+        "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
+        **stream.report(),
+        "inferred_gaps": next(iter(inferred(stream.time_report())), None),
+    } | ({"units": [one.unit for one in session.units]} if session.units else {})
+
+
+def report_lines(report: Mapping[str, Any], last: str) -> list[str]:
+    """What a run gave, as text."""
+    told, counts = report["time"], report["bytes"]
+    rate = "unknown" if told["rate"] is None else f"{told['rate']:.6g} Hz"
+    lines = [
+        f"samples      {report['samples']} in {report['duration_s']:.3f} s, rate {rate} by {told['mode']}",
+        f"bytes        {counts['received']}, of frames {counts['framed']}, junk {counts['junk']}",
+    ]
+    if report.get("units"):
+        lines.append(f"units        {', '.join(report['units'])}: samples of each")
+    if report["unchecked_bytes"]:
+        lines.append(f"checks       {UNCHECKED.format(report['unchecked_bytes'])}")
+    rejected = {k: counts[k] for k in ("bad_checksum", "bad_content", "bad_length", "unknown") if counts[k]}
+    if rejected:
+        words = ", ".join(f"{name.replace('_', ' ')} {count}" for name, count in rejected.items())
+        lines.append(f"rejected     {words}")
+    if told["lost"] or told["gap_count"] or report["not_usable"]:
+        lost, gaps = counted(told["lost"], "frame"), counted(told["gap_count"], "gap")
+        lines.append(f"lost         {lost} in {gaps}; {report['not_usable']} repeated or late")
+    if report["inferred_gaps"]:
+        lines.append(f"inferred     {report['inferred_gaps'].partition(': ')[2]}")
+    long_enough = report["duration_s"] >= LONG  # before, jitter of the host passes for drift
+    if long_enough and told["drift_ppm"] is not None and told["mode"] == "clock":
+        lines.append(f"device clock {told['drift_ppm']:+.1f} ppm against this host")
+    lines.append(f"calibration  {calibration_told(report['calibration'])}")
+    if report["filter"]:
+        lines.append(f"filter       {report['filter']}")
+    if report["north"]:
+        zero = counted_from(report["north"], report["declination_deg"])
+        lines += [f"frame        {report['frame']}, heading from {zero}", f"at the end   {last}"]
+    return lines

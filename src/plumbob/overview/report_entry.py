@@ -1,0 +1,339 @@
+"""One recording of a page: where it comes from, what was estimated of it, and what was gathered meanwhile."""
+
+import platform
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from plumbob.core.errors import ParameterError
+from plumbob.core.files import sha256_of
+from plumbob.core.text import counted
+from plumbob.core.version import __version__
+from plumbob.data import AttitudeTrack, ImuData, calibration_told
+from plumbob.data.imu import BLOCK, TITLES
+from plumbob.data.reading import default_max_gap, read_at
+from plumbob.data.recording import Recording, found_in, inferred_in
+from plumbob.door.estimate import Estimated, estimate
+from plumbob.door.reading import read_one
+from plumbob.files.formats import is_own
+from plumbob.overview.streaming_stats import Gathered, Gatherer
+from plumbob.quality.grade import Grade, grade_of
+from plumbob.rotations import North
+from plumbob.rotations.headings import counted_from
+
+if TYPE_CHECKING:
+    from plumbob.live.session import Session
+
+OWN: Final = "track"
+"""In place of a filter: the attitude that the file holds."""
+NONE: Final = "none"
+"""In place of a filter: no attitude."""
+LARGE: Final = 1 << 26
+"""A recorded stream of more bytes is decoded to a file first, so that its samples are not in memory as a whole."""
+
+Note = Callable[[str], None]
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """One recording of a page.
+
+    Attributes
+    ----------
+    name : str
+        Of the recording.
+    files : tuple of Path
+        Its files; none where it came from memory.
+    gathered : Gathered
+        Statistics and traces.
+    facts : tuple of (str, str)
+        Provenance, a name and a value each.
+    remarks : tuple of str
+        What a reader must know.
+    calibrated : bool
+        Whether a card was applied to the sensor values, or there are none.
+    north : North or None
+        What headings count from; None without an attitude.
+    numbers : mapping
+        Of the estimate, as JSON can hold them.
+    grade : Grade or None
+        Of the recording as it was read, as `plumbob.info` gives it; of an estimate, of the samples that it was given;
+        None where nobody asked.
+    t0_ns : int
+        UTC of t = 0, ns since 1970; 0 where not known.
+    """
+
+    name: str
+    files: tuple[Path, ...]
+    gathered: Gathered
+    facts: tuple[tuple[str, str], ...]
+    remarks: tuple[str, ...]
+    calibrated: bool
+    north: North | None
+    numbers: Mapping[str, Any]
+    grade: Grade | None
+    t0_ns: int = 0
+
+    def utc(self, t: float) -> str | None:
+        """UTC of a time, ISO 8601 to the second; None where it is not known."""
+        return _utc(self.t0_ns, t) if self.t0_ns else None
+
+
+def subject_of(
+    file: str | Path | Recording | ImuData,
+    gatherer: Gatherer,
+    how: Mapping[str, Any],
+    *,
+    graded: bool = True,
+    note: Note | None = None,
+    progress: Progress | None = None,
+) -> Subject:
+    """Read a recording, estimate its attitude, and gather.
+
+    Parameters
+    ----------
+    file : path, Recording or ImuData
+        The recording.
+    gatherer : Gatherer
+        New, for this one.
+    how : mapping
+        Arguments of `plumbob.estimate`, where `filter` may also be `OWN` or `NONE`.
+    graded : bool
+        Whether the recording is graded, which takes some passes over its samples.
+    note, progress : callable, optional
+        Called with remarks, and with the name, the samples done and all.
+    """
+    with opened(file, how) as (recording, paths, session):
+        given = {name: value for name, value in how.items() if name not in ("profile", "unit")}
+        if session is not None and given.get("calibration") is None and session.card is not None:
+            given["calibration"] = session.card
+        which = given.get("filter")
+        if which in (OWN, NONE) or recording.imu is None:
+            made = _held(recording, paths, session, gatherer, which != NONE)
+            return replace(made, grade=grade_of(recording, judged=bool(paths))) if graded else made
+        name, told = recording.name, _told(recording)
+        for line in told if note is not None else ():
+            note(f"{name}: {line}")  # type: ignore[misc]
+        result = estimate(
+            recording,
+            **given,
+            follow=gatherer,
+            keep=False,
+            note=note,
+            progress=None if progress is None else lambda done, total: progress(name, done, total),
+        )
+        found = grade_of(recording, judged=bool(paths)) if graded else None
+        return subject_from(result, gatherer, paths, session, told, found)
+
+
+def subject_from(
+    result: Estimated,
+    gatherer: Gatherer,
+    paths: Sequence[Path] = (),
+    session: "Session | None" = None,
+    of_file: Sequence[str] = (),
+    graded: Grade | None = None,
+) -> Subject:
+    """Of an estimate that a gatherer has followed; `of_file` are remarks about the file, `graded` its grade."""
+    gathered, last = gatherer.done(), result.outline.last
+    numbers = result.summary()
+    meta = result.imu.meta
+    facts = [
+        *_provenance(result.name, paths, session, meta, gathered),
+        *_sensors(meta, gathered.triads),
+        ("calibration", calibration_told(meta.calibration)),
+        ("noise card", result.noise_card or "none; the filter's own figures"),
+        ("estimate", result.told.partition("; --causal")[0]),
+        ("frame", f"{last.frame}, heading from {counted_from(last.north, numbers['declination_deg'])}"),
+        *_software(),
+    ]
+    remarks = (*of_file, *(line.removeprefix(f"{result.name}: ") for line in result.notes))
+    calibrated = meta.calibration is not None
+    return Subject(
+        result.name, tuple(paths), gathered, tuple(facts), remarks, calibrated, last.north, numbers, graded, meta.t0_ns
+    )  # fmt: skip
+
+
+def _held(
+    recording: Recording,
+    paths: Sequence[Path],
+    session: "Session | None",
+    gatherer: Gatherer,
+    attitude: bool,
+) -> Subject:
+    """Of a recording as it is, with its own attitude or none."""
+    imu, track = recording.imu, recording.track if attitude else None
+    if attitude and track is None:
+        raise ParameterError(
+            f"{recording.name} holds no attitude, which filter '{OWN}' takes. Leave the filter out to estimate one, or "
+            f"give '{NONE}'."
+        )
+    _follow(imu, track, gatherer)
+    gathered = gatherer.done()
+    meta = None if imu is None else imu.meta
+    facts = [*_provenance(recording.name, paths, session, meta, gathered)]
+    if meta is not None:
+        facts += [*_sensors(meta, gathered.triads), ("calibration", calibration_told(meta.calibration))]
+    if track is None:
+        facts.append(("estimate", "none"))
+    else:
+        facts.append(("estimate", f"as the file holds it: {track.source or 'source not named'}"))
+        facts.append(("frame", f"{track.frame}, heading from {counted_from(track.north, None)}"))
+    notes = (*_told(recording), *found_in(recording.notes), *inferred_in(recording.notes))
+    numbers = {} if track is None else {"frame": str(track.frame), "north": str(track.north), "filter": track.source}
+    calibrated = meta is None or meta.calibration is not None
+    return Subject(
+        name=recording.name,
+        files=tuple(paths),
+        gathered=gathered,
+        facts=(*facts, *_software()),
+        remarks=tuple(dict.fromkeys(notes)),
+        calibrated=calibrated,
+        north=None if track is None else track.north,
+        numbers=numbers | {"calibration": None if meta is None else meta.calibration},
+        grade=None,
+        t0_ns=0 if meta is None else meta.t0_ns,
+    )
+
+
+_FILE: Final = ("damaged: ", "recorded in ", "units: ", "unit ")
+
+
+def _told(recording: Recording) -> tuple[str, ...]:
+    """What the notes say of the file itself: damage, restarts, units that are missing."""
+    return tuple(dict.fromkeys(line for line in recording.notes if line.startswith(_FILE)))
+
+
+def _follow(imu: ImuData | None, track: AttitudeTrack | None, gatherer: Gatherer) -> None:
+    """Gather what is there; an attitude of other times is read at those of the samples."""
+    if imu is None:
+        assert track is not None
+        gatherer.begin(track)
+        for at in range(0, len(track), BLOCK):
+            gatherer.take(None, _rows(track, slice(at, at + BLOCK)))
+        return
+    if track is not None and not np.array_equal(track.t, imu.t):
+        reading = read_at(track, imu.t_ns, max_gap=default_max_gap(track))
+        track = AttitudeTrack(
+            t=imu.t, q_nb=reading.q_nb, frame=track.frame, north=track.north, source=track.source
+        )  # fmt: skip
+    gatherer.begin(imu)
+    at = 0
+    for part in imu.chunks(BLOCK):
+        gatherer.take(part, None if track is None else _rows(track, slice(at, at + len(part))))
+        at += len(part)
+
+
+def _rows(track: AttitudeTrack, rows: slice) -> AttitudeTrack:
+    names = ("t", "q_nb", "bias_b", "cov_b", "flags")
+    held = {name: getattr(track, name) for name in names}
+    own = {name: value[rows] for name, value in held.items() if value is not None}
+    return AttitudeTrack.trusted(**own, frame=track.frame, north=track.north, source=track.source)
+
+
+@contextmanager
+def opened(
+    file: str | Path | Recording | ImuData, how: Mapping[str, Any], *, whole: bool = False
+) -> "Iterator[tuple[Recording, tuple[Path, ...], Session | None]]":
+    """The recording, its files, and its session where it is of a line; `how` names its profile and unit.
+
+    With `whole`, its samples are read into memory once.
+    """
+    if isinstance(file, ImuData):
+        from plumbob.data.recording import unsaved
+
+        file = unsaved(file, "the samples")
+    if isinstance(file, Recording):
+        yield file.of_unit(how.get("unit")), (), None
+        return
+    path = Path(file)
+    if is_own(path) and path.is_file():
+        with _recorded(path, how) as found:
+            yield found
+        return
+    profile = how.get("profile")
+    profile = None if profile is None else Path(profile)
+    read = read_one(path, profile=profile, whole=whole, unit=how.get("unit"))
+    parts = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
+    yield replace(read, name=path.name), tuple(parts), None
+
+
+@contextmanager
+def _recorded(path: Path, how: Mapping[str, Any]) -> "Iterator[tuple[Recording, tuple[Path, ...], Session | None]]":
+    """A recorded stream; a large one is decoded to a file first."""
+    from plumbob.files.mcap import open_log
+    from plumbob.live.recorded import read_recorded
+    from plumbob.live.session_toml import SESSION, of_unit, recorded_session
+
+    log, unit = open_log(path), how.get("unit")
+    paths = log.paths
+    if SESSION not in log.metadata:
+        found = read_recorded(path, estimated=how.get("filter") == OWN, unit=unit).of_unit(None)
+        yield replace(found, name=path.name), paths, None
+        return
+    session = recorded_session(log.metadata, path.stem)
+    session = session if unit is None else replace(of_unit(session, unit), units=())
+    if sum(one.stat().st_size for one in paths) <= LARGE or session.units or how.get("filter") == OWN:
+        found = read_recorded(path, estimated=how.get("filter") == OWN, unit=unit).of_unit(None)
+        yield replace(found, name=path.name), paths, session
+        return
+    from plumbob.overview.decoded import decoded_to
+
+    with TemporaryDirectory(prefix="plumbob-") as folder:
+        yield replace(decoded_to(Path(folder) / "samples.parquet", log, session), name=path.name), paths, session
+
+
+def _provenance(
+    name: str, paths: Sequence[Path], session: "Session | None", meta: Any, gathered: Gathered
+) -> Iterator[tuple[str, str]]:
+    yield "recording", name
+    for path in paths[:8]:
+        digest, size = sha256_of(path)
+        yield "SHA-256", f"{digest} ({path.name}, {size} bytes)"
+    if len(paths) > 8:
+        yield "SHA-256", f"and of {counted(len(paths) - 8, 'further part')}, not shown"
+    if meta is not None:
+        yield "device", meta.device
+    if session is not None:
+        yield "session", f"{session.form.name}, recorded as a stream of bytes and decoded again"
+    if meta is not None and meta.t0_ns:
+        yield "time (UTC)", f"{_utc(meta.t0_ns, gathered.begin)} to {_utc(meta.t0_ns, gathered.end)}"
+    else:
+        yield "time (UTC)", "not known; times count from the start of the recording"
+    rate = 1.0 / gathered.step
+    yield "duration", f"{duration(gathered.duration)} ({gathered.duration:.3f} s), {gathered.samples} samples"
+    yield "rate", f"{rate:.6g} Hz" + ("" if meta is None or not meta.rate_nominal else
+                                      f" (nominal {meta.rate_nominal:g} Hz)")  # fmt: skip
+
+
+def _sensors(meta: Any, triads: Sequence[str]) -> Iterator[tuple[str, str]]:
+    yield "sensors", f"{', '.join(TITLES[name] for name in triads)}; body axes '{meta.axes}' of the case"
+
+
+def _software() -> Iterator[tuple[str, str]]:
+    import scipy
+
+    versions = f"NumPy {np.__version__}, SciPy {scipy.__version__}, Python {platform.python_version()}"
+    made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    yield "made by", f"plumbob {__version__}, {versions}, {made}"
+
+
+def _utc(t0_ns: int, t: float) -> str:
+    whole = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=t0_ns // 1000 + round(t * 1e6))
+    return whole.strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def duration(seconds: float) -> str:
+    """Time in words: ``1 h 0 min 0 s``."""
+    whole = round(seconds)
+    hours, minutes, rest = whole // 3600, whole // 60 % 60, whole % 60
+    if hours:
+        return f"{hours} h {minutes} min {rest} s"
+    return f"{minutes} min {rest} s" if minutes else f"{seconds:.3g} s"

@@ -1,0 +1,445 @@
+"""What a page says of a recording, gathered from its samples and attitudes as they come: memory does not grow.
+
+Statistics are those of bursts, and of all of them together; a burst is held until it is over.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import check, flags
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.errors import ShapeError
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.overview.traces import WHOLE, Traces, Tracing
+from plumbob.quality import quality
+from plumbob.quality.spectra import Spectra, peak_period, segment_of, welch
+from plumbob.quality.tilt import LIMIT, Headings, Inclination, Motion, TiltStatistics
+from plumbob.rotations import euler_zyx_from_quat, quat_rotate
+from plumbob.rotations.headings import euler_sd, heading_of
+
+BURST: Final = 1200.0
+"""Length of a burst unless another is given, s: buoys report every 20 to 30 minutes."""
+
+TRACED: Final = (
+    "roll", "pitch", "heading", "tilt", "roll_sd", "pitch_sd", "heading_sd",
+    "gyr_x", "gyr_y", "gyr_z", "acc_x", "acc_y", "acc_z", "mag_x", "mag_y", "mag_z", "temp",
+    "bias_x", "bias_y", "bias_z",
+)  # fmt: skip
+"""Channels over time; SI and rad."""
+SPECTRAL: Final = ("roll", "pitch", "heading_rate", "vertical")
+"""Channels whose spectra are taken: rad, rad, rad/s, m/s²."""
+AXES: Final = {name: tuple(f"{name}_{axis}" for axis in "xyz") for name in ("gyr", "acc", "mag")}
+_RUNS: Final = 4_000
+
+
+@dataclass(slots=True)
+class Moments:
+    """Count, mean, sum of squares about it, and extremes of each of some columns."""
+
+    count: Floats
+    mean: Floats
+    square: Floats
+    least: Floats
+    greatest: Floats
+
+    @classmethod
+    def empty(cls, columns: int) -> "Moments":
+        """Of nothing."""
+        zero, inf = np.zeros(columns), np.full(columns, np.inf)
+        return cls(zero.copy(), zero.copy(), zero.copy(), inf, -inf)
+
+    def add(self, values: Floats) -> None:
+        """Take rows (n, C)."""
+        known = np.isfinite(values)
+        count = known.sum(axis=0).astype(np.float64)
+        own = np.where(known, values, 0.0)
+        mean = own.sum(axis=0) / np.maximum(count, 1.0)
+        square = np.where(known, (values - mean) ** 2, 0.0).sum(axis=0)
+        total = self.count + count
+        off = mean - self.mean
+        self.square += square + off**2 * self.count * count / np.maximum(total, 1.0)
+        self.mean += off * count / np.maximum(total, 1.0)
+        self.count = total
+        self.least = np.fmin(self.least, np.where(known, values, np.inf).min(axis=0))
+        self.greatest = np.fmax(self.greatest, np.where(known, values, -np.inf).max(axis=0))
+
+    @property
+    def sd(self) -> Floats:
+        """Standard deviations; NaN where there is nothing."""
+        return np.where(self.count > 0, np.sqrt(self.square / np.maximum(self.count, 1.0)), np.nan)
+
+
+@dataclass(slots=True)
+class Runs:
+    """When a flag was up: stretches of time, and how many samples."""
+
+    samples: int = 0
+    stretches: list[tuple[float, float]] = field(default_factory=list)
+    coarse: bool = False
+
+    def add(self, begin: float, end: float, samples: int, near: float) -> None:
+        """Take a stretch that is not before the last one; one that begins where that ended goes on with it."""
+        self.samples += samples
+        if self.stretches and begin <= self.stretches[-1][1] + near:
+            self.stretches[-1] = (self.stretches[-1][0], end)
+        else:
+            self.stretches.append((begin, end))
+
+    def thin(self, apart: float) -> None:
+        """Join stretches that are nearer than this, s, where there are too many of them to be drawn."""
+        if len(self.stretches) <= _RUNS:
+            return
+        self.coarse = True
+        kept = self.stretches[:1]
+        for begin, end in self.stretches[1:]:
+            if begin - kept[-1][1] <= apart:
+                kept[-1] = (kept[-1][0], end)
+            else:
+                kept.append((begin, end))
+        self.stretches = kept
+
+
+@dataclass(frozen=True, eq=False)
+class Burst:
+    """What one burst gave.
+
+    Attributes
+    ----------
+    begin, end : float
+        Its time, s; the last one ends with the recording, and may be half as long or half as long again.
+    samples : int
+        Samples in it.
+    tilt : TiltStatistics
+        Roll, pitch and inclination.
+    headings : Headings
+        Headings.
+    verdicts : dict of str to Verdict
+        Quality of each channel.
+    """
+
+    begin: float
+    end: float
+    samples: int
+    tilt: TiltStatistics
+    headings: Headings
+    verdicts: Mapping[str, quality.Verdict]
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """All that was gathered of a recording.
+
+    Attributes
+    ----------
+    samples : int
+        How many.
+    begin, end : float
+        Times of the first and the last one, s.
+    step : float
+        Usual time between samples, s.
+    gaps : list of (float, float)
+        Times of the samples before and behind each gap, s.
+    missing : int
+        Samples that gaps lack, by the usual step.
+    triads : tuple of str
+        Sensors.
+    bursts : list of Burst
+        In order.
+    burst : float
+        Length of one, s.
+    tilt : TiltStatistics or None
+        Of the whole; None without an attitude.
+    headings : Headings or None
+        Of the whole.
+    spectra : Spectra or None
+        Of `SPECTRAL`.
+    traces : Traces
+        Values over time.
+    moments : Moments
+        Of the traced channels.
+    flags : dict of str to Runs
+        Those that occur.
+    """
+
+    samples: int
+    begin: float
+    end: float
+    step: float
+    gaps: list[tuple[float, float]]
+    missing: int
+    triads: tuple[str, ...]
+    bursts: list[Burst]
+    burst: float
+    tilt: TiltStatistics | None
+    headings: Headings | None
+    spectra: Spectra | None
+    traces: Traces
+    moments: Moments
+    flags: dict[str, Runs]
+
+    @property
+    def duration(self) -> float:
+        """From the first sample to the last, s."""
+        return self.end - self.begin
+
+    @property
+    def lost(self) -> float:
+        """Time that gaps lack, s."""
+        return sum(end - begin - self.step for begin, end in self.gaps)
+
+    def has(self, name: str) -> bool:
+        """Whether a channel has a value."""
+        return bool(self.moments.count[TRACED.index(name)])
+
+
+class Gatherer:
+    """Gathers, as `plumbob.estimate` follows a recording: `begin` once, `take` with each part.
+
+    Parameters
+    ----------
+    burst : float
+        Length of a burst, s.
+    limit : float
+        Inclination that counts as large, rad.
+    most : int
+        Samples up to which every one is kept for the plots.
+    window : (float, float)
+        Times between which samples count, s.
+    """
+
+    def __init__(
+        self,
+        *,
+        burst: float = BURST,
+        limit: float = LIMIT,
+        most: int = WHOLE,
+        window: tuple[float, float] = (-math.inf, math.inf),
+    ) -> None:
+        self._burst, self._limit, self._most, self._window = burst, limit, most, window
+        self._triads: tuple[str, ...] = ()
+        self._held: list[_Part] = []
+        self._bursts: list[Burst] = []
+        self._spectra: list[Spectra] = []
+        self._moments = Moments.empty(len(TRACED))
+        self._flags: dict[str, Runs] = {}
+        self._gaps: list[tuple[float, float]] = []
+        self._missing = self._samples = 0
+        self._attitude = False
+        self._number = 0
+        self._before: float | None = None
+        self._last: tuple[float, float] | None = None  # time and heading of the last sample
+        self._tracing: Tracing | None = None
+
+    def begin(self, samples: ImuData | AttitudeTrack) -> None:
+        """Be ready for this recording: its times are looked at."""
+        t = samples.t
+        low, high = np.searchsorted(t, self._window[0]), np.searchsorted(t, self._window[1], side="right")
+        if high <= low:
+            raise ShapeError(
+                f"no sample lies between {self._window[0]:g} and {self._window[1]:g} s; the recording has "
+                f"{t[0]:g} to {t[-1]:g} s."
+            )
+        self._begin, self._end, total = float(t[low]), float(t[high - 1]), int(high - low)
+        self._step = _usual_step(t[low:high])
+        self._triads = samples.triads if isinstance(samples, ImuData) else ()
+        duration = self._end - self._begin + self._step
+        self._count = max(1, round(duration / self._burst))  # a rest of less than half a burst is the last one's
+        whole = min(self._burst, duration)
+        self._segment = segment_of(whole)
+        self._tracing = Tracing(TRACED, total, most=self._most, circular=("roll", "heading"))
+
+    def take(self, imu: ImuData | None, track: AttitudeTrack | None) -> None:
+        """Take samples and their attitudes, of the same times where there are both."""
+        part = _part(imu, track)
+        inside = (part.t >= self._window[0]) & (part.t <= self._window[1])
+        if not inside.any():
+            return
+        part = part if inside.all() else part.rows(np.flatnonzero(inside))
+        self._attitude |= track is not None
+        self._rates(part)
+        self._events(part)
+        assert self._tracing is not None
+        self._tracing.add(part.t, part.traced, (part.words & np.uint32(flags.GAP)) != 0)
+        self._moments.add(part.traced)
+        self._samples += part.t.size
+        place = np.minimum(np.floor((part.t - self._begin) / self._burst).astype(np.int64), self._count - 1)
+        for number in np.unique(place).tolist():
+            if self._held and number != self._number:
+                self._close()
+            self._number = number
+            self._held.append(part.rows(np.flatnonzero(place == number)))
+
+    def done(self) -> Gathered:
+        """What was gathered."""
+        self._close()
+        assert self._tracing is not None
+        spectra = Spectra.joined(self._spectra) if self._spectra else None
+        tp = tuple(peak_period(spectra, i) for i in (0, 1)) if spectra else (math.nan, math.nan)
+        tilts = [one.tilt for one in self._bursts]
+        for runs in self._flags.values():
+            runs.thin((self._end - self._begin) / (_RUNS / 2))
+        return Gathered(
+            samples=self._samples,
+            begin=self._begin,
+            end=self._end,
+            step=self._step,
+            gaps=self._gaps,
+            missing=self._missing,
+            triads=self._triads,
+            bursts=self._bursts,
+            burst=self._burst,
+            tilt=TiltStatistics.joined(tilts, (tp[0], tp[1])) if self._attitude else None,
+            headings=Headings.joined([one.headings for one in self._bursts]) if self._attitude else None,
+            spectra=spectra if self._attitude else None,
+            traces=self._tracing.done(),
+            moments=self._moments,
+            flags=dict(sorted(self._flags.items(), key=lambda one: _ORDER[one[0]])),
+        )
+
+    def _rates(self, part: "_Part") -> None:
+        """Rate of the heading, from the sample before; the first has none."""
+        heading = part.column("heading")
+        before = heading[:1] if self._last is None else np.array([self._last[1]])
+        since = part.t[:1] - self._step if self._last is None else np.array([self._last[0]])
+        turn = (np.diff(heading, prepend=before) + np.pi) % (2.0 * np.pi) - np.pi
+        part.rate[:] = turn / np.diff(part.t, prepend=since)
+        if self._last is None:
+            part.rate[:1] = np.nan
+        self._before = None if self._last is None else self._last[0]
+        self._last = (float(part.t[-1]), float(heading[-1]))
+
+    def _events(self, part: "_Part") -> None:
+        """Flags over time, and gaps."""
+        late = np.flatnonzero(part.words & np.uint32(flags.GAP)).tolist()
+        for row in late:
+            before = self._before if row == 0 else float(part.t[row - 1])
+            if before is not None:
+                self._gaps.append((before, float(part.t[row])))
+                self._missing += max(0, round((float(part.t[row]) - before) / self._step) - 1)
+        raised = int(np.bitwise_or.reduce(part.words))
+        for bit, (name, _) in flags.MEANING.items():
+            if not raised & bit:
+                continue
+            runs = self._flags.setdefault(name, Runs())
+            for start, stop in check.runs((part.words & np.uint32(bit)) != 0):
+                end = float(part.t[stop]) if stop < part.t.size else float(part.t[-1]) + self._step
+                runs.add(float(part.t[start]), end, stop - start, 0.5 * self._step)
+            if len(runs.stretches) > 4 * _RUNS:
+                runs.thin((self._end - self._begin) / (_RUNS / 2))
+
+    def _close(self) -> None:
+        """Judge the burst that is over."""
+        part, self._held = _Part.joined(self._held), []
+        begin = self._begin + self._number * self._burst
+        end = self._end + self._step if self._number == self._count - 1 else begin + self._burst
+        roll, pitch, heading, tilt = (part.column(name) for name in ("roll", "pitch", "heading", "tilt"))
+        spectral = np.stack((roll, pitch, part.rate, part.vertical), axis=1)
+        spectra = welch(part.t, spectral, step=self._step, segment=self._segment, turns=(0, 1))
+        self._spectra.append(spectra)
+        motions = [Motion.of(part.t, angle).peaked(spectra, i) for i, angle in enumerate((roll, pitch))]
+        known = TiltStatistics(motions[0], motions[1], Inclination.of(part.t, tilt, self._limit))
+        span = (begin, end)
+        verdicts = self._verdicts(part, span)
+        self._bursts.append(Burst(begin, end, part.t.size, known, Headings.of(heading), verdicts))
+
+    def _verdicts(self, part: "_Part", span: tuple[float, float]) -> dict[str, quality.Verdict]:
+        found = {}
+        for name in self._triads:
+            values = np.stack([part.column(axis) for axis in AXES[name]], axis=1)
+            vertical = part.vertical if name == "acc" else None
+            found[name] = quality.verdict(name, part.t, values, part.words, span, vertical)
+        if self._moments.count[TRACED.index("temp")]:
+            found["temp"] = quality.verdict("temp", part.t, part.column("temp")[:, np.newaxis], part.words, span)
+        if self._attitude:
+            values = np.stack((part.column("roll"), part.column("pitch")), axis=1)
+            found["attitude"] = quality.verdict("attitude", part.t, values, part.words, span)
+        return found
+
+
+_ORDER: Final = {name: number for number, (name, _) in enumerate(flags.MEANING.values())}
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Rows that belong together: times, traced channels, heading rate, vertical acceleration and flags."""
+
+    t: Floats
+    traced: Floats
+    rate: Floats
+    vertical: Floats
+    words: NDArray[np.uint32]
+
+    def column(self, name: str) -> Floats:
+        return self.traced[:, TRACED.index(name)]
+
+    def rows(self, which: NDArray[np.intp]) -> "_Part":
+        rate, vertical, words = self.rate[which], self.vertical[which], self.words[which]
+        return _Part(self.t[which], self.traced[which], rate, vertical, words)
+
+    @classmethod
+    def joined(cls, parts: "Sequence[_Part]") -> "_Part":
+        if len(parts) == 1:
+            return parts[0]
+        names = ("t", "traced", "rate", "vertical", "words")
+        return cls(*(np.concatenate([getattr(one, name) for one in parts]) for name in names))
+
+
+def _part(imu: ImuData | None, track: AttitudeTrack | None) -> _Part:
+    """All channels of samples and attitudes."""
+    source: Any = track if imu is None else imu
+    n = len(source)
+    traced = np.full((n, len(TRACED)), np.nan)
+    words = np.zeros(n, dtype=np.uint32)
+    vertical = np.full(n, np.nan)
+
+    def put(name: str, values: Floats) -> None:
+        traced[:, TRACED.index(name)] = values
+
+    if imu is not None:
+        words |= imu.flags
+        for name in imu.triads:
+            start = TRACED.index(AXES[name][0])
+            traced[:, start : start + 3] = imu.usable(name)
+        if imu.temp_c is not None:
+            put("temp", imu.temp_c)
+    if track is not None:
+        words |= 0 if track.flags is None else track.flags
+        for name, values in attitude_channels(track).items():
+            put(name, values)
+        if imu is not None and "acc" in imu.triads:
+            vertical = quat_rotate(track.q_nb, imu.usable("acc")) @ track.frame.up - G0
+    return _Part(np.asarray(source.t), traced, np.full(n, np.nan), vertical, words)
+
+
+def attitude_channels(track: AttitudeTrack) -> dict[str, Floats]:
+    """Roll, pitch, heading and inclination of a track, their claimed standard deviations, and its bias; rad, rad/s."""
+    _, pitch, roll = euler_zyx_from_quat(track.q_nb).T
+    found = {
+        "roll": roll,
+        "pitch": pitch,
+        "heading": heading_of(track.q_nb, track.frame),
+        "tilt": np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0)),
+    }
+    if track.cov_b is not None:
+        sd = euler_sd(track.q_nb, track.cov_b).T
+        found |= dict(zip(("heading_sd", "pitch_sd", "roll_sd"), sd, strict=True))
+    if track.bias_b is not None:
+        found |= {f"bias_{axis}": track.bias_b[:, i] for i, axis in enumerate("xyz")}
+    return found
+
+
+def _usual_step(t: Floats) -> float:
+    """Median step, of places all over a long recording, s."""
+    if t.size < 2:
+        return 1.0
+    size, places = 4096, 64
+    if t.size <= size * places:
+        return float(np.median(np.diff(t)))
+    starts = np.linspace(0, t.size - size, places).astype(np.int64)
+    return float(np.median(np.concatenate([np.diff(t[start : start + size]) for start in starts])))

@@ -1,0 +1,227 @@
+"""Figures 3 to 9 of the paper from one run through bytes, and those that the paper has not."""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from plumbob.arm.array.monitoring import Monitored
+from plumbob.core.check import Floats
+from plumbob.core.units import to_deg, to_dps
+from plumbob.data.array import ImuArray
+from plumbob.papers.arm.misprints import Inference
+from plumbob.papers.arm.simulated import AXES, errors_deg, statistics
+from plumbob.papers.arm.tables import ANGLES, PAPER, RECOVERY_WORDS, Recovery
+from plumbob.reporting.content import Figure
+from plumbob.reporting.style import MUTED, SERIES, SHADE, SOFT, Both
+from plumbob.rotations import euler_zyx_from_quat
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
+TIME: Final = "time [s]"
+FAITHFUL: Final = Both("faithful", "按论文")
+BEST: Final = Both("best: six units, filter of directions", "最佳：六单元方向滤波")
+TRUTH: Final = Both("truth", "真值")
+_BLUE, _GREEN, _AMBER = SERIES[0], SERIES[2], SERIES[4]
+
+
+class Run(NamedTuple):
+    """One run through bytes.
+
+    Attributes
+    ----------
+    t : ndarray (N,)
+        s.
+    truth : ndarray (N, 4)
+        Attitude of the body in NED.
+    tracks : mapping of str to ndarray (N, 4)
+        Attitude by each scheme, and "six" by Plumbob's filter.
+    """
+
+    t: Floats
+    truth: Floats
+    tracks: Mapping[str, Floats]
+
+    def errors(self, name: str) -> Floats:
+        """Errors (N, 3), deg."""
+        return errors_deg(self.tracks[name], self.truth)
+
+
+_NUMBERS: Final = {False: (3, 4, 5), True: (7, 8, 9)}
+_WHAT: Final[Mapping[str, tuple[str, str]]] = {
+    "none": ("one set without a regulator", "单组传感器无调节"),
+    "pi": ("one set with a PI law", "单组传感器 PI 调节"),
+    "fuzzy": ("two sets, fuzzy-PI", "多组传感器模糊 PI 组合调节"),
+}
+
+
+def errors(run: Run, *, turns: bool) -> list[Figure]:
+    """Figures 3 to 5, or 7 to 9: errors over time, within the band of ± the paper's standard deviation."""
+    made = []
+    for number, (name, (en, zh)) in zip(_NUMBERS[turns], _WHAT.items(), strict=True):
+        how = ("in the turn", "动态") if turns else ("at rest", "静态")
+        band = Both("± std in the paper", "± 论文标准差")
+        key = [(FAITHFUL, _BLUE, "solid"), (BEST, _GREEN, "solid"), (band, SHADE, "block")]
+        caption = Both(f"Figure {number}: attitude errors {how[0]}, {en}", f"图 {number}：{zh}{how[1]}姿态角误差")
+        draw = partial(_draw_errors, run.t, run.errors(name), run.errors("six"), PAPER[turns][name])
+        made.append(Figure(caption, draw, key, height=3.3))
+    return made
+
+
+def _draw_errors(t: Floats, faithful: Floats, best: Floats, printed: Sequence[float], canvas: "FigureBase") -> None:
+    panels = canvas.subplots(3, 1, sharex=True)
+    limit = 1.08 * max(float(np.abs(faithful).max()), float(np.abs(best).max()), *printed)
+    for axis, (ax, figures) in enumerate(zip(panels, statistics(faithful).T.tolist(), strict=True)):
+        ax.axhspan(-printed[axis], printed[axis], color=SHADE, linewidth=0)
+        ax.axhline(0.0, color=MUTED, linewidth=0.5)
+        ax.plot(t, faithful[:, axis], color=_BLUE, linewidth=0.8)
+        ax.plot(t, best[:, axis], color=_GREEN, linewidth=0.8)
+        ax.set_ylim(-limit, limit)
+        word = ANGLES[AXES[axis]]
+        ax.set_ylabel(Both(f"{word} [°]", f"{word.zh} [°]"))
+        words = (("std", "标准差"), ("range", "误差范围"), ("rms", "均方根"))
+        rows = [(*word, value) for word, value in zip(words, figures, strict=True)]
+        _beside(ax, [*rows, ("std, paper", "论文标准差", printed[axis])])
+    _time_axis(panels[-1], t)
+
+
+def heading(run: Run) -> Figure:
+    """Figure 6: the heading in the turn."""
+    key = [(TRUTH, _AMBER, "solid"), (FAITHFUL, _BLUE, "solid"), (BEST, _GREEN, "dashed")]
+    yaw = [_yaw(one) for one in (run.truth, run.tracks["fuzzy"], run.tracks["six"])]
+    caption = Both("Figure 6: heading in the turn, fuzzy-PI", "图 6：模糊 PI 组合调节航向角变化曲线")
+    return Figure(caption, partial(_draw_heading, run.t, yaw), key, height=2.6)
+
+
+def _yaw(q_nb: Floats) -> Floats:
+    return np.asarray(to_deg(np.unwrap(euler_zyx_from_quat(q_nb)[:, 0])))
+
+
+def _draw_heading(t: Floats, yaw: Sequence[Floats], canvas: "FigureBase") -> None:
+    """The whole, and what it is away from the truth."""
+    ax, away = canvas.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    for one, colour, width, dash in zip(yaw, (_AMBER, _BLUE, _GREEN), (2.8, 0.9, 0.9), ("-", "-", "--"), strict=True):
+        ax.plot(t, one, color=colour, linewidth=width, linestyle=dash)
+        away.plot(t, one - yaw[0], color=colour, linewidth=width, linestyle=dash)
+    ax.set_ylim(-95.0, 5.0)
+    ax.set_yticks((-90, -60, -30, 0))
+    ax.set_ylabel(Both("yaw [°]", "航向角 [°]"))
+    away.set_ylabel(Both("error [°]", "误差 [°]"))
+    _time_axis(away, t)
+
+
+def recovery(found: Mapping[str, Recovery]) -> Figure:
+    """Error over time after a start that is wrong by 10° of yaw."""
+    names = list(found)
+    key = [(RECOVERY_WORDS[name], SERIES[k], "solid") for k, name in enumerate(names)]
+    caption = Both("Recovery from 10° of yaw, without noise", "从 10° 航向误差收敛，无噪声")
+    return Figure(caption, partial(_draw_recovery, list(found.values())), key, height=2.8)
+
+
+def _draw_recovery(found: Sequence[Recovery], canvas: "FigureBase") -> None:
+    ax = canvas.subplots()
+    for k, one in enumerate(found):
+        ax.semilogy(one.t, np.maximum(one.error_deg, 1e-3), color=SERIES[k], linewidth=1.1)
+    ax.axhline(0.5, color=MUTED, linewidth=0.8, linestyle="--")
+    ax.set_xlim(0.0, 70.0)
+    ax.set_ylim(5e-3, 15.0)
+    ax.set_yticks((0.01, 0.1, 1.0, 10.0), labels=("0.01", "0.1", "1", "10"))
+    ax.set_ylabel(Both("greatest error [°]", "最大误差 [°]"))
+    ax.set_xlabel(TIME)
+
+
+def inference(read: Inference) -> Figure:
+    """Correction over the error, by two ways to infer from one table."""
+    key = [
+        (Both("product and height, as here", "乘积推理与高度法（Plumbob 采用）"), _BLUE, "solid"),
+        (Both("Mamdani: minimum and centre of area", "Mamdani：取小与面积重心"), SERIES[1], "dashed"),
+    ]
+    caption = Both("Correction by the sum table, integral 0", "求和规则表的修正量，积分为 0")
+    return Figure(caption, partial(_draw_inference, read), key, height=2.4)
+
+
+def _draw_inference(read: Inference, canvas: "FigureBase") -> None:
+    ax = canvas.subplots()
+    ax.plot(read.e, read.product, color=_BLUE, linewidth=1.2)
+    ax.plot(read.e, read.mamdani, color=SERIES[1], linewidth=1.2, linestyle="--")
+    ax.set_xlabel(Both("error [°]", "误差 [°]"))
+    ax.set_ylabel(Both("correction [°/s]", "修正量 [°/s]"))
+
+
+class Broken(NamedTuple):
+    """A run in which a unit's gyroscope x breaks.
+
+    Attributes
+    ----------
+    array : ImuArray
+        With the fault.
+    seen : Monitored
+        What the monitor says.
+    unit : str
+        The broken one.
+    since, until : float
+        When, s.
+    what : Both
+        Of its panel.
+    """
+
+    array: ImuArray
+    seen: Monitored
+    unit: str
+    since: float
+    until: float
+    what: Both
+
+
+def faults(runs: Sequence[Broken]) -> Figure:
+    """What a broken gyroscope reads beyond the rest, and when it is left out."""
+    key = [
+        (Both("mean over 1 s of the broken axis less the others", "故障轴与其余单元之差（1 s 平均）"), _BLUE, "solid"),
+        (Both("fault of 0.2 °/s", "0.2 °/s 故障"), SERIES[1], "dashed"),
+        (Both("left out", "已剔除"), SHADE, "block"),
+    ]
+    caption = Both("A fault of 0.2 °/s on one gyroscope axis", "单个陀螺仪轴 0.2 °/s 故障")
+    return Figure(caption, partial(_draw_faults, runs), key, height=1.4 * len(runs) + 0.4)
+
+
+def _draw_faults(runs: Sequence[Broken], canvas: "FigureBase") -> None:
+    panels = canvas.subplots(len(runs), 1, sharex=True, squeeze=False)[:, 0]
+    for ax, run in zip(panels, runs, strict=True):
+        t, unit = run.seen.imu.t, run.array.units[run.unit]
+        dcm = run.array.mounts[run.unit].dcm
+        assert unit.gyr is not None
+        assert run.seen.imu.gyr is not None
+        away = to_dps(unit.gyr[:, 0] - (run.seen.imu.gyr @ dcm)[:, 0])
+        size = max(1, round(1.0 / float(np.median(np.diff(t)))))
+        mean = np.convolve(away, np.ones(size) / size)[: t.size]
+        out = run.seen.excluded("gyr")[:, run.seen.names.index(run.unit)]
+        ax.fill_between(
+            t, 0.0, 1.0, where=out, color=SHADE, linewidth=0, step="post", transform=ax.get_xaxis_transform()
+        )
+        ax.plot(t, away, color=SOFT, linewidth=0.4)
+        ax.plot(t, mean, color=_BLUE, linewidth=1.0)
+        for when in (run.since, run.until):
+            ax.axvline(when, color=SERIES[1], linewidth=1.0, linestyle="--")
+        ax.set_ylim(-0.7, 0.9)
+        ax.set_ylabel(Both(f"{run.what} [°/s]", f"{run.what.zh} [°/s]"))
+    _time_axis(panels[-1], runs[-1].seen.imu.t)
+
+
+def _time_axis(ax: "Axes", t: Floats) -> None:
+    ax.set_xlim(float(t[0]), float(np.ceil(t[-1])))
+    ax.set_xlabel(TIME)
+
+
+def _beside(ax: "Axes", figures: Sequence[tuple[str, str, float]]) -> None:
+    for line, (en, zh, value) in enumerate(figures):
+        ax.text(
+            1.015,
+            0.95 - 0.22 * line,
+            Both(f"{en}: {value:.3f}°", f"{zh}：{value:.3f}°"),
+            transform=ax.transAxes,
+            va="top",
+            color=MUTED,
+        )

@@ -1,0 +1,236 @@
+"""The static test of the buoy paper [Yu2018]: a unit at rest in many poses beside a reference, and its page."""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from plumbob.calibration.fit import CaptureRefusedError, Reason, mean_of_whole
+from plumbob.core.check import Floats
+from plumbob.core.units import to_deg
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.calibrated import apply_card
+from plumbob.data.cards import CalibrationCard
+from plumbob.door.evaluate import evaluate
+from plumbob.evaluation.evaluation import Evaluation
+from plumbob.filters.offline import Stage, run_stage
+from plumbob.quality.static_periods import stills
+from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.report import Report, Reported
+from plumbob.reporting.style import SERIES, SOFT
+from plumbob.rotations import euler_zyx_from_quat, quat_mean
+
+if TYPE_CHECKING:
+    from matplotlib.figure import FigureBase
+
+ANGLES: Final = ("yaw", "pitch", "roll")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StaticTest(Reported):
+    """Result of a static test of M rests.
+
+    Attributes
+    ----------
+    spans : ndarray (M, 2)
+        Beginning and end of each rest, s.
+    before, after : Evaluation
+        Tilt and compass of the means of each rest, as measured and calibrated; one sample per rest.
+    """
+
+    spans: Floats
+    before: Evaluation
+    after: Evaluation
+
+    @property
+    def reference(self) -> Floats:
+        """Yaw, pitch and roll of the reference, (M, 3), rad; NaN where it has none."""
+        return euler_zyx_from_quat(self.before.match.q_ref)
+
+    def errors(self, which: str) -> Floats:
+        """Errors of yaw, pitch and roll, (M, 3), rad, "before" or "after"; NaN where there is no reference."""
+        e: Evaluation = getattr(self, which)
+        nothing = np.full(len(self.spans), np.nan)
+        return np.stack([e.errors[name] if name in e.stats else nothing for name in ANGLES], axis=1)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What to know about it, each a line."""
+        removed = [
+            f"heading {which}: a constant offset of {to_deg(e.alignment.heading):+.2f}° was removed"
+            for which, e in (("before", self.before), ("after", self.after))
+            if e.alignment.heading is not None
+        ]
+        made = f"after: {self.after.estimate.source}"
+        return (made, *removed, *dict.fromkeys((*self.after.not_scored.values(), *self.after.notes)))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Ready for JSON: degrees and seconds; None where there is no figure."""
+        rows = zip(self.spans.tolist(), self.reference, self.errors("before"), self.errors("after"), strict=True)
+        return {
+            "rests": [
+                {"from_s": first, "to_s": last, "reference_deg": _degrees(ref), **_pair(before, after)}
+                for (first, last), ref, before, after in rows
+            ],
+            "summary": self._summary(),
+            "remarks": list(self.remarks),
+        }
+
+    def facts(self) -> Mapping[str, str]:
+        """Rests, and the root mean square of each error that is left, degrees."""
+        errors = {name: f"{to_deg(s.rmse):.2f}°" for name in ANGLES if (s := self.after.stats.get(name))}
+        return {"rests": str(len(self.spans))} | errors
+
+    def report(self, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+        """Errors of all rests, the largest and the root mean square below; `facts` say where they come from."""
+        largest = [[name, *map(_cell, found.values())] for name, found in self._summary().items()]
+        values = to_deg(np.hstack((self.reference, self.errors("before"), self.errors("after")))).tolist()
+        rows = [
+            [str(i), f"{span.mean():.1f}", *map(_cell, row)]
+            for i, (span, row) in enumerate(zip(self.spans, values, strict=True), start=1)
+        ]
+        errors = ["", "max |e| before", "max |e| after", "rms before", "rms after"]
+        head = ["rest", "at [s]", *ANGLES, "before yaw", *ANGLES[1:], "after yaw", *ANGLES[1:]]
+        return Report(
+            "Static test",
+            facts=facts,
+            tables=[
+                Table(f"Errors at rest [°], {len(self.spans)} rests", errors, largest),
+                Table("Attitude of the reference, errors before and after calibration [°]", head, rows),
+            ],
+            remarks=self.remarks,
+            figures=[_drawing(self)],
+            definitions=_DEFINITIONS,
+        )
+
+    def _summary(self) -> dict[str, dict[str, float | None]]:
+        """Largest error and root mean square of each angle, degrees."""
+        both = (("before", self.before), ("after", self.after))
+        return {
+            angle: {
+                f"{figure}_{which}_deg": to_deg(getattr(e.stats[angle], name)) if angle in e.stats else None
+                for figure, name in (("max", "max_abs"), ("rms", "rmse"))
+                for which, e in both
+            }
+            for angle in ANGLES
+        }
+
+
+def _cell(angle: float | None) -> str:
+    return "-" if angle is None or not math.isfinite(angle) else f"{angle:z.2f}"
+
+
+def _degrees(angles: Floats) -> dict[str, float | None]:
+    return {n: to_deg(a) if math.isfinite(a) else None for n, a in zip(ANGLES, angles.tolist(), strict=True)}
+
+
+def _pair(before: Floats, after: Floats) -> dict[str, dict[str, float | None]]:
+    return {"before_deg": _degrees(before), "after_deg": _degrees(after)}
+
+
+FEWEST: Final = 2
+"""Rests that make a test: one alone shows no difference between headings."""
+
+
+def static_test(
+    imu: ImuData,
+    reference: AttitudeTrack,
+    card: CalibrationCard,
+    *,
+    align: Collection[str] = (),
+    declination: float | None = None,
+) -> StaticTest:
+    """Compare what accelerometer and magnetometer say at rest with a reference, before and after a calibration.
+
+    Parameters
+    ----------
+    imu : ImuData
+        The recording, uncalibrated, with acc and mag.
+    reference : AttitudeTrack
+        Attitude on the same time line.
+    card : CalibrationCard
+        Of the unit.
+    align : collection of str
+        Constants to find and remove, as in `plumbob.evaluate`; by default none.
+    declination : float, optional
+        Of the place, rad, where one heading is true and the other magnetic.
+
+    Raises
+    ------
+    CaptureRefusedError
+        If the unit rested less than twice where the reference has an attitude.
+    CalibrationError
+        If the card does not fit the recording.
+    FrameError, ParameterError, ShapeError
+        As in `plumbob.evaluate`.
+    """
+    rests = stills(imu.t, imu.usable("acc"), None if imu.gyr is None else imu.usable("gyr"))
+    spans = np.array([(imu.t[rest.start], imu.t[rest.stop - 1]) for rest in rests]).reshape(-1, 2)
+    means = [_mean_attitude(reference, *span) for span in spans]
+    known = [i for i, mean in enumerate(means) if mean is not None]
+    if len(known) < FEWEST:
+        raise CaptureRefusedError(_too_few(len(rests), len(known)))
+    kept, spans = [rests[i] for i in known], spans[known]
+    truth = AttitudeTrack(
+        t=spans.mean(axis=1),
+        q_nb=np.stack([mean for mean in means if mean is not None]),
+        frame=reference.frame,
+        north=reference.north,
+        source=reference.source,
+    )
+    before, after = (
+        evaluate(_tilt_and_compass(used, kept, truth), truth, align=align, declination=declination)
+        for used in (imu, apply_card(card, imu))
+    )
+    return StaticTest(spans, before, after)
+
+
+def _tilt_and_compass(imu: ImuData, rests: list[slice], truth: AttitudeTrack) -> AttitudeTrack:
+    """Attitude of the mean specific force and field of each rest."""
+    acc, mag = (np.stack([mean_of_whole(imu.usable(name)[rest]) for rest in rests]) for name in ("acc", "mag"))
+    looks = ImuData(t=truth.t, acc=acc, mag=mag, meta=replace(imu.meta, rate_nominal=None))
+    return run_stage(looks, Stage("tilt_compass", {}), frame=imu.meta.frame or truth.frame)
+
+
+def _mean_attitude(track: AttitudeTrack, first: float, last: float) -> Floats | None:
+    """Mean attitude of a track over a time, (4,), or None where it has none."""
+    q = track.q_nb[(track.t >= first) & (track.t <= last)]
+    return quat_mean(q) if np.isfinite(q).all(axis=1).any() else None
+
+
+def _too_few(rests: int, known: int) -> Reason:
+    return Reason(
+        "too-few",
+        f"The unit was at rest {rests} times, {known} of them while the reference has an attitude; a static test "
+        f"needs {FEWEST} at least.",
+        "Let the unit rest for some seconds in each pose, and let both recordings have one time line.",
+    )
+
+
+_BEFORE, _AFTER = SERIES[1], SERIES[0]
+_DEFINITIONS = (
+    "At each rest the means of specific force and field give roll and pitch, then the heading of the field's level "
+    "part; errors are differences of ZYX Euler angles to the mean attitude of the reference over the same rest.",
+)
+
+
+def _drawing(test: StaticTest) -> Figure:
+    heading = np.mod(to_deg(test.reference[:, 0]), 360.0)
+    order = np.argsort(heading)
+
+    def draw(canvas: "FigureBase") -> None:
+        axes = canvas.subplots(3, 1, sharex=True)
+        for i, (ax, name) in enumerate(zip(axes, ANGLES, strict=True)):
+            ax.axhline(0.0, color=SOFT, linewidth=0.5)
+            for which, colour, style in (("before", _BEFORE, "--"), ("after", _AFTER, "-")):
+                error = to_deg(test.errors(which)[:, i])
+                ax.plot(heading[order], error[order], style, color=colour, marker="o", markersize=2.0, linewidth=0.8)
+            ax.set_ylabel(f"{name} error [°]")
+        axes[-1].set_xlim(0.0, 360.0)
+        axes[-1].set_xticks(range(0, 361, 45))
+        axes[-1].set_xlabel("heading of the reference [°]")
+
+    keys = [("before", _BEFORE, "dashed"), ("after", _AFTER, "solid")]
+    return Figure("Errors at rest against the heading of the reference", draw, keys, height=4.2)

@@ -1,0 +1,320 @@
+"""Arrangement, scale and delay of an accelerometer: turned back by the rates, gravity stays where it is.
+
+What pushes a unit to and fro averages out over a second or more only in axes that do not turn. So each arrangement is
+tried as it stands: the rates are integrated to an attitude, the specific force is turned back by it, and its means over
+neighbouring windows must agree. The means of the products ``R_ab u_c`` are all that the 24 arrangements of either
+handedness need.
+
+Windows from half a second to eight seconds are used together, each twice as long as the one before, as the levels of a
+Haar transform are: strides and blows spoil the short ones, the bias of the rates and waves the long ones. Each level
+has its own variance, and none convinces alone: it may be misled, so its odds count for `_MISLED` at most.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.quality.arrangement import LONGEST_DELAY, Fit, inflation
+from plumbob.quality.moments import ARRANGEMENTS, BIN, means
+from plumbob.rotations import dcm_from_quat, quat_chained
+
+FLOOR: Final = 0.02
+"""Change of gravity's direction from window to window that biases and scales of good sensors feign, rad."""
+SIZES: Final = (25, 50, 100, 200, 400)
+"""Bins of a window, each twice the one before."""
+_FEWEST: Final = 8
+"""Windows of a level at least."""
+_MISLED: Final = 10.0
+"""Logarithm of the odds that one level can give at most."""
+_BLOCK: Final = 10
+"""Windows of a block, which has a variance of its own."""
+_STRIDE: Final = 2
+"""Bins between two delays that are tried; the best is refined."""
+_NEVER: Final = 1e30
+"""Mean square change of a handedness that is out of the question."""
+_HALF: Final = len(ARRANGEMENTS) // 2
+
+
+def fit_force(
+    t: Floats, trials: Sequence[Floats], acc: Floats, scales: Sequence[float], signs: Sequence[float] = (1.0, -1.0)
+) -> Fit | None:
+    """Score every arrangement of the accelerometer's axes against the gyroscope's.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    trials : sequence of ndarray (N, 3)
+        Rates, less one bias or another; `scales` times their unit is rad/s.
+    acc : ndarray (N, 3)
+        Specific force, in whatever unit; rows with NaN do not count.
+    scales : sequence of float
+        What the rates may have to be multiplied by.
+    signs : sequence of float
+        1 for rates of right-handed axes, -1 for those of mirrored ones, where both are possible.
+    """
+    length = float(np.nanmedian(np.sqrt(np.sum(acc * acc, axis=1)))) if np.isfinite(acc).any() else 0.0
+    if not length > 0.0:
+        return None
+    edges = np.arange(t[0], t[-1] + BIN, BIN)
+    force = means(t, acc / length, edges)
+    if not np.isfinite(force).any() or len(force) < _FEWEST * SIZES[0]:
+        return None
+    best: _Search | None = None
+    for gyr in trials:  # one by one: each holds what all arrangements leave, at every delay
+        one = _Search(t, gyr, force, edges, scales, signs)
+        if one.levels and (best is None or one.plausible > best.plausible):
+            best = one
+    return None if best is None else best.fit()
+
+
+@dataclass(frozen=True)
+class _Level:
+    """Windows of one length.
+
+    Attributes
+    ----------
+    size : int
+        Bins of a window.
+    left : ndarray (scales, shifts, 48, blocks)
+        Mean square change of gravity.
+    counts : ndarray (blocks,)
+        Windows that count.
+    """
+
+    size: int
+    left: Floats
+    counts: Floats
+
+    def likely(self, rows: NDArray[np.bool_] | None = None) -> Floats:
+        """Log-likelihood (scales, shifts, 48), by some of the blocks.
+
+        Neighbouring changes share a window, so two of them count as one; of three components two tell, and each is
+        worth half a logarithm.
+        """
+        counts = self.counts if rows is None else np.where(rows, self.counts, 0.0)
+        return np.asarray(-0.5 * np.log(self.left + FLOOR**2) @ counts)
+
+
+class _Search:
+    """Search of arrangement, scale and delay, with one trial of the rates."""
+
+    def __init__(
+        self, t: Floats, gyr: Floats, force: Floats, edges: Floats, scales: Sequence[float], signs: Sequence[float]
+    ) -> None:
+        self.t, self.gyr, self.force, self.edges = t, gyr, force, edges
+        self.scales, self.signs = tuple(scales), tuple(signs)
+        self.rate = means(t, gyr, edges)
+        reach = min(round(LONGEST_DELAY / BIN), len(force) // 8) // _STRIDE * _STRIDE
+        self.shifts = np.arange(-reach, reach + 1, _STRIDE)
+        self.levels = self._levels() if np.isfinite(self.rate).any() else []
+        self.logs = [one.likely() for one in self.levels]
+        self.together = np.sum(self.logs, axis=0)
+        self.plausible = float(self.together.max()) if self.levels else -np.inf
+
+    def _levels(self) -> list[_Level]:
+        """Mean square changes by windows of every length, which all come from the means of the shortest."""
+        whole = len(self.force) - int(self.shifts[-1])  # what overlaps at each shift
+        counts = {size: count for size in SIZES if (count := whole // size) >= _FEWEST}
+        blocks = {size: min(_BLOCK, (count - 1) // 2) for size, count in counts.items()}
+        shape = (len(self.scales), len(self.shifts), 2, _HALF)
+        left = {size: np.full((*shape, (count - 1) // blocks[size]), _NEVER) for size, count in counts.items()}
+        many = {size: np.full(one.shape[-1], np.inf) for size, one in left.items()}
+        for i, scale in enumerate(self.scales):
+            for sign in self.signs:
+                dcm = _turned(self.rate, sign * scale)
+                for j, shift in enumerate(self.shifts):
+                    mean, known = _products(dcm, self.force, SIZES[0], int(shift))
+                    for size, count in counts.items():
+                        found, some = _left(mean[:count], known[:count], blocks[size])
+                        left[size][i, j, 0 if sign > 0.0 else 1] = found
+                        many[size] = np.minimum(many[size], some)
+                        even = len(known) // 2 * 2
+                        mean, known = 0.5 * (mean[:even:2] + mean[1:even:2]), known[:even:2] & known[1:even:2]
+        return [_Level(size, one.reshape(*shape[:2], 2 * _HALF, -1), many[size]) for size, one in left.items()]
+
+    def fit(self) -> Fit:
+        """Odds of each arrangement at its own best scale and delay, and the delay and scale of the best."""
+        scale, shift, top = (int(i) for i in np.unravel_index(int(self.together.argmax()), self.together.shape))
+        shares = [self._share(one, scale, shift, top) for one in self.levels]
+        log = _agreed([share * one for share, one in zip(shares, self.logs, strict=True)])
+        best = log.max(axis=(0, 1))
+        top = int(best.argmax())
+        scale, shift = (int(i) for i in np.unravel_index(int(log[:, :, top].argmax()), log.shape[:2]))
+        by_half = [self._half(shares, first) for first in (True, False)]
+        own = [_margin(share * one.max(axis=(0, 1)), top) for share, one in zip(shares, self.logs, strict=True)]
+        told = self.levels[int(np.argmax(own))]
+        refined = _Refined(self, told.size, top, self.scales[scale], float(self.shifts[shift]) * BIN)
+        blocks = np.ones(len(refined.change) // refined.block + 1, dtype=np.bool_)
+        first = np.arange(len(blocks)) < len(blocks) // 2
+        parts = [refined.of(rows) for rows in (blocks, first, ~first)]
+        wider = float(np.sqrt(refined.inflation))
+        return Fit(
+            log_odds=best - best.max(),
+            halves=(by_half[0], by_half[1]),
+            delay=parts[0][0],
+            delay_sd=parts[0][1] * wider,
+            delay_halves=(parts[1][0], parts[2][0]),
+            scale=parts[0][2],
+            scale_sd=parts[0][3] * wider,
+            bias=refined.bias,
+            offset=np.zeros(3),
+            explained=refined.explained,
+            effective=float(
+                sum(0.5 * share * one.counts.sum() for share, one in zip(shares, self.levels, strict=True))
+            ),
+        )
+
+    def _share(self, level: _Level, scale: int, shift: int, top: int) -> float:
+        """Independent changes for each of a level: what is left of neighbours is alike."""
+        dcm = _turned(self.rate, (1.0 if top < _HALF else -1.0) * self.scales[scale])
+        change, known = changes(dcm, self.force, level.size, int(self.shifts[shift]))
+        left = change[known] @ ARRANGEMENTS[top % _HALF].T.ravel()
+        usual = float(np.median(np.abs(left))) if left.size else 0.0
+        return 1.0 / inflation(np.clip(left, -5.0 * usual, 5.0 * usual)) if usual > 0.0 else 1.0
+
+    def _half(self, shares: Sequence[float], first: bool) -> Floats:
+        """Odds (48,) by the first half of each level's blocks, or by the others."""
+        logs = []
+        for share, level in zip(shares, self.levels, strict=True):
+            told = np.cumsum(level.counts) <= 0.5 * level.counts.sum()
+            told[0], told[-1] = True, False
+            logs.append(share * level.likely(told if first else ~told))
+        best = _agreed(logs).max(axis=(0, 1))
+        return np.asarray(best - best.max())
+
+
+def _agreed(logs: Sequence[Floats]) -> Floats:
+    """What levels say together, when each is wrong now and then: the odds of none count for more than `_MISLED`."""
+    return np.asarray(sum(np.logaddexp(log - log.max(), -_MISLED) for log in logs))
+
+
+def _margin(log: Floats, top: int) -> float:
+    """By how much an arrangement is likelier than the others."""
+    return float(log[top] - np.delete(log, top).max())
+
+
+def _turned(rate: Floats, scale: float) -> Floats:
+    """Rotation matrices (N, 3, 3) from the axes of the rates to those at the start, at the middle of each bin.
+
+    NaN where rates are missing: windows that contain a pause do not count.
+    """
+    unknown = np.asarray(~np.isfinite(rate).all(axis=1))
+    turn = np.where(unknown[:, np.newaxis], 0.0, rate) * (scale * BIN)
+    half = 0.5 * (turn + np.concatenate((np.zeros((1, 3)), turn[:-1])))  # from middle to middle
+    dcm = np.asarray(dcm_from_quat(quat_chained(half)[-len(rate) :]))
+    dcm[unknown] = np.nan
+    return dcm
+
+
+def changes(dcm: Floats, force: Floats, size: int, shift: int) -> tuple[Floats, NDArray[np.bool_]]:
+    """Change of the means of ``R_ab u_c`` from window to window, (n, 3, 9), and whether each counts (n,)."""
+    return _changed(*_products(dcm, force, size, shift))
+
+
+def _products(dcm: Floats, force: Floats, size: int, shift: int) -> tuple[Floats, NDArray[np.bool_]]:
+    """Means of ``R_ab u_c`` over windows (n, 3, 9), and which of them are whole (n,)."""
+    if shift > 0:
+        dcm, force = dcm[:-shift], force[shift:]
+    elif shift < 0:
+        dcm, force = dcm[-shift:], force[:shift]
+    count = len(force) // size
+    dcm, force = dcm[: count * size], force[: count * size]
+    known = np.asarray(np.isfinite(force).all(axis=1) & np.isfinite(dcm[:, 0, 0]))
+    u = np.where(known[:, np.newaxis], force, 0.0)
+    dcm = np.where(known[:, np.newaxis, np.newaxis], dcm, 0.0)
+    mean = np.swapaxes(dcm.reshape(count, size, 9), 1, 2) @ u.reshape(count, size, 3) / size
+    return mean.reshape(count, 3, 9), np.asarray(known.reshape(count, size).all(axis=1))
+
+
+def _changed(mean: Floats, whole: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.bool_]]:
+    counts = whole[1:] & whole[:-1]
+    change = np.diff(mean, axis=0)
+    change[~counts] = 0.0
+    return change, counts
+
+
+def _left(mean: Floats, whole: NDArray[np.bool_], block: int) -> tuple[Floats, Floats]:
+    """Mean square change (24, blocks) by each arrangement of one handedness, and windows that count (blocks,)."""
+    change, known = _changed(mean, whole)
+    count = len(change) // block
+    change = change[: count * block].reshape(count, block * 3, 9)
+    gram = np.swapaxes(change, 1, 2) @ change
+    many = known[: count * block].reshape(count, block).sum(axis=1).astype(np.float64)
+    m = np.swapaxes(ARRANGEMENTS[:_HALF], 1, 2).reshape(_HALF, 9)
+    left = np.einsum("ni,bij,nj->nb", m, gram, m, optimize=True)
+    return np.maximum(left, 0.0) / np.maximum(many, 1.0), many
+
+
+class _Refined:
+    """Delay, scale and bias of one arrangement by Gauss-Newton steps, with a variance of its own in each block."""
+
+    _SD: Final = np.array([0.3, 1.0, 0.05, 0.05, 0.05])  # delay, s; logarithm of the scale; bias, rad/s
+    _STEP: Final = np.array([0.002, 0.01, 0.002, 0.002, 0.002])
+
+    def __init__(self, search: _Search, size: int, best: int, scale: float, delay: float) -> None:
+        self.search, self.start, self.scale = search, delay, scale
+        self.size = size
+        self.block = max(1, min(_BLOCK, (len(search.force) // size - 1) // 2))
+        self.axes = ARRANGEMENTS[best % _HALF]
+        self.sign = 1.0 if best < _HALF else -1.0
+        p = np.zeros(5)
+        for _ in range(3):
+            change, slopes = self._linear(p)
+            weight = self._weight(change)
+            p = p + self._step(change, slopes, weight, p)
+        self.p = p
+        self.change, self.slopes = self._linear(p)
+        self.weight = self._weight(self.change)
+        self.inflation = inflation(self.change * np.sqrt(self.weight)[:, np.newaxis])
+        self.bias = p[2:]
+        still = self._change(np.zeros(5), turning=False)
+        power = float(np.sum(self.weight[:, np.newaxis] * still**2))
+        left = float(np.sum(self.weight[:, np.newaxis] * self.change**2))
+        self.explained = 1.0 - left / power if power > 0.0 else 0.0
+
+    def of(self, blocks: NDArray[np.bool_]) -> tuple[float, float, float, float]:
+        """Delay, its standard deviation, scale and its standard deviation, by some of the blocks."""
+        rows = np.zeros(len(self.change), dtype=np.bool_)
+        marked = np.repeat(blocks, self.block)[: len(rows)]
+        rows[: len(marked)] = marked
+        weight = np.where(rows, self.weight, 0.0)
+        p = self.p + self._step(self.change, self.slopes, weight, self.p)
+        sd = np.sqrt(np.diag(np.linalg.inv(self._normal(self.slopes, weight))))
+        scale = self.scale * float(np.exp(p[1]))
+        return self.start + float(p[0]), float(sd[0]), scale, scale * float(sd[1])
+
+    def _step(self, change: Floats, slopes: Floats, weight: Floats, p: Floats) -> Floats:
+        right = np.einsum("w,wci,wc->i", weight, slopes, change) + p / self._SD**2
+        step = -np.linalg.solve(self._normal(slopes, weight), right)
+        return np.asarray(np.clip(step, -0.5 * self._SD, 0.5 * self._SD))
+
+    def _normal(self, slopes: Floats, weight: Floats) -> Floats:
+        return np.asarray(np.einsum("w,wci,wcj->ij", weight, slopes, slopes) + np.diag(1.0 / self._SD**2))
+
+    def _linear(self, p: Floats) -> tuple[Floats, Floats]:
+        change = self._change(p)
+        slopes = [(self._change(p + step) - change) / step.max() for step in np.diag(self._STEP)]
+        return change, np.stack(slopes, axis=2)
+
+    def _change(self, p: Floats, *, turning: bool = True) -> Floats:
+        search = self.search
+        rate = means(search.t, search.gyr, search.edges - self.start - p[0])
+        rate = self.sign * self.scale * np.exp(p[1]) * rate - p[2:]
+        force = np.where(np.asarray(np.isfinite(rate).all(axis=1))[:, np.newaxis], search.force, np.nan)
+        dcm = _turned(rate, 1.0) if turning else np.broadcast_to(np.eye(3), (len(rate), 3, 3))
+        return np.asarray(changes(dcm, force, self.size, 0)[0] @ self.axes.T.ravel())
+
+    def _weight(self, change: Floats) -> Floats:
+        """Inverse variance of each window, from its block."""
+        size = self.block
+        power = np.sum(change * change, axis=1)
+        starts = np.arange(0, len(power), size)
+        total = np.add.reduceat(power, starts)
+        many = np.maximum(np.add.reduceat((power > 0.0).astype(np.float64), starts), 1.0)
+        variance = np.repeat(0.5 * total / many + FLOOR**2, size)[: len(power)]
+        return np.where(power > 0.0, 1.0 / variance, 0.0)

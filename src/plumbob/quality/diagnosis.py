@@ -1,0 +1,532 @@
+"""Which units, axes, signs and delays of a recording's sensors are consistent with physics, with odds."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from plumbob.core.check import Floats
+from plumbob.core.units import deg, to_si
+from plumbob.data import TRIADS, ImuData
+from plumbob.data.imu import TITLES
+from plumbob.quality.arrangement import Fit, fit
+from plumbob.quality.derotated import fit_force
+from plumbob.quality.moments import ARRANGEMENTS
+from plumbob.quality.units import UNITS, unit_odds
+from plumbob.reporting.content import Table
+from plumbob.reporting.report import Report, Reported
+from plumbob.rotations import axes_letters, signed_axes
+
+if TYPE_CHECKING:
+    from plumbob.files.profile import Profile
+
+CERTAIN: Final = math.log(1000.0)
+"""Logarithm of the odds above which an answer may be sure."""
+_HINT: Final = math.log(10.0)
+_EXPLAINED: Final = 0.2
+"""Part of the change that the best arrangement must explain to be sure."""
+_ENOUGH: Final = {"mag": 30.0, "acc": CERTAIN}
+"""Logarithm of the odds that are enough where less is explained: those of an accelerometer allow for pushes already."""
+_NOISE: Final = {"mag": -0.5, "acc": -math.inf}
+_EXACT: Final = 1e-3
+"""Standard deviation of a delay that is sure, s."""
+_MATTERS: Final = float(deg(1.0))
+"""Angle by which a delay turns a vector at the usual rate, rad, above which it is worth a line of the profile."""
+_FEWEST: Final = 100
+_SLOWEST, _FASTEST = 0.003, 30.0  # usual rates of bodies that turn at all, rad/s
+_VAGUE: Final = 0.3
+_VAGUE_DELAY: Final = 0.05  # s
+_LEAST_DIP: Final = 0.17
+"""Part of the field along the vertical below which its sign says nothing."""
+
+
+_ASSUMED: Final = (
+    "Turning shows an axis, not its direction: all three axes of the accelerometer, or of the magnetometer, may be "
+    "negated, and turn alike. It is assumed that acc is specific force, which points up at rest: lay the unit flat and "
+    "look."
+)
+
+
+class Answer(StrEnum):
+    """How far an answer can be trusted."""
+
+    SURE = "sure"
+    LIKELY = "likely"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One question and its answer.
+
+    Attributes
+    ----------
+    sensor : str
+        ``gyr``, ``acc`` or ``mag``.
+    question : str
+        ``unit``, ``axes``, ``sign`` or ``delay``.
+    answer : Answer
+        How far it can be trusted.
+    value : str
+        The best hypothesis, in words.
+    log_odds : float
+        Natural logarithm of its odds against the next.
+    wrong : bool
+        Whether it contradicts what the recording is read as.
+    why : str
+        What it is known by, or what would tell.
+    """
+
+    sensor: str
+    question: str
+    answer: Answer
+    value: str
+    log_odds: float
+    wrong: bool = False
+    why: str = ""
+
+    @property
+    def odds(self) -> str:
+        """Odds as powers of ten, and no more than a million to one: models are wrong more often than that."""
+        if self.question == "delay":
+            return ""
+        power = self.log_odds / math.log(10.0)
+        return "none" if power < 0.05 else f"10^{power:.1f} : 1" if power < 6.0 else "over 10^6 : 1"
+
+
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Reported):
+    """What the motion of a recording says about its conventions.
+
+    Attributes
+    ----------
+    name : str
+        Of the recording.
+    findings : tuple of Finding
+        Every question.
+    lines : tuple of str
+        Lines of the profile, as TOML.
+    remarks : tuple of str
+        What is assumed, and what cannot be known.
+    values : mapping
+        Numbers by sensor: ``scale``, ``delay_s``, ``axes`` and their odds.
+    """
+
+    name: str
+    findings: tuple[Finding, ...]
+    lines: tuple[str, ...]
+    remarks: tuple[str, ...]
+    values: Mapping[str, Any]
+
+    @property
+    def wrong(self) -> bool:
+        """Whether something contradicts what the recording is read as."""
+        return any(one.wrong for one in self.findings)
+
+    def facts(self) -> Mapping[str, str]:
+        """The recording, and what is wrong."""
+        wrong = [f"{one.sensor} {one.question}" for one in self.findings if one.wrong]
+        return {"recording": self.name, "wrong": ", ".join(wrong) or "nothing found"}
+
+    def summary(self) -> dict[str, Any]:
+        """All that is known, as JSON can hold it."""
+        rows = [
+            {
+                "sensor": one.sensor,
+                "question": one.question,
+                "answer": str(one.answer),
+                "value": one.value,
+                "log10_odds": min(one.log_odds / math.log(10.0), 6.0),
+                "wrong": one.wrong,
+                "why": one.why,
+            }
+            for one in self.findings
+        ]
+        return {"recording": self.name, "wrong": self.wrong, "findings": rows, "profile": list(self.lines),
+                "remarks": list(self.remarks), "values": dict(self.values)}  # fmt: skip
+
+    def report(self) -> Report:
+        """Verdicts, lines of the profile, and remarks."""
+        rows = [
+            (
+                f"{one.sensor} {one.question}",
+                str(one.answer),
+                one.odds,
+                ("WRONG: " if one.wrong else "") + one.value + (f" ({one.why})" if one.why else ""),
+            )
+            for one in self.findings
+        ]
+        profile = (
+            [Table("Lines of the profile", ("",), [(line,) for line in self.lines], words=(0,))] if self.lines else []
+        )
+        return Report(
+            title="Conventions",
+            facts=tuple(self.facts().items()),
+            tables=(Table("Answers", ("question", "answer", "odds", "found"), rows, words=(1, 3)), *profile),
+            remarks=self.remarks,
+        )
+
+
+@dataclass
+class _Sensor:
+    """One vector sensor: its fit, and how far that can be trusted."""
+
+    name: str
+    found: Fit | None
+    answer: Answer = Answer.UNKNOWN
+
+    def __post_init__(self) -> None:
+        found = self.found
+        if found is None or found.torn:
+            return
+        explains = found.explained >= _EXPLAINED
+        if found.agrees and explains and not found.contradicted and found.margin >= _HINT:
+            self.answer = Answer.SURE if found.margin >= CERTAIN else Answer.LIKELY
+        elif found.explained >= _NOISE[self.name] and found.margin >= _ENOUGH[self.name]:
+            self.answer = Answer.LIKELY  # most of it is pushes, as in the pocket of who walks
+
+    @property
+    def axes(self) -> Floats:
+        """Arrangement (3, 3) of the rates in its axes."""
+        assert self.found is not None
+        return np.asarray(ARRANGEMENTS[self.found.best])
+
+    @property
+    def known(self) -> bool:
+        return self.answer is not Answer.UNKNOWN
+
+    @property
+    def usual(self) -> bool:
+        return bool((self.axes == np.eye(3)).all())
+
+    @property
+    def mirrored(self) -> bool:
+        return bool(np.linalg.det(self.axes) < 0.0)
+
+
+class Declared:
+    """What the recording is read as."""
+
+    def __init__(self, profile: "Profile | None") -> None:
+        self.profile = profile
+
+    def unit(self, name: str) -> str:
+        """Unit that the values were taken for; that of SI where they were counts or no profile says it."""
+        group = None if self.profile is None else self.profile.triads.get(name)
+        if group is None or group.unit_per_count != 1.0 or group.unit == "relative":
+            return UNITS[name][0]
+        return group.unit
+
+    def counts(self, name: str) -> float | None:
+        """What one count was taken for, where the values are counts."""
+        group = None if self.profile is None else self.profile.triads.get(name)
+        return None if group is None or group.unit_per_count == 1.0 else group.unit_per_count
+
+    def axes(self, name: str, turn: Floats) -> list[str]:
+        """Lines of a triad whose vectors as read have to be turned."""
+        group = None if self.profile is None else self.profile.triads.get(name)
+        whole = None if self.profile is None else self.profile.turn
+        case = np.eye(3) if whole is None else signed_axes(whole)
+        own = np.eye(3) if group is None else signed_axes(group.axes)
+        total = case.T @ turn @ case @ own
+        lines = [f'axes = "{axes_letters(total)}"']
+        return [*lines, "mirrored = true"] if np.linalg.det(total) < 0.0 else lines
+
+
+class Examination:
+    """All sensors of one recording, and what they say about each other."""
+
+    def __init__(self, imu: ImuData, name: str, declared: Declared, hemisphere: str | None) -> None:
+        self.name, self.declared, self.hemisphere = name, declared, hemisphere
+        self.t = imu.t
+        self.values = {triad: _finite(getattr(imu, triad)) for triad in imu.triads}
+        self.findings: list[Finding] = []
+        self.lines: dict[str, list[str]] = {}
+        self.remarks: list[str] = []
+        self.numbers: dict[str, Any] = {}
+        self.sensors: dict[str, _Sensor] = {}
+
+    def diagnosis(self) -> Diagnosis:
+        """Ask every question."""
+        self._fit()
+        for name in TRIADS:
+            if name not in self.values:
+                self.remarks.append(f"The recording has no {TITLES[name]}.")
+        if "gyr" in self.values:
+            self._axes()
+        self._units()
+        for sensor in self.sensors.values():
+            self._delay(sensor)
+        order = {name: i for i, name in enumerate(TRIADS)}
+        found = sorted(self.findings, key=lambda one: order[one.sensor])
+        lines = [line for name in TRIADS if name in self.lines for line in (f"[{name}]", *self.lines[name])]
+        return Diagnosis(self.name, tuple(found), tuple(lines), tuple(self.remarks), self.numbers)
+
+    def _fit(self) -> None:
+        gyr = self.values.get("gyr")
+        if gyr is None or len(self.t) < _FEWEST:
+            return
+        if "mag" in self.values:
+            self.sensors["mag"] = _Sensor("mag", fit(self.t, gyr, self.values["mag"], offset=0.5))
+        if "acc" in self.values:
+            mag = self.sensors.get("mag")
+            acc, trials = self.values["acc"], [gyr, gyr - _resting(self.t, gyr)]
+            signs: tuple[float, ...] = (1.0, -1.0)
+            if mag is not None and mag.answer is Answer.SURE and mag.found is not None:
+                scales: tuple[float, ...] = (mag.found.scale,)
+                trials.append(gyr + mag.axes.T @ mag.found.bias / mag.found.scale)
+                signs = (-1.0,) if mag.mirrored else (1.0,)
+            else:
+                scales = self._scales(gyr, acc)
+            self.sensors["acc"] = _Sensor("acc", fit_force(self.t, trials, acc, scales, signs))
+
+    def _scales(self, gyr: Floats, acc: Floats) -> tuple[float, ...]:
+        """Scales that the rates may have: of units with which a body turns as bodies do, and one by regression."""
+        usual = float(np.sqrt(np.nanmean(np.sum(gyr * gyr, axis=1)))) if np.isfinite(gyr).any() else 0.0
+        own = float(to_si(1.0, self.declared.unit("gyr")))
+        units = [float(to_si(1.0, unit)) / own for unit in UNITS["gyr"]]
+        found = [scale for scale in units if _SLOWEST < scale * usual < _FASTEST]
+        rough = fit(self.t, gyr, acc, offset=0.1)
+        if (
+            rough is not None
+            and rough.margin > CERTAIN
+            and rough.agrees
+            and all(abs(math.log(rough.scale / one)) > 0.3 for one in found)
+        ):
+            found.append(rough.scale)
+        return tuple(found) or (1.0,)
+
+    def _axes(self) -> None:
+        """Whose axes are wrong, by majority."""
+        known = {name: one for name, one in self.sensors.items() if one.known}
+        for name, one in self.sensors.items():
+            if not one.known:
+                self._unknown_axes(name, one)
+        if not known:
+            return
+        answer = Answer.LIKELY if any(one.answer is Answer.LIKELY for one in known.values()) else Answer.SURE
+        if len({one.mirrored for one in known.values()}) > 1:
+            for name in known:
+                why = "accelerometer and magnetometer contradict each other about the gyroscope's handedness"
+                self._find(name, "axes", Answer.UNKNOWN, "contradiction", 0.0, why=why)
+            return
+        turns = {name: one.axes for name, one in known.items()}
+        reference = np.eye(3)
+        if len(known) == 2 and (turns["acc"] == turns["mag"]).all():
+            reference = turns["acc"]
+        elif any(one.mirrored for one in known.values()):
+            reference = turns["acc"] if "acc" in turns else turns["mag"]
+        log_odds = min(one.found.margin for one in known.values() if one.found is not None)
+        self._gyr_axes(reference, known, answer, log_odds)
+        for one in known.values():
+            self._own_axes(one, one.axes @ reference.T, alone=len(known) == 1)
+        self._sign(known, reference)
+
+    def _gyr_axes(self, turn: Floats, known: Mapping[str, _Sensor], answer: Answer, log_odds: float) -> None:
+        by = " and ".join(TITLES[name] for name in known)
+        if (turn == np.eye(3)).all():
+            self._find("gyr", "axes", answer, "right-handed, as declared", log_odds, why=f"by {by}")
+            return
+        both = len(known) == 2
+        kind = "mirrored" if np.linalg.det(turn) < 0.0 else "turned"
+        value = f"{kind}: axes = '{axes_letters(turn)}' in those of the {'others' if both else by}"
+        why = "both others agree" if both else "its sign is wrong or an axis is; the handedness is that of the rates"
+        self._find("gyr", "axes", answer, value, log_odds, wrong=True, why=why)
+        self.lines.setdefault("gyr", []).extend(self.declared.axes("gyr", turn))
+
+    def _own_axes(self, one: _Sensor, turn: Floats, *, alone: bool) -> None:
+        """Axes of one vector sensor in those of the case; `turn` takes the case's to its own."""
+        assert one.found is not None
+        self.numbers.setdefault(one.name, {})["axes"] = axes_letters(turn.T)
+        if (turn == np.eye(3)).all():
+            self._find(one.name, "axes", one.answer, "as declared, but for a sign of all three", one.found.margin)
+            return
+        value = f"axes = '{axes_letters(turn.T)}' in those of the gyroscope"
+        why = ""
+        if alone:
+            other = axes_letters(turn)
+            why = f"or the gyroscope's are '{other}': two sensors do not show which of them it is"
+        self._find(one.name, "axes", one.answer, value, one.found.margin, wrong=True, why=why)
+        self.lines.setdefault(one.name, []).extend(self.declared.axes(one.name, turn.T))
+
+    def _unknown_axes(self, name: str, one: _Sensor) -> None:
+        self._find(name, "axes", Answer.UNKNOWN, "cannot be known from this motion", 0.0, why=self._would_tell(one))
+
+    def _would_tell(self, one: _Sensor) -> str:
+        """Which motion would tell what this one does not."""
+        whole = "turn it by hand about each of its axes in turn, by 90° to and fro, for half a minute"
+        if one.found is None:
+            return f"nothing turns; {whole}"
+        tied = ARRANGEMENTS[one.found.log_odds > -CERTAIN]
+        if one.found.explained < _EXPLAINED or len(tied) > 8:
+            return whole
+        open_ = [letter for j, letter in enumerate("xyz") if np.ptp(tied[:, :, j], axis=0).any()]
+        return f"turn it about the gyroscope's {' and '.join(open_)}, too" if open_ else whole
+
+    def _sign(self, known: Mapping[str, _Sensor], reference: Floats) -> None:
+        """Sign of the field along the vertical; that of the specific force is assumed."""
+        self.remarks.append(_ASSUMED)
+        if len(known) < 2:
+            return
+        down = self._downward(known, reference)
+        if down is None:
+            self._find("mag", "sign", Answer.UNKNOWN, "the field is level, or changes", 0.0)
+            return
+        pointing = "down" if down > 0.0 else "up"
+        if self.hemisphere is None:
+            there = "north" if down > 0.0 else "south"
+            value = f"right {there} of the magnetic equator, where the field points {pointing}"
+            why = "elsewhere all its axes have to be negated; --hemisphere says where"
+            self._find("mag", "sign", Answer.UNKNOWN, value, 0.0, why=why)
+            return
+        right = (down > 0.0) == (self.hemisphere == "north")
+        certain = all(one.answer is Answer.SURE for one in known.values()) and abs(down) > 2.0 * _LEAST_DIP
+        answer = Answer.SURE if certain else Answer.LIKELY
+        value = f"the field points {pointing}" + (
+            "" if right else f", {self.hemisphere} of the magnetic equator: negated"
+        )
+        log_odds = min(one.found.margin for one in known.values() if one.found is not None)
+        why = "if acc is specific force" + ("" if right else "; if it shows gravity, write its sign instead")
+        self._find("mag", "sign", answer, value, log_odds, wrong=not right, why=why)
+        if not right:
+            lines = [line for line in self.lines.get("mag", []) if not line.startswith(("axes", "mirrored"))]
+            turn = (known["mag"].axes @ reference.T).T
+            self.lines["mag"] = [*lines, *self.declared.axes("mag", -turn)]
+
+    def _downward(self, known: Mapping[str, _Sensor], reference: Floats) -> float | None:
+        """Part of the field that points down, by the mean of its product with the specific force; None near zero."""
+        assert known["mag"].found is not None
+        turned = {name: (one.axes @ reference.T).T for name, one in known.items()}
+        force = self.values["acc"] @ turned["acc"].T
+        field = (self.values["mag"] - known["mag"].found.offset) @ turned["mag"].T
+        size = np.sqrt(np.sum(force**2, axis=1) * np.sum(field**2, axis=1))
+        down = -np.sum(force * field, axis=1) / np.where(size > 0.0, size, np.nan)
+        middle = float(np.nanmedian(down)) if np.isfinite(down).any() else 0.0
+        return middle if abs(middle) > _LEAST_DIP else None
+
+    def _units(self) -> None:
+        for name in TRIADS:
+            if name in self.values:
+                self._unit(name, *self._size(name))
+
+    def _size(self, name: str) -> tuple[float, float, Answer, str]:
+        """Size by which the unit of a triad is known, the deviation of its logarithm, how sure, and by what."""
+        if name == "gyr":
+            return self._turning()
+        vector, one = self.values[name], self.sensors.get(name)
+        if name == "mag" and one is not None and one.answer is Answer.SURE and one.found is not None:
+            vector = vector - one.found.offset
+        norm = np.sqrt(np.sum(vector * vector, axis=1))
+        norm = norm[np.isfinite(norm)]
+        if norm.size < _FEWEST or not np.median(norm) > 0.0:
+            return 0.0, 0.0, Answer.UNKNOWN, "nothing is measured"
+        middle = float(np.median(norm))
+        low, high = np.quantile(norm, (0.16, 0.84))
+        sd = 0.5 * math.log(float(high) / max(float(low), 1e-3 * middle))
+        by = "the size of gravity" if name == "acc" else "the size of the Earth's field"
+        return middle, 0.3 * sd, Answer.SURE, by
+
+    def _turning(self) -> tuple[float, float, Answer, str]:
+        told = [one for one in self.sensors.values() if one.known and one.found is not None and one.found.scale > 0.0]
+        told.sort(key=lambda one: (one.answer is not Answer.SURE, one.name != "mag"))
+        for one in told:
+            assert one.found is not None
+            sd = one.found.scale_sd / one.found.scale
+            if sd < _VAGUE:
+                self.numbers.setdefault("gyr", {}).update(
+                    scale=one.found.scale, scale_sd=one.found.scale_sd, by=one.name
+                )
+                return (
+                    1.0 / one.found.scale,
+                    sd,
+                    one.answer,
+                    f"it turns {1.0 / one.found.scale:.4g} times as fast as the {TITLES[one.name]} says",
+                )
+        why = self._would_tell(next(iter(self.sensors.values()))) if self.sensors else "acc and mag do not turn"
+        return 0.0, 0.0, Answer.UNKNOWN, why
+
+    def _unit(self, name: str, size: float, sd: float, sure: Answer, by: str) -> None:
+        declared = self.declared.unit(name)
+        if sure is Answer.UNKNOWN:
+            self._find(name, "unit", Answer.UNKNOWN, "cannot be known from this recording", 0.0, why=by)
+            return
+        found = unit_odds(name, size, sd, declared)
+        if found.unit is None:
+            self._find(
+                name, "unit", Answer.UNKNOWN, f"no unit in use; multiply by {found.factor:.4g}", 0.0, wrong=True, why=by
+            )
+            return
+        answer = sure if found.log_odds >= CERTAIN else Answer.LIKELY if found.log_odds >= _HINT else Answer.UNKNOWN
+        wrong = found.unit != declared and (answer is not Answer.UNKNOWN or found.declared_odds < -CERTAIN)
+        value = f"unit = '{found.unit}'" if answer is not Answer.UNKNOWN else f"'{found.unit}' or '{found.next}'"
+        self.numbers.setdefault(name, {})["unit"] = found.unit
+        self._find(name, "unit", answer, value, found.log_odds, wrong=wrong, why=by)
+        if answer is Answer.UNKNOWN:
+            return  # that it is wrong is certain, which of two is right is not
+        counts = self.declared.counts(name)
+        if wrong and counts is not None:
+            self.lines.setdefault(name, []).append(f"unit_per_count = {counts * found.factor:.6g}")
+        elif wrong:
+            self.lines.setdefault(name, []).append(f'unit = "{found.unit}"')
+
+    def _delay(self, one: _Sensor) -> None:
+        found = one.found
+        if found is None or not one.known or not math.isfinite(found.delay_sd) or found.delay_sd > _VAGUE_DELAY:
+            self._find(
+                one.name,
+                "delay",
+                Answer.UNKNOWN,
+                "cannot be known from this motion",
+                0.0,
+                why="turn it faster, to and fro",
+            )
+            return
+        apart = abs(found.delay_halves[0] - found.delay_halves[1])
+        agree = apart <= max(2.0 * _EXACT, 6.0 * found.delay_sd)
+        sure = one.answer is Answer.SURE and found.delay_sd <= _EXACT and agree
+        answer = Answer.SURE if sure else Answer.LIKELY if agree else Answer.UNKNOWN
+        gyr = self.values["gyr"] * found.scale
+        angle = abs(found.delay) * float(np.sqrt(np.nanmean(np.sum(gyr * gyr, axis=1))))
+        clear = abs(found.delay) > 5.0 * max(found.delay_sd, 0.2 * _EXACT)
+        wrong = one.answer is Answer.SURE and agree and clear and angle > _MATTERS
+        side = "late" if found.delay > 0.0 else "early"
+        value = f"stamps {1e3 * abs(found.delay):.1f} ± {1e3 * found.delay_sd:.1f} ms {side} against the gyroscope's"
+        odds = 0.5 * min((found.delay / found.delay_sd) ** 2, 1e3) if answer is not Answer.UNKNOWN else 0.0
+        self.numbers.setdefault(one.name, {}).update(delay_s=found.delay, delay_sd_s=found.delay_sd)
+        self._find(one.name, "delay", answer, value, odds, wrong=wrong)
+        if wrong:
+            self.lines.setdefault(one.name, []).append(f'delay = "{1e3 * found.delay:.1f} ms"')
+
+    def _find(
+        self,
+        sensor: str,
+        question: str,
+        answer: Answer,
+        value: str,
+        log_odds: float,
+        *,
+        wrong: bool = False,
+        why: str = "",
+    ) -> None:
+        self.findings.append(Finding(sensor, question, answer, value, log_odds, wrong, why))
+
+
+def _resting(t: Floats, gyr: Floats) -> Floats:
+    """Rates (3,) of the quietest tenth of the recording's seconds, which are their bias if the body rests in them."""
+    size = max(2, round(1.0 / float(np.median(np.diff(t)))))
+    rows = np.nan_to_num(gyr[: len(gyr) // size * size]).reshape(-1, size, 3)
+    if len(rows) < 2:
+        return np.zeros(3)
+    spread = np.sum(np.var(rows, axis=1), axis=1)
+    quiet = np.argsort(spread)[: max(1, len(rows) // 10)]
+    return np.asarray(np.median(rows[quiet].mean(axis=1), axis=0))
+
+
+def _finite(values: Floats) -> Floats:
+    """Rows with a value on all axes; others are NaN, as are those too large to be squared."""
+    with np.errstate(invalid="ignore"):
+        known = np.asarray((np.abs(values) < 1e12).all(axis=1))
+    return np.where(known[:, np.newaxis], values, np.nan)

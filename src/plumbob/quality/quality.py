@@ -1,0 +1,239 @@
+"""Quality flags of each burst and channel in QARTOD's words: 1 pass, 2 not evaluated, 3 suspect, 4 fail, 9 missing.
+
+The tests are those of its table for the time series of waves [CDIPWaves]: gaps, spikes, range, mean shift, acceleration
+and percent of good points; and rate of change and flat line, which it has for other sensors. Thresholds that the table
+leaves to the user are the ones below, which a page states beside the flags.
+"""
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import check, flags
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.time import GAP_FACTOR
+from plumbob.data.recording import EARTH_FIELD, STUCK_FOR, STUCK_SAMPLES
+
+PASS, NOT_EVALUATED, SUSPECT, FAIL, MISSING = 1, 2, 3, 4, 9
+MEANING: Final = {
+    PASS: "pass", NOT_EVALUATED: "not evaluated", SUSPECT: "suspect", FAIL: "fail", MISSING: "missing",
+}  # fmt: skip
+"""Of the flags, in the words of QARTOD."""
+
+FEWEST: Final = 50
+"""Samples below which nothing is evaluated."""
+HOLE: Final = (1.0, 10.0)
+"""Longest time without a usable value, s: suspect above the first, fail above the second."""
+GOOD: Final = (0.95, 0.90)
+"""Share of good samples: suspect below the first, fail below the second, which [CDIPWaves] recommends."""
+SPIKE: Final = 4.0
+"""Standard deviations of a spike from the mean, and from both neighbours, as [CDIPWaves] recommends."""
+STEP: Final = 7.0
+"""Standard deviations from one sample to the next that are too fast."""
+SHARE: Final = (2e-4, 1e-2)
+"""Share of samples that are spikes, too fast, or beyond the range: suspect above the first, fail above the second."""
+SHIFT: Final = (1.0, 1.7)
+"""Change of the mean from an eighth of a burst to the next, in standard deviations of the burst; a step is 2."""
+EIGHTHS: Final = 8
+LONG: Final = 480.0
+"""In a burst of this length or longer, s, the means of its eighths are means of many waves."""
+HARD: Final = 0.5
+"""Vertical acceleration without gravity that is too large, g, as [CDIPWaves] recommends."""
+FLAT: Final = (STUCK_FOR, 5.0)
+"""Time for which all axes say the same to the last bit, s: suspect from the first on, fail from the second."""
+CELSIUS: Final = (-40.0, 85.0)
+"""Temperatures that electronics are made for, °C."""
+
+CHANNELS: Final = ("gyr", "acc", "mag", "temp", "attitude")
+"""What is judged, where a recording has it."""
+
+_BAD: Final = {
+    "gyr": flags.GYR_CLIPPED | flags.GYR_INVALID | flags.GYR_STUCK | flags.TIME_FAULT,
+    "acc": flags.ACC_CLIPPED | flags.ACC_INVALID | flags.ACC_STUCK | flags.TIME_FAULT,
+    "mag": flags.MAG_CLIPPED | flags.MAG_INVALID | flags.MAG_STUCK | flags.TIME_FAULT,
+    "temp": 0,
+    "attitude": flags.NOT_CONVERGED | flags.INCONSISTENT,
+}
+_BEYOND: Final = {
+    "gyr": flags.GYR_CLIPPED | flags.GYR_INVALID,
+    "acc": flags.ACC_CLIPPED | flags.ACC_INVALID,
+    "mag": flags.MAG_CLIPPED | flags.MAG_INVALID,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Flag of a channel in a burst.
+
+    Attributes
+    ----------
+    flag : int
+        The worst of its tests, 1, 2, 3, 4 or 9.
+    tests : dict of str to int
+        Flags of the tests, by name.
+    good : float
+        Share of good samples, 0 to 1.
+    """
+
+    flag: int
+    tests: dict[str, int] = field(default_factory=dict)
+    good: float = 0.0
+
+    @property
+    def why(self) -> str:
+        """Tests that did not pass, in words."""
+        return ", ".join(name for name, flag in self.tests.items() if flag in (SUSPECT, FAIL))
+
+
+def thresholds() -> tuple[tuple[str, str, str, str], ...]:
+    """What each test asks: name, what it looks at, and when it is suspect and when it fails."""
+    percent = [f"{100.0 * share:g} %" for share in SHARE]
+    low, high = EARTH_FIELD
+    return (
+        ("gap", "longest time without a usable value", f"> {HOLE[0]:g} s", f"> {HOLE[1]:g} s"),
+        ("percent good", "samples neither absent, clipped, invalid nor stuck; attitudes that are known and trusted",
+         f"< {100 * GOOD[0]:g} %", f"< {100 * GOOD[1]:g} %"),
+        ("spike", f"samples more than {SPIKE:g} standard deviations off the mean and off both neighbours",
+         f"> {percent[0]}", f"> {percent[1]}"),
+        ("rate of change", f"steps of more than {STEP:g} standard deviations from sample to sample",
+         f"> {percent[0]}", f"> {percent[1]}"),
+        ("range", "samples at the end of the sensor's range or impossible; temperatures outside "
+         f"{CELSIUS[0]:g} to {CELSIUS[1]:g} °C", f"> {percent[0]}", f"> {percent[1]}"),
+        ("field", f"median of |mag| outside of the Earth's {low:g} to {high:g} µT", "outside", "-"),
+        ("flat line", f"all axes the same to the last bit, in {STUCK_SAMPLES} samples or more",
+         f"≥ {FLAT[0]:g} s", f"≥ {FLAT[1]:g} s"),
+        ("mean shift", "change of the mean from one eighth of a burst to the next over its standard "
+            f"deviation, in bursts of {LONG:g} s and more; of "
+         "gyr, |acc|, |mag|, roll and pitch", f"> {SHIFT[0]:g}", f"> {SHIFT[1]:g}"),
+        ("acceleration", f"samples whose vertical acceleration is beyond {HARD:g} g", "> 0", f"> {percent[1]}"),
+    )  # fmt: skip
+
+
+def verdict(
+    channel: str,
+    t: Floats,
+    values: Floats,
+    words: NDArray[np.uint32],
+    span: tuple[float, float],
+    vertical: Floats | None = None,
+) -> Verdict:
+    """Judge a channel in a burst.
+
+    Parameters
+    ----------
+    channel : {"gyr", "acc", "mag", "temp", "attitude"}
+        Which.
+    t : ndarray (N,)
+        Times of the samples, s.
+    values : ndarray (N, C)
+        Its values, SI; roll and pitch of the attitude. NaN where absent.
+    words : ndarray (N,) of uint32
+        Flags of the samples, of sensors and estimate.
+    span : (float, float)
+        Begin and end of the burst, s.
+    vertical : ndarray (N,), optional
+        Vertical acceleration without gravity, m/s², for ``acc``.
+    """
+    check.one_of("channel", channel, CHANNELS)
+    known = np.isfinite(values).all(axis=1)
+    if not known.any():
+        return Verdict(MISSING)
+    at, own, marks = t[known], values[known], words[known]
+    usable = (marks & np.uint32(_BAD[channel])) == 0
+    step, mean = _steps(at, span)
+    share = min(1.0, float(np.count_nonzero(usable)) * mean / max(span[1] - span[0], mean))
+    if at.size < FEWEST:
+        return Verdict(NOT_EVALUATED, good=share)
+    found = {"gap": _above(_hole(at[usable], span, step), HOLE), "percent good": _below(share, GOOD)}
+    found |= _values(channel, own, marks)
+    if channel in _BEYOND:
+        found["flat line"] = _above(_flat(at, own), FLAT, equal=True)
+    if channel != "temp" and span[1] - span[0] >= LONG:
+        found["mean shift"] = _above(_shift(_shifting(channel, own)), SHIFT)
+    if channel == "acc" and vertical is not None and np.isfinite(vertical).any():
+        hard = float(np.nanmean(np.abs(vertical) > HARD * G0))
+        found["acceleration"] = _above(hard, (0.0, SHARE[1]))
+    return Verdict(max(found.values()), found, share)
+
+
+def _steps(at: Floats, span: tuple[float, float]) -> tuple[float, float]:
+    """Median step, and mean step without gaps, s: a magnetometer may have a value in three of four samples."""
+    steps = np.diff(at)
+    if not steps.size:
+        return span[1] - span[0], span[1] - span[0]
+    usual = float(np.median(steps))
+    return usual, float(np.mean(steps[steps <= GAP_FACTOR * usual]))
+
+
+def _values(channel: str, own: Floats, marks: NDArray[np.uint32]) -> dict[str, int]:
+    """Tests of the values themselves."""
+    if channel == "attitude":
+        return {}
+    beyond = (
+        (own[:, 0] < CELSIUS[0]) | (own[:, 0] > CELSIUS[1])
+        if channel == "temp"
+        else (marks & np.uint32(_BEYOND[channel])) != 0
+    )
+    found = {
+        "spike": _above(_spikes(own), SHARE),
+        "rate of change": _above(_fast(own), SHARE),
+        "range": _above(float(np.mean(beyond)), SHARE),
+    }
+    if channel == "mag":
+        typical = float(np.median(np.sqrt(np.sum(own * own, axis=1))))
+        found["field"] = PASS if EARTH_FIELD[0] <= typical <= EARTH_FIELD[1] else SUSPECT
+    return found
+
+
+def _above(value: float, limits: tuple[float, float], *, equal: bool = False) -> int:
+    suspect, fail = ((value >= limit if equal else value > limit) for limit in limits)
+    return FAIL if fail else SUSPECT if suspect else PASS
+
+
+def _below(value: float, limits: tuple[float, float]) -> int:
+    return FAIL if value < limits[1] else SUSPECT if value < limits[0] else PASS
+
+
+def _hole(at: Floats, span: tuple[float, float], step: float) -> float:
+    """Longest time without a sample beyond the usual step, s; the ends of the burst are edges, too."""
+    return float(np.max(np.diff(np.concatenate(([span[0]], at, [span[1]]))))) - step
+
+
+def _spikes(own: Floats) -> float:
+    """Share of samples that stand out from the mean and from both neighbours, on the same side."""
+    off = own - np.mean(own, axis=0)
+    limit = SPIKE * np.std(own, axis=0)
+    rise, fall = off[1:-1] - off[:-2], off[1:-1] - off[2:]
+    high = (off[1:-1] > limit) & (rise > limit) & (fall > limit)
+    low = (off[1:-1] < -limit) & (rise < -limit) & (fall < -limit)
+    return float(np.mean((high | low).any(axis=1)))
+
+
+def _fast(own: Floats) -> float:
+    limit = STEP * np.std(own, axis=0)
+    return float(np.mean((np.abs(np.diff(own, axis=0)) > np.where(limit > 0.0, limit, np.inf)).any(axis=1)))
+
+
+def _flat(at: Floats, own: Floats) -> float:
+    """Longest time, s, in which all axes repeat; none where fewer samples than noise allows do."""
+    same = (own[1:] == own[:-1]).all(axis=1)
+    if same.all():  # it never changes: a simulation without noise, at rest
+        return 0.0
+    return max((float(at[stop] - at[start]) for start, stop in check.runs(same) if stop - start >= STUCK_SAMPLES - 1),
+               default=0.0)  # fmt: skip
+
+
+def _shifting(channel: str, own: Floats) -> Floats:
+    """What must not shift: a unit that turns in the field or leans to one side does not make its sensor faulty."""
+    return own if channel in ("gyr", "attitude") else np.sqrt(np.sum(own * own, axis=1))[:, np.newaxis]
+
+
+def _shift(own: Floats) -> float:
+    """Largest change of the mean from one eighth to the next, in standard deviations of the whole."""
+    sd = np.std(own, axis=0)
+    means = np.array([np.mean(part, axis=0) for part in np.array_split(own, EIGHTHS)])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.nanmax(np.where(sd > 0.0, np.max(np.abs(np.diff(means, axis=0)), axis=0) / sd, 0.0)))

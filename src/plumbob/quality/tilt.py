@@ -1,0 +1,370 @@
+"""Statistics of roll, pitch, inclination and heading over a time, as papers on buoys and platforms give them.
+
+Waves of roll and pitch are those between zero up-crossings: about the mean of the stretch, from one crossing upwards to
+the next. The double amplitude of a wave is its highest value less its lowest one. The significant one is the mean of
+the highest third of the waves, and for a narrow-banded Gaussian sea it is 4.00 standard deviations
+[LonguetHiggins1952]. So that noise near zero makes no waves, the angle must have been below and above the mean by
+`DEAD` standard deviations on the two sides of a crossing.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ShapeError
+from plumbob.core.time import GAP_FACTOR
+from plumbob.core.units import deg
+from plumbob.quality.spectra import Spectra, peak_period, welch
+
+DEAD: Final = 0.05
+"""Band about the mean within which nothing crosses it, in standard deviations."""
+
+THIRD: Final = 1.0 / 3.0
+"""Share of the waves, the highest ones, of which the significant double amplitude is the mean."""
+
+LIMIT: Final = float(deg(15.0))
+"""Inclination that counts as large unless another is given, rad."""
+
+_BINS = 288
+"""Of the histogram of headings, 1.25° each, so that sectors of 10° and of 22.5° can stand about North."""
+
+
+def _pooled(parts: "Sequence[Motion] | Sequence[Inclination]") -> tuple[int, float, float]:
+    """Count, mean and standard deviation of the samples of several stretches, each with some."""
+    count = np.array([one.samples for one in parts], dtype=np.float64)
+    means = np.array([one.mean for one in parts])
+    mean = float(np.sum(count * means) / np.sum(count))
+    variance = np.array([one.sd**2 for one in parts]) + (means - mean) ** 2
+    return int(np.sum(count)), mean, math.sqrt(float(np.sum(count * variance) / np.sum(count)))
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Roll or pitch over a time.
+
+    Attributes
+    ----------
+    samples : int
+        How many of them are known.
+    mean, sd, least, greatest : float
+        Of the angle, rad; the standard deviation is about the mean.
+    heights : ndarray (W,)
+        Double amplitudes of the waves, rad.
+    periods : ndarray (W,)
+        Their periods, s.
+    tp : float
+        Period of the peak of the spectrum, s; NaN where there is none.
+    wrapped : bool
+        Whether the angle went through ±180°, so that its mean and all that follows from it mean nothing.
+    """
+
+    samples: int
+    mean: float
+    sd: float
+    least: float
+    greatest: float
+    heights: Floats
+    periods: Floats
+    tp: float = math.nan
+    wrapped: bool = False
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the angle itself, about zero, rad."""
+        return math.hypot(self.mean, self.sd)
+
+    @property
+    def waves(self) -> int:
+        """Number of waves."""
+        return int(self.heights.size)
+
+    @property
+    def significant(self) -> float:
+        """Mean double amplitude of the highest third of the waves, rad; NaN where there are none."""
+        if not self.waves:
+            return math.nan
+        highest = max(1, round(self.waves * THIRD))
+        return float(np.mean(np.partition(self.heights, self.waves - highest)[self.waves - highest :]))
+
+    @property
+    def largest(self) -> float:
+        """Largest double amplitude, rad; NaN without waves."""
+        return float(np.max(self.heights)) if self.waves else math.nan
+
+    @property
+    def tz(self) -> float:
+        """Mean period between zero up-crossings, s; NaN without waves."""
+        return float(np.mean(self.periods)) if self.waves else math.nan
+
+    @classmethod
+    def of(cls, t: Floats, angle: Floats) -> Self:
+        """Motion of an angle (N,), rad, at times (N,), s; NaN where it is not known."""
+        known = np.isfinite(angle)
+        if not known.any():
+            return cls(0, math.nan, math.nan, math.nan, math.nan, np.empty(0), np.empty(0))
+        at, own = t[known], angle[known]
+        mean, sd = float(np.mean(own)), float(np.std(own))
+        step = _usual_step(t)
+        wrapped = bool(np.any((np.abs(np.diff(own)) > np.pi) & (np.diff(at) <= GAP_FACTOR * step)))
+        if wrapped:
+            none = np.empty(0)
+            return cls(own.size, math.nan, math.nan, float(own.min()), float(own.max()), none, none, wrapped=True)
+        heights, periods = waves(at, own - mean, gap=GAP_FACTOR * step, dead=DEAD * sd)
+        return cls(own.size, mean, sd, float(own.min()), float(own.max()), heights, periods)
+
+    def peaked(self, spectra: Spectra, channel: int) -> Self:
+        """The same, with the period of the peak of a channel's spectrum; without where it means nothing."""
+        usable = not self.wrapped and self.sd > 0.0
+        return replace(self, tp=peak_period(spectra, channel)) if usable else self
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self], tp: float = math.nan) -> Self:
+        """Motion over several stretches: moments of all samples, and the waves that each has about its own mean."""
+        known = [one for one in parts if one.samples]
+        if not known:
+            return cls.of(np.zeros(1), np.full(1, np.nan))
+        samples, mean, sd = _pooled(known)
+        return cls(
+            samples=samples,
+            mean=mean,
+            sd=sd,
+            least=min(one.least for one in known),
+            greatest=max(one.greatest for one in known),
+            heights=np.concatenate([one.heights for one in known]),
+            periods=np.concatenate([one.periods for one in known]),
+            tp=math.nan if any(one.wrapped for one in known) else tp,
+            wrapped=any(one.wrapped for one in known),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Inclination:
+    """Angle between the body's vertical axis and the vertical over a time, whatever its direction.
+
+    Attributes
+    ----------
+    samples : int
+        How many of them are known.
+    mean, sd, greatest : float
+        Of the angle, rad.
+    greatest_at : float
+        When it was greatest, s.
+    limit : float
+        What counts as large, rad.
+    beyond : int
+        Samples beyond the limit.
+    """
+
+    samples: int
+    mean: float
+    sd: float
+    greatest: float
+    greatest_at: float
+    limit: float
+    beyond: int
+
+    @property
+    def rms(self) -> float:
+        """Root mean square, rad."""
+        return math.hypot(self.mean, self.sd)
+
+    @property
+    def share_beyond(self) -> float:
+        """Share of the samples beyond the limit; NaN where there are none."""
+        return self.beyond / self.samples if self.samples else math.nan
+
+    @classmethod
+    def of(cls, t: Floats, angle: Floats, limit: float) -> Self:
+        """Of an inclination (N,), rad, at times (N,), s."""
+        known = np.isfinite(angle)
+        if not known.any():
+            return cls(0, math.nan, math.nan, math.nan, math.nan, limit, 0)
+        own = angle[known]
+        top = int(np.argmax(own))
+        return cls(
+            samples=own.size,
+            mean=float(np.mean(own)),
+            sd=float(np.std(own)),
+            greatest=float(own[top]),
+            greatest_at=float(t[known][top]),
+            limit=limit,
+            beyond=int(np.count_nonzero(own > limit)),
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Of several stretches."""
+        known = [one for one in parts if one.samples]
+        if not known:
+            return parts[0]
+        samples, mean, sd = _pooled(known)
+        highest = max(known, key=lambda one: one.greatest)
+        return replace(highest, samples=samples, mean=mean, sd=sd, beyond=sum(one.beyond for one in known))
+
+
+@dataclass(frozen=True, eq=False)
+class Headings:
+    """Headings over a time, as directions on a circle [Mardia2000].
+
+    Attributes
+    ----------
+    counts : ndarray (288,) of int64
+        Samples in sectors of 1.25°, clockwise from North.
+    cosine, sine : float
+        Sums over the samples.
+    """
+
+    counts: NDArray[np.int64]
+    cosine: float
+    sine: float
+
+    @property
+    def samples(self) -> int:
+        """How many are known."""
+        return int(np.sum(self.counts))
+
+    @property
+    def resultant(self) -> float:
+        """Length of the mean direction vector: 1 where all headings are the same, near 0 where all occur alike."""
+        return math.hypot(self.cosine, self.sine) / self.samples if self.samples else math.nan
+
+    @property
+    def mean(self) -> float:
+        """Direction of the mean vector, rad, 0 to 2π clockwise from North; NaN where there is none."""
+        return math.atan2(self.sine, self.cosine) % (2.0 * math.pi) if self.samples else math.nan
+
+    @property
+    def spread(self) -> float:
+        """Circular standard deviation √(−2 ln R), rad, of the resultant R; NaN where there are no headings."""
+        r = self.resultant
+        if math.isnan(r):
+            return math.nan
+        return math.sqrt(max(0.0, -2.0 * math.log(r))) if r > 0.0 else math.inf
+
+    def sectors(self, count: int) -> Floats:
+        """Share of the samples in each of `count` equal sectors, the first about North: 36 of 10°, or 16 of 22.5°."""
+        width = _BINS // count
+        if width * count != _BINS or width % 2:
+            raise ShapeError(
+                f"headings are counted in sectors of 2.5° and multiples of it, but {count} were asked for."
+            )
+        turned = np.roll(self.counts, width // 2).reshape(count, width).sum(axis=1)
+        return np.asarray(turned / max(1, self.samples), dtype=np.float64)
+
+    @classmethod
+    def of(cls, heading: Floats) -> Self:
+        """Of headings (N,), rad clockwise from North; NaN where not known."""
+        own = heading[np.isfinite(heading)]
+        place = np.floor((own % (2.0 * np.pi)) * (_BINS / (2.0 * np.pi))).astype(np.int64) % _BINS
+        counts = np.bincount(place, minlength=_BINS).astype(np.int64)
+        return cls(counts, float(np.sum(np.cos(own))), float(np.sum(np.sin(own))))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Of several stretches."""
+        counts = np.sum([one.counts for one in parts], axis=0)
+        return cls(counts, sum(one.cosine for one in parts), sum(one.sine for one in parts))
+
+
+@dataclass(frozen=True, eq=False)
+class TiltStatistics:
+    """Roll, pitch and inclination over a time.
+
+    Attributes
+    ----------
+    roll, pitch : Motion
+        The two angles.
+    inclination : Inclination
+        Angle from the vertical.
+    """
+
+    roll: Motion
+    pitch: Motion
+    inclination: Inclination
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self], tp: tuple[float, float] = (math.nan, math.nan)) -> Self:
+        """Over several stretches; `tp` are the peak periods of roll and pitch of the whole."""
+        return cls(
+            Motion.joined([one.roll for one in parts], tp[0]),
+            Motion.joined([one.pitch for one in parts], tp[1]),
+            Inclination.joined([one.inclination for one in parts]),
+        )
+
+
+def tilt_statistics(
+    t: Floats, roll: Floats, pitch: Floats, *, limit: float = LIMIT, segment: float | None = None
+) -> TiltStatistics:
+    """Statistics of roll and pitch over a time.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Increasing times, s.
+    roll, pitch : ndarray (N,)
+        Angles, rad; NaN where not known.
+    limit : float
+        Inclination that counts as large, rad.
+    segment : float, optional
+        Length of the segments of the spectrum whose peak gives Tp, s; without it a quarter of the time, at most 256 s.
+
+    Returns
+    -------
+    TiltStatistics
+
+    Raises
+    ------
+    ShapeError
+        If the three are not of one length.
+    """
+    t = check.column("t", t)
+    roll, pitch = check.column("roll", roll, t.size), check.column("pitch", pitch, t.size)
+    tilt = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
+    spectra = welch(t, np.stack((roll, pitch), axis=1), segment=segment)
+    motions = [Motion.of(t, angle).peaked(spectra, i) for i, angle in enumerate((roll, pitch))]
+    return TiltStatistics(motions[0], motions[1], Inclination.of(t, tilt, limit))
+
+
+def waves(t: Floats, x: Floats, *, gap: float, dead: float = 0.0) -> tuple[Floats, Floats]:
+    """Double amplitudes (W,) and periods (W,) of the waves between zero up-crossings.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Increasing times, s.
+    x : ndarray (N,)
+        Values about their mean, all known.
+    gap : float
+        A longer step in time ends a wave, which is left out, s.
+    dead : float
+        What `x` must go below and above zero on the two sides of a crossing.
+    """
+    none = np.empty(0), np.empty(0)
+    side = np.where(x > dead, 1, np.where(x < -dead, -1, 0))
+    clear = np.flatnonzero(side)
+    if clear.size < 2:
+        return none
+    rises = np.flatnonzero(np.diff(side[clear]) > 0)
+    if rises.size < 2:
+        return none
+    low = np.flatnonzero(x <= 0.0)
+    last = low[np.searchsorted(low, clear[rises + 1]) - 1]  # the last sample at or below zero before each rise
+    stretch = np.concatenate(([0], np.cumsum(np.diff(t) > gap)))
+    whole = stretch[clear[rises]] == stretch[clear[rises + 1]]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = t[last] + (t[last + 1] - t[last]) * (-x[last] / (x[last + 1] - x[last]))
+    same = (stretch[last[:-1]] == stretch[last[1:]]) & whole[:-1] & whole[1:]
+    begins = last + 1
+    high = np.maximum.reduceat(x, begins)[:-1]
+    deep = np.minimum.reduceat(x, begins)[:-1]
+    return (high - deep)[same], np.diff(crossing)[same]
+
+
+def _usual_step(t: Floats) -> float:
+    return float(np.median(np.diff(t))) if t.size > 1 else math.inf

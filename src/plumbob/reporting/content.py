@@ -1,0 +1,118 @@
+"""What a report holds: facts, tables, remarks, figures, scenes, and parts of the same kind."""
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from plumbob.core.text import WIDTH
+
+if TYPE_CHECKING:
+    from matplotlib.figure import FigureBase
+
+    from plumbob.reporting.scene import Scene
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under a head; the first cell of each row is its name.
+
+    Attributes
+    ----------
+    title : str
+        A noun, with a unit where all columns have the same one; may be empty.
+    head : sequence of str
+        Names of the columns, with their units.
+    rows : sequence of sequence of str
+        Cells as they are shown.
+    words : collection of int
+        Columns of words, from 0; the others are numbers. The first one always is.
+    strong : collection of (int, int)
+        Row and column of the cells that a page sets in bold.
+    detail : str
+        What to ask for to have it in the text; a page has it folded away. Empty: always shown.
+    """
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    words: Collection[int] = ()
+    strong: Collection[tuple[int, int]] = ()
+    detail: str = ""
+
+    def text(self) -> Iterator[str]:
+        """Lines with columns as wide as their longest cell; last words that are too long stand below their row."""
+        lines = [list(row) for row in ([self.head] if any(self.head) else []) + list(self.rows)]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        last = len(widths) - 1
+        below = last in self.words and sum(widths) + last > WIDTH
+        shown = widths[:-1] if below else widths
+        narrow = sum(shown) + len(shown) - 1 <= WIDTH < sum(shown) + 2 * len(shown) - 2
+        gap = " " if narrow else "  "
+        for line in lines:
+            remark = line.pop() if below else ""
+            cells = [
+                f"{cell:<{width}}" if i == 0 or i in self.words else f"{cell:>{width}}"
+                for i, (cell, width) in enumerate(zip(line, widths, strict=False))
+            ]
+            yield gap.join(cells).rstrip()
+            if remark and line[1:] != list(self.head[1:-1]):
+                yield f"     {remark}"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawing.
+
+    Attributes
+    ----------
+    caption : str
+        A noun.
+    draw : callable
+        Draws on the matplotlib figure that it gets, in colours of this module.
+    key : sequence of (str, str, str)
+        Names of lines, their colours, and "solid", "dashed", "dotted" or "block".
+    height : float
+        Inches.
+    """
+
+    caption: str
+    draw: "Callable[[FigureBase], None]"
+    key: Sequence[tuple[str, str, str]] = ()
+    height: float = 2.4
+
+
+@dataclass(frozen=True)
+class ReportContent:
+    """What is to be said about something, in the order in which it is read.
+
+    Attributes
+    ----------
+    title : str
+        A noun.
+    facts : sequence of (str, str)
+        Names and values; a name may come again.
+    tables : sequence of Table
+        The numbers.
+    remarks : sequence of str
+        What a reader must know, each a sentence.
+    figures : sequence of Figure
+        Drawn only where they are shown.
+    parts : sequence of ReportContent
+        One for each subject in it.
+    definitions : sequence of str
+        What the words and signs mean, for the foot of a page.
+    scenes : sequence of Scene
+        Bodies that move, on a page only.
+    links : sequence of (str, str)
+        Names and addresses of pages beside this one, on a page only.
+    """
+
+    title: str
+    facts: Sequence[tuple[str, str]] = ()
+    tables: Sequence[Table] = ()
+    remarks: Sequence[str] = ()
+    figures: Sequence[Figure] = ()
+    parts: "Sequence[ReportContent]" = ()
+    definitions: Sequence[str] = ()
+    scenes: "Sequence[Scene]" = ()
+    links: Sequence[tuple[str, str]] = ()

@@ -1,0 +1,225 @@
+"""The buoy's own program: events, fusion, frames outward, and its log."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from plumbob import Filter, Frame, read
+from plumbob.data import ImuData
+from plumbob.live.rigs.firmware import Processor, decoded, run_firmware
+from plumbob.live.rigs.flash import FlashLog
+from plumbob.live.rigs.plan import PLANS
+from plumbob.live.rigs.rig import make_rig
+from plumbob.protocols.decode import decode
+from plumbob.protocols.rigs import load
+from plumbob.protocols.ring import read_ring
+from plumbob.rotations import North, quat_angle
+from plumbob.simulation import scenario
+from tests.helpers.commandline import ok, refused
+
+FORM = load("buoy_attitude")
+PLAN = PLANS["buoy_attitude"]
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return make_rig(PLAN, FORM, seed=3, duration=30.0, unit="calibrated")
+
+
+@pytest.fixture(scope="module")
+def imu(rig):
+    return rig.units[""].imu
+
+
+@pytest.fixture(scope="module")
+def plain(imu):
+    return run_firmware(imu)
+
+
+def off(track, truth):
+    """Error, °, at the times of a track, against the truth of the newest millisecond."""
+    row = np.searchsorted(truth.t, track.t, side="right") - 1
+    return np.degrees(quat_angle(track.q_nb, truth.q_nb[row]))
+
+
+def test_events_come_at_the_papers_rates_and_none_is_missed(plain):
+    """333⅓, 100 and 20 a second [Yu2018]; the last of 30 s, at 29.999 s, is that at 29.997, 29.99 and 29.95 s."""
+    assert plain.served == {"sample": 9999, "fuse": 2999, "send": 599}
+    assert plain.missed == {"sample": 0, "fuse": 0, "send": 0}
+
+
+def test_the_processor_is_idle_for_what_its_tasks_leave(plain):
+    """23 bytes at 1 MHz, 45 000 and 15 000 cycles at 25 MHz, and 260 bytes at 8 MHz after each eighth frame."""
+    busy = 9999 * 184e-6 + 2999 * 1.8e-3 + 599 * 0.6e-3 + 599 // 8 * 260e-6
+    assert plain.idle == pytest.approx(1.0 - busy / 29.999, abs=1e-6)
+    assert plain.idle > 0.7
+
+
+def test_samples_are_taken_at_3_ms_or_late_where_the_loop_is_busy(imu, plain):
+    late = plain.samples.t - np.arange(3, 30000, 3) * 1e-3
+    assert late.min() > -1e-9
+    assert late.max() == pytest.approx(0.8e-3, abs=1e-9)  # 21 ms, in a fusion of 1.8 ms that began at 20 ms
+    row = np.searchsorted(imu.t, plain.samples.t + 1e-9, side="right") - 1
+    assert np.array_equal(plain.samples.gyr, imu.gyr[row])
+
+
+def test_a_magnetometer_of_75_hz_is_read_once(imu, plain):
+    fresh = np.flatnonzero(~np.isnan(imu.mag[:, 0]))
+    read_ = plain.samples.mag[~np.isnan(plain.samples.mag[:, 0])]
+    assert np.array_equal(read_, imu.mag[fresh][: len(read_)])
+    assert len(read_) == pytest.approx(75.0 * 30.0, abs=2)
+
+
+def test_each_sample_is_in_one_fusion(plain):
+    """The mean of the rates, times the time since the last fusion, adds up to the turn of all samples."""
+    dt = np.diff(plain.fused.t, prepend=0.0)
+    turn = np.sum(plain.fused.gyr * dt[:, np.newaxis], axis=0)
+    count = np.searchsorted(plain.samples.t, plain.fused.t[-1] + 1e-9)
+    # Late samples shift by 0.8 ms at most, so that the weights of neighbours differ.
+    assert turn == pytest.approx(0.003 * plain.samples.gyr[:count].sum(axis=0), abs=2e-3)
+    assert dt[5:15].sum() == pytest.approx(0.1, abs=0.003)
+
+
+def test_the_frames_say_what_the_filter_found(plain):
+    """Half a count of 180°/32768 on three angles."""
+    track = Filter("mahony", frame=Frame.NED).process(plain.fused, look=False)
+    row = np.searchsorted(track.t, plain.track.t + 1e-7) - 1
+    assert np.abs(track.t[row] - plain.track.t).max() < 1e-6
+    error = np.degrees(quat_angle(track.q_nb[row], plain.track.q_nb))
+    assert error.max() < 3.0 * 0.5 * 180.0 / 32768
+    assert plain.track.north is North.MAGNETIC
+    assert len(plain.frames) == 599 * 32
+
+
+def test_the_attitude_is_that_of_the_buoy(rig, plain):
+    """With the paper's gains in waves: 0.85, 0.75, 0.29° rms in the prototype (reference/papers.md, 001)."""
+    error = off(plain.track, rig.units[""].truth)
+    assert np.sqrt(np.mean(error[100:] ** 2)) < 2.0
+
+
+def test_the_mean_costs_less_than_the_newest_sample(rig, imu):
+    gains = {"kp": 0.05, "ki": 0.0}
+    rms = {}
+    for take in ("mean", "newest"):
+        done = run_firmware(imu, take=take, params=gains)
+        assert len(done.fused) == 2999
+        rms[take] = np.sqrt(np.mean(off(done.track, rig.units[""].truth)[-200:] ** 2))
+    assert rms["mean"] <= rms["newest"] * 1.05
+
+
+def test_a_loop_that_waits_for_the_line_misses_one_sample_in_150_ms(imu):
+    """At 100 ms fusion, then 0.6 ms and a frame of 2.78 ms: the flag of 102 ms is served behind 105 ms."""
+    done = run_firmware(imu, processor=Processor(uart_waits=True))
+    assert done.missed["sample"] == 29_999 // 150 + (29_999 % 150 > 105)
+    assert done.missed["fuse"] == done.missed["send"] == 0
+    said = decode(done.frames, FORM).frames["buoy_attitude"].columns
+    assert said["deadline_missed"].sum() == pytest.approx(done.missed["sample"], abs=1)
+    assert abs(int(said["missed"][-1]) - done.missed["sample"] % 256) <= 1
+
+
+def test_a_loop_that_waits_for_the_chip_misses_what_an_erasure_takes(imu):
+    """128 records fill a sector: an erasure of 45 ms at 6.4 s, … 25.6 s."""
+    done = run_firmware(imu, processor=Processor(flash_waits=True))
+    assert done.missed["sample"] == pytest.approx(4 * 45 / 3, abs=8)
+    assert done.missed["fuse"] == pytest.approx(4 * 3.5, abs=4)
+    assert done.latest["sample"] == pytest.approx(45e-3, abs=3e-3)
+    assert np.diff(done.fused.t).max() == pytest.approx(45e-3, abs=8e-3)
+
+
+def test_a_slow_clock_costs_idle_time_and_then_deadlines(imu):
+    idle = [run_firmware(imu[:6000], processor=Processor(clock_hz=hz)).idle for hz in (25e6, 16e6, 8e6)]
+    assert idle == sorted(idle, reverse=True)
+    assert run_firmware(imu[:6000], processor=Processor(clock_hz=8e6)).missed["sample"] > 0
+
+
+def test_the_log_holds_the_frames_that_went_out(plain):
+    found = read_ring(plain.flash.image, FORM)
+    assert found.stream == plain.frames[: 599 // 8 * 8 * 32]
+    assert plain.flash.waiting == 599 % 8
+    assert np.array_equal(decoded(found.stream).q_nb, plain.track.q_nb[: 599 // 8 * 8])
+
+
+def test_a_full_log_is_said_and_a_second_run_goes_on_with_its_numbers(imu):
+    log = FlashLog(size=2 * 4096)
+    first = decode(run_firmware(imu, log=log).frames, FORM).frames["buoy_attitude"].columns
+    assert np.flatnonzero(first["log_full"])[0] == 256
+    second = decode(run_firmware(imu[:2000], log=log).frames, FORM).frames["buoy_attitude"].columns
+    assert second["counter"][0] == 599
+    assert second["log_full"].all()
+
+
+def test_the_processors_card_is_applied_and_said():
+    rig = make_rig(PLAN, FORM, seed=5, duration=10.0)
+    raw = decode(rig.firmware.frames, FORM).frames["buoy_attitude"].columns
+    done = make_rig(PLAN, FORM, seed=5, duration=10.0, calibration=rig.units[""].calibration)
+    said = decode(done.stream(), FORM).frames["buoy_attitude"].columns
+    assert not raw["calibrated"].any()
+    assert said["calibrated"].all()
+    truth = rig.units[""].truth
+    assert np.median(off(done.firmware.track, truth)[100:]) < 0.3 * np.median(off(rig.firmware.track, truth)[100:])
+
+
+def test_a_buoy_at_rest_says_its_rates_and_force():
+    still = make_rig(replace(PLAN, scenario=scenario("static")), FORM, seed=1, duration=5.0, unit="calibrated")
+    said = decode(still.stream(), FORM).frames["buoy_attitude"].columns
+    # 400 µg/√Hz at 1 kHz are 0.088 m/s² a sample, and a mean of 16 has 0.022; 99 frames stay within 5 sd.
+    assert np.abs(said["acc.z"] + 9.80665).max() < 0.11
+    assert max(np.abs(said[f"gyr.{axis}"]).max() for axis in "xyz") < np.radians(0.3)
+
+
+def test_faults_of_the_line_are_those_of_any_rig(rig):
+    hurt = make_rig(PLAN, FORM, seed=3, duration=30.0, unit="calibrated", faults={"flip": 0.1, "jump": 0.01})
+    counts = decode(hurt.stream(), FORM).counts
+    flipped = sum(one.kind == "flip" for one in hurt.faults)
+    assert counts.frames["buoy_attitude"] == len(hurt) - flipped
+    assert hurt.firmware.frames == rig.firmware.frames
+
+
+def test_what_its_sensors_are_is_what_it_computes_from(rig):
+    """A gyroscope behind a high-pass says no steady rate; the chips are sampled at 1 kHz all the same."""
+    other = make_rig(PLAN, FORM, seed=3, duration=5.0, unit="calibrated", high_pass=0.5)
+    assert other.units[""].imu.meta.rate_nominal == rig.units[""].imu.meta.rate_nominal == 1000.0
+    assert other.frames.shape == (99, 32)
+    assert not np.array_equal(other.frames, rig.frames[:99])
+
+
+def test_a_coarse_recording_is_fused_where_it_has_something_new():
+    """At 100 Hz, of three or four reads one is new."""
+    t = np.arange(500) / 100.0
+    gyr = np.tile([0.0, 0.0, 0.1], (500, 1))
+    acc = np.tile([0.0, 0.0, -9.80665], (500, 1))
+    done = run_firmware(ImuData(t=t, gyr=gyr, acc=acc))
+    assert done.served["sample"] == 1663
+    assert np.isnan(done.samples.gyr[:, 2]).sum() == pytest.approx(1663 - 499, abs=2)
+    assert np.abs(done.track.roll).max() < 1e-3
+
+
+SESSION = """
+kind = "plumbob session"
+version = 1
+source = { kind = "file", path = "said.bin" }
+format = { name = "buoy_attitude" }
+imu = { device = "mpu6000+hmc5983 #3", frame = "NED" }
+reference = { north = "magnetic" }
+record = { path = "said.mcap" }
+"""
+
+
+def test_on_the_command_line_it_is_a_rig_with_a_log_and_records_like_an_ahrs(tmp_path):
+    words = ("--seed", "3", "--duration", "10s", "--flash-log", "flash.bin", "--write", "said.bin")
+    done = ok("emulate", "buoy_attitude", "--truth", "truth.parquet", *words, cwd=tmp_path)
+    assert "send 199 served, 0 missed" in done.stderr
+    table = ok("decode", "flash.bin", "--format", "buoy_attitude", "--ring", cwd=tmp_path)
+    assert "192 records, 0 missing" in table.stderr
+    assert len(table.stdout.splitlines()) == 193
+    (tmp_path / "logger.toml").write_text(SESSION)
+    ok("record", "logger.toml", cwd=tmp_path)
+    recording = read(tmp_path / "said.mcap")
+    assert len(recording.imu) == 199
+    assert recording.track is not None
+    want = decoded((tmp_path / "said.bin").read_bytes())
+    assert np.degrees(quat_angle(recording.track.q_nb, want.q_nb)).max() < 1e-9
+    ok("emulate", "buoy_attitude", "--calibration", "truth.card.json", *words, "--force", cwd=tmp_path)
+    assert "no Flash log" in refused("emulate", "buoy", "--duration", "5s", *words[4:], "--force", cwd=tmp_path)
+    assert "leave --rate out" in refused("emulate", "buoy_attitude", "--rate", "50Hz", "--write", "b.bin", cwd=tmp_path)

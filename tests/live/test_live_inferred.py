@@ -1,0 +1,89 @@
+"""Gaps that rest on the host's delays alone are named wherever their recording, or what is made of it, is read."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import pytest
+
+from plumbob.data.recording import inferred, inferred_in
+from plumbob.door.reading import read
+from plumbob.live.recorded import convert, read_recorded
+from plumbob.live.recording_sink import RecordingSink
+from plumbob.live.runner import run_stream
+from plumbob.live.session import RecordSpec
+from plumbob.live.stream import Stream
+from plumbob.live.watch import Watch, report_lines, report_of
+from tests.helpers.commandline import ok
+from tests.helpers.live_samples import Handed, reads, session, stream
+
+TELLS = "inferred gaps: 1 gap, 5 s in all, by the host's delays alone: a stall of the host looks the same"
+
+
+def kept(path, *, late_ns=0, gone=0):
+    """Record ten seconds, of which the second half is late or begins after a gap."""
+    data, half = stream(), 1000 * 30
+    shift = late_ns + 5_000_000 * (1000 + gone)
+    after = (replace(item, t_ns=item.t_ns + shift) for item in reads(data[half + 30 * gone :]))
+    line = Stream(session())
+    watch = Watch(line)
+    keeper = RecordingSink(line.session, RecordSpec(str(path)))
+    run_stream(line, Handed([*reads(data[:half]), *after]), sinks=[watch], recording=keeper)
+    return report_of(watch)
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory):
+    """The device's clock and counter go on, and everything is five seconds late."""
+    path = tmp_path_factory.mktemp("late") / "late.mcap"
+    return path, kept(path, late_ns=5_000_000_000)
+
+
+def test_it_is_said_and_goes_from_file_to_file(late, track, tmp_path):
+    _, report = late
+    assert report["inferred_gaps"].startswith(TELLS)
+    assert report["time"]["inferred"] == 1
+    assert report["time"]["inferred_time"] == pytest.approx(5.0, abs=0.01)
+    assert "inferred     1 gap, 5 s in all" in "\n".join(report_lines(report, ""))
+    copy = shutil.copy(track, tmp_path / "copy.parquet")
+    for words in (["info", late[0]], ["run", late[0], "--filter", "tilt_compass"], ["eval", track, copy]):
+        assert f"note: {words[1].name}: {TELLS}" in ok(*words).stderr
+    assert "inferred     1 gap, 5 s in all" in ok("replay", late[0]).stdout
+    assert sum(note.startswith(TELLS) for note in json.loads(ok("info", late[0], "--json").stdout)["notes"]) == 1
+
+
+@pytest.fixture(scope="module")
+def track(late, tmp_path_factory):
+    path = tmp_path_factory.mktemp("track") / "track.parquet"
+    ok("run", late[0], "--filter", "tilt_compass", "--out", path)
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
+def test_it_goes_from_file_to_file(late, tmp_path, suffix):
+    convert(late[0], tmp_path / f"out{suffix}")
+    (note,) = [note for note in read_recorded(late[0]).notes if note.startswith(TELLS)]
+    assert [note for note in read(tmp_path / f"out{suffix}").notes if note.startswith("inferred gaps")] == [note]
+
+
+@pytest.mark.parametrize("gone", [0, 100], ids=["whole", "half a second gone"])
+def test_gaps_that_the_device_s_counts_show_are_not_inferred(tmp_path, gone):
+    report = kept(tmp_path / "a.mcap", gone=gone)
+    assert report["time"]["lost"] == gone
+    assert report["inferred_gaps"] is None
+    assert not inferred_in(read_recorded(tmp_path / "a.mcap").notes)
+
+
+@pytest.mark.parametrize(
+    ("mode", "drift", "words"),
+    [
+        ("host", 0.0, "add a counter or a clock to the frame, or where"),
+        ("host", float("nan"), "to the frame, declare its rate, or where"),
+        ("clock", 0.0, 'its frames\' counts go on; where the line waits for its reader set time = "count"'),
+    ],
+)
+def test_what_to_do_depends_on_what_the_frames_have(mode, drift, words):
+    report = Stream(session()).time.report()
+    (line, *_) = inferred(replace(report, mode=mode, drift_ppm=drift, inferred=2, inferred_time=3.25))
+    assert "2 gaps, 3.25 s in all" in line
+    assert words in line

@@ -1,0 +1,134 @@
+"""Sessions: what they say, and what they refuse before anything is opened."""
+
+import sys
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from plumbob import Frame
+from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError, UnitError
+from plumbob.data.cards import CalibrationCard, TriadCalibration
+from plumbob.live.session_toml import load_session, parse_session, plain_session, recorded_session
+from plumbob.live.stream import Stream
+from tests.helpers.live_samples import FORMAT, SESSION, motion, reads, session, stream
+
+CARDED = SESSION + '[calibration]\ncard = "card.json"\n'
+CardError = (ParameterError, CalibrationError)
+
+
+def card(device="bench 7"):
+    scaled = TriadCalibration(matrix=2.0 * np.eye(3), bias=np.zeros(3), unit_in="rad/s", unit_out="rad/s")
+    return CalibrationCard(device=device, date="2026-01-01", method="made up", gyr=scaled)
+
+
+def test_session_says_what_it_was_told():
+    made = session(
+        SESSION
+        + '[source]\nkind = "serial"\nport = "/dev/ttyUSB0"\nbaud = 115200\n[record]\npath = "a.mcap"\nrotate = "1 h"\n'
+    )
+    assert (made.source.kind, made.source.settings["port"]) == ("serial", "/dev/ttyUSB0")
+    assert made.frame is Frame.NED
+    assert made.meta.device == "bench 7"
+    assert made.meta.gyr_range == pytest.approx(np.radians(32767 / 65.5), rel=1e-12)  # the largest count both ways
+    assert made.record.rotate == 3600.0
+    assert made.stage.params["gate"] == "0.08 g"
+
+
+def test_session_keeps_every_text_that_it_needs_and_reads_back_from_them(tmp_path):
+    made = session(CARDED, **{"card.json": card().text()})
+    assert set(made.texts) == {"session.toml", "imu9.toml", "card.json"}
+    again = recorded_session(made.texts, "bench")
+    assert again.card.name == made.card.name
+    assert again.form == made.form
+    texts = session(SESSION).texts
+    (tmp_path / "buoy.toml").write_text(SESSION)
+    for make, error, words in (
+        (lambda: recorded_session({"session.toml": SESSION}, "bench"), DecodeError, r"does not hold imu9\.toml"),
+        (
+            lambda: recorded_session(texts | {"session.toml": placed(), "earth_field.json": "[1"}, "bench"),
+            DecodeError,
+            "holds no declination",
+        ),
+        (lambda: load_session(tmp_path / "buoy.toml"), DecodeError, r"buoy\.toml: .*imu9\.toml does not exist"),
+        (lambda: session(CARDED, **{"card.json": card("other").text()}), CardError, "device 'other'"),
+    ):
+        with pytest.raises(error, match=words):
+            make()
+    (tmp_path / "imu9.toml").write_text(FORMAT)
+    assert load_session(tmp_path / "buoy.toml").name == "buoy"
+
+
+def first_part(made):
+    line = Stream(made)
+    return next(part for part in map(line.feed, reads(stream(0.5))) if part is not None)
+
+
+def test_card_and_axes_are_applied():
+    part = first_part(session(CARDED, **{"card.json": card().text()}))
+    np.testing.assert_array_equal(part.imu.gyr, 2.0 * part.sensed.gyr)
+    assert part.imu.meta.calibration == f"{card().name}; NOT calibrated: acc, mag"
+    assert part.sensed.meta.calibration is None
+    part = first_part(session(SESSION.replace('frame = "NED"', 'frame = "NED"\naxes = "x -y -z"')))
+    acc = motion(0.5).imu.acc[0]
+    np.testing.assert_allclose(part.sensed.acc[0], acc * [1, -1, -1], rtol=0, atol=0.5 / 8192 * 9.81)
+
+
+def placed(day='date = "2028-07-04"', source=""):
+    return SESSION.replace('frame = "NED"', f'frame = "NED"\nplace = "42.283,-71.35,1000"\n{day}') + source
+
+
+DATED = SESSION.replace('frame = "NED"', 'frame = "NED"\ndate = "2028-07-04"')
+DEEP, LONG = f"{'[' * 33}{']' * 33}", f"0x{'f' * 5000}"
+SERIAL = '[source]\nkind = "serial"\nport = "x"\n'
+WRONG = {
+    "no frame": (SESSION.replace('frame = "NED"', ""), FrameError, r"\[estimate\] needs imu.frame"),
+    "unknown filter": (SESSION.replace("mahony", "mahoney"), ParameterError, "mahoney"),
+    "gain without unit": (SESSION.replace('"0.08 g"', "0.08"), ParameterError, "needs a unit"),
+    "rate without unit": (SESSION + '[record]\npath = "a.mcap"\nrotate = "60"\n', UnitError, "has no unit"),
+    "unknown source": (SESSION + '[source]\nkind = "carrier pigeon"\n', DecodeError, "serial"),
+    "source without baud": (SESSION + SERIAL, DecodeError, "baud"),
+    "both formats": (SESSION.replace("[imu]", 'name = "mpu6000"\n[imu]'), DecodeError, "either the name"),
+    "unknown device": (SESSION.replace('file = "imu9.toml"', 'name = "imu10"'), ParameterError, "not a known device"),
+    "unknown option": (SESSION.replace("[imu]", 'options = { x = "1" }\n[imu]'), ParameterError, "no option 'x'"),
+    "no TOML": ("=", DecodeError, "not valid TOML"),
+    "number that cannot be printed": (SESSION.replace("version = 1", f"version = {LONG}"), DecodeError, "64 bits"),
+    "lists without end": (SESSION.replace("kp = 0.5", f"kp = {DEEP}"), DecodeError, "more than 32 deep"),
+    "other kind": (FORMAT, DecodeError, "no key"),
+    "place and declination": (placed('declination = "1 deg"'), DecodeError, "says the declination too"),
+    "a date alone": (DATED, DecodeError, "imu.place, which is missing"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_session_is_refused_with_a_word(case):
+    text, error, word = WRONG[case]
+    with pytest.raises(error, match=word):
+        session(text)
+
+
+def test_session_from_options_reads_back():
+    text = plain_session(
+        form="mpu6000",
+        source={"kind": "udp", "port": 5000},
+        format={"options": {"gyr_range": "500 deg/s"}},
+        estimate={"filter": "mahony", "params": {"kp": "0.5"}},
+        imu={"frame": "ENU", "device": 'a "b"'},
+    )
+    made = parse_session(text, {}.__getitem__, name="x")
+    assert (made.form.chosen["gyr_range"], made.meta.device) == ("500 deg/s", 'a "b"')
+    assert made.stage.params == {"kp": "0.5"}
+
+
+def test_a_line_has_the_place_and_day_of_its_run(monkeypatch):
+    """MATLAB's example of wrldmagm has −13.6891° there on that day."""
+    pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
+    made = session(placed())
+    assert np.degrees(made.meta.declination) == pytest.approx(-13.6891, abs=0.0055)
+    monkeypatch.setitem(sys.modules, "pygeomag", None)  # a replay elsewhere, later, without the model
+    assert recorded_session(made.texts, "bench").meta == made.meta
+    monkeypatch.undo()
+    live = '[source]\nkind = "serial"\nport = "/dev/ttyUSB0"\nbaud = 9600\n'
+    assert datetime.now(UTC).date().isoformat() in session(placed("", live)).texts["earth_field.json"]
+    with pytest.raises(ParameterError, match=r"imu\.place needs a day"):
+        session(placed("", '[source]\nkind = "file"\npath = "a.bin"\n'))

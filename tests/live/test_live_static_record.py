@@ -1,0 +1,297 @@
+"""From files to channels for a noise analysis: recordings, bare numbers, and what contradicts itself."""
+
+from contextlib import suppress
+
+import numpy as np
+import pytest
+
+from plumbob import files
+from plumbob.core.errors import ClockError, DecodeError, ParameterError, ShapeError, UnitError
+from plumbob.core.units import Quantity, dps
+from plumbob.data import ImuData, ImuMeta
+from plumbob.door.allan import load_static
+from plumbob.noise.static_record import check_static
+from tests.helpers.real_data import DATA, needs
+
+L3GD20 = DATA / "static_l3gd20" / "gyro2_x.txt"
+TRIAL = DATA / "broad" / "03_undisturbed_slow_rotation_C.hdf5"
+needs_l3gd20 = needs("static_l3gd20/gyro2_x.txt")
+needs_broad = needs("broad/03_undisturbed_slow_rotation_C.hdf5")
+
+ROWS, DT = 3000, 0.01
+
+
+def make(rows=ROWS, **changes):
+    rng = np.random.default_rng(3)
+    gyr, acc, mag = (scatter * rng.normal(size=(rows, 3)) for scatter in (0.01, 0.02, 0.3))
+    t = np.arange(rows) * DT + 5.0
+    return {"t": t, "gyr": gyr, "acc": acc + [0.0, 0.0, 9.8], "mag": mag + [20.0, 0.0, -40.0]} | changes
+
+
+@pytest.fixture
+def recording(tmp_path):
+    def written(**content):
+        return files.write(tmp_path / "a.parquet", ImuData(**content), overwrite=True)
+
+    return written
+
+
+@pytest.fixture
+def numbers(tmp_path):
+    def written(values, name="a.txt", form="%.6f"):
+        np.savetxt(tmp_path / name, values, fmt=form)
+        return tmp_path / name
+
+    return written
+
+
+def test_a_recording_gives_its_triads(recording):
+    content = make()
+    record = load_static(recording(**content))
+    quantities = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
+    for group, (triad, quantity) in zip(record.groups, quantities.items(), strict=True):
+        assert group.names == tuple(f"{triad} {axis}" for axis in "xyz")
+        assert group.quantity is quantity
+        assert group.dt == pytest.approx(DT, rel=1e-9)
+        assert group.start == 5.0
+        assert np.array_equal(group.read(), content[triad])
+        assert np.array_equal(np.concatenate(list(group.blocks())), content[triad])
+    assert record.refused == {}
+    assert any(note.startswith("sampling time 0.01 s from the time stamps") for note in record.notes)
+    assert check_static(record).errors == ()
+    assert check_static(record).still == pytest.approx((5.0, 35.0))
+
+
+REFUSED = {
+    "rate": ({"rate": 50.0}, "time stamps say 100 Hz, but the rate given is 50 Hz"),
+    "triad": ({"triads": ("temp",)}, "has only gyr, acc, mag, but the analysis asks for temp"),
+    "behind": ({"start": 40.0}, r"lasts from 5 s to 34\.99 s, so from 40.0 to None s it has 0"),
+    "order": ({"start": 10.0, "stop": 10.0}, "start must be before stop"),
+    "scale": ({"scale": "1 deg/s"}, "recording with units of its own; leave scale"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_part_that_a_recording_has_not_is_refused(recording, case):
+    options, words = REFUSED[case]
+    with pytest.raises(ParameterError, match=words):
+        load_static(recording(**make()), **options)
+
+
+def test_parts_milliseconds_and_jitter_of_a_recording(recording):
+    content = make()
+    (group,) = load_static(recording(**content), triads=("acc",), start=10.0, stop=20.0, rate=100.0).groups
+    assert np.array_equal(group.read(), content["acc"][500:1500])
+    assert group.start == 10.0
+    # 285.7 Hz: steps of 3 and 4 ms, whose median is 4 ms and would be 14 % wrong
+    t = np.round(np.arange(ROWS) * 0.0035 + 1e-9, 3)
+    (group,) = load_static(recording(**make(t=t)), triads=("gyr",)).groups
+    assert group.dt == pytest.approx(0.0035, rel=1e-3 / (ROWS * 0.0035))
+    assert len(group.read()) == ROWS
+    # steps from 2 to 18 ms, but each sample has its own place in time; the ends know the mean step
+    record = load_static(recording(**make(t=jittered())))
+    assert [len(group.read()) for group in record.groups] == [ROWS] * 3
+    assert record.groups[0].dt == pytest.approx(DT, abs=0.008 / (ROWS - 1))
+    assert record.notes[-1].startswith("sampling time 0.0")
+    assert "none missing; jitter 0.003" in record.notes[-1]  # 0.004 √(2/3) = 3.3 ms
+
+
+@pytest.mark.parametrize("lost", [1, 200])
+def test_a_gap_leaves_the_longest_stretch_and_says_so(recording, lost):
+    content = make(ROWS)
+    kept = np.delete(np.arange(ROWS), np.r_[1000 : 1000 + lost])
+    record = load_static(recording(**{name: values[kept] for name, values in content.items()}))
+    assert np.array_equal(record.groups[0].read(), content["gyr"][1000 + lost :])
+    assert record.groups[0].start == pytest.approx(5.0 + (1000 + lost) * DT)
+    (note,) = [note for note in record.notes if "samples are missing at" in note]
+    assert "at 1 place (the first after 14.99 s" in note
+    assert f"{5.0 + (1000 + lost) * DT:g} s to 34.99 s, is used" in note
+
+
+BURSTS = np.floor(np.arange(ROWS) / 4) * 4 * DT + (np.arange(ROWS) % 4) * 4e-4
+"""Rows of 100 Hz that come in fours, 0.4 ms apart, as a radio or a buffer hands them over."""
+
+
+@pytest.mark.parametrize(
+    ("t", "words"),
+    [
+        (np.cumsum(np.random.default_rng(4).uniform(0.001, 0.014, ROWS)), "the steps between samples scatter by"),
+        (BURSTS, 'come in bursts: .*3000 rows in .* one every 0\\.00999(.|\n)*with rate = "100'),
+    ],
+    ids=["uneven", "bursts"],
+)
+def test_uneven_samples_are_refused_with_what_to_declare(recording, t, words):
+    with pytest.raises(ClockError, match=words):
+        load_static(recording(**make(t=t)))
+
+
+def jittered():
+    return np.arange(ROWS) * DT + np.random.default_rng(10).uniform(-0.004, 0.004, ROWS)
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.05, 1.0])
+@pytest.mark.parametrize("lost", ["one", "5 %", "every 20th"])
+def test_lost_rows_are_seen_beside_jitter(recording, scatter, lost):
+    gone = {"one": [1000], "5 %": np.random.default_rng(11).random(ROWS) < 0.05, "every 20th": slice(10, None, 20)}
+    kept = np.delete(np.arange(ROWS), gone[lost])
+    t = np.arange(ROWS) * DT + scatter * (jittered() - np.arange(ROWS) * DT)
+    with suppress(ClockError):
+        record = load_static(recording(**make(kept.size, t=t[kept])), triads=("gyr",))
+        assert sum("samples are missing at" in note for note in record.notes) == 1
+
+
+@pytest.mark.parametrize(
+    ("there", "reason"),
+    [
+        (np.arange(ROWS) % 4 != 3, "comes unevenly, 2250 values in 3000 rows, at most 3 of them evenly"),
+        (np.random.default_rng(5).random(ROWS) < 0.1, "comes unevenly"),
+    ],
+    ids=["three quarters", "as it likes"],
+)
+def test_a_magnetometer_that_comes_unevenly_is_refused_alone(recording, there, reason):
+    content = make()
+    path = recording(**content | {"mag": np.where(there[:, np.newaxis], content["mag"], np.nan)})
+    record = load_static(path)
+    assert [group.names[0] for group in record.groups] == ["gyr x", "acc x"]
+    assert record.refused["mag"].startswith(reason)
+    assert check_static(record).errors == ()
+    with pytest.raises(ShapeError, match="no sensor can be used: mag comes unevenly"):
+        load_static(path, triads=("mag",))
+
+
+@pytest.mark.parametrize("every", [4, 2.857, 3.1])
+def test_a_slower_magnetometer_keeps_its_own_rate(recording, every):
+    places = np.ceil(np.arange(int(ROWS / every)) * every).astype(int)
+    content = make()
+    mag = np.full((ROWS, 3), np.nan)
+    mag[places] = content["mag"][places]
+    record = load_static(recording(**content | {"mag": mag}))
+    group = record.groups[2]
+    assert np.array_equal(group.read(), content["mag"][places])
+    assert group.dt == pytest.approx(every * DT, rel=every / ROWS)
+    assert record.groups[0].dt == pytest.approx(DT)
+    assert any("mag comes every" in note and "its own rate" in note for note in record.notes)
+
+
+def test_lost_rows_a_missing_axis_and_a_clipped_channel(recording):
+    content = make()
+    content["gyr"][[700, 701, 900]] = np.nan
+    content["acc"][:, 1] = np.nan
+    record = load_static(recording(**content, meta=ImuMeta(unit_check=False)))
+    assert np.array_equal(record.groups[0].read(), content["gyr"][901:])
+    assert any(note.startswith("gyr lacks values at 2 places") for note in record.notes)
+    assert record.groups[1].names == ("acc x", "acc z")
+    assert record.refused == {"acc y": "has no value"}
+    content = make()
+    content["gyr"][[5, 6], 1] = dps(250.0)
+    record = load_static(recording(**content, meta=ImuMeta(gyr_range=dps(250.0))))
+    assert record.groups[0].names == ("gyr x", "gyr z")
+    assert record.refused == {"gyr y": "is at the end of its range in 2 of 3000 samples"}
+
+
+@needs_broad
+def test_a_trial_moves_and_its_start_does_not():
+    record = load_static(TRIAL)
+    report = check_static(record)
+    assert {finding.kind for finding in report.errors} == {"moving"}
+    start, stop = report.still
+    assert start == 0.0
+    assert 35.0 < stop < 45.7  # the data set's own movement phase begins at 45.7 s
+    assert report.errors[0].text.endswith(f"the longest still stretch is --from 0s --to {np.floor(10 * stop) / 10:g}s.")
+    again = check_static(load_static(TRIAL, start=0.0, stop=np.floor(10 * stop) / 10))
+    assert again.errors == ()
+    assert again.steps["gyr x"] == pytest.approx(dps(2000.0 / 2**15), rel=1e-3)  # 16 bits for ±2000 °/s
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({}, ParameterError, r"their rate .* and their scale \(such as .0.00875 deg/s. for counts"),
+        ({"scale": "1"}, ParameterError, r"give their rate \(samples per second\)\. For a"),
+        ({"rate": 100.0}, ParameterError, r"give their scale .*give --profile FILE.toml instead"),
+        ({"rate": 0.0, "scale": "1"}, ParameterError, "rate must be a positive number"),
+        ({"rate": 100.0, "scale": "1 furlong"}, UnitError, "is not a unit"),
+        ({"rate": 100.0, "scale": "1 V"}, UnitError, "is of voltage, but must be of rate"),
+        ({"rate": 100.0, "scale": "0 deg/s"}, UnitError, "must be more than 0"),
+    ],
+)
+def test_numbers_need_a_rate_and_a_scale(numbers, options, error, words):
+    with pytest.raises(error, match=words):
+        load_static(numbers(np.zeros((5, 2))), **options)
+
+
+@pytest.mark.parametrize(
+    ("scale", "quantity", "factor"),
+    [
+        ("0.00875 deg/s", Quantity.RATE, np.radians(0.00875)),
+        ("0.061 mg", Quantity.ACCELERATION, 0.061 * 9.80665e-3),
+        ("1.5 mgauss", Quantity.FIELD, 0.15),
+        ("1", Quantity.RATIO, 1.0),
+    ],
+)
+def test_counts_become_inside_units(numbers, scale, quantity, factor):
+    counts = np.random.default_rng(6).integers(-50, 50, (1200, 2))
+    record = load_static(numbers(counts, form="%d"), rate=200.0, scale=scale)
+    (group,) = record.groups
+    assert group.names == ("column 1", "column 2")
+    assert group.quantity is quantity
+    assert group.dt == 0.005
+    assert group.read() == pytest.approx(counts * factor, rel=1e-15)
+    assert record.notes == ()
+
+
+def test_a_part_of_the_numbers_and_progress(tmp_path):
+    values = np.random.default_rng(7).normal(size=(700_000, 1)).astype("<f4")
+    values.tofile(tmp_path / "a.f32")
+    record = load_static(tmp_path / "a.f32", rate=1000.0, scale="1 m/s2", columns=1, start=10.0, stop=600.0)
+    (group,) = record.groups
+    assert (group.names, group.start) == (("a",), 10.0)
+    assert np.array_equal(group.read(), values[10_000:600_000].astype(float))
+    progress = []
+    assert sum(len(block) for block in group.blocks(progress.append)) == 590_000
+    assert progress == sorted(progress)
+    assert progress[-1] <= record.size == 2_800_000
+
+
+def test_numbers_that_are_scaled_already(numbers):
+    counts = np.random.default_rng(8).normal(0.0, 50.0, 5000).round()
+    path = numbers(counts * 0.00875)
+    with pytest.raises(UnitError, match=r"multiples of 0.00875.*scaled already.*scale is '1 deg/s'.*file of counts"):
+        load_static(path, rate=100.0, scale="0.00875 deg/s")
+    (note,) = load_static(path, rate=100.0, scale="0.01 deg/s").notes
+    assert note.startswith("the numbers are not whole counts, but the scale is 0.01 deg/s")
+    assert len(load_static(path, rate=100.0, scale="1 deg/s").notes) == 0
+    assert len(load_static(numbers(counts, form="%d"), rate=100.0, scale="0.00875 deg/s").notes) == 0
+
+
+def test_a_profile_makes_a_recording_of_a_text(tmp_path):
+    content = make()
+    path = files.write(tmp_path / "a.csv", ImuData(**content))
+    record = load_static(path)  # its profile lies beside it
+    assert [group.names[0] for group in record.groups] == ["gyr x", "acc x", "mag x"]
+    path.with_suffix(".profile.toml").rename(tmp_path / "b.toml")
+    assert len(load_static(path, profile=tmp_path / "b.toml").groups) == 3
+    with pytest.raises(DecodeError, match=r"is not a number; .*--profile FILE.toml"):
+        load_static(path, rate=100.0, scale="1")
+
+
+def test_findings_come_with_the_file_s_own_time(numbers):
+    values = np.random.default_rng(9).normal(size=6000)
+    values[3000:] += 20.0
+    report = check_static(load_static(numbers(values), rate=100.0, scale="1", start=10.0))
+    assert [finding.kind for finding in report.errors] == ["moving"]
+    assert report.moving[0][0] == pytest.approx(30.0, abs=2.0)
+    values[5000] = np.nan
+    report = check_static(load_static(numbers(values), rate=100.0, scale="1"))
+    assert [finding.kind for finding in report.errors] == ["not finite"]
+
+
+@needs_l3gd20
+def test_a_real_file_on_one_line():
+    with pytest.raises(UnitError, match="scaled already"):
+        load_static(L3GD20, rate=100.0, scale="0.00875 deg/s")
+    record = load_static(L3GD20, rate=100.0, scale="1 deg/s")
+    report = check_static(record)
+    assert report.findings == ()
+    assert report.steps["gyro2_x"] == pytest.approx(dps(0.00875), rel=1e-6)  # sheet of the L3GD20, ±250 °/s
+    assert report.still == (0.0, pytest.approx(len(record.groups[0].read()) / 100.0))

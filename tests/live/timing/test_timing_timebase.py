@@ -1,0 +1,563 @@
+"""Times against the truth of a simulated device: what is promised, and after how long."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.flags import GAP, TIME_FAULT
+from plumbob.live.timing.counter import CountedTime
+from plumbob.live.timing.spec import Counter, TimeSpec
+from plumbob.live.timing.timebase import TimeBase
+from tests.helpers import is_plain
+from tests.helpers.clock_samples import LEAST_NS, START_NS, Frames, frames, hold, ticks, without
+
+SECOND = 10**9
+COUNTED = TimeSpec(frames=Counter(8), rate=100.0)
+UNCOUNTED = TimeSpec(rate=100.0)
+CLOCKED = TimeSpec(clock=Counter(32, 1000), frames=Counter(8))
+SHORT = TimeSpec(clock=Counter(16, 790, down=True), rate=100.0)  # 51.8 ms a turn, as of an AHRS400
+SPECS = {"frames": COUNTED, "host": UNCOUNTED, "clock": CLOCKED, "short": SHORT}
+long = pytest.mark.skipif(is_plain(), reason="a million frames want compiled kernels")
+
+
+def counts(spec, f, drift_ppm=0.0):
+    clock = {} if spec.clock is None else {"clock": ticks(f, spec.clock, drift_ppm)}
+    return clock | ({} if spec.frames is None else {"frames": f.index % spec.frames.modulus})
+
+
+def stamp(spec, f, drift_ppm=0.0):
+    """What a time base says of frames at their end, and the stamps of each."""
+    base = TimeBase(spec)
+    stamps = base.stamp(f.t_ns, f.place, **counts(spec, f, drift_ppm))
+    return base.report(), stamps
+
+
+def later(f, more_ns, since=3000):
+    """From a frame on, all come so much later."""
+    return f._replace(t_ns=f.t_ns + (f.index >= since) * more_ns)
+
+
+def asleep(f):
+    """The host sleeps for 30 s while the device goes on."""
+    return f._replace(t_ns=START_NS + hold(f.t_ns - START_NS, 20e9, 30e9).astype(np.int64))
+
+
+def backlog(speed):
+    """The frames of the first 1.5 s wait, and come at once or faster than they are made."""
+    f = frames(6000, 100.0, 50.0, 1.0)
+    arrival = np.where(f.made_ns < 1.5e9, 1.5e9 + f.made_ns * speed, f.t_ns - START_NS)
+    return f._replace(t_ns=START_NS + np.maximum.accumulate(arrival).astype(np.int64))
+
+
+def halves(spec, f, reopened_ns, at=2000):
+    """A time base, and the stamps of frames before and after its source was opened again."""
+    base, columns = TimeBase(spec), counts(spec, f)
+    before = base.stamp(f.t_ns[:at], f.place[:at], **{key: column[:at] for key, column in columns.items()})
+    base.reopened(reopened_ns)
+    return base, before, base.stamp(f.t_ns[at:], f.place[at:], **{key: column[at:] for key, column in columns.items()})
+
+
+def error_ns(f, stamps):
+    """How late stamps are, beyond the least delay, which nobody can see from one end."""
+    return stamps.t_ns - START_NS - f.made_ns - LEAST_NS
+
+
+def assert_orderly(stamps):
+    assert (np.diff(stamps.t_ns) >= 0).all()
+    used = stamps.t_ns[(stamps.flags & TIME_FAULT) == 0]
+    assert (np.diff(used) > 0).all()
+    assert (stamps.lost >= 0).all()
+
+
+class TestLedByTheHost:
+    """Frames counted or not, the clock is led to the line beneath the host's times."""
+
+    @pytest.mark.parametrize("name", ["frames", "host"])
+    @pytest.mark.parametrize(("bunch_ms", "drift_ppm", "limit_us"), [
+        # the least of 100 delays of mean 100 µs is about 1 µs high, and the lowest of many blocks lower still
+        (0, 100, 3), (0, -100, 3),
+        # reads meet frames at ever new phases: 63 ppm or more of beat, over one frame period mod the bunch, comes round
+        # within a minute, and the lowest point of a turn is a frame period's drift, 10 ms × 137 ppm, and a delay high
+        (1, 100, 100), (1, -100, 100), (4, 100, 100), (4, -100, 100),
+        # 16 and 10 ms have 2 ms in common: the beat of 63 ppm takes 32 s, and a minute holds two of its turns
+        (16, -100, 200), (16, 100, 500),
+    ])  # fmt: skip
+    def test_after_a_minute(self, name, bunch_ms, drift_ppm, limit_us):
+        f = frames(9000, 100.0, drift_ppm, bunch_ms, stalls=0.05)
+        report, stamps = stamp(SPECS[name], f)
+        error_us = error_ns(f, stamps)[6000:] / 1e3
+        assert np.abs(error_us).max() < limit_us, (error_us.min(), error_us.max())
+        assert_orderly(stamps)
+        assert report.lost == report.gap_count == 0
+
+    @long
+    @pytest.mark.parametrize("name", ["frames", "host"])
+    @pytest.mark.parametrize("bunch_ms", [1, 4, 16])
+    @pytest.mark.parametrize("drift_ppm", [-100, 3, 100])
+    def test_period_after_ten_minutes(self, name, bunch_ms, drift_ppm):
+        """Two points 200 s apart, each the lowest of some hundred and at most 100 µs high, give 0.5 ppm."""
+        f = frames(90_000, 100.0, drift_ppm, bunch_ms, stalls=0.05)
+        report, stamps = stamp(SPECS[name], f)
+        error_ppm = report.drift_ppm - drift_ppm
+        assert np.abs(error_ns(f, stamps)[30_000:]).max() < 100_000  # every beat has come round
+        steps = np.diff(stamps.t_ns[60_000:])
+        uneven_ns = np.abs(steps - 1e7 * (1.0 + 1e-6 * drift_ppm)).max()
+        assert abs(error_ppm) < 1.0, error_ppm
+        # whole nanoseconds; what is left of the bunches' beat, at most the 2 ms that periods have in common, is made
+        # good with a time constant of 30 s: 2 ms / 30 s × 10 ms = 667 ns, while the line settles; here 10 times less
+        assert uneven_ns < 70, uneven_ns
+        assert abs(report.rate - 100.0 / (1.0 + 1e-6 * drift_ppm)) < 1e-4
+
+    @long
+    def test_a_drift_that_changes(self):
+        """20 ppm in ten minutes, as from 20 K on a crystal. The edge in the middle of 205 s is extended to
+        the end, and the beat of 1 ms at 27 ppm and more makes edges of 30 s: 0.033e-6 / s × (133 s)² / 2 = 295 µs."""
+        drift_ppm = np.concatenate((np.full(30_000, -30.0), np.linspace(-30.0, -10.0, 60_000), np.full(30_000, -10.0)))
+        f = frames(120_000, 100.0, drift_ppm, 1.0)
+        report, stamps = stamp(COUNTED, f)
+        error_us = error_ns(f, stamps)[6000:] / 1e3
+        assert np.abs(error_us).max() < 295 + 100, (error_us.min(), error_us.max())
+        assert abs(report.drift_ppm + 10.0) < 1.0
+
+    @long
+    def test_delays_that_become_longer_for_good_are_how_it_is(self):
+        """After a minute all frames are 60 ms later, and the device is 150 ppm slow: frames that come so late are set
+        aside at first, 5 s long, or the drift would never be seen. The period as in `test_period_after_ten_minutes`."""
+        f = frames(36_000, 100.0, np.repeat([0.0, 150.0], [6000, 30_000]))
+        late = later(f, 60_000_000, 6000)
+        report, stamps = stamp(COUNTED, late)
+        assert abs(report.drift_ppm - 150.0) < 1.0
+        assert report.lost == report.gap_count == 0
+        assert_orderly(stamps)
+
+    def test_no_step_shows_the_leading(self):
+        """At most 2000 ppm of a step while the first offset is made good, 20 µs; a tenth of that after a minute."""
+        f = frames(9000, 100.0, 100.0, 16.0, stalls=0.2)
+        _, stamps = stamp(COUNTED, f)
+        steps = np.diff(stamps.t_ns)
+        assert np.abs(steps - 1e7 * (1.0 + 100e-6))[100:].max() < 20_000 + 1e7 * 1e-3
+        assert np.abs(steps - 1e7 * (1.0 + 100e-6))[6000:].max() < 2_000
+
+    @pytest.mark.parametrize("spec", [TimeSpec(frames=Counter(16)), TimeSpec()])
+    def test_a_rate_that_nobody_has_said(self, spec):
+        f = frames(9000, 123.4, bunch_ms=4.0, stalls=0.05)
+        report, stamps = stamp(spec, f)
+        assert abs(report.rate - 123.4) < 1e-2
+        assert np.isnan(report.drift_ppm)
+        assert np.abs(error_ns(f, stamps)[6000:]).max() < 200_000
+        assert_orderly(stamps)
+        # bunches of 4 ms never hold two frames that are 8 ms apart, but a stall may: within half a second, some frames
+        assert report.unsure < 20
+        assert report.lost == 0
+
+    def test_a_nominal_rate_that_is_wrong(self):
+        """A sensor's own oscillator may be 3 % off: no frame is lost by that."""
+        f = frames(6000, 97.0, bunch_ms=1.0)
+        for spec in (COUNTED, UNCOUNTED):
+            report, stamps = stamp(spec, f)
+            assert report.lost == 0
+            assert abs(report.rate - 97.0) < 1e-3
+            assert_orderly(stamps)
+
+
+class TestDeviceClock:
+    @pytest.mark.parametrize("tick", [1000, 790, Fraction(10**9, 32768), 0.79, 1e5])
+    @pytest.mark.parametrize("down", [False, True])
+    def test_steps_are_the_device_s_own_exactly(self, tick, down):
+        exact = Fraction(repr(tick)) if isinstance(tick, float) else Fraction(tick)
+        f = frames(5000, 100.0, bunch_ms=16.0, stalls=0.2)
+        total = [int(Fraction(n * 10**7) / exact) for n in f.index.tolist()]
+        count = np.array([(-n if down else n) % 2**32 for n in total])
+        base = TimeBase(TimeSpec(clock=Counter(32, tick, down)))
+        stamps = base.stamp(f.t_ns, f.place, clock=count)
+        assert (stamps.t_ns - stamps.t_ns[0]).tolist() == [int(n * exact) for n in total]
+        assert stamps.t_ns[0] == f.t_ns[0]
+        assert np.cumsum(stamps.step).tolist() == total
+        assert not stamps.flags.any()
+
+    @pytest.mark.parametrize("drift_ppm", [-100.0, 0.0, 100.0])
+    def test_drift_is_reported_and_not_applied(self, drift_ppm):
+        f = frames(20_000, 100.0, drift_ppm, 1.0)
+        report, stamps = stamp(CLOCKED, f, drift_ppm)
+        assert np.abs(np.diff(stamps.t_ns) - 10**7).max() <= 1000  # a tick
+        assert abs(report.drift_ppm - drift_ppm) < 1.0
+        assert report.rate == pytest.approx(100.0 / (1.0 + 1e-6 * drift_ppm), rel=2e-6)
+        # uniform over a millisecond, and 100 µs on average besides; less while the line has not yet seen the least
+        delays = report.delays
+        assert delays.p50 == pytest.approx(0.6e-3, rel=0.25)
+        assert delays.p99 == pytest.approx(1.3e-3, rel=0.25)
+        assert delays.p99 < delays.worst < 3e-3
+
+    def test_64_bits(self):
+        f = frames(1000)
+        high = TimeBase(TimeSpec(clock=Counter(64, 1000)))
+        counts = np.uint64(2**62 - 10**6) + f.index.astype(np.uint64) * np.uint64(10_000)  # passes what is looked at
+        stamps = high.stamp(f.t_ns, f.place, clock=counts)
+        assert (np.diff(stamps.t_ns) == 10**7).all()
+        assert not stamps.flags.any()
+
+    def test_a_rate_that_changes(self):
+        """From 100 to 25 Hz: until eight steps in a row are like that, frames seem to be lost."""
+        count = np.cumsum(np.repeat([10_000, 40_000], 500))
+        base = TimeBase(TimeSpec(clock=Counter(32, 1000)))
+        stamps = base.stamp(START_NS + count * 1000, np.arange(1000), clock=count)
+        assert np.flatnonzero(stamps.flags).tolist() == list(range(500, 508))
+        assert stamps.lost[500:508].tolist() == [3] * 8
+
+
+class TestLost:
+    @pytest.mark.parametrize("name", ["frames", "clock", "short"])
+    @pytest.mark.parametrize("many", [1, 2, 3, 7, 100, 254, 255, 257, 600, 3000])
+    def test_a_gap_of_any_length(self, name, many):
+        """8 bits turn in 2.56 s, the short clock in 51.8 ms: the host says how many turns it was."""
+        f = without(frames(6000, 100.0, 50.0, 16.0, stalls=0.05), slice(2000, 2000 + many))
+        report, stamps = stamp(SPECS[name], f, 50.0)
+        assert stamps.lost.sum() == report.lost == many
+        assert report.gap_count == len(report.gaps) == 1
+        at = int(np.flatnonzero(stamps.flags & GAP)[0])
+        assert at - 2000 < 80  # at once, or after the half second that it takes to be sure
+        start, end, lost = report.gaps[0]
+        assert (start, end, lost) == (stamps.t_ns[at - 1], stamps.t_ns[at], many)
+        period = 1e7 * (1.0 if name != "frames" else 1.0 + 1e-6 * report.drift_ppm)
+        assert end - start == pytest.approx((many + 1) * period, abs=many * 100 + 20_000)
+        assert_orderly(stamps)
+
+    @pytest.mark.parametrize("name", ["frames", "clock", "short", "host"])
+    @pytest.mark.parametrize("seed", range(8))
+    def test_gaps_of_all_lengths_one_after_another(self, name, seed):
+        """Up to 12 of them, between 1 and 665 frames, at any time, from the first second on."""
+        rng = np.random.default_rng(1000 + seed)
+        gone = np.zeros(6000, dtype=bool)
+        for _ in range(rng.integers(1, 12)):
+            start = rng.integers(10, 5800)
+            gone[start : min(start + int(np.exp(rng.uniform(0, 6.5))), 5900)] = True
+        f = without(frames(6000, 100.0, 50.0, (0, 1, 4)[seed % 3], seed=seed), gone)
+        report, stamps = stamp(SPECS[name], f, 50.0)
+        # by time alone, a gap that is understood in two pieces may be rounded twice
+        assert abs(report.lost - gone.sum()) <= (2 if name == "short" else 0)
+        assert report.resets == 0
+        assert abs(error_ns(f, stamps)[-1]) < 5e6
+        assert_orderly(stamps)
+
+    @pytest.mark.parametrize("name", ["frames", "clock"])
+    def test_at_once_where_the_count_shows_it(self, name):
+        for many in (1, 2, 100, 253, 600, 3000):
+            f = without(frames(6000, 100.0, 50.0, 16.0), slice(2000, 2000 + many))
+            _, stamps = stamp(SPECS[name], f, 50.0)
+            assert np.flatnonzero(stamps.flags & GAP).tolist() == [2000]
+
+    def test_exactly_one_turn_needs_patience(self):
+        """256 frames less of 8 bits look like none, only late; so they are taken for late, for half a second."""
+        f = without(frames(6000, 100.0, 50.0), slice(2000, 2256))
+        report, stamps = stamp(COUNTED, f)
+        at = int(np.flatnonzero(stamps.flags & GAP)[0])
+        assert 50 <= at - 2000 <= 55
+        assert stamps.lost[at] == 256
+        assert report.wraps_by_host == 1
+        assert report.suspects > 0
+
+    def test_a_lasting_delay_of_less_than_half_a_turn_is_a_delay(self):
+        """A counter of 1 bit turns in 20 ms: 9 ms more from now on are no turn, 12 ms are nearer to one."""
+        for more_ms, suspects in ((9, False), (12, True)):
+            f = frames(4000, 100.0, 50.0)
+            f = later(f, more_ms * 1_000_000, 2000)
+            report = stamp(TimeSpec(frames=Counter(1), rate=100.0), f)[0]
+            assert (report.suspects > 0, report.gap_count > 0) == (suspects, suspects)
+
+    @pytest.mark.parametrize("name", ["frames", "clock", "short", "damaged"])
+    def test_single_ones_all_over(self, name):
+        """Damaged frames leave their bytes."""
+        gone = np.random.default_rng(5).random(6000) < 0.02
+        gone[:5] = gone[-5:] = False
+        f = frames(6000, 100.0, 50.0, 16.0, stalls=0.05)
+        damaged = Frames(*(column[~gone] for column in f))
+        spec = SPECS.get(name, TimeSpec(rate=100.0, frame_bytes=26))
+        report, stamps = stamp(spec, damaged if name == "damaged" else without(f, gone), 50.0)
+        assert report.lost == gone.sum()
+        assert (stamps.lost == np.diff(damaged.index, prepend=-1) - 1).all()
+
+    @pytest.mark.parametrize("many", [1, 2, 5, 100, 3000])
+    def test_without_a_counter_time_tells(self, many):
+        """One frame counts where reads are finer than frames."""
+        stalls = 0.05 if many > 1 else 0.0
+        f = without(frames(6000, 100.0, 50.0, 1.0, stalls=stalls), slice(2000, 2000 + many))
+        report, stamps = stamp(UNCOUNTED, f)
+        assert report.lost == many
+        assert abs(error_ns(f, stamps)[-1]) < 1e6
+        assert_orderly(stamps)
+
+    def test_one_frame_cannot_be_told_where_reads_bring_several(self):
+        """The beat of frames and reads moves the least delay by as much: nothing is claimed, and time is led back."""
+        f = without(frames(40_000, 100.0, 50.0, 16.0), slice(2000, 2001))
+        report, stamps = stamp(UNCOUNTED, f)
+        assert report.lost == report.gap_count == 0
+        assert abs(error_ns(f, stamps)[-1]) < 1e6
+
+    def test_noise_between_frames_is_no_frame(self):
+        f = frames(3000)
+        place = f.place + np.where(f.index >= 2000, 10_000, 0)
+        base = TimeBase(TimeSpec(rate=100.0, frame_bytes=26))
+        base.stamp(f.t_ns, place)
+        assert base.report().lost == 0
+
+
+class TestStall:
+    """The host sleeps for 30 s while the device goes on."""
+
+    @pytest.mark.parametrize("name", SPECS)
+    def test_a_driver_that_keeps_all(self, name):
+        report, stamps = stamp(SPECS[name], asleep(frames(9000, 100.0, 50.0, 16.0)), 50.0)
+        assert not stamps.flags.any()
+        assert report.lost == report.resets == 0
+        assert np.abs(np.diff(stamps.t_ns) - 1e7).max() < 30_000
+        assert report.delays.worst == pytest.approx(30.0, abs=0.1)
+
+    @pytest.mark.parametrize("name", SPECS)
+    def test_a_driver_that_keeps_the_first_4096_bytes(self, name):
+        f = frames(9000, 100.0, 50.0, 16.0)
+        slept = np.flatnonzero((f.made_ns > 20e9) & (f.made_ns < 50e9))
+        gone = np.isin(f.index, slept[157:])
+        f = without(asleep(f), gone)
+        report, stamps = stamp(SPECS[name], f, 50.0)
+        assert (report.lost, report.gap_count, report.resets) == (gone.sum(), 1, 0)
+        error = error_ns(f, stamps)
+        assert np.abs(error[: slept[0] + 157]).max() < 17e6
+        assert abs(error[-1] - (0.0 if name in {"frames", "host"} else error[1999])) < 5e6
+        assert_orderly(stamps)
+
+    @pytest.mark.parametrize("speed", [0.0, 0.1, 0.5])
+    @pytest.mark.parametrize("name", SPECS)
+    def test_a_backlog_at_the_start(self, name, speed):
+        """150 frames wait when the line is opened, and come at once or faster than they are made: none is lost by that.
+
+        Their times begin when they come, 1.5 s late; that is made good by 2000 ppm at most, or only told.
+        """
+        report, stamps = stamp(SPECS[name], backlog(speed), 50.0)
+        assert not stamps.flags.any()
+        late = 1.5 - LEAST_NS / 1e9
+        assert report.offset < late + 1e-3
+        assert report.offset > (late - 60 * 2e-3 - 0.1 if name in {"frames", "host"} else late - 6e-3)
+        assert np.diff(stamps.t_ns).min() > 0.95e7 * (1.0 - 2e-3)
+
+    @pytest.mark.parametrize("speed", [0.0, 0.1])
+    def test_a_backlog_while_the_rate_is_not_known(self, speed):
+        f = backlog(speed)
+        report, stamps = stamp(TimeSpec(), f)
+        assert report.lost == 0
+        assert abs(report.rate - 100.0) < 0.02
+        assert_orderly(stamps)
+        if speed == 0.0:  # what comes in the first read is not taken for fast
+            assert np.abs(error_ns(f, stamps)[1000:]).max() < 2e6
+
+
+class TestOtherFaults:
+    @pytest.mark.parametrize("name", ["frames", "clock", "short"])
+    def test_a_frame_that_comes_twice(self, name):
+        f = frames(3000, bunch_ms=1.0)
+        order = np.insert(np.arange(3000), 1500, 1499)
+        report, stamps = stamp(SPECS[name], Frames(*(column[order] for column in f)))
+        assert np.flatnonzero(stamps.flags).tolist() == [1500]
+        assert (stamps.flags[1500], stamps.step[1500]) == (TIME_FAULT, 0)
+        assert (report.duplicates, report.lost) == (1, 0)
+        assert_orderly(stamps)
+
+    @pytest.mark.parametrize("name", ["frames", "clock", "short"])
+    def test_a_frame_that_comes_after_its_successor(self, name):
+        f = frames(3000, bunch_ms=16.0)
+        order = np.arange(3000)
+        order[[1500, 1501]] = 1501, 1500
+        f = Frames(np.maximum.accumulate(f.t_ns[order]), f.place, f.index[order], f.made_ns[order])
+        report, stamps = stamp(SPECS[name], f)
+        assert np.flatnonzero(stamps.flags & TIME_FAULT).tolist() == [1501]
+        assert np.flatnonzero(stamps.flags & GAP).tolist() == [1500]
+        assert (report.late, report.lost, report.resets) == (1, 1, 0)
+        assert_orderly(stamps)
+
+    def test_a_single_wild_count_is_left_out(self):
+        f = frames(3000, bunch_ms=1.0)
+        clock = ticks(f, CLOCKED.clock, 0.0)
+        clock[1500] ^= 1 << 30
+        base = TimeBase(TimeSpec(clock=CLOCKED.clock))
+        stamps = base.stamp(f.t_ns, f.place, clock=clock)
+        assert np.flatnonzero(stamps.flags & TIME_FAULT).tolist() == [1500]
+        assert base.report().ahead == 1
+        assert base.report().resets == 0
+        assert abs(stamps.t_ns[-1] - stamps.t_ns[0] - 2999 * 10**7) < 2000
+
+    @pytest.mark.parametrize("told", [False, True])
+    @pytest.mark.parametrize("bits", [16, 32])
+    def test_a_device_that_starts_again(self, told, bits):
+        """Three seconds of silence, then counts from zero: time goes on by the host's, without a jump in it."""
+        f = frames(6000, bunch_ms=1.0)
+        again = f.index >= 3000
+        f = f._replace(
+            t_ns=f.t_ns + again * 3 * SECOND, index=f.index - 3000 * again, made_ns=f.made_ns + again * 3.0 * SECOND
+        )
+        for spec, keyword, count in (
+            (TimeSpec(frames=Counter(bits), rate=100.0), "frames", f.index),
+            (TimeSpec(clock=Counter(32, 1000)), "clock", f.index * 10_000),
+        ):
+            base = TimeBase(spec)
+            first = base.stamp(f.t_ns[:3000], f.place[:3000], **{keyword: count[:3000]})
+            if told:
+                base.reopened(int(f.t_ns[2999]) + SECOND)
+            second = base.stamp(f.t_ns[3000:], f.place[3000:], **{keyword: count[3000:]})
+            report = base.report()
+            assert report.resets == report.gap_count == 1
+            assert report.reopened == int(told)
+            at = int(np.flatnonzero(second.flags & GAP)[0])
+            assert at == (0 if told else 3)  # unless told, it takes four counts in order to be believed
+            assert second.t_ns[at] - first.t_ns[-1] == pytest.approx(3 * SECOND + (at + 1) * 10**7, abs=3e6)
+            assert np.abs(np.diff(second.t_ns[at:]) - 10**7).max() < 30_000
+            assert report.lost == pytest.approx(300, abs=4)
+
+    @pytest.mark.parametrize("name", SPECS)
+    def test_a_source_that_was_opened_again(self, name):
+        """Ten seconds are missing. Counts that go on say how many frames; without, the host's time does."""
+        f = without(frames(6000, 100.0, 0.0, 1.0), slice(2000, 3000))
+        base, a, b = halves(SPECS[name], f, int(f.t_ns[2000]) - 10**7)
+        assert not a.flags.any()
+        assert b.flags[0] == GAP
+        assert not b.flags[1:].any()
+        assert abs(int(b.lost[0]) - 1000) <= (1 if name == "host" else 0)
+        assert base.report().reopened == 1
+        assert b.t_ns[0] - a.t_ns[-1] == pytest.approx(1001 * 10**7, abs=1e5 if name in {"clock", "short"} else 2e6)
+
+    def test_a_whole_turn_is_missing_when_the_source_was_opened_again(self):
+        """Then nothing can have waited in a queue, and the host's time is believed at once."""
+        f = without(frames(6000, bunch_ms=1.0), slice(2000, 2256))
+        base, _, stamps = halves(COUNTED, f, int(f.t_ns[1999]) + SECOND)
+        assert stamps.lost[0] == base.report().lost == 256
+        assert base.report().resets == 0
+
+    @pytest.mark.parametrize("name", SPECS)
+    def test_a_host_whose_clock_was_set_back(self, name):
+        """A monotonic clock begins anew when the host does; time goes on, though nobody knows how long it was."""
+        report, stamps = stamp(SPECS[name], later(frames(6000, bunch_ms=1.0), -3600 * SECOND))
+        assert np.flatnonzero(stamps.flags).tolist() == [3000]
+        assert stamps.flags[3000] == GAP
+        assert report.reopened == 1
+        assert np.abs(np.diff(stamps.t_ns) - 10**7).max() < 3e6
+        assert abs(report.drift_ppm) < 40
+        # the seam is wrong by up to a read of 16 ms: in one line, half a minute of it would be 300 ppm
+        coarse = stamp(SPECS[name], later(frames(6000, 100.0, bunch_ms=16.0), -3600 * SECOND))[0]
+        assert name in {"host", "short"} or abs(coarse.drift_ppm) < 60  # the bunches' clock, until their beat is seen
+
+    def test_a_device_that_stood_still(self):
+        """Its counter goes on where it was, five seconds later: no delay lasts so long."""
+        f = frames(6000, bunch_ms=1.0)
+        f = later(f, 5 * SECOND)
+        for name in ("frames", "clock"):
+            report, stamps = stamp(SPECS[name], f)
+            assert report.resets == report.gap_count == 1 or name == "frames"
+            assert stamps.t_ns[-1] - stamps.t_ns[0] == pytest.approx(65 * SECOND - 10**7, abs=5e6)
+            assert_orderly(stamps)
+
+    def test_the_list_of_gaps_is_bounded(self):
+        f = frames(20_000)
+        report, _ = stamp(COUNTED, without(f, f.index % 5 == 3))
+        assert report.gap_count in {4000 - 1, 4000}
+        assert len(report.gaps) == 1000
+
+
+def three(spec, frames):
+    return TimeBase(spec).stamp(np.arange(3), np.arange(3), frames=frames)
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        ("make", "error", "message"),
+        [
+            (lambda: Counter(0), ParameterError, "1 to 64 bits"),
+            (lambda: Counter(65), ParameterError, "1 to 64 bits"),
+            (lambda: Counter(16, 0), ParameterError, "tick_ns must be above 0"),
+            (lambda: Counter(16, float("nan")), ParameterError, "finite number"),
+            (lambda: Counter(16, Fraction(1, 2**31)), ParameterError, "denominator up to 2³⁰"),
+            (lambda: TimeSpec(clock=Counter(16)), ParameterError, "clock needs tick_ns"),
+            (lambda: TimeSpec(frames=Counter(16, 10)), ParameterError, "frames counts frames"),
+            (lambda: TimeSpec(rate=0.0), ParameterError, "rate must be"),
+            (lambda: TimeSpec(rate=float("nan")), ParameterError, "rate must be"),
+            (lambda: TimeSpec(frame_bytes=0), ParameterError, "frame_bytes"),
+            (lambda: TimeSpec(speed=0.0), ParameterError, "speed must be positive and finite"),
+            (lambda: TimeSpec(speed=np.inf), ParameterError, "speed must be positive and finite"),
+            (lambda: CountedTime(TimeSpec(frames=Counter(8))), ParameterError, "time can only be counted at a rate"),
+            (lambda: three(CLOCKED, np.arange(3)), ShapeError, "clock is missing; .* a counter of 32 bits"),
+            (lambda: three(COUNTED, np.zeros(3)), ShapeError, "a row of integers, 3, one per frame"),
+            (lambda: three(COUNTED, np.zeros((3, 1), dtype=np.int64)), ShapeError, "a row of integers, 3"),
+        ],
+    )
+    def test_what_is_refused(self, make, error, message):
+        with pytest.raises(error, match=message):
+            make()
+
+    def test_nothing_yet(self):
+        base = TimeBase(TimeSpec())
+        base.reopened(5)
+        none = np.zeros(0, dtype=np.int64)
+        assert base.stamp(none, none).t_ns.size == 0
+        report = base.report()
+        assert (report.mode, report.frames, report.delays.worst, report.gaps) == ("host", 0, 0.0, ())
+        assert np.isnan(report.rate)
+
+
+class TestAnEmulatedLineThatHurries:
+    """At 60 times its speed, a stall of the host of 0.2 s lasts 13 s, and its backlog comes in reads 0.9 s apart."""
+
+    RATE, STALL = 100.0, 17_047
+
+    def reads(self, lost=0):
+        """Host times of frames, ns: a read each 0.4 s, a stall, a backlog in two reads; from then on `lost` late."""
+        every = 40
+        due = 1e7 * (np.arange(40_000) + lost * (np.arange(40_000) >= self.STALL))
+        host = np.ceil(due / (every * 1e7)) * every * 1e7
+        if not lost:
+            stalled, second = slice(self.STALL, self.STALL + 675), slice(self.STALL + 675, self.STALL + 1_438)
+            host[stalled] = due[self.STALL] + 13.5e9
+            host[second] = due[self.STALL] + 14.4e9
+        return np.maximum.accumulate(host).astype(np.int64)
+
+    def stamped(self, host, speed):
+        base = TimeBase(TimeSpec(rate=self.RATE, speed=speed))
+        return base.stamp(host, 31 * np.arange(host.size))
+
+    def test_its_stall_is_no_gap(self):
+        found = self.stamped(self.reads(), 60.0)
+        assert np.diff(found.t_ns).max() < 1.01e7  # steps are led to the line by 2e-3 at most
+        assert found.lost.sum() == 0
+        assert np.diff(self.stamped(self.reads(), 1.0).t_ns).max() > 5e9  # without knowing the speed it would be one
+
+    def test_frames_that_are_lost_for_good_are_still_told(self):
+        """700 frames: 7 s, after 30 s and the half second of patience at this speed, begun anew as the delay falls."""
+        found = self.stamped(self.reads(lost=700), 60.0)
+        place = int(np.argmax(np.diff(found.t_ns)))
+        assert np.diff(found.t_ns)[place] == pytest.approx(7e9, abs=0.5e9)
+        assert self.STALL + 2_900 < place < self.STALL + 6_100
+
+
+class TestWhatOnlyTheHostSaid:
+    """Gaps that rest on a delay alone are counted apart from those that a count, a byte or an event shows."""
+
+    def test_frames_that_vanish_without_a_trace(self):
+        """700 frames of 10 ms; found to a frame, since the reads come with the frames."""
+        report, _ = stamp(TimeSpec(rate=100.0), without(frames(6000), slice(3000, 3700)))
+        assert (report.inferred, report.gap_count) == (1, 1)
+        assert report.inferred_time == pytest.approx(7.0, abs=0.011)
+
+    @pytest.mark.parametrize("name", ["frames", "clock"])
+    def test_a_delay_that_stays_is_inferred_and_what_a_count_shows_is_not(self, name):
+        report, _ = stamp(SPECS[name], later(frames(6000), 5 * SECOND))
+        assert report.inferred == 1
+        assert report.inferred_time == pytest.approx(5.0, abs=0.01)
+        report, _ = stamp(SPECS[name], without(frames(6000), slice(3000, 3100)))
+        assert (report.gap_count, report.lost, report.inferred, report.inferred_time) == (1, 100, 0, 0.0)
+
+    def test_what_bytes_or_a_new_opening_show_is_not_inferred(self):
+        f = frames(6000)
+        damaged = np.delete(f.index, slice(3000, 3004))  # their bytes came, but no frame could be made of them
+        base = TimeBase(TimeSpec(rate=100.0, frame_bytes=26))
+        base.stamp(f.t_ns[damaged], f.place[damaged])
+        base.reopened(int(f.t_ns[-1]) + 10 * SECOND)
+        base.stamp(f.t_ns[-1:] + 11 * SECOND, f.place[-1:] + 26)
+        assert (base.report().gap_count, base.report().inferred) == (2, 0)

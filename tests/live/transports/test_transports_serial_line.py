@@ -1,0 +1,216 @@
+"""Serial lines, on pseudo-terminals: real descriptors, real hang-ups."""
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from plumbob.core.errors import LineError, ParameterError
+from plumbob.live.transports.serial_line import SerialSource
+
+
+@pytest.fixture
+def opened(line, collect):
+    with SerialSource(str(line.link), 115200) as source:
+        collect(source, lambda got: got.kinds == ["opened"])
+        yield source
+
+
+def frames(first, count):
+    """Frames of 40 bytes that say their number."""
+    return b"".join(b"%010d" % i + bytes(range(30)) for i in range(first, first + count))
+
+
+def open_descriptors():
+    return sum(1 for _ in Path("/proc/self/fd").iterdir())
+
+
+def test_bytes_arrive_unchanged_with_the_monotonic_time(opened, line, collect):
+    data = bytes(range(256)) * 4  # XON, XOFF, CR, NL, INTR and NUL among them
+    before = time.monotonic_ns()
+    line.write(data)
+    got = collect(opened, lambda got: len(got.data) >= len(data))
+    assert got.data == data
+    times = [item.t_ns for item in got]
+    assert before <= times[0] <= times[-1] <= time.monotonic_ns()
+    assert times == sorted(times)
+    assert opened.name == str(line.link)
+
+
+def test_unplugged_and_plugged_in_again(opened, line, collect):
+    line.write(b"before")
+    collect(opened, lambda got: got.data == b"before")
+    line.pull()
+    got = collect(opened, lambda got: got.kinds == ["lost", "absent"])
+    assert len(got) == 2
+    line.plug(stale=b"stale")
+    collect(opened, lambda got: got.kinds == ["reopened"])
+    line.write(b"after")
+    assert collect(opened, lambda got: got.data).data == b"after"
+
+
+def test_many_losses_leave_nothing_behind(opened, line, collect):
+    descriptors = open_descriptors()
+    for _ in range(5):
+        line.pull()
+        line.plug()
+        collect(opened, lambda got: got.kinds[-1:] == ["reopened"])
+        line.write(b"x")
+        collect(opened, lambda got: got.data == b"x")
+    assert open_descriptors() == descriptors
+
+
+def test_a_renamed_port_is_found_by_its_pattern(line, tmp_path, collect):
+    with SerialSource(str(tmp_path / "tty*"), 9600) as source:
+        collect(source, lambda got: got.kinds == ["opened"])
+        line.pull()
+        line.link = tmp_path / "ttyOTHER"
+        line.plug()
+        got = collect(source, lambda got: "reopened" in got.kinds)
+        assert "ttyOTHER" in got.events[-1].text
+
+
+def test_bytes_come_before_the_loss_that_follows_them(opened, line, monkeypatch):
+    """As a USB driver does it: a read gives bytes, the next one fails."""
+    opened.read(0)
+    answers = [b"abc", b"def", OSError(errno.EIO, "Input/output error")]
+
+    def read(fd, size):
+        answer = answers[0] if len(answers) == 1 else answers.pop(0)
+        if isinstance(answer, OSError):
+            raise answer
+        return answer
+
+    line.write(b"wake")
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "read", read)
+        received, lost = [*opened.read(1), *opened.read(1)]
+    assert received.data == b"abcdef"
+    assert lost.kind == "lost"
+    assert "Input/output error" in lost.text
+
+
+def test_an_absent_port_is_an_error_that_lists_the_ports_or_is_waited_for(line, collect):
+    line.pull()
+    with pytest.raises(LineError, match=r"There is no serial port .*; the ports of this machine: "):
+        SerialSource(str(line.link), 9600).open()
+    with SerialSource(str(line.link), 9600, wait=True) as waiting:
+        assert [event.kind for event in waiting.read(0)] == ["absent"]
+        start, cpu = time.monotonic(), time.process_time()
+        while time.monotonic() - start < 0.5:
+            waiting.read(0.2)
+        assert time.process_time() - cpu < 0.25 * (time.monotonic() - start)  # waiting costs no time
+        line.plug()
+        collect(waiting, lambda got: got.kinds == ["opened"])
+
+
+def test_listening_costs_no_time(opened):
+    start, cpu = time.monotonic(), time.process_time()
+    assert opened.read(0.3) == []
+    took = time.monotonic() - start
+    assert took >= 0.299
+    assert time.process_time() - cpu < 0.25 * took
+
+
+def test_a_second_reader_is_refused(opened, line):
+    second = SerialSource(str(line.link), 9600)
+    with pytest.raises(LineError, match="in use by another program"):
+        second.open()
+    with SerialSource(str(line.link), 9600, exclusive=False, gather=0) as third:
+        assert [event.kind for event in third.read(0)] == ["opened"]
+    opened.close()
+    with second:
+        assert [event.kind for event in second.read(0)] == ["opened"]
+    assert opened.finished
+
+
+@pytest.mark.parametrize(
+    ("number", "said"), [(errno.EACCES, "dialout"), (errno.EIO, "Input/output"), (errno.EINVAL, "cannot be opened")]
+)
+def test_refusals_of_the_system_say_what_to_do(line, monkeypatch, number, said):
+    import serial
+
+    def refuse(*args, **options):
+        raise serial.SerialException(number, "could not open port")
+
+    monkeypatch.setattr(serial, "Serial", refuse)
+    with pytest.raises(LineError, match=said):
+        SerialSource(str(line.link), 9600).open()
+
+
+@pytest.mark.parametrize(
+    ("baud", "options"),
+    [
+        (9600, {"rtscts": True}),
+        (115200, {"xonxoff": True}),
+        (921600, {}),
+        (250000, {"bytesize": 7, "parity": "E"}),
+        (123456, {"bytesize": 7, "parity": "E", "stopbits": 2}),
+    ],
+)
+def test_usual_and_odd_speeds_and_forms(line, baud, options):
+    """A pseudo-terminal takes any, and has no modem lines, which pyserial would set."""
+    with SerialSource(str(line.link), baud, **options) as source:
+        assert [event.kind for event in source.read(0)] == ["opened"]
+
+
+def test_what_can_never_be_right():
+    for wrong in ({"baud": 0}, {"bytesize": 9}, {"parity": "X"}, {"stopbits": 3}, {"gather": 5.0}):
+        with pytest.raises(ParameterError):
+            SerialSource("/dev/ttyX", **{"baud": 9600, **wrong})
+
+
+@pytest.mark.parametrize("pause", [0.0, 0.01], ids=["fast reader", "slow reader"])
+def test_a_flood_arrives_whole(opened, line, pause):
+    """2 MB as fast as they go (400 kB for the slow reader): all are there, in order."""
+    data = frames(0, 10_000 if pause else 50_000)
+    writer = threading.Thread(target=line.write, args=(data,))
+    writer.start()
+    received, until = bytearray(), time.monotonic() + 60
+    while len(received) < len(data) and time.monotonic() < until:
+        for item in opened.read(0.1):
+            received += item.data
+        time.sleep(pause)
+    writer.join()
+    assert len(received) == len(data)
+    assert received == data
+
+
+READER = """
+import sys
+from plumbob.live.transports.serial_line import SerialSource
+from plumbob.live.transports.transport import Received
+total, data = int(sys.argv[2]), b""
+with SerialSource(sys.argv[1], 115200) as source:
+    print(source.read(1)[0].kind, flush=True)
+    while len(data) < total:
+        for item in source.read(1.0):
+            if not isinstance(item, Received):
+                sys.exit(f"{item}")
+            data += item.data
+sys.stdout.buffer.write(data)
+"""
+
+
+def test_a_reader_that_was_stopped_goes_on(line):
+    """1 kB meanwhile, less than a pseudo-terminal keeps."""
+    data = frames(0, 50)
+    child = subprocess.Popen([sys.executable, "-c", READER, str(line.link), str(len(data))], stdout=subprocess.PIPE)
+    try:
+        assert child.stdout.readline() == b"opened\n"
+        line.write(data[:1000])
+        os.kill(child.pid, signal.SIGSTOP)
+        os.waitid(os.P_PID, child.pid, os.WSTOPPED)
+        line.write(data[1000:])
+        os.kill(child.pid, signal.SIGCONT)
+        out, _ = child.communicate(timeout=60)
+    finally:
+        child.kill()
+        child.wait()
+    assert (child.returncode, out) == (0, data)

@@ -1,0 +1,236 @@
+"""The convention doctor on motions of closed form: what is planted is found, what cannot be seen is not answered."""
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from plumbob import ImuData, ImuMeta, doctor
+from plumbob.core.units import from_si
+from plumbob.data.recording import Recording
+from plumbob.quality.arrangement import fit
+from plumbob.quality.derotated import fit_force
+from plumbob.quality.diagnosis import Answer, Diagnosis
+from plumbob.quality.moments import ARRANGEMENTS, means
+from plumbob.quality.units import unit_odds
+from plumbob.rotations import dcm_from_quat, quat_chained, quat_from_euler_zyx, signed_axes
+from tests.helpers.commandline import call, ok
+
+G = 9.81
+FIELD = np.array([0.0, 20.0, -44.0])  # ENU, µT: a dip of 65.6°, as in the north
+RATE = 100.0
+AMPLITUDES = (1.1, 0.8, 1.3)
+Arrays = dict[str, np.ndarray]
+
+
+def attitude(t: np.ndarray, amplitudes: tuple[float, float, float] = AMPLITUDES) -> np.ndarray:
+    """Body to ENU: yaw, pitch and roll swing with periods that do not match."""
+    angles = [
+        a * np.sin(2.0 * np.pi * f * t + p)
+        for a, f, p in zip(amplitudes, (0.23, 0.31, 0.41), (0.3, 1.0, 2.0), strict=True)
+    ]
+    return dcm_from_quat(quat_from_euler_zyx(np.stack(angles, axis=1)))
+
+
+@cache
+def sensors(amplitudes: tuple[float, float, float] = AMPLITUDES, seconds: float = 40.0, late: float = 0.0) -> Arrays:
+    """Time, rates and vectors; those of the magnetometer are stamped `late` seconds late. Noise is that of a phone."""
+    t = np.arange(round(seconds * RATE)) / RATE
+    dcm, h = attitude(t, amplitudes), 1e-4
+    turn = np.einsum("nji,njk->nik", attitude(t - h, amplitudes), attitude(t + h, amplitudes))
+    gyr = np.stack([turn[:, j, i] - turn[:, i, j] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
+    rng = np.random.default_rng(7)
+    noise = rng.standard_normal((3, t.size, 3)) * np.array([0.002, 0.05, 0.3])[:, None, None]
+    return {
+        "t": t,
+        "gyr": gyr / (4.0 * h) + np.array([0.01, -0.02, 0.005]) + noise[0],
+        "acc": np.einsum("nji,j->ni", dcm, [0.0, 0.0, G]) + noise[1],
+        "mag": np.einsum("nji,j->ni", attitude(t - late, amplitudes), FIELD) + np.array([3.0, -2.0, 4.0]) + noise[2],
+    }
+
+
+def diagnosed(data: Arrays, **more: str | None) -> Diagnosis:
+    imu = ImuData(**data, meta=ImuMeta(unit_check=False))
+    return doctor(Recording(imu=imu, name="planted"), **more)
+
+
+def answers(found: Diagnosis) -> dict[str, tuple[str, bool]]:
+    return {f"{one.sensor} {one.question}": (str(one.answer), one.wrong) for one in found.findings}
+
+
+def test_right_conventions_are_confirmed() -> None:
+    found = diagnosed(sensors(seconds=90.0), hemisphere="north")
+    assert not found.wrong and not found.lines
+    told = answers(found)
+    for question in ("gyr axes", "gyr unit", "acc axes", "acc unit", "mag axes", "mag unit", "mag sign", "mag delay"):
+        assert told[question] == ("sure", False), (question, found.text())
+
+
+@pytest.mark.parametrize(
+    ("axes", "hemisphere", "lines", "answer"),
+    [
+        ("-x -y -z", None, None, ("mag sign", "unknown", False)),  # without a hemisphere it stays open
+        ("-x -y -z", "south", None, ("mag sign", "sure", False)),
+        ("-x -y -z", "north", None, ("mag sign", "sure", True)),
+        # LSM9DS1: its x points the other way; the magnetometers inside ICM-20948 and MPU-9250, AK09916 and AK8963
+        ("-x y z", "north", ("[mag]", 'axes = "-x y z"', "mirrored = true"), ("mag axes", "sure", True)),
+        ("x -y -z", "north", ("[mag]", 'axes = "x -y -z"'), ("mag axes", "sure", True)),
+        ("y x -z", "north", ("[mag]", 'axes = "y x -z"'), ("mag axes", "sure", True)),
+    ],
+)
+def test_magnetometers_of_common_parts(axes: str, hemisphere: str | None, lines: Any, answer: Any) -> None:
+    found = diagnosed(sensors() | {"mag": sensors()["mag"] @ signed_axes(axes).T}, hemisphere=hemisphere)
+    told, (question, *answered) = answers(found), answer
+    assert told["gyr axes"] == told["acc unit"] == ("sure", False)
+    assert told[question] == tuple(answered)
+    assert lines in {None, found.lines}, found.text()
+
+
+@pytest.mark.parametrize("n", [3, 17, 24, 41])
+def test_arrangements_of_rates_in_the_axes_of_a_sensor(n: int) -> None:
+    # u = P v gives du/dt = −(det(P) P ω) × u: the sensor's own handedness cannot be seen, that of the rates can.
+    data, w = sensors(seconds=30.0), ARRANGEMENTS[n]
+    rates = data["gyr"] @ w  # W ω' = ω for ω' = Wᵀ ω
+    for found in (fit(data["t"], rates, data["mag"], offset=0.5), fit_force(data["t"], [rates], data["acc"], (1.0,))):
+        assert found is not None and found.best == n and found.margin > 7.0 and found.agrees
+        assert found.scale == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("late", [-0.1737, 0.0412])
+def test_delay_of_the_magnetometer(late: float) -> None:
+    found = diagnosed(sensors(seconds=90.0, late=late))
+    assert found.values["mag"]["delay_s"] == pytest.approx(late, abs=0.002)
+    assert answers(found)["mag delay"] == ("sure", True)
+
+
+@pytest.mark.parametrize(("unit", "mag"), [("deg/s", False), ("rpm", True), ("mrad/s", True)])
+def test_unit_of_the_rates(unit: str, mag: bool) -> None:
+    """By the accelerometer alone, too."""
+    data = {name: values for name, values in sensors().items() if mag or name != "mag"}
+    found = diagnosed(data | {"gyr": from_si(data["gyr"], unit)})
+    assert found.values["gyr"]["unit"] == unit
+    assert f'unit = "{unit}"' in found.lines
+    assert answers(found)["acc axes"] == ("sure", False)
+
+
+def test_negated_rates_are_a_mirrored_gyroscope() -> None:
+    found = diagnosed(sensors() | {"gyr": -sensors()["gyr"]})
+    assert answers(found)["gyr axes"] == ("sure", True)
+    assert found.lines[:3] == ("[gyr]", 'axes = "-x -y -z"', "mirrored = true")
+
+
+def test_units_by_size() -> None:
+    assert unit_odds("acc", 1.0, 0.0, "m/s2").unit == "g"
+    close = unit_odds("acc", 990.0, 0.0, "m/s2")  # 980.665 cm/s² and 1000 mg are 2 % apart
+    assert {close.unit, close.next} == {"mg", "cm/s2"} and close.log_odds < 2.0
+    assert unit_odds("mag", 0.48, 0.0, "uT").unit == "gauss"
+    counts = unit_odds("gyr", 400.0, 0.0, "rad/s")
+    assert counts.unit is None and counts.factor == pytest.approx(1.0 / 400.0)
+
+
+def test_a_unit_that_is_wrong_is_named_where_two_others_fit() -> None:
+    data = sensors()
+    found = diagnosed(data | {"acc": data["acc"] * 101.0})  # mg or cm/s², but not m/s²
+    assert answers(found)["acc unit"] == ("unknown", True) and found.wrong
+    assert not [line for line in found.lines if "unit" in line]
+
+
+def test_a_delay_that_is_certain_but_not_exact_is_wrong() -> None:
+    found = diagnosed(sensors(seconds=30.0, late=0.08))
+    (delay,) = [one for one in found.findings if (one.sensor, one.question) == ("mag", "delay")]
+    assert str(delay.answer) == "likely" and delay.wrong
+    assert found.values["mag"]["delay_s"] == pytest.approx(0.08, abs=0.006)
+
+
+def test_rest_tells_nothing_of_axes_and_nothing_wrong() -> None:
+    found = diagnosed(sensors((0.0, 0.0, 0.0)))
+    told = answers(found)
+    assert not found.wrong
+    for question in ("acc axes", "mag axes", "gyr unit"):
+        assert told[question][0] == "unknown", found.text()
+    assert told["acc unit"][0] == told["mag unit"][0] == "sure"
+
+
+def test_one_axis_does_not_tell_all_and_says_which_would() -> None:
+    found = diagnosed(sensors((1.2, 0.0, 0.0)))
+    told = {f"{one.sensor} {one.question}": one for one in found.findings}
+    assert told["mag axes"].answer is Answer.UNKNOWN and told["acc axes"].answer is Answer.UNKNOWN
+    assert "turn it about" in told["mag axes"].why
+
+
+def test_means_of_straight_lines_and_pauses() -> None:
+    t = np.array([0.0, 0.1, 0.2, 0.3, 2.0, 2.1])
+    found = means(t, np.stack((t, 2.0 * t, 0.0 * t), axis=1), np.array([0.0, 0.15, 0.25, 1.0, 2.05]))
+    assert found[:2] == pytest.approx(np.array([[0.075, 0.15, 0.0], [0.2, 0.4, 0.0]]))
+    assert np.isnan(found[2:]).all()
+
+
+PROFILE = """separator = ","
+frame = "ENU"
+[header]
+names = true
+[time]
+column = "t"
+unit = "s"
+[gyr]
+columns = ["gx", "gy", "gz"]
+unit = "rad/s"
+[acc]
+columns = ["ax", "ay", "az"]
+unit = "m/s2"
+sign = "specific-force"
+[mag]
+columns = ["mx", "my", "mz"]
+unit = "uT"
+"""
+
+
+def written(folder: Path, data: Arrays, profile: str) -> Path:
+    file = folder / "log.csv"
+    table = np.column_stack([data[name] for name in ("t", "gyr", "acc", "mag")])
+    np.savetxt(file, table, delimiter=",", header="t,gx,gy,gz,ax,ay,az,mx,my,mz", comments="", fmt="%.8g")
+    (folder / "log.toml").write_text(profile, encoding="utf-8")
+    return file
+
+
+def test_the_lines_mend_the_profile(tmp_path: Path) -> None:
+    data = sensors(seconds=90.0, late=0.08)
+    data = data | {"gyr": from_si(data["gyr"], "deg/s"), "mag": data["mag"] @ np.diag([-1.0, 1.0, 1.0])}
+    told = call("doctor", written(tmp_path, data, PROFILE), "--hemisphere", "north", "--json")
+    assert told.returncode == 3
+    lines = json.loads(told.stdout)["profile"]
+    assert lines[:3] == ["[gyr]", 'unit = "deg/s"', "[mag]"]
+    mended = PROFILE.replace('unit = "rad/s"', lines[1]).replace('unit = "uT"', "\n".join(['unit = "uT"', *lines[3:]]))
+    ok("doctor", written(tmp_path, data, mended), "--hemisphere", "north")
+
+
+def test_strides_that_push_harder_than_gravity_do_not_mislead() -> None:
+    """A leg that swings at 3.5 rad/s and is pushed along its own axes, in step: short windows alone say nothing."""
+    lean = (2.0, 0.3, 0.2)
+    data = sensors(lean, seconds=90.0)
+    stride = 2.0 * np.pi * 1.4 * data["t"]
+    swing = np.stack((0.2 * np.sin(stride), 3.5 * np.cos(stride), np.zeros_like(stride)), axis=1)
+    turned = dcm_from_quat(quat_chained(swing / RATE)[: len(stride)])
+    pushes = 20.0 * np.stack((np.cos(stride), 0.3 * np.sin(stride), np.sin(2.0 * stride)), axis=1)
+    acc = np.einsum("nji,nj->ni", turned, data["acc"]) + pushes
+    gyr = np.einsum("nji,nj->ni", turned, data["gyr"]) + swing
+    found = fit_force(data["t"], [gyr], acc, (1.0,))
+    assert found is not None and found.margin > 7.0 and found.agrees and not found.torn
+    assert (ARRANGEMENTS[found.best] == np.eye(3)).all()
+
+
+def test_pauses_of_the_gyroscope_do_not_count() -> None:
+    """While the rates are missing the body turns unseen: what comes after is compared with what comes after."""
+    data = sensors(seconds=90.0)
+    second = np.floor(data["t"]).astype(int)
+    rates = np.where((second % 6 >= 4)[:, np.newaxis], np.nan, data["gyr"])
+    quarters = np.pi / 2 * np.eye(3)[np.random.default_rng(1).integers(0, 3, 15)]
+    turned = dcm_from_quat(quat_chained(quarters))[second // 6]
+    acc = np.einsum("nji,nj->ni", turned, data["acc"])
+    gyr = np.einsum("nji,nj->ni", turned, rates)
+    found = fit_force(data["t"], [gyr], acc, (1.0,))
+    assert found is not None and found.margin > 7.0 and found.agrees and found.explained > 0.99
+    assert (ARRANGEMENTS[found.best] == np.eye(3)).all()
