@@ -92,7 +92,7 @@ def _parquet(folder: Path) -> Target:
 
         part = parts[rng.choice("abc")]
         columns = {name: values.copy() for name, values in parquet.to_columns(part).items()}
-        content: Any = header.header_of(part, list(columns))
+        content: Any = header.file_header(part, list(columns))
         if rng.random() < 0.5:
             with_damage = mutated_text(rng, json.dumps(content).encode(), [b"1e400"])
             try:

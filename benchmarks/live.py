@@ -84,7 +84,7 @@ filter = "mekf"
 def emit(seconds: float) -> None:
     """Be the unit: print the port, wait for a word, and write each frame when it is due."""
     from plumbob import Frame, simulate
-    from plumbob.protocols.decode import columns_of
+    from plumbob.protocols.decode import values_by_field
     from plumbob.protocols.encode import encode
     from plumbob.protocols.format_toml import parse_format
 
@@ -92,7 +92,7 @@ def emit(seconds: float) -> None:
     made = simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", unit="calibrated", seed=1, rate=RATE,
                     duration=30.0, mag_rate=RATE)  # fmt: skip
     count = round(seconds * RATE)
-    there_and_back = {k: np.concatenate([v, v[::-1]]) for k, v in columns_of(made.imu, form.message()).items()}
+    there_and_back = {k: np.concatenate([v, v[::-1]]) for k, v in values_by_field(made.imu, form.message()).items()}
     master, slave = os.openpty()
     tty.setraw(slave)
     print(os.ttyname(slave), flush=True)

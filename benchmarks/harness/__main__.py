@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumbob.cli import common
-from plumbob.cli.benchmark import add_filters, add_peers, add_seeds, require_some, seeds_of, show
+from plumbob.cli.benchmark import add_filters, add_peers, add_seeds, parse_seeds, require_some, show
 from plumbob.cli.main import Parser, run
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def run_calibration(args: argparse.Namespace) -> int:
     """Do it on calibrations."""
     from benchmarks.harness.calibration import PARTS, measure_calibration
 
-    seeds = seeds_of(args)
+    seeds = parse_seeds(args)
     names = [name.strip() for name in args.sections.split(",") if name.strip()]
     steps = sum(part.steps for name, part in PARTS.items() if name in names or not names)
     with common.progress(f"{args.seeds} units", steps) as advance:

@@ -10,7 +10,7 @@ from plumbob.protocols.encode import encode
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
 from plumbob.protocols.format_toml import parse_format
-from plumbob.protocols.unpack import values_of
+from plumbob.protocols.unpack import field_values
 
 Column = NDArray[np.float64] | NDArray[np.int64]
 Harm = Callable[[Format, bytes, np.random.Generator], bytes]
@@ -72,9 +72,9 @@ def columns_for(message: Message, count: int, rng: np.random.Generator) -> dict[
 
 def _anywhere(one: Field, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
     if one.type[0] == "f":
-        return np.asarray(values_of(one, rng.normal(size=count)))
+        return np.asarray(field_values(one, rng.normal(size=count)))
     low, high = one.range or one.clip or one.limits
-    return values_of(one, rng.integers(low, high, count, dtype=np.int64, endpoint=True))
+    return field_values(one, rng.integers(low, high, count, dtype=np.int64, endpoint=True))
 
 
 def frames_of(form: Format, count: int, rng: np.random.Generator) -> list[bytes]:

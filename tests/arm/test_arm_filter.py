@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from plumbob.arm.filter import WIDTH, ChainFilter, Params, Samples
-from plumbob.arm.links import links_of
-from plumbob.arm.smoother import backward, begin, estimated, followed, keyframe_rows, stretches
+from plumbob.arm.links import chain_links
+from plumbob.arm.smoother import backward, begin, estimate_motion, estimated, keyframe_rows, stretches
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.rotations import quat_conjugate, quat_multiply, quat_rotate, rotvec_from_quat
@@ -42,7 +42,7 @@ def filter_at_truth(name, params=INSTANT, q_sd=0.05):
     part = samples.rows(first, len(samples))
     assert np.abs(part.gyr[:, :50]).max() > 0.5  # it moves
     q = true_units(made)[:, first]
-    return made, part, ChainFilter(links_of(made.chain), len(q), params, q, np.full((len(q), 3), q_sd))
+    return made, part, ChainFilter(chain_links(made.chain), len(q), params, q, np.full((len(q), 3), q_sd))
 
 
 @pytest.mark.parametrize("name", ["arm7", "teach", "five"])
@@ -182,7 +182,7 @@ def test_behind_a_gap_the_chain_is_as_right_as_before(smooth):
     made, samples = samples_of_ideal("five", 20.0, rate=50.0)
     keep = (samples.t < 8.0) | (samples.t >= 10.0)
     cut = Samples(samples.t[keep], samples.gyr[:, keep], samples.acc[:, keep], samples.mag[:, keep])
-    _, motion = followed(cut, links_of(made.chain), INSTANT, north=np.pi / 2, smooth=smooth)
+    _, motion = estimate_motion(cut, chain_links(made.chain), INSTANT, north=np.pi / 2, smooth=smooth)
     assert motion.begun.size == 1 and np.isfinite(motion.q).all() and np.isfinite(motion.cov).all()
     truth, late = true_units(made)[:, keep], cut.t > 13.0
     for u in range(1, 5):
@@ -194,7 +194,7 @@ def test_behind_a_gap_the_chain_is_as_right_as_before(smooth):
 
 def test_a_filter_knows_nothing_of_what_comes_later():
     made, samples = samples_of_ideal("five", 12.0, rate=50.0)
-    links = links_of(made.chain)
+    links = chain_links(made.chain)
     start = begin(samples, links, INSTANT, north=np.pi / 2)
     whole = estimated(samples, links, INSTANT, start, smooth=False)
     part = estimated(samples.rows(0, 400), links, INSTANT, start, smooth=False)
@@ -203,7 +203,7 @@ def test_a_filter_knows_nothing_of_what_comes_later():
 
 def test_tilts_begin_where_gravity_says():
     made, samples = samples_of_ideal("arm7", 3.0, rate=100.0)
-    start = begin(samples, links_of(made.chain), INSTANT, north=np.pi / 2)
+    start = begin(samples, chain_links(made.chain), INSTANT, north=np.pi / 2)
     up = np.array([0.0, 0.0, 1.0])
     off_up = np.einsum(
         "ui,ui->u", quat_rotate(quat_conjugate(start.q), up), quat_rotate(quat_conjugate(true_units(made)[:, 0]), up)

@@ -5,8 +5,8 @@ import pytest
 
 from plumbob.arm.anchor import anchored
 from plumbob.arm.filter import Params, Samples
-from plumbob.arm.geometry import Prior, fit_arms, fit_axes, lever_matrices, sway, terms_of, whole
-from plumbob.arm.links import GROUND, links_of, unit_numbers
+from plumbob.arm.geometry import Prior, fit_arms, fit_axes, force_terms, interpolated, lever_matrices, sway
+from plumbob.arm.links import GROUND, chain_links, unit_numbers
 from plumbob.arm.smoother import Motion, keyframe_rows
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg
@@ -27,13 +27,13 @@ def ideal(name):
     rows = keyframe_rows(made.t, 0.1)
     cov, bias = np.zeros((len(rows), 3 * len(q), 3 * len(q))), np.zeros((len(rows), len(q), 3))
     samples = Samples(made.t, gyr, acc)
-    return made, terms_of(samples, Motion(made.t, q, rows, cov, bias, 0.0), mean_rate=False)
+    return made, force_terms(samples, Motion(made.t, q, rows, cov, bias, 0.0), mean_rate=False)
 
 
 @pytest.mark.parametrize("name", ["arm7", "teach", "five"])
 def test_exact_motion_gives_the_arms_and_axes_of_the_chain(name):
     made, terms = ideal(name)
-    for link in links_of(made.chain):
+    for link in chain_links(made.chain):
         arms = fit_arms(terms, link, Prior(link.arms + 0.01, 1.0))
         size, way = np.linalg.eigh(arms.cov)
         if link.parent == GROUND:  # its own arm on the ground feels nothing
@@ -57,7 +57,7 @@ def test_links_are_the_lever_arms_in_unit_axes():
         (Segment("a", "a", quarter), Segment("b", "b", Mount(lever_b=(0.0, 0.2, 0.0)))),
         (Joint("j", "a", "b", "hinge", origin=(0.4, 0.0, 0.0), axes=((1.0, 0.0, 0.0),)),),
     )
-    (link,) = links_of(chain, play={"j": 0.1}, force_sd={"j": 0.2})
+    (link,) = chain_links(chain, play={"j": 0.1}, force_sd={"j": 0.2})
     np.testing.assert_allclose(link.arms, [[0.0, -0.3, 0.0], [0.0, -0.2, 0.0]], atol=1e-15)
     np.testing.assert_allclose(link.axes[:, 0], [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-15)
     assert (link.parent, link.child, link.play, link.force_sd) == (0, 1, 0.1, 0.2)
@@ -83,8 +83,8 @@ def test_missing_values_lie_on_straight_lines():
     line = np.stack([T, 2.0 * T, -T], axis=1)[np.newaxis]
     holes = line.copy()
     holes[0, 100:200] = np.nan
-    np.testing.assert_allclose(whole(holes, T), line, atol=1e-12)
-    assert not whole(np.full((1, 10, 3), np.nan), T[:10]).any()
+    np.testing.assert_allclose(interpolated(holes, T), line, atol=1e-12)
+    assert not interpolated(np.full((1, 10, 3), np.nan), T[:10]).any()
 
 
 def test_sway_is_the_swing_of_a_point_that_shakes_at_three_hertz():

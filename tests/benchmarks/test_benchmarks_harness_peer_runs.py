@@ -54,7 +54,7 @@ class Broken:
     def __init__(self, error=None):
         self.error = error
 
-    def whole(self, gyr, acc, mag, step):
+    def attitudes(self, gyr, acc, mag, step):
         if self.error:
             raise self.error
         q = np.tile([1.0, 0.0, 0.0, 0.0], (len(gyr), 1))

@@ -40,7 +40,7 @@ def test_without_noise_the_ellipsoid_comes_back(fit, count, response):
 def test_where_no_closed_form_gives_one_a_sphere_is_the_start():
     """Four corners of a cube about a centre, each half a space diagonal away, are too few for six parameters."""
     corners = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
-    found = ellipsoids.start_of(100.0 + 50.0 * corners)
+    found = ellipsoids.first_ellipsoid(100.0 + 50.0 * corners)
     np.testing.assert_allclose(found.centre, 100.0, rtol=1e-12)
     np.testing.assert_allclose(found.shape, np.eye(3) / (50.0 * np.sqrt(3.0)), rtol=1e-12)
 

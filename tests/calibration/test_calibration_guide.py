@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from plumbob.calibration.predicted import REGIONS, region_of
+from plumbob.calibration.predicted import REGIONS, region_index
 from plumbob.data import ImuData, ImuMeta
 from plumbob.live.guide.guide import ENOUGH, LONG_ENOUGH, RestGuide, Turn, nearest, pose_words, turn_to
 from plumbob.live.guide.guides import AccelGuide, MagGuide
@@ -80,7 +80,9 @@ def test_who_follows_the_guide_of_the_accelerometer_holds_every_pose(acc_capture
     assert progress.filled.all()
     assert progress.done
     found = [imu.acc[one].mean(axis=0) for one in stills(imu.t, imu.acc, imu.gyr)]
-    assert set(region_of(np.array(found) - 0.1).tolist()) == set(range(len(REGIONS)))  # the fit finds what was promised
+    assert set(region_index(np.array(found) - 0.1).tolist()) == set(
+        range(len(REGIONS))
+    )  # the fit finds what was promised
     enough = next(moment for moment in guide.timeline if "enough" in moment.text)
     seen = [moment for moment in guide.timeline if "seen" in moment.text and moment.t <= enough.t]
     assert f"{ENOUGH} of 18" in seen[-1].text

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plumbob.calibration.ellipsoid.ellipsoid_fit import to_size
-from plumbob.calibration.mag.with_acc import fit_mag_acc, turn_of
+from plumbob.calibration.mag.with_acc import fit_mag_acc, turn_angle
 from plumbob.core.constants import G0
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec
 from tests.helpers.mag_scene import DIP, STRENGTH, assert_honest, attitudes, field, force, heading_rms, in_sds, unit_of
@@ -78,7 +78,7 @@ def test_turns_and_scales_are_split_with_their_derivatives():
         only[3 + j, 3 + j] = 1.0
         assert np.sqrt(np.diag(to_size(matrix, only, None)[1])[3:]) == pytest.approx(np.abs(by_j), abs=1e-2)
     turn = dcm_from_quat(quat_from_rotvec([0.0, 0.3, 0.0]))
-    assert turn_of(turn @ np.diag([1.0, 2.0, 3.0])) == pytest.approx(0.3, abs=1e-12)
+    assert turn_angle(turn @ np.diag([1.0, 2.0, 3.0])) == pytest.approx(0.3, abs=1e-12)
 
 
 @pytest.mark.parametrize(

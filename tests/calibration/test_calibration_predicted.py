@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from plumbob.calibration.predicted import NAMES, REGIONS, attitudes, filled, heading_sd, names_of, region_of, tilt_sd
+from plumbob.calibration.predicted import (
+    NAMES,
+    REGIONS,
+    attitudes,
+    filled,
+    heading_sd,
+    region_index,
+    region_names,
+    tilt_sd,
+)
 from plumbob.rotations import quat_from_dcm, quat_rotate
 from tests.helpers.mag_scene import DIP, STRENGTH, in_body
 
@@ -64,9 +73,9 @@ def test_regions_are_as_counted_named_and_placed():
     for i, direction in enumerate(REGIONS):
         across = np.cross(direction, rng.normal(size=3))
         near = direction * np.cos(np.radians(22)) + np.sin(np.radians(22)) * across / np.linalg.norm(across)
-        assert region_of(np.stack((direction, 40.0 * near))).tolist() == [i, i]
+        assert region_index(np.stack((direction, 40.0 * near))).tolist() == [i, i]
     counts = filled(np.array([[1, 0, 0], [2, 0.1, 0], [0, -3, 3.0]]))
     assert (counts[NAMES.index("+x")], counts[NAMES.index("−y+z")], counts.sum()) == (2, 1, 3)
-    assert names_of([0, 1]) == "+x, −x"
+    assert region_names([0, 1]) == "+x, −x"
     many = filled(np.tile(REGIONS, (10_000, 1)))  # very many are counted evenly
     assert (many > 0).sum() >= 1 and many.sum() <= 40_000

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from plumbob.calibration import report
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason
-from plumbob.calibration.predicted import NAMES, REGIONS, region_of
+from plumbob.calibration.predicted import NAMES, REGIONS, region_index
 from plumbob.core.units import deg, dps, from_si, g, to_si
 from plumbob.data.cards import CalibrationCard, Mount, Quality, TriadCalibration
 from plumbob.reporting.drawing import svg
@@ -60,7 +60,7 @@ def mag_fit(model, *, count=300, missing="+x−z", remarks=()):
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     truth = 48.2 * directions
     measured = truth @ np.linalg.inv(model.matrix).T + model.bias + 0.25 * rng.normal(size=truth.shape)
-    keep = region_of(measured - model.bias) != NAMES.index(missing)
+    keep = region_index(measured - model.bias) != NAMES.index(missing)
     measured = measured[keep][:count]
     used = np.ones(len(measured), dtype=bool)
     used[[10, 100, 200]] = False
@@ -301,7 +301,7 @@ def test_the_map_keeps_areas_and_each_sample_has_its_place_in_its_hemisphere(cou
     seen = (fit.measured - CARD.mag.bias)[fit.used]
     directions = seen / np.linalg.norm(seen, axis=1, keepdims=True)
     picture = report.coverage_figure(fit)
-    regions = set(region_of(seen).tolist())
+    regions = set(region_index(seen).tolist())
     assert f"{len(regions)} / 18" in picture.caption
     for side, ax in zip((1.0, -1.0), axes_of(picture), strict=True):
         here = directions[side * directions[:, 2] >= 0.0]

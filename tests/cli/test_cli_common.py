@@ -13,7 +13,7 @@ from tests.helpers.commandline import plumbob
 
 
 def options(*items):
-    return common.options_of(argparse.Namespace(option=list(items)))
+    return common.chosen_options(argparse.Namespace(option=list(items)))
 
 
 def params_of(names, params):
@@ -29,8 +29,8 @@ def test_options_frames_and_parameters_are_read_as_they_are_written():
     two = params_of("mahony, vqf", "vqf.tau_acc=2s,mahony.kp=0.7")
     assert two == {"mahony": {"kp": "0.7"}, "vqf": {"tau_acc": "2s"}}
     assert params_of("vqf", None) == {"vqf": {}}
-    assert common.frame_of(argparse.Namespace(frame=None)) is None
-    assert common.frame_of(argparse.Namespace(frame="NWU")) is Frame.NWU
+    assert common.frame_arg(argparse.Namespace(frame=None)) is None
+    assert common.frame_arg(argparse.Namespace(frame="NWU")) is Frame.NWU
 
 
 @pytest.fixture
@@ -74,7 +74,7 @@ REFUSED = [
     *((stages(params), ParameterError, "name=value") for params in ("kp", "kp=", "=1")),
     (stages(None, " , "), ParameterError, "no filter is named"),
     (lambda: common.print_json({"x": float("nan")}), ValueError, "not JSON compliant"),
-    (lambda: common.frame_of(argparse.Namespace(frame="up")), FrameError, "up"),
+    (lambda: common.frame_arg(argparse.Namespace(frame="up")), FrameError, "up"),
 ]
 
 

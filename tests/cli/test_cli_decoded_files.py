@@ -8,12 +8,12 @@ from benchmarks.harness.decoder_streams import frames_of, settled
 from plumbob import read
 from plumbob.core.errors import DecodeError
 from plumbob.protocols import catalog
-from plumbob.protocols.decode import decode, prefixes_of, triads_of
+from plumbob.protocols.decode import decode, prefix_by_unit, triads_of
 from plumbob.protocols.find import find_format
 from plumbob.protocols.rigs import names
 from tests.helpers.commandline import answer, ok, typed
 
-SENSORS = [name for name in (*catalog.names(), *names()) if any(map(prefixes_of, find_format(name).messages))]
+SENSORS = [name for name in (*catalog.names(), *names()) if any(map(prefix_by_unit, find_format(name).messages))]
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def test_every_format_with_sensors_is_read_back(name, tmp_path):
     (tmp_path / "raw.bin").write_bytes(raw)
     asked = {key: next(iter(o.choices), "1") for key, o in find_format(name).options.items() if o.default is None}
     options = [word for key, value in asked.items() for word in ("--option", f"{key}={value}")]
-    for message, unit in ((m, u) for m in form.messages for u in prefixes_of(m)):
+    for message, unit in ((m, u) for m in form.messages for u in prefix_by_unit(m)):
         want = triads_of(decode(raw, form)[0][message.name], unit)
         if not any(np.isfinite(values).any() for values in want.values()):
             continue

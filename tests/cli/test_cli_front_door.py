@@ -12,7 +12,7 @@ import pytest
 
 import plumbob
 from plumbob.cli.main import VERBS
-from plumbob.door.calibrate import KINDS, options_of
+from plumbob.door.calibrate import KINDS, kind_options
 from tests.helpers.commandline import answer, typed
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "random"}
@@ -99,7 +99,7 @@ def test_what_a_function_does_not_take_is_refused(poses, wire, recorded):
     for use, given, options, why in cases:
         with pytest.raises(plumbob.PlumbobError, match=why) as refusal:
             use(*given, **options)
-        assert "shap" not in options or all(name in str(refusal.value) for name in options_of(given[1]))
+        assert "shap" not in options or all(name in str(refusal.value) for name in kind_options(given[1]))
     with pytest.raises(TypeError, match="sped"):
         plumbob.record(capture=wire, format="buoy", sped=2)
 

@@ -10,7 +10,7 @@ import pytest
 from plumbob import files
 from plumbob.cli.main import main
 from plumbob.live import sources
-from plumbob.live.watch import attitude_of, report_lines
+from plumbob.live.watch import live_attitude, report_lines
 from plumbob.protocols.page import UNCHECKED
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_euler_zyx
 from tests.helpers.live_samples import FORMAT, SESSION, reads, record, stream
@@ -136,7 +136,7 @@ def test_every_line_of_a_report(changes, line):
 
 def test_what_is_not_known_or_did_not_happen_is_not_told():
     q = quat_from_euler_zyx(np.radians([[1.0, 2.0, 3.0], [-40.0, 25.0, 170.0]]))
-    shown = [attitude_of(SimpleNamespace(q_nb=q, frame=Frame.NED)), attitude_of(None)]  # the last one
+    shown = [live_attitude(SimpleNamespace(q_nb=q, frame=Frame.NED)), live_attitude(None)]  # the last one
     assert shown == ["roll 170.00°, pitch 25.00°, yaw -40.00°", ""]
     names = {line[:12].strip() for line in report_lines(run_report(), "level")}
     assert names == {"samples", "bytes", "device clock", "calibration"}

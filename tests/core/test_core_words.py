@@ -6,7 +6,7 @@ import pytest
 
 from plumbob.core.errors import ParameterError
 from plumbob.core.params import Parameter, Spec, allowed, checked
-from plumbob.core.text import counted, p_value
+from plumbob.core.text import counted, first_words, p_value
 from plumbob.core.units import Quantity
 
 
@@ -18,6 +18,7 @@ def test_counts_agree_with_their_noun_and_probabilities_end_where_their_use_does
     assert [counted(n, "sample") for n in (0, 1, 2)] == ["0 samples", "1 sample", "2 samples"]
     assert [counted(n, "stretch", "stretches") for n in (1, 2)] == ["1 stretch", "2 stretches"]
     assert [p_value(p) for p in (0.0321, 0.001, 1e-138)] == ["p = 0.032", "p = 0.001", "p < 0.001"]
+    assert [first_words(["a", "b", "c"], n) for n in (2, 3)] == ["a, b and 1 more", "a, b, c"]
 
 
 @pytest.mark.parametrize(

@@ -137,6 +137,7 @@ def test_a_chain_is_read_back_from_its_text(chain: Chain) -> None:
         ('unit = "imu1"\n', "", DecodeError, "names none"),
         ('parent = "upper"', 'parent = "lower"', ParameterError, "hangs on 'lower'"),
         ('segment = "hand", at', 'segment = "foot", at', ParameterError, "hand is on 'foot'"),
+        ('name = "elbow"', 'name = "[elbow]"', DecodeError, "a name without brackets"),
         ('name = "elbow"', 'name = "elbow"\ncolour = "red"', DecodeError, "no key 'colour'"),
         ("version = 1", "version = 2", DecodeError, "reads 1"),
         ('kind = "plumbob chain"', 'kind = "plumbob session"', DecodeError, "'plumbob session'"),

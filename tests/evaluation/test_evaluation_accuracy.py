@@ -39,7 +39,7 @@ class Compass:
 
     name = settings = "compass"
 
-    def whole(self, gyr, acc, mag, step):
+    def attitudes(self, gyr, acc, mag, step):
         if mag is None:
             raise ValueError("it has no field")
         return np.tile([1.0, 0.0, 0.0, 0.0], (len(gyr), 1))
@@ -87,10 +87,10 @@ def test_a_trial_that_one_of_several_refuses_counts_for_none_and_is_named(folder
     first = files.read(folders[0] / "buoy1.parquet").imu.acc[0, 0]
 
     class Picky(Compass):
-        def whole(self, gyr, acc, mag, step):
+        def attitudes(self, gyr, acc, mag, step):
             if acc[0, 0] == first:
                 raise ValueError("not this one")
-            return super().whole(gyr, acc, mag, step)
+            return super().attitudes(gyr, acc, mag, step)
 
     found = measure_accuracy(trials_in(*folders), stages("mekf"), peers=[Picky()], align=("heading",))
     assert set(found.trials) == {"sea/buoy2", "bare/buoy3"}

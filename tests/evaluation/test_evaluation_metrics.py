@@ -137,12 +137,12 @@ def test_statistics_against_numpy():
     rng = np.random.default_rng(3)
     e, t = rng.normal(0.3, 1.0, 501), np.arange(501) / 7.0
     e[17] = np.nan
-    found, kept = Stats.of(e, t), np.delete(e, 17)
+    found, kept = Stats.from_errors(e, t), np.delete(e, 17)
     assert (found.p50, found.p95, found.p99) == tuple(np.percentile(np.abs(kept), (50, 95, 99)))
     assert found.mean == kept.mean()
     assert found.rmse**2 == pytest.approx(found.mean**2 + found.std**2, rel=1e-12)
     assert found.max_abs == np.abs(kept).max()
     assert np.abs(e[round(found.max_at * 7.0)]) == found.max_abs
     assert found.count == 500
-    assert Stats.of(np.full(3, np.nan), np.arange(3.0)) is None
-    assert Stats.of(np.full(10, 0.2), np.arange(10.0)).std == pytest.approx(0.0, abs=1e-15)
+    assert Stats.from_errors(np.full(3, np.nan), np.arange(3.0)) is None
+    assert Stats.from_errors(np.full(10, 0.2), np.arange(10.0)).std == pytest.approx(0.0, abs=1e-15)

@@ -142,7 +142,7 @@ def test_one_recording_promises_nothing(several, tmp_path):
 def test_places_of_a_range_are_even_in_logarithms_and_one_at_its_end_is_said(several):
     beta = next(p for p in describe(load("madgwick").Params) if p.name == "beta")
     one = Range(beta, 0.01, 1.0)
-    assert one.at(0.5) == pytest.approx(0.1)
+    assert one.value_at(0.5) == pytest.approx(0.1)
     assert one.place(0.1) == pytest.approx(0.5)
     bare = Recording(imu=several[0].imu, track=None, name="bare")
     low = ["beta=1e-5 1/s..1e-4 1/s"]

@@ -144,7 +144,7 @@ def test_a_wrong_header_is_refused(tmp_path, case):
     change, match = REFUSED[case]
     whole = Recording(array=made())
     columns = to_columns(whole)
-    content = header.header_of(whole, list(columns)) | change
+    content = header.file_header(whole, list(columns)) | change
     content = {key: value for key, value in content.items() if value is not ...}
     pq.write_table(sealed(columns, content), tmp_path / "a.parquet")
     refused(read_parquet, tmp_path / "a.parquet", match=match, error=PlumbobError)

@@ -5,7 +5,7 @@ import pytest
 
 from plumbob.core.errors import ClockError, ShapeError
 from plumbob.data import ImuMeta
-from plumbob.files.foreign.join import Stream, joined, stamps_of
+from plumbob.files.foreign.join import Stream, joined, seconds_to_ns
 
 MS = 1_000_000
 
@@ -87,6 +87,6 @@ def test_without_a_gyroscope_the_fastest_leads_and_without_a_triad_it_is_refused
 
 
 def test_stamps_in_seconds_must_be_times():
-    assert stamps_of("t", [0.0, 1.5]).tolist() == [0, 1_500_000_000]
+    assert seconds_to_ns("t", [0.0, 1.5]).tolist() == [0, 1_500_000_000]
     with pytest.raises(ClockError, match="not times in seconds"):
-        stamps_of("t", [0.0, np.nan])
+        seconds_to_ns("t", [0.0, np.nan])

@@ -36,7 +36,7 @@ def folder(tmp_path_factory):
 
 
 BOTH = to_columns(CASES["both"])
-CONTENT = header.header_of(CASES["both"], list(BOTH))
+CONTENT = header.file_header(CASES["both"], list(BOTH))
 
 
 @examples(0.3)
@@ -174,7 +174,7 @@ def replaced(name, values=None, kind=None, **field):
 def without(name, told=True):
     """Maker of a recording without a column, which its header does not have either, or still does."""
     columns = {key: values for key, values in BOTH.items() if key != name}
-    content = header.header_of(CASES["both"], list(columns))
+    content = header.file_header(CASES["both"], list(columns))
     return lambda: sealed(columns, content) if told else sealed(BOTH, CONTENT).drop_columns([name])
 
 
@@ -192,11 +192,11 @@ def swapped():
 
 def back():
     columns = to_columns(CASES["track"])
-    content = header.header_of(CASES["track"], list(columns))
+    content = header.file_header(CASES["track"], list(columns))
     return sealed(columns | {"t_ns": columns["t_ns"][::-1].copy()}, content)
 
 
-TWICE = json.dumps(header.header_of(CASES["track"], [])).replace('"kind"', '"kind": "", "kind"')
+TWICE = json.dumps(header.file_header(CASES["track"], [])).replace('"kind"', '"kind": "", "kind"')
 HUGE = b'{"kind":"plumbob recording","format_version":1,"units":{"t_ns":"ns"},"x":1e999}'
 REFUSED = [
     (lambda: pa.table({"t": [0.0, 1.0], "x": [1.0, 2.0]}), "of another program"),

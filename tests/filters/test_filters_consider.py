@@ -9,7 +9,7 @@ from benchmarks.claims import judged, limits
 from plumbob import CalibrationCard, Filter, Frame, ImuData, ImuMeta, files
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import Mount, TriadCalibration
-from plumbob.data.cards.residuals import NOTHING, half_of, left_by, uncalibrated, whole_of
+from plumbob.data.cards.residuals import NOTHING, full_covariance, left_by, uncalibrated, upper_half
 from plumbob.evaluation.metrics import BOUNDS
 from plumbob.filters.settling import considered
 from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_multiply, quat_rotate, rotvec_from_quat
@@ -47,7 +47,7 @@ def test_the_sensitivity_is_that_of_tilt_and_compass(frame, triad):
         covariance[k, k] = 1.0
         h_n = quat_rotate(true, seen_by(q[np.newaxis], frame)["mag"][0])
         north = np.cos(0.2) * frame.north + np.sin(0.2) * frame.east
-        halves = [half_of(covariance) if name == triad else NOTHING for name in ("acc", "mag")]
+        halves = [upper_half(covariance) if name == triad else NOTHING for name in ("acc", "mag")]
         field = np.array([[np.hypot(h_n[0], h_n[1]), h_n[2]]])
         found = considered(true[np.newaxis], field, float(frame.up[2]), (north[0], north[1]), *halves)[0]
         # gravity of the samples is g to rounding; the differences are good to STEP and to rounding over STEP
@@ -75,7 +75,7 @@ def test_what_a_card_leaves_is_in_the_axes_of_the_body():
     scale = np.diag([1.1, 0.9, 1.0]) + 0.05
     model = TriadCalibration(scale, [0.3, -0.2, 0.1], "m/s2", "m/s2", covariance=root @ root.T)
     mount = Mount(quat_from_euler_zyx([0.7, -0.4, 1.9]))
-    measured, wanted = np.array([2.0, -3.0, 9.0]), whole_of(left_by("acc", model, mount))
+    measured, wanted = np.array([2.0, -3.0, 9.0]), full_covariance(left_by("acc", model, mount))
 
     def calibrated(p):
         return quat_rotate(mount.q_bs, (model.matrix + p[3:].reshape(3, 3)) @ (measured - model.bias - p[:3]))
@@ -89,7 +89,7 @@ def test_what_a_card_leaves_is_in_the_axes_of_the_body():
 
 def test_a_matrix_that_was_not_fitted_is_as_unknown_as_without_a_card():
     bias_only = TriadCalibration(np.eye(3), np.zeros(3), "m/s2", "m/s2", covariance=np.zeros((12, 12)))
-    left, none = whole_of(left_by("acc", bias_only, None)), whole_of(uncalibrated("acc"))
+    left, none = full_covariance(left_by("acc", bias_only, None)), full_covariance(uncalibrated("acc"))
     assert (left[3:, 3:] == none[3:, 3:]).all()
     assert not left[:3].any()
 

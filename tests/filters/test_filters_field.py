@@ -35,7 +35,7 @@ class Compass:
 
     def knows(self):
         """Whether there is a reference."""
-        return field.known.py_func(self.x, AT)
+        return field.has_ref.py_func(self.x, AT)
 
 
 def learned(dt=DT):

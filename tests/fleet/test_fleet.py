@@ -17,10 +17,10 @@ import plumbob
 from plumbob.core.errors import CalibrationError, DecodeError, LineError, ParameterError
 from plumbob.data.cards import CalibrationCard
 from plumbob.fleet.child import Child
-from plumbob.fleet.items import Item, digest_of, items_of
+from plumbob.fleet.items import Item, batch_items, input_digest
 from plumbob.fleet.job import COLUMNS
-from plumbob.fleet.places import fetched, place_of
-from plumbob.fleet.settings import cards_of
+from plumbob.fleet.places import as_place, fetched
+from plumbob.fleet.settings import load_cards
 from plumbob.quality.quality import MEANING
 from tests.helpers import until
 from tests.helpers.commandline import plumbob as call
@@ -174,10 +174,10 @@ def test_a_profile_beside_a_table_is_input_too(tmp_path):
 def test_a_part_of_a_stream_is_read_with_its_first_one(tmp_path):
     for name in ("s.mcap", "s.0002.mcap", "t.0002.mcap"):
         (tmp_path / name).write_bytes(name.encode())
-    assert [item.name for item in items_of(tmp_path, print)] == ["s.mcap", "t.0002.mcap"]
-    before = digest_of(tmp_path / "s.mcap")
+    assert [item.name for item in batch_items(tmp_path, print)] == ["s.mcap", "t.0002.mcap"]
+    before = input_digest(tmp_path / "s.mcap")
     (tmp_path / "s.0002.mcap").write_bytes(b"another")
-    assert digest_of(tmp_path / "s.mcap") != before
+    assert input_digest(tmp_path / "s.mcap") != before
 
 
 def children_of(pid):
@@ -281,7 +281,7 @@ def test_by_default_there_are_as_many_processes_as_processors(folder, tmp_path, 
 
 
 def test_a_place_that_is_in_use_or_holds_other_files_is_refused(folder, tmp_path):
-    with place_of(str(tmp_path / "out")).locked(), pytest.raises(ParameterError, match=f"process {os.getpid()} on"):
+    with as_place(str(tmp_path / "out")).locked(), pytest.raises(ParameterError, match=f"process {os.getpid()} on"):
         plumbob.batch(folder, tmp_path / "out", **SETTINGS)
     before = sorted(folder.iterdir())
     with pytest.raises(ParameterError, match="holds other files"):
@@ -327,10 +327,10 @@ def test_cards_go_by_device(tmp_path):
         assert plumbob.read(part).track.q_nb.tobytes() == track.q_nb.tobytes()
     assert one.name != other.name
     with pytest.raises(ParameterError, match="two calibration cards"):
-        cards_of([cards[0], cards[0]])
+        load_cards([cards[0], cards[0]])
     with pytest.raises(CalibrationError, match="unit 9"):
-        plumbob.fleet.settings.Settings({}, *cards_of(tmp_path)).card_of("unit 9")
-    assert isinstance(cards_of(cards[0])[0][0], CalibrationCard)
+        plumbob.fleet.settings.Settings({}, *load_cards(tmp_path)).card_for("unit 9")
+    assert isinstance(load_cards(cards[0])[0][0], CalibrationCard)
 
 
 def test_behind_urls(folder, dataset):
@@ -391,13 +391,13 @@ def test_what_does_not_answer_is_one_error_or_one_row(folder, tmp_path, monkeypa
 
 def test_names(folder):
     said = []
-    found = {item.name: item for item in items_of(folder, said.append)}
+    found = {item.name: item for item in batch_items(folder, said.append)}
     assert len(found) == GOOD + 3 and found["deep/r0.parquet"].key == "deep%2Fr0.parquet"
     assert said == [f"{folder}: left out, no recordings by their suffix or content: notes.doc"]
-    assert [item.name for item in items_of(f"{folder}/**/r0.parquet", said.append)] == ["deep/r0.parquet"]
-    assert [item.name for item in items_of(folder / "r1.parquet", said.append)] == ["r1.parquet"]
+    assert [item.name for item in batch_items(f"{folder}/**/r0.parquet", said.append)] == ["deep/r0.parquet"]
+    assert [item.name for item in batch_items(folder / "r1.parquet", said.append)] == ["r1.parquet"]
     with pytest.raises(ParameterError, match="two recordings are called r1"):
-        list(items_of([folder / "r1.parquet", folder / "r1.parquet"], said.append))
+        list(batch_items([folder / "r1.parquet", folder / "r1.parquet"], said.append))
     keys = {Item(f"{'é' * 100}{end}", "").key for end in "ab"}
     assert len(keys) == 2 and max(map(len, keys)) < 200
     assert "/" not in Item("../../etc/x", "").key and Item("..", "").key == ".."

@@ -1,5 +1,7 @@
 """The gate of the house, on a house of a few lines: what rises is refused, by name; what falls is written down."""
 
+import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -129,3 +131,16 @@ def test_a_worker_that_dies_is_a_failure_and_ends_the_run(tmp_path):
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 1
     assert "crashed while running 'test_a.py::test_a'" in done.stdout
+
+
+def test_the_library_may_import_no_program(tmp_path):
+    ignored = shutil.ignore_patterns("__pycache__", "web", "_kernels.*")
+    shutil.copytree(ROOT / "src" / "plumbob", tmp_path / "src" / "plumbob", ignore=ignored)
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    planted = tmp_path / "src" / "plumbob" / "noise" / "card.py"
+    planted.write_text(planted.read_text("utf-8") + "\nfrom plumbob.live import stream\n", "utf-8")
+    words = [sys.executable, "-c", "from importlinter.cli import lint_imports_command; lint_imports_command()"]
+    env = {**os.environ, "PYTHONPATH": str(tmp_path / "src")}
+    done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "plumbob.noise is not allowed to import plumbob.live" in done.stdout

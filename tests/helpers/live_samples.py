@@ -12,7 +12,7 @@ from plumbob.live.session_toml import parse_session
 from plumbob.live.sinks import Collected
 from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Received
-from plumbob.protocols.decode import columns_of
+from plumbob.protocols.decode import values_by_field
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
 
@@ -100,7 +100,7 @@ def stream(duration=10.0):
     """Bytes of the motion, one frame for each sample, with a device clock that starts near its end."""
     made = motion(duration)
     clock = (made.imu.t_ns // 1000 + 2**32 - 3_000_000) % 2**32
-    return encode(form(), {**columns_of(made.imu, form().message()), "clock": clock}).tobytes()
+    return encode(form(), {**values_by_field(made.imu, form().message()), "clock": clock}).tobytes()
 
 
 def reads(data, *, seed=0, size=30, period_ns=5_000_000):

@@ -39,7 +39,7 @@ class Kept:
     def answer(self, asked, ok, text):
         self.answers.append((asked.command.verb, ok, text))
 
-    def asked(self):
+    def take_commands(self):
         found, self.commands = self.commands, []
         return [Asked(None, Command(id=1, **one)) for one in found]
 

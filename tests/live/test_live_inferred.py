@@ -13,7 +13,7 @@ from plumbob.live.recording_sink import RecordingSink
 from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
 from plumbob.live.stream import Stream
-from plumbob.live.watch import Watch, report_lines, report_of
+from plumbob.live.watch import Watch, report_lines, run_report
 from tests.helpers.commandline import ok
 from tests.helpers.live_samples import Handed, reads, session, stream
 
@@ -29,7 +29,7 @@ def kept(path, *, late_ns=0, gone=0):
     watch = Watch(line)
     keeper = RecordingSink(line.session, RecordSpec(str(path)))
     run_stream(line, Handed([*reads(data[:half]), *after]), sinks=[watch], recording=keeper)
-    return report_of(watch)
+    return run_report(watch)
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from plumbob.live.sinks import Collected
 from plumbob.live.stream import Stream, time_spec
 from plumbob.live.transports.transport import Received
 from plumbob.protocols import catalog
-from plumbob.protocols.decode import columns_of
+from plumbob.protocols.decode import values_by_field
 from plumbob.protocols.encode import encode
 from tests.helpers.live_samples import FORMAT, RATE, SESSION, Handed, form, motion, reads, session, stream, through
 
@@ -129,7 +129,7 @@ def test_card_that_needs_a_temperature_survives_one_that_is_missing(tmp_path):
     temps[:3] = temps[7] = np.nan
     clock = made.imu.t_ns // 1000
     chosen = session(text, **files)
-    columns = {**columns_of(made.imu, chosen.form.message()), "temp_c": temps, "clock": clock}
+    columns = {**values_by_field(made.imu, chosen.form.message()), "temp_c": temps, "clock": clock}
     data = encode(chosen.form, columns).tobytes()
     _, found = through([Received(i * 5_000_000, data[30 * i : 30 * i + 30]) for i in range(len(temps))], chosen)
     imu = np.concatenate([part.imu.gyr for part in found.parts])

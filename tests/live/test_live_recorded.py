@@ -81,8 +81,8 @@ def test_rows_and_metadata_are_read_or_refused(tmp_path):
 def test_an_event_is_read_or_refused():
     for text in ("{", DEEP, "[]", "{}", '{"t_ns": "x", "kind": "a", "text": "b", "count": 1}'):
         with pytest.raises(DecodeError, match="a row of 'events'"):
-            rows.event_of(text.encode())
-    assert rows.event_of(rows.event_row(Event(1, "a", "b", 2))) == Event(1, "a", "b", 2)
+            rows.parsed_event(text.encode())
+    assert rows.parsed_event(rows.event_row(Event(1, "a", "b", 2))) == Event(1, "a", "b", 2)
 
 
 def test_no_byte_of_an_array_of_numpy_makes_a_traceback(tmp_path):

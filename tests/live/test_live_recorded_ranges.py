@@ -6,7 +6,7 @@ import pytest
 from plumbob import files
 from plumbob.core import flags
 from plumbob.live.recorded import convert, read_recorded
-from plumbob.protocols.decode import ranges_of
+from plumbob.protocols.decode import full_scales
 from plumbob.protocols.encode import encode
 from plumbob.protocols.find import find_format
 from plumbob.protocols.format_toml import parse_format
@@ -109,6 +109,6 @@ S16, SLOW = ("s16", 0.001, ""), ("s16", -0.0005, "")
     ],
 )
 def test_ranges_of_a_format(types, ranges):
-    np.testing.assert_allclose(ranges_of(form_of(*types).message(""))["gyr"], ranges)
-    np.testing.assert_allclose(ranges_of(find_format("fin").message(""))["gyr"], FIN, rtol=1e-12)
-    assert not ranges_of(form_of(("x", "f32", 1, ""), ("y", *S16)).message(""))  # floating point has no range
+    np.testing.assert_allclose(full_scales(form_of(*types).message(""))["gyr"], ranges)
+    np.testing.assert_allclose(full_scales(find_format("fin").message(""))["gyr"], FIN, rtol=1e-12)
+    assert not full_scales(form_of(("x", "f32", 1, ""), ("y", *S16)).message(""))  # floating point has no range

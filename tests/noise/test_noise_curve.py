@@ -8,7 +8,18 @@ from scipy.special import psi
 from scipy.stats import chi2
 
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.noise import ONE_SIGMA, curve, curve_of, curves, deviation, edf, identify, interval, log_factors, skew_edf
+from plumbob.noise import (
+    ONE_SIGMA,
+    curve,
+    curves,
+    deviation,
+    edf,
+    identify,
+    interval,
+    log_factors,
+    make_curve,
+    skew_edf,
+)
 from plumbob.noise.curve import log_variance
 from plumbob.noise.factors import SHAPES
 from tests.helpers import is_plain, slow_as_python
@@ -20,7 +31,7 @@ RATE = np.random.default_rng(8).standard_normal((SAMPLES, 3)) * [1.0, 2.0, 3.0]
 
 def test_the_error_of_ieee_as_the_fin_paper_prints_it():
     """[Ou2017] (7): 220 s at 500 Hz, τ = √3 s: ± 6.299 %; n is whole, 866 of it, which makes it 6.2989 %."""
-    one = curve_of([1.0, 0.9], [866, 900], 110_000, 0.002)
+    one = make_curve([1.0, 0.9], [866, 900], 110_000, 0.002)
     assert one.tau[0] == pytest.approx(1.732)
     assert 100.0 * one.ieee[0] == pytest.approx(6.2989, abs=5e-5)
     assert 100.0 / math.sqrt(2.0 * (220.0 / math.sqrt(3.0) - 1.0)) == pytest.approx(6.2990, abs=5e-5)
@@ -49,11 +60,11 @@ def test_single_factors_get_what_they_get_among_others_and_from_a_stream():
     some = curve(RATE[:, 0], 1.0, [5, 100, 777])
     assert some.n.tolist() == [5, 100, 777]
     assert some.edf[1] == pytest.approx(edf("oadev", 0.0, SAMPLES, [100])[0], rel=0.3)
-    again = curve_of(whole.dev, whole.n, SAMPLES, 1.0)
+    again = make_curve(whole.dev, whole.n, SAMPLES, 1.0)
     assert (again.lo == whole.lo).all() and (again.hi == whole.hi).all() and (again.alpha == whole.alpha).all()
     every = curve(RATE[:, 0], 1.0, np.arange(1, SAMPLES // 2 + 1))
     assert every.n.size == SAMPLES // 2 and (every.edf >= 1.0 - 1e-9).all() and np.isfinite(every.hi).all()
-    wide = curve_of(whole.dev, whole.n, SAMPLES, 1.0, confidence=0.95)
+    wide = make_curve(whole.dev, whole.n, SAMPLES, 1.0, confidence=0.95)
     assert (wide.lo < whole.lo).all() and (wide.hi > whole.hi).all()
 
 
@@ -141,7 +152,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(noise, count):
         (lambda: curve([1.0, 2.0, 3.0], 1.0), ParameterError, "two averaging factors"),
         (lambda: curves(RATE[:, 0], 1.0), ShapeError, r"shape \(N, k\)"),
         (lambda: curve(RATE[:, 0], 1.0, kind="variance"), ShapeError, "kind"),
-        (lambda: curve_of([1.0, 0.7], [10, 20], 1000, 1.0, confidence=68.3), ParameterError, "between 0 and 1"),
+        (lambda: make_curve([1.0, 0.7], [10, 20], 1000, 1.0, confidence=68.3), ParameterError, "between 0 and 1"),
         (lambda: identify("oadev", 100, [4], [1.0]), ParameterError, "two averaging factors or more"),
         (lambda: identify("oadev", 100, [4, 4], [1.0, 1.0]), ParameterError, "increasing"),
         (lambda: identify("oadev", 100, [4, 8], [1.0, 0.0]), ShapeError, r"dev\[1\] = 0.0 \(1 such.*constant"),

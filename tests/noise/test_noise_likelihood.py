@@ -144,7 +144,7 @@ def test_white_noise_alone_shows_nothing_else(count, most):
 
 def evaluated(s, logs):
     at = point(logs, s.terms.size)
-    evaluate(likelihood.bins_of(s), at)
+    evaluate(likelihood.spectrum_bins(s), at)
     return at
 
 
@@ -206,7 +206,7 @@ def test_an_interval_has_the_quantiles_of_the_profile():
     rng = np.random.default_rng(12)
     s = spectrum(0.2 * rng.standard_normal(6000) + 0.1 * markov(6000, 60.0, rng)[0], 1.0)
     best = likelihood.fit(s, markov_time=60.0)
-    bins = likelihood.bins_of(s)
+    bins = likelihood.spectrum_bins(s)
     for k, c in zip((4, 5), likelihood.markov_coefficients(s, best), strict=True):
 
         def held(logs, value, k=k):

@@ -270,7 +270,7 @@ def test_units_and_what_looks_alike():
         assert kinds(report(uneven)) == ["held"]
     for sd in (0.2, 0.3, 0.5, 1.0):
         for seed in range(5):
-            assert artefacts.held(np.round(sd * white(seed) + 0.4)) == artefacts.held(white(seed)) == 1
+            assert artefacts.hold_length(np.round(sd * white(seed) + 0.4)) == artefacts.hold_length(white(seed)) == 1
     hum = 0.5 * np.sin(math.pi * np.arange(COUNT) + 0.5)  # of half the rate, folded
     for channel in (white(1) + hum, np.cumsum(white(2)), white(3) + 0.01 * np.arange(COUNT)):
         assert artefacts.interleaved(channel) == 1
@@ -285,8 +285,8 @@ def test_a_spike_begins_nine_standard_deviations_off_its_neighbours(off, told, s
     one = artefacts.Spikes()
     for block in np.split(values, [700, 2999, 3001]):
         one.add(block)
-    assert one.found(0.0) == ([3000] if told else [])
-    assert one.found(0.3 * (off + 0.1)) == []  # a least distance goes before the law
+    assert one.places(0.0) == ([3000] if told else [])
+    assert one.places(0.3 * (off + 0.1)) == []  # a least distance goes before the law
 
 
 @pytest.mark.parametrize("at", [0.5, 1.0, 2.0])

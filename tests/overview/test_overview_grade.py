@@ -13,7 +13,7 @@ from plumbob.core import flags
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.files import write
-from plumbob.quality.grade import WORDS, grade, grade_track, word_of
+from plumbob.quality.grade import WORDS, grade, grade_track, grade_word
 
 LITTLE = 1.0
 """What another criterion may lose by a fault that is not its own, points."""
@@ -215,5 +215,5 @@ def test_exit_codes_and_json(tmp_path, capsys):
     assert main(["info", str(file), "--min-grade", "101"]) == 1
     with pytest.raises(ParameterError, match="GOOD"):
         info(file).reaches("great")
-    words = [word_of(points) for points in (100.0, 80.0, 79.9, 60.0, 59.9, 0.0)]
+    words = [grade_word(points) for points in (100.0, 80.0, 79.9, 60.0, 59.9, 0.0)]
     assert words == [word for word, _ in WORDS for _ in range(2)] == ["GOOD"] * 2 + ["FAIR"] * 2 + ["POOR"] * 2

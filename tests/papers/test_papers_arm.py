@@ -58,7 +58,7 @@ def test_the_direct_draws_are_those_of_the_simulator():
             "arm", frame="NED", sensors=sensors, unit="random", seed=3, rate=10.0,
             **({} if turns else {"turn": "0 deg"}),
         )  # fmt: skip
-        noise = simulated.noise_of(turns)
+        noise = simulated.assumed_noise(turns)
         array, truth = simulated.arm(3, turns=turns, noise=simulated.Noise(0.0, 0.0, 0.0, 0.0))
         clean, there = array.units["u1"], made.imu  # u1 is aligned with the body
         assert made.truth.q_nb == pytest.approx(truth, abs=1e-12)
@@ -82,7 +82,7 @@ def test_recovery_shows_a_mistake_of_units_and_has_its_closed_form():
 
 def test_every_printed_form_fails_as_it_is_known_to(rest, turn):
     """papers.md: std 11 to 20° with e in ° and u in rad/s; .184 against .015° of a late error; and so on, in `bar`."""
-    rows = misprints.found(10, rest, turn)
+    rows = misprints.printed_forms(10, rest, turn)
     assert [one.key for one in rows if not one.bar[0] <= one.wrong <= one.bar[1]] == []
     keyed = {one.key: one for one in rows}
     assert keyed["raw.rate"].wrong == pytest.approx(5.0 / np.sqrt(2.0), rel=0.01)  # the signal cancels
@@ -170,7 +170,7 @@ def page(rest, turn, through):
     }
     return report(
         Findings(
-            runs, rest, turn, turn, misprints.found(2, rest, turn), misprints.inference(), misprints.stated(2),
+            runs, rest, turn, turn, misprints.printed_forms(2, rest, turn), misprints.inference(), misprints.stated(2),
             {name: tables.recovery(scheme) for name, scheme in tables.RECOVERIES.items()}, tables.designs(2),
             [broken, package.broken_in_motion(1)], {0.0: faults.Parity(0, np.nan), 0.2: faults.Parity(200, 1.4)},
             [(moving, name, "dead", one) for moving in (False, True) for name, one in few.items()], true_teach_in(),

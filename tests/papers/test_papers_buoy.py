@@ -27,12 +27,12 @@ def found(tmp_path_factory):
 def test_the_printed_rows_never_leave_the_identity_and_a_first_order_step_stretches_and_lags():
     """Rows 2 to 4 of (3) hold q1, q2 and q3 alone, all zero at the identity; row 1 too [Yu2018]."""
     rate = np.array([0.3, -0.2, 0.5])
-    assert list(literal.turned(rate, 1000, literal=True)) == [1.0, 0.0, 0.0, 0.0]
+    assert list(literal.propagate(rate, 1000, literal=True)) == [1.0, 0.0, 0.0, 0.0]
     small = 1e-3 * rate
-    close = literal.turned(small, 100) / np.linalg.norm(literal.turned(small, 100))
+    close = literal.propagate(small, 100) / np.linalg.norm(literal.propagate(small, 100))
     assert close == pytest.approx(quat_from_rotvec(small), abs=1e-12)  # 100 steps of 0.01 s
     # |q| grows by √(1 + ω²Ts²/4) a step, and a normalised step turns by 2 atan(ωTs/2); both exact
-    grown = np.linalg.norm(literal.turned(np.array([0.62, 0.0, 0.0]), 60_000))
+    grown = np.linalg.norm(literal.propagate(np.array([0.62, 0.0, 0.0]), 60_000))
     assert grown == pytest.approx((1.0 + 0.25 * (0.62 * 0.01) ** 2) ** 30_000, rel=1e-9)
     for rate in literal.RATES:
         step = to_dps(2.0 * math.atan(0.5 * deg(rate) * 0.01) / 0.01)

@@ -60,7 +60,7 @@ def tests(tmp_path_factory):
     """The recorded tests, through real bytes."""
     work = Work(tmp_path_factory.mktemp("trackball"), seed=2)
     card = recorded.card(work)
-    return recorded.rest(work), recorded.soaked(work), recorded.turned(work, card), recorded.lapped(work, card)
+    return recorded.rest(work), recorded.soaked(work), recorded.turntable_run(work, card), recorded.lapped(work, card)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from plumbob.protocols import catalog
 from plumbob.protocols.c_header import c_header
 from plumbob.protocols.encode import encode
 from plumbob.protocols.rigs import load, names
-from plumbob.protocols.unpack import values_of
+from plumbob.protocols.unpack import field_values
 
 CC = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 FORMS = {name: catalog.load(name) for name in catalog.names()} | {name: load(name) for name in names()}
@@ -49,7 +49,7 @@ def test_the_struct_in_c_has_the_bytes_of_the_encoder(name, tmp_path):
     lines, encoded = ['#include "frame.h"', "#include <stdio.h>", "int main(void) {"], b""
     for message in form.messages:
         counts = [(f, drawn(f, rng)) for f in message.fields if not (f.fixed or f.derived)]
-        columns = {f.name: np.array([c]) if not f.physical else values_of(f, np.array([c])) for f, c in counts}
+        columns = {f.name: np.array([c]) if not f.physical else field_values(f, np.array([c])) for f, c in counts}
         if columns:
             lines += filled(form, message, counts)
             encoded += encode(form, columns, message=message.name)[0].tobytes()

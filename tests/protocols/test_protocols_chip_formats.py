@@ -18,7 +18,7 @@ from plumbob.protocols.decode import decode
 from plumbob.protocols.encode import encode
 from plumbob.protocols.field import MARKS
 from plumbob.protocols.format_toml import parse_format
-from plumbob.protocols.unpack import counts_of, values_of
+from plumbob.protocols.unpack import field_values, read_counts
 from plumbob.simulation.presets import preset_names
 
 CHIPS = (
@@ -267,8 +267,8 @@ def test_counts_survive_from_bytes_to_value_and_back(name, option, choice):
     for field in (f for f in form.message().fields if f.physical):
         low, high = field.clip or field.limits
         counts = np.unique(np.r_[low : high + 1 : 13, -1:2, high - 1, high].clip(low, high))
-        rows = encode(form, {field.name: values_of(field, counts)})
-        assert np.array_equal(counts_of(field, rows), counts)
+        rows = encode(form, {field.name: field_values(field, counts)})
+        assert np.array_equal(read_counts(field, rows), counts)
 
 
 @pytest.mark.parametrize("name", CHIPS)

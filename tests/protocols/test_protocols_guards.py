@@ -10,7 +10,7 @@ from plumbob.protocols import catalog
 from plumbob.protocols.decode import Decoder, decode
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
-from plumbob.protocols.unpack import counts_of
+from plumbob.protocols.unpack import read_counts
 from tests.helpers.decoder_battery import in_pieces
 
 HEAD = 'kind = "plumbob format"\nversion = 1\nname = "mine"\ntitle = "mine"\n'
@@ -43,7 +43,7 @@ def test_a_frame_is_believed_where_every_count_is_within_its_range(order):
     rows[:, 10:] = decimal(len(rows), rng)
     inside = np.ones(len(rows), dtype=bool)
     for one in form.message().fields:
-        counts = counts_of(one, rows)  # the other way to read them: many frames at once
+        counts = read_counts(one, rows)  # the other way to read them: many frames at once
         inside &= (one.range[0] <= counts) & (counts <= one.range[1])
     assert 1000 < inside.sum() < 19_000
     found, counts = decode(rows.tobytes(), form)

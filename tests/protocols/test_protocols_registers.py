@@ -8,7 +8,7 @@ import pytest
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.protocols import catalog
 from plumbob.protocols.format_toml import parse_format
-from plumbob.protocols.unpack import counts_for, counts_of, put, values_of
+from plumbob.protocols.unpack import counts_for, field_values, put, read_counts
 
 DEG = math.pi / 180
 FINE = {"gyr_range": "75 deg/s"}
@@ -42,8 +42,8 @@ def word_of(form, key):
 
 
 def said(word, data):
-    counts = counts_of(word, np.frombuffer(data, dtype=np.uint8).reshape(-1, word.size))
-    return values_of(word, counts) if word.physical else counts
+    counts = read_counts(word, np.frombuffer(data, dtype=np.uint8).reshape(-1, word.size))
+    return field_values(word, counts) if word.physical else counts
 
 
 @pytest.mark.parametrize(("name", "options", "key", "text", "value"), WORDS)
@@ -60,8 +60,8 @@ def test_counts_of_every_register_survive(name):
     for word in (r.word for r in catalog.load(name).bind().registers if r.word and r.word.physical):
         counts = np.unique(np.linspace(*word.limits, 7).astype(np.int64))
         rows = np.zeros((counts.size, word.size), dtype=np.uint8)
-        put(word, rows, counts_for(word, values_of(word, counts))[0])
-        assert np.array_equal(counts_of(word, rows), counts)
+        put(word, rows, counts_for(word, field_values(word, counts))[0])
+        assert np.array_equal(read_counts(word, rows), counts)
 
 
 def test_a_register_in_ones_own_format_is_read_strictly():

@@ -8,7 +8,7 @@ import pytest
 from plumbob.core import flags, units
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.protocols import catalog
-from plumbob.protocols.decode import decode, title_of
+from plumbob.protocols.decode import decode, format_title
 from plumbob.protocols.encode import encode
 
 
@@ -421,7 +421,7 @@ def test_a_stream_of_an_mti_whose_outputs_have_several_rates_loses_nothing():
     + [("vectornav_imu", "time", "time [ns]"), ("xbus_mtdata2", "acc.x", "acc.x [m/s2]")],
 )
 def test_a_table_says_what_one_count_of_a_clock_is(device, field, title):
-    assert title_of({one.name: one for one in catalog.load(device).message().fields}[field]) == title
+    assert format_title({one.name: one for one in catalog.load(device).message().fields}[field]) == title
 
 
 def test_a_whole_cargo_counts_with_and_without_the_bit_of_a_continued_one():

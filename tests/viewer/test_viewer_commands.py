@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from websockets.sync.client import connect
 
 from plumbob.rotations import quat_from_rotvec, quat_multiply
-from plumbob.viewer.commands import RefusedError, command_of
+from plumbob.viewer.commands import RefusedError, parse_command
 from plumbob.viewer.messages import Command, Verb
 from tests.helpers import examples
 from tests.helpers.feeding import Asking, Body, hello, request, serving
@@ -36,7 +36,7 @@ ANY_COMMAND = st.fixed_dictionaries(
 def test_what_is_not_a_command_is_refused_and_what_is_one_is_read_as_it_stands(content):
     text = json.dumps(content)
     try:
-        command = command_of(text)
+        command = parse_command(text)
     except RefusedError as why:
         assert str(why)
         return
@@ -54,7 +54,7 @@ def test_what_is_not_a_command_is_refused_and_what_is_one_is_read_as_it_stands(c
 @examples(0.5)
 def test_bytes_of_any_kind_are_no_command(data):
     with pytest.raises(RefusedError):
-        command_of(data)
+        parse_command(data)
 
 
 REFUSED = [
@@ -91,7 +91,7 @@ REFUSED = [
 @pytest.mark.parametrize(("text", "why"), REFUSED)
 def test_a_refusal_says_what_is_wrong(text, why):
     with pytest.raises(RefusedError, match=why):
-        command_of(text)
+        parse_command(text)
 
 
 @examples(0.3)
@@ -99,7 +99,7 @@ def test_a_refusal_says_what_is_wrong(text, why):
 def test_a_server_answers_every_command_that_is_none_and_goes_on(served, content):
     with connect(served.socket_url()) as line:
         try:
-            command_of(json.dumps(content))
+            parse_command(json.dumps(content))
         except RefusedError as why:
             line.send(json.dumps(content))
             found = Asking(line).answer(why.id)

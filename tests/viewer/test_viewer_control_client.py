@@ -10,7 +10,7 @@ import pytest
 
 from plumbob.core.errors import DecodeError, LineError, ParameterError
 from plumbob.viewer.commands import VERBS
-from plumbob.viewer.control_client import asked, control
+from plumbob.viewer.control_client import control, verb_value
 from plumbob.viewer.messages import Verb
 from tests.helpers.commandline import call
 
@@ -82,15 +82,15 @@ def test_what_is_refused_is_an_error_in_words(status, body, error, says):
 
 
 def test_every_verb_has_its_argument():
-    assert asked("record", "a") == {"name": "a"}
-    assert asked("mark", "a b") == {"text": "a b"}
-    assert asked("seek", "3.5") == {"value": 3.5}
-    assert asked("stop", None) == {}
-    assert asked("calibrate", "mag") == {"name": "mag"}
+    assert verb_value("record", "a") == {"name": "a"}
+    assert verb_value("mark", "a b") == {"text": "a b"}
+    assert verb_value("seek", "3.5") == {"value": 3.5}
+    assert verb_value("stop", None) == {}
+    assert verb_value("calibrate", "mag") == {"name": "mag"}
     assert set(VERBS) == set(get_args(Verb))
     for verb, argument in (("stop", "a"), ("seek", "x"), ("speed", "nan"), ("seek", "inf"), ("nothing", None)):
         with pytest.raises(ParameterError, match=r"takes nothing|needs a number, but got|knows no verb"):
-            asked(verb, argument)
+            verb_value(verb, argument)
 
 
 def test_the_verb_prints_the_answer_and_exits_1_where_it_is_refused():

@@ -10,7 +10,7 @@ from plumbob.core import flags
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.cards import CalibrationCard
 from plumbob.door.calibrate import calibrate
-from plumbob.live.sinks import text_of
+from plumbob.live.sinks import track_lines
 from plumbob.rotations import Frame, North, quat_from_rotvec, quat_multiply, quat_rotate
 from plumbob.viewer.derived import Allan, Part
 from plumbob.viewer.pipe import Message
@@ -202,4 +202,4 @@ def test_lines_are_those_that_a_text_recording_would_have(tmp_path):
         lines = [text for one in asking.texts("lines") for text in one["lines"]]
     k = np.arange(0.0, 300.0, 5.0)  # 20 a second of 100
     track = AttitudeTrack(t=k / RATE, q_nb=BODY.attitude(k), frame=Frame.ENU, north=North.FREE)
-    assert lines == [text.removesuffix("\n") for text in text_of(track, head=False)]
+    assert lines == [text.removesuffix("\n") for text in track_lines(track, head=False)]

@@ -17,7 +17,7 @@ from plumbob.live.sinks import Collected
 from plumbob.live.stream import Stream
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 from plumbob.viewer.feed import Feed, FlagWatch
-from plumbob.viewer.rows import Attitudes, Layout, angles_of, shown_of
+from plumbob.viewer.rows import Attitudes, Layout, euler_deg, shown_estimator
 from tests.helpers import live_samples, until
 from tests.helpers.outlets import Clock, Kept
 
@@ -159,7 +159,7 @@ def test_residuals_are_the_angles_that_were_planted():
     """A unit that is level and points to magnetic North, seen by an estimate that is off by 5° and 7°."""
     acc, mag = np.array([[0.0, 0.0, -G0]]), np.array([[20.0, 0.0, 40.0]])
     imu = plumbob.ImuData(t=[0.0], acc=acc, mag=mag)
-    layout = Layout(("acc", "mag"), False, (shown_of("a", "mahony", "a", primary=True),))
+    layout = Layout(("acc", "mag"), False, (shown_estimator("a", "mahony", "a", primary=True),))
     keys = [column.key for column in layout.columns]
 
     def residual(key, yaw, roll, north=North.MAGNETIC, declination=None):
@@ -201,7 +201,7 @@ def test_flags_that_rise_and_fall_are_events_and_angles_are_roll_pitch_yaw_in_de
     assert not list(watch.changes(t + 1.0, word))
     assert not list(watch.changes(t + 2.0, 0 * word))  # not before it has been away for 2 s
     assert list(watch.changes(t + 4.0, 0 * word)) == [(pytest.approx(1.9), "gyr-clipped has ended")]
-    np.testing.assert_allclose(angles_of(quat_from_euler_zyx([[-1.0, 0.2, 0.3]])), np.degrees([[0.3, 0.2, -1.0]]))
+    np.testing.assert_allclose(euler_deg(quat_from_euler_zyx([[-1.0, 0.2, 0.3]])), np.degrees([[0.3, 0.2, -1.0]]))
 
 
 class Broken(Kept):
@@ -255,8 +255,8 @@ def test_a_chain_gives_the_points_of_its_stick_figure():
     assert follower.skeleton.points == ["base", "lower", "upper", "hand"]
     east = quat_from_euler_zyx([np.pi / 2.0, 0.0, 0.0])
     north = quat_from_euler_zyx([0.0, 0.0, 0.0])
-    points = follower.points_of({"lower": east, "upper": north})
+    points = follower.joint_points({"lower": east, "upper": north})
     np.testing.assert_allclose(points, [[0, 0, 0], [0, 0, -1], [0, 2, -1], [1, 2, -1]], atol=1e-12)
-    assert follower.points_of({"lower": np.full(4, np.nan), "upper": north})[2:] == [None, None]
+    assert follower.joint_points({"lower": np.full(4, np.nan), "upper": north})[2:] == [None, None]
     with pytest.raises(ParameterError, match="has the units"):
         Follower(chain, Frame.NED, ["other"])

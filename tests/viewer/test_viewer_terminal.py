@@ -110,7 +110,7 @@ def keys(terminal, monkeypatch, pressed):
     try:
         os.write(writing, pressed.encode())
         monkeypatch.setattr(sys, "stdin", SimpleNamespace(fileno=lambda: reading, isatty=lambda: True))
-        return [one.command for one in terminal.asked()]
+        return [one.command for one in terminal.take_commands()]
     finally:
         os.close(reading)
         os.close(writing)

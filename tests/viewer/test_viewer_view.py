@@ -19,7 +19,7 @@ import plumbob
 from plumbob.core.errors import LineError, ParameterError
 from plumbob.core.web import FOLDER
 from plumbob.live.runner import run_stream
-from plumbob.live.session_toml import session_of
+from plumbob.live.session_toml import capture_session
 from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Stop
 from plumbob.viewer import child
@@ -48,8 +48,8 @@ class Acting:
     def __getattr__(self, name):
         return getattr(self._server, name)
 
-    def asked(self):
-        self._server.asked()
+    def take_commands(self):
+        self._server.take_commands()
         found, self._commands = self._commands, []
         return [Asked(None, Command(id=1, **one)) for one in found]
 
@@ -78,7 +78,7 @@ def followed(session, outlet, folder, *, during):
 
 
 def of_port(port):
-    return session_of(port=port, format="buoy", frame="NED", filter="mekf")
+    return capture_session(port=port, format="buoy", frame="NED", filter="mekf")
 
 
 def test_killing_the_server_touches_neither_the_stream_nor_the_recording(tmp_path):
@@ -120,7 +120,7 @@ def test_a_server_that_never_reads_costs_its_own_batches_alone(tmp_path):
     switch.record("all")
 
     def each():
-        outlet.asked()
+        outlet.take_commands()
         clock.on(1.0)  # something is due each time, far more often than it would
         feed.tick()
 
@@ -165,7 +165,7 @@ def test_a_server_that_does_not_start_is_an_error_with_its_words_and_one_that_en
     notes = []
     server = Server(Saying(), notes.append)
     server.start()
-    until(lambda: server.asked() is not None and any("left alone" in note for note in notes), "it never gave up")
+    until(lambda: server.take_commands() is not None and any("left alone" in n for n in notes), "it never gave up")
     assert server.starts == 2
     server.close()
 

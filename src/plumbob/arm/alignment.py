@@ -20,11 +20,11 @@ from plumbob.arm.geometry import (
     first_axes,
     fit_arms,
     fit_axes,
+    force_terms,
     sway,
-    terms_of,
 )
-from plumbob.arm.links import FORCE_SD, FORCE_TIME, GROUND, PLAY_TIME, Link, axes_of, links_of, unit_numbers
-from plumbob.arm.smoother import Motion, followed
+from plumbob.arm.links import FORCE_SD, FORCE_TIME, GROUND, PLAY_TIME, Link, chain_links, joint_axes, unit_numbers
+from plumbob.arm.smoother import Motion, estimate_motion
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
@@ -171,16 +171,16 @@ class ArmCard(Card):
         """Build the parts of a card that was read."""
         if isinstance(self.chain, str):
             object.__setattr__(self, "chain", parse_chain(self.chain, name="chain"))
-        joints = tuple(one if isinstance(one, JointCard) else built("joints", JointCard, one) for one in self.joints)
+        joints = tuple(raw if isinstance(raw, JointCard) else built("joints", JointCard, raw) for raw in self.joints)
         object.__setattr__(self, "joints", joints)
         names = [joint.name for joint in self.chain.joints]
-        if [one.name for one in joints] != names:
+        if [joint.name for joint in joints] != names:
             raise CalibrationError(f"the card's joints must be those of its chain, {', '.join(names)}.")
 
     def facts(self) -> Mapping[str, str]:
         """Chain, source, and the rating of each joint."""
-        found = {"chain": self.chain.name, "source": self.source or "not named"}
-        return found | {joint.name: joint.rating for joint in self.joints}
+        facts = {"chain": self.chain.name, "source": self.source or "not named"}
+        return facts | {joint.name: joint.rating for joint in self.joints}
 
     def links(self) -> list[Link]:
         """The joints as the filter takes them."""
@@ -190,14 +190,14 @@ class ArmCard(Card):
                 joint=joint,
                 parent=numbers[joint.parent],
                 child=numbers[joint.child],
-                arms=np.array(found.arms),
-                axes=np.array(found.axes, dtype=np.float64).reshape(2, -1, 3),
-                play=found.play,
-                force_sd=found.force_sd,
-                play_time=found.play_time,
-                force_time=found.force_time,
+                arms=np.array(card.arms),
+                axes=np.array(card.axes, dtype=np.float64).reshape(2, -1, 3),
+                play=card.play,
+                force_sd=card.force_sd,
+                play_time=card.play_time,
+                force_time=card.force_time,
             )
-            for joint, found in zip(self.chain.joints, self.joints, strict=True)
+            for joint, card in zip(self.chain.joints, self.joints, strict=True)
         ]
 
     def summary(self) -> dict[str, Any]:
@@ -208,15 +208,15 @@ class ArmCard(Card):
     def table(self) -> str:
         """What was found, as text: a line for each joint and unit."""
         lines = [f"{'joint':<12} {'kind':<10} {'arms, mm (sd)':<24} {'axis sd':<9} {'play':<7} {'sway':<7} rating"]
-        for joint, found in zip(self.chain.joints, self.joints, strict=True):
+        for joint, card in zip(self.chain.joints, self.joints, strict=True):
             arms = " · ".join(
                 f"{1e3 * np.linalg.norm(arm):.0f} ({1e3 * max(sd):.0f})"
-                for arm, sd in zip(found.arms, found.arm_sd, strict=True)
+                for arm, sd in zip(card.arms, card.arm_sd, strict=True)
             )
-            axis = f"{to_deg(max(found.axis_sd)):.2f}°" if np.size(found.axes) else "–"
-            play = f"{to_deg(found.play):.2f}°" if np.size(found.axes) else "–"
-            sways = f"{to_deg(found.sway):.2f}°"
-            lines.append(f"{joint.name:<12} {joint.kind:<10} {arms:<24} {axis:<9} {play:<7} {sways:<7} {found.rating}")
+            axis = f"{to_deg(max(card.axis_sd)):.2f}°" if np.size(card.axes) else "–"
+            play = f"{to_deg(card.play):.2f}°" if np.size(card.axes) else "–"
+            sways = f"{to_deg(card.sway):.2f}°"
+            lines.append(f"{joint.name:<12} {joint.kind:<10} {arms:<24} {axis:<9} {play:<7} {sways:<7} {card.rating}")
         return "\n".join(lines)
 
 
@@ -296,7 +296,7 @@ def align(
         if not 0.0 < value < np.inf:
             raise ParameterError(f"{name} must be above 0 and finite, but it is {value:g}.")
     array = opened_array(array)
-    samples, settings = samples_of(chain, array), settings_of(chain, array, params)
+    samples, settings = chain_samples(chain, array), filter_params(chain, array, params)
     samples = samples.rows(0, int(np.searchsorted(samples.t, samples.t[0] + LONGEST)))
     if samples.t[-1] - samples.t[0] < SHORTEST:
         raise ShapeError(
@@ -304,13 +304,13 @@ def align(
             "in which every joint turns is good."
         )
     search = _Search(chain, samples, settings, _Mounting(poses, pose_sd, mount_angle, mount_shift))
-    found, mounted, sd = search.found(), search.chain, search.mount_sd
+    fits, mounted, sd = search.solve(), search.chain, search.mount_sd
     if not chain.known:
-        mounted, sd = _geometry(chain, found, poses), _found_sd(chain, found)
-    units = {one.name: one.unit for one in chain.segments}
+        mounted, sd = _geometry(chain, fits, poses), _found_sd(chain, fits)
+    units = {segment.name: segment.unit for segment in chain.segments}
     joints = tuple(
-        _card(one, found, k, search.mount_sd, units, search.odd.get(one.joint.child, ""))
-        for k, one in enumerate(found.links)
+        _card(link, fits, k, search.mount_sd, units, search.odd.get(link.joint.child, ""))
+        for k, link in enumerate(fits.links)
     )
     for joint in joints:
         if note and not joint.rating.startswith("good"):
@@ -319,23 +319,23 @@ def align(
     return ArmCard(chain=mounted, joints=joints, mount_sd=sd, source=source)
 
 
-def settings_of(chain: Chain, array: ImuArray, params: Mapping[str, Any] | None) -> Params:
+def filter_params(chain: Chain, array: ImuArray, params: Mapping[str, Any] | None) -> Params:
     """Parameters of the filter: those given, else what is known of the units, else the defaults.
 
     Of calibrated units little bias and scale is left; noise cards say what their gyroscopes scatter by.
     """
     used = [segment.unit for segment in chain.segments if segment.unit]
-    known: dict[str, Any] = {}
+    defaults: dict[str, Any] = {}
     if all(array.units[name].meta.calibration is not None for name in used):
-        known |= {"bias_sd": CALIBRATED_BIAS, "gyr_scale_sd": CALIBRATED_SCALE}
+        defaults |= {"bias_sd": CALIBRATED_BIAS, "gyr_scale_sd": CALIBRATED_SCALE}
     cards = [array.mounts[name].noise for name in used]
     noises = [card.gyr.n_rms for card in cards if card is not None and card.gyr is not None]
     if len(noises) == len(used):
-        known["gyro_noise"] = max(NOISE_MARGIN * max(noises), 1e-9)
-    return build(Params, known | dict(params or {}), of="arm")
+        defaults["gyro_noise"] = max(NOISE_MARGIN * max(noises), 1e-9)
+    return build(Params, defaults | dict(params or {}), of="arm")
 
 
-def samples_of(chain: Chain, array: ImuArray) -> Samples:
+def chain_samples(chain: Chain, array: ImuArray) -> Samples:
     """Samples of the units of a chain, in the order of its segments; what is stuck or beyond its range is missing.
 
     Raises
@@ -360,12 +360,12 @@ def samples_of(chain: Chain, array: ImuArray) -> Samples:
         if lacking:
             raise ShapeError(f"the unit '{name}' has no {' and no '.join(lacking)}, which a chain needs of every unit.")
     units = [watched(array.units[name]) for name in names]
-    gyr, acc, mag = (np.stack(triad) for triad in zip(*(trusted(one, mag=True) for one in units), strict=True))
-    words = np.bitwise_or.reduce([one.flags for one in units])
+    gyr, acc, mag = (np.stack(triad) for triad in zip(*(trusted(imu, mag=True) for imu in units), strict=True))
+    words = np.bitwise_or.reduce([imu.flags for imu in units])
     return Samples(np.array(array.t), gyr, acc, mag if np.isfinite(mag).any() else None, words)
 
 
-class _Found(NamedTuple):
+class _Fits(NamedTuple):
     links: list[Link]
     arms: list[Fit]
     axes: list[Fit | None]
@@ -390,53 +390,53 @@ class _Search:
 
     def __init__(self, chain: Chain, samples: Samples, params: Params, mounting: "_Mounting") -> None:
         self._samples, self._params, self._chain, self._mounting = samples, params, chain, mounting
-        self._links = links_of(chain) if chain.known else _unknown_links(chain, samples)
+        self._links = chain_links(chain) if chain.known else _unknown_links(chain, samples)
         self.chain, self.mount_sd, self.odd = chain, dict[str, Any](), dict[str, str]()
 
-    def found(self) -> _Found:
+    def solve(self) -> _Fits:
         """What it comes to."""
         rounds = 0
         while True:
             doubt = self._doubt(rounds)
             motion = self._motion(doubt)
-            terms = terms_of(self._samples, motion, mean_rate=self._params.mean_rate)
+            terms = force_terms(self._samples, motion, mean_rate=self._params.mean_rate)
             if not self._chain.known:
                 self._begin_axes(terms)
             arms = [fit_arms(terms, link, self._before(link)) for link in self._links]
             axes = [None if link.joint.kind == "ball" else self._axes(terms, link) for link in self._links]
             new = [_fitted(link, arm, axis) for link, arm, axis in zip(self._links, arms, axes, strict=True)]
-            found = _Found(new, arms, axes, motion)
+            fits = _Fits(new, arms, axes, motion)
             if self._chain.known:
-                found = found._replace(links=self._mounted(found, doubt))
-            moved, turned = _change(self._links, found.links)
-            self._links, rounds = found.links, rounds + 1
+                fits = fits._replace(links=self._mounted(fits, doubt))
+            moved, turned = _change(self._links, fits.links)
+            self._links, rounds = fits.links, rounds + 1
             if (moved < SETTLED[0] and turned < SETTLED[1] and doubt < SURE) or rounds == ROUNDS:
-                return found
+                return fits
 
     def _doubt(self, rounds: int) -> float:
         """How much of the first doubt about mounts is left after so many rounds; attitudes suffer from it, too."""
         return 0.5**rounds if self._chain.known else 0.0
 
-    def _mounted(self, found: _Found, doubt: float) -> list[Link]:
+    def _mounted(self, fits: _Fits, doubt: float) -> list[Link]:
         """Links of the chain whose mounts explain best what was found."""
         both = np.repeat([(doubt * self._mounting.shift) ** 2, (doubt * self._mounting.angle) ** 2], 6).reshape(2, 6)
-        found = found._replace(
-            arms=[one._replace(cov=one.cov + np.diag(both[0])) for one in found.arms],
-            axes=[None if one is None else one._replace(cov=one.cov + np.diag(both[1])) for one in found.axes],
+        fits = fits._replace(
+            arms=[fit._replace(cov=fit.cov + np.diag(both[0])) for fit in fits.arms],
+            axes=[None if fit is None else fit._replace(cov=fit.cov + np.diag(both[1])) for fit in fits.axes],
         )
-        self.chain, self.mount_sd, self.odd = _mounts(self._chain, found, self._mounting)
+        self.chain, self.mount_sd, self.odd = _mounts(self._chain, fits, self._mounting)
         return [
-            replace(link, arms=one.arms, axes=one.axes)
-            for link, one in zip(found.links, links_of(self.chain), strict=True)
+            replace(link, arms=nominal.arms, axes=nominal.axes)
+            for link, nominal in zip(fits.links, chain_links(self.chain), strict=True)
         ]
 
     def _motion(self, doubt: float) -> Motion:
         angle, force = doubt * self._mounting.angle, doubt * self._mounting.shift * SHARP
         links = [
-            replace(one, play=float(np.hypot(one.play, angle)), force_sd=float(np.hypot(one.force_sd, force)))
-            for one in self._links
+            replace(link, play=float(np.hypot(link.play, angle)), force_sd=float(np.hypot(link.force_sd, force)))
+            for link in self._links
         ]
-        return followed(self._samples, links, self._params, north=0.0, smooth=True)[1]
+        return estimate_motion(self._samples, links, self._params, north=0.0, smooth=True)[1]
 
     def _begin_axes(self, terms: Terms) -> None:
         """First axes of joints that have none yet."""
@@ -459,7 +459,7 @@ class _Search:
 
 def _unknown_links(chain: Chain, samples: Samples) -> list[Link]:
     numbers = unit_numbers(chain)
-    found = []
+    links = []
     for joint in chain.joints:
         if joint.known:
             raise ParameterError(
@@ -470,8 +470,8 @@ def _unknown_links(chain: Chain, samples: Samples) -> list[Link]:
                 f"{joint.name} hangs on the ground; its place must be known: give its origin and axes."
             )
         link = Link(joint, numbers[joint.parent], numbers[joint.child], np.zeros((2, 3)), np.zeros((2, 0, 3)))
-        found.append(replace(link, arms=arms_from_sizes(samples, link)))
-    return found
+        links.append(replace(link, arms=arms_from_sizes(samples, link)))
+    return links
 
 
 def _fitted(link: Link, arm: Fit, axis: Fit | None) -> Link:
@@ -500,11 +500,9 @@ def _change(old: Sequence[Link], new: Sequence[Link]) -> tuple[float, float]:
     return moved, max(turned, default=0.0)
 
 
-def _card(
-    link: Link, found: _Found, k: int, mounts: Mapping[str, Any], units: Mapping[str, str], odd: str
-) -> JointCard:
+def _card(link: Link, fits: _Fits, k: int, mounts: Mapping[str, Any], units: Mapping[str, str], odd: str) -> JointCard:
     """Card of a joint; where mounts were found, `mounts` by unit, arms and axes are as uncertain as these."""
-    arm, axis = found.arms[k], found.axes[k]
+    arm, axis = fits.arms[k], fits.axes[k]
     arm_sd = np.sqrt(np.diag(arm.cov)).reshape(2, 3)
     axis_sd = np.zeros(2)
     if axis is not None:
@@ -537,11 +535,11 @@ def _across(cov: Floats, axis: Floats) -> float:
 
 def _rating(link: Link, arm_sd: Floats, axis_sd: Floats, odd: str) -> str:
     """Word for how much a joint can be relied on, and what it lacks."""
-    own = arm_sd if link.parent != GROUND else arm_sd[1:]
+    arm_sds = arm_sd if link.parent != GROUND else arm_sd[1:]
     lacks = [odd] if odd else []
     # along an axis about which alone a unit turns, an arm moves nothing, and is not needed; what a fixed joint leaves
     # open of its arms, both have in common, and nothing needs it
-    if link.joint.kind != "fixed" and np.sort(own, axis=1)[:, :2].max() > POOR_ARM:
+    if link.joint.kind != "fixed" and np.sort(arm_sds, axis=1)[:, :2].max() > POOR_ARM:
         lacks.append("too little motion to find its arms")
     if link.joint.kind != "fixed" and axis_sd.max(initial=0.0) > POOR_AXIS:
         lacks.append("too little motion to find its axis")
@@ -556,14 +554,14 @@ def _rating(link: Link, arm_sd: Floats, axis_sd: Floats, odd: str) -> str:
     return "good"
 
 
-def _geometry(chain: Chain, found: _Found, poses: Sequence[Pose]) -> Chain:
+def _geometry(chain: Chain, fits: _Fits, poses: Sequence[Pose]) -> Chain:
     """Chain whose geometry was found: each segment's axes are those of its unit, its origin is its joint."""
-    levers = {chain.segments[0].name: np.zeros(3)} | {link.joint.child: -link.arms[1] for link in found.links}
-    segments = tuple(replace(one, mount=Mount(lever_b=_vec(levers[one.name]))) for one in chain.segments)
+    levers = {chain.segments[0].name: np.zeros(3)} | {link.joint.child: -link.arms[1] for link in fits.links}
+    segments = tuple(replace(segment, mount=Mount(lever_b=_vec(levers[segment.name]))) for segment in chain.segments)
     joints = []
-    for link in found.links:
+    for link in fits.links:
         origin = levers[link.joint.parent] + link.arms[0]
-        joints.append(_found_joint(link, origin, found.motion, poses))
+        joints.append(_found_joint(link, origin, fits.motion, poses))
     return replace(chain, segments=segments, joints=tuple(joints))
 
 
@@ -591,33 +589,33 @@ def _found_joint(link: Link, origin: Floats, motion: Motion, poses: Sequence[Pos
 
 def _carried(q: Floats, axis: Floats, to: Floats) -> Floats:
     """Rotation nearest to q that carries an axis exactly to another."""
-    seen = quat_rotate(q, axis)
-    across = np.cross(seen, to)
+    rotated = quat_rotate(q, axis)
+    across = np.cross(rotated, to)
     sine = float(np.linalg.norm(across))
-    angle = float(np.arctan2(sine, seen @ to)) / max(sine, 1e-12)
+    angle = float(np.arctan2(sine, rotated @ to)) / max(sine, 1e-12)
     return quat_multiply(quat_from_rotvec(across * angle), q)
 
 
 def _vec(v: Floats) -> tuple[float, float, float]:
-    x, y, z = (float(one) for one in v)
+    x, y, z = (float(component) for component in v)
     return x, y, z
 
 
 def _quat(q: Floats) -> tuple[float, float, float, float]:
-    w, x, y, z = (float(one) for one in q)
+    w, x, y, z = (float(component) for component in q)
     return w, x, y, z
 
 
-def _found_sd(chain: Chain, found: _Found) -> dict[str, Any]:
+def _found_sd(chain: Chain, fits: _Fits) -> dict[str, Any]:
     """Mounts of a chain that was found: its axes are the unit's, and its lever is the child's arm."""
-    sd = {one.unit: [0.0] * 6 for one in chain.segments if one.unit}
-    units = {one.name: one.unit for one in chain.segments}
-    for link, arm in zip(found.links, found.arms, strict=True):
+    sd = {segment.unit: [0.0] * 6 for segment in chain.segments if segment.unit}
+    units = {segment.name: segment.unit for segment in chain.segments}
+    for link, arm in zip(fits.links, fits.arms, strict=True):
         sd[units[link.joint.child]][3:] = np.sqrt(np.diag(arm.cov))[3:].tolist()
     return sd
 
 
-def _mounts(chain: Chain, found: _Found, mounting: _Mounting) -> tuple[Chain, dict[str, Any], dict[str, str]]:
+def _mounts(chain: Chain, fits: _Fits, mounting: _Mounting) -> tuple[Chain, dict[str, Any], dict[str, str]]:
     """Chain with the mounts that explain arms, axes and postures best, their standard deviations, and what is odd.
 
     A damped least squares over a small turn and a shift of each unit's mount, and, on the ground, the heading of the
@@ -625,17 +623,17 @@ def _mounts(chain: Chain, found: _Found, mounting: _Mounting) -> tuple[Chain, di
     """
     from scipy.optimize import least_squares
 
-    mounted = [one for one in chain.segments if one.unit]
-    problem = _MountProblem(chain, mounted, found, mounting)
+    mounted = [segment for segment in chain.segments if segment.unit]
+    problem = _MountProblem(chain, mounted, fits, mounting)
     fit = least_squares(problem.residuals, np.zeros(problem.size), method="trf", x_scale="jac", loss="linear")
     jacobian = np.asarray(fit.jac)
     cov = np.linalg.inv(jacobian.T @ jacobian)
     sd = np.sqrt(np.diag(cov))
     mounts = problem.mounts(fit.x)
-    segments = tuple(replace(one, mount=mounts.get(one.name, one.mount)) for one in chain.segments)
+    segments = tuple(replace(segment, mount=mounts.get(segment.name, segment.mount)) for segment in chain.segments)
     return (
         replace(chain, segments=segments),
-        {one.unit: sd[6 * k : 6 * k + 6].tolist() for k, one in enumerate(mounted)},
+        {segment.unit: sd[6 * k : 6 * k + 6].tolist() for k, segment in enumerate(mounted)},
         problem.odd(fit.x),
     )
 
@@ -643,8 +641,8 @@ def _mounts(chain: Chain, found: _Found, mounting: _Mounting) -> tuple[Chain, di
 class _MountProblem:
     """Residuals, in standard deviations, of mounts that are off by small turns and shifts."""
 
-    def __init__(self, chain: Chain, mounted: Sequence[Segment], found: _Found, mounting: _Mounting) -> None:
-        self._chain, self._mounted, self._found = chain, mounted, found
+    def __init__(self, chain: Chain, mounted: Sequence[Segment], fits: _Fits, mounting: _Mounting) -> None:
+        self._chain, self._mounted, self._fits = chain, mounted, fits
         self._prior_sd = np.tile(np.repeat([mounting.angle, mounting.shift], 3), len(mounted))
         self._pose_sd = mounting.pose_sd
         self._poses = [
@@ -663,48 +661,48 @@ class _MountProblem:
             )
         if not np.isfinite(np.array(angles, dtype=np.float64)).all():
             raise ParameterError(f"the angles of a pose must be finite, but they are {check.said(angles)}.")
-        t = self._found.motion.t
+        t = self._fits.motion.t
         if not t[0] <= start < end <= t[-1]:
             raise ParameterError(
                 f"a pose from {start:g} to {end:g} s is not in the recording, which goes from {t[0]:g} to {t[-1]:g} s."
             )
-        return self._found.motion.q[:, int(np.searchsorted(t, 0.5 * (start + end)))]
+        return self._fits.motion.q[:, int(np.searchsorted(t, 0.5 * (start + end)))]
 
     def mounts(self, x: Floats) -> dict[str, Mount]:
         """Mounts by segment."""
-        found = {}
-        for k, one in enumerate(self._mounted):
+        mounts = {}
+        for k, body in enumerate(self._mounted):
             turn, moved = x[6 * k : 6 * k + 3], x[6 * k + 3 : 6 * k + 6]
-            q = quat_multiply(quat_from_rotvec(turn), np.array(one.mount.q_bs))
-            found[one.name] = replace(one.mount, q_bs=_quat(q), lever_b=_vec(np.array(one.mount.lever_b) + moved))
-        return found
+            q = quat_multiply(quat_from_rotvec(turn), np.array(body.mount.q_bs))
+            mounts[body.name] = replace(body.mount, q_bs=_quat(q), lever_b=_vec(np.array(body.mount.lever_b) + moved))
+        return mounts
 
     def odd(self, x: Floats) -> dict[str, str]:
         """What is farther off than can be believed, in words, by segment."""
-        mounts, found = self.mounts(x), dict[str, str]()
-        for k, one in enumerate(self._mounted):
-            own, prior = x[6 * k : 6 * k + 6], self._prior_sd[6 * k : 6 * k + 6]
-            if np.linalg.norm(own[:3]) > ODD * prior[0] or np.linalg.norm(own[3:]) > ODD * prior[3]:
-                found[one.name] = (
-                    f"the unit '{one.unit}' sits {to_deg(float(np.linalg.norm(own[:3]))):.0f}° and "
-                    f"{1e3 * float(np.linalg.norm(own[3:])):.0f} mm away from where the chain says: a wrong length, "
+        mounts, reasons = self.mounts(x), dict[str, str]()
+        for k, segment in enumerate(self._mounted):
+            error, prior = x[6 * k : 6 * k + 6], self._prior_sd[6 * k : 6 * k + 6]
+            if np.linalg.norm(error[:3]) > ODD * prior[0] or np.linalg.norm(error[3:]) > ODD * prior[3]:
+                reasons[segment.name] = (
+                    f"the unit '{segment.unit}' sits {to_deg(float(np.linalg.norm(error[:3]))):.0f}° and "
+                    f"{1e3 * float(np.linalg.norm(error[3:])):.0f} mm away from where the chain says: a wrong length, "
                     "axis, pose or unit"
                 )
-        for link, arm, axis in zip(self._found.links, self._found.arms, self._found.axes, strict=True):
+        for link, arm, axis in zip(self._fits.links, self._fits.arms, self._fits.axes, strict=True):
             off = np.concatenate(self._of_joint(link, arm, axis, mounts))
             if np.abs(off).max() > FAR:
-                found.setdefault(link.joint.child, "motion shows another place or axis than the chain says")
+                reasons.setdefault(link.joint.child, "motion shows another place or axis than the chain says")
         for attitudes, angles in self._poses:
             for joint, off in zip(self._chain.joints, self._of_pose(attitudes, angles, mounts, x[-1]), strict=True):
                 if np.abs(off).max() > FAR:
-                    found.setdefault(joint.child, "a pose is not the one that was held")
-        return found
+                    reasons.setdefault(joint.child, "a pose is not the one that was held")
+        return reasons
 
     def residuals(self, x: Floats) -> Floats:
         """All of them."""
         mounts = self.mounts(x)
         rows = [x[:-1] / self._prior_sd, np.array([x[-1] / np.pi])]
-        for link, arm, axis in zip(self._found.links, self._found.arms, self._found.axes, strict=True):
+        for link, arm, axis in zip(self._fits.links, self._fits.arms, self._fits.axes, strict=True):
             rows += self._of_joint(link, arm, axis, mounts)
         for attitudes, angles in self._poses:
             rows += self._of_pose(attitudes, angles, mounts, float(x[-1]))
@@ -712,15 +710,15 @@ class _MountProblem:
 
     def _of_joint(self, link: Link, arm: Fit, axis: Fit | None, mounts: Mapping[str, Mount]) -> list[Floats]:
         joint, rows = link.joint, []
-        expected = axes_of(joint, mounts.get(joint.parent, Mount()), mounts[joint.child])
+        expected = joint_axes(joint, mounts.get(joint.parent, Mount()), mounts[joint.child])
         for side, name, place in ((0, joint.parent, np.array(joint.place)), (1, joint.child, np.zeros(3))):
             if name not in mounts:
                 continue
-            own = slice(3 * side, 3 * side + 3)
+            block = slice(3 * side, 3 * side + 3)
             reach = mounts[name].dcm.T @ (place - np.array(mounts[name].lever_b))
-            rows.append(_whitened(arm.cov[own, own] + LENGTH_SD**2 * np.eye(3), arm.value[side] - reach))
+            rows.append(_whitened(arm.cov[block, block] + LENGTH_SD**2 * np.eye(3), arm.value[side] - reach))
             if axis is not None and joint.kind != "fixed":
-                cov = axis.cov[own, own] + AXIS_SD**2 * np.eye(3)
+                cov = axis.cov[block, block] + AXIS_SD**2 * np.eye(3)
                 rows.append(_whitened(cov, axis.value[side, 0] - expected[side, 0]))
         if joint.kind == "fixed" and axis is not None:
             off = (axis.value[0].T @ axis.value[1]).T @ expected[0].T @ expected[1]
@@ -733,13 +731,13 @@ class _MountProblem:
         """How far attitudes in a posture are from what mounts and angles make of it."""
         numbers, rows = unit_numbers(self._chain), []
         ground = quat_from_rotvec(np.array([0.0, 0.0, heading]))
-        for joint, own in zip(self._chain.joints, angles, strict=True):
+        for joint, joint_angles in zip(self._chain.joints, angles, strict=True):
             parent, child = numbers[joint.parent], numbers[joint.child]
             before = ground if parent == GROUND else quat_multiply(
                 attitudes[parent], quat_conjugate(np.array(mounts[joint.parent].q_bs))
             )  # fmt: skip
             after = quat_multiply(attitudes[child], quat_conjugate(np.array(mounts[joint.child].q_bs)))
-            off = quat_multiply(quat_conjugate(quat_multiply(before, joint.turned(own)[0])), after)
+            off = quat_multiply(quat_conjugate(quat_multiply(before, joint.turned(joint_angles)[0])), after)
             rows.append(rotvec_from_quat(off) / self._pose_sd)
         return rows
 

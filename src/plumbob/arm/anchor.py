@@ -49,8 +49,8 @@ def anchored(
     smooth : bool
         Whether what comes later counts.
     """
-    seen = _directions(samples, motion)
-    if not np.isfinite(seen).any():
+    directions = _directions(samples, motion)
+    if not np.isfinite(directions).any():
         return None
     t, drift = motion.t[motion.rows], _drift(motion)
     x, p = np.array([0.0, 0.0, north]), np.diag([turn_sd**2, params.anchor_sd**2, north_sd**2])
@@ -66,8 +66,8 @@ def anchored(
             p[0, 0] += drift[k] + LEAST_DRIFT**2 * span
             p[1, 1] += params.anchor_sd**2 * (1.0 - fades[k] ** 2)
         priors[k] = p
-        if math.isfinite(seen[k]):
-            off = wrap(seen[k] - h @ x)
+        if math.isfinite(directions[k]):
+            off = wrap(directions[k] - h @ x)
             gain = p @ h / (h @ p @ h + LOOK_SD**2)
             x, p = x + gain * off, p - np.outer(gain, h @ p)
         states[k], covs[k] = x, 0.5 * (p + p.T)
@@ -90,17 +90,17 @@ def _directions(samples: Samples, motion: Motion) -> Floats:
     size = np.linalg.norm(level, axis=2)
     used = np.isfinite(size) & (size > LEAST_FIELD)
     total = np.where(used[..., np.newaxis], level, 0.0).sum(axis=0)
-    found = np.array([cmath.phase(complex(*one)) for one in total])
-    found[~used.any(axis=0)] = np.nan
-    return found
+    angles = np.array([cmath.phase(complex(*vector)) for vector in total])
+    angles[~used.any(axis=0)] = np.nan
+    return angles
 
 
 def _drift(motion: Motion) -> Floats:
     """By how much the variance of the mean heading grows up to each keyframe (K,), rad²."""
     headings = motion.cov[:, 2::3, 2::3].mean(axis=(1, 2))
-    found = np.asarray(np.maximum(np.diff(headings, prepend=headings[0]), 0.0))
-    found[motion.begun] = UNKNOWN**2
-    return found
+    growth = np.asarray(np.maximum(np.diff(headings, prepend=headings[0]), 0.0))
+    growth[motion.begun] = UNKNOWN**2
+    return growth
 
 
 def _backward(states: Floats, covs: Floats, priors: Floats, fades: Floats) -> None:

@@ -19,7 +19,7 @@ from plumbob.core.text import counted
 from plumbob.core.time import to_ns, to_s
 from plumbob.core.units import Quantity, to_si
 from plumbob.files import arrow
-from plumbob.files.arrow import numbers_of, unpacked_bytes
+from plumbob.files.arrow import column_numbers, unpacked_bytes
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -120,16 +120,16 @@ class JointTrack(Series):
 
     def columns(self) -> Mapping[str, NDArray[Any]]:
         """Time, each angle and its standard deviation, the hand, and flags."""
-        found: dict[str, NDArray[Any]] = {TIME: self.t}
-        found |= {f"{name} [rad]": self.angles[:, k] for k, name in enumerate(self.names)}
+        columns: dict[str, NDArray[Any]] = {TIME: self.t}
+        columns |= {f"{name} [rad]": self.angles[:, k] for k, name in enumerate(self.names)}
         if self.sd is not None:
-            found |= {f"{name}{_SD} [rad]": self.sd[:, k] for k, name in enumerate(self.names)}
+            columns |= {f"{name}{_SD} [rad]": self.sd[:, k] for k, name in enumerate(self.names)}
         for values, end in ((self.hand, ""), (self.hand_sd, _SD)):
             if values is not None:
-                found |= {f"{name}{end} [m]": values[:, k] for k, name in enumerate(_HAND)}
+                columns |= {f"{name}{end} [m]": values[:, k] for k, name in enumerate(_HAND)}
         if self.flags is not None:
-            found["flags"] = self.flags
-        return found
+            columns["flags"] = self.flags
+        return columns
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write a table, ``.csv`` or ``.parquet``; both are read back to the bit.
@@ -196,7 +196,7 @@ def _require_names(names: Sequence[str]) -> None:
 
 def _no_infinity(name: str, values: Floats) -> Floats:
     if np.isinf(values).any():
-        row, column = (int(one[0]) for one in np.nonzero(np.isinf(values)))
+        row, column = (int(indices[0]) for indices in np.nonzero(np.isinf(values)))
         raise ShapeError(f"{name}[{row}, {column}] is infinite; what is not known is NaN.")
     return values
 
@@ -254,7 +254,7 @@ def _columns(table: "pa.Table") -> dict[str, NDArray[Any]]:
     if len(set(table.column_names)) < table.num_columns:
         raise DecodeError("a column occurs twice; each needs a name of its own.")
     try:
-        return {name: numbers_of(table.column(name)) for name in table.column_names}
+        return {name: column_numbers(table.column(name)) for name in table.column_names}
     except Exception as error:  # columns of text, times and lists are refused by NumPy and Arrow, each in its own way
         raise DecodeError("every column of a table of joint angles holds numbers, but one does not.") from error
 

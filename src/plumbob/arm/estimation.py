@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.arm.alignment import ArmCard, opened_array, opened_chain, samples_of, settings_of
+from plumbob.arm.alignment import ArmCard, chain_samples, filter_params, opened_array, opened_chain
 from plumbob.arm.anchor import UNKNOWN, Anchored, anchored, drifting
 from plumbob.arm.angles import JointTrack
 from plumbob.arm.filter import Params, Samples
-from plumbob.arm.links import GROUND, Link, links_of, unit_numbers
-from plumbob.arm.smoother import FRAME_SD, LOST, Motion, Start, followed
+from plumbob.arm.links import GROUND, Link, chain_links, unit_numbers
+from plumbob.arm.smoother import FRAME_SD, LOST, Motion, Start, estimate_motion
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
@@ -89,7 +89,7 @@ class ArmEstimate(Series):
         sd = self.joints.sd
         assert sd is not None
         said = ", ".join(
-            f"{name} {to_deg(float(np.nanmedian(one))):.2f}°" for name, one in zip(self.joints.names, sd.T, strict=True)
+            f"{name} {to_deg(float(np.nanmedian(sds))):.2f}°" for name, sds in zip(self.joints.names, sd.T, strict=True)
         )
         return {
             "chain": self.chain.name,
@@ -104,8 +104,8 @@ class ArmEstimate(Series):
         sd = self.joints.sd
         assert sd is not None
         return [
-            (name, float(value), float(one))
-            for name, value, one in zip(self.joints.names, self.joints.angles[-1], sd[-1], strict=True)
+            (name, float(value), float(sigma))
+            for name, value, sigma in zip(self.joints.names, self.joints.angles[-1], sd[-1], strict=True)
         ]
 
     def summary(self) -> dict[str, Any]:
@@ -194,32 +194,32 @@ def run(
     ParameterError
         If the chain's geometry is not known, a segment has no unit, or units are missing.
     """
-    known, card = _opened(chain)
+    model, card = _opened(chain)
     array = opened_array(array)
     wanted = navigation_frame(
         next(iter(array.units.values())), None if frame is None else Frame.parse(frame), where="the recording"
     )
-    samples, settings = samples_of(known, array), settings_of(known, array, params)
-    links = links_of(known) if card is None else card.links()
+    samples, settings = chain_samples(model, array), filter_params(model, array, params)
+    links = chain_links(model) if card is None else card.links()
     inside = _Z_UP[wanted]
     north = float(np.arctan2(inside.north[1], inside.north[0]))
-    posture = None if pose is None else _posture(known, pose)
+    posture = None if pose is None else _posture(model, pose)
     posed = posture is not None
-    start, motion = followed(
+    start, motion = estimate_motion(
         samples, links, settings, north=north, pose=posture, pose_sd=pose_sd, smooth=not causal,
         progress=_counter(len(samples), progress),
     )  # fmt: skip
     anchor = _anchor(
-        known, samples, motion, settings, start, north, posed=pose_sd if posed else None, smooth=not causal
+        model, samples, motion, settings, start, north, posed=pose_sd if posed else None, smooth=not causal
     )
     strays = _strays(links, motion)
-    estimate = _Reading(known, card, motion, anchor, inside, wanted, samples.flags, strays).estimate(
-        north=_north(known, start, anchor, posed=posed, causal=causal),
+    estimate = _Reading(model, card, motion, anchor, inside, wanted, samples.flags, strays).estimate(
+        north=_north(model, start, anchor, posed=posed, causal=causal),
         source=_source(settings, causal=causal),
-        notes=_notes(known, card, start, anchor, posed=posed, causal=causal) + _contradicted(links, strays),
+        notes=_notes(model, card, start, anchor, posed=posed, causal=causal) + _contradicted(links, strays),
     )
-    for one in estimate.notes if note else ():
-        note(one)  # type: ignore[misc]
+    for remark in estimate.notes if note else ():
+        note(remark)  # type: ignore[misc]
     return estimate
 
 
@@ -256,7 +256,7 @@ def _posture(chain: Chain, pose: str | Sequence[float]) -> Floats:
         )
     postures = chain.postures(angles[np.newaxis])
     return np.array(
-        [quat_multiply(postures[one.name].q_nb[0], np.array(one.mount.q_bs)) for one in chain.segments if one.unit]
+        [quat_multiply(postures[body.name].q_nb[0], np.array(body.mount.q_bs)) for body in chain.segments if body.unit]
     )
 
 
@@ -271,7 +271,7 @@ def _anchor(
     # as of a moment, a frame that moves to North would carry all with it: fields hold it where it began
     steady = not smooth or on_base
     sd = (posed or FRAME_SD) if on_base else FRAME_SD
-    found = None if samples.mag is None else anchored(
+    anchor = None if samples.mag is None else anchored(
         samples,
         motion,
         params,
@@ -280,7 +280,7 @@ def _anchor(
         north_sd=UNKNOWN if steady else FRAME_SD,
         smooth=smooth,
     )  # fmt: skip
-    return drifting(motion, sd) if found is None and on_base else found
+    return drifting(motion, sd) if anchor is None and on_base else anchor
 
 
 def _first_direction(samples: Samples, motion: Motion, ready: float) -> float:
@@ -299,35 +299,35 @@ def _north(chain: Chain, start: Start, anchor: Anchored | None, *, posed: bool, 
 def _source(params: Params, *, causal: bool) -> str:
     usual = Params()
     changed = [
-        f"{one.name}={shown(one, value)}"
-        for one in describe(Params)
-        if (value := getattr(params, one.name)) != getattr(usual, one.name)
+        f"{param.name}={shown(param, value)}"
+        for param in describe(Params)
+        if (value := getattr(params, param.name)) != getattr(usual, param.name)
     ]
-    return f"chain filter{', causal' if causal else ', smoothed'}{''.join(', ' + one for one in changed)}"
+    return f"chain filter{', causal' if causal else ', smoothed'}{''.join(', ' + change for change in changed)}"
 
 
 def _notes(
     chain: Chain, card: ArmCard | None, start: Start, anchor: Anchored | None, *, posed: bool, causal: bool
 ) -> tuple[str, ...]:
-    found = []
+    notes = []
     if card is None:
-        found.append("no card: units are taken to sit exactly as the chain says; plumbob arm align finds how they do")
+        notes.append("no card: units are taken to sit exactly as the chain says; plumbob arm align finds how they do")
     else:
-        found += [f"{one.name}: {one.rating}" for one in card.joints if not one.rating.startswith("good")]
+        notes += [f"{joint.name}: {joint.rating}" for joint in card.joints if not joint.rating.startswith("good")]
     if chain.base_fixed and start.free and not posed:
-        found.append(
+        notes.append(
             "nothing says where the arm points on its base: no hinge on the ground lies level, and no pose was given; "
             "headings are of the field, or free"
         )
     elif start.free and anchor is None:
-        found.append("no magnetometer and no fixed base hold the common heading: it counts from the start, and drifts")
+        notes.append("no magnetometer and no fixed base hold the common heading: it counts from the start, and drifts")
     elif start.free and causal:
-        found.append(
+        notes.append(
             "the common heading counts from the start, near North; the fields of all units keep it from drifting"
         )
     if causal:
-        found.append(f"headings begin with what the first {start.ready:.1f} s show; a live system gives them then")
-    return tuple(found)
+        notes.append(f"headings begin with what the first {start.ready:.1f} s show; a live system gives them then")
+    return tuple(notes)
 
 
 def _without_common_heading(cov: Floats) -> Floats:
@@ -341,25 +341,25 @@ def _without_common_heading(cov: Floats) -> Floats:
 def _strays(links: Sequence[Link], motion: Motion) -> Floats:
     """By how many standard deviations both sides of each joint disagree about its axis at keyframes (K, L)."""
     matrices = dcm_from_quat(motion.q[:, motion.rows])
-    found = np.zeros((len(motion.rows), len(links)))
+    strays = np.zeros((len(motion.rows), len(links)))
     for k, link in enumerate(links):
         if link.axes.shape[1]:
-            own = np.broadcast_to(np.eye(3), matrices[0].shape) if link.parent == GROUND else matrices[link.parent]
-            one, other = own @ link.axes[0, 0], matrices[link.child] @ link.axes[1, 0]
-            cosine = np.clip(np.einsum("ki,ki->k", one, other), -1.0, 1.0)
+            parent = np.broadcast_to(np.eye(3), matrices[0].shape) if link.parent == GROUND else matrices[link.parent]
+            in_parent, in_child = parent @ link.axes[0, 0], matrices[link.child] @ link.axes[1, 0]
+            cosine = np.clip(np.einsum("ki,ki->k", in_parent, in_child), -1.0, 1.0)
             right = 0.5 * math.pi if link.joint.kind == "universal" else 0.0
-            found[:, k] = np.abs(np.arccos(cosine) - right) / link.play
-    return found
+            strays[:, k] = np.abs(np.arccos(cosine) - right) / link.play
+    return strays
 
 
 def _contradicted(links: Sequence[Link], strays: Floats) -> tuple[str, ...]:
     """Joints whose axis strays by much more than it did when the chain was aligned, in words."""
     rms = np.sqrt(np.mean(strays**2, axis=0))
     return tuple(
-        f"{link.joint.name}: both sides disagree about its axis by {to_deg(one * link.play):.0f}°, and "
+        f"{link.joint.name}: both sides disagree about its axis by {to_deg(stray * link.play):.0f}°, and "
         f"{to_deg(link.play):.1f}° were expected; a unit has slipped, was exchanged or fails, or the card is of another"
-        for link, one in zip(links, rms, strict=True)
-        if one > STRAYS
+        for link, stray in zip(links, rms, strict=True)
+        if stray > STRAYS
     )
 
 
@@ -380,8 +380,8 @@ class _Reading:
         self._turn_var = np.zeros(len(motion.rows)) if anchor is None else anchor.var
         if anchor is None and motion.begun.size:  # nothing says how the whole turned in a gap
             self._turn_var[motion.begun[0] :] = LOST**2
-        self._mount_var = {one.name: self._var_of_mount(one.unit) for one in chain.segments}
-        self._sway_var = {} if card is None else {one.name: one.sway**2 for one in card.joints}
+        self._mount_var = {segment.name: self._var_of_mount(segment.unit) for segment in chain.segments}
+        self._sway_var = {} if card is None else {joint.name: joint.sway**2 for joint in card.joints}
         self._q = self._segments()
 
     def _var_of_mount(self, unit: str) -> Floats:
@@ -394,15 +394,15 @@ class _Reading:
         """Attitude of each segment at each sample, by name."""
         turn = np.zeros((len(self._motion.t), 3))
         turn[:, 2] = np.interp(self._motion.t, self._times, np.unwrap(self._turn))
-        common, found = quat_from_rotvec(turn), {}
-        for one in self._chain.segments:
-            number = self._numbers[one.name]
+        common, attitudes = quat_from_rotvec(turn), {}
+        for segment in self._chain.segments:
+            number = self._numbers[segment.name]
             if number == GROUND:
-                found[one.name] = np.tile([1.0, 0.0, 0.0, 0.0], (len(turn), 1))
+                attitudes[segment.name] = np.tile([1.0, 0.0, 0.0, 0.0], (len(turn), 1))
             else:
                 of_unit = quat_multiply(common, self._motion.q[number])
-                found[one.name] = quat_multiply(of_unit, quat_conjugate(np.array(one.mount.q_bs)))
-        return found
+                attitudes[segment.name] = quat_multiply(of_unit, quat_conjugate(np.array(segment.mount.q_bs)))
+        return attitudes
 
     def estimate(self, *, north: North, source: str, notes: tuple[str, ...]) -> ArmEstimate:
         """All of it."""
@@ -415,12 +415,12 @@ class _Reading:
             self._motion.t, self._chain.angles, angles, spread, hand, self._at_samples(hand_sd),
             self._flags(spread, north), source,
         )  # fmt: skip
-        tracks = {one.name: self._track(one.name, north, source) for one in self._chain.segments}
+        tracks = {segment.name: self._track(segment.name, north, source) for segment in self._chain.segments}
         return ArmEstimate(joints, tracks, self._chain, self._frame, self._rows, covs, notes)
 
     def _at_samples(self, values: Floats) -> Floats:
         """Values at keyframes (K, M) at every sample."""
-        return np.stack([np.interp(self._motion.t, self._times, one) for one in values.T], axis=1)
+        return np.stack([np.interp(self._motion.t, self._times, column) for column in values.T], axis=1)
 
     def _flags(self, sd: Floats, north: North) -> NDArray[np.uint32]:
         words = np.zeros(len(self._motion.t), dtype=np.uint32)
@@ -433,21 +433,21 @@ class _Reading:
             words |= np.uint32(flags.HEADING_FREE)
         return words
 
-    def _block(self, one: str, other: str) -> Floats:
+    def _block(self, segment: str, second: str) -> Floats:
         """Covariance of the errors of two segments' attitudes at keyframes (K, 3, 3), in the frame inside, rad²."""
-        a, b = self._numbers[one], self._numbers[other]
-        found = np.zeros((len(self._rows), 3, 3))
+        a, b = self._numbers[segment], self._numbers[second]
+        cov = np.zeros((len(self._rows), 3, 3))
         if GROUND not in (a, b):
-            found += self._cov[:, 3 * a : 3 * a + 3, 3 * b : 3 * b + 3]
-            found[:, 2, 2] += self._turn_var
+            cov += self._cov[:, 3 * a : 3 * a + 3, 3 * b : 3 * b + 3]
+            cov[:, 2, 2] += self._turn_var
             if a == b:
-                turn = dcm_from_quat(self._q[one][self._rows])
-                found += (turn * (self._mount_var[one] + self._own_sway(one))) @ np.swapaxes(turn, 1, 2)
-        return found
+                turn = dcm_from_quat(self._q[segment][self._rows])
+                cov += (turn * (self._mount_var[segment] + self._own_sway(segment))) @ np.swapaxes(turn, 1, 2)
+        return cov
 
     def _own_sway(self, segment: str) -> float:
         """Variance that a unit sways by on its segment: half of what its joints show, rad²."""
-        joints = [one.name for one in self._chain.joints if segment in (one.parent, one.child)]
+        joints = [joint.name for joint in self._chain.joints if segment in (joint.parent, joint.child)]
         shown_by = [self._sway_var[name] for name in joints if name in self._sway_var]
         return 0.5 * max(shown_by, default=0.0)
 
@@ -486,10 +486,10 @@ class _Reading:
                 break
             at, reach = by_child[at].parent, np.array(by_child[at].place)
         cov = np.zeros((len(rows), 3, 3))
-        for one, a in path:
+        for segment, a in path:
             for other, b in path:
                 # both signs turn: a point at a moves by θ × a, which is −[a]× θ
-                cov += skew(a) @ self._block(one, other) @ np.swapaxes(skew(b), 1, 2)
+                cov += skew(a) @ self._block(segment, other) @ np.swapaxes(skew(b), 1, 2)
         if self._inside is not self._frame and not self._chain.base_fixed:  # the base's axes are those inside
             turn = dcm_from_quat(frame_rotation(self._frame, self._inside))
             hand, cov = hand @ turn.T, turn @ cov @ turn.T

@@ -147,8 +147,8 @@ def _angles_table(chain: Chain, angles: Floats, track: JointTrack, true: Floats 
     head = ["", "least", "greatest"]
     rows = []
     for name, values in zip(chain.angles, to_deg(angles.T), strict=True):
-        known = values[np.isfinite(values)]
-        rows.append([name, *([f"{known.min():.1f}", f"{known.max():.1f}"] if known.size else ["-", "-"])])
+        finite = values[np.isfinite(values)]
+        rows.append([name, *([f"{finite.min():.1f}", f"{finite.max():.1f}"] if finite.size else ["-", "-"])])
     if track.sd is not None:
         head.append("σ, median")
         for name, row in zip(chain.angles, rows, strict=True):
@@ -156,8 +156,8 @@ def _angles_table(chain: Chain, angles: Floats, track: JointTrack, true: Floats 
     if true is not None:
         head += ["error, rms", "error, max"]
         away = np.abs(wrap(angles - true))
-        for one, row in zip(away.T, rows, strict=True):
-            row.extend([_degrees(np.sqrt(np.nanmean(one**2))), _degrees(np.nanmax(one))])
+        for errors, row in zip(away.T, rows, strict=True):
+            row.extend([_degrees(np.sqrt(np.nanmean(errors**2))), _degrees(np.nanmax(errors))])
     return Table("Joint angles [°]", head, rows)
 
 
@@ -264,10 +264,10 @@ def _program_part(chain: Chain, program: Program) -> Report:
         Table("Stops", ["", "recorded at [s]", "at [s]", "for [s]", *(f"{name} [°]" for name in program.names)], stops)
     ]
     if program.deviations:
-        rows = [[name, _degrees(one.rms), _degrees(one.max)] for name, one in program.deviations.items()]
+        rows = [[name, _degrees(error.rms), _degrees(error.max)] for name, error in program.deviations.items()]
         tables.append(Table("Deviation of the program from the recording [°]", ["", "rms", "max"], rows))
     tables.append(_limits_table(chain, program))
-    bounded = [name for name in _RATES if any(np.isfinite(getattr(one, name)) for one in chain.limits)]
+    bounded = [name for name in _RATES if any(np.isfinite(getattr(limit, name)) for limit in chain.limits)]
     figures = []
     if bounded:
         key = [
@@ -282,7 +282,7 @@ def _program_part(chain: Chain, program: Program) -> Report:
 def _limits_table(chain: Chain, program: Program) -> Table:
     used = program.used(chain)
     bounds = {"position": chain.limits} | {
-        name: tuple(one for one in chain.limits if np.isfinite(getattr(one, name))) for name in _RATES
+        name: tuple(limit for limit in chain.limits if np.isfinite(getattr(limit, name))) for name in _RATES
     }
     rows = [[name, f"{100.0 * used[name]:.1f}" if bounds[name] and used[name] else "without limit"] for name in used]
     return Table("Greatest use of the limits [%]", ["", "of the limit"], rows)

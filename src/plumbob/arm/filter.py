@@ -144,7 +144,7 @@ def at_joint(
 @kernel
 def add_forces(
     t: Floats, gyr: Floats, acc: Floats, u: int, r: int, bias: Floats, m0: float, m1: float, m2: float, m3: float,
-    ends: Floats, at: Floats, found: Floats, forces: Floats,
+    ends: Floats, at: Floats, sums: Floats, forces: Floats,
 ) -> None:  # fmt: skip
     """Add up forces at joints at a sample r, between two others, at whose time unit u is at attitude m."""
     if math.isnan(gyr[u, r - 1, 0] + gyr[u, r, 0] + gyr[u, r + 1, 0] + acc[u, r, 0]):
@@ -162,16 +162,16 @@ def add_forces(
             forces[e, 0] += fx
             forces[e, 1] += fy
             forces[e, 2] += fz
-    found[u, COUNT] += 1.0
+    sums[u, COUNT] += 1.0
 
 
 @kernel
-def add_turn(found: Floats, u: int, dt: float, q0: float, q1: float, q2: float, q3: float) -> None:
+def add_turn(sums: Floats, u: int, dt: float, q0: float, q1: float, q2: float, q3: float) -> None:
     """Add a step at attitude q to the integral of the rotation matrix."""
     ix, iy, iz = rotate(q0, q1, q2, q3, 1.0, 0.0, 0.0)
     jx, jy, jz = rotate(q0, q1, q2, q3, 0.0, 1.0, 0.0)
     kx, ky, kz = cross(ix, iy, iz, jx, jy, jz)
-    row = found[u]
+    row = sums[u]
     row[0] += dt * ix
     row[1] += dt * jx
     row[2] += dt * kx
@@ -186,17 +186,17 @@ def add_turn(found: Floats, u: int, dt: float, q0: float, q1: float, q2: float, 
 @kernel
 def integrate(
     t: Floats, gyr: Floats, acc: Floats, first: int, last: int, mean_rate: bool,
-    q: Floats, v: Floats, bias: Floats, ends: Floats, at: Floats, path: Floats, found: Floats, forces: Floats,
+    q: Floats, v: Floats, bias: Floats, ends: Floats, at: Floats, path: Floats, sums: Floats, forces: Floats,
 ) -> None:  # fmt: skip
     """Integrate every unit over the samples first to last, exclusive, from the one before first.
 
     `q` (U, 4), `v` (U, 3) and `bias` (U, 3) are those of the units, `ends` (E, 3) arms to joint centres and `at` (E,)
-    whose they are. Attitudes go to `path` (U, N, 4). `found` (U, 16) gets the integral of R (9), of the acceleration
+    whose they are. Attitudes go to `path` (U, N, 4). `sums` (U, 16) gets the integral of R (9), of the acceleration
     (3), of the squared rate, times without a rate and without a force, and the number of forces; `forces` (E, 3) the
     mean force at each arm's end, NaN where one is missing, as at the ground. A force is used when the sample behind it
     has come, because angular acceleration needs both neighbours.
     """
-    found[:] = 0.0
+    sums[:] = 0.0
     forces[:] = 0.0
     for u in range(q.shape[0]):
         q0, q1, q2, q3 = q[u, 0], q[u, 1], q[u, 2], q[u, 3]
@@ -205,9 +205,9 @@ def integrate(
         for r in range(first, last):
             dt = t[r] - t[r - 1]
             if r > first:
-                add_forces(t, gyr, acc, u, r - 1, bias, m0, m1, m2, m3, ends, at, found, forces)
+                add_forces(t, gyr, acc, u, r - 1, bias, m0, m1, m2, m3, ends, at, sums, forces)
             if math.isnan(gyr[u, r, 0]):
-                found[u, BLIND] += dt
+                sums[u, BLIND] += dt
             else:
                 wx, wy, wz = gyr[u, r, 0], gyr[u, r, 1], gyr[u, r, 2]
             ox, oy, oz = wx - bias[u, 0], wy - bias[u, 1], wz - bias[u, 2]
@@ -215,22 +215,22 @@ def integrate(
             m0, m1, m2, m3 = quat_mul(q0, q1, q2, q3, h0, h1, h2, h3)
             q0, q1, q2, q3 = quat_mul(m0, m1, m2, m3, h0, h1, h2, h3)
             q0, q1, q2, q3 = quat_unit(q0, q1, q2, q3)
-            add_turn(found, u, dt, m0, m1, m2, m3)
-            found[u, TURNED] += dt * (ox * ox + oy * oy + oz * oz)
+            add_turn(sums, u, dt, m0, m1, m2, m3)
+            sums[u, TURNED] += dt * (ox * ox + oy * oy + oz * oz)
             if math.isnan(acc[u, r, 0]):
-                found[u, PUSHED] += dt
+                sums[u, PUSHED] += dt
             else:
                 fx, fy, fz = rotate(m0, m1, m2, m3, acc[u, r, 0], acc[u, r, 1], acc[u, r, 2])
-                found[u, 9] += dt * fx
-                found[u, 10] += dt * fy
-                found[u, 11] += dt * (fz - G0)
+                sums[u, 9] += dt * fx
+                sums[u, 10] += dt * fy
+                sums[u, 11] += dt * (fz - G0)
             p0, p1, p2, p3 = (q0, q1, q2, q3) if mean_rate else (m0, m1, m2, m3)
             path[u, r, 0], path[u, r, 1], path[u, r, 2], path[u, r, 3] = p0, p1, p2, p3
         q[u, 0], q[u, 1], q[u, 2], q[u, 3] = q0, q1, q2, q3
         for i in range(3):
-            v[u, i] += found[u, 9 + i]
+            v[u, i] += sums[u, 9 + i]
     for e in range(at.shape[0]):
-        count = found[int(at[e]), COUNT] if at[e] >= 0.0 else 0.0  # the ground has no unit
+        count = sums[int(at[e]), COUNT] if at[e] >= 0.0 else 0.0  # the ground has no unit
         for k in range(3):
             forces[e, k] = forces[e, k] / count if count > 0.0 else math.nan
 
@@ -295,7 +295,7 @@ class ChainFilter:
         self.cov = np.diag(np.hstack((q_sd, others)).ravel() ** 2)
         self._ends = np.concatenate([np.zeros((0, 3))] + [link.arms for link in self.links])
         self._at = np.array([float(u) for link in self.links for u in (link.parent, link.child)])
-        self._found, self._forces = np.zeros((units, 16)), np.zeros(self._ends.shape)
+        self._sums, self._forces = np.zeros((units, 16)), np.zeros(self._ends.shape)
 
     @property
     def forces(self) -> Floats:
@@ -306,7 +306,7 @@ class ChainFilter:
         """Integrate over samples first to last, exclusive, and nothing else."""
         integrate(
             samples.t, samples.gyr, samples.acc, first, last, self.params.mean_rate, self.q, self.v, self.bias,
-            self._ends, self._at, path, self._found, self._forces,
+            self._ends, self._at, path, self._sums, self._forces,
         )  # fmt: skip
 
     def now(self) -> Keyframe:
@@ -329,16 +329,16 @@ class ChainFilter:
         p = self.params
         turn, noise = np.eye(len(self.cov)), np.zeros(len(self.cov))
         for u in range(self.units):
-            first, one = WIDTH * u, self._found[u]
-            rotation, push = one[:9].reshape(3, 3), skew(one[9:12] + [0.0, 0.0, G0 * span])
+            first, sums = WIDTH * u, self._sums[u]
+            rotation, push = sums[:9].reshape(3, 3), skew(sums[9:12] + [0.0, 0.0, G0 * span])
             turn[first : first + 3, first + 3 : first + 6] = -rotation
             turn[first + 6 : first + 9, first : first + 3] = -push
             turn[first + 6 : first + 9, first + 3 : first + 6] = 0.5 * push @ rotation
-            blind = max(gap, one[BLIND])
-            noise[first : first + 3] = p.gyro_noise**2 * span + p.gyr_scale_sd**2 * BEND * one[TURNED]
+            blind = max(gap, sums[BLIND])
+            noise[first : first + 3] = p.gyro_noise**2 * span + p.gyr_scale_sd**2 * BEND * sums[TURNED]
             noise[first : first + 3] += UNSEEN_RATE**2 * blind * max(blind, UNSEEN_TIME)
             noise[first + 3 : first + 6] = p.bias_walk**2 * span
-            noise[first + 6 : first + 9] = p.acc_noise**2 * span + (UNSEEN_FORCE * max(gap, one[PUSHED])) ** 2
+            noise[first + 6 : first + 9] = p.acc_noise**2 * span + (UNSEEN_FORCE * max(gap, sums[PUSHED])) ** 2
         self.cov = turn @ self.cov @ turn.T
         self.cov[np.diag_indices(len(noise))] += noise
         return turn
@@ -380,9 +380,9 @@ class ChainFilter:
         var = link.play**2 * alike
         ones, others = link.axes[0] @ parent.T, link.axes[1] @ matrices[link.child].T
         if link.joint.kind == "universal":
-            one, other = ones[0], others[0]
-            turn = np.cross(one, other)[np.newaxis]
-            return [Row(self._turning(link, turn, -turn), np.array([-one @ other]), var, True)]
+            axis, other = ones[0], others[0]
+            turn = np.cross(axis, other)[np.newaxis]
+            return [Row(self._turning(link, turn, -turn), np.array([-axis @ other]), var, True)]
         if link.joint.kind == "fixed":
             swing = 0.5 * sum((np.cross(b, a) for a, b in zip(ones, others, strict=True)), np.zeros(3))
             return [Row(self._turning(link, -np.eye(3), np.eye(3)), swing, var, True)]
@@ -397,9 +397,9 @@ class ChainFilter:
         rows = []
         for link in self.links:
             if link.parent != GROUND and min(size[link.parent], size[link.child]) > LEAST_FIELD:
-                one, other = (complex(*level[u, :2]) for u in (link.parent, link.child))
+                field, other = (complex(*level[u, :2]) for u in (link.parent, link.child))
                 up = np.array([[0.0, 0.0, 1.0]])
-                rows.append(Row(self._turning(link, -up, up), np.array([cmath.phase(one / other)]), var, True))
+                rows.append(Row(self._turning(link, -up, up), np.array([cmath.phase(field / other)]), var, True))
         return rows
 
     def _use(self, rows: Sequence[Row]) -> None:
@@ -423,8 +423,8 @@ class ChainFilter:
 
     def inject(self, error: Floats) -> None:
         """Take an error (D,) off the state."""
-        own = error[: WIDTH * self.units].reshape(self.units, WIDTH)
-        self.q = quat_multiply(quat_from_rotvec(own[:, :3]), self.q)
+        unit_error = error[: WIDTH * self.units].reshape(self.units, WIDTH)
+        self.q = quat_multiply(quat_from_rotvec(unit_error[:, :3]), self.q)
         self.q /= np.linalg.norm(self.q, axis=1, keepdims=True)
-        self.bias = self.bias + own[:, 3:6]
-        self.v = self.v + own[:, 6:9]
+        self.bias = self.bias + unit_error[:, 3:6]
+        self.v = self.v + unit_error[:, 6:9]

@@ -100,15 +100,15 @@ def lever_matrices(t: Floats, gyr: Floats) -> Floats:
     return change + spin @ spin
 
 
-def whole(values: Floats, t: Floats) -> Floats:
+def interpolated(values: Floats, t: Floats) -> Floats:
     """Values (U, N, 3) whose missing ones are filled in on straight lines."""
-    return np.stack([filled(t, one) for one in values])
+    return np.stack([filled(t, signal) for signal in values])
 
 
-def terms_of(samples: Samples, motion: Motion, *, mean_rate: bool) -> Terms:
+def force_terms(samples: Samples, motion: Motion, *, mean_rate: bool) -> Terms:
     """Terms of a recording whose attitudes are known."""
-    gyr, acc = whole(samples.gyr, samples.t), whole(samples.acc, samples.t)
-    gyr = gyr - np.stack([_held(motion, samples.t, u) for u in range(len(gyr))])
+    gyr, acc = interpolated(samples.gyr, samples.t), interpolated(samples.acc, samples.t)
+    gyr = gyr - np.stack([_bias(motion, samples.t, u) for u in range(len(gyr))])
     q = motion.q
     if mean_rate:  # attitudes are half a step later than the rates and forces
         half = -0.5 * np.diff(samples.t, prepend=2.0 * samples.t[0] - samples.t[1])
@@ -116,7 +116,7 @@ def terms_of(samples: Samples, motion: Motion, *, mean_rate: bool) -> Terms:
     return Terms(samples.t, dcm_from_quat(q), lever_matrices(samples.t, gyr), acc)
 
 
-def _held(motion: Motion, t: Floats, u: int) -> Floats:
+def _bias(motion: Motion, t: Floats, u: int) -> Floats:
     times = motion.t[motion.rows]
     return np.stack([np.interp(t, times, motion.bias[:, u, axis]) for axis in range(3)], axis=1)
 
@@ -134,13 +134,13 @@ def _slow(values: Floats, t: Floats) -> tuple[Floats, float]:
 
 def lasting(values: Floats, step: float) -> float:
     """How long values (N, M), one each `step`, s, stay alike: from how the variance of their means falls."""
-    found, variance = 0.5 * step, float(np.mean(np.var(values, axis=0)))
+    duration, variance = 0.5 * step, float(np.mean(np.var(values, axis=0)))
     for count in (3, 10, 30, 100):
         if len(values) < 5 * count or variance == 0.0:
             break
         means = values[: len(values) // count * count].reshape(-1, count, values.shape[1]).mean(axis=1)
-        found = max(found, 0.5 * step * count * float(np.mean(np.var(means, axis=0))) / variance)
-    return found
+        duration = max(duration, 0.5 * step * count * float(np.mean(np.var(means, axis=0))) / variance)
+    return duration
 
 
 def arms_from_sizes(samples: Samples, link: Link) -> Floats:
@@ -151,7 +151,7 @@ def arms_from_sizes(samples: Samples, link: Link) -> Floats:
     from scipy.optimize import least_squares
 
     pair = [link.parent, link.child]
-    gyr, acc = whole(samples.gyr[pair], samples.t), whole(samples.acc[pair], samples.t)
+    gyr, acc = interpolated(samples.gyr[pair], samples.t), interpolated(samples.acc[pair], samples.t)
     every = max(1, len(samples) // 3000)
     lever = lever_matrices(samples.t, gyr)[:, ::every]
     force = acc[:, ::every]
@@ -181,14 +181,14 @@ def fit_arms(terms: Terms, link: Link, prior: Prior) -> Fit:
     a, alike = _slow(both, terms.t)
     y, _ = _slow(off, terms.t)
     fit = _solved(a.reshape(-1, 6), y.ravel(), prior, alike, LEAST_FORCE_SD)
-    left = off - both @ fit.value.ravel()
+    residual = off - both @ fit.value.ravel()
     count = max(1, round(MEAN_OVER / float(np.median(np.diff(terms.t)))))
-    means = left[: len(left) // count * count].reshape(-1, count, 3).mean(axis=1)
+    means = residual[: len(residual) // count * count].reshape(-1, count, 3).mean(axis=1)
     sides = 1.0 if link.parent == GROUND else 2.0
     return fit._replace(
         residual=max(float(np.sqrt(np.mean(means**2) / sides)), LEAST_FORCE_SD),
         lasts=lasting(means, MEAN_OVER),
-        shake=float(np.sqrt(np.mean(left**2))),
+        shake=float(np.sqrt(np.mean(residual**2))),
     )
 
 
@@ -210,16 +210,16 @@ def first_axes(terms: Terms, link: Link) -> Floats:
     mean = np.mean(np.swapaxes(_parent(terms, link), 1, 2) @ terms.matrix[link.child], axis=0)
     if link.joint.kind == "universal":
         return _crossed(np.swapaxes(_parent(terms, link), 1, 2) @ terms.matrix[link.child])
-    left, _, right = np.linalg.svd(mean)
-    return np.stack((left[:, :1].T, right[:1]))
+    u, _, vt = np.linalg.svd(mean)
+    return np.stack((u[:, :1].T, vt[:1]))
 
 
 def _crossed(turns: Floats) -> Floats:
     """Axes of a universal joint: the pair that stays at right angles, of relative rotation matrices (N, 3, 3)."""
     flat = turns.reshape(-1, 9)
     least = np.linalg.eigh(flat.T @ flat)[1][:, 0].reshape(3, 3)
-    left, _, right = np.linalg.svd(least)
-    return np.stack((left[:, :1].T, right[:1]))
+    u, _, vt = np.linalg.svd(least)
+    return np.stack((u[:, :1].T, vt[:1]))
 
 
 def _parent(terms: Terms, link: Link) -> Floats:
@@ -238,23 +238,23 @@ def fit_axes(terms: Terms, link: Link, sd_before: float = _UNKNOWN_AXIS) -> Fit:
     sd_before : float
         How well those are known already, rad.
     """
-    one, other = _parent(terms, link), terms.matrix[link.child]
+    parent, child = _parent(terms, link), terms.matrix[link.child]
     every = max(1, len(terms.t) // 3000)
-    one, other = one[::every], other[::every]
+    parent, child = parent[::every], child[::every]
     step = float(np.median(np.diff(terms.t))) * every
     alike = max(1.0, 2.0 * link.play_time / step)
     if link.joint.kind == "fixed":
-        return _fixed(one, other, link, alike, step)
+        return _fixed(parent, child, link, alike, step)
     before = value = link.axes[:, 0]
     for _ in range(_ROUNDS):
         around = [np.eye(3) / sd_before**2 + np.outer(v, v) / _LENGTH_SD**2 for v in value]
         if link.joint.kind == "universal":
-            turned = np.swapaxes(one, 1, 2) @ other
+            turned = np.swapaxes(parent, 1, 2) @ child
             a = np.concatenate((turned @ value[1], value[0] @ turned), axis=1)
             off = -np.einsum("i,nij,j->n", value[0], turned, value[1])
         else:
-            a = np.concatenate((one, -other), axis=2).reshape(-1, 6)
-            off = -(one @ value[0] - other @ value[1]).ravel()
+            a = np.concatenate((parent, -child), axis=2).reshape(-1, 6)
+            off = -(parent @ value[0] - child @ value[1]).ravel()
         sd = max(float(np.sqrt(np.mean(off**2))), LEAST_PLAY)
         information = np.zeros((6, 6))
         information[:3, :3], information[3:, 3:] = around
@@ -265,15 +265,15 @@ def fit_axes(terms: Terms, link: Link, sd_before: float = _UNKNOWN_AXIS) -> Fit:
         value = value / np.linalg.norm(value, axis=1, keepdims=True)
     # of a hinge, two of three components vary
     share = 3.0 / 2.0 if link.joint.kind == "hinge" else 1.0
-    lasts = lasting(off.reshape(len(one), -1), step)
+    lasts = lasting(off.reshape(len(parent), -1), step)
     return Fit(value[:, np.newaxis], np.linalg.inv(normal), sd * float(np.sqrt(share)), lasts)
 
 
-def _fixed(one: Floats, other: Floats, link: Link, alike: float, step: float) -> Fit:
-    mean = np.mean(np.swapaxes(one, 1, 2) @ other, axis=0)
-    left, _, right = np.linalg.svd(mean)
-    turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
-    off = one @ turn - other
+def _fixed(parent: Floats, child: Floats, link: Link, alike: float, step: float) -> Fit:
+    mean = np.mean(np.swapaxes(parent, 1, 2) @ child, axis=0)
+    u, _, vt = np.linalg.svd(mean)
+    turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    off = parent @ turn - child
     sd = max(float(np.sqrt(np.mean(off**2))), LEAST_PLAY)
     axes = np.stack((link.axes[0], link.axes[0] @ turn))
-    return Fit(axes, np.eye(6) * sd**2 * alike / len(one), sd, lasting(off.reshape(len(one), -1), step))
+    return Fit(axes, np.eye(6) * sd**2 * alike / len(parent), sd, lasting(off.reshape(len(parent), -1), step))

@@ -66,21 +66,21 @@ def unit_numbers(chain: Chain) -> dict[str, int]:
     ParameterError
         If another segment has no unit.
     """
-    found: dict[str, int] = {}
+    numbers: dict[str, int] = {}
     for place, segment in enumerate(chain.segments):
         if segment.unit:
-            found[segment.name] = sum(number != GROUND for number in found.values())
+            numbers[segment.name] = sum(number != GROUND for number in numbers.values())
         elif place == 0 and chain.base_fixed:
-            found[segment.name] = GROUND
+            numbers[segment.name] = GROUND
         else:
             raise ParameterError(
                 f"the segment '{segment.name}' of {chain.name} has no unit, so nothing says how it turns. Put a unit "
                 "on it, or make one joint of those on both sides of it."
             )
-    return found
+    return numbers
 
 
-def links_of(
+def chain_links(
     chain: Chain, *, play: Mapping[str, float] | None = None, force_sd: Mapping[str, float] | None = None
 ) -> list[Link]:
     """Links of a chain whose geometry is known.
@@ -93,8 +93,8 @@ def links_of(
         By joint, as of `Link`.
     """
     numbers = unit_numbers(chain)
-    mounts = {one.name: one.mount for one in chain.segments}
-    found = []
+    mounts = {segment.name: segment.mount for segment in chain.segments}
+    links = []
     for joint in chain.joints:
         parent, child = numbers[joint.parent], numbers[joint.child]
         before = Mount() if parent == GROUND else mounts[joint.parent]
@@ -105,21 +105,21 @@ def links_of(
                 after.dcm.T @ -np.array(after.lever_b),
             ]
         )
-        found.append(
+        links.append(
             Link(
                 joint=joint,
                 parent=parent,
                 child=child,
                 arms=arms,
-                axes=axes_of(joint, before, after),
+                axes=joint_axes(joint, before, after),
                 play=(play or {}).get(joint.name, PLAY),
                 force_sd=(force_sd or {}).get(joint.name, FORCE_SD),
             )
         )
-    return found
+    return links
 
 
-def axes_of(joint: Joint, before: Mount, after: Mount) -> Floats:
+def joint_axes(joint: Joint, before: Mount, after: Mount) -> Floats:
     """Axes of a joint in the axes of the units before and behind it, (2, K, 3)."""
     in_parent, in_child = before.dcm.T @ Mount(joint.q_pc).dcm, after.dcm.T
     if joint.kind == "fixed":

@@ -129,7 +129,7 @@ class Program(Series):
             object.__setattr__(self, name, check.read_only(values))
 
     @classmethod
-    def of(cls, track: JointTrack, recorded: Floats | None = None) -> "Program":
+    def from_track(cls, track: JointTrack, recorded: Floats | None = None) -> "Program":
         """Take angles as they are for a program, as one that a file holds; its rates are differences of them."""
         if len(track) < 3:
             raise ShapeError(f"a program needs 3 samples, but {counted(len(track), 'sample')} came.")
@@ -140,7 +140,7 @@ class Program(Series):
     @classmethod
     def load(cls, path: str | Path) -> "Program":
         """Read a program, or any angles, from a ``.csv`` or ``.parquet`` table; errors as of `JointTrack.load`."""
-        return cls.of(JointTrack.load(path), read_table(path)[0].get(RECORDED))
+        return cls.from_track(JointTrack.load(path), read_table(path)[0].get(RECORDED))
 
     def __len__(self) -> int:
         return int(self.t.size)
@@ -162,14 +162,14 @@ class Program(Series):
 
     def columns(self) -> Mapping[str, Floats]:
         """Time, angles and their rates."""
-        found = {TIME: self.t}
+        columns = {TIME: self.t}
         for values, end, unit in (
             (self.angles, "", "rad"),
             (self.velocities, "_velocity", "rad/s"),
             (self.accelerations, "_acceleration", "rad/s2"),
         ):
-            found |= {f"{name}{end} [{unit}]": values[:, k] for k, name in enumerate(self.names)}
-        return found
+            columns |= {f"{name}{end} [{unit}]": values[:, k] for k, name in enumerate(self.names)}
+        return columns
 
     def track(self) -> JointTrack:
         """Its angles as any others."""
@@ -183,7 +183,7 @@ class Program(Series):
         mapping of str to float
             ``position`` (of half the range, from its middle), ``velocity``, ``acceleration`` and ``jerk``.
         """
-        return _used(self.angles, 1.0 / self.rate, _limits_of(limits, self.names))
+        return _used(self.angles, 1.0 / self.rate, _bounds(limits, self.names))
 
 
 def taught(
@@ -226,17 +226,17 @@ def taught(
         If fewer than 8 samples are known.
     """
     rate, smooth, still, dwell = (
-        _size(*one)
-        for one in (
+        _size(*option)
+        for option in (
             ("rate", rate, Quantity.FREQUENCY),
             ("smooth", smooth, Quantity.TIME),
             ("still", still, Quantity.ANGLE),
             ("dwell", dwell, Quantity.TIME),
         )
     )
-    bounds = _limits_of(Limits() if limits is None else limits, track.names)
-    t, q, notes = _whole(track, bounds)
-    rests = stops_of(t, q, still=still, dwell=dwell, smooth=smooth)
+    bounds = _bounds(Limits() if limits is None else limits, track.names)
+    t, q, notes = _resampled(track, bounds)
+    rests = find_stops(t, q, still=still, dwell=dwell, smooth=smooth)
     poses, clipped = _poses(q, rests, bounds, track.names, t)
     motions = [
         _Motion.fitted(t[start:end], q[start:end], poses[k : k + 2], smooth, bounds)
@@ -245,7 +245,7 @@ def taught(
     factor = 1.0
     for _ in range(_ROUNDS):  # once; again where a peak between the points that were looked at shows in the samples
         times, angles, velocities, accelerations, when, spans = _sampled(t, rests, poses, motions, rate, factor)
-        angles = np.clip(angles, [one.low for one in bounds], [one.high for one in bounds])  # by the last bit
+        angles = np.clip(angles, [bound.low for bound in bounds], [bound.high for bound in bounds])  # by the last bit
         over = _over(angles, velocities, accelerations, rate, bounds)
         if over <= 1.0:
             break
@@ -255,7 +255,7 @@ def taught(
             f"no program at {rate:g} Hz keeps these limits: a jerk of the last bit of an angle is greater. Lower the "
             "rate, or raise the limits."
         )
-    found = [
+    stops = [
         Stop(*span, tuple(pose.tolist()), float(t[rest[0]]))
         for span, pose, rest in zip(spans, poses, rests, strict=True)
         if rest[1] > rest[0]
@@ -267,7 +267,7 @@ def taught(
         velocities,
         accelerations,
         when,
-        tuple(found),
+        tuple(stops),
         dict(zip(track.names, _deviations(t, q, rests, poses, motions), strict=True)),
         float(times[-1] / (t[-1] - t[0])),
         (*notes, *clipped),
@@ -281,15 +281,15 @@ def _size(name: str, value: float | str, quantity: Quantity) -> float:
     return number
 
 
-def _limits_of(limits: "Chain | Limits | Sequence[Limits]", names: Sequence[str]) -> tuple[Limits, ...]:
+def _bounds(limits: "Chain | Limits | Sequence[Limits]", names: Sequence[str]) -> tuple[Limits, ...]:
     """Limits of each angle."""
     if isinstance(limits, Limits):
         return (limits,) * len(names)
     if not isinstance(limits, Chain):
-        found = tuple(limits)
-        if len(found) != len(names):
-            raise ParameterError(f"{counted(len(names), 'angle')} need as many limits, but {len(found)} came.")
-        return found
+        bounds = tuple(limits)
+        if len(bounds) != len(names):
+            raise ParameterError(f"{counted(len(names), 'angle')} need as many limits, but {len(bounds)} came.")
+        return bounds
     by_name = dict(zip(limits.angles, limits.limits, strict=True))
     unknown = [name for name in names if name not in by_name]
     if unknown:
@@ -299,10 +299,10 @@ def _limits_of(limits: "Chain | Limits | Sequence[Limits]", names: Sequence[str]
     return tuple(by_name[name] for name in names)
 
 
-def _whole(track: JointTrack, bounds: Sequence[Limits]) -> tuple[Floats, Floats, tuple[str, ...]]:
+def _resampled(track: JointTrack, bounds: Sequence[Limits]) -> tuple[Floats, Floats, tuple[str, ...]]:
     """Times and angles (N, K) without gaps and without jumps by a turn, from the first to the last that are known."""
-    known = np.asarray(np.isfinite(track.angles).all(axis=1))
-    rows = np.flatnonzero(known)
+    finite = np.asarray(np.isfinite(track.angles).all(axis=1))
+    rows = np.flatnonzero(finite)
     if rows.size < 8 or not track.names:
         raise ShapeError(f"a program needs at least 8 samples of known angles, but {rows.size} came.")
     t = track.t[rows[0] : rows[-1] + 1]
@@ -310,20 +310,20 @@ def _whole(track: JointTrack, bounds: Sequence[Limits]) -> tuple[Floats, Floats,
     step = float(np.median(steps))
     line = np.linspace(t[0], t[-1], 1 + max(8, round((t[-1] - t[0]) / step)))
     turned = np.unwrap(track.angles[rows], axis=0)
-    for k, one in enumerate(bounds):  # the turn on which most of it lies inside the range
-        if np.isfinite(one.low) and np.isfinite(one.high):
-            middle = 0.5 * (one.low + one.high)
+    for k, bound in enumerate(bounds):  # the turn on which most of it lies inside the range
+        if np.isfinite(bound.low) and np.isfinite(bound.high):
+            middle = 0.5 * (bound.low + bound.high)
             turned[:, k] -= 2.0 * np.pi * np.round((np.median(turned[:, k]) - middle) / (2.0 * np.pi))
-    if np.ptp(steps) < 1e-3 * step and known[rows[0] : rows[-1] + 1].all():
+    if np.ptp(steps) < 1e-3 * step and finite[rows[0] : rows[-1] + 1].all():
         line, q = t, turned
     else:
-        q = np.stack([np.interp(line, track.t[rows], one) for one in turned.T], axis=1)
+        q = np.stack([np.interp(line, track.t[rows], column) for column in turned.T], axis=1)
     longest = float(np.diff(track.t[rows]).max())
     note = f"Angles are not known for up to {longest:.3g} s; they were joined by straight lines."
     return line, q, (note,) if longest > 2.5 * step else ()
 
 
-def stops_of(t: Floats, angles: Floats, *, still: float, dwell: float, smooth: float) -> list[tuple[int, int]]:
+def find_stops(t: Floats, angles: Floats, *, still: float, dwell: float, smooth: float) -> list[tuple[int, int]]:
     """Rows (first, last) of each stop; the first and the last row are stops of no length where nothing stands still.
 
     Parameters
@@ -342,14 +342,14 @@ def stops_of(t: Floats, angles: Floats, *, still: float, dwell: float, smooth: f
     step = (t[-1] - t[0]) / (t.size - 1)
     mean = uniform_filter1d(angles, 2 * round(0.5 * smooth / step) + 1, axis=0, mode="nearest")
     width = max(2, 1 + int(np.ceil(dwell / step - 1e-6)))
-    found = [_trimmed(mean, rest, width, still) for rest in _still(mean, 0, width, still, still / _FINEST)]
+    stops = [_trimmed(mean, rest, width, still) for rest in _still(mean, 0, width, still, still / _FINEST)]
     last = t.size - 1
-    found = [(0 if a <= _LEAST else a, last if b >= last - _LEAST else b) for a, b in found]
-    if not found or found[0][0] > 0:
-        found.insert(0, (0, 0))
-    if found[-1][1] < last:
-        found.append((last, last))
-    return found
+    stops = [(0 if a <= _LEAST else a, last if b >= last - _LEAST else b) for a, b in stops]
+    if not stops or stops[0][0] > 0:
+        stops.insert(0, (0, 0))
+    if stops[-1][1] < last:
+        stops.append((last, last))
+    return stops
 
 
 def _still(mean: Floats, offset: int, width: int, still: float, least: float) -> list[tuple[int, int]]:
@@ -360,16 +360,16 @@ def _still(mean: Floats, offset: int, width: int, still: float, least: float) ->
         return []
     windows = sliding_window_view(mean, width, axis=0)
     quiet = ((windows.max(axis=-1) - windows.min(axis=-1)) <= still).all(axis=1)
-    found: list[tuple[int, int]] = []
+    rests: list[tuple[int, int]] = []
     for start, end in check.runs(quiet):
         run = mean[start : end + width - 1]
         first = start + offset
         if (np.ptp(run, axis=0) <= 2.0 * still).all():
-            found.append((first, first + len(run) - 1))
+            rests.append((first, first + len(run) - 1))
         elif 0.5 * still >= least:
-            found += _still(run, first, width, 0.5 * still, least)
+            rests += _still(run, first, width, 0.5 * still, least)
     apart: list[tuple[int, int]] = []
-    for first, last in found:  # two runs of windows may share rows, and a motion needs some
+    for first, last in rests:  # two runs of windows may share rows, and a motion needs some
         begin = max(first, apart[-1][1] + _LEAST + 1) if apart else first
         if last - begin + 1 >= width:
             apart.append((begin, last))
@@ -394,7 +394,7 @@ def _poses(
 ) -> tuple[Floats, list[str]]:
     """Pose of each stop, the median of its rows, inside the ranges; and what that changed."""
     poses = np.stack([np.median(q[first : last + 1], axis=0) for first, last in rests])
-    inside = np.clip(poses, [one.low for one in bounds], [one.high for one in bounds])
+    inside = np.clip(poses, [bound.low for bound in bounds], [bound.high for bound in bounds])
     notes = [
         f"The pose at {t[rests[row][0]]:.3f} s of the recording is {to_deg(abs(poses[row, k] - inside[row, k])):.2f}° "
         f"beyond the range of {names[k]}, and was brought to its end."
@@ -405,7 +405,7 @@ def _poses(
 
 def _between(rests: Sequence[tuple[int, int]], count: int) -> list[tuple[int, int]]:
     """Rows (first, behind the last) of each motion, which begins and ends on a row of a stop."""
-    return [(one[1], min(count, other[0] + 1)) for one, other in pairwise(rests)]
+    return [(rest[1], min(count, after[0] + 1)) for rest, after in pairwise(rests)]
 
 
 @dataclass(frozen=True)
@@ -434,7 +434,7 @@ class _Motion:
         """In the program, s."""
         return float(self.clock(self.path.t[-1]))
 
-    def at(self, times: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    def states(self, times: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Angles, velocities and accelerations (M, K) at times of the program, and recorded times (M,)."""
         s = np.interp(times, self.clock(self.path.t), self.path.t)
         slope, bend = self.clock.derivative(), self.clock.derivative(2)
@@ -463,11 +463,11 @@ def _path(t: Floats, q: Floats, ends: Floats, smooth: float, bounds: Sequence[Li
         design = BSpline.design_matrix(np.clip(t, 0.0, t[-1]), knots, DEGREE).tocsr()
         third = diags_array([-1.0, 3.0, -3.0, 1.0], offsets=[0, 1, 2, 3], shape=(count - 3, count))
         normal = csc_array(design.T @ design + _BENDING * (third.T @ third))
-        known = control.copy()
-        known[free] = 0.0
-        right = (design.T @ q - normal @ known)[free]
+        fixed = control.copy()
+        fixed[free] = 0.0
+        right = (design.T @ q - normal @ fixed)[free]
         control[free] = spsolve(normal[free, free], right).reshape(-1, q.shape[1])
-        control[free] = np.clip(control[free], [one.low for one in bounds], [one.high for one in bounds])
+        control[free] = np.clip(control[free], [bound.low for bound in bounds], [bound.high for bound in bounds])
     return BSpline(knots, control, DEGREE)
 
 
@@ -512,12 +512,12 @@ def _smoothed_below(values: Floats, width: int) -> Floats:
 def _ratio(shape: Sequence[Floats], speed: Sequence[Floats], bounds: Sequence[Limits]) -> Floats:
     """By which factor (N,) the motion would have to be slower at each place to keep all limits."""
     q1, q2, q3 = shape
-    u, u1, u2 = (one[:, np.newaxis] for one in speed)
-    found = (q1 * u, q2 * u**2 + q1 * u * u1, q3 * u**3 + 3.0 * q2 * u**2 * u1 + q1 * (u**2 * u2 + u * u1**2))
-    tops = np.array([one[2:] for one in bounds]).T  # (3, K)
+    u, u1, u2 = (curve[:, np.newaxis] for curve in speed)
+    rates = (q1 * u, q2 * u**2 + q1 * u * u1, q3 * u**3 + 3.0 * q2 * u**2 * u1 + q1 * (u**2 * u2 + u * u1**2))
+    tops = np.array([bound[2:] for bound in bounds]).T  # (3, K)
     ratios = [
         (np.abs(values) / (_MARGIN * top)).max(axis=1) ** (1.0 / order)
-        for order, (values, top) in enumerate(zip(found, tops, strict=True), 1)
+        for order, (values, top) in enumerate(zip(rates, tops, strict=True), 1)
     ]
     return np.asarray(np.max(ratios, axis=0))
 
@@ -546,9 +546,9 @@ def _sampled(
     for k, motion in enumerate(motions):
         start, end = spans[k][1], spans[k + 1][0]
         rows = (times > start) & (times < end - _INSTANT)
-        found = motion.at((times[rows] - start) / factor)
-        angles[rows], velocities[rows], accelerations[rows] = found[0], found[1] / factor, found[2] / factor**2
-        when[rows] = t[rests[k][1]] + found[3]
+        states = motion.states((times[rows] - start) / factor)
+        angles[rows], velocities[rows], accelerations[rows] = states[0], states[1] / factor, states[2] / factor**2
+        when[rows] = t[rests[k][1]] + states[3]
         after = times >= end - _INSTANT
         angles[after] = poses[k + 1]
         when[after] = np.minimum(t[rests[k + 1][0]] + times[after] - end, t[-1])
@@ -557,28 +557,28 @@ def _sampled(
 
 def _used(angles: Floats, step: float, bounds: Sequence[Limits]) -> dict[str, float]:
     """Share of the limits that samples use at most."""
-    found = {"position": 0.0, "velocity": 0.0, "acceleration": 0.0, "jerk": 0.0}
-    for k, one in enumerate(bounds):
-        if np.isfinite(one.low) and np.isfinite(one.high):
-            away = np.abs(angles[:, k] - 0.5 * (one.low + one.high)).max() / (0.5 * (one.high - one.low))
-            found["position"] = max(found["position"], float(away))
+    shares = {"position": 0.0, "velocity": 0.0, "acceleration": 0.0, "jerk": 0.0}
+    for k, bound in enumerate(bounds):
+        if np.isfinite(bound.low) and np.isfinite(bound.high):
+            away = np.abs(angles[:, k] - 0.5 * (bound.low + bound.high)).max() / (0.5 * (bound.high - bound.low))
+            shares["position"] = max(shares["position"], float(away))
         for order, name in enumerate(("velocity", "acceleration", "jerk"), 1):
             if len(angles) > order:
                 most = np.abs(np.diff(angles[:, k], order)).max() / step**order
-                found[name] = max(found[name], float(most / getattr(one, name)))
-    return found
+                shares[name] = max(shares[name], float(most / getattr(bound, name)))
+    return shares
 
 
 def _over(angles: Floats, velocities: Floats, accelerations: Floats, rate: float, bounds: Sequence[Limits]) -> float:
     """By which factor the motions would have to be slower to keep the limits in every sample."""
     used = _used(angles, 1.0 / rate, bounds)
-    found: list[float] = []
+    factors: list[float] = []
     for name, values in (("velocity", velocities), ("acceleration", accelerations)):
-        tops = [getattr(one, name) for one in bounds]
+        tops = [getattr(bound, name) for bound in bounds]
         used[name] = max(used[name], float((np.abs(values).max(axis=0) / tops).max()))
     for order, name in enumerate(("velocity", "acceleration", "jerk"), 1):
-        found.append(float(used[name] ** (1.0 / order)))
-    return max(found)
+        factors.append(float(used[name] ** (1.0 / order)))
+    return max(factors)
 
 
 def _deviations(
@@ -591,4 +591,4 @@ def _deviations(
     for (first, last), pose in zip(rests, poses, strict=True):
         path[first : last + 1] = pose
     away = np.abs(path - q)
-    return [Deviation(float(np.sqrt(np.mean(one**2))), float(one.max())) for one in away.T]
+    return [Deviation(float(np.sqrt(np.mean(errors**2))), float(errors.max())) for errors in away.T]

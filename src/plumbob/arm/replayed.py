@@ -89,7 +89,7 @@ class Replay(Series):
                 f"truth goes from {times[0]:.3f} to {times[-1]:.3f} s, but the program was recorded from "
                 f"{self.recorded[0]:.3f} to {self.recorded[-1]:.3f} s; give truth for all of it."
             )
-        there = np.stack([np.interp(self.recorded, times, one) for one in truth.T], axis=1)
+        there = np.stack([np.interp(self.recorded, times, column) for column in truth.T], axis=1)
         away = np.linalg.norm(self.hand - there, axis=1)
         rms, most = float(np.sqrt(np.mean(away**2))), float(away.max())
         return HandError(rms, most, rms / self.length, most / self.length)
@@ -125,14 +125,14 @@ def replay(
     MissingExtraError
         If a URDF is given and pytransform3d is not installed.
     """
-    done = Program.of(program) if isinstance(program, JointTrack) else program
+    done = Program.from_track(program) if isinstance(program, JointTrack) else program
     recorded = np.asarray(done.recorded)
     if not isinstance(model, Chain) and Path(model).suffix.lower() != ".toml":
         from plumbob.arm import urdf
         from plumbob.rotations import quat_rotate
 
         chain = urdf.chain_from_urdf(model, hand=hand)
-        poses = urdf.moved(urdf.urdf_of(model), done.names, done.angles, chain.hand)
+        poses = urdf.moved(urdf.read_urdf(model), done.names, done.angles, chain.hand)
         path = quat_rotate(np.asarray(q_nb, dtype=np.float64), poses[:, :3, 3]) + np.asarray(pos_n)
         return Replay(done.t, path, chain.length, recorded)
     chain = model if isinstance(model, Chain) else load_chain(model)

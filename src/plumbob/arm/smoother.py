@@ -99,14 +99,14 @@ class Motion:
 
 def keyframe_rows(t: Floats, spacing: float) -> NDArray[np.intp]:
     """Samples, from the first to the last, at least `spacing` apart but for the last."""
-    found, last = [0], t[0]
+    rows, last = [0], t[0]
     for row in range(1, t.size):
         if t[row] - last >= spacing * (1.0 - 1e-6):
-            found.append(row)
+            rows.append(row)
             last = t[row]
-    if found[-1] != t.size - 1:
-        found.append(t.size - 1)
-    return np.array(found)
+    if rows[-1] != t.size - 1:
+        rows.append(t.size - 1)
+    return np.array(rows)
 
 
 def begin(
@@ -144,16 +144,16 @@ def begin(
         turns, sd[:, 2], ready, free = _headings(samples, links, params, q, fields, north)
     else:
         _require_pose(q, pose, links)
-        turns, free = _heading_of_pose(q, pose, links), not _held(links)
+        turns, free = _heading_of_pose(q, pose, links), not _heading_fixed(links)
         sd[:, 2], ready = pose_sd, float(samples.t[0])
         fields.add(q, fields.first)
     if free:
         sd[0, 2] = FRAME_SD  # it is what the frame's heading means
         turns = turns if pose is not None and _grounded(links) else turns + fields.common_turn(turns, north)
-    return Start(_turned(q, turns), sd, ready, free)
+    return Start(_yawed(q, turns), sd, ready, free)
 
 
-def _turned(q: Floats, angles: Floats) -> Floats:
+def _yawed(q: Floats, angles: Floats) -> Floats:
     up = np.zeros((len(q), 3))
     up[:, 2] = angles
     return quat_multiply(quat_from_rotvec(up), q)
@@ -181,7 +181,7 @@ def first_tilts(samples: Samples) -> Floats:
     return level
 
 
-def _held(links: Sequence[Link]) -> bool:
+def _heading_fixed(links: Sequence[Link]) -> bool:
     """Whether a joint on the ground holds the heading: a fixed one, or a hinge that does not stand upright."""
     on_ground = [link for link in links if link.parent == GROUND and link.joint.kind in ("hinge", "fixed")]
     return any(float(np.hypot(*axis[:2])) > LEVEL for link in on_ground for axis in link.axes[0])
@@ -240,9 +240,9 @@ def _headings(
     for k, link in enumerate(links):
         by_joint = 1.0 / math.sqrt(max(weights[k], 1e-12))
         if link.parent == GROUND:
-            known = by_joint < SETTLED
-            turns[link.child] = np.angle(sums[k]) if known else fields.turn(link.child, north)
-            free &= not known
+            settled = by_joint < SETTLED
+            turns[link.child] = np.angle(sums[k]) if settled else fields.turn(link.child, north)
+            free &= not settled
         elif by_joint <= fields.sd(link.parent, link.child):
             turns[link.child] = turns[link.parent] + np.angle(sums[k])
         else:
@@ -264,8 +264,8 @@ def _agree(looking: ChainFilter, sums: NDArray[np.complex128], weights: Floats, 
         forces = looking.forces[2 * k : 2 * k + 2]
         if not ground and np.isfinite(forces).all():
             pairs.append((forces[0], forces[1], 2.0 * link.force_sd**2 * max(1.0, 2.0 * link.force_time / span)))
-        for one, other, var in pairs:
-            product = complex(one[0], one[1]) * complex(other[0], -other[1])
+        for in_parent, in_child, var in pairs:
+            product = complex(in_parent[0], in_parent[1]) * complex(in_child[0], -in_child[1])
             sums[k] += product / var
             weights[k] += max(abs(product) - var, 0.0) / var
 
@@ -302,8 +302,8 @@ class _Fields:
 
     def sd(self, parent: int, child: int) -> float:
         """How well two units' fields say their headings against each other, rad; infinite where one has none."""
-        seen = abs(self._sum[child]) > 0.0 and (parent == GROUND or abs(self._sum[parent]) > 0.0)
-        return math.sqrt(2.0) * self._sd if seen else math.inf
+        has_field = abs(self._sum[child]) > 0.0 and (parent == GROUND or abs(self._sum[parent]) > 0.0)
+        return math.sqrt(2.0) * self._sd if has_field else math.inf
 
     def turn(self, unit: int, north: float) -> float:
         """Turn about the vertical that brings a unit's field to North, rad."""
@@ -312,12 +312,12 @@ class _Fields:
 
 def stretches(samples: Samples) -> list[tuple[int, int]]:
     """First samples, and those behind the last, of stretches between which all gyroscopes are silent for a `GAP`."""
-    seen = np.flatnonzero(np.isfinite(samples.gyr[:, :, 0]).any(axis=0))
-    firsts = [0, *seen[1:][np.diff(samples.t[seen]) > GAP].tolist()]
+    rows = np.flatnonzero(np.isfinite(samples.gyr[:, :, 0]).any(axis=0))
+    firsts = [0, *rows[1:][np.diff(samples.t[rows]) > GAP].tolist()]
     return list(zip(firsts, [*firsts[1:], len(samples)], strict=True))
 
 
-def followed(
+def estimate_motion(
     samples: Samples, links: Sequence[Link], params: Params, *,
     north: float, pose: Floats | None = None, pose_sd: float = deg(1.0), smooth: bool,
     progress: Callable[[int], None] | None = None,
@@ -340,10 +340,10 @@ def followed(
         return starts[0], parts[0]
     return starts[0], Motion(
         t=samples.t,
-        q=np.concatenate([one.q for one in parts], axis=1),
-        rows=np.concatenate([one.rows for one in parts]),
-        cov=np.concatenate([one.cov for one in parts]),
-        bias=np.concatenate([one.bias for one in parts]),
+        q=np.concatenate([motion.q for motion in parts], axis=1),
+        rows=np.concatenate([motion.rows for motion in parts]),
+        cov=np.concatenate([motion.cov for motion in parts]),
+        bias=np.concatenate([motion.bias for motion in parts]),
         ready=parts[0].ready,
         begun=np.array(begun, dtype=np.intp),
     )
@@ -370,8 +370,8 @@ def estimated(
     rows = keyframe_rows(samples.t, params.keyframe)
     path = np.empty((len(start.q), len(samples), 4))
     path[:, 0] = start.q
-    kept = _Kept(samples, params, len(start.q))
-    kept.add([filter_.now()], 1)
+    history = _History(samples, params, len(start.q))
+    history.add([filter_.now()], 1)
     frames = list[Keyframe]()
     for first, last in pairwise(rows):
         frame = filter_.advance(samples, int(first) + 1, int(last) + 1, path)
@@ -380,19 +380,19 @@ def estimated(
         if smooth:
             frames.append(frame)
             if samples.t[last] - samples.t[frames[0].row] > SPAN + AHEAD:
-                done = sum(1 for one in frames if samples.t[one.row] - samples.t[frames[0].row] <= SPAN)
-                kept.add(backward(frames), done, path)
+                done = sum(1 for keyframe in frames if samples.t[keyframe.row] - samples.t[frames[0].row] <= SPAN)
+                history.add(backward(frames), done, path)
                 frames = frames[done:]
         else:
-            kept.add([frame], 1)
+            history.add([frame], 1)
         if progress:
             progress(int(last - first))
     if frames:
-        kept.add(backward(frames), len(frames), path)
-    return kept.motion(path, start.ready if not smooth else float(samples.t[0]))
+        history.add(backward(frames), len(frames), path)
+    return history.motion(path, start.ready if not smooth else float(samples.t[0]))
 
 
-class _Kept:
+class _History:
     """What is kept of keyframes that are done."""
 
     def __init__(self, samples: Samples, params: Params, units: int) -> None:
@@ -403,26 +403,26 @@ class _Kept:
 
     def add(self, frames: Sequence[Keyframe], count: int, path: Floats | None = None) -> None:
         """Keep the first `count`; where they are smoothed, fill in the attitudes from each to the next."""
-        for k, one in enumerate(frames[:count]):
-            self._rows.append(one.row)
-            self._cov.append(one.cov[np.ix_(self._places, self._places)])
-            self._bias.append(one.linear[:, :3].copy())
+        for k, frame in enumerate(frames[:count]):
+            self._rows.append(frame.row)
+            self._cov.append(frame.cov[np.ix_(self._places, self._places)])
+            self._bias.append(frame.linear[:, :3].copy())
             if path is not None:
-                end = frames[k + 1].row if k + 1 < len(frames) else one.row
-                fill(self._samples.t, self._samples.gyr, one.row, end, self._params.mean_rate, one.q, one.linear,
+                end = frames[k + 1].row if k + 1 < len(frames) else frame.row
+                fill(self._samples.t, self._samples.gyr, frame.row, end, self._params.mean_rate, frame.q, frame.linear,
                      path)  # fmt: skip
                 if k + 1 < len(frames):
-                    self._bridge(one, frames[k + 1], path)
+                    self._bridge(frame, frames[k + 1], path)
 
-    def _bridge(self, one: Keyframe, after: Keyframe, path: Floats) -> None:
+    def _bridge(self, before: Keyframe, after: Keyframe, path: Floats) -> None:
         """Turn evenly from keyframe to keyframe where a unit has no rate."""
-        inside = np.arange(one.row + 1, after.row)
-        for u in np.flatnonzero(np.isnan(self._samples.gyr[:, one.row + 1 : after.row + 1, 0]).any(axis=1)):
-            turn = rotvec_from_quat(quat_multiply(after.q[u], quat_conjugate(one.q[u])))
-            share = (self._samples.t[inside] - self._samples.t[one.row]) / (
-                self._samples.t[after.row] - self._samples.t[one.row]
+        inside = np.arange(before.row + 1, after.row)
+        for u in np.flatnonzero(np.isnan(self._samples.gyr[:, before.row + 1 : after.row + 1, 0]).any(axis=1)):
+            turn = rotvec_from_quat(quat_multiply(after.q[u], quat_conjugate(before.q[u])))
+            share = (self._samples.t[inside] - self._samples.t[before.row]) / (
+                self._samples.t[after.row] - self._samples.t[before.row]
             )
-            path[u, inside] = quat_multiply(quat_from_rotvec(share[:, np.newaxis] * turn), one.q[u])
+            path[u, inside] = quat_multiply(quat_from_rotvec(share[:, np.newaxis] * turn), before.q[u])
 
     def motion(self, path: Floats, ready: float) -> Motion:
         """All of it."""
@@ -431,16 +431,16 @@ class _Kept:
 
 def backward(frames: Sequence[Keyframe]) -> list[Keyframe]:
     """Rauch–Tung–Striebel: each keyframe as those behind it have it [Rauch1965]."""
-    found = [frames[-1]]
-    for one, after in zip(frames[-2::-1], frames[:0:-1], strict=True):
-        known = found[-1]
-        gain = np.linalg.solve(after.cov_prior, after.transition @ one.cov).T
-        turn = rotvec_from_quat(quat_multiply(known.q, quat_conjugate(after.q_prior)))
-        own = (gain @ np.hstack((turn, known.linear - after.linear_prior)).ravel()).reshape(-1, WIDTH)
-        cov = one.cov + gain @ (known.cov - after.cov_prior) @ gain.T
-        q = quat_multiply(quat_from_rotvec(own[:, :3]), one.q)
-        found.append(one._replace(q=q, linear=one.linear + own[:, 3:], cov=0.5 * (cov + cov.T)))
-    return found[::-1]
+    smoothed = [frames[-1]]
+    for frame, after in zip(frames[-2::-1], frames[:0:-1], strict=True):
+        later = smoothed[-1]
+        gain = np.linalg.solve(after.cov_prior, after.transition @ frame.cov).T
+        turn = rotvec_from_quat(quat_multiply(later.q, quat_conjugate(after.q_prior)))
+        correction = (gain @ np.hstack((turn, later.linear - after.linear_prior)).ravel()).reshape(-1, WIDTH)
+        cov = frame.cov + gain @ (later.cov - after.cov_prior) @ gain.T
+        q = quat_multiply(quat_from_rotvec(correction[:, :3]), frame.q)
+        smoothed.append(frame._replace(q=q, linear=frame.linear + correction[:, 3:], cov=0.5 * (cov + cov.T)))
+    return smoothed[::-1]
 
 
 @kernel

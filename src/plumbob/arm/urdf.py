@@ -52,7 +52,7 @@ def parser() -> "ModuleType":
     return urdf
 
 
-def urdf_of(path: str | Path) -> str:
+def read_urdf(path: str | Path) -> str:
     """Text of a URDF file.
 
     Raises
@@ -109,7 +109,7 @@ def chain_from_urdf(
         If pytransform3d is not installed.
     """
     urdf = parser()
-    text = urdf_of(path)
+    text = read_urdf(path)
     with reading(Path(path)):
         root = _root(text)
         speeds = _speeds(root)
@@ -117,17 +117,17 @@ def chain_from_urdf(
             name, links, joints = urdf.parse_urdf(text)
         except (urdf.UrdfException, ValueError, KeyError, AttributeError) as error:
             raise DecodeError(f"it is not a URDF that can be read: {one_line(error)}") from error
-        found = _ordered([_joint(one, speeds) for one in joints], [link.name for link in links])
+        ordered = _ordered([_joint(parsed, speeds) for parsed in joints], [link.name for link in links])
         if merge:
-            kept = set(units or {}) | {hand}
-            found = _merged(found, kept)
+            needed = set(units or {}) | {hand}
+            ordered = _merged(ordered, needed)
         on, sits = units or {}, mounts or {}
-        names = [found[0].parent if found else links[0].name, *(joint.child for joint in found)]
+        names = [ordered[0].parent if ordered else links[0].name, *(joint.child for joint in ordered)]
         for link in (*on, *sits):
             if link not in names:
                 raise ParameterError(f"there is no link '{link}'; links are {', '.join(names)}.")
-        segments = tuple(Segment(one, on.get(one, ""), sits.get(one, Mount())) for one in names)
-        return Chain(name, segments, tuple(found), hand or names[-1], hand_b, base_fixed=True)
+        segments = tuple(Segment(link, on.get(link, ""), sits.get(link, Mount())) for link in names)
+        return Chain(name, segments, tuple(ordered), hand or names[-1], hand_b, base_fixed=True)
 
 
 def _root(text: str) -> ElementTree.Element:
@@ -142,7 +142,7 @@ def _root(text: str) -> ElementTree.Element:
 
 def _speeds(root: ElementTree.Element) -> dict[str, float]:
     """Greatest velocity of each joint that states one, rad/s; refuses what would be passed over."""
-    found = {}
+    speeds = {}
     for joint in root.iter("joint"):
         name, kind = joint.get("name", ""), joint.get("type")
         if kind is None:
@@ -160,20 +160,20 @@ def _speeds(root: ElementTree.Element) -> dict[str, float]:
             except ValueError as error:
                 raise DecodeError(f"the velocity of the joint '{name}' is '{text}', not a number.") from error
             if speed > 0.0:  # by custom, 0 says that it is not known
-                found[name] = speed
-    return found
+                speeds[name] = speed
+    return speeds
 
 
-def _joint(one: Any, speeds: Mapping[str, float]) -> Joint:
-    turn = np.asarray(one.child2parent, dtype=np.float64)
+def _joint(parsed: Any, speeds: Mapping[str, float]) -> Joint:
+    turn = np.asarray(parsed.child2parent, dtype=np.float64)
     origin = tuple(turn[:3, 3].tolist())
     q_pc = tuple(quat_from_dcm(turn[:3, :3]).tolist())
-    if one.joint_type == "fixed":
-        return Joint(one.joint_name, one.parent, one.child, "fixed", origin, q_pc)
-    low, high = one.limits if one.joint_type == "revolute" else (-np.inf, np.inf)
-    limits = Limits(float(low), float(high), speeds.get(one.joint_name, np.inf))
-    axis = tuple(np.asarray(one.joint_axis, dtype=np.float64).tolist())
-    return Joint(one.joint_name, one.parent, one.child, "hinge", origin, q_pc, (axis,), (limits,))
+    if parsed.joint_type == "fixed":
+        return Joint(parsed.joint_name, parsed.parent, parsed.child, "fixed", origin, q_pc)
+    low, high = parsed.limits if parsed.joint_type == "revolute" else (-np.inf, np.inf)
+    limits = Limits(float(low), float(high), speeds.get(parsed.joint_name, np.inf))
+    axis = tuple(np.asarray(parsed.joint_axis, dtype=np.float64).tolist())
+    return Joint(parsed.joint_name, parsed.parent, parsed.child, "hinge", origin, q_pc, (axis,), (limits,))
 
 
 def _ordered(joints: Sequence[Joint], links: Sequence[str]) -> list[Joint]:
@@ -184,35 +184,35 @@ def _ordered(joints: Sequence[Joint], links: Sequence[str]) -> list[Joint]:
         raise DecodeError(
             f"one link must be the root, on no joint, but there are {len(roots)}: {', '.join(roots) or 'a circle'}."
         )
-    found: list[Joint] = []
-    reached, left = {roots[0]}, list(joints)
-    while left:
-        ready = [joint for joint in left if joint.parent in reached]
+    ordered: list[Joint] = []
+    reached, pending = {roots[0]}, list(joints)
+    while pending:
+        ready = [joint for joint in pending if joint.parent in reached]
         if not ready:
-            raise DecodeError(f"the joint '{left[0].name}' is not connected with the root '{roots[0]}'.")
-        found += ready
+            raise DecodeError(f"the joint '{pending[0].name}' is not connected with the root '{roots[0]}'.")
+        ordered += ready
         reached |= {joint.child for joint in ready}
-        left = [joint for joint in left if joint not in ready]
-    return found
+        pending = [joint for joint in pending if joint not in ready]
+    return ordered
 
 
-def _merged(joints: Sequence[Joint], kept: set[str]) -> list[Joint]:
-    """Joints in which hinges with one centre are one; links in `kept` stay."""
-    found: list[Joint] = []
+def _merged(joints: Sequence[Joint], needed: set[str]) -> list[Joint]:
+    """Joints in which hinges with one centre are one; links in `needed` stay."""
+    merged: list[Joint] = []
     for joint in joints:
-        before = next((k for k, one in enumerate(found) if one.child == joint.parent), None)
-        others = [one for one in joints if one.parent == joint.parent and one is not joint]
+        before = next((k for k, other in enumerate(merged) if other.child == joint.parent), None)
+        others = [other for other in joints if other.parent == joint.parent and other is not joint]
         made = None
-        if before is not None and not others and joint.parent not in kept:
-            made = _one_of(found[before], joint)
+        if before is not None and not others and joint.parent not in needed:
+            made = _combined(merged[before], joint)
         if made is None or before is None:
-            found.append(joint)
+            merged.append(joint)
         else:
-            found[before] = made
-    return found
+            merged[before] = made
+    return merged
 
 
-def _one_of(first: Joint, second: Joint) -> Joint | None:
+def _combined(first: Joint, second: Joint) -> Joint | None:
     """Two joints as one; None where they cannot be: another centre, too many axes, or axes that are not square."""
     kinds = {2: "universal", 3: "ball"}
     count = len(first.axes) + len(second.axes)
@@ -350,12 +350,12 @@ def moved(text: str, names: Sequence[str], angles: Floats, link: str) -> Floats:
     model = parser().UrdfTransformManager(check=False)
     model.load_urdf(text)
     root = _root(text)
-    kinds = {one.get("name"): one.get("type") for one in root.iter("joint") if one.get("type") is not None}
+    kinds = {node.get("name"): node.get("type") for node in root.iter("joint") if node.get("type") is not None}
     unknown = [name for name in names if kinds.get(name) not in _TURNING]
     if unknown:
         turning = [str(name) for name, kind in kinds.items() if kind in _TURNING]
         raise ParameterError(f"the URDF has no joint {', '.join(unknown)} that turns; it has {', '.join(turning)}.")
-    links = [str(one.get("name")) for one in root.iter("link")]
+    links = [str(node.get("name")) for node in root.iter("link")]
     if link not in links:
         raise ParameterError(f"the URDF has no link '{link}'; links are {', '.join(links)}.")
     for name, values in zip(names, angles.T, strict=True):
@@ -366,12 +366,12 @@ def moved(text: str, names: Sequence[str], angles: Floats, link: str) -> Floats:
                 f"{high:.6g} rad."
             )
     children = {
-        child for one in root.iter("joint") if (at := one.find("child")) is not None and (child := at.get("link"))
+        child for node in root.iter("joint") if (at := node.find("child")) is not None and (child := at.get("link"))
     }
     base = next(name for name in links if name not in children)
-    found = np.empty((len(angles), 4, 4))
+    poses = np.empty((len(angles), 4, 4))
     for row, pose in enumerate(angles.tolist()):
         for name, value in zip(names, pose, strict=True):
             model.set_joint(name, value)
-        found[row] = model.get_transform(link, base)
-    return found
+        poses[row] = model.get_transform(link, base)
+    return poses

@@ -77,16 +77,16 @@ def calibrate_accel(
     if moving:
         return _tumbled(imu, shape, gravity, tilt_range)
     poses = poses_at_rest(imu)
-    found = fit_accel(poses.means, shape=shape, noise=poses.noise, gravity=gravity, tilt_range=tilt_range)
-    told = [f"{len(poses.spans)} poses were found at rest, of {_shortest(poses):.1f} s at least."]
-    for i in np.flatnonzero(~found.used).tolist():
-        told.append(f"Pose {i + 1} is from {poses.spans[i][0]:.2f} to {poses.spans[i][1]:.2f} s.")
-    return replace(found, calibration=_warmed(found.calibration, poses.temp_c), remarks=(*told, *found.remarks))
+    fit = fit_accel(poses.means, shape=shape, noise=poses.noise, gravity=gravity, tilt_range=tilt_range)
+    remarks = [f"{len(poses.spans)} poses were found at rest, of {_shortest(poses):.1f} s at least."]
+    for i in np.flatnonzero(~fit.used).tolist():
+        remarks.append(f"Pose {i + 1} is from {poses.spans[i][0]:.2f} to {poses.spans[i][1]:.2f} s.")
+    return replace(fit, calibration=_warmed(fit.calibration, poses.temp_c), remarks=(*remarks, *fit.remarks))
 
 
 def _tumbled(imu: ImuData, shape: str, gravity: float, tilt_range: float) -> Fitted:
     """Fit of a capture without rests."""
-    rows, gyr = _whole(imu)
+    rows, gyr = _complete(imu)
     if gyr is None or rows.size < FEWEST_ROWS:
         raise ParameterError(
             "a capture without rests needs a gyroscope beside the accelerometer, but there are "
@@ -95,11 +95,11 @@ def _tumbled(imu: ImuData, shape: str, gravity: float, tilt_range: float) -> Fit
     if (clipped := int(np.count_nonzero(imu.flags[rows] & np.uint32(flags.ACC_CLIPPED | flags.GYR_CLIPPED)))) > 0:
         text = f"in {clipped} of {rows.size} samples a sensor is at the end of its range."
         raise CaptureRefusedError(Reason("clipping", text, "Turn more slowly, or set a wider range."))
-    found = fit_accel_moving(
+    fit = fit_accel_moving(
         imu.t[rows], imu.usable("acc")[rows], gyr, shape=shape, gravity=gravity, tilt_range=tilt_range
     )
     temp_c = np.zeros(0) if imu.temp_c is None else imu.temp_c[rows]
-    return replace(found, calibration=_warmed(found.calibration, temp_c[np.isfinite(temp_c)]))
+    return replace(fit, calibration=_warmed(fit.calibration, temp_c[np.isfinite(temp_c)]))
 
 
 def poses_at_rest(imu: ImuData) -> Poses:
@@ -110,7 +110,7 @@ def poses_at_rest(imu: ImuData) -> Poses:
     CaptureRefusedError
         If there are none, or the accelerometer is at the end of its range in one.
     """
-    rows, gyr = _whole(imu)
+    rows, gyr = _complete(imu)
     t, acc = imu.t[rows], imu.usable("acc")[rows]
     spans = stills(t, acc, gyr, least=LEAST) if t.size else []
     if not spans:
@@ -123,12 +123,12 @@ def poses_at_rest(imu: ImuData) -> Poses:
     return Poses(means, float(np.sqrt(np.mean(variances))), times, temp_c[np.isfinite(temp_c)])
 
 
-def _whole(imu: ImuData) -> tuple[NDArray[np.int64], Floats | None]:
+def _complete(imu: ImuData) -> tuple[NDArray[np.int64], Floats | None]:
     """Rows with a specific force, and the rates there; none where most of those rows have no rate."""
-    known = np.isfinite(imu.usable("acc")).all(axis=1)
-    turned = known & np.isfinite(imu.usable("gyr")).all(axis=1)
-    if 2 * np.count_nonzero(turned) <= np.count_nonzero(known):
-        return np.flatnonzero(known), None
+    valid = np.isfinite(imu.usable("acc")).all(axis=1)
+    turned = valid & np.isfinite(imu.usable("gyr")).all(axis=1)
+    if 2 * np.count_nonzero(turned) <= np.count_nonzero(valid):
+        return np.flatnonzero(valid), None
     rows = np.flatnonzero(turned)
     return rows, imu.usable("gyr")[rows]
 
@@ -153,11 +153,11 @@ def _refuse_clipped(imu: ImuData, rows: NDArray[np.int64], spans: list[slice]) -
         )
 
 
-def _not_still(imu: ImuData, known: int) -> Reason:
+def _not_still(imu: ImuData, count: int) -> Reason:
     lasting = float(imu.t[-1] - imu.t[0])
     return Reason(
         "not-still",
-        f"nothing in {lasting:.1f} s ({known} of {len(imu)} samples with a specific force) is at rest for {LEAST:g} s.",
+        f"nothing in {lasting:.1f} s ({count} of {len(imu)} samples with a specific force) is at rest for {LEAST:g} s.",
         "Hold each pose for 2 s or more against something solid, and turn the unit quickly in between; or, where it "
         "tumbled slowly beside a gyroscope, ask for that with --moving.",
     )

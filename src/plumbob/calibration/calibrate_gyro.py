@@ -53,12 +53,12 @@ def ferraris_session(capture: Capture, parts: Mapping[str, slice] | None, *, ang
     imu = capture.imu
     if imu.acc is None:
         raise CalibrationError("a Ferraris session needs acc and gyr, and there is no acc.")
-    found = find_parts(imu.t, imu.acc, _gyr(capture)) if parts is None else parts
+    located = find_parts(imu.t, imu.acc, _gyr(capture)) if parts is None else parts
     clipped = _clipped(capture, flags.GYR_CLIPPED | flags.ACC_CLIPPED)
-    fits = fit_ferraris(imu.t, imu.acc, _gyr(capture), found, angle=angle, clipped=clipped)
-    if _known(capture).bias_per_k.any():
-        told = "The card's polynomial of temperature is gone; 'plumbob calibrate temperature' finds it again."
-        fits["gyr"] = replace(fits["gyr"], remarks=(*fits["gyr"].remarks, told))
+    fits = fit_ferraris(imu.t, imu.acc, _gyr(capture), located, angle=angle, clipped=clipped)
+    if _gyr_base(capture).bias_per_k.any():
+        remark = "The card's polynomial of temperature is gone; 'plumbob calibrate temperature' finds it again."
+        fits["gyr"] = replace(fits["gyr"], remarks=(*fits["gyr"].remarks, remark))
     return fits
 
 
@@ -95,12 +95,12 @@ def _rates(capture: Capture) -> Rates:
         mag=None if imu.mag is None else imu.usable("mag"),
         temp_c=imu.temp_c,
         clipped=_clipped(capture, flags.GYR_CLIPPED),
-        known=_known(capture),
+        known=_gyr_base(capture),
         acc_calibrated=capture.base is not None and capture.base.acc is not None,
     )
 
 
-def _known(capture: Capture) -> TriadCalibration:
+def _gyr_base(capture: Capture) -> TriadCalibration:
     """Gyroscope of the card so far."""
     return UNCALIBRATED if capture.base is None or capture.base.gyr is None else capture.base.gyr
 
@@ -166,9 +166,9 @@ _ALONE = {
 }
 
 
-def _on(whole: Capture, fits: dict[str, Fitted], triad: str) -> Capture:
+def _on(source: Capture, fits: dict[str, Fitted], triad: str) -> Capture:
     """Capture of one triad, on the card so far with what has been fitted."""
-    return capture(whole.imu, triads=(triad,), device=whole.device, base=card_of(whole, fits))
+    return capture(source.imu, triads=(triad,), device=source.device, base=card_of(source, fits))
 
 
 @contextmanager
@@ -177,6 +177,6 @@ def _named(triad: str) -> Iterator[None]:
     try:
         yield
     except CaptureRefusedError as refused:
-        reasons = [replace(one, text=f"{TITLES[triad]}: {one.text}") for one in refused.reasons]
+        reasons = [replace(reason, text=f"{TITLES[triad]}: {reason.text}") for reason in refused.reasons]
         last = replace(reasons[-1], advice=f"{reasons[-1].advice} {_ALONE[triad]}")
         raise CaptureRefusedError(*reasons[:-1], last) from refused

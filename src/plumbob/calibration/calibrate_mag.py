@@ -106,7 +106,7 @@ def calibrate_mag(
     use = _magnetic_rows(imu)
     mag = imu.usable("mag")[use]
     if shape == "level":
-        level = fit_mag_level(mag, acc=_whole(imu.usable("acc")[use]), strength=strength, dip=dip)
+        level = fit_mag_level(mag, acc=_complete(imu.usable("acc")[use]), strength=strength, dip=dip)
         return replace(level, remarks=("Fitted without other sensors: level, as asked for.", *level.remarks))
     refuse(_unfit(mag))
     slow = _slow(imu)
@@ -123,8 +123,8 @@ def calibrate_mag(
     doubt = work.doubt(fit)
     if doubt is not None and not force:
         refuse([doubt])
-    told = () if doubt is None else (f"DO NOT USE: {doubt.text}",)
-    return replace(fit, remarks=(*told, why, *fit.remarks))
+    warning = () if doubt is None else (f"DO NOT USE: {doubt.text}",)
+    return replace(fit, remarks=(*warning, why, *fit.remarks))
 
 
 class _OfGyroscope(TypedDict):
@@ -154,8 +154,8 @@ class _Work:
         """Fit with a helper, or none, and what other sensors say about it."""
         by = {"gyr": self._with_gyr, "acc": self._with_acc, "none": self._alone, "in use": self._in_use}
         fit = by[helper]()
-        told = told_by_others(self.imu, fit, self.steady, helper=helper, dip=self.dip)
-        return replace(fit, remarks=(*told, *fit.remarks))
+        remarks = told_by_others(self.imu, fit, self.steady, helper=helper, dip=self.dip)
+        return replace(fit, remarks=(*remarks, *fit.remarks))
 
     def with_axes(self, refused: CaptureRefusedError, *, rates: bool) -> CaptureRefusedError:
         """Refusal that names wrong axes too, first where they mirror: these may be why a fit was refused."""
@@ -183,7 +183,7 @@ class _Work:
             self.imu.usable("mag")[self.use],
             shape=SHAPES.get(self.shape),
             strength=self.strength,
-            acc=_whole(force),
+            acc=_complete(force),
             dip=self.dip,
             tilt_range=self.tilt_range,
         )
@@ -193,8 +193,8 @@ class _Work:
         fit = fit_mag_acc(mag, force, strength=self.strength, tilt_range=self.tilt_range)
         if self.acc_calibrated:
             return fit
-        told = "UNCALIBRATED accelerometer: its errors turn the field; calibrate it first, and give its card."
-        return replace(fit, remarks=(told, *fit.remarks))
+        remark = "UNCALIBRATED accelerometer: its errors turn the field; calibrate it first, and give its card."
+        return replace(fit, remarks=(remark, *fit.remarks))
 
     def _with_gyr(self) -> Fitted:
         return fit_mag_gyr(*self._turning(), acc=self._force(), **self._of_gyroscope())
@@ -205,9 +205,9 @@ class _Work:
     def _turning(self) -> tuple[Floats, Floats, Floats]:
         """Time, field and rates of the samples that have a rate."""
         gyr = self.imu.usable("gyr")
-        known = np.isfinite(gyr).all(axis=1)
+        valid = np.isfinite(gyr).all(axis=1)
         mag = np.where(self.use[:, np.newaxis], self.imu.usable("mag"), np.nan)
-        return self.imu.t[known], mag[known], gyr[known]
+        return self.imu.t[valid], mag[valid], gyr[valid]
 
     def _force(self) -> Floats | None:
         """Specific force of those; None where there is none."""
@@ -227,7 +227,7 @@ def _best(work: _Work, helper: str, why: str, *, auto: bool) -> tuple[Fitted, st
         if not auto or refused.reasons[0].kind in _FINAL:
             raise
         fit, why = _rescued(work, helper, refused)
-    unsure = auto and (_left(fit) > HEADING.fair or work.doubt(fit) is not None)
+    unsure = auto and (_heading_sd(fit) > HEADING.fair or work.doubt(fit) is not None)
     return _bettered(work, fit, why) if unsure else (fit, why)
 
 
@@ -260,13 +260,13 @@ def _bettered(work: _Work, fit: Fitted, why: str) -> tuple[Fitted, str]:
         other = work.fit("gyr")
     except CalibrationError:
         return fit, why
-    before, after = to_deg(_left(fit)), to_deg(_left(other))
+    before, after = to_deg(_heading_sd(fit)), to_deg(_heading_sd(other))
     if not after < before:
         return fit, why
     return other, f"Fitted with the gyroscope: predicted heading error {after:.2g}° instead of {before:.2g}°."
 
 
-def _left(fit: Fitted) -> float:
+def _heading_sd(fit: Fitted) -> float:
     """Heading error that a fit leaves, rad."""
     quality = fit.calibration.quality
     return math.inf if quality is None or quality.heading_sd is None else quality.heading_sd
@@ -309,7 +309,7 @@ def _magnetic_rows(imu: ImuData) -> NDArray[np.bool_]:
     return np.asarray(present & ~clipped)
 
 
-def _whole(force: Floats) -> Floats | None:
+def _complete(force: Floats) -> Floats | None:
     """Specific force (N, 3) where every sample tells a direction; None where one is absent or zero."""
     return force if np.isfinite(force).all() and force.any(axis=1).all() else None
 
@@ -322,20 +322,20 @@ def _steady(force: Floats) -> NDArray[np.bool_]:
 
 def _slow(imu: ImuData) -> NDArray[np.bool_]:
     """Samples (N,) in which the unit turns slowly, by the gyroscope; all where there is none."""
-    known = np.asarray(np.isfinite(imu.usable("gyr")).all(axis=1))
-    if not known.any():
+    valid = np.asarray(np.isfinite(imu.usable("gyr")).all(axis=1))
+    if not valid.any():
         return np.ones(len(imu), dtype=np.bool_)
-    t, rate = imu.t[known], imu.usable("gyr")[known]
-    bias = _rate_bias(t, imu.usable("mag")[known], imu.usable("acc")[known], rate)
+    t, rate = imu.t[valid], imu.usable("gyr")[valid]
+    bias = _rate_bias(t, imu.usable("mag")[valid], imu.usable("acc")[valid], rate)
     size = np.linalg.norm(np.subtract(rate, bias), axis=1)
     return np.asarray(np.interp(imu.t, t, size) < SLOW)
 
 
 def _rate_bias(t: Floats, mag: Floats, acc: Floats, rate: Floats) -> Floats:
     """Bias of rates (N, 3), rad/s: by the field, for even turning looks like rest; else at rest; else none."""
-    found = agreement(t, mag, rate)
-    if found is not None and found.slope > LEAST_SLOPE:
-        return found.rate_bias
+    fit = agreement(t, mag, rate)
+    if fit is not None and fit.slope > LEAST_SLOPE:
+        return fit.rate_bias
     rests = stills(t, acc, rate)
     return np.asarray(np.median(np.concatenate([rate[rest] for rest in rests]), axis=0)) if rests else np.zeros(3)
 
@@ -361,28 +361,28 @@ def _helper(
     if with_ == "gyr":
         return "gyr", "Fitted with the gyroscope, as asked for."
     count, all_, calm = (int(np.count_nonzero(which)) for which in (steady, use, use & slow))
-    told = f"{count} of {all_} samples have a specific force within {100.0 * STEADY:.0f} % of gravity"
+    text = f"{count} of {all_} samples have a specific force within {100.0 * STEADY:.0f} % of gravity"
     if imu.gyr is not None:
-        told += f" and turn by less than {to_dps(SLOW):.0f}°/s"
+        text += f" and turn by less than {to_dps(SLOW):.0f}°/s"
     if with_ == "acc":
         if count < FEWEST:
-            what = f"{told}; at least {FEWEST} are needed."
+            what = f"{text}; at least {FEWEST} are needed."
             refuse([Reason("not-still", what, "Turn the unit slowly, calibrate the accelerometer first.")])
-        return "acc", f"Fitted with the accelerometer, as asked for: {told}."
+        return "acc", f"Fitted with the accelerometer, as asked for: {text}."
     if with_ == "none" or imu.acc is None:
         return "none", f"Fitted without other sensors: {'as asked for' if with_ == 'none' else 'there is no acc'}."
     if shape not in {"auto", "ellipsoid"}:
         return "none", "Fitted without other sensors: they need the whole matrix, and a smaller shape is asked for."
-    return _by_gravity(told, count, calm, all_, _departure(imu.usable("acc")[use & slow]))
+    return _by_gravity(text, count, calm, all_, _departure(imu.usable("acc")[use & slow]))
 
 
-def _by_gravity(told: str, count: int, calm: int, all_: int, typical: float) -> tuple[str, str]:
+def _by_gravity(text: str, count: int, calm: int, all_: int, typical: float) -> tuple[str, str]:
     """Whether the accelerometer helps without being told so, and why, in words."""
     if calm < max(FEWEST, LEAST_SLOW * all_):
-        return "none", f"Fitted without the accelerometer, because the unit turned too fast: {told}."
+        return "none", f"Fitted without the accelerometer, because the unit turned too fast: {text}."
     if count >= FEWEST and 2 * count > calm and typical <= TRUSTED:
-        return "acc", f"Fitted with the accelerometer, whose specific force is gravity: {told}."
-    doubt = f"{told}, and the median departure is {100.0 * typical:.1f} %"
+        return "acc", f"Fitted with the accelerometer, whose specific force is gravity: {text}."
+    doubt = f"{text}, and the median departure is {100.0 * typical:.1f} %"
     return "none", f"Fitted without the accelerometer, which moved or is not calibrated: {doubt}."
 
 

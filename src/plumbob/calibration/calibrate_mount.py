@@ -53,16 +53,16 @@ def mount_by_poses(
         raise ParameterError("with the level pose only, there is no raised one; leave out one of the two.")
     if not level_only and (level is None) != (raised is None):
         raise ParameterError("level and raised belong together; give both spans, or neither and the poses are sought.")
-    found = _rests(imu) if level is None else []
-    first = _rest_in(imu, level, "level") if level is not None else found[0]
+    rests = _rests(imu) if level is None else []
+    first = _rest_in(imu, level, "level") if level is not None else rests[0]
     if level_only:
         done = mount_from_level(imu.acc[first], frame=frame)
     else:
-        second = _rest_in(imu, raised, "raised") if raised is not None else _farthest(imu.acc, found)
+        second = _rest_in(imu, raised, "raised") if raised is not None else _farthest(imu.acc, rests)
         done = mount_from_poses(imu.acc[first], imu.acc[second], frame=frame, turn=_turn(imu, first, second))
     if capture.base is None or capture.base.acc is None:
-        told = "the accelerometer is not calibrated: each 10 mg of its bias are 0.6° of roll and pitch"
-        done = Mounted(done.mount, (*done.remarks, f"{told}; calibrate it first, and give the card."))
+        text = "the accelerometer is not calibrated: each 10 mg of its bias are 0.6° of roll and pitch"
+        done = Mounted(done.mount, (*done.remarks, f"{text}; calibrate it first, and give the card."))
     return done
 
 
@@ -86,46 +86,46 @@ def mount_by_reference(estimate: AttitudeTrack, reference: AttitudeTrack) -> Mou
 
 def _rests(imu: ImuData) -> list[slice]:
     assert imu.acc is not None
-    found = stills(imu.t, imu.acc, imu.gyr)
-    if not found:
-        told = f"in {float(imu.t[-1] - imu.t[0]):.3g} s the unit was never at rest for a second."
-        raise CaptureRefusedError(Reason("not-still", told, "Let the body rest for some seconds in each pose."))
-    return found
+    rests = stills(imu.t, imu.acc, imu.gyr)
+    if not rests:
+        text = f"in {float(imu.t[-1] - imu.t[0]):.3g} s the unit was never at rest for a second."
+        raise CaptureRefusedError(Reason("not-still", text, "Let the body rest for some seconds in each pose."))
+    return rests
 
 
 def _rest_in(imu: ImuData, span: Span, pose: str) -> slice:
     """Longest stretch at rest in a span."""
     first, stop = imu.t.searchsorted(span).tolist()
     part = imu[first:stop] if stop - first > 1 else None
-    found = [] if part is None or part.acc is None else stills(part.t, part.acc, part.gyr)
-    if not found:
-        told = f"from {span[0]:g} to {span[1]:g} s, where it should be {pose}, the body was not at rest for a second."
-        raise CaptureRefusedError(Reason("not-still", told, f"Name a span in which it is {pose} and at rest."))
-    longest = max(found, key=lambda one: one.stop - one.start)
+    rests = [] if part is None or part.acc is None else stills(part.t, part.acc, part.gyr)
+    if not rests:
+        text = f"from {span[0]:g} to {span[1]:g} s, where it should be {pose}, the body was not at rest for a second."
+        raise CaptureRefusedError(Reason("not-still", text, f"Name a span in which it is {pose} and at rest."))
+    longest = max(rests, key=lambda rest: rest.stop - rest.start)
     return slice(first + longest.start, first + longest.stop)
 
 
-def _farthest(acc: Floats, found: list[slice]) -> slice:
+def _farthest(acc: Floats, rests: list[slice]) -> slice:
     """Stretch that leans farthest from the first; the others must be one of the two poses."""
-    if len(found) == 1:
-        told = "the unit was at rest only once."
+    if len(rests) == 1:
+        text = "the unit was at rest only once."
         advice = "Raise the nose and let it rest again; for roll and pitch alone, ask for the level pose only."
-        raise CaptureRefusedError(Reason("no-motion", told, advice))
-    up = np.array([acc[one].mean(axis=0) for one in found])
+        raise CaptureRefusedError(Reason("no-motion", text, advice))
+    up = np.array([acc[rest].mean(axis=0) for rest in rests])
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     lean = np.arccos(np.clip(up @ up[0], -1.0, 1.0))
     last = int(np.argmax(lean))
     other = np.minimum(lean, np.arccos(np.clip(up @ up[last], -1.0, 1.0))) > SAME_POSE
     if other.any():
-        seen = ", ".join(f"{to_deg(angle):.0f}°" for angle in lean[1:])
-        told = f"after the first, stretches at rest lean by {seen}, which is more than two poses."
-        raise CaptureRefusedError(Reason("no-motion", told, "Say which pose is level and which is raised."))
-    return found[last]
+        angles = ", ".join(f"{to_deg(angle):.0f}°" for angle in lean[1:])
+        text = f"after the first, stretches at rest lean by {angles}, which is more than two poses."
+        raise CaptureRefusedError(Reason("no-motion", text, "Say which pose is level and which is raised."))
+    return rests[last]
 
 
-def _turn(imu: ImuData, one: slice, other: slice) -> Floats | None:
+def _turn(imu: ImuData, pose: slice, other: slice) -> Floats | None:
     """Rotation vector (3,) between two stretches at rest, axes of the case; None where that is not known."""
-    first, last = sorted((one, other), key=lambda part: part.start)
+    first, last = sorted((pose, other), key=lambda part: part.start)
     if imu.gyr is None or last.start < first.stop:
         return None
     between = slice(first.stop - 1, last.start + 1)

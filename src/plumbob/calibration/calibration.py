@@ -99,11 +99,11 @@ def capture(
     if missing:
         raise CalibrationError(f"the recording has no {', '.join(missing)}, only {', '.join(imu.triads)}.")
     unit = unit_of(imu.meta.device, device, base)
-    whole = replace(imu, meta=replace(imu.meta, device=unit))
-    used = whole if span is None else _cut(whole, span)
+    named = replace(imu, meta=replace(imu.meta, device=unit))
+    used = named if span is None else _cut(named, span)
     others = None if base is None else base.without("mount", *triads, *if_present)
-    known = others is not None and any(name in others.parts for name in imu.triads)
-    return Capture(apply_card(others, used) if others is not None and known else used, unit, base, _date(imu))
+    applies = others is not None and any(name in others.parts for name in imu.triads)
+    return Capture(apply_card(others, used) if others is not None and applies else used, unit, base, _date(imu))
 
 
 def card_of(capture: Capture, fits: Mapping[str, Fitted], *, mounted: Mounted | None = None) -> CalibrationCard:
@@ -122,11 +122,11 @@ def card_of(capture: Capture, fits: Mapping[str, Fitted], *, mounted: Mounted | 
     """
     dated = {n: replace(fit.calibration, date=capture.date, remarks=fit.remarks) for n, fit in fits.items()}
     mount = None if mounted is None else replace(mounted.mount, date=capture.date, remarks=mounted.remarks)
-    told = dict.fromkeys([*(part.method for part in dated.values()), *([mount.method] if mount else [])])
+    methods = dict.fromkeys([*(part.method for part in dated.values()), *([mount.method] if mount else [])])
     new = CalibrationCard(
         device=capture.device,
         date=capture.date,
-        method="; ".join(told),
+        method="; ".join(methods),
         mount=mount,
         software=SOFTWARE,
         **dated,
@@ -161,8 +161,8 @@ def _outdated(base: CalibrationCard, new: CalibrationCard) -> CalibrationCard:
         return base
     free = base.gyr is not None and not base.gyr.matrix_found  # a bias at rest needs no axes
     parts = base.without("acc", *(["gyr"] if free else []), *new.parts).parts
-    told = f"{_STALE} {new.acc.date}: calibrate it again."
-    remarks = {name: (*(r for r in part.remarks if not r.startswith(_STALE)), told) for name, part in parts.items()}
+    note = f"{_STALE} {new.acc.date}: calibrate it again."
+    remarks = {name: (*(r for r in part.remarks if not r.startswith(_STALE)), note) for name, part in parts.items()}
     return replace(base, **{name: replace(part, remarks=remarks[name]) for name, part in parts.items()})
 
 

@@ -59,7 +59,7 @@ SCALE: Final = Limits(0.002, 0.01, 0.02)
 """Of entries of a gyroscope's matrix; beyond, a data sheet's tolerance of 3 % is not improved on."""
 
 
-def worst_of(*grades: str | None) -> str:
+def worst_grade(*grades: str | None) -> str:
     """Worst of grades; one beyond all counts as poor."""
     return max((grade or Limits._fields[-1] for grade in grades), key=Limits._fields.index)
 
@@ -75,8 +75,8 @@ BLOCKS = 10
 
 def mean_of_whole(values: Floats) -> Floats:
     """Mean (3,) of the rows of (N, 3) that have no NaN; NaN where there is none."""
-    whole = values[np.isfinite(values).all(axis=1)]
-    return np.asarray(whole.mean(axis=0)) if len(whole) else np.full(3, np.nan)
+    rows = values[np.isfinite(values).all(axis=1)]
+    return np.asarray(rows.mean(axis=0)) if len(rows) else np.full(3, np.nan)
 
 
 def mean_and_sd(values: Floats) -> tuple[Floats, Floats]:
@@ -98,7 +98,7 @@ class Inverse(NamedTuple):
     condition: float
 
 
-def inverse_of(normal: Floats) -> Inverse:
+def invert(normal: Floats) -> Inverse:
     """Invert a normal matrix (P, P) with its parameters scaled, so that all count alike."""
     spread = np.sqrt(np.diag(normal))
     sizes = np.outer(spread, spread)

@@ -21,8 +21,8 @@ from plumbob.calibration.mag.axes import (
     turn,
     wander,
 )
-from plumbob.calibration.mag.checks import DIP, dip_of
-from plumbob.calibration.mag.with_acc import FEWEST, rotation_in, turn_of
+from plumbob.calibration.mag.checks import DIP, dip_angle
+from plumbob.calibration.mag.with_acc import FEWEST, rotation_in, turn_angle
 from plumbob.calibration.predicted import heading_apart, heading_sd
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, to_deg
@@ -111,11 +111,11 @@ def judged_axes(imu: ImuData, mag: Floats, *, helper: str, dip: float | None) ->
     CaptureRefusedError
         If the calibration is wrong for them: mirrored, turned-axes.
     """
-    found = arrangements(imu.t, mag, acc=imu.usable("acc"), gyr=imu.usable("gyr"))
-    wrong = [_fault(one, imu, mag, dip, dip_of) for one in suspects(found)]
+    ways = arrangements(imu.t, mag, acc=imu.usable("acc"), gyr=imu.usable("gyr"))
+    wrong = [_fault(suspect, imu, mag, dip, dip_angle) for suspect in suspects(ways)]
     refuse([_reason(fault) for fault in wrong if _spoils(fault, helper)])
-    told, triads = tuple(_remark(fault) for fault in wrong), frozenset(fault.suspect.triad for fault in wrong)
-    return Judged(told, triads, found.keeps_dip)
+    remarks, triads = tuple(_remark(fault) for fault in wrong), frozenset(fault.suspect.triad for fault in wrong)
+    return Judged(remarks, triads, ways.keeps_dip)
 
 
 def wrong_axes(imu: ImuData, mag: Floats, *, dip: float | None) -> tuple[Reason, ...]:
@@ -130,8 +130,8 @@ def wrong_axes(imu: ImuData, mag: Floats, *, dip: float | None) -> tuple[Reason,
     dip : float or None
         As in `judged_axes`.
     """
-    found = suspects(arrangements(imu.t, mag, acc=imu.usable("acc"), gyr=imu.usable("gyr")))
-    return tuple(_reason(_fault(one, imu, mag, dip, _rough_dip)) for one in found)
+    wrong = suspects(arrangements(imu.t, mag, acc=imu.usable("acc"), gyr=imu.usable("gyr")))
+    return tuple(_reason(_fault(suspect, imu, mag, dip, _rough_dip)) for suspect in wrong)
 
 
 def _fault(
@@ -139,15 +139,15 @@ def _fault(
 ) -> _Fault:
     force = imu.usable("acc")
     field, force = (mag @ wrong.way, force) if wrong.triad == "mag" else (mag, force @ wrong.way)
-    known = np.isfinite(field).all(axis=1) & np.isfinite(force).all(axis=1)
-    told = (
-        None if wrong.triad == "gyr" or np.count_nonzero(known) < FEWEST_DIRECTIONS else dip(field[known], force[known])
+    valid = np.isfinite(field).all(axis=1) & np.isfinite(force).all(axis=1)
+    angle = (
+        None if wrong.triad == "gyr" or np.count_nonzero(valid) < FEWEST_DIRECTIONS else dip(field[valid], force[valid])
     )
-    if told is not None and min(abs(told), abs(told if place is None else place)) > LEVEL:
-        told *= math.copysign(1.0, 1.0 if place is None else place)
+    if angle is not None and min(abs(angle), abs(angle if place is None else place)) > LEVEL:
+        angle *= math.copysign(1.0, 1.0 if place is None else place)
     else:
-        told = None
-    return _Fault(wrong, told, place is not None, imu.meta.axes)
+        angle = None
+    return _Fault(wrong, angle, place is not None, imu.meta.axes)
 
 
 def _rough_dip(field: Floats, force: Floats) -> float | None:
@@ -176,26 +176,26 @@ def _reason(fault: _Fault) -> Reason:
     advice = _advice(fault)
     if fault.suspect.triad == "mag" and not fault.mirrored:
         advice += " Or let --with acc or gyr take the turn into the card."
-    return Reason("mirrored" if fault.mirrored else "turned-axes", f"{_told(fault)}.", advice)
+    return Reason("mirrored" if fault.mirrored else "turned-axes", f"{_diagnosis(fault)}.", advice)
 
 
 def _remark(fault: _Fault) -> str:
-    told = f"{_told(fault)}. {_advice(fault)}"
+    text = f"{_diagnosis(fault)}. {_advice(fault)}"
     if fault.suspect.triad != "mag":
-        return f"AXES: {told} The magnetometer's card does not rest on them."
-    return f"TURNED BY {_angle(fault.suspect.way)}°: {told} The card takes a turn up, and no mirror."
+        return f"AXES: {text} The magnetometer's card does not rest on them."
+    return f"TURNED BY {_angle(fault.suspect.way)}°: {text} The card takes a turn up, and no mirror."
 
 
-def _told(fault: _Fault) -> str:
+def _diagnosis(fault: _Fault) -> str:
     """What is wrong, and what speaks for it."""
     words = f"{_words(fault.way)}, or {_words(-fault.way)}" if fault.open else _words(fault.way)
-    told = f"the axes of the {TITLES[fault.suspect.triad]} are wrong ({words}); with these put right it agrees with "
-    told += _others(fault.suspect)
+    text = f"the axes of the {TITLES[fault.suspect.triad]} are wrong ({words}); with these put right it agrees with "
+    text += _others(fault.suspect)
     if fault.dip is None or not fault.upward:
-        return told
+        return text
     side = "be on the other side of the horizon than at the place" if fault.placed else "point up"
     turned = f"it would be turned by {_angle(fault.suspect.way)}°"
-    return f"{told}; or {turned}, and the field would {side}, with a dip of {to_deg(fault.dip):.0f}°"
+    return f"{text}; or {turned}, and the field would {side}, with a dip of {to_deg(fault.dip):.0f}°"
 
 
 def _others(wrong: Suspect) -> str:
@@ -206,14 +206,14 @@ def _others(wrong: Suspect) -> str:
 
 def _advice(fault: _Fault) -> str:
     """Lines of a profile that put wrong axes right."""
-    told = f"Check its data sheet; in the profile of a text file, write {fault.line(fault.way)}"
+    text = f"Check its data sheet; in the profile of a text file, write {fault.line(fault.way)}"
     if fault.open:
-        told += f", or {fault.line(-fault.way)}"
-    told += ", on top of axes that stand there."
+        text += f", or {fault.line(-fault.way)}"
+    text += ", on top of axes that stand there."
     if fault.dip is None or fault.placed:
-        return told
+        return text
     south = f"South of the magnetic equator it is {fault.line(-fault.way)}"
-    return f"{told} {south}: say where the capture was with --place."
+    return f"{text} {south}: say where the capture was with --place."
 
 
 def _angle(turn: Floats) -> int:
@@ -299,18 +299,18 @@ def told_by_others(
     matrix = fit.calibration.matrix
     field = (imu.usable("mag") - fit.calibration.bias) @ matrix.T
     axes = judged_axes(imu, field @ rotation_in(matrix), helper=helper, dip=dip)
-    told = axes.told
+    remarks = axes.told
     if imu.gyr is not None and "gyr" not in axes.wrong:
-        told = (*told, *_by_gyroscope(imu, field, helper))
+        remarks = (*remarks, *_by_gyroscope(imu, field, helper))
     if "acc" in axes.wrong:
-        return told
+        return remarks
     force = imu.usable("acc")
-    found = _dip(field[steady], force[steady])
-    found = _dip(field, force) if found is None else found
-    turned = 0.0 if helper == "none" or "mag" in axes.wrong else turn_of(matrix)
+    angle = _dip(field[steady], force[steady])
+    angle = _dip(field, force) if angle is None else angle
+    turned = 0.0 if helper == "none" or "mag" in axes.wrong else turn_angle(matrix)
     by = "accelerometer" if helper == "acc" else "gyroscope"
-    told = (*told, *_of_turn(found, turned, dip, by, kept=axes.dip_kept))
-    return told if found is None else (*_of_place(found, dip, kept=axes.dip_kept), *told)
+    remarks = (*remarks, *_of_turn(angle, turned, dip, by, one_dip=axes.dip_kept))
+    return remarks if angle is None else (*_of_place(angle, dip, one_dip=axes.dip_kept), *remarks)
 
 
 def without_gain(imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], dip: float | None) -> Reason | None:
@@ -325,14 +325,14 @@ def without_gain(imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], dip: floa
     if c.covariance is None or quality is None or quality.tilt_range is None:
         return None
     field = (imu.usable("mag") - c.bias) @ c.matrix.T
-    found = _dip(field[steady], imu.usable("acc")[steady]) if dip is None else dip
+    angle = _dip(field[steady], imu.usable("acc")[steady]) if dip is None else dip
     place = {
         "size": float(np.nanmedian(np.linalg.norm(field, axis=1))),
-        "dip": DIP if found is None else found,
+        "dip": DIP if angle is None else angle,
         "tilt_range": quality.tilt_range,
     }
-    own = c.matrix, c.bias
-    change = heading_apart(own, (np.eye(3), np.zeros(3)), own, **place)
+    model = c.matrix, c.bias
+    change = heading_apart(model, (np.eye(3), np.zeros(3)), model, **place)
     sd = heading_sd(c.matrix, c.covariance, **place)
     if change > LEAST_GAIN * sd:
         return None
@@ -346,11 +346,11 @@ def require_field_turns(imu: ImuData, mag: Floats) -> None:
     _require_sense(agreement(imu.t, mag, imu.usable("gyr")))
 
 
-def _require_sense(found: Agreement | None) -> None:
-    if found is not None and found.slope < LEAST_SLOPE:
+def _require_sense(fit: Agreement | None) -> None:
+    if fit is not None and fit.slope < LEAST_SLOPE:
         what = (
             "the field turns against the gyroscope: an axis of the magnetometer is swapped or has the wrong sign; "
-            f"it changes by {found.slope:.2f} of what the rates say, and 1 is right."
+            f"it changes by {fit.slope:.2f} of what the rates say, and 1 is right."
         )
         refuse([Reason("mirrored", what, f"{_AXES}; or the gyroscope's, if its signs are in doubt.")])
 
@@ -369,50 +369,50 @@ def _require_alignment(turned: float) -> None:
 def _by_gyroscope(imu: ImuData, field: Floats, helper: str) -> tuple[str, ...]:
     """How a calibrated field follows the rates, in figures; one that does not is refused."""
     gyr = imu.usable("gyr")
-    found = agreement(imu.t, field, gyr)
-    _require_sense(found)
+    fit = agreement(imu.t, field, gyr)
+    _require_sense(fit)
     rotation = turn(imu.t, field, gyr)
-    apart = None if rotation is None else turn_of(rotation)
+    apart = None if rotation is None else turn_angle(rotation)
     if helper == "acc" and apart is not None:
         _require_alignment(apart)
     angle = wander(imu.t, field, gyr)
-    if found is None or angle is None:
+    if fit is None or angle is None:
         return ()
     turned = "" if apart is None else f", turned by {to_deg(apart):.1f}° against them,"
-    told = (
-        f"the calibrated field turns at {found.slope:.2f} of the rates{turned} and keeps its direction in space within "
+    text = (
+        f"the calibrated field turns at {fit.slope:.2f} of the rates{turned} and keeps its direction in space within "
         f"{to_deg(angle):.1f}° (rms) over {SPAN:.0f} s."
     )
-    if abs(found.slope - 1.0) <= DOUBTFUL_SLOPE and angle <= DOUBTFUL_ANGLE:
-        return (f"Against the gyroscope, {told}",)
+    if abs(fit.slope - 1.0) <= DOUBTFUL_SLOPE and angle <= DOUBTFUL_ANGLE:
+        return (f"Against the gyroscope, {text}",)
     doubt = "Its scale, bias or unit is wrong, or the card: calibrate it, and keep iron away."
-    return (f"GYROSCOPE DISAGREES: {told} {doubt}",)
+    return (f"GYROSCOPE DISAGREES: {text} {doubt}",)
 
 
 def _dip(field: Floats, force: Floats) -> float | None:
     """Angle of the field below the horizon, rad, by the specific force at the same instants."""
-    known = np.isfinite(field).all(axis=1) & np.isfinite(force).all(axis=1)
-    if int(np.count_nonzero(known)) < FEWEST:
+    valid = np.isfinite(field).all(axis=1) & np.isfinite(force).all(axis=1)
+    if int(np.count_nonzero(valid)) < FEWEST:
         return None
-    return dip_of(field[known], force[known])
+    return dip_angle(field[valid], force[valid])
 
 
-def _of_place(found: float, dip: float | None, *, kept: bool) -> tuple[str, ...]:
-    if dip is None or abs(found - dip) <= DOUBTFUL_DIP:
+def _of_place(angle: float, dip: float | None, *, one_dip: bool) -> tuple[str, ...]:
+    if dip is None or abs(angle - dip) <= DOUBTFUL_DIP:
         return ()
-    what = f"the field dips by {to_deg(found):.1f}° in the capture, but by {to_deg(dip):.1f}° at the place."
-    if abs(found - dip) > WRONG_DIP:
-        negated = kept and abs(found + dip) < abs(found - dip)
+    what = f"the field dips by {to_deg(angle):.1f}° in the capture, but by {to_deg(dip):.1f}° at the place."
+    if abs(angle - dip) > WRONG_DIP:
+        negated = one_dip and abs(angle + dip) < abs(angle - dip)
         axes = _NEGATED if negated else _AXES
         advice = f"{axes}; check --place, and that no iron was near."
         refuse([Reason("wrong-field", what, advice)])
     return (f"DIP OFF: {what} Iron nearby bends the field, and so does a building.",)
 
 
-def _of_turn(found: float | None, turned: float, dip: float | None, by: str, *, kept: bool) -> tuple[str, ...]:
+def _of_turn(angle: float | None, turned: float, dip: float | None, by: str, *, one_dip: bool) -> tuple[str, ...]:
     """What a large turn or a dip of the south says, where no place tells the dip."""
-    upward = found is not None and found < 0.0 and dip is None
-    dips = "" if found is None else f"a dip of {to_deg(found):.0f}°"
+    upward = angle is not None and angle < 0.0 and dip is None
+    dips = "" if angle is None else f"a dip of {to_deg(angle):.0f}°"
     if turned > TURNED and upward:
         what = (
             f"the magnetometer would be turned by {to_deg(turned):.0f}° against the {by}, and the field would "
@@ -425,7 +425,7 @@ def _of_turn(found: float | None, turned: float, dip: float | None, by: str, *, 
             "If the device does not mount it so, correct 'axes' of [mag] in the profile.",
         )
     if upward:
-        signs = "all axes of the magnetometer have the wrong sign" if kept else "signs of the magnetometer are wrong"
+        signs = "all axes of the magnetometer have the wrong sign" if one_dip else "signs of the magnetometer are wrong"
         return (
             f"FIELD POINTS UP: {dips} is one south of the magnetic equator; north of it, {signs}, or the accelerometer "
             "measures gravity instead of specific force (sign of [acc] in a profile). Give --place to decide which.",

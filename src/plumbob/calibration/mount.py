@@ -82,8 +82,8 @@ def mount_from_level(level: ArrayLike, *, frame: Frame) -> Mounted:
     up = _up("level", level)
     ahead = np.array([1.0, 0.0, 0.0])
     if np.linalg.norm(np.cross(up.axis, ahead)) < np.sin(LEAST_RAISE):
-        told = f"the case's x axis is {to_deg(_angle(up.axis, ahead)):.0f}° from the vertical, and so points not ahead."
-        raise CaptureRefusedError(Reason("ill-conditioned", told, "Record a second pose with the nose raised."))
+        text = f"the case's x axis is {to_deg(_angle(up.axis, ahead)):.0f}° from the vertical, and so points not ahead."
+        raise CaptureRefusedError(Reason("ill-conditioned", text, "Record a second pose with the nose raised."))
     mount = Mount(_axes(up.axis, ahead, frame), np.array([up.sd, up.sd, _UNKNOWN]), f"level pose, body axes of {frame}")
     return Mounted(mount, ("the mounting's heading was not measured: the case's x axis is taken to point ahead.",))
 
@@ -145,15 +145,15 @@ def mount_from_attitudes(q_ns: ArrayLike, q_nb: ArrayLike) -> Mounted:
     ours = check.rows("q_ns", q_ns, 4)
     theirs = check.rows("q_nb", q_nb, 4, len(ours))
     if len(ours) < 10 * _PARTS:
-        told = f"{len(ours)} attitudes are known at the same time; {10 * _PARTS} or more are needed."
-        raise CaptureRefusedError(Reason("too-few", told, "Give recordings that overlap for longer."))
+        text = f"{len(ours)} attitudes are known at the same time; {10 * _PARTS} or more are needed."
+        raise CaptureRefusedError(Reason("too-few", text, "Give recordings that overlap for longer."))
     q_bs = quat_multiply(quat_conjugate(theirs), ours)
     mean, weights = _robust_mean(q_bs)
     off = float(np.median(quat_angle(q_bs, mean)))
     if off > SCATTER:
-        told = f"the attitudes differ by no constant rotation: half of them are more than {to_deg(off):.0f}° off it."
+        text = f"the attitudes differ by no constant rotation: half of them are more than {to_deg(off):.0f}° off it."
         advice = "Check their frames, their north and their clocks, and that the unit is fixed to the body."
-        raise CaptureRefusedError(Reason("implausible", told, advice))
+        raise CaptureRefusedError(Reason("implausible", text, advice))
     errors = rotvec_from_quat(quat_multiply(q_bs, quat_conjugate(mean)))
     parts = zip(np.array_split(errors, _PARTS), np.array_split(weights, _PARTS), strict=True)
     means = np.array([np.average(error, axis=0, weights=weight) for error, weight in parts])
@@ -173,19 +173,19 @@ def _robust_mean(q: Floats) -> tuple[Floats, Floats]:
 
 def _up(pose: str, force: ArrayLike) -> _Up:
     forces = check.rows(pose, force, 3)
-    whole = forces[np.isfinite(forces).all(axis=1)]
-    if len(whole) < 2:
-        told = f"the {pose} pose has {len(whole)} samples of the specific force."
-        raise CaptureRefusedError(Reason("too-few", told, "Let each pose rest for a second or more."))
-    mean = whole.mean(axis=0)
+    finite = forces[np.isfinite(forces).all(axis=1)]
+    if len(finite) < 2:
+        text = f"the {pose} pose has {len(finite)} samples of the specific force."
+        raise CaptureRefusedError(Reason("too-few", text, "Let each pose rest for a second or more."))
+    mean = finite.mean(axis=0)
     size = float(np.linalg.norm(mean))
     if abs(size / G0 - 1.0) > _GRAVITY:
-        told = f"in the {pose} pose the specific force is {size:.3g} m/s², not {G0:.3g}."
+        text = f"in the {pose} pose the specific force is {size:.3g} m/s², not {G0:.3g}."
         raise CaptureRefusedError(
-            Reason("wrong-gravity", told, "Check its unit, or calibrate the accelerometer first.")
+            Reason("wrong-gravity", text, "Check its unit, or calibrate the accelerometer first.")
         )
-    scatter = float(np.sqrt(whole.var(axis=0, ddof=1).mean()))
-    return _Up(mean / size, scatter / np.sqrt(len(whole)) / size)
+    scatter = float(np.sqrt(finite.var(axis=0, ddof=1).mean()))
+    return _Up(mean / size, scatter / np.sqrt(len(finite)) / size)
 
 
 def _axes(up: Floats, ahead: Floats, frame: Frame) -> Floats:
@@ -199,8 +199,8 @@ def _axes(up: Floats, ahead: Floats, frame: Frame) -> Floats:
 def _why_no_raise(up: Floats, angle: float, turn: ArrayLike | None) -> list[Reason]:
     """Say why two poses are not that of a body and of the same with its nose raised."""
     if np.sin(angle) < np.sin(LEAST_RAISE):
-        told = f"the poses differ by {to_deg(angle):.1f}°, which hardly shows where ahead is; 15° to 60° are needed."
-        return [Reason("ill-conditioned", told, "Raise the nose further.")]
+        text = f"the poses differ by {to_deg(angle):.1f}°, which hardly shows where ahead is; 15° to 60° are needed."
+        return [Reason("ill-conditioned", text, "Raise the nose further.")]
     if turn is None:
         return []
     vector = check.last_axis("turn", turn, 3)
@@ -208,10 +208,10 @@ def _why_no_raise(up: Floats, angle: float, turn: ArrayLike | None) -> list[Reas
     rise = float(np.arcsin(min(1.0, abs(float(vector @ up)) / size))) if size > 0.0 else 0.0
     if rise <= ASKEW:
         return []
-    told = (
+    text = (
         f"from pose to pose the body turned {to_deg(size):.0f}° about an axis {to_deg(rise):.0f}° off the horizontal."
     )
-    return [Reason("no-motion", told, "Raise the nose about the lateral axis, without turning or rolling the body.")]
+    return [Reason("no-motion", text, "Raise the nose about the lateral axis, without turning or rolling the body.")]
 
 
 def _angle(a: Floats, b: Floats) -> float:

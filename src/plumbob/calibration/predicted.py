@@ -24,7 +24,7 @@ from plumbob.rotations import quat_from_rotvec, quat_multiply, quat_rotate
 
 _X, _Y, _Z = np.eye(3)
 _FACES = [sign * axis for axis in (_X, _Y, _Z) for sign in (1, -1)]
-_EDGES = [a * one + b * other for one, other in ((_X, _Y), (_X, _Z), (_Y, _Z)) for a, b in product((1, -1), repeat=2)]
+_EDGES = [a * u + b * v for u, v in ((_X, _Y), (_X, _Z), (_Y, _Z)) for a, b in product((1, -1), repeat=2)]
 REGIONS: Final = np.array(_FACES + [edge / np.sqrt(2.0) for edge in _EDGES])
 """Directions of the faces and then of the edges, (18, 3), of length 1."""
 REGIONS.flags.writeable = False
@@ -38,17 +38,17 @@ NAMES: Final = tuple(
 _SOME: Final = 20_000
 
 
-def region_of(vectors: Floats) -> NDArray[np.int64]:
+def region_index(vectors: Floats) -> NDArray[np.int64]:
     """Region that each vector (N, 3) points into, (N,): the nearest by angle."""
     return np.asarray(np.argmax(vectors @ REGIONS.T, axis=1))
 
 
 def filled(vectors: Floats) -> NDArray[np.int64]:
     """How many of the vectors (N, 3) point into each region, (18,); of very many, evenly taken ones are counted."""
-    return np.bincount(region_of(vectors[:: max(1, len(vectors) // _SOME)]), minlength=len(REGIONS))
+    return np.bincount(region_index(vectors[:: max(1, len(vectors) // _SOME)]), minlength=len(REGIONS))
 
 
-def names_of(regions: Iterable[int]) -> str:
+def region_names(regions: Iterable[int]) -> str:
     """Names of some regions in a row."""
     return ", ".join(NAMES[i] for i in regions)
 
@@ -123,8 +123,8 @@ def heading_apart(
     axes = attitudes(tilt_range)
     field_b = size * (math.cos(dip) * axes[:, :, 0] + math.sin(dip) * axes[:, :, 2])
     measured = np.linalg.solve(truth[0], field_b.T).T + truth[1]
-    seen = (np.einsum("nij,ni->nj", axes, (measured - bias) @ matrix.T) for matrix, bias in (one, other))
-    first, second = (level[:, 0] + 1j * level[:, 1] for level in seen)
+    fields = (np.einsum("nij,ni->nj", axes, (measured - bias) @ matrix.T) for matrix, bias in (one, other))
+    first, second = (level[:, 0] + 1j * level[:, 1] for level in fields)
     return float(np.sqrt(np.mean(np.angle(first * np.conj(second)) ** 2)))
 
 
@@ -143,8 +143,8 @@ def attitudes(tilt_range: float) -> Floats:
 def _errors(matrix: Floats, vectors: Floats) -> Floats:
     """Derivatives (N, 3, 12) of calibrated vectors (N, 3) by bias and matrix, row by row."""
     measured = np.linalg.solve(matrix, vectors.T).T
-    found = np.zeros((len(vectors), 3, 12))
-    found[:, :, :3] = -matrix
+    rows = np.zeros((len(vectors), 3, 12))
+    rows[:, :, :3] = -matrix
     for i in range(3):
-        found[:, i, 3 + 3 * i : 6 + 3 * i] = measured
-    return found
+        rows[:, i, 3 + 3 * i : 6 + 3 * i] = measured
+    return rows

@@ -59,10 +59,10 @@ def plateaus(t: Floats, gyr: Floats) -> list[slice]:
     count = t.size // size
     blocks = gyr[: count * size].reshape(count, size, 3)
     mean, scatter = blocks.mean(axis=1), blocks.std(axis=1, ddof=1).max(axis=1)
-    known = scatter[np.isfinite(scatter)]
-    if known.size == 0:
+    noise = scatter[np.isfinite(scatter)]
+    if noise.size == 0:
         return []
-    limit = _STEP + 6.0 * float(np.median(known)) / np.sqrt(size) + _RIPPLE * np.abs(mean).max(axis=1)
+    limit = _STEP + 6.0 * float(np.median(noise)) / np.sqrt(size) + _RIPPLE * np.abs(mean).max(axis=1)
     with np.errstate(invalid="ignore"):
         joined = np.abs(np.diff(mean, axis=0)).max(axis=1) <= np.fmin(limit[1:], limit[:-1])
     runs = np.split(np.arange(count), np.flatnonzero(~joined) + 1)
@@ -84,27 +84,27 @@ def match_rates(means: Floats, nominal: Floats) -> Matched:
     nominal : ndarray (k,)
         Rates of the table regardless of the sign, rad/s; rest is always one.
     """
-    rate, found = np.zeros_like(means), np.zeros(len(means), dtype=np.bool_)
-    known = np.unique(np.append(np.abs(nominal), 0.0))
-    if len(means) == 0 or known.size < 2:
-        return Matched(rate, found)
+    rate, matched = np.zeros_like(means), np.zeros(len(means), dtype=np.bool_)
+    speeds = np.unique(np.append(np.abs(nominal), 0.0))
+    if len(means) == 0 or speeds.size < 2:
+        return Matched(rate, matched)
     turned = means - np.median(means, axis=0)
     rows, axis = np.arange(len(means)), np.argmax(np.abs(turned), axis=1)
     signed = turned[rows, axis]
-    nearest = known[np.argmin(np.abs(np.abs(signed)[:, np.newaxis] - known), axis=1)]
-    room = np.where(nearest > 0.0, nearest, known[1])
+    nearest = speeds[np.argmin(np.abs(np.abs(signed)[:, np.newaxis] - speeds), axis=1)]
+    room = np.where(nearest > 0.0, nearest, speeds[1])
     astray = np.sort(np.abs(turned), axis=1)[:, 1]
-    found = (np.abs(np.abs(signed) - nearest) <= NEAR * room) & (astray <= _ASTRAY * room)
-    rate[rows, axis] = np.where(found, np.sign(signed) * nearest, 0.0)
-    return Matched(rate, found)
+    matched = (np.abs(np.abs(signed) - nearest) <= NEAR * room) & (astray <= _ASTRAY * room)
+    rate[rows, axis] = np.where(matched, np.sign(signed) * nearest, 0.0)
+    return Matched(rate, matched)
 
 
 def _constant(run: NDArray[np.intp], mean: Floats, limit: Floats) -> NDArray[np.intp]:
     """Longest part of a run of blocks that stays at the run's median."""
     near = np.abs(mean[run] - np.median(mean[run], axis=0)).max(axis=1) <= limit[run]
     parts = np.split(run, np.flatnonzero(np.diff(near)) + 1)
-    kept = [part for part in parts if near[part[0] - run[0]]]
-    return max(kept, key=len, default=run[:0])
+    steady = [part for part in parts if near[part[0] - run[0]]]
+    return max(steady, key=len, default=run[:0])
 
 
 _TIMES = ("from_s", "to_s")
@@ -144,15 +144,15 @@ def found_plateaus(imu: ImuData, nominal: Sequence[float]) -> tuple[list[Plateau
     """
     rates = imu.usable("gyr")
     stretches = plateaus(imu.t, rates)
-    means = np.array([rates[one].mean(axis=0) for one in stretches]).reshape(-1, 3)
+    means = np.array([rates[part].mean(axis=0) for part in stretches]).reshape(-1, 3)
     matched = match_rates(means, np.asarray(nominal, dtype=np.float64))
-    spans = [(float(imu.t[one.start]), float(imu.t[one.stop - 1])) for one in stretches]
+    spans = [(float(imu.t[part.start]), float(imu.t[part.stop - 1])) for part in stretches]
     if not (matched.rate[matched.found] != 0.0).any():
-        seen = ", ".join(f"{to_dps(float(np.abs(mean).max())):.4g}" for mean in means[:6]) or "none"
-        told = f"no stretch of constant rate has one of the nominal rates; rates found are, in °/s: {seen}."
-        raise CaptureRefusedError(Reason("no-motion", told, _ADVICE))
-    kept = [Plateau(*spans[i], rate=matched.rate[i]) for i in np.flatnonzero(matched.found)]
-    return kept, [_set_aside(spans[i], means[i]) for i in np.flatnonzero(~matched.found)]
+        listed = ", ".join(f"{to_dps(float(np.abs(mean).max())):.4g}" for mean in means[:6]) or "none"
+        text = f"no stretch of constant rate has one of the nominal rates; rates found are, in °/s: {listed}."
+        raise CaptureRefusedError(Reason("no-motion", text, _ADVICE))
+    matching = [Plateau(*spans[i], rate=matched.rate[i]) for i in np.flatnonzero(matched.found)]
+    return matching, [_set_aside(spans[i], means[i]) for i in np.flatnonzero(~matched.found)]
 
 
 def read_plan(path: Path) -> list[Plateau]:
@@ -190,29 +190,29 @@ def calibrate_table(
         If a plateau holds no sample.
     """
     imu = capture.imu
-    rows = [_rows(imu, one) for one in planned]
-    forces = None if imu.acc is None and any(one.force is None for one in planned) else _forces(imu, planned, rows)
+    rows = [_rows(imu, plateau) for plateau in planned]
+    forces = None if imu.acc is None and any(p.force is None for p in planned) else _forces(imu, planned, rows)
     clipped = (imu.flags & np.uint32(flags.GYR_CLIPPED)) != 0
     rates = imu.usable("gyr")
     fitted = fit_table(
-        np.array([one.rate for one in planned]).reshape(-1, 3),
+        np.array([plateau.rate for plateau in planned]).reshape(-1, 3),
         np.array([mean_of_whole(rates[part]) for part in rows]).reshape(-1, 3),
         force=forces,
-        seconds=np.array([one.stop - one.start for one in planned]),
+        seconds=np.array([plateau.stop - plateau.start for plateau in planned]),
         clipped=np.array([clipped[part].mean() for part in rows]),
         model=model,
         mounting=mounting,
         latitude=latitude,
     )
-    found = replace(fitted.calibration, temp_ref_c=_temperature(imu, rows))
+    triad = replace(fitted.calibration, temp_ref_c=_temperature(imu, rows))
     return replace(
-        fitted, calibration=found, remarks=(*fitted.remarks, *_of_force(capture, found), *_lost_terms(capture))
+        fitted, calibration=triad, remarks=(*fitted.remarks, *_of_force(capture, triad), *_lost_terms(capture))
     )
 
 
-def _of_force(capture: Capture, found: TriadCalibration) -> tuple[str, ...]:
+def _of_force(capture: Capture, triad: TriadCalibration) -> tuple[str, ...]:
     """Say that the g-sensitivity is one to a specific force that is not calibrated."""
-    if not found.g_sensitivity.any() or (capture.base is not None and capture.base.acc is not None):
+    if not triad.g_sensitivity.any() or (capture.base is not None and capture.base.acc is not None):
         return ()
     return ("the accelerometer is not calibrated: g-sensitivity is wrong by as many per cent as its scale.",)
 
@@ -226,15 +226,15 @@ def _lost_terms(capture: Capture) -> tuple[str, ...]:
 
 def _temperature(imu: ImuData, rows: Sequence[slice]) -> float:
     """Temperature that the bias belongs to, °C; 25 °C where it is not known."""
-    known = np.concatenate([imu.temp_c[part] for part in rows]) if imu.temp_c is not None else np.empty(0)
-    return float(np.nanmean(known)) if np.isfinite(known).any() else _ROOM_C
+    temps = np.concatenate([imu.temp_c[part] for part in rows]) if imu.temp_c is not None else np.empty(0)
+    return float(np.nanmean(temps)) if np.isfinite(temps).any() else _ROOM_C
 
 
-def _rows(imu: ImuData, one: Plateau) -> slice:
-    first, stop = imu.t.searchsorted((one.start, one.stop)).tolist()
+def _rows(imu: ImuData, plateau: Plateau) -> slice:
+    first, stop = imu.t.searchsorted((plateau.start, plateau.stop)).tolist()
     if stop <= first:
         raise ParameterError(
-            f"the plateau from {one.start:g} to {one.stop:g} s holds no sample; the recording goes from "
+            f"the plateau from {plateau.start:g} to {plateau.stop:g} s holds no sample; the recording goes from "
             f"{float(imu.t[0]):g} to {float(imu.t[-1]):g} s."
         )
     return slice(first, stop)
@@ -242,9 +242,7 @@ def _rows(imu: ImuData, one: Plateau) -> slice:
 
 def _forces(imu: ImuData, planned: Sequence[Plateau], rows: Sequence[slice]) -> Floats:
     acc = np.empty((0, 3)) if imu.acc is None else imu.usable("acc")
-    means = [
-        mean_of_whole(acc[part]) if one.force is None else one.force for one, part in zip(planned, rows, strict=True)
-    ]
+    means = [mean_of_whole(acc[part]) if p.force is None else p.force for p, part in zip(planned, rows, strict=True)]
     return np.array(means).reshape(-1, 3)
 
 

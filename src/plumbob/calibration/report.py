@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.fit import CaptureRefusedError, Fitted
-from plumbob.calibration.predicted import NAMES, REGIONS, filled, names_of
+from plumbob.calibration.predicted import NAMES, REGIONS, filled, region_names
 from plumbob.core.check import Floats
 from plumbob.core.text import WIDTH, counted, listed, measured, number
 from plumbob.core.units import from_si, g, to_deg, written
@@ -166,8 +166,8 @@ def numbers(card: CalibrationCard, fits: Mapping[str, Fitted]) -> dict[str, Any]
     if card.mount is not None:
         figures["mount"] = {"yaw_pitch_roll": euler_zyx_from_quat(card.mount.q_bs)}
     remarks = {name: list(part.remarks) for name, part in card.parts.items()}
-    found = {"units": _UNITS, "card": json.loads(card.text()), "figures": plain(figures), "remarks": remarks}
-    return {"refused": [], **found}
+    content = {"units": _UNITS, "card": json.loads(card.text()), "figures": plain(figures), "remarks": remarks}
+    return {"refused": [], **content}
 
 
 def refusal_numbers(refused: CaptureRefusedError) -> dict[str, Any]:
@@ -212,11 +212,11 @@ def _mount(mount: Mount) -> Report:
 
 def _facts(name: str, c: TriadCalibration, fit: Fitted | None) -> list[tuple[str, str]]:
     """How it was found, how well, and where it holds."""
-    missing = "" if fit is None or name == "gyr" else names_of(np.flatnonzero(~_coverage(fit)[1]).tolist())
-    found = [("method", c.method), ("date", c.date), ("residual", _residual(name, c, fit))]
-    found += [("data", _made_of(c)), ("not covered", missing), ("predicted", _predicted(c))]
-    found += [("reference", _reference(name, c)), ("temperature", _temperature(c))]
-    return [(label, text) for label, text in found if text]
+    missing = "" if fit is None or name == "gyr" else region_names(np.flatnonzero(~_coverage(fit)[1]).tolist())
+    facts = [("method", c.method), ("date", c.date), ("residual", _residual(name, c, fit))]
+    facts += [("data", _counts(c)), ("not covered", missing), ("predicted", _predicted(c))]
+    facts += [("reference", _reference(name, c)), ("temperature", _temperature(c))]
+    return [(label, text) for label, text in facts if text]
 
 
 def _formula(card: CalibrationCard) -> str:
@@ -233,7 +233,7 @@ def _matrix_rows(c: TriadCalibration) -> Iterator[list[str]]:
     if not c.matrix_found:
         yield ["matrix, scale, axes", *3 * ["not found"]]
         return
-    for axis, row, sd in zip(AXES, c.matrix, _rows_of(c.matrix_sd), strict=True):
+    for axis, row, sd in zip(AXES, c.matrix, _rows(c.matrix_sd), strict=True):
         yield [f"matrix, row {axis}", *_cells(row, sd)]
     axes = sensing_axes(c)
     fine = bool((np.abs(axes.scale) < _PPM).all())
@@ -249,9 +249,7 @@ def _temperature_rows(name: str, c: TriadCalibration) -> Iterator[list[str]]:
     if not c.bias_per_k.any():
         return
     unit = SHOWN[name][0]
-    for k, (row, sd) in enumerate(
-        zip(c.bias_per_k, _rows_of(c.bias_per_k_sd, len(c.bias_per_k)), strict=True), start=1
-    ):
+    for k, (row, sd) in enumerate(zip(c.bias_per_k, _rows(c.bias_per_k_sd, len(c.bias_per_k)), strict=True), start=1):
         power = "" if k == 1 else "".join(_RAISED[int(digit)] for digit in str(k))
         cells = _cells(from_si(row, unit), _converted(sd, unit))
         yield [f"bias per K{power} [{written(unit)}/K{power}]", *cells]
@@ -260,29 +258,29 @@ def _temperature_rows(name: str, c: TriadCalibration) -> Iterator[list[str]]:
 def _coupling_rows(c: TriadCalibration) -> Iterator[list[str]]:
     if not c.g_sensitivity.any():
         return
-    for axis, row, sd in zip(AXES, g(c.g_sensitivity), _rows_of(c.g_sensitivity_sd), strict=True):
+    for axis, row, sd in zip(AXES, g(c.g_sensitivity), _rows(c.g_sensitivity_sd), strict=True):
         spread = None if sd is None else to_deg(g(sd))
         yield [f"g-sensitivity, row {axis} [°/s/g]", *_cells(to_deg(row), spread)]
 
 
 def _residual(name: str, c: TriadCalibration, fit: Fitted | None) -> str:
     unit = SHOWN[name][0]
-    left = c.residual_rms or 0.0
-    told = [f"{_with(left, unit)} rms"] if left > _NOTHING else []  # one mean leaves nothing, however good it is
-    found = None if fit is None else sizes(name, fit)
-    if found is not None:
-        before, after = found.rms()
-        told.append(f"magnitude error {_with(before, unit)} rms before calibration, {_with(after, unit)} after")
-    return "; ".join(told)
+    rms = c.residual_rms or 0.0
+    texts = [f"{_with(rms, unit)} rms"] if rms > _NOTHING else []  # one mean leaves nothing, however good it is
+    lengths = None if fit is None else sizes(name, fit)
+    if lengths is not None:
+        before, after = lengths.rms()
+        texts.append(f"magnitude error {_with(before, unit)} rms before calibration, {_with(after, unit)} after")
+    return "; ".join(texts)
 
 
-def _made_of(c: TriadCalibration) -> str:
+def _counts(c: TriadCalibration) -> str:
     q = c.quality
     if q is None:
         return ""
-    told = [counted(q.samples, "data point"), f"{counted(q.outliers, 'outlier')} set aside"]
-    told += [] if q.regions is None else [f"{q.regions} of 18 directions"]
-    return ", ".join(told + ([] if q.condition is None else [f"condition number {number(q.condition, 2)}"]))
+    texts = [counted(q.samples, "data point"), f"{counted(q.outliers, 'outlier')} set aside"]
+    texts += [] if q.regions is None else [f"{q.regions} of 18 directions"]
+    return ", ".join(texts + ([] if q.condition is None else [f"condition number {number(q.condition, 2)}"]))
 
 
 def _predicted(c: TriadCalibration) -> str:
@@ -322,7 +320,7 @@ def _cell(value: float, sd: float) -> str:
     return measured(value, value - sd, value + sd) if sd > 0.0 else f"{value + 0.0:.6g}"
 
 
-def _rows_of(sd: Floats | None, count: int = 3) -> Sequence[Floats | None]:
+def _rows(sd: Floats | None, count: int = 3) -> Sequence[Floats | None]:
     return [None] * count if sd is None else list(sd)
 
 
@@ -336,8 +334,8 @@ def _with(value: float, unit: str) -> str:
 
 def _figures(name: str, model: TriadCalibration, fit: Fitted | None) -> dict[str, Any]:
     axes = sensing_axes(model) if model.matrix_found else None
-    found = None if fit is None else sizes(name, fit)
-    before, after = (None, None) if found is None else found.rms()
+    lengths = None if fit is None else sizes(name, fit)
+    before, after = (None, None) if lengths is None else lengths.rms()
     return {
         "bias_sd": model.bias_sd,
         "matrix_sd": model.matrix_sd if model.matrix_found else None,
@@ -345,7 +343,7 @@ def _figures(name: str, model: TriadCalibration, fit: Fitted | None) -> dict[str
         "scale_sd": getattr(axes, "scale_sd", None),
         "misalignment": getattr(axes, "misalignment", None),
         "skew_xy_xz_yz": getattr(axes, "skew", None),
-        "size_expected": None if found is None else found.expected,
+        "size_expected": None if lengths is None else lengths.expected,
         "size_rms_before": before,
         "size_rms_after": after,
     }
@@ -364,10 +362,10 @@ _MARGIN = 1.14  # of the picture around a hemisphere, in radii
 
 def _drawn(name: str, fit: Fitted) -> Iterator[Figure]:
     """Figures of a fit."""
-    found = sizes(name, fit)
-    if found is not None:
+    lengths = sizes(name, fit)
+    if lengths is not None:
         yield coverage_figure(fit)
-        yield size_figure(name, found)
+        yield size_figure(name, lengths)
     if fit.calibration.bias_per_k.any() and fit.calibration.temp_span_c is not None:
         yield temperature_figure(name, fit.calibration)
     yield residual_figure(name, fit)
@@ -381,14 +379,14 @@ def _coverage(fit: Fitted) -> tuple[Floats, NDArray[np.bool_]]:
 
 def coverage_figure(fit: Fitted) -> Figure:
     """Both hemispheres in Lambert's equal-area map with the 18 regions."""
-    directions, seen = _coverage(fit)
+    directions, covered = _coverage(fit)
 
     def draw(canvas: "FigureBase") -> None:
         for ax, side in zip(canvas.subplots(1, 2), (1.0, -1.0), strict=True):
-            _draw_hemisphere(ax, directions, seen, side)
+            _draw_hemisphere(ax, directions, covered, side)
 
     key = [("seen", SEEN, "block"), ("missing", MISSING, "block"), ("samples", INK, "dotted")]
-    return Figure(f"Directions covered: {np.count_nonzero(seen)} / {seen.size}", draw, key, height=3.9)
+    return Figure(f"Directions covered: {np.count_nonzero(covered)} / {covered.size}", draw, key, height=3.9)
 
 
 def size_figure(name: str, found: Sizes) -> Figure:
@@ -470,7 +468,7 @@ def _label(ax: "Axes", count: int, label: str) -> None:
     ax.set_ylabel(label)
 
 
-def _draw_hemisphere(ax: "Axes", directions: Floats, seen: NDArray[np.bool_], side: float) -> None:
+def _draw_hemisphere(ax: "Axes", directions: Floats, covered: NDArray[np.bool_], side: float) -> None:
     from matplotlib.patches import Circle
 
     ax.set_aspect("equal")
@@ -479,21 +477,21 @@ def _draw_hemisphere(ax: "Axes", directions: Floats, seen: NDArray[np.bool_], si
     ax.axis("off")
     rim = Circle((0.0, 0.0), 1.0, facecolor="none", edgecolor=INK, linewidth=0.8)
     ax.add_patch(rim)
-    _draw_regions(ax, seen, side, rim)
+    _draw_regions(ax, covered, side, rim)
     here = directions[side * directions[:, 2] >= 0.0]
     dots = _mapped(here[:: -(-len(here) // _DOTS) or 1], side)
     ax.plot(*dots.T, ".", color=INK, markersize=2.0, alpha=0.45)
     _name_regions(ax, side)
 
 
-def _draw_regions(ax: "Axes", seen: NDArray[np.bool_], side: float, rim: Any) -> None:
+def _draw_regions(ax: "Axes", covered: NDArray[np.bool_], side: float, rim: Any) -> None:
     line = np.linspace(-1.0, 1.0, _GRID)
     x, y = np.meshgrid(line, line)
     cosines = _unmapped(x, y, side) @ REGIONS.T
     for region in np.unique(cosines.argmax(axis=2)[x**2 + y**2 <= 1.0]).tolist():
         ahead = cosines[..., region] - np.delete(cosines, region, axis=2).max(axis=2)
-        colour = SEEN if seen[region] else MISSING
-        area = ax.contourf(x, y, ahead, levels=[0.0, 3.0], colors=[colour], alpha=0.3 if seen[region] else 0.12)
+        colour = SEEN if covered[region] else MISSING
+        area = ax.contourf(x, y, ahead, levels=[0.0, 3.0], colors=[colour], alpha=0.3 if covered[region] else 0.12)
         edge = ax.contour(x, y, ahead, levels=[0.0], colors=[MUTED], linewidths=0.6)
         for drawn in (area, edge):
             drawn.set_clip_path(rim)

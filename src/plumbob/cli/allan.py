@@ -157,15 +157,15 @@ def _times(text: str | None) -> list[tuple[float, float]]:
     from plumbob.core.errors import ParameterError
     from plumbob.core.units import Quantity, parse
 
-    found = []
+    spans = []
     for word in (text or "").split(","):
         if not word.strip():
             continue
         ends = word.split("..")
         if len(ends) != 2:
             raise ParameterError(f"--skip needs times as 12s..14s, separated by commas, but got '{word.strip()}'.")
-        found.append((parse(ends[0].strip(), Quantity.TIME), parse(ends[1].strip(), Quantity.TIME)))
-    return found
+        spans.append((parse(ends[0].strip(), Quantity.TIME), parse(ends[1].strip(), Quantity.TIME)))
+    return spans
 
 
 def _refuse_what_is_for_recordings(args: argparse.Namespace, path: Path) -> None:
@@ -201,8 +201,8 @@ def _print(args: argparse.Namespace, noise: "Noise") -> None:
 
         print(fin_report(noise.analyses).text())
     else:
-        asked = {"methods": args.methods, "curve": args.curve or args.taus is not None}
-        print(noise.text(*(detail for detail, wanted in asked.items() if wanted)))
+        details = {"methods": args.methods, "curve": args.curve or args.taus is not None}
+        print(noise.text(*(detail for detail, wanted in details.items() if wanted)))
 
 
 def _write(args: argparse.Namespace, noise: "Noise") -> None:
@@ -236,12 +236,12 @@ def _deviation_alone(args: argparse.Namespace) -> int:
 
     with common.progress_bars() as bars:
         record, report, card = open_static(**_static(args, args.file, card=args.calibration), progress=bars)
-    found = deviations(record, report, args.deviation, taus=_taus(args.taus))
+    curves = deviations(record, report, args.deviation, taus=_taus(args.taus))
     if args.json:
         about = {"file": str(record.path), "calibration": card, "deviation": args.deviation}
-        common.print_json({**about, **curve_numbers(found)})
+        common.print_json({**about, **curve_numbers(curves)})
     else:
-        print(curves_report(found).text())
+        print(curves_report(curves).text())
     return 0
 
 
@@ -254,16 +254,16 @@ def _compare(args: argparse.Namespace) -> int:
     with common.progress_bars() as bars:
         record, checked, _ = open_static(**_static(args, args.file, card=None), progress=bars)
         after, judged, card = open_static(**_static(args, args.after, card=args.calibration), progress=bars)
-    found = comparisons((record, checked), (after, judged), taus=_taus(args.taus))
+    pairs = comparisons((record, checked), (after, judged), taus=_taus(args.taus))
     facts = {
         "before": record.path.name,
         "after": after.path.name if card is None else f"{after.path.name}, calibrated with {card}",
         "made by": f"plumbob {__version__}",
     }
-    report = comparison(found, facts=list(facts.items()))
+    report = comparison(pairs, facts=list(facts.items()))
     if args.json:
         about = {"before": str(record.path), "after": str(after.path), "calibration": card}
-        common.print_json({**about, **comparison_numbers(found)})
+        common.print_json({**about, **comparison_numbers(pairs)})
     else:
         print(report.text())
     common.write_pages(args, report)

@@ -54,16 +54,16 @@ def _add_pose_sd(p: argparse.ArgumentParser) -> None:
 
 
 def _files(args: argparse.Namespace) -> list[Path]:
-    return [Path(one.partition("=")[2] or one) for one in args.sources]
+    return [Path(source.partition("=")[2] or source) for source in args.sources]
 
 
 def _read(args: argparse.Namespace) -> "ImuArray":
     from plumbob.core.errors import ParameterError
     from plumbob.door.reading import read_array
 
-    named = ["=" in one for one in args.sources]
+    named = ["=" in source for source in args.sources]
     if all(named):
-        pairs = [one.partition("=") for one in args.sources]
+        pairs = [source.partition("=") for source in args.sources]
         return read_array({name: path for name, _, path in pairs}, note=common.note)
     if any(named):
         raise ParameterError("either every SOURCE has the form UNIT=FILE or none has; name all units.")
@@ -171,7 +171,7 @@ def do_run(args: argparse.Namespace) -> int:
     array = _read(args)
     geometry = chain.chain if isinstance(chain, arm.ArmCard) else chain
     with common.progress_bars() as bars:
-        found = arm.run(
+        motion = arm.run(
             chain,
             array,
             frame=args.frame,
@@ -182,21 +182,21 @@ def do_run(args: argparse.Namespace) -> int:
             progress=lambda done, total: bars("arm", done, total),
         )
     if args.out is not None:
-        found.save(args.out, overwrite=args.force)
+        motion.save(args.out, overwrite=args.force)
     if args.json:
-        common.print_json({"out": str(args.out) if args.out else None, **found.summary()})
+        common.print_json({"out": str(args.out) if args.out else None, **motion.summary()})
     else:
-        for name, value in found.facts().items():
+        for name, value in motion.facts().items():
             print(f"{name:20} {value}")
-        for name, last, sd in found.at_end():
+        for name, last, sd in motion.at_end():
             print(f"{name:20} {to_deg(last):8.2f}° ± {to_deg(sd):.2f}° at the end")
-        common.note(*found.notes)
+        common.note(*motion.notes)
         if args.out is not None:
             print(f"{'file':20} {args.out}")
     if args.html or args.plot:
-        facts = [(name, value) for name, value in found.facts().items() if name in ("frame", "method")]
+        facts = [(name, value) for name, value in motion.facts().items() if name in ("frame", "method")]
         report = arm.arm_report(
-            geometry, found.joints, postures=found.postures(), facts=facts, remarks=found.notes, title=geometry.name
+            geometry, motion.joints, postures=motion.postures(), facts=facts, remarks=motion.notes, title=geometry.name
         )
         common.write_pages(args, report)
     return 0
@@ -288,7 +288,7 @@ def _print_program(args: argparse.Namespace, program: "Program", chain: "Chain |
     from plumbob.core.units import to_deg
 
     used = {} if chain is None else dict(program.used(chain))
-    away = {name: (to_deg(one.rms), to_deg(one.max)) for name, one in (program.deviations or {}).items()}
+    away = {name: (to_deg(error.rms), to_deg(error.max)) for name, error in (program.deviations or {}).items()}
     if args.json:
         stops = [{"at_s": stop.start, "for_s": stop.end - stop.start, "recorded_s": stop.recorded,
                   "angles_rad": list(stop.angles)} for stop in program.stops]  # fmt: skip
@@ -351,8 +351,8 @@ def do_replay(args: argparse.Namespace) -> int:
     if args.out is not None:
         write_table(args.out, done.columns(), source=f"{args.model.name} moved", overwrite=args.force)
     if args.json:
-        found = {"samples": int(done.t.size), "duration_s": float(done.t[-1] - done.t[0]), "arm_m": done.length}
-        common.print_json(found | ({} if error is None else {f"hand_{k}": v for k, v in error._asdict().items()}))
+        numbers = {"samples": int(done.t.size), "duration_s": float(done.t[-1] - done.t[0]), "arm_m": done.length}
+        common.print_json(numbers | ({} if error is None else {f"hand_{k}": v for k, v in error._asdict().items()}))
         return 0
     for name, value in done.facts().items():
         print(f"{name:12} {value}")

@@ -125,8 +125,8 @@ def _show(args: argparse.Namespace, verb: str) -> int:
     from plumbob.arm import array
 
     out = getattr(args, "out", None)
-    found: Any = getattr(array, verb)(_read(args, out))
-    return _finish(args, found, out)
+    findings: Any = getattr(array, verb)(_read(args, out))
+    return _finish(args, findings, out)
 
 
 def _combine(args: argparse.Namespace) -> int:
@@ -135,14 +135,14 @@ def _combine(args: argparse.Namespace) -> int:
     return _finish(args, combine(_read(args, args.out), weights=args.weights, correct=args.correct), args.out)
 
 
-def _finish(args: argparse.Namespace, found: Any, out: Path | None) -> int:
+def _finish(args: argparse.Namespace, findings: Any, out: Path | None) -> int:
     from plumbob.data.recording import Recording
     from plumbob.live.recorded import convert
 
-    common.print_json(found.summary()) if args.json else print(found.text())
+    common.print_json(findings.summary()) if args.json else print(findings.text())
     if out is not None:
         note = f"virtual unit of the array in {', '.join(path.name for path in args.files)}"
-        convert(Recording(imu=found.imu, name=out.stem, notes=(note,)), out, overwrite=args.force)
+        convert(Recording(imu=findings.imu, name=out.stem, notes=(note,)), out, overwrite=args.force)
         if not args.json:
             print(f"written      {out}")
     return 0

@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
             args.sources,
             args.out,
             **{name: getattr(args, name) for name in HOW},
-            **common.filter_of(args),
+            **common.filter_args(args),
             align=alignments(args.align),
             settle=args.settle,
             pages=args.pages,

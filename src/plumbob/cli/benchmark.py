@@ -80,7 +80,7 @@ CHANGES: Final = {
     "asynchronous": ("", "rates, specific forces and fields in different rows"),
     "missing": ("R", "rows without values, as 5%%"),
 }  # fmt: skip
-"""By name, as `plumbob.fleet.experiments.changed` knows them: letter of the value, help."""
+"""By name, as `plumbob.fleet.experiments.variants.changed` knows them: letter of the value, help."""
 
 
 def _add_scenario(kinds: common.Adder) -> None:
@@ -121,7 +121,7 @@ def add_seeds(p: argparse.ArgumentParser, default: int = 20) -> None:
     p.add_argument("--seeds", type=int, default=default, metavar="N", help=help_)
 
 
-def seeds_of(args: argparse.Namespace) -> range:
+def parse_seeds(args: argparse.Namespace) -> range:
     """Seeds that --seeds asks for."""
     require_some("--seeds", args.seeds)
     return range(args.seeds)
@@ -147,7 +147,7 @@ def run_accuracy(args: argparse.Namespace) -> int:
     from plumbob.fleet.experiments.trials import measure_accuracy, trials_in
 
     files = trials_in(*args.places)
-    asked = {name: value for name in CHANGES if (value := getattr(args, name)) is not None}
+    changes = {name: value for name in CHANGES if (value := getattr(args, name)) is not None}
     chosen = common.given_noise(common.stages(args.filters, args.params), args.noise)
     others, absent = peer_runs(args.peers)
     runs = len(chosen) + len(others)
@@ -157,9 +157,9 @@ def run_accuracy(args: argparse.Namespace) -> int:
             chosen,
             peers=others,
             absent=absent,
-            frame=common.frame_of(args),
+            frame=common.frame_arg(args),
             align=alignments(args.align),
-            changes=asked,
+            changes=changes,
             seed=args.seed,
             between=_between(args.between),
             calibrated=args.calibrated,
@@ -186,7 +186,7 @@ def run_scenario(args: argparse.Namespace) -> int:
     from plumbob.core.units import Quantity, parse
     from plumbob.fleet.experiments.scenario import measure_scenario
 
-    seeds = seeds_of(args)
+    seeds = parse_seeds(args)
     chosen, own_noise = _with_noise(common.stages(args.filters, args.params), args.noise)
     frame, settings = scenario_settings(args)
     with common.progress(counted(args.seeds, "seed"), args.seeds) as advance:

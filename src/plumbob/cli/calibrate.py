@@ -332,9 +332,9 @@ def add_table(kinds: common.Adder) -> None:
         ),
     )
     capture.add_options(p, file="recording of the session")
-    told = p.add_mutually_exclusive_group(required=True)
-    told.add_argument("--rates", metavar="R,…", help="rates of the table, as '50,100,200 deg/s'; plateaus are found")
-    told.add_argument("--plan", type=Path, metavar="CSV", help="plateaus: from_s,to_s,rate_x_dps,… [,acc_x_g,…]")
+    group = p.add_mutually_exclusive_group(required=True)
+    group.add_argument("--rates", metavar="R,…", help="rates of the table, as '50,100,200 deg/s'; plateaus are found")
+    group.add_argument("--plan", type=Path, metavar="CSV", help="plateaus: from_s,to_s,rate_x_dps,… [,acc_x_g,…]")
     p.add_argument("--model", choices=("auto", "12", "21"), default="auto", help="21 parameters have g-sensitivity")
     p.add_argument("--mounting", default="0.1 deg", metavar="ANGLE", help="tilt of the unit on the table (0.1 deg)")
     p.add_argument("--latitude", metavar="ANGLE", help="of a table with a vertical axis; takes the Earth's rate out")
@@ -351,9 +351,9 @@ def _rates(text: str) -> list[float]:
     """Rates of a list whose last one carries the unit for all."""
     from plumbob.core.units import Quantity, parse, split
 
-    *others, last = (one.strip() for one in text.split(","))
+    *others, last = (word.strip() for word in text.split(","))
     unit = split(last)[1]
-    return [parse(one if split(one)[1] else f"{one} {unit}".strip(), Quantity.RATE) for one in (*others, last)]
+    return [parse(word if split(word)[1] else f"{word} {unit}".strip(), Quantity.RATE) for word in (*others, last)]
 
 
 TEMPERATURE = """\

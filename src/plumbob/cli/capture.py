@@ -43,8 +43,8 @@ def require_room(args: argparse.Namespace, device: str, made: Collection[str], b
         return
     if there.device != device:
         raise ParameterError(f"{out} is the card of '{there.device}', not of '{device}'; name another file.")
-    kept = base.parts if base else ()
-    if lost := [name for name in there.parts if name not in {*made, *kept}]:
+    base_parts = base.parts if base else ()
+    if lost := [name for name in there.parts if name not in {*made, *base_parts}]:
         raise ParameterError(
             f"{out} has {' and '.join(lost)}, which this would lose; complete it with --calibration {out}, or name "
             "another file."
@@ -148,8 +148,8 @@ def _cells(progress: "Progress") -> dict[tuple[int, int, int], str]:
 
     cells = {}
     for region, place in enumerate(REGIONS.tolist()):
-        seen = progress.filled is not None and progress.filled[region]
-        mark = _SEEN if seen else _MISSING
+        filled = progress.filled is not None and progress.filled[region]
+        mark = _SEEN if filled else _MISSING
         mark = _GOAL if region == progress.goal else mark
         mark = _HERE if region == progress.direction else mark
         x, y, z = (round(1.2 * value) for value in place)
@@ -204,7 +204,7 @@ def tell(args: argparse.Namespace, imu: "ImuData") -> None:
 
     guide = GUIDES[args.guided]()
     progress = guided(guide, imu)
-    args.told = _told(guide, progress)
+    args.told = _guide_numbers(guide, progress)
     if not args.json:
         print("\n".join(_lines(guide, progress)))
 
@@ -223,9 +223,9 @@ def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
     stream, guide, collected = Stream(session), GUIDES[args.guided](), Collected()
     board, stop = Board(f"calibrate {args.kind}", guide), Stop()
 
-    def note(told: str) -> None:
+    def note(text: str) -> None:
         board.erase()
-        common.note(told)
+        common.note(text)
 
     watch = Watch(stream, note)
     recording_sink = None if session.record is None else RecordingSink(session, session.record)
@@ -235,7 +235,7 @@ def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
         sinks: list[Sink] = [collected, GuideSink(guide, stop, board.show), watch]
         run_stream(stream, source, sinks=sinks, recording=recording_sink, stop=stop, each=watch.look)
     board.erase()
-    args.told = _told(guide, guide.progress())
+    args.told = _guide_numbers(guide, guide.progress())
     return collected.imu(calibrated=False)
 
 
@@ -257,9 +257,9 @@ def _require_triads(session: "Session", triads: tuple[str, ...]) -> None:
 
     fields = session.form.message(session.message).fields
     parts = [f.triad.rpartition(".") for f in fields if f.triad]
-    known = {triad for unit, _, triad in parts if unit == session.unit}
-    if missing := [name for name in triads if name not in known]:
-        raise CalibrationError(f"the line has no {', '.join(missing)}, only {', '.join(sorted(known))}.")
+    present = {triad for unit, _, triad in parts if unit == session.unit}
+    if missing := [name for name in triads if name not in present]:
+        raise CalibrationError(f"the line has no {', '.join(missing)}, only {', '.join(sorted(present))}.")
 
 
 def _session(args: argparse.Namespace) -> "Session":
@@ -271,10 +271,10 @@ def _session(args: argparse.Namespace) -> "Session":
 
     from plumbob.data import ImuMeta
     from plumbob.live.session import RecordSpec
-    from plumbob.live.session_toml import session_of
+    from plumbob.live.session_toml import capture_session
 
     named = args.device if args.file is None else None
-    session = session_of(args.file, capture=args.start, device=named, **common.line_of(args))
+    session = capture_session(args.file, capture=args.start, device=named, **common.line_args(args))
     record = None if args.raw is None else replace(session.record or RecordSpec(""), path=str(args.raw))
     device = session.meta.device
     if device == session.form.name:
@@ -282,7 +282,7 @@ def _session(args: argparse.Namespace) -> "Session":
     return replace(session, meta=replace(session.meta, device=device), stage=None, record=record)
 
 
-def _told(guide: "Guide", progress: "Progress") -> dict[str, Any]:
+def _guide_numbers(guide: "Guide", progress: "Progress") -> dict[str, Any]:
     from plumbob.calibration.predicted import NAMES
 
     return {
@@ -300,12 +300,12 @@ def _told(guide: "Guide", progress: "Progress") -> dict[str, Any]:
 
 
 def _lines(guide: "Guide", progress: "Progress") -> list[str]:
-    from plumbob.calibration.predicted import names_of
+    from plumbob.calibration.predicted import region_names
 
     lines = [f"{moment.t:7.1f} s  {moment.text}" for moment in guide.timeline]
     lines.append(f"{progress.elapsed:7.1f} s  end of the capture")
     if progress.filled is not None:
-        lines += ["", *map_lines(progress), "", f"missing      {names_of(progress.missing) or 'nothing'}"]
+        lines += ["", *map_lines(progress), "", f"missing      {region_names(progress.missing) or 'nothing'}"]
     if not progress.done:
         lines.append(f"what to add  {progress.next_step}")
     return [*lines, ""]
@@ -351,10 +351,10 @@ def add_options(
 
 def find(args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...] = (), **converted: Any) -> int:
     """Calibrate what the options name, from a file or live, and finish; what else is read is among `inputs`."""
-    from plumbob.door.calibrate import options_of
+    from plumbob.door.calibrate import kind_options
 
     return _finish(
-        args, _calibrated(args, kind, inputs, {n: getattr(args, n, None) for n in options_of(kind)} | converted)
+        args, _calibrated(args, kind, inputs, {n: getattr(args, n, None) for n in kind_options(kind)} | converted)
     )
 
 
@@ -377,36 +377,36 @@ def _calibrated(
 
 def _capture(args: argparse.Namespace, how: "Kind", base: "CalibrationCard | None") -> "Capture":
     """Capture that the options name, for the triads that are calibrated, some of them only where it has them."""
-    from plumbob.door.calibrate import capture_of, span_of
+    from plumbob.door.calibrate import as_span, read_capture
 
-    found = capture_of(
+    captured = read_capture(
         args.file,
         triads=how.triads,
         if_present=how.if_present,
         profile=args.profile,
-        span=span_of(args.start, args.stop),
+        span=as_span(args.start, args.stop),
         device=args.device,
         base=base,
     )
-    common.note(*(f"{args.file.name}: {line}" for line in found.found))
-    made = {*how.triads, *(name for name in how.if_present if name in found.imu.triads)} or {"mount"}
-    require_room(args, found.device, made, base)
+    common.note(*(f"{args.file.name}: {line}" for line in captured.found))
+    made = {*how.triads, *(name for name in how.if_present if name in captured.imu.triads)} or {"mount"}
+    require_room(args, captured.device, made, base)
     if args.guided and args.guide:
-        tell(args, found.imu)
-    return found
+        tell(args, captured.imu)
+    return captured
 
 
-def _finish(args: argparse.Namespace, found: "Calibrated") -> int:
+def _finish(args: argparse.Namespace, calibrated: "Calibrated") -> int:
     """Print what was found, and write the card."""
     if args.out is not None:
-        found.save(args.out, overwrite=args.force or completes(args))
+        calibrated.save(args.out, overwrite=args.force or completes(args))
     if args.json:
         written = {"out": args.out and str(args.out), "html": args.html and str(args.html)}
-        common.print_json(_read(args) | written | found.summary())
+        common.print_json(_read(args) | written | calibrated.summary())
     else:
-        print(found.text())
+        print(calibrated.text())
         print(f"card         {args.out}" if args.out else "card         NOT WRITTEN: name a file with --out")
-    common.write_pages(args, found.report(recording=args.file.name if args.file else "live"))
+    common.write_pages(args, calibrated.report(recording=args.file.name if args.file else "live"))
     return 0
 
 
@@ -420,8 +420,8 @@ def refused(args: argparse.Namespace, why: "CaptureRefusedError") -> int:
     if args.json:
         common.print_json(_read(args) | {"out": None, "html": None} | refusal_numbers(why))
     else:
-        told = visible(refusal_text(why), keep="\n")
-        print(f"plumbob calibrate {args.kind}: {told}", file=sys.stderr)
+        reasons = visible(refusal_text(why), keep="\n")
+        print(f"plumbob calibrate {args.kind}: {reasons}", file=sys.stderr)
     return 1
 
 

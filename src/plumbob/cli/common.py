@@ -40,7 +40,7 @@ def add_line(p: argparse._ActionsContainer, *, all_units: str = "") -> None:
     add_unit(p, f"which unit, where a frame has several, as the six of the rig 'arm'{all_units}")
 
 
-def line_of(args: argparse.Namespace) -> dict[str, Any]:
+def line_args(args: argparse.Namespace) -> dict[str, Any]:
     """What the options of `add_line` say, as `plumbob.record` takes it."""
     return {name: getattr(args, name) for name in ("port", "rate", "time", "iio", "baud", "format", "unit")}
 
@@ -56,13 +56,13 @@ def add_estimate(p: argparse.ArgumentParser) -> None:
     add_init(p)
 
 
-def estimate_of(args: argparse.Namespace) -> dict[str, Any]:
+def estimate_args(args: argparse.Namespace) -> dict[str, Any]:
     """What the options of `add_estimate` say, as `plumbob.record` and `plumbob.replay` take it."""
     names = ("lag", "frame", "calibration", "noise", "init")
-    return {name: getattr(args, name) for name in names} | filter_of(args)
+    return {name: getattr(args, name) for name in names} | filter_args(args)
 
 
-def filter_of(args: argparse.Namespace, *, instead: Sequence[str] = ()) -> dict[str, Any]:
+def filter_args(args: argparse.Namespace, *, instead: Sequence[str] = ()) -> dict[str, Any]:
     """The one filter of --filter with --params; None, or a word that stands `instead` of one, as it is."""
     from plumbob.core.errors import ParameterError
 
@@ -83,15 +83,15 @@ class Status:
 
     def show(self, watch: "Watch") -> None:
         """Show now and then what a stream gives."""
-        from plumbob.live.watch import attitude_of
+        from plumbob.live.watch import live_attitude
 
         if not self._shown or watch.last is None or (t := float(watch.last.imu.t[-1])) < self._next:
             return
         self._next = t + 1.0
         bare = "" if watch.stream.session.card else " UNCALIBRATED"
         junk = watch.stream.decoder.counts.junk
-        told = attitude_of(watch.track)
-        self._draw(f"\r{t:9.1f} s  {watch.samples} samples{bare}  {junk} junk bytes  {told}\033[K")
+        attitude = live_attitude(watch.track)
+        self._draw(f"\r{t:9.1f} s  {watch.samples} samples{bare}  {junk} junk bytes  {attitude}\033[K")
 
     def note(self, text: str) -> None:
         """Tell the user, and never mind if nobody reads it any more: a recording outlives its terminal."""
@@ -191,22 +191,22 @@ def add_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def options_of(args: argparse.Namespace) -> dict[str, str]:
+def chosen_options(args: argparse.Namespace) -> dict[str, str]:
     """Choices that --option names."""
     from plumbob.core.errors import ParameterError
 
-    found: dict[str, str] = {}
+    options: dict[str, str] = {}
     for item in args.option:
         name, equals, value = item.partition("=")
         if not equals or not name.strip() or not value.strip():
             raise ParameterError(f"--option needs NAME=VALUE, as gyr_range='500 deg/s', but got '{item}'.")
-        if name.strip() in found:
+        if name.strip() in options:
             raise ParameterError(f"--option {name.strip()} is given twice.")
-        found[name.strip()] = value.strip()
-    return found
+        options[name.strip()] = value.strip()
+    return options
 
 
-def frame_of(args: argparse.Namespace) -> "Frame | None":
+def frame_arg(args: argparse.Namespace) -> "Frame | None":
     """Frame that --frame names, if any."""
     from plumbob.rotations import Frame
 
@@ -298,11 +298,11 @@ def check_outputs(args: argparse.Namespace, *outputs: Path | None, inputs: Seque
         Files that are read; none of them is ever an output.
     """
     from plumbob.core.errors import ParameterError
-    from plumbob.core.files import is_same_file, profiles_of, require_other, require_place
+    from plumbob.core.files import is_same_file, profile_paths, require_other, require_place
 
     read = [path for path in inputs if path is not None]
     if args.force:
-        read += [profile for path in read for profile in profiles_of(path) if profile.is_file()]
+        read += [profile for path in read for profile in profile_paths(path) if profile.is_file()]
     wanted = [path for path in outputs if path is not None]
     for number, path in enumerate(wanted):
         require_other(path, read)
@@ -322,8 +322,8 @@ def _stamp(path: Path) -> tuple[int, int] | None:
     """What tells a file from the one that replaces it; None where there is none."""
     if not path.exists():
         return None
-    found = path.stat()
-    return found.st_ino, found.st_mtime_ns
+    stat = path.stat()
+    return stat.st_ino, stat.st_mtime_ns
 
 
 def with_profile(path: Path | None, tables: Sequence[str] = (".csv",)) -> tuple[Path | None, ...]:
@@ -438,9 +438,9 @@ def stopped_by_signals(stop: "Stop") -> Iterator[None]:
     import signal
 
     names = [name for name in ("SIGTERM", "SIGINT", "SIGHUP") if hasattr(signal, name)]
-    asked = [getattr(signal, name) for name in names]
-    kept = [which for which in asked if signal.getsignal(which) != signal.SIG_IGN]  # nohup wants to go on
-    before = {which: signal.signal(which, lambda *_: stop.set()) for which in kept}
+    signals = [getattr(signal, name) for name in names]
+    caught = [which for which in signals if signal.getsignal(which) != signal.SIG_IGN]  # nohup wants to go on
+    before = {which: signal.signal(which, lambda *_: stop.set()) for which in caught}
     try:
         yield
     finally:

@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
 
     common.check_pages(args, inputs=(args.a, args.b, args.profile))
     words = None if args.align is None else [word.strip() for word in args.align.split(",") if word.strip()]
-    found = compare(
+    comparison = compare(
         args.a,
         args.b,
         align=[] if words == ["none"] else words,
@@ -61,6 +61,6 @@ def run(args: argparse.Namespace) -> int:
         profile=args.profile,
         note=common.note,
     )
-    common.print_json(found.summary()) if args.json else print(found.text())
-    common.write_pages(args, found.report())
-    return DIFFERENT if found.within is False else 0
+    common.print_json(comparison.summary()) if args.json else print(comparison.text())
+    common.write_pages(args, comparison.report())
+    return DIFFERENT if comparison.within is False else 0

@@ -25,8 +25,8 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.viewer.control_client import asked, control
+    from plumbob.viewer.control_client import control, verb_value
 
-    answer = control(args.url, args.what, **asked(args.what, args.argument))
+    answer = control(args.url, args.what, **verb_value(args.what, args.argument))
     common.print_json({"verb": args.what, "answer": answer}) if args.json else print(answer)
     return 0

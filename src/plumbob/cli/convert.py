@@ -63,6 +63,6 @@ def run(args: argparse.Namespace) -> int:
     )
     units = "" if written.array is None else f" of each of {counted(len(written.array.names), 'unit')}"
     parts = [(f"samples{units}", written.imu or written.array), ("attitudes", written.track)]
-    told = ", ".join(f"{len(part)} {word}" for word, part in parts if part is not None)
-    print(f"{new}: of {args.file.name}, {told}")
+    counts = ", ".join(f"{len(part)} {word}" for word, part in parts if part is not None)
+    print(f"{new}: of {args.file.name}, {counts}")
     return 0

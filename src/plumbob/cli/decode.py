@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     from plumbob.protocols.decode import decode
     from plumbob.protocols.find import find_format, unassigned_told
 
-    form = find_format(args.format).bind(common.options_of(args))
+    form = find_format(args.format).bind(common.chosen_options(args))
     if spare := unassigned_told(form, form.message(args.message)):
         common.note(spare)
     if args.out and args.out.suffix not in (*_TEXT, ".parquet", ".json"):
@@ -66,8 +66,8 @@ def run(args: argparse.Namespace) -> int:
     common.check_outputs(args, *common.with_profile(args.out, _TEXT), inputs=(Path(args.file),))
     table = _Table(args.message, None if args.rate is None else parse(args.rate, Quantity.FREQUENCY))
 
-    def take(found: "Mapping[str, Frames]", _: "Counts") -> None:
-        table.add(found)
+    def take(frames: "Mapping[str, Frames]", _: "Counts") -> None:
+        table.add(frames)
         if args.out is None:
             table.print_new()
 
@@ -91,15 +91,15 @@ def run(args: argparse.Namespace) -> int:
 def _profile(form: "Format", table: "_Table", unit: str | None) -> str:
     """Profile that reads the table as a recording; empty where the message has no triad."""
     from plumbob.files.decoded import profile_text
-    from plumbob.protocols.decode import prefixes_of, title_of
+    from plumbob.protocols.decode import format_title, prefix_by_unit
 
     message = form.message(table.message)
-    units = prefixes_of(message)
+    units = prefix_by_unit(message)
     if not units:
         return ""
     if len(units) > 1 and unit is None:
         common.note(f"the file is read as unit {units[0]} of {', '.join(units)}; ask for another with --unit")
-    titles = {one.name: title_of(one) for one in message.fields}
+    titles = {field.name: format_title(field) for field in message.fields}
     titles |= {name: name for name in (f"{u}.flags".lstrip(".") for u in units)}
     return profile_text(form, message, units[0] if unit is None else unit, titles, table.time)
 
@@ -119,22 +119,22 @@ class _Table:
         self._count: int | None = None
         self.skipped = 0
 
-    def add(self, found: "Mapping[str, Frames]") -> None:
+    def add(self, frames: "Mapping[str, Frames]") -> None:
         """Take frames of the message; of the first that comes, where none was asked for."""
-        self.message = self.message or min(found, key=lambda name: int(found[name].start[0]), default="")
-        if self.message in found:
-            self._parts.append(found[self.message])
-            self._follow(found[self.message])
+        self.message = self.message or min(frames, key=lambda name: int(frames[name].start[0]), default="")
+        if self.message in frames:
+            self._parts.append(frames[self.message])
+            self._follow(frames[self.message])
 
     def _follow(self, frames: "Frames") -> None:
         """Add up what the frames' counter skips; a count that repeats skips nothing."""
         import numpy as np
 
-        one = frames.message.of_role("counter")
-        if one is None:
+        counter = frames.message.of_role("counter")
+        if counter is None:
             return
-        counts = frames.columns[one.name].astype(np.int64)
-        steps = np.diff(counts, prepend=counts[0] - 1 if self._count is None else self._count) % (1 << one.width)
+        counts = frames.columns[counter.name].astype(np.int64)
+        steps = np.diff(counts, prepend=counts[0] - 1 if self._count is None else self._count) % (1 << counter.width)
         self._count = int(counts[-1])
         self.skipped += int(np.maximum(steps - 1, 0).sum())
 
@@ -159,9 +159,9 @@ class _Table:
         if path.suffix == ".json":
             import json
 
-            told = {"message": self.message, "calibration": UNCALIBRATED, "counts": counts.summary()}
-            told |= {"columns": columns}
-            write_text(path, json.dumps(told, allow_nan=False), overwrite=overwrite)
+            content = {"message": self.message, "calibration": UNCALIBRATED, "counts": counts.summary()}
+            content |= {"columns": columns}
+            write_text(path, json.dumps(content, allow_nan=False), overwrite=overwrite)
             return
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -201,17 +201,17 @@ class _Table:
 def _columns(frames: "Frames") -> dict[str, list[Any]]:
     """Columns by name with unit; None where there is no value, or it is beyond all numbers, by a scale of 1e-320."""
     from plumbob.core import flags
-    from plumbob.protocols.decode import title_of
+    from plumbob.protocols.decode import format_title
 
-    found: dict[str, list[Any]] = {"byte": frames.start.tolist()}
-    for one in (f for f in frames.message.fields if f.name in frames.columns):
-        values = frames.columns[one.name].tolist()
-        found[title_of(one)] = [
+    columns: dict[str, list[Any]] = {"byte": frames.start.tolist()}
+    for field in (f for f in frames.message.fields if f.name in frames.columns):
+        values = frames.columns[field.name].tolist()
+        columns[format_title(field)] = [
             None if isinstance(value, float) and not math.isfinite(value) else value for value in values
         ]
     for prefix, words in frames.flags.items():
-        found[f"{prefix}.flags" if prefix else "flags"] = ["+".join(flags.names(word)) for word in words.tolist()]
-    return found
+        columns[f"{prefix}.flags" if prefix else "flags"] = ["+".join(flags.names(word)) for word in words.tolist()]
+    return columns
 
 
 def _cell(value: Any) -> str:
@@ -234,14 +234,14 @@ def _in_order(name: str, pieces: Iterator[bytes], form: "Format") -> Iterator[by
     from plumbob.protocols.ring import read_ring
 
     try:
-        found = read_ring(b"".join(pieces), form)
+        ring = read_ring(b"".join(pieces), form)
     except DecodeError as error:
         raise DecodeError(f"{name}: {error}") from error
     common.note(
-        f"{counted(found.records, 'record')}, {found.missing} missing between the first and the last; beside them "
-        f"{found.blank} blank bytes and {found.torn} torn"
+        f"{counted(ring.records, 'record')}, {ring.missing} missing between the first and the last; beside them "
+        f"{ring.blank} blank bytes and {ring.torn} torn"
     )
-    yield found.stream
+    yield ring.stream
 
 
 def _pieces(file: BinaryIO) -> Iterator[bytes]:

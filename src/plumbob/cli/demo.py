@@ -108,10 +108,10 @@ def calibrate_unit(out: Path, *, seed: int) -> "CalibrationCard":
 
     poses = _decoded(out / HAND, scenario("poses", move=2.0), seed)
     raised = _decoded(out / MOUNTING, scenario("raise"), seed)
-    whole = capture(poses, triads=("acc",), if_present=("gyr", "mag"))
-    fits = calibrate_by_hand(whole)
-    mounted = mount_by_poses(capture(raised, triads=(), base=card_of(whole, fits)), frame=Frame.NED)
-    card = card_of(whole, fits, mounted=mounted)
+    captured = capture(poses, triads=("acc",), if_present=("gyr", "mag"))
+    fits = calibrate_by_hand(captured)
+    mounted = mount_by_poses(capture(raised, triads=(), base=card_of(captured, fits)), frame=Frame.NED)
+    card = card_of(captured, fits, mounted=mounted)
     card.save(out / CARD, overwrite=True)
     report = certificate(card, fits, recording=f"{HAND} and {MOUNTING}, emulated")
     report.write_html(out / CERTIFICATE, overwrite=True)
@@ -125,7 +125,7 @@ def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
     from plumbob.live.rigs.plan import PLANS
     from plumbob.live.rigs.rig import make_rig
     from plumbob.live.runner import run_stream
-    from plumbob.live.session_toml import session_of
+    from plumbob.live.session_toml import capture_session
     from plumbob.live.sinks import Collected
     from plumbob.live.sources import open_source
     from plumbob.live.stream import Stream
@@ -135,9 +135,9 @@ def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
     with replacing(path, overwrite=True) as temporary:
         temporary.write_bytes(rig.stream())
     device = next(iter(rig.units.values())).imu.meta.device
-    session, found = session_of(capture=path, format="buoy", device=device, frame="NED"), Collected()
-    run_stream(Stream(session), open_source(session.source), sinks=[found])
-    imu = found.imu(calibrated=False)
+    session, collected = capture_session(capture=path, format="buoy", device=device, frame="NED"), Collected()
+    run_stream(Stream(session), open_source(session.source), sinks=[collected])
+    imu = collected.imu(calibrated=False)
     if imu is None:
         raise DecodeError(f"{path} holds no sample that could be decoded.")
     return imu
@@ -266,8 +266,8 @@ def run(args: argparse.Namespace) -> int:
     page = report.write_html(args.out / PAGE, overwrite=True)
     certificate = args.out / CERTIFICATE
     if args.json:
-        found = {name: result.summary() for name, result in results.items()}
-        common.print_json({"report": str(page), "certificate": str(certificate), "filters": found})
+        numbers = {name: result.summary() for name, result in results.items()}
+        common.print_json({"report": str(page), "certificate": str(certificate), "filters": numbers})
         return 0
     print(f"\ncertificate  {certificate.resolve()}\nreport       {page.resolve()}")
     if args.view:
@@ -330,11 +330,11 @@ def _live(out: Path, port: str, device: str) -> "Stream":
     from plumbob.live.stream import Stream
 
     session = _session(out, port, device)
-    line, found = Stream(session), Collected()
+    line, collected = Stream(session), Collected()
     assert session.record and session.output.text
     recording_sink = RecordingSink(session, session.record)
     sink = TextSink(session.output.text, session.output.every)
-    run_stream(line, open_source(session.source), sinks=[found, sink], recording=recording_sink, until_lost=True)
+    run_stream(line, open_source(session.source), sinks=[collected, sink], recording=recording_sink, until_lost=True)
     recording_sink.recorder.close(DISK)
     return line
 

@@ -45,9 +45,9 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError("name a device; 'plumbob devices' lists them.")
     form = None if args.name is None else find_format(args.name)
     if args.c and form:
-        print(c_header(form.bind(common.options_of(args))), end="")
+        print(c_header(form.bind(common.chosen_options(args))), end="")
     elif form:
-        _print_one(form.bind(common.options_of(args)) if args.option else form, args)
+        _print_one(form.bind(common.chosen_options(args)) if args.option else form, args)
     elif args.markdown:
         print(catalogue(), end="")
     else:
@@ -89,19 +89,19 @@ def _plain(form: "Format") -> dict[str, object]:
 def _print_all(as_json: bool) -> None:
     from plumbob.protocols import catalog
     from plumbob.protocols.find import find_format
-    from plumbob.protocols.page import Table, as_text, framing_of, marks_of
+    from plumbob.protocols.page import Table, as_text, framing_words, mark_words
     from plumbob.protocols.rigs import names
 
-    found = {}
+    kinds = {}
     for kind, listed in (("Devices", catalog.names()), ("Rigs", names())):
         forms = [find_format(name) for name in listed]
-        found[kind] = [(form.name, form.title, framing_of(form), marks_of(form)) for form in forms]
+        kinds[kind] = [(form.name, form.title, framing_words(form), mark_words(form)) for form in forms]
     head = ("name", "title", "frame", "marks")
     if as_json:
-        common.print_json({kind.lower(): [dict(zip(head, row, strict=True)) for row in found[kind]] for kind in found})
+        common.print_json({kind.lower(): [dict(zip(head, row, strict=True)) for row in kinds[kind]] for kind in kinds})
         return
     shown = [
         Table(kind, ("name", "frame", "marks", "title"), tuple((n, f, m, t) for n, t, f, m in rows))
-        for kind, rows in found.items()
+        for kind, rows in kinds.items()
     ]
     print(as_text(shown), end="")

@@ -32,6 +32,6 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.door.doctor import doctor
 
-    found = doctor(args.file, profile=args.profile, unit=args.unit, hemisphere=args.hemisphere)
-    common.print_json(found.summary()) if args.json else print(found.text())
-    return 3 if found.wrong else 0
+    diagnosis = doctor(args.file, profile=args.profile, unit=args.unit, hemisphere=args.hemisphere)
+    common.print_json(diagnosis.summary()) if args.json else print(diagnosis.text())
+    return 3 if diagnosis.wrong else 0

@@ -98,16 +98,16 @@ def run(args: argparse.Namespace) -> int:
                 stack.enter_context(common.stopped_by_signals(stop))
                 print(name, flush=True)
 
-        asked = ("scenario", "sensors", "reference", "unit", "warm_up", "high_pass", "mount_error", "frame", "seed",
+        names = ("scenario", "sensors", "reference", "unit", "warm_up", "high_pass", "mount_error", "frame", "seed",
                  "clock_error", "rate", "duration", "truth", "calibration", "flash_log", "link", "tcp", "udp", "speed",
                  "fault_log")  # fmt: skip
         served = emulate(
             args.what,
-            **{name: value for name in asked if (value := getattr(args, name)) is not None},
+            **{name: value for name in names if (value := getattr(args, name)) is not None},
             noise=noise,
             temp_c=args.temp,
             set=dict(common.pairs(args.set)),
-            options=common.options_of(args),
+            options=common.chosen_options(args),
             faults=dict(common.pairs(args.faults)),
             write=write,
             overwrite=args.force,
@@ -115,22 +115,22 @@ def run(args: argparse.Namespace) -> int:
             opened=opened,
             note=common.note,
         )
-    told = ", ".join(f"{number} {word}" for word, number in served.facts().items())
+    counts = ", ".join(f"{number} {word}" for word, number in served.facts().items())
     late = f"; latest by {served.latest_ns / 1e6:.1f} ms" if served.latest_ns else ""
-    common.note(f"{counted(served.frames, 'frame')}: {told}{late}")
+    common.note(f"{counted(served.frames, 'frame')}: {counts}{late}")
     return 0
 
 
-def _noise(asked: list[str]) -> "Path | dict[str, Path] | None":
+def _noise(words: list[str]) -> "Path | dict[str, Path] | None":
     """Noise cards that the options name: one for all units, or by prefix; a path may hold an equals sign, too."""
     from plumbob.core.errors import ParameterError
 
-    named = {word.partition("=")[0]: Path(word.partition("=")[2]) for word in asked if _is_named(word)}
-    if len(named) == len(asked):
+    named = {word.partition("=")[0]: Path(word.partition("=")[2]) for word in words if _is_named(word)}
+    if len(named) == len(words):
         return named or None
-    if len(asked) > 1:
+    if len(words) > 1:
         raise ParameterError("give --noise one card for all units, or UNIT=CARD once for each unit that has one.")
-    return Path(asked[0])
+    return Path(words[0])
 
 
 def _is_named(word: str) -> bool:

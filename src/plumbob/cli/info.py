@@ -20,9 +20,9 @@ def add_parser(verbs: common.Adder) -> None:
         epilog=common.more("plumbob info sea.mcap --min-grade 70", "info.md"),
     )
     p.add_argument("file", type=Path)
-    asked = p.add_mutually_exclusive_group()
-    asked.add_argument("--min-grade", type=float, metavar="N", help="exit code 3 below this grade, 0 to 100")
-    asked.add_argument("--require", choices=("GOOD", "FAIR", "POOR"), help="exit code 3 where the grade is worse")
+    group = p.add_mutually_exclusive_group()
+    group.add_argument("--min-grade", type=float, metavar="N", help="exit code 3 below this grade, 0 to 100")
+    group.add_argument("--require", choices=("GOOD", "FAIR", "POOR"), help="exit code 3 where the grade is worse")
     p.add_argument("--grade", action="store_true", help="every criterion with its measurement, points, rule and advice")
     common.add_profile(p)
     common.add_unit(p)
@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
 
     if args.min_grade is not None and not 0.0 <= args.min_grade <= 100.0:
         raise ParameterError(f"--min-grade must be a number from 0 to 100, but it is {args.min_grade:g}.")
-    found = info(args.file, profile=args.profile, unit=args.unit, note=common.note)
-    common.print_json(found.summary()) if args.json else print(found.text(*(["grade"] if args.grade else [])))
-    asked = args.min_grade if args.require is None else args.require
-    return 0 if asked is None or found.reaches(asked) else BELOW
+    facts = info(args.file, profile=args.profile, unit=args.unit, note=common.note)
+    common.print_json(facts.summary()) if args.json else print(facts.text(*(["grade"] if args.grade else [])))
+    least = args.min_grade if args.require is None else args.require
+    return 0 if least is None or facts.reaches(least) else BELOW

@@ -140,8 +140,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
     """Parser of the one verb that is asked for, which imports no other; of all where none is."""
-    asked = [FORMER.get(word, word) for word in words[:1]]
-    return build_parser(asked if asked and asked[0] in VERBS else VERBS)
+    verbs = [FORMER.get(word, word) for word in words[:1]]
+    return build_parser(verbs if verbs and verbs[0] in VERBS else VERBS)
 
 
 def run(argv: Sequence[str] | None, parser: Callable[[Sequence[str]], argparse.ArgumentParser], program: str) -> int:
@@ -220,8 +220,8 @@ def _ended(program: str, args: argparse.Namespace, number: int) -> int:
     """Say by what the verb was ended, and which of its files it had not written; its exit code is the shell's."""
     how = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
     lacking = ", ".join(map(str, common.unwritten(args)))
-    told = f"; not written: {lacking}" if lacking else ""
-    print(f"{program} {args.verb}: ended by {how}{visible(told)}.", file=sys.stderr)
+    lost = f"; not written: {lacking}" if lacking else ""
+    print(f"{program} {args.verb}: ended by {how}{visible(lost)}.", file=sys.stderr)
     return 128 + number
 
 

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from plumbob.cli import common
-from plumbob.cli.report import add_how, add_statistics, how_of
+from plumbob.cli.report import add_how, add_statistics, report_args
 
 WHATS = (
     "angles",
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
             overwrite=args.force,
             note=common.note,
             progress=bars,
-            **how_of(args),
+            **report_args(args),
         )
     print(f"figure       {args.out}")
     return 0

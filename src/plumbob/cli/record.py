@@ -54,8 +54,8 @@ def run(args: argparse.Namespace) -> int:
         result = record(
             args.session,
             capture=args.capture,
-            **common.line_of(args),
-            **common.estimate_of(args),
+            **common.line_args(args),
+            **common.estimate_args(args),
             device=args.device,
             place=args.place,
             date=args.date,

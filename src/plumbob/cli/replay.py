@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     result = replay(
         args.recording,
         session=args.session,
-        **common.estimate_of(args),
+        **common.estimate_args(args),
         unit=args.unit,
         speed=args.speed,
         check=args.check,

@@ -63,9 +63,9 @@ def add_statistics(p: argparse.ArgumentParser) -> None:
     p.add_argument("--tilt-limit", default="15 deg", metavar="ANGLE", help="inclination that counts as large (15 deg)")
 
 
-def how_of(args: argparse.Namespace) -> dict[str, Any]:
+def report_args(args: argparse.Namespace) -> dict[str, Any]:
     """What the options of `add_how` and `add_statistics` say, as `plumbob.report` takes it."""
-    return {name: getattr(args, name) for name in HOW} | common.filter_of(args, instead=("track", "none"))
+    return {name: getattr(args, name) for name in HOW} | common.filter_args(args, instead=("track", "none"))
 
 
 def run(args: argparse.Namespace) -> int:
@@ -81,15 +81,15 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError("--lang is for --out or --pdf, which is not given; leave it out.")
     common.check_outputs(args, args.out, args.pdf, inputs=(*args.files, args.profile, args.calibration, args.noise))
     with common.progress_bars() as bars:
-        found = report(args.files, **how_of(args), note=common.note, progress=bars)
-    written = {"page": (args.out, found.write_html), "pdf": (args.pdf, found.write_pdf)}
+        overview = report(args.files, **report_args(args), note=common.note, progress=bars)
+    written = {"page": (args.out, overview.write_html), "pdf": (args.pdf, overview.write_pdf)}
     for path, write in written.values():  # first: who reads the text may go away
         if path is not None:
             write(path, lang=args.lang or "en", overwrite=args.force)
     if args.json:
-        common.print_json(found.summary())
+        common.print_json(overview.summary())
         return 0
-    print(found.text())
+    print(overview.text())
     for what, (path, _) in written.items():
         if path is not None:
             print(f"{what:12} {path}")

@@ -30,14 +30,14 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.papers.reproduce import reproduce
 
-    def told(what: str, done: int, of: int) -> None:
+    def show(what: str, done: int, of: int) -> None:
         common.note(f"{what} ({done}/{of})")
 
     how = {"seed": args.seed, "out": args.out, "lang": args.lang, "jobs": args.jobs, "overwrite": args.force}
-    found = reproduce(*args.papers, **how, progress=told)
+    results = reproduce(*args.papers, **how, progress=show)
     if args.json:
-        common.print_json(found.summary())
+        common.print_json(results.summary())
         return 0
-    print(found.text())
-    print(f"{'pages':12} {found.folder / 'index.html'}")
+    print(results.text())
+    print(f"{'pages':12} {results.folder / 'index.html'}")
     return 0

@@ -63,7 +63,7 @@ def scenario_settings(args: argparse.Namespace) -> "tuple[Frame, dict[str, Any]]
     from plumbob.core.errors import FrameError, ParameterError
     from plumbob.rotations import Frame
 
-    frame = common.frame_of(args)
+    frame = common.frame_arg(args)
     if frame is None:
         raise FrameError(f"a simulation needs a navigation frame. Give --frame {', --frame '.join(Frame)}.")
     if args.unit is None and args.sensors != "ideal":
@@ -116,23 +116,23 @@ def _run_chain(args: argparse.Namespace) -> int:
 
     file = Path(args.chain) if args.chain and args.chain.endswith(".toml") else None
     chain = named_chain(args.chain or TEACH) if file is None else load_chain(file)
-    units = [one.unit for one in chain.segments if one.unit]
+    units = [segment.unit for segment in chain.segments if segment.unit]
     cards = {path: [unit_file(path, unit) for unit in units] for path in (args.card, args.noise_card) if path}
-    outputs = (args.out, *chain_files(args.out), *(file for own in cards.values() for file in own))
+    outputs = (args.out, *chain_files(args.out), *(file for paths in cards.values() for file in paths))
     common.check_outputs(args, *outputs, inputs=(args.noise, file))
     frame, given = scenario_settings(args)
     world = {key: value for key in ("noise", "warm_up") if (value := getattr(args, key)) is not None}
     choice = {"sensors": args.sensors, "unit": args.unit, "seed": args.seed}
     made = simulate_chain(chain, args.scenario, frame=frame, **choice, **world, **given)
-    told = f"simulated {made.program.name}, seed {args.seed}"
-    recording = Recording(array=made.array, name=made.chain.name, notes=(told,))
+    label = f"simulated {made.program.name}, seed {args.seed}"
+    recording = Recording(array=made.array, name=made.chain.name, notes=(label,))
     files.write(args.out, recording, overwrite=args.force)
     write_chain(args.out, made, overwrite=args.force)
-    for path, own in cards.items():
-        for unit, file in zip(made.units.values(), own, strict=True):
+    for path, paths in cards.items():
+        for unit, file in zip(made.units.values(), paths, strict=True):
             (unit.calibration if path == args.card else unit.noise).save(file, overwrite=args.force)
     print(f"{args.out}: {len(made.array)} samples, {made.t[-1]:.3f} s, units {', '.join(units)}")
-    print(f"truth        {told}, frame {frame}, in {', '.join(map(str, chain_files(args.out)))}")
+    print(f"truth        {label}, frame {frame}, in {', '.join(map(str, chain_files(args.out)))}")
     print(f"calibration  {calibration_told(next(iter(made.units.values())).imu.meta.calibration)}")
     return 0
 
@@ -148,7 +148,7 @@ def _print_list() -> None:
             print(f"    {p.name:16} {shown(p, p.default):>14}  {p.spec.meaning}")
     print("chains, for --chain, and what they may do instead of a scenario")
     for name, chain in CHAINS.items():
-        print(f"    {name:18} {', '.join(f'{one.name} ({one.kind})' for one in chain.joints)}")
+        print(f"    {name:18} {', '.join(f'{joint.name} ({joint.kind})' for joint in chain.joints)}")
     for name, program in PROGRAMS.items():
         print(f"    {name:18} {(program.__doc__ or '').splitlines()[0]}")
     print(f"    settings: {', '.join(SETTINGS)}")

@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     common.check_pages(args, args.out, inputs=args.places)
     (stage,) = common.stages(args.filter, args.fixed)
     with common.progress_bars() as done:
-        found = tune(
+        tuning = tune(
             args.places,
             stage.filter,
             params=None if args.params is None else args.params.split(","),
@@ -66,18 +66,18 @@ def run(args: argparse.Namespace) -> int:
             folds=args.folds,
             budget=args.budget,
             seed=args.seed,
-            frame=common.frame_of(args),
+            frame=common.frame_arg(args),
             align=alignments(args.align),
             settle=args.settle,
             jobs=args.jobs,
             progress=lambda so_far, total: done("tuning", so_far, total),
         )
-    common.print_json(found.as_dict()) if args.json else print(found.text())
-    if args.out is not None and (found.proven or args.unproven):
-        found.write(args.out, unproven=args.unproven, overwrite=args.force)
+    common.print_json(tuning.as_dict()) if args.json else print(tuning.text())
+    if args.out is not None and (tuning.proven or args.unproven):
+        tuning.write(args.out, unproven=args.unproven, overwrite=args.force)
         if not args.json:
             print(f"{'parameters':12} {args.out}")
     elif args.out is not None:
         common.note(f"{args.out} is not written: no gain is shown; --unproven writes it all the same")
-    common.write_pages(args, found.report())
-    return 0 if found.proven else UNPROVEN
+    common.write_pages(args, tuning.report())
+    return 0 if tuning.proven else UNPROVEN

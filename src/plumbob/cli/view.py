@@ -56,9 +56,9 @@ def add_shown(p: argparse.ArgumentParser) -> None:
     p.add_argument("--duration", metavar="TIME", help="stop after this time, such as 10s or 0.5h")
 
 
-def shown_of(args: argparse.Namespace) -> dict[str, Any]:
+def view_args(args: argparse.Namespace) -> dict[str, Any]:
     """What the options of `add_shown` say, as `plumbob.view` takes it."""
-    line = {**common.line_of(args), **common.estimate_of(args)}
+    line = {**common.line_args(args), **common.estimate_args(args)}
     line |= {name: getattr(args, name) for name in ("device", "place", "date", "profile")}
     also = [name.strip() for name in args.also.split(",") if name.strip()]
     return {"emulate": args.emulate, "also": also, "chain": args.chain, "folder": args.folder,
@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
             stop=stop,
             note=status.note,
             opened=opened,
-            **shown_of(args),
+            **view_args(args),
         )
     common.print_json(result.summary()) if args.json else print(result.text())
     if result.nothing is not None:

@@ -3,7 +3,7 @@
 import argparse
 
 from plumbob.cli import common
-from plumbob.cli.view import LOSSY, add_shown, shown_of
+from plumbob.cli.view import LOSSY, add_shown, view_args
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
 
     stop = Stop()
     with common.stopped_by_signals(stop):
-        result = watch(args.what, lang=args.lang, stop=stop, **shown_of(args))
+        result = watch(args.what, lang=args.lang, stop=stop, **view_args(args))
     print(result.text())
     if result.nothing is not None:
         raise DecodeError(result.nothing)

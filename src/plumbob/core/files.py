@@ -61,10 +61,10 @@ def require_room(unpacked: int, stored: int) -> None:
 def _given_memory() -> int:
     """Bytes that the environment allows."""
     text = os.environ.get(_MEMORY, "0")
-    found = re.fullmatch(r"(\d{1,9}) ?(|B|KiB|MiB|GiB)", text)
-    if found is None:
+    match = re.fullmatch(r"(\d{1,9}) ?(|B|KiB|MiB|GiB)", text)
+    if match is None:
         raise DecodeError(f"{_MEMORY} must be a size, for example 4GiB, but it is {text!r}.")
-    return int(found[1]) << {"": 0, "B": 0, "KiB": 10, "MiB": 20, "GiB": 30}[found[2]]
+    return int(match[1]) << {"": 0, "B": 0, "KiB": 10, "MiB": 20, "GiB": 30}[match[2]]
 
 
 def existing_file(path: str | os.PathLike[str], most: int | None = None) -> Path:
@@ -97,7 +97,7 @@ def existing_file(path: str | os.PathLike[str], most: int | None = None) -> Path
     return file
 
 
-def sha256_of(path: Path) -> tuple[str, int]:
+def file_sha256(path: Path) -> tuple[str, int]:
     """SHA-256 of a file, as hexadecimal digits, and of how many bytes it is: the file may be growing."""
     import hashlib
 
@@ -141,7 +141,7 @@ def sidecars(path: Path) -> tuple[Path, Path]:
     return path.with_name(f"{path.stem}.toml"), profile_beside(path)
 
 
-def profiles_of(path: Path) -> tuple[Path, ...]:
+def profile_paths(path: Path) -> tuple[Path, ...]:
     """Names that a profile of a file may have beside it; none where a profile cannot describe such a file."""
     return sidecars(path) if path.suffix.lower() in (*TABLES, *ARRAYS) else ()
 
@@ -293,7 +293,7 @@ def replacing_folder(path: Path, *, overwrite: bool, known: Callable[[Path], boo
     try:
         _remove_abandoned_folders(final.parent, start)
         beside.mkdir()
-        held = _held(beside)
+        held = _locked(beside)
         made = beside / final.name
         yield made
         for folder, _, names in os.walk(made):
@@ -320,7 +320,7 @@ def replacing_folder(path: Path, *, overwrite: bool, known: Callable[[Path], boo
                 os.close(held)
 
 
-def _held(folder: Path) -> int:
+def _locked(folder: Path) -> int:
     """Open and lock a folder, as long as its writer lives; -1 where folders cannot be."""
     if sys.platform == "win32":
         return -1
@@ -464,8 +464,8 @@ def _is_stream(path: Path) -> bool:
     """Whether bytes go to a pipe or a device, or to a file that is this process's own output already."""
     if not path.exists():
         return False
-    found = path.stat()
-    return not path.is_file() or any(os.path.samestat(found, own) for own in _own_outputs())
+    status = path.stat()
+    return not path.is_file() or any(os.path.samestat(status, output) for output in _own_outputs())
 
 
 def _own_outputs() -> Iterator[os.stat_result]:

@@ -81,5 +81,5 @@ def of_names(names: "Iterable[str]") -> int:
 
 def counts(words: "NDArray[np.uint32]") -> dict[str, int]:
     """How many samples carry each flag that occurs, by name, in order of the bits."""
-    found = {name: int(((words & bit) != 0).sum()) for bit, (name, _) in MEANING.items()}
-    return {name: count for name, count in found.items() if count}
+    tally = {name: int(((words & bit) != 0).sum()) for bit, (name, _) in MEANING.items()}
+    return {name: count for name, count in tally.items() if count}

@@ -61,13 +61,13 @@ class Parameter(NamedTuple):
 
 def describe(cls: type[Any]) -> tuple[Parameter, ...]:
     """Parameters of a NamedTuple or dataclass whose fields are ``Annotated[type, Spec(...)] = default``, in order."""
-    found = []
+    parameters = []
     for name, hint in get_type_hints(cls, include_extras=True).items():
         spec = next((extra for extra in get_args(hint)[1:] if isinstance(extra, Spec)), None)
         if spec is not None:
             kind = get_args(hint)[0]
-            found.append(Parameter(name, spec, _default(cls, name), NoneType in get_args(kind), kind is bool))
-    return tuple(found)
+            parameters.append(Parameter(name, spec, _default(cls, name), NoneType in get_args(kind), kind is bool))
+    return tuple(parameters)
 
 
 def _default(cls: type[Any], name: str) -> Any:
@@ -130,11 +130,11 @@ def build(cls: type[Built], values: Mapping[str, Any], *, of: str) -> Built:
     ParameterError
         If a name is unknown, a value is outside its domain, or a unit is missing or wrong.
     """
-    known = {p.name: p for p in describe(cls)}
+    parameters = {p.name: p for p in describe(cls)}
     for name in values:
-        if name not in known:
-            raise ParameterError(f"{of} has no parameter '{name}'; known are {', '.join(known)}.")
-    return cls(**{name: checked(of, known[name], value) for name, value in values.items()})
+        if name not in parameters:
+            raise ParameterError(f"{of} has no parameter '{name}'; known are {', '.join(parameters)}.")
+    return cls(**{name: checked(of, parameters[name], value) for name, value in values.items()})
 
 
 def checked(of: str, p: Parameter, value: Any) -> Any:

@@ -36,13 +36,13 @@ class Repeats:
 
 @kernel
 def _mark(
-    known: NDArray[np.uint64], count: NDArray[np.int64], keys: NDArray[np.uint64], fresh: NDArray[np.bool_]
+    ring: NDArray[np.uint64], count: NDArray[np.int64], keys: NDArray[np.uint64], fresh: NDArray[np.bool_]
 ) -> None:  # fmt: skip
     for i in range(keys.size):
         fresh[i] = True
-        for k in range(min(count[0], known.size)):
-            if known[k] == keys[i]:
+        for k in range(min(count[0], ring.size)):
+            if ring[k] == keys[i]:
                 fresh[i] = False
         if fresh[i]:
-            known[count[0] % known.size] = keys[i]
+            ring[count[0] % ring.size] = keys[i]
             count[0] += 1

@@ -153,12 +153,12 @@ def texts(where: str, value: Any) -> tuple[str, ...]:
     return tuple(text(where, item) for item in value)
 
 
-def one_of(*known: str) -> Parse:
+def one_of(*words: str) -> Parse:
     """One of some words."""
 
     def parse(where: str, value: Any) -> str:
-        if value not in known:
-            raise DecodeError(f"{where} must be one of {', '.join(map(repr, known))}, but it is {excerpt(str(value))}.")
+        if value not in words:
+            raise DecodeError(f"{where} must be one of {', '.join(map(repr, words))}, but it is {excerpt(str(value))}.")
         return str(value)
 
     return parse

@@ -32,7 +32,7 @@ class Series(Shown):
         MissingExtraError
             If pandas is not installed.
         """
-        return frame_of(self.columns())
+        return data_frame(self.columns())
 
     def plot(self, path: str | Path | None = None, *, overwrite: bool = False) -> Any:
         """Draw the values over time, a panel for those of one kind.
@@ -62,20 +62,20 @@ class Series(Shown):
             figsize=(7.5, _HEIGHT * len(panels) + 0.5), layout="constrained"
         )
         axes = figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0]
-        for one, (kind, lines) in zip(axes, panels.items(), strict=True):
+        for panel, (kind, lines) in zip(axes, panels.items(), strict=True):
             for name, values in lines.items():
-                one.plot(t, values, linewidth=0.8, label=name)
-            one.set_ylabel(kind)
-            one.legend(loc="upper right")
+                panel.plot(t, values, linewidth=0.8, label=name)
+            panel.set_ylabel(kind)
+            panel.legend(loc="upper right")
         axes[-1].set_xlabel(time)
         if path is not None:
             _save(figure, Path(path), overwrite=overwrite)
         return figure
 
 
-def frame_of(columns: Mapping[str, NDArray[Any]]) -> Any:
+def data_frame(columns: Mapping[str, NDArray[Any]]) -> Any:
     """Table for pandas of columns by name; errors as of `Series.to_frame`."""
-    return needed("pandas", "tables", "pandas").DataFrame({name: np.array(one) for name, one in columns.items()})
+    return needed("pandas", "tables", "pandas").DataFrame({name: np.array(values) for name, values in columns.items()})
 
 
 def _kind(name: str) -> str:

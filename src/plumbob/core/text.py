@@ -30,7 +30,7 @@ def listed(remarks: Iterable[str]) -> list[str]:
     return [line for remark in remarks for line in wrapper.wrap(remark)]
 
 
-def first_of(words: Sequence[str], most: int) -> str:
+def first_words(words: Sequence[str], most: int) -> str:
     """The first so many of some words, and how many more there are."""
     return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")
 

@@ -30,8 +30,8 @@ def to_ns(t: Floats) -> NDArray[np.int64]:
             f"t reaches {float(np.max(np.abs(t))):.6g} s, but seconds count from the start of the recording and end at "
             f"{LONGEST:.0f} s. For unix time use t - t[0] and put the start into meta.t0_ns."
         )
-    whole = np.trunc(t)  # t * 1e9 would round twice, and miss by 1 ns from 48 days on
-    return whole.astype(np.int64) * 1_000_000_000 + np.rint((t - whole) * 1e9).astype(np.int64)
+    seconds = np.trunc(t)  # t * 1e9 would round twice, and miss by 1 ns from 48 days on
+    return seconds.astype(np.int64) * 1_000_000_000 + np.rint((t - seconds) * 1e9).astype(np.int64)
 
 
 def to_s(t_ns: NDArray[np.int64]) -> Floats:
@@ -152,14 +152,14 @@ def interpolated(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Flo
         What they are there.
     """
     at = neighbours(stamps, rows, longest_bridged(stamps))
-    span, known = stamps[at.high] - stamps[at.low], at.known
+    span, inside = stamps[at.high] - stamps[at.low], at.known
     share = np.divide(rows - stamps[at.low], span, out=np.zeros(rows.size), where=span > 0)
-    found = np.full((rows.size, *values.shape[1:]), np.nan)
-    part, exact = (one[known] if values.ndim == 1 else one[known, None] for one in (share, at.exact))
-    low, high = values[at.low[known]], values[at.high[known]]
+    interp = np.full((rows.size, *values.shape[1:]), np.nan)
+    part, exact = (column[inside] if values.ndim == 1 else column[inside, None] for column in (share, at.exact))
+    low, high = values[at.low[inside]], values[at.high[inside]]
     with np.errstate(invalid="ignore"):
-        found[known] = np.where(exact, high, low + part * (high - low))
-    return found
+        interp[inside] = np.where(exact, high, low + part * (high - low))
+    return interp
 
 
 def is_gap(dt_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -172,7 +172,7 @@ BINS: Final = 16 * 58
 
 
 @kernel
-def bin_of(delay: float) -> int:
+def bin_index(delay: float) -> int:
     """Bin of a delay, ns."""
     value = int(min(max(delay, 0.0), 1e18))
     octave = 0
@@ -183,7 +183,7 @@ def bin_of(delay: float) -> int:
 
 
 @kernel
-def middle_of(place: int) -> float:
+def bin_middle(place: int) -> float:
     """Delay in the middle of a bin, ns."""
     octave = max(place // 16 - 1, 0)
     return (place - 16 * octave + 0.5) * 2.0**octave if octave else float(place)
@@ -199,5 +199,5 @@ def quantile(histogram: NDArray[np.int64], first: int, share: float) -> float:
     for place in range(BINS):
         reached += histogram[first + place]
         if reached > 0 and reached >= share * total:
-            return middle_of(place)
+            return bin_middle(place)
     return 0.0

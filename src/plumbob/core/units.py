@@ -262,7 +262,7 @@ def _meant(name: str) -> str:
         return f"write {_TWO_MEANINGS[name]}; "
     if name.lower() in {"counts", "count", "lsb", "raw"}:
         return "for counts, name the unit that counts_per_unit counts; "
-    other = next((known for known in (*UNITS, *_ALIASES) if known.lower() == name.lower() and known != name), "")
+    other = next((symbol for symbol in (*UNITS, *_ALIASES) if symbol.lower() == name.lower() and symbol != name), "")
     return f"if {other!r} was meant, write it so, since case matters; " if other else ""
 
 

@@ -93,14 +93,14 @@ class ImuArray(Series):
         if not self.units:
             raise ShapeError("an array needs at least one unit, but none was given.")
         first, line = next(iter(self.units.items()))
-        for name, one in self.units.items():
+        for name, imu in self.units.items():
             if not isinstance(name, str) or not name.isprintable() or not name.strip():
                 raise ShapeError(f"a unit needs a name of printable letters, as 'u1', but got {check.said(name)}.")
-            check.kind(f"unit '{name}'", one, ImuData)
-            if one.t is not line.t and not np.array_equal(one.t, line.t):
+            check.kind(f"unit '{name}'", imu, ImuData)
+            if imu.t is not line.t and not np.array_equal(imu.t, line.t):
                 raise ClockError(
-                    f"the units of an array share one time line, but '{name}' has {counted(len(one), 'sample')} to "
-                    f"{one.t[-1]:.9g} s and '{first}' has {len(line)} to {line.t[-1]:.9g} s. Put them on one time line "
+                    f"the units of an array share one time line, but '{name}' has {counted(len(imu), 'sample')} to "
+                    f"{imu.t[-1]:.9g} s and '{first}' has {len(line)} to {line.t[-1]:.9g} s. Put them on one time line "
                     "first; plumbob.array.joined does that."
                 )
         for name in self.mounts:
@@ -127,8 +127,8 @@ class ImuArray(Series):
             return asked
         if asked.isdecimal() and 1 <= int(asked) <= len(self.units):
             return self.names[int(asked) - 1]
-        known = ", ".join(f"{name} ({number})" for number, name in enumerate(self.units, 1))
-        raise ParameterError(f"there is no unit '{asked}'; there are {known}.")
+        units = ", ".join(f"{name} ({number})" for number, name in enumerate(self.units, 1))
+        raise ParameterError(f"there is no unit '{asked}'; there are {units}.")
 
     @property
     def t(self) -> Floats:
@@ -140,7 +140,7 @@ class ImuArray(Series):
 
     def __getitem__(self, rows: slice) -> Self:
         """Samples of a slice with step 1 of all units; no copy is made."""
-        return type(self)({name: one[rows] for name, one in self.units.items()}, self.mounts)
+        return type(self)({name: unit[rows] for name, unit in self.units.items()}, self.mounts)
 
     def chunks(self, size: int) -> Iterator[Self]:
         """Consecutive parts of `size` samples; the last may be shorter."""
@@ -155,20 +155,20 @@ class ImuArray(Series):
         triad : {"gyr", "acc", "mag"}
             Which.
         """
-        turned = [one.usable(triad) @ self.mounts[name].dcm.T for name, one in self.units.items()]
+        turned = [unit.usable(triad) @ self.mounts[name].dcm.T for name, unit in self.units.items()]
         return np.stack(turned, axis=1)
 
     def facts(self) -> Mapping[str, str]:
         """Units, their sensors and samples."""
-        one = next(iter(self.units.values()))
-        return {"units": ", ".join(self.units), **one.facts()}
+        unit = next(iter(self.units.values()))
+        return {"units": ", ".join(self.units), **unit.facts()}
 
     def columns(self) -> Mapping[str, NDArray[Any]]:
         """Time, and the triads of each unit."""
-        found: dict[str, NDArray[Any]] = {"t [s]": self.t}
-        for name, one in self.units.items():
-            found |= {f"{name}.{key}": values for key, values in one.columns().items() if key != "t [s]"}
-        return found
+        columns: dict[str, NDArray[Any]] = {"t [s]": self.t}
+        for name, unit in self.units.items():
+            columns |= {f"{name}.{key}": values for key, values in unit.columns().items() if key != "t [s]"}
+        return columns
 
 
 # No turn reverses all three axes of a unit, so each opposite unit reverses its own axis and the next: x is measured

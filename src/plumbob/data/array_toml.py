@@ -64,13 +64,13 @@ def load_units(path: str | Path) -> dict[str, MountedUnit]:
         return {name: MountedUnit(name, mount) for name, mount in PRESETS[str(path)].items()}
     text, file = text_of(path), Path(path)
     try:
-        found = schema.section("array", schema.toml(text, GUIDE), _ARRAY, ("kind", "version", "unit"), top=True)
-        return units_of(found["unit"], lambda name: text_of(file.parent / name))
+        table = schema.section("array", schema.toml(text, GUIDE), _ARRAY, ("kind", "version", "unit"), top=True)
+        return listed_units(table["unit"], lambda name: text_of(file.parent / name))
     except PlumbobError as error:
         raise type(error)(f"{file}: {error}") from error
 
 
-def units_of(tables: list[dict[str, Any]], fetch: Fetch) -> dict[str, MountedUnit]:
+def listed_units(tables: list[dict[str, Any]], fetch: Fetch) -> dict[str, MountedUnit]:
     """Units of the tables that `UNIT` has parsed, by name.
 
     Raises
@@ -78,10 +78,10 @@ def units_of(tables: list[dict[str, Any]], fetch: Fetch) -> dict[str, MountedUni
     DecodeError
         If a name stands twice, there is more than one rotation, or a card cannot be read.
     """
-    found: dict[str, MountedUnit] = {}
+    units: dict[str, MountedUnit] = {}
     for table in tables:
         name, card, noise = table["name"], table.get("card"), table.get("noise")
-        if name in found:
+        if name in units:
             raise DecodeError(f"the unit '{name}' stands twice; keep one of them.")
         turns = [table[key] for key in _TURNS if key in table]
         if len(turns) > 1:
@@ -93,8 +93,8 @@ def units_of(tables: list[dict[str, Any]], fetch: Fetch) -> dict[str, MountedUni
             noise=None if noise is None else NoiseCard.from_text(fetch(noise), noise),
         )
         calibration = None if card is None else CalibrationCard.from_text(fetch(card), card)
-        found[name] = MountedUnit(name, mount, calibration, table.get("device", ""))
-    return found
+        units[name] = MountedUnit(name, mount, calibration, table.get("device", ""))
+    return units
 
 
 def _axes(where: str, value: Any) -> tuple[float, ...]:
@@ -107,7 +107,7 @@ def _listed(parse: Parse, count: int) -> Parse:
     def parse_all(where: str, value: Any) -> tuple[float, ...]:
         if not isinstance(value, list) or len(value) != count:
             raise DecodeError(f"{where} must be a list of {count} values, but it is {excerpt(str(value))}.")
-        return tuple(parse(where, one) for one in value)
+        return tuple(parse(where, entry) for entry in value)
 
     return parse_all
 

@@ -62,9 +62,9 @@ def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> I
         changed |= {name: _times(dcm_bs, changed.get(name, getattr(data, name))) for name in data.triads}
         meta = meta.turned(dcm_bs)
     acc_left, mag_left = left_by("acc", card.acc, card.mount), left_by("mag", card.mag, card.mount)
-    known = card.gyr is not None and card.gyr.covariance is not None
-    gyr_left = left_by("gyr", card.gyr, card.mount) if known else None
-    meta = replace(meta, calibration=_told(card, data), gyr_left=gyr_left, acc_left=acc_left, mag_left=mag_left)
+    fitted = card.gyr is not None and card.gyr.covariance is not None
+    gyr_left = left_by("gyr", card.gyr, card.mount) if fitted else None
+    meta = replace(meta, calibration=_calibration(card, data), gyr_left=gyr_left, acc_left=acc_left, mag_left=mag_left)
     return data.corrected(**changed, meta=meta)
 
 
@@ -75,11 +75,11 @@ def temperature_beyond(card: CalibrationCard, data: ImuData) -> str | None:
         if model is None or model.temp_span_c is None or not model.bias_per_k.any() or (temp_c := data.temp_c) is None:
             continue
         low, high = model.temp_span_c
-        known = temp_c[np.isfinite(temp_c)]
-        share = float(np.mean((known < low) | (known > high))) if known.size else 0.0
+        finite = temp_c[np.isfinite(temp_c)]
+        share = float(np.mean((finite < low) | (finite > high))) if finite.size else 0.0
         if share > 0.0:
             return (
-                f"{100.0 * share:.0f} % of the samples are at {known.min():.1f} to {known.max():.1f} °C, beyond the "
+                f"{100.0 * share:.0f} % of the samples are at {finite.min():.1f} to {finite.max():.1f} °C, beyond the "
                 f"{low:.1f} to {high:.1f} °C of the calibration of {name}, where its polynomial is only prolonged."
             )
     return None
@@ -105,9 +105,9 @@ def temperature_drift(model: TriadCalibration, temp_c: Floats) -> Floats:
     return np.asarray(drift + beyond[:, np.newaxis] * slope)
 
 
-def _told(card: CalibrationCard, data: ImuData) -> str:
-    left = [name for name in data.triads if name not in card.parts]
-    return f"{card.name}; NOT calibrated: {', '.join(left)}" if left else card.name
+def _calibration(card: CalibrationCard, data: ImuData) -> str:
+    missing = [name for name in data.triads if name not in card.parts]
+    return f"{card.name}; NOT calibrated: {', '.join(missing)}" if missing else card.name
 
 
 def _require_units(card: CalibrationCard) -> None:

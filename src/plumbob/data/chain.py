@@ -115,19 +115,19 @@ class Joint:
             tuple((np.asarray(axis, dtype=np.float64) / length).tolist())
             for axis, length in zip(axes, lengths, strict=True)
         )
-        for one, other in pairwise(unit):
-            if abs(np.dot(one, other)) > 1e-6:
+        for first, second in pairwise(unit):
+            if abs(np.dot(first, second)) > 1e-6:
                 raise ParameterError(
                     f"two axes of the joint '{self.name}' that follow each other must be at right angles, but "
-                    f"{one} and {other} are not."
+                    f"{first} and {second} are not."
                 )
         q = check.last_axis("q_pc", self.q_pc, 4)
         check.unit_norm("q_pc", q, 1e-3)
         limits = self.limits or (Limits(),) * count
         if len(limits) != count:
             raise ParameterError(f"the joint '{self.name}' has {counted(count, 'angle')}, but {len(limits)} limits.")
-        for one in limits:
-            _require_limits(self.name, one)
+        for limit in limits:
+            _require_limits(self.name, limit)
         object.__setattr__(self, "axes", unit)
         object.__setattr__(self, "limits", limits)
         object.__setattr__(self, "q_pc", tuple((q / np.linalg.norm(q)).tolist()))
@@ -173,11 +173,11 @@ class Joint:
         axes = np.array(self.axes)
         if count == 2:
             axes = np.vstack((axes, np.cross(axes[0], axes[1])))
-        found = np.full((len(q_pc), 3), np.nan)
-        known = np.isfinite(turn).all(axis=1)
-        if known.any():
-            found[known] = rotation_from_quat(turn[known]).as_davenport(axes, "intrinsic")
-        return found[:, :count]
+        angles = np.full((len(q_pc), 3), np.nan)
+        finite = np.isfinite(turn).all(axis=1)
+        if finite.any():
+            angles[finite] = rotation_from_quat(turn[finite]).as_davenport(axes, "intrinsic")
+        return angles[:, :count]
 
 
 def _require_limits(name: str, limits: Limits) -> None:
@@ -233,28 +233,28 @@ class Chain(Shown):
     def __post_init__(self) -> None:
         """Validate."""
         for what, names in (
-            ("segment", [one.name for one in self.segments]),
-            ("joint", [one.name for one in self.joints]),
-            ("unit", [one.unit for one in self.segments if one.unit]),
+            ("segment", [segment.name for segment in self.segments]),
+            ("joint", [joint.name for joint in self.joints]),
+            ("unit", [segment.unit for segment in self.segments if segment.unit]),
         ):
             twice = next((name for name in names if names.count(name) > 1), None)
             if twice is not None:
                 raise ParameterError(f"the {what} '{twice}' of {self.name} occurs twice; each needs a name of its own.")
         if not self.segments:
             raise ParameterError(f"{self.name} needs at least one segment.")
-        known = {self.segments[0].name}
+        reached = {self.segments[0].name}
         for joint in self.joints:
-            if joint.parent not in known:
+            if joint.parent not in reached:
                 raise ParameterError(
                     f"the joint '{joint.name}' hangs on '{joint.parent}', which is neither the first segment nor the "
                     "child of a joint before it; put the joints in order from the root."
                 )
-            if joint.child not in self.places or joint.child in known:
+            if joint.child not in self.places or joint.child in reached:
                 raise ParameterError(
                     f"the joint '{joint.name}' moves '{joint.child}', which is not a segment, or already has a joint."
                 )
-            known.add(joint.child)
-        alone = [name for name in self.places if name not in known]
+            reached.add(joint.child)
+        alone = [name for name in self.places if name not in reached]
         if alone:
             raise ParameterError(f"no joint moves {', '.join(alone)}; every segment but the first needs one.")
         if self.hand and self.hand not in self.places:
@@ -268,7 +268,7 @@ class Chain(Shown):
     @property
     def places(self) -> Mapping[str, int]:
         """Number of each segment, by name."""
-        return {one.name: k for k, one in enumerate(self.segments)}
+        return {segment.name: k for k, segment in enumerate(self.segments)}
 
     @property
     def angles(self) -> tuple[str, ...]:
@@ -278,7 +278,7 @@ class Chain(Shown):
     @property
     def limits(self) -> tuple[Limits, ...]:
         """Limits of all angles, in the order of the joints."""
-        return tuple(one for joint in self.joints for one in joint.limits)
+        return tuple(limit for joint in self.joints for limit in joint.limits)
 
     @property
     def length(self) -> float:
@@ -295,7 +295,7 @@ class Chain(Shown):
         return {
             "name": self.name,
             "segments": ", ".join(self.places),
-            "joints": ", ".join(f"{one.name} ({one.kind})" for one in self.joints),
+            "joints": ", ".join(f"{joint.name} ({joint.kind})" for joint in self.joints),
             "length": f"{self.length:.3g} m" if self.known else "not known",
         }
 
@@ -323,22 +323,22 @@ class Chain(Shown):
             np.broadcast_to(np.asarray(q_nb, dtype=np.float64), (count, 4)),
             np.broadcast_to(np.asarray(pos_n, dtype=np.float64), (count, 3)),
         )
-        found = {self.segments[0].name: root}
-        for joint, own in zip(self.joints, self.split(angles), strict=True):
-            parent = found[joint.parent]
-            found[joint.child] = Posture(
-                quat_multiply(parent.q_nb, joint.turned(own)),
+        postures = {self.segments[0].name: root}
+        for joint, turns in zip(self.joints, self.split(angles), strict=True):
+            parent = postures[joint.parent]
+            postures[joint.child] = Posture(
+                quat_multiply(parent.q_nb, joint.turned(turns)),
                 parent.pos_n + quat_rotate(parent.q_nb, np.array(joint.place)),
             )
-        return found
+        return postures
 
     def angles_of(self, q_nb: Mapping[str, Floats]) -> Floats:
         """Angles (N, all), rad, that come nearest to attitudes (N, 4) of the segments, by name."""
-        found: Sequence[Floats] = [
+        angles: Sequence[Floats] = [
             joint.angles_of(quat_multiply(quat_conjugate(q_nb[joint.parent]), q_nb[joint.child]))
             for joint in self.joints
         ]
-        return np.concatenate(found, axis=1) if found else np.zeros((len(next(iter(q_nb.values()))), 0))
+        return np.concatenate(angles, axis=1) if angles else np.zeros((len(next(iter(q_nb.values()))), 0))
 
     def hand_at(self, postures: Mapping[str, Posture]) -> Floats:
         """Position of the hand (N, 3), m."""

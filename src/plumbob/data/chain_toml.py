@@ -64,15 +64,15 @@ def parse_chain(text: str, *, name: str = "chain") -> Chain:
     raw = schema.toml(text, GUIDE)
     if raw.get("kind") != KIND:
         raise DecodeError(f"its kind is {excerpt(str(raw.get('kind')))}, but a chain begins with kind = '{KIND}'.")
-    found = schema.section("chain", raw, _CHAIN, ("kind", "version", "base", "segment"), top=True)
-    hand = found.get("hand", {})
+    table = schema.section("chain", raw, _CHAIN, ("kind", "version", "base", "segment"), top=True)
+    hand = table.get("hand", {})
     return Chain(
-        found.get("name", name),
-        tuple(found["segment"]),
-        tuple(found.get("joint", ())),
+        table.get("name", name),
+        tuple(table["segment"]),
+        tuple(table.get("joint", ())),
         hand=hand.get("segment", ""),
         hand_b=hand.get("at", (0.0, 0.0, 0.0)),
-        base_fixed=found["base"] == "fixed",
+        base_fixed=table["base"] == "fixed",
     )
 
 
@@ -139,11 +139,11 @@ def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _three(one: Parse) -> Parse:
+def _three(parser: Parse) -> Parse:
     def parse(where: str, value: Any) -> Vec:
         if not isinstance(value, list) or len(value) != 3:
             raise DecodeError(f"{where} must be a list of three, x, y and z, but it is {excerpt(str(value))}.")
-        x, y, z = (one(f"{where}[{axis}]", item) for axis, item in zip("xyz", value, strict=True))
+        x, y, z = (parser(f"{where}[{axis}]", item) for axis, item in zip("xyz", value, strict=True))
         return x, y, z
 
     return parse
@@ -193,38 +193,38 @@ def _limits(where: str, value: Any) -> tuple[Limits, ...]:
     return (_one_limits(where, value),)
 
 
-def _one_of_two(where: str, found: Mapping[str, Any], one: str, other: str) -> Quat:
-    if one in found and other in found:
-        raise DecodeError(f"{where} has both {one} and {other}, which say the same; keep one of them.")
-    q: Quat = found.get(one, found.get(other, (1.0, 0.0, 0.0, 0.0)))
+def _one_of_two(where: str, table: Mapping[str, Any], key: str, other: str) -> Quat:
+    if key in table and other in table:
+        raise DecodeError(f"{where} has both {key} and {other}, which say the same; keep one of them.")
+    q: Quat = table.get(key, table.get(other, (1.0, 0.0, 0.0, 0.0)))
     return q
 
 
 def _segment(where: str, value: Any) -> Segment:
-    found = schema.section(where, value, _SEGMENT, ("name",))
-    lacking = [key for key in ("axes", "q_bs", "lever", "clock_offset") if key in found and "unit" not in found]
+    table = schema.section(where, value, _SEGMENT, ("name",))
+    lacking = [key for key in ("axes", "q_bs", "lever", "clock_offset") if key in table and "unit" not in table]
     if lacking:
         raise DecodeError(f"{where}.{lacking[0]} is of a unit, but {where} names none; add unit, or leave it out.")
     mount = Mount(
-        q_bs=_normed(f"{where}.q_bs", _one_of_two(where, found, "q_bs", "axes")),
-        lever_b=found.get("lever", (0.0, 0.0, 0.0)),
-        clock_offset=found.get("clock_offset", 0.0),
+        q_bs=_normed(f"{where}.q_bs", _one_of_two(where, table, "q_bs", "axes")),
+        lever_b=table.get("lever", (0.0, 0.0, 0.0)),
+        clock_offset=table.get("clock_offset", 0.0),
     )
-    return Segment(found["name"], found.get("unit", ""), mount)
+    return Segment(table["name"], table.get("unit", ""), mount)
 
 
 def _joint(where: str, value: Any) -> Joint:
-    found = schema.section(where, value, _JOINT, ("name", "parent", "child", "kind"))
-    if "origin" not in found and set(found) & {"axes", "q_pc", "euler"}:
+    table = schema.section(where, value, _JOINT, ("name", "parent", "child", "kind"))
+    if "origin" not in table and set(table) & {"axes", "q_pc", "euler"}:
         raise DecodeError(
             f"{where} has axes or a rotation, but no origin; leave out all of them where it is not known."
         )
-    if "origin" in found and found["kind"] in ("hinge", "universal") and "axes" not in found:
-        raise DecodeError(f"{where} is a {found['kind']} and needs 'axes', because nothing is guessed.")
-    q_pc = _normed(f"{where}.q_pc", _one_of_two(where, found, "q_pc", "euler"))
-    plain = {"origin": None} | {key: found[key] for key in found if key not in ("q_pc", "euler")}
-    if len(found.get("limits", ())) == 1:  # one for all angles of the joint
-        plain["limits"] = found["limits"] * DEGREES_OF_FREEDOM[found["kind"]]
+    if "origin" in table and table["kind"] in ("hinge", "universal") and "axes" not in table:
+        raise DecodeError(f"{where} is a {table['kind']} and needs 'axes', because nothing is guessed.")
+    q_pc = _normed(f"{where}.q_pc", _one_of_two(where, table, "q_pc", "euler"))
+    plain = {"origin": None} | {key: table[key] for key in table if key not in ("q_pc", "euler")}
+    if len(table.get("limits", ())) == 1:  # one for all angles of the joint
+        plain["limits"] = table["limits"] * DEGREES_OF_FREEDOM[table["kind"]]
     return Joint(q_pc=q_pc, **plain)
 
 

@@ -71,13 +71,13 @@ def gyr_delay(imu: ImuData) -> Delay | None:
         return None
     imu = imu[: int(np.searchsorted(imu.t, imu.t[0] + MOST * STEP))]
     t, gyr, acc = imu.t, imu.usable("gyr"), imu.usable("acc")
-    known = np.isfinite(gyr).all(axis=1) & np.isfinite(acc).all(axis=1)
-    t, gyr, acc = t[known], gyr[known], acc[known]
+    finite = np.isfinite(gyr).all(axis=1) & np.isfinite(acc).all(axis=1)
+    t, gyr, acc = t[finite], gyr[finite], acc[finite]
     edge = REACH + SLOW + SMOOTH
     if t.size < 2 or t[-1] - t[0] < (FEWEST + 2 * edge) * STEP:
         return None
     rate, force = (_even(t, values) for values in (gyr, acc))
-    seen, force = np.diff(force, axis=0) / STEP, 0.5 * (force[1:] + force[:-1])
+    jerk, force = np.diff(force, axis=0) / STEP, 0.5 * (force[1:] + force[:-1])
     rate = 0.5 * (rate[1:] + rate[:-1])
     size = np.sqrt(np.sum(_mean(force, SMOOTH) ** 2, axis=1))
     quiet = np.abs(size / np.median(size) - 1.0) < QUIET
@@ -85,26 +85,26 @@ def gyr_delay(imu: ImuData) -> Delay | None:
     rows = np.flatnonzero(quiet)
     if rows.size < FEWEST:
         return None
-    return _best(_band(seen)[rows], rate, force, rows)
+    return _best(_band(jerk)[rows], rate, force, rows)
 
 
-def _best(seen: Floats, rate: Floats, force: Floats, rows: NDArray[np.intp]) -> Delay:
+def _best(jerk: Floats, rate: Floats, force: Floats, rows: NDArray[np.intp]) -> Delay:
     parts = np.linspace(0, rows.size, BLOCKS, endpoint=False).astype(np.intp)
     product, power = np.empty((2 * REACH + 1, BLOCKS)), np.empty((2 * REACH + 1, BLOCKS))
     for i in range(2 * REACH + 1):
         said = _band(-np.cross(np.roll(rate, REACH - i, axis=0), force))[rows]
-        product[i] = np.add.reduceat(np.sum(seen * said, axis=1), parts)
+        product[i] = np.add.reduceat(np.sum(jerk * said, axis=1), parts)
         power[i] = np.add.reduceat(np.sum(said * said, axis=1), parts)
-    size = np.add.reduceat(np.sum(seen * seen, axis=1), parts)
-    whole, correlation = _peak(product.sum(axis=1), power.sum(axis=1), float(size.sum()))
+    size = np.add.reduceat(np.sum(jerk * jerk, axis=1), parts)
+    delay, correlation = _peak(product.sum(axis=1), power.sum(axis=1), float(size.sum()))
     without = np.array([_peak(*_without(product, power, size, k))[0] for k in range(BLOCKS)])
-    return Delay(whole, float(np.sqrt((BLOCKS - 1) * np.var(without))), correlation)
+    return Delay(delay, float(np.sqrt((BLOCKS - 1) * np.var(without))), correlation)
 
 
 def _without(product: Floats, power: Floats, size: Floats, part: int) -> tuple[Floats, Floats, float]:
     """The same sums without a part."""
-    kept = np.arange(BLOCKS) != part
-    return product[:, kept].sum(axis=1), power[:, kept].sum(axis=1), float(size[kept].sum())
+    mask = np.arange(BLOCKS) != part
+    return product[:, mask].sum(axis=1), power[:, mask].sum(axis=1), float(size[mask].sum())
 
 
 def _peak(product: Floats, power: Floats, size: float) -> tuple[float, float]:
@@ -132,6 +132,6 @@ def _band(values: Floats) -> Floats:
 def _mean(values: Floats, count: int) -> Floats:
     """Running means over an odd number of rows; zero at both ends."""
     total = np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)))
-    found, half = np.zeros_like(values), count // 2
-    found[half : len(values) - half] = (total[count:] - total[:-count]) / count
-    return found
+    means, half = np.zeros_like(values), count // 2
+    means[half : len(values) - half] = (total[count:] - total[:-count]) / count
+    return means

@@ -72,11 +72,11 @@ def earth_field_at(latitude: float, longitude: float, height: float, date: str) 
         ) from error
     try:
         model = GeoMag(base_year=int(year))
-        found = model.calculate(to_deg(latitude), to_deg(longitude), height / 1e3, year)  # [WMM2025]
+        field = model.calculate(to_deg(latitude), to_deg(longitude), height / 1e3, year)  # [WMM2025]
         name = f"{model.model} of {model.release_date} for {date}"
     except ValueError as error:
         raise ParameterError(f"no World Magnetic Model is installed for {date}: {error}. Update pygeomag.") from error
-    return EarthField(found.f / 1e3, deg(found.i), deg(found.d), name)
+    return EarthField(field.f / 1e3, deg(field.i), deg(field.d), name)
 
 
 def located(imu: ImuData, place: str, *, date: str | None = None) -> tuple[ImuData, EarthField]:
@@ -98,12 +98,12 @@ def located(imu: ImuData, place: str, *, date: str | None = None) -> tuple[ImuDa
     MissingExtraError
         As in `earth_field_at`.
     """
-    field = earth_field_at(*parse_place(place), day_of(imu.meta.t0_ns) if date is None else date)
+    field = earth_field_at(*parse_place(place), iso_day(imu.meta.t0_ns) if date is None else date)
     meta = replace(imu.meta, declination=field.declination)
     return imu.each(lambda part: part.corrected(meta=meta)), field
 
 
-def day_of(t0_ns: int) -> str:
+def iso_day(t0_ns: int) -> str:
     """Day, ISO 8601, of a time in ns since 1970.
 
     Raises

@@ -106,9 +106,9 @@ class ImuMeta:
             object.__setattr__(self, f"{name}_range", _checked_range(name, getattr(self, f"{name}_range")))
         if self.rate_nominal is not None and not 0.0 < check.number("rate_nominal", self.rate_nominal, "Hz") < np.inf:
             raise ShapeError(f"rate_nominal must be a positive number of Hz, or None, but it is {self.rate_nominal}.")
-        for name, known in (("frame", Frame), ("north", North)):
+        for name, kind in (("frame", Frame), ("north", North)):
             if getattr(self, name) is not None:
-                object.__setattr__(self, name, known.parse(getattr(self, name)))
+                object.__setattr__(self, name, kind.parse(getattr(self, name)))
         object.__setattr__(self, "t0_ns", _whole_ns(self.t0_ns))
         object.__setattr__(self, "declination", _declination(self.declination))
         body_axes(self.axes)
@@ -131,8 +131,8 @@ class ImuMeta:
         name : {"gyr", "acc", "mag"}
             Which triad.
         """
-        told: Range = getattr(self, f"{name}_range")
-        return None if told is None else np.broadcast_to(np.asarray(told, dtype=np.float64), 3)
+        limit: Range = getattr(self, f"{name}_range")
+        return None if limit is None else np.broadcast_to(np.asarray(limit, dtype=np.float64), 3)
 
     def turned(self, dcm: Floats) -> Self:
         """Return the meta of a recording whose triads are turned: each range is the greatest value of the turned axis.
@@ -206,24 +206,24 @@ class ImuData(Series):
         check.increasing_time("t", t)
         t = to_s(to_ns(t))
         check.increasing_time("t, rounded to nanoseconds,", t)
-        known: Any = self.flags
-        found = np.zeros(t.size, dtype=np.uint32) if known is None else check.bits("flags", known, t.size)
-        found[after_gap(t)] |= flags.GAP
+        given: Any = self.flags
+        marks = np.zeros(t.size, dtype=np.uint32) if given is None else check.bits("flags", given, t.size)
+        marks[after_gap(t)] |= flags.GAP
         self._set("t", t)
         for name in TRIADS:
             value = getattr(self, name)
             if value is None:
-                found |= np.uint32(TRIAD_FLAGS[name][0])
+                marks |= np.uint32(TRIAD_FLAGS[name][0])
                 continue
             triad = check.rows(name, value, 3, t.size)
-            found &= ~np.uint32(TRIAD_FLAGS[name][0])
-            found |= _judge(name, triad, self.meta.full_scale(name), self.meta.unit_check)
+            marks &= ~np.uint32(TRIAD_FLAGS[name][0])
+            marks |= _judge(name, triad, self.meta.full_scale(name), self.meta.unit_check)
             self._set(name, triad)
         if all(getattr(self, name) is None for name in TRIADS):
             raise ShapeError("a recording needs at least one of gyr, acc and mag, but none was given.")
         if self.temp_c is not None:
             self._set("temp_c", check.column("temp_c", self.temp_c, t.size))
-        self._set("flags", found)
+        self._set("flags", marks)
 
     def _set(self, name: str, array: NDArray[Any]) -> None:
         object.__setattr__(self, name, check.read_only(array))
@@ -256,16 +256,16 @@ class ImuData(Series):
         meta : ImuMeta
             What else is known.
         """
-        found = flags.copy()
+        marks = flags.copy()
         for name in TRIADS:
             if name not in triads:
-                found |= np.uint32(TRIAD_FLAGS[name][0])
+                marks |= np.uint32(TRIAD_FLAGS[name][0])
                 continue
-            found &= ~np.uint32(TRIAD_FLAGS[name][0])
-            found |= _marks(name, triads[name], meta.full_scale(name))
+            marks &= ~np.uint32(TRIAD_FLAGS[name][0])
+            marks |= _marks(name, triads[name], meta.full_scale(name))
         part = object.__new__(cls)
         values = {name: triads.get(name) for name in TRIADS}
-        _refreeze(part, {"t": to_s(t_ns), **values, "temp_c": temp_c, "flags": found, "meta": meta})
+        _refreeze(part, {"t": to_s(t_ns), **values, "temp_c": temp_c, "flags": marks, "meta": meta})
         return part
 
     def __len__(self) -> int:
@@ -273,11 +273,11 @@ class ImuData(Series):
 
     def columns(self) -> Mapping[str, NDArray[Any]]:
         """Time, the triads by axis, temperature and flags, by name."""
-        found: dict[str, NDArray[Any]] = {"t [s]": self.t}
+        columns: dict[str, NDArray[Any]] = {"t [s]": self.t}
         for name in self.triads:
             values = getattr(self, name)
-            found |= {f"{name}_{axis} [{UNITS[name]}]": values[:, i] for i, axis in enumerate("xyz")}
-        return found | ({} if self.temp_c is None else {"temp_c [degC]": self.temp_c}) | {"flags": self.flags}
+            columns |= {f"{name}_{axis} [{UNITS[name]}]": values[:, i] for i, axis in enumerate("xyz")}
+        return columns | ({} if self.temp_c is None else {"temp_c [degC]": self.temp_c}) | {"flags": self.flags}
 
     def facts(self) -> Mapping[str, str]:
         """What it is, in words: samples, sensors, device, frame and calibration."""
@@ -364,15 +364,15 @@ class ImuData(Series):
 
     def gathered(self, of: "Callable[[ImuData], NDArray[Any]]") -> NDArray[Any]:
         """What a function has of each sample, (N, …), block by block: what it takes meanwhile does not grow."""
-        found, at = None, 0
+        rows, at = None, 0
         for part in self.chunks(BLOCK):
             values = of(part)
-            if found is None:
-                found = np.empty((len(self), *values.shape[1:]), dtype=values.dtype)
-            found[at : at + len(values)] = values
+            if rows is None:
+                rows = np.empty((len(self), *values.shape[1:]), dtype=values.dtype)
+            rows[at : at + len(values)] = values
             at += len(values)
-        assert found is not None
-        return found
+        assert rows is not None
+        return rows
 
     def chunks(self, size: int) -> "Iterator[ImuData]":
         """Cut the recording in consecutive parts of `size` samples; the last may be shorter."""
@@ -412,11 +412,11 @@ class ImuData(Series):
 
     def unit_doubts(self) -> tuple[str, ...]:
         """Why triads are hardly in their units, in words: what `unit_check` refuses, where it is switched off."""
-        found = []
+        doubts = []
         for name in self.triads:
             if doubt := _unit_doubt(name, self._too_big(name), self.meta.full_scale(name)):
-                found.append(doubt[0])
-        return tuple(found)
+                doubts.append(doubt[0])
+        return tuple(doubts)
 
     def _too_big(self, name: str) -> "_TooBig":
         def parts() -> Iterator[tuple[Floats, NDArray[np.bool_]]]:
@@ -445,16 +445,16 @@ class ImuData(Series):
             New values of triads that the recording has.
         """
         state = {f.name: getattr(self, f.name) for f in fields(self)} | {"meta": meta}
-        found = self.flags.copy()
+        marks = self.flags.copy()
         for name, value in triads.items():
             if name not in self.triads:
                 raise ShapeError(f"the recording has no {name} to correct, only {', '.join(self.triads)}.")
             state[name] = check.read_only(check.rows(name, value, 3, len(self)))
             absent, _, invalid = TRIAD_FLAGS[name]
             missing = np.isnan(state[name]).any(axis=1)
-            found[~missing] &= ~np.uint32(absent)
-            found[missing & (self.flags & np.uint32(invalid) == 0)] |= absent
-        return self._like(state | {"flags": check.read_only(found)})
+            marks[~missing] &= ~np.uint32(absent)
+            marks[missing & (self.flags & np.uint32(invalid) == 0)] |= absent
+        return self._like(state | {"flags": check.read_only(marks)})
 
     @classmethod
     def from_streams(
@@ -491,15 +491,15 @@ class ImuData(Series):
         ClockError
             If a clock does not increase, or no magnetic sample lies before the end of the inertial ones.
         """
-        inertial, own = check.column("t", t), check.column("t_mag", t_mag)
+        inertial, times = check.column("t", t), check.column("t_mag", t_mag)
         check.increasing_time("t", inertial)
-        check.increasing_time("t_mag", own)
-        values = check.rows("mag", mag, 3, own.size)
-        place = np.searchsorted(to_ns(inertial), to_ns(own))
+        check.increasing_time("t_mag", times)
+        values = check.rows("mag", mag, 3, times.size)
+        place = np.searchsorted(to_ns(inertial), to_ns(times))
         inside = (place < inertial.size) & ~np.isnan(values).any(axis=1)
         if not inside.any():
             raise ClockError(
-                f"no sample of mag, at {own[0]:.9g} to {own[-1]:.9g} s, has an inertial one after it: those are at "
+                f"no sample of mag, at {times[0]:.9g} to {times[-1]:.9g} s, has an inertial one after it: those are at "
                 f"{inertial[0]:.9g} to {inertial[-1]:.9g} s. Put both on one clock."
             )
         joined = np.full((inertial.size, 3), np.nan)
@@ -607,11 +607,11 @@ class AttitudeTrack(Series):
     def columns(self) -> Mapping[str, NDArray[Any]]:
         """Time, the quaternion, its angles in degrees, and the gyroscope's bias where it is estimated, by name."""
         angles = to_deg(self.euler_zyx)
-        found = {"t [s]": self.t} | {f"q_{axis}": self.q_nb[:, i] for i, axis in enumerate("wxyz")}
-        found |= {f"{name} [deg]": angles[:, i] for i, name in enumerate(("yaw", "pitch", "roll"))}
+        columns = {"t [s]": self.t} | {f"q_{axis}": self.q_nb[:, i] for i, axis in enumerate("wxyz")}
+        columns |= {f"{name} [deg]": angles[:, i] for i, name in enumerate(("yaw", "pitch", "roll"))}
         if self.bias_b is not None:
-            found |= {f"bias_{axis} [rad/s]": self.bias_b[:, i] for i, axis in enumerate("xyz")}
-        return found
+            columns |= {f"bias_{axis} [rad/s]": self.bias_b[:, i] for i, axis in enumerate("xyz")}
+        return columns
 
     @property
     def euler_zyx(self) -> Floats:
@@ -625,15 +625,15 @@ class AttitudeTrack(Series):
     @property
     def gap_distance(self) -> Floats:
         """Time to the nearest gap, s, (N,), to the sample before or behind it; infinite where there is none."""
-        found = np.full(self.t.size, np.inf)
+        distance = np.full(self.t.size, np.inf)
         if self.flags is None:
-            return found
+            return distance
         behind = np.flatnonzero(self.flags & np.uint32(flags.GAP))
         edges = self.t[np.unique(np.concatenate((behind, behind[behind > 0] - 1)))]
         if edges.size:
             after = np.minimum(np.searchsorted(edges, self.t), edges.size - 1)
-            found = np.minimum(np.abs(self.t - edges[after]), np.abs(self.t - edges[np.maximum(after - 1, 0)]))
-        return found
+            distance = np.minimum(np.abs(self.t - edges[after]), np.abs(self.t - edges[np.maximum(after - 1, 0)]))
+        return distance
 
     @property
     def yaw(self) -> Floats:
@@ -685,18 +685,18 @@ class AttitudeTrack(Series):
         count : int
             Samples of all.
         """
-        whole: dict[str, Any] = {}
+        state: dict[str, Any] = {}
         at = 0
         for part in parts:
             for name, value in ((f.name, getattr(part, f.name)) for f in fields(cls)):
                 if not isinstance(value, np.ndarray) or len(value) == count:
-                    whole[name] = value
+                    state[name] = value
                     continue
                 if not at:
-                    whole[name] = np.empty((count, *value.shape[1:]), dtype=value.dtype)
-                whole[name][at : at + len(value)] = value
+                    state[name] = np.empty((count, *value.shape[1:]), dtype=value.dtype)
+                state[name][at : at + len(value)] = value
             at += len(part)
-        return cls.trusted(**whole)
+        return cls.trusted(**state)
 
     def with_attitude(self, q_nb: Floats, **changes: Any) -> Self:
         """Return the same track with another attitude (N, 4) and, where given, other fields."""
@@ -743,11 +743,11 @@ def _declination(angle: Any) -> float | None:
     return declination
 
 
-def _checked_range(name: str, told: Any) -> Range:
+def _checked_range(name: str, given: Any) -> Range:
     """Range of a triad; one number where all axes have the same."""
-    if told is None:
+    if given is None:
         return None
-    axes = check.floats(f"{name}_range", told)
+    axes = check.floats(f"{name}_range", given)
     if axes.shape not in {(), (3,)}:
         raise ShapeError(
             f"{name}_range must be one number for all axes, three for x, y and z, or None, but its shape is "
@@ -771,10 +771,10 @@ def _check_range(name: str, full_scale: float) -> None:
 
 def _judge(name: str, triad: Floats, full_scale: Floats | None, unit_check: bool) -> NDArray[np.uint32]:
     """Flags of one triad; refuses one without a number, and values that its unit makes impossible."""
-    found = _marks(name, triad, full_scale)
-    too_big = (found & np.uint32(TRIAD_FLAGS[name][2])) != 0
+    marks = _marks(name, triad, full_scale)
+    too_big = (marks & np.uint32(TRIAD_FLAGS[name][2])) != 0
     _require_possible(name, lambda: ((triad, too_big),), full_scale, unit_check)
-    return found
+    return marks
 
 
 _CHECKED: ContextVar[bool] = ContextVar("unit_check", default=True)
@@ -834,17 +834,17 @@ def _marks(name: str, triad: Floats, full_scale: Floats | None) -> NDArray[np.ui
     """Flags of one triad (N, 3), each row by itself: absent, impossible, at the end of the range of an axis."""
     limit = _limit(name, full_scale)
     end = np.inf if full_scale is None else 0.999 * full_scale  # the last code below full scale is already the end
-    found = np.zeros(len(triad), dtype=np.uint32)
+    marks = np.zeros(len(triad), dtype=np.uint32)
     odd = np.flatnonzero(~_in_all(np.abs(triad) < np.minimum(limit, end)))  # a missing value is not below
     if odd.size:
         absent, clipped, invalid = TRIAD_FLAGS[name]
         size = np.abs(triad[odd])
         missing = ~_in_all(~np.isnan(size))
         too_big = ~missing & ~_in_all(size <= limit)
-        found[odd[missing]] = absent
-        found[odd[too_big]] = invalid
-        found[odd[~missing & ~too_big & ~_in_all(size < end)]] = clipped
-    return found
+        marks[odd[missing]] = absent
+        marks[odd[too_big]] = invalid
+        marks[odd[~missing & ~too_big & ~_in_all(size < end)]] = clipped
+    return marks
 
 
 def _in_all(marks: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -871,8 +871,8 @@ def _unit_doubt(name: str, parts: _TooBig, full_scale: Floats | None) -> tuple[s
             )
         size, count = size + wrong.size, count + int(np.count_nonzero(wrong))
         if name != "gyr":
-            own = norms(triad)
-            norm.append(own[np.isfinite(own) & ~too_big])
+            sizes = norms(triad)
+            norm.append(sizes[np.isfinite(sizes) & ~too_big])
     if count > max(1, 0.01 * size):
         return f"{first}, and {count} of {size} samples exceed it", _ADVICE[name]
     return _unusual_size(name, np.concatenate(norm)) if norm else None

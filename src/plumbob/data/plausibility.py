@@ -75,10 +75,10 @@ def statistics(imu: ImuData, name: str) -> Statistics:
     name : {"gyr", "acc", "mag"}
         Which triad; it has it.
     """
-    known = _MEASURED.setdefault(imu, {})
-    if name not in known:
-        known[name] = _measured(imu.only(name), name)
-    return known[name]
+    measured = _MEASURED.setdefault(imu, {})
+    if name not in measured:
+        measured[name] = _measured(imu.only(name), name)
+    return measured[name]
 
 
 def _measured(imu: ImuData, name: str) -> Statistics:
@@ -87,14 +87,14 @@ def _measured(imu: ImuData, name: str) -> Statistics:
     middle = last[0]
     for part in imu.chunks(BLOCK):
         values = part.usable(name)
-        known = known_rows(values)
-        if len(own := values[known]):
-            same = (own == np.concatenate((last, own[:-1]))).view(np.uint8)
-            repeats[at : at + len(values)][known] = same[:, 0] + 2 * same[:, 1] + 4 * same[:, 2]
-            sizes[count : count + len(own)] = norms(own)
-            middle, last = middle if count else own.mean(axis=0), own[-1:]
-            off = own - middle  # squares about a value near the mean lose no digits
-            total, square, count = total + off.sum(axis=0), square + (off * off).sum(axis=0), count + len(own)
+        finite = known_rows(values)
+        if len(samples := values[finite]):
+            same = (samples == np.concatenate((last, samples[:-1]))).view(np.uint8)
+            repeats[at : at + len(values)][finite] = same[:, 0] + 2 * same[:, 1] + 4 * same[:, 2]
+            sizes[count : count + len(samples)] = norms(samples)
+            middle, last = middle if count else samples.mean(axis=0), samples[-1:]
+            off = samples - middle  # squares about a value near the mean lose no digits
+            total, square, count = total + off.sum(axis=0), square + (off * off).sum(axis=0), count + len(samples)
         at += len(values)
     off = total / max(count, 1)
     std = np.sqrt(np.maximum(square / max(count, 1) - off * off, 0.0))
@@ -156,8 +156,8 @@ def _steps(imu: ImuData) -> Iterator[str]:
         )
     elif mean <= SHORTEST_STEP:
         yield f"time: the mean step is {mean:.4g} s, shorter than any MEMS part's; check the unit of the times"
-    elif (told := bursts(t)) is not None:
-        yield f"time: {told}"
+    elif (burst := bursts(t)) is not None:
+        yield f"time: {burst}"
 
 
 def bursts(t: Floats) -> str | None:
@@ -185,18 +185,18 @@ def bursts(t: Floats) -> str | None:
 
 
 def _turning(imu: ImuData) -> tuple[str, ...]:
-    found = turning(imu)
-    if not found.tells:
+    fit = turning(imu)
+    if not fit.tells:
         return ()
     times = to_deg(1.0)
-    if found.factor < 0.0:
+    if fit.factor < 0.0:
         return ("gyroscope: it turns against the accelerometer: a sign or an axis is wrong",)
-    if _is_about(found.factor * times):
+    if _is_about(fit.factor * times):
         return (
             f"gyroscope: the acceleration turns {times:.0f} times slower than the rates say; they look like °/s "
             "declared as rad/s",
         )
-    if _is_about(found.factor / times):
+    if _is_about(fit.factor / times):
         return (
             f"gyroscope: the acceleration turns {times:.0f} times faster than the rates say; they look like rad/s "
             "declared as °/s",
@@ -205,8 +205,8 @@ def _turning(imu: ImuData) -> tuple[str, ...]:
 
 
 def _rates(imu: ImuData) -> tuple[str, ...]:
-    found = statistics(imu, "gyr")
-    usual, size = found.norm, found.samples
+    stats = statistics(imu, "gyr")
+    usual, size = stats.norm, stats.samples
     if size < ENOUGH or usual <= USUAL_RATE:
         return ()
     return (
@@ -287,12 +287,12 @@ def turning(imu: ImuData) -> Turning:
         up = acc / norm[:, np.newaxis]
     i = np.arange(0, t.size - 1, 1 + t.size // MOST_PAIRS)
     step = t[i + 1] - t[i]
-    seen = up[i + 1] - up[i]
+    turn = up[i + 1] - up[i]
     middle = 0.5 * (up[i + 1] + up[i]) * step[:, np.newaxis]
     said = -np.cross(0.5 * (rate[i + 1] + rate[i]), middle)
     counts = quiet[i + 1] & quiet[i] & (step < 1.5 * np.median(step)) & np.isfinite(said).all(axis=1)
-    counts &= np.sum(seen * seen, axis=1) < LARGEST_TURN**2
-    return _fit(seen[counts], said[counts], middle[counts]) if counts.any() else nothing
+    counts &= np.sum(turn * turn, axis=1) < LARGEST_TURN**2
+    return _fit(turn[counts], said[counts], middle[counts]) if counts.any() else nothing
 
 
 def _window(t: Floats) -> int:
@@ -302,13 +302,13 @@ def _window(t: Floats) -> int:
 def _means(values: Floats, size: int) -> Floats:
     """Means of windows of `size` samples; NaN where fewer than half of them are known."""
     windows = values[: values.shape[0] // size * size].reshape(-1, size, values.shape[1])
-    known = np.isfinite(windows)
-    count = known.sum(axis=1)
-    total = np.where(known, windows, 0.0).sum(axis=1)
+    finite = np.isfinite(windows)
+    count = finite.sum(axis=1)
+    total = np.where(finite, windows, 0.0).sum(axis=1)
     return np.where(2 * count >= size, total / np.maximum(count, 1), np.nan)
 
 
-def _fit(seen: Floats, said: Floats, middle: Floats) -> Turning:
+def _fit(turn: Floats, said: Floats, middle: Floats) -> Turning:
     """Least squares with the constant taken out of both sides first."""
     x, y, z = middle.T
     zero = np.zeros_like(x)
@@ -316,11 +316,11 @@ def _fit(seen: Floats, said: Floats, middle: Floats) -> Turning:
         (np.column_stack((zero, -z, y)), np.column_stack((z, zero, -x)), np.column_stack((-y, x, zero))), axis=2
     ).reshape(-1, 3)  # columns e × a dt
     basis, _ = np.linalg.qr(constant)
-    both = np.column_stack((seen.ravel(), said.ravel()))
-    seen_left, said_left = (both - basis @ (basis.T @ both)).T
-    product, seen_power, said_power = seen_left @ said_left, seen_left @ seen_left, said_left @ said_left
-    if not (seen_power > 0.0 and said_power > 0.0):
-        return Turning(float("nan"), 0.0, len(seen))
-    correlation = float(product / np.sqrt(seen_power) / np.sqrt(said_power))
+    both = np.column_stack((turn.ravel(), said.ravel()))
+    turn_left, said_left = (both - basis @ (basis.T @ both)).T
+    product, turn_power, said_power = turn_left @ said_left, turn_left @ turn_left, said_left @ said_left
+    if not (turn_power > 0.0 and said_power > 0.0):
+        return Turning(float("nan"), 0.0, len(turn))
+    correlation = float(product / np.sqrt(turn_power) / np.sqrt(said_power))
     share = np.sum(said_left.reshape(-1, 3) ** 2, axis=1) / said_power
-    return Turning(float(product / said_power), correlation, len(seen), float(1.0 / (share @ share)))
+    return Turning(float(product / said_power), correlation, len(turn), float(1.0 / (share @ share)))

@@ -51,8 +51,8 @@ def read_rows(own_ns: NDArray[np.int64], q_nb: Floats, t_ns: NDArray[np.int64], 
     """Read attitudes (M, 4) with increasing stamps (M,), ns, at other times (N,), ns; `max_gap` is in s."""
     at = neighbours(own_ns, t_ns, max_gap)
     between = ~at.exact & at.known
-    found = np.full((t_ns.size, 4), np.nan)
-    found[at.exact] = q_nb[at.high[at.exact]]
+    q = np.full((t_ns.size, 4), np.nan)
+    q[at.exact] = q_nb[at.high[at.exact]]
     a, b = at.low[between], at.high[between]
-    found[between] = quat_slerp(q_nb[a], q_nb[b], (t_ns[between] - own_ns[a]) / (own_ns[b] - own_ns[a]))
-    return Reading(found, *at)
+    q[between] = quat_slerp(q_nb[a], q_nb[b], (t_ns[between] - own_ns[a]) / (own_ns[b] - own_ns[a]))
+    return Reading(q, *at)

@@ -84,16 +84,16 @@ class Recording(Shown):
             return self
         if self.array is None:
             raise ParameterError(f"{self.name or 'the recording'} holds one unit without a name; leave --unit out.")
-        known = ", ".join(self.array.names)
+        names = ", ".join(self.array.names)
         if unit is None:
             first = self.array.names[0]
             raise ParameterError(
-                f"{self.name or 'the recording'} holds the units {known}. Name one with --unit, or write it to a file "
+                f"{self.name or 'the recording'} holds the units {names}. Name one with --unit, or write it to a file "
                 f"of its own: plumbob convert FILE NEW.parquet --unit {quote(first)}."
             )
         name = self.array.named(unit)
         imu = self.array.units[name]
-        notes = (*provenance(self.notes), f"unit {name} of {known}", *findings(imu))
+        notes = (*provenance(self.notes), f"unit {name} of {names}", *findings(imu))
         return replace(self, imu=imu, track=None, array=None, notes=notes)
 
 
@@ -124,16 +124,16 @@ def recalibrated(recording: Recording, card: "CalibrationCard") -> Recording:
     if recording.imu is None:
         raise ShapeError(f"{recording.name} holds an attitude but no samples that a calibration card could correct.")
     imu = apply_card(card, recording.imu)
-    beyond = () if (told := temperature_beyond(card, imu)) is None else (f"temperature: {told}",)
+    beyond = () if (warning := temperature_beyond(card, imu)) is None else (f"temperature: {warning}",)
     return replace(recording, imu=imu, notes=(*provenance(recording.notes), *findings(imu), *beyond))
 
 
 def lines(name: str, given: Iterable[str]) -> tuple[str, ...]:
     """Lines of text, each without breaks; one text is refused, for its lines would be its letters."""
-    found = None if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
-    if found is None or not all(isinstance(line, str) for line in found):
+    texts = None if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
+    if texts is None or not all(isinstance(line, str) for line in texts):
         raise ShapeError(f"{name} must be a sequence of lines of text, but got {given!r}.")
-    return tuple(" ".join(line.split()) for line in found)
+    return tuple(" ".join(line.split()) for line in texts)
 
 
 EARTH_FIELD: Final = (22.0, 67.0)
@@ -168,13 +168,13 @@ def findings(imu: ImuData) -> tuple[str, ...]:
     return (*_calibration(imu), *_field(imu), *_flagged(imu), *_gaps(imu), *_stuck(imu), *doubts(imu))
 
 
-def findings_of(recording: Recording) -> tuple[str, ...]:
+def all_findings(recording: Recording) -> tuple[str, ...]:
     """Findings of the samples; of several units, each line once, with the units that it is about if not all."""
     if recording.array is None:
         return () if recording.imu is None else findings(recording.imu)
     of: dict[str, list[str]] = {}
-    for name, one in recording.array.units.items():
-        for line in findings(one):
+    for name, unit in recording.array.units.items():
+        for line in findings(unit):
             of.setdefault(line, []).append(name)
     return tuple(
         line if len(names) == len(recording.array.names) else line.replace(": ", f": {', '.join(names)}: ", 1)
@@ -223,8 +223,8 @@ def read_notes(notes: Iterable[str], *units: ImuData | None) -> tuple[str, ...]:
 
 
 def _stored(*units: ImuData | None) -> tuple[str, ...]:
-    told = (f"calibration: {calibration_told(one.meta.calibration)}" for one in units if one is not None)
-    return tuple(dict.fromkeys(told))
+    texts = (f"calibration: {calibration_told(unit.meta.calibration)}" for unit in units if unit is not None)
+    return tuple(dict.fromkeys(texts))
 
 
 def _calibration(imu: ImuData) -> Iterator[str]:
@@ -275,8 +275,8 @@ def _stuck(imu: ImuData) -> Iterator[str]:
         long = ends - starts + 1 >= STUCK_SAMPLES
         if not long.any():
             continue
-        known = np.flatnonzero(axes != NOT_KNOWN)
-        starts, ends = known[starts[long]], known[ends[long]]
+        places = np.flatnonzero(axes != NOT_KNOWN)
+        starts, ends = places[starts[long]], places[ends[long]]
         t = imu.t
         lasting = t[ends] - t[starts]
         i = int(np.argmax(lasting))

@@ -112,8 +112,8 @@ class TimeReport:
     @classmethod
     def joined(cls, reports: Sequence["TimeReport"]) -> "TimeReport":
         """One report of a source that was started again and again: counts in all, the rest as the last has it."""
-        counts: dict[str, Any] = {name: sum(getattr(one, name) for one in reports) for name in _COUNTS}
-        gaps = tuple(gap for one in reports for gap in one.gaps)
+        counts: dict[str, Any] = {name: sum(getattr(report, name) for report in reports) for name in _COUNTS}
+        gaps = tuple(gap for report in reports for gap in report.gaps)
         return replace(reports[-1], **counts, gaps=gaps)
 
 

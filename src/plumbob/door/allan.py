@@ -20,7 +20,7 @@ from plumbob.door.reading import read_one
 from plumbob.files.numbers import SUFFIXES, TEXT_SUFFIXES, open_numbers
 from plumbob.noise.allan import Noise, Taus, characterise
 from plumbob.noise.static import StaticReport
-from plumbob.noise.static_record import StaticRecord, check_static, static_of, static_of_numbers, static_of_plain
+from plumbob.noise.static_record import StaticRecord, check_static, static_channels, static_of_numbers, static_of_plain
 
 Note = Callable[[str], None]
 Progress = Callable[[str, int, int], None]
@@ -91,8 +91,8 @@ def allan(
         record, rate=rate, scale=scale, triads=triads, start=start, stop=stop, skip=skip, calibration=calibration,
         profile=profile, kind=kind, columns=columns, note=note, progress=progress,
     )  # fmt: skip
-    told = None if progress is None else lambda done: progress("noise", done, opened.size)
-    return Noise(opened, report, tuple(characterise(opened, report, taus=taus, progress=told)), applied)
+    advance = None if progress is None else lambda done: progress("noise", done, opened.size)
+    return Noise(opened, report, tuple(characterise(opened, report, taus=taus, progress=advance)), applied)
 
 
 def open_static(
@@ -129,8 +129,8 @@ def open_static(
     if isinstance(record, np.ndarray):
         opened = static_of_numbers(record, hertz, scale)
     elif isinstance(record, Recording | ImuData):
-        whole = record if isinstance(record, Recording) else unsaved(record, "samples")
-        opened = static_of(whole, Path(whole.name), card, triads, (first, last), hertz)
+        recording = record if isinstance(record, Recording) else unsaved(record, "samples")
+        opened = static_channels(recording, Path(recording.name), card, triads, (first, last), hertz)
     else:
         opened = load_static(
             check.path("record", record), rate=hertz, scale=scale, profile=None if profile is None else Path(profile),
@@ -207,7 +207,7 @@ def load_static(
         if scale is not None or columns is not None:
             raise ParameterError(f"{file} is a recording with units of its own; leave scale and columns out.")
         recording = read_one(file, profile=profile)
-        return static_of(recording, file, card, triads, (start, stop), rate, size=file.stat().st_size)
+        return static_channels(recording, file, card, triads, (start, stop), rate, size=file.stat().st_size)
     if card is not None:
         raise ParameterError(f"{file} holds plain numbers, but a calibration card corrects a recording with units.")
     return static_of_plain(open_numbers(file, kind=kind, columns=columns), rate, scale, (start, stop))

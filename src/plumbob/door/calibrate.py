@@ -99,7 +99,7 @@ def calibrate(
     note : callable, optional
         Called with each note on the way.
     **options
-        Of the kind, as those of the command line: numbers in SI, or text with a unit; see `options_of`.
+        Of the kind, as those of the command line: numbers in SI, or text with a unit; see `kind_options`.
 
     Returns
     -------
@@ -117,14 +117,14 @@ def calibrate(
         If a file cannot be read.
     """
     how = KINDS[check.one_of("kind", kind, tuple(KINDS))]
-    known = options_of(kind)
-    if unknown := [name for name in options if name not in known]:
-        raise ParameterError(f"{kind} has no option '{unknown[0]}'; it has {', '.join(known) or 'none'}.")
+    names = kind_options(kind)
+    if unknown := [name for name in options if name not in names]:
+        raise ParameterError(f"{kind} has no option '{unknown[0]}'; it has {', '.join(names) or 'none'}.")
     base = None if calibration is None else CalibrationCard.of(calibration)
     opened = (
         recording
         if isinstance(recording, Capture)
-        else _opened(recording, how, base, device, span_of(start, stop), None if profile is None else Path(profile))
+        else _opened(recording, how, base, device, as_span(start, stop), None if profile is None else Path(profile))
     )
     say = note or (lambda line: None)
     if not isinstance(recording, Capture):
@@ -134,7 +134,7 @@ def calibrate(
     return Calibrated(card_of(opened, fits, mounted=mounted), fits, opened)
 
 
-def capture_of(
+def read_capture(
     path: str | Path,
     *,
     triads: tuple[str, ...],
@@ -156,16 +156,16 @@ def capture_of(
         raise CalibrationError(f"{path} holds an attitude but no sensor data, so there is nothing to calibrate.")
     read = capture(recording.imu, triads=triads, if_present=if_present, span=span, device=device, base=base)
     # That it is uncalibrated is what a capture is for.
-    found = tuple(line for line in found_in(recording.notes) if not line.startswith("calibration: "))
-    return replace(read, found=found)
+    findings = tuple(line for line in found_in(recording.notes) if not line.startswith("calibration: "))
+    return replace(read, found=findings)
 
 
-def options_of(kind: str) -> tuple[str, ...]:
+def kind_options(kind: str) -> tuple[str, ...]:
     """Options that a kind takes beside those of every kind."""
     return tuple(signature(KINDS[kind].find).parameters)[2:]
 
 
-def span_of(start: Value, stop: Value) -> tuple[float, float] | None:
+def as_span(start: Value, stop: Value) -> tuple[float, float] | None:
     """Part of a recording, s, from its start or to its end where one is not given; None for the whole."""
     first, last = given("start", start, Quantity.TIME), given("stop", stop, Quantity.TIME)
     if first is None and last is None:
@@ -182,7 +182,7 @@ def _opened(
     profile: Path | None,
 ) -> Capture:
     if not isinstance(recording, Recording | ImuData):
-        return capture_of(
+        return read_capture(
             check.path("recording", recording),
             triads=how.triads,
             if_present=how.if_present,
@@ -218,7 +218,7 @@ def _mag(
     if shape == "level" and tilt is not None:
         raise ParameterError("shape level calibrates headings of a level unit, so tilt has no effect. Leave one out.")
     tilt_range = given("tilt", tilt, Quantity.ANGLE)
-    field, dip, told = _field(opened, say, strength, place)
+    field, dip, remarks = _field(opened, say, strength, place)
     fit = calibrate_mag(
         opened.imu,
         with_=with_,
@@ -231,7 +231,7 @@ def _mag(
         in_use=in_use,
         force=force,
     )
-    return _with_remark({"mag": fit}, told), None
+    return _with_remark({"mag": fit}, remarks), None
 
 
 def _accel(
@@ -246,7 +246,7 @@ def _accel(
 ) -> Found:
     from plumbob.calibration.calibrate_accel import calibrate_accel
 
-    at = gravity_of(gravity=gravity, latitude=latitude, height=height)
+    at = chosen_gravity(gravity=gravity, latitude=latitude, height=height)
     return {"acc": calibrate_accel(opened.imu, shape=shape, gravity=at, moving=moving)}, None
 
 
@@ -301,12 +301,12 @@ def _hand(
     from plumbob.calibration.calibrate_gyro import calibrate_by_hand
     from plumbob.data import TITLES
 
-    at = gravity_of(gravity=gravity, latitude=latitude, height=height, place=place)
+    at = chosen_gravity(gravity=gravity, latitude=latitude, height=height, place=place)
     lacking = [title for name, title in TITLES.items() if name not in opened.imu.triads]
     if lacking:
         say(f"the recording has no {' and no '.join(lacking)}, which {'are' if lacking[1:] else 'is'} left out")
-    field, dip, told = _field(opened, say, strength, place)
-    return _with_remark(calibrate_by_hand(opened, gravity=at, strength=field, dip=dip, force=force), told), None
+    field, dip, remarks = _field(opened, say, strength, place)
+    return _with_remark(calibrate_by_hand(opened, gravity=at, strength=field, dip=dip, force=force), remarks), None
 
 
 def _table(
@@ -358,11 +358,11 @@ def _mount(
     if estimate is not None and reference is not None:
         if level or raised or level_only or frame:
             raise ParameterError("a reference needs no poses: leave out level, raised, level_only and frame.")
-        return {}, mount_by_reference(track_of(estimate), track_of(reference))
+        return {}, mount_by_reference(read_track(estimate), read_track(reference))
     if frame is None:
         raise FrameError(f"the body's axes depend on the navigation frame. Give one of {', '.join(Frame)}.")
-    found = mount_by_poses(opened, frame=Frame.parse(frame), level=level, raised=raised, level_only=level_only)
-    return {}, found
+    mounted = mount_by_poses(opened, frame=Frame.parse(frame), level=level, raised=raised, level_only=level_only)
+    return {}, mounted
 
 
 class Kind(NamedTuple):
@@ -385,7 +385,7 @@ KINDS: Final[Mapping[str, Kind]] = {
 }
 
 
-def gravity_of(
+def chosen_gravity(
     *, gravity: Value = None, latitude: Value = None, height: Value = None, place: str | None = None
 ) -> float:
     """Gravity, m/s²: its value, else that of the latitude, else that of the place, else the standard one.
@@ -431,12 +431,12 @@ def _field(
     return field.strength, field.dip, (f"Field at the place of the capture: {field.told}.",)
 
 
-def _with_remark(fits: "Mapping[str, Fitted]", told: tuple[str, ...]) -> "dict[str, Fitted]":
+def _with_remark(fits: "Mapping[str, Fitted]", remarks: tuple[str, ...]) -> "dict[str, Fitted]":
     """Fits with what the place said as a remark of the magnetometer."""
-    return {n: replace(fit, remarks=(*fit.remarks, *told)) if n == "mag" else fit for n, fit in fits.items()}
+    return {n: replace(fit, remarks=(*fit.remarks, *remarks)) if n == "mag" else fit for n, fit in fits.items()}
 
 
-def track_of(given: str | Path | Recording) -> AttitudeTrack:
+def read_track(given: str | Path | Recording) -> AttitudeTrack:
     """Attitude of a recording or its file.
 
     Raises

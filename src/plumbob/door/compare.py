@@ -68,24 +68,24 @@ def compare(
     ShapeError
         If one holds only samples and the other only an attitude, or attitudes have nothing in common.
     """
-    one, other = (_held(what, unit, profile, note) for what in (a, b))
+    first, ref = (_opened(what, unit, profile, note) for what in (a, b))
     if align is not None and (bad := [word for word in align if word not in ALIGNMENTS]):
         raise ParameterError(f"align knows {', '.join(ALIGNMENTS)}, but not {', '.join(map(str, bad))}.")
-    if one.imu is not None and other.imu is not None:
+    if first.imu is not None and ref.imu is not None:
         most = number("max_offset", given("max_offset", max_offset, Quantity.TIME), "s")
-        return compare_recordings(one, other, ("time", "mounting") if align is None else align, most, _part(tolerance))
-    if one.track is None or other.track is None:
+        return compare_recordings(first, ref, ("time", "mounting") if align is None else align, most, _part(tolerance))
+    if first.track is None or ref.track is None:
         raise ShapeError(
-            f"{one.name or 'a'} and {other.name or 'b'} have nothing to compare: one holds samples alone, the other an "
+            f"{first.name or 'a'} and {ref.name or 'b'} have nothing to compare: one holds samples alone, the other an "
             "attitude alone. Run a filter on the samples first: plumbob run."
         )
     limit = given("tolerance", tolerance, Quantity.ANGLE)
-    found = evaluate(one.track, other.track, align=align or (), max_offset=max_offset, settle=settle,
+    score = evaluate(first.track, ref.track, align=align or (), max_offset=max_offset, settle=settle,
                      declination=declination)  # fmt: skip
-    return compare_attitudes(one, other, found, limit)
+    return compare_attitudes(first, ref, score, limit)
 
 
-def _held(what: Any, unit: str | None, profile: str | Path | None, note: Callable[[str], object] | None) -> Recording:
+def _opened(what: Any, unit: str | None, profile: str | Path | None, note: Callable[[str], object] | None) -> Recording:
     if isinstance(what, ImuData):
         return Recording(imu=what)
     if isinstance(what, AttitudeTrack):

@@ -10,7 +10,7 @@ from plumbob.data.recording import Recording, unsaved
 from plumbob.door.reading import read_one
 from plumbob.files.formats import kind_of
 from plumbob.files.profile import Profile
-from plumbob.files.text import profile_of
+from plumbob.files.text import text_profile
 from plumbob.quality.diagnosis import Declared, Diagnosis, Examination
 
 
@@ -69,4 +69,4 @@ def _profile(file: Path, profile: Profile | str | Path | None) -> Profile | None
     """What the columns of a text table were taken for; None of other formats."""
     if kind_of(file, described=profile is not None).name != "text":
         return None
-    return profile_of(file, profile)[0]
+    return text_profile(file, profile)[0]

@@ -31,14 +31,14 @@ from plumbob.filters.offline import (
     Stage,
     bias_beyond,
     declination_deg,
-    estimator_of,
     lagged,
+    make_estimator,
     navigation_frame,
-    parts_of,
     started,
+    track_parts,
 )
 from plumbob.rotations import Frame, North, dcm_from_quat, euler_zyx_from_quat, quat_rotate
-from plumbob.rotations.headings import claimed_sd, counted_from, zero_of
+from plumbob.rotations.headings import claimed_sd, counted_from, heading_zero
 
 if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard, NoiseCard
@@ -208,7 +208,7 @@ class Estimated(Series):
         if self.noise_card:
             lines.append(f"noise card   {self.noise_card}")
         lines.append(f"at the end   yaw {last['yaw']:.3f}°, pitch {last['pitch']:.3f}°, roll {last['roll']:.3f}°")
-        lines.append(f"heading      {last['heading']:.3f}° clockwise from {zero_of(north)}, of the body's x axis")
+        lines.append(f"heading      {last['heading']:.3f}° clockwise from {heading_zero(north)}, of the body's x axis")
         if claims := report["claimed_sd_deg"]:
             said = ", ".join(f"{name} {'unknown' if sd is None else f'{sd:.3f}°'}" for name, sd in claims.items())
             lines.append(f"claimed      {said} (standard deviations at the end)")
@@ -243,7 +243,7 @@ class Outline:
         """From the first sample to the last, s."""
         return float(self.last.t[-1]) - self.begin
 
-    def of(self, parts: Iterable[AttitudeTrack]) -> Iterator[AttitudeTrack]:
+    def gather(self, parts: Iterable[AttitudeTrack]) -> Iterator[AttitudeTrack]:
         """The parts as they come."""
         for part in parts:
             self.begin = self.begin if self.samples else float(part.t[0])
@@ -343,7 +343,7 @@ def estimate(
     notes: list[str] = []
     written = None if out is None else check.path("out", out)
     native = written is not None and written.suffix.lower() == ".parquet"
-    label, source, imu = recording_of(recording, profile, unit, whole=keep and not native)
+    label, source, imu = opened_samples(recording, profile, unit, whole=keep and not native)
     stage = _stage(filter, causal, lag, Stage("", dict(params or {}), noise=_noise(noise), init=init))
     frame = navigation_frame(imu, None if frame is None else Frame.parse(frame), where=label)
 
@@ -356,13 +356,13 @@ def estimate(
     card = None if calibration is None else _card(calibration)
     imu, beyond = (imu, None) if card is None else _calibrated(imu, card)
     doubt = tuple(inferred_in(source.notes))
-    for line in _found(source, imu, frame, card, beyond):
+    for line in _remarks(source, imu, frame, card, beyond):
         say(f"{source.name}: {line}")
     done = None if progress is None else _counted(progress, len(imu))
     used, runs = started(imu, stage, frame, source.track)
-    made_by = estimator_of(stage, frame, imu.meta) if isinstance(runs, Filter) else runs
+    made_by = make_estimator(stage, frame, imu.meta) if isinstance(runs, Filter) else runs
     outline = Outline()
-    parts = outline.of(_followed(used, parts_of(used, runs, done), follow))
+    parts = outline.gather(_observed(used, track_parts(used, runs, done), follow))
     attitude: AttitudeTrack | Path
     if written is not None and native and source.track is None:
         attitude = _streamed(written, parts, source.name, doubt, overwrite)
@@ -375,9 +375,9 @@ def estimate(
         say(line)
     if (contradiction := bias_beyond(made_by, outline.last)) is not None:
         say(contradiction)
-    told = None if stage.noise is None else f"{stage.noise.device} ({stage.noise.source})"
+    model = None if stage.noise is None else f"{stage.noise.device} ({stage.noise.source})"
     result = Estimated(
-        attitude, outline, imu, made_by, source.name, tuple(notes), source.track, beyond, contradiction, told, doubt,
+        attitude, outline, imu, made_by, source.name, tuple(notes), source.track, beyond, contradiction, model, doubt,
         card,
     )  # fmt: skip
     if written is not None and attitude is not written:
@@ -385,7 +385,7 @@ def estimate(
     return result
 
 
-def _followed(imu: ImuData, parts: Iterator[AttitudeTrack], follow: Follower | None) -> Iterator[AttitudeTrack]:
+def _observed(imu: ImuData, parts: Iterator[AttitudeTrack], follow: Follower | None) -> Iterator[AttitudeTrack]:
     """The parts, each shown with its samples to who follows."""
     if follow is None:
         yield from parts
@@ -400,7 +400,7 @@ def _followed(imu: ImuData, parts: Iterator[AttitudeTrack], follow: Follower | N
         del part  # the next one may need its room
 
 
-def _found(
+def _remarks(
     source: Recording, imu: ImuData, frame: Frame, card: "CalibrationCard | None", beyond: str | None
 ) -> Iterator[str]:
     """What is known of the samples before anything is estimated."""
@@ -425,13 +425,13 @@ def _part(name: str, inferred: Sequence[str], track: AttitudeTrack) -> Recording
     return Recording(track=track, notes=_provenance(name, track, inferred))
 
 
-def _stage(filter: str | None, causal: bool, lag: float | str | None, asked: Stage) -> Stage:
+def _stage(filter: str | None, causal: bool, lag: float | str | None, stage: Stage) -> Stage:
     """What runs, of what was asked for."""
-    named, params = lagged(filter, lag, asked.params, causal=causal)
-    return replace(asked, filter=named or SMOOTHER, params=params or {})
+    named, params = lagged(filter, lag, stage.params, causal=causal)
+    return replace(stage, filter=named or SMOOTHER, params=params or {})
 
 
-def recording_of(
+def opened_samples(
     given: str | Path | Recording | ImuData, profile: str | Path | None, unit: str | None, *, whole: bool
 ) -> tuple[str, Recording, ImuData]:
     """What messages call it, the recording, and its samples.
@@ -444,14 +444,14 @@ def recording_of(
     if isinstance(given, ImuData):
         given = unsaved(given, "the samples")
     if isinstance(given, Recording):
-        label, found = given.name, given.of_unit(unit)
+        label, source = given.name, given.of_unit(unit)
     else:
         file = check.path("recording", given)
-        found = read_one(file, profile=None if profile is None else Path(profile), whole=whole, unit=unit)
-        label, found = str(file), replace(found, name=file.name)
-    if found.imu is None:
+        source = read_one(file, profile=None if profile is None else Path(profile), whole=whole, unit=unit)
+        label, source = str(file), replace(source, name=file.name)
+    if source.imu is None:
         raise ShapeError(f"{label} holds an attitude but no sensor data, so there is nothing to estimate from.")
-    return label, found, found.imu
+    return label, source, source.imu
 
 
 def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
@@ -510,8 +510,8 @@ def _card_in_use(result: Estimated) -> "CalibrationCard":
     """Card with the gyroscope's part of a smoothed recording: `Estimated.card`."""
     from plumbob.data.cards import CalibrationCard, TriadCalibration
 
-    found = None if isinstance(result.filter, Filter) else result.filter.learned
-    if found is None:
+    learned = None if isinstance(result.filter, Filter) else result.filter.learned
+    if learned is None:
         raise ParameterError(f"{result.filter.name} finds no scale and misalignment. Smooth the recording.")
     card, meta = result.applied, result.imu.meta
     if card is None and meta.calibration is not None:
@@ -522,15 +522,15 @@ def _card_in_use(result: Estimated) -> "CalibrationCard":
     before = None if card is None else card.gyr
     dcm_bs = np.eye(3) if card is None or card.mount is None else dcm_from_quat(card.mount.q_bs)
     # rate = (I − M) gyr − b of calibrated rates, of the unit's own axes: one matrix and bias of the measured ones
-    own = dcm_bs.T @ (np.eye(3) - found.matrix) @ dcm_bs
-    matrix = own if before is None else own @ before.matrix
+    correction = dcm_bs.T @ (np.eye(3) - learned.matrix) @ dcm_bs
+    matrix = correction if before is None else correction @ before.matrix
     change = np.linalg.inv(matrix)
-    bias = change @ dcm_bs.T @ found.bias
+    bias = change @ dcm_bs.T @ learned.bias
     first = np.eye(3) if before is None else before.matrix
     to_card = np.zeros((12, 12))
     to_card[:3, :3] = change @ dcm_bs.T
     to_card[3:, 3:] = -np.kron(dcm_bs.T, first.T @ dcm_bs.T)
-    covariance = to_card @ found.cov @ to_card.T
+    covariance = to_card @ learned.cov @ to_card.T
     part: dict[str, Any] = {
         "matrix": matrix,
         "bias": bias if before is None else before.bias + bias,
@@ -564,5 +564,5 @@ def _claimed(track: AttitudeTrack) -> dict[str, float | None] | None:
     if track.cov_b is None:
         return None
     tilt, heading = (float(sd[0]) for sd in claimed_sd(track.q_nb[-1:], track.cov_b[-1:]))
-    known = {"inclination": tilt, "heading": float("nan") if track.north is North.FREE else heading}
-    return {name: float(to_deg(sd)) if math.isfinite(sd) else None for name, sd in known.items()}
+    sds = {"inclination": tilt, "heading": float("nan") if track.north is North.FREE else heading}
+    return {name: float(to_deg(sd)) if math.isfinite(sd) else None for name, sd in sds.items()}

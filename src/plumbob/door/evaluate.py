@@ -76,7 +76,7 @@ def evaluate(
         If no sample is left to score, or one of the two is not an attitude and holds none.
     """
     settings = Settings(
-        _asked(align),
+        _alignments(align),
         given("max_gap", max_gap, Quantity.TIME),
         number("max_offset", given("max_offset", max_offset, Quantity.TIME), "s"),
         given("declination", declination, Quantity.ANGLE),
@@ -117,7 +117,7 @@ def _attitude_in(name: str, path: Path, profile: str | Path | None, note: Callab
     return recording.track
 
 
-def _asked(align: Collection[str]) -> tuple[str, ...]:
+def _alignments(align: Collection[str]) -> tuple[str, ...]:
     words = (align,) if isinstance(align, str) or not isinstance(align, Collection) else tuple(align)
     if unknown := [word for word in words if not isinstance(word, str) or word not in ALIGNMENTS]:
         raise ParameterError(f"align knows {', '.join(ALIGNMENTS)}, but not {', '.join(map(said, unknown))}.")

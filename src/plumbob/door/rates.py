@@ -22,7 +22,7 @@ from plumbob.data import ImuData, calibration_told
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.recording import Recording
-from plumbob.door.estimate import recording_of
+from plumbob.door.estimate import opened_samples
 from plumbob.files import write
 from plumbob.filters.channel import RateFilter
 
@@ -80,7 +80,7 @@ class FilteredRates(Shown):
     def text(self) -> str:
         """What a reader wants to know first, a line each."""
         lines = [f"calibration  {calibration_told(self.imu.meta.calibration)}"]
-        lines += [f"{topic:12} {told}" for topic, _, told in (note.partition(": ") for note in self.notes)]
+        lines += [f"{topic:12} {text}" for topic, _, text in (note.partition(": ") for note in self.notes)]
         for name, count in flags.counts(self.imu.flags & _OF_RATES).items():
             share = 100.0 * count / len(self.imu)
             lines.append(f"flag         {name}: {counted(count, 'sample')} ({share:.2f} %)")
@@ -150,7 +150,7 @@ def filter_rates(
     DecodeError
         If a file cannot be read.
     """
-    label, source, imu = recording_of(recording, profile, unit, whole=True)
+    label, source, imu = opened_samples(recording, profile, unit, whole=True)
     if imu.gyr is None:
         raise ShapeError(f"{label} has no gyroscope, whose rates this filters.")
     smoother = RateFilter(filter, channels=3, params=params)
@@ -166,12 +166,12 @@ def filter_rates(
         if drift is not None:
             raise ParameterError("drift and calibration both take the bias off. Give one of them.")
         imu = apply_card(CalibrationCard.of(calibration), imu)
-    model = _known(model, imu, say)
+    model = _usable(model, imu, say)
     if rest is not None:
         model = _at_rest(model, imu, rest, say)
-    found = smoother.process(imu.t, model.compensate(imu.usable("gyr"), imu.temp_c, imu.acc))
+    filtered = smoother.process(imu.t, model.compensate(imu.usable("gyr"), imu.temp_c, imu.acc))
     say(f"filter: {smoother.describe()}")
-    imu = imu.corrected(gyr=found.rate, meta=imu.meta).flagged(found.flags & _KEPT)
+    imu = imu.corrected(gyr=filtered.rate, meta=imu.meta).flagged(filtered.flags & _KEPT)
     made = replace(source, imu=imu, notes=(*source.notes, *(f"rates: {line}" for line in notes)))
     result = FilteredRates(made, smoother.describe(), model, tuple(notes))
     if out is not None:
@@ -190,7 +190,7 @@ def _model(drift: str | GyroDrift | None) -> GyroDrift:
     return DRIFTS[drift]()
 
 
-def _known(model: GyroDrift, imu: ImuData, say: Callable[[str], None]) -> GyroDrift:
+def _usable(model: GyroDrift, imu: ImuData, say: Callable[[str], None]) -> GyroDrift:
     """Model without the parts whose sensor the recording lacks."""
     if model.bias_per_k.any() and imu.temp_c is None:
         say("drift: no temperature was recorded, so that what it contributes stays in the rates")
@@ -216,9 +216,9 @@ def _at_rest(
         raise ParameterError(
             f"rest = {start:g} to {stop:g} s holds no sample; the recording goes from {imu.t[0]:g} to {imu.t[-1]:g} s."
         )
-    found = model.at_rest(still.usable("gyr"), still.temp_c, still.acc)  # [Chen2013] (6)
-    say(f"constant: {_three(to_dps(found.bias))} °/s, the mean from {start:g} to {stop:g} s")
-    return found
+    resting = model.at_rest(still.usable("gyr"), still.temp_c, still.acc)  # [Chen2013] (6)
+    say(f"constant: {_three(to_dps(resting.bias))} °/s, the mean from {start:g} to {stop:g} s")
+    return resting
 
 
 def _three(values: Floats) -> str:

@@ -138,7 +138,7 @@ def read_array(
 
 
 def _by_stem(sources: Sequence[Source]) -> dict[str, Source]:
-    named = {check.path("sources", one).stem: one for one in sources}
+    named = {check.path("sources", source).stem: source for source in sources}
     if len(named) < len(sources):
         raise ParameterError(
             "two of the files have the same stem, by which their units are called; rename one, or in Python name the "
@@ -151,27 +151,27 @@ def _of_file(file: Path) -> "tuple[ImuArray, list[str]]":
     if is_own(file):
         from plumbob.live.recorded import read_recorded
 
-        found = read_recorded(file, unit="all", calibrated=True)
+        recording = read_recorded(file, unit="all", calibrated=True)
     else:
-        found = read(file)
-    if found.array is None:
+        recording = read(file)
+    if recording.array is None:
         raise ParameterError(
             f"{file} holds one unit; give one such file for each unit, or raw bytes with their format."
         )
-    return found.array, list(found.notes)
+    return recording.array, list(recording.notes)
 
 
 def _of_bytes(file: Path, format: str | Path, rate: float | str | None) -> "tuple[ImuArray, list[str]]":
     from plumbob.live.runner import run_stream
-    from plumbob.live.session_toml import ALL, session_of
+    from plumbob.live.session_toml import ALL, capture_session
     from plumbob.live.sinks import Collected
     from plumbob.live.sources import open_source
     from plumbob.live.stream import Stream
 
-    session = session_of(capture=file, format=format, rate=rate, unit=ALL)
-    stream, found = Stream(session), Collected()
-    run_stream(stream, open_source(session.source), sinks=[found])
-    array = found.array(calibrated=True)
+    session = capture_session(capture=file, format=format, rate=rate, unit=ALL)
+    stream, collected = Stream(session), Collected()
+    run_stream(stream, open_source(session.source), sinks=[collected])
+    array = collected.array(calibrated=True)
     assert array is not None
     counts = stream.decoder.counts
     return array, [f"decoded from {counts.received} raw bytes as {session.form.name}, {counts.junk} of them junk"]
@@ -182,21 +182,21 @@ def _joined(named: Mapping[str, Source]) -> "ImuArray":
     from plumbob.data.array import ImuArray
     from plumbob.live.recorded import read_recorded
 
-    found: dict[str, ImuData] = {}
+    units: dict[str, ImuData] = {}
     for name, source in named.items():
         file = check.path("sources", source)
-        whole = read_recorded(file, calibrated=True) if is_own(file) else read(file)
-        one = whole.of_unit(None).imu
-        if one is None:
+        recording = read_recorded(file, calibrated=True) if is_own(file) else read(file)
+        imu = recording.of_unit(None).imu
+        if imu is None:
             raise DecodeError(f"{source} holds an attitude but no sensor data.")
-        found[name] = one
-    starts = {one.meta.t0_ns for one in found.values()} - {0}
+        units[name] = imu
+    starts = {imu.meta.t0_ns for imu in units.values()} - {0}
     if len(starts) > 1:
         raise ClockError(
             f"the files begin at different times, up to {(max(starts) - min(starts)) / 1e9:.9g} s apart, and an array "
             "has one time line. Put them on one first; plumbob.array.joined does that."
         )
-    return ImuArray(found)
+    return ImuArray(units)
 
 
 def _mounted(array: "ImuArray", mounts: "Source | Mapping[str, Mount]") -> "ImuArray":
@@ -206,20 +206,20 @@ def _mounted(array: "ImuArray", mounts: "Source | Mapping[str, Mount]") -> "ImuA
     from plumbob.data.calibrated import apply_card
 
     if isinstance(mounts, Mapping):
-        told = {name: MountedUnit(name, mount) for name, mount in mounts.items()}
+        mounted = {name: MountedUnit(name, mount) for name, mount in mounts.items()}
     else:
-        told = load_units(Path(mounts))
+        mounted = load_units(Path(mounts))
     units = dict(array.units)
     if str(mounts) in PRESETS:
-        if not told.keys() & units.keys():
+        if not mounted.keys() & units.keys():
             raise ParameterError(
-                f"the units of '{mounts}' are {', '.join(told)}, but those of the array are {', '.join(units)}; "
+                f"the units of '{mounts}' are {', '.join(mounted)}, but those of the array are {', '.join(units)}; "
                 "name them so, or the files, or write a mount for each in a TOML file."
             )
-        told = {name: one for name, one in told.items() if name in units}  # one that died has been left out
-    for name in told.keys() & units.keys():
-        card, device = told[name].card, told[name].device
+        mounted = {name: unit for name, unit in mounted.items() if name in units}  # one that died has been left out
+    for name in mounted.keys() & units.keys():
+        card, device = mounted[name].card, mounted[name].device
         if device:
             units[name] = units[name].corrected(meta=replace(units[name].meta, device=device))
         units[name] = units[name] if card is None else apply_card(card, units[name])
-    return ImuArray(units, {**array.mounts, **{name: one.mount for name, one in told.items()}})
+    return ImuArray(units, {**array.mounts, **{name: unit.mount for name, unit in mounted.items()}})

@@ -21,7 +21,7 @@ from plumbob.files.formats import is_own
 from plumbob.files.mcap import open_log
 from plumbob.live.replay import replay
 from plumbob.live.send_spec import send_spec
-from plumbob.live.sending import Direct, Due, asked_body, encoder_of, overturned, remarks
+from plumbob.live.sending import Direct, Due, asked_body, make_encoder, overturned, remarks
 from plumbob.live.session import SendSpec
 from plumbob.live.session_toml import SESSION
 from plumbob.live.transports.outgoing import Target, TcpServer, parse_target
@@ -70,8 +70,8 @@ class Sent(Shown):
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
         names = ("attitudes", "messages", "withheld", "dropped", "seconds")
-        told = {"source": self.name, "as": self.spec.kind, "to": self.spec.to}
-        return told | {name: getattr(self, name) for name in names}
+        facts = {"source": self.name, "as": self.spec.kind, "to": self.spec.to}
+        return facts | {name: getattr(self, name) for name in names}
 
     def text(self) -> str:
         """A line for each fact."""
@@ -140,12 +140,12 @@ def send(
     """
     spec = send_spec(form, to, rate=rate, sentences=sentences, body=body)
     pace = _pace(speed)
-    name, track, imu, t0_ns = _held(source)
+    name, track, imu, t0_ns = _opened(source)
     if to.startswith("file:") and isinstance(source, str | Path):
         require_other(Path(to.removeprefix("file:")), [Path(source)])
     angle = given("declination", declination, Quantity.ANGLE)
     angle = imu.meta.declination if angle is None and imu is not None else angle
-    encoder = encoder_of(spec, track.north, angle)
+    encoder = make_encoder(spec, track.north, angle)
     say = note or (lambda line: None)
     for line in filter(None, (*remarks(spec, track.north), overturned(track, asked_body(spec)))):
         say(line)
@@ -178,41 +178,41 @@ def _pace(speed: float | str) -> float:
     if speed == "max":
         return math.inf
     try:
-        found = float(speed)
+        factor = float(speed)
     except (TypeError, ValueError):
-        found = math.nan
-    if not found > 0.0:
+        factor = math.nan
+    if not factor > 0.0:
         raise ParameterError(f"speed must be a number above 0, or 'max', but it is {speed!r}.")
-    return found
+    return factor
 
 
-def _held(source: str | Path | Recording | AttitudeTrack) -> tuple[str, AttitudeTrack, ImuData | None, int]:
+def _opened(source: str | Path | Recording | AttitudeTrack) -> tuple[str, AttitudeTrack, ImuData | None, int]:
     """What messages call it, its attitude, its samples, and the UTC of its zero; 0 where that is not known."""
     if isinstance(source, AttitudeTrack):
         return "the track", source, None, 0
     if isinstance(source, Recording):
-        found, name = source.of_unit(None), source.name or "the recording"
+        recording, name = source.of_unit(None), source.name or "the recording"
     else:
         file = check.path("source", source)
         if is_own(file) and (replayed := _replayed(file)) is not None:
             return replayed
-        found, name = read_one(file), str(file)
-    if found.track is None:
+        recording, name = read_one(file), str(file)
+    if recording.track is None:
         raise ShapeError(
             f"{name} holds samples but no attitude. Estimate it first: plumbob run {quote(name)} --filter mekf --out "
             "track.parquet."
         )
-    return name, found.track, found.imu, 0 if found.imu is None else found.imu.meta.t0_ns
+    return name, recording.track, recording.imu, 0 if recording.imu is None else recording.imu.meta.t0_ns
 
 
 def _replayed(file: Path) -> tuple[str, AttitudeTrack, ImuData | None, int] | None:
     """Attitude of a recorded stream with the covariance that its filter claims; None where it holds only rows."""
     if SESSION not in open_log(file).metadata:
         return None
-    found = replay(file, covariance=True)
-    if found.track is None:
+    replayed = replay(file, covariance=True)
+    if replayed.track is None:
         return None
-    return str(file), found.track, found.imu, found.t0_ns
+    return str(file), replayed.track, replayed.imu, replayed.t0_ns
 
 
 def _await_client(target: Target, say: Note, stop: Stopping | None) -> None:
@@ -238,9 +238,9 @@ class _Pace:
             now = time.monotonic()
             if self._zero is None or now - (self._zero + due) > _BEHIND:
                 self._zero = now - due
-            while (left := self._zero + due - time.monotonic()) > 0.0 and not self._stopped:
+            while (delay := self._zero + due - time.monotonic()) > 0.0 and not self._stopped:
                 self._tend()
-                time.sleep(min(left, _PAUSE))
+                time.sleep(min(delay, _PAUSE))
         return not self._stopped
 
     @property

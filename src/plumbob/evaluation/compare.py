@@ -182,14 +182,14 @@ class Comparison(Reported):
 
     def summary(self) -> dict[str, Any]:
         """All numbers, ready for JSON: s, degrees, and the units of the triads."""
-        found: dict[str, Any] = {"a": self.names[0], "b": self.names[1], "equal": self.equal}
-        found |= {"first_difference": self.first or None, "within_tolerance": self.within, "remarks": self.remarks}
-        found |= {"counts": {name: {"a": a, "b": b} for name, a, b in self.counts}}
+        numbers: dict[str, Any] = {"a": self.names[0], "b": self.names[1], "equal": self.equal}
+        numbers |= {"first_difference": self.first or None, "within_tolerance": self.within, "remarks": self.remarks}
+        numbers |= {"counts": {name: {"a": a, "b": b} for name, a, b in self.counts}}
         if self.evaluation is not None:
-            return dict(plain(found | {"attitude": self.evaluation.summary()}))
+            return dict(plain(numbers | {"attitude": self.evaluation.summary()}))
         m = self.mounting
         mount = None if m is None else {"q_ab": m.q_ab, "euler_zyx_deg": self._angles(), "sd_deg": to_deg(m.sd)}
-        return dict(plain(found | {"clock": self.clock, "mounting": mount, "triads": dict(self.triads)}))
+        return dict(plain(numbers | {"clock": self.clock, "mounting": mount, "triads": dict(self.triads)}))
 
     def _angles(self) -> list[float]:
         assert self.mounting is not None
@@ -209,8 +209,8 @@ class Comparison(Reported):
             facts.append(("time offset", f"{1e3 * c.offset:+.4g} ± {1e3 * c.offset_sd:.2g} ms added to b's stamps"))
             facts.append(("drift", f"{1e6 * c.drift:+.4g} ± {1e6 * c.drift_sd:.2g} ppm"))
         if self.mounting is not None:
-            told, sd = ", ".join(f"{angle:+.3f}°" for angle in self._angles()), float(to_deg(self.mounting.sd.max()))
-            facts.append(("mounting", f"yaw, pitch, roll of b's axes in a's: {told}; ± {sd:.2g}°"))
+            angles, sd = ", ".join(f"{angle:+.3f}°" for angle in self._angles()), float(to_deg(self.mounting.sd.max()))
+            facts.append(("mounting", f"yaw, pitch, roll of b's axes in a's: {angles}; ± {sd:.2g}°"))
         if self.triads:
             tables.append(_triad_table(self.triads))
         return Report("Comparison of recordings", facts=facts, tables=tables, remarks=self.remarks)
@@ -229,11 +229,11 @@ def _triad_table(triads: Mapping[str, TriadDifference]) -> Table:
         "Spectrum b / a",
     )
     rows = []
-    for name, one in triads.items():
-        band = "-" if one.bandwidth is None else f"{one.bandwidth:.3g} Hz"
-        ratio = "-" if one.ratio_db is None else f"{one.ratio_db:+.2f} dB"
-        rows.append((name, UNITS[name], _three(one.bias), _three(one.scale, 6), f"{one.rms:.4g}",
-                     f"{100.0 * one.relative:.3g} %", f"{one.residual:.4g}", band, ratio))  # fmt: skip
+    for name, triad in triads.items():
+        band = "-" if triad.bandwidth is None else f"{triad.bandwidth:.3g} Hz"
+        ratio = "-" if triad.ratio_db is None else f"{triad.ratio_db:+.2f} dB"
+        rows.append((name, UNITS[name], _three(triad.bias), _three(triad.scale, 6), f"{triad.rms:.4g}",
+                     f"{100.0 * triad.relative:.3g} %", f"{triad.residual:.4g}", band, ratio))  # fmt: skip
     return Table("Difference of each triad, after alignment", head, rows, words=(1, 2, 3))
 
 
@@ -241,25 +241,25 @@ def _three(values: Floats, digits: int = 3) -> str:
     return " ".join("-" if not np.isfinite(value) else f"{value:.{digits}g}" for value in values)
 
 
-def compare_attitudes(a: "Recording", b: "Recording", found: Evaluation, limit: float | None) -> Comparison:
+def compare_attitudes(a: "Recording", b: "Recording", evaluation: Evaluation, limit: float | None) -> Comparison:
     """Compare two attitudes, of which the first has been judged by the second; `limit` is the largest error, rad."""
     assert a.track is not None
     assert b.track is not None
     first = _first({"t": a.track.t, "q_nb": a.track.q_nb}, {"t": b.track.t, "q_nb": b.track.q_nb})
-    kind = "total" if "total" in found.stats else "inclination"
-    most = float(np.nanmax(found.errors[kind][found.match.scored]))
+    kind = "total" if "total" in evaluation.stats else "inclination"
+    most = float(np.nanmax(evaluation.errors[kind][evaluation.match.scored]))
     within = None if limit is None else (not first if limit == 0.0 else most <= limit)
     names = a.name or "a", b.name or "b"
-    return Comparison(names, not first, first, evaluation=found, within=within, counts=_counts(a.track, b.track))
+    return Comparison(names, not first, first, evaluation=evaluation, within=within, counts=_counts(a.track, b.track))
 
 
 def _counts(a: ImuData | AttitudeTrack, b: ImuData | AttitudeTrack) -> list[tuple[str, str, str]]:
-    times = [timing(one.t) for one in (a, b)]
-    rows = [("samples", *(str(one.samples) for one in times)), ("rate [Hz]", *(f"{one.rate:.6g}" for one in times)),
-            ("gaps", *(str(one.gaps) for one in times)),
-            ("longest step [s]", *(f"{one.longest:.4g}" for one in times))]  # fmt: skip
-    marks = [{} if one.flags is None else flags.counts(one.flags) for one in (a, b)]
-    rows += [(name, *(str(one.get(name, 0)) for one in marks)) for name in dict.fromkeys((*marks[0], *marks[1]))]
+    times = [timing(samples.t) for samples in (a, b)]
+    rows = [("samples", *(str(time.samples) for time in times)), ("rate [Hz]", *(f"{time.rate:.6g}" for time in times)),
+            ("gaps", *(str(time.gaps) for time in times)),
+            ("longest step [s]", *(f"{time.longest:.4g}" for time in times))]  # fmt: skip
+    marks = [{} if samples.flags is None else flags.counts(samples.flags) for samples in (a, b)]
+    rows += [(name, *(str(mark.get(name, 0)) for mark in marks)) for name in dict.fromkeys((*marks[0], *marks[1]))]
     return rows  # type: ignore[return-value]
 
 
@@ -292,15 +292,15 @@ def compare_recordings(
     assert a.imu is not None
     assert b.imu is not None
     first, remarks = _first(_columns(a.imu), _columns(b.imu)), list[str]()
-    starts = [one.imu.meta.t0_ns for one in (a, b) if one.imu is not None]
+    starts = [recording.imu.meta.t0_ns for recording in (a, b) if recording.imu is not None]
     shift = (starts[1] - starts[0]) / 1e9 if all(starts) else 0.0
     clock, mounting = _alignment(a.imu, b.imu, shift, most, remarks)
     applied = clock if clock is not None and "time" in align else replace(SAME, offset=shift)
     turn = mounting.q_ab if mounting is not None and "mounting" in align else IDENTITY
     triads = {
-        name: found
+        name: difference
         for name in a.imu.triads
-        if name in b.imu.triads and (found := _difference(a.imu, b.imu, name, applied, turn, remarks)) is not None
+        if name in b.imu.triads and (difference := _difference(a.imu, b.imu, name, applied, turn, remarks)) is not None
     }
     within = None
     if tolerance is not None:
@@ -323,19 +323,19 @@ def _alignment(
         offset, correlation = _coarse(a, b, shift, most)
         return _fine(a, b, offset, correlation, remarks)
     except ClockError as error:
-        told = str(error)
-        remarks.append(told[0].upper() + told[1:])
+        text = str(error)
+        remarks.append(text[0].upper() + text[1:])
         return None, None
 
 
 def _coarse(a: ImuData, b: ImuData, shift: float, most: float) -> tuple[float, float]:
     """Offset, s, by the correlation of the sizes of the rates on a grid."""
-    step = max(FINEST_STEP, *(float(np.median(np.diff(one.t))) for one in (a, b)))
+    step = max(FINEST_STEP, *(float(np.median(np.diff(imu.t))) for imu in (a, b)))
     begin, end = min(a.t[0], b.t[0] + shift), max(a.t[-1], b.t[-1] + shift)
     grid = begin + step * np.arange(int((end - begin) / step) + 1)
     if grid.size < FEWEST:
         raise ClockError(f"a comparison of clocks needs {FEWEST} steps of {step:.3g} s, but there are {grid.size}.")
-    of_a, of_b = (_size_on(grid, one.t + late, one.usable("gyr"), step) for one, late in ((a, 0.0), (b, shift)))
+    of_a, of_b = (_size_on(grid, imu.t + late, imu.usable("gyr"), step) for imu, late in ((a, 0.0), (b, shift)))
     for name, size in (("a", of_a), ("b", of_b)):
         if not float(np.nanstd(size)) > MIN_RATE_SD:
             raise ClockError(
@@ -355,8 +355,8 @@ def _coarse(a: ImuData, b: ImuData, shift: float, most: float) -> tuple[float, f
 
 def _size_on(grid: Floats, t: Floats, rates: Floats, step: float) -> Floats:
     """Size of the rates (N, 3) on a grid, averaged over its steps, NaN where there are none."""
-    known = np.isfinite(rates).all(axis=1)
-    t, size = t[known], np.linalg.norm(rates[known], axis=1)
+    finite = np.isfinite(rates).all(axis=1)
+    t, size = t[finite], np.linalg.norm(rates[finite], axis=1)
     place = np.clip(np.rint((t - grid[0]) / step).astype(np.int64), 0, grid.size - 1)
     count = np.bincount(place, minlength=grid.size)
     total = np.bincount(place, weights=size, minlength=grid.size)
@@ -372,42 +372,42 @@ def _fine(
     Twice: first of all that the two say, then of the band in which they say the same, which is that of the motion.
     """
     middle = 0.5 * (float(b.t[0]) + float(b.t[-1]))
-    clock, rotation, seen, width = Clock(offset, np.nan, 0.0, np.nan, middle, correlation), np.eye(3), False, COARSE
+    clock, rotation, observed, width = Clock(offset, np.nan, 0.0, np.nan, middle, correlation), np.eye(3), False, COARSE
     for _ in range(2):
         curves = _Curve(a, "gyr", width), _Curve(b, "gyr", width)
-        x = curves[0].at(a.t)
-        rotation, seen = _rotation(x[0], curves[1].at(clock.back(a.t))[0])
-        clock, rotation, turn_sd = _settled(a.t, x, curves[1], clock, rotation, seen)
-        y = _Curve(b, "gyr").at(clock.back(a.t))[0] @ rotation.T
+        x = curves[0].interpolate(a.t)
+        rotation, observed = _rotation(x[0], curves[1].interpolate(clock.back(a.t))[0])
+        clock, rotation, turn_sd = _settled(a.t, x, curves[1], clock, rotation, observed)
+        y = _Curve(b, "gyr").interpolate(clock.back(a.t))[0] @ rotation.T
         raw = a.usable("gyr")
         both = np.isfinite(raw + y).all(axis=1)
         band, _ = _spectra(raw[both], y[both], float(np.median(np.diff(a.t))))
         if band is None:
             break
         width = min(COARSE, HALF_POWER / band)
-    if not seen:
+    if not observed:
         remarks.append(
             "The body turns about a single axis: the rates do not show the mounting about it, and triads are compared "
             "each in its own axes."
         )
-    if not seen:
+    if not observed:
         return clock, None
     return clock, Mounting(quat_from_dcm(rotation, tolerance=1e-3), turn_sd)
 
 
 def _settled(
-    t: Floats, x: tuple[Floats, Floats], curve: "_Curve", clock: Clock, rotation: Floats, seen: bool
+    t: Floats, x: tuple[Floats, Floats], curve: "_Curve", clock: Clock, rotation: Floats, observed: bool
 ) -> tuple[Clock, Floats, Floats]:
     """Gauss-Newton steps until they vanish."""
     begin, turn_sd = clock.offset, np.full(3, np.nan)
     for _ in range(ROUNDS):
         at = clock.back(t)
-        y, slope = (values @ rotation.T for values in curve.at(at))
+        y, slope = (values @ rotation.T for values in curve.interpolate(at))
         both = np.isfinite(x[0] + x[1] + y + slope).all(axis=1)
         if both.sum() < FEWEST:
             raise ClockError("a and b have too few samples in common at the offset that was found.")
         mine, its = (x[0][both], x[1][both]), (y[both], slope[both])
-        step, sd = _solve(mine, its, at[both] - clock.middle, seen)
+        step, sd = _solve(mine, its, at[both] - clock.middle, observed)
         clock = replace(clock, offset=clock.offset + step[9], drift=clock.drift + step[10], offset_sd=sd[9],
                         drift_sd=sd[10])  # fmt: skip
         rotation, turn_sd = _exp(step[:3]) @ rotation, sd[:3]
@@ -421,29 +421,29 @@ def _settled(
     return clock, rotation, turn_sd
 
 
-def _solve(x: tuple[Floats, Floats], y: tuple[Floats, Floats], t: Floats, seen: bool) -> tuple[Floats, Floats]:
+def _solve(x: tuple[Floats, Floats], y: tuple[Floats, Floats], t: Floats, observed: bool) -> tuple[Floats, Floats]:
     """Step of θ (3), bias (3), scale (3), offset and drift such that y becomes x, and their standard deviations.
 
     Values and slopes of x are the instruments of those of y: noise of one is foreign to the other, while a slope's own
     noise would shorten each step, and leave a bias where values between two samples are smoother than those at them.
     """
-    rows, instruments = _design(*y, t, seen), _design(*x, t, seen)
+    rows, instruments = _design(*y, t, observed), _design(*x, t, observed)
     right = (x[0] - y[0]).reshape(-1)
     size = np.sqrt(np.mean(rows * rows, axis=0))
     used = size > 1e-9 * max(float(size.max()), 1e-30)
     rows, instruments = rows[:, used] / size[used], instruments[:, used] / size[used]
     inverse = np.linalg.pinv(instruments.T @ rows, rcond=1e-12)
-    found = inverse @ (instruments.T @ right)
-    left = right - rows @ found
-    cov = inverse @ (instruments.T @ instruments) @ inverse.T * _memory(left) * float(left @ left) / left.size
+    solution = inverse @ (instruments.T @ right)
+    misfit = right - rows @ solution
+    cov = inverse @ (instruments.T @ instruments) @ inverse.T * _memory(misfit) * float(misfit @ misfit) / misfit.size
     step, sd = np.zeros(11), np.full(11, np.nan)
-    step[used], sd[used] = found / size[used], np.sqrt(np.maximum(np.diag(cov), 0.0)) / size[used]
+    step[used], sd[used] = solution / size[used], np.sqrt(np.maximum(np.diag(cov), 0.0)) / size[used]
     return step, sd
 
 
-def _design(values: Floats, slopes: Floats, t: Floats, seen: bool) -> Floats:
+def _design(values: Floats, slopes: Floats, t: Floats, observed: bool) -> Floats:
     design = np.zeros((values.shape[0], 3, 11))
-    design[:, :, :3] = -skew(values) if seen else 0.0  # θ × y
+    design[:, :, :3] = -skew(values) if observed else 0.0  # θ × y
     design[:, :, 3:6] = np.eye(3)
     design[:, range(3), range(6, 9)] = values - values.mean(axis=0)
     design[:, :, 9] = -slopes  # a later stamp of b shows an earlier value
@@ -451,9 +451,9 @@ def _design(values: Floats, slopes: Floats, t: Floats, seen: bool) -> Floats:
     return design.reshape(-1, 11)
 
 
-def _memory(left: Floats) -> float:
+def _memory(residuals: Floats) -> float:
     """Samples for one independent one, of residuals (3 N,) that were smoothed: from the correlation of neighbours."""
-    axes = left.reshape(-1, 3)
+    axes = residuals.reshape(-1, 3)
     power = float(np.sum(axes * axes))
     r = float(np.sum(axes[1:] * axes[:-1])) / power if power > 0.0 else 0.0
     r = min(max(r, 0.0), 0.999)
@@ -485,15 +485,15 @@ class _Curve:
         from scipy.ndimage import gaussian_filter1d
 
         values = imu.usable(name)
-        known = np.isfinite(values).all(axis=1)
-        self.t, self.spline = imu.t[known], None
+        finite = np.isfinite(values).all(axis=1)
+        self.t, self.spline = imu.t[finite], None
         if self.t.size >= 4:
             step = float(np.median(np.diff(self.t)))
-            own = gaussian_filter1d(values[known], width / step, axis=0) if width > step else values[known]
-            self.spline = CubicSpline(self.t, own)
+            smoothed = gaussian_filter1d(values[finite], width / step, axis=0) if width > step else values[finite]
+            self.spline = CubicSpline(self.t, smoothed)
             self.longest = GAP_FACTOR * step
 
-    def at(self, t: Floats) -> tuple[Floats, Floats]:
+    def interpolate(self, t: Floats) -> tuple[Floats, Floats]:
         """Values and slopes (N, 3) at times (N,), s; NaN where there are none."""
         nothing = np.full((t.size, 3), np.nan)
         if self.spline is None:
@@ -509,7 +509,7 @@ def _difference(
 ) -> TriadDifference | None:
     x = a.usable(name)
     same = clock is SAME and np.array_equal(a.t, b.t)
-    y = b.usable(name) if same else _Curve(b, name).at(clock.back(a.t))[0]
+    y = b.usable(name) if same else _Curve(b, name).interpolate(clock.back(a.t))[0]
     y = y if q_ab is IDENTITY else y @ dcm_from_quat(q_ab).T
     both = np.isfinite(x + y).all(axis=1)
     if both.sum() < FEWEST:
@@ -522,10 +522,10 @@ def _difference(
     # a slope through noise alone says nothing of the scale
     alike = np.mean(x0 * y0, axis=0) / np.sqrt(np.maximum(power * np.mean(y0 * y0, axis=0), 1e-300))
     scale = np.where(alike > 0.9, np.mean(x0 * y0, axis=0) / np.maximum(power, 1e-300), np.nan)
-    left = y0 - np.where(np.isfinite(scale), scale, 1.0) * x0
+    misfit = y0 - np.where(np.isfinite(scale), scale, 1.0) * x0
     rms, size = float(np.sqrt(np.mean(np.sum(off**2, axis=1)))), float(np.sqrt(np.mean(np.sum(x**2, axis=1))))
     band, ratio = _spectra(x0, y0, float(np.median(np.diff(a.t[both]))))
-    residual = float(np.sqrt(np.mean(np.sum(left**2, axis=1))))
+    residual = float(np.sqrt(np.mean(np.sum(misfit**2, axis=1))))
     relative = rms / size if size else np.inf
     return TriadDifference(int(both.sum()), off.mean(axis=0), scale, rms, relative, residual, band, ratio)
 

@@ -13,7 +13,7 @@ import numpy as np
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.series import frame_of
+from plumbob.core.series import data_frame
 from plumbob.core.text import counted
 from plumbob.core.units import deg, to_deg
 from plumbob.data import UNCALIBRATED, AttitudeTrack
@@ -55,9 +55,9 @@ class Evaluation(JudgedTrack, Reported):
 
     def facts(self) -> Mapping[str, str]:
         """What it is, in words: scored samples and the root mean square of each error, degrees."""
-        found = {"scored": f"{int(np.count_nonzero(self.match.scored))} of {len(self.estimate)} samples"}
-        found |= {f"{name} rmse": f"{to_deg(stats.rmse):.3g}°" for name, stats in self.stats.items()}
-        return found | {"source": self.estimate.source.partition("(")[0] or "not named"}
+        facts = {"scored": f"{int(np.count_nonzero(self.match.scored))} of {len(self.estimate)} samples"}
+        facts |= {f"{name} rmse": f"{to_deg(stats.rmse):.3g}°" for name, stats in self.stats.items()}
+        return facts | {"source": self.estimate.source.partition("(")[0] or "not named"}
 
     def columns(self) -> Mapping[str, Floats]:
         """Time, and the error of each quantity that is scored, degrees, by name."""
@@ -65,7 +65,7 @@ class Evaluation(JudgedTrack, Reported):
 
     def to_frame(self) -> Any:
         """Errors as a table for pandas, a column each; MissingExtraError where pandas is not installed."""
-        return frame_of(self.columns())
+        return data_frame(self.columns())
 
     def summary(self) -> dict[str, Any]:
         """Everything but the series, ready for JSON: degrees, seconds, never NaN; see `evaluation.report.numbers`."""
@@ -82,7 +82,7 @@ def judge(estimate: AttitudeTrack, reference: AttitudeTrack, settings: Settings)
         estimate.north, reference.north, aligned="heading" in settings.align, declination=settings.declination
     )
     _refuse_blind_mounting(policy, settings)
-    truth = _in_frame_of(estimate, reference, policy)
+    truth = _in_estimate_frame(estimate, reference, policy)
     time = _time_alignment(estimate, truth, settings)
     match = associate(
         estimate,
@@ -102,7 +102,7 @@ def _refuse_blind_mounting(policy: HeadingPolicy, settings: Settings) -> None:
         raise ParameterError(f"a mounting is found from whole attitudes, but {policy.reason} together with it.")
 
 
-def _in_frame_of(estimate: AttitudeTrack, reference: AttitudeTrack, policy: HeadingPolicy) -> AttitudeTrack:
+def _in_estimate_frame(estimate: AttitudeTrack, reference: AttitudeTrack, policy: HeadingPolicy) -> AttitudeTrack:
     """Reference in the frame and from the north of the estimate; untouched to the last bit where they agree."""
     if reference.frame is estimate.frame and not policy.turn:
         return reference
@@ -160,9 +160,9 @@ def _measure(
     not_scored = dict.fromkeys(() if policy.comparable else NEEDS_HEADING, policy.reason)
     stats: dict[str, Stats] = {}
     for name in QUANTITIES:
-        found = None if name in not_scored else Stats.of(errors[name][scored], estimate.t[scored])
-        if found is not None:
-            stats[name] = found
+        statistics = None if name in not_scored else Stats.from_errors(errors[name][scored], estimate.t[scored])
+        if statistics is not None:
+            stats[name] = statistics
         else:
             not_scored.setdefault(name, "pitch is near ±90° in every scored sample")
     evaluation = Evaluation(
@@ -210,11 +210,11 @@ _MOSTLY = 0.5
 
 def remarks(evaluation: "Evaluation", policy: HeadingPolicy) -> tuple[str, ...]:
     """Remarks in the order in which things were done; none where there is nothing to say."""
-    found = [_outside(evaluation), _frames(evaluation), policy.note, _repeating_motion(evaluation), _fitted(evaluation)]
-    found += [_gimbal(evaluation), _free_heading(evaluation), _uncalibrated(evaluation)]
+    notes = [_outside(evaluation), _frames(evaluation), policy.note, _repeating_motion(evaluation), _fitted(evaluation)]
+    notes += [_gimbal(evaluation), _free_heading(evaluation), _uncalibrated(evaluation)]
     if policy.comparable and not evaluation.settings.align:
-        found.append(_constant_part(evaluation))
-    return tuple(remark for remark in found if remark)
+        notes.append(_constant_part(evaluation))
+    return tuple(remark for remark in notes if remark)
 
 
 def _outside(e: "Evaluation") -> str:
@@ -293,13 +293,13 @@ def _constant_part(e: "Evaluation") -> str:
 
 
 def _constants(q_est: Floats, q_ref: Floats, frame: Frame) -> list[tuple[str, Alignment]]:
-    found = []
+    constants = []
     try:
-        found.append(("heading", Alignment(heading=find_heading(q_est, q_ref, frame))))
-        found.append(("mounting", Alignment(mounting=find_mounting(q_est, q_ref))))
+        constants.append(("heading", Alignment(heading=find_heading(q_est, q_ref, frame))))
+        constants.append(("mounting", Alignment(mounting=find_mounting(q_est, q_ref))))
     except ShapeError:  # no constant is better than another, so none explains anything
         pass
-    return found
+    return constants
 
 
 def _describe(alignment: Alignment) -> str:

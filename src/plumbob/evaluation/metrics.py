@@ -232,7 +232,7 @@ class Stats:
     p99: float
 
     @classmethod
-    def of(cls, error: Floats, t: Floats) -> Self | None:
+    def from_errors(cls, error: Floats, t: Floats) -> Self | None:
         """Statistics of the values (N,) that are not NaN, at times (N,); None where there is none."""
         keep = np.isfinite(error)
         if not keep.any():

@@ -146,7 +146,7 @@ def _facts(e: JudgedTrack) -> list[tuple[str, str]]:
 def _tables(e: JudgedTrack) -> list[Table]:
     rows = [[name, *_cells(e.stats.get(name))] for name in QUANTITIES]
     _, params, _ = _source_parts(e.estimate)
-    listed = [tuple(one.split("=", 1)) for one in params.split(", ") if "=" in one]
+    listed = [tuple(param.split("=", 1)) for param in params.split(", ") if "=" in param]
     return [
         Table("Errors of the scored samples [°]", _HEAD, rows, strong=[(i, 1) for i in range(len(rows))]),
         _sample_table(e),
@@ -202,8 +202,8 @@ def _comparison_table(evaluations: Mapping[str, JudgedTrack]) -> Table:
         constants = [", ".join(e.settings.align) or "nothing"] if aligned else []
         rows.append([name, *errors, str(e.match.scored.sum()), *constants])
     for column, q in enumerate(QUANTITIES, start=1):
-        found = {i: e.stats[q].rmse for i, e in enumerate(evaluations.values()) if q in e.stats}
-        strong += [(i, column) for i, rmse in found.items() if rmse == min(found.values())]
+        scores = {i: e.stats[q].rmse for i, e in enumerate(evaluations.values()) if q in e.stats}
+        strong += [(i, column) for i, rmse in scores.items() if rmse == min(scores.values())]
     head = ["", *QUANTITIES, "samples", *(["aligned"] if aligned else [])]
     return Table("RMSE [°]", head, rows, (len(QUANTITIES) + 2,) if aligned else (), strong)
 
@@ -211,11 +211,11 @@ def _comparison_table(evaluations: Mapping[str, JudgedTrack]) -> Table:
 def _left_out(e: JudgedTrack) -> dict[str, int]:
     """How many samples were left out, by the reason in words."""
     until = e.not_converged_until
-    found = {fate.meaning: n for fate, n in e.match.counts().items() if fate is not Fate.SCORED}
+    counts = {fate.meaning: n for fate, n in e.match.counts().items() if fate is not Fate.SCORED}
     if until is None:
-        return found
+        return counts
     name = Fate.NOT_CONVERGED.meaning
-    return {f"{why}, the last at {until:.3f} s" if why == name else why: n for why, n in found.items()}
+    return {f"{why}, the last at {until:.3f} s" if why == name else why: n for why, n in counts.items()}
 
 
 def _describe_track(track: AttitudeTrack) -> str:
@@ -227,8 +227,8 @@ def _describe_track(track: AttitudeTrack) -> str:
 
 def _source_parts(track: AttitudeTrack) -> tuple[str, str, str]:
     """Name, parameters and the rest of what a filter says of its track; of another source all is its name."""
-    found = re.match(r"(\w+)\(([^()]*)\)(.*)", track.source, re.DOTALL)
-    return (found[1], found[2], found[3]) if found else (track.source, "", "")
+    match = re.match(r"(\w+)\(([^()]*)\)(.*)", track.source, re.DOTALL)
+    return (match[1], match[2], match[3]) if match else (track.source, "", "")
 
 
 def _describe_samples(e: JudgedTrack) -> str:
@@ -313,15 +313,15 @@ def _samples(e: JudgedTrack) -> dict[str, Any]:
 
 def _alignment(e: JudgedTrack) -> dict[str, Any]:
     a = e.alignment
-    found: dict[str, Any] = {"time": None, "mounting": None}
+    constants: dict[str, Any] = {"time": None, "mounting": None}
     if a.time is not None:
-        found["time"] = {"offset_s": a.time.offset, "correlation": a.time.correlation}
-        found["time"] |= {"rival_correlation": a.time.rival, "rival_offset_s": a.time.rival_at}
+        constants["time"] = {"offset_s": a.time.offset, "correlation": a.time.correlation}
+        constants["time"] |= {"rival_correlation": a.time.rival, "rival_offset_s": a.time.rival_at}
     if a.mounting is not None:
         angle = to_deg(float(quat_angle(IDENTITY, a.mounting)))
-        found["mounting"] = {"q_re_wxyz": a.mounting.tolist(), "angle_deg": angle}
+        constants["mounting"] = {"q_re_wxyz": a.mounting.tolist(), "angle_deg": angle}
     return {
-        **found,
+        **constants,
         "heading_deg": None if a.heading is None else to_deg(a.heading),
         "tilt_spread_deg": None if a.tilt_spread is None else to_deg(a.tilt_spread),
     }
@@ -448,8 +448,8 @@ def _round_degrees(ax: "Axes", limit: int) -> None:
 
 
 def _cumulative(ax: "Axes", error: Floats, *, color: str, linestyle: str) -> None:
-    known = np.abs(error[np.isfinite(error)])
-    ax.plot(to_deg(np.percentile(known, _QUANTILES)), _QUANTILES, color=color, linestyle=linestyle, linewidth=1.1)
+    sizes = np.abs(error[np.isfinite(error)])
+    ax.plot(to_deg(np.percentile(sizes, _QUANTILES)), _QUANTILES, color=color, linestyle=linestyle, linewidth=1.1)
 
 
 def _finish_cumulative(ax: "Axes", stats: Sequence[Stats]) -> None:

@@ -134,7 +134,7 @@ def mat_variables(raw: memoryview, order: str) -> dict[str, Variable]:
     DecodeError
         If one is cut or damaged, occurs twice, or there are more than `MAX_VARIABLES`.
     """
-    found: dict[str, Variable] = {}
+    variables: dict[str, Variable] = {}
     place, count = HEADER_BYTES, 0
     while place < len(raw):
         with _damage_at(place):
@@ -142,13 +142,13 @@ def mat_variables(raw: memoryview, order: str) -> dict[str, Variable]:
             packed = kind == _COMPRESSED
             element = content if packed else raw[place : place + 8 + len(content)]
             variable = _variable(place, element, packed, order)
-        if variable.name and variable.name in found:
+        if variable.name and variable.name in variables:
             raise DecodeError(f"{variable.name} occurs twice; take a copy that is whole.")
-        found[variable.name] = variable
+        variables[variable.name] = variable
         place, count = place + 8 + len(content), count + 1
         if count > MAX_VARIABLES:
             raise DecodeError(f"it has more than {MAX_VARIABLES} variables, which no recording does.")
-    return found
+    return variables
 
 
 def mat_order(raw: memoryview) -> str:
@@ -187,7 +187,7 @@ def mat_fields(variable: Variable, order: str, room: int, depth: int = 0) -> dic
     if variable.kind != "struct" or math.prod(variable.shape) != 1 or depth > _DEEPEST:
         return {}
     require_room(variable.size, room)
-    found: dict[str, Variable] = {}
+    fields: dict[str, Variable] = {}
     with _damage_at(variable.place):
         content, _ = _unpacked(variable.element, variable.packed, variable.size + 1)
         _, width, at = _part(content, variable.start, order)
@@ -199,14 +199,14 @@ def mat_fields(variable: Variable, order: str, room: int, depth: int = 0) -> dic
             name = str(names[k * longest : (k + 1) * longest], "latin-1").split("\0")[0]
             _, part, after = _part(content, at, order)
             if part:
-                found[name] = _variable(variable.place, content[at : at + 8 + len(part)], False, order)
+                fields[name] = _variable(variable.place, content[at : at + 8 + len(part)], False, order)
             at = after
     inner = {
         f"{name}/{key}": value
-        for name, one in found.items()
-        for key, value in mat_fields(one, order, room, depth + 1).items()
+        for name, field in fields.items()
+        for key, value in mat_fields(field, order, room, depth + 1).items()
     }
-    return found | inner
+    return fields | inner
 
 
 def _variable(place: int, element: memoryview, packed: bool, order: str) -> Variable:
@@ -250,8 +250,8 @@ def mat_array(variable: Variable, order: str) -> NDArray[Any]:
     with _damage_at(variable.place):
         if variable.size > variable.start + 16 + 8 * values:  # a tag, the widest numbers, and what fills 8 bytes
             raise ValueError(f"it states {variable.size} bytes for {values} numbers")
-        content, whole = _unpacked(variable.element, variable.packed, variable.size + 1)
-        if len(content) != variable.size or not whole:
+        content, complete = _unpacked(variable.element, variable.packed, variable.size + 1)
+        if len(content) != variable.size or not complete:
             raise ValueError(f"it does not unpack to the {variable.size} bytes that it states")
         kind, numbers, _ = _part(content, variable.start, order)
         dtype = np.dtype(order + _DTYPES.get(kind, "f8"))

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pyarrow.parquet as pq
 
 
-def numbers_of(column: "pa.ChunkedArray[Any]") -> NDArray[Any]:
+def column_numbers(column: "pa.ChunkedArray[Any]") -> NDArray[Any]:
     """Numbers (N,) of a column; where some are missing, float64 with NaN."""
     import pyarrow as pa
 
@@ -39,13 +39,13 @@ def numbers_of(column: "pa.ChunkedArray[Any]") -> NDArray[Any]:
     return np.concatenate(parts) if parts else np.empty(0)
 
 
-def column_of(values: NDArray[Any]) -> "pa.Array[Any]":
+def arrow_column(values: NDArray[Any]) -> "pa.Array[Any]":
     """Arrow column of numbers (N,), which share its memory; of truths, eight to a byte."""
     import pyarrow as pa
 
-    whole = np.ascontiguousarray(values)
-    stored = np.packbits(whole, bitorder="little") if whole.dtype == bool else whole
-    return pa.Array.from_buffers(pa.from_numpy_dtype(whole.dtype), whole.size, [None, pa.py_buffer(stored.data)])
+    array = np.ascontiguousarray(values)
+    stored = np.packbits(array, bitorder="little") if array.dtype == bool else array
+    return pa.Array.from_buffers(pa.from_numpy_dtype(array.dtype), array.size, [None, pa.py_buffer(stored.data)])
 
 
 _UNPACKED, _STORED = 2, 3  # fields of a PageHeader
@@ -166,7 +166,7 @@ def write_table(
         raise ParameterError(f"a table ends in {' or '.join(TABLES)}, but it is {path}.")
     import pyarrow as pa
 
-    table = pa.table({name: column_of(values) for name, values in columns.items()})
+    table = pa.table({name: arrow_column(values) for name, values in columns.items()})
     with replacing(path, overwrite=overwrite, seeks=kind == ".parquet") as temporary:
         if kind == ".parquet":
             import pyarrow.parquet as pq

@@ -114,23 +114,23 @@ def load_mat(file: Path) -> dict[str, NDArray[Any]]:
         raise DecodeError(f"it has {size} bytes, but a trial has {MAX_BYTES} at most; check the path.")
     raw = memoryview(file.read_bytes())
     order = mat_order(raw)
-    found = mat_variables(raw, order)
-    _require(found)
-    require_room(sum(found[key].size for key in _KEYS), len(raw))
-    content = {key: mat_array(found[key], order) for key in _KEYS}
+    variables = mat_variables(raw, order)
+    _require(variables)
+    require_room(sum(variables[key].size for key in _KEYS), len(raw))
+    content = {key: mat_array(variables[key], order) for key in _KEYS}
     return content | {"movement": content["movement"].ravel()}  # MATLAB has no vectors, only tables of one column
 
 
-def _require(found: Mapping[str, Variable]) -> None:
-    require_keys(found)
+def _require(variables: Mapping[str, Variable]) -> None:
+    require_keys(variables)
     for key in _KEYS:
-        if found[key].kind not in NUMERIC.values():
-            raise DecodeError(f"{key} must be numeric, but its class is {found[key].kind}.")
-    shapes = {key: found[key].shape for key in SHAPES}
+        if variables[key].kind not in NUMERIC.values():
+            raise DecodeError(f"{key} must be numeric, but its class is {variables[key].kind}.")
+    shapes = {key: variables[key].shape for key in SHAPES}
     if shapes["movement"][1:] == (1,):  # MATLAB has no vectors, only tables of one column
         shapes["movement"] = shapes["movement"][:1]
     require_shapes(shapes)
-    if (values := math.prod(found[RATE].shape)) != 1:
+    if (values := math.prod(variables[RATE].shape)) != 1:
         raise DecodeError(f"{RATE} must be one number in Hz, but it is {values}.")
 
 
@@ -203,13 +203,13 @@ def _imu(content: dict[str, NDArray[Any]], t: Floats, rate: float) -> ImuData:
 
 def _track(content: dict[str, NDArray[Any]], t: Floats) -> AttitudeTrack:
     q_nb = content["opt_quat"]
-    known = np.isfinite(q_nb).all(axis=1)
+    valid = np.isfinite(q_nb).all(axis=1)
     return AttitudeTrack(
         t=t,
         q_nb=q_nb,
         frame=Frame.ENU,
         north=North.MAGNETIC,
-        score=(content["movement"] != 0) & known,
+        score=(content["movement"] != 0) & valid,
         source=SOURCE,
     )
 

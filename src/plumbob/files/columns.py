@@ -70,7 +70,7 @@ class StampError(DecodeError):
         self.row = row
 
 
-def seconds_of(columns: Sequence[Sequence[str]], zone: int | None) -> tuple[Floats, int]:
+def to_seconds(columns: Sequence[Sequence[str]], zone: int | None) -> tuple[Floats, int]:
     """Time since the first row, s, by one column of stamps or by two of dates and clock times, and the start.
 
     The start is in ns since 1970 (UTC), or 0 where that is not known. Errors as in `stamps_ns`.
@@ -184,14 +184,14 @@ OF_UNIT: Final = (*(name for triad in TRIADS for name in GROUPS[triad]), "temp_c
 
 def column(name: str) -> Column | None:
     """What a column of this name is; None where there is none such."""
-    unit, dot, own = name.rpartition(".")
-    return COLUMNS.get(own) if not dot or (unit and own in OF_UNIT) else None
+    unit, dot, base = name.rpartition(".")
+    return COLUMNS.get(base) if not dot or (unit and base in OF_UNIT) else None
 
 
 def of_unit(columns: Mapping[str, NDArray[Any]], unit: str) -> Columns:
     """Columns of one of several units by their own names, and the time."""
-    found = {name.removeprefix(f"{unit}."): name for name in columns if name.rpartition(".")[0] == unit}
-    return {TIME: columns[TIME]} | {own: columns[name] for own, name in found.items()}
+    names = {name.removeprefix(f"{unit}."): name for name in columns if name.rpartition(".")[0] == unit}
+    return {TIME: columns[TIME]} | {base: columns[name] for base, name in names.items()}
 
 
 def to_columns(recording: Recording) -> Columns:
@@ -208,9 +208,9 @@ def to_columns(recording: Recording) -> Columns:
     columns: Columns = {}
     if imu is not None:
         columns |= _imu_columns(replace(imu))
-    for unit, one in {} if recording.array is None else recording.array.units.items():
-        own = _imu_columns(replace(one[:]))
-        columns |= {TIME: own[TIME]} | {f"{unit}.{name}": own[name] for name in COLUMNS if name in own and name != TIME}
+    for unit, samples in {} if recording.array is None else recording.array.units.items():
+        part = _imu_columns(replace(samples[:]))
+        columns |= {TIME: part[TIME]} | {f"{unit}.{col}": part[col] for col in COLUMNS if col in part and col != TIME}
     if track is not None:
         t_ns = to_ns(track.t)
         if TIME in columns and not np.array_equal(columns[TIME], t_ns):
@@ -231,25 +231,25 @@ def require(names: Iterable[str], *, imu: bool, track: bool, units: Sequence[str
     DecodeError
         If columns are missing or unknown, or belong to a part that is not there.
     """
-    found: dict[str, set[str]] = {"": set()}
+    groups: dict[str, set[str]] = {"": set()}
     for name in names:
-        unit, _, own = name.rpartition(".")
-        found.setdefault(unit, set()).add(own)
-    if extra := sorted(set(found) - {"", *units}):
+        unit, _, base = name.rpartition(".")
+        groups.setdefault(unit, set()).add(base)
+    if extra := sorted(set(groups) - {"", *units}):
         raise DecodeError(f"it has columns of the units {', '.join(extra)}, which its header does not name.")
-    _require_own(found[""], imu=imu, track=track)
+    _require_own(groups[""], imu=imu, track=track)
     for unit in units:
-        _require_own({TIME} | found.get(unit, set()), imu=True, track=False, of=f" of the unit {unit}")
+        _require_own({TIME} | groups.get(unit, set()), imu=True, track=False, of=f" of the unit {unit}")
 
 
-def _require_own(found: set[str], *, imu: bool, track: bool, of: str = "") -> None:
+def _require_own(names: set[str], *, imu: bool, track: bool, of: str = "") -> None:
     needed = {TIME} | ({"flags"} if imu else set()) | (set(GROUPS["q"]) if track else set())
     for group in GROUPS.values():
-        needed |= set(group) if found & set(group) else set()
+        needed |= set(group) if names & set(group) else set()
     allowed = set(_allowed(imu, track))
-    if missing := sorted(needed - found):
+    if missing := sorted(needed - names):
         raise DecodeError(f"the columns {', '.join(missing)}{of} are missing; write the recording again.")
-    if extra := sorted(found - allowed):
+    if extra := sorted(names - allowed):
         raise DecodeError(f"the columns {', '.join(extra)}{of} do not belong here; known are {', '.join(COLUMNS)}.")
 
 

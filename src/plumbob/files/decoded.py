@@ -12,7 +12,7 @@ from plumbob.core.files import require_room
 from plumbob.core.schema import toml_text
 from plumbob.data import TRIADS
 from plumbob.data.cards import UNITS
-from plumbob.files.arrow import numbers_of, unpacked_bytes
+from plumbob.files.arrow import column_numbers, unpacked_bytes
 from plumbob.files.profile import NO_COLUMN
 
 if TYPE_CHECKING:
@@ -47,9 +47,9 @@ def profile_text(form: "Format", message: "Message", unit: str, titles: Mapping[
     ParameterError
         If the message has no such unit.
     """
-    from plumbob.protocols.decode import prefixes_of
+    from plumbob.protocols.decode import prefix_by_unit
 
-    units = prefixes_of(message)
+    units = prefix_by_unit(message)
     if unit not in units:
         raise ParameterError(f"{message.name} has no unit '{unit}'; known are {', '.join(units)}.")
     prefix, what = (f"{unit}.", f"{message.name}, unit {unit}") if unit else ("", message.name)
@@ -91,11 +91,11 @@ def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
         As `plumbob.files.text.read_text`.
     """
     from plumbob.files.profile_toml import parse_profile
-    from plumbob.files.text import recording_of
+    from plumbob.files.text import table_recording
     from plumbob.files.text_table import Table
 
-    told = (parquet.metadata.metadata or {})[KEY].decode("utf-8", "replace")
-    profile = parse_profile(told, origin="in its metadata")
+    text = (parquet.metadata.metadata or {})[KEY].decode("utf-8", "replace")
+    profile = parse_profile(text, origin="in its metadata")
     refs = [str(ref) for ref in profile.used]
     if missing := [ref for ref in refs if ref not in parquet.schema_arrow.names]:
         raise DecodeError(f"it has no column {missing[0]}, which its own profile names; decode the bytes again.")
@@ -106,8 +106,8 @@ def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
     table = parquet.read(columns=refs)
     words = [ref for ref in profile.texts if ref in refs]
     numbers: dict[Any, Any] = {
-        ref: np.asarray(numbers_of(table.column(ref)), dtype=np.float64) for ref in refs if ref not in words
+        ref: np.asarray(column_numbers(table.column(ref)), dtype=np.float64) for ref in refs if ref not in words
     }
     texts: dict[Any, Any] = {ref: table.column(ref).to_pylist() for ref in words}
-    found = Table(numbers, Decimal(0), rows, (), texts, lambda row: row + 1)
-    return recording_of(profile, found, file.stem, "read with the profile in its metadata")
+    decoded = Table(numbers, Decimal(0), rows, (), texts, lambda row: row + 1)
+    return table_recording(profile, decoded, file.stem, "read with the profile in its metadata")

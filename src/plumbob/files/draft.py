@@ -25,10 +25,10 @@ from plumbob.core.text import Shown
 from plumbob.core.units import UNITS, Quantity, canonical_name, is_name, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
 from plumbob.data.plausibility import Turning, turning
-from plumbob.files.columns import FORM, has_zone, is_stamp, seconds_of
+from plumbob.files.columns import FORM, has_zone, is_stamp, to_seconds
 from plumbob.files.profile import AS_MOUNTED
 from plumbob.files.profile_toml import GUIDE
-from plumbob.files.sniff import Sample, sample_of
+from plumbob.files.sniff import Sample, read_sample
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
 
 _KIND: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
@@ -113,7 +113,7 @@ def profile(path: str | os.PathLike[str], *, out: str | os.PathLike[str] | None 
                 f"profiles of arrays are not drafted; {guide('vendor-files.md')} shows one to fill in. The file holds "
                 f"{listed(file)}."
             )
-        draft = _Writer(file.name, sample_of(file)).draft()
+        draft = _Writer(file.name, read_sample(file)).draft()
     if out is not None:
         write_text(out, draft.text)
     return draft
@@ -195,7 +195,7 @@ class _Writer:
                 return (i,)
             if i + 1 < self._sample.width and _dates(cells) and all(map(is_stamp, self._sample.cells(i + 1))):
                 return (i, i + 1)
-        stated = [i for i in others if self._parts[i].stated and _known(self._parts[i].unit, Quantity.TIME)]
+        stated = [i for i in others if self._parts[i].stated and _canonical(self._parts[i].unit, Quantity.TIME)]
         first = [] if named or stated or _COUNTER.fullmatch(self._parts[0].base) else others[:1]
         steps = {i: np.diff(self._numbers[i]) for i in (*named, *stated, *first)}
         return next(((i,) for i, step in steps.items() if step.size and (step > 0.0).all()), ())
@@ -206,28 +206,28 @@ class _Writer:
         return bool(self._time) and is_stamp(self._sample.cells(self._time[-1])[0])
 
     def _named_triads(self) -> dict[str, tuple[int, ...]]:
-        found: dict[str, tuple[int, ...]] = {}
+        triads: dict[str, tuple[int, ...]] = {}
         for name, words in _WORDS.items():
             sets: dict[str, dict[str, int]] = {}
             for i in self._free():
                 part = self._parts[i]
                 if part.axis and words.fullmatch(part.base) and not _NOT_GRAVITY.search(self._names[i].lower()):
                     sets.setdefault(part.base, {}).setdefault(part.axis, i)
-            whole = [tuple(axes[letter] for letter in "xyz") for axes in sets.values() if len(axes) == 3]
-            found |= {name: whole[0]} if whole else {}
-        return found
+            complete = [tuple(axes[letter] for letter in "xyz") for axes in sets.values() if len(axes) == 3]
+            triads |= {name: complete[0]} if complete else {}
+        return triads
 
     def _sized_triads(self) -> dict[str, tuple[int, ...]]:
         """Threes of neighbouring columns without names, by their size: gravity is steady, the field is nearly so."""
         free = self._free()
         threes = [tuple(free[i : i + 3]) for i in range(0, len(free) - 2, 3)]
-        found: dict[str, tuple[int, ...]] = {}
+        triads: dict[str, tuple[int, ...]] = {}
         for three in threes:
             size, steady = self._size(three), self._steady(three)
             name = "acc" if steady and _at_rest(size) else "mag" if steady and _of_earth(size) else "gyr"
-            free_names = [other for other in (name, "acc", "gyr", "mag") if other not in found]
-            found |= {free_names[0]: three} if free_names else {}
-        return found
+            free_names = [other for other in (name, "acc", "gyr", "mag") if other not in triads]
+            triads |= {free_names[0]: three} if free_names else {}
+        return triads
 
     def _steady(self, columns: Sequence[int]) -> bool:
         """Whether a vector keeps its length, as gravity and a field do, and rates do not."""
@@ -252,8 +252,8 @@ class _Writer:
         if ask:
             value = ["?", *value] if isinstance(value, tuple) else f"? {value}".rstrip()
             self._questions.append((f"{self._table}.{key}".lstrip("."), why))
-        told = json.dumps(list(value) if isinstance(value, tuple) else value, ensure_ascii=False)
-        line = f"{key} = {told.replace(chr(127), '')}"
+        text = json.dumps(list(value) if isinstance(value, tuple) else value, ensure_ascii=False)
+        line = f"{key} = {text.replace(chr(127), '')}"
         self._lines.append(f"{line:<38}  # {_one_line(why)}" if why else line)
 
     def _top(self) -> None:
@@ -315,7 +315,7 @@ class _Writer:
         by = "by their names" if self._parts[columns[0]].axis else "by their size"
         self._set("columns", tuple(map(self._ref, columns)), f"x, y, z of the {TITLES[name]}, {by}", ask=True)
         zero = self._middle(columns)
-        guess = self._unit_of(name, columns, zero)
+        guess = self._triad_unit(name, columns, zero)
         stated = self._write_unit(_KIND[name], columns, guess)
         if zero or (guess.counts is not None and not stated):
             self._set("counts_per_unit", guess.counts or "", "counts that are one unit, by the data sheet", ask=True)
@@ -343,7 +343,7 @@ class _Writer:
     def _write_unit(self, kind: Quantity, columns: Sequence[int], guess: _Guess) -> bool:
         """Write the unit; True where the header states it, and the numbers do not contradict."""
         part = self._parts[columns[0]]
-        named = _known(part.unit, kind)
+        named = _canonical(part.unit, kind)
         if named and part.stated and guess.unit in {"", named} and not guess.counts:
             self._set("unit", named, f"the header says [{_one_line(part.unit)}]")
             return True
@@ -357,13 +357,13 @@ class _Writer:
     def _middle(self, columns: Sequence[int]) -> float:
         """Middle of unsigned counts; 0 where they are none."""
         values = self._vectors(columns)
-        known = values[np.isfinite(values).all(axis=1)]
-        if not known.size or known.min() < 0.0 or (known != np.rint(known)).any():
+        counts = values[np.isfinite(values).all(axis=1)]
+        if not counts.size or counts.min() < 0.0 or (counts != np.rint(counts)).any():
             return 0.0
-        typical = float(np.median(known))
+        typical = float(np.median(counts))
         return next((half for half in (32768.0, 8192.0, 2048.0, 512.0) if abs(typical - half) < 0.1 * half), 0.0)
 
-    def _unit_of(self, name: str, columns: Sequence[int], zero: float) -> _Guess:
+    def _triad_unit(self, name: str, columns: Sequence[int], zero: float) -> _Guess:
         """Unit and reason, as far as the numbers tell."""
         size = self._size(columns, zero)
         if name == "acc":
@@ -371,17 +371,17 @@ class _Writer:
         return _field_unit(size) if name == "mag" else self._rate_unit(columns, zero)
 
     def _rate_unit(self, columns: Sequence[int], zero: float) -> _Guess:
-        found = self._turns[1]
-        if found is not None and found.tells:
+        fit = self._turns[1]
+        if fit is not None and fit.tells:
             for unit in ("rad/s", "deg/s", "mdeg/s"):
-                if abs(np.log2(abs(found.factor) / to_si(1.0, unit))) < 1.0:
+                if abs(np.log2(abs(fit.factor) / to_si(1.0, unit))) < 1.0:
                     return _Guess(unit, "so it turns as fast as the accelerometer sees gravity turn")
-            return _Guess("deg/s", f"1 deg/s may be {to_si(1.0, 'deg/s') / abs(found.factor):.4g} counts", "")
+            return _Guess("deg/s", f"1 deg/s may be {to_si(1.0, 'deg/s') / abs(fit.factor):.4g} counts", "")
         rates = self._vectors(columns) - zero
         largest = float(np.nanmax(np.abs(rates)))
-        if largest > _FASTEST and _known(self._parts[columns[0]].unit, Quantity.RATE) in {"", "rad/s"}:
-            whole = bool((rates[np.isfinite(rates)] % 1.0 == 0.0).all())
-            return _Guess("deg/s", f"the largest is {largest:.4g}: not rad/s", "" if whole else None)
+        if largest > _FASTEST and _canonical(self._parts[columns[0]].unit, Quantity.RATE) in {"", "rad/s"}:
+            integers = bool((rates[np.isfinite(rates)] % 1.0 == 0.0).all())
+            return _Guess("deg/s", f"the largest is {largest:.4g}: not rad/s", "" if integers else None)
         return _Guess()
 
     def _seconds(self) -> Floats | None:
@@ -389,7 +389,7 @@ class _Writer:
         if not self._time:
             return None
         if self._stamped:
-            t = seconds_of([self._sample.cells(i) for i in self._time], None)[0]
+            t = to_seconds([self._sample.cells(i) for i in self._time], None)[0]
         else:
             numbers = self._numbers[self._time[0]]
             unit = _time_unit(numbers, self._parts[self._time[0]])[0]
@@ -402,12 +402,12 @@ class _Writer:
         if t is None or gyr is None or acc is None:
             return AS_MOUNTED, None
         rates, force = (self._vectors(columns) - self._middle(columns) for columns in (gyr, acc))
-        own = _turning_of(t, rates, force)
-        if own is None or not own.windows or own.correlation > 0.5 * _BEST:
-            return AS_MOUNTED, own
-        fits = {axes: _turning_of(t, in_body_axes(axes, rates), force) for axes in map(axes_letters, every_axes())}
+        mounted = _turning_fit(t, rates, force)
+        if mounted is None or not mounted.windows or mounted.correlation > 0.5 * _BEST:
+            return AS_MOUNTED, mounted
+        fits = {axes: _turning_fit(t, in_body_axes(axes, rates), force) for axes in map(axes_letters, every_axes())}
         axes, best = max(fits.items(), key=lambda fit: fit[1].correlation if fit[1] else 0.0)
-        return (axes, best) if best is not None and best.tells and best.correlation > _BEST else (AS_MOUNTED, own)
+        return (axes, best) if best is not None and best.tells and best.correlation > _BEST else (AS_MOUNTED, mounted)
 
     def _sign_told(self, columns: Sequence[int], zero: float) -> str:
         mean = np.nanmean(self._vectors(columns) - zero, axis=0)
@@ -416,15 +416,15 @@ class _Writer:
         return f"right if {'xyz'[axis]} points {up} here, where it reads {mean[axis]:.3g}; otherwise 'gravity'"
 
 
-def _turning_of(t: Floats, rates: Floats, force: Floats) -> Turning | None:
+def _turning_fit(t: Floats, rates: Floats, force: Floats) -> Turning | None:
     """How the force follows the rates, whatever their units; None where one is zero or not known throughout."""
     fastest, largest = (float(np.nanmax(np.abs(values), initial=0.0)) for values in (rates, force))
     if not (0.0 < fastest < np.inf and 0.0 < largest < np.inf):
         return None
     triads = {"gyr": rates / fastest, "acc": force / largest}  # within the range of every sensor
     t_ns, none = np.rint(t * 1e9).astype(np.int64), np.zeros(t.size, dtype=np.uint32)
-    found = turning(ImuData.live(t_ns, triads, flags=none, meta=ImuMeta(unit_check=False)))
-    return replace(found, factor=found.factor / fastest)
+    fit = turning(ImuData.live(t_ns, triads, flags=none, meta=ImuMeta(unit_check=False)))
+    return replace(fit, factor=fit.factor / fastest)
 
 
 def _taken_apart(name: str, unit: str) -> _Named:
@@ -433,27 +433,27 @@ def _taken_apart(name: str, unit: str) -> _Named:
     plain = re.sub(r"[\[(][^\])]*[\])]", " ", name)
     words = re.sub(r"[_.\-:]+", " ", plain).split()
     suffix = words.pop() if not stated and len(words) > 1 and _unit_word(words[-1]) else ""
-    base, axis = _axis_of(re.sub(r"(?<=[a-z])(?=[A-Z])", " ", " ".join(words)).split())
+    base, axis = _split_axis(re.sub(r"(?<=[a-z])(?=[A-Z])", " ", " ".join(words)).split())
     return _Named(base, axis, stated or _unit_word(suffix), bool(stated))
 
 
-def _axis_of(words: list[str]) -> tuple[str, str]:
+def _split_axis(words: list[str]) -> tuple[str, str]:
     """What is left of a name without its axis, and the axis: a word of its own, or the last letter."""
     for i, word in enumerate(words):
         if word.lower() in {"x", "y", "z"}:
             return " ".join(words[:i] + words[i + 1 :]).lower(), word.lower()
-    whole = " ".join(words).lower()
-    return (whole[:-1].strip(), whole[-1]) if whole[-1:] in {"x", "y", "z"} else (whole, "")
+    name = " ".join(words).lower()
+    return (name[:-1].strip(), name[-1]) if name[-1:] in {"x", "y", "z"} else (name, "")
 
 
 def _unit_word(word: str) -> str:
     """Unit that the last word of a name may be, as in ``acc_x_mg``."""
-    found = _SUFFIXES.get(word.lower(), word)
+    unit = _SUFFIXES.get(word.lower(), word)
     kinds = (*_KIND.values(), Quantity.TIME, Quantity.TEMPERATURE)
-    return next((name for kind in kinds if (name := _known(found, kind))), "") if found else ""
+    return next((name for kind in kinds if (name := _canonical(unit, kind))), "") if unit else ""
 
 
-def _known(name: str, kind: Quantity) -> str:
+def _canonical(name: str, kind: Quantity) -> str:
     return canonical_name(name, kind) if is_name(name, kind) else ""
 
 
@@ -465,7 +465,7 @@ def _time_unit(numbers: Floats, part: _Named) -> tuple[str, str]:
     """Unit in which steps make a plausible rate: the stated one, or that nearest to 100 Hz."""
     step = float(np.median(np.diff(numbers)))
     rates = {unit: 1.0 / to_si(step, unit) for unit in _TIMES if step > 0.0}
-    named = _known(part.unit, Quantity.TIME)
+    named = _canonical(part.unit, Quantity.TIME)
     if named in rates:
         return named, f"the header says {_one_line(part.unit)}: {rates[named]:.4g} Hz"
     plausible = {unit: rate for unit, rate in rates.items() if _RATES[0] <= rate <= _RATES[1]}

@@ -12,7 +12,7 @@ from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import ARRAYS, TABLES, existing_file, reading, sidecars
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray
-from plumbob.data.recording import Recording, findings_of, lines
+from plumbob.data.recording import Recording, all_findings, lines
 
 if TYPE_CHECKING:
     from plumbob.files.profile import Profile
@@ -178,7 +178,7 @@ def read(
         recording = kind.read(file) if whole or kind.opened is None else kind.opened(file)
     if unit is not None:
         return recording.of_unit(unit)
-    return replace(recording, notes=(*recording.notes, *findings_of(recording)))
+    return replace(recording, notes=(*recording.notes, *all_findings(recording)))
 
 
 def write(
@@ -292,14 +292,14 @@ def is_recording(path: Path) -> bool:
 
 def _by_suffix(path: Path) -> list[Format]:
     """Formats that a suffix may mean."""
-    if found := [kind for kind in FORMATS if path.suffix and path.suffix.lower() in kind.suffixes]:
-        return found
+    if formats := [kind for kind in FORMATS if path.suffix and path.suffix.lower() in kind.suffixes]:
+        return formats
     from plumbob.files.numbers import SUFFIXES
 
-    known = ", ".join(dict.fromkeys(suffix for kind in FORMATS for suffix in kind.suffixes if suffix))
+    listed = ", ".join(dict.fromkeys(suffix for kind in FORMATS for suffix in kind.suffixes if suffix))
     hint = " Plain numbers are not a recording; 'plumbob allan' takes them." if path.suffix.lower() in SUFFIXES else ""
     raise UnknownFormatError(
-        f"{path}: the suffix '{path.suffix}' is unknown; known are {known}; raw bytes are for 'plumbob record --from'."
+        f"{path}: the suffix '{path.suffix}' is unknown; known are {listed}; raw bytes are for 'plumbob record --from'."
         f"{hint}"
     )
 

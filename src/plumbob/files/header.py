@@ -24,14 +24,14 @@ _KEYS = ("kind", "format_version", "units", "imu", "track", "notes")
 _MOUNT = ("q_bs", "lever_b", "clock_offset", "noise")
 
 
-def header_of(recording: Recording, columns: list[str]) -> dict[str, Any]:
+def file_header(recording: Recording, columns: list[str]) -> dict[str, Any]:
     """Header of a recording with these columns."""
     imu, track, array = recording.imu, recording.track, recording.array
     several = {} if array is None else {"format_version": ARRAY_VERSION, "array": array_told(array)}
     return {
         "kind": KIND,
         "format_version": FORMAT_VERSION,
-        "units": {name: one.unit for name in columns if (one := column(name))},
+        "units": {name: spec.unit for name in columns if (spec := column(name))},
         "imu": None if imu is None else asdict(plain_meta(imu.meta)),
         "track": None if track is None else {key: _storable(f"track.{key}", track, key, _TRACK[key]) for key in _TRACK},
         "notes": list(stored_notes(recording)),
@@ -41,8 +41,8 @@ def header_of(recording: Recording, columns: list[str]) -> dict[str, Any]:
 def array_told(array: ImuArray) -> list[dict[str, Any]]:
     """What a file says of each unit of an array besides its numbers."""
     return [
-        {"name": name, "imu": asdict(plain_meta(one.meta)), "mount": _mount_told(array.mounts[name])}
-        for name, one in array.units.items()
+        {"name": name, "imu": asdict(plain_meta(imu.meta)), "mount": _mount_told(array.mounts[name])}
+        for name, imu in array.units.items()
     ]
 
 
@@ -61,23 +61,23 @@ def array_from(content: Any) -> dict[str, tuple[ImuMeta, Mount]]:
     DecodeError
         If it is not what `array_told` gives.
     """
-    found: dict[str, tuple[ImuMeta, Mount]] = {}
-    for one in content if isinstance(content, list) else [content]:
-        unit = require_keys("'array' in its header", one, ("name", "imu", "mount"))
+    units: dict[str, tuple[ImuMeta, Mount]] = {}
+    for entry in content if isinstance(content, list) else [content]:
+        unit = require_keys("'array' in its header", entry, ("name", "imu", "mount"))
         name = _typed("array.name", unit["name"], _text)
-        if name in found:
+        if name in units:
             raise DecodeError(f"'array' in its header names the unit {excerpt(name)} twice; write the file again.")
-        found[name] = meta_from(unit["imu"]), _mount_from(unit["mount"])
-    return found
+        units[name] = meta_from(unit["imu"]), _mount_from(unit["mount"])
+    return units
 
 
 def _mount_from(content: Any) -> Mount:
-    found = require_keys("'mount' in its header", content, _MOUNT)
-    noise = found["noise"]
+    mount = require_keys("'mount' in its header", content, _MOUNT)
+    noise = mount["noise"]
     return Mount(
-        q_bs=_typed("mount.q_bs", found["q_bs"], _numbers),
-        lever_b=_typed("mount.lever_b", found["lever_b"], _numbers),
-        clock_offset=_typed("mount.clock_offset", found["clock_offset"], _number),
+        q_bs=_typed("mount.q_bs", mount["q_bs"], _numbers),
+        lever_b=_typed("mount.lever_b", mount["lever_b"], _numbers),
+        clock_offset=_typed("mount.clock_offset", mount["clock_offset"], _number),
         noise=None if noise is None else NoiseCard.from_text(json.dumps(noise), "the noise of a unit in its header"),
     )
 
@@ -143,15 +143,15 @@ def check_header(content: dict[str, Any]) -> None:
 
 def meta_from(content: Any) -> ImuMeta:
     """Meta of the samples."""
-    told = dict.fromkeys(_LATER) | content if isinstance(content, dict) else content
-    found = require_keys("'imu' in its header", told, tuple(_META))
-    return ImuMeta(**{key: _typed(f"imu.{key}", found[key], convert) for key, convert in _META.items()})
+    complete = dict.fromkeys(_LATER) | content if isinstance(content, dict) else content
+    meta = require_keys("'imu' in its header", complete, tuple(_META))
+    return ImuMeta(**{key: _typed(f"imu.{key}", meta[key], convert) for key, convert in _META.items()})
 
 
 def track_meta_from(content: Any) -> tuple[Frame, North, str]:
     """Frame, heading reference and source of the track."""
-    found = require_keys("'track' in its header", content, tuple(_TRACK))
-    values = {key: _typed(f"track.{key}", found[key], convert) for key, convert in _TRACK.items()}
+    track = require_keys("'track' in its header", content, tuple(_TRACK))
+    values = {key: _typed(f"track.{key}", track[key], convert) for key, convert in _TRACK.items()}
     return values["frame"], values["north"], values["source"]
 
 
@@ -188,7 +188,7 @@ def _number(value: Any) -> float:
 def _numbers(value: Any) -> tuple[float, ...]:
     if not isinstance(value, list | tuple):
         raise TypeError("must be a list of numbers")
-    return tuple(_number(one) for one in value)
+    return tuple(_number(number) for number in value)
 
 
 def _range(value: Any) -> Range:
@@ -200,7 +200,7 @@ def _range(value: Any) -> Range:
     return x, y, z
 
 
-def _whole(value: Any) -> int:
+def _integer(value: Any) -> int:
     if not isinstance(value, np.integer) and not _is_int(value):
         raise TypeError("must be a whole number")
     return int(value)
@@ -234,7 +234,7 @@ _META: Final[dict[str, Callable[[Any], Any]]] = {
     "acc_range": _optional(_range),
     "mag_range": _optional(_range),
     "rate_nominal": _optional(_number),
-    "t0_ns": _whole,
+    "t0_ns": _integer,
     "axes": _text,
     "frame": _optional(_frame),
     "north": _optional(_north),

@@ -199,10 +199,10 @@ class Numbers:
         DecodeError
             If something is not a number, or beyond every sensor, or a row has another number of them.
         """
-        found, rows = self.source.blocks(), 0
+        blocks, rows = self.source.blocks(), 0
         while True:
             with reading(self.path):  # only here, for what the caller does with a block is not this file's fault
-                block, done = next(found, (None, self.size))
+                block, done = next(blocks, (None, self.size))
                 if block is None and not rows:
                     raise DecodeError("it holds no whole row of numbers.")
             if progress is not None:
@@ -272,13 +272,13 @@ def open_numbers(path: str | os.PathLike[str], *, kind: str | None = None, colum
 
 
 def _kind(file: Path, kind: str | None) -> str:
-    known = ("npy", "text", *RAW)
-    found = SUFFIXES.get(file.suffix.lower()) if kind is None else kind
-    if found in known:
-        return found
+    kinds = ("npy", "text", *RAW)
+    chosen = SUFFIXES.get(file.suffix.lower()) if kind is None else kind
+    if chosen in kinds:
+        return chosen
     if kind is not None:
-        raise ParameterError(f"the kind of numbers must be one of {', '.join(known)}, but it is '{kind}'.")
+        raise ParameterError(f"the kind of numbers must be one of {', '.join(kinds)}, but it is '{kind}'.")
     raise ParameterError(
         f"{file}: the suffix '{file.suffix}' does not say what numbers it holds; declare the kind, one of "
-        f"{', '.join(known)}, and for raw values the columns."
+        f"{', '.join(kinds)}, and for raw values the columns."
     )

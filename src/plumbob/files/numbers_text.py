@@ -15,7 +15,7 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.data.recording import CUT
-from plumbob.files.arrow import numbers_of
+from plumbob.files.arrow import column_numbers
 from plumbob.files.profile_toml import GUIDE
 from plumbob.files.text_head import single_blanks
 
@@ -46,7 +46,7 @@ class Text:
         Whether all rows stand on one line.
     start, line : int
         Byte at which the first row begins, and the number of its line, counted from 1.
-    whole : bool
+    complete : bool
         Whether something follows the last number (on several lines: a line end).
     """
 
@@ -56,13 +56,13 @@ class Text:
     one_line: bool
     start: int
     line: int
-    whole: bool
+    complete: bool
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What is left out."""
         what = "number has nothing after it" if self.one_line else "line has no line end"
-        return () if self.whole else (f"{CUT}the last {what}, and was left out: the file may be incomplete",)
+        return () if self.complete else (f"{CUT}the last {what}, and was left out: the file may be incomplete",)
 
     def blocks(self) -> Iterator[tuple[Floats, int]]:
         """Blocks with the bytes used so far."""
@@ -84,8 +84,8 @@ class Text:
                     f"line {self.line} has more than {CHUNK} bytes, so it must be the only one, but more follow."
                 )
             cells = _cells(before, self.separator)
-            found = _parsed_cells(cells)
-            values = np.append(rest, _strict_cells(cells, self.line, count) if found is None else found)
+            parsed = _parsed_cells(cells)
+            values = np.append(rest, _strict_cells(cells, self.line, count) if parsed is None else parsed)
             count += len(cells)
             size = values.size // self.columns * self.columns
             rest = values[size:]
@@ -97,16 +97,16 @@ class Text:
         """Parts of the file that stop after an `end`, and the bytes used up to there."""
         with self.path.open("rb") as stream:
             stream.seek(self.start)
-            done, left = self.start, b""
+            done, rest = self.start, b""
             while data := stream.read(CHUNK):
                 done += len(data)
-                part, found, left = (left + data).replace(b"\t", b" ").rpartition(end)
-                if found:
-                    yield part + found, done - len(left)
-                elif len(left) > 2 * CHUNK:
-                    raise DecodeError(f"after byte {done - len(left)} no number ends for {len(left)} bytes; {_ADVICE}.")
-            if self.whole and left.strip():
-                yield left, done
+                part, ending, rest = (rest + data).replace(b"\t", b" ").rpartition(end)
+                if ending:
+                    yield part + ending, done - len(rest)
+                elif len(rest) > 2 * CHUNK:
+                    raise DecodeError(f"after byte {done - len(rest)} no number ends for {len(rest)} bytes; {_ADVICE}.")
+            if self.complete and rest.strip():
+                yield rest, done
 
 
 def open_text(file: Path, columns: int | None) -> Text:
@@ -121,15 +121,15 @@ def open_text(file: Path, columns: int | None) -> Text:
         start, number, first = _first_row(stream)
         one_line = not (first.endswith(b"\n") and _first_row(stream)[2])
         stream.seek(-1, 2)
-        whole = stream.read(1) in ((b" ", b"\t", b"\r", b"\n", b",", b";") if one_line else (b"\n",))
+        complete = stream.read(1) in ((b" ", b"\t", b"\r", b"\n", b",", b";") if one_line else (b"\n",))
     if not first:
         raise DecodeError(f"it holds no number; {_ADVICE}.")
     separator = b";" if b";" in first else b"," if b"," in first else b""
     _refuse_decimal_comma(first, separator, columns, number)
-    found = 1 if one_line else len(_strict_cells(_cells(first, separator), number))
-    if not one_line and columns not in {None, found}:
-        raise DecodeError(f"line {number} has {found} numbers, but {columns} columns are declared; {_ADVICE}.")
-    return Text(file, separator, columns or found, one_line, start, number, whole)
+    width = 1 if one_line else len(_strict_cells(_cells(first, separator), number))
+    if not one_line and columns not in {None, width}:
+        raise DecodeError(f"line {number} has {width} numbers, but {columns} columns are declared; {_ADVICE}.")
+    return Text(file, separator, columns or width, one_line, start, number, complete)
 
 
 def _first_row(stream: BinaryIO) -> tuple[int, int, bytes]:
@@ -202,7 +202,7 @@ def _arrow(packed: bytes, separator: bytes, columns: int) -> Floats | None:
         )
     except (pa.ArrowException, OSError, ValueError):
         return None
-    return np.stack([numbers_of(column) for column in table.itercolumns()], axis=1)
+    return np.stack([column_numbers(column) for column in table.itercolumns()], axis=1)
 
 
 def _strict_lines(chunk: bytes, text: Text, first: int) -> Floats:
@@ -232,5 +232,5 @@ def _number(cell: bytes, line: int, place: int) -> float:
             raise ValueError(cell)
         return float(cell)
     except ValueError:
-        found = excerpt(cell.decode("utf-8", "replace").strip())
-        raise DecodeError(f"line {line}, value {place}: {found} is not a number; {_ADVICE}.") from None
+        text = excerpt(cell.decode("utf-8", "replace").strip())
+        raise DecodeError(f"line {line}, value {place}: {text} is not a number; {_ADVICE}.") from None

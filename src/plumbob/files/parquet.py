@@ -27,7 +27,7 @@ from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording, read_notes
 from plumbob.files import header
-from plumbob.files.arrow import column_of, numbers_of, unpacked_bytes
+from plumbob.files.arrow import arrow_column, column_numbers, unpacked_bytes
 from plumbob.files.columns import (
     COLUMNS,
     GROUPS,
@@ -96,7 +96,7 @@ def write_parts(path: Path, parts: Iterable[Recording], overwrite: bool = False)
     with replacing(path, overwrite=overwrite, seeks=True) as temporary, closing(_Writer(temporary)) as writer:
         for recording in parts:
             columns = to_columns(recording)
-            said = header.header_of(recording, list(columns))
+            said = header.file_header(recording, list(columns))
             writer.add(columns)
             del recording, columns  # the next one may need their room
         writer.end(said)
@@ -135,9 +135,9 @@ class _Writer:
         for name in sorted(self._sums):
             crc = _crc_joined(crc, *self._sums[name])
         assert self._parquet is not None
-        told = {KEY: header.dump(content | {_CRC: f"{crc:08x}"})}
-        schema = _table(self._room, told).schema.serialize()  # as Arrow tells other tools of it
-        both = told | {b"ARROW:schema": b64encode(schema)}
+        metadata = {KEY: header.dump(content | {_CRC: f"{crc:08x}"})}
+        schema = _table(self._room, metadata).schema.serialize()  # as Arrow tells other tools of it
+        both = metadata | {b"ARROW:schema": b64encode(schema)}
         self._parquet.add_key_value_metadata({key.decode(): text.decode() for key, text in both.items()})
 
     def close(self) -> None:
@@ -179,21 +179,21 @@ def read_parquet(path: str | Path) -> Recording:
     DecodeError
         If the file is not Parquet, cut, damaged, foreign, or of a newer version; the message is one line.
     """
-    return _read(path, whole=True)
+    return _read(path, in_memory=True)
 
 
 def open_parquet(path: str | Path) -> Recording:
     """Read a native recording, whose samples stay in the file where no attitude is beside them; errors as above."""
-    return _read(path, whole=False)
+    return _read(path, in_memory=False)
 
 
-def _read(path: str | Path, *, whole: bool) -> Recording:
+def _read(path: str | Path, *, in_memory: bool) -> Recording:
     file = existing_file(path)
     with reading(file):
         with _open(file) as parquet:
             if _is_described(parquet):
                 return read_described(parquet, file)
-            content, columns = _load(file, parquet, whole)
+            content, columns = _load(file, parquet, in_memory)
         header.check_header(content)
         meta, track = content["imu"], content["track"]
         several = header.array_from(content["array"]) if "array" in content else {}
@@ -201,11 +201,11 @@ def _read(path: str | Path, *, whole: bool) -> Recording:
 
         def unit(meta: ImuMeta, name: str = "") -> ImuData:
             if not columns:
-                return Stored.of(file, meta, name)
+                return Stored.open(file, meta, name)
             return imu_from(of_unit(columns, name) if name else columns, meta)
 
         imu = None if meta is None else unit(header.meta_from(meta))
-        units = {name: unit(own, name) for name, (own, _) in several.items()}
+        units = {name: unit(imu_meta, name) for name, (imu_meta, _) in several.items()}
         mounts = {name: mount for name, (_, mount) in several.items()}
         return Recording(
             imu=imu,
@@ -222,9 +222,9 @@ def _of_all(name: str) -> property:
     def read(data: "Stored") -> NDArray[Any] | None:
         if {name, f"{name}_x"}.isdisjoint(data._names):
             return None
-        found = data.only(*(TRIADS if name == "flags" else (name,))).gathered(lambda part: getattr(part, name))
-        found.flags.writeable = False
-        return found
+        values = data.only(*(TRIADS if name == "flags" else (name,))).gathered(lambda part: getattr(part, name))
+        values.flags.writeable = False
+        return values
 
     return property(read)
 
@@ -247,7 +247,7 @@ class Stored(ImuData):
     _flags: NDArray[np.uint32] | None
 
     @classmethod
-    def of(cls, file: Path, meta: ImuMeta, unit: str = "") -> Self:
+    def open(cls, file: Path, meta: ImuMeta, unit: str = "") -> Self:
         """Samples of a file whose content has been found to be whole, or of one of its units.
 
         Raises
@@ -257,8 +257,8 @@ class Stored(ImuData):
         """
         made = object.__new__(cls)
         with _open(file) as parquet:
-            own = tuple(of_unit(dict.fromkeys(parquet.schema_arrow.names), unit))  # type: ignore[arg-type]
-            state = {"_file": file, "_unit": unit, "_names": own, "_rows": parquet.metadata.num_rows}
+            names = tuple(of_unit(dict.fromkeys(parquet.schema_arrow.names), unit))  # type: ignore[arg-type]
+            state = {"_file": file, "_unit": unit, "_names": names, "_rows": parquet.metadata.num_rows}
         state |= {"meta": meta, "_meta": meta, "_change": None, "_held": _Held(), "_flags": None}
         for name, value in state.items():
             object.__setattr__(made, name, value)
@@ -278,8 +278,8 @@ class Stored(ImuData):
 
     def each(self, change: Callable[[ImuData], ImuData]) -> ImuData:
         """Recording whose parts are those of this one after a change; see `ImuData.each`."""
-        own = self._change
-        after = change if own is None else lambda part: change(own(part))
+        before = self._change
+        after = change if before is None else lambda part: change(before(part))
         return self._with(meta=change(self[:1]).meta, _change=after)
 
     def only(self, *triads: str) -> ImuData:
@@ -301,10 +301,10 @@ class Stored(ImuData):
         if not self._held.begin <= start:
             change, parts = self._change, self._parts(start)
             self._held.restart(parts if change is None else ((at, change(part)) for at, part in parts))
-        found = self._held.between(start, stop)
+        samples = self._held.between(start, stop)
         if stop == self._rows:
             self._held.restart(iter(()))  # who has read to the end needs the file no more
-        return found
+        return samples
 
     def _parts(self, start: int) -> Iterator[tuple[int, ImuData]]:
         """Parts from the row group on in which a row lies, with the rows that they begin with."""
@@ -312,8 +312,8 @@ class Stored(ImuData):
 
     def _stored(self, start: int) -> Iterator[tuple[int, ImuData]]:
         stored = {name if name == TIME or not self._unit else f"{self._unit}.{name}": name for name in self._names}
-        for at, found in _batches(self._file, list(stored), start):
-            columns = {stored[name]: values for name, values in found.items()}
+        for at, batch in _batches(self._file, list(stored), start):
+            columns = {stored[name]: values for name, values in batch.items()}
             words = columns["flags"].copy()
             late = self._late[slice(*np.searchsorted(self._late, (at, at + words.size)))]
             words[late - at] |= np.uint32(flags.GAP)
@@ -324,18 +324,18 @@ class Stored(ImuData):
     @property
     def t_ns(self) -> NDArray[np.int64]:
         """Time since the start, integer ns."""
-        found = np.empty(self._rows, dtype=np.int64)
+        stamps = np.empty(self._rows, dtype=np.int64)
         for rows, part in self._times():
-            found[rows] = part
-        return found
+            stamps[rows] = part
+        return stamps
 
     @property
     def t(self) -> Floats:
         """Time since the start, s."""
-        found = np.empty(self._rows)
+        seconds = np.empty(self._rows)
         for rows, part in self._times():
-            found[rows] = to_s(part)
-        return found
+            seconds[rows] = to_s(part)
+        return seconds
 
     def _times(self) -> Iterator[tuple[slice, NDArray[np.int64]]]:
         for at, columns in read_in_parts(self._file, _batches(self._file, (TIME,))):
@@ -387,15 +387,15 @@ def _is_described(parquet: "pq.ParquetFile") -> bool:
     return KEY not in metadata and PROFILE in metadata
 
 
-def _load(file: Path, parquet: "pq.ParquetFile", whole: bool) -> tuple[dict[str, Any], Columns]:
+def _load(file: Path, parquet: "pq.ParquetFile", in_memory: bool) -> tuple[dict[str, Any], Columns]:
     """Header and columns; no columns where they are to stay in the file and have been found to be whole."""
     content = header.load(_raw_header(parquet))
     crc = content.pop(_CRC, None)
     _check_schema(parquet, content.get("units"))
     _check_size(file, parquet)
     names = set(parquet.schema_arrow.names)
-    own = {name.rpartition(".")[2] for name in names}
-    stays = not (whole or content.get("track")) and not own.isdisjoint(GROUPS[name][0] for name in TRIADS)
+    bare = {name.rpartition(".")[2] for name in names}
+    stays = not (in_memory or content.get("track")) and not bare.isdisjoint(GROUPS[name][0] for name in TRIADS)
     columns = {} if stays else _columns(parquet)
     parts = _by_column(file, names) if stays else sorted(columns.items())
     if crc != _checksum(content, parts):
@@ -441,18 +441,18 @@ def _check_schema(parquet: "pq.ParquetFile", units: Any) -> None:
     if not isinstance(units, dict) or sorted(units) != sorted(schema.names):
         raise DecodeError("its columns and the units in its header are not of the same names; write the file again.")
     for field in schema:
-        known = column(field.name)
-        if known is None:
+        spec = column(field.name)
+        if spec is None:
             raise DecodeError(f"the column {field.name} is unknown; known are {', '.join(COLUMNS)}.")
-        if str(field.type) != _arrow_type(known.dtype):
+        if str(field.type) != _arrow_type(spec.dtype):
             raise DecodeError(
-                f"the column {field.name} must be {_arrow_type(known.dtype)}, but it is {field.type}; write the "
+                f"the column {field.name} must be {_arrow_type(spec.dtype)}, but it is {field.type}; write the "
                 "recording again with plumbob."
             )
         stated = (field.metadata or {}).get(_UNIT, b"").decode("utf-8", "replace")
-        if not stated == units[field.name] == known.unit:
+        if not stated == units[field.name] == spec.unit:
             raise DecodeError(
-                f"the column {field.name} must be in {known.unit}, but its metadata says '{stated}' and the header "
+                f"the column {field.name} must be in {spec.unit}, but its metadata says '{stated}' and the header "
                 f"'{units[field.name]}'; convert the data and write the recording again with plumbob."
             )
 
@@ -480,7 +480,7 @@ def _check_size(file: Path, parquet: "pq.ParquetFile") -> None:
     rows, stored = parquet.metadata.num_rows, file.stat().st_size
     if rows < 1:
         raise DecodeError(f"it claims {rows} rows in {stored} bytes, which cannot be; take a copy that is whole.")
-    row = sum(np.dtype(_known(name).dtype).itemsize for name in parquet.schema_arrow.names)
+    row = sum(np.dtype(_spec(name).dtype).itemsize for name in parquet.schema_arrow.names)
     require_room(max(rows * row, unpacked_bytes(file, parquet.metadata)), stored)
 
 
@@ -514,17 +514,17 @@ def _sound() -> Iterator[None]:
         raise DecodeError(f"its data are damaged ({_short(error)}); take a copy that is whole.") from error
 
 
-def _known(name: str) -> Column:
+def _spec(name: str) -> Column:
     """Column that has been found to be known."""
-    found = column(name)
-    assert found is not None
-    return found
+    spec = column(name)
+    assert spec is not None
+    return spec
 
 
 def _array(name: str, values: "pa.ChunkedArray[Any]") -> NDArray[Any]:
     if values.null_count:
         raise DecodeError(f"the column {name} holds {values.null_count} nulls; a missing value is stored as NaN.")
-    return np.ascontiguousarray(numbers_of(values), dtype=_known(name).dtype)
+    return np.ascontiguousarray(column_numbers(values), dtype=_spec(name).dtype)
 
 
 def _table(columns: Columns, metadata: Any = None) -> "pa.Table":
@@ -532,12 +532,12 @@ def _table(columns: Columns, metadata: Any = None) -> "pa.Table":
 
     schema = pa.schema(
         [
-            pa.field(name, pa.from_numpy_dtype(values.dtype), False, {_UNIT: _known(name).unit.encode()})
+            pa.field(name, pa.from_numpy_dtype(values.dtype), False, {_UNIT: _spec(name).unit.encode()})
             for name, values in columns.items()
         ],
         metadata=metadata,
     )
-    return pa.Table.from_arrays([column_of(values) for values in columns.values()], schema=schema)
+    return pa.Table.from_arrays([arrow_column(values) for values in columns.values()], schema=schema)
 
 
 def _encodings(schema: "pa.Schema") -> dict[str, str]:
@@ -554,7 +554,7 @@ def _checksum(content: dict[str, Any], columns: Iterable[tuple[str, NDArray[Any]
 
 
 def _crc(name: str, values: NDArray[Any], before: int) -> int:
-    little = np.ascontiguousarray(values, dtype=np.dtype(_known(name).dtype).newbyteorder("<"))
+    little = np.ascontiguousarray(values, dtype=np.dtype(_spec(name).dtype).newbyteorder("<"))
     return zlib.crc32(little.data, before)
 
 
@@ -576,12 +576,12 @@ def _shift(size: int) -> int:
 
 def _product(a: int, b: int) -> int:
     """Product of two polynomials over GF(2), modulo that of CRC-32."""
-    found = 0
+    product = 0
     for bit in range(31, -1, -1):
         if a >> bit & 1:
-            found ^= b
+            product ^= b
         b = b >> 1 ^ (0xEDB88320 if b & 1 else 0)
-    return found
+    return product
 
 
 def _arrow_type(dtype: str) -> str:

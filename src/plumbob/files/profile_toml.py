@@ -73,23 +73,23 @@ def parse_profile(text: str, *, origin: str = "profile") -> Profile:
     _refuse_questions(raw)
     arrays = raw.get("arrays") is True
     needed = ("time",) if arrays else ("separator", "header", "time")
-    found = _section("profile", _columns_of_arrays(raw) if arrays else raw, _PROFILE, needed)
+    table = _section("profile", _columns_of_arrays(raw) if arrays else raw, _PROFILE, needed)
     profile = Profile(
         layout=_NO_LAYOUT
         if arrays
-        else Layout(**{key: found[key] for key in _LAYOUT if key in found}, **found["header"]),
-        time=found["time"],
-        triads={name: found[name] for name in TRIADS if name in found},
-        temperature=found.get("temperature"),
-        flags=found.get("flags", {}).get("column"),
-        flag_words=found.get("flags", {}).get("words", False),
-        reference=found.get("reference"),
-        meta={key: found[key] for key in _META if key in found}
-        | {f"{name}_range": _in_body(found[name], found) for name in TRIADS if name in found},
-        notes=found.get("notes", ()),
-        axes_applied=found.get("axes_applied", False),
-        place=found.get("place"),
-        date=found.get("date"),
+        else Layout(**{key: table[key] for key in _LAYOUT if key in table}, **table["header"]),
+        time=table["time"],
+        triads={name: table[name] for name in TRIADS if name in table},
+        temperature=table.get("temperature"),
+        flags=table.get("flags", {}).get("column"),
+        flag_words=table.get("flags", {}).get("words", False),
+        reference=table.get("reference"),
+        meta={key: table[key] for key in _META if key in table}
+        | {f"{name}_range": _in_body(table[name], table) for name in TRIADS if name in table},
+        notes=table.get("notes", ()),
+        axes_applied=table.get("axes_applied", False),
+        place=table.get("place"),
+        date=table.get("date"),
         origin=origin,
         arrays=arrays,
     )
@@ -118,14 +118,14 @@ def _columns_of_arrays(raw: Mapping[str, Any]) -> dict[str, Any]:
 
 def questions(raw: Mapping[str, Any], where: str = "") -> list[str]:
     """Keys whose value is still a question: a text that begins with ``?``, or a list that begins with one."""
-    found = []
+    keys = []
     for key, value in raw.items():
         first = value[0] if isinstance(value, list) and value else value
         if isinstance(value, dict):
-            found += questions(value, f"{where}{key}.")
+            keys += questions(value, f"{where}{key}.")
         elif isinstance(first, str) and first.lstrip().startswith("?"):
-            found.append(f"{where}{key}")
-    return found
+            keys.append(f"{where}{key}")
+    return keys
 
 
 def _refuse_questions(raw: Mapping[str, Any]) -> None:
@@ -136,13 +136,13 @@ def _refuse_questions(raw: Mapping[str, Any]) -> None:
         )
 
 
-def _in_body(group: GroupSource, found: Mapping[str, Any]) -> Range:
+def _in_body(group: GroupSource, table: Mapping[str, Any]) -> Range:
     """Range of body axes, where that of three columns differs."""
-    told = group.full_scale
-    if not isinstance(told, tuple):
-        return told
-    in_case = in_body_axes(group.axes, np.array(told))
-    axes = AS_MOUNTED if found.get("axes_applied") else found.get("axes", AS_MOUNTED)
+    full_scale = group.full_scale
+    if not isinstance(full_scale, tuple):
+        return full_scale
+    in_case = in_body_axes(group.axes, np.array(full_scale))
+    axes = AS_MOUNTED if table.get("axes_applied") else table.get("axes", AS_MOUNTED)
     x, y, z = np.abs(in_body_axes(axes, in_case)).tolist()
     return x, y, z
 
@@ -177,8 +177,8 @@ def _require_sense(profile: Profile) -> None:
         raise DecodeError(f"column {excerpt(str(repeated[0]))} is declared twice; each column has one meaning.")
 
 
-def _section(where: str, raw: Any, known: Mapping[str, Parse], required: tuple[str, ...] = ()) -> dict[str, Any]:
-    return schema.section(where, raw, known, required, top=where == "profile", missing=_absent)
+def _section(where: str, raw: Any, parsers: Mapping[str, Parse], required: tuple[str, ...] = ()) -> dict[str, Any]:
+    return schema.section(where, raw, parsers, required, top=where == "profile", missing=_absent)
 
 
 def _absent(where: str, key: str) -> PlumbobError:
@@ -234,14 +234,14 @@ def _axes(where: str, value: Any) -> str:
     return str(value)
 
 
-def _own_axes(where: str, found: Mapping[str, Any]) -> str:
+def _own_axes(where: str, table: Mapping[str, Any]) -> str:
     """Axes of one sensor; a left-handed set is said twice, so that no slip of a sign makes one."""
-    words = " ".join(found.get("axes", AS_MOUNTED).replace(",", " ").split())
+    words = " ".join(table.get("axes", AS_MOUNTED).replace(",", " ").split())
     try:
         left_handed = np.linalg.det(signed_axes(words)) < 0.0
     except FrameError as error:
         raise FrameError(f"{where}.axes: {error}") from error
-    if left_handed != found.get("mirrored", False):
+    if left_handed != table.get("mirrored", False):
         which = "left-handed; if the sensor's own axes are, say" if left_handed else "right-handed; remove"
         raise FrameError(f"{where}.axes = '{words}' are {which} {where}.mirrored = true.")
     return words
@@ -256,42 +256,42 @@ def _north(where: str, value: Any) -> North:
 
 
 def _header(where: str, value: Any) -> dict[str, Any]:
-    found = _section(where, value, _HEADER, ("names",))
-    if "occurrence" in found and "marker" not in found:
+    table = _section(where, value, _HEADER, ("names",))
+    if "occurrence" in table and "marker" not in table:
         raise DecodeError(f"{where}.occurrence counts a marker, but none is declared; add {where}.marker.")
-    if not found["names"] and "after_names" in found:
+    if not table["names"] and "after_names" in table:
         raise DecodeError(f"{where}.after_names needs names = true; use {where}.skip instead.")
-    return found
+    return table
 
 
 def _time(where: str, value: Any) -> TimeColumn | TimeStamps | TimeRate:
-    found = _section(where, value, _TIME)
-    if "format" in found:
-        return _time_stamps(where, found)
-    if alone := [key for key in ("columns", "zone") if key in found]:
+    table = _section(where, value, _TIME)
+    if "format" in table:
+        return _time_stamps(where, table)
+    if alone := [key for key in ("columns", "zone") if key in table]:
         raise DecodeError(f'{where}.{alone[0]} is for dates and clock times; add {where}.format = "{FORM}".')
-    if ("column" in found) == ("rate" in found):
+    if ("column" in table) == ("rate" in table):
         raise DecodeError(
             f'{where} needs either column and unit (or format = "{FORM}" for dates and clock times), '
             'or a declared rate such as rate = "100 Hz".'
         )
-    if "rate" in found:
-        if len(found) > 1:
+    if "rate" in table:
+        if len(table) > 1:
             raise DecodeError(
-                f"{where} has a rate, so it can have nothing else; remove {', '.join(set(found) - {'rate'})}."
+                f"{where} has a rate, so it can have nothing else; remove {', '.join(set(table) - {'rate'})}."
             )
-        return TimeRate(rate=found["rate"])
-    if "unit" not in found:
+        return TimeRate(rate=table["rate"])
+    if "unit" not in table:
         raise _absent(where, "unit")
-    return TimeColumn(column=found["column"], unit=found["unit"], unix="epoch" in found)
+    return TimeColumn(column=table["column"], unit=table["unit"], unix="epoch" in table)
 
 
-def _time_stamps(where: str, found: Mapping[str, Any]) -> TimeStamps:
-    if other := [key for key in ("unit", "epoch", "rate") if key in found]:
+def _time_stamps(where: str, table: Mapping[str, Any]) -> TimeStamps:
+    if other := [key for key in ("unit", "epoch", "rate") if key in table]:
         raise DecodeError(f"{where} has a format, so it can have no {' and no '.join(other)}; remove it.")
-    if ("column" in found) == ("columns" in found):
+    if ("column" in table) == ("columns" in table):
         raise DecodeError(f"{where} needs column, or columns = [date, time] where these are two.")
-    return TimeStamps(columns=found.get("columns") or (found["column"],), zone=found.get("zone"))
+    return TimeStamps(columns=table.get("columns") or (table["column"],), zone=table.get("zone"))
 
 
 def _zone(where: str, value: Any) -> int:
@@ -302,19 +302,19 @@ def _zone(where: str, value: Any) -> int:
 
 
 def _group(kind: Quantity, extra: Mapping[str, Parse], required: tuple[str, ...] = ()) -> Parse:
-    known = {"columns": _columns(3), "unit": schema.unit_of(kind), **_COUNTS, **extra, **_MOUNT}
+    parsers = {"columns": _columns(3), "unit": schema.unit_of(kind), **_COUNTS, **extra, **_MOUNT}
 
     def parse(where: str, value: Any) -> GroupSource:
-        found = _section(where, value, known, ("columns", "unit", *required))
+        table = _section(where, value, parsers, ("columns", "unit", *required))
         return GroupSource(
-            columns=found["columns"],
-            unit=found["unit"],
-            unit_per_count=_per_count(where, found),
-            zero=_zero_counts(where, found),
-            axes=_own_axes(where, found),
-            gravity=found.get("sign") == "gravity",
-            full_scale=found.get("range"),
-            delay=found.get("delay", 0.0),
+            columns=table["columns"],
+            unit=table["unit"],
+            unit_per_count=_per_count(where, table),
+            zero=_zero_counts(where, table),
+            axes=_own_axes(where, table),
+            gravity=table.get("sign") == "gravity",
+            full_scale=table.get("range"),
+            delay=table.get("delay", 0.0),
         )
 
     return parse
@@ -322,27 +322,27 @@ def _group(kind: Quantity, extra: Mapping[str, Parse], required: tuple[str, ...]
 
 def _range(kind: Quantity) -> Parse:
     """One size with its unit, or one for each of three columns."""
-    one = schema.size(kind)
+    parse_size = schema.size(kind)
 
     def parse(where: str, value: Any) -> float | tuple[float, ...]:
         if not isinstance(value, list):
-            return float(one(where, value))
+            return float(parse_size(where, value))
         if len(value) != 3:
             raise DecodeError(f"{where} must be one range, or three in a list, but it has {len(value)}.")
-        return tuple(one(f"{where}[{i}]", item) for i, item in enumerate(value))
+        return tuple(parse_size(f"{where}[{i}]", item) for i, item in enumerate(value))
 
     return parse
 
 
-def _per_count(where: str, found: Mapping[str, Any]) -> float:
-    if "counts_per_unit" in found and "unit_per_count" in found:
+def _per_count(where: str, table: Mapping[str, Any]) -> float:
+    if "counts_per_unit" in table and "unit_per_count" in table:
         raise DecodeError(f"{where} has both counts_per_unit and unit_per_count; keep the one from the data sheet.")
-    return float(found.get("unit_per_count", 1.0 / found.get("counts_per_unit", 1.0)))
+    return float(table.get("unit_per_count", 1.0 / table.get("counts_per_unit", 1.0)))
 
 
-def _zero_counts(where: str, found: Mapping[str, Any]) -> tuple[float, ...] | None:
-    zero: tuple[float, ...] | None = found.get("zero")
-    if zero is not None and not {"counts_per_unit", "unit_per_count"} & set(found):
+def _zero_counts(where: str, table: Mapping[str, Any]) -> tuple[float, ...] | None:
+    zero: tuple[float, ...] | None = table.get("zero")
+    if zero is not None and not {"counts_per_unit", "unit_per_count"} & set(table):
         raise DecodeError(f"{where}.zero is in counts; add {where}.counts_per_unit or {where}.unit_per_count.")
     return zero
 
@@ -354,17 +354,17 @@ def _three_or_one(where: str, value: Any) -> tuple[float, ...]:
 
 
 def _scale(where: str, value: Any) -> float:
-    found = schema.number(where, value)
-    if found == 0.0:
+    factor = schema.number(where, value)
+    if factor == 0.0:
         raise DecodeError(f"{where} must not be 0; a negative number turns the sign.")
-    return found
+    return factor
 
 
 def _temperature(where: str, value: Any) -> GroupSource:
-    found = _section(
+    table = _section(
         where, value, {"column": _column, "unit": schema.unit_of(Quantity.TEMPERATURE)}, ("column", "unit")
     )
-    return GroupSource(columns=(found["column"],), unit=found["unit"])
+    return GroupSource(columns=(table["column"],), unit=table["unit"])
 
 
 def _flags(where: str, value: Any) -> dict[str, Any]:
@@ -372,21 +372,21 @@ def _flags(where: str, value: Any) -> dict[str, Any]:
 
 
 def _covariance(where: str, value: Any) -> GroupSource:
-    known = {"columns": _columns(9), "angle_unit": schema.unit_of(Quantity.ANGLE)}
-    found = _section(where, value, known, ("columns", "angle_unit"))
-    return GroupSource(columns=found["columns"], unit=found["angle_unit"])
+    parsers = {"columns": _columns(9), "angle_unit": schema.unit_of(Quantity.ANGLE)}
+    table = _section(where, value, parsers, ("columns", "angle_unit"))
+    return GroupSource(columns=table["columns"], unit=table["angle_unit"])
 
 
 def _reference(where: str, value: Any) -> ReferenceSource:
-    found = _section(where, value, _REFERENCE, ("columns", "order", "frame", "north"))
-    size = _ORDERS[found["order"]]
-    if len(found["columns"]) != size:
-        raise DecodeError(f"{where}.order = '{found['order']}' needs {size} columns, but {len(found['columns'])} came.")
-    if (size == 3) != ("unit" in found):
+    table = _section(where, value, _REFERENCE, ("columns", "order", "frame", "north"))
+    size = _ORDERS[table["order"]]
+    if len(table["columns"]) != size:
+        raise DecodeError(f"{where}.order = '{table['order']}' needs {size} columns, but {len(table['columns'])} came.")
+    if (size == 3) != ("unit" in table):
         if size == 3:
             raise _absent(where, "unit")
         raise DecodeError(f"{where}.unit is for angles, but a quaternion has none; remove it.")
-    return ReferenceSource(**found)
+    return ReferenceSource(**table)
 
 
 _COUNTS: Final[dict[str, Parse]] = {

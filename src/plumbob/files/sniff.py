@@ -72,7 +72,7 @@ class Sample:
         return np.array([_value(cell, self.layout.decimal) for cell in self.cells(column)])
 
 
-def sample_of(path: Path) -> Sample:
+def read_sample(path: Path) -> Sample:
     """First rows of a text file, and how it is laid out.
 
     Raises
@@ -82,12 +82,12 @@ def sample_of(path: Path) -> Sample:
     """
     with path.open("rb") as stream:
         raw = stream.read(READ)
-        whole = len(raw) < READ
+        complete = len(raw) < READ
     text, encoding = _decoded(raw)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    lines = lines if whole else lines[:-1]
+    lines = lines if complete else lines[:-1]
     tried = lines[:TRIED]
-    best = max((_table(tried, separator, decimal) for separator, decimal in _LAYOUTS), key=lambda found: found.score)
+    best = max((_table(tried, separator, decimal) for separator, decimal in _LAYOUTS), key=lambda table: table.score)
     if len(best.rows) < FEWEST:
         raise DecodeError(
             f"no separator makes a table of it, with at least {FEWEST} rows and 2 columns of numbers. Numbers of one "
@@ -102,12 +102,12 @@ class _Table:
     decimal: str
     first: int
     rows: list[list[str]]
-    known: int
+    readable: int
 
     @property
     def score(self) -> tuple[int, int]:
         """Rows, then cells in them that are numbers, times or missing."""
-        return (len(self.rows), self.known)
+        return (len(self.rows), self.readable)
 
 
 def _decoded(raw: bytes) -> tuple[str, str]:
@@ -124,20 +124,20 @@ def _decoded(raw: bytes) -> tuple[str, str]:
 def _table(lines: Sequence[str], separator: str, decimal: str) -> _Table:
     """Longest run of rows with equally many cells, most of them numbers; comments and blank lines do not end it."""
     best = _Table(separator, decimal, 0, [], 0)
-    first = known = 0
+    first = readable = 0
     run: list[list[str]] = []
     for i, line in enumerate(lines):
         if not line.strip() or line.startswith(_COMMENTS):
             continue
         cells = _cells(line, separator, i + 1)
-        found = _known_cells(cells, decimal)
-        if not found or (run and len(cells) != len(run[0])):
-            run, known = [], 0
-        if found:
+        count = _known_cells(cells, decimal)
+        if not count or (run and len(cells) != len(run[0])):
+            run, readable = [], 0
+        if count:
             first = first if run else i
             run.append(cells)
-            known += found
-        if (candidate := _Table(separator, decimal, first, run, known)).score > best.score:
+            readable += count
+        if (candidate := _Table(separator, decimal, first, run, readable)).score > best.score:
             best = candidate
     return best
 
@@ -152,8 +152,8 @@ def _cells(line: str, separator: str, number: int) -> list[str]:
 def _known_cells(cells: Sequence[str], decimal: str) -> int:
     """Cells that are numbers, times or missing, in a row of which at least half are; 0 in any other."""
     numbers = sum(_NUMBER[decimal].fullmatch(cell.strip()) is not None for cell in cells)
-    known = numbers + sum(cell.strip() in MISSING or is_clocklike(cell) for cell in cells)
-    return known if numbers >= 1 and known >= 2 and 2 * known >= len(cells) else 0
+    readable = numbers + sum(cell.strip() in MISSING or is_clocklike(cell) for cell in cells)
+    return readable if numbers >= 1 and readable >= 2 and 2 * readable >= len(cells) else 0
 
 
 def _value(cell: str, decimal: str) -> float:
@@ -210,5 +210,5 @@ def _comment(lines: Sequence[str]) -> str:
 
 
 def _missing(rows: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    found = {cell.strip() for row in rows for cell in row} & set(MISSING)
-    return tuple(dict.fromkeys((*Layout(separator=",").missing, *sorted(found))))
+    markers = {cell.strip() for row in rows for cell in row} & set(MISSING)
+    return tuple(dict.fromkeys((*Layout(separator=",").missing, *sorted(markers))))

@@ -18,7 +18,7 @@ from plumbob.core.files import existing_file, reading, sidecars, text_of
 from plumbob.core.time import interpolated, to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.recording import Recording, read_notes
-from plumbob.files.columns import StampError, seconds_of
+from plumbob.files.columns import StampError, to_seconds
 from plumbob.files.profile import (
     AS_MOUNTED,
     NO_COLUMN,
@@ -32,7 +32,7 @@ from plumbob.files.profile import (
 )
 from plumbob.files.profile_toml import load_profile
 from plumbob.files.text_head import Body, decode, find_head, is_idle, split_row
-from plumbob.files.text_table import Table, place_of, read_table
+from plumbob.files.text_table import Table, column_index, read_table
 from plumbob.rotations import (
     body_axes,
     in_body_axes,
@@ -68,17 +68,17 @@ def read_text(path: str | Path, profile: Profile | str | Path | None = None) -> 
         If a declared triad holds no number.
     """
     file = existing_file(path)
-    declared, note = profile_of(file, profile)
+    declared, note = text_profile(file, profile)
     if declared.arrays:
         raise DecodeError(f"{file} is a text file, but {declared.origin} has arrays = true; declare its separator.")
     with reading(file):
         time = declared.time
         exact = time.column if isinstance(time, TimeColumn) and time.unix else None
         table = read_table(file.read_bytes(), declared.layout, declared.used, exact, declared.texts)
-        return recording_of(declared, table, file.stem, note)
+        return table_recording(declared, table, file.stem, note)
 
 
-def recording_of(profile: Profile, table: Table, name: str, note: str) -> Recording:
+def table_recording(profile: Profile, table: Table, name: str, note: str) -> Recording:
     """Recording of a table, by its profile; `note` says which. Errors as in `read_text`."""
     t, t0_ns = _time(profile, table)
     imu = _imu(profile, table, t, t0_ns) if profile.triads else None
@@ -87,24 +87,24 @@ def recording_of(profile: Profile, table: Table, name: str, note: str) -> Record
     return Recording(imu=imu, track=track, name=name, notes=notes)
 
 
-def profile_of(file: Path, given: Profile | str | Path | None) -> tuple[Profile, str]:
+def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profile, str]:
     """Profile that is given or lies beside a text file, and a note that says which; errors as in `read_text`."""
     if isinstance(given, Profile):
         return given, f"read with the profile {given.origin}"
     if given is not None:
         return load_profile(given), f"read with the profile {Path(given).name}"
-    found = [path for path in sidecars(file) if path.is_file()]
-    if len(found) > 1:
+    profiles = [path for path in sidecars(file) if path.is_file()]
+    if len(profiles) > 1:
         raise DecodeError(
-            f"{file}: both {found[0].name} and {found[1].name} lie beside it; name one: --profile FILE.toml."
+            f"{file}: both {profiles[0].name} and {profiles[1].name} lie beside it; name one: --profile FILE.toml."
         )
-    if not found:
+    if not profiles:
         raise DecodeError(
             f"{file}: a text file does not say its units, so it needs --profile FILE.toml (or {file.stem}.toml beside "
             f"it); its first line is {_first_line(file)}. plumbob profile {shlex.quote(str(file))} drafts one. "
             "Plain numbers of a unit at rest are for 'plumbob allan', with --rate and --scale."
         )
-    return load_profile(found[0]), f"read with the profile {found[0].name}, found beside the file"
+    return load_profile(profiles[0]), f"read with the profile {profiles[0].name}, found beside the file"
 
 
 def _first_line(file: Path) -> str:
@@ -125,7 +125,7 @@ def _time(profile: Profile, table: Table) -> tuple[Floats, int]:
 
 def _of_stamps(source: TimeStamps, table: Table) -> tuple[Floats, int]:
     try:
-        return seconds_of([table.texts[ref] for ref in source.columns], source.zone)
+        return to_seconds([table.texts[ref] for ref in source.columns], source.zone)
     except StampError as error:
         raise DecodeError(f"line {table.line_of(error.row)}: {error}") from error
 
@@ -187,9 +187,9 @@ def _optional(table: Table, ref: ColumnRef | None) -> Floats | None:
 
 
 def _inside(values: Floats, unit: str) -> Floats:
-    known = units.unit(unit)
+    scale = units.unit(unit)
     # What is already in the unit used inside keeps every bit, the sign of zero included.
-    return values if (known.factor, known.offset) == (1.0, 0.0) else units.to_si(values, unit)
+    return values if (scale.factor, scale.offset) == (1.0, 0.0) else units.to_si(values, unit)
 
 
 def _stacked(columns: tuple[ColumnRef, ...], table: Table) -> Floats:
@@ -216,11 +216,11 @@ def _undelayed(t: Floats, values: Floats, delay: float) -> Floats:
     """
     if delay == 0.0:
         return values
-    t_ns, found = to_ns(t), np.full_like(values, np.nan)
-    for i, known in enumerate(np.isfinite(values).T):
-        if known.any():
-            found[known, i] = interpolated(t_ns[known] + round(delay * 1e9), t_ns[known], values[known, i])
-    return found
+    t_ns, shifted = to_ns(t), np.full_like(values, np.nan)
+    for i, valid in enumerate(np.isfinite(values).T):
+        if valid.any():
+            shifted[valid, i] = interpolated(t_ns[valid] + round(delay * 1e9), t_ns[valid], values[valid, i])
+    return shifted
 
 
 def _covariance(group: GroupSource, table: Table, turn: str | None) -> Floats:
@@ -288,14 +288,14 @@ def read_labels(path: str | Path, column: ColumnRef, profile: Profile | str | Pa
         If there is no such column, or as `read_text`.
     """
     file = existing_file(path)
-    layout = profile_of(file, profile)[0].layout
+    layout = text_profile(file, profile)[0].layout
     with reading(file):
         raw = file.read_bytes()
         text = decode(raw, layout.encoding)
         head = find_head(text, layout)
         body = Body(raw, text, head.start, text.rfind("\n") + 1, head.line)
         rows = [split_row(row, layout.separator, n) for n, row in body.rows() if not is_idle(row, layout.comment)]
-        place = place_of(column, head.names, min(map(len, rows), default=0), layout)
+        place = column_index(column, head.names, min(map(len, rows), default=0), layout)
         return [row[place].strip() for row in rows]
 
 
@@ -308,17 +308,17 @@ def read_spans(path: str | Path) -> dict[str, tuple[float, float]]:
         If it is not such a table, a name comes twice or a span has no length.
     """
     file, text = Path(path), text_of(path)
-    found: dict[str, tuple[float, float]] = {}
+    spans: dict[str, tuple[float, float]] = {}
     with reading(file):
         rows = csv.reader(text.splitlines())
         if tuple(cell.strip() for cell in next(rows, [])) != SPANS:
             raise DecodeError(f"the first line must be {','.join(SPANS)}.")
         for line, row in enumerate(rows, start=2):
             name, span = _span(line, row)
-            if name in found:
+            if name in spans:
                 raise DecodeError(f"line {line}: {excerpt(name)} comes twice.")
-            found[name] = span
-    return found
+            spans[name] = span
+    return spans
 
 
 def _span(line: int, row: list[str]) -> tuple[str, tuple[float, float]]:

@@ -161,15 +161,15 @@ def split_row(row: str, separator: str, line: int) -> list[str]:
 
 
 def _after_marker(text: str, layout: Layout) -> tuple[int, int]:
-    place, line, left = 0, 1, layout.occurrence
+    place, line, remaining = 0, 1, layout.occurrence
     while place < len(text):
         end = _end(text, place)
-        left -= text[place:end].rstrip(" \t,;") == layout.marker.rstrip(" \t,;")
+        remaining -= text[place:end].rstrip(" \t,;") == layout.marker.rstrip(" \t,;")
         place, line = end + 1, line + 1
-        if left == 0:
+        if remaining == 0:
             return place, line
     raise DecodeError(
-        f"the marker {excerpt(layout.marker)} comes {layout.occurrence - left} times, but the profile expects it "
+        f"the marker {excerpt(layout.marker)} comes {layout.occurrence - remaining} times, but the profile expects it "
         f"{layout.occurrence} times; check header.marker and header.occurrence."
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
-from plumbob.files.arrow import numbers_of
+from plumbob.files.arrow import column_numbers
 from plumbob.files.columns import FORM, is_clocklike
 from plumbob.files.profile import ColumnRef, Layout
 from plumbob.files.text_head import Body, decode, find_head, is_idle, split_row
@@ -91,28 +91,28 @@ def read_table(
     if not first:
         raise DecodeError("there is no whole row of numbers; check the profile's [header].")
     width = len(split_row(first, layout.separator, line))
-    places = {ref: place_of(ref, head.names, width, layout) for ref in refs}
+    places = {ref: column_index(ref, head.names, width, layout) for ref in refs}
     _refuse_shared(places)
     wanted = _Wanted(places, exact, texts)
     columns, words, zero = _fast(body, layout, width, wanted) or _slow(body, layout, width, wanted)
     rows = len(next(iter((columns | words).values())))
     _refuse_rows(rows, layout.rows)
-    return Table(columns, zero, rows, body.remark(), words, lambda row: _line_of(body, layout, row))
+    return Table(columns, zero, rows, body.remark(), words, lambda row: _line_number(body, layout, row))
 
 
-def _line_of(body: Body, layout: Layout, row: int) -> int:
+def _line_number(body: Body, layout: Layout, row: int) -> int:
     return next(islice((line for line, text in body.rows() if not is_idle(text, layout.comment)), row, None))
 
 
-def _refuse_rows(found: int, declared: int | None) -> None:
-    if declared is not None and found != declared:
+def _refuse_rows(rows: int, declared: int | None) -> None:
+    if declared is not None and rows != declared:
         raise DecodeError(
-            f"there are {found} whole rows of numbers, but the profile says rows = {declared}; the file is cut or "
+            f"there are {rows} whole rows of numbers, but the profile says rows = {declared}; the file is cut or "
             "another one. If it is meant so, correct the profile."
         )
 
 
-def place_of(ref: ColumnRef, names: tuple[str, ...], width: int, layout: Layout) -> int:
+def column_index(ref: ColumnRef, names: tuple[str, ...], width: int, layout: Layout) -> int:
     """Index of a column among the `width` cells of a row; DecodeError where it is not one of them."""
     if isinstance(ref, str):
         if names.count(ref) != 1:
@@ -159,24 +159,24 @@ def _fast(body: Body, layout: Layout, width: int, wanted: _Wanted) -> _Read | No
         )
     except (pa.ArrowException, OSError, ValueError):
         return None
-    found: dict[ColumnRef, Any] = {ref: table.column(str(p)) for ref, p in wanted.places.items()}
-    texts = {ref: found.pop(ref).to_pylist() for ref in wanted.texts}
-    numbers = _collected(found, wanted.exact)
+    arrays: dict[ColumnRef, Any] = {ref: table.column(str(p)) for ref, p in wanted.places.items()}
+    texts = {ref: arrays.pop(ref).to_pylist() for ref in wanted.texts}
+    numbers = _collected(arrays, wanted.exact)
     return None if numbers is None else (numbers[0], texts, numbers[1])
 
 
-def _collected(found: dict[ColumnRef, Any], exact: ColumnRef | None) -> tuple[dict[ColumnRef, Floats], Decimal] | None:
+def _collected(arrays: dict[ColumnRef, Any], exact: ColumnRef | None) -> tuple[dict[ColumnRef, Floats], Decimal] | None:
     import pyarrow as pa
     import pyarrow.compute as pc
 
     zero = Decimal(0)
     if exact is not None:
-        first = found[exact][0]
+        first = arrays[exact][0]
         if not first.is_valid:
             return None
         zero = first.as_py()
-        found = found | {exact: pc.subtract(found[exact], first).cast(pa.float64())}
-    return {ref: np.asarray(numbers_of(column), dtype=np.float64) for ref, column in found.items()}, zero
+        arrays = arrays | {exact: pc.subtract(arrays[exact], first).cast(pa.float64())}
+    return {ref: np.asarray(column_numbers(column), dtype=np.float64) for ref, column in arrays.items()}, zero
 
 
 def _slow(body: Body, layout: Layout, width: int, wanted: _Wanted) -> _Read:
@@ -186,19 +186,19 @@ def _slow(body: Body, layout: Layout, width: int, wanted: _Wanted) -> _Read:
     for line, row in body.rows():
         if is_idle(row, layout.comment):
             continue
-        found = split_row(row, layout.separator, line)
-        if len(found) != width:
+        words = split_row(row, layout.separator, line)
+        if len(words) != width:
             raise DecodeError(
-                f"line {line} has {len(found)} cells, but the first row of numbers has {width}: {excerpt(row)}; "
+                f"line {line} has {len(words)} cells, but the first row of numbers has {width}: {excerpt(row)}; "
                 "correct the line, or the separator in the profile."
             )
         for ref, place in wanted.places.items():
             if ref in texts:
-                texts[ref].append(found[place])
+                texts[ref].append(words[place])
             elif ref == wanted.exact:
-                stamps.append(_decimal(found[place], line, ref, layout))
+                stamps.append(_decimal(words[place], line, ref, layout))
             else:
-                cells[ref].append(_number(found[place], line, ref, layout))
+                cells[ref].append(_number(words[place], line, ref, layout))
     zero = stamps[0] if stamps else Decimal(0)
     if wanted.exact is not None:
         cells[wanted.exact] = [float(stamp - zero) for stamp in stamps]

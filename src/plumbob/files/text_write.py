@@ -14,7 +14,7 @@ from plumbob.core.time import to_s
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.cards import UNITS
 from plumbob.data.recording import Recording, stored_notes
-from plumbob.files.arrow import column_of
+from plumbob.files.arrow import arrow_column
 from plumbob.files.columns import COLUMNS, GROUPS, TIME, Columns, to_columns
 from plumbob.files.header import plain_meta
 
@@ -79,7 +79,7 @@ def _write_numbers(stream: Any, columns: Columns) -> None:
 
     numbers = {name: values.astype(np.uint8) if values.dtype == bool else values for name, values in columns.items()}
     numbers[TIME] = to_s(columns[TIME])
-    table = pa.table({name: column_of(values) for name, values in numbers.items()})
+    table = pa.table({name: arrow_column(values) for name, values in numbers.items()})
     csv.write_csv(table, stream, csv.WriteOptions(include_header=False, quoting_style="none"))
 
 

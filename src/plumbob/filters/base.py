@@ -46,7 +46,7 @@ from plumbob.filters.layout import (
     tick,
 )
 from plumbob.filters.settling import settle, trial_time
-from plumbob.filters.start import Start, start_of
+from plumbob.filters.start import Start, as_start
 from plumbob.rotations import Frame, North
 from plumbob.rotations.kernels import rotate
 
@@ -89,10 +89,10 @@ class Loops:
 
 @kernel
 def step(
-    c: Floats, x: Floats, dt: float, seen: int,
+    c: Floats, x: Floats, dt: float, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
-    """Stand in for the step of a filter, which `loops_of` puts here."""
+    """Stand in for the step of a filter, which `filter_loops` puts here."""
     return 0
 
 
@@ -115,27 +115,27 @@ def see_field(x: Floats, dt: float, mx: float, my: float, mz: float) -> None:
 
 @kernel
 def _take(
-    c: Floats, x: Floats, t_ns: int, seen: int,
+    c: Floats, x: Floats, t_ns: int, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     said = as_one(or_zero(as_one(gx, gy, gz)), or_zero(as_one(ax, ay, az)), or_zero(as_one(mx, my, mz)))
     dt = tick(x, t_ns, said)
     if dt < 0.0:
-        return seen | flags.TIME_FAULT
-    seen |= watch(x, dt, gx, gy, gz, ax, ay, az, mx, my, mz)
+        return flags_in | flags.TIME_FAULT
+    flags_in |= watch(x, dt, gx, gy, gz, ax, ay, az, mx, my, mz)
     blind = x[STAGE] == BLIND or dt > c[MAX_GAP]
-    found = seen | step(c, x, dt, seen, gx, gy, gz, ax, ay, az, mx, my, mz)
+    word = flags_in | step(c, x, dt, flags_in, gx, gy, gz, ax, ay, az, mx, my, mz)
     look(x, dt, mx, my, mz)
-    return found | settle(c, x, dt, seen, blind, found, gx, gy, gz, ax, ay, az)
+    return word | settle(c, x, dt, flags_in, blind, word, gx, gy, gz, ax, ay, az)
 
 
 @kernel
 def _row(
-    i: int, c: Floats, x: Floats, t_ns: NDArray[np.int64], seen: NDArray[np.uint32],
-    gyr: Floats, acc: Floats, mag: Floats, q_nb: Floats, bias_b: Floats, found: NDArray[np.uint32],
+    i: int, c: Floats, x: Floats, t_ns: NDArray[np.int64], flags_in: NDArray[np.uint32],
+    gyr: Floats, acc: Floats, mag: Floats, q_nb: Floats, bias_b: Floats, words: NDArray[np.uint32],
 ) -> None:  # fmt: skip
-    found[i] = _take(
-        c, x, t_ns[i], int(seen[i]),
+    words[i] = _take(
+        c, x, t_ns[i], int(flags_in[i]),
         gyr[3 * i], gyr[3 * i + 1], gyr[3 * i + 2], acc[3 * i], acc[3 * i + 1], acc[3 * i + 2],
         mag[3 * i], mag[3 * i + 1], mag[3 * i + 2],
     )  # fmt: skip
@@ -145,25 +145,25 @@ def _row(
 
 @kernel
 def _batch(
-    c: Floats, x: Floats, t_ns: NDArray[np.int64], seen: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats,
-    q_nb: Floats, bias_b: Floats, found: NDArray[np.uint32],
+    c: Floats, x: Floats, t_ns: NDArray[np.int64], flags_in: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats,
+    q_nb: Floats, bias_b: Floats, words: NDArray[np.uint32],
 ) -> None:  # fmt: skip
     for i in range(t_ns.shape[0]):
         _row(
-            i, bare(c), bare(x), bare(t_ns), bare(seen), bare(gyr), bare(acc), bare(mag),
-            bare(q_nb), bare(bias_b), bare(found),
+            i, bare(c), bare(x), bare(t_ns), bare(flags_in), bare(gyr), bare(acc), bare(mag),
+            bare(q_nb), bare(bias_b), bare(words),
         )  # fmt: skip
 
 
 @kernel
 def _claiming(
-    c: Floats, x: Floats, t_ns: NDArray[np.int64], seen: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats,
-    q_nb: Floats, bias_b: Floats, found: NDArray[np.uint32], first: int, cov: Floats,
+    c: Floats, x: Floats, t_ns: NDArray[np.int64], flags_in: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats,
+    q_nb: Floats, bias_b: Floats, words: NDArray[np.uint32], first: int, cov: Floats,
 ) -> None:  # fmt: skip
     for i in range(t_ns.shape[0]):
         _row(
-            i, bare(c), bare(x), bare(t_ns), bare(seen), bare(gyr), bare(acc), bare(mag),
-            bare(q_nb), bare(bias_b), bare(found),
+            i, bare(c), bare(x), bare(t_ns), bare(flags_in), bare(gyr), bare(acc), bare(mag),
+            bare(q_nb), bare(bias_b), bare(words),
         )  # fmt: skip
         last = cov.shape[1] - 2
         for k in range(last):
@@ -172,25 +172,25 @@ def _claiming(
 
 
 @kernel
-def _single(s: Floats, t_ns: int, seen: int, values: Floats) -> int:
+def _single(s: Floats, t_ns: int, word: int, values: Floats) -> int:
     size = int(s[SIZE])
     c, x = bare(s), bare(s[size:])
     gyr_flag, gx, gy, gz = judge(
-        seen & flags.GYR_INVALID, values[0], values[1], values[2], IMPOSSIBLE_RATE, flags.GYR_ABSENT, flags.GYR_INVALID
+        word & flags.GYR_INVALID, values[0], values[1], values[2], IMPOSSIBLE_RATE, flags.GYR_ABSENT, flags.GYR_INVALID
     )
     acc_flag, ax, ay, az = judge(
-        seen & flags.ACC_INVALID, values[3], values[4], values[5],
+        word & flags.ACC_INVALID, values[3], values[4], values[5],
         IMPOSSIBLE_ACCELERATION, flags.ACC_ABSENT, flags.ACC_INVALID,
     )  # fmt: skip
     mag_flag, mx, my, mz = judge(
-        seen & flags.MAG_INVALID, values[6], values[7], values[8], IMPOSSIBLE_FIELD, flags.MAG_ABSENT, flags.MAG_INVALID
+        word & flags.MAG_INVALID, values[6], values[7], values[8], IMPOSSIBLE_FIELD, flags.MAG_ABSENT, flags.MAG_INVALID
     )
     if c[USE_MAG] == 0.0:
         mx, my, mz = math.nan, math.nan, math.nan
-    return _take(c, x, t_ns, seen | gyr_flag | acc_flag | mag_flag, gx, gy, gz, ax, ay, az, mx, my, mz)
+    return _take(c, x, t_ns, word | gyr_flag | acc_flag | mag_flag, gx, gy, gz, ax, ay, az, mx, my, mz)
 
 
-def loops_of(name: str, module: FilterModule) -> Loops:
+def filter_loops(name: str, module: FilterModule) -> Loops:
     """Batch and single-sample entries of a filter, compiled around its step."""
     look_on = see_field if hasattr(module, "COVARIANCE") else look
     take = specialise(_take, f"take_{name}", step=module.step, look=look_on)
@@ -205,7 +205,7 @@ def loops_of(name: str, module: FilterModule) -> Loops:
 def specialised() -> list[Kernel[..., Any]]:
     """Loops of all filters, of which C is made."""
     all_loops = [_cached_loops(name, load(name)) for name in filter_names() if name != SMOOTHER]
-    return [one for loops in all_loops for one in (loops.batch, loops.claiming, loops.single)]
+    return [loop for loops in all_loops for loop in (loops.batch, loops.claiming, loops.single)]
 
 
 class Filter(Shown):
@@ -282,7 +282,7 @@ class Filter(Shown):
         self._c, self._x = self._s[: c.size], self._s[c.size :]
         self._q = self._x[Q : Q + 4]
         self._single = self._loops.single.compiled
-        self._init = None if init is None else start_of(init, frame)
+        self._init = None if init is None else as_start(init, frame)
         self.reset()
 
     def reset(self) -> None:
@@ -343,17 +343,17 @@ class Filter(Shown):
         if place.start == place.stop:
             return None
         entries = np.concatenate((self._x[place], self._x[SEEN : SEEN + 2]))
-        one: Floats = self._claimed(self._q[np.newaxis], entries[np.newaxis])[0]
-        return one
+        cov: Floats = self._claimed(self._q[np.newaxis], entries[np.newaxis])[0]
+        return cov
 
     def _claimed(self, q_nb: Floats, entries: Floats) -> Floats:
         """Covariance (N, 3, 3) of the filter's own entries, and of what the calibration leaves, by the field seen."""
         module: Any = self.module
-        own: Floats = module.covariance(q_nb, entries[:, :-2])
+        filter_cov: Floats = module.covariance(q_nb, entries[:, :-2])
         from plumbob.filters.settling import considered
 
         north = float(self._c[NORTH_X]), float(self._c[NORTH_Y])
-        return own + considered(q_nb, entries[:, -2:], float(self._c[UP]), north, *self._left)
+        return filter_cov + considered(q_nb, entries[:, -2:], float(self._c[UP]), north, *self._left)
 
     def process(self, data: ImuData, *, covariance: bool = False, look: bool = True) -> AttitudeTrack:
         """Take a recording, or its next chunk, and return the attitude at each of its samples.
@@ -379,7 +379,7 @@ class Filter(Shown):
             _warn_of_doubts(data, self.frame)
         mag = data.usable("mag") if self.common.mag else check.read_only(np.full((len(data), 3), np.nan))
         place = self._covariance if covariance else slice(0, 0)
-        q_nb, bias_b, found, cov = self._batch(
+        q_nb, bias_b, words, cov = self._batch(
             data.t_ns, data.flags, data.usable("gyr"), data.usable("acc"), mag, place
         )
         return AttitudeTrack.trusted(
@@ -389,7 +389,7 @@ class Filter(Shown):
             north=self.north("mag" in data.triads),
             bias_b=bias_b,
             cov_b=self._claimed(q_nb, cov) if cov.size else None,
-            flags=found,
+            flags=words,
             source=f"{self.describe()}; calibration {calibration_told(data.meta.calibration)}",
         )
 
@@ -399,20 +399,20 @@ class Filter(Shown):
         return place
 
     def _batch(
-        self, t_ns: NDArray[np.int64], seen: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats, place: slice
+        self, t_ns: NDArray[np.int64], flags_in: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats, place: slice
     ) -> tuple[Floats, Floats, NDArray[np.uint32], Floats]:
         n = t_ns.size
-        q_nb, bias_b, found = np.empty((n, 4)), np.empty((n, 3)), np.empty(n, dtype=np.uint32)
+        q_nb, bias_b, words = np.empty((n, 4)), np.empty((n, 3)), np.empty(n, dtype=np.uint32)
         size = place.stop - place.start
         cov = np.empty((n, size + 2 if size else 0))
         args = (
-            self._c, self._x, t_ns, seen, gyr.ravel(), acc.ravel(), mag.ravel(), q_nb.ravel(), bias_b.ravel(), found
+            self._c, self._x, t_ns, flags_in, gyr.ravel(), acc.ravel(), mag.ravel(), q_nb.ravel(), bias_b.ravel(), words
         )  # fmt: skip
         if cov.shape[1]:
             self._loops.claiming.compiled(*args, place.start, cov)
         else:
             self._loops.batch.compiled(*args)
-        return q_nb, bias_b, found, cov
+        return q_nb, bias_b, words, cov
 
     def update(self, sample: ImuSample) -> int:
         """Take the next sample and return its flags; `q_nb` is then the attitude at its time.
@@ -482,10 +482,10 @@ class Filter(Shown):
 
     def facts(self) -> Mapping[str, str]:
         """What it is, in words: name, frame, the parameters that differ from their defaults, and samples taken."""
-        own, common = self.module.Params(), CommonParams()
+        defaults, common = self.module.Params(), CommonParams()
         changed = [
             f"{p.name}={shown(p, value)}"
-            for holder, usual in ((self.params, own), (self.common, common))
+            for holder, usual in ((self.params, defaults), (self.common, common))
             for p in describe(type(holder))
             if (value := getattr(holder, p.name)) != getattr(usual, p.name)
         ]
@@ -513,10 +513,10 @@ class Filter(Shown):
 
     def north(self, has_mag: bool) -> North:
         """What headings count from, of samples with or without a magnetometer."""
-        return north_of(self.common, self._init, has_mag)
+        return north_reference(self.common, self._init, has_mag)
 
 
-def north_of(common: CommonParams, init: Start | None, has_mag: bool) -> North:
+def north_reference(common: CommonParams, init: Start | None, has_mag: bool) -> North:
     """What headings count from, of samples with or without a magnetometer."""
     if not (has_mag and common.mag):
         if init is None:
@@ -537,19 +537,19 @@ _LOOPS: dict[str, Loops] = {}
 
 def _cached_loops(name: str, module: FilterModule) -> Loops:
     if name not in _LOOPS:
-        _LOOPS[name] = loops_of(name, module)
+        _LOOPS[name] = filter_loops(name, module)
     return _LOOPS[name]
 
 
 def _split_params(name: str, module: FilterModule, values: dict[str, Any]) -> tuple[Any, CommonParams]:
-    own = {p.name for p in describe(module.Params)}
+    specific = {p.name for p in describe(module.Params)}
     shared = {p.name for p in describe(CommonParams)}
-    unknown = [k for k in values if k not in own | shared]
+    unknown = [k for k in values if k not in specific | shared]
     if unknown:
-        known = ", ".join(p.name for p in (*describe(module.Params), *describe(CommonParams)))
-        raise ParameterError(f"{name} has no parameter '{unknown[0]}'; known are {known}.")
+        valid_names = ", ".join(p.name for p in (*describe(module.Params), *describe(CommonParams)))
+        raise ParameterError(f"{name} has no parameter '{unknown[0]}'; known are {valid_names}.")
     return (
-        build(module.Params, {k: v for k, v in values.items() if k in own}, of=name),
+        build(module.Params, {k: v for k, v in values.items() if k in specific}, of=name),
         build(CommonParams, {k: v for k, v in values.items() if k in shared}, of=name),
     )
 
@@ -565,17 +565,17 @@ def _coefficients(module: FilterModule, params: Any, common: CommonParams, frame
     angle = common.declination or 0.0
     north = math.cos(angle) * frame.north + math.sin(angle) * frame.east
     shared = (frame.up[2], north[0], north[1], common.max_gap, 1.0 if common.mag else 0.0, trial_time(module.NEEDS))
-    own = module.coefficients(params)
-    return np.array([1.0 + len(shared) + len(own), *shared, *own], dtype=np.float64)
+    specific = module.coefficients(params)
+    return np.array([1.0 + len(shared) + len(specific), *shared, *specific], dtype=np.float64)
 
 
 def _from_noise(name: str, module: FilterModule, noise: "NoiseCard | None") -> Mapping[str, Any]:
     if noise is None:
         return {}
-    found: Mapping[str, Any] | None = module.from_noise(noise) if hasattr(module, "from_noise") else None
-    if found is None:
+    params: Mapping[str, Any] | None = module.from_noise(noise) if hasattr(module, "from_noise") else None
+    if params is None:
         raise ParameterError(f"{name} has no parameter that a noise card could give; leave the card out.")
-    return found
+    return params
 
 
 def _saved_start(saved: Any) -> Start | None:

@@ -95,14 +95,14 @@ def _take(c: Floats, x: Floats, t_ns: int, y: float) -> int:
 
 @kernel
 def _batch(
-    c: Floats, x: Floats, t_ns: NDArray[np.int64], rate: Floats, out: Floats, found: NDArray[np.uint32]
+    c: Floats, x: Floats, t_ns: NDArray[np.int64], rate: Floats, out: Floats, words: NDArray[np.uint32]
 ) -> None:  # fmt: skip
     for i in range(t_ns.shape[0]):
         word = 0
         for k in range(rate.shape[1]):
             word |= _take(c, x[k], t_ns[i], rate[i, k])
             out[i, k] = x[k, RATE]
-        found[i] = word
+        words[i] = word
 
 
 class RateFilter:
@@ -145,7 +145,7 @@ class RateFilter:
         self.channels = channels
         self.module = load(name)
         self.params = build(self.module.Params, params or {}, of=name)
-        self._batch = batch_of(name, self.module)
+        self._batch = batch_loop(name, self.module)
         self._c = np.array(self.module.coefficients(self.params), dtype=np.float64)
         self._x = np.empty((_count(channels), OWN + self.module.own_state(self.params)))
         self.reset()
@@ -185,26 +185,26 @@ class RateFilter:
         time = check.column("t", t)
         check.increasing_time("t", time)
         if self.channels is None:
-            out, found = self._run(to_ns(time), check.column("rate", rate, time.size)[:, np.newaxis])
-            return Smoothed(out[:, 0], found)
+            out, words = self._run(to_ns(time), check.column("rate", rate, time.size)[:, np.newaxis])
+            return Smoothed(out[:, 0], words)
         return Smoothed(*self._run(to_ns(time), check.rows("rate", rate, self.channels, time.size)))
 
     def update(self, t_ns: int, *rate: float) -> int:
         """Take the next sample, one rate, rad/s, for each channel, and return its flags; `rate` is then the result."""
         if len(rate) != self._x.shape[0]:
             raise ShapeError(f"update needs {self._x.shape[0]} rates, one for each channel, but got {len(rate)}.")
-        _, found = self._run(np.array([t_ns], dtype=np.int64), np.array([rate], dtype=np.float64))
-        return int(found[0])
+        _, words = self._run(np.array([t_ns], dtype=np.int64), np.array([rate], dtype=np.float64))
+        return int(words[0])
 
     def _run(self, t_ns: NDArray[np.int64], rate: Floats) -> tuple[Floats, NDArray[np.uint32]]:
-        out, found = np.empty(rate.shape), np.empty(t_ns.size, dtype=np.uint32)
-        self._batch(self._c, self._x, t_ns, check.read_only(rate), out, found)
-        return out, found
+        out, words = np.empty(rate.shape), np.empty(t_ns.size, dtype=np.uint32)
+        self._batch(self._c, self._x, t_ns, check.read_only(rate), out, words)
+        return out, words
 
     def describe(self) -> str:
         """Name and parameters in one line, for provenance."""
-        told = (f"{p.name}={shown(p, getattr(self.params, p.name))}" for p in describe(type(self.params)))
-        return f"{self.name}({', '.join(told)})"
+        settings = (f"{p.name}={shown(p, getattr(self.params, p.name))}" for p in describe(type(self.params)))
+        return f"{self.name}({', '.join(settings)})"
 
 
 def channel_names() -> tuple[str, ...]:
@@ -228,7 +228,7 @@ def load(name: str) -> ChannelModule:
 _BATCHES: dict[str, Kernel[..., None]] = {}
 
 
-def batch_of(name: str, module: ChannelModule) -> Kernel[..., None]:
+def batch_loop(name: str, module: ChannelModule) -> Kernel[..., None]:
     """Loop of a filter over a recording, with its step inlined."""
     if name not in _BATCHES:
         take = specialise(_take, f"take_channel_{name}", step=module.step)
@@ -238,7 +238,7 @@ def batch_of(name: str, module: ChannelModule) -> Kernel[..., None]:
 
 def specialised() -> list[Kernel[..., None]]:
     """Loops of all channel filters, of which C is made."""
-    return [batch_of(name, load(name)) for name in channel_names()]
+    return [batch_loop(name, load(name)) for name in channel_names()]
 
 
 def _count(channels: int | None) -> int:

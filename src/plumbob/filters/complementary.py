@@ -112,8 +112,8 @@ def correct_heading(c: Floats, x: Floats, dt: float, mx: float, my: float, mz: f
     """Go part of the way to the compass heading; a flag where there is none. The tilt stays."""
     if not usable(mx, my, mz):
         return refused(flags.MAG_GATED, mx, my, mz)
-    found, angle = heading_offset(c, x[Q], x[Q + 1], x[Q + 2], x[Q + 3], mx, my, mz)
-    if not found:
+    headed, angle = heading_offset(c, x[Q], x[Q + 1], x[Q + 2], x[Q + 3], mx, my, mz)
+    if not headed:
         return flags.MAG_GATED
     w = share(dt, c[TAU_HEADING])
     q0, q1, q2, q3 = turn_about_vertical(w * angle, x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
@@ -123,14 +123,14 @@ def correct_heading(c: Floats, x: Floats, dt: float, mx: float, my: float, mz: f
 
 @kernel
 def step(
-    c: Floats, x: Floats, dt: float, seen: int,
+    c: Floats, x: Floats, dt: float, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample."""
     px, py, pz = x[RATE], x[RATE + 1], x[RATE + 2]
-    found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
+    word, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
     predict(x, dt, px, py, pz, gx, gy, gz)
     if x[STAGE] < HEADED:
-        found |= initialise(c, x, ax, ay, az, mx, my, mz)
-    found |= correct_tilt(c, x, dt, ax, ay, az)
-    return found | correct_heading(c, x, dt, mx, my, mz)
+        word |= initialise(c, x, ax, ay, az, mx, my, mz)
+    word |= correct_tilt(c, x, dt, ax, ay, az)
+    return word | correct_heading(c, x, dt, mx, my, mz)

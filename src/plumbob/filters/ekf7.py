@@ -154,8 +154,8 @@ def from_noise(card: "NoiseCard") -> dict[str, Any] | None:
     """
     if card.gyr is None:
         return None
-    found = {"gyro_noise": card.gyr.n_rms, "bias_walk": card.gyr.k_rms}
-    return {name: value for name, value in found.items() if value > 0.0}
+    params = {"gyro_noise": card.gyr.n_rms, "bias_walk": card.gyr.k_rms}
+    return {name: value for name, value in params.items() if value > 0.0}
 
 
 def covariance(q_nb: Floats, entries: Floats) -> Floats:
@@ -165,8 +165,8 @@ def covariance(q_nb: Floats, entries: Floats) -> Floats:
     p[:, rows, columns] = p[:, columns, rows] = entries
     q0, q1, q2, q3 = q_nb.T
     xi = np.moveaxis(np.array([[-q1, -q2, -q3], [q0, -q3, q2], [q3, q0, -q1], [-q2, q1, q0]]), 2, 0)
-    found: Floats = 4.0 * (np.swapaxes(xi, 1, 2) @ (p @ xi))
-    return found
+    cov: Floats = 4.0 * (np.swapaxes(xi, 1, 2) @ (p @ xi))
+    return cov
 
 
 @kernel
@@ -221,19 +221,19 @@ def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: 
 def motion_var(c: Floats, x: Floats, dt: float, excess: float) -> float:
     """Variance of the accelerometer in motion; it falls to that of rest as the quiet lasts, without a jump."""
     moving = 1.0 - x[QUIET] / c[REST_TIME]
-    found: float = max((c[REST_VAR] + (c[MOTION_VAR] - c[REST_VAR]) * (moving * moving)) / dt, excess * excess)
-    return found
+    var: float = max((c[REST_VAR] + (c[MOTION_VAR] - c[REST_VAR]) * (moving * moving)) / dt, excess * excess)
+    return var
 
 
 @kernel
 def step(
-    c: Floats, x: Floats, dt: float, seen: int,
+    c: Floats, x: Floats, dt: float, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample."""
-    found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
+    word, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
     angle_var = c[GYRO_VAR] * dt
-    if found & flags.GYR_HELD:
+    if word & flags.GYR_HELD:
         angle_var += (LOST_RATE * dt) ** 2
         x[QUIET] = 0.0
     sees = usable(ax, ay, az)
@@ -243,15 +243,15 @@ def step(
     if not held:
         predict(x, dt, gx, gy, gz, angle_var, c[WALK_VAR] * dt)
     if x[STAGE] < HEADED or x[P_QQ] == 0.0:
-        found |= start(c, x, ax, ay, az, mx, my, mz)
+        word |= start(c, x, ax, ay, az, mx, my, mz)
     if held:
         take_means(c, x)
     elif not sees:
-        found |= refused(flags.ACC_GATED, ax, ay, az)
+        word |= refused(flags.ACC_GATED, ax, ay, az)
     elif dt > 0.0:
         var = c[REST_VAR] / dt if rest else motion_var(c, x, dt, excess)
         correct_gravity(x, c[UP], ax, ay, az, var)
         hold_heading(x)
     # departs from [Li2012]: normalised
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
-    return found | flags.AT_REST if rest else found
+    return word | flags.AT_REST if rest else word

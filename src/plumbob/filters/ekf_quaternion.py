@@ -180,7 +180,7 @@ def correct_all(
     c: Floats, x: Floats, dt: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float
 ) -> int:
     """Take up both directions about the same prediction; returns flags of what could not be used."""
-    found = 0
+    word = 0
     var = c[DIRECTION_VAR] / dt
     q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
     if usable(mx, my, mz):
@@ -189,29 +189,29 @@ def correct_all(
         dx, dy, dz = field_reference(c, x, dt, mx, my, mz)
         correct_direction(x, q0, q1, q2, q3, dx, dy, dz, mx, my, mz, var)
     else:
-        found |= refused(flags.MAG_GATED, mx, my, mz)
+        word |= refused(flags.MAG_GATED, mx, my, mz)
     if usable(ax, ay, az):
         s = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
         correct_direction(x, q0, q1, q2, q3, 0.0, 0.0, c[UP], s * ax, s * ay, s * az, var)
     else:
-        found |= refused(flags.ACC_GATED, ax, ay, az)
-    return found
+        word |= refused(flags.ACC_GATED, ax, ay, az)
+    return word
 
 
 @kernel
 def step(
-    c: Floats, x: Floats, dt: float, seen: int,
+    c: Floats, x: Floats, dt: float, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample."""
-    found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
+    word, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
     predict(x, dt, gx, gy, gz, 0.25 * c[GYRO_VAR] * dt)
     before = x[STAGE]
     if before < HEADED:
-        found |= initialise(c, x, ax, ay, az, mx, my, mz)
+        word |= initialise(c, x, ax, ay, az, mx, my, mz)
     if x[P] == 0.0 or x[STAGE] != before:
         start_covariance(x, c[START_VAR])
     if dt > 0.0:
-        found |= correct_all(c, x, dt, ax, ay, az, mx, my, mz)
+        word |= correct_all(c, x, dt, ax, ay, az, mx, my, mz)
         x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
-    return found
+    return word

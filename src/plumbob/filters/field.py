@@ -65,7 +65,7 @@ def _now(x: Floats, place: int, at: int, dt: float, size: float, dip: float) -> 
 
 
 @kernel
-def known(x: Floats, at: int) -> bool:
+def has_ref(x: Floats, at: int) -> bool:
     """True where there is a reference to compare with."""
     return bool(x[at + _REFERENCE] > 0.0)
 
@@ -105,7 +105,7 @@ def disturbed(x: Floats, at: int, dt: float, turning: float, h: float, v: float)
     if turning >= TURNING:
         x[at + _LASTED] += dt
     _follow(x, new, slow, size, dip)
-    if x[at + _TRUSTED] == 0.0 and x[at + _LASTED] >= (NEW_AFTER if known(x, at) else FIRST_AFTER):  # [Laidig2023]
+    if x[at + _TRUSTED] == 0.0 and x[at + _LASTED] >= (NEW_AFTER if has_ref(x, at) else FIRST_AFTER):  # [Laidig2023]
         x[ref], x[ref + 1] = x[new], x[new + 1]
         x[at + _TRUSTED], x[at + _AGREED] = 1.0, SETTLED
     return bool(x[at + _TRUSTED] == 0.0)

@@ -219,33 +219,33 @@ def by_pi(c: Floats, x: Floats, axis: int, dt: float, e: float) -> float:
 @kernel
 def correction(c: Floats, x: Floats, axis: int, dt: float, e: float) -> float:
     """Correction of the rate about one axis beyond the bias known before, rad/s; learns the bias too."""
-    known = x[BIAS + axis]
+    bias = x[BIAS + axis]
     fuzzy = by_rules(c, x, axis, dt, e)
     linear = by_pi(c, x, axis, dt, e)
     u = c[FUZZY] * fuzzy + c[PI] * linear  # [HuangJiang] (20)
-    kept = c[FUZZY] * math.radians(c[RULE_KI] * x[WOUND + axis]) + c[PI] * (c[KI] * x[INTEGRAL + axis])
+    steady = c[FUZZY] * math.radians(c[RULE_KI] * x[WOUND + axis]) + c[PI] * (c[KI] * x[INTEGRAL + axis])
     # departs from [HuangJiang]: the prediction takes off the bias known so far
-    x[BIAS + axis] = -kept  # what would remain of u without an error
-    more: float = u + known
+    x[BIAS + axis] = -steady  # what would remain of u without an error
+    more: float = u + bias
     return more
 
 
 @kernel
 def step(
-    c: Floats, x: Floats, dt: float, seen: int,
+    c: Floats, x: Floats, dt: float, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample."""
     px, py, pz = x[RATE], x[RATE + 1], x[RATE + 2]
-    found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
+    word, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
     bx, by, bz = x[BIAS], x[BIAS + 1], x[BIAS + 2]
     predict(x, dt, px - bx, py - by, pz - bz, gx - bx, gy - by, gz - bz)
     if x[STAGE] < HEADED:
-        found |= initialise(c, x, ax, ay, az, mx, my, mz)
+        word |= initialise(c, x, ax, ay, az, mx, my, mz)
     acc_flag, tx, ty, tz = tilt_error(c, x, ax, ay, az)
     mag_flag, fx, fy, fz = field_error(c, x, mx, my, mz)
     ux = correction(c, x, 0, dt, tx + fx)
     uy = correction(c, x, 1, dt, ty + fy)
     uz = correction(c, x, 2, dt, tz + fz)
     turn(x, dt * ux, dt * uy, dt * uz)  # departs from [HuangJiang]: an exact turn, about the predicted attitude
-    return found | acc_flag | mag_flag
+    return word | acc_flag | mag_flag

@@ -93,15 +93,15 @@ def axis_flags(x: Floats, triad: int, dt: float, vx: float, vy: float, vz: float
     moves_x = _moves(x, i, share, vx, MOVES[triad])
     moves_y = _moves(x, j, share, vy, MOVES[triad])
     moves_z = _moves(x, k, share, vz, MOVES[triad])
-    found = 0
+    word = 0
     if triad == 0:
-        found |= _range(x, i, dt, vx, moves_y or moves_z)
-        found |= _range(x, j, dt, vy, moves_x or moves_z)
-        found |= _range(x, k, dt, vz, moves_x or moves_y)
+        word |= _range(x, i, dt, vx, moves_y or moves_z)
+        word |= _range(x, j, dt, vy, moves_x or moves_z)
+        word |= _range(x, k, dt, vz, moves_x or moves_y)
     stuck_x = _stuck(x, i, dt, vx, moves_y and moves_z)
     stuck_y = _stuck(x, j, dt, vy, moves_x and moves_z)
     stuck_z = _stuck(x, k, dt, vz, moves_x and moves_y)
-    return found | (STUCK if (stuck_x or stuck_y or stuck_z) and not found & CLIPPED else 0)
+    return word | (STUCK if (stuck_x or stuck_y or stuck_z) and not word & CLIPPED else 0)
 
 
 @kernel
@@ -186,18 +186,18 @@ def watch(
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Flags of the triads that are stuck, or that have an axis which is stuck or beyond its range."""
-    found, gyr = 0, axis_flags(x, 0, dt, gx, gy, gz)
+    word, gyr = 0, axis_flags(x, 0, dt, gx, gy, gz)
     if _repeats(x, 0, dt, gx, gy, gz) or gyr & STUCK:
-        found |= flags.GYR_STUCK
+        word |= flags.GYR_STUCK
     if _repeats(x, 1, dt, ax, ay, az) or axis_flags(x, 1, dt, ax, ay, az):
-        found |= flags.ACC_STUCK
+        word |= flags.ACC_STUCK
     if _repeats(x, 2, dt, mx, my, mz) or axis_flags(x, 2, dt, mx, my, mz):
-        found |= flags.MAG_STUCK
+        word |= flags.MAG_STUCK
     if gyr & CLIPPED:
-        found |= flags.GYR_CLIPPED
+        word |= flags.GYR_CLIPPED
     if gyr & WRAPPED:
-        found |= flags.GYR_INVALID
-    return found
+        word |= flags.GYR_INVALID
+    return word
 
 
 JUMP: Final = 1000.0
@@ -257,7 +257,7 @@ def hold_spike(x: Floats, at: int, dt: float, gx: float, gy: float, gz: float) -
 
 
 @kernel
-def missed_angle(x: Floats, seen: int, dt: float, px: float, py: float, pz: float) -> float:
+def missed_angle(x: Floats, flags_in: int, dt: float, px: float, py: float, pz: float) -> float:
     """Angle, rad, by which the step may be wrong because the rate was not known; p is the rate before."""
     held: float = x[HELD]
     if held > HOLD:
@@ -265,7 +265,7 @@ def missed_angle(x: Floats, seen: int, dt: float, px: float, py: float, pz: floa
     if held > 0.0:
         return UNKNOWN_CHANGE * held * dt
     speed = math.sqrt(x[RATE] * x[RATE] + x[RATE + 1] * x[RATE + 1] + x[RATE + 2] * x[RATE + 2])
-    if seen & flags.GYR_CLIPPED:
+    if flags_in & flags.GYR_CLIPPED:
         return 0.5 * speed * dt
     if dt > LONG_STEP:
         change = max(abs(x[RATE] - px), abs(x[RATE + 1] - py), abs(x[RATE + 2] - pz))
@@ -274,7 +274,7 @@ def missed_angle(x: Floats, seen: int, dt: float, px: float, py: float, pz: floa
 
 
 @kernel
-def admit_rate(c: Floats, x: Floats, at: int, dt: float, seen: int, gx: float, gy: float, gz: float) -> Admitted:
+def admit_rate(c: Floats, x: Floats, at: int, dt: float, flags_in: int, gx: float, gy: float, gz: float) -> Admitted:
     """Judge the rate and the step.
 
     Returns
@@ -284,18 +284,18 @@ def admit_rate(c: Floats, x: Floats, at: int, dt: float, seen: int, gx: float, g
     """
     px, py, pz = x[RATE], x[RATE + 1], x[RATE + 2]
     spike, ox, oy, oz = False, 0.0, 0.0, 0.0
-    if seen & (flags.GYR_STUCK | flags.GYR_INVALID):
+    if flags_in & (flags.GYR_STUCK | flags.GYR_INVALID):
         gx = math.nan
     elif dt > 0.0:
         spike, gx, gy, gz, ox, oy, oz = hold_spike(x, at, dt, gx, gy, gz)
-    found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
+    word, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
     if spike:
-        found |= flags.GYR_HELD
-    elif not found & flags.GYR_HELD:  # added after `admit`, which keeps the rate that the next one is compared with
+        word |= flags.GYR_HELD
+    elif not word & flags.GYR_HELD:  # added after `admit`, which keeps the rate that the next one is compared with
         gx, gy, gz = gx + ox, gy + oy, gz + oz
     if dt > LONG_STEP:
-        found |= flags.GAP
-    return found, dt, gx, gy, gz, missed_angle(x, seen, dt, px, py, pz)
+        word |= flags.GAP
+    return word, dt, gx, gy, gz, missed_angle(x, flags_in, dt, px, py, pz)
 
 
 @kernel
@@ -330,13 +330,13 @@ def keeps_accelerating(x: Floats, at: int, dt: float, mx: float, my: float, mz: 
 
 
 @kernel
-def trusted(x: Floats, triad: int, seen: int, bad: int, vx: float, vy: float, vz: float) -> Vec:
+def trusted(x: Floats, triad: int, flags_in: int, bad: int, vx: float, vy: float, vz: float) -> Vec:
     """Vector, or NaN where one of the flags `bad` says that it is not to be used, or where it is of old.
 
     A vector that stays the same, bit for bit, while the body turns is an old one said again: a slow sensor, held.
     """
     turned = x[SAME + triad] * max(abs(x[RATE]), abs(x[RATE + 1]), abs(x[RATE + 2]))
-    if seen & bad or turned > STALE:
+    if flags_in & bad or turned > STALE:
         return math.nan, math.nan, math.nan
     return vx, vy, vz
 
@@ -357,30 +357,30 @@ def admit(c: Floats, x: Floats, dt: float, gx: float, gy: float, gz: float) -> t
         Flags, then the step, s, and the rate, rad/s, to integrate.
     """
     x[COUNT] += 1.0
-    found = 0
+    word = 0
     if dt > c[MAX_GAP]:  # what happened meanwhile is unknown: start again, never integrate a jump
-        found = flags.GAP
+        word = flags.GAP
         x[STAGE] = BLIND
         dt = 0.0
     size2 = gx * gx + gy * gy + gz * gz
     if size2 * (dt * dt) < _MAX_ANGLE2 and size2 < math.inf:
         x[RATE], x[RATE + 1], x[RATE + 2] = gx, gy, gz
         x[HELD] = 0.0
-        return found, dt, gx, gy, gz
+        return word, dt, gx, gy, gz
     x[HELD] += dt
     if x[HELD] > HOLD:
         x[RATE], x[RATE + 1], x[RATE + 2] = 0.0, 0.0, 0.0
-    return found | flags.GYR_HELD, dt, x[RATE], x[RATE + 1], x[RATE + 2]
+    return word | flags.GYR_HELD, dt, x[RATE], x[RATE + 1], x[RATE + 2]
 
 
 @kernel
 def judge(
-    known: int, vx: float, vy: float, vz: float, limit: float, absent: int, invalid: int
+    flagged: int, vx: float, vy: float, vz: float, limit: float, absent: int, invalid: int
 ) -> tuple[int, float, float, float]:
     """Flags of one sample of a triad, and its values, NaN where they cannot be used; as `ImuData` judges them."""
     if math.isnan(vx) or math.isnan(vy) or math.isnan(vz):
         return absent, math.nan, math.nan, math.nan
-    if known or abs(vx) > limit or abs(vy) > limit or abs(vz) > limit:
+    if flagged or abs(vx) > limit or abs(vy) > limit or abs(vz) > limit:
         return invalid, math.nan, math.nan, math.nan
     return 0, vx, vy, vz
 

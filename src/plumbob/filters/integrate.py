@@ -75,12 +75,12 @@ def turn(x: Floats, rx: float, ry: float, rz: float) -> None:
 
 @kernel
 def step(
-    c: Floats, x: Floats, dt: float, seen: int,
+    c: Floats, x: Floats, dt: float, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample; accelerometer and magnetometer only give the start."""
     px, py, pz = x[RATE], x[RATE + 1], x[RATE + 2]
-    found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
+    word, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
     if c[MEAN_RATE] != 0.0:
         rx, ry, rz = dt * gx, dt * gy, dt * gz
     else:
@@ -90,5 +90,5 @@ def step(
     turn(x, rx + twelfth * kx, ry + twelfth * ky, rz + twelfth * kz)  # [Bortz1971] (4)
     x[OLDER], x[OLDER + 1], x[OLDER + 2], x[STEP] = px, py, pz, dt
     if x[STAGE] < HEADED:
-        found |= initialise(c, x, ax, ay, az, mx, my, mz)
-    return found
+        word |= initialise(c, x, ax, ay, az, mx, my, mz)
+    return word

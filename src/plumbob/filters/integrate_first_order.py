@@ -32,12 +32,12 @@ def coefficients(params: Params) -> tuple[float, ...]:
 
 @kernel
 def step(
-    c: Floats, x: Floats, dt: float, seen: int,
+    c: Floats, x: Floats, dt: float, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample; accelerometer and magnetometer only give the start."""
-    found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
+    word, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
     integrate(x, dt, gx, gy, gz)  # [Yu2018] (3)
     if x[STAGE] < HEADED:
-        found |= initialise(c, x, ax, ay, az, mx, my, mz)
-    return found
+        word |= initialise(c, x, ax, ay, az, mx, my, mz)
+    return word

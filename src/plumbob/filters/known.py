@@ -120,10 +120,10 @@ def cite(*names: str, bib: bool = False) -> str:
     '@misc{Sola2017,'
     """
     keys = {name: load(name).REFERENCES for name in names or estimator_names()}
-    known = bibliography()
+    entries = bibliography()
     if bib:
-        return "\n".join(known[key] for key in dict.fromkeys(key for of in keys.values() for key in of))
-    return "".join("\n    ".join((name, *(in_a_line(known[key]) for key in of))) + "\n" for name, of in keys.items())
+        return "\n".join(entries[key] for key in dict.fromkeys(key for of in keys.values() for key in of))
+    return "".join("\n    ".join((name, *(in_a_line(entries[key]) for key in of))) + "\n" for name, of in keys.items())
 
 
 def bibliography() -> dict[str, str]:

@@ -44,7 +44,7 @@ HELD: Final = 11  # for how long the rate has been missing, s
 COUNT: Final = 12  # samples taken
 LAST: Final = 13  # what each triad said last, as one number, 3
 SAME: Final = 16  # for how long it has said the same, s, 3
-CLOCK: Final = 19  # see timing.py, 5
+CLOCK: Final = 19  # see `tick`, 5
 SEEN: Final = 24  # mean level and vertical part of the field, µT, and of how many; of filters with a covariance, 3
 TRIAL: Final = 27  # see settling.py, 15
 AXES: Final = 42  # see input_checks.py, 12 for each of 9
@@ -97,10 +97,10 @@ def _remember(x: Floats, now: float, said: float) -> None:
 
 @kernel
 def _sent_twice(x: Floats, now: float, said: float) -> bool:
-    found = False
+    repeated = False
     for i in range(min(int(x[TAKEN]), REMEMBERED)):
-        found |= x[_TIMES + i] == now and x[_SAID + i] == said
-    return found
+        repeated |= x[_TIMES + i] == now and x[_SAID + i] == said
+    return repeated
 
 
 @kernel

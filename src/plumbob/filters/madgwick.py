@@ -114,13 +114,13 @@ def learn_bias(c: Floats, x: Floats, dt: float, e0: float, e1: float, e2: float,
 
 @kernel
 def step(
-    c: Floats, x: Floats, dt: float, seen: int,
+    c: Floats, x: Floats, dt: float, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample."""
-    found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
+    word, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
     if x[STAGE] < HEADED:
-        found |= initialise(c, x, ax, ay, az, mx, my, mz)
+        word |= initialise(c, x, ax, ay, az, mx, my, mz)
     acc_flag, t0, t1, t2, t3 = tilt_gradient(c, x, ax, ay, az)
     mag_flag, m0, m1, m2, m3 = field_gradient(c, x, mx, my, mz)
     e0, e1, e2, e3 = t0 + m0, t1 + m1, t2 + m2, t3 + m3
@@ -134,4 +134,4 @@ def step(
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(
         x[Q] + d0 - step_ * e0, x[Q + 1] + d1 - step_ * e1, x[Q + 2] + d2 - step_ * e2, x[Q + 3] + d3 - step_ * e3
     )  # [Madgwick2010] (42), (43)
-    return found | acc_flag | mag_flag
+    return word | acc_flag | mag_flag

@@ -130,17 +130,17 @@ def integrate(x: Floats, dt: float, wx: float, wy: float, wz: float) -> None:
 
 @kernel
 def step(
-    c: Floats, x: Floats, dt: float, seen: int,
+    c: Floats, x: Floats, dt: float, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample."""
-    found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
+    word, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
     if x[STAGE] < HEADED:
         if x[STAGE] == BLIND:
             x[ELAPSED] = 0.0
-        found |= initialise(c, x, ax, ay, az, mx, my, mz)
+        word |= initialise(c, x, ax, ay, az, mx, my, mz)
     acc_flag, tx, ty, tz = tilt_error(c, x, ax, ay, az)
     mag_flag, fx, fy, fz = field_error(c, x, mx, my, mz)
     px, py, pz = regulate(c, x, dt, tx + fx, ty + fy, tz + fz)  # [Yu2018]: the errors of both sensors are added
     integrate(x, dt, gx + px, gy + py, gz + pz)
-    return found | acc_flag | mag_flag
+    return word | acc_flag | mag_flag

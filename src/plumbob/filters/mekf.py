@@ -42,7 +42,7 @@ from plumbob.core.constants import G0
 from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg, dps
-from plumbob.filters.field import FIELD_SIZE, disturbed, known, unlike2
+from plumbob.filters.field import FIELD_SIZE, disturbed, has_ref, unlike2
 from plumbob.filters.input_checks import (
     GRAVITY_SIZE,
     GUARD_SIZE,
@@ -190,13 +190,13 @@ def coefficients(params: Params) -> tuple[float, ...]:
 
 def from_noise(card: "NoiseCard") -> dict[str, float]:
     """Noise parameters from a card: root mean squares over the axes; what it does not hold keeps its default."""
-    found = {}
+    params = {}
     for name, noise in (("gyr", card.gyr), ("acc", card.acc), ("mag", card.mag)):
         if noise is not None:
-            found[f"{name}_noise"] = noise.n_rms
+            params[f"{name}_noise"] = noise.n_rms
     if card.gyr is not None:
-        found["gyr_walk"] = card.gyr.k_rms
-    return {name: value for name, value in found.items() if value > 0.0}
+        params["gyr_walk"] = card.gyr.k_rms
+    return {name: value for name, value in params.items() if value > 0.0}
 
 
 def covariance(q_nb: Floats, entries: Floats) -> Floats:
@@ -479,7 +479,7 @@ def follow_field(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy:
         return flags.MAG_GATED
     level2 = hx * hx + hy * hy
     level = math.sqrt(level2)
-    if disturbed(x, FIELD, min(dt, 1.0), turning, level, hz) and c[REJECT] > 0.0 and known(x, FIELD):
+    if disturbed(x, FIELD, min(dt, 1.0), turning, level, hz) and c[REJECT] > 0.0 and has_ref(x, FIELD):
         x[REJECTED] += dt
         if x[REJECTED] < c[REJECT]:
             return flags.MAG_GATED
@@ -503,9 +503,9 @@ def look_at_field(c: Floats, x: Floats) -> int:
     """Heading from the mean of the fields since the last look."""
     s = 1.0 / x[FIELDS]
     hx, hy, hz = s * x[FIELDS + 1], s * x[FIELDS + 2], s * x[FIELDS + 3]
-    found = follow_field(c, x, x[MAG_AGE], mean_speed(x, REST), hx, hy, hz)
+    word = follow_field(c, x, x[MAG_AGE], mean_speed(x, REST), hx, hy, hz)
     x[FIELDS], x[FIELDS + 1], x[FIELDS + 2], x[FIELDS + 3], x[MAG_AGE] = 0.0, 0.0, 0.0, 0.0, 0.0
-    return found
+    return word
 
 
 @kernel
@@ -531,7 +531,7 @@ def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: 
     if x[STAGE] < LEVEL and not may_be_gravity(ax, ay, az):
         return flags.NOT_CONVERGED | flags.HEADING_FREE
     before = x[STAGE]
-    found = initialise(c, x, ax, ay, az, mx, my, mz)
+    word = initialise(c, x, ax, ay, az, mx, my, mz)
     if before < LEVEL:
         know_tilt(x, START_TILT)
         know(x, TH + 2, math.sqrt(FREE))
@@ -541,7 +541,7 @@ def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: 
         hx, hy, hz = rotate(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], mx, my, mz)
         s = -hz / (hx * hx + hy * hy)
         know_heading(x, s * hx, s * hy)
-    return found
+    return word
 
 
 @kernel
@@ -569,13 +569,13 @@ def level_again(c: Floats, x: Floats, fx: float, fy: float, fz: float) -> None:
 
 @kernel
 def step(
-    c: Floats, x: Floats, dt: float, seen: int,
+    c: Floats, x: Floats, dt: float, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample."""
-    found, dt, gx, gy, gz, missed = admit_rate(c, x, GUARD, dt, seen, gx, gy, gz)
-    ax, ay, az = trusted(x, 1, seen, flags.ACC_STUCK | flags.ACC_CLIPPED, ax, ay, az)
-    mx, my, mz = trusted(x, 2, seen, flags.MAG_STUCK | flags.MAG_CLIPPED, mx, my, mz)
+    word, dt, gx, gy, gz, missed = admit_rate(c, x, GUARD, dt, flags_in, gx, gy, gz)
+    ax, ay, az = trusted(x, 1, flags_in, flags.ACC_STUCK | flags.ACC_CLIPPED, ax, ay, az)
+    mx, my, mz = trusted(x, 2, flags_in, flags.MAG_STUCK | flags.MAG_CLIPPED, mx, my, mz)
     if x[COUNT] == 1.0:
         begin(c, x)
     turn(x, dt * (gx - x[BIAS]), dt * (gy - x[BIAS + 1]), dt * (gz - x[BIAS + 2]))
@@ -584,9 +584,9 @@ def step(
     x[ACC_AGE] += dt
     x[MAG_AGE] += dt
     if x[STAGE] < HEADED:
-        found |= start(c, x, ax, ay, az, mx, my, mz)
+        word |= start(c, x, ax, ay, az, mx, my, mz)
         if x[STAGE] < LEVEL:
-            return found
+            return word
         r00, r01, r02, r10, r11, r12, r20, r21, r22 = rows(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
     x[ERROR + B], x[ERROR + B + 1], x[ERROR + B + 2] = x[BIAS], x[BIAS + 1], x[BIAS + 2]
     resting = False
@@ -596,26 +596,26 @@ def step(
         fz = r20 * ax + r21 * ay + r22 * az
         if x[COV] + x[COV + N + 1] > 2.0 * LOST:
             level_again(c, x, fx, fy, fz)
-            found |= flags.INCONSISTENT
+            word |= flags.INCONSISTENT
         else:
-            found |= follow_gravity(c, x, x[ACC_AGE], fx, fy, fz)
-        if found & flags.INCONSISTENT:  # the attitude is another one
+            word |= follow_gravity(c, x, x[ACC_AGE], fx, fy, fz)
+        if word & flags.INCONSISTENT:  # the attitude is another one
             r00, r01, r02, r10, r11, r12, r20, r21, r22 = rows(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
         resting = at_rest(
             x, REST, x[ACC_AGE], c[REST_RATE], c[REST_FORCE], REST_BIAS, c[REST_AFTER],
-            math.nan if found & flags.GYR_HELD else gx, gy, gz, ax, ay, az,
+            math.nan if word & flags.GYR_HELD else gx, gy, gz, ax, ay, az,
         )  # fmt: skip
         x[ACC_AGE] = 0.0
     else:
-        found |= refused(flags.ACC_GATED, ax, ay, az)
-    found |= take_field(c, x, dt, r00, r01, r02, r10, r11, r12, r20, r21, r22, mx, my, mz)
+        word |= refused(flags.ACC_GATED, ax, ay, az)
+    word |= take_field(c, x, dt, r00, r01, r02, r10, r11, r12, r20, r21, r22, mx, my, mz)
     if resting and dt > 0.0 and may_be_bias(x):
-        found |= flags.AT_REST
+        word |= flags.AT_REST
         x[SPEED2] = 0.0
         zero_rate(x, 0, gx, c[GYR_VAR], dt, r00, r10, r20)
         zero_rate(x, 1, gy, c[GYR_VAR], dt, r01, r11, r21)
         zero_rate(x, 2, gz, c[GYR_VAR], dt, r02, r12, r22)
     inject(x)
     if x[COV] + x[COV + N + 1] > 2.0 * DOUBTFUL:
-        found |= flags.NOT_CONVERGED
-    return found
+        word |= flags.NOT_CONVERGED
+    return word

@@ -129,7 +129,7 @@ def calibrated(imu: ImuData, card: "CalibrationCard | None", *, live: bool = Fal
     return apply_card(card, imu, live=live)
 
 
-def estimator_of(
+def make_estimator(
     stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start: Start | None = None
 ) -> "Filter | Smoother":
     """Filter or smoother of a stage for samples with this meta; `Filter` has the rule of its headings.
@@ -153,10 +153,10 @@ def estimator_of(
     return Smoother(**arguments)
 
 
-def follower_of(
+def make_follower(
     stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start: Start | None = None
 ) -> "Filter | FixedLag":
-    """What estimates a stream: a filter, or the smoother with a lag; arguments of `estimator_of`."""
+    """What estimates a stream: a filter, or the smoother with a lag; arguments of `make_estimator`."""
     arguments = _arguments(stage, frame, meta, start)
     if stage.filter != SMOOTHER:
         return Filter(stage.filter, **arguments)
@@ -220,7 +220,7 @@ def run_stage(
         Called with the number of samples done since the last call.
     """
     imu, estimator = started(imu, stage, frame, reference)
-    return AttitudeTrack.joined(parts_of(imu, estimator, progress), len(imu))
+    return AttitudeTrack.joined(track_parts(imu, estimator, progress), len(imu))
 
 
 def started(
@@ -229,11 +229,13 @@ def started(
     """Samples, and what estimates them; from the first sample on whose truth is known, where it starts from that."""
     start = None
     if stage.init == TRUTH_WORD:
-        imu, start = start_from(reference, imu, estimator_of(stage, frame, imu.meta))
-    return imu, estimator_of(stage, frame, imu.meta, start=start)
+        imu, start = start_from(reference, imu, make_estimator(stage, frame, imu.meta))
+    return imu, make_estimator(stage, frame, imu.meta, start=start)
 
 
-def parts_of(imu: ImuData, estimator: "Filter | Smoother", progress: Progress | None = None) -> Iterator[AttitudeTrack]:
+def track_parts(
+    imu: ImuData, estimator: "Filter | Smoother", progress: Progress | None = None
+) -> Iterator[AttitudeTrack]:
     """Parts of the track of a recording, one after the other, as `AttitudeTrack.joined` takes them."""
     if not isinstance(estimator, Filter):
         yield from estimator.parts(imu, progress=progress)
@@ -269,21 +271,21 @@ def start_from(reference: AttitudeTrack | None, imu: ImuData, filter_: "Filter |
             "ROLL,PITCH,HEADING with units, or level."
         )
     reading = read_at(reference, imu.t_ns, max_gap=default_max_gap(reference))
-    known = np.flatnonzero(np.isfinite(reading.q_nb).all(axis=1))
-    if not known.size:
+    rows = np.flatnonzero(np.isfinite(reading.q_nb).all(axis=1))
+    if not rows.size:
         raise ParameterError(
             "init 'truth' takes the first attitude of the reference, but that knows none at any sample of the "
             "recording; do both count time from the same start?"
         )
-    first = int(known[0])
+    first = int(rows[0])
     return imu[first:], start_at(reading.q_nb[first], reference.frame, reference.north, filter_, "mag" in imu.triads)
 
 
 def start_at(q_nb: Floats, frame: Frame, north: North, filter_: "Filter | Smoother", has_mag: bool) -> Start:
     """Start of a true attitude (4,), whose frame and north are given."""
     q_nb = change_frame(q_nb, to=filter_.frame, from_=frame)
-    own = filter_.north(has_mag)
-    if own is North.FREE or north is North.FREE:  # a gyroscope alone keeps the north that it is given
+    filter_north = filter_.north(has_mag)
+    if filter_north is North.FREE or north is North.FREE:  # a gyroscope alone keeps the north that it is given
         return Start(q_nb, north)
-    policy = heading_policy(own, north, aligned=False, declination=filter_.common.declination)
+    policy = heading_policy(filter_north, north, aligned=False, declination=filter_.common.declination)
     return Start(turn_heading(q_nb, policy.turn, filter_.frame))

@@ -172,9 +172,9 @@ def factors(
     da = 1.0 / aa
     l_ba, l_ca = da * ab, da * ac
     db = 1.0 / (bb - l_ba * ab)
-    left = bc - l_ba * ac
-    l_cb = db * left
-    return da, db, 1.0 / (cc - l_ca * ac - l_cb * left), l_ba, l_ca, l_cb
+    schur = bc - l_ba * ac
+    l_cb = db * schur
+    return da, db, 1.0 / (cc - l_ca * ac - l_cb * schur), l_ba, l_ca, l_cb
 
 
 @kernel

@@ -43,7 +43,7 @@ from plumbob.core.constants import G0
 from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg
-from plumbob.data.cards.residuals import Half, whole_of
+from plumbob.data.cards.residuals import Half, full_covariance
 from plumbob.filters.input_checks import HOLD, off_gravity, usable
 from plumbob.filters.layout import TRIAL, TRIAL_TIME, UP, Q, kept_weights, smooth
 from plumbob.rotations import dcm_from_quat
@@ -144,9 +144,9 @@ def considered(q_nb: Floats, field: Floats, up: float, north: tuple[float, float
     """
     c_nb = dcm_from_quat(q_nb)
     level, steep = field[:, 0], field[:, 1]
-    seen = level > 0.0
-    level = np.where(seen, np.maximum(level, _STEEPEST * np.abs(steep)), 1.0)
-    steep = np.where(seen, steep, 0.0)
+    has_field = level > 0.0
+    level = np.where(has_field, np.maximum(level, _STEEPEST * np.abs(steep)), 1.0)
+    steep = np.where(has_field, steep, 0.0)
     nx, ny = north
     force = _sensitivity(c_nb, np.array([0.0, 0.0, up * G0]) + np.zeros((len(q_nb), 3)))
     turn = np.empty_like(force)  # ∂θ/∂p of the accelerometer in the navigation frame, (N, 3, 12)
@@ -156,7 +156,7 @@ def considered(q_nb: Floats, field: Floats, up: float, north: tuple[float, float
     h_n = np.stack((level * nx, level * ny, steep), axis=1)
     across = _sensitivity(c_nb, h_n)
     course = np.zeros_like(across)
-    course[:, 2] = (seen / level)[:, np.newaxis] * (nx * across[:, 1] - ny * across[:, 0])
+    course[:, 2] = (has_field / level)[:, np.newaxis] * (nx * across[:, 1] - ny * across[:, 0])
     c_bn = np.swapaxes(c_nb, 1, 2)
     return _spread(c_bn @ turn, acc) + _spread(c_bn @ course, mag)
 
@@ -171,8 +171,8 @@ def _sensitivity(c_nb: Floats, vectors_n: Floats) -> Floats:
 def _spread(sensitivity: Floats, half: Half) -> Floats:
     if not any(half):
         return np.zeros((len(sensitivity), 3, 3))
-    found: Floats = sensitivity @ whole_of(half) @ np.swapaxes(sensitivity, 1, 2)  # [Schmidt1966]
-    return 0.5 * (found + np.swapaxes(found, 1, 2))
+    cov: Floats = sensitivity @ full_covariance(half) @ np.swapaxes(sensitivity, 1, 2)  # [Schmidt1966]
+    return 0.5 * (cov + np.swapaxes(cov, 1, 2))
 
 
 MEAN_TAU: Final = 2.0
@@ -267,14 +267,14 @@ def steady(
 
 @kernel
 def converged(
-    c: Floats, x: Floats, dt: float, seen: int,
+    c: Floats, x: Floats, dt: float, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float,
 ) -> bool:  # fmt: skip
     """Take one sample of a trial, and say whether it is over."""
     first = x[TRIAL + _LOOKED] == 0.0
     x[TRIAL + _AGE] += dt
     x[TRIAL + _ELAPSED] += dt
-    if usable(ax, ay, az) and not seen & _UNUSED:
+    if usable(ax, ay, az) and not flags_in & _UNUSED:
         since = x[TRIAL + _AGE]
         if steady(x, first, since, gx, gy, gz, ax, ay, az):
             return True
@@ -289,16 +289,16 @@ def converged(
 
 @kernel
 def settle(
-    c: Floats, x: Floats, dt: float, seen: int, blind: bool, found: int,
+    c: Floats, x: Floats, dt: float, flags_in: int, blind: bool, word: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float,
 ) -> int:  # fmt: skip
     """Flag of an attitude on trial; a blind step, or one whose filter says that it is not converged, begins one."""
-    if blind or found & flags.NOT_CONVERGED:
+    if blind or word & flags.NOT_CONVERGED:
         begin(x)
         dt = 0.0
     if x[TRIAL + _ON] == 0.0:
         return 0
-    if found & flags.NOT_CONVERGED == 0 and converged(c, x, dt, seen, gx, gy, gz, ax, ay, az):
+    if word & flags.NOT_CONVERGED == 0 and converged(c, x, dt, flags_in, gx, gy, gz, ax, ay, az):
         x[TRIAL + _ON] = 0.0
         return 0
     return flags.NOT_CONVERGED

@@ -101,8 +101,8 @@ def initialise(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float,
         x[STAGE] = LEVEL
     if not usable(mx, my, mz):
         return flags.HEADING_FREE
-    found, angle = heading_offset(c, x[Q], x[Q + 1], x[Q + 2], x[Q + 3], mx, my, mz)
-    if not found:
+    headed, angle = heading_offset(c, x[Q], x[Q + 1], x[Q + 2], x[Q + 3], mx, my, mz)
+    if not headed:
         return flags.HEADING_FREE
     q0, q1, q2, q3 = turn_about_vertical(angle, x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
@@ -131,7 +131,7 @@ class Start(NamedTuple):
     north: North | None = None
 
 
-def start_of(init: "Start | ArrayLike | str", frame: Frame) -> Start:
+def as_start(init: "Start | ArrayLike | str", frame: Frame) -> Start:
     """Start of a quaternion q_nb (4,), of ``"level"``, or of ``"ROLL,PITCH,HEADING"`` with units.
 
     Raises

@@ -39,15 +39,15 @@ def coefficients(params: Params) -> tuple[float, ...]:
 
 @kernel
 def step(
-    c: Floats, x: Floats, dt: float, seen: int,
+    c: Floats, x: Floats, dt: float, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample."""
-    found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
-    found &= ~flags.GYR_HELD
+    word, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
+    word &= ~flags.GYR_HELD
     if not usable(ax, ay, az):
-        found |= refused(flags.ACC_GATED, ax, ay, az)
-        return found | flags.NOT_CONVERGED | flags.HEADING_FREE if x[STAGE] < LEVEL else found
+        word |= refused(flags.ACC_GATED, ax, ay, az)
+        return word | flags.NOT_CONVERGED | flags.HEADING_FREE if x[STAGE] < LEVEL else word
     if x[COUNT] == 1.0:  # a start attitude that was given sets the heading until a magnetic sample comes
         q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
         x[YAW] = math.atan2(2.0 * (q1 * q2 + q0 * q3), q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3)  # [Yu2018] (6)
@@ -61,5 +61,5 @@ def step(
     q0, q1, q2, q3 = turn_about_vertical(x[YAW], q0, q1, q2, q3)
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
     if not headed:
-        found |= refused(flags.MAG_GATED, mx, my, mz)
-    return found | flags.HEADING_FREE if x[STAGE] < HEADED else found
+        word |= refused(flags.MAG_GATED, mx, my, mz)
+    return word | flags.HEADING_FREE if x[STAGE] < HEADED else word

@@ -261,9 +261,9 @@ def miss(x: Floats, missed: float) -> bool:
 def make_up(c: Floats, x: Floats, dt: float) -> None:
     """What was missed decays as the horizon is corrected."""
     if x[MISSED] + x[MISSED2] > 0.0:
-        kept = math.exp(-dt / c[TAU_ACC])
-        x[MISSED] *= kept
-        x[MISSED2] *= kept * kept
+        decay = math.exp(-dt / c[TAU_ACC])
+        x[MISSED] *= decay
+        x[MISSED2] *= decay * decay
 
 
 @kernel
@@ -361,9 +361,9 @@ def stand(x: Floats) -> None:
     """Keep gravity and the field as they are now, to see whether they turn."""
     x[STOOD], x[STOOD + 1], x[STOOD + 2], x[STOOD_FOR] = 0.0, 0.0, 0.0, 0.0
     x[STOOD_FORCE], x[STOOD_FORCE + 1], x[STOOD_FORCE + 2] = mean_force(x, REST)
-    known = 1.0 if x[MAG_AGE] < FRESH else 0.0
+    fresh = 1.0 if x[MAG_AGE] < FRESH else 0.0
     for k in range(3):
-        x[STOOD_FIELD + k] = known * x[LATEST + k]
+        x[STOOD_FIELD + k] = fresh * x[LATEST + k]
 
 
 @kernel
@@ -377,8 +377,8 @@ def seen_turn(x: Floats, then: int, nx: float, ny: float, nz: float) -> tuple[fl
     if not size2 > 0.0:
         return 0.0, 0.0
     vx, vy, vz = cross(ux, uy, uz, x[STOOD], x[STOOD + 1], x[STOOD + 2])
-    whole = vx * vx + vy * vy + vz * vz
-    return whole / size2, (vx * (nx - ux) + vy * (ny - uy) + vz * (nz - uz)) / size2
+    expected2 = vx * vx + vy * vy + vz * vz
+    return expected2 / size2, (vx * (nx - ux) + vy * (ny - uy) + vz * (nz - uz)) / size2
 
 
 @kernel
@@ -400,13 +400,13 @@ def rests(c: Floats, x: Floats, dt: float) -> int:
     x[STOOD + 2] += dt * ez
     x[STOOD_FOR] += dt
     fx, fy, fz = mean_force(x, REST)
-    whole, part = seen_turn(x, STOOD_FORCE, fx, fy, fz)
+    expected2, part = seen_turn(x, STOOD_FORCE, fx, fy, fz)
     if x[MAG_AGE] < FRESH:
         w, p = seen_turn(x, STOOD_FIELD, x[LATEST], x[LATEST + 1], x[LATEST + 2])
-        whole, part = whole + w, part + p
+        expected2, part = expected2 + w, part + p
     turn2 = x[STOOD] * x[STOOD] + x[STOOD + 1] * x[STOOD + 1] + x[STOOD + 2] * x[STOOD + 2]
-    if whole > max(SEEN_TURN2, SEEN_SHARE2 * turn2):
-        if part > 0.5 * whole:
+    if expected2 > max(SEEN_TURN2, SEEN_SHARE2 * turn2):
+        if part > 0.5 * expected2:
             stand(x)
             return 0
         reset_bias(x, JUMP_SD)
@@ -479,12 +479,12 @@ def heading(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy: floa
     bad = disturbed(x, FIELD, min(dt, 1.0), turning, math.sqrt(hx * hx + hy * hy), v)
     error = angle_to(hx, hy, c[NORTH_X], c[UP] * c[NORTH_Y])
     gain = 1.0 - math.exp(-dt / c[TAU_MAG])  # [Laidig2023]
-    found = 0
+    word = 0
     if bad and c[REJECT] > 0.0 and x[FIRST_GAIN] == 0.0:
-        found = flags.MAG_GATED
+        word = flags.MAG_GATED
         if x[REJECTED] < c[REJECT]:
             x[REJECTED] += dt
-            return found
+            return word
         gain /= REJECT_SLOW
     elif not bad:
         x[REJECTED] = max(0.0, x[REJECTED] - REJECT_SLOW * dt)
@@ -497,7 +497,7 @@ def heading(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy: floa
     cos, sin = w * cos - z * sin, w * sin + z * cos
     s = 1.5 - 0.5 * (cos * cos + sin * sin)  # norm 1 to the last bits, so that a long run keeps it
     x[TURN], x[TURN + 1] = s * cos, s * sin
-    return found
+    return word
 
 
 @kernel
@@ -521,9 +521,9 @@ def follow_gravity(
     dt, x[ACC_AGE] = min(x[ACC_AGE], LONGEST_LOOK), 0.0
     if held:
         gx = math.nan
-    found = 0
+    word = 0
     if at_rest(x, REST, dt, c[REST_RATE], c[REST_FORCE], c[BIAS_MAX], c[REST_AFTER], gx, gy, gz, ax, ay, az):
-        found = rests(c, x, dt)
+        word = rests(c, x, dt)
     else:
         stand(x)
     kept_weights(x, WEIGHTS, dt, c[TAU_ACC])
@@ -531,23 +531,23 @@ def follow_gravity(
         average_anew(c, x)
         reset_bias(x, JUMP_SD)
         x[ALARMED] = HASTE_FOR
-        found |= flags.INCONSISTENT
+        word |= flags.INCONSISTENT
     first = x[LOOKED] < c[TAU_ACC]
     x[LOOKS] += 1.0
     x[LOOKED] += dt
     followed, vx, vy = horizon(c, x, dt, first, ax, ay, az)
     blur(x, first)
     if not followed:
-        return found & flags.INCONSISTENT | flags.ACC_GATED
+        return word & flags.INCONSISTENT | flags.ACC_GATED
     make_up(c, x, dt)
     if dt == 0.0 or x[LOOKS] == 1.0:
-        return found
+        return word
     grown = drift(c, x, dt)
-    if found & flags.AT_REST:
+    if word & flags.AT_REST:
         learn_resting(c, x, grown)
     else:
         learn_moving(c, x, dt, grown, vx, vy)
-    return found
+    return word
 
 
 @kernel
@@ -569,47 +569,47 @@ def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: 
         return 0
     if x[STAGE] < LEVEL and not may_be_gravity(ax, ay, az):
         return flags.NOT_CONVERGED | flags.HEADING_FREE
-    found = initialise(c, x, ax, ay, az, mx, my, mz)
+    word = initialise(c, x, ax, ay, az, mx, my, mz)
     begin(c, x)
-    return found
+    return word
 
 
 @kernel
 def step(
-    c: Floats, x: Floats, dt: float, seen: int,
+    c: Floats, x: Floats, dt: float, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample."""
-    found, dt, gx, gy, gz, missed = admit_rate(c, x, GUARD, dt, seen, gx, gy, gz)
-    ax, ay, az = trusted(x, 1, seen, flags.ACC_STUCK | flags.ACC_CLIPPED, ax, ay, az)
-    mx, my, mz = trusted(x, 2, seen, flags.MAG_STUCK | flags.MAG_CLIPPED, mx, my, mz)
+    word, dt, gx, gy, gz, missed = admit_rate(c, x, GUARD, dt, flags_in, gx, gy, gz)
+    ax, ay, az = trusted(x, 1, flags_in, flags.ACC_STUCK | flags.ACC_CLIPPED, ax, ay, az)
+    mx, my, mz = trusted(x, 2, flags_in, flags.MAG_STUCK | flags.MAG_CLIPPED, mx, my, mz)
     if x[COUNT] == 1.0:
         reset_bias(x, c[BIAS_START])
         begin(c, x)  # so that there is an attitude, if not a true one, until gravity is seen
     if x[COUNT] == 1.0 or x[STAGE] == BLIND:
-        found |= start(c, x, ax, ay, az, mx, my, mz)
+        word |= start(c, x, ax, ay, az, mx, my, mz)
     turn(x, dt, gx, gy, gz)
     if miss(x, missed):
-        found |= flags.NOT_CONVERGED
+        word |= flags.NOT_CONVERGED
         if may_be_gravity(ax, ay, az):
             average_anew(c, x)
     x[ACC_AGE] += dt
     x[MAG_AGE] += dt
     if x[STAGE] >= LEVEL and usable(ax, ay, az):
-        held = found & flags.GYR_HELD != 0 and not 0.0 < x[HELD] <= HOLD  # one that is missing for a moment goes on
-        found |= follow_gravity(c, x, held, gx, gy, gz, ax, ay, az)
+        held = word & flags.GYR_HELD != 0 and not 0.0 < x[HELD] <= HOLD  # one that is missing for a moment goes on
+        word |= follow_gravity(c, x, held, gx, gy, gz, ax, ay, az)
     else:
-        found |= refused(flags.ACC_GATED, ax, ay, az)
+        word |= refused(flags.ACC_GATED, ax, ay, az)
     q0, q1, q2, q3 = quat_mul(
         x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3], x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3]
     )
     if x[STAGE] >= LEVEL and usable(mx, my, mz):
         hx, hy, hz = rotate(q0, q1, q2, q3, mx, my, mz)
-        found |= heading(c, x, x[MAG_AGE], mean_speed(x, REST), hx, hy, hz)
+        word |= heading(c, x, x[MAG_AGE], mean_speed(x, REST), hx, hy, hz)
         x[MAG_AGE], x[LATEST], x[LATEST + 1], x[LATEST + 2] = 0.0, mx, my, mz
     else:
-        found |= refused(flags.MAG_GATED, mx, my, mz)
+        word |= refused(flags.MAG_GATED, mx, my, mz)
     if x[STAGE] < HEADED:
-        found |= flags.HEADING_FREE
+        word |= flags.HEADING_FREE
     compose(c, x, q0, q1, q2, q3)
-    return found
+    return word

@@ -14,10 +14,10 @@ from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.text import Shown, counted
 from plumbob.core.units import Quantity, given
-from plumbob.fleet.items import JOBS, Item, Source, items_of
+from plumbob.fleet.items import JOBS, Item, Source, batch_items
 from plumbob.fleet.job import COLUMNS, VERDICTS, Outcome
-from plumbob.fleet.places import Place, is_url, place_of
-from plumbob.fleet.settings import Settings, cards_of
+from plumbob.fleet.places import Place, as_place, is_url
+from plumbob.fleet.settings import Settings, load_cards
 from plumbob.fleet.workers import by_children, by_cluster, here
 from plumbob.overview.streaming_stats import BURST
 from plumbob.quality.tilt import LIMIT
@@ -69,7 +69,7 @@ class Batch(Shown):
 
     def rows(self) -> list[dict[str, Any]]:
         """Rows of the table of verdicts, of this run and of those before it into the same dataset."""
-        place = place_of(self.dataset)
+        place = as_place(self.dataset)
         return [_record(place, name)["row"] for name in _records(place)]
 
     def summary(self) -> dict[str, Any]:
@@ -81,7 +81,7 @@ class Batch(Shown):
             "skipped": self.skipped,
             "seconds": round(self.seconds, 3),
             "not_done": [
-                {"recording": one.name, "verdict": one.verdict, "reason": one.reason} for one in self.others
+                {"recording": job.name, "verdict": job.verdict, "reason": job.reason} for job in self.others
             ],
         }  # fmt: skip
 
@@ -89,7 +89,7 @@ class Batch(Shown):
         """What a reader wants to know first, a line each."""
         lines = [f"recordings   {self.recordings}, {self.skipped} of them as they were before"]
         lines += [f"{name:12} {count}" for name, count in self.counts.items() if count]
-        lines += [f"{one.verdict:12} {one.name}: {one.reason}" for one in self.others]
+        lines += [f"{outcome.verdict:12} {outcome.name}: {outcome.reason}" for outcome in self.others]
         if (more := self.recordings - self.counts["done"] - len(self.others)) > 0:
             lines.append(f"{'':12} and {counted(more, 'further one')}; see the table of verdicts")
         lines.append(f"dataset      {self.dataset}, {self.seconds:.1f} s")
@@ -182,7 +182,7 @@ def batch(
         "frame": None if frame is None else str(Frame.parse(frame)), "init": init, "place": place, "date": date,
         "profile": profile, "unit": unit,
     }  # fmt: skip
-    cards, by_device = cards_of(calibration)
+    cards, by_device = load_cards(calibration)
     settings = Settings(
         how={name: value for name, value in how.items() if value},
         cards=cards, by_device=by_device, noise=_noise(noise), burst=_si("burst", burst, Quantity.TIME),
@@ -192,11 +192,11 @@ def batch(
     where, workers = _dataset(out), _workers(jobs, cluster)
     items, total = _listed(sources, say)
     settings.prepare()
-    dataset = place_of(where)
+    dataset = as_place(where)
     with dataset.locked(), closing(_running(settings, items, total, where, workers, cluster)) as running:
-        counts, others, skipped = _followed(running, total, say, progress)
+        counts, others, skipped = _tally(running, total, say, progress)
         _write_table(dataset)
-    shown = tuple(sorted(others, key=lambda one: one.name))
+    shown = tuple(sorted(others, key=lambda outcome: outcome.name))
     return Batch(where, counts, skipped, time.perf_counter() - began, shown)
 
 
@@ -211,7 +211,7 @@ def _running(
     return by_children(settings, items, out, workers)
 
 
-def _followed(
+def _tally(
     running: Iterable[Outcome],
     total: int | None,
     say: Callable[[str], object],
@@ -237,9 +237,9 @@ def _nothing(_text: str) -> None:
 
 def _si(name: str, value: float | str, quantity: Quantity) -> float:
     """In SI, so that settings are the same however a number was written."""
-    found = given(name, value, quantity)
-    assert found is not None
-    return found
+    number = given(name, value, quantity)
+    assert number is not None
+    return number
 
 
 def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
@@ -262,11 +262,11 @@ def _workers(jobs: int | None, cluster: str | None) -> int:
 
 def _processors() -> int:
     """Processors that this process may use: a container or a queue of jobs may have given it fewer than there are."""
-    found = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     with suppress(OSError, IndexError, ValueError):  # a small board has more processors than memory for their work
         free = Path("/proc/meminfo").read_text(encoding="ascii").split("MemAvailable:")[1].split()[0]
-        found = min(found, max(1, int(free) // _MEMORY_KIB))
-    return found
+        count = min(count, max(1, int(free) // _MEMORY_KIB))
+    return count
 
 
 def _dataset(out: str | os.PathLike[str]) -> str:
@@ -283,7 +283,7 @@ def _dataset(out: str | os.PathLike[str]) -> str:
         text = str(path.absolute())  # the workers of a cluster have folders of their own
         if path.exists() and not path.is_dir():
             raise ParameterError(f"{out} is a file, but a dataset is a folder. Name another one.")
-    held = place_of(text).names()
+    held = as_place(text).names()
     if held and JOBS not in held:
         raise ParameterError(f"{out} holds other files ({held[0]}), and not a dataset. Name a new or an empty folder.")
     return text
@@ -291,10 +291,10 @@ def _dataset(out: str | os.PathLike[str]) -> str:
 
 def _listed(sources: Source | Iterable[Source], say: Callable[[str], object]) -> tuple[Iterable[Item], int | None]:
     """Items, and how many there are where they need not be made to be counted."""
-    found = items_of(sources, say)
+    items = batch_items(sources, say)
     if isinstance(sources, Iterator):
-        return found, None
-    listed = list(found)
+        return items, None
+    listed = list(items)
     if not listed:
         raise ParameterError("there is not a recording among what was given. Name files, a folder or a pattern.")
     return listed, len(listed)
@@ -305,8 +305,8 @@ def _records(place: Place) -> list[str]:
 
 
 def _record(place: Place, name: str) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(place.read(f"{JOBS}/{name}") or b"null")
-    return found
+    record: dict[str, Any] = json.loads(place.read(f"{JOBS}/{name}") or b"null")
+    return record
 
 
 def _write_table(place: Place) -> None:

@@ -166,10 +166,10 @@ def _received(pipe: IO[bytes]) -> bytes:
 def main() -> None:
     """Do the jobs that come, until no more can come."""
     work, answers = _own_pipes()
-    stop, jobs, asked = threading.Event(), SimpleQueue[bytes | None](), list[int]()
+    stop, jobs, signals = threading.Event(), SimpleQueue[bytes | None](), list[int]()
 
     def end(number: int = 0, _frame: object = None) -> None:
-        asked.append(number)
+        signals.append(number)
         stop.set()
         jobs.put(None)
 
@@ -188,7 +188,7 @@ def main() -> None:
             _send(answers, pickle.dumps(_READY))
             while (data := jobs.get()) is not None:
                 _send(answers, _done(settings, data, out, stop))
-    if any(asked):  # let the batch see by what this process was ended
+    if any(signals):  # let the batch see by what this process was ended
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         signal.raise_signal(signal.SIGTERM)
     os._exit(0)  # at once: there is nothing to write, and to take all apart costs a tenth of a second

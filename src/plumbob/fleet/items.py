@@ -11,13 +11,13 @@ from typing import Final
 from urllib.parse import quote
 
 from plumbob.core.errors import ParameterError
-from plumbob.core.files import existing_file, profiles_of, sha256_of
-from plumbob.core.text import first_of
+from plumbob.core.files import existing_file, file_sha256, profile_paths
+from plumbob.core.text import first_words
 from plumbob.data import ImuData
 from plumbob.data.recording import Recording, unsaved
 from plumbob.files.columns import to_columns
 from plumbob.files.formats import FORMATS, is_recording
-from plumbob.files.header import dump, header_of
+from plumbob.files.header import dump, file_header
 from plumbob.fleet.places import fetched, filesystem, is_url, reaching
 
 Source = str | os.PathLike[str] | Recording | ImuData
@@ -73,7 +73,7 @@ class Item:
             yield Path(self.source)
 
 
-def digest_of(given: Path | Recording) -> str:
+def input_digest(given: Path | Recording) -> str:
     """SHA-256 of a file, of a file and those that are read with it, of a folder's, or of a recording's columns.
 
     Raises
@@ -83,27 +83,27 @@ def digest_of(given: Path | Recording) -> str:
     """
     if isinstance(given, Recording):
         columns = to_columns(given)
-        found = hashlib.sha256(dump(header_of(given, list(columns))))
+        digest = hashlib.sha256(dump(file_header(given, list(columns))))
         for name, values in sorted(columns.items()):
-            found.update(name.encode())
-            found.update(values.tobytes())
-        return found.hexdigest()
+            digest.update(name.encode())
+            digest.update(values.tobytes())
+        return digest.hexdigest()
     folder = given.is_dir()
     files = (
         sorted(path for path in given.rglob("*") if path.is_file()) if folder else [existing_file(given), *_with(given)]
     )
     if files == [given]:
-        return sha256_of(given)[0]
-    whole, home = hashlib.sha256(), given if folder else given.parent
+        return file_sha256(given)[0]
+    combined, home = hashlib.sha256(), given if folder else given.parent
     for path in files:
-        whole.update(f"{path.relative_to(home).as_posix()}\0".encode())
-        whole.update(sha256_of(path)[0].encode())
-    return whole.hexdigest()
+        combined.update(f"{path.relative_to(home).as_posix()}\0".encode())
+        combined.update(file_sha256(path)[0].encode())
+    return combined.hexdigest()
 
 
 def _with(file: Path) -> list[Path]:
     """Files that are read with a file: the profile of a table, EuRoC's sensor.yaml, further parts of a stream."""
-    if profiles := profiles_of(file):
+    if profiles := profile_paths(file):
         return [path for path in (*profiles, file.with_name("sensor.yaml")) if path.is_file()]
     if file.suffix != ".mcap":
         return []
@@ -121,7 +121,7 @@ def _is_further_part(file: Path) -> bool:
     return is_further_part(file)
 
 
-def items_of(sources: Source | Iterable[Source], note: Note) -> Iterator[Item]:
+def batch_items(sources: Source | Iterable[Source], note: Note) -> Iterator[Item]:
     """Each recording of what was given; a note says what is left out.
 
     Raises
@@ -131,16 +131,16 @@ def items_of(sources: Source | Iterable[Source], note: Note) -> Iterator[Item]:
     """
     if isinstance(sources, str | os.PathLike | Recording | ImuData):
         sources = [sources]
-    seen: dict[str, str] = {}
+    origins: dict[str, str] = {}
     for number, source in enumerate(sources, 1):
         for item in _items(source, number, note):
-            if item.key in seen:
+            if item.key in origins:
                 raise ParameterError(
-                    f"two recordings are called {item.name}: {seen[item.key] or 'one in memory'} and "
+                    f"two recordings are called {item.name}: {origins[item.key] or 'one in memory'} and "
                     f"{item.where or 'another one'}. Name a folder above both, or name recordings in memory "
                     "differently."
                 )
-            seen[item.key] = item.where
+            origins[item.key] = item.where
             yield item
 
 
@@ -167,16 +167,16 @@ def _items(source: Source, number: int, note: Note) -> Iterator[Item]:
 
 def _of_pattern(text: str, note: Note) -> Iterator[Item]:
     base = Path(*_fixed(Path(text).parts))
-    found = sorted(glob.glob(text, recursive=True))  # noqa: PTH207 - a pattern with folders, absolute or not
-    if not found:
+    paths = sorted(glob.glob(text, recursive=True))  # noqa: PTH207 - a pattern with folders, absolute or not
+    if not paths:
         raise ParameterError(f"nothing matches {text}. Check the pattern; ** stands for folders in folders.")
-    for one in found:
-        path = Path(one)
+    for name in paths:
+        path = Path(name)
         if path.is_dir() and not is_recording(path):
             if "**" not in text:  # there its files match, too
                 yield from _of_folder(path, base, note)
         elif not _is_further_part(path):
-            yield Item(path.relative_to(base).as_posix(), one)
+            yield Item(path.relative_to(base).as_posix(), name)
 
 
 def _fixed(parts: tuple[str, ...]) -> Iterator[str]:
@@ -192,7 +192,7 @@ def _of_folder(folder: Path, base: Path, note: Note, depth: int = 0) -> Iterator
     if (folder / JOBS).is_dir():
         note(f"{folder} is a dataset of a batch; it is left out")
         return
-    left: list[str] = []
+    skipped: list[str] = []
     for path in sorted(folder.iterdir()):
         if path.name.startswith(".") or _is_further_part(path):
             continue
@@ -201,9 +201,9 @@ def _of_folder(folder: Path, base: Path, note: Note, depth: int = 0) -> Iterator
         elif path.is_dir() and not path.is_symlink() and depth < _DEEPEST:
             yield from _of_folder(path, base, note, depth + 1)
         elif path.suffix.lower() not in _BESIDE:
-            left.append(path.name)
-    if left:
-        note(f"{folder}: left out, no recordings by their suffix or content: {first_of(left, 5)}")
+            skipped.append(path.name)
+    if skipped:
+        note(f"{folder}: left out, no recordings by their suffix or content: {first_words(skipped, 5)}")
 
 
 def _behind_url(url: str) -> Iterator[Item]:
@@ -215,10 +215,10 @@ def _behind_url(url: str) -> Iterator[Item]:
         if not magic and system.isfile(path):
             yield Item(PurePosixPath(path).name, url)
             return
-        found = sorted(map(str, system.glob(path) if magic else system.find(path)))
-        taken = [one for one in found if system.isfile(one) and (magic or is_recording(Path(PurePosixPath(one).name)))]
+        paths = sorted(map(str, system.glob(path) if magic else system.find(path)))
+        taken = [ref for ref in paths if system.isfile(ref) and (magic or is_recording(Path(PurePosixPath(ref).name)))]
     if not taken:
         raise ParameterError(f"no recording is at {url}. Check the URL.")
     base = "/".join(_fixed(tuple(path.split("/")))) if magic else path.rstrip("/")
-    for one in taken:
-        yield Item(one[len(base) :].lstrip("/"), f"{scheme}://{one.lstrip('/') if scheme != 'file' else one}")
+    for ref in taken:
+        yield Item(ref[len(base) :].lstrip("/"), f"{scheme}://{ref.lstrip('/') if scheme != 'file' else ref}")

@@ -21,10 +21,10 @@ from plumbob.data.recording import Recording
 from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.evaluate import evaluate
 from plumbob.files.formats import UnknownFormatError
-from plumbob.fleet.items import JOBS, Item, digest_of
-from plumbob.fleet.places import Place, place_of
+from plumbob.fleet.items import JOBS, Item, input_digest
+from plumbob.fleet.places import Place, as_place
 from plumbob.fleet.settings import Settings
-from plumbob.overview.overview import Overview, gatherer_of
+from plumbob.overview.overview import Overview, make_gatherer
 from plumbob.overview.report_entry import Subject, opened, subject_from
 from plumbob.overview.tables import heading_numbers, inclination_numbers, motion_numbers, summary
 from plumbob.quality import quality
@@ -82,17 +82,17 @@ class Outcome:
     seconds: float
 
 
-def part_of(key: str) -> str:
+def part_path(key: str) -> str:
     """Where the attitudes of a recording are in a dataset."""
     return f"attitude/recording={key}/part.parquet"
 
 
-def page_of(key: str) -> str:
+def page_path(key: str) -> str:
     """Where the page about a recording is."""
     return f"pages/{key}.html"
 
 
-def record_of(key: str) -> str:
+def record_path(key: str) -> str:
     """Where the record of a job is."""
     return f"{JOBS}/{key}.json"
 
@@ -122,27 +122,27 @@ def run_job(settings: Settings, item: Item, out: str, stop: threading.Event | No
     """
     settings.prepare()
     began = time.perf_counter()
-    place = place_of(out)
+    place = as_place(out)
     row: dict[str, Any] = dict.fromkeys(COLUMNS)
     row |= {"recording": item.name, "source": item.where, "settings_sha256": settings.digest, "software": __version__}
-    found: _Found | None = None
+    output: _Found | None = None
     copy = ""
     try:
         with item.local(settings.max_bytes) as given:
             copy = "" if isinstance(given, Recording) else f"{given}: "
-            row["input_sha256"] = digest_of(given)
+            row["input_sha256"] = input_digest(given)
             if (before := _before(place, item.key, row)) is not None:
                 spent = time.perf_counter() - began
                 return Outcome(item.name, before["verdict"], before["reason"] or "", True, spent)
-            found = _worked(settings, item, given, stop)
-        row |= found.row | {"verdict": DONE}
+            output = _worked(settings, item, given, stop)
+        row |= output.row | {"verdict": DONE}
     except Exception as error:
         if isinstance(error, StoppedError):
             raise
         row |= {"verdict": _verdict(error), "reason": _reason(error).replace(copy, "")}
     if stop is not None and stop.is_set():  # the batch may be gone already, and another one have begun
         raise StoppedError
-    _written(place, item.key, row, found, began)
+    _written(place, item.key, row, output, began)
     return Outcome(item.name, row["verdict"], row["reason"] or "", False, row["seconds"])
 
 
@@ -151,7 +151,7 @@ def failed(settings: Settings, item: Item, out: str, reason: str) -> Outcome:
     row: dict[str, Any] = dict.fromkeys(COLUMNS)
     row |= {"recording": item.name, "source": item.where, "settings_sha256": settings.digest, "software": __version__}
     row |= {"verdict": FAILED, "reason": reason}
-    _written(place_of(out), item.key, row, None, time.perf_counter())
+    _written(as_place(out), item.key, row, None, time.perf_counter())
     return Outcome(item.name, FAILED, reason, False, 0.0)
 
 
@@ -174,12 +174,12 @@ def _reason(error: Exception) -> str:
 def _before(place: Place, key: str, row: Mapping[str, Any]) -> Mapping[str, Any] | None:
     """Row of the record of a job that need not be done again."""
     try:
-        old = json.loads(place.read(record_of(key)) or b"null")
+        old = json.loads(place.read(record_path(key)) or b"null")
         same = old is not None and all(old["row"][name] == row[name] for name in ("input_sha256", "settings_sha256"))
         if not same or old["row"]["verdict"] == FAILED:
             return None
-        kept: Mapping[str, Any] = old["row"]
-        return kept if kept["verdict"] != DONE or place.has(part_of(key)) else None
+        recorded: Mapping[str, Any] = old["row"]
+        return recorded if recorded["verdict"] != DONE or place.has(part_path(key)) else None
     except (ValueError, KeyError, TypeError):  # not a record: it is written again
         return None
 
@@ -196,7 +196,7 @@ class _Found:
 
 def _worked(settings: Settings, item: Item, given: Path | Recording, stop: threading.Event | None) -> _Found:
     """Estimate and judge."""
-    gatherer = gatherer_of(burst=settings.burst, tilt_limit=settings.tilt_limit)
+    gatherer = make_gatherer(burst=settings.burst, tilt_limit=settings.tilt_limit)
     how = {name: value for name, value in settings.how.items() if name not in ("unit", "profile")}
 
     def going_on(_done: int, _all: int) -> None:
@@ -206,7 +206,7 @@ def _worked(settings: Settings, item: Item, given: Path | Recording, stop: threa
     with opened(given, settings.how, whole=True) as (recording, paths, session):
         if recording.imu is None:
             raise ShapeError("it holds an attitude but no sensor data, so there is nothing to estimate from.")
-        card = settings.card_of(recording.imu.meta.device)
+        card = settings.card_for(recording.imu.meta.device)
         if card is None and session is not None:
             card = session.card
         going_on(0, 0)
@@ -222,23 +222,23 @@ def _worked(settings: Settings, item: Item, given: Path | Recording, stop: threa
 def _errors(settings: Settings, track: AttitudeTrack, reference: AttitudeTrack) -> dict[str, Any]:
     """Errors against the reference; words where they cannot be compared."""
     try:
-        found = evaluate(track, reference, align=settings.align, settle=settings.settle).summary()
+        summary = evaluate(track, reference, align=settings.align, settle=settings.settle).summary()
     except PlumbobError as error:
         return {"not_scored": one_line(error)}
-    missing = "; ".join(f"{name}: {why}" for name, why in found["not_scored"].items())
+    missing = "; ".join(f"{name}: {why}" for name, why in summary["not_scored"].items())
     keys = ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg")
-    return {key: found[key] for key in keys} | {"not_scored": missing or None}
+    return {key: summary[key] for key in keys} | {"not_scored": missing or None}
 
 
 def _row(subject: Subject) -> dict[str, Any]:
     """Numbers of the table of verdicts."""
     g = subject.gathered
     assert g.tilt is not None and g.headings is not None
-    found: dict[str, Any] = {
+    row: dict[str, Any] = {
         "device": dict(subject.facts).get("device"), "samples": g.samples, "duration_s": g.duration,
         "rate_hz": 1.0 / g.step, "gaps": len(g.gaps), "gap_share": g.lost / max(g.duration, g.step),
         "missing_samples": g.missing,
-        "flags": ", ".join(f"{name} {one.samples}" for name, one in g.flags.items()),
+        "flags": ", ".join(f"{name} {flag.samples}" for name, flag in g.flags.items()),
         "remarks": " | ".join(subject.remarks), "filter": subject.numbers["filter"],
         **{name: subject.numbers[name] for name in ("frame", "north", "calibration")},
     }  # fmt: skip
@@ -247,12 +247,12 @@ def _row(subject: Subject) -> dict[str, Any]:
         *motions.items(), ("inclination", inclination_numbers(g.tilt.inclination)),
         ("heading", heading_numbers(g.headings)),
     ):  # fmt: skip
-        found |= {f"{stem}_{name}": value for name, value in numbers.items() if f"{stem}_{name}" in COLUMNS}
+        row |= {f"{stem}_{name}": value for name, value in numbers.items() if f"{stem}_{name}" in COLUMNS}
     grades = _grades(subject)
     worst = max(grades.values(), key=_WORST.index, default=quality.MISSING)
-    found["grade"] = quality.MEANING[worst]
-    found["grades"] = ", ".join(f"{name} {quality.MEANING[flag]}" for name, flag in grades.items())
-    return {name: _finite(value) for name, value in found.items()}
+    row["grade"] = quality.MEANING[worst]
+    row["grades"] = ", ".join(f"{name} {quality.MEANING[flag]}" for name, flag in grades.items())
+    return {name: _finite(value) for name, value in row.items()}
 
 
 _WORST: Final = (1, 2, 9, 3, 4)
@@ -263,8 +263,8 @@ def _grades(subject: Subject) -> dict[str, int]:
     """Worst flag of each channel."""
     worst: dict[str, int] = {}
     for burst in subject.gathered.bursts:
-        for name, one in burst.verdicts.items():
-            worst[name] = max(one.flag, worst.get(name, 1), key=_WORST.index)
+        for name, verdict in burst.verdicts.items():
+            worst[name] = max(verdict.flag, worst.get(name, 1), key=_WORST.index)
     return worst
 
 
@@ -282,17 +282,17 @@ def _statistics(subject: Subject) -> dict[str, Any]:
     return {name: value for name, value in summary(spectra_apart).items() if name not in _LEFT_OUT}
 
 
-def _written(place: Place, key: str, row: dict[str, Any], found: _Found | None, began: float) -> None:
+def _written(place: Place, key: str, row: dict[str, Any], output: _Found | None, began: float) -> None:
     """Write the attitudes and the page, or remove old ones; then the record."""
-    if found is None or found.page is None:
-        place.remove(page_of(key))
-    if found is None:
-        place.remove(part_of(key))
+    if output is None or output.page is None:
+        place.remove(page_path(key))
+    if output is None:
+        place.remove(part_path(key))
     else:
-        place.write(part_of(key), lambda path: found.result.save(path, overwrite=True))
-        if (page := found.page) is not None:
-            place.write(page_of(key), lambda path: write_text(path, page, overwrite=True))
+        place.write(part_path(key), lambda path: output.result.save(path, overwrite=True))
+        if (page := output.page) is not None:
+            place.write(page_path(key), lambda path: write_text(path, page, overwrite=True))
     row["seconds"] = round(time.perf_counter() - began, 6)
-    record = {"row": row, "statistics": None if found is None else found.statistics}
+    record = {"row": row, "statistics": None if output is None else output.statistics}
     text = json.dumps(plain(record), allow_nan=False)
-    place.write(record_of(key), lambda path: write_text(path, text, overwrite=True))
+    place.write(record_path(key), lambda path: write_text(path, text, overwrite=True))

@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from plumbob.core.errors import DecodeError, LineError, MissingExtraError, ParameterError, PlumbobError, one_line
-from plumbob.core.files import lock, profiles_of
+from plumbob.core.files import lock, profile_paths
 
 if TYPE_CHECKING:
     from fsspec import AbstractFileSystem
@@ -70,7 +70,7 @@ def in_memory(name: str) -> bool:
     return name.lower().startswith("memory://")
 
 
-def place_of(name: str) -> Place:
+def as_place(name: str) -> Place:
     """Place of a path or a URL."""
     return _Remote(name) if is_url(name) else _Local(Path(name))
 
@@ -90,12 +90,12 @@ def filesystem(url: str) -> "tuple[AbstractFileSystem, str]":
     except ImportError as error:
         raise MissingExtraError(f'{url} needs fsspec; install it with: pip install "plumbob[remote]".') from error
     try:
-        found, path = url_to_fs(url)
+        system, path = url_to_fs(url)
     except ImportError as error:
         raise MissingExtraError(f"{url} needs a package that is not installed: {one_line(error)}.") from error
     except ValueError as error:
         raise ParameterError(f"{url} cannot be opened: {one_line(error)}. Check the URL.") from error
-    return found, str(path)
+    return system, str(path)
 
 
 @contextmanager
@@ -127,13 +127,13 @@ def fetched(url: str, most: int) -> Iterator[Path]:
         copy = Path(folder) / (name or "recording")
         with reaching(url):
             try:
-                whole = _copied(system, path, copy, most)
+                complete = _copied(system, path, copy, most)
             except (FileNotFoundError, PermissionError) as error:
                 raise DecodeError(f"{url} cannot be read: {one_line(error) or type(error).__name__}.") from error
-            for profile in profiles_of(copy):
+            for profile in profile_paths(copy):
                 if system.isfile(f"{home}/{profile.name}"):
-                    whole &= _copied(system, f"{home}/{profile.name}", profile, most)
-        if not whole:
+                    complete &= _copied(system, f"{home}/{profile.name}", profile, most)
+        if not complete:
             raise DecodeError(f"{url} has more than {most} bytes, which is the limit; allow more with max_bytes.")
         yield copy
 
@@ -202,8 +202,8 @@ class _Remote:
     def names(self, folder: str = "") -> list[str]:
         with reaching(self._url), suppress(FileNotFoundError):
             self._system.invalidate_cache()
-            found = self._system.ls(self._path(folder), detail=False)
-            return sorted(name.rstrip("/").rpartition("/")[2] for name in found)
+            paths = self._system.ls(self._path(folder), detail=False)
+            return sorted(name.rstrip("/").rpartition("/")[2] for name in paths)
         return []
 
     def has(self, name: str) -> bool:
@@ -265,11 +265,11 @@ def _holder() -> str:
 
 def _ended(holder: str) -> bool:
     """Whether it is a process of this machine that does not live any more."""
-    found = re.fullmatch(r"process (\d{1,9}) on (.*)", holder)
-    if found is None or found[2] != socket.gethostname() or os.name == "nt":
+    match = re.fullmatch(r"process (\d{1,9}) on (.*)", holder)
+    if match is None or match[2] != socket.gethostname() or os.name == "nt":
         return False
     try:
-        os.kill(int(found[1]), 0)
+        os.kill(int(match[1]), 0)
     except ProcessLookupError:
         return True
     except PermissionError:

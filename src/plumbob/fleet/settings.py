@@ -19,7 +19,7 @@ from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.door.estimate import estimate
-from plumbob.overview.overview import Overview, gatherer_of
+from plumbob.overview.overview import Overview, make_gatherer
 from plumbob.overview.report_entry import subject_from
 from plumbob.overview.streaming_stats import BURST
 from plumbob.quality.tilt import LIMIT
@@ -87,7 +87,7 @@ class Settings:
         }
         return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
-    def card_of(self, device: str) -> "CalibrationCard | None":
+    def card_for(self, device: str) -> "CalibrationCard | None":
         """Card for the recordings of a device; None where there is no card at all.
 
         Raises
@@ -123,7 +123,7 @@ class Settings:
         with _TRYING:
             if self.digest in _TRIED:
                 return
-            gatherer = gatherer_of(burst=self.burst, tilt_limit=self.tilt_limit)
+            gatherer = make_gatherer(burst=self.burst, tilt_limit=self.tilt_limit)
             how = {name: value for name, value in self.how.items() if name not in ("unit", "profile")}
             made = estimate(_at_rest(self.how.get("frame")), **how, noise=self.noise, follow=gatherer)
             if self.pages:
@@ -153,7 +153,7 @@ def _at_rest(frame: Frame | str | None) -> Recording:
     return Recording(imu=imu, track=track, name="trial")
 
 
-def cards_of(given: Any) -> tuple[Cards, bool]:
+def load_cards(given: Any) -> tuple[Cards, bool]:
     """Cards that were given, and whether each is for its own device: of a folder or a sequence it is.
 
     Raises
@@ -174,7 +174,7 @@ def cards_of(given: Any) -> tuple[Cards, bool]:
         given = files
     if not isinstance(given, list | tuple):
         return (CalibrationCard.of(given),), False
-    cards = tuple(CalibrationCard.of(one) for one in given)
+    cards = tuple(CalibrationCard.of(card) for card in given)
     devices = [card.device for card in cards]
     for device in devices:
         if devices.count(device) > 1:

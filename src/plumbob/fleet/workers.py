@@ -38,8 +38,8 @@ def by_children(settings: Settings, items: Iterable[Item], out: str, jobs: int) 
             if not running:
                 return
             over, running = wait(running, return_when=FIRST_COMPLETED)
-            for one in over:
-                yield one.result()
+            for future in over:
+                yield future.result()
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         children.stop()
@@ -62,7 +62,7 @@ class _Children:
 
     def run(self, item: Item) -> Outcome:
         """Do a job; errors as of `run_job`."""
-        child = None if in_memory(self._out) or in_memory(item.where) else self._one()
+        child = None if in_memory(self._out) or in_memory(item.where) else self._child()
         if child is None:
             return run_job(self._settings, item, self._out, self._stop)
         try:
@@ -90,7 +90,7 @@ class _Children:
         for child in self._all:
             child.close()
 
-    def _one(self) -> Child | None:
+    def _child(self) -> Child | None:
         try:
             return self._idle.pop()
         except IndexError:

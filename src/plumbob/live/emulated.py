@@ -23,7 +23,7 @@ from plumbob.live.rigs.serving import FilePort, Port, Served, TcpPort, UdpPort, 
 from plumbob.live.transports.transport import Stop, Stopping
 from plumbob.protocols.find import find_format
 from plumbob.protocols.format import Format
-from plumbob.protocols.unpack import units_of
+from plumbob.protocols.unpack import unit_prefixes
 from plumbob.rotations import Frame
 from plumbob.simulation import ChainSimulation, Scenario, draw_module
 from plumbob.simulation import scenario as named_scenario
@@ -163,7 +163,7 @@ def emulate(
     if flash_log:
         _write_flash(Path(flash_log), rig, overwrite=overwrite)
     if rig.firmware is not None and note is not None:
-        note("; ".join(f"{name} {told}" for name, told in rig.firmware.facts().items()))
+        note("; ".join(f"{name} {fact}" for name, fact in rig.firmware.facts().items()))
     if truth:  # before the port is named, so that who waits for it finds the truth and the card
         _write_truth(Path(truth), rig, noise=noise is not None, overwrite=overwrite)
     stop = stop or Stop()
@@ -187,16 +187,16 @@ def outputs(
     if truth is None:
         return
     form = find_format(what)
-    if _chain_of(what, form) is not None:
+    if _chained(what, form) is not None:
         yield from chain_files(Path(truth))
     for prefix in (
-        [unit.prefix for unit in PLANS[form.name].units] if _is_rig(what, form) else units_of(form.messages[0])
+        [unit.prefix for unit in PLANS[form.name].units] if _is_rig(what, form) else unit_prefixes(form.messages[0])
     ):
-        own = unit_file(Path(truth), prefix)
+        file = unit_file(Path(truth), prefix)
         yield from (
-            own,
-            *([profile_beside(own)] if own.suffix.lower() == ".csv" else []),
-            own.with_suffix(".card.json"),
+            file,
+            *([profile_beside(file)] if file.suffix.lower() == ".csv" else []),
+            file.with_suffix(".card.json"),
         )
 
 
@@ -212,13 +212,13 @@ def chain_files(path: Path) -> tuple[Path, Path, Path]:
 
 def write_chain(path: Path, made: ChainSimulation, *, overwrite: bool = False) -> None:
     """Write what is true of a chain beside a recording of its units, in the files that `chain_files` names."""
-    angles, known, true = chain_files(path)
+    angles, nominal, true = chain_files(path)
     write_table(angles, made.columns(), overwrite=overwrite)
-    for file, chain in ((known, made.chain), (true, made.true_chain)):
+    for file, chain in ((nominal, made.chain), (true, made.true_chain)):
         write_text(file, chain_text(chain), overwrite=overwrite)
 
 
-def _chain_of(what: str | Path, form: Format) -> Chained | None:
+def _chained(what: str | Path, form: Format) -> Chained | None:
     motion = PLANS[form.name].scenario if _is_rig(what, form) else None
     return motion if isinstance(motion, Chained) else None
 
@@ -256,10 +256,10 @@ def _plan(
 def _require_triads(plan: Plan, form: Format, sensors: str) -> None:
     """Refuse parts that leave a triad of a rig's frame without a sensor."""
     module = draw_module(sensors, 0)
-    for prefix in (one.prefix for one in plan.measuring):
+    for prefix in (unit.prefix for unit in plan.measuring):
         for triad in TRIADS:
             name = f"{prefix}.{triad}" if prefix else triad
-            if getattr(module, triad) is None and name in {one.triad for one in form.messages[0].fields}:
+            if getattr(module, triad) is None and name in {field.triad for field in form.messages[0].fields}:
                 raise ParameterError(
                     f"{module.name} has no {triad}, which the frame of {plan.name} has; add such a part."
                 )
@@ -274,15 +274,15 @@ def _named(scenario: str | None, parameters: Mapping[str, Any] | None) -> Scenar
 def _moved(plan: Plan, scenario: str | None, parameters: Mapping[str, Any] | None) -> Plan:
     """Plan with another motion: of a chain, another program and its settings; else another scenario."""
     if isinstance(plan.scenario, Chained):
-        own = plan.scenario
-        settings = {**own.settings, **(parameters or {})}
-        return replace(plan, scenario=replace(own, program=scenario or own.program, settings=settings))
+        chained = plan.scenario
+        settings = {**chained.settings, **(parameters or {})}
+        return replace(plan, scenario=replace(chained, program=scenario or chained.program, settings=settings))
     motion = _named(scenario, parameters)
     return plan if motion is None else replace(plan, scenario=motion, duration=motion.duration)
 
 
-def _speed(asked: float | str | None, *, fastest: bool) -> float | None:
-    text = asked or ("max" if fastest else 1.0)
+def _speed(factor: float | str | None, *, fastest: bool) -> float | None:
+    text = factor or ("max" if fastest else 1.0)
     if text == "max":
         return None
     try:
@@ -336,7 +336,7 @@ def _fault_log(path: str | Path | None) -> Iterator[Callable[[Fault], None]]:
         yield lambda fault: None
         return
     with Path(path).open("w", encoding="utf-8") as file:
-        yield lambda fault: print(json.dumps(fault.told()), file=file, flush=True)
+        yield lambda fault: print(json.dumps(fault.as_dict()), file=file, flush=True)
 
 
 def unit_file(path: Path, prefix: str) -> Path:
@@ -353,10 +353,10 @@ def _write_flash(path: Path, rig: Rig, *, overwrite: bool) -> None:
 
 def _write_truth(path: Path, rig: Rig, *, noise: bool, overwrite: bool) -> None:
     for prefix, unit in rig.units.items():
-        own = unit_file(path, prefix)
+        file = unit_file(path, prefix)
         notes = (unit.truth.source, *((f"noise {unit.noise.source}",) if noise else ()))
-        recording = Recording(imu=unit.imu, track=unit.truth, name=own.stem, notes=notes)
-        files.write(own, recording, overwrite=overwrite)
-        unit.calibration.save(own.with_suffix(".card.json"), overwrite=overwrite)
+        recording = Recording(imu=unit.imu, track=unit.truth, name=file.stem, notes=notes)
+        files.write(file, recording, overwrite=overwrite)
+        unit.calibration.save(file.with_suffix(".card.json"), overwrite=overwrite)
     if rig.chain is not None:
         write_chain(path, rig.chain, overwrite=overwrite)

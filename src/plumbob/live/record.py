@@ -11,14 +11,14 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.units import Quantity, given
 from plumbob.live.recording_sink import RecordingSink, named_at
 from plumbob.live.runner import run_stream
-from plumbob.live.sending import sending_of, with_sent
+from plumbob.live.sending import send_sinks, with_sent
 from plumbob.live.session import RecordSpec, Session
-from plumbob.live.session_toml import session_of
+from plumbob.live.session_toml import capture_session
 from plumbob.live.sinks import Sink, TextSink
 from plumbob.live.sources import open_source
 from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Stopping
-from plumbob.live.watch import Note, Ran, Watch, nothing_of
+from plumbob.live.watch import Note, Ran, Watch, silence_words
 from plumbob.protocols.find import unassigned_told
 
 
@@ -41,13 +41,13 @@ class Recorded(Ran):
     @property
     def lossy(self) -> bool:
         """Whether rows of the recording are lost, or an output failed."""
-        kept = self.recording
-        return self.failed or (kept is not None and kept["acknowledged"] < kept["rows"])
+        recording = self.recording
+        return self.failed or (recording is not None and recording["acknowledged"] < recording["rows"])
 
     @property
     def nothing(self) -> str | None:
         """Why there is no sample, and where to look; None where there are some."""
-        return None if self.samples else nothing_of(self.stream)
+        return None if self.samples else silence_words(self.stream)
 
     def facts(self) -> Mapping[str, str]:
         """As of every run, and where it was recorded."""
@@ -59,11 +59,11 @@ class Recorded(Ran):
 
     def text(self) -> str:
         """What a reader wants to know first, a line each."""
-        kept = self.recording
+        recording = self.recording
         where = (
             "NOTHING: neither --out nor [record] names a file"
-            if kept is None
-            else f"{kept['path']}: {kept['acknowledged']} of {kept['rows']} rows on disk"
+            if recording is None
+            else f"{recording['path']}: {recording['acknowledged']} of {recording['rows']} rows on disk"
         )
         return f"{super().text()}\nrecorded     {where}"
 
@@ -111,7 +111,7 @@ def record(
     progress : callable, optional
         Called with the `Watch` after each part.
     **line
-        As of `plumbob.live.session_toml.session_of`: ``port``, ``capture`` or ``iio``, ``format``, ``filter``...
+        As of `plumbob.live.session_toml.capture_session`: ``port``, ``capture`` or ``iio``, ``format``, ``filter``...
 
     Returns
     -------
@@ -127,7 +127,9 @@ def record(
         As in `plumbob.load_session`.
     """
     given_session = session if isinstance(session, Session) and not line else None
-    chosen = _with_outputs(given_session or session_of(_path(session), **line), out, next_part=next_part, text=text)
+    chosen = _with_outputs(
+        given_session or capture_session(_path(session), **line), out, next_part=next_part, text=text
+    )
     chosen = with_sent(chosen, send)
     chosen = named_at(chosen, time.time_ns())
     seconds = given("duration", duration, Quantity.TIME, positive=True)
@@ -137,7 +139,7 @@ def record(
     watch = Watch(stream, note, progress=progress)
     others = [TextSink(chosen.output.text, chosen.output.every)] if chosen.output.text else []
     source = open_source(chosen.source)
-    sending = sending_of(chosen, note=say, keep=None if recording_sink is None else recording_sink.on_item)
+    sending = send_sinks(chosen, note=say, keep=None if recording_sink is None else recording_sink.on_item)
     if opened is not None:
         opened()
     run_stream(
@@ -152,8 +154,8 @@ def record(
     if recording_sink is None:
         return Recorded(watch, None, False)
     recorder = recording_sink.recorder
-    told = {"path": str(recorder.path), "rows": recorder.written, "acknowledged": recorder.acknowledged}
-    return Recorded(watch, told | {"dropped": recorder.dropped}, bool(recording_sink.failures))
+    summary = {"path": str(recorder.path), "rows": recorder.written, "acknowledged": recorder.acknowledged}
+    return Recorded(watch, summary | {"dropped": recorder.dropped}, bool(recording_sink.failures))
 
 
 def _path(session: "Session | str | Path | None") -> Path | None:
@@ -175,5 +177,5 @@ def _with_outputs(session: Session, out: str | Path | None, *, next_part: bool, 
 
 def announce(session: Session, say: Note) -> None:
     """What is known before the first byte: spare bytes of the format."""
-    if told := unassigned_told(session.form, session.form.message(session.message)):
-        say(told)
+    if remark := unassigned_told(session.form, session.form.message(session.message)):
+        say(remark)

@@ -21,7 +21,7 @@ from plumbob.core.time import to_ns
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import ImuArray, Mount
 from plumbob.data.cards import CalibrationCard
-from plumbob.data.recording import Recording, findings_of, inferred, provenance, read_notes, recalibrated, stored_notes
+from plumbob.data.recording import Recording, all_findings, inferred, provenance, read_notes, recalibrated, stored_notes
 from plumbob.files.formats import is_own
 from plumbob.files.header import array_from, array_told, meta_from, plain_meta, track_meta_from
 from plumbob.files.mcap import Log, open_log
@@ -30,7 +30,7 @@ from plumbob.live import rows
 from plumbob.live.replay import Replayed, replay
 from plumbob.live.session import reference_names
 from plumbob.live.session_toml import ALL, SESSION, of_unit, recorded_session
-from plumbob.live.sinks import text_of
+from plumbob.live.sinks import track_lines
 from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
 
 _META: Final = "recording"
@@ -65,8 +65,8 @@ def read_recorded(
     file = Path(path)
     log = open_log(file)
     if SESSION not in log.metadata:
-        found = _from_rows(log, file, estimated=estimated)
-        return found if unit is None or unit == ALL else found.of_unit(unit)
+        decoded = _from_rows(log, file, estimated=estimated)
+        return decoded if unit is None or unit == ALL else decoded.of_unit(unit)
     session = recorded_session(log.metadata, file.stem)
     if unit is not None:
         chosen = of_unit(session, unit)
@@ -77,27 +77,27 @@ def read_recorded(
         raise DecodeError(f"{file} holds no sample that could be decoded; 'plumbob verify' says what is in it.")
     array = replayed.found.array(calibrated=calibrated)
     units = {"": imu} if array is None else array.units
-    units = {name: replace(one, meta=replace(one.meta, t0_ns=replayed.t0_ns)) for name, one in units.items()}
+    units = {name: replace(sensed, meta=replace(sensed.meta, t0_ns=replayed.t0_ns)) for name, sensed in units.items()}
     counts = replayed.stream.decoder.counts
     notes = [f"decoded from {counts.received} raw bytes as {session.form.name}, {counts.junk} of them junk"]
     if log.starts > 1:
         notes += [f"recorded in {log.starts} starts; the recorder was away in between"]
     notes += [f"damaged: {damage}" for damage in log.damage]
     notes += inferred(replayed.stream.time_report())
-    dead = [] if array is None else [one.unit for one in replayed.stream.session.units if one.unit not in array.units]
+    dead = [] if array is None else [u.unit for u in replayed.stream.session.units if u.unit not in array.units]
     notes += [f"unit {name} has no value in any sample, and is left out" for name in dead]
-    doubts = dict.fromkeys(doubt for one in units.values() for doubt in one.unit_doubts())
+    doubts = dict.fromkeys(doubt for sensed in units.values() for doubt in sensed.unit_doubts())
     notes += [f"units: {doubt}; check the units of the format" for doubt in doubts]
-    whole = Recording(
+    recording = Recording(
         imu=units[""] if array is None else None,
-        track=replayed.track if estimated else reference_of(replayed),
+        track=replayed.track if estimated else logged_reference(replayed),
         name=file.stem,
         array=None if array is None else ImuArray(units, array.mounts),
     )
-    return replace(whole, notes=(*notes, *findings_of(whole)))
+    return replace(recording, notes=(*notes, *all_findings(recording)))
 
 
-def reference_of(replayed: Replayed) -> AttitudeTrack | None:
+def logged_reference(replayed: Replayed) -> AttitudeTrack | None:
     """Attitude of the reference that the session of a replay names; its angles are those of NED, as heading is."""
     session = replayed.stream.session
     if session.reference is None:
@@ -136,7 +136,7 @@ def write_mcap(path: Path, recording: Recording, overwrite: bool = False) -> Non
         streams[rows.TRANSFORMS] = _transforms(stamps, track, t0_ns)
     write_rows(
         path,
-        {topic: rows.kind_of(topic) for topic in streams},
+        {topic: rows.row_schema(topic) for topic in streams},
         heapq.merge(*streams.values(), key=lambda row: row[0]),
         epoch_offset_ns=t0_ns,
         metadata={_META: json.dumps(_about(recording))},
@@ -166,72 +166,72 @@ def _about(recording: Recording) -> dict[str, Any]:
     imu, track, array = recording.imu, recording.track, recording.array
     several = {} if array is None else {"array": array_told(array)}
     meta = {} if imu is None else asdict(plain_meta(imu.meta))
-    told = {} if track is None else {"frame": str(track.frame), "north": str(track.north), "source": track.source}
-    return {"imu": meta, "track": told, "notes": list(stored_notes(recording))} | several
+    track_meta = {} if track is None else {"frame": str(track.frame), "north": str(track.north), "source": track.source}
+    return {"imu": meta, "track": track_meta, "notes": list(stored_notes(recording))} | several
 
 
 def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
     """Recording of decoded rows only, as `write_mcap` makes one."""
-    found: dict[str, list[dict[str, Any]]] = {rows.IMU: [], rows.ATTITUDE: []}
+    by_topic: dict[str, list[dict[str, Any]]] = {rows.IMU: [], rows.ATTITUDE: []}
     with reading(file):
         for message in log:
             if message.topic == rows.ATTITUDE or rows.unit_of_topic(message.topic) is not None:
-                found.setdefault(message.topic, []).append(rows.parsed(message.topic, message.data))
+                by_topic.setdefault(message.topic, []).append(rows.parsed(message.topic, message.data))
         about = rows.parsed_object(f"the metadata '{_META}'", log.metadata.get(_META, "{}"))
-        if not any(found.values()):
+        if not any(by_topic.values()):
             raise DecodeError(
                 "it has neither a session nor decoded samples: it was not made by Plumbob, or it is cut off near its "
                 "beginning. Take a whole copy."
             )
-        imu = _imu(found[rows.IMU], about.get("imu", {})) if found[rows.IMU] else None
-        array = _array(found, array_from(about["array"])) if "array" in about else None
-        wanted = found[rows.ATTITUDE] and (estimated or (imu is None and array is None))
-        track = _track(found[rows.ATTITUDE], about.get("track")) if wanted else None
+        imu = _imu(by_topic[rows.IMU], about.get("imu", {})) if by_topic[rows.IMU] else None
+        array = _array(by_topic, array_from(about["array"])) if "array" in about else None
+        wanted = by_topic[rows.ATTITUDE] and (estimated or (imu is None and array is None))
+        track = _track(by_topic[rows.ATTITUDE], about.get("track")) if wanted else None
         units = [imu] if array is None else array.units.values()
         notes = read_notes(texts("notes", about.get("notes", [])), *units)
         return Recording(imu=imu, track=track, name=file.stem, notes=notes, array=array)
 
 
-def _array(found: Mapping[str, Sequence[Mapping[str, Any]]], told: Mapping[str, tuple[ImuMeta, Mount]]) -> ImuArray:
-    if lacking := [name for name in told if not found.get(rows.unit_topic(name))]:
+def _array(by_topic: Mapping[str, Sequence[Mapping[str, Any]]], metas: Mapping[str, tuple[ImuMeta, Mount]]) -> ImuArray:
+    if lacking := [name for name in metas if not by_topic.get(rows.unit_topic(name))]:
         raise DecodeError(f"it has no samples of the unit {lacking[0]}, which its metadata name; take a whole copy.")
-    of = {name: found[rows.unit_topic(name)] for name in told}
-    stamps = {name: rows.whole("t_ns", of[name], np.int64) for name in told}
+    of = {name: by_topic[rows.unit_topic(name)] for name in metas}
+    stamps = {name: rows.integers("t_ns", of[name], np.int64) for name in metas}
     common = reduce(np.intersect1d, stamps.values())  # damage may have cost some units rows that others have
     if not common.size:
         raise DecodeError("its units have no time in common; take a whole copy.")
     units = {}
-    for name, (meta, _) in told.items():
-        kept = np.isin(stamps[name], common)
-        units[name] = _samples(list(compress(of[name], kept)), meta)
-    return ImuArray(units, {name: mount for name, (_, mount) in told.items()})
+    for name, (meta, _) in metas.items():
+        mask = np.isin(stamps[name], common)
+        units[name] = _samples(list(compress(of[name], mask)), meta)
+    return ImuArray(units, {name: mount for name, (_, mount) in metas.items()})
 
 
-def _imu(found: Sequence[Mapping[str, Any]], meta: Any) -> ImuData:
-    return _samples(found, meta_from(meta))
+def _imu(records: Sequence[Mapping[str, Any]], meta: Any) -> ImuData:
+    return _samples(records, meta_from(meta))
 
 
-def _samples(found: Sequence[Mapping[str, Any]], meta: ImuMeta) -> ImuData:
-    triads = {name: rows.table(name, found, 3) for name in TRIADS if found[0][name] is not None}
-    temps = rows.table("temp_c", found)
+def _samples(records: Sequence[Mapping[str, Any]], meta: ImuMeta) -> ImuData:
+    triads = {name: rows.table(name, records, 3) for name in TRIADS if records[0][name] is not None}
+    temps = rows.table("temp_c", records)
     return ImuData(
-        t=rows.whole("t_ns", found, np.int64) / 1e9,
+        t=rows.integers("t_ns", records, np.int64) / 1e9,
         temp_c=None if np.isnan(temps).all() else temps,
-        flags=rows.whole("flags", found, np.uint32),
+        flags=rows.integers("flags", records, np.uint32),
         meta=meta,
         **triads,
     )
 
 
-def _track(found: Sequence[Mapping[str, Any]], told: Any) -> AttitudeTrack:
-    frame, north, source = track_meta_from(told)
+def _track(records: Sequence[Mapping[str, Any]], meta: Any) -> AttitudeTrack:
+    frame, north, source = track_meta_from(meta)
     return AttitudeTrack(
-        t=rows.whole("t_ns", found, np.int64) / 1e9,
-        q_nb=rows.table("q_nb", found, 4),
+        t=rows.integers("t_ns", records, np.int64) / 1e9,
+        q_nb=rows.table("q_nb", records, 4),
         frame=frame,
         north=north,
-        bias_b=rows.table("bias_b", found, 3) if found[0]["bias_b"] is not None else None,
-        flags=rows.whole("flags", found, np.uint32),
+        bias_b=rows.table("bias_b", records, 3) if records[0]["bias_b"] is not None else None,
+        flags=rows.integers("flags", records, np.uint32),
         source=source,
     )
 
@@ -296,9 +296,9 @@ def convert(
         given = Path(recording)
         if given.exists() and file.resolve() in (given.resolve(), *given.resolve().parents):
             raise ParameterError(f"{file} is or holds the input; writing there would destroy it. Name another file.")
-        own = is_own(given)
+        native = is_own(given)
         recording = (
-            read_recorded(given, estimated=True, unit=unit) if own else files.read(given, profile=profile, unit=unit)
+            read_recorded(given, estimated=True, unit=unit) if native else files.read(given, profile=profile, unit=unit)
         )
         unit = None
     recording = only(recording if unit is None else recording.of_unit(unit), what)
@@ -337,13 +337,13 @@ def require_writer(file: Path, layout: str | None) -> None:
             form = f"a file whose name ends in {' or '.join(suffixes)}" if suffixes else "a folder"
             raise ParameterError(f"{file}: the layout {layout} is {form}; name the new one so.")
     elif file.suffix not in SUFFIXES:
-        folders = " or ".join(f"--as {name}" for name, one in LAYOUTS.items() if not one.suffixes)
+        folders = " or ".join(f"--as {name}" for name, spec in LAYOUTS.items() if not spec.suffixes)
         raise ParameterError(
             f"{file}: convert writes {', '.join(SUFFIXES)}, not '{file.suffix}'; and folders with {folders}."
         )
 
 
-def _told(recording: Recording) -> Iterator[str]:
+def _extras(recording: Recording) -> Iterator[str]:
     """Names of what a recording says besides stamps, gyr, acc and attitudes."""
     for imu in _units(recording).values():
         meta = imu.meta
@@ -380,19 +380,19 @@ def _told(recording: Recording) -> Iterator[str]:
 def _lost(file: Path, recording: Recording, layout: str | None) -> Iterable[str]:
     """What the new format cannot hold of a recording, a line each."""
     form = layout or file.suffix.removeprefix(".")
-    left: list[str] = []
+    dropped: list[str] = []
     if form in _TRACKS and (track := recording.track) is not None:
         units = _units(recording).values()
-        left += ["samples"] if units else []
-        left += ["UTC"] if form == "txt" and any(imu.meta.t0_ns for imu in units) else []
+        dropped += ["samples"] if units else []
+        dropped += ["UTC"] if form == "txt" and any(imu.meta.t0_ns for imu in units) else []
         recording = replace(recording, imu=None, array=None)
         if form == "txt":
             yield "angles are rounded to 0.0001° and times to 1 µs"
         elif count := int((~track.known).sum()):
             yield f"{counted(count, 'row')} without an attitude left out"
-    left += [name for name in dict.fromkeys(_told(recording)) if name in _LACKS.get(form, ())]
-    if left:
-        yield f"{_NAMED.get(form, form.upper())} has no place for {', '.join(left)}: left out"
+    dropped += [name for name in dict.fromkeys(_extras(recording)) if name in _LACKS.get(form, ())]
+    if dropped:
+        yield f"{_NAMED.get(form, form.upper())} has no place for {', '.join(dropped)}: left out"
     if layout == "euroc":
         from plumbob.files.foreign.euroc_write import lost
 
@@ -415,12 +415,12 @@ def only(recording: Recording, what: str) -> Recording:
     """
     if what == "all":
         return recording
-    kept = replace(recording, track=None) if what == "samples" and _units(recording) else None
+    chosen = replace(recording, track=None) if what == "samples" and _units(recording) else None
     if what == "attitude" and recording.track is not None:
-        kept = replace(recording, imu=None, array=None)
-    if kept is None:
+        chosen = replace(recording, imu=None, array=None)
+    if chosen is None:
         raise ShapeError(f"{recording.name} has no {what}; it has {_content(recording)}.")
-    return kept
+    return chosen
 
 
 def _content(recording: Recording) -> str:
@@ -428,7 +428,7 @@ def _content(recording: Recording) -> str:
 
 
 def _on_one_clock(recording: Recording, track: AttitudeTrack) -> bool:
-    return all(np.array_equal(one.t, track.t) for one in _units(recording).values())
+    return all(np.array_equal(imu.t, track.t) for imu in _units(recording).values())
 
 
 def _attitude(file: Path, recording: Recording) -> AttitudeTrack:
@@ -439,8 +439,8 @@ def _attitude(file: Path, recording: Recording) -> AttitudeTrack:
 
 def _write_tum(file: Path, recording: Recording, overwrite: bool) -> None:
     track = _attitude(file, recording)
-    known = track.known
-    table = np.column_stack([track.t, np.zeros((len(track), 3)), track.q_nb[:, [1, 2, 3, 0]]])[known]
+    mask = track.known
+    table = np.column_stack([track.t, np.zeros((len(track), 3)), track.q_nb[:, [1, 2, 3, 0]]])[mask]
     source = visible(" ".join(track.source.split()))
     t0_ns = next((imu.meta.t0_ns for imu in _units(recording).values()), 0)
     utc = f"; 0 s is {t0_ns} ns of UTC" if t0_ns else ""
@@ -452,7 +452,7 @@ def _write_tum(file: Path, recording: Recording, overwrite: bool) -> None:
 def _write_text(file: Path, recording: Recording, overwrite: bool) -> None:
     track = _attitude(file, recording)
     with replacing(file, overwrite=overwrite) as temporary, temporary.open("w", encoding="utf-8") as stream:
-        stream.writelines(text_of(track, head=True))
+        stream.writelines(track_lines(track, head=True))
 
 
 def _of_ros(name: str) -> Callable[[Path, Recording, bool], None]:
@@ -487,7 +487,7 @@ _LACKS: Final[dict[str, frozenset[str]]] = {
     "euroc": _SENSE - {"bias"} | {"mag", "temp_c", "device"},
     **dict.fromkeys(("bag", "ros2", "rosbag2"), _SENSE - {"covariance"} | {"nominal rate"}),
 }
-"""What each format has no place for, of `_told`; CSV and Parquet hold everything."""
+"""What each format has no place for, of `_extras`; CSV and Parquet hold everything."""
 _TRACKS: Final = ("tum", "txt")
 _OF_ROS: Final = ("bag", "ros2", "rosbag2")
 _NAMED: Final = {"euroc": "EuRoC", "txt": "text", **dict.fromkeys(_OF_ROS, "ROS")}

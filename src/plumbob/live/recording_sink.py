@@ -44,13 +44,13 @@ def named_at(session: Session, utc_ns: int) -> Session:
         UTC of the start, ns since 1970.
     """
     record, text = session.record, session.output.text
-    asked = record is not None and record.next_part
+    next_part = record is not None and record.next_part
     if record is not None:
         path = dated(record.path, utc_ns)
-        record = replace(record, path=path, next_part=asked or path != record.path)
+        record = replace(record, path=path, next_part=next_part or path != record.path)
     if text is not None:
-        asked, text = asked or UTC_FIELD in text, dated(text, utc_ns)
-        text = str(next_path(Path(text))) if asked else text
+        next_part, text = next_part or UTC_FIELD in text, dated(text, utc_ns)
+        text = str(next_path(Path(text))) if next_part else text
     return replace(session, record=record, output=replace(session.output, text=text))
 
 
@@ -91,8 +91,8 @@ class RecordingSink:
         self._raw = self.recorder.channel(rows.RAW, "application/octet-stream")
         self._own = rows.declare(self.recorder, rows.RECORDER)
         self._events = rows.declare(self.recorder, rows.EVENTS)
-        units = [one.unit for one in session.units] or [""]
-        self._imu = {one: rows.declare(self.recorder, rows.unit_topic(one)) for one in units if spec.samples}
+        units = [unit.unit for unit in session.units] or [""]
+        self._imu = {name: rows.declare(self.recorder, rows.unit_topic(name)) for name in units if spec.samples}
         with_attitude = spec.samples and session.stage is not None
         self._attitude = rows.declare(self.recorder, rows.ATTITUDE) if with_attitude else 0
 

@@ -13,7 +13,7 @@ from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import CalibrationCard, NoiseCard
-from plumbob.data.earth_field import day_of
+from plumbob.data.earth_field import iso_day
 from plumbob.data.recording import Recording, inferred
 from plumbob.files.mcap import Log, open_log
 from plumbob.filters import SMOOTHER
@@ -53,10 +53,10 @@ class Replayed(Ran, Series):
 
     def columns(self) -> Mapping[str, NDArray[Any]]:
         """Of the track."""
-        return self._known.columns()
+        return self._estimate.columns()
 
     @property
-    def _known(self) -> AttitudeTrack:
+    def _estimate(self) -> AttitudeTrack:
         if self.track is None:
             raise ParameterError("nothing was estimated, so there is no track to write; name a filter with --filter.")
         return self.track
@@ -80,8 +80,8 @@ class Replayed(Ran, Series):
         ParameterError
             If there is none.
         """
-        told = f"replayed from {self.log.paths[0].name} by {self._known.source}"
-        return Recording(track=self._known, notes=(told, *inferred(self.stream.time_report())))
+        source = f"replayed from {self.log.paths[0].name} by {self._estimate.source}"
+        return Recording(track=self._estimate, notes=(source, *inferred(self.stream.time_report())))
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
@@ -170,33 +170,33 @@ def replay(
     """
     if speed is not None and not speed > 0.0:
         raise ParameterError(f"--speed must be above 0, but it is {speed:g}.")
-    log, own = (recording, None) if isinstance(recording, Log) else open_recording(recording)
-    chosen = _session(log, own, session)
+    log, stored = (recording, None) if isinstance(recording, Log) else open_recording(recording)
+    chosen = _session(log, stored, session)
     chosen = _changed(chosen, unit, calibration)
     chosen = _estimated(chosen, *lagged(filter, lag, params), frame, noise, init)
     if opened is not None:
         opened(chosen)
-    stream, found, tracks = Stream(chosen, covariance=covariance), Collected(), Tracks()
+    stream, collected, tracks = Stream(chosen, covariance=covariance), Collected(), Tracks()
     watch, against = Watch(stream, note, events=False), Check(log) if check else None
-    kept: dict[str, Sink] = {"all": found, "track": tracks}
-    wanted = [watch, *([kept[keep]] if keep in kept else []), *([against] if against else []), *sinks]
+    collectors: dict[str, Sink] = {"all": collected, "track": tracks}
+    wanted = [watch, *([collectors[keep]] if keep in collectors else []), *([against] if against else []), *sinks]
     wanted += _sending(chosen, log, send, note)
     run_stream(stream, ReplaySource(log, speed), sinks=wanted)
     if note is not None:
         for line in _lacking(log):
             note(line)
-    track = found.track() if keep == "all" else tracks.track()
-    return Replayed(watch, log, found, track, against.comparison if against else None)
+    track = collected.track() if keep == "all" else tracks.track()
+    return Replayed(watch, log, collected, track, against.comparison if against else None)
 
 
 def _sending(session: Session, log: Log, send: Sequence[str], note: Note | None) -> list[Sink]:
     """Sinks of what is sent; they may wait, because nothing is lost while a file does."""
     if not send:
         return []
-    from plumbob.live.sending import sending_of, with_sent
+    from plumbob.live.sending import send_sinks, with_sent
 
     offset_ns = 0 if log.first_info is None else log.first_info.epoch_offset_ns
-    return [*sending_of(with_sent(replace(session, send=()), send), note=note, replayed_ns=offset_ns)]
+    return [*send_sinks(with_sent(replace(session, send=()), send), note=note, replayed_ns=offset_ns)]
 
 
 def _lacking(log: Log) -> list[str]:
@@ -205,18 +205,18 @@ def _lacking(log: Log) -> list[str]:
     return [f"{log.paths[0].name}: {line}" for line in (*missing, *map(str, log.damage))]
 
 
-def _session(log: Log, own: Session | None, asked: Session | str | Path | None) -> Session:
-    if isinstance(asked, Session):
-        return asked
-    if asked is not None:
-        return load_session(asked, date=_day(log))
-    return own or recorded_session(log.metadata, log.paths[0].stem)
+def _session(log: Log, stored: Session | None, chosen: Session | str | Path | None) -> Session:
+    if isinstance(chosen, Session):
+        return chosen
+    if chosen is not None:
+        return load_session(chosen, date=_day(log))
+    return stored or recorded_session(log.metadata, log.paths[0].stem)
 
 
 def _day(log: Log) -> str | None:
     """Day of the first row, ISO 8601; None where it is not known."""
     info, first = log.first_info, next(iter(log), None)
-    return None if info is None or first is None else day_of(info.epoch_offset_ns + first.t_ns)
+    return None if info is None or first is None else iso_day(info.epoch_offset_ns + first.t_ns)
 
 
 def _changed(session: Session, unit: str | None, calibration: CalibrationCard | str | Path | None) -> Session:
@@ -235,7 +235,7 @@ def _estimated(
     session: Session,
     filter: str | None,
     params: Mapping[str, Any] | None,
-    asked: Frame | str | None,
+    named_frame: Frame | str | None,
     noise: NoiseCard | str | Path | None,
     init: str | None,
 ) -> Session:
@@ -249,7 +249,7 @@ def _estimated(
                 "the one that is meant with --filter."
             )
         filter = SMOOTHER
-    frame = session.frame if asked is None else Frame.parse(asked)
+    frame = session.frame if named_frame is None else Frame.parse(named_frame)
     if frame is None:
         raise FrameError("the recording's session names no frame. Give --frame ENU, NED or NWU.")
     if init == TRUTH_WORD and session.reference is None:
@@ -309,7 +309,7 @@ class Check:
 
     def __init__(self, log: Log) -> None:
         again = log.again()
-        self._live = (rows.shifted(one.data, again.shift_ns) for one in again if one.topic == rows.ATTITUDE)
+        self._live = (rows.shifted(message.data, again.shift_ns) for message in again if message.topic == rows.ATTITUDE)
         self._next = next(self._live, None)
         self._compared = self._different = self._only_live = self._only_replayed = 0
         if self._next is None:
@@ -352,4 +352,4 @@ class Check:
         """By how much the recording's next row is later than another; it is after its end, too."""
         if self._next is None:
             return 1
-        return 0 if self._next == row else rows.time_of(self._next) - rows.time_of(row)
+        return 0 if self._next == row else rows.attitude_ns(self._next) - rows.attitude_ns(row)

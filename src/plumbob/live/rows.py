@@ -109,10 +109,10 @@ def unit_of_topic(topic: str) -> str | None:
 
 def declare(recorder: Recorder, topic: str) -> int:
     """Declare a channel of rows, and return its number."""
-    return recorder.channel(topic, *kind_of(topic))
+    return recorder.channel(topic, *row_schema(topic))
 
 
-def kind_of(topic: str) -> tuple[str, Schema]:
+def row_schema(topic: str) -> tuple[str, Schema]:
     """Encoding and schema of the rows of a topic."""
     name, schema = _SCHEMAS[topic.partition("/")[0]]
     return "json", Schema(name, "jsonschema", schema)
@@ -120,11 +120,11 @@ def kind_of(topic: str) -> tuple[str, Schema]:
 
 def event_row(event: Event) -> bytes:
     """Row of an event."""
-    told = {"t_ns": event.t_ns, "kind": event.kind, "text": event.text, "count": event.count}
-    return json.dumps(told, ensure_ascii=False).encode()
+    fields = {"t_ns": event.t_ns, "kind": event.kind, "text": event.text, "count": event.count}
+    return json.dumps(fields, ensure_ascii=False).encode()
 
 
-def event_of(row: bytes) -> Event:
+def parsed_event(row: bytes) -> Event:
     """Event of a row; DecodeError where it is none."""
     event = Event(**parsed(EVENTS, row))
     if [type(value) for value in (event.t_ns, event.kind, event.text, event.count)] != [int, str, str, int]:
@@ -148,7 +148,7 @@ def parsed(topic: str, row: bytes) -> dict[str, Any]:
     return {key: content[key] for key in keys}
 
 
-def time_of(row: bytes) -> int:
+def attitude_ns(row: bytes) -> int:
     """Time of an attitude's row, ns; DecodeError where it has none."""
     t_ns = parsed(ATTITUDE, row)["t_ns"]
     if type(t_ns) is not int:
@@ -175,7 +175,7 @@ def parsed_object(where: str, text: str | bytes) -> dict[str, Any]:
     return content
 
 
-def table(key: str, found: Sequence[Mapping[str, Any]], width: int | None = None) -> Floats:
+def table(key: str, records: Sequence[Mapping[str, Any]], width: int | None = None) -> Floats:
     """Numbers of a column, (N,) or (N, width); null is NaN.
 
     Raises
@@ -183,7 +183,7 @@ def table(key: str, found: Sequence[Mapping[str, Any]], width: int | None = None
     DecodeError
         If something else stands there.
     """
-    values = [row[key] for row in found]
+    values = [row[key] for row in records]
     if width is not None:
         absent = [None] * width
         values = [absent if value is None else value for value in values]
@@ -197,9 +197,9 @@ def table(key: str, found: Sequence[Mapping[str, Any]], width: int | None = None
         raise DecodeError(f"'{key}' holds a number beyond every sensor; {_ADVICE}") from error
 
 
-def whole(key: str, found: Sequence[Mapping[str, Any]], dtype: type[Whole]) -> NDArray[Whole]:
+def integers(key: str, records: Sequence[Mapping[str, Any]], dtype: type[Whole]) -> NDArray[Whole]:
     """Whole numbers of a column, (N,); DecodeError where one is none, or beyond the type."""
-    values, limits = [row[key] for row in found], np.iinfo(dtype)
+    values, limits = [row[key] for row in records], np.iinfo(dtype)
     if set(map(type, values)) != {int} or not limits.min <= min(values) <= max(values) <= limits.max:
         raise DecodeError(f"'{key}' must hold whole numbers from {limits.min} to {limits.max}; {_ADVICE}")
     return np.array(values, dtype=dtype)

@@ -79,5 +79,5 @@ _TABLE: Final[dict[str, Parse]] = {
 
 def send_table(where: str, value: Any) -> SendSpec:
     """What to send, of a table ``[[send]]``."""
-    found = schema.section(where, value, _TABLE, ("as", "to"))
-    return send_spec(found.pop("as"), found.pop("to"), **found)
+    options = schema.section(where, value, _TABLE, ("as", "to"))
+    return send_spec(options.pop("as"), options.pop("to"), **options)

@@ -22,7 +22,7 @@ from plumbob.live.session import SendSpec, Session
 from plumbob.live.stream import Part
 from plumbob.live.transports.outgoing import FileTarget, Sender, Target, TcpServer, parse_target, refused
 from plumbob.live.watch import Note
-from plumbob.protocols.attitude import Attitude, Body, attitudes, body_of
+from plumbob.protocols.attitude import Attitude, Body, attitudes, default_body
 from plumbob.rotations import North
 
 _CARRIED: Final = GAP | TIME_FAULT | GYR_HELD
@@ -57,7 +57,7 @@ class _Each:
         return b""
 
 
-def encoder_of(spec: SendSpec, north: North, declination: float | None) -> Encoder:
+def make_encoder(spec: SendSpec, north: North, declination: float | None) -> Encoder:
     """Encoder of what is asked for; heavy ones are imported here.
 
     Raises
@@ -227,19 +227,19 @@ class SendSink:
         if track is None or not len(track):
             return
         if self._encoder is None:
-            self._encoder = encoder_of(self._spec, track.north, self._declination)
+            self._encoder = make_encoder(self._spec, track.north, self._declination)
             for line in remarks(self._spec, track.north):
                 self._note(line)
         joined = AttitudeTrack.joined([*self._before, track], len(track) + len(self._before))
         first = len(joined) - len(track)
         words = np.zeros(len(track), dtype=np.uint32) if track.flags is None else track.flags
         rows, more = self._due.rows(part.track_ns.tolist(), words.tolist())
-        kept = rows[len(rows) - self._granted(len(rows)) :] if rows else []
-        self.withheld += len(rows) - len(kept)
+        granted = rows[len(rows) - self._granted(len(rows)) :] if rows else []
+        self.withheld += len(rows) - len(granted)
         t0_ns = int(part.track_ns[0]) - int(to_ns(track.t[:1])[0]) + self._offset_ns
         for a in attitudes(
-            joined, [row + first for row in kept], t0_ns=t0_ns, utc=True, body=asked_body(self._spec),
-            declination=self._declination, imu=part.imu, more=more[len(rows) - len(kept) :],
+            joined, [row + first for row in granted], t0_ns=t0_ns, utc=True, body=asked_body(self._spec),
+            declination=self._declination, imu=part.imu, more=more[len(rows) - len(granted) :],
         ):  # fmt: skip
             if (data := self._encoder.encode(a)) is not None:
                 self._sender.put(data)
@@ -296,7 +296,7 @@ def with_sent(session: Session, send: Sequence[str]) -> Session:
     return replace(session, send=(*session.send, *map(parse_send, send)))
 
 
-def sending_of(
+def send_sinks(
     session: Session,
     *,
     note: Note | None = None,
@@ -324,11 +324,11 @@ def remarks(spec: SendSpec, north: North) -> Iterator[str]:
 
 def overturned(track: AttitudeTrack, body: Body | None) -> str | None:
     """Warning where most attitudes would be sent upside down, as with the wrong body axes."""
-    known = track.known
-    if not known.any():
+    mask = track.known
+    if not mask.any():
         return None
-    axes = body_of(track.frame) if body is None else body
-    rows = np.flatnonzero(known)[:: max(1, int(known.sum()) // 1000)].tolist()
+    axes = default_body(track.frame) if body is None else body
+    rows = np.flatnonzero(mask)[:: max(1, int(mask.sum()) // 1000)].tolist()
     rolls = [abs(math.remainder(a.angles[0], 2 * math.pi)) for a in
              attitudes(track, rows, t0_ns=0, utc=False, body=axes) if a.angles]  # fmt: skip
     if not rolls or float(np.median(rolls)) <= _OVERTURNED:

@@ -17,12 +17,12 @@ from plumbob.core.params import describe
 from plumbob.core.schema import Parse
 from plumbob.core.units import Quantity
 from plumbob.data import ImuMeta
-from plumbob.data.array_toml import UNIT, MountedUnit, units_of
+from plumbob.data.array_toml import UNIT, MountedUnit, listed_units
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.data.cards.file import Card
 from plumbob.data.earth_field import earth_field_at, parse_place
 from plumbob.filters import SMOOTHER, CommonParams, load
-from plumbob.filters.offline import Stage, follower_of, lagged
+from plumbob.filters.offline import Stage, lagged, make_follower
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.live.send_spec import send_table
 from plumbob.live.session import (
@@ -37,7 +37,7 @@ from plumbob.live.session import (
 )
 from plumbob.live.source_toml import iio_format, parse_source
 from plumbob.live.sources import KERNEL, described
-from plumbob.protocols.decode import prefixes_of, ranges_of, unit_of
+from plumbob.protocols.decode import full_scales, prefix_by_unit, unit_prefix
 from plumbob.protocols.find import find_format
 from plumbob.protocols.format import Format, Message
 from plumbob.protocols.format_toml import parse_format
@@ -83,12 +83,12 @@ def load_session(path: str | Path, *, date: str | None = None) -> Session:
     text = text_of(path)
     file = Path(path)
     try:
-        return _beside(file, parse_session(text, lambda name: text_of(file.parent / name), name=file.stem, date=date))
+        return _rooted(file, parse_session(text, lambda name: text_of(file.parent / name), name=file.stem, date=date))
     except PlumbobError as error:
         raise type(error)(f"{file}: {error}") from error
 
 
-def _beside(file: Path, session: Session) -> Session:
+def _rooted(file: Path, session: Session) -> Session:
     """The session with the file of its bytes beside it, as every file that it names; what is written goes elsewhere."""
     source = session.source
     if source is None or source.kind != "file":
@@ -152,37 +152,37 @@ def parse_session(
         texts[wanted] = fetch(wanted)
         return texts[wanted]
 
-    found = schema.section("session", schema.toml(text, GUIDE), _SESSION, ("kind", "version"), top=True)
-    source: SourceSpec | None = found.get("source")
+    tables = schema.section("session", schema.toml(text, GUIDE), _SESSION, ("kind", "version"), top=True)
+    source: SourceSpec | None = tables.get("source")
     if source is not None and source.kind in KERNEL:
         texts[IIO] = describe(source)
-        source, form, timed_by = _kernel(source, found, texts[IIO])
+        source, form, timed_by = _kernel(source, tables, texts[IIO])
         message, unit, names = form.name, "", list[str]()
-        if "unit" in found:
+        if "unit" in tables:
             raise DecodeError(
                 f"[[unit]] does not go with source.kind = '{source.kind}', which has one unit; leave it out."
             )
     else:
-        form, message, unit, names = _format(found, keep)
+        form, message, unit, names = _format(tables, keep)
         timed_by = _timed_by(source, form, form.message(message))
         if source is not None and source.kind == "file":
             source = replace(source, settings={**source.settings, "form": form, "message": message})
-    imu = dict(found.get("imu", {}))
+    imu = dict(tables.get("imu", {}))
     if "place" in imu or "date" in imu:
         texts[PLACE] = locate(*_place_and_day(imu, source, date))
         imu["declination"] = _declination(texts[PLACE])
     frame = imu.get("frame")
     meta = _meta(imu, source, form, message, unit)
-    card = _card(found, keep)
+    card = _card(tables, keep)
     _require_device(card, meta.device, "[imu] device or --device")
-    units = _units(names, units_of(found.get("unit", []), keep), meta, form.message(message))
-    for one in units:
+    units = _units(names, listed_units(tables.get("unit", []), keep), meta, form.message(message))
+    for spec in units:
         if card is not None:
             raise ParameterError("[calibration] has the card of one unit; name those of several as card in [[unit]].")
-        _require_device(one.card, one.meta.device, "device in [[unit]]")
+        _require_device(spec.card, spec.meta.device, "device in [[unit]]")
     if units:
-        meta, card = next((one.meta, one.card) for one in units if one.unit == unit)
-    stage = _stage(found, frame, keep)
+        meta, card = next((spec.meta, spec.card) for spec in units if spec.unit == unit)
+    stage = _stage(tables, frame, keep)
     return Session(
         name=name,
         source=source,
@@ -193,10 +193,10 @@ def parse_session(
         frame=frame,
         card=card,
         stage=stage,
-        reference=_reference(found, form.message(message)),
-        record=found.get("record"),
-        output=found.get("output", OutputSpec()),
-        send=_sent(found),
+        reference=_reference(tables, form.message(message)),
+        record=tables.get("record"),
+        output=tables.get("output", OutputSpec()),
+        send=_sent(tables),
         timed_by=timed_by,
         texts=texts,
         units=units,
@@ -212,15 +212,15 @@ def _require_device(card: CalibrationCard | None, device: str, where: str) -> No
 
 
 def _units(
-    names: Sequence[str], told: Mapping[str, MountedUnit], meta: ImuMeta, message: Message
+    names: Sequence[str], tables: Mapping[str, MountedUnit], meta: ImuMeta, message: Message
 ) -> tuple[UnitSpec, ...]:
     """Units that are decoded, with what their tables say of them."""
-    found, named = [], {unit_of(message, name): one for name, one in told.items()}
+    specs, named = [], {unit_prefix(message, name): mounted for name, mounted in tables.items()}
     for name in names:
-        one = named.get(name, MountedUnit(name))
-        own = replace(meta, device=one.device or meta.device, **_ranges(message, name, meta.axes))
-        found.append(UnitSpec(name, own, one.card, one.mount))
-    return tuple(found)
+        mounted = named.get(name, MountedUnit(name))
+        unit_meta = replace(meta, device=mounted.device or meta.device, **_ranges(message, name, meta.axes))
+        specs.append(UnitSpec(name, unit_meta, mounted.card, mounted.mount))
+    return tuple(specs)
 
 
 def _declination(field: str) -> float:
@@ -261,28 +261,28 @@ def of_unit(session: Session, asked: str) -> Session:
     message = session.form.message(session.message)
     if asked == ALL and session.units:
         return session
-    if asked == ALL and prefixes_of(message) != ("",):
-        own = UnitSpec(session.unit, session.meta, session.card)
-        units = _units(prefixes_of(message), {}, session.meta, message)
-        return replace(session, units=tuple(own if one.unit == session.unit else one for one in units))
-    unit = unit_of(message, asked)
-    if known := [one for one in session.units if one.unit == unit]:
-        return replace(session, unit=unit, meta=known[0].meta, card=known[0].card)
+    if asked == ALL and prefix_by_unit(message) != ("",):
+        main = UnitSpec(session.unit, session.meta, session.card)
+        units = _units(prefix_by_unit(message), {}, session.meta, message)
+        return replace(session, units=tuple(main if spec.unit == session.unit else spec for spec in units))
+    unit = unit_prefix(message, asked)
+    if specs := [spec for spec in session.units if spec.unit == unit]:
+        return replace(session, unit=unit, meta=specs[0].meta, card=specs[0].card)
     return replace(session, unit=unit, meta=replace(session.meta, **_ranges(message, unit, session.meta.axes)))
 
 
 def _ranges(message: Message, unit: str, axes: str) -> dict[str, Any]:
     """Full scales of a unit's triads in body axes, by the names that the data have for them."""
-    return {f"{name}_range": np.abs(in_body_axes(axes, case)) for name, case in ranges_of(message, unit).items()}
+    return {f"{name}_range": np.abs(in_body_axes(axes, case)) for name, case in full_scales(message, unit).items()}
 
 
-def _kernel(source: SourceSpec, found: Mapping[str, Any], told: str) -> tuple[SourceSpec, Format, str]:
+def _kernel(source: SourceSpec, tables: Mapping[str, Any], text: str) -> tuple[SourceSpec, Format, str]:
     """Source that insists on what the kernel said, its format, and what tells its time."""
     from plumbob.live.transports.iio_layout import IioLayout
 
-    if "format" in found:
+    if "format" in tables:
         raise DecodeError(f"[format] does not go with source.kind = '{source.kind}': the kernel says it; leave it out.")
-    layout = IioLayout.from_json(told)
+    layout = IioLayout.from_json(text)
     settings = {**source.settings, "layout": layout}
     form = iio_format(layout, mounted=settings.pop("mount", True))
     timed_by = "poll" if source.kind == "iio-poll" else "kernel" if layout.clock == "monotonic" else "frames"
@@ -313,19 +313,19 @@ def _format(tables: Mapping[str, Any], keep: Fetch) -> tuple[Format, str, str, l
     """Format, message, the unit to estimate, and the units to decode where these are several."""
     if "format" not in tables:
         raise schema.absent("session", "format")
-    found = tables["format"]
-    if ("name" in found) == ("file" in found):
+    section = tables["format"]
+    if ("name" in section) == ("file" in section):
         raise DecodeError('format needs either the name of a known device or file = "my.toml".')
-    form = find_format(found["name"]) if "name" in found else parse_format(keep(found["file"]))
-    form = form.bind(found.get("options", {}))
-    message = form.message(found.get("message", ""))
-    listed = [unit_of(message, table["name"]) for table in tables.get("unit", [])]
-    if "units" not in found and not listed:
-        return form, message.name, unit_of(message, found.get("unit", "")), []
-    if prefixes_of(message) == ("",):
+    form = find_format(section["name"]) if "name" in section else parse_format(keep(section["file"]))
+    form = form.bind(section.get("options", {}))
+    message = form.message(section.get("message", ""))
+    listed = [unit_prefix(message, table["name"]) for table in tables.get("unit", [])]
+    if "units" not in section and not listed:
+        return form, message.name, unit_prefix(message, section.get("unit", "")), []
+    if prefix_by_unit(message) == ("",):
         raise ParameterError(f"message {message.name} has one unit without a name; leave units and [[unit]] out.")
-    names = list(dict.fromkeys(listed)) if "units" not in found else list(prefixes_of(message))
-    unit = unit_of(message, found.get("unit", names[0] if names else ""))
+    names = list(dict.fromkeys(listed)) if "units" not in section else list(prefix_by_unit(message))
+    unit = unit_prefix(message, section.get("unit", names[0] if names else ""))
     if unit not in names:
         raise ParameterError(f"format.unit is '{unit}', but the units of [[unit]] are {', '.join(names)}; name one.")
     return form, message.name, unit, names
@@ -334,58 +334,58 @@ def _format(tables: Mapping[str, Any], keep: Fetch) -> tuple[Format, str, str, l
 def _meta(imu: Mapping[str, Any], source: SourceSpec | None, form: Format, message: str, unit: str) -> ImuMeta:
     axes = imu.get("axes", "x y z")
     ranges = {} if source is not None and source.kind in KERNEL else _ranges(form.message(message), unit, axes)
-    asked = None if source is None else source.settings.get("rate")
+    rate = None if source is None else source.settings.get("rate")
     return ImuMeta(
         device=imu.get("device", form.name),
         axes=axes,
         frame=imu.get("frame"),
         declination=imu.get("declination"),
-        rate_nominal=asked or form.framing.rate,
+        rate_nominal=rate or form.framing.rate,
         unit_check=False,  # the format says the units
         **ranges,
     )
 
 
-def _card(found: Mapping[str, Any], keep: Fetch) -> CalibrationCard | None:
-    if "calibration" not in found:
+def _card(tables: Mapping[str, Any], keep: Fetch) -> CalibrationCard | None:
+    if "calibration" not in tables:
         return None
-    name = found["calibration"]["card"]
+    name = tables["calibration"]["card"]
     return CalibrationCard.from_text(keep(name), name)
 
 
-def _reference(found: Mapping[str, Any], message: Message) -> ReferenceSpec | None:
-    if "reference" not in found:
+def _reference(tables: Mapping[str, Any], message: Message) -> ReferenceSpec | None:
+    if "reference" not in tables:
         return None
-    asked = ReferenceSpec(found["reference"].get("unit", ""), found["reference"]["north"])
-    names = reference_names(asked)
+    spec = ReferenceSpec(tables["reference"].get("unit", ""), tables["reference"]["north"])
+    names = reference_names(spec)
     if lacking := [name for name in names if not any(f.name == name for f in message.fields)]:
         raise ParameterError(
             f"[reference] needs {', '.join(names)} in message {message.name}, which has no {lacking[0]}."
         )
-    return asked
+    return spec
 
 
-def _sent(found: Mapping[str, Any]) -> tuple[SendSpec, ...]:
-    if "send" in found and "estimate" not in found:
+def _sent(tables: Mapping[str, Any]) -> tuple[SendSpec, ...]:
+    if "send" in tables and "estimate" not in tables:
         raise ParameterError("[[send]] sends an attitude, and nothing estimates one. Add [estimate].")
-    return tuple(found.get("send", ()))
+    return tuple(tables.get("send", ()))
 
 
-def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage | None:
-    if "estimate" not in found:
+def _stage(tables: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage | None:
+    if "estimate" not in tables:
         return None
-    asked = found["estimate"]
+    section = tables["estimate"]
     if frame is None:
         raise FrameError(f"[estimate] needs imu.frame, because there is no default; known are {', '.join(Frame)}.")
-    noise = NoiseCard.from_text(keep(asked["noise"]), asked["noise"]) if "noise" in asked else None
-    stage = Stage(asked.get("filter", SMOOTHER), asked.get("params", {}), noise=noise, init=asked.get("init"))
-    if stage.init == TRUTH_WORD and "reference" not in found:
+    noise = NoiseCard.from_text(keep(section["noise"]), section["noise"]) if "noise" in section else None
+    stage = Stage(section.get("filter", SMOOTHER), section.get("params", {}), noise=noise, init=section.get("init"))
+    if stage.init == TRUTH_WORD and "reference" not in tables:
         raise ParameterError("estimate.init = 'truth' takes the first attitude of [reference], which is missing.")
-    follower_of(stage, frame)  # refuses what it cannot take, before the start
+    make_follower(stage, frame)  # refuses what it cannot take, before the start
     return stage
 
 
-def session_of(
+def capture_session(
     file: Path | None = None,
     *,
     port: str | None = None,
@@ -446,9 +446,9 @@ def session_of(
     imu = {"device": device, "frame": frame and str(frame), "place": place, "date": date}
     tables: dict[str, Mapping[str, Any]] = _estimate_table(*lagged(filter, lag, params), init, noise)
     if calibration is not None:
-        tables["calibration"] = {"card": _name_of("calibration", calibration)}
-    if known := {key: value for key, value in imu.items() if value}:
-        tables["imu"] = known
+        tables["calibration"] = {"card": _card_name("calibration", calibration)}
+    if imu_table := {key: value for key, value in imu.items() if value}:
+        tables["imu"] = imu_table
     if unit:
         tables["format"] = {"units": ALL} if unit == ALL else {"unit": unit}
     if [file, port, capture, iio].count(None) != 3:
@@ -466,7 +466,7 @@ def session_of(
             "--port and --from need --format: what the bytes mean is not guessed; see 'plumbob devices'."
         )
     source = _source_table(port, capture, iio, baud=baud, rate=rate, time=time)
-    held = {_name_of(key, card): card.text() for key, card in cards.items() if isinstance(card, Card)}
+    held = {_card_name(key, card): card.text() for key, card in cards.items() if isinstance(card, Card)}
     return parse_session(
         plain_session(form=None if format is None else str(format), source=source, **tables),
         lambda name: held[name] if name in held else text_of(Path(name)),
@@ -498,12 +498,12 @@ def _estimate_table(
     if filter is None and not (params or noise or init):
         return {}
     filter = filter or SMOOTHER
-    quantities = {one.name: one.spec.quantity for kind in (load(filter).Params, CommonParams) for one in describe(kind)}
+    quantities = {p.name: p.spec.quantity for kind in (load(filter).Params, CommonParams) for p in describe(kind)}
     table: dict[str, Any] = {"filter": filter}
     if params:
         table["params"] = {key: _with_unit(value, quantities.get(key, Quantity.RATIO)) for key, value in params.items()}
     if noise is not None:
-        table["noise"] = _name_of("noise", noise)
+        table["noise"] = _card_name("noise", noise)
     return {"estimate": table | ({"init": init} if init else {})}
 
 
@@ -514,7 +514,7 @@ def _with_unit(value: Any, quantity: Quantity) -> Any:
     return f"{value!r} {quantity.value}" if isinstance(value, int | float) and quantity is not Quantity.RATIO else value
 
 
-def _name_of(key: str, card: Card | str | Path) -> str:
+def _card_name(key: str, card: Card | str | Path) -> str:
     """Name of a card's file; one that has none gets that of its part in the session."""
     return f"{key}.json" if isinstance(card, Card) else str(card)
 
@@ -523,8 +523,8 @@ def plain_session(*, form: str | None, source: Mapping[str, Any], **tables: Mapp
     """Text of a session of a catalogued format, a format file or none, as the command line makes one of its options."""
     content: dict[str, Mapping[str, Any]] = {"source": source, **tables}
     if form is not None:
-        known = {"file": form} if form.endswith(".toml") else {"name": form}
-        content["format"] = {**known, **tables.get("format", {})}
+        named = {"file": form} if form.endswith(".toml") else {"name": form}
+        content["format"] = {**named, **tables.get("format", {})}
     lines = [f'kind = "{KIND}"', f"version = {VERSION}"]
     for name, table in content.items():
         lines += ["", f"[{name}]", *(f"{_key(key)} = {_toml(value)}" for key, value in table.items())]

@@ -78,7 +78,7 @@ class Collected:
     def imu(self, *, calibrated: bool) -> ImuData | None:
         """Samples of the whole, judged as a recording; None where there are none."""
         parts = [part.imu if calibrated else part.sensed for part in self.parts]
-        return _whole(parts, parts[0].triads) if parts else None
+        return _joined_imu(parts, parts[0].triads) if parts else None
 
     def array(self, *, calibrated: bool) -> ImuArray | None:
         """The same of all units; None where there are no samples, or the session decodes one unit.
@@ -87,16 +87,16 @@ class Collected:
         """
         if not self.parts or not self.parts[0].units:
             return None
-        found, mounts = dict[str, ImuData](), dict[str, Mount]()
+        units, mounts = dict[str, ImuData](), dict[str, Mount]()
         for name, unit in self.parts[0].units.items():
             parts = [part.units[name].imu if calibrated else part.units[name].sensed for part in self.parts]
             alive = [triad for triad in unit.sensed.triads if any(np.isfinite(getattr(p, triad)).any() for p in parts)]
             if alive:
-                found[name], mounts[name] = _whole(parts, alive), unit.mount
-        return ImuArray(found, mounts)
+                units[name], mounts[name] = _joined_imu(parts, alive), unit.mount
+        return ImuArray(units, mounts)
 
 
-def _whole(parts: Sequence[ImuData], triads: Sequence[str]) -> ImuData:
+def _joined_imu(parts: Sequence[ImuData], triads: Sequence[str]) -> ImuData:
     names = ("t", "flags", *triads, *(() if parts[0].temp_c is None else ("temp_c",)))
     return ImuData(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names}, meta=parts[0].meta)
 
@@ -133,7 +133,7 @@ def _joined(parts: list[AttitudeTrack]) -> AttitudeTrack:
     return AttitudeTrack.joined(parts, sum(map(len, parts)))
 
 
-def text_of(track: AttitudeTrack, rows: list[int] | slice = slice(None), *, head: bool) -> Iterator[str]:
+def track_lines(track: AttitudeTrack, rows: list[int] | slice = slice(None), *, head: bool) -> Iterator[str]:
     """Lines of a track's rows as text; with what its angles mean before them, where `head` is asked for."""
     if head:
         zero = "an arbitrary zero" if track.north is North.FREE else f"{track.north} north"
@@ -193,7 +193,7 @@ class TextSink:
         first = self._file is None
         if self._file is None:
             self._file = self._path.open("x", encoding="utf-8")
-        self._file.writelines(text_of(track, due, head=first))
+        self._file.writelines(track_lines(track, due, head=first))
         self._file.flush()
 
     def on_event(self, event: Event) -> None:

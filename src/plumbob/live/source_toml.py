@@ -69,17 +69,17 @@ def _measured(layout: "IioLayout", channel: "IioChannel", at: int, mounted: bool
         return _field(channel, _plain_name(layout, channel), at, channel.unit_name, channel.scale)
     sign = 1
     if mounted and head in layout.mounts:
-        axis, sign = _turned(layout, head, axis)
+        axis, sign = _board_axis(layout, head, axis)
     return _field(channel, f"{head}.{axis}", at, channel.unit_name, sign * channel.scale)
 
 
 def _plain_name(layout: "IioLayout", channel: "IioChannel") -> str:
     """Name of what belongs to no triad; the only temperature is that of the unit, whatever the driver numbers it."""
-    thermometers = [one for one in layout.channels if one.name.startswith("temp")]
+    thermometers = [c for c in layout.channels if c.name.startswith("temp")]
     return "temp_c" if thermometers == [channel] else channel.column
 
 
-def _turned(layout: "IioLayout", triad: str, axis: str) -> tuple[str, int]:
+def _board_axis(layout: "IioLayout", triad: str, axis: str) -> tuple[str, int]:
     """Axis of the board that an axis of the chip is, and its sign."""
     matrix = layout.mounts[triad]
     lines = [*matrix, *zip(*matrix, strict=True)]
@@ -97,14 +97,14 @@ def _field(channel: "IioChannel", name: str, at: int, unit: str, lsb: float, rol
     kind = channel.type
     if kind.repeat > 1:
         raise ParameterError(f"{channel.name} holds {kind.repeat} numbers ({kind}); leave it out of the channels.")
-    whole = kind.bits == kind.storage
+    is_full = kind.bits == kind.storage
     return Field(
         name=name,
         at=at,
         type=f"{'s' if kind.signed else 'u'}{kind.storage}",
         size=kind.size,
         order="little" if kind.order == "<" else "big",
-        bits=None if whole else (kind.shift + kind.bits - 1, kind.shift),
+        bits=None if is_full else (kind.shift + kind.bits - 1, kind.shift),
         unit=unit,
         lsb=lsb,
         raw_offset=channel.offset,
@@ -127,9 +127,9 @@ def parse_source(where: str, value: Any) -> SourceSpec:
         where, value, {**dict.fromkeys(value, _anything), "kind": schema.one_of(*_SOURCES)}, ("kind",)
     )
     kind = named["kind"]
-    known, required = _SOURCES[kind]
-    found = schema.section(where, value, {"kind": schema.text, **known}, required)
-    return SourceSpec(kind, {key: item for key, item in found.items() if key != "kind"})
+    parsers, required = _SOURCES[kind]
+    settings = schema.section(where, value, {"kind": schema.text, **parsers}, required)
+    return SourceSpec(kind, {key: item for key, item in settings.items() if key != "kind"})
 
 
 def _anything(where: str, value: Any) -> Any:

@@ -15,7 +15,7 @@ from plumbob.core.files import existing_file
 from plumbob.files.mcap import Log
 from plumbob.live import rows
 from plumbob.live.session import SourceSpec
-from plumbob.live.stream import counts_of, time_spec
+from plumbob.live.stream import device_counts, time_spec
 from plumbob.live.timing.counter import CountedTime
 from plumbob.live.transports.transport import Received, Source
 from plumbob.protocols.decode import Frames, decode
@@ -74,11 +74,11 @@ class CaptureSource:
             data = existing_file(self._path).read_bytes()
         except OSError as error:
             raise DecodeError(f"{self._path} cannot be read: {error.strerror}.") from error
-        found, counts = decode(data, self._form)
-        if self._message not in found:
+        by_message, counts = decode(data, self._form)
+        if self._message not in by_message:
             what = f"no frame of {self._form.name}, message {self._message}, in {counts.received} bytes"
             raise DecodeError(f"{self._path} holds {what}; 'plumbob decode' tries other formats.")
-        frames = found[self._message]
+        frames = by_message[self._message]
         t_ns = self._times(frames)
         ends = [int(frames.start[k]) for k in range(_TOGETHER, len(frames), _TOGETHER)] + [len(data)]
         lasts = [*range(_TOGETHER - 1, len(frames) - 1, _TOGETHER)][: len(ends) - 1] + [len(frames) - 1]
@@ -101,7 +101,7 @@ class CaptureSource:
     def _times(self, frames: Frames) -> NDArray[np.int64]:
         spec = time_spec(self._form, frames.message)
         counted = CountedTime(replace(spec, rate=self._rate or spec.rate))
-        return counted.after_first(frames.start, **counts_of(frames))
+        return counted.after_first(frames.start, **device_counts(frames))
 
 
 KERNEL: Final = ("iio", "iio-poll")
@@ -274,16 +274,16 @@ class ReplaySource:
 
     def read(self, timeout: float) -> list[Received | Event]:
         """Next items; at the recording's own pace, one at a time, where a speed is given."""
-        found: list[Received | Event] = []
+        items: list[Received | Event] = []
         for due_ns, item in self._items:
             if self._speed:
                 self._wait_for(due_ns, self._speed)
                 return [item]
-            found.append(item)
-            if len(found) == _AT_ONCE:
-                return found
+            items.append(item)
+            if len(items) == _AT_ONCE:
+                return items
         self.finished = True
-        return found
+        return items
 
     def close(self) -> None:
         """Nothing is held open."""
@@ -298,7 +298,7 @@ class ReplaySource:
         expected = 0
         for message in log:
             if message.topic == rows.EVENTS:
-                yield replace(rows.event_of(message.data), t_ns=message.t_ns)
+                yield replace(rows.parsed_event(message.data), t_ns=message.t_ns)
             if message.topic != rows.RAW:
                 continue
             if message.sequence > expected:

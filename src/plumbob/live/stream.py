@@ -23,7 +23,7 @@ from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray, Mount
 from plumbob.data.time_report import TimeReport
 from plumbob.filters import Filter
-from plumbob.filters.offline import calibrated, follower_of, start_at
+from plumbob.filters.offline import calibrated, make_follower, start_at
 from plumbob.filters.smoother import FixedLag
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.live.session import Session, UnitSpec, reference_names
@@ -31,7 +31,7 @@ from plumbob.live.timing.counter import CountedTime
 from plumbob.live.timing.spec import Counter, TimeSpec
 from plumbob.live.timing.timebase import TimeBase
 from plumbob.live.transports.transport import Received
-from plumbob.protocols.decode import Decoder, Frames, temperature_of, triads_of, unit_of
+from plumbob.protocols.decode import Decoder, Frames, triads_of, unit_prefix, unit_temperature
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
 from plumbob.rotations import Frame, in_body_axes, quat_from_euler_zyx
@@ -88,8 +88,8 @@ class Part:
     @property
     def array(self) -> ImuArray | None:
         """Samples of all units, calibrated where they have cards; None where the session decodes one."""
-        mounts = {name: one.mount for name, one in self.units.items()}
-        return ImuArray({name: one.imu for name, one in self.units.items()}, mounts) if mounts else None
+        mounts = {name: unit.mount for name, unit in self.units.items()}
+        return ImuArray({name: unit.imu for name, unit in self.units.items()}, mounts) if mounts else None
 
 
 class _Unit:
@@ -99,27 +99,27 @@ class _Unit:
         self._spec = spec
         self._temp_c = math.nan
 
-    def take(self, frames: Frames, t_ns: NDArray[np.int64], told: NDArray[np.uint32]) -> UnitPart:
+    def take(self, frames: Frames, t_ns: NDArray[np.int64], stamp_flags: NDArray[np.uint32]) -> UnitPart:
         """Its samples, which come at these times, with what the stamps have shown."""
         spec = self._spec
-        triads = {name: self._turned(values) for name, values in triads_of(frames, spec.unit).items()}
-        temp_c, known = self._temperature(frames), frames.flags[spec.unit] | told
-        sensed = ImuData.live(t_ns, triads, temp_c=temp_c, flags=known, meta=spec.meta)
+        triads = {name: self._in_body(values) for name, values in triads_of(frames, spec.unit).items()}
+        temp_c, words = self._temperature(frames), frames.flags[spec.unit] | stamp_flags
+        sensed = ImuData.live(t_ns, triads, temp_c=temp_c, flags=words, meta=spec.meta)
         return UnitPart(sensed, calibrated(sensed, spec.card, live=True), spec.mount)
 
     def _temperature(self, frames: Frames) -> Floats | None:
         """Temperature (N,), °C; where one is missing, the last that was known, for it changes slowly."""
-        found = temperature_of(frames, self._spec.unit)
-        if found is None:
+        temp_c = unit_temperature(frames, self._spec.unit)
+        if temp_c is None:
             return None
-        if np.isnan(found).any():
-            found = found.copy()
-            for i in np.flatnonzero(np.isnan(found)).tolist():
-                found[i] = found[i - 1] if i else self._temp_c
-        self._temp_c = float(found[-1]) if found.size else self._temp_c
-        return found
+        if np.isnan(temp_c).any():
+            temp_c = temp_c.copy()
+            for i in np.flatnonzero(np.isnan(temp_c)).tolist():
+                temp_c[i] = temp_c[i - 1] if i else self._temp_c
+        self._temp_c = float(temp_c[-1]) if temp_c.size else self._temp_c
+        return temp_c
 
-    def _turned(self, values: Floats) -> Floats:
+    def _in_body(self, values: Floats) -> Floats:
         axes = self._spec.meta.axes
         return values if axes == "x y z" else in_body_axes(axes, values)
 
@@ -145,7 +145,7 @@ class Stream:
         self._covariance = covariance
         self.decoder = Decoder(session.form)
         message = session.form.message(session.message)
-        unit_of(message, session.unit)
+        unit_prefix(message, session.unit)
         self._spec = _time_spec(session, message)
         self._known_again = _known_again(time_spec(session.form, message))
         self.faults = 0
@@ -198,59 +198,59 @@ class Stream:
             newest, no_time = self._newest, np.zeros(0, dtype=np.int64)
             frames = _only(newest.frames, np.zeros(newest.t_ns.size, dtype=bool))
             part = self._part(frames, no_time, no_time.astype(np.uint32))
-        known = [track for track in (part.track, rest) if track is not None]
-        track = AttitudeTrack.joined(known, sum(map(len, known)))
+        tracks = [track for track in (part.track, rest) if track is not None]
+        track = AttitudeTrack.joined(tracks, sum(map(len, tracks)))
         return replace(part, track=track, track_ns=self._track_ns(track))
 
     def _track_ns(self, track: AttitudeTrack) -> NDArray[np.int64]:
         assert self._t0 is not None
-        found: NDArray[np.int64] = to_ns(track.t) + self._t0
-        return found
+        track_ns: NDArray[np.int64] = to_ns(track.t) + self._t0
+        return track_ns
 
     def report(self) -> dict[str, Any]:
         """What became of every byte and of time, for JSON."""
-        told = asdict(self.time_report())
+        timing = asdict(self.time_report())
         if self.session.timed_by != "frames":  # the host's clock beside itself
-            told |= {"mode": self.session.timed_by, "drift_ppm": None, "offset": None, "delays": None}
+            timing |= {"mode": self.session.timed_by, "drift_ppm": None, "offset": None, "delays": None}
         return {
             "bytes": self.decoder.counts.summary(),
-            "time": _without_nan(told),
+            "time": _without_nan(timing),
             "not_usable": self.faults,
         }
 
     def time_report(self) -> TimeReport:
         """What the stamps have shown, of all starts; each after the first is a gap."""
-        whole, again = TimeReport.joined([*self._earlier, self.time.report()]), self._repeated
+        report, again = TimeReport.joined([*self._earlier, self.time.report()]), self._repeated
         return replace(
-            whole,
-            gap_count=whole.gap_count + len(self._earlier),
-            frames=whole.frames + again,
-            duplicates=whole.duplicates + again,
+            report,
+            gap_count=report.gap_count + len(self._earlier),
+            frames=report.frames + again,
+            duplicates=report.duplicates + again,
         )
 
-    def _through(self, found: dict[str, Frames]) -> Part | None:
-        frames = self._without_repeats(found.get(self.session.message))
+    def _through(self, by_message: dict[str, Frames]) -> Part | None:
+        frames = self._without_repeats(by_message.get(self.session.message))
         if frames is None:
             return None
         host, clock = self._clocks(frames)
-        stamps = self.time.stamp(host, frames.start, clock=clock, frames=counts_of(frames)["frames"])
+        stamps = self.time.stamp(host, frames.start, clock=clock, frames=device_counts(frames)["frames"])
         usable = (stamps.flags & np.uint32(flags.TIME_FAULT)) == 0
         if not usable.all():
             self.faults += int(np.count_nonzero(~usable))
             if not usable.any():
                 return None
             frames = _only(frames, usable)
-        t_ns, told = stamps.t_ns[usable], stamps.flags[usable]
+        t_ns, stamp_flags = stamps.t_ns[usable], stamps.flags[usable]
         if self._again:
             self._again = False
-            told[0] |= flags.GAP
+            stamp_flags[0] |= flags.GAP
             if self._last_ns is not None:
                 self._shift_ns = max(0, self._last_ns + _APART_NS - int(t_ns[0]))
         t_ns += self._shift_ns
         self._last_ns = int(t_ns[-1])
         if self._t0 is None:
             self._t0 = int(t_ns[0])
-        part = self._part(frames, t_ns, told)
+        part = self._part(frames, t_ns, stamp_flags)
         if not self._started:
             self._start(frames, part.imu)
         track, track_ns = self._estimate(t_ns, part.imu)
@@ -288,11 +288,11 @@ class Stream:
         if session.stage.init == TRUTH_WORD and np.isfinite(angles).all():
             q_nb = quat_from_euler_zyx(angles)
             start = start_at(q_nb, Frame.NED, session.reference.north, self.filter, "mag" in imu.triads)
-            self.filter = follower_of(session.stage, self.filter.frame, session.meta, start=start)
+            self.filter = make_follower(session.stage, self.filter.frame, session.meta, start=start)
 
     def _clocks(self, frames: Frames) -> tuple[NDArray[np.int64], ArrayLike | None]:
         """Host's times, and what the device's clock says; where one of them is the sample's own, it is both."""
-        device = counts_of(frames)["clock"]
+        device = device_counts(frames)["clock"]
         match self.session.timed_by:
             case "count":
                 return self._counted_ns(frames), device
@@ -308,7 +308,7 @@ class Stream:
         assert self._counted is not None
         if self._began_ns is None:
             self._began_ns = int(frames.t_ns[0])
-        t_ns = self._began_ns + self._counted.after_first(frames.start, **counts_of(frames))
+        t_ns = self._began_ns + self._counted.after_first(frames.start, **device_counts(frames))
         self._latest_ns = int(t_ns[-1])
         return t_ns
 
@@ -317,12 +317,12 @@ class Stream:
         """Host's monotonic time of the first sample, ns; None before it."""
         return self._t0
 
-    def _part(self, frames: Frames, t_ns: NDArray[np.int64], told: NDArray[np.uint32]) -> Part:
+    def _part(self, frames: Frames, t_ns: NDArray[np.int64], stamp_flags: NDArray[np.uint32]) -> Part:
         """Samples of all units; no attitude yet."""
         assert self._t0 is not None
-        units = {name: unit.take(frames, t_ns - self._t0, told) for name, unit in self._units.items()}
-        own = units[self.session.unit]
-        return Part(t_ns, frames, own.sensed, own.imu, None, t_ns[:0], units if self.session.units else {})
+        units = {name: unit.take(frames, t_ns - self._t0, stamp_flags) for name, unit in self._units.items()}
+        main = units[self.session.unit]
+        return Part(t_ns, frames, main.sensed, main.imu, None, t_ns[:0], units if self.session.units else {})
 
 
 def time_spec(form: Format, message: Message) -> TimeSpec:
@@ -343,7 +343,7 @@ def _known_again(spec: TimeSpec) -> bool:
     return any(counter is not None and counter.modulus >= least for counter, least in counters)
 
 
-def counts_of(frames: Frames) -> dict[str, NDArray[Any] | None]:
+def device_counts(frames: Frames) -> dict[str, NDArray[Any] | None]:
     """What the frames' own clock and counter say, by the names that a time base has for them."""
     roles = {"clock": frames.message.of_role("clock"), "frames": frames.message.of_role("counter")}
     return {name: None if field is None else frames.columns[field.name] for name, field in roles.items()}
@@ -357,13 +357,13 @@ def _time_spec(session: Session, message: Message) -> TimeSpec:
     return TimeSpec(clock=Counter(64, 1), rate=session.meta.rate_nominal if session.timed_by == "poll" else None)
 
 
-def _without_nan(told: dict[str, Any]) -> dict[str, Any]:
+def _without_nan(report: dict[str, Any]) -> dict[str, Any]:
     """Report with None for what is not known, as JSON has it."""
-    known: dict[str, Any] = {}
-    for name, value in told.items():
+    cleaned: dict[str, Any] = {}
+    for name, value in report.items():
         inner = _without_nan(value) if isinstance(value, dict) else value
-        known[name] = None if isinstance(value, float) and not math.isfinite(value) else inner
-    return known
+        cleaned[name] = None if isinstance(value, float) and not math.isfinite(value) else inner
+    return cleaned
 
 
 def _tick_ns(device: Field) -> Fraction:
@@ -373,8 +373,8 @@ def _tick_ns(device: Field) -> Fraction:
 
 def _specs(session: Session) -> list[UnitSpec]:
     """Units to decode; what the session says of the estimated one goes before what it says in their list."""
-    own = UnitSpec(session.unit, session.meta, session.card)
-    return [replace(own, mount=one.mount) if one.unit == own.unit else one for one in session.units] or [own]
+    main = UnitSpec(session.unit, session.meta, session.card)
+    return [replace(main, mount=unit.mount) if unit.unit == main.unit else unit for unit in session.units] or [main]
 
 
 def _estimator(session: Session) -> Filter | FixedLag | None:
@@ -382,7 +382,7 @@ def _estimator(session: Session) -> Filter | FixedLag | None:
         return None
     if session.frame is None:
         raise ParameterError("a session that estimates needs a frame.")
-    return follower_of(session.stage, session.frame, session.meta)
+    return make_follower(session.stage, session.frame, session.meta)
 
 
 def _only(frames: Frames, rows: NDArray[np.bool_]) -> Frames:
@@ -391,5 +391,5 @@ def _only(frames: Frames, rows: NDArray[np.bool_]) -> Frames:
         frames.start[rows],
         frames.t_ns[rows],
         {name: column[rows] for name, column in frames.columns.items()},
-        {unit: found[rows] for unit, found in frames.flags.items()},
+        {unit: words[rows] for unit, words in frames.flags.items()},
     )

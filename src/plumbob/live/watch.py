@@ -142,20 +142,20 @@ class Ran(Shown):
     def facts(self) -> Mapping[str, str]:
         """Session, device, samples, and the attitude at the end."""
         report = self.summary()
-        found = {"session": report["session"], "device": report["device"], "samples": str(self.samples)}
-        found |= {"filter": report["filter"].partition("(")[0]} if report["filter"] else {}
-        return found | ({"at the end": last} if (last := attitude_of(self.watch.track)) else {})
+        facts = {"session": report["session"], "device": report["device"], "samples": str(self.samples)}
+        facts |= {"filter": report["filter"].partition("(")[0]} if report["filter"] else {}
+        return facts | ({"at the end": last} if (last := live_attitude(self.watch.track)) else {})
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
-        return report_of(self.watch)
+        return run_report(self.watch)
 
     def text(self) -> str:
         """What a reader wants to know first, a line each."""
-        return "\n".join(report_lines(self.summary(), attitude_of(self.watch.track)))
+        return "\n".join(report_lines(self.summary(), live_attitude(self.watch.track)))
 
 
-def nothing_of(stream: Stream) -> str:
+def silence_words(stream: Stream) -> str:
     """Why a stream gave no sample, and where to look."""
     counts, session = stream.decoder.counts, stream.session
     if not counts.received:
@@ -179,12 +179,12 @@ def _look_at(counts: Counts) -> str:
         (counts.bad_length, "Check [frame] length_field, or the speed of the line."),
         (counts.unknown, "Frames pass their check, but match no message. Check the constants of each."),
     )  # fmt: skip
-    most, told = max(advice, key=lambda one: one[0])
-    told = told if most else "Nothing begins as a frame should. Check the speed of the line and [frame] sync."
-    return f"{told} 'plumbob decode' tries other formats on a file of raw bytes."
+    most, hint = max(advice, key=lambda pair: pair[0])
+    hint = hint if most else "Nothing begins as a frame should. Check the speed of the line and [frame] sync."
+    return f"{hint} 'plumbob decode' tries other formats on a file of raw bytes."
 
 
-def attitude_of(track: AttitudeTrack | None) -> str:
+def live_attitude(track: AttitudeTrack | None) -> str:
     """Last attitude of a track in words; empty where there is none."""
     if track is None:
         return ""
@@ -192,7 +192,7 @@ def attitude_of(track: AttitudeTrack | None) -> str:
     return f"roll {roll:.2f}°, pitch {pitch:.2f}°, yaw {yaw:.2f}°"
 
 
-def report_of(watch: Watch) -> dict[str, Any]:
+def run_report(watch: Watch) -> dict[str, Any]:
     """What a run gave, for JSON."""
     stream, last = watch.stream, watch.last
     session = stream.session
@@ -214,15 +214,15 @@ def report_of(watch: Watch) -> dict[str, Any]:
         "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
         **stream.report(),
         "inferred_gaps": next(iter(inferred(stream.time_report())), None),
-    } | ({"units": [one.unit for one in session.units]} if session.units else {})
+    } | ({"units": [spec.unit for spec in session.units]} if session.units else {})
 
 
 def report_lines(report: Mapping[str, Any], last: str) -> list[str]:
     """What a run gave, as text."""
-    told, counts = report["time"], report["bytes"]
-    rate = "unknown" if told["rate"] is None else f"{told['rate']:.6g} Hz"
+    timing, counts = report["time"], report["bytes"]
+    rate = "unknown" if timing["rate"] is None else f"{timing['rate']:.6g} Hz"
     lines = [
-        f"samples      {report['samples']} in {report['duration_s']:.3f} s, rate {rate} by {told['mode']}",
+        f"samples      {report['samples']} in {report['duration_s']:.3f} s, rate {rate} by {timing['mode']}",
         f"bytes        {counts['received']}, of frames {counts['framed']}, junk {counts['junk']}",
     ]
     if report.get("units"):
@@ -233,14 +233,14 @@ def report_lines(report: Mapping[str, Any], last: str) -> list[str]:
     if rejected:
         words = ", ".join(f"{name.replace('_', ' ')} {count}" for name, count in rejected.items())
         lines.append(f"rejected     {words}")
-    if told["lost"] or told["gap_count"] or report["not_usable"]:
-        lost, gaps = counted(told["lost"], "frame"), counted(told["gap_count"], "gap")
+    if timing["lost"] or timing["gap_count"] or report["not_usable"]:
+        lost, gaps = counted(timing["lost"], "frame"), counted(timing["gap_count"], "gap")
         lines.append(f"lost         {lost} in {gaps}; {report['not_usable']} repeated or late")
     if report["inferred_gaps"]:
         lines.append(f"inferred     {report['inferred_gaps'].partition(': ')[2]}")
     long_enough = report["duration_s"] >= LONG  # before, jitter of the host passes for drift
-    if long_enough and told["drift_ppm"] is not None and told["mode"] == "clock":
-        lines.append(f"device clock {told['drift_ppm']:+.1f} ppm against this host")
+    if long_enough and timing["drift_ppm"] is not None and timing["mode"] == "clock":
+        lines.append(f"device clock {timing['drift_ppm']:+.1f} ppm against this host")
     lines.append(f"calibration  {calibration_told(report['calibration'])}")
     if report["filter"]:
         lines.append(f"filter       {report['filter']}")

@@ -2,7 +2,7 @@
 
 from plumbob.noise.analysis import Averages, analyse, analyse_averages, with_curve
 from plumbob.noise.compare import Compared, Comparison, compare
-from plumbob.noise.curve import ONE_SIGMA, Curve, curve, curve_of, curves, edf, identify, interval, skew_edf
+from plumbob.noise.curve import ONE_SIGMA, Curve, curve, curves, edf, identify, interval, make_curve, skew_edf
 from plumbob.noise.every import every_adev
 from plumbob.noise.factors import KINDS, Averager, deviation, log_factors, stream_factors
 from plumbob.noise.findings import Analysis, Coefficient, Deviation, Estimates, GaussMarkov, Mask, Sinusoid
@@ -33,7 +33,6 @@ __all__ = [
     "analyse_averages",
     "compare",
     "curve",
-    "curve_of",
     "curves",
     "deviation",
     "edf",
@@ -41,6 +40,7 @@ __all__ = [
     "identify",
     "interval",
     "log_factors",
+    "make_curve",
     "skew_edf",
     "stream_factors",
     "with_curve",

@@ -25,14 +25,14 @@ from plumbob.noise import (
     analyse,
     analyse_averages,
     compare,
-    curve_of,
     curves,
     every_adev,
     log_factors,
+    make_curve,
     stream_factors,
     with_curve,
 )
-from plumbob.noise.factors import Factors, kind_of
+from plumbob.noise.factors import Factors, kind_named
 from plumbob.noise.static import StaticReport, bridged
 from plumbob.noise.static_record import Channels, StaticRecord
 from plumbob.reporting.report import Report, Reported
@@ -73,30 +73,30 @@ def characterise(
     ParameterError
         If an averaging time does not fit the record, or every one is asked of a file that is larger than memory.
     """
-    found: list[Analysis] = []
+    analyses: list[Analysis] = []
     for group in _sound(record, report):
         if isinstance(group.source, np.ndarray) or record.size <= IN_MEMORY or taus == "all":
-            found += _in_memory(group, report, taus)
+            analyses += _in_memory(group, report, taus)
         elif group.names[0] in report.skipped:
-            told = next(f for f in report.warnings if f.kind == "disturbed" and f.concerns(group.names[0]))
+            warning = next(f for f in report.warnings if f.kind == "disturbed" and f.concerns(group.names[0]))
             raise ShapeError(
-                f"{record.path} is analysed as it is read, so that nothing can be skipped: {told} Choose a still "
+                f"{record.path} is analysed as it is read, so that nothing can be skipped: {warning} Choose a still "
                 "stretch with --from and --to."
             )
         else:
-            found += _streamed(group, record.size, taus, progress)
-    return [_with_findings(analysis, report) for analysis in found]
+            analyses += _streamed(group, record.size, taus, progress)
+    return [_with_findings(analysis, report) for analysis in analyses]
 
 
 def deviations(record: StaticRecord, report: StaticReport, kind: str, *, taus: Taus = None) -> list[Deviation]:
     """Only the deviation of each channel, of any kind in `plumbob.noise.KINDS`; otherwise as `characterise`."""
-    found: list[Deviation] = []
+    channels: list[Deviation] = []
     for group in _sound(record, report):
         samples = _samples(group, report)
         n = None if taus is None else _factors(taus, group.dt, samples.shape[0], kind)
         of = curves(samples, group.dt, n, kind=kind)
-        found += [Deviation(name, group.quantity, curve) for name, curve in zip(group.names, of, strict=True)]
-    return found
+        channels += [Deviation(name, group.quantity, curve) for name, curve in zip(group.names, of, strict=True)]
+    return channels
 
 
 def comparisons(
@@ -110,24 +110,24 @@ def comparisons(
         If a record is not static, or they have other channels or rates.
     """
     first, second = (_sound(record, report) for record, report in (before, after))
-    found = []
+    compared = []
     alone = all([len(g.names) for g in groups] == [1] for groups in (first, second))  # whatever the files are called
     if not alone and [g.names for g in first] != [g.names for g in second]:
         raise ShapeError(
             f"before has {_channels(first)}, but after has {_channels(second)}; compare the same channels."
         )
-    for one, other in zip(first, second, strict=True):
-        if abs(one.dt / other.dt - 1.0) > _ROUNDED or one.quantity is not other.quantity:
+    for old, new in zip(first, second, strict=True):
+        if abs(old.dt / new.dt - 1.0) > _ROUNDED or old.quantity is not new.quantity:
             raise ShapeError(
-                f"before is {one.quantity.name.lower()} at {1.0 / one.dt:.6g} Hz, but after is "
-                f"{other.quantity.name.lower()} at {1.0 / other.dt:.6g} Hz; compare like with like."
+                f"before is {old.quantity.name.lower()} at {1.0 / old.dt:.6g} Hz, but after is "
+                f"{new.quantity.name.lower()} at {1.0 / new.dt:.6g} Hz; compare like with like."
             )
-        x, y = _samples(one, before[1]), _samples(other, after[1])
-        n = None if taus is None else _factors(taus, one.dt, min(x.shape[0], y.shape[0]))
-        found += [
-            Compared(name, one.quantity, compare(x[:, i], y[:, i], one.dt, n=n)) for i, name in enumerate(one.names)
+        x, y = _samples(old, before[1]), _samples(new, after[1])
+        n = None if taus is None else _factors(taus, old.dt, min(x.shape[0], y.shape[0]))
+        compared += [
+            Compared(name, old.quantity, compare(x[:, i], y[:, i], old.dt, n=n)) for i, name in enumerate(old.names)
         ]
-    return found
+    return compared
 
 
 def _channels(groups: Sequence[Channels]) -> str:
@@ -149,53 +149,53 @@ def _samples(group: Channels, report: StaticReport) -> Floats:
 def _in_memory(group: Channels, report: StaticReport, taus: Taus) -> Iterable[Analysis]:
     samples = _samples(group, report)
 
-    def one(channel: int) -> Analysis:
+    def analyse_column(channel: int) -> Analysis:
         column = np.ascontiguousarray(samples[:, channel])
-        found = analyse(column, group.dt, name=group.names[channel], quantity=group.quantity)
-        return found if taus is None else with_curve(found, _asked(column, group.dt, taus))
+        analysis = analyse(column, group.dt, name=group.names[channel], quantity=group.quantity)
+        return analysis if taus is None else with_curve(analysis, _curve_at_taus(column, group.dt, taus))
 
     with ThreadPoolExecutor(_WORKERS) as pool:
-        return list(pool.map(one, range(samples.shape[1])))
+        return list(pool.map(analyse_column, range(samples.shape[1])))
 
 
-def _asked(samples: Floats, dt: float, taus: Sequence[float] | Literal["all"]) -> Curve:
+def _curve_at_taus(samples: Floats, dt: float, taus: Sequence[float] | Literal["all"]) -> Curve:
     if taus == "all":
         dev = every_adev(samples)
-        return curve_of(dev, np.arange(1, dev.size + 1), samples.size, dt)
+        return make_curve(dev, np.arange(1, dev.size + 1), samples.size, dt)
     return curves(samples[:, np.newaxis], dt, _factors(taus, dt, samples.size))[0]
 
 
 def _streamed(group: Channels, size: int, taus: Taus, progress: _Done | None) -> list[Analysis]:
     grid = log_factors(size)  # a number is a byte or more
-    asked = None if taus is None else stream_factors(_factors(taus, group.dt, size))
-    allan = AllanStream(stream_factors(grid if asked is None else np.union1d(grid, asked)), channels=len(group.names))
+    n = None if taus is None else stream_factors(_factors(taus, group.dt, size))
+    allan = AllanStream(stream_factors(grid if n is None else np.union1d(grid, n)), channels=len(group.names))
     averager = Averager(len(group.names))
     for block in group.blocks(progress):
         allan.feed(block)
         averager.feed(block)
-    found, values = allan.result(), averager.values()
-    whole = [curve_of(dev, found.n, found.count, group.dt) for dev in found.dev.T]
+    stats, values = allan.result(), averager.values()
+    channel_curves = [make_curve(dev, stats.n, stats.count, group.dt) for dev in stats.dev.T]
     analyses = [
         analyse_averages(
             Averages(np.ascontiguousarray(values[:, i]), averager.averaged),
-            whole[i],
-            mean=float(found.mean[i]),
-            sd=float(found.sd[i]),
+            channel_curves[i],
+            mean=float(stats.mean[i]),
+            sd=float(stats.sd[i]),
             name=name,
             quantity=group.quantity,
         )
         for i, name in enumerate(group.names)
     ]
-    if asked is None:
+    if n is None:
         return analyses
-    if asked[-1] > found.n[-1]:
-        raise _too_long(float(asked[-1] * group.dt), group.dt, found.count)
-    return [replace(a, curve=a.curve.at(asked)) for a in analyses]  # whose intervals the model has given
+    if n[-1] > stats.n[-1]:
+        raise _too_long(float(n[-1] * group.dt), group.dt, stats.count)
+    return [replace(a, curve=a.curve.only(n)) for a in analyses]  # whose intervals the model has given
 
 
 def _factors(taus: Sequence[float] | Literal["all"], dt: float, count: int, kind: str = "oadev") -> Factors:
     """Averaging factors of averaging times, refusing those that are no multiple of the sampling time."""
-    longest = kind_of(kind).longest(count)
+    longest = kind_named(kind).longest(count)
     if taus == "all":
         return np.arange(1, longest + 1)
     times = np.asarray(taus, dtype=np.float64)
@@ -214,7 +214,7 @@ def _factors(taus: Sequence[float] | Literal["all"], dt: float, count: int, kind
 def _too_long(tau: float, dt: float, count: int, kind: str = "oadev") -> ParameterError:
     return ParameterError(
         f"τ = {tau:g} s is too long: for {kind}, a record of {count * dt:.6g} s has "
-        f"{kind_of(kind).longest(count) * dt:.6g} s at most."
+        f"{kind_named(kind).longest(count) * dt:.6g} s at most."
     )
 
 

@@ -89,9 +89,9 @@ def choose(kept: Spectrum) -> Choice:
     return Choice(richer, markov, candidates, notes, smoothed)
 
 
-def _alone_at_the_top(kept: Spectrum, richer: Fit) -> bool:
+def _alone_at_the_top(unmasked: Spectrum, richer: Fit) -> bool:
     """Whether the process makes more of the highest frequencies than all other terms."""
-    others = float(richer.squares @ densities(kept)[:, -1])
+    others = float(richer.squares @ densities(unmasked)[:, -1])
     return others < 0.5 * float(richer.density[-1])
 
 
@@ -128,9 +128,9 @@ def with_hours(terms: Mapping[str, Coefficient], dt: float, duration: float) -> 
 
 
 def _hours(letter: str, terms: Mapping[str, Coefficient], dt: float, duration: float) -> float | None:
-    asked = terms[letter]
-    size = 0.5 * asked.upper
-    if asked.observable or not size > 0.0:
+    coefficient = terms[letter]
+    size = 0.5 * coefficient.upper
+    if coefficient.observable or not size > 0.0:
         return None
     squares = np.array([terms[k].value ** 2 if terms[k].observable else 0.0 for k in LETTERS])
     if letter != "R":
@@ -194,18 +194,18 @@ def within_the_curve(
     """
     sure = interval(of.dev, of.edf, skew_edf(of.kind, of.alpha, of.count, of.n), SURE)[1]
     limits = {letter: _limit(letter, of, sure, mask) for letter in _JUDGED}
-    told: dict[str, str] = {}
+    reasons: dict[str, str] = {}
     while True:
-        found, fitted = coefficients(kept, best, barred=told, bands=bands)
-        shown = [letter for letter in _JUDGED if found[letter].observable]
-        more = {w: why for w in shown if (why := _against(w, found, limits[w], of, mask))}
+        terms, fitted = coefficients(kept, best, barred=reasons, bands=bands)
+        shown = [letter for letter in _JUDGED if terms[letter].observable]
+        more = {w: why for w in shown if (why := _against(w, terms, limits[w], of, mask))}
         if not more:
             return (
-                {w: _limited(c, limits[w].most) if w in told else c for w, c in found.items()},
+                {w: _limited(c, limits[w].most) if w in reasons else c for w, c in terms.items()},
                 fitted,
-                (*told.values(),),
+                (*reasons.values(),),
             )
-        told |= more
+        reasons |= more
 
 
 class _Limit(NamedTuple):
@@ -224,21 +224,21 @@ def _limit(letter: str, of: Curve, sure: Floats, mask: Mask) -> _Limit:
     return _Limit(float(allowed.min()), float(tau[np.argmin(allowed)]))
 
 
-def _against(letter: str, found: Mapping[str, Coefficient], limit: _Limit, of: Curve, mask: Mask) -> str | None:
+def _against(letter: str, terms: Mapping[str, Coefficient], limit: _Limit, of: Curve, mask: Mask) -> str | None:
     """Say in words why the curve contradicts a coefficient, by its lower end; None where it does not."""
     if letter in _SLOW:
-        return _leaves(letter, found, of, mask)
-    if found[letter].lo <= limit.most:
+        return _leaves(letter, terms, of, mask)
+    if terms[letter].lo <= limit.most:
         return None
     return (
         f"{letter} is not quoted: what the spectrum gives it would alone exceed the measured curve at {limit.tau:.3g} s"
     )
 
 
-def _leaves(letter: str, found: Mapping[str, Coefficient], of: Curve, mask: Mask) -> str | None:
+def _leaves(letter: str, terms: Mapping[str, Coefficient], of: Curve, mask: Mask) -> str | None:
     """Say in words that the model lies above the curve's interval wherever a slow term is most of it."""
     judged = _judged(letter, of, mask, _LONGEST)
-    parts = {w: variance(w, c.value, of.tau) for w, c in found.items() if c.observable}
+    parts = {w: variance(w, c.value, of.tau) for w, c in terms.items() if c.observable}
     model = np.sum(list(parts.values()), axis=0)
     judged &= parts[letter] > 0.5 * model
     tau = of.tau[judged]
@@ -250,9 +250,9 @@ def _leaves(letter: str, found: Mapping[str, Coefficient], of: Curve, mask: Mask
     )
 
 
-def _limited(one: Coefficient, most: float) -> Coefficient:
+def _limited(c: Coefficient, most: float) -> Coefficient:
     """A coefficient with the limit that the curve sets it."""
-    return replace(one, value=min(one.value, most), lo=0.0, hi=min(one.hi, most), upper=min(one.upper, most))
+    return replace(c, value=min(c.value, most), lo=0.0, hi=min(c.hi, most), upper=min(c.upper, most))
 
 
 def _judged(letter: str, of: Curve, mask: Mask, longest: float) -> NDArray[np.bool_]:
@@ -330,16 +330,16 @@ def analyse_averages(
         As in `analyse`.
     """
     if quantity not in DATASHEET:
-        known = ", ".join(q.name.lower() for q in DATASHEET)
+        quantities = ", ".join(q.name.lower() for q in DATASHEET)
         raise UnitError(
-            f"quantity must be one of {known}, whose noise has a data sheet's units, but it is {quantity!r}."
+            f"quantity must be one of {quantities}, whose noise has a data sheet's units, but it is {quantity!r}."
         )
     step = of.dt * averages.averaged
-    sinusoids, left = find_sinusoids(averages.values, step, averages.averaged)
-    whole = spectrum(left, of.dt, averages.averaged)
-    left_out, choice = _modelled(whole, of)
-    kept, mask, bands = left_out.kept, left_out.mask, left_out.bands
-    by_likelihood, best, doubted = within_the_curve(kept, choice.best, of, mask, bands)
+    sinusoids, residual = find_sinusoids(averages.values, step, averages.averaged)
+    full_spectrum = spectrum(residual, of.dt, averages.averaged)
+    left_out, choice = _modelled(full_spectrum, of)
+    unmasked, mask, bands = left_out.kept, left_out.mask, left_out.bands
+    by_likelihood, best, doubted = within_the_curve(unmasked, choice.best, of, mask, bands)
     likely = most_likely(best, by_likelihood["R"])
     if choice.smoothed is not None:  # of what was smoothed away, nothing
         by_likelihood, likely = {}, {}
@@ -349,7 +349,7 @@ def analyse_averages(
         by_likelihood["Q"] = by_squares.terms["Q"]
         likely["Q"] = by_squares.terms["Q"].value
     quoted = with_hours(by_likelihood, of.dt, of.count * of.dt)
-    found = Analysis(
+    analysis = Analysis(
         name=name,
         quantity=quantity,
         mean=mean,
@@ -364,9 +364,9 @@ def analyse_averages(
         markov=choice.markov,
         candidates=choice.candidates,
         most_likely=likely,
-        notes=(*doubted, *_notes(kept, choice._replace(best=best), mask, quoted)),
+        notes=(*doubted, *_notes(unmasked, choice._replace(best=best), mask, quoted)),
     )
-    return with_curve(found, of)
+    return with_curve(analysis, of)
 
 
 def with_curve(analysis: Analysis, of: Curve) -> Analysis:
@@ -384,9 +384,9 @@ def with_curve(analysis: Analysis, of: Curve) -> Analysis:
     return replace(analysis, curve=with_noise(of, np.where(modelled, -1.0 - slope, of.alpha)))
 
 
-def _modelled(whole: Spectrum, of: Curve) -> tuple[LeftOut, Choice]:
+def _modelled(full_spectrum: Spectrum, of: Curve) -> tuple[LeftOut, Choice]:
     """What is left out, what is left, and the model of it."""
-    left_out = leave_out(whole, of.n)
+    left_out = leave_out(full_spectrum, of.n)
     choice = choose(left_out.kept)
     if choice.smoothed is None:
         return left_out, choice
@@ -395,22 +395,22 @@ def _modelled(whole: Spectrum, of: Curve) -> tuple[LeftOut, Choice]:
     return (left_out, choice) if below is None else (left_out._replace(kept=below), choose(below))
 
 
-def _notes(kept: Spectrum, choice: Choice, mask: Mask, quoted: Mapping[str, Coefficient]) -> Iterator[str]:
+def _notes(unmasked: Spectrum, choice: Choice, mask: Mask, quoted: Mapping[str, Coefficient]) -> Iterator[str]:
     if mask.n == 1 and mask.reason != Mask().reason:
         yield mask.reason
     yield from choice.notes
     unseen = [letter for letter in "BK" if letter in quoted and not quoted[letter].observable]
     shown = [letter for letter, c in quoted.items() if c.observable]
-    if len(unseen) == 2 and is_more_than(kept, choice.best, shown):
+    if len(unseen) == 2 and is_more_than(unmasked, choice.best, shown):
         yield "bias instability and random walk cannot be separated in this record, but one of them is present"
-    yield from _misfits(kept, choice.best)
+    yield from _misfits(unmasked, choice.best)
 
 
-def _misfits(kept: Spectrum, best: Fit) -> Iterator[str]:
+def _misfits(unmasked: Spectrum, best: Fit) -> Iterator[str]:
     """Octaves in which the spectrum is not the model's."""
-    for inside, excess, sd in departures(kept, best, octaves(kept)):
+    for inside, excess, sd in departures(unmasked, best, octaves(unmasked)):
         if abs(excess) > max(_MISFIT, _SURE * sd):
-            low, high = kept.frequency[inside][[0, -1]]
+            low, high = unmasked.frequency[inside][[0, -1]]
             yield (
                 f"from {low:.2g} to {high:.2g} Hz the record has {1.0 + excess:.2g} times the noise that the terms "
                 "make: a warm-up, a disturbance, or another kind of noise"

@@ -60,11 +60,11 @@ def least_squares(curve: Curve, *, first: int = 1, others: Sequence[Sinusoid | B
     n, tau = curve.n[used], curve.tau[used]
     if n.size <= len(TERMS):
         return Estimates("least squares", {})
-    known = np.sum([other.variance(tau) for other in others] + [np.zeros(tau.size)], axis=0)
+    background = np.sum([other.variance(tau) for other in others] + [np.zeros(tau.size)], axis=0)
     columns = _columns(n, curve.dt)
     measured = curve.dev[used] ** 2
-    squares, inverse = _solve(columns, measured, known, curve.edf[used], lambda model: _freedom(curve, n, model))
-    model: Floats = columns @ squares + known
+    squares, inverse = _solve(columns, measured, background, curve.edf[used], lambda model: _freedom(curve, n, model))
+    model: Floats = columns @ squares + background
     covariance: Floats = inverse @ _covariance(curve, n, squares, model) @ inverse.T
     sd = np.sqrt(np.diag(covariance))
     return Estimates("least squares", {k: _coefficient(v, s) for k, v, s in zip(TERMS, squares, sd, strict=True)})
@@ -88,7 +88,7 @@ def _freedom(curve: Curve, n: NDArray[np.int64], model: Floats) -> Floats:
 
 
 def _solve(
-    columns: Floats, measured: Floats, known: Floats, freedom: Floats, freedom_of: Callable[[Floats], Floats]
+    columns: Floats, measured: Floats, background: Floats, freedom: Floats, freedom_of: Callable[[Floats], Floats]
 ) -> tuple[Floats, Floats]:
     """Squares of the coefficients (5,), and the matrix (5, m) that makes them of the measured variances.
 
@@ -100,8 +100,8 @@ def _solve(
         weight = np.sqrt(0.5 * freedom) / model
         weighted = weight[:, np.newaxis] * columns
         scale = np.sqrt(np.sum(weighted**2, axis=0))
-        squares = _not_negative(weighted / scale, weight * (measured - known)) / scale
-        model = np.maximum(columns @ squares + known, 1e-3 * measured)
+        squares = _not_negative(weighted / scale, weight * (measured - background)) / scale
+        model = np.maximum(columns @ squares + background, 1e-3 * measured)
         freedom = freedom_of(model)
     inverse = np.linalg.pinv(weighted / scale) / scale[:, np.newaxis] * weight
     return squares, np.asarray(inverse)
@@ -118,11 +118,11 @@ def _not_negative(columns: Floats, wanted: Floats) -> Floats:
     best, least = np.zeros(wanted.size), float(wanted @ wanted)
     for size in range(wanted.size, 0, -1):
         for chosen in map(list, combinations(range(wanted.size), size)):
-            found = np.linalg.lstsq(columns[:, chosen], wanted, rcond=None)[0]
-            left = wanted - columns[:, chosen] @ found
-            if (found > 0.0).all() and left @ left < least:
-                best, least = np.zeros(best.size), float(left @ left)
-                best[chosen] = found
+            solution = np.linalg.lstsq(columns[:, chosen], wanted, rcond=None)[0]
+            residual = wanted - columns[:, chosen] @ solution
+            if (solution > 0.0).all() and residual @ residual < least:
+                best, least = np.zeros(best.size), float(residual @ residual)
+                best[chosen] = solution
     return best
 
 
@@ -175,22 +175,22 @@ def find_mask(spectrum: Spectrum, n: NDArray[np.int64]) -> tuple[Mask, Spectrum]
     n : ndarray (m,)
         Averaging factors that there are, increasing.
     """
-    cut, kept = 0.5 / spectrum.step, spectrum
-    found = fit(kept)
-    if _fits(kept, found, cut, _BENT):
+    cut, below = 0.5 / spectrum.step, spectrum
+    fitted = fit(below)
+    if _fits(below, fitted, cut, _BENT):
         return Mask(), spectrum
-    while not _fits(kept, found, cut, _TOLERATED):
+    while not _fits(below, fitted, cut, _TOLERATED):
         cut /= math.sqrt(2.0)
-        kept = spectrum.below(cut)
-        if kept.terms.sum() < _LEAST:  # bent everywhere: no filter of the device, but no noise of these terms either
+        below = spectrum.below(cut)
+        if below.terms.sum() < _LEAST:  # bent everywhere: no filter of the device, but no noise of these terms either
             return Mask(reason="no frequency could be found below which the terms fit; nothing masked"), spectrum
-        found = fit(kept)
+        fitted = fit(below)
     safe = spectrum.below(cut / _MARGIN)
     if safe.terms.sum() >= _LEAST:
-        cut, kept, found = cut / _MARGIN, safe, fit(safe)
-    factor, excess = _first_factor(spectrum, found, cut, n)
+        cut, below, fitted = cut / _MARGIN, safe, fit(safe)
+    factor, excess = _first_factor(spectrum, fitted, cut, n)
     reason = f"the spectrum {'falls' if excess < 0.0 else 'rises'} there as none of the terms does"
-    return Mask(factor, cut, reason), kept
+    return Mask(factor, cut, reason), below
 
 
 def mask_first_order(spectrum: Spectrum, time: float, n: NDArray[np.int64]) -> tuple[Mask, Spectrum | None]:
@@ -210,26 +210,26 @@ def mask_first_order(spectrum: Spectrum, time: float, n: NDArray[np.int64]) -> t
     """
     cut = float(np.sqrt(_TOLERATED)) / (2.0 * np.pi * time)
     reason = f"the record looks smoothed, as by a filter of first order with a time constant of {time:.2g} s"
-    kept = spectrum.below(cut)
-    if kept.terms.sum() >= _LEAST:
-        factor, _ = _first_factor(spectrum, fit(kept), cut, n)
-        return Mask(factor, cut, reason), kept
+    below = spectrum.below(cut)
+    if below.terms.sum() >= _LEAST:
+        factor, _ = _first_factor(spectrum, fit(below), cut, n)
+        return Mask(factor, cut, reason), below
     beyond = int(n[min(int(np.searchsorted(n * spectrum.dt, FAR * time)), n.size - 1)])
     return Mask(beyond, cut, f"{reason}; it is too short to show more than that"), None
 
 
-def _fits(spectrum: Spectrum, found: Fit, cut: float, tolerated: float) -> bool:
+def _fits(spectrum: Spectrum, fitted: Fit, cut: float, tolerated: float) -> bool:
     """Whether no part of the octaves below the cut departs from a fit by more than what is tolerated, or by chance."""
     group = np.floor(np.log2(cut / spectrum.frequency) * _PER_OCTAVE).astype(np.int64)
     judged = np.where(group < _JUDGED * _PER_OCTAVE, group, -1)
     return not any(
-        abs(excess) > max(tolerated, _SURE_OF_A_MASK * sd) for _, excess, sd in departures(spectrum, found, judged)
+        abs(excess) > max(tolerated, _SURE_OF_A_MASK * sd) for _, excess, sd in departures(spectrum, fitted, judged)
     )
 
 
-def _first_factor(spectrum: Spectrum, found: Fit, cut: float, n: NDArray[np.int64]) -> tuple[int, float]:
+def _first_factor(spectrum: Spectrum, fitted: Fit, cut: float, n: NDArray[np.int64]) -> tuple[int, float]:
     """Smallest factor from which on masked frequencies hardly count, and what they add to the spectrum on the whole."""
-    model = found.squares @ densities(spectrum)
+    model = fitted.squares @ densities(spectrum)
     width = spectrum.width
     weights = _mean_transfer(n, spectrum)
     beyond = spectrum.frequency > cut
@@ -268,13 +268,13 @@ def lines(curve: Curve, *, first: int = 1) -> Estimates:
         return Estimates("lines", {})
     x, y = np.log10(curve.tau[used]), np.log10(curve.dev[used])
     slope = _local_slope(x, y)
-    found = {}
+    terms = {}
     for letter, term in TERMS.items():
         run = _longest_run(np.abs(slope - term.slope) <= _WITHIN)
         if run is not None and x[run.stop - 1] - x[run.start] >= _DECADES:
             height = float(np.mean(y[run] - term.slope * x[run]))
-            found[letter] = _read(curve, term, height)
-    return Estimates("lines", found)
+            terms[letter] = _read(curve, term, height)
+    return Estimates("lines", terms)
 
 
 def _read(curve: Curve, term: Term, height: float) -> Coefficient:
@@ -294,17 +294,17 @@ def read_at(term: Term) -> float:
 
 def _local_slope(x: Floats, y: Floats) -> Floats:
     """Slope of a straight line through the points within `_REACH` of each."""
-    found = np.empty(x.size)
+    slope = np.empty(x.size)
     for i in range(x.size):
         near = np.abs(x - x[i]) <= _REACH_DECADES
         near[max(i - 1, 0) : i + 2] = True
         dx = x[near] - np.mean(x[near])
-        found[i] = np.dot(dx, y[near]) / np.dot(dx, dx)
-    return found
+        slope[i] = np.dot(dx, y[near]) / np.dot(dx, dx)
+    return slope
 
 
 def _longest_run(inside: NDArray[np.bool_]) -> slice | None:
-    return slice(*max(found, key=lambda r: r[1] - r[0])) if (found := runs(inside)) else None
+    return slice(*max(spans, key=lambda r: r[1] - r[0])) if (spans := runs(inside)) else None
 
 
 Inside = NDArray[np.bool_]
@@ -348,19 +348,19 @@ def leave_out(spectrum: Spectrum, n: NDArray[np.int64]) -> LeftOut:
     inside = _cores(spectrum)
     if not inside.any():
         return LeftOut((), *find_mask(spectrum, n), spectrum)
-    mask, kept = find_mask(spectrum.only(~inside), n)
-    usable = np.arange(spectrum.start.size) < np.searchsorted(spectrum.start, kept.stop[-1])
-    found = fit(kept)
+    mask, clean = find_mask(spectrum.only(~inside), n)
+    usable = np.arange(spectrum.start.size) < np.searchsorted(spectrum.start, clean.stop[-1])
+    fitted = fit(clean)
     for _ in range(_ROUNDS):
-        grown = _grown(spectrum, found, inside, usable)
+        grown = _grown(spectrum, fitted, inside, usable)
         if (grown == inside).all():
             break
         inside = grown
-        kept = spectrum.only(usable & ~inside)
-        found = fit(kept)
-    bands = [_band(spectrum, found, one) for one in _runs(inside) if usable[one].all()]
-    bands = [one for one in bands if one.sd > 0.0]  # the last fit may explain what an earlier one did not
-    return LeftOut(tuple(sorted(bands, key=lambda b: -b.sd)), mask, kept, spectrum.only(~inside))
+        clean = spectrum.only(usable & ~inside)
+        fitted = fit(clean)
+    bands = [_band(spectrum, fitted, bins) for bins in _runs(inside) if usable[bins].all()]
+    bands = [band for band in bands if band.sd > 0.0]  # the last fit may explain what an earlier one did not
+    return LeftOut(tuple(sorted(bands, key=lambda b: -b.sd)), mask, clean, spectrum.only(~inside))
 
 
 def _cores(spectrum: Spectrum) -> Inside:
@@ -377,10 +377,10 @@ def _cores(spectrum: Spectrum) -> Inside:
         sure = (np.cbrt(ratio) - (1.0 - spread)) / np.sqrt(spread)  # [Wilson1931]: of a χ², as if it were normal
         for k in np.flatnonzero((sure > _SURE_OF_A_BAND) & (ratio > _TALL)).tolist():
             inside[first + k : first + k + run] = True
-    for one in _runs(inside):
-        low, high = spectrum.frequency[one][[0, -1]]
+    for bins in _runs(inside):
+        low, high = spectrum.frequency[bins][[0, -1]]
         if math.log2(high / low) > _NARROW:
-            inside[one] = False
+            inside[bins] = False
     return inside
 
 
@@ -398,15 +398,15 @@ def _sums(row: Floats, run: int) -> Floats:
     return np.asarray(total[run:] - total[:-run])
 
 
-def _grown(spectrum: Spectrum, found: Fit, inside: Inside, usable: Inside) -> Inside:
+def _grown(spectrum: Spectrum, fitted: Fit, inside: Inside, usable: Inside) -> Inside:
     """Bands with their skirts: as far as the power is above the fit by more than chance, and by more than little."""
-    model = spectrum.terms * (found.squares @ densities(spectrum))
-    excess = spectrum.without_ramp(found.ramp) - model
+    model = spectrum.terms * (fitted.squares @ densities(spectrum))
+    excess = spectrum.without_ramp(fitted.ramp) - model
     grown = inside.copy()
-    for one in _runs(inside):
-        peak = spectrum.frequency[one][np.argmax((excess / spectrum.terms)[one])]
+    for bins in _runs(inside):
+        peak = spectrum.frequency[bins][np.argmax((excess / spectrum.terms)[bins])]
         near = usable & (np.abs(np.log2(spectrum.frequency / peak)) <= _WIDEST) & (spectrum.start >= _LOWEST)
-        for outward in (range(one.start - 1, -1, -1), range(one.stop, near.size)):
+        for outward in (range(bins.start - 1, -1, -1), range(bins.stop, near.size)):
             for at in range(0, len(outward) - _STEP + 1, _STEP):
                 step = np.array(outward[at : at + _STEP])
                 chance = 2.0 * math.sqrt(2.0 / float(spectrum.terms[step].sum()))
@@ -416,16 +416,16 @@ def _grown(spectrum: Spectrum, found: Fit, inside: Inside, usable: Inside) -> In
     return grown
 
 
-def _band(spectrum: Spectrum, found: Fit, one: slice) -> Band:
+def _band(spectrum: Spectrum, fitted: Fit, bins: slice) -> Band:
     """Limits and power of a band, as it is in the samples."""
-    frequency = spectrum.frequency[one]
-    model = (found.squares @ densities(spectrum))[one]
-    power = (spectrum.without_ramp(found.ramp)[one] / spectrum.terms[one] - model) * spectrum.width[one]
+    frequency = spectrum.frequency[bins]
+    model = (fitted.squares @ densities(spectrum))[bins]
+    power = (spectrum.without_ramp(fitted.ramp)[bins] / spectrum.terms[bins] - model) * spectrum.width[bins]
     d, turn = spectrum.averaged, np.pi * frequency * spectrum.dt
     power = np.maximum(power, 0.0) * (d * np.sin(turn) / np.sin(d * turn)) ** 2
     total = np.cumsum(power)
     places = np.interp((np.arange(_PLACES) + 0.5) / _PLACES * total[-1], total, frequency)
-    half = 0.5 * spectrum.width[one]
+    half = 0.5 * spectrum.width[bins]
     low, high = float(frequency[0] - half[0]), float(frequency[-1] + half[-1])
     return Band(low, high, math.sqrt(2.0 * float(total[-1])), tuple(places.tolist()), spectrum.dt)
 

@@ -51,17 +51,17 @@ def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> Noi
     UnitError
         If a triad measures something else than its name says, as plain numbers do.
     """
-    found = {triad.name: triad for triad in triads(analyses)}
-    whole = {name: found[name] for name in UNITS if name in found and set(found[name].channels) == set(AXES)}
-    if not whole:
-        raise ShapeError(f"a noise card needs x, y and z of gyr, acc or mag, but there are {_names(found)}.")
-    for name, triad in whole.items():
+    by_name = {triad.name: triad for triad in triads(analyses)}
+    complete = {name: by_name[name] for name in UNITS if name in by_name and set(by_name[name].channels) == set(AXES)}
+    if not complete:
+        raise ShapeError(f"a noise card needs x, y and z of gyr, acc or mag, but there are {_names(by_name)}.")
+    for name, triad in complete.items():
         if triad.quantity.value != UNITS[name]:
             raise UnitError(f"{name} is in '{triad.quantity}', but a card holds {UNITS[name]}; scale the recording.")
-    said = [source, *(remark for triad in whole.values() for remark in _remarks(triad))]
-    others = {name: triad for name, triad in found.items() if name not in whole}
+    said = [source, *(remark for triad in complete.values() for remark in _remarks(triad))]
+    others = {name: triad for name, triad in by_name.items() if name not in complete}
     said += [f"left out, no triad of three axes: {_names(others)}"] if others else []
-    noises = {name: _noise(triad) for name, triad in whole.items()}
+    noises = {name: _noise(triad) for name, triad in complete.items()}
     return NoiseCard(device, "; ".join(said), **noises)
 
 
@@ -77,13 +77,13 @@ def card_report(card: NoiseCard) -> Report:
 
 def _rows(name: str, triad: TriadNoise) -> list[list[str]]:
     units = DATASHEET[Quantity(UNITS[name])]
-    found = {
+    terms = {
         "N": (triad.n_rpsd, triad.n_interval),
         "B": (triad.b, triad.b_interval),
         "K": (triad.k_rpsd, triad.k_interval),
     }
     rows = []
-    for k, (values, ends) in found.items():
+    for k, (values, ends) in terms.items():
         rows.append([f"{k} {TERMS[k].name} [{written(units[k])}]", *_numbers(values, units[k])])
         if ends is not None:
             cells = (f"{lo} to {hi}" for lo, hi in zip(*(_numbers(end, units[k]) for end in ends), strict=True))
@@ -112,8 +112,8 @@ def _axes(triad: Triad, letter: str) -> Floats:
 
 def _interval(triad: Triad, letter: str) -> Floats | None:
     """Ends (2, 3) of the intervals of x, y and z; None where one is not known."""
-    found = [triad.channels[axis].terms.get(letter) for axis in AXES]
-    ends = np.array([(np.nan, np.nan) if c is None else (c.lo, c.hi) for c in found]).T
+    per_axis = [triad.channels[axis].terms.get(letter) for axis in AXES]
+    ends = np.array([(np.nan, np.nan) if c is None else (c.lo, c.hi) for c in per_axis]).T
     return ends if np.isfinite(ends).all() else None
 
 
@@ -127,18 +127,18 @@ def _value(analysis: Analysis, letter: str) -> float:
 def _remarks(triad: Triad) -> list[str]:
     """Length of the record, and the limits of what is not observable."""
     units = DATASHEET[triad.quantity]
-    found = [f"{triad.name} from {length_and_rate(triad)}"]
+    remarks = [f"{triad.name} from {length_and_rate(triad)}"]
     for letter in ("B", "K"):
         hidden = {axis: c for axis in AXES if (c := triad.channels[axis].terms.get(letter)) and not c.observable}
         limits = ", ".join(f"{axis} {coefficient(c, units[letter])}" for axis, c in hidden.items())
         if hidden:
             limit = f"{limits} {written(units[letter])} (95 %)"
-            found.append(f"{triad.name} {letter} not observable, the most likely is taken: {limit}")
-    return found
+            remarks.append(f"{triad.name} {letter} not observable, the most likely is taken: {limit}")
+    return remarks
 
 
-def _names(found: Mapping[str, Triad]) -> str:
-    return ", ".join(f"{name} {''.join(triad.channels)}".strip() for name, triad in found.items())
+def _names(by_name: Mapping[str, Triad]) -> str:
+    return ", ".join(f"{name} {''.join(triad.channels)}".strip() for name, triad in by_name.items())
 
 
 _SENSORS = (("acc", "accelerometer", Quantity.ACCELERATION), ("gyr", "gyroscope", Quantity.RATE))
@@ -172,19 +172,19 @@ def kalibr_yaml(analyses: Sequence[Analysis], *, rostopic: str, source: str = ""
     """
     if not _TOPIC.fullmatch(rostopic):
         raise ParameterError(f"rostopic must be a name of ROS such as /imu0, but it is {rostopic!r}.")
-    found = {triad.name: triad for triad in triads(analyses)}
+    index = {triad.name: triad for triad in triads(analyses)}
     lines = ["# Noise of an IMU for Kalibr: continuous time, SI; by plumbob"]
     lines += [f"# {_ascii(source)}"] if source else []
     lines.append("# each number is the quadratic mean over the axes below it; +/- is 68.3 %")
     for name, sensor, quantity in _SENSORS:
-        if name not in found:
-            raise ShapeError(f"Kalibr needs gyr and acc, but the record has only {', '.join(found)}.")
-        if found[name].quantity is not quantity:
-            raise UnitError(f"{name} is in '{found[name].quantity}', but Kalibr takes {quantity}; scale the recording.")
-        lines += ["", f"# {sensor}: {_ascii(length_and_rate(found[name]))}"]
+        if name not in index:
+            raise ShapeError(f"Kalibr needs gyr and acc, but the record has only {', '.join(index)}.")
+        if index[name].quantity is not quantity:
+            raise UnitError(f"{name} is in '{index[name].quantity}', but Kalibr takes {quantity}; scale the recording.")
+        lines += ["", f"# {sensor}: {_ascii(length_and_rate(index[name]))}"]
         for letter, field in _FIELDS:
-            lines += _field(f"{sensor}_{field}", found[name], letter)
-    lines += ["", f"rostopic: {rostopic}", f"update_rate: {_rate(found):.6f}"]
+            lines += _field(f"{sensor}_{field}", index[name], letter)
+    lines += ["", f"rostopic: {rostopic}", f"update_rate: {_rate(index):.6f}"]
     return "\n".join(lines) + "\n"
 
 
@@ -206,8 +206,8 @@ def _field(field: str, triad: Triad, letter: str) -> list[str]:
     return [f"{field}: {math.sqrt(sum(squares) / len(squares)):.6e}", *comments]
 
 
-def _rate(found: dict[str, Triad]) -> float:
-    rates = [1.0 / found[name].first.curve.dt for name, *_ in _SENSORS]
+def _rate(by_name: dict[str, Triad]) -> float:
+    rates = [1.0 / by_name[name].first.curve.dt for name, *_ in _SENSORS]
     if not math.isclose(*rates, rel_tol=1e-6):
         both = " and ".join(f"{rate:.6g} Hz" for rate in rates)
         raise ParameterError(f"acc and gyr have the rates {both}, but Kalibr takes one; resample one of them.")

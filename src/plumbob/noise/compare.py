@@ -133,8 +133,8 @@ def _filter_between(before: Spectrum, after: Spectrum) -> tuple[float | None, fl
     start = level if abs(level) > _SAME else 0.0
 
     def misfit(log_time: float) -> float:
-        left = gain - start - _first_order(frequency, before.step, math.exp(log_time))
-        return float(np.average(left**2, weights=weight))
+        residual = gain - start - _first_order(frequency, before.step, math.exp(log_time))
+        return float(np.average(residual**2, weights=weight))
 
     ends = math.log(0.05 * before.step), math.log(0.1 * before.count * before.step)
     best = minimize_scalar(misfit, bounds=ends, method="bounded", options={"xatol": 1e-4})
@@ -143,9 +143,9 @@ def _filter_between(before: Spectrum, after: Spectrum) -> tuple[float | None, fl
 
 def _first_order(frequency: Floats, dt: float, time: float) -> Floats:
     """Logarithm of the power that ``y += K (x − y)`` passes, with 1 − K = exp(−Δt / time)."""
-    left = math.exp(-dt / time)
+    decay = math.exp(-dt / time)
     turn = np.sin(np.pi * frequency * dt)
-    return np.asarray(-np.log1p(4.0 * left * turn**2 / (1.0 - left) ** 2))
+    return np.asarray(-np.log1p(4.0 * decay * turn**2 / (1.0 - decay) ** 2))
 
 
 def _bent_below(constant: float | None, corner: float | None) -> float | None:

@@ -49,7 +49,7 @@ from scipy.special import gammaincinv, psi, zeta
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.noise.factors import SHAPES, Factors, Kind, deviation, factors_of, kind_of, log_factors
+from plumbob.noise.factors import SHAPES, Factors, Kind, checked_factors, deviation, kind_named, log_factors
 
 ONE_SIGMA: Final = 0.682689492137086
 """Share of a normal distribution within one standard deviation: the confidence of every ± of this package."""
@@ -162,14 +162,14 @@ def along(
     of_one: Callable[[str, float, int, int], float], kind: str, alpha: ArrayLike, count: int, n: ArrayLike
 ) -> Floats:
     """``of_one(kind, alpha, count, n)`` at every factor, of so many at some and between them, as `edf` says."""
-    factors = factors_of(kind, count, n)
+    factors = checked_factors(kind, count, n)
     exponent = _exponents(kind, alpha, factors.size)
-    knots = _knots_of(SHAPES[kind], factors)
+    knots = _edf_knots(SHAPES[kind], factors)
     rows = exponent.reshape(-1, factors.size)
-    found = np.array([[of_one(kind, float(row[i]), count, int(factors[i])) for i in knots] for row in rows])
+    table = np.array([[of_one(kind, float(row[i]), count, int(factors[i])) for i in knots] for row in rows])
     if knots.size < factors.size:
-        found = np.array([np.exp(np.interp(np.log(factors), np.log(factors[knots]), np.log(row))) for row in found])
-    return found.reshape(exponent.shape)
+        table = np.array([np.exp(np.interp(np.log(factors), np.log(factors[knots]), np.log(row))) for row in table])
+    return table.reshape(exponent.shape)
 
 
 def _exponents(kind: str, alpha: ArrayLike, size: int) -> Floats:
@@ -180,7 +180,7 @@ def _exponents(kind: str, alpha: ArrayLike, size: int) -> Floats:
     return np.broadcast_to(exponent, np.broadcast_shapes(exponent.shape, (size,)))
 
 
-def _knots_of(shape: Kind, n: NDArray[np.int64]) -> NDArray[np.intp]:
+def _edf_knots(shape: Kind, n: NDArray[np.int64]) -> NDArray[np.intp]:
     """Places of the factors to compute at; what is disjoint changes by leaps, and is computed at all."""
     if not shape.overlapping or n.size <= _KNOTS:
         return np.arange(n.size)
@@ -193,16 +193,16 @@ def _knots_of(shape: Kind, n: NDArray[np.int64]) -> NDArray[np.intp]:
 def _of_one(kind: str, alpha: float, count: int, n: int) -> float:
     shape = SHAPES[kind]
     terms = shape.terms(count, n)
-    lags = _lags_of(kind, count, n)
+    lags = _cached_lags(kind, count, n)
     rho = between_levels(shape, alpha, lambda level: _at_lags(kind, level, count, n))
     weighted = (1.0 - lags / terms) * rho**2  # [Greenhall2003]
     # between neighbouring lags the summand is a straight line; a sum of its whole places is its trapezoid
-    found = float(terms / (np.sum(np.diff(lags) * (weighted[1:] + weighted[:-1])) + weighted[-1]))
-    return found * _gain_of_total(alpha, count, n) if kind == "totdev" and n >= _TOTAL_FROM else found
+    freedom = float(terms / (np.sum(np.diff(lags) * (weighted[1:] + weighted[:-1])) + weighted[-1]))
+    return freedom * _gain_of_total(alpha, count, n) if kind == "totdev" and n >= _TOTAL_FROM else freedom
 
 
 @lru_cache(maxsize=1024)
-def _lags_of(kind: str, count: int, n: int) -> Floats:
+def _cached_lags(kind: str, count: int, n: int) -> Floats:
     shape = SHAPES[kind]
     return check.read_only(_lags(shape, n, shape.terms(count, n) - 1))
 
@@ -210,7 +210,7 @@ def _lags_of(kind: str, count: int, n: int) -> Floats:
 @lru_cache(maxsize=1024)  # channels of one record, and rounds of a fit, differ in α only
 def _at_lags(kind: str, level: int, count: int, n: int) -> Floats:
     shape = SHAPES[kind]
-    return check.read_only(correlation(shape, level, n, _lags_of(kind, count, n) * (1 if shape.overlapping else n)))
+    return check.read_only(correlation(shape, level, n, _cached_lags(kind, count, n) * (1 if shape.overlapping else n)))
 
 
 def _gain_of_total(alpha: float, count: int, n: int) -> float:
@@ -234,8 +234,8 @@ def _lags(shape: Kind, n: int, last: int) -> Floats:
 
 def correlation(shape: Kind, level: int, n: int, shift: Floats) -> Floats:
     """ρ of two differences whose beginnings lie `shift` samples apart, in noise of one level; shift[0] must be 0."""
-    found = _covariance(shape, level, n, shift)
-    return np.asarray(found / found[0])
+    covariance = _covariance(shape, level, n, shift)
+    return np.asarray(covariance / covariance[0])
 
 
 def between_levels(shape: Kind, alpha: float, of_level: Callable[[int], Floats]) -> Floats:
@@ -253,8 +253,8 @@ def between_levels(shape: Kind, alpha: float, of_level: Callable[[int], Floats])
 
 def log_variance(shape: Kind, level: int, n: NDArray[np.int64]) -> Floats:
     """Logarithm of the square of the deviation of noise of one level, up to a constant, at the factors n."""
-    found = np.abs(_covariance(shape, level, n, np.zeros(n.size)))
-    return np.asarray(np.log(found) - 2.0 * (1 + shape.averaged) * np.log(n))
+    covariance = np.abs(_covariance(shape, level, n, np.zeros(n.size)))
+    return np.asarray(np.log(covariance) - 2.0 * (1 + shape.averaged) * np.log(n))
 
 
 def _covariance(shape: Kind, level: int, n: int | NDArray[np.int64], shift: Floats) -> Floats:
@@ -322,7 +322,7 @@ def identify(kind: str, count: int, n: ArrayLike, dev: ArrayLike) -> Floats:
     knots = _knots(factors)
     octave = np.log2(factors[knots])
     log_variance = 2.0 * np.log(deviation[knots])
-    shape = kind_of(kind)
+    shape = kind_named(kind)
     half = 0.5 * edf(kind, -1.0, count, factors[knots])  # how it falls with n hardly depends on α
     slope = _local_slope(octave, log_variance - psi(half) + np.log(half), zeta(2.0, half))  # [Bartlett1946]
     alpha = _alpha(shape, factors[knots].astype(np.int64), slope)
@@ -355,7 +355,7 @@ def _alpha(shape: Kind, n: NDArray[np.int64], slope: Floats) -> Floats:
     """Exponent of the noise, or of two together, that is as steep from n to 2n."""
     rise = [log_variance(shape, level, 2 * n) - log_variance(shape, level, n) for level in shape.levels]
     fall = -np.transpose(rise) / np.log(2.0)  # [Riley2008]
-    return np.array([np.interp(-one, row, shape.levels) for one, row in zip(slope, fall, strict=True)])
+    return np.array([np.interp(-steepness, row, shape.levels) for steepness, row in zip(slope, fall, strict=True)])
 
 
 def _local_slope(octave: Floats, value: Floats, variance: Floats) -> Floats:
@@ -415,7 +415,7 @@ class Curve:
         """IEEE Std 952's relative error 1/√(2(N/n − 1)): of disjoint averages, one formula for every noise."""
         return np.asarray(1.0 / np.sqrt(2.0 * (self.count / self.n - 1.0)))  # [IEEE952]
 
-    def at(self, n: NDArray[np.int64]) -> Self:
+    def only(self, n: NDArray[np.int64]) -> Self:
         """Only the averaging factors n (m,), which the curve must have."""
         place = np.searchsorted(self.n, n)
         return replace(self, **{name: getattr(self, name)[place] for name in ("n", "dev", "alpha", "edf", "lo", "hi")})
@@ -453,10 +453,10 @@ def curves(rate: ArrayLike, dt: float, n: ArrayLike | None = None, *, kind: str 
         raise ShapeError(f"rate must have shape (N, k), but its shape is {samples.shape}.")
     count = samples.shape[0]
     grid = log_factors(count)
-    grid = grid[grid <= kind_of(kind).longest(count)]
-    wanted = grid if n is None else np.unique(factors_of(kind, count, n))
+    grid = grid[grid <= kind_named(kind).longest(count)]
+    wanted = grid if n is None else np.unique(checked_factors(kind, count, n))
     factors = np.union1d(grid, wanted)
-    return [curve_of(dev, factors, count, dt, kind=kind).at(wanted) for dev in deviation(samples, factors, kind).T]
+    return [make_curve(dev, factors, count, dt, kind=kind).only(wanted) for dev in deviation(samples, factors, kind).T]
 
 
 def with_noise(of: Curve, alpha: ArrayLike) -> Curve:
@@ -469,12 +469,12 @@ def with_noise(of: Curve, alpha: ArrayLike) -> Curve:
     alpha : array_like (m,)
         Exponent of the spectrum at each averaging factor; brought into the range of the kind.
     """
-    levels = kind_of(of.kind).levels
-    known = np.clip(check.column("alpha", alpha, of.n.size), levels[0], levels[-1])
-    return _judged(of.kind, of.dt, of.count, of.n, of.dev, known, of.confidence)
+    levels = kind_named(of.kind).levels
+    exponents = np.clip(check.column("alpha", alpha, of.n.size), levels[0], levels[-1])
+    return _judged(of.kind, of.dt, of.count, of.n, of.dev, exponents, of.confidence)
 
 
-def curve_of(
+def make_curve(
     dev: ArrayLike, n: ArrayLike, count: int, dt: float, *, kind: str = "oadev", confidence: float = ONE_SIGMA
 ) -> Curve:
     """Curve of one channel from its deviation alone, as a stream leaves it.
@@ -503,7 +503,7 @@ def curve_of(
     """
     if not 0.0 < dt < np.inf:
         raise ParameterError(f"dt must be a sampling time above 0 s, but it is {dt}.")
-    factors = factors_of(kind, count, n)
+    factors = checked_factors(kind, count, n)
     alpha = identify(kind, count, factors, dev)
     return _judged(kind, dt, count, factors, check.column("dev", dev), alpha, confidence)
 

@@ -73,8 +73,8 @@ def every_adev(rate: ArrayLike) -> Floats:
     count = samples.shape[0]
     if count < 2:
         raise ParameterError(f"rate holds {count} sample, but an Allan deviation needs two or more.")
-    found = np.array([_every(angle) for angle in angles]).T
-    return np.ascontiguousarray(found.reshape(count // 2, *samples.shape[1:]))
+    deviations = np.array([_every(angle) for angle in angles]).T
+    return np.ascontiguousarray(deviations.reshape(count // 2, *samples.shape[1:]))
 
 
 def _every(angle: Floats) -> Floats:

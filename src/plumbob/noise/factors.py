@@ -180,12 +180,12 @@ KINDS: Final = tuple(SHAPES)
 """Overlapping Allan, Allan, modified Allan (overlapping), overlapping Hadamard, Hadamard, total."""
 
 
-def kind_of(name: str) -> Kind:
+def kind_named(name: str) -> Kind:
     """Kind of that name, refusing unknown ones by a `ShapeError`."""
     return SHAPES[check.one_of("kind", name, KINDS)]
 
 
-def factors_of(kind: str, count: int, n: ArrayLike) -> Factors:
+def checked_factors(kind: str, count: int, n: ArrayLike) -> Factors:
     """Averaging factors n as integers, refusing those that `count` samples do not allow.
 
     Raises
@@ -195,7 +195,7 @@ def factors_of(kind: str, count: int, n: ArrayLike) -> Factors:
     ParameterError
         If a factor is not a whole number, or too long for the record.
     """
-    return whole_factors(n, kind_of(kind).longest(count), f"for {kind} of {count} samples")
+    return whole_factors(n, kind_named(kind).longest(count), f"for {kind} of {count} samples")
 
 
 KEPT: Final = 1 << 19
@@ -224,11 +224,11 @@ class Averager:
         block = np.concatenate((self._rest, block))
         while True:
             room = self._means.shape[0] - self._filled
-            whole = min(block.shape[0] // self.averaged, room)
-            used = whole * self.averaged
-            means = block[:used].reshape(whole, self.averaged, block.shape[1]).mean(axis=1)
-            self._means[self._filled : self._filled + whole] = means
-            self._filled += whole
+            count = min(block.shape[0] // self.averaged, room)
+            used = count * self.averaged
+            means = block[:used].reshape(count, self.averaged, block.shape[1]).mean(axis=1)
+            self._means[self._filled : self._filled + count] = means
+            self._filled += count
             block = block[used:]
             if block.shape[0] < self.averaged:
                 break
@@ -274,10 +274,10 @@ def deviation(rate: ArrayLike, n: ArrayLike, kind: str = "oadev") -> Floats:
     check.one_of("kind", kind, KINDS)
     how = _HOW[kind]
     angles = running_sums(samples)
-    factors = factors_of(kind, samples.shape[0], n)
+    factors = checked_factors(kind, samples.shape[0], n)
     increasing, places = np.unique(factors, return_inverse=True)
-    found = np.array([np.sqrt(_variance(angle, increasing, how)) for angle in angles]).T
-    return np.ascontiguousarray(found[places].reshape(factors.size, *samples.shape[1:]))
+    deviations = np.array([np.sqrt(_variance(angle, increasing, how)) for angle in angles]).T
+    return np.ascontiguousarray(deviations[places].reshape(factors.size, *samples.shape[1:]))
 
 
 def running_sums(rate: Floats) -> Iterator[Floats]:
@@ -324,7 +324,7 @@ def _mirrored(angle: Floats) -> Floats:
     return np.concatenate((2.0 * angle[0] - inner, angle, 2.0 * angle[-1] - inner))  # [Riley2008] (25)
 
 
-def _whole(points: Floats, n: int) -> tuple[Floats, int]:
+def _all_points(points: Floats, n: int) -> tuple[Floats, int]:
     return points, n
 
 
@@ -347,10 +347,10 @@ class _How(NamedTuple):
 
 
 _HOW: Final = {
-    "oadev": _How(_itself, _whole, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (11)
+    "oadev": _How(_itself, _all_points, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (11)
     "adev": _How(_itself, _every_nth, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (7)
-    "mdev": _How(_itself, _whole, modified_squares, lambda n: 3 * n - 1, 2.0),  # [Riley2008] (14)
-    "ohdev": _How(_itself, _whole, third_squares, lambda n: 3 * n, 6.0),  # [Riley2008] (20)
+    "mdev": _How(_itself, _all_points, modified_squares, lambda n: 3 * n - 1, 2.0),  # [Riley2008] (14)
+    "ohdev": _How(_itself, _all_points, third_squares, lambda n: 3 * n, 6.0),  # [Riley2008] (20)
     "hdev": _How(_itself, _every_nth, third_squares, lambda n: 3 * n, 6.0),  # [Riley2008] (18)
     "totdev": _How(_mirrored, _centred, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (25)
 }
@@ -359,11 +359,11 @@ _HOW: Final = {
 def _variance(angle: Floats, factors: Factors, how: _How) -> Floats:
     points = how.prepare(angle)
     sums, terms = np.zeros(factors.size), np.empty(factors.size)
-    if how.view is _whole:
+    if how.view is _all_points:
         how.add_squares(points, factors, sums)  # together, which is several times as fast
     for j, n in enumerate(factors.tolist()):
-        seen, spacing = how.view(points, n)
-        terms[j] = seen.size - how.reach(spacing)
-        if how.view is not _whole:
-            how.add_squares(seen, np.array([spacing]), sums[j : j + 1])
+        strided, spacing = how.view(points, n)
+        terms[j] = strided.size - how.reach(spacing)
+        if how.view is not _all_points:
+            how.add_squares(strided, np.array([spacing]), sums[j : j + 1])
     return np.asarray(sums / (how.scale * factors.astype(np.float64) ** 2 * terms))

@@ -250,8 +250,8 @@ class Analysis:
         """
         terms = (variance(letter, value, tau) for letter, value in self.most_likely.items())
         total = sum(terms, np.zeros(np.shape(tau)))
-        total = sum((one.variance(tau) for one in self.sinusoids), total)
-        total = sum((one.variance(tau) for one in self.bands), total)
+        total = sum((sinusoid.variance(tau) for sinusoid in self.sinusoids), total)
+        total = sum((band.variance(tau) for band in self.bands), total)
         if self.markov is not None:
             total = total + self.markov.variance(tau)
         return np.asarray(np.sqrt(total))

@@ -106,9 +106,9 @@ def _third_square(points: Floats, n: int, start: int, stop: int) -> float:
 def second_squares_of_tile(points: Floats, n: NDArray[np.int64], start: int, stop: int, sums: Floats) -> None:
     """Add the sum of squares of those second differences at n[j] that begin at start ≤ k < stop; n must increase."""
     for j in range(n.shape[0]):
-        own = min(stop, points.shape[0] - 2 * n[j])
-        if own > start:
-            sums[j] += _second_square(points, n[j], start, own)
+        end = min(stop, points.shape[0] - 2 * n[j])
+        if end > start:
+            sums[j] += _second_square(points, n[j], start, end)
 
 
 @kernel

@@ -317,17 +317,17 @@ def coefficients(
     are wider by what such departures do to the coefficients, and by what may be left of `bands` beyond their limits.
     """
     model = _Model(spectrum)
-    found = {w: replace(model.interval(best, k), observable=False) for k, w in enumerate(LETTERS) if w in barred}
-    for k in (LETTERS.index(letter) for letter in found):
+    terms = {w: replace(model.interval(best, k), observable=False) for k, w in enumerate(LETTERS) if w in barred}
+    for k in (LETTERS.index(letter) for letter in terms):
         best = model.without(best, k)
-    if "Q" not in found:
-        found["Q"] = model.interval(best, 0)
-        if not found["Q"].observable:
+    if "Q" not in terms:
+        terms["Q"] = model.interval(best, 0)
+        if not terms["Q"].observable:
             best = model.without(best, 0)
     wider = _wider(spectrum, best, bands)
-    found = {w: found[w] if w in found else model.interval(best, k, wider[k]) for k, w in enumerate(LETTERS)}
+    terms = {w: terms[w] if w in terms else model.interval(best, k, wider[k]) for k, w in enumerate(LETTERS)}
     ramp = model.ramp(best)
-    return {**found, "R": replace(ramp, observable=False) if "R" in barred else ramp}, best
+    return {**terms, "R": replace(ramp, observable=False) if "R" in barred else ramp}, best
 
 
 def departures(
@@ -386,7 +386,7 @@ def markov_coefficients(spectrum: Spectrum, best: Fit) -> tuple[Coefficient, Coe
     return sd, time
 
 
-def bins_of(s: Spectrum) -> Bins:
+def spectrum_bins(s: Spectrum) -> Bins:
     """Bins of a spectrum, for `plumbob.noise.likelihood`."""
     return Bins(densities(s), s.terms, s.power, s.cross, s.ramp, markov_bins(s))
 
@@ -396,7 +396,7 @@ class _Model:
 
     def __init__(self, spectrum: Spectrum) -> None:
         self.spectrum = spectrum
-        self.bins = bins_of(spectrum)
+        self.bins = spectrum_bins(spectrum)
 
     def begin(self, markov_time: float | None) -> Floats:
         """Terms that each touch the spectrum from below, as the tangents of a curve do."""
@@ -452,17 +452,17 @@ class _Model:
     def _profile(self, best: Fit, k: int, wider: float = 1.0) -> tuple[Floats, Floats, list[Fit]]:
         """Ln likelihood, all others at their best, over values of coefficient k from nothing to where it has fallen."""
         top = math.exp(best.logs[k]) * 1.5
-        while self._at(best, k, top).deviance - best.deviance < (3.0 * wider) ** 2:  # three standard deviations
+        while self._fit_at(best, k, top).deviance - best.deviance < (3.0 * wider) ** 2:  # three standard deviations
             top *= 1.5
         values = np.linspace(0.0, top, _GRID)
         now, fits = best, []
         for value in values[::-1]:
-            now = self._at(now, k, max(value, 1e-6 * top))
+            now = self._fit_at(now, k, max(value, 1e-6 * top))
             fits.append(now)
-        found = -0.5 * np.array([f.deviance for f in fits[::-1]])
-        return values, found - found.max(), fits[::-1]
+        profile = -0.5 * np.array([f.deviance for f in fits[::-1]])
+        return values, profile - profile.max(), fits[::-1]
 
-    def _at(self, start: Fit, k: int, value: float) -> Fit:
+    def _fit_at(self, start: Fit, k: int, value: float) -> Fit:
         logs = start.logs.copy()
         logs[k] = math.log(value)
         return self.search(logs, held=(k,))
@@ -487,8 +487,8 @@ def _wider(spectrum: Spectrum, best: Fit, bands: Sequence[Band]) -> Floats:
     of the likelihood says. So do the skirts of the bands, which nobody knows: a resonance's are as likely as none.
     """
     group = octaves(spectrum)
-    found = [(inside, excess, sd**-2) for inside, excess, sd in departures(spectrum, best, group)]
-    excess, weight = (np.array(column) for column in list(zip(*found, strict=True))[1:])
+    excesses = [(inside, excess, sd**-2) for inside, excess, sd in departures(spectrum, best, group)]
+    excess, weight = (np.array(column) for column in list(zip(*excesses, strict=True))[1:])
     freedom = max(weight.size - best.logs.size, 1)
     scatter = float(np.sum(weight * (excess - np.average(excess, weights=weight)) ** 2))
     spread = 2.0 / (9.0 * freedom)
@@ -496,7 +496,7 @@ def _wider(spectrum: Spectrum, best: Fit, bands: Sequence[Band]) -> Floats:
     if scatter > freedom * (1.0 - spread + _DEPARTS * math.sqrt(spread)) ** 3:  # [Wilson1931]
         variance = (scatter - freedom) / float(np.sum(weight) - np.sum(weight**2) / np.sum(weight))  # [DerSimonian1986]
     covariance = _covariance(best)
-    pushes = np.stack([0.5 * best.relative[:, inside] @ spectrum.terms[inside] for inside, _, _ in found], axis=1)
+    pushes = np.stack([0.5 * best.relative[:, inside] @ spectrum.terms[inside] for inside, _, _ in excesses], axis=1)
     skirts = sum((band.skirt(spectrum.frequency) for band in bands), np.zeros(spectrum.terms.size))
     beyond = 0.5 * best.relative @ (spectrum.terms * skirts / best.density)
     moved = variance * np.sum((covariance @ pushes) ** 2, axis=1) + (covariance @ beyond) ** 2
@@ -526,7 +526,7 @@ def _monotone(x: Floats, y: Floats, at: Floats) -> Floats:
     slope = np.zeros(y.size)
     same = before * after > 0.0
     slope[1:-1][same] = 2.0 / (1.0 / before[same] + 1.0 / after[same])
-    slope[0], slope[-1] = (_end_slope(one, next_) for one, next_ in (rise[[0, 1]], rise[[-1, -2]]))
+    slope[0], slope[-1] = (_end_slope(outer, next_) for outer, next_ in (rise[[0, 1]], rise[[-1, -2]]))
     i = np.minimum(((at - x[0]) / step).astype(np.int64), rise.size - 1)
     u = at - x[i]
     bend = (slope[i] + slope[i + 1] - 2.0 * rise[i]) / step

@@ -101,12 +101,12 @@ def lowest(analysis: Analysis) -> Lowest | None:
 def points(analysis: Analysis) -> list[Point]:
     """Where the observable coefficients are read off their lines; B at the least deviation, where there is one."""
     least = lowest(analysis)
-    found = []
+    readings = []
     for letter, c in shown(analysis).items():
         tau = TERMS[letter].read_at or (least and least.tau)
         if tau is not None:
-            found.append(Point(letter, tau, math.sqrt(float(variance(letter, c.value, tau)))))
-    return found
+            readings.append(Point(letter, tau, math.sqrt(float(variance(letter, c.value, tau)))))
+    return readings
 
 
 def shown(analysis: Analysis) -> dict[str, Coefficient]:
@@ -167,21 +167,21 @@ def triads(analyses: Sequence[Analysis]) -> list[Triad]:
     """
     if not analyses:
         raise ShapeError("a report needs at least one analysis, but analyses is empty.")
-    found: dict[str, dict[str, Analysis]] = {}
+    by_name: dict[str, dict[str, Analysis]] = {}
     for analysis in analyses:
         head, _, last = analysis.name.rpartition(" ")
         name, axis = (head, last) if head and last in AXES else (analysis.name, "")
-        channels = found.setdefault(name, {})
+        channels = by_name.setdefault(name, {})
         if axis in channels:
             raise ShapeError(f"two analyses are named '{analysis.name}'; give each channel a name of its own.")
         channels[axis] = analysis
-    for name, channels in found.items():
+    for name, channels in by_name.items():
         measured = {analysis.quantity for analysis in channels.values()}
         if len(measured) > 1:
             raise ShapeError(
                 f"the axes of '{name}' measure {', '.join(sorted(measured))}; a triad measures one quantity."
             )
-    return [Triad(name, channels) for name, channels in found.items()]
+    return [Triad(name, channels) for name, channels in by_name.items()]
 
 
 def coefficient(c: Coefficient, unit: str) -> str:
@@ -250,7 +250,7 @@ def curves_report(deviations: Sequence[Deviation]) -> Report:
 
 def comparison(found: Sequence[Compared], *, facts: Sequence[tuple[str, str]] = ()) -> Report:
     """Deviations before and after at equal averaging times, their ratio with its interval, and what to make of it."""
-    return Report("Noise before and after", facts=facts, parts=[_compared(one) for one in found], definitions=_COMPARED)
+    return Report("Noise before and after", facts=facts, parts=[_compared(c) for c in found], definitions=_COMPARED)
 
 
 def numbers(analyses: Sequence[Analysis]) -> dict[str, Any]:
@@ -267,10 +267,10 @@ def numbers(analyses: Sequence[Analysis]) -> dict[str, Any]:
     ShapeError
         If there is no analysis, or two share a name.
     """
-    found: dict[str, Any] = plain(
+    by_channel: dict[str, Any] = plain(
         {a.name: _channel_numbers(a) for triad in triads(analyses) for a in triad.channels.values()}
     )
-    return found
+    return by_channel
 
 
 def curve_numbers(deviations: Sequence[Deviation]) -> dict[str, Any]:
@@ -283,7 +283,7 @@ def curve_numbers(deviations: Sequence[Deviation]) -> dict[str, Any]:
 
 def comparison_numbers(found: Sequence[Compared]) -> dict[str, Any]:
     """By name of the channel: both curves, ratio, time constant and notes, strictly valid for JSON."""
-    return {one.name: _compared_numbers(one) for one in found}
+    return {pair.name: _compared_numbers(pair) for pair in found}
 
 
 def _channel_numbers(a: Analysis) -> dict[str, Any]:
@@ -337,7 +337,7 @@ def _minimum(a: Analysis) -> dict[str, Any] | None:
 
 def _curve_numbers(curve: Curve, sample: str) -> dict[str, Any]:
     """A curve, its deviations in the unit inside and in `sample`."""
-    found: dict[str, Any] = plain(
+    fields: dict[str, Any] = plain(
         {
             "kind": curve.kind,
             "confidence": curve.confidence,
@@ -349,19 +349,19 @@ def _curve_numbers(curve: Curve, sample: str) -> dict[str, Any]:
             "ieee952_relative_error": curve.ieee,
         }
     )
-    return found
+    return fields
 
 
-def _with_units(found: Any, name: str, *keys: str) -> dict[str, dict[str, Any]]:
+def _with_units(source: Any, name: str, *keys: str) -> dict[str, dict[str, Any]]:
     """Numbers in the unit inside and in that of a data sheet."""
-    return {key: {u: from_si(getattr(found, key), u) for u in (unit(name).quantity.value, name)} for key in keys}
+    return {key: {u: from_si(getattr(source, key), u) for u in (unit(name).quantity.value, name)} for key in keys}
 
 
-def _compared_numbers(one: Compared) -> dict[str, Any]:
-    c, unit = one.comparison, DEVIATION[one.quantity]
-    found: dict[str, Any] = plain(
+def _compared_numbers(pair: Compared) -> dict[str, Any]:
+    c, unit = pair.comparison, DEVIATION[pair.quantity]
+    fields: dict[str, Any] = plain(
         {
-            "quantity": one.quantity.name.lower(),
+            "quantity": pair.quantity.name.lower(),
             "before": _curve_numbers(c.before, unit),
             "after": _curve_numbers(c.after, unit),
             "ratio": c.ratio,
@@ -373,7 +373,7 @@ def _compared_numbers(one: Compared) -> dict[str, Any]:
             "notes": list(c.notes),
         }
     )
-    return found
+    return fields
 
 
 def _triad(triad: Triad) -> Report:
@@ -397,12 +397,12 @@ def _details(a: Analysis) -> list[Table]:
         for letter in TERMS
         if any(letter in e.terms for e in methods)
     ]
-    found = [Table("Coefficients by method", ["", *(e.method for e in methods)], rows, detail="methods")]
+    tables = [Table("Coefficients by method", ["", *(e.method for e in methods)], rows, detail="methods")]
     if a.candidates:
         least = min(c.bic for c in a.candidates)
         models = [(c.terms, f"{c.bic - least:.1f}", "chosen" if c.chosen else "") for c in a.candidates]
-        found.append(Table("Candidate models", ["terms", "ΔBIC", ""], models, words=(2,), detail="methods"))
-    return [*found, replace(_curve(a), detail="curve")]
+        tables.append(Table("Candidate models", ["terms", "ΔBIC", ""], models, words=(2,), detail="methods"))
+    return [*tables, replace(_curve(a), detail="curve")]
 
 
 def _curve(a: Analysis | Deviation) -> Table:
@@ -425,8 +425,8 @@ def _curve(a: Analysis | Deviation) -> Table:
     return Table(title, head, rows, words=(6,))
 
 
-def _compared(one: Compared) -> Report:
-    c, unit = one.comparison, DEVIATION[one.quantity]
+def _compared(pair: Compared) -> Report:
+    c, unit = pair.comparison, DEVIATION[pair.quantity]
     rows = [
         (
             number(float(c.tau[i])),
@@ -437,7 +437,7 @@ def _compared(one: Compared) -> Report:
     ]
     head = ("τ [s]", "before", "after", "ratio", "from", "to")
     title = f"{c.before.kind}{_in_brackets(unit)}, ratio with its 68.3 % interval"
-    return Report(one.name, tables=[Table(title, head, rows)], remarks=c.notes, figures=[_compared_figure(one)])
+    return Report(pair.name, tables=[Table(title, head, rows)], remarks=c.notes, figures=[_compared_figure(pair)])
 
 
 def length_and_rate(triad: Triad) -> str:
@@ -448,12 +448,12 @@ def length_and_rate(triad: Triad) -> str:
 
 def _remarks(triad: Triad) -> list[str]:
     """What a reader must know beside the coefficients, each remark once with the axes that it holds for."""
-    found: dict[str, list[str]] = {}
+    axes_by_remark: dict[str, list[str]] = {}
     for axis, a in triad.channels.items():
         for remark in (*_extras(a), *a.notes):
-            found.setdefault(remark, []).append(axis)
+            axes_by_remark.setdefault(remark, []).append(axis)
     everywhere = len(triad.channels)
-    rest = [r if len(axes) == everywhere else f"{', '.join(axes)}: {r}" for r, axes in found.items()]
+    rest = [r if len(axes) == everywhere else f"{', '.join(axes)}: {r}" for r, axes in axes_by_remark.items()]
     return [*_verdicts(triad), *rest]
 
 
@@ -478,20 +478,20 @@ def _cell(terms: Mapping[str, Coefficient], letter: str, unit: str) -> str:
 
 def _floor(a: Analysis) -> str:
     """Deviation whose interval ends lowest."""
-    found, unit = lowest(a), DEVIATION[a.quantity]
-    return "-" if found is None else measured(*(from_si(value, unit) for value in (found.dev, found.lo, found.hi)))
+    least, unit = lowest(a), DEVIATION[a.quantity]
+    return "-" if least is None else measured(*(from_si(value, unit) for value in (least.dev, least.lo, least.hi)))
 
 
 def _floor_at(a: Analysis) -> str:
-    found = lowest(a)
-    return "-" if found is None else f"{number(found.tau)} s" + ("" if found.risen else " or later")
+    least = lowest(a)
+    return "-" if least is None else f"{number(least.tau)} s" + ("" if least.risen else " or later")
 
 
 def _verdicts(triad: Triad) -> Iterator[str]:
     """Coefficients that this record does not show, and how long ones would."""
     for letter in TERMS:
-        found = {axis: a.terms[letter] for axis, a in triad.channels.items() if letter in a.terms}
-        lacking = {axis: c for axis, c in found.items() if not c.observable}
+        terms = {axis: a.terms[letter] for axis, a in triad.channels.items() if letter in a.terms}
+        lacking = {axis: c for axis, c in terms.items() if not c.observable}
         if lacking:
             where = "" if len(lacking) == len(triad.channels) else f" on {', '.join(lacking)}"
             times = {axis: longer(c) for axis, c in lacking.items()}
@@ -503,26 +503,26 @@ def _verdicts(triad: Triad) -> Iterator[str]:
 def _extras(a: Analysis) -> list[str]:
     """Sinusoids, bands, Gauss–Markov process, mask and step."""
     unit = DEVIATION[a.quantity]
-    found = []
+    notes = []
     for s in a.sinusoids:
         size, sd = from_si(s.amplitude, unit), from_si(s.amplitude_sd, unit)
         at = measured(s.frequency, s.frequency - s.frequency_sd, s.frequency + s.frequency_sd)
         amplitude = with_unit(measured(size, size - sd, size + sd), unit)
-        found.append(f"sinusoid of {amplitude} at {at} Hz, or folded from another frequency: k × rate ± it")
+        notes.append(f"sinusoid of {amplitude} at {at} Hz, or folded from another frequency: k × rate ± it")
     for b in a.bands:
         power = with_unit(number(from_si(b.sd, unit)), unit)
         limits = f"{number(b.low)} to {number(b.high)} Hz"
-        found.append(f"left out: a band of {power} rms about {number(b.middle)} Hz ({limits}): motion or interference")
+        notes.append(f"left out: a band of {power} rms about {number(b.middle)} Hz ({limits}): motion or interference")
     if a.markov is not None:
         sd_words, time = verdict(a.markov.sd, unit), verdict(a.markov.time, "s")
-        found.append(f"Gauss-Markov process: standard deviation {sd_words}, correlation time {time}")
+        notes.append(f"Gauss-Markov process: standard deviation {sd_words}, correlation time {time}")
     if a.mask.n > 1:
         above = "" if a.mask.frequency is None else f", above {number(a.mask.frequency)} Hz"
-        found.append(f"masked: averaging times below {number(a.mask.n * a.curve.dt)} s{above}: {a.mask.reason}")
+        notes.append(f"masked: averaging times below {number(a.mask.n * a.curve.dt)} s{above}: {a.mask.reason}")
     if a.step:
         step = with_unit(number(from_si(a.step, unit), 4), unit)
-        found.append(f"values are multiples of {step}{_rounding(a)}")
-    return found
+        notes.append(f"values are multiples of {step}{_rounding(a)}")
+    return notes
 
 
 def _rounding(a: Analysis) -> str:
@@ -571,9 +571,9 @@ def channel_figure(analysis: Analysis) -> Figure:
     return Figure("Allan deviation, model and terms", draw, [*keys, *masked], HEIGHT)
 
 
-def _compared_figure(one: Compared) -> Figure:
-    c = one.comparison
-    both = [Deviation(one.name, one.quantity, curve) for curve in (c.before, c.after)]
+def _compared_figure(pair: Compared) -> Figure:
+    c = pair.comparison
+    both = [Deviation(pair.name, pair.quantity, curve) for curve in (c.before, c.after)]
 
     def draw(canvas: "FigureBase") -> None:
         ax = canvas.subplots()
@@ -666,10 +666,10 @@ def _range(analyses: Sequence[Analysis] | Sequence[Deviation]) -> tuple[float, f
 
     A picture of one channel shows its read-off points too, if they are not far below the curve.
     """
-    seen = [a.curve.dev[use if (use := trusted(a.curve)).any() else slice(None)] for a in analyses]
+    devs = [a.curve.dev[use if (use := trusted(a.curve)).any() else slice(None)] for a in analyses]
     tops = [a.curve.hi[trusted(a.curve) & np.isfinite(a.curve.hi)] for a in analyses]
-    low = min(float(dev[dev > 0.0].min(initial=math.inf)) for dev in seen)
-    high = max(float(values.max(initial=0.0)) for values in [*seen, *tops])
+    low = min(float(dev[dev > 0.0].min(initial=math.inf)) for dev in devs)
+    high = max(float(values.max(initial=0.0)) for values in [*devs, *tops])
     if len(analyses) == 1 and isinstance(analyses[0], Analysis):
         low = min([low, *(point.dev for point in points(analyses[0]) if point.dev > low / 30.0)])
     return low / 1.7, high * 1.5
@@ -686,9 +686,9 @@ def log_ticks(axis: "Axis", labels: tuple[int, ...]) -> None:
 
 def _name(ax: "Axes", letter: str, tau: Floats, line: Floats) -> None:
     """Put a term's letter and slope where its line is lowest in the picture, on the side that the line leaves."""
-    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    (begin, end), (low, high) = ax.get_xlim(), ax.get_ylim()
     inside = np.flatnonzero(
-        (line >= low * _ROOM) & (line <= high) & (tau >= left * _ROOM) & (tau <= right / _ROOM**3)  # room for the label
+        (line >= low * _ROOM) & (line <= high) & (tau >= begin * _ROOM) & (tau <= end / _ROOM**3)  # room for the label
     )
     if not inside.size:
         return

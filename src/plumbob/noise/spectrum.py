@@ -148,10 +148,10 @@ def sampled_densities(frequency: Floats, dt: float) -> Floats:
 @lru_cache(maxsize=4)
 def densities(spectrum: Spectrum) -> Floats:
     """Density (4, m) of Q, N, B and K in each bin."""
-    found = _averaged(partial(sampled_densities, dt=spectrum.dt), spectrum)
-    found[0] += _ends_of_quantization(spectrum)
-    found[2] *= _flicker_in_cosines(spectrum)
-    return check.read_only(found)
+    density = _averaged(partial(sampled_densities, dt=spectrum.dt), spectrum)
+    density[0] += _ends_of_quantization(spectrum)
+    density[2] *= _flicker_in_cosines(spectrum)
+    return check.read_only(density)
 
 
 class MarkovBins(NamedTuple):
@@ -254,8 +254,8 @@ def _flicker_in_cosines(spectrum: Spectrum) -> Floats:
     from scipy.special import sici
 
     j = _middle(spectrum)
-    whole = j == np.rint(j)
-    odd = np.where(whole, 1.0 - np.cos(np.pi * j), 1.0)  # bins of several coefficients hold as many odd ones as even
+    single = j == np.rint(j)
+    odd = np.where(single, 1.0 - np.cos(np.pi * j), 1.0)  # bins of several coefficients hold as many odd ones as even
     return np.asarray(2.0 / np.pi * (sici(np.pi * j)[0] - odd / (np.pi * j)))
 
 
@@ -283,29 +283,29 @@ def find_sinusoids(samples: Floats, dt: float, averaged: int = 1) -> tuple[tuple
         How many samples each value is the mean of, which has made every sinusoid smaller; found ones are as in the
         samples.
     """
-    left, found = samples, []
+    residual, sinusoids = samples, []
     if samples.size < _LEAST:
         return (), samples
     for _ in range(_AT_MOST):
-        density, floor = _periodogram(left, dt)
+        density, floor = _periodogram(residual, dt)
         peak = _highest(density, floor)
         if peak is None:
             break
         bin_width = 1.0 / (samples.size * dt)
-        sinusoid, without = _measure(left, dt, peak * bin_width, float(floor[peak]))
+        sinusoid, without = _measure(residual, dt, peak * bin_width, float(floor[peak]))
         around = slice(max(peak - 2, 1), peak + 3)
         if _periodogram(without, dt)[0][around].max() > _limit(density.size) * floor[peak]:
             break
-        found.append(_before_averaging(sinusoid, averaged))
-        left = without
-    return tuple(sorted(found, key=lambda s: -s.amplitude)), left
+        sinusoids.append(_before_averaging(sinusoid, averaged))
+        residual = without
+    return tuple(sorted(sinusoids, key=lambda s: -s.amplitude)), residual
 
 
-def _before_averaging(found: Sinusoid, averaged: int) -> Sinusoid:
-    dt = found.dt / averaged
-    wave = math.pi * found.frequency
-    gain = abs(averaged * math.sin(wave * dt) / math.sin(wave * found.dt)) if averaged > 1 else 1.0
-    return replace(found, amplitude=gain * found.amplitude, amplitude_sd=gain * found.amplitude_sd, dt=dt)
+def _before_averaging(sinusoid: Sinusoid, averaged: int) -> Sinusoid:
+    dt = sinusoid.dt / averaged
+    wave = math.pi * sinusoid.frequency
+    gain = abs(averaged * math.sin(wave * dt) / math.sin(wave * sinusoid.dt)) if averaged > 1 else 1.0
+    return replace(sinusoid, amplitude=gain * sinusoid.amplitude, amplitude_sd=gain * sinusoid.amplitude_sd, dt=dt)
 
 
 def _periodogram(samples: Floats, dt: float) -> tuple[Floats, Floats]:
@@ -317,8 +317,8 @@ def _periodogram(samples: Floats, dt: float) -> tuple[Floats, Floats]:
     line = np.polynomial.polynomial.polyfit(t, samples, 1)
     spectrum = rfft((samples - line[0] - line[1] * t) * window)
     density = np.asarray(np.abs(spectrum) ** 2 * dt / np.sum(window**2))
-    whole = density.size // _BLOCK * _BLOCK
-    medians = np.median(density[:whole].reshape(-1, _BLOCK), axis=1) / math.log(2.0)  # of exponential values
+    stop = density.size // _BLOCK * _BLOCK
+    medians = np.median(density[:stop].reshape(-1, _BLOCK), axis=1) / math.log(2.0)  # of exponential values
     floor = np.interp(np.arange(density.size), np.arange(medians.size) * _BLOCK + 0.5 * (_BLOCK - 1), medians)
     return density, np.maximum(floor, 1e-300)
 
@@ -345,9 +345,9 @@ def _measure(samples: Floats, dt: float, frequency: float, floor: float) -> tupl
     for _ in range(8):
         cosine, sine = np.cos(2.0 * np.pi * frequency * t), np.sin(2.0 * np.pi * frequency * t)
         a, b = 2.0 * np.mean(centred * cosine), 2.0 * np.mean(centred * sine)
-        left = centred - a * cosine - b * sine
+        residual = centred - a * cosine - b * sine
         slope = 2.0 * np.pi * t * (b * cosine - a * sine)
-        step = float(np.dot(slope, left) / np.dot(slope, slope))
+        step = float(np.dot(slope, residual) / np.dot(slope, slope))
         frequency += float(np.clip(step, -0.5 / (samples.size * dt), 0.5 / (samples.size * dt)))
         if abs(step) < 1e-6 / (samples.size * dt):
             break

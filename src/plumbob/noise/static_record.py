@@ -155,14 +155,14 @@ def check_static(
     """
     checks = []
     for group in record.groups:
-        one = StaticCheck(group.names, group.dt, quantity=group.quantity, triad=group.triad, start=group.start)
+        sensor = StaticCheck(group.names, group.dt, quantity=group.quantity, triad=group.triad, start=group.start)
         for block in group.blocks(progress):
-            one.add(block)
-        checks.append(one)
+            sensor.add(block)
+        checks.append(sensor)
     return judge(*checks, skip=skip)
 
 
-def static_of(
+def static_channels(
     recording: Recording,
     file: Path,
     card: CalibrationCard | None = None,
@@ -174,16 +174,16 @@ def static_of(
     """Channels of a recording that has been read; `file` is what messages call it, arguments as of `load_static`."""
     if card is not None:
         recording = recalibrated(recording, card)
-    found = triads_of(recording.imu, file, triads, between)
-    if rate is not None and abs(rate * found.dt - 1.0) > _SAME:
+    sensors = usable_sensors(recording.imu, file, triads, between)
+    if rate is not None and abs(rate * sensors.dt - 1.0) > _SAME:
         raise ParameterError(
-            f"{file}: its time stamps say {1.0 / found.dt:.6g} Hz, but the rate given is {rate:g} Hz; leave the rate "
+            f"{file}: its time stamps say {1.0 / sensors.dt:.6g} Hz, but the rate given is {rate:g} Hz; leave the rate "
             "out, or correct the time in its profile."
         )
     groups = tuple(
-        Channels(s.names, Quantity(s.unit), s.dt, s.start, len(s.names) == 3, s.values) for s in found.sensors
+        Channels(s.names, Quantity(s.unit), s.dt, s.start, len(s.names) == 3, s.values) for s in sensors.sensors
     )
-    return StaticRecord(file, size, groups, found.refused, (*recording.notes, *found.notes))
+    return StaticRecord(file, size, groups, sensors.refused, (*recording.notes, *sensors.notes))
 
 
 def static_of_plain(
@@ -192,8 +192,8 @@ def static_of_plain(
     """Channels of numbers without time or unit; arguments and errors as of `plumbob.allan`."""
     file = numbers.path
     if rate is None or scale is None:
-        asked = {"rate": (rate, "samples per second"), "scale": (scale, _EXAMPLE)}
-        missing = " and their ".join(f"{name} ({what})" for name, (value, what) in asked.items() if value is None)
+        needed = {"rate": (rate, "samples per second"), "scale": (scale, _EXAMPLE)}
+        missing = " and their ".join(f"{name} ({what})" for name, (value, what) in needed.items() if value is None)
         raise ParameterError(
             f"{file} holds plain numbers: give their {missing}. For a table with time and units give --profile "
             "FILE.toml instead."
@@ -206,10 +206,10 @@ def static_of_plain(
     first = 0 if start is None else max(0, round(start * rate))
     end = None if stop is None else round(stop * rate)
     count = numbers.columns
-    known = units.unit(unit)
-    names = _names(file, count, known.quantity)
-    triad = count == 3 and known.quantity in _TRIAD_OF
-    group = Channels(names, known.quantity, 1.0 / rate, first / rate, triad, numbers, size * known.factor, (first, end))
+    entry = units.unit(unit)
+    names = _names(file, count, entry.quantity)
+    triad = count == 3 and entry.quantity in _TRIAD_OF
+    group = Channels(names, entry.quantity, 1.0 / rate, first / rate, triad, numbers, size * entry.factor, (first, end))
     return StaticRecord(file, numbers.size, (group,), {}, (*numbers.notes, *notes))
 
 
@@ -225,10 +225,10 @@ def static_of_numbers(values: ArrayLike, rate: float | None, scale: str | None) 
     if not 0.0 < rate < math.inf:
         raise ParameterError(f"rate must be a positive number of samples per second, but it is {rate}.")
     size, unit = _scale(scale)
-    known = units.unit(unit)
-    names = _names(name, samples.shape[1], known.quantity)
-    triad = len(names) == 3 and known.quantity in _TRIAD_OF
-    group = Channels(names, known.quantity, 1.0 / rate, 0.0, triad, samples * (size * known.factor))
+    entry = units.unit(unit)
+    names = _names(name, samples.shape[1], entry.quantity)
+    triad = len(names) == 3 and entry.quantity in _TRIAD_OF
+    group = Channels(names, entry.quantity, 1.0 / rate, 0.0, triad, samples * (size * entry.factor))
     return StaticRecord(name, samples.nbytes, (group,), {}, ())
 
 
@@ -246,8 +246,8 @@ def _scale(scale: str) -> tuple[float, str]:
     number, name = units.split(scale)
     unit = name or str(Quantity.RATIO)
     if units.unit(unit).quantity not in ANALYSED:
-        known = ", ".join(quantity.name.lower() for quantity in ANALYSED)
-        raise UnitError(f"the scale '{scale}' is of {units.unit(unit).quantity.name.lower()}, but must be of {known}.")
+        names = ", ".join(quantity.name.lower() for quantity in ANALYSED)
+        raise UnitError(f"the scale '{scale}' is of {units.unit(unit).quantity.name.lower()}, but must be of {names}.")
     if not 0.0 < float(number) < math.inf:
         raise UnitError(f"the scale '{scale}' must be more than 0.")
     return float(number), unit
@@ -327,7 +327,7 @@ class Sensors:
     notes: list[str] = field(default_factory=list)
 
 
-def triads_of(
+def usable_sensors(
     imu: ImuData | None, file: Path, triads: Sequence[str], between: tuple[float | None, float | None]
 ) -> Sensors:
     """Take the sensors of a recording apart.
@@ -356,13 +356,13 @@ def triads_of(
         has = "no samples" if imu is None else f"only {', '.join(imu.triads)}"
         raise ParameterError(f"{file} has {has}, but the analysis asks for {', '.join(triads)}.")
     part, dt, notes = _even(_cut(imu, file, between), file)
-    found = Sensors(dt, notes=notes)
+    sensors = Sensors(dt, notes=notes)
     for name in imu.triads:
         if name in triads:
-            _take(part, name, found)
-    if not found.sensors:
-        raise ShapeError(f"{file}: no sensor can be used: {'; '.join(f'{k} {v}' for k, v in found.refused.items())}.")
-    return found
+            _take(part, name, sensors)
+    if not sensors.sensors:
+        raise ShapeError(f"{file}: no sensor can be used: {'; '.join(f'{k} {v}' for k, v in sensors.refused.items())}.")
+    return sensors
 
 
 def _cut(imu: ImuData, file: Path, between: tuple[float | None, float | None]) -> ImuData:
@@ -383,8 +383,8 @@ def _even(imu: ImuData, file: Path) -> tuple[ImuData, float, list[str]]:
     if _jittered(imu.t):
         dt = float(step.mean())
         return imu, dt, [f"sampling time {dt:.6g} s from the time stamps (none missing; jitter {step.std():.2g} s)"]
-    if (told := bursts(imu.t)) is not None:
-        raise ClockError(f"{file}: {told}.")
+    if (reason := bursts(imu.t)) is not None:
+        raise ClockError(f"{file}: {reason}.")
     usual = float(step[step <= GAP_FACTOR * np.median(step)].mean())
     breaks = np.flatnonzero(step > MISSING * usual)
     first, end = _longest(breaks, len(imu))
@@ -425,26 +425,26 @@ def _longest(breaks: NDArray[np.int64], count: int) -> tuple[int, int]:
     return int(edges[i]), int(edges[i + 1])
 
 
-def _take(imu: ImuData, name: str, found: Sensors) -> None:
+def _take(imu: ImuData, name: str, sensors: Sensors) -> None:
     _, _, invalid = TRIAD_FLAGS[name]
     impossible = (imu.flags & np.uint32(invalid)) != 0
     values = np.where(impossible[:, np.newaxis], np.nan, getattr(imu, name))
     given = ~np.isnan(values).all(axis=0)
     for axis in np.flatnonzero(~given).tolist():
-        found.refused[f"{name} {'xyz'[axis]}"] = "has no value"
+        sensors.refused[f"{name} {'xyz'[axis]}"] = "has no value"
     places = np.flatnonzero(~np.isnan(values[:, given]).any(axis=1)) if given.any() else np.empty(0, dtype=int)
-    rows = _own_rows(places, imu, name, found) if places.size else None
+    rows = _own_rows(places, imu, name, sensors) if places.size else None
     if rows is None:
         return
-    clipped = _clipped(imu, name, values, rows, found)
+    clipped = _clipped(imu, name, values, rows, sensors)
     axes = [axis for axis in np.flatnonzero(given).tolist() if axis not in clipped]
     if axes:
         names = tuple(f"{name} {'xyz'[axis]}" for axis in axes)
         dt = float(imu.t[rows[-1]] - imu.t[rows[0]]) / (rows.size - 1)
-        found.sensors.append(Sensor(names, UNITS[name], dt, float(imu.t[rows[0]]), values[rows][:, axes]))
+        sensors.sensors.append(Sensor(names, UNITS[name], dt, float(imu.t[rows[0]]), values[rows][:, axes]))
 
 
-def _own_rows(places: NDArray[np.int64], imu: ImuData, name: str, found: Sensors) -> NDArray[np.int64] | None:
+def _own_rows(places: NDArray[np.int64], imu: ImuData, name: str, sensors: Sensors) -> NDArray[np.int64] | None:
     """Rows of a triad's longest stretch at its own rate, which may be a part of the recording's."""
     step = np.diff(places)
     every = int(np.median(step)) if step.size else 0
@@ -452,23 +452,23 @@ def _own_rows(places: NDArray[np.int64], imu: ImuData, name: str, found: Sensors
     breaks = np.flatnonzero(step > most)
     first, end = _longest(breaks, places.size)
     if end - first < FEWEST or (step < every - 1).any() or (breaks.size and end - first < FEWEST_SAMPLES):
-        told = f"{places.size} values in {len(imu)} rows"
+        counts = f"{places.size} values in {len(imu)} rows"
         even = f", at most {end - first} of them evenly"
-        found.refused[name] = f"comes unevenly, {told}{even}" if places.size >= FEWEST else f"has only {told}"
+        sensors.refused[name] = f"comes unevenly, {counts}{even}" if places.size >= FEWEST else f"has only {counts}"
         return None
     rows = places[first:end]
     if every > 1:
         rate = (rows.size - 1) / (imu.t[rows[-1]] - imu.t[rows[0]])
-        found.notes.append(f"{name} comes every {every} rows; it is analysed at its own rate, {rate:.6g} Hz")
+        sensors.notes.append(f"{name} comes every {every} rows; it is analysed at its own rate, {rate:.6g} Hz")
     if breaks.size:
-        found.notes.append(
+        sensors.notes.append(
             f"{name} lacks values at {counted(breaks.size, 'place')}; only its longest stretch without, "
             f"{imu.t[rows[0]]:.6g} s to {imu.t[rows[-1]]:.6g} s, is used"
         )
     return rows
 
 
-def _clipped(imu: ImuData, name: str, values: Floats, rows: NDArray[np.int64], found: Sensors) -> set[int]:
+def _clipped(imu: ImuData, name: str, values: Floats, rows: NDArray[np.int64], sensors: Sensors) -> set[int]:
     """Axes at the end of their range; all where the range is not known."""
     _, clipped, _ = TRIAD_FLAGS[name]
     marked = rows[(imu.flags[rows] & np.uint32(clipped)) != 0]
@@ -479,5 +479,5 @@ def _clipped(imu: ImuData, name: str, values: Floats, rows: NDArray[np.int64], f
     at_end = np.ones_like(size, dtype=bool) if full_scale is None else size >= 0.999 * full_scale
     for axis in np.flatnonzero(at_end.any(axis=0)).tolist():
         count = int(np.count_nonzero(at_end[:, axis]))
-        found.refused[f"{name} {'xyz'[axis]}"] = f"is at the end of its range in {count} of {rows.size} samples"
+        sensors.refused[f"{name} {'xyz'[axis]}"] = f"is at the end of its range in {count} of {rows.size} samples"
     return set(np.flatnonzero(at_end.any(axis=0)).tolist())

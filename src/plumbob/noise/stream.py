@@ -124,11 +124,11 @@ class AllanStream:
             raise ShapeError(f"{self.count} samples came, but an Allan deviation needs two or more.")
         n = self._n[2 * self._n <= self.count]
         waiting = self._tile[:, : self._waiting]
-        found = [
+        per_channel = [
             copy.deepcopy(channel).end(samples, n, self.count)
             for channel, samples in zip(self._channels, waiting, strict=True)
         ]
-        dev, *moments_of = (np.stack(column, axis=-1) for column in zip(*found, strict=True))
+        dev, *moments_of = (np.stack(column, axis=-1) for column in zip(*per_channel, strict=True))
         return StreamResult(self.count, n, dev, *moments_of)
 
     def _take(self, rows: NDArray[Any]) -> int:
@@ -220,9 +220,9 @@ class _Level:
     def append(self, points: Floats) -> None:
         """Take the next points."""
         if self._end + points.size > self._points.size:
-            kept = self._points[self._begin : self._end].copy()
-            self._points[: kept.size] = kept
-            self._begin, self._end = 0, kept.size
+            pending = self._points[self._begin : self._end].copy()
+            self._points[: pending.size] = pending
+            self._begin, self._end = 0, pending.size
         self._points[self._end : self._end + points.size] = points
         self._end += points.size
 
@@ -234,6 +234,6 @@ class _Level:
 
     def end(self, points: Floats) -> Floats:
         """Take all differences that are left, the last points being these; return every second of them all."""
-        left = np.concatenate((self._points[self._begin : self._end], points))
-        second_squares_of_tile(left, self._n, 0, left.size, self.sums)
-        return left[::2]
+        remaining = np.concatenate((self._points[self._begin : self._end], points))
+        second_squares_of_tile(remaining, self._n, 0, remaining.size, self.sums)
+        return remaining[::2]

@@ -40,8 +40,8 @@ def decoded_to(file: Path, log: Log, session: Session) -> Recording:
     notes = [f"decoded from {counts.received} raw bytes as {session.form.name}, {counts.junk} of them junk"]
     notes += [f"damaged: {damage}" for damage in log.damage]
     notes += inferred(stream.time_report())
-    found = read(file, whole=False)
-    return replace(found, notes=(*notes, *found.notes))
+    recording = read(file, whole=False)
+    return replace(recording, notes=(*notes, *recording.notes))
 
 
 def _samples(stream: Stream, log: Log) -> Iterator[Recording]:

@@ -30,36 +30,36 @@ SD: Final = {"roll": "roll_sd", "pitch": "pitch_sd", "heading": "heading_sd"}
 def figures(subject: Subject) -> dict[str, Figure]:
     """Figures by the names that ``plumbob plot --what`` takes, as far as the recording has something for them."""
     g = subject.gathered
-    found: dict[str, Figure] = {}
+    drawings: dict[str, Figure] = {}
     if g.tilt is not None:
         keys = [
             ("estimate", SERIES[0], "solid"),
             *([("claimed ± 1 sd", SERIES[5], "block")] if g.has("roll_sd") else []),
         ]
-        found["angles"] = Figure("Roll, pitch and heading", partial(_angles, g), keys, height=4.2)
+        drawings["angles"] = Figure("Roll, pitch and heading", partial(_angles, g), keys, height=4.2)
         limit = ("limit", SERIES[1], "dashed")
-        found["tilt"] = Figure("Inclination from the vertical", partial(_tilt, g), [limit], height=2.2)
+        drawings["tilt"] = Figure("Inclination from the vertical", partial(_tilt, g), [limit], height=2.2)
     for what, (stem, caption, label) in _TRIADS.items():
         if g.has(f"{stem}_x"):
             draw = partial(_triad, g, stem, label)
-            found[what] = Figure(caption, draw, [(axis, colour, "solid") for axis, colour in _XYZ], height=3.6)
+            drawings[what] = Figure(caption, draw, [(axis, colour, "solid") for axis, colour in _XYZ], height=3.6)
     if g.has("temp"):
-        found["temperature"] = Figure(
+        drawings["temperature"] = Figure(
             "Temperature", partial(_lines, g, [("temp", INK)], "temperature [°C]"), height=2.0
         )
     if g.has("roll_sd"):
         names = [("roll_sd", SERIES[0]), ("pitch_sd", SERIES[1]), ("heading_sd", SERIES[2])]
         keys = [(name.removesuffix("_sd"), colour, "solid") for name, colour in names]
-        found["sd"] = Figure("Claimed standard deviation", partial(_lines, g, names, "1 sd [°]"), keys)
+        drawings["sd"] = Figure("Claimed standard deviation", partial(_lines, g, names, "1 sd [°]"), keys)
     if g.spectra is not None:
-        found["spectrum"] = Figure("Power spectral density", partial(_spectrum, g), height=4.2)
+        drawings["spectrum"] = Figure("Power spectral density", partial(_spectrum, g), height=4.2)
     if g.headings is not None and g.headings.samples:
-        found["rose"] = Figure("Share of time by heading, sectors of 10°", partial(_rose, g), height=4.2)
+        drawings["rose"] = Figure("Share of time by heading, sectors of 10°", partial(_rose, g), height=4.2)
     if g.tilt is not None:
         keys = [("roll", SERIES[0], "solid"), ("pitch", SERIES[1], "solid"), ("inclination", SERIES[2], "solid")]
-        found["bursts"] = Figure("Bursts", partial(_bursts, g), keys, height=4.0)
-    found["flags"] = Figure("Flags over time", partial(_flags, g), height=0.9 + 0.22 * (1 + len(g.flags)))
-    return found
+        drawings["bursts"] = Figure("Bursts", partial(_bursts, g), keys, height=4.0)
+    drawings["flags"] = Figure("Flags over time", partial(_flags, g), height=0.9 + 0.22 * (1 + len(g.flags)))
+    return drawings
 
 
 _TRIADS: Final = {
@@ -82,10 +82,10 @@ def figure(subject: Subject, what: str) -> Figure:
     ParameterError
         If the recording has nothing for it.
     """
-    known = figures(subject)
-    if what not in known:
-        raise ParameterError(f"{subject.name} has nothing to draw for '{what}'. It has {', '.join(known)}.")
-    return known[what]
+    drawings = figures(subject)
+    if what not in drawings:
+        raise ParameterError(f"{subject.name} has nothing to draw for '{what}'. It has {', '.join(drawings)}.")
+    return drawings[what]
 
 
 def _gap(g: Gathered) -> float:
@@ -102,16 +102,16 @@ def _line(ax: "Axes", g: Gathered, channel: str, colour: str, *, jump: float = n
     from plumbob.reporting.drawing import envelope
 
     y = _shown(g, channel)
-    known = np.isfinite(y)
-    t, own = g.traces.t[known], y[known]
+    finite = np.isfinite(y)
+    t, values = g.traces.t[finite], y[finite]
     gap = max(_gap(g), GAP_FACTOR * float(np.median(np.diff(t)))) if t.size > 1 else np.inf
-    ax.plot(*envelope(t, own, COLUMNS, gap=gap, jump=jump), color=colour, linewidth=0.6)
+    ax.plot(*envelope(t, values, COLUMNS, gap=gap, jump=jump), color=colour, linewidth=0.6)
     ax.set_xlim(g.begin, _end(g))
 
 
 def _shown(g: Gathered, channel: str) -> Floats:
     """Values of a channel in the unit that is shown; headings on the circle of `heading_circle`."""
-    values = g.traces.of(channel) * shown_scale(channel)
+    values = g.traces.channel(channel) * shown_scale(channel)
     start = heading_circle(g)[0]
     return (values - start) % 360.0 + start if channel == "heading" else values
 
@@ -225,11 +225,11 @@ def _rose(g: Gathered, canvas: "FigureBase") -> None:
 
 def _bursts(g: Gathered, canvas: "FigureBase") -> None:
     axes = canvas.subplots(3, 1, sharex=True)
-    t = np.array([0.5 * (one.begin + one.end) for one in g.bursts])
-    own: list[tuple[Callable[..., float], int]] = [(lambda b: b.tilt.roll.significant, 0)]
-    own.append((lambda b: b.tilt.pitch.significant, 0))
-    own += [(lambda b: b.tilt.roll.tz, 1), (lambda b: b.tilt.pitch.tz, 1)]
-    for number, (of, panel) in enumerate(own):
+    t = np.array([0.5 * (burst.begin + burst.end) for burst in g.bursts])
+    curves: list[tuple[Callable[..., float], int]] = [(lambda b: b.tilt.roll.significant, 0)]
+    curves.append((lambda b: b.tilt.pitch.significant, 0))
+    curves += [(lambda b: b.tilt.roll.tz, 1), (lambda b: b.tilt.pitch.tz, 1)]
+    for number, (of, panel) in enumerate(curves):
         scale = to_deg(1.0) if panel == 0 else 1.0
         axes[panel].plot(
             t, [scale * of(b) for b in g.bursts], "o-", color=SERIES[number % 2], markersize=2.5, linewidth=0.8

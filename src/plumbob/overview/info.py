@@ -63,9 +63,9 @@ class Info(Shown):
         """The file, and what is in it."""
         kinds = ("sensors", "array", "attitude", "card")
         held = {kind: self._report[kind] for kind in kinds if kind in self._report}
-        found = {"file": self._report["file"], "holds": ", ".join(held)}
+        facts = {"file": self._report["file"], "holds": ", ".join(held)}
         timed = held.get("sensors", held.get("array", held.get("attitude", {})))
-        return found | ({"samples": str(timed["time"]["samples"])} if "time" in timed else {})
+        return facts | ({"samples": str(timed["time"]["samples"])} if "time" in timed else {})
 
     def summary(self) -> dict[str, Any]:
         """All that is known, as JSON can hold it."""
@@ -73,8 +73,8 @@ class Info(Shown):
 
     def text(self, *details: str) -> str:
         """The same for a reader, a line each; with ``"grade"`` every criterion, also those that lose nothing."""
-        told = () if self.grade is None else _grade_lines(self.grade, whole="grade" in details)
-        return "\n".join((*self._lines, *told))
+        lines = () if self.grade is None else _grade_lines(self.grade, full="grade" in details)
+        return "\n".join((*self._lines, *lines))
 
 
 def info(
@@ -130,24 +130,24 @@ def info(
     return Info(report, list(_lines(report, said)), made)
 
 
-def _grade_lines(grade: "Grade", *, whole: bool) -> Iterator[str]:
+def _grade_lines(grade: "Grade", *, full: bool) -> Iterator[str]:
     """The grade, and under it what costs points, the dearest first; or every criterion with its rule."""
     of = ""
     if grade.units:
         of = (
             "; "
-            + ", ".join(f"{visible(name)} {one.points:g}" for name, one in grade.units.items())
+            + ", ".join(f"{visible(name)} {unit.points:g}" for name, unit in grade.units.items())
             + "; reasons of the worst"
         )
     yield f"{'grade':12} {grade.points:g} of 100, {grade.word}{of}"
-    for one in sorted(grade.criteria, key=lambda one: -one.lost):
-        if not (one.lost or whole):
+    for criterion in sorted(grade.criteria, key=lambda criterion: -criterion.lost):
+        if not (criterion.lost or full):
             continue
-        yield f"{'':12} {one.name}: −{one.lost:.3g} of {one.points:g}: {visible(one.measured)}"
-        if whole:
-            yield f"{'':14} rule: {one.rule}; {one.source}"
-        if one.advice:
-            yield f"{'':14} {one.advice}"
+        yield f"{'':12} {criterion.name}: −{criterion.lost:.3g} of {criterion.points:g}: {visible(criterion.measured)}"
+        if full:
+            yield f"{'':14} rule: {criterion.rule}; {criterion.source}"
+        if criterion.advice:
+            yield f"{'':14} {criterion.advice}"
 
 
 def _card(file: Path) -> Info:
@@ -161,16 +161,16 @@ def _card(file: Path) -> Info:
         from plumbob.calibration.report import certificate, numbers
         from plumbob.quality.grade import WORDS
 
-        told, report = numbers(card, {}), certificate(card, {})
+        content, report = numbers(card, {}), certificate(card, {})
         least = {word.lower(): points for word, points in WORDS}
-        triads = (one for one in (card.gyr, card.acc, card.mag) if one is not None)
-        graded = [one.quality.grade for one in triads if one.quality is not None]
+        triads = (triad for triad in (card.gyr, card.acc, card.mag) if triad is not None)
+        graded = [triad.quality.grade for triad in triads if triad.quality is not None]
         points = min((least[word] for word in graded), default=None)
     else:
         from plumbob.noise.card import card_report
 
-        told, report = {"card": json.loads(card.text())}, card_report(card)
-    return Info({"file": str(file)} | told, [report.text()], points=points)
+        content, report = {"card": json.loads(card.text())}, card_report(card)
+    return Info({"file": str(file)} | content, [report.text()], points=points)
 
 
 def _sensors(imu: Any) -> dict[str, Any]:
@@ -203,9 +203,9 @@ def _array(array: Any) -> dict[str, Any]:
         mount = array.mounts[name]
         mounted = {"q_bs": list(mount.q_bs), "lever_b_m": list(mount.lever_b), "clock_offset_s": mount.clock_offset}
         noise = None if mount.noise is None else mount.noise.device
-        own = _sensors(imu)
-        del own["time"]
-        units[name] = own | {"mount": mounted | {"noise_card": noise}}
+        sensors = _sensors(imu)
+        del sensors["time"]
+        units[name] = sensors | {"mount": mounted | {"noise_card": noise}}
     return {"time": _timing(np.diff(to_ns(array.t))), "units": units}
 
 
@@ -213,14 +213,14 @@ def _triad(imu: Any, name: str) -> dict[str, Any]:
     from plumbob.data.cards import UNITS
     from plumbob.data.plausibility import statistics
 
-    found = statistics(imu, name)
+    stats = statistics(imu, name)
     return {
         "unit": UNITS[name],
-        "samples": found.samples,
+        "samples": stats.samples,
         "range": getattr(imu.meta, f"{name}_range"),
-        "mean": found.mean.tolist() if found.samples else None,
-        "std": found.std.tolist() if found.samples else None,
-        "norm_median": found.norm if found.samples else None,
+        "mean": stats.mean.tolist() if stats.samples else None,
+        "std": stats.std.tolist() if stats.samples else None,
+        "norm_median": stats.norm if stats.samples else None,
     }
 
 
@@ -257,7 +257,7 @@ def _timing(dt_ns: Any) -> dict[str, Any]:
 
 def _lines(report: dict[str, Any], said: Sequence[str]) -> Iterator[str]:
     from plumbob.data import calibration_told
-    from plumbob.rotations.headings import zero_of
+    from plumbob.rotations.headings import heading_zero
 
     yield report["file"]
     for line in dict.fromkeys(note for note in report["notes"] if note not in said):
@@ -276,23 +276,23 @@ def _lines(report: dict[str, Any], said: Sequence[str]) -> Iterator[str]:
     if array := report.get("array"):
         yield f"units        {', '.join(map(visible, array['units']))}; more of one with --unit"
         yield _timing_line(array["time"])
-        for told in dict.fromkeys(unit["calibration"] for unit in array["units"].values()):
-            of = [visible(name) for name, unit in array["units"].items() if unit["calibration"] == told]
-            yield f"calibration  {', '.join(of)}: {visible(calibration_told(told))}"
+        for calibration in dict.fromkeys(unit["calibration"] for unit in array["units"].values()):
+            of = [visible(name) for name, unit in array["units"].items() if unit["calibration"] == calibration]
+            yield f"calibration  {', '.join(of)}: {visible(calibration_told(calibration))}"
         for name, unit in array["units"].items():
             yield from _unit_lines(name, unit)
     if attitude := report.get("attitude"):
         yield f"attitude     {visible(attitude['source']) or 'source not named'}"
-        yield f"frame        {attitude['frame']}, heading from {zero_of(attitude['north'])}"
+        yield f"frame        {attitude['frame']}, heading from {heading_zero(attitude['north'])}"
         yield _timing_line(attitude["time"])
-        known = counted(attitude["known_samples"], "sample")
-        yield f"known        {known}, scored {attitude['scored_samples'] or 'all'}"
+        samples = counted(attitude["known_samples"], "sample")
+        yield f"known        {samples}, scored {attitude['scored_samples'] or 'all'}"
 
 
 def _unit_lines(name: str, unit: dict[str, Any]) -> Iterator[str]:
     """What one of several units has, in short."""
     mount = unit["mount"]
-    triads = ", ".join(f"{triad} {counted(told['samples'], 'sample')}" for triad, told in unit["triads"].items())
+    triads = ", ".join(f"{triad} {counted(stats['samples'], 'sample')}" for triad, stats in unit["triads"].items())
     flagged = ", ".join(f"{count} {flag}" for flag, count in unit["flags"].items())
     yield f"{visible(name):12} {visible(unit['device'])}: {triads}; flags: {flagged or 'none'}"
     lever, offset = [1e3 * metres for metres in mount["lever_b_m"]], 1e3 * mount["clock_offset_s"]

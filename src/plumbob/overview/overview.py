@@ -13,7 +13,7 @@ from plumbob.core.units import Quantity, to_deg
 from plumbob.data import ImuData
 from plumbob.data.recording import Recording
 from plumbob.overview.figures import WHATS, figure, figures
-from plumbob.overview.report_entry import Progress, Subject, duration, subject_from, subject_of
+from plumbob.overview.report_entry import Progress, Subject, duration, read_subject, subject_from
 from plumbob.overview.streaming_stats import BURST, Gatherer
 from plumbob.overview.tables import comparison_table, summary, tables
 from plumbob.overview.traces import WHOLE
@@ -48,11 +48,11 @@ class Overview(Reported):
     def facts(self) -> Mapping[str, str]:
         """Recordings, and the first one's tilt."""
         g = self.subjects[0].gathered
-        found = {"recordings": ", ".join(one.name for one in self.subjects), "duration": duration(g.duration)}
+        facts = {"recordings": ", ".join(subject.name for subject in self.subjects), "duration": duration(g.duration)}
         if g.tilt is not None:
-            found["roll"] = f"std {to_deg(g.tilt.roll.sd):.2f}°"
-            found["pitch"] = f"std {to_deg(g.tilt.pitch.sd):.2f}°"
-        return found
+            facts["roll"] = f"std {to_deg(g.tilt.roll.sd):.2f}°"
+            facts["pitch"] = f"std {to_deg(g.tilt.pitch.sd):.2f}°"
+        return facts
 
     def report(self) -> Report:
         """What is to be said, with figures for a paper."""
@@ -61,16 +61,16 @@ class Overview(Reported):
         return Report(
             TITLE,
             tables=[comparison_table(self.subjects)],
-            parts=[_report(one, one.name) for one in self.subjects],
+            parts=[_report(subject, subject.name) for subject in self.subjects],
             definitions=definitions(self.subjects),
         )
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
-        return {"recordings": [summary(one) for one in self.subjects]}
+        return {"recordings": [summary(subject) for subject in self.subjects]}
 
     def page(self, *, lang: str = "en") -> str:
-        """HTML of the page, self-contained, its labels in a language of `plumbob.reporting.LANGUAGES`.
+        """HTML of the page, self-contained, its labels in a language of `plumbob.reporting.style.LANGUAGES`.
 
         Raises
         ------
@@ -186,10 +186,10 @@ def report(
     }  # fmt: skip
     most = max(2, WHOLE // len(given))
     subjects = []
-    for one in given:
-        gatherer = gatherer_of(burst=burst, tilt_limit=tilt_limit, most=most)
-        source = one if isinstance(one, Recording | ImuData) else check.path("files", one)
-        subjects.append(subject_of(source, gatherer, how, note=note, progress=progress))  # type: ignore[arg-type]
+    for file in given:
+        gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, most=most)
+        source = file if isinstance(file, Recording | ImuData) else check.path("files", file)
+        subjects.append(read_subject(source, gatherer, how, note=note, progress=progress))  # type: ignore[arg-type]
     made = Overview(tuple(subjects))
     if out is not None:
         made.write_html(out, lang=lang, overwrite=overwrite)
@@ -198,7 +198,7 @@ def report(
     return made
 
 
-def gatherer_of(
+def make_gatherer(
     *, burst: float | str = BURST, tilt_limit: float | str = LIMIT, most: int = WHOLE, **more: Any
 ) -> Gatherer:
     """Gatherer with options that may be text with a unit.
@@ -289,9 +289,9 @@ def plot(
     window = (units.given("begin", begin, Quantity.TIME), units.given("end", end, Quantity.TIME))
     low, high = (-math.inf if window[0] is None else window[0], math.inf if window[1] is None else window[1])
     inches = _inches(units.given("width", width, Quantity.LENGTH))
-    gatherer = gatherer_of(burst=burst, tilt_limit=tilt_limit, window=(low, high))
+    gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, window=(low, high))
     source = file if isinstance(file, Recording | ImuData) else check.path("file", file)
-    subject = subject_of(source, gatherer, how, graded=False, note=note, progress=progress)  # type: ignore[arg-type]
+    subject = read_subject(source, gatherer, how, graded=False, note=note, progress=progress)  # type: ignore[arg-type]
     return picture(target, [figure(subject, what)], lang=lang, overwrite=overwrite, width=inches)
 
 

@@ -83,12 +83,12 @@ def page(subjects: Sequence[Subject], title: str, definitions: Sequence[str], *,
     head = escape(said(title, lang))
     beside = [] if len(subjects) == 1 else [table_html(_named(comparison_table(subjects)), lang)]
     top = facts_html(_visible(subjects[0].facts), lang) if len(subjects) == 1 else ""
-    foot = "".join(f"<p>{escape(one)}</p>" for one in definitions)
+    foot = "".join(f"<p>{escape(definition)}</p>" for definition in definitions)
     return (
         f'<!DOCTYPE html>\n<html lang="{lang}">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{head}: {escape(visible(', '.join(one.name for one in subjects)))}</title>\n"
+        f"<title>{head}: {escape(visible(', '.join(subject.name for subject in subjects)))}</title>\n"
         f"<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
         f"<header><h1>{head}</h1>{top}</header>\n"
         + "\n".join([*beside, *body, f"<footer><h2>{escape(said('Definitions', lang))}</h2>{foot}</footer>"])
@@ -154,7 +154,7 @@ def _block(kind: str, subject: Subject, charts: Sequence[dict[str, Any]], number
     what, _, name = kind.partition(":")
     g = subject.gathered
     if what == "chart":
-        place = next((i for i, one in enumerate(charts) if one["name"] == name), None)
+        place = next((i for i, chart in enumerate(charts) if chart["name"] == name), None)
         return "" if place is None else _figure(charts[place], f"{number}.{place}", lang)
     if what == "hint":
         hint = "Drag to zoom; double-click or Escape for all; arrow keys, + and − move"
@@ -163,16 +163,16 @@ def _block(kind: str, subject: Subject, charts: Sequence[dict[str, Any]], number
     if what == "rose":
         if g.headings is None or not g.headings.samples:
             return ""
-        told = table_html(heading_table(g.headings), lang)
-        return f"<div class='beside'><div>{told}{_folded(sector_table(g.headings), lang)}</div>{rose(g, lang)}</div>"
+        html = table_html(heading_table(g.headings), lang)
+        return f"<div class='beside'><div>{html}{_folded(sector_table(g.headings), lang)}</div>{rose(g, lang)}</div>"
     if what == "quality":
         return _quality(subject, lang)
     return "".join(
-        table_html(table, lang) if not folded else _folded(table, lang) for table, folded in _of(name, subject)
+        table_html(table, lang) if not folded else _folded(table, lang) for table, folded in _part_tables(name, subject)
     )
 
 
-def _of(name: str, subject: Subject) -> Iterator[tuple[Table, bool]]:
+def _part_tables(name: str, subject: Subject) -> Iterator[tuple[Table, bool]]:
     """Tables of a section, and whether they are folded away."""
     g = subject.gathered
     if name == "tilt" and g.tilt is not None:
@@ -216,15 +216,15 @@ def _figure(chart: dict[str, Any], place: str, lang: str) -> str:
 def _quality(subject: Subject, lang: str) -> str:
     """A cell for each burst and channel, its number and colour the flag, and what did not pass below."""
     bursts = subject.gathered.bursts
-    channels = [name for name in quality.CHANNELS if any(name in one.verdicts for one in bursts)]
+    channels = [name for name in quality.CHANNELS if any(name in burst.verdicts for burst in bursts)]
     if not channels:
         return ""
     rows = []
     for name in channels:
         cells = "".join(
-            f"<span class='q{one.flag}' title='{escape(_why(subject, burst, one))}'>{one.flag}</span>"
+            f"<span class='q{verdict.flag}' title='{escape(_why(subject, burst, verdict))}'>{verdict.flag}</span>"
             for burst in bursts
-            if (one := burst.verdicts.get(name, quality.Verdict(quality.MISSING))) is not None
+            if (verdict := burst.verdicts.get(name, quality.Verdict(quality.MISSING))) is not None
         )
         rows.append(f"<div><b>{escape(said(_CHANNEL[name], lang))}</b><span>{cells}</span></div>")
     key = "".join(
@@ -238,10 +238,10 @@ def _quality(subject: Subject, lang: str) -> str:
     )
 
 
-def _why(subject: Subject, burst: Any, one: quality.Verdict) -> str:
+def _why(subject: Subject, burst: Any, verdict: quality.Verdict) -> str:
     begin = subject.utc(burst.begin) or f"{burst.begin:g} s"
-    told = f"{begin}: {quality.MEANING[one.flag]}, {100.0 * one.good:.1f} % good"
-    return told + (f" ({one.why})" if one.why else "")
+    text = f"{begin}: {quality.MEANING[verdict.flag]}, {100.0 * verdict.good:.1f} % good"
+    return text + (f" ({verdict.why})" if verdict.why else "")
 
 
 _CHANNEL: Final = {"gyr": "Gyroscope", "acc": "Accelerometer", "mag": "Magnetometer", "temp": "Temperature",
@@ -269,11 +269,11 @@ def rose(g: Gathered, lang: str) -> str:
         name = {0: said("N", lang), 3: said("E", lang), 6: said("S", lang), 9: said("W", lang)}.get(k, f"{30 * k}°")
         parts.append(f"<text x='{x:.1f}' y='{y + 4.0:.1f}' class='{'name' if k % 3 == 0 else ''} mid'>{name}</text>")
     half = math.pi / SECTORS * 0.92
-    for k, one in enumerate(share.tolist()):
-        if one > 0.0:
-            r, middle = radius * 100.0 * one / top, 2.0 * math.pi * k / SECTORS
+    for k, fraction in enumerate(share.tolist()):
+        if fraction > 0.0:
+            r, middle = radius * 100.0 * fraction / top, 2.0 * math.pi * k / SECTORS
             (ax, ay), (bx, by) = _polar(r, middle - half), _polar(r, middle + half)
-            words = f"{10 * k}°: {100.0 * one:.2f} %"
+            words = f"{10 * k}°: {100.0 * fraction:.2f} %"
             parts.append(
                 f"<path d='M0 0L{ax:.2f} {ay:.2f}A{r:.2f} {r:.2f} 0 0 1 {bx:.2f} {by:.2f}Z' class='petal'>"
                 f"<title>{words}</title></path>"
@@ -305,11 +305,11 @@ def _round_up(value: float) -> float:
 def _charts(subject: Subject, lang: str) -> list[dict[str, Any]]:
     """Plots that the recording has values for, as the script takes them."""
     g = subject.gathered
-    found: list[dict[str, Any]] = []
+    plots: list[dict[str, Any]] = []
 
     def add(name: str, caption: str, kind: str, unit: str, lines: list[dict[str, Any]], **more: Any) -> None:
         lines = [line | {"label": said(line["label"], lang)} for line in lines]
-        found.append({"name": name, "caption": said(caption, lang), "kind": kind, "unit": unit, "lines": lines, **more})
+        plots.append({"name": name, "caption": said(caption, lang), "kind": kind, "unit": unit, "lines": lines, **more})
 
     if g.tilt is not None:
         for name in ("roll", "pitch", "heading"):
@@ -342,12 +342,12 @@ def _charts(subject: Subject, lang: str) -> list[dict[str, Any]]:
         line = {"label": "temperature", "colour": "blue", "channel": "temp"}
         add("temperature", "Temperature", "time", "°C", [line])
     rows = [("gaps", g.gaps, False)]
-    rows += [(name, one.stretches, one.coarse) for name, one in g.flags.items() if name != "gap"]
+    rows += [(name, runs.stretches, runs.coarse) for name, runs in g.flags.items() if name != "gap"]
     add("flags", "Flags over time", "flags", "", [], rows=[
         {"label": said(name, lang), "colour": "red" if name == "gaps" else "soft" if coarse else "blue",
          "runs": _rounded(runs)} for name, runs, coarse in rows
     ])  # fmt: skip
-    return found
+    return plots
 
 
 _TRIADS: Final = (
@@ -387,19 +387,19 @@ def _digits(values: Floats) -> list[float | None]:
 def _add_bursts(g: Gathered, add: Any) -> None:
     if len(g.bursts) < 2:
         return
-    x = [round(0.5 * (one.begin + one.end), 3) for one in g.bursts]
+    x = [round(0.5 * (burst.begin + burst.end), 3) for burst in g.bursts]
 
     def line(label: str, colour: str, values: list[float], **more: Any) -> dict[str, Any]:
         return {"label": label, "colour": colour, "y": _digits(np.degrees(np.asarray(values))), **more}
 
-    tilts = [one.tilt for one in g.bursts]
+    tilts = [burst.tilt for burst in g.bursts]
     add("bursts", "Significant double amplitude by burst", "points", "°", [
-        line("roll", "blue", [one.roll.significant for one in tilts]),
-        line("pitch", "red", [one.pitch.significant for one in tilts]),
+        line("roll", "blue", [tilt.roll.significant for tilt in tilts]),
+        line("pitch", "red", [tilt.pitch.significant for tilt in tilts]),
     ], x=x, floor=0.0)  # fmt: skip
     add("burst tilt", "Inclination by burst", "points", "°", [
-        line("mean", "green", [one.inclination.mean for one in tilts]),
-        line("greatest", "green", [one.inclination.greatest for one in tilts], dash=True),
+        line("mean", "green", [tilt.inclination.mean for tilt in tilts]),
+        line("greatest", "green", [tilt.inclination.greatest for tilt in tilts], dash=True),
     ], x=x, floor=0.0)  # fmt: skip
 
 
@@ -426,29 +426,29 @@ def _times(t: Floats, name: str, blocks: list[str]) -> dict[str, Any]:
     step = float(t[-1] - t[0]) / (t.size - 1) if t.size > 1 else 1.0
     if float(np.max(np.abs(t - t[0] - step * np.arange(t.size)))) <= _EVEN:
         return {"first": float(t[0]), "step": step}
-    blocks.append(_block_of(name, t.astype("<f8")))
+    blocks.append(_data_block(name, t.astype("<f8")))
     return {"block": name}
 
 
 def _channel(g: Gathered, channel: str, name: str, blocks: list[str]) -> dict[str, Any]:
     """Codes of a channel, and what they mean."""
-    values = g.traces.of(channel) * shown_scale(channel)
+    values = g.traces.channel(channel) * shown_scale(channel)
     if channel == "heading":
         start = heading_circle(g)[0]
         values = (values - start) % 360.0 + start
-    known = np.isfinite(values)
-    low, high = (float(values[known].min()), float(values[known].max())) if known.any() else (0.0, 0.0)
+    finite = np.isfinite(values)
+    low, high = (float(values[finite].min()), float(values[finite].max())) if finite.any() else (0.0, 0.0)
     step = (high - low) / _CODES or 1e-9
     middle = 0.5 * (low + high)
     codes = np.full(values.size, _NONE, dtype="<i2")
-    codes[known] = np.clip(np.rint((values[known] - middle) / step), -_CODES // 2, _CODES // 2).astype("<i2")
-    blocks.append(_block_of(name, codes))
-    at = g.traces.t[known]
+    codes[finite] = np.clip(np.rint((values[finite] - middle) / step), -_CODES // 2, _CODES // 2).astype("<i2")
+    blocks.append(_data_block(name, codes))
+    at = g.traces.t[finite]
     usual = float(np.median(np.diff(at))) if at.size > 1 else g.step
     return {"block": name, "low": middle, "step": step, "hold": max(GAP_FACTOR * usual, 1.01 * g.traces.each * g.step)}
 
 
-def _block_of(name: str, values: NDArray[Any]) -> str:
+def _data_block(name: str, values: NDArray[Any]) -> str:
     text = b64encode(np.ascontiguousarray(values).tobytes()).decode()
     return f'<script type="application/octet-stream" id="{name}">{text}</script>'
 

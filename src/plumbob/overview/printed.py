@@ -30,13 +30,13 @@ def browser() -> str:
     MissingExtraError
         If none is installed.
     """
-    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
-    if found is None:
+    program = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    if program is None:
         raise MissingExtraError(
             "a PDF is printed by Chromium or Chrome, and none was found. Install one, as 'apt install chromium' does, "
             "or write the page with --out and print it from your browser."
         )
-    return found
+    return program
 
 
 def print_pdf(page: str, path: Path, *, overwrite: bool = False) -> Path:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from plumbob.core.errors import ParameterError
-from plumbob.core.files import sha256_of
+from plumbob.core.files import file_sha256
 from plumbob.core.text import counted
 from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
@@ -86,7 +86,7 @@ class Subject:
         return _utc(self.t0_ns, t) if self.t0_ns else None
 
 
-def subject_of(
+def read_subject(
     file: str | Path | Recording | ImuData,
     gatherer: Gatherer,
     how: Mapping[str, Any],
@@ -116,10 +116,10 @@ def subject_of(
             given["calibration"] = session.card
         which = given.get("filter")
         if which in (OWN, NONE) or recording.imu is None:
-            made = _held(recording, paths, session, gatherer, which != NONE)
+            made = _as_recorded(recording, paths, session, gatherer, which != NONE)
             return replace(made, grade=grade_of(recording, judged=bool(paths))) if graded else made
-        name, told = recording.name, _told(recording)
-        for line in told if note is not None else ():
+        name, notes = recording.name, _file_notes(recording)
+        for line in notes if note is not None else ():
             note(f"{name}: {line}")  # type: ignore[misc]
         result = estimate(
             recording,
@@ -129,8 +129,8 @@ def subject_of(
             note=note,
             progress=None if progress is None else lambda done, total: progress(name, done, total),
         )
-        found = grade_of(recording, judged=bool(paths)) if graded else None
-        return subject_from(result, gatherer, paths, session, told, found)
+        grade = grade_of(recording, judged=bool(paths)) if graded else None
+        return subject_from(result, gatherer, paths, session, notes, grade)
 
 
 def subject_from(
@@ -161,7 +161,7 @@ def subject_from(
     )  # fmt: skip
 
 
-def _held(
+def _as_recorded(
     recording: Recording,
     paths: Sequence[Path],
     session: "Session | None",
@@ -186,7 +186,7 @@ def _held(
     else:
         facts.append(("estimate", f"as the file holds it: {track.source or 'source not named'}"))
         facts.append(("frame", f"{track.frame}, heading from {counted_from(track.north, None)}"))
-    notes = (*_told(recording), *found_in(recording.notes), *inferred_in(recording.notes))
+    notes = (*_file_notes(recording), *found_in(recording.notes), *inferred_in(recording.notes))
     numbers = {} if track is None else {"frame": str(track.frame), "north": str(track.north), "filter": track.source}
     calibrated = meta is None or meta.calibration is not None
     return Subject(
@@ -206,7 +206,7 @@ def _held(
 _FILE: Final = ("damaged: ", "recorded in ", "units: ", "unit ")
 
 
-def _told(recording: Recording) -> tuple[str, ...]:
+def _file_notes(recording: Recording) -> tuple[str, ...]:
     """What the notes say of the file itself: damage, restarts, units that are missing."""
     return tuple(dict.fromkeys(line for line in recording.notes if line.startswith(_FILE)))
 
@@ -234,8 +234,8 @@ def _follow(imu: ImuData | None, track: AttitudeTrack | None, gatherer: Gatherer
 def _rows(track: AttitudeTrack, rows: slice) -> AttitudeTrack:
     names = ("t", "q_nb", "bias_b", "cov_b", "flags")
     held = {name: getattr(track, name) for name in names}
-    own = {name: value[rows] for name, value in held.items() if value is not None}
-    return AttitudeTrack.trusted(**own, frame=track.frame, north=track.north, source=track.source)
+    columns = {name: value[rows] for name, value in held.items() if value is not None}
+    return AttitudeTrack.trusted(**columns, frame=track.frame, north=track.north, source=track.source)
 
 
 @contextmanager
@@ -255,13 +255,13 @@ def opened(
         return
     path = Path(file)
     if is_own(path) and path.is_file():
-        with _recorded(path, how) as found:
-            yield found
+        with _recorded(path, how) as recorded:
+            yield recorded
         return
     profile = how.get("profile")
     profile = None if profile is None else Path(profile)
     read = read_one(path, profile=profile, whole=whole, unit=how.get("unit"))
-    parts = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
+    parts = sorted(part for part in path.rglob("*") if part.is_file()) if path.is_dir() else [path]
     yield replace(read, name=path.name), tuple(parts), None
 
 
@@ -275,14 +275,14 @@ def _recorded(path: Path, how: Mapping[str, Any]) -> "Iterator[tuple[Recording, 
     log, unit = open_log(path), how.get("unit")
     paths = log.paths
     if SESSION not in log.metadata:
-        found = read_recorded(path, estimated=how.get("filter") == OWN, unit=unit).of_unit(None)
-        yield replace(found, name=path.name), paths, None
+        recording = read_recorded(path, estimated=how.get("filter") == OWN, unit=unit).of_unit(None)
+        yield replace(recording, name=path.name), paths, None
         return
     session = recorded_session(log.metadata, path.stem)
     session = session if unit is None else replace(of_unit(session, unit), units=())
-    if sum(one.stat().st_size for one in paths) <= LARGE or session.units or how.get("filter") == OWN:
-        found = read_recorded(path, estimated=how.get("filter") == OWN, unit=unit).of_unit(None)
-        yield replace(found, name=path.name), paths, session
+    if sum(file.stat().st_size for file in paths) <= LARGE or session.units or how.get("filter") == OWN:
+        recording = read_recorded(path, estimated=how.get("filter") == OWN, unit=unit).of_unit(None)
+        yield replace(recording, name=path.name), paths, session
         return
     from plumbob.overview.decoded import decoded_to
 
@@ -295,7 +295,7 @@ def _provenance(
 ) -> Iterator[tuple[str, str]]:
     yield "recording", name
     for path in paths[:8]:
-        digest, size = sha256_of(path)
+        digest, size = file_sha256(path)
         yield "SHA-256", f"{digest} ({path.name}, {size} bytes)"
     if len(paths) > 8:
         yield "SHA-256", f"and of {counted(len(paths) - 8, 'further part')}, not shown"
@@ -326,14 +326,14 @@ def _software() -> Iterator[tuple[str, str]]:
 
 
 def _utc(t0_ns: int, t: float) -> str:
-    whole = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=t0_ns // 1000 + round(t * 1e6))
-    return whole.strftime("%Y-%m-%dT%H:%M:%SZ")
+    moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=t0_ns // 1000 + round(t * 1e6))
+    return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def duration(seconds: float) -> str:
     """Time in words: ``1 h 0 min 0 s``."""
-    whole = round(seconds)
-    hours, minutes, rest = whole // 3600, whole // 60 % 60, whole % 60
+    total = round(seconds)
+    hours, minutes, rest = total // 3600, total // 60 % 60, total % 60
     if hours:
         return f"{hours} h {minutes} min {rest} s"
     return f"{minutes} min {rest} s" if minutes else f"{seconds:.3g} s"

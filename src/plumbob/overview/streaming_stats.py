@@ -18,7 +18,7 @@ from plumbob.core.errors import ShapeError
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.overview.traces import WHOLE, Traces, Tracing
 from plumbob.quality import quality
-from plumbob.quality.spectra import Spectra, peak_period, segment_of, welch
+from plumbob.quality.spectra import Spectra, peak_period, segment_length, welch
 from plumbob.quality.tilt import LIMIT, Headings, Inclination, Motion, TiltStatistics
 from plumbob.rotations import euler_zyx_from_quat, quat_rotate
 from plumbob.rotations.headings import euler_sd, heading_of
@@ -56,18 +56,18 @@ class Moments:
 
     def add(self, values: Floats) -> None:
         """Take rows (n, C)."""
-        known = np.isfinite(values)
-        count = known.sum(axis=0).astype(np.float64)
-        own = np.where(known, values, 0.0)
-        mean = own.sum(axis=0) / np.maximum(count, 1.0)
-        square = np.where(known, (values - mean) ** 2, 0.0).sum(axis=0)
+        finite = np.isfinite(values)
+        count = finite.sum(axis=0).astype(np.float64)
+        filled = np.where(finite, values, 0.0)
+        mean = filled.sum(axis=0) / np.maximum(count, 1.0)
+        square = np.where(finite, (values - mean) ** 2, 0.0).sum(axis=0)
         total = self.count + count
         off = mean - self.mean
         self.square += square + off**2 * self.count * count / np.maximum(total, 1.0)
         self.mean += off * count / np.maximum(total, 1.0)
         self.count = total
-        self.least = np.fmin(self.least, np.where(known, values, np.inf).min(axis=0))
-        self.greatest = np.fmax(self.greatest, np.where(known, values, -np.inf).max(axis=0))
+        self.least = np.fmin(self.least, np.where(finite, values, np.inf).min(axis=0))
+        self.greatest = np.fmax(self.greatest, np.where(finite, values, -np.inf).max(axis=0))
 
     @property
     def sd(self) -> Floats:
@@ -96,13 +96,13 @@ class Runs:
         if len(self.stretches) <= _RUNS:
             return
         self.coarse = True
-        kept = self.stretches[:1]
+        merged = self.stretches[:1]
         for begin, end in self.stretches[1:]:
-            if begin - kept[-1][1] <= apart:
-                kept[-1] = (kept[-1][0], end)
+            if begin - merged[-1][1] <= apart:
+                merged[-1] = (merged[-1][0], end)
             else:
-                kept.append((begin, end))
-        self.stretches = kept
+                merged.append((begin, end))
+        self.stretches = merged
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,8 +250,8 @@ class Gatherer:
         self._triads = samples.triads if isinstance(samples, ImuData) else ()
         duration = self._end - self._begin + self._step
         self._count = max(1, round(duration / self._burst))  # a rest of less than half a burst is the last one's
-        whole = min(self._burst, duration)
-        self._segment = segment_of(whole)
+        length = min(self._burst, duration)
+        self._segment = segment_length(length)
         self._tracing = Tracing(TRACED, total, most=self._most, circular=("roll", "heading"))
 
     def take(self, imu: ImuData | None, track: AttitudeTrack | None) -> None:
@@ -281,7 +281,7 @@ class Gatherer:
         assert self._tracing is not None
         spectra = Spectra.joined(self._spectra) if self._spectra else None
         tp = tuple(peak_period(spectra, i) for i in (0, 1)) if spectra else (math.nan, math.nan)
-        tilts = [one.tilt for one in self._bursts]
+        tilts = [burst.tilt for burst in self._bursts]
         for runs in self._flags.values():
             runs.thin((self._end - self._begin) / (_RUNS / 2))
         return Gathered(
@@ -295,11 +295,11 @@ class Gatherer:
             bursts=self._bursts,
             burst=self._burst,
             tilt=TiltStatistics.joined(tilts, (tp[0], tp[1])) if self._attitude else None,
-            headings=Headings.joined([one.headings for one in self._bursts]) if self._attitude else None,
+            headings=Headings.joined([burst.headings for burst in self._bursts]) if self._attitude else None,
             spectra=spectra if self._attitude else None,
             traces=self._tracing.done(),
             moments=self._moments,
-            flags=dict(sorted(self._flags.items(), key=lambda one: _ORDER[one[0]])),
+            flags=dict(sorted(self._flags.items(), key=lambda flag: _ORDER[flag[0]])),
         )
 
     def _rates(self, part: "_Part") -> None:
@@ -343,23 +343,23 @@ class Gatherer:
         spectra = welch(part.t, spectral, step=self._step, segment=self._segment, turns=(0, 1))
         self._spectra.append(spectra)
         motions = [Motion.of(part.t, angle).peaked(spectra, i) for i, angle in enumerate((roll, pitch))]
-        known = TiltStatistics(motions[0], motions[1], Inclination.of(part.t, tilt, self._limit))
+        stats = TiltStatistics(motions[0], motions[1], Inclination.of(part.t, tilt, self._limit))
         span = (begin, end)
         verdicts = self._verdicts(part, span)
-        self._bursts.append(Burst(begin, end, part.t.size, known, Headings.of(heading), verdicts))
+        self._bursts.append(Burst(begin, end, part.t.size, stats, Headings.of(heading), verdicts))
 
     def _verdicts(self, part: "_Part", span: tuple[float, float]) -> dict[str, quality.Verdict]:
-        found = {}
+        verdicts = {}
         for name in self._triads:
             values = np.stack([part.column(axis) for axis in AXES[name]], axis=1)
             vertical = part.vertical if name == "acc" else None
-            found[name] = quality.verdict(name, part.t, values, part.words, span, vertical)
+            verdicts[name] = quality.verdict(name, part.t, values, part.words, span, vertical)
         if self._moments.count[TRACED.index("temp")]:
-            found["temp"] = quality.verdict("temp", part.t, part.column("temp")[:, np.newaxis], part.words, span)
+            verdicts["temp"] = quality.verdict("temp", part.t, part.column("temp")[:, np.newaxis], part.words, span)
         if self._attitude:
             values = np.stack((part.column("roll"), part.column("pitch")), axis=1)
-            found["attitude"] = quality.verdict("attitude", part.t, values, part.words, span)
-        return found
+            verdicts["attitude"] = quality.verdict("attitude", part.t, values, part.words, span)
+        return verdicts
 
 
 _ORDER: Final = {name: number for number, (name, _) in enumerate(flags.MEANING.values())}
@@ -387,7 +387,7 @@ class _Part:
         if len(parts) == 1:
             return parts[0]
         names = ("t", "traced", "rate", "vertical", "words")
-        return cls(*(np.concatenate([getattr(one, name) for one in parts]) for name in names))
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def _part(imu: ImuData | None, track: AttitudeTrack | None) -> _Part:
@@ -420,7 +420,7 @@ def _part(imu: ImuData | None, track: AttitudeTrack | None) -> _Part:
 def attitude_channels(track: AttitudeTrack) -> dict[str, Floats]:
     """Roll, pitch, heading and inclination of a track, their claimed standard deviations, and its bias; rad, rad/s."""
     _, pitch, roll = euler_zyx_from_quat(track.q_nb).T
-    found = {
+    channels = {
         "roll": roll,
         "pitch": pitch,
         "heading": heading_of(track.q_nb, track.frame),
@@ -428,10 +428,10 @@ def attitude_channels(track: AttitudeTrack) -> dict[str, Floats]:
     }
     if track.cov_b is not None:
         sd = euler_sd(track.q_nb, track.cov_b).T
-        found |= dict(zip(("heading_sd", "pitch_sd", "roll_sd"), sd, strict=True))
+        channels |= dict(zip(("heading_sd", "pitch_sd", "roll_sd"), sd, strict=True))
     if track.bias_b is not None:
-        found |= {f"bias_{axis}": track.bias_b[:, i] for i, axis in enumerate("xyz")}
-    return found
+        channels |= {f"bias_{axis}": track.bias_b[:, i] for i, axis in enumerate("xyz")}
+    return channels
 
 
 def _usual_step(t: Floats) -> float:

@@ -35,51 +35,51 @@ def shown_scale(channel: str) -> float:
 def tables(subject: Subject) -> list[Table]:
     """Tables of one recording, those for every reader first."""
     g = subject.gathered
-    found = []
+    parts = []
     if g.tilt is not None and g.headings is not None:
-        found += [_motions(g.tilt.roll, g.tilt.pitch), _inclination(g.tilt.inclination), heading_table(g.headings)]
+        parts += [_motions(g.tilt.roll, g.tilt.pitch), _inclination(g.tilt.inclination), heading_table(g.headings)]
     if g.triads or g.has("temp"):
-        found.append(sensor_table(g))
-    found.append(flag_table(g))
+        parts.append(sensor_table(g))
+    parts.append(flag_table(g))
     if g.tilt is not None:
-        found.append(burst_table(subject))
+        parts.append(burst_table(subject))
     if subject.grade is not None:
-        found.append(grade_table(subject.grade))
+        parts.append(grade_table(subject.grade))
     if quality_table(subject).rows:
-        found += [quality_table(subject), threshold_table()]
+        parts += [quality_table(subject), threshold_table()]
     if g.headings is not None:
-        found.append(sector_table(g.headings))
-    return found
+        parts.append(sector_table(g.headings))
+    return parts
 
 
 def _motions(roll: Motion, pitch: Motion) -> Table:
     head = ("", *(f"{name} [°]" for name in _MOTION), "Tz [s]", "Tp [s]", "waves")
-    rows = [(name, *_motion(one)) for name, one in (("roll", roll), ("pitch", pitch))]
+    rows = [(name, *_motion(motion)) for name, motion in (("roll", roll), ("pitch", pitch))]
     return Table("Roll and pitch", head, rows)
 
 
-def _motion(one: Motion) -> tuple[str, ...]:
-    angles = (one.mean, one.sd, one.rms, one.least, one.greatest, one.significant, one.largest)
-    return (*map(degrees, angles), seconds(one.tz), seconds(one.tp), str(one.waves) if one.samples else "-")
+def _motion(motion: Motion) -> tuple[str, ...]:
+    angles = (motion.mean, motion.sd, motion.rms, motion.least, motion.greatest, motion.significant, motion.largest)
+    return (*map(degrees, angles), seconds(motion.tz), seconds(motion.tp), str(motion.waves) if motion.samples else "-")
 
 
-def _inclination(one: Inclination) -> Table:
+def _inclination(tilt: Inclination) -> Table:
     head = ("", "mean [°]", "std [°]", "rms [°]", "greatest [°]", "at [s]", "limit [°]", "beyond [%]")
-    row = ("inclination", *map(degrees, (one.mean, one.sd, one.rms, one.greatest)), seconds(one.greatest_at),
-           degrees(one.limit), percent(one.share_beyond))  # fmt: skip
+    row = ("inclination", *map(degrees, (tilt.mean, tilt.sd, tilt.rms, tilt.greatest)), seconds(tilt.greatest_at),
+           degrees(tilt.limit), percent(tilt.share_beyond))  # fmt: skip
     return Table("Inclination from the vertical", head, [row])
 
 
-def heading_table(one: Headings) -> Table:
+def heading_table(hdg: Headings) -> Table:
     """Circular mean and spread."""
     head = ("", "mean [°]", "spread [°]", "resultant", "samples")
-    return Table("Heading", head, [("heading", degrees(one.mean), degrees(one.spread), number(one.resultant),
-                                    str(one.samples))])  # fmt: skip
+    return Table("Heading", head, [("heading", degrees(hdg.mean), degrees(hdg.spread), number(hdg.resultant),
+                                    str(hdg.samples))])  # fmt: skip
 
 
-def sector_table(one: Headings) -> Table:
+def sector_table(headings: Headings) -> Table:
     """Share of the samples in each of 16 sectors."""
-    rows = [(f"{22.5 * k:g}°", percent(float(share))) for k, share in enumerate(one.sectors(16))]
+    rows = [(f"{22.5 * k:g}°", percent(float(share))) for k, share in enumerate(headings.sectors(16))]
     return Table("Share of time by heading", ("sector about", "share [%]"), rows, detail="heading")
 
 
@@ -90,8 +90,8 @@ def sensor_table(g: Gathered) -> Table:
     for triad, channel in names:
         i, scale = TRACED.index(channel), shown_scale(channel)
         m = g.moments
-        known = m.count[i] > 0
-        values = (m.mean[i], m.sd[i], m.least[i], m.greatest[i]) if known else (math.nan,) * 4
+        has_samples = m.count[i] > 0
+        values = (m.mean[i], m.sd[i], m.least[i], m.greatest[i]) if has_samples else (math.nan,) * 4
         label = channel.replace("_", " ") if triad != "temp" else "temperature"
         rows.append((f"{label} [{UNITS[triad]}]", *(number(float(v) * scale, 4) for v in values), str(int(m.count[i]))))
     return Table("Sensors", ("", "mean", "std", "least", "greatest", "samples"), rows)
@@ -101,8 +101,8 @@ def flag_table(g: Gathered) -> Table:
     """Gaps and flags with their counts."""
     meaning = dict(flags.MEANING.values())
     longest = max((end - begin for begin, end in g.gaps), default=0.0)
-    whole = f"longest step {longest:.6g} s, {g.missing} samples missing by the usual step of {1e3 * g.step:.6g} ms"
-    rows = [("time in gaps", str(len(g.gaps)), percent(g.lost / max(g.duration, g.step)), whole if g.gaps else "–")]
+    steps = f"longest step {longest:.6g} s, {g.missing} samples missing by the usual step of {1e3 * g.step:.6g} ms"
+    rows = [("time in gaps", str(len(g.gaps)), percent(g.lost / max(g.duration, g.step)), steps if g.gaps else "–")]
     rows += [
         (name, str(runs.samples), percent(runs.samples / g.samples), meaning[name]) for name, runs in g.flags.items()
     ]
@@ -115,14 +115,14 @@ def burst_table(subject: Subject) -> Table:
             "pitch significant [°]", "pitch Tz [s]", "tilt mean [°]", "tilt greatest [°]", "beyond [%]",
             "heading mean [°]", "heading spread [°]")  # fmt: skip
     rows = []
-    for one in subject.gathered.bursts:
-        roll, pitch, tilt = one.tilt.roll, one.tilt.pitch, one.tilt.inclination
+    for burst in subject.gathered.bursts:
+        roll, pitch, tilt = burst.tilt.roll, burst.tilt.pitch, burst.tilt.inclination
         rows.append((
-            subject.utc(one.begin) or f"{one.begin:.6g} s", f"{one.end - one.begin:.6g}",
+            subject.utc(burst.begin) or f"{burst.begin:.6g} s", f"{burst.end - burst.begin:.6g}",
             degrees(roll.sd), degrees(roll.significant), seconds(roll.tz),
             degrees(pitch.sd), degrees(pitch.significant), seconds(pitch.tz),
             degrees(tilt.mean), degrees(tilt.greatest), percent(tilt.share_beyond),
-            degrees(one.headings.mean), degrees(one.headings.spread),
+            degrees(burst.headings.mean), degrees(burst.headings.spread),
         ))  # fmt: skip
     return Table("Bursts", head, rows, detail="bursts")
 
@@ -134,13 +134,13 @@ def grade_table(grade: Grade) -> Table:
     """Grade of a recording, and what it lost points for, the dearest first."""
     rows = [
         (
-            _GRADED.get(one.name, one.name),
-            f"{one.lost:.3g}",
-            f"{one.points:g}",
-            "; ".join(filter(None, (one.measured, one.advice))),
+            _GRADED.get(criterion.name, criterion.name),
+            f"{criterion.lost:.3g}",
+            f"{criterion.points:g}",
+            "; ".join(filter(None, (criterion.measured, criterion.advice))),
         )
-        for one in sorted(grade.criteria, key=lambda one: -one.lost)
-        if one.lost
+        for criterion in sorted(grade.criteria, key=lambda criterion: -criterion.lost)
+        if criterion.lost
     ]
     title = f"Grade: {grade.points:g} of 100, {grade.word}"
     return Table(
@@ -150,19 +150,19 @@ def grade_table(grade: Grade) -> Table:
 
 def quality_table(subject: Subject) -> Table:
     """Quality flag of each burst and channel, with the tests that did not pass."""
-    channels = [name for name in quality.CHANNELS if any(name in one.verdicts for one in subject.gathered.bursts)]
+    channels = [name for name in quality.CHANNELS if any(name in burst.verdicts for burst in subject.gathered.bursts)]
     rows = [
-        (subject.utc(one.begin) or f"{one.begin:.6g} s", *(_verdict(one, name) for name in channels))
-        for one in subject.gathered.bursts
+        (subject.utc(burst.begin) or f"{burst.begin:.6g} s", *(_verdict(burst, name) for name in channels))
+        for burst in subject.gathered.bursts
     ]
     return Table("Quality flags by burst", ("begin", *channels), rows if channels else [], detail="quality")
 
 
 def _verdict(burst: Burst, channel: str) -> str:
-    one = burst.verdicts.get(channel)
-    if one is None:
+    verdict = burst.verdicts.get(channel)
+    if verdict is None:
         return "-"
-    return f"{one.flag} {quality.MEANING[one.flag]}{f': {one.why}' if one.why else ''}"
+    return f"{verdict.flag} {quality.MEANING[verdict.flag]}{f': {verdict.why}' if verdict.why else ''}"
 
 
 def threshold_table() -> Table:
@@ -177,8 +177,8 @@ def comparison_table(subjects: Sequence[Subject]) -> Table:
             "roll Tz [s]", "pitch std [°]", "pitch significant [°]", "pitch Tz [s]", "tilt greatest [°]",
             "heading mean [°]", "calibration", "grade")  # fmt: skip
     rows = []
-    for one in subjects:
-        g = one.gathered
+    for subject in subjects:
+        g = subject.gathered
         tilt = ["-"] * 7
         if g.tilt is not None:
             moves = (g.tilt.roll, g.tilt.pitch)
@@ -186,17 +186,17 @@ def comparison_table(subjects: Sequence[Subject]) -> Table:
             tilt = [*each[0], *each[1], degrees(g.tilt.inclination.greatest)]
         heading = "-" if g.headings is None else degrees(g.headings.mean)
         loss = percent(g.lost / max(g.duration, g.step))
-        told = "yes" if one.calibrated else "no"
+        calibrated = "yes" if subject.calibrated else "no"
         rows.append(
             (
-                one.name,
+                subject.name,
                 f"{g.duration:.6g}",
                 f"{1.0 / g.step:.6g}",
                 loss,
                 *tilt,
                 heading,
-                told,
-                "-" if one.grade is None else f"{one.grade.points:g}",
+                calibrated,
+                "-" if subject.grade is None else f"{subject.grade.points:g}",
             )
         )
     return Table("Recordings", head, rows)
@@ -233,7 +233,7 @@ def percent(share: float) -> str:
 def summary(subject: Subject) -> dict[str, Any]:
     """All numbers of a recording, as JSON can hold them; degrees, seconds, units in every name."""
     g = subject.gathered
-    found: dict[str, Any] = {
+    numbers: dict[str, Any] = {
         "recording": subject.name,
         "provenance": [list(fact) for fact in subject.facts],
         "remarks": list(subject.remarks),
@@ -254,34 +254,34 @@ def summary(subject: Subject) -> dict[str, Any]:
         "sensors": _sensor_numbers(g),
         "flags": {name: _runs(runs, g.samples) for name, runs in g.flags.items()},
         "grade": None if subject.grade is None else subject.grade.summary(),
-        "bursts": [_burst(subject, one) for one in g.bursts],
+        "bursts": [_burst(subject, burst) for burst in g.bursts],
         "quality_thresholds": [list(row) for row in quality.thresholds()],
         "plot": {"samples_per_pair": g.traces.each, "rows": int(g.traces.t.size)},
     }  # fmt: skip
-    return dict(plain(found))
+    return dict(plain(numbers))
 
 
-def motion_numbers(one: Motion) -> dict[str, Any]:
+def motion_numbers(m: Motion) -> dict[str, Any]:
     """Of roll or pitch."""
-    angles = (one.mean, one.sd, one.rms, one.least, one.greatest, one.significant, one.largest)
-    found: dict[str, Any] = {f"{name}_deg": _deg(value) for name, value in zip(_MOTION, angles, strict=True)}
-    return found | {"tz_s": one.tz, "tp_s": one.tp, "waves": one.waves, "samples": one.samples, "wrapped": one.wrapped}
+    angles = (m.mean, m.sd, m.rms, m.least, m.greatest, m.significant, m.largest)
+    numbers: dict[str, Any] = {f"{name}_deg": _deg(value) for name, value in zip(_MOTION, angles, strict=True)}
+    return numbers | {"tz_s": m.tz, "tp_s": m.tp, "waves": m.waves, "samples": m.samples, "wrapped": m.wrapped}
 
 
-def inclination_numbers(one: Inclination) -> dict[str, Any]:
+def inclination_numbers(tilt: Inclination) -> dict[str, Any]:
     """Of the angle from the vertical."""
     return {
-        "mean_deg": _deg(one.mean), "std_deg": _deg(one.sd), "rms_deg": _deg(one.rms),
-        "greatest_deg": _deg(one.greatest), "greatest_at_s": one.greatest_at, "limit_deg": _deg(one.limit),
-        "beyond": one.beyond, "beyond_share": one.share_beyond, "samples": one.samples,
+        "mean_deg": _deg(tilt.mean), "std_deg": _deg(tilt.sd), "rms_deg": _deg(tilt.rms),
+        "greatest_deg": _deg(tilt.greatest), "greatest_at_s": tilt.greatest_at, "limit_deg": _deg(tilt.limit),
+        "beyond": tilt.beyond, "beyond_share": tilt.share_beyond, "samples": tilt.samples,
     }  # fmt: skip
 
 
-def heading_numbers(one: Headings) -> dict[str, Any]:
+def heading_numbers(hdg: Headings) -> dict[str, Any]:
     """Of headings."""
     return {
-        "mean_deg": _deg(one.mean), "spread_deg": _deg(one.spread), "resultant": one.resultant, "samples": one.samples,
-        "share_by_10_deg": one.sectors(36), "share_by_22_5_deg": one.sectors(16),
+        "mean_deg": _deg(hdg.mean), "spread_deg": _deg(hdg.spread), "resultant": hdg.resultant, "samples": hdg.samples,
+        "share_by_10_deg": hdg.sectors(36), "share_by_22_5_deg": hdg.sectors(16),
     }  # fmt: skip
 
 
@@ -307,30 +307,30 @@ def _spectra(g: Gathered) -> dict[str, Any] | None:
 
 
 def _sensor_numbers(g: Gathered) -> dict[str, Any]:
-    m, found = g.moments, {}
+    m, numbers = g.moments, {}
     for i, name in enumerate(TRACED):
         stem = name.partition("_")[0]
         if stem in UNITS and m.count[i] > 0:
             scale = shown_scale(name)
             values: Floats = scale * np.array([m.mean[i], m.sd[i], m.least[i], m.greatest[i]])
             keys = ("mean", "std", "least", "greatest")
-            found[f"{name} [{UNITS[stem]}]"] = dict(zip(keys, values.tolist(), strict=True)) | {
+            numbers[f"{name} [{UNITS[stem]}]"] = dict(zip(keys, values.tolist(), strict=True)) | {
                 "samples": int(m.count[i])
             }
-    return found
+    return numbers
 
 
 def _runs(runs: Runs, samples: int) -> dict[str, Any]:
     return {"samples": runs.samples, "share": runs.samples / samples, "stretches": len(runs.stretches)}
 
 
-def _burst(subject: Subject, one: Burst) -> dict[str, Any]:
+def _burst(subject: Subject, burst: Burst) -> dict[str, Any]:
     return {
-        "begin_s": one.begin, "end_s": one.end, "begin_utc": subject.utc(one.begin), "samples": one.samples,
-        "roll": motion_numbers(one.tilt.roll), "pitch": motion_numbers(one.tilt.pitch),
-        "inclination": inclination_numbers(one.tilt.inclination), "heading": heading_numbers(one.headings),
+        "begin_s": burst.begin, "end_s": burst.end, "begin_utc": subject.utc(burst.begin), "samples": burst.samples,
+        "roll": motion_numbers(burst.tilt.roll), "pitch": motion_numbers(burst.tilt.pitch),
+        "inclination": inclination_numbers(burst.tilt.inclination), "heading": heading_numbers(burst.headings),
         "quality": {
-            name: {"flag": found.flag, "tests": dict(found.tests), "good_share": found.good}
-            for name, found in one.verdicts.items()
+            name: {"flag": verdict.flag, "tests": dict(verdict.tests), "good_share": verdict.good}
+            for name, verdict in burst.verdicts.items()
         },
     }  # fmt: skip

@@ -40,7 +40,7 @@ class Traces:
     names: tuple[str, ...]
     each: int
 
-    def of(self, name: str) -> Floats:
+    def channel(self, name: str) -> Floats:
         """One channel (M,)."""
         return self.values[:, self.names.index(name)].astype(np.float64)
 
@@ -88,11 +88,11 @@ class Tracing:
             if start and stop > start:
                 self._break(t[start - 1], t[start])
             last = stop == t.size
-            whole = start + (stop - start) // self._each * self._each if last else stop
-            if whole > start:
-                self._add_extremes(t[start:whole], values[start:whole])
+            full = start + (stop - start) // self._each * self._each if last else stop
+            if full > start:
+                self._add_extremes(t[start:full], values[start:full])
             if last:
-                self._left_t, self._left = t[whole:].copy(), values[whole:].copy()
+                self._left_t, self._left = t[full:].copy(), values[full:].copy()
 
     def done(self) -> Traces:
         """All of them."""

@@ -15,33 +15,33 @@ BARE: Final = f"Calibration: {UNCALIBRATED}. All numbers of this page are of unc
 
 def remarks(subject: Subject) -> list[str]:
     """What a reader must know of a recording, a sentence each."""
-    g, found = subject.gathered, []
+    g, lines = subject.gathered, []
     if not subject.calibrated:
-        found.append(BARE)
+        lines.append(BARE)
     if g.traces.each > 1:
-        found.append(
+        lines.append(
             f"plots: each pair of points is the smallest and the largest of {g.traces.each} samples; statistics, "
             "spectra and flags are of all samples"
         )
-    found += [line for line in subject.remarks if not line.startswith("calibration: ")]
+    lines += [line for line in subject.remarks if not line.startswith("calibration: ")]
     if g.tilt is not None:
-        for name, one in (("roll", g.tilt.roll), ("pitch", g.tilt.pitch)):
-            if one.wrapped:
-                found.append(f"{name} went through ±180°, so that its mean, its deviation and its waves are left out")
+        for name, motion in (("roll", g.tilt.roll), ("pitch", g.tilt.pitch)):
+            if motion.wrapped:
+                lines.append(f"{name} went through ±180°, so that its mean, its deviation and its waves are left out")
     if subject.north is North.FREE:
-        found.append("headings count from an arbitrary zero, so that the rose shows directions against it")
+        lines.append("headings count from an arbitrary zero, so that the rose shows directions against it")
     if g.spectra is not None and g.spectra.interpolated:
-        found.append(
+        lines.append(
             f"spectra: the samples of {g.spectra.interpolated} segments are not even in time and were interpolated, "
             "which damps high frequencies"
         )
-    return found
+    return lines
 
 
 def definitions(subjects: Sequence[Subject]) -> tuple[str, ...]:
     """What the words of the page mean."""
     first = subjects[0].gathered
-    spectra = next((one.gathered.spectra for one in subjects if one.gathered.spectra is not None), None)
+    spectra = next((subject.gathered.spectra for subject in subjects if subject.gathered.spectra is not None), None)
     welch = (
         ""
         if spectra is None

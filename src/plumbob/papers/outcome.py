@@ -127,7 +127,7 @@ class Outcome:
 
     def stored(self) -> dict[str, Any]:
         """All of it for another process, as JSON can hold it; `restored` makes it again."""
-        held = {one.name: getattr(self, one.name) for one in fields(self)}
+        held = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: {"en": v[:], "zh": v.zh} if isinstance(v, Both) else v for name, v in held.items()}
 
     def row(self) -> list[str]:
@@ -150,7 +150,7 @@ HEAD: Final = (
 
 def table(outcomes: Sequence[Outcome], title: str = "") -> Table:
     """Table of outcomes."""
-    return Table(title, HEAD, [one.row() for one in outcomes], words=(1, 2, 6))
+    return Table(title, HEAD, [outcome.row() for outcome in outcomes], words=(1, 2, 6))
 
 
 def shown(value: float | str | None, digits: int) -> str:

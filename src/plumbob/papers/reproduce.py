@@ -81,11 +81,11 @@ class Reproduction:
     @property
     def met(self) -> bool:
         """Whether every bar is met."""
-        return all(one.met for paper in self.outcomes.values() for one in paper)
+        return all(outcome.met for paper in self.outcomes.values() for outcome in paper)
 
     def report(self) -> Report:
         """All outcomes, a part for each paper."""
-        parts = [Report(TITLES[name], tables=[table(found)]) for name, found in self.outcomes.items()]
+        parts = [Report(TITLES[name], tables=[table(outcomes)]) for name, outcomes in self.outcomes.items()]
         facts = [("made by", f"plumbob {__version__}"), (Both("seed", "随机种子"), f"{self.seed}")]
         facts.append((Both("outcomes", "指标"), self._counts()))
         return Report(Both("Five papers, reproduced", "五篇论文的复现"), facts=facts, parts=parts, remarks=DEFINITIONS)
@@ -93,10 +93,10 @@ class Reproduction:
     def index(self) -> Report:
         """What `index.html` has: counts, then the main figures of each paper, all of them folded away."""
         names = Both("paper", "论文"), Both("figures", "指标"), PASS, SHOWN, CANNOT, MISSED
-        rows = [[TITLES[name], *map(str, counts(found))] for name, found in self.outcomes.items()]
+        rows = [[TITLES[name], *map(str, counts(outcomes))] for name, outcomes in self.outcomes.items()]
         parts = [
-            Report(TITLES[name], facts=[(_ABOUT, ABOUT[name])], tables=_first_tables(name, found))
-            for name, found in self.outcomes.items()
+            Report(TITLES[name], facts=[(_ABOUT, ABOUT[name])], tables=_first_tables(name, outcomes))
+            for name, outcomes in self.outcomes.items()
         ]
         links = [(TITLES[name], f"{name}.html") for name in self.outcomes]
         counted_up = Table("", names, rows)
@@ -110,11 +110,11 @@ class Reproduction:
 
     def summary(self) -> dict[str, Any]:
         """What JSON has of it."""
-        papers = {name: [one.summary() for one in found] for name, found in self.outcomes.items()}
+        papers = {name: [outcome.summary() for outcome in outcomes] for name, outcomes in self.outcomes.items()}
         return {"seed": self.seed, "version": __version__, "met": self.met, "papers": papers}
 
     def _counts(self) -> Both:
-        return _counted([one for found in self.outcomes.values() for one in found])
+        return _counted([outcome for outcomes in self.outcomes.values() for outcome in outcomes])
 
 
 def _counted(outcomes: Sequence[Outcome]) -> Both:
@@ -184,16 +184,16 @@ def reproduce(
         outcomes = {chosen[0]: run_paper(chosen[0], folder, seed, lang, progress)}
     else:
         outcomes = _side_by_side(chosen, folder, seed, lang, jobs, progress)
-    found = Reproduction(seed, outcomes, folder)
-    found.index().write_html(folder / "index.html", lang=lang, overwrite=True)
-    write_text(folder / "outcomes.json", json.dumps(found.summary(), indent=1) + "\n", overwrite=True)
-    return found
+    reproduction = Reproduction(seed, outcomes, folder)
+    reproduction.index().write_html(folder / "index.html", lang=lang, overwrite=True)
+    write_text(folder / "outcomes.json", json.dumps(reproduction.summary(), indent=1) + "\n", overwrite=True)
+    return reproduction
 
 
 def items(paper: str) -> Sequence[Item]:
     """Everything that a paper describes, states or shows, and where it is done."""
-    found: Sequence[Item] = import_module(f"plumbob.papers.{paper}").ITEMS
-    return found
+    paper_items: Sequence[Item] = import_module(f"plumbob.papers.{paper}").ITEMS
+    return paper_items
 
 
 def _chosen(papers: Sequence[str]) -> list[str]:
@@ -217,24 +217,24 @@ def _folder(folder: Path, *, overwrite: bool) -> Path:
 
 def run_paper(name: str, folder: Path, seed: int, lang: str, progress: Progress | None) -> Sequence[Outcome]:
     """Run a paper in this process, and write its page and its outcomes."""
-    own = folder / name
-    own.mkdir(exist_ok=True)
+    subfolder = folder / name
+    subfolder.mkdir(exist_ok=True)
 
-    def told(what: str, done: int, of: int) -> None:
+    def on_step(what: str, done: int, of: int) -> None:
         if progress is not None:
             progress(f"{name}: {what}", done, of)
 
-    found: Paper = import_module(f"plumbob.papers.{name}").run(Work(own, seed, told))
-    report = found.report
+    paper: Paper = import_module(f"plumbob.papers.{name}").run(Work(subfolder, seed, on_step))
+    report = paper.report
     page = replace(
         report,
-        facts=[(_ABOUT, ABOUT[name]), (Both("outcomes", "指标"), _counted(found.outcomes)), *report.facts],
-        tables=[*_first_tables(name, found.outcomes), *report.tables],
+        facts=[(_ABOUT, ABOUT[name]), (Both("outcomes", "指标"), _counted(paper.outcomes)), *report.facts],
+        tables=[*_first_tables(name, paper.outcomes), *report.tables],
         links=[(Both("all papers", "全部论文"), "index.html"), *report.links, *part_links(report)],
         definitions=[*DEFINITIONS, *report.definitions],
     )
     page.write_html(folder / f"{name}.html", lang=lang, overwrite=True)
-    return found.outcomes
+    return paper.outcomes
 
 
 def _side_by_side(
@@ -250,7 +250,7 @@ def _side_by_side(
                 return ()
             process = _alone(name, f"{folder}", f"{seed}", lang)
             running.append(process)
-        return _followed(name, process, progress)
+        return _listen(name, process, progress)
 
     with ThreadPoolExecutor(jobs) as pool:
         futures = {name: pool.submit(run, name) for name in sorted(names, key=_LONGEST.index)}
@@ -280,25 +280,25 @@ def _alone(*words: str) -> subprocess.Popen[str]:
     )
 
 
-def _followed(name: str, process: subprocess.Popen[str], progress: Progress | None) -> Sequence[Outcome]:
+def _listen(name: str, process: subprocess.Popen[str], progress: Progress | None) -> Sequence[Outcome]:
     """Hear a paper's process to its end: how far it is, what it found, or why it ended."""
-    found: list[Outcome] = []
+    outcomes: list[Outcome] = []
     last: deque[str] = deque(maxlen=5)
     assert process.stderr is not None
     with process.stderr as lines:
         for line in lines:
-            word, *told = line.rstrip("\n").split("\t")
+            word, *args = line.rstrip("\n").split("\t")
             if word == FOUND:
-                found = [restored(one) for one in json.loads(told[0])]
+                outcomes = [restored(stored) for stored in json.loads(args[0])]
             elif word != STEP:
                 last.append(line)
             elif progress is not None:
-                progress(told[0], int(told[1]), int(told[2]))
+                progress(args[0], int(args[1]), int(args[2]))
     if code := process.wait():
         how = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
         how += ", as a system does that is short of memory; try one job" if -code == _KILLED else ""
         raise DecodeError(f"{name} {how}: {''.join(last).strip()}" if last else f"{name} {how}.")
-    return found
+    return outcomes
 
 
 ABOUT: Final[Mapping[str, Both]] = {
@@ -361,17 +361,17 @@ MAIN: Final[Mapping[str, Sequence[str]]] = {
 
 def main_figures(name: str, outcomes: Sequence[Outcome]) -> Table:
     """Table of a paper's main outcomes, with a word for each verdict."""
-    known = {one.key: one for one in outcomes}
-    rows = [[*known[key].row()[:-1], known[key].word] for key in MAIN[name] if key in known]
+    by_key = {outcome.key: outcome for outcome in outcomes}
+    rows = [[*by_key[key].row()[:-1], by_key[key].word] for key in MAIN[name] if key in by_key]
     return Table(Both("Main figures", "主要指标"), HEAD, rows, words=(1, 2, 6))
 
 
 def not_had(outcomes: Sequence[Outcome]) -> Table | None:
     """Table of what is missed or cannot be reproduced, a row for each reason; None where there is nothing."""
     why: dict[Both, list[Outcome]] = {}
-    for one in outcomes:
-        if one.reason is not None and not (one.met and one.reproducible):
-            why.setdefault(one.reason, []).append(one)
+    for outcome in outcomes:
+        if outcome.reason is not None and not (outcome.met and outcome.reproducible):
+            why.setdefault(outcome.reason, []).append(outcome)
     rows = []
     for reason, group in why.items():
         first, more = group[0], len(group) - 1
@@ -384,5 +384,5 @@ def not_had(outcomes: Sequence[Outcome]) -> Table | None:
 
 def counts(outcomes: Sequence[Outcome]) -> Sequence[int]:
     """Of all outcomes: how many pass, are shown without a bar, are not reproducible, and are missed."""
-    words = [one.word for one in outcomes]
+    words = [outcome.word for outcome in outcomes]
     return [len(words), *(words.count(word) for word in (PASS, SHOWN, CANNOT, MISSED))]

@@ -19,11 +19,11 @@ def main(name: str, folder: str, seed: str, lang: str) -> int:
         sys.stderr.flush()
 
     try:
-        found = run_paper(name, Path(folder), int(seed), lang, lambda *step: say(STEP, *step))
+        outcomes = run_paper(name, Path(folder), int(seed), lang, lambda *step: say(STEP, *step))
     except (PlumbobError, OSError) as error:
         say(error)
         return 1
-    say(FOUND, json.dumps([one.stored() for one in found]))
+    say(FOUND, json.dumps([outcome.stored() for outcome in outcomes]))
     return 0
 
 

@@ -12,7 +12,7 @@ from plumbob.core.files import write_text
 from plumbob.core.time import to_ns
 from plumbob.data import ImuData
 from plumbob.data.recording import Recording
-from plumbob.door.estimate import recording_of
+from plumbob.door.estimate import opened_samples
 from plumbob.files import write
 from plumbob.live.emulated import emulate
 from plumbob.live.record import record
@@ -58,9 +58,9 @@ class Taken(NamedTuple):
     session: Path
 
 
-def samples_of(file: Path) -> ImuData:
+def recorded_samples(file: Path) -> ImuData:
     """Samples of a recording of one unit."""
-    return recording_of(file, None, None, whole=True)[2]
+    return opened_samples(file, None, None, whole=True)[2]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ class Work:
         """
         files = self._files(name)
         emulate(rig, **{"seed": self.seed, **how}, write=files.capture, truth=files.truth, overwrite=True)
-        return self._kept(rig, name, session, text)
+        return self._record(rig, name, session, text)
 
     def sent(self, rig: str, name: str, said: Simulation, *, session: str = "") -> Taken:
         """Send the samples of a simulation of your own in the frames of a rig of one unit, and record the bytes.
@@ -130,18 +130,18 @@ class Work:
             encode(form, columns_for(form.messages[0], {"": said}, t_ns, np.arange(t_ns.size))).tobytes()
         )
         write(files.truth, Recording(imu=said.imu, track=said.truth, name=name), overwrite=True)
-        return self._kept(rig, name, session)
+        return self._record(rig, name, session)
 
     def _files(self, name: str) -> Taken:
         return Taken(*(self.folder / f"{name}{end}" for end in (".mcap", ".truth.parquet", ".bin", ".session.toml")))
 
-    def _kept(self, rig: str, name: str, session: str, text: Path | None = None) -> Taken:
+    def _record(self, rig: str, name: str, session: str, text: Path | None = None) -> Taken:
         """Record the bytes that lie in the folder by a session."""
         files = self._files(name)
         write_text(files.session, _SESSION.format(name=name, rig=rig, more=session), overwrite=True)
         files.recording.unlink(missing_ok=True)  # a recording is never written over
-        told: list[str] = []
-        done = record(files.session, out=files.recording, text=text, note=told.append)
+        notes: list[str] = []
+        done = record(files.session, out=files.recording, text=text, note=notes.append)
         if done.lossy:  # a figure of what is left would be wrong without a word
-            raise DecodeError(f"{files.recording} was not recorded whole: {'; '.join(told)}.")
+            raise DecodeError(f"{files.recording} was not recorded whole: {'; '.join(notes)}.")
         return files

@@ -110,7 +110,7 @@ def c_header(form: Format) -> str:
         "#endif",
         "",
         *(_check_function(kind) for kind in _kinds(form)),
-        *(_message(form, one) for one in form.messages),
+        *(_message(form, message) for message in form.messages),
         f"#endif /* {guard} */",
     ]
     return "\n".join(parts) + "\n"
@@ -118,7 +118,7 @@ def c_header(form: Format) -> str:
 
 def _kinds(form: Format) -> list[str]:
     """Checks that the format uses, those of frames inside included."""
-    inner = [one.check for message in form.messages for one in message.fields]
+    inner = [field.check for message in form.messages for field in message.fields]
     return list(dict.fromkeys(check.kind for check in (*inner, form.framing.checksum) if check))
 
 
@@ -166,7 +166,7 @@ def _message(form: Format, message: Message) -> str:
         kind += f"_{_name(message.name)}"
     lines = ["typedef struct {", *_members(form, message), f"}} {kind};", ""]
     lines += [f'static_assert(sizeof({kind}) == {message.length}, "no padding");', ""]
-    lines += [line for one in message.fields if not one.derived for line in _accessors(kind, message, one)]
+    lines += [line for field in message.fields if not field.derived for line in _accessors(kind, message, field)]
     return "\n".join([*lines, *_seal(form, kind, message)])
 
 
@@ -175,14 +175,14 @@ def _members(form: Format, message: Message) -> Iterator[str]:
     words: dict[int, tuple[int, str, list[str]]] = {}
     framing = form.framing
     if framing.sync and not _says_sync(message):
-        own = [f.at for f in message.fields if not f.derived]  # of several beginnings, a field may say the rest
-        common = min([len(framing.sync[0]), *own])
+        starts = [f.at for f in message.fields if not f.derived]  # of several beginnings, a field may say the rest
+        common = min([len(framing.sync[0]), *starts])
         words[0] = (common, "sync", [framing.sync[0][:common].hex(" ").upper()])
     if rule := framing.length_field:
         words[rule.at] = (rule.size, "length", [f"length of the frame less {rule.add}, {rule.order}-endian"])
-    for one in (f for f in message.fields if not f.derived):
-        meanings = words.setdefault(one.at, (one.size, _member(message, one), []))[2]
-        meanings.append(_meaning(one))
+    for field in (f for f in message.fields if not f.derived):
+        meanings = words.setdefault(field.at, (field.size, _member(message, field), []))[2]
+        meanings.append(_meaning(field))
     if check := framing.checksum:
         how = algorithm(check.kind)
         place = check.at + (message.length if check.at < 0 else 0)
@@ -204,53 +204,53 @@ def _members(form: Format, message: Message) -> Iterator[str]:
 
 def _says_sync(message: Message) -> bool:
     """Whether a field says which of several beginnings the frame has."""
-    return any(one.at == 0 and not (one.fixed or one.derived) for one in message.fields)
+    return any(field.at == 0 and not (field.fixed or field.derived) for field in message.fields)
 
 
-def _member(message: Message, one: Field) -> str:
+def _member(message: Message, field: Field) -> str:
     """Name of the word that holds a field: its own, or where it begins when fields share it."""
-    shared = sum(f.at == one.at and not f.derived for f in message.fields) > 1
-    return f"word_{one.at}" if shared else _name(one.name)
+    shared = sum(f.at == field.at and not f.derived for f in message.fields) > 1
+    return f"word_{field.at}" if shared else _name(field.name)
 
 
-def _meaning(one: Field) -> str:
-    wide = f", {one.order}-endian" if one.size > 1 and one.type != "bcd" else ""
-    bits = f", bits {one.bits[0]} to {one.bits[1]}" if one.bits else ""
-    told = f"{one.name}: {one.type}{wide}{bits}"
-    if one.fixed:
-        return f"{told}; always {one.value}"
-    if not one.physical:
-        says = ", ".join(f"{code} {word}" for code, word in one.says.items())
-        of = f" (of {', '.join(one.of)}: {says})" if says else ""
-        return f"{told}; {one.role}{of}" + (f", {one.tick}" if one.unit else "")
-    inside = unit(one.unit).quantity.value
-    zero = f" + {one.raw_offset * one.scale + one.zero:.9g}" if one.raw_offset or one.zero else ""
-    return f"{told}; count * {one.scale:.9g}{zero} [{inside}]" if inside != "1" else f"{told}; count * {one.scale:.9g}"
+def _meaning(f: Field) -> str:
+    wide = f", {f.order}-endian" if f.size > 1 and f.type != "bcd" else ""
+    bits = f", bits {f.bits[0]} to {f.bits[1]}" if f.bits else ""
+    text = f"{f.name}: {f.type}{wide}{bits}"
+    if f.fixed:
+        return f"{text}; always {f.value}"
+    if not f.physical:
+        says = ", ".join(f"{code} {word}" for code, word in f.says.items())
+        of = f" (of {', '.join(f.of)}: {says})" if says else ""
+        return f"{text}; {f.role}{of}" + (f", {f.tick}" if f.unit else "")
+    inside = unit(f.unit).quantity.value
+    zero = f" + {f.raw_offset * f.scale + f.zero:.9g}" if f.raw_offset or f.zero else ""
+    return f"{text}; count * {f.scale:.9g}{zero} [{inside}]" if inside != "1" else f"{text}; count * {f.scale:.9g}"
 
 
-def _accessors(kind: str, message: Message, one: Field) -> Iterator[str]:
-    if one.fixed:
+def _accessors(kind: str, message: Message, f: Field) -> Iterator[str]:
+    if f.fixed:
         return
-    place, name = f"f->{_member(message, one)}", _name(one.name)
-    high, low = one.bits or (8 * one.size - 1, 0)
-    where = f"{one.size}, {int(one.order == 'big')}, {high}, {low}"
-    if one.type == "bcd":
+    place, name = f"f->{_member(message, f)}", _name(f.name)
+    high, low = f.bits or (8 * f.size - 1, 0)
+    where = f"{f.size}, {int(f.order == 'big')}, {high}, {low}"
+    if f.type == "bcd":
         yield f"static inline void {kind}_set_{name}({kind} *f, int32_t counts) {{ plumbob_put_bcd({place}, counts); }}"
         yield ""
         return
-    if one.type[0] == "f":
-        real, whole = ("float", "uint32_t") if one.size == 4 else ("double", "uint64_t")
+    if f.type[0] == "f":
+        real, uint = ("float", "uint32_t") if f.size == 4 else ("double", "uint64_t")
         yield f"static inline void {kind}_set_{name}({kind} *f, {real} value)"
-        yield f"{{ {whole} bits; memcpy(&bits, &value, sizeof bits); plumbob_put({place}, {where}, bits); }}"
+        yield f"{{ {uint} bits; memcpy(&bits, &value, sizeof bits); plumbob_put({place}, {where}, bits); }}"
         yield f"static inline {real} {kind}_get_{name}(const {kind} *f)"
-        yield f"{{ {whole} bits = ({whole})plumbob_get({place}, {where}); {real} value; "
+        yield f"{{ {uint} bits = ({uint})plumbob_get({place}, {where}); {real} value; "
         yield "  memcpy(&value, &bits, sizeof value); return value; }"
         yield ""
         return
     yield f"static inline void {kind}_set_{name}({kind} *f, int64_t counts)"
     yield f"{{ plumbob_put({place}, {where}, (uint64_t)counts); }}"
     yield f"static inline int64_t {kind}_get_{name}(const {kind} *f)"
-    sign = f"(counts ^ {_hex(one.width - 1)}) - {_hex(one.width - 1)}" if one.signed and one.width < 64 else "counts"
+    sign = f"(counts ^ {_hex(f.width - 1)}) - {_hex(f.width - 1)}" if f.signed and f.width < 64 else "counts"
     yield f"{{ int64_t counts = (int64_t)plumbob_get({place}, {where}); return {sign}; }}"
     yield ""
 
@@ -272,13 +272,13 @@ def _seal(form: Format, kind: str, message: Message) -> Iterator[str]:
         big = int(rule.order == "big")
         bits = 8 * rule.size - 1
         yield f"    plumbob_put(at + {rule.at}, {rule.size}, {big}, {bits}, 0, {message.length - rule.add});"
-    for one in (f for f in message.fields if f.fixed):
-        high, low = one.bits or (8 * one.size - 1, 0)
-        big = int(one.order == "big")
-        yield f"    plumbob_put(at + {one.at}, {one.size}, {big}, {high}, {low}, {one.value & (1 << one.width) - 1}u);"
+    for f in (f for f in message.fields if f.fixed):
+        high, low = f.bits or (8 * f.size - 1, 0)
+        big = int(f.order == "big")
+        yield f"    plumbob_put(at + {f.at}, {f.size}, {big}, {high}, {low}, {f.value & (1 << f.width) - 1}u);"
     for start, stop, bit in parities(form, message):
         yield f"    plumbob_set_odd(at + {start}, {stop - start}, {bit});"
-    yield from (_put_check(one.check, one.at, one.size) for one in message.fields if one.check)
+    yield from (_put_check(field.check, field.at, field.size) for field in message.fields if field.check)
     if framing.checksum:
         yield _put_check(framing.checksum, 0, message.length)
     yield from (

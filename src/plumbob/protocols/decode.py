@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.series import frame_of
+from plumbob.core.series import data_frame
 from plumbob.core.text import one_line, small_table
 from plumbob.core.units import unit
 from plumbob.data import TRIADS, ImuData
@@ -20,7 +20,7 @@ from plumbob.protocols import scan
 from plumbob.protocols.field import Field
 from plumbob.protocols.find import find_format
 from plumbob.protocols.format import Format, Message
-from plumbob.protocols.scan import Reads, plan_of
+from plumbob.protocols.scan import Reads, format_plan
 from plumbob.protocols.unpack import Column, Unpacker
 
 Ints = NDArray[np.int64]
@@ -96,8 +96,8 @@ class Counts:
     def why_rejected(self) -> str:
         """Which checks candidates for a frame failed, to stand behind a sentence; empty where there was none."""
         reasons = {"checksum": self.bad_checksum, "content": self.bad_content, "length": self.bad_length}
-        told = ", ".join(f"{count} for their {word}" for word, count in reasons.items() if count)
-        return f"; candidates rejected: {told}" if told else ""
+        rejections = ", ".join(f"{count} for their {word}" for word, count in reasons.items() if count)
+        return f"; candidates rejected: {rejections}" if rejections else ""
 
 
 class Decoder:
@@ -116,7 +116,7 @@ class Decoder:
 
     def __init__(self, form: Format) -> None:
         self.form = check.kind("form", form, Format, hint="find_format(name) gives one.").bind()
-        self._plan = plan_of(self.form)
+        self._plan = format_plan(self.form)
         self._unpackers = [Unpacker(message) for message in self.form.messages]
         self._state: Ints = np.zeros(scan.STATE, dtype=np.int64)
         self._state[scan.HUNTING] = 1
@@ -155,25 +155,25 @@ class Decoder:
         if data:
             self._reads.add(self._done + len(self._pending), t_ns)
         self.counts.received += len(data)
-        whole = self._pending + data if self._pending else data
+        buffer = self._pending + data if self._pending else data
         parts: dict[int, list[Frames]] = {}
         at = 0
         while True:
-            end = min(len(whole), at + _SLICE)
-            last = end == len(whole)
-            at, full = self._slice(whole, at, end, final and last, parts)
+            end = min(len(buffer), at + _SLICE)
+            last = end == len(buffer)
+            at, full = self._slice(buffer, at, end, final and last, parts)
             if last and not full:
                 break
-        self._pending = whole[at:]
+        self._pending = buffer[at:]
         self._done += at
         self._reads.forget(self._done)
         self._count()
-        return {self.form.messages[m].name: _joined(found) for m, found in sorted(parts.items())}
+        return {self.form.messages[m].name: _joined(frames) for m, frames in sorted(parts.items())}
 
-    def _slice(self, whole: bytes, at: int, end: int, final: bool, parts: dict[int, list[Frames]]) -> tuple[int, bool]:
-        view = np.frombuffer(whole, dtype=np.uint8)[at:end]
-        found, done = scan.scan(view, view.size, final, self._plan, self._state, self._found)
-        places = self._found[:found]
+    def _slice(self, buffer: bytes, at: int, end: int, final: bool, parts: dict[int, list[Frames]]) -> tuple[int, bool]:
+        view = np.frombuffer(buffer, dtype=np.uint8)[at:end]
+        count, done = scan.scan(view, view.size, final, self._plan, self._state, self._found)
+        places = self._found[:count]
         for m, message in enumerate(self.form.messages):
             mine = places if len(self.form.messages) == 1 else places[places[:, 2] == m]
             if mine.shape[0]:
@@ -181,7 +181,7 @@ class Decoder:
                 unpacked = self._unpackers[m].take(view, np.ascontiguousarray(mine[:, 0]))
                 parts.setdefault(m, []).append(Frames(message, start, self._reads.times(start), *unpacked))
                 self.counts.frames[message.name] += mine.shape[0]
-        return at + done, found == self._found.shape[0]
+        return at + done, count == self._found.shape[0]
 
     def _count(self) -> None:
         c, s = self.counts, self._state
@@ -209,8 +209,8 @@ class Decoded(NamedTuple):
 
     def facts(self) -> Mapping[str, str]:
         """Frames of each message, and bytes that belong to none."""
-        told = {name: str(count) for name, count in self.counts.frames.items()}
-        return {**told, "junk": f"{self.counts.junk} of {self.counts.received} bytes"}
+        facts = {name: str(count) for name, count in self.counts.frames.items()}
+        return {**facts, "junk": f"{self.counts.junk} of {self.counts.received} bytes"}
 
     def __repr__(self) -> str:
         return one_line("Decoded", self.facts())
@@ -226,12 +226,12 @@ class Decoded(NamedTuple):
         MissingExtraError
             If pandas is not installed.
         """
-        found = self.frames[message or min(self.frames, key=lambda name: int(self.frames[name].start[0]))]
-        titles = {title_of(f): found.columns[f.name] for f in found.message.fields if f.name in found.columns}
-        return frame_of({"byte": found.start, **titles})
+        frames = self.frames[message or min(self.frames, key=lambda name: int(self.frames[name].start[0]))]
+        titles = {format_title(f): frames.columns[f.name] for f in frames.message.fields if f.name in frames.columns}
+        return data_frame({"byte": frames.start, **titles})
 
 
-def title_of(one: Field) -> str:
+def format_title(one: Field) -> str:
     """Name of a field with its unit, as a table has it."""
     name = unit(one.unit).quantity.value if one.physical else one.tick
     return one.name if name in ("", "1") else f"{one.name} [{name}]"
@@ -272,16 +272,16 @@ def decode(
     form = format if isinstance(format, Format) else find_format(format)
     decoder = Decoder(form.bind(options) if options else form)
     parts: list[dict[str, Frames]] = []
-    use = (lambda found, _: parts.append(found)) if each is None else each
-    for piece in pieces_of(data):
+    use = (lambda frames, _: parts.append(frames)) if each is None else each
+    for piece in stream_pieces(data):
         use(decoder.feed(piece, t_ns), decoder.counts)
     use(decoder.finish(), decoder.counts)
     names = [m.name for m in decoder.form.messages]
-    whole = {n: _joined([p[n] for p in parts if n in p]) for n in names if any(n in p for p in parts)}
-    return Decoded(whole, decoder.counts)
+    joined = {n: _joined([p[n] for p in parts if n in p]) for n in names if any(n in p for p in parts)}
+    return Decoded(joined, decoder.counts)
 
 
-def pieces_of(data: bytes | str | Path | Iterable[bytes]) -> Iterator[bytes]:
+def stream_pieces(data: bytes | str | Path | Iterable[bytes]) -> Iterator[bytes]:
     """Pieces of a stream; of a file that is open, what is there already."""
     if isinstance(data, str | Path):
         with Path(data).open("rb") as file:
@@ -325,27 +325,27 @@ def triads_of(frames: Frames, unit: str = "") -> dict[str, Floats]:
     unit : str
         Prefix of the unit's fields.
     """
-    found: dict[str, Floats] = {}
+    triads: dict[str, Floats] = {}
     for triad in TRIADS:
-        columns = [frames.columns.get(name) for name in _axes_of(unit, triad)]
+        columns = [frames.columns.get(name) for name in _axis_names(unit, triad)]
         if any(column is not None for column in columns):
-            found[triad] = np.empty((len(frames), 3))
+            triads[triad] = np.empty((len(frames), 3))
             for i, column in enumerate(columns):
-                found[triad][:, i] = np.nan if column is None else column
-    return found
+                triads[triad][:, i] = np.nan if column is None else column
+    return triads
 
 
 @cache  # for every part of a stream
-def _axes_of(unit: str, triad: str) -> tuple[str, ...]:
+def _axis_names(unit: str, triad: str) -> tuple[str, ...]:
     return tuple(_name(unit, triad, axis) for axis in _AXES)
 
 
-def prefixes_of(message: Message) -> tuple[str, ...]:
+def prefix_by_unit(message: Message) -> tuple[str, ...]:
     """Prefixes of a message's units with a triad, in the order of their fields; empty for the only one."""
-    return tuple(dict.fromkeys(one.triad.rpartition(".")[0] for one in message.fields if one.triad))
+    return tuple(dict.fromkeys(f.triad.rpartition(".")[0] for f in message.fields if f.triad))
 
 
-def unit_of(message: Message, asked: str) -> str:
+def unit_prefix(message: Message, label: str) -> str:
     """Prefix of the fields of one of a message's units, by its name or its number from 1.
 
     Raises
@@ -353,32 +353,32 @@ def unit_of(message: Message, asked: str) -> str:
     ParameterError
         If there is no such unit, or none is asked for where there are several.
     """
-    names = prefixes_of(message)
-    if asked in names:
-        return asked
-    if asked.isdecimal() and 1 <= int(asked) <= len(names):
-        return names[int(asked) - 1]
+    names = prefix_by_unit(message)
+    if label in names:
+        return label
+    if label.isdecimal() and 1 <= int(label) <= len(names):
+        return names[int(label) - 1]
     if not names:
         raise ParameterError(
             f"message {message.name} carries no gyr, acc or mag, so there is nothing to estimate from."
         )
     if names == ("",):
         raise ParameterError(
-            f"message {message.name} has one unit without a name, but '{asked}' was asked for; leave it out."
+            f"message {message.name} has one unit without a name, but '{label}' was asked for; leave it out."
         )
-    known = ", ".join(f"{name} ({number})" for number, name in enumerate(names, 1))
-    got = f"but '{asked}' was asked for" if asked else "and none was named"
+    listed = ", ".join(f"{name} ({number})" for number, name in enumerate(names, 1))
+    got = f"but '{label}' was asked for" if label else "and none was named"
     how = f'name one, as --unit {names[0]} or unit = "{names[0]}" in [format]'
-    raise ParameterError(f"message {message.name} has the units {known}, {got}; {how}.")
+    raise ParameterError(f"message {message.name} has the units {listed}, {got}; {how}.")
 
 
-def temperature_of(frames: Frames, unit: str = "") -> Floats | None:
+def unit_temperature(frames: Frames, unit: str = "") -> Floats | None:
     """Temperature (N,) of a unit, °C; None where the message has none."""
     column = frames.columns.get(_name(unit, "temp_c"))
     return None if column is None else np.asarray(column, dtype=np.float64)
 
 
-def ranges_of(message: Message, unit: str = "") -> dict[str, Floats]:
+def full_scales(message: Message, unit: str = "") -> dict[str, Floats]:
     """Full scale (3,) of each triad of a unit, in the units used inside: the greatest value of each axis both ways.
 
     An axis that the message lacks takes the largest of the others. A triad with an axis of floating point, of which
@@ -391,18 +391,18 @@ def ranges_of(message: Message, unit: str = "") -> dict[str, Floats]:
     unit : str
         Prefix of the unit's fields.
     """
-    fields = {one.name: one for one in message.fields}
-    found: dict[str, Floats] = {}
+    fields = {f.name: f for f in message.fields}
+    scales: dict[str, Floats] = {}
     for triad in TRIADS:
-        axes = [fields.get(name) for name in _axes_of(unit, triad)]
-        known = [one for one in axes if one is not None]
-        if known and all(one.type[0] != "f" for one in known):
-            largest = max(one.full_scale for one in known)
-            found[triad] = np.array([largest if one is None else one.full_scale for one in axes])
-    return found
+        axes = [fields.get(name) for name in _axis_names(unit, triad)]
+        present = [f for f in axes if f is not None]
+        if present and all(f.type[0] != "f" for f in present):
+            largest = max(f.full_scale for f in present)
+            scales[triad] = np.array([largest if f is None else f.full_scale for f in axes])
+    return scales
 
 
-def columns_of(imu: ImuData, message: Message, unit: str = "") -> dict[str, Floats]:
+def values_by_field(imu: ImuData, message: Message, unit: str = "") -> dict[str, Floats]:
     """Values by field of what a recording has and the message carries, for `encode.encode`.
 
     Parameters

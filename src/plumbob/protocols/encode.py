@@ -44,28 +44,28 @@ def encode(form: Format, columns: Mapping[str, ArrayLike], *, message: str = "")
     given = {
         name: np.asarray(value, dtype=np.float64 if _is_value(kind, name) else None) for name, value in columns.items()
     }
-    bare = not given and not any(one.physical for one in kind.fields)
+    bare = not given and not any(field.physical for field in kind.fields)
     count = 1 if bare else _common_length(form.name, given)
     rows = np.zeros((count, kind.length), dtype=np.uint8)
     _frame(bound, kind, rows)
-    for one in kind.fields:
-        if not one.derived:
-            put(one, rows, _counts(one, given.get(one.name), count))
+    for field in kind.fields:
+        if not field.derived:
+            put(field, rows, _counts(field, given.get(field.name), count))
     _set_parities(bound, kind, rows)
-    for one in kind.fields:
-        if one.check:
-            _set_check(one.check, rows[:, one.at : one.at + one.size])
+    for field in kind.fields:
+        if field.check:
+            _set_check(field.check, rows[:, field.at : field.at + field.size])
     if bound.framing.checksum:
         _set_check(bound.framing.checksum, rows)
     return rows
 
 
 def _is_value(kind: Message, name: str) -> bool:
-    found = [f for f in kind.fields if f.name == name and not (f.fixed or f.derived)]
-    if not found:
-        known = ", ".join(f.name for f in kind.fields if not (f.fixed or f.derived))
-        raise ParameterError(f"message {kind.name} has no field '{name}' to encode; known are {known}.")
-    return found[0].physical
+    matching = [f for f in kind.fields if f.name == name and not (f.fixed or f.derived)]
+    if not matching:
+        names = ", ".join(f.name for f in kind.fields if not (f.fixed or f.derived))
+        raise ParameterError(f"message {kind.name} has no field '{name}' to encode; known are {names}.")
+    return matching[0].physical
 
 
 def _common_length(name: str, given: Mapping[str, NDArray[np.generic]]) -> int:
@@ -87,16 +87,16 @@ def _frame(form: Format, kind: Message, rows: Bytes) -> None:
         rows[:, rule.at : rule.at + rule.size] = list(digits)
 
 
-def _counts(one: Field, value: NDArray[np.generic] | None, count: int) -> NDArray[np.int64] | NDArray[np.float64]:
+def _counts(field: Field, value: NDArray[np.generic] | None, count: int) -> NDArray[np.int64] | NDArray[np.float64]:
     if value is None:
-        return np.arange(count) if one.role == "counter" else np.full(count, one.value, dtype=np.int64)
-    if not one.physical:
+        return np.arange(count) if field.role == "counter" else np.full(count, field.value, dtype=np.int64)
+    if not field.physical:
         return np.asarray(value, dtype=np.int64)
     numbers = np.asarray(value, dtype=np.float64)
-    return counts_for(one, numbers if one.overflow else held(numbers))[0]
+    return counts_for(field, numbers if field.overflow else hold_last(numbers))[0]
 
 
-def held(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def hold_last(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Each missing value as the last one before it, or 0 before the first."""
     last = check.last_marked(~np.isnan(values))
     return np.where(last >= 0, values[last], 0.0)

@@ -216,7 +216,7 @@ class Field:
         return head if axis in {"x", "y", "z"} and head.rpartition(".")[2] in _TRIADS else ""
 
 
-def owner_of(name: str) -> tuple[str, str]:
+def unit_and_triad(name: str) -> tuple[str, str]:
     """Unit and triad (without it) of a triad's or a field's name; the triad is empty where it belongs to none."""
     head, _, axis = name.rpartition(".")
     triad = head if head and axis in {"x", "y", "z"} else name

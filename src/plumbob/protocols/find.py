@@ -41,5 +41,5 @@ def unassigned_told(form: Format, message: Message) -> str | None:
 
     if form.name in {*catalog.names(), *rigs.names()} or not (places := unassigned(form, message)):
         return None
-    told = ", ".join(str(at) if end == at + 1 else f"{at} to {end - 1}" for at, end in places)
-    return f"no field of message {message.name} uses its bytes {told} of {message.length}; they are ignored"
+    spans = ", ".join(str(at) if end == at + 1 else f"{at} to {end - 1}" for at, end in places)
+    return f"no field of message {message.name} uses its bytes {spans} of {message.length}; they are ignored"

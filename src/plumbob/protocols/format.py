@@ -130,7 +130,7 @@ class Option:
     default: str | None
     origin: Provenance = UNSAID
 
-    def value_of(self, where: str, choice: str | None) -> float | str:
+    def resolve(self, where: str, choice: str | None) -> float | str:
         """Number or word that a choice stands for.
 
         Raises
@@ -233,10 +233,10 @@ class Format:
         ParameterError
             If there is none.
         """
-        found = [m for m in self.messages if name in ("", m.name)]
-        if not found:
+        matching = [m for m in self.messages if name in ("", m.name)]
+        if not matching:
             raise ParameterError(f"{self.name} has no message '{name}'; known are {', '.join(self._names())}.")
-        return found[0]
+        return matching[0]
 
     def bind(self, chosen: Mapping[str, str] | None = None) -> "Format":
         """Return the format with every option settled, so that it can decode.
@@ -261,7 +261,7 @@ class Format:
             listed = ", ".join(self.options) or "none"
             raise ParameterError(f"{self.name} has no option '{min(unknown)}'; known are {listed}.")
         values = {
-            name: option.value_of(f"{self.name} option '{name}'", given.get(name))
+            name: option.resolve(f"{self.name} option '{name}'", given.get(name))
             for name, option in self.options.items()
         }
         settled = {name: str(given.get(name, option.default)) for name, option in self.options.items()}
@@ -277,11 +277,11 @@ class Format:
         return (m.name for m in self.messages)
 
 
-def _settled(one: Field, values: Mapping[str, float | str]) -> Field:
+def _settled(template: Field, values: Mapping[str, float | str]) -> Field:
     def number(value: float | str) -> float | str:
         return values.get(value, value) if isinstance(value, str) else value
 
-    return replace(one, counts=number(one.counts), times=number(one.times))
+    return replace(template, counts=number(template.counts), times=number(template.times))
 
 
 def _settled_framing(framing: Framing, values: Mapping[str, float | str]) -> Framing:

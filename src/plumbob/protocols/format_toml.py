@@ -56,8 +56,8 @@ CATALOG = "plumbob.protocols.catalog"
 def formats_in(package: str) -> dict[str, Format]:
     """Formats that lie in a package's folder, by their names and aliases."""
     files = [file for file in resources.files(package).iterdir() if file.name.endswith(".toml")]
-    found = [parse_format(file.read_text(encoding="utf-8")) for file in files]
-    return {name: form for form in found for name in (form.name, *form.aliases)}
+    forms = [parse_format(file.read_text(encoding="utf-8")) for file in files]
+    return {name: form for form in forms for name in (form.name, *form.aliases)}
 
 
 def device_names() -> tuple[str, ...]:
@@ -83,26 +83,26 @@ def device(name: str) -> Format:
 
 def parse_format(text: str) -> Format:
     """Format from TOML text; errors as in `load_format`."""
-    found = schema.section(
+    tables = schema.section(
         "format", schema.toml(text, GUIDE), _FORMAT, ("kind", "version", "name", "title", "frame"), top=True
     )
-    order = found.get("byte_order", "")
-    framing: Framing = found["frame"]
+    order = tables.get("byte_order", "")
+    framing: Framing = tables["frame"]
     if framing.checksum and not framing.checksum.order:
         framing = replace(framing, checksum=replace(framing.checksum, order=_order("checksum", order)))
     if framing.length_field and not framing.length_field.order:
         framing = replace(framing, length_field=replace(framing.length_field, order=_order("length", order)))
     form = Format(
-        name=found["name"],
-        title=found["title"],
+        name=tables["name"],
+        title=tables["title"],
         framing=framing,
-        messages=_messages(found, framing, order),
-        options=found.get("option", {}),
-        sources=found.get("sources", {}),
-        facts=found.get("fact", {}),
-        registers=tuple(_register(raw, order) for raw in found.get("register", ())),
-        noise=found.get("noise", ""),
-        aliases=found.get("aliases", ()),
+        messages=_messages(tables, framing, order),
+        options=tables.get("option", {}),
+        sources=tables.get("sources", {}),
+        facts=tables.get("fact", {}),
+        registers=tuple(_register(raw, order) for raw in tables.get("register", ())),
+        noise=tables.get("noise", ""),
+        aliases=tables.get("aliases", ()),
     )
     _require_sense(form)
     return form
@@ -116,13 +116,13 @@ def _order(where: str, order: str) -> str:
     return order
 
 
-def _messages(found: Mapping[str, Any], framing: Framing, order: str) -> tuple[Message, ...]:
-    if ("message" in found) == bool("field" in found or "embed" in found):
+def _messages(tables: Mapping[str, Any], framing: Framing, order: str) -> tuple[Message, ...]:
+    if ("message" in tables) == bool("field" in tables or "embed" in tables):
         raise DecodeError("a format has either [[field]] and [[embed]], or a [[message]] for each kind of frame.")
-    raw = found.get("message") or [
-        {"name": found["name"], "field": found.get("field", []), "embed": found.get("embed", [])}
+    raw = tables.get("message") or [
+        {"name": tables["name"], "field": tables.get("field", []), "embed": tables.get("embed", [])}
     ]
-    return tuple(_message(one, framing, order, found.get("part", {})) for one in raw)
+    return tuple(_message(table, framing, order, tables.get("part", {})) for table in raw)
 
 
 def _message(raw: Mapping[str, Any], framing: Framing, order: str, parts: Mapping[str, Any]) -> Message:
@@ -136,14 +136,14 @@ def _message(raw: Mapping[str, Any], framing: Framing, order: str, parts: Mappin
         if name not in parts:
             raise DecodeError(f"message {raw['name']} has no part '{name}'; known are {', '.join(parts) or 'none'}.")
         begin = at
-        for one in parts[name]:
-            fields += _fields(one | {"at": begin + one["at"]} if "at" in one else one, at, order)
+        for table in parts[name]:
+            fields += _fields(table | {"at": begin + table["at"]} if "at" in table else table, at, order)
             at = fields[-1].at + fields[-1].size
-    for one in raw.get("field", []):
-        fields += _fields(one, at, order)
+    for table in raw.get("field", []):
+        fields += _fields(table, at, order)
         at = fields[-1].at + fields[-1].size
-    for one in raw.get("embed", []):
-        fields += _embedded(one)
+    for table in raw.get("embed", []):
+        fields += _embedded(table)
     return Message(raw["name"], raw.get("length", framing.length), tuple(fields), raw.get("title", ""))
 
 
@@ -171,41 +171,41 @@ def _fields(raw: Mapping[str, Any], at: int, order: str) -> list[Field]:
     )
     names = [f"{base.name}.{axis}" for axis in axes] or [base.name]
     made = [replace(base, name=name, at=begin + i * size) for i, name in enumerate(names)]
-    for one in made:
-        _require_unit(where, one)
+    for field in made:
+        _require_unit(where, field)
     return made
 
 
-def _require_unit(where: str, one: Field) -> None:
-    if one.physical and one.name.rpartition(".")[2] in _MEASURED:
-        raise DecodeError(f'{where} is a triad without axes; add axes = "xyz", or name it {one.name}.x.')
-    if not one.physical and one.role != "clock":
-        if one.unit:
-            raise UnitError(f"{where} is a {one.role}, which has no unit; remove it.")
+def _require_unit(where: str, field: Field) -> None:
+    if field.physical and field.name.rpartition(".")[2] in _MEASURED:
+        raise DecodeError(f'{where} is a triad without axes; add axes = "xyz", or name it {field.name}.x.')
+    if not field.physical and field.role != "clock":
+        if field.unit:
+            raise UnitError(f"{where} is a {field.role}, which has no unit; remove it.")
         return
-    if not one.unit:
-        such = "ms" if one.role == "clock" else "deg/s"
-        rest = "" if one.role == "clock" else ' ("1" for none)'
+    if not field.unit:
+        such = "ms" if field.role == "clock" else "deg/s"
+        rest = "" if field.role == "clock" else ' ("1" for none)'
         raise UnitError(f'{where} needs a unit, because a plain number has none. Add unit = "{such}" or similar{rest}.')
     try:
-        units.unit(one.unit, _measured(one))
+        units.unit(field.unit, _measured(field))
     except UnitError as error:
         raise UnitError(f"{where}: {error}") from error
 
 
-def _measured(one: Field) -> Quantity | None:
+def _measured(field: Field) -> Quantity | None:
     """What the field's unit must measure; None where its name does not say."""
-    if one.role == "clock":
+    if field.role == "clock":
         return Quantity.TIME
-    return (_MEASURED | _NAMED).get((one.triad or one.name).rpartition(".")[2])
+    return (_MEASURED | _NAMED).get((field.triad or field.name).rpartition(".")[2])
 
 
 def _register(raw: Mapping[str, Any], order: str) -> Register:
     """One register; its bytes make a whole number where it has a type and no unit."""
     word = None
     if "type" in raw:
-        own = {key: value for key, value in raw.items() if key in _FIELD or key == "origin"}
-        word = _fields({"role": "value" if "unit" in raw else "status", **own}, 0, order)[0]
+        settings = {key: value for key, value in raw.items() if key in _FIELD or key == "origin"}
+        word = _fields({"role": "value" if "unit" in raw else "status", **settings}, 0, order)[0]
     return Register(raw["address"], raw["name"], raw["meaning"], raw.get("reset"), word, raw["origin"])
 
 
@@ -229,15 +229,15 @@ def _embedded(raw: Mapping[str, Any]) -> list[Field]:
     begin, unit = raw["at"], raw.get("unit", "")
     prefix = f"{unit}." if unit else ""
     values = tuple(dict.fromkeys(prefix + (f.triad or f.name) for f in message.fields if f.physical))
-    own, gone = f"{prefix}{inner.name}", {0: "absent"}
-    found = [_inside(f, prefix, begin, values) for f in message.fields]
+    stem, gone = f"{prefix}{inner.name}", {0: "absent"}
+    fields = [_inside(f, prefix, begin, values) for f in message.fields]
     for i, byte in enumerate(sync):
-        found.append(Field(f"{own}.sync{i}", begin + i, "u8", 1, role="match", value=byte, says=gone, of=values))
+        fields.append(Field(f"{stem}.sync{i}", begin + i, "u8", 1, role="match", value=byte, says=gone, of=values))
     if rule := framing.length_field:
         at, length = begin + rule.at, message.length - rule.add
-        found.append(
+        fields.append(
             Field(
-                f"{own}.length",
+                f"{stem}.length",
                 at,
                 f"u{8 * rule.size}",
                 rule.size,
@@ -250,20 +250,20 @@ def _embedded(raw: Mapping[str, Any]) -> list[Field]:
         )
     for i, (start, stop, bit) in enumerate(framing.parity):
         at, size = begin + start, stop - start
-        found.append(
-            Field(f"{own}.parity{i}", at, "parity", size, bits=(bit, bit), role="status", says=gone, of=values)
+        fields.append(
+            Field(f"{stem}.parity{i}", at, "parity", size, bits=(bit, bit), role="status", says=gone, of=values)
         )
     if check := framing.checksum:
-        found.append(
-            Field(f"{own}.check", begin, "check", message.length, role="status", says=gone, of=values, check=check)
+        fields.append(
+            Field(f"{stem}.check", begin, "check", message.length, role="status", says=gone, of=values, check=check)
         )
-    return found
+    return fields
 
 
-def _inside(one: Field, prefix: str, begin: int, values: tuple[str, ...]) -> Field:
+def _inside(f: Field, prefix: str, begin: int, values: tuple[str, ...]) -> Field:
     """Field of a message that stands inside another frame, whose own check is what makes it believed."""
-    moved = replace(one, name=prefix + one.name, at=begin + one.at, of=tuple(prefix + n for n in one.of), range=None)
-    return replace(moved, role="match", says={0: "absent"}, of=values) if one.role == "constant" else moved
+    moved = replace(f, name=prefix + f.name, at=begin + f.at, of=tuple(prefix + n for n in f.of), range=None)
+    return replace(moved, role="match", says={0: "absent"}, of=values) if f.role == "constant" else moved
 
 
 def _require_sense(form: Format) -> None:
@@ -295,36 +295,36 @@ def _require_room(form: Format, message: Message) -> None:
     _require_one_time(message)
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise DecodeError(f"message {message.name} has field {twice[0]} twice; each name has one meaning.")
-    for one in message.fields:
-        if one.at + one.size > message.length:
+    for f in message.fields:
+        if f.at + f.size > message.length:
             raise DecodeError(
-                f"field {one.name} ends at byte {one.at + one.size}, but message {message.name} has {message.length}."
+                f"field {f.name} ends at byte {f.at + f.size}, but message {message.name} has {message.length}."
             )
     require_places(form, message)
-    for one in message.fields:
-        if one.range and (one.type[0] == "f" or one.size > 4 or one.range[0] > one.range[1]):
-            raise DecodeError(f"field {one.name}: range is [least, greatest] count of a whole number of 1 to 4 bytes.")
-        for name in (one.counts, one.times):
+    for f in message.fields:
+        if f.range and (f.type[0] == "f" or f.size > 4 or f.range[0] > f.range[1]):
+            raise DecodeError(f"field {f.name}: range is [least, greatest] count of a whole number of 1 to 4 bytes.")
+        for name in (f.counts, f.times):
             if isinstance(name, str) and name not in form.options:
-                raise DecodeError(f"field {one.name} names option '{name}', which the format does not have.")
-        if bool(one.says) != bool(one.of) or (one.says and one.role not in ("status", "match")):
+                raise DecodeError(f"field {f.name} names option '{name}', which the format does not have.")
+        if bool(f.says) != bool(f.of) or (f.says and f.role not in ("status", "match")):
             raise DecodeError(
-                f'field {one.name}: says = {{ 1 = "absent" }} and of = ["mag"] belong together, to a status.'
+                f'field {f.name}: says = {{ 1 = "absent" }} and of = ["mag"] belong together, to a status.'
             )
-        least, most = one.limits
-        if unheard := [count for count in one.says if not least <= count <= most]:
-            raise DecodeError(f"field {one.name} says something of {unheard[0]}, but counts only {least} to {most}.")
-        for name in one.of:
-            if not any(name in (f.triad, f.name) for f in message.fields):
-                raise DecodeError(f"field {one.name} speaks of '{name}', which message {message.name} does not have.")
+        least, most = f.limits
+        if unheard := [count for count in f.says if not least <= count <= most]:
+            raise DecodeError(f"field {f.name} says something of {unheard[0]}, but counts only {least} to {most}.")
+        for name in f.of:
+            if not any(name in (other.triad, other.name) for other in message.fields):
+                raise DecodeError(f"field {f.name} speaks of '{name}', which message {message.name} does not have.")
 
 
 def _lsb(where: str, value: Any) -> float:
     """Size of a count; below 0 where the wire counts the other way."""
-    found = _ratio(where, value)
-    if found == 0.0:
+    ratio = _ratio(where, value)
+    if ratio == 0.0:
         raise DecodeError(f"{where} is the size of one count, and must not be 0.")
-    return found
+    return ratio
 
 
 def _ratio(where: str, value: Any) -> float:
@@ -346,14 +346,14 @@ def _counts(where: str, value: Any) -> float | str:
 def _hex(where: str, value: Any) -> bytes:
     given = schema.text(where, value)
     try:
-        found = bytes.fromhex(given)
+        octets = bytes.fromhex(given)
     except ValueError as error:
         raise DecodeError(
             f"{where} must be bytes in hexadecimal, as in 'A5 5A', but it is {excerpt(given)}."
         ) from error
-    if not found:
+    if not octets:
         raise DecodeError(f"{where} must have at least one byte.")
-    return found
+    return octets
 
 
 def _sync(where: str, value: Any) -> tuple[bytes, ...]:
@@ -371,9 +371,9 @@ def _integers(count: int | None) -> Parse:
 
 
 def _says(where: str, value: Any) -> dict[int, str]:
-    found = schema.mapping(schema.one_of(*WORDS))(where, value)
+    words = schema.mapping(schema.one_of(*WORDS))(where, value)
     try:
-        return {int(key, 0): word for key, word in found.items()}
+        return {int(key, 0): word for key, word in words.items()}
     except ValueError as error:
         raise DecodeError(f"{where} must name counts, as in {{ 0 = 'absent' }}: {error}.") from error
 
@@ -382,15 +382,15 @@ def _with_origin(parse: Parse) -> Parse:
     """Parser of a table that also has source, mark and note; they become its origin."""
 
     def parse_both(where: str, value: Any) -> dict[str, Any]:
-        found = dict(parse(where, value))
-        return found | {"origin": Provenance(**{key: found.pop(key) for key in _ORIGIN if key in found})}
+        table = dict(parse(where, value))
+        return table | {"origin": Provenance(**{key: table.pop(key) for key in _ORIGIN if key in table})}
 
     return parse_both
 
 
 def _option(where: str, value: Any) -> Option:
-    found = _with_origin(schema.form(_OPTION, ("meaning",)))(where, value)
-    return Option(found["meaning"], found.get("choices", {}), found.get("default"), found["origin"])
+    table = _with_origin(schema.form(_OPTION, ("meaning",)))(where, value)
+    return Option(table["meaning"], table.get("choices", {}), table.get("default"), table["origin"])
 
 
 def _choice(where: str, value: Any) -> float | str:
@@ -398,8 +398,8 @@ def _choice(where: str, value: Any) -> float | str:
 
 
 def _fact(where: str, value: Any) -> tuple[str, Provenance]:
-    found = _with_origin(schema.form(_FACT, ("text",)))(where, value)
-    return found["text"], found["origin"]
+    table = _with_origin(schema.form(_FACT, ("text",)))(where, value)
+    return table["text"], table["origin"]
 
 
 def _framing(where: str, value: Any) -> Framing:
@@ -407,13 +407,13 @@ def _framing(where: str, value: Any) -> Framing:
 
 
 def _checksum(where: str, value: Any) -> Checksum:
-    found = schema.section(where, value, _CHECKSUM, ("kind", "at", "from"))
-    return Checksum(found["kind"], found["at"], found["from"], found.get("to", found["at"]), found.get("order", ""))
+    table = schema.section(where, value, _CHECKSUM, ("kind", "at", "from"))
+    return Checksum(table["kind"], table["at"], table["from"], table.get("to", table["at"]), table.get("order", ""))
 
 
 def _length_field(where: str, value: Any) -> LengthField:
-    found = schema.section(where, value, _LENGTH, tuple(k for k in _LENGTH if k != "order"))
-    return LengthField(**{"order": "", **found})
+    table = schema.section(where, value, _LENGTH, tuple(k for k in _LENGTH if k != "order"))
+    return LengthField(**{"order": "", **table})
 
 
 def _parity(where: str, value: Any) -> tuple[tuple[int, int, int], ...]:

@@ -21,21 +21,21 @@ def passes_anything(form: Format) -> bool:
 
 def content_odds(message: Message, start: int = 0) -> float:
     """Chance that random bytes have the constants, digits and ranges of a message; constants from a byte on."""
-    found = 1.0
-    for one in message.fields:
-        for at, mask, _ in [] if one.type == "bcd" else constant_bytes(one):
-            found *= 0.5 ** mask.bit_count() if at >= start else 1.0
-        found *= _share(one)
-    return found
+    odds = 1.0
+    for field in message.fields:
+        for at, mask, _ in [] if field.type == "bcd" else constant_bytes(field):
+            odds *= 0.5 ** mask.bit_count() if at >= start else 1.0
+        odds *= _share(field)
+    return odds
 
 
-def _share(one: Field) -> float:
+def _share(field: Field) -> float:
     """Share of all words of a field that it can have."""
-    if one.range is None and one.type != "bcd":
+    if field.range is None and field.type != "bcd":
         return 1.0
-    least, most = one.range or one.limits
-    minus_zero = one.type == "bcd" and least <= 0 <= most
-    return (most - least + 1 + minus_zero) * 0.5**one.width
+    least, most = field.range or field.limits
+    minus_zero = field.type == "bcd" and least <= 0 <= most
+    return (most - least + 1 + minus_zero) * 0.5**field.width
 
 
 class _Place(NamedTuple):
@@ -54,15 +54,15 @@ def require_places(form: Format, message: Message) -> None:
     DecodeError
         If the check or its range lies outside the frame, two things share a byte, or a word has not the bits.
     """
-    for one in message.fields:
-        _require_bits(one)
+    for field in message.fields:
+        _require_bits(field)
     _require_own_bits(message)
     kinds = _check_kinds(form)
     if form.framing.checksum:
         _require_check(form.framing.checksum, kinds, message)
     # A field may say which of several beginnings the frame has.
-    whole = sorted((*_frame(form.framing, kinds, message), *_fields(message, skip_sync=len(form.framing.sync) > 1)))
-    for one_place, other in pairwise(whole):
+    places = sorted((*_frame(form.framing, kinds, message), *_fields(message, skip_sync=len(form.framing.sync) > 1)))
+    for one_place, other in pairwise(places):
         same_word = one_place.word is not None and one_place.word == other.word
         if other.at < one_place.end and not same_word:
             raise DecodeError(
@@ -74,34 +74,34 @@ def require_places(form: Format, message: Message) -> None:
 def unassigned(form: Format, message: Message) -> list[tuple[int, int]]:
     """First byte and end of each stretch of a message that neither frame, check nor field takes."""
     taken = [*_frame(form.framing, _check_kinds(form), message), *_fields(message, skip_sync=False)]
-    found, at = [], len(form.framing.sync[0]) if form.framing.sync else 0
+    gaps, at = [], len(form.framing.sync[0]) if form.framing.sync else 0
     for place in sorted([*taken, _Place(message.length, message.length, "end")]):
         if place.at > at:
-            found.append((at, place.at))
+            gaps.append((at, place.at))
         at = max(at, place.end)
-    return found
+    return gaps
 
 
-def _require_bits(one: Field) -> None:
-    if one.bits is None or one.derived:
+def _require_bits(f: Field) -> None:
+    if f.bits is None or f.derived:
         return
-    high, low = one.bits
-    if one.type[0] not in "us" or not 0 <= low <= high < 8 * one.size:
+    high, low = f.bits
+    if f.type[0] not in "us" or not 0 <= low <= high < 8 * f.size:
         raise DecodeError(
-            f"field {one.name}: bits must be [highest, lowest] of the bits {8 * one.size - 1} to 0 of a whole number, "
-            f"but they are [{high}, {low}] of {one.type}."
+            f"field {f.name}: bits must be [highest, lowest] of the bits {8 * f.size - 1} to 0 of a whole number, "
+            f"but they are [{high}, {low}] of {f.type}."
         )
 
 
 def _require_own_bits(message: Message) -> None:
     """Refuse two fields of a word that claim the same bit."""
-    parts = [(one, one.bits) for one in message.fields if one.bits is not None and not one.derived]
-    for i, (one, bits) in enumerate(parts):
+    parts = [(field, field.bits) for field in message.fields if field.bits is not None and not field.derived]
+    for i, (field, bits) in enumerate(parts):
         for other, others in parts[:i]:
-            same_word = (one.at, one.size) == (other.at, other.size)
+            same_word = (field.at, field.size) == (other.at, other.size)
             if same_word and max(bits[1], others[1]) <= min(bits[0], others[0]):
                 shared = max(bits[1], others[1])
-                raise DecodeError(f"message {message.name}: fields {other.name} and {one.name} share bit {shared}.")
+                raise DecodeError(f"message {message.name}: fields {other.name} and {field.name} share bit {shared}.")
 
 
 def _require_check(check: Checksum, kinds: tuple[str, ...], message: Message) -> None:
@@ -151,6 +151,6 @@ def _frame(framing: Framing, kinds: tuple[str, ...], message: Message) -> Iterat
 
 
 def _fields(message: Message, *, skip_sync: bool) -> Iterator[_Place]:
-    for one in message.fields:
-        if not one.derived and not (skip_sync and one.at == 0 and not one.physical):
-            yield _Place(one.at, one.at + one.size, f"field {one.name}", (one.at, one.size) if one.bits else None)
+    for f in message.fields:
+        if not f.derived and not (skip_sync and f.at == 0 and not f.physical):
+            yield _Place(f.at, f.at + f.size, f"field {f.name}", (f.at, f.size) if f.bits else None)

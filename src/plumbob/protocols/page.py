@@ -35,9 +35,9 @@ class Table:
 
 def tables(form: Format) -> list[Table]:
     """Return everything that is known of a format; parts without content are left out."""
-    found = [
+    parts = [
         Table("Frame", ("what", "value"), tuple(_framing(form))),
-        *(_message(form, one) for one in form.messages),
+        *(_message(form, message) for message in form.messages),
         Table("Options", ("name", "choices", "default", "meaning", "mark"), tuple(_options(form))),
         Table("Facts", ("about", "fact", "mark"), tuple((k, t, marked(o)) for k, (t, o) in form.facts.items())),
         Table(
@@ -50,10 +50,10 @@ def tables(form: Format) -> list[Table]:
         ),
         Table("Sources", ("tag", "source"), tuple(form.sources.items())),
     ]
-    return [table for table in found if table.rows]
+    return [table for table in parts if table.rows]
 
 
-def marks_of(form: Format) -> str:
+def mark_words(form: Format) -> str:
     """How many of a format's facts have which mark, as in ``"V 21, C 2"``."""
     origins = [f.origin for m in form.messages for f in m.fields]
     origins += [o.origin for o in form.options.values()]
@@ -62,7 +62,7 @@ def marks_of(form: Format) -> str:
     return ", ".join(f"{mark} {counts[mark]}" for mark in MARKS if mark and counts[mark])
 
 
-def framing_of(form: Format) -> str:
+def framing_words(form: Format) -> str:
     """How frames are found, in a few words."""
     framing = form.framing
     size = f"{framing.length} bytes" if framing.length else f"up to {framing.most} bytes"
@@ -74,8 +74,8 @@ def framing_of(form: Format) -> str:
 
 def marked(origin: Provenance) -> str:
     """Mark and source, and the note behind."""
-    told = " ".join(part for part in (origin.mark, origin.source) if part)
-    return f"{told}; {origin.note}" if origin.note and told else told or origin.note
+    text = " ".join(part for part in (origin.mark, origin.source) if part)
+    return f"{text}; {origin.note}" if origin.note and text else text or origin.note
 
 
 def as_text(found: Iterable[Table]) -> str:
@@ -138,32 +138,32 @@ def _message(form: Format, message: Message) -> Table:
     )
 
 
-def _type(one: Field) -> str:
-    if one.derived:
-        return f"{one.type} of {one.size} bytes"
-    bits = f" bits {one.bits[0]}:{one.bits[1]}" if one.bits else ""
-    return f"{one.type}{' ' + one.order if one.size > 1 and one.type != 'bcd' else ''}{bits}"
+def _type(field: Field) -> str:
+    if field.derived:
+        return f"{field.type} of {field.size} bytes"
+    bits = f" bits {field.bits[0]}:{field.bits[1]}" if field.bits else ""
+    return f"{field.type}{' ' + field.order if field.size > 1 and field.type != 'bcd' else ''}{bits}"
 
 
-def _value(one: Field) -> str:
-    if one.role == "constant":
-        return f"always {one.value:#x}"
-    if one.role == "match":
-        return f"1 where it is {one.value:#x} (0 = absent of {', '.join(one.of)})"
-    if not one.physical:
-        says = "; ".join(f"{code} = {word}" for code, word in one.says.items())
-        of = f" ({says} of {', '.join(one.of)})" if says else ""
-        return f"{one.role}{of}" + (f", {one.tick}" if one.unit else "")
-    parts = [f"count{one.raw_offset:+g}" if one.raw_offset else "count"]
-    parts += [f"× {one.lsb:.9g}"] if one.lsb != 1.0 else []
-    parts += [f"× {_short(one.times)}"] if one.times != 1.0 else []
-    parts += [f"/ {_short(one.counts)}"] if one.counts != 1.0 else []
-    parts += [f"{one.offset:+g}"] if one.offset else []
-    told = " ".join(parts) + ("" if unit(one.unit).quantity.value == "1" else f" {one.unit}")
-    told += f"; ends at {one.clip[0]} and {one.clip[1]}" if one.clip else ""
-    told += f"; {', '.join(map(str, one.overflow))} = beyond the range" if one.overflow else ""
-    told += f"; believed from {one.range[0]} to {one.range[1]}" if one.range else ""
-    return told + ("; goes round" if one.wrap else "")
+def _value(field: Field) -> str:
+    if field.role == "constant":
+        return f"always {field.value:#x}"
+    if field.role == "match":
+        return f"1 where it is {field.value:#x} (0 = absent of {', '.join(field.of)})"
+    if not field.physical:
+        says = "; ".join(f"{code} = {word}" for code, word in field.says.items())
+        of = f" ({says} of {', '.join(field.of)})" if says else ""
+        return f"{field.role}{of}" + (f", {field.tick}" if field.unit else "")
+    parts = [f"count{field.raw_offset:+g}" if field.raw_offset else "count"]
+    parts += [f"× {field.lsb:.9g}"] if field.lsb != 1.0 else []
+    parts += [f"× {_short(field.times)}"] if field.times != 1.0 else []
+    parts += [f"/ {_short(field.counts)}"] if field.counts != 1.0 else []
+    parts += [f"{field.offset:+g}"] if field.offset else []
+    text = " ".join(parts) + ("" if unit(field.unit).quantity.value == "1" else f" {field.unit}")
+    text += f"; ends at {field.clip[0]} and {field.clip[1]}" if field.clip else ""
+    text += f"; {', '.join(map(str, field.overflow))} = beyond the range" if field.overflow else ""
+    text += f"; believed from {field.range[0]} to {field.range[1]}" if field.range else ""
+    return text + ("; goes round" if field.wrap else "")
 
 
 def _short(value: float | str) -> str:

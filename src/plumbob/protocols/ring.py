@@ -57,11 +57,11 @@ def read_ring(image: bytes, form: Format) -> Ring:
         raise DecodeError(
             f"{form.name} cannot be a log's record, which is one message with a counter; leave out --ring."
         )
-    found, counts = decode(image, form)
-    if form.messages[0].name not in found:
+    by_message, counts = decode(image, form)
+    if form.messages[0].name not in by_message:
         erased = ", which are blank, as an erased chip is" if image and image.count(BLANK) == len(image) else ""
         raise DecodeError(f"no record of {form.name} is in the {len(image)} bytes{erased}{counts.why_rejected()}.")
-    frames = found[form.messages[0].name]
+    frames = by_message[form.messages[0].name]
     length = form.messages[0].length
     numbers = frames.columns[counter.name].astype(np.int64)
     order = np.argsort(numbers, kind="stable")

@@ -82,7 +82,7 @@ class Plan(NamedTuple):
     """Rows (R, 8): byte, size, big, lowest bit, bits, kind, least and greatest count of a field."""
 
 
-def plan_of(form: Format) -> Plan:
+def format_plan(form: Format) -> Plan:
     """Arrays of a format that is bound."""
     framing = form.framing
     constants: list[tuple[int, int, int]] = []
@@ -90,8 +90,8 @@ def plan_of(form: Format) -> Plan:
     bounds = []
     for number, message in enumerate(form.messages):
         first, start = len(constants), len(ranges)
-        constants += [byte for one in message.fields for byte in constant_bytes(one)]
-        ranges += [_range_row(one, *one.range) for one in message.fields if one.range]
+        constants += [byte for field in message.fields for byte in constant_bytes(field)]
+        ranges += [_range_row(field, *field.range) for field in message.fields if field.range]
         bounds.append((message.length, first, len(constants), number, start, len(ranges)))
     bounds.sort(key=lambda bound: -sum(mask.bit_count() for _, mask, _ in constants[bound[1] : bound[2]]))
     return Plan(
@@ -132,18 +132,18 @@ def constant_bytes(one: Field) -> list[tuple[int, int, int]]:
     low = 0 if one.bits is None else one.bits[1]
     mask = ((1 << one.width) - 1) << low
     value = (one.value << low) & mask
-    found = []
+    constants = []
     for i in range(one.size):
         shift = 8 * (one.size - 1 - i if one.order == "big" else i)
         if mask >> shift & 0xFF:
-            found.append((one.at + i, mask >> shift & 0xFF, value >> shift & 0xFF))
-    return found
+            constants.append((one.at + i, mask >> shift & 0xFF, value >> shift & 0xFF))
+    return constants
 
 
-def _range_row(one: Field, least: int, most: int) -> tuple[int, ...]:
-    kind = DECIMAL if one.type == "bcd" else SIGNED if one.signed else UNSIGNED
-    low = 0 if one.bits is None else one.bits[1]
-    return one.at, one.size, int(one.order == "big"), low, one.width, kind, least, most
+def _range_row(field: Field, least: int, most: int) -> tuple[int, ...]:
+    kind = DECIMAL if field.type == "bcd" else SIGNED if field.signed else UNSIGNED
+    low = 0 if field.bits is None else field.bits[1]
+    return field.at, field.size, int(field.order == "big"), low, field.width, kind, least, most
 
 
 # Places in the state, which lives as long as the stream.
@@ -323,8 +323,8 @@ def scan(data: Bytes, end: int, final: bool, plan: Plan, state: Ints, out: Ints)
     header = ahead if length[0] else max(ahead, length[1] + length[2])
     transfers = length[7] == 1
     strong = length[0] == 0 and check[5] >= 16
-    at, found = 0, 0
-    while at < end and found < out.shape[0]:
+    at, count = 0, 0
+    while at < end and count < out.shape[0]:
         if not transfers and end - at >= ahead and not _is_sync(data, at, sync):
             state[JUNK] += 1
             state[HUNTING] = 1
@@ -335,9 +335,9 @@ def scan(data: Bytes, end: int, final: bool, plan: Plan, state: Ints, out: Ints)
         size = _length_at(data, at, length) if end - at >= header else 0
         if size > end - at and not final:
             break
-        whole = 0 < size <= end - at
+        complete = 0 < size <= end - at
         content, good, message = False, False, -1
-        if whole:
+        if complete:
             message = _message_at(data, at, size, messages, constants)
             content = _has_end(data, at + size, length) and _is_plausible(
                 data, at, message, strong, messages, parity, ranges
@@ -350,17 +350,17 @@ def scan(data: Bytes, end: int, final: bool, plan: Plan, state: Ints, out: Ints)
             good = good and not (unsure and behind and not _is_sync(data, at + size, sync))
         if good:
             if message >= 0:
-                out[found, 0], out[found, 1], out[found, 2] = at, size, messages[message, 3]
-                found += 1
+                out[count, 0], out[count, 1], out[count, 2] = at, size, messages[message, 3]
+                count += 1
             else:
                 state[UNKNOWN] += 1
             state[HUNTING] = 0
             at += size
             continue
-        if whole or (size == 0 and end - at >= header):
+        if complete or (size == 0 and end - at >= header):
             state[_why_not(size, content)] += 1
         step = min(size, end - at) if transfers and size > 0 else 1
         state[JUNK] += step
         state[HUNTING] = 1
         at += step
-    return found, at
+    return count, at

@@ -14,7 +14,7 @@ from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
 from plumbob.protocols.checksum import algorithm, of_rows
-from plumbob.protocols.field import Checksum, Field, owner_of
+from plumbob.protocols.field import Checksum, Field, unit_and_triad
 from plumbob.protocols.format import Message
 
 Bytes = NDArray[np.uint8]
@@ -24,32 +24,32 @@ Ints = NDArray[np.int64]
 _ORDER: Final = {"big": ">", "little": "<"}
 
 
-def counts_of(one: Field, rows: Bytes) -> Ints | Floats:
+def read_counts(field: Field, rows: Bytes) -> Ints | Floats:
     """Counts (N,) of a field in frames (N, L): whole numbers, or floats where the wire carries floats."""
-    word = rows[:, one.at : one.at + one.size]
-    if one.type == "parity":
+    word = rows[:, field.at : field.at + field.size]
+    if field.type == "parity":
         return np.asarray(np.bitwise_count(word).sum(axis=1) & 1, dtype=np.int64)
-    if one.check:
-        return _holds(one.check, word)
-    if one.type == "bcd":
+    if field.check:
+        return _holds(field.check, word)
+    if field.type == "bcd":
         return _from_digits(word)
-    if one.size == 3:
+    if field.size == 3:
         parts = word.astype(np.int64)
-        places = (16, 8, 0) if one.order == "big" else (0, 8, 16)
+        places = (16, 8, 0) if field.order == "big" else (0, 8, 16)
         value = sum(parts[:, i] << places[i] for i in range(3))
-        return _signed(np.asarray(value), 24) if one.signed and one.bits is None else _cut(one, np.asarray(value))
-    kind = one.type[0] if one.bits is None else "u"
+        return _signed(np.asarray(value), 24) if field.signed and field.bits is None else _cut(field, np.asarray(value))
+    kind = field.type[0] if field.bits is None else "u"
     code = {"u": "u", "s": "i", "f": "f"}[kind]
-    found = np.ascontiguousarray(word).view(f"{_ORDER[one.order]}{code}{one.size}")[:, 0]
+    words = np.ascontiguousarray(word).view(f"{_ORDER[field.order]}{code}{field.size}")[:, 0]
     if code == "f":
-        return found.astype(np.float64)
-    return _cut(one, found.astype(np.int64))
+        return words.astype(np.float64)
+    return _cut(field, words.astype(np.int64))
 
 
-def matches(one: Field, counts: Ints | Floats) -> Ints:
+def matches(field: Field, counts: Ints | Floats) -> Ints:
     """1 where counts (N,) of a match are as they should be, else 0."""
-    mask = (1 << one.width) - 1
-    return np.asarray(counts.astype(np.int64) & mask == one.value & mask, dtype=np.int64)
+    mask = (1 << field.width) - 1
+    return np.asarray(counts.astype(np.int64) & mask == field.value & mask, dtype=np.int64)
 
 
 def _holds(check: Checksum, word: Bytes) -> Ints:
@@ -64,11 +64,11 @@ def _holds(check: Checksum, word: Bytes) -> Ints:
     return np.asarray(np.any(fits, axis=0), dtype=np.int64)
 
 
-def _cut(one: Field, word: Ints) -> Ints:
-    if one.bits is None:
+def _cut(field: Field, word: Ints) -> Ints:
+    if field.bits is None:
         return word
-    value = np.asarray(word >> one.bits[1] & ((1 << one.width) - 1), dtype=np.int64)
-    return _signed(value, one.width) if one.signed else value
+    value = np.asarray(word >> field.bits[1] & ((1 << field.width) - 1), dtype=np.int64)
+    return _signed(value, field.width) if field.signed else value
 
 
 def _signed(value: Ints, width: int) -> Ints:
@@ -83,7 +83,7 @@ def _from_digits(word: Bytes) -> Ints:
     return np.asarray(np.where(digits[:, 0] == 1, -size, size), dtype=np.int64)
 
 
-def values_of(one: Field, counts: Ints | Floats) -> Floats:
+def field_values(one: Field, counts: Ints | Floats) -> Floats:
     """Values (N,) in the unit used inside."""
     shifted = counts + one.raw_offset if one.raw_offset else counts
     scaled = shifted * one.scale
@@ -107,24 +107,24 @@ def counts_for(one: Field, values: Floats) -> tuple[Ints | Floats, NDArray[np.bo
     return nearest.astype(np.int64), (exact < low) | (exact > high)
 
 
-def put(one: Field, rows: Bytes, counts: Ints | Floats) -> None:
+def put(field: Field, rows: Bytes, counts: Ints | Floats) -> None:
     """Write counts (N,) into their place in frames (N, L); other bits of the word stay."""
-    word = rows[:, one.at : one.at + one.size]
-    if one.type == "bcd":
+    word = rows[:, field.at : field.at + field.size]
+    if field.type == "bcd":
         word[:] = _to_digits(np.asarray(counts, dtype=np.int64))
-    elif one.type[0] == "f":
-        packed = np.asarray(counts, dtype=f"{_ORDER[one.order]}f{one.size}")
-        word[:] = packed.view(np.uint8).reshape(-1, one.size)
+    elif field.type[0] == "f":
+        packed = np.asarray(counts, dtype=f"{_ORDER[field.order]}f{field.size}")
+        word[:] = packed.view(np.uint8).reshape(-1, field.size)
     else:
-        low = 0 if one.bits is None else one.bits[1]
-        whole = np.asarray(counts, dtype=np.int64).astype(np.uint64)
-        mask = np.uint64((1 << one.width) - 1)
-        _merge(one, word, (whole & mask) << np.uint64(low), mask << np.uint64(low))
+        low = 0 if field.bits is None else field.bits[1]
+        bits = np.asarray(counts, dtype=np.int64).astype(np.uint64)
+        mask = np.uint64((1 << field.width) - 1)
+        _merge(field, word, (bits & mask) << np.uint64(low), mask << np.uint64(low))
 
 
-def _merge(one: Field, word: Bytes, value: NDArray[np.uint64], mask: np.uint64) -> None:
-    for i in range(one.size):
-        shift = np.uint64(8 * (one.size - 1 - i if one.order == "big" else i))
+def _merge(field: Field, word: Bytes, value: NDArray[np.uint64], mask: np.uint64) -> None:
+    for i in range(field.size):
+        shift = np.uint64(8 * (field.size - 1 - i if field.order == "big" else i))
         keep = np.uint8(~(mask >> shift) & np.uint64(0xFF))
         word[:, i] = word[:, i] & keep | (value >> shift & np.uint64(0xFF)).astype(np.uint8)
 
@@ -190,18 +190,18 @@ class Unpacker:
     """
 
     def __init__(self, message: Message) -> None:
-        wanted = [one for one in message.fields if one.role != "constant"]
-        plain = [one for one in wanted if _is_plain(one)]
-        self._units = units_of(message)
-        self._order = [one.name for one in wanted]
-        self._values = [one for one in plain if one.physical]
-        self._counts = [one for one in plain if not one.physical]
-        self._odd = [one for one in wanted if not _is_plain(one)]
-        self._listening = [one for one in self._counts if one.says]
+        wanted = [field for field in message.fields if field.role != "constant"]
+        plain = [field for field in wanted if _is_plain(field)]
+        self._units = unit_prefixes(message)
+        self._order = [field.name for field in wanted]
+        self._values = [field for field in plain if field.physical]
+        self._counts = [field for field in plain if not field.physical]
+        self._odd = [field for field in wanted if not _is_plain(field)]
+        self._listening = [field for field in self._counts if field.says]
         self._length = message.length
-        self._plan = np.array([_row(one, self._units) for one in (*self._values, *self._counts)], dtype=np.int64)
+        self._plan = np.array([_row(field, self._units) for field in (*self._values, *self._counts)], dtype=np.int64)
         self._plan = self._plan.reshape(-1, len(_PLAN))
-        self._scales = np.array([(one.raw_offset, one.scale, one.zero) for one in self._values]).reshape(-1, 3)
+        self._scales = np.array([(field.raw_offset, field.scale, field.zero) for field in self._values]).reshape(-1, 3)
 
     def take(self, data: Bytes, start: Ints) -> Unpacked:
         """Columns (N,) of the frames that begin at `start` (N,) in `data`."""
@@ -209,42 +209,42 @@ class Unpacker:
         values, counts = np.empty((len(self._values), size)), np.empty((len(self._counts), size), dtype=np.int64)
         words = np.zeros((len(self._units), size), dtype=np.uint32)
         unpack(data, start, self._plan, self._scales, values, counts, words)
-        found = dict(zip(self._units, words, strict=True))
-        columns: dict[str, Column] = {one.name: values[i] for i, one in enumerate(self._values)}
-        columns |= {one.name: counts[i] for i, one in enumerate(self._counts)}
+        unit_flags = dict(zip(self._units, words, strict=True))
+        columns: dict[str, Column] = {field.name: values[i] for i, field in enumerate(self._values)}
+        columns |= {field.name: counts[i] for i, field in enumerate(self._counts)}
         absent: Gone = []
-        for one in self._listening:
-            absent += _listen(one, columns[one.name], found)
+        for field in self._listening:
+            absent += _listen(field, columns[field.name], unit_flags)
         if self._odd:
             rows = _rows(data, start, self._length)
-            for one in self._odd:
-                columns[one.name], gone = _odd(one, rows, found)
+            for field in self._odd:
+                columns[field.name], gone = _odd(field, rows, unit_flags)
                 absent += gone
             columns = {name: columns[name] for name in self._order}
         _blank(columns, absent)
-        return Unpacked(columns, found)
+        return Unpacked(columns, unit_flags)
 
 
-def units_of(message: Message) -> list[str]:
+def unit_prefixes(message: Message) -> list[str]:
     """Prefixes of the units whose triads the message carries; an empty one where they have none."""
     names = [f.triad for f in message.fields if f.triad] + [name for f in message.fields for name in f.of]
-    return list(dict.fromkeys(owner_of(name)[0] for name in names)) or [""]
+    return list(dict.fromkeys(unit_and_triad(name)[0] for name in names)) or [""]
 
 
-def _is_plain(one: Field) -> bool:
-    return one.type[0] in "us" and one.role != "match" and not one.check and not one.overflow
+def _is_plain(field: Field) -> bool:
+    return field.type[0] in "us" and field.role != "match" and not field.check and not field.overflow
 
 
 _PLAN: Final = ("at", "size", "big", "lowest bit", "bits", "signed", "low", "high", "unit", "flag")
 
 
-def _row(one: Field, units: list[str]) -> tuple[int, ...]:
-    unit, triad = owner_of(one.triad) if one.physical and one.triad else ("", "")
-    low, high = (one.clip or one.limits) if triad else (0, 0)
+def _row(f: Field, units: list[str]) -> tuple[int, ...]:
+    unit, triad = unit_and_triad(f.triad) if f.physical and f.triad else ("", "")
+    low, high = (f.clip or f.limits) if triad else (0, 0)
     place = units.index(unit) if triad else 0
     flag = _BITS[triad, "clipped"] if triad else 0
-    lowest = 0 if one.bits is None else one.bits[1]
-    return (one.at, one.size, int(one.order == "big"), lowest, one.width, int(one.signed), low, high, place, flag)
+    lowest = 0 if f.bits is None else f.bits[1]
+    return (f.at, f.size, int(f.order == "big"), lowest, f.width, int(f.signed), low, high, place, flag)
 
 
 @kernel
@@ -271,44 +271,44 @@ def _rows(data: Bytes, start: Ints, length: int) -> Bytes:
     return np.lib.stride_tricks.sliding_window_view(data, length)[start]
 
 
-def _odd(one: Field, rows: Bytes, found: Mapping[str, Flags]) -> tuple[Column, Gone]:
-    counts = counts_of(one, rows)
-    if one.role == "match":
-        counts = matches(one, counts)
-    if not one.physical:
-        return counts, _listen(one, counts, found)
-    return values_of(one, counts), _at_its_end(one, counts, found)
+def _odd(field: Field, rows: Bytes, unit_flags: Mapping[str, Flags]) -> tuple[Column, Gone]:
+    counts = read_counts(field, rows)
+    if field.role == "match":
+        counts = matches(field, counts)
+    if not field.physical:
+        return counts, _listen(field, counts, unit_flags)
+    return field_values(field, counts), _at_its_end(field, counts, unit_flags)
 
 
-def _listen(one: Field, counts: Column, found: Mapping[str, Flags]) -> Gone:
+def _listen(field: Field, counts: Column, unit_flags: Mapping[str, Flags]) -> Gone:
     """Flag what a status says of its triads, or of the triads of its fields; return what it says is absent."""
     gone: Gone = []
-    for code, word in one.says.items():
+    for code, word in field.says.items():
         here = counts == code
         if not here.any():
             continue
-        for name in one.of:
-            unit, triad = owner_of(name)
+        for name in field.of:
+            unit, triad = unit_and_triad(name)
             if triad:
-                found[unit][here] |= np.uint32(_BITS[triad, word])
+                unit_flags[unit][here] |= np.uint32(_BITS[triad, word])
             if word == "absent":
                 gone.append((name, here))
     return gone
 
 
-def _at_its_end(one: Field, counts: Column, found: Mapping[str, Flags]) -> Gone:
+def _at_its_end(field: Field, counts: Column, unit_flags: Mapping[str, Flags]) -> Gone:
     """Flag a triad whose count is at the end of its range, or is no number; return its own column where it is none."""
-    unit, _, triad = one.triad.rpartition(".")
-    if one.type[0] == "f":
+    unit, _, triad = field.triad.rpartition(".")
+    if field.type[0] == "f":
         wild = ~np.isfinite(counts)
         if triad and wild.any():
-            found[unit][wild] |= np.uint32(_BITS[triad, "invalid"])
-        return [(one.name, wild)] if wild.any() else []
-    beyond = np.isin(counts, one.overflow)
+            unit_flags[unit][wild] |= np.uint32(_BITS[triad, "invalid"])
+        return [(field.name, wild)] if wild.any() else []
+    beyond = np.isin(counts, field.overflow)
     if triad:
-        low, high = one.clip or one.limits
-        found[unit][(counts <= low) | (counts >= high) | beyond] |= np.uint32(_BITS[triad, "clipped"])
-    return [(one.name, beyond)] if beyond.any() else []
+        low, high = field.clip or field.limits
+        unit_flags[unit][(counts <= low) | (counts >= high) | beyond] |= np.uint32(_BITS[triad, "clipped"])
+    return [(field.name, beyond)] if beyond.any() else []
 
 
 def _blank(columns: dict[str, Column], absent: Gone) -> None:

@@ -110,16 +110,16 @@ def fit(t: Floats, gyr: Floats, vector: Floats, *, offset: float) -> Fit | None:
     if not length > 0.0 or not np.nanmax(np.abs(gyr), initial=0.0) > 0.0:
         return None
     at = grid(t, gyr, vector / length)
-    fits = [found for size in WINDOWS if (found := _Search(at, size, offset).fit(t, gyr, length)) is not None]
+    fits = [candidate for size in WINDOWS if (candidate := _Search(at, size, offset).fit(t, gyr, length)) is not None]
     return chosen(fits)
 
 
 def chosen(fits: Sequence[Fit]) -> Fit | None:
     """Fit with the clearest answer, and whether another one contradicts it."""
-    best = max(fits, key=lambda one: one.margin, default=None)
+    best = max(fits, key=lambda candidate: candidate.margin, default=None)
     if best is None:
         return None
-    against = any(one.best != best.best and one.margin > _CONTRADICTS and one.agrees for one in fits)
+    against = any(rival.best != best.best and rival.margin > _CONTRADICTS and rival.agrees for rival in fits)
     return replace(best, contradicted=against)
 
 
@@ -131,9 +131,9 @@ class _Search:
         length = min(_BLOCK, at.t.size * BIN / 10.0)
         self.block = max(4, round(length / (size * BIN)))
         self.design = designs()
-        whole = windows(at, size, self.block)
-        turned = float(np.einsum("bii->", whole[:, 12:15, 12:15]))
-        changed = np.einsum("bii->b", whole[:, 16:, 16:])
+        grams = windows(at, size, self.block)
+        turned = float(np.einsum("bii->", grams[:, 12:15, 12:15]))
+        changed = np.einsum("bii->b", grams[:, 16:, 16:])
         self.scale = float(np.sqrt(changed.sum() / turned)) if turned > 0.0 else 0.0
         self.ridge = _ridge(offset, self.scale) if self.scale > 0.0 else np.ones(FREE)
         usual = float(np.median(changed[changed > 0.0])) if (changed > 0.0).any() else 0.0
@@ -145,19 +145,19 @@ class _Search:
             return None
         reach = min(round(LONGEST_DELAY / BIN), self.at.t.size // 4)
         shifts = np.arange(-reach, reach + 1)
-        left = np.array([self._left(int(shift)) for shift in shifts])  # (shifts, 48)
-        at = left.argmin(axis=0)
+        residual = np.array([self._residual(int(shift)) for shift in shifts])  # (shifts, 48)
+        at = residual.argmin(axis=0)
         cut = {int(i): windows(self.at, self.size, self.block, int(shifts[i])) for i in np.unique(at)}
-        count = min(len(one) for one in cut.values())
-        cut = {i: one[:count] for i, one in cut.items()}
+        count = min(len(blocks) for blocks in cut.values())
+        cut = {i: blocks[:count] for i, blocks in cut.items()}
         moments = [self._moments(cut[int(i)], n) for n, i in enumerate(at)]
-        first = int(left.min(axis=0).argmin())
-        whole = np.ones(count, dtype=np.bool_)
+        first = int(residual.min(axis=0).argmin())
+        all_blocks = np.ones(count, dtype=np.bool_)
         counts = self._counts(cut[int(at[first])])
         share = self._independent(first, _Scored(moments[first], counts, self.ridge), int(shifts[at[first]]))
         counts = share * counts
         scored = [_Scored(m, counts, self.ridge) for m in moments]
-        log = np.array([one.log_likelihood for one in scored])
+        log = np.array([score.log_likelihood for score in scored])
         top = int(log.argmax())
         best = scored[top]
         halves = best.halves()
@@ -165,7 +165,7 @@ class _Search:
             np.array([_Scored(m[half], counts[half], self.ridge).log_likelihood for m in moments]) for half in halves
         ]
         start = BIN * float(shifts[at[top]])
-        delays = [self._delay(t, gyr, top, start, np.where(rows, best.weight, 0.0)) for rows in (whole, *halves)]
+        delays = [self._delay(t, gyr, top, start, np.where(rows, best.weight, 0.0)) for rows in (all_blocks, *halves)]
         return Fit(
             log_odds=log - log.max(),
             halves=(by_half[0] - by_half[0].max(), by_half[1] - by_half[1].max()),
@@ -180,10 +180,10 @@ class _Search:
             effective=float(counts.sum()),
         )
 
-    def _left(self, shift: int) -> Floats:
+    def _residual(self, shift: int) -> Floats:
         """Part of the change that each arrangement leaves, (48,)."""
-        found = windows(self.at, self.size, self.block, shift)
-        gram = np.einsum("b,bij->ij", self.weight[: len(found)], found[: len(self.weight)])
+        grams = windows(self.at, self.size, self.block, shift)
+        gram = np.einsum("b,bij->ij", self.weight[: len(grams)], grams[: len(self.weight)])
         m = np.einsum("ncai,ij,ncbj->nab", self.design, gram, self.design, optimize=True)
         change = m[:, -1, -1]
         weak = np.diag(self.ridge) * (change[0] / (3.0 * self.block * len(self.weight)) + 1e-12)
@@ -195,14 +195,14 @@ class _Search:
         return np.asarray(blocks[:, 15, 15] / (self.size * BIN) ** 2)
 
     def _moments(self, blocks: Floats, n: int) -> Floats:
-        return np.asarray(sum(one @ blocks @ one.T for one in self.design[n]))
+        return np.asarray(sum(component @ blocks @ component.T for component in self.design[n]))
 
     def _independent(self, n: int, scored: "_Scored", shift: int) -> float:
         """Independent samples for each window: residuals of neighbours are alike."""
         rows = scalars(self.at, self.size, shift)[: len(scored.p_block) * self.block]
-        left = np.einsum("ni,cai,a->nc", rows, self.design[n], np.append(-scored.p, 1.0))
-        sd = np.repeat(np.sqrt(scored.variance), self.block)[: len(left), np.newaxis]
-        return 1.0 / inflation(left / sd)
+        residuals = np.einsum("ni,cai,a->nc", rows, self.design[n], np.append(-scored.p, 1.0))
+        sd = np.repeat(np.sqrt(scored.variance), self.block)[: len(residuals), np.newaxis]
+        return 1.0 / inflation(residuals / sd)
 
     def _delay(self, t: Floats, gyr: Floats, n: int, start: float, weight: Floats) -> tuple[float, float]:
         """Delay of an arrangement and its standard deviation, s: the vertex of a parabola, drawn three times."""
@@ -270,15 +270,15 @@ class _Scored:
             self.p = solved(normal, total[:-1, -1:])[:, 0]
             if self.p[0] <= 0.0:
                 self.p = np.append(0.0, solved(normal[1:, 1:], total[1:-1, -1:])[:, 0])
-            left = _rss(moments, np.broadcast_to(self.p, (len(moments), FREE)))
-            variance = (left + floor) / (2.0 * many)
-        self.variance, self.p_block = np.maximum(variance, 1e-300), left
+            residual = _rss(moments, np.broadcast_to(self.p, (len(moments), FREE)))
+            variance = (residual + floor) / (2.0 * many)
+        self.variance, self.p_block = np.maximum(variance, 1e-300), residual
         self.cov = solved(normal, np.eye(FREE))
-        self.gain = np.where(live, counts * np.log((change + floor) / (left + floor)), 0.0)
-        self.log_likelihood = -float(np.sum(counts[live] * np.log(left[live] + floor[live]))) - 0.5 * float(
+        self.gain = np.where(live, counts * np.log((change + floor) / (residual + floor)), 0.0)
+        self.log_likelihood = -float(np.sum(counts[live] * np.log(residual[live] + floor[live]))) - 0.5 * float(
             self.p @ (ridge * self.p)
         )
-        self.explained = 1.0 - float(np.sum(self.weight * left) / max(float(np.sum(self.weight * change)), 1e-300))
+        self.explained = 1.0 - float(np.sum(self.weight * residual) / max(float(np.sum(self.weight * change)), 1e-300))
 
     def halves(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Blocks of either half of what tells."""

@@ -66,9 +66,9 @@ def fit_force(
         return None
     best: _Search | None = None
     for gyr in trials:  # one by one: each holds what all arrangements leave, at every delay
-        one = _Search(t, gyr, force, edges, scales, signs)
-        if one.levels and (best is None or one.plausible > best.plausible):
-            best = one
+        search = _Search(t, gyr, force, edges, scales, signs)
+        if search.levels and (best is None or search.plausible > best.plausible):
+            best = search
     return None if best is None else best.fit()
 
 
@@ -80,14 +80,14 @@ class _Level:
     ----------
     size : int
         Bins of a window.
-    left : ndarray (scales, shifts, 48, blocks)
+    residual : ndarray (scales, shifts, 48, blocks)
         Mean square change of gravity.
     counts : ndarray (blocks,)
         Windows that count.
     """
 
     size: int
-    left: Floats
+    residual: Floats
     counts: Floats
 
     def likely(self, rows: NDArray[np.bool_] | None = None) -> Floats:
@@ -97,7 +97,7 @@ class _Level:
         worth half a logarithm.
         """
         counts = self.counts if rows is None else np.where(rows, self.counts, 0.0)
-        return np.asarray(-0.5 * np.log(self.left + FLOOR**2) @ counts)
+        return np.asarray(-0.5 * np.log(self.residual + FLOOR**2) @ counts)
 
 
 class _Search:
@@ -112,46 +112,46 @@ class _Search:
         reach = min(round(LONGEST_DELAY / BIN), len(force) // 8) // _STRIDE * _STRIDE
         self.shifts = np.arange(-reach, reach + 1, _STRIDE)
         self.levels = self._levels() if np.isfinite(self.rate).any() else []
-        self.logs = [one.likely() for one in self.levels]
+        self.logs = [level.likely() for level in self.levels]
         self.together = np.sum(self.logs, axis=0)
         self.plausible = float(self.together.max()) if self.levels else -np.inf
 
     def _levels(self) -> list[_Level]:
         """Mean square changes by windows of every length, which all come from the means of the shortest."""
-        whole = len(self.force) - int(self.shifts[-1])  # what overlaps at each shift
-        counts = {size: count for size in SIZES if (count := whole // size) >= _FEWEST}
+        overlap = len(self.force) - int(self.shifts[-1])  # what overlaps at each shift
+        counts = {size: count for size in SIZES if (count := overlap // size) >= _FEWEST}
         blocks = {size: min(_BLOCK, (count - 1) // 2) for size, count in counts.items()}
         shape = (len(self.scales), len(self.shifts), 2, _HALF)
-        left = {size: np.full((*shape, (count - 1) // blocks[size]), _NEVER) for size, count in counts.items()}
-        many = {size: np.full(one.shape[-1], np.inf) for size, one in left.items()}
+        residual = {size: np.full((*shape, (count - 1) // blocks[size]), _NEVER) for size, count in counts.items()}
+        many = {size: np.full(power.shape[-1], np.inf) for size, power in residual.items()}
         for i, scale in enumerate(self.scales):
             for sign in self.signs:
-                dcm = _turned(self.rate, sign * scale)
+                dcm = _rotations(self.rate, sign * scale)
                 for j, shift in enumerate(self.shifts):
-                    mean, known = _products(dcm, self.force, SIZES[0], int(shift))
+                    mean, valid = _products(dcm, self.force, SIZES[0], int(shift))
                     for size, count in counts.items():
-                        found, some = _left(mean[:count], known[:count], blocks[size])
-                        left[size][i, j, 0 if sign > 0.0 else 1] = found
+                        block_power, some = _mean_squares(mean[:count], valid[:count], blocks[size])
+                        residual[size][i, j, 0 if sign > 0.0 else 1] = block_power
                         many[size] = np.minimum(many[size], some)
-                        even = len(known) // 2 * 2
-                        mean, known = 0.5 * (mean[:even:2] + mean[1:even:2]), known[:even:2] & known[1:even:2]
-        return [_Level(size, one.reshape(*shape[:2], 2 * _HALF, -1), many[size]) for size, one in left.items()]
+                        even = len(valid) // 2 * 2
+                        mean, valid = 0.5 * (mean[:even:2] + mean[1:even:2]), valid[:even:2] & valid[1:even:2]
+        return [_Level(size, power.reshape(*shape[:2], 2 * _HALF, -1), many[size]) for size, power in residual.items()]
 
     def fit(self) -> Fit:
         """Odds of each arrangement at its own best scale and delay, and the delay and scale of the best."""
         scale, shift, top = (int(i) for i in np.unravel_index(int(self.together.argmax()), self.together.shape))
-        shares = [self._share(one, scale, shift, top) for one in self.levels]
-        log = _agreed([share * one for share, one in zip(shares, self.logs, strict=True)])
+        shares = [self._share(level, scale, shift, top) for level in self.levels]
+        log = _agreed([share * logs for share, logs in zip(shares, self.logs, strict=True)])
         best = log.max(axis=(0, 1))
         top = int(best.argmax())
         scale, shift = (int(i) for i in np.unravel_index(int(log[:, :, top].argmax()), log.shape[:2]))
         by_half = [self._half(shares, first) for first in (True, False)]
-        own = [_margin(share * one.max(axis=(0, 1)), top) for share, one in zip(shares, self.logs, strict=True)]
-        told = self.levels[int(np.argmax(own))]
-        refined = _Refined(self, told.size, top, self.scales[scale], float(self.shifts[shift]) * BIN)
+        margins = [_margin(share * logs.max(axis=(0, 1)), top) for share, logs in zip(shares, self.logs, strict=True)]
+        clearest = self.levels[int(np.argmax(margins))]
+        refined = _Refined(self, clearest.size, top, self.scales[scale], float(self.shifts[shift]) * BIN)
         blocks = np.ones(len(refined.change) // refined.block + 1, dtype=np.bool_)
         first = np.arange(len(blocks)) < len(blocks) // 2
-        parts = [refined.of(rows) for rows in (blocks, first, ~first)]
+        parts = [refined.estimate(rows) for rows in (blocks, first, ~first)]
         wider = float(np.sqrt(refined.inflation))
         return Fit(
             log_odds=best - best.max(),
@@ -165,25 +165,25 @@ class _Search:
             offset=np.zeros(3),
             explained=refined.explained,
             effective=float(
-                sum(0.5 * share * one.counts.sum() for share, one in zip(shares, self.levels, strict=True))
+                sum(0.5 * share * level.counts.sum() for share, level in zip(shares, self.levels, strict=True))
             ),
         )
 
     def _share(self, level: _Level, scale: int, shift: int, top: int) -> float:
         """Independent changes for each of a level: what is left of neighbours is alike."""
-        dcm = _turned(self.rate, (1.0 if top < _HALF else -1.0) * self.scales[scale])
-        change, known = changes(dcm, self.force, level.size, int(self.shifts[shift]))
-        left = change[known] @ ARRANGEMENTS[top % _HALF].T.ravel()
-        usual = float(np.median(np.abs(left))) if left.size else 0.0
-        return 1.0 / inflation(np.clip(left, -5.0 * usual, 5.0 * usual)) if usual > 0.0 else 1.0
+        dcm = _rotations(self.rate, (1.0 if top < _HALF else -1.0) * self.scales[scale])
+        change, valid = changes(dcm, self.force, level.size, int(self.shifts[shift]))
+        residual = change[valid] @ ARRANGEMENTS[top % _HALF].T.ravel()
+        usual = float(np.median(np.abs(residual))) if residual.size else 0.0
+        return 1.0 / inflation(np.clip(residual, -5.0 * usual, 5.0 * usual)) if usual > 0.0 else 1.0
 
     def _half(self, shares: Sequence[float], first: bool) -> Floats:
         """Odds (48,) by the first half of each level's blocks, or by the others."""
         logs = []
         for share, level in zip(shares, self.levels, strict=True):
-            told = np.cumsum(level.counts) <= 0.5 * level.counts.sum()
-            told[0], told[-1] = True, False
-            logs.append(share * level.likely(told if first else ~told))
+            early = np.cumsum(level.counts) <= 0.5 * level.counts.sum()
+            early[0], early[-1] = True, False
+            logs.append(share * level.likely(early if first else ~early))
         best = _agreed(logs).max(axis=(0, 1))
         return np.asarray(best - best.max())
 
@@ -198,7 +198,7 @@ def _margin(log: Floats, top: int) -> float:
     return float(log[top] - np.delete(log, top).max())
 
 
-def _turned(rate: Floats, scale: float) -> Floats:
+def _rotations(rate: Floats, scale: float) -> Floats:
     """Rotation matrices (N, 3, 3) from the axes of the rates to those at the start, at the middle of each bin.
 
     NaN where rates are missing: windows that contain a pause do not count.
@@ -224,30 +224,30 @@ def _products(dcm: Floats, force: Floats, size: int, shift: int) -> tuple[Floats
         dcm, force = dcm[-shift:], force[:shift]
     count = len(force) // size
     dcm, force = dcm[: count * size], force[: count * size]
-    known = np.asarray(np.isfinite(force).all(axis=1) & np.isfinite(dcm[:, 0, 0]))
-    u = np.where(known[:, np.newaxis], force, 0.0)
-    dcm = np.where(known[:, np.newaxis, np.newaxis], dcm, 0.0)
+    valid = np.asarray(np.isfinite(force).all(axis=1) & np.isfinite(dcm[:, 0, 0]))
+    u = np.where(valid[:, np.newaxis], force, 0.0)
+    dcm = np.where(valid[:, np.newaxis, np.newaxis], dcm, 0.0)
     mean = np.swapaxes(dcm.reshape(count, size, 9), 1, 2) @ u.reshape(count, size, 3) / size
-    return mean.reshape(count, 3, 9), np.asarray(known.reshape(count, size).all(axis=1))
+    return mean.reshape(count, 3, 9), np.asarray(valid.reshape(count, size).all(axis=1))
 
 
-def _changed(mean: Floats, whole: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.bool_]]:
-    counts = whole[1:] & whole[:-1]
+def _changed(mean: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.bool_]]:
+    counts = valid[1:] & valid[:-1]
     change = np.diff(mean, axis=0)
     change[~counts] = 0.0
     return change, counts
 
 
-def _left(mean: Floats, whole: NDArray[np.bool_], block: int) -> tuple[Floats, Floats]:
+def _mean_squares(mean: Floats, valid: NDArray[np.bool_], block: int) -> tuple[Floats, Floats]:
     """Mean square change (24, blocks) by each arrangement of one handedness, and windows that count (blocks,)."""
-    change, known = _changed(mean, whole)
+    change, paired = _changed(mean, valid)
     count = len(change) // block
     change = change[: count * block].reshape(count, block * 3, 9)
     gram = np.swapaxes(change, 1, 2) @ change
-    many = known[: count * block].reshape(count, block).sum(axis=1).astype(np.float64)
+    many = paired[: count * block].reshape(count, block).sum(axis=1).astype(np.float64)
     m = np.swapaxes(ARRANGEMENTS[:_HALF], 1, 2).reshape(_HALF, 9)
-    left = np.einsum("ni,bij,nj->nb", m, gram, m, optimize=True)
-    return np.maximum(left, 0.0) / np.maximum(many, 1.0), many
+    power = np.einsum("ni,bij,nj->nb", m, gram, m, optimize=True)
+    return np.maximum(power, 0.0) / np.maximum(many, 1.0), many
 
 
 class _Refined:
@@ -274,10 +274,10 @@ class _Refined:
         self.bias = p[2:]
         still = self._change(np.zeros(5), turning=False)
         power = float(np.sum(self.weight[:, np.newaxis] * still**2))
-        left = float(np.sum(self.weight[:, np.newaxis] * self.change**2))
-        self.explained = 1.0 - left / power if power > 0.0 else 0.0
+        residual = float(np.sum(self.weight[:, np.newaxis] * self.change**2))
+        self.explained = 1.0 - residual / power if power > 0.0 else 0.0
 
-    def of(self, blocks: NDArray[np.bool_]) -> tuple[float, float, float, float]:
+    def estimate(self, blocks: NDArray[np.bool_]) -> tuple[float, float, float, float]:
         """Delay, its standard deviation, scale and its standard deviation, by some of the blocks."""
         rows = np.zeros(len(self.change), dtype=np.bool_)
         marked = np.repeat(blocks, self.block)[: len(rows)]
@@ -306,7 +306,7 @@ class _Refined:
         rate = means(search.t, search.gyr, search.edges - self.start - p[0])
         rate = self.sign * self.scale * np.exp(p[1]) * rate - p[2:]
         force = np.where(np.asarray(np.isfinite(rate).all(axis=1))[:, np.newaxis], search.force, np.nan)
-        dcm = _turned(rate, 1.0) if turning else np.broadcast_to(np.eye(3), (len(rate), 3, 3))
+        dcm = _rotations(rate, 1.0) if turning else np.broadcast_to(np.eye(3), (len(rate), 3, 3))
         return np.asarray(changes(dcm, force, self.size, 0)[0] @ self.axes.T.ravel())
 
     def _weight(self, change: Floats) -> Floats:

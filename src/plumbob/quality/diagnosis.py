@@ -124,26 +124,26 @@ class Diagnosis(Reported):
     @property
     def wrong(self) -> bool:
         """Whether something contradicts what the recording is read as."""
-        return any(one.wrong for one in self.findings)
+        return any(finding.wrong for finding in self.findings)
 
     def facts(self) -> Mapping[str, str]:
         """The recording, and what is wrong."""
-        wrong = [f"{one.sensor} {one.question}" for one in self.findings if one.wrong]
+        wrong = [f"{finding.sensor} {finding.question}" for finding in self.findings if finding.wrong]
         return {"recording": self.name, "wrong": ", ".join(wrong) or "nothing found"}
 
     def summary(self) -> dict[str, Any]:
         """All that is known, as JSON can hold it."""
         rows = [
             {
-                "sensor": one.sensor,
-                "question": one.question,
-                "answer": str(one.answer),
-                "value": one.value,
-                "log10_odds": min(one.log_odds / math.log(10.0), 6.0),
-                "wrong": one.wrong,
-                "why": one.why,
+                "sensor": finding.sensor,
+                "question": finding.question,
+                "answer": str(finding.answer),
+                "value": finding.value,
+                "log10_odds": min(finding.log_odds / math.log(10.0), 6.0),
+                "wrong": finding.wrong,
+                "why": finding.why,
             }
-            for one in self.findings
+            for finding in self.findings
         ]
         return {"recording": self.name, "wrong": self.wrong, "findings": rows, "profile": list(self.lines),
                 "remarks": list(self.remarks), "values": dict(self.values)}  # fmt: skip
@@ -152,12 +152,12 @@ class Diagnosis(Reported):
         """Verdicts, lines of the profile, and remarks."""
         rows = [
             (
-                f"{one.sensor} {one.question}",
-                str(one.answer),
-                one.odds,
-                ("WRONG: " if one.wrong else "") + one.value + (f" ({one.why})" if one.why else ""),
+                f"{finding.sensor} {finding.question}",
+                str(finding.answer),
+                finding.odds,
+                ("WRONG: " if finding.wrong else "") + finding.value + (f" ({finding.why})" if finding.why else ""),
             )
-            for one in self.findings
+            for finding in self.findings
         ]
         profile = (
             [Table("Lines of the profile", ("",), [(line,) for line in self.lines], words=(0,))] if self.lines else []
@@ -179,13 +179,13 @@ class _Sensor:
     answer: Answer = Answer.UNKNOWN
 
     def __post_init__(self) -> None:
-        found = self.found
-        if found is None or found.torn:
+        fitted = self.found
+        if fitted is None or fitted.torn:
             return
-        explains = found.explained >= _EXPLAINED
-        if found.agrees and explains and not found.contradicted and found.margin >= _HINT:
-            self.answer = Answer.SURE if found.margin >= CERTAIN else Answer.LIKELY
-        elif found.explained >= _NOISE[self.name] and found.margin >= _ENOUGH[self.name]:
+        explains = fitted.explained >= _EXPLAINED
+        if fitted.agrees and explains and not fitted.contradicted and fitted.margin >= _HINT:
+            self.answer = Answer.SURE if fitted.margin >= CERTAIN else Answer.LIKELY
+        elif fitted.explained >= _NOISE[self.name] and fitted.margin >= _ENOUGH[self.name]:
             self.answer = Answer.LIKELY  # most of it is pushes, as in the pocket of who walks
 
     @property
@@ -228,10 +228,10 @@ class Declared:
     def axes(self, name: str, turn: Floats) -> list[str]:
         """Lines of a triad whose vectors as read have to be turned."""
         group = None if self.profile is None else self.profile.triads.get(name)
-        whole = None if self.profile is None else self.profile.turn
-        case = np.eye(3) if whole is None else signed_axes(whole)
-        own = np.eye(3) if group is None else signed_axes(group.axes)
-        total = case.T @ turn @ case @ own
+        case_turn = None if self.profile is None else self.profile.turn
+        case = np.eye(3) if case_turn is None else signed_axes(case_turn)
+        declared = np.eye(3) if group is None else signed_axes(group.axes)
+        total = case.T @ turn @ case @ declared
         lines = [f'axes = "{axes_letters(total)}"']
         return [*lines, "mirrored = true"] if np.linalg.det(total) < 0.0 else lines
 
@@ -261,9 +261,9 @@ class Examination:
         for sensor in self.sensors.values():
             self._delay(sensor)
         order = {name: i for i, name in enumerate(TRIADS)}
-        found = sorted(self.findings, key=lambda one: order[one.sensor])
+        findings = sorted(self.findings, key=lambda finding: order[finding.sensor])
         lines = [line for name in TRIADS if name in self.lines for line in (f"[{name}]", *self.lines[name])]
-        return Diagnosis(self.name, tuple(found), tuple(lines), tuple(self.remarks), self.numbers)
+        return Diagnosis(self.name, tuple(findings), tuple(lines), tuple(self.remarks), self.numbers)
 
     def _fit(self) -> None:
         gyr = self.values.get("gyr")
@@ -286,92 +286,92 @@ class Examination:
     def _scales(self, gyr: Floats, acc: Floats) -> tuple[float, ...]:
         """Scales that the rates may have: of units with which a body turns as bodies do, and one by regression."""
         usual = float(np.sqrt(np.nanmean(np.sum(gyr * gyr, axis=1)))) if np.isfinite(gyr).any() else 0.0
-        own = float(to_si(1.0, self.declared.unit("gyr")))
-        units = [float(to_si(1.0, unit)) / own for unit in UNITS["gyr"]]
-        found = [scale for scale in units if _SLOWEST < scale * usual < _FASTEST]
+        declared = float(to_si(1.0, self.declared.unit("gyr")))
+        units = [float(to_si(1.0, unit)) / declared for unit in UNITS["gyr"]]
+        scales = [scale for scale in units if _SLOWEST < scale * usual < _FASTEST]
         rough = fit(self.t, gyr, acc, offset=0.1)
         if (
             rough is not None
             and rough.margin > CERTAIN
             and rough.agrees
-            and all(abs(math.log(rough.scale / one)) > 0.3 for one in found)
+            and all(abs(math.log(rough.scale / scale)) > 0.3 for scale in scales)
         ):
-            found.append(rough.scale)
-        return tuple(found) or (1.0,)
+            scales.append(rough.scale)
+        return tuple(scales) or (1.0,)
 
     def _axes(self) -> None:
         """Whose axes are wrong, by majority."""
-        known = {name: one for name, one in self.sensors.items() if one.known}
-        for name, one in self.sensors.items():
-            if not one.known:
-                self._unknown_axes(name, one)
-        if not known:
+        trusted = {name: sensor for name, sensor in self.sensors.items() if sensor.known}
+        for name, sensor in self.sensors.items():
+            if not sensor.known:
+                self._unknown_axes(name, sensor)
+        if not trusted:
             return
-        answer = Answer.LIKELY if any(one.answer is Answer.LIKELY for one in known.values()) else Answer.SURE
-        if len({one.mirrored for one in known.values()}) > 1:
-            for name in known:
+        answer = Answer.LIKELY if any(sensor.answer is Answer.LIKELY for sensor in trusted.values()) else Answer.SURE
+        if len({sensor.mirrored for sensor in trusted.values()}) > 1:
+            for name in trusted:
                 why = "accelerometer and magnetometer contradict each other about the gyroscope's handedness"
                 self._find(name, "axes", Answer.UNKNOWN, "contradiction", 0.0, why=why)
             return
-        turns = {name: one.axes for name, one in known.items()}
+        turns = {name: sensor.axes for name, sensor in trusted.items()}
         reference = np.eye(3)
-        if len(known) == 2 and (turns["acc"] == turns["mag"]).all():
+        if len(trusted) == 2 and (turns["acc"] == turns["mag"]).all():
             reference = turns["acc"]
-        elif any(one.mirrored for one in known.values()):
+        elif any(sensor.mirrored for sensor in trusted.values()):
             reference = turns["acc"] if "acc" in turns else turns["mag"]
-        log_odds = min(one.found.margin for one in known.values() if one.found is not None)
-        self._gyr_axes(reference, known, answer, log_odds)
-        for one in known.values():
-            self._own_axes(one, one.axes @ reference.T, alone=len(known) == 1)
-        self._sign(known, reference)
+        log_odds = min(sensor.found.margin for sensor in trusted.values() if sensor.found is not None)
+        self._gyr_axes(reference, trusted, answer, log_odds)
+        for sensor in trusted.values():
+            self._own_axes(sensor, sensor.axes @ reference.T, alone=len(trusted) == 1)
+        self._sign(trusted, reference)
 
-    def _gyr_axes(self, turn: Floats, known: Mapping[str, _Sensor], answer: Answer, log_odds: float) -> None:
-        by = " and ".join(TITLES[name] for name in known)
+    def _gyr_axes(self, turn: Floats, trusted: Mapping[str, _Sensor], answer: Answer, log_odds: float) -> None:
+        by = " and ".join(TITLES[name] for name in trusted)
         if (turn == np.eye(3)).all():
             self._find("gyr", "axes", answer, "right-handed, as declared", log_odds, why=f"by {by}")
             return
-        both = len(known) == 2
+        both = len(trusted) == 2
         kind = "mirrored" if np.linalg.det(turn) < 0.0 else "turned"
         value = f"{kind}: axes = '{axes_letters(turn)}' in those of the {'others' if both else by}"
         why = "both others agree" if both else "its sign is wrong or an axis is; the handedness is that of the rates"
         self._find("gyr", "axes", answer, value, log_odds, wrong=True, why=why)
         self.lines.setdefault("gyr", []).extend(self.declared.axes("gyr", turn))
 
-    def _own_axes(self, one: _Sensor, turn: Floats, *, alone: bool) -> None:
+    def _own_axes(self, triad: _Sensor, turn: Floats, *, alone: bool) -> None:
         """Axes of one vector sensor in those of the case; `turn` takes the case's to its own."""
-        assert one.found is not None
-        self.numbers.setdefault(one.name, {})["axes"] = axes_letters(turn.T)
+        assert triad.found is not None
+        self.numbers.setdefault(triad.name, {})["axes"] = axes_letters(turn.T)
         if (turn == np.eye(3)).all():
-            self._find(one.name, "axes", one.answer, "as declared, but for a sign of all three", one.found.margin)
+            self._find(triad.name, "axes", triad.answer, "as declared, but for a sign of all three", triad.found.margin)
             return
         value = f"axes = '{axes_letters(turn.T)}' in those of the gyroscope"
         why = ""
         if alone:
             other = axes_letters(turn)
             why = f"or the gyroscope's are '{other}': two sensors do not show which of them it is"
-        self._find(one.name, "axes", one.answer, value, one.found.margin, wrong=True, why=why)
-        self.lines.setdefault(one.name, []).extend(self.declared.axes(one.name, turn.T))
+        self._find(triad.name, "axes", triad.answer, value, triad.found.margin, wrong=True, why=why)
+        self.lines.setdefault(triad.name, []).extend(self.declared.axes(triad.name, turn.T))
 
-    def _unknown_axes(self, name: str, one: _Sensor) -> None:
-        self._find(name, "axes", Answer.UNKNOWN, "cannot be known from this motion", 0.0, why=self._would_tell(one))
+    def _unknown_axes(self, name: str, sensor: _Sensor) -> None:
+        self._find(name, "axes", Answer.UNKNOWN, "cannot be known from this motion", 0.0, why=self._would_tell(sensor))
 
-    def _would_tell(self, one: _Sensor) -> str:
+    def _would_tell(self, sensor: _Sensor) -> str:
         """Which motion would tell what this one does not."""
-        whole = "turn it by hand about each of its axes in turn, by 90° to and fro, for half a minute"
-        if one.found is None:
-            return f"nothing turns; {whole}"
-        tied = ARRANGEMENTS[one.found.log_odds > -CERTAIN]
-        if one.found.explained < _EXPLAINED or len(tied) > 8:
-            return whole
+        advice = "turn it by hand about each of its axes in turn, by 90° to and fro, for half a minute"
+        if sensor.found is None:
+            return f"nothing turns; {advice}"
+        tied = ARRANGEMENTS[sensor.found.log_odds > -CERTAIN]
+        if sensor.found.explained < _EXPLAINED or len(tied) > 8:
+            return advice
         open_ = [letter for j, letter in enumerate("xyz") if np.ptp(tied[:, :, j], axis=0).any()]
-        return f"turn it about the gyroscope's {' and '.join(open_)}, too" if open_ else whole
+        return f"turn it about the gyroscope's {' and '.join(open_)}, too" if open_ else advice
 
-    def _sign(self, known: Mapping[str, _Sensor], reference: Floats) -> None:
+    def _sign(self, trusted: Mapping[str, _Sensor], reference: Floats) -> None:
         """Sign of the field along the vertical; that of the specific force is assumed."""
         self.remarks.append(_ASSUMED)
-        if len(known) < 2:
+        if len(trusted) < 2:
             return
-        down = self._downward(known, reference)
+        down = self._downward(trusted, reference)
         if down is None:
             self._find("mag", "sign", Answer.UNKNOWN, "the field is level, or changes", 0.0)
             return
@@ -383,25 +383,25 @@ class Examination:
             self._find("mag", "sign", Answer.UNKNOWN, value, 0.0, why=why)
             return
         right = (down > 0.0) == (self.hemisphere == "north")
-        certain = all(one.answer is Answer.SURE for one in known.values()) and abs(down) > 2.0 * _LEAST_DIP
+        certain = all(sensor.answer is Answer.SURE for sensor in trusted.values()) and abs(down) > 2.0 * _LEAST_DIP
         answer = Answer.SURE if certain else Answer.LIKELY
         value = f"the field points {pointing}" + (
             "" if right else f", {self.hemisphere} of the magnetic equator: negated"
         )
-        log_odds = min(one.found.margin for one in known.values() if one.found is not None)
+        log_odds = min(sensor.found.margin for sensor in trusted.values() if sensor.found is not None)
         why = "if acc is specific force" + ("" if right else "; if it shows gravity, write its sign instead")
         self._find("mag", "sign", answer, value, log_odds, wrong=not right, why=why)
         if not right:
             lines = [line for line in self.lines.get("mag", []) if not line.startswith(("axes", "mirrored"))]
-            turn = (known["mag"].axes @ reference.T).T
+            turn = (trusted["mag"].axes @ reference.T).T
             self.lines["mag"] = [*lines, *self.declared.axes("mag", -turn)]
 
-    def _downward(self, known: Mapping[str, _Sensor], reference: Floats) -> float | None:
+    def _downward(self, trusted: Mapping[str, _Sensor], reference: Floats) -> float | None:
         """Part of the field that points down, by the mean of its product with the specific force; None near zero."""
-        assert known["mag"].found is not None
-        turned = {name: (one.axes @ reference.T).T for name, one in known.items()}
+        assert trusted["mag"].found is not None
+        turned = {name: (sensor.axes @ reference.T).T for name, sensor in trusted.items()}
         force = self.values["acc"] @ turned["acc"].T
-        field = (self.values["mag"] - known["mag"].found.offset) @ turned["mag"].T
+        field = (self.values["mag"] - trusted["mag"].found.offset) @ turned["mag"].T
         size = np.sqrt(np.sum(force**2, axis=1) * np.sum(field**2, axis=1))
         down = -np.sum(force * field, axis=1) / np.where(size > 0.0, size, np.nan)
         middle = float(np.nanmedian(down)) if np.isfinite(down).any() else 0.0
@@ -416,9 +416,9 @@ class Examination:
         """Size by which the unit of a triad is known, the deviation of its logarithm, how sure, and by what."""
         if name == "gyr":
             return self._turning()
-        vector, one = self.values[name], self.sensors.get(name)
-        if name == "mag" and one is not None and one.answer is Answer.SURE and one.found is not None:
-            vector = vector - one.found.offset
+        vector, sensor = self.values[name], self.sensors.get(name)
+        if name == "mag" and sensor is not None and sensor.answer is Answer.SURE and sensor.found is not None:
+            vector = vector - sensor.found.offset
         norm = np.sqrt(np.sum(vector * vector, axis=1))
         norm = norm[np.isfinite(norm)]
         if norm.size < _FEWEST or not np.median(norm) > 0.0:
@@ -430,20 +430,20 @@ class Examination:
         return middle, 0.3 * sd, Answer.SURE, by
 
     def _turning(self) -> tuple[float, float, Answer, str]:
-        told = [one for one in self.sensors.values() if one.known and one.found is not None and one.found.scale > 0.0]
-        told.sort(key=lambda one: (one.answer is not Answer.SURE, one.name != "mag"))
-        for one in told:
-            assert one.found is not None
-            sd = one.found.scale_sd / one.found.scale
+        candidates = [s for s in self.sensors.values() if s.known and s.found is not None and s.found.scale > 0.0]
+        candidates.sort(key=lambda s: (s.answer is not Answer.SURE, s.name != "mag"))
+        for sensor in candidates:
+            assert sensor.found is not None
+            sd = sensor.found.scale_sd / sensor.found.scale
             if sd < _VAGUE:
                 self.numbers.setdefault("gyr", {}).update(
-                    scale=one.found.scale, scale_sd=one.found.scale_sd, by=one.name
+                    scale=sensor.found.scale, scale_sd=sensor.found.scale_sd, by=sensor.name
                 )
                 return (
-                    1.0 / one.found.scale,
+                    1.0 / sensor.found.scale,
                     sd,
-                    one.answer,
-                    f"it turns {1.0 / one.found.scale:.4g} times as fast as the {TITLES[one.name]} says",
+                    sensor.answer,
+                    f"it turns {1.0 / sensor.found.scale:.4g} times as fast as the {TITLES[sensor.name]} says",
                 )
         why = self._would_tell(next(iter(self.sensors.values()))) if self.sensors else "acc and mag do not turn"
         return 0.0, 0.0, Answer.UNKNOWN, why
@@ -453,30 +453,30 @@ class Examination:
         if sure is Answer.UNKNOWN:
             self._find(name, "unit", Answer.UNKNOWN, "cannot be known from this recording", 0.0, why=by)
             return
-        found = unit_odds(name, size, sd, declared)
-        if found.unit is None:
+        odds = unit_odds(name, size, sd, declared)
+        if odds.unit is None:
             self._find(
-                name, "unit", Answer.UNKNOWN, f"no unit in use; multiply by {found.factor:.4g}", 0.0, wrong=True, why=by
+                name, "unit", Answer.UNKNOWN, f"no unit in use; multiply by {odds.factor:.4g}", 0.0, wrong=True, why=by
             )
             return
-        answer = sure if found.log_odds >= CERTAIN else Answer.LIKELY if found.log_odds >= _HINT else Answer.UNKNOWN
-        wrong = found.unit != declared and (answer is not Answer.UNKNOWN or found.declared_odds < -CERTAIN)
-        value = f"unit = '{found.unit}'" if answer is not Answer.UNKNOWN else f"'{found.unit}' or '{found.next}'"
-        self.numbers.setdefault(name, {})["unit"] = found.unit
-        self._find(name, "unit", answer, value, found.log_odds, wrong=wrong, why=by)
+        answer = sure if odds.log_odds >= CERTAIN else Answer.LIKELY if odds.log_odds >= _HINT else Answer.UNKNOWN
+        wrong = odds.unit != declared and (answer is not Answer.UNKNOWN or odds.declared_odds < -CERTAIN)
+        value = f"unit = '{odds.unit}'" if answer is not Answer.UNKNOWN else f"'{odds.unit}' or '{odds.next}'"
+        self.numbers.setdefault(name, {})["unit"] = odds.unit
+        self._find(name, "unit", answer, value, odds.log_odds, wrong=wrong, why=by)
         if answer is Answer.UNKNOWN:
             return  # that it is wrong is certain, which of two is right is not
         counts = self.declared.counts(name)
         if wrong and counts is not None:
-            self.lines.setdefault(name, []).append(f"unit_per_count = {counts * found.factor:.6g}")
+            self.lines.setdefault(name, []).append(f"unit_per_count = {counts * odds.factor:.6g}")
         elif wrong:
-            self.lines.setdefault(name, []).append(f'unit = "{found.unit}"')
+            self.lines.setdefault(name, []).append(f'unit = "{odds.unit}"')
 
-    def _delay(self, one: _Sensor) -> None:
-        found = one.found
-        if found is None or not one.known or not math.isfinite(found.delay_sd) or found.delay_sd > _VAGUE_DELAY:
+    def _delay(self, sensor: _Sensor) -> None:
+        fitted = sensor.found
+        if fitted is None or not sensor.known or not math.isfinite(fitted.delay_sd) or fitted.delay_sd > _VAGUE_DELAY:
             self._find(
-                one.name,
+                sensor.name,
                 "delay",
                 Answer.UNKNOWN,
                 "cannot be known from this motion",
@@ -484,21 +484,21 @@ class Examination:
                 why="turn it faster, to and fro",
             )
             return
-        apart = abs(found.delay_halves[0] - found.delay_halves[1])
-        agree = apart <= max(2.0 * _EXACT, 6.0 * found.delay_sd)
-        sure = one.answer is Answer.SURE and found.delay_sd <= _EXACT and agree
+        apart = abs(fitted.delay_halves[0] - fitted.delay_halves[1])
+        agree = apart <= max(2.0 * _EXACT, 6.0 * fitted.delay_sd)
+        sure = sensor.answer is Answer.SURE and fitted.delay_sd <= _EXACT and agree
         answer = Answer.SURE if sure else Answer.LIKELY if agree else Answer.UNKNOWN
-        gyr = self.values["gyr"] * found.scale
-        angle = abs(found.delay) * float(np.sqrt(np.nanmean(np.sum(gyr * gyr, axis=1))))
-        clear = abs(found.delay) > 5.0 * max(found.delay_sd, 0.2 * _EXACT)
-        wrong = one.answer is Answer.SURE and agree and clear and angle > _MATTERS
-        side = "late" if found.delay > 0.0 else "early"
-        value = f"stamps {1e3 * abs(found.delay):.1f} ± {1e3 * found.delay_sd:.1f} ms {side} against the gyroscope's"
-        odds = 0.5 * min((found.delay / found.delay_sd) ** 2, 1e3) if answer is not Answer.UNKNOWN else 0.0
-        self.numbers.setdefault(one.name, {}).update(delay_s=found.delay, delay_sd_s=found.delay_sd)
-        self._find(one.name, "delay", answer, value, odds, wrong=wrong)
+        gyr = self.values["gyr"] * fitted.scale
+        angle = abs(fitted.delay) * float(np.sqrt(np.nanmean(np.sum(gyr * gyr, axis=1))))
+        clear = abs(fitted.delay) > 5.0 * max(fitted.delay_sd, 0.2 * _EXACT)
+        wrong = sensor.answer is Answer.SURE and agree and clear and angle > _MATTERS
+        side = "late" if fitted.delay > 0.0 else "early"
+        value = f"stamps {1e3 * abs(fitted.delay):.1f} ± {1e3 * fitted.delay_sd:.1f} ms {side} against the gyroscope's"
+        odds = 0.5 * min((fitted.delay / fitted.delay_sd) ** 2, 1e3) if answer is not Answer.UNKNOWN else 0.0
+        self.numbers.setdefault(sensor.name, {}).update(delay_s=fitted.delay, delay_sd_s=fitted.delay_sd)
+        self._find(sensor.name, "delay", answer, value, odds, wrong=wrong)
         if wrong:
-            self.lines.setdefault(one.name, []).append(f'delay = "{1e3 * found.delay:.1f} ms"')
+            self.lines.setdefault(sensor.name, []).append(f'delay = "{1e3 * fitted.delay:.1f} ms"')
 
     def _find(
         self,
@@ -528,5 +528,5 @@ def _resting(t: Floats, gyr: Floats) -> Floats:
 def _finite(values: Floats) -> Floats:
     """Rows with a value on all axes; others are NaN, as are those too large to be squared."""
     with np.errstate(invalid="ignore"):
-        known = np.asarray((np.abs(values) < 1e12).all(axis=1))
-    return np.where(known[:, np.newaxis], values, np.nan)
+        finite = np.asarray((np.abs(values) < 1e12).all(axis=1))
+    return np.where(finite[:, np.newaxis], values, np.nan)

@@ -115,25 +115,25 @@ class Grade:
     @property
     def points(self) -> float:
         """From 0 to 100, rounded to a tenth."""
-        return round(max(0.0, 100.0 - sum(one.lost for one in self.criteria)), 1)
+        return round(max(0.0, 100.0 - sum(criterion.lost for criterion in self.criteria)), 1)
 
     @property
     def word(self) -> str:
         """Word of `WORDS`."""
-        return word_of(self.points)
+        return grade_word(self.points)
 
     def __getitem__(self, name: str) -> Criterion:
         """Criterion of a name."""
-        return next(one for one in self.criteria if one.name == name)
+        return next(criterion for criterion in self.criteria if criterion.name == name)
 
     def summary(self) -> dict[str, Any]:
         """All of it, as JSON can hold it."""
-        found: dict[str, Any] = {"points": self.points, "word": self.word}
-        found["criteria"] = [asdict(one) for one in self.criteria]
-        return found | ({"units": {name: one.summary() for name, one in self.units.items()}} if self.units else {})
+        fields: dict[str, Any] = {"points": self.points, "word": self.word}
+        fields["criteria"] = [asdict(criterion) for criterion in self.criteria]
+        return fields | ({"units": {name: unit.summary() for name, unit in self.units.items()}} if self.units else {})
 
 
-def word_of(points: float) -> str:
+def grade_word(points: float) -> str:
     """Word of `WORDS` for a number of points."""
     return next(word for word, least in WORDS if points >= least)
 
@@ -160,7 +160,7 @@ def grade(imu: ImuData, notes: Sequence[str] = (), *, judged: bool = False) -> G
     judged : bool
         Whether the notes hold the doubts about units and signs already, as those of a file that has been read do.
     """
-    steps = _Steps.of(bursts(imu.t), np.diff(imu.t_ns))
+    steps = _Steps.measure(bursts(imu.t), np.diff(imu.t_ns))
     repeated = {name: statistics(imu, name).repeats for name in imu.triads}
     made = (
         _sensors(imu.triads),
@@ -176,19 +176,19 @@ def grade(imu: ImuData, notes: Sequence[str] = (), *, judged: bool = False) -> G
         _static(imu, still),
         _clock(imu, steps, notes),
     )
-    return Grade(tuple(one for one in made if one is not None))
+    return Grade(tuple(criterion for criterion in made if criterion is not None))
 
 
 def grade_units(units: Mapping[str, ImuData], notes: Sequence[str] = ()) -> Grade:
     """Grade of several units: that of the worst."""
     each = {name: grade(imu, notes) for name, imu in units.items()}
-    worst = min(each.values(), key=lambda one: 100.0 - sum(reason.lost for reason in one.criteria))
+    worst = min(each.values(), key=lambda unit: 100.0 - sum(reason.lost for reason in unit.criteria))
     return Grade(worst.criteria, each)
 
 
 def grade_track(track: AttitudeTrack) -> Grade:
     """Grade an attitude without samples by its times, and by how much of it is known and can be."""
-    steps = _Steps.of(bursts(track.t), np.diff(to_ns(track.t)))
+    steps = _Steps.measure(bursts(track.t), np.diff(to_ns(track.t)))
     unknown = float(np.mean(~track.known))
     open_ = np.zeros(len(track), dtype=np.bool_) if track.flags is None else track.flags & flags.NOT_CONVERGED != 0
     turn = quat_angle(track.q_nb[:-1], track.q_nb[1:]) / np.maximum(np.diff(track.t), 1e-9)
@@ -262,7 +262,7 @@ class _Steps:
     bursts: str | None = None
 
     @classmethod
-    def of(cls, said: str | None, dt_ns: NDArray[np.int64]) -> "_Steps":
+    def measure(cls, said: str | None, dt_ns: NDArray[np.int64]) -> "_Steps":
         """Measure steps (N,), ns, that come in bursts as is said. A day of them leaves little room for copies."""
         if not dt_ns.size:
             return cls(0)
@@ -273,26 +273,26 @@ class _Steps:
         # the median step may be one of two that alternate: the usual one is the mean of those about it
         usual = float(np.mean(dt, where=near)) if near.any() else middle
         tiny = dt < TINY * usual
-        found = cls(dt.size, usual, float(dt.sum()), dt[gaps] - usual, int(np.count_nonzero(tiny)), bursts=said)
+        steps = cls(dt.size, usual, float(dt.sum()), dt[gaps] - usual, int(np.count_nonzero(tiny)), bursts=said)
         if said:
-            return found
+            return steps
         jitter, lost = _uneven(dt, usual, gaps, tiny)
-        return replace(found, jitter=jitter, lost=lost)
+        return replace(steps, jitter=jitter, lost=lost)
 
 
 def _uneven(dt: Floats, usual: float, gaps: NDArray[np.bool_], tiny: NDArray[np.bool_]) -> tuple[float, float]:
     """`jitter` and `lost` of steps that do not come in bursts; the steps (N,), s, are used up."""
-    kept = dt.size - int(np.count_nonzero(gaps))
-    late = float(np.sum(dt, where=~gaps)) / usual - kept
-    whole = np.rint(np.divide(dt, usual, out=dt))
-    np.maximum(whole, 1.0, out=whole)
+    count = dt.size - int(np.count_nonzero(gaps))
+    late = float(np.sum(dt, where=~gaps)) / usual - count
+    multiples = np.rint(np.divide(dt, usual, out=dt))
+    np.maximum(multiples, 1.0, out=multiples)
     steady = ~(gaps | tiny)
-    skipped = float(np.sum(whole, where=steady)) - np.count_nonzero(steady)
-    np.subtract(dt, whole, out=dt)
-    del whole
+    skipped = float(np.sum(multiples, where=steady)) - np.count_nonzero(steady)
+    np.subtract(dt, multiples, out=dt)
+    del multiples
     jitter = float(np.std(dt, where=steady)) if steady.any() else 0.0
-    missing = max(0.0, min(skipped, late - 3.0 * jitter * math.sqrt(kept)))  # by which jitter moves the mean step
-    return jitter, missing / (missing + kept + 1.0)
+    missing = max(0.0, min(skipped, late - 3.0 * jitter * math.sqrt(count)))  # by which jitter moves the mean step
+    return jitter, missing / (missing + count + 1.0)
 
 
 def _sensors(triads: Sequence[str]) -> Criterion:
@@ -329,13 +329,13 @@ def _gaps(steps: _Steps) -> Criterion:
     longest = float(holes.max(initial=0.0))
     share = float(holes.sum() / steps.total) if holes.size else 0.0
     lost = 10.0 * (_share(longest, quality.HOLE) + _share(share, IN_GAPS))
-    told = (
+    measured = (
         f"{counted(holes.size, 'gap')}, longest {longest:.3g} s, {_percent(share)} of the time"
         if holes.size
         else "no gap"
     )
     return Criterion(
-        "gaps", 20.0, round(lost, 2), told,
+        "gaps", 20.0, round(lost, 2), measured,
         f"10 points by the longest, from {quality.HOLE[0]:g} s to {quality.HOLE[1]:g} s, and 10 by the share of the "
         f"time, from {_percent(IN_GAPS[0])} to {_percent(IN_GAPS[1])}", QARTOD,
         "look at the line: power, cable, buffer; estimate each part by itself" if lost else "", longest,
@@ -346,9 +346,9 @@ def _loss(repeated: Mapping[str, NDArray[np.uint8]], steps: _Steps, notes: Seque
     shares = {"rows": steps.lost, "bytes": _junk(notes)}
     shares |= {name: _absent(axes != NOT_KNOWN, each=name != "mag") for name, axes in repeated.items()}
     worst = max(shares, key=lambda name: shares[name])
-    found = ", ".join(f"{_percent(share)} of {name}" for name, share in shares.items() if share)
+    measured = ", ".join(f"{_percent(share)} of {name}" for name, share in shares.items() if share)
     return _judged(
-        "loss", 20.0, shares[worst], LOST, found or "none", "largest share of rows or values that are missing",
+        "loss", 20.0, shares[worst], LOST, measured or "none", "largest share of rows or values that are missing",
         QARTOD + " (90 % of good samples)", "send a counter, and check line, buffer and sensor bus", _percent,
     )  # fmt: skip
 
@@ -356,23 +356,23 @@ def _loss(repeated: Mapping[str, NDArray[np.uint8]], steps: _Steps, notes: Seque
 def _junk(notes: Sequence[str]) -> float:
     """Share of the bytes of a stream that belong to no frame, by the note of who decoded them."""
     for note in notes:
-        if found := re.match(r"decoded from (\d+) raw bytes as .*, (\d+) of them junk", note):
-            return int(found[2]) / max(1, int(found[1]))
+        if match := re.match(r"decoded from (\d+) raw bytes as .*, (\d+) of them junk", note):
+            return int(match[2]) / max(1, int(match[1]))
     return 0.0
 
 
-def _absent(known: NDArray[np.bool_], *, each: bool) -> float:
+def _absent(present: NDArray[np.bool_], *, each: bool) -> float:
     """Share of the time in which a triad has no value for longer than it usually takes from one to the next.
 
     `each` says that every row should have one: a magnetometer of three quarters of the rate has none in each fourth
     row, which is no loss.
     """
-    if known.all() or not known.any():
-        return 0.0 if known.all() else 1.0
-    rows = np.diff(np.flatnonzero(known), prepend=-1, append=known.size)
+    if present.all() or not present.any():
+        return 0.0 if present.all() else 1.0
+    rows = np.diff(np.flatnonzero(present), prepend=-1, append=present.size)
     usual = float(np.median(rows))  # in rows, which gaps do not lengthen
     holes = rows[rows > (1.0 if each and usual == 1.0 else GAP_FACTOR * usual)] - usual
-    return float(holes.sum() / known.size)
+    return float(holes.sum() / present.size)
 
 
 def _clipping(imu: ImuData) -> Criterion:
@@ -380,10 +380,10 @@ def _clipping(imu: ImuData) -> Criterion:
     bits = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}
     shares = {name: float(np.count_nonzero(words & np.uint32(bits[name]))) / len(imu) for name in imu.triads}
     open_ = [name for name in imu.triads if imu.meta.full_scale(name) is None and not shares[name]]
-    told = ", ".join(f"{_percent(share)} of {name}" for name, share in shares.items() if share) or "none seen"
+    measured = ", ".join(f"{_percent(share)} of {name}" for name, share in shares.items() if share) or "none seen"
     return _judged(
         "clipping", 20.0, max(shares.values()), quality.SHARE,
-        told + (f"; range of {', '.join(open_)} not declared" if open_ else ""),
+        measured + (f"; range of {', '.join(open_)} not declared" if open_ else ""),
         "share of samples at the end of the range", QARTOD, "choose a larger range, or damp shocks", _percent,
     )  # fmt: skip
 
@@ -391,19 +391,19 @@ def _clipping(imu: ImuData) -> Criterion:
 def _stuck(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion:
     longest, where = 0.0, "none"
     for name, bits in repeated.items():
-        own = bits[bits != NOT_KNOWN]
-        if np.count_nonzero(own != ALL_AXES) < 2:  # it never changes: a simulation without noise, at rest
+        repeats = bits[bits != NOT_KNOWN]
+        if np.count_nonzero(repeats != ALL_AXES) < 2:  # it never changes: a simulation without noise, at rest
             continue
         held = [
             (axes, start, stop)
-            for axes, marks in _held(own)
+            for axes, marks in _repeating(repeats)
             for start, stop in check.runs(marks)
             if stop - start >= STUCK_SAMPLES - 1
         ]
         t = imu.t[bits != NOT_KNOWN] if held else np.empty(0)
         for axes, start, stop in held:
             lasting = float(t[stop - 1] - t[max(start - 1, 0)])
-            if lasting > longest and _others(own, axes, start, stop):
+            if lasting > longest and _others(repeats, axes, start, stop):
                 longest, where = (
                     lasting,
                     f"{name} {axes or 'all axes'} for {lasting:.4g} s from t = {t[start]:.4g} s",
@@ -416,29 +416,29 @@ def _stuck(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion
     )  # fmt: skip
 
 
-def _held(own: NDArray[np.uint8]) -> Iterable[tuple[str, NDArray[np.bool_]]]:
-    yield "", np.asarray(own == ALL_AXES)
+def _repeating(repeats: NDArray[np.uint8]) -> Iterable[tuple[str, NDArray[np.bool_]]]:
+    yield "", np.asarray(repeats == ALL_AXES)
     for i, axis in enumerate("xyz"):
-        yield axis, np.asarray(own & (1 << i) != 0)
+        yield axis, np.asarray(repeats & (1 << i) != 0)
 
 
-def _others(own: NDArray[np.uint8], axes: str, start: int, stop: int) -> bool:
+def _others(repeats: NDArray[np.uint8], axes: str, start: int, stop: int) -> bool:
     """Whether the other axes change nearly always while one does not: a coarse step at rest holds all of them."""
     if not axes:
         return True
     own_bit = 1 << "xyz".index(axes)
-    return float(np.mean((own[start:stop] | own_bit) != ALL_AXES)) > 0.8
+    return float(np.mean((repeats[start:stop] | own_bit) != ALL_AXES)) > 0.8
 
 
 def _resolution(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion | None:
     shares = {}
     for name in repeated.keys() - {"mag"}:  # which is often held from its slower rate
-        own = repeated[name][repeated[name] != NOT_KNOWN]
-        again = own == ALL_AXES
+        repeats = repeated[name][repeated[name] != NOT_KNOWN]
+        again = repeats == ALL_AXES
         for start, stop in check.runs(again):
             if stop - start >= STUCK_SAMPLES - 1:
                 again[start:stop] = False
-        if own.size and np.count_nonzero(own != ALL_AXES) >= 2:
+        if repeats.size and np.count_nonzero(repeats != ALL_AXES) >= 2:
             shares[name] = float(np.mean(again))
     if not shares:
         return None
@@ -471,13 +471,13 @@ def _rest(imu: ImuData) -> _Still | None:
     if t.size // size < 3:
         return None
     names = [name for name in ("acc", "gyr") if name in imu.triads]
-    found: dict[str, list[tuple[Floats, Floats]]] = {name: [] for name in names}
+    blocks: dict[str, list[tuple[Floats, Floats]]] = {name: [] for name in names}
     for part in imu.only(*names).chunks(size * max(1, BLOCK // size)):
         count = len(part) // size
         for name in names:
             values = part.usable(name)[: count * size].reshape(count, size, 3)
-            found[name].append((values.mean(axis=1), values.std(axis=1, ddof=1)))
-    moments = {name: rests.Moments(*map(np.concatenate, zip(*of, strict=True))) for name, of in found.items()}
+            blocks[name].append((values.mean(axis=1), values.std(axis=1, ddof=1)))
+    moments = {name: rests.Moments(*map(np.concatenate, zip(*of, strict=True))) for name, of in blocks.items()}
     quiet = rests.at_rest(moments["acc"], moments.get("gyr"), size)
     long = [(a, b) for a, b in check.runs(quiet) if (b - a) * size * step >= REST[1]]
     at_start = [t[min(b * size, t.size) - 1] - t[a * size] for a, b in long if t[a * size] - t[0] <= BEGIN]
@@ -503,11 +503,11 @@ def _plausible(imu: ImuData, still: _Still | None, doubted: Sequence[str]) -> Cr
     """The worst of what contradicts the declared units: it costs once."""
     tests = [*_gravity(imu, still), *_field(imu), *_temperature(imu)]
     tests += [(1.0, doubt) for doubt in doubted]
-    lost, told = max(tests, key=lambda one: one[0], default=(0.0, ""))
+    lost, worst = max(tests, key=lambda test: test[0], default=(0.0, ""))
     others = "; ".join(dict.fromkeys(text for share, text in tests if share <= 0.0))
     low, high = EARTH_FIELD
     return Criterion(
-        "plausibility", 40.0, round(40.0 * lost, 2), told if lost else others or "nothing to judge",
+        "plausibility", 40.0, round(40.0 * lost, 2), worst if lost else others or "nothing to judge",
         f"the worst of: |acc| at rest within {_percent(GRAVITY[0])} of 9.81 m/s², nothing from {_percent(GRAVITY[1])} "
         f"on, without a rest in a factor of {MOVING[0]:g}, nothing from {MOVING[1]:g} on; median |mag| in "
         f"{low:g} to {high:g} µT, half of the points lost at a factor of {OFF_FIELD[1]:g} outside; "
@@ -517,11 +517,11 @@ def _plausible(imu: ImuData, still: _Still | None, doubted: Sequence[str]) -> Cr
     )  # fmt: skip
 
 
-def _doubts(imu: ImuData, known: Sequence[str] | None) -> list[str]:
+def _doubts(imu: ImuData, notes: Sequence[str] | None) -> list[str]:
     """Doubts about units and signs; without that about bursts, which is the clock's."""
     sizes = () if imu.meta.unit_check else imu.unit_doubts()  # else the reading has refused it
-    found = doubts(imu) if known is None else [note for note in known if note.startswith(("time: ", "gyroscope: "))]
-    return [doubt for doubt in (*sizes, *found) if not doubt.startswith("time: the stamps come in bursts")]
+    others = doubts(imu) if notes is None else [note for note in notes if note.startswith(("time: ", "gyroscope: "))]
+    return [doubt for doubt in (*sizes, *others) if not doubt.startswith("time: the stamps come in bursts")]
 
 
 def _gravity(imu: ImuData, still: _Still | None) -> Iterable[tuple[float, str]]:
@@ -529,11 +529,11 @@ def _gravity(imu: ImuData, still: _Still | None) -> Iterable[tuple[float, str]]:
         return
     at_rest = still is not None and math.isfinite(still.force)
     typical = still.force if at_rest and still is not None else statistics(imu, "acc").norm
-    told = f"|acc| {'at rest' if at_rest else 'in motion'} {typical:.4g} m/s²"
+    text = f"|acc| {'at rest' if at_rest else 'in motion'} {typical:.4g} m/s²"
     if at_rest:
-        yield _share(abs(typical / G0 - 1.0), GRAVITY), told
+        yield _share(abs(typical / G0 - 1.0), GRAVITY), text
     else:
-        yield _share(max(typical / G0, G0 / typical) if typical > 0.0 else math.inf, MOVING), told
+        yield _share(max(typical / G0, G0 / typical) if typical > 0.0 else math.inf, MOVING), text
 
 
 def _field(imu: ImuData) -> Iterable[tuple[float, str]]:

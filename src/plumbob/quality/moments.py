@@ -51,8 +51,8 @@ class Grid:
 
 def means(t: Floats, values: Floats, edges: Floats) -> Floats:
     """Mean of samples, taken as straight lines from one to the next, between edges (N + 1,); NaN in pauses."""
-    known = np.isfinite(values).all(axis=1)
-    t, values = t[known], values[known]
+    finite = np.isfinite(values).all(axis=1)
+    t, values = t[finite], values[finite]
     if t.size < 2:
         return np.full((edges.size - 1, values.shape[1]), np.nan)
     step = np.diff(t)
@@ -63,13 +63,13 @@ def means(t: Floats, values: Floats, edges: Floats) -> Floats:
     into = (edges - t[at])[:, np.newaxis]
     slope = (values[at + 1] - values[at]) / step[at, np.newaxis]
     there = area[at] + values[at] * into + 0.5 * slope * into * into
-    found = np.diff(there, axis=0) / np.diff(edges)[:, np.newaxis]
+    mean = np.diff(there, axis=0) / np.diff(edges)[:, np.newaxis]
     longest = max(_LONGEST_STEP, 3.0 * float(np.median(step)))
     broken = np.concatenate(([0], np.cumsum(step > longest)))
     bad = (step[at] > longest)[:-1] | (step[at] > longest)[1:] | (np.diff(broken[at]) > 0)
     bad |= (edges[:-1] < t[0]) | (edges[1:] > t[-1])
-    found[bad] = np.nan
-    return np.asarray(found)
+    mean[bad] = np.nan
+    return np.asarray(mean)
 
 
 def grid(t: Floats, gyr: Floats, vector: Floats, *, delay: float = 0.0, step: float = BIN) -> Grid:
@@ -125,17 +125,17 @@ def scalars(at: Grid, size: int, shift: int = 0) -> Floats:
     if count < 2:
         return np.zeros((0, SCALARS))
     rate, u = rate[: count * size], u[: count * size]
-    known = np.asarray(np.isfinite(rate).all(axis=1) & np.isfinite(u).all(axis=1))
-    rate, u = np.where(known[:, np.newaxis], rate, 0.0), np.where(known[:, np.newaxis], u, 0.0)
+    finite = np.asarray(np.isfinite(rate).all(axis=1) & np.isfinite(u).all(axis=1))
+    rate, u = np.where(finite[:, np.newaxis], rate, 0.0), np.where(finite[:, np.newaxis], u, 0.0)
     products = (u[:, :, np.newaxis] * rate[:, np.newaxis, :]).reshape(-1, 9)
     terms = np.concatenate((products, u, rate, np.ones((u.shape[0], 1))), axis=1).reshape(count, size, 16)
     # The integral from the mean instant of one window to that of the next weighs the terms by a triangle.
     rise = (np.arange(size) + 0.5) / size * BIN
     up, down = np.einsum("s,nsk->nk", rise, terms[:-1]), np.einsum("s,nsk->nk", rise[::-1], terms[1:])
     mean = u.reshape(count, size, 3).mean(axis=1)
-    whole = np.asarray(known.reshape(count, size).all(axis=1))
+    complete = np.asarray(finite.reshape(count, size).all(axis=1))
     row = np.concatenate((up + down, np.diff(mean, axis=0)), axis=1)
-    row[~(whole[1:] & whole[:-1])] = 0.0
+    row[~(complete[1:] & complete[:-1])] = 0.0
     return np.asarray(row)
 
 

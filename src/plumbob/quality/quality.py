@@ -138,25 +138,25 @@ def verdict(
         Vertical acceleration without gravity, m/s², for ``acc``.
     """
     check.one_of("channel", channel, CHANNELS)
-    known = np.isfinite(values).all(axis=1)
-    if not known.any():
+    finite = np.isfinite(values).all(axis=1)
+    if not finite.any():
         return Verdict(MISSING)
-    at, own, marks = t[known], values[known], words[known]
+    at, samples, marks = t[finite], values[finite], words[finite]
     usable = (marks & np.uint32(_BAD[channel])) == 0
     step, mean = _steps(at, span)
     share = min(1.0, float(np.count_nonzero(usable)) * mean / max(span[1] - span[0], mean))
     if at.size < FEWEST:
         return Verdict(NOT_EVALUATED, good=share)
-    found = {"gap": _above(_hole(at[usable], span, step), HOLE), "percent good": _below(share, GOOD)}
-    found |= _values(channel, own, marks)
+    tests = {"gap": _above(_hole(at[usable], span, step), HOLE), "percent good": _below(share, GOOD)}
+    tests |= _values(channel, samples, marks)
     if channel in _BEYOND:
-        found["flat line"] = _above(_flat(at, own), FLAT, equal=True)
+        tests["flat line"] = _above(_flat(at, samples), FLAT, equal=True)
     if channel != "temp" and span[1] - span[0] >= LONG:
-        found["mean shift"] = _above(_shift(_shifting(channel, own)), SHIFT)
+        tests["mean shift"] = _above(_shift(_shifting(channel, samples)), SHIFT)
     if channel == "acc" and vertical is not None and np.isfinite(vertical).any():
         hard = float(np.nanmean(np.abs(vertical) > HARD * G0))
-        found["acceleration"] = _above(hard, (0.0, SHARE[1]))
-    return Verdict(max(found.values()), found, share)
+        tests["acceleration"] = _above(hard, (0.0, SHARE[1]))
+    return Verdict(max(tests.values()), tests, share)
 
 
 def _steps(at: Floats, span: tuple[float, float]) -> tuple[float, float]:
@@ -168,24 +168,24 @@ def _steps(at: Floats, span: tuple[float, float]) -> tuple[float, float]:
     return usual, float(np.mean(steps[steps <= GAP_FACTOR * usual]))
 
 
-def _values(channel: str, own: Floats, marks: NDArray[np.uint32]) -> dict[str, int]:
+def _values(channel: str, samples: Floats, marks: NDArray[np.uint32]) -> dict[str, int]:
     """Tests of the values themselves."""
     if channel == "attitude":
         return {}
     beyond = (
-        (own[:, 0] < CELSIUS[0]) | (own[:, 0] > CELSIUS[1])
+        (samples[:, 0] < CELSIUS[0]) | (samples[:, 0] > CELSIUS[1])
         if channel == "temp"
         else (marks & np.uint32(_BEYOND[channel])) != 0
     )
-    found = {
-        "spike": _above(_spikes(own), SHARE),
-        "rate of change": _above(_fast(own), SHARE),
+    tests = {
+        "spike": _above(_spikes(samples), SHARE),
+        "rate of change": _above(_fast(samples), SHARE),
         "range": _above(float(np.mean(beyond)), SHARE),
     }
     if channel == "mag":
-        typical = float(np.median(np.sqrt(np.sum(own * own, axis=1))))
-        found["field"] = PASS if EARTH_FIELD[0] <= typical <= EARTH_FIELD[1] else SUSPECT
-    return found
+        typical = float(np.median(np.sqrt(np.sum(samples * samples, axis=1))))
+        tests["field"] = PASS if EARTH_FIELD[0] <= typical <= EARTH_FIELD[1] else SUSPECT
+    return tests
 
 
 def _above(value: float, limits: tuple[float, float], *, equal: bool = False) -> int:
@@ -202,38 +202,38 @@ def _hole(at: Floats, span: tuple[float, float], step: float) -> float:
     return float(np.max(np.diff(np.concatenate(([span[0]], at, [span[1]]))))) - step
 
 
-def _spikes(own: Floats) -> float:
+def _spikes(samples: Floats) -> float:
     """Share of samples that stand out from the mean and from both neighbours, on the same side."""
-    off = own - np.mean(own, axis=0)
-    limit = SPIKE * np.std(own, axis=0)
+    off = samples - np.mean(samples, axis=0)
+    limit = SPIKE * np.std(samples, axis=0)
     rise, fall = off[1:-1] - off[:-2], off[1:-1] - off[2:]
     high = (off[1:-1] > limit) & (rise > limit) & (fall > limit)
     low = (off[1:-1] < -limit) & (rise < -limit) & (fall < -limit)
     return float(np.mean((high | low).any(axis=1)))
 
 
-def _fast(own: Floats) -> float:
-    limit = STEP * np.std(own, axis=0)
-    return float(np.mean((np.abs(np.diff(own, axis=0)) > np.where(limit > 0.0, limit, np.inf)).any(axis=1)))
+def _fast(samples: Floats) -> float:
+    limit = STEP * np.std(samples, axis=0)
+    return float(np.mean((np.abs(np.diff(samples, axis=0)) > np.where(limit > 0.0, limit, np.inf)).any(axis=1)))
 
 
-def _flat(at: Floats, own: Floats) -> float:
+def _flat(at: Floats, samples: Floats) -> float:
     """Longest time, s, in which all axes repeat; none where fewer samples than noise allows do."""
-    same = (own[1:] == own[:-1]).all(axis=1)
+    same = (samples[1:] == samples[:-1]).all(axis=1)
     if same.all():  # it never changes: a simulation without noise, at rest
         return 0.0
     return max((float(at[stop] - at[start]) for start, stop in check.runs(same) if stop - start >= STUCK_SAMPLES - 1),
                default=0.0)  # fmt: skip
 
 
-def _shifting(channel: str, own: Floats) -> Floats:
+def _shifting(channel: str, samples: Floats) -> Floats:
     """What must not shift: a unit that turns in the field or leans to one side does not make its sensor faulty."""
-    return own if channel in ("gyr", "attitude") else np.sqrt(np.sum(own * own, axis=1))[:, np.newaxis]
+    return samples if channel in ("gyr", "attitude") else np.sqrt(np.sum(samples * samples, axis=1))[:, np.newaxis]
 
 
-def _shift(own: Floats) -> float:
+def _shift(samples: Floats) -> float:
     """Largest change of the mean from one eighth to the next, in standard deviations of the whole."""
-    sd = np.std(own, axis=0)
-    means = np.array([np.mean(part, axis=0) for part in np.array_split(own, EIGHTHS)])
+    sd = np.std(samples, axis=0)
+    means = np.array([np.mean(part, axis=0) for part in np.array_split(samples, EIGHTHS)])
     with np.errstate(divide="ignore", invalid="ignore"):
         return float(np.nanmax(np.where(sd > 0.0, np.max(np.abs(np.diff(means, axis=0)), axis=0) / sd, 0.0)))

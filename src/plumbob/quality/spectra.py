@@ -60,11 +60,11 @@ class Spectra:
     def joined(cls, parts: "list[Self]") -> Self:
         """Mean of several, each by its number of segments."""
         first = parts[0]
-        segments = np.sum([one.segments for one in parts], axis=0)
-        total = np.sum([np.where(one.segments > 0, one.density * one.segments, 0.0) for one in parts], axis=0)
+        segments = np.sum([part.segments for part in parts], axis=0)
+        total = np.sum([np.where(part.segments > 0, part.density * part.segments, 0.0) for part in parts], axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
             density = np.where(segments > 0, total / segments, np.nan)
-        interpolated = sum(one.interpolated for one in parts)
+        interpolated = sum(part.interpolated for part in parts)
         return cls(first.frequency, density, segments, first.step, first.length, interpolated)
 
     def gathered(self, per_decade: int = 60, single: int = 100) -> tuple[Floats, Floats]:
@@ -78,7 +78,7 @@ class Spectra:
         return frequency, np.add.reduceat(self.density, starts, axis=0) / sizes[:, np.newaxis]
 
 
-def segment_of(duration: float) -> float:
+def segment_length(duration: float) -> float:
     """Length of the segments of a stretch of this duration, s."""
     return min(SEGMENT, duration / FEWEST)
 
@@ -97,22 +97,22 @@ def welch(
     step : float, optional
         Usual time between samples, s; the median step without it.
     segment : float, optional
-        Length of a segment, s; that of `segment_of` without it.
+        Length of a segment, s; that of `segment_length` without it.
     turns : tuple of int
         Channels that are angles, rad, which go on through ±180°.
     """
     duration = float(t[-1] - t[0]) if t.size > 1 else 0.0
     if step is None:
         step = float(np.median(np.diff(t))) if t.size > 1 else 1.0
-    length = max(LEAST, round((segment_of(duration) if segment is None else segment) / step))
+    length = max(LEAST, round((segment_length(duration) if segment is None else segment) / step))
     frequency = np.arange(1, length // 2 + 1) / (length * step)
     total = np.zeros((frequency.size, values.shape[1]))
     segments = np.zeros(values.shape[1], dtype=np.int64)
     uneven = 0
     for channel in range(values.shape[1]):
         for start in _starts(t, values[:, channel], length, step):
-            own, even = _even(t, values[:, channel], start, length, step, channel in turns)
-            total[:, channel] += _density(own, step)
+            samples, even = _even(t, values[:, channel], start, length, step, channel in turns)
+            total[:, channel] += _density(samples, step)
             segments[channel] += 1
             uneven += not even
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -122,26 +122,26 @@ def welch(
 
 def _starts(t: Floats, values: Floats, length: int, step: float) -> list[int]:
     """First sample of each segment: half-overlapping ones of every stretch without a gap or an unknown value."""
-    known = np.isfinite(values)
+    finite = np.isfinite(values)
     broken = np.zeros(t.size + 1, dtype=bool)
     broken[0] = broken[-1] = True
-    broken[1:-1] = (np.diff(t) > GAP_FACTOR * step) | (known[1:] != known[:-1])
+    broken[1:-1] = (np.diff(t) > GAP_FACTOR * step) | (finite[1:] != finite[:-1])
     edges = np.flatnonzero(broken)
-    found: list[int] = []
+    starts: list[int] = []
     for start, stop in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        if stop - start >= length and known[start]:
-            found += range(start, stop - length + 1, max(1, length // 2))
-    return found
+        if stop - start >= length and finite[start]:
+            starts += range(start, stop - length + 1, max(1, length // 2))
+    return starts
 
 
 def _even(t: Floats, values: Floats, start: int, length: int, step: float, turns: bool) -> tuple[Floats, bool]:
     """Values of a segment at even times, and whether they were so."""
-    own = values[start : start + length]
-    own = np.unwrap(own) if turns else own
+    samples = values[start : start + length]
+    samples = np.unwrap(samples) if turns else samples
     at = t[start : start + length]
     grid = at[0] + (at[-1] - at[0]) / (length - 1) * np.arange(length)
     even = bool(np.max(np.abs(at - grid)) <= UNEVEN * step)
-    return (own if even else np.interp(grid, at, own)), even
+    return (samples if even else np.interp(grid, at, samples)), even
 
 
 def _density(x: Floats, step: float) -> Floats:

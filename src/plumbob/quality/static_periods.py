@@ -89,9 +89,9 @@ def _moments(values: Floats, count: int, size: int) -> Moments:
 def _quiet(sd: Floats, loudest: float) -> NDArray[np.bool_]:
     """Blocks that scatter no more than the quiet ones do, (count,)."""
     scatter = np.sqrt((sd * sd).sum(axis=1))  # [Tedaldi2014]: told by the variance
-    known = scatter[np.isfinite(scatter)]
+    finite = scatter[np.isfinite(scatter)]
     # departs from [Tedaldi2014]: no threshold is chosen by trials
-    floor = float(np.quantile(known, _QUIET)) if known.size else 0.0
+    floor = float(np.quantile(finite, _QUIET)) if finite.size else 0.0
     with np.errstate(invalid="ignore"):
         return np.asarray(scatter <= min(LOUDER * floor, loudest))
 

@@ -37,10 +37,10 @@ _BINS = 288
 
 def _pooled(parts: "Sequence[Motion] | Sequence[Inclination]") -> tuple[int, float, float]:
     """Count, mean and standard deviation of the samples of several stretches, each with some."""
-    count = np.array([one.samples for one in parts], dtype=np.float64)
-    means = np.array([one.mean for one in parts])
+    count = np.array([part.samples for part in parts], dtype=np.float64)
+    means = np.array([part.mean for part in parts])
     mean = float(np.sum(count * means) / np.sum(count))
-    variance = np.array([one.sd**2 for one in parts]) + (means - mean) ** 2
+    variance = np.array([part.sd**2 for part in parts]) + (means - mean) ** 2
     return int(np.sum(count)), mean, math.sqrt(float(np.sum(count * variance) / np.sum(count)))
 
 
@@ -105,18 +105,18 @@ class Motion:
     @classmethod
     def of(cls, t: Floats, angle: Floats) -> Self:
         """Motion of an angle (N,), rad, at times (N,), s; NaN where it is not known."""
-        known = np.isfinite(angle)
-        if not known.any():
+        finite = np.isfinite(angle)
+        if not finite.any():
             return cls(0, math.nan, math.nan, math.nan, math.nan, np.empty(0), np.empty(0))
-        at, own = t[known], angle[known]
-        mean, sd = float(np.mean(own)), float(np.std(own))
+        at, theta = t[finite], angle[finite]
+        mean, sd = float(np.mean(theta)), float(np.std(theta))
         step = _usual_step(t)
-        wrapped = bool(np.any((np.abs(np.diff(own)) > np.pi) & (np.diff(at) <= GAP_FACTOR * step)))
+        wrapped = bool(np.any((np.abs(np.diff(theta)) > np.pi) & (np.diff(at) <= GAP_FACTOR * step)))
         if wrapped:
             none = np.empty(0)
-            return cls(own.size, math.nan, math.nan, float(own.min()), float(own.max()), none, none, wrapped=True)
-        heights, periods = waves(at, own - mean, gap=GAP_FACTOR * step, dead=DEAD * sd)
-        return cls(own.size, mean, sd, float(own.min()), float(own.max()), heights, periods)
+            return cls(theta.size, math.nan, math.nan, float(theta.min()), float(theta.max()), none, none, wrapped=True)
+        heights, periods = waves(at, theta - mean, gap=GAP_FACTOR * step, dead=DEAD * sd)
+        return cls(theta.size, mean, sd, float(theta.min()), float(theta.max()), heights, periods)
 
     def peaked(self, spectra: Spectra, channel: int) -> Self:
         """The same, with the period of the peak of a channel's spectrum; without where it means nothing."""
@@ -126,20 +126,20 @@ class Motion:
     @classmethod
     def joined(cls, parts: Sequence[Self], tp: float = math.nan) -> Self:
         """Motion over several stretches: moments of all samples, and the waves that each has about its own mean."""
-        known = [one for one in parts if one.samples]
-        if not known:
+        usable = [part for part in parts if part.samples]
+        if not usable:
             return cls.of(np.zeros(1), np.full(1, np.nan))
-        samples, mean, sd = _pooled(known)
+        samples, mean, sd = _pooled(usable)
         return cls(
             samples=samples,
             mean=mean,
             sd=sd,
-            least=min(one.least for one in known),
-            greatest=max(one.greatest for one in known),
-            heights=np.concatenate([one.heights for one in known]),
-            periods=np.concatenate([one.periods for one in known]),
-            tp=math.nan if any(one.wrapped for one in known) else tp,
-            wrapped=any(one.wrapped for one in known),
+            least=min(part.least for part in usable),
+            greatest=max(part.greatest for part in usable),
+            heights=np.concatenate([part.heights for part in usable]),
+            periods=np.concatenate([part.periods for part in usable]),
+            tp=math.nan if any(part.wrapped for part in usable) else tp,
+            wrapped=any(part.wrapped for part in usable),
         )
 
 
@@ -182,30 +182,30 @@ class Inclination:
     @classmethod
     def of(cls, t: Floats, angle: Floats, limit: float) -> Self:
         """Of an inclination (N,), rad, at times (N,), s."""
-        known = np.isfinite(angle)
-        if not known.any():
+        finite = np.isfinite(angle)
+        if not finite.any():
             return cls(0, math.nan, math.nan, math.nan, math.nan, limit, 0)
-        own = angle[known]
-        top = int(np.argmax(own))
+        theta = angle[finite]
+        top = int(np.argmax(theta))
         return cls(
-            samples=own.size,
-            mean=float(np.mean(own)),
-            sd=float(np.std(own)),
-            greatest=float(own[top]),
-            greatest_at=float(t[known][top]),
+            samples=theta.size,
+            mean=float(np.mean(theta)),
+            sd=float(np.std(theta)),
+            greatest=float(theta[top]),
+            greatest_at=float(t[finite][top]),
             limit=limit,
-            beyond=int(np.count_nonzero(own > limit)),
+            beyond=int(np.count_nonzero(theta > limit)),
         )
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
         """Of several stretches."""
-        known = [one for one in parts if one.samples]
-        if not known:
+        usable = [part for part in parts if part.samples]
+        if not usable:
             return parts[0]
-        samples, mean, sd = _pooled(known)
-        highest = max(known, key=lambda one: one.greatest)
-        return replace(highest, samples=samples, mean=mean, sd=sd, beyond=sum(one.beyond for one in known))
+        samples, mean, sd = _pooled(usable)
+        highest = max(usable, key=lambda part: part.greatest)
+        return replace(highest, samples=samples, mean=mean, sd=sd, beyond=sum(part.beyond for part in usable))
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,16 +260,16 @@ class Headings:
     @classmethod
     def of(cls, heading: Floats) -> Self:
         """Of headings (N,), rad clockwise from North; NaN where not known."""
-        own = heading[np.isfinite(heading)]
-        place = np.floor((own % (2.0 * np.pi)) * (_BINS / (2.0 * np.pi))).astype(np.int64) % _BINS
+        headings = heading[np.isfinite(heading)]
+        place = np.floor((headings % (2.0 * np.pi)) * (_BINS / (2.0 * np.pi))).astype(np.int64) % _BINS
         counts = np.bincount(place, minlength=_BINS).astype(np.int64)
-        return cls(counts, float(np.sum(np.cos(own))), float(np.sum(np.sin(own))))
+        return cls(counts, float(np.sum(np.cos(headings))), float(np.sum(np.sin(headings))))
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
         """Of several stretches."""
-        counts = np.sum([one.counts for one in parts], axis=0)
-        return cls(counts, sum(one.cosine for one in parts), sum(one.sine for one in parts))
+        counts = np.sum([part.counts for part in parts], axis=0)
+        return cls(counts, sum(part.cosine for part in parts), sum(part.sine for part in parts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,9 +292,9 @@ class TiltStatistics:
     def joined(cls, parts: Sequence[Self], tp: tuple[float, float] = (math.nan, math.nan)) -> Self:
         """Over several stretches; `tp` are the peak periods of roll and pitch of the whole."""
         return cls(
-            Motion.joined([one.roll for one in parts], tp[0]),
-            Motion.joined([one.pitch for one in parts], tp[1]),
-            Inclination.joined([one.inclination for one in parts]),
+            Motion.joined([part.roll for part in parts], tp[0]),
+            Motion.joined([part.pitch for part in parts], tp[1]),
+            Inclination.joined([part.inclination for part in parts]),
         )
 
 
@@ -356,10 +356,10 @@ def waves(t: Floats, x: Floats, *, gap: float, dead: float = 0.0) -> tuple[Float
     low = np.flatnonzero(x <= 0.0)
     last = low[np.searchsorted(low, clear[rises + 1]) - 1]  # the last sample at or below zero before each rise
     stretch = np.concatenate(([0], np.cumsum(np.diff(t) > gap)))
-    whole = stretch[clear[rises]] == stretch[clear[rises + 1]]
+    unbroken = stretch[clear[rises]] == stretch[clear[rises + 1]]
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing = t[last] + (t[last + 1] - t[last]) * (-x[last] / (x[last + 1] - x[last]))
-    same = (stretch[last[:-1]] == stretch[last[1:]]) & whole[:-1] & whole[1:]
+    same = (stretch[last[:-1]] == stretch[last[1:]]) & unbroken[:-1] & unbroken[1:]
     begins = last + 1
     high = np.maximum.reduceat(x, begins)[:-1]
     deep = np.minimum.reduceat(x, begins)[:-1]

@@ -61,13 +61,13 @@ def unit_odds(name: str, size: float, sd: float, declared: str) -> UnitOdds:
         The unit that the values were taken for.
     """
     kind = _KIND[name]
-    own = float(to_si(1.0, declared, kind))
+    scale = float(to_si(1.0, declared, kind))
     spread = math.hypot(_SPREAD[name], sd)
-    known = tuple(dict.fromkeys((declared, *UNITS[name])))
-    away = {unit: math.log(size * float(to_si(1.0, unit, kind)) / own / _USUAL[name]) / spread for unit in known}
+    candidates = tuple(dict.fromkeys((declared, *UNITS[name])))
+    away = {unit: math.log(size * float(to_si(1.0, unit, kind)) / scale / _USUAL[name]) / spread for unit in candidates}
     best, second, *_ = sorted(away, key=lambda unit: abs(away[unit]))
     odds = 0.5 * (away[second] ** 2 - away[best] ** 2)
     against = 0.5 * (away[best] ** 2 - away[declared] ** 2)
     if abs(away[best]) > _NONE_FITS:
         return UnitOdds(None, _USUAL[name] / size, 0.0, best, against)
-    return UnitOdds(best, float(to_si(1.0, best, kind)) / own, odds, second, against)
+    return UnitOdds(best, float(to_si(1.0, best, kind)) / scale, odds, second, against)

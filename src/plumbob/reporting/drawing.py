@@ -165,14 +165,14 @@ def _canvas(
 def _chinese_font(embedded: bool) -> list[str]:
     from matplotlib import font_manager
 
-    known = set(font_manager.get_font_names())
-    found = [name for name in CHINESE if name in known][:1]
-    if embedded and not found:
+    installed = set(font_manager.get_font_names())
+    fonts = [name for name in CHINESE if name in installed][:1]
+    if embedded and not fonts:
         raise MissingExtraError(
             "Chinese labels in a PNG or PDF need a Chinese font, and none is installed. Install one, as "
             "'apt install fonts-noto-cjk' does, or write an .svg or the page."
         )
-    return ["DejaVu Sans", *found]
+    return ["DejaVu Sans", *fonts]
 
 
 def _explain(panel: "FigureBase", figure: "Figure", letters: int) -> None:

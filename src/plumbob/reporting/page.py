@@ -59,7 +59,7 @@ def _body(report: "ReportContent", lang: str, number: "count[int]", *, depth: in
         yield facts_html(report.facts, lang)
     if report.remarks:
         yield f"<ul class='note'>{''.join(f'<li>{escape(said(remark, lang))}</li>' for remark in report.remarks)}</ul>"
-    yield from (scene.scene_html(one, lang) for one in report.scenes)
+    yield from (scene.scene_html(view, lang) for view in report.scenes)
     yield from (_figure(figure, lang, f"{next(number)}") for figure in report.figures)
     for table in folded:
         inside = table_html(replace(table, title=""), lang)

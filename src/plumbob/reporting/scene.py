@@ -84,7 +84,7 @@ def _data(scene: Scene, lang: str) -> dict[str, Any]:
         "names": [said(name, lang) for name in names],
         "points": [_rounded(scene.points[name][rows], _DIGITS) for name in names],
         "shadow": [_rounded(scene.shadow[name][rows], _DIGITS) if name in scene.shadow else [] for name in shaded],
-        "lines": [[names.index(one), names.index(other)] for one, other in scene.lines],
+        "lines": [[names.index(start), names.index(end)] for start, end in scene.lines],
         "trail": names.index(scene.trail) if scene.trail else -1,
         "values": [[said(name, lang), _rounded(values[rows], 1)] for name, values in scene.values.items()],
         "unit": scene.unit,

@@ -60,11 +60,11 @@ def said(label: str, lang: str) -> str:
         return label[:] if lang == "en" else label.zh
     if lang == "en":
         return label
-    first, *others = [label] if _known(label) else _APART.split(label)
-    return "".join([_known(first), *(_known(part) or part for part in others)]) if _known(first) else label
+    first, *others = [label] if _chinese(label) else _APART.split(label)
+    return "".join([_chinese(first), *(_chinese(part) or part for part in others)]) if _chinese(first) else label
 
 
-def _known(part: str) -> str:
+def _chinese(part: str) -> str:
     numbers = iter(_NUMBER.findall(part))
     return re.sub("#", lambda _: next(numbers), CHINESE.get(_NUMBER.sub("#", part), ""))
 

@@ -124,9 +124,9 @@ def euler_sd(q_nb: Floats, cov_b: Floats) -> Floats:
     """
     _, pitch, roll = np.moveaxis(euler_zyx_from_quat(q_nb), -1, 0)
     sr, cr, cp, tp = np.sin(roll), np.cos(roll), np.cos(pitch), np.tan(pitch)
-    none, one = np.zeros_like(roll), np.ones_like(roll)
+    zeros, ones = np.zeros_like(roll), np.ones_like(roll)
     # derivatives of yaw, pitch and roll by a small turn in body axes
-    turns = np.stack([[none, sr / cp, cr / cp], [none, cr, -sr], [one, sr * tp, cr * tp]])
+    turns = np.stack([[zeros, sr / cp, cr / cp], [zeros, cr, -sr], [ones, sr * tp, cr * tp]])
     return _sd(np.einsum("kin,nij,kjn->nk", turns, cov_b, turns))
 
 
@@ -134,11 +134,11 @@ def _sd(variance: Floats) -> Floats:
     return np.sqrt(np.where(variance > 0.0, variance, np.nan))
 
 
-def zero_of(north: str) -> str:
+def heading_zero(north: str) -> str:
     """What a heading counts from, in words."""
     return "an arbitrary zero" if north == North.FREE else f"{north} north"
 
 
 def counted_from(north: str, declination_deg: float | None) -> str:
     """What headings count from, in words, with the declination that makes them true."""
-    return zero_of(north) + ("" if declination_deg is None else f" (declination {declination_deg:+.3f}°)")
+    return heading_zero(north) + ("" if declination_deg is None else f" (declination {declination_deg:+.3f}°)")

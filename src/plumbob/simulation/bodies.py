@@ -20,7 +20,7 @@ from plumbob.simulation.chains import named_chain
 from plumbob.simulation.errors import stream, unit_seed
 from plumbob.simulation.fields import Disturbance, bent_at
 from plumbob.simulation.motion import Motion, Scenario, Truth, at_rest
-from plumbob.simulation.mounting import SoftTissue, drawn_mounts, mounts_of
+from plumbob.simulation.mounting import SoftTissue, chain_mounts, drawn_mounts
 from plumbob.simulation.presets import Module, draw_module
 from plumbob.simulation.programs import Program, named_program
 from plumbob.simulation.signals import Jet, Signal
@@ -72,16 +72,16 @@ class ChainMotion:
         return self._memory[key]
 
     def _truth(self, t: Floats) -> dict[str, Truth]:
-        found = {self.chain.segments[0].name: self._rooted(t)}
+        truths = {self.chain.segments[0].name: self._rooted(t)}
         angles = self.angles.at(t)
         first = 0
         for joint in self.chain.joints:
-            at = found[joint.parent].at_lever(joint.place).turned(joint.q_pc)
+            at = truths[joint.parent].at_lever(joint.place).turned(joint.q_pc)
             for axis in joint.axes:
                 at = at.hinged(axis, Jet(*(part[:, first] for part in angles)))
                 first += 1
-            found[joint.child] = at
-        return found
+            truths[joint.child] = at
+        return truths
 
     def _rooted(self, t: Floats) -> Truth:
         if isinstance(self.root, tuple):
@@ -140,10 +140,10 @@ class _Ridden(Scenario):
 
     def field_n(self, body: Truth, earth_n: Floats) -> Floats:
         """Field at the unit, (3,) or (N, 3), µT: the Earth's, and what bends it there."""
-        segments = self.unit.segments(body.t) if any(one.on for one in self.disturbances) else {}
+        segments = self.unit.segments(body.t) if any(disturbance.on for disturbance in self.disturbances) else {}
         total = earth_n
-        for one in self.disturbances:
-            total = total + one.at(body.pos_n, segments[one.on] if one.on else None)
+        for disturbance in self.disturbances:
+            total = total + disturbance.at(body.pos_n, segments[disturbance.on] if disturbance.on else None)
         return total
 
 
@@ -188,7 +188,7 @@ class ChainSimulation(Series):
     @property
     def postures(self) -> dict[str, Posture]:
         """Where every segment is, by name."""
-        return {name: Posture(one.q_nb, one.pos_n) for name, one in self.bodies.items()}
+        return {name: Posture(body.q_nb, body.pos_n) for name, body in self.bodies.items()}
 
     @property
     def hand_n(self) -> Floats:
@@ -200,14 +200,14 @@ class ChainSimulation(Series):
         """True attitude of every segment, by name; headings from true North."""
         source = f"simulated {self.program.name}"
         return {
-            name: AttitudeTrack(self.t, one.q_nb, self.frame, North.TRUE, source=f"{source}, {name}")
-            for name, one in self.bodies.items()
+            name: AttitudeTrack(self.t, body.q_nb, self.frame, North.TRUE, source=f"{source}, {name}")
+            for name, body in self.bodies.items()
         }
 
     @property
     def true_chain(self) -> Chain:
         """The chain with the mounts that the units really have."""
-        segments = (replace(one, mount=self.mounts.get(one.unit, one.mount)) for one in self.chain.segments)
+        segments = (replace(link, mount=self.mounts.get(link.unit, link.mount)) for link in self.chain.segments)
         return replace(self.chain, segments=tuple(segments))
 
     def facts(self) -> Mapping[str, str]:
@@ -302,34 +302,34 @@ def simulate_chain(
         If a name is unknown, a value outside its domain, or the chain has no unit.
     """
     frame = Frame.parse(frame)
-    whole = named_chain(chain) if isinstance(chain, str) else check.kind("chain", chain, Chain)
-    riders = [one for one in whole.segments if one.unit]
+    geometry = named_chain(chain) if isinstance(chain, str) else check.kind("chain", chain, Chain)
+    riders = [segment for segment in geometry.segments if segment.unit]
     if not riders:
-        raise ParameterError(f"no segment of {whole.name} has a unit; give one to those that carry a sensor.")
+        raise ParameterError(f"no segment of {geometry.name} has a unit; give one to those that carry a sensor.")
     _require_known(world)
-    moves = _programmed(whole, program, seed, given("duration", duration, Quantity.TIME))
+    moves = _programmed(geometry, program, seed, given("duration", duration, Quantity.TIME))
     length = moves.duration if duration is None else float(given("duration", duration, Quantity.TIME) or 0.0)
-    body = ChainMotion(whole, moves.angles, frame, _root(moves, frame, base))
-    true_mounts = _mounted(whole, mounts, (mount_angle, mount_shift, mount_clock), seed)
+    body = ChainMotion(geometry, moves.angles, frame, _root(moves, frame, base))
+    true_mounts = _mounted(geometry, mounts, (mount_angle, mount_shift, mount_clock), seed)
     ends = (given("gyr_range", gyr_range, Quantity.RATE), given("acc_range", acc_range, Quantity.ACCELERATION))
-    bends = _bends(whole, riders, bend, bend_at, frame) + _known(disturbances, whole)
+    bends = _bends(geometry, riders, bend, bend_at, frame) + _checked(disturbances, geometry)
     tissue = _tissue(soft)
     units: dict[str, Simulation] = {}
     for number, rider in enumerate(riders):
-        own = unit_seed(seed, number)
+        own_seed = unit_seed(seed, number)
         motion = _UnitMotion(body, rider.name, true_mounts[rider.unit])
         if tissue is not None:
             motion = replace(motion, sway=_sway(motion, tissue, length, stream(seed, rider.unit, "soft")))
         units[rider.unit] = simulate(
             _Ridden(unit=motion, title=moves.name, length=length, disturbances=bends),
-            frame=frame, sensors=_module(sensors, rider.unit, own).with_range(*ends), unit=unit, seed=own, rate=rate,
-            duration=length, **world,
+            frame=frame, sensors=_module(sensors, rider.unit, own_seed).with_range(*ends), unit=unit, seed=own_seed,
+            rate=rate, duration=length, **world,
         )  # fmt: skip
-    imus = {name: one.imu for name, one in units.items()}
+    imus = {name: run.imu for name, run in units.items()}
     t = next(iter(imus.values())).t
-    nominal = {one.unit: replace(one.mount, noise=units[one.unit].noise) for one in riders}
+    nominal = {rider.unit: replace(rider.mount, noise=units[rider.unit].noise) for rider in riders}
     return ChainSimulation(
-        chain=whole,
+        chain=geometry,
         array=ImuArray(imus, nominal),
         t=t,
         angles=moves.angles.at(t).value,
@@ -375,7 +375,7 @@ def _mounted(
         return drawn_mounts(chain, **errors, seed=seed)
     if any(errors.values()):
         raise ParameterError("give either mounts or errors to draw: mount_angle, mount_shift, mount_clock.")
-    return mounts_of(chain, mounts)
+    return chain_mounts(chain, mounts)
 
 
 def _module(sensors: str | Mapping[str, Module], unit: str, seed: int) -> Module:
@@ -386,10 +386,10 @@ def _module(sensors: str | Mapping[str, Module], unit: str, seed: int) -> Module
     return check.kind(f"sensors of '{unit}'", sensors[unit], Module)
 
 
-def _known(disturbances: Sequence[Disturbance], chain: Chain) -> tuple[Disturbance, ...]:
-    for one in disturbances:
-        if one.on and one.on not in chain.places:
-            raise ParameterError(f"'{one.on}' is not a segment of {chain.name}; they are {', '.join(chain.places)}.")
+def _checked(disturbances: Sequence[Disturbance], chain: Chain) -> tuple[Disturbance, ...]:
+    for bend in disturbances:
+        if bend.on and bend.on not in chain.places:
+            raise ParameterError(f"'{bend.on}' is not a segment of {chain.name}; they are {', '.join(chain.places)}.")
     return tuple(disturbances)
 
 
@@ -421,10 +421,10 @@ def _sway(motion: _UnitMotion, tissue: SoftTissue, length: float, rng: np.random
     start = -0.1  # before the first value that a sensor with a latency gives
     t = start + _DRIVE_STEP * np.arange(int((length - 2.0 * start) / _DRIVE_STEP) + 2, dtype=np.float64)
     force = motion.body.truth(t)[motion.segment].at_lever(motion.mount.lever_b).specific_force_b
-    joint = next((k for k, one in enumerate(motion.body.chain.joints) if one.child == motion.segment), None)
+    joint = next((k for k, link in enumerate(motion.body.chain.joints) if link.child == motion.segment), None)
     angles, count = None, 0
     if joint is not None:
-        first = sum(len(one.axes) for one in motion.body.chain.joints[:joint])
+        first = sum(len(link.axes) for link in motion.body.chain.joints[:joint])
         count = len(motion.body.chain.joints[joint].axes)
         angles = _Part(motion.body.angles, first, first + count)
     return tissue.sway(rng, start=start, step=_DRIVE_STEP, force=force, angles=angles, count=count)

@@ -104,7 +104,7 @@ def _five() -> Chain:
 
 
 CHAINS: Final[Mapping[str, Chain]] = {
-    one.name: one for one in (_arm("arm", pronation=False), _arm("arm7", pronation=True), _teach(), _five())
+    chain.name: chain for chain in (_arm("arm", pronation=False), _arm("arm7", pronation=True), _teach(), _five())
 }
 """Chains by name: `arm` (ball, hinge, universal), `arm7` (with pronation), `teach` (six axes), `five` (free)."""
 

@@ -241,8 +241,8 @@ class TriadErrors:
     def noise_card(self, rate: float) -> TriadNoise:
         """N, B and K of the triad, before its high-pass, when it is sampled at `rate`, Hz, or at its own rate."""
         n = self.white_rpsd
-        own = self.white_sd / math.sqrt(self.own_rate(rate))
-        return TriadNoise(n_rpsd=np.hypot(n, own), b=self.flicker, k_rpsd=self.walk_rpsd)
+        white = self.white_sd / math.sqrt(self.own_rate(rate))
+        return TriadNoise(n_rpsd=np.hypot(n, white), b=self.flicker, k_rpsd=self.walk_rpsd)
 
     def own_rate(self, rate: float) -> float:
         """Rate at which the triad yields values in a recording of `rate`, Hz."""
@@ -307,8 +307,8 @@ def high_passed(values: Floats, settled: Floats, corner: float, rate: float) -> 
     """
     from scipy.signal import lfilter
 
-    left = math.exp(-2.0 * math.pi * corner / rate)
-    return np.asarray(lfilter([1.0, -1.0], [1.0, -left], values, axis=0, zi=-settled[np.newaxis])[0])
+    decay = math.exp(-2.0 * math.pi * corner / rate)
+    return np.asarray(lfilter([1.0, -1.0], [1.0, -decay], values, axis=0, zi=-settled[np.newaxis])[0])
 
 
 def _white(e: TriadErrors, count: int, triad: str, seed: int, rate: float) -> Floats:
@@ -391,7 +391,7 @@ class AttitudeErrors:
         """First-order Gauss-Markov process (count, 3) of standard deviation 1, from its first value on."""
         from scipy.signal import lfilter
 
-        kept = math.exp(-1.0 / (rate * self.time))
-        fed = math.sqrt(1.0 - kept**2) * stream(seed, "attitude", "varying").standard_normal((count, 3))
-        fed[0] /= math.sqrt(1.0 - kept**2)
-        return np.asarray(lfilter([1.0], [1.0, -kept], fed, axis=0))
+        decay = math.exp(-1.0 / (rate * self.time))
+        fed = math.sqrt(1.0 - decay**2) * stream(seed, "attitude", "varying").standard_normal((count, 3))
+        fed[0] /= math.sqrt(1.0 - decay**2)
+        return np.asarray(lfilter([1.0], [1.0, -decay], fed, axis=0))

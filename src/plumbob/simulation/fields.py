@@ -105,9 +105,9 @@ def bent_at(chain: Chain, segment: str, strength: float, frame: Frame) -> BentRe
     ParameterError
         If there is no such segment, or it has no unit.
     """
-    on = next((one for one in chain.segments if one.name == segment), None)
+    on = next((link for link in chain.segments if link.name == segment), None)
     if on is None or not on.unit:
-        riders = ", ".join(one.name for one in chain.segments if one.unit)
+        riders = ", ".join(link.name for link in chain.segments if link.unit)
         raise ParameterError(f"the field of {chain.name} can be bent at {riders}, but not at '{segment}'.")
     x, y, z = (strength * frame.east).tolist()
     return BentRegion(on.mount.lever_b, (x, y, z), on=segment)
@@ -118,6 +118,6 @@ def _centre(place: Vec, segment: Truth | None) -> Floats:
 
 
 def _finite(what: str, *vectors: Vec) -> None:
-    for one in vectors:
-        if not np.isfinite(check.last_axis("place and field", one, 3)).all():
-            raise ParameterError(f"place and field of {what} must be finite, but one is {one}.")
+    for vector in vectors:
+        if not np.isfinite(check.last_axis("place and field", vector, 3)).all():
+            raise ParameterError(f"place and field of {what} must be finite, but one is {vector}.")

@@ -250,10 +250,10 @@ class GimbalMotion:
 
     def truth(self, t: Floats) -> Truth:
         """State at the instants t (N,), s."""
-        found = at_rest(t, self.frame)
+        state = at_rest(t, self.frame)
         for axis, signal in self.gimbals:
-            found = found.hinged(_AXES[axis], signal.at(t))
-        return found
+            state = state.hinged(_AXES[axis], signal.at(t))
+        return state
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,7 +42,7 @@ def drawn_mounts(chain: Chain, *, angle: float, shift: float, clock: float = 0.0
             f"a mounting error is 0 to π rad, 0 m or more and 0 s or more, but it is {angle:g} rad, {shift:g} m and "
             f"{clock:g} s."
         )
-    return {one.unit: _off(one.mount, angle, shift, clock, one.unit, seed) for one in chain.segments if one.unit}
+    return {link.unit: _off(link.mount, angle, shift, clock, link.unit, seed) for link in chain.segments if link.unit}
 
 
 def _off(mount: Mount, angle: float, shift: float, clock: float, unit: str, seed: int) -> Mount:
@@ -56,13 +56,13 @@ def _off(mount: Mount, angle: float, shift: float, clock: float, unit: str, seed
     )
 
 
-def mounts_of(chain: Chain, given: Mapping[str, Mount]) -> dict[str, Mount]:
+def chain_mounts(chain: Chain, given: Mapping[str, Mount]) -> dict[str, Mount]:
     """Mounts of a chain's units, by name: those given, else the chain's own."""
-    own = {one.unit: one.mount for one in chain.segments if one.unit}
-    unknown = [name for name in given if name not in own]
+    nominal = {segment.unit: segment.mount for segment in chain.segments if segment.unit}
+    unknown = [name for name in given if name not in nominal]
     if unknown:
-        raise ParameterError(f"{chain.name} has no unit '{unknown[0]}'; its units are {', '.join(own)}.")
-    return own | dict(given)
+        raise ParameterError(f"{chain.name} has no unit '{unknown[0]}'; its units are {', '.join(nominal)}.")
+    return nominal | dict(given)
 
 
 def _in_ball(rng: np.random.Generator) -> Floats:
@@ -103,7 +103,7 @@ class SoftTissue:
     def __post_init__(self) -> None:
         """Validate."""
         numbers = (self.frequency, self.tilt, self.skin, self.skin_shift)
-        if not (all(0.0 <= one < math.inf for one in numbers) and self.frequency > 0.0 and 0.0 <= self.damping < 1.0):
+        if not (all(0.0 <= size < math.inf for size in numbers) and self.frequency > 0.0 and 0.0 <= self.damping < 1.0):
             raise ParameterError(
                 f"soft tissue needs a frequency above 0, a damping from 0 to below 1, and the rest not below 0: {self}."
             )

@@ -194,11 +194,11 @@ class Module:
             If the card has a triad that the unit has not, or none at all.
         """
         noises = {name: noise for name in TRIADS if (noise := getattr(card, name)) is not None}
-        own = [name for name in TRIADS if getattr(self, name) is not None]
-        if not noises or not set(noises) <= set(own):
+        names = [name for name in TRIADS if getattr(self, name) is not None]
+        if not noises or not set(noises) <= set(names):
             raise ParameterError(
                 f"the noise card of {card.device} has {', '.join(noises) or 'no triad'}, but {self.name} has "
-                f"{', '.join(own)}; name sensors that have what the card has."
+                f"{', '.join(names)}; name sensors that have what the card has."
             )
         triads = {name: getattr(self, name).with_noise(noise) for name, noise in noises.items()}
         source = f"{self.source}; noise of {', '.join(noises)} from the card of {card.device} ({card.source})"
@@ -317,8 +317,8 @@ def _provenance(parts: list[Preset]) -> str:
         for name, figure in figures.items()
         if figure.mark == "UNVERIFIED" and name not in _NOT_SIMULATED
     ]
-    told = "presets " + "+".join(part.name for part in parts)
-    return f"{told}; unverified: {', '.join(doubtful)}" if doubtful else told
+    label = "presets " + "+".join(part.name for part in parts)
+    return f"{label}; unverified: {', '.join(doubtful)}" if doubtful else label
 
 
 @cache

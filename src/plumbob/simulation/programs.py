@@ -61,8 +61,8 @@ class _Span(NamedTuple):
 
 
 def _span(chain: Chain) -> _Span:
-    low = np.array([one.low if np.isfinite(one.low) else -_FREE for one in chain.limits])
-    high = np.array([one.high if np.isfinite(one.high) else _FREE for one in chain.limits])
+    low = np.array([limit.low if np.isfinite(limit.low) else -_FREE for limit in chain.limits])
+    high = np.array([limit.high if np.isfinite(limit.high) else _FREE for limit in chain.limits])
     # no wrist is turned round and round, so that a long range is not used to its ends
     middle = 0.5 * (low + high)
     low, high = np.maximum(low, middle - deg(150.0)), np.minimum(high, middle + deg(150.0))
@@ -83,7 +83,7 @@ def move_times(steps: ArrayLike, limits: tuple[Limits, ...], *, speed: float) ->
         Greatest speed of any angle, rad/s, where its limit is not lower.
     """
     size = np.abs(check.rows("steps", steps, len(limits)))
-    orders = enumerate(zip(*((min(one.velocity, speed), one.acceleration, one.jerk) for one in limits), strict=True), 1)
+    orders = enumerate(zip(*((min(lim.velocity, speed), lim.acceleration, lim.jerk) for lim in limits), strict=True), 1)
     needed = [(_PEAKS[k - 1] * size / np.array(most)) ** (1.0 / k) for k, most in orders]
     return np.asarray(np.maximum(np.max(needed, axis=(0, 2)), 1e-3))
 
@@ -114,7 +114,7 @@ def waypoints(
         If there are fewer than two, or one is outside its limits.
     """
     table = check.rows("poses", poses, len(chain.angles))
-    low, high = (np.array([getattr(one, end) for one in chain.limits]) for end in ("low", "high"))
+    low, high = (np.array([getattr(limit, end) for limit in chain.limits]) for end in ("low", "high"))
     beyond = (table < low - 1e-9) | (table > high + 1e-9)
     if len(table) < 2 or beyond.any():
         row, column = np.argwhere(beyond)[0] if beyond.any() else (0, 0)
@@ -200,16 +200,16 @@ def _calibration(chain: Chain, rng: np.random.Generator, duration: float) -> Pro
     swings: list[Signal] = []
     for k in range(count):
         windows: Signal = constant(0.0)
-        for one in range(rounds):
-            start = _LEAD + one * (4.0 * count + 10.0) + 4.0 * k
+        for cycle in range(rounds):
+            start = _LEAD + cycle * (4.0 * count + 10.0) + 4.0 * k
             windows = windows + _window(start, start + 4.0)
         size = min(deg(45.0), _amplitude(k, chain, np.ones(1), np.array([math.pi]), math.inf))
         swings.append(Windowed(sinusoid(size, 0.5, float(rng.uniform(0.0, 2.0 * math.pi))), windows))
     if swings:
         angles = angles + Stack(tuple(swings))
     together: Signal = constant(0.0)
-    for one in range(rounds):
-        start = _LEAD + one * (4.0 * count + 10.0) + 4.0 * count
+    for cycle in range(rounds):
+        start = _LEAD + cycle * (4.0 * count + 10.0) + 4.0 * count
         together = together + _window(start, start + 10.0)
     wave = _wave(chain, rng, low=0.2, high=1.0, speed=dps(150.0))
     return Program("calibration motion", angles + Windowed(wave, together), duration, ((0.0, _LEAD),))

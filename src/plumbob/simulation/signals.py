@@ -146,8 +146,8 @@ class Sinusoids(Signal):
 
 def sinusoid(amplitude: float, frequency: float, phase: float = 0.0) -> Sinusoids:
     """``amplitude · sin(2π frequency t + phase)``; frequency in Hz, phase in rad."""
-    one = np.ones(1)
-    return Sinusoids(2.0 * np.pi * frequency * one, amplitude * np.sin(phase) * one, amplitude * np.cos(phase) * one)
+    unit = np.ones(1)
+    return Sinusoids(2.0 * np.pi * frequency * unit, amplitude * np.sin(phase) * unit, amplitude * np.cos(phase) * unit)
 
 
 Law = Callable[[Floats], Jet]
@@ -205,7 +205,7 @@ class Moves(Signal):
         way = self.law(np.clip((t - start[i]) / duration[i], 0.0, 1.0))
         step = Jet(before[i], np.zeros_like(before[i]), np.zeros_like(before[i]))
         powers = (np.ones(t.size), 1.0 / duration[i], 1.0 / duration[i] ** 2)
-        return Jet(*(s + change[i] * _beside(w * p, change[i]) for s, w, p in zip(step, way, powers, strict=True)))
+        return Jet(*(s + change[i] * _shaped(w * p, change[i]) for s, w, p in zip(step, way, powers, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,8 +281,8 @@ class WarmUp(Signal):
 
     def at(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
-        left = self.rise * np.exp(-t / self.time)
-        return Jet(self.rise - left, left / self.time, -left / self.time**2)
+        decay = self.rise * np.exp(-t / self.time)
+        return Jet(self.rise - decay, decay / self.time, -decay / self.time**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -381,7 +381,7 @@ class Windowed(Signal):
     def at(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
         x, dx, ddx = self.signal.at(t)
-        w, dw, ddw = (_beside(part, x) for part in self.window.at(t))
+        w, dw, ddw = (_shaped(part, x) for part in self.window.at(t))
         return Jet(w * x, dw * x + w * dx, ddw * x + 2.0 * dw * dx + w * ddx)
 
 
@@ -397,6 +397,6 @@ class Stack(Signal):
         return Jet(*(np.stack(parts, axis=-1) for parts in zip(*jets, strict=True)))
 
 
-def _beside(scalar: Floats, like: Floats) -> Floats:
+def _shaped(scalar: Floats, like: Floats) -> Floats:
     """Shape (N,) so that it multiplies `like` of (N,) or (N, k)."""
     return scalar.reshape(scalar.shape + (1,) * (like.ndim - 1))

@@ -82,9 +82,9 @@ def time_line(*, rate: float, duration: float, jitter: float = 0.0, lost: float 
     sampled = to_s(to_ns(np.arange(count) / rate))
     stray = np.clip(jitter * rate * stream(seed, "time", "jitter").standard_normal(count), -0.45, 0.45) / rate
     stray[0] = max(stray[0], 0.0)  # a recording starts at 0, not before
-    kept = stream(seed, "time", "lost").random(count) >= lost
-    kept[0] = True
-    return TimeLine(sampled, to_s(to_ns(sampled + stray)), kept, rate)
+    received = stream(seed, "time", "lost").random(count) >= lost
+    received[0] = True
+    return TimeLine(sampled, to_s(to_ns(sampled + stray)), received, rate)
 
 
 def arrivals(count: int, rate: float, own_rate: float | None) -> NDArray[np.int64]:
@@ -168,7 +168,7 @@ class Simulation(Series):
 
     def columns(self) -> Mapping[str, NDArray[Any]]:
         """Of the samples, and the true angles beside them."""
-        angles = {f"true {name}": one for name, one in self.truth.columns().items() if name.endswith("[deg]")}
+        angles = {f"true {name}": values for name, values in self.truth.columns().items() if name.endswith("[deg]")}
         return {**self.imu.columns(), **angles}
 
 
@@ -181,7 +181,7 @@ class _World(NamedTuple):
     field_n: Callable[[Truth], Floats]
     declination: float
 
-    def input_of(self, triad: str, delay: float) -> Floats:
+    def true_input(self, triad: str, delay: float) -> Floats:
         """True values (N, 3) of a triad, `delay` s before each instant of sampling."""
         body = self.body(delay)
         if triad == "gyr":
@@ -321,7 +321,7 @@ def _number(name: str, value: float | str) -> float:
     return check.number(name, given(name, value, quantity), quantity.value)
 
 
-def warming_up(asked: WarmingUp) -> WarmUp:
+def warming_up(spec: WarmingUp) -> WarmUp:
     """How a device warms up: rise, K, and time constant, s, as numbers or as one text, ``"15 K, 120 s"``.
 
     Raises
@@ -331,9 +331,9 @@ def warming_up(asked: WarmingUp) -> WarmUp:
     UnitError
         If a text's number or unit is wrong.
     """
-    parts = asked.split(",") if isinstance(asked, str) else tuple(asked)
+    parts = spec.split(",") if isinstance(spec, str) else tuple(spec)
     if len(parts) != 2:
-        raise ParameterError(f"warm_up is RISE, TIME, as '15 K, 120 s', but it is {check.said(asked)}.")
+        raise ParameterError(f"warm_up is RISE, TIME, as '15 K, 120 s', but it is {check.said(spec)}.")
     time = given("the time of warm_up", parts[1], Quantity.TIME, positive=True)
     if isinstance(parts[0], str):
         number, name = split(parts[0])
@@ -355,23 +355,23 @@ def _plan(scenario: str | Scenario, parameters: dict[str, float | str]) -> Scena
     return scenario
 
 
-def _unit(sensors: str | Module, asked: str, seed: int, mag_rate: float | None, noise: NoiseCard | None) -> Module:
-    if not isinstance(asked, str) or asked not in KINDS:
-        raise ParameterError(f"unit must be one of {', '.join(KINDS)}, but it is {check.said(asked)}.")
+def _unit(sensors: str | Module, kind: str, seed: int, mag_rate: float | None, noise: NoiseCard | None) -> Module:
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise ParameterError(f"unit must be one of {', '.join(KINDS)}, but it is {check.said(kind)}.")
     unit = draw_module(sensors, seed) if isinstance(sensors, str) else check.kind("sensors", sensors, Module)
     if mag_rate is not None:
         unit = unit.with_mag_rate(mag_rate)
     if noise is not None:
         unit = unit.with_noise(noise)
-    return unit.calibrated() if asked == "calibrated" else unit
+    return unit.calibrated() if kind == "calibrated" else unit
 
 
 def _sense(world: _World, triad: str, errors: TriadErrors, seed: int) -> Measured:
     """What a triad says on the whole time line; NaN in rows where it has no new value."""
     rows = arrivals(world.line.sampled.size, world.line.rate, errors.rate)
-    by_axis = [world.input_of(triad, delay)[rows, axis] for axis, delay in enumerate(errors.latency.tolist())]
-    force = world.input_of("acc", 0.0) if errors.g_sensitivity.any() else np.zeros((world.line.sampled.size, 3))
-    found = measure(
+    by_axis = [world.true_input(triad, delay)[rows, axis] for axis, delay in enumerate(errors.latency.tolist())]
+    force = world.true_input("acc", 0.0) if errors.g_sensitivity.any() else np.zeros((world.line.sampled.size, 3))
+    measured = measure(
         errors,
         np.stack(by_axis, axis=-1),
         triad=triad,
@@ -380,26 +380,26 @@ def _sense(world: _World, triad: str, errors: TriadErrors, seed: int) -> Measure
         temp_c=world.temp_c[rows],
         force_b=force[rows],
     )
-    return found if rows.size == world.line.sampled.size else _spread(found, rows, world.line.sampled.size)
+    return measured if rows.size == world.line.sampled.size else _spread(measured, rows, world.line.sampled.size)
 
 
-def _spread(found: Measured, rows: NDArray[np.int64], count: int) -> Measured:
+def _spread(measured: Measured, rows: NDArray[np.int64], count: int) -> Measured:
     values, bias = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
     clipped = np.zeros((count, 3), dtype=bool)
-    values[rows], bias[rows], clipped[rows] = found
+    values[rows], bias[rows], clipped[rows] = measured
     return Measured(values, bias, clipped)
 
 
 def _recording(world: _World, measured: dict[str, Measured], meta: ImuMeta) -> ImuData:
-    kept = world.line.kept
-    found = np.zeros(kept.size, dtype=np.uint32)
+    received = world.line.kept
+    marks = np.zeros(received.size, dtype=np.uint32)
     for name, triad in measured.items():  # before the sensor's errors, a value at the end may look smaller
-        found[triad.clipped.any(axis=1)] |= np.uint32(_CLIPPED[name])
+        marks[triad.clipped.any(axis=1)] |= np.uint32(_CLIPPED[name])
     return ImuData(
-        t=world.line.stamps[kept],
-        **{name: triad.values[kept] for name, triad in measured.items()},
-        temp_c=world.temp_c[kept],
-        flags=found[kept],
+        t=world.line.stamps[received],
+        **{name: triad.values[received] for name, triad in measured.items()},
+        temp_c=world.temp_c[received],
+        flags=marks[received],
         meta=meta,
     )
 

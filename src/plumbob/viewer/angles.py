@@ -10,7 +10,7 @@ from plumbob.core.units import to_deg
 from plumbob.rotations import euler_zyx_from_quat, quat_conjugate, quat_multiply
 
 
-def angles_of(q_nb: Floats) -> Floats:
+def euler_deg(q_nb: Floats) -> Floats:
     """Roll, pitch and yaw (N, 3), degrees, of attitudes (N, 4), as every report of Plumbob prints them."""
     return to_deg(euler_zyx_from_quat(q_nb))[..., ::-1]
 
@@ -39,7 +39,7 @@ class Tare:
         """Count from the navigation frame again."""
         self._inverse = None
 
-    def of(self, q_nb: Floats) -> Floats:
+    def applied(self, q_nb: Floats) -> Floats:
         """Attitudes (N, 4) or (4,) as they are shown."""
         return q_nb if self._inverse is None else quat_multiply(self._inverse, q_nb)
 
@@ -49,15 +49,15 @@ def is_heading(hello: Mapping[str, Any]) -> bool:
     return hello.get("frame") == "NED" and hello.get("north") in ("true", "magnetic")
 
 
-def attitudes_of(told: Mapping[str, Any], tare: Tare, hello: Mapping[str, Any]) -> dict[str, Any]:
+def shown_attitudes(estimates: Mapping[str, Any], tare: Tare, hello: Mapping[str, Any]) -> dict[str, Any]:
     """Attitudes of a batch as `messages.Attitude`, by estimator."""
-    if not told:
+    if not estimates:
         return {}
-    q_nb = np.array([one["q_nb"] for one in told.values()], dtype=np.float64)
-    angles = angles_of(tare.of(q_nb))
+    q_nb = np.array([estimate["q_nb"] for estimate in estimates.values()], dtype=np.float64)
+    angles = euler_deg(tare.applied(q_nb))
     if is_heading(hello) and not tare.is_set:
         angles[:, 2] %= 360.0
     return {
-        name: {"roll": roll, "pitch": pitch, "yaw": yaw, "sd": None, "error": None} | one
-        for (name, one), (roll, pitch, yaw) in zip(told.items(), angles.tolist(), strict=True)
+        name: {"roll": roll, "pitch": pitch, "yaw": yaw, "sd": None, "error": None} | estimate
+        for (name, estimate), (roll, pitch, yaw) in zip(estimates.items(), angles.tolist(), strict=True)
     }

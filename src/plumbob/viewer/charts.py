@@ -98,14 +98,14 @@ class Thinner:
         """
         if rate * speed <= PER_SECOND:
             return self.rest().joined(rows)
-        found = self._waiting.joined(rows)
-        groups = np.floor(found.t * (PER_SECOND / 2 / speed))
+        pending = self._waiting.joined(rows)
+        groups = np.floor(pending.t * (PER_SECOND / 2 / speed))
         starts = np.flatnonzero(np.diff(groups)) + 1
-        done = Rows.none(found.values.shape[1])
+        done = Rows.none(pending.values.shape[1])
         first = 0
         for stop in starts.tolist():
-            done, first = done.joined(envelope(found.some(first, stop))), stop
-        self._waiting = found.some(first)
+            done, first = done.joined(envelope(pending.some(first, stop))), stop
+        self._waiting = pending.some(first)
         return done
 
     def rest(self) -> Rows:
@@ -166,10 +166,10 @@ class History:
         other = History(keys)
         other._t, other._flags, other.end, other._floor = self._t, self._flags, self.end, self._floor
         other._values.fill(np.nan)
-        known = {key: i for i, key in enumerate(self.keys)}
+        columns = {key: i for i, key in enumerate(self.keys)}
         for i, key in enumerate(keys):
-            if key in known:
-                other._values[i] = self._values[known[key]]
+            if key in columns:
+                other._values[i] = self._values[columns[key]]
         return other
 
 

@@ -29,7 +29,7 @@ _READY: Final = 30.0
 _END: Final = 0.3, 0.8, 0.3
 """Longest waits at the end, s: for the last messages, for the server to end, and to end on being asked to."""
 _SURELY: Final = 5.0
-_COMMAND: Final = {one.name for one in fields(Command)}
+_COMMAND: Final = {field.name for field in fields(Command)}
 _LAST_PORT: Final = 0xFFFF
 _ORIGIN: Final = re.compile(r"[a-z][a-z0-9+.-]*://[a-z0-9.:\[\]_-]+")  # as a browser sends it
 
@@ -169,9 +169,9 @@ class Server:
             ended = self._has_ended()
             self._read()  # what it said before
             if not self._is_ready and (ended or time.monotonic() > until):
-                told = self._said() or "the server of the view does not answer; try another --http-port."
+                message = self._said() or "the server of the view does not answer; try another --http-port."
                 self.close()
-                raise LineError(told)
+                raise LineError(message)
             time.sleep(0.005)
 
     def hello(self, hello: Hello) -> None:
@@ -182,10 +182,10 @@ class Server:
 
     def batch(self, batch: Batch) -> None:
         """Hand on samples; dropped where the server is too slow."""
-        told = dict(batch.fields)
-        if told.get("link") is not None:
-            told["link"] = {**told["link"], "skipped": self.skipped}
-        self._write(Message("batch", told, batch.rows))
+        content = dict(batch.fields)
+        if content.get("link") is not None:
+            content["link"] = {**content["link"], "skipped": self.skipped}
+        self._write(Message("batch", content, batch.rows))
 
     def event(self, t: float | None, kind: str, text: str) -> None:
         """Hand on an event."""
@@ -195,20 +195,20 @@ class Server:
         """Let time begin again."""
         self._write(Message("reset", {}), must=True)
 
-    def answer(self, asked: Asked, ok: bool, text: str) -> None:
+    def answer(self, request: Asked, ok: bool, text: str) -> None:
         """Answer a command."""
-        told = {"client": asked.client, "id": asked.command.id, "ok": ok, "text": text}
-        self._write(Message("answer", told), must=self._has_room)
+        content = {"client": request.client, "id": request.command.id, "ok": ok, "text": text}
+        self._write(Message("answer", content), must=self._has_room)
 
-    def asked(self) -> Sequence[Asked]:
+    def take_commands(self) -> Sequence[Asked]:
         """Commands since the last call; looks after the process, too."""
         if self._writer is not None:
             self._writer.flush()
         self._read()
         if self._has_ended():
             self._again()
-        found, self._commands = self._commands, []
-        return found
+        commands, self._commands = self._commands, []
+        return commands
 
     @property
     def ready(self) -> bool:
@@ -264,10 +264,10 @@ class Server:
         """Start it again, if it is time and there is hope."""
         assert self._process is not None
         if self._end is not None:
-            told = f"the server of the view has ended with exit code {self._process.returncode}"
+            ending = f"the server of the view has ended with exit code {self._process.returncode}"
             self._let_go()
             hope = "; it is started again" if self.starts <= STARTS else f" {self.starts} times, and is left alone"
-            self._note(f"{told}{hope}. The stream and the recording go on.")
+            self._note(f"{ending}{hope}. The stream and the recording go on.")
         if self.starts <= STARTS and time.monotonic() - self._started_at >= _APART:
             self._spawn()
             if self._hello is not None:
@@ -298,8 +298,8 @@ class Server:
         if kind == "ready":
             self._is_ready, self.port = True, int(content["port"])
         elif kind == "command":
-            known = {name: value for name, value in content.items() if name in _COMMAND}
-            self._commands.append(Asked(content.get("client"), Command(**known)))
+            arguments = {name: value for name, value in content.items() if name in _COMMAND}
+            self._commands.append(Asked(content.get("client"), Command(**arguments)))
 
     def _said(self) -> str:
         """Last line that the server wrote before it ended."""

@@ -1,4 +1,4 @@
-"""Commands: what may be asked for; `command_of` reads one from what a client sent, and believes it nothing."""
+"""Commands: what may be asked for; `parse_command` reads one from what a client sent, and believes it nothing."""
 
 import json
 import math
@@ -38,7 +38,7 @@ class RefusedError(ParameterError):
         super().__init__(text)
 
 
-def command_of(data: str | bytes) -> Command:
+def parse_command(data: str | bytes) -> Command:
     """Command that a JSON object says.
 
     Raises
@@ -80,11 +80,11 @@ def _command(number: int, content: dict[str, Any]) -> Command:
     command = Command(id=number, verb=cast(Verb, verb), name=name, text=text, value=_value(content))
     needed, allowed = VERBS[verb]
     given = {"name": command.name != "", "text": command.text != "", "value": command.value is not None}
-    for one, is_given in given.items():
-        if one == needed and not is_given:
-            raise ParameterError(f"'{verb}' needs a {one}.")
-        if is_given and one not in (needed, allowed):
-            raise ParameterError(f"'{verb}' takes no {one}. Leave it out.")
+    for key, is_given in given.items():
+        if key == needed and not is_given:
+            raise ParameterError(f"'{verb}' needs a {key}.")
+        if is_given and key not in (needed, allowed):
+            raise ParameterError(f"'{verb}' takes no {key}. Leave it out.")
     return command
 
 

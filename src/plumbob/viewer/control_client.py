@@ -47,16 +47,16 @@ def control(url: str, verb: str, *, name: str = "", text: str = "", value: float
     """
     _require_known(verb)
     given = {"verb": verb, "name": name, "text": text, "value": value}
-    answer = _posted(*_place(url), {"id": 1, **{key: one for key, one in given.items() if one not in ("", None)}})
+    answer = _posted(*_place(url), {"id": 1, **{key: arg for key, arg in given.items() if arg not in ("", None)}})
     if not isinstance(answer.get("ok"), bool) or not isinstance(answer.get("text"), str):
         raise DecodeError(f"what answers at {_bare(url)} is not a view of this version of Plumbob.")
     if not answer["ok"]:
         raise ParameterError(f"the view refuses: {answer['text']}")
-    told: str = answer["text"]
-    return told
+    reply: str = answer["text"]
+    return reply
 
 
-def asked(verb: str, argument: str | None) -> dict[str, Any]:
+def verb_value(verb: str, argument: str | None) -> dict[str, Any]:
     """What a verb's argument is to `control`, by name.
 
     Raises
@@ -145,9 +145,9 @@ def _refused(error: urllib.error.HTTPError, place: str) -> dict[str, Any]:
 
 def _object(data: bytes, place: str) -> dict[str, Any]:
     try:
-        found = json.loads(data)
+        content = json.loads(data)
     except ValueError:
-        found = None
-    if not isinstance(found, dict):
+        content = None
+    if not isinstance(content, dict):
         raise DecodeError(f"what answers at {place} is not a view of Plumbob.")
-    return found
+    return content

@@ -42,8 +42,8 @@ class Control:
 
     async def _do_here(self, command: Command) -> Answer:
         try:
-            told = self.here[command.verb](command)
-            return Answer(id=command.id, ok=True, text=told if isinstance(told, str) else await told)
+            reply = self.here[command.verb](command)
+            return Answer(id=command.id, ok=True, text=reply if isinstance(reply, str) else await reply)
         except PlumbobError as why:
             return Answer(id=command.id, ok=False, text=one_line(why))
 
@@ -52,21 +52,21 @@ class Control:
         number = next(self._numbers)
         if not self._write(Message("command", {"client": number, **asdict(command)})):
             return Answer(id=command.id, ok=False, text="The session takes no command at present. Try again.")
-        asked = self._asked[number] = asyncio.get_running_loop().create_future()
+        future = self._asked[number] = asyncio.get_running_loop().create_future()
         try:
-            told = await asyncio.wait_for(asked, PATIENCE)
+            answer = await asyncio.wait_for(future, PATIENCE)
         except TimeoutError:
             return Answer(id=command.id, ok=False, text=f"The session has not answered within {PATIENCE:.0f} s.")
         finally:
             del self._asked[number]
-        return Answer(id=command.id, ok=bool(told["ok"]), text=str(told["text"]))
+        return Answer(id=command.id, ok=bool(answer["ok"]), text=str(answer["text"]))
 
     def _listen(self, message: Message) -> None:
         if message.kind != "answer":
             return
-        asked = self._asked.get(message.content["client"])
-        if asked is not None and not asked.done():
-            asked.set_result(message.content)
+        future = self._asked.get(message.content["client"])
+        if future is not None and not future.done():
+            future.set_result(message.content)
 
     def _tare(self, _command: Command) -> str:
         attitude = self._hub.fields.get("attitudes", {}).get(self._hub.primary)
@@ -82,5 +82,5 @@ class Control:
 
 def _accepted(command: Command) -> str:
     """What an event says of a command that was done."""
-    told = " ".join(str(part) for part in (command.name, command.text, command.value) if part not in ("", None))
-    return f"{command.verb} {told}".strip()
+    arguments = " ".join(str(part) for part in (command.name, command.text, command.value) if part not in ("", None))
+    return f"{command.verb} {arguments}".strip()

@@ -101,14 +101,14 @@ class Allan:
         """What it is so far; None where too few samples came."""
         if self._stream is None or self._stream.count < 10:
             return None
-        found = self._stream.result()
-        step = (self._last - self._first) / (found.count - 1)
+        allan = self._stream.result()
+        step = (self._last - self._first) / (allan.count - 1)
         names = [f"{TRIADS[column // 3]}.{'xyz'[column % 3]}" for column in self._columns]
         deviation: dict[str, Sequence[float | None]] = {
             name: numbers(to_dps(dev) if name.startswith("gyr") else dev)
-            for name, dev in zip(names, found.dev.T, strict=True)
+            for name, dev in zip(names, allan.dev.T, strict=True)
         }
-        return AllanCurve(duration=self._last - self._first, tau=(found.n * step).tolist(), deviation=deviation)
+        return AllanCurve(duration=self._last - self._first, tau=(allan.n * step).tolist(), deviation=deviation)
 
     def _take(self, t: Floats, sensed: Floats) -> None:
         usable = np.isfinite(sensed)
@@ -199,7 +199,7 @@ class Guided:
         try:
             return self.guidance(card=str(self._written()))
         except CaptureRefusedError as why:
-            return self.guidance(refused=[f"{one.kind}: {one.text} {one.advice}" for one in why.reasons])
+            return self.guidance(refused=[f"{reason.kind}: {reason.text} {reason.advice}" for reason in why.reasons])
         except PlumbobError as why:
             return self.guidance(refused=[one_line(why)])
 
@@ -208,29 +208,29 @@ class Guided:
         from plumbob.data.cards import CalibrationCard
         from plumbob.door.calibrate import KINDS, calibrate
 
-        imu = self._whole()
+        imu = self._joined_imu()
         base = None if self._unit.card is None else CalibrationCard.load(self._unit.card)
-        found = calibrate(capture(imu, triads=KINDS[self.kind].triads, base=base), self.kind)
-        letters = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in found.card.device)
+        calibration = calibrate(capture(imu, triads=KINDS[self.kind].triads, base=base), self.kind)
+        letters = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in calibration.card.device)
         path = self._unit.folder / f"{letters}-{self.kind}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.card.json"
-        found.save(path)
+        calibration.save(path)
         return path
 
     def _live(self, part: Part) -> ImuData:
         triads = {name: part.sensed[:, 3 * i : 3 * i + 3] for i, name in enumerate(TRIADS)}
         return ImuData.live(to_ns(part.t), triads, temp_c=part.sensed[:, 9], flags=part.flags, meta=self._meta)
 
-    def _whole(self) -> ImuData:
+    def _joined_imu(self) -> ImuData:
         """All samples, judged as a recording."""
         if not self._parts:
             raise CalibrationError("no sample has arrived since the start, so there is nothing to calibrate.")
         t, words, sensed = Part.joined(self._parts)
         columns: dict[str, Any] = {name: sensed[:, 3 * i : 3 * i + 3] for i, name in enumerate(TRIADS)}
         columns["temp_c"] = sensed[:, 9]
-        known = {name: values for name, values in columns.items() if np.isfinite(values).any()}
-        if "temp_c" in known and not np.isfinite(known["temp_c"]).all():
-            del known["temp_c"]
-        return ImuData(t=t, flags=words, meta=self._meta, **known)
+        measured = {name: values for name, values in columns.items() if np.isfinite(values).any()}
+        if "temp_c" in measured and not np.isfinite(measured["temp_c"]).all():
+            del measured["temp_c"]
+        return ImuData(t=t, flags=words, meta=self._meta, **measured)
 
 
 def _guidance(
@@ -274,8 +274,8 @@ class _Cloud:
         """Unit vectors, as seen from a centre; three digits are enough to draw."""
         away = self._vectors - centre
         sizes = np.linalg.norm(away, axis=1)
-        found: list[list[float]] = np.round(away[sizes > 0.0] / sizes[sizes > 0.0, np.newaxis], 3).tolist()
-        return found
+        vectors: list[list[float]] = np.round(away[sizes > 0.0] / sizes[sizes > 0.0, np.newaxis], 3).tolist()
+        return vectors
 
 
 class Derived:
@@ -379,9 +379,9 @@ class Derived:
             then(done.result())
 
     def _begin(self, command: Command) -> str:
-        known = (self._hub.hello or {}).get("guides", ())
-        if command.name not in known:
-            raise ParameterError(f"'{command.name}' cannot be calibrated here; known are {', '.join(known) or 'none'}.")
+        kinds = (self._hub.hello or {}).get("guides", ())
+        if command.name not in kinds:
+            raise ParameterError(f"'{command.name}' cannot be calibrated here; known are {', '.join(kinds) or 'none'}.")
         if self._guided is not None:
             raise ParameterError(f"{self._guided.kind} is being calibrated. End that first.")
         self._flush()
@@ -395,8 +395,8 @@ class Derived:
         """The unit: a device that is called like its format was not named."""
         hello = self._hub.hello or {}
         device = hello.get("device", "")
-        told = ImuMeta().device if device == hello.get("format") else device
-        return Unit(named or told, hello.get("card"), self._folder)
+        default = ImuMeta().device if device == hello.get("format") else device
+        return Unit(named or default, hello.get("card"), self._folder)
 
     async def _end(self, _command: Command) -> str:
         guided = self._required()

@@ -20,7 +20,7 @@ from plumbob.door.reading import read
 from plumbob.live.emulated import chain_files, unit_file
 from plumbob.live.rigs.plan import PLANS, Chained
 from plumbob.live.session import Session
-from plumbob.live.session_toml import SESSION, parse_session, session_of
+from plumbob.live.session_toml import SESSION, capture_session, parse_session
 from plumbob.live.watch import Note
 
 _FILTER: Final = "mekf"
@@ -50,18 +50,18 @@ def emulated(
         truth = Path(folder) / "truth.parquet"
         note(f"the rig {rig} is emulated: {plan.title}; its truth is the reference")
         with _running(rig, truth) as port:
-            own = unit_file(truth, first)
-            recording = read(own)
-            card = CalibrationCard.load(own.with_suffix(".card.json"))
+            file = unit_file(truth, first)
+            recording = read(file)
+            card = CalibrationCard.load(file.with_suffix(".card.json"))
             has_force = recording.imu is not None and "acc" in recording.imu.triads
-            known: dict[str, Any] = {
+            defaults: dict[str, Any] = {
                 "frame": str(plan.frame),
                 "filter": _FILTER if has_force else _BLIND,
                 "device": card.device,
             }
-            known |= {"unit": "all" if several else first or None, "calibration": card if not several else None}
-            asked = {name: value for name, value in line.items() if value is not None and value != {}}
-            session = session_of(port=port, format=rig, **{**known, **asked})
+            defaults |= {"unit": "all" if several else first or None, "calibration": card if not several else None}
+            options = {name: value for name, value in line.items() if value is not None and value != {}}
+            session = capture_session(port=port, format=rig, **{**defaults, **options})
             if several:
                 session = _calibrated(session, truth, [unit.prefix for unit in plan.units])
             chain = load_chain(chain_files(truth)[1]) if isinstance(plan.scenario, Chained) else None
@@ -95,8 +95,8 @@ def _running(rig: str, truth: Path) -> Iterator[str]:
         try:
             port = process.stdout.readline().strip()
             if not port:
-                told = process.stderr.read().strip().splitlines()
-                raise LineError(f"the rig {rig} did not start: {told[-1] if told else 'it said nothing'}.")
+                lines = process.stderr.read().strip().splitlines()
+                raise LineError(f"the rig {rig} did not start: {lines[-1] if lines else 'it said nothing'}.")
             yield port
         finally:
             process.terminate()

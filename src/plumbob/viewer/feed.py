@@ -26,19 +26,19 @@ from plumbob.protocols.encode import encode
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 from plumbob.viewer.messages import Batch, Hello, Link, numbers
 from plumbob.viewer.outlet import Outlet
-from plumbob.viewer.overlays import Follower, Overlay, described, greeting, require_addable, units_of
+from plumbob.viewer.overlays import Follower, Overlay, described, greeting, joined_units, require_addable
 from plumbob.viewer.rows import (
     Attitudes,
     Layout,
     Shown,
     attitudes_now,
-    headings_of,
+    headed_estimators,
     newest,
     raw_columns,
-    raw_of,
+    raw_fields,
     rows_at,
     sensed_rows,
-    shown_of,
+    shown_estimator,
 )
 
 EVERY_NS: Final = 16_000_000
@@ -112,10 +112,10 @@ class Aligner:
         if not self._tracks:
             return Attitudes.unknown(t_ns.size, filter_.frame, filter_.north(False))
         track_ns = np.concatenate([stamps for stamps, _ in self._tracks])
-        track = AttitudeTrack.joined([one for _, one in self._tracks], track_ns.size)
-        self._tracks = [(stamps, one) for stamps, one in self._tracks if stamps[-1] > t_ns[-1]]
+        track = AttitudeTrack.joined([segment for _, segment in self._tracks], track_ns.size)
+        self._tracks = [(stamps, segment) for stamps, segment in self._tracks if stamps[-1] > t_ns[-1]]
         rows = None if np.array_equal(track_ns, t_ns) else rows_at(t_ns, track_ns)
-        return Attitudes.of(track, rows, filter_.common.declination)
+        return Attitudes.from_track(track, rows, filter_.common.declination)
 
 
 class FlagWatch:
@@ -126,10 +126,10 @@ class FlagWatch:
 
     def changes(self, t: Floats, words: NDArray[np.uint32]) -> Iterator[tuple[float, str]]:
         """What has changed with the next samples: time, and a sentence."""
-        found = int(np.bitwise_or.reduce(words)) & _TOLD
+        raised = int(np.bitwise_or.reduce(words)) & _TOLD
         end = float(t[-1])
         for bit, (name, meaning) in flags.MEANING.items():
-            if found & bit:
+            if raised & bit:
                 if bit not in self._seen:
                     yield float(t[np.argmax((words & np.uint32(bit)) != 0)]), f"{name}: {meaning}"
                 self._seen[bit] = end
@@ -299,8 +299,8 @@ class Feed:
     def close(self) -> None:
         """Show what is left."""
         self._safely(lambda: self._send(self._clock(), all_=True))
-        for one in self._overlays.values():
-            one.close()
+        for overlay in self._overlays.values():
+            overlay.close()
         self._overlays = {}
 
     def _safely(self, action: Callable[[], object]) -> None:
@@ -351,11 +351,11 @@ class Feed:
 
     def _rows(self, ready: Aligned) -> dict[str, NDArray[Any]]:
         """Rows of samples; what is known now changes with them."""
-        known = {} if ready.attitudes is None or self._own is None else {self._own.name: ready.attitudes}
-        known |= {name: one.take(ready.imu) for name, one in self._overlays.items()}
+        attitudes = {} if ready.attitudes is None or self._own is None else {self._own.name: ready.attitudes}
+        attitudes |= {name: overlay.take(ready.imu) for name, overlay in self._overlays.items()}
         reference = self._reference(ready)
-        layout = self._laid_out(known, None if reference is None else reference.north)
-        self._current = next((at.rows(slice(-1, None)) for at in known.values()), None)
+        layout = self._laid_out(attitudes, None if reference is None else reference.north)
+        self._current = next((at.rows(slice(-1, None)) for at in attitudes.values()), None)
         north = None if self._current is None else self._current.north
         if not self._greeted or layout != self._layout or north is not self._north:
             self._greeted, self._layout, self._north = True, layout, north
@@ -366,19 +366,19 @@ class Feed:
         )  # fmt: skip
         for t, text in self._flags.changes(imu.t, words):
             self._outlet.event(t, "flag", text)
-        self._remember(ready, known, reference)
-        values = layout.values(imu, len(imu), known, reference)
+        self._remember(ready, attitudes, reference)
+        values = layout.values(imu, len(imu), attitudes, reference)
         return {"t": imu.t, "flags": words, "values": values, "sensed": sensed_rows(ready.sensed)}
 
-    def _remember(self, ready: Aligned, known: Mapping[str, Attitudes], reference: Attitudes | None) -> None:
+    def _remember(self, ready: Aligned, attitudes: Mapping[str, Attitudes], reference: Attitudes | None) -> None:
         """The newest of what has no rows."""
         last, now = ready.parts[-1], self._known
         if self._follower is not None:
-            self._follower.take(units_of([part.units for part in ready.parts]))
+            self._follower.take(joined_units([part.units for part in ready.parts]))
             now["points"] = self._follower.points
         fields = {name: values[-1:] for name, values in last.frames.columns.items()}
-        now["raw"] = [numbers(one)[0] for one in raw_of(self._message, fields).values()]
-        now["attitudes"] |= attitudes_now(self._layout, known, reference)
+        now["raw"] = [numbers(column)[0] for column in raw_fields(self._message, fields).values()]
+        now["attitudes"] |= attitudes_now(self._layout, attitudes, reference)
         now["gravity_b"] = newest(ready.imu.usable("acc")) or now["gravity_b"]
         now["field_b"] = newest(ready.imu.usable("mag")) or now["field_b"]
         if not self._stretched:
@@ -388,14 +388,14 @@ class Feed:
         """Reference at the samples, in its own frame."""
         if self._truth is not None:
             return Attitudes.read(self._truth, ready.imu.t, None)
-        told = self._stream.session.reference
-        if told is None:
+        reference = self._stream.session.reference
+        if reference is None:
             return None
-        names = reference_names(told)
+        names = reference_names(reference)
         angles = np.concatenate([
             np.stack([part.frames.columns[name] for name in names], axis=1) for part in ready.parts
         ])  # fmt: skip
-        return Attitudes(quat_from_euler_zyx(angles), Frame.NED, told.north)
+        return Attitudes(quat_from_euler_zyx(angles), Frame.NED, reference.north)
 
     def _link(self, now_ns: int) -> dict[str, Any]:
         """How the stream does."""
@@ -428,7 +428,7 @@ class Feed:
         stage, filter_ = self._stream.session.stage, self._stream.filter
         assert stage is not None
         assert filter_ is not None
-        return shown_of(stage.name, stage.filter, described(filter_), primary=True)
+        return shown_estimator(stage.name, stage.filter, described(filter_), primary=True)
 
     def _following(self, chain: Chain) -> Follower:
         session = self._stream.session
@@ -436,7 +436,7 @@ class Feed:
             raise ParameterError("a chain needs a navigation frame; give --frame.")
         if not session.units:
             raise ParameterError("a chain needs a line of several units that are all decoded; give --unit all.")
-        return Follower(chain, self._frame, [one.unit for one in session.units])
+        return Follower(chain, self._frame, [unit.unit for unit in session.units])
 
     def _lay_out(self) -> None:
         """Take over other estimators."""
@@ -444,21 +444,21 @@ class Feed:
         self._known["attitudes"] = {}
         self._greeted = False
 
-    def _laid_out(self, known: Mapping[str, Attitudes], north: North | None = None) -> Layout:
-        shown = [one.shown for one in self._overlays.values()]
+    def _laid_out(self, attitudes: Mapping[str, Attitudes], north: North | None = None) -> Layout:
+        shown = [overlay.shown for overlay in self._overlays.values()]
         if self._own is not None:
             shown = [self._own, *shown]
         elif shown:
             shown[0] = shown[0]._replace(estimator=replace(shown[0].estimator, primary=True))
-        if known:
-            shown = headings_of(shown, known, north)
+        if attitudes:
+            shown = headed_estimators(shown, attitudes, north)
         return Layout(self._triads, self._temperature, tuple(shown), self._reference_told())
 
     def _reference_told(self) -> str | None:
         if self._truth is not None:
             return self._truth.source or "truth"
-        told = self._stream.session.reference
-        return None if told is None else f"{', '.join(reference_names(told))} in the frames"
+        reference = self._stream.session.reference
+        return None if reference is None else f"{', '.join(reference_names(reference))} in the frames"
 
     def _hello(self) -> Hello:
         session, t0_ns = self._stream.session, self._stream.t0_ns
@@ -486,8 +486,8 @@ class Feed:
 def probed(session: Session) -> Part | None:
     """Part of made-up frames of a session, which shows what its samples have; None where none can be made."""
     message = session.form.message(session.message)
-    physical = [one.name for one in message.fields if one.physical][:1]
+    physical = [field.name for field in message.fields if field.physical][:1]
     rows = encode(session.form, dict.fromkeys(physical, np.zeros(3)), message=message.name)
     other = Stream(replace(session, stage=None, reference=None))
-    found = other.feed(Received(0, rows.tobytes()))
-    return found or other.finish()
+    part = other.feed(Received(0, rows.tobytes()))
+    return part or other.finish()

@@ -30,7 +30,7 @@ from plumbob.live.rows import (
     TRANSFORMS,
     attitude_rows,
     imu_rows,
-    kind_of,
+    row_schema,
     transform_row,
 )
 from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
@@ -72,7 +72,7 @@ class Channel(NamedTuple):
 
 def _recorded(topic: str) -> Channel:
     """Channel with the rows of a recording's topic."""
-    schema = kind_of(topic)[1]
+    schema = row_schema(topic)[1]
     return Channel(f"/{topic}", schema.name, schema.data.decode())
 
 
@@ -132,7 +132,7 @@ class Samples:
         self._utc = (now + since).tolist()
         self._host = ((time.monotonic_ns() if arrived is None else arrived) + since).tolist()
 
-    def of(self, channel: int) -> list[Sample]:
+    def on_channel(self, channel: int) -> list[Sample]:
         """Time stamps, ns, and messages of a channel."""
         made: dict[int, Callable[[], Iterator[Sample]]] = {
             _IMU: self._imu,
@@ -145,9 +145,9 @@ class Samples:
     def _imu(self) -> Iterator[Sample]:
         sensed = self._arrays["sensed"]
         triads = {name: sensed[:, 3 * i : 3 * i + 3] for i, name in enumerate(TRIADS)}
-        known = {name: values for name, values in triads.items() if np.isfinite(values).any()}
+        measured = {name: values for name, values in triads.items() if np.isfinite(values).any()}
         temp = sensed[:, 9] if np.isfinite(sensed[:, 9]).any() else None
-        imu = ImuData.live(to_ns(self._t), known, temp_c=temp, flags=self._arrays["flags"], meta=ImuMeta())
+        imu = ImuData.live(to_ns(self._t), measured, temp_c=temp, flags=self._arrays["flags"], meta=ImuMeta())
         return zip(self._utc, imu_rows(self._host, imu), strict=True)
 
     def _attitude(self) -> Iterator[Sample]:
@@ -171,7 +171,7 @@ class Samples:
         parent = f"navigation ({frame})"
         if frame == Frame.NED:  # viewers draw z upwards
             yield self._utc[-1], transform_row(self._utc[-1], "world (ENU)", parent, _NED.tolist())
-        for name in [one["name"] for one in self._hello.get("estimators", ())]:
+        for name in [estimator["name"] for estimator in self._hello.get("estimators", ())]:
             q_nb = self._q_nb(name)
             child = "body" if name == self._hub.primary else f"body ({name})"
             for utc, q in zip(self._utc, [] if q_nb is None else q_nb.tolist(), strict=False):
@@ -179,8 +179,8 @@ class Samples:
                     yield utc, transform_row(utc, parent, child, q)
 
     def _angles(self) -> Iterator[Sample]:
-        found = self._columns(self._hub.primary, _ANGLES)
-        for utc, row in zip(self._utc, [] if found is None else found.tolist(), strict=False):
+        angles = self._columns(self._hub.primary, _ANGLES)
+        for utc, row in zip(self._utc, [] if angles is None else angles.tolist(), strict=False):
             if row[0] == row[0]:
                 yield utc, as_json(dict(zip(_ANGLES, row, strict=True))).encode()
 
@@ -190,8 +190,8 @@ class Samples:
 
     def _columns(self, name: str | None, wanted: Sequence[str]) -> Floats | None:
         places = self._hub.places(name, wanted)
-        found: Floats | None = None if places is None else self._arrays["values"][:, places]
-        return found
+        columns: Floats | None = None if places is None else self._arrays["values"][:, places]
+        return columns
 
 
 _NED: Final = frame_rotation(Frame.ENU, Frame.NED)
@@ -250,8 +250,8 @@ class Viewer:
             content = json.loads(text)
             operation = content["op"]
             if operation == "subscribe":
-                for one in content["subscriptions"]:
-                    self._subscribe(one["id"], one["channelId"])
+                for subscription in content["subscriptions"]:
+                    self._subscribe(subscription["id"], subscription["channelId"])
             elif operation == "unsubscribe":
                 for number in map(int, content["subscriptionIds"]):
                     self._subscribed.pop(number, None)
@@ -290,10 +290,10 @@ class Foxglove:
         from starlette.responses import PlainTextResponse
         from starlette.websockets import WebSocketDisconnect
 
-        named = [one for one in socket.scope["subprotocols"] if one in PROTOCOLS]
+        named = [protocol for protocol in socket.scope["subprotocols"] if protocol in PROTOCOLS]
         if not named:
-            told = f"Name one of the subprotocols {', '.join(PROTOCOLS)}.\n"
-            await socket.send_denial_response(PlainTextResponse(told, 400))
+            text = f"Name one of the subprotocols {', '.join(PROTOCOLS)}.\n"
+            await socket.send_denial_response(PlainTextResponse(text, 400))
             return
         await socket.accept(named[0])
         viewer = Viewer()
@@ -324,12 +324,12 @@ class Foxglove:
 
     def _info(self) -> dict[str, Any]:
         hello = self._hub.hello or {}
-        told = {name: str(hello[name]) for name in ("session", "device", "format", "calibration") if name in hello}
+        metadata = {name: str(hello[name]) for name in ("session", "device", "format", "calibration") if name in hello}
         return {
             "op": "serverInfo",
             "name": f"Plumbob {__version__}",
             "capabilities": [],
-            "metadata": told,
+            "metadata": metadata,
             "sessionId": self._session,
         }
 
@@ -339,23 +339,23 @@ class Foxglove:
             return
         samples = Samples(self._hub, message)
         for channel in wanted:
-            found = samples.of(channel)
+            messages = samples.on_channel(channel)
             for viewer in self._viewers:
-                viewer.put(channel, found)
+                viewer.put(channel, messages)
 
     def _tell(self, kind: str, text: str, t: float | None) -> None:
         started = (self._hub.hello or {}).get("started_utc")
         utc = time.time_ns() if t is None or started is None else round(1e9 * (started + t))
-        told = {"timestamp": _stamp(utc), "level": _LOG_WARNING if kind in _WARNED else _LOG_INFO, "message": text,
-                "name": kind, "file": "", "line": 0}  # fmt: skip
+        entry = {"timestamp": _stamp(utc), "level": _LOG_WARNING if kind in _WARNED else _LOG_INFO, "message": text,
+                 "name": kind, "file": "", "line": 0}  # fmt: skip
         for viewer in self._viewers:
-            viewer.put(_EVENTS, [(utc, as_json(told).encode())])
+            viewer.put(_EVENTS, [(utc, as_json(entry).encode())])
 
 
 def _advertised() -> dict[str, Any]:
     channels = [
-        {"id": number, "topic": one.topic, "encoding": "json", "schemaName": one.name, "schema": one.schema,
+        {"id": number, "topic": topic.topic, "encoding": "json", "schemaName": topic.name, "schema": topic.schema,
          "schemaEncoding": "jsonschema"}
-        for number, one in CHANNELS.items()
+        for number, topic in CHANNELS.items()
     ]  # fmt: skip
     return {"op": "advertise", "channels": channels}

@@ -120,14 +120,14 @@ class Guard:
 
     def _host(self, scope: Scope, headers: dict[str, str]) -> str:
         """The host that the request names, which must be this server."""
-        told = headers.get("host", "").lower()
-        name, _, port = told.rpartition(":")
+        host = headers.get("host", "").lower()
+        name, _, port = host.rpartition(":")
         if not port.isdecimal():
-            name, port = told, "80"
-        known = {*_LOOPBACK, *map(bracketed, self._rules.hosts), bracketed(str((scope.get("server") or ("",))[0]))}
-        if name not in known or port != str(self._rules.port) or headers.get("host", "").count(",") or name == "":
+            name, port = host, "80"
+        hosts = {*_LOOPBACK, *map(bracketed, self._rules.hosts), bracketed(str((scope.get("server") or ("",))[0]))}
+        if name not in hosts or port != str(self._rules.port) or headers.get("host", "").count(",") or name == "":
             raise Refusal(421, "This is not the server of that name. Use the link that it printed.")
-        return told
+        return host
 
     def _token(self, scope: Scope, headers: dict[str, str]) -> bool:
         """Refuse what has not the token; True where it was given in a header or in the address, not by a cookie."""
@@ -137,7 +137,7 @@ class Guard:
             given = given if scheme.lower() == "bearer" else ""
         explicit = given is not None
         some = _cookies(headers.get("cookie", ""), self._rules.cookie) if given is None else [given]
-        if not any([hmac.compare_digest(one.encode(errors="replace"), self._rules.token.encode()) for one in some]):
+        if not any([hmac.compare_digest(token.encode(errors="replace"), self._rules.token.encode()) for token in some]):
             raise Refusal(401, "A token is needed. Use the link that 'plumbob view' printed.")
         return explicit
 
@@ -178,20 +178,20 @@ def bracketed(name: str) -> str:
 
 def _headers(scope: Scope) -> dict[str, str]:
     """Headers by name; one that came more than once has all its values, which is then no value that is looked for."""
-    found = dict[str, str]()
+    headers = dict[str, str]()
     for key, value in scope["headers"]:
         name, text = key.decode("latin-1").lower(), value.decode("latin-1")
-        found[name] = f"{found[name]}, {text}" if name in found else text
-    return found
+        headers[name] = f"{headers[name]}, {text}" if name in headers else text
+    return headers
 
 
 def _query(scope: Scope) -> dict[str, str]:
     """Parts of the query; of one that came more than once, none is right."""
     try:
-        found = parse_qs(scope["query_string"].decode("ascii"), max_num_fields=8, keep_blank_values=True)
+        query = parse_qs(scope["query_string"].decode("ascii"), max_num_fields=8, keep_blank_values=True)
     except ValueError:
         return {}
-    return {name: values[0] if len(values) == 1 else "" for name, values in found.items()}
+    return {name: values[0] if len(values) == 1 else "" for name, values in query.items()}
 
 
 def _cookies(header: str, name: str) -> list[str]:
@@ -206,8 +206,8 @@ def _protecting(send: Send, host: str) -> Send:
 
     async def sending(message: MutableMapping[str, Any]) -> None:
         if message["type"] in ("http.response.start", "websocket.http.response.start"):
-            own = {key.lower() for key, _ in message.get("headers", [])}
-            more = [(k.encode(), v.encode("latin-1")) for k, v in _ALWAYS.items() if k.encode() not in own]
+            present = {key.lower() for key, _ in message.get("headers", [])}
+            more = [(k.encode(), v.encode("latin-1")) for k, v in _ALWAYS.items() if k.encode() not in present]
             more.append((b"content-security-policy", policy.encode("latin-1")))
             message = {**message, "headers": [*message.get("headers", []), *more]}
         await send(message)

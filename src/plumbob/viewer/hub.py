@@ -16,7 +16,7 @@ import numpy as np
 
 from plumbob.core.flags import names
 from plumbob.core.text import counted
-from plumbob.viewer.angles import Tare, attitudes_of
+from plumbob.viewer.angles import Tare, shown_attitudes
 from plumbob.viewer.charts import History, Rows, Thinner, tick
 from plumbob.viewer.messages import Answer, Happened, Lines, as_json, numbers
 from plumbob.viewer.pipe import Message
@@ -143,9 +143,9 @@ class Client:
             return self._hub.events[number]
         lines = self._hub.lines
         if self._lines < lines.end:
-            found = [lines[number] for number in range(max(self._lines, lines.first), lines.end)]
+            unsent = [lines[number] for number in range(max(self._lines, lines.first), lines.end)]
             self._lines = lines.end
-            return as_json(asdict(Lines(lines=found)))
+            return as_json(asdict(Lines(lines=unsent)))
         return None
 
     def _next_newest(self) -> str | None:
@@ -252,7 +252,7 @@ class Hub:
     @property
     def primary(self) -> str | None:
         """Name of the session's own estimator."""
-        return next((one["name"] for one in (self.hello or {}).get("estimators", ()) if one["primary"]), None)
+        return next((entry["name"] for entry in (self.hello or {}).get("estimators", ()) if entry["primary"]), None)
 
     def places(self, name: str | None, columns: Sequence[str]) -> list[int] | None:
         """Places of an estimator's columns among all; None where one of them is not there."""
@@ -308,7 +308,7 @@ class Hub:
             "values": numbers(self._values),
             "raw": fields.get("raw", []),
             "flags": names(self._flags),
-            "attitudes": attitudes_of(fields.get("attitudes", {}), self.tare, self.hello or {}),
+            "attitudes": shown_attitudes(fields.get("attitudes", {}), self.tare, self.hello or {}),
             **{name: fields.get(name) for name in _PASSED},
             "link": link,
             "tared": self.tare.is_set,
@@ -422,8 +422,8 @@ class Hub:
 
     @property
     def _rate(self) -> float:
-        told = self.fields.get("link", {}).get("rate") or (self.hello or {}).get("rate")
-        return float("inf") if told is None else float(told)
+        rate = self.fields.get("link", {}).get("rate") or (self.hello or {}).get("rate")
+        return float("inf") if rate is None else float(rate)
 
     @property
     def _speed(self) -> float:

@@ -52,7 +52,7 @@ class HttpLine(H11Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop waiting."""
-        self._asked()
+        self._stop_waiting()
         _cancel(self._stalled)
         super().connection_lost(exc)
 
@@ -60,14 +60,14 @@ class HttpLine(H11Protocol):
         """Take a part of a request; once it is whole, nothing is waited for."""
         super().data_received(data)
         if self.transport.get_protocol() is not self:
-            self._asked()  # it has become a WebSocket, which was asked for in time
+            self._stop_waiting()  # it has become a WebSocket, which was asked for in time
         elif self.conn.their_state is h11.SEND_BODY or self.conn.trailing_data[0]:
             self._expect()
             self._body += len(data)
             if self._body > BODY:
                 self.transport.abort()
         else:
-            self._asked()
+            self._stop_waiting()
 
     def pause_writing(self) -> None:
         """Give who does not read a while."""
@@ -92,7 +92,7 @@ class HttpLine(H11Protocol):
         if len(self._asking) > _ASKING_MOST:
             next(iter(self._asking)).transport.abort()
 
-    def _asked(self) -> None:
+    def _stop_waiting(self) -> None:
         _cancel(self._deadline)
         self._deadline = None
         self._body = 0
@@ -174,7 +174,7 @@ def _cancel(timer: asyncio.TimerHandle | None) -> None:
         timer.cancel()
 
 
-def server_of(app: App) -> Server:
+def http_server(app: App) -> Server:
     """Server of an application, with the limits of what a client may send."""
     options: dict[str, Any] = {
         "http": HttpLine,

@@ -29,10 +29,10 @@ class Outlet(Protocol):
     def reset(self) -> None:
         """Forget what was shown: time begins again."""
 
-    def answer(self, asked: Asked, ok: bool, text: str) -> None:
+    def answer(self, request: Asked, ok: bool, text: str) -> None:
         """Answer a command."""
 
-    def asked(self) -> Sequence[Asked]:
+    def take_commands(self) -> Sequence[Asked]:
         """Commands since the last call."""
 
     @property
@@ -63,11 +63,11 @@ class Desk:
 
     def serve(self) -> None:
         """Do everything that was asked for since the last call, and answer."""
-        for asked in self._outlet.asked():
+        for request in self._outlet.take_commands():
             try:
-                self._outlet.answer(asked, True, self._do(asked.command))
+                self._outlet.answer(request, True, self._do(request.command))
             except (PlumbobError, OSError) as error:
-                self._outlet.answer(asked, False, one_line(error))
+                self._outlet.answer(request, False, one_line(error))
 
     def _do(self, command: Command) -> str:
         if command.verb not in self.verbs:

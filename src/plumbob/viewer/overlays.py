@@ -16,12 +16,12 @@ from plumbob.core.version import __version__
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.chain import Chain, Posture
 from plumbob.filters import SMOOTHER, Filter, Start, filter_names, load
-from plumbob.filters.offline import Stage, follower_of
+from plumbob.filters.offline import Stage, make_follower
 from plumbob.filters.smoother import FixedLag, Smoother
 from plumbob.live.stream import UnitPart
 from plumbob.rotations import Frame, change_frame, quat_conjugate, quat_multiply, quat_rotate
 from plumbob.viewer.messages import Skeleton
-from plumbob.viewer.rows import Attitudes, Layout, Shown, rows_at, shown_of
+from plumbob.viewer.rows import Attitudes, Layout, Shown, rows_at, shown_estimator
 
 MOST: Final = 8
 """Overlays at the same time."""
@@ -37,15 +37,15 @@ def addable(triads: Sequence[str]) -> list[str]:
 
 def require_addable(name: str, triads: Sequence[str], *, beside: int) -> None:
     """Refuse an estimator that does not work on samples with these triads, or one more than `MOST`."""
-    if name not in (known := addable(triads)):
-        raise ParameterError(f"there is no estimator '{name}' for these samples; there are {', '.join(known)}.")
+    if name not in (names := addable(triads)):
+        raise ParameterError(f"there is no estimator '{name}' for these samples; there are {', '.join(names)}.")
     if beside >= MOST:
         raise ParameterError(f"{MOST} estimators are the most that are shown beside the first; remove one.")
 
 
 def greeting(layout: Layout, frame: Frame | None) -> dict[str, Any]:
     """What `messages.Hello` says of a line and of a recording alike."""
-    running = {one.name for one in layout.shown}
+    running = {shown.name for shown in layout.shown}
     return {
         "frame": None if frame is None else str(frame),
         "axes": "FRD" if frame is Frame.NED else "FLU",
@@ -61,8 +61,8 @@ def greeting(layout: Layout, frame: Frame | None) -> dict[str, Any]:
 
 def described(filter_: Filter | Smoother | FixedLag) -> str:
     """Filter with what differs from its defaults."""
-    told = filter_.facts()["params"]
-    return filter_.name if told == "defaults" else f"{filter_.name} ({told})"
+    params = filter_.facts()["params"]
+    return filter_.name if params == "defaults" else f"{filter_.name} ({params})"
 
 
 class Overlay:
@@ -82,24 +82,24 @@ class Overlay:
 
     def __init__(self, name: str, frame: Frame, meta: ImuMeta, start: Start | None = None) -> None:
         self.name = name
-        self._filter = follower_of(Stage(name, {}), frame, meta, start=start)
+        self._filter = make_follower(Stage(name, {}), frame, meta, start=start)
         self._frame = frame
 
     @property
     def shown(self) -> Shown:
         """As its columns need it."""
-        return shown_of(self.name, self.name, described(self._filter), primary=False)
+        return shown_estimator(self.name, self.name, described(self._filter), primary=False)
 
     def take(self, imu: ImuData) -> Attitudes:
         """Attitudes at the next samples."""
         if not isinstance(self._filter, FixedLag):
             track = self._filter.process(imu, covariance=True, look=False)
-            return Attitudes.of(track, None, self._filter.common.declination)
+            return Attitudes.from_track(track, None, self._filter.common.declination)
         ready = self._filter.take(imu)
         if ready is None:
             return Attitudes.unknown(len(imu), self._frame, self._filter.north(False))
         rows = None if len(ready) == len(imu) else rows_at(to_ns(imu.t), to_ns(ready.t))
-        return Attitudes.of(ready, rows, self._filter.common.declination)
+        return Attitudes.from_track(ready, rows, self._filter.common.declination)
 
     def close(self) -> None:
         """End it."""
@@ -128,17 +128,17 @@ class Follower:
     def __init__(self, chain: Chain, frame: Frame, units: Sequence[str]) -> None:
         if not chain.known:
             raise ParameterError(f"the chain {chain.name} does not say where its joints lie; use a card of arm align.")
-        carried = {one.unit: one for one in chain.segments if one.unit}
+        carried = {segment.unit: segment for segment in chain.segments if segment.unit}
         if not carried.keys() & set(units):
             raise ParameterError(
                 f"the chain {chain.name} has the units {', '.join(carried)}, but the line has {', '.join(units)}."
             )
         self._chain, self._frame = chain, frame
-        self._segments = {unit: one for unit, one in carried.items() if unit in units}
+        self._segments = {unit: segment for unit, segment in carried.items() if unit in units}
         self._filters = {unit: Filter(_OF_UNITS, frame=frame) for unit in self._segments}
         self._now: dict[str, Floats] = {}
-        one = np.array([[1.0, 0.0, 0.0, 0.0]])
-        points, lines = stick_points(chain, chain.postures(np.zeros((1, len(chain.angles))), one[0]))
+        identity = np.array([[1.0, 0.0, 0.0, 0.0]])
+        points, lines = stick_points(chain, chain.postures(np.zeros((1, len(chain.angles))), identity[0]))
         names = list(points)
         self.skeleton = Skeleton(points=names, lines=[[names.index(a), names.index(b)] for a, b in lines])
 
@@ -148,44 +148,44 @@ class Follower:
 
     def along(self, units: Mapping[str, ImuData]) -> dict[str, Floats]:
         """Attitudes (N, 4) of the segments at the next samples of each unit; NaN where it is silent."""
-        found = {}
+        attitudes = {}
         for unit, segment in self._segments.items():
             imu = units[unit]
             q_ns = self._filters[unit].process(imu, look=False).q_nb
             silent = (imu.flags & _ABSENT) == _ABSENT
             q_nb = quat_multiply(q_ns, quat_conjugate(np.array(segment.mount.q_bs)))
-            found[segment.name] = np.where(silent[:, np.newaxis], np.nan, q_nb)
-        return found
+            attitudes[segment.name] = np.where(silent[:, np.newaxis], np.nan, q_nb)
+        return attitudes
 
     @property
     def points(self) -> list[list[float] | None]:
         """Where the points of the stick figure are, m, navigation axes; None behind a unit that is missing."""
-        return self.points_of(self._now)
+        return self.joint_points(self._now)
 
-    def points_of(self, attitudes: Mapping[str, Floats]) -> list[list[float] | None]:
+    def joint_points(self, attitudes: Mapping[str, Floats]) -> list[list[float] | None]:
         """The same of attitudes (4,) of the segments that have a unit."""
-        found = stick_points(self._chain, self._postures(attitudes))[0]
-        return [point[0].tolist() if np.isfinite(point).all() else None for point in map(np.atleast_2d, found.values())]
+        stick = stick_points(self._chain, self._postures(attitudes))[0]
+        return [point[0].tolist() if np.isfinite(point).all() else None for point in map(np.atleast_2d, stick.values())]
 
     def _postures(self, attitudes: Mapping[str, Floats]) -> dict[str, Posture]:
         """Where each segment is; one without a unit stands as it is drawn on its parent, the root upright."""
-        found, units = dict[str, Posture](), {one.name: one.unit for one in self._chain.segments}
+        postures, units = dict[str, Posture](), {segment.name: segment.unit for segment in self._chain.segments}
 
         def attitude(segment: str, drawn: Floats) -> Floats:
-            known = attitudes.get(segment, np.full(4, np.nan)) if units[segment] else drawn
-            return known[np.newaxis]
+            q_nb = attitudes.get(segment, np.full(4, np.nan)) if units[segment] else drawn
+            return q_nb[np.newaxis]
 
         root = self._chain.segments[0].name
-        found[root] = Posture(attitude(root, _upright(self._frame)), np.zeros((1, 3)))
+        postures[root] = Posture(attitude(root, _upright(self._frame)), np.zeros((1, 3)))
         for joint in self._chain.joints:
-            parent = found[joint.parent]
+            parent = postures[joint.parent]
             at = parent.pos_n + quat_rotate(parent.q_nb, np.array(joint.place))
             drawn = quat_multiply(parent.q_nb[0], np.array(joint.q_pc))
-            found[joint.child] = Posture(attitude(joint.child, drawn), at)
-        return found
+            postures[joint.child] = Posture(attitude(joint.child, drawn), at)
+        return postures
 
 
-def units_of(parts: Sequence[Mapping[str, UnitPart]]) -> dict[str, ImuData]:
+def joined_units(parts: Sequence[Mapping[str, UnitPart]]) -> dict[str, ImuData]:
     """Calibrated samples of each unit, of parts that follow each other."""
     return {name: ImuData.joined([part[name].imu for part in parts]) for name in parts[0]} if parts else {}
 

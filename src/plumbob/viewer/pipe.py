@@ -82,11 +82,11 @@ class Unpacker:
             head, body = _HEAD.unpack_from(self._pending)
             if head + body > _MOST:
                 raise ValueError(f"a message of {head + body} bytes on the pipe: it is out of step.")
-            whole = _HEAD.size + head + body
-            if len(self._pending) < whole:
+            length = _HEAD.size + head + body
+            if len(self._pending) < length:
                 return
-            content = bytes(self._pending[_HEAD.size : whole])
-            del self._pending[:whole]
+            content = bytes(self._pending[_HEAD.size : length])
+            del self._pending[:length]
             yield _message(content[:head], content[head:])
 
 

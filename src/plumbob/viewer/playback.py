@@ -21,7 +21,7 @@ from plumbob.door.estimate import estimate
 from plumbob.door.reading import read
 from plumbob.files.formats import is_own
 from plumbob.files.mcap import open_log
-from plumbob.live.recorded import read_recorded, reference_of
+from plumbob.live.recorded import logged_reference, read_recorded
 from plumbob.live.replay import Replayed, replay
 from plumbob.live.session_toml import SESSION, of_unit, recorded_session
 from plumbob.live.watch import Note
@@ -35,13 +35,13 @@ from plumbob.viewer.rows import (
     Layout,
     Shown,
     attitudes_now,
-    headings_of,
+    headed_estimators,
     newest,
     raw_columns,
-    raw_of,
+    raw_fields,
     rows_at,
     sensed_rows,
-    shown_of,
+    shown_estimator,
     shown_of_track,
 )
 
@@ -156,22 +156,22 @@ def load(
     """
     options = {name: value for name, value in options.items() if value is not None}
     wanted = filter is not None or bool(options)
-    found = _loaded(path, unit, profile, all_=chain is not None, calibration=calibration, frame=frame)
-    if found.imu is None and (wanted or also):
+    loaded = _loaded(path, unit, profile, all_=chain is not None, calibration=calibration, frame=frame)
+    if loaded.imu is None and (wanted or also):
         raise ShapeError(f"{path} holds an attitude but no sensor data, so there is nothing to estimate from.")
-    estimates = [] if wanted else list(found.estimates)
+    estimates = [] if wanted else list(loaded.estimates)
 
     def estimated(name: str | None, *, primary: bool, **settings: Any) -> Estimate:
-        recording = Recording(imu=found.imu, track=found.reference, name=path.name)
-        own = frame or (estimates[0].track.frame if estimates else None)
-        return _estimated(recording, name, own, primary=primary, note=note if primary else None, **settings)
+        recording = Recording(imu=loaded.imu, track=loaded.reference, name=path.name)
+        nav_frame = frame or (estimates[0].track.frame if estimates else None)
+        return _estimated(recording, name, nav_frame, primary=primary, note=note if primary else None, **settings)
 
-    if found.imu is not None and (wanted or not estimates):
+    if loaded.imu is not None and (wanted or not estimates):
         estimates.append(estimated(filter, primary=True, **options))
     for name in also:
         estimates.append(estimated(name, primary=False))
-    _require_unlike([one.shown.name for one in estimates])
-    return replace(found, estimates=estimates)
+    _require_unlike([est.shown.name for est in estimates])
+    return replace(loaded, estimates=estimates)
 
 
 def _estimated(
@@ -179,7 +179,7 @@ def _estimated(
 ) -> Estimate:
     result = estimate(recording, name, frame=frame, **settings)
     kind = result.filter.name
-    shown = shown_of(kind, kind, described(result.filter), primary=primary)
+    shown = shown_estimator(kind, kind, described(result.filter), primary=primary)
     return Estimate(shown, result.track, result.filter.common.declination)
 
 
@@ -194,12 +194,12 @@ def _loaded(
 ) -> Loaded:
     if is_own(path) and SESSION in open_log(path).metadata:
         return _of_line(path, unit, all_=all_, calibration=calibration, frame=frame)
-    found = read_recorded(path, estimated=True) if is_own(path) else read(path, profile=profile)
-    array = found.array
+    recording = read_recorded(path, estimated=True) if is_own(path) else read(path, profile=profile)
+    array = recording.array
     if all_ and array is None:
         raise ParameterError(f"{path} holds one unit, but a chain has one on each segment. Leave --chain out.")
-    one = found.of_unit(unit or (array.names[0] if all_ and array is not None else None))
-    imu, sensed, track = one.imu, one.imu, one.track
+    single = recording.of_unit(unit or (array.names[0] if all_ and array is not None else None))
+    imu, sensed, track = single.imu, single.imu, single.track
     if imu is not None and calibration is not None:
         from plumbob.data.cards import CalibrationCard
         from plumbob.filters.offline import calibrated
@@ -207,8 +207,8 @@ def _loaded(
         imu = calibrated(imu, CalibrationCard.of(calibration))
     carries = track is not None and (imu is None or is_own(path))
     estimates = [_carried(track, imu)] if carries and track is not None else []
-    known = imu if imu is not None else track
-    if known is None:
+    timeline = imu if imu is not None else track
+    if timeline is None:
         raise ShapeError(f"{path} holds neither samples nor an attitude.")
     meta = ImuMeta() if imu is None else imu.meta
     return Loaded(
@@ -217,7 +217,7 @@ def _loaded(
         format=path.suffix.removeprefix("."),
         calibration="uncalibrated" if meta.calibration is None else calibration_told(meta.calibration),
         noise="none",
-        t=known.t,
+        t=timeline.t,
         imu=imu,
         sensed=sensed,
         estimates=estimates,
@@ -239,20 +239,20 @@ def _of_line(path: Path, unit: str | None, *, all_: bool, calibration: Any, fram
     if all_ or unit is not None:
         session = of_unit(session, unit or "all")
     if frame is not None:
-        asked = Frame.parse(frame)
-        session = replace(session, frame=asked, meta=replace(session.meta, frame=asked))
-    found = replay(log, session=session, calibration=calibration, covariance=True)
-    imu, sensed = found.imu, found.found.imu(calibrated=False)
+        nav_frame = Frame.parse(frame)
+        session = replace(session, frame=nav_frame, meta=replace(session.meta, frame=nav_frame))
+    replayed = replay(log, session=session, calibration=calibration, covariance=True)
+    imu, sensed = replayed.imu, replayed.found.imu(calibrated=False)
     if imu is None or sensed is None:
         raise ShapeError(f"{path} holds no sample that could be decoded; 'plumbob verify' says what is in it.")
-    stage, counts, report = found.stream.session.stage, found.stream.decoder.counts, found.stream.time_report()
+    stage, counts, report = replayed.stream.session.stage, replayed.stream.decoder.counts, replayed.stream.time_report()
     estimates = []
-    if stage is not None and found.track is not None and found.stream.filter is not None:
-        filter_ = found.stream.filter
-        shown = shown_of(stage.name, stage.filter, described(filter_), primary=True)
-        estimates = [Estimate(shown, found.track, filter_.common.declination)]
+    if stage is not None and replayed.track is not None and replayed.stream.filter is not None:
+        filter_ = replayed.stream.filter
+        shown = shown_estimator(stage.name, stage.filter, described(filter_), primary=True)
+        estimates = [Estimate(shown, replayed.track, filter_.common.declination)]
     message = session.form.message(session.message)
-    card = found.stream.session.card
+    card = replayed.stream.session.card
     return Loaded(
         name=path.name,
         device=session.meta.device,
@@ -260,35 +260,35 @@ def _of_line(path: Path, unit: str | None, *, all_: bool, calibration: Any, fram
         calibration="uncalibrated" if card is None else card.name,
         noise="none" if stage is None or stage.noise is None else f"{stage.noise.device} ({stage.noise.source})",
         t=imu.t,
-        imu=imu.corrected(meta=replace(imu.meta, t0_ns=found.t0_ns)),
+        imu=imu.corrected(meta=replace(imu.meta, t0_ns=replayed.t0_ns)),
         sensed=sensed,
         estimates=estimates,
-        reference=reference_of(found),
-        array=found.found.array(calibrated=True),
-        raw=_raw_of(found, message),
+        reference=logged_reference(replayed),
+        array=replayed.found.array(calibrated=True),
+        raw=_recorded_raw(replayed, message),
         message=message,
-        events=_events_of(found),
+        events=_timed_events(replayed),
         lost=report.lost,
         gaps=report.gap_count,
         junk=counts.junk,
         rejected=counts.bad_checksum + counts.bad_content + counts.bad_length + counts.unknown,
-        unusable=found.stream.faults,
+        unusable=replayed.stream.faults,
     )
 
 
-def _raw_of(found: Replayed, message: Message) -> dict[str, NDArray[Any]]:
+def _recorded_raw(replayed: Replayed, message: Message) -> dict[str, NDArray[Any]]:
     columns = {}
-    for one in message.fields:
-        parts = [part.frames.columns.get(one.name) for part in found.found.parts]
-        known = [part for part in parts if part is not None]
-        if known:
-            columns[one.name] = np.concatenate(known).astype(np.float64)
-    return raw_of(message, columns)
+    for entry in message.fields:
+        parts = [part.frames.columns.get(entry.name) for part in replayed.found.parts]
+        present = [part for part in parts if part is not None]
+        if present:
+            columns[entry.name] = np.concatenate(present).astype(np.float64)
+    return raw_fields(message, columns)
 
 
-def _events_of(found: Replayed) -> list[tuple[float, Event]]:
-    first = found.stream.t0_ns or 0
-    return [((event.t_ns - first) / 1e9, event) for event in found.found.events]
+def _timed_events(replayed: Replayed) -> list[tuple[float, Event]]:
+    first = replayed.stream.t0_ns or 0
+    return [((event.t_ns - first) / 1e9, event) for event in replayed.found.events]
 
 
 class Player:
@@ -396,7 +396,7 @@ class Player:
         loaded = self._loaded
         if loaded.imu is None:
             raise ParameterError("the recording has no samples to estimate from.")
-        _require_unlike([*(one.shown.name for one in loaded.estimates), name])
+        _require_unlike([*(est.shown.name for est in loaded.estimates), name])
         require_addable(name, loaded.imu.triads, beside=len(loaded.estimates) - 1)
         recording = Recording(imu=loaded.imu, name=loaded.name)
         loaded.estimates.append(_estimated(recording, name, loaded.frame, primary=not loaded.estimates))
@@ -410,7 +410,7 @@ class Player:
         ParameterError
             If there is none.
         """
-        others = [one for one in self._loaded.estimates[1:] if one.shown.name == name]
+        others = [est for est in self._loaded.estimates[1:] if est.shown.name == name]
         if not others:
             raise ParameterError(f"'{name}' was not added.")
         self._loaded.estimates.remove(others[0])
@@ -459,7 +459,7 @@ class Player:
         """Batch of some rows of the recording; without any, what is known at the place before."""
         loaded, rows = self._loaded, slice(start, stop)
         at = slice(max(stop - 1, 0), max(stop, 1))
-        known = {one.shown.name: held.rows(rows) for one, held in zip(loaded.estimates, self._held, strict=True)}
+        attitudes = {est.shown.name: held.rows(rows) for est, held in zip(loaded.estimates, self._held, strict=True)}
         reference = None if self._reference is None else self._reference.rows(rows)
         imu = None if loaded.imu is None or stop <= start else loaded.imu[rows]
         count = stop - start
@@ -467,14 +467,14 @@ class Player:
         if count and loaded.sensed is not None:
             sensed = sensed_rows(loaded.sensed[rows])
         values = (
-            self._layout.values(imu, count, known, reference) if count else np.zeros((0, len(self._layout.columns)))
+            self._layout.values(imu, count, attitudes, reference) if count else np.zeros((0, len(self._layout.columns)))
         )
         arrays = {"t": self._t[rows], "flags": self._words[rows], "values": values, "sensed": sensed}
         return Batch(arrays, self._fields(at))
 
     def _fields(self, at: slice) -> dict[str, Any]:
         loaded = self._loaded
-        known = {one.shown.name: held.rows(at) for one, held in zip(loaded.estimates, self._held, strict=True)}
+        attitudes = {est.shown.name: held.rows(at) for est, held in zip(loaded.estimates, self._held, strict=True)}
         reference = None if self._reference is None else self._reference.rows(at)
         imu = None if loaded.imu is None else loaded.imu[at]
         link = Link(
@@ -484,7 +484,7 @@ class Player:
         )  # fmt: skip
         return {
             "raw": numbers(np.array([column[at.start] for column in loaded.raw.values()], dtype=np.float64)),
-            "attitudes": attitudes_now(self._layout, known, reference),
+            "attitudes": attitudes_now(self._layout, attitudes, reference),
             "gravity_b": None if imu is None else newest(imu.usable("acc")),
             "field_b": None if imu is None else newest(imu.usable("mag")),
             "points": None if self._chain is None else self._chain.points(at.start),
@@ -498,17 +498,17 @@ class Player:
     def _lay_out(self) -> None:
         """Columns, and every estimate at the samples."""
         loaded = self._loaded
-        self._held = [_at(one, loaded.t) for one in loaded.estimates]
+        self._held = [_at_samples(est, loaded.t) for est in loaded.estimates]
         reference = loaded.reference
         self._reference = None if reference is None else Attitudes.read(reference, loaded.t, None)
-        known = {one.shown.name: held for one, held in zip(loaded.estimates, self._held, strict=True)}
-        shown = headings_of(
-            [one.shown for one in loaded.estimates], known, None if reference is None else reference.north
+        attitudes = {est.shown.name: held for est, held in zip(loaded.estimates, self._held, strict=True)}
+        shown = headed_estimators(
+            [est.shown for est in loaded.estimates], attitudes, None if reference is None else reference.north
         )
         triads = () if loaded.imu is None else loaded.imu.triads
         warm = loaded.imu is not None and loaded.imu.temp_c is not None
-        told = None if reference is None else reference.source or "reference"
-        self._layout = Layout(triads, warm, tuple(shown), told)
+        title = None if reference is None else reference.source or "reference"
+        self._layout = Layout(triads, warm, tuple(shown), title)
         self._words = np.zeros(loaded.t.size, dtype=np.uint32) if loaded.imu is None else loaded.imu.flags
         if self._held and self._held[0].flags is not None:
             self._words = self._words | self._held[0].flags
@@ -539,11 +539,11 @@ class Player:
         )
 
 
-def _at(one: Estimate, t: Floats) -> Attitudes:
+def _at_samples(est: Estimate, t: Floats) -> Attitudes:
     """An estimate at the samples; its covariance, bias and flags where it has these very times."""
-    if len(one.track) == len(t) and np.array_equal(one.track.t, t):
-        return Attitudes.of(one.track, None, one.declination)
-    return Attitudes.of(one.track, rows_at(to_ns(t), to_ns(one.track.t)), one.declination)
+    if len(est.track) == len(t) and np.array_equal(est.track.t, t):
+        return Attitudes.from_track(est.track, None, est.declination)
+    return Attitudes.from_track(est.track, rows_at(to_ns(t), to_ns(est.track.t)), est.declination)
 
 
 class _Postures:
@@ -558,4 +558,4 @@ class _Postures:
 
     def points(self, row: int) -> list[list[float] | None]:
         """Points of the stick figure at a sample."""
-        return self._follower.points_of({name: q[row] for name, q in self._attitudes.items()})
+        return self._follower.joint_points({name: q[row] for name, q in self._attitudes.items()})

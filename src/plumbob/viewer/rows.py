@@ -20,7 +20,7 @@ from plumbob.protocols.format import Message
 from plumbob.protocols.unpack import counts_for
 from plumbob.rotations import Frame, North, change_frame, quat_rotate, wrap
 from plumbob.rotations.headings import HeadingPolicy, euler_sd, heading_policy, turn_heading
-from plumbob.viewer.angles import angles_of
+from plumbob.viewer.angles import euler_deg
 from plumbob.viewer.messages import Column, Estimator, numbers
 
 REFERENCE: Final = "reference"
@@ -60,12 +60,12 @@ class Attitudes:
     flags: NDArray[np.uint32] | None = None
 
     @classmethod
-    def of(cls, track: AttitudeTrack, rows: NDArray[np.intp] | None, declination: float | None) -> Self:
+    def from_track(cls, track: AttitudeTrack, rows: NDArray[np.intp] | None, declination: float | None) -> Self:
         """Rows of a track, where −1 stands for no attitude; all of them where `rows` is None."""
         q, bias, cov, words = track.q_nb, track.bias_b, track.cov_b, track.flags
         if rows is not None:
             q = _picked(q, rows)
-            bias, cov = (None if one is None else _picked(one, rows) for one in (bias, cov))
+            bias, cov = (None if values is None else _picked(values, rows) for values in (bias, cov))
             words = None if words is None else np.where(rows < 0, np.uint32(0), words[rows])
         return cls(q, track.frame, track.north, declination, bias, cov, words)
 
@@ -82,22 +82,22 @@ class Attitudes:
 
     def rows(self, which: slice) -> "Attitudes":
         """Some of them."""
-        arrays = (None if one is None else one[which] for one in (self.bias_b, self.cov_b, self.flags))
+        arrays = (None if values is None else values[which] for values in (self.bias_b, self.cov_b, self.flags))
         return Attitudes(self.q_nb[which], self.frame, self.north, self.declination, *arrays)  # type: ignore[arg-type]
 
 
-def rows_at(wanted: Stamps, known: Stamps) -> NDArray[np.intp]:
-    """Rows (N,) of increasing times `known` that are the times `wanted` (N,), ns; −1 where there is none."""
-    if not known.size:
+def rows_at(wanted: Stamps, available: Stamps) -> NDArray[np.intp]:
+    """Rows (N,) of increasing times `available` that are the times `wanted` (N,), ns; −1 where there is none."""
+    if not available.size:
         return np.full(wanted.size, -1, dtype=np.intp)
-    place = np.minimum(np.searchsorted(known, wanted), known.size - 1)
-    return np.where(known[place] == wanted, place, -1)
+    place = np.minimum(np.searchsorted(available, wanted), available.size - 1)
+    return np.where(available[place] == wanted, place, -1)
 
 
 def _picked(values: Floats, rows: NDArray[np.intp]) -> Floats:
-    found = values[rows]
-    found[rows < 0] = np.nan
-    return found
+    picked = values[rows]
+    picked[rows < 0] = np.nan
+    return picked
 
 
 class Shown(NamedTuple):
@@ -123,11 +123,11 @@ class Shown(NamedTuple):
         return self.estimator.name
 
 
-def shown_of(name: str, kind: str, title: str, *, primary: bool) -> Shown:
+def shown_estimator(name: str, kind: str, title: str, *, primary: bool) -> Shown:
     """Estimator of a filter, or of the smoother, by the name of its kind."""
-    known = kind == SMOOTHER or kind in filter_names()
-    claims = kind == SMOOTHER or (known and claims_covariance(kind))
-    biased = kind == SMOOTHER or (known and hasattr(load(kind), "BIAS"))  # its step writes that entry of the state
+    is_filter = kind == SMOOTHER or kind in filter_names()
+    claims = kind == SMOOTHER or (is_filter and claims_covariance(kind))
+    biased = kind == SMOOTHER or (is_filter and hasattr(load(kind), "BIAS"))  # its step writes that entry of the state
     return Shown(Estimator(name=name, title=title, primary=primary, claims=claims), biased)
 
 
@@ -168,7 +168,7 @@ class Layout:
     @property
     def estimators(self) -> list[Estimator]:
         """All of them, and the reference."""
-        named = [one.estimator for one in self.shown]
+        named = [shown.estimator for shown in self.shown]
         if self.reference is None:
             return named
         return [*named, Estimator(name=REFERENCE, title=self.reference, primary=False, claims=False)]
@@ -184,24 +184,24 @@ class Layout:
             yield _column("acc.excess", "residual", "|force| − g", "m/s²", 3, "acc")
 
     def _of_estimators(self) -> Iterator[Column]:
-        for one in self.shown:
-            name = one.name
+        for shown in self.shown:
+            name = shown.name
             yield from (_column(f"{name}.{angle}", "attitude", angle, "°", 2, name) for angle in _ANGLES)
-            if one.estimator.claims:
+            if shown.estimator.claims:
                 yield from (_column(f"{name}.sd.{angle}", "sd", angle, "°", 3, name) for angle in _ANGLES)
-            if one.biased:
+            if shown.biased:
                 yield from (_column(f"{name}.bias.{axis}", "bias", axis, "°/s", 4, name) for axis in "xyz")
             if "acc" in self.triads:
                 yield _column(f"{name}.force_angle", "residual", "force to up", "°", 2, name)
             if "mag" in self.triads:
                 yield _column(f"{name}.field_angle", "residual", "field to North", "°", 2, name)
             if self.reference is not None:
-                yield _column(f"{name}.error", "error", "error" if one.headed else "inclination", "°", 3, name)
+                yield _column(f"{name}.error", "error", "error" if shown.headed else "inclination", "°", 3, name)
         if self.reference is not None:
             yield from (_column(f"{REFERENCE}.{angle}", "attitude", angle, "°", 2, REFERENCE) for angle in _ANGLES)
 
     def values(
-        self, imu: ImuData | None, count: int, known: Mapping[str, Attitudes], reference: Attitudes | None
+        self, imu: ImuData | None, count: int, attitudes: Mapping[str, Attitudes], reference: Attitudes | None
     ) -> Floats:
         """Values (N, M) of the columns, in their units.
 
@@ -211,21 +211,21 @@ class Layout:
             Samples, calibrated; None where a recording has none.
         count : int
             How many rows.
-        known : mapping of str to Attitudes
+        attitudes : mapping of str to Attitudes
             Of the estimators, at the samples.
         reference : Attitudes or None
             Of the reference, in its own frame.
         """
-        found = [] if imu is None else list(self._sensed(imu))
+        blocks = [] if imu is None else list(self._sensed(imu))
         true = None
         if self.reference is not None:
-            primary = known[self.shown[0].name] if self.shown else None
-            true = _nothing(count, 4) if reference is None else in_frame_of(primary, reference)
-        for one in self.shown:
-            found += self._estimated(one, known[one.name], imu, true)
+            primary = attitudes[self.shown[0].name] if self.shown else None
+            true = _nothing(count, 4) if reference is None else in_primary_frame(primary, reference)
+        for shown in self.shown:
+            blocks += self._estimated(shown, attitudes[shown.name], imu, true)
         if true is not None:
-            found.append(angles_of(true))
-        return np.concatenate(found, axis=1) if found else _nothing(count, 0)
+            blocks.append(euler_deg(true))
+        return np.concatenate(blocks, axis=1) if blocks else _nothing(count, 0)
 
     def _sensed(self, imu: ImuData) -> Iterator[Floats]:
         for name, *_ in _SENSORS:
@@ -237,32 +237,32 @@ class Layout:
         if "acc" in self.triads:
             yield np.sqrt(np.einsum("ij,ij->i", imu.usable("acc"), imu.usable("acc")))[:, np.newaxis] - G0
 
-    def _estimated(self, one: Shown, at: Attitudes, imu: ImuData | None, true: Floats | None) -> Iterator[Floats]:
+    def _estimated(self, shown: Shown, at: Attitudes, imu: ImuData | None, true: Floats | None) -> Iterator[Floats]:
         count = len(at.q_nb)
-        yield angles_of(at.q_nb)
-        if one.estimator.claims:
-            yield claimed_of(at)
-        if one.biased:
+        yield euler_deg(at.q_nb)
+        if shown.estimator.claims:
+            yield claimed_sd(at)
+        if shown.biased:
             yield _nothing(count, 3) if at.bias_b is None else to_dps(at.bias_b)
         if imu is not None and "acc" in self.triads:
             yield _from_up(at, imu.usable("acc"))[:, np.newaxis]
         if imu is not None and "mag" in self.triads:
             yield _from_north(at, imu.usable("mag"))[:, np.newaxis]
         if true is not None:
-            yield errors_of(at.q_nb, true, headed=one.headed)[:, np.newaxis]
+            yield angle_errors(at.q_nb, true, headed=shown.headed)[:, np.newaxis]
 
 
-def claimed_of(at: Attitudes) -> Floats:
+def claimed_sd(at: Attitudes) -> Floats:
     """Claimed standard deviations of roll, pitch and yaw (N, 3), degrees; none of a yaw that is free."""
     if at.cov_b is None:
         return _nothing(len(at.q_nb), 3)
-    found = to_deg(euler_sd(at.q_nb, at.cov_b))[:, ::-1]
+    sd = to_deg(euler_sd(at.q_nb, at.cov_b))[:, ::-1]
     if at.north is North.FREE:
-        found[:, 2] = np.nan
-    return found
+        sd[:, 2] = np.nan
+    return sd
 
 
-def errors_of(q_nb: Floats, true: Floats, *, headed: bool) -> Floats:
+def angle_errors(q_nb: Floats, true: Floats, *, headed: bool) -> Floats:
     """Angle to the reference (N,), degrees, in one frame; of the inclination alone where headings have other zeros."""
     from plumbob.evaluation.metrics import attitude_errors
 
@@ -270,39 +270,39 @@ def errors_of(q_nb: Floats, true: Floats, *, headed: bool) -> Floats:
 
 
 def attitudes_now(
-    layout: Layout, known: Mapping[str, Attitudes], reference: Attitudes | None
+    layout: Layout, attitudes: Mapping[str, Attitudes], reference: Attitudes | None
 ) -> dict[str, dict[str, Any]]:
     """Newest attitude of each estimator that has one, and of the reference, as `messages.Batch` has them."""
-    found: dict[str, dict[str, Any]] = {}
-    primary = known[layout.shown[0].name] if layout.shown else None
-    true = None if reference is None or not len(reference.q_nb) else in_frame_of(primary, reference.rows(_LAST))
-    for one in layout.shown:
-        at = known[one.name].rows(_LAST)
+    now: dict[str, dict[str, Any]] = {}
+    primary = attitudes[layout.shown[0].name] if layout.shown else None
+    true = None if reference is None or not len(reference.q_nb) else in_primary_frame(primary, reference.rows(_LAST))
+    for shown in layout.shown:
+        at = attitudes[shown.name].rows(_LAST)
         if not len(at.q_nb) or not np.isfinite(at.q_nb).all():
             continue
-        sd = numbers(claimed_of(at)[0]) if one.estimator.claims else None
-        error = None if true is None else numbers(errors_of(at.q_nb, true, headed=one.headed))[0]
-        found[one.name] = {"q_nb": at.q_nb[0].tolist(), "sd": sd, "error": error}
+        sd = numbers(claimed_sd(at)[0]) if shown.estimator.claims else None
+        error = None if true is None else numbers(angle_errors(at.q_nb, true, headed=shown.headed))[0]
+        now[shown.name] = {"q_nb": at.q_nb[0].tolist(), "sd": sd, "error": error}
     if true is not None and np.isfinite(true).all():
-        found[REFERENCE] = {"q_nb": true[0].tolist(), "sd": None, "error": None}
-    return found
+        now[REFERENCE] = {"q_nb": true[0].tolist(), "sd": None, "error": None}
+    return now
 
 
 def newest(values: Floats) -> list[float] | None:
     """Last row (K,) that is known; None where none is."""
-    whole = np.flatnonzero(np.isfinite(values).all(axis=1))
-    return None if not whole.size else list(map(float, values[whole[-1]]))
+    complete = np.flatnonzero(np.isfinite(values).all(axis=1))
+    return None if not complete.size else list(map(float, values[complete[-1]]))
 
 
-def headings_of(shown: Sequence[Shown], norths: Mapping[str, Attitudes], reference: North | None) -> list[Shown]:
+def headed_estimators(shown: Sequence[Shown], norths: Mapping[str, Attitudes], reference: North | None) -> list[Shown]:
     """Estimators, with whether their headings can be compared with the reference's."""
     if reference is None:
         return list(shown)
-    return [one._replace(headed=_policy(norths[one.name].north, reference, norths[one.name].declination).comparable)
-            for one in shown]  # fmt: skip
+    return [est._replace(headed=_policy(norths[est.name].north, reference, norths[est.name].declination).comparable)
+            for est in shown]  # fmt: skip
 
 
-def in_frame_of(primary: Attitudes | None, reference: Attitudes) -> Floats:
+def in_primary_frame(primary: Attitudes | None, reference: Attitudes) -> Floats:
     """Attitudes (N, 4) of a reference in the frame of the primary estimator, from its North as far as is known."""
     if primary is None:
         return reference.q_nb
@@ -337,21 +337,21 @@ def _from_north(at: Attitudes, mag: Floats) -> Floats:
 def raw_columns(message: Message, names: Mapping[str, Any]) -> list[Column]:
     """Columns of what stands in a frame of a message."""
     return [
-        Column(key=one.name, chart="raw", label=one.name, unit="counts" if one.physical else one.role, digits=0,
-               source=one.name.rpartition(".")[0])
-        for one in message.fields if one.name in names
+        Column(key=entry.name, chart="raw", label=entry.name, unit="counts" if entry.physical else entry.role, digits=0,
+               source=entry.name.rpartition(".")[0])
+        for entry in message.fields if entry.name in names
     ]  # fmt: skip
 
 
-def raw_of(message: Message, columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
+def raw_fields(message: Message, columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
     """Fields of a message as they stood in the frames, (N,) in counts or words; NaN where one was absent."""
-    found = {}
-    for one in message.fields:
-        if one.name in columns:
-            values = np.asarray(columns[one.name], dtype=np.float64)
-            counts = counts_for(one, values)[0] if one.physical else values
-            found[one.name] = np.where(np.isfinite(values), counts, np.nan)
-    return found
+    raw = {}
+    for entry in message.fields:
+        if entry.name in columns:
+            values = np.asarray(columns[entry.name], dtype=np.float64)
+            counts = counts_for(entry, values)[0] if entry.physical else values
+            raw[entry.name] = np.where(np.isfinite(values), counts, np.nan)
+    return raw
 
 
 def sensed_rows(sensed: ImuData) -> Floats:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core.errors import LineError, MissingExtraError, ParameterError, PlumbobError, one_line
 from plumbob.core.web import asset
-from plumbob.viewer.commands import RefusedError, command_of
+from plumbob.viewer.commands import RefusedError, parse_command
 from plumbob.viewer.control_server import Control
 from plumbob.viewer.derived import Derived
 from plumbob.viewer.foxglove import Foxglove
@@ -78,18 +78,18 @@ def files() -> dict[str, tuple[bytes, str]]:
         index = asset(PAGE)
     except MissingExtraError:
         return {}
-    found = {"/": index}
-    found |= {f"/{path.relative_to(index.parent).as_posix()}": path for path in _regular(index.parent)}
-    return {name: (path.read_bytes(), _type_of(path)) for name, path in found.items() if name != f"/{index.name}"}
+    paths = {"/": index}
+    paths |= {f"/{path.relative_to(index.parent).as_posix()}": path for path in _regular(index.parent)}
+    return {name: (path.read_bytes(), _media_type(path)) for name, path in paths.items() if name != f"/{index.name}"}
 
 
 def _regular(folder: Path) -> list[Path]:
     return [path for path in folder.rglob("*") if path.is_file() and not path.is_symlink()]
 
 
-def _type_of(path: Path) -> str:
-    known = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml"}
-    kind = known.get(path.suffix) or mimetypes.guess_type(path.name)[0] or "application/octet-stream"
+def _media_type(path: Path) -> str:
+    media = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml"}
+    kind = media.get(path.suffix) or mimetypes.guess_type(path.name)[0] or "application/octet-stream"
     return f"{kind}; charset=utf-8" if kind.startswith("text/") else kind
 
 
@@ -100,7 +100,7 @@ def application(hub: Hub, control: "Control", rules: Rules, places: Places) -> A
 
     pages = files()
     api = Api(hub, control)
-    routes: list[BaseRoute] = [Route(name, _file(*found), methods=["GET"]) for name, found in pages.items()]
+    routes: list[BaseRoute] = [Route(name, _file(*page), methods=["GET"]) for name, page in pages.items()]
     if not pages:
         routes.append(Route("/", _not_built, methods=["GET"]))
     routes += [
@@ -158,7 +158,7 @@ class Api:
         if body is None:
             return _answer(Answer(id=0, ok=False, text=f"A command has at most {BODY} bytes."), 413)
         try:
-            command = command_of(body)
+            command = parse_command(body)
         except RefusedError as why:
             return _answer(Answer(id=why.id, ok=False, text=str(why)), 400)
         answer = await self._control.do(command)
@@ -167,12 +167,12 @@ class Api:
 
 async def _body(request: "Request") -> bytes | None:
     """Body of a request; None where it is too long."""
-    found = bytearray()
+    body = bytearray()
     async for part in request.stream():
-        found += part
-        if len(found) > BODY:
+        body += part
+        if len(body) > BODY:
             return None
-    return bytes(found)
+    return bytes(body)
 
 
 def _json(text: str, status: int = 200) -> "Response":
@@ -237,7 +237,7 @@ class Page:
     def _ask(self, client: Client, text: str, commands: set["asyncio.Task[None]"]) -> None:
         """Do a command in a task of its own, or say why not."""
         try:
-            command = command_of(text)
+            command = parse_command(text)
         except RefusedError as why:
             client.answer(Answer(id=why.id, ok=False, text=str(why)))
             return
@@ -295,7 +295,7 @@ def _require(token: str) -> None:
 
 
 async def _run(options: argparse.Namespace, token: str) -> None:
-    from plumbob.viewer.lines import server_of
+    from plumbob.viewer.lines import http_server
 
     # Each send gives the interpreter away; a thread that computes would keep it for 5 ms each time.
     sys.setswitchinterval(0.0005)
@@ -309,7 +309,7 @@ async def _run(options: argparse.Namespace, token: str) -> None:
     control = Control(hub, pipe.write)
     derived = Derived(hub, options.folder)
     control.here.update(derived.commands)
-    server = server_of(application(hub, control, rules, places))
+    server = http_server(application(hub, control, rules, places))
     await pipe.open(socket.socket(fileno=options.fd), server)
     with _stopped_by_signals(server):
         serving = asyncio.create_task(server.serve(sockets))
@@ -345,19 +345,19 @@ def listening(host: str, port: int) -> list[socket.socket]:
 
 
 def _bound(kind: int, address: Any) -> socket.socket:
-    found = socket.socket(kind, socket.SOCK_STREAM)
+    listener = socket.socket(kind, socket.SOCK_STREAM)
     try:
         if os.name == "posix":
-            found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         if kind == socket.AF_INET6:
-            found.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SENT)
-        found.bind(address)
-        found.setblocking(False)
+            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SENT)
+        listener.bind(address)
+        listener.setblocking(False)
     except OSError:
-        found.close()
+        listener.close()
         raise
-    return found
+    return listener
 
 
 @contextlib.contextmanager

@@ -56,11 +56,11 @@ class Switch:
         self,
         stream: Stream,
         folder: Path,
-        own: RecordingSink | None = None,
+        sink: RecordingSink | None = None,
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self._stream, self._folder, self._clock = stream, folder, clock
-        self._sink, self._second = own, None if own is None else stream
+        self._sink, self._second = sink, None if sink is None else stream
         self._since = time.time()
         self._behind: Event | None = None
         self._events: list[Event] = []
@@ -74,7 +74,7 @@ class Switch:
         """What `messages.Recorded` says of the recording that is made; None where none is."""
         if self._sink is None:
             return None
-        return {**_told(self._sink), "since": self._since}
+        return {**_recorder_facts(self._sink), "since": self._since}
 
     def record(self, name: str = "") -> str:
         """Start a recording, and say where.
@@ -106,8 +106,8 @@ class Switch:
         """
         if self._sink is None:
             raise ParameterError("nothing is being recorded.")
-        told = self._end(self._clock())
-        text = f"{Path(told['path']).name} has ended: {told['acknowledged']} of {told['rows']} rows on disk"
+        facts = self._end(self._clock())
+        text = f"{Path(facts['path']).name} has ended: {facts['acknowledged']} of {facts['rows']} rows on disk"
         self._say("recording", text)
         return text
 
@@ -190,8 +190,8 @@ class Switch:
         """Send off what is due, and return what has happened."""
         events, self._events = self._events, []
         if self._sink is None:
-            found, self.failures = self.failures, []
-            return [*events, *found]
+            failures, self.failures = self.failures, []
+            return [*events, *failures]
         self._sink.failures += self.failures
         self.failures = []
         return [*events, *self._sink.tick(now_ns)]
@@ -215,9 +215,9 @@ class Switch:
                 sink.on_part(rest, now_ns)
         self._events += sink.close()
         self._sink = self._second = None
-        told = {**_told(sink), "failed": bool(sink.failures)}
-        self.recordings.append(told)
-        return told
+        facts = {**_recorder_facts(sink), "failed": bool(sink.failures)}
+        self.recordings.append(facts)
+        return facts
 
     def _free(self, name: str, suffix: str) -> Path:
         """Path of a new file: the name and the time, and a number where that exists."""
@@ -235,7 +235,7 @@ class Switch:
         self._events.append(Event(self._clock(), kind, text))
 
 
-def _told(sink: RecordingSink) -> dict[str, Any]:
+def _recorder_facts(sink: RecordingSink) -> dict[str, Any]:
     recorder = sink.recorder
     return {"path": str(recorder.path), "rows": recorder.written, "acknowledged": recorder.acknowledged,
             "dropped": recorder.dropped}  # fmt: skip
@@ -243,4 +243,4 @@ def _told(sink: RecordingSink) -> dict[str, Any]:
 
 def lossy(recordings: Sequence[dict[str, Any]]) -> bool:
     """Whether rows of any are lost, or an output beside it failed."""
-    return any(one["acknowledged"] < one["rows"] or one.get("failed") for one in recordings)
+    return any(recording["acknowledged"] < recording["rows"] or recording.get("failed") for recording in recordings)

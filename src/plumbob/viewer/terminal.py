@@ -23,7 +23,7 @@ from plumbob.data.chain import Chain
 from plumbob.live.transports.transport import Stop, Stopping
 from plumbob.rotations import Frame, North
 from plumbob.rotations.headings import heading_of
-from plumbob.viewer.angles import Tare, angles_of
+from plumbob.viewer.angles import Tare, euler_deg
 from plumbob.viewer.messages import Batch, Command, Hello
 from plumbob.viewer.outlet import Asked
 from plumbob.viewer.rows import REFERENCE
@@ -125,8 +125,8 @@ class Terminal:
         """Take over the columns."""
         with self._lock:
             self.now.hello = hello
-            known = {column.key for column in hello.columns}
-            self.now.values = {key: value for key, value in self.now.values.items() if key in known}
+            keys = {column.key for column in hello.columns}
+            self.now.values = {key: value for key, value in self.now.values.items() if key in keys}
 
     def batch(self, batch: Batch) -> None:
         """Take the newest of a batch."""
@@ -153,24 +153,24 @@ class Terminal:
         with self._lock:
             self.now.values.clear()
 
-    def answer(self, asked: Asked, ok: bool, text: str) -> None:
+    def answer(self, request: Asked, ok: bool, text: str) -> None:
         """Show what became of a key."""
         if not ok:
-            self.event(self.now.t, asked.command.verb, text)
+            self.event(self.now.t, request.command.verb, text)
 
     @property
     def ready(self) -> bool:
         """A terminal shows the newest, whatever comes."""
         return True
 
-    def asked(self) -> Sequence[Asked]:
+    def take_commands(self) -> Sequence[Asked]:
         """What keys ask for."""
-        found = []
+        commands = []
         for key in _pressed():
             command = self._command(key)
             if command is not None:
-                found.append(Asked(None, command))
-        return found
+                commands.append(Asked(None, command))
+        return commands
 
     def lines(self, width: int, height: int, now_ns: int) -> "list[Text]":
         """What the screen shows: lines of at most `width`, `height` of them at most."""
@@ -222,15 +222,15 @@ class _Page:
         head = [*self._head(), *self._attitudes(), *self._tape(), *self._sensors(), *self._state()]
         room = max(0, height - len(head) - 1)
         events = [Text(line, style="dim") for line in list(self._now.events)[-room:]] if room else []
-        found = [*head, *events]
-        found += [Text("")] * (height - 1 - len(found))
-        found = [*found[: height - 1], Text(self._keys(), style="reverse")]
-        for line in found:
+        lines = [*head, *events]
+        lines += [Text("")] * (height - 1 - len(lines))
+        lines = [*lines[: height - 1], Text(self._keys(), style="reverse")]
+        for line in lines:
             if self._stale:
                 line.stylize("bright_black")
             line.truncate(self._width, overflow="ellipsis")
             line.no_wrap = True
-        return found
+        return lines
 
     def _say(self, word: str) -> str:
         return self._words.get(word, word)
@@ -251,8 +251,8 @@ class _Page:
         if now.tare.is_set:
             line.append(f"  {self._say('tared')}", style="yellow")
         yield line
-        told = f"{visible(hello.device)}, {visible(hello.format)}, {self._say('calibration')}: "
-        line = Text(told, style="dim")
+        facts = f"{visible(hello.device)}, {visible(hello.format)}, {self._say('calibration')}: "
+        line = Text(facts, style="dim")
         bare = hello.calibration == "uncalibrated"
         line.append(visible(self._say(hello.calibration)), style="bold yellow" if bare else "dim")
         yield line
@@ -266,11 +266,11 @@ class _Page:
         narrow = self._width < _NARROW
         title = [self._say(word) for word in ("estimator", "roll", "pitch", "yaw", "error")]
         yield Text(_row(title[0], [f"{word} [°]" for word in title[1:4]], title[4], narrow=narrow), style="dim")
-        for name, one in attitudes.items():
-            angles = angles_of(self._now.tare.of(np.array(one["q_nb"]))).tolist()
-            sds = one["sd"] or [None] * 3
+        for name, attitude in attitudes.items():
+            angles = euler_deg(self._now.tare.applied(np.array(attitude["q_nb"]))).tolist()
+            sds = attitude["sd"] or [None] * 3
             cells = [f"{round(angle, 2) + 0.0:7.2f}{_sd(sd)}" for angle, sd in zip(angles, sds, strict=True)]
-            error = "" if one["error"] is None else f"{one['error']:.2f}"
+            error = "" if attitude["error"] is None else f"{attitude['error']:.2f}"
             label = self._say(name) if name == REFERENCE else visible(name)
             yield Text(_row(label, cells, error, narrow=narrow), style="dim" if name == REFERENCE else "bold")
 
@@ -310,11 +310,11 @@ class _Page:
         """Residuals of the primary estimator."""
         hello, values = self._now.hello, self._now.values
         first = hello.estimators[0].name if hello is not None and hello.estimators else ""
-        told = [
+        residuals = [
             f"{self._say(label)} {values[key]:.2f}°"
             for label, key in (("force", f"{first}.force_angle"), ("field", f"{first}.field_angle")) if key in values
         ]  # fmt: skip
-        return f"   {self._say('residual')}: {', '.join(told)}" if told else ""
+        return f"   {self._say('residual')}: {', '.join(residuals)}" if residuals else ""
 
     def _state(self) -> "Iterator[Text]":
         from rich.text import Text
@@ -334,29 +334,29 @@ class _Page:
             parts.append(f"{self._say('clock')} {link['clock']}{drift}")
             yield Text(", ".join(parts))
             bad = link["lost"] or link["junk"] or link["rejected"]
-            told = ", ".join(f"{self._say(name)} {link[name]}" for name in ("lost", "gaps", "junk", "rejected"))
-            yield Text(told, style="yellow" if bad else "dim")
+            counts = ", ".join(f"{self._say(name)} {link[name]}" for name in ("lost", "gaps", "junk", "rejected"))
+            yield Text(counts, style="yellow" if bad else "dim")
         yield self._recorded()
 
     def _recorded(self) -> "Text":
         from rich.text import Text
 
         fields, hello = self._now.fields, self._now.hello
-        playback, kept = fields.get("playback"), fields.get("recording")
+        playback, file = fields.get("playback"), fields.get("recording")
         if playback is not None and hello is not None:
-            whole = f" {self._say('of')} {hello.duration:.1f} s" if hello.duration is not None else ""
-            return Text(f"{self._say('at')} {playback['position']:.2f}{whole}, × {playback['speed']:g}")
-        if kept is None:
+            total = f" {self._say('of')} {hello.duration:.1f} s" if hello.duration is not None else ""
+            return Text(f"{self._say('at')} {playback['position']:.2f}{total}, × {playback['speed']:g}")
+        if file is None:
             return Text(f"{self._say('recording')}: {self._say('nothing')}", style="dim")
-        lost = f", {self._say('dropped')} {kept['dropped']}" if kept["dropped"] else ""
-        told = f"● {Path(kept['path']).name}: {kept['acknowledged']}/{kept['rows']} {self._say('rows')}{lost}"
-        return Text(visible(told), style="bold red")
+        lost = f", {self._say('dropped')} {file['dropped']}" if file["dropped"] else ""
+        text = f"● {Path(file['path']).name}: {file['acknowledged']}/{file['rows']} {self._say('rows')}{lost}"
+        return Text(visible(text), style="bold red")
 
     def _keys(self) -> str:
         hello = self._now.hello
         live = hello is not None and hello.live
-        own = (("r", "record"), ("m", "mark")) if live else (("␣", "pause"),)
-        return " " + "  ".join(f"{key} {self._say(word)}" for key, word in (("q", "quit"), *own, ("t", "tare"))) + " "
+        keys = (("r", "record"), ("m", "mark")) if live else (("␣", "pause"),)
+        return " " + "  ".join(f"{key} {self._say(word)}" for key, word in (("q", "quit"), *keys, ("t", "tare"))) + " "
 
 
 def tape(heading: float, width: int) -> str:

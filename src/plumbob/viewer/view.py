@@ -19,14 +19,14 @@ from plumbob.data.chain_toml import load_chain
 from plumbob.live.record import announce
 from plumbob.live.recording_sink import RecordingSink, named_at
 from plumbob.live.runner import run_stream
-from plumbob.live.sending import sending_of, with_sent
+from plumbob.live.sending import send_sinks, with_sent
 from plumbob.live.session import Session
-from plumbob.live.session_toml import ALL, of_unit, session_of
+from plumbob.live.session_toml import ALL, capture_session, of_unit
 from plumbob.live.sinks import Sink, TextSink
 from plumbob.live.sources import open_source
 from plumbob.live.stream import Part, Stream
 from plumbob.live.transports.transport import Stopping
-from plumbob.live.watch import Note, Ran, Watch, nothing_of
+from plumbob.live.watch import Note, Ran, Watch, silence_words
 from plumbob.viewer.child import Server, Serving, require_view
 from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Command
@@ -66,28 +66,28 @@ class Viewed(Shown):
     @property
     def lossy(self) -> bool:
         """Whether rows of a recording are lost, or an output beside it failed."""
-        return lossy([dict(one) for one in self.recordings])
+        return lossy([dict(recording) for recording in self.recordings])
 
     @property
     def nothing(self) -> str | None:
         """Why a line gave no sample, and where to look; None where there are some."""
-        return None if self.ran is None or self.ran.samples else nothing_of(self.ran.stream)
+        return None if self.ran is None or self.ran.samples else silence_words(self.ran.stream)
 
     def facts(self) -> Mapping[str, str]:
         """What was shown, and what was recorded."""
-        own = {"shown": self.name} if self.ran is None else dict(self.ran.facts())
-        return own | {"recorded": ", ".join(str(one["path"]) for one in self.recordings) or "nothing"}
+        shown = {"shown": self.name} if self.ran is None else dict(self.ran.facts())
+        return shown | {"recorded": ", ".join(str(recording["path"]) for recording in self.recordings) or "nothing"}
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
-        own = {"shown": self.name} if self.ran is None else self.ran.summary()
-        return own | {"recordings": [dict(one) for one in self.recordings], "restarts": self.restarts}
+        shown = {"shown": self.name} if self.ran is None else self.ran.summary()
+        return shown | {"recordings": [dict(recording) for recording in self.recordings], "restarts": self.restarts}
 
     def text(self) -> str:
         """What a reader wants to know first, a line each."""
         lines = [f"shown        {self.name}" if self.ran is None else self.ran.text()]
-        for one in self.recordings:
-            lines.append(f"recorded     {one['path']}: {one['acknowledged']} of {one['rows']} rows on disk")
+        for file in self.recordings:
+            lines.append(f"recorded     {file['path']}: {file['acknowledged']} of {file['rows']} rows on disk")
         if self.ran is not None and not self.recordings:
             lines.append("recorded     nothing")
         if self.restarts:
@@ -192,10 +192,10 @@ def view(
 
                 webbrowser.open(server.url)
 
-        found = shown.run(
+        viewed = shown.run(
             server, folder=place, control=control, duration=seconds, stop=stop, note=say, echo=say, opened=begun
         )
-        return replace(found, restarts=server.starts - 1)
+        return replace(viewed, restarts=server.starts - 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -298,7 +298,7 @@ class Shows:
         desk = _LineDesk(feed, switch, outlet)
         texts = [TextSink(session.output.text, session.output.every)] if session.output.text else []
         source = open_source(session.source)
-        sending = sending_of(session, note=remark)
+        sending = send_sinks(session, note=remark)
         how.opened()
 
         def each() -> None:
@@ -334,28 +334,28 @@ def opened_up(
     line: Mapping[str, Any],
 ) -> Iterator[Shows]:
     """What is to be shown, and a rig that runs meanwhile, where one is emulated."""
-    known = chain if chain is None or isinstance(chain, Chain) else load_chain(check.path("chain", chain))
+    loaded = chain if chain is None or isinstance(chain, Chain) else load_chain(check.path("chain", chain))
     if emulate is not None:
         from plumbob.viewer.emulated import emulated
 
         if what is not None or line.get("port"):
             raise ParameterError("an emulated rig is the line; leave the session, the recording or the port out.")
         with emulated(emulate, note, line) as (session, truth, its_chain):
-            yield Shows(session, also=also, chain=known or its_chain, truth=truth)
+            yield Shows(session, also=also, chain=loaded or its_chain, truth=truth)
         return
     if isinstance(what, Session):
         if any(value is not None for value in line.values()):
             raise ParameterError("a Session says everything about its stream; leave the other options out.")
-        yield Shows(_with_units(what, known), also=also, chain=known)
+        yield Shows(_with_units(what, loaded), also=also, chain=loaded)
         return
     from plumbob.files import is_recording
 
     path = None if what is None else check.path("what", what)
     if path is not None and is_recording(path):
-        yield Shows(path=path, options=_of_recording(line), also=also, chain=known)
+        yield Shows(path=path, options=_of_recording(line), also=also, chain=loaded)
         return
-    session = session_of(**_of_line(path, line))
-    yield Shows(_with_units(session, known), also=also, chain=known)
+    session = capture_session(**_of_line(path, line))
+    yield Shows(_with_units(session, loaded), also=also, chain=loaded)
 
 
 def _with_units(session: Session, chain: Chain | None) -> Session:

@@ -174,6 +174,18 @@ def column(x: Floats) -> float:
 
 
 @kernel
+def every_second(x: Floats) -> float:
+    y = x[0, ::2]
+    return y[0]
+
+
+@kernel
+def stepped(x: Floats) -> float:
+    y = x[:, ::2]
+    return y[0, 0]
+
+
+@kernel
 def growing(n: int) -> float:
     x = np.zeros(n)
     return x[0]
@@ -211,6 +223,7 @@ def unsigned(x: NDArray[np.uint64], i: int) -> int:
 REFUSED = {
     untyped: "no annotation of a", text: "is not a type of a kernel", mixed: "one name for|double or",
     library: "neither a kernel nor a function of the subset", column: "do not stand one behind the other",
+    every_second: "a view has no step", stepped: "only the first axis",
     growing: "is a constant of at most", unordered: "give its result a name", vectors: "write a loop",
     two_ways: r"indexed with \[2, 3\] numbers", catching: "Try is not in the subset", unsigned: "go with each other",
 }  # fmt: skip

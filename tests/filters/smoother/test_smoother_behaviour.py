@@ -304,7 +304,7 @@ def test_no_magnet_is_invented(seed):
     for mag in (h.mag, h.mag + bent):
         attached = Smoother(frame="ENU").smooth(h.imu(mag=mag)).attached
         assert attached is not None
-        assert not attached.found
+        assert not attached.present
 
 
 @pytest.mark.parametrize("rest", [(), ((0.0, 10.0), (30.0, 40.0))])
@@ -458,7 +458,7 @@ def test_a_vertical_bias_is_no_field_of_the_sensor():
     sea = simulate("buoy", frame="NED", sensors="mpu6000+hmc5983", unit="calibrated", seed=1)
     attached = Smoother(frame="NED").smooth(sea.imu).attached
     assert attached is not None
-    assert not attached.found
+    assert not attached.present
     assert evaluate(estimate(sea.imu).track, sea.truth).summary()["heading_rmse_deg"] < 0.5
 
 

@@ -16,7 +16,7 @@ from plumbob.data.cards import TriadNoise
 from plumbob.data.cards.residuals import uncalibrated
 from plumbob.data.imu import ImuMeta
 from plumbob.filters.smoother import Params, Smoother
-from plumbob.filters.smoother.field import LEAST_BEND, LEAST_NOISE, Reference, scatter_of
+from plumbob.filters.smoother.field import LEAST_BEND, LEAST_NOISE, Reference, direction_scatter
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_REPEATS
 from plumbob.rotations import (
@@ -186,17 +186,17 @@ def test_a_free_heading_stays_uncertain_from_stretch_to_stretch(monkeypatch):
 def test_a_direction_that_scatters_beyond_what_is_allowed_counts():
     """Of means over ten seconds: √(mean square of their azimuths − what the deflection allows)."""
     h = by_hand(80.0, 50.0, seed=4)
-    frames, p = Keyframes.of(h.imu(), 0.049), Params()
+    frames, p = Keyframes.from_imu(h.imu(), 0.049), Params()
     reference = Reference(20.0, -43.0, 1.1)
     azimuth = deg(np.array([12.0, -8.0, 3.0, 0.0, -15.0, 9.0, 5.0, -6.0]))[(frames.middle // 10.0).astype(int)]
     swing = deg(30.0) * np.sin(2.0 * np.pi * frames.middle)  # faster: it does not count
     field = np.stack((20.0 * np.sin(azimuth + swing), 20.0 * np.cos(azimuth + swing), -43.0 + 0.0 * azimuth), axis=1)
     weight = np.where(frames.middle < 70.0, 1.0, 0.0)  # nor does a field that is not used
-    found = scatter_of(frames, p, reference, field, weight)
+    found = direction_scatter(frames, p, reference, field, weight)
     seen = np.mean(azimuth[weight > 0.0] ** 2)
     assert found == pytest.approx(math.sqrt(seen - reference.bend(p) ** 2), rel=0.02)
-    assert scatter_of(frames, p, reference, np.tile([0.0, 20.0, -43.0], (len(field), 1)), weight) == 0.0
-    assert scatter_of(frames, p, reference, field, 0.0 * weight) == 0.0
+    assert direction_scatter(frames, p, reference, np.tile([0.0, 20.0, -43.0], (len(field), 1)), weight) == 0.0
+    assert direction_scatter(frames, p, reference, field, 0.0 * weight) == 0.0
 
 
 def test_where_no_gravity_shows_any_attitude_is_possible_and_named():

@@ -9,7 +9,7 @@ import pytest
 from plumbob import Filter, ImuData, ImuMeta, estimate, files, flags, load_session
 from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
 from plumbob.filters.smoother import Smoother
-from plumbob.live.session_toml import session_of
+from plumbob.live.session_toml import capture_session
 from plumbob.live.stream import Stream
 from plumbob.rotations import quat_conjugate, quat_rotate
 from tests.helpers.commandline import ok, plumbob
@@ -104,9 +104,9 @@ def test_a_session_that_estimates_without_a_name_has_the_smoother_without_a_lag(
     (tmp_path / "imu9.toml").write_text(FORMAT, encoding="utf-8")
     (tmp_path / "sea.bin").write_bytes(b"")
     by_options = {"capture": tmp_path / "sea.bin", "format": tmp_path / "imu9.toml", "frame": "NED", "init": "level"}
-    for chosen in (load_session(tmp_path / "s.toml"), session_of(**by_options)):
+    for chosen in (load_session(tmp_path / "s.toml"), capture_session(**by_options)):
         assert Stream(chosen).filter.params.lag == 0.0
-    assert session_of(**{**by_options, "init": None}).stage is None  # as long as nothing says to estimate
+    assert capture_session(**{**by_options, "init": None}).stage is None  # as long as nothing says to estimate
 
 
 # --- command line -------------------------------------------------------------------------------------------

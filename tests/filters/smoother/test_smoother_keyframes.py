@@ -62,7 +62,7 @@ def bow(t, known):
 def test_every_sample_with_a_rate_is_in_exactly_one_step(given_, spacing):
     """But those in a hole of the gyroscope; a step is as long as asked, unless a gap or the end cuts it."""
     imu, has = given_
-    frames = Keyframes.of(imu, spacing)
+    frames = Keyframes.from_imu(imu, spacing)
     known = np.flatnonzero(has["gyr"])
     if known.size < 2:
         assert frames is None
@@ -91,7 +91,7 @@ def test_every_sample_with_a_rate_is_in_exactly_one_step(given_, spacing):
 @examples(0.6)
 def test_missing_values_are_interpolated_and_counted(given_):
     imu, has = given_
-    frames = Keyframes.of(imu, 0.049)
+    frames = Keyframes.from_imu(imu, 0.049)
     if frames is None:
         return
     assert np.isfinite(frames.gyr).all()
@@ -116,7 +116,7 @@ def test_missing_values_are_interpolated_and_counted(given_):
 
 def test_the_mean_over_a_step_is_that_of_its_samples():
     h = by_hand(3.0, seed=1)
-    frames = Keyframes.of(h.imu(), 0.049)
+    frames = Keyframes.from_imu(h.imu(), 0.049)
     found = frames.mean(frames.acc)
     for k in range(frames.gap.size):
         own = slice(frames.first[k] + 1, frames.first[k + 1] + 1)
@@ -132,14 +132,14 @@ def test_the_mean_over_a_step_is_that_of_its_samples():
 def test_a_usual_step_is_no_gap_at_any_rate(rate):
     """0.1 s, or three usual steps where those are longer; the package's words in `LONGEST`."""
     h = by_hand(20.0, rate)
-    frames = Keyframes.of(h.imu(), 0.049)
+    frames = Keyframes.from_imu(h.imu(), 0.049)
     assert not frames.gap.any()
     assert np.median(frames.step) == pytest.approx(max(math.ceil(0.049 * rate) / rate, 1.0 / rate))
     longest = max(keyframes.LONGEST, 3.0 / rate)
     for step, gap in ((longest * 0.99, False), (longest * 1.01, True)):
         t = h.t.copy()
         t[30:] += step - 1.0 / rate
-        assert Keyframes.of(h.imu(t=t), 0.049).gap.any() == gap
+        assert Keyframes.from_imu(h.imu(t=t), 0.049).gap.any() == gap
 
 
 @pytest.mark.parametrize(("hole", "gap"), [(8, False), (20, True)])
@@ -147,7 +147,7 @@ def test_a_hole_of_the_gyroscope_is_a_gap_where_it_is_as_long_as_one(hole, gap):
     h = by_hand(5.0)
     gyr = h.gyr.copy()
     gyr[200 : 200 + hole] = np.nan
-    frames = Keyframes.of(h.imu(gyr=gyr), 0.049)
+    frames = Keyframes.from_imu(h.imu(gyr=gyr), 0.049)
     assert frames.gap.any() == gap
     assert frames.t.size == h.t.size - (hole if gap else 0)
     assert (frames.missed > 0.0).any() != gap
@@ -158,7 +158,7 @@ def test_clipped_and_stuck_values_are_not_used():
     word = np.zeros(h.t.size, dtype=np.uint32)
     word[100], word[150], word[200] = flags.GYR_CLIPPED, flags.ACC_STUCK, flags.MAG_CLIPPED
     imu = ImuData(t=h.t, gyr=h.gyr, acc=h.acc, mag=h.mag, flags=word)
-    frames = Keyframes.of(imu, 0.049)
+    frames = Keyframes.from_imu(imu, 0.049)
     assert (np.flatnonzero(frames.missed), np.flatnonzero(frames.pushed)) == (
         np.searchsorted(frames.first, 100) - 1,
         np.searchsorted(frames.first, 150) - 1,
@@ -172,7 +172,7 @@ def test_clipped_and_stuck_values_are_not_used():
 def test_between_keyframes_the_way_is_the_gyroscope_s():
     """Exact where the keyframes lie on it, a few ε for each of 500 products; and where they do not, it meets them."""
     h = by_hand(5.0, seed=2)
-    frames = Keyframes.of(h.imu(), 0.049)
+    frames = Keyframes.from_imu(h.imu(), 0.049)
     q = quat_multiply(h.q[0], quat_chained(np.diff(h.t)[:, np.newaxis] * h.gyr[1:]))
     moving = np.ones(frames.gap.size, dtype=bool)
     assert quat_angle(between(frames, moving, q[frames.first], h.gyr), q).max() < 500 * 4 * EPS
@@ -190,7 +190,7 @@ def test_between_keyframes_the_way_is_the_gyroscope_s():
 
 def test_at_rest_the_way_is_the_shortest():
     h = by_hand(2.0)
-    frames = Keyframes.of(h.imu(), 0.049)
+    frames = Keyframes.from_imu(h.imu(), 0.049)
     q = np.tile([1.0, 0.0, 0.0, 0.0], (frames.first.size, 1))
     q[20:] = quat_from_rotvec([0.0, 0.0, 0.2])
     found = between(frames, np.zeros(frames.gap.size, dtype=bool), q, h.gyr)
@@ -210,20 +210,20 @@ def test_stretches_cover_each_sample_once_and_reach_no_further_than_the_lag(t, l
     for one, other in itertools.pairwise(found):
         assert one.core.stop == other.core.start
     for one in found:
-        assert 0 <= one.whole.start <= one.core.start < one.core.stop <= one.whole.stop <= t.size
-        assert t[one.core][one.inside.start - (one.core.start - one.whole.start)] == t[one.core.start]
-        assert (t[one.whole][one.inside] == t[one.core]).all()
+        assert 0 <= one.span.start <= one.core.start < one.core.stop <= one.span.stop <= t.size
+        assert t[one.core][one.inside.start - (one.core.start - one.span.start)] == t[one.core.start]
+        assert (t[one.span][one.inside] == t[one.core]).all()
         if lag is not None:
-            assert t[one.whole.stop - 1] <= t[one.core.start] + lag + 1e-9 * (1.0 + t[-1])
-        assert one.whole.start < one.core.start or one.core.start == 0  # no later sample is alone
-        assert t[one.whole.start] >= t[one.core.start] - MARGIN or one.whole.start == one.core.start - 1
+            assert t[one.span.stop - 1] <= t[one.core.start] + lag + 1e-9 * (1.0 + t[-1])
+        assert one.span.start < one.core.start or one.core.start == 0  # no later sample is alone
+        assert t[one.span.start] >= t[one.core.start] - MARGIN or one.span.start == one.core.start - 1
 
 
 def test_a_long_recording_is_cut_and_a_usual_one_is_not(monkeypatch):
     t = np.arange(0.0, 1199.0)
-    assert [(s.whole, s.core) for s in stretches(t, None)] == [(slice(0, t.size), slice(0, t.size))]
+    assert [(s.span, s.core) for s in stretches(t, None)] == [(slice(0, t.size), slice(0, t.size))]
     t = np.arange(0.0, 1501.0)
-    assert [(s.whole, s.core) for s in stretches(t, None)] == [
+    assert [(s.span, s.core) for s in stretches(t, None)] == [
         (slice(0, 720), slice(0, 600)),  # 600 s kept, 120 s before and behind: the words of `CORE` and `MARGIN`
         (slice(480, 1320), slice(600, 1200)),
         (slice(1080, 1501), slice(1200, 1501)),

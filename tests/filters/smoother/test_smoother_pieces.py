@@ -10,7 +10,7 @@ from plumbob.core.units import deg, dps
 from plumbob.filters.smoother import causal as onward
 from plumbob.filters.smoother import inertial, live
 from plumbob.filters.smoother import stationary as standing
-from plumbob.filters.smoother.field import Reference, middle_of, share_of_rest, weights
+from plumbob.filters.smoother.field import Reference, share_of_rest, weighted_median, weights
 from plumbob.filters.smoother.inertial import calm, first_rest
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import SIZE, Params
@@ -68,10 +68,10 @@ def test_a_field_weighs_what_it_weighs_in_a_smoothed_recording():
     mean[COUNT] = 5.0
     for field, weight in zip(fields, expected, strict=True):
         mean[FIELD : FIELD + 3] = field
-        assert onward.field_weight(mean, onward.Field.of(reference, p)) == pytest.approx(weight, rel=1e-12)
+        assert onward.field_weight(mean, onward.Field.from_reference(reference, p)) == pytest.approx(weight, rel=1e-12)
     mean[COUNT] = 0.0
-    assert onward.field_weight(mean, onward.Field.of(reference, p)) == 0.0
-    assert onward.field_weight(mean, onward.Field.of(None, p)) == 0.0
+    assert onward.field_weight(mean, onward.Field.from_reference(reference, p)) == 0.0
+    assert onward.field_weight(mean, onward.Field.from_reference(None, p)) == 0.0
 
 
 def test_the_speed_of_a_swing_is_learned():
@@ -91,15 +91,15 @@ def test_what_proves_a_field_is_turning_in_it():
     reference = Reference(20.0, -40.0, 1.0)
     settled = live.Proven(reference, turning=30.0, rest=100.0)
     assert settled.settled
-    assert settled.known(None, 0.0, 0.0).seen == pytest.approx(2.0 * 130.0)  # nothing turns: all that was seen
-    assert settled.known(None, 5.0, 0.0).seen == pytest.approx(2.0 * (30.0 + 24.0 - 10.0))
-    assert live.Proven(reference, turning=2.0, rest=100.0).known(None, 5.0, 0.0).seen == 0.0
+    assert settled.prior(None, 0.0, 0.0).weight == pytest.approx(2.0 * 130.0)  # nothing turns: all that was seen
+    assert settled.prior(None, 5.0, 0.0).weight == pytest.approx(2.0 * (30.0 + 24.0 - 10.0))
+    assert live.Proven(reference, turning=2.0, rest=100.0).prior(None, 5.0, 0.0).weight == 0.0
     lain = live.Proven(reference, turning=0.5, rest=100.0)
     assert not lain.settled
     lain.take(Reference(30.0, -30.0, 0.0), since=50.0)
     assert lain.settled
-    assert lain.known(None, 5.0, 20.0).seen == pytest.approx(0.8 * 5.0)  # as much as the rest in the other one counts
-    assert lain.known(None, 5.0, 60.0).seen == 0.0  # which is not asked any more
+    assert lain.prior(None, 5.0, 20.0).weight == pytest.approx(0.8 * 5.0)  # as much as the rest in the other one counts
+    assert lain.prior(None, 5.0, 60.0).weight == 0.0  # which is not asked any more
     assert Params().mag_spread * 3.0 < reference.apart(Reference(27.0, -40.0, 1.0))
 
 
@@ -125,7 +125,7 @@ def test_a_heading_from_elsewhere_turns_all_that_lies_in_the_level():
 
 def test_a_calm_window_that_ends_now_is_calm_later_than_one_around_now():
     h = by_hand(20.0, rest=((5.0, 10.0),), seed=6)
-    frames, p = Keyframes.of(h.imu(), 0.049), Params()
+    frames, p = Keyframes.from_imu(h.imu(), 0.049), Params()
     stream, _ = arrived(h.imu())
     around, (so_far, mean) = np.flatnonzero(calm(frames, p).quiet), stream.quiet(slice(0, stream.steps))
     ends = np.flatnonzero(so_far)
@@ -143,7 +143,7 @@ def still(seconds, rate_z, field):
     gyr = np.array([0.0, 0.0, rate_z]) + rng.normal(0.0, dps(0.05), (t.size, 3))
     acc = np.array([0.0, 0.0, 9.81]) + rng.normal(0.0, 0.02, (t.size, 3))
     mag = None if field is None else field(t) + rng.normal(0.0, 0.2, (t.size, 3))
-    return Keyframes.of(ImuData(t=t, gyr=gyr, acc=acc, mag=mag), 0.049)
+    return Keyframes.from_imu(ImuData(t=t, gyr=gyr, acc=acc, mag=mag), 0.049)
 
 
 def test_a_field_that_jumps_at_rest_is_no_turn_and_one_that_goes_round_evenly_is():
@@ -166,7 +166,7 @@ def test_a_calm_second_with_a_large_rate_about_gravity_is_a_turn_and_a_long_one_
 
 @slow_as_python
 def test_all_rest_counts_no_more_than_most_of_the_turning():
-    frames = Keyframes.of(by_hand(60.0, rest=((0.0, 40.0),), seed=8).imu(), 0.049)
+    frames = Keyframes.from_imu(by_hand(60.0, rest=((0.0, 40.0),), seed=8).imu(), 0.049)
     seen = inertial.level(frames, Params())
     share = share_of_rest(frames, seen)
     assert (share[~seen.resting] == 1.0).all()
@@ -179,5 +179,5 @@ def test_a_field_far_off_is_another_one_however_far_all_are_off():
     assert Reference(30.0, -40.0, 60.0).spread(Params()) == pytest.approx(10.0)
     assert Reference(30.0, -40.0, 2.0).spread(Params()) == pytest.approx(3.0)
     values = np.array([4.0, 1.0, 3.0, 2.0])
-    middles = [middle_of(values, np.array(of)) for of in ([1.0] * 4, [10.0, 1.0, 1.0, 1.0], [1.0, 1.0, 3.0, 1.0])]
+    middles = [weighted_median(values, np.array(of)) for of in ([1.0] * 4, [10.0, 1.0, 1.0, 1.0], [1.0, 1.0, 3.0, 1.0])]
     assert middles == [2.0, 4.0, 3.0]  # of their weight

@@ -252,7 +252,7 @@ def recorded():
     h = by_hand(6.0, rest=((2.0, 4.0),), seed=3)
     t = np.where(h.t < 5.0, h.t, h.t + 1.0)
     mag = np.where(np.arange(t.size)[:, np.newaxis] % 3 == 0, np.nan, h.mag)
-    frames, params = Keyframes.of(ImuData(t=t, gyr=h.gyr, acc=h.acc, mag=mag), 0.049), Params()
+    frames, params = Keyframes.from_imu(ImuData(t=t, gyr=h.gyr, acc=h.acc, mag=mag), 0.049), Params()
     at_rest = np.interp(frames.middle, [2.4, 2.5, 3.5, 3.6], [0, 1, 1, 0]) == 1.0
     n = frames.gap.size
     given = {
@@ -263,7 +263,7 @@ def recorded():
         "start": np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1)),
     }
     p0 = start_covariance(params, tilt=0.2, heading=0.5, bias=0.05, rigid=False)
-    return SimpleNamespace(**given, n=n, p0=p0, noise=Noise.of(params, 0.05))
+    return SimpleNamespace(**given, n=n, p0=p0, noise=Noise.from_params(params, 0.05))
 
 
 def passed(r):

@@ -14,7 +14,7 @@ from plumbob.live.record import record
 from plumbob.live.rigs.plan import PLANS
 from plumbob.live.rigs.rig import make_rig
 from plumbob.protocols.checksum import of_rows
-from plumbob.protocols.decode import decode, temperature_of, triads_of
+from plumbob.protocols.decode import decode, triads_of, unit_temperature
 from plumbob.protocols.rigs import load
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_angle, quat_conjugate, quat_multiply
 from plumbob.simulation.signals import Polynomial
@@ -77,14 +77,14 @@ def test_frames_say_how_a_rig_warms_up(name, prefix, lsb, tmp_path):
     frames, truth = emulated(name, tmp_path, temp_c="20 degC", warm_up="15 K, 2 s")
     t = np.arange(len(frames)) / rate
     expected = 20.0 + 15.0 * (1.0 - np.exp(-t / 2.0))
-    assert np.abs(temperature_of(frames, prefix) - expected).max() <= 0.5 * lsb * 1.001
+    assert np.abs(unit_temperature(frames, prefix) - expected).max() <= 0.5 * lsb * 1.001
     assert expected[-1] - expected[0] > 10.0
     np.testing.assert_allclose(truth.imu.temp_c, expected, atol=1e-5)
 
 
 def test_temperature_may_be_any_signal_and_moves_the_bias(tmp_path):
     frames, truth = emulated("trackball", tmp_path, temp_c=Polynomial((25.0, 2.0)), duration=10.0)
-    assert temperature_of(frames)[-1] == pytest.approx(25.0 + 2.0 * 9.9, abs=0.01)
+    assert unit_temperature(frames)[-1] == pytest.approx(25.0 + 2.0 * 9.9, abs=0.01)
     plain = make_rig(PLANS["rod"], load("rod"), seed=1, duration=2.0)
     warm = make_rig(PLANS["rod"], load("rod"), seed=1, duration=2.0, temp_c=45.0)
     moved = warm.units[""].truth.bias_b - plain.units[""].truth.bias_b

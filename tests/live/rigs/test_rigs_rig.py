@@ -11,7 +11,7 @@ from plumbob.live.rigs.faults import KINDS
 from plumbob.live.rigs.plan import PLANS, Unit, plan_for
 from plumbob.live.rigs.rig import make_rig
 from plumbob.protocols.checksum import of_rows
-from plumbob.protocols.decode import decode, temperature_of, triads_of
+from plumbob.protocols.decode import decode, triads_of, unit_temperature
 from plumbob.protocols.find import find_format
 from plumbob.protocols.format_toml import parse_format
 from plumbob.protocols.rigs import load, names
@@ -177,7 +177,7 @@ def test_a_damaged_or_silent_inner_packet_is_absent_while_the_frame_is_sound():
 
 def test_temperature_goes_into_the_frame():
     frames, _ = decoded(rig_of("trackball"))
-    assert np.abs(temperature_of(frames) - 25.0).max() <= 0.5 / 280  # K-3050: 280 LSB/°C
+    assert np.abs(unit_temperature(frames) - 25.0).max() <= 0.5 / 280  # K-3050: 280 LSB/°C
 
 
 MINE = """

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plumbob.core.time import BINS, bin_of, middle_of, quantile
+from plumbob.core.time import BINS, bin_index, bin_middle, quantile
 from plumbob.data.time_report import delays
 from plumbob.live.timing.delay import begin_line, line_at, observe
 from plumbob.live.timing.spec import DRIFT, NOW, REALS, ROUGH
@@ -41,7 +41,7 @@ class HostFit:
                 begin_line(self.real, x, y)
             delay = observe(self.real, x, y)
             self.worst = max(self.worst, delay)
-            self.histogram[bin_of(delay)] += 1
+            self.histogram[bin_index(delay)] += 1
             self.real[NOW] = x
         return self
 
@@ -115,17 +115,17 @@ def test_a_device_that_starts_again():
 
 def test_bins_and_quantiles_of_delays():
     delays = np.unique(np.rint(np.geomspace(1.0, 1e18, 2000)))
-    places = [bin_of(float(delay)) for delay in delays]
+    places = [bin_index(float(delay)) for delay in delays]
     assert places == sorted(places)
     assert 0 < places[0] <= places[-1] < BINS
     for delay, place in zip(delays, places, strict=True):
-        assert middle_of(place) == pytest.approx(delay, rel=1 / 32)
-    assert bin_of(-1.0) == bin_of(0.0) == 0
-    assert bin_of(1e300) < BINS
+        assert bin_middle(place) == pytest.approx(delay, rel=1 / 32)
+    assert bin_index(-1.0) == bin_index(0.0) == 0
+    assert bin_index(1e300) < BINS
     histogram = np.zeros(2 * BINS, dtype=np.int64)
     assert quantile(histogram, 0, 0.5) == 0.0
     for delay in range(1, 101):
-        histogram[BINS + bin_of(1000.0 * delay)] += 1
+        histogram[BINS + bin_index(1000.0 * delay)] += 1
     assert quantile(histogram, 0, 0.5) == 0.0
     assert quantile(histogram, BINS, 0.5) == pytest.approx(50_000, rel=1 / 16)
     assert quantile(histogram, BINS, 1.0) == pytest.approx(100_000, rel=1 / 16)

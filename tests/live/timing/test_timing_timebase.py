@@ -561,3 +561,15 @@ class TestWhatOnlyTheHostSaid:
         base.reopened(int(f.t_ns[-1]) + 10 * SECOND)
         base.stamp(f.t_ns[-1:] + 11 * SECOND, f.place[-1:] + 26)
         assert (base.report().gap_count, base.report().inferred) == (2, 0)
+
+
+def test_a_frame_counter_beside_a_clock_says_how_many_are_missing():
+    """A pause of 26 ms at 100 Hz has room for two frames; of a device that was late, the counter has missed one."""
+    made_ms = np.cumsum([0, *[10] * 200, 26, *[10] * 200])
+    sent = np.cumsum([0, *[1] * 200, 2, *[1] * 200])
+    host = START_NS + made_ms * 10**6
+    for counter, lost in ((Counter(8), 1), (None, 2)):
+        base = TimeBase(TimeSpec(clock=Counter(32, 10**6), frames=counter))
+        told = {} if counter is None else {"frames": sent % 256}
+        stamps = base.stamp(host, 26 * sent, clock=made_ms, **told)
+        assert stamps.lost[201] == lost == stamps.lost.sum()

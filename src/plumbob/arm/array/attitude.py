@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from plumbob.arm.array.direction_filter import NAME, params_of, track_directions
+from plumbob.arm.array.direction_filter import NAME, noise_params, track_directions
 from plumbob.arm.array.monitoring import Monitored, Settings, monitor
 from plumbob.core.errors import ParameterError
 from plumbob.core.text import Shown
@@ -85,13 +85,13 @@ def estimate(
             )
         frame = navigation_frame(watched.imu, None if frame is None else Frame.parse(frame), where="the array")
         start = (settings or Settings()).gyr_bias / math.sqrt(len(array.units))
-        known = params_of(watched.noise, start)
-        unknown = [name for name in params or {} if name not in known._fields]
+        noises = noise_params(watched.noise, start)
+        unknown = [name for name in params or {} if name not in noises._fields]
         if unknown:
             raise ParameterError(
-                f"directions has no parameter '{unknown[0]}'; known are {', '.join(known._fields)}, as numbers in SI."
+                f"directions has no parameter '{unknown[0]}'; known are {', '.join(noises._fields)}, as numbers in SI."
             )
-        return ArrayEstimated(track_directions(watched.imu, frame, known._replace(**(params or {}))), watched)
+        return ArrayEstimated(track_directions(watched.imu, frame, noises._replace(**(params or {}))), watched)
     noise = watched.noise if takes_noise(filter or SMOOTHER) else None
     made = estimate_one(watched.imu, filter, causal=causal, lag=lag, params=params, frame=frame, init=init, noise=noise)
     return ArrayEstimated(made.track, watched, made)

@@ -22,30 +22,30 @@ _END = 0.999
 """The last code below full scale is already the end."""
 
 
-def values_of(imu: ImuData, triad: str) -> Floats:
+def axis_values(imu: ImuData, triad: str) -> Floats:
     """Values of a unit's sensor axes (N, 3); NaN where absent or invalid, and on each axis at the end of its range."""
-    found: Floats | None = getattr(imu, triad)
-    if found is None:
+    values: Floats | None = getattr(imu, triad)
+    if values is None:
         return np.full((len(imu), 3), np.nan)
     _, clipped, invalid = TRIAD_FLAGS[triad]
-    out = np.zeros(found.shape, dtype=bool)
+    out = np.zeros(values.shape, dtype=bool)
     bad = (imu.flags & np.uint32(invalid)) != 0
     if bad.any():
         out[bad] = True
     at_end = (imu.flags & np.uint32(clipped)) != 0
     if at_end.any():
         full_scale = imu.meta.full_scale(triad)
-        largest = np.abs(found[at_end])
+        largest = np.abs(values[at_end])
         if full_scale is None:  # which axis it was is not known
             out[at_end] = True
         else:
             out[at_end] = largest >= _END * full_scale
-    return np.where(out, np.nan, found) if out.any() else found
+    return np.where(out, np.nan, values) if out.any() else values
 
 
 def stacked(array: ImuArray, triad: str) -> Floats:
-    """Values of the sensor axes of all units (N, U, 3), in the axes of each unit, as `values_of`."""
-    return np.stack([values_of(one, triad) for one in array.units.values()], axis=1)
+    """Values of the sensor axes of all units (N, U, 3), in the axes of each unit, as `axis_values`."""
+    return np.stack([axis_values(imu, triad) for imu in array.units.values()], axis=1)
 
 
 def directions(mounts: Mapping[str, Mount]) -> Floats:
@@ -60,14 +60,14 @@ def levers(mounts: Mapping[str, Mount]) -> Floats:
 
 def densities(mounts: Mapping[str, Mount], triad: str) -> Floats:
     """White noise of each axis (U, 3); where a card lacks it that of the others, and a usual one where all do."""
-    found = np.full((len(mounts), 3), np.nan)
+    density = np.full((len(mounts), 3), np.nan)
     for u, mount in enumerate(mounts.values()):
         noise = None if mount.noise is None else getattr(mount.noise, triad)
         if noise is not None and (noise.n_rpsd > 0.0).all():
-            found[u] = noise.n_rpsd
-    known = np.isfinite(found)
-    found[~known] = float(np.sqrt(np.mean(found[known] ** 2))) if known.any() else USUAL[triad]
-    return found
+            density[u] = noise.n_rpsd
+    finite = np.isfinite(density)
+    density[~finite] = float(np.sqrt(np.mean(density[finite] ** 2))) if finite.any() else USUAL[triad]
+    return density
 
 
 def with_noise(array: ImuArray) -> ImuArray:
@@ -78,7 +78,7 @@ def with_noise(array: ImuArray) -> ImuArray:
     """
     if len(array) < 10 or any(mount.noise is not None for mount in array.mounts.values()):
         return array
-    root, seen = float(np.sqrt(nominal_step(array))), {}
+    root, noises = float(np.sqrt(nominal_step(array))), {}
     for triad in TRIADS:
         body = array.stacked(triad)
         there = np.isfinite(body)
@@ -89,15 +89,15 @@ def with_noise(array: ImuArray) -> ImuArray:
             steps = np.abs(beyond[:, u][np.isfinite(beyond[:, u])])
             others = 1.0 - 1.0 / len(array.names)  # share of a unit's own variance that is beyond the mean
             sd = 1.4826 * float(np.median(steps)) / np.sqrt(6.0 * others) if steps.size else 0.0
-            seen[name, triad] = TriadNoise(np.full(3, max(sd * root, USUAL[triad])), np.zeros(3), np.zeros(3))
+            noises[name, triad] = TriadNoise(np.full(3, max(sd * root, USUAL[triad])), np.zeros(3), np.zeros(3))
     cards = {
-        name: NoiseCard(name, "its own samples", **{triad: seen[name, triad] for triad in TRIADS})
+        name: NoiseCard(name, "its own samples", **{triad: noises[name, triad] for triad in TRIADS})
         for name in array.names
     }
     return ImuArray(array.units, {k: replace(mount, noise=cards[k]) for k, mount in array.mounts.items()})
 
 
-def weights_of(array: ImuArray, triad: str, by: str) -> Floats:
+def weighting(array: ImuArray, triad: str, by: str) -> Floats:
     """Weights of the sensor axes (U, 3).
 
     Parameters
@@ -120,16 +120,16 @@ def weights_of(array: ImuArray, triad: str, by: str) -> Floats:
         return 1.0 / densities(array.mounts, triad) ** 2
     if by == "equal":
         return np.ones((len(array.units), 3))
-    found = []
-    for name, one in array.units.items():
-        full_scale = one.meta.full_scale(triad)
-        if full_scale is None and getattr(one, triad) is not None:
+    weights = []
+    for name, imu in array.units.items():
+        full_scale = imu.meta.full_scale(triad)
+        if full_scale is None and getattr(imu, triad) is not None:
             raise ParameterError(
                 f"weights by range need the {triad}_range of every unit, but '{name}' does not have one. "
                 "Take weights='noise' or 'equal'."
             )
-        found.append(np.ones(3) if full_scale is None else 1.0 / full_scale**2)
-    return np.array(found)
+        weights.append(np.ones(3) if full_scale is None else 1.0 / full_scale**2)
+    return np.array(weights)
 
 
 def combined_noise(array: ImuArray, name: str) -> NoiseCard | None:
@@ -139,11 +139,11 @@ def combined_noise(array: ImuArray, name: str) -> NoiseCard | None:
     parts: dict[str, TriadNoise] = {}
     axes = directions(array.mounts)
     for triad in TRIADS:
-        if not any(getattr(one, triad) is not None for one in array.units.values()):
+        if not any(getattr(imu, triad) is not None for imu in array.units.values()):
             continue
         if not any(m.noise is not None and getattr(m.noise, triad) is not None for m in array.mounts.values()):
             continue
-        has = np.array([getattr(one, triad) is not None for one in array.units.values()])
+        has = np.array([getattr(imu, triad) is not None for imu in array.units.values()])
         weight = np.where(has[:, np.newaxis], 1.0 / densities(array.mounts, triad) ** 2, 0.0)
         normal = np.einsum("uk,uki,ukj->ij", weight, axes, axes)
         if np.linalg.matrix_rank(normal) < 3:
@@ -162,7 +162,7 @@ def combined_noise(array: ImuArray, name: str) -> NoiseCard | None:
 
 def _slow(mounts: Mapping[str, Mount], triad: str, letter: str) -> Floats:
     noises = [None if m.noise is None else getattr(m.noise, triad) for m in mounts.values()]
-    return np.array([np.zeros(3) if one is None else getattr(one, letter) for one in noises])
+    return np.array([np.zeros(3) if noise is None else getattr(noise, letter) for noise in noises])
 
 
 def nominal_step(array: ImuArray) -> float:

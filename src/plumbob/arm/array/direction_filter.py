@@ -54,15 +54,15 @@ class Params(NamedTuple):
     mag_noise: float = 0.1
 
 
-def params_of(noise: NoiseCard | None, bias_start: float) -> Params:
+def noise_params(noise: NoiseCard | None, bias_start: float) -> Params:
     """Parameters from the card of a virtual unit, and the standard deviation of its bias."""
-    found = Params(bias_start=bias_start)
+    params = Params(bias_start=bias_start)
     if noise is None:
-        return found
-    known = {f"{name}_noise": one.n_rms for name in ("gyr", "acc", "mag") if (one := getattr(noise, name)) is not None}
+        return params
+    rms = {f"{name}_noise": part.n_rms for name in ("gyr", "acc", "mag") if (part := getattr(noise, name)) is not None}
     if noise.gyr is not None and noise.gyr.k_rms > 0.0:
-        known["gyr_walk"] = noise.gyr.k_rms
-    return found._replace(**{name: value for name, value in known.items() if value > 0.0})
+        rms["gyr_walk"] = noise.gyr.k_rms
+    return params._replace(**{name: value for name, value in rms.items() if value > 0.0})
 
 
 @kernel
@@ -109,8 +109,8 @@ def step_time(
     gx: float, gy: float, gz: float,
 ) -> None:  # fmt: skip
     """Let a step pass with the rate g, or the last one where it is absent; at rest the rate is the bias."""
-    known = not (math.isnan(gx) or math.isnan(gy) or math.isnan(gz))
-    if known:
+    has_rate = not (math.isnan(gx) or math.isnan(gy) or math.isnan(gz))
+    if has_rate:
         x[RATE], x[RATE + 1], x[RATE + 2] = gx, gy, gz
     white = noise[0] * noise[0]
     mix = 1.0 if x[MEAN_VAR] == 0.0 else 1.0 - math.exp(-step / REST_TAU)
@@ -122,7 +122,7 @@ def step_time(
     if at_rest(p, x[MEAN_VAR], x[MEAN] - x[BIAS], x[MEAN + 1] - x[BIAS + 1], x[MEAN + 2] - x[BIAS + 2]):
         for k in range(SIZE):
             p[k, k] += (TREMOR * TREMOR * white if k < 3 else noise[1] * noise[1]) * dt
-        if known:
+        if has_rate:
             for k in range(3):
                 update_bias(p, state, k, x[RATE + k] - x[BIAS + k], white / step, gain)
         return
@@ -131,7 +131,7 @@ def step_time(
     turned[0, 0], turned[0, 1], turned[0, 2] = -dt * r00, -dt * r01, -dt * r02
     turned[1, 0], turned[1, 1], turned[1, 2] = -dt * r10, -dt * r11, -dt * r12
     turned[2, 0], turned[2, 1], turned[2, 2] = -dt * r20, -dt * r21, -dt * r22
-    propagate(p, turned, (white if known else 1.0) * dt, noise[1] * noise[1] * dt)
+    propagate(p, turned, (white if has_rate else 1.0) * dt, noise[1] * noise[1] * dt)
 
 
 @kernel

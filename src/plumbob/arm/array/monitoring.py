@@ -79,11 +79,11 @@ class Settings(NamedTuple):
             or min(self.tau, self.alarm, self.noisy) <= 0.0
         ):
             raise ParameterError(f"the settings of a monitor must be positive numbers, but they are {self}.")
-        found = [self.tau, self.alarm, self.noisy, self.readmit, self.dead, step, self.adapt, self.learn]
+        coefficients = [self.tau, self.alarm, self.noisy, self.readmit, self.dead, step, self.adapt, self.learn]
         for triad in TRIADS:
             of = {letter: float(getattr(self, f"{triad}_{letter}")) ** 2 for letter in ("bias", "walk")}
-            found += [of["bias"], self.scale**2, of["walk"], self.scale_walk**2]
-        return np.array(found)
+            coefficients += [of["bias"], self.scale**2, of["walk"], self.scale_walk**2]
+        return np.array(coefficients)
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +168,7 @@ class Monitored(Series):
         """All findings, as JSON can hold them."""
         from plumbob.reporting.report import plain
 
-        found: dict[str, Any] = plain(
+        findings: dict[str, Any] = plain(
             {
                 "units": list(self.names),
                 "samples": len(self),
@@ -177,7 +177,7 @@ class Monitored(Series):
                 "faults": list(self.faults),
             }
         )
-        return found
+        return findings
 
     def report(self) -> Report:
         """Faults and counts."""
@@ -318,36 +318,36 @@ def monitor(array: ImuArray, *, settings: Settings | None = None) -> Monitored:
     """
     from plumbob.arm.array.timeline import aligned
 
-    known = any(mount.noise is not None for mount in array.mounts.values())
+    has_card = any(mount.noise is not None for mount in array.mounts.values())
     array = with_noise(aligned(array))
     watch = Monitor(array.mounts, step=nominal_step(array), settings=settings)
     parts = [watch.take(part) for part in array.chunks(CHUNK)]
     imu = ImuData.joined([part.imu for part in parts])
     return Monitored(
-        imu, np.concatenate([part.words for part in parts]), array.names, parts[0].noise if known else None
+        imu, np.concatenate([part.words for part in parts]), array.names, parts[0].noise if has_card else None
     )
 
 
 def common_flags(array: ImuArray) -> NDArray[np.uint32]:
     """Flags (N,) that all units have, and gaps and faults of time, which one is enough for."""
-    words = [one.flags for one in array.units.values()]
+    words = [imu.flags for imu in array.units.values()]
     every = np.bitwise_and.reduce(words)
     any_ = np.bitwise_or.reduce(words) & np.uint32(flags.GAP | flags.TIME_FAULT)
-    found: NDArray[np.uint32] = (every | any_).astype(np.uint32)
-    return found
+    common: NDArray[np.uint32] = (every | any_).astype(np.uint32)
+    return common
 
 
 def virtual(array: ImuArray, values: Floats, row: NDArray[np.uint32]) -> ImuData:
     """Virtual unit (N, triads, 3) in body axes; a triad that no unit has is left out."""
     first = next(iter(array.units.values()))
-    has = [any(getattr(one, triad) is not None for one in array.units.values()) for triad in TRIADS]
+    has = [any(getattr(imu, triad) is not None for imu in array.units.values()) for triad in TRIADS]
     triads = {triad: np.ascontiguousarray(values[:, i]) for i, triad in enumerate(TRIADS) if has[i]}
     meta = ImuMeta(
         device=_name(array), rate_nominal=first.meta.rate_nominal, t0_ns=first.meta.t0_ns, frame=first.meta.frame,
         north=first.meta.north, declination=first.meta.declination, calibration=first.meta.calibration,
         unit_check=False,
     )  # fmt: skip
-    temps = [one.temp_c for one in array.units.values() if one.temp_c is not None]
+    temps = [imu.temp_c for imu in array.units.values() if imu.temp_c is not None]
     return ImuData.live(
         first.t_ns, triads, temp_c=np.mean(temps, axis=0) if temps else None, flags=row, meta=meta
     )  # fmt: skip

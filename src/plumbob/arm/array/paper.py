@@ -162,7 +162,7 @@ def law(kind: int, e: float, dt: float, rules: Floats, integral: Floats, k: int)
 
 
 @kernel
-def kept(kind: int, rules: Floats, integral: Floats, k: int) -> float:
+def i_term(kind: int, rules: Floats, integral: Floats, k: int) -> float:
     """What of the correction stays without an error, rad/s."""
     if kind == 1:
         u: float = rules[3] * integral[k]
@@ -200,11 +200,11 @@ def run(
         w0, w1, w2 = 0.0, 0.0, 0.0
         if i > 0:
             for k in range(3):
-                known = (1.0 - weight) * kept(first, rules, sums[0], k) + weight * kept(second, rules, sums[1], k)
+                steady = (1.0 - weight) * i_term(first, rules, sums[0], k) + weight * i_term(second, rules, sums[1], k)
                 before = (1.0 - weight) * gyr1[i - 1, k] + weight * gyr2[i - 1, k]
                 now = (1.0 - weight) * gyr1[i, k] + weight * gyr2[i, k]
-                sums[2, k] = known
-                sums[3, k] = dt * (0.5 * (before + now) + known)  # the rate of a step is the mean of its ends
+                sums[2, k] = steady
+                sums[3, k] = dt * (0.5 * (before + now) + steady)  # the rate of a step is the mean of its ends
             w0, w1, w2 = sums[3, 0], sums[3, 1], sums[3, 2]
         if i == 0:
             ax, ay, az = acc1[0, 0] + both * acc2[0, 0], acc1[0, 1] + both * acc2[0, 1], acc1[0, 2] + both * acc2[0, 2]

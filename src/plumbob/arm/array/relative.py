@@ -78,7 +78,7 @@ class ArrayInfo(Reported):
 
     def facts(self) -> Mapping[str, str]:
         """Units and samples."""
-        return {"units": ", ".join(one.name for one in self.units), "samples": f"{self.samples}, {self.duration:.6g} s"}
+        return {"units": ", ".join(u.name for u in self.units), "samples": f"{self.samples}, {self.duration:.6g} s"}
 
     def __getitem__(self, name: str) -> UnitInfo:
         """Of one unit.
@@ -88,37 +88,37 @@ class ArrayInfo(Reported):
         ParameterError
             If there is no such unit.
         """
-        for one in self.units:
-            if one.name == name:
-                return one
-        raise ParameterError(f"there is no unit '{name}'; units are {', '.join(one.name for one in self.units)}.")
+        for unit in self.units:
+            if unit.name == name:
+                return unit
+        raise ParameterError(f"there is no unit '{name}'; units are {', '.join(unit.name for unit in self.units)}.")
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them; SI."""
-        found: dict[str, Any] = plain({"samples": self.samples, "duration_s": self.duration, "units": list(self.units)})
-        return found
+        facts: dict[str, Any] = plain({"samples": self.samples, "duration_s": self.duration, "units": list(self.units)})
+        return facts
 
     def report(self) -> Report:
         """Tables by unit."""
         tables = [
             Table("Rotation beyond the mount [°]", ("unit", "x", "y", "z"), [
-                (one.name, *_cells(to_deg(one.rotation), to_deg(one.rotation_sd))) for one in self.units
+                (unit.name, *_cells(to_deg(unit.rotation), to_deg(unit.rotation_sd))) for unit in self.units
             ])
         ]  # fmt: skip
         names = {"gyr": "gyroscope bias [°/s]", "acc": "accelerometer bias [m/s²]", "mag": "magnetometer bias [µT]"}
         for triad in TRIADS:
-            if not any(triad in one.bias for one in self.units):
+            if not any(triad in unit.bias for unit in self.units):
                 continue
             turn = to_dps if triad == "gyr" else np.asarray
-            rows = [(one.name, *_cells(turn(one.bias[triad]), turn(one.bias_sd[triad]))) for one in self.units]
+            rows = [(unit.name, *_cells(turn(unit.bias[triad]), turn(unit.bias_sd[triad]))) for unit in self.units]
             tables.append(Table(f"Relative {names[triad]}", ("unit", "x", "y", "z"), rows))
         rows = [
-            (one.name, *_cells(np.array([1e3 * one.clock_offset]), np.array([1e3 * one.clock_sd])))
-            for one in self.units
+            (unit.name, *_cells(np.array([1e3 * unit.clock_offset]), np.array([1e3 * unit.clock_sd])))
+            for unit in self.units
         ]
         tables.append(Table("Clock offset [ms]", ("unit", "later by"), rows))
         remarks = ["Every figure is relative to the mean of all units: what they have in common does not show."]
-        if any(np.isnan(one.clock_offset) for one in self.units):
+        if any(np.isnan(unit.clock_offset) for unit in self.units):
             remarks.append("The array hardly moved: clock offsets need rates well above the noise.")
         return Report("Array", list(self.facts().items()), tables, remarks)
 
@@ -154,18 +154,18 @@ def info(array: ImuArray) -> ArrayInfo:
         raise ParameterError("one unit cannot be compared with others; an array needs two units at least.")
     array = with_noise(array)
     late = _coarse(array)
-    found: list[_Fit] = []
+    fits: list[_Fit] = []
     for _ in range(ROUNDS):
         shifted = _later(array, late)
         virtual = combined(shifted, "noise", None, causal=False)
-        found = [_fit(shifted, virtual, u) for u in range(len(array.units))]
-        steps = np.array([0.0 if np.isnan(fit.clock_sd) else fit.x[12] for fit in found])
+        fits = [_fit(shifted, virtual, u) for u in range(len(array.units))]
+        steps = np.array([0.0 if np.isnan(fit.clock_sd) else fit.x[12] for fit in fits])
         late += steps
         if (np.abs(steps) < 1e-6).all():
             break
     rms = virtual.parity_rms
     units = []
-    for u, (name, fit) in enumerate(zip(array.names, found, strict=True)):
+    for u, (name, fit) in enumerate(zip(array.names, fits, strict=True)):
         has = [triad for triad in TRIADS if triad in rms and np.isfinite(rms[triad][u]).any()]
         places = {triad: slice(3 + 3 * i, 6 + 3 * i) for i, triad in enumerate(TRIADS)}
         units.append(
@@ -187,11 +187,11 @@ def corrected(array: ImuArray, found: ArrayInfo) -> ImuArray:
     """Array with what `info` found put right: its mounts turned, biases taken off, clocks set."""
     units, mounts = {}, {}
     for name, imu in array.units.items():
-        one, mount = found[name], array.mounts[name]
-        late = 0.0 if np.isnan(one.clock_offset) else one.clock_offset
-        q_bs = quat_multiply(quat_from_rotvec(one.rotation), np.array(mount.q_bs))
+        unit, mount = found[name], array.mounts[name]
+        late = 0.0 if np.isnan(unit.clock_offset) else unit.clock_offset
+        q_bs = quat_multiply(quat_from_rotvec(unit.rotation), np.array(mount.q_bs))
         mounts[name] = replace(mount, q_bs=tuple(q_bs.tolist()), clock_offset=mount.clock_offset + late)
-        less = {t: getattr(imu, t) - one.bias[t] @ mount.dcm for t in imu.triads if t in one.bias}
+        less = {t: getattr(imu, t) - unit.bias[t] @ mount.dcm for t in imu.triads if t in unit.bias}
         units[name] = ImuData(
             imu.t, **less, temp_c=imu.temp_c, flags=imu.flags, meta=replace(imu.meta, unit_check=False)
         )
@@ -225,8 +225,8 @@ def _coarse(array: ImuArray) -> Floats:
         alike = np.fft.irfft(spectra[:, 0].conj() * spectra[:, u], size)
         near = np.concatenate((alike[-reach:], alike[: reach + 1]))
         late[u] = -(int(near.argmax()) - reach) * step  # its values come so much earlier
-    found: Floats = late - late.mean()
-    return found
+    centred: Floats = late - late.mean()
+    return centred
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -246,9 +246,9 @@ def _fit(array: ImuArray, combined: Combined, u: int) -> _Fit:
     for i, triad in enumerate(TRIADS):
         if triad not in combined.parity:
             continue
-        left = combined.parity[triad][:, u] @ mount.dcm.T
+        parity = combined.parity[triad][:, u] @ mount.dcm.T
         mean = getattr(combined.imu, triad)
-        there = np.isfinite(left).all(axis=1) & np.isfinite(mean).all(axis=1)
+        there = np.isfinite(parity).all(axis=1) & np.isfinite(mean).all(axis=1)
         if there.sum() < 2:
             continue
         noise = float(np.mean(densities(array.mounts, triad)[u])) / np.sqrt(step)
@@ -261,17 +261,17 @@ def _fit(array: ImuArray, combined: Combined, u: int) -> _Fit:
             reliable = _reliable(slope[moving & there], noise / np.sqrt(len(array.units)), step)
             design[moving, :, 12] = slope[moving] if reliable > RELIABLE else 0.0
         design[moving, :, :3] = skew(mean[moving])
-        a, b = design[there].reshape(-1, _SIZE), left[there].reshape(-1)
+        a, b = design[there].reshape(-1, _SIZE), parity[there].reshape(-1)
         spread = max(noise, _robust(b))
-        seen = a.T @ a
+        information = a.T @ a
         of_noise = 2.0 * float((moving & there).sum()) * noise**2 / len(array.units)
-        seen[:3, :3] = _less(seen[:3, :3], of_noise)  # the noise of the mean shows no rotation
-        normal += seen / spread**2
+        information[:3, :3] = _less(information[:3, :3], of_noise)  # the noise of the mean shows no rotation
+        normal += information / spread**2
         right += a.T @ b / spread**2
     cov = np.linalg.inv(normal)
     x, sd = cov @ right, np.sqrt(np.diag(cov))
-    known = reliable > RELIABLE
-    return _Fit(x, sd, float(sd[12]) if known else float("nan"))
+    has_clock = reliable > RELIABLE
+    return _Fit(x, sd, float(sd[12]) if has_clock else float("nan"))
 
 
 def _reliable(slope: Floats, noise: float, step: float) -> float:
@@ -285,8 +285,8 @@ def _reliable(slope: Floats, noise: float, step: float) -> float:
 def _less(matrix: Floats, size: float) -> Floats:
     """Symmetric matrix less a multiple of one, but never below zero."""
     values, vectors = np.linalg.eigh(matrix)
-    found: Floats = (vectors * np.maximum(values - size, 0.0)) @ vectors.T
-    return found
+    reduced: Floats = (vectors * np.maximum(values - size, 0.0)) @ vectors.T
+    return reduced
 
 
 def _robust(values: Floats) -> float:

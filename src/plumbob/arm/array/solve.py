@@ -17,10 +17,10 @@ SINGULAR: Final = 1e-9
 def factor(a: Floats, size: int) -> bool:
     """Cholesky factor of a symmetric matrix (size, size) in place, lower half; False where it is singular."""
     for j in range(size):
-        whole = a[j, j]
+        diagonal = a[j, j]
         for k in range(j):
             a[j, j] -= a[j, k] * a[j, k]
-        if not a[j, j] > SINGULAR * whole:
+        if not a[j, j] > SINGULAR * diagonal:
             return False
         a[j, j] = math.sqrt(a[j, j])
         for i in range(j + 1, size):
@@ -83,7 +83,7 @@ def times(m: Floats, b0: float, b1: float, b2: float) -> Vec:
 
 
 @kernel
-def combine_rows(y: Floats, axes: Floats, weight: Floats, x: Floats, left: Floats) -> None:
+def combine_rows(y: Floats, axes: Floats, weight: Floats, x: Floats, residual: Floats) -> None:
     """Vector x (N, 3), body axes, of all sensor axes, and what each axis measures beyond it.
 
     Parameters
@@ -94,7 +94,7 @@ def combine_rows(y: Floats, axes: Floats, weight: Floats, x: Floats, left: Float
         Direction of sensor axis k of unit u in body axes.
     weight : ndarray (U, 3)
         Inverse variances.
-    x, left : ndarray (N, 3), (N, U, 3)
+    x, residual : ndarray (N, 3), (N, U, 3)
         Results; NaN where the axes that are left do not span the body.
     """
     a, inverse = np.zeros((3, 3)), np.zeros((3, 3))
@@ -117,7 +117,7 @@ def combine_rows(y: Floats, axes: Floats, weight: Floats, x: Floats, left: Float
             x[i, 0], x[i, 1], x[i, 2] = times(inverse, b0, b1, b2)
         for u in range(y.shape[1]):
             for k in range(3):
-                left[i, u, k] = y[i, u, k] - (
+                residual[i, u, k] = y[i, u, k] - (
                     axes[u, k, 0] * x[i, 0] + axes[u, k, 1] * x[i, 1] + axes[u, k, 2] * x[i, 2]
                 )
 
@@ -125,7 +125,7 @@ def combine_rows(y: Floats, axes: Floats, weight: Floats, x: Floats, left: Float
 @kernel
 def force_rows(
     y: Floats, axes: Floats, weight: Floats, levers: Floats, rate: Floats, turn: Floats, turn_weight: float,
-    x: Floats, left: Floats, a: Floats, b: Floats,
+    x: Floats, residual: Floats, a: Floats, b: Floats,
 ) -> None:  # fmt: skip
     """Specific force of the reference point and angular acceleration together, of accelerometers at levers.
 
@@ -142,7 +142,7 @@ def force_rows(
         Angular rate and acceleration of the gyroscopes, body axes.
     turn_weight : float
         Inverse variance of the latter.
-    x, left : ndarray (N, 3), (N, U, 3)
+    x, residual : ndarray (N, 3), (N, U, 3)
         Specific force, and what each axis measures beyond all.
     a, b : ndarray (6, 6), (6,)
         Room to work in.
@@ -151,9 +151,9 @@ def force_rows(
         w0, w1, w2 = rate[i, 0], rate[i, 1], rate[i, 2]
         a[:, :] = 0.0
         for k in range(3):
-            known = not math.isnan(turn[i, k])
-            a[3 + k, 3 + k] = turn_weight if known else 1e-6 * turn_weight
-            b[k], b[3 + k] = 0.0, turn_weight * turn[i, k] if known else 0.0
+            has_turn = not math.isnan(turn[i, k])
+            a[3 + k, 3 + k] = turn_weight if has_turn else 1e-6 * turn_weight
+            b[k], b[3 + k] = 0.0, turn_weight * turn[i, k] if has_turn else 0.0
         for u in range(y.shape[1]):
             r0, r1, r2 = levers[u, 0], levers[u, 1], levers[u, 2]
             along = w0 * r0 + w1 * r1 + w2 * r2
@@ -179,7 +179,7 @@ def force_rows(
             f1 = b[1] + b[5] * r0 - b[3] * r2 + w1 * along - size * r1
             f2 = b[2] + b[3] * r1 - b[4] * r0 + w2 * along - size * r2
             for k in range(3):
-                left[i, u, k] = y[i, u, k] - (axes[u, k, 0] * f0 + axes[u, k, 1] * f1 + axes[u, k, 2] * f2)
+                residual[i, u, k] = y[i, u, k] - (axes[u, k, 0] * f0 + axes[u, k, 1] * f1 + axes[u, k, 2] * f2)
 
 
 @kernel

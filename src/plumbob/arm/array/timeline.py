@@ -41,16 +41,16 @@ def joined(units: Imus, mounts: Mapping[str, Mount] | None = None) -> ImuArray:
         raise ShapeError("an array needs at least one unit, but none was given.")
     mounts = dict(mounts or {})
     first = check.kind("unit", next(iter(units.values())), ImuData)
-    epochs = [one.meta.t0_ns for one in units.values()]
+    epochs = [imu.meta.t0_ns for imu in units.values()]
     absolute = all(epochs)
-    found = {}
-    for name, one in units.items():
+    resampled = {}
+    for name, imu in units.items():
         mount = mounts.get(name, Mount())
-        start = (one.meta.t0_ns - first.meta.t0_ns) * 1e-9 if absolute else 0.0
-        taken = one.t + start + mount.clock_offset
-        found[name] = one if one is first and mount.clock_offset == 0.0 else _resampled(name, one, taken, first.t)
+        start = (imu.meta.t0_ns - first.meta.t0_ns) * 1e-9 if absolute else 0.0
+        taken = imu.t + start + mount.clock_offset
+        resampled[name] = imu if imu is first and mount.clock_offset == 0.0 else _resampled(name, imu, taken, first.t)
         mounts[name] = replace(mount, clock_offset=0.0)
-    return ImuArray(found, mounts)
+    return ImuArray(resampled, mounts)
 
 
 def aligned(array: ImuArray) -> ImuArray:
@@ -58,8 +58,8 @@ def aligned(array: ImuArray) -> ImuArray:
     if all(mount.clock_offset == 0.0 for mount in array.mounts.values()):
         return array
     units = {
-        name: one if (late := array.mounts[name].clock_offset) == 0.0 else _resampled(name, one, one.t + late, one.t)
-        for name, one in array.units.items()
+        name: imu if (late := array.mounts[name].clock_offset) == 0.0 else _resampled(name, imu, imu.t + late, imu.t)
+        for name, imu in array.units.items()
     }
     return ImuArray(units, {name: replace(mount, clock_offset=0.0) for name, mount in array.mounts.items()})
 
@@ -71,28 +71,28 @@ def _resampled(name: str, imu: ImuData, taken: Floats, t: Floats) -> ImuData:
             f"unit '{name}' was recorded from {taken[0]:.6g} s to {taken[-1]:.6g} s, but the first one from "
             f"{t[0]:.6g} s to {t[-1]:.6g} s: they have no time in common. Do their clocks count from the same start?"
         )
-    triads = {triad: _at(t, taken, getattr(imu, triad)) for triad in imu.triads}
-    known = {triad: values for triad, values in triads.items() if np.isfinite(values).any()}
-    if not known:
+    triads = {triad: _interpolated(t, taken, getattr(imu, triad)) for triad in imu.triads}
+    present = {triad: values for triad, values in triads.items() if np.isfinite(values).any()}
+    if not present:
         raise ClockError(f"unit '{name}' has no values at the times of the first unit. Do they overlap?")
     temp_c = None if imu.temp_c is None else np.interp(t, taken, imu.temp_c)
     meta = replace(imu.meta, unit_check=False)
     nearest = np.clip(np.searchsorted(taken, t), 0, taken.size - 1)
     before = np.maximum(nearest - 1, 0)
-    return ImuData(t, **known, temp_c=temp_c, flags=imu.flags[nearest] | imu.flags[before], meta=meta)
+    return ImuData(t, **present, temp_c=temp_c, flags=imu.flags[nearest] | imu.flags[before], meta=meta)
 
 
-def _at(t: Floats, taken: Floats, values: Floats) -> Floats:
+def _interpolated(t: Floats, taken: Floats, values: Floats) -> Floats:
     """Values (M, 3) at the times t, linear between those that are there; NaN beyond them and in gaps."""
     there = np.isfinite(values).all(axis=1)
-    found = np.full((t.size, 3), np.nan)
-    own = taken[there]
-    if own.size < 2:
-        return found
-    right = np.clip(np.searchsorted(own, t), 1, own.size - 1)
-    step = own[right] - own[right - 1]
-    close = (t >= own[0]) & (t <= own[-1]) & (step <= GAP_FACTOR * float(np.median(np.diff(own))))
-    share = ((t - own[right - 1]) / step)[:, np.newaxis]
+    resampled = np.full((t.size, 3), np.nan)
+    times = taken[there]
+    if times.size < 2:
+        return resampled
+    right = np.clip(np.searchsorted(times, t), 1, times.size - 1)
+    step = times[right] - times[right - 1]
+    close = (t >= times[0]) & (t <= times[-1]) & (step <= GAP_FACTOR * float(np.median(np.diff(times))))
+    share = ((t - times[right - 1]) / step)[:, np.newaxis]
     between = (1.0 - share) * values[there][right - 1] + share * values[there][right]
-    found[close] = between[close]
-    return found
+    resampled[close] = between[close]
+    return resampled

@@ -141,9 +141,9 @@ def shrink(x: Floats, k0: float, k1: float, k2: float, k3: float, s: float) -> N
 @kernel
 def body_value(
     y: Floats, axes: Floats, weight: Floats, x: Floats, h: Floats, corrected: bool, out: bool,
-    a: Floats, inverse: Floats, found: Floats,
+    a: Floats, inverse: Floats, body: Floats,
 ) -> int:  # fmt: skip
-    """Value of the body `found` (3,) from the sensor axes y (U, 3); returns how many units took part.
+    """Value of the body `body` (3,) from the sensor axes y (U, 3); returns how many units took part.
 
     Those that are out are left out unless `out`; `corrected` takes off what the trackers know of each axis at h.
     """
@@ -169,12 +169,12 @@ def body_value(
         units += took
     if not inverse3(a, inverse):
         return 0
-    found[0], found[1], found[2] = times(inverse, b0, b1, b2)
+    body[0], body[1], body[2] = times(inverse, b0, b1, b2)
     return units
 
 
 @kernel
-def middle(y: Floats, axes: Floats, x: Floats, h: Floats, room: Floats, found: Floats) -> None:
+def middle(y: Floats, axes: Floats, x: Floats, h: Floats, room: Floats, body: Floats) -> None:
     """Middle value of the units that are in and have all three axes, of each axis of the body."""
     for j in range(3):
         count = 0
@@ -184,8 +184,8 @@ def middle(y: Floats, axes: Floats, x: Floats, h: Floats, room: Floats, found: F
             value = 0.0
             for k in range(3):
                 p = TH + 4 * k
-                known = x[u, p] + x[u, p + 1] * h[0] + x[u, p + 2] * h[1] + x[u, p + 3] * h[2]
-                value += axes[u, k, j] * (y[u, k] - known)
+                error = x[u, p] + x[u, p + 1] * h[0] + x[u, p + 2] * h[1] + x[u, p + 3] * h[2]
+                value += axes[u, k, j] * (y[u, k] - error)
             if math.isnan(value):
                 continue
             at = count
@@ -195,7 +195,7 @@ def middle(y: Floats, axes: Floats, x: Floats, h: Floats, room: Floats, found: F
             room[at] = value
             count += 1
         if count > 0:
-            found[j] = 0.5 * (room[(count - 1) // 2] + room[count // 2])
+            body[j] = 0.5 * (room[(count - 1) // 2] + room[count // 2])
 
 
 @kernel
@@ -282,7 +282,7 @@ def is_frozen(x: Floats) -> bool:
 
 
 @kernel
-def score_of(x: Floats, c: Floats, spread: float, others: float) -> tuple[float, float]:
+def alarm_score(x: Floats, c: Floats, spread: float, others: float) -> tuple[float, float]:
     """How far a unit is on the way to an alarm, which is 1, by its mean innovation and by their squares."""
     mean = square = 0.0
     for k in range(3):
@@ -327,7 +327,7 @@ def settle_others(x: Floats, g: Floats, but: int) -> None:
 
 
 @kernel
-def kind_of(x: Floats) -> float:
+def fault_kind(x: Floats) -> float:
     """Whether a unit deviates, with a sign that lasts, or is noisy."""
     mean = square = 0.0
     for k in range(3):
@@ -345,14 +345,14 @@ def score_all(x: Floats, g: Floats, c: Floats) -> int:
             total += x[u, SQUARE] + x[u, SQUARE + 1] + x[u, SQUARE + 2]
             inside += 1
     for u in range(x.shape[0]):
-        own, rest = 0.0, inside
+        squares, rest = 0.0, inside
         if x[u, STATE] != OUT:
-            own, rest = x[u, SQUARE] + x[u, SQUARE + 1] + x[u, SQUARE + 2], inside - 1
-        others = max(1.0, (total - own) / (3.0 * rest)) if inside >= FAST_FROM else 1.0
-        mean, square = score_of(x[u], c, g[SPREAD], others)
+            squares, rest = x[u, SQUARE] + x[u, SQUARE + 1] + x[u, SQUARE + 2], inside - 1
+        others = max(1.0, (total - squares) / (3.0 * rest)) if inside >= FAST_FROM else 1.0
+        mean, square = alarm_score(x[u], c, g[SPREAD], others)
         x[u, SCORE] = max(mean, square)
         if x[u, STATE] != OUT or (x[u, REASON] <= IS_NOISY and x[u, SCORE] > 1.0):
-            x[u, REASON] = kind_of(x[u])
+            x[u, REASON] = fault_kind(x[u])
     return inside
 
 
@@ -420,16 +420,16 @@ def note_absence(x: Floats, y: Floats, c: Floats, dt: float) -> None:
 @kernel
 def changes(x: Floats, y: Floats) -> float:
     """Share of the units whose values are not those of before."""
-    moved = seen = 0.0
+    moved = present = 0.0
     for u in range(y.shape[0]):
         if math.isnan(y[u, 0]) and math.isnan(y[u, 1]) and math.isnan(y[u, 2]):
             continue
-        seen += 1.0
+        present += 1.0
         for k in range(3):
             if not math.isnan(y[u, k]) and y[u, k] != x[u, LAST + k]:
                 moved += 1.0
                 break
-    return moved / max(seen, 1.0)
+    return moved / max(present, 1.0)
 
 
 @kernel
@@ -443,9 +443,9 @@ def adapt(g: Floats, c: Floats, dt: float, use: Floats) -> None:
 @kernel
 def take_triad(
     t: float, triad: int, x: Floats, g: Floats, c: Floats, y: Floats, axes: Floats, weight: Floats,
-    a: Floats, inverse: Floats, h: Floats, found: Floats, use: Floats, room: Floats,
+    a: Floats, inverse: Floats, h: Floats, body: Floats, use: Floats, room: Floats,
 ) -> int:  # fmt: skip
-    """Take one sample of a triad of all units (U, 3); the body's value goes to `found`, and what is wrong is returned.
+    """Take one sample of a triad of all units (U, 3); the body's value goes to `body`, and what is wrong is returned.
 
     Returns
     -------
@@ -457,13 +457,13 @@ def take_triad(
     if everyone:
         units = body_value(y, axes, weight, x, h, False, True, a, inverse, h)
     if units == 0:
-        found[0] = found[1] = found[2] = math.nan
+        body[0] = body[1] = body[2] = math.nan
         return 0
     dt = c[STEP] if g[COUNT] == 0.0 else t - g[LAST_T]
     g[LAST_T] = t
     g[COUNT] += 1.0
-    body_value(y, axes, weight, x, h, True, everyone, a, inverse, found)
-    h[0], h[1], h[2] = found[0], found[1], found[2]
+    body_value(y, axes, weight, x, h, True, everyone, a, inverse, body)
+    h[0], h[1], h[2] = body[0], body[1], body[2]
     mix = 1.0 - math.exp(-dt / c[TAU])
     g[SPREAD] = (1.0 - mix) * (1.0 - mix) * g[SPREAD] + mix * mix
     at, moved = OF_TRIAD + 4 * triad, changes(x, y)
@@ -484,7 +484,7 @@ def take_triad(
     unclear = c[STEP] * g[COUNT] > c[LEARN] and judge(x, g, c, dt)
     found_flags = flags.CANNOT_ISOLATE if unclear else 0
     if unclear and units > 2:
-        middle(y, axes, x, h, room, found)
+        middle(y, axes, x, h, room, body)
     for u in range(y.shape[0]):
         if x[u, STATE] == OUT:
             found_flags |= flags.UNIT_EXCLUDED
@@ -510,12 +510,12 @@ def take_lever(y: Floats, axes: Floats, levers: Floats, w: Floats, turn: Floats)
 @kernel
 def take_rows(
     t: Floats, y: Floats, x: Floats, g: Floats, c: Floats, axes: Floats, weight: Floats, levers: Floats, leans: bool,
-    a: Floats, inverse: Floats, h: Floats, use: Floats, room: Floats, found: Floats, words: NDArray[np.uint32],
+    a: Floats, inverse: Floats, h: Floats, use: Floats, room: Floats, body: Floats, words: NDArray[np.uint32],
     row_flags: NDArray[np.uint32],
 ) -> None:  # fmt: skip
     """Take samples y (N, triads, U, 3), which it may change; gives values of the body (N, triads, 3) and words (N, U).
 
-    A word has the state of each triad; see `word_of`.
+    A word has the state of each triad; see `state_word`.
     """
     for i in range(t.shape[0]):
         said = 0
@@ -528,21 +528,21 @@ def take_rows(
             before = g[triad, LAST_T]
             said |= take_triad(
                 t[i], triad, x[triad], g[triad], c, y[i, triad], axes, weight[triad], a, inverse, h[triad],
-                found[i, triad], use, room,
+                body[i, triad], use, room,
             )  # fmt: skip
             if triad == 0:
                 step = t[i] - before
                 for k in range(3):
-                    known = g[0, COUNT] > 1.0 and step > 0.0
-                    h[3, k] = (h[0, k] - g[0, BEFORE + k]) / step if known else 0.0
+                    has_step = g[0, COUNT] > 1.0 and step > 0.0
+                    h[3, k] = (h[0, k] - g[0, BEFORE + k]) / step if has_step else 0.0
                     g[0, BEFORE + k] = h[0, k]
         row_flags[i] |= said
         for u in range(y.shape[2]):
-            words[i, u] = word_of(x[0, u], 0) | word_of(x[1, u], 1) | word_of(x[2, u], 2)
+            words[i, u] = state_word(x[0, u], 0) | state_word(x[1, u], 1) | state_word(x[2, u], 2)
 
 
 @kernel
-def word_of(x: Floats, triad: int) -> int:
+def state_word(x: Floats, triad: int) -> int:
     """State of a unit's triad: 0 good, 1 suspect, 2 deviates, 3 noisy, 4 frozen, 5 dead, in four bits at 4 × triad."""
     state = 0
     if x[STATE] == SUSPECT:

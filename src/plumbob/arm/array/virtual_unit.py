@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob.arm.array.channels import combined_noise, densities, directions, levers, nominal_step, stacked, weights_of
+from plumbob.arm.array.channels import combined_noise, densities, directions, levers, nominal_step, stacked, weighting
 from plumbob.arm.array.monitoring import Monitored, common_flags, virtual
 from plumbob.arm.array.solve import combine_rows, force_rows
 from plumbob.arm.array.timeline import aligned
@@ -54,13 +54,13 @@ class Combined(Series):
     @property
     def parity_rms(self) -> dict[str, Floats]:
         """Root mean square of the parity of each sensor axis (U, 3), by triad; NaN where it has no value."""
-        found = {}
-        for triad, left in self.parity.items():
-            known = np.isfinite(left)
-            count = known.sum(axis=0)
-            total = np.sum(np.where(known, left, 0.0) ** 2, axis=0)
-            found[triad] = np.sqrt(np.where(count > 0, total, np.nan) / np.maximum(count, 1))
-        return found
+        rms = {}
+        for triad, residual in self.parity.items():
+            finite = np.isfinite(residual)
+            count = finite.sum(axis=0)
+            total = np.sum(np.where(finite, residual, 0.0) ** 2, axis=0)
+            rms[triad] = np.sqrt(np.where(count > 0, total, np.nan) / np.maximum(count, 1))
+        return rms
 
     def facts(self) -> Mapping[str, str]:
         """Units and samples."""
@@ -74,10 +74,10 @@ class Combined(Series):
         """What each sensor axis measures beyond the virtual unit, as JSON can hold it; SI and µT."""
         from plumbob.reporting.report import plain
 
-        found: dict[str, Any] = plain(
+        facts: dict[str, Any] = plain(
             {"units": list(self.names), "samples": len(self), "parity_rms": self.parity_rms, "noise": self._densities}
         )
-        return found
+        return facts
 
     @property
     def _densities(self) -> dict[str, Floats]:
@@ -112,18 +112,18 @@ def combined(
     values = np.full((len(array), 3, 3), np.nan)
     parity: dict[str, Floats] = {}
     for i, triad in enumerate(TRIADS):
-        if all(getattr(one, triad) is None for one in array.units.values()):
+        if all(getattr(imu, triad) is None for imu in array.units.values()):
             continue
         y = stacked(array, triad)
         if triad in out:
             y = np.where(out[triad][:, :, np.newaxis], np.nan, y)
-        weight, x, left = weights_of(array, triad, weights), np.empty((len(array), 3)), np.empty(y.shape)
+        weight, x, residual = weighting(array, triad, weights), np.empty((len(array), 3)), np.empty(y.shape)
         if triad == "acc" and arms.any() and "gyr" in parity:
             rate = np.ascontiguousarray(values[:, 0])
-            _forces(array, y, axes, weight, arms, rate, x, left, causal)
+            _forces(array, y, axes, weight, arms, rate, x, residual, causal)
         else:
-            combine_rows(y, axes, weight, x, left)
-        values[:, i], parity[triad] = x, left
+            combine_rows(y, axes, weight, x, residual)
+        values[:, i], parity[triad] = x, residual
     if not np.isfinite(values).any():
         raise ShapeError(
             "the axes of the array's units do not span the body in any sample: three axes that do not lie in a plane "
@@ -134,7 +134,7 @@ def combined(
 
 
 def _forces(
-    array: ImuArray, y: Floats, axes: Floats, weight: Floats, arms: Floats, rate: Floats, x: Floats, left: Floats,
+    array: ImuArray, y: Floats, axes: Floats, weight: Floats, arms: Floats, rate: Floats, x: Floats, residual: Floats,
     causal: bool,
 ) -> None:  # fmt: skip
     """Specific force at the reference point; where there is no rate, that of a body that does not turn."""
@@ -144,8 +144,8 @@ def _forces(
     slope_var = 2.0 * noise2 / step**2 * (1.0 if causal else 0.25)
     acc_var = float(np.mean(densities(array.mounts, "acc") ** 2)) / step
     turn_weight = float(np.mean(weight)) * acc_var / slope_var  # in the units of the weights
-    known = np.where(np.isfinite(rate), rate, 0.0)
-    force_rows(y, axes, weight, arms, known, turn, turn_weight, x, left, np.zeros((6, 6)), np.zeros(6))
+    finite_rate = np.where(np.isfinite(rate), rate, 0.0)
+    force_rows(y, axes, weight, arms, finite_rate, turn, turn_weight, x, residual, np.zeros((6, 6)), np.zeros(6))
 
 
 def _causal_slope(values: Floats, t: Floats) -> Floats:
@@ -159,14 +159,14 @@ def _masks(excluded: "Monitored | Mapping[str, ArrayLike] | None", array: ImuArr
         return {}
     if isinstance(excluded, Monitored):
         excluded = {triad: excluded.excluded(triad) for triad in TRIADS}
-    found, shape = {}, (len(array), len(array.units))
+    masks, shape = {}, (len(array), len(array.units))
     for triad, mask in excluded.items():
         check.one_of("excluded", triad, TRIADS)
         out = np.asarray(mask, dtype=bool)
         if out.shape != shape:
             raise ShapeError(f"excluded['{triad}'] must be of shape {shape}, samples and units, but it is {out.shape}.")
-        found[triad] = out
-    return found
+        masks[triad] = out
+    return masks
 
 
 def _out_flags(out: Mapping[str, NDArray[np.bool_]], count: int) -> NDArray[np.uint32]:

@@ -98,7 +98,7 @@ def fit_accel_moving(
         If the capture cannot determine the calibration, with the reasons.
     """
     check.one_of("shape", shape, [name for name in SHAPES if name != "six"])
-    found: list[tuple[float, Fitted]] = []
+    fits: list[tuple[float, Fitted]] = []
     refused: CaptureRefusedError | None = None
     attitude = _attitude(t, gyr)
     for length in LENGTHS:
@@ -106,18 +106,18 @@ def fit_accel_moving(
         if len(windows.rows) < FEWEST:
             continue
         try:
-            found.append((length, _fit(windows, acc, shape, gravity, tilt_range)))
+            fits.append((length, _fit(windows, acc, shape, gravity, tilt_range)))
         except CaptureRefusedError as error:
             refused = refused or error
-    if not found:
+    if not fits:
         raise refused or CaptureRefusedError(_too_fast(t, gyr))
-    length, best = min(found, key=_predicted)
-    told = f"Never at rest: {len(best.used)} windows of {length:g} s stand for poses, turned together by the gyroscope."
-    return replace(best, remarks=(told, *best.remarks))
+    length, best = min(fits, key=_predicted)
+    note = f"Never at rest: {len(best.used)} windows of {length:g} s stand for poses, turned together by the gyroscope."
+    return replace(best, remarks=(note, *best.remarks))
 
 
-def _predicted(one: tuple[float, Fitted]) -> float:
-    quality = one[1].calibration.quality
+def _predicted(pair: tuple[float, Fitted]) -> float:
+    quality = pair[1].calibration.quality
     return math.inf if quality is None or quality.tilt_sd is None else quality.tilt_sd
 
 
@@ -154,8 +154,8 @@ def _fit(windows: Windows, acc: Floats, shape: str, gravity: float, tilt_range: 
             break
         matrix, bias = np.asarray(gravity * fit.ellipsoid.shape), fit.ellipsoid.centre
         poses = _poses(windows, acc, matrix, bias)
-    found = fit_accel(poses, shape=shape, gravity=gravity, tilt_range=tilt_range)
-    return _told(found, float(np.mean(windows.rate[found.used])), gravity, tilt_range)
+    fitted = fit_accel(poses, shape=shape, gravity=gravity, tilt_range=tilt_range)
+    return _widened(fitted, float(np.mean(windows.rate[fitted.used])), gravity, tilt_range)
 
 
 def _poses(windows: Windows, acc: Floats, matrix: Floats, bias: Floats) -> Floats:
@@ -164,9 +164,9 @@ def _poses(windows: Windows, acc: Floats, matrix: Floats, bias: Floats) -> Float
     return np.asarray(np.linalg.solve(matrix, np.einsum("n,wni->iw", windows.weights, force)).T + bias)
 
 
-def _told(found: Fitted, rate: float, gravity: float, tilt_range: float) -> Fitted:
+def _widened(fitted: Fitted, rate: float, gravity: float, tilt_range: float) -> Fitted:
     """The fit with what windows share, and with the centripetal acceleration that none of them shows."""
-    calibration = found.calibration
+    calibration = fitted.calibration
     unseen = 2.0 / 3.0 * rate * ARM / math.sqrt(3.0)  # the mean of −ω × (ω × l) over directions of ω, along each axis
     assert calibration.covariance is not None and calibration.quality is not None
     covariance = calibration.covariance * _SHARED
@@ -182,8 +182,8 @@ def _told(found: Fitted, rate: float, gravity: float, tilt_range: float) -> Fitt
         f"{unseen / G0 * 1e3:.2g} mg along each axis, which looks like a bias and is in the prediction."
     )
     method = calibration.method.replace("poses", "windows of slow tumbling")
-    told = replace(calibration, covariance=covariance, quality=quality, method=method)
-    return replace(found, calibration=told, remarks=(remark, *found.remarks))
+    triad = replace(calibration, covariance=covariance, quality=quality, method=method)
+    return replace(fitted, calibration=triad, remarks=(remark, *fitted.remarks))
 
 
 def _speed(rate: float) -> str:

@@ -24,11 +24,11 @@ from plumbob.calibration.ellipsoid.ellipsoid_fit import (
     choose,
     fit_norm,
     linearised,
-    radius_of,
+    mean_radius,
     scaled,
 )
 from plumbob.calibration.fit import TILT, CaptureRefusedError, Fitted, Reason, grade_of, refuse
-from plumbob.calibration.predicted import REGIONS, TILT_RANGE, filled, names_of, tilt_sd
+from plumbob.calibration.predicted import REGIONS, TILT_RANGE, filled, region_names, tilt_sd
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE, G0, WGS84_A, WGS84_F, WGS84_GM, WGS84_GRAVITY_EQUATOR, WGS84_GRAVITY_POLE
@@ -79,9 +79,9 @@ NEAR: Final = deg(15.0)
 def faces(poses: Floats) -> list[int] | None:
     """Which of six poses (6, 3) is +x, −x, +y, −y, +z, −z; None where they are not one of each within `NEAR`."""
     cosines = REGIONS[:6] @ (poses / np.linalg.norm(poses, axis=1, keepdims=True)).T
-    found = np.argmax(cosines, axis=1)
-    one_each = len(poses) == 6 and len(set(found.tolist())) == 6 and cosines.max(axis=1).min() >= math.cos(NEAR)
-    return found.tolist() if one_each else None
+    sides = np.argmax(cosines, axis=1)
+    one_each = len(poses) == 6 and len(set(sides.tolist())) == 6 and cosines.max(axis=1).min() >= math.cos(NEAR)
+    return sides.tolist() if one_each else None
 
 
 def six_positions(poses: Floats, *, noise: float = 0.0) -> NormFit | None:
@@ -195,17 +195,17 @@ def fit_accel(
         )
     poses = check.rows("poses", poses, 3)
     refuse(_unusable(poses, shape, noise, gravity))
-    fit, why = _found(poses, shape, noise)
+    fit, why = _by_shape(poses, shape, noise)
     matrix, covariance = scaled(fit, gravity, alike=alike_in(fit, poses).factor)
     tilt = tilt_sd(matrix, covariance, size=gravity, tilt_range=tilt_range)
     refuse(_untrue(fit, tilt, gravity))
-    left = np.linalg.norm((poses - fit.ellipsoid.centre) @ matrix, axis=1)[fit.used] - gravity
+    residuals = np.linalg.norm((poses - fit.ellipsoid.centre) @ matrix, axis=1)[fit.used] - gravity
     calibration = TriadCalibration(
         matrix=matrix,
         bias=fit.ellipsoid.centre,
         unit_in=UNITS["acc"],
         unit_out=UNITS["acc"],
-        residual_rms=float(np.sqrt(np.mean(left**2))),
+        residual_rms=float(np.sqrt(np.mean(residuals**2))),
         covariance=covariance,
         reference=gravity,
         method=f"accelerometer in {len(poses)} poses: {_WORDS[fit.shape]}{' by pairs' if shape == 'six' else ''}",
@@ -214,10 +214,10 @@ def fit_accel(
     return Fitted(calibration, poses, fit.residuals, fit.used, _remarks(fit, why, gravity, noise))
 
 
-def _found(poses: Floats, shape: str, noise: float) -> _Found:
-    found = _chosen(poses, noise) if shape == "auto" else _asked(poses, shape, noise)
-    if found is not None:
-        return found
+def _by_shape(poses: Floats, shape: str, noise: float) -> _Found:
+    choice = _chosen(poses, noise) if shape == "auto" else _given_shape(poses, shape, noise)
+    if choice is not None:
+        return choice
     if shape != "six":
         raise CaptureRefusedError(Reason("ill-conditioned", "no ellipsoid fits the poses.", _ADVICE))
     text = f"{len(poses)} poses are not the six faces, each once up within 15°."
@@ -225,7 +225,7 @@ def _found(poses: Floats, shape: str, noise: float) -> _Found:
     raise CaptureRefusedError(Reason("ill-conditioned", text, advice))
 
 
-def _asked(poses: Floats, shape: str, noise: float) -> _Found | None:
+def _given_shape(poses: Floats, shape: str, noise: float) -> _Found | None:
     fit = six_positions(poses, noise=noise) if shape == "six" else _fit(poses, _SMALLEST[shape], noise)
     return None if fit is None else _Found(_doubted(fit, poses), "asked for")
 
@@ -256,7 +256,7 @@ def _least(shape: Shape, noise: float) -> int:
 
 def _determined(fit: NormFit) -> bool:
     """Whether the poses say more of the sensitivity across the axes than a data sheet does."""
-    across = float(np.sqrt(np.diag(fit.covariance)[6:].max())) * radius_of(fit.ellipsoid.shape)
+    across = float(np.sqrt(np.diag(fit.covariance)[6:].max())) * mean_radius(fit.ellipsoid.shape)
     return fit.condition < _SINGULAR and across < CROSS_AXIS
 
 
@@ -266,7 +266,7 @@ def _doubted(fit: NormFit, poses: Floats) -> NormFit:
         return fit
     rows, _ = linearised(poses[fit.used], fit.ellipsoid)
     spoilt = np.vstack((-np.linalg.lstsq(rows[:, :6], rows[:, 6:], rcond=None)[0], np.eye(3)))
-    variance = (CROSS_AXIS / radius_of(fit.ellipsoid.shape)) ** 2
+    variance = (CROSS_AXIS / mean_radius(fit.ellipsoid.shape)) ** 2
     return fit._replace(covariance=fit.covariance + variance * spoilt @ spoilt.T)
 
 
@@ -306,8 +306,8 @@ def _sides(poses: Floats, sizes: Floats) -> Reason | None:
         return None
     return Reason(
         "too-few-regions",
-        f"no pose had {names_of(empty)} up within 60°, so bias and scale cannot be separated there.",
-        f"Hold the unit still with {names_of(empty)} up as well, one after the other.",
+        f"no pose had {region_names(empty)} up within 60°, so bias and scale cannot be separated there.",
+        f"Hold the unit still with {region_names(empty)} up as well, one after the other.",
     )
 
 
@@ -325,7 +325,7 @@ def _wrong_gravity(size: float, gravity: float, limit: float) -> Reason | None:
 
 def _untrue(fit: NormFit, tilt: float, gravity: float) -> list[Reason]:
     """Reasons not to believe a fit."""
-    reasons = [_wrong_gravity(radius_of(fit.ellipsoid.shape), gravity, WRONG)]
+    reasons = [_wrong_gravity(mean_radius(fit.ellipsoid.shape), gravity, WRONG)]
     out = np.flatnonzero(~fit.used)
     if out.size > MOST_OUTLIERS * fit.used.size:
         text = f"{out.size} of {fit.used.size} poses do not fit the others (poses {_numbers(fit)})."
@@ -351,25 +351,25 @@ def _quality(poses: Floats, fit: NormFit, tilt: float, tilt_range: float) -> Qua
 
 
 def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[str, ...]:
-    told = [f"Shape: {_WORDS[fit.shape]} ({why}).", *_far_scale(radius_of(fit.ellipsoid.shape) / gravity)]
+    notes = [f"Shape: {_WORDS[fit.shape]} ({why}).", *_far_scale(mean_radius(fit.ellipsoid.shape) / gravity)]
     if gravity == G0:
-        told.append("Gravity is the standard one; at the place it may differ by 0.3 %, in scale but not in direction.")
+        notes.append("Gravity is the standard one; at the place it may differ by 0.3 %, in scale but not in direction.")
     if fit.shape is not Shape.ELLIPSOID:
-        sd = to_deg(float(np.sqrt(np.diag(fit.covariance)[6:].max())) * radius_of(fit.ellipsoid.shape))
-        told.append(
+        sd = to_deg(float(np.sqrt(np.diag(fit.covariance)[6:].max())) * mean_radius(fit.ellipsoid.shape))
+        notes.append(
             f"Misalignment was left at zero; the predicted error counts it with {sd:.2g}° (1 sd) per pair of axes."
         )
     if np.count_nonzero(fit.used) < fit.shape.value + SPARE:
-        told.append(f"{len(fit.used)} poses are too few to notice a bad one. Take {fit.shape.value + SPARE} or more.")
+        notes.append(f"{len(fit.used)} poses are too few to notice a bad one. Take {fit.shape.value + SPARE} or more.")
     if noise > 0.0 and fit.sd > _RESTLESS * noise:
-        told.append(f"The poses scatter {fit.sd / noise:.0f} times as much about the fit as noise at rest explains.")
+        notes.append(f"The poses scatter {fit.sd / noise:.0f} times as much about the fit as noise at rest explains.")
     if not fit.used.all():
-        told.append(f"Set aside because they do not fit the others: poses {_numbers(fit)} of {len(fit.used)}.")
-    told.append(
+        notes.append(f"Set aside because they do not fit the others: poses {_numbers(fit)} of {len(fit.used)}.")
+    notes.append(
         "The length of gravity does not show how the axes are turned in the case, usually 0.3°; 'plumbob calibrate "
         "mount' measures that turn."
     )
-    return tuple(told)
+    return tuple(notes)
 
 
 def _far_scale(ratio: float) -> tuple[str, ...]:

@@ -46,7 +46,7 @@ def visits(directions: Floats) -> NDArray[np.intp]:
     return np.flatnonzero(begins)
 
 
-def means_of(residuals: Floats, starts: NDArray[np.intp]) -> Floats:
+def visit_means(residuals: Floats, starts: NDArray[np.intp]) -> Floats:
     """Means (K,) of residuals (N,) over visits."""
     return np.asarray(np.add.reduceat(residuals, starts) / np.diff(starts, append=len(residuals)))
 
@@ -95,7 +95,7 @@ class _Process(NamedTuple):
 
 def _neighbours(residuals: Floats, starts: NDArray[np.intp]) -> _Pairs:
     """Each visit and the next."""
-    means = means_of(residuals, starts)
+    means = visit_means(residuals, starts)
     return _Pairs(means[:-1], means[1:], len(residuals) / len(means), 0.0)
 
 
@@ -123,7 +123,7 @@ def _staying(pairs: _Pairs, noise: tuple[_Process, ...]) -> float:
 
 def _beyond(pairs: _Pairs, noise: tuple[_Process, ...], *, doubt: float = 1.0) -> float:
     """Covariance of both of a pair, less that of noise, as often as it may be."""
-    of_noise = min(one.power * _covariance(one.rho, pairs.size, pairs.gap) for one in noise)
+    of_noise = min(process.power * _covariance(process.rho, pairs.size, pairs.gap) for process in noise)
     return float(np.mean(pairs.first * pairs.second)) - doubt * of_noise
 
 
@@ -139,9 +139,9 @@ def _noise(residuals: Floats) -> tuple[_Process, ...]:
     one and two samples, in which motion of the errors does.
     """
     power = float(residuals @ residuals) / len(residuals)
-    one, two = (0.5 * float(np.mean((residuals[k:] - residuals[:-k]) ** 2)) for k in (1, 2))
-    rho = min(max(two / one - 1.0, 0.0), _STAYING_NOISE) if one > 0.0 else 0.0
-    return _Process(power, min(correlation(residuals), STAYING)), _Process(min(one / (1.0 - rho), power), rho)
+    first, second = (0.5 * float(np.mean((residuals[k:] - residuals[:-k]) ** 2)) for k in (1, 2))
+    rho = min(max(second / first - 1.0, 0.0), _STAYING_NOISE) if first > 0.0 else 0.0
+    return _Process(power, min(correlation(residuals), STAYING)), _Process(min(first / (1.0 - rho), power), rho)
 
 
 def _covariance(rho: float, size: float, gap: float) -> float:
@@ -218,7 +218,7 @@ def memory(residuals: Floats, starts: NDArray[np.intp]) -> float:
     of_samples = _together(correlation(residuals - residuals.mean())) if len(residuals) >= LONG else 1.0
     if len(starts) < FEWEST_VISITS:
         return of_samples
-    means = means_of(residuals, starts)
+    means = visit_means(residuals, starts)
     if (stays := correlation(means)) == 0.0:
         return of_samples
     return max(of_samples, _together(stays) * _per_sample(float(means @ means) / len(means), residuals) / len(means))

@@ -33,7 +33,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.fit import inverse_of
+from plumbob.calibration.fit import invert
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
 from plumbob.core.text import p_value
@@ -293,23 +293,23 @@ class _Descent:
 
     def run(self, soft: float, *, steps: int = _STEPS) -> bool:
         """Go to the minimum; False where it was not reached."""
-        self.cost, damping = self._at(self.p, soft), 1e-6
+        self.cost, damping = self._cost(self.p, soft), 1e-6
         for _ in range(steps):
             a, g = self._equations()
             step = -np.linalg.lstsq(a + damping * np.diag(np.diag(a)), g, rcond=None)[0]  # [Marquardt1963]
             if float(np.sqrt(step @ a @ step)) < _ENOUGH * np.sqrt(self.cost / len(self.points)) + _EXACT:
                 return True
-            trial, kept = self.p + self.space @ step, self.normal.copy()
-            cost = self._at(trial, soft) if _is_shape(trial) else np.inf
+            trial, before = self.p + self.space @ step, self.normal.copy()
+            cost = self._cost(trial, soft) if _is_shape(trial) else np.inf
             if cost < self.cost:
                 self.p, self.cost, damping = trial, cost, max(0.1 * damping, 1e-12)
             else:
-                self.normal[:], damping = kept, 10.0 * max(damping, 1e-6)
+                self.normal[:], damping = before, 10.0 * max(damping, 1e-6)
         return False
 
     def scale(self) -> float:
         """Standard deviation of the residuals by their median, parameters counted."""
-        self._at(self.p, np.inf)
+        self._cost(self.p, np.inf)
         free = max(1, len(self.points) - self.shape.value)
         typical = MAD * float(np.median(np.abs(self.residuals)))
         return max(typical * float(np.sqrt(len(self.points) / free)), 1e-12)
@@ -322,12 +322,12 @@ class _Descent:
     def set_aside_groups(self) -> None:
         """Mark outliers among few samples, of which a median says little: each pulls the fit to itself."""
         while self.run(np.inf):
-            kept = np.flatnonzero(self.used)
-            rows, left = linearised(self.points[kept], Ellipsoid(self.p[:3], _matrix(self.p[3:])))
-            worst = outlying(rows @ self.space, left, false_alarm=FALSE_ALARM, rounding=_EXACT)
+            indices = np.flatnonzero(self.used)
+            rows, residuals = linearised(self.points[indices], Ellipsoid(self.p[:3], _matrix(self.p[3:])))
+            worst = outlying(rows @ self.space, residuals, false_alarm=FALSE_ALARM, rounding=_EXACT)
             if not worst.size:
                 return
-            self.used[kept[worst]] = False
+            self.used[indices[worst]] = False
 
     def _limit(self, free: int) -> float:
         """Residual over its standard deviation that one of all samples exceeds by chance with `FALSE_ALARM`."""
@@ -337,12 +337,12 @@ class _Descent:
 
     def result(self, middle: Floats, size: float, noise: float) -> NormFit | None:
         """Take the scaling back."""
-        self.cost = self._at(self.p, np.inf)
+        self.cost = self._cost(self.p, np.inf)
         a, _ = self._equations()
         free = int(np.count_nonzero(self.used)) - self.shape.value
         if free < 0 or (free == 0 and not noise > 0.0):
             return None
-        inverse = inverse_of(a)
+        inverse = invert(a)
         sd = max(noise / size, float(np.sqrt(self.cost / free)) if free else 0.0)
         back = np.concatenate((np.full(3, size), np.full(6, 1.0 / size)))
         cov = self.space @ inverse.matrix @ self.space.T
@@ -357,14 +357,14 @@ class _Descent:
             float(self.cost * size * size),
         )
 
-    def _at(self, p: Floats, soft: float) -> float:
+    def _cost(self, p: Floats, soft: float) -> float:
         return accumulate(self.points, p, soft, self.used, self.residuals, self.normal)
 
     def _equations(self) -> tuple[Floats, Floats]:
         """Normal matrix and gradient of the shape's own parameters."""
         lower = np.tril(self.normal[:, :9])
-        whole = lower + np.tril(lower, -1).T
-        return self.space.T @ whole @ self.space, self.space.T @ self.normal[:, 9]
+        normal = lower + np.tril(lower, -1).T
+        return self.space.T @ normal @ self.space, self.space.T @ self.normal[:, 9]
 
 
 def _parameters(shape: Floats) -> Floats:
@@ -406,14 +406,14 @@ def outlying(rows: Floats, left: Floats, *, false_alarm: float, rounding: float)
 
     q, _ = np.linalg.qr(rows)
     spare = np.eye(len(left)) - q @ q.T
-    left = spare @ left  # what the curvature of the model makes of the rest would pass for misfit
-    cost = float(left @ left)
+    residuals = spare @ left  # what the curvature of the model makes of the rest would pass for misfit
+    cost = float(residuals @ residuals)
     for count in range(1, LARGEST + 1):
-        free = len(left) - rows.shape[1] - count
+        free = len(residuals) - rows.shape[1] - count
         if free < 2:
             break
-        groups = np.array(list(combinations(range(len(left)), count)))
-        gains = _gains(spare, left, groups)
+        groups = np.array(list(combinations(range(len(residuals)), count)))
+        gains = _gains(spare, residuals, groups)
         best = int(np.argmax(gains))
         rest = max((cost - float(gains[best])) / free, rounding**2)
         if f.sf(gains[best] / count / rest, count, free) * len(groups) * LARGEST < false_alarm:
@@ -421,13 +421,13 @@ def outlying(rows: Floats, left: Floats, *, false_alarm: float, rounding: float)
     return np.zeros(0, dtype=np.int64)
 
 
-def _gains(spare: Floats, left: Floats, groups: NDArray[np.int64]) -> Floats:
+def _gains(spare: Floats, errors: Floats, groups: NDArray[np.int64]) -> Floats:
     """What the deletion of each group (M, k) takes off the sum of squares, (M,)."""
     inner = spare[groups[:, :, np.newaxis], groups[:, np.newaxis, :]]
     alone = np.linalg.det(inner) < _ALONE
     inner[alone] = np.eye(groups.shape[1])
     # [Cook1982]
-    gains = np.einsum("mi,mi->m", left[groups], np.linalg.solve(inner, left[groups][:, :, np.newaxis])[:, :, 0])
+    gains = np.einsum("mi,mi->m", errors[groups], np.linalg.solve(inner, errors[groups][:, :, np.newaxis])[:, :, 0])
     return np.where(alone, 0.0, gains)
 
 
@@ -439,7 +439,7 @@ for _column, (_i, _j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 
     _SYMMETRIC_PARTS[3 + 3 * _i + _j, _column] = _SYMMETRIC_PARTS[3 + 3 * _j + _i, _column] = 1.0
 
 
-def radius_of(matrix: Floats) -> float:
+def mean_radius(matrix: Floats) -> float:
     """Length that a matrix (3, 3) brings to 1, on average, in the sensor's own scale."""
     return float(1.0 / np.cbrt(np.linalg.det(matrix)))
 
@@ -456,8 +456,8 @@ def scaled(fit: NormFit, size: float | None, *, alike: float) -> tuple[Floats, F
     alike : float
         How many samples count as one, by which the covariance is widened.
     """
-    known = _SYMMETRIC_PARTS @ (fit.covariance * alike) @ _SYMMETRIC_PARTS.T
-    return to_size(fit.ellipsoid.shape, known, size)
+    spread = _SYMMETRIC_PARTS @ (fit.covariance * alike) @ _SYMMETRIC_PARTS.T
+    return to_size(fit.ellipsoid.shape, spread, size)
 
 
 def to_size(matrix: Floats, covariance: Floats, size: float | None) -> tuple[Floats, Floats]:
@@ -470,21 +470,21 @@ def to_size(matrix: Floats, covariance: Floats, size: float | None) -> tuple[Flo
     size : float or None
         Length of the calibrated vector; where None, the matrix gets the determinant 1, and so keeps the sensor's scale.
     """
-    factor = size or radius_of(matrix)
+    factor = size or mean_radius(matrix)
     by_fit = np.eye(9)
     if not size:
         by_fit -= np.outer(matrix.ravel(), np.linalg.inv(matrix).T.ravel()) / 3.0
-    whole = np.eye(12)
-    whole[3:, 3:] = factor * by_fit
-    return factor * matrix, whole @ covariance @ whole.T
+    jacobian = np.eye(12)
+    jacobian[3:, 3:] = factor * by_fit
+    return factor * matrix, jacobian @ covariance @ jacobian.T
 
 
-def to_size_of(distortion: Floats, covariance: Floats, size: float | None) -> tuple[Floats, Floats]:
+def distortion_to_size(distortion: Floats, covariance: Floats, size: float | None) -> tuple[Floats, Floats]:
     """The same from the inverse of the matrix, and the covariance of bias and that: how a field of 1 is measured."""
     inverse = np.asarray(np.linalg.inv(distortion), dtype=np.float64)
-    whole = np.eye(12)
-    whole[3:, 3:] = -np.kron(inverse, inverse.T)
-    return to_size(inverse, whole @ covariance @ whole.T, size)
+    jacobian = np.eye(12)
+    jacobian[3:, 3:] = -np.kron(inverse, inverse.T)
+    return to_size(inverse, jacobian @ covariance @ jacobian.T, size)
 
 
 SIGNIFICANCE: Final = 0.01
@@ -502,7 +502,7 @@ class Choice(NamedTuple):
     why: str
 
 
-def start_of(vectors: Floats) -> Ellipsoid:
+def first_ellipsoid(vectors: Floats) -> Ellipsoid:
     """Ellipsoid to start from (N, 3): the best closed form that gives one."""
     some = vectors[:: max(1, len(vectors) // _SOME)]
     return fit_quadric(some) or fit_axes(some) or _ball(some)
@@ -510,7 +510,7 @@ def start_of(vectors: Floats) -> Ellipsoid:
 
 def fit_shape(vectors: Floats, shape: Shape) -> NormFit | None:
     """Fit of one shape, as asked for."""
-    return fit_norm(vectors, shape, start_of(vectors))
+    return fit_norm(vectors, shape, first_ellipsoid(vectors))
 
 
 def choose(vectors: Floats) -> Choice | None:
@@ -519,24 +519,24 @@ def choose(vectors: Floats) -> Choice | None:
     full = fit_shape(some, Shape.ELLIPSOID) if len(some) >= Shape.ELLIPSOID.value + SPARE else None
     if full is None:
         return None
-    kept, tests, used = full, [], some[full.used]
+    fit, tests, used = full, [], some[full.used]
     for shape in (Shape.AXES, Shape.SPHERE):
         smaller = fit_norm(used, shape, full.ellipsoid, robust=False)
-        chance = 0.0 if smaller is None else _chance(smaller, kept, len(used))
-        tests.append(f"{shape.name.lower()} against {kept.shape.name.lower()}: {p_value(chance)}")
+        chance = 0.0 if smaller is None else _chance(smaller, fit, len(used))
+        tests.append(f"{shape.name.lower()} against {fit.shape.name.lower()}: {p_value(chance)}")
         if smaller is None or chance < SIGNIFICANCE:
             break
-        kept = smaller
-    return _whole(vectors, kept, full, "; ".join(tests))
+        fit = smaller
+    return _choice(vectors, fit, full, "; ".join(tests))
 
 
-def _whole(vectors: Floats, kept: NormFit, full: NormFit, why: str) -> Choice | None:
+def _choice(vectors: Floats, fit: NormFit, full: NormFit, why: str) -> Choice | None:
     """Choice of a part, fitted to all vectors, with the outliers of the full shape."""
-    whole = full if len(full.used) == len(vectors) else fit_norm(vectors, Shape.ELLIPSOID, full.ellipsoid)
-    if whole is None or kept.shape is Shape.ELLIPSOID:
-        return whole and Choice(whole, whole, why)
-    smaller = fit_norm(vectors[whole.used], kept.shape, kept.ellipsoid, robust=False)
-    return smaller and Choice(_spread(smaller, whole), whole, why)
+    general = full if len(full.used) == len(vectors) else fit_norm(vectors, Shape.ELLIPSOID, full.ellipsoid)
+    if general is None or fit.shape is Shape.ELLIPSOID:
+        return general and Choice(general, general, why)
+    smaller = fit_norm(vectors[general.used], fit.shape, fit.ellipsoid, robust=False)
+    return smaller and Choice(_spread(smaller, general), general, why)
 
 
 def _chance(smaller: NormFit, larger: NormFit, count: int) -> float:

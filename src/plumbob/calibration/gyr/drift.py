@@ -146,11 +146,11 @@ class GyroDrift:
         CalibrationError
             If no row is whole.
         """
-        found = check.rows("gyr", gyr, 3) - replace(self, bias=np.zeros(3)).offset(temp_c, acc)
-        whole = np.isfinite(found).all(axis=1)
-        if not whole.any():
+        rates = check.rows("gyr", gyr, 3) - replace(self, bias=np.zeros(3)).offset(temp_c, acc)
+        finite = np.isfinite(rates).all(axis=1)
+        if not finite.any():
             raise CalibrationError("no row of gyr, temp_c and acc is finite; give a stretch at rest with all of them.")
-        return replace(self, bias=found[whole].mean(axis=0))
+        return replace(self, bias=rates[finite].mean(axis=0))
 
 
 def chen2013() -> GyroDrift:

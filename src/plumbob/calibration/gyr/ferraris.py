@@ -34,7 +34,7 @@ from plumbob.calibration.gyr.plausible import (
     new_bias_covariance,
     unseen_turn,
 )
-from plumbob.calibration.gyr.rest import bias_of, rest
+from plumbob.calibration.gyr.rest import bias_at_rest, rest
 from plumbob.calibration.predicted import TILT_RANGE, tilt_sd
 from plumbob.core import check
 from plumbob.core.check import Floats
@@ -65,8 +65,8 @@ def require_parts(parts: Mapping[str, slice]) -> None:
     CalibrationError
         If the names are not those of `FACES` and `TURNS`.
     """
-    known = {*FACES, *TURNS}
-    missing, unknown = sorted(known - set(parts)), sorted(set(parts) - known)
+    names = {*FACES, *TURNS}
+    missing, unknown = sorted(names - set(parts)), sorted(set(parts) - names)
     if missing or unknown:
         raise CalibrationError(
             f"a Ferraris session has the parts {', '.join((*FACES, *TURNS))}; missing are "
@@ -82,16 +82,16 @@ def parts_of_labels(labels: Sequence[str]) -> dict[str, slice]:
     CalibrationError
         If a part lies in two places.
     """
-    found: dict[str, slice] = {}
+    parts: dict[str, slice] = {}
     start = 0
     for name, run in groupby(labels):
         stop = start + len(list(run))
-        if name in found:
-            raise CalibrationError(f"{name} lies in two places, from sample {found[name].start} and from {start}.")
+        if name in parts:
+            raise CalibrationError(f"{name} lies in two places, from sample {parts[name].start} and from {start}.")
         if name:
-            found[name] = slice(start, stop)
+            parts[name] = slice(start, stop)
         start = stop
-    return found
+    return parts
 
 
 def parts_of_times(t: Floats, spans: Mapping[str, tuple[float, float]]) -> dict[str, slice]:
@@ -118,12 +118,12 @@ def find_parts(t: Floats, acc: Floats, gyr: Floats) -> dict[str, slice]:
         not-still where faces, no-motion where turns are missing.
     """
     where = stills(t, acc, gyr)
-    faces = [_face(acc[one].mean(axis=0)) for one in where]
-    found: dict[str, slice] = {}
-    for face, one in zip(faces, where, strict=True):
-        if face and (face not in found or _length(one) > _length(found[face])):
-            found[face] = one
-    bias = np.median([gyr[one].mean(axis=0) for one in where], axis=0) if where else np.zeros(3)
+    faces = [_face(acc[part].mean(axis=0)) for part in where]
+    parts: dict[str, slice] = {}
+    for face, part in zip(faces, where, strict=True):
+        if face and (face not in parts or _length(part) > _length(parts[face])):
+            parts[face] = part
+    bias = np.median([gyr[part].mean(axis=0) for part in where], axis=0) if where else np.zeros(3)
     sizes: dict[str, float] = {}
     for k in range(len(where) - 1):
         span = slice(where[k].stop, where[k + 1].start)
@@ -131,9 +131,9 @@ def find_parts(t: Floats, acc: Floats, gyr: Floats) -> dict[str, slice]:
         axis = int(np.abs(angle).argmax())
         same = bool(faces[k]) and faces[k] == faces[k + 1] == _face(np.sign(acc[where[k]].mean(axis=0)) * _AXES[axis])
         if same and abs(angle[axis]) > max(LEAST_TURN, sizes.get(TURNS[axis], 0.0)):
-            found[TURNS[axis]], sizes[TURNS[axis]] = span, float(abs(angle[axis]))
-    refuse(_missing(found))
-    return found
+            parts[TURNS[axis]], sizes[TURNS[axis]] = span, float(abs(angle[axis]))
+    refuse(_missing(parts))
+    return parts
 
 
 def integral(t: Floats, rate: Floats) -> Floats:
@@ -152,13 +152,13 @@ def _face(force: Floats) -> str:
     return f"{'xyz'[axis]}_{'p' if force[axis] > 0.0 else 'a'}"
 
 
-def _length(one: slice) -> int:
-    return int(one.stop - one.start)
+def _length(part: slice) -> int:
+    return int(part.stop - part.start)
 
 
-def _missing(found: Mapping[str, slice]) -> list[Reason]:
-    faces = [name for name in FACES if name not in found]
-    turns = [name for name in TURNS if name not in found]
+def _missing(parts: Mapping[str, slice]) -> list[Reason]:
+    faces = [name for name in FACES if name not in parts]
+    turns = [name for name in TURNS if name not in parts]
     reasons = []
     if faces:
         text = f"The unit never lay still on {', '.join(faces)}."
@@ -183,12 +183,12 @@ def fit_trackball(rates: Rates) -> Fitted:
     """
     gyr, acc, temp_c = rates.gyr, rates.acc, rates.temp_c
     where, turned = rest(rates)
-    still = np.concatenate([np.arange(one.start, one.stop) for one in where])
+    still = np.concatenate([np.arange(part.start, part.stop) for part in where])
     drift = chen2013().at_rest(
         gyr[still], None if temp_c is None else temp_c[still], None if acc is None else acc[still]
     )
     refuse(beyond_bias(drift.bias))
-    _, spread, means = bias_of([drift.compensate(gyr[one], temp_c[one], acc[one]) for one in where])  # type: ignore[index]
+    _, spread, means = bias_at_rest([drift.compensate(gyr[part], temp_c[part], acc[part]) for part in where])  # type: ignore[index]
     calibration = TriadCalibration(
         np.diag(1.0 / (1.0 + drift.scale)),
         drift.bias,
@@ -203,14 +203,14 @@ def fit_trackball(rates: Rates) -> Fitted:
         quality=Quality(grade="poor", samples=still.size),
     )
     slope = to_dps(float(drift.bias_per_k[0]))
-    told = (
+    remarks = (
         f"ASSUMED, NOT MEASURED: {slope:g} °/s per °C and 0.1 °/s per g are the paper's figures for every part. This "
         "unit's may have another size or sign, and then the card makes it worse than none away from "
         "the temperature of the capture. 'plumbob calibrate temperature' measures them. Its grade is poor for that.",
         *turned,
         *unseen_turn(rates, where),
     )
-    return Fitted(calibration, means, means, np.ones(len(where), dtype=bool), told)
+    return Fitted(calibration, means, means, np.ones(len(where), dtype=bool), remarks)
 
 
 ANGLE_SD: Final = float(deg(1.0))
@@ -273,9 +273,9 @@ class _Session:
 
     def faces(self, values: Floats) -> tuple[Floats, Floats, Floats]:
         """Mean readings, a column for each axis up and each axis down, and how well one is known (3,)."""
-        found = [mean_and_sd(values[self.parts[face]]) for face in FACES]
-        mean = np.array([m for m, _ in found])
-        sd = np.sqrt(np.mean([s**2 for _, s in found], axis=0))
+        means = [mean_and_sd(values[self.parts[face]]) for face in FACES]
+        mean = np.array([m for m, _ in means])
+        sd = np.sqrt(np.mean([s**2 for _, s in means], axis=0))
         return mean[::2].T, mean[1::2].T, np.asarray(sd)
 
 
@@ -327,7 +327,7 @@ def _accelerometer(session: _Session) -> tuple[Fitted, float]:
     covariance[:3, :3] = np.diag(0.5 * noise**2 + 0.5 * (G0 * placing**2) ** 2)
     covariance[3:, 3:] = inverse_covariance(np.diag(variance.ravel()), matrix)
     measured = np.stack((up.T, down.T), axis=1).reshape(6, 3)
-    left = np.linalg.norm((measured - bias) @ matrix.T, axis=1) - G0
+    residuals = np.linalg.norm((measured - bias) @ matrix.T, axis=1) - G0
     tilt = tilt_sd(matrix, covariance, size=G0)
     calibration = TriadCalibration(
         matrix,
@@ -335,31 +335,31 @@ def _accelerometer(session: _Session) -> tuple[Fitted, float]:
         UNITS["acc"],
         UNITS["acc"],
         covariance=covariance,
-        residual_rms=float(np.sqrt(np.mean(left**2))),
+        residual_rms=float(np.sqrt(np.mean(residuals**2))),
         reference=G0,
         method="acc by a Ferraris session, 6 positions",
         quality=Quality(grade=grade_of(tilt, TILT) or "poor", samples=6, tilt_sd=tilt, tilt_range=TILT_RANGE),
     )
-    told = (
+    remark = (
         f"The faces were put down to {to_deg(placing):.2g}° (standard deviation); the axes are known to "
         f"{to_deg(placing / np.sqrt(2.0)):.2g}°."
     )
-    return Fitted(calibration, measured, left, np.ones(6, dtype=bool), (told,)), placing
+    return Fitted(calibration, measured, residuals, np.ones(6, dtype=bool), (remark,)), placing
 
 
 def _gyroscope(session: _Session, accelerometer: TriadCalibration, placing: float, angle: float) -> Fitted:
     up, down, noise = session.faces(session.gyr)
     bias = np.concatenate([session.gyr[session.parts[face]] for face in FACES]).mean(axis=0)
     coupling = (up - down) / (2.0 * G0)
-    turned = np.stack([_turned(session, name, accelerometer, bias, coupling) for name in TURNS], axis=1)
+    turned = np.stack([_angle(session, name, accelerometer, bias, coupling) for name in TURNS], axis=1)
     signs = np.sign(np.diag(turned))
     forward = turned * signs / angle  # [Ferraris1995]: K R
     refuse(_unturned(forward, angle))
     matrix = np.asarray(np.linalg.inv(forward), dtype=np.float64)
     measured = np.stack((up.T, down.T), axis=1).reshape(6, 3)
     tilts = np.repeat(np.eye(3), 2, axis=0) * np.tile([G0, -G0], 3)[:, np.newaxis]
-    left = measured - bias - tilts @ coupling.T
-    face_sd = np.maximum(noise, np.sqrt(np.sum(left**2, axis=0) / 2.0))  # 6 faces less 4 parameters for each axis
+    residuals = measured - bias - tilts @ coupling.T
+    face_sd = np.maximum(noise, np.sqrt(np.sum(residuals**2, axis=0) / 2.0))  # 6 faces less 4 parameters for each axis
     bias_sd, coupling_sd = face_sd / np.sqrt(6.0), face_sd / (np.sqrt(2.0) * G0)
     seconds = np.array([_seconds(session, name) for name in TURNS])
     held = float(np.mean([_seconds(session, face) for face in FACES]))
@@ -378,19 +378,19 @@ def _gyroscope(session: _Session, accelerometer: TriadCalibration, placing: floa
         covariance=covariance,
         g_sensitivity=coupling,
         g_sensitivity_sd=np.repeat(coupling_sd[:, np.newaxis], 3, axis=1),
-        residual_rms=float(np.sqrt(np.mean(left**2))),
+        residual_rms=float(np.sqrt(np.mean(residuals**2))),
         method=f"gyr by a Ferraris session, 3 turns of {to_deg(angle):g}°",
         quality=Quality(grade=grade_of(scale_sd, SCALE) or "poor", samples=9, scale_sd=scale_sd),
     )
-    told = (
+    remarks = (
         f"Each turn is taken to be {to_deg(angle):g}° to {to_deg(ANGLE_SD):g}° (standard deviation, assumed): that "
         f"makes {100.0 * ANGLE_SD / angle:.2g} % of the scale factors.",
         f"The bias repeats to {to_dps(float(face_sd.max())):.2g} °/s from face to face.",
     )
-    return Fitted(calibration, measured, left, np.ones(6, dtype=bool), told)
+    return Fitted(calibration, measured, residuals, np.ones(6, dtype=bool), remarks)
 
 
-def _turned(session: _Session, name: str, accelerometer: TriadCalibration, bias: Floats, coupling: Floats) -> Floats:
+def _angle(session: _Session, name: str, accelerometer: TriadCalibration, bias: Floats, coupling: Floats) -> Floats:
     """What the gyroscope says of a turn (3,), rad."""
     part = session.parts[name]
     force = (session.acc[part] - accelerometer.bias) @ accelerometer.matrix.T

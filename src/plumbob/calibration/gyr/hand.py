@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.fit import RATE, SCALE, Fitted, Reason, grade_of, refuse, worst_of
+from plumbob.calibration.fit import RATE, SCALE, Fitted, Reason, grade_of, refuse, worst_grade
 from plumbob.calibration.gyr.motion_fit import (
     FEWEST,
     SMALLEST,
@@ -27,7 +27,7 @@ from plumbob.calibration.gyr.motion_fit import (
     typical_miss,
 )
 from plumbob.calibration.gyr.plausible import Rates, beyond_bias, dead_axes, without_known
-from plumbob.calibration.gyr.rest import bias_of, rest
+from plumbob.calibration.gyr.rest import bias_at_rest, rest
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
@@ -123,34 +123,34 @@ def fit_hand(rates: Rates) -> Fitted:
     """
     if rates.acc is None:
         raise CalibrationError("hand motion calibrates a gyroscope against the accelerometer, and there is no acc.")
-    t, clipped, known, acc_calibrated = rates.t, rates.clipped, rates.known, rates.acc_calibrated
+    t, clipped, base, acc_calibrated = rates.t, rates.clipped, rates.known, rates.acc_calibrated
     gyr, force = check.rows("gyr", rates.gyr, 3, t.size), check.rows("acc", rates.acc, 3, t.size)
     rates = rates._replace(gyr=gyr, acc=force)
-    where, told = rest(rates)
-    left = without_known(rates)
-    coupling = _coupling(left, force, where, known) if acc_calibrated else None
+    where, notes = rest(rates)
+    corrected = without_known(rates)
+    coupling = _coupling(corrected, force, where, base) if acc_calibrated else None
     if coupling is not None:
-        left = left - force @ coupling.matrix.T
-        known = replace(known, g_sensitivity=coupling.matrix, g_sensitivity_sd=coupling.sd)
-    bias, spread, _ = bias_of([left[one] for one in where])
+        corrected = corrected - force @ coupling.matrix.T
+        base = replace(base, g_sensitivity=coupling.matrix, g_sensitivity_sd=coupling.sd)
+    bias, spread, _ = bias_at_rest([corrected[part] for part in where])
     refuse(beyond_bias(bias))
     between = [gyr[first.stop : second.start] for first, second in pairwise(where)]
     refuse(dead_axes(*(rate for rate in between if len(rate) >= SHORTEST)))
     flat = flat_tops(gyr, where)
-    motions, spoilt = find_motions(t, left, force, where, flat if clipped is None else flat | clipped)
+    motions, spoilt = find_motions(t, corrected, force, where, flat if clipped is None else flat | clipped)
     refuse(_unfit(motions, spoilt, force, where))
     fit = fit_motions(motions, bias, spread)
     refuse(_unsound(fit, motions, bias))
     used = int(fit.used.sum())
     calibration = replace(
-        known,
+        base,
         matrix=fit.matrix,
         bias=fit.bias,
         covariance=fit.covariance,
         residual_rms=float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))),
         method=f"gyr by hand, {used} motions against the accelerometer",
         quality=Quality(
-            grade=worst_of(grade_of(float(fit.matrix_sd.max()), SCALE), grade_of(float(fit.bias_sd.max()), RATE)),
+            grade=worst_grade(grade_of(float(fit.matrix_sd.max()), SCALE), grade_of(float(fit.bias_sd.max()), RATE)),
             samples=used,
             outliers=len(motions) - used,
             condition=fit.condition,
@@ -158,15 +158,15 @@ def fit_hand(rates: Rates) -> Fitted:
         ),
     )
     turned = np.array([motion.rate.mean(axis=0) for motion in motions])
-    remarks = (*_remarks(fit, spoilt, acc_calibrated), *_coupled(coupling), *_flat(flat, clipped), *told)
+    remarks = (*_remarks(fit, spoilt, acc_calibrated), *_coupled(coupling), *_flat(flat, clipped), *notes)
     return Fitted(calibration, turned, fit.residuals, fit.used, remarks)
 
 
-def _coupling(rates: Floats, force: Floats, where: Sequence[slice], known: TriadCalibration) -> Coupling | None:
+def _coupling(rates: Floats, force: Floats, where: Sequence[slice], base: TriadCalibration) -> Coupling | None:
     """Sensitivity to specific force, unless the card has one, or the accelerometer is too slow to correct it."""
-    if known.g_sensitivity.any() or np.isfinite(force).all(axis=1).mean() < _EVERY:
+    if base.g_sensitivity.any() or np.isfinite(force).all(axis=1).mean() < _EVERY:
         return None
-    return coupling_at_rest(*(np.array([v[one].mean(axis=0) for one in where]) for v in (rates, force)))
+    return coupling_at_rest(*(np.array([v[part].mean(axis=0) for part in where]) for v in (rates, force)))
 
 
 def _coupled(coupling: Coupling | None) -> tuple[str, ...]:
@@ -182,7 +182,7 @@ def _coupled(coupling: Coupling | None) -> tuple[str, ...]:
 def _unfit(motions: Sequence[Motion], spoilt: dict[str, int], acc: Floats, where: Sequence[slice]) -> list[Reason]:
     """Reasons why there is nothing to fit."""
     reasons = []
-    size = float(np.median([np.linalg.norm(acc[one].mean(axis=0)) for one in where]))
+    size = float(np.median([np.linalg.norm(acc[part].mean(axis=0)) for part in where]))
     if abs(size / G0 - 1.0) > _WRONG_GRAVITY:
         text = f"The specific force at rest is {size:.3f} m/s², but gravity is {G0:.3f} m/s²."
         reasons.append(Reason("wrong-gravity", text, "Calibrate the accelerometer first, and check its unit."))
@@ -237,15 +237,15 @@ def _flat(flat: NDArray[np.bool_], clipped: NDArray[np.bool_] | None) -> tuple[s
 
 def _remarks(fit: MotionFit, spoilt: dict[str, int], acc_calibrated: bool) -> tuple[str, ...]:
     size = to_deg(float(np.sqrt(np.mean(np.sum(fit.residuals[fit.used] ** 2, axis=1)))))
-    told = [f"Gravity comes out {size:.2g}° (rms) off after a motion; axes are those of the accelerometer."]
+    remarks = [f"Gravity comes out {size:.2g}° (rms) off after a motion; axes are those of the accelerometer."]
     if not acc_calibrated:
-        told.append(
+        remarks.append(
             "The accelerometer is UNCALIBRATED: its errors are in this matrix, and the standard deviations do not know "
             "it. Calibrate it first and give its card with --calibration."
         )
-    told += [f"Left out: {counted(count, 'motion')} ({what})." for what, count in spoilt.items() if count]
+    remarks += [f"Left out: {counted(count, 'motion')} ({what})." for what, count in spoilt.items() if count]
     if not fit.used.all():
-        told.append(
+        remarks.append(
             f"Set aside because they do not fit the others: {counted(int(np.count_nonzero(~fit.used)), 'motion')}."
         )
-    return tuple(told)
+    return tuple(remarks)

@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.fit import inverse_of
+from plumbob.calibration.fit import invert
 from plumbob.calibration.gyr.drift import accumulate, rotation_vectors
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
@@ -52,7 +52,7 @@ def find_motions(
     t: Floats, gyr: Floats, acc: Floats, where: Sequence[slice], clipped: NDArray[np.bool_] | None = None
 ) -> tuple[list[Motion], dict[str, int]]:
     """Motions between stretches at rest that tilted the unit, and how many were left out, by reason."""
-    found, spoilt = [], {"clipping": 0, "gap": 0}
+    motions, spoilt = [], {"clipping": 0, "gap": 0}
     step = 1.5 * float(np.median(np.diff(t)))
     for first, second in pairwise(where):
         span = slice(first.stop - 1, second.start + 1)
@@ -65,8 +65,8 @@ def find_motions(
         elif dt.max() > step or not np.isfinite(gyr[span]).all():
             spoilt["gap"] += 1
         else:
-            found.append(Motion(gyr[span], dt, before, after))
-    return found, spoilt
+            motions.append(Motion(gyr[span], dt, before, after))
+    return motions, spoilt
 
 
 def _direction(acc: Floats) -> Floats:
@@ -145,21 +145,21 @@ def _least_squares(motions: Sequence[Motion], rest_bias: Floats, rest_sd: Floats
     free = 2.0 * np.count_nonzero(used) - 9.0  # a unit vector has two components
     floor = np.finfo(np.float64).eps
     for step in range(_STEPS):
-        left, slope = _misses(motions, parameters)
-        noise = max(float(np.sum(left[used] ** 2)) / free, floor)
+        residuals, slope = _misses(motions, parameters)
+        noise = max(float(np.sum(residuals[used] ** 2)) / free, floor)
         held = noise / np.maximum(rest_sd, floor) ** 2
         # Before the first step the misses are those of an uncalibrated unit and say nothing of the noise.
         weight[:3, :3] = np.diag(held if step else np.full(3, 1.0 / floor))
-        rows, misses = slope[used].reshape(-1, 12), left[used].ravel()
+        rows, misses = slope[used].reshape(-1, 12), residuals[used].ravel()
         normal = rows.T @ rows + weight  # departs from [Tedaldi2014]: the bias at rest is one more measurement
         away = np.concatenate((rest_bias - parameters[:3], np.zeros(9)))
-        inverse = inverse_of(normal).matrix  # bias and matrix, whose sizes differ by many powers of ten, count alike
+        inverse = invert(normal).matrix  # bias and matrix, whose sizes differ by many powers of ten, count alike
         parameters = parameters + inverse @ (rows.T @ misses + weight @ away)
-    left, _ = _misses(motions, parameters)
+    residuals, _ = _misses(motions, parameters)
     matrix = rows[:, 3:].T @ rows[:, 3:]
     scale = np.sqrt(np.maximum(np.diag(matrix), floor))
     condition = float(np.linalg.cond(matrix / np.outer(scale, scale)))
-    return MotionFit(parameters[3:].reshape(3, 3), parameters[:3], noise * inverse, left, used, condition)
+    return MotionFit(parameters[3:].reshape(3, 3), parameters[:3], noise * inverse, residuals, used, condition)
 
 
 def _misses(motions: Sequence[Motion], parameters: Floats) -> tuple[Floats, Floats]:
@@ -167,8 +167,8 @@ def _misses(motions: Sequence[Motion], parameters: Floats) -> tuple[Floats, Floa
     bias, matrix = parameters[:3], parameters[3:].reshape(3, 3)
     each = [_predicted(motion, bias, matrix) for motion in motions]
     # [Tedaldi2014]
-    left = np.array([motion.after - after for motion, (after, _) in zip(motions, each, strict=True)])
-    return left, np.array([slope for _, slope in each])
+    residuals = np.array([motion.after - after for motion, (after, _) in zip(motions, each, strict=True)])
+    return residuals, np.array([slope for _, slope in each])
 
 
 def _predicted(motion: Motion, bias: Floats, matrix: Floats) -> tuple[Floats, Floats]:
@@ -190,8 +190,8 @@ def _predicted(motion: Motion, bias: Floats, matrix: Floats) -> tuple[Floats, Fl
 
 def typical_miss(motions: Sequence[Motion], bias: Floats, matrix: Floats) -> float:
     """Median angle, rad, by which gravity comes out wrong after a motion."""
-    left, _ = _misses(motions, np.concatenate((bias, matrix.ravel())))
-    return float(np.median(np.linalg.norm(left, axis=1)))
+    residuals, _ = _misses(motions, np.concatenate((bias, matrix.ravel())))
+    return float(np.median(np.linalg.norm(residuals, axis=1)))
 
 
 FEWEST_RATES: Final = 12
@@ -229,13 +229,13 @@ def coupling_at_rest(rates: Floats, forces: Floats) -> Coupling | None:
     rows = np.column_stack((np.ones(len(forces)), forces / size))
     if np.linalg.cond(rows) > _NARROW:
         return None
-    found, *_ = np.linalg.lstsq(rows, rates, rcond=None)
+    solution, *_ = np.linalg.lstsq(rows, rates, rcond=None)
     freedom = len(rates) - 4
-    left = np.sum((rates - rows @ found) ** 2)
-    gained = np.sum((rates - rates.mean(axis=0)) ** 2) - left
-    chance = float(fdtrc(9.0, 3.0 * freedom, gained / 9.0 / max(left / (3.0 * freedom), 1e-300)))
+    squares = np.sum((rates - rows @ solution) ** 2)
+    gained = np.sum((rates - rates.mean(axis=0)) ** 2) - squares
+    chance = float(fdtrc(9.0, 3.0 * freedom, gained / 9.0 / max(squares / (3.0 * freedom), 1e-300)))
     if chance >= SIGNIFICANCE:
         return None
-    noise = np.sum((rates - rows @ found) ** 2, axis=0) / freedom
+    noise = np.sum((rates - rows @ solution) ** 2, axis=0) / freedom
     spread = np.sqrt(np.outer(noise, np.diag(np.linalg.inv(rows.T @ rows))[1:]))
-    return Coupling(np.asarray(found[1:].T / size, dtype=np.float64), np.asarray(spread / size), chance)
+    return Coupling(np.asarray(solution[1:].T / size, dtype=np.float64), np.asarray(spread / size), chance)

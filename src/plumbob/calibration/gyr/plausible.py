@@ -62,25 +62,25 @@ def without_known(rates: Rates) -> Floats:
     CalibrationError
         If temperature or specific force is needed and missing.
     """
-    left, known = rates.gyr, rates.known
-    if known.bias_per_k.any():
+    corrected, base = rates.gyr, rates.known
+    if base.bias_per_k.any():
         if rates.temp_c is None:
             raise CalibrationError("the card so far corrects the gyroscope for temperature; record temp_c too.")
-        left = left - temperature_drift(known, rates.temp_c)
-    if known.g_sensitivity.any():
+        corrected = corrected - temperature_drift(base, rates.temp_c)
+    if base.g_sensitivity.any():
         if rates.acc is None:
             raise CalibrationError("the card so far corrects the gyroscope for specific force; record acc too.")
-        left = left - rates.acc @ known.g_sensitivity.T
-    return left
+        corrected = corrected - rates.acc @ base.g_sensitivity.T
+    return corrected
 
 
 def new_bias_covariance(known: TriadCalibration, bias: Floats) -> Floats:
     """Covariance (12, 12) after the bias was found again, with covariance (3, 3), and the matrix was kept."""
-    whole = np.zeros((12, 12))
+    covariance = np.zeros((12, 12))
     if known.covariance is not None:
-        whole[3:, 3:] = known.covariance[3:, 3:]
-    whole[:3, :3] = bias
-    return whole
+        covariance[3:, 3:] = known.covariance[3:, 3:]
+    covariance[:3, :3] = bias
+    return covariance
 
 
 def inverse_covariance(matrix: Floats, inverse: Floats) -> Floats:
@@ -119,14 +119,14 @@ _MOST = 90.0  # percentile of the parts' turns: a passing disturbance is no turn
 
 def dead_axes(*stretches: Floats) -> list[Reason]:
     """Reason to refuse rates, stretches of (N, 3), rad/s, of which an axis does not change within nearly all."""
-    whole = [rate[np.isfinite(rate).all(axis=1)] for rate in stretches]
-    constant = [(rate == rate[0]).all(axis=0) for rate in whole if len(rate) > 1]
+    finite = [rate[np.isfinite(rate).all(axis=1)] for rate in stretches]
+    constant = [(rate == rate[0]).all(axis=0) for rate in finite if len(rate) > 1]
     dead = np.flatnonzero(np.mean(constant, axis=0) > _NEARLY) if constant else np.zeros(0, dtype=np.intp)
     if not dead.size:
         return []
-    last = next(rate[-1] for rate in reversed(whole) if len(rate))
-    told = " and ".join(f"{'xyz'[i]} ({to_dps(float(last[i])):.4g} °/s)" for i in dead.tolist())
-    text = f"The rate about {told} never changes: no working gyroscope is without noise."
+    last = next(rate[-1] for rate in reversed(finite) if len(rate))
+    axes = " and ".join(f"{'xyz'[i]} ({to_dps(float(last[i])):.4g} °/s)" for i in dead.tolist())
+    text = f"The rate about {axes} never changes: no working gyroscope is without noise."
     return [Reason("implausible", text, "That axis is dead or stuck, or the profile names another column for it.")]
 
 
@@ -155,10 +155,10 @@ def field_turns(t: Floats, mag: Floats, where: Sequence[slice]) -> Floats:
     where : sequence of slice
         The stretches.
     """
-    return np.array([_turn(t[one], mag[one]) for one in where])
+    return np.array([_turn(t[part], mag[part]) for part in where])
 
 
-def turned(turns: Floats) -> Reason:
+def turn_reason(turns: Floats) -> Reason:
     """Reason to refuse a capture in which the field turned by so much in each stretch (K,), rad."""
     text = (
         f"It turned about the vertical: the field turned by {to_deg(float(turns.max())):.0f}° while it seemed at rest."
@@ -169,10 +169,10 @@ def turned(turns: Floats) -> Reason:
 def unseen_turn(rates: Rates, where: Sequence[slice]) -> tuple[str, ...]:
     """Remark where neither the field nor the tilts of the stretches could tell a turn about the vertical."""
     acc, mag = rates.acc, rates.mag
-    if mag is not None and any(np.isfinite(mag[one]).all(axis=1).any() for one in where):
+    if mag is not None and any(np.isfinite(mag[part]).all(axis=1).any() for part in where):
         return ()
     if acc is not None:
-        up = np.array([acc[one].mean(axis=0) for one in where])
+        up = np.array([acc[part].mean(axis=0) for part in where])
         up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), np.finfo(np.float64).tiny)
         if float((up @ up[0]).min()) < np.cos(UPRIGHT):
             return ()
@@ -181,8 +181,8 @@ def unseen_turn(rates: Rates, where: Sequence[slice]) -> tuple[str, ...]:
 
 def _turn(t: Floats, mag: Floats) -> float:
     """Angle between the field at first and what it turned to, rad; zero within the noise."""
-    known = np.isfinite(mag).all(axis=1)
-    t, mag = t[known], mag[known]
+    valid = np.isfinite(mag).all(axis=1)
+    t, mag = t[valid], mag[valid]
     count = int((t[-1] - t[0]) / PART) if t.size else 0
     if count < 2 or t.size < 2 * count:
         return 0.0

@@ -83,7 +83,7 @@ class TableSession:
         """Return the same session for the model without g-sensitivity."""
         return replace(self, columns=self.columns[:, :SIMPLE])
 
-    def left(self, *, by_face: bool) -> tuple[Floats, int]:
+    def residual_squares(self, *, by_face: bool) -> tuple[Floats, int]:
         """Weighted sum of squares (3,) that a fit leaves, and its degrees of freedom.
 
         Each mounting has whatever tilt fits best, and with `by_face` each face whatever bias.
@@ -91,8 +91,8 @@ class TableSession:
         root = np.sqrt(self.weight)[:, np.newaxis]
         free = (self.columns, self.spins, *([self.faces] if by_face else []))
         design, wanted = scaled(np.hstack(free) * root), self.measured * root
-        found, _, rank, _ = np.linalg.lstsq(design, wanted, rcond=1e-9)
-        return np.asarray(((wanted - design @ found) ** 2).sum(axis=0)), len(wanted) - int(rank)
+        solution, _, rank, _ = np.linalg.lstsq(design, wanted, rcond=1e-9)
+        return np.asarray(((wanted - design @ solution) ** 2).sum(axis=0)), len(wanted) - int(rank)
 
     def tilting(self, response: Floats) -> Floats:
         """What a tilt of each mounting about two axes makes a gyroscope of that response read, (3 N, 2 K), by axis."""
@@ -101,7 +101,7 @@ class TableSession:
         return np.asarray(read.reshape(3 * len(self.spins), -1))
 
 
-def session_of(
+def table_session(
     rate: ArrayLike,
     measured: ArrayLike,
     *,
@@ -109,22 +109,22 @@ def session_of(
     seconds: ArrayLike | None,
     latitude: float | None,
 ) -> TableSession:
-    """Session of plateaus; arguments as in `plumbob.calibration.table.fit_table`."""
+    """Session of plateaus; arguments as in `plumbob.calibration.gyr.table.fit_table`."""
     rates = check.rows("rate", rate, 3)
     means = check.rows("measured", measured, 3, len(rates))
     forces = None if force is None else check.rows("force", force, 3, len(rates))
     length = np.ones(len(rates)) if seconds is None else check.column("seconds", seconds, len(rates))
-    known = [rates, means, *([] if forces is None else [forces])]
-    if not all(np.isfinite(part).all() for part in known) or not (length > 0.0).all():
-        told = "some plateau has no finite mean of rate or specific force, or no length."
-        raise CaptureRefusedError(Reason("too-few", told, "Leave it out."))
+    inputs = [rates, means, *([] if forces is None else [forces])]
+    if not all(np.isfinite(part).all() for part in inputs) or not (length > 0.0).all():
+        text = "some plateau has no finite mean of rate or specific force, or no length."
+        raise CaptureRefusedError(Reason("too-few", text, "Leave it out."))
     up = np.zeros(len(rates), dtype=np.intp) if forces is None else _face(forces)
     spins, axes = _mountings(rates, up)
     true = _with_earth(rates, forces, latitude)
     columns = np.hstack((np.ones((len(rates), 1)), true, *([] if forces is None else [forces])))
     faces = (up[:, np.newaxis] == np.unique(up)).astype(np.float64)
     session = TableSession(means, columns, spins, axes, faces, length / length.mean() if length.size else length)
-    return session if session.left(by_face=True)[1] > 0 else replace(session, faces=faces[:, :0])
+    return session if session.residual_squares(by_face=True)[1] > 0 else replace(session, faces=faces[:, :0])
 
 
 def _mountings(rates: Floats, up: NDArray[np.intp]) -> tuple[Floats, Floats]:
@@ -134,9 +134,9 @@ def _mountings(rates: Floats, up: NDArray[np.intp]) -> tuple[Floats, Floats]:
     kind = 6 * np.argmax(np.abs(rates), axis=1) + up
     kinds = np.unique(kind[turning])
     spins, axes = np.zeros((len(rates), kinds.size)), np.zeros((kinds.size, 3))
-    for k, one in enumerate(kinds):
-        rows = np.flatnonzero((kind == one) & turning)
-        ahead = rates[rows] * np.sign(rates[rows, one // 6])[:, np.newaxis]
+    for k, code in enumerate(kinds):
+        rows = np.flatnonzero((kind == code) & turning)
+        ahead = rates[rows] * np.sign(rates[rows, code // 6])[:, np.newaxis]
         axes[k] = ahead.sum(axis=0) / np.linalg.norm(ahead.sum(axis=0))
         spins[rows, k] = rates[rows] @ axes[k]
     return spins, axes
@@ -239,53 +239,53 @@ def fit_table(
         If plateaus are too few, clipped, or do not separate the parameters, or no gyroscope responds like that.
     """
     check.one_of("model", model, MODELS)
-    whole = session_of(rate, measured, force=force, seconds=seconds, latitude=latitude)
+    full = table_session(rate, measured, force=force, seconds=seconds, latitude=latitude)
     _refuse_clipped(check.floats("rate", rate), clipped)
-    _refuse_few(whole)
-    session, remarks = _chosen(whole, model)
+    _refuse_few(full)
+    session, remarks = _chosen(full, model)
     first = _solve(session, mounting, np.eye(3))
     solution = _solve(session, max(mounting, first.tilt), first.response)
     _refuse_deformed(solution)
     if first.tilt > 2.0 * mounting:
-        told, usual = (f"{to_deg(angle):.2g}°" for angle in (first.tilt, mounting))
-        remarks.append(f"opposite mountings differ by {told} of tilt, more than the {usual} that was assumed.")
+        tilts, usual = (f"{to_deg(angle):.2g}°" for angle in (first.tilt, mounting))
+        remarks.append(f"opposite mountings differ by {tilts} of tilt, more than the {usual} that was assumed.")
     return _fitted(session, solution, (*remarks, *_unknown_earth(latitude, session)))
 
 
-def _chosen(whole: TableSession, model: str) -> tuple[TableSession, list[str]]:
+def _chosen(session: TableSession, model: str) -> tuple[TableSession, list[str]]:
     """Session with the columns of the model, and what to know about the choice."""
-    why_not = _why_no_coupling(whole)
+    why_not = _why_no_coupling(session)
     if model == "21":
         refuse([] if why_not is None else [why_not])
-        return whole, []
+        return session, []
     if why_not is not None:
-        told = "g-sensitivity cannot be separated from the bias, and is part of it"
-        return whole.without_force(), [f"{told}: {why_not.text} {why_not.advice}"]
-    chance = _chance_of_no_coupling(whole)
+        text = "g-sensitivity cannot be separated from the bias, and is part of it"
+        return session.without_force(), [f"{text}: {why_not.text} {why_not.advice}"]
+    chance = _chance_of_no_coupling(session)
     if model == "auto" and chance <= _SURE:
-        return whole, []
-    seen = (
+        return session, []
+    absent = (
         f"no g-sensitivity shows against the drift from face to face (F-test, {p_value(chance)}); it is taken as zero."
     )
     ignored = f"g-sensitivity shows (F-test, {p_value(chance)}), but 12 parameters leave it in the bias."
-    return whole.without_force(), [seen if chance > _SURE else ignored]
+    return session.without_force(), [absent if chance > _SURE else ignored]
 
 
-def _why_no_coupling(whole: TableSession) -> Reason | None:
+def _why_no_coupling(session: TableSession) -> Reason | None:
     """Say why a session cannot tell the g-sensitivity, if so."""
-    if whole.parameters == SIMPLE:
-        told = "there is no specific force."
-        return Reason("too-few", told, "Record the accelerometer, or put acc_x_g, acc_y_g, acc_z_g into the plan.")
-    unclear = _why_unclear(whole, 21)
-    if unclear is None and _freedom_of_drift(whole) < 1:
-        told = f"{whole.faces.shape[1]} faces are too few to separate it from the drift of the bias."
-        return Reason("too-few", told, "Spin about each axis with either end of it up.")
+    if session.parameters == SIMPLE:
+        text = "there is no specific force."
+        return Reason("too-few", text, "Record the accelerometer, or put acc_x_g, acc_y_g, acc_z_g into the plan.")
+    unclear = _why_unclear(session, 21)
+    if unclear is None and _freedom_of_drift(session) < 1:
+        text = f"{session.faces.shape[1]} faces are too few to separate it from the drift of the bias."
+        return Reason("too-few", text, "Spin about each axis with either end of it up.")
     return unclear
 
 
 def _freedom_of_drift(session: TableSession) -> int:
     """Degrees of freedom that the faces have beyond the parameters."""
-    return session.left(by_face=False)[1] - session.left(by_face=True)[1]
+    return session.residual_squares(by_face=False)[1] - session.residual_squares(by_face=True)[1]
 
 
 def _why_unclear(session: TableSession, parameters: int) -> Reason | None:
@@ -293,12 +293,12 @@ def _why_unclear(session: TableSession, parameters: int) -> Reason | None:
     if session.condition > _WORST_CONDITION:
         weakest = np.linalg.svd(scaled(session.columns))[2][-1]
         names = [_NAMES[i] for i in np.flatnonzero(np.abs(weakest) > 0.1)]
-        told = f"{_listed(names)} change together, so they cannot be separated."
+        text = f"{_listed(names)} change together, so they cannot be separated."
         advice = "Spin both ways round about each axis, with either end of it up, and let each face rest too."
-        return Reason("ill-conditioned", told, advice)
-    if session.left(by_face=False)[1] < 1:
-        told = f"{len(session.measured)} plateaus are too few for {parameters} parameters and the noise."
-        return Reason("too-few", told, "Add rates, and spin both ways round.")
+        return Reason("ill-conditioned", text, advice)
+    if session.residual_squares(by_face=False)[1] < 1:
+        text = f"{len(session.measured)} plateaus are too few for {parameters} parameters and the noise."
+        return Reason("too-few", text, "Add rates, and spin both ways round.")
     return None
 
 
@@ -306,26 +306,26 @@ def _listed(names: Sequence[str]) -> str:
     return " and ".join((", ".join(names[:-1]), names[-1])) if len(names) > 1 else names[0]
 
 
-def _chance_of_no_coupling(whole: TableSession) -> float:
+def _chance_of_no_coupling(session: TableSession) -> float:
     """Chance that drift from face to face makes the 9 terms of G fit that much better."""
     from scipy.special import fdtrc
 
-    simple, _ = whole.without_force().left(by_face=False)
-    coupled, _ = whole.left(by_face=False)
-    free, _ = whole.left(by_face=True)
-    freedom = 3.0 * _freedom_of_drift(whole)
+    simple, _ = session.without_force().residual_squares(by_face=False)
+    coupled, _ = session.residual_squares(by_face=False)
+    free, _ = session.residual_squares(by_face=True)
+    freedom = 3.0 * _freedom_of_drift(session)
     gained, drift = float((simple - coupled).sum()) / 9.0, float((coupled - free).sum()) / freedom
     return float(fdtrc(9.0, freedom, gained / max(drift, 1e-300)))
 
 
 def _noise_and_drift(session: TableSession) -> tuple[Floats, float]:
     """Standard deviation of a mean (3,), and of the bias from face to face, all axes alike."""
-    free, freedom = session.left(by_face=True)
+    free, freedom = session.residual_squares(by_face=True)
     noise = np.maximum(np.sqrt(free / freedom), _FINEST * float(np.abs(session.rate).max()))
     spare = _freedom_of_drift(session)
     if spare < 1:
         return noise, 0.0
-    between = float((session.left(by_face=False)[0] - free).mean()) / spare
+    between = float((session.residual_squares(by_face=False)[0] - free).mean()) / spare
     per_face = len(session.measured) / session.faces.shape[1]
     return noise, float(np.sqrt(max(0.0, (between - float((noise**2).mean())) / per_face)))
 
@@ -334,23 +334,23 @@ def _solve(session: TableSession, mounting: float, response: Floats) -> _Solutio
     """Least squares of all axes at once, with the spread of the tilts as further observations; response as known."""
     noise, drift = _noise_and_drift(session)
     root = (np.sqrt(session.weight) / noise[:, np.newaxis]).ravel()
-    known, tilting, faces = np.kron(np.eye(3), session.columns), session.tilting(response), session.faces
+    columns, tilting, faces = np.kron(np.eye(3), session.columns), session.tilting(response), session.faces
     spread = np.repeat([mounting, drift], [tilting.shape[1], 3 * faces.shape[1]])
     chances = np.hstack((tilting, np.kron(np.eye(3), faces))) * spread
-    parameters = known.shape[1]
-    above = np.hstack((known, chances)) * root[:, np.newaxis]
+    parameters = columns.shape[1]
+    above = np.hstack((columns, chances)) * root[:, np.newaxis]
     design = np.vstack((above, np.eye(spread.size, above.shape[1], parameters)))
     size = np.linalg.norm(design, axis=0)
     q, r = np.linalg.qr(design / size)
     inverse = np.linalg.solve(r, q.T) / size[:, np.newaxis]
     wanted = session.measured.T.ravel()
-    found = inverse @ np.append(wanted * root, np.zeros(spread.size))
-    tilt = mounting * found[parameters : parameters + tilting.shape[1]]
-    spare = int(np.linalg.matrix_rank(scaled(np.hstack((known, tilting))))) - parameters
+    solution = inverse @ np.append(wanted * root, np.zeros(spread.size))
+    tilt = mounting * solution[parameters : parameters + tilting.shape[1]]
+    spare = int(np.linalg.matrix_rank(scaled(np.hstack((columns, tilting))))) - parameters
     return _Solution(
-        found[:parameters].reshape(3, -1),
+        solution[:parameters].reshape(3, -1),
         (inverse @ inverse.T)[:parameters, :parameters],
-        (wanted - known @ found[:parameters] - chances @ found[parameters:]).reshape(3, -1).T,
+        (wanted - columns @ solution[:parameters] - chances @ solution[parameters:]).reshape(3, -1).T,
         float(np.sqrt((tilt**2).sum() / spare)) if spare > 0 else 0.0,
     )
 
@@ -402,31 +402,31 @@ def _refuse_clipped(rates: Floats, clipped: ArrayLike | None) -> None:
     shares = np.zeros(len(rates)) if clipped is None else check.column("clipped", clipped, len(rates))
     if (shares > 0.0).any():
         i = int(np.argmax(shares))
-        told = f"{100.0 * shares[i]:.0f} % of the plateau at {_dps(rates[i])} are at the end of the range"
+        text = f"{100.0 * shares[i]:.0f} % of the plateau at {_dps(rates[i])} are at the end of the range"
         advice = "Leave such rates out, or record with a wider range."
         raise CaptureRefusedError(
-            Reason("clipping", f"{told} (of {counted(int(np.count_nonzero(shares)), 'such plateau')}).", advice)
+            Reason("clipping", f"{text} (of {counted(int(np.count_nonzero(shares)), 'such plateau')}).", advice)
         )
 
 
-def _refuse_few(whole: TableSession) -> None:
-    rates = whole.rate
+def _refuse_few(session: TableSession) -> None:
+    rates = session.rate
     speed = np.abs(rates).max(axis=0, initial=0.0)
     resting = [_AXES[i] for i in range(3) if speed[i] <= 0.02 * speed.max(initial=0.0)]
     if resting:
-        told = f"no plateau turns about {' or '.join(resting)}, of {len(rates)} plateaus."
+        text = f"no plateau turns about {' or '.join(resting)}, of {len(rates)} plateaus."
         advice = "Spin the unit about each of its axes, both ways round, at two rates or more."
-        raise CaptureRefusedError(Reason("too-few", told, advice))
-    why_not = _why_unclear(whole.without_force(), 12)
+        raise CaptureRefusedError(Reason("too-few", text, advice))
+    why_not = _why_unclear(session.without_force(), 12)
     refuse([] if why_not is None else [why_not])
 
 
 def _refuse_deformed(solution: _Solution) -> None:
     if np.abs(solution.response - np.eye(3)).max() > _DEFORMED:
         shown = "; ".join(" ".join(f"{x:.3g}" for x in row) for row in solution.response)
-        told = f"measured over true rate comes out as [{shown}], which is far from the unit matrix."
+        text = f"measured over true rate comes out as [{shown}], which is far from the unit matrix."
         advice = "Check the unit of the recording, the axes, and the signs and units of the rates."
-        raise CaptureRefusedError(Reason("implausible", told, advice))
+        raise CaptureRefusedError(Reason("implausible", text, advice))
 
 
 def _dps(rate: Floats) -> str:

@@ -24,7 +24,7 @@ from plumbob.calibration.gyr.plausible import (
     dead_axes,
     field_turns,
     new_bias_covariance,
-    turned,
+    turn_reason,
     unseen_turn,
     without_known,
 )
@@ -77,22 +77,22 @@ def fit_temperature(rates: Rates) -> Fitted:
     CalibrationError
         If the calibration so far has a g-sensitivity and there is no specific force.
     """
-    t, known, mag = rates.t, rates.known, rates.mag
+    t, base, mag = rates.t, rates.known, rates.mag
     gyr = check.rows("gyr", rates.gyr, 3, t.size)
     temperature = np.full(t.size, np.nan) if rates.temp_c is None else check.column("temp_c", rates.temp_c, t.size)
     refuse([*dead_axes(gyr), *_unfit(t, gyr, temperature, rates.clipped)])
     reference = _reference(temperature)
-    steady = replace(known, bias_per_k=np.zeros((1, 3)))
-    left = without_known(rates._replace(gyr=gyr, known=steady))
-    drift = _powers(temperature, reference) @ _rough(_blocks(t, left, temperature, reference))
-    rest = _at_rest(t, left - drift, rates.acc)
+    steady = replace(base, bias_per_k=np.zeros((1, 3)))
+    corrected = without_known(rates._replace(gyr=gyr, known=steady))
+    drift = _powers(temperature, reference) @ _rough(_blocks(t, corrected, temperature, reference))
+    rest = _at_rest(t, corrected - drift, rates.acc)
     refuse(_restless(rest))
     refuse([] if mag is None else _turning(t, mag))
-    blocks = _blocks(t, np.where(rest[:, np.newaxis], left, np.nan), temperature, reference)
+    blocks = _blocks(t, np.where(rest[:, np.newaxis], corrected, np.nan), temperature, reference)
     fit = _choose(blocks)
     refuse(beyond_bias(fit.bias))
-    found = _fitted(fit, blocks, temperature, known, float(t[-1] - t[0]))
-    return replace(found, remarks=(*unseen_turn(rates._replace(acc=None), [slice(0, t.size)]), *found.remarks))
+    fitted = _fitted(fit, blocks, temperature, base, float(t[-1] - t[0]))
+    return replace(fitted, remarks=(*unseen_turn(rates._replace(acc=None), [slice(0, t.size)]), *fitted.remarks))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -150,8 +150,8 @@ def _blocks(t: Floats, rate: Floats, temp_c: Floats, reference: float) -> _Block
     """Block means over samples that have a rate; blocks without one are left out."""
     count = int(np.clip((t[-1] - t[0]) / SHORTEST, FEWEST, BLOCKS))
     place = np.minimum(((t - t[0]) / (t[-1] - t[0]) * count).astype(np.intp), count - 1)
-    whole = np.isfinite(rate).all(axis=1)
-    place, values = place[whole], np.hstack((_powers(temp_c, reference), rate))[whole]
+    finite = np.isfinite(rate).all(axis=1)
+    place, values = place[finite], np.hstack((_powers(temp_c, reference), rate))[finite]
     size = np.bincount(place, minlength=count)
     sums = np.array([np.bincount(place, column, minlength=count) for column in values.T])
     mean = (sums[:, size > 0] / size[size > 0]).T
@@ -161,8 +161,8 @@ def _blocks(t: Floats, rate: Floats, temp_c: Floats, reference: float) -> _Block
 def _at_rest(t: Floats, gyr: Floats, acc: Floats | None) -> NDArray[np.bool_]:
     """Samples at rest, (N,): of the rates less their drift with temperature."""
     rest = np.zeros(t.size, dtype=bool)
-    for one in stills(t, np.zeros_like(gyr) if acc is None else acc, gyr):
-        rest[one] = True
+    for part in stills(t, np.zeros_like(gyr) if acc is None else acc, gyr):
+        rest[part] = True
     return rest
 
 
@@ -178,7 +178,7 @@ def _turning(t: Floats, mag: Floats) -> list[Reason]:
     """Reason why the field turned in more than few windows: over a whole soak a magnetometer may drift by as much."""
     edges = np.searchsorted(t, np.arange(t[0], t[-1], WINDOW)).tolist()
     turns = field_turns(t, mag, [slice(a, b) for a, b in pairwise([*edges, t.size])])
-    return [turned(turns)] if np.count_nonzero(turns) > (1.0 - LEAST_REST) * turns.size else []
+    return [turn_reason(turns)] if np.count_nonzero(turns) > (1.0 - LEAST_REST) * turns.size else []
 
 
 def _rough(blocks: _Blocks) -> Floats:
@@ -190,9 +190,9 @@ def _choose(blocks: _Blocks) -> _Polynomial:
     """Lowest degree that the highest one does not improve on significantly, on any axis."""
     from scipy.special import fdtrc
 
-    seen = _Differences.of(blocks)
-    wander = np.array([_wander(seen, axis) for axis in range(3)])
-    fits = [_poly(blocks, seen, degree, wander) for degree in range(1, HIGHEST + 1)]
+    diffs = _Differences.from_blocks(blocks)
+    wander = np.array([_wander(diffs, axis) for axis in range(3)])
+    fits = [_poly(blocks, diffs, degree, wander) for degree in range(1, HIGHEST + 1)]
     full = fits[-1]
     for fit in fits[:-1]:
         more = fit.free - full.free
@@ -215,7 +215,7 @@ class _Differences:
     white: Floats  # (m,), variance of a row for white noise of variance 1; for a random walk it is that of a step
 
     @classmethod
-    def of(cls, blocks: _Blocks) -> "_Differences":
+    def from_blocks(cls, blocks: _Blocks) -> "_Differences":
         from scipy.fft import dst
 
         way = 0.5 * np.sign(np.gradient(blocks.powers[:, 1]))
@@ -227,20 +227,20 @@ class _Differences:
         return cls(regressors, rate, 2.0 - 2.0 * np.cos(np.pi * np.arange(1, m + 1) / (m + 1)))
 
 
-def _wander(seen: _Differences, axis: int) -> float:
+def _wander(diffs: _Differences, axis: int) -> float:
     """Variance of a step of the random walk over that of the white noise of a block: the largest likely one.
 
     A short soak says little about it, and one that is taken too small makes a wander a curve. So it is not the maximum
     of the restricted likelihood but the end of its interval of one standard deviation.
     """
-    powers = seen.regressors[:, :HIGHEST]
+    powers = diffs.regressors[:, :HIGHEST]
     size = np.sqrt(np.mean(powers**2, axis=0))
 
     def cost(ratio: float) -> float:
-        weight = 1.0 / np.sqrt(seen.white + ratio)
-        x, y = powers / size * weight[:, np.newaxis], seen.rate[:, axis] * weight
-        left = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
-        power = max(float(left @ left), np.finfo(np.float64).tiny)
+        weight = 1.0 / np.sqrt(diffs.white + ratio)
+        x, y = powers / size * weight[:, np.newaxis], diffs.rate[:, axis] * weight
+        residual = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
+        power = max(float(residual @ residual), np.finfo(np.float64).tiny)
         seen_by = float(np.linalg.slogdet(x.T @ x)[1])  # [Patterson1971]: restricted, by the slopes
         return seen_by - 2.0 * float(np.log(weight).sum()) + (len(y) - HIGHEST) * float(np.log(power))
 
@@ -248,30 +248,30 @@ def _wander(seen: _Differences, axis: int) -> float:
     return float(_RATIOS[np.flatnonzero(costs <= costs.min() + 1.0)[-1]])
 
 
-def _poly(blocks: _Blocks, seen: _Differences, degree: int, wander: Floats) -> _Polynomial:
+def _poly(blocks: _Blocks, diffs: _Differences, degree: int, wander: Floats) -> _Polynomial:
     """Weighted least squares of one degree; the bias is the mean of what the powers leave."""
-    slopes, covariance, squares = _weighted(seen.regressors[:, :degree], seen, wander)
-    left = blocks.rate - blocks.powers[:, 1 : degree + 1] @ slopes
-    bias = left.mean(axis=0)
-    return _Polynomial(bias, slopes, covariance, left - bias, squares, len(seen.rate) - degree, wander)
+    slopes, covariance, squares = _weighted(diffs.regressors[:, :degree], diffs, wander)
+    residual = blocks.rate - blocks.powers[:, 1 : degree + 1] @ slopes
+    bias = residual.mean(axis=0)
+    return _Polynomial(bias, slopes, covariance, residual - bias, squares, len(diffs.rate) - degree, wander)
 
 
-def _weighted(columns: Floats, seen: _Differences, wander: Floats) -> tuple[Floats, Floats, Floats]:
+def _weighted(columns: Floats, diffs: _Differences, wander: Floats) -> tuple[Floats, Floats, Floats]:
     """Coefficients of k columns (k, 3), their covariance (k, k, 3) and the weighted squares that are left (3,)."""
     k = columns.shape[1]
-    found, covariance, squares = np.zeros((k, 3)), np.zeros((k, k, 3)), np.zeros(3)
+    slopes, covariance, squares = np.zeros((k, 3)), np.zeros((k, k, 3)), np.zeros(3)
     size = np.sqrt(np.mean(columns**2, axis=0))  # they differ by powers of the span
     for axis in range(3):
-        weight = 1.0 / np.sqrt(seen.white + wander[axis])
-        x, y = columns / size * weight[:, np.newaxis], seen.rate[:, axis] * weight
+        weight = 1.0 / np.sqrt(diffs.white + wander[axis])
+        x, y = columns / size * weight[:, np.newaxis], diffs.rate[:, axis] * weight
         scaled = np.linalg.lstsq(x, y, rcond=None)[0]
-        found[:, axis], squares[axis] = scaled / size, float(np.sum((y - x @ scaled) ** 2))
+        slopes[:, axis], squares[axis] = scaled / size, float(np.sum((y - x @ scaled) ** 2))
         inverse = np.linalg.inv(x.T @ x) / np.outer(size, size)
         covariance[:, :, axis] = inverse * squares[axis] / (len(y) - k)
-    return found, covariance, squares
+    return slopes, covariance, squares
 
 
-def _fitted(fit: _Polynomial, blocks: _Blocks, temp_c: Floats, known: TriadCalibration, seconds: float) -> Fitted:
+def _fitted(fit: _Polynomial, blocks: _Blocks, temp_c: Floats, base: TriadCalibration, seconds: float) -> Fitted:
     span, degree = (float(temp_c.min()), float(temp_c.max())), len(fit.slopes)
     wandered = fit.residuals.var(axis=0)  # the bias is known no better than it wandered during the soak
     centred = (_powers(np.linspace(*span, 41), _reference(temp_c)) - blocks.powers.mean(axis=0))[:, 1 : degree + 1]
@@ -279,23 +279,23 @@ def _fitted(fit: _Polynomial, blocks: _Blocks, temp_c: Floats, known: TriadCalib
     mean = blocks.powers.mean(axis=0)[1 : degree + 1]
     bias_variance = wandered + np.einsum("k,klj,l->j", mean, fit.covariance, mean)
     calibration = replace(
-        known,
+        base,
         bias=fit.bias,
         bias_per_k=fit.slopes,
         bias_per_k_sd=np.sqrt(np.einsum("kkj->kj", fit.covariance)),
         temp_ref_c=_reference(temp_c),
         temp_span_c=span,
-        covariance=new_bias_covariance(known, np.diag(bias_variance)),
+        covariance=new_bias_covariance(base, np.diag(bias_variance)),
         residual_rms=float(np.sqrt(np.mean(fit.residuals**2))),
         method=f"gyr over temperature, degree {degree}, {span[0]:.1f} to {span[1]:.1f} °C in {seconds:.0f} s",
         quality=Quality(grade=grade_of(spread, RATE) or "poor", samples=len(blocks.rate)),
     )
-    told = (
+    remarks = (
         f"The bias is known to {to_dps(spread):.2g} °/s anywhere from {span[0]:.1f} to {span[1]:.1f} °C "
         f"(standard deviation; polynomial of degree {degree}); beyond, it goes on as its tangent.",
         *_hysteresis(blocks, fit),
     )
-    return Fitted(calibration, blocks.rate, fit.residuals, np.ones(len(blocks.rate), dtype=bool), told)
+    return Fitted(calibration, blocks.rate, fit.residuals, np.ones(len(blocks.rate), dtype=bool), remarks)
 
 
 def _hysteresis(blocks: _Blocks, fit: _Polynomial) -> tuple[str, ...]:
@@ -303,9 +303,9 @@ def _hysteresis(blocks: _Blocks, fit: _Polynomial) -> tuple[str, ...]:
     rising = np.gradient(blocks.powers[:, 1]) > 0.0
     if min(rising.sum(), (~rising).sum()) < FEWEST // 2:
         return ()
-    seen = _Differences.of(blocks)
-    found, covariance, _ = _weighted(seen.regressors[:, [*range(len(fit.slopes)), HIGHEST]], seen, fit.wander)
-    apart = np.abs(found[-1])
+    diffs = _Differences.from_blocks(blocks)
+    slopes, covariance, _ = _weighted(diffs.regressors[:, [*range(len(fit.slopes)), HIGHEST]], diffs, fit.wander)
+    apart = np.abs(slopes[-1])
     if not (apart > SURE * np.sqrt(covariance[-1, -1])).any():
         return ()
     return (

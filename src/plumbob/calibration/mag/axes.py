@@ -63,10 +63,10 @@ def agreement(t: Floats, mag: Floats, gyr: Floats) -> Agreement | None:
     rows, change = _equations(t, mag, gyr)
     along = rows[:, :, [0, 4, 8]].sum(axis=2)
     columns = np.concatenate((along[:, :, np.newaxis], rows[:, :, 9:]), axis=2)
-    found = _solution(columns, change)
-    if found is None or found[1][0] > MOST_UNKNOWN:
+    solution = _solution(columns, change)
+    if solution is None or solution[1][0] > MOST_UNKNOWN:
         return None
-    return Agreement(float(found[0][0]), np.asarray(-found[0][1:4] / found[0][0]))
+    return Agreement(float(solution[0][0]), np.asarray(-solution[0][1:4] / solution[0][0]))
 
 
 def turn(t: Floats, field: Floats, gyr: Floats) -> Floats | None:
@@ -80,10 +80,10 @@ def turn(t: Floats, field: Floats, gyr: Floats) -> Floats | None:
         Calibrated field, µT, and rates, rad/s, of which a constant bias is found too; rows with NaN do not count.
     """
     rows, change = _equations(t, field, gyr)
-    found = _solution(rows[:, :, :12], change)
-    if found is None or found[1][:9].max() > MOST_UNKNOWN:
+    solution = _solution(rows[:, :, :12], change)
+    if solution is None or solution[1][:9].max() > MOST_UNKNOWN:
         return None
-    u, _, vt = np.linalg.svd(found[0][:9].reshape(3, 3))
+    u, _, vt = np.linalg.svd(solution[0][:9].reshape(3, 3))
     return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
 
@@ -92,10 +92,10 @@ def _equations(t: Floats, mag: Floats, gyr: Floats) -> tuple[Floats, Floats]:
 
     Columns: gain of the rates, row by row; their bias; hard iron; the product of both biases.
     """
-    known = np.isfinite(mag).all(axis=1) & np.isfinite(gyr).all(axis=1)
-    if not known.any():
+    valid = np.isfinite(mag).all(axis=1) & np.isfinite(gyr).all(axis=1)
+    if not valid.any():
         return np.zeros((0, 3, 18)), np.zeros((0, 3))
-    t, mag, gyr = t[known], mag[known], gyr[known]
+    t, mag, gyr = t[valid], mag[valid], gyr[valid]
     size = max(1, round(_WINDOW / float(np.median(np.diff(t))))) if len(t) > 1 else 1
     step = size * max(1, _CHUNK // size)
     parts = [
@@ -107,12 +107,12 @@ def _equations(t: Floats, mag: Floats, gyr: Floats) -> tuple[Floats, Floats]:
 def _chunk(t: Floats, mag: Floats, gyr: Floats, size: int) -> tuple[Floats, Floats]:
     count = (len(t) - 1) // size
     edges = np.arange(count + 1) * size
-    kept = np.diff(t[edges]) <= _LONGEST
+    gapless = np.diff(t[edges]) <= _LONGEST
     last = int(edges[-1])
     at = _derivatives(mag[: last + 1], gyr[: last + 1])
     each = 0.5 * (at[1:] + at[:-1]) * np.diff(t[: last + 1])[:, np.newaxis, np.newaxis]
     rows = each.reshape(count, size, 3, at.shape[2]).sum(axis=1)
-    return rows[kept], np.diff(mag[edges], axis=0)[kept]
+    return rows[gapless], np.diff(mag[edges], axis=0)[gapless]
 
 
 def _derivatives(mag: Floats, gyr: Floats) -> Floats:
@@ -140,10 +140,10 @@ def _solution(columns: Floats, change: Floats) -> tuple[Floats, Floats] | None:
     normal = scaled.T @ scaled
     if np.linalg.cond(normal) > 1.0 / np.finfo(np.float64).eps:
         return None
-    found = np.linalg.solve(normal, scaled.T @ right)
-    left = right - scaled @ found
-    variance = float(left @ left) / (len(right) - len(found))
-    return found / scale, np.sqrt(variance * np.diag(np.linalg.inv(normal))) / scale
+    solution = np.linalg.solve(normal, scaled.T @ right)
+    residual = right - scaled @ solution
+    variance = float(residual @ residual) / (len(right) - len(solution))
+    return solution / scale, np.sqrt(variance * np.diag(np.linalg.inv(normal))) / scale
 
 
 CLEARLY: Final = 3.0
@@ -250,11 +250,11 @@ def wander(t: Floats, field: Floats, gyr: Floats) -> float | None:
         The angle; None where there are not enough samples.
     """
     rows = _windows(t, np.flatnonzero(np.isfinite(gyr).all(axis=1)))
-    bias, left = np.zeros(3), None
+    bias, misfit = np.zeros(3), None
     for _ in range(_ROUNDS if rows.size else 0):
-        found = _kept(_turned_by(t, gyr - bias, rows, 1.0), field, [_SAME], offset=False)
-        bias, left = (bias + found[0].bias, found[0].left) if found else (bias, None)
-    return None if left is None else float(np.sqrt(left))
+        fits = _way_fits(_turned_by(t, gyr - bias, rows, 1.0), field, [_SAME], offset=False)
+        bias, misfit = (bias + fits[0].bias, fits[0].misfit) if fits else (bias, None)
+    return None if misfit is None else float(np.sqrt(misfit))
 
 
 def suspects(found: Arrangements) -> tuple[Suspect, ...]:
@@ -280,9 +280,9 @@ def _by_turn_alone(field: Floats) -> Suspect:
     return Suspect("mag", field, "gyr", sure=False)
 
 
-def _completed(found: Arrangements) -> tuple[Floats | None, Floats | None, Floats | None]:
+def _completed(candidates: Arrangements) -> tuple[Floats | None, Floats | None, Floats | None]:
     """The one arrangement of each pair, where it is told; two of them tell the third, those with rates first."""
-    dip, field, force = (ways[0] if len(ways) == 1 else None for ways in found)
+    dip, field, force = (ways[0] if len(ways) == 1 else None for ways in candidates)
     if field is not None and force is not None:
         return field @ force.T, field, force
     if dip is not None and force is not None:
@@ -299,30 +299,30 @@ def _is_same(way: Floats) -> bool:
 def _keeping_dip(mag: Floats, acc: Floats) -> tuple[Floats, ...]:
     """Right-handed arrangements of the magnetometer in which the field (N, 3) keeps one angle to the vertical."""
     size = np.linalg.norm(acc, axis=1)
-    known = np.isfinite(mag).all(axis=1) & np.isfinite(size)
-    if known.any():
-        usual = float(np.median(size[known]))
-        known[known] = np.abs(size[known] - usual) <= QUIET * usual
-    count = int(np.count_nonzero(known))
-    if count < FEWEST_DIRECTIONS or not size[known].all():
+    valid = np.isfinite(mag).all(axis=1) & np.isfinite(size)
+    if valid.any():
+        usual = float(np.median(size[valid]))
+        valid[valid] = np.abs(size[valid] - usual) <= QUIET * usual
+    count = int(np.count_nonzero(valid))
+    if count < FEWEST_DIRECTIONS or not size[valid].all():
         return ()
     step = -(-count // _SOME)
-    mag, up = mag[known][::step], (acc[known] / size[known, np.newaxis])[::step]
+    mag, up = mag[valid][::step], (acc[valid] / size[valid, np.newaxis])[::step]
     mag = mag - mag.mean(axis=0)
     strength = float(np.mean(np.sum(mag * mag, axis=1)))
     rows = np.column_stack((np.ones(len(up)), up))  # hard iron is along the vertical as that turns
     share = (len(up) - rows.shape[1]) * strength
-    left = [_solved(rows, np.sum(up * (mag @ way), axis=1))[1] / share for way in _TURNS]
-    return _not_excluded(_TURNS, left, _KEPT**2, _LEAST**2)
+    misfits = [_solved(rows, np.sum(up * (mag @ way), axis=1))[1] / share for way in _TURNS]
+    return _not_excluded(_TURNS, misfits, _KEPT**2, _LEAST**2)
 
 
-def _not_excluded(ways: Sequence[Floats], left: Sequence[float], most: float, least: float) -> tuple[Floats, ...]:
+def _not_excluded(ways: Sequence[Floats], misfits: Sequence[float], most: float, least: float) -> tuple[Floats, ...]:
     """Ways that leave not clearly more than the best one, best first; none where that leaves too much."""
-    order = np.argsort(left, kind="stable").tolist()
-    if not order or not left[order[0]] <= most:
+    order = np.argsort(misfits, kind="stable").tolist()
+    if not order or not misfits[order[0]] <= most:
         return ()
-    limit = max(CLEARLY * left[order[0]], least)
-    return tuple(ways[i] for i in order if left[i] <= limit)
+    limit = max(CLEARLY * misfits[order[0]], least)
+    return tuple(ways[i] for i in order if misfits[i] <= limit)
 
 
 class _TurnedBack(NamedTuple):
@@ -350,7 +350,7 @@ class _Followed(NamedTuple):
     """An arrangement of a gyroscope's axes, the squares that it leaves, of all, and the bias of the rates, rad/s."""
 
     way: Floats
-    left: float
+    misfit: float
     bias: Floats
 
 
@@ -365,23 +365,23 @@ def _by_rates(t: Floats, mag: Floats, acc: Floats, gyr: Floats) -> tuple[tuple[F
     bias, turned, field = np.zeros(3), [], []
     for _ in range(_ROUNDS):
         turned = [_turned_by(t, gyr - bias, rows, sense) for sense in (1.0, -1.0)]
-        field = _followed(turned, mag, offset=True)
-        bias = bias + min(field, key=lambda one: one.left).bias if field else bias
-    ways = _of(field)
+        field = _direction_fits(turned, mag, offset=True)
+        bias = bias + min(field, key=lambda fit: fit.misfit).bias if field else bias
+    ways = _ways(field)
     senses = {float(np.linalg.det(way)) for way in ways} or {1.0, -1.0}
-    return ways, _of(_followed([one for one in turned if one.sense in senses], acc, offset=False))
+    return ways, _ways(_direction_fits([fit for fit in turned if fit.sense in senses], acc, offset=False))
 
 
-def _of(found: Sequence["_Followed"]) -> tuple[Floats, ...]:
-    return _not_excluded([one.way for one in found], [one.left for one in found], _FOLLOWED, _LEAST_SQUARES)
+def _ways(fits: Sequence["_Followed"]) -> tuple[Floats, ...]:
+    return _not_excluded([fit.way for fit in fits], [fit.misfit for fit in fits], _FOLLOWED, _LEAST_SQUARES)
 
 
-def _windows(t: Floats, known: NDArray[np.intp]) -> NDArray[np.intp]:
+def _windows(t: Floats, samples: NDArray[np.intp]) -> NDArray[np.intp]:
     """Samples (W, 4, n) of windows without gaps, spread over the capture."""
-    if len(known) < 2:
+    if len(samples) < 2:
         return np.zeros((0, _PARTS, 1), dtype=np.intp)
-    size = max(1, round(SPAN / _PARTS / float(np.median(np.diff(t[known])))))
-    windows = known[: len(known) // (_PARTS * size) * _PARTS * size].reshape(-1, _PARTS, size)
+    size = max(1, round(SPAN / _PARTS / float(np.median(np.diff(t[samples])))))
+    windows = samples[: len(samples) // (_PARTS * size) * _PARTS * size].reshape(-1, _PARTS, size)
     windows = windows[t[windows[:, -1, -1]] - t[windows[:, 0, 0]] < _GAPS * SPAN]
     return windows[:: 1 + len(windows) // _WINDOWS]
 
@@ -395,45 +395,45 @@ def _turned_by(t: Floats, rates: Floats, rows: NDArray[np.intp], sense: float) -
     return _TurnedBack(rows, sense, turns.reshape(by_bias.shape), by_bias - by_bias[:, :1, :1])
 
 
-def _followed(turned: Sequence[_TurnedBack], vectors: Floats, *, offset: bool) -> list[_Followed]:
+def _direction_fits(turned: Sequence[_TurnedBack], vectors: Floats, *, offset: bool) -> list[_Followed]:
     """How vectors (N, 3) keep their direction once turned back, by each arrangement; none where they are too few.
 
     A bias of the rates is found too, and a constant one of the vectors where they may have an `offset`.
     """
-    return [one for each in turned for one in _kept(each, vectors, _TURNS, offset=offset)]
+    return [fit for back in turned for fit in _way_fits(back, vectors, _TURNS, offset=offset)]
 
 
-def _kept(turned: _TurnedBack, vectors: Floats, ways: Sequence[Floats], *, offset: bool) -> list[_Followed]:
+def _way_fits(turned: _TurnedBack, vectors: Floats, ways: Sequence[Floats], *, offset: bool) -> list[_Followed]:
     some = vectors[turned.rows]
-    known = np.asarray(np.isfinite(some).all(axis=3))
-    whole = np.flatnonzero(np.all(known.any(axis=2), axis=1))
-    if whole.size < _FEWEST_WINDOWS:
+    valid = np.asarray(np.isfinite(some).all(axis=3))
+    full = np.flatnonzero(np.all(valid.any(axis=2), axis=1))
+    if full.size < _FEWEST_WINDOWS:
         return []
-    some, known, turns, by_bias = some[whole], known[whole], turned.turns[whole], turned.by_bias[whole]
-    middle = some[known].mean(axis=0) if offset else np.zeros(3)
-    some = np.where(known[..., np.newaxis], some - middle, 0.0)
-    share = known / known.sum(axis=2, keepdims=True)
+    some, valid, turns, by_bias = some[full], valid[full], turned.turns[full], turned.by_bias[full]
+    middle = some[valid].mean(axis=0) if offset else np.zeros(3)
+    some = np.where(valid[..., np.newaxis], some - middle, 0.0)
+    share = valid / valid.sum(axis=2, keepdims=True)
     turns = turns * share[..., np.newaxis, np.newaxis]
     products = np.einsum("wpnij,wpnk->wpijk", turns, some)
     turns, by_bias = turns.sum(axis=2), np.einsum("wpn,wpnij->wpij", share, by_bias)
-    found = []
+    fits = []
     for way in ways:
         back = np.einsum("wpijk,kj->wpi", products, way)
         columns = np.concatenate((skew(back) @ by_bias, turns), axis=3) if offset else skew(back) @ by_bias
-        left, step = _within(back, columns)
-        found.append(_Followed(turned.sense * way, left / max(float(np.sum(back * back)), _TINY), -turned.sense * step))
-    return found
+        cost, step = _within(back, columns)
+        fits.append(_Followed(turned.sense * way, cost / max(float(np.sum(back * back)), _TINY), -turned.sense * step))
+    return fits
 
 
 def _within(values: Floats, columns: Floats) -> tuple[float, Floats]:
     """Squares of values (W, 4, 3) about the means of windows, beside columns (W, 4, 3, K), and the first of these."""
     values, columns = (each - each.mean(axis=1, keepdims=True) for each in (values, columns))
-    found, left = _solved(columns.reshape(-1, columns.shape[3]), values.ravel())
-    return left, found[:3]
+    solution, cost = _solved(columns.reshape(-1, columns.shape[3]), values.ravel())
+    return cost, solution[:3]
 
 
 def _solved(rows: Floats, values: Floats) -> tuple[Floats, float]:
     """Solution of rows (N, K) for values (N,), and the squares that it leaves."""
-    found = np.asarray(np.linalg.lstsq(rows, values, rcond=None)[0], dtype=np.float64)
-    left = values - rows @ found
-    return found, float(left @ left)
+    solution = np.asarray(np.linalg.lstsq(rows, values, rcond=None)[0], dtype=np.float64)
+    residual = values - rows @ solution
+    return solution, float(residual @ residual)

@@ -170,12 +170,12 @@ class Doubt(NamedTuple):
     shown: bool
 
     @classmethod
-    def of(cls, sd: float, even: float, field: Unevenness, shared: Alike) -> Self:
+    def from_fit(cls, sd: float, even: float, field: Unevenness, shared: Alike) -> Self:
         """Of a fit; residuals show an uneven field where that makes more of them count as one than their memory."""
         return cls(sd, even, field, shared.memory, shared.unevenness > shared.memory)
 
 
-def calibration_of(
+def mag_calibration(
     *,
     matrix: Floats,
     bias: Floats,
@@ -279,29 +279,29 @@ def heading_told(sd: float) -> str:
 def uneven_told(doubt: Doubt) -> tuple[str, ...]:
     """Remarks where the field differed from place to place or may have, or errors have a long memory."""
     more = doubt.sd / doubt.even if doubt.even > 0.0 else 1.0
-    told = f"this makes the predicted error {more:.2g} times that of an even field."
+    text = f"this makes the predicted error {more:.2g} times that of an even field."
     if doubt.shown:
         return (
             "UNEVEN: the residuals persist while the unit turns, as in a field that differs from place to place; "
-            f"{told} {EVEN}",
+            f"{text} {EVEN}",
         )
-    found = []
+    remarks = []
     if more > _COUNTS and doubt.field.short:
-        found.append(
+        remarks.append(
             "SHORT: the unit turned too little to show whether the field is even, so the unevenness of a usual room, "
-            f"{doubt.field.sd:.2g} µT, is assumed; {told} {LONGER}"
+            f"{doubt.field.sd:.2g} µT, is assumed; {text} {LONGER}"
         )
     elif more > _COUNTS:
-        found.append(
+        remarks.append(
             "LENGTH ALONE: the length does not show a field that changes along itself, as around the arm of a hand, so "
-            f"{doubt.field.sd:.2g} µT are assumed; {told} {DIRECTION}"
+            f"{doubt.field.sd:.2g} µT are assumed; {text} {DIRECTION}"
         )
     if doubt.memory > _LONG_MEMORY:
-        found.append(
+        remarks.append(
             f"The residuals are autocorrelated: {doubt.memory:.0f} neighbouring samples count as one. Filters, drifts "
             "and uneven fields cause this."
         )
-    return tuple(found)
+    return tuple(remarks)
 
 
 def own_scale(strength: float | None, size: float) -> tuple[str, ...]:
@@ -322,7 +322,7 @@ def set_aside(used: NDArray[np.bool_]) -> tuple[str, ...]:
     return (f"Set aside as outliers: {count} of {len(used)} samples.",) if count else ()
 
 
-def dip_of(field: Floats, force: Floats) -> float:
+def dip_angle(field: Floats, force: Floats) -> float:
     """Dip of calibrated fields (N, 3), rad, by the specific forces (N, 3) at the same instants, which point up."""
     down = -np.sum(field * force, axis=1) / np.linalg.norm(field, axis=1) / np.linalg.norm(force, axis=1)
     return float(np.arcsin(np.clip(np.median(down), -1.0, 1.0)))

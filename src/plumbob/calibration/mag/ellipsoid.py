@@ -21,7 +21,7 @@ from plumbob.calibration.ellipsoid.ellipsoid_fit import (
     fit_norm,
     fit_shape,
     linearised,
-    radius_of,
+    mean_radius,
     scaled,
 )
 from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
@@ -32,11 +32,11 @@ from plumbob.calibration.mag.checks import (
     STEEL,
     WEAKEST,
     Doubt,
-    calibration_of,
-    dip_of,
+    dip_angle,
     finite_rows,
     forces,
     heading_told,
+    mag_calibration,
     outliers,
     own_scale,
     require_figures,
@@ -48,7 +48,7 @@ from plumbob.calibration.mag.checks import (
     wrong_field,
 )
 from plumbob.calibration.mag.field_gradient import Unevenness, one_axis, unevenness_in
-from plumbob.calibration.predicted import NAMES, TILT_RANGE, filled, heading_apart, heading_sd, names_of
+from plumbob.calibration.predicted import NAMES, TILT_RANGE, filled, heading_apart, heading_sd, region_names
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 
@@ -74,12 +74,12 @@ def moved(vectors: Floats, fit: NormFit) -> Reason | None:
     if len(vectors) < FEWEST:
         return None
     some = slice(None, None, max(1, len(vectors) // _SOME_OF_ALL))
-    rows, left = linearised(vectors[some], fit.ellipsoid)
+    rows, residuals = linearised(vectors[some], fit.ellipsoid)
     radius = 3.0 / float(np.trace(fit.ellipsoid.shape))
-    jump = _largest(rows, left, radius)
+    jump = _largest(rows, residuals, radius)
     if jump is not None and jump.place <= MOST_OUTLIERS:
-        rows, left = rows[fit.used[some]], left[fit.used[some]]
-        jump = _largest(rows, left, radius)
+        rows, residuals = rows[fit.used[some]], residuals[fit.used[some]]
+        jump = _largest(rows, residuals, radius)
     if jump is None:
         return None
     size = float(np.linalg.norm(jump.size))
@@ -99,12 +99,12 @@ class _Jump(NamedTuple):
     size: Floats
 
 
-def _largest(rows: Floats, left: Floats, radius: float) -> _Jump | None:
+def _largest(rows: Floats, residuals: Floats, radius: float) -> _Jump | None:
     """Jump that explains the most of what is left (N,), None where it is chance, or too small."""
     best = _Jump(0.0, 0.0, np.zeros(3))
     for place in _PLACES:
-        jump = np.where(np.arange(len(left))[:, np.newaxis] >= place * len(left), rows[:, :3], 0.0)
-        best = max(best, _jump(place, rows, jump, left), key=lambda found: found.explained)
+        jump = np.where(np.arange(len(residuals))[:, np.newaxis] >= place * len(residuals), rows[:, :3], 0.0)
+        best = max(best, _jump(place, rows, jump, residuals), key=lambda candidate: candidate.explained)
     if best.explained < _EXPLAINED or np.linalg.norm(best.size) < _SIZE * radius:
         return None
     return best if _chance(best, *rows.shape) <= _CHANCE else None
@@ -117,13 +117,13 @@ def _chance(jump: _Jump, count: int, parameters: int) -> float:
     return float(f.sf(jump.explained / 3.0 / ((1.0 - jump.explained) / free), 3, free))
 
 
-def _jump(place: float, rows: Floats, jump: Floats, left: Floats) -> _Jump:
+def _jump(place: float, rows: Floats, jump: Floats, residuals: Floats) -> _Jump:
     """What a linear step with a jump leaves, against one without."""
     both = np.hstack((rows, jump))
     scale = np.maximum(np.linalg.norm(both, axis=0), 1e-12)
-    normal, right = (both / scale).T @ (both / scale), (both / scale).T @ left
+    normal, right = (both / scale).T @ (both / scale), (both / scale).T @ residuals
     without, step = (np.linalg.lstsq(normal[:n, :n], right[:n], rcond=1e-12)[0] for n in (rows.shape[1], len(right)))
-    total = float(left @ left) - float(right[: rows.shape[1]] @ without)
+    total = float(residuals @ residuals) - float(right[: rows.shape[1]] @ without)
     gained = float(right @ step) - float(right[: rows.shape[1]] @ without)
     return _Jump(gained / total if total > 0.0 else 0.0, float(place), -(step / scale)[-3:])
 
@@ -161,28 +161,28 @@ def widening(vectors: Floats, fit: NormFit, field: Unevenness, memory: float, pl
         Where headings are used.
     """
     some = vectors[fit.used][:: max(1, len(vectors) // _SOME_OF_HALVES)]
-    whole = scaled(fit, place.size, alike=1.0)[0], fit.ellipsoid.centre
+    overall = scaled(fit, place.size, alike=1.0)[0], fit.ellipsoid.centre
     ratios = []
     for count in PARTS:
         if len(some) < count * LONG:
             break
         parts = [_part(piece, fit, field, memory, place) for piece in np.array_split(some, count)]
-        for one, other in pairwise(parts):
-            if one is not None and other is not None:
-                off = heading_apart(one[0], other[0], whole, size=place.size, dip=place.dip)
-                ratios.append(off / math.hypot(one[1], other[1]))
+        for first, second in pairwise(parts):
+            if first is not None and second is not None:
+                off = heading_apart(first[0], second[0], overall, size=place.size, dip=place.dip)
+                ratios.append(off / math.hypot(first[1], second[1]))
     worst = max(ratios, default=0.0)
     return max(1.0, (worst / MOST_APART) ** 2)
 
 
 def _part(
-    vectors: Floats, whole: NormFit, field: Unevenness, memory: float, place: Place
+    vectors: Floats, full: NormFit, field: Unevenness, memory: float, place: Place
 ) -> tuple[tuple[Floats, Floats], float] | None:
     """Calibration of a part, and the heading error that it predicts beside the other parts; None where it is lost.
 
     What no length shows is the same in all parts, and does not count between them.
     """
-    fit = fit_norm(vectors, Shape.ELLIPSOID, whole.ellipsoid, robust=False)
+    fit = fit_norm(vectors, Shape.ELLIPSOID, full.ellipsoid, robust=False)
     if fit is None:
         return None
     patches = unevenness_in(fit, vectors).patches
@@ -249,20 +249,20 @@ def fit_mag(
     if (narrow := _constant(mag) or one_axis(mag, acc)) is not None:
         refuse([narrow])
     fit, full, why = _fitted(mag, shape)
-    radius = radius_of(fit.ellipsoid.shape)
+    radius = mean_radius(fit.ellipsoid.shape)
     size = strength or radius
     dip = _dip(mag, fit, acc) if dip is None else dip
     shared, place = alike_in(full, mag), Place(size, dip, tilt_range)
     field = unevenness_in(full, mag)
     matrix, _ = scaled(fit, strength, alike=1.0)
     _, independent = scaled(full, strength, alike=1.0)  # what is too small to show may be there all the same
-    left = full.residuals[full.used]
-    covariance = field.counted(independent, memory=shared.memory, residuals=left, matrix=matrix, radius=radius)
+    residuals = full.residuals[full.used]
+    covariance = field.counted(independent, memory=shared.memory, residuals=residuals, matrix=matrix, radius=radius)
     covariance = covariance * widening(mag, full, field, shared.memory, place)
     sd, even = (heading_sd(matrix, c, **place._asdict()) for c in (covariance, independent * shared.memory))
-    doubt = Doubt.of(sd, even, field, shared)
+    doubt = Doubt.from_fit(sd, even, field, shared)
     _check(mag, fit, doubt, strength)
-    calibration = calibration_of(
+    calibration = mag_calibration(
         matrix=matrix,
         bias=fit.ellipsoid.centre,
         covariance=covariance,
@@ -294,8 +294,8 @@ def _change(mag: Floats) -> float:
 
 def _require_shape(shape: Shape | None) -> None:
     if shape is not None and not isinstance(shape, Shape):
-        known = ", ".join(str(each) for each in Shape)
-        raise ParameterError(f"shape must be one of {known}, or None to have it chosen, but it is {shape!r}.")
+        shapes = ", ".join(str(each) for each in Shape)
+        raise ParameterError(f"shape must be one of {shapes}, or None to have it chosen, but it is {shape!r}.")
 
 
 def _constant(mag: Floats) -> Reason | None:
@@ -331,15 +331,15 @@ def _shapeless(mag: Floats) -> Reason:
 def _check(mag: Floats, fit: NormFit, doubt: Doubt, strength: float | None) -> None:
     """Refuse a fit that says nothing, or something that cannot be."""
     shape = fit.ellipsoid.shape
-    found = (
+    reasons = (
         moved(mag, fit),
         outliers(
             fit.used, "Look for switched currents, moving iron and steel nearby, or capture where the field is even."
         ),
         uneven(doubt) or _coverage(mag, fit, doubt.sd),
-        *where_known(doubt.sd, unequal(shape), wrong_field(radius_of(shape), strength)),
+        *where_known(doubt.sd, unequal(shape), wrong_field(mean_radius(shape), strength)),
     )
-    refuse([reason for reason in found if reason is not None])
+    refuse([reason for reason in reasons if reason is not None])
 
 
 def _too_few(count: int, least: int) -> Reason:
@@ -349,34 +349,34 @@ def _too_few(count: int, least: int) -> Reason:
 def _coverage(mag: Floats, fit: NormFit, sd: float) -> Reason | None:
     if sd <= HEADING.poor:
         return None
-    told = _regions_told((mag - fit.ellipsoid.centre)[fit.used])
+    regions = _regions_told((mag - fit.ellipsoid.centre)[fit.used])
     return Reason(
         "too-few-regions",
-        f"the capture leaves {heading_told(sd)}; {told}.",
+        f"the capture leaves {heading_told(sd)}; {regions}.",
         _ADVICE,
     )
 
 
 def _regions_told(directions: Floats) -> str:
-    seen = filled(directions)
-    empty = [i for i, count in enumerate(seen.tolist()) if count == 0]
-    told = f"{len(NAMES) - len(empty)} of {len(NAMES)} directions were seen"
-    return f"{told}, missing {names_of(empty)}" if empty else told
+    counts = filled(directions)
+    empty = [i for i, count in enumerate(counts.tolist()) if count == 0]
+    text = f"{len(NAMES) - len(empty)} of {len(NAMES)} directions were seen"
+    return f"{text}, missing {region_names(empty)}" if empty else text
 
 
 def _dip(mag: Floats, fit: NormFit, acc: Floats | None) -> float:
     """Dip of the field, rad, by the specific force; an assumed one without it."""
     if acc is None:
         return DIP
-    return dip_of(((mag - fit.ellipsoid.centre) @ fit.ellipsoid.shape)[fit.used], acc[fit.used])
+    return dip_angle(((mag - fit.ellipsoid.centre) @ fit.ellipsoid.shape)[fit.used], acc[fit.used])
 
 
 def _remarks(fit: NormFit, why: str, strength: float | None, size: float, doubt: Doubt) -> tuple[str, ...]:
-    told = [f"Shape: {_WORDS[fit.shape]} ({why})."]
+    notes = [f"Shape: {_WORDS[fit.shape]} ({why})."]
     if fit.shape is not Shape.ELLIPSOID and why != "asked for":
-        told.append("Predicted errors are those of the general ellipsoid, because soft iron may be too small to show.")
-    told += own_scale(strength, size)
-    told.append(
+        notes.append("Predicted errors are those of the general ellipsoid, because soft iron may be too small to show.")
+    notes += own_scale(strength, size)
+    notes.append(
         "The length of the field does not show how the magnetometer is turned in its case; the accelerometer does."
     )
-    return (*told, *uneven_told(doubt), *set_aside(fit.used))
+    return (*notes, *uneven_told(doubt), *set_aside(fit.used))

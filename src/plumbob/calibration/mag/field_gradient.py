@@ -115,12 +115,12 @@ class Unevenness(NamedTuple):
         turned : bool
             Whether a turn is unseen too, as it is without a vertical.
         """
-        found = np.zeros((12, 12))
-        found[:3, :3] = _HARD_IRON * self.sd**2 * np.eye(3)
+        covariance = np.zeros((12, 12))
+        covariance[:3, :3] = _HARD_IRON * self.sd**2 * np.eye(3)
         for axis in np.eye(3) if turned else ():
             change = np.cross(axis, matrix.T).T.ravel()
-            found[3:, 3:] += (self.sd / radius) ** 2 * np.outer(change, change)
-        return found
+            covariance[3:, 3:] += (self.sd / radius) ** 2 * np.outer(change, change)
+        return covariance
 
 
 def unevenness_in(fit: NormFit, vectors: Floats, *, lengths: bool = True) -> Unevenness:
@@ -164,13 +164,13 @@ def unevenness(
     if len(starts) < FEWEST_VISITS or share == 0.0:
         return Unevenness(USUAL, 0.0, patches, short=True)
     shown, hidden = np.max([_shown(column, starts) for column in columns], axis=0)
-    seen = _LIKE_SEEN * shown / max(share, _LEAST_SHARE)
+    evident = _LIKE_SEEN * shown / max(share, _LEAST_SHARE)
     least = HIDDEN * hidden / (USUAL**2 * share)
     drowned = least**_SHARPNESS / (1.0 + least**_SHARPNESS)
     by_hand = len(starts) * _LINGERING <= columns.shape[1]
     along = ALONG if lengths and by_hand else 0.0
-    variance = seen + USUAL**2 * max(along, drowned)
-    return Unevenness(float(np.sqrt(variance)), float(np.sqrt(seen)), patches, short=drowned > along)
+    variance = evident + USUAL**2 * max(along, drowned)
+    return Unevenness(float(np.sqrt(variance)), float(np.sqrt(evident)), patches, short=drowned > along)
 
 
 def _shown(residuals: Floats, starts: NDArray[np.intp]) -> tuple[float, float]:
@@ -210,7 +210,7 @@ def one_axis(vectors: Floats, acc: Floats | None) -> Reason | None:
         return None
     axis = directions[2]
     advice = "Turn the unit about all its axes: each face and each edge once up, as if it were a cube."
-    what = f"the field's directions lie on one circle about {_told(axis)}, {100.0 * sizes[2] / sizes[1]:.1f} % thick"
+    what = f"the field's directions lie on one circle about {_label(axis)}, {100.0 * sizes[2] / sizes[1]:.1f} % thick"
     if _is_level(axis, acc):
         return Reason(
             "level-ring", f"{what}: the unit was turned about the vertical while level, and nothing else.", advice
@@ -233,7 +233,7 @@ def _from_case_axis(direction: Floats) -> float:
     return math.acos(min(1.0, float(np.abs(direction).max())))
 
 
-def _told(axis: Floats) -> str:
+def _label(axis: Floats) -> str:
     if _from_case_axis(axis) < _LEVEL:
         return f"the {'xyz'[int(np.argmax(np.abs(axis)))]} axis"
     return f"the axis ({', '.join(f'{v:.2f}' for v in axis)})"

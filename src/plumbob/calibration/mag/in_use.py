@@ -4,14 +4,14 @@ from typing import Final
 
 import numpy as np
 
-from plumbob.calibration.ellipsoid.ellipsoid_fit import to_size_of
+from plumbob.calibration.ellipsoid.ellipsoid_fit import distortion_to_size
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.checks import (
     DIP,
     STEEL,
     Doubt,
-    calibration_of,
-    dip_of,
+    dip_angle,
+    mag_calibration,
     outliers,
     own_scale,
     require_figures,
@@ -25,7 +25,7 @@ from plumbob.calibration.mag.checks import (
 )
 from plumbob.calibration.mag.field_gradient import Unevenness
 from plumbob.calibration.mag.in_use_fit import FEWEST_WINDOWS, LENGTH, InUseFit, fit_in_use
-from plumbob.calibration.mag.with_acc import turn_of
+from plumbob.calibration.mag.with_acc import turn_angle
 from plumbob.calibration.mag.with_gyr import GAIN_SD
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd
 from plumbob.core.check import Floats
@@ -89,17 +89,17 @@ def fit_mag_in_use(
     """
     require_figures(strength=strength, dip=dip, gyr_gain_sd=gyr_gain_sd, tilt_range=tilt_range)
     t, mag, gyr, acc = with_rates(t, mag, gyr, acc)
-    seen = mag[np.isfinite(mag).all(axis=1)]
-    refuse([dead] if len(seen) and (dead := stuck(seen)) is not None else [])
+    fields = mag[np.isfinite(mag).all(axis=1)]
+    refuse([dead] if len(fields) and (dead := stuck(fields)) is not None else [])
     fit = fit_in_use(t, mag, gyr, gyr_gain_sd=gyr_gain_sd)
     if fit is None:
         raise CaptureRefusedError(_unsettled(t))
-    matrix, covariance = to_size_of(fit.distortion, fit.covariance, strength)
+    matrix, covariance = distortion_to_size(fit.distortion, fit.covariance, strength)
     radius = float(np.cbrt(np.linalg.det(fit.distortion)))
     size, dip = strength or radius, _dip((mag - fit.bias) @ matrix.T, acc) if dip is None else dip
     sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
     refuse(_reasons(fit, sd, radius, strength))
-    calibration = calibration_of(
+    calibration = mag_calibration(
         matrix=matrix,
         bias=fit.bias,
         covariance=covariance,
@@ -127,23 +127,23 @@ def _unsettled(t: Floats) -> Reason:
 
 
 def _reasons(fit: InUseFit, sd: float, radius: float, strength: float | None) -> list[Reason]:
-    found = [
+    reasons = [
         outliers(fit.used, STEEL, MOST_OUTLIERS),
         uncertain(Doubt(sd, sd, Unevenness(), 1.0, shown=False), _ADVICE),
         *where_known(sd, unequal(fit.distortion), wrong_field(radius, strength)),
     ]
-    return [reason for reason in found if reason is not None]
+    return [reason for reason in reasons if reason is not None]
 
 
 def _remarks(fit: InUseFit, lasting: float, size: float) -> tuple[str, ...]:
     bias = ", ".join(f"{value:.3f}" for value in to_dps(fit.gyr_bias.mean(axis=0)).tolist())
     most = to_dps(float(np.max(np.ptp(fit.gyr_bias, axis=0))))
     moved = f", which moved by {most:.2g} °/s at most" if len(fit.gyr_bias) > 1 else ""
-    told = f"{lasting / 3600.0:.3g} h" if lasting >= 3600.0 else f"{lasting / 60.0:.3g} min"
+    duration = f"{lasting / 3600.0:.3g} h" if lasting >= 3600.0 else f"{lasting / 60.0:.3g} min"
     return (
-        f"In use: {fit.windows} windows of {LENGTH:g} s in {told}; from one to the next the field walks by "
+        f"In use: {fit.windows} windows of {LENGTH:g} s in {duration}; from one to the next the field walks by "
         f"{fit.walk * size:.2g} µT along each axis.",
-        f"Gyroscope: bias {bias} °/s{moved}; the magnetometer is turned by {to_deg(turn_of(fit.distortion)):.2g}° "
+        f"Gyroscope: bias {bias} °/s{moved}; the magnetometer is turned by {to_deg(turn_angle(fit.distortion)):.2g}° "
         f"against it, and answers {1e3 * fit.delay:.1f} ms later.",
     )
 
@@ -152,5 +152,5 @@ def _dip(field: Floats, acc: Floats | None) -> float:
     """Dip of a calibrated field (N, 3), rad, by the specific force; an assumed one without it."""
     if acc is None:
         return DIP
-    known = np.isfinite(field).all(axis=1) & np.isfinite(acc).all(axis=1) & acc.any(axis=1)
-    return dip_of(field[known], acc[known]) if known.any() else DIP
+    valid = np.isfinite(field).all(axis=1) & np.isfinite(acc).all(axis=1) & acc.any(axis=1)
+    return dip_angle(field[valid], acc[valid]) if valid.any() else DIP

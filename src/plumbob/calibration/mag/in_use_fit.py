@@ -22,13 +22,13 @@ from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD
 from plumbob.calibration.mag.windows import (
     Gyroscope,
     Windows,
-    edges_of,
-    inverse_of,
-    parts_of,
-    segment_of,
+    floored_inverse,
+    mean_windows,
+    part_count,
+    segment_index,
     segments_in,
     tightness,
-    windows_of,
+    window_edges,
 )
 from plumbob.core.check import Floats
 from plumbob.core.units import dps
@@ -115,19 +115,19 @@ def fit_in_use(t: Floats, mag: Floats, gyr: Floats, *, gyr_gain_sd: float) -> In
         Standard deviation of each entry of the gyroscope's gain matrix, relative to its scale.
     """
     present = np.asarray(np.isfinite(mag).all(axis=1))
-    edges = edges_of(t, present, LENGTH) if len(t) > 1 else np.zeros((0, 2), dtype=np.intp)
+    edges = window_edges(t, present, LENGTH) if len(t) > 1 else np.zeros((0, 2), dtype=np.intp)
     if len(edges) < FEWEST_WINDOWS:
         return None
     middle = mag[present].mean(axis=0)
     size = math.sqrt(float(np.mean(np.sum((mag[present] - middle) ** 2, axis=1))))
     if not size > _TINY:
         return None
-    scaled, parts = (mag - middle) / size, parts_of(t, gyr, LENGTH)
+    scaled, parts = (mag - middle) / size, part_count(t, gyr, LENGTH)
     fit: _Fit | None = None
     try:
         for k in range(_ROUNDS):
             errors = Gyroscope(np.zeros((1, 3)), np.zeros((3, 3)), 0.0) if fit is None else fit.gyr
-            windows = windows_of(t, scaled, gyr, edges, LENGTH / parts, parts, errors)
+            windows = mean_windows(t, scaled, gyr, edges, LENGTH / parts, parts, errors)
             before, fit = fit, _Fit(windows, float(t[-1] - t[0]), gyr_gain_sd, fit)
             if not fit.run(steady=k >= _SWINGING):
                 return None
@@ -178,7 +178,7 @@ class _Fit:
     def __init__(self, windows: Windows, lasting: float, gyr_gain_sd: float, before: "_Fit | None") -> None:
         self.windows, self.lasting, self.gyr_gain_sd = windows, lasting, gyr_gain_sd
         self.segments = segments_in(lasting)
-        self.segment = segment_of(windows.start, lasting, self.segments)
+        self.segment = segment_index(windows.start, lasting, self.segments)
         self.links = np.flatnonzero(windows.linked)
         self.priors = self._priors()
         nothing = Gyroscope(np.zeros((self.segments, 3)), np.zeros((3, 3)), 0.0)
@@ -187,7 +187,7 @@ class _Fit:
         self.distortion: Floats = np.eye(3) if before is None else before.distortion
         self.bias: Floats = np.zeros(3) if before is None else before.bias
         self.h = self._fields()
-        self.noise: _Noise = _Noise(_part_sd(self._left()[windows.known]), 1.0, 0.1) if before is None else before.noise
+        self.noise: _Noise = _Noise(_sd(self._misfit()[windows.known]), 1.0, 0.1) if before is None else before.noise
 
     @property
     def size(self) -> int:
@@ -210,14 +210,14 @@ class _Fit:
     def run(self, *, steady: bool) -> bool:
         """Alternate between steps and, unless it is steady, the sizes of noise; False where they do not settle."""
         for k in range(_STEPS):
-            found = self._equations()
-            if not (np.isfinite(found.normal).all() and np.isfinite(found.slope).all()):
+            system = self._equations()
+            if not (np.isfinite(system.normal).all() and np.isfinite(system.slope).all()):
                 return False
-            step = inverse_of(found.normal) @ found.slope
+            step = floored_inverse(system.normal) @ system.slope
             if k < _STEPS // 3 and not steady:
-                self.noise = self._noise(found)
-            self._move(step, found, 1.0 if k < _STEPS // 3 else 0.5)  # some swing to and fro
-            if float(step @ found.normal @ step) < _ENOUGH**2 * _ALL:
+                self.noise = self._noise(system)
+            self._move(step, system, 1.0 if k < _STEPS // 3 else 0.5)  # some swing to and fro
+            if float(step @ system.normal @ step) < _ENOUGH**2 * _ALL:
                 return bool(np.linalg.det(self.distortion) > 0.0)
         return False
 
@@ -225,11 +225,11 @@ class _Fit:
         """Take the scaling back; A comes before b in the steps, and after it in the covariance."""
         from scipy.special import chdtri
 
-        found = self._equations()
-        covariance, length = self._covariance(found)[:12, :12], self._length()
-        known = self.windows.known
-        left = self._left()[known]
-        spread = np.sqrt(np.diag(found.normal))
+        system = self._equations()
+        covariance, length = self._covariance(system)[:12, :12], self._length()
+        valid = self.windows.known
+        residuals = self._misfit()[valid]
+        spread = np.sqrt(np.diag(system.normal))
         order, scale = np.r_[9:12, :9], size * np.r_[np.ones(3), np.full(9, length.mean)]
         entries = np.r_[np.zeros(3), self.distortion.ravel()]
         covariance = covariance[np.ix_(order, order)] + (length.sd / length.mean) ** 2 * np.outer(entries, entries)
@@ -237,14 +237,14 @@ class _Fit:
             self.distortion * size * length.mean,
             middle + size * self.bias,
             covariance * np.outer(scale, scale),
-            middle + size * self.windows.fields[known],
-            left * size,
-            np.sum(left * left, axis=1) <= chdtri(3.0, FALSE_ALARM / len(left)) * self.noise.part**2,
+            middle + size * self.windows.fields[valid],
+            residuals * size,
+            np.sum(residuals * residuals, axis=1) <= chdtri(3.0, FALSE_ALARM / len(residuals)) * self.noise.part**2,
             self.gyr.bias,
             self.gyr.delay,
             self.noise.walk / length.mean,
-            len(known),
-            float(np.linalg.cond(found.normal / np.outer(spread, spread))),
+            len(valid),
+            float(np.linalg.cond(system.normal / np.outer(spread, spread))),
         )
 
     def _length(self) -> "_Length":
@@ -255,31 +255,31 @@ class _Fit:
             float(np.median(lengths)), MAD * float(np.median(np.abs(lengths - np.median(lengths)))) / count**0.5
         )
 
-    def _covariance(self, found: _Equations) -> Floats:
+    def _covariance(self, system: _Equations) -> Floats:
         """Covariance of the parameters: by the noise, and by how clusters of windows differ, where that is more.
 
         Clusters are a minute long, or shorter so that there are enough of them to tell.
         """
-        inverse = inverse_of(found.normal)
+        inverse = floored_inverse(system.normal)
         cluster = (self.windows.start / min(CLUSTER, max(LENGTH, self.lasting / (4.0 * _ALL)))).astype(np.intp)
         sums = np.zeros((cluster.max() + 1, self.size))
-        np.add.at(sums, cluster, found.scores)
+        np.add.at(sums, cluster, system.scores)
         count = len(np.unique(cluster))
         spread = inverse @ sums.T * math.sqrt(count / max(1.0, count - min(_ALL, 0.5 * count)))  # [Liang1986]
         return _larger(inverse, np.asarray(spread @ spread.T))
 
     def _priors(self) -> Floats:
         """Inverse covariance of all parameters before anything is measured."""
-        found = np.zeros((self.size, self.size))
-        found[:12, :12] = np.diag(np.repeat((_DISTORTION_SD, _HARD_IRON_SD), (9, 3)) ** -2.0)
+        precision = np.zeros((self.size, self.size))
+        precision[:12, :12] = np.diag(np.repeat((_DISTORTION_SD, _HARD_IRON_SD), (9, 3)) ** -2.0)
         prior = tightness(self.gyr_gain_sd)
-        found[12, 12] = prior[12, 12]
-        found[_OWN : _OWN + 9, _OWN : _OWN + 9] = prior[3:12, 3:12]
+        precision[12, 12] = prior[12, 12]
+        precision[_OWN : _OWN + 9, _OWN : _OWN + 9] = prior[3:12, 3:12]
         walk = np.eye(self.segments) - np.eye(self.segments, k=-1)
         tight = np.full(self.segments, WANDER**-2.0)
         tight[0] = prior[0, 0]
-        found[_OWN + 9 :, _OWN + 9 :] = np.kron(walk.T @ np.diag(tight) @ walk, np.eye(3))
-        return found
+        precision[_OWN + 9 :, _OWN + 9 :] = np.kron(walk.T @ np.diag(tight) @ walk, np.eye(3))
+        return precision
 
     def _parameters(self) -> Floats:
         """What the priors hold near zero."""
@@ -289,26 +289,26 @@ class _Fit:
     def _fields(self) -> Floats:
         """Fields (W, 3) of the windows by what is known of the sensors so far."""
         w = self.windows
-        seen = (w.fields - self.bias) @ np.linalg.inv(self.distortion).T * w.known[:, :, np.newaxis]
-        return np.asarray(np.einsum("wpij,wpi->wj", w.turns, seen) / w.known.sum(axis=1)[:, np.newaxis])
+        calibrated = (w.fields - self.bias) @ np.linalg.inv(self.distortion).T * w.known[:, :, np.newaxis]
+        return np.asarray(np.einsum("wpij,wpi->wj", w.turns, calibrated) / w.known.sum(axis=1)[:, np.newaxis])
 
     def _errors(self) -> Floats:
         """Bias and gain (W, 12) of the gyroscope since the attitudes were computed."""
         bias, gain = self.gyr.bias - self.base.bias, (self.gyr.gain - self.base.gain).ravel()
         return np.concatenate((bias, np.tile(gain, (self.segments, 1))), axis=1)[self.segment]
 
-    def _seen(self) -> Floats:
+    def _body_field(self) -> Floats:
         """Field (W, P, 3) in body axes."""
         w = self.windows
         lean = np.einsum("wpij,wj->wpi", w.leans, self._errors())
         leaned = self.h[:, np.newaxis] - np.cross(lean, self.h[:, np.newaxis])
-        seen = np.einsum("wpij,wpj->wpi", w.turns, leaned)
-        return np.asarray(seen + (self.gyr.delay - self.base.delay) * np.cross(w.rates, seen))
+        field = np.einsum("wpij,wpj->wpi", w.turns, leaned)
+        return np.asarray(field + (self.gyr.delay - self.base.delay) * np.cross(w.rates, field))
 
-    def _left(self) -> Floats:
+    def _misfit(self) -> Floats:
         """Residuals (W, P, 3)."""
         # departs from [Rodriguez2024]: nothing is differentiated
-        return np.asarray(self.windows.fields - self._seen() @ self.distortion.T - self.bias)
+        return np.asarray(self.windows.fields - self._body_field() @ self.distortion.T - self.bias)
 
     def _steps(self) -> Floats:
         """How far the field of the place walks (L, 3) over each link, in space."""
@@ -316,9 +316,9 @@ class _Fit:
         lean = np.einsum("wij,wj->wi", self.windows.leant, self._errors())[self.links]
         return np.asarray(after - before + np.cross(lean, before))
 
-    def _noise(self, found: _Equations) -> _Noise:
+    def _noise(self, system: _Equations) -> _Noise:
         """Sizes of the noise; of the walk by the field of each window alone, less what its noise makes of it."""
-        alone, own = self.h + found.free, found.sd**2
+        alone, noise_var = self.h + system.free, system.sd**2
         turned = np.einsum("wij,wj->wi", self.windows.leant, self._errors())
         drifted = np.concatenate((np.zeros((1, 3)), np.cumsum(turned[:-1], axis=0)))
         run = np.cumsum(~np.append(True, self.windows.linked[:-1]))
@@ -328,22 +328,22 @@ class _Fit:
             same = run[lag:] == run[:-lag]
             lean = (drifted[lag:] - drifted[:-lag])[same]
             step = (alone[lag:] - alone[:-lag])[same] + np.cross(lean, alone[:-lag][same])
-            both = (own[lag:] + own[:-lag])[same]
+            both = (noise_var[lag:] + noise_var[:-lag])[same]
             variances.append(_beyond(step, both) if same.any() else 0.0)
         walk = max(0.0, variances[1] - variances[0]) / max(1, lags[1] - lags[0])
         walk = math.sqrt(walk + _LEAST_WALK**2)
-        walk, left = math.sqrt(self.noise.walk * walk), self._left()[self.windows.known]  # half way, lest it swing
-        return _Noise(_part_sd(left), memory_of_each(left), walk)
+        walk, misfit = math.sqrt(self.noise.walk * walk), self._misfit()[self.windows.known]  # half way, lest it swing
+        return _Noise(_sd(misfit), memory_of_each(misfit), walk)
 
     def _equations(self) -> _Equations:
         n = self.size
         normal, scores = self.priors.copy(), np.zeros((len(self.h), n))
-        left, seen = self._left(), self._seen()
+        residuals, body_field = self._misfit(), self._body_field()
         of_field, pull, cross = np.zeros((len(self.h), 3, 3)), np.zeros_like(self.h), np.zeros((len(self.h), 3, n))
         for segment in range(self.segments):
             here, at = np.flatnonzero(self.segment == segment), self._places(segment)
             some, scores[np.ix_(here, at)], cross[np.ix_(here, np.arange(3), at)], of_field[here], pull[here] = (
-                self._of_windows(here, left[here], seen[here])
+                self._of_windows(here, residuals[here], body_field[here])
             )
             normal[np.ix_(at, at)] += some
         free = np.asarray(np.linalg.solve(of_field, pull[:, :, np.newaxis])[:, :, 0], dtype=np.float64)
@@ -371,27 +371,27 @@ class _Fit:
         slope[:9] -= off / _SIZE_SD**2 * by_entry
 
     def _of_windows(
-        self, here: NDArray[np.intp], left: Floats, seen: Floats
+        self, here: NDArray[np.intp], residuals: Floats, body_field: Floats
     ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         """Of some windows: normal matrix, slope (n, 25) of each, and of their fields the cross terms, matrix, slope."""
-        rows, back = self._rows(here, seen)
+        rows, back = self._rows(here, body_field)
         sd = self.noise.part
-        weight = 1.0 / (self.noise.memory * sd**2 * (1.0 + np.sum(left * left, axis=2) / (CAUCHY * sd) ** 2))
+        weight = 1.0 / (self.noise.memory * sd**2 * (1.0 + np.sum(residuals * residuals, axis=2) / (CAUCHY * sd) ** 2))
         each = np.repeat(weight * self.windows.known[here], 3, axis=1)[:, :, np.newaxis]
-        own, field = rows.reshape(len(here), -1, _ALL), back.reshape(len(here), -1, 3)
-        own_t, field_t = np.swapaxes(own * each, 1, 2), np.swapaxes(field * each, 1, 2)
-        left = left.reshape(len(here), -1, 1)
-        slopes = (own_t @ left)[:, :, 0], (field_t @ left)[:, :, 0]
-        return (own_t @ own).sum(axis=0), slopes[0], field_t @ own, field_t @ field, slopes[1]
+        design, field = rows.reshape(len(here), -1, _ALL), back.reshape(len(here), -1, 3)
+        design_t, field_t = np.swapaxes(design * each, 1, 2), np.swapaxes(field * each, 1, 2)
+        residuals = residuals.reshape(len(here), -1, 1)
+        slopes = (design_t @ residuals)[:, :, 0], (field_t @ residuals)[:, :, 0]
+        return (design_t @ design).sum(axis=0), slopes[0], field_t @ design, field_t @ field, slopes[1]
 
-    def _rows(self, here: NDArray[np.intp], seen: Floats) -> tuple[Floats, Floats]:
+    def _rows(self, here: NDArray[np.intp], body_field: Floats) -> tuple[Floats, Floats]:
         """Derivatives of what is measured by a window's parameters (n, P, 3, 25), and by its field (n, P, 3, 3)."""
         w = self.windows
-        rows = np.zeros((*seen.shape, _ALL))
+        rows = np.zeros((*body_field.shape, _ALL))
         for i in range(3):
-            rows[:, :, i, 3 * i : 3 * i + 3] = seen
+            rows[:, :, i, 3 * i : 3 * i + 3] = body_field
             rows[:, :, i, 9 + i] = 1.0
-        rows[:, :, :, 12] = np.cross(w.rates[here], seen) @ self.distortion.T
+        rows[:, :, :, 12] = np.cross(w.rates[here], body_field) @ self.distortion.T
         back = self.distortion @ w.turns[here]
         by_gyr = back @ skew(self.h[here])[:, np.newaxis] @ w.leans[here]
         rows[:, :, :, _OWN : _OWN + 9] = by_gyr[:, :, :, 3:]
@@ -413,9 +413,9 @@ class _Fit:
         """Places of a window's parameters among all."""
         return np.concatenate((np.arange(_ALL - 3), _ALL - 3 + 3 * segment + np.arange(3)))
 
-    def _move(self, step: Floats, found: _Equations, share: float) -> None:
+    def _move(self, step: Floats, system: _Equations, share: float) -> None:
         """Take a share of a step."""
-        self.h = self.h + share * (found.steps - found.by_own @ step)
+        self.h = self.h + share * (system.steps - system.by_own @ step)
         step = share * step
         self.distortion = self.distortion + step[:9].reshape(3, 3)
         self.bias = self.bias + step[9:12]
@@ -442,14 +442,14 @@ class _Walks(NamedTuple):
     pull: Floats
 
 
-def _part_sd(left: Floats) -> float:
+def _sd(residuals: Floats) -> float:
     """Standard deviation of residuals (M, 3) about an axis."""
-    return max(MAD * float(np.median(np.abs(left))), 1e-6)
+    return max(MAD * float(np.median(np.abs(residuals))), 1e-6)
 
 
-def _beyond(steps: Floats, own: Floats) -> float:
+def _beyond(steps: Floats, noise: Floats) -> float:
     """Variance about an axis of steps (N, 3) beyond the variance (N,) that each has of its own."""
-    return max(0.0, (MAD * float(np.median(np.abs(steps)))) ** 2 - float(np.median(own)))
+    return max(0.0, (MAD * float(np.median(np.abs(steps)))) ** 2 - float(np.median(noise)))
 
 
 def _banded(of_field: Floats, links: NDArray[np.intp], tight: Floats) -> Floats:
@@ -473,14 +473,14 @@ def _solved(band: Floats, pull: Floats, cross: Floats) -> tuple[Floats, Floats]:
     from scipy.linalg import solveh_banded
 
     right = np.concatenate((pull[:, :, np.newaxis], cross), axis=2)
-    found = solveh_banded(band, right.reshape(-1, right.shape[2]), check_finite=False).reshape(right.shape)
-    return found[:, :, 0], found[:, :, 1:]
+    solution = solveh_banded(band, right.reshape(-1, right.shape[2]), check_finite=False).reshape(right.shape)
+    return solution[:, :, 0], solution[:, :, 1:]
 
 
-def _larger(one: Floats, other: Floats) -> Floats:
+def _larger(first: Floats, second: Floats) -> Floats:
     """Smallest covariance that is at least as large as both in every direction of their common axes."""
-    root = np.linalg.cholesky(one)
-    inside = np.linalg.solve(root, np.linalg.solve(root, other).T)
+    root = np.linalg.cholesky(first)
+    inside = np.linalg.solve(root, np.linalg.solve(root, second).T)
     sizes, axes = np.linalg.eigh(0.5 * (inside + inside.T))
     spread = root @ axes
     return np.asarray((spread * np.maximum(sizes, 1.0)) @ spread.T)

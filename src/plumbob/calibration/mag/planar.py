@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from plumbob.calibration.ellipsoid.autocorrelation import alike
 from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD
-from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, inverse_of, refuse
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, invert, refuse
 from plumbob.calibration.mag.checks import (
     DIP,
     STEEL,
     STRONGEST,
     Doubt,
-    calibration_of,
     finite_rows,
     forces,
+    mag_calibration,
     outliers,
     require_figures,
     set_aside,
@@ -91,15 +91,15 @@ def fit_ellipse(points: Floats) -> EllipseFit | None:
     free = int(np.count_nonzero(used)) - PARAMETERS
     if not settled or free < 1 or not np.linalg.eigvalsh(_matrix(p))[0] > 0.0:
         return None
-    left, rows = _residuals(p, scaled)
-    inverse = inverse_of(rows[used].T @ rows[used])
+    residuals, rows = _residuals(p, scaled)
+    inverse = invert(rows[used].T @ rows[used])
     back = np.array([size, size, 1.0 / size, 1.0 / size, 1.0 / size])
-    variance = float(left[used] @ left[used]) / free
+    variance = float(residuals[used] @ residuals[used]) / free
     return EllipseFit(
         middle + size * p[:2],
         _matrix(p) / size,
         variance * inverse.matrix * np.outer(back, back),
-        left * size,
+        residuals * size,
         used,
         inverse.condition,
     )
@@ -134,21 +134,21 @@ def _residuals(p: Floats, points: Floats) -> tuple[Floats, Floats]:
     n = u / size
     gradient = n @ matrix
     slope = np.linalg.norm(gradient, axis=1, keepdims=True)
-    left = (size - 1.0) / slope
-    (x, y), (a, b) = (arm - left * gradient / slope).T, n.T
+    distance = (size - 1.0) / slope
+    (x, y), (a, b) = (arm - distance * gradient / slope).T, n.T
     rows = np.column_stack((-gradient, a * x, b * y, a * y + b * x)) / slope
-    return left[:, 0], rows
+    return distance[:, 0], rows
 
 
 def _minimum(p: Floats, points: Floats, used: NDArray[np.bool_], *, robust: bool = False) -> tuple[Floats, bool]:
     """Parameters (5,) of least cost, and whether the steps settled."""
     for _ in range(_STEPS):
-        left, rows = (values[used] for values in _residuals(p, points))
-        sd = max(MAD * float(np.median(np.abs(left))), _EXACT)
-        weight = 1.0 / (1.0 + (left / (CAUCHY * sd)) ** 2) if robust else np.ones_like(left)  # [Holland1977]
+        residuals, rows = (values[used] for values in _residuals(p, points))
+        sd = max(MAD * float(np.median(np.abs(residuals))), _EXACT)
+        weight = 1.0 / (1.0 + (residuals / (CAUCHY * sd)) ** 2) if robust else np.ones_like(residuals)  # [Holland1977]
         weighted = rows * weight[:, np.newaxis]
         normal = weighted.T @ rows
-        step = -np.linalg.lstsq(normal, weighted.T @ left, rcond=None)[0]
+        step = -np.linalg.lstsq(normal, weighted.T @ residuals, rcond=None)[0]
         p = p + step
         if not np.isfinite(p).all():
             return p, False
@@ -157,13 +157,13 @@ def _minimum(p: Floats, points: Floats, used: NDArray[np.bool_], *, robust: bool
     return p, False
 
 
-def _likely(left: Floats) -> NDArray[np.bool_]:
+def _likely(residuals: Floats) -> NDArray[np.bool_]:
     """Samples (N,) that noise explains."""
     from scipy.stats import t
 
-    free = max(1, len(left) - PARAMETERS)
-    sd = max(MAD * float(np.median(np.abs(left))) * math.sqrt(len(left) / free), _EXACT)
-    return np.asarray(np.abs(left) <= float(t.ppf(1.0 - 0.5 * FALSE_ALARM / len(left), free)) * sd)
+    free = max(1, len(residuals) - PARAMETERS)
+    sd = max(MAD * float(np.median(np.abs(residuals))) * math.sqrt(len(residuals) / free), _EXACT)
+    return np.asarray(np.abs(residuals) <= float(t.ppf(1.0 - 0.5 * FALSE_ALARM / len(residuals), free)) * sd)
 
 
 WIDEST_GAP: Final = deg(90.0)
@@ -221,16 +221,16 @@ def fit_mag_level(
     wanted = None if strength is None or dip is None else strength * math.cos(dip)
     directions = (mag[:, level] - fit.centre) @ fit.shape
     shared = alike(fit.residuals, directions, fit.used)
-    matrix, independent = _whole(fit, level, wanted)
+    matrix, independent = _model(fit, level, wanted)
     covariance = shared.factor * independent
     sd, even = (
         _level_sd(matrix, c, [*level, axis], size=wanted or radius) for c in (covariance, independent * shared.memory)
     )
-    doubt = Doubt.of(sd, even, Unevenness(), shared)
+    doubt = Doubt.from_fit(sd, even, Unevenness(), shared)
     refuse(_reasons(fit, mag[:, level], radius, doubt))
     bias = np.zeros(3)
     bias[level] = fit.centre
-    calibration = calibration_of(
+    calibration = mag_calibration(
         matrix=matrix,
         bias=bias,
         covariance=covariance,
@@ -263,22 +263,22 @@ def _upright(mag: Floats, acc: Floats | None) -> int:
     return axis
 
 
-def _whole(fit: EllipseFit, level: list[int], wanted: float | None) -> tuple[Floats, Floats]:
+def _model(fit: EllipseFit, level: list[int], wanted: float | None) -> tuple[Floats, Floats]:
     """Matrix (3, 3) and covariance (12, 12) of bias and matrix; the upright axis as measured."""
     size = wanted or float(1.0 / np.sqrt(np.linalg.det(fit.shape)))
     matrix = np.eye(3)
     matrix[np.ix_(level, level)] = size * fit.shape
     i, j = level
-    whole = np.zeros((12, PARAMETERS))
-    whole[i, 0] = whole[j, 1] = 1.0
+    jacobian = np.zeros((12, PARAMETERS))
+    jacobian[i, 0] = jacobian[j, 1] = 1.0
     for column, (a, b) in enumerate(((0, 0), (1, 1), (0, 1)), start=2):
         change = np.zeros((2, 2))
         change[a, b] = change[b, a] = 1.0
-        kept = 0.0 if wanted else float(np.trace(np.linalg.solve(fit.shape, change))) / 2.0
-        entry = size * (change - kept * fit.shape)
+        scale = 0.0 if wanted else float(np.trace(np.linalg.solve(fit.shape, change))) / 2.0
+        entry = size * (change - scale * fit.shape)
         for row, col, value in ((i, i, entry[0, 0]), (j, j, entry[1, 1]), (i, j, entry[0, 1]), (j, i, entry[1, 0])):
-            whole[3 + 3 * row + col, column] = value
-    return matrix, whole @ fit.covariance @ whole.T
+            jacobian[3 + 3 * row + col, column] = value
+    return matrix, jacobian @ fit.covariance @ jacobian.T
 
 
 def _level_sd(matrix: Floats, covariance: Floats, order: list[int], *, size: float) -> float:
@@ -297,14 +297,14 @@ def _gap(fit: EllipseFit, points: Floats) -> float:
 
 def _reasons(fit: EllipseFit, points: Floats, radius: float, doubt: Doubt) -> list[Reason]:
     scatter = float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))) / radius
-    found = [
+    reasons = [
         _open(_gap(fit, points)),
         _thick(scatter),
         outliers(fit.used, STEEL),
         uncertain(doubt, _ADVICE),
         *where_known(doubt.sd, _weak(radius), unequal(fit.shape)),
     ]
-    return [reason for reason in found if reason is not None]
+    return [reason for reason in reasons if reason is not None]
 
 
 def _open(gap: float) -> Reason | None:
@@ -330,11 +330,11 @@ def _weak(radius: float) -> Reason | None:
 
 def _remarks(fit: EllipseFit, axis: int, radius: float, wanted: float | None) -> tuple[str, ...]:
     per_degree = to_deg(10.0 * deg(1.0) / radius)
-    told = [
+    remarks = [
         f"ONLY LEVEL: headings hold while the {'xyz'[axis]} axis is upright. That axis is not calibrated; at 1° of "
         f"inclination, each 10 µT of its error turn the heading by {per_degree:.1f}°.",
         "A turn of the magnetometer about the upright axis is not seen: compare one heading with a known one.",
     ]
     if wanted is None:
-        told.append(f"Level field: {radius:.4g} µT, the sensor's own scale.")
-    return (*told, *set_aside(fit.used))
+        remarks.append(f"Level field: {radius:.4g} µT, the sensor's own scale.")
+    return (*remarks, *set_aside(fit.used))

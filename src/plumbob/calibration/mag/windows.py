@@ -50,14 +50,14 @@ def tightness(gain_sd: float) -> Floats:
     A turn of all its axes together is less than what a data sheet grants each, because they share a die or a package.
     """
     gain_sd = max(gain_sd, _EXACT)
-    found = np.diag(1.0 / np.repeat((_BIAS_SD, np.inf, _DELAY_SD), (3, 9, 1)) ** 2)
+    precision = np.diag(1.0 / np.repeat((_BIAS_SD, np.inf, _DELAY_SD), (3, 9, 1)) ** 2)
     other = np.eye(9)[np.arange(9).reshape(3, 3).T.ravel()]  # the entry on the other side of the diagonal
     turn_sd = min(gain_sd, math.sqrt(2.0) * TURN_SD)
-    found[3:12, 3:12] = 0.5 * ((np.eye(9) + other) / gain_sd**2 + (np.eye(9) - other) / turn_sd**2)
-    return found
+    precision[3:12, 3:12] = 0.5 * ((np.eye(9) + other) / gain_sd**2 + (np.eye(9) - other) / turn_sd**2)
+    return precision
 
 
-def inverse_of(normal: Floats) -> Floats:
+def floored_inverse(normal: Floats) -> Floats:
     """Inverse of a normal matrix; what it does not determine gets a huge variance, not none."""
     spread = np.sqrt(np.diag(normal))
     sizes, axes = np.linalg.eigh(normal / np.outer(spread, spread))
@@ -126,27 +126,27 @@ class Windows(NamedTuple):
     rates: Floats
 
 
-def edges_of(t: Floats, present: NDArray[np.bool_], length: float) -> NDArray[np.intp]:
+def window_edges(t: Floats, present: NDArray[np.bool_], length: float) -> NDArray[np.intp]:
     """First sample and end (W, 2) of windows in which no rate is missing for long, and some of the field are there."""
     bounds = np.searchsorted(t, np.arange(t[0], t[-1] + 1e-9, length))
     edges = np.column_stack((bounds[:-1], bounds[1:]))
     counts = np.concatenate(([0], np.cumsum(present)))
     edges = edges[edges[:, 1] - edges[:, 0] >= 2]
     gaps = _gaps(t)
-    whole = gaps[edges[:, 1] - 1] == gaps[edges[:, 0]]
+    gapless = gaps[edges[:, 1] - 1] == gaps[edges[:, 0]]
     spans = t[edges[:, 1] - 1] - t[edges[:, 0]] > 0.5 * length
     enough = counts[edges[:, 1]] - counts[edges[:, 0]] >= FEWEST
-    return np.asarray(edges[whole & spans & enough])
+    return np.asarray(edges[gapless & spans & enough])
 
 
-def parts_of(t: Floats, gyr: Floats, length: float) -> int:
+def part_count(t: Floats, gyr: Floats, length: float) -> int:
     """How many parts a window has, so that the unit turns little within each."""
     rate = math.sqrt(float(np.mean(np.sum(gyr * gyr, axis=1))))
     longest = min(PART, TURN / rate) if rate > 0.0 else PART
     return max(1, math.ceil(length / max(float(np.median(np.diff(t))), longest)))
 
 
-def windows_of(
+def mean_windows(
     t: Floats, mag: Floats, gyr: Floats, edges: NDArray[np.intp], part: float, parts: int, errors: Gyroscope
 ) -> Windows:
     """Means over the parts of windows (W, 2) of samples, some windows at a time.
@@ -162,16 +162,16 @@ def windows_of(
     errors : Gyroscope
         What the rates are corrected by.
     """
-    found, k, q = [], 0, np.array([1.0, 0.0, 0.0, 0.0])
+    chunks, k, q = [], 0, np.array([1.0, 0.0, 0.0, 0.0])
     while k < len(edges):
         stop = max(k + 1, int(np.searchsorted(edges[:, 1], edges[k, 0] + _CHUNK, side="right")))
         windows, q = _chunk(t, mag, gyr, edges[k:stop], part, parts, errors, q)
-        found.append(windows)
+        chunks.append(windows)
         k = stop
-    whole = Windows(*(np.concatenate(each) for each in zip(*found, strict=True)))
+    joined = Windows(*(np.concatenate(each) for each in zip(*chunks, strict=True)))
     gaps = _gaps(t)
     linked = (edges[:-1, 1] == edges[1:, 0]) & (gaps[edges[1:, 0]] == gaps[edges[:-1, 0]])
-    return whole._replace(linked=np.append(linked, False))
+    return joined._replace(linked=np.append(linked, False))
 
 
 def segments_in(lasting: float) -> int:
@@ -179,7 +179,7 @@ def segments_in(lasting: float) -> int:
     return min(MOST_SEGMENTS, max(1, round(lasting / SEGMENT)))
 
 
-def segment_of(since: Floats, lasting: float, count: int) -> NDArray[np.intp]:
+def segment_index(since: Floats, lasting: float, count: int) -> NDArray[np.intp]:
     """Segment of times (N,), s since the first sample, in a record of so many seconds that has `count` of them."""
     return np.minimum((since * (count / lasting)).astype(np.intp), count - 1)
 
@@ -202,7 +202,7 @@ def _chunk(
     """Some windows that follow each other, and the attitude at their end, from that at their start."""
     first, stop = int(edges[0, 0]), min(int(edges[-1, 1]) + 1, len(t))
     since = t[first:stop] - t[0]
-    bias = errors.bias[segment_of(since, float(t[-1] - t[0]), len(errors.bias))]
+    bias = errors.bias[segment_index(since, float(t[-1] - t[0]), len(errors.bias))]
     rates = gyr[first:stop] + gyr[first:stop] @ errors.gain.T - bias
     angles = 0.5 * (rates[1:] + rates[:-1]) * np.diff(since)[:, np.newaxis]
     attitude = quat_multiply(q, quat_chained(angles))
@@ -224,9 +224,9 @@ def _chunk(
 
     begin, end = (edges - first).T
     leant = leans[np.minimum(end, len(leans) - 1)] - leans[begin]
-    known = (count > 0).reshape(len(edges), parts)
-    since_start = (means(leans) - leans[begin][:, np.newaxis]) * known[:, :, np.newaxis, np.newaxis]
+    filled = (count > 0).reshape(len(edges), parts)
+    since_start = (means(leans) - leans[begin][:, np.newaxis]) * filled[:, :, np.newaxis, np.newaxis]
     turned = means(np.swapaxes(late, 1, 2))
     linked = np.zeros(len(edges), dtype=np.bool_)
-    windows = Windows(started, linked, means(mag[first:stop]), known, turned, since_start, leant, means(rates))
+    windows = Windows(started, linked, means(mag[first:stop]), filled, turned, since_start, leant, means(rates))
     return windows, np.asarray(attitude[-1])

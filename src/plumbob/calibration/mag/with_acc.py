@@ -21,13 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.ellipsoid.autocorrelation import alike
-from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, Shape, radius_of, to_size
-from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, inverse_of, refuse
+from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, Shape, mean_radius, to_size
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, invert, refuse
 from plumbob.calibration.mag.checks import (
     Doubt,
-    calibration_of,
     finite_rows,
     forces,
+    mag_calibration,
     outliers,
     own_scale,
     require_figures,
@@ -142,9 +142,9 @@ def _start(points: Floats, down: Floats, matrix: Floats) -> Floats:
         turned = turn @ matrix
         along = np.einsum("ni,ni->n", down, points @ turned.T)
         sine = float(np.median(along))
-        left = float(np.median(np.abs(along - sine)))
-        if left < least:
-            best, least = np.concatenate((np.zeros(3), turned.ravel(), [sine])), left
+        cost = float(np.median(np.abs(along - sine)))
+        if cost < least:
+            best, least = np.concatenate((np.zeros(3), turned.ravel(), [sine])), cost
     return best
 
 
@@ -164,7 +164,7 @@ class _Equations(NamedTuple):
     answers to the vertical.
     """
 
-    left: Floats
+    residuals: Floats
     rows: Floats
     out: Floats
     along: Floats
@@ -187,16 +187,16 @@ def _equations(p: Floats, mag: Floats, down: Floats, mag_off: Floats, down_off: 
     rows[:, 1, 12] = -1.0
     level = u - _dot(u, down) * down
     # [Kok2016]: without the headings
-    left = np.hstack((size - 1.0, _dot(u, down) - p[12])) + np.einsum("nij,nj->ni", by_mag, mag_off)
-    left[:, 1:] += _dot(level, down_off)
+    residuals = np.hstack((size - 1.0, _dot(u, down) - p[12])) + np.einsum("nij,nj->ni", by_mag, mag_off)
+    residuals[:, 1:] += _dot(level, down_off)
     slope = np.linalg.norm(by_mag[:, 0], axis=1, keepdims=True)
     out = by_mag[:, 0] / slope
     common = _dot(by_mag[:, 1], out)
     rows[:, 0] /= slope
-    left[:, :1] /= slope
+    residuals[:, :1] /= slope
     rows[:, 1] -= common * rows[:, 0]
-    left[:, 1:] -= common * left[:, :1]
-    return _Equations(left, rows, out, by_mag[:, 1] - common * out, level)
+    residuals[:, 1:] -= common * residuals[:, :1]
+    return _Equations(residuals, rows, out, by_mag[:, 1] - common * out, level)
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
@@ -217,7 +217,7 @@ class _Adjustment:
         """Take steps with the noise of the residuals so far; False where they did not settle."""
         self.noise = self._noise(robust=robust)
         for _ in range(steps):
-            weight = self._weights() if robust else np.ones(len(self.now.left))
+            weight = self._weights() if robust else np.ones(len(self.now.residuals))
             whitened = self._whitened() * np.sqrt(weight)[:, np.newaxis]
             rows = (self.now.rows / self._sd()[:, :, np.newaxis] * np.sqrt(weight)[:, np.newaxis, np.newaxis]).reshape(
                 -1, PARAMETERS
@@ -225,7 +225,7 @@ class _Adjustment:
             self.normal = rows.T @ rows
             step = -np.linalg.lstsq(self.normal, rows.T @ whitened.ravel(), rcond=None)[0]
             self.p = self.p + step
-            self._adjust(self.now.left + self.now.rows @ step)
+            self._adjust(self.now.residuals + self.now.rows @ step)
             self._update()
             if not np.isfinite(self.p).all():
                 return False
@@ -237,7 +237,7 @@ class _Adjustment:
         """Samples that noise of this size explains, (N,)."""
         from scipy.stats import f
 
-        count = len(self.now.left)
+        count = len(self.now.residuals)
         free = max(1.0, _MAD_EFFICIENCY * (count - _LENGTH_PARAMETERS))
         limit = 2.0 * float(f.ppf(1.0 - FALSE_ALARM / count, 2, free))
         return np.asarray((self._whitened() ** 2).sum(axis=1) <= limit)
@@ -248,17 +248,17 @@ class _Adjustment:
     def _sd(self) -> Floats:
         """Standard deviations of both equations, (N, 2)."""
         mag, down = self.noise
-        own = mag * mag * (self.now.along**2).sum(axis=1)
-        return np.stack((np.full(len(own), mag), np.sqrt(own + down * down * (self.now.level**2).sum(axis=1))), axis=1)
+        var = mag * mag * (self.now.along**2).sum(axis=1)
+        return np.stack((np.full(len(var), mag), np.sqrt(var + down * down * (self.now.level**2).sum(axis=1))), axis=1)
 
     def _whitened(self) -> Floats:
-        return np.asarray(self.now.left / self._sd())
+        return np.asarray(self.now.residuals / self._sd())
 
-    def _adjust(self, left: Floats) -> None:
+    def _adjust(self, residuals: Floats) -> None:
         """Field and vertical of every sample that fulfil both equations, as little from the measured ones as can be."""
         (mag, down), now = self.measured, self.now
-        share = left[:, 1:] / self._sd()[:, 1:] ** 2
-        field = mag - left[:, :1] * now.out - self.noise.mag**2 * share * now.along
+        share = residuals[:, 1:] / self._sd()[:, 1:] ** 2
+        field = mag - residuals[:, :1] * now.out - self.noise.mag**2 * share * now.along
         vertical = down - self.noise.down**2 * share * now.level
         self.adjusted = (field, vertical / np.linalg.norm(vertical, axis=1, keepdims=True))
 
@@ -268,11 +268,11 @@ class _Adjustment:
 
     def _noise(self, *, robust: bool = False) -> _Noise:
         """Noise that the residuals show, parameters counted."""
-        mag = max(_sd(self.now.left[:, 0], _LENGTH_PARAMETERS, robust), _LEAST_SD)
-        own = mag * mag * float(np.mean((self.now.along**2).sum(axis=1)))
+        mag = max(_sd(self.now.residuals[:, 0], _LENGTH_PARAMETERS, robust), _LEAST_SD)
+        var = mag * mag * float(np.mean((self.now.along**2).sum(axis=1)))
         level = float(np.mean((self.now.level**2).sum(axis=1)))
-        both = _sd(self.now.left[:, 1], _DIP_PARAMETERS, robust)
-        return _Noise(mag, math.sqrt(max(0.0, both * both - own) / level))
+        both = _sd(self.now.residuals[:, 1], _DIP_PARAMETERS, robust)
+        return _Noise(mag, math.sqrt(max(0.0, both * both - var) / level))
 
 
 def _sd(values: Floats, parameters: int, robust: bool) -> float:
@@ -289,12 +289,12 @@ def _result(
     sine = float(fit.p[12])
     if not (np.diag(fit.normal) > 0.0).all() or not abs(sine) < 1.0:
         return None
-    covariance, condition = inverse_of(fit.normal)
+    covariance, condition = invert(fit.normal)
     back = np.concatenate((np.full(3, size), np.full(9, 1.0 / size)))
     cosine = math.sqrt(1.0 - sine * sine)
     none = np.zeros_like(points)
-    left = _equations(fit.p, points, down, none, none).left
-    left[used] = fit.now.left
+    residuals = _equations(fit.p, points, down, none, none).residuals
+    residuals[used] = fit.now.residuals
     return DipFit(
         centre + size * fit.p[:3],
         fit.p[3:12].reshape(3, 3) / size,
@@ -303,7 +303,7 @@ def _result(
         math.sqrt(float(covariance[12, 12])) / cosine,
         fit.noise.mag * size,
         fit.noise.down,
-        left * [size, 1.0 / cosine],
+        residuals * [size, 1.0 / cosine],
         used,
         condition,
     )
@@ -362,22 +362,22 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     if fit is None:
         what = "no bias, matrix and dip fit the field and the vertical of the accelerometer."
         raise CaptureRefusedError(Reason("ill-conditioned", what, _ADVICE))
-    directions, radius = (points - fit.centre) @ fit.matrix.T, radius_of(fit.matrix)
+    directions, radius = (points - fit.centre) @ fit.matrix.T, mean_radius(fit.matrix)
     shared = alike(fit.residuals, directions, fit.used)
     field = unevenness(fit.residuals[:, 0], directions, fit.used, lengths=False)
     matrix, independent = to_size(fit.matrix, fit.covariance, strength)
-    left = fit.residuals[fit.used, 0]
+    residuals = fit.residuals[fit.used, 0]
     covariance = field.counted(
-        independent, memory=shared.memory, residuals=left, matrix=matrix, radius=radius, turned=False
+        independent, memory=shared.memory, residuals=residuals, matrix=matrix, radius=radius, turned=False
     )
     size = strength or radius
     sd, even = (
         heading_sd(matrix, c, size=size, dip=fit.dip, tilt_range=tilt_range)
         for c in (covariance, independent * shared.memory)
     )
-    doubt = Doubt.of(sd, even, field, shared)
+    doubt = Doubt.from_fit(sd, even, field, shared)
     refuse(_reasons(fit, doubt, strength))
-    calibration = calibration_of(
+    calibration = mag_calibration(
         matrix=matrix,
         bias=fit.centre,
         covariance=covariance,
@@ -391,12 +391,12 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
         tilt_range=tilt_range,
         directions=points - fit.centre,
     )
-    dip_sd = fit.dip_sd * math.sqrt(shared.memory + field.spread(left))
+    dip_sd = fit.dip_sd * math.sqrt(shared.memory + field.spread(residuals))
     remarks = (*_remarks(fit, dip_sd, strength, size, stride), *uneven_told(doubt))
     return Fitted(calibration, points, fit.residuals[:, 0], fit.used, remarks)
 
 
-def turn_of(matrix: Floats) -> float:
+def turn_angle(matrix: Floats) -> float:
     """Angle of the rotation in a matrix (3, 3), rad."""
     return math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(rotation_in(matrix))) - 1.0))))
 
@@ -416,13 +416,13 @@ def _wrong_gravity(force: Floats) -> list[Reason]:
 
 
 def _reasons(fit: DipFit, doubt: Doubt, strength: float | None) -> list[Reason]:
-    found = [
+    reasons = [
         outliers(fit.used, "Move less, and look for moving iron and switched currents nearby."),
         _unsteady(fit.down_sd),
         uncertain(doubt, "Turn the unit through all attitudes: each face and edge up."),
-        *where_known(doubt.sd, unequal(fit.matrix), wrong_field(radius_of(fit.matrix), strength)),
+        *where_known(doubt.sd, unequal(fit.matrix), wrong_field(mean_radius(fit.matrix), strength)),
     ]
-    return [reason for reason in found if reason is not None]
+    return [reason for reason in reasons if reason is not None]
 
 
 def _unsteady(sd: float) -> Reason | None:
@@ -434,9 +434,9 @@ def _unsteady(sd: float) -> Reason | None:
 
 def _remarks(fit: DipFit, dip_sd: float, strength: float | None, size: float, stride: int) -> tuple[str, ...]:
     dip, sd = to_deg(fit.dip), to_deg(dip_sd)
-    told = [
+    remarks = [
         f"Dip of the field [°]: {measured(dip, dip - sd, dip + sd)}; "
-        f"the magnetometer is turned by {to_deg(turn_of(fit.matrix)):.2g}° against the accelerometer.",
+        f"the magnetometer is turned by {to_deg(turn_angle(fit.matrix)):.2g}° against the accelerometer.",
         f"Noise: {fit.mag_sd:.2g} µT of the field, {to_deg(fit.down_sd):.2g}° of the vertical.",
     ]
-    return (*told, *own_scale(strength, size), *thinned(stride), *set_aside(fit.used))
+    return (*remarks, *own_scale(strength, size), *thinned(stride), *set_aside(fit.used))

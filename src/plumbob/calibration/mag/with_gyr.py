@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.ellipsoid.autocorrelation import Alike, memory_of_each
-from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, to_size_of
+from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, distortion_to_size
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.checks import (
     DIP,
     STEEL,
     Doubt,
-    calibration_of,
+    mag_calibration,
     outliers,
     own_scale,
     require_figures,
@@ -38,8 +38,8 @@ from plumbob.calibration.mag.checks import (
 )
 from plumbob.calibration.mag.ellipsoid import unturned
 from plumbob.calibration.mag.field_gradient import PATCH, Unevenness, unevenness
-from plumbob.calibration.mag.windows import by_error, inverse_of, leaning, tightness
-from plumbob.calibration.mag.with_acc import turn_of
+from plumbob.calibration.mag.windows import by_error, floored_inverse, leaning, tightness
+from plumbob.calibration.mag.with_acc import turn_angle
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError
@@ -57,20 +57,20 @@ from plumbob.rotations import (
 _DIRECTIONS: Final = 400
 
 
-def start_of(mag: Floats, turns: Floats) -> tuple[Floats, Floats, Floats]:
+def field_start(mag: Floats, turns: Floats) -> tuple[Floats, Floats, Floats]:
     """Field's direction, A and b: the best of many directions, for each of which A and b are linear."""
-    seen = np.hstack((turns.reshape(-1, 9), np.ones((len(turns), 1))))
-    power, cross = seen.T @ seen, seen.T @ mag
+    design = np.hstack((turns.reshape(-1, 9), np.ones((len(turns), 1))))
+    power, cross = design.T @ design, design.T @ mag
     best: tuple[Floats, Floats, Floats] = (np.zeros(3), np.eye(3), np.zeros(3))
     least = math.inf
     for h in _directions():
         pick = np.zeros((4, 10))
         pick[:3, :9] = np.kron(h, np.eye(3))
         pick[3, 9] = 1.0
-        found, *_ = np.linalg.lstsq(pick @ power @ pick.T, pick @ cross, rcond=None)
-        left = -float(np.sum((pick @ cross) * found))
-        if left < least and np.linalg.det(found[:3]) > 0.0:
-            best, least = (h, np.asarray(found[:3].T, dtype=np.float64), np.asarray(found[3], dtype=np.float64)), left
+        fit, *_ = np.linalg.lstsq(pick @ power @ pick.T, pick @ cross, rcond=None)
+        cost = -float(np.sum((pick @ cross) * fit))
+        if cost < least and np.linalg.det(fit[:3]) > 0.0:
+            best, least = (h, np.asarray(fit[:3].T, dtype=np.float64), np.asarray(fit[3], dtype=np.float64)), cost
     return best
 
 
@@ -188,11 +188,11 @@ class _Fit:
     """Steps of Gauss and Newton on all parameters and the knots of the random walk."""
 
     def __init__(
-        self, t: Floats, mag: Floats, gyr: Floats, seen: NDArray[np.intp], gyr_gain_sd: float, size: float
+        self, t: Floats, mag: Floats, gyr: Floats, samples: NDArray[np.intp], gyr_gain_sd: float, size: float
     ) -> None:
-        self.mag, self.gyr, self.size = mag, gyr[seen], size
-        nodes = np.union1d(seen, np.searchsorted(t, np.arange(t[0], t[-1], _NODE)))
-        self.seen, self.dt = np.searchsorted(nodes, seen), np.diff(t[nodes])[:, np.newaxis]
+        self.mag, self.gyr, self.size = mag, gyr[samples], size
+        nodes = np.union1d(samples, np.searchsorted(t, np.arange(t[0], t[-1], _NODE)))
+        self.seen, self.dt = np.searchsorted(nodes, samples), np.diff(t[nodes])[:, np.newaxis]
         q = quat_chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis])[nodes]
         self.angles = rotvec_from_quat(quat_multiply(quat_conjugate(q[:-1]), q[1:]))
         self.turned = float(np.sum(np.linalg.norm(self.angles, axis=1)))
@@ -201,13 +201,13 @@ class _Fit:
         self.gyr_errors, self.walk = np.zeros(13), WALK  # bias, what the gain matrix is more than one, delay
         count = min(_MOST_KNOTS, max(1, round((t[-1] - t[0]) / _STEP)))
         self.step = (t[-1] - t[0]) / count
-        place = (t[seen] - t[0]) / self.step
+        place = (t[samples] - t[0]) / self.step
         self.knot = np.minimum(place.astype(np.intp), count - 1)
         self.share = place - self.knot
         self.lean = np.zeros((count + 1, 3))
         self.changes = np.kron(np.eye(count) - np.eye(count, k=-1), np.eye(3))  # from knot to knot
         self.turns = self._turns()
-        self.h, self.distortion, self.bias = start_of(mag, self.turns)
+        self.h, self.distortion, self.bias = field_start(mag, self.turns)
         self.sd, self.alike, self.field = self._scale(), Alike(1.0), Unevenness()
 
     def run(self, *, robust: bool = False) -> bool:
@@ -227,13 +227,13 @@ class _Fit:
         from scipy.stats import chi2
 
         limit = float(chi2.isf(FALSE_ALARM / len(self.mag), 3))
-        self.used = (self.left**2).sum(axis=1) <= limit * self.sd**2
+        self.used = (self.residuals**2).sum(axis=1) <= limit * self.sd**2
 
     def result(self, middle: Floats, size: float) -> FieldFit:
         """Take the scaling back; A comes before b in the steps, and after it in the covariance."""
         order = np.concatenate((np.arange(9, 12), np.arange(9)))
-        own = self.normal[:PARAMETERS, :PARAMETERS]
-        spread = np.sqrt(np.diag(own))
+        normal = self.normal[:PARAMETERS, :PARAMETERS]
+        spread = np.sqrt(np.diag(normal))
         return FieldFit(
             self.distortion * size,
             middle + size * self.bias,
@@ -244,18 +244,18 @@ class _Fit:
             float(self.gyr_errors[12]),
             self.walk,
             self.now,
-            self.left * size,
+            self.residuals * size,
             self.sd * size,
             self.used,
             self.alike,
             self.field,
-            float(np.linalg.cond(own / np.outer(spread, spread))),
+            float(np.linalg.cond(normal / np.outer(spread, spread))),
         )
 
     def _settle(self, robust: bool) -> bool:
         for _ in range(_STEPS):
             self._solve(robust)
-            self.covariance = inverse_of(self.normal)
+            self.covariance = floored_inverse(self.normal)
             step = self.covariance @ self.slope
             if not np.isfinite(step).all():
                 return False
@@ -267,9 +267,9 @@ class _Fit:
     def _turns(self) -> Floats:
         """Attitudes (M, 3, 3), and beside them how they lean by the gyroscope's errors."""
         angles = self.angles + self.angles @ self._gain().T - self.gyr_errors[:3] * self.dt
-        whole = dcm_from_quat(quat_chained(angles))
-        sums = leaning(whole, angles, self.angles, self.dt)[self.seen]
-        self.now, delay = whole[self.seen], float(self.gyr_errors[12])
+        attitude = dcm_from_quat(quat_chained(angles))
+        sums = leaning(attitude, angles, self.angles, self.dt)[self.seen]
+        self.now, delay = attitude[self.seen], float(self.gyr_errors[12])
         self.by_gyr = sums - by_error(self.now, delay * self.gyr, np.full((len(self.now), 1), delay))
         self.rate = self.gyr + self.gyr @ self._gain().T - self.gyr_errors[:3]
         return np.asarray(self.now @ dcm_from_quat(quat_from_rotvec(-delay * self.rate)))
@@ -288,26 +288,26 @@ class _Fit:
         return np.asarray(np.einsum("nji,nj->ni", self.turns, leaned))
 
     @property
-    def left(self) -> Floats:
+    def residuals(self) -> Floats:
         """Residuals (M, 3)."""
         return np.asarray(self.mag - self._seen_field() @ self.distortion.T - self.bias)  # [Kok2016]
 
     def _scale(self, *, robust: bool = True) -> float:
-        left = self.left[self.used]
+        residuals = self.residuals[self.used]
         if robust:
-            return max(MAD * float(np.median(np.abs(left))), 1e-9)
-        free = max(1, left.size - PARAMETERS)
-        return max(math.sqrt(float(np.sum(left * left)) / free), 1e-9)
+            return max(MAD * float(np.median(np.abs(residuals))), 1e-9)
+        free = max(1, residuals.size - PARAMETERS)
+        return max(math.sqrt(float(np.sum(residuals * residuals)) / free), 1e-9)
 
     def _memory(self) -> tuple[Alike, Unevenness]:
         """How many residuals count as one, and how uneven the field is: as it turns in body axes, all averages out."""
-        seen, left = self._seen_field()[self.used], self.left[self.used]
-        every = np.ones(len(seen), dtype=np.bool_)
+        fields, residuals = self._seen_field()[self.used], self.residuals[self.used]
+        every = np.ones(len(fields), dtype=np.bool_)
         field = unevenness(
-            left * self.size, seen, every, patches=self.turned / PATCH, taken_up=_TAKEN_UP, lengths=False
+            residuals * self.size, fields, every, patches=self.turned / PATCH, taken_up=_TAKEN_UP, lengths=False
         )
-        spread = field.spread(np.linalg.norm(left, axis=1) * self.size / math.sqrt(3.0))
-        return Alike(memory_of_each(left), spread), field
+        spread = field.spread(np.linalg.norm(residuals, axis=1) * self.size / math.sqrt(3.0))
+        return Alike(memory_of_each(residuals), spread), field
 
     def _intensity(self) -> float:
         """Intensity of the random walk by expectation and maximisation, rad/√s."""
@@ -319,12 +319,12 @@ class _Fit:
         """Normal equations of all parameters and of the knots but the first, which the field's direction stands for."""
         knots = len(self.lean)
         normal, slope = np.zeros((PARAMETERS + 3 * knots, PARAMETERS + 3 * knots)), np.zeros(PARAMETERS + 3 * knots)
-        left, rows = self.left, self._rows()
+        residuals, rows = self.residuals, self._rows()
         weight = self.used / (self.sd**2 * self.alike.factor)
         if robust:
-            weight = weight / (1.0 + (left**2).sum(axis=1) / (CAUCHY * self.sd) ** 2)  # [Holland1977]
+            weight = weight / (1.0 + (residuals**2).sum(axis=1) / (CAUCHY * self.sd) ** 2)  # [Holland1977]
         root = np.sqrt(weight)[:, np.newaxis]
-        left, rows = left * root, rows * root[:, :, np.newaxis]
+        residuals, rows = residuals * root, rows * root[:, :, np.newaxis]
         for j in range(knots - 1):
             here = np.flatnonzero(self.knot == j)
             share, lean = self.share[here, np.newaxis, np.newaxis], rows[here, :, PARAMETERS:]
@@ -332,7 +332,7 @@ class _Fit:
             block = block.reshape(-1, PARAMETERS + 6)
             at = np.concatenate((np.arange(PARAMETERS), PARAMETERS + 3 * j + np.arange(6)))
             normal[np.ix_(at, at)] += block.T @ block
-            slope[at] += block.T @ left[here].ravel()
+            slope[at] += block.T @ residuals[here].ravel()
         keep = np.delete(np.arange(len(slope)), slice(PARAMETERS, PARAMETERS + 3))
         self.normal, self.slope = normal[np.ix_(keep, keep)], slope[keep]
         self._expect()
@@ -348,16 +348,16 @@ class _Fit:
 
     def _rows(self) -> Floats:
         """Derivatives (M, 3, 29) by A, b, the field's direction, the gyroscope's errors, and θ."""
-        seen = self._seen_field()
-        rows = np.zeros((len(seen), 3, PARAMETERS + 3))
+        field = self._seen_field()
+        rows = np.zeros((len(field), 3, PARAMETERS + 3))
         for i in range(3):
-            rows[:, i, 3 * i : 3 * i + 3] = seen
+            rows[:, i, 3 * i : 3 * i + 3] = field
             rows[:, i, 9 + i] = 1.0
         back = self.distortion @ np.swapaxes(self.turns, 1, 2)
         lean = back @ skew(self.h)
         rows[:, :, 12:14] = back @ across(self.h)
         rows[:, :, _FIELD : PARAMETERS - 1] = lean @ self.by_gyr
-        rows[:, :, PARAMETERS - 1] = np.cross(self.rate, seen) @ self.distortion.T
+        rows[:, :, PARAMETERS - 1] = np.cross(self.rate, field) @ self.distortion.T
         rows[:, :, PARAMETERS:] = lean
         return rows
 
@@ -439,21 +439,21 @@ def fit_mag_gyr(
     t, mag, gyr, acc = with_rates(t, mag, gyr, acc)
     present = np.flatnonzero(np.isfinite(mag).all(axis=1))
     stride = max(1, -(-len(present) // _SOME))
-    seen = present[::stride]
+    samples = present[::stride]
     _require_rates(t)
-    refuse(_unfit(mag[seen]))
+    refuse(_unfit(mag[samples]))
     first = "" if gyr_gain_sd <= GAIN_SD else f"{_FIRST} "
-    fit = fit_turned_field(t, mag[seen], gyr, seen, gyr_gain_sd=gyr_gain_sd)
+    fit = fit_turned_field(t, mag[samples], gyr, samples, gyr_gain_sd=gyr_gain_sd)
     if fit is None or not np.linalg.det(fit.distortion) > 0.0:
         what = "no bias, matrix and field fit what magnetometer and gyroscope measured."
         raise CaptureRefusedError(Reason("ill-conditioned", what, first + _ADVICE))
-    matrix, covariance = to_size_of(fit.distortion, fit.covariance, strength)
+    matrix, covariance = distortion_to_size(fit.distortion, fit.covariance, strength)
     radius = float(np.cbrt(np.linalg.det(fit.distortion)))
-    size, dip = strength or radius, _dip(fit, None if acc is None else acc[seen])
+    size, dip = strength or radius, _dip(fit, None if acc is None else acc[samples])
     sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
     doubt = _doubt(fit, sd)
     refuse(_reasons(fit, doubt, radius, strength, first))
-    calibration = calibration_of(
+    calibration = mag_calibration(
         matrix=matrix,
         bias=fit.bias,
         covariance=covariance,
@@ -465,10 +465,10 @@ def fit_mag_gyr(
         condition=fit.condition,
         heading_sd=sd,
         tilt_range=tilt_range,
-        directions=mag[seen] - fit.bias,
+        directions=mag[samples] - fit.bias,
     )
     remarks = (*_remarks(fit, strength, size, dip, acc is not None, stride), *uneven_told(doubt))
-    return Fitted(calibration, mag[seen], fit.residuals, fit.used, remarks)
+    return Fitted(calibration, mag[samples], fit.residuals, fit.used, remarks)
 
 
 def _require_rates(t: Floats) -> None:
@@ -503,13 +503,13 @@ def _doubt(fit: FieldFit, sd: float) -> Doubt:
 
 def _reasons(fit: FieldFit, doubt: Doubt, radius: float, strength: float | None, first: str) -> list[Reason]:
     """Reasons to refuse a fit; `first` is what to do before anything else."""
-    found = [
+    reasons = [
         _wandering(fit.walk),
         outliers(fit.used, first + STEEL),
         uncertain(doubt, first + _ADVICE),
         *where_known(doubt.sd, unequal(fit.distortion), wrong_field(radius, strength)),
     ]
-    return [reason for reason in found if reason is not None]
+    return [reason for reason in reasons if reason is not None]
 
 
 def _wandering(walk: float) -> Reason | None:
@@ -524,10 +524,10 @@ def _remarks(
     fit: FieldFit, strength: float | None, size: float, dip: float, measured: bool, stride: int
 ) -> tuple[str, ...]:
     bias = ", ".join(f"{value:.3f}" for value in to_dps(fit.gyr_bias).tolist())
-    told = [
+    remarks = [
         f"Gyroscope: bias {bias} °/s, random walk {to_dps(fit.walk):.2g}°/√s; the magnetometer is turned by "
-        f"{to_deg(turn_of(fit.distortion)):.2g}° against it.",
+        f"{to_deg(turn_angle(fit.distortion)):.2g}° against it.",
         f"The magnetometer answers {1e3 * fit.delay:.1f} ms later than the gyroscope.",
         f"Dip of the field: {to_deg(dip):.1f}°, {'by the mean specific force' if measured else 'assumed'}.",
     ]
-    return (*told, *own_scale(strength, size), *thinned(stride), *set_aside(fit.used))
+    return (*remarks, *own_scale(strength, size), *thinned(stride), *set_aside(fit.used))

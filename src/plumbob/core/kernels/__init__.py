@@ -175,7 +175,8 @@ def _build() -> bool:
     if not is_checkout():
         return False
     words = [sys.executable, "-m", "plumbob.core.kernels", "build"]
-    env = {**os.environ, "PLUMBOB_KERNELS": "python", "PYTHONPATH": str(PACKAGE.parent)}
+    places = os.pathsep.join(filter(None, (str(PACKAGE.parent), os.environ.get("PYTHONPATH"))))
+    env = {**os.environ, "PLUMBOB_KERNELS": "python", "PYTHONPATH": places}
     done = subprocess.run(words, env=env, capture_output=True, check=False)
     if done.returncode:
         sys.stderr.write(done.stderr.decode(errors="replace"))

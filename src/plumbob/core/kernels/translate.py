@@ -596,7 +596,7 @@ class Translator:
         slices = indices[len(numbers) :]
         if any(isinstance(index, ast.Slice) for index in indices[: len(numbers)]):
             raise self.refuse(node, "numbers of a column do not stand one behind the other")
-        if any(index.lower or index.upper for index in slices[1:] if isinstance(index, ast.Slice)):
+        if any(index.lower or index.upper or index.step for index in slices[1:] if isinstance(index, ast.Slice)):
             raise self.refuse(node, "only the first axis of a view may be cut")
         rest = kind.axes - len(numbers)
         out = Array(kind.item, rest)

@@ -272,8 +272,8 @@ class CalibrationCard(Card):
 
     def without(self, *parts: str) -> Self:
         """Return this card without some of its parts."""
-        left: dict[str, Any] = dict.fromkeys(parts)
-        return replace(self, **left)
+        empty: dict[str, Any] = dict.fromkeys(parts)
+        return replace(self, **empty)
 
     def merged(self, newer: Self) -> Self:
         """Return this card with everything that a newer one of the same unit has.
@@ -286,15 +286,15 @@ class CalibrationCard(Card):
         if newer.device != self.device:
             raise CalibrationError(f"the card is of device '{self.device}', but the new one is of '{newer.device}'.")
         parts = self.parts | newer.parts
-        told = dict.fromkeys(part.method for part in parts.values() if part.method)
-        return replace(newer, **parts, method="; ".join(told) or newer.method)
+        methods = dict.fromkeys(part.method for part in parts.values() if part.method)
+        return replace(newer, **parts, method="; ".join(methods) or newer.method)
 
 
 def _polynomial(name: str, value: Any) -> Floats:
     """Coefficients (K, 3), K ≥ 1; (3,) are those of the linear term."""
     array = check.floats(name, value)
-    whole = finite(name, array[np.newaxis] if array.shape == (3,) else array, (-1, 3))
-    return whole if len(whole) else np.zeros((1, 3))
+    coefficients = finite(name, array[np.newaxis] if array.shape == (3,) else array, (-1, 3))
+    return coefficients if len(coefficients) else np.zeros((1, 3))
 
 
 def _span(value: Any) -> tuple[float, float]:
@@ -364,6 +364,6 @@ def require_dates(**dates: Any) -> None:
 
 def texts(name: str, value: Any) -> tuple[str, ...]:
     """Tuple of texts, from a list or a tuple."""
-    if not isinstance(value, list | tuple) or not all(isinstance(one, str) for one in value):
+    if not isinstance(value, list | tuple) or not all(isinstance(text, str) for text in value):
         raise CalibrationError(f"{name} must be a list of texts, but it is {value!r}.")
     return tuple(value)

@@ -28,8 +28,8 @@ class Card(Shown):
 
     def facts(self) -> Mapping[str, str]:
         """What it is, in words: its texts, and which parts it has."""
-        found = {name: value for name in ("device", "date", "method", "source") if (value := getattr(self, name, ""))}
-        return found | {"of": ", ".join(name for name in self.PARTS if getattr(self, name) is not None) or "nothing"}
+        texts = {name: value for name in ("device", "date", "method", "source") if (value := getattr(self, name, ""))}
+        return texts | {"of": ", ".join(name for name in self.PARTS if getattr(self, name) is not None) or "nothing"}
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the card as JSON.
@@ -62,9 +62,9 @@ class Card(Shown):
         """
         kind = kind_of(path)
         if kind is not None and kind != cls.KIND:
-            found, own = kind.removeprefix("plumbob "), cls.KIND.removeprefix("plumbob ")
+            existing, wanted = kind.removeprefix("plumbob "), cls.KIND.removeprefix("plumbob ")
             raise ParameterError(
-                f"{path} is a {found}, not a {own}; writing there would destroy it. Name another file."
+                f"{path} is a {existing}, not a {wanted}; writing there would destroy it. Name another file."
             )
 
     def text(self) -> str:
@@ -107,10 +107,10 @@ def kind_of(path: str | Path) -> str | None:
 
 def built(name: str, cls: type[Any], raw: Any, parts: Mapping[str, type] | None = None) -> Any:
     """Object of what stands in a file; `parts` are the types of its own parts, which are built first."""
-    known = {f.name for f in fields(cls)}
-    if not isinstance(raw, dict) or not set(raw) <= known:
-        unknown = sorted(set(raw) - known) if isinstance(raw, dict) else raw
-        raise DecodeError(f"{name}: {cls.__name__} has no {unknown}; known are {', '.join(sorted(known))}.")
+    names = {f.name for f in fields(cls)}
+    if not isinstance(raw, dict) or not set(raw) <= names:
+        unknown = sorted(set(raw) - names) if isinstance(raw, dict) else raw
+        raise DecodeError(f"{name}: {cls.__name__} has no {unknown}; known are {', '.join(sorted(names))}.")
     inner = {key: raw[key] for key in parts or {} if raw.get(key) is not None}
     made = {
         key: built(name, part, inner[key], getattr(part, "PARTS", None))
@@ -154,8 +154,8 @@ def finite(name: str, value: Any, shape: tuple[int, ...]) -> Floats:
     array = check.floats(name, value)
     fits = array.ndim == len(shape) and all(n in (-1, m) for n, m in zip(shape, array.shape, strict=True))
     if not fits or not np.isfinite(array).all():
-        told = str(shape).replace("-1", "K")
-        raise CalibrationError(f"{name} must be finite and of shape {told}, but it is {array.tolist()}.")
+        dims = str(shape).replace("-1", "K")
+        raise CalibrationError(f"{name} must be finite and of shape {dims}, but it is {array.tolist()}.")
     return check.read_only(array)
 
 

@@ -2,7 +2,7 @@
 
 After calibration a vector u still is wrong by ``δ = d + E u``, with an offset d and a matrix E that nobody knows, but
 whose covariance the card has; of a part without a card, the data sheet says how large they may be. Such an error does
-not average out, so it is not noise: it is *considered* (`plumbob.filters.consider`).
+not average out, so it is not noise: it is *considered* (`plumbob.filters.mekf`).
 
 A covariance of (d, E row by row) is kept as its upper half, 78 numbers row by row, so that it is plain data.
 """
@@ -43,7 +43,7 @@ def uncalibrated(triad: str) -> Half:
     offset, scale, cross = _LIMITS[triad]
     matrix = np.full((3, 3), cross)
     np.fill_diagonal(matrix, scale)
-    return half_of(np.diag(np.square([offset, offset, offset, *matrix.ravel()])) / 3.0)
+    return upper_half(np.diag(np.square([offset, offset, offset, *matrix.ravel()])) / 3.0)
 
 
 @lru_cache
@@ -65,30 +65,30 @@ def left_by(triad: str, model: "TriadCalibration | None", mount: "Mount | None")
     change[:3, :3] = -model.matrix
     change[3:, 3:] = np.kron(np.eye(3), np.linalg.inv(model.matrix).T)
     covariance = np.zeros((12, 12)) if model.covariance is None else model.covariance
-    found = change @ covariance @ change.T
+    residual = change @ covariance @ change.T
     if not model.matrix_found:
-        found[3:, 3:] += whole_of(uncalibrated(triad))[3:, 3:]
+        residual[3:, 3:] += full_covariance(uncalibrated(triad))[3:, 3:]
     if mount is not None:
         dcm_bs = dcm_from_quat(mount.q_bs)
         turn = np.zeros((12, 12))
         turn[:3, :3], turn[3:, 3:] = dcm_bs, np.kron(dcm_bs, dcm_bs)
-        found = turn @ found @ turn.T
-    return half_of(found)
+        residual = turn @ residual @ turn.T
+    return upper_half(residual)
 
 
 NOTHING: Final[Half] = (0.0,) * SIZE
 """Covariance of a triad that is perfect, or of which nothing is known but that it has been calibrated."""
 
 
-def half_of(covariance: Floats) -> Half:
+def upper_half(covariance: Floats) -> Half:
     """Upper half of a covariance (12, 12)."""
     return tuple(covariance[_ROWS, _COLUMNS].tolist())
 
 
 @lru_cache
-def whole_of(half: Half) -> Floats:
+def full_covariance(half: Half) -> Floats:
     """Covariance (12, 12) of its upper half."""
-    found = np.empty((12, 12))
-    found[_ROWS, _COLUMNS] = found[_COLUMNS, _ROWS] = half
-    found.flags.writeable = False
-    return found
+    covariance = np.empty((12, 12))
+    covariance[_ROWS, _COLUMNS] = covariance[_COLUMNS, _ROWS] = half
+    covariance.flags.writeable = False
+    return covariance

@@ -135,9 +135,9 @@ def _of_bytes(raw: bytes) -> _Log:
         kind = raw[at + 2]
         length = lengths.get(kind, 0)
         if raw[at] != 0xA3 or raw[at + 1] != 0x95 or not length:
-            found = raw.find(_HEAD, at + 1)
-            found = size if found < 0 else found
-            skipped, at = skipped + found - at, found
+            resumed = raw.find(_HEAD, at + 1)
+            resumed = size if resumed < 0 else resumed
+            skipped, at = skipped + resumed - at, resumed
             continue
         if at + length > size:
             log.notes.append("cut: the file ends within a message")
@@ -200,10 +200,10 @@ class _Lines:
     def taken(self, values: list[str]) -> bool:
         """Take a line, unless what should be a number is not."""
         try:
-            found = [float(value) for i, value in enumerate(values) if i not in self.texts]
+            numbers = [float(value) for i, value in enumerate(values) if i not in self.texts]
         except ValueError:
             return False
-        self.numbers.extend(found)
+        self.numbers.extend(numbers)
         if self.texts:
             self.words.append(tuple(values[i].encode() for i in self.texts))
         return True
@@ -269,7 +269,7 @@ def _recording(log: _Log, name: str, unit: str | None) -> Recording:
     compasses = _units(log, "MAG", "MagX")
     first, (table, t_ns) = next(iter(compasses.items()), ("", ({}, np.empty(0, np.int64))))
     if {"MagY", "MagZ"} <= table.keys():
-        rest = "".join(f", not {one}" for one in compasses if one != first)
+        rest = "".join(f", not {other}" for other in compasses if other != first)
         notes.append(f"mag: {first}, {counted(t_ns.size, 'message')}{rest}")
         values = units.to_si(logged.triad(table, "MagX", "MagY", "MagZ"), "mgauss")
         streams["mag"] = logged.stream("mag", t_ns, values, notes)
@@ -297,19 +297,19 @@ def _together(
 ) -> Recording:
     """All units as an array, where ArduPilot logged them on the same stamps."""
     how: list[str] = []
-    made = {one: joined(_inertial(table, t_ns, how), meta=meta, epoch_ns=epoch) for one, (table, t_ns) in imus.items()}
+    made = {key: joined(_inertial(table, t_ns, how), meta=meta, epoch_ns=epoch) for key, (table, t_ns) in imus.items()}
     rows = next(iter(made.values())).rows_ns
-    if any(not np.array_equal(one.rows_ns, rows) for one in made.values()):
+    if any(not np.array_equal(joint.rows_ns, rows) for joint in made.values()):
         raise ParameterError(
             "its units have stamps of their own, so that they are not an array; take one with --unit "
             f"{next(iter(made))}."
         )
-    how += [f"{one}: {note}" for one, joint in made.items() for note in joint.notes]
-    left = (
+    how += [f"{unit}: {note}" for unit, joint in made.items() for note in joint.notes]
+    omitted = (
         "left out: magnetic field and attitude, which are of none of the units; --unit with the name of one keeps them"
     )
-    array = ImuArray({one: joint.imu for one, joint in made.items()})
-    return Recording(array=array, name=name, notes=(*notes, *dict.fromkeys(how), left))
+    array = ImuArray({unit: joint.imu for unit, joint in made.items()})
+    return Recording(array=array, name=name, notes=(*notes, *dict.fromkeys(how), omitted))
 
 
 def _stamps(table: dict[str, NDArray[Any]]) -> NDArray[np.int64] | None:
@@ -323,19 +323,19 @@ def _stamps(table: dict[str, NDArray[Any]]) -> NDArray[np.int64] | None:
 
 def _units(log: _Log, name: str, column: str) -> dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]]:
     """Messages of each unit of a kind, and their stamps."""
-    found: dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]] = {}
+    tables: dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]] = {}
     for kind in (name, f"{name}2", f"{name}3"):
         table = log.tables.get(kind, {})
         t_ns = _stamps(table)
         if t_ns is None or column not in table:
             continue
         if "I" not in table:
-            found[kind] = (table, t_ns)
+            tables[kind] = (table, t_ns)
             continue
         for instance in np.unique(table["I"]).tolist():
-            own = table["I"] == instance
-            found[f"{kind}.{instance:g}"] = ({key: values[own] for key, values in table.items()}, t_ns[own])
-    return found
+            rows = table["I"] == instance
+            tables[f"{kind}.{instance:g}"] = ({key: values[rows] for key, values in table.items()}, t_ns[rows])
+    return tables
 
 
 def _parameter(log: _Log, name: str) -> float | None:
@@ -358,14 +358,14 @@ def _epoch(log: _Log) -> int | None:
         if "T" not in table:
             return None
         t_ns = logged.micro(table["T"].astype(np.uint64) * np.uint64(1000))
-    week, milli = (table[one].astype(np.int64) for one in names)
-    known = (table["Status"] >= 3) & (week > 1000) & (milli >= 0) & (milli < 604_800_000)
-    if not known.any():
+    week, milli = (table[column].astype(np.int64) for column in names)
+    fixes = (table["Status"] >= 3) & (week > 1000) & (milli >= 0) & (milli < 604_800_000)
+    if not fixes.any():
         return None
-    seconds = week[known] * 604_800
-    leap = next(count for since, count in _LEAPS if int(np.median(seconds + milli[known] // 1000)) >= since)
-    utc_ns = _GPS_EPOCH_NS + (seconds - leap) * 10**9 + milli[known] * 10**6
-    return int(np.median(utc_ns - t_ns[known]))
+    seconds = week[fixes] * 604_800
+    leap = next(count for since, count in _LEAPS if int(np.median(seconds + milli[fixes] // 1000)) >= since)
+    utc_ns = _GPS_EPOCH_NS + (seconds - leap) * 10**9 + milli[fixes] * 10**6
+    return int(np.median(utc_ns - t_ns[fixes]))
 
 
 def _attitude(log: _Log, rows_ns: NDArray[np.int64], t: Floats, notes: list[str]) -> AttitudeTrack | None:

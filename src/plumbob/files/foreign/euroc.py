@@ -53,7 +53,7 @@ def accepts(path: Path) -> bool:
 
 def _home(folder: Path) -> Path | None:
     """Folder that holds ``imu0``."""
-    return next((one for one in (folder / "mav0", folder) if (one / "imu0" / "data.csv").is_file()), None)
+    return next((path for path in (folder / "mav0", folder) if (path / "imu0" / "data.csv").is_file()), None)
 
 
 def read(path: Path) -> Recording:
@@ -77,12 +77,12 @@ def read(path: Path) -> Recording:
 
 def _stem(table: Path) -> str:
     """Name of the sequence: that of the folder about mav0."""
-    parts = [one for one in table.resolve().parts[:-1] if one not in ("mav0", "imu0", "data")]
+    parts = [part for part in table.resolve().parts[:-1] if part not in ("mav0", "imu0", "data")]
     return parts[-1] if parts else "imu0"
 
 
 def _recording(table: Path, home: Path | None, name: str) -> Recording:
-    rows = logged.rows_of(table, _SAMPLES, 7, delimiter=",", comments="#")
+    rows = logged.text_rows(table, _SAMPLES, 7, delimiter=",", comments="#")
     notes = [
         "ASL layout of EuRoC and TUM VI: axes of the IMU; rad/s, m/s²; stamps in ns since 1970 by the recorder's clock "
         "(head lines of the tables; doi:10.1177/0278364915620033, doi:10.1109/IROS.2018.8593419)"
@@ -105,7 +105,7 @@ def _truth(
     for kind, source in _TRUTHS.items():
         if not (home / kind / "data.csv").exists():
             continue
-        rows = logged.rows_of(logged.inside(home, kind, "data.csv"), _POSES, 8, delimiter=",", comments="#")
+        rows = logged.text_rows(logged.inside(home, kind, "data.csv"), _POSES, 8, delimiter=",", comments="#")
         q_b_s, _ = _sensor(home / kind / "sensor.yaml", kind, notes)
         q_rs = rows["values"][:, 3:]
         q_nb = quat_multiply(quat_multiply(q_rs, quat_conjugate(q_b_s)), q_b_imu)
@@ -138,7 +138,7 @@ def _sensor(file: Path, name: str, notes: list[str]) -> tuple[Floats, float | No
     if listed is None:
         notes.append(f"{name}: no T_BS in sensor.yaml, so its axes are taken for those of the body")
         return identity, hertz
-    numbers = [_number(one, "T_BS", file) for one in listed[1].replace(",", " ").split()]
+    numbers = [_number(word, "T_BS", file) for word in listed[1].replace(",", " ").split()]
     if len(numbers) != 16:
         raise DecodeError(f"T_BS in {name}/{file.name} must have 16 numbers, 4 rows of 4, but it has {len(numbers)}.")
     c_bs = np.array(numbers).reshape(4, 4)[:3, :3]

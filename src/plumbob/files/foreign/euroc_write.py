@@ -86,7 +86,7 @@ def write_euroc(path: Path, recording: Recording, overwrite: bool = False) -> No
 
 def is_euroc(path: Path) -> bool:
     """Whether a folder holds a EuRoC sequence and nothing besides."""
-    return [one.name for one in path.iterdir()] == ["mav0"] and (path / "mav0" / "imu0" / "data.csv").is_file()
+    return [entry.name for entry in path.iterdir()] == ["mav0"] and (path / "mav0" / "imu0" / "data.csv").is_file()
 
 
 def lost(recording: Recording) -> Iterator[str]:
@@ -125,16 +125,16 @@ def _write(folder: Path, sensor: str, head: str, lines: Iterable[str]) -> None:
 
 def _samples(imu: ImuData) -> Iterator[str]:
     assert imu.gyr is not None and imu.acc is not None
-    kept = _complete(imu)
-    table = np.concatenate((imu.gyr, imu.acc), axis=1)[kept].tolist()
-    for t_ns, row in zip((imu.t_ns + imu.meta.t0_ns)[kept].tolist(), table, strict=True):
+    mask = _complete(imu)
+    table = np.concatenate((imu.gyr, imu.acc), axis=1)[mask].tolist()
+    for t_ns, row in zip((imu.t_ns + imu.meta.t0_ns)[mask].tolist(), table, strict=True):
         yield f"{t_ns},{','.join(map(repr, row))}\n"
 
 
 def _states(track: AttitudeTrack, t0_ns: int) -> Iterator[str]:
-    known = track.known
-    q_nb = change_frame(track.q_nb, to=Frame.ENU, from_=track.frame)[known].tolist()
+    valid = track.known
+    q_nb = change_frame(track.q_nb, to=Frame.ENU, from_=track.frame)[valid].tolist()
     bias = np.zeros((len(track), 3)) if track.bias_b is None else np.nan_to_num(track.bias_b)
     zeros = ",".join(["0.0"] * 3)
-    for t_ns, q, b in zip((to_ns(track.t) + t0_ns)[known].tolist(), q_nb, bias[known].tolist(), strict=True):
+    for t_ns, q, b in zip((to_ns(track.t) + t0_ns)[valid].tolist(), q_nb, bias[valid].tolist(), strict=True):
         yield f"{t_ns},{zeros},{','.join(map(repr, q))},{zeros},{','.join(map(repr, b))},{zeros}\n"

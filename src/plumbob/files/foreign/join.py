@@ -93,7 +93,7 @@ def joined(streams: Mapping[str, Stream], *, meta: ImuMeta, epoch_ns: int | None
         if not stamps.size:
             notes.append(f"{name}: no sample")
             continue
-        columns[name], how = _at(rows, stamps, values)
+        columns[name], how = _resampled(rows, stamps, values)
         if how:
             notes.append(f"{name}: {counted(stamps.size, 'sample')} on stamps of its own, {how} at those of {lead}")
     t0_ns = 0 if epoch_ns is None else int(rows[0]) + epoch_ns
@@ -114,8 +114,8 @@ def _ordered(name: str, stream: Stream, notes: list[str]) -> tuple[NDArray[np.in
             f"{name}: its stamps span {span:.4g} s, but a recording has {LONGEST:.0f} s at most; some "
             "stamps are wrong, or they are not in the unit that the format says."
         )
-    kept = rising(stamps)
-    lost = stamps.size - int(kept.sum())
+    mask = rising(stamps)
+    lost = stamps.size - int(mask.sum())
     if lost > max(_FEW, DISORDER * stamps.size):
         raise ClockError(
             f"{name}: {lost} of {stamps.size} stamps repeat or go back; at most {DISORDER:.0%} may. Check its clock, "
@@ -123,19 +123,19 @@ def _ordered(name: str, stream: Stream, notes: list[str]) -> tuple[NDArray[np.in
         )
     if lost:
         notes.append(f"{name}: {counted(lost, 'sample')} left out, whose stamps repeat or go back")
-    return stamps[kept], values[kept]
+    return stamps[mask], values[mask]
 
 
-def _at(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats) -> tuple[Floats, str]:
+def _resampled(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats) -> tuple[Floats, str]:
     """Values at the rows, and how they came there; nothing where the stamps are the same."""
     if np.array_equal(rows, stamps):
         return values, ""
-    step, own = _step(rows), _step(stamps)
-    if own * _SLOW > step:
+    step, spacing = _step(rows), _step(stamps)
+    if spacing * _SLOW > step:
         return _nearest(rows, stamps, values, step), "each at the nearest row"
-    averaged = step > own * _FAST
+    averaged = step > spacing * _FAST
     return (
-        interpolated(rows, stamps, _averaged(stamps, values, step, own) if averaged else values),
+        interpolated(rows, stamps, _averaged(stamps, values, step, spacing) if averaged else values),
         f"{'averaged over a step and ' if averaged else ''}interpolated linearly",
     )
 
@@ -147,25 +147,25 @@ def _step(stamps: NDArray[np.int64]) -> float:
 
 def _nearest(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats, step: float) -> Floats:
     """Each value at the row nearest in time, not farther than a gap's worth of rows; the last one of a row counts."""
-    found = np.full((rows.size, *values.shape[1:]), np.nan)
-    right = np.clip(np.searchsorted(rows, stamps), 0, rows.size - 1)
-    left = np.maximum(right - 1, 0)
-    place = np.where(np.abs(rows[left] - stamps) <= np.abs(rows[right] - stamps), left, right)
+    sampled = np.full((rows.size, *values.shape[1:]), np.nan)
+    after = np.clip(np.searchsorted(rows, stamps), 0, rows.size - 1)
+    before = np.maximum(after - 1, 0)
+    place = np.where(np.abs(rows[before] - stamps) <= np.abs(rows[after] - stamps), before, after)
     near = np.abs(rows[place] - stamps) <= GAP_FACTOR * step
-    found[place[near]] = values[near]
-    return found
+    sampled[place[near]] = values[near]
+    return sampled
 
 
-def _averaged(stamps: NDArray[np.int64], values: Floats, step: float, own: float) -> Floats:
+def _averaged(stamps: NDArray[np.int64], values: Floats, step: float, spacing: float) -> Floats:
     """Mean over a window of one step of the rows about each stamp; windows do not cross gaps."""
-    width = max(3, 2 * round(step / own / 2) + 1)
-    found = np.copy(values)
+    width = max(3, 2 * round(step / spacing / 2) + 1)
+    means = np.copy(values)
     for part in _parts(stamps):
         piece = values[part]
         if len(piece) >= width:
             windows = np.lib.stride_tricks.sliding_window_view(piece, width, axis=0)
-            found[part.start + width // 2 : part.stop - width // 2] = windows.mean(axis=-1)
-    return found
+            means[part.start + width // 2 : part.stop - width // 2] = windows.mean(axis=-1)
+    return means
 
 
 def _parts(stamps: NDArray[np.int64]) -> Iterator[slice]:
@@ -175,7 +175,7 @@ def _parts(stamps: NDArray[np.int64]) -> Iterator[slice]:
     yield from (slice(a, b) for a, b in pairwise(ends))
 
 
-def stamps_of(name: str, seconds: ArrayLike) -> NDArray[np.int64]:
+def seconds_to_ns(name: str, seconds: ArrayLike) -> NDArray[np.int64]:
     """Integer ns of seconds (N,), as some logs keep them; float64 keeps today's Unix seconds to .24 µs.
 
     Raises

@@ -46,9 +46,9 @@ def _home(folder: Path) -> Path | None:
     """Folder of the GPS/IMU unit."""
     return next(
         (
-            one
-            for one in (folder / "oxts", folder)
-            if (one / "timestamps.txt").is_file() and (one / "data").is_dir() and one.name == "oxts"
+            path
+            for path in (folder / "oxts", folder)
+            if (path / "timestamps.txt").is_file() and (path / "data").is_dir() and path.name == "oxts"
         ),
         None,
     )
@@ -79,8 +79,8 @@ def read(path: Path) -> Recording:
 def _table(home: Path) -> tuple[NDArray[np.int64], Floats]:
     """Numbers of the samples, and their values (N, 30)."""
     names: list[str] = []
-    with os.scandir(logged.inside(home, "data")) as found:
-        for entry in found:
+    with os.scandir(logged.inside(home, "data")) as entries:
+        for entry in entries:
             if entry.name.endswith(".txt") and entry.name[:-4].isascii() and entry.name[:-4].isdigit():
                 names.append(entry.name)
             if len(names) > _MOST_FILES:
@@ -101,12 +101,12 @@ def _values(file: Path, name: str) -> list[float]:
     with file.open("rb") as stream:
         words = stream.read(_MOST_BYTES).split()
     try:
-        found = [float(word) for word in words]
+        values = [float(word) for word in words]
     except ValueError:
-        found = []
-    if len(found) != _COLUMNS:
+        values = []
+    if len(values) != _COLUMNS:
         raise DecodeError(f"oxts/data/{name} must hold {_COLUMNS} numbers, but it does not; it has {len(words)} words.")
-    return found
+    return values
 
 
 def _stamps(file: Path) -> NDArray[np.int64]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, one_line
 from plumbob.core.files import existing_file
-from plumbob.core.text import counted, first_of
+from plumbob.core.text import counted, first_words
 from plumbob.core.time import LONGEST, longest_bridged, rising
 from plumbob.data.reading import read_rows
 from plumbob.files.foreign.join import Stream
@@ -29,11 +29,11 @@ _NORM: Final = 1e-3
 
 def records(raw: NDArray[np.uint8], places: NDArray[np.int64], layout: "np.dtype[Any]") -> NDArray[Any]:
     """Records (N,) of one layout that begin at these places in a file's bytes."""
-    found = np.empty((places.size, layout.itemsize), dtype=np.uint8)
+    rows = np.empty((places.size, layout.itemsize), dtype=np.uint8)
     within = np.arange(layout.itemsize)
     for start in range(0, places.size, _PART):
-        found[start : start + _PART] = raw[places[start : start + _PART, None] + within]
-    return found.view(layout)[:, 0] if layout.itemsize else np.empty(0, layout)
+        rows[start : start + _PART] = raw[places[start : start + _PART, None] + within]
+    return rows.view(layout)[:, 0] if layout.itemsize else np.empty(0, layout)
 
 
 def triad(table: NDArray[Any] | Mapping[str, NDArray[Any]], *names: str) -> Floats:
@@ -48,9 +48,9 @@ def steady(t_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
     keep = np.ones(t_ns.size, dtype=bool)
     if t_ns.size > 2:
         keep &= np.abs(t_ns - np.median(t_ns)) < LONGEST / 2 * 1e9
-        kept = np.flatnonzero(keep)
-        inner = t_ns[kept]
-        keep[kept[1:-1][(inner[1:-1] >= inner[2:]) & (inner[2:] > inner[:-2])]] = False
+        indices = np.flatnonzero(keep)
+        inner = t_ns[indices]
+        keep[indices[1:-1][(inner[1:-1] >= inner[2:]) & (inner[2:] > inner[:-2])]] = False
     return keep
 
 
@@ -87,26 +87,26 @@ def attitude_at(rows_ns: NDArray[np.int64], t_ns: NDArray[np.int64], q_nb: Float
     ndarray (N, 4) or None
         Quaternions, NaN where the log has no attitude, within 1e-3 of norm 1; None where it has none at all.
     """
-    known = np.abs(np.sqrt(np.sum(q_nb * q_nb, axis=1)) - 1.0) < _NORM
-    known &= steady(t_ns) & rising(t_ns)
-    if not known.any():
+    valid = np.abs(np.sqrt(np.sum(q_nb * q_nb, axis=1)) - 1.0) < _NORM
+    valid &= steady(t_ns) & rising(t_ns)
+    if not valid.any():
         return None
-    if lost := known.size - int(known.sum()):
+    if lost := valid.size - int(valid.sum()):
         what = counted(lost, "attitude")
-        notes.append(f"attitude: {what} left out of {known.size}, not rotations or without a stamp in order")
+        notes.append(f"attitude: {what} left out of {valid.size}, not rotations or without a stamp in order")
     if np.array_equal(t_ns, rows_ns):  # in one table with the samples: what is not known there stays so
-        return np.where(known[:, None], q_nb, np.nan)
-    stamps = t_ns[known]
-    found = read_rows(stamps, quat_normalize(q_nb[known]), rows_ns, max_gap=longest_bridged(stamps))
-    missing = found.outside | found.gap
+        return np.where(valid[:, None], q_nb, np.nan)
+    stamps = t_ns[valid]
+    attitude = read_rows(stamps, quat_normalize(q_nb[valid]), rows_ns, max_gap=longest_bridged(stamps))
+    missing = attitude.outside | attitude.gap
     if missing.all():
         return None
-    if not found.exact.all():
+    if not attitude.exact.all():
         notes.append(
             f"attitude: {counted(stamps.size, 'quaternion')} on stamps of its own, interpolated along the shorter arc "
             f"at those of the samples; not known in {int(np.count_nonzero(missing))} of {rows_ns.size}"
         )
-    return found.q_nb
+    return attitude.q_nb
 
 
 def chosen(names: Sequence[str], unit: str | None) -> str:
@@ -125,8 +125,8 @@ def chosen(names: Sequence[str], unit: str | None) -> str:
                 return name
     if unit.isdecimal() and 1 <= int(unit) <= len(names):
         return names[int(unit) - 1]
-    known = ", ".join(f"{name} ({number})" for number, name in enumerate(names[:20], 1))
-    raise ParameterError(f"there is no unit '{unit}' in the log; there are {known}.")
+    listed = ", ".join(f"{name} ({number})" for number, name in enumerate(names[:20], 1))
+    raise ParameterError(f"there is no unit '{unit}' in the log; there are {listed}.")
 
 
 def _letters(name: str) -> str:
@@ -137,7 +137,7 @@ def others_note(taken: str, others: Mapping[str, int]) -> str:
     """A note of what was taken of several units, and of how the others, with their counts, are chosen."""
     if not others:
         return taken
-    listed = first_of([f"{name} ({count})" for name, count in others.items()], 20)
+    listed = first_words([f"{name} ({count})" for name, count in others.items()], 20)
     return f"{taken}; not taken: {listed}; --unit {next(iter(others))} takes another"
 
 
@@ -155,13 +155,13 @@ def inside(folder: Path, *parts: str) -> Path:
     DecodeError
         If it is not in the folder.
     """
-    found = folder.joinpath(*parts)
-    if not found.resolve().is_relative_to(folder.resolve()):
+    path = folder.joinpath(*parts)
+    if not path.resolve().is_relative_to(folder.resolve()):
         raise DecodeError(f"{'/'.join(parts)} leads out of the folder; copy the data set with its files.")
-    return found
+    return path
 
 
-def rows_of(path: Path, layout: Any, columns: int, **how: Any) -> NDArray[Any]:
+def text_rows(path: Path, layout: Any, columns: int, **how: Any) -> NDArray[Any]:
     """Rows (N,) of a text table with stamps and numbers, of a type with the fields ``t`` and ``values``.
 
     Raises
@@ -173,9 +173,9 @@ def rows_of(path: Path, layout: Any, columns: int, **how: Any) -> NDArray[Any]:
     try:
         with file.open(encoding="utf-8-sig") as text, warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # no rows, which is said below
-            found = np.loadtxt(text, dtype=layout, usecols=range(columns), ndmin=1, **how)
+            rows = np.loadtxt(text, dtype=layout, usecols=range(columns), ndmin=1, **how)
     except (ValueError, UnicodeDecodeError, OverflowError) as error:
         raise DecodeError(f"{path.name} holds a row that is not {columns} numbers: {one_line(error)}.") from error
-    if not found.size:
+    if not rows.size:
         raise DecodeError(f"{path.name} holds no rows; take a copy that is whole.")
-    return found
+    return rows

@@ -103,7 +103,7 @@ def recording(raw: bytes, name: str, unit: str | None = None) -> Recording:
     ParameterError
         If there is no such IMU.
     """
-    found, skipped = _scanned(raw)
+    messages, skipped = _scanned(raw)
     data = np.frombuffer(raw, np.uint8)
     notes = [
         "MAVLink telemetry: body axes forward, right, down; frame NED; clock of the vehicle, UTC by the receiver's "
@@ -111,7 +111,7 @@ def recording(raw: bytes, name: str, unit: str | None = None) -> Recording:
     ]
     tables: dict[tuple[int, int], tuple[NDArray[Any], NDArray[np.int64]]] = {}
     bad = 0
-    for key, packets in found.items():
+    for key, packets in messages.items():
         table, came_us, wrong = _checked(data, key[1], packets)
         bad += wrong
         if table.size:
@@ -135,7 +135,7 @@ def recording(raw: bytes, name: str, unit: str | None = None) -> Recording:
 
 def _scanned(raw: bytes) -> tuple[dict[tuple[int, int], _Packets], int]:
     """Packets of known kinds, by system and message number; bytes that are not packets are counted."""
-    found: dict[tuple[int, int], _Packets] = {}
+    messages: dict[tuple[int, int], _Packets] = {}
     at, size, skipped = 0, len(raw), 0
     while at + 17 <= size:
         begin = at + 8
@@ -156,26 +156,26 @@ def _scanned(raw: bytes) -> tuple[dict[tuple[int, int], _Packets], int]:
             at, skipped = at + 1, skipped + 1
             continue
         if number in _KINDS:
-            packets = found.setdefault((system, number), _Packets())
+            packets = messages.setdefault((system, number), _Packets())
             packets.places.append(begin)
             packets.lengths.append(length)
             packets.came_us.append(came)
         at = end
-    return found, skipped + size - at
+    return messages, skipped + size - at
 
 
 def _checked(data: NDArray[np.uint8], number: int, packets: _Packets) -> tuple[NDArray[Any], NDArray[np.int64], int]:
     """Records of the packets whose CRC is right, when they came, and how many are wrong."""
     kind = _KINDS[number]
-    places, lengths = (np.frombuffer(one, np.int64) for one in (packets.places, packets.lengths))
+    places, lengths = (np.frombuffer(column, np.int64) for column in (packets.places, packets.lengths))
     payload = np.zeros((places.size, kind.layout.itemsize), np.uint8)
     right = np.zeros(places.size, dtype=bool)
     versions = data[places]
     for version, length in {(int(v), int(n)) for v, n in zip(versions, lengths, strict=True)}:
-        own = np.flatnonzero((versions == version) & (lengths == length))
+        group = np.flatnonzero((versions == version) & (lengths == length))
         head = 6 if version == 0xFE else 10
         layout = np.dtype([("covered", "u1", (head - 1 + length,)), ("crc", "<u2")])
-        for part in np.array_split(own, 1 + own.size // 16384):
+        for part in np.array_split(group, 1 + group.size // 16384):
             packet = logged.records(data, places[part] + 1, layout)
             closed = np.column_stack((packet["covered"], np.full(part.size, kind.extra, np.uint8)))
             right[part] = of_rows(_CHECK, closed) == packet["crc"]
@@ -190,21 +190,21 @@ def _chosen(tables: dict[tuple[int, int], Any], unit: str | None, notes: list[st
 
     They are called by the message, and by the system where several have it, as ``SCALED_IMU2.1``.
     """
-    units_of = [
+    listed_units = [
         (system, number)
         for system in sorted({system for system, _ in tables})
         for number in _PREFERRED
         if (system, number) in tables and (number != 27 or _is_ardupilot(tables, system))
     ]
-    if not units_of:
+    if not listed_units:
         raw = any(number == 27 for _, number in tables)
         why = " RAW_IMU is there, but its units are those of an unknown maker." if raw else ""
         raise DecodeError(f"it holds no message of an IMU with known units (HIGHRES_IMU, SCALED_IMU).{why}")
-    several = len({system for system, _ in units_of}) > 1
-    names = {f"{_KINDS[number].name}{f'.{system}' * several}": (system, number) for system, number in units_of}
+    several = len({system for system, _ in listed_units}) > 1
+    names = {f"{_KINDS[number].name}{f'.{system}' * several}": (system, number) for system, number in listed_units}
     name = logged.chosen(list(names), unit)
     system, number = names.pop(name)
-    others = {one: tables[key][0].size for one, key in names.items()}
+    others = {other: tables[key][0].size for other, key in names.items()}
     notes.append(logged.others_note(f"samples: {name.split('.')[0]} of system {system}", others))
     return system, number
 

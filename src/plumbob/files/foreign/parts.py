@@ -121,19 +121,19 @@ def _archive_members(path: Path) -> dict[str, zipfile.ZipInfo]:
         infos = [info for info in archive.infolist() if not info.is_dir() and not _of_system(info.filename)]
     if len(infos) > MAX_MEMBERS:
         raise DecodeError(f"the archive has {len(infos)} members, but a recording has {MAX_MEMBERS} at most.")
-    found: dict[str, zipfile.ZipInfo] = {}
+    members: dict[str, zipfile.ZipInfo] = {}
     for info in infos:
         place = PurePosixPath(info.filename)
         if place.is_absolute() or ".." in place.parts or "\\" in info.filename:
             raise DecodeError(f"the archive has a member {excerpt(info.filename)}, whose path leads out of it.")
-        if info.filename in found:
+        if info.filename in members:
             raise DecodeError(f"the archive has two members {excerpt(info.filename)}; export it again.")
         if info.flag_bits & 1:
             raise DecodeError(f"{excerpt(info.filename)} is encrypted; unpack the archive with its password first.")
         if info.compress_type not in _KNOWN_METHODS:
             raise DecodeError(f"{excerpt(info.filename)} is packed by an unknown method; pack it again with Deflate.")
-        found[info.filename] = info
-    return found
+        members[info.filename] = info
+    return members
 
 
 def _of_system(name: str) -> bool:

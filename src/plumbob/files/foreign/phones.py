@@ -34,7 +34,7 @@ from plumbob.core.time import interpolated, rising
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.columns import has_zone, is_stamp, stamps_ns
-from plumbob.files.foreign.join import Joined, Stream, joined, stamps_of
+from plumbob.files.foreign.join import Joined, Stream, joined, seconds_to_ns
 from plumbob.files.foreign.logged import attitude_at
 from plumbob.files.foreign.parts import (
     Parts,
@@ -61,7 +61,7 @@ _TABLES: Final = (".csv", ".txt")
 def accepts(path: Path) -> bool:
     """Whether a path holds a recording of a phone app, by the names in it and the first line of its tables."""
     if path.is_dir() or path.suffix.lower() in _TABLES or zipfile_like(path):
-        return _app_of(Parts(path)) is not None
+        return _app_reader(Parts(path)) is not None
     return False
 
 
@@ -77,7 +77,7 @@ def read(path: Path) -> Recording:
     """
     with reading(path):
         parts = Parts(path)
-        app = _app_of(parts)
+        app = _app_reader(parts)
         if app is None:
             raise DecodeError(
                 f"it holds no table of phyphox, Sensor Logger or SensorLog; it holds {excerpt(', '.join(parts.names))}."
@@ -85,7 +85,7 @@ def read(path: Path) -> Recording:
         return app(parts)
 
 
-def _app_of(parts: Parts) -> Callable[[Parts], Recording] | None:
+def _app_reader(parts: Parts) -> Callable[[Parts], Recording] | None:
     """Reader of the app that wrote it; None where none is known."""
     if {"record.properties", "accelerometer.txt"} <= set(parts.names):
         return _android
@@ -112,9 +112,9 @@ def _stem(name: str) -> str:
     return PurePosixPath(name).stem
 
 
-def _require_one_place(found: Mapping[str, Any]) -> None:
+def _require_one_place(tables: Mapping[str, Any]) -> None:
     """Refuse tables in several folders: they are several recordings."""
-    places = sorted({str(PurePosixPath(name).parent) for name in found})
+    places = sorted({str(PurePosixPath(name).parent) for name in tables})
     if len(places) > 1:
         raise DecodeError(
             f"it holds tables in {len(places)} folders ({excerpt(', '.join(places))}), which are recordings of their "
@@ -172,10 +172,10 @@ def _phyphox_triads(name: str, names: tuple[str, ...]) -> list[tuple[str, list[s
     """
     groups: dict[tuple[str, str], dict[str, str]] = {}
     for column in names[1:]:
-        found = _PHYPHOX_COLUMN.fullmatch(column)
-        if found is not None and found["unit"].lower() in _PHYPHOX_UNITS:
-            key = (found["what"] or "", _PHYPHOX_UNITS[found["unit"].lower()])
-            groups.setdefault(key, {})[found["axis"].lower()] = column
+        match = _PHYPHOX_COLUMN.fullmatch(column)
+        if match is not None and match["unit"].lower() in _PHYPHOX_UNITS:
+            key = (match["what"] or "", _PHYPHOX_UNITS[match["unit"].lower()])
+            groups.setdefault(key, {})[match["axis"].lower()] = column
     triads = []
     for (what, kind), axes in groups.items():
         if len(axes) == 3:
@@ -186,13 +186,13 @@ def _phyphox_triads(name: str, names: tuple[str, ...]) -> list[tuple[str, list[s
 
 
 def _phyphox(parts: Parts) -> Recording:
-    found = {name: names_in(parts.start(name)) for name in _tables(parts)}
-    found = {name: names for name, names in found.items() if _is_phyphox(name, names)}
-    _require_one_place(found)
+    headers = {name: names_in(parts.start(name)) for name in _tables(parts)}
+    headers = {name: names for name, names in headers.items() if _is_phyphox(name, names)}
+    _require_one_place(headers)
     events = _phyphox_events(parts)
     streams: dict[str, Stream] = {}
     notes = ["phyphox: rad/s, m/s² with gravity (specific force) and µT, as its columns say"]
-    for name, names in found.items():
+    for name, names in headers.items():
         for kind, columns in _phyphox_triads(name, names):
             if kind == "acc?":
                 notes.append(f"left out: {name}, acceleration that is without gravity or does not say that it has it")
@@ -202,7 +202,7 @@ def _phyphox(parts: Parts) -> Recording:
                 streams[kind] = stream
             else:
                 notes.append(f"{kind}: {name} has no sample")
-    if others := sorted(name for name in _tables(parts) if name not in found):
+    if others := sorted(name for name in _tables(parts) if name not in headers):
         notes.append(f"left out: {excerpt(', '.join(others))}")
     notes.append(_phyphox_clock(events))
     device = _meta(parts, "device.csv", pairs)
@@ -218,7 +218,7 @@ def _phyphox_stream(
     if table is None:
         return None
     notes += [note for note in table.notes if note not in notes]
-    return Stream(_on_wall(stamps_of(name, table.columns[columns[0]]), events), triad(table, columns[1:]))
+    return Stream(_on_wall(seconds_to_ns(name, table.columns[columns[0]]), events), triad(table, columns[1:]))
 
 
 def _meta(parts: Parts, which: str, parse: Any) -> Any:
@@ -229,7 +229,7 @@ def _meta(parts: Parts, which: str, parse: Any) -> Any:
 
 def _phyphox_events(parts: Parts) -> list[tuple[int, int]]:
     """Start and each resume: ns of the experiment, and what UTC is ahead of them, ns."""
-    found = []
+    events = []
     for row in _meta(parts, "time.csv", records):
         if row.get("event", "").strip() != "START":
             continue
@@ -241,8 +241,8 @@ def _phyphox_events(parts: Parts) -> list[tuple[int, int]]:
             raise DecodeError("meta/time.csv has a START without its times in seconds; export it again.") from error
         if not (0 <= experiment < 10**17 and 0 < system < 9 * 10**18):
             raise DecodeError("meta/time.csv has a START at a time that no clock has; export it again.")
-        found.append((experiment, system - experiment))
-    return sorted(found)
+        events.append((experiment, system - experiment))
+    return sorted(events)
 
 
 def _on_wall(stamps: NDArray[np.int64], events: list[tuple[int, int]]) -> NDArray[np.int64]:
@@ -268,17 +268,17 @@ _FIRST_STANDARDISED: Final = (1, 29)
 
 def _sensor_logger(parts: Parts) -> Recording:
     tables = {name: names_in(parts.start(name)) for name in _tables(parts)}
-    found = {name: names for name, names in tables.items() if names[:2] == ("time", "seconds_elapsed")}
-    _require_one_place(found)
+    headers = {name: names for name, names in tables.items() if names[:2] == ("time", "seconds_elapsed")}
+    _require_one_place(headers)
     sheets = {
         _stem(name): sheet(name, parts.read(name))
-        for name, names in found.items()
+        for name, names in headers.items()
         if {"x", "y", "z"} <= set(names) and _stem(name) in _WANTED
     }
-    told = next((records(parts.text(name)) for name in parts.names if PurePosixPath(name).name == "Metadata.csv"), [])
-    meta = told[0] if told else {}
+    rows = next((records(parts.text(name)) for name in parts.names if PurePosixPath(name).name == "Metadata.csv"), [])
+    meta = rows[0] if rows else {}
     notes: list[str] = []
-    data = {stem: stream for stem, one in sheets.items() if (stream := _logger_stream(one, notes)) is not None}
+    data = {stem: stream for stem, log in sheets.items() if (stream := _logger_stream(log, notes)) is not None}
     streams: dict[str, Stream] = {}
     for kind, title in (("gyr", "Gyroscope"), ("mag", "Magnetometer")):
         for stem in (title, f"{title}Uncalibrated"):
@@ -306,10 +306,10 @@ _WANTED: Final = (
 )
 
 
-def _logger_stream(one: Sheet, notes: list[str]) -> Stream | None:
-    table = one.table(["time", "x", "y", "z"], "time")
+def _logger_stream(log: Sheet, notes: list[str]) -> Stream | None:
+    table = log.table(["time", "x", "y", "z"], "time")
     if table is None:
-        notes.append(f"{one.title} has no sample")
+        notes.append(f"{log.title} has no sample")
         return None
     notes += table.notes
     return Stream(whole_ns(table, "time"), triad(table, "xyz"))
@@ -341,30 +341,30 @@ def _logger_sign(platform: str, meta: Mapping[str, str]) -> tuple[float, str]:
     """What acceleration is multiplied by to be specific force, and why."""
     if platform == "android":
         return 1.0, ""
-    told = meta.get("standardisation", "").strip().lower()
-    if platform == "ios" and told == "true":
+    mode = meta.get("standardisation", "").strip().lower()
+    if platform == "ios" and mode == "true":
         return 1.0, ", in Android's sign, as 'Standardise Units & Frames' was on"
-    if platform == "ios" and (told == "false" or (not told and _before_standard(meta.get("appVersion", "")))):
+    if platform == "ios" and (mode == "false" or (not mode and _before_standard(meta.get("appVersion", "")))):
         return -1.0, ", negated: on iOS it points down at rest where 'Standardise Units & Frames' is off"
     raise DecodeError(
         f"Metadata.csv does not say the platform (ios or android) and standardisation (true or false): it has "
-        f"{platform or 'no platform'} and {told or 'no standardisation'}. The sign and unit of acceleration depend on "
+        f"{platform or 'no platform'} and {mode or 'no standardisation'}. The sign and unit of acceleration depend on "
         f"them; put the Metadata.csv of the export beside the tables. {guide('phones.md')} has the settings."
     )
 
 
 def _before_standard(version: str) -> bool:
-    found = re.match(r"(\d{1,4})\.(\d{1,4})", version.strip())
-    return found is not None and (int(found[1]), int(found[2])) < _FIRST_STANDARDISED
+    match = re.match(r"(\d{1,4})\.(\d{1,4})", version.strip())
+    return match is not None and (int(match[1]), int(match[2])) < _FIRST_STANDARDISED
 
 
 def _sum(user: Stream, gravity: Stream, sign: float) -> Stream:
     """Acceleration with gravity at the stamps of the former; gravity is interpolated between its neighbours."""
-    t, own = np.asarray(user.t_ns, dtype=np.int64), np.asarray(gravity.t_ns, dtype=np.int64)
+    t, gravity_t = np.asarray(user.t_ns, dtype=np.int64), np.asarray(gravity.t_ns, dtype=np.int64)
     values, field = np.asarray(user.values), np.asarray(gravity.values)
-    if not np.array_equal(t, own):
-        kept = rising(own)
-        field = interpolated(t, own[kept], field[kept])
+    if not np.array_equal(t, gravity_t):
+        mask = rising(gravity_t)
+        field = interpolated(t, gravity_t[mask], field[mask])
     return Stream(t, sign * (values + field))
 
 
@@ -399,15 +399,15 @@ def _sensorlog(parts: Parts) -> Recording:
     if len(names) > 1:
         raise DecodeError(f"it holds {len(names)} tables of SensorLog, each a recording of its own; read one of them.")
     raw = parts.read(names[0]).decode("utf-8-sig", "replace").replace("μ", "µ").encode()
-    one = sheet(names[0], raw)
+    log = sheet(names[0], raw)
     notes = ["SensorLog (iOS): rad/s and µT; acceleration in g, negated: CoreMotion measures -1 g upwards at rest"]
     streams: dict[str, Stream] = {}
     epoch: int | None = None
     for kind, sensor, form, unit, sign in _SENSORLOG:
         columns = [column.format(letter) for column in form.split(" + ") for letter in "XYZ"]
-        if kind in streams or not set(columns) <= set(one.names):
+        if kind in streams or not set(columns) <= set(log.names):
             continue
-        stream, began = _sensorlog_stream(one, _STAMP_OF[sensor], columns, notes)
+        stream, began = _sensorlog_stream(log, _STAMP_OF[sensor], columns, notes)
         if stream is None or (kind == "mag" and not np.any(stream.values)):
             notes.append(f"{kind}: {columns[0]} and its axes have no sample")
             continue
@@ -415,37 +415,37 @@ def _sensorlog(parts: Parts) -> Recording:
         streams[kind] = Stream(stream.t_ns, sign * units.to_si(np.asarray(stream.values), unit))
         notes.append(f"{kind}: {form.format('X, Y, Z')}")
     notes.append("clock: seconds since the phone's start, on UTC by the first loggingTime, to some 0.1 s")
-    if any(name.startswith("motionQuaternion") for name in one.names):
+    if any(name.startswith("motionQuaternion") for name in log.names):
         notes.append("left out: motionQuaternion, the phone's own attitude, whose frame varies by a setting of the app")
     return _recording(parts, streams, notes, "iPhone", epoch)
 
 
-def _sensorlog_stream(one: Sheet, stamp: str, columns: list[str], notes: list[str]) -> tuple[Stream | None, int | None]:
+def _sensorlog_stream(log: Sheet, stamp: str, columns: list[str], notes: list[str]) -> tuple[Stream | None, int | None]:
     """Samples of one sensor, each once: a row repeats what has not changed since the row before."""
     logged = "loggingTime(txt)"
-    own = stamp in one.names
-    if not own and logged not in one.names:
-        raise DecodeError(f"{one.title} has neither {stamp} nor {logged}, so {columns[0]} has no time.")
-    texts = [logged] if logged in one.names else []
-    table = one.table([*([stamp] if own else []), *columns, *texts], texts=texts)
+    stamped = stamp in log.names
+    if not stamped and logged not in log.names:
+        raise DecodeError(f"{log.title} has neither {stamp} nor {logged}, so {columns[0]} has no time.")
+    texts = [logged] if logged in log.names else []
+    table = log.table([*([stamp] if stamped else []), *columns, *texts], texts=texts)
     if table is None:
         return None, None
     notes += [note for note in table.notes if note not in notes]
     values = np.sum([triad(table, columns[at : at + 3]) for at in range(0, len(columns), 3)], axis=0)
-    known = np.isfinite(values).all(axis=1)
+    valid = np.isfinite(values).all(axis=1)
     cells = table.texts.get(logged, [])
-    if not own:
+    if not stamped:
         times, absolute = stamps_ns(cells, None)
-        return Stream(np.array(times, dtype=np.int64)[known], values[known]), 0 if absolute else None
-    known &= np.isfinite(table.columns[stamp])
-    known[1:] &= np.diff(table.columns[stamp]) != 0.0
-    if not known.any():
+        return Stream(np.array(times, dtype=np.int64)[valid], values[valid]), 0 if absolute else None
+    valid &= np.isfinite(table.columns[stamp])
+    valid[1:] &= np.diff(table.columns[stamp]) != 0.0
+    if not valid.any():
         return None, None
-    stamps = stamps_of(stamp, table.columns[stamp][known])
-    first = cells[int(np.argmax(known))] if cells else ""
+    stamps = seconds_to_ns(stamp, table.columns[stamp][valid])
+    first = cells[int(np.argmax(valid))] if cells else ""
     if not (is_stamp(first) and has_zone(first)):
-        return Stream(stamps, values[known]), None
-    return Stream(stamps, values[known]), stamps_ns([first], None)[0][0] - int(stamps[0])
+        return Stream(stamps, values[valid]), None
+    return Stream(stamps, values[valid]), stamps_ns([first], None)[0][0] - int(stamps[0])
 
 
 # Android --------------------------------------------------------------------------------------------------------------
@@ -460,7 +460,7 @@ ATTITUDE_SOURCE: Final = "the phone's own rotation vector (Android), which is an
 
 
 def _android(parts: Parts) -> Recording:
-    told = dict(re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", parts.text("record.properties"), re.MULTILINE))
+    properties = dict(re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", parts.text("record.properties"), re.MULTILINE))
     notes = ["Android sensor events: rad/s, m/s² (specific force), µT; clock: s since StartTime"]
     streams: dict[str, Stream] = {}
     for kind, stems in _ANDROID.items():
@@ -468,14 +468,14 @@ def _android(parts: Parts) -> Recording:
         if present:
             streams[kind] = _android_stream(parts, present[0], 3, notes)
             notes.append(f"{kind}: {present[0]}")
-    model = " ".join(told[key] for key in ("Manufacturer", "Model") if told.get(key))
-    start = told.get("StartTime", "")
+    model = " ".join(properties[key] for key in ("Manufacturer", "Model") if properties.get(key))
+    start = properties.get("StartTime", "")
     epoch = int(start) * 10**9 if re.fullmatch(r"[1-9]\d{0,9}", start) else None
     imu, rows_ns, joints = _on_one_line(streams, notes, model, epoch)
     track = None
     if "rotation-vector.txt" in parts.names:
-        own = _android_stream(parts, "rotation-vector", 4, notes)
-        q_nb = attitude_at(rows_ns, np.asarray(own.t_ns), quat_from_xyzw(np.asarray(own.values)), notes)
+        rotation = _android_stream(parts, "rotation-vector", 4, notes)
+        q_nb = attitude_at(rows_ns, np.asarray(rotation.t_ns), quat_from_xyzw(np.asarray(rotation.values)), notes)
         if q_nb is not None:
             track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=Frame.ENU, north=North.MAGNETIC, source=ATTITUDE_SOURCE)
             notes.append(f"attitude: {ATTITUDE_SOURCE}; East-North-Up, magnetic north")
@@ -488,4 +488,4 @@ def _android_stream(parts: Parts, stem: str, count: int, notes: list[str]) -> St
     table = read_table(parts.read(f"{stem}.txt"), _BLANKS, refs)
     notes += [note.replace("cut: ", f"cut: {stem}: ", 1) for note in table.notes]
     values: Floats = np.stack([table.columns[ref] for ref in refs[1:]], axis=1)
-    return Stream(stamps_of(stem, table.columns[1]), values)
+    return Stream(seconds_to_ns(stem, table.columns[1]), values)

@@ -21,7 +21,7 @@ from plumbob.core.files import existing_file, reading
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import logged
-from plumbob.files.foreign.join import joined, stamps_of
+from plumbob.files.foreign.join import joined, seconds_to_ns
 from plumbob.rotations import Frame, North
 
 _ROWS: Final = np.dtype([("t", "f8"), ("values", "f8", (13,))])
@@ -40,7 +40,7 @@ def _separator(path: Path) -> str:
     if not (b"time" in names and b"vicon" in names and b"imu" in names):
         return ""
     for separator in (";", ","):
-        letters = [one.strip(b' "') for one in axes.strip().split(separator.encode())]
+        letters = [cell.strip(b' "') for cell in axes.strip().split(separator.encode())]
         if letters[1:5] == [b"w", b"x", b"y", b"z"] and letters[5:14] == [b"x", b"y", b"z"] * 3:
             return separator
     return ""
@@ -61,12 +61,12 @@ def read(path: Path) -> Recording:
         separator = _separator(file)
         if not separator:
             raise DecodeError("it has not the two head lines of a RepoIMU trial (Time, Vicon, IMU; W X Y Z …).")
-        rows = logged.rows_of(file, _ROWS, 14, delimiter=separator, skiprows=2)
+        rows = logged.text_rows(file, _ROWS, 14, delimiter=separator, skiprows=2)
         notes = [
             "RepoIMU: axes of the IMU; s, m/s², rad/s; magnetic field in units of the local one, scaled by "
             f"{NOMINAL_FIELD:g} µT (head lines; doi:10.1007/978-3-319-46418-3_45)"
         ]
-        t_ns, values = stamps_of("time", rows["t"]), rows["values"]
+        t_ns, values = seconds_to_ns("time", rows["t"]), rows["values"]
         streams = {
             "gyr": logged.stream("gyr", t_ns, values[:, 7:10], notes),
             "acc": logged.stream("acc", t_ns, values[:, 4:7], notes),

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, UnitError
 from plumbob.core.files import reading
-from plumbob.core.text import counted, first_of
+from plumbob.core.text import counted, first_words
 from plumbob.core.time import rising
 from plumbob.core.units import to_si
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
@@ -96,8 +96,8 @@ def _is_ros_mcap(path: Path) -> bool:
     summary = int.from_bytes(_start(path, 8, size - footer + layout.RECORD_HEAD.size), "little")
     if not 0 < summary < size:
         return False
-    found = _start(path, 1 << 20, summary)
-    return any(mark in found for mark in (b"\x03\0\0\0cdr", b"\x04\0\0\0ros1"))
+    records = _start(path, 1 << 20, summary)
+    return any(mark in records for mark in (b"\x03\0\0\0cdr", b"\x04\0\0\0ros1"))
 
 
 def read(path: Path, unit: str | None = None) -> Recording:
@@ -125,8 +125,8 @@ def read(path: Path, unit: str | None = None) -> Recording:
     """
     with reading(path):
         bag = ros_bags.open_bag(path)
-        found = _recording(bag, path.stem, unit)
-        return replace(found, notes=(*found.notes, *dict.fromkeys(bag.damage)))
+        recording = _recording(bag, path.stem, unit)
+        return replace(recording, notes=(*recording.notes, *dict.fromkeys(bag.damage)))
 
 
 def _recording(bag: Bag, name: str, unit: str | None) -> Recording:
@@ -134,9 +134,9 @@ def _recording(bag: Bag, name: str, unit: str | None) -> Recording:
     imus = [topic for topic in topics if topic.kind == IMU]
     poses = [topic for topic in topics if topic.kind in POSES]
     if not imus and not poses:
-        kept = f"it holds {_listed(topics)}" if topics else "it holds no message"
+        content = f"it holds {_listed(topics)}" if topics else "it holds no message"
         raise DecodeError(
-            f"{kept}, but neither inertial data (sensor_msgs/Imu) nor poses. Record the IMU's topic, as /imu/data."
+            f"{content}, but neither inertial data (sensor_msgs/Imu) nor poses. Record the IMU's topic, as /imu/data."
             + "".join(f" {damage}." for damage in bag.damage)
         )
     chosen = [_chosen(imus + poses, unit)] if unit is not None else _without_raw(imus) or poses
@@ -151,7 +151,7 @@ def _recording(bag: Bag, name: str, unit: str | None) -> Recording:
 
 
 def _listed(topics: Sequence[Topic]) -> str:
-    return first_of([str(topic) for topic in topics], _LISTED)
+    return first_words([str(topic) for topic in topics], _LISTED)
 
 
 def _chosen(topics: Sequence[Topic], unit: str) -> Topic:
@@ -216,14 +216,14 @@ def _of_imus(chosen: list[Topic], topics: list[Topic], name: str) -> Recording:
                     f"{chosen[0].name} (in Python, unit='{chosen[0].name}')."
                 )
     units = [_unit(topic, table, topics) for topic, table in zip(chosen, tables, strict=True)]
-    used = [topic for one in units for topic in one.used]
-    notes = [CONVENTIONS, *(line for one in units for line in one.notes), *_left_out(topics, used)]
+    used = [topic for unit in units for topic in unit.used]
+    notes = [CONVENTIONS, *(line for unit in units for line in unit.notes), *_left_out(topics, used)]
     if any(topic.kind in {MAG, TEMPERATURE} and topic not in used for topic in topics):
         notes.append("of magnetometers and thermometers one is taken for each IMU, whose header names the same frame")
     if len(units) == 1:
         return Recording(imu=units[0].imu, track=units[0].track, name=name, notes=tuple(dict.fromkeys(notes)))
-    notes += [f"{one.used[0].name}: its orientation is left out; name it with --unit" for one in units if one.track]
-    samples = {one.used[0].name: one.imu for one in units if one.imu is not None}
+    notes += [f"{unit.used[0].name}: its orientation is left out; name it with --unit" for unit in units if unit.track]
+    samples = {unit.used[0].name: unit.imu for unit in units if unit.imu is not None}
     if not samples:
         raise ParameterError(f"it holds orientations alone, on {_listed(chosen)}. Name one with --unit.")
     return Recording(array=ImuArray(samples), name=name, notes=tuple(dict.fromkeys(notes)))
@@ -249,11 +249,11 @@ def _unit(topic: Topic, table: Table, topics: list[Topic]) -> _Unit:
         return _Unit(None, track, used, notes)
     frame = next(iter(table.frames), "")
     meta = ImuMeta(device=frame or topic.name, frame=_world(table))
-    if mag := _beside(MAG, topic, table, topics):
+    if mag := _in_frame(MAG, topic, table, topics):
         numbers = mag[1].numbers
         values = to_si(_present(numbers[:, :3], numbers[:, 3]), "T")
         _add("mag", mag[0], Stream(_stamps(*mag)[0], values), streams, stamps, used, notes)
-    if temperature := _beside(TEMPERATURE, topic, table, topics):
+    if temperature := _in_frame(TEMPERATURE, topic, table, topics):
         values = np.where(np.isfinite(temperature[1].numbers[:, 0]), temperature[1].numbers[:, 0], np.nan)
         _add("temp_c", temperature[0], Stream(_stamps(*temperature)[0], values), streams, stamps, used, notes)
     made = joined(streams, meta=meta, epoch_ns=epoch)
@@ -266,20 +266,20 @@ def _present(values: Floats, said: Floats) -> Floats:
     return np.where(absent[:, np.newaxis], np.nan, values) if absent.any() else values
 
 
-def _beside(kind: str, imu: Topic, table: Table, topics: list[Topic]) -> tuple[Topic, Table] | None:
+def _in_frame(kind: str, imu: Topic, table: Table, topics: list[Topic]) -> tuple[Topic, Table] | None:
     """The topic of a type in the IMU's frame; of several, the one whose name begins most like the IMU's."""
-    found = []
-    for topic in (one for one in topics if one.kind == kind):
+    candidates = []
+    for topic in (entry for entry in topics if entry.kind == kind):
         other = ros_bags.table(topic)
         if other.frames == table.frames:
-            found.append((_alike(topic.name, imu.name), topic, other))
-    best = max(found, key=lambda one: one[0], default=None)
+            candidates.append((_alike(topic.name, imu.name), topic, other))
+    best = max(candidates, key=lambda candidate: candidate[0], default=None)
     return None if best is None else best[1:]
 
 
-def _alike(one: str, other: str) -> int:
+def _alike(name: str, other: str) -> int:
     """Parts of two topics' names that are the same, from the first."""
-    pairs = zip(one.strip("/").split("/"), other.strip("/").split("/"), strict=False)
+    pairs = zip(name.strip("/").split("/"), other.strip("/").split("/"), strict=False)
     return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
 
 
@@ -348,24 +348,24 @@ def _track(
 
     Its time begins at the stamp `start`, ns, or at its own first.
     """
-    kept = rising(stamps)
+    mask = rising(stamps)
     some = ~np.isnan(xyzw).all(axis=1)
     wrong = ~(np.abs(np.linalg.norm(xyzw, axis=1) - 1.0) <= 1e-3)
     if (count := int(np.count_nonzero(some & wrong))) > 0:
         notes.append(f"{topic.name}: {counted(count, 'quaternion')} not of norm 1, taken as unknown")
-    q_nb = quat_from_xyzw(np.where(wrong[:, np.newaxis], np.nan, xyzw))[kept]
+    q_nb = quat_from_xyzw(np.where(wrong[:, np.newaxis], np.nan, xyzw))[mask]
     if not np.isfinite(q_nb).any():
         raise DecodeError(f"{topic.name} holds no quaternion of norm 1.")
-    if kept.sum() < stamps.size:
+    if mask.sum() < stamps.size:
         notes.append(
-            f"{topic.name}: {stamps.size - int(kept.sum())} attitudes left out, whose stamps repeat or go back"
+            f"{topic.name}: {stamps.size - int(mask.sum())} attitudes left out, whose stamps repeat or go back"
         )
     cov_b = None
     if cov_n is not None and cov_n.any():
         good = np.isfinite(cov_n).all(axis=(1, 2)) & cov_n.any(axis=(1, 2)) & (cov_n[:, 0, 0] != -1.0)
-        known = np.where(good[:, np.newaxis, np.newaxis], cov_n, np.nan)[kept]
+        covs = np.where(good[:, np.newaxis, np.newaxis], cov_n, np.nan)[mask]
         c_nb = dcm_from_quat(q_nb)
-        cov_b = np.swapaxes(c_nb, 1, 2) @ known @ c_nb
+        cov_b = np.swapaxes(c_nb, 1, 2) @ covs @ c_nb
         notes.append(
             f"{topic.name}: covariances of the orientation are taken about the world's axes, as those of poses"
         )
@@ -373,7 +373,7 @@ def _track(
     axes = "north, east, down" if frame is Frame.NED else "east, north, up"
     notes.append(f"{topic.name}: attitudes in a world whose axes are {axes} (REP 103){_WORLD}")
     return AttitudeTrack(
-        t=(stamps[kept] - (stamps[0] if start is None else start)) / 1e9,
+        t=(stamps[mask] - (stamps[0] if start is None else start)) / 1e9,
         q_nb=q_nb,
         frame=frame,
         north=North.FREE,
@@ -385,9 +385,9 @@ def _track(
 def _of_pose(topic: Topic, topics: list[Topic], name: str) -> Recording:
     table = ros_bags.table(topic)
     stamps, notes = _stamps(topic, table)
-    imus = [one for one in topics if one.kind == IMU]
-    leading = _without_raw(imus)[:1] or [one for one in topics if one.kind in POSES]
-    start = min(int(_stamps(one, ros_bags.table(one))[0][0]) for one in leading)
+    imus = [other for other in topics if other.kind == IMU]
+    leading = _without_raw(imus)[:1] or [other for other in topics if other.kind in POSES]
+    start = min(int(_stamps(lead, ros_bags.table(lead))[0][0]) for lead in leading)
     at = POSES[topic.kind]
     track = _track(topic, table, stamps, table.numbers[:, at : at + 4], notes, start=start)
     head = [] if imus else ["it holds no inertial data (sensor_msgs/Imu); a pose is read as an attitude"]

@@ -203,26 +203,26 @@ def _unpacked(data: bytes, how: str, size: int, bag: Bag) -> bytes:
     bag.room(size)
     try:
         if how in {"", "none"}:
-            found = data
+            chunk = data
         elif how == "zstd":
             import zstandard
 
-            found = zstandard.ZstdDecompressor().stream_reader(BytesIO(data), read_across_frames=True).read(size + 1)
+            chunk = zstandard.ZstdDecompressor().stream_reader(BytesIO(data), read_across_frames=True).read(size + 1)
         elif how == "lz4":
             import lz4.frame
 
-            found = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+            chunk = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
         elif how == "bz2":
-            found = bz2.BZ2Decompressor().decompress(data, max_length=size + 1)
+            chunk = bz2.BZ2Decompressor().decompress(data, max_length=size + 1)
         else:
             raise DecodeError(f"a chunk is compressed by '{how[:20]}'; none, zstd, lz4 and bz2 are read.")
     except DecodeError:
         raise
     except Exception as error:  # each library has errors of its own, RuntimeError among them
         raise DecodeError(f"a chunk that is compressed by {how} is damaged: {error}.") from error
-    if len(found) != size:
+    if len(chunk) != size:
         raise DecodeError(f"a chunk has {size} bytes by its own word, but unpacks to another length; it is damaged.")
-    return found
+    return chunk
 
 
 def _bag(file: BinaryIO, size: int, bag: Bag) -> None:
@@ -241,16 +241,16 @@ def _bag(file: BinaryIO, size: int, bag: Bag) -> None:
             _bag_record(operation, head, data, connections, bag)
 
 
-def _bag_record(operation: int, head: dict[bytes, bytes], data: bytes, known: dict[int, Topic], bag: Bag) -> None:
+def _bag_record(operation: int, head: dict[bytes, bytes], data: bytes, topics: dict[int, Topic], bag: Bag) -> None:
     if operation == _CONNECTION:
         about = _fields(data)
-        known[_number(head, b"conn", "<I")] = bag.topic(_text(head, b"topic"), _text(about, b"type"), "ros1")
+        topics[_number(head, b"conn", "<I")] = bag.topic(_text(head, b"topic"), _text(about, b"type"), "ros1")
     elif operation == _DATA:
         number = _number(head, b"conn", "<I")
-        if number not in known:
+        if number not in topics:
             raise DecodeError(f"a message belongs to the connection {number}, which is not declared; it is damaged.")
         seconds, rest = divmod(_number(head, b"time", "<Q"), 1 << 32)[::-1]
-        known[number].take(seconds * 10**9 + rest, data)
+        topics[number].take(seconds * 10**9 + rest, data)
 
 
 def _bag_records(file: BinaryIO, size: int, bag: Bag | None) -> Iterator[tuple[int, dict[bytes, bytes], bytes]]:
@@ -283,15 +283,15 @@ def _length(file: BinaryIO, size: int) -> int | None:
 
 def _fields(head: bytes) -> dict[bytes, bytes]:
     """Fields of a header in ROS 1: each a length, and 'name=value'."""
-    found, at = dict[bytes, bytes](), 0
+    fields, at = dict[bytes, bytes](), 0
     while at < len(head):
         (length,) = struct.unpack_from("<I", head, at) if len(head) - at >= 4 else (len(head),)
         name, equals, value = head[at + 4 : at + 4 + length].partition(b"=")
         if not equals or length > len(head) - at - 4:
             raise DecodeError("a header of a record has a field that is not 'name=value'; it is damaged.")
-        found[name] = value
+        fields[name] = value
         at += 4 + length
-    return found
+    return fields
 
 
 def _number(head: dict[bytes, bytes], name: bytes, form: str) -> int:
@@ -325,9 +325,9 @@ class _Mcap:
             if operation == layout.SCHEMA:
                 self.schemas[struct.unpack_from("<H", body)[0]] = layout.parse_schema(body).name
             elif operation == layout.CHANNEL:
-                found = Channel.read(ReadDataStream(BytesIO(body)))
-                kind = self.schemas.get(found.schema_id, "")
-                self.channels[found.id] = self.bag.topic(found.topic, kind, found.message_encoding)
+                declared = Channel.read(ReadDataStream(BytesIO(body)))
+                kind = self.schemas.get(declared.schema_id, "")
+                self.channels[declared.id] = self.bag.topic(declared.topic, kind, declared.message_encoding)
             elif operation == layout.MESSAGE:
                 channel, _, log_ns, _ = struct.unpack_from("<HIQq", body)
                 if log_ns >= 1 << 63:
@@ -393,21 +393,21 @@ def _sqlite(path: Path, bag: Bag, content: bytes | None = None) -> None:
                 tables.deserialize(content)
             tables.execute("PRAGMA trusted_schema = OFF")
             tables.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(_HEAD, 64 << 20))
-            _messages_of(tables.execute, bag)
+            _query_messages(tables.execute, bag)
     except (sqlite3.Error, OverflowError, UnicodeDecodeError) as error:  # a damaged name is not UTF-8
         raise DecodeError(f"its SQLite tables are damaged, or not those of rosbag2: {error}.") from error
 
 
-def _messages_of(ask: Callable[..., Iterator[tuple[Any, ...]]], bag: Bag) -> None:
+def _query_messages(ask: Callable[..., Iterator[tuple[Any, ...]]], bag: Bag) -> None:
     real = {name for (name,) in ask("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not {"topics", "messages"} <= real:  # a view could go on for ever
         raise DecodeError("it is a SQLite file without the tables 'topics' and 'messages' of rosbag2.")
-    known: dict[int, Topic] = {}
+    topics: dict[int, Topic] = {}
     for number, name, kind, encoding in ask("SELECT id, name, type, serialization_format FROM topics"):
         if not (type(number) is int and all(isinstance(word, str) for word in (name, kind, encoding))):
             raise DecodeError("its table 'topics' holds what is not a name; it is damaged.")
-        known[number] = bag.topic(name, kind, encoding)
-    for number, topic in known.items():
+        topics[number] = bag.topic(name, kind, encoding)
+    for number, topic in topics.items():
         if topic.kind not in LAYOUTS:
             topic.count += next(iter(ask("SELECT count(*) FROM messages WHERE topic_id = ?", (number,))))[0]
             continue
@@ -427,13 +427,13 @@ def _message(data: bytes, bag: Bag) -> bytes:
 
     most = 1 << 16  # of the types that are read, with the longest names
     try:
-        found = zstandard.ZstdDecompressor().stream_reader(BytesIO(data)).read(most + 1)
+        message = zstandard.ZstdDecompressor().stream_reader(BytesIO(data)).read(most + 1)
     except zstandard.ZstdError as error:
         raise DecodeError(f"a message that is compressed by zstd is damaged: {error}.") from error
-    if len(found) > most:
+    if len(message) > most:
         raise DecodeError(f"a message unpacks to more than {most} bytes, which none of its type has.")
-    bag.room(len(found))
-    return found
+    bag.room(len(message))
+    return message
 
 
 def table(topic: Topic) -> Table:

@@ -80,7 +80,7 @@ def write_rosbag2(path: Path, recording: Recording, overwrite: bool = False) -> 
 
 def is_rosbag2(path: Path) -> bool:
     """Whether a folder is a ROS 2 bag and nothing besides."""
-    names = [one.name for one in path.iterdir()]
+    names = [entry.name for entry in path.iterdir()]
     return ros.accepts(path) and all(re.fullmatch(rf"{METADATA}|.*\.(db3|mcap)(\.zstd)?", name) for name in names)
 
 
@@ -134,17 +134,17 @@ def turned(recording: Recording) -> tuple[Recording, list[str]]:
     frame = track.frame if frame is None and track is not None else frame
     if recording.array is not None or frame is not Frame.NED:
         unknown = frame is None and recording.array is None
-        told = "body axes stay as they are: nothing says whether they point forward, left and up, as in REP 103"
-        return recording, [told] if unknown else []
+        note = "body axes stay as they are: nothing says whether they point forward, left and up, as in REP 103"
+        return recording, [note] if unknown else []
     if imu is not None:
         imu = imu.corrected(meta=imu.meta, **{name: getattr(imu, name) * _SIGNS for name in imu.triads})
     if track is not None:
         cov_b = None if track.cov_b is None else track.cov_b * np.outer(_SIGNS, _SIGNS)
         track = replace(track, q_nb=quat_multiply(track.q_nb, _HALF_TURN), cov_b=cov_b)
-    told = (
+    note = (
         "body axes that point forward, right and down are turned to forward, left and up (REP 103): y and z change sign"
     )
-    return replace(recording, imu=imu, track=track), [told]
+    return replace(recording, imu=imu, track=track), [note]
 
 
 def _rows(recording: Recording, store: Any, first: bool = False) -> Iterator[_Row]:
@@ -154,7 +154,7 @@ def _rows(recording: Recording, store: Any, first: bool = False) -> Iterator[_Ro
     track = recording.track
     if recording.array is not None:
         track = None  # that of their body
-        units = {f"/{_name(name)}/imu": (_name(name), one) for name, one in recording.array.units.items()}
+        units = {f"/{_name(name)}/imu": (_name(name), imu) for name, imu in recording.array.units.items()}
     elif recording.imu is not None:
         device = recording.imu.meta.device
         units = {"/imu": (_frame(device), recording.imu)}
@@ -165,8 +165,8 @@ def _rows(recording: Recording, store: Any, first: bool = False) -> Iterator[_Ro
     streams = []
     for topic, (frame, imu) in units.items():
         stamps = _stamps(imu.t_ns + imu.meta.t0_ns)
-        whole = track if track is not None and np.array_equal(track.t, imu.t) else None
-        streams.append(make.imu(f"{topic}/{'data_raw' if whole is None else 'data'}", stamps, frame, imu, whole))
+        attitude = track if track is not None and np.array_equal(track.t, imu.t) else None
+        streams.append(make.imu(f"{topic}/{'data_raw' if attitude is None else 'data'}", stamps, frame, imu, attitude))
         if imu.mag is not None:
             streams.append(make.mag(f"{topic}/mag", stamps, frame, imu.mag))
         if imu.temp_c is not None:
@@ -181,8 +181,8 @@ def _frame(device: str) -> str:
 
 def _name(text: str) -> str:
     """A name as topics and frames of ROS take it: letters, digits and _, not a digit first."""
-    found = re.sub(r"[^A-Za-z0-9_]+", "_", text)
-    return found if re.match(r"[A-Za-z]", found) else f"u{found}"
+    name = re.sub(r"[^A-Za-z0-9_]+", "_", text)
+    return name if re.match(r"[A-Za-z]", name) else f"u{name}"
 
 
 def _stamps(t_ns: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -268,5 +268,5 @@ def _orientations(track: AttitudeTrack | None, count: int) -> Iterator[tuple[lis
     if track.cov_b is not None:
         c_nb = dcm_from_quat(q_nb)
         covs = np.nan_to_num(c_nb @ track.cov_b @ np.swapaxes(c_nb, 1, 2)).reshape(-1, 9)
-    for xyzw, cov, known in zip(quat_to_xyzw(q_nb).tolist(), covs, track.known.tolist(), strict=True):
-        yield (xyzw, cov) if known else ([0.0, 0.0, 0.0, 1.0], _ABSENT)
+    for xyzw, cov, valid in zip(quat_to_xyzw(q_nb).tolist(), covs, track.known.tolist(), strict=True):
+        yield (xyzw, cov) if valid else ([0.0, 0.0, 0.0, 1.0], _ABSENT)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import existing_file, reading, require_room, sidecars
-from plumbob.core.text import counted, first_of
+from plumbob.core.text import counted, first_words
 from plumbob.data.recording import Recording
 from plumbob.files.arrays import (
     HDF5_SIGNATURE,
@@ -38,7 +38,7 @@ from plumbob.files.arrays import (
 )
 from plumbob.files.foreign.parts import Parts
 from plumbob.files.profile import ColumnRef, Profile, TimeColumn
-from plumbob.files.text import profile_of, recording_of
+from plumbob.files.text import table_recording, text_profile
 from plumbob.files.text_table import Table
 
 MAX_BYTES: Final = 256 << 20
@@ -58,11 +58,11 @@ class _Listed:
     shapes: Mapping[str, tuple[int, ...]]
     others: Mapping[str, str]
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """Names and shapes for a message."""
-        found = [f"{name} {'×'.join(map(str, shape)) or '1'}" for name, shape in self.shapes.items()]
-        found += [f"{name} ({kind})" for name, kind in self.others.items()]
-        return first_of(found, _LISTED) or "nothing"
+        entries = [f"{name} {'×'.join(map(str, shape)) or '1'}" for name, shape in self.shapes.items()]
+        entries += [f"{name} ({kind})" for name, kind in self.others.items()]
+        return first_words(entries, _LISTED) or "nothing"
 
 
 def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
@@ -90,20 +90,20 @@ def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
         if profile is None and not any(beside.is_file() for beside in sidecars(file)):
             raise DecodeError(
                 f"arrays do not say their units, so they need --profile FILE.toml with arrays = true; "
-                f"{guide('vendor-files.md')} shows one. The file holds {container.listed.told()}."
+                f"{guide('vendor-files.md')} shows one. The file holds {container.listed.summary()}."
             )
-    declared, note = profile_of(file, profile)
+    declared, note = text_profile(file, profile)
     with reading(file):
         if not declared.arrays:
             raise DecodeError(f"{declared.origin} describes a text file; for arrays, write arrays = true instead.")
         if declared.texts:
             raise DecodeError(f"{declared.origin} names columns of text, but arrays hold numbers; use time.unit.")
-        return recording_of(declared, _table(declared, container), file.stem, note)
+        return table_recording(declared, _table(declared, container), file.stem, note)
 
 
 def listed(path: Path) -> str:
     """Names and shapes of the arrays of a file, for messages; errors as in `read`."""
-    return _container(path).listed.told()
+    return _container(path).listed.summary()
 
 
 def _table(profile: Profile, container: "_Container") -> Table:
@@ -112,8 +112,8 @@ def _table(profile: Profile, container: "_Container") -> Table:
     tables = {name: _upright(name, array) for name, array in content.items()}
     rows = {name: len(table) for name, (table, _) in tables.items()}
     if len(set(rows.values())) > 1:
-        told = ", ".join(f"{name} {count}" for name, count in rows.items())
-        raise DecodeError(f"its arrays have different lengths: {told}; a profile describes arrays of one time line.")
+        sizes = ", ".join(f"{name} {count}" for name, count in rows.items())
+        raise DecodeError(f"its arrays have different lengths: {sizes}; a profile describes arrays of one time line.")
     columns: dict[ColumnRef, Any] = {}
     zero = Decimal(0)
     for ref, (name, number) in places.items():
@@ -133,12 +133,12 @@ def _place(ref: ColumnRef, listed: _Listed) -> tuple[str, int]:
     """Array and number of its column, from 1."""
     if not isinstance(ref, str):
         raise DecodeError(f"{ref} is the number of a column; an array has a name, as in 'gyr[{ref}]'.")
-    found = _COLUMN.fullmatch(ref)
-    name, number = (found["name"], int(found["number"])) if found and ref not in listed.shapes else (ref, 1)
+    match = _COLUMN.fullmatch(ref)
+    name, number = (match["name"], int(match["number"])) if match and ref not in listed.shapes else (ref, 1)
     if name not in listed.shapes:
         kind = listed.others.get(name)
         why = f"is not an array of numbers but a {kind}" if kind else "is not in the file"
-        raise DecodeError(f"{excerpt(name)} {why}; the file holds {listed.told()}.")
+        raise DecodeError(f"{excerpt(name)} {why}; the file holds {listed.summary()}.")
     return name, number
 
 
@@ -179,13 +179,13 @@ class _Mat5(_Container):
             raise DecodeError(f"it has {size} bytes, but such a file may have {MAX_BYTES}; save it as v7.3.")
         raw = memoryview(file.read_bytes())
         self._size, self._order = len(raw), mat_order(raw)
-        found: dict[str, Variable] = {}
+        leaves: dict[str, Variable] = {}
         for name, variable in mat_variables(raw, self._order).items():
             fields = mat_fields(variable, self._order, len(raw))
-            found |= {f"{name}/{key}": field for key, field in fields.items()} or {name: variable}
-        self._found = {name: one for name, one in found.items() if one.kind in NUMERIC.values()}
-        others = {name: one.kind for name, one in found.items() if name not in self._found}
-        self.listed = _Listed({name: one.shape for name, one in self._found.items()}, others)
+            leaves |= {f"{name}/{key}": field for key, field in fields.items()} or {name: variable}
+        self._found = {name: leaf for name, leaf in leaves.items() if leaf.kind in NUMERIC.values()}
+        others = {name: leaf.kind for name, leaf in leaves.items() if name not in self._found}
+        self.listed = _Listed({name: leaf.shape for name, leaf in self._found.items()}, others)
 
     def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
         require_room(sum(self._found[name].size for name in names), self._size)
@@ -208,10 +208,10 @@ class _Hdf5(_Container):
             for name in names:
                 group, _, key = name.rpartition("/")
                 sets[name] = own_dataset(h5py, hdf5[group] if group else hdf5, key)
-            require_room(sum(one.size * one.dtype.itemsize for one in sets.values()), size)
-            for name, one in sets.items():
-                require_whole_chunks(h5py, name, one, size)
-            return {name: one[()].T if self._transposed else one[()] for name, one in sets.items()}
+            require_room(sum(dataset.size * dataset.dtype.itemsize for dataset in sets.values()), size)
+            for name, dataset in sets.items():
+                require_whole_chunks(h5py, name, dataset, size)
+            return {name: dataset[()].T if self._transposed else dataset[()] for name, dataset in sets.items()}
 
 
 def _walk(h5py: Any, group: Any, prefix: str, shapes: dict[str, tuple[int, ...]], others: dict[str, str]) -> None:
@@ -223,12 +223,12 @@ def _walk(h5py: Any, group: Any, prefix: str, shapes: dict[str, tuple[int, ...]]
         if group.id.links.get_info(key.encode()).type != h5py.h5l.TYPE_HARD:
             others[name] = "link"
             continue
-        one = group[key]
-        if isinstance(one, h5py.Group):
+        node = group[key]
+        if isinstance(node, h5py.Group):
             if prefix.count("/") < _DEEPEST:
-                _walk(h5py, one, f"{name}/", shapes, others)
-        elif isinstance(one, h5py.Dataset) and one.shape is not None and one.dtype.kind in "fiub":
-            shapes[name] = tuple(one.shape)
+                _walk(h5py, node, f"{name}/", shapes, others)
+        elif isinstance(node, h5py.Dataset) and node.shape is not None and node.dtype.kind in "fiub":
+            shapes[name] = tuple(node.shape)
         else:
             others[name] = "data set that is not of numbers"
 
@@ -249,17 +249,17 @@ class _Npz(_Container):
 
     def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
         require_room(sum(self._parts.size(f"{name}.npy") for name in names), self._parts.path.stat().st_size)
-        found = {}
+        arrays = {}
         for name in names:
             raw = self._parts.read(f"{name}.npy")
             shape, dtype = _npy_head(name, raw)
             if int(np.prod(shape, dtype=object)) * dtype.itemsize > len(raw):
                 raise DecodeError(f"{name} claims {shape} values in {len(raw)} bytes, which cannot be.")
             try:
-                found[name] = np.lib.format.read_array(io.BytesIO(raw), allow_pickle=False)
+                arrays[name] = np.lib.format.read_array(io.BytesIO(raw), allow_pickle=False)
             except (ValueError, EOFError) as error:
                 raise DecodeError(f"{name} is cut or damaged: {error}") from error
-        return found
+        return arrays
 
 
 def _npy_head(name: str, raw: bytes) -> tuple[tuple[int, ...], Any]:

@@ -92,7 +92,7 @@ class _Log:
 
     raw: bytes
     formats: dict[str, list[tuple[str, int, str]]] = field(default_factory=dict)
-    told: dict[str, Any] = field(default_factory=dict)
+    info: dict[str, Any] = field(default_factory=dict)
     topics: dict[int, tuple[str, int]] = field(default_factory=dict)
     places: dict[tuple[str, int], "array[int]"] = field(default_factory=dict)
     ends: dict[tuple[str, int], "array[int]"] = field(default_factory=dict)
@@ -156,9 +156,9 @@ def _scanned(raw: bytes) -> _Log:
         elif kind not in _KINDS:
             at = _resynced(log, at)
         elif end > size:
-            found = _resynced(log, at)
-            log.cut |= found >= size
-            at = found
+            resumed = _resynced(log, at)
+            log.cut |= resumed >= size
+            at = resumed
         else:
             if kind == 0x44:  # D, by far the most
                 topic = log.topics.get(raw[at + 3] | raw[at + 4] << 8) if length >= 2 else None
@@ -190,12 +190,12 @@ def _resynced(log: _Log, at: int) -> int:
     size = len(log.raw)
     chained = next((p for p in range(at + 1, min(at + _REACH, size)) if _chains(log.raw, p, size)), size)
     synced = log.raw.find(_SYNC, at + 1, chained)
-    found = synced if synced >= 0 else chained
-    if found == size:  # beyond the reach, sync messages alone are looked for
+    resumed = synced if synced >= 0 else chained
+    if resumed == size:  # beyond the reach, sync messages alone are looked for
         beyond = log.raw.find(_SYNC, at + 1)
-        found = beyond if beyond >= 0 else size
-    log.skipped += found - at
-    return found
+        resumed = beyond if beyond >= 0 else size
+    log.skipped += resumed - at
+    return resumed
 
 
 def _chains(raw: bytes, at: int, size: int) -> bool:
@@ -218,7 +218,7 @@ def _taken(log: _Log, kind: int, body: bytes) -> None:
         if kind == 0x46:  # F
             if len(log.formats) < _MOST_FORMATS:
                 name, _, columns = body.decode("ascii").partition(":")
-                log.formats[name] = [_column(one) for one in columns.split(";") if one]
+                log.formats[name] = [_column(column) for column in columns.split(";") if column]
         elif kind == 0x41:  # A
             name = body[3:].decode("ascii")
             message = body[1] | body[2] << 8
@@ -229,7 +229,7 @@ def _taken(log: _Log, kind: int, body: bytes) -> None:
                 log.ends.setdefault(topic, array("q"))
         elif kind in {0x49, 0x50}:  # I and P
             key, value = _value(body)
-            log.told[key] = value
+            log.info[key] = value
         elif kind == 0x4F:  # O
             log.dropouts.append(body[0] | body[1] << 8)
     except (ValueError, IndexError, struct.error, UnicodeDecodeError):
@@ -273,12 +273,12 @@ def _layout(log: _Log, name: str, depth: int = 0) -> "np.dtype[Any]":
         part = np.dtype(_BASIC[base]) if base in _BASIC else _layout(log, base, depth + 1)
         parts.append((column, part, (count,)) if count else (column, part))
     try:
-        found = np.dtype(parts)
+        layout = np.dtype(parts)
     except (ValueError, TypeError) as error:
         raise DecodeError(f"the layout of {excerpt(name)} is damaged: {error}.") from error
-    if found.itemsize > _LONGEST_RECORD:
-        raise DecodeError(f"the layout of {excerpt(name)} has {found.itemsize} bytes, more than a message holds.")
-    return found
+    if layout.itemsize > _LONGEST_RECORD:
+        raise DecodeError(f"the layout of {excerpt(name)} has {layout.itemsize} bytes, more than a message holds.")
+    return layout
 
 
 def _table(log: _Log, raw: NDArray[np.uint8], name: str, instance: int, *needed: str) -> NDArray[Any] | None:
@@ -287,13 +287,13 @@ def _table(log: _Log, raw: NDArray[np.uint8], name: str, instance: int, *needed:
     if topic not in log.places or not len(log.places[topic]):
         return None
     layout = _layout(log, name)
-    missing = [one for one in needed if one not in (layout.names or ())]
+    missing = [column for column in needed if column not in (layout.names or ())]
     if missing:
         return None
     places = np.frombuffer(log.places[topic], np.int64)
-    whole = np.frombuffer(log.ends[topic], np.int64) - places >= layout.itemsize
-    log.short += int(np.count_nonzero(~whole))
-    return logged.records(raw, places[whole], layout) if whole.any() else None
+    fits = np.frombuffer(log.ends[topic], np.int64) - places >= layout.itemsize
+    log.short += int(np.count_nonzero(~fits))
+    return logged.records(raw, places[fits], layout) if fits.any() else None
 
 
 def _recording(log: _Log, raw: NDArray[np.uint8], name: str, unit: str | None) -> Recording:
@@ -301,17 +301,17 @@ def _recording(log: _Log, raw: NDArray[np.uint8], name: str, unit: str | None) -
         "PX4 ULog: body axes forward, right, down; frame NED; rad/s, m/s², gauss as µT; clock in µs since boot (PX4 "
         "guide, ULog File Format, and PX4's message definitions)"
     ]
-    found = _units(log)
-    taken = logged.chosen(list(found), unit) if found else ""
+    counts = _units(log)
+    taken = logged.chosen(list(counts), unit) if counts else ""
     streams, in_body = _sensors(log, raw, taken, notes)
     logged.require_gyroscope(streams, "sensor_combined, vehicle_imu or sensor_gyro")
-    count = found.pop(taken)
+    count = counts.pop(taken)
     if in_body:
         _magnetometer(log, raw, streams, notes)
     epoch = _epoch(log, raw, notes)
-    declination = log.told.get("EKF2_MAG_DECL")
+    declination = log.info.get("EKF2_MAG_DECL")
     meta = ImuMeta(
-        device=f"PX4 {log.told.get('ver_hw', '')}".strip(),
+        device=f"PX4 {log.info.get('ver_hw', '')}".strip(),
         frame=Frame.NED,
         declination=None
         if not isinstance(declination, float) or not abs(declination) < 180
@@ -319,14 +319,14 @@ def _recording(log: _Log, raw: NDArray[np.uint8], name: str, unit: str | None) -
         unit_check=False,
     )
     imu, rows_ns, how = joined(streams, meta=meta, epoch_ns=epoch)
-    notes += [logged.others_note(f"samples: {taken}, {counted(count, 'record')}", found), *how]
+    notes += [logged.others_note(f"samples: {taken}, {counted(count, 'record')}", counts), *how]
     if in_body:
         track = _attitude(log, raw, rows_ns, imu.t, notes)
     else:
         track = None
         notes.append(
             f"left out: magnetic field and attitude, which are in body axes, as the board is turned in the vehicle "
-            f"(SENS_BOARD_ROT {log.told['SENS_BOARD_ROT']})"
+            f"(SENS_BOARD_ROT {log.info['SENS_BOARD_ROT']})"
         )
     return Recording(imu=imu, track=track, name=name, notes=(*notes, *_losses(log)))
 
@@ -339,7 +339,7 @@ def _units(log: _Log) -> dict[str, int]:
     DecodeError
         If there is none, and a layout is damaged.
     """
-    found: dict[str, int] = {}
+    counts: dict[str, int] = {}
     damage: list[DecodeError] = []
     for topic, needed in _NEEDED.items():
         instances = log.instances(topic)
@@ -350,11 +350,11 @@ def _units(log: _Log) -> dict[str, int]:
             continue
         for instance in instances:
             if (count := len(log.places[topic, instance])) and {*needed} <= {*columns}:
-                found[topic if topic == "sensor_combined" else f"{topic}.{instance}"] = count
-    if not found and damage:
+                counts[topic if topic == "sensor_combined" else f"{topic}.{instance}"] = count
+    if not counts and damage:
         raise damage[0]
-    first = "sensor_combined" if "sensor_combined" in found else max(found, key=lambda name: found[name], default="")
-    return {first: found[first], **found} if found else {}
+    first = "sensor_combined" if "sensor_combined" in counts else max(counts, key=lambda name: counts[name], default="")
+    return {first: counts[first], **counts} if counts else {}
 
 
 def _sensors(log: _Log, raw: NDArray[np.uint8], unit: str, notes: list[str]) -> tuple[dict[str, Stream], bool]:
@@ -367,19 +367,19 @@ def _sensors(log: _Log, raw: NDArray[np.uint8], unit: str, notes: list[str]) -> 
     if topic == "sensor_combined":
         t_ns = logged.micro(table["timestamp"])
         streams["gyr"] = logged.stream("gyr", t_ns, logged.triad(table, "gyro_rad"), notes)
-        acc_ns, known = t_ns, np.ones(t_ns.size, dtype=bool)
+        acc_ns, valid = t_ns, np.ones(t_ns.size, dtype=bool)
         if "accelerometer_timestamp_relative" in (table.dtype.names or ()):
             later = table["accelerometer_timestamp_relative"].astype(np.int64)
-            known = later != _UNKNOWN_STAMP
+            valid = later != _UNKNOWN_STAMP
             acc_ns = t_ns + later * 1000
         acc = logged.triad(table, "accelerometer_m_s2")
-        streams["acc"] = logged.stream("acc", acc_ns[known], acc[known], notes)
+        streams["acc"] = logged.stream("acc", acc_ns[valid], acc[valid], notes)
     elif topic == "vehicle_imu":
         for key, column in (("gyr", "delta_angle"), ("acc", "delta_velocity")):
             span = table[f"{column}_dt"].astype(np.float64) / 1e6
-            known = span > 0.0
-            values = logged.triad(table, column)[known] / span[known, None]
-            streams[key] = logged.stream(key, _sampled(table)[known], values, notes)
+            valid = span > 0.0
+            values = logged.triad(table, column)[valid] / span[valid, None]
+            streams[key] = logged.stream(key, _sampled(table)[valid], values, notes)
     else:
         return _single(log, raw, table, int(number), notes)
     notes.append(f"axes: {topic} is in body axes, corrected by PX4's calibration")
@@ -392,24 +392,24 @@ def _single(
     """Streams of one gyroscope and of the accelerometer on its bus and address, or of the same number."""
     streams = {"gyr": logged.stream("gyr", _sampled(gyroscope), logged.triad(gyroscope, "x", "y", "z"), notes)}
     places = {
-        one: table
-        for one in log.instances("sensor_accel")
-        if (table := _table(log, raw, "sensor_accel", one, "timestamp", "x", "y", "z")) is not None
+        index: table
+        for index in log.instances("sensor_accel")
+        if (table := _table(log, raw, "sensor_accel", index, "timestamp", "x", "y", "z")) is not None
     }
-    one, why = _beside(gyroscope, instance, places)
+    number, why = _accelerometer(gyroscope, instance, places)
     notes.append(f"acc: {why}")
-    if one is not None:
-        acc = places[one]
+    if number is not None:
+        acc = places[number]
         streams["acc"] = logged.stream("acc", _sampled(acc), logged.triad(acc, "x", "y", "z"), notes)
     notes.append("axes: sensor_gyro is in axes of the board and without PX4's calibration")
-    return streams, not log.told.get("SENS_BOARD_ROT", 0)
+    return streams, not log.info.get("SENS_BOARD_ROT", 0)
 
 
-def _beside(gyroscope: NDArray[Any], instance: int, places: dict[int, NDArray[Any]]) -> tuple[int | None, str]:
+def _accelerometer(gyroscope: NDArray[Any], instance: int, places: dict[int, NDArray[Any]]) -> tuple[int | None, str]:
     """Number of the accelerometer that belongs to a gyroscope, and how that is known."""
     for mask, what in ((~0, "of the same device"), (_BUS, "on the same bus and address")):
-        own = _device(gyroscope) & mask
-        alike = [one for one, table in places.items() if own and _device(table) & mask == own]
+        device = _device(gyroscope) & mask
+        alike = [number for number, table in places.items() if device and _device(table) & mask == device]
         if len(alike) == 1:
             return alike[0], f"sensor_accel.{alike[0]}, {what}"
     if instance in places:
@@ -449,8 +449,8 @@ def _gps(log: _Log, raw: NDArray[np.uint8]) -> NDArray[Any] | None:
     for topic in ("vehicle_gps_position", "sensor_gps"):
         for instance in log.instances(topic):
             table = _table(log, raw, topic, instance, "timestamp", "time_utc_usec", "fix_type")
-            if table is not None and (known := (table["time_utc_usec"] > 0) & (table["fix_type"] >= 3)).any():
-                return table[known]
+            if table is not None and (fixes := (table["time_utc_usec"] > 0) & (table["fix_type"] >= 3)).any():
+                return table[fixes]
     return None
 
 
@@ -488,14 +488,14 @@ def _attitude(
 
 
 def _losses(log: _Log) -> list[str]:
-    found = []
+    notes = []
     if log.dropouts:
         total = sum(log.dropouts) / 1000
-        found.append(f"dropouts: the logger lost data {counted(len(log.dropouts), 'time')}, {total:.3g} s in all")
+        notes.append(f"dropouts: the logger lost data {counted(len(log.dropouts), 'time')}, {total:.3g} s in all")
     if log.skipped:
-        found.append(f"damage: {counted(log.skipped, 'byte')} skipped, which are not messages")
+        notes.append(f"damage: {counted(log.skipped, 'byte')} skipped, which are not messages")
     if log.short:
-        found.append(f"damage: {counted(log.short, 'record')} left out, shorter than their layout")
+        notes.append(f"damage: {counted(log.short, 'record')} left out, shorter than their layout")
     if log.cut:
-        found.append("cut: the file ends within a message")
-    return found
+        notes.append("cut: the file ends within a message")
+    return notes

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
-from plumbob.core.text import counted, first_of
+from plumbob.core.text import counted, first_words
 from plumbob.files.foreign.logged import chosen, others_note, records
 
 PREAMBLE: Final = 0xFA
@@ -127,7 +127,7 @@ class _Messages:
     bus: NDArray[np.uint8]
     kind: NDArray[np.uint8]
 
-    def of(self, kind: int, bus: int | None = None) -> NDArray[np.int64]:
+    def indices(self, kind: int, bus: int | None = None) -> NDArray[np.int64]:
         """Numbers of the messages of a kind, of one bus identifier or of all."""
         return np.flatnonzero((self.kind == kind) & ((self.bus == bus) if bus is not None else True))
 
@@ -169,23 +169,23 @@ def read_unit(raw: bytes, unit: str | None) -> Unit:
     data = np.isin(messages.kind, (_MTDATA, _MTDATA2)) & (messages.sizes > 0)
     names: dict[str, int] = {}
     for bus in np.unique(messages.bus[data]).tolist():
-        one = _name(messages, bus, configuration)
-        names[f"{one}.bus{bus}" if one in names else one] = bus
+        label = _name(messages, bus, configuration)
+        names[f"{label}.bus{bus}" if label in names else label] = bus
     if not names:
         kinds = ", ".join(f"{kind:02X}" for kind in np.unique(messages.kind).tolist()[:20])
         raise DecodeError(
             f"it holds {counted(messages.kind.size, 'message')}, but no data (MTData2, 36, or MTData, 32): {kinds}."
         )
     name = chosen(list(names), unit)
-    counts = {one: int(np.count_nonzero(data & (messages.bus == bus))) for one, bus in names.items()}
+    counts = {key: int(np.count_nonzero(data & (messages.bus == bus))) for key, bus in names.items()}
     if len(names) > 1:
         notes.append(others_note(f"unit: {name}, {counted(counts.pop(name), 'packet')}", counts))
-    found = Unit({} if name == f"bus{names[name]}" else {"deviceid": name}, {}, notes)
+    content = Unit({} if name == f"bus{names[name]}" else {"deviceid": name}, {}, notes)
     if product := _product(messages, names[name], configuration):
-        found.head["productcode"] = product
-    groups, rate = _groups(messages, names[name], configuration, found)
-    _fill(found, messages.data, groups, rate)
-    return found
+        content.head["productcode"] = product
+    groups, rate = _groups(messages, names[name], configuration, content)
+    _fill(content, messages.data, groups, rate)
+    return content
 
 
 def _messages(raw: bytes, notes: list[str]) -> _Messages:
@@ -233,21 +233,21 @@ def _candidates(
 
 def _configuration(messages: _Messages) -> bytes:
     """Data of the message Configuration that the first packets follow; empty where there is none."""
-    found = [one for one in messages.of(_CONFIGURATION)[:1000] if _devices(messages.body(int(one)))]
-    if not found:
+    numbers = [number for number in messages.indices(_CONFIGURATION)[:1000] if _devices(messages.body(int(number)))]
+    if not numbers:
         return b""
     data = np.flatnonzero(np.isin(messages.kind, (_MTDATA, _MTDATA2)))
-    before = [one for one in found if not data.size or one < data[0]]
-    return messages.body(int(before[-1] if before else found[0]))
+    before = [number for number in numbers if not data.size or number < data[0]]
+    return messages.body(int(before[-1] if before else numbers[0]))
 
 
 def _devices(configuration: bytes) -> int:
     """How many devices a configuration lists: 98 bytes of the master, and 20 of each."""
-    number = _whole(configuration, 96, 2) if len(configuration) >= 98 else 0
+    number = _uint(configuration, 96, 2) if len(configuration) >= 98 else 0
     return number if len(configuration) >= 98 + 20 * number else 0
 
 
-def _whole(data: bytes, at: int, size: int) -> int:
+def _uint(data: bytes, at: int, size: int) -> int:
     return int.from_bytes(data[at : at + size], "big")
 
 
@@ -255,42 +255,42 @@ def _name(messages: _Messages, bus: int, configuration: bytes) -> str:
     """Identity of a unit as Xsens writes it; where no message tells it, its bus identifier."""
     devices = _devices(configuration)
     if bus == _MASTER and devices > 1:
-        return f"{_whole(configuration, 0, 4):08X}"
-    for one in messages.of(_DEVICE_ID, bus)[:1]:
-        if messages.sizes[one] in {4, 8}:
-            return messages.body(int(one)).hex().upper().lstrip("0").zfill(8)
+        return f"{_uint(configuration, 0, 4):08X}"
+    for number in messages.indices(_DEVICE_ID, bus)[:1]:
+        if messages.sizes[number] in {4, 8}:
+            return messages.body(int(number)).hex().upper().lstrip("0").zfill(8)
     place = 0 if bus == _MASTER else bus - 1
     if 0 <= place < devices:
-        return f"{_whole(configuration, 98 + 20 * place, 4):08X}"
+        return f"{_uint(configuration, 98 + 20 * place, 4):08X}"
     return f"bus{bus}"
 
 
 def _product(messages: _Messages, bus: int, configuration: bytes) -> str:
     """Product code of a unit; that in the configuration is the master's, which a unit alone is itself."""
-    said = [messages.body(int(one)) for one in messages.of(_PRODUCT_CODE, bus)[:1]]
+    said = [messages.body(int(number)) for number in messages.indices(_PRODUCT_CODE, bus)[:1]]
     if not said and _devices(configuration) == 1:
         said = [configuration[32:52]]
     text = b"".join(said).split(b"\0")[0].decode("ascii", "replace").strip()
     return text if text.isprintable() and len(text) <= 40 else ""
 
 
-def _groups(messages: _Messages, bus: int, configuration: bytes, found: Unit) -> tuple[list[_Group], float | None]:
+def _groups(messages: _Messages, bus: int, configuration: bytes, unit: Unit) -> tuple[list[_Group], float | None]:
     """Packets of a unit by their layouts, and its packets per second, where a message tells them."""
     numbers = np.flatnonzero(np.isin(messages.kind, (_MTDATA, _MTDATA2)) & (messages.bus == bus) & (messages.sizes > 0))
     modern = messages.kind[numbers] == _MTDATA2
     if modern.any():
         if lost := int(np.count_nonzero(~modern)):
-            found.notes.append(f"left out: {counted(lost, 'packet')} of MTData, beside those of MTData2")
-        return _modern(messages, numbers[modern], found.notes), _declared_rate(messages, bus)
-    return _legacy(messages, numbers, configuration, found)
+            unit.notes.append(f"left out: {counted(lost, 'packet')} of MTData, beside those of MTData2")
+        return _modern(messages, numbers[modern], unit.notes), _declared_rate(messages, bus)
+    return _legacy(messages, numbers, configuration, unit)
 
 
 def _declared_rate(messages: _Messages, bus: int) -> float | None:
     """Packets per second: the largest rate that the output configuration asks for, Hz."""
     rates = [0]
-    for one in messages.of(_OUTPUT_CONFIGURATION, bus)[-1:]:
-        body = messages.body(int(one))
-        rates += [rate for at in range(2, len(body) - 1, 4) if (rate := _whole(body, at, 2)) not in _EVERY_PACKET]
+    for number in messages.indices(_OUTPUT_CONFIGURATION, bus)[-1:]:
+        body = messages.body(int(number))
+        rates += [rate for at in range(2, len(body) - 1, 4) if (rate := _uint(body, at, 2)) not in _EVERY_PACKET]
     return float(max(rates)) or None
 
 
@@ -299,18 +299,18 @@ def _modern(messages: _Messages, numbers: NDArray[np.int64], notes: list[str]) -
     groups: list[_Group] = []
     sizes, lost = messages.sizes[numbers], 0
     for size in np.unique(sizes).tolist():
-        left = np.flatnonzero(sizes == size)
+        rest = np.flatnonzero(sizes == size)
         for _ in range(_MOST_LAYOUTS):
-            if not left.size:
+            if not rest.size:
                 break
-            blocks, whole = _blocks(messages.body(int(numbers[left[0]])))
-            same = _alike(messages, numbers[left], blocks) if whole else np.zeros(1, np.int64)
-            if whole:
-                groups.append(_Group(left[same], messages.begins[numbers[left[same]]], blocks))
+            blocks, complete = _blocks(messages.body(int(numbers[rest[0]])))
+            same = _alike(messages, numbers[rest], blocks) if complete else np.zeros(1, np.int64)
+            if complete:
+                groups.append(_Group(rest[same], messages.begins[numbers[rest[same]]], blocks))
             else:
                 lost += 1
-            left = np.delete(left, same)
-        lost += left.size
+            rest = np.delete(rest, same)
+        lost += rest.size
     if lost:
         notes.append(
             f"damage: {counted(lost, 'packet')} left out, whose blocks do not fill them, or come in more ways than a "
@@ -322,24 +322,24 @@ def _modern(messages: _Messages, numbers: NDArray[np.int64], notes: list[str]) -
 def _alike(messages: _Messages, numbers: NDArray[np.int64], blocks: list[_Block]) -> NDArray[np.int64]:
     """Which of the packets of one size have the blocks of the first."""
     data, begins = messages.data, messages.begins[numbers]
-    found = np.arange(numbers.size)
+    matching = np.arange(numbers.size)
     for place in (at - k for _, at, _ in blocks for k in (3, 2, 1)):
-        found = found[data[begins[found] + place] == data[begins[0] + place]]
-    return found
+        matching = matching[data[begins[matching] + place] == data[begins[0] + place]]
+    return matching
 
 
 def _blocks(data: bytes) -> tuple[list[_Block], bool]:
     """Blocks of a packet of MTData2, and whether they fill it."""
-    found: list[_Block] = []
+    blocks: list[_Block] = []
     at = 0
     while at + 3 <= len(data) and at + 3 + data[at + 2] <= len(data):
-        found.append((_whole(data, at, 2), at + 3, data[at + 2]))
+        blocks.append((_uint(data, at, 2), at + 3, data[at + 2]))
         at += 3 + data[at + 2]
-    return found, at == len(data)
+    return blocks, at == len(data)
 
 
 def _legacy(
-    messages: _Messages, numbers: NDArray[np.int64], configuration: bytes, found: Unit
+    messages: _Messages, numbers: NDArray[np.int64], configuration: bytes, unit: Unit
 ) -> tuple[list[_Group], float | None]:
     """Packets of MTData by the configuration of their unit."""
     devices = _devices(configuration)
@@ -349,7 +349,7 @@ def _legacy(
             "its packets are of the older kind (MTData), whose layout the message Configuration says, but that "
             f"{what}. Export it as text with MT Manager (File, Export)."
         )
-    mode, settings = _whole(configuration, 104, 2), _whole(configuration, 106, 4)
+    mode, settings = _uint(configuration, 104, 2), _uint(configuration, 106, 4)
     blocks, total = _legacy_blocks(mode, settings)
     sizes = messages.sizes[numbers]
     fits = sizes == total
@@ -359,11 +359,11 @@ def _legacy(
             f"OutputSettings {settings:08X} make {total}. Export it as text with MT Manager (File, Export)."
         )
     if lost := int(np.count_nonzero(~fits)):
-        found.notes.append(
+        unit.notes.append(
             f"damage: {counted(lost, 'packet')} left out, not of the {total} bytes that the settings make"
         )
-    found.notes.append(f"packets: MTData by OutputMode {mode:04X} and OutputSettings {settings:08X}")
-    period, skipped = _whole(configuration, 4, 2), _whole(configuration, 6, 2)
+    unit.notes.append(f"packets: MTData by OutputMode {mode:04X} and OutputSettings {settings:08X}")
+    period, skipped = _uint(configuration, 4, 2), _uint(configuration, 6, 2)
     rate = _PERIOD_HZ / period / (skipped + 1) if period and skipped != 0xFFFF else None
     return [_Group(np.flatnonzero(fits), messages.begins[numbers[fits]], blocks)], rate
 
@@ -371,22 +371,22 @@ def _legacy(
 def _legacy_blocks(mode: int, settings: int) -> tuple[list[_Block], int]:
     """Blocks that a mode and its settings put one after another, under the identities of MTData2, and their bytes."""
     precision = settings >> 8 & 3
-    one = _SIZES[precision]
+    word = _SIZES[precision]
     kind = precision | (0x4 if settings & 0x8000_0000 else 0x8)
-    orientation = {0x0: (_QUATERNION | kind, 4 * one), 0x4: (_EULER | kind, 3 * one), 0x8: (_MATRIX | kind, 9 * one)}
+    orientation = {0x0: (_QUATERNION | kind, 4 * word), 0x4: (_EULER | kind, 3 * word), 0x8: (_MATRIX | kind, 9 * word)}
     parts: list[tuple[bool, int, int]] = [
         (bool(mode & 0x4000), 0xA010, 28 if settings & 0x0100_0000 else 20),
-        (bool(mode & 0x0200), 0xC810, 13 + 13 * one),
+        (bool(mode & 0x0200), 0xC810, 13 + 13 * word),
         (bool(mode & 0x1000), 0x7010, 3 if settings & 0x0008_0000 else 44),
-        (bool(mode & 0x0001), 0x0810 | precision, one),
-        (bool(mode & 0x0002 and not settings & 0x10), 0x4020 | precision, 3 * one),
-        (bool(mode & 0x0002 and not settings & 0x20), 0x8020 | precision, 3 * one),
-        (bool(mode & 0x0002 and not settings & 0x40), 0xC020 | precision, 3 * one),
+        (bool(mode & 0x0001), 0x0810 | precision, word),
+        (bool(mode & 0x0002 and not settings & 0x10), 0x4020 | precision, 3 * word),
+        (bool(mode & 0x0002 and not settings & 0x20), 0x8020 | precision, 3 * word),
+        (bool(mode & 0x0002 and not settings & 0x40), 0xC020 | precision, 3 * word),
         (bool(mode & 0x0004), *orientation.get(settings & 0xC, (0, 0))),
         (bool(mode & 0x0008 and not settings & 0x400), 0xB010, 2),
         (bool(mode & 0x0008 and not settings & 0x800), 0xB020, 2),
-        (bool(mode & 0x0010), 0x5040 | precision, 3 * one),
-        (bool(mode & 0x0020), 0xD010 | precision, 3 * one),
+        (bool(mode & 0x0010), 0x5040 | precision, 3 * word),
+        (bool(mode & 0x0020), 0xD010 | precision, 3 * word),
         (bool(mode & 0x0800), 0xE010, 4 if settings & 0x80 else 1),
         (bool(settings & 0x1), _COUNTER, 2),
         (bool(settings & 0x2), _UTC, 12),
@@ -400,11 +400,11 @@ def _legacy_blocks(mode: int, settings: int) -> tuple[list[_Block], int]:
     return blocks, at
 
 
-def _fill(found: Unit, data: NDArray[np.uint8], groups: list[_Group], rate: float | None) -> None:
+def _fill(unit: Unit, data: NDArray[np.uint8], groups: list[_Group], rate: float | None) -> None:
     """Columns of the blocks that are taken, a row for each packet; what is not taken is a note."""
     held: dict[int, int] = {}
     for group in groups:
-        for identity in {one for one, _, _ in group.blocks}:
+        for identity in {kind for kind, _, _ in group.blocks}:
             held[identity] = held.get(identity, 0) + group.rows.size
     frame = _frame(held)
     taken = {choice for choices in _CHOICES for choice in _first(choices, held, frame)}
@@ -424,39 +424,39 @@ def _fill(found: Unit, data: NDArray[np.uint8], groups: list[_Group], rate: floa
                 continue
             once.add(what)
             for column, part in zip(_COLUMNS[what], values.T, strict=True):
-                if column not in found.columns:
-                    found.columns[column] = np.full(rows.size, np.nan)
-                found.columns[column][places] = part
+                if column not in unit.columns:
+                    unit.columns[column] = np.full(rows.size, np.nan)
+                unit.columns[column][places] = part
     if wrong:
-        found.notes.append(f"damage: blocks left out that have a wrong size: {_listed(wrong)}")
-    left = {identity for identity in held if identity & ~0xF not in taken or identity & ~0xF not in _COLUMNS}
-    if left:
-        found.notes.append(f"left out: {_listed(left)}")
-    if not {"Gyr_X", "OriInc_q0", "Acc_X", "VelInc_X", "Mag_X"} & found.columns.keys():
+        unit.notes.append(f"damage: blocks left out that have a wrong size: {_listed(wrong)}")
+    unused = {identity for identity in held if identity & ~0xF not in taken or identity & ~0xF not in _COLUMNS}
+    if unused:
+        unit.notes.append(f"left out: {_listed(unused)}")
+    if not {"Gyr_X", "OriInc_q0", "Acc_X", "VelInc_X", "Mag_X"} & unit.columns.keys():
         snapshots = (
-            "; only Xsens' software takes snapshots apart" if {one & ~0xF for one in held} & {*_SNAPSHOTS} else ""
+            "; only Xsens' software takes snapshots apart" if {kind & ~0xF for kind in held} & {*_SNAPSHOTS} else ""
         )
         raise DecodeError(
-            f"unit {found.head.get('deviceid', '1')} has no rate, acceleration or magnetic field; it has "
+            f"unit {unit.head.get('deviceid', '1')} has no rate, acceleration or magnetic field; it has "
             f"{_listed(held)}{snapshots}. Export the log as text with MT Manager (File, Export)."
         )
     if frame is not None:
-        found.head["coordinate system"] = _FRAMES.get(frame, "unknown")
-    _timed(found, rate)
+        unit.head["coordinate system"] = _FRAMES.get(frame, "unknown")
+    _timed(unit, rate)
 
 
 def _frame(held: dict[int, int]) -> int | None:
     """Digit of the frame in which most attitudes of the best kind are."""
     for what in _CHOICES[2]:
-        counts = {one & 0xC: count for one, count in sorted(held.items()) if one & ~0xF == what}
+        counts = {identity & 0xC: count for identity, count in sorted(held.items()) if identity & ~0xF == what}
         if counts:
             return max(counts, key=lambda digit: counts[digit])
     return None
 
 
 def _first(choices: Iterable[int], held: dict[int, int], frame: int | None) -> list[int]:
-    there = {one & ~0xF for one in held if one & ~0xF not in _CHOICES[2] or one & 0xC == frame}
-    return [one for one in choices if one in there][:1]
+    there = {identity & ~0xF for identity in held if identity & ~0xF not in _CHOICES[2] or identity & 0xC == frame}
+    return [choice for choice in choices if choice in there][:1]
 
 
 def _values(data: NDArray[np.uint8], places: NDArray[np.int64], identity: int, size: int) -> Floats | None:
@@ -468,41 +468,41 @@ def _values(data: NDArray[np.uint8], places: NDArray[np.int64], identity: int, s
         layout = np.dtype(_WHOLE[what])
         if size != layout.itemsize:
             return None
-        found = records(data, places, layout)
-        values = np.column_stack([found[name].astype(np.float64) for name in layout.names])
+        fields = records(data, places, layout)
+        values = np.column_stack([fields[name].astype(np.float64) for name in layout.names])
         if what == _UTC:
-            values[(found["Valid"] & _UTC_VALID) == 0] = np.nan
+            values[(fields["Valid"] & _UTC_VALID) == 0] = np.nan
         return values
     if size != width * _SIZES[precision]:
         return None
     if precision == 2:
-        found = records(data, places, np.dtype([("v", [("part", ">u4"), ("whole", ">i2")], (width,))]))["v"]
-        return np.asarray(found["whole"] + found["part"] * 2.0**-32)
+        fields = records(data, places, np.dtype([("v", [("part", ">u4"), ("whole", ">i2")], (width,))]))["v"]
+        return np.asarray(fields["whole"] + fields["part"] * 2.0**-32)
     number, scale = _FRACTIONS[precision]
     return np.asarray(records(data, places, np.dtype([("v", number, (width,))]))["v"].astype(np.float64) * scale)
 
 
-def _timed(found: Unit, rate: float | None) -> None:
+def _timed(unit: Unit, rate: float | None) -> None:
     """Leave out packets without the time that the others have; without any time, the rate is that of the settings."""
-    columns = found.columns
+    columns = unit.columns
     if "SampleTimeFine" in columns:
         timed = np.isfinite(columns["SampleTimeFine"])
         if lost := int(np.count_nonzero(~timed)):
-            found.columns = {name: values[timed] for name, values in columns.items()}
-            found.notes.append(f"left out: {counted(lost, 'packet')} without SampleTimeFine")
+            unit.columns = {name: values[timed] for name, values in columns.items()}
+            unit.notes.append(f"left out: {counted(lost, 'packet')} without SampleTimeFine")
     elif rate is not None and "PacketCounter" in columns:
-        found.head["update rate"] = f"{rate:.6f}Hz"
+        unit.head["update rate"] = f"{rate:.6f}Hz"
     else:
         raise DecodeError(
-            f"unit {found.head.get('deviceid', '1')} sent neither SampleTimeFine nor PacketCounter with a rate that "
+            f"unit {unit.head.get('deviceid', '1')} sent neither SampleTimeFine nor PacketCounter with a rate that "
             "the log says, so that its time is not known. Record it with SampleTimeFine among the outputs."
         )
-    counter = found.columns.get("PacketCounter")
+    counter = unit.columns.get("PacketCounter")
     if counter is not None and "SampleTimeFine" in columns and not np.isfinite(counter).all():
-        del found.columns["PacketCounter"]
-        found.notes.append("left out: PacketCounter, which some packets lack")
+        del unit.columns["PacketCounter"]
+        unit.notes.append("left out: PacketCounter, which some packets lack")
 
 
 def _listed(identities: Iterable[int]) -> str:
-    kinds = sorted({one & ~0xF for one in identities})
-    return first_of([f"{_NAMES.get(one, 'block')} ({one:04X})" for one in kinds], 20)
+    kinds = sorted({identity & ~0xF for identity in identities})
+    return first_words([f"{_NAMES.get(kind, 'block')} ({kind:04X})" for kind in kinds], 20)

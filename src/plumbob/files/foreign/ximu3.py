@@ -68,15 +68,15 @@ def read(path: Path) -> Recording:
     with reading(path):
         notes = ["x-IMU3: deg/s and g, as its messages have them; clock: µs of the device"]
         if path.suffix.lower() == ".ximu3":
-            messages, told = _of_log(existing_file(path, MAX_BYTES).read_bytes(), notes)
+            messages, answers = _of_log(existing_file(path, MAX_BYTES).read_bytes(), notes)
         else:
             parts = Parts(path)
             messages = _of_tables(parts, path.is_dir(), notes)
-            told = parts.text("Command.json") if "Command.json" in parts.names else ""
-        return _recording(path.stem, messages, told, notes)
+            answers = parts.text("Command.json") if "Command.json" in parts.names else ""
+        return _recording(path.stem, messages, answers, notes)
 
 
-def _recording(name: str, messages: _Messages, told: str, notes: list[str]) -> Recording:
+def _recording(name: str, messages: _Messages, answers: str, notes: list[str]) -> Recording:
     if "I" not in messages:
         raise DecodeError(f"it has no inertial message; {'; '.join(notes[1:]) or 'is this the file?'}.")
     stamps, inertial = messages["I"]
@@ -91,7 +91,7 @@ def _recording(name: str, messages: _Messages, told: str, notes: list[str]) -> R
         )
     if "T" in messages:
         streams["temp_c"] = Stream(messages["T"][0], messages["T"][1][:, 0])
-    frame, north, how = _convention(told)
+    frame, north, how = _convention(answers)
     meta = ImuMeta(device="x-IMU3", frame=frame, unit_check=False)
     imu, rows_ns, joints = joined(streams, meta=meta)
     track = None
@@ -103,10 +103,10 @@ def _recording(name: str, messages: _Messages, told: str, notes: list[str]) -> R
     return Recording(imu=imu, track=track, name=name, notes=(*notes, *joints))
 
 
-def _convention(told: str) -> tuple[Frame, North, str]:
+def _convention(answers: str) -> tuple[Frame, North, str]:
     """Frame and north of the attitude by the settings among the answers to commands, and how they are known."""
-    axes = re.search(r'"ahrs_?axes_?convention" *: *([012])', told, re.IGNORECASE)
-    ignored = re.search(r'"ahrs_?ignore_?magnetometer" *: *(true|false)', told, re.IGNORECASE)
+    axes = re.search(r'"ahrs_?axes_?convention" *: *([012])', answers, re.IGNORECASE)
+    ignored = re.search(r'"ahrs_?ignore_?magnetometer" *: *(true|false)', answers, re.IGNORECASE)
     frame = _CONVENTIONS[int(axes[1])] if axes else Frame.NWU
     north = North.MAGNETIC if ignored and ignored[1] == "false" else North.FREE
     how = f"{frame}, as {'its settings say' if axes else 'x-IMU3 has it unless it was set to ENU or NED'}"
@@ -129,8 +129,8 @@ def _of_log(raw: bytes, notes: list[str]) -> tuple[_Messages, str]:
         if letter not in NUMBERS:
             if line[:1] == b"{":
                 answers.append(line.decode("utf-8", "replace"))
-            known = line[:1] == b"{" or (letter and letter in _KNOWN_LETTERS)
-            others, junk = others + bool(known), junk + (not known)
+            is_other = line[:1] == b"{" or (letter and letter in _KNOWN_LETTERS)
+            others, junk = others + bool(is_other), junk + (not is_other)
         elif line[0] & 0x80:
             body = _unescaped(line)
             if len(body) == 9 + 4 * NUMBERS[letter]:
@@ -150,7 +150,7 @@ def _of_log(raw: bytes, notes: list[str]) -> tuple[_Messages, str]:
 
 def _joined(bodies: Mapping[str, list[bytes]], texts: Mapping[str, list[list[float]]]) -> _Messages:
     """Binary and ASCII messages of each letter together."""
-    found: _Messages = {}
+    messages: _Messages = {}
     for letter, count in NUMBERS.items():
         layout = np.dtype([("id", "u1"), ("us", "<u8"), ("values", "<f4", (count,))])
         rows = np.frombuffer(b"".join(bodies[letter]), layout)
@@ -158,8 +158,8 @@ def _joined(bodies: Mapping[str, list[bytes]], texts: Mapping[str, list[list[flo
         us = np.concatenate([rows["us"].astype(np.float64), table[:, 0]])
         if us.size:
             values = np.concatenate([rows["values"].reshape(-1, count).astype(np.float64), table[:, 1:]])
-            found[letter] = (_ns(us), values)
-    return found
+            messages[letter] = (_ns(us), values)
+    return messages
 
 
 def _unescaped(line: bytes) -> bytes:
@@ -181,23 +181,23 @@ def _ns(us: Floats) -> NDArray[np.int64]:
 
 
 def _of_tables(parts: Parts, folder: bool, notes: list[str]) -> _Messages:
-    found: _Messages = {}
+    messages: _Messages = {}
     tables: Mapping[str, str] = TABLES if folder else {"I": parts.names[0]}
     for letter, name in tables.items():
         if name not in parts.names:
             continue
-        one = sheet(name, parts.read(name))
-        wanted = one.names[: 1 + NUMBERS[letter]]
+        source = sheet(name, parts.read(name))
+        wanted = source.names[: 1 + NUMBERS[letter]]
         if not _headings_fit(letter, wanted):
-            raise DecodeError(f"{name} has the columns {', '.join(one.names)}, which x-IMU3 does not write.")
-        table = one.table(wanted)
+            raise DecodeError(f"{name} has the columns {', '.join(source.names)}, which x-IMU3 does not write.")
+        table = source.table(wanted)
         if table is None:
             notes.append(f"{name} has no sample")
             continue
         notes += table.notes
         values = np.stack([table.columns[column] for column in wanted[1:]], axis=1)
-        found[letter] = (_ns(table.columns[STAMP]), values)
-    return found
+        messages[letter] = (_ns(table.columns[STAMP]), values)
+    return messages
 
 
 _HEADINGS: Final = {

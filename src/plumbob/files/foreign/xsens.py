@@ -107,8 +107,8 @@ def read(path: Path, unit: str | None = None) -> Recording:
     if path.suffix.lower() == ".mtb":
         file = existing_file(path, MOST)
         with reading(file):
-            found = xbus.read_unit(file.read_bytes(), unit)
-            return _recording(file.stem, found.columns, found.head, found.notes)
+            content = xbus.read_unit(file.read_bytes(), unit)
+            return _recording(file.stem, content.columns, content.head, content.notes)
     file = existing_file(path)
     with reading(file):
         return _exported(file).of_unit(unit)
@@ -117,19 +117,19 @@ def read(path: Path, unit: str | None = None) -> Recording:
 def _exported(file: Path) -> Recording:
     """An export as text, which holds one unit."""
     raw = file.read_bytes()
-    one = sheet(file.name, raw, comment=COMMENT)
-    there = set(one.names)
-    found = [columns for columns in (*_TRIADS.values(), *_INCREMENTS.values()) if set(columns) <= there]
-    if not found:
-        raise DecodeError(f"it has no Acc_X, Gyr_X or Mag_X; it has {excerpt(', '.join(one.names), 200)}.")
+    export = sheet(file.name, raw, comment=COMMENT)
+    there = set(export.names)
+    triads = [columns for columns in (*_TRIADS.values(), *_INCREMENTS.values()) if set(columns) <= there]
+    if not triads:
+        raise DecodeError(f"it has no Acc_X, Gyr_X or Mag_X; it has {excerpt(', '.join(export.names), 200)}.")
     attitude = next((columns for columns in _ATTITUDES if set(columns) <= there), ())
     times = [column for column in ("PacketCounter", "SampleTimeFine", *_UTC) if column in there]
-    table = one.table([*times, *(column for columns in found for column in columns), *attitude])
+    table = export.table([*times, *(column for columns in triads for column in columns), *attitude])
     if table is None:
         raise DecodeError("it has a row of names and no row of numbers; export it again.")
-    left = [f"left out: {column}" for column in ("FreeAcc_E", "FreeAcc_X", "Pressure") if column in there]
+    omitted = [f"left out: {column}" for column in ("FreeAcc_E", "FreeAcc_X", "Pressure") if column in there]
     return _recording(
-        file.stem, {str(ref): values for ref, values in table.columns.items()}, _head(raw), [*table.notes, *left]
+        file.stem, {str(ref): values for ref, values in table.columns.items()}, _head(raw), [*table.notes, *omitted]
     )
 
 
@@ -163,7 +163,7 @@ def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: l
     imu, rows_ns, joints = joined(streams, meta=meta, epoch_ns=epoch)
     if "StatusWord" in columns:
         imu = imu.flagged(_clipped(columns["StatusWord"], stamps, rows_ns))
-    attitude = next((one for one in _ATTITUDES if set(one) <= columns.keys()), ())
+    attitude = next((names for names in _ATTITUDES if set(names) <= columns.keys()), ())
     track = None
     if attitude and frame is None:
         notes.append("left out: the attitude, as the file does not say its frame (a line '// Coordinate system: ENU')")
@@ -190,7 +190,7 @@ def _streams(columns: Columns, stamps: NDArray[np.int64], notes: list[str]) -> d
                 if kind == "gyr"
                 else _mean_forces(increments, values.get("gyr"), stamps, notes)
             )
-    for kind in [kind for kind, one in values.items() if not np.isfinite(one).any()]:
+    for kind in [kind for kind, samples in values.items() if not np.isfinite(samples).any()]:
         del values[kind]
         notes.append(f"{kind}: {_TRIADS[kind][0]} and its axes have no value")
     if not values:
@@ -200,36 +200,36 @@ def _streams(columns: Columns, stamps: NDArray[np.int64], notes: list[str]) -> d
         notes.append(
             f"mag is in arbitrary units, 1 at the place of calibration, which is taken for {NOMINAL_FIELD:g} µT"
         )
-    there = {kind: np.isfinite(one).any(axis=1) for kind, one in values.items()}
+    there = {kind: np.isfinite(samples).any(axis=1) for kind, samples in values.items()}
     lead = there["gyr"] if "gyr" in there else np.ones(stamps.size, dtype=bool)
     if "Temperature" in columns and np.isfinite(columns["Temperature"]).any():
         values["temp_c"], there["temp_c"] = columns["Temperature"], np.isfinite(columns["Temperature"])
-    rows = {kind: lead if not (own & ~lead).any() else own for kind, own in there.items()}
-    return {kind: Stream(stamps[rows[kind]], one[rows[kind]]) for kind, one in values.items()}
+    rows = {kind: lead if not (mask & ~lead).any() else mask for kind, mask in there.items()}
+    return {kind: Stream(stamps[rows[kind]], samples[rows[kind]]) for kind, samples in values.items()}
 
 
 def _mean_rates(turns: Floats, stamps: NDArray[np.int64], notes: list[str]) -> Floats:
     """Mean rates of turn (N, 3), rad/s, over the sample before each row, of increments of orientation (N, 4)."""
     there = np.isfinite(turns).all(axis=1)
-    found = np.full((len(turns), 3), np.nan)
+    rates = np.full((len(turns), 3), np.nan)
     if there.any():
         step = _step(stamps[there])
-        found[there] = rotvec_from_quat(turns[there]) / step
+        rates[there] = rotvec_from_quat(turns[there]) / step
         notes.append(f"gyr: orientation increments (OriInc) over the sample of {step:.6g} s")
-    return found
+    return rates
 
 
 def _mean_forces(changes: Floats, gyr: Floats | None, stamps: NDArray[np.int64], notes: list[str]) -> Floats:
     """Mean specific forces (N, 3), m/s², in the axes at the end of each sample, of increments of velocity (N, 3)."""
     there = np.isfinite(changes).all(axis=1)
-    found = np.full((len(changes), 3), np.nan)
+    forces = np.full((len(changes), 3), np.nan)
     if there.any():
         step = _step(stamps[there])
         back = np.zeros_like(changes[there]) if gyr is None else -step * np.nan_to_num(gyr[there])
-        found[there] = quat_rotate(quat_from_rotvec(back), changes[there]) / step
+        forces[there] = quat_rotate(quat_from_rotvec(back), changes[there]) / step
         axes = "at its beginning, as no rate is known" if gyr is None else "at its end"
         notes.append(f"acc: velocity increments (VelInc) over the sample of {step:.6g} s, in the axes {axes}")
-    return found
+    return forces
 
 
 def _step(stamps: NDArray[np.int64]) -> float:
@@ -243,22 +243,22 @@ def _step(stamps: NDArray[np.int64]) -> float:
 
 def _clipped(words: Floats, stamps: NDArray[np.int64], rows_ns: NDArray[np.int64]) -> NDArray[np.uint32]:
     """Flags of the rows (N,) whose status says that an axis is at the end of its range."""
-    own, first = np.unique(stamps, return_index=True)
-    status = np.nan_to_num(words[first[np.searchsorted(own, rows_ns)]]).astype(np.uint32)
-    found = np.zeros(rows_ns.size, dtype=np.uint32)
+    unique, first = np.unique(stamps, return_index=True)
+    status = np.nan_to_num(words[first[np.searchsorted(unique, rows_ns)]]).astype(np.uint32)
+    clipped = np.zeros(rows_ns.size, dtype=np.uint32)
     for flag, bits in _CLIPPED.items():
-        found[(status & np.uint32(bits)) != 0] |= np.uint32(flag)
-    return found
+        clipped[(status & np.uint32(bits)) != 0] |= np.uint32(flag)
+    return clipped
 
 
 def _rate(head: Mapping[str, str]) -> float | None:
-    found = re.fullmatch(r"(\d{1,5}(?:\.\d{1,6})?) ?Hz", head.get("update rate", ""), re.IGNORECASE)
-    return float(found[1]) if found and float(found[1]) > 0.0 else None
+    match = re.fullmatch(r"(\d{1,5}(?:\.\d{1,6})?) ?Hz", head.get("update rate", ""), re.IGNORECASE)
+    return float(match[1]) if match and float(match[1]) > 0.0 else None
 
 
 def _frame(head: Mapping[str, str]) -> Frame | None:
-    told = head.get("coordinate system", "").split()
-    return Frame(told[0].upper()) if told and told[0].upper() in list(Frame) else None
+    words = head.get("coordinate system", "").split()
+    return Frame(words[0].upper()) if words and words[0].upper() in list(Frame) else None
 
 
 def _stamps(columns: Columns, head: Mapping[str, str], notes: list[str]) -> NDArray[np.int64]:
@@ -305,11 +305,11 @@ def _epoch(columns: Columns, stamps: NDArray[np.int64]) -> int | None:
     """UTC of the stamp 0, ns, by the first row that has a date and a time."""
     if not set(_UTC) <= columns.keys():
         return None
-    told = np.stack([columns[column] for column in _UTC], axis=1)
-    rows = np.flatnonzero(np.isfinite(told).all(axis=1) & (told[:, 0] > 2000))
+    utc = np.stack([columns[column] for column in _UTC], axis=1)
+    rows = np.flatnonzero(np.isfinite(utc).all(axis=1) & (utc[:, 0] > 2000))
     if not rows.size:
         return None
-    *parts, nano = (int(value) for value in told[rows[0]])
+    *parts, nano = (int(value) for value in utc[rows[0]])
     try:
         moment = datetime(*parts, tzinfo=UTC)  # type: ignore[arg-type,misc]
     except ValueError as error:
@@ -323,7 +323,7 @@ def _attitude(columns: Columns, names: tuple[str, ...]) -> Floats:
         return values
     if len(names) == 3:
         return quat_from_euler_zyx(units.to_si(values, "deg"))
-    found = np.full((len(values), 4), np.nan)
-    known = np.isfinite(values).all(axis=1)
-    found[known] = quat_from_dcm(values[known].reshape(-1, 3, 3), tolerance=1e-4)  # six digits are kept
-    return found
+    q_nb = np.full((len(values), 4), np.nan)
+    valid = np.isfinite(values).all(axis=1)
+    q_nb[valid] = quat_from_dcm(values[valid].reshape(-1, 3, 3), tolerance=1e-4)  # six digits are kept
+    return q_nb

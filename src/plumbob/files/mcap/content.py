@@ -67,7 +67,7 @@ class Parser:
             If a record reaches beyond the end, or cannot be read.
         """
         stay = schemas is not None
-        found, schemas, at, end = Content(), {} if schemas is None else schemas, 0, len(content)
+        parsed, schemas, at, end = Content(), {} if schemas is None else schemas, 0, len(content)
         head, message = layout.RECORD_HEAD.unpack_from, layout.MESSAGE_HEAD.unpack_from
         try:
             while at < end:
@@ -79,19 +79,19 @@ class Parser:
                     if length < 22:
                         raise BrokenRecordError("a message in it is too short")
                     _, _, channel, sequence, log_time, _ = message(content, at)
-                    found.rows.append((channel, sequence, log_time, content[at + 31 : after]))
-                    found.entries.setdefault(channel, []).extend((log_time, at))
+                    parsed.rows.append((channel, sequence, log_time, content[at + 31 : after]))
+                    parsed.entries.setdefault(channel, []).extend((log_time, at))
                 elif opcode == layout.SCHEMA:
                     number, body = _number(content, at), content[at + 9 : after]
                     if stay and schemas.get(number) != body:
                         self._keep(len(body))
                     schemas[number] = body
                 elif opcode == layout.CHANNEL:
-                    found.channels[_number(content, at)] = self._channel(content[at + 9 : after], schemas)
+                    parsed.channels[_number(content, at)] = self._channel(content[at + 9 : after], schemas)
                 at = after
         except struct.error as error:
             raise BrokenRecordError("a record in it is cut off") from error
-        return found
+        return parsed
 
     def _keep(self, size: int) -> None:
         self._kept += size
@@ -102,17 +102,17 @@ class Parser:
         from mcap.exceptions import McapError
 
         schema = schemas.get(int.from_bytes(body[2:4], "little"), b"")
-        known = self._known.get((schema, body))
-        if known is None:
+        channel = self._known.get((schema, body))
+        if channel is None:
             self._keep(len(schema) + len(body))
             try:
-                known = Channel.parse(body, _schema(schema))
+                channel = Channel.parse(body, _schema(schema))
             except (McapError, ValueError, struct.error) as error:
                 raise BrokenRecordError("a channel in it cannot be read") from error
             if len(self._known) >= _KINDS:
                 self._known.clear()
-            self._known[schema, body] = known
-        return known
+            self._known[schema, body] = channel
+        return channel
 
 
 def _schema(body: bytes) -> Schema | None:
@@ -161,12 +161,12 @@ def _inflate_zstd(stored: bytes, size: int) -> bytes:
 def _inflate_lz4(stored: bytes, size: int) -> bytes:
     from lz4.frame import LZ4FrameDecompressor
 
-    pieces, reader, left = [], LZ4FrameDecompressor(), stored
+    pieces, reader, rest = [], LZ4FrameDecompressor(), stored
     try:
-        while size >= 0 and not reader.eof and (piece := reader.decompress(left, min(size + 1, _STEP))):
+        while size >= 0 and not reader.eof and (piece := reader.decompress(rest, min(size + 1, _STEP))):
             pieces.append(piece)
             size -= len(piece)
-            left = b""
+            rest = b""
     except (RuntimeError, EOFError, MemoryError) as error:
         raise BrokenRecordError("the chunk cannot be decompressed") from error
     return b"".join(pieces)

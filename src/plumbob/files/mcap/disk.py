@@ -65,8 +65,8 @@ def is_full(error: OSError) -> bool:
 
 def free(folder: Path) -> int:
     """Bytes that may still be written to the disk of a folder."""
-    found = os.statvfs(folder)
-    return found.f_bavail * found.f_frsize
+    stat = os.statvfs(folder)
+    return stat.f_bavail * stat.f_frsize
 
 
 def boot() -> str:
@@ -79,5 +79,5 @@ def boot() -> str:
 
 def default_reserve(folder: Path) -> int:
     """The smaller of 1 GiB and 5 % of the disk, bytes."""
-    found = os.statvfs(folder)
-    return min(RESERVE, int(RESERVE_SHARE * found.f_blocks * found.f_frsize))
+    stat = os.statvfs(folder)
+    return min(RESERVE, int(RESERVE_SHARE * stat.f_blocks * stat.f_frsize))

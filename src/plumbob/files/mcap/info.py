@@ -55,7 +55,7 @@ class PartInfo:
         """Bytes of the metadata record."""
         from mcap.records import Metadata
 
-        own = {
+        fields = {
             "recording": self.recording,
             "part": str(self.part),
             "epoch_offset_ns": str(self.epoch_offset_ns),
@@ -65,7 +65,7 @@ class PartInfo:
             **({} if self.follows is None else {"follows": self.follows}),
             **({"boot": self.boot} if self.boot else {}),
         }
-        entries = {**self.metadata, **{RESERVED + key: value for key, value in own.items()}}
+        entries = {**self.metadata, **{RESERVED + key: value for key, value in fields.items()}}
         crc = _checksum(entries)
         return layout.encode(Metadata(NAME, {**entries, f"{RESERVED}crc32": crc}))
 
@@ -75,18 +75,18 @@ class PartInfo:
         entries = _entries(body)
         if entries is None or entries.pop(f"{RESERVED}crc32", None) != _checksum(entries):
             return None
-        own = {key: entries.pop(RESERVED + key) for key in _KEYS if RESERVED + key in entries}
-        if len(own) != len(_KEYS):
+        fields = {key: entries.pop(RESERVED + key) for key in _KEYS if RESERVED + key in entries}
+        if len(fields) != len(_KEYS):
             return None
         follows, boot = entries.pop(f"{RESERVED}follows", None), entries.pop(f"{RESERVED}boot", "")
         try:
             return cls(
-                recording=own["recording"],
-                part=int(own["part"]),
-                epoch_offset_ns=int(own["epoch_offset_ns"]),
-                starts=_numbers(own["starts"]),
-                ends=None if own["ends"] == "null" else _numbers(own["ends"]),
-                dropped=_numbers(own["dropped"]),
+                recording=fields["recording"],
+                part=int(fields["part"]),
+                epoch_offset_ns=int(fields["epoch_offset_ns"]),
+                starts=_numbers(fields["starts"]),
+                ends=None if fields["ends"] == "null" else _numbers(fields["ends"]),
+                dropped=_numbers(fields["dropped"]),
                 metadata=entries,
                 follows=follows,
                 boot=boot,
@@ -104,12 +104,12 @@ def _text(numbers: Mapping[str, int] | None) -> str:
 
 def _numbers(text: str) -> dict[str, int]:
     try:
-        found = json.loads(text)
+        numbers = json.loads(text)
     except RecursionError as error:
         raise ValueError from error
-    if not isinstance(found, dict) or not all(type(value) is int and value >= 0 for value in found.values()):
+    if not isinstance(numbers, dict) or not all(type(value) is int and value >= 0 for value in numbers.values()):
         raise ValueError
-    return found
+    return numbers
 
 
 def _checksum(entries: Mapping[str, str]) -> str:
@@ -125,7 +125,7 @@ def _entries(body: bytes) -> dict[str, str] | None:
     from mcap.records import Metadata
 
     try:
-        found = Metadata.read(ReadDataStream(BytesIO(body)))
+        record = Metadata.read(ReadDataStream(BytesIO(body)))
     except (McapError, ValueError, struct.error):
         return None
-    return dict(found.metadata) if found.name == NAME else None
+    return dict(record.metadata) if record.name == NAME else None

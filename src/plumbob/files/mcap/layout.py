@@ -121,10 +121,10 @@ def dated(path: str, utc_ns: int) -> str:
 def next_path(path: Path) -> Path:
     """The name itself where nothing has it, else the name of the next part."""
     parts = existing_parts(path)
-    return part_path(path, number_of(path, parts[-1]) + 1) if parts else path
+    return part_path(path, part_number(path, parts[-1]) + 1) if parts else path
 
 
-def number_of(path: Path, part: Path) -> int:
+def part_number(path: Path, part: Path) -> int:
     """Number of a part that `existing_parts` found."""
     return 1 if part.name == path.name else int(part.stem.rpartition(".")[2])
 
@@ -139,11 +139,11 @@ def existing_parts(path: Path) -> list[Path]:
     if not path.parent.is_dir():
         return []
     pattern = re.compile(rf"{re.escape(path.stem)}\.(\d{{4,}}){re.escape(path.suffix)}")
-    found = {1: path} if path.exists() else {}
+    files = {1: path} if path.exists() else {}
     for other in path.parent.iterdir():
         if (match := pattern.fullmatch(other.name)) and int(match[1]) > 1:
-            found[int(match[1])] = other
-    return [found[part] for part in sorted(found)]
+            files[int(match[1])] = other
+    return [files[part] for part in sorted(files)]
 
 
 def is_further_part(path: Path) -> bool:
@@ -230,12 +230,12 @@ class Channel:
                     id=number, name=self.schema.name, encoding=self.schema.encoding, data=bytes(self.schema.data)
                 )
             )
-        own = {RECORDING_KEY: self.recording, OFFSET_KEY: str(self.epoch_offset_ns)}
+        origin = {RECORDING_KEY: self.recording, OFFSET_KEY: str(self.epoch_offset_ns)}
         channel = records.Channel(
             id=number,
             topic=self.topic,
             message_encoding=self.encoding,
-            metadata={**self.metadata, **own},
+            metadata={**self.metadata, **origin},
             schema_id=number if self.schema is not None else 0,
         )
         return schema, encode(channel)
@@ -251,11 +251,11 @@ class Channel:
         """
         from mcap import records
 
-        found = records.Channel.read(_stream(body))
-        metadata = dict(found.metadata)
+        record = records.Channel.read(_stream(body))
+        metadata = dict(record.metadata)
         return cls(
-            topic=found.topic,
-            encoding=found.message_encoding,
+            topic=record.topic,
+            encoding=record.message_encoding,
             schema=schema,
             recording=metadata.pop(RECORDING_KEY, ""),
             epoch_offset_ns=int(metadata.pop(OFFSET_KEY, "0")),
@@ -267,8 +267,8 @@ def parse_schema(body: bytes) -> Schema:
     """Schema from the body of its record; raises as `Channel.parse` does."""
     from mcap import records
 
-    found = records.Schema.read(_stream(body))
-    return Schema(found.name, found.encoding, found.data)
+    record = records.Schema.read(_stream(body))
+    return Schema(record.name, record.encoding, record.data)
 
 
 def _stream(body: bytes) -> "ReadDataStream":

@@ -223,7 +223,7 @@ class Log:
                     if isinstance(item, Damage):
                         self.damage.append(item)
                         continue
-                    rows = self._foreign(item) if self.recording is None else self._own(part.path, item)
+                    rows = self._foreign(item) if self.recording is None else self._chunk_rows(part.path, item)
                     if rows:
                         yield rows
             self._end_part(part, scan)
@@ -296,14 +296,14 @@ class Log:
             for number, sequence, log_time, data in rows
         ]
 
-    def _own(self, path: Path, block: Block) -> list[LogMessage]:
+    def _chunk_rows(self, path: Path, block: Block) -> list[LogMessage]:
         """Rows of a chunk, unless they have come before."""
         lows: dict[int, int] = {}
         counts: dict[int, int] = {}
         for number, sequence, _, _ in block.rows:
             lows.setdefault(number, sequence)
             counts[number] = counts.get(number, 0) + 1
-        offset = self._offset_of(block)
+        offset = self._time_offset(block)
         channels = {number: self._joined(block.channels[number]) for number in lows}
         sequences = {number: self._sequence(channels[number].topic) for number in lows}
         base = {number: self._run.base.get(channel.topic, 0) for number, channel in channels.items()}
@@ -317,7 +317,7 @@ class Log:
         for number, count in counts.items():
             sequences[number].take(places[number], count)
         self._attribute(before)
-        found = [
+        messages = [
             LogMessage(
                 channels[number],
                 places[number] + (sequence - lows[number]) % layout.SEQUENCES,
@@ -326,10 +326,10 @@ class Log:
             )
             for number, sequence, log_time, data in block.rows
         ]
-        self._latest_ns = max(row.t_ns for row in found)
-        return found
+        self._latest_ns = max(row.t_ns for row in messages)
+        return messages
 
-    def _offset_of(self, block: Block) -> int:
+    def _time_offset(self, block: Block) -> int:
         """What is taken from the times of a block, ns; by a clock set back, a start comes `UNKNOWN_NS` later."""
         number, _, log_time, _ = block.rows[0]
         offset, run = block.channels[number].epoch_offset_ns, self._run
@@ -347,11 +347,11 @@ class Log:
         """Channel as the first start wrote it."""
         if self._run.recording == self.recording or self._origin_ns is None:
             return channel
-        known = self._channels.get(channel.topic)
-        if known is None:
-            known = replace(channel, recording=self.recording or "", epoch_offset_ns=self._origin_ns)
-            self._channels[channel.topic] = known
-        return known
+        first = self._channels.get(channel.topic)
+        if first is None:
+            first = replace(channel, recording=self.recording or "", epoch_offset_ns=self._origin_ns)
+            self._channels[channel.topic] = first
+        return first
 
     def _sequence(self, topic: str) -> SequenceGaps:
         sequence = self._sequences.get(topic)
@@ -390,34 +390,34 @@ def open_log(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Log:
         If there is no such file, it is not MCAP, or the files are not of one recording.
     """
     files = _files(path)
-    found = _identified(files, strict=not isinstance(path, str | PathLike))
-    if all(part.info is not None for part in found):
-        found.sort(key=lambda part: part.info.part if part.info else 0)
-    if other := _other_recording(found):
+    parts = _identified(files, strict=not isinstance(path, str | PathLike))
+    if all(part.info is not None for part in parts):
+        parts.sort(key=lambda part: part.info.part if part.info else 0)
+    if other := _other_recording(parts):
         raise DecodeError(
             f"{files[0].parent} holds parts of several recordings ({', '.join(file.name for file in files[:6])}): "
             f"{other.path.name} does not go on from the part before it. Name the parts of one."
         )
-    return Log(found)
+    return Log(parts)
 
 
 def _other_recording(parts: Sequence[Identity]) -> Identity | None:
     """First part that belongs neither to the recording of those before it nor to one that goes on from it."""
-    known: list[Identity] = []
+    earlier: list[Identity] = []
     for part in parts:
-        if known and (part.recording is None or known[-1].recording is None):
+        if earlier and (part.recording is None or earlier[-1].recording is None):
             return part
-        if known and part.recording not in {"", known[-1].recording} and not _goes_on(known, part):
+        if earlier and part.recording not in {"", earlier[-1].recording} and not _goes_on(earlier, part):
             return part
         if part.recording != "":
-            known.append(part)
+            earlier.append(part)
     return None
 
 
-def _goes_on(known: Sequence[Identity], part: Identity) -> bool:
+def _goes_on(earlier: Sequence[Identity], part: Identity) -> bool:
     """Whether a part of another name goes on from those before it; one whose beginning is damaged cannot tell."""
-    before, info = known[-1].info, part.info
-    if part.recording in {other.recording for other in known}:
+    before, info = earlier[-1].info, part.info
+    if part.recording in {other.recording for other in earlier}:
         return False
     later = info is None or before is None or info.part > before.part
     return later and (info is None or info.follows is not None)
@@ -425,21 +425,21 @@ def _goes_on(known: Sequence[Identity], part: Identity) -> bool:
 
 def _identified(files: Sequence[Path], strict: bool) -> list[Identity]:
     """Whose files these are; among parts found by their names, one of which nothing is left is damage, no error."""
-    found, refused = [], []
+    parts, refused = [], []
     for file in files:
         try:
-            found.append(identify(file))
+            parts.append(identify(file))
         except DecodeError as error:
             refused.append(error)
-            found.append(Identity(file, ""))
+            parts.append(Identity(file, ""))
     if refused and (strict or len(refused) == len(files)):
         raise refused[0]
-    return found
+    return parts
 
 
 def _files(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> list[Path]:
     if not isinstance(path, str | PathLike):
-        files = [Path(one) for one in path]
+        files = [Path(name) for name in path]
     elif Path(path).is_dir():
         files = sorted(Path(path).glob(f"*{layout.SUFFIX}"))
     else:

@@ -123,12 +123,12 @@ def _statistics(contents: Contents, used: list[tuple[bytes, bytes]]) -> bytes:
 def _offsets(groups: Mapping[int, bytes], at: int) -> bytes:
     from mcap.records import SummaryOffset
 
-    found = bytearray()
+    offsets = bytearray()
     for opcode, group in groups.items():
         if group:
-            found += layout.encode(SummaryOffset(group_opcode=opcode, group_start=at, group_length=len(group)))
+            offsets += layout.encode(SummaryOffset(group_opcode=opcode, group_start=at, group_length=len(group)))
         at += len(group)
-    return bytes(found)
+    return bytes(offsets)
 
 
 LIBRARY = "plumbob recording 1"

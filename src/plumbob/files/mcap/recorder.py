@@ -146,13 +146,13 @@ class Recorder:
         self._refuse(existing)
         if existing:
             self.follows, self.path = existing[-1], layout.next_path(self._path)
-            rules = replace(rules, first=layout.number_of(self._path, self.path))
+            rules = replace(rules, first=layout.part_number(self._path, self.path))
         before = self._recording_before(existing)
         self.alone = bool(existing) and before is None
-        own = info.PartInfo(
+        part = info.PartInfo(
             self._recording, rules.first, self._offset, metadata=dict(self.metadata), follows=before, boot=disk.boot()
         )
-        writer = Writer(rules, own, self._backlog, self._channels, self._take_drops, self._tell)
+        writer = Writer(rules, part, self._backlog, self._channels, self._take_drops, self._tell)
         try:
             writer.start()
         except FileExistsError:
@@ -177,8 +177,8 @@ class Recorder:
             raise ParameterError(f"the recording {self._path.name} has a channel '{topic}' already.")
         _refuse_reserved(metadata or {})
         number = len(self._next) + 1
-        found = Channel(topic, encoding, schema, metadata or {}, self._recording, self._offset)
-        self._channels[number] = (topic, found.records(number))
+        channel = Channel(topic, encoding, schema, metadata or {}, self._recording, self._offset)
+        self._channels[number] = (topic, channel.records(number))
         self._next[number] = 0
         return number
 
@@ -225,10 +225,10 @@ class Recorder:
 
     def take_events(self) -> list[Event]:
         """What has happened since the last call, oldest first."""
-        found = []
+        events = []
         while self._events:
-            found.append(self._events.popleft())
-        return found
+            events.append(self._events.popleft())
+        return events
 
     def close(self, timeout: float = 10.0) -> None:
         """Write everything that waits and end the part; more than once does no harm.
@@ -330,8 +330,8 @@ class Recorder:
 
     def _take_drops(self) -> dict[str, int]:
         with self._drops_lock:
-            found, self._drops = self._drops, {}
-        return found
+            drops, self._drops = self._drops, {}
+        return drops
 
     def _tell(self, kind: str, text: str, count: int) -> None:
         self._events.append(Event(time.monotonic_ns(), kind, text, count))

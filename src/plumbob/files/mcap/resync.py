@@ -30,7 +30,7 @@ class Source:
         self.size = os.fstat(self._file.fileno()).st_size
         self._left = _SEARCHES * self.size + WINDOW
 
-    def at(self, offset: int, count: int) -> bytes:
+    def read(self, offset: int, count: int) -> bytes:
         """`count` bytes from `offset` on, fewer at the end of the file."""
         if offset >= self.size or count <= 0:
             return b""
@@ -52,7 +52,7 @@ class Source:
     def windows(self, start: int, end: int, overlap: int = 0) -> Iterator[tuple[int, bytes]]:
         """Offset and bytes of pieces from `start` to `end`; each goes on `overlap` bytes into the next."""
         while start < end:
-            yield start, self.at(start, min(WINDOW, end - start) + overlap)
+            yield start, self.read(start, min(WINDOW, end - start) + overlap)
             start += WINDOW
 
     def __enter__(self) -> Self:
@@ -114,24 +114,24 @@ def footer_after(source: Source, start: int, checked: bool) -> int | None:
 
 def summary_start(source: Source, footer: int, checked: bool) -> int | None:
     """Where the summary begins that a footer speaks of; None if its CRC does not hold."""
-    body = source.at(footer + layout.RECORD_HEAD.size, layout.FOOTER_BODY.size)
+    body = source.read(footer + layout.RECORD_HEAD.size, layout.FOOTER_BODY.size)
     start, _, crc = layout.FOOTER_BODY.unpack(body)
     if start > footer or not source.may_search(footer - start):
         return None
     if crc == 0 and not checked:
         return start or footer
-    end, found = footer + layout.RECORD_HEAD.size + layout.FOOTER_BODY.size - 4, 0
+    end, checksum = footer + layout.RECORD_HEAD.size + layout.FOOTER_BODY.size - 4, 0
     for _, window in source.windows(start or footer, end):
-        found = zlib.crc32(window, found)
-    return (start or footer) if found == crc else None
+        checksum = zlib.crc32(window, checksum)
+    return (start or footer) if checksum == crc else None
 
 
 def _candidates(source: Source, start: int, pattern: re.Pattern[bytes]) -> Iterator[tuple[int, int]]:
     """Offsets and opcodes of what looks like a landmark; the next one is near in most files."""
     step = _STEP
     while start < source.size and source.may_search(min(step, source.size - start)):
-        window, i = source.at(start, step + _OVERLAP), 0
-        while (found := pattern.search(window, i)) and found.start() < step:
-            yield start + found.start(), window[found.start()]
-            i = found.start() + 1  # the next may begin within this one
+        window, i = source.read(start, step + _OVERLAP), 0
+        while (match := pattern.search(window, i)) and match.start() < step:
+            yield start + match.start(), window[match.start()]
+            i = match.start() + 1  # the next may begin within this one
         start, step = start + step, min(2 * step, WINDOW)

@@ -42,10 +42,10 @@ def rows_by_topic(source: Source, summary: int, end: int) -> dict[str, int]:
 def _read(source: Source, at: int, end: int) -> dict[str, int]:
     topics: dict[int, str] = {}
     while True:
-        opcode, length = layout.RECORD_HEAD.unpack(source.at(at, layout.RECORD_HEAD.size))
+        opcode, length = layout.RECORD_HEAD.unpack(source.read(at, layout.RECORD_HEAD.size))
         if opcode not in (layout.SCHEMA, layout.CHANNEL, layout.STATISTICS) or length > min(_LARGEST, end - at):
             return {}
-        body = ReadDataStream(BytesIO(source.at(at + layout.RECORD_HEAD.size, length)))
+        body = ReadDataStream(BytesIO(source.read(at + layout.RECORD_HEAD.size, length)))
         if opcode == layout.CHANNEL:
             channel = records.Channel.read(body)
             topics[channel.id] = channel.topic
@@ -151,17 +151,17 @@ class Scan:
         """Blocks and damages in the order of the file."""
         source = self._source
         at = len(layout.MAGIC)
-        if source.at(0, at) != layout.MAGIC:
+        if source.read(0, at) != layout.MAGIC:
             yield self._damage(0, min(at, source.size), "the first bytes are not those of MCAP")
-            if source.at(at, 1) != bytes([layout.HEADER]):  # nothing says that records begin there
+            if source.read(at, 1) != bytes([layout.HEADER]):  # nothing says that records begin there
                 at = 0
         while at < source.size:
             try:
-                found, after = self._record(at)
+                blocks, after = self._record(at)
             except BrokenRecordError as error:
                 after, self._summary_at = next_landmark(source, at + 1, self._is_good, checked=self._ours)
-                found = [self._damage(at, after - at, str(error), certain=False)]
-            yield from found
+                blocks = [self._damage(at, after - at, str(error), certain=False)]
+            yield from blocks
             at = after
 
     def _damage(self, offset: int, size: int, what: str, certain: bool = True) -> Damage:
@@ -170,7 +170,7 @@ class Scan:
 
     def _record(self, at: int) -> tuple[list[Block | Damage], int]:
         """What stands at an offset, and the offset behind it."""
-        head = self._source.at(at, layout.RECORD_HEAD.size)
+        head = self._source.read(at, layout.RECORD_HEAD.size)
         if len(head) < layout.RECORD_HEAD.size:
             raise BrokenRecordError("the file ends within a record")
         opcode, length = layout.RECORD_HEAD.unpack(head)
@@ -208,14 +208,14 @@ class Scan:
         return []
 
     def _info_at(self, at: int) -> PartInfo | None:
-        opcode, length = layout.RECORD_HEAD.unpack(self._source.at(at, 9).ljust(9, b"\0"))
-        whole = opcode == layout.METADATA and length <= self._source.size - at and self._source.may_search(length)
-        info = PartInfo.parse(self._source.at(at + 9, length)) if whole else None
+        opcode, length = layout.RECORD_HEAD.unpack(self._source.read(at, 9).ljust(9, b"\0"))
+        complete = opcode == layout.METADATA and length <= self._source.size - at and self._source.may_search(length)
+        info = PartInfo.parse(self._source.read(at + 9, length)) if complete else None
         return None if info is None or (self._recording and info.recording != self._recording) else info
 
     def _goes_on(self, at: int) -> bool:
         """Whether the file ends at an offset, or goes on with a record that can follow."""
-        return at == self._source.size or self._source.at(at, 9) == _DATA_END or self._is_good(at)
+        return at == self._source.size or self._source.read(at, 9) == _DATA_END or self._is_good(at)
 
     def _is_good(self, at: int) -> bool:
         return self.is_chunk(at) or (self._ours and self._info_at(at) is not None)
@@ -224,11 +224,11 @@ class Scan:
 
     def _bare(self, at: int, length: int) -> list[Block | Damage]:
         """A schema, channel or message outside chunks."""
-        content = self._parser.parse(self._source.at(at, 9 + length), self._schemas)
+        content = self._parser.parse(self._source.read(at, 9 + length), self._schemas)
         self.unchecked += len(content.rows)
-        return self._known(at, content)
+        return self._foreign_rows(at, content)
 
-    def _known(self, at: int, content: Content) -> list[Block | Damage]:
+    def _foreign_rows(self, at: int, content: Content) -> list[Block | Damage]:
         """Rows of other programs' files, whose channels may have been declared earlier."""
         self._channels.update(content.channels)
         rows = [row for row in content.rows if row[0] in self._channels]
@@ -238,17 +238,17 @@ class Scan:
     def _block(self, at: int) -> tuple[list[Block | Damage], int]:
         chunk = self._chunk(at)
         if not self._ours:
-            return self._known(at, chunk.content), chunk.after
-        found: list[Block | Damage] = [Block(at, chunk.content.channels, chunk.content.rows)]
+            return self._foreign_rows(at, chunk.content), chunk.after
+        blocks: list[Block | Damage] = [Block(at, chunk.content.channels, chunk.content.rows)]
         if not chunk.times_hold:
-            found.append(self._damage(at + 9, 16, "the times at a chunk's head are wrong; its rows are whole"))
+            blocks.append(self._damage(at + 9, 16, "the times at a chunk's head are wrong; its rows are whole"))
         after, damage = self._index(chunk)
-        return found + damage, after
+        return blocks + damage, after
 
     def _index(self, chunk: _Chunk) -> tuple[int, list[Block | Damage]]:
         """Compare the message indexes behind a chunk with what they must be; they have no CRC."""
         index = b"".join(layout.index_records(chunk.content.entries).values())
-        there = self._source.at(chunk.after, len(index))
+        there = self._source.read(chunk.after, len(index))
         end = chunk.after + len(there)
         if there == index or not there:
             return end, []
@@ -280,7 +280,7 @@ class Scan:
         BrokenRecordError
             If it is not whole, or not of this recording.
         """
-        head = self._source.at(at, layout.CHUNK_HEAD.size)
+        head = self._source.read(at, layout.CHUNK_HEAD.size)
         if len(head) < layout.CHUNK_HEAD.size:
             raise BrokenRecordError("the file ends within a chunk")
         opcode, length, first, last, size, crc, name_size = layout.CHUNK_HEAD.unpack(head)
@@ -293,14 +293,14 @@ class Scan:
             raise BrokenRecordError("a chunk reaches beyond the end of the file")
         if not self._source.may_search(length):
             raise BrokenRecordError("it is not searched any further, because most that looks like a record is not one")
-        rest = self._source.at(at + layout.CHUNK_HEAD.size, min(name_size, 16) + 8)
+        rest = self._source.read(at + layout.CHUNK_HEAD.size, min(name_size, 16) + 8)
         if name_size > 16 or len(rest) < name_size + 8:
             raise BrokenRecordError("a chunk's compression has no name")
         name, (stored,) = rest[:name_size], layout.SIZE.unpack_from(rest, name_size)
         fits = layout.chunk_length(name_size, stored)
         if length != fits and (self._ours or length < fits):
             raise BrokenRecordError("the lengths at a chunk's head contradict each other")
-        content = inflate(self._source.at(at + layout.CHUNK_HEAD.size + name_size + 8, stored), name, size)
+        content = inflate(self._source.read(at + layout.CHUNK_HEAD.size + name_size + 8, stored), name, size)
         if self._ours or crc:
             if zlib.crc32(content) != crc:
                 raise BrokenRecordError("the CRC of a chunk does not hold")
@@ -326,7 +326,7 @@ class Scan:
     def _data_end(self, at: int, length: int) -> list[Block | Damage]:
         if length != layout.CRC.size:
             raise BrokenRecordError("the end of the data cannot be read")
-        (crc,) = layout.CRC.unpack(self._source.at(at + layout.RECORD_HEAD.size, length))
+        (crc,) = layout.CRC.unpack(self._source.read(at + layout.RECORD_HEAD.size, length))
         self._summary_at = at + layout.DATA_END_SIZE
         if crc == 0 and not self._ours:
             return []
@@ -380,7 +380,7 @@ def identify(path: Path) -> Identity:
         If it cannot be read, or holds no MCAP.
     """
     with Source(path) as source:
-        magic = source.at(0, len(layout.MAGIC))
+        magic = source.read(0, len(layout.MAGIC))
         if len(magic) < len(layout.MAGIC) and layout.MAGIC.startswith(magic):
             return Identity(path, "")
         info = _info_at_start(source)
@@ -402,33 +402,33 @@ def identify(path: Path) -> Identity:
 def _header(source: Source) -> tuple[bytes, int]:
     """First bytes of the library's name, and the offset behind the header record."""
     at = len(layout.MAGIC)
-    head = source.at(at, layout.RECORD_HEAD.size + 8)
+    head = source.read(at, layout.RECORD_HEAD.size + 8)
     if len(head) < layout.RECORD_HEAD.size + 8:
         return b"", source.size
     opcode, length = layout.RECORD_HEAD.unpack_from(head)
-    body = source.at(at + layout.RECORD_HEAD.size, min(length, 1 << 16))
+    body = source.read(at + layout.RECORD_HEAD.size, min(length, 1 << 16))
     profile = int.from_bytes(body[:4], "little")
-    known = opcode == layout.HEADER and length == len(body)
-    return body[profile + 8 : profile + 8 + len(_OWN)] if known else b"", at + layout.RECORD_HEAD.size + length
+    valid = opcode == layout.HEADER and length == len(body)
+    return body[profile + 8 : profile + 8 + len(_OWN)] if valid else b"", at + layout.RECORD_HEAD.size + length
 
 
 def _is_foreign(source: Source) -> bool:
     """Whether the header names another program; ours with a damaged letter or two is still ours."""
     library, _ = _header(source)
     alike = sum(a == b for a, b in zip(library, _OWN, strict=False))
-    whole = len(library) == len(_OWN) or source.size > len(layout.MAGIC) + 64
-    return bool(library) and whole and alike < len(_OWN) - 2
+    complete = len(library) == len(_OWN) or source.size > len(layout.MAGIC) + 64
+    return bool(library) and complete and alike < len(_OWN) - 2
 
 
 def _info_at_start(source: Source) -> PartInfo | None:
     _, at = _header(source)
-    head = source.at(at, layout.RECORD_HEAD.size)
+    head = source.read(at, layout.RECORD_HEAD.size)
     if len(head) < layout.RECORD_HEAD.size:
         return None
     opcode, length = layout.RECORD_HEAD.unpack(head)
     if opcode != layout.METADATA or at + layout.RECORD_HEAD.size + length > source.size:
         return None
-    return PartInfo.parse(source.at(at + layout.RECORD_HEAD.size, length))
+    return PartInfo.parse(source.read(at + layout.RECORD_HEAD.size, length))
 
 
 def _recording_of_chunks(source: Source) -> str | None:

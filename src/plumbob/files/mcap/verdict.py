@@ -80,8 +80,8 @@ def write_rows(
         names[topic]: Channel(topic, encoding, schema, {}, info.recording, epoch_offset_ns).records(names[topic])
         for topic, (encoding, schema) in topics.items()
     }
-    whole = replacing(Path(path), overwrite=overwrite, seeks=True)
-    with whole as temporary, whole_part(temporary, info) as (part, write):
+    target = replacing(Path(path), overwrite=overwrite, seeks=True)
+    with target as temporary, whole_part(temporary, info) as (part, write):
         ends = dict.fromkeys(names, 0)
         for chunk in _chunks(rows, names, records, ends, epoch_offset_ns):
             write(chunk)
@@ -283,16 +283,16 @@ def _refuse(log: Log, target: Path) -> None:
 
 
 def _rewrite(log: Log, target: Path, verdict: Verdict) -> None:
-    known = log.first_info
+    info = log.first_info
     recording = log.recording or "0" * 32
     first = PartInfo(
         recording,
-        1 if known is None else known.part,
-        0 if known is None else known.epoch_offset_ns,
-        {} if known is None else known.starts,
+        1 if info is None else info.part,
+        0 if info is None else info.epoch_offset_ns,
+        {} if info is None else info.starts,
         metadata=log.metadata,
-        follows=None if known is None else known.follows,
-        boot="" if known is None else known.boot,
+        follows=None if info is None else info.follows,
+        boot="" if info is None else info.boot,
     )
     numbers = _Numbers()
     with whole_part(target, first) as (part, write):
@@ -310,7 +310,7 @@ class _Numbers:
         self.records: dict[int, tuple[bytes, bytes]] = {}
         self._numbers: dict[str, int] = {}
 
-    def of(self, channel: Channel) -> int:
+    def number(self, channel: Channel) -> int:
         number = self._numbers.setdefault(channel.topic, len(self._numbers) + 1)
         if number not in self.records:
             self.records[number] = channel.records(number)
@@ -320,7 +320,7 @@ class _Numbers:
 def _chunk(rows: list[LogMessage], numbers: _Numbers) -> OpenChunk:
     chunk = OpenChunk(rows[0].t_ns)
     for row in rows:
-        number = numbers.of(row.channel)
+        number = numbers.number(row.channel)
         if number not in chunk.entries:
             chunk.introduce(number, row.sequence, numbers.records[number])
         chunk.add(number, row.sequence, row.t_ns + row.channel.epoch_offset_ns, row.data)

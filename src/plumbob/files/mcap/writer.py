@@ -71,10 +71,10 @@ class Backlog:
     def clear(self) -> list[OpenChunk]:
         """Remove and return everything."""
         with self._changed:
-            left = list(self._chunks)
+            chunks = list(self._chunks)
             self._chunks.clear()
             self._bytes = 0
-        return left
+        return chunks
 
     def close(self) -> None:
         """Say that nothing more will come."""
@@ -191,9 +191,9 @@ class Writer:
         self._end()
 
     def _end(self) -> None:
-        left = self._backlog.clear()
-        self.unwritten = sum(chunk.rows for chunk in left)
-        if left:
+        chunks = self._backlog.clear()
+        self.unwritten = sum(chunk.rows for chunk in chunks)
+        if chunks:
             self._tell(
                 "dropped", f"{counted(self.unwritten, 'row')} unwritten when the recording ended", self.unwritten
             )

@@ -103,7 +103,7 @@ class Field(NamedTuple):
     white2: float
 
     @classmethod
-    def of(cls, reference: Reference | None, p: Params) -> "Field":
+    def from_reference(cls, reference: Reference | None, p: Params) -> "Field":
         """Of a reference; without a level part where there is none."""
         if reference is None:
             return cls(0.0, 0.0, 1.0, 1.0)
@@ -115,7 +115,7 @@ def velocity_density(learned: Floats, mean: Floats, dt: float, least: float, unt
     """Spectral density of the level velocity, m²/s, by how the body has moved up to now; a held force says nothing."""
     if untold:
         learned[EAST_SPEED] = learned[NORTH_SPEED] = 0.0
-        return density_of(learned, least)
+        return learned_density(learned, least)
     fading = math.exp(-dt / LEAK)
     learned[EAST_SPEED] = learned[EAST_SPEED] * fading + mean[FORCE]
     learned[NORTH_SPEED] = learned[NORTH_SPEED] * fading + mean[FORCE + 1]
@@ -124,11 +124,11 @@ def velocity_density(learned: Floats, mean: Floats, dt: float, least: float, unt
     force2 = 0.5 * (mean[FORCE] ** 2 + mean[FORCE + 1] ** 2) / (dt * dt)
     learned[SPEED2] += share * (speed2 - learned[SPEED2])
     learned[FORCE2] += share * (force2 - learned[FORCE2])
-    return density_of(learned, least)
+    return learned_density(learned, least)
 
 
 @kernel
-def density_of(learned: Floats, least: float) -> float:
+def learned_density(learned: Floats, least: float) -> float:
     """The same by what is learned."""
     speed = math.sqrt(learned[SPEED2])
     lasts = min(max(SPEED_TIMES * speed / max(math.sqrt(learned[FORCE2]), 1e-3), SHORTEST), LONGEST)
@@ -189,10 +189,10 @@ def onward(
     `stationary` what contradicts the gyroscope.
     """
     column, gain, term = np.zeros(SIZE), np.zeros((MEASURED, SIZE)), np.zeros((MEASURED, TERMS))
-    f, mean, seen, rate = np.zeros(STEP), np.zeros(MEANS), np.empty(9), np.empty(3)
+    f, mean, vectors, rate = np.zeros(STEP), np.zeros(MEANS), np.empty(9), np.empty(3)
     keep(0, attitude, now, p, q, x, cov)
     for k in range(first.size - 1):
-        kind = AGAIN if gap[k] else kind_of(quiet[k], around[k], now, rest_band)
+        kind = AGAIN if gap[k] else step_kind(quiet[k], around[k], now, rest_band)
         spread2 = integrate(first[k], first[k + 1], t, gyr, acc, mag, kind, attitude, now, f, mean)
         dt = f[TIME]
         f[FADE] = math.exp(-dt / noise.bend_time)
@@ -216,8 +216,8 @@ def onward(
         correct(attitude, now)
         doubt2, end = 0.0, t[first[k + 1]]
         if kind == MOVING:
-            means(acc, mag, first[k], first[k + 1], seen)
-            doubt2 = stands(standing, seen, rate, dt, end)
+            means(acc, mag, first[k], first[k + 1], vectors)
+            doubt2 = stands(standing, vectors, rate, dt, end)
         else:
             standing[STOOD] = 0.0
         if doubt2 > CLEAR * CLEAR and quiet[k]:
@@ -270,7 +270,7 @@ def forget_velocity(p: Floats, now: Floats) -> None:
 
 
 @kernel
-def kind_of(quiet: bool, around: Floats, now: Floats, rest_band: float) -> int:
+def step_kind(quiet: bool, around: Floats, now: Floats, rest_band: float) -> int:
     """Kind of a step: at rest where it ends a calm window whose mean rate is the bias."""
     off2 = 0.0
     for i in range(3):
@@ -366,7 +366,7 @@ class Room(NamedTuple):
     weight: Floats
 
     @classmethod
-    def of(cls, n: int) -> "Room":
+    def empty(cls, n: int) -> "Room":
         """For n steps."""
         return cls(
             np.empty((n + 1, 4)),

@@ -91,8 +91,8 @@ class Reference:
 
     def off(self, field: Floats) -> Floats:
         """How far fields (K, 3) in navigation axes are off in size and dip, µT, whatever their direction."""
-        found: Floats = np.hypot(np.hypot(field[:, 0], field[:, 1]) - self.level, field[:, 2] - self.vertical)
-        return found
+        deviation: Floats = np.hypot(np.hypot(field[:, 0], field[:, 1]) - self.level, field[:, 2] - self.vertical)
+        return deviation
 
     def spread(self, p: Params) -> float:
         """Deviation at which a field counts with a quarter, µT."""
@@ -104,9 +104,9 @@ class Reference:
         return min(max(self.median / self.level, LEAST_BEND), p.mag_disturbance_sd)
 
 
-def reference_of(
-    frames: Keyframes, p: Params, field: Floats, seen: Inertial, doubtful: Bools,
-    known: tuple[Reference, float] | None = None,
+def find_reference(
+    frames: Keyframes, p: Params, field: Floats, inertial: Inertial, doubtful: Bools,
+    prior: tuple[Reference, float] | None = None,
 ) -> Reference | None:  # fmt: skip
     """The strongest mode of level and vertical field, weighed by the time that the unit turned in it.
 
@@ -118,11 +118,11 @@ def reference_of(
         Parameters.
     field : ndarray (K, 3)
         Mean fields of the steps in navigation axes, whatever their heading, µT.
-    seen : Inertial
+    inertial : Inertial
         Where the unit rested, and its bias.
     doubtful : ndarray (K,) of bool
         Steps whose field is not to be used.
-    known : (Reference, float), optional
+    prior : (Reference, float), optional
         The field of the samples before, and for how long it was seen, s.
 
     Returns
@@ -131,31 +131,31 @@ def reference_of(
         None where no field has a level part.
     """
     level, up = np.hypot(field[:, 0], field[:, 1]), field[:, 2]
-    turning, resting = times_seen(frames, seen.resting, seen.sweep.bias[1:])
+    turning, resting = times_seen(frames, inertial.resting, inertial.sweep.bias[1:])
     weight = turning + resting
     usable = np.isfinite(level) & ~doubtful & (weight > 0.0) & on_earth.py_func(level, up)  # type: ignore[arg-type]  # whole arrays
     if not usable.any():
         return None
     points, weight = np.stack((level[usable], up[usable]), axis=1), weight[usable]
-    if known is not None:
-        points = np.concatenate(([[known[0].level, known[0].vertical]], points))
-        weight = np.concatenate(([known[1]], weight))
-    best = _mode_of(points, weight, _sharpness(p))
+    if prior is not None:
+        points = np.concatenate(([[prior[0].level, prior[0].vertical]], points))
+        weight = np.concatenate(([prior[1]], weight))
+    best = _field_mode(points, weight, _sharpness(p))
     for _ in range(10):
         w = weight / (1.0 + ((points - best) ** 2).sum(axis=1) / (2.0 * p.mag_spread) ** 2) ** 2
         best = w @ points / w.sum()
-    found = Reference(float(best[0]), float(best[1]), 0.0)
-    if found.level < max(STEEPEST * math.hypot(*best), LEAST_LEVEL):
+    reference = Reference(float(best[0]), float(best[1]), 0.0)
+    if reference.level < max(STEEPEST * math.hypot(*best), LEAST_LEVEL):
         return None
-    off = found.off(field)[~doubtful]
+    off = reference.off(field)[~doubtful]
     off = off[np.isfinite(off)]
-    found = replace(found, median=float(np.median(off)))
+    reference = replace(reference, median=float(np.median(off)))
     if p.lag is not None:
-        found = replace(found, median=middle_of(off, 1.0 / (1.0 + (off / found.spread(p)) ** 2) ** 2))
-    return Reference(found.level, found.vertical, found.median, *_rival(points, weight, best, p))
+        reference = replace(reference, median=weighted_median(off, 1.0 / (1.0 + (off / reference.spread(p)) ** 2) ** 2))
+    return Reference(reference.level, reference.vertical, reference.median, *_rival(points, weight, best, p))
 
 
-def middle_of(values: Floats, weight: Floats) -> float:
+def weighted_median(values: Floats, weight: Floats) -> float:
     """Median (K,) by weight."""
     order = np.argsort(values)
     share = np.cumsum(weight[order])
@@ -178,10 +178,10 @@ def times_seen(frames: Keyframes, resting: Bools, bias: Floats) -> tuple[Floats,
     return turning, at_rest
 
 
-def share_of_rest(frames: Keyframes, seen: Inertial) -> Floats:
+def share_of_rest(frames: Keyframes, inertial: Inertial) -> Floats:
     """How much of each step counts for the heading, (K,): all that is seen at rest is one view of the field."""
-    _, at_rest = times_seen(frames, seen.resting, seen.sweep.bias[1:])
-    return np.where(seen.resting, at_rest / frames.step, 1.0)
+    _, at_rest = times_seen(frames, inertial.resting, inertial.sweep.bias[1:])
+    return np.where(inertial.resting, at_rest / frames.step, 1.0)
 
 
 def _rival(points: Floats, weight: Floats, best: Floats, p: Params) -> tuple[tuple[float, float] | None, float]:
@@ -190,7 +190,7 @@ def _rival(points: Floats, weight: Floats, best: Floats, p: Params) -> tuple[tup
     if not far.any():
         return None, 0.0
     sharpness = _sharpness(p)
-    other = _mode_of(points[far], weight[far], sharpness)
+    other = _field_mode(points[far], weight[far], sharpness)
 
     def strength(centre: Floats) -> float:
         return float(np.sum(weight / (1.0 + sharpness * ((points - centre) ** 2).sum(axis=1)) ** 2))
@@ -204,10 +204,10 @@ def _sharpness(p: Params) -> float:
     return 1.0 / (1.5 * p.mag_spread) ** 2
 
 
-def _mode_of(points: Floats, weight: Floats, sharpness: float) -> Floats:
+def _field_mode(points: Floats, weight: Floats, sharpness: float) -> Floats:
     """Point (2,) near which most of the weight lies."""
-    found: Floats = points[mode(points, weight, max(1, len(points) // MODES), sharpness)]
-    return found
+    centre: Floats = points[mode(points, weight, max(1, len(points) // MODES), sharpness)]
+    return centre
 
 
 @kernel
@@ -244,7 +244,7 @@ def white_noise(p: Params, reference: Reference) -> float:
     return p.mag_noise * (1.0 if p.lag > 0.0 else UNTOLD)
 
 
-def scatter_of(frames: Keyframes, p: Params, reference: Reference, field: Floats, weight: Floats) -> float:
+def direction_scatter(frames: Keyframes, p: Params, reference: Reference, field: Floats, weight: Floats) -> float:
     """By how much the direction of fields (K, 3) that count scatters beyond what the deflection allows, rad.
 
     Of means over `PIECE`: what is faster is noise. A field that bends from place to place by so much says no more of
@@ -253,10 +253,10 @@ def scatter_of(frames: Keyframes, p: Params, reference: Reference, field: Floats
     piece = frames.pieces(PIECE)
     trust = weight * frames.step
     phasor = np.where(trust > 0.0, trust * np.exp(1j * np.arctan2(field[:, 0], field[:, 1])), 0.0)
-    east, north, seen = (np.bincount(piece, of) for of in (phasor.imag, phasor.real, trust))
-    if not seen.any():
+    east, north, piece_trust = (np.bincount(piece, of) for of in (phasor.imag, phasor.real, trust))
+    if not piece_trust.any():
         return 0.0
-    square = float(np.average(np.arctan2(east, north) ** 2, weights=seen))
+    square = float(np.average(np.arctan2(east, north) ** 2, weights=piece_trust))
     return math.sqrt(max(square - reference.bend(p) ** 2, 0.0))
 
 
@@ -288,7 +288,7 @@ WIDTHS: Final = 2.0, 1.0, 0.6, 0.35, 0.25, 0.25
 THIRDS: Final = (0.0, 0.34), (0.33, 0.67), (0.66, 1.0)
 
 
-def heading_of(frames: Keyframes, found: Inertial, field: Floats, weight: Floats) -> Floats:
+def heading_turn(frames: Keyframes, inertial: Inertial, field: Floats, weight: Floats) -> Floats:
     """Turn about the vertical, (K,), rad, that brings the field of an attitude without heading north, over time.
 
     It is a constant that drifts as the gyroscope's bias is wrong. Fields of another direction must not pull it, whether
@@ -297,7 +297,7 @@ def heading_of(frames: Keyframes, found: Inertial, field: Floats, weight: Floats
     """
     time, dt = frames.time[1:], frames.step
     azimuth = np.where(weight > 0.0, np.arctan2(field[:, 0], field[:, 1]), 0.0)
-    drift = _drift(frames, azimuth, weight, found.drift_sd)
+    drift = _drift(frames, azimuth, weight, inertial.drift_sd)
     base = drift * (time - time[0])
     turned = azimuth - base
     part = (time - time[0]) / max(time[-1] - time[0], 1e-9)
@@ -309,7 +309,7 @@ def heading_of(frames: Keyframes, found: Inertial, field: Floats, weight: Floats
         for width in WIDTHS:
             off = _wrapped(turned - offset)
             trust = weight / (1.0 + (off / width) ** 2) ** 2
-            offset = _followed(dt, offset + off, trust, frames.gap)
+            offset = _smoothed_angle(dt, offset + off, trust, frames.gap)
         off2 = _wrapped(turned - offset) ** 2
         cost = float(np.sum(weight * dt * off2 / (off2 + WIDTHS[-1] ** 2)))
         if cost < least:
@@ -318,7 +318,7 @@ def heading_of(frames: Keyframes, found: Inertial, field: Floats, weight: Floats
     return turn
 
 
-def bias_of_drift(frames: Keyframes, found: Inertial, turn: Floats) -> Floats:
+def bias_of_drift(frames: Keyframes, inertial: Inertial, turn: Floats) -> Floats:
     """Bias, (3,), rad/s, that a drift of the heading shows, beside what is already known of it."""
     from plumbob.rotations import dcm_from_quat
 
@@ -326,10 +326,10 @@ def bias_of_drift(frames: Keyframes, found: Inertial, turn: Floats) -> Floats:
     rate = np.diff(turn, prepend=turn[0]) / dt
     rate[0] = rate[1] if rate.size > 1 else 0.0
     rate[frames.gap] = 0.0
-    vertical = dcm_from_quat(found.sweep.q[1:])[:, 2, :]
+    vertical = dcm_from_quat(inertial.sweep.q[1:])[:, 2, :]
     trust = dt / (60.0 * dps(0.05) ** 2)  # in a minute a drift is known to 0.05 °/s
-    known = np.asarray(np.linalg.inv(found.sweep.cov[dt.size // 2, 3:, 3:]))
-    normal = known + (vertical * trust[:, np.newaxis]).T @ vertical
+    info = np.asarray(np.linalg.inv(inertial.sweep.cov[dt.size // 2, 3:, 3:]))
+    normal = info + (vertical * trust[:, np.newaxis]).T @ vertical
     return np.asarray(np.linalg.solve(normal, -vertical.T @ (trust * rate)), dtype=np.float64)
 
 
@@ -359,7 +359,7 @@ def _wrapped(angle: Floats) -> Floats:
     return np.arctan2(np.sin(angle), np.cos(angle))
 
 
-def _followed(dt: Floats, angle: Floats, trust: Floats, gap: Bools) -> Floats:
+def _smoothed_angle(dt: Floats, angle: Floats, trust: Floats, gap: Bools) -> Floats:
     out = np.empty(dt.size)
     follow(dt, angle, trust, gap, DRIFTS, DRIFT_WALK, DRIFT_NOISE, ONE_LOOK, np.empty((dt.size, 10)), out)
     return out
@@ -368,7 +368,7 @@ def _followed(dt: Floats, angle: Floats, trust: Floats, gap: Bools) -> Floats:
 @kernel
 def follow(
     dt: Floats, angle: Floats, trust: Floats, gap: Bools, rate_sd: float, walk: float, noise: float, look: float,
-    kept: Floats, out: Floats,
+    history: Floats, out: Floats,
 ) -> None:  # fmt: skip
     """Smooth an angle that drifts at a rate, both unknown: forward, and back by [Rauch1965]."""
     a, b, p00, p01, p11 = 0.0, 0.0, 10.0, 0.0, rate_sd * rate_sd
@@ -382,7 +382,7 @@ def follow(
             p00 += 2.0 * h * p01 + h * h * p11 + noise * h
             p01 += h * p11
             p11 += walk * walk * h
-        kept[k, 0], kept[k, 1], kept[k, 2], kept[k, 3], kept[k, 4] = a, b, p00, p01, p11
+        history[k, 0], history[k, 1], history[k, 2], history[k, 3], history[k, 4] = a, b, p00, p01, p11
         if trust[k] > 1e-6:
             s = p00 + look / (trust[k] * h)
             k0, k1, r = p00 / s, p01 / s, angle[k] - a
@@ -391,16 +391,16 @@ def follow(
             p11 -= k1 * p01
             p01 -= k0 * p01
             p00 -= k0 * p00
-        kept[k, 5], kept[k, 6], kept[k, 7], kept[k, 8], kept[k, 9] = a, b, p00, p01, p11
+        history[k, 5], history[k, 6], history[k, 7], history[k, 8], history[k, 9] = a, b, p00, p01, p11
     out[n - 1] = a
     for k in range(n - 2, -1, -1):
         h = dt[k + 1]
-        p00, p01, p11 = kept[k + 1, 2], kept[k + 1, 3], kept[k + 1, 4]
-        d0, d1, det = a - kept[k + 1, 0], b - kept[k + 1, 1], p00 * p11 - p01 * p01
+        p00, p01, p11 = history[k + 1, 2], history[k + 1, 3], history[k + 1, 4]
+        d0, d1, det = a - history[k + 1, 0], b - history[k + 1, 1], p00 * p11 - p01 * p01
         u0, u1 = (p11 * d0 - p01 * d1) / det, (p00 * d1 - p01 * d0) / det
-        q00, q01, q11 = kept[k, 7], kept[k, 8], kept[k, 9]
+        q00, q01, q11 = history[k, 7], history[k, 8], history[k, 9]
         c00, c01 = (0.0, q01) if gap[k + 1] else (q00 + h * q01, q01)
         c10, c11 = (0.0, q11) if gap[k + 1] else (q01 + h * q11, q11)
-        a = kept[k, 5] + c00 * u0 + c01 * u1
-        b = kept[k, 6] + c10 * u0 + c11 * u1
+        a = history[k, 5] + c00 * u0 + c01 * u1
+        b = history[k, 6] + c10 * u0 + c11 * u1
         out[k] = a

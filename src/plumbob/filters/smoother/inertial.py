@@ -88,8 +88,8 @@ def without_gravity(frames: Keyframes, force: Floats) -> Bools:
     length = np.bincount(piece, dt)
     total = np.stack([np.bincount(piece, dt * force[:, i]) for i in range(3)], axis=1)
     off = np.linalg.norm(total / np.maximum(length, 1e-9)[:, np.newaxis] - [0.0, 0.0, G0], axis=1)
-    found: Bools = ((off > NOT_GRAVITY) & (length > 0.5 * PIECE))[piece]
-    return found
+    weightless: Bools = ((off > NOT_GRAVITY) & (length > 0.5 * PIECE))[piece]
+    return weightless
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,9 +152,9 @@ def _quiet(frames: Keyframes, p: Params) -> tuple[Bools, Floats, Floats]:
     low, high = np.maximum(i - width // 2, 0), np.minimum(i + width // 2 + 1, len(rate))
 
     def spread(values: Floats) -> tuple[Floats, Floats]:
-        mean, found = mean_between(values, low, high), np.empty(len(values))
-        farthest(values, mean, low, high, found)
-        return found, mean
+        mean, deviation = mean_between(values, low, high), np.empty(len(values))
+        farthest(values, mean, low, high, deviation)
+        return deviation, mean
 
     (rate_spread, mean), (force_spread, up) = spread(rate), spread(force)
     near_gap = sum_between(frames.gap.astype(np.float64), low, high) > 0.0
@@ -177,13 +177,13 @@ def _turned_field(frames: Keyframes, p: Params, quiet: Bools) -> tuple[Bools, Bo
     turning, still, moved = np.zeros_like(quiet), np.zeros_like(quiet), np.zeros_like(quiet)
     piece = frames.pieces(PIECE)
     around = _widened(quiet, p.rest_time / float(np.median(frames.step)))
-    seen = np.concatenate(([False], np.repeat(around, np.diff(frames.first)))) & np.isfinite(frames.mag[:, 0])
-    rows = np.flatnonzero(seen)
+    has_field = np.concatenate(([False], np.repeat(around, np.diff(frames.first)))) & np.isfinite(frames.mag[:, 0])
+    rows = np.flatnonzero(has_field)
     for number in np.unique(piece[quiet]):
         low, high = frames.first[np.searchsorted(piece, number)], frames.first[np.searchsorted(piece, number, "right")]
-        own = frames.mag[rows[np.searchsorted(rows, low) : np.searchsorted(rows, high)]]
-        if (part := len(own) // PARTS) > 0:
-            means = own[: PARTS * part].reshape(PARTS, part, 3).mean(axis=1)
+        fields = frames.mag[rows[np.searchsorted(rows, low) : np.searchsorted(rows, high)]]
+        if (part := len(fields) // PARTS) > 0:
+            means = fields[: PARTS * part].reshape(PARTS, part, 3).mean(axis=1)
             change, grown = np.linalg.norm(means[-1] - means[0]), np.linalg.norm(means[-1]) - np.linalg.norm(means[0])
             ways = np.linalg.norm(np.diff(means, axis=0), axis=1)
             as_a_turn = abs(grown) < SIZE_KEPT * change and ways.max() < EVEN * ways.sum()
@@ -197,17 +197,17 @@ def _widened(quiet: Bools, width: float) -> Bools:
     """All steps of the windows around calm ones, that are so many steps long."""
     half, count = max(1, round(width) // 2), np.concatenate(([0], np.cumsum(quiet)))
     i = np.arange(quiet.size)
-    found: Bools = count[np.minimum(i + half + 1, quiet.size)] > count[np.maximum(i - half, 0)]
-    return found
+    near_calm: Bools = count[np.minimum(i + half + 1, quiet.size)] > count[np.maximum(i - half, 0)]
+    return near_calm
 
 
-def first_rest(found: Calm, p: Params, step: Floats) -> tuple[Bools, Floats]:
+def first_rest(windows: Calm, p: Params, step: Floats) -> tuple[Bools, Floats]:
     """Steps at rest, and the bias that they show, before any is known.
 
     A slow even turn is as calm as rest, but its rate is its own; the rate at rest is the same bias every time. So rest
     is where the mean rate belongs to the strongest cluster of all calm ones, weighed by how unlikely a turn is.
     """
-    quiet, mean = found.quiet, found.mean
+    quiet, mean = windows.quiet, windows.mean
     if not quiet.any():
         return quiet, np.zeros(3)
     rates = mean[quiet]
@@ -215,14 +215,14 @@ def first_rest(found: Calm, p: Params, step: Floats) -> tuple[Bools, Floats]:
     tried = rates[::stride]
     count = np.zeros(len(tried), dtype=np.int64)
     neighbours(rates, tried, p.rest_band, count)
-    likely = count * np.exp(-0.5 * (found.turn[quiet][::stride] / p.bias_start) ** 2)
+    likely = count * np.exp(-0.5 * (windows.turn[quiet][::stride] / p.bias_start) ** 2)
     bias = tried[np.argmax(likely)]
     for _ in range(3):
         bias = rates[np.linalg.norm(rates - bias, axis=1) < p.rest_band].mean(axis=0)
-    resting = found.at_bias(p, bias)
+    resting = windows.at_bias(p, bias)
     most = min(BEYOND, float(step[resting].sum()) / REST_PER_SD)
-    shown = float(step[resting & (found.turn == 0.0)].sum())  # by a field that stood still
-    if shown < p.rest_time and abs(np.median(found.turn[resting])) > most * p.bias_start:
+    shown = float(step[resting & (windows.turn == 0.0)].sum())  # by a field that stood still
+    if shown < p.rest_time and abs(np.median(windows.turn[resting])) > most * p.bias_start:
         return np.zeros_like(quiet), np.zeros(3)
     return resting, np.median(mean[resting], axis=0)
 
@@ -256,7 +256,7 @@ def leaky(dt: Floats, force: Floats, memory: float, out: Floats) -> None:
             out[k, axis] += 0.5 * v
 
 
-def speed_of(frames: Keyframes, force: Floats) -> Speed:
+def level_speed(frames: Keyframes, force: Floats) -> Speed:
     """How fast the body moves, by its level specific force (K, 2), from both sides."""
     dt, untold = frames.step, frames.untold
     force = np.where(untold[:, np.newaxis], 0.0, force)
@@ -283,8 +283,8 @@ def first_speed(frames: Keyframes, bias: Floats) -> Speed:
     middle = frames.middle
     low, high = np.searchsorted(middle, middle - LEAK), np.searchsorted(middle, middle + LEAK, side="right")
     force = force - mean_between(force, low, high)
-    one, other = speed_of(frames, force[:, :2]), speed_of(frames, force[:, 1:])
-    return replace(one, speed=np.maximum(one.speed, other.speed), lasts=np.full(middle.size, 0.5))
+    xy, yz = level_speed(frames, force[:, :2]), level_speed(frames, force[:, 1:])
+    return replace(xy, speed=np.maximum(xy.speed, yz.speed), lasts=np.full(middle.size, 0.5))
 
 
 def first_tilt(frames: Keyframes, start: int, bias: Floats) -> Floats:
@@ -311,8 +311,8 @@ def upright(up: Floats) -> Floats:
     if uz < -1.0 + 1e-9:
         return np.array([0.0, 1.0, 0.0, 0.0])
     turn = np.array([1.0 + uz, uy, -ux, 0.0])
-    found: Floats = turn / np.linalg.norm(turn)
-    return found
+    q: Floats = turn / np.linalg.norm(turn)
+    return q
 
 
 class Given(NamedTuple):
@@ -322,7 +322,7 @@ class Given(NamedTuple):
     headed: bool
 
 
-def given_sd(q: Floats, seen: Floats, lasted: float) -> tuple[float, float]:
+def given_sd(q: Floats, measured: Floats, lasted: float) -> tuple[float, float]:
     """Standard deviation of a given tilt, rad, where the mean force of so many seconds shows another one, (4,) both.
 
     What it takes for a level velocity may be gravity. It yields the more, the longer that lasts; what it has not
@@ -330,7 +330,7 @@ def given_sd(q: Floats, seen: Floats, lasted: float) -> tuple[float, float]:
     """
     from plumbob.rotations import dcm_from_quat
 
-    cosine = float(dcm_from_quat(q)[2] @ dcm_from_quat(seen)[2])
+    cosine = float(dcm_from_quat(q)[2] @ dcm_from_quat(measured)[2])
     beyond2 = max((G0 * lasted) ** 2 * (1.0 - max(cosine, 0.0) ** 2) - USUAL_SPEED**2, 0.0) / G0**2
     yielded = beyond2 / FIRST_TILT**2
     return math.sqrt(GIVEN**2 + yielded), beyond2 / max(lasted, 1e-3) ** 2 - yielded
@@ -345,16 +345,16 @@ def narrowed(p0: Floats, tilt: float) -> Floats:
 
 
 def level(
-    frames: Keyframes, p: Params, known: tuple[Floats, float] | None = None, unit: Floats | None = None,
+    frames: Keyframes, p: Params, prior: tuple[Floats, float] | None = None, unit: Floats | None = None,
     given: Given | None = None, *, any_bias: bool = False,
 ) -> Inertial:  # fmt: skip
     """Attitude whose heading counts from nothing or from a given one, by the first bias that leaves the least velocity.
 
-    `known` is the bias (3,), rad/s, that the samples before showed, with what no rest showed of it, and `unit` what the
+    `prior` is the bias (3,), rad/s, that the samples before showed, with what no rest showed of it, and `unit` what the
     unit's card leaves (12, 12). With `any_bias`, large ones are as likely as small ones.
     """
-    seen = calm(frames, p)
-    resting, bias = first_rest(seen, p, frames.step) if known is None else (seen.at_bias(p, known[0]), known[0])
+    windows = calm(frames, p)
+    resting, bias = first_rest(windows, p, frames.step) if prior is None else (windows.at_bias(p, prior[0]), prior[0])
     tilt = np.zeros((frames.first.size, 4))
     for start in frames.starts:
         tilt[start] = first_tilt(frames, start, bias)
@@ -364,35 +364,35 @@ def level(
         tilt_sd, tilt_var = given_sd(given.q, tilt[0], min(FIRST_TILT, float(end - frames.t[0])))
         tilt[0] = given.q
     first = first_speed(frames, bias)
-    sure = bool(resting.any()) or known is not None
+    sure = bool(resting.any()) or prior is not None
     of = partial(_level, frames, p, resting, tilt, bias, first, tilt_sd, tilt_var, unit=unit, sure=sure)
     if sure:
-        return replace(of(REST_BIAS), bias_sd=0.0 if known is None or resting.any() else known[1])
+        return replace(of(REST_BIAS), bias_sd=0.0 if prior is None or resting.any() else prior[1])
     wide, *narrower = FIRST_BIASES[0] * p.bias_start, *FIRST_BIASES[1:]
-    found = of(wide)
+    best = of(wide)
     for sd in () if any_bias else narrower:
         other = of(sd)
         # A wrong attitude takes gravity for an acceleration, a wrong bias is unlikely: what both leave, of one model
-        density = np.maximum(found.speed.density(p, resting), other.speed.density(p, resting))
+        density = np.maximum(best.speed.density(p, resting), other.speed.density(p, resting))
         spared = 6.0 * math.log(wide / sd)  # a wide prior explains everything, and each of it less: −2 log p
-        if _misfit(frames, p, other.sweep, density) > _misfit(frames, p, found.sweep, density) + spared:
+        if _misfit(frames, p, other.sweep, density) > _misfit(frames, p, best.sweep, density) + spared:
             break
-        found, wide = other, sd
-    wide = max(wide, BIAS_REPEATS, _level_bias(found.sweep))  # its part about the vertical is as large as the others
-    return replace(found, drift_sd=wide, bias_sd=wide)
+        best, wide = other, sd
+    wide = max(wide, BIAS_REPEATS, _level_bias(best.sweep))  # its part about the vertical is as large as the others
+    return replace(best, drift_sd=wide, bias_sd=wide)
 
 
-def _level_bias(found: Sweep) -> float:
+def _level_bias(estimate: Sweep) -> float:
     """Root mean square of the first bias about two level axes, rad/s."""
     from plumbob.rotations import dcm_from_quat
 
-    level = dcm_from_quat(found.q[:1])[0, :2] @ found.bias[0]
+    level = dcm_from_quat(estimate.q[:1])[0, :2] @ estimate.bias[0]
     return math.sqrt(0.5 * float(level @ level))
 
 
-def _misfit(frames: Keyframes, p: Params, found: Sweep, density: Floats) -> float:
-    moved = float(np.sum(frames.step / density * (found.velocity[1:] ** 2).sum(axis=1)))
-    return moved + float(np.sum(found.bias[0] ** 2)) / p.bias_start**2
+def _misfit(frames: Keyframes, p: Params, estimate: Sweep, density: Floats) -> float:
+    moved = float(np.sum(frames.step / density * (estimate.velocity[1:] ** 2).sum(axis=1)))
+    return moved + float(np.sum(estimate.bias[0] ** 2)) / p.bias_start**2
 
 
 def _level(
@@ -401,23 +401,23 @@ def _level(
 ) -> Inertial:  # fmt: skip
     """Three passes, each from the smoothed start of the one before; the first ones without scale and misalignment."""
     kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
-    noise, start = Noise.of(p, 0.0), tilt.copy()
+    noise, start = Noise.from_params(p, 0.0), tilt.copy()
     for wide, matrix in ((WIDE, FIXED_MATRIX), (NARROW, FIXED_MATRIX), (NARROW, 1.0)):
-        known = sd if wide == WIDE else min(sd, AGAIN_BIAS)
-        p0 = start_covariance(p, tilt=wide, heading=FREE_HEADING, bias=known, rigid=True, matrix=matrix, unit=unit)
+        bias_sd = sd if wide == WIDE else min(sd, AGAIN_BIAS)
+        p0 = start_covariance(p, tilt=wide, heading=FREE_HEADING, bias=bias_sd, rigid=True, matrix=matrix, unit=unit)
         density, last = speed.density(p, resting), matrix == 1.0
         first = narrowed(p0, tilt_sd)
-        found = sweep(frames, kind, density, unused, start, bias, p0, noise, first=first, covariance=last)
-        speed = speed_of(frames, found.force[:, :2])
-        start[frames.starts], bias = found.q[frames.starts], found.bias[0]
+        estimate = sweep(frames, kind, density, unused, start, bias, p0, noise, first=first, covariance=last)
+        speed = level_speed(frames, estimate.force[:, :2])
+        start[frames.starts], bias = estimate.q[frames.starts], estimate.bias[0]
         if tilt_sd < NARROW:
             start[0] = tilt[0]
-    drift_sd = _drift_sd(found) if sure else p.bias_start
-    return Inertial(found, resting, speed, drift_sd, given_sd=tilt_sd, tilt_var=tilt_var)
+    drift_sd = _drift_sd(estimate) if sure else p.bias_start
+    return Inertial(estimate, resting, speed, drift_sd, given_sd=tilt_sd, tilt_var=tilt_var)
 
 
-def _drift_sd(found: Sweep) -> float:
+def _drift_sd(estimate: Sweep) -> float:
     from plumbob.rotations import dcm_from_quat
 
-    vertical = dcm_from_quat(found.q)[:, 2, :]
-    return math.sqrt(float(np.median(np.einsum("ki,kij,kj->k", vertical, found.cov[:, 3:, 3:], vertical))))
+    vertical = dcm_from_quat(estimate.q)[:, 2, :]
+    return math.sqrt(float(np.median(np.einsum("ki,kij,kj->k", vertical, estimate.cov[:, 3:, 3:], vertical))))

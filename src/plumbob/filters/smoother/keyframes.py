@@ -75,7 +75,7 @@ class Keyframes:
     rows: NDArray[np.int64]
 
     @classmethod
-    def of(cls, imu: ImuData, spacing: float, *, mag: bool = True) -> Self | None:
+    def from_imu(cls, imu: ImuData, spacing: float, *, mag: bool = True) -> Self | None:
         """Keyframes at least `spacing` apart, s; None where fewer than two samples have a rate."""
         t, (gyr, acc, field) = np.asarray(imu.t), trusted(imu, mag=mag)
         longest = longest_step(t)
@@ -116,8 +116,8 @@ class Keyframes:
     @property
     def untold(self) -> Bools:
         """Steps of which no force says how the body moves, (K,)."""
-        found: Bools = self.gap | (self.pushed > (HELD * UNKNOWN_FORCE * self.step) ** 2)
-        return found
+        mask: Bools = self.gap | (self.pushed > (HELD * UNKNOWN_FORCE * self.step) ** 2)
+        return mask
 
     def drifting(self) -> Self:
         """The same with forces that are wrong for as long as they are held: the velocity drifts off evenly."""
@@ -133,8 +133,8 @@ class Keyframes:
 
     def pieces(self, length: float) -> NDArray[np.intp]:
         """Number of the piece of the record, each of this length, s, in which each step lies, (K,)."""
-        found: NDArray[np.intp] = ((self.middle - self.t[0]) // length).astype(np.intp)
-        return found
+        piece: NDArray[np.intp] = ((self.middle - self.t[0]) // length).astype(np.intp)
+        return piece
 
     def without(self, field: Floats) -> Self:
         """Keyframes whose samples are rid of a field in body axes, (K, 3), that each step has of its own."""
@@ -168,22 +168,22 @@ def _holes(t: Floats, missing: Bools, longest: float) -> Bools:
     """Samples in a stretch without a rate that is longer than a gap, or at an end of the recording."""
     if not missing.any():
         return missing
-    known = np.flatnonzero(~missing)
-    place = np.searchsorted(known, np.arange(t.size))
-    before, after = np.where(place > 0, known[np.maximum(place - 1, 0)], -1), known[np.minimum(place, known.size - 1)]
-    outside = (before < 0) | (place >= known.size)
+    rated = np.flatnonzero(~missing)
+    place = np.searchsorted(rated, np.arange(t.size))
+    before, after = np.where(place > 0, rated[np.maximum(place - 1, 0)], -1), rated[np.minimum(place, rated.size - 1)]
+    outside = (before < 0) | (place >= rated.size)
     return missing & (outside | (t[after] - t[np.maximum(before, 0)] > longest))
 
 
 def _steps(t: Floats, spacing: float, longest: float) -> tuple[NDArray[np.int64], Bools]:
     """Keyframes, and which steps between them are gaps."""
     reach = np.searchsorted(t, t + spacing - 1e-6)
-    found, i = [0], 0
+    keyframes, i = [0], 0
     while i < t.size - 1:
         i = min(max(int(reach[i]), i + 1), t.size - 1)
-        found.append(i)
+        keyframes.append(i)
     before = np.flatnonzero(np.diff(t) > longest)
-    first = np.unique(np.concatenate((found, before, before + 1)))
+    first = np.unique(np.concatenate((keyframes, before, before + 1)))
     gap = np.zeros(first.size - 1, dtype=bool)
     gap[np.searchsorted(first, before)] = True
     return first.astype(np.int64), gap
@@ -191,21 +191,21 @@ def _steps(t: Floats, spacing: float, longest: float) -> tuple[NDArray[np.int64]
 
 def filled(t: Floats, values: Floats) -> Floats:
     """Values, on straight lines over what is missing."""
-    known = ~np.isnan(values[:, 0])
-    if known.all():
+    valid = ~np.isnan(values[:, 0])
+    if valid.all():
         return np.ascontiguousarray(values)
-    if not known.any():
+    if not valid.any():
         return np.zeros_like(values)
-    return np.stack([np.interp(t, t[known], values[known, i]) for i in range(3)], axis=1)
+    return np.stack([np.interp(t, t[valid], values[valid, i]) for i in range(3)], axis=1)
 
 
 def _bow(t: Floats, missing: Bools) -> Floats:
     """How far a sine of unit size, of frequency `SWING`, leaves a straight line over the hole of each sample, (N,)."""
-    known = np.flatnonzero(~missing)
-    if not known.size:
+    valid = np.flatnonzero(~missing)
+    if not valid.size:
         return np.full(t.size, np.inf)
-    place = np.searchsorted(known, np.arange(t.size))
-    before, after = known[np.maximum(place - 1, 0)], known[np.minimum(place, known.size - 1)]
+    place = np.searchsorted(valid, np.arange(t.size))
+    before, after = valid[np.maximum(place - 1, 0)], valid[np.minimum(place, valid.size - 1)]
     return np.where(missing, (2.0 * np.pi * SWING * (t[after] - t[before])) ** 2 / 8.0, 0.0)
 
 
@@ -218,15 +218,15 @@ def sum_between(values: Floats, low: NDArray[np.int64], high: NDArray[np.int64])
     """Sums (K, …) of values (N, …) from row `low` to before row `high` of each stretch."""
     total = np.zeros((len(values) + 1, *values.shape[1:]))
     np.cumsum(values, axis=0, out=total[1:])
-    found: Floats = total[high] - total[low]
-    return found
+    sums: Floats = total[high] - total[low]
+    return sums
 
 
 def mean_between(values: Floats, low: NDArray[np.int64], high: NDArray[np.int64]) -> Floats:
     """Means (K, …) of values (N, …) over the same."""
     count = (high - low).reshape(-1, *(1,) * (values.ndim - 1))
-    found: Floats = sum_between(values, low, high) / count
-    return found
+    means: Floats = sum_between(values, low, high) / count
+    return means
 
 
 @kernel
@@ -274,8 +274,8 @@ def between(frames: Keyframes, moving: Bools, q_k: Floats, rate: Floats) -> Floa
     time, length = frames.time, frames.step
     free[0] = q_k[0]
     for begin in range(0, step.size, BLOCK):  # temporaries are larger
-        own, k = slice(begin + 1, begin + BLOCK + 1), step[begin : begin + BLOCK]
-        share = (frames.t[own] - time[k]) / length[k]
+        rows, k = slice(begin + 1, begin + BLOCK + 1), step[begin : begin + BLOCK]
+        share = (frames.t[rows] - time[k]) / length[k]
         here = quat_multiply(quat_from_rotvec(share[:, np.newaxis] * grow[k]), change[k])
-        free[own] = quat_multiply(here, free[own])
+        free[rows] = quat_multiply(here, free[rows])
     return free

@@ -23,7 +23,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.data import ImuData, ImuMeta
-from plumbob.data.cards.residuals import whole_of
+from plumbob.data.cards.residuals import full_covariance
 from plumbob.filters.smoother.causal import (
     BEGAN,
     CONTRARY,
@@ -51,7 +51,7 @@ from plumbob.filters.smoother.inertial import (
     WIDE,
     WINDOW,
     Given,
-    speed_of,
+    level_speed,
     upright,
 )
 from plumbob.filters.smoother.keyframes import Bools, Keyframes
@@ -65,7 +65,7 @@ from plumbob.filters.smoother.samples import (
     MARGIN,
     FreeHeading,
     Part,
-    covariance_of,
+    body_cov,
     widened,
 )
 from plumbob.filters.smoother.stationary import HOLDS, JUMPED, UNTIL, fresh
@@ -116,7 +116,7 @@ class Running:
         Covariance of the attitude, with what is in doubt.
     learned : ndarray (4,)
         What it has learned of the motion.
-    found : Smoothed
+    smoothed : Smoothed
         What the last look found.
     field : Field
         The field of the place.
@@ -143,7 +143,7 @@ class Running:
     last: Last
     cov: Floats
     learned: Floats
-    found: Smoothed
+    smoothed: Smoothed
     field: Field
     iron: Floats
     noise: Noise
@@ -171,28 +171,28 @@ class Proven:
         """Whether it is not the field in which the unit merely lay."""
         return self.turning > LEAST_TURNING or not self.rest
 
-    def known(self, unit: Floats | None, turned: float, begin: float) -> Known:
+    def prior(self, unit: Floats | None, turned: float, begin: float) -> Known:
         """What a look at the past takes for known, which begins then, s, and in which the unit turned for this, s."""
         if turned < LEAST_TURNING:
-            seen = self.turning + self.rest
+            weight = self.turning + self.rest
         else:
-            seen = max(self.turning + min(self.rest, REST_SHARE * self.turning) - YOUNG, 0.0)
-        seen *= PROVEN - 1.0
+            weight = max(self.turning + min(self.rest, REST_SHARE * self.turning) - YOUNG, 0.0)
+        weight *= PROVEN - 1.0
         if begin < self.since:
-            seen += REST_SHARE * turned  # whatever rest in the other one counts
-        return Known(unit=unit, reference=self.reference, seen=seen)
+            weight += REST_SHARE * turned  # whatever rest in the other one counts
+        return Known(unit=unit, reference=self.reference, weight=weight)
 
     def take(self, reference: Reference, since: float) -> None:
         """Take another field than the one in which the unit rested before this time, s."""
         self.reference, self.turning, self.rest, self.since = reference, 0.0, 0.0, since
 
-    def see(self, frames: Keyframes, found: Smoothed, p: Params) -> None:
+    def see(self, frames: Keyframes, smoothed: Smoothed, p: Params) -> None:
         """Take what a look at the past found; another field must be proven again."""
-        reference, before = found.reference, self.reference
+        reference, before = smoothed.reference, self.reference
         if reference is None:
             return
-        turning = float(turning_time(frames, found.sweep.bias[1:], found.resting) @ found.weight)
-        rest = float((frames.step * found.resting) @ found.weight)
+        turning = float(turning_time(frames, smoothed.sweep.bias[1:], smoothed.resting) @ smoothed.weight)
+        rest = float((frames.step * smoothed.resting) @ smoothed.weight)
         apart = math.inf if before is None else reference.apart(before)
         if apart > APART * p.mag_spread:
             self.turning, self.rest = turning, rest
@@ -225,7 +225,7 @@ class Look(NamedTuple):
     step: int
     begin: float
     due: float
-    found: Callable[[], Smoothed]
+    smooth: Callable[[], Smoothed]
     anchor: tuple[int, Floats] | None
 
 
@@ -261,7 +261,7 @@ class Live:
     ) -> None:
         self.p, self._left, self._start = p, meta.left, start
         self._drift = FreeHeading(meta, p, GIVEN**2 if start is not None and start.headed else None)
-        self._unit = None if meta.gyr_left is None else whole_of(meta.gyr_left)
+        self._unit = None if meta.gyr_left is None else full_covariance(meta.gyr_left)
         self._arriving, self._proven = Arriving(p, mag=mag), Proven()
         self._thread = ThreadPoolExecutor(1, "plumbob-look") if background else None
         self._running: Running | None = None
@@ -277,9 +277,9 @@ class Live:
         self.gaps: list[float] = []
 
     @property
-    def found(self) -> Smoothed | None:
+    def smoothed(self) -> Smoothed | None:
         """What the last look found."""
-        return None if self._running is None else self._running.found
+        return None if self._running is None else self._running.smoothed
 
     @property
     def rated(self) -> bool:
@@ -291,7 +291,7 @@ class Live:
         running, watched = self._running, self._arriving.watched()
         if running is None or watched is None or self.p.latency:
             return None
-        said = self._flags(running.found, np.array([running.weight]), running.cov[np.newaxis])
+        said = self._flags(running.smoothed, np.array([running.weight]), running.cov[np.newaxis])
         q, key = self._last.q[0].copy(), self._arriving.key
         word = running.word | running.unknown | int(said[0])
         return Between(q, running.last.state.copy(), watched, word, key, self.p.keyframe)
@@ -305,7 +305,7 @@ class Live:
         """What is known of each of the next samples."""
         arriving = self._arriving
         self._base = arriving.samples
-        kept = arriving.take(data)
+        mask = arriving.take(data)
         n = arriving.samples - self._base
         self._out = self._last.rows(np.zeros(n, dtype=np.int64))
         self._rate, self._bias_sd = np.zeros((n, 3)), np.zeros(n)
@@ -317,7 +317,7 @@ class Live:
             self._follow()
             self._widen()
             arriving.before(arriving.from_(arriving.time(self._step) - MARGIN - 2.0 * LATE))
-        return self._everywhere(data, kept)
+        return self._everywhere(data, mask)
 
     def _before_any_look(self, n: int) -> None:
         """What is known of samples until the past is looked at: the gyroscope goes on from the first attitude.
@@ -342,15 +342,15 @@ class Live:
         tilt = np.tile(tilt_sd**2 * np.eye(3), (n, 1, 1))
         out.cov[:] = widened(out.q, tilt, np.full(n, heading2 - tilt_sd**2))
 
-    def _everywhere(self, data: ImuData, kept: Bools) -> Part:
+    def _everywhere(self, data: ImuData, mask: Bools) -> Part:
         """The same at all samples: in a hole of the gyroscope the attitude stays, and may be any."""
         both = self._last.followed_by(self._out)
-        part = both.rows(np.cumsum(kept))
-        part.cov[~kept] += ANYTHING
+        part = both.rows(np.cumsum(mask))
+        part.cov[~mask] += ANYTHING
         word = part.flags | np.asarray(data.flags) | self._arriving.word
         lost = (word & ~np.uint32(flags.AT_REST)) | np.uint32(flags.GYR_HELD | flags.NOT_CONVERGED)
         self._last = both.rows(slice(len(both.q) - 1, None))
-        return part._replace(flags=np.where(kept, word, lost).astype(np.uint32))
+        return part._replace(flags=np.where(mask, word, lost).astype(np.uint32))
 
     def _follow(self) -> None:
         """Go over the steps that are complete, and to the last sample."""
@@ -399,12 +399,12 @@ class Live:
         frames = arriving.frames(past)
         begin = arriving.time(past.start)
         turned = float(turning_time(frames, 0.0, arriving.quiet(past)[0]).sum())
-        known = self._proven.known(self._unit, turned, begin)
-        known = replace(known, start=None if past.start else self._start, any_bias=self._any_bias)
-        look, anchor, since = partial(smooth, frames, self.p, known), self._anchor, max(self._believed, now - LATELY)
+        prior = self._proven.prior(self._unit, turned, begin)
+        prior = replace(prior, start=None if past.start else self._start, any_bias=self._any_bias)
+        look, anchor, since = partial(smooth, frames, self.p, prior), self._anchor, max(self._believed, now - LATELY)
         if begin + SURELY < since < now - SURELY:
             late = arriving.frames(slice(arriving.from_(since), k))
-            look = partial(smooth_lately, frames, late, self.p, known)
+            look = partial(smooth_lately, frames, late, self.p, prior)
         if anchor is not None and anchor[0] < past.start and self._running is not None:
             anchor = (k, self._running.last.attitude.copy())
         if now - begin < SHORT:
@@ -415,11 +415,11 @@ class Live:
         """Go on from what the look has found, over the steps that came since it began."""
         assert self._look is not None
         look, self._look = self._look, None
-        found = look.found()
-        if jumped := found.frames.time[0] > look.begin + SURELY:
-            self._behind_jump(float(found.frames.time[0]), self._arriving.time(k))
-        self._proven.see(found.frames, found, self.p)
-        self._running = running = self._from(found, look)
+        smoothed = look.smooth()
+        if jumped := smoothed.frames.time[0] > look.begin + SURELY:
+            self._behind_jump(float(smoothed.frames.time[0]), self._arriving.time(k))
+        self._proven.see(smoothed.frames, smoothed, self.p)
+        self._running = running = self._from(smoothed, look)
         if jumped:
             running.standing[UNTIL] = self._arriving.time(k) + HOLDS
         if k > look.step:
@@ -429,20 +429,20 @@ class Live:
             self._check = self._arriving.time(k) + BLOCK
         return True
 
-    def _from(self, found: Smoothed, look: Look) -> Running:
+    def _from(self, smoothed: Smoothed, look: Look) -> Running:
         """The filter at the end of a look at the past."""
-        p, frames = self.p, found.frames
-        last, force = found.sweep.last, np.where(frames.untold[:, np.newaxis], 0.0, found.sweep.force[:, :2])
+        p, frames = self.p, smoothed.frames
+        last, force = smoothed.sweep.last, np.where(frames.untold[:, np.newaxis], 0.0, smoothed.sweep.force[:, :2])
         back = frames.time[-1] - frames.time[1:]
         velocity = (force * (frames.step * np.exp(-back / LEAK))[:, np.newaxis]).sum(axis=0)
         force2 = float(np.mean(0.5 * (force[back < WINDOW] ** 2).sum(axis=1)))
-        learned = np.array([speed_of(frames, force).speed[-1] ** 2, force2, *velocity])
-        if found.reference is None and look.anchor is not None:
+        learned = np.array([level_speed(frames, force).speed[-1] ** 2, force2, *velocity])
+        if smoothed.reference is None and look.anchor is not None:
             place, attitude = look.anchor
-            by = _heading_between(found.sweep.q[max(place - (look.step - frames.gap.size), 0)], attitude)
+            by = _heading_between(smoothed.sweep.q[max(place - (look.step - frames.gap.size), 0)], attitude)
             turn_heading_by(by, *last, learned)
-        iron = np.zeros(3) if found.attached is None else found.attached.field[-1]
-        bend = 0.0 if found.reference is None else found.reference.bend(p)
+        iron = np.zeros(3) if smoothed.attached is None else smoothed.attached.field[-1]
+        bend = 0.0 if smoothed.reference is None else smoothed.reference.bend(p)
         other, standing = np.zeros(CONTRARY), fresh()
         if self._running is not None:
             standing[UNTIL:] = self._running.standing[UNTIL:]
@@ -451,11 +451,11 @@ class Live:
         cov = last.cov[TH : TH + 3, TH : TH + 3].copy()
         doubt(cov, 0.0, unlikely_tilt(learned), other[DOUBT] ** 2)
         sought = bool(np.isfinite(frames.mag[:, 0]).any())
-        turned = found.reference is not None and self._proven.turning > LEAST_TURNING
+        turned = smoothed.reference is not None and self._proven.turning > LEAST_TURNING
         return Running(
-            last, cov, learned, found, Field.of(found.reference, p), iron, Noise.of(p, bend), float(frames.time[-1]),
-            flags.AT_REST if found.resting[-1] else 0, float(found.weight[-1]), np.zeros(1), other,
-            self._proven.settled, standing, flags.FIELD_UNKNOWN if sought and not turned else 0,
+            last, cov, learned, smoothed, Field.from_reference(smoothed.reference, p), iron, Noise.from_params(p, bend),
+            float(frames.time[-1]), flags.AT_REST if smoothed.resting[-1] else 0, float(smoothed.weight[-1]),
+            np.zeros(1), other, self._proven.settled, standing, flags.FIELD_UNKNOWN if sought and not turned else 0,
         )  # fmt: skip
 
     def _behind_gap(self, k: int) -> None:
@@ -469,7 +469,7 @@ class Live:
     def _steps(self, running: Running, k: int, end: int) -> tuple[Keyframes, Room]:
         """Follow some steps."""
         steps = slice(k, end)
-        frames, room = self._arriving.frames(steps), Room.of(end - k)
+        frames, room = self._arriving.frames(steps), Room.empty(end - k)
         onward(
             frames.t, frames.gyr, frames.acc, frames.mag - running.iron, frames.first, frames.gap,
             *self._arriving.quiet(steps), frames.missed, frames.pushed, frames.untold, running.noise,
@@ -556,15 +556,15 @@ class Live:
         q, x, cov, gyr = (of[skip:] for of in (q, x, cov, gyr))
         word, weight = word[skip:], weight[skip:]
         rows = slice(first + skip - self._base, first + skip - self._base + len(q))
-        found, bias, matrix = self._running.found, x[:, B : B + 3], x[:, M:].reshape(-1, 3, 3)
+        smoothed, bias, matrix = self._running.smoothed, x[:, B : B + 3], x[:, M:].reshape(-1, 3, 3)
         rate = gyr - bias - np.einsum("nij,nj->ni", matrix, gyr)
-        known = covariance_of(q, cov, found, rate, self.p, self._left)
-        word = word | self._flags(found, weight, cov) | np.uint32(self._running.unknown)
-        self._rate[rows], self._bias_sd[rows] = rate, found.bias_sd
+        cov_b = body_cov(q, cov, smoothed, rate, self.p, self._left)
+        word = word | self._flags(smoothed, weight, cov) | np.uint32(self._running.unknown)
+        self._rate[rows], self._bias_sd[rows] = rate, smoothed.bias_sd
         if self.p.latency:
             q = quat_multiply(q, quat_from_rotvec(self.p.latency * rate))
-        weight = weight if found.reference is not None else np.full(len(q), np.nan)
-        self._out.put(rows, Part(q, bias, known, word, weight))
+        weight = weight if smoothed.reference is not None else np.full(len(q), np.nan)
+        self._out.put(rows, Part(q, bias, cov_b, word, weight))
 
     def _widen(self) -> None:
         """Count in a heading without a field what nothing shows of the gyroscope."""
@@ -577,15 +577,15 @@ class Live:
             self._out = part._replace(cov=widened(part.q, part.cov, np.where(free, variance, 0.0)))
 
     @staticmethod
-    def _flags(found: Smoothed, weight: Floats, cov: Floats) -> NDArray[np.uint32]:
+    def _flags(smoothed: Smoothed, weight: Floats, cov: Floats) -> NDArray[np.uint32]:
         """What to know of each sample."""
         word = np.zeros(len(cov), dtype=np.int64)
-        lost = cov[:, 0, 0] + cov[:, 1, 1] + 2.0 * found.tilt_var > 2.0 * DOUBTFUL**2
-        if found.reference is None:
+        lost = cov[:, 0, 0] + cov[:, 1, 1] + 2.0 * smoothed.tilt_var > 2.0 * DOUBTFUL**2
+        if smoothed.reference is None:
             word |= flags.HEADING_FREE
         else:
             word |= np.where(weight < GATED, flags.MAG_GATED, 0)
-            lost |= cov[:, 2, 2] + found.heading_var > UNCERTAIN_HEADING**2
+            lost |= cov[:, 2, 2] + smoothed.heading_var > UNCERTAIN_HEADING**2
         return (word | np.where(lost, flags.NOT_CONVERGED, 0)).astype(np.uint32)
 
 

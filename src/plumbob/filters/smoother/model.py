@@ -116,13 +116,13 @@ def from_noise(card: "NoiseCard") -> dict[str, float]:
     What a unit shows at rest is the least of what it does in motion; a filter that believed it would follow the
     gyroscope too stiffly.
     """
-    usual, found = Params(), {}
+    usual, params = Params(), {}
     for name, noise in (("gyr", card.gyr), ("acc", card.acc)):
         if noise is not None:
-            found[f"{name}_noise"] = noise.n_rms
+            params[f"{name}_noise"] = noise.n_rms
     if card.gyr is not None:
-        found["gyr_walk"] = card.gyr.k_rms
-    return {name: value for name, value in found.items() if value > getattr(usual, name)}
+        params["gyr_walk"] = card.gyr.k_rms
+    return {name: value for name, value in params.items() if value > getattr(usual, name)}
 
 
 CARD_FLOOR: Final = 5e-4
@@ -161,11 +161,11 @@ def start_covariance(
     var[M : M + 9] = p.gyr_misalignment**2
     if not rigid:
         var[[M, M + 4, M + 8]] = p.gyr_scale**2
-    found = np.diag(var)
+    cov = np.diag(var)
     if unit is not None:
-        found[M:, M:] = unit[3:, 3:] + CARD_FLOOR**2 * np.eye(9)
-    found[M:, M:] *= matrix**2
-    return found
+        cov[M:, M:] = unit[3:, 3:] + CARD_FLOOR**2 * np.eye(9)
+    cov[M:, M:] *= matrix**2
+    return cov
 
 
 class Noise(NamedTuple):
@@ -180,7 +180,7 @@ class Noise(NamedTuple):
     bend_time: float
 
     @classmethod
-    def of(cls, p: Params, bend: float) -> "Noise":
+    def from_params(cls, p: Params, bend: float) -> "Noise":
         """Of the parameters, with the standard deviation of the field's direction, rad."""
         return cls(
             p.gyr_noise**2, p.gyr_nonlinearity**2, p.gyr_walk**2, p.acc_noise**2, p.gyr_noise**2 + p.tremor**2,

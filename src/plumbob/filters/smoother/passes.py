@@ -13,10 +13,10 @@ from plumbob.filters.smoother.field import (
     APART,
     Reference,
     bias_of_drift,
-    heading_of,
+    direction_scatter,
+    find_reference,
+    heading_turn,
     heading_variance,
-    reference_of,
-    scatter_of,
     share_of_rest,
     weights,
 )
@@ -27,8 +27,8 @@ from plumbob.filters.smoother.inertial import (
     calm,
     kinds,
     level,
+    level_speed,
     narrowed,
-    speed_of,
     without_gravity,
 )
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, between
@@ -66,7 +66,7 @@ class Known:
         Bias of the gyroscope at the end of the stretch before, rad/s, and what no rest showed of it.
     reference : Reference or None
         The field of the place in the stretches before.
-    seen : float
+    weight : float
         Weight of that, s of turning in it.
     start : Given or None
         The first attitude.
@@ -77,23 +77,23 @@ class Known:
     unit: Floats | None = None
     bias: tuple[Floats, float] | None = None
     reference: Reference | None = None
-    seen: float = 0.0
+    weight: float = 0.0
     start: Given | None = None
     any_bias: bool = False
 
     @property
     def field(self) -> tuple[Reference, float] | None:
         """The field of the place, and its weight."""
-        return None if self.reference is None else (self.reference, self.seen)
+        return None if self.reference is None else (self.reference, self.weight)
 
-    def after(self, found: "Smoothed") -> "Known":
+    def after(self, smoothed: "Smoothed") -> "Known":
         """What is known after a stretch."""
-        seen = max(self.seen, float(found.frames.step @ found.weight))
+        weight = max(self.weight, float(smoothed.frames.step @ smoothed.weight))
         return replace(
             self,
-            bias=(found.sweep.bias[-1], found.bias_sd),
-            reference=found.reference or self.reference,
-            seen=min(seen, LONGEST_SEEN),
+            bias=(smoothed.sweep.bias[-1], smoothed.bias_sd),
+            reference=smoothed.reference or self.reference,
+            weight=min(weight, LONGEST_SEEN),
         )
 
 
@@ -176,60 +176,60 @@ class Learned(NamedTuple):
     bias: Floats
 
 
-def smooth(frames: Keyframes, p: Params, known: Known) -> Smoothed:
+def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
     """Smooth a recording, or a stretch of one that others came before."""
-    if known.unit is not None:
-        sd = math.sqrt(float(np.trace(known.unit[:3, :3])) / 3.0 + BIAS_REPEATS**2)
+    if prior.unit is not None:
+        sd = math.sqrt(float(np.trace(prior.unit[:3, :3])) / 3.0 + BIAS_REPEATS**2)
         p = p._replace(bias_start=min(p.bias_start, sd))
     frames = frames.drifting()
-    inertial = level(frames, p, known.bias, known.unit, known.start, any_bias=known.any_bias)
+    inertial = level(frames, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias)
     if np.isfinite(frames.mag[:, 0]).any():
         field = inertial.sweep.field
-        headed = _headed(frames, p, inertial, field, np.zeros(frames.gap.size, dtype=bool), known)
-        own = attached_field(frames, *_followed(frames, inertial, headed))
-        if own.found:
-            frames = frames.without(own.field)
-            field = _field_of(frames, inertial.sweep, inertial.resting)
-            headed = _headed(frames, p, inertial, field, own.doubtful, known)
+        headed = _headed(frames, p, inertial, field, np.zeros(frames.gap.size, dtype=bool), prior)
+        attached = attached_field(frames, *_attitude_paths(frames, inertial, headed))
+        if attached.present:
+            frames = frames.without(attached.field)
+            field = _mean_field(frames, inertial.sweep, inertial.resting)
+            headed = _headed(frames, p, inertial, field, attached.doubtful, prior)
         if headed is not None:
-            found = _with_field(frames, p, inertial, field, headed, own, known)
-            return replace(found, iron_turn=_iron_turn(frames, p, inertial, headed, own, known))
-    prior = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=known.unit)
+            smoothed = _with_field(frames, p, inertial, field, headed, attached, prior)
+            return replace(smoothed, iron_turn=_iron_turn(frames, p, inertial, headed, attached, prior))
+    p0 = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=prior.unit)
     unused = np.zeros(frames.gap.size)
     return Smoothed(
-        frames, inertial.sweep, inertial.resting, None, unused, None, prior, bias_sd=inertial.bias_sd,
+        frames, inertial.sweep, inertial.resting, None, unused, None, p0, bias_sd=inertial.bias_sd,
         tilt_var=inertial.tilt_var,
     )  # fmt: skip
 
 
-def smooth_lately(frames: Keyframes, late: Keyframes, p: Params, known: Known) -> Smoothed:
+def smooth_lately(frames: Keyframes, late: Keyframes, p: Params, prior: Known) -> Smoothed:
     """Smooth a recording, or no more than its last seconds, where the bias has become another one before these.
 
     What came before then contradicts gravity and field of these seconds, and they alone do neither. A foreign field
     does not change how fast the body seems to move, and hard motion not the field.
     """
-    found, n = smooth(frames, p, known), late.gap.size
+    smoothed, n = smooth(frames, p, prior), late.gap.size
     before, lately = slice(-n), slice(-n, None)
-    if found.reference is None or believed(found, before) < BELIEVED or believed(found, lately) > DISBELIEVED:
-        return found
-    if _speed(found, lately) < FASTER * _speed(found, before):
-        return found
-    other = smooth(late, p, replace(known, any_bias=True, start=None))
-    if other.reference is None or other.reference.apart(found.reference) > APART * p.mag_spread:
-        return found
-    agrees = believed(other, lately) > BELIEVED and _speed(other, lately) < SLOWER * _speed(found, lately)
-    return other if agrees else found
+    if smoothed.reference is None or believed(smoothed, before) < BELIEVED or believed(smoothed, lately) > DISBELIEVED:
+        return smoothed
+    if _speed(smoothed, lately) < FASTER * _speed(smoothed, before):
+        return smoothed
+    other = smooth(late, p, replace(prior, any_bias=True, start=None))
+    if other.reference is None or other.reference.apart(smoothed.reference) > APART * p.mag_spread:
+        return smoothed
+    agrees = believed(other, lately) > BELIEVED and _speed(other, lately) < SLOWER * _speed(smoothed, lately)
+    return other if agrees else smoothed
 
 
-def believed(found: Smoothed, steps: slice) -> float:
+def believed(smoothed: Smoothed, steps: slice) -> float:
     """How far the fields of some steps were believed, 0 to 1."""
-    dt = found.frames.step[steps]
-    return float(dt @ found.weight[steps] / max(dt.sum(), 1e-9))
+    dt = smoothed.frames.step[steps]
+    return float(dt @ smoothed.weight[steps] / max(dt.sum(), 1e-9))
 
 
-def _speed(found: Smoothed, steps: slice) -> float:
+def _speed(smoothed: Smoothed, steps: slice) -> float:
     """Root mean square of the level speed in some steps, m/s."""
-    return math.sqrt(float(np.mean(speed_of(found.frames, found.sweep.force[:, :2]).speed[steps] ** 2)))
+    return math.sqrt(float(np.mean(level_speed(smoothed.frames, smoothed.sweep.force[:, :2]).speed[steps] ** 2)))
 
 
 class _Headed(NamedTuple):
@@ -240,16 +240,16 @@ class _Headed(NamedTuple):
 
 
 def _headed(
-    frames: Keyframes, p: Params, inertial: Inertial, field: Floats, doubtful: Bools, known: Known
+    frames: Keyframes, p: Params, inertial: Inertial, field: Floats, doubtful: Bools, prior: Known
 ) -> _Headed | None:
     """Heading of an attitude without one, by fields (K, 3) in its axes; None where no field gives any."""
-    if (reference := reference_of(frames, p, field, inertial, doubtful, known.field)) is None:
+    if (reference := find_reference(frames, p, field, inertial, doubtful, prior.field)) is None:
         return None
     weight = weights(reference, p, field, doubtful, directed=False)
-    return _Headed(reference, heading_of(frames, inertial, field, weight * share_of_rest(frames, inertial)))
+    return _Headed(reference, heading_turn(frames, inertial, field, weight * share_of_rest(frames, inertial)))
 
 
-def _followed(frames: Keyframes, inertial: Inertial, headed: _Headed | None) -> Iterator[Floats]:
+def _attitude_paths(frames: Keyframes, inertial: Inertial, headed: _Headed | None) -> Iterator[Floats]:
     """Attitudes at every sample, (N, 4): the one without heading, and the same with a heading that follows the field.
 
     An unknown vertical bias turns a field of the place in the first, and what turns evenly in a few seconds looks like
@@ -267,42 +267,42 @@ def _with_field(
     inertial: Inertial,
     field: Floats,
     headed: _Headed,
-    own: Attached,
-    known: Known,
+    attached: Attached,
+    prior: Known,
 ) -> Smoothed:
     """All sensors, from the attitude without heading and the heading that the field gives it."""
     reference, turn = headed
     by = np.concatenate((turn[:1], turn))
     q = turn_heading(inertial.sweep.q, -by, Frame.ENU)
-    free, field = field, np.stack((*_turned(turn, field), field[:, 2]), axis=1)
+    free, field = field, np.stack((*_turn_level(turn, field), field[:, 2]), axis=1)
     bias = inertial.sweep.bias + bias_of_drift(frames, inertial, turn)
-    speed, resting, found = inertial.speed, inertial.resting, inertial.sweep
+    speed, resting, estimate = inertial.speed, inertial.resting, inertial.sweep
     again = AGAIN_BIAS
-    p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=again, rigid=False, unit=known.unit)
+    p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=again, rigid=False, unit=prior.unit)
     still, first = calm(frames, p), narrowed(p0, inertial.given_sd)
-    for left in range(PASSES, 0, -1):
-        seen = Inertial(found, resting, speed)
-        reference = reference_of(frames, p, field, seen, own.doubtful, known.field) or reference
-        weight = weights(reference, p, field, own.doubtful, directed=True)
+    for remaining in range(PASSES, 0, -1):
+        latest = Inertial(estimate, resting, speed)
+        reference = find_reference(frames, p, field, latest, attached.doubtful, prior.field) or reference
+        weight = weights(reference, p, field, attached.doubtful, directed=True)
         resting = still.at_bias(p, bias[1:])
         var = heading_variance(frames, p, reference, weight)
-        noise = Noise.of(p, reference.bend(p))
+        noise = Noise.from_params(p, reference.bend(p))
         kind, density = kinds(frames, resting), speed.density(p, resting)
         begin, began = bias[0], first
         if 0.0 < inertial.bias_sd < again:
             up = dcm_from_quat(q[:1])[0, 2]
             begin, began = _unseen(begin, inertial.sweep.bias[0], first, up, inertial.bias_sd)
-        found = sweep(frames, kind, density, var, q, begin, p0, noise, first=began, covariance=left == 1)
-        speed, q, bias, field = speed_of(frames, found.force[:, :2]), found.q, found.bias, found.field
+        estimate = sweep(frames, kind, density, var, q, begin, p0, noise, first=began, covariance=remaining == 1)
+        speed, q, bias, field = level_speed(frames, estimate.force[:, :2]), estimate.q, estimate.bias, estimate.field
     rival_turn = _rival_turn(frames, p, inertial, free, reference)
-    scatter = scatter_of(frames, p, reference, found.field, weight)
+    scatter = direction_scatter(frames, p, reference, estimate.field, weight)
     return Smoothed(
-        frames, found, resting, reference, weight, own, p0, rival_turn, scatter=scatter, bias_sd=inertial.bias_sd,
-        tilt_var=inertial.tilt_var,
+        frames, estimate, resting, reference, weight, attached, p0, rival_turn, scatter=scatter,
+        bias_sd=inertial.bias_sd, tilt_var=inertial.tilt_var,
     )  # fmt: skip
 
 
-def _unseen(bias: Floats, known: Floats, p0: Floats, up: Floats, sd: float) -> tuple[Floats, Floats]:
+def _unseen(bias: Floats, prior: Floats, p0: Floats, up: Floats, sd: float) -> tuple[Floats, Floats]:
     """First bias (3,) and covariance with the part along `up` that was known before a field was seen, and its `sd`.
 
     Only the field shows that part. A pass that began with what the field showed the one before would count the field
@@ -310,18 +310,18 @@ def _unseen(bias: Floats, known: Floats, p0: Floats, up: Floats, sd: float) -> t
     """
     p0, place = p0.copy(), slice(B, B + 3)
     p0[place, place] -= (up @ p0[place, place] @ up - sd**2) * np.outer(up, up)
-    return bias - up * float(up @ (bias - known)), p0
+    return bias - up * float(up @ (bias - prior)), p0
 
 
-def _iron_turn(frames: Keyframes, p: Params, inertial: Inertial, headed: _Headed, own: Attached, known: Known) -> float:
+def _iron_turn(frames: Keyframes, p: Params, inertial: Inertial, headed: _Headed, fit: Attached, prior: Known) -> float:
     """Root mean square, rad, by which the heading changes if a small field of the unit is taken off."""
-    if own.iron.any():
+    if fit.iron.any():
         return UNEVEN / headed.reference.level
-    if not own.left.any():
+    if not fit.suspect.any():
         return 0.0
-    freed = frames.without(np.tile(own.left, (frames.gap.size, 1)))
-    field = _field_of(freed, inertial.sweep, inertial.resting)
-    if (other := _headed(freed, p, inertial, field, own.doubtful, known)) is None:
+    freed = frames.without(np.tile(fit.suspect, (frames.gap.size, 1)))
+    field = _mean_field(freed, inertial.sweep, inertial.resting)
+    if (other := _headed(freed, p, inertial, field, fit.doubtful, prior)) is None:
         return 0.0
     change = 2.0 * np.sin(0.5 * (other.turn - headed.turn))
     return math.sqrt(float(np.mean(change**2)))
@@ -338,38 +338,38 @@ def _rival_turn(frames: Keyframes, p: Params, inertial: Inertial, field: Floats,
     if not near.any():
         return math.pi
     alone = weights(replace(reference, median=0.0), p, field, near, directed=False)
-    east, north = _turned(heading_of(frames, inertial, field, alone), field)
+    east, north = _turn_level(heading_turn(frames, inertial, field, alone), field)
     return abs(math.atan2(float(east[near].sum()), float(north[near].sum())))
 
 
-def _turned(by: Floats, field: Floats) -> tuple[Floats, Floats]:
+def _turn_level(by: Floats, field: Floats) -> tuple[Floats, Floats]:
     """Level part of fields turned about the vertical."""
     c, s = np.cos(by), np.sin(by)
     return c * field[:, 0] - s * field[:, 1], s * field[:, 0] + c * field[:, 1]
 
 
-def rates(frames: Keyframes, found: Sweep) -> Floats:
+def rates(frames: Keyframes, estimate: Sweep) -> Floats:
     """Corrected rates of the samples, rad/s, (N, 3)."""
     place = np.repeat(np.arange(frames.gap.size), np.diff(frames.first))
-    bias = found.bias[np.concatenate(([0], place))]
-    rate: Floats = frames.gyr - bias - frames.gyr @ found.matrix.reshape(3, 3).T
+    bias = estimate.bias[np.concatenate(([0], place))]
+    rate: Floats = frames.gyr - bias - frames.gyr @ estimate.matrix.reshape(3, 3).T
     return rate
 
 
-def at_samples(frames: Keyframes, found: Sweep, resting: Bools, rate: Floats | None = None) -> Floats:
+def at_samples(frames: Keyframes, estimate: Sweep, resting: Bools, rate: Floats | None = None) -> Floats:
     """Attitude at every sample, (N, 4); `rate` are its `rates`, where they are at hand."""
-    return between(frames, ~resting & ~frames.gap, found.q, rates(frames, found) if rate is None else rate)
+    return between(frames, ~resting & ~frames.gap, estimate.q, rates(frames, estimate) if rate is None else rate)
 
 
-def _field_of(frames: Keyframes, found: Sweep, resting: Bools) -> Floats:
+def _mean_field(frames: Keyframes, estimate: Sweep, resting: Bools) -> Floats:
     """Mean field of each step in navigation axes, (K, 3), NaN where there was none."""
-    q = at_samples(frames, found, resting)
+    q = at_samples(frames, estimate, resting)
     middle = quat_slerp(q[:-1], q[1:], 0.5)
-    seen = np.isfinite(frames.mag[1:, 0])
-    field = (dcm_from_quat(middle) @ np.where(seen[:, np.newaxis], frames.mag[1:], 0.0)[:, :, np.newaxis])[:, :, 0]
+    has_field = np.isfinite(frames.mag[1:, 0])
+    field = (dcm_from_quat(middle) @ np.where(has_field[:, np.newaxis], frames.mag[1:], 0.0)[:, :, np.newaxis])[:, :, 0]
     start = frames.first[:-1]
-    count = np.add.reduceat(seen.astype(float), start)
-    total = np.add.reduceat(field * seen[:, np.newaxis], start, axis=0)
+    count = np.add.reduceat(has_field.astype(float), start)
+    total = np.add.reduceat(field * has_field[:, np.newaxis], start, axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean: Floats = total / count[:, np.newaxis]
     mean[frames.gap] = np.nan

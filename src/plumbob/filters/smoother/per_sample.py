@@ -131,17 +131,17 @@ class Single:
         self._clock, t = sample.t_ns, self._ns / 1e9
         self._waiting.append(sample)
         self._times.append(self._ns)
-        known, word = self._known, MORE
-        if known is not None and not sample.flags:
+        state, word = self._known, MORE
+        if state is not None and not sample.flags:
             word = self._go_on(
-                known.q, known.x, known.watched, self._t, known.key, known.spacing, t, sample.values, self._limits,
+                state.q, state.x, state.watched, self._t, state.key, state.spacing, t, sample.values, self._limits,
                 self._mag, self._turns, self._q,
             )  # fmt: skip
         self._t = t
-        if known is None or word == MORE:
+        if state is None or word == MORE:
             return self._flush()
-        self._word = known.word
-        return known.word | word
+        self._word = state.word
+        return state.word | word
 
     def _later(self, t_ns: int) -> bool:
         """Whether a time is behind the last one, or behind others in a row that say that the clock was set back."""
@@ -172,8 +172,8 @@ class Single:
         assert track.flags is not None
         self._now = Now(track.q_nb[-1], track.bias_b[-1], track.cov_b[-1])
         self._q, self._word = track.q_nb[-1].copy(), int(track.flags[-1])
-        found = self._between()
-        self._known, self._turns = (None, self._turns) if found is None else found
+        basis = self._between()
+        self._known, self._turns = (None, self._turns) if basis is None else basis
         return self._word
 
     @property

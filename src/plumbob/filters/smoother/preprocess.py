@@ -98,7 +98,7 @@ def close(state: Floats, end: int, gap: bool, k: int, last: NDArray[np.int64], g
 
 @kernel
 def arrive(
-    state: Floats, recent: Floats, t: Floats, gyr: Floats, acc: Floats, spacing: float, begin: int, kept: Bools,
+    state: Floats, recent: Floats, t: Floats, gyr: Floats, acc: Floats, spacing: float, begin: int, mask: Bools,
     gyr_out: Floats, acc_out: Floats, last: NDArray[np.int64], gaps: Bools, variance: Floats,
 ) -> int:  # fmt: skip
     """Take samples one after the other; returns how many steps they end.
@@ -116,13 +116,13 @@ def arrive(
             state[COUNT] += 1.0
         state[ARRIVED] = t[i]
         state[KNOWN] += 0.0 if math.isnan(gyr[i, 0]) else 1.0
-        known, first = not math.isnan(gyr[i, 0]), math.isnan(state[LAST])
+        has_rate, first = not math.isnan(gyr[i, 0]), math.isnan(state[LAST])
         hole = not first and t[i] - state[GYR + TIME] > longest
-        kept[i] = known or not (first or hole)
-        if not kept[i]:
+        mask[i] = has_rate or not (first or hole)
+        if not mask[i]:
             continue
         dt = 0.0 if first else t[i] - state[LAST]
-        gap = not first and (dt > longest or (known and hole))
+        gap = not first and (dt > longest or (has_rate and hole))
         if gap and state[LAST] > state[KEY]:
             steps = close(state, n - 1, False, steps, last, gaps, variance)
         without_rate = hold(state, GYR, t[i], dt, gyr[i], gap, gyr_out[n - begin])
@@ -217,8 +217,8 @@ def calm_at(
     farthest(rate, around[k : k + 1], low[:1], low[1:], spread)
     shaken = spread[0] >= p_rate
     farthest(force, mean, low[:1], low[1:], spread)
-    whole = time[k + 1] - time[begin] >= p_time - (time[k + 1] - time[k])
-    return whole and not gap[begin] and not shaken and spread[0] < p_force
+    is_full = time[k + 1] - time[begin] >= p_time - (time[k + 1] - time[k])
+    return is_full and not gap[begin] and not shaken and spread[0] < p_force
 
 
 class Rolling:
@@ -296,23 +296,23 @@ class Arriving:
         n, begin = t.size, self.samples
         self.word = self._watch.words(t, gyr, acc, field)
         if self.word.any():
-            gyr, acc, field = (unless(*one) for one in zip((gyr, acc, field), (self.word,) * 3, WRONG, strict=True))
-        kept, filled = np.empty(n, dtype=bool), np.empty((2, n, 3))
+            gyr, acc, field = (unless(*args) for args in zip((gyr, acc, field), (self.word,) * 3, WRONG, strict=True))
+        mask, filled = np.empty(n, dtype=bool), np.empty((2, n, 3))
         last, gap, variance = np.empty(2 * n, dtype=np.int64), np.empty(2 * n, dtype=bool), np.empty((2 * n, 2))
         steps = arrive(
-            self._state, self._recent, t, gyr, acc, self._p.keyframe, begin, kept, filled[0], filled[1], last, gap,
+            self._state, self._recent, t, gyr, acc, self._p.keyframe, begin, mask, filled[0], filled[1], last, gap,
             variance,
         )  # fmt: skip
-        count = int(np.count_nonzero(kept))
-        self._t.add(t[kept])
+        count = int(np.count_nonzero(mask))
+        self._t.add(t[mask])
         self._gyr.add(filled[0, :count])
         self._acc.add(filled[1, :count])
-        self._field.add(field[kept])
+        self._field.add(field[mask])
         if not begin and count:
             self._last.add(np.zeros(1, dtype=np.int64))
-            self._time.add(t[kept][:1])
+            self._time.add(t[mask][:1])
         self._add_steps(last[:steps], gap[:steps], variance[:steps])
-        return kept
+        return mask
 
     def _add_steps(self, last: NDArray[np.int64], gap: Bools, variance: Floats) -> None:
         if not last.size:
@@ -374,13 +374,13 @@ class Arriving:
 
     def force(self, row: int) -> Floats:
         """Specific force of a sample, (3,), m/s²."""
-        found: Floats = self._acc[row : row + 1][0]
-        return found
+        force: Floats = self._acc[row : row + 1][0]
+        return force
 
     def fields(self, rows: slice) -> Bools:
         """Which samples have a field."""
-        found: Bools = np.isfinite(self._field[rows][:, 0])
-        return found
+        finite: Bools = np.isfinite(self._field[rows][:, 0])
+        return finite
 
     def frames(self, steps: slice) -> Keyframes:
         """Samples and steps, as the smoother takes them."""

@@ -46,58 +46,58 @@ def remarks_so_far(gaps: Floats, t: Floats, word: NDArray[np.uint32], *, mag: bo
 
     `gaps` are the ends of the gaps before them, s, and `mag` says whether there is a field at all.
     """
-    told = _gaps(gaps, float(t[0]), float(t[-1]))
+    remarks = _gaps(gaps, float(t[0]), float(t[-1]))
     if not mag:
-        return told
+        return remarks
     if ((word & flags.HEADING_FREE) != 0).all():
-        return [*told, FREE]
+        return [*remarks, FREE]
     gated = (word[1:] & flags.MAG_GATED) != 0
     if when := _spells(t, gated, float(t[0]), float(t[-1])):
-        told.append(WRONG.format(when))
-    return told
+        remarks.append(WRONG.format(when))
+    return remarks
 
 
-def remarks_of(found: Smoothed, p: Params, t: Floats) -> list[str]:
+def stretch_remarks(smoothed: Smoothed, p: Params, t: Floats) -> list[str]:
     """Remarks on a stretch of a recording, with the times (N,) at which its attitude is kept; a line each."""
     begin, end = float(t[0]), float(t[-1])
-    told = _gaps(found.frames.time[1:][found.frames.gap], begin, end)
-    if when := _spells(found.frames.time, found.weightless, begin, end):
-        told.append(WEIGHTLESS.format(when))
-    if found.reference is None:
-        if np.isfinite(found.frames.mag[:, 0]).any():
-            told.append(FREE)
-        return told
-    told += _of_unit(found)
-    if found.attached is not None and found.attached.found:
-        magnet = found.attached.magnet
+    remarks = _gaps(smoothed.frames.time[1:][smoothed.frames.gap], begin, end)
+    if when := _spells(smoothed.frames.time, smoothed.weightless, begin, end):
+        remarks.append(WEIGHTLESS.format(when))
+    if smoothed.reference is None:
+        if np.isfinite(smoothed.frames.mag[:, 0]).any():
+            remarks.append(FREE)
+        return remarks
+    remarks += _of_unit(smoothed)
+    if smoothed.attached is not None and smoothed.attached.present:
+        magnet = smoothed.attached.magnet
         size = float(np.linalg.norm(magnet, axis=1).max())
-        when = _spells(found.frames.time, np.asarray(magnet.any(axis=1)), begin, end)
+        when = _spells(smoothed.frames.time, np.asarray(magnet.any(axis=1)), begin, end)
         if when:
-            told.append(f"a field of {size:.0f} µT turned with the sensor ({when}); it was taken off")
-    gated = (found.weight < GATED) & np.isfinite(found.sweep.field[:, 0])
-    if when := _spells(found.frames.time, gated, begin, end):
-        told.append(WRONG.format(when))
-    if found.reference.rival is not None:
-        level, up = found.reference.rival
-        told.append(
-            f"two fields have nearly equal weight, {found.reference.level:.0f} µT level, "
-            f"{found.reference.vertical:.0f} up, and {level:.0f} level, {up:.0f} up: the heading may be off by "
-            f"{to_deg(found.rival_turn):.0f}°, which its standard deviation counts"
+            remarks.append(f"a field of {size:.0f} µT turned with the sensor ({when}); it was taken off")
+    gated = (smoothed.weight < GATED) & np.isfinite(smoothed.sweep.field[:, 0])
+    if when := _spells(smoothed.frames.time, gated, begin, end):
+        remarks.append(WRONG.format(when))
+    if smoothed.reference.rival is not None:
+        level, up = smoothed.reference.rival
+        remarks.append(
+            f"two fields have nearly equal weight, {smoothed.reference.level:.0f} µT level, "
+            f"{smoothed.reference.vertical:.0f} up, and {level:.0f} level, {up:.0f} up: the heading may be off by "
+            f"{to_deg(smoothed.rival_turn):.0f}°, which its standard deviation counts"
         )
-    return told
+    return remarks
 
 
-def _of_unit(found: Smoothed) -> list[str]:
+def _of_unit(smoothed: Smoothed) -> list[str]:
     """A field of the unit itself, taken off or not."""
-    if found.attached is None:
+    if smoothed.attached is None:
         return []
-    if size := float(np.linalg.norm(found.attached.iron)):
+    if size := float(np.linalg.norm(smoothed.attached.iron)):
         return [f"the unit has a field of {size:.1f} µT of its own; it was taken off: calibrate the magnetometer"]
-    if (size := float(np.linalg.norm(found.attached.left))) < TOLD:
+    if (size := float(np.linalg.norm(smoothed.attached.suspect))) < TOLD:
         return []
     return [
         f"a field of {size:.1f} µT seems to turn with the unit, or that of the place is uneven; it was not taken off: "
-        f"the heading may be off by {to_deg(found.iron_turn):.0f}°, which its standard deviation counts"
+        f"the heading may be off by {to_deg(smoothed.iron_turn):.0f}°, which its standard deviation counts"
     ]
 
 

@@ -13,7 +13,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.data import ImuData, ImuMeta
-from plumbob.data.cards.residuals import Half, uncalibrated, whole_of
+from plumbob.data.cards.residuals import Half, full_covariance, uncalibrated
 from plumbob.filters.settling import considered
 from plumbob.filters.smoother.keyframes import BLOCK, Keyframes
 from plumbob.filters.smoother.model import Params
@@ -63,8 +63,8 @@ class Part(NamedTuple):
 
     def put(self, which: slice, other: Self) -> None:
         """Write what is known of some of the samples."""
-        for own, values in zip(self, other, strict=True):
-            own[which] = values  # type: ignore[index]
+        for column, values in zip(self, other, strict=True):
+            column[which] = values  # type: ignore[index]
 
 
 class Piece(NamedTuple):
@@ -80,18 +80,18 @@ class Piece(NamedTuple):
 class Stretch:
     """Part of a recording: the samples that are smoothed together, and those of them whose attitude is kept."""
 
-    whole: slice
+    span: slice
     core: slice
 
     @property
     def inside(self) -> slice:
         """The core among the smoothed ones."""
-        return slice(self.core.start - self.whole.start, self.core.stop - self.whole.start)
+        return slice(self.core.start - self.span.start, self.core.stop - self.span.start)
 
     def moved(self, by: int) -> "Stretch":
         """The same samples where so many more come before them."""
-        whole, core = (slice(rows.start + by, rows.stop + by) for rows in (self.whole, self.core))
-        return Stretch(whole, core)
+        span, core = (slice(rows.start + by, rows.stop + by) for rows in (self.span, self.core))
+        return Stretch(span, core)
 
 
 def stretches(t: Floats, lag: float | None, begin: int = 0) -> Iterator[Stretch]:
@@ -119,26 +119,26 @@ def stretches(t: Floats, lag: float | None, begin: int = 0) -> Iterator[Stretch]
         begin = end
 
 
-def part_of(data: ImuData, found: Smoothed, p: Params, heading_var: float | None = None) -> Part:
+def sample_part(data: ImuData, smoothed: Smoothed, p: Params, heading_var: float | None = None) -> Part:
     """What is known of every sample of a recording, or of a stretch of one; `heading_var` is that of `FreeHeading`."""
-    frames = found.frames
-    rate = rates(frames, found.sweep)
-    q = at_samples(frames, found.sweep, found.resting, rate)
+    frames = smoothed.frames
+    rate = rates(frames, smoothed.sweep)
+    q = at_samples(frames, smoothed.sweep, smoothed.resting, rate)
     place = np.searchsorted(frames.first, np.arange(frames.t.size))
-    cov = _covariance(q, found, place, rate, p, data.meta.left)
-    if found.reference is None:
+    cov = _covariance(q, smoothed, place, rate, p, data.meta.left)
+    if smoothed.reference is None:
         drift, behind = FreeHeading(data.meta, p, heading_var), frames.time[1:][frames.gap]
         gap = float(behind[0]) if behind.size else math.inf
-        cov = widened(q, cov, drift.variance(frames.t, q, rate, found.bias_sd, gap))
-    lost = found.weightless[np.maximum(place - 1, 0)]
+        cov = widened(q, cov, drift.variance(frames.t, q, rate, smoothed.bias_sd, gap))
+    lost = smoothed.weightless[np.maximum(place - 1, 0)]
     cov[lost] += ANYTHING
     if p.latency:
         q = quat_multiply(q, quat_from_rotvec(p.latency * rate))
-    word = np.asarray(data.flags)[frames.rows] | _flags(found, place)
+    word = np.asarray(data.flags)[frames.rows] | _flags(smoothed, place)
     word[lost] |= np.uint32(flags.NOT_CONVERGED)
-    none = found.reference is None
-    weight = np.full(len(q), np.nan) if none else found.weight[np.maximum(place - 1, 0)]
-    return _everywhere(data, frames, Part(q, found.sweep.bias[place], cov, word, weight))
+    none = smoothed.reference is None
+    weight = np.full(len(q), np.nan) if none else smoothed.weight[np.maximum(place - 1, 0)]
+    return _everywhere(data, frames, Part(q, smoothed.sweep.bias[place], cov, word, weight))
 
 
 class FreeHeading:
@@ -176,7 +176,7 @@ def unseen_scale(meta: ImuMeta, p: Params) -> Floats:
     if meta.gyr_left is not None:  # the prior of the filter
         return np.zeros((3, 3))
     if meta.calibration is None:
-        return np.diag(whole_of(uncalibrated("gyr")))[3:].reshape(3, 3)
+        return np.diag(full_covariance(uncalibrated("gyr")))[3:].reshape(3, 3)
     return np.diag(np.full(3, max(p.gyr_scale**2 - p.gyr_misalignment**2, 0.0)))
 
 
@@ -195,8 +195,8 @@ def heading_variance_at(part: Part, row: int) -> float:
 def widened(q: Floats, cov: Floats, variance: Floats) -> Floats:
     """Covariance (N, 3, 3) in body axes with a variance (N,) of the heading in addition."""
     up = vertical_in_body(q)
-    found: Floats = cov + variance[:, np.newaxis, np.newaxis] * (up[:, :, np.newaxis] * up[:, np.newaxis, :])
-    return found
+    total: Floats = cov + variance[:, np.newaxis, np.newaxis] * (up[:, :, np.newaxis] * up[:, np.newaxis, :])
+    return total
 
 
 def unknown(data: ImuData, q: Floats, bias: Floats) -> Part:
@@ -208,52 +208,52 @@ def unknown(data: ImuData, q: Floats, bias: Floats) -> Part:
 
 def continued(part: Part, stretch: Stretch, before: Floats, last: Stretch) -> Part:
     """A stretch whose heading is free, turned to the attitudes (N, 4) of the one before by what both have."""
-    low, high = stretch.whole.start, min(last.whole.stop, stretch.core.start + 1)
+    low, high = stretch.span.start, min(last.span.stop, stretch.core.start + 1)
     if high <= low:
         return part
-    own, other = part.q[: high - low], before[low - last.whole.start : high - last.whole.start]
-    turn = quat_multiply(other, quat_conjugate(own))
+    overlap, other = part.q[: high - low], before[low - last.span.start : high - last.span.start]
+    turn = quat_multiply(other, quat_conjugate(overlap))
     angle = 2.0 * math.atan2(float((turn[:, 3] * turn[:, 0]).sum()), float((turn[:, 0] ** 2).sum()))
     return part._replace(q=turn_heading(part.q, -angle, Frame.ENU))
 
 
 def _covariance(
-    q: Floats, found: Smoothed, place: NDArray[np.int64], rate: Floats, p: Params, left: tuple[Half, Half]
+    q: Floats, smoothed: Smoothed, place: NDArray[np.int64], rate: Floats, p: Params, halves: tuple[Half, Half]
 ) -> Floats:
     """Covariance of the attitude error in body axes, (N, 3, 3), a block after the other: temporaries are larger."""
     cov = np.empty((len(q), 3, 3))
     for i in range(0, len(q), BLOCK):
         block = slice(i, i + BLOCK)
-        cov[block] = covariance_of(q[block], found.sweep.cov[place[block], :3, :3], found, rate[block], p, left)
+        cov[block] = body_cov(q[block], smoothed.sweep.cov[place[block], :3, :3], smoothed, rate[block], p, halves)
     return cov
 
 
-def covariance_of(q: Floats, in_n: Floats, found: Smoothed, rate: Floats, p: Params, left: tuple[Half, Half]) -> Floats:
+def body_cov(q: Floats, in_n: Floats, smoothed: Smoothed, rate: Floats, p: Params, halves: tuple[Half, Half]) -> Floats:
     """Covariance of the attitude error in body axes, of one in navigation axes (N, 3, 3), and what is not estimated."""
     c_nb, in_n = dcm_from_quat(q), in_n.copy()
-    in_n[:, [0, 1], [0, 1]] += (p.acc_offset / G0) ** 2 + found.tilt_var
-    if found.reference is not None:
-        in_n[:, 2, 2] += found.heading_var + p.mag_direction_sd**2
+    in_n[:, [0, 1], [0, 1]] += (p.acc_offset / G0) ** 2 + smoothed.tilt_var
+    if smoothed.reference is not None:
+        in_n[:, 2, 2] += smoothed.heading_var + p.mag_direction_sd**2
     cov = np.swapaxes(c_nb, 1, 2) @ in_n @ c_nb
     cov += p.latency_sd**2 * rate[:, :, np.newaxis] * rate[:, np.newaxis, :]
-    if any(left[0]) or any(left[1]):
-        reference = found.reference
-        seen = np.zeros(2) if reference is None else np.array([reference.level, reference.vertical])
-        cov += considered(q, np.broadcast_to(seen, (len(q), 2)), 1.0, (0.0, 1.0), *left)
+    if any(halves[0]) or any(halves[1]):
+        reference = smoothed.reference
+        field = np.zeros(2) if reference is None else np.array([reference.level, reference.vertical])
+        cov += considered(q, np.broadcast_to(field, (len(q), 2)), 1.0, (0.0, 1.0), *halves)
     found_cov: Floats = 0.5 * (cov + np.swapaxes(cov, 1, 2))
     return found_cov
 
 
-def _flags(found: Smoothed, place: NDArray[np.int64]) -> NDArray[np.uint32]:
+def _flags(smoothed: Smoothed, place: NDArray[np.int64]) -> NDArray[np.uint32]:
     """What to know of each sample."""
     step = np.maximum(place - 1, 0)
-    word = np.where(found.resting[step], flags.AT_REST, 0)
-    if found.reference is None:
+    word = np.where(smoothed.resting[step], flags.AT_REST, 0)
+    if smoothed.reference is None:
         word |= flags.HEADING_FREE
     else:
-        word |= np.where(found.weight[step] < GATED, flags.MAG_GATED, 0)
-    tilt = found.sweep.cov[place, 0, 0] + found.sweep.cov[place, 1, 1]
-    word |= np.where(tilt + 2.0 * found.tilt_var > 2.0 * DOUBTFUL**2, flags.NOT_CONVERGED, 0)
+        word |= np.where(smoothed.weight[step] < GATED, flags.MAG_GATED, 0)
+    tilt = smoothed.sweep.cov[place, 0, 0] + smoothed.sweep.cov[place, 1, 1]
+    word |= np.where(tilt + 2.0 * smoothed.tilt_var > 2.0 * DOUBTFUL**2, flags.NOT_CONVERGED, 0)
     return word.astype(np.uint32)
 
 

@@ -71,17 +71,17 @@ class Attached:
         Steps where nobody can tell.
     iron : ndarray (3,)
         What belongs to the unit itself, and was taken off.
-    left : ndarray (3,)
+    suspect : ndarray (3,)
         What may belong to it and was not taken off: an uneven field of the place looks like it.
     """
 
     field: Floats
     doubtful: Bools
     iron: Floats
-    left: Floats
+    suspect: Floats
 
     @property
-    def found(self) -> bool:
+    def present(self) -> bool:
         """Whether there is one."""
         return bool(self.field.any())
 
@@ -95,7 +95,7 @@ class Attached:
 class _Windows:
     """What each window says: its own field (n, 3), its information, mean field as measured, and which say anything."""
 
-    own: Floats
+    field: Floats
     info: Floats
     mean: Floats
     size: float
@@ -103,26 +103,26 @@ class _Windows:
     weak: Bools
 
     @classmethod
-    def of(cls, frames: Keyframes, attitudes: Sequence[Floats]) -> Self | None:
+    def from_attitudes(cls, frames: Keyframes, attitudes: Sequence[Floats]) -> Self | None:
         """Least squares in every window, with that of the attitudes that explains its field best.
 
         None where all together say nothing.
         """
         length = float(frames.t[-1] - frames.t[0])
         count = int((length - WINDOW) // STRIDE) + 1
-        seen = np.isfinite(frames.mag[:, 0])
-        if length < SHORTEST or not seen.any():
+        mask = np.isfinite(frames.mag[:, 0])
+        if length < SHORTEST or not mask.any():
             return None
         long = count >= ALIKE
         begin = frames.t[0] + STRIDE * np.arange(count if long else 1)
         low = np.searchsorted(frames.t, begin)
         high = np.searchsorted(frames.t, begin + (WINDOW if long else length), side="left" if long else "right")
-        fits = [_fit(frames, q, seen, low, high) for q in attitudes]
-        best = np.argmin([fit.left for fit in fits], axis=0), np.arange(low.size)
+        fits = [_fit(frames, q, mask, low, high) for q in attitudes]
+        best = np.argmin([fit.residual for fit in fits], axis=0), np.arange(low.size)
         fit = _Fit(*(np.stack(of)[best] for of in zip(*fits, strict=True)))
         independent = INDEPENDENT * min(1.0, length / WINDOW)
         good = fit.number > 10.0
-        weight = np.where(good, independent / np.maximum(fit.left, LEAST_NOISE**2), 0.0)
+        weight = np.where(good, independent / np.maximum(fit.residual, LEAST_NOISE**2), 0.0)
         info = weight[:, np.newaxis, np.newaxis] * fit.normal
         if not long and not _alone(fit, info):
             return None
@@ -130,49 +130,49 @@ class _Windows:
         if long and np.linalg.eigvalsh(info.sum(axis=0))[0] < 1.0 / CLEAR**2:
             return None
         size = float(np.median(fit.size[strong])) if strong.any() else 0.0
-        return cls(fit.own, info, fit.mean, size, strong, good & ~strong)
+        return cls(fit.field, info, fit.mean, size, strong, good & ~strong)
 
     def without(self, field: Floats) -> Self:
         """The same without a field, (3,) or (n, 3), that turns with the sensor."""
-        return replace(self, own=self.own - field, mean=self.mean - field)
+        return replace(self, field=self.field - field, mean=self.mean - field)
 
 
 def attached_field(frames: Keyframes, *attitudes: Floats) -> Attached:
     """Field that turns with the sensor, by attitudes (N, 4) of the samples, each of any heading that drifts slowly."""
     steps = frames.gap.size
-    windows = _Windows.of(frames, attitudes)
+    windows = _Windows.from_attitudes(frames, attitudes)
     if windows is None:
         return Attached(np.zeros((steps, 3)), np.zeros(steps, dtype=bool), np.zeros(3), np.zeros(3))
-    alone = len(windows.own) < ALIKE
-    iron, left = (np.zeros(3), np.zeros(3)) if alone else _of_unit(windows)
+    alone = len(windows.field) < ALIKE
+    iron, suspect = (np.zeros(3), np.zeros(3)) if alone else _of_unit(windows)
     windows = windows.without(iron)
     candidates = _candidates(windows)
     if len(candidates) == 1:
-        return Attached(np.tile(iron, (steps, 1)), np.zeros(steps, dtype=bool), iron, left)
+        return Attached(np.tile(iron, (steps, 1)), np.zeros(steps, dtype=bool), iron, suspect)
     off_size = ((np.linalg.norm(windows.mean[:, np.newaxis] - candidates, axis=2) - windows.size) / SIZE_SD) ** 2
     path = _cheapest(_costs(windows, candidates, off_size))
-    if not (alone or iron.any() or left.any()):  # the magnet may have hidden it
-        iron, left = _of_unit(windows.without(candidates[path]))
+    if not (alone or iron.any() or suspect.any()):  # the magnet may have hidden it
+        iron, suspect = _of_unit(windows.without(candidates[path]))
     place = np.round((frames.middle - frames.t[0] - 0.5 * WINDOW) / STRIDE).astype(int)
     step = np.clip(place, 0, len(path) - 1)
-    return Attached(iron + candidates[path][step], _doubtful(windows, path, off_size)[step], iron, left)
+    return Attached(iron + candidates[path][step], _doubtful(windows, path, off_size)[step], iron, suspect)
 
 
 def _of_unit(windows: _Windows) -> tuple[Floats, Floats]:
     """Field of the unit itself, (3,), by all windows together: what to take off and what to leave."""
     good = windows.strong | windows.weak
-    own, info = windows.own[good], windows.info[good]
-    told = np.einsum("nij,nj->ni", info, own)
-    start = own[windows.strong[good]]
-    iron = np.median(start, axis=0) if len(start) > ALIKE else np.linalg.solve(info.sum(axis=0), told.sum(axis=0))
+    fields, info = windows.field[good], windows.info[good]
+    vector = np.einsum("nij,nj->ni", info, fields)
+    start = fields[windows.strong[good]]
+    iron = np.median(start, axis=0) if len(start) > ALIKE else np.linalg.solve(info.sum(axis=0), vector.sum(axis=0))
     for _ in range(20):
-        off = own - iron
+        off = fields - iron
         off2 = np.einsum("ni,nij,nj->n", off, info, off)
         scale = max(1.0, float(np.median(off2)) / MEDIAN_OF_THREE)
         weight = 1.0 / (1.0 + off2 / (OUTLIER * scale)) ** 2
-        known = np.einsum("n,nij->ij", weight, info)
-        iron = np.linalg.solve(known, weight @ told)
-    if np.linalg.eigvalsh(known)[0] < scale / KNOWN**2 or weight.mean() < AGREED or not _sized(windows, iron):
+        total = np.einsum("n,nij->ij", weight, info)
+        iron = np.linalg.solve(total, weight @ vector)
+    if np.linalg.eigvalsh(total)[0] < scale / KNOWN**2 or weight.mean() < AGREED or not _sized(windows, iron):
         return np.zeros(3), np.zeros(3)
     return (iron, np.zeros(3)) if np.linalg.norm(iron) > LEAST else (np.zeros(3), iron)
 
@@ -192,25 +192,25 @@ class _Fit(NamedTuple):
     size of the place's, the power of the field about its mean and what is left of it, each axis, and its samples, (n,).
     """
 
-    own: Floats
+    field: Floats
     normal: Floats
     mean: Floats
     size: Floats
     power: Floats
-    left: Floats
+    residual: Floats
     number: Floats
 
 
-def _fit(frames: Keyframes, q: Floats, seen: Bools, low: NDArray[np.int64], high: NDArray[np.int64]) -> _Fit:
+def _fit(frames: Keyframes, q: Floats, mask: Bools, low: NDArray[np.int64], high: NDArray[np.int64]) -> _Fit:
     """Fit fields of the place and of the sensor in windows, from a row to before another one."""
-    mag = np.where(seen[:, np.newaxis], frames.mag, 0.0)
+    mag = np.where(mask[:, np.newaxis], frames.mag, 0.0)
 
     def mean(values: Floats) -> Floats:
         shape = (-1, *(1,) * (values.ndim - 1))
-        found: Floats = sum_between(values * seen.reshape(shape), low, high) / np.maximum(number, 1.0).reshape(shape)
-        return found
+        means: Floats = sum_between(values * mask.reshape(shape), low, high) / np.maximum(number, 1.0).reshape(shape)
+        return means
 
-    number = sum_between(seen.astype(float), low, high)
+    number = sum_between(mask.astype(float), low, high)
     c_nb = np.empty((len(q), 3, 3))
     for i in range(0, len(q), BLOCK):
         c_nb[i : i + BLOCK] = dcm_from_quat(q[i : i + BLOCK])
@@ -220,38 +220,38 @@ def _fit(frames: Keyframes, q: Floats, seen: Bools, low: NDArray[np.int64], high
     normal = np.eye(3, dtype=np.float64) - np.swapaxes(turn, 1, 2) @ turn
     right = m - (np.swapaxes(turn, 1, 2) @ h[:, :, np.newaxis])[:, :, 0]
     solved = np.linalg.solve(normal + 1e-6 * np.eye(3), right[:, :, np.newaxis])
-    own = np.asarray(solved[:, :, 0], dtype=np.float64)
+    field = np.asarray(solved[:, :, 0], dtype=np.float64)
     power = np.maximum(power - (h**2).sum(axis=1), 0.0)
-    left = np.maximum(power - (own * right).sum(axis=1), 0.0)
-    size = np.linalg.norm(h - (turn @ own[:, :, np.newaxis])[:, :, 0], axis=1)
-    return _Fit(own, normal, m, size, power / 3.0, left / 3.0, number)
+    residual = np.maximum(power - (field * right).sum(axis=1), 0.0)
+    size = np.linalg.norm(h - (turn @ field[:, :, np.newaxis])[:, :, 0], axis=1)
+    return _Fit(field, normal, m, size, power / 3.0, residual / 3.0, number)
 
 
 def _alone(fit: _Fit, info: Floats) -> bool:
     """Whether one short window says by itself that a field turns with the sensor."""
-    own = fit.own[0]
-    clear = np.linalg.eigvalsh(info[0])[0] > 1.0 / ALONE**2 and own @ info[0] @ own > SURE**2
-    return bool(clear and fit.left[0] * EXPLAINED < fit.power[0])
+    field = fit.field[0]
+    clear = np.linalg.eigvalsh(info[0])[0] > 1.0 / ALONE**2 and field @ info[0] @ field > SURE**2
+    return bool(clear and fit.residual[0] * EXPLAINED < fit.power[0])
 
 
 def _candidates(windows: _Windows) -> Floats:
     """No field, and those that several windows say alike, (m, 3)."""
-    found: list[Floats] = [np.zeros(3)]
-    left, alike = windows.strong.copy(), min(ALIKE, len(windows.own))
-    while left.any() and len(found) < CANDIDATES:
-        own = windows.own[left]
-        near = np.linalg.norm(own[:, np.newaxis] - own, axis=2) < CLEAR
+    fields: list[Floats] = [np.zeros(3)]
+    remaining, alike = windows.strong.copy(), min(ALIKE, len(windows.field))
+    while remaining.any() and len(fields) < CANDIDATES:
+        estimates = windows.field[remaining]
+        near = np.linalg.norm(estimates[:, np.newaxis] - estimates, axis=2) < CLEAR
         group = near[np.argmax(near.sum(axis=1))]
-        field = own[group].mean(axis=0)
+        field = estimates[group].mean(axis=0)
         if group.sum() >= alike and np.linalg.norm(field) > LEAST:
-            found.append(field)
-        left[np.flatnonzero(left)[group]] = False
-    return np.array(found)
+            fields.append(field)
+        remaining[np.flatnonzero(remaining)[group]] = False
+    return np.array(fields)
 
 
 def _costs(windows: _Windows, candidates: Floats, off_size: Floats) -> Floats:
     """What each candidate costs in each window, (n, m)."""
-    off = windows.own[:, np.newaxis] - candidates
+    off = windows.field[:, np.newaxis] - candidates
     cost: Floats = np.minimum(np.einsum("nci,nij,ncj->nc", off, windows.info, off), DEAREST)
     cost += np.where(windows.weak[:, np.newaxis], np.minimum(off_size, DEAREST_SIZE), 0.0)
     cost[:, 1:] += ATTACHED

@@ -15,9 +15,9 @@ from plumbob.core.params import build, describe, shown
 from plumbob.core.repeats import Repeats
 from plumbob.core.text import Shown
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
-from plumbob.data.cards.residuals import whole_of
+from plumbob.data.cards.residuals import full_covariance
 from plumbob.data.sample import ImuSample
-from plumbob.filters.base import CommonParams, north_of
+from plumbob.filters.base import CommonParams, north_reference
 from plumbob.filters.known import CAUSAL_LAG, SMOOTHER
 from plumbob.filters.smoother.inertial import GIVEN, Given
 from plumbob.filters.smoother.keyframes import Keyframes
@@ -25,7 +25,7 @@ from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
 from plumbob.filters.smoother.per_sample import Now, Single
 from plumbob.filters.smoother.preprocess import watched
-from plumbob.filters.smoother.remarks import remarks_before, remarks_of, remarks_so_far
+from plumbob.filters.smoother.remarks import remarks_before, remarks_so_far, stretch_remarks
 from plumbob.filters.smoother.samples import (
     ANYTHING,
     CORE,
@@ -35,12 +35,12 @@ from plumbob.filters.smoother.samples import (
     Stretch,
     continued,
     heading_variance_at,
-    part_of,
+    sample_part,
     stretches,
     unknown,
     widened,
 )
-from plumbob.filters.start import Start, start_of
+from plumbob.filters.start import Start, as_start
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import turn_heading
 
@@ -101,16 +101,16 @@ class Smoother(Shown):
         meta: ImuMeta | None = None,
     ) -> None:
         self.frame = Frame.parse(frame)
-        self._init = None if init is None else start_of(init, self.frame)
+        self._init = None if init is None else as_start(init, self.frame)
         given = {**({} if noise is None else from_noise(noise)), **(params or {})}
-        own = {p.name for p in describe(Params)}
+        names = {p.name for p in describe(Params)}
         shared = {p.name for p in describe(CommonParams)} - {"max_gap"}
         for name in given:
-            if name not in own | shared:
+            if name not in names | shared:
                 raise ParameterError(
-                    f"{SMOOTHER} has no parameter '{name}'; known are {', '.join((*sorted(own), *sorted(shared)))}."
+                    f"{SMOOTHER} has no parameter '{name}'; known are {', '.join((*sorted(names), *sorted(shared)))}."
                 )
-        self.params: Params = build(Params, {k: v for k, v in given.items() if k in own}, of=SMOOTHER)
+        self.params: Params = build(Params, {k: v for k, v in given.items() if k in names}, of=SMOOTHER)
         self.common: CommonParams = build(CommonParams, {k: v for k, v in given.items() if k in shared}, of=SMOOTHER)
         self._decided = "declination" in given
         self._meta = meta or ImuMeta()
@@ -145,7 +145,7 @@ class Smoother(Shown):
 
     def north(self, has_mag: bool) -> North:
         """What headings count from, of samples with or without a magnetometer."""
-        return north_of(self.common, self._init, has_mag)
+        return north_reference(self.common, self._init, has_mag)
 
     @property
     def _given(self) -> Given | None:
@@ -184,7 +184,7 @@ class Smoother(Shown):
         for piece in self._live(data) if lag == 0.0 else self._stretches(data):
             if progress:
                 progress(len(piece.t))
-            track = tracks.of(piece)
+            track = tracks.track(piece)
             del piece  # whoever takes the track, and the next stretch, may need its room
             yield track
             del track
@@ -209,7 +209,7 @@ class Smoother(Shown):
         """Stretches that overlap, each smoothed by itself."""
         along = Along(self, data.meta, remarks_before(data) if self.params.lag is None else [])
         for stretch in list(stretches(data.t, self.params.lag)):  # a list: the times of all are not kept
-            yield along.piece(data[stretch.whole], stretch)
+            yield along.piece(data[stretch.span], stretch)
 
     def _live(self, data: ImuData) -> Iterator[Piece]:
         """Parts one after the other, nothing of which knows what comes later."""
@@ -217,37 +217,37 @@ class Smoother(Shown):
 
         live = Live(self.params, data.meta, mag=self.common.mag, start=self._given)
         remarks = dict[str, None]()
-        t, word, seen, left = list[Floats](), list[NDArray[np.uint32]](), False, len(data)
+        t, word, has_mag, remaining = list[Floats](), list[NDArray[np.uint32]](), False, len(data)
         for part in data.chunks(AT_ONCE):
-            piece = _followed(live, part)
+            piece = _live_piece(live, part)
             t.append(piece.t)
             word.append(piece.part.flags)
-            seen |= self.common.mag and part.mag is not None and bool(np.isfinite(part.mag[:, 0]).any())
-            left -= len(part)
-            if t[-1][-1] - t[0][0] > CORE or not left:
-                told = remarks_so_far(np.array(live.gaps), np.concatenate(t), np.concatenate(word), mag=seen)
-                remarks |= dict.fromkeys(told)
+            has_mag |= self.common.mag and part.mag is not None and bool(np.isfinite(part.mag[:, 0]).any())
+            remaining -= len(part)
+            if t[-1][-1] - t[0][0] > CORE or not remaining:
+                lines = remarks_so_far(np.array(live.gaps), np.concatenate(t), np.concatenate(word), mag=has_mag)
+                remarks |= dict.fromkeys(lines)
                 t, word, self.remarks = [], [], tuple(remarks)
-            self.learned = self.learned if live.found is None else live.found.learned
+            self.learned = self.learned if live.smoothed is None else live.smoothed.learned
             yield piece
 
     def smooth(self, data: ImuData, known: Known | None = None) -> Smoothed | None:
         """What `process` makes its track of, at the keyframes; `known` is what came before. None without rates."""
-        frames = Keyframes.of(data, self.params.keyframe, mag=self.common.mag)
-        return None if frames is None else smooth(frames, self.params, known or _known(data.meta, self._given))
+        frames = Keyframes.from_imu(data, self.params.keyframe, mag=self.common.mag)
+        return None if frames is None else smooth(frames, self.params, known or _prior(data.meta, self._given))
 
 
-def _known(meta: ImuMeta, start: Given | None) -> Known:
+def _prior(meta: ImuMeta, start: Given | None) -> Known:
     """What the unit's card says of its gyroscope, and the first attitude."""
-    left = meta.gyr_left
-    return Known(unit=None if left is None else whole_of(left), start=start)
+    residual = meta.gyr_left
+    return Known(unit=None if residual is None else full_covariance(residual), start=start)
 
 
 AT_ONCE: Final = 4096
 """Samples that are followed at a time; the result does not depend on it."""
 
 
-def _followed(live: "Live", data: ImuData) -> Piece:
+def _live_piece(live: "Live", data: ImuData) -> Piece:
     """The next samples of a stream that is followed without a lag."""
     part = live.take(data)
     free = (part.flags & np.uint32(flags.HEADING_FREE)) != 0
@@ -270,36 +270,36 @@ class Along:
     def __init__(self, smoother: Smoother, meta: ImuMeta, remarks: Sequence[str] = ()) -> None:
         self._smoother = smoother
         self._start = start = smoother._given
-        self._known = _known(meta, start)
+        self._known = _prior(meta, start)
         self._attitude = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else start.q
         self._last: tuple[Floats, Stretch] | None = None
         self._free_variance = 0.0  # of a heading without a field, where the next core begins, rad²
         self._remarks = dict.fromkeys(remarks)
 
-    def piece(self, whole: ImuData, stretch: Stretch) -> Piece:
-        """Core of a stretch, of whose samples `whole` are all."""
-        smoother, inside, whole = self._smoother, stretch.inside, watched(whole)
-        self._known = replace(self._known, start=None if stretch.whole.start else self._start)
-        found = smoother.smooth(whole, self._known)
-        if found is None:
-            part = unknown(whole, self._attitude, np.zeros(3) if self._known.bias is None else self._known.bias[0])
+    def piece(self, data: ImuData, stretch: Stretch) -> Piece:
+        """Core of a stretch, of whose samples `data` are all."""
+        smoother, inside, data = self._smoother, stretch.inside, watched(data)
+        self._known = replace(self._known, start=None if stretch.span.start else self._start)
+        smoothed = smoother.smooth(data, self._known)
+        if smoothed is None:
+            part = unknown(data, self._attitude, np.zeros(3) if self._known.bias is None else self._known.bias[0])
         else:
-            part = part_of(whole, found, smoother.params, self._heading_var(stretch))
-            if self._last is not None and found.reference is None:
+            part = sample_part(data, smoothed, smoother.params, self._heading_var(stretch))
+            if self._last is not None and smoothed.reference is None:
                 part = continued(part, stretch, *self._last)
                 part = part._replace(cov=widened(part.q, part.cov, self._before(part, inside.start)))
-            self._free_variance = heading_variance_at(part, inside.stop - 1) if found.reference is None else 0.0
-            self._last, self._known, smoother.learned = (part.q, stretch), self._known.after(found), found.learned
-            self._remarks |= dict.fromkeys(remarks_of(found, smoother.params, whole.t[inside]))
+            self._free_variance = heading_variance_at(part, inside.stop - 1) if smoothed.reference is None else 0.0
+            self._last, self._known, smoother.learned = (part.q, stretch), self._known.after(smoothed), smoothed.learned
+            self._remarks |= dict.fromkeys(stretch_remarks(smoothed, smoother.params, data.t[inside]))
         self._attitude, smoother.remarks = part.q[inside][-1].copy(), tuple(self._remarks)
-        headed = 0 if found is not None and found.reference is not None else inside.stop - inside.start
-        return Piece(whole.t[inside], part.rows(inside), headed, found is not None)
+        headed = 0 if smoothed is not None and smoothed.reference is not None else inside.stop - inside.start
+        return Piece(data.t[inside], part.rows(inside), headed, smoothed is not None)
 
     def _heading_var(self, stretch: Stretch) -> float | None:
         """Variance of a given heading where a stretch begins, rad², beyond what comes from the stretch before."""
         if self._start is None or not self._start.headed:
             return None
-        return 0.0 if stretch.whole.start else GIVEN**2
+        return 0.0 if stretch.span.start else GIVEN**2
 
     def _before(self, part: Part, begin: int) -> Floats:
         """What a free heading was uncertain by before the core that begins at a sample, rad², beyond what it now is."""
@@ -321,13 +321,13 @@ class _Tracks:
         self._headed = self.rated = False
 
     def turns(self) -> Floats:
-        """What `of` multiplies in front of a next attitude, one after the other, (n, 4)."""
-        turn, frame, one = self._smoother.common.declination, self._smoother.frame, np.array([1.0, 0.0, 0.0, 0.0])
-        found = [turn_heading(one, turn, Frame.ENU)] if turn and self._headed else []
-        found += [] if frame is Frame.ENU else [change_frame(one, to=frame, from_=Frame.ENU)]
-        return np.reshape(found, (-1, 4))
+        """What `track` multiplies in front of a next attitude, one after the other, (n, 4)."""
+        turn, frame, identity = self._smoother.common.declination, self._smoother.frame, np.array([1.0, 0.0, 0.0, 0.0])
+        turns = [turn_heading(identity, turn, Frame.ENU)] if turn and self._headed else []
+        turns += [] if frame is Frame.ENU else [change_frame(identity, to=frame, from_=Frame.ENU)]
+        return np.reshape(turns, (-1, 4))
 
-    def of(self, piece: Piece) -> AttitudeTrack:
+    def track(self, piece: Piece) -> AttitudeTrack:
         """Track of a piece; headings are true from where a field has shown itself."""
         smoother, part, t = self._smoother, piece.part, piece.t
         self.rated |= piece.rated
@@ -412,7 +412,7 @@ class FixedLag(Smoother):
             return None
         data = data if fresh.all() else data.picked(fresh)
         if self._follower is not None:
-            return tracks.of(_followed(self._follower, data))
+            return tracks.track(_live_piece(self._follower, data))
         self._held.append(data)
         return self._ready(ended=False) if data.t[-1] > self._due else None
 
@@ -441,10 +441,10 @@ class FixedLag(Smoother):
         ShapeError
             If it is not a sample.
         """
-        return self._one.update(sample)
+        return self._updater.update(sample)
 
     @property
-    def _one(self) -> Single:
+    def _updater(self) -> Single:
         if self._single is None:
             if self._lag != 0.0:
                 raise ParameterError(
@@ -462,8 +462,8 @@ class FixedLag(Smoother):
         """What a next sample goes on from, and the turns to the frame that was asked for."""
         assert self._tracks is not None
         assert self._follower is not None
-        found = self._follower.between()
-        return None if found is None else (found, self._tracks.turns())
+        basis = self._follower.between()
+        return None if basis is None else (basis, self._tracks.turns())
 
     def _at_first(self) -> Now:
         """What is known before the first sample."""
@@ -477,17 +477,17 @@ class FixedLag(Smoother):
     @property
     def q_nb(self) -> Floats:
         """Attitude at the last sample of `update`, (4,)."""
-        return self._one.q_nb
+        return self._updater.q_nb
 
     @property
     def bias_b(self) -> Floats:
         """Gyroscope bias then, rad/s, (3,)."""
-        return self._one.bias_b
+        return self._updater.bias_b
 
     @property
     def cov_b(self) -> Floats:
         """Covariance of the attitude error in body axes then, rad², (3, 3); costs as much as a call of `take`."""
-        return self._one.cov_b
+        return self._updater.cov_b
 
     def reset(self) -> None:
         """Forget every sample; parameters and start attitude stay."""
@@ -495,26 +495,26 @@ class FixedLag(Smoother):
 
     def finish(self) -> AttitudeTrack | None:
         """Say that the stream has ended, and return the attitudes that are left; None where there are none."""
-        found = self._ready(ended=True) if self._held else None
+        track = self._ready(ended=True) if self._held else None
         if self._follower is not None:
             self._follower.close()
         self._restart()
-        return found
+        return track
 
     def _ready(self, *, ended: bool) -> AttitudeTrack | None:
         """Attitudes of all stretches for which nothing that comes counts any more."""
         assert self._along is not None
         assert self._tracks is not None
-        data, found, self._due = ImuData.joined(self._held), list[AttitudeTrack](), -math.inf
+        data, tracks, self._due = ImuData.joined(self._held), list[AttitudeTrack](), -math.inf
         t, first = data.t, self._first
         for stretch in stretches(t, self._lag, self._next - first):
             self._due = float(t[stretch.core.start]) + self._lag
             if not (ended or t[-1] > self._due):
                 break
-            found.append(self._tracks.of(self._along.piece(data[stretch.whole], stretch.moved(first))))
+            tracks.append(self._tracks.track(self._along.piece(data[stretch.span], stretch.moved(first))))
             self._next, self._due = first + stretch.core.stop, -math.inf
         place = self._next - first
         past = int(np.searchsorted(t, t[min(place, len(t) - 1)] - MARGIN))
         keep = max(min(past, place - 1), 0)
         self._held, self._first = [data[keep:]], first + keep
-        return AttitudeTrack.joined(found, sum(map(len, found))) if found else None
+        return AttitudeTrack.joined(tracks, sum(map(len, tracks))) if tracks else None

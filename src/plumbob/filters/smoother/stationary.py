@@ -81,8 +81,8 @@ def moved(state: Floats, at: int) -> tuple[float, float]:
 
 
 @kernel
-def stands(state: Floats, seen: Floats, rate: Floats, dt: float, now: float) -> float:
-    """Compare mean force and field of a step, the first six of `seen`, with a turn at a rate (3,).
+def stands(state: Floats, vectors: Floats, rate: Floats, dt: float, now: float) -> float:
+    """Compare mean force and field of a step, the first six of `vectors`, with a turn at a rate (3,).
 
     Returns the square of the angle, rad, by which they should have moved and did not; zero without a contradiction.
     """
@@ -90,14 +90,14 @@ def stands(state: Floats, seen: Floats, rate: Floats, dt: float, now: float) -> 
     state[STOOD] += dt
     for i in range(3):
         before = state[TURN + i] if begun else 0.0
-        state[TURN + i], seen[6 + i] = before + rate[i] * dt, before + 0.5 * rate[i] * dt
+        state[TURN + i], vectors[6 + i] = before + rate[i] * dt, before + 0.5 * rate[i] * dt
     for i in range(9):
         if not begun or math.isnan(state[THEN + i]):
-            state[THEN + i] = state[LATER + i] = seen[i]
-        elif not math.isnan(seen[i]):
+            state[THEN + i] = state[LATER + i] = vectors[i]
+        elif not math.isnan(vectors[i]):
             if state[STOOD] < FIRST:
-                state[THEN + i] += dt / state[STOOD] * (seen[i] - state[THEN + i])
-            state[LATER + i] += min(dt / LATEST, 1.0) * (seen[i] - state[LATER + i])
+                state[THEN + i] += dt / state[STOOD] * (vectors[i] - state[THEN + i])
+            state[LATER + i] += min(dt / LATEST, 1.0) * (vectors[i] - state[LATER + i])
     if state[STOOD] >= FIRST + LATEST:
         force, field = moved(state, 0), moved(state, 3)
         expected2, off2 = force[0] + field[0], force[1] + field[1]

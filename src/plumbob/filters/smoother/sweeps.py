@@ -107,9 +107,9 @@ def integrate(
         half = 0.5 * dt if kind == MOVING else 0.0
         turned_by(q, half * wx, half * wy, half * wz)
         r00, r01, r02, r10, r11, r12, r20, r21, r22 = rows(q[0], q[1], q[2], q[3])
-        turn_of(f, 0, dt, r00, r01, r02, gx, gy, gz)
-        turn_of(f, 1, dt, r10, r11, r12, gx, gy, gz)
-        turn_of(f, 2, dt, r20, r21, r22, gx, gy, gz)
+        gyr_row(f, 0, dt, r00, r01, r02, gx, gy, gz)
+        gyr_row(f, 1, dt, r10, r11, r12, gx, gy, gz)
+        gyr_row(f, 2, dt, r20, r21, r22, gx, gy, gz)
         ax, ay, az = acc[s, 0] - x[A], acc[s, 1] - x[A + 1], acc[s, 2] - x[A + 2]
         ux, uy, uz = r00 * ax + r01 * ay + r02 * az, r10 * ax + r11 * ay + r12 * az, r20 * ax + r21 * ay + r22 * az
         mean[FORCE] += dt * ux
@@ -134,7 +134,7 @@ def integrate(
 
 
 @kernel
-def turn_of(f: Floats, i: int, dt: float, r0: float, r1: float, r2: float, gx: float, gy: float, gz: float) -> None:
+def gyr_row(f: Floats, i: int, dt: float, r0: float, r1: float, r2: float, gx: float, gy: float, gz: float) -> None:
     """Row i of what errors of the gyroscope do to the attitude: θ' = −R (δb + δM ω), [Sola2017] sec. 5.3."""
     r0, r1, r2 = dt * r0, dt * r1, dt * r2
     turn, scaled = TURN + 3 * i, SCALED + 9 * i
@@ -342,30 +342,30 @@ def keep(k: int, attitude: Floats, now: Floats, p: Floats, q: Floats, x: Floats,
 def back_through(lam: Floats, big: Floats, y: Floats, gain: Floats, term: Floats, first: int, second: int) -> None:
     """λ and Λ before a scalar measurement of one state, or of the sum of two, from those after it."""
     inverse = term[INVERSE]
-    told, known = 0.0, inverse
+    gradient, curvature = 0.0, inverse
     for i in range(SIZE):
         y[i] = 0.0
     for j in range(SIZE):
         k = gain[j]
-        told += k * lam[j]
+        gradient += k * lam[j]
         for i in range(SIZE):
             y[i] += k * big[j, i]
     for i in range(SIZE):
-        known += gain[i] * y[i]
-    told += term[RESIDUAL] * inverse
-    lam[first] -= told  # [Bierman1973]: λ ← (I − K H)ᵀ λ − Hᵀ r / s
+        curvature += gain[i] * y[i]
+    gradient += term[RESIDUAL] * inverse
+    lam[first] -= gradient  # [Bierman1973]: λ ← (I − K H)ᵀ λ − Hᵀ r / s
     for j in range(SIZE):
         big[first, j] -= y[j]
         big[j, first] -= y[j]
-    big[first, first] += known
+    big[first, first] += curvature
     if second >= 0:
-        lam[second] -= told
+        lam[second] -= gradient
         for j in range(SIZE):
             big[second, j] -= y[j]
             big[j, second] -= y[j]
-        big[second, second] += known
-        big[first, second] += known
-        big[second, first] += known
+        big[second, second] += curvature
+        big[first, second] += curvature
+        big[second, first] += curvature
 
 
 @kernel
@@ -551,7 +551,7 @@ class _Kept(NamedTuple):
     step: Floats
 
     @classmethod
-    def of(cls, n: int) -> Self:
+    def empty(cls, n: int) -> Self:
         """Room for n steps."""
         shapes = (n + 1, SIZE), (n + 1, KEPT, SIZE), (n, MEASURED, SIZE), (n, MEASURED, TERMS), (n, STEP)
         return cls(*map(np.empty, shapes))
@@ -595,11 +595,11 @@ def sweep(
     n = kind.size
     q, mean = np.empty((n + 1, 4)), np.empty((n, MEANS))
     q_s, x_s, cov_s = np.empty((n + 1, 4)), np.empty((n + 1, KEPT)), np.empty((n + 1 if covariance else 0, 6, 6))
-    kept = _Kept.of(min(n, BLOCK))
+    room = _Kept.empty(min(n, BLOCK))
 
     def ahead(begin: int, attitude: Floats, now: Floats, p: Floats) -> _Kept:
         steps, points = slice(begin, begin + BLOCK), slice(begin, begin + BLOCK + 1)
-        block = kept.first(min(BLOCK, n - begin))
+        block = room.first(min(BLOCK, n - begin))
         forward(
             frames.t, frames.gyr, frames.acc, frames.mag, frames.first[points], kind[steps], frames.missed[steps],
             frames.pushed[steps], density[steps], heading_var[steps], q_start[points], p0, noise, attitude, now, p,

@@ -67,28 +67,28 @@ class Accuracy:
         return {name: {key: self._mean(trials, name, key) for key in KEYS} for name in self.settings}
 
     def _mean(self, trials: Sequence[str], name: str, key: str) -> float | None:
-        known = [v for trial in trials if (v := self.trials[trial].get(name, {}).get(key)) is not None]
-        return sum(known) / len(known) if known and len(known) == len(trials) else None
+        values = [v for trial in trials if (v := self.trials[trial].get(name, {}).get(key)) is not None]
+        return sum(values) / len(values) if values and len(values) == len(trials) else None
 
     def claims(self, folder: str | None = None) -> dict[str, dict[str, tuple[float, float] | None]]:
         """Mean and least coverage of each share over the trials that have one, by estimator that claims."""
         trials = self.folders[folder] if folder is not None else list(self.trials)
-        found: dict[str, dict[str, tuple[float, float] | None]] = {}
+        claims: dict[str, dict[str, tuple[float, float] | None]] = {}
         for name in self.settings:
             rows = [self.coverage[trial][name] for trial in trials if name in self.coverage.get(trial, {})]
             if rows:
-                found[name] = {share: _mean_and_least([row[share] for row in rows]) for share in SHARES}
-        return found
+                claims[name] = {share: _mean_and_least([row[share] for row in rows]) for share in SHARES}
+        return claims
 
     def differences(self, key: str = KEYS[0]) -> dict[str, dict[str, float]]:
         """By trial: how much larger the error of each other estimator is than that of `against`, degrees."""
-        found: dict[str, dict[str, float]] = {}
+        differences: dict[str, dict[str, float]] = {}
         for trial, errors in self.trials.items():
             base = errors.get(self.against or "", {}).get(key)
             others = {name: e[key] for name, e in errors.items() if name != self.against}
             if base is not None:
-                found[trial] = {name: value - base for name, value in others.items() if value is not None}
-        return found
+                differences[trial] = {name: value - base for name, value in others.items() if value is not None}
+        return differences
 
     def better(self, key: str = KEYS[0]) -> dict[str, tuple[int, int]]:
         """By other estimator: in how many trials its error is less than that of `against`, and of how many."""
@@ -116,12 +116,12 @@ class Accuracy:
 
     def report(self) -> Report:
         """Table of the trials and their mean for each estimator, and the means beside each other."""
-        parts = [Report(setting, tables=[self._own(name)]) for name, setting in self.settings.items()]
+        parts = [Report(setting, tables=[self._errors(name)]) for name, setting in self.settings.items()]
         means = f"mean of {counted(len(self.trials), 'recording')}; {len(self.skipped)} skipped"
         remarks = [means] if self.skipped else []
         remarks += [f"skipped {name}: {why}" for name, why in self.skipped.items()]
         remarks += [f"left out: {name}: {why}" for name, why in self.absent.items()]
-        tables = [*self._paired(), *self._claimed(), *self._beside()]
+        tables = [*self._paired(), *self._claimed(), *self._means()]
         facts = [*self._calibrations(), ("aligned", ", ".join(self.align) or "nothing")]
         if self.changes:
             facts.append(("changed", ", ".join(f"{name} {how}".strip() for name, how in self.changes.items())))
@@ -136,17 +136,17 @@ class Accuracy:
         several = [(name, name) for name in self.folders] if len(self.folders) > 1 else []
         return [*several, (None, "all" if several else "")]
 
-    def _own(self, name: str) -> Table:
+    def _errors(self, name: str) -> Table:
         rows = {trial: errors[name] for trial, errors in self.trials.items() if name in errors}
-        means = {f"mean {told}".strip(): self.mean(folder)[name] for folder, told in self._sets()}
+        means = {f"mean {label}".strip(): self.mean(folder)[name] for folder, label in self._sets()}
         return _table("RMSE [°]", {**rows, **means})
 
-    def _beside(self) -> Iterator[Table]:
+    def _means(self) -> Iterator[Table]:
         if len(self.settings) < 2 and len(self.folders) < 2:
             return
-        for folder, told in self._sets():
+        for folder, label in self._sets():
             trials = self.trials if folder is None else self.folders[folder]
-            title = f"Mean RMSE of {counted(len(trials), 'trial')}{f', {told}' if folder else ''} [°]"
+            title = f"Mean RMSE of {counted(len(trials), 'trial')}{f', {label}' if folder else ''} [°]"
             yield _table(title, self.mean(folder))
 
     def _paired(self) -> Iterator[Table]:
@@ -155,24 +155,24 @@ class Accuracy:
             return
         others = [name for name in self.settings if name != self.against]
         for key in (KEYS[0], KEYS[2]):
-            if not (found := self.differences(key)):
+            if not (excess := self.differences(key)):
                 continue
             rows = [
                 [trial, _degrees(self.trials[trial][self.against][key]), *(_signed(row.get(o)) for o in others)]
-                for trial, row in found.items()
+                for trial, row in excess.items()
             ]
-            means = [np.mean([row[o] for row in found.values() if o in row] or [np.nan]) for o in others]
+            means = [np.mean([row[o] for row in excess.values() if o in row] or [np.nan]) for o in others]
             better = [f"{n} of {of}" for n, of in self.better(key).values()]
-            rows += [["mean", _degrees(self._mean(list(found), self.against, key)), *map(_signed, map(float, means))]]
+            rows += [["mean", _degrees(self._mean(list(excess), self.against, key)), *map(_signed, map(float, means))]]
             rows += [["better in", "", *better]]
             title = f"{key.partition('_')[0].capitalize()} RMSE of {self.against}, and what others have more [°]"
             yield Table(title, ["", self.against, *others], rows)
 
     def _claimed(self) -> Iterator[Table]:
-        for folder, told in self._sets():
-            found = self.claims(folder)
-            rows = [[name, *map(_share, shares.values())] for name, shares in found.items()]
-            where = f", {told}" if folder else ""
+        for folder, label in self._sets():
+            claims = self.claims(folder)
+            rows = [[name, *map(_share, shares.values())] for name, shares in claims.items()]
+            where = f", {label}" if folder else ""
             if rows:
                 title = f"Errors within 1.96 claimed sd{where}: mean of the trials (worst) [%]"
                 yield Table(title, ["", *SHARES.values()], rows)
@@ -180,15 +180,15 @@ class Accuracy:
     def _calibrations(self) -> list[tuple[str, str]]:
         """Which trials had which calibration."""
         trials: dict[str, list[str]] = {}
-        for trial, told in self.calibration.items():
-            trials.setdefault(told, []).append(trial)
-        whole = len(trials) == 1
-        return [("calibration", f"{told}: {'all' if whole else ', '.join(names)}") for told, names in trials.items()]
+        for trial, label in self.calibration.items():
+            trials.setdefault(label, []).append(trial)
+        common = len(trials) == 1
+        return [("calibration", f"{label}: {'all' if common else ', '.join(names)}") for label, names in trials.items()]
 
 
 def _mean_and_least(shares: Sequence[float | None]) -> tuple[float, float] | None:
-    known = [share for share in shares if share is not None]
-    return (sum(known) / len(known), min(known)) if known else None
+    present = [share for share in shares if share is not None]
+    return (sum(present) / len(present), min(present)) if present else None
 
 
 def _degrees(value: float | None) -> str:

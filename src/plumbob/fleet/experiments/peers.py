@@ -48,7 +48,7 @@ def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Made]]]) -> tu
     wanted = [name.strip() for name in names.split(",") if name.strip()]
     if wanted in (["all"], ["none"]):
         wanted = list(kinds) if wanted == ["all"] else []
-    found: list[Made] = []
+    peers: list[Made] = []
     absent: dict[str, str] = {}
     for name in dict.fromkeys(wanted):
         of = re.split(r"[.(]", name)[0]
@@ -60,11 +60,11 @@ def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Made]]]) -> tu
             absent[name] = f"{error}; pip install {of} brings it"
             continue
         each = [kind(library) for kind in kinds[of]]
-        asked = [peer for peer in each if name in {of, peer.name}]
-        if not asked:
+        chosen = [peer for peer in each if name in {of, peer.name}]
+        if not chosen:
             raise ParameterError(f"{of} gives no '{name}', but {', '.join(peer.name for peer in each)}.")
-        found += asked
-    return found, absent
+        peers += chosen
+    return peers, absent
 
 
 class PeerRun(Protocol):
@@ -81,7 +81,7 @@ class PeerRun(Protocol):
     name: str
     settings: str
 
-    def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+    def attitudes(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
         """Attitudes (N, 4), body to ENU, of samples (N, 3) in rad/s, m/s² and µT, at a step in s; mag may be absent."""
         ...
 
@@ -109,7 +109,7 @@ def peer_track(peer: PeerRun, imu: ImuData, *, frame: Frame) -> AttitudeTrack:
     gyr, acc = (_complete(name, getattr(imu, name)) for name in ("gyr", "acc"))
     mag = None if imu.mag is None else _complete("mag", imu.mag)
     try:
-        q: Floats = np.asarray(peer.whole(gyr, acc, mag, float(np.median(np.diff(imu.t)))), dtype=np.float64)
+        q: Floats = np.asarray(peer.attitudes(gyr, acc, mag, float(np.median(np.diff(imu.t)))), dtype=np.float64)
     except Exception as error:  # a library may raise anything
         raise ShapeError(f"{peer.name} refuses it: {type(error).__name__}: {error}") from error
     q = np.where(np.isfinite(q).all(axis=1, keepdims=True), q, np.nan)
@@ -156,13 +156,13 @@ class _Vqf(Peer):
         self.name = f"vqf.{self.KIND}"
         self.settings = f"{self.name}, defaults"
 
-    def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
-        found = getattr(self.library, self.KIND)(step).updateBatch(gyr, acc, mag)
-        return self.best(found)
+    def attitudes(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+        output = getattr(self.library, self.KIND)(step).updateBatch(gyr, acc, mag)
+        return self.best(output)
 
-    def best(self, found: Mapping[str, Floats]) -> Floats:
+    def best(self, output: Mapping[str, Floats]) -> Floats:
         """Attitude of a result, with its heading where it has one."""
-        return found.get("quat9D", found["quat6D"])
+        return output.get("quat9D", output["quat6D"])
 
 
 class _BasicVqf(_Vqf):
@@ -180,7 +180,7 @@ class _OfflineVqf(_Vqf):
         super().__init__(library)
         self.settings = f"{self.name}, defaults; not causal: uses the whole recording"
 
-    def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+    def attitudes(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
         return self.best(self.library.offlineVQF(gyr, acc, mag, step))
 
 
@@ -211,7 +211,7 @@ class _Fusion(Peer):
     settings = "imufusion.Ahrs, defaults, ENU"
     TUNING: Mapping[str, float] = {}
 
-    def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+    def attitudes(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
         filter_ = fusion_filter(self.library, 1.0 / step, self.TUNING)
         take = filter_.update_no_magnetometer if mag is None else filter_.update
         triads = (self.rates(gyr, step), acc / G0, *(() if mag is None else (mag,)))
@@ -261,7 +261,7 @@ class Ahrs(Peer):
         shown = ", ".join(f"{name}={value}" for name, value in self.ARGUMENTS.items())
         self.settings = f"{self.name}({shown or 'defaults'}), {self.START}"
 
-    def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+    def attitudes(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
         """Attitudes (N, 4), body to ENU, of samples in rad/s, m/s² and µT at a step in s."""
         kind = getattr(self.library.filters, self.KIND)
         with quiet():
@@ -297,7 +297,7 @@ class _EkfRun(Ahrs):
         super().__init__(library)
         self.settings = "ahrs.EKF(frame=NED, magnetic_ref=median dip of the recording), started from the first sample"
 
-    def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+    def attitudes(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
         dip_deg = 0.0 if mag is None else float(to_deg(np.median(_dip(acc, mag))))
         with quiet():
             run = self.library.filters.EKF(

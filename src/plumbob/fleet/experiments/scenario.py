@@ -10,7 +10,7 @@ from plumbob.core.check import Floats
 from plumbob.core.text import counted
 from plumbob.core.units import to_deg
 from plumbob.door.evaluate import evaluate
-from plumbob.filters.offline import Stage, bias_beyond, estimator_of, run_stage, with_noise
+from plumbob.filters.offline import Stage, bias_beyond, make_estimator, run_stage, with_noise
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report
 from plumbob.rotations import Frame
@@ -61,7 +61,7 @@ class MonteCarlo:
             name: {axis: {f: _summary(seeds) for f, seeds in figures.items()} for axis, figures in axes.items()}
             for name, axes in self.values.items()
         }
-        found: dict[str, Any] = {
+        content: dict[str, Any] = {
             "scenario": self.scenario,
             "settings": self.settings,
             "summary": summary,
@@ -70,8 +70,8 @@ class MonteCarlo:
         }
         if self.limit_deg is not None:
             shares = {name: self.kept(name, self.limit_deg) for name in self.values}
-            found |= {"limit_deg": self.limit_deg, "share_within_limit": shares}
-        return found
+            content |= {"limit_deg": self.limit_deg, "share_within_limit": shares}
+        return content
 
     def text(self) -> str:
         """Errors over the seeds, a table for each filter."""
@@ -86,13 +86,13 @@ class MonteCarlo:
         return Report(self.scenario, parts=parts, remarks=self._ratios()).text()
 
     def _remarks(self, name: str) -> list[str]:
-        told = self.warnings.get(name, [])
+        warnings = self.warnings.get(name, [])
         count = len(next(iter(self.values[name].values()))[FIGURES[0]])
-        found = [f"in {len(told)} of {count} seeds, as in the first of them: {told[0]}"] if told else []
+        remarks = [f"in {len(warnings)} of {count} seeds, as in the first of them: {warnings[0]}"] if warnings else []
         if self.limit_deg is None:
-            return found
+            return remarks
         share = 100.0 * self.kept(name, self.limit_deg)
-        return [*found, f"roll and pitch stay within {self.limit_deg:g}° in {share:.0f} % of the seeds"]
+        return [*remarks, f"roll and pitch stay within {self.limit_deg:g}° in {share:.0f} % of the seeds"]
 
     def _ratios(self) -> list[str]:
         """Tilt errors of the other filters beside the first one's, where a limit was asked for."""
@@ -153,8 +153,8 @@ def measure_scenario(
         for stage in with_noise(stages, run.noise) if own_noise else stages:
             track = run_stage(run.imu, stage, frame=frame)
             ran[stage.name] = track.source
-            told = bias_beyond(estimator_of(stage, frame, run.imu.meta), track)
-            warnings.setdefault(stage.name, []).extend([told] if told else [])
+            warning = bias_beyond(make_estimator(stage, frame, run.imu.meta), track)
+            warnings.setdefault(stage.name, []).extend([warning] if warning else [])
             figures = evaluate(track, run.truth, settle=settle).summary()
             _append(values.setdefault(stage.name, {}), figures)
         if progress:

@@ -43,20 +43,20 @@ def trials_in(*places: Path) -> list[Path]:
     DecodeError
         If a place does not exist, or a folder holds none.
     """
-    found: list[Path] = []
+    files: list[Path] = []
     for place in places:
         if place.is_file():
-            found.append(place)
+            files.append(place)
             continue
         if not place.is_dir():
             wrong = "is neither a file nor a folder" if place.exists() else "does not exist"
             raise DecodeError(f"{place} {wrong}; name recordings, or a folder of them.")
         inside = sorted(p for p in place.iterdir() if io.is_recording(p))
         if not inside:
-            known = dict.fromkeys(suffix for kind in io.FORMATS for suffix in kind.suffixes if suffix)
-            raise DecodeError(f"{place} holds no recording; known suffixes are {', '.join(known)}.")
-        found += inside
-    return found
+            suffixes = dict.fromkeys(suffix for kind in io.FORMATS for suffix in kind.suffixes if suffix)
+            raise DecodeError(f"{place} holds no recording; known suffixes are {', '.join(suffixes)}.")
+        files += inside
+    return files
 
 
 class _Result(NamedTuple):
@@ -113,7 +113,7 @@ def measure_accuracy(
     align : sequence of str
         Alignments to allow, as in `plumbob.evaluate`; none by default.
     changes : Mapping, optional
-        What to change in every recording first, as `plumbob.fleet.experiments.changed` has it.
+        What to change in every recording first, as `plumbob.fleet.experiments.variants.changed` has it.
     seed : int
         Of what the changes draw.
     between : (float, float), optional
@@ -138,7 +138,7 @@ def measure_accuracy(
     if against is not None and against not in ways:
         raise ParameterError(f"there is no '{against}' to compare with; these run: {', '.join(ways)}.")
     skipped: dict[str, str] = {}
-    found: list[_Trial] = []
+    trials: list[_Trial] = []
     for file in files:
         place = file if isinstance(file, Path) else None
         name, where = (file.name, file.name) if place is None else (place.stem, place.name)
@@ -152,11 +152,11 @@ def measure_accuracy(
         nav = navigation_frame(imu, frame, where=str(place or name))
         results, refused = _run(ways, imu, nav, judge, progress)
         folder = "" if place is None else place.parent.name
-        found.append(_Trial(name, where, folder, calibration_told(imu.meta.calibration), results, refused))
-    if not found:
+        trials.append(_Trial(name, where, folder, calibration_told(imu.meta.calibration), results, refused))
+    if not trials:
         raise DecodeError("no recording is a trial: " + "; ".join(dict.fromkeys(skipped.values())))
-    told = {**changes, "seed": str(seed)} if changes else {}
-    return _gathered(found, list(ways), tuple(align), skipped, dict(absent or {}), told, against)
+    applied = {**changes, "seed": str(seed)} if changes else {}
+    return _gathered(trials, list(ways), tuple(align), skipped, dict(absent or {}), applied, against)
 
 
 def read_trial(file: Path | Recording) -> tuple[ImuData, AttitudeTrack]:
@@ -232,32 +232,32 @@ def _judged(track: AttitudeTrack, *, raw: ImuData, reference: AttitudeTrack, ali
     if not track.known.all():
         return _Result(track.source, dict.fromkeys(KEYS), None)
     try:
-        found = evaluate(track, reference, align=align)
+        evaluation = evaluate(track, reference, align=align)
     except ShapeError as error:
         return _Result(track.source, dict.fromkeys(KEYS), None, str(error))
-    summary = found.summary()
-    shares = None if track.cov_b is None else _coverage(found, np.interp(track.t, raw.t, turning(raw)))
+    summary = evaluation.summary()
+    shares = None if track.cov_b is None else _coverage(evaluation, np.interp(track.t, raw.t, turning(raw)))
     return _Result(track.source, {key: summary[key] for key in KEYS}, shares)
 
 
-def _coverage(found: Evaluation, rate: Floats) -> Errors:
+def _coverage(evaluation: Evaluation, rate: Floats) -> Errors:
     """Shares of samples whose error lies within what is claimed, scored or not: at rest a claim must hold too."""
-    track, match = found.estimate, found.match
+    track, match = evaluation.estimate, evaluation.match
     assert track.cov_b is not None
-    known = np.isin(match.fate, (Fate.SCORED, Fate.MASKED))
+    mask = np.isin(match.fate, (Fate.SCORED, Fate.MASKED))
     free = track.north is North.FREE
-    heading, tilt = inside_claim(track.q_nb[known], match.q_ref[known], track.cov_b[known], free=free)
+    heading, tilt = inside_claim(track.q_nb[mask], match.q_ref[mask], track.cov_b[mask], free=free)
     shares: Errors = {}
     for name, inside in (("heading", heading), ("tilt", tilt)):
-        judged = name == "tilt" or "heading" in found.stats
-        for where, rows in (("motion", rate[known] > RESTING), ("rest", rate[known] <= RESTING)):
+        judged = name == "tilt" or "heading" in evaluation.stats
+        for where, rows in (("motion", rate[mask] > RESTING), ("rest", rate[mask] <= RESTING)):
             enough = judged and np.count_nonzero(rows) >= ENOUGH
             shares[f"{name}_{where}"] = float(np.mean(inside[rows])) if enough else None
     return shares
 
 
 def _gathered(
-    found: Sequence[_Trial],
+    measured: Sequence[_Trial],
     names: Sequence[str],
     align: tuple[str, ...],
     skipped: dict[str, str],
@@ -267,9 +267,9 @@ def _gathered(
 ) -> Accuracy:
     """Trials that all can take who take any of their folder."""
     folders: dict[str, list[_Trial]] = {}
-    for trial in found:
+    for trial in measured:
         folders.setdefault(trial.folder, []).append(trial)
-    kept: dict[str, _Trial] = {}
+    shared: dict[str, _Trial] = {}
     held: dict[str, list[str]] = {}
     for folder, trials in folders.items():
         none = [name for name in names if all(name in trial.refused for trial in trials)]
@@ -283,21 +283,21 @@ def _gathered(
                 why = [f"{name}: {text}" for name, text in (refused or unscored).items()]
                 skipped[before + trial.file] = "; ".join(why)
             else:
-                key = _unused(before + trial.name, kept)
-                kept[key] = trial
+                key = _unused(before + trial.name, shared)
+                shared[key] = trial
                 absent |= {f"{name} ({key})": text for name, text in unscored.items()}
                 held.setdefault(folder, []).append(key)
-    if not kept:
+    if not shared:
         raise DecodeError("no trial is one that every estimator can take. " + "; ".join(skipped.values()))
-    sources = {n: dict.fromkeys(t.results[n].source for t in kept.values() if n in t.results) for n in names}
+    sources = {n: dict.fromkeys(t.results[n].source for t in shared.values() if n in t.results) for n in names}
     return Accuracy(
-        {key: {name: result.errors for name, result in trial.results.items()} for key, trial in kept.items()},
-        {name: " or ".join(told) for name, told in sources.items() if told},
+        {key: {name: result.errors for name, result in trial.results.items()} for key, trial in shared.items()},
+        {name: " or ".join(labels) for name, labels in sources.items() if labels},
         align,
         skipped,
         absent,
-        {key: trial.calibration for key, trial in kept.items()},
-        {key: {n: r.shares for n, r in trial.results.items() if r.shares is not None} for key, trial in kept.items()},
+        {key: trial.calibration for key, trial in shared.items()},
+        {key: {n: r.shares for n, r in trial.results.items() if r.shares is not None} for key, trial in shared.items()},
         held,
         changes,
         against,
@@ -307,4 +307,4 @@ def _gathered(
 def _unused(name: str, used: Mapping[str, object]) -> str:
     """The name, or with a number, so that it is not one that is used."""
     others = (f"{name} ({i})" for i in count(2))
-    return next(one for one in chain([name], others) if one not in used)
+    return next(candidate for candidate in chain([name], others) if candidate not in used)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, ShapeError
-from plumbob.core.files import sha256_of, write_text
+from plumbob.core.files import file_sha256, write_text
 from plumbob.core.params import Parameter, allowed, checked, describe, shown
 from plumbob.core.text import counted, visible
 from plumbob.core.units import Quantity, given, to_deg
@@ -75,7 +75,7 @@ class Range:
     low: float
     high: float
 
-    def at(self, x: float) -> float:
+    def value_at(self, x: float) -> float:
         """Value at a place of the range, 0 to 1, even in logarithms."""
         return float(min(self.high, max(self.low, self.low * (self.high / self.low) ** x)))
 
@@ -226,10 +226,10 @@ class Tuning(Reported):
     def as_dict(self) -> dict[str, Any]:
         """Ready for JSON: parameters in the unit inside, errors in degrees."""
         names = [name for name in self.__dataclass_fields__ if name not in {"parameters", "recordings", "skipped"}]
-        found = {name: plain(getattr(self, name)) for name in names}
-        found |= {"proven": self.proven, "gap": self.gap, "verdict": self.verdict(), "version": __version__}
+        figures = {name: plain(getattr(self, name)) for name in names}
+        figures |= {"proven": self.proven, "gap": self.gap, "verdict": self.verdict(), "version": __version__}
         rows = {"parameters": list(self.parameters), "recordings": list(self.recordings), "skipped": self.skipped}
-        return found | {name: plain(value) for name, value in rows.items()}
+        return figures | {name: plain(value) for name, value in rows.items()}
 
     def report(self) -> Report:
         """Parameters, errors on what was fitted to and on what was not, and each recording."""
@@ -257,14 +257,14 @@ class Tuning(Reported):
         return facts
 
     def _values(self) -> Table:
-        known = _known(self.filter)
+        declared = _parameters(self.filter)
         rows = []
         for p in self.parameters:
-            one = known[p.name]
-            spread = f"{_text(one, min(p.folds))} to {_text(one, max(p.folds))}" if p.folds else "–"
-            default = "off" if math.isnan(p.default) else _text(one, p.default)
-            searched = f"{_text(one, p.low)} to {_text(one, p.high)}"
-            rows.append([p.name, default, _text(one, p.value), spread, searched])
+            parameter = declared[p.name]
+            spread = f"{_text(parameter, min(p.folds))} to {_text(parameter, max(p.folds))}" if p.folds else "–"
+            default = "off" if math.isnan(p.default) else _text(parameter, p.default)
+            searched = f"{_text(parameter, p.low)} to {_text(parameter, p.high)}"
+            rows.append([p.name, default, _text(parameter, p.value), spread, searched])
         head = ["", "default", "tuned", "in the folds", "searched"]
         return Table("Parameters, tuned to all recordings", head, rows)
 
@@ -305,7 +305,7 @@ class Tuning(Reported):
 
     def toml(self) -> str:
         """Parameter file as ``run --params`` takes it, with where the values come from in comments."""
-        known = _known(self.filter)
+        declared = _parameters(self.filter)
         lines = [f"# Parameters of {self.filter}, tuned by plumbob {__version__}.", f"# {self.verdict()}"]
         lines += [f"# {name}: {visible(value)}" for name, value in self._facts()]
         lines.append(
@@ -320,7 +320,7 @@ class Tuning(Reported):
             lines.append(f"# {json.dumps(r.name, ensure_ascii=False)}{fold}, sha256 {r.sha256 or 'not of a file'}")
         lines += ["", f"[{self.filter}]"]
         for name, value in self.params.items():
-            text = value if isinstance(value, str) else shown(known[name], value)
+            text = value if isinstance(value, str) else shown(declared[name], value)
             lines.append(f"{name} = {json.dumps(text)}")
         return "\n".join([*lines, ""])
 
@@ -449,19 +449,19 @@ class _Judge:
 
     def values(self, x: Floats) -> dict[str, Any]:
         """Parameters at a place of the unit cube."""
-        return {**self.fixed, **{r.parameter.name: r.at(float(p)) for r, p in zip(self.ranges, x, strict=True)}}
+        return {**self.fixed, **{r.parameter.name: r.value_at(float(p)) for r, p in zip(self.ranges, x, strict=True)}}
 
     def prepare(self, trial: _Trial) -> None:
         """Associate once, as `evaluate` does, and measure the defaults; ShapeError where they cannot be scored."""
         track = self._track(trial, dict(self.fixed))
-        found = evaluate(track, trial.reference, align=self.align, settle=self.settle)
-        if self.metric not in found.stats:
-            raise ShapeError(f"its {self.metric} error cannot be scored: {found.not_scored[self.metric]}.")
+        scores = evaluate(track, trial.reference, align=self.align, settle=self.settle)
+        if self.metric not in scores.stats:
+            raise ShapeError(f"its {self.metric} error cannot be scored: {scores.not_scored[self.metric]}.")
         if not track.known.all():
             raise ShapeError("the filter with its defaults leaves attitudes that are not known.")
-        trial.default = max(found.stats[self.metric].rmse, LEAST)
-        whole = evaluate(replace(track, flags=None), trial.reference, align=self.align, settle=self.settle)
-        trial.q_ref, trial.judged = whole.match.q_ref, whole.match.scored
+        trial.default = max(scores.stats[self.metric].rmse, LEAST)
+        unmasked = evaluate(replace(track, flags=None), trial.reference, align=self.align, settle=self.settle)
+        trial.q_ref, trial.judged = unmasked.match.q_ref, unmasked.match.scored
 
     def error(self, trial: _Trial, x: Floats) -> float:
         """Rms error, rad, `WORST` where it cannot be scored; the same number as `evaluate` gives."""
@@ -470,8 +470,8 @@ class _Judge:
             if not track.known.all():
                 return WORST
             if self.align:
-                found = evaluate(track, trial.reference, align=self.align, settle=self.settle)
-                return max(found.stats[self.metric].rmse, LEAST)
+                scores = evaluate(track, trial.reference, align=self.align, settle=self.settle)
+                return max(scores.stats[self.metric].rmse, LEAST)
         except ShapeError:
             return WORST
         rows = trial.judged & ~not_converged(track)
@@ -533,18 +533,18 @@ class _Search:
 
         costs = [cost(x) for x in design]
         start = design[int(np.argmin(costs))]
-        if (left := self.budget - self.designed) < 1:
+        if (remaining := self.budget - self.designed) < 1:
             return np.asarray(start)
         steps = np.where(start + STEP <= 1.0, STEP, -STEP)
         simplex = np.vstack([start, start + np.diag(steps)])
-        found = minimize(
+        optimum = minimize(
             cost,
             start,
             method="Nelder-Mead",
             bounds=[(0.0, 1.0)] * start.size,
-            options={"maxfev": left, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-5},
+            options={"maxfev": remaining, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-5},
         )
-        return np.asarray(found.x if found.fun < min(costs) else start)
+        return np.asarray(optimum.x if optimum.fun < min(costs) else start)
 
     def design(self, seed: int) -> Floats:
         """Places that every search begins with: the defaults, and a scrambled Sobol sequence, (n, d)."""
@@ -568,12 +568,12 @@ def _crossed(
     places, train_default, train_tuned = [], [], []
     for fold in range(1, count + 1):
         inside = [t for t in trials if dealt[t.group] != fold]
-        own = [t for t in trials if dealt[t.group] == fold]
+        outside = [t for t in trials if dealt[t.group] == fold]
         place = search.best(inside, design)
         places.append(place)
         train_default.append(np.mean(np.log([t.default for t in inside])))
         train_tuned.append(search.logs(place, inside).mean())
-        held |= zip((t.name for t in own), np.exp(search.logs(place, own)), strict=True)
+        held |= zip((t.name for t in outside), np.exp(search.logs(place, outside)), strict=True)
     if not count:
         train_default, train_tuned = (
             [np.mean(np.log([t.default for t in trials]))],
@@ -627,8 +627,8 @@ def _tuned(range_: Range, i: int, best: Floats, places: Sequence[Floats]) -> Tun
     p, x = range_.parameter, float(best[i])
     end = "low" if x < NEAR_END else "high" if x > 1.0 - NEAR_END else ""
     default = math.nan if p.default is None else float(p.default)
-    folds = tuple(range_.at(float(place[i])) for place in places)
-    return Tuned(p.name, default, range_.at(x), range_.low, range_.high, folds, end)
+    folds = tuple(range_.value_at(float(place[i])) for place in places)
+    return Tuned(p.name, default, range_.value_at(x), range_.low, range_.high, folds, end)
 
 
 def _deal(groups: Sequence[str], folds: int | None, seed: int) -> dict[str, int]:
@@ -647,7 +647,7 @@ def _require(name: str, value: int, least: int) -> None:
         raise ParameterError(f"{name} must be a whole number of at least {least}, but got {value!r}.")
 
 
-def _known(filter: str) -> dict[str, Parameter]:
+def _parameters(filter: str) -> dict[str, Parameter]:
     """Parameters of a filter, and those that every filter has."""
     from plumbob.filters import CommonParams
 
@@ -660,26 +660,26 @@ def _positive(value: Any) -> bool:
 
 def _ranges(filter: str, params: Collection[str] | None, fixed: Mapping[str, Any]) -> tuple[Range, ...]:
     """What is sought, and where."""
-    own = {p.name: p for p in describe(load(filter).Params)}
+    declared = {p.name: p for p in describe(load(filter).Params)}
     if isinstance(params, str):
         params = params.split(",")
     if params is None:
-        few = FEW.get(filter, tuple(name for name, p in own.items() if not p.switch and _positive(p.default)))
+        few = FEW.get(filter, tuple(name for name, p in declared.items() if not p.switch and _positive(p.default)))
         params = [name for name in few if name not in fixed]
-    found: dict[str, Range] = {}
+    ranges: dict[str, Range] = {}
     for text in params:
         name, equals, span = (part.strip() for part in text.partition("="))
-        if name not in own or own[name].switch:
-            known = ", ".join(n for n, p in own.items() if not p.switch)
-            raise ParameterError(f"{filter} has no parameter '{name}' that could be tuned; it has {known or 'none'}.")
-        if name in found:
+        if name not in declared or declared[name].switch:
+            names = ", ".join(n for n, p in declared.items() if not p.switch)
+            raise ParameterError(f"{filter} has no parameter '{name}' that could be tuned; it has {names or 'none'}.")
+        if name in ranges:
             raise ParameterError(f"{filter}: {name} is named twice.")
         if name in fixed:
             raise ParameterError(f"{filter}: {name} is both to be tuned and given a value. Leave one of them out.")
-        found[name] = _range(filter, own[name], span if equals else "")
-    if not found:
+        ranges[name] = _range(filter, declared[name], span if equals else "")
+    if not ranges:
         raise ParameterError(f"{filter} has no parameter to tune.")
-    return tuple(found.values())
+    return tuple(ranges.values())
 
 
 def _range(filter: str, p: Parameter, span: str) -> Range:
@@ -702,11 +702,11 @@ def _range(filter: str, p: Parameter, span: str) -> Range:
 
 
 def _fixed(filter: str, fixed: Mapping[str, Any], ranges: Sequence[Range]) -> dict[str, Any]:
-    known = _known(filter)
+    declared = _parameters(filter)
     for name in fixed:
-        if name not in known:
-            raise ParameterError(f"{filter} has no parameter '{name}'; known are {', '.join(known)}.")
-    return {name: checked(filter, known[name], value) for name, value in fixed.items()}
+        if name not in declared:
+            raise ParameterError(f"{filter} has no parameter '{name}'; known are {', '.join(declared)}.")
+    return {name: checked(filter, declared[name], value) for name, value in fixed.items()}
 
 
 def _read(
@@ -718,8 +718,8 @@ def _read(
     """Recordings that can be judged, each read once, and why others are skipped."""
     several = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
     files: list[Path | Recording] = []
-    for one in several:
-        files += [one] if isinstance(one, Recording) else trials_in(check.path("recordings", one))
+    for source in several:
+        files += [source] if isinstance(source, Recording) else trials_in(check.path("recordings", source))
     trials: list[_Trial] = []
     skipped: dict[str, str] = {}
     for file in files:
@@ -738,7 +738,7 @@ def _read(
         trial.sha256 = _hash(file)
         trials.append(trial)
     if not trials:
-        why = "; ".join(f"{name}: {told}" for name, told in skipped.items())
+        why = "; ".join(f"{name}: {reason}" for name, reason in skipped.items())
         raise DecodeError(f"no recording with sensor data and a reference can be used. {why}".strip())
     return trials, skipped
 
@@ -759,7 +759,7 @@ def _unused(name: str, used: Collection[str]) -> str:
 
 
 def _hash(file: Path | Recording) -> str | None:
-    return None if isinstance(file, Recording) or not file.is_file() else sha256_of(file)[0]
+    return None if isinstance(file, Recording) or not file.is_file() else file_sha256(file)[0]
 
 
 def _text(p: Parameter, value: float) -> str:

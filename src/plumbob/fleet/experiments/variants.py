@@ -144,26 +144,26 @@ class _Told(NamedTuple):
     seed: int
 
 
-def _gaps(imu: ImuData, told: _Told) -> ImuData:
-    count, _, length = told.text.partition("x")
+def _gaps(imu: ImuData, change: _Told) -> ImuData:
+    count, _, length = change.text.partition("x")
     if not count.strip().isdigit() or not length:
-        raise ParameterError(f"gaps needs their number and length, as 5x1s, but got '{told.text}'.")
-    return gaps(imu, int(count), parse(length, Quantity.TIME), seed=told.seed)
+        raise ParameterError(f"gaps needs their number and length, as 5x1s, but got '{change.text}'.")
+    return gaps(imu, int(count), parse(length, Quantity.TIME), seed=change.seed)
 
 
-def _wrong_field(imu: ImuData, told: _Told) -> ImuData:
-    for part in told.text.split(";"):
+def _wrong_field(imu: ImuData, change: _Told) -> ImuData:
+    for part in change.text.split(";"):
         field, _, when = part.partition(":")
         when, _, since = when.partition("@")
         begin, _, end = when.partition("-")
         if not end or since.strip() not in {"", "motion"}:
             raise ParameterError(
                 f"wrong_field needs field and times, as '15,-10,20uT:0s-20s', or '...:30s-90s@motion' where they count "
-                f"from the begin of the motion, but got '{told.text}'."
+                f"from the begin of the motion, but got '{change.text}'."
             )
         zero = motion_begins(imu) if since else float(imu.t[0])
         times = (zero + parse(time, Quantity.TIME) for time in (begin, end))
-        imu = wrong_field(imu, told.reference, _vector(field, Quantity.FIELD), *times)
+        imu = wrong_field(imu, change.reference, _vector(field, Quantity.FIELD), *times)
     return imu
 
 
@@ -180,16 +180,16 @@ def _vector(text: str, quantity: Quantity) -> Floats:
 
 
 _CHANGES: Final[Mapping[str, Callable[[ImuData, _Told], ImuData]]] = {
-    "start": lambda imu, told: late_start(imu, parse(told.text, Quantity.TIME)),
+    "start": lambda imu, change: late_start(imu, parse(change.text, Quantity.TIME)),
     "wrong_field": _wrong_field,
-    "hard_iron": lambda imu, told: with_offset(imu, "mag", _vector(told.text, Quantity.FIELD)),
-    "scale": lambda imu, told: with_scale(imu, parse(told.text, Quantity.RATIO)),
-    "bias": lambda imu, told: with_offset(imu, "gyr", _vector(told.text, Quantity.RATE)),
+    "hard_iron": lambda imu, change: with_offset(imu, "mag", _vector(change.text, Quantity.FIELD)),
+    "scale": lambda imu, change: with_scale(imu, parse(change.text, Quantity.RATIO)),
+    "bias": lambda imu, change: with_offset(imu, "gyr", _vector(change.text, Quantity.RATE)),
     "no_mag": lambda imu, _: without_mag(imu),
     "gaps": _gaps,
-    "rate": lambda imu, told: block_means(imu, parse(told.text, Quantity.FREQUENCY)),
+    "rate": lambda imu, change: block_means(imu, parse(change.text, Quantity.FREQUENCY)),
     "asynchronous": lambda imu, _: asynchronous(imu),
-    "missing": lambda imu, told: missing(imu, parse(told.text, Quantity.RATIO), seed=told.seed),
+    "missing": lambda imu, change: missing(imu, parse(change.text, Quantity.RATIO), seed=change.seed),
 }
 """By name, in the order in which they are made: first what happens to the body, then to its samples."""
 

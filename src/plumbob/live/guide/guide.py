@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.predicted import NAMES, REGIONS, names_of
+from plumbob.calibration.predicted import NAMES, REGIONS, region_names
 from plumbob.core.check import Floats, runs
 from plumbob.core.units import deg
 from plumbob.data import TRIAD_FLAGS, TRIADS, ImuData
@@ -97,9 +97,9 @@ class Rest:
         """How long the unit has been at rest until now, s; 0 where it is not."""
         if not self._runs or self._runs[-1][1] != self._count:
             return 0.0
-        return self.time_of(self._runs[-1])
+        return self.duration(self._runs[-1])
 
-    def time_of(self, stretch: tuple[int, int]) -> float:
+    def duration(self, stretch: tuple[int, int]) -> float:
         """Length of a run of blocks, s."""
         first, stop = stretch
         return float(self._told[stop - 1, 13] - self._told[first, 12])
@@ -109,8 +109,8 @@ class Rest:
         return np.asarray(self._told[slice(*stretch), :3].mean(axis=0))
 
     def _judge(self) -> None:
-        told = self._told[: self._count]
-        acc, gyr = Moments(told[:, :3], told[:, 3:6]), Moments(told[:, 6:9], told[:, 9:12])
+        blocks = self._told[: self._count]
+        acc, gyr = Moments(blocks[:, :3], blocks[:, 3:6]), Moments(blocks[:, 6:9], blocks[:, 9:12])
         if not any(self._has.values()):
             return
         if not self._has["acc"]:  # which says nothing against rest
@@ -347,7 +347,7 @@ class Seen:
         self.filled = filled
         if not new.size:
             return None
-        return f"{names_of(new.tolist())} seen, {int(filled.sum())} of {len(NAMES)}"
+        return f"{region_names(new.tolist())} seen, {int(filled.sum())} of {len(NAMES)}"
 
 
 LONG_ENOUGH: Final = 20.0

@@ -12,16 +12,16 @@ from plumbob.calibration.ellipsoid.ellipsoid_fit import (
     Ellipsoid,
     NormFit,
     Shape,
+    first_ellipsoid,
     fit_norm,
     fit_shape,
-    radius_of,
+    mean_radius,
     scaled,
-    start_of,
 )
 from plumbob.calibration.fit import HEADING, TILT, grade_of
 from plumbob.calibration.mag.checks import DIP
 from plumbob.calibration.mag.field_gradient import one_axis, unevenness_in
-from plumbob.calibration.predicted import NAMES, REGIONS, filled, heading_sd, region_of, tilt_sd
+from plumbob.calibration.predicted import NAMES, REGIONS, filled, heading_sd, region_index, tilt_sd
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.event import Event
@@ -71,7 +71,7 @@ class AccelGuide(Guide):
         count = int(self._seen.filled.sum())
         grade = None if self._sd is None else grade_of(self._sd, TILT)
         direction = None if self._force is None else _unit(self._force - self._centre)
-        here = None if direction is None else int(region_of(direction[np.newaxis])[0])
+        here = None if direction is None else int(region_index(direction[np.newaxis])[0])
         missing = np.flatnonzero(~self._seen.filled).tolist()
         goal = nearest(direction, missing) if missing and direction is not None else None
         done = self._done or (grade == "good" and count >= ENOUGH)
@@ -93,8 +93,8 @@ class AccelGuide(Guide):
     def _look(self, block: Block) -> None:
         mean = block.triads["acc"].mean(axis=0)
         self._force = mean if np.isfinite(mean).all() and np.any(mean != self._centre) else None
-        stretches = [one for one in self._rest.stretches if self._rest.time_of(one) >= HOLD]
-        poses = np.array([self._rest.mean_force(one) for one in stretches]).reshape(-1, 3)
+        stretches = [stretch for stretch in self._rest.stretches if self._rest.duration(stretch) >= HOLD]
+        poses = np.array([self._rest.mean_force(stretch) for stretch in stretches]).reshape(-1, 3)
         if len(poses) != len(self._poses):
             self._fit(poses)
         self._poses = poses
@@ -120,10 +120,10 @@ def _predicted(fit: NormFit, poses: Floats) -> float:
 
 
 def _filled(vectors: Floats) -> NDArray[np.bool_]:
-    seen = np.zeros(len(NAMES), dtype=np.bool_)
+    mask = np.zeros(len(NAMES), dtype=np.bool_)
     if len(vectors):
-        seen[region_of(vectors)] = True
-    return seen
+        mask[region_index(vectors)] = True
+    return mask
 
 
 def _unit(vector: Floats) -> Floats:
@@ -178,7 +178,7 @@ class MagGuide(Guide):
         return Progress(
             elapsed=self._now,
             filled=None if self._fit is None else self._seen.filled.copy(),
-            direction=None if direction is None else int(region_of(direction[np.newaxis])[0]),
+            direction=None if direction is None else int(region_index(direction[np.newaxis])[0]),
             still_for=self._rest.lasting,
             next_step="done" if done else self._words(goal, turn),
             turn=turn,
@@ -227,8 +227,8 @@ class MagGuide(Guide):
             return
         arm = samples - fit.ellipsoid.centre
         sizes = np.linalg.norm(arm @ fit.ellipsoid.shape, axis=1)
-        known = self._seen.filled[region_of(arm)]
-        if known.all() and abs(float(np.median(sizes)) - 1.0) > _OFF:
+        covered = self._seen.filled[region_index(arm)]
+        if covered.all() and abs(float(np.median(sizes)) - 1.0) > _OFF:
             self._warn(
                 "the field is not that of before: take iron, magnets and cables away, and what moves on the unit"
             )
@@ -269,7 +269,7 @@ class _Sample:
     def take(self, samples: Floats, centre: Floats | None) -> None:
         """Take what comes, in directions as seen from the centre, else from the middle of what has come."""
         every = np.concatenate((self.vectors, samples))
-        where = region_of(every - (every.mean(axis=0) if centre is None else centre))
+        where = region_index(every - (every.mean(axis=0) if centre is None else centre))
         keep = np.ones(len(every), dtype=np.bool_)
         for i, region in enumerate(where[len(self.vectors) :].tolist(), start=len(self.vectors)):
             keep[i] = self._arrived[region] % self._stride[region] == 0
@@ -282,7 +282,7 @@ class _Sample:
 
 def _determined(vectors: Floats) -> NormFit | None:
     """Fit of the full shape, else of a sphere, whose centre is known well enough to tell directions."""
-    start = start_of(vectors)
+    start = first_ellipsoid(vectors)
     for shape in (Shape.ELLIPSOID, Shape.SPHERE):
         if len(vectors) < shape.value + SPARE:
             continue
@@ -302,14 +302,14 @@ def _is_certain(fit: NormFit) -> bool:
 def _predicted_heading(fit: NormFit, vectors: Floats) -> tuple[float, float]:
     """Predicted heading error, rad, and what of it more turning can make smaller: a length never shows the rest."""
     matrix, independent = scaled(fit, None, alike=1.0)
-    memory, radius = alike_in(fit, vectors).memory, radius_of(fit.ellipsoid.shape)
+    memory, radius = alike_in(fit, vectors).memory, mean_radius(fit.ellipsoid.shape)
     fields = (unevenness_in(fit, vectors, lengths=lengths) for lengths in (True, False))
     residuals = fit.residuals[fit.used]
     counted = (
         field.counted(independent, memory=memory, residuals=residuals, matrix=matrix, radius=radius) for field in fields
     )
-    whole, shown = (heading_sd(matrix, covariance, size=radius, dip=DIP) for covariance in counted)
-    return whole, shown
+    total, shown = (heading_sd(matrix, covariance, size=radius, dip=DIP) for covariance in counted)
+    return total, shown
 
 
 def _least_turned(vectors: Floats) -> int:

@@ -60,7 +60,7 @@ class Fault:
     count: int
     unit: str
 
-    def told(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """Everything by name, for JSON."""
         return asdict(self)
 
@@ -150,12 +150,12 @@ def draw(form: Format, rates: Mapping[str, float], due_ns: NDArray[np.int64], se
 
 def _without_hidden(kinds: dict[int, str], due_ns: NDArray[np.int64]) -> dict[int, str]:
     """Leave out faults of frames that nobody would see, because the port is gone."""
-    back, kept = 0, {}
+    back, visible = 0, {}
     for i, kind in kinds.items():
         if i >= back:
-            kept[i] = kind
+            visible[i] = kind
             back = _after(due_ns, i, UNPLUGGED_NS) if kind == "unplug" else i
-    return kept
+    return visible
 
 
 def _after(due_ns: NDArray[np.int64], frame: int, pause_ns: int) -> int:

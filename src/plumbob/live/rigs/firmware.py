@@ -100,7 +100,7 @@ def poll(tasks: Sequence[Task], end_ns: int) -> dict[str, Calls]:
     dict of str to Calls
         By the task's name.
     """
-    periods = [one.every * TICK_NS for one in tasks]
+    periods = [task.every * TICK_NS for task in tasks]
     following = periods.copy()
     due: list[int | None] = [None] * len(tasks)
     calls: list[list[tuple[int, int, int]]] = [[] for _ in tasks]
@@ -123,10 +123,10 @@ def poll(tasks: Sequence[Task], end_ns: int) -> dict[str, Calls]:
         done = now + tasks[which].takes_ns[len(calls[which]) % len(tasks[which].takes_ns)]
         calls[which].append((flag, now, done))
         now = done
-    made = (np.array(one, dtype=np.int64).reshape(-1, 3) for one in calls)
+    made = (np.array(served, dtype=np.int64).reshape(-1, 3) for served in calls)
     return {
-        one.name: Calls(table[:, 0], table[:, 1], table[:, 2], np.array(late, dtype=np.int64))
-        for one, table, late in zip(tasks, made, missed, strict=True)
+        task.name: Calls(table[:, 0], table[:, 1], table[:, 2], np.array(late, dtype=np.int64))
+        for task, table, late in zip(tasks, made, missed, strict=True)
     }
 
 
@@ -192,7 +192,7 @@ class Processor:
 
 
 def _ns(*seconds: float) -> tuple[int, ...]:
-    return tuple(round(1e9 * one) for one in seconds)
+    return tuple(round(1e9 * second) for second in seconds)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -239,17 +239,17 @@ class Firmware(Shown):
     @property
     def served(self) -> dict[str, int]:
         """Events that were served, by task."""
-        return {name: len(one) for name, one in self.calls.items()}
+        return {name: len(call) for name, call in self.calls.items()}
 
     @property
     def missed(self) -> dict[str, int]:
         """Events whose flag was set again before they were served, by task."""
-        return {name: int(one.missed_ns.size) for name, one in self.calls.items()}
+        return {name: int(call.missed_ns.size) for name, call in self.calls.items()}
 
     @property
     def latest(self) -> dict[str, float]:
         """How late the latest call of each task began, s."""
-        return {name: float(one.late_ns.max(initial=0)) * 1e-9 for name, one in self.calls.items()}
+        return {name: float(call.late_ns.max(initial=0)) * 1e-9 for name, call in self.calls.items()}
 
     def facts(self) -> dict[str, str]:
         """Events, idle time and log."""
@@ -309,7 +309,7 @@ def run_firmware(
     columns, sent_ns = _columns(track, fused, at, calls, log)
     rows = encode(load(FORMAT), columns)
     log.write(rows)
-    busy = sum(int((np.minimum(one.done_ns, end_ns) - one.begun_ns).sum()) for one in calls.values())
+    busy = sum(int((np.minimum(call.done_ns, end_ns) - call.begun_ns).sum()) for call in calls.values())
     return Firmware(rows, columns, sent_ns, decoded(rows.tobytes()), calls, 1.0 - busy / end_ns, samples, fused, log)
 
 
@@ -321,10 +321,10 @@ def decoded(data: bytes) -> AttitudeTrack:
     DecodeError
         If the bytes hold no frame.
     """
-    found = decode(data, load(FORMAT)).frames
-    if FORMAT not in found:
+    frames = decode(data, load(FORMAT)).frames
+    if FORMAT not in frames:
         raise DecodeError(f"there is no frame of {FORMAT} in {len(data)} bytes.")
-    said = found[FORMAT].columns
+    said = frames[FORMAT].columns
     clock = said["clock"].astype(np.int64)
     clock = clock[0] + np.cumsum(np.diff(clock, prepend=clock[0]) % (1 << 32))
     angles = np.stack([said[name] for name in ("heading", "pitch", "roll")], axis=1)
@@ -400,9 +400,9 @@ def _columns(
     newest = stop - 1
     yaw, pitch, roll = euler_zyx_from_quat(track.q_nb[newest]).T
     assert track.flags is not None
-    found = [((track.flags & bit) != 0)[: stop[-1]] for bit in (flags.ACC_GATED, flags.MAG_ABSENT)]
-    gated, blind = (np.logical_and.reduceat(one, start) for one in found)
-    missed = np.searchsorted(np.sort(np.concatenate([one.missed_ns for one in calls.values()])), begun)
+    masks = [((track.flags & bit) != 0)[: stop[-1]] for bit in (flags.ACC_GATED, flags.MAG_ABSENT)]
+    gated, blind = (np.logical_and.reduceat(mask, start) for mask in masks)
+    missed = np.searchsorted(np.sort(np.concatenate([call.missed_ns for call in calls.values()])), begun)
     numbers = log.written + log.waiting + np.arange(begun.size)
     triads = {name: _taken(getattr(fused, name), start, stop, "mean") for name in ("gyr", "acc")}
     columns = {

@@ -13,7 +13,7 @@ from plumbob.core.units import to_deg
 from plumbob.data.array import PRESETS
 from plumbob.data.chain import Chain
 from plumbob.protocols.format import Format
-from plumbob.protocols.unpack import units_of
+from plumbob.protocols.unpack import unit_prefixes
 from plumbob.rotations import Frame, quat_from_rotvec, quat_multiply
 from plumbob.simulation import Motion, Scenario, Truth, scenario
 from plumbob.simulation.chains import CHAINS
@@ -166,7 +166,7 @@ class Plan:
     @property
     def measuring(self) -> tuple[Unit, ...]:
         """Units that are not references."""
-        return tuple(one for one in self.units if not one.reference)
+        return tuple(unit for unit in self.units if not unit.reference)
 
     def with_sensors(self, sensors: str) -> Self:
         """Return the plan with other parts, joined by ``+``, in every unit that is not a reference."""
@@ -185,7 +185,7 @@ class Plan:
         return self._with(sensors, reference=True)
 
     def _with(self, sensors: str, *, reference: bool) -> Self:
-        units = (replace(one, sensors=sensors) if one.reference is reference else one for one in self.units)
+        units = (replace(unit, sensors=sensors) if unit.reference is reference else unit for unit in self.units)
         return replace(self, units=tuple(units))
 
 
@@ -213,7 +213,7 @@ def plan_for(form: Format, motion: Scenario, *, sensors: str, frame: Frame, rate
     pace = form.framing.rate if rate is None else rate
     if pace is None:
         raise ParameterError(f"{form.name} does not say how many frames it sends per second; give a rate, as 100Hz.")
-    units = tuple(Unit(sensors, prefix) for prefix in units_of(form.messages[0]))
+    units = tuple(Unit(sensors, prefix) for prefix in unit_prefixes(form.messages[0]))
     return Plan(form.name, form.title, motion, frame, pace, motion.duration, units)
 
 
@@ -255,7 +255,7 @@ PLANS: Final[Mapping[str, Plan]] = {
         Plan(
             "teach", "six-axis machine taught by hand: a nine-axis unit on each link",
             Chained(CHAINS["teach"], "teach", {"mag_rate": 220.0}), Frame.NED, 100.0, 60.0,
-            tuple(Unit("mpu6000+hmc5983", one.unit) for one in CHAINS["teach"].segments if one.unit),
+            tuple(Unit("mpu6000+hmc5983", segment.unit) for segment in CHAINS["teach"].segments if segment.unit),
         ),
     )
 }  # fmt: skip

@@ -18,8 +18,8 @@ from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.live.rigs import faults as line_faults
 from plumbob.live.rigs.faults import Damage, Fault
 from plumbob.live.rigs.plan import Chained, Mounted, Plan
-from plumbob.protocols.decode import columns_of
-from plumbob.protocols.encode import encode, held
+from plumbob.protocols.decode import values_by_field
+from plumbob.protocols.encode import encode, hold_last
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
 from plumbob.protocols.rigs import load
@@ -55,30 +55,30 @@ def columns_for(
     counter : ndarray (N,) of int64
         Number of each frame.
     """
-    fields = {one.name: one for one in message.fields}
+    fields = {field.name: field for field in message.fields}
     measured: dict[str, Floats] = {}
     for prefix, simulation in units.items():
-        measured |= columns_of(simulation.imu, message, prefix) | _angles(simulation, fields, prefix)
+        measured |= values_by_field(simulation.imu, message, prefix) | _angles(simulation, fields, prefix)
     if not measured:
         return {}
-    found: dict[str, Column] = {name: _in_register(fields[name], values) for name, values in measured.items()}
-    for one in message.fields:
-        if one.role == "counter":
-            found[one.name] = counter
-        elif one.role == "clock":
-            found[one.name] = np.rint(device_ns / (1e9 * one.scale)).astype(np.int64)
-        elif one.role == "status" and not one.derived and "absent" in one.says.values():
-            found[one.name] = _presence(one, measured, device_ns.size)
-    return found
+    columns: dict[str, Column] = {name: _in_register(fields[name], values) for name, values in measured.items()}
+    for field in message.fields:
+        if field.role == "counter":
+            columns[field.name] = counter
+        elif field.role == "clock":
+            columns[field.name] = np.rint(device_ns / (1e9 * field.scale)).astype(np.int64)
+        elif field.role == "status" and not field.derived and "absent" in field.says.values():
+            columns[field.name] = _presence(field, measured, device_ns.size)
+    return columns
 
 
-def _in_register(one: Field, values: Floats) -> Floats:
+def _in_register(field: Field, values: Floats) -> Floats:
     """Hold the last value where there is none, and run into the rail where the sensor is at the end of its range."""
-    said = held(values)
-    if not one.triad or one.type[0] == "f":
+    said = hold_last(values)
+    if not field.triad or field.type[0] == "f":
         return said
-    beyond = np.abs(said) >= one.full_scale * _JUST_BELOW
-    return np.where(beyond, np.nan if one.overflow else np.copysign(np.inf, said), said)
+    beyond = np.abs(said) >= field.full_scale * _JUST_BELOW
+    return np.where(beyond, np.nan if field.overflow else np.copysign(np.inf, said), said)
 
 
 def _angles(simulation: Simulation, fields: Mapping[str, Field], prefix: str) -> dict[str, Floats]:
@@ -89,25 +89,25 @@ def _angles(simulation: Simulation, fields: Mapping[str, Field], prefix: str) ->
     angles = simulation.angles
     if angles is None:
         angles = euler_zyx_from_quat(simulation.kinematics.in_frame(Frame.NED).q_nb)
-    found = {names[key]: angles[:, i] for i, key in enumerate(names) if names[key] in fields}
+    columns = {names[key]: angles[:, i] for i, key in enumerate(names) if names[key] in fields}
     if (heading := fields.get(names["heading"])) and _counts_from_zero(heading):
-        found[heading.name] = np.remainder(found[heading.name], 2.0 * math.pi)
-    return found
+        columns[heading.name] = np.remainder(columns[heading.name], 2.0 * math.pi)
+    return columns
 
 
-def _counts_from_zero(one: Field) -> bool:
+def _counts_from_zero(field: Field) -> bool:
     """Whether a heading goes from 0° to 360°; decimal digits do, of compasses that speak so [RI-705]."""
-    return one.type == "bcd" or (one.range or one.limits)[0] >= 0
+    return field.type == "bcd" or (field.range or field.limits)[0] >= 0
 
 
-def _presence(one: Field, measured: Mapping[str, Floats], count: int) -> NDArray[np.int64]:
+def _presence(field: Field, measured: Mapping[str, Floats], count: int) -> NDArray[np.int64]:
     """Counts of a status that says whether its triads or fields have a new value; what is not simulated has none."""
     there = np.zeros(count, dtype=bool)
     for name, values in measured.items():
-        if name in one.of or name.rpartition(".")[0] in one.of:
+        if name in field.of or name.rpartition(".")[0] in field.of:
             there |= ~np.isnan(values)
-    absent = next(code for code, word in one.says.items() if word == "absent")
-    present = one.value if one.value not in one.says else min(set(range(len(one.says) + 1)) - set(one.says))
+    absent = next(code for code, word in field.says.items() if word == "absent")
+    present = field.value if field.value not in field.says else min(set(range(len(field.says) + 1)) - set(field.says))
     return np.where(there, present, absent)
 
 
@@ -251,18 +251,18 @@ def _modules(
     """Modules by prefix, each with its own errors, or with those that are asked for instead."""
     cards: Mapping[str, Card] = {}
     if noise is not None:
-        cards = noise if isinstance(noise, Mapping) else {one.prefix: noise for one in plan.measuring}
-    if unknown := [name for name in cards if name not in [one.prefix for one in plan.measuring]]:
-        names = ", ".join(one.prefix or "the unit without a prefix" for one in plan.measuring)
+        cards = noise if isinstance(noise, Mapping) else {unit.prefix: noise for unit in plan.measuring}
+    if unknown := [name for name in cards if name not in [unit.prefix for unit in plan.measuring]]:
+        names = ", ".join(unit.prefix or "the unit without a prefix" for unit in plan.measuring)
         raise ParameterError(f"{plan.name} has no measuring unit '{unknown[0]}' for a noise card; it has {names}.")
     modules = {}
-    for number, one in enumerate(plan.units):
-        module = fitted(draw_module(one.sensors, unit_seed(seed, number)), message, one.prefix)
-        if one.prefix in cards:
-            module = module.with_noise(check.kind("noise", NoiseCard.of(cards[one.prefix]), NoiseCard))
-        if high_pass is not None and not one.reference:
+    for number, unit in enumerate(plan.units):
+        module = fitted(draw_module(unit.sensors, unit_seed(seed, number)), message, unit.prefix)
+        if unit.prefix in cards:
+            module = module.with_noise(check.kind("noise", NoiseCard.of(cards[unit.prefix]), NoiseCard))
+        if high_pass is not None and not unit.reference:
             module = module.with_high_pass(high_pass)
-        modules[one.prefix] = module
+        modules[unit.prefix] = module
     return modules
 
 
@@ -278,14 +278,14 @@ def _units(
         chained, settings = plan.scenario, {**plan.scenario.settings, **common}
         made = simulate_chain(chained.chain, chained.program, sensors=modules, seed=seed, **settings)
         return made.units, made
-    aslant = [one for one in plan.units if one.reference] or plan.units
+    aslant = [unit for unit in plan.units if unit.reference] or plan.units
     units = {}
-    for number, one in enumerate(plan.units):
-        motion = Mounted(plan=plan.scenario, frame=plan.frame, q_bs=one.q_bs, seed=seed)
-        if mount_error and one in aslant:
-            x, y, z = (mount_error * stream(seed, "mount", one.prefix).standard_normal(3)).tolist()
+    for number, unit in enumerate(plan.units):
+        motion = Mounted(plan=plan.scenario, frame=plan.frame, q_bs=unit.q_bs, seed=seed)
+        if mount_error and unit in aslant:
+            x, y, z = (mount_error * stream(seed, "mount", unit.prefix).standard_normal(3)).tolist()
             motion = replace(motion, off=(x, y, z))
-        units[one.prefix] = simulate(motion, sensors=modules[one.prefix], seed=unit_seed(seed, number), **common)
+        units[unit.prefix] = simulate(motion, sensors=modules[unit.prefix], seed=unit_seed(seed, number), **common)
     return units, None
 
 
@@ -305,6 +305,6 @@ def _fitted(errors: TriadErrors | None, message: Message, prefix: str, triad: st
     lsb, full_scale = np.array(errors.lsb), np.array(errors.full_scale)
     for i, axis in enumerate("xyz"):
         name = ".".join(part for part in (prefix, triad, axis) if part)
-        for one in (f for f in message.fields if f.name == name and f.type[0] != "f"):
-            lsb[i], full_scale[i] = abs(one.scale), one.full_scale
+        for field in (f for f in message.fields if f.name == name and f.type[0] != "f"):
+            lsb[i], full_scale[i] = abs(field.scale), field.full_scale
     return replace(errors, lsb=lsb, full_scale=full_scale)

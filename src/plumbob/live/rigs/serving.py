@@ -264,21 +264,21 @@ def serve(
     on_fault : callable
         Called with each fault once it has happened.
     """
-    told = Served(len(rig))
+    served = Served(len(rig))
     if not _await_reader(port, stop):
-        return told
+        return served
     start, at, faults = monotonic_ns(), 0, list(rig.faults)
     while at < len(rig) and not stop.is_set():
-        end = _due(rig, at, start, speed, told)
+        end = _due(rig, at, start, speed, served)
         if end == at:
             _sleep_until(start + int(rig.damage.send_ns[at] / (speed or 1.0)), stop)
             continue
-        at = _send(rig, port, at, end, told)
+        at = _send(rig, port, at, end, served)
         if at in rig.damage.unplugged:
-            at = _replug(rig, port, at, start, speed, stop, told)
+            at = _replug(rig, port, at, start, speed, stop, served)
         while faults and faults[0].frame < at:
             on_fault(faults.pop(0))
-    return told
+    return served
 
 
 def _await_reader(port: Port, stop: Stopping) -> bool:
@@ -287,7 +287,7 @@ def _await_reader(port: Port, stop: Stopping) -> bool:
     return not stop.is_set()
 
 
-def _due(rig: Rig, at: int, start: int, speed: float | None, told: Served) -> int:
+def _due(rig: Rig, at: int, start: int, speed: float | None, served: Served) -> int:
     """Frame up to which all may go out now, and at most up to where the port vanishes."""
     end = min(at + _BATCH, len(rig), *(first for first in rig.damage.unplugged if first > at))
     if speed is None:
@@ -295,24 +295,24 @@ def _due(rig: Rig, at: int, start: int, speed: float | None, told: Served) -> in
     now = (monotonic_ns() - start) * speed
     end = min(end, int(np.searchsorted(rig.damage.send_ns, now, side="right")))
     if end > at:
-        told.latest_ns = max(told.latest_ns, int((now - rig.damage.send_ns[at]) / speed))
+        served.latest_ns = max(served.latest_ns, int((now - rig.damage.send_ns[at]) / speed))
     return max(at, end)
 
 
-def _send(rig: Rig, port: Port, at: int, end: int, told: Served) -> int:
+def _send(rig: Rig, port: Port, at: int, end: int, served: Served) -> int:
     """Hand frames to the port, and return the first that it has not taken."""
     heard = port.heard()  # asked once: who comes meanwhile hears what is due next
     done = at + port.send(rig.payloads(at, end)) if heard else end
     lost = int(rig.damage.lost[at:done].sum())
-    told.lost += lost
+    served.lost += lost
     if heard:
-        told.sent += done - at - lost
+        served.sent += done - at - lost
     else:
-        told.unheard += done - at - lost
+        served.unheard += done - at - lost
     return done
 
 
-def _replug(rig: Rig, port: Port, at: int, start: int, speed: float | None, stop: Stopping, told: Served) -> int:
+def _replug(rig: Rig, port: Port, at: int, start: int, speed: float | None, stop: Stopping, served: Served) -> int:
     back = rig.damage.unplugged[at]
     port.unplug()
     if speed is None or back == len(rig):
@@ -320,7 +320,7 @@ def _replug(rig: Rig, port: Port, at: int, start: int, speed: float | None, stop
     else:
         _sleep_until(start + int(rig.damage.send_ns[back] / speed), stop)
     port.replug()
-    told.lost += back - at
+    served.lost += back - at
     if speed is None and back < len(rig):
         _await_reader(port, stop)
     return back

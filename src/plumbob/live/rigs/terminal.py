@@ -63,11 +63,11 @@ class PtyPort:
 
     def heard(self) -> bool:
         """Whether somebody has it open and emptied it, or had the time to; what they write is read and forgotten."""
-        found = self._poll(select.POLLIN | select.POLLPRI, 0.0)
-        if found & select.POLLHUP:
+        events = self._poll(select.POLLIN | select.POLLPRI, 0.0)
+        if events & select.POLLHUP:
             self._since, self._ready, self._rest = None, False, b""
             return False
-        if found:
+        if events:
             with contextlib.suppress(OSError):  # it may have been closed just now
                 status = int.from_bytes(os.read(self._master, 4096)[:1], "little")
                 self._ready |= bool(status & termios.TIOCPKT_FLUSHREAD)
@@ -99,8 +99,8 @@ class PtyPort:
     def _poll(self, what: int, timeout: float) -> int:
         poller = select.poll()
         poller.register(self._master, what)
-        found = poller.poll(1e3 * timeout)
-        return found[0][1] if found else 0
+        events = poller.poll(1e3 * timeout)
+        return events[0][1] if events else 0
 
     def unplug(self) -> None:
         """Close the terminal: whoever reads it gets an error, once everything has been read."""

@@ -130,27 +130,27 @@ def _insists(n: Ints, r: Floats, count: int) -> bool:
 @kernel
 def _turns(n: Ints, r: Floats, delay: float, close: bool) -> int:
     """Turns that the counter has made unseen, by the host's time; −1 where no number of them explains the delay."""
-    whole = turn(n, r)
-    if delay < 0.5 * whole:
+    turn_ns = turn(n, r)
+    if delay < 0.5 * turn_ns:
         return 0
     if close:
         return _NO
-    turns = math.floor((delay + _SLACK) / whole)
-    return int(turns) if delay - turns * whole <= min(r[USUAL], 0.5 * whole) else _NO
+    turns = math.floor((delay + _SLACK) / turn_ns)
+    return int(turns) if delay - turns * turn_ns <= min(r[USUAL], 0.5 * turn_ns) else _NO
 
 
 @kernel
 def make_up(n: Ints, r: Floats, lasting: float) -> int:
     """Add the turns that a lasting delay shows, or begin again where it is not a number of turns."""
-    whole = turn(n, r)
-    turns = math.floor(lasting / whole + 0.5)
-    fits = abs(lasting - turns * whole) <= r[USUAL]
+    turn_ns = turn(n, r)
+    turns = math.floor(lasting / turn_ns + 0.5)
+    fits = abs(lasting - turns * turn_ns) <= r[USUAL]
     by_turns = turns > 0 and (fits or n[MODULUS] == 1)
     n[INFERRED] += 1
-    n[INFERRED_NS] += int(turns * whole if by_turns else lasting)
+    n[INFERRED_NS] += int(turns * turn_ns if by_turns else lasting)
     if by_turns:
         n[STEP] += turns * n[MODULUS]
-        r[NOW] += turns * whole
+        r[NOW] += turns * turn_ns
         return WRAPPED
     r[NOW] += lasting
     n[EXTRA] = int(n[STEP] * r[TICK] + lasting)
@@ -202,9 +202,9 @@ class CountedTime:
         """Times (N,) of the next frames since the first of all, ns; parameters as of `TimeBase.stamp`."""
         spec = self._spec
         if spec.clock is not None and spec.clock.tick is not None:
-            ticks = self._counted(_whole(clock), spec.clock)
+            ticks = self._counted(_as_int64(clock), spec.clock)
             return np.asarray(ticks * spec.clock.tick.numerator // spec.clock.tick.denominator)
-        passed = self._placed(place) if spec.frames is None else self._counted(_whole(frames), spec.frames)
+        passed = self._placed(place) if spec.frames is None else self._counted(_as_int64(frames), spec.frames)
         return np.asarray(np.rint(passed * (1e9 / float(spec.rate or 1.0))), dtype=np.int64)
 
     def _counted(self, counts: NDArray[np.int64], counter: Counter) -> NDArray[np.int64]:
@@ -229,6 +229,6 @@ class CountedTime:
         return np.asarray(totals, dtype=np.int64)
 
 
-def _whole(counts: ArrayLike | None) -> NDArray[np.int64]:
+def _as_int64(counts: ArrayLike | None) -> NDArray[np.int64]:
     """Counts as int64, of which a turn's lowest bits are what they were."""
     return np.asarray(counts).astype(np.int64)

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
-from plumbob.core.time import BINS, bin_of, quantile
+from plumbob.core.time import BINS, bin_index, quantile
 from plumbob.live.timing.spec import (
     ASIDE,
     ASIDE_SINCE,
@@ -261,14 +261,14 @@ def settle(n: Ints, r: Floats, histogram: Ints, host_ns: int) -> float:
     if _is_told(n, r, delay, host_ns):
         n[ASIDE] = 0
         delay = r[TOLD_DELAY] = observe(r, r[NOW], y)
-        histogram[BINS + bin_of(delay)] += 1
+        histogram[BINS + bin_index(delay)] += 1
     else:
         n[ASIDE_SINCE] = n[ASIDE_SINCE] if n[ASIDE] > 0 else host_ns
         n[ASIDE] += 1
     if n[FRAMES] % _REVIEW == 0 or r[USUAL] == 0.0:
         r[USUAL] = max(1.25 * quantile(histogram, BINS, 0.99), _LEAST)
     n[HOST] = host_ns
-    histogram[bin_of(delay)] += 1
+    histogram[bin_index(delay)] += 1
     r[WORST] = max(r[WORST], delay)
     if delay < _limit(n, r):
         n[SUSPECTS] = 0

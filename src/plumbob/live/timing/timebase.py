@@ -105,11 +105,11 @@ def stamp_frames(
     for k in range(host_ns.size):
         kind = stamp_frame(n, r, histogram, host_ns[k], place[k], count[k], frame[k])
         t_ns[k], step[k], lost[k], kinds[k] = n[STAMP], n[STEP], n[MISSING], kind
-        words[k] = _flags_of(n, kind)
+        words[k] = _frame_flags(n, kind)
 
 
 @kernel
-def _flags_of(n: Ints, kind: int) -> int:
+def _frame_flags(n: Ints, kind: int) -> int:
     """Flags of the frame; counts it."""
     n[FRAMES] += 1
     for bit in range(8):
@@ -282,9 +282,9 @@ def _lead(n: Ints, r: Floats, nominal: float) -> int:
     slowly = min(max(_AGE * (r[NOW] - r[SINCE]), _SHORT), _LONG)
     haste = _HASTE * nominal
     step += r[FRACTION] + min(max(behind * min(nominal / slowly, 1.0), -haste), haste)
-    whole = max(math.floor(step), 1)
-    r[FRACTION] = step - whole
-    return int(whole)
+    step_ns = max(math.floor(step), 1)
+    r[FRACTION] = step - step_ns
+    return int(step_ns)
 
 
 @kernel
@@ -297,15 +297,15 @@ def _learn(n: Ints, r: Floats, host: int, place: int, count: int) -> int:
         step = int((n[SIGN] * (count - n[COUNT])) % n[MODULUS])
         if step == 0:
             return DUPLICATE
-    known = host > n[STAMP]
+    newer = host > n[STAMP]
     n[LEARNT] += step if host > n[LEARN_SINCE] else 0  # what the first read brings may have waited
     n[COUNT], n[HOST] = count, host
-    n[STAMP] = host if known else n[STAMP] + 1
+    n[STAMP] = host if newer else n[STAMP] + 1
     if host - n[LEARN_SINCE] >= _LEARN_TIME and n[LEARNT] >= _LEARN_FRAMES:
         r[TICK] = r[TYPICAL] = (host - n[LEARN_SINCE]) / n[LEARNT]
         r[ROUGH] = 1.0
         begin_line(r, r[NOW], float(host - n[ORIGIN]))
-    return 0 if known else UNSURE
+    return 0 if newer else UNSURE
 
 
 REMEMBERED: Final = 1000
@@ -388,13 +388,13 @@ class TimeBase:
         """What the frames so far have shown."""
         n, r = self._whole, self._real
         tally = [int(count) for count in n[TALLY : TALLY + 8]]
-        known = self.spec.clock is not None or self.spec.rate is not None
+        has_rate = self.spec.clock is not None or self.spec.rate is not None
         duplicates, late, ahead, resets, wrapped, suspects, broken, unsure = tally
         return TimeReport(
             mode=self.spec.mode,
             frames=int(n[FRAMES]),
             rate=self._rate(tally[0] + tally[1] + tally[2]),
-            drift_ppm=1e6 * float(r[DRIFT]) if known else float("nan"),
+            drift_ppm=1e6 * float(r[DRIFT]) if has_rate else float("nan"),
             delays=delays(self._histogram, float(r[WORST])),
             offset=(int(n[STAMP] - n[ORIGIN]) - line_at(r, float(r[NOW]))) / 1e9,
             lost=int(n[LOST]),
@@ -434,23 +434,23 @@ class TimeBase:
             self._gaps.append((start, int(stamps.t_ns[k]), int(stamps.lost[k])))
 
 
-def configure(whole: NDArray[np.int64], real: NDArray[np.float64], spec: TimeSpec) -> None:
+def configure(ints: NDArray[np.int64], real: NDArray[np.float64], spec: TimeSpec) -> None:
     """Write into a state what does not change."""
     counter = spec.clock or spec.frames
-    whole[MODULUS] = 1 if counter is None else counter.modulus
-    whole[SIGN] = -1 if counter is not None and counter.down else 1
-    whole[FRAME_BYTES] = spec.frame_bytes or 0
+    ints[MODULUS] = 1 if counter is None else counter.modulus
+    ints[SIGN] = -1 if counter is not None and counter.down else 1
+    ints[FRAME_BYTES] = spec.frame_bytes or 0
     period = 1e9 / spec.rate if spec.rate else 0.0
     real[TICK] = real[TYPICAL] = period
     real[SPEED] = spec.speed
     if spec.clock is not None and spec.clock.tick is not None:
         tick = spec.clock.tick
-        whole[TICK_WHOLE], rest = divmod(tick.numerator, tick.denominator)
-        whole[TICK_REST], whole[TICK_DENOMINATOR] = rest, tick.denominator
+        ints[TICK_WHOLE], rest = divmod(tick.numerator, tick.denominator)
+        ints[TICK_REST], ints[TICK_DENOMINATOR] = rest, tick.denominator
         real[TICK] = float(tick)
         if spec.frames is not None:
-            whole[FRAME_MODULUS] = spec.frames.modulus
-            whole[FRAME_SIGN] = -1 if spec.frames.down else 1
+            ints[FRAME_MODULUS] = spec.frames.modulus
+            ints[FRAME_SIGN] = -1 if spec.frames.down else 1
 
 
 def _integers(name: str, value: ArrayLike, size: int | None) -> NDArray[np.int64]:

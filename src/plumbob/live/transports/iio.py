@@ -77,21 +77,21 @@ def find_device(which: str | int, sys_root: Path, dev_root: Path) -> IioDevice:
     """
     there = list_devices(sys_root, dev_root)
     folder = f"iio:device{which}" if isinstance(which, int) else which
-    found = [device for device in there if folder in {device.path.name, device.name}]
-    if not found:
+    named = [device for device in there if folder in {device.path.name, device.name}]
+    if not named:
         listed = ", ".join(map(str, there)) or "none"
         raise NoLine("absent", f"There is no IIO device {which}; the devices of this machine: {listed}.")
-    if len(found) > 1:
-        raise NoLine("ambiguous", f"{which} is {len(found)} devices, {', '.join(map(str, found))}; give the number.")
-    return found[0]
+    if len(named) > 1:
+        raise NoLine("ambiguous", f"{which} is {len(named)} devices, {', '.join(map(str, named))}; give the number.")
+    return named[0]
 
 
 def list_devices(sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -> list[IioDevice]:
     """IIO devices of this machine, in the order of their numbers."""
     folders = (sys_root / "bus" / "iio" / "devices").glob("iio:device*")
     ordered = sorted(folders, key=lambda folder: (len(folder.name), folder.name))
-    found = [IioDevice("", folder, dev_root / folder.name) for folder in ordered]
-    return [IioDevice(device.read("name") or "?", device.path, device.node) for device in found]
+    devices = [IioDevice("", folder, dev_root / folder.name) for folder in ordered]
+    return [IioDevice(device.read("name") or "?", device.path, device.node) for device in devices]
 
 
 def scan_layout(device: IioDevice, chosen: tuple[str, ...] | None) -> IioLayout:
@@ -119,8 +119,8 @@ def scan_layout(device: IioDevice, chosen: tuple[str, ...] | None) -> IioLayout:
 def rate_file(device: IioDevice, channels: Sequence[IioChannel]) -> str:
     """Attribute with the rate of these channels: their own, or that of the device, which may be missing too."""
     kinds = dict.fromkeys(channel.name.split("_")[0] for channel in channels if channel.name != TIMESTAMP)
-    own = (f"in_{kind}_sampling_frequency" for kind in kinds)
-    return next((file for file in own if (device.path / file).is_file()), "sampling_frequency")
+    files = (f"in_{kind}_sampling_frequency" for kind in kinds)
+    return next((file for file in files if (device.path / file).is_file()), "sampling_frequency")
 
 
 def raw_layout(device: IioDevice, chosen: tuple[str, ...] | None) -> IioLayout:
@@ -141,12 +141,12 @@ def _elements(device: IioDevice) -> list[str]:
 
 
 def _choose(device: IioDevice, names: list[str], chosen: tuple[str, ...] | None) -> tuple[str, ...]:
-    found = tuple(name for name in names if is_known(name)) if chosen is None else chosen
-    missing = [name for name in found if name not in names]
-    if missing or not found:
+    selected = tuple(name for name in names if is_known(name)) if chosen is None else chosen
+    missing = [name for name in selected if name not in names]
+    if missing or not selected:
         lacks = ", ".join(missing) or "channel of a known unit"
         raise NoLine("refused", f"{device} has no {lacks}; its channels: {', '.join(sorted(names)) or 'none'}.")
-    return found
+    return selected
 
 
 def _scale(device: IioDevice, name: str) -> tuple[float, float]:
@@ -417,9 +417,9 @@ class IioWire:
             raise OSError(errno.ENODEV, "the device has hung up")
         now = self._clock()
         data = self._rest + data
-        whole = len(data) - len(data) % self._size
-        self._rest = data[whole:]
-        return [Received(now, data[:whole])] if whole else []
+        end = len(data) - len(data) % self._size
+        self._rest = data[end:]
+        return [Received(now, data[:end])] if end else []
 
     def close(self) -> None:
         """Stop the buffer and put the device back as it was."""

@@ -228,8 +228,8 @@ class IioLayout:
             {"name": c.name, "index": c.index, "type": str(c.type), "scale": c.scale, "offset": c.offset}
             for c in self.channels
         ]
-        told = {"device": self.device, "channels": channels, "mounts": dict(self.mounts), "clock": self.clock}
-        return json.dumps(told)
+        layout = {"device": self.device, "channels": channels, "mounts": dict(self.mounts), "clock": self.clock}
+        return json.dumps(layout)
 
     @classmethod
     def from_json(cls, text: str) -> Self:

@@ -176,10 +176,10 @@ class TcpServer:
         self.tend()
         end = time.monotonic() + patience
         while any(len(client.waiting) >= CLIENT_QUEUE for client in self.clients):
-            left = end - time.monotonic()
-            if left <= 0.0:
+            remaining = end - time.monotonic()
+            if remaining <= 0.0:
                 break
-            select.select([], [client.sock for client in self.clients], [], left)
+            select.select([], [client.sock for client in self.clients], [], remaining)
             self.tend()
         dropped = sum(client.add(data) for client in self.clients)
         self.tend()
@@ -321,10 +321,10 @@ class FileTarget:
 def _is_writable(fd: int, patience: float) -> bool:
     poll = select.poll()
     poll.register(fd, select.POLLOUT)
-    found = poll.poll(patience * 1e3)
-    if found and found[0][1] & (select.POLLERR | select.POLLNVAL):
+    ready = poll.poll(patience * 1e3)
+    if ready and ready[0][1] & (select.POLLERR | select.POLLNVAL):
         raise BrokenPipeError("nobody reads it any more")
-    return bool(found)
+    return bool(ready)
 
 
 def parse_target(text: str, *, overwrite: bool = False) -> Target:
@@ -407,10 +407,10 @@ class Sender:
 
     def take_events(self) -> list[Event]:
         """What has happened since the last call."""
-        found = []
+        events = []
         while self._events:
-            found.append(self._events.popleft())
-        return found
+            events.append(self._events.popleft())
+        return events
 
     def close(self, patience: float = 2.0) -> None:
         """Send what still waits, for at most this time, and end."""
@@ -447,7 +447,7 @@ class Sender:
                     self.dropped += data is not None
                     opened, wait = False, self._back_off.first
                     self._target.close()
-                    self._tell("lost", f"{self._name} is lost: {_told(error)}. It is tried again.")
+                    self._tell("lost", f"{self._name} is lost: {_reason(error)}. It is tried again.")
         finally:
             self._target.close()
 
@@ -456,7 +456,7 @@ class Sender:
             self._target.open()
         except OSError as error:
             if wait == self._back_off.first:
-                self._tell("absent", f"{self._name} cannot be opened now: {_told(error)}. It is tried again.")
+                self._tell("absent", f"{self._name} cannot be opened now: {_reason(error)}. It is tried again.")
             with self._ready:
                 if not self._ending:
                     self._ready.wait_for(lambda: self._ending, wait)
@@ -471,10 +471,10 @@ class Sender:
             return self._waiting.popleft() if self._waiting else None
 
 
-def _told(error: OSError) -> str:
+def _reason(error: OSError) -> str:
     return error.strerror or str(error)
 
 
 def refused(name: str, error: OSError) -> LineError:
     """Why a target cannot be written."""
-    return LineError(f"{name} cannot be written: {_told(error)}.")
+    return LineError(f"{name} cannot be written: {_reason(error)}.")

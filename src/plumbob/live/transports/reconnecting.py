@@ -122,8 +122,8 @@ class Replug(Opened):
         """Try to open the line, as often as the back-off allows, until the time is up or there is something to tell."""
         while True:
             now = self._clock()
-            if now >= self._next_try_ns and (found := self._attempt((until_ns - now) / 1e9)):
-                return found
+            if now >= self._next_try_ns and (items := self._attempt((until_ns - now) / 1e9)):
+                return items
             left_ns = min(self._next_try_ns, until_ns) - self._clock()
             if left_ns > 0:
                 self._sleep(left_ns / 1e9)
@@ -135,8 +135,8 @@ class Replug(Opened):
             wire = self._connect(max(patience, 0.0))
         except NoLine as no:
             self._try_later(self._clock())
-            known, self._refusal = self._refusal, no.text
-            return [] if no.text == known else [Event(self._clock(), no.kind, no.text)]
+            previous, self._refusal = self._refusal, no.text
+            return [] if no.text == previous else [Event(self._clock(), no.kind, no.text)]
         return [] if wire is None else [self._opened(wire)]
 
     def _opened(self, wire: Wire) -> Event:
@@ -155,11 +155,11 @@ class Replug(Opened):
         if not self._ready(until_ns if quiet_ns is None else min(until_ns, quiet_ns)):
             return self._fall_silent(wire, quiet_ns)
         try:
-            found = wire.take()
+            items = wire.take()
         except OSError as error:
             return [self._lose(wire, error.strerror or str(error))]
         self._taken_ns = self._clock()
-        return [*self._hear(wire), *found] if found else []
+        return [*self._hear(wire), *items] if items else []
 
     def _pause(self, until_ns: int) -> None:
         left_ns = min(self._taken_ns + self._gather_ns, until_ns) - self._clock()

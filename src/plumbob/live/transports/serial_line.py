@@ -49,11 +49,11 @@ class Overruns:
         if self._seen is None or now_ns < self._next_ns:
             return []
         self._next_ns = now_ns + EVERY_NS
-        seen, counts = self._seen, self._counts()
+        before, counts = self._seen, self._counts()
         if counts is None:
             return []
         self._seen = counts
-        lost, bad = counts[0] - seen[0], counts[1] - seen[1]
+        lost, bad = counts[0] - before[0], counts[1] - before[1]
         events = [Event(now_ns, "dropped", f"{self._where}: the driver could not keep {counted(lost, 'byte')}.", lost)]
         text = f"{self._where}: {bad} characters had a wrong stop bit or parity; is the baud rate right?"
         return events * (lost > 0) + [Event(now_ns, "damaged", text, bad)] * (bad > 0)
@@ -146,13 +146,13 @@ def _is_usb(port: PortInfo, vid: str, pid: str, serial_number: str | None) -> bo
     return same and (serial_number is None or port.serial_number == serial_number)
 
 
-def _single(port: str, found: list[str], ports: ListPorts) -> str:
-    if not found:
+def _single(port: str, matching: list[str], ports: ListPorts) -> str:
+    if not matching:
         there = ", ".join(f"{p.device} ({p.description})" for p in ports()) or "none"
         raise NoLine("absent", f"There is no serial port {port}; the ports of this machine: {there}.")
-    if len(found) > 1:
-        raise NoLine("ambiguous", f"{port} is {len(found)} serial ports, {', '.join(found)}; name one of them.")
-    return found[0]
+    if len(matching) > 1:
+        raise NoLine("ambiguous", f"{port} is {len(matching)} serial ports, {', '.join(matching)}; name one of them.")
+    return matching[0]
 
 
 GATHER: Final = 2e-3

@@ -105,18 +105,18 @@ class UdpWire:
 
     def take(self) -> list[Received | Event]:
         """All datagrams that are there, and how many were dropped before which."""
-        found: list[Received | Event] = []
-        while len(found) < _MANY:
+        items: list[Received | Event] = []
+        while len(items) < _MANY:
             try:
                 data, ancillary, *_ = self._sock.recvmsg(_LARGEST, socket.CMSG_SPACE(4))
             except OSError as error:
-                if found or error.errno in _NOTHING:  # an error that is pending comes again
-                    return found
+                if items or error.errno in _NOTHING:  # an error that is pending comes again
+                    return items
                 raise
             now = self._clock()
-            found += self._drops(now, ancillary)
-            found.append(Received(now, data))
-        return found
+            items += self._drops(now, ancillary)
+            items.append(Received(now, data))
+        return items
 
     def _drops(self, now: int, ancillary: list[tuple[int, int, bytes]]) -> list[Event]:
         for level, kind, value in ancillary:

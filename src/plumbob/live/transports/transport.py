@@ -166,8 +166,8 @@ class Opened(ABC):
         until_ns = self._clock() + round(timeout * 1e9)
         self.open()
         if self._told:
-            told, self._told = self._told, []
-            return told
+            items, self._told = self._told, []
+            return items
         return self._more(until_ns)
 
     def close(self) -> None:

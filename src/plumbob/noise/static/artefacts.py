@@ -63,7 +63,7 @@ HELD_SHARE: Final = 0.8
 those that halve in number from each length to the next, 38 % last for two or three samples."""
 
 
-def held(values: Floats) -> int:
+def hold_length(values: Floats) -> int:
     """How often each value comes in a row, if nearly all come equally often, give or take one; else 1."""
     starts = np.flatnonzero(np.diff(values) != 0.0)
     if starts.size < 10:
@@ -92,10 +92,10 @@ def interleaved(values: Floats) -> int:
     """
     apart = {1: APART}
     for k in range(2, LONGEST + 1):
-        whole = values.size // k
-        if whole < _FEWEST:
+        count = values.size // k
+        if count < _FEWEST:
             break
-        phases = values[: whole * k].reshape(whole, k)
+        phases = values[: count * k].reshape(count, k)
         within = float(np.sqrt(np.mean(np.var(np.diff(phases, axis=0), axis=0)) / 2.0))  # of neighbours: without drift
         apart[k] = float(np.std(phases.mean(axis=0))) / max(within, 1e-300)
     most = max(apart.values())
@@ -205,7 +205,7 @@ class Spikes:
         self._cells += cells
         self._rest = x[cells * _CELL :].copy()
 
-    def found(self, least: float) -> list[int]:
+    def places(self, least: float) -> list[int]:
         """Indices of spikes farther off than `least`, at most one of a cell."""
         if not self._cells:
             return []
@@ -279,7 +279,7 @@ def follow(x: Floats, state: Floats, ends: Floats, lengths: Floats) -> None:
     ends, lengths : ndarray (m,)
         For each run longer than `LEAST`, the index after it in x, and its samples.
     """
-    run, found, rises, equal = state[0], 0, 0, 0
+    run, count, rises, equal = state[0], 0, 0, 0
     for i in range(1, x.shape[0]):
         rises += x[i] > x[i - 1]  # a sum, as of noise no branch is foreseen
         if x[i] == x[i - 1]:
@@ -287,14 +287,14 @@ def follow(x: Floats, state: Floats, ends: Floats, lengths: Floats) -> None:
             equal += 1
             continue
         if run > LEAST:
-            ends[found], lengths[found] = i, run
-            found += 1
+            ends[count], lengths[count] = i, run
+            count += 1
         run = 1.0
     state[0] = run
     state[1] += rises
     state[2] += x.shape[0] - 1 - rises - equal
     state[3] += equal
-    state[4] = found
+    state[4] = count
 
 
 class Runs:
@@ -315,9 +315,9 @@ class Runs:
         ends = np.empty(x.size // LEAST + 1)
         lengths = np.empty_like(ends)
         follow(x, self._state, ends, lengths)
-        found = int(self._state[_FOUND])
-        self._ends.append(self.count - self._last.size + ends[:found])
-        self._lengths.append(lengths[:found].copy())
+        count = int(self._state[_FOUND])
+        self._ends.append(self.count - self._last.size + ends[:count])
+        self._lengths.append(lengths[:count].copy())
         self.count += samples.size
         self._last = x[-1:].copy()
 
@@ -403,9 +403,9 @@ class Level:
         self._largest.append(largest.astype(np.float32))
         self._rest = x[total.size * self.hop :].copy()
         pairs = np.append(self._odd, averages) if self._odd.size else averages
-        whole = pairs.size // 2 * 2
-        self._odd = pairs[whole:].copy()
-        return np.asarray(0.5 * (pairs[0:whole:2] + pairs[1:whole:2]))
+        stop = pairs.size // 2 * 2
+        self._odd = pairs[stop:].copy()
+        return np.asarray(0.5 * (pairs[0:stop:2] + pairs[1:stop:2]))
 
     def loud(self, start: int, stop: int, step: float, limit: float) -> Parts:
         """Windows from sample `start` to `stop` that are louder than the quiet ones among them allow.
@@ -477,11 +477,11 @@ class Stillness:
         limit : float
             Part of `LOUDER` and `JUMP` above which something moved.
         """
-        found = Parts()
+        parts = Parts()
         for level in self._levels:  # what shorter averages have shown, longer ones only blur
             loud = level.loud(start, stop, step, limit)
-            found += [(a, b) for a, b in loud if not any(c < b and a < d for c, d in found)]
-        return found
+            parts += [(a, b) for a, b in loud if not any(c < b and a < d for c, d in parts)]
+        return parts
 
 
 def joined(parts: Parts) -> Parts:

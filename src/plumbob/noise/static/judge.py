@@ -24,7 +24,7 @@ from plumbob.noise.static.artefacts import (
     between,
     clipped,
     find_step,
-    held,
+    hold_length,
     interleaved,
     joined,
     longest_gap,
@@ -124,9 +124,9 @@ class StaticCheck:
             self._grain = None
         self.count += len(samples)
         seconds = np.concatenate((self._rest, samples))
-        whole = len(seconds) // self._second * self._second
-        self._means.append(seconds[:whole].reshape(-1, self._second, len(self.names)).mean(axis=1))
-        self._rest = seconds[whole:]
+        stop = len(seconds) // self._second * self._second
+        self._means.append(seconds[:stop].reshape(-1, self._second, len(self.names)).mean(axis=1))
+        self._rest = seconds[stop:]
 
     def _longest_numbers(self, end: int) -> tuple[int, int]:
         """Longest stretch of samples of numbers only, if one ends here."""
@@ -166,22 +166,22 @@ class StaticCheck:
             Less than 1 is stricter, as in `Stillness.moving`.
         """
         first, end = round((start - self.start) / self.dt), round((stop - self.start) / self.dt)
-        found = [
+        parts = [
             part
             for column in self._sound
             for part in self._still[column].moving(first, end, self._coarse(column), limit=limit)
         ]
-        if not found:  # else what is left is asked again, for an average of a motion is no measure of rest
-            found = self._impossible(first, end)
-        return self._times(found)
+        if not parts:  # else what is left is asked again, for an average of a motion is no measure of rest
+            parts = self._impossible(first, end)
+        return self._times(parts)
 
     def moves(self, known: Parts) -> Parts:
         """When something moved outside of the known parts, s; with margins, if it is short enough to be skipped."""
         gaps = between(known, self.start, self.stop)
-        found = [part for gap in gaps for part in self.moving(*gap)]
-        wide = widened(found, self.start, self.stop)
-        if not found or self._reason(wide) is not None:
-            return joined(found)
+        parts = [part for gap in gaps for part in self.moving(*gap)]
+        wide = widened(parts, self.start, self.stop)
+        if not parts or self._reason(wide) is not None:
+            return joined(parts)
         while more := [p for gap in between(known + wide, self.start, self.stop) for p in self.strict(*gap)]:
             wide = widened(wide + more, self.start, self.stop)
             if self._reason(wide) is not None:
@@ -192,7 +192,7 @@ class StaticCheck:
         """When something moved between two times, s, by a stricter measure; of too few samples, nothing is reported."""
         return self.moving(start, stop, limit=_STRICT) if (stop - start) / self.dt >= FEWEST_SAMPLES else []
 
-    def asked(self, skip: Sequence[tuple[float, float]]) -> Parts:
+    def skip_parts(self, skip: Sequence[tuple[float, float]]) -> Parts:
         """Times to skip, s, as far as the record has them."""
         for a, b in skip:
             if not a < b:
@@ -209,8 +209,8 @@ class StaticCheck:
         """Why parts that were found, s, cannot be skipped, in words; None where they can."""
         if (reason := self._reason(parts)) is not None:
             return reason
-        whole = [part for part in parts if part[0] > self.start and part[1] < self.stop]
-        after = jumped(np.concatenate(self._means)[:, self._sound], whole, self.start)
+        inner = [part for part in parts if part[0] > self.start and part[1] < self.stop]
+        after = jumped(np.concatenate(self._means)[:, self._sound], inner, self.start)
         return None if after is None else f"and may be at another level after {after:.6g} s than before"
 
     def _reason(self, parts: Parts) -> str | None:
@@ -276,10 +276,10 @@ class StaticCheck:
         """Everything but motion."""
         if self.count < FEWEST_SAMPLES:
             return [self._about_all("short", f"{self.count} samples are too few; record {FEWEST_SAMPLES} or more.")]
-        found = [finding for column, name in enumerate(self.names) for finding in self._of_channel(column, name)]
-        return found + self._of_triad()
+        findings = [finding for column, name in enumerate(self.names) for finding in self._of_channel(column, name)]
+        return findings + self._of_triad()
 
-    def _told(self, value: float, digits: int = 3) -> str:
+    def _text(self, value: float, digits: int = 3) -> str:
         """Value with its unit."""
         unit = "" if self.quantity is Quantity.RATIO else f" {self.quantity}"
         return f"{value:.{digits}g}{unit}"
@@ -296,7 +296,7 @@ class StaticCheck:
             text = f"sample {first} is not finite ({bad} such of {self.count}); {advice}."
             return [Finding("not finite", name, True, text)]
         if column not in self._changing:
-            value = self._told(self._low[column], 9)
+            value = self._text(self._low[column], 9)
             text = f"all {self.count} values are {value}; the sensor is stuck, off or not connected."
             return [Finding("constant", name, True, text)]
         way = self._runs[column].one_way
@@ -304,7 +304,7 @@ class StaticCheck:
             return [Finding("one way", name, True, f"only {way}; is it time or a counter? Leave the column out.")]
         if (mixed := self._interleaved(column, name)) is not None:
             return [mixed]
-        findings = (self._held, self._quantised, self._clipped, self._spiked, self._shaken)
+        findings = (self._repeated, self._quantised, self._clipped, self._spiked, self._shaken)
         return [finding for find in findings for finding in find(column, name)]
 
     def _interleaved(self, column: int, name: str) -> Finding | None:
@@ -317,8 +317,8 @@ class StaticCheck:
         )
         return Finding("interleaved", name, True, text)
 
-    def _held(self, column: int, name: str) -> list[Finding]:
-        times = held(self.excerpt()[:, column])
+    def _repeated(self, column: int, name: str) -> list[Finding]:
+        times = hold_length(self.excerpt()[:, column])
         if times == 1:
             return []
         text = (
@@ -333,7 +333,7 @@ class StaticCheck:
         if not (step > 0.0 and (levels < FEWEST_LEVELS or sd < 0.5 * step)):
             return []
         text = (
-            f"the values are {levels} multiples of the step {self._told(step, 6)} with a scatter of {self._told(sd)}; "
+            f"the values are {levels} multiples of the step {self._text(step, 6)} with a scatter of {self._text(sd)}; "
             "the converter hides the noise, and short averaging times show its rounding instead."
         )
         return [Finding("coarse", name, False, text)]
@@ -345,15 +345,15 @@ class StaticCheck:
         piles = clipped(values)
         if not piles:
             return []
-        told = " and ".join(f"{pile.size} times {self._told(pile.value, 6)}" for pile in piles)
+        listed = " and ".join(f"{pile.size} times {self._text(pile.value, 6)}" for pile in piles)
         text = (
-            f"{told} in the first {values.size} samples, but hardly the next level inside: the values are clipped at "
+            f"{listed} in the first {values.size} samples, but hardly the next level inside: the values are clipped at "
             "the end of a range; choose a wider one, and record again."
         )
         return [Finding("clipped", name, True, text)]
 
     def _spiked(self, column: int, name: str) -> list[Finding]:
-        places = self._spikes[column].found(3.0 * self.steps[column])
+        places = self._spikes[column].places(3.0 * self.steps[column])
         if not places:
             return []
         listed = ", ".join(map(str, places[:5])) + (", …" if len(places) > 5 else "")
@@ -365,14 +365,14 @@ class StaticCheck:
 
     def _shaken(self, column: int, name: str) -> list[Finding]:
         values = self.excerpt()[:, column]
-        found = shaking(values, self.dt)
-        if found is None or found.amplitude < self.steps[column]:  # as the stairs of a quantised ramp
+        wave = shaking(values, self.dt)
+        if wave is None or wave.amplitude < self.steps[column]:  # as the stairs of a quantised ramp
             return []
         rule = np.arange(values.size)
         scatter = float(np.var(values - np.polyval(np.polyfit(rule, values, 1), rule)))
-        most = found.amplitude**2 / 2.0 > 0.5 * scatter
+        most = wave.amplitude**2 / 2.0 > 0.5 * scatter
         what = "the unit was shaken, or another signal leaks in: stop it and record again"
-        text = f"it oscillates at {found.frequency:.4g} Hz with an amplitude of {self._told(found.amplitude)}; " + (
+        text = f"it oscillates at {wave.frequency:.4g} Hz with an amplitude of {self._text(wave.amplitude)}; " + (
             f"that is most of its scatter: {what}." if most else "averages near half that period show it as a hump."
         )
         return [Finding("periodic", name, most, text)]
@@ -407,61 +407,61 @@ def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> Sta
     ParameterError
         If a time to skip is not one, or they are too much of the record.
     """
-    findings = {one: one.findings() for one in checks}
-    steps = {name: step for one in checks for name, step in zip(one.names, one.steps, strict=True)}
-    enough = [one for one in checks if one.count >= FEWEST_SAMPLES]
-    asked = {one: one.asked(skip) for one in enough}
-    stuck = {one: one.stuck() for one in enough}  # beside which noise would seem a motion
-    moving = {one: parts or one.moves(asked[one]) for one, parts in stuck.items()}
+    findings = {sensor: sensor.findings() for sensor in checks}
+    steps = {name: step for sensor in checks for name, step in zip(sensor.names, sensor.steps, strict=True)}
+    enough = [sensor for sensor in checks if sensor.count >= FEWEST_SAMPLES]
+    requested = {sensor: sensor.skip_parts(skip) for sensor in enough}
+    stuck = {sensor: sensor.stuck() for sensor in enough}  # beside which noise would seem a motion
+    moving = {sensor: parts or sensor.moves(requested[sensor]) for sensor, parts in stuck.items()}
     together = joined([part for parts in moving.values() for part in parts])
     skipped: dict[str, tuple[tuple[float, float], ...]] = {}
-    for one, parts in moving.items():
-        known = joined(parts + asked[one])
-        reason = None if not parts else "stuck" if stuck[one] else one.unskippable(parts)
+    for sensor, parts in moving.items():
+        excluded = joined(parts + requested[sensor])
+        reason = None if not parts else "stuck" if stuck[sensor] else sensor.unskippable(parts)
         if parts:  # of which everything else is a consequence
-            told = _left_out(one, known) if reason is None else _disturbed(one, parts, reason)
-            kept = [f for f in findings[one] if f.kind in _WITHOUT_MOTION and (f.refuses or not stuck[one])]
-            findings[one] = [*kept, told]
-        elif known:
-            findings[one].append(_left_out(one, known))
-        if known and reason is None:
-            skipped |= dict.fromkeys(one.names, tuple(known))
+            finding = _left_out(sensor, excluded) if reason is None else _disturbed(sensor, parts, reason)
+            others = [f for f in findings[sensor] if f.kind in _WITHOUT_MOTION and (f.refuses or not stuck[sensor])]
+            findings[sensor] = [*others, finding]
+        elif excluded:
+            findings[sensor].append(_left_out(sensor, excluded))
+        if excluded and reason is None:
+            skipped |= dict.fromkeys(sensor.names, tuple(excluded))
     still = _longest_still(enough, together) if enough else None
-    mover = next((one for one in enough if one.inertial and any(f.kind == "moving" for f in findings[one])), None)
-    for one in checks:
-        if mover is not None and one is not mover and not any(f.refuses for f in findings[one]):
-            told = _disturbed(mover, moving[mover], "moving")
-            findings[one].append(replace(told, channel=", ".join(one.names), text=f"the unit {told.text}"))
-    return StaticReport(tuple(f for found in findings.values() for f in found), steps, tuple(together), still, skipped)
+    mover = next((s for s in enough if s.inertial and any(f.kind == "moving" for f in findings[s])), None)
+    for sensor in checks:
+        if mover is not None and sensor is not mover and not any(f.refuses for f in findings[sensor]):
+            finding = _disturbed(mover, moving[mover], "moving")
+            findings[sensor].append(replace(finding, channel=", ".join(sensor.names), text=f"the unit {finding.text}"))
+    return StaticReport(tuple(f for group in findings.values() for f in group), steps, tuple(together), still, skipped)
 
 
-def _left_out(one: StaticCheck, parts: Parts) -> Finding:
+def _left_out(sensor: StaticCheck, parts: Parts) -> Finding:
     """Finding that lists what is skipped."""
     listed = ", ".join(f"{a:.6g} to {b:.6g} s" for a, b in parts[:5]) + (", …" if len(parts) > 5 else "")
-    share = 100.0 * (1.0 - total(parts) / (one.stop - one.start))
+    share = 100.0 * (1.0 - total(parts) / (sensor.stop - sensor.start))
     text = (
         f"moved or was disturbed, and is skipped there: {listed} ({len(parts)} in all); {share:.4g} % of the record is "
         "left, and its neighbours stand in the gaps."
     )
-    return Finding("disturbed", ", ".join(one.names), False, text)
+    return Finding("disturbed", ", ".join(sensor.names), False, text)
 
 
-def _longest_still(checks: Sequence[StaticCheck], known: Parts) -> tuple[float, float] | None:
+def _longest_still(checks: Sequence[StaticCheck], motions: Parts) -> tuple[float, float] | None:
     """Longest stretch outside the known motions, a second away from any, in which nothing else moved."""
-    whole = max(float(one.start) for one in checks), min(float(one.stop) for one in checks)
+    span = max(float(sensor.start) for sensor in checks), min(float(sensor.stop) for sensor in checks)
     while True:
-        left = longest_gap(joined([(a - MARGIN, b + MARGIN) for a, b in known]), *whole)
-        if any((left[1] - left[0]) / one.dt < FEWEST_SAMPLES - 0.5 for one in checks):
+        stretch = longest_gap(joined([(a - MARGIN, b + MARGIN) for a, b in motions]), *span)
+        if any((stretch[1] - stretch[0]) / sensor.dt < FEWEST_SAMPLES - 0.5 for sensor in checks):
             return None
-        more = [part for one in checks for part in one.moving(*left, limit=_STRICT)] if known else []
+        more = [part for sensor in checks for part in sensor.moving(*stretch, limit=_STRICT)] if motions else []
         if not more:
-            return left
-        known = known + more
+            return stretch
+        motions = motions + more
 
 
-def _disturbed(one: StaticCheck, parts: Parts, reason: str) -> Finding:
+def _disturbed(sensor: StaticCheck, parts: Parts, reason: str) -> Finding:
     others = f" and {len(parts) - 1} times more" if len(parts) > 1 else ""
-    still = _longest_still([one], parts)
+    still = _longest_still([sensor], parts)
     if still is None:
         advice = "no stretch is still for long enough; record the unit untouched"
     else:
@@ -469,7 +469,7 @@ def _disturbed(one: StaticCheck, parts: Parts, reason: str) -> Finding:
     kind, what = ("stuck", "repeats one value") if reason == "stuck" else ("moving", "moved or was disturbed")
     why = "" if reason in ("stuck", "moving") else f", {reason}"
     text = f"{what} from {parts[0][0]:.4g} s to {parts[0][1]:.4g} s{others}{why}; {advice}."
-    return Finding(kind, ", ".join(one.names), True, text)
+    return Finding(kind, ", ".join(sensor.names), True, text)
 
 
 def _about_g(specific_force: float) -> bool:
@@ -495,5 +495,5 @@ def _local_sd(values: Floats) -> float:
 
 
 def _local_sds(values: Floats, size: int = 64) -> Floats:
-    whole = values.size // size * size
-    return values[:whole].reshape(-1, size).std(axis=1) if whole else np.array([values.std()])
+    stop = values.size // size * size
+    return values[:stop].reshape(-1, size).std(axis=1) if stop else np.array([values.std()])

@@ -174,27 +174,27 @@ def bridged(samples: Floats, dt: float, start: float, parts: Parts) -> Floats:
 
     A part at an end of the record is cut off.
     """
-    found = samples.copy()
-    begin, stop = 0, len(found)
+    filled = samples.copy()
+    begin, stop = 0, len(filled)
     for a, b in parts:
-        first, end = max(0, round((a - start) / dt)), min(len(found), round((b - start) / dt))
+        first, end = max(0, round((a - start) / dt)), min(len(filled), round((b - start) / dt))
         if first <= begin:
             begin = end
-        elif end >= len(found):
+        elif end >= len(filled):
             stop = first
         else:
-            found[first:end] = _filling(found[begin:first], found[end:], end - first)
-    return found[begin:stop]
+            filled[first:end] = _filling(filled[begin:first], filled[end:], end - first)
+    return filled[begin:stop]
 
 
 def _filling(before: Floats, after: Floats, count: int) -> Floats:
     """Rows (count, k) between two stretches: each mirrored for its half, on a line between their levels."""
     reach = max(1, min(count, len(before), len(after)))
-    left, right = before[-reach:], after[:reach]
-    low, high = left.mean(axis=0), right.mean(axis=0)
+    tail, head = before[-reach:], after[:reach]
+    low, high = tail.mean(axis=0), head.mean(axis=0)
     place = (np.arange(count) + 0.5) / count
     half = count // 2
     noise = np.empty((count, before.shape[1]))
-    noise[:half] = (left - low)[::-1][np.arange(half) % reach]
-    noise[half:] = (right - high)[np.arange(count - half)[::-1] % reach]
+    noise[:half] = (tail - low)[::-1][np.arange(half) % reach]
+    noise[half:] = (head - high)[np.arange(count - half)[::-1] % reach]
     return np.asarray(noise + low + place[:, np.newaxis] * (high - low))

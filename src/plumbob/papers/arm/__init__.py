@@ -13,12 +13,12 @@ from plumbob.arm.array.paper import paper
 from plumbob.core.units import dps
 from plumbob.data import ImuData
 from plumbob.data.array import ImuArray
-from plumbob.door.calibrate import track_of
+from plumbob.door.calibrate import read_track
 from plumbob.door.reading import read_array
 from plumbob.papers.arm import faults, misprints, tables, teaching
 from plumbob.papers.arm.drawings import Broken, Run
 from plumbob.papers.arm.page import Findings, report
-from plumbob.papers.arm.simulated import AXES, REST, Over, noise_of, with_noise
+from plumbob.papers.arm.simulated import AXES, REST, Over, assumed_noise, with_noise
 from plumbob.papers.arm.tables import ANGLES, SCHEMES, SEEDS
 from plumbob.papers.outcome import Item, Outcome, Paper, at_least, at_most
 from plumbob.papers.workspace import Work
@@ -50,15 +50,15 @@ def run(work: Work) -> Paper:
     steps(f"Table 2 over {SEEDS} seeds")
     turn = tables.measured(True, SEEDS)
     outcomes = [
-        one
-        for turns, found in ((False, rest), (True, turn))
-        for one in tables.of_table(turns, found, tables.least(turns, 2))
+        outcome
+        for turns, stats in ((False, rest), (True, turn))
+        for outcome in tables.of_table(turns, stats, tables.least(turns, 2))
     ]
     steps("both at 100 Hz")
     few = {name: SCHEMES[name] for name in ("none", "pi", "fuzzy", "control")}
     fast = tables.measured(True, FEW, rate=100.0, schemes=few)
     steps("printed forms")
-    printed, read = misprints.found(FEW, dict(rest), dict(turn)), misprints.inference()
+    printed, read = misprints.printed_forms(FEW, dict(rest), dict(turn)), misprints.inference()
     stated = misprints.stated(FEW)
     outcomes += [*stated, *misprints.outcomes(printed, read), *misprints.of_gain(), *misprints.once(dict(rest))]
     outcomes += [*misprints.iron(FEW), *misprints.combination(work.seed), *_of_fast(fast)]
@@ -69,11 +69,11 @@ def run(work: Work) -> Paper:
     steps("a unit that breaks, through bytes and moving")
     watched = [broken_at_rest(work), broken_in_motion(work.seed)]
     steps("faults at rest and in motion")
-    found, alarms = _faults(), _alarms()
+    detection, alarms = _faults(), _alarms()
     at_100 = {
         moving: faults.watched("biased", "gyr", moving=moving, seeds=FEW // 4, rate=100.0) for moving in (False, True)
     }
-    outcomes += [*_of_faults(found, alarms), *_of_hundred(at_100)]
+    outcomes += [*_of_faults(detection, alarms), *_of_hundred(at_100)]
     steps("every fault of every sensor")
     parity = {step: faults.parity_test(step, 1) for step in (0.0, 0.1, 0.2, 0.3, 0.5)}
     outcomes += _of_parity(parity)
@@ -82,7 +82,7 @@ def run(work: Work) -> Paper:
     done = teaching.teach(work)
     outcomes += teaching.outcomes(done)
     steps("page")
-    whole = Findings(
+    findings = Findings(
         runs,
         rest,
         turn,
@@ -100,7 +100,7 @@ def run(work: Work) -> Paper:
         SEEDS,
         WATCHED,
     )
-    return Paper(report=report(whole, work.seed), outcomes=outcomes)
+    return Paper(report=report(findings, work.seed), outcomes=outcomes)
 
 
 def through_bytes(work: Work, *, turns: bool) -> Run:
@@ -113,11 +113,11 @@ def through_bytes(work: Work, *, turns: bool) -> Run:
         scenario="arm",
         set={} if turns else {"turn": "0 deg"},
     )
-    noise = noise_of(turns)
+    noise = assumed_noise(turns)
     array = with_noise(read_array(taken.recording, mounts="arm"), noise)
-    track = track_of(taken.truth.with_stem(f"{taken.truth.stem}-u1"))  # u1 is aligned with the body
+    track = read_track(taken.truth.with_stem(f"{taken.truth.stem}-u1"))  # u1 is aligned with the body
     tracks = {name: paper(array, frame=Frame.NED, scheme=scheme).q_nb for name, scheme in SCHEMES.items()}
-    tracks["six"] = tables.attitude_of(array, noise)
+    tracks["six"] = tables.body_attitude(array, noise)
     return Run(array.t, track.q_nb, tracks)
 
 
@@ -144,8 +144,8 @@ def broken_at_rest(work: Work) -> Broken:
 
 def broken_in_motion(seed: int) -> Broken:
     """The same of units that turn with 60 °/s rms every other 20 s, drawn directly."""
-    array, seen, unit = faults.with_fault(seed, moving=True)
-    return Broken(array, seen, unit, faults.SINCE, faults.UNTIL, Both("moving", "运动"))
+    array, monitored, unit = faults.with_fault(seed, moving=True)
+    return Broken(array, monitored, unit, faults.SINCE, faults.UNTIL, Both("moving", "运动"))
 
 
 def _faults() -> dict[bool, faults.Watched]:
@@ -159,18 +159,18 @@ def _alarms() -> dict[bool, int]:
     }
 
 
-def _of_faults(found: Mapping[bool, faults.Watched], alarms: Mapping[bool, int]) -> list[Outcome]:
+def _of_faults(detection: Mapping[bool, faults.Watched], alarms: Mapping[bool, int]) -> list[Outcome]:
     made = []
     for moving, (en, zh), least, slow, most in (
         (False, ("at rest", "静止"), 99.0, 2.0, 0.0),
         (True, ("moving", "运动"), 95.0, 5.0, 1.0),
     ):
-        case, one = ("moving" if moving else "rest"), found[moving]
+        case, stats = ("moving" if moving else "rest"), detection[moving]
         for key, what, chinese, unit, value, bar in (
-            ("detected", "detected", "检出率", "%", one.detected, at_least(99.0)),
-            ("isolated", "isolated", "隔离率", "%", one.isolated, at_least(least)),
-            ("median", "median time", "中位时间", "s", one.median, at_most(slow)),
-            ("slow", "time that 95 % stay below", "95 % 时间", "s", one.slow, at_most(5.0)),
+            ("detected", "detected", "检出率", "%", stats.detected, at_least(99.0)),
+            ("isolated", "isolated", "隔离率", "%", stats.isolated, at_least(least)),
+            ("median", "median time", "中位时间", "s", stats.median, at_most(slow)),
+            ("slow", "time that 95 % stay below", "95 % 时间", "s", stats.slow, at_most(5.0)),
             (
                 "alarms",
                 "false alarms in 3 h, greatest of three",
@@ -208,45 +208,45 @@ def _of_faults(found: Mapping[bool, faults.Watched], alarms: Mapping[bool, int])
     return made
 
 
-def _of_hundred(found: Mapping[bool, faults.Watched]) -> list[Outcome]:
+def _of_hundred(detection: Mapping[bool, faults.Watched]) -> list[Outcome]:
     return [
         Outcome(
             key=f"fault.{'moving' if moving else 'rest'}.100_hz",
             where="",
             unit="s",
-            best=one.median,
+            best=stats.median,
             best_bar=at_most(5.0 if moving else 2.0),
             what=Both(
                 f"the same at 100 Hz, {'moving' if moving else 'at rest'}: median time",
                 f"同上，100 Hz，{'运动' if moving else '静止'}：中位时间",
             ),
         )
-        for moving, one in found.items()
+        for moving, stats in detection.items()
     ]
 
 
-def _of_parity(found: Mapping[float, faults.Parity]) -> list[Outcome]:
+def _of_parity(parity: Mapping[float, faults.Parity]) -> list[Outcome]:
     made = [
         Outcome(
             key="parity.alarms",
             where="",
-            best=float(found[0.0].found),
+            best=float(parity[0.0].found),
             best_bar=at_most(0.0),
             what=Both(
                 "test of the parity of a pair: false alarms in 200 × 60 s", "一对轴的奇偶检验：200 × 60 s 内误报"
             ),
         )
     ]
-    for step, one in list(found.items())[1:]:
+    for step, test in list(parity.items())[1:]:
         made.append(
             Outcome(
                 key=f"parity.{step:g}",
                 where="",
                 unit="s",
-                best=one.median,
+                best=test.median,
                 what=Both(
-                    f"the same, step of {step:g} °/s: median time ({one.found} of 200 found)",
-                    f"同上，{step:g} °/s 阶跃：中位时间（200 次检出 {one.found}）",
+                    f"the same, step of {step:g} °/s: median time ({test.found} of 200 found)",
+                    f"同上，{step:g} °/s 阶跃：中位时间（200 次检出 {test.found}）",
                 ),
             )
         )

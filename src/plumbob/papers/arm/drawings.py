@@ -84,14 +84,14 @@ def _draw_errors(t: Floats, faithful: Floats, best: Floats, printed: Sequence[fl
         ax.set_ylabel(Both(f"{word} [°]", f"{word.zh} [°]"))
         words = (("std", "标准差"), ("range", "误差范围"), ("rms", "均方根"))
         rows = [(*word, value) for word, value in zip(words, figures, strict=True)]
-        _beside(ax, [*rows, ("std, paper", "论文标准差", printed[axis])])
+        _margin_notes(ax, [*rows, ("std, paper", "论文标准差", printed[axis])])
     _time_axis(panels[-1], t)
 
 
 def heading(run: Run) -> Figure:
     """Figure 6: the heading in the turn."""
     key = [(TRUTH, _AMBER, "solid"), (FAITHFUL, _BLUE, "solid"), (BEST, _GREEN, "dashed")]
-    yaw = [_yaw(one) for one in (run.truth, run.tracks["fuzzy"], run.tracks["six"])]
+    yaw = [_yaw(q_nb) for q_nb in (run.truth, run.tracks["fuzzy"], run.tracks["six"])]
     caption = Both("Figure 6: heading in the turn, fuzzy-PI", "图 6：模糊 PI 组合调节航向角变化曲线")
     return Figure(caption, partial(_draw_heading, run.t, yaw), key, height=2.6)
 
@@ -103,9 +103,9 @@ def _yaw(q_nb: Floats) -> Floats:
 def _draw_heading(t: Floats, yaw: Sequence[Floats], canvas: "FigureBase") -> None:
     """The whole, and what it is away from the truth."""
     ax, away = canvas.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
-    for one, colour, width, dash in zip(yaw, (_AMBER, _BLUE, _GREEN), (2.8, 0.9, 0.9), ("-", "-", "--"), strict=True):
-        ax.plot(t, one, color=colour, linewidth=width, linestyle=dash)
-        away.plot(t, one - yaw[0], color=colour, linewidth=width, linestyle=dash)
+    for angle, colour, width, dash in zip(yaw, (_AMBER, _BLUE, _GREEN), (2.8, 0.9, 0.9), ("-", "-", "--"), strict=True):
+        ax.plot(t, angle, color=colour, linewidth=width, linestyle=dash)
+        away.plot(t, angle - yaw[0], color=colour, linewidth=width, linestyle=dash)
     ax.set_ylim(-95.0, 5.0)
     ax.set_yticks((-90, -60, -30, 0))
     ax.set_ylabel(Both("yaw [°]", "航向角 [°]"))
@@ -121,10 +121,10 @@ def recovery(found: Mapping[str, Recovery]) -> Figure:
     return Figure(caption, partial(_draw_recovery, list(found.values())), key, height=2.8)
 
 
-def _draw_recovery(found: Sequence[Recovery], canvas: "FigureBase") -> None:
+def _draw_recovery(recoveries: Sequence[Recovery], canvas: "FigureBase") -> None:
     ax = canvas.subplots()
-    for k, one in enumerate(found):
-        ax.semilogy(one.t, np.maximum(one.error_deg, 1e-3), color=SERIES[k], linewidth=1.1)
+    for k, run in enumerate(recoveries):
+        ax.semilogy(run.t, np.maximum(run.error_deg, 1e-3), color=SERIES[k], linewidth=1.1)
     ax.axhline(0.5, color=MUTED, linewidth=0.8, linestyle="--")
     ax.set_xlim(0.0, 70.0)
     ax.set_ylim(5e-3, 15.0)
@@ -215,7 +215,7 @@ def _time_axis(ax: "Axes", t: Floats) -> None:
     ax.set_xlabel(TIME)
 
 
-def _beside(ax: "Axes", figures: Sequence[tuple[str, str, float]]) -> None:
+def _margin_notes(ax: "Axes", figures: Sequence[tuple[str, str, float]]) -> None:
     for line, (en, zh, value) in enumerate(figures):
         ax.text(
             1.015,

@@ -44,7 +44,7 @@ def moved(seed: int, duration: float, *, moving: bool, rate: float = 10.0, units
         rates = dps(60.0) * lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.normal(size=(count, 3)), axis=0) * on
     q_nb = quat_chained(rates / rate)[-count:] if moving else np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
     body, mounts = felt(q_nb, rates), list(MOUNTS.values())
-    found: Body = {"truth": {"q_nb": q_nb, "t": t}}
+    signals: Body = {"truth": {"q_nb": q_nb, "t": t}}
     for u in range(units):
         of = {}
         for name, values in body.items():
@@ -52,16 +52,16 @@ def moved(seed: int, duration: float, *, moving: bool, rate: float = 10.0, units
             scatter = getattr(REST, name) * np.sqrt(rate / 10.0) * rng.normal(size=(count, 3))
             of[name] = (values @ mounts[u % 6].dcm) @ errors.T + scatter
         of["gyr"] = of["gyr"] + rng.uniform(-REST.bias, REST.bias, 3)
-        found[f"u{u + 1}"] = of
-    return found
+        signals[f"u{u + 1}"] = of
+    return signals
 
 
 def as_array(found: Body) -> ImuArray:
     """Array of `moved`."""
     t, mounts = found["truth"]["t"], list(MOUNTS.values())
     units = {name: ImuData(t, of["gyr"], of["acc"], of["mag"]) for name, of in found.items() if name != "truth"}
-    known = card(REST, 10.0)
-    return ImuArray(units, {name: replace(mounts[k % 6], noise=known) for k, name in enumerate(units)})
+    noise_card = card(REST, 10.0)
+    return ImuArray(units, {name: replace(mounts[k % 6], noise=noise_card) for k, name in enumerate(units)})
 
 
 def broken(kind: str, triad: str, values: Floats, rows: slice, rng: np.random.Generator) -> Floats:
@@ -86,10 +86,10 @@ def with_fault(
     seed: int, kind: str = "biased", triad: str = "gyr", *, moving: bool, units: int = 6, rate: float = 10.0
 ) -> tuple[ImuArray, Monitored, str]:
     """An array of which a unit has a fault, what the monitor says, and the unit's name."""
-    found = moved(seed, DURATION, moving=moving, units=units, rate=rate)
+    signals = moved(seed, DURATION, moving=moving, units=units, rate=rate)
     unit, rows = f"u{1 + seed % units}", slice(round(SINCE * rate), round(UNTIL * rate))
-    found[unit][triad] = broken(kind, triad, found[unit][triad], rows, np.random.default_rng(10_000 + seed))
-    array = as_array(found)
+    signals[unit][triad] = broken(kind, triad, signals[unit][triad], rows, np.random.default_rng(10_000 + seed))
+    array = as_array(signals)
     return array, monitor(array), unit
 
 
@@ -119,19 +119,19 @@ def watched(kind: str, triad: str, *, moving: bool, seeds: int, rate: float = 10
     delays, right, again, wrong = [], 0, 0, 0
     first, last = round(SINCE * rate), round(UNTIL * rate)
     for seed in range(seeds):
-        _, seen, unit = with_fault(seed, kind, triad, moving=moving, rate=rate)
-        alarms = (seen.imu.flags[first:last] & np.uint32(flags.UNIT_EXCLUDED | flags.CANNOT_ISOLATE)) != 0
-        hits = [f for f in seen.faults if f.begin >= SINCE - 1e-6]
-        wrong += sum((f.unit, f.triad) != (unit, triad) or f.begin < SINCE - 1e-6 for f in seen.faults)
+        _, monitored, unit = with_fault(seed, kind, triad, moving=moving, rate=rate)
+        alarms = (monitored.imu.flags[first:last] & np.uint32(flags.UNIT_EXCLUDED | flags.CANNOT_ISOLATE)) != 0
+        hits = [f for f in monitored.faults if f.begin >= SINCE - 1e-6]
+        wrong += sum((f.unit, f.triad) != (unit, triad) or f.begin < SINCE - 1e-6 for f in monitored.faults)
         if not alarms.any():
             continue
         delays.append(float(np.flatnonzero(alarms)[0]) / rate)
         if hits and (hits[0].unit, hits[0].triad) == (unit, triad):
             right += 1
-            again += not seen.excluded(triad)[-1].any()
-    share, found = 100.0 / seeds, max(len(delays), 1)
+            again += not monitored.excluded(triad)[-1].any()
+    share, detections = 100.0 / seeds, max(len(delays), 1)
     median, slow = (float(np.quantile(delays, q)) if delays else np.nan for q in (0.5, 0.95))
-    return Watched(share * len(delays), 100.0 * right / found, median, slow, wrong, share * again)
+    return Watched(share * len(delays), 100.0 * right / detections, median, slow, wrong, share * again)
 
 
 def false_alarms(*, moving: bool, seed: int = 7) -> int:
@@ -141,9 +141,9 @@ def false_alarms(*, moving: bool, seed: int = 7) -> int:
 
 def two_units() -> tuple[bool, int]:
     """Of two units with a fault: whether the monitor says that it cannot isolate it, and how many it leaves out."""
-    _, seen, _ = with_fault(0, moving=False, units=2)
+    _, monitored, _ = with_fault(0, moving=False, units=2)
     during = slice(round(SINCE * 10.0), round(UNTIL * 10.0))
-    return bool((seen.imu.flags[during] & np.uint32(flags.CANNOT_ISOLATE)).any()), len(seen.faults)
+    return bool((monitored.imu.flags[during] & np.uint32(flags.CANNOT_ISOLATE)).any()), len(monitored.faults)
 
 
 class Parity(NamedTuple):
@@ -180,8 +180,8 @@ def parity_test(step_dps: float, seed: int, runs: int = 200, duration: float = 6
     for k in range(count):
         mean = keep * mean + (1.0 - keep) * (0.5 * step_dps + sd * rng.normal(size=runs))
         when[np.isnan(when) & (np.abs(mean) > limit)] = k / 10.0
-    found = np.isfinite(when)
-    return Parity(int(found.sum()), float(np.median(when[found])) if found.any() else np.nan)
+    has_alarm = np.isfinite(when)
+    return Parity(int(has_alarm.sum()), float(np.median(when[has_alarm])) if has_alarm.any() else np.nan)
 
 
 def every_fault(seeds: int) -> Iterator[tuple[bool, str, str, Watched]]:

@@ -77,14 +77,14 @@ def mamdani(error: float, integral: float, points: int = 3601) -> float:
     u = np.linspace(-U_END, U_END, points)
     step_e, step_i, step_u = E_END / SETS, I_END / SETS, U_END / SETS
     e, i = np.clip(3.0 * error, -E_END, E_END), np.clip(integral, -I_END, I_END)
-    found = np.zeros(points)
+    grade = np.zeros(points)
     for a in range(-SETS, SETS + 1):
         for b in range(-SETS, SETS + 1):
             strength = min(1.0 - abs(e / step_e - a), 1.0 - abs(i / step_i - b))
             if strength > 0.0:
                 centre = conclusion(a, b, step_u, U_END, step_u)
-                found = np.maximum(found, np.minimum(strength, np.clip(1.0 - np.abs(u - centre) / step_u, 0.0, 1.0)))
-    return float((found * u).sum() / found.sum())
+                grade = np.maximum(grade, np.minimum(strength, np.clip(1.0 - np.abs(u - centre) / step_u, 0.0, 1.0)))
+    return float((grade * u).sum() / grade.sum())
 
 
 class Inference(NamedTuple):
@@ -135,7 +135,7 @@ def cut_off(gain: float) -> float:
     return gain / (2.0 * math.pi)
 
 
-def found(seeds: int, rest: dict[str, Over], turn: dict[str, Over]) -> list[Found]:
+def printed_forms(seeds: int, rest: dict[str, Over], turn: dict[str, Over]) -> list[Found]:
     """Every printed form that is wrong, computed over seeds; `rest` and `turn` are the right ones."""
     still = measured(
         False,
@@ -282,23 +282,23 @@ def table(rows: list[Found]) -> Table:
         Both("why", "原因"),
     )
     cells = [
-        (one.where, one.printed, one.what, one.unit, f"{one.wrong:.3g}", f"{one.right:.3g}", one.remark) for one in rows
+        (row.where, row.printed, row.what, row.unit, f"{row.wrong:.3g}", f"{row.right:.3g}", row.remark) for row in rows
     ]
     return Table(Both("Printed forms, computed as they stand", "按原文计算的各式"), head, cells, words=(1, 2, 3, 6))
 
 
 def outcomes(rows: list[Found], read: Inference) -> list[Outcome]:
-    """Outcomes of `found`, the printed form beside the right one, and of both inferences."""
+    """Outcomes of `printed_forms`, the printed form beside the right one, and of both inferences."""
     made = [
         Outcome(
-            key=f"misprint.{one.key}",
-            where=one.where,
-            unit=one.unit,
-            faithful=one.right,
-            paper=Both(f"{one.wrong:.3g} as printed", f"按原文 {one.wrong:.3g}"),
-            what=Both(f"{one.printed}: {one.what}", f"{one.printed.zh}：{one.what.zh}"),
+            key=f"misprint.{row.key}",
+            where=row.where,
+            unit=row.unit,
+            faithful=row.right,
+            paper=Both(f"{row.wrong:.3g} as printed", f"按原文 {row.wrong:.3g}"),
+            what=Both(f"{row.printed}: {row.what}", f"{row.printed.zh}：{row.what.zh}"),
         )
-        for one in rows
+        for row in rows
     ]
     for key, en, zh, value, right in (
         ("gain", "gain near zero", "零点增益", read.gain, read.gain_product),
@@ -445,7 +445,7 @@ def combination(seed: int = 1) -> list[Outcome]:
     sets = sets_of(array)
     plus, raw = sets.plus["gyr"] + common, -sets.minus["gyr"] + common  # both read 0.3 °/s too much
     true = np.array([0.0, 0.0, dps(-3.0)])
-    left = 0.5 * (plus - raw).mean(axis=0) - true
+    residual = 0.5 * (plus - raw).mean(axis=0) - true
     single = (plus.mean(axis=0) - true)[0]
     noise = 0.5 * (plus - raw).std(axis=0).mean() / plus.std(axis=0).mean()
     cosine = np.corrcoef((0.5 * (plus + raw))[:, 2], np.sin(array.t))[0, 1]
@@ -454,7 +454,7 @@ def combination(seed: int = 1) -> list[Outcome]:
             key="pair.bias",
             where="(4)",
             unit="°/s",
-            faithful=float(to_dps(np.abs(left).max())),
+            faithful=float(to_dps(np.abs(residual).max())),
             faithful_bar=at_most(0.06),
             what=Both(
                 "what half the difference keeps of a common bias of 0.3 "

@@ -12,7 +12,7 @@ from plumbob.core.units import to_deg
 from plumbob.papers.arm import drawings as drawn
 from plumbob.papers.arm import faults, misprints, tables, teaching
 from plumbob.papers.arm.drawings import Broken, Run
-from plumbob.papers.arm.simulated import MOUNTS, Noise, Over, noise_of
+from plumbob.papers.arm.simulated import MOUNTS, Noise, Over, assumed_noise
 from plumbob.papers.arm.tables import PAPER, WORDS
 from plumbob.papers.outcome import Outcome
 from plumbob.reporting.content import Table
@@ -108,7 +108,7 @@ def _noise_fact() -> Both:
         text = f"{gyr:.2g} °/s, ±{bias:.2g} °/s, {acc:.2g} g, {noise.mag:g} µT"
         return f"{en} {text}", f"{zh} {text}"
 
-    rest, turn = said(noise_of(False), "at rest", "静态"), said(noise_of(True), "in the turn", "动态")
+    rest, turn = said(assumed_noise(False), "at rest", "静态"), said(assumed_noise(True), "in the turn", "动态")
     return Both(
         f"assumed, of a sample at 10 Hz: gyroscope, its bias, accelerometer, magnetometer; {rest[0]}; {turn[0]}",
         f"假设的 10 Hz 单次采样噪声：陀螺仪、零偏、加速度计、磁力计；{rest[1]}；{turn[1]}",
@@ -200,8 +200,8 @@ def _scheme() -> Report:
     )
 
 
-def _misprints(whole: Findings) -> Report:
-    rows = [(one.what, f"{one.paper:g}", f"{one.faithful:.2g}", one.reason or "") for one in whole.stated]
+def _misprints(study: Findings) -> Report:
+    rows = [(row.what, f"{row.paper:g}", f"{row.faithful:.2g}", row.reason or "") for row in study.stated]
     head = (
         Both("std [°]", "标准差 [°]"),
         Both("paper", "论文"),
@@ -211,7 +211,7 @@ def _misprints(whole: Findings) -> Report:
     return Report(
         Both("What is printed, and what is meant", "原文与更正"),
         tables=[
-            misprints.table(list(whole.printed)),
+            misprints.table(list(study.printed)),
             Table(
                 Both("Table 1 with 0.1 °/h, 0.1 mg and 50 nT", "0.1 °/h、0.1 mg、50 nT 下的表 1"),
                 head,
@@ -222,14 +222,14 @@ def _misprints(whole: Findings) -> Report:
         remarks=[
             Both(
                 "The same table of rules by Mamdani's minimum and centre of area has another gain near zero "
-                f"({whole.read.gain:.1f} instead of {whole.read.gain_product:.1f} 1/s), reaches "
-                f"{whole.read.reach:.2f} of 9 and differs by up to {whole.read.apart:.2f}.",
+                f"({study.read.gain:.1f} instead of {study.read.gain_product:.1f} 1/s), reaches "
+                f"{study.read.reach:.2f} of 9 and differs by up to {study.read.apart:.2f}.",
                 "同一规则表用 Mamdani 取小与面积重心时零点增益为 "
-                f"{whole.read.gain:.1f}（而非 {whole.read.gain_product:.1f}）1/s，"
-                f"最大 {whole.read.reach:.2f}（论域 9），差别至 {whole.read.apart:.2f}。",
+                f"{study.read.gain:.1f}（而非 {study.read.gain_product:.1f}）1/s，"
+                f"最大 {study.read.reach:.2f}（论域 9），差别至 {study.read.apart:.2f}。",
             )
         ],
-        figures=[drawn.inference(whole.read)],
+        figures=[drawn.inference(study.read)],
     )
 
 
@@ -237,9 +237,9 @@ def _three(values: Sequence[float] | Floats) -> str:
     return "/".join(f"{value:.3f}" for value in values)
 
 
-def _case(whole: Findings, *, turns: bool) -> Report:
+def _case(study: Findings, *, turns: bool) -> Report:
     """Table 1 or 2 with its figures."""
-    found, one = (whole.turn, whole.runs[True]) if turns else (whole.rest, whole.runs[False])
+    stats, run = (study.turn, study.runs[True]) if turns else (study.rest, study.runs[False])
     head = (
         Both("roll/pitch/yaw [°]", "横滚/俯仰/航向 [°]"),
         Both("std, paper", "论文标准差"),
@@ -249,7 +249,7 @@ def _case(whole: Findings, *, turns: bool) -> Report:
         Both("rms", "均方根"),
     )
     rows = []
-    for name, over in found.items():
+    for name, over in stats.items():
         printed = PAPER[turns].get(name)
         rows.append(
             (
@@ -262,8 +262,8 @@ def _case(whole: Findings, *, turns: bool) -> Report:
             )
         )
     title = Both(
-        f"Table {1 + turns}: attitude errors, means over {whole.seeds} seeds",
-        f"表 {1 + turns}：姿态角误差，{whole.seeds} 个种子平均",
+        f"Table {1 + turns}: attitude errors, means over {study.seeds} seeds",
+        f"表 {1 + turns}：姿态角误差，{study.seeds} 个种子平均",
     )
     name = (
         Both("In the turn of −90°: Table 2, Figures 6 to 9", "动态（航向 0° 至 −90°）：表 2、图 6～9")
@@ -273,17 +273,17 @@ def _case(whole: Findings, *, turns: bool) -> Report:
     return Report(
         name,
         tables=[Table(title, head, rows)],
-        remarks=_case_remarks(found),
-        figures=[*([drawn.heading(one)] if turns else []), *drawn.errors(one, turns=turns)],
+        remarks=_case_remarks(stats),
+        figures=[*([drawn.heading(run)] if turns else []), *drawn.errors(run, turns=turns)],
     )
 
 
 _COMMON: Final = Both("PI that starts from both sets", "PI 调节，两组初值")
 
 
-def _case_remarks(found: Mapping[str, Over]) -> list[Both]:
-    ratio = (found["fuzzy"].std / found["pi, common start"].std).max()
-    std, rms = found["none"].std.mean(), found["none"].rms.mean()
+def _case_remarks(stats: Mapping[str, Over]) -> list[Both]:
+    ratio = (stats["fuzzy"].std / stats["pi, common start"].std).max()
+    std, rms = stats["none"].std.mean(), stats["none"].rms.mean()
     return [
         Both(
             "The figures are of one run through bytes; its own statistics stand beside its lines.",
@@ -308,7 +308,7 @@ def _case_remarks(found: Mapping[str, Over]) -> list[Both]:
     ]
 
 
-def _source(whole: Findings) -> Report:
+def _source(study: Findings) -> Report:
     """Control, recovery and design."""
     starts = [
         (
@@ -318,7 +318,7 @@ def _source(whole: Findings) -> Report:
         for name, scheme in tables.RECOVERIES.items()
     ]
     head = (Both("time to below 0.5° [s]", "收敛到 0.5° 的时间 [s]"), *(words for words, _ in tables.STARTS.values()))
-    rows = [(f"{c:g}", f"{far:g}", _three(over.std), f"{time:.1f}") for c, far, over, time in whole.designs]
+    rows = [(f"{c:g}", f"{far:g}", _three(over.std), f"{time:.1f}") for c, far, over, time in study.designs]
     trade = (
         Both("slope c [1/s]", "斜率 c [1/s]"),
         Both("far [°/s]", "远端修正 [°/s]"),
@@ -331,8 +331,8 @@ def _source(whole: Findings) -> Report:
             Table(Both("Recovery from a wrong start", "错误初值的收敛"), head, starts),
             Table(
                 Both(
-                    f"Design of the rules: quiet or quick, {whole.few} seeds",
-                    f"规则设计：低噪声或快速，{whole.few} 个种子",
+                    f"Design of the rules: quiet or quick, {study.few} seeds",
+                    f"规则设计：低噪声或快速，{study.few} 个种子",
                 ),
                 trade,
                 rows,
@@ -353,7 +353,7 @@ def _source(whole: Findings) -> Report:
                 "收敛试验不含 EKF：有 EKF 时任何调节器都约 1.5 s，会掩盖单位错误。",
             ),
         ],
-        figures=[drawn.recovery(whole.recoveries)],
+        figures=[drawn.recovery(study.recoveries)],
     )
 
 
@@ -361,16 +361,16 @@ def _time(value: float) -> str:
     return f"{value:.1f}" if np.isfinite(value) else "> 120"
 
 
-def _hundred(whole: Findings) -> Report:
+def _hundred(study: Findings) -> Report:
     head = (Both("std [°], roll / pitch / yaw", "标准差 [°]，横滚/俯仰/航向"), "10 Hz", "100 Hz")
     rows = [
-        (WORDS[name], _three(whole.turn[name].std), _three(over.std))
-        for name, over in whole.fast.items()
+        (WORDS[name], _three(study.turn[name].std), _three(over.std))
+        for name, over in study.fast.items()
         if name in WORDS
     ]
     return Report(
         Both("The same at 100 Hz", "100 Hz 下的结果"),
-        tables=[Table(Both(f"The turn, {whole.few} seeds at 100 Hz", f"动态，100 Hz，{whole.few} 个种子"), head, rows)],
+        tables=[Table(Both(f"The turn, {study.few} seeds at 100 Hz", f"动态，100 Hz，{study.few} 个种子"), head, rows)],
         remarks=[
             Both(
                 "Motion of the human arm below 15 Hz, as the paper has "
@@ -404,7 +404,7 @@ _KINDS: Final = dict(
 )
 
 
-def _breaks(whole: Findings) -> Report:
+def _breaks(study: Findings) -> Report:
     head = (
         Both("fault", "故障"),
         Both("at rest: isolated [%]", "静止：隔离 [%]"),
@@ -413,15 +413,15 @@ def _breaks(whole: Findings) -> Report:
         Both("median [s]", "中位 [s]"),
     )
     cells: dict[tuple[str, str], list[str]] = {}
-    for _, triad, kind, one in whole.every:
-        share = one.detected * one.isolated / 100.0
-        cells.setdefault((triad, kind), []).extend([f"{share:.0f}", f"{one.median:.1f}" if share else "-"])
+    for _, triad, kind, stats in study.every:
+        share = stats.detected * stats.isolated / 100.0
+        cells.setdefault((triad, kind), []).extend([f"{share:.0f}", f"{stats.median:.1f}" if share else "-"])
     rows = [
         (Both(f"{_TRIADS[triad]} {_KINDS[kind]}", f"{_TRIADS[triad].zh}{_KINDS[kind].zh}"), *values)
         for (triad, kind), values in cells.items()
     ]
     parity = [
-        (f"{step:g}", f"{one.found}", f"{one.median:.1f}" if one.found else "-") for step, one in whole.parity.items()
+        (f"{step:g}", f"{row.found}", f"{row.median:.1f}" if row.found else "-") for step, row in study.parity.items()
     ]
     steps = (
         Both("step [°/s]", "阶跃 [°/s]"),
@@ -448,5 +448,5 @@ def _breaks(whole: Findings) -> Report:
                 "静止时零角速度的标度误差和等值轴的互换无法显现。",
             ),
         ],
-        figures=[drawn.faults(whole.watched)],
+        figures=[drawn.faults(study.watched)],
     )

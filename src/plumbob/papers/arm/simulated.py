@@ -62,7 +62,7 @@ STATED: Final = Noise(dps(0.1 / 3600.0), 1e-4 * G0, 0.05, 0.0)
 """What the paper says: 0.1 °/h, 0.1 mg and 50 nT."""
 
 
-def noise_of(turns: bool) -> Noise:
+def assumed_noise(turns: bool) -> Noise:
     """Noise that is assumed in the turn, or at rest."""
     return TURN if turns else REST
 
@@ -79,8 +79,8 @@ _TRIADS: Final = ("gyr", "acc", "mag")
 
 def with_noise(array: ImuArray, noise: Noise) -> ImuArray:
     """Array whose mounts know the noise of their units."""
-    known = card(noise)
-    return ImuArray(array.units, {name: replace(mount, noise=known) for name, mount in array.mounts.items()})
+    noise_card = card(noise)
+    return ImuArray(array.units, {name: replace(mount, noise=noise_card) for name, mount in array.mounts.items()})
 
 
 def pair(array: ImuArray) -> ImuArray:
@@ -115,11 +115,11 @@ def arm(seed: int, *, turns: bool, rate: float = RATE, noise: Noise | None = Non
     noise : Noise, optional
         Errors of the units; by default those assumed in the turn, or at rest.
     """
-    rng, noise = np.random.default_rng([seed, turns]), noise or noise_of(turns)
+    rng, noise = np.random.default_rng([seed, turns]), noise or assumed_noise(turns)
     t = np.arange(round(DURATION * rate)) / rate
     q_nb = attitude(t, turns=turns)
     body = felt(q_nb, np.tile([0.0, 0.0, deg(-90.0) / DURATION if turns else 0.0], (t.size, 1)))
-    known, meta, units = card(noise, rate), ImuMeta(rate_nominal=rate, frame=Frame.NED), {}
+    noise_card, meta, units = card(noise, rate), ImuMeta(rate_nominal=rate, frame=Frame.NED), {}
     for name, mount in MOUNTS.items():
         of = {triad: values @ mount.dcm for triad, values in body.items()}
         for triad, values in of.items():
@@ -127,7 +127,7 @@ def arm(seed: int, *, turns: bool, rate: float = RATE, noise: Noise | None = Non
         of["gyr"] += rng.uniform(-noise.bias, noise.bias, 3)
         of["mag"] += rng.uniform(-noise.iron, noise.iron, 3)
         units[name] = ImuData(t, of["gyr"], of["acc"], of["mag"], meta=meta)
-    return ImuArray(units, {name: replace(mount, noise=known) for name, mount in MOUNTS.items()}), q_nb
+    return ImuArray(units, {name: replace(mount, noise=noise_card) for name, mount in MOUNTS.items()}), q_nb
 
 
 def quiet(duration: float = 120.0) -> tuple[ImuArray, Floats]:
@@ -136,8 +136,8 @@ def quiet(duration: float = 120.0) -> tuple[ImuArray, Floats]:
     q_nb = attitude(t, turns=False)
     body = felt(q_nb, np.zeros((t.size, 3)))
     units = {
-        name: ImuData(t, body["gyr"] @ one.dcm, body["acc"] @ one.dcm, body["mag"] @ one.dcm)
-        for name, one in MOUNTS.items()
+        name: ImuData(t, body["gyr"] @ mount.dcm, body["acc"] @ mount.dcm, body["mag"] @ mount.dcm)
+        for name, mount in MOUNTS.items()
     }
     return ImuArray(units, MOUNTS), q_nb
 

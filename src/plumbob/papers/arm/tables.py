@@ -20,8 +20,8 @@ from plumbob.papers.arm.simulated import (
     Noise,
     Over,
     arm,
+    assumed_noise,
     errors_deg,
-    noise_of,
     over_seeds,
     pair,
     quiet,
@@ -74,7 +74,7 @@ def settings(noise: Noise) -> Settings:
     return Settings(gyr_bias=noise.bias / np.sqrt(3.0))
 
 
-def attitude_of(array: ImuArray, noise: Noise) -> Floats:
+def body_attitude(array: ImuArray, noise: Noise) -> Floats:
     """Attitude (N, 4) of the body by the filter of directions of Plumbob's arrays."""
     return estimate(array, "directions", frame=Frame.NED, settings=settings(noise)).track.q_nb
 
@@ -89,8 +89,8 @@ def measured(
     schemes: Mapping[str, Scheme] = SCHEMES,
 ) -> dict[str, Over]:
     """Statistics of every scheme over seeds 1, 2, …, and of two and six units by Plumbob's filter where `ours`."""
-    found: dict[str, list[Floats]] = {}
-    noise = noise or noise_of(turns)
+    stats: dict[str, list[Floats]] = {}
+    noise = noise or assumed_noise(turns)
     for seed in range(1, seeds + 1):
         array, truth = arm(seed, turns=turns, rate=rate, noise=noise)
         tracks = {name: paper(array, frame=Frame.NED, scheme=scheme).q_nb for name, scheme in schemes.items()}
@@ -98,10 +98,10 @@ def measured(
             start = tracks["fuzzy"][0]
             tracks["pi, common start"] = paper(array, frame=Frame.NED, scheme=schemes["pi"], start=start).q_nb
         if ours:
-            tracks |= {"two": attitude_of(pair(array), noise), "six": attitude_of(array, noise)}
+            tracks |= {"two": body_attitude(pair(array), noise), "six": body_attitude(array, noise)}
         for name, q_nb in tracks.items():
-            found.setdefault(name, []).append(statistics(errors_deg(q_nb, truth)))
-    return {name: over_seeds(runs) for name, runs in found.items()}
+            stats.setdefault(name, []).append(statistics(errors_deg(q_nb, truth)))
+    return {name: over_seeds(runs) for name, runs in stats.items()}
 
 
 def least(turns: bool, units: int, runs: int = 2000, seed: int = 0) -> Floats:
@@ -110,7 +110,7 @@ def least(turns: bool, units: int, runs: int = 2000, seed: int = 0) -> Floats:
     A Kalman filter of the turn θ and the biases, which knows the motion's true rate, the field and all noises; no
     causal filter can be better by more than chance.
     """
-    noise, dt, rng = noise_of(turns), 1.0 / RATE, np.random.default_rng([seed, turns, units])
+    noise, dt, rng = assumed_noise(turns), 1.0 / RATE, np.random.default_rng([seed, turns, units])
     share, level = 1.0 / np.sqrt(units), float(FIELD[0])
     gyr, acc, mag = share * noise.gyr, share * noise.acc / G0, share * noise.mag / level
     x = np.zeros((runs, 6))
@@ -133,8 +133,8 @@ def least(turns: bool, units: int, runs: int = 2000, seed: int = 0) -> Floats:
         guess = guess + (x @ h.T + r * rng.normal(size=(runs, 3)) - guess @ h.T) @ gain.T
         p = (np.eye(6) - gain @ h) @ p
         errors.append(guess[:, :3] - x[:, :3])
-    found: Floats = np.asarray(to_deg(np.std(errors, axis=0))).mean(axis=0)
-    return found
+    std: Floats = np.asarray(to_deg(np.std(errors, axis=0))).mean(axis=0)
+    return std
 
 
 class Recovery(NamedTuple):
@@ -201,9 +201,9 @@ DESIGNS: Final = ((0.3, 3.0), (0.8, 9.0), (4.5, 9.0))
 def designs(seeds: int) -> list[tuple[float, float, Over, float]]:
     """Slope, far correction, statistics at rest of fuzzy-PI, and recovery from 10° of yaw with it, of `DESIGNS`."""
     schemes = {f"{c} {far}": Scheme(slope=c, far=dps(far)) for c, far in DESIGNS}
-    found = measured(False, seeds, ours=False, schemes=schemes)
+    stats = measured(False, seeds, ours=False, schemes=schemes)
     return [
-        (c, far, found[name], recovery(scheme._replace(ekf=False)).time)
+        (c, far, stats[name], recovery(scheme._replace(ekf=False)).time)
         for (c, far), (name, scheme) in zip(DESIGNS, schemes.items(), strict=True)
     ]
 
@@ -257,7 +257,7 @@ def of_table(turns: bool, found: Mapping[str, Over], optimum: Floats) -> list[Ou
     return made
 
 
-def _std(turns: bool, name: str, found: Mapping[str, Over]) -> list[Outcome]:
+def _std(turns: bool, name: str, stats: Mapping[str, Over]) -> list[Outcome]:
     made, case = [], CASES[turns]
     for i, axis in enumerate(AXES):
         ours, lost = name == "fuzzy", turns and name == "pi" and axis == "yaw"
@@ -268,9 +268,9 @@ def _std(turns: bool, name: str, found: Mapping[str, Over]) -> list[Outcome]:
                 unit="°",
                 paper=PAPER[turns][name][i],
                 what=Both(f"std, {WORDS[name]}, {axis}", f"标准差，{WORDS[name].zh}，{ANGLES[axis].zh}"),
-                faithful=found[name].std[i],
+                faithful=stats[name].std[i],
                 faithful_bar=at_most(LIMITS[turns][name][i]) if ours else OPEN,
-                best=found["six"].std[i] if ours else None,
+                best=stats["six"].std[i] if ours else None,
                 best_bar=at_most(LIMITS[turns]["six"][i]) if ours else OPEN,
                 reproducible=not lost,
                 reason=_YAW_OF_PI if lost else None,
@@ -287,7 +287,7 @@ _YAW_OF_PI: Final = Both(
 )
 
 
-def _ratios(turns: bool, found: Mapping[str, Over]) -> list[Outcome]:
+def _ratios(turns: bool, stats: Mapping[str, Over]) -> list[Outcome]:
     made, case = [], CASES[turns]
     for above, below, limit in (("pi", "none", 0.35), ("fuzzy", "pi", STEP_LIMIT[turns])):
         for i, axis in enumerate(AXES):
@@ -300,7 +300,7 @@ def _ratios(turns: bool, found: Mapping[str, Over]) -> list[Outcome]:
                         f"标准差之比，{WORDS[above].zh}/{WORDS[below].zh}，{ANGLES[axis].zh}",
                     ),
                     paper=round(PAPER[turns][above][i] / PAPER[turns][below][i], 3),
-                    faithful=found[above].std[i] / found[below].std[i],
+                    faithful=stats[above].std[i] / stats[below].std[i],
                     faithful_bar=at_most(limit),
                 )
             )
@@ -356,8 +356,8 @@ def slow_mode(turn_deg: float = 10.0, kp: float = 0.8, ki: float = 0.02) -> floa
     values, vectors = np.linalg.eigh(np.array([[1.0 + s * s, -c * s], [-c * s, c * c]]))
     share = vectors[1, 0] ** 2 * turn_deg  # of yaw, in the slow eigenvector
     slow, fast = sorted(np.abs(np.roots([1.0, values[0] * kp, values[0] * ki])))
-    left = share * slow / (fast - slow)
-    return float(np.log(left / 0.5) / slow)
+    amplitude = share * slow / (fast - slow)
+    return float(np.log(amplitude / 0.5) / slow)
 
 
 _SLOW: Final = Both(

@@ -84,8 +84,8 @@ class Taught:
         """Distance (N,) of the estimated hand from the true one, m."""
         assert self.joints.hand is not None
         assert self.true.hand is not None
-        found: Floats = np.linalg.norm(self.joints.hand - self.true.hand, axis=1)
-        return found
+        distance: Floats = np.linalg.norm(self.joints.hand - self.true.hand, axis=1)
+        return distance
 
 
 def teach(work: Work, *, duration: float | None = None) -> Taught:
@@ -107,8 +107,8 @@ def teach(work: Work, *, duration: float | None = None) -> Taught:
     card.save(work.folder / "arm.card.json", overwrite=True)
     true = JointTrack.load(take.truth.with_stem(f"{take.truth.stem}-angles"))
     start = true.angles[0].tolist()
-    found = run(card, read_array(take.recording), frame="NED", pose=start, pose_sd=_HELD, params=_INSTANT).joints
-    program = taught(found, chain, rate="100 Hz")
+    joints = run(card, read_array(take.recording), frame="NED", pose=start, pose_sd=_HELD, params=_INSTANT).joints
+    program = taught(joints, chain, rate="100 Hz")
     files = tuple(work.folder / f"program.{kind}" for kind in ("csv", "yaml", "mcap", "urdf"))
     for path in files[:3]:
         export(program, path, overwrite=True)
@@ -119,20 +119,20 @@ def teach(work: Work, *, duration: float | None = None) -> Taught:
     placed = load_chain(take.truth.with_name(f"{take.truth.stem}-true.chain.toml"))
     return Taught(
         chain,
-        found,
+        joints,
         true,
         program,
         model,
         model.against(true.t, true.hand),
         float(np.abs(model.hand - ours.hand).max()),
-        (_turned(chain, placed), _turned(card.chain, placed)),
+        (_mount_rms(chain, placed), _mount_rms(card.chain, placed)),
         files,
     )
 
 
-def _turned(one: Chain, other: Chain) -> float:
+def _mount_rms(chain: Chain, other: Chain) -> float:
     """Rms of the angles between the mounts of two chains, deg."""
-    pairs = [(a.mount.q_bs, b.mount.q_bs) for a, b in zip(one.segments, other.segments, strict=True) if a.unit]
+    pairs = [(a.mount.q_bs, b.mount.q_bs) for a, b in zip(chain.segments, other.segments, strict=True) if a.unit]
     turns = [rotvec_from_quat(quat_multiply(quat_conjugate(np.array(a)), np.array(b))) for a, b in pairs]
     return float(to_deg(np.sqrt(np.mean(np.sum(np.square(turns), axis=1)))))
 
@@ -229,8 +229,8 @@ def part(done: Taught) -> Report:
         for k, name in enumerate(names)
     ]
     files = ", ".join(path.name for path in done.files)
-    truth, found, program = Both("truth", "真值"), Both("estimate", "估计"), Both("program", "程序")
-    key = [(truth, SOFT, "solid"), (found, SERIES[0], "solid"), (program, SERIES[1], "dashed")]
+    truth, estimate, program = Both("truth", "真值"), Both("estimate", "估计"), Both("program", "程序")
+    key = [(truth, SOFT, "solid"), (estimate, SERIES[0], "solid"), (program, SERIES[1], "dashed")]
     return Report(
         Both("Teach-in: from bytes to a program that moves a model", "示教：从字节到驱动模型的程序"),
         facts=[

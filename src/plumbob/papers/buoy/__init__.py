@@ -55,8 +55,8 @@ ROWS: Final[Mapping[str, Row]] = {
 
 def run(work: Work) -> Paper:
     """Run the paper."""
-    found = measured(work)
-    return Paper(report=page(found, work.seed), outcomes=outcomes(found))
+    results = measured(work)
+    return Paper(report=page(results, work.seed), outcomes=outcomes(results))
 
 
 def measured(
@@ -85,8 +85,8 @@ def measured(
     sea = trials.sea(work.seeds(seas), duration)
     say("gains and misprints")
     scan = {
-        one: np.stack([trials.gain_scan(KPS, *one, gate=gate, seed=work.seed) for gate in ("off", GATES[0])], axis=2)
-        for one in SCANNED
+        pair: np.stack([trials.gain_scan(KPS, *pair, gate=gate, seed=work.seed) for gate in ("off", GATES[0])], axis=2)
+        for pair in SCANNED
     }
     strongest = max(trials.gain_scan((KP,), 3.0, stroke, gate="off", seed=work.seed)[0][0] for stroke in _LONGER)
     refused = {name: measure_degenerate(name, work.seeds(offered)) for name in DEGENERATE}

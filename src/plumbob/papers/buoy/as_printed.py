@@ -42,7 +42,7 @@ def rows(rate: Floats, *, literal: bool) -> Floats:
     return np.array([first, [x, 0.0, z, -y], [y, -z, 0.0, x], [z, y, -x, 0.0]])
 
 
-def turned(rate: Floats, steps: int, *, literal: bool = False) -> Floats:
+def propagate(rate: Floats, steps: int, *, literal: bool = False) -> Floats:
     """Quaternion (4,) after so many first-order steps from the identity at a constant rate, not normalised."""
     return np.asarray(np.linalg.matrix_power(np.eye(4) + 0.5 * TS * rows(rate, literal=literal), steps)[:, 0])
 
@@ -50,7 +50,7 @@ def turned(rate: Floats, steps: int, *, literal: bool = False) -> Floats:
 def lag_dps(rate: float) -> float:
     """How much slower the normalised first-order step turns than a constant rate, deg/s; both about one axis."""
     seconds = 1.0
-    q = quat_normalize(turned(np.array([0.0, 0.0, dps(rate)]), round(seconds / TS)))
+    q = quat_normalize(propagate(np.array([0.0, 0.0, dps(rate)]), round(seconds / TS)))
     true = quat_from_rotvec(np.array([0.0, 0.0, dps(rate) * seconds]))
     return float(to_deg(quat_angle(true, q))) / seconds
 
@@ -207,15 +207,15 @@ def misprints() -> Misprints:
     """Compute each printed form beside its corrected one."""
     about_z = np.array([0.0, 0.0, dps(30.0)])
     still = np.array([1.0, 0.0, 0.0, 0.0])
-    turns = [float(to_deg(quat_angle(still, quat_normalize(turned(about_z, 500, literal=way))))) for way in _BOTH]
+    turns = [float(to_deg(quat_angle(still, quat_normalize(propagate(about_z, 500, literal=way))))) for way in _BOTH]
     west = quat_from_euler_zyx([2.0, 0.0, 0.0])
-    asked = (0.4, -0.3, 1.1)
+    euler = (0.4, -0.3, 1.1)
     return Misprints(
         turned=(turns[0], turns[1]),
-        norm=float(np.linalg.norm(turned(np.array([0.62, 0.0, 0.0]), 60_000))),
+        norm=float(np.linalg.norm(propagate(np.array([0.62, 0.0, 0.0]), 60_000))),
         lags=(lag_dps(RATES[0]), lag_dps(RATES[1]), lag_dps(RATES[2])),
         arctan=(angles(west, literal=True)[2], angles(west, literal=False)[2]),
-        orders=(angles(zxy(*asked), literal=False), angles(quat_from_euler_zyx(asked[::-1]), literal=False)),
+        orders=(angles(zxy(*euler), literal=False), angles(quat_from_euler_zyx(euler[::-1]), literal=False)),
         normalised=(normalised_yaw(literal=True), normalised_yaw(literal=False)),
         regulated=(corrected_to(10.0, literal=True), corrected_to(10.0, literal=False)),
         gates=(_passes_deg(GATES[0]), _passes_deg(GATES[1])),

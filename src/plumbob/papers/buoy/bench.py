@@ -13,7 +13,7 @@ from plumbob.calibration.predicted import filled
 from plumbob.core.check import Floats
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import CalibrationCard
-from plumbob.door.calibrate import track_of
+from plumbob.door.calibrate import read_track
 from plumbob.door.estimate import estimate
 from plumbob.door.reading import read
 from plumbob.live.replay import replay
@@ -29,7 +29,7 @@ from plumbob.papers.buoy.trials import (
     paper_card,
     region_readings,
 )
-from plumbob.papers.workspace import Work, samples_of
+from plumbob.papers.workspace import Work, recorded_samples
 from plumbob.rotations import Frame
 from plumbob.simulation.errors import unit_seed
 
@@ -79,18 +79,18 @@ def calibrated(work: Work) -> Calibrated:
     poses = {"edges": "on", "wobble": "5 deg", "move": "2 s"}
     taken = work.recorded("buoy", "capture", session=_unit(work), scenario="faces", set=poses, duration="88 s")
     raised = work.recorded("buoy", "raised", session=_unit(work), scenario="raise", duration="13 s")
-    capture = samples_of(taken.recording)
+    capture = recorded_samples(taken.recording)
     acc, mag = region_readings(capture)
     still = capture[: int(np.searchsorted(capture.t, capture.t[0] + 2.5))]
-    best = best_card(capture, samples_of(raised.recording))
+    best = best_card(capture, recorded_samples(raised.recording))
     best.save(work.folder / CARD, overwrite=True)
-    step = step_of(capture)
+    step = mag_step(capture)
     return Calibrated(
         np.rint(mag / step), mag, step, int(np.count_nonzero(filled(acc))), paper_card(capture, still), best, still
     )
 
 
-def step_of(imu: ImuData) -> float:
+def mag_step(imu: ImuData) -> float:
     """Step of the magnetometer's scale, µT: the rig's HMC5983 has 2048 counts to its range."""
     assert isinstance(imu.meta.mag_range, float)
     return imu.meta.mag_range / 2048.0
@@ -98,10 +98,10 @@ def step_of(imu: ImuData) -> float:
 
 def ring(work: Work, unit: Calibrated) -> tuple[StaticTest, StaticTest]:
     """Static test beside a DCM260B, with the paper's card and with the best one."""
-    found = read(work.recorded("ring", "ring", session=_unit(work) + _REFERENCE).recording)
-    assert found.imu is not None
-    assert found.track is not None
-    return static_test(found.imu, found.track, unit.paper), static_test(found.imu, found.track, unit.best)
+    reading = read(work.recorded("ring", "ring", session=_unit(work) + _REFERENCE).recording)
+    assert reading.imu is not None
+    assert reading.track is not None
+    return static_test(reading.imu, reading.track, unit.paper), static_test(reading.imu, reading.track, unit.best)
 
 
 class Slid(NamedTuple):
@@ -118,22 +118,22 @@ class Slid(NamedTuple):
 
 def slides(work: Work, unit: Calibrated) -> dict[tuple[float, float], Slid]:
     """Slide in each set of strokes, by each of `SLIDE` and by the smoother, which knows the future; once `KEPT` too."""
-    found: dict[tuple[float, float], Slid] = {}
+    slid: dict[tuple[float, float], Slid] = {}
     for speed, stroke in STROKES:
         settings = {"peak_speed": speed, "stroke": stroke}
         taken = work.recorded(
             "buoy", f"slide-{speed:g}-{stroke:g}", session=_unit(work), scenario="slide", set=settings
         )
-        imu, truth = samples_of(taken.recording), track_of(taken.truth)
+        imu, truth = recorded_samples(taken.recording), read_track(taken.truth)
         errors = {
-            name: errors_deg(_estimated(one, imu, unit).q_nb, truth.q_nb)
-            for name, one in {**SLIDE, "smoother": SMOOTHER}.items()
+            name: errors_deg(_estimated(method, imu, unit).q_nb, truth.q_nb)
+            for name, method in {**SLIDE, "smoother": SMOOTHER}.items()
         }
-        if not found:
-            kept = estimate(imu, "mahony", calibration=unit.paper.without("gyr"), frame=Frame.NED).track
-            errors[KEPT] = errors_deg(kept.q_nb, truth.q_nb)
-        found[speed, stroke] = Slid(imu.t, errors)
-    return found
+        if not slid:
+            uncorrected = estimate(imu, "mahony", calibration=unit.paper.without("gyr"), frame=Frame.NED).track
+            errors[KEPT] = errors_deg(uncorrected.q_nb, truth.q_nb)
+        slid[speed, stroke] = Slid(imu.t, errors)
+    return slid
 
 
 class Sailed(NamedTuple):
@@ -176,8 +176,8 @@ def sail(work: Work, unit: Calibrated, contenders: Mapping[str, Contender], dura
     again = replay(taken.recording, check=True, keep="track")
     assert again.track is not None
     assert again.comparison is not None
-    imu, truth = samples_of(taken.recording), track_of(taken.truth)
-    errors = {name: errors_deg(_estimated(one, imu, unit).q_nb, truth.q_nb) for name, one in contenders.items()}
+    imu, truth = recorded_samples(taken.recording), read_track(taken.truth)
+    errors = {name: errors_deg(_estimated(method, imu, unit).q_nb, truth.q_nb) for name, method in contenders.items()}
     lines = sum(not line.startswith("#") for line in text.read_text(encoding="utf-8").splitlines())
     overview = report(taken.recording, burst=BURST)
     page = _written(overview, work.folder / REPORT)
@@ -194,9 +194,9 @@ def _written(overview: Overview, path: Path) -> bool:
     return True
 
 
-def _estimated(one: Contender, imu: ImuData, unit: Calibrated) -> AttitudeTrack:
-    card = unit.paper if one.paper else unit.best
-    return estimate(imu, one.filter, params=one.params, calibration=card, frame=Frame.NED).track
+def _estimated(contender: Contender, imu: ImuData, unit: Calibrated) -> AttitudeTrack:
+    card = unit.paper if contender.paper else unit.best
+    return estimate(imu, contender.filter, params=contender.params, calibration=card, frame=Frame.NED).track
 
 
 def _unit(work: Work) -> str:

@@ -7,10 +7,10 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.time import to_s
 from plumbob.data.cards import CalibrationCard
-from plumbob.door.calibrate import track_of
+from plumbob.door.calibrate import read_track
 from plumbob.live.rigs.firmware import FORMAT, Processor, decoded, run_firmware
 from plumbob.papers.buoy.trials import errors_deg
-from plumbob.papers.workspace import Work, samples_of
+from plumbob.papers.workspace import Work, recorded_samples
 from plumbob.protocols.decode import decode
 from plumbob.protocols.rigs import load
 from plumbob.protocols.ring import read_ring
@@ -69,10 +69,10 @@ def run_device(work: Work, card: CalibrationCard) -> Device:
     image = work.folder / "flash.bin"
     taken = work.recorded(FORMAT, "device", scenario="slide", set=_SLIDE, calibration=card, flash_log=image)
     data = taken.capture.read_bytes()
-    track, truth = decoded(data), track_of(taken.truth)
+    track, truth = decoded(data), read_track(taken.truth)
     rows = np.searchsorted(truth.t, track.t - 1e-6)
     _, pitch, roll = np.abs(errors_deg(track.q_nb, truth.q_nb[rows])).max(axis=0).tolist()
-    chips = samples_of(taken.truth)
+    chips = recorded_samples(taken.truth)
     done = run_firmware(chips, calibration=card)
     slow = run_firmware(chips, calibration=card, processor=Processor(uart_waits=True, flash_waits=True))
     log = read_ring(image.read_bytes(), load(FORMAT))
@@ -84,7 +84,7 @@ def run_device(work: Work, card: CalibrationCard) -> Device:
         latest=done.latest,
         idle=done.idle,
         waiting=slow.missed,
-        calls={name: (to_s(one.begun_ns), to_s(one.done_ns)) for name, one in done.calls.items()},
+        calls={name: (to_s(call.begun_ns), to_s(call.done_ns)) for name, call in done.calls.items()},
         roll=roll,
         pitch=pitch,
         frames=len(track),

@@ -45,8 +45,8 @@ def fig4(calls: Mapping[str, tuple[Floats, Floats]], length: float) -> Figure:
         ax = canvas.subplots()
         for row, (name, colour) in enumerate(zip(names, (BLUE, GREEN, RED), strict=True)):
             begun, done = calls[name]
-            kept = begun < length
-            bars = list(zip(1e3 * begun[kept], 1e3 * (done - begun)[kept], strict=True))
+            mask = begun < length
+            bars = list(zip(1e3 * begun[mask], 1e3 * (done - begun)[mask], strict=True))
             ax.broken_barh(bars, (1.7 - row, 0.6), facecolors=colour)
             ax.text(-0.015, 2.0 - row, names[name], transform=ax.get_yaxis_transform(), ha="right", va="center")
         ax.set_yticks([2.0, 1.0, 0.0], [""] * len(names))  # a tick's label would lose its Chinese
@@ -63,17 +63,17 @@ def fig4(calls: Mapping[str, tuple[Floats, Floats]], length: float) -> Figure:
 
 def fig5(counts: Floats, step: float) -> Figure:
     """Figure 5: readings of the magnetometer in 18 regions, before and after the fit; counts (18, 3), step in µT."""
-    found = fit_axes(counts)
-    assert found is not None
-    after = (counts - found.centre) @ found.shape.T
-    semi = 1.0 / np.diag(found.shape)
+    fit = fit_axes(counts)
+    assert fit is not None
+    after = (counts - fit.centre) @ fit.shape.T
+    semi = 1.0 / np.diag(fit.shape)
 
     def draw(canvas: "FigureBase") -> None:
         axes = canvas.subplots(2, 3)
-        limit = 1.15 * float(np.max(np.abs(found.centre) + semi))
+        limit = 1.15 * float(np.max(np.abs(fit.centre) + semi))
         for column, pair in enumerate(_PAIRS):
             i, j = pair
-            _plane(axes[0, column], counts[:, pair], found.centre[list(pair)], semi[list(pair)], limit, RED)
+            _plane(axes[0, column], counts[:, pair], fit.centre[list(pair)], semi[list(pair)], limit, RED)
             _plane(axes[1, column], after[:, pair], np.zeros(2), np.ones(2), 1.3, BLUE)
             for row, unit in ((0, Both("[counts]", "[计数]")), (1, Both("[1]", "[1]"))):
                 axes[row, column].set_xlabel(Both(f"{'xyz'[i]} {unit[:]}", f"{'xyz'[i]} {unit.zh}"))
@@ -220,21 +220,21 @@ def model(track: AttitudeTrack, truth: AttitudeTrack) -> Scene:
     }  # fmt: skip
     lines = [("x", "y"), ("y", "−x"), ("−x", "−y"), ("−y", "x"), ("o", "x"), ("o", "y"), ("o", "z")]
     yaw, pitch, roll = to_deg(euler_zyx_from_quat(track.q_nb[rows])).T
-    seen = partial(_seen, places)
+    points = partial(_points_nwu, places)
     return Scene(
         caption=Both(
             "Figure 6: the host program's model, at sea: estimate (blue) and truth (pale); γ roll, θ pitch, φ yaw",
             "图 6：上位机姿态三维模型（海上）：估计（蓝）与真值（浅色）；γ 横滚、θ 俯仰、φ 航向",
         ),
         t=track.t[rows] - track.t[rows[0]],
-        points=seen(track.q_nb[rows]),
+        points=points(track.q_nb[rows]),
         lines=lines,
         values={"γ": roll, "θ": pitch, "φ": yaw},
-        shadow=seen(truth.q_nb[rows]),
+        shadow=points(truth.q_nb[rows]),
     )
 
 
-def _seen(places: Mapping[str, tuple[float, float, float]], q_nb: Floats) -> dict[str, Floats]:
+def _points_nwu(places: Mapping[str, tuple[float, float, float]], q_nb: Floats) -> dict[str, Floats]:
     """Places in axes of north, west and up, (N, 3) each."""
     return {name: quat_rotate(q_nb, np.array(place)) * [1.0, -1.0, -1.0] for name, place in places.items()}
 

@@ -25,12 +25,12 @@ def misprinted(found: Results) -> Report:
     )
 
 
-def _misprint_rows(found: Results) -> Iterator[Sequence[str]]:
-    m = found.misprints
-    asked, zxy, zyx = "(0.400, −0.300, 1.100)", *(_triple(one) for one in m.orders)
+def _misprint_rows(results: Results) -> Iterator[Sequence[str]]:
+    m = results.misprints
+    euler, zxy, zyx = "(0.400, −0.300, 1.100)", *(_triple(order) for order in m.orders)
     yield (
         "§1.1", Both("order Z-X-Y", "旋转顺序 Z-X-Y"), Both("(4) to (6) are Z-Y-X", "式 (4)–(6) 为 Z-Y-X"),
-        Both(f"{zxy} rad of {asked}", f"{asked} 得 {zxy} rad"), f"{zyx} rad",
+        Both(f"{zxy} rad of {euler}", f"{euler} 得 {zxy} rad"), f"{zyx} rad",
     )  # fmt: skip
     yield (
         "(3)", Both("rows 2 to 4 repeat q1, q2, q3", "第 2–4 行重复 q1、q2、q3"), Both("the product of quaternions",
@@ -76,7 +76,7 @@ def _misprint_rows(found: Results) -> Iterator[Sequence[str]]:
         Both(f"passes {g[0]:.3f} g across ({g[1]:.1f}°), and {100 * m.shares[0]:.0f} % at rest",
              f"可通过水平 {g[0]:.3f} g（{g[1]:.1f}°），静止通过 {100 * m.shares[0]:.0f} %"),
     )  # fmt: skip
-    fine, wide = found.rings["faces"].yaw, found.rings["step 4.35 mG"].yaw
+    fine, wide = results.rings["faces"].yaw, results.rings["step 4.35 mG"].yaw
     yield (
         "§2.1", Both("±8 Ga with 0.73 mG", "±8 Ga、0.73 mG"),
         Both(f"{from_si(STEP, 'mgauss'):.2f} mG at ±0.88 Ga, {from_si(WIDE_STEP, 'mgauss'):.2f} mG at ±8.1 Ga",

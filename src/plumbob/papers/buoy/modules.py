@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from plumbob.calibration.acc.poses import fit_accel
-from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape, fit_axes, radius_of
+from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape, fit_axes, mean_radius
 from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.core.check import Floats
@@ -107,8 +107,8 @@ def paper_fit(vectors: Floats, size: float | None) -> Linear | None:
     size : float or None
         Length of what was measured; None keeps the sensor's own scale.
     """
-    found = fit_axes(vectors)
-    return found and Linear((size or radius_of(found.shape)) * found.shape, found.centre)
+    fit = fit_axes(vectors)
+    return fit and Linear((size or mean_radius(fit.shape)) * fit.shape, fit.centre)
 
 
 def by_paper(acc: Floats, mag: Floats) -> Pair | None:
@@ -329,7 +329,7 @@ class Refused(NamedTuple):
 def measure_degenerate(name: str, seeds: Sequence[int]) -> Refused:
     """Offer a capture of `DEGENERATE` to Plumbob and to the paper's fit, once for each seed."""
     right, parameters = DEGENERATE[name]
-    told: Counter[str] = Counter()
+    verdicts: Counter[str] = Counter()
     yaws = []
     for seed in seeds:
         rng = np.random.default_rng(seed)
@@ -337,12 +337,12 @@ def measure_degenerate(name: str, seeds: Sequence[int]) -> Refused:
         plan = scenario(**parameters)  # type: ignore[arg-type]
         t = np.arange(round(plan.duration * _RATE)) / _RATE
         acc, mag = read_both(unit, plan.motion(rng, plan.duration).truth(t).q_nb, rng)
-        told[_judged(acc, mag)] += 1
+        verdicts[_judged(acc, mag)] += 1
         some = slice(0, None, len(t) // 36)  # of two turns, eighteen readings in each
         yaws.append(_paper_yaw(unit, acc[some][:18], mag[some][:18], rng))
-    known = [yaw for yaw in yaws if yaw is not None]
+    errors = [yaw for yaw in yaws if yaw is not None]
     count = len(seeds)
-    return Refused(told[right] / count, 1.0 - len(known) / count, float(np.median(known)) if known else math.nan)
+    return Refused(verdicts[right] / count, 1.0 - len(errors) / count, float(np.median(errors)) if errors else math.nan)
 
 
 def _judged(acc: Floats, mag: Floats) -> str:

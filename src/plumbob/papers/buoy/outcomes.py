@@ -101,7 +101,7 @@ def sea_rms(sailed: Sailed, name: str) -> Floats:
     return np.asarray(np.sqrt(np.mean(errors**2, axis=0))[::-1])
 
 
-def _design(found: Results) -> Iterator[Outcome]:
+def _design(results: Results) -> Iterator[Outcome]:
     """Constants that the paper states, as the filter and the simulated parts have them."""
     params = mahony.Params()
     assert params.gate is not None
@@ -123,9 +123,9 @@ def _design(found: Results) -> Iterator[Outcome]:
     )  # fmt: skip
 
 
-def _boot(found: Results) -> Iterator[Outcome]:
+def _boot(results: Results) -> Iterator[Outcome]:
     """The start of the slide: what is removed of the rates, what it would do, and the first attitude."""
-    slid, gyr = found.slid[FIRST], found.unit.paper.gyr
+    slid, gyr = results.slid[FIRST], results.unit.paper.gyr
     assert gyr is not None
     bias = float(to_dps(np.abs(gyr.bias).max()))
     yield Outcome(
@@ -135,12 +135,12 @@ def _boot(found: Results) -> Iterator[Outcome]:
         faithful=bias,
         what=Both("zero-rate output that is removed at the start, largest axis", "启动时去除的陀螺零偏（最大轴）"),
     )
-    kept = float(np.abs(slid.errors[KEPT][:, 1:]).max())
+    tilt = float(np.abs(slid.errors[KEPT][:, 1:]).max())
     yield Outcome(
         key="boot.kept",
         where="§1.2",
         unit="°",
-        faithful=kept,
+        faithful=tilt,
         what=Both("largest roll or pitch where it is kept", "不去除零偏时横滚、俯仰最大误差"),
     )
     first = (float(np.abs(slid.errors[name][0, 1:]).max()) for name in ("gate 0.08 g", "mekf"))
@@ -198,15 +198,15 @@ def _events(device: Device) -> Iterator[Outcome]:
         )  # fmt: skip
 
 
-def _capture(found: Results) -> Iterator[Outcome]:
+def _capture(results: Results) -> Iterator[Outcome]:
     yield Outcome(
         key="regions", where="§3.1", what=Both("regions of the capture that are filled", "已覆盖区域数"), unit="",
-        paper=18.0, faithful=float(found.unit.regions), faithful_bar=(18.0, 18.0),
+        paper=18.0, faithful=float(results.unit.regions), faithful_bar=(18.0, 18.0),
     )  # fmt: skip
     yield Outcome(
         key="fewest", where="§3.1", what=Both("fewest readings that determine the fit",
                                               "拟合所需最少测量组数"), unit="",
-        paper=6.0, faithful=float(_fewest(found.unit.mag)), faithful_bar=(6.0, 6.0),
+        paper=6.0, faithful=float(_fewest(results.unit.mag)), faithful_bar=(6.0, 6.0),
     )  # fmt: skip
     names = {
         "ring": Both("level ring", "水平旋转"),
@@ -214,9 +214,9 @@ def _capture(found: Results) -> Iterator[Outcome]:
         "table": Both("cone, the table tilted by 15°", "锥面（转台倾斜 15°）"),
     }
     for key, name in names.items():
-        one = found.refused[key]
+        refused = results.refused[key]
         yield Outcome(
-            key=f"refused.{key}", where="§3.1", unit="%", faithful=100.0 * one.failed, best=100.0 * one.rightly,
+            key=f"refused.{key}", where="§3.1", unit="%", faithful=100.0 * refused.failed, best=100.0 * refused.rightly,
             best_bar=at_least(100.0), what=Both(f"capture refused: {name}", f"退化采集被拒绝：{name.zh}"),
         )  # fmt: skip
 
@@ -228,8 +228,8 @@ def _fewest(mag: Floats) -> int:
     return next(n for n in range(1, len(rows) + 1) if np.linalg.matrix_rank(rows[:n]) == rows.shape[1])
 
 
-def _static(found: Results) -> Iterator[Outcome]:
-    paper, best = found.static
+def _static(results: Results) -> Iterator[Outcome]:
+    paper, best = results.static
     for name in ANGLES:
         before, after, ours = (to_deg(e.stats[name].max_abs) for e in (paper.before, paper.after, best.after))
         zh = ANGLE[name].zh
@@ -242,8 +242,8 @@ def _static(found: Results) -> Iterator[Outcome]:
         )  # fmt: skip
 
 
-def _modules(found: Results) -> Iterator[Outcome]:
-    rings = found.rings
+def _modules(results: Results) -> Iterator[Outcome]:
+    rings = results.rings
     titles = {
         "pitch": Both("3 bands of pitch × 6 of heading", "3 俯仰带 × 6 航向扇区"),
         "roll": Both("3 bands of roll × 6 of heading", "3 横滚带 × 6 航向扇区"),
@@ -285,8 +285,8 @@ _TOO_WEAK: Final = Both(
 )
 
 
-def _slide(found: Results) -> Iterator[Outcome]:
-    first, slid = found.slides[FIRST], found.slid[FIRST]
+def _slide(results: Results) -> Iterator[Outcome]:
+    first, slid = results.slides[FIRST], results.slid[FIRST]
     printed = {"roll": (9.6, 3.3), "pitch": (6.1, 2.7)}
     for column, (axis, (free, gated)) in enumerate(printed.items()):
         zh = ANGLE[axis].zh
@@ -306,15 +306,15 @@ def _slide(found: Results) -> Iterator[Outcome]:
             faithful=float(np.median(100.0 * (1.0 - shut / open_))), faithful_bar=at_least(60.0),
             what=Both(f"{axis} that the gate takes away, median", f"阀值滤波对{zh}误差的削减（中位数）"),
         )  # fmt: skip
-        one = {name: slid.largest(name)[column] for name in ("no gate", "gate 0.08 g", "mekf")}
+        largest = {name: slid.largest(name)[column] for name in ("no gate", "gate 0.08 g", "mekf")}
         yield Outcome(
-            key=f"slide.unit.{axis}", where=_FIG[8], unit="°", paper=gated, faithful=one["gate 0.08 g"],
-            best=one["mekf"], faithful_bar=at_most(gated), best_bar=at_most(1.2),
-            what=Both(f"largest {axis} with the gate, the unit through bytes (without: {one['no gate']:.2f}°)",
-                      f"阀值滤波后最大{zh}误差，经字节流的模块（未滤波 {one['no gate']:.2f}°）"),
+            key=f"slide.unit.{axis}", where=_FIG[8], unit="°", paper=gated, faithful=largest["gate 0.08 g"],
+            best=largest["mekf"], faithful_bar=at_most(gated), best_bar=at_most(1.2),
+            what=Both(f"largest {axis} with the gate, the unit through bytes (without: {largest['no gate']:.2f}°)",
+                      f"阀值滤波后最大{zh}误差，经字节流的模块（未滤波 {largest['no gate']:.2f}°）"),
         )  # fmt: skip
     for speed, stroke in STROKES:
-        each = found.slides[speed, stroke]
+        each = results.slides[speed, stroke]
         yield Outcome(
             key=f"slide.new.{speed:g}-{stroke:g}", where="§4.3", unit="°", faithful=float(each["gate 0.08 g"].max()),
             best=float(each["mekf"].max()), best_bar=at_most(1.2),
@@ -322,46 +322,46 @@ def _slide(found: Results) -> Iterator[Outcome]:
                       f"最大横滚或俯仰角误差，行程 {speed:g} m/s、{stroke:g} s"),
         )  # fmt: skip
     yield Outcome(
-        key="slide.bound", where="§4.3", unit="°", faithful=found.strongest, faithful_bar=at_most(round(bound(3.0), 2)),
-        paper=9.6,
+        key="slide.bound", where="§4.3", unit="°", faithful=results.strongest,
+        faithful_bar=at_most(round(bound(3.0), 2)), paper=9.6,
         reproducible=False, reason=_TOO_WEAK,
         what=Both(f"largest roll of any stroke to 3 m/s at Kp 0.5 (Kp v/g: {bound(3.0):.1f}°)",
                   f"Kp 0.5、3 m/s 各行程的最大横滚角误差（Kp·v/g：{bound(3.0):.1f}°）"),
     )  # fmt: skip
 
 
-def _sea(found: Results) -> Iterator[Outcome]:
+def _sea(results: Results) -> Iterator[Outcome]:
     for column, axis in enumerate(("roll", "pitch", "yaw")):
-        faithful, best = (float(np.median(found.sea[name][:, column])) for name in ("gate 0.08 g", "mekf"))
+        faithful, best = (float(np.median(results.sea[name][:, column])) for name in ("gate 0.08 g", "mekf"))
         bar = at_most(0.2) if axis != "yaw" else at_most(math.inf)
         yield Outcome(
             key=f"sea.{axis}", unit="°", where="", faithful=faithful, best=best, best_bar=bar,
             what=Both(f"rms {axis} error in waves, median of the seas", f"波浪中{ANGLE[axis].zh}均方根误差（中位数）"),
         )  # fmt: skip
-        one = [float(sea_rms(found.sailed, name)[column]) for name in ("gate 0.08 g", "mekf")]
+        rms = [float(sea_rms(results.sailed, name)[column]) for name in ("gate 0.08 g", "mekf")]
         yield Outcome(
-            key=f"sea.unit.{axis}", unit="°", where="", faithful=one[0], best=one[1], best_bar=bar,
+            key=f"sea.unit.{axis}", unit="°", where="", faithful=rms[0], best=rms[1], best_bar=bar,
             what=Both(f"rms {axis} error in waves, the unit through bytes",
                       f"波浪中{ANGLE[axis].zh}均方根误差，经字节流的模块"),
         )  # fmt: skip
     yield Outcome(
         key="sea.output", where="§2.2", unit="Hz", paper=20.0,
-        best=float(found.sailed.lines / found.sailed.t[-1]), best_bar=(19.9, 20.1),
+        best=float(results.sailed.lines / results.sailed.t[-1]), best_bar=(19.9, 20.1),
         what=Both("lines of attitude that the host hands on", "上位机转发姿态速率"), digits=4,
     )  # fmt: skip
     yield Outcome(
-        key="sea.replay", where="§4.1", unit="%", best=100.0 * found.sailed.equal, best_bar=at_least(100.0),
+        key="sea.replay", where="§4.1", unit="%", best=100.0 * results.sailed.equal, best_bar=at_least(100.0),
         what=Both("stored stream that gives the live attitude again to the bit", "存储数据回放与实时姿态逐位一致"),
     )  # fmt: skip
 
 
-def _claim(found: Results) -> Outcome:
+def _claim(results: Results) -> Outcome:
     """The largest error of any angle of the unit through bytes, at rest and sliding with the gate, and at sea."""
     worst = []
-    for static, name in zip(found.static, ("gate 0.08 g", "mekf"), strict=True):
+    for static, name in zip(results.static, ("gate 0.08 g", "mekf"), strict=True):
         at_rest = [to_deg(static.after.stats[angle].max_abs) for angle in ANGLES]
-        moving = [float(np.abs(one.errors[name]).max()) for one in found.slid.values()]
-        sailed = float(np.abs(found.sailed.errors[name][found.sailed.t >= SETTLE]).max())
+        moving = [float(np.abs(slid.errors[name]).max()) for slid in results.slid.values()]
+        sailed = float(np.abs(results.sailed.errors[name][results.sailed.t >= SETTLE]).max())
         worst.append(max(*at_rest, *moving, sailed))
     return Outcome(
         key="claim", where="§5", unit="°", paper="±5", faithful=worst[0], best=worst[1], faithful_bar=at_most(5.0),
@@ -371,9 +371,9 @@ def _claim(found: Results) -> Outcome:
     )  # fmt: skip
 
 
-def _literal(found: Results) -> Iterator[Outcome]:
+def _literal(results: Results) -> Iterator[Outcome]:
     """What the printed forms give; the bars are those of closed forms."""
-    m, pi = found.misprints, loop()
+    m, pi = results.misprints, loop()
     fast, slow = pi.poles
     rows: list[tuple[str, str, str, Both, float, tuple[float, float]]] = [
         ("rows", "(3)", "°", Both("turn of 150° by the printed rows",
@@ -405,7 +405,7 @@ def _literal(found: Results) -> Iterator[Outcome]:
         ("step", "§2.1", "°", Both(f"yaw that steps of {from_si(WIDE_STEP, 'mgauss'):.2f} mG cost over "
                                     f"{from_si(STEP, 'mgauss'):.2f} mG, median",
                                     "4.35 mG 相对 0.73 mG 分辨率的航向角代价（中位数）"),
-         found.rings["step 4.35 mG"].yaw - found.rings["faces"].yaw, (-math.inf, math.inf)),
+         results.rings["step 4.35 mG"].yaw - results.rings["faces"].yaw, (-math.inf, math.inf)),
         ("pole.fast", "(7)", "rad/s", Both("fast pole of the PI loop", "PI 回路快极点"), fast, (-0.4305, -0.4295)),
         ("pole.slow", "(7)", "rad/s", Both("slow pole of the PI loop", "PI 回路慢极点"), slow, (-0.0698, -0.0696)),
         ("zero_rate", "(7)", "°", Both("inclination error that 5 °/s of zero-rate output gives",

@@ -63,7 +63,7 @@ _DEFINITIONS: Final = (
 )  # fmt: skip
 
 
-def _system(found: Results) -> Report:
+def _system(results: Results) -> Report:
     rows = [
         (Both("sensors", "传感器"), "MPU6000, HMC5983", Both("rig buoy: parts of the data sheets, SPI registers",
          "rig buoy：按数据手册的器件与 SPI 寄存器")),
@@ -84,11 +84,11 @@ def _system(found: Results) -> Report:
         (Both("static reference", "静态参考"), "DCM260B", Both("rig ring: emulated with 0.8° and 0.2°",
          "rig ring：按 0.8°、0.2° 仿真")),
     ]  # fmt: skip
-    same, slid = found.sailed.equal, found.slid[FIRST]
-    gyr = found.unit.paper.gyr
+    same, slid = results.sailed.equal, results.slid[FIRST]
+    gyr = results.unit.paper.gyr
     assert gyr is not None
     bias = ", ".join(signed(v, 1) for v in to_dps(gyr.bias))
-    kept = float(np.abs(slid.errors[bench.KEPT][:, 1:]).max())
+    tilt = float(np.abs(slid.errors[bench.KEPT][:, 1:]).max())
     yaw, pitch, roll = (signed(v, 2) for v in slid.errors["gate 0.08 g"][0])
     return Report(
         Both("The system (Figs 1, 2, 3, 6)", "系统（图 1、2、3、6）"),
@@ -100,25 +100,25 @@ def _system(found: Results) -> Report:
         ],
         remarks=[
             Both(f"Boot: the zero-rate output at rest, ({bias}) °/s, is removed; kept, it would tilt the estimate by "
-                 f"up to {kept:.0f}°. The initial attitude, of one reading of accelerometer and compass, is off by "
+                 f"up to {tilt:.0f}°. The initial attitude, of one reading of accelerometer and compass, is off by "
                  f"{roll}° in roll, {pitch}° in pitch and {yaw}° in yaw.",
-                 f"启动：去除静止时陀螺零偏（{bias}）°/s；若不去除，估计倾角误差可达 {kept:.0f}°。"
+                 f"启动：去除静止时陀螺零偏（{bias}）°/s；若不去除，估计倾角误差可达 {tilt:.0f}°。"
                  f"由一次加速度、磁强测量所得初始姿态误差：横滚 {roll}°、俯仰 {pitch}°、航向 {yaw}°。"),
             Both("The live page with a model like that of Fig 6: plumbob view --emulate buoy opens it; at a real port, "
                  "plumbob view --port PORT --format buoy.",
                  "实时页面及三维模型：plumbob view --emulate buoy；"
                  "接实际串口时 plumbob view --port PORT --format buoy。"),
-            Both(f"The sea was recorded live with {found.sailed.lines} lines of attitude at 20 Hz, and a replay of the "
-                 f"stored bytes gives {'the same attitude to the bit' if same else 'ANOTHER attitude'}.",
-                 f"海上试验实时记录，以 20 Hz 输出 {found.sailed.lines} 行姿态；由存储字节回放的姿态"
+            Both(f"The sea was recorded live with {results.sailed.lines} lines of attitude at 20 Hz, and a replay of "
+                 f"the stored bytes gives {'the same attitude to the bit' if same else 'ANOTHER attitude'}.",
+                 f"海上试验实时记录，以 20 Hz 输出 {results.sailed.lines} 行姿态；由存储字节回放的姿态"
                  f"{'与实时结果逐位一致' if same else '与实时结果不一致'}。"),
         ],
-        scenes=[figures.model(found.sailed.live, found.sailed.truth)],
+        scenes=[figures.model(results.sailed.live, results.sailed.truth)],
     )  # fmt: skip
 
 
-def _events(found: Results) -> Report:
-    device = found.device
+def _events(results: Results) -> Report:
+    device = results.device
     names = {
         "sample": Both("sample both chips", "采样"), "fuse": Both("fuse and compute", "融合解算"),
         "send": Both("store and send", "存储、发送"),
@@ -154,14 +154,14 @@ def _events(found: Results) -> Report:
     )  # fmt: skip
 
 
-def _calibration(found: Results) -> Report:
-    unit, card = found.unit, found.unit.paper.mag
+def _calibration(results: Results) -> Report:
+    unit, card = results.unit, results.unit.paper.mag
     assert card is not None
-    sizes = (np.linalg.norm(one, axis=1) for one in (unit.mag, (unit.mag - card.bias) @ card.matrix.T))
-    spread = [100.0 * float(np.std(one) / np.mean(one)) for one in sizes]
+    sizes = (np.linalg.norm(mag, axis=1) for mag in (unit.mag, (unit.mag - card.bias) @ card.matrix.T))
+    spread = [100.0 * float(np.std(size) / np.mean(size)) for size in sizes]
     return Report(
         Both("Ellipsoid calibration (Fig 5)", "椭球拟合校准（图 5）"),
-        tables=[_ring_table(found), _refused_table(found)],
+        tables=[_ring_table(results), _refused_table(results)],
         remarks=[
             Both(f"The capture fills {unit.regions} of 18 regions. The length of the field scatters by "
                  f"{spread[0]:.1f} % before the fit and by {spread[1]:.2f} % after it.",
@@ -194,7 +194,7 @@ _RING_ROWS: Final[Mapping[str, Both]] = {
 }
 
 
-def _ring_table(found: Results) -> Table:
+def _ring_table(results: Results) -> Table:
     head = (
         Both("capture and fit", "采集与拟合"), Both("yaw before [°]", "航向补偿前 [°]"), Both("after", "补偿后")
         , "95 %",
@@ -203,17 +203,17 @@ def _ring_table(found: Results) -> Table:
     )  # fmt: skip
     rows = []
     for name, title in _RING_ROWS.items():
-        one = found.rings[name]
-        shares = [f"{100 * share:.0f}" for share in (one.within, one.yaw5, one.all5, one.failed)]
-        rows.append([title, f"{one.before:.1f}", f"{one.yaw:.2f}", f"{one.yaw95:.2f}", f"{one.level95:.2f}", *shares])
+        fit = results.rings[name]
+        shares = [f"{100 * share:.0f}" for share in (fit.within, fit.yaw5, fit.all5, fit.failed)]
+        rows.append([title, f"{fit.before:.1f}", f"{fit.yaw:.2f}", f"{fit.yaw95:.2f}", f"{fit.level95:.2f}", *shares])
     title = Both(
-        f"Static test of {found.modules} random modules: largest of 36 errors, medians over the modules",
-        f"{found.modules} 个随机模块的静态测试：36 个位置最大偏差的中位数",
+        f"Static test of {results.modules} random modules: largest of 36 errors, medians over the modules",
+        f"{results.modules} 个随机模块的静态测试：36 个位置最大偏差的中位数",
     )
     return Table(title, head, rows)
 
 
-def _refused_table(found: Results) -> Table:
+def _refused_table(results: Results) -> Table:
     head = (
         Both("capture", "采集方式"), Both("refused for the right reason [%]", "以正确理由拒绝 [%]"),
         Both("paper: no ellipsoid [%]", "论文：无椭球解 [%]"),
@@ -226,14 +226,14 @@ def _refused_table(found: Results) -> Table:
     }
     rows = []
     for key, name in names.items():
-        one = found.refused[key]
-        yaw = f"{one.yaw:.0f}" if math.isfinite(one.yaw) else "-"
-        rows.append([name, f"{100 * one.rightly:.0f}", f"{100 * one.failed:.0f}", yaw])
+        refused = results.refused[key]
+        yaw = f"{refused.yaw:.0f}" if math.isfinite(refused.yaw) else "-"
+        rows.append([name, f"{100 * refused.rightly:.0f}", f"{100 * refused.failed:.0f}", yaw])
     return Table(Both("Captures that calibrate nothing", "退化采集"), head, rows)
 
 
-def _static(found: Results) -> Report:
-    paper, best = found.static
+def _static(results: Results) -> Report:
+    paper, best = results.static
     rows = []
     for name in ANGLES:
         cells = []
@@ -271,29 +271,29 @@ _CONTENDERS: Final[Mapping[str, Both]] = {
 }
 
 
-def _strokes(one: tuple[float, float]) -> str:
-    return f"{one[0]:g} m/s, {one[1]:g} s"
+def _strokes(pair: tuple[float, float]) -> str:
+    return f"{pair[0]:g} m/s, {pair[1]:g} s"
 
 
-def _slide(found: Results) -> Report:
-    sets = list(found.slides)
-    head = ("", *(_strokes(one) for one in sets))
+def _slide(results: Results) -> Report:
+    sets = list(results.slides)
+    head = ("", *(_strokes(pair) for pair in sets))
     many = [
         [
             _CONTENDERS[name],
-            *(" / ".join(f"{v:.2f}" for v in np.median(found.slides[one][name], axis=0)) for one in sets),
+            *(" / ".join(f"{v:.2f}" for v in np.median(results.slides[pair][name], axis=0)) for pair in sets),
         ]
         for name in trials.SLIDE
     ]
     worst = [
-        [_CONTENDERS[name], *(" / ".join(f"{v:.2f}" for v in found.slides[one][name].max(axis=0)) for one in sets)]
+        [_CONTENDERS[name], *(" / ".join(f"{v:.2f}" for v in results.slides[pair][name].max(axis=0)) for pair in sets)]
         for name in trials.SLIDE
     ]
     single = [
-        [name, *(" / ".join(f"{v:.2f}" for v in found.slid[one].largest(key)) for one in sets)]
+        [name, *(" / ".join(f"{v:.2f}" for v in results.slid[pair].largest(key)) for pair in sets)]
         for key, name in _CONTENDERS.items()
     ]
-    units = len(found.slides[FIRST]["mekf"])
+    units = len(results.slides[FIRST]["mekf"])
     tables = [
         Table(
             Both(f"Largest roll / pitch of {units} units, median [°]", f"{units} 个模块最大横滚/俯仰误差中位数 [°]"),
@@ -302,7 +302,7 @@ def _slide(found: Results) -> Report:
         ),
         Table(Both(f"The same, worst of the {units} units [°]", f"同上，{units} 个模块中最差 [°]"), head, worst),
         Table(Both("The unit through bytes [°]", "经字节流的模块 [°]"), head, single),
-        _gain_table(found),
+        _gain_table(results),
     ]
     pi = loop()
     return Report(
@@ -310,11 +310,11 @@ def _slide(found: Results) -> Report:
         tables=tables,
         remarks=[
             Both(f"9.6° and 6.1° cannot be had with Kp {KP:g}: a stroke to a speed v tilts the estimate by Kp v/g at "
-                 f"most, {trials.bound(3.0):.1f}° at 3 m/s, and {found.strongest:.1f}° was the largest of all strokes "
-                 "to 3 m/s. With Kp of 1 to 1.5 they can.",
+                 f"most, {trials.bound(3.0):.1f}° at 3 m/s, and {results.strongest:.1f}° was the largest of all "
+                 "strokes to 3 m/s. With Kp of 1 to 1.5 they can.",
                  f"Kp {KP:g} 时达不到 9.6° 与 6.1°：速度 v 的行程至多使估计倾斜 Kp·v/g，"
                  f"3 m/s 时为 {trials.bound(3.0):.1f}°，"
-                 f"各 3 m/s 行程中最大为 {found.strongest:.1f}°。Kp 为 1 至 1.5 时可达到。"),
+                 f"各 3 m/s 行程中最大为 {results.strongest:.1f}°。Kp 为 1 至 1.5 时可达到。"),
             Both("The gate looks at the length of the specific force, which a level acceleration changes in second "
                  "order only: slow strokes pass it.",
                  "阀值仅检验比力模值，水平加速度对其影响为二阶：慢行程可通过阀值。"),
@@ -324,17 +324,17 @@ def _slide(found: Results) -> Report:
                  f"PI 回路极点 {signed(pi.poles[0], 3)}、{signed(pi.poles[1], 4)} rad/s，阻尼比 {pi.damping:.2f}。"
                  f"5 °/s 的零偏将引起 {5 * pi.peak:.1f}° 峰值误差，故启动时予以去除。"),
         ],
-        figures=[figures.fig8(found.slid[FIRST]), _gain_figure(found)],
+        figures=[figures.fig8(results.slid[FIRST]), _gain_figure(results)],
     )  # fmt: skip
 
 
-def _gain_table(found: Results) -> Table:
+def _gain_table(results: Results) -> Table:
     head = ["Kp [1/s]"]
-    for one in SCANNED:
-        head += [Both(f"{_strokes(one)}, no gate", f"{_strokes(one)}，无阀值"), Both("gate 0.08 g", "阀值 0.08 g")]
+    for pair in SCANNED:
+        head += [Both(f"{_strokes(pair)}, no gate", f"{_strokes(pair)}，无阀值"), Both("gate 0.08 g", "阀值 0.08 g")]
     rows = []
     for k, kp in enumerate(KPS):
-        cells = [" / ".join(f"{v:.1f}" for v in found.scan[one][k, :, gate]) for one in SCANNED for gate in (0, 1)]
+        cells = [" / ".join(f"{v:.1f}" for v in results.scan[pair][k, :, gate]) for pair in SCANNED for gate in (0, 1)]
         rows.append([f"{kp:g}", *cells])
     title = Both(
         "Largest roll / pitch by Kp, a unit without errors but noise [°]", "最大横滚/俯仰误差与 Kp（仅含噪声的模块）[°]"
@@ -342,13 +342,13 @@ def _gain_table(found: Results) -> Table:
     return Table(title, head, rows)
 
 
-def _gain_figure(found: Results) -> Figure:
+def _gain_figure(results: Results) -> Figure:
     scans = {
-        Both(f"{_strokes(one)}, no gate", f"{_strokes(one)}，无阀值"): (
-            found.scan[one][:, 0, 0],
-            found.scan[one][:, 0, 1],
+        Both(f"{_strokes(pair)}, no gate", f"{_strokes(pair)}，无阀值"): (
+            results.scan[pair][:, 0, 0],
+            results.scan[pair][:, 0, 1],
         )
-        for one in SCANNED
+        for pair in SCANNED
     }
     return figures.gains(KPS, scans)
 
@@ -368,22 +368,22 @@ _SEA: Final[Mapping[str, Both]] = {
 }
 
 
-def _sea(found: Results) -> Report:
+def _sea(results: Results) -> Report:
     rows = []
     for key, name in _SEA.items():
-        many = np.median(found.sea[key], axis=0) if key in found.sea else np.full(3, np.nan)
-        cells = [*many, *sea_rms(found.sailed, key)]
+        many = np.median(results.sea[key], axis=0) if key in results.sea else np.full(3, np.nan)
+        cells = [*many, *sea_rms(results.sailed, key)]
         rows.append([name, *("-" if math.isnan(v) else f"{v:.3f}" for v in cells)])
-    seas = len(found.sea["mekf"])
+    seas = len(results.sea["mekf"])
     axes = [ANGLE[name] for name in ("roll", "pitch", "yaw")]
     head = (
-        "", *(Both(f"{seas} seas: {one}", f"{seas} 个海况：{one.zh}") for one in axes),
-        *(Both(f"bytes: {one}", f"字节流：{one.zh}") for one in axes),
+        "", *(Both(f"{seas} seas: {axis}", f"{seas} 个海况：{axis.zh}") for axis in axes),
+        *(Both(f"bytes: {axis}", f"字节流：{axis.zh}") for axis in axes),
     )  # fmt: skip
     title = Both("Rms error in waves, Hs 1.5 m, Tp 6 s [°]", "波浪中均方根误差，Hs 1.5 m、Tp 6 s [°]")
     return Report(
         Both("At sea", "海上试验"),
-        tables=[Table(title, head, rows), _tilt_table(found), _quality_table(found)],
+        tables=[Table(title, head, rows), _tilt_table(results), _quality_table(results)],
         remarks=[
             Both("The paper's Kp is ten times too high for waves: its corner, 0.08 Hz, lies just below the swell; the "
                  "gate helps little.", "论文的 Kp 对波浪约高十倍：其转折频率 0.08 Hz 恰低于涌浪频率；阀值作用不大。"),
@@ -391,23 +391,23 @@ def _sea(found: Results) -> Report:
                  "control, calibration and compensation that the paper names.",
                  "各段倾斜统计与质量标志即论文所述海面要素观测质控、校准、补偿之依据。"),
         ],
-        figures=[figures.waves(found.sailed)],
+        figures=[figures.waves(results.sailed)],
     )  # fmt: skip
 
 
-def _tilt_table(found: Results) -> Table:
+def _tilt_table(results: Results) -> Table:
     """Statistics of tilt by the report, whose filter is the smoother, beside the true ones."""
-    truth = found.sailed.truth
+    truth = results.sailed.truth
     _, pitch, roll = euler_zyx_from_quat(truth.q_nb).T
     true = tilt_statistics(truth.t, roll, pitch)
-    ours = found.sailed.overview.subjects[0].gathered.tilt
+    ours = results.sailed.overview.subjects[0].gathered.tilt
     assert ours is not None
     rows = []
     for name in ("roll", "pitch"):
-        for who, one in ((Both("report", "报告"), getattr(ours, name)), (Both("truth", "真值"), getattr(true, name))):
+        for who, tilt in ((Both("report", "报告"), getattr(ours, name)), (Both("truth", "真值"), getattr(true, name))):
             label = Both(f"{name}, {who}", f"{ANGLE[name].zh}，{who.zh}")
-            angles = [f"{to_deg(v):.2f}" for v in (one.sd, one.significant, one.largest)]
-            rows.append([label, *angles, f"{one.tz:.2f}", f"{one.tp:.2f}", f"{one.waves}"])
+            angles = [f"{to_deg(v):.2f}" for v in (tilt.sd, tilt.significant, tilt.largest)]
+            rows.append([label, *angles, f"{tilt.tz:.2f}", f"{tilt.tp:.2f}", f"{tilt.waves}"])
     head = (
         "", Both("std [°]", "标准差 [°]"), Both("significant [°]", "有效双幅值 [°]"), Both("largest [°]",
                                                                                            "最大双幅值 [°]"),
@@ -416,7 +416,7 @@ def _tilt_table(found: Results) -> Table:
     return Table(Both("Tilt statistics of the sea through bytes", "海上试验（字节流）倾斜统计"), head, rows)
 
 
-def _quality_table(found: Results) -> Table:
+def _quality_table(results: Results) -> Table:
     """Quality flags by burst, and why where one is not a pass."""
     channels = {
         "gyr": Both("gyroscope", "陀螺仪"), "acc": Both("accelerometer", "加速度计"), "mag": Both("magnetometer",
@@ -426,13 +426,13 @@ def _quality_table(found: Results) -> Table:
     words = {1: "通过", 2: "未评估", 3: "可疑", FAIL: "不合格", 9: "缺失"}
     tests = {"gap": "缺样", "percent good": "有效率"}
     rows = []
-    for burst in found.sailed.overview.subjects[0].gathered.bursts:
+    for burst in results.sailed.overview.subjects[0].gathered.bursts:
         cells = []
         for channel in channels:
-            one = burst.verdicts[channel]
-            why = f": {one.why}" if one.why else ""
-            zh = f"：{tests.get(one.why, one.why)}" if one.why else ""
-            cells.append(Both(f"{one.flag} {MEANING[one.flag]}{why}", f"{one.flag} {words[one.flag]}{zh}"))
+            qc = burst.verdicts[channel]
+            why = f": {qc.why}" if qc.why else ""
+            zh = f"：{tests.get(qc.why, qc.why)}" if qc.why else ""
+            cells.append(Both(f"{qc.flag} {MEANING[qc.flag]}{why}", f"{qc.flag} {words[qc.flag]}{zh}"))
         tilt = burst.tilt.inclination
         rows.append([f"{burst.begin:.0f} s", *cells, f"{to_deg(tilt.mean):.1f}", f"{to_deg(tilt.greatest):.1f}"])
     head = (

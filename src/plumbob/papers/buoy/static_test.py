@@ -85,7 +85,7 @@ class StaticTest(Reported):
 
     def report(self, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
         """Errors of all rests, the largest and the root mean square below; `facts` say where they come from."""
-        largest = [[name, *map(_cell, found.values())] for name, found in self._summary().items()]
+        largest = [[name, *map(_cell, stats.values())] for name, stats in self._summary().items()]
         values = to_deg(np.hstack((self.reference, self.errors("before"), self.errors("after")))).tolist()
         rows = [
             [str(i), f"{span.mean():.1f}", *map(_cell, row)]
@@ -169,10 +169,10 @@ def static_test(
     rests = stills(imu.t, imu.usable("acc"), None if imu.gyr is None else imu.usable("gyr"))
     spans = np.array([(imu.t[rest.start], imu.t[rest.stop - 1]) for rest in rests]).reshape(-1, 2)
     means = [_mean_attitude(reference, *span) for span in spans]
-    known = [i for i, mean in enumerate(means) if mean is not None]
-    if len(known) < FEWEST:
-        raise CaptureRefusedError(_too_few(len(rests), len(known)))
-    kept, spans = [rests[i] for i in known], spans[known]
+    covered = [i for i, mean in enumerate(means) if mean is not None]
+    if len(covered) < FEWEST:
+        raise CaptureRefusedError(_too_few(len(rests), len(covered)))
+    poses, spans = [rests[i] for i in covered], spans[covered]
     truth = AttitudeTrack(
         t=spans.mean(axis=1),
         q_nb=np.stack([mean for mean in means if mean is not None]),
@@ -181,7 +181,7 @@ def static_test(
         source=reference.source,
     )
     before, after = (
-        evaluate(_tilt_and_compass(used, kept, truth), truth, align=align, declination=declination)
+        evaluate(_tilt_and_compass(used, poses, truth), truth, align=align, declination=declination)
         for used in (imu, apply_card(card, imu))
     )
     return StaticTest(spans, before, after)
@@ -200,10 +200,10 @@ def _mean_attitude(track: AttitudeTrack, first: float, last: float) -> Floats | 
     return quat_mean(q) if np.isfinite(q).all(axis=1).any() else None
 
 
-def _too_few(rests: int, known: int) -> Reason:
+def _too_few(rests: int, covered: int) -> Reason:
     return Reason(
         "too-few",
-        f"The unit was at rest {rests} times, {known} of them while the reference has an attitude; a static test "
+        f"The unit was at rest {rests} times, {covered} of them while the reference has an attitude; a static test "
         f"needs {FEWEST} at least.",
         "Let the unit rest for some seconds in each pose, and let both recordings have one time line.",
     )

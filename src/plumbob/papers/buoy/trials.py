@@ -98,17 +98,17 @@ def paper_card(capture: ImuData, still: ImuData) -> CalibrationCard:
     CalibrationError
         If the fit gives no ellipsoid.
     """
-    found = by_paper(*region_readings(capture))
-    if found is None:
+    fit = by_paper(*region_readings(capture))
+    if fit is None:
         raise CalibrationError("the paper's fit gives no ellipsoid. Turn the unit to all faces and edges.")
-    told = "[Yu2018] (13)"
+    method = "[Yu2018] (13)"
     acc, mag = (
-        TriadCalibration(one.matrix, one.bias, unit, unit, method=told)
-        for one, unit in zip(found, ("m/s2", "uT"), strict=True)
+        TriadCalibration(linear.matrix, linear.bias, unit, unit, method=method)
+        for linear, unit in zip(fit, ("m/s2", "uT"), strict=True)
     )
     rate = np.nanmean(still.usable("gyr"), axis=0)
     gyr = TriadCalibration(np.eye(3), rate, "rad/s", "rad/s", method="mean at rest")
-    return CalibrationCard(capture.meta.device, "1970-01-01", told, gyr=gyr, acc=acc, mag=mag)
+    return CalibrationCard(capture.meta.device, "1970-01-01", method, gyr=gyr, acc=acc, mag=mag)
 
 
 def best_card(capture: ImuData, raised: ImuData) -> CalibrationCard:
@@ -145,23 +145,23 @@ def estimated(one: Contender, made: Simulation, seed: int) -> Floats:
 
 def slide(speed: float, stroke: float, seeds: Sequence[int]) -> dict[str, Floats]:
     """Largest errors of roll and pitch, deg, (seeds, 2), of each of `SLIDE`."""
-    found: dict[str, list[Floats]] = {name: [] for name in SLIDE}
+    errors: dict[str, list[Floats]] = {name: [] for name in SLIDE}
     for seed in seeds:
         made = simulated("slide", seed, peak_speed=speed, stroke=stroke)
-        for name, one in SLIDE.items():
-            found[name].append(np.abs(estimated(one, made, seed)).max(axis=0)[[2, 1]])
-    return {name: np.array(each) for name, each in found.items()}
+        for name, contender in SLIDE.items():
+            errors[name].append(np.abs(estimated(contender, made, seed)).max(axis=0)[[2, 1]])
+    return {name: np.array(each) for name, each in errors.items()}
 
 
 def sea(seeds: Sequence[int], duration: float) -> dict[str, Floats]:
     """Root mean squares of the errors of roll, pitch and yaw, deg, (seeds, 3), of each of `SEA`, in `duration`, s."""
-    found: dict[str, list[Floats]] = {name: [] for name in SEA}
+    rms: dict[str, list[Floats]] = {name: [] for name in SEA}
     for seed in seeds:
         made = simulated("buoy", seed, duration=duration)
-        kept = made.imu.t >= SETTLE
-        for name, one in SEA.items():
-            found[name].append(np.sqrt(np.mean(estimated(one, made, seed)[kept] ** 2, axis=0))[::-1])
-    return {name: np.array(each) for name, each in found.items()}
+        settled = made.imu.t >= SETTLE
+        for name, contender in SEA.items():
+            rms[name].append(np.sqrt(np.mean(estimated(contender, made, seed)[settled] ** 2, axis=0))[::-1])
+    return {name: np.array(each) for name, each in rms.items()}
 
 
 def gain_scan(
@@ -169,12 +169,12 @@ def gain_scan(
 ) -> list[tuple[float, float]]:
     """Largest errors of roll and pitch, deg, of the PI law with each Kp on a slide; a unit without errors but noise."""
     made = simulated("slide", seed, unit="calibrated", peak_speed=speed, stroke=stroke)
-    found = []
+    largest = []
     for kp in kps:
         track = run_stage(made.imu, Stage("mahony", {"kp": kp, "gate": gate}), frame=Frame.NED)
         _, pitch, roll = np.abs(errors_deg(track.q_nb, made.truth.q_nb)).max(axis=0).tolist()
-        found.append((roll, pitch))
-    return found
+        largest.append((roll, pitch))
+    return largest
 
 
 def bound(speed: float, kp: float = 0.5) -> float:

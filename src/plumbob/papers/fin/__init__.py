@@ -52,7 +52,7 @@ def run(work: Work) -> Paper:
         (Both("seed", "随机种子"), f"{work.seed}"),
     ]
     page = Report(title, facts=facts, parts=[report for report, _ in parts])
-    return Paper(report=page, outcomes=[one for _, found in parts for one in found])
+    return Paper(report=page, outcomes=[outcome for _, outcomes in parts for outcome in outcomes])
 
 
 ITEMS: Final = (

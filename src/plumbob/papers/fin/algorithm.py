@@ -55,7 +55,7 @@ def part(work: Work, step: Step, records: int) -> tuple[Report, list[Outcome]]:
         *_units(),
         *_scattered(scatter),
     ]
-    tables = [_misprints({one.key: one for one in outcomes}), _right(scatter, records)]
+    tables = [_misprints({outcome.key: outcome for outcome in outcomes}), _right(scatter, records)]
     remarks = (
         Both(
             "Each printed form was computed, on 110 000 samples at 500 Hz whose noise is known; none of these went "
@@ -79,7 +79,7 @@ def _sums(white: forms.White, rates: Floats) -> list[Outcome]:
     n = np.unique(np.geomspace(1, COUNT // 2, 200).astype(np.int64))
     peer = forms.peer(rates, n)
     delta = percent_error(1.0, LENGTH)
-    found = [
+    outcomes = [
         Outcome(
             key="allan.slope",
             where="(2)",
@@ -99,7 +99,7 @@ def _sums(white: forms.White, rates: Floats) -> list[Outcome]:
         ("moving", "neighbouring moving averages", "相邻滑动平均", -1.00, 0.045),
         ("disjoint", "neighbouring groups of (1)", "式（1）的相邻分组", -1.01, 0.041),
     ):
-        found += [
+        outcomes += [
             Outcome(
                 key=f"misprint.eq2.{reading}.slope",
                 where="(1), (2)",
@@ -125,7 +125,7 @@ def _sums(white: forms.White, rates: Floats) -> list[Outcome]:
         ]
     small = rates[:1000]
     return [
-        *found,
+        *outcomes,
         Outcome(
             key="allan.direct",
             where="4)",
@@ -276,7 +276,7 @@ def _terms(lines: forms.Slopes) -> list[Outcome]:
 def _percentages() -> list[Outcome]:
     """(7) and Table 1's ±."""
     n = round(math.sqrt(3.0) * RATE)
-    found = [
+    outcomes = [
         Outcome(
             key="eq7",
             where="(7), 8)",
@@ -307,28 +307,28 @@ def _percentages() -> list[Outcome]:
         ("B", "290y"): "1.491",
         ("B", "290x"): "3.151",
     }
-    for one in TABLE:
-        expected, slip = float(stated[one.letter, one.axis]), one.letter == "Q" and one.axis != "453z"
-        half = 0.5 * 10.0 ** -len(stated[one.letter, one.axis].partition(".")[2])
-        name = "R" if one.letter == "N" else one.letter
-        found.append(
+    for entry in TABLE:
+        expected, slip = float(stated[entry.letter, entry.axis]), entry.letter == "Q" and entry.axis != "453z"
+        half = 0.5 * 10.0 ** -len(stated[entry.letter, entry.axis].partition(".")[2])
+        name = "R" if entry.letter == "N" else entry.letter
+        outcomes.append(
             Outcome(
-                key=f"interval.{one.letter}.{one.axis}",
+                key=f"interval.{entry.letter}.{entry.axis}",
                 where="Table 1",
                 what=Both(
-                    f"T behind ± {100.0 * one.relative:.2f} % of {name}, {one.axis}",
-                    f"{one.axis} 的 {name}：± {100.0 * one.relative:.2f} % 对应 T",
+                    f"T behind ± {100.0 * entry.relative:.2f} % of {name}, {entry.axis}",
+                    f"{entry.axis} 的 {name}：± {100.0 * entry.relative:.2f} % 对应 T",
                 ),
                 unit="s",
-                paper=f"{one.value} ± {one.error}",
-                faithful=one.tau[0],
+                paper=f"{entry.value} ± {entry.error}",
+                faithful=entry.tau[0],
                 faithful_bar=(expected - half, expected + half),
                 digits=5,
                 reproducible=not slip,
                 reason=Both("the error is printed ten times too large", "误差多印一个数量级") if slip else None,
             )
         )
-    return found
+    return outcomes
 
 
 def _units() -> list[Outcome]:
@@ -340,7 +340,7 @@ def _units() -> list[Outcome]:
         "seconds of arc, °/h at 1 s and °/h are the only units that fit together",
         "仅角秒、1 s 处的 °/h 与 °/h 相互一致",
     )
-    found = [
+    outcomes = [
         Outcome(
             key="unit.Q",
             where="Table 1",
@@ -358,7 +358,7 @@ def _units() -> list[Outcome]:
         ),
     ]
     for axis, name, stated in ((2, "453z", 569.0), (0, "290x", 143_000.0)):
-        found.append(
+        outcomes.append(
             Outcome(
                 key=f"unit.R.{name}",
                 where="Table 1",
@@ -376,7 +376,7 @@ def _units() -> list[Outcome]:
                 reason=why,
             )
         )
-    found.append(
+    outcomes.append(
         Outcome(
             key="unit.B.453z",
             where="Table 1",
@@ -390,7 +390,7 @@ def _units() -> list[Outcome]:
             faithful_bar=(0.0697, 0.0698),
         )
     )
-    return found
+    return outcomes
 
 
 def _scattered(scatter: forms.Scatter) -> list[Outcome]:
@@ -435,8 +435,8 @@ def _misprints(by: dict[str, Outcome]) -> Table:
     """Every printed form, the corrected one, and what each gives."""
 
     def both(key: str) -> tuple[str, str]:
-        one = by[key]
-        return tuple("-" if v is None else f"{v:#.4g}" for v in (one.faithful, one.best))  # type: ignore[return-value]
+        outcome = by[key]
+        return tuple("-" if v is None else f"{v:#.4g}" for v in (outcome.faithful, outcome.best))  # type: ignore[return-value]
 
     as_one = Both("names it rate random walk", "称角速率随机游走")
     slope = Both("slope of σ, white noise", "白噪声 σ 斜率")

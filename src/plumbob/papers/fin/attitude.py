@@ -55,7 +55,7 @@ def part(work: Work, step: Step, still: Path, seeds: int) -> tuple[Report, list[
     step("temperature compensation")
     warm = s.warmed_up(work)
     parts, outcomes = [], list[Outcome]()
-    for report, found in (
+    for report, scores in (
         _real_time(swum, free, noisy[0], seeds),
         _per_axis(free, noisy[1], swinging),
         _clipping(cut),
@@ -63,7 +63,7 @@ def part(work: Work, step: Step, still: Path, seeds: int) -> tuple[Report, list[
         _temperature(warm),
     ):
         parts.append(report)
-        outcomes += found
+        outcomes += scores
     title = Both("Attitude in real time (abstract, §1, §4)", "姿态角实时测量（摘要、§1、§4）")
     return Report(title, parts=parts), outcomes, swum
 
@@ -335,7 +335,7 @@ def _clipping(cut: s.Clipped) -> tuple[Report, list[Outcome]]:
     return Report(Both("Clipping", "量程饱和"), remarks=[remark], figures=[Figure(caption, draw, key)]), outcomes
 
 
-def _high_pass(found: s.HighPassed) -> tuple[Report, list[Outcome]]:
+def _high_pass(filtered: s.HighPassed) -> tuple[Report, list[Outcome]]:
     low, high = s.CORNERS
     chain = Both(
         "the band-pass has no figures in the paper; with a high-pass in it, an angle does not stay",
@@ -359,8 +359,8 @@ def _high_pass(found: s.HighPassed) -> tuple[Report, list[Outcome]]:
             what=Both("the same through bytes; best: high-pass off", "同上，经字节；最佳：关闭高通"),
             unit="°",
             paper=Both("band-pass", "带通滤波"),
-            faithful=found.at_end(low),
-            best=found.at_end(0.0),
+            faithful=filtered.at_end(low),
+            best=filtered.at_end(0.0),
             best_bar=(88.0, 92.0),
             reason=chain,
             reproducible=False,
@@ -369,33 +369,33 @@ def _high_pass(found: s.HighPassed) -> tuple[Report, list[Outcome]]:
             key="highpass.slope",
             where="Fig 5",
             what=Both("slope of σ from 2 to 20 s behind 0.5 Hz", "0.5 Hz 高通后 σ 在 2 至 20 s 的斜率"),
-            faithful=found.slope(high),
+            faithful=filtered.slope(high),
             faithful_bar=(-1.05, -0.95),
-            best=found.slope(0.0),
+            best=filtered.slope(0.0),
         ),
         Outcome(
             key="highpass.sigma",
             where="Fig 5",
             what=Both("σ(50 s), ADXRS453, behind 0.5 Hz; best: off", "σ(50 s)，ADXRS453，0.5 Hz 高通；最佳：关闭"),
             unit="°/s",
-            faithful=found.at_fifty(high),
-            best=found.at_fifty(0.0),
-            faithful_bar=at_most(0.1 * found.at_fifty(0.0)),
+            faithful=filtered.at_fifty(high),
+            best=filtered.at_fifty(0.0),
+            faithful_bar=at_most(0.1 * filtered.at_fifty(0.0)),
         ),
     ]
 
     def draw(canvas: "FigureBase") -> None:
-        left, right = canvas.subplots(1, 2)
+        yaw_ax, allan_ax = canvas.subplots(1, 2)
         for corner, colour in zip((0.0, low, high), SERIES, strict=False):
-            _line(left, found.t, found.yaw[corner], colour, linewidth=1.2)
+            _line(yaw_ax, filtered.t, filtered.yaw[corner], colour, linewidth=1.2)
         for corner, colour in ((0.0, SERIES[0]), (high, SERIES[2])):
-            right.loglog(found.tau, found.dev[corner], color=colour, linewidth=1.2)
-        for axis in (right.xaxis, right.yaxis):
+            allan_ax.loglog(filtered.tau, filtered.dev[corner], color=colour, linewidth=1.2)
+        for axis in (allan_ax.xaxis, allan_ax.yaxis):
             log_ticks(axis, (1,))
-        left.set_xlabel(TIME)
-        left.set_ylabel(Both("yaw [°]", "偏航角 [°]"))
-        right.set_xlabel(Both("averaging time T [s]", "分组时间 T [s]"))
-        right.set_ylabel(Both("σ, ADXRS453 [°/s]", "σ，ADXRS453 [°/s]"))
+        yaw_ax.set_xlabel(TIME)
+        yaw_ax.set_ylabel(Both("yaw [°]", "偏航角 [°]"))
+        allan_ax.set_xlabel(Both("averaging time T [s]", "分组时间 T [s]"))
+        allan_ax.set_ylabel(Both("σ, ADXRS453 [°/s]", "σ，ADXRS453 [°/s]"))
 
     key = [
         (Both("off", "关闭"), SERIES[0], "solid"),
@@ -471,16 +471,16 @@ def _temperature(warm: s.WarmedUp) -> tuple[Report, list[Outcome]]:
     )
 
     def draw(canvas: "FigureBase") -> None:
-        left, right = canvas.subplots(1, 2)
+        rate_ax, error_ax = canvas.subplots(1, 2)
         middle = 5.0 * (np.arange(before.shape[0]) + 0.5)
         for i, colour in zip(range(3), SERIES, strict=False):
             for of, dash in ((before, "--"), (after, "-")):
-                left.plot(middle, of[:, i], color=colour, linestyle=dash, linewidth=1.1)
+                rate_ax.plot(middle, of[:, i], color=colour, linestyle=dash, linewidth=1.1)
             for which, dash in (("before", "--"), ("after", "-")):
-                _line(right, warm.t, warm.angles[which][:, 2 - i], colour, linestyle=dash, linewidth=1.1)
-        left.set_ylabel(Both("mean rate over 5 s [°/s]", "5 s 平均角速率 [°/s]"))
-        right.set_ylabel(Both("error of the angle [°]", "姿态角误差 [°]"))
-        for ax in (left, right):
+                _line(error_ax, warm.t, warm.angles[which][:, 2 - i], colour, linestyle=dash, linewidth=1.1)
+        rate_ax.set_ylabel(Both("mean rate over 5 s [°/s]", "5 s 平均角速率 [°/s]"))
+        error_ax.set_ylabel(Both("error of the angle [°]", "姿态角误差 [°]"))
+        for ax in (rate_ax, error_ax):
             ax.set_xlabel(TIME)
 
     axes = [Both("x, roll", "x，滚转角"), Both("y, pitch", "y，俯仰角"), Both("z, yaw", "z，偏航角")]

@@ -106,21 +106,21 @@ def part(work: Work, step: Step, runs: int, *, long: bool = True) -> tuple[Repor
     tables, figures = [_table(rows, runs)], []
     if long:
         step("record length for B")
-        found = list(e.lengths(np.random.default_rng([work.seed, 4])))
-        tables.append(_lengths(found))
-        figures.append(_figure(found))
+        lengths = list(e.lengths(np.random.default_rng([work.seed, 4])))
+        tables.append(_lengths(lengths))
+        figures.append(_figure(lengths))
         outcomes += [
             Outcome(
-                key=f"length.{round(one.seconds)}",
+                key=f"length.{round(length.seconds)}",
                 where="7)",
                 what=Both(
-                    f"B over its truth from {_long(one.seconds)}, 16 °/h beside 0.9 °/√h",
-                    f"{_long(one.seconds).zh} 记录的 B 与真值之比（16 °/h，0.9 °/√h）",
+                    f"B over its truth from {_long(length.seconds)}, 16 °/h beside 0.9 °/√h",
+                    f"{_long(length.seconds).zh} 记录的 B 与真值之比（16 °/h，0.9 °/√h）",
                 ),
-                best=one.mean,
-                best_bar=(0.9, 1.1) if one.seconds >= 3600.0 else (0.35, 1.25),
+                best=length.mean,
+                best_bar=(0.9, 1.1) if length.seconds >= 3600.0 else (0.35, 1.25),
             )
-            for one in found
+            for length in lengths
         ]
     remarks = (
         Both(
@@ -168,10 +168,10 @@ def _long(seconds: float) -> Both:
     return Both("220 s", "220 s") if hours < 1.0 else Both(f"{hours:.0f} h", f"{hours:.0f} h")
 
 
-def _lengths(found: Sequence[e.Length]) -> Table:
+def _lengths(lengths: Sequence[e.Length]) -> Table:
     rows = [
-        [_long(one.seconds), f"{one.runs}", f"{one.mean:.2f} ± {one.scatter:.2f}", f"{one.observable:.2f}"]
-        for one in found
+        [_long(row.seconds), f"{row.runs}", f"{row.mean:.2f} ± {row.scatter:.2f}", f"{row.observable:.2f}"]
+        for row in lengths
     ]
     head = (
         Both("length", "记录长度"),
@@ -182,10 +182,10 @@ def _lengths(found: Sequence[e.Length]) -> Table:
     return Table(Both("Record length and B, ADXRS453's data sheet", "记录长度与 B（ADXRS453 数据手册）"), head, rows)
 
 
-def _figure(found: Sequence[e.Length]) -> Figure:
+def _figure(lengths: Sequence[e.Length]) -> Figure:
     def draw(canvas: "FigureBase") -> None:
         ax = canvas.subplots()
-        x, y, sd = (np.array(row) for row in zip(*((o.seconds, o.mean, o.scatter) for o in found), strict=True))
+        x, y, sd = (np.array(row) for row in zip(*((o.seconds, o.mean, o.scatter) for o in lengths), strict=True))
         ax.errorbar(x / 3600.0, y, sd, fmt="o", color=SERIES[0], capsize=3, linewidth=1.1, markersize=4)
         ax.axhline(1.0, color=SERIES[1], linewidth=0.8, linestyle="--")
         ax.set_xscale("log")

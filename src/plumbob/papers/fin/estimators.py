@@ -53,28 +53,28 @@ def by_method(found: Analysis, method: str, letter: str) -> Coefficient | None:
         return with_paper_interval(nearest(found.curve, letter), letter)
     if method in {"lines", "undivided"}:
         line = found.lines.terms.get(letter)
-        whole = SIGMA if method == "undivided" and letter == "B" else 1.0
-        return None if line is None else with_paper_interval(whole * line.value, letter)
+        scale = SIGMA if method == "undivided" and letter == "B" else 1.0
+        return None if line is None else with_paper_interval(scale * line.value, letter)
     return (found.least_squares if method == "least squares" else found.likelihood).terms.get(letter)
 
 
 def three_regimes(rng: np.random.Generator, runs: int) -> Iterator[Mapping[tuple[str, str], Row]]:
     """Rows by method and letter over so many records of the three regimes; yields every 12 records, the last whole."""
-    found: list[Analysis] = []
+    analyses: list[Analysis] = []
     for i in range(-(-runs // 3)):
-        found += [analyse(np.ascontiguousarray(one), 1.0 / RATE) for one in drawn(THREE, rng).T]
+        analyses += [analyse(np.ascontiguousarray(rates), 1.0 / RATE) for rates in drawn(THREE, rng).T]
         if i % 4 == 3 or 3 * (i + 1) >= runs:
-            yield {(m, letter): _row(found, m, letter) for m in METHODS for letter in "QNB"}
+            yield {(m, letter): _row(analyses, m, letter) for m in METHODS for letter in "QNB"}
 
 
-def _row(found: Sequence[Analysis], method: str, letter: str) -> Row:
+def _row(analyses: Sequence[Analysis], method: str, letter: str) -> Row:
     true = float(getattr(THREE, letter)[0])
-    terms = [c for a in found if (c := by_method(a, method, letter)) is not None]
+    terms = [c for a in analyses if (c := by_method(a, method, letter)) is not None]
     if not terms:
         return Row(0.0, math.nan, math.nan, math.nan)
     values = np.array([c.value for c in terms]) / true
     held = float(np.mean([c.lo <= true <= c.hi for c in terms]))
-    return Row(len(terms) / len(found), float(values.mean()) - 1.0, float(values.std()), held)
+    return Row(len(terms) / len(analyses), float(values.mean()) - 1.0, float(values.std()), held)
 
 
 class Length(NamedTuple):
@@ -98,11 +98,11 @@ def lengths(rng: np.random.Generator) -> Iterator[Length]:
     of = truth(0.0, 0.9, 16.0)
     true = float(to_si(16.0, "deg/h"))
     for seconds, runs in LENGTHS:
-        found = [
-            analyse(np.ascontiguousarray(one), 1.0 / SLOW).terms["B"]
+        terms = [
+            analyse(np.ascontiguousarray(rates), 1.0 / SLOW).terms["B"]
             for _ in range(runs // 3)
-            for one in drawn(of, rng, round(seconds * SLOW), SLOW, past=1).T
+            for rates in drawn(of, rng, round(seconds * SLOW), SLOW, past=1).T
         ]
-        values: Floats = np.array([c.value for c in found]) / true
-        shown = float(np.mean([c.observable for c in found]))
-        yield Length(seconds, float(values.mean()), float(values.std()), len(found), shown)
+        values: Floats = np.array([c.value for c in terms]) / true
+        shown = float(np.mean([c.observable for c in terms]))
+        yield Length(seconds, float(values.mean()), float(values.std()), len(terms), shown)

@@ -61,20 +61,20 @@ def static_records(work: Work, step: Step) -> tuple[Records, Taken]:
 
     Each goes through bytes, a recording, and a TXT file, and is analysed at every averaging factor.
     """
-    found = Records()
+    records = Records()
     step("static record, data sheets")
     parts = work.recorded("fin", "static-parts", **AT_REST)
-    found["parts"] = analysed(parts.recording)
+    records["parts"] = analysed(parts.recording)
     for number, (name, of) in enumerate((("table", TABLE_1), ("three", THREE))):
         step(f"static record, {name}")
         rates = drawn(of, np.random.default_rng([work.seed, number]))
-        found[name] = analysed(sent(work, f"static-{name}", rates).recording)
-    return found, parts
+        records[name] = analysed(sent(work, f"static-{name}", rates).recording)
+    return records, parts
 
 
 def part(records: Mapping[str, Analysed]) -> tuple[Report, list[Outcome]]:
     """Part of the page, and its outcomes."""
-    lost = max(one.lost for one in records.values())
+    lost = max(record.lost for record in records.values())
     table = records["table"].noise.analyses
     outcomes = [
         Outcome(
@@ -99,9 +99,9 @@ def part(records: Mapping[str, Analysed]) -> tuple[Report, list[Outcome]]:
         *_claims(table),
     ]
     report = fin_report(table)
-    as_printed = next(one for one in report.tables if "printed" in one.title)
+    as_printed = next(candidate for candidate in report.tables if "printed" in candidate.title)
     tables = [
-        _own(
+        _record_table(
             table,
             TABLE_1,
             Both("Table 1 from the record of a unit that has its coefficients", "表 1：具有该表系数的器件之记录"),
@@ -113,7 +113,7 @@ def part(records: Mapping[str, Analysed]) -> tuple[Report, list[Outcome]]:
             _with_remarks(as_printed.rows),
             words=(5,),
         ),
-        _own(
+        _record_table(
             records["three"].noise.analyses,
             THREE,
             Both("The same table from the record of three regimes", "三段噪声记录的同一表"),
@@ -198,31 +198,31 @@ def _true(of: Truth, letter: str, axis: int) -> float:
 
 def _line(a: Analysis, letter: str) -> Coefficient | None:
     """As the paper reads it, with its ±; B divided by 0.664."""
-    found = a.lines.terms.get(letter)
-    return None if found is None else with_paper_interval(found.value, letter)
+    term = a.lines.terms.get(letter)
+    return None if term is None else with_paper_interval(term.value, letter)
 
 
 def _table_outcomes(analyses: Sequence[Analysis]) -> list[Outcome]:
     """Every entry of Table 1: printed, by lines, by likelihood; B as the flat that the paper prints."""
-    found = []
-    for one in TABLE:
-        axis = ("290x", "290y", "453z").index(one.axis)
-        a, unit = analyses[axis], UNITS[one.letter]
-        best, flat = a.terms[one.letter], SIGMA if one.letter == "B" else 1.0
-        name = "R" if one.letter == "N" else one.letter
+    outcomes = []
+    for entry in TABLE:
+        axis = ("290x", "290y", "453z").index(entry.axis)
+        a, unit = analyses[axis], UNITS[entry.letter]
+        best, flat = a.terms[entry.letter], SIGMA if entry.letter == "B" else 1.0
+        name = "R" if entry.letter == "N" else entry.letter
         limit = Both("", "") if best.observable else Both("; best: limit, 95 %", "；最佳：95 % 上限")
-        found.append(
+        outcomes.append(
             Outcome(
-                key=f"table1.{one.letter}.{one.axis}",
+                key=f"table1.{entry.letter}.{entry.axis}",
                 where="Table 1",
                 what=Both(f"{name}, {AXES[axis]}{limit}", f"{AXES[axis]} 轴 {name}{limit.zh}"),
                 unit=unit.replace("deg", "°").replace("arcsec", "″"),
-                paper=f"{one.value} ± {one.error}",
-                faithful=from_si(flat * _read(a, one.letter), unit),
+                paper=f"{entry.value} ± {entry.error}",
+                faithful=from_si(flat * _read(a, entry.letter), unit),
                 best=from_si(flat * (best.value if best.observable else best.upper), unit),
             )
         )
-    return found
+    return outcomes
 
 
 def _read(a: Analysis, letter: str) -> float:
@@ -230,9 +230,9 @@ def _read(a: Analysis, letter: str) -> float:
 
     Q then by a line of slope −1 through the shortest averaging time, B by the floor of the curve.
     """
-    found = a.lines.terms.get(letter)
-    if found is not None:
-        return found.value
+    term = a.lines.terms.get(letter)
+    if term is not None:
+        return term.value
     if letter == "Q":
         return float(a.curve.dev[0] * a.curve.tau[0] / math.sqrt(3.0))
     least = lowest(a)
@@ -252,10 +252,10 @@ def _forced() -> Table:
 
 def _claims(analyses: Sequence[Analysis]) -> list[Outcome]:
     """What the abstract and §3 say of the terms: shares of the angle's error after 220 s."""
-    found = []
+    outcomes = []
     for axis, name in enumerate(("290x", "290y", "453z")):
         by = angle_errors(TABLE_1, axis)
-        found.append(
+        outcomes.append(
             Outcome(
                 key=f"claim.{name}",
                 where="§3",
@@ -269,7 +269,7 @@ def _claims(analyses: Sequence[Analysis]) -> list[Outcome]:
                 faithful_bar=at_most(1.0),
             )
         )
-    return found
+    return outcomes
 
 
 def angle_errors(of: Truth, axis: int, t: float = LENGTH) -> dict[str, float]:
@@ -282,7 +282,7 @@ def angle_errors(of: Truth, axis: int, t: float = LENGTH) -> dict[str, float]:
     }
 
 
-def _own(analyses: Sequence[Analysis], of: Truth, title: str) -> Table:
+def _record_table(analyses: Sequence[Analysis], of: Truth, title: str) -> Table:
     """Coefficients of a record: true, by the paper's lines with its ±, and by likelihood with an honest interval."""
     rows = []
     for letter, unit in UNITS.items():
@@ -312,10 +312,10 @@ def _as_printed() -> Table:
         ("N", Both("R [°/√h]", "R [°/√h]"), Both("N = R/60 [°/√h]", "N = R/60 [°/√h]")),
         ("B", Both("B [°/√h]", "B [°/√h]"), Both("B = flat/0.664 [°/h]", "B = 平坦段/0.664 [°/h]")),
     ):
-        entries = [one for one in TABLE if one.letter == letter]
+        entries = [entry for entry in TABLE if entry.letter == letter]
         scale = {"Q": 1.0, "N": 1.0 / 60.0, "B": 1.0 / SIGMA}[letter]
-        rows.append([heading, *(f"{one.value} ± {one.error}" for one in entries)])
-        rows.append([unit, *(_corrected(float(one.value), float(one.error), letter, scale) for one in entries)])
+        rows.append([heading, *(f"{entry.value} ± {entry.error}" for entry in entries)])
+        rows.append([unit, *(_corrected(float(entry.value), float(entry.error), letter, scale) for entry in entries)])
     title = Both("Table 1 as printed, and below each row as it can be corrected", "表 1 原值，及各行下方的更正")
     return Table(title, (Both("coefficient", "系数"), *AXES), rows)
 
@@ -328,7 +328,7 @@ def _corrected(value: float, error: float, letter: str, scale: float) -> str:
 
 def _angles(analyses: Sequence[Analysis]) -> Table:
     by = [angle_errors(TABLE_1, axis) for axis in range(len(analyses))]
-    rows = [[NAMES[letter], *(text.number(one[letter], 2) for one in by)] for letter in "QNB"]
+    rows = [[NAMES[letter], *(text.number(errors[letter], 2) for errors in by)] for letter in "QNB"]
     title = Both("Error of an angle after 220 s by each term of Table 1 [°]", "表 1 各项在 220 s 后造成的姿态误差 [°]")
     return Table(title, (Both("term", "误差项"), *AXES), rows)
 
@@ -392,9 +392,9 @@ def _figure_5(records: Mapping[str, Analysed]) -> Figure:
 def _paper_lines(ax: "Axes", a: Analysis, tau: Floats) -> None:
     """Lines of slope −1, −1/2 and 0 where the curve has them, and where they are read."""
     for letter, power in (("Q", -1.0), ("N", -0.5), ("B", 0.0)):
-        found = a.lines.terms.get(letter)
-        if found is not None:
-            at_one = found.value * {"Q": math.sqrt(3.0), "N": 1.0, "B": SIGMA}[letter]
+        term = a.lines.terms.get(letter)
+        if term is not None:
+            at_one = term.value * {"Q": math.sqrt(3.0), "N": 1.0, "B": SIGMA}[letter]
             ax.plot(tau, from_si(at_one * tau**power, "deg/h"), color=SERIES[1], linewidth=0.9, linestyle="--")
     for at in (1.0, math.sqrt(3.0)):
         ax.axvline(at, color=MUTED, linewidth=0.7, linestyle=":")

@@ -158,13 +158,13 @@ def slopes(rng: np.random.Generator) -> Slopes:
     quantised = RATE * np.diff(step * np.rint(angle / step) - angle)
     walk = errors.random_walk(np.ones(3), COUNT, RATE, rng)[:, 0]
     late = n >= 50
-    found = [deviation(one, n) for one in (quantised, rounded, white, walk)]
+    devs = [deviation(rates, n) for rates in (quantised, rounded, white, walk)]
     return Slopes(
-        slope(n / RATE, found[0]),
-        slope(n / RATE, found[1]),
+        slope(n / RATE, devs[0]),
+        slope(n / RATE, devs[1]),
         float(deviation(rounded, [500])[0]) / step_density(dps(1.0 / 80.0)),
-        slope(n / RATE, found[2]),
-        slope(n[late] / RATE, found[3][late]),
+        slope(n / RATE, devs[2]),
+        slope(n[late] / RATE, devs[3][late]),
     )
 
 
@@ -185,18 +185,18 @@ class Scatter(NamedTuple):
 
 def scatter(rng: np.random.Generator, records: int) -> Iterator[Scatter]:
     """Of so many records of white noise and half as many of flicker; yields now and then, the last is whole."""
-    found: dict[str, list[Floats]] = {"white": [], "white_disjoint": [], "flicker": []}
+    devs: dict[str, list[Floats]] = {"white": [], "white_disjoint": [], "flicker": []}
     formula = np.array([percent_error(n / RATE, COUNT / RATE) for n in FACTORS])
     theory = 1.0 / np.sqrt(2.0 * edf("oadev", 0.0, COUNT, FACTORS))
-    one = np.ones(3)
+    ones = np.ones(3)
     for i in range(-(-records // 6)):
         for _ in range(2):
-            noise = errors.white(one, COUNT, rng)
-            found["white"].append(deviation(noise, FACTORS))
-            found["white_disjoint"].append(deviation(noise, FACTORS, "adev"))
-        found["flicker"].append(deviation(errors.flicker(one, 2 * COUNT, rng)[COUNT:], FACTORS))
+            noise = errors.white(ones, COUNT, rng)
+            devs["white"].append(deviation(noise, FACTORS))
+            devs["white_disjoint"].append(deviation(noise, FACTORS, "adev"))
+        devs["flicker"].append(deviation(errors.flicker(ones, 2 * COUNT, rng)[COUNT:], FACTORS))
         if i % 17 == 16 or 6 * (i + 1) >= records:
-            by = {name: np.concatenate(of, axis=1) for name, of in found.items()}
+            by = {name: np.concatenate(of, axis=1) for name, of in devs.items()}
             yield Scatter(formula, theory, **{name: of.std(axis=1) / of.mean(axis=1) for name, of in by.items()})
 
 

@@ -18,7 +18,7 @@ from plumbob.door.allan import allan
 from plumbob.files import write
 from plumbob.noise.allan import Noise
 from plumbob.papers.fin.datasheet import TABLE
-from plumbob.papers.workspace import Taken, Work, samples_of
+from plumbob.papers.workspace import Taken, Work, recorded_samples
 from plumbob.simulation import Simulation, errors, simulate
 
 RATE: Final = 500.0
@@ -52,7 +52,7 @@ THREE: Final = truth(4.4, 0.9, 51.5)
 
 def printed(letter: str) -> Floats:
     """Values (3,) of Table 1 as printed, for x, y and z."""
-    return np.array([float(one.value) for one in TABLE if one.letter == letter])
+    return np.array([float(entry.value) for entry in TABLE if entry.letter == letter])
 
 
 TABLE_1: Final = truth(printed("Q"), printed("N") / 60.0, printed("B") / SIGMA)
@@ -110,14 +110,14 @@ class Analysed:
 
 def analysed(recording: Path) -> Analysed:
     """Rates of a recording's bytes, stored as TXT, read back, and analysed at every n [Ou2017] (steps 1 to 8)."""
-    imu = samples_of(recording)
+    imu = recorded_samples(recording)
     text = recording.with_suffix(".txt")
     write(text, imu, overwrite=True)
-    back = samples_of(text)
-    return Analysed(allan(text, taus="all"), float(np.max(np.abs(rates_of(back) - rates_of(imu)))), text)
+    back = recorded_samples(text)
+    return Analysed(allan(text, taus="all"), float(np.max(np.abs(gyr_rates(back) - gyr_rates(imu)))), text)
 
 
-def rates_of(imu: ImuData) -> Floats:
+def gyr_rates(imu: ImuData) -> Floats:
     """Rates (N, 3), rad/s."""
     assert imu.gyr is not None
     return np.asarray(imu.gyr)

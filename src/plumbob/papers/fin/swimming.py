@@ -13,7 +13,7 @@ from plumbob.core.units import deg, dps, to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
-from plumbob.door.calibrate import calibrate, track_of
+from plumbob.door.calibrate import calibrate, read_track
 from plumbob.door.estimate import estimate
 from plumbob.evaluation.metrics import euler_errors
 from plumbob.files import write
@@ -22,8 +22,8 @@ from plumbob.live.replay import replay
 from plumbob.live.rigs.rig import fitted
 from plumbob.noise import deviation
 from plumbob.papers.fin.forms import slope
-from plumbob.papers.fin.records import LENGTH, RATE, rates_of
-from plumbob.papers.workspace import Work, samples_of
+from plumbob.papers.fin.records import LENGTH, RATE, gyr_rates
+from plumbob.papers.workspace import Work, recorded_samples
 from plumbob.protocols.find import find_format
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_conjugate, quat_multiply, quat_normalize
 from plumbob.simulation import EulerMotion, Module, Motion, Scenario, Simulation, draw_module, simulate
@@ -77,7 +77,7 @@ def errors_deg(track: AttitudeTrack, truth: AttitudeTrack) -> Floats:
 
 def per_axis_deg(imu: ImuData) -> Floats:
     """Integral (N, 3) of each body rate on its own, z, y and x as if they were yaw, pitch and roll, degrees."""
-    rates = rates_of(imu)[:, ::-1]
+    rates = gyr_rates(imu)[:, ::-1]
     steps = 0.5 * np.diff(imu.t)[:, np.newaxis] * (rates[1:] + rates[:-1])
     return to_deg(np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0))))
 
@@ -130,7 +130,7 @@ def swim(work: Work) -> Swum:
     text = taken.recording.with_suffix(".txt")
     write(text, imu, overwrite=True)
     back = estimate(text, "integrate", init="level", frame="NED").track
-    truth = track_of(taken.truth)
+    truth = read_track(taken.truth)
     return Swum(
         imu.t,
         true_deg(truth),
@@ -166,17 +166,17 @@ def without_noise(**parameters: str) -> PerAxis:
     made = simulate("fin", frame="NED", sensors="ideal", unit="calibrated", seed=0, **parameters)
     quaternion = errors_deg(integrated(made.imu), made.truth)
     axis = per_axis_deg(made.imu) - true_deg(made.truth)
-    return PerAxis(made.imu.t, axis, quaternion, np.max(np.abs(to_dps(rates_of(made.imu))), axis=0))
+    return PerAxis(made.imu.t, axis, quaternion, np.max(np.abs(to_dps(gyr_rates(made.imu))), axis=0))
 
 
 def over_seeds(work: Work, runs: int, **parameters: str) -> tuple[Floats, Floats]:
     """Median of the largest errors (3,), degrees, by quaternion and per axis, with the parts' noise and rounding."""
-    found: tuple[list[Floats], list[Floats]] = ([], [])
+    peaks: tuple[list[Floats], list[Floats]] = ([], [])
     for seed in work.seeds(runs):
         made = simulate("fin", frame="NED", sensors=fin_unit(work.seed), unit="calibrated", seed=seed, **parameters)
-        found[0].append(np.max(np.abs(errors_deg(integrated(made.imu), made.truth)), axis=0))
-        found[1].append(np.max(np.abs(per_axis_deg(made.imu) - true_deg(made.truth)), axis=0))
-    return np.asarray(np.median(found[0], axis=0)), np.asarray(np.median(found[1], axis=0))
+        peaks[0].append(np.max(np.abs(errors_deg(integrated(made.imu), made.truth)), axis=0))
+        peaks[1].append(np.max(np.abs(per_axis_deg(made.imu) - true_deg(made.truth)), axis=0))
+    return np.asarray(np.median(peaks[0], axis=0)), np.asarray(np.median(peaks[1], axis=0))
 
 
 def coning() -> float:
@@ -230,18 +230,18 @@ def clipped(work: Work) -> Clipped:
     taken = work.recorded(
         "fin", "fast", session=LIVE, unit="calibrated", duration=20.0, scenario="fin", set={"frequency": "1 Hz"}
     )
-    imu = samples_of(taken.recording)
+    imu = recorded_samples(taken.recording)
     made = simulate("fin", frame="NED", sensors="ideal", unit="calibrated", seed=0, duration=20.0, frequency=1.0)
-    said = to_dps(rates_of(imu))
+    said = to_dps(gyr_rates(imu))
     at_end = (np.abs(said[:, :2]) >= 100.0).any(axis=1) | (np.abs(said[:, 2]) >= 300.0)
     flagged = (imu.flags & np.uint32(flags.GYR_CLIPPED)) != 0
     return Clipped(
         imu.t,
-        to_dps(rates_of(made.imu)),
+        to_dps(gyr_rates(made.imu)),
         said,
         float(np.mean(flagged)),
         int(np.sum(at_end & ~flagged)),
-        errors_deg(integrated(imu), track_of(taken.truth)),
+        errors_deg(integrated(imu), read_track(taken.truth)),
     )
 
 
@@ -304,11 +304,11 @@ def high_passed(work: Work, still: Path) -> HighPassed:
 
 
 def _z_dps(recording: Path) -> Floats:
-    return np.ascontiguousarray(to_dps(rates_of(samples_of(recording)))[:, 2])
+    return np.ascontiguousarray(to_dps(gyr_rates(recorded_samples(recording)))[:, 2])
 
 
 def _through_bytes(work: Work, name: str, made: Simulation) -> ImuData:
-    return samples_of(work.sent("fin", name, made).recording)
+    return recorded_samples(work.sent("fin", name, made).recording)
 
 
 class WarmedUp(NamedTuple):
@@ -367,7 +367,7 @@ def warmed_up(work: Work) -> WarmedUp:
         t,
         np.asarray(second.temp_c),
         {
-            name: to_dps(rates_of(imu)[: 500 * (len(imu) // 500)].reshape(-1, 500, 3).mean(axis=1))
+            name: to_dps(gyr_rates(imu)[: 500 * (len(imu) // 500)].reshape(-1, 500, 3).mean(axis=1))
             for name, imu in by.items()
         },
         {name: to_deg(euler_zyx_from_quat(integrated(imu).q_nb)) for name, imu in by.items()},

@@ -105,7 +105,7 @@ def part(work: Work, samples: int) -> tuple[Report, Sequence[Outcome]]:
     samples : int
         That a record of 220 s had when it was decoded.
     """
-    fields = {one.name: one for one in find_format("fin").bind().messages[0].fields}
+    fields = {field.name: field for field in find_format("fin").bind().messages[0].fields}
     z, x = fields["gyr.z"], fields["gyr.x"]
     signed, unsigned = word(work.folder, "s16"), word(work.folder, "u16")
     outcomes = [
@@ -180,9 +180,9 @@ def _sheet(key: str, part: str, en: str, zh: str, unit: str, paper: float, value
     )
 
 
-def _counts(one: Field) -> float:
-    return 1.0 / float(to_dps(abs(one.scale)))
+def _counts(field: Field) -> float:
+    return 1.0 / float(to_dps(abs(field.scale)))
 
 
-def _range(one: Field) -> float:
-    return float(to_dps(one.full_scale))
+def _range(field: Field) -> float:
+    return float(to_dps(field.full_scale))

@@ -19,7 +19,7 @@ def run(work: Work) -> Paper:
     """Run the paper: one recording through bytes, and its methods over many seeds."""
     step = work.steps(2 + SEEDS + TRIED)
     step("rig, recording and estimates")
-    one = compared.compared(work)
+    experiment = compared.compared(work)
     seeds = work.seeds(SEEDS)
     table = methods.measure(seeds, progress=lambda _: step("methods over seeds"))
     limits = []
@@ -31,14 +31,14 @@ def run(work: Work) -> Paper:
     first = methods.case(seeds[0])
     forms = equations.forms(first)
     outcomes = [
-        *results.chain(one),
+        *results.chain(experiment),
         *equations.formulas(work.seed),
         *equations.misprinted(table),
         *equations.numerics(forms),
-        *results.through_bytes(one),
+        *results.through_bytes(experiment),
         *results.over_seeds(table),
     ]
-    return Paper(report=page.page(one, table, limits, forms, equations.grown(first)), outcomes=outcomes)
+    return Paper(report=page.page(experiment, table, limits, forms, equations.grown(first)), outcomes=outcomes)
 
 
 _BEYOND: Final = "It is electrical: the bytes that come out of it are emulated, and hardware is beyond this package."

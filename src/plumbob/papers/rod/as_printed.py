@@ -162,7 +162,7 @@ def filtered(
     joseph: bool, carried: bool, single: bool, q_nb: Floats, length: Floats,
 ) -> None:  # fmt: skip
     """Take all samples; x (7,) and p (7, 7) are the state, q_nb (N, 4) and length (N,) what comes out."""
-    phi, h, ph, k, left = np.zeros((7, 7)), np.zeros((3, 7)), np.zeros((7, 3)), np.zeros((7, 3)), np.zeros((7, 7))
+    phi, h, ph, k, i_kh = np.zeros((7, 7)), np.zeros((3, 7)), np.zeros((7, 3)), np.zeros((7, 3)), np.zeros((7, 7))
     work, s, inverse, e = np.zeros((7, 7)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
     store(x, p, single)
     for n in range(gyr.shape[0]):
@@ -181,7 +181,7 @@ def filtered(
         for i in range(7):
             x[i] += k[i, 0] * e[0] + k[i, 1] * e[1] + k[i, 2] * e[2]  # [Li2012] step (5)
         store(x, p, single)
-        shrink(p, k, h, var[n], joseph, left, work)
+        shrink(p, k, h, var[n], joseph, i_kh, work)
         store(x, p, single)
         size = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3])
         length[n] = size
@@ -312,13 +312,13 @@ def gain(p: Floats, h: Floats, var: float, ph: Floats, s: Floats, inverse: Float
 
 
 @kernel
-def shrink(p: Floats, k: Floats, h: Floats, var: float, joseph: bool, left: Floats, work: Floats) -> None:
+def shrink(p: Floats, k: Floats, h: Floats, var: float, joseph: bool, i_kh: Floats, work: Floats) -> None:
     """Set P to (I−KH)P⁻, or by Joseph's form."""
     for i in range(7):
         for j in range(7):
-            left[i, j] = (1.0 if i == j else 0.0) - (k[i, 0] * h[0, j] + k[i, 1] * h[1, j] + k[i, 2] * h[2, j])
+            i_kh[i, j] = (1.0 if i == j else 0.0) - (k[i, 0] * h[0, j] + k[i, 1] * h[1, j] + k[i, 2] * h[2, j])
     if joseph:
-        sandwich(left, p, work)
+        sandwich(i_kh, p, work)
         for i in range(7):
             for j in range(7):
                 p[i, j] += var * (k[i, 0] * k[j, 0] + k[i, 1] * k[j, 1] + k[i, 2] * k[j, 2])
@@ -327,7 +327,7 @@ def shrink(p: Floats, k: Floats, h: Floats, var: float, joseph: bool, left: Floa
         for j in range(7):
             total = 0.0
             for m in range(7):
-                total += left[i, m] * p[m, j]
+                total += i_kh[i, m] * p[m, j]
             work[i, j] = total  # [Li2012] step (6)
     for i in range(7):
         for j in range(7):

@@ -16,7 +16,7 @@ from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack
-from plumbob.door.calibrate import track_of
+from plumbob.door.calibrate import read_track
 from plumbob.door.estimate import estimate
 from plumbob.live.emulated import unit_file
 from plumbob.live.rigs.plan import PLANS
@@ -151,8 +151,8 @@ def mount_from_gravity(q_ref: Floats, q_est: Floats) -> Floats:
     It needs no heading: it is the least-squares rotation of one set of vertical directions onto the other.
     """
     ours, theirs = (quat_rotate(quat_conjugate(q), DOWN) for q in (q_est, q_ref))
-    left, _, right = np.linalg.svd(theirs.T @ ours)
-    turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    u, _, vt = np.linalg.svd(theirs.T @ ours)
+    turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
     return np.asarray(quat_from_dcm(turn))
 
 
@@ -164,13 +164,13 @@ def mount_angles(q: Floats) -> Floats:
 def compared(work: Work, duration: float = 600.0) -> Compared:
     """Emulate the rig into bytes, record them by a session, and estimate from the recording."""
     taken = work.recorded("rod", "rod", session=SESSION.format(seed=work.seed), duration=duration, **RIG)
-    tracks, found = {}, None
+    tracks, estimation = {}, None
     for key, line in LINES.items():
-        found = estimate(taken.recording, line.filter, params=line.params)
-        tracks[key] = found.track
-    assert found is not None
-    assert found.reference is not None
-    truth, ahrs_true = (track_of(path) for path in (taken.truth, unit_file(taken.truth, "ref")))
+        estimation = estimate(taken.recording, line.filter, params=line.params)
+        tracks[key] = estimation.track
+    assert estimation is not None
+    assert estimation.reference is not None
+    truth, ahrs_true = (read_track(path) for path in (taken.truth, unit_file(taken.truth, "ref")))
     soft = tracks["ekf7"]
     assert soft.flags is not None
     assert soft.bias_b is not None
@@ -179,7 +179,7 @@ def compared(work: Work, duration: float = 600.0) -> Compared:
         soft.t - soft.t[0],
         {key: track.q_nb for key, track in tracks.items()},
         truth,
-        found.reference.q_nb,
+        estimation.reference.q_nb,
         ahrs_true.q_nb,
         (soft.flags & flags.AT_REST) != 0,
         soft.bias_b,

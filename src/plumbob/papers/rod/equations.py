@@ -53,7 +53,7 @@ TILTS: Final = {
 def by_differences(f: Callable[[Floats], Floats], at: Floats) -> Floats:
     """Matrix of central differences of a function of a vector."""
     steps = STEP * np.eye(at.size)
-    return np.array([(np.asarray(f(at + one)) - np.asarray(f(at - one))) / (2.0 * STEP) for one in steps]).T
+    return np.array([(np.asarray(f(at + step)) - np.asarray(f(at - step))) / (2.0 * STEP) for step in steps]).T
 
 
 def worst_jacobians(seed: int, count: int = 200) -> tuple[float, float]:
@@ -66,8 +66,8 @@ def worst_jacobians(seed: int, count: int = 200) -> tuple[float, float]:
         def stepped(v: Floats, w: Floats = w) -> Floats:
             return np.concatenate((v[:4] + 0.5 * dt * omega(w - v[4:]) @ v[:4], v[4:]))
 
-        found = transition(q, w - bias, dt)
-        phi = max(phi, float(np.abs(found - by_differences(stepped, np.concatenate((q, bias)))).max()))
+        jacobian = transition(q, w - bias, dt)
+        phi = max(phi, float(np.abs(jacobian - by_differences(stepped, np.concatenate((q, bias)))).max()))
         rows = observation(q)[:, :4]
         h = max(h, float(np.abs(rows - by_differences(observed, q)).max() / np.abs(rows).max()))
     return phi, h
@@ -85,7 +85,7 @@ def euler_matrix(roll: float, pitch: float, yaw: float) -> Floats:
     )
 
 
-def turned(w: Floats, *, half_angle: bool) -> float:
+def turn_angle(w: Floats, *, half_angle: bool) -> float:
     """Angle, °, by which (10) turns for a rotation vector (3,), rad; as it is printed without the half angle."""
     size = float(np.linalg.norm(w))
     angle = 0.5 * size if half_angle else size
@@ -225,9 +225,9 @@ def _of_gravity() -> list[Outcome]:
             key="misprint.eq10",
             where="(10)",
             unit="°",
-            faithful=turned(w, half_angle=False),
+            faithful=turn_angle(w, half_angle=False),
             faithful_bar=_near(108.0, 0.01),
-            best=turned(w, half_angle=True),
+            best=turn_angle(w, half_angle=True),
             best_bar=_near(54.0, 0.01),
             what=Both("turn for W = 54°, as printed; with the half angle", "W = 54° 时按印刷转过的角度；用半角"),
         ),
@@ -274,17 +274,17 @@ def _of_matrices(seed: int) -> list[Outcome]:
 
 def permutations() -> list[Outcome]:
     """What it costs to exchange Euler angles instead, and that the rotation costs nothing."""
-    found = []
+    outcomes = []
     for (roll, pitch), bars in TILTS.items():
         at = deg(np.array([roll])), deg(np.array([pitch]))
         exchanged, rotated = (np.abs(permutation_error(*at, by=by)[:, 0]) for by in (permuted, mapped))
-        for axis, size, left, bar in zip(("roll", "pitch"), exchanged, rotated, bars, strict=True):
+        for axis, size, residual, bar in zip(("roll", "pitch"), exchanged, rotated, bars, strict=True):
             chinese = {"roll": "横滚", "pitch": "俯仰"}[axis]
             what = Both(
                 f"error of {axis} by exchanged angles at {roll:g}° of roll and {pitch:g}° of pitch",
                 f"横滚 {roll:g}°、俯仰 {pitch:g}° 时互换欧拉角的{chinese}误差",
             )
-            found.append(
+            outcomes.append(
                 Outcome(
                     key=f"exchange.{roll:g}.{pitch:g}.{axis}",
                     where="§3.2",
@@ -292,19 +292,19 @@ def permutations() -> list[Outcome]:
                     unit="°",
                     faithful=float(size),
                     faithful_bar=bar,
-                    best=float(left),
+                    best=float(residual),
                     best_bar=at_most(1e-7),
                 )
             )
-    return found
+    return outcomes
 
 
 def misprinted(table: methods.Table) -> list[Outcome]:
     """Outcomes of the misprints that only a run shows."""
-    early, late = (float(of("unpredicted").max()) for of in (table.early, table.late))
-    lean = float(np.median([one.lean for one in table.scores["upside_down"]]))
-    sane = float(np.median([one.lean for one in table.scores["ekf7"]]))
-    whole = float(table.largest("whole_angle").mean())
+    early, late = (float(largest("unpredicted").max()) for largest in (table.early, table.late))
+    lean = float(np.median([score.lean for score in table.scores["upside_down"]]))
+    sane = float(np.median([score.lean for score in table.scores["ekf7"]]))
+    whole_angle = float(table.largest("whole_angle").mean())
     fails = at_least(methods.LIMIT)
     return [
         Outcome(
@@ -324,7 +324,7 @@ def misprinted(table: methods.Table) -> list[Outcome]:
             key="misprint.half_angle",
             where="(10)",
             unit="°",
-            faithful=whole,
+            faithful=whole_angle,
             faithful_bar=fails,
             best=float(table.largest("r01").mean()),
             what=Both(
@@ -399,11 +399,11 @@ class Grown(NamedTuple):
 
 def grown(one: methods.Case) -> list[Grown]:
     """Follow the covariance of the paper's equations over a run, R = (0.1 g)²."""
-    found = []
+    growth = []
     for count in np.unique(np.geomspace(200, len(one.imu), 16).astype(np.int64)):
         run = literal(one.imu[: int(count)])
-        found.append(_grown(run.p, run.q_nb[-1], float(one.imu.t[count - 1] - one.imu.t[0])))
-    return found
+        growth.append(_grown(run.p, run.q_nb[-1], float(one.imu.t[count - 1] - one.imu.t[0])))
+    return growth
 
 
 def _grown(p: Floats, q: Floats, t: float) -> Grown:
@@ -443,7 +443,7 @@ class Numerics(NamedTuple):
 
 def forms(one: methods.Case) -> list[Numerics]:
     """Run the paper's equations in several forms: update, precision, normalisation; R = (0.1 g)²."""
-    found = []
+    per_form = []
     for name, form in (
         (Both("(I−KH)P, as printed", "(I−KH)P，按印刷"), Form()),
         (Both("Joseph's form", "Joseph 形式"), Form(joseph=True)),
@@ -455,8 +455,8 @@ def forms(one: methods.Case) -> list[Numerics]:
         size = methods.score(one.imu.t, run.q_nb, one.truth.q_nb).largest
         least = float(np.linalg.eigvalsh(0.5 * (run.p + run.p.T)).min())
         lengths = float(run.length[100:].min()), float(run.length[100:].max())
-        found.append(Numerics(name, size, lengths, least, _grown(run.p, run.q_nb[-1], float(one.imu.t[-1]))))
-    return found
+        per_form.append(Numerics(name, size, lengths, least, _grown(run.p, run.q_nb[-1], float(one.imu.t[-1]))))
+    return per_form
 
 
 def numerics_table(found: Sequence[Numerics]) -> Table:
@@ -472,15 +472,15 @@ def numerics_table(found: Sequence[Numerics]) -> Table:
     )
     rows = [
         [
-            one.name,
-            f"{one.largest:.2f}",
-            "{:.4f} … {:.4f}".format(*one.lengths),
-            f"{one.end.length**2:.1e}",
-            f"{one.least:.1e}",
-            f"{one.end.condition:.1e}",
-            f"{one.end.heading:.1f}",
+            form.name,
+            f"{form.largest:.2f}",
+            "{:.4f} … {:.4f}".format(*form.lengths),
+            f"{form.end.length**2:.1e}",
+            f"{form.least:.1e}",
+            f"{form.end.condition:.1e}",
+            f"{form.end.heading:.1f}",
         ]
-        for one in found
+        for form in found
     ]
     return Table(Both("P after 600 s, R = (0.1 g)²", "600 s 后的 P，R = (0.1 g)²"), head, rows)
 

@@ -100,14 +100,14 @@ def _angle(q_nb: Floats, column: int) -> Floats:
 
 
 def _angles(run: Compared, column: int, label: Both, canvas: "FigureBase") -> None:
-    whole, near, close = canvas.subplots(3, 1)
+    full, near, close = canvas.subplots(3, 1)
     lines: tuple[tuple[Floats, dict[str, Any]], ...] = (
         (run.tracks["accel"], {"color": SOFT}),
         (run.reference, {"color": INK}),
         (run.tracks["ekf7"], {"color": _BLUE}),
         (run.tracks["smoother"], {"color": _GREEN, "linestyle": "--"}),
     )
-    for ax, window in ((whole, (0.0, float(run.t[-1]))), (near, ZOOM), (close, CLOSE)):
+    for ax, window in ((full, (0.0, float(run.t[-1]))), (near, ZOOM), (close, CLOSE)):
         inside = (run.t >= window[0]) & (run.t <= window[1])
         for q_nb, style in lines:
             _line(ax, run.t[inside], _angle(q_nb[inside], column), **style)
@@ -123,8 +123,8 @@ def _angles(run: Compared, column: int, label: Both, canvas: "FigureBase") -> No
 
 
 def _pair(ax: "Axes", t: Floats, errors: Floats, label: Both, most: float | None = None) -> None:
-    for one, colour in zip(errors, (_BLUE, _RED), strict=True):
-        _line(ax, t, one, jump=180.0, color=colour)
+    for error, colour in zip(errors, (_BLUE, _RED), strict=True):
+        _line(ax, t, error, jump=180.0, color=colour)
     for limit in (-LIMIT, LIMIT):
         ax.axhline(limit, color=MUTED, linewidth=0.7, linestyle="--")
     ax.axvline(SHAKEN, color=MUTED, linewidth=0.6, linestyle=":")
@@ -230,17 +230,17 @@ def exchange_figure(run: Compared) -> Figure:
 def _exchange(run: Compared, canvas: "FigureBase") -> None:
     from plumbob.papers.rod.comparison import mapped, permuted
 
-    left, right = canvas.subplots(1, 2)
+    ax, run_ax = canvas.subplots(1, 2)
     tilt = np.linspace(0.0, 35.0, 141)
-    for one, colour in zip(np.abs(permutation_error(deg(tilt), deg(tilt))), (_BLUE, _RED), strict=True):
-        left.plot(tilt, one, color=colour, linewidth=1.0)
-    left.plot(tilt, np.abs(permutation_error(deg(tilt), deg(tilt), by=mapped)).max(axis=0), color=_GREEN, linewidth=1.0)
-    left.axhline(LIMIT, color=MUTED, linewidth=0.7, linestyle="--")
-    left.set_xlabel(Both("roll = pitch [°]", "横滚角 = 俯仰角 [°]"))
-    left.set_ylabel(Both("error [°]", "误差 [°]"))
+    for error, colour in zip(np.abs(permutation_error(deg(tilt), deg(tilt))), (_BLUE, _RED), strict=True):
+        ax.plot(tilt, error, color=colour, linewidth=1.0)
+    ax.plot(tilt, np.abs(permutation_error(deg(tilt), deg(tilt), by=mapped)).max(axis=0), color=_GREEN, linewidth=1.0)
+    ax.axhline(LIMIT, color=MUTED, linewidth=0.7, linestyle="--")
+    ax.set_xlabel(Both("roll = pitch [°]", "横滚角 = 俯仰角 [°]"))
+    ax.set_ylabel(Both("error [°]", "误差 [°]"))
     errors = tilt_errors(permuted(run.ahrs_true), mapped(run.ahrs_true))
-    _pair(right, run.t, errors, Both("error [°]", "误差 [°]"))
-    right.set_xlabel(_TIME)
+    _pair(run_ax, run.t, errors, Both("error [°]", "误差 [°]"))
+    run_ax.set_xlabel(_TIME)
 
 
 def covariance_figure(steps: Sequence[Grown]) -> Figure:
@@ -258,16 +258,16 @@ def covariance_figure(steps: Sequence[Grown]) -> Figure:
 
 
 def _covariance(steps: Sequence[Grown], canvas: "FigureBase") -> None:
-    left, right = canvas.subplots(1, 2)
-    t = [one.t for one in steps]
-    left.loglog(t, [one.heading for one in steps], color=_RED, marker=".", linewidth=1.0)
-    left.loglog(t, [one.tilt for one in steps], color=_BLUE, marker=".", linewidth=1.0)
-    left.set_ylabel(Both("standard deviation [°]", "标准差 [°]"))
-    right.loglog(t, [one.length for one in steps], color=_GREEN, marker=".", linewidth=1.0)
-    right.set_ylabel(Both("standard deviation of |q|", "|q| 的标准差"))
-    left.set_yticks((0.2, 0.5, 1.0, 2.0, 5.0, 10.0), ("0.2", "0.5", "1", "2", "5", "10"))
-    right.set_yticks((5e-4, 1e-3, 2e-3), ("0.0005", "0.001", "0.002"))
-    for ax in (left, right):
+    angle_ax, length_ax = canvas.subplots(1, 2)
+    t = [step.t for step in steps]
+    angle_ax.loglog(t, [step.heading for step in steps], color=_RED, marker=".", linewidth=1.0)
+    angle_ax.loglog(t, [step.tilt for step in steps], color=_BLUE, marker=".", linewidth=1.0)
+    angle_ax.set_ylabel(Both("standard deviation [°]", "标准差 [°]"))
+    length_ax.loglog(t, [step.length for step in steps], color=_GREEN, marker=".", linewidth=1.0)
+    length_ax.set_ylabel(Both("standard deviation of |q|", "|q| 的标准差"))
+    angle_ax.set_yticks((0.2, 0.5, 1.0, 2.0, 5.0, 10.0), ("0.2", "0.5", "1", "2", "5", "10"))
+    length_ax.set_yticks((5e-4, 1e-3, 2e-3), ("0.0005", "0.001", "0.002"))
+    for ax in (angle_ax, length_ax):
         ax.set_xticks((3.0, 10.0, 30.0, 100.0, 300.0), ("3", "10", "30", "100", "300"))
         ax.minorticks_off()
         ax.set_xlabel(_TIME)

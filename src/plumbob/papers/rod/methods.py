@@ -96,21 +96,21 @@ def _filtered(
 ) -> Way:
     """A filter of Plumbob, with a user's parameters or the unit's noise card."""
 
-    def way(one: Case) -> Floats:
-        stage = Stage(filter, params or {}, noise=one.noise if card else None)
-        return run_stage(one.started if started else one.imu, stage, frame=Frame.NED).q_nb
+    def way(rod: Case) -> Floats:
+        stage = Stage(filter, params or {}, noise=rod.noise if card else None)
+        return run_stage(rod.started if started else rod.imu, stage, frame=Frame.NED).q_nb
 
     return way
 
 
 def _literal(acc_g: float = 0.1, *, started: bool = False, **form: bool) -> Way:
     """The paper's equations with one noise of the accelerometer, g, and with switches."""
-    return lambda one: literal.literal(one.started if started else one.imu, g(acc_g), Form(**form)).q_nb
+    return lambda rod: literal.literal(rod.started if started else rod.imu, g(acc_g), Form(**form)).q_nb
 
 
-def _switched(one: Case) -> Floats:
+def _switched(rod: Case) -> Floats:
     """The paper's equations with two noises, at rest and in motion."""
-    return literal.literal(one.imu, np.where(one.rest, REST_SD, MOTION_SD)).q_nb
+    return literal.literal(rod.imu, np.where(rod.rest, REST_SD, MOTION_SD)).q_nb
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +145,7 @@ METHODS: Final[Mapping[str, Method]] = {
     "soft": Method(
         Both("soft switch: R 0.03 g at rest, 0.1 g in motion", "软切换：静止 R 0.03 g，运动 0.1 g"), _switched
     ),
-    "ekf7": Method(Both("ekf7: soft switch without a step", "ekf7：连续软切换"), lambda one: one.soft.q_nb, ours=True),
+    "ekf7": Method(Both("ekf7: soft switch without a step", "ekf7：连续软切换"), lambda rod: rod.soft.q_nb, ours=True),
     "unpredicted": Method(
         Both("no prediction of P, start bias removed", "无 P 预测，扣除初始零偏"),
         _literal(started=True, predicted=False),
@@ -237,25 +237,25 @@ class Table:
 
     def early(self, key: str) -> Floats:
         """Mean over the seeds of the largest error of roll and pitch before the vibration, (2,), °."""
-        return np.asarray(np.mean([one.early for one in self.scores[key]], axis=0))
+        return np.asarray(np.mean([seed_score.early for seed_score in self.scores[key]], axis=0))
 
     def late(self, key: str) -> Floats:
         """The same after it has begun."""
-        return np.asarray(np.mean([one.late for one in self.scores[key]], axis=0))
+        return np.asarray(np.mean([seed_score.late for seed_score in self.scores[key]], axis=0))
 
     def share(self, key: str) -> float:
         """Share of all samples within 1°."""
-        return float(np.mean([one.share for one in self.scores[key]]))
+        return float(np.mean([seed_score.share for seed_score in self.scores[key]]))
 
     def rms(self, key: str) -> float:
         """Root mean square of roll and pitch over all seeds, the larger one, °."""
-        return float(np.sqrt(np.mean([one.rms**2 for one in self.scores[key]], axis=0)).max())
+        return float(np.sqrt(np.mean([seed_score.rms**2 for seed_score in self.scores[key]], axis=0)).max())
 
     def largest(self, key: str) -> Floats:
         """Largest error of each seed, (seeds,), °."""
-        return np.array([one.largest for one in self.scores[key]])
+        return np.array([seed_score.largest for seed_score in self.scores[key]])
 
-    def kept(self, key: str) -> float:
+    def pass_rate(self, key: str) -> float:
         """Share of the seeds whose largest error is within 1°."""
         return float(np.mean(self.largest(key) <= LIMIT))
 
@@ -269,18 +269,18 @@ def measure(
 ) -> Table:
     """Run every way on every seed."""
     scores: dict[str, list[Score]] = {key: [] for key in keys}
-    found: dict[str, list[float]] = {"ekf7": [], "hard": [], "hard_reset": []}
+    jump_sizes: dict[str, list[float]] = {"ekf7": [], "hard": [], "hard_reset": []}
     rested = []
     for done, seed in enumerate(seeds):
         progress(done)
-        one = case(seed, duration)
+        rod = case(seed, duration)
         for key in keys:
-            q_nb = METHODS[key].way(one)
-            scores[key].append(score(one.imu.t, q_nb, one.truth.q_nb))
-            if key in found:
-                found[key].append(jumps(q_nb, one.truth.q_nb, one.rest))
-        rested.append(float(one.rest.mean()))
-    return Table(scores, found, rested)
+            q_nb = METHODS[key].way(rod)
+            scores[key].append(score(rod.imu.t, q_nb, rod.truth.q_nb))
+            if key in jump_sizes:
+                jump_sizes[key].append(jumps(q_nb, rod.truth.q_nb, rod.rest))
+        rested.append(float(rod.rest.mean()))
+    return Table(scores, jump_sizes, rested)
 
 
 class Disturbance(NamedTuple):

@@ -263,7 +263,7 @@ def _compared(run: Compared) -> Report:
             numbers = [f"{v:.3f}" for v in (*part.largest, *part.rms)]
             rows.append([Both(f"{line.name}: {part.name}", f"{line.name.zh}：{part.name.zh}"), *numbers])
     rows += [[part.name, *(f"{v:.3f}" for v in (*part.largest, *part.rms))] for part in budget(run, "ekf7")[3:]]
-    found, true = (
+    estimated, true = (
         ", ".join(f"{v:.2f}".replace("-", "−") for v in mount_angles(q)) for q in (run.mounting, run.true_mounting)
     )
     return Report(
@@ -284,8 +284,8 @@ def _compared(run: Compared) -> Report:
             (
                 Both("mounting of the AHRS500GA", "AHRS500GA 安装误差"),
                 Both(
-                    f"found from gravity {found}°, true {true}° about x, y, z",
-                    f"由重力求得 {found}°，真值 {true}°（绕 x、y、z）",
+                    f"found from gravity {estimated}°, true {true}° about x, y, z",
+                    f"由重力求得 {estimated}°，真值 {true}°（绕 x、y、z）",
                 ),
             ),
         ],
@@ -336,7 +336,7 @@ def _methods(table: Scores) -> Report:
             f"{100.0 * table.share(key):.1f}",
             f"{table.rms(key):.3f}",
             f"{table.largest(key).max():.2f}",
-            f"{100.0 * table.kept(key):.0f}",
+            f"{100.0 * table.pass_rate(key):.0f}",
         ]
         for key in table.scores
     }
@@ -417,7 +417,7 @@ def _mounting(run: Compared) -> Report:
 def _limits(limits: Sequence[Sequence[Sequence[float]]]) -> Report:
     mean = np.mean(np.array(limits), axis=0)
     head = (Both("method", "方法"), *(what.name for what in DISTURBANCES))
-    rows = [[one.name, *(f"{v:.2f}" for v in line)] for one, line in zip(DISTURBED.values(), mean.T, strict=True)]
+    rows = [[method.name, *(f"{v:.2f}" for v in line)] for method, line in zip(DISTURBED.values(), mean.T, strict=True)]
     return Report(
         Both("What the test leaves out", "试验未涉及的情况"),
         tables=[

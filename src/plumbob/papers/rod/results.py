@@ -20,10 +20,10 @@ _AXES: Final = (("roll", "横滚角"), ("pitch", "俯仰角"))
 
 def chain(run: Compared) -> list[Outcome]:
     """Figures of the measuring system: rates, packets, accuracy of the reference."""
-    reset = next(one.reset for one in device("adis16355").registers if one.name == "SMPL_PRD")
+    reset = next(register.reset for register in device("adis16355").registers if register.name == "SMPL_PRD")
     assert reset is not None
     packet = device("ahrs500ga")
-    first = next(one.at for one in packet.messages[0].fields if one.name == "roll")
+    first = next(field.at for field in packet.messages[0].fields if field.name == "roll")
     step = float(np.median(np.diff(run.t)))
     heading, tilt = reference_rms()
     claim = Both("a claim of the paper, which no public text confirms", "论文所称，无公开资料可证实")
@@ -141,7 +141,7 @@ def through_bytes(run: Compared) -> list[Outcome]:
     """What the paper's comparison gives on the recording, and what it is made of."""
     faithful, best = ({part.name[:]: part for part in budget(run, key)} for key in ("ekf7", "smoother"))
     names = list(faithful)
-    found = []
+    outcomes = []
     for i, (axis, chinese) in enumerate(_AXES):
         for key, name, paper, what in (
             (
@@ -157,8 +157,8 @@ def through_bytes(run: Compared) -> list[Outcome]:
                 Both(f"largest error of {axis} against the truth", f"{chinese}相对真值的最大误差"),
             ),
         ):
-            values = (float(one[name].largest[i]) for one in (faithful, best))
-            found.append(
+            values = (float(budgets[name].largest[i]) for budgets in (faithful, best))
+            outcomes.append(
                 Outcome(
                     key=f"bytes.{key}.{axis}",
                     where="§3.3 (2)" if paper else "",
@@ -179,7 +179,7 @@ def through_bytes(run: Compared) -> list[Outcome]:
         ("gyro", Both("largest error of the gyroscope alone in the same recording", "同一记录中仅陀螺仪的最大误差")),
     ):
         size = float(np.abs(run.errors(run.tracks[key], run.truth.q_nb)).max())
-        found.append(
+        outcomes.append(
             Outcome(
                 key=f"bytes.{key}",
                 where="§3.3",
@@ -204,21 +204,22 @@ def through_bytes(run: Compared) -> list[Outcome]:
     ]
     for what, key, name in parts:
         values = (
-            100.0 * float((one[name].rms ** 2).sum() / (one[names[0]].rms ** 2).sum()) for one in (faithful, best)
+            100.0 * float((budgets[name].rms ** 2).sum() / (budgets[names[0]].rms ** 2).sum())
+            for budgets in (faithful, best)
         )
-        found.append(
+        outcomes.append(
             Outcome(key=f"bytes.share.{key}", where="", what=what, unit="%", faithful=next(values), best=next(values))
         )
     assert run.truth.bias_b is not None
     late = run.t > run.t[-1] - 100.0
-    left = to_deg(np.sqrt(((run.bias - run.truth.bias_b)[late] ** 2).mean()))
+    bias_error = to_deg(np.sqrt(((run.bias - run.truth.bias_b)[late] ** 2).mean()))
     was = to_deg(np.sqrt((run.truth.bias_b[late] ** 2).mean()))
-    found.append(
+    outcomes.append(
         Outcome(
             key="bytes.bias",
             where="§3.3 (3)",
             unit="°/s",
-            faithful=float(left),
+            faithful=float(bias_error),
             faithful_bar=at_most(float(was)),
             what=Both(
                 f"error of the estimated drift, rms of the last 100 s; the drift itself is {was:.3f} °/s",
@@ -226,7 +227,7 @@ def through_bytes(run: Compared) -> list[Outcome]:
             ),
         )
     )
-    return found
+    return outcomes
 
 
 def over_seeds(table: Table) -> list[Outcome]:
@@ -236,7 +237,7 @@ def over_seeds(table: Table) -> list[Outcome]:
 
 def _alone(table: Table) -> list[Outcome]:
     """Each sensor alone, as the paper shows it."""
-    late = [float(one.late.max()) for one in table.scores["accel"]]
+    late = [float(score.late.max()) for score in table.scores["accel"]]
     gyro = table.largest("gyro")
     by_hand = Both(
         "a hand moves the rod and a specific force of the ADIS16355 scatters by 0.02 g: it is right on the mean alone",
@@ -311,9 +312,9 @@ def _fused(table: Table) -> list[Outcome]:
             where="§3.3 (2)",
             unit="%",
             paper=100.0,
-            faithful=100.0 * table.kept("ekf7"),
+            faithful=100.0 * table.pass_rate("ekf7"),
             faithful_bar=at_least(95.0),
-            best=100.0 * table.kept("smoother"),
+            best=100.0 * table.pass_rate("smoother"),
             best_bar=at_least(95.0),
             what=Both("seeds in which roll and pitch stay within ±1°", "横滚、俯仰角误差始终在 ±1° 内的种子占比"),
         ),
@@ -322,7 +323,7 @@ def _fused(table: Table) -> list[Outcome]:
             where="§2.4",
             unit="%",
             paper=100.0,
-            faithful=100.0 * table.kept("r01"),
+            faithful=100.0 * table.pass_rate("r01"),
             faithful_bar=at_least(95.0),
             what=Both(
                 "the same for the corrected equations alone, R = (0.1 g)², no switch",
@@ -333,7 +334,7 @@ def _fused(table: Table) -> list[Outcome]:
             key="fused.causal",
             where="",
             unit="%",
-            best=100.0 * table.kept("mekf_card"),
+            best=100.0 * table.pass_rate("mekf_card"),
             best_bar=at_least(95.0),
             what=Both("the same for mekf with the unit's noise card, causal", "同上，mekf 配噪声卡，实时"),
         ),

@@ -36,7 +36,7 @@ def run(work: Work) -> Paper:
     begin(names[3])
     card = recorded.card(work)
     begin(names[4])
-    turned = recorded.turned(work, card)
+    turned = recorded.turntable_run(work, card)
     begin(names[5])
     lapped = recorded.lapped(work, card)
     begin(names[6])
@@ -51,7 +51,7 @@ def run(work: Work) -> Paper:
     table = {scale: turntable.measure_turntable(seeds["table"], scale) for scale in turntable.SCALES}
     gain = turntable.best_gain(seeds["table"], _GAINS)
     begin(names[11])
-    found = Found(
+    paper_run = Found(
         seeds=SEEDS,
         parts=parts,
         soaked=soaked,
@@ -68,7 +68,7 @@ def run(work: Work) -> Paper:
         printed=misprints.allan_of_white(first),
         matrix=misprints.one_number_for_a_matrix(first),
     )
-    return Paper(report=page(found, work.seed), outcomes=found.outcomes())
+    return Paper(report=page(paper_run, work.seed), outcomes=paper_run.outcomes())
 
 
 ITEMS: Final = (

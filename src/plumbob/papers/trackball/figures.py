@@ -164,29 +164,29 @@ def _draw_series(t: Floats, lines: Mapping[str, Floats], canvas: "FigureBase") -
 
 
 def _draw_allan(rest: Rest, short: Short, canvas: "FigureBase") -> None:
-    left, right = canvas.subplots(1, 2)
+    adev_ax, ratio_ax = canvas.subplots(1, 2)
     tau = np.array(TAUS)
     for curve, colour, dash in ((rest.compared.before, BLUE, "-"), (rest.compared.after, RED, "--")):
         dev = to_dps(curve.dev)
         bars = np.array([dev - to_dps(curve.lo), to_dps(curve.hi) - dev])
-        left.errorbar(
+        adev_ax.errorbar(
             tau, dev, bars, color=colour, linestyle=dash, linewidth=1.1, marker="o", markersize=2.5, capsize=2
         )
-    left.set_ylabel(_ADEV)
-    left.set_yscale("log")
-    left.set_ylim(1.2e-3, 0.2)
+    adev_ax.set_ylabel(_ADEV)
+    adev_ax.set_yscale("log")
+    adev_ax.set_ylim(1.2e-3, 0.2)
     for ratio, colour, values in zip(RATIOS, _RATIO_COLOURS, short.adev, strict=True):
-        right.plot(tau, values, color=colour, linewidth=1.1, marker="o", markersize=2.5, label=f"{ratio:g}")
-    right.axhline(1.0, color=MUTED, linewidth=0.6)
-    right.set_ylim(0.0, 1.1)
-    right.set_ylabel(Both("ratio after/before", "滤波后/前之比"))
-    for ax in (left, right):
+        ratio_ax.plot(tau, values, color=colour, linewidth=1.1, marker="o", markersize=2.5, label=f"{ratio:g}")
+    ratio_ax.axhline(1.0, color=MUTED, linewidth=0.6)
+    ratio_ax.set_ylim(0.0, 1.1)
+    ratio_ax.set_ylabel(Both("ratio after/before", "滤波后/前之比"))
+    for ax in (adev_ax, ratio_ax):
         _over_tau(ax)
-    _plain(left.yaxis)
+    _plain(adev_ax.yaxis)
     for time in TAUS:
         freedom = degrees_of_freedom(SAMPLES, time)
-        left.annotate(f"{freedom:.0f}", (time, 0.03), xycoords=("data", "axes fraction"), ha="center", color=MUTED)
-    left.annotate(Both("degrees of freedom", "自由度"), (0.02, 0.1), xycoords="axes fraction", color=MUTED)
+        adev_ax.annotate(f"{freedom:.0f}", (time, 0.03), xycoords=("data", "axes fraction"), ha="center", color=MUTED)
+    adev_ax.annotate(Both("degrees of freedom", "自由度"), (0.02, 0.1), xycoords="axes fraction", color=MUTED)
 
 
 def _over_tau(ax: "Axes") -> None:
@@ -225,33 +225,33 @@ def _draw_fit(fit: Fit, canvas: "FigureBase") -> None:
 
 
 def _draw_turn(turned: Turned, part: slice, canvas: "FigureBase") -> None:
-    left, right = canvas.subplots(1, 2)
+    rate_ax, error_ax = canvas.subplots(1, 2)
     t, true = turned.t[part], turned.true[part]
     lines = ((turned.raw, MUTED), (turned.rates["paper"], RED), (turned.rates["best"], GREEN))
     for rate, colour in lines:
-        left.plot(t, to_dps(rate[part]), color=colour, linewidth=0.9)
-    left.plot(t, to_dps(true), color=INK, linewidth=0.9, linestyle="--")
-    left.set_ylabel(_RATE)
+        rate_ax.plot(t, to_dps(rate[part]), color=colour, linewidth=0.9)
+    rate_ax.plot(t, to_dps(true), color=INK, linewidth=0.9, linestyle="--")
+    rate_ax.set_ylabel(_RATE)
     for rate, colour in lines[1:]:
-        right.plot(t, to_dps(rate[part] - true), color=colour, linewidth=0.8)
-    right.axhline(0.0, color=MUTED, linewidth=0.5)
-    right.set_ylim(-0.75, 0.35)
-    right.set_ylabel(_ERROR)
-    for ax in (left, right):
+        error_ax.plot(t, to_dps(rate[part] - true), color=colour, linewidth=0.8)
+    error_ax.axhline(0.0, color=MUTED, linewidth=0.5)
+    error_ax.set_ylim(-0.75, 0.35)
+    error_ax.set_ylabel(_ERROR)
+    for ax in (rate_ax, error_ax):
         ax.set_xlim(t[0], np.ceil(t[-1]))
         ax.set_xlabel(_TIME)
 
 
 def _draw_lag(turned: Turned, canvas: "FigureBase") -> None:
-    left, right = canvas.subplots(1, 2)
+    error_ax, heading_ax = canvas.subplots(1, 2)
     for name, colour in (("calibrated", BLUE), ("calibrated, paper's filter", RED), ("best", GREEN)):
         error = to_dps(turned.rates[name] - turned.true)
         smooth = np.convolve(error, np.ones(10) / 10.0, "same")
-        left.plot(turned.t, smooth, color=colour, linewidth=0.9)
-        right.plot(turned.t, to_deg(turned.headings[name]), color=colour, linewidth=1.2)
-    left.set_ylabel(Both("error, mean of 1 s [°/s]", "误差（1 s 平均）[°/s]"))
-    right.set_ylabel(Both("error of the heading [°]", "航向误差 [°]"))
-    for ax in (left, right):
+        error_ax.plot(turned.t, smooth, color=colour, linewidth=0.9)
+        heading_ax.plot(turned.t, to_deg(turned.headings[name]), color=colour, linewidth=1.2)
+    error_ax.set_ylabel(Both("error, mean of 1 s [°/s]", "误差（1 s 平均）[°/s]"))
+    heading_ax.set_ylabel(Both("error of the heading [°]", "航向误差 [°]"))
+    for ax in (error_ax, heading_ax):
         ax.axvline(SAMPLES * STEP, color=MUTED, linewidth=0.6, linestyle=":")
         ax.set_xlim(0.0, 200.0)
         ax.set_xlabel(_TIME)

@@ -45,14 +45,14 @@ def warmed(coefficient: float, seed: int) -> Warmed:
     card = calibrate(soak, "temperature").card
     model = replace(chen2013(), g_sensitivity=np.zeros((3, 3)))
     tests = [_warming(coefficient, seed + 1 + k, SAMPLES * STEP) for k in range(RUNS)]
-    raw = [one.usable("gyr")[-LAST:] for one in tests]
-    printed = [model.compensate(one.usable("gyr"), one.temp_c)[-LAST:] for one in tests]
+    raw = [test.usable("gyr")[-LAST:] for test in tests]
+    printed = [model.compensate(test.usable("gyr"), test.temp_c)[-LAST:] for test in tests]
     still = ImuData(
         t=np.array([0.0, STEP]), gyr=_true(coefficient, np.full(2, WARM[1])), temp_c=np.full(2, WARM[1]), meta=soak.meta
     )
-    own = apply_card(card, still).usable("gyr")
+    drift = apply_card(card, still).usable("gyr")
     assert card.gyr is not None
-    return Warmed(float(np.mean(raw)), float(np.mean(printed)), float(np.mean(own)), float(card.gyr.bias_per_k[0, 0]))
+    return Warmed(float(np.mean(raw)), float(np.mean(printed)), float(np.mean(drift)), float(card.gyr.bias_per_k[0, 0]))
 
 
 def _true(coefficient: float, temp_c: Floats) -> Floats:

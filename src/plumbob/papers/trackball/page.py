@@ -101,14 +101,14 @@ def page(found: Found, seed: int) -> Report:
     return Report(TITLE, facts=facts, remarks=remarks, parts=parts)
 
 
-def _drift(found: Found) -> Report:
+def _drift(run: Found) -> Report:
     rows = [
         [
             f"{part:+.2f}".replace("-", "−"),
-            *(f"{to_dps(value):.3f}" for value in (one.raw, one.printed, one.own)),
-            f"{to_dps(one.coefficient):+.4f}",
+            *(f"{to_dps(value):.3f}" for value in (warmed.raw, warmed.printed, warmed.own)),
+            f"{to_dps(warmed.coefficient):+.4f}",
         ]
-        for part, one in found.parts.items()
+        for part, warmed in run.parts.items()
     ]
     parts = Table(
         Both(
@@ -124,7 +124,7 @@ def _drift(found: Found) -> Report:
         ),
         rows,
     )
-    soak = found.soaked
+    soak = run.soaked
     ways = (
         (Both("measured", "未补偿"), soak.raw),
         (Both("(3): 0.1 for all", "式（3）：统一取 0.1"), soak.printed),
@@ -133,7 +133,7 @@ def _drift(found: Found) -> Report:
     recorded = Table(
         Both("Recorded soak of an hour, by 20 K: what is left at its end [°/s]", "实录 1 h、升温 20 K：末段剩余 [°/s]"),
         ("", "x", "y", "z"),
-        [[name, *(f"{value:.3f}" for value in to_dps(left))] for name, left in ways],
+        [[name, *(f"{value:.3f}" for value in to_dps(change))] for name, change in ways],
     )
     return Report(
         Both("1  Drift model", "1  陀螺漂移模型建立"),
@@ -169,10 +169,10 @@ def _drift(found: Found) -> Report:
     )
 
 
-def _rest(found: Found) -> Report:
+def _rest(run: Found) -> Report:
     rows = [
         [f"{q:g}", f"{steady_gain(q):.4f}", f"{theory(q):.5f}", f"{white:.5f}", f"{variance:.5f}", f"{angle:.2f}"]
-        for q, white, variance, angle in zip(RATIOS, found.white, found.short.variance, found.short.angle, strict=True)
+        for q, white, variance, angle in zip(RATIOS, run.white, run.short.variance, run.short.angle, strict=True)
     ]
     table = Table(
         Both(
@@ -189,7 +189,7 @@ def _rest(found: Found) -> Report:
         ),
         rows,
     )
-    constant = ", ".join(f"{value:.2f}".replace("-", "−") for value in to_dps(found.rest.raw.mean(axis=0)))
+    constant = ", ".join(f"{value:.2f}".replace("-", "−") for value in to_dps(run.rest.raw.mean(axis=0)))
     return Report(
         Both("2  Bias at rest and the Kalman filter", "2  陀螺仪零点漂移分析与补偿"),
         facts=[(Both("constant error J", "常值误差 J"), f"{constant} °/s")],
@@ -201,11 +201,11 @@ def _rest(found: Found) -> Report:
                 "只要 Q/R 足够小，序列都会“收敛”：该滤波器只是一阶低通；积分角度误差不变。",
             )
         ],
-        figures=figures.rest_figures(found.rest),
+        figures=figures.rest_figures(run.rest),
     )
 
 
-def _allan(found: Found) -> Report:
+def _allan(run: Found) -> Report:
     def table(title: Both, taus: Sequence[float], count: int, before: Sequence[float], ratios: Floats) -> Table:
         rows = [
             [_FREEDOM, *(f"{degrees_of_freedom(count, tau):.1f}" for tau in taus)],
@@ -218,34 +218,34 @@ def _allan(found: Found) -> Report:
         Both("Allan deviation after/before, records of 100 s", "Allan 值滤波后/前之比，100 s 记录"),
         TAUS,
         SAMPLES,
-        found.short.before.tolist(),
-        found.short.adev,
+        run.short.before.tolist(),
+        run.short.adev,
     )
     long = table(
         Both("4 h at rest, with a random walk of the bias besides", "静置 4 h（另含零偏随机游走）"),
         LONG_TAUS,
         round(LONG / STEP),
-        found.long.before.tolist(),
-        found.long.adev,
+        run.long.before.tolist(),
+        run.long.adev,
     )
     return Report(
         Both("Allan variance", "Allan 方差分析"),
         tables=[short, long],
         remarks=[
             Both(
-                f"Over four hours Q/R = {AT_REST:g} leaves {100 * found.long.adev[2, 3]:.1f} % of the Allan deviation "
+                f"Over four hours Q/R = {AT_REST:g} leaves {100 * run.long.adev[2, 3]:.1f} % of the Allan deviation "
                 "at 100 s and all of it at 600 s: the bias instability is not reduced.",
-                f"4 h 记录中，Q/R = {AT_REST:g} 时 100 s 处的 Allan 值仍保留 {100 * found.long.adev[2, 3]:.1f} %，600 "
+                f"4 h 记录中，Q/R = {AT_REST:g} 时 100 s 处的 Allan 值仍保留 {100 * run.long.adev[2, 3]:.1f} %，600 "
                 "s 处完全不变：零偏不稳定性没有降低。",
             ),
             Both(
                 "In a record of 100 s, one difference is left at 50 s; its relative standard deviation is "
-                f"{found.short.scatter[-1]:.2f}, so that a single pair of records may show any ratio there.",
-                f"100 s 的记录在 50 s 处只有一个差分，相对标准差 {found.short.scatter[-1]:.2f}，单次对比在该处可出现任"
+                f"{run.short.scatter[-1]:.2f}, so that a single pair of records may show any ratio there.",
+                f"100 s 的记录在 50 s 处只有一个差分，相对标准差 {run.short.scatter[-1]:.2f}，单次对比在该处可出现任"
                 "意比值。",
             ),
         ],
-        figures=[figures.allan_figure(found.rest, found.short)],
+        figures=[figures.allan_figure(run.rest, run.short)],
     )
 
 
@@ -258,11 +258,11 @@ _TERMS: Final = (
 )
 
 
-def _composition(found: Found) -> Report:
+def _composition(run: Found) -> Report:
     scale = to_dps(to_dps(1.0))
     rows = [
         [name, f"{plain * scale:.2e}", f"{weighted * scale:.2e}"]
-        for name, plain, weighted in zip(_TERMS, found.fit.plain, found.fit.weighted, strict=True)
+        for name, plain, weighted in zip(_TERMS, run.fit.plain, run.fit.weighted, strict=True)
     ]
     table = Table(
         Both(
@@ -277,18 +277,17 @@ def _composition(found: Found) -> Report:
         facts=[
             (
                 Both("of 4 h", "4 h 记录"),
-                f"N = {from_si(found.long.white, 'deg/rth'):.3f} °/√h, B = {from_si(found.long.flicker, 'deg/h'):.1f} "
-                "°/h",
+                f"N = {from_si(run.long.white, 'deg/rth'):.3f} °/√h, B = {from_si(run.long.flicker, 'deg/h'):.1f} °/h",
             ),
         ],
         tables=[table],
         remarks=[
             Both(
                 "Plain least squares of five powers on eight times gave a negative coefficient in "
-                f"{100 * found.negative[0]:.0f} % of {found.seeds['short']} records; weighted by degrees of freedom "
-                f"and held at or above zero, in {100 * found.negative[1]:.0f} %.",
-                f"{found.seeds['short']} 次记录中，普通最小二乘出现负系数的占 {100 * found.negative[0]:.0f} %；按自由"
-                f"度加权并约束非负后为 {100 * found.negative[1]:.0f} %。",
+                f"{100 * run.negative[0]:.0f} % of {run.seeds['short']} records; weighted by degrees of freedom "
+                f"and held at or above zero, in {100 * run.negative[1]:.0f} %.",
+                f"{run.seeds['short']} 次记录中，普通最小二乘出现负系数的占 {100 * run.negative[0]:.0f} %；按自由"
+                f"度加权并约束非负后为 {100 * run.negative[1]:.0f} %。",
             ),
             Both(
                 "The paper's list names the rate random walk (RRW) twice; the second one is the rate ramp (RR). "
@@ -298,7 +297,7 @@ def _composition(found: Found) -> Report:
                 "识别。滤波后弯曲的曲线上不能读取系数。",
             ),
         ],
-        figures=[figures.fit_figure(found.fit)],
+        figures=[figures.fit_figure(run.fit)],
     )
 
 
@@ -322,12 +321,12 @@ def _named(name: str) -> str:
     return Both(name, name.replace("scalar", "标量").replace("average of", "滑动平均，点数"))
 
 
-def _row(one: OnTurntable) -> list[str]:
-    rates = (one.ramp_rms, one.hold_rms, one.late_rms, one.ramp_mean, one.hold_mean, one.lag, one.lag_theory)
-    return [_named(one.name), *(f"{round(to_dps(value), 3) + 0.0:.3f}" for value in rates), f"{to_deg(one.angle):.2f}"]
+def _row(row: OnTurntable) -> list[str]:
+    rates = (row.ramp_rms, row.hold_rms, row.late_rms, row.ramp_mean, row.hold_mean, row.lag, row.lag_theory)
+    return [_named(row.name), *(f"{round(to_dps(value), 3) + 0.0:.3f}" for value in rates), f"{to_deg(row.angle):.2f}"]
 
 
-def _turntable(found: Found) -> Report:
+def _turntable(run: Found) -> Report:
     tables = [
         Table(
             Both(
@@ -335,11 +334,11 @@ def _turntable(found: Found) -> Report:
                 f"转台：100 s 加速至 60 °/s，然后匀速；零偏 1.5 °/s，刻度误差 {100 * scale:.0f} % [°/s]",
             ),
             _HEAD,
-            [_row(one) for one in rows.values()],
+            [_row(row) for row in rows.values()],
         )
-        for scale, rows in found.table.items()
+        for scale, rows in run.table.items()
     ]
-    end = {name: abs(float(to_deg(error[SAMPLES - 1]))) for name, error in found.turned.headings.items()}
+    end = {name: abs(float(to_deg(error[SAMPLES - 1]))) for name, error in run.turned.headings.items()}
     behind = end["calibrated, paper's filter"]
     return Report(
         Both("3  Turntable", "3  陀螺仪漂移补偿模型的实验验证"),
@@ -347,10 +346,10 @@ def _turntable(found: Found) -> Report:
         remarks=[
             Both(
                 "Every scalar filter of the table, and the moving average of the same bandwidth beside it, is worse "
-                f"on the ramp than the rate without any filter; the best gain, K = {found.gain[0]:.2f}, leaves "
-                f"{to_dps(found.gain[1]):.3f} °/s. The filter with two states has no lag.",
-                f"匀加速时，表中所有标量滤波器以及同带宽的滑动平均都比不滤波更差；最佳增益 K = {found.gain[0]:.2f} 时"
-                f"为 {to_dps(found.gain[1]):.3f} °/s。双状态（角速率、角加速度）滤波器没有滞后。",
+                f"on the ramp than the rate without any filter; the best gain, K = {run.gain[0]:.2f}, leaves "
+                f"{to_dps(run.gain[1]):.3f} °/s. The filter with two states has no lag.",
+                f"匀加速时，表中所有标量滤波器以及同带宽的滑动平均都比不滤波更差；最佳增益 K = {run.gain[0]:.2f} 时"
+                f"为 {to_dps(run.gain[1]):.3f} °/s。双状态（角速率、角加速度）滤波器没有滞后。",
             ),
             Both(
                 "The axis of rotation is the rig's z axis; the paper names x.", "模拟装置的转轴为 z 轴，论文记为 x 轴。"
@@ -370,7 +369,7 @@ def _turntable(found: Found) -> Report:
                 f"后 {behind:.0f}°，不滤波时为 {end['calibrated']:.1f}°。",
             ),
         ],
-        figures=[*figures.turn_figures(found.turned), figures.lag_figure(found.turned)],
+        figures=[*figures.turn_figures(run.turned), figures.lag_figure(run.turned)],
     )
 
 
@@ -384,8 +383,8 @@ _TRACKS: Final = {
 }
 
 
-def _ball(found: Found) -> Report:
-    tracks = found.lapped.tracks
+def _ball(run: Found) -> Report:
+    tracks = run.lapped.tracks
     rows = []
     for name, shown in _TRACKS.items():
         off = to_deg(apart(tracks[name], tracks["true"]))
@@ -416,8 +415,8 @@ def _ball(found: Found) -> Report:
                 "积分本身就是平滑：有效的是标定，对角速率滤波只会引入滞后。",
             )
         ],
-        figures=[figures.ball_figure(found.lapped)],
-        scenes=[_scene(found.lapped)],
+        figures=[figures.ball_figure(run.lapped)],
+        scenes=[_scene(run.lapped)],
     )
 
 
@@ -447,17 +446,17 @@ def _scene(lapped: Lapped) -> Scene:
     )
 
 
-def _switched(found: Found) -> Report:
-    printed, matrix = found.printed, found.matrix
+def _switched(run: Found) -> Report:
+    printed, matrix = run.printed, run.matrix
     before, after = misprints.gain_error()
     plane, along = misprints.axis_in_the_plane(1)
-    some, other = found.parts.values()
-    own = max(abs(to_dps(one.own)) for one in (some, other))
-    left, raw = (
+    some, other = run.parts.values()
+    card = max(abs(to_dps(part.own)) for part in (some, other))
+    eq3, raw = (
         [f"{to_dps(value):.2f}".replace("-", "−") for value in pair]
         for pair in ((some.printed, other.printed), (some.raw, other.raw))
     )
-    metres, twice, share = to_dps(misprints.in_metres()), to_dps(misprints.counted_twice()), 100 * found.negative[0]
+    metres, twice, share = to_dps(misprints.in_metres()), to_dps(misprints.counted_twice()), 100 * run.negative[0]
     first, then, mean = (to_dps(value) for value in printed)
     nothing = "-"
     rows: list[list[str]] = [
@@ -472,8 +471,8 @@ def _switched(found: Found) -> Report:
             Both("0.1 °/s/°C for every part", "所有器件统一取 0.1 °/s/°C"),
             Both("a coefficient of each part and axis", "逐件逐轴的系数"),
             Both(
-                f"{left[0]} and {left[1]} °/s left at 45 °C, uncompensated {raw[0]} and {raw[1]}, own card ≤ {own:.4f}",
-                f"45 °C 剩余 {left[0]}、{left[1]} °/s；未补偿 {raw[0]}、{raw[1]}；本机标定卡 ≤ {own:.4f}",
+                f"{eq3[0]} and {eq3[1]} °/s left at 45 °C, uncompensated {raw[0]} and {raw[1]}, own card ≤ {card:.4f}",
+                f"45 °C 剩余 {eq3[0]}、{eq3[1]} °/s；未补偿 {raw[0]}、{raw[1]}；本机标定卡 ≤ {card:.4f}",
             ),
         ],
         [

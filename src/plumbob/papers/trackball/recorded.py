@@ -14,7 +14,7 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack
-from plumbob.door.calibrate import calibrate, track_of
+from plumbob.door.calibrate import calibrate, read_track
 from plumbob.door.estimate import estimate
 from plumbob.door.rates import filter_rates
 from plumbob.noise import Comparison, compare
@@ -30,7 +30,7 @@ from plumbob.papers.trackball.records import (
     unfiltered,
 )
 from plumbob.papers.trackball.static import TAUS, factors
-from plumbob.papers.workspace import Work, samples_of
+from plumbob.papers.workspace import Work, recorded_samples
 from plumbob.rotations import Frame, quat_conjugate, quat_rotate
 from plumbob.simulation import scenario
 from plumbob.simulation.errors import stream
@@ -130,11 +130,11 @@ LINES: Final[Mapping[str, Line]] = {
 def rest(work: Work) -> Rest:
     """Record the static test, and compare it before and after the scalar filter."""
     file = work.recorded(RIG, "static", noise=noise_card()).recording
-    raw = samples_of(file)
+    raw = recorded_samples(file)
     assert raw.gyr is not None and raw.temp_c is not None
     before, after, best = (
-        filter_rates(file, one.filter, params=one.params, drift="chen2013", rest=(0.0, REST)).imu.usable("gyr")
-        for one in (unfiltered(), scalar_filter(AT_REST), two_state())
+        filter_rates(file, way.filter, params=way.params, drift="chen2013", rest=(0.0, REST)).imu.usable("gyr")
+        for way in (unfiltered(), scalar_filter(AT_REST), two_state())
     )
     steps = np.abs(np.diff(np.unique(raw.gyr[:, 0])))
     compared = compare(before[:, 0], after[:, 0], STEP, n=np.array(factors(TAUS)))
@@ -152,28 +152,28 @@ def card(work: Work) -> Path:
 def soaked(work: Work) -> Soaked:
     """Record a soak at rest, and compensate its temperature by the paper's figure, and by the card of this soak."""
     file = work.recorded(RIG, "soak", noise=noise_card(), warm_up="20 K, 600 s", duration=SOAK).recording
-    own = calibrate(file, "temperature").card
+    soak_card = calibrate(file, "temperature").card
     plain = unfiltered()
-    ways: tuple[dict[str, Any], ...] = ({}, {"drift": "chen2013"}, {"calibration": own})
+    ways: tuple[dict[str, Any], ...] = ({}, {"drift": "chen2013"}, {"calibration": soak_card})
     rates = [filter_rates(file, plain.filter, params=plain.params, rest=(0.0, 5.0), **more) for more in ways]
     last = slice(-round(0.1 * SOAK / STEP), None)
-    return Soaked(*(one.imu.usable("gyr")[last].mean(axis=0) for one in rates))
+    return Soaked(*(filtered.imu.usable("gyr")[last].mean(axis=0) for filtered in rates))
 
 
-def turned(work: Work, card: Path) -> Turned:
+def turntable_run(work: Work, card: Path) -> Turned:
     """Record the turntable after a rest, and filter its rates in every way."""
     taken = work.recorded(RIG, "turntable", noise=noise_card(), scenario="turntable", set={"lead": REST})
-    imu = samples_of(taken.recording)
+    imu = recorded_samples(taken.recording)
     assert imu.gyr is not None
     plan = scenario("turntable", lead=REST)
     true = plan.motion(stream(0, "scenario"), plan.duration).truth(imu.t).rate_b[:, 2]
     begin = imu.t >= REST
-    found = {name: _filtered(taken.recording, line, card) for name, line in LINES.items()}
-    rates = {name: one.imu.usable("gyr")[begin, 2] for name, one in found.items()}
-    truth = _heading(track_of(taken.truth))[begin]
+    by_line = {name: _filtered(taken.recording, line, card) for name, line in LINES.items()}
+    rates = {name: filtered.imu.usable("gyr")[begin, 2] for name, filtered in by_line.items()}
+    truth = _heading(read_track(taken.truth))[begin]
     headings = {}
     for name in (name for name, line in LINES.items() if line.card):
-        track = estimate(found[name].recording, "integrate", frame=Frame.NED, init="level").track
+        track = estimate(by_line[name].recording, "integrate", frame=Frame.NED, init="level").track
         headings[name] = _heading(track)[begin] - truth
     return Turned(imu.t[begin] - REST, true[begin], imu.gyr[begin, 2], rates, headings)
 
@@ -181,7 +181,7 @@ def turned(work: Work, card: Path) -> Turned:
 def lapped(work: Work, card: Path) -> Lapped:
     """Record the ball after a rest, integrate its rates, and follow the point that touches the lower plate."""
     taken = work.recorded(RIG, "ball", noise=noise_card(), scenario="ball", set={"lead": REST})
-    truth = track_of(taken.truth)
+    truth = read_track(taken.truth)
     begin = truth.t >= REST
     tracks = {"true": touching(truth.q_nb[begin])}
     measured = estimate(taken.recording, "integrate", frame=Frame.NED, init="level").track

@@ -111,8 +111,8 @@ def on_turntable(seed: int, *, scale: float) -> tuple[Record, Record]:
 def scalar_filter(ratio: float) -> Contender:
     """Scalar Kalman filter of that Q/R."""
     gain = steady_gain(ratio)
-    own = params_of(ratio, noise=WHITE, dt=STEP)
-    return Contender(f"scalar Q/R={ratio:g}", (1.0 - gain) / gain, "scalar", own._asdict())
+    params = params_of(ratio, noise=WHITE, dt=STEP)
+    return Contender(f"scalar Q/R={ratio:g}", (1.0 - gain) / gain, "scalar", params._asdict())
 
 
 def average_like(ratio: float) -> Contender:

@@ -87,7 +87,7 @@ class Found:
         ]
 
 
-def _drift(found: Found) -> Iterator[Outcome]:
+def _drift(run: Found) -> Iterator[Outcome]:
     yield Outcome(
         key="drift.k_t",
         where="(3)",
@@ -95,7 +95,7 @@ def _drift(found: Found) -> Iterator[Outcome]:
         unit="°/s/°C",
         paper=0.1,
         faithful=0.1,
-        best=to_dps(found.parts[0.03].coefficient),
+        best=to_dps(run.parts[0.03].coefficient),
         best_bar=(0.0295, 0.0305),
         reproducible=False,
         reason=Both(
@@ -103,8 +103,8 @@ def _drift(found: Found) -> Iterator[Outcome]:
             "0.1 为数据手册给出的型号值；每个器件的系数各不相同，符号也可正可负，须逐一标定",
         ),
     )
-    for name, part, raw, left in (("a", 0.03, 0.59, -1.39), ("b", -0.05, -0.98, -2.95)):
-        at = found.parts[part]
+    for name, part, raw, printed in (("a", 0.03, 0.59, -1.39), ("b", -0.05, -0.98, -2.95)):
+        at = run.parts[part]
         yield Outcome(
             key=f"drift.raw.{name}",
             where="(3)",
@@ -122,7 +122,7 @@ def _drift(found: Found) -> Iterator[Outcome]:
             unit="°/s",
             faithful=to_dps(at.printed),
             best=to_dps(abs(at.own)),
-            faithful_bar=(left - NEAR, left + NEAR),
+            faithful_bar=(printed - NEAR, printed + NEAR),
             best_bar=at_most(0.002),
         )
     yield Outcome(
@@ -131,7 +131,7 @@ def _drift(found: Found) -> Iterator[Outcome]:
         what=Both("scale, from the recorded counts", "刻度因子（由记录的计数求得）"),
         unit="LSB/(°/s)",
         paper=131.0,
-        faithful=1.0 / to_dps(found.rest.quantum),
+        faithful=1.0 / to_dps(run.rest.quantum),
         faithful_bar=(130.9, 131.1),
         digits=4,
     )
@@ -141,8 +141,8 @@ def _drift(found: Found) -> Iterator[Outcome]:
         what=Both("left of the g-sensitivity on six faces, rms", "六面加速度漂移剩余，均方根"),
         unit="°/s",
         paper="0.1 °/s/g",
-        faithful=to_dps(found.matrix[0]),
-        best=to_dps(found.matrix[1]),
+        faithful=to_dps(run.matrix[0]),
+        best=to_dps(run.matrix[1]),
         best_bar=at_most(0.001),
         reproducible=False,
         reason=Both(
@@ -181,13 +181,13 @@ def _drift(found: Found) -> Iterator[Outcome]:
         ),
         unit="°/s",
         faithful=to_dps(after),
-        best=abs(float(np.mean(to_dps(found.turned.rates["best"] - found.turned.true)[SAMPLES:]))),
+        best=abs(float(np.mean(to_dps(run.turned.rates["best"] - run.turned.true)[SAMPLES:]))),
         faithful_bar=(to_dps(before) - 0.01, to_dps(before) + 0.01),
         best_bar=at_most(0.05),
     )
 
 
-def _setting(found: Found) -> Iterator[Outcome]:
+def _setting(run: Found) -> Iterator[Outcome]:
     gain = steady_gain(AT_REST)
     yield from (
         Outcome(
@@ -206,11 +206,11 @@ def _setting(found: Found) -> Iterator[Outcome]:
                 Both("sampling period", "采样周期"),
                 "s",
                 STEP,
-                float(np.median(np.diff(found.rest.t))),
+                float(np.median(np.diff(run.rest.t))),
                 1e-6,
             ),
-            ("rest.samples", Both("samples", "采样点数"), "", 1000.0, float(found.rest.t.size), 0.0),
-            ("rest.temperature", Both("temperature", "温度"), "°C", 25.0, found.rest.temp_c, 0.1),
+            ("rest.samples", Both("samples", "采样点数"), "", 1000.0, float(run.rest.t.size), 0.0),
+            ("rest.temperature", Both("temperature", "温度"), "°C", 25.0, run.rest.temp_c, 0.1),
         )
     )
     yield Outcome(
@@ -220,7 +220,7 @@ def _setting(found: Found) -> Iterator[Outcome]:
             "kg(0) = P00 = Φ = C = 1: first output over first sample", "kg(0) = P00 = Φ = C = 1：首个输出与首个采样之比"
         ),
         paper=1.0,
-        faithful=float(found.rest.after[0, 0] / found.rest.before[0, 0]),
+        faithful=float(run.rest.after[0, 0] / run.rest.before[0, 0]),
         faithful_bar=(1.0 - 1e-12, 1.0 + 1e-12),
     )
     yield Outcome(
@@ -234,8 +234,8 @@ def _setting(found: Found) -> Iterator[Outcome]:
     )
 
 
-def _series(found: Found) -> Iterator[Outcome]:
-    sd = [to_dps(float(part[:, 0].std())) for part in (found.rest.before, found.rest.after, found.rest.best)]
+def _series(run: Found) -> Iterator[Outcome]:
+    sd = [to_dps(float(part[:, 0].std())) for part in (run.rest.before, run.rest.after, run.rest.best)]
     yield Outcome(
         key="rest.before",
         where="Fig 1",
@@ -253,7 +253,7 @@ def _series(found: Found) -> Iterator[Outcome]:
         best=sd[2],
         faithful_bar=at_most(0.05),
     )
-    for ratio, measured in zip(RATIOS, found.white.tolist(), strict=True):
+    for ratio, measured in zip(RATIOS, run.white.tolist(), strict=True):
         yield Outcome(
             key=f"rest.variance.{_short(ratio)}",
             where="Fig 2",
@@ -266,10 +266,10 @@ def _series(found: Found) -> Iterator[Outcome]:
         )
 
 
-def _allan(found: Found) -> Iterator[Outcome]:
+def _allan(run: Found) -> Iterator[Outcome]:
     row = RATIOS.index(AT_REST)
     below = Both("smaller", "减少")
-    for tau, value in zip(TAUS, found.short.adev[row].tolist(), strict=True):
+    for tau, value in zip(TAUS, run.short.adev[row].tolist(), strict=True):
         bar: Bar = at_most(0.2) if tau <= 1.0 else (0.9, 1.1) if tau == TAUS[-1] else OPEN
         yield Outcome(
             key=f"allan.ratio.{tau:g}",
@@ -296,7 +296,7 @@ def _allan(found: Found) -> Iterator[Outcome]:
             key=f"allan.scatter.{tau:g}",
             where="Fig 3",
             what=Both(f"relative sd of one Allan value at {tau:g} s", f"τ = {tau:g} s 单个 Allan 值的相对标准差"),
-            faithful=float(found.short.scatter[k]),
+            faithful=float(run.short.scatter[k]),
             faithful_bar=(0.22, 0.36) if tau == 10.0 else (0.6, 0.85),
         )
     yield Outcome(
@@ -314,7 +314,7 @@ def _allan(found: Found) -> Iterator[Outcome]:
                 f"4 h at rest: Allan deviation after/before at {tau:g} s, Q/R = {AT_REST:g}",
                 f"静置 4 h：τ = {tau:g} s 的 Allan 值之比，Q/R = {AT_REST:g}",
             ),
-            faithful=float(found.long.adev[row, LONG_TAUS.index(tau)]),
+            faithful=float(run.long.adev[row, LONG_TAUS.index(tau)]),
             faithful_bar=(0.98, 1.02),
         )
     yield Outcome(
@@ -323,7 +323,7 @@ def _allan(found: Found) -> Iterator[Outcome]:
         what=Both(
             f"integrated angle after/before, rms, Q/R = {AT_REST:g}", f"积分角度滤波后/前均方根之比，Q/R = {AT_REST:g}"
         ),
-        faithful=float(found.short.angle[row]),
+        faithful=float(run.short.angle[row]),
         faithful_bar=(0.9, 1.1),
     )
     yield Outcome(
@@ -334,14 +334,14 @@ def _allan(found: Found) -> Iterator[Outcome]:
             "0.1 °/s 白噪声按原式（13）在 0.1 s 的值；最佳：更正式",
         ),
         unit="°/s",
-        faithful=to_dps(found.printed.printed),
-        best=to_dps(found.printed.corrected),
+        faithful=to_dps(run.printed.printed),
+        best=to_dps(run.printed.corrected),
         faithful_bar=(0.07, 0.0715),
         best_bar=(0.099, 0.102),
     )
 
 
-def _composition(found: Found) -> Iterator[Outcome]:
+def _composition(run: Found) -> Iterator[Outcome]:
     yield Outcome(
         key="fit.condition",
         where="(14)",
@@ -355,8 +355,8 @@ def _composition(found: Found) -> Iterator[Outcome]:
         where="(14)",
         what=Both("records with a negative coefficient", "出现负系数的记录所占比例"),
         unit="%",
-        faithful=100.0 * found.negative[0],
-        best=100.0 * found.negative[1],
+        faithful=100.0 * run.negative[0],
+        best=100.0 * run.negative[1],
         faithful_bar=(99.0, 100.0),
         best_bar=(0.0, 0.0),
         reproducible=False,
@@ -367,7 +367,7 @@ def _composition(found: Found) -> Iterator[Outcome]:
         where="(14)",
         what=Both("white noise N (ARW) of 4 h, planted 1.90", "4 h 记录的角随机游走 N（真值 1.90）"),
         unit="°/√h",
-        best=from_si(found.long.white, "deg/rth"),
+        best=from_si(run.long.white, "deg/rth"),
         best_bar=_about(from_si(WHITE * math.sqrt(STEP), "deg/rth"), 0.02),
     )
     yield Outcome(
@@ -375,7 +375,7 @@ def _composition(found: Found) -> Iterator[Outcome]:
         where="(14)",
         what=Both("bias instability B of 4 h, planted 36", "4 h 记录的零偏不稳定性 B（真值 36）"),
         unit="°/h",
-        best=from_si(found.long.flicker, "deg/h"),
+        best=from_si(run.long.flicker, "deg/h"),
         best_bar=_about(from_si(FLICKER, "deg/h"), 0.15),
     )
 
@@ -389,9 +389,9 @@ def _about(value: float, share: float) -> Bar:
     return float(f"{value * (1.0 - share):.4g}"), float(f"{value * (1.0 + share):.4g}")
 
 
-def _table_setting(found: Found) -> Iterator[Outcome]:
-    true = found.turned.true
-    slope = float(np.polyfit(found.turned.t[:SAMPLES], to_dps(true[:SAMPLES]), 1)[0])
+def _table_setting(run: Found) -> Iterator[Outcome]:
+    true = run.turned.true
+    slope = float(np.polyfit(run.turned.t[:SAMPLES], to_dps(true[:SAMPLES]), 1)[0])
     plane, along = misprints.axis_in_the_plane(1)
     for key, what, unit, paper, value in (
         ("turn.slope", Both("acceleration, 10 r/min in 100 s", "角加速度（100 s 加至 10 r/min）"), "°/s²", 0.6, slope),
@@ -422,8 +422,8 @@ def _table_setting(found: Found) -> Iterator[Outcome]:
     )
 
 
-def _turntable(found: Found) -> Iterator[Outcome]:
-    rows, wrong = (found.table[scale] for scale in found.table)
+def _turntable(run: Found) -> Iterator[Outcome]:
+    rows, wrong = (run.table[scale] for scale in run.table)
     scalar, two = rows[f"scalar Q/R={IN_MOTION:g}"], rows["two states"]
     raw, removed = rows[MEASURED], rows[REMOVED]
     measured = Both("more accurate", "比补偿前准确")
@@ -512,7 +512,7 @@ def _turntable(found: Found) -> Iterator[Outcome]:
         where="",
         what=Both("ramp: rms of the best scalar gain, at K = 0.6", "匀加速：最佳标量增益（K ≈ 0.6）的均方根"),
         unit="°/s",
-        faithful=to_dps(found.gain[1]),
+        faithful=to_dps(run.gain[1]),
         faithful_bar=(0.07, 0.085),
     )
     after = wrong[f"scalar Q/R={IN_MOTION:g}"]
@@ -533,7 +533,7 @@ def _turntable(found: Found) -> Iterator[Outcome]:
             "滞后抵消了部分刻度误差，并非改进：匀速时 0.6 °/s 全部存在",
         ),
     )
-    yield from _recorded(found.turned)
+    yield from _recorded(run.turned)
 
 
 def _lags(rows: Mapping[str, OnTurntable]) -> Iterator[Outcome]:
@@ -602,8 +602,8 @@ def _claim() -> Outcome:
     )
 
 
-def _ball(found: Found) -> Iterator[Outcome]:
-    tracks = found.lapped.tracks
+def _ball(run: Found) -> Iterator[Outcome]:
+    tracks = run.lapped.tracks
     paper, best = (
         to_deg(float(np.sqrt(np.mean(apart(tracks[name], tracks["true"]) ** 2)))) for name in ("paper", "calibrated")
     )

@@ -102,9 +102,9 @@ def measure_short(seeds: Sequence[int]) -> Short:
         single.append(deviation(rest.measured, factors(TAUS), "adev").T)
         before.append(_squares(rest.measured))
         after.append([_squares(scalar_filter(q).smooth(rest.t, rest.measured)) for q in RATIOS])
-    raw, smoothed, one = np.mean(before, axis=0), np.mean(after, axis=0), np.concatenate(single)
+    raw, smoothed, adev = np.mean(before, axis=0), np.mean(after, axis=0), np.concatenate(single)
     ratio = smoothed / raw
-    scatter = one.std(axis=0) / one.mean(axis=0)
+    scatter = adev.std(axis=0) / adev.mean(axis=0)
     return Short(ratio[:, 0], np.sqrt(ratio[:, 1]), np.sqrt(ratio[:, 2:]), np.sqrt(raw[2:]), scatter)
 
 
@@ -127,16 +127,16 @@ def settled(ratio: float) -> int:
 def measure_long(seeds: Sequence[int]) -> Long:
     """Four hours with a random walk of the bias besides, and the noise that an analysis finds in the first record."""
     before, after = [], []
-    found = None
+    analysis = None
     for seed in seeds:
         rest = at_rest(seed, LONG, walk=WALK)
         before.append(_allan_variance(rest.measured, LONG_TAUS))
         smooth = (scalar_filter(q).smooth(rest.t, rest.measured) for q in RATIOS)
         after.append([_allan_variance(rate, LONG_TAUS) for rate in smooth])
-        found = found or analyse(np.ascontiguousarray(rest.measured[:, 0]), STEP)
-    assert found is not None
+        analysis = analysis or analyse(np.ascontiguousarray(rest.measured[:, 0]), STEP)
+    assert analysis is not None
     raw = np.mean(before, axis=0)
-    terms = found.terms
+    terms = analysis.terms
     return Long(np.sqrt(np.mean(after, axis=0) / raw), np.sqrt(raw), terms["N"].value, terms["B"].value)
 
 
@@ -150,16 +150,16 @@ def fit(rate: Floats) -> Fit:
     measured = deviation(rate, factors(TAUS), "adev") ** 2
     plain = np.asarray(np.linalg.lstsq(powers(), measured, rcond=None)[0], dtype=np.float64)
     terms = least_squares(curve(rate, STEP, np.array(factors(TAUS)))).terms
-    found = {term.power: terms[letter].value ** 2 * term.share for letter, term in TERMS.items() if letter in terms}
-    return Fit(measured, plain, np.array([found.get(power, 0.0) for power in range(-2, 3)]))
+    fitted = {term.power: terms[letter].value ** 2 * term.share for letter, term in TERMS.items() if letter in terms}
+    return Fit(measured, plain, np.array([fitted.get(power, 0.0) for power in range(-2, 3)]))
 
 
 def measure_fits(seeds: Sequence[int]) -> tuple[float, float]:
     """Share of the records in which a coefficient is negative, by the plain fit and by the weighted one."""
     fits = [fit(np.ascontiguousarray(at_rest(seed, SAMPLES * STEP).measured[:, 0])) for seed in seeds]
     plain, weighted = (
-        float(np.mean([(of < 0.0).any() for of in kind]))
-        for kind in ([one.plain for one in fits], [one.weighted for one in fits])
+        float(np.mean([(coefficients < 0.0).any() for coefficients in kind]))
+        for kind in ([fitted.plain for fitted in fits], [fitted.weighted for fitted in fits])
     )
     return plain, weighted
 

@@ -73,10 +73,10 @@ def best_gain(seeds: Sequence[int], gains: Sequence[float]) -> tuple[float, floa
     errors: Mapping[float, list[float]] = {gain: [] for gain in gains}
     for seed in seeds:
         run, given = _given(seed, 0.0)
-        for gain, found in errors.items():
+        for gain, squares in errors.items():
             rate = scalar_filter(gain**2 / (1.0 - gain)).smooth(run[0], given)  # K = p/(1 + p), p² = Q/R (p + 1)
-            found.append(float(np.mean((rate - run[1])[:SAMPLES] ** 2)))
-    means = {gain: float(np.mean(found)) for gain, found in errors.items()}
+            squares.append(float(np.mean((rate - run[1])[:SAMPLES] ** 2)))
+    means = {gain: float(np.mean(squares)) for gain, squares in errors.items()}
     gain = min(means, key=means.__getitem__)
     return gain, math.sqrt(means[gain])
 

@@ -58,7 +58,7 @@ class Body(StrEnum):
             raise FrameError(f"{name!r} are not body axes that can be sent; known are {', '.join(cls)}.") from None
 
 
-def body_of(frame: Frame) -> Body:
+def default_body(frame: Frame) -> Body:
     """Body axes that go with a navigation frame, unless others are named: z points down in both, or up in both."""
     return Body.FRD if frame is Frame.NED else Body.FLU
 
@@ -179,7 +179,7 @@ def attitudes(
     utc : bool
         Whether UTC is known.
     body : Body, optional
-        Its body axes; by default those of its frame, `body_of`.
+        Its body axes; by default those of its frame, `default_body`.
     declination : float, optional
         rad, east positive.
     imu : ImuData, optional
@@ -190,7 +190,7 @@ def attitudes(
     chosen = np.asarray(rows, dtype=np.intp)
     if not chosen.size:
         return
-    body = body_of(track.frame) if body is None else body
+    body = default_body(track.frame) if body is None else body
     c = np.array([1.0, -1.0, -1.0]) if body is Body.FLU else np.ones(3)
     q = change_frame(track.q_nb[chosen], to=Frame.NED, from_=track.frame)
     q = quat_multiply(q, _HALF_TURN) if body is Body.FLU else q
@@ -206,24 +206,24 @@ def attitudes(
     stamps = to_ns(track.t)[chosen].tolist()
     for i, t_ns in enumerate(stamps):
         yaw, pitch, roll = euler[i].tolist()
-        known = bool(np.isfinite(q[i]).all())
+        is_finite = bool(np.isfinite(q[i]).all())
         yield Attitude(
             t_ns=t_ns + t0_ns,
             utc=utc,
             elapsed_ns=t_ns,
-            q_nb=_known(q[i]),
-            angles=(roll, pitch, yaw % (2.0 * np.pi)) if known else None,
+            q_nb=_finite(q[i]),
+            angles=(roll, pitch, yaw % (2.0 * np.pi)) if is_finite else None,
             north=track.north,
             declination=declination,
-            rates_b=_known(gyr[i]),
-            acc_b=_known(acc[i]),
-            cov_b=_known(cov[i].ravel()) if (np.diagonal(cov[i]) > 0.0).all() else None,
+            rates_b=_finite(gyr[i]),
+            acc_b=_finite(acc[i]),
+            cov_b=_finite(cov[i].ravel()) if (np.diagonal(cov[i]) > 0.0).all() else None,
             sigma=tuple(sd if np.isfinite(sd) else None for sd in sigma[i].tolist()),
             flags=int(words[chosen[i]]) | (more[i] if more else 0),
         )
 
 
-def _known(row: Floats) -> tuple[float, ...] | None:
+def _finite(row: Floats) -> tuple[float, ...] | None:
     values: Any = row.tolist()
     return tuple(values) if np.isfinite(row).all() else None
 
@@ -233,9 +233,9 @@ def _sensed(track: AttitudeTrack, imu: ImuData | None) -> tuple[Floats, Floats]:
     gyr, acc = np.full((len(track), 3), np.nan), np.full((len(track), 3), np.nan)
     if imu is None or not len(imu):
         return gyr, acc
-    own, theirs = to_ns(track.t), to_ns(imu.t)
-    place = np.minimum(np.searchsorted(theirs, own), theirs.size - 1)
-    same = theirs[place] == own
+    track_ns, imu_ns = to_ns(track.t), to_ns(imu.t)
+    place = np.minimum(np.searchsorted(imu_ns, track_ns), imu_ns.size - 1)
+    same = imu_ns[place] == track_ns
     if imu.gyr is not None:
         gyr[same] = imu.gyr[place[same]]
         gyr = gyr if track.bias_b is None else gyr - np.where(np.isfinite(track.bias_b), track.bias_b, 0.0)
@@ -246,12 +246,12 @@ def _sensed(track: AttitudeTrack, imu: ImuData | None) -> tuple[Floats, Floats]:
 
 def _differences(track: AttitudeTrack) -> Floats:
     """Mean rate (N, 3) since the attitude before, rad/s; NaN at the first, and behind a gap."""
-    found = np.full((len(track), 3), np.nan)
+    rates = np.full((len(track), 3), np.nan)
     if len(track) < 2:
-        return found
+        return rates
     dt = np.diff(track.t)
     turn = rotvec_from_quat(quat_multiply(quat_conjugate(track.q_nb[:-1]), track.q_nb[1:]))
-    found[1:] = np.where(dt[:, np.newaxis] <= _LONGEST_STEP, turn / dt[:, np.newaxis], np.nan)
+    rates[1:] = np.where(dt[:, np.newaxis] <= _LONGEST_STEP, turn / dt[:, np.newaxis], np.nan)
     if track.flags is not None:
-        found[(track.flags & np.uint32(flags.GAP | flags.TIME_FAULT)) != 0] = np.nan
-    return found
+        rates[(track.flags & np.uint32(flags.GAP | flags.TIME_FAULT)) != 0] = np.nan
+    return rates

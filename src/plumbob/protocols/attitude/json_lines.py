@@ -18,9 +18,9 @@ def line(a: Attitude) -> bytes:
     """
     free = a.north is North.FREE or bool(a.flags & flags.HEADING_FREE)
     heading = None if a.angles is None else round(float(to_deg(a.angles[2])), 6) % 360.0
-    told: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "t_s": a.elapsed_ns / 1e9,
-        "utc": utc_of(a) if a.utc else None,
+        "utc": utc_text(a) if a.utc else None,
         "roll_deg": rounded(a.roll_deg),
         "pitch_deg": rounded(a.pitch_deg),
         "heading_deg": heading,
@@ -35,7 +35,7 @@ def line(a: Attitude) -> bytes:
         "reliable": a.reliable,
         "flags": list(flags.names(a.flags)),
     }
-    return (json.dumps(told, allow_nan=False, separators=(",", ":")) + "\n").encode()
+    return (json.dumps(fields, allow_nan=False, separators=(",", ":")) + "\n").encode()
 
 
 def rounded(value: float | None) -> float | None:
@@ -47,7 +47,7 @@ def _degrees(value: float | None) -> float | None:
     return None if value is None else rounded(float(to_deg(value)))
 
 
-def utc_of(a: Attitude) -> str:
+def utc_text(a: Attitude) -> str:
     """UTC in ISO 8601 with all nanoseconds."""
     seconds, ns = divmod(a.t_ns, 1_000_000_000)
     return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%dT%H:%M:%S}.{ns:09d}Z"

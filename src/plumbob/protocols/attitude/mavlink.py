@@ -39,14 +39,14 @@ class Mavlink:
 
     def encode(self, a: Attitude) -> bytes | None:
         """Frames of an attitude; None where nothing is due."""
-        found = b""
+        frames = b""
         if self._next_ns is None or a.elapsed_ns >= self._next_ns:
             self._next_ns = a.elapsed_ns + _SECOND
-            found += self._packed(self._heartbeat(a))
+            frames += self._packed(self._heartbeat(a))
         if a.reliable and a.angles is not None and a.q_nb is not None and a.rates_b is not None:
             for message in self._attitude(a, a.angles, a.q_nb, a.rates_b):
-                found += self._packed(message)
-        return found or None
+                frames += self._packed(message)
+        return frames or None
 
     def finish(self) -> bytes:
         """Nothing comes behind the last attitude."""
@@ -58,9 +58,9 @@ class Mavlink:
         return frame
 
     def _heartbeat(self, a: Attitude) -> Any:
-        known = self._known
-        state = known.MAV_STATE_ACTIVE if a.reliable else known.MAV_STATE_CALIBRATING
-        return known.MAVLink_heartbeat_message(known.MAV_TYPE_GENERIC, known.MAV_AUTOPILOT_GENERIC, 0, 0, state, 3)
+        mav = self._known
+        state = mav.MAV_STATE_ACTIVE if a.reliable else mav.MAV_STATE_CALIBRATING
+        return mav.MAVLink_heartbeat_message(mav.MAV_TYPE_GENERIC, mav.MAV_AUTOPILOT_GENERIC, 0, 0, state, 3)
 
     def _attitude(
         self, a: Attitude, angles: tuple[float, float, float], q_nb: tuple[float, ...], rates: tuple[float, ...]
@@ -68,7 +68,7 @@ class Mavlink:
         roll, pitch, yaw = angles
         heading = a.heading_deg(North.TRUE)
         turned = a.declination if heading is not None and a.north is North.MAGNETIC and a.declination else 0.0
-        q, yaw = _turned(q_nb, turned), _wrapped(yaw + turned)
+        q, yaw = _turn_east(q_nb, turned), _wrapped(yaw + turned)
         t_ms = a.elapsed_ns // _MILLI % 2**32
         return [
             self._known.MAVLink_attitude_message(t_ms, roll, pitch, yaw, *rates),
@@ -81,7 +81,7 @@ def _wrapped(angle: float) -> float:
     return (angle + pi) % (2.0 * pi) - pi
 
 
-def _turned(q: tuple[float, ...], angle: float) -> tuple[float, ...]:
+def _turn_east(q: tuple[float, ...], angle: float) -> tuple[float, ...]:
     """Attitude in NED that heads `angle`, rad, farther to the east."""
     w, x, y, z = q
     c, s = cos(0.5 * angle), sin(0.5 * angle)

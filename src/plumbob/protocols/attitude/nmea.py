@@ -103,7 +103,7 @@ SENTENCES: Final[Mapping[str, Callable[[Attitude], bytes]]] = {
 _NORTH: Final = {"HDT": North.TRUE, "HDG": North.MAGNETIC, "HDM": North.MAGNETIC}
 
 
-def sentences_for(asked: Sequence[str], north: North, declination: float | None) -> tuple[str, ...]:
+def sentences_for(requested: Sequence[str], north: North, declination: float | None) -> tuple[str, ...]:
     """Names of the sentences to send; without any, all that the heading allows.
 
     Raises
@@ -113,9 +113,9 @@ def sentences_for(asked: Sequence[str], north: North, declination: float | None)
     FrameError
         If a heading was asked for that counts from another zero.
     """
-    if not asked:
+    if not requested:
         return tuple(name for name in SENTENCES if name != "HDM" and _allowed(name, north, declination))
-    names = tuple(dict.fromkeys(name.strip().upper() for name in asked))
+    names = tuple(dict.fromkeys(name.strip().upper() for name in requested))
     for name in names:
         if name not in SENTENCES:
             raise ParameterError(f"{name} is not a sentence that can be sent; known are {', '.join(SENTENCES)}.")

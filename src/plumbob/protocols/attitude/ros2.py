@@ -93,9 +93,9 @@ class _Drain:
         """Nothing is held back."""
 
     def take(self) -> bytes:
-        found = bytes(self._found)
+        chunk = bytes(self._found)
         self._found.clear()
-        return found
+        return chunk
 
 
 class Imus:
