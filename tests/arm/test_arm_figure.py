@@ -50,7 +50,7 @@ def test_only_the_one_script_may_run_and_names_cannot_leave_their_place() -> Non
     assert "<script" not in Report("a").page() and "script-src" not in Report("a").page()
     (script,) = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
     digest = b64encode(sha256(script.encode()).digest()).decode()
-    (policy,) = re.findall(r'Content-Security-Policy" content="([^"]*)"', page)
+    (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)
     assert policy == f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
     assert data_of(page)["names"] == ["base", bad]
     assert not re.search(r"(?:src|href)=|https?://(?!www\.w3\.org)", page)

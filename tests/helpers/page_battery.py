@@ -36,6 +36,8 @@ class PageBattery:
     def test_it_reaches_for_nothing(self, text):
         outside = re.sub(r'xmlns(:xlink)?="http://www\.w3\.org/[^"]*"', "", text)
         assert re.findall(r"https?:|//[a-z]|@import|url\(\s*[\"']?(?!#)", outside) == []
+        policies = re.findall(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">', text)
+        assert policies == ["default-src 'none'; style-src 'unsafe-inline'"]
         links = [value for name, value in Outline(text).attributes if name in {"href", "xlink:href", "src"}]
         assert links
         assert all(value.startswith("#") for value in links)

@@ -70,7 +70,7 @@ def test_one_script_may_run_nothing_is_fetched_and_names_are_text(page):
     scripts = re.findall(r"<script>(.*?)</script>", page, re.S)
     assert len(scripts) == 1
     digest = b64encode(sha256(scripts[0].encode()).digest()).decode()
-    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page)[1]
+    policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)[1]
     assert policy.startswith("default-src 'none'")
     assert f"script-src 'sha256-{digest}'" in policy and "unsafe-eval" not in policy
     outside = re.sub(r"<script.*?</script>", "", page, flags=re.S)
