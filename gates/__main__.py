@@ -36,8 +36,7 @@ READERS = {
 }
 # Where Pythons differ: texts of argparse and errors, processes, threads, sockets, archives, what dataclasses show.
 # All files of tests that need recordings run there too, since the other Python runs without them.
-SECOND = ("tests/cli", "tests/core", "tests/data", "tests/files", "tests/fleet", "tests/live", "tests/viewer")
-ALIKE = ("--ignore=tests/live/rigs", "--ignore=tests/live/timing", "--ignore=tests/live/transports")
+SECOND = ("tests/cli", "tests/core", "tests/data", "tests/files", "tests/fleet", "tests/live/test_*.py", "tests/viewer")
 RECORDED = re.compile("real_data|real_motion|broad_folder|broad_rooms")
 PLAIN = ("tests/rotations", "tests/calibration/test_calibration_ellipsoid_fit.py")
 
@@ -90,9 +89,10 @@ def gates(which: str, is_all: bool) -> tuple[dict, dict]:
     if which == "lint":
         return READERS, {}
     if which == "second":
-        tests = (path for path in sorted(Path("tests").rglob("test_*.py")) if not is_in(path.as_posix(), SECOND))
+        chosen = sorted(path.as_posix() for place in SECOND for path in Path().glob(place))
+        tests = (path for path in sorted(Path("tests").rglob("test_*.py")) if not is_in(path.as_posix(), chosen))
         more = (str(path) for path in tests if RECORDED.search(path.read_text(encoding="utf-8")))
-        return {"types": READERS["types"], "layers": READERS["layers"]}, {"tests": (*PYTEST, *SECOND, *ALIKE, *more)}
+        return {"types": READERS["types"], "layers": READERS["layers"]}, {"tests": (*PYTEST, *chosen, *more)}
     if which == "long":
         places = ["tests"] if is_all else touched(changed(LAST))
         runs = {"long tests": (*PYTEST, "-m", "long or hypothesis", "--hypothesis-profile", "long", *places)}

@@ -355,11 +355,11 @@ def _session(out: Path, port: str, device: str) -> "Session":
 def _replayed(out: Path, sent: "ImuData") -> "tuple[dict[str, AttitudeTrack], int]":
     """Attitudes by name, the live filter's, that without its card and the others', and how many live ones are equal."""
     from plumbob.core.errors import PlumbobError
-    from plumbob.filters.offline import Stage, run_stage
+    from plumbob.filters.offline import run_stage
     from plumbob.live.replay import open_recording, replay
-    from plumbob.rotations import Frame
 
     log, session = open_recording(out / RECORDING)
+    assert session.stage and session.frame
     replayed = replay(log, session=session, check=True)
     raw, calibrated = (replayed.found.imu(calibrated=calibrated) for calibrated in (False, True))
     require_as_sent(raw, sent, replayed.stream.decoder.counts)
@@ -367,10 +367,10 @@ def _replayed(out: Path, sent: "ImuData") -> "tuple[dict[str, AttitudeTrack], in
     if same is None or not same.equal or raw is None or calibrated is None or replayed.track is None:
         raise PlumbobError(f"the replay differs from what was live: {same}")
     tracks = {"error-state EKF (live)": replayed.track}
-    others = [(raw, Stage("mekf", {}, "the same, uncalibrated")), *((calibrated, stage) for stage in stages())]
+    others = [(raw, replace(session.stage, label="the same, uncalibrated")), *((calibrated, s) for s in stages())]
     with common.progress("estimating", len(others)) as advance:
         for imu, stage in others:
-            tracks[stage.name] = run_stage(imu, stage, frame=Frame.NED)
+            tracks[stage.name] = run_stage(imu, stage, frame=session.frame)
             advance(1)
     return tracks, same.compared
 

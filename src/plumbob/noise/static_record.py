@@ -36,7 +36,7 @@ _SAME: Final = 0.01
 
 
 class PlainNumbers(Protocol):
-    """PlainNumbers without time or unit that can be read again and again, such as those of a file."""
+    """Numbers without time or unit that can be read again and again, such as those of a file."""
 
     @property
     def path(self) -> Path:
@@ -48,7 +48,7 @@ class PlainNumbers(Protocol):
 
     @property
     def columns(self) -> int:
-        """PlainNumbers in a row."""
+        """Numbers in a row."""
 
     @property
     def notes(self) -> tuple[str, ...]:

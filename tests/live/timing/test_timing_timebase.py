@@ -570,6 +570,6 @@ def test_a_frame_counter_beside_a_clock_says_how_many_are_missing():
     host = START_NS + made_ms * 10**6
     for counter, lost in ((Counter(8), 1), (None, 2)):
         base = TimeBase(TimeSpec(clock=Counter(32, 10**6), frames=counter))
-        told = {} if counter is None else {"frames": sent % 256}
-        stamps = base.stamp(host, 26 * sent, clock=made_ms, **told)
+        numbers = {} if counter is None else {"frames": sent % 256}
+        stamps = base.stamp(host, 26 * sent, clock=made_ms, **numbers)
         assert stamps.lost[201] == lost == stamps.lost.sum()

@@ -111,7 +111,7 @@ def build(folder: Path | None = None, target: str = "") -> tuple[Path, Path]:
     UnsupportedError
         If a kernel is not in the subset.
     """
-    if folder is None and is_checkout():
+    if folder is None and (target or is_checkout()):
         folder = CHECKOUT / "build" / "kernels" / target
     if folder is None:
         with tempfile.TemporaryDirectory() as place:

@@ -43,7 +43,7 @@ class FlashLog(Shown):
 
     Examples
     --------
-    >>> from plumbob.live.rigs import FlashLog
+    >>> from plumbob.live.rigs.flash import FlashLog
     >>> log = FlashLog(size=3 * 4096)
     >>> log.write(bytes(32 * 400))
     >>> log.written, log.lost, log.erases.tolist()

@@ -171,7 +171,7 @@ class StaticCheck:
             for column in self._sound
             for part in self._still[column].moving(first, end, self._coarse(column), limit=limit)
         ]
-        if not parts:  # else what is left is asked again, for an average of a motion is no measure of rest
+        if not parts:  # else the rest is judged again: an average of a motion is not a measure of rest
             parts = self._impossible(first, end)
         return self._times(parts)
 
