@@ -21,7 +21,7 @@ from plumbob.core.units import Quantity, to_si
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.recording import Recording
 from plumbob.quality.derotated import FLOOR, changes
-from plumbob.quality.diagnosis import Answer, Examination, _Declared
+from plumbob.quality.diagnosis import Examination, Trust, _Declared
 from plumbob.quality.moments import ARRANGEMENTS, BIN, means
 from plumbob.rotations import (
     dcm_from_quat,
@@ -165,7 +165,7 @@ def _axes(
         tally.hidden += not seen
         tally.found += seen and right and sensor.known
         tally.hidden_found += not seen and right and sensor.known
-        wrong = sensor.answer is Answer.SURE and not right
+        wrong = sensor.answer is Trust.SURE and not right
         tally.confident_wrong += wrong
         if found is not None and (wrong or (seen and not (right and sensor.known))):
             print(
@@ -175,7 +175,7 @@ def _axes(
                 flush=True,
             )
         old = before.sensors[name]
-        if right and delayed[name].answer is Answer.SURE and old.known and old.found.delay_sd < 2e-3:
+        if right and delayed[name].answer is Trust.SURE and old.known and old.found.delay_sd < 2e-3:
             error = found.delay - old.found.delay - delays[name]
             all_.late.setdefault(f"{kind} {name}", []).append(error)
             if abs(error) > 2e-3:
@@ -185,12 +185,12 @@ def _axes(
 def _units(label: str, after: Examination, units: dict[str, str], all_: Score) -> None:
     """Count what was found of the units."""
     for one in after.findings:
-        if one.question == "unit" and one.answer is not Answer.UNKNOWN:
+        if one.question == "unit" and one.answer is not Trust.UNKNOWN:
             tally = all_.tallies.setdefault(f"{label.split('/', maxsplit=1)[0]} {one.sensor} unit", Tally())
             right = after.numbers[one.sensor]["unit"] == units[one.sensor]
             tally.observable += 1
             tally.found += right
-            tally.confident_wrong += not right and one.answer is Answer.SURE
+            tally.confident_wrong += not right and one.answer is Trust.SURE
             if not right:
                 print(f"{label} {one.sensor}: {one.value}, but it is {units[one.sensor]}; {one.answer}, {one.why}")
 

@@ -29,7 +29,7 @@ import numpy as np
 import plumbob
 from benchmarks.harness.bar import Bar, bar_lines
 from plumbob.files.formats import read
-from plumbob.fleet.batch import Batch, batch
+from plumbob.fleet.batch import BatchRun, batch
 
 SCENARIOS = (("buoy", 20.0), ("buoy", 40.0), ("buoy", 60.0), ("static", 30.0), ("coning", 20.0))
 PORT = 18786
@@ -103,7 +103,7 @@ def parts(root: Path) -> dict[str, bytes]:
     return {path.parent.name: path.read_bytes() for path in root.glob("attitude/*/part.parquet")}
 
 
-def timed(folder: Path, out: Path, **how: object) -> tuple[Batch, float]:
+def timed(folder: Path, out: Path, **how: object) -> tuple[BatchRun, float]:
     began = time.perf_counter()
     done = batch(folder, out, filter="mekf", **how)  # type: ignore[arg-type]
     return done, time.perf_counter() - began
@@ -113,7 +113,7 @@ def timed(folder: Path, out: Path, **how: object) -> tuple[Batch, float]:
 class Compared:
     """One process and two on the same recordings."""
 
-    one: Batch
+    one: BatchRun
     parts: dict[str, bytes]
     lines: list[str]
     bars: list[Bar]
@@ -188,7 +188,7 @@ def reading_alone(folder: Path) -> float:
     return time.perf_counter() - began
 
 
-def cluster(folder: Path, out: Path) -> tuple[Batch, float, int]:
+def cluster(folder: Path, out: Path) -> tuple[BatchRun, float, int]:
     """By a scheduler and two workers, one of which is killed when a quarter is done; records that were there then."""
     address = f"tcp://127.0.0.1:{PORT}"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}

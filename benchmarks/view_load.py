@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from plumbob.viewer.pipe import Message
+from plumbob.viewer.pipe import PipeMessage
 from tests.helpers.feeding import COLUMNS, Body, Served, column, hello, serving
 
 RATE = 1000.0
@@ -63,7 +63,7 @@ def feed(served: Served, seconds: float, sent: list[int]) -> None:
         batch = body.batch(first, min(BATCH, count - first))
         values = np.resize(batch.arrays["values"], (len(batch.arrays["t"]), len(COLUMNS)))
         told = batch.content | {"attitudes": {name: batch.content["attitudes"]["mekf"] for name in ("mekf", *FURTHER)}}
-        served.feed.writer.write(Message("batch", told, {**batch.arrays, "values": values}))
+        served.feed.writer.write(PipeMessage("batch", told, {**batch.arrays, "values": values}))
         sent[0] = first + BATCH
         time.sleep(max(0.0, begin + (first + BATCH) / RATE - time.monotonic()))
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from plumbob.papers.outcome import Item, cell, shown
+from plumbob.papers.outcome import PaperItem, cell, shown
 from plumbob.papers.reproduce import NAMES, TITLES, items
 
 HEAD = """\
@@ -146,7 +146,7 @@ def keys_of(text: str, name: str) -> set[str]:
     )
 
 
-def _done(one: Item) -> str:
+def _done(one: PaperItem) -> str:
     by = re.sub(r"\[([\w.-]+)\]", r"`\1`", one.by)
     return _escaped(" ".join(part for part in (by, f"**Not done**: {one.reason}" if one.reason else "") if part))
 

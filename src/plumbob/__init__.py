@@ -86,7 +86,7 @@ if TYPE_CHECKING:
     from plumbob.filters import Filter, filter_names
     from plumbob.filters.known import cite
     from plumbob.filters.smoother import FixedLag
-    from plumbob.fleet.batch import Batch, batch
+    from plumbob.fleet.batch import BatchRun, batch
     from plumbob.fleet.experiments.tuning import tune
     from plumbob.live.emulated import emulate
     from plumbob.live.record import record
@@ -113,7 +113,7 @@ _HOME = {
     "ImuArray": "data.array",
     "load_chain": "data.chain_toml",
     "read_array": "door.reading",
-    "Batch": "fleet.batch",
+    "BatchRun": "fleet.batch",
     "CalibrationCard": "data.cards",
     "Decoder": "protocols.decode",
     "Evaluation": "evaluation.evaluation",
@@ -171,7 +171,7 @@ _HOME = {
 
 __all__ = [
     "AttitudeTrack",
-    "Batch",
+    "BatchRun",
     "CalibrationCard",
     "Chain",
     "Decoder",

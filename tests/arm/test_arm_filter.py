@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from plumbob.arm.filter import WIDTH, ChainFilter, Params, Samples
+from plumbob.arm.filter import WIDTH, ChainFilter, Params, UnitSamples
 from plumbob.arm.links import chain_links
 from plumbob.arm.smoother import backward, begin, estimate_motion, estimated, keyframe_rows, stretches
 from plumbob.core.constants import G0
@@ -22,7 +22,7 @@ INSTANT = Params(mean_rate=False)
 def samples_of_ideal(name, seconds, rate=200.0, seed=3):
     made = simulate_chain(name, "fast", frame="ENU", unit="calibrated", seed=seed, rate=rate, duration=seconds)
     units = [made.array.units[one.unit] for one in made.chain.segments if one.unit]
-    return made, Samples(
+    return made, UnitSamples(
         made.t, np.stack([one.gyr for one in units]), np.stack([one.acc for one in units]),
         np.stack([one.mag for one in units]),
     )  # fmt: skip
@@ -105,7 +105,7 @@ def test_an_update_takes_off_an_error_what_its_covariances_claim(name, fields):
     # step late: by 5 rad/s × 1 ms they may differ. A field that iron bends must not tilt anything, so that its rows say
     # less of tilts than the field would: there only errors of heading count.
     _, samples, found = filter_at_truth(name, INSTANT._replace(field_sd=deg(2.0), field_time=0.05))
-    samples = samples if fields else Samples(samples.t, samples.gyr, samples.acc)
+    samples = samples if fields else UnitSamples(samples.t, samples.gyr, samples.acc)
     path = np.zeros((*samples.gyr.shape[:2], 4))
     size = WIDTH * found.units
     turns = np.flatnonzero(np.arange(size) % WIDTH < 3)
@@ -130,7 +130,7 @@ def test_what_is_learnt_at_a_keyframe_does_not_depend_on_what_was_known():
     for q_sd, fields in ((0.05, True), (0.02, True), (0.05, False)):
         _, samples, found = filter_at_truth("five", params, q_sd)
         path = np.zeros((*samples.gyr.shape[:2], 4))
-        samples = samples if fields else Samples(samples.t, samples.gyr, samples.acc)
+        samples = samples if fields else UnitSamples(samples.t, samples.gyr, samples.acc)
         end = found.advance(samples, 1, 51, path)
         gained.append(np.linalg.inv(end.cov) - np.linalg.inv(end.cov_prior))
     np.testing.assert_allclose(gained[0], gained[1], atol=1e-9 * np.abs(gained[0]).max())
@@ -160,7 +160,7 @@ def test_what_is_not_seen_becomes_uncertain():
     _, samples, found = filter_at_truth("five")
     gyr = samples.gyr.copy()
     gyr[2, 1:51] = np.nan
-    hidden = Samples(samples.t, gyr, samples.acc)
+    hidden = UnitSamples(samples.t, gyr, samples.acc)
     path = np.zeros((*gyr.shape[:2], 4))
     var = np.diag(found.advance(hidden, 1, 51, path).cov_prior).reshape(-1, WIDTH)[:, 0]
     assert var[2] - var[1] == pytest.approx(1.0**2 * 0.1 * 1.0, rel=0.1)  # UNSEEN_RATE² × 0.1 s × UNSEEN_TIME
@@ -170,18 +170,18 @@ def test_a_gap_of_all_units_parts_a_recording_and_one_of_a_single_unit_does_not(
     t = np.arange(0.0, 10.0, 0.01)
     gyr = np.zeros((2, t.size, 3))
     gyr[0, 300:500] = np.nan
-    assert stretches(Samples(t, gyr, gyr)) == [(0, 1000)]
+    assert stretches(UnitSamples(t, gyr, gyr)) == [(0, 1000)]
     gyr[1, 300:500] = np.nan
-    assert stretches(Samples(t, gyr, gyr)) == [(0, 500), (500, 1000)]
+    assert stretches(UnitSamples(t, gyr, gyr)) == [(0, 500), (500, 1000)]
     cut = np.r_[0:300, 500:1000]
-    assert stretches(Samples(t[cut], gyr[:, cut], gyr[:, cut])) == [(0, 300), (300, 800)]
+    assert stretches(UnitSamples(t[cut], gyr[:, cut], gyr[:, cut])) == [(0, 300), (300, 800)]
 
 
 @pytest.mark.parametrize("smooth", [False, True])
 def test_behind_a_gap_the_chain_is_as_right_as_before(smooth):
     made, samples = samples_of_ideal("five", 20.0, rate=50.0)
     keep = (samples.t < 8.0) | (samples.t >= 10.0)
-    cut = Samples(samples.t[keep], samples.gyr[:, keep], samples.acc[:, keep], samples.mag[:, keep])
+    cut = UnitSamples(samples.t[keep], samples.gyr[:, keep], samples.acc[:, keep], samples.mag[:, keep])
     _, motion = estimate_motion(cut, chain_links(made.chain), INSTANT, north=np.pi / 2, smooth=smooth)
     assert motion.begun.size == 1 and np.isfinite(motion.q).all() and np.isfinite(motion.cov).all()
     truth, late = true_units(made)[:, keep], cut.t > 13.0

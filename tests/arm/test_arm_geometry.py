@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from plumbob.arm.anchor import anchored
-from plumbob.arm.filter import Params, Samples
+from plumbob.arm.filter import Params, UnitSamples
 from plumbob.arm.geometry import Prior, fit_arms, fit_axes, force_terms, interpolated, lever_matrices, sway
 from plumbob.arm.links import GROUND, chain_links, unit_numbers
-from plumbob.arm.smoother import Motion, keyframe_rows
+from plumbob.arm.smoother import Attitudes, keyframe_rows
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg
-from plumbob.data.array import Mount
+from plumbob.data.array import UnitMount
 from plumbob.data.chain import Chain, Joint, Segment
 from plumbob.rotations import dcm_from_quat, quat_multiply, quat_rotate
 from plumbob.simulation import simulate_chain
@@ -26,8 +26,8 @@ def ideal(name):
     q = np.stack([quat_multiply(made.tracks[one.name].q_nb, np.array(one.mount.q_bs)) for one in riders])
     rows = keyframe_rows(made.t, 0.1)
     cov, bias = np.zeros((len(rows), 3 * len(q), 3 * len(q))), np.zeros((len(rows), len(q), 3))
-    samples = Samples(made.t, gyr, acc)
-    return made, force_terms(samples, Motion(made.t, q, rows, cov, bias, 0.0), mean_rate=False)
+    samples = UnitSamples(made.t, gyr, acc)
+    return made, force_terms(samples, Attitudes(made.t, q, rows, cov, bias, 0.0), mean_rate=False)
 
 
 @pytest.mark.parametrize("name", ["arm7", "teach", "five"])
@@ -51,10 +51,10 @@ def test_exact_motion_gives_the_arms_and_axes_of_the_chain(name):
 
 def test_links_are_the_lever_arms_in_unit_axes():
     # closed form: a quarter turn about z carries the unit's x axis to the segment's y axis
-    quarter = Mount((np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)), (0.1, 0.0, 0.0))
+    quarter = UnitMount((np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)), (0.1, 0.0, 0.0))
     chain = Chain(
         "two",
-        (Segment("a", "a", quarter), Segment("b", "b", Mount(lever_b=(0.0, 0.2, 0.0)))),
+        (Segment("a", "a", quarter), Segment("b", "b", UnitMount(lever_b=(0.0, 0.2, 0.0)))),
         (Joint("j", "a", "b", "hinge", origin=(0.4, 0.0, 0.0), axes=((1.0, 0.0, 0.0),)),),
     )
     (link,) = chain_links(chain, play={"j": 0.1}, force_sd={"j": 0.2})
@@ -98,19 +98,21 @@ def test_the_common_heading_is_the_turn_that_the_field_shows(smooth):
     turn, rows = 0.5, keyframe_rows(T, 0.1)
     q = np.tile([1.0, 0.0, 0.0, 0.0], (2, len(T), 1))
     field = np.tile([20.0 * np.cos(1.0 - turn), 20.0 * np.sin(1.0 - turn), -40.0], (2, len(T), 1))
-    motion = Motion(T, q, rows, np.zeros((len(rows), 6, 6)), np.zeros((len(rows), 2, 3)), 0.0)
-    samples = Samples(T, np.zeros_like(field), np.zeros_like(field), field)
+    motion = Attitudes(T, q, rows, np.zeros((len(rows), 6, 6)), np.zeros((len(rows), 2, 3)), 0.0)
+    samples = UnitSamples(T, np.zeros_like(field), np.zeros_like(field), field)
     sure = {"turn_sd": np.pi, "north_sd": deg(0.01), "smooth": smooth}
     found = anchored(samples, motion, Params(), north=1.0, **sure)
     assert found is not None
     assert found.turn[-1] == pytest.approx(turn, abs=1e-2)
     # a field bent by 15° (1 σ) for 10 s at a time cannot be averaged away in 10 s
     assert deg(8.0) < np.sqrt(found.var[-1]) < deg(15.5)
-    assert anchored(Samples(T, field, field, np.full_like(field, np.nan)), motion, Params(), north=1.0, **sure) is None
+    assert (
+        anchored(UnitSamples(T, field, field, np.full_like(field, np.nan)), motion, Params(), north=1.0, **sure) is None
+    )
     # behind a gap it may have turned by anything, and the field says by how much
     half = rows.size // 2
     field[:, rows[half] :] = [20.0 * np.cos(1.0 + 1.0), 20.0 * np.sin(1.0 + 1.0), -40.0]
-    motion = Motion(T, q, rows, motion.cov, motion.bias, 0.0, np.array([half]))
+    motion = Attitudes(T, q, rows, motion.cov, motion.bias, 0.0, np.array([half]))
     found = anchored(samples, motion, Params(), north=1.0, **sure)
     assert found.turn[half - 5] == pytest.approx(turn, abs=0.02)
     assert found.turn[-1] == pytest.approx(-1.0, abs=0.02)

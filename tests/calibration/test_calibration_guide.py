@@ -9,7 +9,7 @@ import pytest
 
 from plumbob.calibration.predicted import REGIONS, region_index
 from plumbob.data import ImuData, ImuMeta
-from plumbob.live.guide.guide import ENOUGH, LONG_ENOUGH, RestGuide, Turn, nearest, pose_words, turn_to
+from plumbob.live.guide.guide import ENOUGH, LONG_ENOUGH, AxisTurn, RestGuide, nearest, pose_words, turn_to
 from plumbob.live.guide.guides import AccelGuide, MagGuide
 from plumbob.quality.static_periods import stills
 from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_rotate
@@ -24,7 +24,7 @@ def obedient(guide, hand, *, rest, most=60):
     parts = [hand.hold(rest)]
     progress = guide.feed(parts[0])
     while (progress.missing or not progress.done) and len(parts) < most:
-        free = Turn(0, 0.5) if progress.missing else Turn(len(parts) % 3, np.pi)
+        free = AxisTurn(0, 0.5) if progress.missing else AxisTurn(len(parts) % 3, np.pi)
         parts.append(joined(hand.turn(progress.turn or free), hand.hold(rest)))
         progress = guide.feed(parts[-1])
     return joined(*parts), progress
@@ -91,14 +91,14 @@ def test_who_follows_the_guide_of_the_accelerometer_holds_every_pose(acc_capture
 @pytest.mark.parametrize("rate", [20.0, 100.0, 1000.0])
 def test_a_pose_of_two_seconds_and_a_bit_counts_at_any_rate(rate):
     guide, hand = AccelGuide(), Hand(4, rate=rate)
-    progress = guide.feed(joined(hand.turn(Turn(0, 2.0)), hand.hold(2.3), hand.turn(Turn(1, 2.0))))
+    progress = guide.feed(joined(hand.turn(AxisTurn(0, 2.0)), hand.hold(2.3), hand.turn(AxisTurn(1, 2.0))))
     assert progress.filled.sum() == 1
 
 
 def test_poses_that_were_not_held_or_have_no_force_do_not_count(acc_capture):
     guide, hand = AccelGuide(), Hand(4)
     for _ in range(20):
-        progress = guide.feed(joined(hand.hold(0.7), hand.turn(Turn(hand.rng.integers(3), 1.0))))
+        progress = guide.feed(joined(hand.hold(0.7), hand.turn(AxisTurn(hand.rng.integers(3), 1.0))))
     assert not progress.filled.any() and not guide.timeline
     acc = acc_capture[0].acc.copy()
     acc[::10] = np.nan
@@ -108,7 +108,7 @@ def test_poses_that_were_not_held_or_have_no_force_do_not_count(acc_capture):
 def test_a_ring_at_the_level_is_never_enough_and_is_told_to_tilt():
     guide, hand = MagGuide(), Hand(7, soft_iron=SOFT_IRON, level=True, trembling=0.005)
     for _ in range(20):
-        progress = guide.feed(hand.turn(Turn(2, np.pi)))
+        progress = guide.feed(hand.turn(AxisTurn(2, np.pi)))
     assert not progress.done and progress.grade != "good"
     assert progress.turn.axis != 2 and "tilt it" in progress.next_step
     still = MagGuide().feed(Hand(8).hold(5.0))
@@ -127,7 +127,7 @@ def test_what_is_wrong_is_said(mag_capture):
     for wrong, warning in (
         (changed(few, ImuMeta(mag_range=float(np.abs(few.mag).max()))), "range"),
         (changed(few, mag=None), "no mag comes"),
-        (Hand(1).turn(Turn(0, 20.0), speed=5.0), "too fast"),
+        (Hand(1).turn(AxisTurn(0, 20.0), speed=5.0), "too fast"),
     ):
         assert warning in MagGuide().feed(wrong).warnings[0]
     mag = imu.mag.copy()
@@ -153,7 +153,7 @@ def test_memory_is_bounded(mag_capture):
 def test_rest_is_counted_in_one_piece_and_without_an_accelerometer():
     guide, hand = RestGuide(), Hand(10)
     assert "7." in guide.feed(hand.hold(8.0)).next_step
-    progress = guide.feed(joined(hand.turn(Turn(0, 0.5)), hand.hold(LONG_ENOUGH - 5.0)))
+    progress = guide.feed(joined(hand.turn(AxisTurn(0, 0.5)), hand.hold(LONG_ENOUGH - 5.0)))
     assert not progress.done
     assert guide.feed(hand.hold(6.0)).done
     texts = [moment.text for moment in guide.timeline]
@@ -181,7 +181,7 @@ def test_turns_lead_to_the_goal_and_between_neighbours_one_is_enough():
         assert np.degrees(np.arccos(np.clip(direction @ goal, -1.0, 1.0))) < 1.0
     # the x axis has come nearer to where z was, and the words say so
     assert quat_rotate(quat_from_rotvec(np.array([0.0, -0.8, 0.0])), np.array([1.0, 0.0, 0.0]))[2] > 0.7
-    words = [str(Turn(1, 0.8)), str(Turn(1, -0.8)), pose_words(0), pose_words(11)]
+    words = [str(AxisTurn(1, 0.8)), str(AxisTurn(1, -0.8)), pose_words(0), pose_words(11)]
     about = "turn it about its y axis by about 45°, "
     assert words == [
         about + "z towards x",

@@ -15,7 +15,7 @@ import pytest
 from plumbob import files
 from plumbob.cli.capture import Board, board_lines
 from plumbob.data.cards import CalibrationCard
-from plumbob.live.guide.guide import Moment, Progress, Turn
+from plumbob.live.guide.guide import AxisTurn, Moment, Progress
 from tests.helpers.commandline import PLUMBOB, answer, emulated, typed
 
 TIMEOUT = 120
@@ -104,7 +104,7 @@ def test_bytes_of_another_format_are_noticed(tmp_path):
 
 FILLED = np.isin(np.arange(18), [0, 2, 6, 10])
 UNDER_WAY = Progress(
-    elapsed=12.3, filled=FILLED, direction=6, still_for=0.0, next_step="turn it", turn=Turn(0, 0.8), goal=14,
+    elapsed=12.3, filled=FILLED, direction=6, still_for=0.0, next_step="turn it", turn=AxisTurn(0, 0.8), goal=14,
     predicted="heading ±1.2° (1 sd)", grade="fair", share=4 / 18, warnings=("too fast: slower",), done=False,
 )  # fmt: skip
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plumbob.core.errors import DecodeError, FrameError, PlumbobError, UnitError
-from plumbob.data.array import PRESETS, Mount
+from plumbob.data.array import PRESETS, UnitMount
 from plumbob.data.array_toml import load_units
 from plumbob.data.cards import CalibrationCard, NoiseCard, TriadCalibration, TriadNoise
 from plumbob.rotations import quat_rotate
@@ -54,7 +54,7 @@ name = "u2"
     assert found["u1"].mount.clock_offset == -1e-3
     assert (found["u1"].device, found["u1"].card.text()) == ("arm 1", card.text())
     assert found["u1"].mount.noise.text() == noise.text()
-    assert found["u2"].mount == Mount()
+    assert found["u2"].mount == UnitMount()
 
 
 WRONG = [

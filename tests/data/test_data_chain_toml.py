@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobError, UnitError
-from plumbob.data.array import Mount
+from plumbob.data.array import UnitMount
 from plumbob.data.chain import Chain, Joint, Limits, Segment
 from plumbob.data.chain_toml import chain_text, load_chain, parse_chain
 from plumbob.rotations import quat_rotate
@@ -95,8 +95,8 @@ def chains(draw: st.DrawFn) -> Chain:
     kinds = draw(st.lists(st.sampled_from(("fixed", "hinge", "universal", "ball")), min_size=1, max_size=3))
     segments, joints = [Segment(words[0])], []
     for k, kind in enumerate(kinds):
-        mount = Mount((0.5, 0.5, -0.5, 0.5), draw(vector), draw(st.floats(-0.1, 0.1)))
-        segments.append(Segment(words[k + 1], f"unit{k}" if draw(st.booleans()) else "", Mount()))
+        mount = UnitMount((0.5, 0.5, -0.5, 0.5), draw(vector), draw(st.floats(-0.1, 0.1)))
+        segments.append(Segment(words[k + 1], f"unit{k}" if draw(st.booleans()) else "", UnitMount()))
         if segments[-1].unit:
             segments[-1] = Segment(words[k + 1], f"unit{k}", mount)
         axes = {"hinge": ((0.6, 0.0, 0.8),), "universal": ((0, 0, 1.0), (0.6, 0.8, 0))}.get(kind, ())

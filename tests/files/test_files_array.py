@@ -10,7 +10,7 @@ import pytest
 import plumbob
 from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
 from plumbob.data import ImuMeta
-from plumbob.data.array import ImuArray, Mount
+from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards import NoiseCard, TriadNoise
 from plumbob.data.recording import Recording
 from plumbob.files import header, read
@@ -21,7 +21,7 @@ from tests.helpers.io_samples import make_imu, make_track, refused, sealed
 
 Q_BS = np.array([0.5, -0.7, 0.1, 0.4]) / np.linalg.norm([0.5, -0.7, 0.1, 0.4])
 NOISE = NoiseCard("u1", "test", gyr=TriadNoise([0.1, 0.2, 1 / 3], [0.0, 1e-5, 1e-6], [1e-7, 0.0, 0.0]))
-MOUNTS = {"u1": Mount(tuple(Q_BS), (0.1, -1 / 3, 2e-3), -1.25e-3, NOISE), "left.arm": Mount()}
+MOUNTS = {"u1": UnitMount(tuple(Q_BS), (0.1, -1 / 3, 2e-3), -1.25e-3, NOISE), "left.arm": UnitMount()}
 
 
 def made(rows=12):
@@ -59,9 +59,9 @@ def test_an_array_keeps_rotations_names_and_attitude(tmp_path):
     """Dividing by a norm that is 1 but for rounding would change the last bit now and then."""
     q = np.random.default_rng(1).normal(size=(2000, 4))
     for one in q / np.linalg.norm(q, axis=1, keepdims=True):
-        first = Mount(tuple(one))
-        assert Mount(first.q_bs).q_bs == first.q_bs == tuple(one.tolist())
-    assert Mount((2.0 - 1e-3 - 1.0, 0.0, 0.0, 0.0)).q_bs == (1.0, 0.0, 0.0, 0.0)
+        first = UnitMount(tuple(one))
+        assert UnitMount(first.q_bs).q_bs == first.q_bs == tuple(one.tolist())
+    assert UnitMount((2.0 - 1e-3 - 1.0, 0.0, 0.0, 0.0)).q_bs == (1.0, 0.0, 0.0, 0.0)
     plumbob.write(tmp_path / "a.parquet", made())
     schema = pq.read_schema(tmp_path / "a.parquet")
     assert schema.names[:2] == ["t_ns", "u1.gyr_x"]

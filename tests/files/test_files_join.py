@@ -5,7 +5,7 @@ import pytest
 
 from plumbob.core.errors import ClockError, ShapeError
 from plumbob.data import ImuMeta
-from plumbob.files.foreign.join import Stream, joined, seconds_to_ns
+from plumbob.files.foreign.join import Readings, joined, seconds_to_ns
 
 MS = 1_000_000
 
@@ -19,7 +19,7 @@ def test_a_stream_of_like_rate_is_interpolated_on_the_gyroscopes_stamps():
     gyr_ns = np.arange(200) * 5 * MS + 1_000 * MS
     acc_ns = np.arange(220) * 5 * MS + 990 * MS + 1_234_567
     imu, _, notes = joined(
-        {"gyr": Stream(gyr_ns, lines(gyr_ns, [0.1, 0.2, 0.3])), "acc": Stream(acc_ns, lines(acc_ns, [1, 2, 9]))},
+        {"gyr": Readings(gyr_ns, lines(gyr_ns, [0.1, 0.2, 0.3])), "acc": Readings(acc_ns, lines(acc_ns, [1, 2, 9]))},
         meta=ImuMeta(unit_check=False),
         epoch_ns=0,
     )
@@ -33,7 +33,7 @@ def test_a_slow_stream_keeps_its_own_values_each_once():
     gyr_ns = np.arange(1000) * 5 * MS
     mag_ns = np.arange(50) * 100 * MS + 2 * MS
     mag = 40 + np.arange(150).reshape(50, 3) / 100
-    imu, _, notes = joined({"gyr": Stream(gyr_ns, np.zeros((1000, 3))), "mag": Stream(mag_ns, mag)}, meta=ImuMeta())
+    imu, _, notes = joined({"gyr": Readings(gyr_ns, np.zeros((1000, 3))), "mag": Readings(mag_ns, mag)}, meta=ImuMeta())
     known = np.isfinite(imu.mag).all(axis=1)
     assert known.sum() == 50
     np.testing.assert_array_equal(imu.mag[known], mag)
@@ -45,7 +45,7 @@ def test_a_fast_stream_is_averaged_so_that_its_vibration_is_not_folded():
     gyr_ns, acc_ns = np.arange(500) * 10 * MS, np.arange(5000) * MS
     vibration = np.sin(2 * np.pi * 99.0 * acc_ns / 1e9)  # single samples at 100 Hz would show it at 1 Hz
     acc = np.column_stack([vibration, np.zeros(5000), np.full(5000, 9.81)])
-    imu, _, notes = joined({"gyr": Stream(gyr_ns, np.zeros((500, 3))), "acc": Stream(acc_ns, acc)}, meta=ImuMeta())
+    imu, _, notes = joined({"gyr": Readings(gyr_ns, np.zeros((500, 3))), "acc": Readings(acc_ns, acc)}, meta=ImuMeta())
     # a mean over 11 samples of 1 ms keeps |sin(11 π f T) / (11 sin(π f T))| of it: Dirichlet kernel, f T = .099
     kept = abs(np.sin(11 * np.pi * 0.099) / (11 * np.sin(np.pi * 0.099)))
     assert np.abs(imu.acc[5:-5, 0]).max() == pytest.approx(kept, rel=0.01)
@@ -56,34 +56,34 @@ def test_nothing_is_made_up_in_gaps_or_beside_missing_values():
     gyr_ns = np.arange(100) * 10 * MS
     acc_ns = np.concatenate([np.arange(10, 40), np.arange(60, 90)]) * 10 * MS + MS
     acc = np.tile([0.0, 0.0, 9.81], (60, 1))
-    imu, *_ = joined({"gyr": Stream(gyr_ns, np.zeros((100, 3))), "acc": Stream(acc_ns, acc)}, meta=ImuMeta())
+    imu, *_ = joined({"gyr": Readings(gyr_ns, np.zeros((100, 3))), "acc": Readings(acc_ns, acc)}, meta=ImuMeta())
     known = np.flatnonzero(np.isfinite(imu.acc).all(axis=1))
     assert known.tolist() == [*range(11, 40), *range(61, 90)]
     gyr_ns = np.arange(50) * 10 * MS
     acc = np.tile([0.0, 0.0, 9.81], (50, 1))
     acc[20] = np.nan
-    imu, *_ = joined({"gyr": Stream(gyr_ns, np.zeros((50, 3))), "acc": Stream(gyr_ns + MS, acc)}, meta=ImuMeta())
+    imu, *_ = joined({"gyr": Readings(gyr_ns, np.zeros((50, 3))), "acc": Readings(gyr_ns + MS, acc)}, meta=ImuMeta())
     assert np.flatnonzero(np.isnan(imu.acc).any(axis=1)).tolist() == [0, 20, 21]  # row 0 lies before the first stamp
 
 
 def test_stamps_that_repeat_are_left_out_and_told_and_many_are_refused():
     stamps = np.arange(1000) * 10 * MS
     stamps[[200, 500]] = stamps[[199, 100]]
-    imu, _, notes = joined({"gyr": Stream(stamps, np.zeros((1000, 3)))}, meta=ImuMeta())
+    imu, _, notes = joined({"gyr": Readings(stamps, np.zeros((1000, 3)))}, meta=ImuMeta())
     assert len(imu) == 998
     assert "gyr: 2 samples left out" in notes[0]
     with pytest.raises(ClockError, match="of 1000 stamps repeat or go back"):
-        joined({"gyr": Stream(np.repeat(np.arange(500), 2) * MS, np.zeros((1000, 3)))}, meta=ImuMeta())
+        joined({"gyr": Readings(np.repeat(np.arange(500), 2) * MS, np.zeros((1000, 3)))}, meta=ImuMeta())
 
 
 def test_without_a_gyroscope_the_fastest_leads_and_without_a_triad_it_is_refused():
     fast, slow = np.arange(100) * 10 * MS, np.arange(10) * 100 * MS
     imu, *_ = joined(
-        {"mag": Stream(slow, np.full((10, 3), 25.0)), "acc": Stream(fast, np.full((100, 3), 5.66))}, meta=ImuMeta()
+        {"mag": Readings(slow, np.full((10, 3), 25.0)), "acc": Readings(fast, np.full((100, 3), 5.66))}, meta=ImuMeta()
     )
     assert len(imu) == 100
     with pytest.raises(ShapeError, match="a stream of gyr, acc or mag"):
-        joined({"temp_c": Stream(slow, np.full(10, 25.0))}, meta=ImuMeta())
+        joined({"temp_c": Readings(slow, np.full(10, 25.0))}, meta=ImuMeta())
 
 
 def test_stamps_in_seconds_must_be_times():

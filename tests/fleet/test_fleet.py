@@ -329,7 +329,7 @@ def test_cards_go_by_device(tmp_path):
     with pytest.raises(ParameterError, match="two calibration cards"):
         load_cards([cards[0], cards[0]])
     with pytest.raises(CalibrationError, match="unit 9"):
-        plumbob.fleet.settings.Settings({}, *load_cards(tmp_path)).card_for("unit 9")
+        plumbob.fleet.settings.BatchSettings({}, *load_cards(tmp_path)).card_for("unit 9")
     assert isinstance(load_cards(cards[0])[0][0], CalibrationCard)
 
 

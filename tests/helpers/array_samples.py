@@ -3,7 +3,7 @@
 import numpy as np
 
 from plumbob import ImuData
-from plumbob.data.array import ImuArray, Mount
+from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards import NoiseCard
 from plumbob.data.cards.noise import TriadNoise
 from plumbob.papers.arm.faults import as_array, moved
@@ -33,4 +33,4 @@ def turned(*degrees):
     return tuple(quat_from_rotvec(np.radians(degrees)).tolist())
 
 
-__all__ = ["ImuArray", "ImuData", "Mount", "as_array", "card", "moved", "sampled", "turned"]
+__all__ = ["ImuArray", "ImuData", "UnitMount", "as_array", "card", "moved", "sampled", "turned"]

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plumbob.rotations import euler_zyx_from_quat, quat_from_rotvec, quat_multiply
-from plumbob.viewer.pipe import Message, Unpacker, Writer
+from plumbob.viewer.pipe import MessageUnpacker, PipeMessage, PipeWriter
 
 TURN = 0.7  # rad/s, about an axis that is none of the body's
 AXIS = np.array([0.36, 0.48, 0.8])
@@ -85,9 +85,9 @@ class Body:
                      "unusable": 0, "drift_ppm": None, "clock": "rate", "skipped": 0},
         }  # fmt: skip
 
-    def batch(self, first: int, count: int, **fields: Any) -> Message:
+    def batch(self, first: int, count: int, **fields: Any) -> PipeMessage:
         arrays = self.rows(first, count)
-        return Message("batch", self.fields(first + count - 1) | fields, arrays)
+        return PipeMessage("batch", self.fields(first + count - 1) | fields, arrays)
 
 
 class Feed:
@@ -95,15 +95,15 @@ class Feed:
 
     def __init__(self, end: socket.socket) -> None:
         self._end = end
-        self.writer = Writer(end)
-        self._unpacker = Unpacker()
-        self.got: list[Message] = []
+        self.writer = PipeWriter(end)
+        self._unpacker = MessageUnpacker()
+        self.got: list[PipeMessage] = []
         self._lock = threading.Lock()
 
     def say(self, kind: str, content: dict[str, Any] | None = None, **arrays: np.ndarray) -> None:
-        self.write(Message(kind, content or {}, arrays))
+        self.write(PipeMessage(kind, content or {}, arrays))
 
-    def write(self, message: Message) -> None:
+    def write(self, message: PipeMessage) -> None:
         """Write a message, and wait until the pipe has taken it."""
         deadline = time.monotonic() + 20.0
         with self._lock:
@@ -116,11 +116,11 @@ class Feed:
         """Close the pipe without a word."""
         self._end.close()
 
-    def wait(self, kind: str, seconds: float = 30.0) -> Message:
+    def wait(self, kind: str, seconds: float = 30.0) -> PipeMessage:
         """Next message of a kind; others before it are dropped."""
         return self.until(lambda message: message.kind == kind, seconds)
 
-    def until(self, fits: Callable[[Message], bool], seconds: float = 30.0) -> Message:
+    def until(self, fits: Callable[[PipeMessage], bool], seconds: float = 30.0) -> PipeMessage:
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
             while self.got:

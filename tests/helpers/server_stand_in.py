@@ -5,16 +5,16 @@ import socket
 import sys
 import time
 
-from plumbob.viewer.pipe import Message, Unpacker, packed
+from plumbob.viewer.pipe import MessageUnpacker, PipeMessage, packed
 
 
 def main(number, kind, log):
     end = socket.socket(fileno=int(number))
-    end.sendall(packed(Message("ready", {"port": 4242})))
+    end.sendall(packed(PipeMessage("ready", {"port": 4242})))
     if kind == "deaf":
         time.sleep(60)
         return
-    unpacker = Unpacker()
+    unpacker = MessageUnpacker()
     with open(log, "a", encoding="utf-8") as file:  # noqa: PTH123
         while data := end.recv(1 << 16):
             for message in unpacker.feed(data):

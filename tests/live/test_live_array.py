@@ -10,7 +10,7 @@ import pytest
 import plumbob
 from plumbob.core.errors import ClockError, DecodeError, ParameterError, PlumbobError
 from plumbob.data import TRIADS, ImuData, ImuMeta
-from plumbob.data.array import PRESETS, ImuArray, Mount
+from plumbob.data.array import PRESETS, ImuArray, UnitMount
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.door.reading import read_array
@@ -187,14 +187,14 @@ def calibrated(tmp_path_factory):
 def test_each_unit_has_its_own_card_and_mount(calibrated):
     array, bare = read_array(calibrated), plumbob.read(calibrated).array
     assert_decoded(bare, arm())
-    assert array.mounts["u4"] == Mount((0.0, 0.0, 0.0, 1.0), (0.02, 0.0, 0.0))
-    assert array.mounts["u2"] == Mount(clock_offset=2e-3)
+    assert array.mounts["u4"] == UnitMount((0.0, 0.0, 0.0, 1.0), (0.02, 0.0, 0.0))
+    assert array.mounts["u2"] == UnitMount(clock_offset=2e-3)
     for name, scale in (("u4", 1.02), ("u2", 0.97)):
         expected = apply_card(card(f"arm 7 {name}", scale), bare.units[name])
         assert array.units[name].gyr.tobytes() == expected.gyr.tobytes()
         assert array.units[name].meta == expected.meta
     assert array.units["u1"].meta.calibration is None
-    again = read_array(calibrated, mounts={"u4": Mount(lever_b=(1.0, 0.0, 0.0))})
+    again = read_array(calibrated, mounts={"u4": UnitMount(lever_b=(1.0, 0.0, 0.0))})
     assert again.mounts["u4"].lever_b == (1.0, 0.0, 0.0)
     assert again.mounts["u2"] == array.mounts["u2"]  # who is not named stays as the session says
 
@@ -310,7 +310,7 @@ def test_files_of_one_unit_each(tmp_path):
     for given, mounts, error, words in (
         ([files[0], single(tmp_path / "left.csv")], None, ParameterError, "same stem"),
         (files[0], None, ParameterError, "holds one unit"),
-        (files, {"u1": Mount()}, ParameterError, "mount 'u1' belongs to no unit"),
+        (files, {"u1": UnitMount()}, ParameterError, "mount 'u1' belongs to no unit"),
         ([files[0], slower], None, ClockError, r"plumbob\.array\.joined"),
         (later, None, ClockError, r"up to 1 s apart.*plumbob\.array\.joined"),
     ):

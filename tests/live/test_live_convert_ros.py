@@ -148,11 +148,11 @@ def test_an_attitude_alone_and_samples_alone(recording, tmp_path):
 
 
 def test_several_units(recording, tmp_path):
-    from plumbob.data.array import ImuArray, Mount
+    from plumbob.data.array import ImuArray, UnitMount
 
     one = recording.imu
     other = plumbob.ImuData(t=one.t, gyr=one.gyr * 2.0, acc=one.acc, mag=one.mag + 1.0, meta=one.meta)
-    array = ImuArray({"u1": one, "2nd": other}, {"2nd": Mount((0.0, 1.0, 0.0, 0.0), (0.1, 0.2, 0.3))})
+    array = ImuArray({"u1": one, "2nd": other}, {"2nd": UnitMount((0.0, 1.0, 0.0, 0.0), (0.1, 0.2, 0.3))})
     plumbob.convert(plumbob.Recording(array=array, name="a"), tmp_path / "a.bag")
     back = plumbob.read(tmp_path / "a.bag").array
     assert back.names == ("/u1/imu/data_raw", "/u2nd/imu/data_raw")

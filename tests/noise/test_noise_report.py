@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 from plumbob.core.errors import MissingExtraError, ShapeError
 from plumbob.core.text import measured, number
 from plumbob.core.units import Quantity, dps, from_si, to_si
-from plumbob.noise import Compared, compare, report
+from plumbob.noise import ChannelComparison, compare, report
 from plumbob.noise.curve import Curve
 from plumbob.noise.findings import Candidate, Coefficient, Estimates, Mask, Sinusoid
 from plumbob.noise.terms import DATASHEET, variance
@@ -344,7 +344,7 @@ def compared():
     raw = dps(0.1 * np.random.default_rng(0).standard_normal(20_000))
     keep = np.exp(-0.1)
     smooth = lfilter([1.0 - keep], [1.0, -keep], raw)
-    return [Compared("gyr x", Quantity.RATE, compare(raw, smooth, 0.1))]
+    return [ChannelComparison("gyr x", Quantity.RATE, compare(raw, smooth, 0.1))]
 
 
 @pytest.fixture(scope="module")

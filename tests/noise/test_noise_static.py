@@ -365,7 +365,7 @@ def test_kernels_and_intervals():
 
 
 def test_runs_across_blocks():
-    runs = artefacts.Runs()
+    runs = artefacts.ChannelWatch()
     values = np.repeat([1.0, 2.0, 1.5, 3.0], [5, 40, 1, 30])
     for block in (values[:0], *np.array_split(values, 20)):
         runs.add(block)

@@ -7,7 +7,7 @@ import pytest
 
 import plumbob
 from plumbob.core.errors import ShapeError
-from plumbob.quality.tilt import Headings, Inclination, Motion, TiltStatistics, tilt_statistics, waves
+from plumbob.quality.tilt import Headings, Inclination, TiltMotion, TiltStatistics, tilt_statistics, waves
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
 
@@ -58,10 +58,10 @@ def test_a_narrow_sea_has_four_standard_deviations():
 def test_the_significant_wave_is_the_mean_of_the_highest_third():
     none = np.empty(0)
     heights = np.radians([1.0, 2.0, 3.0, 4.0, 5.0, 9.0])
-    one = Motion(6, 0.0, 1.0, -1.0, 1.0, heights, np.ones(6))
+    one = TiltMotion(6, 0.0, 1.0, -1.0, 1.0, heights, np.ones(6))
     assert np.degrees(one.significant) == pytest.approx(7.0)
     assert np.degrees(one.largest) == pytest.approx(9.0)
-    still = Motion(6, 0.0, 0.0, 0.0, 0.0, none, none)
+    still = TiltMotion(6, 0.0, 0.0, 0.0, 0.0, none, none)
     assert math.isnan(still.significant) and math.isnan(still.tz) and still.waves == 0
 
 

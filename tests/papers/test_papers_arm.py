@@ -59,7 +59,7 @@ def test_the_direct_draws_are_those_of_the_simulator():
             **({} if turns else {"turn": "0 deg"}),
         )  # fmt: skip
         noise = simulated.assumed_noise(turns)
-        array, truth = simulated.arm(3, turns=turns, noise=simulated.Noise(0.0, 0.0, 0.0, 0.0))
+        array, truth = simulated.arm(3, turns=turns, noise=simulated.UnitErrors(0.0, 0.0, 0.0, 0.0))
         clean, there = array.units["u1"], made.imu  # u1 is aligned with the body
         assert made.truth.q_nb == pytest.approx(truth, abs=1e-12)
         for triad in ("gyr", "acc", "mag"):

@@ -95,13 +95,13 @@ def test_modules_are_drawn_within_their_limits():
 
 
 def test_six_parameters_do_where_soft_iron_is_along_the_axes_and_nine_elsewhere():
-    six = modules.measure_ring(modules.Row(), SEEDS)
+    six = modules.measure_ring(modules.CaptureRow(), SEEDS)
     assert six.yaw95 < 2.5  # the specification's bar of 95 %
     assert six.before > 5.0
     assert six.level95 < 1.0
-    across = modules.measure_ring(modules.Row(c=0.1), SEEDS)
-    assert modules.measure_ring(modules.Row(c=0.1, fit=modules.by_ellipsoid), SEEDS).yaw95 < 5.0 < across.yaw95
-    alone = modules.measure_ring(modules.Row(fit=modules.mag_alone), SEEDS)
+    across = modules.measure_ring(modules.CaptureRow(c=0.1), SEEDS)
+    assert modules.measure_ring(modules.CaptureRow(c=0.1, fit=modules.by_ellipsoid), SEEDS).yaw95 < 5.0 < across.yaw95
+    alone = modules.measure_ring(modules.CaptureRow(fit=modules.mag_alone), SEEDS)
     assert alone.yaw > six.yaw
 
 
@@ -155,7 +155,9 @@ NAMES = (
 
 
 def test_same_seed_same_bits(tmp_path, found):
-    assert modules.measure_ring(modules.Row("pitch"), [3]) == modules.measure_ring(modules.Row("pitch"), [3])
+    assert modules.measure_ring(modules.CaptureRow("pitch"), [3]) == modules.measure_ring(
+        modules.CaptureRow("pitch"), [3]
+    )
     again = bench.calibrated(Work(tmp_path, seed=2))
     for one in ("paper", "best"):
         for triad in ("gyr", "acc", "mag"):

@@ -13,7 +13,7 @@ from plumbob.core.units import from_si
 from plumbob.data.recording import Recording
 from plumbob.quality.arrangement import fit
 from plumbob.quality.derotated import fit_force
-from plumbob.quality.diagnosis import Answer, Diagnosis
+from plumbob.quality.diagnosis import Diagnosis, Trust
 from plumbob.quality.moments import ARRANGEMENTS, means
 from plumbob.quality.units import unit_odds
 from plumbob.rotations import dcm_from_quat, quat_chained, quat_from_euler_zyx, signed_axes
@@ -157,7 +157,7 @@ def test_rest_tells_nothing_of_axes_and_nothing_wrong() -> None:
 def test_one_axis_does_not_tell_all_and_says_which_would() -> None:
     found = diagnosed(sensors((1.2, 0.0, 0.0)))
     told = {f"{one.sensor} {one.question}": one for one in found.findings}
-    assert told["mag axes"].answer is Answer.UNKNOWN and told["acc axes"].answer is Answer.UNKNOWN
+    assert told["mag axes"].answer is Trust.UNKNOWN and told["acc axes"].answer is Trust.UNKNOWN
     assert "turn it about" in told["mag axes"].why
 
 

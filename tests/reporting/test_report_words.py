@@ -15,7 +15,7 @@ from plumbob.data.cards import CalibrationCard, Mount
 from plumbob.evaluation.report import comparison
 from plumbob.filters import load
 from plumbob.filters.base import CommonParams
-from plumbob.noise import Compared, compare
+from plumbob.noise import ChannelComparison, compare
 from plumbob.noise.report import NOISE
 from plumbob.noise.report import comparison as before_and_after
 from plumbob.papers.buoy.static_test import static_test
@@ -61,7 +61,9 @@ def noise(_):
     found = plumbob.allan(still, triads=("gyr", "acc"))
     raw = np.random.default_rng(0).standard_normal(5000)
     smooth = lfilter([0.1], [1.0, -0.9], raw)
-    compared = before_and_after([Compared("gyr x", Quantity.RATE, compare(raw, smooth, 0.1))], facts=[("before", "")])
+    compared = before_and_after(
+        [ChannelComparison("gyr x", Quantity.RATE, compare(raw, smooth, 0.1))], facts=[("before", "")]
+    )
     alone = plumbob.allan(still.gyr[:, 0], rate=100, scale="1")
     return found.report(), fin_report(found.analyses), compared, alone.report()
 

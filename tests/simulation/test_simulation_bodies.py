@@ -5,7 +5,7 @@ import pytest
 
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
-from plumbob.data.array import Mount
+from plumbob.data.array import UnitMount
 from plumbob.data.chain import Chain, Joint, Segment
 from plumbob.rotations import (
     Frame,
@@ -16,7 +16,7 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
-from plumbob.simulation import CHAINS, PROGRAMS, BentRegion, Dipole, EulerMotion, Program, simulate_chain
+from plumbob.simulation import CHAINS, PROGRAMS, BentRegion, ChainProgram, Dipole, EulerMotion, simulate_chain
 from plumbob.simulation.bodies import ChainMotion
 from plumbob.simulation.signals import Polynomial, Sinusoids, Stack, constant, sinusoid
 
@@ -33,7 +33,7 @@ def planar(l1, l2):
     """Two bars in the horizontal plane, the second with its unit at the end."""
     return Chain(
         "planar",
-        (Segment("base"), Segment("a"), Segment("b", "b", Mount(lever_b=(l2, 0.0, 0.0)))),
+        (Segment("base"), Segment("a"), Segment("b", "b", UnitMount(lever_b=(l2, 0.0, 0.0)))),
         (Joint("one", "base", "a", axes=(Z,)), Joint("two", "a", "b", origin=(l1, 0.0, 0.0), axes=(Z,))),
         hand_b=(l2, 0.0, 0.0),
         base_fixed=True,
@@ -88,7 +88,7 @@ def test_tip_of_a_double_pendulum_is_the_closed_form():
 def test_one_hinge_is_a_turntable():
     lever, yaw = (0.3, -0.1, 0.2), sinusoid(1.2, 0.5)
     chain = Chain(
-        "one", (Segment("base"), Segment("a", "a", Mount(lever_b=lever))), (Joint("j", "base", "a", axes=(Z,)),)
+        "one", (Segment("base"), Segment("a", "a", UnitMount(lever_b=lever))), (Joint("j", "base", "a", axes=(Z,)),)
     )
     here = ChainMotion(chain, Stack((yaw,)), Frame.ENU).truth(T)["a"].at_lever(lever)
     there = EulerMotion(Frame.ENU, Stack((yaw, constant(0.0), constant(0.0))), lever_b=lever).truth(T)
@@ -99,7 +99,7 @@ def test_one_hinge_is_a_turntable():
 
 def test_a_constant_turn_pulls_to_the_axis_by_omega_squared_r():
     chain, omega = planar(0.3, 0.25), deg(200.0)
-    turn = Program("turn", Stack((Polynomial((0.0, omega)), constant(0.0))), 2.0)
+    turn = ChainProgram("turn", Stack((Polynomial((0.0, omega)), constant(0.0))), 2.0)
     made = simulate_chain(chain, turn, frame=Frame.NWU, unit="calibrated", seed=0)
     imu = made.array.units["b"]
     np.testing.assert_allclose(imu.acc, np.tile((-(omega**2) * 0.55, 0.0, G0), (200, 1)), atol=1e-9)
@@ -158,7 +158,7 @@ def test_fixed_joints_make_an_array_on_one_body():
     )
     root = EulerMotion(Frame.ENU, sinusoid3(0.5, 0.4), sinusoid3(0.2, 0.3))
     made = simulate_chain(
-        board, Program("swung", constant(np.zeros(0)), 3.0, root=root), frame="ENU", unit="calibrated", seed=0
+        board, ChainProgram("swung", constant(np.zeros(0)), 3.0, root=root), frame="ENU", unit="calibrated", seed=0
     )
     body = root.truth(made.t)
     for name, lever in levers.items():
@@ -190,7 +190,7 @@ def test_drawn_mounts_fill_the_ball():
 
 
 def test_a_clock_that_is_late_takes_its_values_later():
-    late = {"hand": Mount(lever_b=(0.05, 0.0, 0.02), clock_offset=0.03)}
+    late = {"hand": UnitMount(lever_b=(0.05, 0.0, 0.02), clock_offset=0.03)}
     common = {"frame": "NED", "unit": "calibrated", "seed": 1, "duration": 5.0, "bend": 20.0, "bend_at": "hand"}
     plain = simulate_chain("arm", "fast", **common)
     found = simulate_chain("arm", "fast", **common, mounts=late)
@@ -204,7 +204,7 @@ def test_a_clock_that_is_late_takes_its_values_later():
 
 
 def test_mounts_may_be_given_and_must_be_known():
-    mount = Mount(tuple(quat_from_rotvec([0.1, 0.0, 0.0]).tolist()), (0.2, 0.0, 0.0))
+    mount = UnitMount(tuple(quat_from_rotvec([0.1, 0.0, 0.0]).tolist()), (0.2, 0.0, 0.0))
     made = simulate_chain("arm", "still", frame="NED", unit="calibrated", seed=1, duration=1.0, mounts={"hand": mount})
     assert made.mounts["hand"] == mount
     assert made.mounts["forearm"] == made.chain.segments[2].mount
@@ -212,7 +212,7 @@ def test_mounts_may_be_given_and_must_be_known():
 
 def test_a_unit_that_sways_moves_as_its_derivatives_say():
     # central differences of 2 ms; waves of 20 rad/s and their products leave (40 · 1e-3)² / 6 of a derivative (Taylor)
-    mounts = {"hand": Mount((0.6, 0.0, 0.8, 0.0), (0.1, 0.02, 0.0))}
+    mounts = {"hand": UnitMount((0.6, 0.0, 0.8, 0.0), (0.1, 0.02, 0.0))}
     common = {"frame": "NED", "unit": "calibrated", "seed": 6, "duration": 3.0, "rate": 1000.0}
     made = simulate_chain("arm", "fast", **common, soft=True, mounts=mounts)
     unit = made.units["hand"].kinematics

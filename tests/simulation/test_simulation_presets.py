@@ -9,7 +9,7 @@ import pytest
 from plumbob.core.constants import G0
 from plumbob.core.units import UNITS, unit
 from plumbob.simulation import draw_module, preset, preset_names
-from plumbob.simulation.presets import ANGLES, FIGURES, MARKS, Figure
+from plumbob.simulation.presets import ANGLES, FIGURES, MARKS, DataSheetFigure
 
 DEG = math.pi / 180.0
 
@@ -203,7 +203,7 @@ def test_a_module_s_magnetometer_can_sample_faster():
 
 
 def test_figures_divide_units():
-    rate = Figure(3.0, "deg/s per g per g", "x", "V")
+    rate = DataSheetFigure(3.0, "deg/s per g per g", "x", "V")
     np.testing.assert_allclose(rate.si, 3.0 * DEG / G0**2)
     np.testing.assert_allclose(replace(rate, unit="deg per rth").si, 3.0 * DEG / 60.0)  # √3600 s = 60 √s
     np.testing.assert_allclose(replace(rate, unit="1 per gauss").si, 0.03)

@@ -12,8 +12,8 @@ from plumbob.data.cards import CalibrationCard
 from plumbob.door.calibrate import calibrate
 from plumbob.live.sinks import track_lines
 from plumbob.rotations import Frame, North, quat_from_rotvec, quat_multiply, quat_rotate
-from plumbob.viewer.derived import Allan, Part
-from plumbob.viewer.pipe import Message
+from plumbob.viewer.derived import Allan, FedSamples
+from plumbob.viewer.pipe import PipeMessage
 from tests.helpers.feeding import Asking, Body, hello, serving
 
 BODY = Body(100.0)
@@ -47,7 +47,7 @@ def feed(served, sensed, first=0, size=50):
     for k in range(0, len(sensed), size):
         some = sensed[k : k + size]
         batch = BODY.batch(first + k, len(some))
-        served.feed.write(Message("batch", batch.content, {**batch.arrays, "sensed": some}))
+        served.feed.write(PipeMessage("batch", batch.content, {**batch.arrays, "sensed": some}))
 
 
 def overlapping(x, n):
@@ -84,7 +84,7 @@ def part(first, sensed, **words):
     found = np.zeros(len(sensed), dtype=np.uint32)
     for row, word in words.get("flags", {}).items():
         found[row] = word
-    return Part((first + np.arange(len(sensed))) / RATE, found, sensed)
+    return FedSamples((first + np.arange(len(sensed))) / RATE, found, sensed)
 
 
 def test_the_allan_deviation_begins_again_behind_a_gap_and_behind_a_sample_that_is_missing():

@@ -17,7 +17,7 @@ from plumbob.live.sinks import Collected
 from plumbob.live.stream import Stream
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 from plumbob.viewer.feed import Feed, FlagWatch
-from plumbob.viewer.rows import Attitudes, Layout, euler_deg, shown_estimator
+from plumbob.viewer.rows import Attitudes, RowLayout, euler_deg, shown_estimator
 from tests.helpers import live_samples, until
 from tests.helpers.outlets import Clock, Kept
 
@@ -159,7 +159,7 @@ def test_residuals_are_the_angles_that_were_planted():
     """A unit that is level and points to magnetic North, seen by an estimate that is off by 5° and 7°."""
     acc, mag = np.array([[0.0, 0.0, -G0]]), np.array([[20.0, 0.0, 40.0]])
     imu = plumbob.ImuData(t=[0.0], acc=acc, mag=mag)
-    layout = Layout(("acc", "mag"), False, (shown_estimator("a", "mahony", "a", primary=True),))
+    layout = RowLayout(("acc", "mag"), False, (shown_estimator("a", "mahony", "a", primary=True),))
     keys = [column.key for column in layout.columns]
 
     def residual(key, yaw, roll, north=North.MAGNETIC, declination=None):
@@ -238,7 +238,7 @@ frame = "NED"
 
 def test_a_chain_gives_the_points_of_its_stick_figure():
     from plumbob.live.session_toml import parse_session
-    from plumbob.viewer.overlays import Follower
+    from plumbob.viewer.overlays import ChainFollower
 
     session = parse_session(ARM_TEXT, {}.__getitem__, name="teach")
     names = [one.unit for one in session.units]
@@ -251,7 +251,7 @@ def test_a_chain_gives_the_points_of_its_stick_figure():
         ),
         hand_b=(1.0, 0.0, 0.0),
     )
-    follower = Follower(chain, Frame.NED, names)
+    follower = ChainFollower(chain, Frame.NED, names)
     assert follower.skeleton.points == ["base", "lower", "upper", "hand"]
     east = quat_from_euler_zyx([np.pi / 2.0, 0.0, 0.0])
     north = quat_from_euler_zyx([0.0, 0.0, 0.0])
@@ -259,4 +259,4 @@ def test_a_chain_gives_the_points_of_its_stick_figure():
     np.testing.assert_allclose(points, [[0, 0, 0], [0, 0, -1], [0, 2, -1], [1, 2, -1]], atol=1e-12)
     assert follower.joint_points({"lower": np.full(4, np.nan), "upper": north})[2:] == [None, None]
     with pytest.raises(ParameterError, match="has the units"):
-        Follower(chain, Frame.NED, ["other"])
+        ChainFollower(chain, Frame.NED, ["other"])

@@ -14,9 +14,9 @@ from websockets.sync.client import connect
 
 from plumbob.core.flags import GYR_CLIPPED
 from plumbob.viewer.charts import History, Rows, Thinner, envelope
-from plumbob.viewer.hub import Client, Hub, Ring
+from plumbob.viewer.hub import Client, Hub, NewestItems
 from plumbob.viewer.messages import Attitude, Hello, Link, State
-from plumbob.viewer.pipe import Message
+from plumbob.viewer.pipe import PipeMessage
 from tests.helpers import examples
 from tests.helpers.feeding import COLUMNS, Asking, Body, column, hello, parsed, request, serving
 
@@ -178,7 +178,7 @@ def test_a_slow_stream_is_not_thinned_its_history_is_kept_where_columns_change_a
     assert (found.kind, found.epoch, found.state) == (2, 3, {})
     assert found.t.tolist() == [1.0, 2.0] and found.flags.tolist() == [1, 2]
     assert found.values[0].tolist() == [10.0, 20.0] and np.isnan(found.values[1]).all()
-    ring = Ring(3)
+    ring = NewestItems(3)
     for k in range(5):
         ring.add(k)
     assert (ring.first, ring.end, [ring[k] for k in range(2, 5)]) == (2, 5, [2, 3, 4])
@@ -272,7 +272,7 @@ def test_who_lags_gets_the_newest_tick_and_every_event():
 
     async def main():
         hub = Hub()
-        hub.take(Message("hello", hello()))
+        hub.take(PipeMessage("hello", hello()))
         client = Client(hub)
         hub.clients.add(client)
         assert len(all_of(client)) == 2  # hello and history

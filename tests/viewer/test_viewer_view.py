@@ -23,11 +23,11 @@ from plumbob.live.session_toml import capture_session
 from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Stop
 from plumbob.viewer import child
-from plumbob.viewer.child import Server, Serving
+from plumbob.viewer.child import ServerOutlet, Serving
 from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Command
 from plumbob.viewer.outlet import Asked
-from plumbob.viewer.pipe import LIMIT, Message, Writer, packed
+from plumbob.viewer.pipe import LIMIT, PipeMessage, PipeWriter, packed
 from plumbob.viewer.switch import Switch
 from plumbob.viewer.view import Shows, opened_up, view
 from tests.helpers import PATIENCE, live_samples, until
@@ -84,7 +84,7 @@ def of_port(port):
 def test_killing_the_server_touches_neither_the_stream_nor_the_recording(tmp_path):
     log, notes = tmp_path / "log", []
     with emulated("buoy", duration="60s") as port:
-        server = Server(StandIn(kind="reader", log=str(log)), notes.append)
+        server = ServerOutlet(StandIn(kind="reader", log=str(log)), notes.append)
         server.start()
         outlet = Acting(server, [{"verb": "record", "name": "kept"}])
 
@@ -112,7 +112,7 @@ def test_killing_the_server_touches_neither_the_stream_nor_the_recording(tmp_pat
 
 
 def test_a_server_that_never_reads_costs_its_own_batches_alone(tmp_path):
-    server = Server(StandIn(kind="deaf"), lambda line: None)
+    server = ServerOutlet(StandIn(kind="deaf"), lambda line: None)
     server.start()
     outlet, clock = Acting(server), Clock()
     stream = Stream(live_samples.session(live_samples.SESSION), covariance=True)
@@ -140,7 +140,7 @@ def test_a_server_that_never_reads_costs_its_own_batches_alone(tmp_path):
 def test_what_waits_for_a_reader_is_bounded():
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        writer, message = Writer(ours), Message("batch", {}, {"values": np.zeros((100, 20))})
+        writer, message = PipeWriter(ours), PipeMessage("batch", {}, {"values": np.zeros((100, 20))})
         while not writer.skipped:
             writer.write(message)
         assert LIMIT < writer.waiting <= LIMIT + len(packed(message))
@@ -154,16 +154,16 @@ class Saying(StandIn):
     def words(self, number, port):
         if self.kind == "refuses":
             return [sys.executable, "-c", "import sys; sys.exit('plumbob: the port is taken.')"]
-        ready = packed(Message("ready", {"port": 1}))
+        ready = packed(PipeMessage("ready", {"port": 1}))
         return [sys.executable, "-c", f"import os; os.write({number}, {ready!r})"]
 
 
 def test_a_server_that_does_not_start_is_an_error_with_its_words_and_one_that_ends_left_alone_in_the_end(monkeypatch):
     with pytest.raises(LineError, match="the port is taken"):
-        Server(Saying(kind="refuses"), print).start()
+        ServerOutlet(Saying(kind="refuses"), print).start()
     monkeypatch.setattr(child, "STARTS", 1)
     notes = []
-    server = Server(Saying(), notes.append)
+    server = ServerOutlet(Saying(), notes.append)
     server.start()
     until(lambda: server.take_commands() is not None and any("left alone" in n for n in notes), "it never gave up")
     assert server.starts == 2
@@ -171,13 +171,13 @@ def test_a_server_that_does_not_start_is_an_error_with_its_words_and_one_that_en
 
 
 def test_the_token_is_on_no_command_line_and_long_enough():
-    server = Server(Serving(), lambda line: None)
+    server = ServerOutlet(Serving(), lambda line: None)
     token = server.url.partition("token=")[2]
     assert len(token) >= 43  # 32 bytes, 6 bits to a letter: 256 bits
     assert token not in " ".join(Serving(control=True, allow_origin=("http://a",)).words(3, 8770))
     assert server.url.startswith("http://127.0.0.1:8770/?token=")
     server.close()
-    other = Server(Serving(host="::1"), print)
+    other = ServerOutlet(Serving(host="::1"), print)
     assert other.url.startswith("http://[::1]:8770/")
     other.close()
     origins = ["https://app.foxglove.dev", "http://[::1]:8080"]  # as a browser sends them
@@ -274,7 +274,7 @@ def test_the_server_gets_the_sessions_card_which_is_not_on_the_page(tmp_path):
         card = plumbob.CalibrationCard.load(path)
     assert card.device == "mpu6000+hmc5983 #0"
     log = tmp_path / "log"
-    server = Server(StandIn(kind="reader", log=str(log)), lambda line: None)
+    server = ServerOutlet(StandIn(kind="reader", log=str(log)), lambda line: None)
     server.card = path
     server.start()
     outlet = Kept()

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from plumbob.arm.estimation import ArmEstimate, run
     from plumbob.arm.exported import export
     from plumbob.arm.figure import arm_report, stick_figure
-    from plumbob.arm.program import Deviation, Program, Stop, taught
+    from plumbob.arm.program import PathDeviation, Program, Standstill, taught
     from plumbob.arm.replayed import HandError, Replay, replay
     from plumbob.arm.urdf import chain_from_urdf, urdf_text
 
@@ -19,12 +19,12 @@ __getattr__, __dir__ = lazily(
     {
         "ArmCard": "alignment",
         "ArmEstimate": "estimation",
-        "Deviation": "program",
+        "PathDeviation": "program",
         "HandError": "replayed",
         "JointTrack": "angles",
         "Program": "program",
         "Replay": "replayed",
-        "Stop": "program",
+        "Standstill": "program",
         "align": "alignment",
         "arm_report": "figure",
         "chain_from_urdf": "urdf",
@@ -41,12 +41,12 @@ __getattr__, __dir__ = lazily(
 __all__ = [
     "ArmCard",
     "ArmEstimate",
-    "Deviation",
     "HandError",
     "JointTrack",
+    "PathDeviation",
     "Program",
     "Replay",
-    "Stop",
+    "Standstill",
     "align",
     "arm_report",
     "chain_from_urdf",

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 
-from plumbob.arm.filter import Params, Samples
+from plumbob.arm.filter import Params, UnitSamples
 from plumbob.arm.geometry import (
     ARM_SD,
     LEAST_FORCE_SD,
     LEAST_PLAY,
-    Fit,
+    GeometryFit,
     Prior,
     Terms,
     arms_from_sizes,
@@ -23,14 +23,14 @@ from plumbob.arm.geometry import (
     force_terms,
     sway,
 )
-from plumbob.arm.links import FORCE_SD, FORCE_TIME, GROUND, PLAY_TIME, Link, chain_links, joint_axes, unit_numbers
-from plumbob.arm.smoother import Motion, estimate_motion
+from plumbob.arm.links import FORCE_SD, FORCE_TIME, GROUND, PLAY_TIME, JointLink, chain_links, joint_axes, unit_numbers
+from plumbob.arm.smoother import Attitudes, estimate_motion
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.core.params import build
 from plumbob.core.units import deg, dps, to_deg
-from plumbob.data.array import ImuArray, Mount
+from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards.file import Card, built, kind_of
 from plumbob.data.chain import Chain, Joint, Segment
 from plumbob.data.chain_toml import chain_text, load_chain, parse_chain
@@ -96,7 +96,7 @@ class JointCard:
     arms : list
         From the units of parent and child to its centre, in their axes, m, (2, 3).
     axes : list
-        Its axes there, (2, K, 3), as of `plumbob.arm.links.Link`.
+        Its axes there, (2, K, 3), as of `plumbob.arm.links.JointLink`.
     arm_sd, axis_sd : list
         Standard deviations (2, 3) of the arms, m, and (2,) of the axes, rad.
     play, force_sd : float
@@ -182,11 +182,11 @@ class ArmCard(Card):
         facts = {"chain": self.chain.name, "source": self.source or "not named"}
         return facts | {joint.name: joint.rating for joint in self.joints}
 
-    def links(self) -> list[Link]:
+    def links(self) -> list[JointLink]:
         """The joints as the filter takes them."""
         numbers = unit_numbers(self.chain)
         return [
-            Link(
+            JointLink(
                 joint=joint,
                 parent=numbers[joint.parent],
                 child=numbers[joint.child],
@@ -303,7 +303,7 @@ def align(
             f"the motion lasts {samples.t[-1] - samples.t[0]:.3g} s, but {SHORTEST:g} s are needed at least; a minute "
             "in which every joint turns is good."
         )
-    search = _Search(chain, samples, settings, _Mounting(poses, pose_sd, mount_angle, mount_shift))
+    search = _AlternatingSearch(chain, samples, settings, _Mounting(poses, pose_sd, mount_angle, mount_shift))
     fits, mounted, sd = search.solve(), search.chain, search.mount_sd
     if not chain.known:
         mounted, sd = _geometry(chain, fits, poses), _found_sd(chain, fits)
@@ -335,7 +335,7 @@ def filter_params(chain: Chain, array: ImuArray, params: Mapping[str, Any] | Non
     return build(Params, defaults | dict(params or {}), of="arm")
 
 
-def chain_samples(chain: Chain, array: ImuArray) -> Samples:
+def chain_samples(chain: Chain, array: ImuArray) -> UnitSamples:
     """Samples of the units of a chain, in the order of its segments; what is stuck or beyond its range is missing.
 
     Raises
@@ -362,14 +362,14 @@ def chain_samples(chain: Chain, array: ImuArray) -> Samples:
     units = [watched(array.units[name]) for name in names]
     gyr, acc, mag = (np.stack(triad) for triad in zip(*(trusted(imu, mag=True) for imu in units), strict=True))
     words = np.bitwise_or.reduce([imu.flags for imu in units])
-    return Samples(np.array(array.t), gyr, acc, mag if np.isfinite(mag).any() else None, words)
+    return UnitSamples(np.array(array.t), gyr, acc, mag if np.isfinite(mag).any() else None, words)
 
 
 class _Fits(NamedTuple):
-    links: list[Link]
-    arms: list[Fit]
-    axes: list[Fit | None]
-    motion: Motion
+    links: list[JointLink]
+    arms: list[GeometryFit]
+    axes: list[GeometryFit | None]
+    motion: Attitudes
 
 
 class _Mounting(NamedTuple):
@@ -381,14 +381,14 @@ class _Mounting(NamedTuple):
     shift: float
 
 
-class _Search:
+class _AlternatingSearch:
     """Attitudes and geometry in turn.
 
     Where the chain says where its joints lie, arms and axes are those of units that are mounted a little differently:
     what motion shows badly, a neighbouring joint or a posture may show well.
     """
 
-    def __init__(self, chain: Chain, samples: Samples, params: Params, mounting: "_Mounting") -> None:
+    def __init__(self, chain: Chain, samples: UnitSamples, params: Params, mounting: "_Mounting") -> None:
         self._samples, self._params, self._chain, self._mounting = samples, params, chain, mounting
         self._links = chain_links(chain) if chain.known else _unknown_links(chain, samples)
         self.chain, self.mount_sd, self.odd = chain, dict[str, Any](), dict[str, str]()
@@ -417,7 +417,7 @@ class _Search:
         """How much of the first doubt about mounts is left after so many rounds; attitudes suffer from it, too."""
         return 0.5**rounds if self._chain.known else 0.0
 
-    def _mounted(self, fits: _Fits, doubt: float) -> list[Link]:
+    def _mounted(self, fits: _Fits, doubt: float) -> list[JointLink]:
         """Links of the chain whose mounts explain best what was found."""
         both = np.repeat([(doubt * self._mounting.shift) ** 2, (doubt * self._mounting.angle) ** 2], 6).reshape(2, 6)
         fits = fits._replace(
@@ -430,7 +430,7 @@ class _Search:
             for link, nominal in zip(fits.links, chain_links(self.chain), strict=True)
         ]
 
-    def _motion(self, doubt: float) -> Motion:
+    def _motion(self, doubt: float) -> Attitudes:
         angle, force = doubt * self._mounting.angle, doubt * self._mounting.shift * SHARP
         links = [
             replace(link, play=float(np.hypot(link.play, angle)), force_sd=float(np.hypot(link.force_sd, force)))
@@ -446,18 +446,18 @@ class _Search:
             elif link.joint.kind == "fixed" and not link.axes.shape[1]:
                 self._links[k] = replace(link, axes=np.stack([np.eye(3), np.eye(3)]))
 
-    def _before(self, link: Link) -> Prior:
+    def _before(self, link: JointLink) -> Prior:
         """Arms before a round: what motion does not show stays where the round before had it."""
         if not self._chain.known:
             return Prior(np.zeros((2, 3)), ARM_SD)
         reach = float(np.linalg.norm(link.arms, axis=1).max())
         return Prior(link.arms, float(np.hypot(self._mounting.shift, reach * self._mounting.angle)))
 
-    def _axes(self, terms: Terms, link: Link) -> Fit:
+    def _axes(self, terms: Terms, link: JointLink) -> GeometryFit:
         return fit_axes(terms, link, self._mounting.angle) if self._chain.known else fit_axes(terms, link)
 
 
-def _unknown_links(chain: Chain, samples: Samples) -> list[Link]:
+def _unknown_links(chain: Chain, samples: UnitSamples) -> list[JointLink]:
     numbers = unit_numbers(chain)
     links = []
     for joint in chain.joints:
@@ -469,12 +469,12 @@ def _unknown_links(chain: Chain, samples: Samples) -> list[Link]:
             raise ParameterError(
                 f"{joint.name} hangs on the ground; its place must be known: give its origin and axes."
             )
-        link = Link(joint, numbers[joint.parent], numbers[joint.child], np.zeros((2, 3)), np.zeros((2, 0, 3)))
+        link = JointLink(joint, numbers[joint.parent], numbers[joint.child], np.zeros((2, 3)), np.zeros((2, 0, 3)))
         links.append(replace(link, arms=arms_from_sizes(samples, link)))
     return links
 
 
-def _fitted(link: Link, arm: Fit, axis: Fit | None) -> Link:
+def _fitted(link: JointLink, arm: GeometryFit, axis: GeometryFit | None) -> JointLink:
     force = min(max(arm.residual, LEAST_FORCE_SD), 10.0 * FORCE_SD)
     if axis is None:
         return replace(link, arms=arm.value, force_sd=force, force_time=max(arm.lasts, FORCE_TIME))
@@ -489,7 +489,7 @@ def _fitted(link: Link, arm: Fit, axis: Fit | None) -> Link:
     )
 
 
-def _change(old: Sequence[Link], new: Sequence[Link]) -> tuple[float, float]:
+def _change(old: Sequence[JointLink], new: Sequence[JointLink]) -> tuple[float, float]:
     """Largest changes of an arm, m, and of an axis, rad."""
     moved = max(float(np.abs(a.arms - b.arms).max()) for a, b in zip(old, new, strict=True))
     turned = [
@@ -500,7 +500,9 @@ def _change(old: Sequence[Link], new: Sequence[Link]) -> tuple[float, float]:
     return moved, max(turned, default=0.0)
 
 
-def _card(link: Link, fits: _Fits, k: int, mounts: Mapping[str, Any], units: Mapping[str, str], odd: str) -> JointCard:
+def _card(
+    link: JointLink, fits: _Fits, k: int, mounts: Mapping[str, Any], units: Mapping[str, str], odd: str
+) -> JointCard:
     """Card of a joint; where mounts were found, `mounts` by unit, arms and axes are as uncertain as these."""
     arm, axis = fits.arms[k], fits.axes[k]
     arm_sd = np.sqrt(np.diag(arm.cov)).reshape(2, 3)
@@ -533,7 +535,7 @@ def _across(cov: Floats, axis: Floats) -> float:
     return float(np.sqrt(max(np.linalg.eigvalsh(flat @ cov @ flat)[-1], 0.0)))
 
 
-def _rating(link: Link, arm_sd: Floats, axis_sd: Floats, odd: str) -> str:
+def _rating(link: JointLink, arm_sd: Floats, axis_sd: Floats, odd: str) -> str:
     """Word for how much a joint can be relied on, and what it lacks."""
     arm_sds = arm_sd if link.parent != GROUND else arm_sd[1:]
     lacks = [odd] if odd else []
@@ -557,7 +559,9 @@ def _rating(link: Link, arm_sd: Floats, axis_sd: Floats, odd: str) -> str:
 def _geometry(chain: Chain, fits: _Fits, poses: Sequence[Pose]) -> Chain:
     """Chain whose geometry was found: each segment's axes are those of its unit, its origin is its joint."""
     levers = {chain.segments[0].name: np.zeros(3)} | {link.joint.child: -link.arms[1] for link in fits.links}
-    segments = tuple(replace(segment, mount=Mount(lever_b=_vec(levers[segment.name]))) for segment in chain.segments)
+    segments = tuple(
+        replace(segment, mount=UnitMount(lever_b=_vec(levers[segment.name]))) for segment in chain.segments
+    )
     joints = []
     for link in fits.links:
         origin = levers[link.joint.parent] + link.arms[0]
@@ -565,7 +569,7 @@ def _geometry(chain: Chain, fits: _Fits, poses: Sequence[Pose]) -> Chain:
     return replace(chain, segments=segments, joints=tuple(joints))
 
 
-def _found_joint(link: Link, origin: Floats, motion: Motion, poses: Sequence[Pose]) -> Joint:
+def _found_joint(link: JointLink, origin: Floats, motion: Attitudes, poses: Sequence[Pose]) -> Joint:
     """Joint whose angles are zero in the first posture, or at the first sample."""
     first = 0 if not poses else int(np.searchsorted(motion.t, 0.5 * (poses[0][0] + poses[0][1])))
     zero = quat_multiply(quat_conjugate(motion.q[link.parent, first]), motion.q[link.child, first])
@@ -668,7 +672,7 @@ class _MountProblem:
             )
         return self._fits.motion.q[:, int(np.searchsorted(t, 0.5 * (start + end)))]
 
-    def mounts(self, x: Floats) -> dict[str, Mount]:
+    def mounts(self, x: Floats) -> dict[str, UnitMount]:
         """Mounts by segment."""
         mounts = {}
         for k, body in enumerate(self._mounted):
@@ -708,9 +712,11 @@ class _MountProblem:
             rows += self._of_pose(attitudes, angles, mounts, float(x[-1]))
         return np.concatenate(rows)
 
-    def _of_joint(self, link: Link, arm: Fit, axis: Fit | None, mounts: Mapping[str, Mount]) -> list[Floats]:
+    def _of_joint(
+        self, link: JointLink, arm: GeometryFit, axis: GeometryFit | None, mounts: Mapping[str, UnitMount]
+    ) -> list[Floats]:
         joint, rows = link.joint, []
-        expected = joint_axes(joint, mounts.get(joint.parent, Mount()), mounts[joint.child])
+        expected = joint_axes(joint, mounts.get(joint.parent, UnitMount()), mounts[joint.child])
         for side, name, place in ((0, joint.parent, np.array(joint.place)), (1, joint.child, np.zeros(3))):
             if name not in mounts:
                 continue
@@ -726,7 +732,7 @@ class _MountProblem:
         return rows
 
     def _of_pose(
-        self, attitudes: Floats, angles: Sequence[Floats], mounts: Mapping[str, Mount], heading: float
+        self, attitudes: Floats, angles: Sequence[Floats], mounts: Mapping[str, UnitMount], heading: float
     ) -> list[Floats]:
         """How far attitudes in a posture are from what mounts and angles make of it."""
         numbers, rows = unit_numbers(self._chain), []

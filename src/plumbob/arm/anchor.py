@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.arm.filter import LEAST_FIELD, Params, Samples
-from plumbob.arm.smoother import Motion
+from plumbob.arm.filter import LEAST_FIELD, Params, UnitSamples
+from plumbob.arm.smoother import Attitudes
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
 from plumbob.rotations import quat_rotate, wrap
@@ -32,13 +32,20 @@ class Anchored(NamedTuple):
 
 
 def anchored(
-    samples: Samples, motion: Motion, params: Params, *, north: float, turn_sd: float, north_sd: float, smooth: bool
+    samples: UnitSamples,
+    motion: Attitudes,
+    params: Params,
+    *,
+    north: float,
+    turn_sd: float,
+    north_sd: float,
+    smooth: bool,
 ) -> Anchored | None:
     """Turn of the frame at each keyframe; None where no keyframe has a field.
 
     Parameters
     ----------
-    samples, motion : Samples, Motion
+    samples, motion : UnitSamples, Attitudes
         The recording, and attitudes in the chain's own frame.
     params : Params
         What is assumed of fields.
@@ -76,13 +83,13 @@ def anchored(
     return Anchored(states[:, 0], np.maximum(covs[:, 0, 0], 0.0))
 
 
-def drifting(motion: Motion, turn_sd: float) -> Anchored:
+def drifting(motion: Attitudes, turn_sd: float) -> Anchored:
     """The frame where nothing holds it: not turned, and known ever worse."""
     t = motion.t[motion.rows]
     return Anchored(np.zeros(len(t)), turn_sd**2 + np.cumsum(_drift(motion)) + LEAST_DRIFT**2 * (t - t[0]))
 
 
-def _directions(samples: Samples, motion: Motion) -> Floats:
+def _directions(samples: UnitSamples, motion: Attitudes) -> Floats:
     """Direction of the sum of all level fields at each keyframe (K,), rad; NaN where there is none."""
     assert samples.mag is not None
     rows = motion.rows
@@ -95,7 +102,7 @@ def _directions(samples: Samples, motion: Motion) -> Floats:
     return angles
 
 
-def _drift(motion: Motion) -> Floats:
+def _drift(motion: Attitudes) -> Floats:
     """By how much the variance of the mean heading grows up to each keyframe (K,), rad²."""
     headings = motion.cov[:, 2::3, 2::3].mean(axis=(1, 2))
     growth = np.asarray(np.maximum(np.diff(headings, prepend=headings[0]), 0.0))

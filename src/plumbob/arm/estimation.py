@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from plumbob.arm.alignment import ArmCard, chain_samples, filter_params, opened_array, opened_chain
 from plumbob.arm.anchor import UNKNOWN, Anchored, anchored, drifting
 from plumbob.arm.angles import JointTrack
-from plumbob.arm.filter import Params, Samples
-from plumbob.arm.links import GROUND, Link, chain_links, unit_numbers
-from plumbob.arm.smoother import FRAME_SD, LOST, Motion, Start, estimate_motion
+from plumbob.arm.filter import Params, UnitSamples
+from plumbob.arm.links import GROUND, JointLink, chain_links, unit_numbers
+from plumbob.arm.smoother import FRAME_SD, LOST, Attitudes, ChainStart, estimate_motion
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
@@ -261,7 +261,7 @@ def _posture(chain: Chain, pose: str | Sequence[float]) -> Floats:
 
 
 def _anchor(
-    chain: Chain, samples: Samples, motion: Motion, params: Params, start: Start, north: float, *,
+    chain: Chain, samples: UnitSamples, motion: Attitudes, params: Params, start: ChainStart, north: float, *,
     posed: float | None, smooth: bool,
 ) -> Anchored | None:  # fmt: skip
     """Common heading from the fields, where the ground does not hold it; `posed` is how well a posture set it, rad."""
@@ -283,7 +283,7 @@ def _anchor(
     return drifting(motion, sd) if anchor is None and on_base else anchor
 
 
-def _first_direction(samples: Samples, motion: Motion, ready: float) -> float:
+def _first_direction(samples: UnitSamples, motion: Attitudes, ready: float) -> float:
     """Direction of all level fields together at the keyframes from which headings begin, rad."""
     assert samples.mag is not None
     rows = motion.rows[motion.t[motion.rows] <= ready]
@@ -291,7 +291,7 @@ def _first_direction(samples: Samples, motion: Motion, ready: float) -> float:
     return math.atan2(level[1], level[0])
 
 
-def _north(chain: Chain, start: Start, anchor: Anchored | None, *, posed: bool, causal: bool) -> North:
+def _north(chain: Chain, start: ChainStart, anchor: Anchored | None, *, posed: bool, causal: bool) -> North:
     steady = causal or not start.free or (chain.base_fixed and posed)
     return North.FREE if steady or anchor is None else North.MAGNETIC
 
@@ -307,7 +307,7 @@ def _source(params: Params, *, causal: bool) -> str:
 
 
 def _notes(
-    chain: Chain, card: ArmCard | None, start: Start, anchor: Anchored | None, *, posed: bool, causal: bool
+    chain: Chain, card: ArmCard | None, start: ChainStart, anchor: Anchored | None, *, posed: bool, causal: bool
 ) -> tuple[str, ...]:
     notes = []
     if card is None:
@@ -338,7 +338,7 @@ def _without_common_heading(cov: Floats) -> Floats:
     return np.asarray(keep @ cov @ keep.T)
 
 
-def _strays(links: Sequence[Link], motion: Motion) -> Floats:
+def _strays(links: Sequence[JointLink], motion: Attitudes) -> Floats:
     """By how many standard deviations both sides of each joint disagree about its axis at keyframes (K, L)."""
     matrices = dcm_from_quat(motion.q[:, motion.rows])
     strays = np.zeros((len(motion.rows), len(links)))
@@ -352,7 +352,7 @@ def _strays(links: Sequence[Link], motion: Motion) -> Floats:
     return strays
 
 
-def _contradicted(links: Sequence[Link], strays: Floats) -> tuple[str, ...]:
+def _contradicted(links: Sequence[JointLink], strays: Floats) -> tuple[str, ...]:
     """Joints whose axis strays by much more than it did when the chain was aligned, in words."""
     rms = np.sqrt(np.mean(strays**2, axis=0))
     return tuple(
@@ -367,7 +367,7 @@ class _Reading:
     """Reads angles, attitudes and the hand from attitudes of units."""
 
     def __init__(
-        self, chain: Chain, card: ArmCard | None, motion: Motion, anchor: Anchored | None, inside: Frame,
+        self, chain: Chain, card: ArmCard | None, motion: Attitudes, anchor: Anchored | None, inside: Frame,
         frame: Frame, words: NDArray[np.uint32] | None, strays: Floats,
     ) -> None:  # fmt: skip
         self._strays = strays

@@ -32,7 +32,7 @@ from typing import Annotated, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.arm.links import GROUND, Link
+from plumbob.arm.links import GROUND, JointLink
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.kernels import kernel
@@ -103,7 +103,7 @@ class Params(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class UnitSamples:
     """Samples of units in their own axes: ``t`` (N,); ``gyr``, ``acc`` and, where there is one, ``mag`` (U, N, 3).
 
     ``flags`` (N,) are those of any unit.
@@ -122,11 +122,11 @@ class Samples:
     def __len__(self) -> int:
         return int(self.t.size)
 
-    def rows(self, first: int, last: int) -> "Samples":
+    def rows(self, first: int, last: int) -> "UnitSamples":
         """Samples of a slice."""
         mag = None if self.mag is None else self.mag[:, first:last]
         flags = None if self.flags is None else self.flags[first:last]
-        return Samples(self.t[first:last], self.gyr[:, first:last], self.acc[:, first:last], mag, flags)
+        return UnitSamples(self.t[first:last], self.gyr[:, first:last], self.acc[:, first:last], mag, flags)
 
 
 @kernel
@@ -235,7 +235,7 @@ def integrate(
             forces[e, k] = forces[e, k] / count if count > 0.0 else math.nan
 
 
-class Row(NamedTuple):
+class ResidualRow(NamedTuple):
     """Numbers that should be zero: how the state moves them, what they are, their noise, and whether it is robust."""
 
     h: Floats
@@ -276,7 +276,7 @@ class ChainFilter:
 
     Parameters
     ----------
-    links : sequence of Link
+    links : sequence of JointLink
         The joints.
     units : int
         Number of units U.
@@ -288,7 +288,7 @@ class ChainFilter:
         Their standard deviations about the navigation axes, rad.
     """
 
-    def __init__(self, links: Sequence[Link], units: int, params: Params, q: Floats, q_sd: Floats) -> None:
+    def __init__(self, links: Sequence[JointLink], units: int, params: Params, q: Floats, q_sd: Floats) -> None:
         self.params, self.links, self.units = params, list(links), units
         self.q, self.v, self.bias = q.copy(), np.zeros((units, 3)), np.zeros((units, 3))
         others = np.tile(np.repeat([params.bias_sd, params.speed_sd], 3), (units, 1))
@@ -302,7 +302,7 @@ class ChainFilter:
         """Mean forces of the last step at the ends of the arms (2 links, 3): each link's parent, then its child."""
         return self._forces
 
-    def look(self, samples: Samples, first: int, last: int, path: Floats) -> None:
+    def look(self, samples: UnitSamples, first: int, last: int, path: Floats) -> None:
         """Integrate over samples first to last, exclusive, and nothing else."""
         integrate(
             samples.t, samples.gyr, samples.acc, first, last, self.params.mean_rate, self.q, self.v, self.bias,
@@ -314,7 +314,7 @@ class ChainFilter:
         state = self.q.copy(), np.hstack((self.bias, self.v)), self.cov
         return Keyframe(0, *state, *state, np.eye(len(self.cov)))
 
-    def advance(self, samples: Samples, first: int, last: int, path: Floats) -> Keyframe:
+    def advance(self, samples: UnitSamples, first: int, last: int, path: Floats) -> Keyframe:
         """Go on over samples first to last, exclusive, and use what is known at the last; `path` gets the attitudes."""
         self.look(samples, first, last, path)
         span, steps = float(samples.t[last - 1] - samples.t[first - 1]), np.diff(samples.t[first - 1 : last])
@@ -343,9 +343,9 @@ class ChainFilter:
         self.cov[np.diag_indices(len(noise))] += noise
         return turn
 
-    def _rows(self, span: float, gap: float, mag: Floats | None) -> list[Row]:
+    def _rows(self, span: float, gap: float, mag: Floats | None) -> list[ResidualRow]:
         """All that is known at a keyframe."""
-        p, rows = self.params, list[Row]()
+        p, rows = self.params, list[ResidualRow]()
         matrices = dcm_from_quat(self.q)
         for k, link in enumerate(self.links):
             of_parent, of_child = self._forces[2 * k], self._forces[2 * k + 1]
@@ -355,16 +355,16 @@ class ChainFilter:
                 h = self._turning(link, -skew(of_parent), skew(of_child))
                 both = 1.0 if link.parent == GROUND else 2.0
                 var = both * link.force_sd**2 * max(1.0, 2.0 * link.force_time / span)
-                rows.append(Row(h, of_child - of_parent, var, True))
+                rows.append(ResidualRow(h, of_child - of_parent, var, True))
             rows += self._axis_rows(link, matrices, max(1.0, 2.0 * link.play_time / span))
         var = p.speed_sd**2 * 2.0 * p.speed_time / span
         for u in range(self.units):
             h = np.zeros((3, len(self.cov)))
             h[:, WIDTH * u + 6 : WIDTH * u + 9] = np.eye(3)
-            rows.append(Row(h, -self.v[u], var, False))
+            rows.append(ResidualRow(h, -self.v[u], var, False))
         return rows + ([] if mag is None else self._field_rows(mag, span))
 
-    def _turning(self, link: Link, parent: Floats, child: Floats) -> Floats:
+    def _turning(self, link: JointLink, parent: Floats, child: Floats) -> Floats:
         """Rows that small turns of both sides move as given, (M, D)."""
         h = np.zeros((len(child), len(self.cov)))
         if link.parent != GROUND:
@@ -372,7 +372,7 @@ class ChainFilter:
         h[:, WIDTH * link.child : WIDTH * link.child + 3] = child
         return h
 
-    def _axis_rows(self, link: Link, matrices: Floats, alike: float) -> list[Row]:
+    def _axis_rows(self, link: JointLink, matrices: Floats, alike: float) -> list[ResidualRow]:
         """What the axes of a joint say; `alike` keyframes in a row say the same."""
         if not link.axes.shape[1]:
             return []
@@ -382,14 +382,14 @@ class ChainFilter:
         if link.joint.kind == "universal":
             axis, other = ones[0], others[0]
             turn = np.cross(axis, other)[np.newaxis]
-            return [Row(self._turning(link, turn, -turn), np.array([-axis @ other]), var, True)]
+            return [ResidualRow(self._turning(link, turn, -turn), np.array([-axis @ other]), var, True)]
         if link.joint.kind == "fixed":
             swing = 0.5 * sum((np.cross(b, a) for a, b in zip(ones, others, strict=True)), np.zeros(3))
-            return [Row(self._turning(link, -np.eye(3), np.eye(3)), swing, var, True)]
+            return [ResidualRow(self._turning(link, -np.eye(3), np.eye(3)), swing, var, True)]
         across = np.eye(3) - np.outer(ones[0], ones[0])
-        return [Row(self._turning(link, -across, across), np.cross(others[0], ones[0]), var, True)]
+        return [ResidualRow(self._turning(link, -across, across), np.cross(others[0], ones[0]), var, True)]
 
-    def _field_rows(self, mag: Floats, span: float) -> list[Row]:
+    def _field_rows(self, mag: Floats, span: float) -> list[ResidualRow]:
         """What magnetometers (U, 3) say of the headings of neighbours: that their fields point the same way."""
         level = quat_rotate(self.q, np.nan_to_num(mag))
         size = np.hypot(level[:, 0], level[:, 1])
@@ -399,10 +399,12 @@ class ChainFilter:
             if link.parent != GROUND and min(size[link.parent], size[link.child]) > LEAST_FIELD:
                 field, other = (complex(*level[u, :2]) for u in (link.parent, link.child))
                 up = np.array([[0.0, 0.0, 1.0]])
-                rows.append(Row(self._turning(link, -up, up), np.array([cmath.phase(field / other)]), var, True))
+                rows.append(
+                    ResidualRow(self._turning(link, -up, up), np.array([cmath.phase(field / other)]), var, True)
+                )
         return rows
 
-    def _use(self, rows: Sequence[Row]) -> None:
+    def _use(self, rows: Sequence[ResidualRow]) -> None:
         """Take up all rows at once; one that contradicts the rest counts less."""
         if not rows:
             return
@@ -414,7 +416,7 @@ class ChainFilter:
         self.cov = 0.5 * (cov + cov.T)
         self.inject(gain @ z)
 
-    def _robust(self, row: Row) -> float:
+    def _robust(self, row: ResidualRow) -> float:
         if not row.robust:
             return row.var
         s = row.h @ self.cov @ row.h.T + row.var * np.eye(len(row.z))

@@ -4,9 +4,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.arm.filter import Samples
-from plumbob.arm.links import GROUND, Link
-from plumbob.arm.smoother import Motion
+from plumbob.arm.filter import UnitSamples
+from plumbob.arm.links import GROUND, JointLink
+from plumbob.arm.smoother import Attitudes
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
@@ -50,7 +50,7 @@ class Prior(NamedTuple):
     sd: float
 
 
-class Fit(NamedTuple):
+class GeometryFit(NamedTuple):
     """What was found.
 
     Attributes
@@ -105,7 +105,7 @@ def interpolated(values: Floats, t: Floats) -> Floats:
     return np.stack([filled(t, signal) for signal in values])
 
 
-def force_terms(samples: Samples, motion: Motion, *, mean_rate: bool) -> Terms:
+def force_terms(samples: UnitSamples, motion: Attitudes, *, mean_rate: bool) -> Terms:
     """Terms of a recording whose attitudes are known."""
     gyr, acc = interpolated(samples.gyr, samples.t), interpolated(samples.acc, samples.t)
     gyr = gyr - np.stack([_bias(motion, samples.t, u) for u in range(len(gyr))])
@@ -116,7 +116,7 @@ def force_terms(samples: Samples, motion: Motion, *, mean_rate: bool) -> Terms:
     return Terms(samples.t, dcm_from_quat(q), lever_matrices(samples.t, gyr), acc)
 
 
-def _bias(motion: Motion, t: Floats, u: int) -> Floats:
+def _bias(motion: Attitudes, t: Floats, u: int) -> Floats:
     times = motion.t[motion.rows]
     return np.stack([np.interp(t, times, motion.bias[:, u, axis]) for axis in range(3)], axis=1)
 
@@ -143,7 +143,7 @@ def lasting(values: Floats, step: float) -> float:
     return duration
 
 
-def arms_from_sizes(samples: Samples, link: Link) -> Floats:
+def arms_from_sizes(samples: UnitSamples, link: JointLink) -> Floats:
     """Arms (2, 3) that make the forces of both sides equally large at the joint, which needs no attitude.
 
     Several beginnings are tried, as the forces have the same sizes for some wrong arms too.
@@ -168,7 +168,7 @@ def arms_from_sizes(samples: Samples, link: Link) -> Floats:
     return best.reshape(2, 3)
 
 
-def fit_arms(terms: Terms, link: Link, prior: Prior) -> Fit:
+def fit_arms(terms: Terms, link: JointLink, prior: Prior) -> GeometryFit:
     """Arms that give both sides of a joint one force; linear least squares that a few bad moments do not disturb."""
     child = terms.matrix[link.child] @ terms.lever[link.child]
     ours = np.einsum("nij,nj->ni", terms.matrix[link.child], terms.force[link.child])
@@ -192,7 +192,7 @@ def fit_arms(terms: Terms, link: Link, prior: Prior) -> Fit:
     )
 
 
-def _solved(a: Floats, y: Floats, prior: Prior, alike: float, least: float) -> Fit:
+def _solved(a: Floats, y: Floats, prior: Prior, alike: float, least: float) -> GeometryFit:
     """Least squares with a prior; residuals beyond two standard deviations count less."""
     before, weight, sd = prior.value.ravel(), np.ones(len(y)), 10.0 * least
     for _ in range(_ROUNDS):
@@ -202,10 +202,10 @@ def _solved(a: Floats, y: Floats, prior: Prior, alike: float, least: float) -> F
         off = np.abs(y - a @ x)
         sd = max(1.4826 * float(np.median(off)), least)
         weight = 1.0 / np.maximum(1.0, off / (2.0 * sd))
-    return Fit(np.asarray(x).reshape(2, 3), np.asarray(np.linalg.inv(normal)), sd, MEAN_OVER)
+    return GeometryFit(np.asarray(x).reshape(2, 3), np.asarray(np.linalg.inv(normal)), sd, MEAN_OVER)
 
 
-def first_axes(terms: Terms, link: Link) -> Floats:
+def first_axes(terms: Terms, link: JointLink) -> Floats:
     """Axes (2, 1, 3) of a hinge of which nothing is known: what both sides have most in common."""
     mean = np.mean(np.swapaxes(_parent(terms, link), 1, 2) @ terms.matrix[link.child], axis=0)
     if link.joint.kind == "universal":
@@ -222,18 +222,18 @@ def _crossed(turns: Floats) -> Floats:
     return np.stack((u[:, :1].T, vt[:1]))
 
 
-def _parent(terms: Terms, link: Link) -> Floats:
+def _parent(terms: Terms, link: JointLink) -> Floats:
     return np.broadcast_to(np.eye(3), terms.matrix[0].shape) if link.parent == GROUND else terms.matrix[link.parent]
 
 
-def fit_axes(terms: Terms, link: Link, sd_before: float = _UNKNOWN_AXIS) -> Fit:
+def fit_axes(terms: Terms, link: JointLink, sd_before: float = _UNKNOWN_AXIS) -> GeometryFit:
     """Axes of a hinge, a universal or a fixed joint.
 
     Parameters
     ----------
     terms : Terms
         Attitudes.
-    link : Link
+    link : JointLink
         The joint; its axes are where the search begins.
     sd_before : float
         How well those are known already, rad.
@@ -266,14 +266,14 @@ def fit_axes(terms: Terms, link: Link, sd_before: float = _UNKNOWN_AXIS) -> Fit:
     # of a hinge, two of three components vary
     share = 3.0 / 2.0 if link.joint.kind == "hinge" else 1.0
     lasts = lasting(off.reshape(len(parent), -1), step)
-    return Fit(value[:, np.newaxis], np.linalg.inv(normal), sd * float(np.sqrt(share)), lasts)
+    return GeometryFit(value[:, np.newaxis], np.linalg.inv(normal), sd * float(np.sqrt(share)), lasts)
 
 
-def _fixed(parent: Floats, child: Floats, link: Link, alike: float, step: float) -> Fit:
+def _fixed(parent: Floats, child: Floats, link: JointLink, alike: float, step: float) -> GeometryFit:
     mean = np.mean(np.swapaxes(parent, 1, 2) @ child, axis=0)
     u, _, vt = np.linalg.svd(mean)
     turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     off = parent @ turn - child
     sd = max(float(np.sqrt(np.mean(off**2))), LEAST_PLAY)
     axes = np.stack((link.axes[0], link.axes[0] @ turn))
-    return Fit(axes, np.eye(6) * sd**2 * alike / len(parent), sd, lasting(off.reshape(len(parent), -1), step))
+    return GeometryFit(axes, np.eye(6) * sd**2 * alike / len(parent), sd, lasting(off.reshape(len(parent), -1), step))

@@ -9,7 +9,7 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg
-from plumbob.data.array import Mount
+from plumbob.data.array import UnitMount
 from plumbob.data.chain import Chain, Joint
 
 GROUND: Final = -1
@@ -25,7 +25,7 @@ FORCE_TIME: Final = 0.15
 
 
 @dataclass(frozen=True, eq=False)
-class Link:
+class JointLink:
     """A joint as the units of its two segments see it.
 
     Attributes
@@ -82,7 +82,7 @@ def unit_numbers(chain: Chain) -> dict[str, int]:
 
 def chain_links(
     chain: Chain, *, play: Mapping[str, float] | None = None, force_sd: Mapping[str, float] | None = None
-) -> list[Link]:
+) -> list[JointLink]:
     """Links of a chain whose geometry is known.
 
     Parameters
@@ -90,14 +90,14 @@ def chain_links(
     chain : Chain
         With the mounts of its units.
     play, force_sd : mapping of str to float, optional
-        By joint, as of `Link`.
+        By joint, as of `JointLink`.
     """
     numbers = unit_numbers(chain)
     mounts = {segment.name: segment.mount for segment in chain.segments}
     links = []
     for joint in chain.joints:
         parent, child = numbers[joint.parent], numbers[joint.child]
-        before = Mount() if parent == GROUND else mounts[joint.parent]
+        before = UnitMount() if parent == GROUND else mounts[joint.parent]
         after = mounts[joint.child]
         arms = np.stack(
             [
@@ -106,7 +106,7 @@ def chain_links(
             ]
         )
         links.append(
-            Link(
+            JointLink(
                 joint=joint,
                 parent=parent,
                 child=child,
@@ -119,9 +119,9 @@ def chain_links(
     return links
 
 
-def joint_axes(joint: Joint, before: Mount, after: Mount) -> Floats:
+def joint_axes(joint: Joint, before: UnitMount, after: UnitMount) -> Floats:
     """Axes of a joint in the axes of the units before and behind it, (2, K, 3)."""
-    in_parent, in_child = before.dcm.T @ Mount(joint.q_pc).dcm, after.dcm.T
+    in_parent, in_child = before.dcm.T @ UnitMount(joint.q_pc).dcm, after.dcm.T
     if joint.kind == "fixed":
         return np.stack([in_parent.T, in_child.T])
     if joint.kind == "ball":

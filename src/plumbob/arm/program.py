@@ -54,7 +54,7 @@ _FINEST: Final = 8.0
 """A slow run of still samples is looked at with a tolerance down to this part of the first one."""
 
 
-class Stop(NamedTuple):
+class Standstill(NamedTuple):
     """Where all angles stood still.
 
     Attributes
@@ -73,7 +73,7 @@ class Stop(NamedTuple):
     recorded: float
 
 
-class Deviation(NamedTuple):
+class PathDeviation(NamedTuple):
     """How far the program's path is from the recorded angles, at the same place along it, rad."""
 
     rms: float
@@ -94,9 +94,9 @@ class Program(Series):
         Names of the angles.
     recorded : ndarray (N,)
         When the recording was at the same place of the path, s; as `t` where it was not taught.
-    stops : tuple of Stop
+    stops : tuple of Standstill
         In order of time.
-    deviations : mapping of str to Deviation
+    deviations : mapping of str to PathDeviation
         By angle.
     slowed : float
         Duration of the program over that of the recording.
@@ -110,8 +110,8 @@ class Program(Series):
     velocities: Floats
     accelerations: Floats
     recorded: Floats | None = None
-    stops: tuple[Stop, ...] = ()
-    deviations: Mapping[str, Deviation] | None = None
+    stops: tuple[Standstill, ...] = ()
+    deviations: Mapping[str, PathDeviation] | None = None
     slowed: float = 1.0
     notes: tuple[str, ...] = ()
 
@@ -256,7 +256,7 @@ def taught(
             "rate, or raise the limits."
         )
     stops = [
-        Stop(*span, tuple(pose.tolist()), float(t[rest[0]]))
+        Standstill(*span, tuple(pose.tolist()), float(t[rest[0]]))
         for span, pose, rest in zip(spans, poses, rests, strict=True)
         if rest[1] > rest[0]
     ]
@@ -583,7 +583,7 @@ def _over(angles: Floats, velocities: Floats, accelerations: Floats, rate: float
 
 def _deviations(
     t: Floats, q: Floats, rests: Sequence[tuple[int, int]], poses: Floats, motions: Sequence[_Motion]
-) -> list[Deviation]:
+) -> list[PathDeviation]:
     """Of the path from the recorded angles, at the same recorded time."""
     path = np.empty_like(q)
     for k, (start, end) in enumerate(_between(rests, t.size)):
@@ -591,4 +591,4 @@ def _deviations(
     for (first, last), pose in zip(rests, poses, strict=True):
         path[first : last + 1] = pose
     away = np.abs(path - q)
-    return [Deviation(float(np.sqrt(np.mean(errors**2))), float(errors.max())) for errors in away.T]
+    return [PathDeviation(float(np.sqrt(np.mean(errors**2))), float(errors.max())) for errors in away.T]

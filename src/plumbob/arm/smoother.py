@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.arm.filter import GAP, WIDTH, ChainFilter, Keyframe, Params, Samples
-from plumbob.arm.links import GROUND, Link
+from plumbob.arm.filter import GAP, WIDTH, ChainFilter, Keyframe, Params, UnitSamples
+from plumbob.arm.links import GROUND, JointLink
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.kernels import kernel
@@ -45,7 +45,7 @@ AHEAD: Final = 60.0
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class ChainStart:
     """How a chain begins.
 
     Attributes
@@ -67,7 +67,7 @@ class Start:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Attitudes:
     """Attitudes of all units.
 
     Attributes
@@ -110,21 +110,21 @@ def keyframe_rows(t: Floats, spacing: float) -> NDArray[np.intp]:
 
 
 def begin(
-    samples: Samples,
-    links: Sequence[Link],
+    samples: UnitSamples,
+    links: Sequence[JointLink],
     params: Params,
     *,
     north: float,
     pose: Floats | None = None,
     pose_sd: float = deg(1.0),
-) -> Start:
+) -> ChainStart:
     """First attitudes: tilts of the first forces, headings that make neighbours agree, North where fields show it.
 
     Parameters
     ----------
-    samples : Samples
+    samples : UnitSamples
         The recording.
-    links : sequence of Link
+    links : sequence of JointLink
         Joints, from the root.
     params : Params
         What is assumed.
@@ -150,7 +150,7 @@ def begin(
     if free:
         sd[0, 2] = FRAME_SD  # it is what the frame's heading means
         turns = turns if pose is not None and _grounded(links) else turns + fields.common_turn(turns, north)
-    return Start(_yawed(q, turns), sd, ready, free)
+    return ChainStart(_yawed(q, turns), sd, ready, free)
 
 
 def _yawed(q: Floats, angles: Floats) -> Floats:
@@ -159,11 +159,11 @@ def _yawed(q: Floats, angles: Floats) -> Floats:
     return quat_multiply(quat_from_rotvec(up), q)
 
 
-def _grounded(links: Sequence[Link]) -> bool:
+def _grounded(links: Sequence[JointLink]) -> bool:
     return any(link.parent == GROUND for link in links)
 
 
-def first_tilts(samples: Samples) -> Floats:
+def first_tilts(samples: UnitSamples) -> Floats:
     """Attitudes (U, 4) at the first sample whose mean force of the first 1.5 s points up; headings mean nothing."""
     count = max(2, int(np.searchsorted(samples.t, samples.t[0] + TILT_TIME)))
     gyr, acc = np.nan_to_num(samples.gyr[:, :count]), samples.acc[:, :count]
@@ -181,13 +181,13 @@ def first_tilts(samples: Samples) -> Floats:
     return level
 
 
-def _heading_fixed(links: Sequence[Link]) -> bool:
+def _heading_fixed(links: Sequence[JointLink]) -> bool:
     """Whether a joint on the ground holds the heading: a fixed one, or a hinge that does not stand upright."""
     on_ground = [link for link in links if link.parent == GROUND and link.joint.kind in ("hinge", "fixed")]
     return any(float(np.hypot(*axis[:2])) > LEVEL for link in on_ground for axis in link.axes[0])
 
 
-def _require_pose(q: Floats, pose: Floats, links: Sequence[Link]) -> None:
+def _require_pose(q: Floats, pose: Floats, links: Sequence[JointLink]) -> None:
     """Refuse a posture whose tilts are not those that gravity shows."""
     pose = _posed(q, pose, links)
     up = np.array([0.0, 0.0, 1.0])
@@ -200,21 +200,21 @@ def _require_pose(q: Floats, pose: Floats, links: Sequence[Link]) -> None:
         )
 
 
-def _posed(q: Floats, pose: Floats, links: Sequence[Link]) -> Floats:
+def _posed(q: Floats, pose: Floats, links: Sequence[JointLink]) -> Floats:
     """Attitudes of a posture in the frame; turned as the first unit is, where the root is free."""
     if _grounded(links):
         return pose
     return quat_multiply(quat_multiply(q[0], quat_conjugate(pose[0])), pose)
 
 
-def _heading_of_pose(q: Floats, pose: Floats, links: Sequence[Link]) -> Floats:
+def _heading_of_pose(q: Floats, pose: Floats, links: Sequence[JointLink]) -> Floats:
     """Turns about the vertical (U,) that bring attitudes nearest to those of a posture."""
     off = quat_multiply(_posed(q, pose, links), quat_conjugate(q))
     return np.asarray(2.0 * np.arctan2(off[:, 3], off[:, 0]))
 
 
 def _headings(
-    samples: Samples, links: Sequence[Link], params: Params, q: Floats, fields: "_Fields", north: float
+    samples: UnitSamples, links: Sequence[JointLink], params: Params, q: Floats, fields: "_Fields", north: float
 ) -> tuple[Floats, Floats, float, bool]:
     """Turns about the vertical (U,) that make neighbours agree, and how well they do (U,), rad.
 
@@ -270,7 +270,7 @@ def _agree(looking: ChainFilter, sums: NDArray[np.complex128], weights: Floats, 
             weights[k] += max(abs(product) - var, 0.0) / var
 
 
-def _spread(weights: Floats, links: Sequence[Link], fields: "_Fields") -> Floats:
+def _spread(weights: Floats, links: Sequence[JointLink], fields: "_Fields") -> Floats:
     """Standard deviation of each child's heading against its parent's, rad."""
     by_joint = 1.0 / np.sqrt(np.maximum(weights, 1e-12))
     by_field = [fields.sd(link.parent, link.child) for link in links]
@@ -280,7 +280,7 @@ def _spread(weights: Floats, links: Sequence[Link], fields: "_Fields") -> Floats
 class _Fields:
     """Horizontal fields of the units since the start, in their first frames."""
 
-    def __init__(self, samples: Samples, units: int, sd: float) -> None:
+    def __init__(self, samples: UnitSamples, units: int, sd: float) -> None:
         self._mag, self._sum, self._sd = samples.mag, np.zeros(units, dtype=complex), sd
 
     def add(self, q: Floats, row: int) -> None:
@@ -310,7 +310,7 @@ class _Fields:
         return north - float(np.angle(self._sum[unit])) if abs(self._sum[unit]) > 0.0 else 0.0
 
 
-def stretches(samples: Samples) -> list[tuple[int, int]]:
+def stretches(samples: UnitSamples) -> list[tuple[int, int]]:
     """First samples, and those behind the last, of stretches between which all gyroscopes are silent for a `GAP`."""
     rows = np.flatnonzero(np.isfinite(samples.gyr[:, :, 0]).any(axis=0))
     firsts = [0, *rows[1:][np.diff(samples.t[rows]) > GAP].tolist()]
@@ -318,16 +318,16 @@ def stretches(samples: Samples) -> list[tuple[int, int]]:
 
 
 def estimate_motion(
-    samples: Samples, links: Sequence[Link], params: Params, *,
+    samples: UnitSamples, links: Sequence[JointLink], params: Params, *,
     north: float, pose: Floats | None = None, pose_sd: float = deg(1.0), smooth: bool,
     progress: Callable[[int], None] | None = None,
-) -> tuple[Start, Motion]:  # fmt: skip
+) -> tuple[ChainStart, Attitudes]:  # fmt: skip
     """How a recording begins, and attitudes over all of it; behind a gap, everything begins as at the start.
 
     Parameters are as of `begin` and `estimated`. A filter that turned on through a gap would be wrong by more than a
     linear filter can mend.
     """
-    starts, parts, begun, count = list[Start](), list[Motion](), list[int](), 0
+    starts, parts, begun, count = list[ChainStart](), list[Attitudes](), list[int](), 0
     for first, last in stretches(samples):
         part = samples.rows(first, last)
         starts.append(begin(part, links, params, north=north, pose=None if starts else pose, pose_sd=pose_sd))
@@ -338,7 +338,7 @@ def estimate_motion(
         count += len(parts[-1].rows)
     if len(parts) == 1:
         return starts[0], parts[0]
-    return starts[0], Motion(
+    return starts[0], Attitudes(
         t=samples.t,
         q=np.concatenate([motion.q for motion in parts], axis=1),
         rows=np.concatenate([motion.rows for motion in parts]),
@@ -350,14 +350,14 @@ def estimate_motion(
 
 
 def estimated(
-    samples: Samples, links: Sequence[Link], params: Params, start: Start, *,
+    samples: UnitSamples, links: Sequence[JointLink], params: Params, start: ChainStart, *,
     smooth: bool, progress: Callable[[int], None] | None = None,
-) -> Motion:  # fmt: skip
+) -> Attitudes:  # fmt: skip
     """Attitudes of all units over a recording.
 
     Parameters
     ----------
-    samples : Samples
+    samples : UnitSamples
         The recording.
     links, params, start :
         As of `begin`, and what it found.
@@ -395,7 +395,7 @@ def estimated(
 class _History:
     """What is kept of keyframes that are done."""
 
-    def __init__(self, samples: Samples, params: Params, units: int) -> None:
+    def __init__(self, samples: UnitSamples, params: Params, units: int) -> None:
         self._samples, self._params = samples, params
         places = np.arange(units)[:, np.newaxis] * WIDTH + np.arange(3)
         self._places = places.ravel()
@@ -424,9 +424,9 @@ class _History:
             )
             path[u, inside] = quat_multiply(quat_from_rotvec(share[:, np.newaxis] * turn), before.q[u])
 
-    def motion(self, path: Floats, ready: float) -> Motion:
+    def motion(self, path: Floats, ready: float) -> Attitudes:
         """All of it."""
-        return Motion(self._samples.t, path, np.array(self._rows), np.array(self._cov), np.array(self._bias), ready)
+        return Attitudes(self._samples.t, path, np.array(self._rows), np.array(self._cov), np.array(self._bias), ready)
 
 
 def backward(frames: Sequence[Keyframe]) -> list[Keyframe]:

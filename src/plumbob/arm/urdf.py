@@ -18,7 +18,7 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError, one_line
 from plumbob.core.files import reading, text_of
-from plumbob.data.array import Mount, Vec
+from plumbob.data.array import UnitMount, Vec
 from plumbob.data.chain import Chain, Joint, Limits, Segment
 from plumbob.rotations import (
     euler_zyx_from_quat,
@@ -71,7 +71,7 @@ def chain_from_urdf(
     path: str | Path,
     *,
     units: Mapping[str, str] | None = None,
-    mounts: Mapping[str, Mount] | None = None,
+    mounts: Mapping[str, UnitMount] | None = None,
     hand: str = "",
     hand_b: Vec = (0.0, 0.0, 0.0),
     merge: bool = False,
@@ -84,7 +84,7 @@ def chain_from_urdf(
         The file.
     units : mapping of str to str, optional
         Name of the unit on each link that has one.
-    mounts : mapping of str to Mount, optional
+    mounts : mapping of str to UnitMount, optional
         How they sit on their links, in the axes of the links.
     hand : str
         Link that the hand belongs to; the last one where empty.
@@ -126,7 +126,7 @@ def chain_from_urdf(
         for link in (*on, *sits):
             if link not in names:
                 raise ParameterError(f"there is no link '{link}'; links are {', '.join(names)}.")
-        segments = tuple(Segment(link, on.get(link, ""), sits.get(link, Mount())) for link in names)
+        segments = tuple(Segment(link, on.get(link, ""), sits.get(link, UnitMount())) for link in names)
         return Chain(name, segments, tuple(ordered), hand or names[-1], hand_b, base_fixed=True)
 
 

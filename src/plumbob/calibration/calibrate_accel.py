@@ -27,7 +27,7 @@ FEWEST_ROWS: Final = 100
 _PARTS: Final = 4  # of a pose, whose scatter says how well its mean is known
 
 
-class Poses(NamedTuple):
+class RestPeriods(NamedTuple):
     """Stretches at rest.
 
     Attributes
@@ -102,7 +102,7 @@ def _tumbled(imu: ImuData, shape: str, gravity: float, tilt_range: float) -> Fit
     return replace(fit, calibration=_warmed(fit.calibration, temp_c[np.isfinite(temp_c)]))
 
 
-def poses_at_rest(imu: ImuData) -> Poses:
+def poses_at_rest(imu: ImuData) -> RestPeriods:
     """Stretches of at least `LEAST` at rest.
 
     Raises
@@ -120,7 +120,7 @@ def poses_at_rest(imu: ImuData) -> Poses:
     variances = [_variance(acc[span]) for span in spans]
     temp_c = np.zeros(0) if imu.temp_c is None else np.concatenate([imu.temp_c[rows][span] for span in spans])
     times = tuple((float(t[span.start]), float(t[span.stop - 1])) for span in spans)
-    return Poses(means, float(np.sqrt(np.mean(variances))), times, temp_c[np.isfinite(temp_c)])
+    return RestPeriods(means, float(np.sqrt(np.mean(variances))), times, temp_c[np.isfinite(temp_c)])
 
 
 def _complete(imu: ImuData) -> tuple[NDArray[np.int64], Floats | None]:
@@ -163,7 +163,7 @@ def _not_still(imu: ImuData, count: int) -> Reason:
     )
 
 
-def _shortest(poses: Poses) -> float:
+def _shortest(poses: RestPeriods) -> float:
     return min(stop - start for start, stop in poses.spans)
 
 

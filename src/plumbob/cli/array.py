@@ -103,7 +103,7 @@ def _add_out(p: argparse.ArgumentParser, *, required: bool) -> None:
 def _read(args: argparse.Namespace, out: Path | None = None) -> "ImuArray":
     """The units, once it is known that the virtual unit can be written."""
     from plumbob.core.errors import ParameterError
-    from plumbob.data.array import Mount
+    from plumbob.data.array import UnitMount
     from plumbob.data.recording import found_in
     from plumbob.door.reading import read_array
 
@@ -115,7 +115,7 @@ def _read(args: argparse.Namespace, out: Path | None = None) -> "ImuArray":
     files = args.files if len(args.files) > 1 else args.files[0]
     array = read_array(files, mounts=args.mounts, note=notes.append)
     common.note(*found_in(notes))
-    if args.mounts is None and all(replace(mount, noise=None) == Mount() for mount in array.mounts.values()):
+    if args.mounts is None and all(replace(mount, noise=None) == UnitMount() for mount in array.mounts.values()):
         common.note("no mount is known, so all units are taken to lie along the body's axes; see --mounts")
     return array
 

@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out and args.out.suffix not in (*_TEXT, ".parquet", ".json"):
         raise ParameterError(f"{args.out} must end in .csv, .txt, .parquet or .json, so that its kind is known.")
     common.check_outputs(args, *common.with_profile(args.out, _TEXT), inputs=(Path(args.file),))
-    table = _Table(args.message, None if args.rate is None else parse(args.rate, Quantity.FREQUENCY))
+    table = _MessageRows(args.message, None if args.rate is None else parse(args.rate, Quantity.FREQUENCY))
 
     def take(frames: "Mapping[str, Frames]", _: "Counts") -> None:
         table.add(frames)
@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _profile(form: "Format", table: "_Table", unit: str | None) -> str:
+def _profile(form: "Format", table: "_MessageRows", unit: str | None) -> str:
     """Profile that reads the table as a recording; empty where the message has no triad."""
     from plumbob.files.decoded import profile_text
     from plumbob.protocols.decode import format_title, prefix_by_unit
@@ -104,7 +104,7 @@ def _profile(form: "Format", table: "_Table", unit: str | None) -> str:
     return profile_text(form, message, units[0] if unit is None else unit, titles, table.time)
 
 
-class _Table:
+class _MessageRows:
     """Rows of one message, as they come."""
 
     def __init__(self, message: str, rate: float | None) -> None:
@@ -220,7 +220,7 @@ def _cell(value: Any) -> str:
     return f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
-def _chunks(name: str, table: _Table) -> Iterator[bytes]:
+def _chunks(name: str, table: _MessageRows) -> Iterator[bytes]:
     """Pieces of a file, or of standard input; the first stays with the table."""
     with nullcontext(sys.stdin.buffer) if name == "-" else Path(name).open("rb") as file:
         for data in _pieces(file):
@@ -250,7 +250,7 @@ def _pieces(file: BinaryIO) -> Iterator[bytes]:
         yield data
 
 
-def _tell(form: "Format", counts: "Counts", table: _Table) -> None:
+def _tell(form: "Format", counts: "Counts", table: _MessageRows) -> None:
     """Say on standard error what was not decoded, and why, and what could not be checked."""
     from plumbob.protocols.overlap import passes_anything
     from plumbob.protocols.page import UNCHECKED

@@ -89,7 +89,7 @@ def _plain(form: "Format") -> dict[str, object]:
 def _print_all(as_json: bool) -> None:
     from plumbob.protocols import catalog
     from plumbob.protocols.find import find_format
-    from plumbob.protocols.page import Table, as_text, framing_words, mark_words
+    from plumbob.protocols.page import PageTable, as_text, framing_words, mark_words
     from plumbob.protocols.rigs import names
 
     kinds = {}
@@ -101,7 +101,7 @@ def _print_all(as_json: bool) -> None:
         common.print_json({kind.lower(): [dict(zip(head, row, strict=True)) for row in kinds[kind]] for kind in kinds})
         return
     shown = [
-        Table(kind, ("name", "frame", "marks", "title"), tuple((n, f, m, t) for n, t, f, m in rows))
+        PageTable(kind, ("name", "frame", "marks", "title"), tuple((n, f, m, t) for n, t, f, m in rows))
         for kind, rows in kinds.items()
     ]
     print(as_text(shown), end="")

@@ -86,7 +86,7 @@ The order of work:
 """What the program prints when it is called without a verb."""
 
 
-class _Lines(argparse.HelpFormatter):
+class _LineHelp(argparse.HelpFormatter):
     """Help that keeps the lines of descriptions and epilogs: an example is not broken, other lines are wrapped."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
@@ -98,7 +98,7 @@ class Parser(argparse.ArgumentParser):
     """Parser that takes no abbreviations, as --noise for --noise-card; verbs and what is nested in them inherit it."""
 
     def __init__(self, **settings: Any) -> None:
-        super().__init__(**{"formatter_class": _Lines, **settings, "allow_abbrev": False})
+        super().__init__(**{"formatter_class": _LineHelp, **settings, "allow_abbrev": False})
 
 
 def build_parser(verbs: Sequence[str] = VERBS) -> argparse.ArgumentParser:

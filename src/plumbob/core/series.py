@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.errors import MissingExtraError
-from plumbob.core.text import Shown
+from plumbob.core.text import FactsText
 
 _HEIGHT = 1.8
 """Of a panel, inches."""
 
 
-class Series(Shown):
+class Series(FactsText):
     """Mixin of what has values over time, which says in `columns` what they are."""
 
     __slots__ = ()

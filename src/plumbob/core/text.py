@@ -96,7 +96,7 @@ def _power(size: float) -> int:
     return 0 if size == 0.0 or PLAIN[0] <= size < PLAIN[1] else math.floor(math.log10(size))
 
 
-class Shown:
+class FactsText:
     """Mixin of what says of itself in `facts` what a reader wants to know first."""
 
     __slots__ = ()

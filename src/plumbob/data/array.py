@@ -23,7 +23,7 @@ Quat = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Mount:
+class UnitMount:
     """How a unit sits on its body.
 
     Attributes
@@ -72,7 +72,7 @@ class ImuArray(Series):
     ----------
     units : mapping of str to ImuData
         By name; each in its own axes, all with the same times.
-    mounts : mapping of str to Mount, optional
+    mounts : mapping of str to UnitMount, optional
         How each sits on its body; a unit that is not in it sits at the reference point, aligned.
 
     Raises
@@ -86,7 +86,7 @@ class ImuArray(Series):
     """
 
     units: Mapping[str, ImuData]
-    mounts: Mapping[str, Mount] = field(default_factory=dict)
+    mounts: Mapping[str, UnitMount] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Validate, and name a mount for each unit."""
@@ -106,7 +106,9 @@ class ImuArray(Series):
         for name in self.mounts:
             if name not in self.units:
                 raise ParameterError(f"the mount '{name}' belongs to no unit; units are {', '.join(self.units)}.")
-        mounts = {name: check.kind(f"mount '{name}'", self.mounts.get(name, Mount()), Mount) for name in self.units}
+        mounts = {
+            name: check.kind(f"mount '{name}'", self.mounts.get(name, UnitMount()), UnitMount) for name in self.units
+        }
         object.__setattr__(self, "units", dict(self.units))
         object.__setattr__(self, "mounts", mounts)
 
@@ -173,11 +175,11 @@ class ImuArray(Series):
 
 # No turn reverses all three axes of a unit, so each opposite unit reverses its own axis and the next: x is measured
 # against by u4 (and u6), y by u5 (and u4), z by u6 (and u5).
-_ABOUT_X: Final = Mount((0.0, 1.0, 0.0, 0.0))
-_ABOUT_Y: Final = Mount((0.0, 0.0, 1.0, 0.0))
-_ABOUT_Z: Final = Mount((0.0, 0.0, 0.0, 1.0))
+_ABOUT_X: Final = UnitMount((0.0, 1.0, 0.0, 0.0))
+_ABOUT_Y: Final = UnitMount((0.0, 0.0, 1.0, 0.0))
+_ABOUT_Z: Final = UnitMount((0.0, 0.0, 0.0, 1.0))
 
-PRESETS: Final[Mapping[str, Mapping[str, Mount]]] = {
-    "arm": {"u1": Mount(), "u2": Mount(), "u3": Mount(), "u4": _ABOUT_Z, "u5": _ABOUT_X, "u6": _ABOUT_Y},
+PRESETS: Final[Mapping[str, Mapping[str, UnitMount]]] = {
+    "arm": {"u1": UnitMount(), "u2": UnitMount(), "u3": UnitMount(), "u4": _ABOUT_Z, "u5": _ABOUT_X, "u6": _ABOUT_Y},
 }
 """Mounts that have a name: of the six units of the teaching arm, three of which have opposite axes."""

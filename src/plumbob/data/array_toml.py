@@ -11,7 +11,7 @@ from plumbob.core.errors import DecodeError, PlumbobError, excerpt
 from plumbob.core.files import text_of
 from plumbob.core.schema import Parse
 from plumbob.core.units import Quantity
-from plumbob.data.array import PRESETS, Mount
+from plumbob.data.array import PRESETS, UnitMount
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.rotations import body_axes, quat_from_dcm, quat_from_euler_zyx
 
@@ -31,7 +31,7 @@ class MountedUnit:
     ----------
     name : str
         Name of the unit.
-    mount : Mount
+    mount : UnitMount
         How it sits on its body, with its noise card.
     card : CalibrationCard or None
         Its calibration card.
@@ -40,7 +40,7 @@ class MountedUnit:
     """
 
     name: str
-    mount: Mount = field(default_factory=Mount)
+    mount: UnitMount = field(default_factory=UnitMount)
     card: CalibrationCard | None = None
     device: str = ""
 
@@ -86,7 +86,7 @@ def listed_units(tables: list[dict[str, Any]], fetch: Fetch) -> dict[str, Mounte
         turns = [table[key] for key in _TURNS if key in table]
         if len(turns) > 1:
             raise DecodeError(f"the unit '{name}' has more than one of {', '.join(_TURNS)}; keep one of them.")
-        mount = Mount(
+        mount = UnitMount(
             q_bs=turns[0] if turns else (1.0, 0.0, 0.0, 0.0),
             lever_b=table.get("lever", (0.0, 0.0, 0.0)),
             clock_offset=table.get("clock_offset", 0.0),

@@ -10,8 +10,8 @@ import numpy as np
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
-from plumbob.core.text import Shown, counted
-from plumbob.data.array import Mount, Quat, Vec
+from plumbob.core.text import FactsText, counted
+from plumbob.data.array import Quat, UnitMount, Vec
 from plumbob.rotations import (
     quat_conjugate,
     quat_from_rotvec,
@@ -56,13 +56,13 @@ class Segment:
         Name.
     unit : str
         Name of the unit on it; empty where it has none.
-    mount : Mount
+    mount : UnitMount
         How that unit sits on it, as far as is known: axes and lever from the segment's origin, in segment axes.
     """
 
     name: str
     unit: str = ""
-    mount: Mount = field(default_factory=Mount)
+    mount: UnitMount = field(default_factory=UnitMount)
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +199,7 @@ class Posture(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Chain(Shown):
+class Chain(FactsText):
     """Segments, joints, and the hand.
 
     Attributes

@@ -13,7 +13,7 @@ from plumbob.core.errors import DecodeError, FrameError, ShapeError, excerpt
 from plumbob.core.files import reading, text_of
 from plumbob.core.schema import Parse
 from plumbob.core.units import Quantity
-from plumbob.data.array import Mount, Quat, Vec
+from plumbob.data.array import Quat, UnitMount, Vec
 from plumbob.data.chain import DEGREES_OF_FREEDOM, Chain, Joint, Limits, Segment
 from plumbob.rotations import body_axes, quat_from_dcm, quat_from_euler_zyx
 
@@ -49,7 +49,7 @@ def load_chain(path: str | Path) -> Chain:
     UnitError
         If a unit is missing or unknown.
     ParameterError
-        If names, axes or limits do not make a chain, as of `Chain`, `Joint` and `Mount`.
+        If names, axes or limits do not make a chain, as of `Chain`, `Joint` and `UnitMount`.
     FrameError
         If the axes of a unit are not three letters of a right-handed set.
     """
@@ -110,7 +110,7 @@ def _lines(chain: Chain) -> Iterator[str]:
 def _mounted(segment: Segment) -> Iterator[str]:
     if segment.unit:
         yield f"unit = {_quoted(segment.unit)}"
-    mount, aligned = segment.mount, Mount()
+    mount, aligned = segment.mount, UnitMount()
     if mount.q_bs != aligned.q_bs:
         yield f"q_bs = {list(mount.q_bs)}"
     if mount.lever_b != aligned.lever_b:
@@ -205,7 +205,7 @@ def _segment(where: str, value: Any) -> Segment:
     lacking = [key for key in ("axes", "q_bs", "lever", "clock_offset") if key in table and "unit" not in table]
     if lacking:
         raise DecodeError(f"{where}.{lacking[0]} is of a unit, but {where} names none; add unit, or leave it out.")
-    mount = Mount(
+    mount = UnitMount(
         q_bs=_normed(f"{where}.q_bs", _one_of_two(where, table, "q_bs", "axes")),
         lever_b=table.get("lever", (0.0, 0.0, 0.0)),
         clock_offset=table.get("clock_offset", 0.0),

@@ -13,7 +13,7 @@ import numpy as np
 
 from plumbob.core import check, flags
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.text import Shown, counted
+from plumbob.core.text import FactsText, counted
 from plumbob.data import UNCALIBRATED, AttitudeTrack, ImuData, calibration_told
 from plumbob.data.array import ImuArray
 from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, doubts, statistics
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Recording(Shown):
+class Recording(FactsText):
     """What one file holds.
 
     Parameters

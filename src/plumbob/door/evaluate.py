@@ -12,7 +12,7 @@ from plumbob.data.recording import found_in
 from plumbob.door.reading import read
 from plumbob.evaluation.align import ALIGNMENTS
 from plumbob.evaluation.evaluation import Evaluation, judge
-from plumbob.evaluation.judged import Settings
+from plumbob.evaluation.judged import EvaluationSettings
 
 
 class Tracked(Protocol):
@@ -75,7 +75,7 @@ def evaluate(
     ShapeError
         If no sample is left to score, or one of the two is not an attitude and holds none.
     """
-    settings = Settings(
+    settings = EvaluationSettings(
         _alignments(align),
         given("max_gap", max_gap, Quantity.TIME),
         number("max_offset", given("max_offset", max_offset, Quantity.TIME), "s"),

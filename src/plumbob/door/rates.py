@@ -16,7 +16,7 @@ from plumbob.calibration.gyr.drift import GyroDrift, chen2013
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.text import Shown, counted
+from plumbob.core.text import FactsText, counted
 from plumbob.core.units import Quantity, g, given, to_dps
 from plumbob.data import ImuData, calibration_told
 from plumbob.data.calibrated import apply_card
@@ -34,7 +34,7 @@ _KEPT = np.uint32(flags.GYR_HELD | flags.TIME_FAULT)  # of the filter's flags; t
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FilteredRates(Shown):
+class FilteredRates(FactsText):
     """A recording whose gyroscope has been compensated and filtered.
 
     Attributes

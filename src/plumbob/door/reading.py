@@ -13,7 +13,7 @@ from plumbob.files.formats import read as read_samples
 
 if TYPE_CHECKING:
     from plumbob.data import ImuData
-    from plumbob.data.array import ImuArray, Mount
+    from plumbob.data.array import ImuArray, UnitMount
     from plumbob.data.recording import Recording
     from plumbob.files import Profile
 
@@ -86,7 +86,7 @@ Source = str | os.PathLike[str]
 def read_array(
     sources: Source | Sequence[Source] | Mapping[str, Source],
     *,
-    mounts: "Source | Mapping[str, Mount] | None" = None,
+    mounts: "Source | Mapping[str, UnitMount] | None" = None,
     format: str | Path | None = None,
     rate: float | str | None = None,
     note: Callable[[str], object] | None = None,
@@ -99,7 +99,7 @@ def read_array(
         A file of several units, ``.parquet`` or ``.mcap``; a recorded stream (``.mcap``), whose bytes hold several, of
         whatever unit its attitude is; raw bytes, with `format`; or files of one unit each, called by their stems or as
         the mapping calls them.
-    mounts : path, mapping of str to Mount, or the name of a preset, optional
+    mounts : path, mapping of str to UnitMount, or the name of a preset, optional
         How the units sit on their bodies, in place of what the file says; a TOML file (`plumbob.data.array_toml`) may
         name calibration cards, too. ``"arm"``: the six of the teaching arm.
     format : str or path, optional
@@ -199,7 +199,7 @@ def _joined(named: Mapping[str, Source]) -> "ImuArray":
     return ImuArray(units)
 
 
-def _mounted(array: "ImuArray", mounts: "Source | Mapping[str, Mount]") -> "ImuArray":
+def _mounted(array: "ImuArray", mounts: "Source | Mapping[str, UnitMount]") -> "ImuArray":
     """The array with these mounts, and calibrated by the cards that stand beside them."""
     from plumbob.data.array import PRESETS, ImuArray
     from plumbob.data.array_toml import MountedUnit, load_units

@@ -11,7 +11,7 @@ from typing import Any, Final
 from plumbob.core import check
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.files import require_other
-from plumbob.core.text import Shown
+from plumbob.core.text import FactsText
 from plumbob.core.time import to_ns
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack, ImuData
@@ -27,14 +27,14 @@ from plumbob.live.session_toml import SESSION
 from plumbob.live.transports.outgoing import Target, TcpServer, parse_target
 from plumbob.live.transports.transport import Stopping
 from plumbob.live.watch import Note
-from plumbob.protocols.attitude import Body, attitudes
+from plumbob.protocols.attitude import BodyAxes, attitudes
 
 _BEHIND: Final = 0.5
 _PAUSE: Final = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sent(Shown):
+class Sent(FactsText):
     """What was sent.
 
     Attributes
@@ -86,7 +86,7 @@ def send(
     rate: float | str | None = None,
     speed: float | str = 1.0,
     sentences: str | Sequence[str] = (),
-    body: Body | str | None = None,
+    body: BodyAxes | str | None = None,
     declination: float | str | None = None,
     overwrite: bool = False,
     stop: Stopping | None = None,

@@ -30,7 +30,7 @@ from plumbob.evaluation.align import (
     find_time_offset,
     not_converged,
 )
-from plumbob.evaluation.judged import JudgedTrack, Settings
+from plumbob.evaluation.judged import EvaluationSettings, JudgedTrack
 from plumbob.evaluation.metrics import (
     GIMBAL_GUARD,
     NEEDS_HEADING,
@@ -76,7 +76,7 @@ class Evaluation(JudgedTrack, Reported):
         return report.report(self, facts=facts)
 
 
-def judge(estimate: AttitudeTrack, reference: AttitudeTrack, settings: Settings) -> Evaluation:
+def judge(estimate: AttitudeTrack, reference: AttitudeTrack, settings: EvaluationSettings) -> Evaluation:
     """Judge an estimate by a reference; arguments, errors and result as of `plumbob.evaluate`."""
     policy = heading_policy(
         estimate.north, reference.north, aligned="heading" in settings.align, declination=settings.declination
@@ -97,7 +97,7 @@ def judge(estimate: AttitudeTrack, reference: AttitudeTrack, settings: Settings)
     return _measure(estimate, reference, settings, match, alignment, policy)
 
 
-def _refuse_blind_mounting(policy: HeadingPolicy, settings: Settings) -> None:
+def _refuse_blind_mounting(policy: HeadingPolicy, settings: EvaluationSettings) -> None:
     if "mounting" in settings.align and not policy.comparable:
         raise ParameterError(f"a mounting is found from whole attitudes, but {policy.reason} together with it.")
 
@@ -116,14 +116,14 @@ def _as_converged(estimate: AttitudeTrack) -> AttitudeTrack:
     return estimate.with_attitude(np.where(early[:, np.newaxis], np.nan, estimate.q_nb)) if early.any() else estimate
 
 
-def _time_alignment(estimate: AttitudeTrack, truth: AttitudeTrack, settings: Settings) -> Alignment:
+def _time_alignment(estimate: AttitudeTrack, truth: AttitudeTrack, settings: EvaluationSettings) -> Alignment:
     if "time" not in settings.align:
         return Alignment()
     offset = find_time_offset(_as_converged(estimate), truth, max_offset=settings.max_offset, max_gap=settings.max_gap)
     return Alignment(time=offset)
 
 
-def _rotation_alignment(estimate: AttitudeTrack, match: Match, settings: Settings) -> Alignment:
+def _rotation_alignment(estimate: AttitudeTrack, match: Match, settings: EvaluationSettings) -> Alignment:
     q_est, q_ref = estimate.q_nb[match.scored], match.q_ref[match.scored]
     if {"mounting", "heading"} <= set(settings.align):
         return find_mounting_and_heading(q_est, q_ref, estimate.frame)
@@ -149,7 +149,7 @@ def _refuse_empty(estimate: AttitudeTrack, match: Match) -> None:
 def _measure(
     estimate: AttitudeTrack,
     reference: AttitudeTrack,
-    settings: Settings,
+    settings: EvaluationSettings,
     match: Match,
     alignment: Alignment,
     policy: HeadingPolicy,

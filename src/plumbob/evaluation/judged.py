@@ -11,7 +11,7 @@ from plumbob.evaluation.metrics import Consistency, Stats
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class EvaluationSettings:
     """What was asked for; times in s, angles in rad, None where left to the default."""
 
     align: tuple[str, ...] = ()
@@ -29,7 +29,7 @@ class JudgedTrack:
     ----------
     estimate, reference : AttitudeTrack
         As they were given.
-    settings : Settings
+    settings : EvaluationSettings
         As they were asked for.
     match : Match
         Which samples met, and why others did not; `match.q_ref` is the reference in the estimate's frame, brought to
@@ -55,7 +55,7 @@ class JudgedTrack:
 
     estimate: AttitudeTrack
     reference: AttitudeTrack
-    settings: Settings
+    settings: EvaluationSettings
     match: Match
     alignment: Alignment
     errors: Mapping[str, Floats]

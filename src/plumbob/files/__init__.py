@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
-    from plumbob.files.formats import FORMATS, Format, is_recording, kind_of, read, write
+    from plumbob.files.formats import FORMATS, FileFormat, is_recording, kind_of, read, write
     from plumbob.files.numbers import Numbers, open_numbers
     from plumbob.files.profile import Profile
     from plumbob.files.profile_toml import load_profile, parse_profile
@@ -14,7 +14,7 @@ __getattr__, __dir__ = lazily(
     __name__,
     {
         "FORMATS": "formats",
-        "Format": "formats",
+        "FileFormat": "formats",
         "Numbers": "numbers",
         "Profile": "profile",
         "is_recording": "formats",
@@ -29,7 +29,7 @@ __getattr__, __dir__ = lazily(
 
 __all__ = [
     "FORMATS",
-    "Format",
+    "FileFormat",
     "Numbers",
     "Profile",
     "is_recording",

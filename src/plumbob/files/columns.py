@@ -150,7 +150,7 @@ Columns = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class ColumnFormat:
     """Unit and NumPy type of a column."""
 
     unit: str
@@ -164,17 +164,17 @@ GROUPS: Final[dict[str, tuple[str, ...]]] = {
     "bias": ("bias_x", "bias_y", "bias_z"),
     "cov": tuple(f"cov_{row}{column}" for row in "xyz" for column in "xyz"),
 }
-COLUMNS: Final[dict[str, Column]] = {
-    TIME: Column("ns", "int64"),
-    **{name: Column(UNITS[triad]) for triad in TRIADS for name in GROUPS[triad]},
-    "temp_c": Column("degC"),
-    "flags": Column("1", "uint32"),
-    **{name: Column("1") for name in GROUPS["q"]},
-    **{name: Column(UNITS["gyr"]) for name in GROUPS["bias"]},
-    **{name: Column("rad2") for name in GROUPS["cov"]},
-    "track_flags": Column("1", "uint32"),
-    "score": Column("1", "bool"),
-    "mag_weight": Column("1"),
+COLUMNS: Final[dict[str, ColumnFormat]] = {
+    TIME: ColumnFormat("ns", "int64"),
+    **{name: ColumnFormat(UNITS[triad]) for triad in TRIADS for name in GROUPS[triad]},
+    "temp_c": ColumnFormat("degC"),
+    "flags": ColumnFormat("1", "uint32"),
+    **{name: ColumnFormat("1") for name in GROUPS["q"]},
+    **{name: ColumnFormat(UNITS["gyr"]) for name in GROUPS["bias"]},
+    **{name: ColumnFormat("rad2") for name in GROUPS["cov"]},
+    "track_flags": ColumnFormat("1", "uint32"),
+    "score": ColumnFormat("1", "bool"),
+    "mag_weight": ColumnFormat("1"),
 }
 
 
@@ -182,7 +182,7 @@ OF_UNIT: Final = (*(name for triad in TRIADS for name in GROUPS[triad]), "temp_c
 """Columns of a sensor unit; of one of several, each has the unit's name and a dot before its own."""
 
 
-def column(name: str) -> Column | None:
+def column(name: str) -> ColumnFormat | None:
     """What a column of this name is; None where there is none such."""
     unit, dot, base = name.rpartition(".")
     return COLUMNS.get(base) if not dot or (unit and base in OF_UNIT) else None

@@ -92,7 +92,7 @@ def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
     """
     from plumbob.files.profile_toml import parse_profile
     from plumbob.files.text import table_recording
-    from plumbob.files.text_table import Table
+    from plumbob.files.text_table import TextTable
 
     text = (parquet.metadata.metadata or {})[KEY].decode("utf-8", "replace")
     profile = parse_profile(text, origin="in its metadata")
@@ -109,5 +109,5 @@ def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
         ref: np.asarray(column_numbers(table.column(ref)), dtype=np.float64) for ref in refs if ref not in words
     }
     texts: dict[Any, Any] = {ref: table.column(ref).to_pylist() for ref in words}
-    decoded = Table(numbers, Decimal(0), rows, (), texts, lambda row: row + 1)
+    decoded = TextTable(numbers, Decimal(0), rows, (), texts, lambda row: row + 1)
     return table_recording(profile, decoded, file.stem, "read with the profile in its metadata")

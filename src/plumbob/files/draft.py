@@ -21,7 +21,7 @@ from plumbob.core.constants import G0
 from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import ARRAYS, existing_file, reading, write_text
-from plumbob.core.text import Shown
+from plumbob.core.text import FactsText
 from plumbob.core.units import UNITS, Quantity, canonical_name, is_name, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
 from plumbob.data.plausibility import Turning, turning
@@ -61,7 +61,7 @@ _BEST: Final = 0.8
 
 
 @dataclass(frozen=True, repr=False)
-class Draft(Shown):
+class Draft(FactsText):
     """Draft of a profile.
 
     Attributes
@@ -113,7 +113,7 @@ def profile(path: str | os.PathLike[str], *, out: str | os.PathLike[str] | None 
                 f"profiles of arrays are not drafted; {guide('vendor-files.md')} shows one to fill in. The file holds "
                 f"{listed(file)}."
             )
-        draft = _Writer(file.name, read_sample(file)).draft()
+        draft = _DraftWriter(file.name, read_sample(file)).draft()
     if out is not None:
         write_text(out, draft.text)
     return draft
@@ -138,7 +138,7 @@ class _Guess:
     counts: str | None = None
 
 
-class _Writer:
+class _DraftWriter:
     """Makes the text, key by key, and collects the questions."""
 
     def __init__(self, name: str, sample: Sample) -> None:

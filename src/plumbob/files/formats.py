@@ -23,7 +23,7 @@ class UnknownFormatError(DecodeError):
 
 
 @dataclass(frozen=True, slots=True)
-class Format:
+class FileFormat:
     """A file format.
 
     Attributes
@@ -74,14 +74,14 @@ def _decoded(path: Path) -> Recording:
     raise DecodeError(f"{path}: a recording of a line is decoded by plumbob.read, not by plumbob.files.read.")
 
 
-def _foreign(name: str, module: str, suffixes: tuple[str, ...], what: str, takes_unit: bool = False) -> Format:
+def _foreign(name: str, module: str, suffixes: tuple[str, ...], what: str, takes_unit: bool = False) -> FileFormat:
     """A format of `plumbob.files.foreign`, whose module has `accepts` and `read`; a suffix of "" is a folder."""
     reader, accepts = _late(f"foreign.{module}", "read"), _late(f"foreign.{module}", "accepts")
-    return Format(name, suffixes, what, reader, accepts=accepts, takes_unit=takes_unit)
+    return FileFormat(name, suffixes, what, reader, accepts=accepts, takes_unit=takes_unit)
 
 
 FORMATS: Final = (
-    Format(
+    FileFormat(
         name="native",
         suffixes=(".parquet",),
         what="native recording: every bit, units and a checksum inside",
@@ -90,7 +90,7 @@ FORMATS: Final = (
         writers=((".parquet", _late("parquet", "write_parquet")),),
     ),
     _foreign("ROS", "ros", (".bag", ".db3", ".mcap", ""), "ROS 1 bags, ROS 2 bags and MCAP of both", True),
-    Format(
+    FileFormat(
         name="recording",
         suffixes=(".mcap",),
         what="recordings of a line by Plumbob, and samples for viewers; their bytes are decoded by `plumbob.read`",
@@ -111,7 +111,7 @@ FORMATS: Final = (
     _foreign(
         "x-IMU3", "ximu3", (".ximu3", ".csv", ""), "logs of x-IMU3, and the folders of CSV that its GUI makes of them"
     ),
-    Format(
+    FileFormat(
         name="text",
         suffixes=TABLES,
         what="text tables, described by a profile in TOML; written as .csv or .txt with its profile beside it",
@@ -119,14 +119,14 @@ FORMATS: Final = (
         takes_profile=True,
         writers=tuple((suffix, _late("text_write", "write_csv")) for suffix in (".csv", ".txt")),
     ),
-    Format(
+    FileFormat(
         name="BROAD",
         suffixes=(".hdf5", ".h5", ".mat"),
         what="trials of the BROAD data set, HDF5 or MATLAB v5; read only",
         read=_late("broad", "read_broad"),
         accepts=_late("broad", "accepts"),
     ),
-    Format(
+    FileFormat(
         name="arrays",
         suffixes=ARRAYS,
         what="named arrays of MATLAB, HDF5 and NumPy, described by a profile in TOML; read only",
@@ -236,7 +236,7 @@ def _recording(what: Recording | ImuData | ImuArray | AttitudeTrack, name: str) 
     return check.kind("what", what, Recording, hint="An ImuData or an AttitudeTrack will do, too.")
 
 
-def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> Format:
+def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFormat:
     """Format of a file or a folder, by its suffix, and by its content where several share that.
 
     A text table beside which its profile lies is one, whatever its columns look like.
@@ -290,7 +290,7 @@ def is_recording(path: Path) -> bool:
     return any(kind.accepts(path) for kind in candidates if kind.accepts is not None)
 
 
-def _by_suffix(path: Path) -> list[Format]:
+def _by_suffix(path: Path) -> list[FileFormat]:
     """Formats that a suffix may mean."""
     if formats := [kind for kind in FORMATS if path.suffix and path.suffix.lower() in kind.suffixes]:
         return formats

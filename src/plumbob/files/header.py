@@ -10,7 +10,7 @@ import numpy as np
 
 from plumbob.core.errors import DecodeError, ParameterError, excerpt
 from plumbob.data import ImuMeta, Range
-from plumbob.data.array import ImuArray, Mount
+from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards import NoiseCard
 from plumbob.data.recording import Recording, stored_notes
 from plumbob.files.columns import column
@@ -46,14 +46,14 @@ def array_told(array: ImuArray) -> list[dict[str, Any]]:
     ]
 
 
-def _mount_told(mount: Mount) -> dict[str, Any]:
+def _mount_told(mount: UnitMount) -> dict[str, Any]:
     noise = None if mount.noise is None else json.loads(mount.noise.text())
     return {
         "q_bs": list(mount.q_bs), "lever_b": list(mount.lever_b), "clock_offset": mount.clock_offset, "noise": noise,
     }  # fmt: skip
 
 
-def array_from(content: Any) -> dict[str, tuple[ImuMeta, Mount]]:
+def array_from(content: Any) -> dict[str, tuple[ImuMeta, UnitMount]]:
     """Meta and mount of each unit, by name.
 
     Raises
@@ -61,7 +61,7 @@ def array_from(content: Any) -> dict[str, tuple[ImuMeta, Mount]]:
     DecodeError
         If it is not what `array_told` gives.
     """
-    units: dict[str, tuple[ImuMeta, Mount]] = {}
+    units: dict[str, tuple[ImuMeta, UnitMount]] = {}
     for entry in content if isinstance(content, list) else [content]:
         unit = require_keys("'array' in its header", entry, ("name", "imu", "mount"))
         name = _typed("array.name", unit["name"], _text)
@@ -71,10 +71,10 @@ def array_from(content: Any) -> dict[str, tuple[ImuMeta, Mount]]:
     return units
 
 
-def _mount_from(content: Any) -> Mount:
+def _mount_from(content: Any) -> UnitMount:
     mount = require_keys("'mount' in its header", content, _MOUNT)
     noise = mount["noise"]
-    return Mount(
+    return UnitMount(
         q_bs=_typed("mount.q_bs", mount["q_bs"], _numbers),
         lever_b=_typed("mount.lever_b", mount["lever_b"], _numbers),
         clock_offset=_typed("mount.clock_offset", mount["clock_offset"], _number),

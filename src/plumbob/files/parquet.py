@@ -32,7 +32,7 @@ from plumbob.files.columns import (
     COLUMNS,
     GROUPS,
     TIME,
-    Column,
+    ColumnFormat,
     Columns,
     column,
     imu_from,
@@ -93,7 +93,7 @@ def write_parts(path: Path, parts: Iterable[Recording], overwrite: bool = False)
     overwrite : bool
         Whether a file that lies there may be replaced.
     """
-    with replacing(path, overwrite=overwrite, seeks=True) as temporary, closing(_Writer(temporary)) as writer:
+    with replacing(path, overwrite=overwrite, seeks=True) as temporary, closing(_RowGroupWriter(temporary)) as writer:
         for recording in parts:
             columns = to_columns(recording)
             said = header.file_header(recording, list(columns))
@@ -102,7 +102,7 @@ def write_parts(path: Path, parts: Iterable[Recording], overwrite: bool = False)
         writer.end(said)
 
 
-class _Writer:
+class _RowGroupWriter:
     """Columns that come in parts as row groups of a file whose sizes do not depend on the parts."""
 
     def __init__(self, file: Path) -> None:
@@ -514,7 +514,7 @@ def _sound() -> Iterator[None]:
         raise DecodeError(f"its data are damaged ({_short(error)}); take a copy that is whole.") from error
 
 
-def _spec(name: str) -> Column:
+def _spec(name: str) -> ColumnFormat:
     """Column that has been found to be known."""
     spec = column(name)
     assert spec is not None

@@ -18,7 +18,7 @@ AS_MOUNTED: Final = "x y z"
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class TextLayout:
     """How the text is laid out.
 
     Attributes
@@ -192,7 +192,7 @@ class Profile:
 
     Attributes
     ----------
-    layout : Layout
+    layout : TextLayout
         How the text is laid out.
     time : TimeColumn, TimeStamps or TimeRate
         Where time comes from.
@@ -221,7 +221,7 @@ class Profile:
         Whether it describes named arrays; then `layout` means nothing.
     """
 
-    layout: Layout
+    layout: TextLayout
     time: TimeColumn | TimeStamps | TimeRate
     triads: Mapping[str, GroupSource] = field(default_factory=dict)
     temperature: GroupSource | None = None

@@ -20,9 +20,9 @@ from plumbob.files.profile import (
     AS_MOUNTED,
     ColumnRef,
     GroupSource,
-    Layout,
     Profile,
     ReferenceSource,
+    TextLayout,
     TimeColumn,
     TimeRate,
     TimeStamps,
@@ -38,7 +38,7 @@ _SEPARATORS = {",": ",", ";": ";", "tab": "\t", "\t": "\t", "\\t": "\t", " ": " 
 _ORDERS = {"wxyz": 4, "xyzw": 4, "yaw pitch roll": 3}
 _META = ("device", "axes", "frame", "north", "declination", "rate_nominal", "t0_ns", "calibration", "unit_check")
 _INNER = {"bias": 3, "covariance": 9}
-_NO_LAYOUT = Layout(separator=",")
+_NO_LAYOUT = TextLayout(separator=",")
 _LAYOUT = ("separator", "decimal", "encoding", "comment", "missing", "rows")
 
 
@@ -77,7 +77,7 @@ def parse_profile(text: str, *, origin: str = "profile") -> Profile:
     profile = Profile(
         layout=_NO_LAYOUT
         if arrays
-        else Layout(**{key: table[key] for key in _LAYOUT if key in table}, **table["header"]),
+        else TextLayout(**{key: table[key] for key in _LAYOUT if key in table}, **table["header"]),
         time=table["time"],
         triads={name: table[name] for name in TRIADS if name in table},
         temperature=table.get("temperature"),

@@ -17,7 +17,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
 from plumbob.core.units import Quantity, is_name
 from plumbob.files.columns import is_clocklike
-from plumbob.files.profile import Layout
+from plumbob.files.profile import TextLayout
 from plumbob.files.text_head import split_row
 
 READ: Final = 1 << 20
@@ -42,7 +42,7 @@ class Sample:
 
     Attributes
     ----------
-    layout : Layout
+    layout : TextLayout
         How the file is laid out.
     names, units : tuple of str
         Names of the columns, as far as the file has any, and the cells of a row of units below them.
@@ -52,7 +52,7 @@ class Sample:
         Cells.
     """
 
-    layout: Layout
+    layout: TextLayout
     names: tuple[str, ...]
     units: tuple[str, ...]
     by_name: bool
@@ -97,7 +97,7 @@ def read_sample(path: Path) -> Sample:
 
 
 @dataclass(frozen=True, slots=True)
-class _Table:
+class _SniffedTable:
     separator: str
     decimal: str
     first: int
@@ -121,9 +121,9 @@ def _decoded(raw: bytes) -> tuple[str, str]:
     return raw.decode("latin-1"), "latin-1"
 
 
-def _table(lines: Sequence[str], separator: str, decimal: str) -> _Table:
+def _table(lines: Sequence[str], separator: str, decimal: str) -> _SniffedTable:
     """Longest run of rows with equally many cells, most of them numbers; comments and blank lines do not end it."""
-    best = _Table(separator, decimal, 0, [], 0)
+    best = _SniffedTable(separator, decimal, 0, [], 0)
     first = readable = 0
     run: list[list[str]] = []
     for i, line in enumerate(lines):
@@ -137,7 +137,7 @@ def _table(lines: Sequence[str], separator: str, decimal: str) -> _Table:
             first = first if run else i
             run.append(cells)
             readable += count
-        if (candidate := _Table(separator, decimal, first, run, readable)).score > best.score:
+        if (candidate := _SniffedTable(separator, decimal, first, run, readable)).score > best.score:
             best = candidate
     return best
 
@@ -160,7 +160,7 @@ def _value(cell: str, decimal: str) -> float:
     return float(cell.replace(",", ".")) if _NUMBER[decimal].fullmatch(cell) else float("nan")
 
 
-def _headed(lines: Sequence[str], table: _Table, encoding: str) -> Sample:
+def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample:
     """Add names, and say how many lines come before them."""
     before = [(i, line) for i, line in enumerate(lines[: table.first]) if line.strip()]
     plain = [(i, line) for i, line in before if not line.startswith(_COMMENTS)]
@@ -173,7 +173,7 @@ def _headed(lines: Sequence[str], table: _Table, encoding: str) -> Sample:
     skip = plain[-1][0] if names and len(plain) > 1 else 0
     if not names and plain:
         skip = table.first
-    layout = Layout(
+    layout = TextLayout(
         separator=table.separator,
         decimal=table.decimal,
         encoding=encoding,
@@ -211,4 +211,4 @@ def _comment(lines: Sequence[str]) -> str:
 
 def _missing(rows: Sequence[Sequence[str]]) -> tuple[str, ...]:
     markers = {cell.strip() for row in rows for cell in row} & set(MISSING)
-    return tuple(dict.fromkeys((*Layout(separator=",").missing, *sorted(markers))))
+    return tuple(dict.fromkeys((*TextLayout(separator=",").missing, *sorted(markers))))

@@ -31,8 +31,8 @@ from plumbob.files.profile import (
     TimeStamps,
 )
 from plumbob.files.profile_toml import load_profile
-from plumbob.files.text_head import Body, decode, find_head, is_idle, split_row
-from plumbob.files.text_table import Table, column_index, read_table
+from plumbob.files.text_head import NumericBody, decode, find_head, is_idle, split_row
+from plumbob.files.text_table import TextTable, column_index, read_table
 from plumbob.rotations import (
     body_axes,
     in_body_axes,
@@ -78,7 +78,7 @@ def read_text(path: str | Path, profile: Profile | str | Path | None = None) -> 
         return table_recording(declared, table, file.stem, note)
 
 
-def table_recording(profile: Profile, table: Table, name: str, note: str) -> Recording:
+def table_recording(profile: Profile, table: TextTable, name: str, note: str) -> Recording:
     """Recording of a table, by its profile; `note` says which. Errors as in `read_text`."""
     t, t0_ns = _time(profile, table)
     imu = _imu(profile, table, t, t0_ns) if profile.triads else None
@@ -112,7 +112,7 @@ def _first_line(file: Path) -> str:
         return excerpt(stream.readline(_FIRST_LINE_BYTES).decode("utf-8", "replace").strip())
 
 
-def _time(profile: Profile, table: Table) -> tuple[Floats, int]:
+def _time(profile: Profile, table: TextTable) -> tuple[Floats, int]:
     source = profile.time
     if isinstance(source, TimeRate):
         return np.arange(table.rows) / source.rate, 0
@@ -123,14 +123,14 @@ def _time(profile: Profile, table: Table) -> tuple[Floats, int]:
     return _inside(table.columns[source.column], source.unit), t0_ns
 
 
-def _of_stamps(source: TimeStamps, table: Table) -> tuple[Floats, int]:
+def _of_stamps(source: TimeStamps, table: TextTable) -> tuple[Floats, int]:
     try:
         return to_seconds([table.texts[ref] for ref in source.columns], source.zone)
     except StampError as error:
         raise DecodeError(f"line {table.line_of(error.row)}: {error}") from error
 
 
-def _imu(profile: Profile, table: Table, t: Floats, t0_ns: int) -> ImuData:
+def _imu(profile: Profile, table: TextTable, t: Floats, t0_ns: int) -> ImuData:
     triads: dict[str, Any] = {
         name: _undelayed(t, _vector(group, table, profile.turn), group.delay) for name, group in profile.triads.items()
     }
@@ -151,7 +151,7 @@ def _imu(profile: Profile, table: Table, t: Floats, t0_ns: int) -> ImuData:
     return located(imu, profile.place, date=profile.date)[0]
 
 
-def _track(source: ReferenceSource, table: Table, t: Floats, turn: str | None) -> AttitudeTrack:
+def _track(source: ReferenceSource, table: TextTable, t: Floats, turn: str | None) -> AttitudeTrack:
     turn = turn if source.of == "case" else None
     q_nb = _attitude(source, table)
     if turn is not None:
@@ -170,7 +170,7 @@ def _track(source: ReferenceSource, table: Table, t: Floats, turn: str | None) -
     )
 
 
-def _flags(profile: Profile, table: Table) -> Floats | NDArray[np.uint32] | None:
+def _flags(profile: Profile, table: TextTable) -> Floats | NDArray[np.uint32] | None:
     if profile.flags is None or not profile.flag_words:
         return _optional(table, profile.flags)
     cells = table.texts[profile.flags]
@@ -182,7 +182,7 @@ def _flags(profile: Profile, table: Table) -> Floats | NDArray[np.uint32] | None
     return np.array([bits[cell] for cell in cells], dtype=np.uint32)
 
 
-def _optional(table: Table, ref: ColumnRef | None) -> Floats | None:
+def _optional(table: TextTable, ref: ColumnRef | None) -> Floats | None:
     return None if ref is None else table.columns[ref]
 
 
@@ -192,12 +192,12 @@ def _inside(values: Floats, unit: str) -> Floats:
     return values if (scale.factor, scale.offset) == (1.0, 0.0) else units.to_si(values, unit)
 
 
-def _stacked(columns: tuple[ColumnRef, ...], table: Table) -> Floats:
+def _stacked(columns: tuple[ColumnRef, ...], table: TextTable) -> Floats:
     none = np.full(table.rows, np.nan) if NO_COLUMN in columns else None
     return np.stack([none if ref == NO_COLUMN else table.columns[ref] for ref in columns], axis=1)  # type: ignore[misc]
 
 
-def _vector(group: GroupSource, table: Table, turn: str | None) -> Floats:
+def _vector(group: GroupSource, table: TextTable, turn: str | None) -> Floats:
     counts = _stacked(group.columns, table)
     if group.zero is not None:
         counts = counts - group.zero
@@ -223,7 +223,7 @@ def _undelayed(t: Floats, values: Floats, delay: float) -> Floats:
     return shifted
 
 
-def _covariance(group: GroupSource, table: Table, turn: str | None) -> Floats:
+def _covariance(group: GroupSource, table: TextTable, turn: str | None) -> Floats:
     cov = _stacked(group.columns, table).reshape(-1, 3, 3)
     if turn is not None:
         place, sign = _picks(turn)
@@ -238,7 +238,7 @@ def _picks(axes: str) -> tuple[Any, Floats]:
     return np.abs(c_bs).argmax(axis=1), c_bs.sum(axis=1)
 
 
-def _attitude(source: ReferenceSource, table: Table) -> Floats:
+def _attitude(source: ReferenceSource, table: TextTable) -> Floats:
     values = _stacked(source.columns, table)
     if source.unit is not None:
         return quat_from_euler_zyx(_inside(values, source.unit))
@@ -293,7 +293,7 @@ def read_labels(path: str | Path, column: ColumnRef, profile: Profile | str | Pa
         raw = file.read_bytes()
         text = decode(raw, layout.encoding)
         head = find_head(text, layout)
-        body = Body(raw, text, head.start, text.rfind("\n") + 1, head.line)
+        body = NumericBody(raw, text, head.start, text.rfind("\n") + 1, head.line)
         rows = [split_row(row, layout.separator, n) for n, row in body.rows() if not is_idle(row, layout.comment)]
         place = column_index(column, head.names, min(map(len, rows), default=0), layout)
         return [row[place].strip() for row in rows]

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 from plumbob.core.errors import DecodeError, excerpt, one_line
 from plumbob.data.recording import CUT
-from plumbob.files.profile import Layout
+from plumbob.files.profile import TextLayout
 
 
 @dataclass(frozen=True, slots=True)
-class Body:
+class NumericBody:
     """Rows of numbers in a text.
 
     Attributes
@@ -43,7 +43,7 @@ class Body:
             yield line, self.text[place:stop]
             place, line = stop + 1, line + 1
 
-    def packed(self, layout: Layout) -> bytes | memoryview:
+    def packed(self, layout: TextLayout) -> bytes | memoryview:
         """UTF-8 without comments and with single blanks, as Arrow takes it; no copy where the file is that already."""
         if self._has(layout.comment):
             text = "".join(f"{row}\n" for _, row in self.rows() if not row.startswith(layout.comment))
@@ -117,7 +117,7 @@ def decode(raw: bytes, encoding: str) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
-def find_head(text: str, layout: Layout) -> Head:
+def find_head(text: str, layout: TextLayout) -> Head:
     """Find where the numbers begin.
 
     Raises
@@ -160,7 +160,7 @@ def split_row(row: str, separator: str, line: int) -> list[str]:
         raise DecodeError(f"line {line}: {excerpt(row)} cannot be split in cells ({one_line(error)}).") from error
 
 
-def _after_marker(text: str, layout: Layout) -> tuple[int, int]:
+def _after_marker(text: str, layout: TextLayout) -> tuple[int, int]:
     place, line, remaining = 0, 1, layout.occurrence
     while place < len(text):
         end = _end(text, place)

@@ -12,8 +12,8 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.files.arrow import column_numbers
 from plumbob.files.columns import FORM, is_clocklike
-from plumbob.files.profile import ColumnRef, Layout
-from plumbob.files.text_head import Body, decode, find_head, is_idle, split_row
+from plumbob.files.profile import ColumnRef, TextLayout
+from plumbob.files.text_head import NumericBody, decode, find_head, is_idle, split_row
 
 _EXACT = (30, 9)  # digits, and digits after the point, of a decimal that keeps nanoseconds since 1970
 _LARGEST: Final = Decimal(10) ** 20
@@ -21,7 +21,7 @@ _Read = tuple[dict[ColumnRef, Floats], dict[ColumnRef, list[str]], Decimal]
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class TextTable:
     """Columns of numbers.
 
     Attributes
@@ -59,18 +59,18 @@ class _Wanted:
 
 def read_table(
     raw: bytes,
-    layout: Layout,
+    layout: TextLayout,
     refs: Sequence[ColumnRef],
     exact: ColumnRef | None = None,
     texts: Sequence[ColumnRef] = (),
-) -> Table:
+) -> TextTable:
     """Read columns of a text file.
 
     Parameters
     ----------
     raw : bytes
         The file.
-    layout : Layout
+    layout : TextLayout
         How it is laid out.
     refs : sequence of int or str
         The columns.
@@ -86,7 +86,7 @@ def read_table(
     """
     text = decode(raw, layout.encoding)
     head = find_head(text, layout)
-    body = Body(raw, text, head.start, text.rfind("\n") + 1, head.line)
+    body = NumericBody(raw, text, head.start, text.rfind("\n") + 1, head.line)
     line, first = next(((line, row) for line, row in body.rows() if not is_idle(row, layout.comment)), (0, ""))
     if not first:
         raise DecodeError("there is no whole row of numbers; check the profile's [header].")
@@ -97,10 +97,10 @@ def read_table(
     columns, words, zero = _fast(body, layout, width, wanted) or _slow(body, layout, width, wanted)
     rows = len(next(iter((columns | words).values())))
     _refuse_rows(rows, layout.rows)
-    return Table(columns, zero, rows, body.remark(), words, lambda row: _line_number(body, layout, row))
+    return TextTable(columns, zero, rows, body.remark(), words, lambda row: _line_number(body, layout, row))
 
 
-def _line_number(body: Body, layout: Layout, row: int) -> int:
+def _line_number(body: NumericBody, layout: TextLayout, row: int) -> int:
     return next(islice((line for line, text in body.rows() if not is_idle(text, layout.comment)), row, None))
 
 
@@ -112,7 +112,7 @@ def _refuse_rows(rows: int, declared: int | None) -> None:
         )
 
 
-def column_index(ref: ColumnRef, names: tuple[str, ...], width: int, layout: Layout) -> int:
+def column_index(ref: ColumnRef, names: tuple[str, ...], width: int, layout: TextLayout) -> int:
     """Index of a column among the `width` cells of a row; DecodeError where it is not one of them."""
     if isinstance(ref, str):
         if names.count(ref) != 1:
@@ -135,7 +135,7 @@ def _refuse_shared(places: dict[ColumnRef, int]) -> None:
             raise DecodeError(f"{other!r} and {ref!r} are the same column; each column has one meaning.")
 
 
-def _fast(body: Body, layout: Layout, width: int, wanted: _Wanted) -> _Read | None:
+def _fast(body: NumericBody, layout: TextLayout, width: int, wanted: _Wanted) -> _Read | None:
     import pyarrow as pa
     from pyarrow import csv
 
@@ -179,7 +179,7 @@ def _collected(arrays: dict[ColumnRef, Any], exact: ColumnRef | None) -> tuple[d
     return {ref: np.asarray(column_numbers(column), dtype=np.float64) for ref, column in arrays.items()}, zero
 
 
-def _slow(body: Body, layout: Layout, width: int, wanted: _Wanted) -> _Read:
+def _slow(body: NumericBody, layout: TextLayout, width: int, wanted: _Wanted) -> _Read:
     cells: dict[ColumnRef, list[float]] = {ref: [] for ref in wanted.places if ref not in wanted.texts}
     texts: dict[ColumnRef, list[str]] = {ref: [] for ref in wanted.texts}
     stamps: list[Decimal] = []
@@ -205,7 +205,7 @@ def _slow(body: Body, layout: Layout, width: int, wanted: _Wanted) -> _Read:
     return {ref: np.array(values, dtype=np.float64) for ref, values in cells.items()}, texts, zero
 
 
-def _number(cell: str, line: int, ref: ColumnRef, layout: Layout) -> float:
+def _number(cell: str, line: int, ref: ColumnRef, layout: TextLayout) -> float:
     if cell.strip() in layout.missing:
         return float("nan")
     try:
@@ -214,7 +214,7 @@ def _number(cell: str, line: int, ref: ColumnRef, layout: Layout) -> float:
         raise _no_number(cell, line, ref, layout) from None
 
 
-def _decimal(cell: str, line: int, ref: ColumnRef, layout: Layout) -> Decimal:
+def _decimal(cell: str, line: int, ref: ColumnRef, layout: TextLayout) -> Decimal:
     try:
         value = Decimal(_plain(cell, layout))
         if not abs(value) < _LARGEST:
@@ -224,14 +224,14 @@ def _decimal(cell: str, line: int, ref: ColumnRef, layout: Layout) -> Decimal:
     return value
 
 
-def _plain(cell: str, layout: Layout) -> str:
+def _plain(cell: str, layout: TextLayout) -> str:
     """Number with a point; raises ValueError where Python would take what no logger means."""
     if "_" in cell or not cell.isascii() or (layout.decimal == "," and "." in cell):
         raise ValueError(cell)
     return cell.replace(",", ".") if layout.decimal == "," else cell
 
 
-def _no_number(cell: str, line: int, ref: ColumnRef, layout: Layout) -> DecodeError:
+def _no_number(cell: str, line: int, ref: ColumnRef, layout: TextLayout) -> DecodeError:
     other = "," if layout.decimal == "." else "."
     if is_clocklike(cell):
         advice = f'it looks like a date or clock time: declare [time] format = "{FORM}" for the column of time'

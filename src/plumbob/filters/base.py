@@ -20,7 +20,7 @@ from plumbob.core.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IM
 from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobWarning, ShapeError
 from plumbob.core.kernels import Kernel, bare, kernel, specialise
 from plumbob.core.params import Spec, build, describe, shown
-from plumbob.core.text import Shown
+from plumbob.core.text import FactsText
 from plumbob.core.units import Quantity, to_deg
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.sample import ImuSample
@@ -208,7 +208,7 @@ def specialised() -> list[Kernel[..., Any]]:
     return [loop for loops in all_loops for loop in (loops.batch, loops.claiming, loops.single)]
 
 
-class Filter(Shown):
+class Filter(FactsText):
     """An estimator with its parameters and its state.
 
     Headings are true where the declination is known, from `params` or else from the meta, and magnetic where it is not;

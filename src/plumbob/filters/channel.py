@@ -40,7 +40,7 @@ _MODULES: Mapping[str, str] = dict(
 )
 
 
-class Smoothed(NamedTuple):
+class ChannelEstimates(NamedTuple):
     """What a channel filter made of some samples.
 
     Attributes
@@ -172,7 +172,7 @@ class RateFilter:
         """Rate of each channel now, rad/s; NaN before its first good sample."""
         return self._x[:, RATE].copy()
 
-    def process(self, t: ArrayLike, rate: ArrayLike) -> Smoothed:
+    def process(self, t: ArrayLike, rate: ArrayLike) -> ChannelEstimates:
         """Take a recording, or its next chunk.
 
         Parameters
@@ -186,8 +186,8 @@ class RateFilter:
         check.increasing_time("t", time)
         if self.channels is None:
             out, words = self._run(to_ns(time), check.column("rate", rate, time.size)[:, np.newaxis])
-            return Smoothed(out[:, 0], words)
-        return Smoothed(*self._run(to_ns(time), check.rows("rate", rate, self.channels, time.size)))
+            return ChannelEstimates(out[:, 0], words)
+        return ChannelEstimates(*self._run(to_ns(time), check.rows("rate", rate, self.channels, time.size)))
 
     def update(self, t_ns: int, *rate: float) -> int:
         """Take the next sample, one rate, rad/s, for each channel, and return its flags; `rate` is then the result."""

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
-from plumbob.core.text import Shown, counted
+from plumbob.core.text import FactsText, counted
 from plumbob.core.units import Quantity, given
 from plumbob.fleet.items import JOBS, Item, Source, batch_items
-from plumbob.fleet.job import COLUMNS, VERDICTS, Outcome
+from plumbob.fleet.job import COLUMNS, VERDICTS, JobOutcome
 from plumbob.fleet.places import Place, as_place, is_url
-from plumbob.fleet.settings import Settings, load_cards
+from plumbob.fleet.settings import BatchSettings, load_cards
 from plumbob.fleet.workers import by_children, by_cluster, here
 from plumbob.overview.streaming_stats import BURST
 from plumbob.quality.tilt import LIMIT
@@ -35,7 +35,7 @@ _ROWS: Final = 1000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Batch(Shown):
+class BatchRun(FactsText):
     """What a run of a batch did.
 
     Attributes
@@ -48,7 +48,7 @@ class Batch(Shown):
         How many of them had been so before.
     seconds : float
         Time of the run.
-    others : tuple of Outcome
+    others : tuple of JobOutcome
         The first recordings that are not done.
     """
 
@@ -56,7 +56,7 @@ class Batch(Shown):
     counts: Mapping[str, int]
     skipped: int
     seconds: float
-    others: tuple[Outcome, ...]
+    others: tuple[JobOutcome, ...]
 
     @property
     def recordings(self) -> int:
@@ -122,7 +122,7 @@ def batch(
     max_bytes: int = 4 << 30,
     note: Callable[[str], object] | None = None,
     progress: Callable[[int, int | None], object] | None = None,
-) -> Batch:
+) -> BatchRun:
     """Estimate the attitude of many recordings, and write a dataset and a table of verdicts.
 
     A recording that is damaged or cannot be used is a row of the table, and not the end. A second run goes on where the
@@ -161,7 +161,7 @@ def batch(
 
     Returns
     -------
-    Batch
+    BatchRun
         Its `rows` are those of the table of verdicts.
 
     Raises
@@ -183,7 +183,7 @@ def batch(
         "profile": profile, "unit": unit,
     }  # fmt: skip
     cards, by_device = load_cards(calibration)
-    settings = Settings(
+    settings = BatchSettings(
         how={name: value for name, value in how.items() if value},
         cards=cards, by_device=by_device, noise=_noise(noise), burst=_si("burst", burst, Quantity.TIME),
         tilt_limit=_si("tilt_limit", tilt_limit, Quantity.ANGLE),
@@ -197,12 +197,12 @@ def batch(
         counts, others, skipped = _tally(running, total, say, progress)
         _write_table(dataset)
     shown = tuple(sorted(others, key=lambda outcome: outcome.name))
-    return Batch(where, counts, skipped, time.perf_counter() - began, shown)
+    return BatchRun(where, counts, skipped, time.perf_counter() - began, shown)
 
 
 def _running(
-    settings: Settings, items: Iterable[Item], total: int | None, out: str, workers: int, cluster: str | None
-) -> Generator[Outcome, None, None]:
+    settings: BatchSettings, items: Iterable[Item], total: int | None, out: str, workers: int, cluster: str | None
+) -> Generator[JobOutcome, None, None]:
     """Outcomes of who does it: a single job is over before a process of its own has started."""
     if cluster is not None:
         return by_cluster(settings, items, out, cluster)
@@ -212,13 +212,13 @@ def _running(
 
 
 def _tally(
-    running: Iterable[Outcome],
+    running: Iterable[JobOutcome],
     total: int | None,
     say: Callable[[str], object],
     progress: Callable[[int, int | None], object] | None,
-) -> tuple[dict[str, int], list[Outcome], int]:
+) -> tuple[dict[str, int], list[JobOutcome], int]:
     """Recordings of each verdict, the first ones that are not done, and how many were so before."""
-    counts, others, skipped = dict.fromkeys(VERDICTS, 0), list[Outcome](), 0
+    counts, others, skipped = dict.fromkeys(VERDICTS, 0), list[JobOutcome](), 0
     for number, outcome in enumerate(running, 1):
         counts[outcome.verdict] += 1
         skipped += outcome.skipped

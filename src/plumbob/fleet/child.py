@@ -23,8 +23,8 @@ from queue import SimpleQueue
 from typing import IO, Any, Final
 
 from plumbob.fleet.items import Item
-from plumbob.fleet.job import Outcome, StoppedError, run_job
-from plumbob.fleet.settings import Settings
+from plumbob.fleet.job import JobOutcome, StoppedError, run_job
+from plumbob.fleet.settings import BatchSettings
 
 _LENGTH: Final = struct.Struct("<Q")
 _CODE: Final = "import sys; sys.path[:] = sys.argv[1:]; from plumbob.fleet.child import main; main()"
@@ -47,7 +47,7 @@ class Child:
 
     Parameters
     ----------
-    settings : Settings
+    settings : BatchSettings
         Of the batch.
     out : str
         Path or URL of the dataset.
@@ -58,7 +58,7 @@ class Child:
         If the system starts no further process, or this interpreter cannot be started again.
     """
 
-    def __init__(self, settings: Settings, out: str) -> None:
+    def __init__(self, settings: BatchSettings, out: str) -> None:
         if not sys.executable or getattr(sys, "frozen", False):
             raise OSError("this interpreter is part of another program")
         self._process = subprocess.Popen(
@@ -81,7 +81,7 @@ class Child:
             return bool(self._answer(pickle.dumps(self._first)) == _READY)
         return False
 
-    def run(self, item: Item) -> Outcome:
+    def run(self, item: Item) -> JobOutcome:
         """Let it do a job.
 
         Raises
@@ -102,7 +102,7 @@ class Child:
             raise answer
         if answer == _NOT_TAKEN:
             raise NotTakenError
-        assert isinstance(answer, Outcome)
+        assert isinstance(answer, JobOutcome)
         return answer
 
     def stop(self) -> None:
@@ -208,7 +208,7 @@ def _own_pipes() -> tuple[IO[bytes], IO[bytes]]:
     return pipes
 
 
-def _done(settings: Settings, data: bytes, out: str, stop: threading.Event) -> bytes:
+def _done(settings: BatchSettings, data: bytes, out: str, stop: threading.Event) -> bytes:
     """Outcome of a job, or what it raised, pickled."""
     try:
         item = pickle.loads(data)  # noqa: S301 - as above

@@ -23,7 +23,7 @@ from plumbob.door.evaluate import evaluate
 from plumbob.files.formats import UnknownFormatError
 from plumbob.fleet.items import JOBS, Item, input_digest
 from plumbob.fleet.places import Place, as_place
-from plumbob.fleet.settings import Settings
+from plumbob.fleet.settings import BatchSettings
 from plumbob.overview.overview import Overview, make_gatherer
 from plumbob.overview.report_entry import Subject, opened, subject_from
 from plumbob.overview.tables import heading_numbers, inclination_numbers, motion_numbers, summary
@@ -58,7 +58,7 @@ class StoppedError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class JobOutcome:
     """What a job says when it is over.
 
     Attributes
@@ -97,12 +97,12 @@ def record_path(key: str) -> str:
     return f"{JOBS}/{key}.json"
 
 
-def run_job(settings: Settings, item: Item, out: str, stop: threading.Event | None = None) -> Outcome:
+def run_job(settings: BatchSettings, item: Item, out: str, stop: threading.Event | None = None) -> JobOutcome:
     """Do all that belongs to one recording, unless it has been done: the same input by the same settings.
 
     Parameters
     ----------
-    settings : Settings
+    settings : BatchSettings
         Of the batch.
     item : Item
         The recording.
@@ -125,7 +125,7 @@ def run_job(settings: Settings, item: Item, out: str, stop: threading.Event | No
     place = as_place(out)
     row: dict[str, Any] = dict.fromkeys(COLUMNS)
     row |= {"recording": item.name, "source": item.where, "settings_sha256": settings.digest, "software": __version__}
-    output: _Found | None = None
+    output: _JobResult | None = None
     copy = ""
     try:
         with item.local(settings.max_bytes) as given:
@@ -133,7 +133,7 @@ def run_job(settings: Settings, item: Item, out: str, stop: threading.Event | No
             row["input_sha256"] = input_digest(given)
             if (before := _before(place, item.key, row)) is not None:
                 spent = time.perf_counter() - began
-                return Outcome(item.name, before["verdict"], before["reason"] or "", True, spent)
+                return JobOutcome(item.name, before["verdict"], before["reason"] or "", True, spent)
             output = _worked(settings, item, given, stop)
         row |= output.row | {"verdict": DONE}
     except Exception as error:
@@ -143,16 +143,16 @@ def run_job(settings: Settings, item: Item, out: str, stop: threading.Event | No
     if stop is not None and stop.is_set():  # the batch may be gone already, and another one have begun
         raise StoppedError
     _written(place, item.key, row, output, began)
-    return Outcome(item.name, row["verdict"], row["reason"] or "", False, row["seconds"])
+    return JobOutcome(item.name, row["verdict"], row["reason"] or "", False, row["seconds"])
 
 
-def failed(settings: Settings, item: Item, out: str, reason: str) -> Outcome:
+def failed(settings: BatchSettings, item: Item, out: str, reason: str) -> JobOutcome:
     """Record of a job whose worker did not come back."""
     row: dict[str, Any] = dict.fromkeys(COLUMNS)
     row |= {"recording": item.name, "source": item.where, "settings_sha256": settings.digest, "software": __version__}
     row |= {"verdict": FAILED, "reason": reason}
     _written(as_place(out), item.key, row, None, time.perf_counter())
-    return Outcome(item.name, FAILED, reason, False, 0.0)
+    return JobOutcome(item.name, FAILED, reason, False, 0.0)
 
 
 def _verdict(error: Exception) -> str:
@@ -185,7 +185,7 @@ def _before(place: Place, key: str, row: Mapping[str, Any]) -> Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
+class _JobResult:
     """What a recording gave."""
 
     result: Estimated
@@ -194,7 +194,7 @@ class _Found:
     page: str | None
 
 
-def _worked(settings: Settings, item: Item, given: Path | Recording, stop: threading.Event | None) -> _Found:
+def _worked(settings: BatchSettings, item: Item, given: Path | Recording, stop: threading.Event | None) -> _JobResult:
     """Estimate and judge."""
     gatherer = make_gatherer(burst=settings.burst, tilt_limit=settings.tilt_limit)
     how = {name: value for name, value in settings.how.items() if name not in ("unit", "profile")}
@@ -216,10 +216,10 @@ def _worked(settings: Settings, item: Item, given: Path | Recording, stop: threa
         errors = {} if result.reference is None else _errors(settings, result.track, result.reference)
         page = Overview((subject,)).page() if settings.pages else None
     statistics = _statistics(subject)
-    return _Found(result, _row(subject) | errors, statistics, page)
+    return _JobResult(result, _row(subject) | errors, statistics, page)
 
 
-def _errors(settings: Settings, track: AttitudeTrack, reference: AttitudeTrack) -> dict[str, Any]:
+def _errors(settings: BatchSettings, track: AttitudeTrack, reference: AttitudeTrack) -> dict[str, Any]:
     """Errors against the reference; words where they cannot be compared."""
     try:
         summary = evaluate(track, reference, align=settings.align, settle=settings.settle).summary()
@@ -282,7 +282,7 @@ def _statistics(subject: Subject) -> dict[str, Any]:
     return {name: value for name, value in summary(spectra_apart).items() if name not in _LEFT_OUT}
 
 
-def _written(place: Place, key: str, row: dict[str, Any], output: _Found | None, began: float) -> None:
+def _written(place: Place, key: str, row: dict[str, Any], output: _JobResult | None, began: float) -> None:
     """Write the attitudes and the page, or remove old ones; then the record."""
     if output is None or output.page is None:
         place.remove(page_path(key))

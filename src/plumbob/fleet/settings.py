@@ -32,7 +32,7 @@ Cards = tuple["CalibrationCard", ...]
 
 
 @dataclass(frozen=True)
-class Settings:
+class BatchSettings:
     """Of a batch.
 
     Attributes

@@ -9,28 +9,30 @@ from typing import Any, Final
 from plumbob.core.errors import LineError, MissingExtraError, one_line
 from plumbob.fleet.child import Child, EndedError, NotTakenError
 from plumbob.fleet.items import Item
-from plumbob.fleet.job import Outcome, StoppedError, failed, run_job
+from plumbob.fleet.job import JobOutcome, StoppedError, failed, run_job
 from plumbob.fleet.places import in_memory
-from plumbob.fleet.settings import Settings
+from plumbob.fleet.settings import BatchSettings
 
 _PATIENCE: Final = 20.0
 """Time that a child has to break off its job, s."""
 
 
-def here(settings: Settings, items: Iterable[Item], out: str) -> Generator[Outcome, None, None]:
+def here(settings: BatchSettings, items: Iterable[Item], out: str) -> Generator[JobOutcome, None, None]:
     """Outcomes of this process, one after another."""
     for item in items:
         yield run_job(settings, item, out)
 
 
-def by_children(settings: Settings, items: Iterable[Item], out: str, jobs: int) -> Generator[Outcome, None, None]:
+def by_children(
+    settings: BatchSettings, items: Iterable[Item], out: str, jobs: int
+) -> Generator[JobOutcome, None, None]:
     """Outcomes of so many processes at a time, as they come; the job of one that dies has failed, and another goes on.
 
     Whoever stops early lets what runs be broken off, and nothing be half written.
     """
     children, waiting = _Children(settings, out), iter(items)
     pool = ThreadPoolExecutor(jobs, thread_name_prefix="plumbob-batch")
-    running: set[Future[Outcome]] = set()
+    running: set[Future[JobOutcome]] = set()
     try:
         while True:
             for item in islice(waiting, 2 * jobs - len(running)):
@@ -53,14 +55,14 @@ class _Children:
     Where none can be started, or it cannot be given the recording, the thread does the job.
     """
 
-    def __init__(self, settings: Settings, out: str) -> None:
+    def __init__(self, settings: BatchSettings, out: str) -> None:
         self._settings, self._out = settings, out
         self._stop = threading.Event()
         self._all: list[Child] = []
         self._idle: list[Child] = []
         self._hopeless = False
 
-    def run(self, item: Item) -> Outcome:
+    def run(self, item: Item) -> JobOutcome:
         """Do a job; errors as of `run_job`."""
         child = None if in_memory(self._out) or in_memory(item.where) else self._child()
         if child is None:
@@ -111,7 +113,9 @@ class _Children:
         return None
 
 
-def by_cluster(settings: Settings, items: Iterable[Item], out: str, address: str) -> Generator[Outcome, None, None]:
+def by_cluster(
+    settings: BatchSettings, items: Iterable[Item], out: str, address: str
+) -> Generator[JobOutcome, None, None]:
     """Outcomes of the workers of a Dask cluster as they come; the job of a worker that is lost goes to another one.
 
     Raises
@@ -152,12 +156,12 @@ def by_cluster(settings: Settings, items: Iterable[Item], out: str, address: str
             client.cancel([future for future, _ in running.values()])
 
 
-def _outcome(future: Any, settings: Settings, item: Item, out: str) -> Outcome:
+def _outcome(future: Any, settings: BatchSettings, item: Item, out: str) -> JobOutcome:
     """What a job says; a job that took several workers with it has failed."""
     from distributed import KilledWorker
 
     try:
-        outcome: Outcome = future.result()
+        outcome: JobOutcome = future.result()
     except KilledWorker as error:
         return failed(settings, item, out, f"the workers that had it ended: {one_line(error)}")
     return outcome

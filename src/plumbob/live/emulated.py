@@ -17,7 +17,7 @@ from plumbob.data.chain_toml import chain_text
 from plumbob.data.recording import Recording
 from plumbob.files.arrow import TABLES, write_table
 from plumbob.live.rigs.faults import Fault
-from plumbob.live.rigs.plan import PLANS, Chained, Plan, plan_for
+from plumbob.live.rigs.plan import PLANS, Chained, RigPlan, plan_for
 from plumbob.live.rigs.rig import Cards, Rig, make_rig
 from plumbob.live.rigs.serving import FilePort, Port, Served, TcpPort, UdpPort, serve
 from plumbob.live.transports.transport import Stop, Stopping
@@ -235,7 +235,7 @@ def _plan(
     sensors: str | None,
     frame: Frame | str | None,
     rate: float | None,
-) -> tuple[Format, Plan]:
+) -> tuple[Format, RigPlan]:
     form = find_format(what).bind(options or {})
     if _is_rig(what, form):
         plan = PLANS[form.name]
@@ -253,7 +253,7 @@ def _plan(
     return form, plan_for(form, motion, sensors=sensors or "ideal", frame=Frame.parse(frame or Frame.NED), rate=rate)
 
 
-def _require_triads(plan: Plan, form: Format, sensors: str) -> None:
+def _require_triads(plan: RigPlan, form: Format, sensors: str) -> None:
     """Refuse parts that leave a triad of a rig's frame without a sensor."""
     module = draw_module(sensors, 0)
     for prefix in (unit.prefix for unit in plan.measuring):
@@ -271,7 +271,7 @@ def _named(scenario: str | None, parameters: Mapping[str, Any] | None) -> Scenar
     return None if scenario is None else named_scenario(scenario, **(parameters or {}))
 
 
-def _moved(plan: Plan, scenario: str | None, parameters: Mapping[str, Any] | None) -> Plan:
+def _moved(plan: RigPlan, scenario: str | None, parameters: Mapping[str, Any] | None) -> RigPlan:
     """Plan with another motion: of a chain, another program and its settings; else another scenario."""
     if isinstance(plan.scenario, Chained):
         chained = plan.scenario

@@ -23,7 +23,7 @@ from plumbob.protocols.find import unassigned_told
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Recorded(Ran):
+class RecordedStream(Ran):
     """A live stream that has ended.
 
     Attributes
@@ -82,7 +82,7 @@ def record(
     note: Note | None = None,
     progress: Callable[[Watch], None] | None = None,
     **line: Any,
-) -> Recorded:
+) -> RecordedStream:
     """Read a live stream, estimate its attitude as it comes, and record both.
 
     Parameters
@@ -115,7 +115,7 @@ def record(
 
     Returns
     -------
-    Recorded
+    RecordedStream
 
     Raises
     ------
@@ -152,10 +152,10 @@ def record(
         each=watch.look,
     )
     if recording_sink is None:
-        return Recorded(watch, None, False)
+        return RecordedStream(watch, None, False)
     recorder = recording_sink.recorder
     summary = {"path": str(recorder.path), "rows": recorder.written, "acknowledged": recorder.acknowledged}
-    return Recorded(watch, summary | {"dropped": recorder.dropped}, bool(recording_sink.failures))
+    return RecordedStream(watch, summary | {"dropped": recorder.dropped}, bool(recording_sink.failures))
 
 
 def _path(session: "Session | str | Path | None") -> Path | None:

@@ -19,7 +19,7 @@ from plumbob.core.schema import texts
 from plumbob.core.text import counted, visible
 from plumbob.core.time import to_ns
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
-from plumbob.data.array import ImuArray, Mount
+from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.recording import Recording, all_findings, inferred, provenance, read_notes, recalibrated, stored_notes
 from plumbob.files.formats import is_own
@@ -192,7 +192,9 @@ def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
         return Recording(imu=imu, track=track, name=file.stem, notes=notes, array=array)
 
 
-def _array(by_topic: Mapping[str, Sequence[Mapping[str, Any]]], metas: Mapping[str, tuple[ImuMeta, Mount]]) -> ImuArray:
+def _array(
+    by_topic: Mapping[str, Sequence[Mapping[str, Any]]], metas: Mapping[str, tuple[ImuMeta, UnitMount]]
+) -> ImuArray:
     if lacking := [name for name in metas if not by_topic.get(rows.unit_topic(name))]:
         raise DecodeError(f"it has no samples of the unit {lacking[0]}, which its metadata name; take a whole copy.")
     of = {name: by_topic[rows.unit_topic(name)] for name in metas}
@@ -493,7 +495,7 @@ _OF_ROS: Final = ("bag", "ros2", "rosbag2")
 _NAMED: Final = {"euroc": "EuRoC", "txt": "text", **dict.fromkeys(_OF_ROS, "ROS")}
 
 
-class Layout(NamedTuple):
+class RecordingLayout(NamedTuple):
     """What a suffix does not say: the suffixes of such files, none of folders, and their writer."""
 
     suffixes: tuple[str, ...]
@@ -509,8 +511,8 @@ _OWN: Final[dict[str, Callable[[Path, Recording, bool], None]]] = {
 _OWN_CLOCKS: Final = (_write_tum, _write_text, write_mcap)
 SUFFIXES: Final = (*_OWN, ".csv", ".parquet")
 LAYOUTS: Final = {
-    "ros2": Layout((".mcap",), _of_ros("write_mcap")),
-    "rosbag2": Layout((), _of_ros("write_rosbag2")),
-    "euroc": Layout((), _write_euroc),
-    "tum": Layout((".tum", ".txt"), _write_tum),
+    "ros2": RecordingLayout((".mcap",), _of_ros("write_mcap")),
+    "rosbag2": RecordingLayout((), _of_ros("write_rosbag2")),
+    "euroc": RecordingLayout((), _write_euroc),
+    "tum": RecordingLayout((".tum", ".txt"), _write_tum),
 }

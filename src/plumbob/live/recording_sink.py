@@ -14,7 +14,7 @@ from plumbob.files.mcap.layout import UTC_FIELD, dated, next_path
 from plumbob.files.mcap.recorder import VERSION_KEY
 from plumbob.live import rows
 from plumbob.live.session import RecordSpec, Session
-from plumbob.live.stream import STARTED_AGAIN, Part
+from plumbob.live.stream import STARTED_AGAIN, ItemResult
 from plumbob.live.transports.transport import Received
 
 _EVERY: Final = 0.09
@@ -117,7 +117,7 @@ class RecordingSink:
             return
         self.recorder.write(self._events, item.t_ns, rows.event_row(item))
 
-    def on_part(self, part: Part, now_ns: int) -> None:
+    def on_part(self, part: ItemResult, now_ns: int) -> None:
         """Keep what the line made of it. A row's time in the file is the read's; the sample's own stands in the row."""
         if not self._imu:
             return

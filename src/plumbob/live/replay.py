@@ -25,7 +25,7 @@ from plumbob.live.session import Session
 from plumbob.live.session_toml import load_session, of_unit, recorded_session
 from plumbob.live.sinks import Collected, Sink, Tracks
 from plumbob.live.sources import ReplaySource
-from plumbob.live.stream import Part, Stream
+from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.watch import Note, Ran, Watch
 from plumbob.rotations import Frame
 
@@ -42,14 +42,14 @@ class Replayed(Ran, Series):
         All parts and events; none where they were not kept.
     track : AttitudeTrack or None
         The attitude; None where nothing was estimated, or it was not kept.
-    comparison : Comparison or None
+    comparison : ReplayComparison or None
         Against what the recording holds, where that was asked for.
     """
 
     log: Log
     found: Collected
     track: AttitudeTrack | None
-    comparison: "Comparison | None" = None
+    comparison: "ReplayComparison | None" = None
 
     def columns(self) -> Mapping[str, NDArray[Any]]:
         """Of the track."""
@@ -259,7 +259,7 @@ def _estimated(
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class ReplayComparison:
     """Replay against what was recorded live.
 
     Attributes
@@ -317,7 +317,7 @@ class Check:
                 "the recording holds no attitudes to compare with: no filter ran, or no frame could be decoded."
             )
 
-    def on_part(self, part: Part) -> None:
+    def on_part(self, part: ItemResult) -> None:
         """Compare its attitudes with the next ones of the recording."""
         if part.track is not None:
             for row in rows.attitude_rows(part.track_ns.tolist(), part.track):
@@ -333,9 +333,9 @@ class Check:
             self._next = None
 
     @property
-    def comparison(self) -> Comparison:
+    def comparison(self) -> ReplayComparison:
         """What was found so far."""
-        return Comparison(self._compared, self._different, self._only_live, self._only_replayed)
+        return ReplayComparison(self._compared, self._different, self._only_live, self._only_replayed)
 
     def _take(self, row: bytes) -> None:
         while (ahead := self._ahead(row)) < 0:

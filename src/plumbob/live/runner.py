@@ -7,7 +7,7 @@ from typing import Final, Protocol
 
 from plumbob.core.event import Event
 from plumbob.live.sinks import Sink
-from plumbob.live.stream import Part, Stream
+from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Received, Source, Stopping
 
 _WAIT: Final = 0.02
@@ -27,7 +27,7 @@ class Keeper(Protocol):
         """Keep what has come."""
         ...
 
-    def on_part(self, part: Part, now_ns: int) -> None:
+    def on_part(self, part: ItemResult, now_ns: int) -> None:
         """Keep what the line made of it."""
         ...
 
@@ -80,7 +80,7 @@ def run_stream(
     """
     end = None if duration is None else clock() + round(duration * 1e9)
     if recording:
-        sinks = [_Kept(sink, recording, clock) for sink in sinks]
+        sinks = [_TolerantSink(sink, recording, clock) for sink in sinks]
     try:
         behind = recording.start() if recording else None
         while not source.finished and not (stop and stop.is_set()) and (end is None or clock() < end):
@@ -104,14 +104,14 @@ def run_stream(
             sink.close()
 
 
-class _Kept:
+class _TolerantSink:
     """A sink beside a recording, which goes on when the sink fails."""
 
     def __init__(self, sink: Sink, recording: Keeper, clock: Callable[[], int]) -> None:
         self._sink: Sink | None = sink
         self._recording, self._clock = recording, clock
 
-    def on_part(self, part: Part) -> None:
+    def on_part(self, part: ItemResult) -> None:
         self._do(lambda sink: sink.on_part(part))
 
     def on_event(self, event: Event) -> None:
@@ -139,7 +139,7 @@ def _feed(stream: Stream, item: Received | Event, sinks: Sequence[Sink], recordi
         _on_events([item], sinks)
 
 
-def _hand_on(part: Part | None, now_ns: int, sinks: Sequence[Sink], recording: Keeper | None) -> None:
+def _hand_on(part: ItemResult | None, now_ns: int, sinks: Sequence[Sink], recording: Keeper | None) -> None:
     if part is None:
         return
     for sink in sinks:

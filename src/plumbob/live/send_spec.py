@@ -9,7 +9,7 @@ from plumbob.core.schema import Parse
 from plumbob.core.units import Quantity, given
 from plumbob.live.session import SENT_AS, SendSpec
 from plumbob.live.transports.outgoing import FileTarget, parse_target
-from plumbob.protocols.attitude import Body
+from plumbob.protocols.attitude import BodyAxes
 from plumbob.rotations import North
 
 
@@ -19,7 +19,7 @@ def send_spec(
     *,
     rate: float | str | None = None,
     sentences: str | Sequence[str] = (),
-    body: Body | str | None = None,
+    body: BodyAxes | str | None = None,
 ) -> SendSpec:
     """What to send, checked.
 
@@ -40,7 +40,7 @@ def send_spec(
     target = parse_target(to, overwrite=True)
     if kind == "ros2" and not isinstance(target, FileTarget):
         raise ParameterError("ros2 is written as an MCAP file; name file:PATH.mcap as its target.")
-    axes = None if body is None else str(Body.parse(body))
+    axes = None if body is None else str(BodyAxes.parse(body))
     return SendSpec(kind, to, given("rate", rate, Quantity.FREQUENCY, positive=True), names, axes)
 
 
@@ -59,7 +59,7 @@ def parse_send(text: str) -> SendSpec:
         raise ParameterError(f"'{text}' needs a form and a target, as 'nmea udp:127.0.0.1:10110 10Hz'.")
     kind, to, *rest = words
     rates = [word for word in rest if word[0].isdigit()]
-    axes = [word for word in rest if word.upper() in list(Body)]
+    axes = [word for word in rest if word.upper() in list(BodyAxes)]
     names = [word for word in rest if word not in rates and word not in axes]
     if max(len(rates), len(axes), len(names)) > 1:
         raise ParameterError(f"'{text}' has more words than a form, a target, a rate, sentences and body axes.")
@@ -73,7 +73,7 @@ _TABLE: Final[dict[str, Parse]] = {
     "to": schema.text,
     "rate": schema.size(Quantity.FREQUENCY),
     "sentences": schema.texts,
-    "body": schema.one_of(*Body),
+    "body": schema.one_of(*BodyAxes),
 }
 
 

@@ -19,10 +19,10 @@ from plumbob.data import AttitudeTrack
 from plumbob.live.recording_sink import epoch_offset_ns
 from plumbob.live.send_spec import parse_send
 from plumbob.live.session import SendSpec, Session
-from plumbob.live.stream import Part
+from plumbob.live.stream import ItemResult
 from plumbob.live.transports.outgoing import FileTarget, Sender, Target, TcpServer, parse_target, refused
 from plumbob.live.watch import Note
-from plumbob.protocols.attitude import Attitude, Body, attitudes, default_body
+from plumbob.protocols.attitude import AttitudeSample, BodyAxes, attitudes, default_body
 from plumbob.rotations import North
 
 _CARRIED: Final = GAP | TIME_FAULT | GYR_HELD
@@ -35,7 +35,7 @@ _OVERTURNED: Final = 0.5 * math.pi
 class Encoder(Protocol):
     """Makes bytes of attitudes."""
 
-    def encode(self, a: Attitude) -> bytes | None:
+    def encode(self, a: AttitudeSample) -> bytes | None:
         """Bytes of an attitude; None where nothing is to be sent of it."""
         ...
 
@@ -48,9 +48,9 @@ class Encoder(Protocol):
 class _Each:
     """Encoder without a state."""
 
-    of: Callable[[Attitude], bytes | None]
+    of: Callable[[AttitudeSample], bytes | None]
 
-    def encode(self, a: Attitude) -> bytes | None:
+    def encode(self, a: AttitudeSample) -> bytes | None:
         return self.of(a)
 
     def finish(self) -> bytes:
@@ -220,7 +220,7 @@ class SendSink:
         """Messages that may go at once, after a wait."""
         return max(1.0, _BURST * (self._spec.rate or 0.0))
 
-    def on_part(self, part: Part) -> None:
+    def on_part(self, part: ItemResult) -> None:
         """Send what is due."""
         self._tell()
         track = part.track
@@ -309,9 +309,9 @@ def send_sinks(
     return [SendSink(spec, **how, direct=replayed_ns is not None) for spec in session.send]
 
 
-def asked_body(spec: SendSpec) -> Body | None:
+def asked_body(spec: SendSpec) -> BodyAxes | None:
     """Body axes that a specification asks for; None where it does not."""
-    return None if spec.body is None else Body.parse(spec.body)
+    return None if spec.body is None else BodyAxes.parse(spec.body)
 
 
 def remarks(spec: SendSpec, north: North) -> Iterator[str]:
@@ -322,7 +322,7 @@ def remarks(spec: SendSpec, north: North) -> Iterator[str]:
         yield "the heading counts from an arbitrary zero: no sentence carries it, and yaw of MAVLink and ROS drifts"
 
 
-def overturned(track: AttitudeTrack, body: Body | None) -> str | None:
+def overturned(track: AttitudeTrack, body: BodyAxes | None) -> str | None:
     """Warning where most attitudes would be sent upside down, as with the wrong body axes."""
     mask = track.known
     if not mask.any():
@@ -333,7 +333,7 @@ def overturned(track: AttitudeTrack, body: Body | None) -> str | None:
              attitudes(track, rows, t0_ns=0, utc=False, body=axes) if a.angles]  # fmt: skip
     if not rolls or float(np.median(rolls)) <= _OVERTURNED:
         return None
-    other = Body.FLU if axes is Body.FRD else Body.FRD
+    other = BodyAxes.FLU if axes is BodyAxes.FRD else BodyAxes.FRD
     return (
         f"most attitudes are upside down with body axes {axes}; where the body's axes are {other}, say body='{other}' "
         f"(--body {other})."

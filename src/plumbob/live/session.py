@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from plumbob.data import ImuMeta
-from plumbob.data.array import Mount
+from plumbob.data.array import UnitMount
 from plumbob.data.cards import CalibrationCard
 from plumbob.filters.offline import Stage
 from plumbob.protocols.format import Format
@@ -135,14 +135,14 @@ class UnitSpec:
         Device, ranges, axes and so on of its samples.
     card : CalibrationCard or None
         Its calibration; None says uncalibrated.
-    mount : Mount
+    mount : UnitMount
         How it sits on its body.
     """
 
     unit: str
     meta: ImuMeta
     card: CalibrationCard | None = None
-    mount: Mount = field(default_factory=Mount)
+    mount: UnitMount = field(default_factory=UnitMount)
 
 
 @dataclass(frozen=True, slots=True)

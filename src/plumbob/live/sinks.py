@@ -15,8 +15,8 @@ from plumbob.core.text import visible
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.data.array import ImuArray, Mount
-from plumbob.live.stream import Part
+from plumbob.data.array import ImuArray, UnitMount
+from plumbob.live.stream import ItemResult
 from plumbob.live.transports.polled import Schedule, Task
 from plumbob.rotations import North, euler_zyx_from_quat
 
@@ -26,7 +26,7 @@ _LOOSE: Final = 1024
 class Sink(Protocol):
     """Takes what a line gives, as it comes."""
 
-    def on_part(self, part: Part) -> None:
+    def on_part(self, part: ItemResult) -> None:
         """Take samples and attitudes."""
         ...
 
@@ -44,17 +44,17 @@ class Collected:
 
     Attributes
     ----------
-    parts : list of Part
+    parts : list of ItemResult
         All parts.
     events : list of Event
         All events.
     """
 
     def __init__(self) -> None:
-        self.parts: list[Part] = []
+        self.parts: list[ItemResult] = []
         self.events: list[Event] = []
 
-    def on_part(self, part: Part) -> None:
+    def on_part(self, part: ItemResult) -> None:
         """Keep it."""
         self.parts.append(part)
 
@@ -87,7 +87,7 @@ class Collected:
         """
         if not self.parts or not self.parts[0].units:
             return None
-        units, mounts = dict[str, ImuData](), dict[str, Mount]()
+        units, mounts = dict[str, ImuData](), dict[str, UnitMount]()
         for name, unit in self.parts[0].units.items():
             parts = [part.units[name].imu if calibrated else part.units[name].sensed for part in self.parts]
             alive = [triad for triad in unit.sensed.triads if any(np.isfinite(getattr(p, triad)).any() for p in parts)]
@@ -108,7 +108,7 @@ class Tracks:
         self._tracks: list[AttitudeTrack] = []
         self._loose = 0
 
-    def on_part(self, part: Part) -> None:
+    def on_part(self, part: ItemResult) -> None:
         """Keep its attitude."""
         if part.track is None:
             return
@@ -182,7 +182,7 @@ class TextSink:
     def __str__(self) -> str:
         return str(self._path)
 
-    def on_part(self, part: Part) -> None:
+    def on_part(self, part: ItemResult) -> None:
         """Write what is due, and hand it to the system at once."""
         track = part.track
         if track is None:

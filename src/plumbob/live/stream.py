@@ -20,7 +20,7 @@ from plumbob.core.event import Event
 from plumbob.core.repeats import REMEMBERED, Repeats
 from plumbob.core.time import to_ns
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.data.array import ImuArray, Mount
+from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.time_report import TimeReport
 from plumbob.filters import Filter
 from plumbob.filters.offline import calibrated, make_follower, start_at
@@ -51,11 +51,11 @@ class UnitPart(NamedTuple):
 
     sensed: ImuData
     imu: ImuData
-    mount: Mount = Mount()
+    mount: UnitMount = UnitMount()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Part:
+class ItemResult:
     """What one item gave.
 
     Attributes
@@ -92,7 +92,7 @@ class Part:
         return ImuArray({name: unit.imu for name, unit in self.units.items()}, mounts) if mounts else None
 
 
-class _Unit:
+class _UnitReader:
     """Takes the samples of one unit out of the frames."""
 
     def __init__(self, spec: UnitSpec) -> None:
@@ -154,7 +154,7 @@ class Stream:
         self._earlier: list[TimeReport] = []
         self._again = False
         self._last_ns: int | None = None
-        self._newest: Part | None = None
+        self._newest: ItemResult | None = None
         self._shift_ns = 0
         self._begin()
 
@@ -164,12 +164,12 @@ class Stream:
         self._counted = CountedTime(self._spec) if self.session.timed_by == "count" else None
         self._began_ns: int | None = None
         self._latest_ns = 0
-        self._units = {spec.unit: _Unit(spec) for spec in _specs(self.session)}
+        self._units = {spec.unit: _UnitReader(spec) for spec in _specs(self.session)}
         self._repeats = Repeats()
         self.filter = _estimator(self.session)
         self._started = False
 
-    def feed(self, item: Received | Event) -> Part | None:
+    def feed(self, item: Received | Event) -> ItemResult | None:
         """Take what has come, and return what it completes; None where that is nothing."""
         if isinstance(item, Received):
             return self._through(self.decoder.feed(item.data, item.t_ns))
@@ -185,11 +185,11 @@ class Stream:
             self.time.reopened(item.t_ns if self._counted is None else self._latest_ns)
         return done
 
-    def finish(self) -> Part | None:
+    def finish(self) -> ItemResult | None:
         """Say that the stream has ended, and return what was pending."""
         return self._with_rest(self._through(self.decoder.finish()))
 
-    def _with_rest(self, part: Part | None) -> Part | None:
+    def _with_rest(self, part: ItemResult | None) -> ItemResult | None:
         """What is pending where no sample of this start will come any more: attitudes that were waiting for some."""
         rest = self.filter.finish() if isinstance(self.filter, FixedLag) else None
         if rest is None or self._newest is None:
@@ -228,7 +228,7 @@ class Stream:
             duplicates=report.duplicates + again,
         )
 
-    def _through(self, by_message: dict[str, Frames]) -> Part | None:
+    def _through(self, by_message: dict[str, Frames]) -> ItemResult | None:
         frames = self._without_repeats(by_message.get(self.session.message))
         if frames is None:
             return None
@@ -317,12 +317,12 @@ class Stream:
         """Host's monotonic time of the first sample, ns; None before it."""
         return self._t0
 
-    def _part(self, frames: Frames, t_ns: NDArray[np.int64], stamp_flags: NDArray[np.uint32]) -> Part:
+    def _part(self, frames: Frames, t_ns: NDArray[np.int64], stamp_flags: NDArray[np.uint32]) -> ItemResult:
         """Samples of all units; no attitude yet."""
         assert self._t0 is not None
         units = {name: unit.take(frames, t_ns - self._t0, stamp_flags) for name, unit in self._units.items()}
         main = units[self.session.unit]
-        return Part(t_ns, frames, main.sensed, main.imu, None, t_ns[:0], units if self.session.units else {})
+        return ItemResult(t_ns, frames, main.sensed, main.imu, None, t_ns[:0], units if self.session.units else {})
 
 
 def time_spec(form: Format, message: Message) -> TimeSpec:

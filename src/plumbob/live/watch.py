@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from plumbob.core.event import Event
-from plumbob.core.text import Shown, counted
+from plumbob.core.text import FactsText, counted
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, calibration_told
 from plumbob.data.calibrated import temperature_beyond
 from plumbob.data.recording import inferred
 from plumbob.filters.offline import bias_beyond, declination_deg
 from plumbob.live.sources import KERNEL
-from plumbob.live.stream import Part, Stream
+from plumbob.live.stream import ItemResult, Stream
 from plumbob.protocols.decode import Counts
 from plumbob.protocols.overlap import passes_anything
 from plumbob.protocols.page import UNCHECKED
@@ -50,7 +50,7 @@ class Watch:
     ----------
     samples : int
         Samples so far.
-    last : Part or None
+    last : ItemResult or None
         The newest part that has samples.
     track : AttitudeTrack or None
         The newest attitudes.
@@ -69,13 +69,13 @@ class Watch:
         self.stream = stream
         self._note, self._events, self._progress = note or _nowhere, events, progress or _nowhere
         self.samples = 0
-        self.last: Part | None = None
+        self.last: ItemResult | None = None
         self.track: AttitudeTrack | None = None
         self.temperature_beyond: str | None = None
         self.bias_beyond: str | None = None
         self._doubted = False
 
-    def on_part(self, part: Part) -> None:
+    def on_part(self, part: ItemResult) -> None:
         """Count, and say once each that the temperature leaves the span of the card, and the bias its prior."""
         card, filter_, track = self.stream.session.card, self.stream.filter, part.track
         if part.t_ns.size:
@@ -118,7 +118,7 @@ def _nowhere(_: object) -> None:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Ran(Shown):
+class Ran(FactsText):
     """What a stream gave, live or replayed.
 
     Attributes

@@ -1,7 +1,7 @@
 """Noise: how much a sensor at rest wanders, by averaging time, and what of it belongs into a data sheet."""
 
 from plumbob.noise.analysis import Averages, analyse, analyse_averages, with_curve
-from plumbob.noise.compare import Compared, Comparison, compare
+from plumbob.noise.compare import ChannelComparison, DeviationComparison, compare
 from plumbob.noise.curve import ONE_SIGMA, Curve, curve, curves, edf, identify, interval, make_curve, skew_edf
 from plumbob.noise.every import every_adev
 from plumbob.noise.factors import KINDS, Averager, deviation, log_factors, stream_factors
@@ -19,11 +19,11 @@ __all__ = [
     "Analysis",
     "Averager",
     "Averages",
+    "ChannelComparison",
     "Coefficient",
-    "Compared",
-    "Comparison",
     "Curve",
     "Deviation",
+    "DeviationComparison",
     "Estimates",
     "GaussMarkov",
     "Mask",

@@ -19,7 +19,7 @@ from plumbob.noise import (
     Analysis,
     Averager,
     Averages,
-    Compared,
+    ChannelComparison,
     Curve,
     Deviation,
     analyse,
@@ -101,7 +101,7 @@ def deviations(record: StaticRecord, report: StaticReport, kind: str, *, taus: T
 
 def comparisons(
     before: tuple[StaticRecord, StaticReport], after: tuple[StaticRecord, StaticReport], *, taus: Taus = None
-) -> list[Compared]:
+) -> list[ChannelComparison]:
     """Compare the channels of two records, which must be the same at the same rate.
 
     Raises
@@ -125,7 +125,8 @@ def comparisons(
         x, y = _samples(old, before[1]), _samples(new, after[1])
         n = None if taus is None else _factors(taus, old.dt, min(x.shape[0], y.shape[0]))
         compared += [
-            Compared(name, old.quantity, compare(x[:, i], y[:, i], old.dt, n=n)) for i, name in enumerate(old.names)
+            ChannelComparison(name, old.quantity, compare(x[:, i], y[:, i], old.dt, n=n))
+            for i, name in enumerate(old.names)
         ]
     return compared
 

@@ -17,7 +17,7 @@ from plumbob.noise.bands import LeftOut, least_squares, leave_out, lines, mask_f
 from plumbob.noise.curve import Curve, curve, interval, skew_edf, with_noise
 from plumbob.noise.findings import Analysis, Band, Candidate, Coefficient, Estimates, GaussMarkov, Mask
 from plumbob.noise.likelihood import (
-    Fit,
+    LikelihoodFit,
     coefficients,
     departures,
     fit,
@@ -42,7 +42,7 @@ class Choice(NamedTuple):
 
     Attributes
     ----------
-    best : Fit
+    best : LikelihoodFit
         The fit that was chosen.
     markov : GaussMarkov or None
         Its Gauss–Markov process.
@@ -55,7 +55,7 @@ class Choice(NamedTuple):
         it of white noise. A sensor without any white noise is yet to be built.
     """
 
-    best: Fit
+    best: LikelihoodFit
     markov: GaussMarkov | None
     candidates: tuple[Candidate, ...]
     notes: tuple[str, ...]
@@ -89,13 +89,13 @@ def choose(kept: Spectrum) -> Choice:
     return Choice(richer, markov, candidates, notes, smoothed)
 
 
-def _alone_at_the_top(unmasked: Spectrum, richer: Fit) -> bool:
+def _alone_at_the_top(unmasked: Spectrum, richer: LikelihoodFit) -> bool:
     """Whether the process makes more of the highest frequencies than all other terms."""
     others = float(richer.squares @ densities(unmasked)[:, -1])
     return others < 0.5 * float(richer.density[-1])
 
 
-def _tie(richer: Fit) -> str:
+def _tie(richer: LikelihoodFit) -> str:
     time = math.exp(richer.logs[-1])
     return (
         f"a Gauss-Markov process with a correlation time of about {time:.2g} s would explain the record as well "
@@ -185,8 +185,8 @@ _SLOW: Final = "KR"
 
 
 def within_the_curve(
-    kept: Spectrum, best: Fit, of: Curve, mask: Mask, bands: Sequence[Band] = ()
-) -> tuple[dict[str, Coefficient], Fit, tuple[str, ...]]:
+    kept: Spectrum, best: LikelihoodFit, of: Curve, mask: Mask, bands: Sequence[Band] = ()
+) -> tuple[dict[str, Coefficient], LikelihoodFit, tuple[str, ...]]:
     """Coefficients around a fit of which the curve contradicts none, the fit they are quoted from, and what to tell.
 
     Quantization is held to the whole curve, masked or not, for no filter of a device takes it away and leaves the
@@ -406,7 +406,7 @@ def _notes(unmasked: Spectrum, choice: Choice, mask: Mask, quoted: Mapping[str, 
     yield from _misfits(unmasked, choice.best)
 
 
-def _misfits(unmasked: Spectrum, best: Fit) -> Iterator[str]:
+def _misfits(unmasked: Spectrum, best: LikelihoodFit) -> Iterator[str]:
     """Octaves in which the spectrum is not the model's."""
     for inside, excess, sd in departures(unmasked, best, octaves(unmasked)):
         if abs(excess) > max(_MISFIT, _SURE * sd):

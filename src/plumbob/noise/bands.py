@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats, runs
 from plumbob.noise.curve import Curve, edf
 from plumbob.noise.findings import Band, Coefficient, Estimates, GaussMarkov, Mask, Sinusoid
-from plumbob.noise.likelihood import CLEAR, Fit, departures, fit
+from plumbob.noise.likelihood import CLEAR, LikelihoodFit, departures, fit
 from plumbob.noise.spectrum import LETTERS, Spectrum, densities, sampled_densities
 from plumbob.noise.terms import FAR, TERMS, Term, allan_transfer, grid, variance
 
@@ -218,7 +218,7 @@ def mask_first_order(spectrum: Spectrum, time: float, n: NDArray[np.int64]) -> t
     return Mask(beyond, cut, f"{reason}; it is too short to show more than that"), None
 
 
-def _fits(spectrum: Spectrum, fitted: Fit, cut: float, tolerated: float) -> bool:
+def _fits(spectrum: Spectrum, fitted: LikelihoodFit, cut: float, tolerated: float) -> bool:
     """Whether no part of the octaves below the cut departs from a fit by more than what is tolerated, or by chance."""
     group = np.floor(np.log2(cut / spectrum.frequency) * _PER_OCTAVE).astype(np.int64)
     judged = np.where(group < _JUDGED * _PER_OCTAVE, group, -1)
@@ -227,7 +227,7 @@ def _fits(spectrum: Spectrum, fitted: Fit, cut: float, tolerated: float) -> bool
     )
 
 
-def _first_factor(spectrum: Spectrum, fitted: Fit, cut: float, n: NDArray[np.int64]) -> tuple[int, float]:
+def _first_factor(spectrum: Spectrum, fitted: LikelihoodFit, cut: float, n: NDArray[np.int64]) -> tuple[int, float]:
     """Smallest factor from which on masked frequencies hardly count, and what they add to the spectrum on the whole."""
     model = fitted.squares @ densities(spectrum)
     width = spectrum.width
@@ -398,7 +398,7 @@ def _sums(row: Floats, run: int) -> Floats:
     return np.asarray(total[run:] - total[:-run])
 
 
-def _grown(spectrum: Spectrum, fitted: Fit, inside: Inside, usable: Inside) -> Inside:
+def _grown(spectrum: Spectrum, fitted: LikelihoodFit, inside: Inside, usable: Inside) -> Inside:
     """Bands with their skirts: as far as the power is above the fit by more than chance, and by more than little."""
     model = spectrum.terms * (fitted.squares @ densities(spectrum))
     excess = spectrum.without_ramp(fitted.ramp) - model
@@ -416,7 +416,7 @@ def _grown(spectrum: Spectrum, fitted: Fit, inside: Inside, usable: Inside) -> I
     return grown
 
 
-def _band(spectrum: Spectrum, fitted: Fit, bins: slice) -> Band:
+def _band(spectrum: Spectrum, fitted: LikelihoodFit, bins: slice) -> Band:
     """Limits and power of a band, as it is in the samples."""
     frequency = spectrum.frequency[bins]
     model = (fitted.squares @ densities(spectrum))[bins]

@@ -27,7 +27,7 @@ _FITS = 0.1  # rms of ln(power) up to which a ratio of spectra is that of a filt
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class DeviationComparison:
     """Deviations of two records at equal averaging times.
 
     Attributes
@@ -63,15 +63,17 @@ class Comparison:
         return self.before.tau
 
 
-class Compared(NamedTuple):
+class ChannelComparison(NamedTuple):
     """Comparison of one channel: its name, what its samples measure, and what was found."""
 
     name: str
     quantity: Quantity
-    comparison: Comparison
+    comparison: DeviationComparison
 
 
-def compare(before: ArrayLike, after: ArrayLike, dt: float, *, n: NDArray[np.int64] | None = None) -> Comparison:
+def compare(
+    before: ArrayLike, after: ArrayLike, dt: float, *, n: NDArray[np.int64] | None = None
+) -> DeviationComparison:
     """Compare two records of one channel, the same unit and rate.
 
     Parameters
@@ -102,7 +104,7 @@ def compare(before: ArrayLike, after: ArrayLike, dt: float, *, n: NDArray[np.int
     constant, corner = _filter_between(*(spectrum(record[: shorter.size], dt) for record in records))
     bent = _bent_below(constant, corner)
     notes = tuple(_notes(first.tau, ratio, lo, hi, constant, corner, bent))
-    return Comparison(first, second, ratio, lo, hi, constant, corner, bent, notes)
+    return DeviationComparison(first, second, ratio, lo, hi, constant, corner, bent, notes)
 
 
 def _interval(ratio: Floats, edf_over: Floats, edf_under: Floats, confidence: float) -> tuple[Floats, Floats]:

@@ -49,7 +49,7 @@ from scipy.special import gammaincinv, psi, zeta
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.noise.factors import SHAPES, Factors, Kind, checked_factors, deviation, kind_named, log_factors
+from plumbob.noise.factors import SHAPES, DeviationKind, Factors, checked_factors, deviation, kind_named, log_factors
 
 ONE_SIGMA: Final = 0.682689492137086
 """Share of a normal distribution within one standard deviation: the confidence of every ± of this package."""
@@ -180,7 +180,7 @@ def _exponents(kind: str, alpha: ArrayLike, size: int) -> Floats:
     return np.broadcast_to(exponent, np.broadcast_shapes(exponent.shape, (size,)))
 
 
-def _edf_knots(shape: Kind, n: NDArray[np.int64]) -> NDArray[np.intp]:
+def _edf_knots(shape: DeviationKind, n: NDArray[np.int64]) -> NDArray[np.intp]:
     """Places of the factors to compute at; what is disjoint changes by leaps, and is computed at all."""
     if not shape.overlapping or n.size <= _KNOTS:
         return np.arange(n.size)
@@ -221,7 +221,7 @@ def _gain_of_total(alpha: float, count: int, n: int) -> float:
     return float(gain ** (1.0 - 0.5 * max(alpha, 0.0)))
 
 
-def _lags(shape: Kind, n: int, last: int) -> Floats:
+def _lags(shape: DeviationKind, n: int, last: int) -> Floats:
     """Lags to sum at, in differences: dense near multiples of n, where the correlation has its kinks and peaks."""
     if not shape.overlapping:
         return np.arange(min(shape.order + 1, last) + 1.0)
@@ -232,13 +232,13 @@ def _lags(shape: Kind, n: int, last: int) -> Floats:
     return np.unique(np.concatenate((beyond[beyond < last], [min(last, (shape.order + 1) * n)])))
 
 
-def correlation(shape: Kind, level: int, n: int, shift: Floats) -> Floats:
+def correlation(shape: DeviationKind, level: int, n: int, shift: Floats) -> Floats:
     """ρ of two differences whose beginnings lie `shift` samples apart, in noise of one level; shift[0] must be 0."""
     covariance = _covariance(shape, level, n, shift)
     return np.asarray(covariance / covariance[0])
 
 
-def between_levels(shape: Kind, alpha: float, of_level: Callable[[int], Floats]) -> Floats:
+def between_levels(shape: DeviationKind, alpha: float, of_level: Callable[[int], Floats]) -> Floats:
     """ρ of noise that may lie between two levels, from ρ of a level.
 
     Of both together: what they are, the upper one making up as much of dev² as α is on its way.
@@ -251,13 +251,13 @@ def between_levels(shape: Kind, alpha: float, of_level: Callable[[int], Floats])
     return np.asarray(share * of_level(upper) + (1.0 - share) * of_level(lower))
 
 
-def log_variance(shape: Kind, level: int, n: NDArray[np.int64]) -> Floats:
+def log_variance(shape: DeviationKind, level: int, n: NDArray[np.int64]) -> Floats:
     """Logarithm of the square of the deviation of noise of one level, up to a constant, at the factors n."""
     covariance = np.abs(_covariance(shape, level, n, np.zeros(n.size)))
     return np.asarray(np.log(covariance) - 2.0 * (1 + shape.averaged) * np.log(n))
 
 
-def _covariance(shape: Kind, level: int, n: int | NDArray[np.int64], shift: Floats) -> Floats:
+def _covariance(shape: DeviationKind, level: int, n: int | NDArray[np.int64], shift: Floats) -> Floats:
     """Of two differences, up to a factor."""
     order = shape.order + shape.averaged  # an average over n points is a difference of order 1 of the next sum
     steps = np.arange(-order, order + 1)
@@ -351,7 +351,7 @@ def _knots(factors: Floats) -> NDArray[np.intp]:
     return np.flatnonzero(np.diff(step, prepend=-1.0) > 0.0)
 
 
-def _alpha(shape: Kind, n: NDArray[np.int64], slope: Floats) -> Floats:
+def _alpha(shape: DeviationKind, n: NDArray[np.int64], slope: Floats) -> Floats:
     """Exponent of the noise, or of two together, that is as steep from n to 2n."""
     rise = [log_variance(shape, level, 2 * n) - log_variance(shape, level, n) for level in shape.levels]
     fall = -np.transpose(rise) / np.log(2.0)  # [Riley2008]

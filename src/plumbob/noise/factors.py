@@ -131,7 +131,7 @@ def stream_factors(n: ArrayLike) -> Factors:
     return np.unique(np.round(factors / steps).astype(np.int64) * steps)
 
 
-class Kind(NamedTuple):
+class DeviationKind(NamedTuple):
     """How a deviation is made of the cumulative sum.
 
     Attributes
@@ -166,13 +166,13 @@ class Kind(NamedTuple):
         return room if self.overlapping else (room - 1) // n + 1
 
 
-SHAPES: Final[dict[str, Kind]] = {
-    "oadev": Kind(2, averaged=False, overlapping=True),
-    "adev": Kind(2, averaged=False, overlapping=False),
-    "mdev": Kind(2, averaged=True, overlapping=True),
-    "ohdev": Kind(3, averaged=False, overlapping=True),
-    "hdev": Kind(3, averaged=False, overlapping=False),
-    "totdev": Kind(2, averaged=False, overlapping=True),
+SHAPES: Final[dict[str, DeviationKind]] = {
+    "oadev": DeviationKind(2, averaged=False, overlapping=True),
+    "adev": DeviationKind(2, averaged=False, overlapping=False),
+    "mdev": DeviationKind(2, averaged=True, overlapping=True),
+    "ohdev": DeviationKind(3, averaged=False, overlapping=True),
+    "hdev": DeviationKind(3, averaged=False, overlapping=False),
+    "totdev": DeviationKind(2, averaged=False, overlapping=True),
 }
 """By name of the deviation. The total deviation extends the record, and is Allan's overlapping one inside it."""
 
@@ -180,7 +180,7 @@ KINDS: Final = tuple(SHAPES)
 """Overlapping Allan, Allan, modified Allan (overlapping), overlapping Hadamard, Hadamard, total."""
 
 
-def kind_named(name: str) -> Kind:
+def kind_named(name: str) -> DeviationKind:
     """Kind of that name, refusing unknown ones by a `ShapeError`."""
     return SHAPES[check.one_of("kind", name, KINDS)]
 
@@ -338,7 +338,7 @@ def _centred(points: Floats, n: int) -> tuple[Floats, int]:
     return points[count - n : 2 * count - 1 + n], n
 
 
-class _How(NamedTuple):
+class _SumRule(NamedTuple):
     prepare: Callable[[Floats], Floats]
     view: Callable[[Floats, int], tuple[Floats, int]]  # points and spacing at n
     add_squares: Callable[[Floats, Factors, Floats], None]
@@ -347,16 +347,16 @@ class _How(NamedTuple):
 
 
 _HOW: Final = {
-    "oadev": _How(_itself, _all_points, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (11)
-    "adev": _How(_itself, _every_nth, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (7)
-    "mdev": _How(_itself, _all_points, modified_squares, lambda n: 3 * n - 1, 2.0),  # [Riley2008] (14)
-    "ohdev": _How(_itself, _all_points, third_squares, lambda n: 3 * n, 6.0),  # [Riley2008] (20)
-    "hdev": _How(_itself, _every_nth, third_squares, lambda n: 3 * n, 6.0),  # [Riley2008] (18)
-    "totdev": _How(_mirrored, _centred, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (25)
+    "oadev": _SumRule(_itself, _all_points, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (11)
+    "adev": _SumRule(_itself, _every_nth, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (7)
+    "mdev": _SumRule(_itself, _all_points, modified_squares, lambda n: 3 * n - 1, 2.0),  # [Riley2008] (14)
+    "ohdev": _SumRule(_itself, _all_points, third_squares, lambda n: 3 * n, 6.0),  # [Riley2008] (20)
+    "hdev": _SumRule(_itself, _every_nth, third_squares, lambda n: 3 * n, 6.0),  # [Riley2008] (18)
+    "totdev": _SumRule(_mirrored, _centred, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (25)
 }
 
 
-def _variance(angle: Floats, factors: Factors, how: _How) -> Floats:
+def _variance(angle: Floats, factors: Factors, how: _SumRule) -> Floats:
     points = how.prepare(angle)
     sums, terms = np.zeros(factors.size), np.empty(factors.size)
     if how.view is _all_points:

@@ -62,7 +62,7 @@ class Bins(NamedTuple):
     process: MarkovBins
 
 
-class Point(NamedTuple):
+class Iterate(NamedTuple):
     """Logarithms of coefficients (p,), and what the likelihood is there; `evaluate` fills it in.
 
     Attributes
@@ -87,15 +87,15 @@ class Point(NamedTuple):
     sums: Floats
 
 
-def point(logs: Floats, bins: int) -> Point:
+def point(logs: Floats, bins: int) -> Iterate:
     """Room for a point at `logs` (p,) in so many bins."""
     p = logs.size
     shapes = (p, (p, p), bins, (p, bins), 3)
-    return Point(np.array(logs, dtype=np.float64), *(np.zeros(shape) for shape in shapes))
+    return Iterate(np.array(logs, dtype=np.float64), *(np.zeros(shape) for shape in shapes))
 
 
 @kernel
-def evaluate(bins: Bins, at: Point) -> float:
+def evaluate(bins: Bins, at: Iterate) -> float:
     """Fill in everything at `at.logs` but the information, and return half the deviance."""
     _densities(bins, at)
     density, count = at.density, at.density.shape[0]
@@ -118,7 +118,7 @@ def evaluate(bins: Bins, at: Point) -> float:
 
 
 @kernel
-def _densities(bins: Bins, at: Point) -> None:
+def _densities(bins: Bins, at: Iterate) -> None:
     """Density and its relative derivatives by the logarithms."""
     relative, terms = at.relative, bins.rows.shape[0]
     at.density[:] = 0.0
@@ -148,7 +148,7 @@ def _add(density: Floats, row: Floats, power: float, slope: Floats) -> None:
 
 
 @kernel
-def inform(bins: Bins, at: Point) -> None:
+def inform(bins: Bins, at: Iterate) -> None:
     """Fill in the information of a point that is otherwise complete."""
     for i in range(at.logs.shape[0]):
         for j in range(i + 1):
@@ -158,7 +158,7 @@ def inform(bins: Bins, at: Point) -> None:
             at.information[i, j] = at.information[j, i] = total
 
 
-def search(bins: Bins, held: NDArray[np.bool_], start: Point, room: Point) -> Point:
+def search(bins: Bins, held: NDArray[np.bool_], start: Iterate, room: Iterate) -> Iterate:
     """Point of the largest likelihood by Fisher scoring with damping from `start`, the `held` (p,) where they are.
 
     Both points are written to, and one of them is returned.
@@ -170,7 +170,13 @@ def search(bins: Bins, held: NDArray[np.bool_], start: Point, room: Point) -> Po
 
 @kernel
 def _search(
-    bins: Bins, held: NDArray[np.bool_], start: Point, room: Point, free: NDArray[np.bool_], step: Floats, work: Floats
+    bins: Bins,
+    held: NDArray[np.bool_],
+    start: Iterate,
+    room: Iterate,
+    free: NDArray[np.bool_],
+    step: Floats,
+    work: Floats,
 ) -> bool:
     """Search, and say whether it is `start` that holds the end of it; the last three are room to work in."""
     now, trial, is_start = room, start, False
@@ -196,7 +202,7 @@ def _search(
 
 
 @kernel
-def _present(bins: Bins, now: Point, held: NDArray[np.bool_], free: NDArray[np.bool_]) -> bool:
+def _present(bins: Bins, now: Iterate, held: NDArray[np.bool_], free: NDArray[np.bool_]) -> bool:
     """Say which of those that are not held the density feels, and whether any does.
 
     The logarithm of a term that is not there runs away.
@@ -212,7 +218,7 @@ def _present(bins: Bins, now: Point, held: NDArray[np.bool_], free: NDArray[np.b
 
 
 @kernel
-def _solve(now: Point, free: NDArray[np.bool_], damping: float, step: Floats, matrix: Floats) -> float:
+def _solve(now: Iterate, free: NDArray[np.bool_], damping: float, step: Floats, matrix: Floats) -> float:
     """Step of the free parameters, by elimination in the damped information, and its largest part; none is above 1."""
     p = free.shape[0]
     largest = 0.0
@@ -259,7 +265,7 @@ _DEPARTS = 2.326  # standard deviations of what chance makes of a misfit: once i
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class LikelihoodFit:
     """A maximum of the restricted likelihood.
 
     Attributes
@@ -292,7 +298,7 @@ class Fit:
         return np.asarray(np.exp(2.0 * self.logs[: len(LETTERS)]))
 
 
-def fit(spectrum: Spectrum, *, markov_time: float | None = None) -> Fit:
+def fit(spectrum: Spectrum, *, markov_time: float | None = None) -> LikelihoodFit:
     """Find the most likely coefficients.
 
     Parameters
@@ -307,8 +313,8 @@ def fit(spectrum: Spectrum, *, markov_time: float | None = None) -> Fit:
 
 
 def coefficients(
-    spectrum: Spectrum, best: Fit, *, barred: Collection[str] = (), bands: Sequence[Band] = ()
-) -> tuple[dict[str, Coefficient], Fit]:
+    spectrum: Spectrum, best: LikelihoodFit, *, barred: Collection[str] = (), bands: Sequence[Band] = ()
+) -> tuple[dict[str, Coefficient], LikelihoodFit]:
     """Q, N, B, K and R with their intervals, around a fit of this spectrum; and the fit that they are quoted from.
 
     Where quantization is not observable it is taken out before the others are judged: what of it no record shows would
@@ -331,7 +337,7 @@ def coefficients(
 
 
 def departures(
-    spectrum: Spectrum, found: Fit, group: NDArray[np.int64]
+    spectrum: Spectrum, found: LikelihoodFit, group: NDArray[np.int64]
 ) -> Iterator[tuple[NDArray[np.bool_], float, float]]:
     """Part by which the power of each group of bins departs from a fit.
 
@@ -339,7 +345,7 @@ def departures(
     ----------
     spectrum : Spectrum
         The one that was fitted.
-    found : Fit
+    found : LikelihoodFit
         The fit.
     group : ndarray (m,)
         Group of each bin; of those below 0 nothing is asked.
@@ -358,7 +364,7 @@ def departures(
         yield inside, float(np.sum(ratio[inside])) / count - 1.0, math.sqrt(2.0 / count)
 
 
-def most_likely(best: Fit, ramp: Coefficient) -> dict[str, float]:
+def most_likely(best: LikelihoodFit, ramp: Coefficient) -> dict[str, float]:
     """Values of all five terms that together are the most likely, observable or not.
 
     But a ramp only where it is observable: else its slope is that of the random walk, which has been counted.
@@ -367,7 +373,7 @@ def most_likely(best: Fit, ramp: Coefficient) -> dict[str, float]:
     return {**random, "R": abs(best.ramp) if ramp.observable else 0.0}
 
 
-def is_more_than(spectrum: Spectrum, best: Fit, shown: Sequence[str]) -> bool:
+def is_more_than(spectrum: Spectrum, best: LikelihoodFit, shown: Sequence[str]) -> bool:
     """Whether the record holds more than the terms `shown`, though none of the others stands out by itself."""
     model = _Model(spectrum)
     bare = best
@@ -379,7 +385,7 @@ def is_more_than(spectrum: Spectrum, best: Fit, shown: Sequence[str]) -> bool:
     )
 
 
-def markov_coefficients(spectrum: Spectrum, best: Fit) -> tuple[Coefficient, Coefficient]:
+def markov_coefficients(spectrum: Spectrum, best: LikelihoodFit) -> tuple[Coefficient, Coefficient]:
     """Standard deviation and correlation time of the Gauss–Markov process of a fit, with intervals."""
     model = _Model(spectrum)
     sd, time = (model.interval(best, len(LETTERS) + k) for k in range(2))
@@ -405,15 +411,17 @@ class _Model:
         logs = [0.5 * math.log(0.5 * np.min(smooth / row)) for row in [*self.bins.rows, *process]]
         return np.array(logs if markov_time is None else [*logs, math.log(markov_time)])
 
-    def search(self, logs: Floats, held: Sequence[int] = ()) -> Fit:
+    def search(self, logs: Floats, held: Sequence[int] = ()) -> LikelihoodFit:
         """Fisher scoring with damping, from `logs`, with some of them held."""
         stays = np.zeros(logs.size, dtype=bool)
         stays[list(held)] = True
         best = search(self.bins, stays, *(point(logs, self.bins.terms.size) for _ in range(2)))
         half, ramp, square = best.sums.tolist()
-        return Fit(best.logs, best.information, 2.0 * half, ramp, 1.0 / math.sqrt(square), best.density, best.relative)
+        return LikelihoodFit(
+            best.logs, best.information, 2.0 * half, ramp, 1.0 / math.sqrt(square), best.density, best.relative
+        )
 
-    def interval(self, best: Fit, k: int, wider: float = 1.0) -> Coefficient:
+    def interval(self, best: LikelihoodFit, k: int, wider: float = 1.0) -> Coefficient:
         """Coefficient k with its interval, so many times wider in the logarithm."""
         sd = wider * _sd_of_log(best, k)
         value = math.exp(best.logs[k])
@@ -425,7 +433,7 @@ class _Model:
         clear = float(profile.max() - profile[0]) >= 0.5 * CLEAR**2
         return Coefficient(median, lo, hi, upper, clear)
 
-    def ramp(self, best: Fit) -> Coefficient:
+    def ramp(self, best: LikelihoodFit) -> Coefficient:
         """R with its interval: how well it is known depends on how large the random walk is, which is uncertain too."""
         from scipy.special import ndtr
 
@@ -443,13 +451,13 @@ class _Model:
         clear = float(np.interp(0.0, values, share)) < _ONE_SIDED
         return Coefficient(median, max(lo, 0.0), hi, upper, clear)
 
-    def without(self, best: Fit, k: int) -> Fit:
+    def without(self, best: LikelihoodFit, k: int) -> LikelihoodFit:
         """The fit without term k."""
         logs = best.logs.copy()
         logs[k] = _NOTHING
         return self.search(logs, held=(k,))
 
-    def _profile(self, best: Fit, k: int, wider: float = 1.0) -> tuple[Floats, Floats, list[Fit]]:
+    def _profile(self, best: LikelihoodFit, k: int, wider: float = 1.0) -> tuple[Floats, Floats, list[LikelihoodFit]]:
         """Ln likelihood, all others at their best, over values of coefficient k from nothing to where it has fallen."""
         top = math.exp(best.logs[k]) * 1.5
         while self._fit_at(best, k, top).deviance - best.deviance < (3.0 * wider) ** 2:  # three standard deviations
@@ -462,24 +470,24 @@ class _Model:
         profile = -0.5 * np.array([f.deviance for f in fits[::-1]])
         return values, profile - profile.max(), fits[::-1]
 
-    def _fit_at(self, start: Fit, k: int, value: float) -> Fit:
+    def _fit_at(self, start: LikelihoodFit, k: int, value: float) -> LikelihoodFit:
         logs = start.logs.copy()
         logs[k] = math.log(value)
         return self.search(logs, held=(k,))
 
 
-def _sd_of_log(best: Fit, k: int) -> float:
+def _sd_of_log(best: LikelihoodFit, k: int) -> float:
     return float(math.sqrt(max(_covariance(best)[k, k], 0.0)))
 
 
-def _covariance(best: Fit) -> Floats:
+def _covariance(best: LikelihoodFit) -> Floats:
     """Covariance (p, p) of the logarithms, by the information."""
     diagonal = np.sqrt(np.maximum(np.diag(best.information), 1e-12))
     norm = np.outer(diagonal, diagonal)
     return np.asarray(np.linalg.pinv(best.information / norm, hermitian=True) / norm)
 
 
-def _wider(spectrum: Spectrum, best: Fit, bands: Sequence[Band]) -> Floats:
+def _wider(spectrum: Spectrum, best: LikelihoodFit, bands: Sequence[Band]) -> Floats:
     """How many times wider the intervals of the coefficients (p,) are, in the logarithm, than by chance alone.
 
     Real noise is not exactly that of any terms. Taken for independent from octave to octave, its departures have the

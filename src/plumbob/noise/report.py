@@ -14,7 +14,7 @@ from plumbob.core.errors import ShapeError
 from plumbob.core.text import measured, number, places, rounded
 from plumbob.core.units import Quantity, from_si, unit, written
 from plumbob.data import TITLES
-from plumbob.noise.compare import Compared
+from plumbob.noise.compare import ChannelComparison
 from plumbob.noise.curve import Curve
 from plumbob.noise.findings import Analysis, Coefficient, Deviation, Estimates
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, variance
@@ -248,7 +248,7 @@ def curves_report(deviations: Sequence[Deviation]) -> Report:
     return Report("Deviation over averaging time", parts=parts)
 
 
-def comparison(found: Sequence[Compared], *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+def comparison(found: Sequence[ChannelComparison], *, facts: Sequence[tuple[str, str]] = ()) -> Report:
     """Deviations before and after at equal averaging times, their ratio with its interval, and what to make of it."""
     return Report("Noise before and after", facts=facts, parts=[_compared(c) for c in found], definitions=_COMPARED)
 
@@ -281,7 +281,7 @@ def curve_numbers(deviations: Sequence[Deviation]) -> dict[str, Any]:
     }
 
 
-def comparison_numbers(found: Sequence[Compared]) -> dict[str, Any]:
+def comparison_numbers(found: Sequence[ChannelComparison]) -> dict[str, Any]:
     """By name of the channel: both curves, ratio, time constant and notes, strictly valid for JSON."""
     return {pair.name: _compared_numbers(pair) for pair in found}
 
@@ -357,7 +357,7 @@ def _with_units(source: Any, name: str, *keys: str) -> dict[str, dict[str, Any]]
     return {key: {u: from_si(getattr(source, key), u) for u in (unit(name).quantity.value, name)} for key in keys}
 
 
-def _compared_numbers(pair: Compared) -> dict[str, Any]:
+def _compared_numbers(pair: ChannelComparison) -> dict[str, Any]:
     c, unit = pair.comparison, DEVIATION[pair.quantity]
     fields: dict[str, Any] = plain(
         {
@@ -425,7 +425,7 @@ def _curve(a: Analysis | Deviation) -> Table:
     return Table(title, head, rows, words=(6,))
 
 
-def _compared(pair: Compared) -> Report:
+def _compared(pair: ChannelComparison) -> Report:
     c, unit = pair.comparison, DEVIATION[pair.quantity]
     rows = [
         (
@@ -571,7 +571,7 @@ def channel_figure(analysis: Analysis) -> Figure:
     return Figure("Allan deviation, model and terms", draw, [*keys, *masked], HEIGHT)
 
 
-def _compared_figure(pair: Compared) -> Figure:
+def _compared_figure(pair: ChannelComparison) -> Figure:
     c = pair.comparison
     both = [Deviation(pair.name, pair.quantity, curve) for curve in (c.before, c.after)]
 

@@ -167,7 +167,7 @@ class _Channel:
         self._low, self._high = math.inf, -math.inf
         self._angle = 0.0  # θ, which begins with 0
         steps = stream_steps(n)
-        self._levels = [_Level(2**i, n[steps == 2**i]) for i in range(int(steps.max()).bit_length())]
+        self._levels = [_AveragingTime(2**i, n[steps == 2**i]) for i in range(int(steps.max()).bit_length())]
 
     def take(self, samples: Floats) -> None:
         """Take the samples (T,) of one tile."""
@@ -202,7 +202,7 @@ class _Channel:
         return deviation, self._origin + away, sd, self._low, self._high
 
 
-class _Level:
+class _AveragingTime:
     """The latest points of θ that are `step` samples apart, and the squares of the differences that begin at them."""
 
     def __init__(self, step: int, n: Factors) -> None:

@@ -12,7 +12,7 @@ from plumbob.files.mcap import Log
 from plumbob.files.parquet import write_parts
 from plumbob.live.session import Session
 from plumbob.live.sources import ReplaySource
-from plumbob.live.stream import Part, Stream
+from plumbob.live.stream import ItemResult, Stream
 
 _WAIT = 0.02
 
@@ -62,7 +62,7 @@ def _stamped(imu: ImuData, t0_ns: int) -> ImuData:
     return imu.corrected(meta=replace(imu.meta, t0_ns=t0_ns))
 
 
-def _parts(stream: Stream, log: Log) -> Iterator[Part]:
+def _parts(stream: Stream, log: Log) -> Iterator[ItemResult]:
     source = ReplaySource(log, None)
     try:
         while not source.finished:

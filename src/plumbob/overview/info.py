@@ -4,14 +4,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plumbob.core.text import Shown, counted, visible
+from plumbob.core.text import FactsText, counted, visible
 
 if TYPE_CHECKING:
     from plumbob.data.recording import Recording
     from plumbob.quality.grade import Grade
 
 
-class Info(Shown):
+class Info(FactsText):
     """What a file holds.
 
     Parameters

@@ -224,7 +224,7 @@ def _quality(subject: Subject, lang: str) -> str:
         cells = "".join(
             f"<span class='q{verdict.flag}' title='{escape(_why(subject, burst, verdict))}'>{verdict.flag}</span>"
             for burst in bursts
-            if (verdict := burst.verdicts.get(name, quality.Verdict(quality.MISSING))) is not None
+            if (verdict := burst.verdicts.get(name, quality.BurstVerdict(quality.MISSING))) is not None
         )
         rows.append(f"<div><b>{escape(said(_CHANNEL[name], lang))}</b><span>{cells}</span></div>")
     key = "".join(
@@ -238,7 +238,7 @@ def _quality(subject: Subject, lang: str) -> str:
     )
 
 
-def _why(subject: Subject, burst: Any, verdict: quality.Verdict) -> str:
+def _why(subject: Subject, burst: Any, verdict: quality.BurstVerdict) -> str:
     begin = subject.utc(burst.begin) or f"{burst.begin:g} s"
     text = f"{begin}: {quality.MEANING[verdict.flag]}, {100.0 * verdict.good:.1f} % good"
     return text + (f" ({verdict.why})" if verdict.why else "")

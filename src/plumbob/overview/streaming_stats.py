@@ -19,7 +19,7 @@ from plumbob.data import AttitudeTrack, ImuData
 from plumbob.overview.traces import WHOLE, Traces, Tracing
 from plumbob.quality import quality
 from plumbob.quality.spectra import Spectra, peak_period, segment_length, welch
-from plumbob.quality.tilt import LIMIT, Headings, Inclination, Motion, TiltStatistics
+from plumbob.quality.tilt import LIMIT, Headings, Inclination, TiltMotion, TiltStatistics
 from plumbob.rotations import euler_zyx_from_quat, quat_rotate
 from plumbob.rotations.headings import euler_sd, heading_of
 
@@ -76,7 +76,7 @@ class Moments:
 
 
 @dataclass(slots=True)
-class Runs:
+class FlagRuns:
     """When a flag was up: stretches of time, and how many samples."""
 
     samples: int = 0
@@ -128,7 +128,7 @@ class Burst:
     samples: int
     tilt: TiltStatistics
     headings: Headings
-    verdicts: Mapping[str, quality.Verdict]
+    verdicts: Mapping[str, quality.BurstVerdict]
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +163,7 @@ class Gathered:
         Values over time.
     moments : Moments
         Of the traced channels.
-    flags : dict of str to Runs
+    flags : dict of str to FlagRuns
         Those that occur.
     """
 
@@ -181,7 +181,7 @@ class Gathered:
     spectra: Spectra | None
     traces: Traces
     moments: Moments
-    flags: dict[str, Runs]
+    flags: dict[str, FlagRuns]
 
     @property
     def duration(self) -> float:
@@ -223,11 +223,11 @@ class Gatherer:
     ) -> None:
         self._burst, self._limit, self._most, self._window = burst, limit, most, window
         self._triads: tuple[str, ...] = ()
-        self._held: list[_Part] = []
+        self._held: list[_RowGroup] = []
         self._bursts: list[Burst] = []
         self._spectra: list[Spectra] = []
         self._moments = Moments.empty(len(TRACED))
-        self._flags: dict[str, Runs] = {}
+        self._flags: dict[str, FlagRuns] = {}
         self._gaps: list[tuple[float, float]] = []
         self._missing = self._samples = 0
         self._attitude = False
@@ -302,7 +302,7 @@ class Gatherer:
             flags=dict(sorted(self._flags.items(), key=lambda flag: _ORDER[flag[0]])),
         )
 
-    def _rates(self, part: "_Part") -> None:
+    def _rates(self, part: "_RowGroup") -> None:
         """Rate of the heading, from the sample before; the first has none."""
         heading = part.column("heading")
         before = heading[:1] if self._last is None else np.array([self._last[1]])
@@ -314,7 +314,7 @@ class Gatherer:
         self._before = None if self._last is None else self._last[0]
         self._last = (float(part.t[-1]), float(heading[-1]))
 
-    def _events(self, part: "_Part") -> None:
+    def _events(self, part: "_RowGroup") -> None:
         """Flags over time, and gaps."""
         late = np.flatnonzero(part.words & np.uint32(flags.GAP)).tolist()
         for row in late:
@@ -326,7 +326,7 @@ class Gatherer:
         for bit, (name, _) in flags.MEANING.items():
             if not raised & bit:
                 continue
-            runs = self._flags.setdefault(name, Runs())
+            runs = self._flags.setdefault(name, FlagRuns())
             for start, stop in check.runs((part.words & np.uint32(bit)) != 0):
                 end = float(part.t[stop]) if stop < part.t.size else float(part.t[-1]) + self._step
                 runs.add(float(part.t[start]), end, stop - start, 0.5 * self._step)
@@ -335,20 +335,20 @@ class Gatherer:
 
     def _close(self) -> None:
         """Judge the burst that is over."""
-        part, self._held = _Part.joined(self._held), []
+        part, self._held = _RowGroup.joined(self._held), []
         begin = self._begin + self._number * self._burst
         end = self._end + self._step if self._number == self._count - 1 else begin + self._burst
         roll, pitch, heading, tilt = (part.column(name) for name in ("roll", "pitch", "heading", "tilt"))
         spectral = np.stack((roll, pitch, part.rate, part.vertical), axis=1)
         spectra = welch(part.t, spectral, step=self._step, segment=self._segment, turns=(0, 1))
         self._spectra.append(spectra)
-        motions = [Motion.of(part.t, angle).peaked(spectra, i) for i, angle in enumerate((roll, pitch))]
+        motions = [TiltMotion.of(part.t, angle).peaked(spectra, i) for i, angle in enumerate((roll, pitch))]
         stats = TiltStatistics(motions[0], motions[1], Inclination.of(part.t, tilt, self._limit))
         span = (begin, end)
         verdicts = self._verdicts(part, span)
         self._bursts.append(Burst(begin, end, part.t.size, stats, Headings.of(heading), verdicts))
 
-    def _verdicts(self, part: "_Part", span: tuple[float, float]) -> dict[str, quality.Verdict]:
+    def _verdicts(self, part: "_RowGroup", span: tuple[float, float]) -> dict[str, quality.BurstVerdict]:
         verdicts = {}
         for name in self._triads:
             values = np.stack([part.column(axis) for axis in AXES[name]], axis=1)
@@ -366,7 +366,7 @@ _ORDER: Final = {name: number for number, (name, _) in enumerate(flags.MEANING.v
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class _RowGroup:
     """Rows that belong together: times, traced channels, heading rate, vertical acceleration and flags."""
 
     t: Floats
@@ -378,19 +378,19 @@ class _Part:
     def column(self, name: str) -> Floats:
         return self.traced[:, TRACED.index(name)]
 
-    def rows(self, which: NDArray[np.intp]) -> "_Part":
+    def rows(self, which: NDArray[np.intp]) -> "_RowGroup":
         rate, vertical, words = self.rate[which], self.vertical[which], self.words[which]
-        return _Part(self.t[which], self.traced[which], rate, vertical, words)
+        return _RowGroup(self.t[which], self.traced[which], rate, vertical, words)
 
     @classmethod
-    def joined(cls, parts: "Sequence[_Part]") -> "_Part":
+    def joined(cls, parts: "Sequence[_RowGroup]") -> "_RowGroup":
         if len(parts) == 1:
             return parts[0]
         names = ("t", "traced", "rate", "vertical", "words")
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def _part(imu: ImuData | None, track: AttitudeTrack | None) -> _Part:
+def _part(imu: ImuData | None, track: AttitudeTrack | None) -> _RowGroup:
     """All channels of samples and attitudes."""
     source: Any = track if imu is None else imu
     n = len(source)
@@ -414,7 +414,7 @@ def _part(imu: ImuData | None, track: AttitudeTrack | None) -> _Part:
             put(name, values)
         if imu is not None and "acc" in imu.triads:
             vertical = quat_rotate(track.q_nb, imu.usable("acc")) @ track.frame.up - G0
-    return _Part(np.asarray(source.t), traced, np.full(n, np.nan), vertical, words)
+    return _RowGroup(np.asarray(source.t), traced, np.full(n, np.nan), vertical, words)
 
 
 def attitude_channels(track: AttitudeTrack) -> dict[str, Floats]:

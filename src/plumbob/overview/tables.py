@@ -11,10 +11,10 @@ from plumbob.core.check import Floats
 from plumbob.core.text import number
 from plumbob.core.units import to_deg
 from plumbob.overview.report_entry import Subject
-from plumbob.overview.streaming_stats import AXES, SPECTRAL, TRACED, Burst, Gathered, Runs
+from plumbob.overview.streaming_stats import AXES, SPECTRAL, TRACED, Burst, FlagRuns, Gathered
 from plumbob.quality import quality
 from plumbob.quality.grade import Grade
-from plumbob.quality.tilt import Headings, Inclination, Motion
+from plumbob.quality.tilt import Headings, Inclination, TiltMotion
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import plain
 
@@ -52,13 +52,13 @@ def tables(subject: Subject) -> list[Table]:
     return parts
 
 
-def _motions(roll: Motion, pitch: Motion) -> Table:
+def _motions(roll: TiltMotion, pitch: TiltMotion) -> Table:
     head = ("", *(f"{name} [°]" for name in _MOTION), "Tz [s]", "Tp [s]", "waves")
     rows = [(name, *_motion(motion)) for name, motion in (("roll", roll), ("pitch", pitch))]
     return Table("Roll and pitch", head, rows)
 
 
-def _motion(motion: Motion) -> tuple[str, ...]:
+def _motion(motion: TiltMotion) -> tuple[str, ...]:
     angles = (motion.mean, motion.sd, motion.rms, motion.least, motion.greatest, motion.significant, motion.largest)
     return (*map(degrees, angles), seconds(motion.tz), seconds(motion.tp), str(motion.waves) if motion.samples else "-")
 
@@ -261,7 +261,7 @@ def summary(subject: Subject) -> dict[str, Any]:
     return dict(plain(numbers))
 
 
-def motion_numbers(m: Motion) -> dict[str, Any]:
+def motion_numbers(m: TiltMotion) -> dict[str, Any]:
     """Of roll or pitch."""
     angles = (m.mean, m.sd, m.rms, m.least, m.greatest, m.significant, m.largest)
     numbers: dict[str, Any] = {f"{name}_deg": _deg(value) for name, value in zip(_MOTION, angles, strict=True)}
@@ -320,7 +320,7 @@ def _sensor_numbers(g: Gathered) -> dict[str, Any]:
     return numbers
 
 
-def _runs(runs: Runs, samples: int) -> dict[str, Any]:
+def _runs(runs: FlagRuns, samples: int) -> dict[str, Any]:
     return {"samples": runs.samples, "share": runs.samples / samples, "stretches": len(runs.stretches)}
 
 

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
-    from plumbob.papers.outcome import Item, Outcome, Paper
+    from plumbob.papers.outcome import Outcome, Paper, PaperItem
     from plumbob.papers.reproduce import NAMES, Reproduction, reproduce
 
 __getattr__, __dir__ = lazily(
     __name__,
     {
         "NAMES": "reproduce",
-        "Item": "outcome",
+        "PaperItem": "outcome",
         "Outcome": "outcome",
         "Paper": "outcome",
         "Reproduction": "reproduce",
@@ -24,4 +24,4 @@ __getattr__, __dir__ = lazily(
     },
 )
 
-__all__ = ["NAMES", "Item", "Outcome", "Paper", "Reproduction", "reproduce"]
+__all__ = ["NAMES", "Outcome", "Paper", "PaperItem", "Reproduction", "reproduce"]

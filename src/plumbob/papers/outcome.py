@@ -179,7 +179,7 @@ def cell(value: float | None, bar: Bar, digits: int) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Item:
+class PaperItem:
     """Something that a paper describes, states or shows, and what became of it.
 
     Attributes

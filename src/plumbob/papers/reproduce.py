@@ -19,7 +19,7 @@ from plumbob.core.files import write_text
 from plumbob.core.series import needed
 from plumbob.core.text import counted
 from plumbob.core.version import __version__
-from plumbob.papers.outcome import CANNOT, HEAD, MISSED, PASS, SHOWN, Item, Outcome, Paper, restored, table
+from plumbob.papers.outcome import CANNOT, HEAD, MISSED, PASS, SHOWN, Outcome, Paper, PaperItem, restored, table
 from plumbob.papers.workspace import Work
 from plumbob.reporting.content import Table
 from plumbob.reporting.page import part_links
@@ -190,9 +190,9 @@ def reproduce(
     return reproduction
 
 
-def items(paper: str) -> Sequence[Item]:
+def items(paper: str) -> Sequence[PaperItem]:
     """Everything that a paper describes, states or shows, and where it is done."""
-    paper_items: Sequence[Item] = import_module(f"plumbob.papers.{paper}").ITEMS
+    paper_items: Sequence[PaperItem] = import_module(f"plumbob.papers.{paper}").ITEMS
     return paper_items
 
 

@@ -15,7 +15,7 @@ UNCHECKED: Final = "NONE: no sync, checksum or constant, so any {} bytes pass fo
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class PageTable:
     """Part of a page.
 
     Attributes
@@ -33,14 +33,14 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
 
 
-def tables(form: Format) -> list[Table]:
+def tables(form: Format) -> list[PageTable]:
     """Return everything that is known of a format; parts without content are left out."""
     parts = [
-        Table("Frame", ("what", "value"), tuple(_framing(form))),
+        PageTable("Frame", ("what", "value"), tuple(_framing(form))),
         *(_message(form, message) for message in form.messages),
-        Table("Options", ("name", "choices", "default", "meaning", "mark"), tuple(_options(form))),
-        Table("Facts", ("about", "fact", "mark"), tuple((k, t, marked(o)) for k, (t, o) in form.facts.items())),
-        Table(
+        PageTable("Options", ("name", "choices", "default", "meaning", "mark"), tuple(_options(form))),
+        PageTable("Facts", ("about", "fact", "mark"), tuple((k, t, marked(o)) for k, (t, o) in form.facts.items())),
+        PageTable(
             "Registers",
             ("address", "name", "meaning", "at reset", "mark"),
             tuple(
@@ -48,7 +48,7 @@ def tables(form: Format) -> list[Table]:
                 for r in form.registers
             ),
         ),
-        Table("Sources", ("tag", "source"), tuple(form.sources.items())),
+        PageTable("Sources", ("tag", "source"), tuple(form.sources.items())),
     ]
     return [table for table in parts if table.rows]
 
@@ -78,12 +78,12 @@ def marked(origin: Provenance) -> str:
     return f"{text}; {origin.note}" if origin.note and text else text or origin.note
 
 
-def as_text(found: Iterable[Table]) -> str:
+def as_text(found: Iterable[PageTable]) -> str:
     """Tables as aligned text."""
     return "\n\n".join(f"{table.title}\n{_aligned(table)}" for table in found) + "\n"
 
 
-def as_markdown(found: Iterable[Table], level: int) -> str:
+def as_markdown(found: Iterable[PageTable], level: int) -> str:
     """Tables as Markdown, with headings of a level."""
     return "\n".join(f"{'#' * level} {table.title}\n\n{_piped(table)}" for table in found)
 
@@ -130,10 +130,10 @@ def _sync(form: Format) -> str:
     return " or ".join(word.hex(" ").upper() for word in form.framing.sync)
 
 
-def _message(form: Format, message: Message) -> Table:
+def _message(form: Format, message: Message) -> PageTable:
     title = "Fields" if len(form.messages) == 1 else f"Message {message.name}, {message.length} bytes"
     rows = tuple((str(f.at), f.name, _type(f), _value(f), marked(f.origin)) for f in message.fields)
-    return Table(
+    return PageTable(
         f"{title}: {message.title}" if message.title else title, ("byte", "name", "type", "value", "mark"), rows
     )
 
@@ -177,7 +177,7 @@ def _options(form: Format) -> list[tuple[str, ...]]:
     ]
 
 
-def _aligned(table: Table) -> str:
+def _aligned(table: PageTable) -> str:
     rows = [table.head, *table.rows]
     widths = [min(40, max(len(row[i]) for row in rows)) for i in range(len(table.head))]
     return "\n".join("  " + _line(row, widths) for row in rows)
@@ -187,6 +187,6 @@ def _line(row: Sequence[str], widths: Sequence[int]) -> str:
     return "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
 
 
-def _piped(table: Table) -> str:
+def _piped(table: PageTable) -> str:
     rows = [table.head, ("---",) * len(table.head), *table.rows]
     return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |\n" for row in rows)

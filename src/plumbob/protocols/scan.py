@@ -61,7 +61,7 @@ class Reads:
 Bytes = NDArray[np.uint8]
 
 
-class Plan(NamedTuple):
+class ScanPlan(NamedTuple):
     """A format as arrays, for the kernel."""
 
     sync: Bytes
@@ -82,7 +82,7 @@ class Plan(NamedTuple):
     """Rows (R, 8): byte, size, big, lowest bit, bits, kind, least and greatest count of a field."""
 
 
-def format_plan(form: Format) -> Plan:
+def format_plan(form: Format) -> ScanPlan:
     """Arrays of a format that is bound."""
     framing = form.framing
     constants: list[tuple[int, int, int]] = []
@@ -94,7 +94,7 @@ def format_plan(form: Format) -> Plan:
         ranges += [_range_row(field, *field.range) for field in message.fields if field.range]
         bounds.append((message.length, first, len(constants), number, start, len(ranges)))
     bounds.sort(key=lambda bound: -sum(mask.bit_count() for _, mask, _ in constants[bound[1] : bound[2]]))
-    return Plan(
+    return ScanPlan(
         sync=np.array([list(word) for word in framing.sync], dtype=np.uint8).reshape(
             len(framing.sync), len(framing.sync[0]) if framing.sync else 0
         ),
@@ -295,7 +295,7 @@ def _why_not(size: int, content: bool) -> int:
 
 
 @kernel
-def scan(data: Bytes, end: int, final: bool, plan: Plan, state: Ints, out: Ints) -> tuple[int, int]:
+def scan(data: Bytes, end: int, final: bool, plan: ScanPlan, state: Ints, out: Ints) -> tuple[int, int]:
     """Search frames from the first byte on.
 
     Parameters
@@ -306,7 +306,7 @@ def scan(data: Bytes, end: int, final: bool, plan: Plan, state: Ints, out: Ints)
         How many there are.
     final : bool
         Whether no more will come, so that an unfinished frame is junk.
-    plan : Plan
+    plan : ScanPlan
         The format.
     state : ndarray (STATE,)
         Counters, and what the search remembers.

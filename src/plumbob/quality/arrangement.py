@@ -22,7 +22,7 @@ _CONTRADICTS: Final = 4.6  # 100 to 1
 
 
 @dataclass(frozen=True)
-class Fit:
+class VectorFit:
     """One vector sensor against the gyroscope.
 
     Attributes
@@ -92,7 +92,7 @@ def _ridge(offset: float, scale: float) -> Floats:
     return np.asarray(1.0 / sd**2)
 
 
-def fit(t: Floats, gyr: Floats, vector: Floats, *, offset: float) -> Fit | None:
+def fit(t: Floats, gyr: Floats, vector: Floats, *, offset: float) -> VectorFit | None:
     """Score every arrangement of one sensor's axes against the gyroscope's; None where nothing overlaps or turns.
 
     Parameters
@@ -110,11 +110,15 @@ def fit(t: Floats, gyr: Floats, vector: Floats, *, offset: float) -> Fit | None:
     if not length > 0.0 or not np.nanmax(np.abs(gyr), initial=0.0) > 0.0:
         return None
     at = grid(t, gyr, vector / length)
-    fits = [candidate for size in WINDOWS if (candidate := _Search(at, size, offset).fit(t, gyr, length)) is not None]
+    fits = [
+        candidate
+        for size in WINDOWS
+        if (candidate := _ArrangementSearch(at, size, offset).fit(t, gyr, length)) is not None
+    ]
     return chosen(fits)
 
 
-def chosen(fits: Sequence[Fit]) -> Fit | None:
+def chosen(fits: Sequence[VectorFit]) -> VectorFit | None:
     """Fit with the clearest answer, and whether another one contradicts it."""
     best = max(fits, key=lambda candidate: candidate.margin, default=None)
     if best is None:
@@ -123,7 +127,7 @@ def chosen(fits: Sequence[Fit]) -> Fit | None:
     return replace(best, contradicted=against)
 
 
-class _Search:
+class _ArrangementSearch:
     """Search of arrangement and delay with windows of one size."""
 
     def __init__(self, at: Grid, size: int, offset: float) -> None:
@@ -139,7 +143,7 @@ class _Search:
         usual = float(np.median(changed[changed > 0.0])) if (changed > 0.0).any() else 0.0
         self.weight = np.where(changed > 0.0, 1.0 / (changed + 0.1 * usual + 1e-300), 0.0)
 
-    def fit(self, t: Floats, gyr: Floats, length: float) -> Fit | None:
+    def fit(self, t: Floats, gyr: Floats, length: float) -> VectorFit | None:
         """Best delay of each arrangement on the grid, their odds by blocks, and the delay of the best to a fraction."""
         if not self.scale > 0.0:
             return None
@@ -166,7 +170,7 @@ class _Search:
         ]
         start = BIN * float(shifts[at[top]])
         delays = [self._delay(t, gyr, top, start, np.where(rows, best.weight, 0.0)) for rows in (all_blocks, *halves)]
-        return Fit(
+        return VectorFit(
             log_odds=log - log.max(),
             halves=(by_half[0] - by_half[0].max(), by_half[1] - by_half[1].max()),
             delay=delays[0][0],

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.quality.arrangement import LONGEST_DELAY, Fit, inflation
+from plumbob.quality.arrangement import LONGEST_DELAY, VectorFit, inflation
 from plumbob.quality.moments import ARRANGEMENTS, BIN, means
 from plumbob.rotations import dcm_from_quat, quat_chained
 
@@ -41,7 +41,7 @@ _HALF: Final = len(ARRANGEMENTS) // 2
 
 def fit_force(
     t: Floats, trials: Sequence[Floats], acc: Floats, scales: Sequence[float], signs: Sequence[float] = (1.0, -1.0)
-) -> Fit | None:
+) -> VectorFit | None:
     """Score every arrangement of the accelerometer's axes against the gyroscope's.
 
     Parameters
@@ -64,16 +64,16 @@ def fit_force(
     force = means(t, acc / length, edges)
     if not np.isfinite(force).any() or len(force) < _FEWEST * SIZES[0]:
         return None
-    best: _Search | None = None
+    best: _DerotatedSearch | None = None
     for gyr in trials:  # one by one: each holds what all arrangements leave, at every delay
-        search = _Search(t, gyr, force, edges, scales, signs)
+        search = _DerotatedSearch(t, gyr, force, edges, scales, signs)
         if search.levels and (best is None or search.plausible > best.plausible):
             best = search
     return None if best is None else best.fit()
 
 
 @dataclass(frozen=True)
-class _Level:
+class _EqualWindows:
     """Windows of one length.
 
     Attributes
@@ -100,7 +100,7 @@ class _Level:
         return np.asarray(-0.5 * np.log(self.residual + FLOOR**2) @ counts)
 
 
-class _Search:
+class _DerotatedSearch:
     """Search of arrangement, scale and delay, with one trial of the rates."""
 
     def __init__(
@@ -116,7 +116,7 @@ class _Search:
         self.together = np.sum(self.logs, axis=0)
         self.plausible = float(self.together.max()) if self.levels else -np.inf
 
-    def _levels(self) -> list[_Level]:
+    def _levels(self) -> list[_EqualWindows]:
         """Mean square changes by windows of every length, which all come from the means of the shortest."""
         overlap = len(self.force) - int(self.shifts[-1])  # what overlaps at each shift
         counts = {size: count for size in SIZES if (count := overlap // size) >= _FEWEST}
@@ -135,9 +135,12 @@ class _Search:
                         many[size] = np.minimum(many[size], some)
                         even = len(valid) // 2 * 2
                         mean, valid = 0.5 * (mean[:even:2] + mean[1:even:2]), valid[:even:2] & valid[1:even:2]
-        return [_Level(size, power.reshape(*shape[:2], 2 * _HALF, -1), many[size]) for size, power in residual.items()]
+        return [
+            _EqualWindows(size, power.reshape(*shape[:2], 2 * _HALF, -1), many[size])
+            for size, power in residual.items()
+        ]
 
-    def fit(self) -> Fit:
+    def fit(self) -> VectorFit:
         """Odds of each arrangement at its own best scale and delay, and the delay and scale of the best."""
         scale, shift, top = (int(i) for i in np.unravel_index(int(self.together.argmax()), self.together.shape))
         shares = [self._share(level, scale, shift, top) for level in self.levels]
@@ -153,7 +156,7 @@ class _Search:
         first = np.arange(len(blocks)) < len(blocks) // 2
         parts = [refined.estimate(rows) for rows in (blocks, first, ~first)]
         wider = float(np.sqrt(refined.inflation))
-        return Fit(
+        return VectorFit(
             log_odds=best - best.max(),
             halves=(by_half[0], by_half[1]),
             delay=parts[0][0],
@@ -169,7 +172,7 @@ class _Search:
             ),
         )
 
-    def _share(self, level: _Level, scale: int, shift: int, top: int) -> float:
+    def _share(self, level: _EqualWindows, scale: int, shift: int, top: int) -> float:
         """Independent changes for each of a level: what is left of neighbours is alike."""
         dcm = _rotations(self.rate, (1.0 if top < _HALF else -1.0) * self.scales[scale])
         change, valid = changes(dcm, self.force, level.size, int(self.shifts[shift]))
@@ -256,7 +259,7 @@ class _Refined:
     _SD: Final = np.array([0.3, 1.0, 0.05, 0.05, 0.05])  # delay, s; logarithm of the scale; bias, rad/s
     _STEP: Final = np.array([0.002, 0.01, 0.002, 0.002, 0.002])
 
-    def __init__(self, search: _Search, size: int, best: int, scale: float, delay: float) -> None:
+    def __init__(self, search: _DerotatedSearch, size: int, best: int, scale: float, delay: float) -> None:
         self.search, self.start, self.scale = search, delay, scale
         self.size = size
         self.block = max(1, min(_BLOCK, (len(search.force) // size - 1) // 2))

@@ -12,7 +12,7 @@ from plumbob.core.check import Floats
 from plumbob.core.units import deg, to_si
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.imu import TITLES
-from plumbob.quality.arrangement import Fit, fit
+from plumbob.quality.arrangement import VectorFit, fit
 from plumbob.quality.derotated import fit_force
 from plumbob.quality.moments import ARRANGEMENTS
 from plumbob.quality.units import UNITS, unit_odds
@@ -50,7 +50,7 @@ _ASSUMED: Final = (
 )
 
 
-class Answer(StrEnum):
+class Trust(StrEnum):
     """How far an answer can be trusted."""
 
     SURE = "sure"
@@ -68,7 +68,7 @@ class Finding:
         ``gyr``, ``acc`` or ``mag``.
     question : str
         ``unit``, ``axes``, ``sign`` or ``delay``.
-    answer : Answer
+    answer : Trust
         How far it can be trusted.
     value : str
         The best hypothesis, in words.
@@ -82,7 +82,7 @@ class Finding:
 
     sensor: str
     question: str
-    answer: Answer
+    answer: Trust
     value: str
     log_odds: float
     wrong: bool = False
@@ -175,8 +175,8 @@ class _Sensor:
     """One vector sensor: its fit, and how far that can be trusted."""
 
     name: str
-    found: Fit | None
-    answer: Answer = Answer.UNKNOWN
+    found: VectorFit | None
+    answer: Trust = Trust.UNKNOWN
 
     def __post_init__(self) -> None:
         fitted = self.found
@@ -184,9 +184,9 @@ class _Sensor:
             return
         explains = fitted.explained >= _EXPLAINED
         if fitted.agrees and explains and not fitted.contradicted and fitted.margin >= _HINT:
-            self.answer = Answer.SURE if fitted.margin >= CERTAIN else Answer.LIKELY
+            self.answer = Trust.SURE if fitted.margin >= CERTAIN else Trust.LIKELY
         elif fitted.explained >= _NOISE[self.name] and fitted.margin >= _ENOUGH[self.name]:
-            self.answer = Answer.LIKELY  # most of it is pushes, as in the pocket of who walks
+            self.answer = Trust.LIKELY  # most of it is pushes, as in the pocket of who walks
 
     @property
     def axes(self) -> Floats:
@@ -196,7 +196,7 @@ class _Sensor:
 
     @property
     def known(self) -> bool:
-        return self.answer is not Answer.UNKNOWN
+        return self.answer is not Trust.UNKNOWN
 
     @property
     def usual(self) -> bool:
@@ -275,7 +275,7 @@ class Examination:
             mag = self.sensors.get("mag")
             acc, trials = self.values["acc"], [gyr, gyr - _resting(self.t, gyr)]
             signs: tuple[float, ...] = (1.0, -1.0)
-            if mag is not None and mag.answer is Answer.SURE and mag.found is not None:
+            if mag is not None and mag.answer is Trust.SURE and mag.found is not None:
                 scales: tuple[float, ...] = (mag.found.scale,)
                 trials.append(gyr + mag.axes.T @ mag.found.bias / mag.found.scale)
                 signs = (-1.0,) if mag.mirrored else (1.0,)
@@ -307,11 +307,11 @@ class Examination:
                 self._unknown_axes(name, sensor)
         if not trusted:
             return
-        answer = Answer.LIKELY if any(sensor.answer is Answer.LIKELY for sensor in trusted.values()) else Answer.SURE
+        answer = Trust.LIKELY if any(sensor.answer is Trust.LIKELY for sensor in trusted.values()) else Trust.SURE
         if len({sensor.mirrored for sensor in trusted.values()}) > 1:
             for name in trusted:
                 why = "accelerometer and magnetometer contradict each other about the gyroscope's handedness"
-                self._find(name, "axes", Answer.UNKNOWN, "contradiction", 0.0, why=why)
+                self._find(name, "axes", Trust.UNKNOWN, "contradiction", 0.0, why=why)
             return
         turns = {name: sensor.axes for name, sensor in trusted.items()}
         reference = np.eye(3)
@@ -325,7 +325,7 @@ class Examination:
             self._own_axes(sensor, sensor.axes @ reference.T, alone=len(trusted) == 1)
         self._sign(trusted, reference)
 
-    def _gyr_axes(self, turn: Floats, trusted: Mapping[str, _Sensor], answer: Answer, log_odds: float) -> None:
+    def _gyr_axes(self, turn: Floats, trusted: Mapping[str, _Sensor], answer: Trust, log_odds: float) -> None:
         by = " and ".join(TITLES[name] for name in trusted)
         if (turn == np.eye(3)).all():
             self._find("gyr", "axes", answer, "right-handed, as declared", log_odds, why=f"by {by}")
@@ -353,7 +353,7 @@ class Examination:
         self.lines.setdefault(triad.name, []).extend(self.declared.axes(triad.name, turn.T))
 
     def _unknown_axes(self, name: str, sensor: _Sensor) -> None:
-        self._find(name, "axes", Answer.UNKNOWN, "cannot be known from this motion", 0.0, why=self._would_tell(sensor))
+        self._find(name, "axes", Trust.UNKNOWN, "cannot be known from this motion", 0.0, why=self._would_tell(sensor))
 
     def _would_tell(self, sensor: _Sensor) -> str:
         """Which motion would tell what this one does not."""
@@ -373,18 +373,18 @@ class Examination:
             return
         down = self._downward(trusted, reference)
         if down is None:
-            self._find("mag", "sign", Answer.UNKNOWN, "the field is level, or changes", 0.0)
+            self._find("mag", "sign", Trust.UNKNOWN, "the field is level, or changes", 0.0)
             return
         pointing = "down" if down > 0.0 else "up"
         if self.hemisphere is None:
             there = "north" if down > 0.0 else "south"
             value = f"right {there} of the magnetic equator, where the field points {pointing}"
             why = "elsewhere all its axes have to be negated; --hemisphere says where"
-            self._find("mag", "sign", Answer.UNKNOWN, value, 0.0, why=why)
+            self._find("mag", "sign", Trust.UNKNOWN, value, 0.0, why=why)
             return
         right = (down > 0.0) == (self.hemisphere == "north")
-        certain = all(sensor.answer is Answer.SURE for sensor in trusted.values()) and abs(down) > 2.0 * _LEAST_DIP
-        answer = Answer.SURE if certain else Answer.LIKELY
+        certain = all(sensor.answer is Trust.SURE for sensor in trusted.values()) and abs(down) > 2.0 * _LEAST_DIP
+        answer = Trust.SURE if certain else Trust.LIKELY
         value = f"the field points {pointing}" + (
             "" if right else f", {self.hemisphere} of the magnetic equator: negated"
         )
@@ -412,26 +412,26 @@ class Examination:
             if name in self.values:
                 self._unit(name, *self._size(name))
 
-    def _size(self, name: str) -> tuple[float, float, Answer, str]:
+    def _size(self, name: str) -> tuple[float, float, Trust, str]:
         """Size by which the unit of a triad is known, the deviation of its logarithm, how sure, and by what."""
         if name == "gyr":
             return self._turning()
         vector, sensor = self.values[name], self.sensors.get(name)
-        if name == "mag" and sensor is not None and sensor.answer is Answer.SURE and sensor.found is not None:
+        if name == "mag" and sensor is not None and sensor.answer is Trust.SURE and sensor.found is not None:
             vector = vector - sensor.found.offset
         norm = np.sqrt(np.sum(vector * vector, axis=1))
         norm = norm[np.isfinite(norm)]
         if norm.size < _FEWEST or not np.median(norm) > 0.0:
-            return 0.0, 0.0, Answer.UNKNOWN, "nothing is measured"
+            return 0.0, 0.0, Trust.UNKNOWN, "nothing is measured"
         middle = float(np.median(norm))
         low, high = np.quantile(norm, (0.16, 0.84))
         sd = 0.5 * math.log(float(high) / max(float(low), 1e-3 * middle))
         by = "the size of gravity" if name == "acc" else "the size of the Earth's field"
-        return middle, 0.3 * sd, Answer.SURE, by
+        return middle, 0.3 * sd, Trust.SURE, by
 
-    def _turning(self) -> tuple[float, float, Answer, str]:
+    def _turning(self) -> tuple[float, float, Trust, str]:
         candidates = [s for s in self.sensors.values() if s.known and s.found is not None and s.found.scale > 0.0]
-        candidates.sort(key=lambda s: (s.answer is not Answer.SURE, s.name != "mag"))
+        candidates.sort(key=lambda s: (s.answer is not Trust.SURE, s.name != "mag"))
         for sensor in candidates:
             assert sensor.found is not None
             sd = sensor.found.scale_sd / sensor.found.scale
@@ -446,25 +446,25 @@ class Examination:
                     f"it turns {1.0 / sensor.found.scale:.4g} times as fast as the {TITLES[sensor.name]} says",
                 )
         why = self._would_tell(next(iter(self.sensors.values()))) if self.sensors else "acc and mag do not turn"
-        return 0.0, 0.0, Answer.UNKNOWN, why
+        return 0.0, 0.0, Trust.UNKNOWN, why
 
-    def _unit(self, name: str, size: float, sd: float, sure: Answer, by: str) -> None:
+    def _unit(self, name: str, size: float, sd: float, sure: Trust, by: str) -> None:
         declared = self.declared.unit(name)
-        if sure is Answer.UNKNOWN:
-            self._find(name, "unit", Answer.UNKNOWN, "cannot be known from this recording", 0.0, why=by)
+        if sure is Trust.UNKNOWN:
+            self._find(name, "unit", Trust.UNKNOWN, "cannot be known from this recording", 0.0, why=by)
             return
         odds = unit_odds(name, size, sd, declared)
         if odds.unit is None:
             self._find(
-                name, "unit", Answer.UNKNOWN, f"no unit in use; multiply by {odds.factor:.4g}", 0.0, wrong=True, why=by
+                name, "unit", Trust.UNKNOWN, f"no unit in use; multiply by {odds.factor:.4g}", 0.0, wrong=True, why=by
             )
             return
-        answer = sure if odds.log_odds >= CERTAIN else Answer.LIKELY if odds.log_odds >= _HINT else Answer.UNKNOWN
-        wrong = odds.unit != declared and (answer is not Answer.UNKNOWN or odds.declared_odds < -CERTAIN)
-        value = f"unit = '{odds.unit}'" if answer is not Answer.UNKNOWN else f"'{odds.unit}' or '{odds.next}'"
+        answer = sure if odds.log_odds >= CERTAIN else Trust.LIKELY if odds.log_odds >= _HINT else Trust.UNKNOWN
+        wrong = odds.unit != declared and (answer is not Trust.UNKNOWN or odds.declared_odds < -CERTAIN)
+        value = f"unit = '{odds.unit}'" if answer is not Trust.UNKNOWN else f"'{odds.unit}' or '{odds.next}'"
         self.numbers.setdefault(name, {})["unit"] = odds.unit
         self._find(name, "unit", answer, value, odds.log_odds, wrong=wrong, why=by)
-        if answer is Answer.UNKNOWN:
+        if answer is Trust.UNKNOWN:
             return  # that it is wrong is certain, which of two is right is not
         counts = self.declared.counts(name)
         if wrong and counts is not None:
@@ -478,7 +478,7 @@ class Examination:
             self._find(
                 sensor.name,
                 "delay",
-                Answer.UNKNOWN,
+                Trust.UNKNOWN,
                 "cannot be known from this motion",
                 0.0,
                 why="turn it faster, to and fro",
@@ -486,15 +486,15 @@ class Examination:
             return
         apart = abs(fitted.delay_halves[0] - fitted.delay_halves[1])
         agree = apart <= max(2.0 * _EXACT, 6.0 * fitted.delay_sd)
-        sure = sensor.answer is Answer.SURE and fitted.delay_sd <= _EXACT and agree
-        answer = Answer.SURE if sure else Answer.LIKELY if agree else Answer.UNKNOWN
+        sure = sensor.answer is Trust.SURE and fitted.delay_sd <= _EXACT and agree
+        answer = Trust.SURE if sure else Trust.LIKELY if agree else Trust.UNKNOWN
         gyr = self.values["gyr"] * fitted.scale
         angle = abs(fitted.delay) * float(np.sqrt(np.nanmean(np.sum(gyr * gyr, axis=1))))
         clear = abs(fitted.delay) > 5.0 * max(fitted.delay_sd, 0.2 * _EXACT)
-        wrong = sensor.answer is Answer.SURE and agree and clear and angle > _MATTERS
+        wrong = sensor.answer is Trust.SURE and agree and clear and angle > _MATTERS
         side = "late" if fitted.delay > 0.0 else "early"
         value = f"stamps {1e3 * abs(fitted.delay):.1f} ± {1e3 * fitted.delay_sd:.1f} ms {side} against the gyroscope's"
-        odds = 0.5 * min((fitted.delay / fitted.delay_sd) ** 2, 1e3) if answer is not Answer.UNKNOWN else 0.0
+        odds = 0.5 * min((fitted.delay / fitted.delay_sd) ** 2, 1e3) if answer is not Trust.UNKNOWN else 0.0
         self.numbers.setdefault(sensor.name, {}).update(delay_s=fitted.delay, delay_sd_s=fitted.delay_sd)
         self._find(sensor.name, "delay", answer, value, odds, wrong=wrong)
         if wrong:
@@ -504,7 +504,7 @@ class Examination:
         self,
         sensor: str,
         question: str,
-        answer: Answer,
+        answer: Trust,
         value: str,
         log_odds: float,
         *,

@@ -477,7 +477,7 @@ def _rest(imu: ImuData) -> _Still | None:
         for name in names:
             values = part.usable(name)[: count * size].reshape(count, size, 3)
             blocks[name].append((values.mean(axis=1), values.std(axis=1, ddof=1)))
-    moments = {name: rests.Moments(*map(np.concatenate, zip(*of, strict=True))) for name, of in blocks.items()}
+    moments = {name: rests.BlockMoments(*map(np.concatenate, zip(*of, strict=True))) for name, of in blocks.items()}
     quiet = rests.at_rest(moments["acc"], moments.get("gyr"), size)
     long = [(a, b) for a, b in check.runs(quiet) if (b - a) * size * step >= REST[1]]
     at_start = [t[min(b * size, t.size) - 1] - t[a * size] for a, b in long if t[a * size] - t[0] <= BEGIN]

@@ -65,7 +65,7 @@ _BEYOND: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class BurstVerdict:
     """Flag of a channel in a burst.
 
     Attributes
@@ -119,7 +119,7 @@ def verdict(
     words: NDArray[np.uint32],
     span: tuple[float, float],
     vertical: Floats | None = None,
-) -> Verdict:
+) -> BurstVerdict:
     """Judge a channel in a burst.
 
     Parameters
@@ -140,13 +140,13 @@ def verdict(
     check.one_of("channel", channel, CHANNELS)
     finite = np.isfinite(values).all(axis=1)
     if not finite.any():
-        return Verdict(MISSING)
+        return BurstVerdict(MISSING)
     at, samples, marks = t[finite], values[finite], words[finite]
     usable = (marks & np.uint32(_BAD[channel])) == 0
     step, mean = _steps(at, span)
     share = min(1.0, float(np.count_nonzero(usable)) * mean / max(span[1] - span[0], mean))
     if at.size < FEWEST:
-        return Verdict(NOT_EVALUATED, good=share)
+        return BurstVerdict(NOT_EVALUATED, good=share)
     tests = {"gap": _above(_hole(at[usable], span, step), HOLE), "percent good": _below(share, GOOD)}
     tests |= _values(channel, samples, marks)
     if channel in _BEYOND:
@@ -156,7 +156,7 @@ def verdict(
     if channel == "acc" and vertical is not None and np.isfinite(vertical).any():
         hard = float(np.nanmean(np.abs(vertical) > HARD * G0))
         tests["acceleration"] = _above(hard, (0.0, SHARE[1]))
-    return Verdict(max(tests.values()), tests, share)
+    return BurstVerdict(max(tests.values()), tests, share)
 
 
 def _steps(at: Floats, span: tuple[float, float]) -> tuple[float, float]:

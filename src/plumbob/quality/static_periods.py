@@ -32,7 +32,7 @@ FEWEST: Final = 4
 """Fewest samples of a block."""
 
 
-class Moments(NamedTuple):
+class BlockMoments(NamedTuple):
     """Means and standard deviations (count, 3) of a triad in each block."""
 
     mean: Floats
@@ -62,14 +62,14 @@ def stills(t: Floats, acc: Floats, gyr: Floats | None = None, *, least: float = 
     return [slice(a * size, b * size) for a, b in runs(quiet) if b - a >= need]
 
 
-def at_rest(acc: Moments, gyr: Moments | None, size: float) -> NDArray[np.bool_]:
+def at_rest(acc: BlockMoments, gyr: BlockMoments | None, size: float) -> NDArray[np.bool_]:
     """Blocks in which the unit was at rest, (count,).
 
     Parameters
     ----------
-    acc : Moments
+    acc : BlockMoments
         Of the specific force of each block in their order, m/s².
-    gyr : Moments, optional
+    gyr : BlockMoments, optional
         Of the rates, rad/s, bias included.
     size : float
         Samples in a block.
@@ -81,9 +81,9 @@ def at_rest(acc: Moments, gyr: Moments | None, size: float) -> NDArray[np.bool_]
     return quiet
 
 
-def _moments(values: Floats, count: int, size: int) -> Moments:
+def _moments(values: Floats, count: int, size: int) -> BlockMoments:
     blocks = values[: count * size].reshape(count, size, 3)
-    return Moments(blocks.mean(axis=1), blocks.std(axis=1, ddof=1))
+    return BlockMoments(blocks.mean(axis=1), blocks.std(axis=1, ddof=1))
 
 
 def _quiet(sd: Floats, loudest: float) -> NDArray[np.bool_]:
@@ -96,7 +96,7 @@ def _quiet(sd: Floats, loudest: float) -> NDArray[np.bool_]:
         return np.asarray(scatter <= min(LOUDER * floor, loudest))
 
 
-def _steady(acc: Moments, size: float) -> NDArray[np.bool_]:
+def _steady(acc: BlockMoments, size: float) -> NDArray[np.bool_]:
     """Blocks whose mean is that of both neighbours, (count,)."""
     mean, scatter = acc.mean, acc.sd.max(axis=1)
     with np.errstate(invalid="ignore"):

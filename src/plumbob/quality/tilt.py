@@ -35,7 +35,7 @@ _BINS = 288
 """Of the histogram of headings, 1.25° each, so that sectors of 10° and of 22.5° can stand about North."""
 
 
-def _pooled(parts: "Sequence[Motion] | Sequence[Inclination]") -> tuple[int, float, float]:
+def _pooled(parts: "Sequence[TiltMotion] | Sequence[Inclination]") -> tuple[int, float, float]:
     """Count, mean and standard deviation of the samples of several stretches, each with some."""
     count = np.array([part.samples for part in parts], dtype=np.float64)
     means = np.array([part.mean for part in parts])
@@ -45,7 +45,7 @@ def _pooled(parts: "Sequence[Motion] | Sequence[Inclination]") -> tuple[int, flo
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class TiltMotion:
     """Roll or pitch over a time.
 
     Attributes
@@ -278,22 +278,22 @@ class TiltStatistics:
 
     Attributes
     ----------
-    roll, pitch : Motion
+    roll, pitch : TiltMotion
         The two angles.
     inclination : Inclination
         Angle from the vertical.
     """
 
-    roll: Motion
-    pitch: Motion
+    roll: TiltMotion
+    pitch: TiltMotion
     inclination: Inclination
 
     @classmethod
     def joined(cls, parts: Sequence[Self], tp: tuple[float, float] = (math.nan, math.nan)) -> Self:
         """Over several stretches; `tp` are the peak periods of roll and pitch of the whole."""
         return cls(
-            Motion.joined([part.roll for part in parts], tp[0]),
-            Motion.joined([part.pitch for part in parts], tp[1]),
+            TiltMotion.joined([part.roll for part in parts], tp[0]),
+            TiltMotion.joined([part.pitch for part in parts], tp[1]),
             Inclination.joined([part.inclination for part in parts]),
         )
 
@@ -327,7 +327,7 @@ def tilt_statistics(
     roll, pitch = check.column("roll", roll, t.size), check.column("pitch", pitch, t.size)
     tilt = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
     spectra = welch(t, np.stack((roll, pitch), axis=1), segment=segment)
-    motions = [Motion.of(t, angle).peaked(spectra, i) for i, angle in enumerate((roll, pitch))]
+    motions = [TiltMotion.of(t, angle).peaked(spectra, i) for i, angle in enumerate((roll, pitch))]
     return TiltStatistics(motions[0], motions[1], Inclination.of(t, tilt, limit))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from plumbob.core.text import WIDTH, Shown, listed
+from plumbob.core.text import WIDTH, FactsText, listed
 from plumbob.reporting.content import Figure, ReportContent, Table
 
 _NAME = 11  # letters of the name of a fact, at least
@@ -51,7 +51,7 @@ def first_figures(content: ReportContent) -> list[Figure]:
     ]
 
 
-class Reported(Shown):
+class Reported(FactsText):
     """Mixin of a result that fills a `Report`: text, page and picture of it."""
 
     __slots__ = ()

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from plumbob.core.lazy import lazily
 from plumbob.simulation.errors import TriadErrors
 from plumbob.simulation.motion import ConingMotion, EulerMotion, GimbalMotion, Motion, PoseMotion, Scenario, Truth
-from plumbob.simulation.presets import Figure, Module, Preset, draw_module, preset, preset_names
+from plumbob.simulation.presets import DataSheetFigure, Module, Preset, draw_module, preset, preset_names
 from plumbob.simulation.scenarios import SCENARIOS, scenario
 from plumbob.simulation.signals import earth_field
 from plumbob.simulation.simulation import KINDS, Simulation, simulate
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from plumbob.simulation.chains import CHAINS, named_chain
     from plumbob.simulation.fields import BentRegion, Dipole, Disturbance
     from plumbob.simulation.mounting import SoftTissue
-    from plumbob.simulation.programs import PROGRAMS, Program, named_program, waypoints
+    from plumbob.simulation.programs import PROGRAMS, ChainProgram, named_program, waypoints
 
 __getattr__, __dir__ = lazily(
     __name__,
@@ -36,7 +36,7 @@ __getattr__, __dir__ = lazily(
         "ChainSimulation": "bodies",
         "Dipole": "fields",
         "Disturbance": "fields",
-        "Program": "programs",
+        "ChainProgram": "programs",
         "SoftTissue": "mounting",
         "named_chain": "chains",
         "named_program": "programs",
@@ -52,18 +52,18 @@ __all__ = [
     "SCENARIOS",
     "BentRegion",
     "ChainMotion",
+    "ChainProgram",
     "ChainSimulation",
     "ConingMotion",
+    "DataSheetFigure",
     "Dipole",
     "Disturbance",
     "EulerMotion",
-    "Figure",
     "GimbalMotion",
     "Module",
     "Motion",
     "PoseMotion",
     "Preset",
-    "Program",
     "Scenario",
     "Simulation",
     "SoftTissue",

@@ -13,7 +13,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.series import Series
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack
-from plumbob.data.array import ImuArray, Mount, Quat
+from plumbob.data.array import ImuArray, Quat, UnitMount
 from plumbob.data.chain import Chain, Posture, Segment
 from plumbob.rotations import Frame, North, quat_conjugate, quat_rotate
 from plumbob.simulation.chains import named_chain
@@ -22,7 +22,7 @@ from plumbob.simulation.fields import Disturbance, bent_at
 from plumbob.simulation.motion import Motion, Scenario, Truth, at_rest
 from plumbob.simulation.mounting import SoftTissue, chain_mounts, drawn_mounts
 from plumbob.simulation.presets import Module, draw_module
-from plumbob.simulation.programs import Program, named_program
+from plumbob.simulation.programs import ChainProgram, named_program
 from plumbob.simulation.signals import Jet, Signal
 from plumbob.simulation.simulation import WORLD, Simulation, simulate
 
@@ -95,7 +95,7 @@ class _UnitMotion:
 
     body: ChainMotion
     segment: str
-    mount: Mount
+    mount: UnitMount
     sway: Signal | None = None
 
     def segments(self, t: Floats) -> dict[str, Truth]:
@@ -163,11 +163,11 @@ class ChainSimulation(Series):
         True joint angles, rad, in the order of `Chain.angles`.
     bodies : mapping of str to Truth
         State of each segment's origin in segment axes, by name.
-    mounts : mapping of str to Mount
+    mounts : mapping of str to UnitMount
         How the units really sit, by unit; with soft tissue about where they sway.
     units : mapping of str to Simulation
         Each unit's simulation: truth in its own axes when it took its values, calibration, noise.
-    program : Program
+    program : ChainProgram
         What the joints do.
     """
 
@@ -176,9 +176,9 @@ class ChainSimulation(Series):
     t: Floats
     angles: Floats
     bodies: Mapping[str, Truth]
-    mounts: Mapping[str, Mount]
+    mounts: Mapping[str, UnitMount]
     units: Mapping[str, Simulation]
-    program: Program
+    program: ChainProgram
 
     @property
     def frame(self) -> Frame:
@@ -226,7 +226,7 @@ class ChainSimulation(Series):
 
 def simulate_chain(
     chain: str | Chain,
-    program: str | Program = "calibration",
+    program: str | ChainProgram = "calibration",
     *,
     frame: Frame | str,
     sensors: str | Mapping[str, Module] = "ideal",
@@ -237,7 +237,7 @@ def simulate_chain(
     mount_angle: float | str = 0.0,
     mount_shift: float | str = 0.0,
     mount_clock: float | str = 0.0,
-    mounts: Mapping[str, Mount] | None = None,
+    mounts: Mapping[str, UnitMount] | None = None,
     soft: bool | str | SoftTissue = False,
     bend: float | str = 0.0,
     bend_at: str | None = None,
@@ -253,7 +253,7 @@ def simulate_chain(
     ----------
     chain : str or Chain
         Name of a chain (`CHAINS`), or one of your own.
-    program : str or Program
+    program : str or ChainProgram
         Name of a program (`PROGRAMS`), or one already made. A named one carries a chain without a fixed base about.
     frame : Frame or str
         Navigation frame of the truth. Segments keep their own axes, whatever the frame.
@@ -271,8 +271,8 @@ def simulate_chain(
         Largest errors of the units' mounting, rad and m, drawn: each unit's turn and displacement lie in a ball of
         that radius.
     mount_clock : float
-        Largest offset of the units' clocks, s, drawn evenly to both sides; `Mount.clock_offset` says its sign.
-    mounts : mapping of str to Mount, optional
+        Largest offset of the units' clocks, s, drawn evenly to both sides; `UnitMount.clock_offset` says its sign.
+    mounts : mapping of str to UnitMount, optional
         How units really sit, by unit, instead of drawn errors.
     soft : bool, "yes", "no" or SoftTissue
         Whether the units sway on their segments.
@@ -340,11 +340,11 @@ def simulate_chain(
     )
 
 
-def _programmed(chain: Chain, program: str | Program, seed: int, duration: float | None) -> Program:
+def _programmed(chain: Chain, program: str | ChainProgram, seed: int, duration: float | None) -> ChainProgram:
     if isinstance(program, str):
         rng = stream(seed, "program")
         return named_program(program, chain, rng=rng, duration=60.0 if duration is None else duration)
-    made = check.kind("program", program, Program)
+    made = check.kind("program", program, ChainProgram)
     count = made.angles.at(np.zeros(1)).value.shape
     if count != (1, len(chain.angles)):
         raise ParameterError(
@@ -354,7 +354,7 @@ def _programmed(chain: Chain, program: str | Program, seed: int, duration: float
     return made
 
 
-def _root(program: Program, frame: Frame, base: ArrayLike | None) -> Motion | Quat:
+def _root(program: ChainProgram, frame: Frame, base: ArrayLike | None) -> Motion | Quat:
     if program.root is not None:
         if base is not None:
             raise ParameterError("the program moves the first segment; leave base out.")
@@ -363,12 +363,12 @@ def _root(program: Program, frame: Frame, base: ArrayLike | None) -> Motion | Qu
         return _IDENTITY if frame.up[2] > 0.0 else _UPSIDE_DOWN
     q = check.last_axis("base", base, 4)
     check.unit_norm("base", q, 1e-3)
-    return Mount(tuple(q.tolist())).q_bs  # normalised there
+    return UnitMount(tuple(q.tolist())).q_bs  # normalised there
 
 
 def _mounted(
-    chain: Chain, mounts: Mapping[str, Mount] | None, largest: tuple[float | str, ...], seed: int
-) -> dict[str, Mount]:
+    chain: Chain, mounts: Mapping[str, UnitMount] | None, largest: tuple[float | str, ...], seed: int
+) -> dict[str, UnitMount]:
     named = zip(("angle", "shift", "clock"), largest, (Quantity.ANGLE, Quantity.LENGTH, Quantity.TIME), strict=True)
     errors = {name: given(f"mount_{name}", value, quantity) or 0.0 for name, value, quantity in named}
     if mounts is None:
@@ -426,12 +426,12 @@ def _sway(motion: _UnitMotion, tissue: SoftTissue, length: float, rng: np.random
     if joint is not None:
         first = sum(len(link.axes) for link in motion.body.chain.joints[:joint])
         count = len(motion.body.chain.joints[joint].axes)
-        angles = _Part(motion.body.angles, first, first + count)
+        angles = _SignalParts(motion.body.angles, first, first + count)
     return tissue.sway(rng, start=start, step=_DRIVE_STEP, force=force, angles=angles, count=count)
 
 
 @dataclass(frozen=True)
-class _Part(Signal):
+class _SignalParts(Signal):
     """Components of a signal."""
 
     signal: Signal

@@ -6,7 +6,7 @@ from typing import Final
 
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg
-from plumbob.data.array import Mount, Quat, Vec
+from plumbob.data.array import Quat, UnitMount, Vec
 from plumbob.data.chain import Chain, Joint, Limits, Segment
 
 _X: Final[Vec] = (1.0, 0.0, 0.0)
@@ -34,9 +34,9 @@ def _arm(name: str, *, pronation: bool) -> Chain:
         name,
         segments=(
             Segment("base"),
-            Segment("upperarm", "upperarm", Mount(_ON_TOP, (0.18, 0.0, 0.045))),
-            Segment("forearm", "forearm", Mount(_ON_SIDE, (0.19, -0.03, 0.0))),
-            Segment("hand", "hand", Mount(_ON_TOP, (0.05, 0.0, 0.02))),
+            Segment("upperarm", "upperarm", UnitMount(_ON_TOP, (0.18, 0.0, 0.045))),
+            Segment("forearm", "forearm", UnitMount(_ON_SIDE, (0.19, -0.03, 0.0))),
+            Segment("hand", "hand", UnitMount(_ON_TOP, (0.05, 0.0, 0.02))),
         ),
         joints=(
             Joint(
@@ -61,13 +61,13 @@ def _arm(name: str, *, pronation: bool) -> Chain:
 
 def _teach() -> Chain:
     """Six-axis machine with axes z, y, y, x, y, x and a unit on each link; 0.82 m from the first joint to the hand."""
-    links: Sequence[tuple[Vec, Vec, Limits, Mount]] = (
-        (_Z, (0.0, 0.0, 0.10), _range(-170, 170, 180, 1200, 12000), Mount(_ON_TOP, (0.05, 0.0, 0.08))),
-        (_Y, (0.0, 0.0, 0.12), _range(-90, 110, 150, 1200, 12000), Mount(_ON_TOP, (0.04, 0.0, 0.15))),
-        (_Y, (0.0, 0.0, 0.30), _range(-110, 150, 180, 1200, 12000), Mount(_ON_SIDE, (0.05, -0.04, 0.02))),
-        (_X, (0.10, 0.0, 0.0), _range(-180, 180, 240, 2000, 20000), Mount(_ON_TOP, (0.08, 0.0, 0.03))),
-        (_Y, (0.16, 0.0, 0.0), _range(-115, 115, 240, 2000, 20000), Mount(_ON_SIDE, (0.03, -0.03, 0.0))),
-        (_X, (0.06, 0.0, 0.0), _range(-350, 350, 360, 3000, 30000), Mount(_ON_TOP, (0.04, 0.0, 0.03))),
+    links: Sequence[tuple[Vec, Vec, Limits, UnitMount]] = (
+        (_Z, (0.0, 0.0, 0.10), _range(-170, 170, 180, 1200, 12000), UnitMount(_ON_TOP, (0.05, 0.0, 0.08))),
+        (_Y, (0.0, 0.0, 0.12), _range(-90, 110, 150, 1200, 12000), UnitMount(_ON_TOP, (0.04, 0.0, 0.15))),
+        (_Y, (0.0, 0.0, 0.30), _range(-110, 150, 180, 1200, 12000), UnitMount(_ON_SIDE, (0.05, -0.04, 0.02))),
+        (_X, (0.10, 0.0, 0.0), _range(-180, 180, 240, 2000, 20000), UnitMount(_ON_TOP, (0.08, 0.0, 0.03))),
+        (_Y, (0.16, 0.0, 0.0), _range(-115, 115, 240, 2000, 20000), UnitMount(_ON_SIDE, (0.03, -0.03, 0.0))),
+        (_X, (0.06, 0.0, 0.0), _range(-350, 350, 360, 3000, 30000), UnitMount(_ON_TOP, (0.04, 0.0, 0.03))),
     )
     return Chain(
         "teach",
@@ -90,7 +90,7 @@ def _five() -> Chain:
     free = Limits(deg(-80.0), deg(80.0))
     return Chain(
         "five",
-        segments=tuple(Segment(f"s{k}", f"u{k}", Mount(_ON_TOP, lever)) for k, lever in enumerate(levers, 1)),
+        segments=tuple(Segment(f"s{k}", f"u{k}", UnitMount(_ON_TOP, lever)) for k, lever in enumerate(levers, 1)),
         joints=(
             Joint("j12", "s1", "s2", "ball", origin=(0.3, 0.0, 0.0), limits=(free, free, free)),
             *(

@@ -9,14 +9,14 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg
-from plumbob.data.array import Mount
+from plumbob.data.array import UnitMount
 from plumbob.data.chain import Chain
 from plumbob.rotations import quat_from_rotvec, quat_multiply
 from plumbob.simulation.errors import stream
 from plumbob.simulation.signals import Driven, Mixed, Signal, Sine, Sum
 
 
-def drawn_mounts(chain: Chain, *, angle: float, shift: float, clock: float = 0.0, seed: int) -> dict[str, Mount]:
+def drawn_mounts(chain: Chain, *, angle: float, shift: float, clock: float = 0.0, seed: int) -> dict[str, UnitMount]:
     """True mounts of a chain's units, by name: the chain's own with a drawn error.
 
     Parameters
@@ -45,7 +45,7 @@ def drawn_mounts(chain: Chain, *, angle: float, shift: float, clock: float = 0.0
     return {link.unit: _off(link.mount, angle, shift, clock, link.unit, seed) for link in chain.segments if link.unit}
 
 
-def _off(mount: Mount, angle: float, shift: float, clock: float, unit: str, seed: int) -> Mount:
+def _off(mount: UnitMount, angle: float, shift: float, clock: float, unit: str, seed: int) -> UnitMount:
     turn = quat_from_rotvec(angle * _in_ball(stream(seed, unit, "mount angle")))
     way = shift * _in_ball(stream(seed, unit, "mount shift"))
     return replace(
@@ -56,7 +56,7 @@ def _off(mount: Mount, angle: float, shift: float, clock: float, unit: str, seed
     )
 
 
-def chain_mounts(chain: Chain, given: Mapping[str, Mount]) -> dict[str, Mount]:
+def chain_mounts(chain: Chain, given: Mapping[str, UnitMount]) -> dict[str, UnitMount]:
     """Mounts of a chain's units, by name: those given, else the chain's own."""
     nominal = {segment.unit: segment.mount for segment in chain.segments if segment.unit}
     unknown = [name for name in given if name not in nominal]

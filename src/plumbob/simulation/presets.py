@@ -76,7 +76,7 @@ _ROOTS = {"rtHz": 1.0, "rth": math.sqrt(unit("deg/s").factor / unit("deg/h").fac
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class DataSheetFigure:
     """One figure of a data sheet.
 
     Attributes
@@ -110,7 +110,7 @@ class TriadSheet:
     """What a sheet says of one triad: the axes that the part has, and their figures by name."""
 
     axes: str
-    figures: Mapping[str, Figure]
+    figures: Mapping[str, DataSheetFigure]
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ class Preset:
     title: str
     sources: Mapping[str, str]
     triads: Mapping[str, TriadSheet]
-    attitude: Mapping[str, Figure] = field(default_factory=dict)
+    attitude: Mapping[str, DataSheetFigure] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,9 +348,9 @@ def _sheet(part: str, raw: dict[str, Any], triad: str, variant: dict[str, Any]) 
     return TriadSheet(axes, figures)
 
 
-def _figure(where: str, table: dict[str, Any], sources: dict[str, str]) -> Figure:
+def _figure(where: str, table: dict[str, Any], sources: dict[str, str]) -> DataSheetFigure:
     value = table["value"]
-    figure = Figure(**{**table, "value": tuple(value) if isinstance(value, list) else float(value)})
+    figure = DataSheetFigure(**{**table, "value": tuple(value) if isinstance(value, list) else float(value)})
     if figure.mark not in MARKS or figure.source not in sources:
         raise ParameterError(f"{where} has mark '{figure.mark}' and source '{figure.source}'; one is not listed.")
     return figure

@@ -28,7 +28,7 @@ _LEAD: Final = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Program:
+class ChainProgram:
     """Motion of a chain.
 
     Attributes
@@ -90,7 +90,7 @@ def move_times(steps: ArrayLike, limits: tuple[Limits, ...], *, speed: float) ->
 
 def waypoints(
     chain: Chain, poses: ArrayLike, *, dwell: ArrayLike = 1.0, speed: float = dps(60.0), name: str = "waypoints"
-) -> Program:
+) -> ChainProgram:
     """Program from pose to pose, each move with least jerk and as fast as limits allow, at rest in between.
 
     Parameters
@@ -130,10 +130,10 @@ def waypoints(
     begin = np.concatenate(([0.0], start + time))
     stops = tuple(zip(begin.tolist(), (begin + rest).tolist(), strict=True))
     angles = constant(table[0]) + Moves(start, time, steps)
-    return Program(name, angles, float(begin[-1] + rest[-1]), stops)
+    return ChainProgram(name, angles, float(begin[-1] + rest[-1]), stops)
 
 
-def _teach(chain: Chain, rng: np.random.Generator, duration: float) -> Program:
+def _teach(chain: Chain, rng: np.random.Generator, duration: float) -> ChainProgram:
     """Pick and place: over the place, down to it, a stop, up again, and so on between drawn places."""
     span, poses = _span(chain), []
     dwell: list[float] = []
@@ -148,7 +148,7 @@ def _teach(chain: Chain, rng: np.random.Generator, duration: float) -> Program:
     return waypoints(chain, poses, dwell=dwell, speed=speed, name="teach-in, pick and place")
 
 
-def _slow(chain: Chain, rng: np.random.Generator, duration: float) -> Program:
+def _slow(chain: Chain, rng: np.random.Generator, duration: float) -> ChainProgram:
     """Slow moves of all joints from drawn pose to drawn pose, with stops of a second."""
     span = _span(chain)
     count = math.ceil(duration / 2.0) + 1
@@ -185,14 +185,14 @@ def _window(start: float, end: float, ramp: float = 1.0) -> Signal:
     return Moves((start, end - ramp), (ramp, ramp), (1.0, -1.0))
 
 
-def _fast(chain: Chain, rng: np.random.Generator, duration: float) -> Program:
+def _fast(chain: Chain, rng: np.random.Generator, duration: float) -> ChainProgram:
     """Fast movement of a person: all joints at once, up to 300 °/s each, 0.25 to 1.6 Hz."""
     wave = _wave(chain, rng, low=0.25, high=1.6, speed=dps(300.0))
     begun = Windowed(wave, Moves((_LEAD,), (1.0,), (1.0,)))
-    return Program("fast movement", constant(_span(chain).home) + begun, duration, ((0.0, _LEAD),))
+    return ChainProgram("fast movement", constant(_span(chain).home) + begun, duration, ((0.0, _LEAD),))
 
 
-def _calibration(chain: Chain, rng: np.random.Generator, duration: float) -> Program:
+def _calibration(chain: Chain, rng: np.random.Generator, duration: float) -> ChainProgram:
     """Each angle in turn, two swings of two seconds, then ten seconds of all together; again until the end."""
     count = len(chain.angles)
     angles: Signal = constant(_span(chain).home)
@@ -212,15 +212,15 @@ def _calibration(chain: Chain, rng: np.random.Generator, duration: float) -> Pro
         start = _LEAD + cycle * (4.0 * count + 10.0) + 4.0 * count
         together = together + _window(start, start + 10.0)
     wave = _wave(chain, rng, low=0.2, high=1.0, speed=dps(150.0))
-    return Program("calibration motion", angles + Windowed(wave, together), duration, ((0.0, _LEAD),))
+    return ChainProgram("calibration motion", angles + Windowed(wave, together), duration, ((0.0, _LEAD),))
 
 
-def _still(chain: Chain, rng: np.random.Generator, duration: float) -> Program:
+def _still(chain: Chain, rng: np.random.Generator, duration: float) -> ChainProgram:
     """At rest in the home pose."""
-    return Program("at rest", constant(_span(chain).home), duration, ((0.0, duration),))
+    return ChainProgram("at rest", constant(_span(chain).home), duration, ((0.0, duration),))
 
 
-PROGRAMS: Final[Mapping[str, Callable[[Chain, np.random.Generator, float], Program]]] = {
+PROGRAMS: Final[Mapping[str, Callable[[Chain, np.random.Generator, float], ChainProgram]]] = {
     "teach": _teach,
     "calibration": _calibration,
     "slow": _slow,
@@ -242,7 +242,7 @@ def _wander(rng: np.random.Generator, *, still: bool) -> Motion:
     return EulerMotion(Frame.ENU, Windowed(turn, grown), Windowed(way, grown))
 
 
-def named_program(name: str, chain: Chain, *, rng: np.random.Generator, duration: float) -> Program:
+def named_program(name: str, chain: Chain, *, rng: np.random.Generator, duration: float) -> ChainProgram:
     """Program of that name for a chain; a chain without a fixed base is carried about meanwhile, unless it is "still".
 
     Parameters
@@ -271,4 +271,4 @@ def named_program(name: str, chain: Chain, *, rng: np.random.Generator, duration
     stops = tuple(
         (start, min(end, duration)) for start, end in made.stops if start < duration and (rests or end <= _LEAD)
     )
-    return Program(f"{made.name} of {chain.name}", made.angles, duration, stops, root)
+    return ChainProgram(f"{made.name} of {chain.name}", made.angles, duration, stops, root)

@@ -18,7 +18,7 @@ from plumbob.core.errors import LineError, ParameterError, one_line
 from plumbob.core.web import asset
 from plumbob.viewer.messages import Batch, Command, Hello
 from plumbob.viewer.outlet import Asked
-from plumbob.viewer.pipe import LIMIT, PAGE, TOKEN, Message, Unpacker, Writer, require_packages
+from plumbob.viewer.pipe import LIMIT, PAGE, TOKEN, MessageUnpacker, PipeMessage, PipeWriter, require_packages
 
 STARTS: Final = 20
 """How often a server that has died is started again."""
@@ -101,7 +101,7 @@ def require_view() -> None:
     asset(PAGE)
 
 
-class Server:
+class ServerOutlet:
     """Outlet into a server process.
 
     Parameters
@@ -127,8 +127,8 @@ class Server:
         self._log = tempfile.TemporaryFile()  # noqa: SIM115  as long as the view
         self._process: subprocess.Popen[bytes] | None = None
         self._end: socket.socket | None = None
-        self._writer: Writer | None = None
-        self._unpacker = Unpacker()
+        self._writer: PipeWriter | None = None
+        self._unpacker = MessageUnpacker()
         self._hello: Hello | None = None
         self._commands: list[Asked] = []
         self._started_at = 0.0
@@ -178,27 +178,27 @@ class Server:
         """Begin."""
         self._hello = hello
         card = None if self.card is None else str(self.card)
-        self._write(Message("hello", {**asdict(hello), "card": card}), must=True)
+        self._write(PipeMessage("hello", {**asdict(hello), "card": card}), must=True)
 
     def batch(self, batch: Batch) -> None:
         """Hand on samples; dropped where the server is too slow."""
         content = dict(batch.fields)
         if content.get("link") is not None:
             content["link"] = {**content["link"], "skipped": self.skipped}
-        self._write(Message("batch", content, batch.rows))
+        self._write(PipeMessage("batch", content, batch.rows))
 
     def event(self, t: float | None, kind: str, text: str) -> None:
         """Hand on an event."""
-        self._write(Message("event", {"t": t, "kind": kind, "text": text}), must=self._has_room)
+        self._write(PipeMessage("event", {"t": t, "kind": kind, "text": text}), must=self._has_room)
 
     def reset(self) -> None:
         """Let time begin again."""
-        self._write(Message("reset", {}), must=True)
+        self._write(PipeMessage("reset", {}), must=True)
 
     def answer(self, request: Asked, ok: bool, text: str) -> None:
         """Answer a command."""
         content = {"client": request.client, "id": request.command.id, "ok": ok, "text": text}
-        self._write(Message("answer", content), must=self._has_room)
+        self._write(PipeMessage("answer", content), must=self._has_room)
 
     def take_commands(self) -> Sequence[Asked]:
         """Commands since the last call; looks after the process, too."""
@@ -220,7 +220,7 @@ class Server:
         process, self._process = self._process, None
         last, ending, asking = _END
         if self._writer is not None and self._end is not None and not self._writer.broken:
-            self._writer.write(Message("end", {}), must=True)
+            self._writer.write(PipeMessage("end", {}), must=True)
             until = time.monotonic() + last
             while self._writer.waiting and not self._writer.broken and time.monotonic() < until:
                 time.sleep(0.005)
@@ -235,7 +235,7 @@ class Server:
         """Whether even what must arrive may wait still; of a server that never reads, no message may."""
         return self._writer is not None and self._writer.waiting < 8 * LIMIT
 
-    def _write(self, message: Message, *, must: bool = False) -> None:
+    def _write(self, message: PipeMessage, *, must: bool = False) -> None:
         if self._writer is not None:
             self._writer.write(message, must=must and self._has_room)
 
@@ -253,7 +253,7 @@ class Server:
             )
         finally:
             theirs.close()
-        self._end, self._writer, self._unpacker = ours, Writer(ours), Unpacker()
+        self._end, self._writer, self._unpacker = ours, PipeWriter(ours), MessageUnpacker()
         self._is_ready, self._started_at = False, time.monotonic()
         self.starts += 1
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 from plumbob.core.errors import PlumbobError, one_line
 from plumbob.viewer.hub import Hub
 from plumbob.viewer.messages import Answer, Command
-from plumbob.viewer.pipe import Message
+from plumbob.viewer.pipe import PipeMessage
 
 PATIENCE: Final = 10.0
 """How long an answer of the session is waited for, s."""
@@ -26,7 +26,7 @@ class Control:
         Writes a message into the pipe, and says whether it was taken.
     """
 
-    def __init__(self, hub: Hub, write: Callable[[Message], bool]) -> None:
+    def __init__(self, hub: Hub, write: Callable[[PipeMessage], bool]) -> None:
         self._hub, self._write = hub, write
         self._numbers = count(1)
         self._asked: dict[int, asyncio.Future[dict[str, Any]]] = {}
@@ -50,7 +50,7 @@ class Control:
     async def _ask(self, command: Command) -> Answer:
         """Ask the session, which knows the command by a number of ours: two clients may use the same."""
         number = next(self._numbers)
-        if not self._write(Message("command", {"client": number, **asdict(command)})):
+        if not self._write(PipeMessage("command", {"client": number, **asdict(command)})):
             return Answer(id=command.id, ok=False, text="The session takes no command at present. Try again.")
         future = self._asked[number] = asyncio.get_running_loop().create_future()
         try:
@@ -61,7 +61,7 @@ class Control:
             del self._asked[number]
         return Answer(id=command.id, ok=bool(answer["ok"]), text=str(answer["text"]))
 
-    def _listen(self, message: Message) -> None:
+    def _listen(self, message: PipeMessage) -> None:
         if message.kind != "answer":
             return
         future = self._asked.get(message.content["client"])

@@ -28,7 +28,7 @@ from plumbob.live.sinks import line_of
 from plumbob.live.transports.polled import Schedule, Task
 from plumbob.viewer.hub import Hub
 from plumbob.viewer.messages import AllanCurve, Command, Guidance, numbers
-from plumbob.viewer.pipe import Message
+from plumbob.viewer.pipe import PipeMessage
 
 if TYPE_CHECKING:
     from plumbob.live.guide.guide import Guide, Progress
@@ -52,19 +52,19 @@ _LATE: Final = 50  # parts that may wait for the thread
 Doing = Callable[[Command], str | Awaitable[str]]
 
 
-class Part(NamedTuple):
+class FedSamples(NamedTuple):
     """Samples as the feed hands them over: time, s, flags, and what the sensors said (N, 10)."""
 
     t: Floats
     flags: NDArray[np.uint32]
     sensed: Floats
 
-    def first(self, count: int) -> "Part":
+    def first(self, count: int) -> "FedSamples":
         """So many of them."""
-        return Part(self.t[:count], self.flags[:count], self.sensed[:count])
+        return FedSamples(self.t[:count], self.flags[:count], self.sensed[:count])
 
     @classmethod
-    def joined(cls, parts: Sequence["Part"]) -> "Part":
+    def joined(cls, parts: Sequence["FedSamples"]) -> "FedSamples":
         """Parts that follow one another."""
         return cls(
             np.concatenate([part.t for part in parts]),
@@ -88,7 +88,7 @@ class Allan:
         """Begin again."""
         self._stream = None
 
-    def take(self, part: Part) -> None:
+    def take(self, part: FedSamples) -> None:
         """Take the next samples."""
         is_gap = (part.flags & np.uint32(flags.GAP)) != 0
         for first, stop in pairwise([0, *np.flatnonzero(is_gap).tolist(), len(part.t)]):
@@ -137,7 +137,7 @@ def _new_stream(channels: int) -> Any:
     return AllanStream(stream_factors(log_factors(_LONGEST, per_decade=_PER_DECADE)), channels=channels)
 
 
-class Unit(NamedTuple):
+class CardTarget(NamedTuple):
     """What a calibration is of: the unit's name, its card so far, and where cards are written."""
 
     name: str
@@ -152,7 +152,7 @@ class Guided:
     ----------
     kind : str
         ``mag``, ``accel`` or ``gyro``.
-    unit : Unit
+    unit : CardTarget
         The unit.
 
     Attributes
@@ -161,10 +161,10 @@ class Guided:
         What is calibrated.
     """
 
-    def __init__(self, kind: str, unit: Unit) -> None:
+    def __init__(self, kind: str, unit: CardTarget) -> None:
         self.kind, self._unit = kind, unit
         self._meta = ImuMeta(device=unit.name, unit_check=False)  # the format said the units
-        self._parts: list[Part] = []
+        self._parts: list[FedSamples] = []
         self._count = 0
         self._cloud = _Cloud()
 
@@ -174,7 +174,7 @@ class Guided:
 
         return GUIDES[self.kind]()
 
-    def take(self, part: Part) -> Guidance:
+    def take(self, part: FedSamples) -> Guidance:
         """Go on with the next samples, of which what is beyond `MOST` is left out."""
         part = part.first(MOST - self._count)
         if len(part.t):
@@ -216,7 +216,7 @@ class Guided:
         calibration.save(path)
         return path
 
-    def _live(self, part: Part) -> ImuData:
+    def _live(self, part: FedSamples) -> ImuData:
         triads = {name: part.sensed[:, 3 * i : 3 * i + 3] for i, name in enumerate(TRIADS)}
         return ImuData.live(to_ns(part.t), triads, temp_c=part.sensed[:, 9], flags=part.flags, meta=self._meta)
 
@@ -224,7 +224,7 @@ class Guided:
         """All samples, judged as a recording."""
         if not self._parts:
             raise CalibrationError("no sample has arrived since the start, so there is nothing to calibrate.")
-        t, words, sensed = Part.joined(self._parts)
+        t, words, sensed = FedSamples.joined(self._parts)
         columns: dict[str, Any] = {name: sensed[:, 3 * i : 3 * i + 3] for i, name in enumerate(TRIADS)}
         columns["temp_c"] = sensed[:, 9]
         measured = {name: values for name, values in columns.items() if np.isfinite(values).any()}
@@ -294,7 +294,7 @@ class Derived:
         self._allan = Allan()
         self._guided: Guided | None = None
         self._thread = ThreadPoolExecutor(1, "derived")
-        self._waiting: list[Part] = []
+        self._waiting: list[FedSamples] = []
         self._since = self._curve_at = 0.0
         self._late = 0
         self._failed = False
@@ -315,7 +315,7 @@ class Derived:
         """End the thread after what it is at."""
         self._thread.shutdown(wait=False, cancel_futures=True)
 
-    def _listen(self, message: Message) -> None:
+    def _listen(self, message: PipeMessage) -> None:
         if self._failed:
             return
         if message.kind == "reset":
@@ -327,7 +327,7 @@ class Derived:
         elif message.kind == "batch" and self._hub.has_rows(message):
             arrays = message.arrays
             self._write_lines(arrays["t"], arrays["flags"], arrays["values"])
-            self._waiting.append(Part(arrays["t"], arrays["flags"], arrays["sensed"]))
+            self._waiting.append(FedSamples(arrays["t"], arrays["flags"], arrays["sensed"]))
             now = asyncio.get_running_loop().time()
             if now - self._since >= EVERY_S:
                 self._since = now
@@ -342,11 +342,11 @@ class Derived:
         if self._late > _LATE:
             self._do(self._allan.reset)
             return
-        part, guided = Part.joined(parts), self._guided
+        part, guided = FedSamples.joined(parts), self._guided
         self._late += 1
         self._do(lambda: self._take(part, guided), lambda guidance: self._taken(guided, guidance))
 
-    def _take(self, part: Part, guided: Guided | None) -> Guidance | None:
+    def _take(self, part: FedSamples, guided: Guided | None) -> Guidance | None:
         self._allan.take(part)
         return None if guided is None else guided.take(part)
 
@@ -391,12 +391,12 @@ class Derived:
         self._do(guided.guidance, lambda guidance: self._taken(guided, guidance))
         return f"Calibration of {command.name} has begun."
 
-    def _unit(self, named: str) -> Unit:
+    def _unit(self, named: str) -> CardTarget:
         """The unit: a device that is called like its format was not named."""
         hello = self._hub.hello or {}
         device = hello.get("device", "")
         default = ImuMeta().device if device == hello.get("format") else device
-        return Unit(named or default, hello.get("card"), self._folder)
+        return CardTarget(named or default, hello.get("card"), self._folder)
 
     async def _end(self, _command: Command) -> str:
         guided = self._required()

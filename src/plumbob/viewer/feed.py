@@ -19,18 +19,18 @@ from plumbob.data.chain import Chain
 from plumbob.filters import Start
 from plumbob.live.recording_sink import epoch_offset_ns
 from plumbob.live.session import Session, reference_names
-from plumbob.live.stream import Part, Stream
+from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Received
 from plumbob.live.watch import LONG
 from plumbob.protocols.encode import encode
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 from plumbob.viewer.messages import Batch, Hello, Link, numbers
 from plumbob.viewer.outlet import Outlet
-from plumbob.viewer.overlays import Follower, Overlay, described, greeting, joined_units, require_addable
+from plumbob.viewer.overlays import ChainFollower, Overlay, described, greeting, joined_units, require_addable
 from plumbob.viewer.rows import (
     Attitudes,
-    Layout,
-    Shown,
+    RowLayout,
+    ShownEstimator,
     attitudes_now,
     headed_estimators,
     newest,
@@ -63,7 +63,7 @@ GUIDES: Final = {"mag": "mag", "accel": "acc", "gyro": "gyr"}
 class Aligned:
     """Parts whose samples have their attitudes."""
 
-    parts: Sequence[Part]
+    parts: Sequence[ItemResult]
     t_ns: NDArray[np.int64]
     imu: ImuData
     sensed: ImuData
@@ -81,10 +81,10 @@ class Aligner:
 
     def __init__(self, stream: Stream) -> None:
         self._stream = stream
-        self._parts: deque[Part] = deque()
+        self._parts: deque[ItemResult] = deque()
         self._tracks: list[tuple[NDArray[np.int64], AttitudeTrack]] = []
 
-    def add(self, part: Part) -> None:
+    def add(self, part: ItemResult) -> None:
         """Take a part."""
         if part.t_ns.size:
             self._parts.append(part)
@@ -273,7 +273,7 @@ class Feed:
         self._lay_out()
         return f"{name} is removed"
 
-    def on_part(self, part: Part) -> None:
+    def on_part(self, part: ItemResult) -> None:
         """Take samples and attitudes; they are shown with the next batch."""
         self._safely(lambda: self._take(part))
 
@@ -316,7 +316,7 @@ class Feed:
                 if self._note is not None:
                     self._note(self.failed)
 
-    def _take(self, part: Part) -> None:
+    def _take(self, part: ItemResult) -> None:
         self._held.add(part)
         self._samples += part.t_ns.size
         if part.t_ns.size and self._stretched:
@@ -424,19 +424,19 @@ class Feed:
         return {"lost": report.lost, "gaps": report.gap_count, "clock": mode,
                 "drift_ppm": float(drift) if long_enough and np.isfinite(drift) else None}  # fmt: skip
 
-    def _own_shown(self) -> Shown:
+    def _own_shown(self) -> ShownEstimator:
         stage, filter_ = self._stream.session.stage, self._stream.filter
         assert stage is not None
         assert filter_ is not None
         return shown_estimator(stage.name, stage.filter, described(filter_), primary=True)
 
-    def _following(self, chain: Chain) -> Follower:
+    def _following(self, chain: Chain) -> ChainFollower:
         session = self._stream.session
         if self._frame is None:
             raise ParameterError("a chain needs a navigation frame; give --frame.")
         if not session.units:
             raise ParameterError("a chain needs a line of several units that are all decoded; give --unit all.")
-        return Follower(chain, self._frame, [unit.unit for unit in session.units])
+        return ChainFollower(chain, self._frame, [unit.unit for unit in session.units])
 
     def _lay_out(self) -> None:
         """Take over other estimators."""
@@ -444,7 +444,7 @@ class Feed:
         self._known["attitudes"] = {}
         self._greeted = False
 
-    def _laid_out(self, attitudes: Mapping[str, Attitudes], north: North | None = None) -> Layout:
+    def _laid_out(self, attitudes: Mapping[str, Attitudes], north: North | None = None) -> RowLayout:
         shown = [overlay.shown for overlay in self._overlays.values()]
         if self._own is not None:
             shown = [self._own, *shown]
@@ -452,7 +452,7 @@ class Feed:
             shown[0] = shown[0]._replace(estimator=replace(shown[0].estimator, primary=True))
         if attitudes:
             shown = headed_estimators(shown, attitudes, north)
-        return Layout(self._triads, self._temperature, tuple(shown), self._reference_told())
+        return RowLayout(self._triads, self._temperature, tuple(shown), self._reference_told())
 
     def _reference_told(self) -> str | None:
         if self._truth is not None:
@@ -483,7 +483,7 @@ class Feed:
         )
 
 
-def probed(session: Session) -> Part | None:
+def probed(session: Session) -> ItemResult | None:
     """Part of made-up frames of a session, which shows what its samples have; None where none can be made."""
     message = session.form.message(session.message)
     physical = [field.name for field in message.fields if field.physical][:1]

@@ -36,7 +36,7 @@ from plumbob.live.rows import (
 from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
 from plumbob.viewer.hub import Hub, deliver
 from plumbob.viewer.messages import as_json
-from plumbob.viewer.pipe import Message
+from plumbob.viewer.pipe import PipeMessage
 
 if TYPE_CHECKING:
     from starlette.websockets import WebSocket
@@ -62,7 +62,7 @@ def _object(title: str, **properties: Any) -> str:
 _WORDS: Final = {"type": "string"}
 
 
-class Channel(NamedTuple):
+class AdvertisedChannel(NamedTuple):
     """A channel as it is advertised."""
 
     topic: str
@@ -70,17 +70,17 @@ class Channel(NamedTuple):
     schema: str
 
 
-def _recorded(topic: str) -> Channel:
+def _recorded(topic: str) -> AdvertisedChannel:
     """Channel with the rows of a recording's topic."""
     schema = row_schema(topic)[1]
-    return Channel(f"/{topic}", schema.name, schema.data.decode())
+    return AdvertisedChannel(f"/{topic}", schema.name, schema.data.decode())
 
 
 CHANNELS: Final = {
     1: _recorded(IMU),
     2: _recorded(ATTITUDE),
     3: _recorded(TRANSFORMS),
-    4: Channel(
+    4: AdvertisedChannel(
         "/events",
         "foxglove.Log",
         _object(
@@ -93,7 +93,7 @@ CHANNELS: Final = {
             line={"type": "integer"},
         ),
     ),
-    5: Channel(
+    5: AdvertisedChannel(
         "/angles",
         "plumbob.Angles",
         _object(
@@ -110,18 +110,18 @@ _IMU, _ATTITUDE, _TF, _EVENTS, _ANGLES_OF = CHANNELS
 Sample = tuple[int, bytes]
 
 
-class Samples:
+class SampleMessages:
     """Messages of the samples of a batch, by channel.
 
     Parameters
     ----------
     hub : Hub
         What the samples are of.
-    message : Message
+    message : PipeMessage
         The batch.
     """
 
-    def __init__(self, hub: Hub, message: Message) -> None:
+    def __init__(self, hub: Hub, message: PipeMessage) -> None:
         self._hub, self._hello = hub, hub.hello or {}
         self._arrays = message.arrays
         self._t = message.arrays["t"]
@@ -333,11 +333,11 @@ class Foxglove:
             "sessionId": self._session,
         }
 
-    def _listen(self, message: Message) -> None:
+    def _listen(self, message: PipeMessage) -> None:
         wanted = {channel for viewer in self._viewers for channel in viewer.channels}
         if message.kind != "batch" or not wanted or not self._hub.has_rows(message):
             return
-        samples = Samples(self._hub, message)
+        samples = SampleMessages(self._hub, message)
         for channel in wanted:
             messages = samples.on_channel(channel)
             for viewer in self._viewers:

@@ -47,7 +47,7 @@ class Refusal(Exception):  # noqa: N818 - an answer, of which no one who calls t
 
 
 @dataclass(frozen=True, slots=True)
-class Rules:
+class GuardRules:
     """What the guard goes by.
 
     Attributes
@@ -80,11 +80,11 @@ class Guard:
     ----------
     app : callable
         The application.
-    rules : Rules
+    rules : GuardRules
         What it goes by.
     """
 
-    def __init__(self, app: App, rules: Rules) -> None:
+    def __init__(self, app: App, rules: GuardRules) -> None:
         self._app, self._rules = app, rules
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -19,7 +19,7 @@ from plumbob.core.text import counted
 from plumbob.viewer.angles import Tare, shown_attitudes
 from plumbob.viewer.charts import History, Rows, Thinner, tick
 from plumbob.viewer.messages import Answer, Happened, Lines, as_json, numbers
-from plumbob.viewer.pipe import Message
+from plumbob.viewer.pipe import PipeMessage
 
 if TYPE_CHECKING:
     from starlette.websockets import WebSocket
@@ -42,10 +42,10 @@ _PASSED: Final = ("gravity_b", "field_b", "points", "recording", "text", "playba
 _HIDDEN: Final = ("card",)  # what the feed says to the server alone: the path of the session's card
 
 Item = TypeVar("Item")
-Listener = Callable[[Message], None]
+Listener = Callable[[PipeMessage], None]
 
 
-class Ring(Generic[Item]):
+class NewestItems(Generic[Item]):
     """The newest of a queue, by the number of an item since the start.
 
     Attributes
@@ -164,7 +164,7 @@ class Client:
         return ticks[number]
 
 
-class Source(Protocol):
+class MessageSource(Protocol):
     """Where a client's messages come from."""
 
     wake: asyncio.Event
@@ -173,7 +173,7 @@ class Source(Protocol):
         """Message that comes next; None where there is none yet."""
 
 
-async def deliver(source: Source, socket: "WebSocket") -> None:
+async def deliver(source: MessageSource, socket: "WebSocket") -> None:
     """Send a client its messages as they come, until it goes."""
     from starlette.websockets import WebSocketDisconnect
 
@@ -205,9 +205,9 @@ class Hub:
         Rises when time begins again.
     history : History
         Rows of the last minute.
-    ticks, events : Ring
+    ticks, events : NewestItems
         Encoded messages.
-    lines : Ring
+    lines : NewestItems
         Lines of the device's output.
     newest : dict of str to (int, str)
         Messages that supersede the ones before them, with how many there were: ``allan``, ``guide``.
@@ -229,9 +229,9 @@ class Hub:
         self.hello_text = ""
         self.hellos = self.layouts = self.epoch = 0
         self.history, self._thinner = History(()), Thinner(0)
-        self.ticks: Ring[bytes] = Ring(50)
-        self.events: Ring[str] = Ring(1000)
-        self.lines: Ring[str] = Ring(100)
+        self.ticks: NewestItems[bytes] = NewestItems(50)
+        self.events: NewestItems[str] = NewestItems(1000)
+        self.lines: NewestItems[str] = NewestItems(100)
         self.newest: dict[str, tuple[int, str]] = {}
         self.clients: set[Client] = set()
         self.listeners: set[Listener] = set()
@@ -259,7 +259,7 @@ class Hub:
         keys, wanted = self.history.keys, [f"{name}.{column}" for column in columns]
         return [keys.index(key) for key in wanted] if all(key in keys for key in wanted) else None
 
-    def take(self, message: Message) -> None:
+    def take(self, message: PipeMessage) -> None:
         """Take a message of the pipe."""
         if message.kind == "hello":
             self._take_hello(message.content)
@@ -347,12 +347,12 @@ class Hub:
             self.tell("view", f"{counted(self._left_out, 'further event')} left out here; a recording has them all.")
             self._left_out = 0
 
-    def has_rows(self, batch: Message) -> bool:
+    def has_rows(self, batch: PipeMessage) -> bool:
         """Whether a batch has samples, and the columns that are known."""
         is_known = self.hello is not None and batch.arrays["values"].shape[1] == len(self.history.keys)
         return is_known and len(batch.arrays["t"]) > 0
 
-    def _take_batch(self, message: Message) -> None:
+    def _take_batch(self, message: PipeMessage) -> None:
         if self.hello is None:
             return
         self.fields = message.content

@@ -21,7 +21,7 @@ from plumbob.filters.smoother import FixedLag, Smoother
 from plumbob.live.stream import UnitPart
 from plumbob.rotations import Frame, change_frame, quat_conjugate, quat_multiply, quat_rotate
 from plumbob.viewer.messages import Skeleton
-from plumbob.viewer.rows import Attitudes, Layout, Shown, rows_at, shown_estimator
+from plumbob.viewer.rows import Attitudes, RowLayout, ShownEstimator, rows_at, shown_estimator
 
 MOST: Final = 8
 """Overlays at the same time."""
@@ -43,7 +43,7 @@ def require_addable(name: str, triads: Sequence[str], *, beside: int) -> None:
         raise ParameterError(f"{MOST} estimators are the most that are shown beside the first; remove one.")
 
 
-def greeting(layout: Layout, frame: Frame | None) -> dict[str, Any]:
+def greeting(layout: RowLayout, frame: Frame | None) -> dict[str, Any]:
     """What `messages.Hello` says of a line and of a recording alike."""
     running = {shown.name for shown in layout.shown}
     return {
@@ -86,7 +86,7 @@ class Overlay:
         self._frame = frame
 
     @property
-    def shown(self) -> Shown:
+    def shown(self) -> ShownEstimator:
         """As its columns need it."""
         return shown_estimator(self.name, self.name, described(self._filter), primary=False)
 
@@ -107,7 +107,7 @@ class Overlay:
             self._filter.finish()
 
 
-class Follower:
+class ChainFollower:
     """Follows a chain by an estimator on each of its units.
 
     Parameters

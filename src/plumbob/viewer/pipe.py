@@ -40,7 +40,7 @@ def require_packages() -> None:
             raise MissingExtraError(f'the live view needs {name}: pip install "plumbob[view]".')
 
 
-class Message(NamedTuple):
+class PipeMessage(NamedTuple):
     """A message.
 
     Attributes
@@ -60,7 +60,7 @@ class Message(NamedTuple):
     arrays: Mapping[str, NDArray[Any]] = {}
 
 
-def packed(message: Message) -> bytes:
+def packed(message: PipeMessage) -> bytes:
     """Bytes of a message."""
     arrays = {name: np.ascontiguousarray(values) for name, values in message.arrays.items()}
     layout = {name: (values.dtype.str, values.shape) for name, values in arrays.items()}
@@ -69,13 +69,13 @@ def packed(message: Message) -> bytes:
     return _HEAD.pack(len(head), len(body)) + head + body
 
 
-class Unpacker:
+class MessageUnpacker:
     """Makes messages of the bytes of the pipe, however they were cut."""
 
     def __init__(self) -> None:
         self._pending = bytearray()
 
-    def feed(self, data: bytes) -> Iterator[Message]:
+    def feed(self, data: bytes) -> Iterator[PipeMessage]:
         """Take bytes, and yield the messages that they complete."""
         self._pending += data
         while len(self._pending) >= _HEAD.size:
@@ -90,17 +90,17 @@ class Unpacker:
             yield _message(content[:head], content[head:])
 
 
-def _message(head: bytes, body: bytes) -> Message:
+def _message(head: bytes, body: bytes) -> PipeMessage:
     kind, content, layout = json.loads(head)
     arrays, at = dict[str, NDArray[Any]](), 0
     for name, (dtype, shape) in layout.items():
         size = int(np.prod(shape))
         arrays[name] = np.frombuffer(body, dtype=dtype, count=size, offset=at).reshape(shape)
         at += size * np.dtype(dtype).itemsize
-    return Message(kind, content, arrays)
+    return PipeMessage(kind, content, arrays)
 
 
-class Writer:
+class PipeWriter:
     """Writes into a pipe without ever waiting.
 
     Parameters
@@ -129,7 +129,7 @@ class Writer:
         """Bytes that wait for the reader."""
         return self._size
 
-    def write(self, message: Message, *, must: bool = False) -> None:
+    def write(self, message: PipeMessage, *, must: bool = False) -> None:
         """Send a message, or keep it until there is room; dropped where too much waits, unless it `must` arrive."""
         if self._size > LIMIT and not must:
             self.skipped += 1

@@ -29,11 +29,11 @@ from plumbob.protocols.format import Message
 from plumbob.rotations import Frame
 from plumbob.viewer.messages import Batch, Hello, Link, Playback, numbers
 from plumbob.viewer.outlet import Outlet
-from plumbob.viewer.overlays import Follower, described, greeting, require_addable
+from plumbob.viewer.overlays import ChainFollower, described, greeting, require_addable
 from plumbob.viewer.rows import (
     Attitudes,
-    Layout,
-    Shown,
+    RowLayout,
+    ShownEstimator,
     attitudes_now,
     headed_estimators,
     newest,
@@ -59,7 +59,7 @@ _STILL_NS: Final = 250_000_000
 class Estimate:
     """An estimate of the whole recording."""
 
-    shown: Shown
+    shown: ShownEstimator
     track: AttitudeTrack
     declination: float | None
 
@@ -508,7 +508,7 @@ class Player:
         triads = () if loaded.imu is None else loaded.imu.triads
         warm = loaded.imu is not None and loaded.imu.temp_c is not None
         title = None if reference is None else reference.source or "reference"
-        self._layout = Layout(triads, warm, tuple(shown), title)
+        self._layout = RowLayout(triads, warm, tuple(shown), title)
         self._words = np.zeros(loaded.t.size, dtype=np.uint32) if loaded.imu is None else loaded.imu.flags
         if self._held and self._held[0].flags is not None:
             self._words = self._words | self._held[0].flags
@@ -552,7 +552,7 @@ class _Postures:
     def __init__(self, chain: Chain, loaded: Loaded) -> None:
         if loaded.array is None or loaded.frame is None:
             raise ParameterError("a chain needs a recording of several units, and a navigation frame.")
-        self._follower = Follower(chain, loaded.frame, loaded.array.names)
+        self._follower = ChainFollower(chain, loaded.frame, loaded.array.names)
         self._attitudes = self._follower.along(loaded.array.units)
         self.skeleton = self._follower.skeleton
 

@@ -100,7 +100,7 @@ def _picked(values: Floats, rows: NDArray[np.intp]) -> Floats:
     return picked
 
 
-class Shown(NamedTuple):
+class ShownEstimator(NamedTuple):
     """An estimator as its columns need it.
 
     Attributes
@@ -123,22 +123,22 @@ class Shown(NamedTuple):
         return self.estimator.name
 
 
-def shown_estimator(name: str, kind: str, title: str, *, primary: bool) -> Shown:
+def shown_estimator(name: str, kind: str, title: str, *, primary: bool) -> ShownEstimator:
     """Estimator of a filter, or of the smoother, by the name of its kind."""
     is_filter = kind == SMOOTHER or kind in filter_names()
     claims = kind == SMOOTHER or (is_filter and claims_covariance(kind))
     biased = kind == SMOOTHER or (is_filter and hasattr(load(kind), "BIAS"))  # its step writes that entry of the state
-    return Shown(Estimator(name=name, title=title, primary=primary, claims=claims), biased)
+    return ShownEstimator(Estimator(name=name, title=title, primary=primary, claims=claims), biased)
 
 
-def shown_of_track(name: str, track: AttitudeTrack, title: str, *, primary: bool) -> Shown:
+def shown_of_track(name: str, track: AttitudeTrack, title: str, *, primary: bool) -> ShownEstimator:
     """Estimator of a track that a recording carries."""
     estimator = Estimator(name=name, title=title, primary=primary, claims=track.cov_b is not None)
-    return Shown(estimator, track.bias_b is not None and bool(np.any(track.bias_b)))
+    return ShownEstimator(estimator, track.bias_b is not None and bool(np.any(track.bias_b)))
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class RowLayout:
     """Which columns there are.
 
     Attributes
@@ -147,7 +147,7 @@ class Layout:
         Of the unit.
     temperature : bool
         Whether it has one.
-    shown : sequence of Shown
+    shown : sequence of ShownEstimator
         Estimators, the primary one first, without the reference.
     reference : str or None
         What the reference is; None where there is none.
@@ -157,7 +157,7 @@ class Layout:
 
     triads: Sequence[str]
     temperature: bool
-    shown: Sequence[Shown]
+    shown: Sequence[ShownEstimator]
     reference: str | None = None
     columns: list[Column] = field(init=False)
 
@@ -237,7 +237,9 @@ class Layout:
         if "acc" in self.triads:
             yield np.sqrt(np.einsum("ij,ij->i", imu.usable("acc"), imu.usable("acc")))[:, np.newaxis] - G0
 
-    def _estimated(self, shown: Shown, at: Attitudes, imu: ImuData | None, true: Floats | None) -> Iterator[Floats]:
+    def _estimated(
+        self, shown: ShownEstimator, at: Attitudes, imu: ImuData | None, true: Floats | None
+    ) -> Iterator[Floats]:
         count = len(at.q_nb)
         yield euler_deg(at.q_nb)
         if shown.estimator.claims:
@@ -270,7 +272,7 @@ def angle_errors(q_nb: Floats, true: Floats, *, headed: bool) -> Floats:
 
 
 def attitudes_now(
-    layout: Layout, attitudes: Mapping[str, Attitudes], reference: Attitudes | None
+    layout: RowLayout, attitudes: Mapping[str, Attitudes], reference: Attitudes | None
 ) -> dict[str, dict[str, Any]]:
     """Newest attitude of each estimator that has one, and of the reference, as `messages.Batch` has them."""
     now: dict[str, dict[str, Any]] = {}
@@ -294,7 +296,9 @@ def newest(values: Floats) -> list[float] | None:
     return None if not complete.size else list(map(float, values[complete[-1]]))
 
 
-def headed_estimators(shown: Sequence[Shown], norths: Mapping[str, Attitudes], reference: North | None) -> list[Shown]:
+def headed_estimators(
+    shown: Sequence[ShownEstimator], norths: Mapping[str, Attitudes], reference: North | None
+) -> list[ShownEstimator]:
     """Estimators, with whether their headings can be compared with the reference's."""
     if reference is None:
         return list(shown)

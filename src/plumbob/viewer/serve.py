@@ -26,10 +26,10 @@ from plumbob.viewer.commands import RefusedError, parse_command
 from plumbob.viewer.control_server import Control
 from plumbob.viewer.derived import Derived
 from plumbob.viewer.foxglove import Foxglove
-from plumbob.viewer.guard import App, Guard, Rules
+from plumbob.viewer.guard import App, Guard, GuardRules
 from plumbob.viewer.hub import Client, Hub, deliver
 from plumbob.viewer.messages import Answer, Command, as_json
-from plumbob.viewer.pipe import LIMIT, PAGE, TOKEN, Message, Unpacker, packed, require_packages
+from plumbob.viewer.pipe import LIMIT, PAGE, TOKEN, MessageUnpacker, PipeMessage, packed, require_packages
 
 if TYPE_CHECKING:
     import uvicorn
@@ -93,7 +93,7 @@ def _media_type(path: Path) -> str:
     return f"{kind}; charset=utf-8" if kind.startswith("text/") else kind
 
 
-def application(hub: Hub, control: "Control", rules: Rules, places: Places) -> App:
+def application(hub: Hub, control: "Control", rules: GuardRules, places: Places) -> App:
     """ASGI application of the server, behind its guard."""
     from starlette.applications import Starlette
     from starlette.routing import Route, WebSocketRoute
@@ -302,7 +302,7 @@ async def _run(options: argparse.Namespace, token: str) -> None:
     sockets = listening(options.host, options.port)
     port = sockets[0].getsockname()[1]
     hosts = [socket.gethostname() if options.host in ("0.0.0.0", "::") else options.host]
-    rules = Rules(token, port, hosts, tuple(options.allow_origin))
+    rules = GuardRules(token, port, hosts, tuple(options.allow_origin))
     places = Places(options.clients or 32, options.clients or 8)
     hub = Hub(control=options.control)
     pipe = Pipe(hub)
@@ -315,7 +315,7 @@ async def _run(options: argparse.Namespace, token: str) -> None:
         serving = asyncio.create_task(server.serve(sockets))
         while not server.started and not serving.done():
             await asyncio.sleep(0.001)
-        pipe.write(Message("ready", {"port": port}))
+        pipe.write(PipeMessage("ready", {"port": port}))
         await serving
     derived.close()
 
@@ -377,7 +377,7 @@ class Pipe(asyncio.Protocol):
     """The server's end of the pipe; the server ends with it."""
 
     def __init__(self, hub: Hub) -> None:
-        self._hub, self._unpacker = hub, Unpacker()
+        self._hub, self._unpacker = hub, MessageUnpacker()
         self._transport: asyncio.Transport | None = None
         self._server: uvicorn.Server | None = None
 
@@ -387,7 +387,7 @@ class Pipe(asyncio.Protocol):
         self._server = server
         await asyncio.get_running_loop().create_connection(lambda: self, sock=end)
 
-    def write(self, message: Message) -> bool:
+    def write(self, message: PipeMessage) -> bool:
         """Write a message; False where the feed is gone, or has not read for long."""
         transport = self._transport
         if transport is None or transport.is_closing() or transport.get_write_buffer_size() > LIMIT:

@@ -13,7 +13,7 @@ from plumbob.files.mcap.layout import SUFFIX, dated, existing_parts
 from plumbob.live.recording_sink import RecordingSink, epoch_offset_ns
 from plumbob.live.session import RecordSpec
 from plumbob.live.sinks import TextSink
-from plumbob.live.stream import Part, Stream
+from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Received
 from plumbob.viewer.commands import LONGEST_NAME, checked_name, checked_text
 
@@ -175,7 +175,7 @@ class Switch:
             if part is not None:
                 self._sink.on_part(part, item.t_ns)
 
-    def on_part(self, part: Part, now_ns: int) -> None:
+    def on_part(self, part: ItemResult, now_ns: int) -> None:
         """Keep what the line made of it."""
         if self._sink is not None and self._second is self._stream:
             self._sink.on_part(part, now_ns)

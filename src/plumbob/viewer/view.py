@@ -11,7 +11,7 @@ from typing import Any, Final
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.event import Event
-from plumbob.core.text import Shown, counted
+from plumbob.core.text import FactsText, counted
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack
 from plumbob.data.chain import Chain
@@ -24,10 +24,10 @@ from plumbob.live.session import Session
 from plumbob.live.session_toml import ALL, capture_session, of_unit
 from plumbob.live.sinks import Sink, TextSink
 from plumbob.live.sources import open_source
-from plumbob.live.stream import Part, Stream
+from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Stopping
 from plumbob.live.watch import Note, Ran, Watch, silence_words
-from plumbob.viewer.child import Server, Serving, require_view
+from plumbob.viewer.child import ServerOutlet, Serving, require_view
 from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Command
 from plumbob.viewer.outlet import Desk, Outlet
@@ -40,7 +40,7 @@ _PAUSE: Final = 0.01
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Viewed(Shown):
+class Viewed(FactsText):
     """A view that has ended.
 
     Attributes
@@ -179,7 +179,7 @@ def view(
     with ExitStack() as stack:
         shown = stack.enter_context(opened_up(what, emulate=emulate, chain=chain, note=say, line=line, also=also))
         shown.sends(send)
-        server = Server(serving, say)
+        server = ServerOutlet(serving, say)
         stack.callback(server.close)
         server.card = shown.card_in(Path(stack.enter_context(TemporaryDirectory(prefix="plumbob-view-"))))
         server.start()
@@ -199,7 +199,7 @@ def view(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _How:
+class _Presentation:
     """How something is shown, whatever it is."""
 
     folder: Path
@@ -276,11 +276,11 @@ class Shows:
             sample; ``echo``, called with what the outlet shows as events.
         """
         if self._session is not None:
-            return self._follow(self._session, outlet, _How(**how))
+            return self._follow(self._session, outlet, _Presentation(**how))
         assert self._path is not None
-        return self._play(self._path, outlet, _How(**how))
+        return self._play(self._path, outlet, _Presentation(**how))
 
-    def _follow(self, session: Session, outlet: Outlet, how: "_How") -> Viewed:
+    def _follow(self, session: Session, outlet: Outlet, how: "_Presentation") -> Viewed:
         session = named_at(session, time.time_ns())
         stream = Stream(session, covariance=True)
         announce(session, how.note)
@@ -306,11 +306,11 @@ class Shows:
             desk.serve()
             feed.tick()
 
-        sinks: list[Sink] = [watch, _Told(how.echo), feed, *texts, *sending]
+        sinks: list[Sink] = [watch, _RemarkSink(how.echo), feed, *texts, *sending]
         run_stream(stream, source, sinks=sinks, recording=switch, duration=how.duration, stop=how.stop, each=each)
         return Viewed(session.name, Ran(watch), switch.recordings, fault=feed.failed)
 
-    def _play(self, path: Path, outlet: Outlet, how: "_How") -> Viewed:
+    def _play(self, path: Path, outlet: Outlet, how: "_Presentation") -> Viewed:
         loaded = load(path, also=self._also, chain=self._chain, note=how.note, **self._options)
         player = Player(loaded, outlet, chain=self._chain, control=how.control)
         desk = _PlayerDesk(player, outlet)
@@ -398,13 +398,13 @@ def _of_recording(line: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in words.items() if value not in (False, {})}
 
 
-class _Told:
+class _RemarkSink:
     """Sink that says what happened, as remarks."""
 
     def __init__(self, note: Note) -> None:
         self._note = note
 
-    def on_part(self, part: Part) -> None:
+    def on_part(self, part: ItemResult) -> None:
         """Samples are no event."""
 
     def on_event(self, event: Event) -> None:

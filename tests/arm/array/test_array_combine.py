@@ -8,17 +8,17 @@ import pytest
 from plumbob import ImuMeta, flags
 from plumbob.arm.array import combine, joined
 from plumbob.core.errors import ClockError, ParameterError, ShapeError
-from tests.helpers.array_samples import ImuArray, ImuData, Mount, card, sampled, turned
+from tests.helpers.array_samples import ImuArray, ImuData, UnitMount, card, sampled, turned
 
 T = np.arange(400) / 100.0
 RATE = np.stack([np.sin(3.0 * T), 0.5 * np.cos(2.0 * T), 0.3 * np.sin(5.0 * T)], axis=1)
 FORCE = np.stack([np.cos(T), np.sin(2.0 * T), 9.8 + 0.0 * T], axis=1)
 FIELD = np.stack([20.0 + 0.0 * T, 3.0 * np.sin(T), 40.0 + 0.0 * T], axis=1)
 MOUNTS = {
-    "a": Mount(),
-    "b": Mount(q_bs=turned(90.0, 0.0, 0.0), lever_b=(0.1, 0.0, 0.0)),
-    "c": Mount(q_bs=turned(30.0, -40.0, 70.0), lever_b=(0.0, 0.2, 0.0)),
-    "d": Mount(q_bs=turned(0.0, 180.0, 0.0), lever_b=(0.0, -0.1, 0.15)),
+    "a": UnitMount(),
+    "b": UnitMount(q_bs=turned(90.0, 0.0, 0.0), lever_b=(0.1, 0.0, 0.0)),
+    "c": UnitMount(q_bs=turned(30.0, -40.0, 70.0), lever_b=(0.0, 0.2, 0.0)),
+    "d": UnitMount(q_bs=turned(0.0, 180.0, 0.0), lever_b=(0.0, -0.1, 0.15)),
 }
 
 
@@ -49,7 +49,7 @@ def test_levers_alone_tell_the_angular_acceleration_where_they_span_it(array):
 
 def test_noise_falls_with_the_square_root_of_the_number():
     t = np.arange(20_000) / 100.0
-    mounts = {f"u{i}": Mount(q_bs=turned(0.0, 0.0, 40.0 * i), noise=card()) for i in range(9)}
+    mounts = {f"u{i}": UnitMount(q_bs=turned(0.0, 0.0, 40.0 * i), noise=card()) for i in range(9)}
     zero = np.zeros((t.size, 3))
     one = combine(sampled(t, mounts, gyr=zero, acc=zero + [0.0, 0.0, 9.8], noise=0.01))
     assert one.imu.gyr.std() == pytest.approx(0.01 / 3.0, rel=0.02)  # 60 000 values: 0.3 %, seven of which
@@ -60,7 +60,7 @@ def test_noise_falls_with_the_square_root_of_the_number():
 
 def test_a_noisy_unit_weighs_less():
     t, zero = np.arange(50) / 10.0, np.zeros((50, 3))
-    mounts = {"good": Mount(noise=card(gyr=1e-3)), "bad": Mount(noise=card(gyr=3e-3))}
+    mounts = {"good": UnitMount(noise=card(gyr=1e-3)), "bad": UnitMount(noise=card(gyr=3e-3))}
     array = sampled(t, mounts, gyr=zero, acc=zero + [0.0, 0.0, 9.8])
     units = dict(array.units) | {"bad": ImuData(t, zero + 1.0, zero)}
     assert combine(ImuArray(units, mounts)).imu.gyr == pytest.approx(np.full((50, 3), 0.1))  # 1/(1 + 9)
@@ -97,7 +97,11 @@ def test_axes_of_single_axis_units_make_one_vector():
     t = np.arange(20) / 10.0
     rate = np.tile([0.1, -0.2, 0.3], (20, 1))
     z = np.array([np.nan, np.nan, 1.0])
-    mounts = {"x": Mount(q_bs=turned(0.0, 90.0, 0.0)), "y": Mount(q_bs=turned(-90.0, 0.0, 0.0)), "z": Mount()}
+    mounts = {
+        "x": UnitMount(q_bs=turned(0.0, 90.0, 0.0)),
+        "y": UnitMount(q_bs=turned(-90.0, 0.0, 0.0)),
+        "z": UnitMount(),
+    }
     units = {name: ImuData(t, (rate @ m.dcm) * z, np.zeros((20, 3))) for name, m in mounts.items()}
     assert combine(ImuArray(units, mounts)).imu.gyr == pytest.approx(rate, abs=1e-12)
     del units["y"], mounts["y"]
@@ -120,7 +124,7 @@ def test_what_a_mask_excludes_is_left_out_and_flagged(array):
 
 def test_late_clocks_are_put_right_by_interpolation():
     """Linear interpolation of sin 3t leaves (3 Δt)²/8 of it: 1.1e-4 at 100 Hz."""
-    late = Mount(clock_offset=0.0137)
+    late = UnitMount(clock_offset=0.0137)
     then = np.stack([np.sin(3.0 * (T + 0.0137))] * 3, axis=1)
     now = np.stack([np.sin(3.0 * T)] * 3, axis=1)
     one = combine(ImuArray({"a": ImuData(T, gyr=now), "b": ImuData(T, gyr=then)}, {"b": late}))

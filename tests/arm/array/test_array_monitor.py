@@ -7,12 +7,12 @@ import pytest
 
 from plumbob import flags
 from plumbob.arm.array import Monitor, monitor
-from plumbob.arm.array.monitoring import Settings
+from plumbob.arm.array.monitoring import MonitoringSettings
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import dps
-from tests.helpers.array_samples import ImuArray, ImuData, Mount, as_array, card, moved
+from tests.helpers.array_samples import ImuArray, ImuData, UnitMount, as_array, card, moved
 
-FIXED = Settings(gyr_bias=0.02, gyr_walk=1e-3, scale=0.0, scale_walk=0.0, adapt=0.0)
+FIXED = MonitoringSettings(gyr_bias=0.02, gyr_walk=1e-3, scale=0.0, scale_walk=0.0, adapt=0.0)
 
 
 def full_filter(y, dt, n_rpsd, bias, walk, aid, aid_sd):
@@ -53,7 +53,7 @@ def test_a_filter_on_the_mean_and_a_tracker_for_each_unit_are_the_full_filter():
         y.mean(axis=1, keepdims=True), dt, n_rpsd / np.sqrt(n), FIXED.gyr_bias / np.sqrt(n),
         FIXED.gyr_walk / np.sqrt(n), aid, 1e-2,
     )  # fmt: skip
-    mounts = {f"u{i}": Mount(noise=card(gyr=n_rpsd)) for i in range(n)}
+    mounts = {f"u{i}": UnitMount(noise=card(gyr=n_rpsd)) for i in range(n)}
     watch = Monitor(mounts, step=dt, settings=FIXED)
     parity = []
     for i in range(300):
@@ -85,9 +85,9 @@ def test_a_stream_cut_anywhere_gives_the_same_bits(moving, size):
         assert joined.tobytes() == getattr(whole.imu, triad).tobytes()
     assert np.array_equal(np.concatenate([part.imu.flags for part in parts]), whole.imu.flags)
     with pytest.raises(ParameterError, match="Make a monitor for each array"):
-        Monitor({"a": Mount(), "b": Mount()}, step=0.1).take(moving)
+        Monitor({"a": UnitMount(), "b": UnitMount()}, step=0.1).take(moving)
     with pytest.raises(ParameterError, match="step"):
-        Monitor({"a": Mount()}, step=0.0)
+        Monitor({"a": UnitMount()}, step=0.0)
 
 
 def broken(kind, triad, values, rng, rows):
@@ -163,7 +163,7 @@ def test_a_unit_that_goes_does_not_move_the_combined_rate():
     found = moved(9, 120.0, moving=False)
     found["u1"]["gyr"][:, 0] += dps(1.0)  # from the start: a bias, and not a fault
     found["u1"]["gyr"][600:] = np.nan
-    seen = monitor(as_array(found), settings=Settings(gyr_bias=dps(2.0)))
+    seen = monitor(as_array(found), settings=MonitoringSettings(gyr_bias=dps(2.0)))
     assert [(fault.unit, fault.kind) for fault in seen.faults] == [("u1", "dead")]
     step = seen.imu.gyr[606:, 0].mean() - seen.imu.gyr[100:600, 0].mean()
     # means of 500 samples of 0.1/√6 °/s scatter by 0.0026 °/s, the tracker's walk adds 0.002 √60 /√5 °/s

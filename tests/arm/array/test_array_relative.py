@@ -9,7 +9,7 @@ from plumbob.arm.array import combine, info
 from plumbob.arm.array.relative import corrected
 from plumbob.core.errors import ParameterError
 from plumbob.rotations import quat_from_rotvec, quat_multiply
-from tests.helpers.array_samples import ImuArray, ImuData, Mount, card, sampled, turned
+from tests.helpers.array_samples import ImuArray, ImuData, UnitMount, card, sampled, turned
 
 T = np.arange(3000) / 100.0
 RATE = np.stack([np.sin(2.0 * T), np.cos(1.5 * T), 0.7 * np.sin(0.8 * T + 1.0)], axis=1)
@@ -24,7 +24,7 @@ NOISE = 0.01
 def array():
     """Units turned beyond what their mounts say, with biases of their gyroscopes."""
     noise = card(*[NOISE / np.sqrt(100.0)] * 3)
-    nominal = {name: Mount(q_bs=turned(0.0, 0.0, 90.0 * i), noise=noise) for i, name in enumerate(TRUE)}
+    nominal = {name: UnitMount(q_bs=turned(0.0, 0.0, 90.0 * i), noise=noise) for i, name in enumerate(TRUE)}
     real = {
         name: replace(m, q_bs=tuple(quat_multiply(quat_from_rotvec(TRUE[name]), np.array(m.q_bs)).tolist()))
         for name, m in nominal.items()
@@ -55,7 +55,7 @@ def test_corrected_units_agree(array):
 
 def test_a_late_clock_is_found_and_put_right():
     late = 0.0537
-    mounts = {name: Mount(noise=card(*[NOISE / np.sqrt(100.0)] * 3)) for name in "abc"}
+    mounts = {name: UnitMount(noise=card(*[NOISE / np.sqrt(100.0)] * 3)) for name in "abc"}
     rng = np.random.default_rng(5)
 
     def unit(shift):
@@ -74,7 +74,7 @@ def test_a_late_clock_is_found_and_put_right():
 
 def test_at_rest_the_clock_stays_unknown():
     t = np.arange(500) / 100.0
-    mounts = {name: Mount(noise=card(*[NOISE / np.sqrt(100.0)] * 3)) for name in "ab"}
+    mounts = {name: UnitMount(noise=card(*[NOISE / np.sqrt(100.0)] * 3)) for name in "ab"}
     zero = np.zeros((500, 3))
     found = info(sampled(t, mounts, gyr=zero, acc=zero + [0.0, 0.0, 9.8], noise=NOISE))
     assert np.isnan(found["a"].clock_offset)

@@ -13,7 +13,7 @@ from mcap.writer import CompressionType, Writer
 
 from plumbob.core.errors import DecodeError
 from plumbob.files.mcap import layout, open_log, verify
-from plumbob.files.mcap.resync import Source
+from plumbob.files.mcap.resync import FileBytes
 from tests.helpers import record_samples as made
 from tests.helpers.io_samples import refused
 
@@ -268,7 +268,7 @@ def test_the_work_grows_with_the_file_and_not_with_its_square(tmp_path, monkeypa
     begin, chunk = whole_chunk(tmp_path / "a.mcap")
     work = []
 
-    def counted(source, offset, count, read=Source.read):
+    def counted(source, offset, count, read=FileBytes.read):
         found = read(source, offset, count)
         work.append(len(found))
         return found
@@ -284,7 +284,7 @@ def test_the_work_grows_with_the_file_and_not_with_its_square(tmp_path, monkeypa
             continue
         return sum(work) / (tmp_path / "b.mcap").stat().st_size
 
-    monkeypatch.setattr(Source, "read", counted)
+    monkeypatch.setattr(FileBytes, "read", counted)
     assert bytes_read(900) < 1.5 * bytes_read(300)
     assert bytes_read(900) < 2 * 40  # 32 times, for its name and for its rows
 

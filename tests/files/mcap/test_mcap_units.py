@@ -12,7 +12,7 @@ import pytest
 
 import plumbob
 from plumbob.data import ImuData, ImuMeta
-from plumbob.data.array import ImuArray, Mount
+from plumbob.data.array import ImuArray, UnitMount
 from plumbob.door.reading import read_array
 from plumbob.files.header import array_told
 from plumbob.files.mcap import open_log
@@ -30,7 +30,7 @@ def array(rows=200):
     t = np.arange(rows) / 100.0
     meta = ImuMeta(device="d", unit_check=False, t0_ns=1_700_000_000_000_000_000)
     units = {name: ImuData(t=t, gyr=rng.normal(size=(rows, 3)), meta=meta) for name in UNITS}
-    return ImuArray(units, {"u2": Mount((0.0, 1.0, 0.0, 0.0), (0.1, 0.2, 0.3), 1e-3)})
+    return ImuArray(units, {"u2": UnitMount((0.0, 1.0, 0.0, 0.0), (0.1, 0.2, 0.3), 1e-3)})
 
 
 @pytest.mark.long(reason="two processes; of a killed recorder test_mcap_kill tells the same for one channel")

@@ -68,10 +68,12 @@ def test_a_field_weighs_what_it_weighs_in_a_smoothed_recording():
     mean[COUNT] = 5.0
     for field, weight in zip(fields, expected, strict=True):
         mean[FIELD : FIELD + 3] = field
-        assert onward.field_weight(mean, onward.Field.from_reference(reference, p)) == pytest.approx(weight, rel=1e-12)
+        assert onward.field_weight(mean, onward.LocalField.from_reference(reference, p)) == pytest.approx(
+            weight, rel=1e-12
+        )
     mean[COUNT] = 0.0
-    assert onward.field_weight(mean, onward.Field.from_reference(reference, p)) == 0.0
-    assert onward.field_weight(mean, onward.Field.from_reference(None, p)) == 0.0
+    assert onward.field_weight(mean, onward.LocalField.from_reference(reference, p)) == 0.0
+    assert onward.field_weight(mean, onward.LocalField.from_reference(None, p)) == 0.0
 
 
 def test_the_speed_of_a_swing_is_learned():

@@ -12,7 +12,7 @@ from plumbob.core.constants import G0
 from plumbob.filters.smoother import Params, sweeps
 from plumbob.filters.smoother.inertial import kinds
 from plumbob.filters.smoother.keyframes import Keyframes
-from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, Noise, V, start_covariance
+from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, ModelVariances, V, start_covariance
 from plumbob.filters.smoother.sweeps import AGAIN, FADE, HEADING, INVERSE, KIND, LIFT, MOVING, RESTING, TIME
 from plumbob.rotations import (
     quat_chained,
@@ -263,7 +263,7 @@ def recorded():
         "start": np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1)),
     }
     p0 = start_covariance(params, tilt=0.2, heading=0.5, bias=0.05, rigid=False)
-    return SimpleNamespace(**given, n=n, p0=p0, noise=Noise.from_params(params, 0.05))
+    return SimpleNamespace(**given, n=n, p0=p0, noise=ModelVariances.from_params(params, 0.05))
 
 
 def passed(r):

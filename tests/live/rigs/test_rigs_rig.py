@@ -8,7 +8,7 @@ import pytest
 
 from plumbob.core import flags
 from plumbob.live.rigs.faults import KINDS
-from plumbob.live.rigs.plan import PLANS, Unit, plan_for
+from plumbob.live.rigs.plan import PLANS, RigUnit, plan_for
 from plumbob.live.rigs.rig import make_rig
 from plumbob.protocols.checksum import of_rows
 from plumbob.protocols.decode import decode, triads_of, unit_temperature
@@ -272,7 +272,7 @@ def test_an_unplugged_port_costs_a_second_of_frames():
 
 
 def test_units_of_a_plan_ride_on_one_motion():
-    twins = replace(PLANS["buoy"], units=(Unit("mpu6000+hmc5983"), Unit("mpu6000+hmc5983", "u2")))
+    twins = replace(PLANS["buoy"], units=(RigUnit("mpu6000+hmc5983"), RigUnit("mpu6000+hmc5983", "u2")))
     rig = make_rig(twins, load("buoy"), seed=2, duration=2.0)
     assert np.array_equal(rig.units[""].truth.q_nb, rig.units["u2"].truth.q_nb)
     assert not np.array_equal(rig.units[""].imu.gyr, rig.units["u2"].imu.gyr)

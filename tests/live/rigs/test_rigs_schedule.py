@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from plumbob.live.rigs.firmware import Task, poll
+from plumbob.live.rigs.firmware import FirmwareTask, poll
 
 MS = 1_000_000
 
 
 def polled(*tasks, ms):
-    return poll([Task(name, every, (takes,)) for name, every, takes in tasks], ms * MS)
+    return poll([FirmwareTask(name, every, (takes,)) for name, every, takes in tasks], ms * MS)
 
 
 def test_a_task_that_fits_is_served_at_each_event():
@@ -48,11 +48,11 @@ def test_every_event_is_served_or_missed():
 
 def test_a_long_call_costs_the_others_all_events_but_the_one_that_waits():
     """From 50 ms on 46 ms are taken: events of 3 ms at 51, 54, … 93: the first waits, 14 more are missed."""
-    calls = poll([Task("sample", 3, (0,)), Task("send", 50, (46 * MS, 0))], 99 * MS)
+    calls = poll([FirmwareTask("sample", 3, (0,)), FirmwareTask("send", 50, (46 * MS, 0))], 99 * MS)
     assert calls["sample"].missed_ns.tolist() == [t * MS for t in range(54, 97, 3)]
     assert calls["sample"].late_ns.max() == 45 * MS
 
 
 def test_durations_take_turns():
-    calls = poll([Task("send", 50, (MS, 2 * MS, 3 * MS))], 301 * MS)["send"]
+    calls = poll([FirmwareTask("send", 50, (MS, 2 * MS, 3 * MS))], 301 * MS)["send"]
     assert ((calls.done_ns - calls.begun_ns) // MS).tolist() == [1, 2, 3, 1, 2, 3]

@@ -15,7 +15,7 @@ from pynmeagps import NMEAReader
 from plumbob.core import flags, units
 from plumbob.core.errors import FrameError, ParameterError
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.protocols.attitude import Attitude, Body, attitudes, json_lines, nmea, tss1
+from plumbob.protocols.attitude import AttitudeSample, BodyAxes, attitudes, json_lines, nmea, tss1
 from plumbob.protocols.attitude.mavlink import Mavlink
 from plumbob.protocols.attitude.ros2 import Imus
 from plumbob.rotations import (
@@ -39,7 +39,7 @@ def track(heading: float, pitch: float, roll: float, **more: Any) -> AttitudeTra
     return AttitudeTrack(**{"t": [0.0], "q_nb": q, "frame": Frame.NED, "north": North.TRUE} | more)
 
 
-def one(found: AttitudeTrack, **more: Any) -> Attitude:
+def one(found: AttitudeTrack, **more: Any) -> AttitudeSample:
     return next(attitudes(found, [0], **{"t0_ns": NOON, "utc": True} | more))
 
 
@@ -84,13 +84,13 @@ def test_signs_are_those_of_ships(angles: Any, axis: int, sign: float) -> None:
     assert (a.roll_deg, a.pitch_deg) == pytest.approx((angles[2], angles[1]))
 
 
-def same_body(q_frd: Any) -> list[tuple[AttitudeTrack, Body]]:
+def same_body(q_frd: Any) -> list[tuple[AttitudeTrack, BodyAxes]]:
     """The same physical attitude of a forward-right-down body in NED, in all frames and both axes."""
     found = []
     for frame in Frame:
         q = change_frame(q_frd, to=frame, from_=Frame.NED)
-        for body in Body:
-            turned = quat_multiply(q, HALF_TURN) if body is Body.FLU else q
+        for body in BodyAxes:
+            turned = quat_multiply(q, HALF_TURN) if body is BodyAxes.FLU else q
             found.append((AttitudeTrack(t=[0.0], q_nb=turned[None], frame=frame, north=North.TRUE), body))
     return found
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from plumbob.arm.array.direction_filter import NAME, noise_params, track_directions
-from plumbob.arm.array.monitoring import Monitored, Settings, monitor
+from plumbob.arm.array.monitoring import Monitored, MonitoringSettings, monitor
 from plumbob.core.errors import ParameterError
-from plumbob.core.text import Shown
+from plumbob.core.text import FactsText
 from plumbob.data import AttitudeTrack
 from plumbob.data.array import ImuArray
 from plumbob.door.estimate import Estimated
@@ -19,7 +19,7 @@ from plumbob.rotations import Frame
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ArrayEstimated(Shown):
+class ArrayEstimated(FactsText):
     """Attitude of an array.
 
     Attributes
@@ -50,7 +50,7 @@ def estimate(
     params: Mapping[str, Any] | None = None,
     frame: Frame | str | None = None,
     init: str | None = None,
-    settings: Settings | None = None,
+    settings: MonitoringSettings | None = None,
 ) -> ArrayEstimated:
     """Estimate the attitude of the body of an array from all units that agree.
 
@@ -63,7 +63,7 @@ def estimate(
         alone, for an array that hardly accelerates in a field that nothing disturbs.
     causal, lag, params, frame, init
         As of `plumbob.estimate`. The monitor is always causal: what it leaves out is known from samples before.
-    settings : Settings, optional
+    settings : MonitoringSettings, optional
         Of the monitor; its `gyr_bias` is what "directions" starts from, over the square root of the number of units.
 
     Returns
@@ -84,7 +84,7 @@ def estimate(
                 "the filter 'directions' takes neither lag nor init; it is causal and starts by itself."
             )
         frame = navigation_frame(watched.imu, None if frame is None else Frame.parse(frame), where="the array")
-        start = (settings or Settings()).gyr_bias / math.sqrt(len(array.units))
+        start = (settings or MonitoringSettings()).gyr_bias / math.sqrt(len(array.units))
         noises = noise_params(watched.noise, start)
         unknown = [name for name in params or {} if name not in noises._fields]
         if unknown:

@@ -10,7 +10,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.data import TRIADS, ImuData
-from plumbob.data.array import ImuArray, Mount
+from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards import NoiseCard
 from plumbob.data.cards.noise import TriadNoise
 from plumbob.data.imu import TRIAD_FLAGS
@@ -48,17 +48,17 @@ def stacked(array: ImuArray, triad: str) -> Floats:
     return np.stack([axis_values(imu, triad) for imu in array.units.values()], axis=1)
 
 
-def directions(mounts: Mapping[str, Mount]) -> Floats:
+def directions(mounts: Mapping[str, UnitMount]) -> Floats:
     """Direction of axis k of unit u in body axes (U, 3, 3)."""
     return np.ascontiguousarray([mount.dcm.T for mount in mounts.values()])
 
 
-def levers(mounts: Mapping[str, Mount]) -> Floats:
+def levers(mounts: Mapping[str, UnitMount]) -> Floats:
     """Lever arms (U, 3), m."""
     return np.array([mount.lever_b for mount in mounts.values()])
 
 
-def densities(mounts: Mapping[str, Mount], triad: str) -> Floats:
+def densities(mounts: Mapping[str, UnitMount], triad: str) -> Floats:
     """White noise of each axis (U, 3); where a card lacks it that of the others, and a usual one where all do."""
     density = np.full((len(mounts), 3), np.nan)
     for u, mount in enumerate(mounts.values()):
@@ -160,7 +160,7 @@ def combined_noise(array: ImuArray, name: str) -> NoiseCard | None:
     return NoiseCard(name, f"{len(array.units)} units combined", **parts)
 
 
-def _slow(mounts: Mapping[str, Mount], triad: str, letter: str) -> Floats:
+def _slow(mounts: Mapping[str, UnitMount], triad: str, letter: str) -> Floats:
     noises = [None if m.noise is None else getattr(m.noise, triad) for m in mounts.values()]
     return np.array([np.zeros(3) if noise is None else getattr(noise, letter) for noise in noises])
 

@@ -16,7 +16,7 @@ from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.core.units import dps
 from plumbob.data import TRIADS, ImuData, ImuMeta
-from plumbob.data.array import ImuArray, Mount
+from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards import NoiseCard
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report
@@ -27,7 +27,7 @@ CHUNK: Final = 4096
 """Rows that `monitor` takes at a time; the result does not depend on it."""
 
 
-class Settings(NamedTuple):
+class MonitoringSettings(NamedTuple):
     """How an array is watched; numbers in SI.
 
     Attributes
@@ -87,7 +87,7 @@ class Settings(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class TriadFault:
     """One time for which a unit's triad was left out.
 
     Attributes
@@ -142,11 +142,11 @@ class Monitored(Series):
         return out
 
     @property
-    def faults(self) -> tuple[Fault, ...]:
+    def faults(self) -> tuple[TriadFault, ...]:
         """Every time for which a unit's triad was left out, in order of time."""
         return tuple(sorted(self._faults(), key=lambda fault: fault.begin))
 
-    def _faults(self) -> Iterator[Fault]:
+    def _faults(self) -> Iterator[TriadFault]:
         t = self.imu.t
         for triad in TRIADS:
             state = self.state(triad)
@@ -154,7 +154,7 @@ class Monitored(Series):
                 for start, stop in check.runs(state[:, u] > 1):
                     end = float(t[stop]) if stop < t.size else float("nan")
                     kind = KINDS[int(np.bincount(state[start:stop, u]).argmax())]  # what it was called longest
-                    yield Fault(self.names[u], triad, kind, float(t[start]), end)
+                    yield TriadFault(self.names[u], triad, kind, float(t[start]), end)
 
     def facts(self) -> Mapping[str, str]:
         """Units, samples and faults."""
@@ -208,11 +208,11 @@ class Monitor:
 
     Parameters
     ----------
-    mounts : mapping of str to Mount
+    mounts : mapping of str to UnitMount
         How each unit sits on the body, its noise card with it; see `ImuArray.mounts`.
     step : float
         Nominal time between two samples, s: what one sample's noise is follows from it.
-    settings : Settings, optional
+    settings : MonitoringSettings, optional
         Times and thresholds.
 
     Attributes
@@ -221,13 +221,15 @@ class Monitor:
         Names of the units.
     """
 
-    def __init__(self, mounts: Mapping[str, Mount], *, step: float, settings: Settings | None = None) -> None:
+    def __init__(
+        self, mounts: Mapping[str, UnitMount], *, step: float, settings: MonitoringSettings | None = None
+    ) -> None:
         self.names = tuple(mounts)
         if not self.names:
             raise ShapeError("a monitor needs at least one unit, but no mount was given.")
         if not 0.0 < check.number("step", step, "s") < np.inf:
             raise ParameterError(f"step must be a positive number of seconds, but it is {step}.")
-        self.settings = settings or Settings()
+        self.settings = settings or MonitoringSettings()
         self._mounts = dict(mounts)
         self._axes, self._levers = directions(mounts), levers(mounts)
         self._c = self.settings.coefficients(step)
@@ -295,7 +297,7 @@ class Monitor:
         }
 
 
-def monitor(array: ImuArray, *, settings: Settings | None = None) -> Monitored:
+def monitor(array: ImuArray, *, settings: MonitoringSettings | None = None) -> Monitored:
     """Watch an array: which units contradict the others, and what the rest of them measure.
 
     Parameters
@@ -303,7 +305,7 @@ def monitor(array: ImuArray, *, settings: Settings | None = None) -> Monitored:
     array : ImuArray
         The units; the noise cards of their mounts say what may be noise. Where none has one, the noise that the values
         show is taken, at least that of a common part. A `Monitor` of a stream takes that of a common part.
-    settings : Settings, optional
+    settings : MonitoringSettings, optional
         Times and thresholds.
 
     Returns

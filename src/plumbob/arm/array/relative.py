@@ -154,7 +154,7 @@ def info(array: ImuArray) -> ArrayInfo:
         raise ParameterError("one unit cannot be compared with others; an array needs two units at least.")
     array = with_noise(array)
     late = _coarse(array)
-    fits: list[_Fit] = []
+    fits: list[_RelativeFit] = []
     for _ in range(ROUNDS):
         shifted = _later(array, late)
         virtual = combined(shifted, "noise", None, causal=False)
@@ -230,13 +230,13 @@ def _coarse(array: ImuArray) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Fit:
+class _RelativeFit:
     x: Floats
     sd: Floats
     clock_sd: float
 
 
-def _fit(array: ImuArray, combined: Combined, u: int) -> _Fit:
+def _fit(array: ImuArray, combined: Combined, u: int) -> _RelativeFit:
     """Rotation, biases and clock offset of a unit, by least squares of its parity in body axes."""
     step, mount = nominal_step(array), list(array.mounts.values())[u]
     weights = [PRIOR["rotation"], PRIOR["gyr"], PRIOR["acc"], PRIOR["mag"]]
@@ -271,7 +271,7 @@ def _fit(array: ImuArray, combined: Combined, u: int) -> _Fit:
     cov = np.linalg.inv(normal)
     x, sd = cov @ right, np.sqrt(np.diag(cov))
     has_clock = reliable > RELIABLE
-    return _Fit(x, sd, float(sd[12]) if has_clock else float("nan"))
+    return _RelativeFit(x, sd, float(sd[12]) if has_clock else float("nan"))
 
 
 def _reliable(slope: Floats, noise: float, step: float) -> float:

@@ -10,19 +10,19 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ShapeError
 from plumbob.core.time import GAP_FACTOR
 from plumbob.data import ImuData
-from plumbob.data.array import ImuArray, Mount
+from plumbob.data.array import ImuArray, UnitMount
 
 Imus = Mapping[str, ImuData]
 
 
-def joined(units: Imus, mounts: Mapping[str, Mount] | None = None) -> ImuArray:
+def joined(units: Imus, mounts: Mapping[str, UnitMount] | None = None) -> ImuArray:
     """Put recordings with time lines of their own on that of the first, by linear interpolation, never across a gap.
 
     Parameters
     ----------
     units : mapping of str to ImuData
         By name; times count from the same start, or from the `t0_ns` of each, where all have one.
-    mounts : mapping of str to Mount, optional
+    mounts : mapping of str to UnitMount, optional
         How each sits on the body. A clock offset is taken into account, and is zero in the result.
 
     Returns
@@ -45,7 +45,7 @@ def joined(units: Imus, mounts: Mapping[str, Mount] | None = None) -> ImuArray:
     absolute = all(epochs)
     resampled = {}
     for name, imu in units.items():
-        mount = mounts.get(name, Mount())
+        mount = mounts.get(name, UnitMount())
         start = (imu.meta.t0_ns - first.meta.t0_ns) * 1e-9 if absolute else 0.0
         taken = imu.t + start + mount.clock_offset
         resampled[name] = imu if imu is first and mount.clock_offset == 0.0 else _resampled(name, imu, taken, first.t)

@@ -39,7 +39,7 @@ MOST_TURN: Final = deg(120.0)
 """Turn within a window beyond which the gyroscope's own scale would count, rad."""
 
 FEWEST: Final = 12
-"""Windows."""
+"""EqualStretches."""
 
 _SHARED: Final = 4.0 / 3.0  # of the variance of windows with Hann's weights that overlap by half: correlation 1/6 twice
 _ROUNDS: Final = 8
@@ -49,7 +49,7 @@ _ADVICE: Final = (
 )
 
 
-class Windows(NamedTuple):
+class EqualStretches(NamedTuple):
     """Stretches of equal length.
 
     Attributes
@@ -128,7 +128,7 @@ def _attitude(t: Floats, gyr: Floats) -> Floats:
     return q
 
 
-def _windows(t: Floats, gyr: Floats, attitude: Floats, length: float) -> Windows:
+def _windows(t: Floats, gyr: Floats, attitude: Floats, length: float) -> EqualStretches:
     """Windows without a gap that overlap by half, and in which the unit does not turn too far."""
     step = float(np.median(np.diff(t)))
     half = max(1, round(0.5 * length / step))
@@ -140,10 +140,10 @@ def _windows(t: Floats, gyr: Floats, attitude: Floats, length: float) -> Windows
     rows = rows[even & slow]
     turns = quat_multiply(quat_conjugate(attitude[rows[:, half]])[:, np.newaxis], attitude[rows])
     weights = 1.0 + np.cos(np.pi * np.arange(-half, half + 1) / (half + 1.0))
-    return Windows(rows, turns, weights / weights.sum(), np.mean(speed[rows] ** 2, axis=1))
+    return EqualStretches(rows, turns, weights / weights.sum(), np.mean(speed[rows] ** 2, axis=1))
 
 
-def _fit(windows: Windows, acc: Floats, shape: str, gravity: float, tilt_range: float) -> Fitted:
+def _fit(windows: EqualStretches, acc: Floats, shape: str, gravity: float, tilt_range: float) -> Fitted:
     """Fit poses, which depend a little on what is fitted: again and again until they stay."""
     matrix, bias = np.eye(3), np.zeros(3)
     poses = _poses(windows, acc, matrix, bias)
@@ -158,7 +158,7 @@ def _fit(windows: Windows, acc: Floats, shape: str, gravity: float, tilt_range: 
     return _widened(fitted, float(np.mean(windows.rate[fitted.used])), gravity, tilt_range)
 
 
-def _poses(windows: Windows, acc: Floats, matrix: Floats, bias: Floats) -> Floats:
+def _poses(windows: EqualStretches, acc: Floats, matrix: Floats, bias: Floats) -> Floats:
     """What the sensor would measure at rest in the attitude of each middle, (W, 3)."""
     force = quat_rotate(windows.turns, ((acc - bias) @ matrix.T)[windows.rows])
     return np.asarray(np.linalg.solve(matrix, np.einsum("n,wni->iw", windows.weights, force)).T + bias)

@@ -151,7 +151,7 @@ _SMALLEST: Final = {"auto": Shape.AXES, "axes": Shape.AXES, "ellipsoid": Shape.E
 _ADVICE: Final = "Hold the unit still in 18 poses, each face and each edge of its case once up."
 
 
-class _Found(NamedTuple):
+class _PosesFit(NamedTuple):
     fit: NormFit
     why: str
 
@@ -214,7 +214,7 @@ def fit_accel(
     return Fitted(calibration, poses, fit.residuals, fit.used, _remarks(fit, why, gravity, noise))
 
 
-def _by_shape(poses: Floats, shape: str, noise: float) -> _Found:
+def _by_shape(poses: Floats, shape: str, noise: float) -> _PosesFit:
     choice = _chosen(poses, noise) if shape == "auto" else _given_shape(poses, shape, noise)
     if choice is not None:
         return choice
@@ -225,21 +225,21 @@ def _by_shape(poses: Floats, shape: str, noise: float) -> _Found:
     raise CaptureRefusedError(Reason("ill-conditioned", text, advice))
 
 
-def _given_shape(poses: Floats, shape: str, noise: float) -> _Found | None:
+def _given_shape(poses: Floats, shape: str, noise: float) -> _PosesFit | None:
     fit = six_positions(poses, noise=noise) if shape == "six" else _fit(poses, _SMALLEST[shape], noise)
-    return None if fit is None else _Found(_doubted(fit, poses), "asked for")
+    return None if fit is None else _PosesFit(_doubted(fit, poses), "asked for")
 
 
-def _chosen(poses: Floats, noise: float) -> _Found | None:
+def _chosen(poses: Floats, noise: float) -> _PosesFit | None:
     """The shape that the poses can tell and ask for."""
     choice = choose(poses)
     full = _fit(poses, Shape.ELLIPSOID, noise) if choice is None else choice.full
     if full is not None and _determined(full):
         if choice is None:
-            return _Found(full, "too few poses to try less")
-        return _Found(_held_against(choice.fit, full), choice.why)
+            return _PosesFit(full, "too few poses to try less")
+        return _PosesFit(_held_against(choice.fit, full), choice.why)
     fit = _fit(poses, Shape.AXES, noise)
-    return None if fit is None else _Found(_doubted(fit, poses), "the poses do not determine the misalignment")
+    return None if fit is None else _PosesFit(_doubted(fit, poses), "the poses do not determine the misalignment")
 
 
 def _fit(poses: Floats, shape: Shape, noise: float) -> NormFit | None:

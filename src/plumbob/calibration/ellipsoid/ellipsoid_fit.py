@@ -494,7 +494,7 @@ SPARE: Final = 3
 """Samples more than parameters, for residuals to say anything."""
 
 
-class Choice(NamedTuple):
+class ShapeChoice(NamedTuple):
     """What was chosen, and the full shape that it was held against; the same where nothing smaller did."""
 
     fit: NormFit
@@ -513,7 +513,7 @@ def fit_shape(vectors: Floats, shape: Shape) -> NormFit | None:
     return fit_norm(vectors, shape, first_ellipsoid(vectors))
 
 
-def choose(vectors: Floats) -> Choice | None:
+def choose(vectors: Floats) -> ShapeChoice | None:
     """Fit of the smallest shape that the vectors (N, 3) do not contradict; None where the full one cannot be fitted."""
     some = vectors[:: max(1, len(vectors) // _SOME)]
     full = fit_shape(some, Shape.ELLIPSOID) if len(some) >= Shape.ELLIPSOID.value + SPARE else None
@@ -530,13 +530,13 @@ def choose(vectors: Floats) -> Choice | None:
     return _choice(vectors, fit, full, "; ".join(tests))
 
 
-def _choice(vectors: Floats, fit: NormFit, full: NormFit, why: str) -> Choice | None:
+def _choice(vectors: Floats, fit: NormFit, full: NormFit, why: str) -> ShapeChoice | None:
     """Choice of a part, fitted to all vectors, with the outliers of the full shape."""
     general = full if len(full.used) == len(vectors) else fit_norm(vectors, Shape.ELLIPSOID, full.ellipsoid)
     if general is None or fit.shape is Shape.ELLIPSOID:
-        return general and Choice(general, general, why)
+        return general and ShapeChoice(general, general, why)
     smaller = fit_norm(vectors[general.used], fit.shape, fit.ellipsoid, robust=False)
-    return smaller and Choice(_spread(smaller, general), general, why)
+    return smaller and ShapeChoice(_spread(smaller, general), general, why)
 
 
 def _chance(smaller: NormFit, larger: NormFit, count: int) -> float:

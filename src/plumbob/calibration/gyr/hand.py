@@ -19,8 +19,8 @@ from plumbob.calibration.gyr.motion_fit import (
     FEWEST,
     SMALLEST,
     Coupling,
-    Motion,
     MotionFit,
+    TurnBetweenPoses,
     coupling_at_rest,
     find_motions,
     fit_motions,
@@ -179,7 +179,9 @@ def _coupled(coupling: Coupling | None) -> tuple[str, ...]:
     )
 
 
-def _unfit(motions: Sequence[Motion], spoilt: dict[str, int], acc: Floats, where: Sequence[slice]) -> list[Reason]:
+def _unfit(
+    motions: Sequence[TurnBetweenPoses], spoilt: dict[str, int], acc: Floats, where: Sequence[slice]
+) -> list[Reason]:
     """Reasons why there is nothing to fit."""
     reasons = []
     size = float(np.median([np.linalg.norm(acc[part].mean(axis=0)) for part in where]))
@@ -198,7 +200,7 @@ def _unfit(motions: Sequence[Motion], spoilt: dict[str, int], acc: Floats, where
     return reasons
 
 
-def _unsound(fit: MotionFit, motions: Sequence[Motion], bias: Floats) -> list[Reason]:
+def _unsound(fit: MotionFit, motions: Sequence[TurnBetweenPoses], bias: Floats) -> list[Reason]:
     """Reasons why the result is none."""
     sd = fit.matrix_sd
     wrong = not (sd.max() <= SCALE.poor and np.abs(fit.matrix - np.eye(3)).max() <= STRANGE)

@@ -29,7 +29,7 @@ SMALLEST: Final = float(deg(15.0))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Motion:
+class TurnBetweenPoses:
     """One motion between two poses.
 
     Attributes
@@ -50,7 +50,7 @@ class Motion:
 
 def find_motions(
     t: Floats, gyr: Floats, acc: Floats, where: Sequence[slice], clipped: NDArray[np.bool_] | None = None
-) -> tuple[list[Motion], dict[str, int]]:
+) -> tuple[list[TurnBetweenPoses], dict[str, int]]:
     """Motions between stretches at rest that tilted the unit, and how many were left out, by reason."""
     motions, spoilt = [], {"clipping": 0, "gap": 0}
     step = 1.5 * float(np.median(np.diff(t)))
@@ -65,7 +65,7 @@ def find_motions(
         elif dt.max() > step or not np.isfinite(gyr[span]).all():
             spoilt["gap"] += 1
         else:
-            motions.append(Motion(gyr[span], dt, before, after))
+            motions.append(TurnBetweenPoses(gyr[span], dt, before, after))
     return motions, spoilt
 
 
@@ -119,12 +119,12 @@ class MotionFit:
         return np.asarray(np.sqrt(np.diag(self.covariance)[3:]).reshape(3, 3))
 
 
-def fit_motions(motions: Sequence[Motion], rest_bias: Floats, rest_sd: Floats) -> MotionFit:
+def fit_motions(motions: Sequence[TurnBetweenPoses], rest_bias: Floats, rest_sd: Floats) -> MotionFit:
     """Least squares over bias and matrix, with outliers set aside once.
 
     Parameters
     ----------
-    motions : sequence of Motion
+    motions : sequence of TurnBetweenPoses
         `FEWEST` at least.
     rest_bias, rest_sd : ndarray (3,)
         Bias at rest, which is one more measurement, and its standard deviation, rad/s.
@@ -138,7 +138,9 @@ def fit_motions(motions: Sequence[Motion], rest_bias: Floats, rest_sd: Floats) -
     return fit
 
 
-def _least_squares(motions: Sequence[Motion], rest_bias: Floats, rest_sd: Floats, used: NDArray[np.bool_]) -> MotionFit:
+def _least_squares(
+    motions: Sequence[TurnBetweenPoses], rest_bias: Floats, rest_sd: Floats, used: NDArray[np.bool_]
+) -> MotionFit:
     """Gauss and Newton, in which the bias at rest is one more measurement of the bias."""
     parameters = np.concatenate((rest_bias, np.eye(3).ravel()))
     weight = np.zeros((12, 12))
@@ -162,7 +164,7 @@ def _least_squares(motions: Sequence[Motion], rest_bias: Floats, rest_sd: Floats
     return MotionFit(parameters[3:].reshape(3, 3), parameters[:3], noise * inverse, residuals, used, condition)
 
 
-def _misses(motions: Sequence[Motion], parameters: Floats) -> tuple[Floats, Floats]:
+def _misses(motions: Sequence[TurnBetweenPoses], parameters: Floats) -> tuple[Floats, Floats]:
     """Measured less predicted direction after each motion (m, 3), and the prediction's derivative (m, 3, 12)."""
     bias, matrix = parameters[:3], parameters[3:].reshape(3, 3)
     each = [_predicted(motion, bias, matrix) for motion in motions]
@@ -171,7 +173,7 @@ def _misses(motions: Sequence[Motion], parameters: Floats) -> tuple[Floats, Floa
     return residuals, np.array([slope for _, slope in each])
 
 
-def _predicted(motion: Motion, bias: Floats, matrix: Floats) -> tuple[Floats, Floats]:
+def _predicted(motion: TurnBetweenPoses, bias: Floats, matrix: Floats) -> tuple[Floats, Floats]:
     """Direction after a motion (3,), and its derivative by bias and matrix (3, 12).
 
     With R from the axes now to those before, after = Rᵀ before. A change δω of the rates turns R by δθ = ∫ R δω dt in
@@ -188,7 +190,7 @@ def _predicted(motion: Motion, bias: Floats, matrix: Floats) -> tuple[Floats, Fl
     return back @ motion.before, back @ skew(motion.before) @ np.hstack((by_bias, by_matrix))
 
 
-def typical_miss(motions: Sequence[Motion], bias: Floats, matrix: Floats) -> float:
+def typical_miss(motions: Sequence[TurnBetweenPoses], bias: Floats, matrix: Floats) -> float:
     """Median angle, rad, by which gravity comes out wrong after a motion."""
     residuals, _ = _misses(motions, np.concatenate((bias, matrix.ravel())))
     return float(np.median(np.linalg.norm(residuals, axis=1)))

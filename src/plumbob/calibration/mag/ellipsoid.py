@@ -136,7 +136,7 @@ MOST_APART: Final = 2.0
 _SOME_OF_HALVES: Final = 20_000
 
 
-class Place(NamedTuple):
+class ReferenceField(NamedTuple):
     """Strength, in the unit of the calibrated vector, and dip of a field, rad, and the inclination that counts, rad."""
 
     size: float
@@ -144,7 +144,7 @@ class Place(NamedTuple):
     tilt_range: float
 
 
-def widening(vectors: Floats, fit: NormFit, field: Unevenness, memory: float, place: Place) -> float:
+def widening(vectors: Floats, fit: NormFit, field: Unevenness, memory: float, place: ReferenceField) -> float:
     """Factor, at least 1, of a covariance by what the parts of a capture differ beyond their own predictions.
 
     Parameters
@@ -157,7 +157,7 @@ def widening(vectors: Floats, fit: NormFit, field: Unevenness, memory: float, pl
         Of the whole capture.
     memory : float
         How many neighbouring samples count as one.
-    place : Place
+    place : ReferenceField
         Where headings are used.
     """
     some = vectors[fit.used][:: max(1, len(vectors) // _SOME_OF_HALVES)]
@@ -176,7 +176,7 @@ def widening(vectors: Floats, fit: NormFit, field: Unevenness, memory: float, pl
 
 
 def _part(
-    vectors: Floats, full: NormFit, field: Unevenness, memory: float, place: Place
+    vectors: Floats, full: NormFit, field: Unevenness, memory: float, place: ReferenceField
 ) -> tuple[tuple[Floats, Floats], float] | None:
     """Calibration of a part, and the heading error that it predicts beside the other parts; None where it is lost.
 
@@ -252,7 +252,7 @@ def fit_mag(
     radius = mean_radius(fit.ellipsoid.shape)
     size = strength or radius
     dip = _dip(mag, fit, acc) if dip is None else dip
-    shared, place = alike_in(full, mag), Place(size, dip, tilt_range)
+    shared, place = alike_in(full, mag), ReferenceField(size, dip, tilt_range)
     field = unevenness_in(full, mag)
     matrix, _ = scaled(fit, strength, alike=1.0)
     _, independent = scaled(full, strength, alike=1.0)  # what is too small to show may be there all the same

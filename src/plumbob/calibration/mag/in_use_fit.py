@@ -123,12 +123,12 @@ def fit_in_use(t: Floats, mag: Floats, gyr: Floats, *, gyr_gain_sd: float) -> In
     if not size > _TINY:
         return None
     scaled, parts = (mag - middle) / size, part_count(t, gyr, LENGTH)
-    fit: _Fit | None = None
+    fit: _InUseFit | None = None
     try:
         for k in range(_ROUNDS):
             errors = Gyroscope(np.zeros((1, 3)), np.zeros((3, 3)), 0.0) if fit is None else fit.gyr
             windows = mean_windows(t, scaled, gyr, edges, LENGTH / parts, parts, errors)
-            before, fit = fit, _Fit(windows, float(t[-1] - t[0]), gyr_gain_sd, fit)
+            before, fit = fit, _InUseFit(windows, float(t[-1] - t[0]), gyr_gain_sd, fit)
             if not fit.run(steady=k >= _SWINGING):
                 return None
             if before is not None and fit.way_from(before) < _SETTLED:
@@ -140,7 +140,7 @@ def fit_in_use(t: Floats, mag: Floats, gyr: Floats, *, gyr_gain_sd: float) -> In
         return None
 
 
-class _Noise(NamedTuple):
+class _PartNoise(NamedTuple):
     """Standard deviations about an axis, of a part and of the field's walk, and how many parts count as one."""
 
     part: float
@@ -148,7 +148,7 @@ class _Noise(NamedTuple):
     walk: float
 
 
-class _Equations(NamedTuple):
+class _FieldFreeEquations(NamedTuple):
     """Normal equations without the fields.
 
     Attributes
@@ -172,10 +172,10 @@ class _Equations(NamedTuple):
     sd: Floats
 
 
-class _Fit:
+class _InUseFit:
     """Steps of Gauss and Newton on all parameters."""
 
-    def __init__(self, windows: Windows, lasting: float, gyr_gain_sd: float, before: "_Fit | None") -> None:
+    def __init__(self, windows: Windows, lasting: float, gyr_gain_sd: float, before: "_InUseFit | None") -> None:
         self.windows, self.lasting, self.gyr_gain_sd = windows, lasting, gyr_gain_sd
         self.segments = segments_in(lasting)
         self.segment = segment_index(windows.start, lasting, self.segments)
@@ -187,19 +187,21 @@ class _Fit:
         self.distortion: Floats = np.eye(3) if before is None else before.distortion
         self.bias: Floats = np.zeros(3) if before is None else before.bias
         self.h = self._fields()
-        self.noise: _Noise = _Noise(_sd(self._misfit()[windows.known]), 1.0, 0.1) if before is None else before.noise
+        self.noise: _PartNoise = (
+            _PartNoise(_sd(self._misfit()[windows.known]), 1.0, 0.1) if before is None else before.noise
+        )
 
     @property
     def size(self) -> int:
         """Number of parameters: the magnetometer's, the gyroscope's gain, and its bias of each segment."""
         return _ALL - 3 + 3 * self.segments
 
-    def way_from(self, other: "_Fit") -> float:
+    def way_from(self, other: "_InUseFit") -> float:
         """How far the parameters are from those of another fit, in standard deviations of all of them together."""
         way = self._parameters() - other._parameters()
         return math.sqrt(float(way @ self._equations().normal @ way))
 
-    def meet(self, other: "_Fit") -> None:
+    def meet(self, other: "_InUseFit") -> None:
         """Go half way to another fit."""
         self.distortion, self.bias = 0.5 * (self.distortion + other.distortion), 0.5 * (self.bias + other.bias)
         mine, theirs = self.gyr, other.gyr
@@ -255,7 +257,7 @@ class _Fit:
             float(np.median(lengths)), MAD * float(np.median(np.abs(lengths - np.median(lengths)))) / count**0.5
         )
 
-    def _covariance(self, system: _Equations) -> Floats:
+    def _covariance(self, system: _FieldFreeEquations) -> Floats:
         """Covariance of the parameters: by the noise, and by how clusters of windows differ, where that is more.
 
         Clusters are a minute long, or shorter so that there are enough of them to tell.
@@ -316,7 +318,7 @@ class _Fit:
         lean = np.einsum("wij,wj->wi", self.windows.leant, self._errors())[self.links]
         return np.asarray(after - before + np.cross(lean, before))
 
-    def _noise(self, system: _Equations) -> _Noise:
+    def _noise(self, system: _FieldFreeEquations) -> _PartNoise:
         """Sizes of the noise; of the walk by the field of each window alone, less what its noise makes of it."""
         alone, noise_var = self.h + system.free, system.sd**2
         turned = np.einsum("wij,wj->wi", self.windows.leant, self._errors())
@@ -333,9 +335,9 @@ class _Fit:
         walk = max(0.0, variances[1] - variances[0]) / max(1, lags[1] - lags[0])
         walk = math.sqrt(walk + _LEAST_WALK**2)
         walk, misfit = math.sqrt(self.noise.walk * walk), self._misfit()[self.windows.known]  # half way, lest it swing
-        return _Noise(_sd(misfit), memory_of_each(misfit), walk)
+        return _PartNoise(_sd(misfit), memory_of_each(misfit), walk)
 
-    def _equations(self) -> _Equations:
+    def _equations(self) -> _FieldFreeEquations:
         n = self.size
         normal, scores = self.priors.copy(), np.zeros((len(self.h), n))
         residuals, body_field = self._misfit(), self._body_field()
@@ -361,7 +363,7 @@ class _Fit:
         self._fix_size(normal, slope)
         scores -= np.einsum("win,wi->wn", by_own, pull)
         scores[self.links] -= np.einsum("lin,li->ln", by_own[self.links] - by_own[self.links + 1], walks.pull)
-        return _Equations(normal, slope, steps, by_own, scores, free, np.asarray(sd, dtype=np.float64))
+        return _FieldFreeEquations(normal, slope, steps, by_own, scores, free, np.asarray(sd, dtype=np.float64))
 
     def _fix_size(self, normal: Floats, slope: Floats) -> None:
         """Add that A has the determinant 1, for it is the field's length that is found."""
@@ -413,7 +415,7 @@ class _Fit:
         """Places of a window's parameters among all."""
         return np.concatenate((np.arange(_ALL - 3), _ALL - 3 + 3 * segment + np.arange(3)))
 
-    def _move(self, step: Floats, system: _Equations, share: float) -> None:
+    def _move(self, step: Floats, system: _FieldFreeEquations, share: float) -> None:
         """Take a share of a step."""
         self.h = self.h + share * (system.steps - system.by_own @ step)
         step = share * step

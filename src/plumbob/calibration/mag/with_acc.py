@@ -99,7 +99,7 @@ class DipFit(NamedTuple):
     condition: float
 
 
-class _Noise(NamedTuple):
+class _FieldNoise(NamedTuple):
     """Standard deviations of the measured field, in units of its strength, and of the vertical, rad."""
 
     mag: float
@@ -156,7 +156,7 @@ def _rotation(inside: Floats, down: Floats) -> Floats:
     return np.asarray(u @ vt * np.sign(np.linalg.det(u @ vt)))
 
 
-class _Equations(NamedTuple):
+class _DistanceAndDip(NamedTuple):
     """Both equations of every sample, solved for the distance and for the dip once the distance is taken out of it.
 
     `left` (N, 2) is what they leave, `rows` (N, 2, 13) their derivatives by the parameters; `out` (N, 3) is the normal
@@ -171,7 +171,7 @@ class _Equations(NamedTuple):
     level: Floats
 
 
-def _equations(p: Floats, mag: Floats, down: Floats, mag_off: Floats, down_off: Floats) -> _Equations:
+def _equations(p: Floats, mag: Floats, down: Floats, mag_off: Floats, down_off: Floats) -> _DistanceAndDip:
     """Equations at adjusted field and vertical (N, 3), which the measured ones are off by `mag_off` and `down_off`."""
     matrix = p[3:12].reshape(3, 3)
     arm = mag - p[:3]
@@ -196,7 +196,7 @@ def _equations(p: Floats, mag: Floats, down: Floats, mag_off: Floats, down_off: 
     residuals[:, :1] /= slope
     rows[:, 1] -= common * rows[:, 0]
     residuals[:, 1:] -= common * residuals[:, :1]
-    return _Equations(residuals, rows, out, by_mag[:, 1] - common * out, level)
+    return _DistanceAndDip(residuals, rows, out, by_mag[:, 1] - common * out, level)
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
@@ -266,13 +266,13 @@ class _Adjustment:
         off = (self.measured[0] - self.adjusted[0], self.measured[1] - self.adjusted[1])
         self.now = _equations(self.p, *self.adjusted, *off)
 
-    def _noise(self, *, robust: bool = False) -> _Noise:
+    def _noise(self, *, robust: bool = False) -> _FieldNoise:
         """Noise that the residuals show, parameters counted."""
         mag = max(_sd(self.now.residuals[:, 0], _LENGTH_PARAMETERS, robust), _LEAST_SD)
         var = mag * mag * float(np.mean((self.now.along**2).sum(axis=1)))
         level = float(np.mean((self.now.level**2).sum(axis=1)))
         both = _sd(self.now.residuals[:, 1], _DIP_PARAMETERS, robust)
-        return _Noise(mag, math.sqrt(max(0.0, both * both - var) / level))
+        return _FieldNoise(mag, math.sqrt(max(0.0, both * both - var) / level))
 
 
 def _sd(values: Floats, parameters: int, robust: bool) -> float:

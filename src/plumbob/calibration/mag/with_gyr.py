@@ -177,14 +177,14 @@ def fit_turned_field(
     size = math.sqrt(float(np.mean(np.sum((mag - middle) ** 2, axis=1))))
     if not size > 0.0:
         return None
-    fit = _Fit(t, (mag - middle) / size, gyr, seen, gyr_gain_sd, size)
+    fit = _RandomWalkFit(t, (mag - middle) / size, gyr, seen, gyr_gain_sd, size)
     if not fit.run(robust=True):
         return None
     fit.set_aside()
     return fit.result(middle, size) if fit.run() else None
 
 
-class _Fit:
+class _RandomWalkFit:
     """Steps of Gauss and Newton on all parameters and the knots of the random walk."""
 
     def __init__(

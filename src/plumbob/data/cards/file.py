@@ -13,12 +13,12 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError, DecodeError, ParameterError
 from plumbob.core.files import text_of, write_text
-from plumbob.core.text import Shown
+from plumbob.core.text import FactsText
 
 UNITS = {"gyr": "rad/s", "acc": "m/s2", "mag": "uT"}
 
 
-class Card(Shown):
+class Card(FactsText):
     """A card as a file; each kind says its name, its version and what its parts are."""
 
     KIND: ClassVar[str]

@@ -33,7 +33,7 @@ from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import logged, mavlink
-from plumbob.files.foreign.join import Stream, joined
+from plumbob.files.foreign.join import Readings, joined
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_from_euler_zyx
 
@@ -76,7 +76,7 @@ _LEAPS: Final = ((1_167_264_018, 18), (1_119_744_017, 17), (1_025_136_016, 16), 
 
 
 @dataclass
-class _Log:
+class _DataFlashLog:
     """Layouts by name, and values of the wanted messages."""
 
     names: dict[int, str] = field(default_factory=dict)
@@ -127,9 +127,9 @@ def read(path: Path, unit: str | None = None) -> Recording:
         return _recording(log, file.stem, unit)
 
 
-def _of_bytes(raw: bytes) -> _Log:
+def _of_bytes(raw: bytes) -> _DataFlashLog:
     """One walk along the messages: two bytes of head, a type, and as many bytes as its FMT says."""
-    log, places, lengths = _Log(), dict[int, "array[int]"](), {_FMT: _FMT_LENGTH}
+    log, places, lengths = _DataFlashLog(), dict[int, "array[int]"](), {_FMT: _FMT_LENGTH}
     at, size, skipped = 0, len(raw), 0
     while at + 3 <= size:
         kind = raw[at + 2]
@@ -155,7 +155,7 @@ def _of_bytes(raw: bytes) -> _Log:
     return log
 
 
-def _defined(log: _Log, body: bytes, lengths: dict[int, int], places: dict[int, "array[int]"]) -> None:
+def _defined(log: _DataFlashLog, body: bytes, lengths: dict[int, int], places: dict[int, "array[int]"]) -> None:
     """Take a FMT message: type, length, name (4), letters (16), columns (64); the first of a type and a name counts."""
     kind, length = body[0], body[1]
     name, letters, columns = (
@@ -169,7 +169,7 @@ def _defined(log: _Log, body: bytes, lengths: dict[int, int], places: dict[int, 
         places[kind] = array("q")
 
 
-def _decoded(log: _Log, name: str, data: NDArray[np.uint8], places: NDArray[np.int64], length: int) -> None:
+def _decoded(log: _DataFlashLog, name: str, data: NDArray[np.uint8], places: NDArray[np.int64], length: int) -> None:
     """Columns of one kind of message, with their multipliers."""
     letters, columns = log.columns[name]
     if not places.size:
@@ -190,7 +190,7 @@ def _decoded(log: _Log, name: str, data: NDArray[np.uint8], places: NDArray[np.i
 
 
 @dataclass
-class _Lines:
+class _KindRows:
     """Values of the lines of one kind: numbers one after another, and the columns of text."""
 
     texts: tuple[int, ...]
@@ -209,9 +209,9 @@ class _Lines:
         return True
 
 
-def _of_text(file: Path) -> _Log:
+def _of_text(file: Path) -> _DataFlashLog:
     """Lines such as ``IMU, 1234, 0.01, …``; ArduPilot's tools write values that carry the multipliers already."""
-    log, bad, rows = _Log(), 0, dict[str, _Lines]()
+    log, bad, rows = _DataFlashLog(), 0, dict[str, _KindRows]()
     for line in _lines(file):
         name, *values = [part.strip() for part in line.split(",")]
         if name in rows:
@@ -220,7 +220,7 @@ def _of_text(file: Path) -> _Log:
             letters, columns = values[3], tuple(values[4:])
             if len(letters) == len(columns) == len(set(columns)):
                 log.columns[values[2]] = (letters, columns)
-                rows[values[2]] = _Lines(tuple(i for i, letter in enumerate(letters) if letter in "nNZa"))
+                rows[values[2]] = _KindRows(tuple(i for i, letter in enumerate(letters) if letter in "nNZa"))
     for name, lines in rows.items():
         columns = log.columns[name][1]
         names = [column for i, column in enumerate(columns) if i not in lines.texts]
@@ -240,7 +240,7 @@ def _lines(file: Path) -> Iterator[str]:
             yield line.decode("utf-8", errors="replace")
 
 
-def _recording(log: _Log, name: str, unit: str | None) -> Recording:
+def _recording(log: _DataFlashLog, name: str, unit: str | None) -> Recording:
     notes = [
         "ArduPilot DataFlash: body axes forward, right, down; frame NED; rad/s, m/s², milligauss as µT; clock in µs "
         "since boot (ArduPilot, Onboard Message Log Messages and LogStructure.h)"
@@ -258,7 +258,7 @@ def _recording(log: _Log, name: str, unit: str | None) -> Recording:
     imus = _units(log, "IMU", "GyrX")
     if unit == ALL and len(imus) > 1:
         return _together(imus, meta, epoch, name, (*notes, *log.notes))
-    streams = dict[str, Stream]()
+    streams = dict[str, Readings]()
     if imus:
         taken = logged.chosen(list(imus), unit if unit != ALL else None)
         table, t_ns = imus.pop(taken)
@@ -279,7 +279,7 @@ def _recording(log: _Log, name: str, unit: str | None) -> Recording:
     return Recording(imu=imu, track=track, name=name, notes=(*notes, *log.notes))
 
 
-def _inertial(table: dict[str, NDArray[Any]], t_ns: NDArray[np.int64], notes: list[str]) -> dict[str, Stream]:
+def _inertial(table: dict[str, NDArray[Any]], t_ns: NDArray[np.int64], notes: list[str]) -> dict[str, Readings]:
     """Rates and specific forces of one unit."""
     return {
         key: logged.stream(key, t_ns, logged.triad(table, *columns), notes)
@@ -321,7 +321,7 @@ def _stamps(table: dict[str, NDArray[Any]]) -> NDArray[np.int64] | None:
     return None
 
 
-def _units(log: _Log, name: str, column: str) -> dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]]:
+def _units(log: _DataFlashLog, name: str, column: str) -> dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]]:
     """Messages of each unit of a kind, and their stamps."""
     tables: dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]] = {}
     for kind in (name, f"{name}2", f"{name}3"):
@@ -338,7 +338,7 @@ def _units(log: _Log, name: str, column: str) -> dict[str, tuple[dict[str, NDArr
     return tables
 
 
-def _parameter(log: _Log, name: str) -> float | None:
+def _parameter(log: _DataFlashLog, name: str) -> float | None:
     """Value of a parameter, as logged last."""
     table = log.tables.get("PARM", {})
     if not {"Name", "Value"} <= table.keys():
@@ -347,7 +347,7 @@ def _parameter(log: _Log, name: str) -> float | None:
     return float(table["Value"][rows[-1]]) if rows.size else None
 
 
-def _epoch(log: _Log) -> int | None:
+def _epoch(log: _DataFlashLog) -> int | None:
     """UTC of boot, ns since 1970, by the GPS messages with a 3D fix; half of them agree with the median."""
     table = log.tables.get("GPS", {})
     t_ns = _stamps(table)
@@ -368,7 +368,7 @@ def _epoch(log: _Log) -> int | None:
     return int(np.median(utc_ns - t_ns[fixes]))
 
 
-def _attitude(log: _Log, rows_ns: NDArray[np.int64], t: Floats, notes: list[str]) -> AttitudeTrack | None:
+def _attitude(log: _DataFlashLog, rows_ns: NDArray[np.int64], t: Floats, notes: list[str]) -> AttitudeTrack | None:
     """ArduPilot's own estimate on the rows of the samples: a quaternion where it is logged, else angles."""
     for name in (*_QUATERNIONS, "ATT"):
         table = log.tables.get(name, {})

@@ -18,7 +18,7 @@ from plumbob.core.files import replacing_folder
 from plumbob.core.text import counted
 from plumbob.core.time import to_ns
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.data.array import Mount
+from plumbob.data.array import UnitMount
 from plumbob.data.recording import Recording
 from plumbob.rotations import Frame, change_frame
 
@@ -74,14 +74,14 @@ def write_euroc(path: Path, recording: Recording, overwrite: bool = False) -> No
             raise ShapeError(f"{path}: EuRoC holds rates with accelerations, and no sample has both.")
     with replacing_folder(path, overwrite=overwrite, known=is_euroc) as folder:
         for number, (name, imu) in enumerate(units.items()):
-            mount = Mount() if recording.array is None else recording.array.mounts[name]
+            mount = UnitMount() if recording.array is None else recording.array.mounts[name]
             rate = 1.0 / float(np.median(np.diff(imu.t))) if len(imu) > 1 else 0.0
             sensor = _IMU_YAML.format(data=_pose(mount), rate=float(imu.meta.rate_nominal or rate))
             _write(folder / "mav0" / f"imu{number}", sensor, _IMU, _samples(imu))
         if (track := recording.track) is not None:
             t0_ns = next((imu.meta.t0_ns for imu in units.values()), 0)
             state = folder / "mav0" / "state_groundtruth_estimate0"
-            _write(state, _STATE_YAML.format(data=_pose(Mount())), _STATE, _states(track, t0_ns))
+            _write(state, _STATE_YAML.format(data=_pose(UnitMount())), _STATE, _states(track, t0_ns))
 
 
 def is_euroc(path: Path) -> bool:
@@ -109,7 +109,7 @@ def _complete(imu: ImuData) -> NDArray[np.bool_]:
     return np.asarray(np.isfinite(np.concatenate((imu.gyr, imu.acc), axis=1)).all(axis=1))
 
 
-def _pose(mount: Mount) -> str:
+def _pose(mount: UnitMount) -> str:
     """Matrix from the axes of the sensor to those of the body, row by row."""
     rows = np.vstack((np.column_stack((mount.dcm, mount.lever_b)), [0.0, 0.0, 0.0, 1.0]))
     return ", ".join(map(repr, rows.ravel().tolist()))

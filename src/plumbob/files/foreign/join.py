@@ -32,7 +32,7 @@ _SLOW, _FAST = 0.5, 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class Stream:
+class Readings:
     """What one sensor said, by its own clock.
 
     Parameters
@@ -55,12 +55,12 @@ class Joined(NamedTuple):
     notes: tuple[str, ...]
 
 
-def joined(streams: Mapping[str, Stream], *, meta: ImuMeta, epoch_ns: int | None = None) -> Joined:
+def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | None = None) -> Joined:
     """Samples of several sensors on the time line of the gyroscope, or of the fastest where there is none.
 
     Parameters
     ----------
-    streams : mapping of str to Stream
+    streams : mapping of str to Readings
         By ``gyr``, ``acc``, ``mag`` and ``temp_c``; at least one of the triads.
     meta : ImuMeta
         What is known besides; its `t0_ns` is set to the UTC of the first row, where that is known.
@@ -101,7 +101,7 @@ def joined(streams: Mapping[str, Stream], *, meta: ImuMeta, epoch_ns: int | None
     return Joined(imu, rows, tuple(notes))
 
 
-def _ordered(name: str, stream: Stream, notes: list[str]) -> tuple[NDArray[np.int64], Floats]:
+def _ordered(name: str, stream: Readings, notes: list[str]) -> tuple[NDArray[np.int64], Floats]:
     """Stamps that increase, with their values; what repeats or goes back is left out, and told."""
     stamps = np.asarray(stream.t_ns, dtype=np.int64)
     values = np.asarray(stream.values, dtype=np.float64)

@@ -18,7 +18,7 @@ from plumbob.core.files import existing_file
 from plumbob.core.text import counted, first_words
 from plumbob.core.time import LONGEST, longest_bridged, rising
 from plumbob.data.reading import read_rows
-from plumbob.files.foreign.join import Stream
+from plumbob.files.foreign.join import Readings
 from plumbob.rotations import quat_normalize
 
 MOST: Final = 2 << 30
@@ -54,12 +54,12 @@ def steady(t_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
     return keep
 
 
-def stream(name: str, t_ns: NDArray[np.int64], values: Floats, notes: list[str]) -> Stream:
+def stream(name: str, t_ns: NDArray[np.int64], values: Floats, notes: list[str]) -> Readings:
     """A sensor's stream, without rows whose stamps leap; their count becomes a note."""
     keep = steady(t_ns)
     if lost := t_ns.size - int(keep.sum()):
         notes.append(f"{name}: {counted(lost, 'sample')} left out, whose stamps leap away from their neighbours'")
-    return Stream(t_ns[keep], values[keep])
+    return Readings(t_ns[keep], values[keep])
 
 
 def micro(stamps: NDArray[Any]) -> NDArray[np.int64]:
@@ -141,7 +141,7 @@ def others_note(taken: str, others: Mapping[str, int]) -> str:
     return f"{taken}; not taken: {listed}; --unit {next(iter(others))} takes another"
 
 
-def require_gyroscope(streams: dict[str, Stream], where: str) -> None:
+def require_gyroscope(streams: dict[str, Readings], where: str) -> None:
     """Refuse a log without angular rates, which lead the rows."""
     if "gyr" not in streams or not np.asarray(streams["gyr"].t_ns).size:
         raise DecodeError(f"it holds no samples of a gyroscope ({where}); log them, or take another file.")

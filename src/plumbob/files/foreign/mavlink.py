@@ -28,7 +28,7 @@ from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import logged
-from plumbob.files.foreign.join import Stream, joined
+from plumbob.files.foreign.join import Readings, joined
 from plumbob.protocols.checksum import of_rows
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_from_euler_zyx
@@ -220,7 +220,7 @@ def _own_ns(table: NDArray[Any]) -> NDArray[np.int64]:
     return np.asarray(table["ms"].astype(np.int64) * 1_000_000)
 
 
-def _streams(number: int, table: NDArray[Any], own_ns: NDArray[np.int64], notes: list[str]) -> dict[str, Stream]:
+def _streams(number: int, table: NDArray[Any], own_ns: NDArray[np.int64], notes: list[str]) -> dict[str, Readings]:
     streams = {}
     for key, unit in _KINDS[number].units.items():
         values = units.to_si(logged.triad(table, f"{key}x", f"{key}y", f"{key}z"), unit)

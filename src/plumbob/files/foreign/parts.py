@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, PlumbobError, excerpt, one_line
 from plumbob.core.files import existing_file, require_room
-from plumbob.files.profile import ColumnRef, Layout
+from plumbob.files.profile import ColumnRef, TextLayout
 from plumbob.files.text_head import decode, find_head, is_idle, split_row
-from plumbob.files.text_table import Table, read_table
+from plumbob.files.text_table import TextTable, read_table
 
 MAX_MEMBERS: Final = 1000
 """Files of an archive or a folder; an app writes a few dozen."""
@@ -183,7 +183,7 @@ class Sheet:
         Its file, for messages.
     raw : bytes
         The file.
-    layout : Layout
+    layout : TextLayout
         How it is laid out.
     names : tuple of str
         Names of its columns.
@@ -191,12 +191,12 @@ class Sheet:
 
     title: str
     raw: bytes
-    layout: Layout
+    layout: TextLayout
     names: tuple[str, ...]
 
     def table(
         self, refs: Sequence[ColumnRef], exact: ColumnRef | None = None, texts: Sequence[ColumnRef] = ()
-    ) -> Table | None:
+    ) -> TextTable | None:
         """Columns by name, as `plumbob.files.text_table.read_table` reads them; None where there is no row.
 
         Raises
@@ -234,7 +234,7 @@ def sheet(title: str, raw: bytes, *, comment: str = "") -> Sheet:
     separator = max(_SEPARATORS, key=head.count)
     decimal = "," if separator != "," and "," in first and "." not in first else "."
     names = tuple(cell.strip() for cell in split_row(head, separator, 1))
-    layout = Layout(separator, decimal, "utf-8", comment, MISSING)
+    layout = TextLayout(separator, decimal, "utf-8", comment, MISSING)
     return Sheet(title, raw, layout, names)
 
 
@@ -279,11 +279,11 @@ def _rows(text: str) -> list[list[str]]:
         return []
 
 
-def whole_ns(table: Table, ref: ColumnRef) -> NDArray[np.int64]:
+def whole_ns(table: TextTable, ref: ColumnRef) -> NDArray[np.int64]:
     """Stamps of the exact column of a table, integer ns (N,) where it is in ns."""
     return np.asarray(int(table.zero) + np.round(table.columns[ref]).astype(np.int64))
 
 
-def triad(table: Table, refs: Sequence[ColumnRef]) -> Floats:
+def triad(table: TextTable, refs: Sequence[ColumnRef]) -> Floats:
     """Three columns of a table as vectors (N, 3)."""
     return np.stack([table.columns[ref] for ref in refs], axis=1)

@@ -34,7 +34,7 @@ from plumbob.core.time import interpolated, rising
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.columns import has_zone, is_stamp, stamps_ns
-from plumbob.files.foreign.join import Joined, Stream, joined, seconds_to_ns
+from plumbob.files.foreign.join import Joined, Readings, joined, seconds_to_ns
 from plumbob.files.foreign.logged import attitude_at
 from plumbob.files.foreign.parts import (
     Parts,
@@ -47,7 +47,7 @@ from plumbob.files.foreign.parts import (
     whole_ns,
     zipfile_like,
 )
-from plumbob.files.profile import Layout
+from plumbob.files.profile import TextLayout
 from plumbob.files.text_table import read_table
 from plumbob.rotations import Frame, North, quat_from_xyzw
 
@@ -123,7 +123,7 @@ def _require_one_place(tables: Mapping[str, Any]) -> None:
 
 
 def _recording(
-    parts: Parts, streams: Mapping[str, Stream], notes: Iterable[str], device: str, epoch_ns: int | None
+    parts: Parts, streams: Mapping[str, Readings], notes: Iterable[str], device: str, epoch_ns: int | None
 ) -> Recording:
     """Recording of the streams, whose units a format said."""
     made = _on_one_line(streams, notes, device, epoch_ns)
@@ -134,7 +134,7 @@ def _name(parts: Parts) -> str:
     return parts.path.resolve().stem
 
 
-def _on_one_line(streams: Mapping[str, Stream], notes: Iterable[str], device: str, epoch_ns: int | None) -> Joined:
+def _on_one_line(streams: Mapping[str, Readings], notes: Iterable[str], device: str, epoch_ns: int | None) -> Joined:
     if not {"gyr", "acc", "mag"} & set(streams):
         raise DecodeError(f"it holds no gyroscope, accelerometer or magnetometer; {'; '.join(notes)}.")
     meta = ImuMeta(device=device or "phone", frame=Frame.ENU, north=North.MAGNETIC, unit_check=False)
@@ -142,7 +142,7 @@ def _on_one_line(streams: Mapping[str, Stream], notes: Iterable[str], device: st
     if mag is not None:
         measured = np.any(mag.values, axis=1)
         zeros = int(np.sum(~measured))
-        streams = {**streams, "mag": Stream(np.asarray(mag.t_ns)[measured], np.asarray(mag.values)[measured])}
+        streams = {**streams, "mag": Readings(np.asarray(mag.t_ns)[measured], np.asarray(mag.values)[measured])}
     made = joined(streams, meta=meta, epoch_ns=epoch_ns)
     if not zeros:
         return made
@@ -190,7 +190,7 @@ def _phyphox(parts: Parts) -> Recording:
     headers = {name: names for name, names in headers.items() if _is_phyphox(name, names)}
     _require_one_place(headers)
     events = _phyphox_events(parts)
-    streams: dict[str, Stream] = {}
+    streams: dict[str, Readings] = {}
     notes = ["phyphox: rad/s, m/s² with gravity (specific force) and µT, as its columns say"]
     for name, names in headers.items():
         for kind, columns in _phyphox_triads(name, names):
@@ -212,13 +212,13 @@ def _phyphox(parts: Parts) -> Recording:
 
 def _phyphox_stream(
     parts: Parts, name: str, columns: list[str], events: list[tuple[int, int]], notes: list[str]
-) -> Stream | None:
+) -> Readings | None:
     """Samples of the columns of time, x, y and z."""
     table = sheet(name, parts.read(name)).table(columns)
     if table is None:
         return None
     notes += [note for note in table.notes if note not in notes]
-    return Stream(_on_wall(seconds_to_ns(name, table.columns[columns[0]]), events), triad(table, columns[1:]))
+    return Readings(_on_wall(seconds_to_ns(name, table.columns[columns[0]]), events), triad(table, columns[1:]))
 
 
 def _meta(parts: Parts, which: str, parse: Any) -> Any:
@@ -279,7 +279,7 @@ def _sensor_logger(parts: Parts) -> Recording:
     meta = rows[0] if rows else {}
     notes: list[str] = []
     data = {stem: stream for stem, log in sheets.items() if (stream := _logger_stream(log, notes)) is not None}
-    streams: dict[str, Stream] = {}
+    streams: dict[str, Readings] = {}
     for kind, title in (("gyr", "Gyroscope"), ("mag", "Magnetometer")):
         for stem in (title, f"{title}Uncalibrated"):
             if stem in data:
@@ -306,16 +306,16 @@ _WANTED: Final = (
 )
 
 
-def _logger_stream(log: Sheet, notes: list[str]) -> Stream | None:
+def _logger_stream(log: Sheet, notes: list[str]) -> Readings | None:
     table = log.table(["time", "x", "y", "z"], "time")
     if table is None:
         notes.append(f"{log.title} has no sample")
         return None
     notes += table.notes
-    return Stream(whole_ns(table, "time"), triad(table, "xyz"))
+    return Readings(whole_ns(table, "time"), triad(table, "xyz"))
 
 
-def _logger_force(data: Mapping[str, Stream], meta: Mapping[str, str], notes: list[str]) -> Stream | None:
+def _logger_force(data: Mapping[str, Readings], meta: Mapping[str, str], notes: list[str]) -> Readings | None:
     """Specific force, by the rule of the platform."""
     platform = meta.get("platform", "").strip().lower()
     if "TotalAcceleration" in data and platform != "ios":  # only Android has it [UNITS.md]
@@ -332,7 +332,7 @@ def _logger_force(data: Mapping[str, Stream], meta: Mapping[str, str], notes: li
         raw = data["AccelerometerUncalibrated"]
         unit = "g" if sign < 0.0 else "m/s2"
         notes.append(f"acc: AccelerometerUncalibrated, {unit}{why}")
-        return Stream(raw.t_ns, sign * units.to_si(np.asarray(raw.values), unit))
+        return Readings(raw.t_ns, sign * units.to_si(np.asarray(raw.values), unit))
     notes.append("left out: Accelerometer, which is without gravity; record Gravity (or TotalAcceleration) with it")
     return None
 
@@ -358,14 +358,14 @@ def _before_standard(version: str) -> bool:
     return match is not None and (int(match[1]), int(match[2])) < _FIRST_STANDARDISED
 
 
-def _sum(user: Stream, gravity: Stream, sign: float) -> Stream:
+def _sum(user: Readings, gravity: Readings, sign: float) -> Readings:
     """Acceleration with gravity at the stamps of the former; gravity is interpolated between its neighbours."""
     t, gravity_t = np.asarray(user.t_ns, dtype=np.int64), np.asarray(gravity.t_ns, dtype=np.int64)
     values, field = np.asarray(user.values), np.asarray(gravity.values)
     if not np.array_equal(t, gravity_t):
         mask = rising(gravity_t)
         field = interpolated(t, gravity_t[mask], field[mask])
-    return Stream(t, sign * (values + field))
+    return Readings(t, sign * (values + field))
 
 
 # SensorLog ------------------------------------------------------------------------------------------------------------
@@ -401,7 +401,7 @@ def _sensorlog(parts: Parts) -> Recording:
     raw = parts.read(names[0]).decode("utf-8-sig", "replace").replace("μ", "µ").encode()
     log = sheet(names[0], raw)
     notes = ["SensorLog (iOS): rad/s and µT; acceleration in g, negated: CoreMotion measures -1 g upwards at rest"]
-    streams: dict[str, Stream] = {}
+    streams: dict[str, Readings] = {}
     epoch: int | None = None
     for kind, sensor, form, unit, sign in _SENSORLOG:
         columns = [column.format(letter) for column in form.split(" + ") for letter in "XYZ"]
@@ -412,7 +412,7 @@ def _sensorlog(parts: Parts) -> Recording:
             notes.append(f"{kind}: {columns[0]} and its axes have no sample")
             continue
         epoch = began if epoch is None else epoch
-        streams[kind] = Stream(stream.t_ns, sign * units.to_si(np.asarray(stream.values), unit))
+        streams[kind] = Readings(stream.t_ns, sign * units.to_si(np.asarray(stream.values), unit))
         notes.append(f"{kind}: {form.format('X, Y, Z')}")
     notes.append("clock: seconds since the phone's start, on UTC by the first loggingTime, to some 0.1 s")
     if any(name.startswith("motionQuaternion") for name in log.names):
@@ -420,7 +420,9 @@ def _sensorlog(parts: Parts) -> Recording:
     return _recording(parts, streams, notes, "iPhone", epoch)
 
 
-def _sensorlog_stream(log: Sheet, stamp: str, columns: list[str], notes: list[str]) -> tuple[Stream | None, int | None]:
+def _sensorlog_stream(
+    log: Sheet, stamp: str, columns: list[str], notes: list[str]
+) -> tuple[Readings | None, int | None]:
     """Samples of one sensor, each once: a row repeats what has not changed since the row before."""
     logged = "loggingTime(txt)"
     stamped = stamp in log.names
@@ -436,7 +438,7 @@ def _sensorlog_stream(log: Sheet, stamp: str, columns: list[str], notes: list[st
     cells = table.texts.get(logged, [])
     if not stamped:
         times, absolute = stamps_ns(cells, None)
-        return Stream(np.array(times, dtype=np.int64)[valid], values[valid]), 0 if absolute else None
+        return Readings(np.array(times, dtype=np.int64)[valid], values[valid]), 0 if absolute else None
     valid &= np.isfinite(table.columns[stamp])
     valid[1:] &= np.diff(table.columns[stamp]) != 0.0
     if not valid.any():
@@ -444,8 +446,8 @@ def _sensorlog_stream(log: Sheet, stamp: str, columns: list[str], notes: list[st
     stamps = seconds_to_ns(stamp, table.columns[stamp][valid])
     first = cells[int(np.argmax(valid))] if cells else ""
     if not (is_stamp(first) and has_zone(first)):
-        return Stream(stamps, values[valid]), None
-    return Stream(stamps, values[valid]), stamps_ns([first], None)[0][0] - int(stamps[0])
+        return Readings(stamps, values[valid]), None
+    return Readings(stamps, values[valid]), stamps_ns([first], None)[0][0] - int(stamps[0])
 
 
 # Android --------------------------------------------------------------------------------------------------------------
@@ -455,14 +457,14 @@ _ANDROID: Final = {
     "acc": ("accelerometer",),
     "mag": ("magnetometer-calibrated", "magnetometer"),
 }
-_BLANKS: Final = Layout(separator=" ", names=False, missing=("NaN",))
+_BLANKS: Final = TextLayout(separator=" ", names=False, missing=("NaN",))
 ATTITUDE_SOURCE: Final = "the phone's own rotation vector (Android), which is an estimate and not a reference"
 
 
 def _android(parts: Parts) -> Recording:
     properties = dict(re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", parts.text("record.properties"), re.MULTILINE))
     notes = ["Android sensor events: rad/s, m/s² (specific force), µT; clock: s since StartTime"]
-    streams: dict[str, Stream] = {}
+    streams: dict[str, Readings] = {}
     for kind, stems in _ANDROID.items():
         present = [stem for stem in stems if f"{stem}.txt" in parts.names]
         if present:
@@ -482,10 +484,10 @@ def _android(parts: Parts) -> Recording:
     return Recording(imu=imu, track=track, name=_name(parts), notes=(*notes, AXES_NOTE, *joints))
 
 
-def _android_stream(parts: Parts, stem: str, count: int, notes: list[str]) -> Stream:
+def _android_stream(parts: Parts, stem: str, count: int, notes: list[str]) -> Readings:
     """Stamps and so many values of a table without names."""
     refs = list(range(1, count + 2))
     table = read_table(parts.read(f"{stem}.txt"), _BLANKS, refs)
     notes += [note.replace("cut: ", f"cut: {stem}: ", 1) for note in table.notes]
     values: Floats = np.stack([table.columns[ref] for ref in refs[1:]], axis=1)
-    return Stream(seconds_to_ns(stem, table.columns[1]), values)
+    return Readings(seconds_to_ns(stem, table.columns[1]), values)

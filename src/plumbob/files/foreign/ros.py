@@ -31,8 +31,8 @@ from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import ros_bags
-from plumbob.files.foreign.join import Stream, joined
-from plumbob.files.foreign.ros_bags import Bag, Table, Topic
+from plumbob.files.foreign.join import Readings, joined
+from plumbob.files.foreign.ros_bags import Bag, MessageTable, Topic
 from plumbob.files.mcap import layout
 from plumbob.rotations import Frame, North, dcm_from_quat, quat_from_xyzw
 
@@ -176,7 +176,7 @@ def _left_out(topics: Iterable[Topic], used: Iterable[Topic]) -> list[str]:
     return [f"left out: {_listed(rest)}"] if rest else []
 
 
-def _stamps(topic: Topic, table: Table) -> tuple[NDArray[np.int64], list[str]]:
+def _stamps(topic: Topic, table: MessageTable) -> tuple[NDArray[np.int64], list[str]]:
     """When each message was measured, ns; what was done about stamps that are not set."""
     unset = int(np.count_nonzero(table.stamped == 0))
     if unset < max(2, len(table.stamped)):
@@ -196,7 +196,7 @@ def _epoch(stamps: NDArray[np.int64], notes: list[str]) -> int | None:
 
 
 @dataclass
-class _Unit:
+class _RosImu:
     """One IMU as it was read."""
 
     imu: ImuData | None
@@ -229,7 +229,7 @@ def _of_imus(chosen: list[Topic], topics: list[Topic], name: str) -> Recording:
     return Recording(array=ImuArray(samples), name=name, notes=tuple(dict.fromkeys(notes)))
 
 
-def _unit(topic: Topic, table: Table, topics: list[Topic]) -> _Unit:
+def _unit(topic: Topic, table: MessageTable, topics: list[Topic]) -> _RosImu:
     """Samples and orientation of one IMU, and of the magnetometer and thermometer in its frame."""
     stamps, notes = _stamps(topic, table)
     if len(table.frames) > 1:
@@ -239,25 +239,25 @@ def _unit(topic: Topic, table: Table, topics: list[Topic]) -> _Unit:
     for key, at, said in (("gyr", 13, 16), ("acc", 25, 28)):
         values = _present(numbers[:, at : at + 3], numbers[:, said])
         if np.isfinite(values).any():
-            streams[key] = Stream(stamps, values)
+            streams[key] = Readings(stamps, values)
         else:
             notes.append(f"{topic.name}: no {key}, by its covariance")
     track = _orientation(topic, table, stamps, notes)
     if not streams:
         if track is None:
             raise DecodeError(f"{topic.name} holds neither rates, accelerations nor orientations: all are absent.")
-        return _Unit(None, track, used, notes)
+        return _RosImu(None, track, used, notes)
     frame = next(iter(table.frames), "")
     meta = ImuMeta(device=frame or topic.name, frame=_world(table))
     if mag := _in_frame(MAG, topic, table, topics):
         numbers = mag[1].numbers
         values = to_si(_present(numbers[:, :3], numbers[:, 3]), "T")
-        _add("mag", mag[0], Stream(_stamps(*mag)[0], values), streams, stamps, used, notes)
+        _add("mag", mag[0], Readings(_stamps(*mag)[0], values), streams, stamps, used, notes)
     if temperature := _in_frame(TEMPERATURE, topic, table, topics):
         values = np.where(np.isfinite(temperature[1].numbers[:, 0]), temperature[1].numbers[:, 0], np.nan)
-        _add("temp_c", temperature[0], Stream(_stamps(*temperature)[0], values), streams, stamps, used, notes)
+        _add("temp_c", temperature[0], Readings(_stamps(*temperature)[0], values), streams, stamps, used, notes)
     made = joined(streams, meta=meta, epoch_ns=epoch)
-    return _Unit(made.imu, track, used, notes + list(made.notes))
+    return _RosImu(made.imu, track, used, notes + list(made.notes))
 
 
 def _present(values: Floats, said: Floats) -> Floats:
@@ -266,7 +266,7 @@ def _present(values: Floats, said: Floats) -> Floats:
     return np.where(absent[:, np.newaxis], np.nan, values) if absent.any() else values
 
 
-def _in_frame(kind: str, imu: Topic, table: Table, topics: list[Topic]) -> tuple[Topic, Table] | None:
+def _in_frame(kind: str, imu: Topic, table: MessageTable, topics: list[Topic]) -> tuple[Topic, MessageTable] | None:
     """The topic of a type in the IMU's frame; of several, the one whose name begins most like the IMU's."""
     candidates = []
     for topic in (entry for entry in topics if entry.kind == kind):
@@ -286,8 +286,8 @@ def _alike(name: str, other: str) -> int:
 def _add(
     key: str,
     topic: Topic,
-    stream: Stream,
-    streams: dict[str, Stream],
+    stream: Readings,
+    streams: dict[str, Readings],
     rows: NDArray[np.int64],
     used: list[Topic],
     notes: list[str],
@@ -311,11 +311,13 @@ def _add(
         placed[where] = values
         if stamps.size < rows.size:
             notes.append(f"{key}: {counted(stamps.size, 'sample')} on {topic.name}, each at its own stamp")
-        stream = Stream(rows, placed)
+        stream = Readings(rows, placed)
     streams[key] = stream
 
 
-def _orientation(topic: Topic, table: Table, stamps: NDArray[np.int64], notes: list[str]) -> AttitudeTrack | None:
+def _orientation(
+    topic: Topic, table: MessageTable, stamps: NDArray[np.int64], notes: list[str]
+) -> AttitudeTrack | None:
     """Orientation that an IMU tells, where it tells one."""
     numbers = table.numbers
     xyzw = _present(numbers[:, :4], numbers[:, 4])
@@ -329,14 +331,14 @@ def _orientation(topic: Topic, table: Table, stamps: NDArray[np.int64], notes: l
     return _track(topic, table, stamps, xyzw, notes, cov_n=numbers[:, 4:13].reshape(-1, 3, 3))
 
 
-def _world(table: Table) -> Frame:
+def _world(table: MessageTable) -> Frame:
     """World of a message whose frame has this name (REP 103, REP 145)."""
     return Frame.NED if any(name.endswith("_ned") for name in table.frames) else Frame.ENU
 
 
 def _track(
     topic: Topic,
-    table: Table,
+    table: MessageTable,
     stamps: NDArray[np.int64],
     xyzw: Floats,
     notes: list[str],

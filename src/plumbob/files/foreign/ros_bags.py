@@ -37,7 +37,7 @@ _HEAD: Final = 1 << 20
 """Bytes that a record's own header may have."""
 
 
-class Layout(NamedTuple):
+class MessageLayout(NamedTuple):
     """What follows the header of a message: whether a second frame is named there, and how many float64 come."""
 
     child: bool
@@ -45,14 +45,14 @@ class Layout(NamedTuple):
 
 
 LAYOUTS: Final = {
-    "sensor_msgs/Imu": Layout(False, 37),  # quaternion xyzw, 9; angular velocity 3, 9; linear acceleration 3, 9
-    "sensor_msgs/MagneticField": Layout(False, 12),  # field 3, covariance 9
-    "sensor_msgs/Temperature": Layout(False, 2),  # temperature, variance
-    "geometry_msgs/PoseStamped": Layout(False, 7),  # position 3, quaternion xyzw
-    "geometry_msgs/PoseWithCovarianceStamped": Layout(False, 43),  # position 3, quaternion xyzw, covariance 36
-    "geometry_msgs/QuaternionStamped": Layout(False, 4),  # xyzw
-    "geometry_msgs/TransformStamped": Layout(True, 7),  # translation 3, quaternion xyzw
-    "nav_msgs/Odometry": Layout(True, 85),  # position 3, quaternion xyzw, 36; twist 6, 36
+    "sensor_msgs/Imu": MessageLayout(False, 37),  # quaternion xyzw, 9; angular velocity 3, 9; linear acceleration 3, 9
+    "sensor_msgs/MagneticField": MessageLayout(False, 12),  # field 3, covariance 9
+    "sensor_msgs/Temperature": MessageLayout(False, 2),  # temperature, variance
+    "geometry_msgs/PoseStamped": MessageLayout(False, 7),  # position 3, quaternion xyzw
+    "geometry_msgs/PoseWithCovarianceStamped": MessageLayout(False, 43),  # position 3, quaternion xyzw, covariance 36
+    "geometry_msgs/QuaternionStamped": MessageLayout(False, 4),  # xyzw
+    "geometry_msgs/TransformStamped": MessageLayout(True, 7),  # translation 3, quaternion xyzw
+    "nav_msgs/Odometry": MessageLayout(True, 85),  # position 3, quaternion xyzw, 36; twist 6, 36
 }
 """By type: its layout behind std_msgs/Header, the same in ROS 1 and ROS 2 (github.com/ros2/common_interfaces)."""
 
@@ -93,7 +93,7 @@ class Topic:
             self.messages.append(data)
 
 
-class Table(NamedTuple):
+class MessageTable(NamedTuple):
     """Messages of a topic as arrays: stamps of header and recorder (N,), ns, numbers (N, K), names of the frames."""
 
     stamped: NDArray[np.int64]
@@ -436,7 +436,7 @@ def _message(data: bytes, bag: Bag) -> bytes:
     return message
 
 
-def table(topic: Topic) -> Table:
+def table(topic: Topic) -> MessageTable:
     """Numbers of a topic's messages.
 
     Raises
@@ -452,7 +452,7 @@ def table(topic: Topic) -> Table:
         tails.append(tail)
     width = LAYOUTS[topic.kind].numbers
     numbers = np.frombuffer(b"".join(tails), dtype="<f8").reshape(-1, width).astype(np.float64)
-    return Table(
+    return MessageTable(
         np.array(stamps, dtype=np.int64), np.array(topic.logged, dtype=np.int64), numbers, tuple(filter(None, frames))
     )
 

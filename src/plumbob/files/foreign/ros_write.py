@@ -149,7 +149,7 @@ def turned(recording: Recording) -> tuple[Recording, list[str]]:
 
 def _rows(recording: Recording, store: Any, first: bool = False) -> Iterator[_Row]:
     """Messages in the order of time; their stamps are judged before the first is made."""
-    make = _Messages(store, first)
+    make = _RosMessages(store, first)
     recording, _ = turned(recording)
     track = recording.track
     if recording.array is not None:
@@ -191,7 +191,7 @@ def _stamps(t_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     return t_ns
 
 
-class _Messages:
+class _RosMessages:
     """Messages of a version of ROS, one for each row of arrays."""
 
     def __init__(self, store: Any, first: bool) -> None:

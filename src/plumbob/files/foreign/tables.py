@@ -39,7 +39,7 @@ from plumbob.files.arrays import (
 from plumbob.files.foreign.parts import Parts
 from plumbob.files.profile import ColumnRef, Profile, TimeColumn
 from plumbob.files.text import table_recording, text_profile
-from plumbob.files.text_table import Table
+from plumbob.files.text_table import TextTable
 
 MAX_BYTES: Final = 256 << 20
 """Bytes of a MATLAB v5 file, which is read as a whole."""
@@ -106,7 +106,7 @@ def listed(path: Path) -> str:
     return _container(path).listed.summary()
 
 
-def _table(profile: Profile, container: "_Container") -> Table:
+def _table(profile: Profile, container: "_Container") -> TextTable:
     places = {ref: _place(ref, container.listed) for ref in profile.used}
     content = container.load(sorted({name for name, _ in places.values()}))
     tables = {name: _upright(name, array) for name, array in content.items()}
@@ -126,7 +126,7 @@ def _table(profile: Profile, container: "_Container") -> Table:
             column = column - column[0]
         columns[ref] = np.asarray(column, dtype=np.float64)
     turned = tuple(f"{name} has its samples side by side, and was turned" for name, (_, was) in tables.items() if was)
-    return Table(columns, zero, next(iter(rows.values()), 0), turned, {}, lambda row: row + 1)
+    return TextTable(columns, zero, next(iter(rows.values()), 0), turned, {}, lambda row: row + 1)
 
 
 def _place(ref: ColumnRef, listed: _Listed) -> tuple[str, int]:

@@ -35,7 +35,7 @@ from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import logged
-from plumbob.files.foreign.join import Stream, joined
+from plumbob.files.foreign.join import Readings, joined
 from plumbob.rotations import Frame, North
 
 _MAGIC: Final = b"ULog\x01\x12\x35"
@@ -87,7 +87,7 @@ _WANTED: Final = frozenset(
 
 
 @dataclass
-class _Log:
+class _UlogHead:
     """What a log says about itself, and where its records of each topic begin."""
 
     raw: bytes
@@ -141,9 +141,9 @@ def read(path: Path, unit: str | None = None) -> Recording:
         return _recording(_scanned(raw), np.frombuffer(raw, np.uint8), file.stem, unit)
 
 
-def _scanned(raw: bytes) -> _Log:
+def _scanned(raw: bytes) -> _UlogHead:
     """One walk along the messages."""
-    log = _Log(raw)
+    log = _UlogHead(raw)
     at, size = _HEAD, len(raw)
     appended = _appended(raw)
     while at + 3 <= size:
@@ -185,7 +185,7 @@ def _appended(raw: bytes) -> list[int]:
     return sorted({offset for offset in offsets if _HEAD < offset < len(raw)}) if flags[0] & 1 else []
 
 
-def _resynced(log: _Log, at: int) -> int:
+def _resynced(log: _UlogHead, at: int) -> int:
     """Where messages go on after damage: at a sync message, or where headers chain again; the end where nowhere."""
     size = len(log.raw)
     chained = next((p for p in range(at + 1, min(at + _REACH, size)) if _chains(log.raw, p, size)), size)
@@ -212,7 +212,7 @@ def _chains(raw: bytes, at: int, size: int) -> bool:
     return at <= size
 
 
-def _taken(log: _Log, kind: int, body: bytes) -> None:
+def _taken(log: _UlogHead, kind: int, body: bytes) -> None:
     """Take what a message defines; what is damaged beyond reading counts as skipped."""
     try:
         if kind == 0x46:  # F
@@ -255,7 +255,7 @@ def _value(body: bytes) -> tuple[str, Any]:
     return key, np.frombuffer(rest, _BASIC.get(kind, "u1"), 1)[0].item()
 
 
-def _layout(log: _Log, name: str, depth: int = 0) -> "np.dtype[Any]":
+def _layout(log: _UlogHead, name: str, depth: int = 0) -> "np.dtype[Any]":
     """Layout of a topic's records; padding at the end, which is not written, is left out.
 
     Raises
@@ -281,7 +281,7 @@ def _layout(log: _Log, name: str, depth: int = 0) -> "np.dtype[Any]":
     return layout
 
 
-def _table(log: _Log, raw: NDArray[np.uint8], name: str, instance: int, *needed: str) -> NDArray[Any] | None:
+def _table(log: _UlogHead, raw: NDArray[np.uint8], name: str, instance: int, *needed: str) -> NDArray[Any] | None:
     """Records of a topic, or None where there are none; refused where columns are missing that it must have."""
     topic = (name, instance)
     if topic not in log.places or not len(log.places[topic]):
@@ -296,7 +296,7 @@ def _table(log: _Log, raw: NDArray[np.uint8], name: str, instance: int, *needed:
     return logged.records(raw, places[fits], layout) if fits.any() else None
 
 
-def _recording(log: _Log, raw: NDArray[np.uint8], name: str, unit: str | None) -> Recording:
+def _recording(log: _UlogHead, raw: NDArray[np.uint8], name: str, unit: str | None) -> Recording:
     notes = [
         "PX4 ULog: body axes forward, right, down; frame NED; rad/s, m/s², gauss as µT; clock in µs since boot (PX4 "
         "guide, ULog File Format, and PX4's message definitions)"
@@ -331,7 +331,7 @@ def _recording(log: _Log, raw: NDArray[np.uint8], name: str, unit: str | None) -
     return Recording(imu=imu, track=track, name=name, notes=(*notes, *_losses(log)))
 
 
-def _units(log: _Log) -> dict[str, int]:
+def _units(log: _UlogHead) -> dict[str, int]:
     """IMUs that samples can be of, with their numbers of records; first the one PX4 flew by, or that with most.
 
     Raises
@@ -357,9 +357,9 @@ def _units(log: _Log) -> dict[str, int]:
     return {first: counts[first], **counts} if counts else {}
 
 
-def _sensors(log: _Log, raw: NDArray[np.uint8], unit: str, notes: list[str]) -> tuple[dict[str, Stream], bool]:
+def _sensors(log: _UlogHead, raw: NDArray[np.uint8], unit: str, notes: list[str]) -> tuple[dict[str, Readings], bool]:
     """Streams of a unit's gyroscope and accelerometer, and whether they are in body axes."""
-    streams: dict[str, Stream] = {}
+    streams: dict[str, Readings] = {}
     topic, _, number = unit.partition(".")
     table = _table(log, raw, topic, int(number or 0), *_NEEDED.get(topic, ()))
     if table is None:
@@ -387,8 +387,8 @@ def _sensors(log: _Log, raw: NDArray[np.uint8], unit: str, notes: list[str]) -> 
 
 
 def _single(
-    log: _Log, raw: NDArray[np.uint8], gyroscope: NDArray[Any], instance: int, notes: list[str]
-) -> tuple[dict[str, Stream], bool]:
+    log: _UlogHead, raw: NDArray[np.uint8], gyroscope: NDArray[Any], instance: int, notes: list[str]
+) -> tuple[dict[str, Readings], bool]:
     """Streams of one gyroscope and of the accelerometer on its bus and address, or of the same number."""
     streams = {"gyr": logged.stream("gyr", _sampled(gyroscope), logged.triad(gyroscope, "x", "y", "z"), notes)}
     places = {
@@ -427,7 +427,7 @@ def _sampled(table: NDArray[Any]) -> NDArray[np.int64]:
     return logged.micro(table["timestamp_sample" if "timestamp_sample" in (table.dtype.names or ()) else "timestamp"])
 
 
-def _magnetometer(log: _Log, raw: NDArray[np.uint8], streams: dict[str, Stream], notes: list[str]) -> None:
+def _magnetometer(log: _UlogHead, raw: NDArray[np.uint8], streams: dict[str, Readings], notes: list[str]) -> None:
     """The magnetometer that PX4 flew by, or the first one."""
     for topic in ("vehicle_magnetometer", "sensor_combined"):  # logs before 2018 have it in the latter
         table = _table(log, raw, topic, 0, "timestamp", "magnetometer_ga")
@@ -444,7 +444,7 @@ def _magnetometer(log: _Log, raw: NDArray[np.uint8], streams: dict[str, Stream],
             return
 
 
-def _gps(log: _Log, raw: NDArray[np.uint8]) -> NDArray[Any] | None:
+def _gps(log: _UlogHead, raw: NDArray[np.uint8]) -> NDArray[Any] | None:
     """Records of the first GPS that knew UTC and had a fix."""
     for topic in ("vehicle_gps_position", "sensor_gps"):
         for instance in log.instances(topic):
@@ -454,7 +454,7 @@ def _gps(log: _Log, raw: NDArray[np.uint8]) -> NDArray[Any] | None:
     return None
 
 
-def _epoch(log: _Log, raw: NDArray[np.uint8], notes: list[str]) -> int | None:
+def _epoch(log: _UlogHead, raw: NDArray[np.uint8], notes: list[str]) -> int | None:
     """UTC of boot, ns since 1970, where a GPS knew it."""
     table = _gps(log, raw)
     if table is None:
@@ -465,7 +465,7 @@ def _epoch(log: _Log, raw: NDArray[np.uint8], notes: list[str]) -> int | None:
 
 
 def _attitude(
-    log: _Log, raw: NDArray[np.uint8], rows_ns: NDArray[np.int64], t: Any, notes: list[str]
+    log: _UlogHead, raw: NDArray[np.uint8], rows_ns: NDArray[np.int64], t: Any, notes: list[str]
 ) -> AttitudeTrack | None:
     """PX4's own estimate on the rows of the samples."""
     table = _table(log, raw, "vehicle_attitude", 0, "timestamp", "q")
@@ -487,7 +487,7 @@ def _attitude(
     )
 
 
-def _losses(log: _Log) -> list[str]:
+def _losses(log: _UlogHead) -> list[str]:
     notes = []
     if log.dropouts:
         total = sum(log.dropouts) / 1000

@@ -98,7 +98,7 @@ _Block = tuple[int, int, int]
 
 
 @dataclass
-class Unit:
+class XbusUnit:
     """What one unit sent, under the names of MT Manager's export.
 
     Attributes
@@ -117,7 +117,7 @@ class Unit:
 
 
 @dataclass
-class _Messages:
+class _CheckedMessages:
     """Messages whose checksums fit, by their places in the file."""
 
     raw: bytes
@@ -146,7 +146,7 @@ class _Group:
     blocks: list[_Block]
 
 
-def read_unit(raw: bytes, unit: str | None) -> Unit:
+def read_unit(raw: bytes, unit: str | None) -> XbusUnit:
     """One unit of a log: the one that is asked for, or the first.
 
     Parameters
@@ -180,7 +180,7 @@ def read_unit(raw: bytes, unit: str | None) -> Unit:
     counts = {key: int(np.count_nonzero(data & (messages.bus == bus))) for key, bus in names.items()}
     if len(names) > 1:
         notes.append(others_note(f"unit: {name}, {counted(counts.pop(name), 'packet')}", counts))
-    content = Unit({} if name == f"bus{names[name]}" else {"deviceid": name}, {}, notes)
+    content = XbusUnit({} if name == f"bus{names[name]}" else {"deviceid": name}, {}, notes)
     if product := _product(messages, names[name], configuration):
         content.head["productcode"] = product
     groups, rate = _groups(messages, names[name], configuration, content)
@@ -188,7 +188,7 @@ def read_unit(raw: bytes, unit: str | None) -> Unit:
     return content
 
 
-def _messages(raw: bytes, notes: list[str]) -> _Messages:
+def _messages(raw: bytes, notes: list[str]) -> _CheckedMessages:
     """Messages one after another; after damage the next is one whose checksum fits and that another follows."""
     data = np.frombuffer(raw, np.uint8)
     sums, size = np.cumsum(data, dtype=np.uint8), data.size
@@ -212,7 +212,7 @@ def _messages(raw: bytes, notes: list[str]) -> _Messages:
         notes.append(f"damage: {counted(junk, 'byte')} skipped, which are not messages whose checksums fit")
     start, end = np.frombuffer(starts, np.int64), np.frombuffer(ends, np.int64)
     head = np.where(data[start + 3] == _LONG, 6, 4)
-    return _Messages(raw, data, start + head, end - start - head - 1, data[start + 1], data[start + 2])
+    return _CheckedMessages(raw, data, start + head, end - start - head - 1, data[start + 1], data[start + 2])
 
 
 def _candidates(
@@ -231,7 +231,7 @@ def _candidates(
     return at[fits], ends[fits]
 
 
-def _configuration(messages: _Messages) -> bytes:
+def _configuration(messages: _CheckedMessages) -> bytes:
     """Data of the message Configuration that the first packets follow; empty where there is none."""
     numbers = [number for number in messages.indices(_CONFIGURATION)[:1000] if _devices(messages.body(int(number)))]
     if not numbers:
@@ -251,7 +251,7 @@ def _uint(data: bytes, at: int, size: int) -> int:
     return int.from_bytes(data[at : at + size], "big")
 
 
-def _name(messages: _Messages, bus: int, configuration: bytes) -> str:
+def _name(messages: _CheckedMessages, bus: int, configuration: bytes) -> str:
     """Identity of a unit as Xsens writes it; where no message tells it, its bus identifier."""
     devices = _devices(configuration)
     if bus == _MASTER and devices > 1:
@@ -265,7 +265,7 @@ def _name(messages: _Messages, bus: int, configuration: bytes) -> str:
     return f"bus{bus}"
 
 
-def _product(messages: _Messages, bus: int, configuration: bytes) -> str:
+def _product(messages: _CheckedMessages, bus: int, configuration: bytes) -> str:
     """Product code of a unit; that in the configuration is the master's, which a unit alone is itself."""
     said = [messages.body(int(number)) for number in messages.indices(_PRODUCT_CODE, bus)[:1]]
     if not said and _devices(configuration) == 1:
@@ -274,7 +274,9 @@ def _product(messages: _Messages, bus: int, configuration: bytes) -> str:
     return text if text.isprintable() and len(text) <= 40 else ""
 
 
-def _groups(messages: _Messages, bus: int, configuration: bytes, unit: Unit) -> tuple[list[_Group], float | None]:
+def _groups(
+    messages: _CheckedMessages, bus: int, configuration: bytes, unit: XbusUnit
+) -> tuple[list[_Group], float | None]:
     """Packets of a unit by their layouts, and its packets per second, where a message tells them."""
     numbers = np.flatnonzero(np.isin(messages.kind, (_MTDATA, _MTDATA2)) & (messages.bus == bus) & (messages.sizes > 0))
     modern = messages.kind[numbers] == _MTDATA2
@@ -285,7 +287,7 @@ def _groups(messages: _Messages, bus: int, configuration: bytes, unit: Unit) -> 
     return _legacy(messages, numbers, configuration, unit)
 
 
-def _declared_rate(messages: _Messages, bus: int) -> float | None:
+def _declared_rate(messages: _CheckedMessages, bus: int) -> float | None:
     """Packets per second: the largest rate that the output configuration asks for, Hz."""
     rates = [0]
     for number in messages.indices(_OUTPUT_CONFIGURATION, bus)[-1:]:
@@ -294,7 +296,7 @@ def _declared_rate(messages: _Messages, bus: int) -> float | None:
     return float(max(rates)) or None
 
 
-def _modern(messages: _Messages, numbers: NDArray[np.int64], notes: list[str]) -> list[_Group]:
+def _modern(messages: _CheckedMessages, numbers: NDArray[np.int64], notes: list[str]) -> list[_Group]:
     """Packets of MTData2, told apart by the heads of their blocks."""
     groups: list[_Group] = []
     sizes, lost = messages.sizes[numbers], 0
@@ -319,7 +321,7 @@ def _modern(messages: _Messages, numbers: NDArray[np.int64], notes: list[str]) -
     return groups
 
 
-def _alike(messages: _Messages, numbers: NDArray[np.int64], blocks: list[_Block]) -> NDArray[np.int64]:
+def _alike(messages: _CheckedMessages, numbers: NDArray[np.int64], blocks: list[_Block]) -> NDArray[np.int64]:
     """Which of the packets of one size have the blocks of the first."""
     data, begins = messages.data, messages.begins[numbers]
     matching = np.arange(numbers.size)
@@ -339,7 +341,7 @@ def _blocks(data: bytes) -> tuple[list[_Block], bool]:
 
 
 def _legacy(
-    messages: _Messages, numbers: NDArray[np.int64], configuration: bytes, unit: Unit
+    messages: _CheckedMessages, numbers: NDArray[np.int64], configuration: bytes, unit: XbusUnit
 ) -> tuple[list[_Group], float | None]:
     """Packets of MTData by the configuration of their unit."""
     devices = _devices(configuration)
@@ -400,7 +402,7 @@ def _legacy_blocks(mode: int, settings: int) -> tuple[list[_Block], int]:
     return blocks, at
 
 
-def _fill(unit: Unit, data: NDArray[np.uint8], groups: list[_Group], rate: float | None) -> None:
+def _fill(unit: XbusUnit, data: NDArray[np.uint8], groups: list[_Group], rate: float | None) -> None:
     """Columns of the blocks that are taken, a row for each packet; what is not taken is a note."""
     held: dict[int, int] = {}
     for group in groups:
@@ -482,7 +484,7 @@ def _values(data: NDArray[np.uint8], places: NDArray[np.int64], identity: int, s
     return np.asarray(records(data, places, np.dtype([("v", number, (width,))]))["v"].astype(np.float64) * scale)
 
 
-def _timed(unit: Unit, rate: float | None) -> None:
+def _timed(unit: XbusUnit, rate: float | None) -> None:
     """Leave out packets without the time that the others have; without any time, the rate is that of the settings."""
     columns = unit.columns
     if "SampleTimeFine" in columns:

@@ -26,7 +26,7 @@ from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.foreign.join import Stream, joined
+from plumbob.files.foreign.join import Readings, joined
 from plumbob.files.foreign.logged import attitude_at
 from plumbob.files.foreign.parts import Parts, names_in, sheet
 from plumbob.rotations import Frame, North
@@ -81,16 +81,16 @@ def _recording(name: str, messages: _Messages, answers: str, notes: list[str]) -
         raise DecodeError(f"it has no inertial message; {'; '.join(notes[1:]) or 'is this the file?'}.")
     stamps, inertial = messages["I"]
     streams = {
-        "gyr": Stream(stamps, units.to_si(inertial[:, :3], "deg/s")),
-        "acc": Stream(stamps, units.to_si(inertial[:, 3:], "g")),
+        "gyr": Readings(stamps, units.to_si(inertial[:, :3], "deg/s")),
+        "acc": Readings(stamps, units.to_si(inertial[:, 3:], "g")),
     }
     if "M" in messages:
-        streams["mag"] = Stream(messages["M"][0], units.to_si(messages["M"][1], "relative"))
+        streams["mag"] = Readings(messages["M"][0], units.to_si(messages["M"][1], "relative"))
         notes.append(
             f"mag is in arbitrary units, 1 at the place of calibration, which is taken for {NOMINAL_FIELD:g} µT"
         )
     if "T" in messages:
-        streams["temp_c"] = Stream(messages["T"][0], messages["T"][1][:, 0])
+        streams["temp_c"] = Readings(messages["T"][0], messages["T"][1][:, 0])
     frame, north, how = _convention(answers)
     meta = ImuMeta(device="x-IMU3", frame=frame, unit_check=False)
     imu, rows_ns, joints = joined(streams, meta=meta)

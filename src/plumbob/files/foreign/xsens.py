@@ -34,7 +34,7 @@ from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import xbus
-from plumbob.files.foreign.join import Stream, joined
+from plumbob.files.foreign.join import Readings, joined
 from plumbob.files.foreign.logged import MOST, attitude_at
 from plumbob.files.foreign.parts import HEAD_BYTES, names_in, sheet
 from plumbob.rotations import (
@@ -177,7 +177,7 @@ def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: l
     return Recording(imu=imu, track=track, name=name, notes=(*notes, *joints))
 
 
-def _streams(columns: Columns, stamps: NDArray[np.int64], notes: list[str]) -> dict[str, Stream]:
+def _streams(columns: Columns, stamps: NDArray[np.int64], notes: list[str]) -> dict[str, Readings]:
     """Streams of the triads and the temperature, each at the rows where the leading one has a value."""
     values: dict[str, Floats] = {}
     for kind, names in _TRIADS.items():
@@ -205,7 +205,7 @@ def _streams(columns: Columns, stamps: NDArray[np.int64], notes: list[str]) -> d
     if "Temperature" in columns and np.isfinite(columns["Temperature"]).any():
         values["temp_c"], there["temp_c"] = columns["Temperature"], np.isfinite(columns["Temperature"])
     rows = {kind: lead if not (mask & ~lead).any() else mask for kind, mask in there.items()}
-    return {kind: Stream(stamps[rows[kind]], samples[rows[kind]]) for kind, samples in values.items()}
+    return {kind: Readings(stamps[rows[kind]], samples[rows[kind]]) for kind, samples in values.items()}
 
 
 def _mean_rates(turns: Floats, stamps: NDArray[np.int64], notes: list[str]) -> Floats:

@@ -44,7 +44,7 @@ class Content:
     entries: dict[int, list[int]] = field(default_factory=dict)
 
 
-class Parser:
+class RecordParser:
     """Parses stretches of records; a channel that is declared again and again is decoded once."""
 
     def __init__(self) -> None:

@@ -13,8 +13,8 @@ from plumbob.core.text import counted
 from plumbob.files.mcap import layout
 from plumbob.files.mcap.info import PartInfo
 from plumbob.files.mcap.layout import Channel
-from plumbob.files.mcap.resync import Source
-from plumbob.files.mcap.scan import Block, Damage, Identity, Scan, identify
+from plumbob.files.mcap.resync import FileBytes
+from plumbob.files.mcap.scan import Damage, Identity, RowBlock, Scan, identify
 
 
 class SequenceGaps:
@@ -217,7 +217,7 @@ class Log:
         self._start()
         for part in self._parts:
             self._begin_part(part)
-            with Source(part.path) as source:
+            with FileBytes(part.path) as source:
                 scan = Scan(source, self._run.recording or self.recording)
                 for item in scan.items():
                     if isinstance(item, Damage):
@@ -289,14 +289,14 @@ class Log:
 
     # --- rows ---------------------------------------------------------------------------------------------------
 
-    def _foreign(self, block: Block) -> list[LogMessage]:
+    def _foreign(self, block: RowBlock) -> list[LogMessage]:
         rows, channels = block.rows, block.channels
         return [
             LogMessage(channels[number], sequence, log_time - channels[number].epoch_offset_ns, data)
             for number, sequence, log_time, data in rows
         ]
 
-    def _chunk_rows(self, path: Path, block: Block) -> list[LogMessage]:
+    def _chunk_rows(self, path: Path, block: RowBlock) -> list[LogMessage]:
         """Rows of a chunk, unless they have come before."""
         lows: dict[int, int] = {}
         counts: dict[int, int] = {}
@@ -329,7 +329,7 @@ class Log:
         self._latest_ns = max(row.t_ns for row in messages)
         return messages
 
-    def _time_offset(self, block: Block) -> int:
+    def _time_offset(self, block: RowBlock) -> int:
         """What is taken from the times of a block, ns; by a clock set back, a start comes `UNKNOWN_NS` later."""
         number, _, log_time, _ = block.rows[0]
         offset, run = block.channels[number].epoch_offset_ns, self._run

@@ -134,7 +134,7 @@ def _offsets(groups: Mapping[int, bytes], at: int) -> bytes:
 LIBRARY = "plumbob recording 1"
 
 
-class Part:
+class RecordingPart:
     """A file that holds whole chunks only, and says so at its end if it gets there.
 
     Parameters

@@ -15,7 +15,7 @@ WINDOW: Final = 1 << 20
 _SEARCHES: Final = 32
 
 
-class Source:
+class FileBytes:
     """Bytes of a file by offset; whatever lies beyond its end is missing from the answer.
 
     Parameters
@@ -82,7 +82,9 @@ _STEP: Final = 512
 _OVERLAP: Final = 63  # no landmark is longer than one byte more
 
 
-def next_landmark(source: Source, start: int, is_good: Callable[[int], bool], checked: bool) -> tuple[int, int | None]:
+def next_landmark(
+    source: FileBytes, start: int, is_good: Callable[[int], bool], checked: bool
+) -> tuple[int, int | None]:
     """Offset, from `start` on, of the next good record or of the end of the data section; else the file's size.
 
     Where it is the end of the data, the second number shows where its summary begins.
@@ -104,7 +106,7 @@ def next_landmark(source: Source, start: int, is_good: Callable[[int], bool], ch
     return source.size, None
 
 
-def footer_after(source: Source, start: int, checked: bool) -> int | None:
+def footer_after(source: FileBytes, start: int, checked: bool) -> int | None:
     """Offset of the footer whose summary starts at `start`; None where it or the summary is damaged."""
     for at, _ in _candidates(source, start, _ONLY_FOOTER):
         if summary_start(source, at, checked) == start:
@@ -112,7 +114,7 @@ def footer_after(source: Source, start: int, checked: bool) -> int | None:
     return None
 
 
-def summary_start(source: Source, footer: int, checked: bool) -> int | None:
+def summary_start(source: FileBytes, footer: int, checked: bool) -> int | None:
     """Where the summary begins that a footer speaks of; None if its CRC does not hold."""
     body = source.read(footer + layout.RECORD_HEAD.size, layout.FOOTER_BODY.size)
     start, _, crc = layout.FOOTER_BODY.unpack(body)
@@ -126,7 +128,7 @@ def summary_start(source: Source, footer: int, checked: bool) -> int | None:
     return (start or footer) if checksum == crc else None
 
 
-def _candidates(source: Source, start: int, pattern: re.Pattern[bytes]) -> Iterator[tuple[int, int]]:
+def _candidates(source: FileBytes, start: int, pattern: re.Pattern[bytes]) -> Iterator[tuple[int, int]]:
     """Offsets and opcodes of what looks like a landmark; the next one is near in most files."""
     step = _STEP
     while start < source.size and source.may_search(min(step, source.size - start)):

@@ -20,18 +20,18 @@ from plumbob.files.mcap.content import (
     MAX_RATIO,
     BrokenRecordError,
     Content,
-    Parser,
+    RecordParser,
     Row,
     inflate,
 )
 from plumbob.files.mcap.info import PartInfo
 from plumbob.files.mcap.layout import PLAIN_BYTES, Channel
-from plumbob.files.mcap.resync import Source, footer_after, next_landmark
+from plumbob.files.mcap.resync import FileBytes, footer_after, next_landmark
 
 _LARGEST = 1 << 24
 
 
-def rows_by_topic(source: Source, summary: int, end: int) -> dict[str, int]:
+def rows_by_topic(source: FileBytes, summary: int, end: int) -> dict[str, int]:
     """Rows per topic by the statistics of a summary whose CRC holds, up to its end; empty where it has none."""
     try:
         return _read(source, summary, end)
@@ -39,7 +39,7 @@ def rows_by_topic(source: Source, summary: int, end: int) -> dict[str, int]:
         return {}
 
 
-def _read(source: Source, at: int, end: int) -> dict[str, int]:
+def _read(source: FileBytes, at: int, end: int) -> dict[str, int]:
     topics: dict[int, str] = {}
     while True:
         opcode, length = layout.RECORD_HEAD.unpack(source.read(at, layout.RECORD_HEAD.size))
@@ -91,7 +91,7 @@ _RECORDS = (layout.SCHEMA, layout.CHANNEL, layout.MESSAGE)
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class RowBlock:
     """Rows that stand together in a file and are whole."""
 
     offset: int
@@ -111,7 +111,7 @@ class Scan:
 
     Parameters
     ----------
-    source : Source
+    source : FileBytes
         The file.
     recording : str or None
         Name of the recording whose chunks are wanted, empty if it is not known; None for a file of another program,
@@ -131,7 +131,7 @@ class Scan:
         Rows whose channel is not known, in files of other programs.
     """
 
-    def __init__(self, source: Source, recording: str | None) -> None:
+    def __init__(self, source: FileBytes, recording: str | None) -> None:
         self.clean = False
         self.info: PartInfo | None = None
         self.counts: dict[str, int] = {}
@@ -140,14 +140,14 @@ class Scan:
         self._source = source
         self._recording = recording
         self._ours = recording is not None
-        self._parser = Parser()
+        self._parser = RecordParser()
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, bytes] = {}
         self._damaged = False
         self._summary_at: int | None = None
         self._crc, self._crc_end = 0, 0
 
-    def items(self) -> Iterator[Block | Damage]:
+    def items(self) -> Iterator[RowBlock | Damage]:
         """Blocks and damages in the order of the file."""
         source = self._source
         at = len(layout.MAGIC)
@@ -168,7 +168,7 @@ class Scan:
         self._damaged = True
         return Damage(self._source.path, offset, size, what, certain=certain)
 
-    def _record(self, at: int) -> tuple[list[Block | Damage], int]:
+    def _record(self, at: int) -> tuple[list[RowBlock | Damage], int]:
         """What stands at an offset, and the offset behind it."""
         head = self._source.read(at, layout.RECORD_HEAD.size)
         if len(head) < layout.RECORD_HEAD.size:
@@ -187,7 +187,7 @@ class Scan:
             return [], self._summary(at)
         return self._other(opcode, at, length), after
 
-    def _other(self, opcode: int, at: int, length: int) -> list[Block | Damage]:
+    def _other(self, opcode: int, at: int, length: int) -> list[RowBlock | Damage]:
         if opcode == layout.METADATA and self._ours:
             return self._metadata(at, length)
         if self._ours and not (opcode == layout.HEADER and at == len(layout.MAGIC)):
@@ -196,7 +196,7 @@ class Scan:
             return self._bare(at, length)
         return []
 
-    def _metadata(self, at: int, length: int) -> list[Block | Damage]:
+    def _metadata(self, at: int, length: int) -> list[RowBlock | Damage]:
         """What the part says about itself."""
         info = self._info_at(at)
         if info is not None:
@@ -222,30 +222,30 @@ class Scan:
 
     # --- rows ---------------------------------------------------------------------------------------------------
 
-    def _bare(self, at: int, length: int) -> list[Block | Damage]:
+    def _bare(self, at: int, length: int) -> list[RowBlock | Damage]:
         """A schema, channel or message outside chunks."""
         content = self._parser.parse(self._source.read(at, 9 + length), self._schemas)
         self.unchecked += len(content.rows)
         return self._foreign_rows(at, content)
 
-    def _foreign_rows(self, at: int, content: Content) -> list[Block | Damage]:
+    def _foreign_rows(self, at: int, content: Content) -> list[RowBlock | Damage]:
         """Rows of other programs' files, whose channels may have been declared earlier."""
         self._channels.update(content.channels)
         rows = [row for row in content.rows if row[0] in self._channels]
         self.orphans += len(content.rows) - len(rows)
-        return [Block(at, self._channels, rows)] if rows else []
+        return [RowBlock(at, self._channels, rows)] if rows else []
 
-    def _block(self, at: int) -> tuple[list[Block | Damage], int]:
+    def _block(self, at: int) -> tuple[list[RowBlock | Damage], int]:
         chunk = self._chunk(at)
         if not self._ours:
             return self._foreign_rows(at, chunk.content), chunk.after
-        blocks: list[Block | Damage] = [Block(at, chunk.content.channels, chunk.content.rows)]
+        blocks: list[RowBlock | Damage] = [RowBlock(at, chunk.content.channels, chunk.content.rows)]
         if not chunk.times_hold:
             blocks.append(self._damage(at + 9, 16, "the times at a chunk's head are wrong; its rows are whole"))
         after, damage = self._index(chunk)
         return blocks + damage, after
 
-    def _index(self, chunk: _Chunk) -> tuple[int, list[Block | Damage]]:
+    def _index(self, chunk: _Chunk) -> tuple[int, list[RowBlock | Damage]]:
         """Compare the message indexes behind a chunk with what they must be; they have no CRC."""
         index = b"".join(layout.index_records(chunk.content.entries).values())
         there = self._source.read(chunk.after, len(index))
@@ -323,7 +323,7 @@ class Scan:
 
     # --- the end ------------------------------------------------------------------------------------------------
 
-    def _data_end(self, at: int, length: int) -> list[Block | Damage]:
+    def _data_end(self, at: int, length: int) -> list[RowBlock | Damage]:
         if length != layout.CRC.size:
             raise BrokenRecordError("the end of the data cannot be read")
         (crc,) = layout.CRC.unpack(self._source.read(at + layout.RECORD_HEAD.size, length))
@@ -379,7 +379,7 @@ def identify(path: Path) -> Identity:
     DecodeError
         If it cannot be read, or holds no MCAP.
     """
-    with Source(path) as source:
+    with FileBytes(path) as source:
         magic = source.read(0, len(layout.MAGIC))
         if len(magic) < len(layout.MAGIC) and layout.MAGIC.startswith(magic):
             return Identity(path, "")
@@ -399,7 +399,7 @@ def identify(path: Path) -> Identity:
         return Identity(path, recording or "", _info_anywhere(source, recording or ""))
 
 
-def _header(source: Source) -> tuple[bytes, int]:
+def _header(source: FileBytes) -> tuple[bytes, int]:
     """First bytes of the library's name, and the offset behind the header record."""
     at = len(layout.MAGIC)
     head = source.read(at, layout.RECORD_HEAD.size + 8)
@@ -412,7 +412,7 @@ def _header(source: Source) -> tuple[bytes, int]:
     return body[profile + 8 : profile + 8 + len(_OWN)] if valid else b"", at + layout.RECORD_HEAD.size + length
 
 
-def _is_foreign(source: Source) -> bool:
+def _is_foreign(source: FileBytes) -> bool:
     """Whether the header names another program; ours with a damaged letter or two is still ours."""
     library, _ = _header(source)
     alike = sum(a == b for a, b in zip(library, _OWN, strict=False))
@@ -420,7 +420,7 @@ def _is_foreign(source: Source) -> bool:
     return bool(library) and complete and alike < len(_OWN) - 2
 
 
-def _info_at_start(source: Source) -> PartInfo | None:
+def _info_at_start(source: FileBytes) -> PartInfo | None:
     _, at = _header(source)
     head = source.read(at, layout.RECORD_HEAD.size)
     if len(head) < layout.RECORD_HEAD.size:
@@ -431,14 +431,14 @@ def _info_at_start(source: Source) -> PartInfo | None:
     return PartInfo.parse(source.read(at + layout.RECORD_HEAD.size, length))
 
 
-def _recording_of_chunks(source: Source) -> str | None:
+def _recording_of_chunks(source: FileBytes) -> str | None:
     """Name of the recording in the first whole chunk."""
     scan = Scan(source, "")
     at, summary = next_landmark(source, 0, scan.is_chunk, checked=True)
     return None if at == source.size or summary is not None else scan.recording_at(at)
 
 
-def _info_anywhere(source: Source, recording: str) -> PartInfo | None:
+def _info_anywhere(source: FileBytes, recording: str) -> PartInfo | None:
     """What the part says at its end, where its beginning is damaged."""
     scan = Scan(source, recording)
     for _ in scan.items():

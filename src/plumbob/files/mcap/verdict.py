@@ -10,12 +10,12 @@ from typing import Any, Final
 
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import replacing, require_other, require_place
-from plumbob.core.text import Shown
+from plumbob.core.text import FactsText
 from plumbob.files.mcap import disk
 from plumbob.files.mcap.info import PartInfo
 from plumbob.files.mcap.layout import CHUNK_BYTES, Channel, OpenChunk, Schema, compressor, pack
 from plumbob.files.mcap.log import Log, LogMessage, open_log
-from plumbob.files.mcap.part import Part
+from plumbob.files.mcap.part import RecordingPart
 from plumbob.files.mcap.scan import Damage
 
 CHUNK_NS: Final = 10**9
@@ -24,7 +24,7 @@ _TIMES: Final = 1 << 64
 
 
 @contextmanager
-def whole_part(file: Path, info: PartInfo) -> Iterator[tuple[Part, Callable[[OpenChunk], None]]]:
+def whole_part(file: Path, info: PartInfo) -> Iterator[tuple[RecordingPart, Callable[[OpenChunk], None]]]:
     """Give the only part of a recording, to be finished, and what writes a chunk to it.
 
     Parameters
@@ -34,7 +34,7 @@ def whole_part(file: Path, info: PartInfo) -> Iterator[tuple[Part, Callable[[Ope
     info : PartInfo
         What the part says of itself.
     """
-    part = Part(file, info, disk.open_empty)
+    part = RecordingPart(file, info, disk.open_empty)
     compression, compress = compressor("zstd")
     part.begin()
     try:
@@ -114,7 +114,7 @@ def _chunks(
 
 
 @dataclass(repr=False)
-class Verdict(Shown):
+class Verdict(FactsText):
     """What a recording holds and what it lacks.
 
     Attributes

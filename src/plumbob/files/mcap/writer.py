@@ -11,7 +11,7 @@ from plumbob.core.text import counted
 from plumbob.files.mcap import disk, layout
 from plumbob.files.mcap.info import PartInfo
 from plumbob.files.mcap.layout import OpenChunk, Rules, State, compressor, pack
-from plumbob.files.mcap.part import Part
+from plumbob.files.mcap.part import RecordingPart
 
 
 class Backlog:
@@ -130,7 +130,7 @@ class Writer:
         self._tell = tell
         self._thread = threading.Thread(target=self._run, name="plumbob recorder", daemon=True)
         self._compression, self._compress = compressor(rules.compression)
-        self._part: Part | None = None
+        self._part: RecordingPart | None = None
         self._number = rules.first - 1
         self._part_t_ns: int | None = None
         self._next: dict[int, int] = {}
@@ -246,7 +246,7 @@ class Writer:
             number += 1
         starts = {self._channels[channel][0]: count for channel, count in self._next.items()}
         info = replace(self._info, part=number, starts=starts)
-        part = Part(layout.part_path(self._rules.path, number), info)
+        part = RecordingPart(layout.part_path(self._rules.path, number), info)
         part.begin()
         self._part, self._number, self._part_t_ns = part, number, None
 
@@ -304,7 +304,7 @@ class Writer:
         self._unsynced.clear()
         self._close(part, keep_empty)
 
-    def _close(self, part: Part, keep_empty: bool) -> None:
+    def _close(self, part: RecordingPart, keep_empty: bool) -> None:
         self._barren = not part.contents.rows
         part.close(keep=keep_empty or not self._barren)
         if self._barren and not keep_empty:
@@ -323,7 +323,7 @@ class Writer:
             self._take_back(part, error)
             self._close(part, keep_empty=False)
 
-    def _take_back(self, part: Part, error: OSError) -> None:
+    def _take_back(self, part: RecordingPart, error: OSError) -> None:
         """After a failed fsync nobody knows what the disk has: write those rows once more, elsewhere."""
         part.cut_to_synced()
         for chunk in self._unsynced:

@@ -34,7 +34,7 @@ from plumbob.filters.smoother.inertial import (
     WINDOW,
 )
 from plumbob.filters.smoother.keyframes import Bools, turned_by
-from plumbob.filters.smoother.model import SIZE, TH, B, Noise, Params, V
+from plumbob.filters.smoother.model import SIZE, TH, B, ModelVariances, Params, V
 from plumbob.filters.smoother.samples import (
     GATED,
 )
@@ -94,7 +94,7 @@ TAKEN_SD: Final = deg(5.0)
 """The heading is then known to this, rad."""
 
 
-class Field(NamedTuple):
+class LocalField(NamedTuple):
     """The field of the place as the filter takes it: level and vertical part, spread, µT, and white noise, µT²/Hz."""
 
     level: float
@@ -103,7 +103,7 @@ class Field(NamedTuple):
     white2: float
 
     @classmethod
-    def from_reference(cls, reference: Reference | None, p: Params) -> "Field":
+    def from_reference(cls, reference: Reference | None, p: Params) -> "LocalField":
         """Of a reference; without a level part where there is none."""
         if reference is None:
             return cls(0.0, 0.0, 1.0, 1.0)
@@ -161,7 +161,7 @@ def unlikely_tilt(learned: Floats) -> float:
 
 
 @kernel
-def field_weight(mean: Floats, field: Field) -> float:
+def field_weight(mean: Floats, field: LocalField) -> float:
     """How far the mean field of a step is believed, 0 to 1, by size, dip and direction; as `weights` has it."""
     if mean[COUNT] == 0.0:
         return 0.0
@@ -177,7 +177,7 @@ def field_weight(mean: Floats, field: Field) -> float:
 @kernel
 def onward(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, first: NDArray[np.int64], gap: Bools, quiet: Bools,
-    around: Floats, missed: Floats, pushed: Floats, untold: Bools, noise: Noise, field: Field,
+    around: Floats, missed: Floats, pushed: Floats, untold: Bools, noise: ModelVariances, field: LocalField,
     rest_band: float, rest_time: float, least_speed: float, proven: bool, attitude: Floats, now: Floats, p: Floats,
     learned: Floats, against: Floats, other: Floats, standing: Floats, q: Floats, x: Floats, cov: Floats,
     word: NDArray[np.uint32], weight: Floats,
@@ -240,7 +240,7 @@ def onward(
 @kernel
 def measure(
     p: Floats, now: Floats, gain: Floats, term: Floats, column: Floats, mean: Floats, dt: float, kind: int,
-    learned: Floats, least_speed: float, untold: bool, noise: Noise, field: Field,
+    learned: Floats, least_speed: float, untold: bool, noise: ModelVariances, field: LocalField,
 ) -> float:  # fmt: skip
     """Take in what a step shows of velocity, rest and heading; returns how far its field was believed."""
     density = velocity_density(learned, mean, dt, least_speed, untold)
@@ -279,13 +279,15 @@ def step_kind(quiet: bool, around: Floats, now: Floats, rest_band: float) -> int
 
 
 @kernel
-def taken(other: Floats, field: Field) -> Field:
+def taken(other: Floats, field: LocalField) -> LocalField:
     """Another field as the one of the place."""
-    return Field(math.hypot(other[OTHER], other[OTHER + 1]), other[OTHER + 2], field.spread, field.white2)
+    return LocalField(math.hypot(other[OTHER], other[OTHER + 1]), other[OTHER + 2], field.spread, field.white2)
 
 
 @kernel
-def contradicted(other: Floats, mean: Floats, dt: float, rate: float, field: Field, weight: float, again: bool) -> bool:
+def contradicted(
+    other: Floats, mean: Floats, dt: float, rate: float, field: LocalField, weight: float, again: bool
+) -> bool:
     """Whether the unit has turned enough in another field for that to be the one of the place."""
     if field.level == 0.0 or not on_earth(math.hypot(mean[FIELD], mean[FIELD + 1]), mean[FIELD + 2]):
         return False
@@ -298,7 +300,7 @@ def contradicted(other: Floats, mean: Floats, dt: float, rate: float, field: Fie
 
 
 @kernel
-def see_other(other: Floats, mean: Floats, dt: float, rate: float, field: Field) -> None:
+def see_other(other: Floats, mean: Floats, dt: float, rate: float, field: LocalField) -> None:
     """Follow a field that contradicts the one of the place; one that changes is not the one that was seen before."""
     east, north, up = mean[FIELD], mean[FIELD + 1], mean[FIELD + 2]
     apart2 = east**2 + (north - field.level) ** 2 + (up - field.vertical) ** 2

@@ -13,7 +13,7 @@ from plumbob.core.constants import G0
 from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, mean_between, path, sum_between
-from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, TH, Noise, Params, start_covariance
+from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, TH, ModelVariances, Params, start_covariance
 from plumbob.filters.smoother.sweeps import AGAIN, MOVING, RESTING, UNUSED, Sweep, sweep
 
 WINDOW: Final = 3.0
@@ -401,7 +401,7 @@ def _level(
 ) -> Inertial:  # fmt: skip
     """Three passes, each from the smoothed start of the one before; the first ones without scale and misalignment."""
     kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
-    noise, start = Noise.from_params(p, 0.0), tilt.copy()
+    noise, start = ModelVariances.from_params(p, 0.0), tilt.copy()
     for wide, matrix in ((WIDE, FIXED_MATRIX), (NARROW, FIXED_MATRIX), (NARROW, 1.0)):
         bias_sd = sd if wide == WIDE else min(sd, AGAIN_BIAS)
         p0 = start_covariance(p, tilt=wide, heading=FREE_HEADING, bias=bias_sd, rigid=True, matrix=matrix, unit=unit)

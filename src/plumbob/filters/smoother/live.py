@@ -29,7 +29,7 @@ from plumbob.filters.smoother.causal import (
     CONTRARY,
     DOUBT,
     TAKEN,
-    Field,
+    LocalField,
     Room,
     between_keyframes,
     doubt,
@@ -55,7 +55,7 @@ from plumbob.filters.smoother.inertial import (
     upright,
 )
 from plumbob.filters.smoother.keyframes import Bools, Keyframes
-from plumbob.filters.smoother.model import FREE_HEADING, SIZE, TH, B, M, Noise, Params
+from plumbob.filters.smoother.model import FREE_HEADING, SIZE, TH, B, M, ModelVariances, Params
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth, smooth_lately
 from plumbob.filters.smoother.preprocess import Arriving
 from plumbob.filters.smoother.samples import (
@@ -64,7 +64,7 @@ from plumbob.filters.smoother.samples import (
     GATED,
     MARGIN,
     FreeHeading,
-    Part,
+    SampleEstimates,
     body_cov,
     widened,
 )
@@ -118,11 +118,11 @@ class Running:
         What it has learned of the motion.
     smoothed : Smoothed
         What the last look found.
-    field : Field
+    field : LocalField
         The field of the place.
     iron : ndarray (3,)
         Field that turns with the sensor, µT.
-    noise : Noise
+    noise : ModelVariances
         Of the model.
     since : float
         Time of that look, s.
@@ -144,9 +144,9 @@ class Running:
     cov: Floats
     learned: Floats
     smoothed: Smoothed
-    field: Field
+    field: LocalField
     iron: Floats
-    noise: Noise
+    noise: ModelVariances
     since: float
     word: int
     weight: float
@@ -270,7 +270,7 @@ class Live:
         self._step, self._pause, self._due, self._check = 0, SOONEST, math.inf, math.inf
         lost = np.array([flags.NOT_CONVERGED | flags.HEADING_FREE], dtype=np.uint32)
         q = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else start.q
-        self._last = Part(q[np.newaxis], np.zeros((1, 3)), ANYTHING[np.newaxis], lost, np.full(1, np.nan))
+        self._last = SampleEstimates(q[np.newaxis], np.zeros((1, 3)), ANYTHING[np.newaxis], lost, np.full(1, np.nan))
         self._jumped, self._any_bias = -math.inf, False  # since when the bias is another one
         self._believed = math.inf  # when a field was last believed
         self._base, self._out, self._rate, self._bias_sd = 0, self._last, np.zeros((1, 3)), np.zeros(1)
@@ -301,7 +301,7 @@ class Live:
         if self._thread is not None:
             self._thread.shutdown()
 
-    def take(self, data: ImuData) -> Part:
+    def take(self, data: ImuData) -> SampleEstimates:
         """What is known of each of the next samples."""
         arriving = self._arriving
         self._base = arriving.samples
@@ -342,7 +342,7 @@ class Live:
         tilt = np.tile(tilt_sd**2 * np.eye(3), (n, 1, 1))
         out.cov[:] = widened(out.q, tilt, np.full(n, heading2 - tilt_sd**2))
 
-    def _everywhere(self, data: ImuData, mask: Bools) -> Part:
+    def _everywhere(self, data: ImuData, mask: Bools) -> SampleEstimates:
         """The same at all samples: in a hole of the gyroscope the attitude stays, and may be any."""
         both = self._last.followed_by(self._out)
         part = both.rows(np.cumsum(mask))
@@ -453,7 +453,8 @@ class Live:
         sought = bool(np.isfinite(frames.mag[:, 0]).any())
         turned = smoothed.reference is not None and self._proven.turning > LEAST_TURNING
         return Running(
-            last, cov, learned, smoothed, Field.from_reference(smoothed.reference, p), iron, Noise.from_params(p, bend),
+            last, cov, learned, smoothed, LocalField.from_reference(smoothed.reference, p), iron,
+            ModelVariances.from_params(p, bend),
             float(frames.time[-1]), flags.AT_REST if smoothed.resting[-1] else 0, float(smoothed.weight[-1]),
             np.zeros(1), other, self._proven.settled, standing, flags.FIELD_UNKNOWN if sought and not turned else 0,
         )  # fmt: skip
@@ -564,7 +565,7 @@ class Live:
         if self.p.latency:
             q = quat_multiply(q, quat_from_rotvec(self.p.latency * rate))
         weight = weight if smoothed.reference is not None else np.full(len(q), np.nan)
-        self._out.put(rows, Part(q, bias, cov_b, word, weight))
+        self._out.put(rows, SampleEstimates(q, bias, cov_b, word, weight))
 
     def _widen(self) -> None:
         """Count in a heading without a field what nothing shows of the gyroscope."""

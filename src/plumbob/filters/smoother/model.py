@@ -168,7 +168,7 @@ def start_covariance(
     return cov
 
 
-class Noise(NamedTuple):
+class ModelVariances(NamedTuple):
     """What the kernels read: variances per second, or of a measurement, and times."""
 
     gyr: float
@@ -180,7 +180,7 @@ class Noise(NamedTuple):
     bend_time: float
 
     @classmethod
-    def from_params(cls, p: Params, bend: float) -> "Noise":
+    def from_params(cls, p: Params, bend: float) -> "ModelVariances":
         """Of the parameters, with the standard deviation of the field's direction, rad."""
         return cls(
             p.gyr_noise**2, p.gyr_nonlinearity**2, p.gyr_walk**2, p.acc_noise**2, p.gyr_noise**2 + p.tremor**2,

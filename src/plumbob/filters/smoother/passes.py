@@ -32,7 +32,7 @@ from plumbob.filters.smoother.inertial import (
     without_gravity,
 )
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, between
-from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, B, M, Noise, Params, start_covariance
+from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, B, M, ModelVariances, Params, start_covariance
 from plumbob.filters.smoother.sensor_fixed_field import Attached, attached_field
 from plumbob.filters.smoother.sweeps import Sweep, sweep
 from plumbob.rotations import Frame, dcm_from_quat, quat_slerp
@@ -286,7 +286,7 @@ def _with_field(
         weight = weights(reference, p, field, attached.doubtful, directed=True)
         resting = still.at_bias(p, bias[1:])
         var = heading_variance(frames, p, reference, weight)
-        noise = Noise.from_params(p, reference.bend(p))
+        noise = ModelVariances.from_params(p, reference.bend(p))
         kind, density = kinds(frames, resting), speed.density(p, resting)
         begin, began = bias[0], first
         if 0.0 < inertial.bias_sd < again:

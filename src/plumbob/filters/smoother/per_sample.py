@@ -67,7 +67,7 @@ def go_on(
     return word | (flags.MAG_ABSENT if absent else 0)
 
 
-class Now(NamedTuple):
+class CurrentEstimate(NamedTuple):
     """What is known now: attitude in the frame that was asked for, bias, rad/s, covariance in body axes, rad²."""
 
     q: Floats
@@ -91,7 +91,7 @@ class Single:
         Of the samples.
     mag : bool
         Use the magnetometer.
-    now : Now
+    now : CurrentEstimate
         What is known before the first.
     """
 
@@ -101,7 +101,7 @@ class Single:
         between: "Callable[[], tuple[Between, Floats] | None]",
         meta: ImuMeta,
         mag: bool,
-        now: Now,
+        now: CurrentEstimate,
     ) -> None:
         self._take, self._between, self._meta, self._mag, self._now = take, between, meta, mag, now
         ends = [(meta.full_scale(name), _LIMITS[name]) for name in TRIADS]
@@ -170,7 +170,7 @@ class Single:
         assert track.bias_b is not None
         assert track.cov_b is not None
         assert track.flags is not None
-        self._now = Now(track.q_nb[-1], track.bias_b[-1], track.cov_b[-1])
+        self._now = CurrentEstimate(track.q_nb[-1], track.bias_b[-1], track.cov_b[-1])
         self._q, self._word = track.q_nb[-1].copy(), int(track.flags[-1])
         basis = self._between()
         self._known, self._turns = (None, self._turns) if basis is None else basis

@@ -162,7 +162,7 @@ def watch_on(
         )
 
 
-class Watch:
+class SampleWatch:
     """Flags what is stuck or beyond its range, from sample to sample; `state` is that of `watch`."""
 
     def __init__(self) -> None:
@@ -181,7 +181,7 @@ class Watch:
 
 def watched(imu: ImuData) -> ImuData:
     """The same samples with the flags of what is stuck or beyond its range."""
-    return imu.flagged(Watch().words(np.ascontiguousarray(imu.t), *trusted(imu, mag=True)))
+    return imu.flagged(SampleWatch().words(np.ascontiguousarray(imu.t), *trusted(imu, mag=True)))
 
 
 @kernel
@@ -259,7 +259,7 @@ class Arriving:
         self._p, self._mag = p, mag
         self._state, self._recent = np.zeros(PLACES), np.zeros(RECENT)
         self._state[[LAST, KEY, ARRIVED, GYR + TIME, ACC + TIME]] = np.nan
-        self._watch, self.word = Watch(), np.zeros(0, dtype=np.uint32)
+        self._watch, self.word = SampleWatch(), np.zeros(0, dtype=np.uint32)
         none, flag, place = np.zeros((0, 3)), np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64)
         self._t, self._gyr, self._acc, self._field = Rolling(none[:, 0]), *(Rolling(none) for _ in range(3))
         self._last, self._gap, self._variance = Rolling(place), Rolling(flag), Rolling(none[:, :2])

@@ -37,7 +37,7 @@ LEAST_CORE: Final = 0.5
 """With a lag a part is half of it long, but not shorter than this, s."""
 
 
-class Part(NamedTuple):
+class SampleEstimates(NamedTuple):
     """Of each sample: attitude to ENU (N, 4), bias (N, 3), rad/s, covariance in body axes (N, 3, 3), flags (N,).
 
     `weight`, (N,), is how far the field was believed, NaN where there was none.
@@ -71,7 +71,7 @@ class Piece(NamedTuple):
     """Samples one after the other: their times, s, the first one with a heading, and whether there are rates."""
 
     t: Floats
-    part: Part
+    part: SampleEstimates
     headed: int
     rated: bool
 
@@ -119,7 +119,7 @@ def stretches(t: Floats, lag: float | None, begin: int = 0) -> Iterator[Stretch]
         begin = end
 
 
-def sample_part(data: ImuData, smoothed: Smoothed, p: Params, heading_var: float | None = None) -> Part:
+def sample_part(data: ImuData, smoothed: Smoothed, p: Params, heading_var: float | None = None) -> SampleEstimates:
     """What is known of every sample of a recording, or of a stretch of one; `heading_var` is that of `FreeHeading`."""
     frames = smoothed.frames
     rate = rates(frames, smoothed.sweep)
@@ -138,7 +138,7 @@ def sample_part(data: ImuData, smoothed: Smoothed, p: Params, heading_var: float
     word[lost] |= np.uint32(flags.NOT_CONVERGED)
     none = smoothed.reference is None
     weight = np.full(len(q), np.nan) if none else smoothed.weight[np.maximum(place - 1, 0)]
-    return _everywhere(data, frames, Part(q, smoothed.sweep.bias[place], cov, word, weight))
+    return _everywhere(data, frames, SampleEstimates(q, smoothed.sweep.bias[place], cov, word, weight))
 
 
 class FreeHeading:
@@ -186,7 +186,7 @@ def vertical_in_body(q: Floats) -> Floats:
     return up
 
 
-def heading_variance_at(part: Part, row: int) -> float:
+def heading_variance_at(part: SampleEstimates, row: int) -> float:
     """Variance of the heading at a sample, rad²."""
     up = vertical_in_body(part.q[row : row + 1])[0]
     return float(up @ part.cov[row] @ up)
@@ -199,14 +199,16 @@ def widened(q: Floats, cov: Floats, variance: Floats) -> Floats:
     return total
 
 
-def unknown(data: ImuData, q: Floats, bias: Floats) -> Part:
+def unknown(data: ImuData, q: Floats, bias: Floats) -> SampleEstimates:
     """A stretch in which no rate was measured: the attitude (4,) before it stays, and may be any."""
     n = len(data)
     lost = np.asarray(data.flags) | np.uint32(flags.GYR_HELD | flags.NOT_CONVERGED | flags.HEADING_FREE)
-    return Part(np.tile(q, (n, 1)), np.tile(bias, (n, 1)), np.tile(ANYTHING, (n, 1, 1)), lost, np.full(n, np.nan))
+    return SampleEstimates(
+        np.tile(q, (n, 1)), np.tile(bias, (n, 1)), np.tile(ANYTHING, (n, 1, 1)), lost, np.full(n, np.nan)
+    )
 
 
-def continued(part: Part, stretch: Stretch, before: Floats, last: Stretch) -> Part:
+def continued(part: SampleEstimates, stretch: Stretch, before: Floats, last: Stretch) -> SampleEstimates:
     """A stretch whose heading is free, turned to the attitudes (N, 4) of the one before by what both have."""
     low, high = stretch.span.start, min(last.span.stop, stretch.core.start + 1)
     if high <= low:
@@ -257,7 +259,7 @@ def _flags(smoothed: Smoothed, place: NDArray[np.int64]) -> NDArray[np.uint32]:
     return word.astype(np.uint32)
 
 
-def _everywhere(data: ImuData, frames: Keyframes, part: Part) -> Part:
+def _everywhere(data: ImuData, frames: Keyframes, part: SampleEstimates) -> SampleEstimates:
     """The same at all samples, those in holes too: the shortest way between, as uncertain as it is long."""
     n, rows = len(data), frames.rows
     if rows.size == n:
@@ -274,7 +276,7 @@ def _everywhere(data: ImuData, frames: Keyframes, part: Part) -> Part:
     wide = np.where(inside, 0.5 * angle, math.pi) ** 2 * held
     words = part.flags[before] | np.asarray(data.flags)
     lost = (words & ~np.uint32(flags.AT_REST)) | flags.GYR_HELD | flags.NOT_CONVERGED
-    return Part(
+    return SampleEstimates(
         quat_slerp(part.q[before], part.q[after], share),
         part.bias[before],
         part.cov[before] + wide[:, np.newaxis, np.newaxis] * np.eye(3),

@@ -119,7 +119,7 @@ class _Windows:
         high = np.searchsorted(frames.t, begin + (WINDOW if long else length), side="left" if long else "right")
         fits = [_fit(frames, q, mask, low, high) for q in attitudes]
         best = np.argmin([fit.residual for fit in fits], axis=0), np.arange(low.size)
-        fit = _Fit(*(np.stack(of)[best] for of in zip(*fits, strict=True)))
+        fit = _WindowFits(*(np.stack(of)[best] for of in zip(*fits, strict=True)))
         independent = INDEPENDENT * min(1.0, length / WINDOW)
         good = fit.number > 10.0
         weight = np.where(good, independent / np.maximum(fit.residual, LEAST_NOISE**2), 0.0)
@@ -185,7 +185,7 @@ def _sized(windows: _Windows, iron: Floats) -> bool:
     return bool((off**2 < DOUBT).mean() > AGREED)
 
 
-class _Fit(NamedTuple):
+class _WindowFits(NamedTuple):
     """Least squares of each window, with one attitude.
 
     Its own field (n, 3), that of the place eliminated from its normal equations (n, 3, 3), the mean field (n, 3), the
@@ -201,7 +201,7 @@ class _Fit(NamedTuple):
     number: Floats
 
 
-def _fit(frames: Keyframes, q: Floats, mask: Bools, low: NDArray[np.int64], high: NDArray[np.int64]) -> _Fit:
+def _fit(frames: Keyframes, q: Floats, mask: Bools, low: NDArray[np.int64], high: NDArray[np.int64]) -> _WindowFits:
     """Fit fields of the place and of the sensor in windows, from a row to before another one."""
     mag = np.where(mask[:, np.newaxis], frames.mag, 0.0)
 
@@ -224,10 +224,10 @@ def _fit(frames: Keyframes, q: Floats, mask: Bools, low: NDArray[np.int64], high
     power = np.maximum(power - (h**2).sum(axis=1), 0.0)
     residual = np.maximum(power - (field * right).sum(axis=1), 0.0)
     size = np.linalg.norm(h - (turn @ field[:, :, np.newaxis])[:, :, 0], axis=1)
-    return _Fit(field, normal, m, size, power / 3.0, residual / 3.0, number)
+    return _WindowFits(field, normal, m, size, power / 3.0, residual / 3.0, number)
 
 
-def _alone(fit: _Fit, info: Floats) -> bool:
+def _alone(fit: _WindowFits, info: Floats) -> bool:
     """Whether one short window says by itself that a field turns with the sensor."""
     field = fit.field[0]
     clear = np.linalg.eigvalsh(info[0])[0] > 1.0 / ALONE**2 and field @ info[0] @ field > SURE**2

@@ -13,7 +13,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.params import build, describe, shown
 from plumbob.core.repeats import Repeats
-from plumbob.core.text import Shown
+from plumbob.core.text import FactsText
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.cards.residuals import full_covariance
 from plumbob.data.sample import ImuSample
@@ -23,15 +23,15 @@ from plumbob.filters.smoother.inertial import GIVEN, Given
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
-from plumbob.filters.smoother.per_sample import Now, Single
+from plumbob.filters.smoother.per_sample import CurrentEstimate, Single
 from plumbob.filters.smoother.preprocess import watched
 from plumbob.filters.smoother.remarks import remarks_before, remarks_so_far, stretch_remarks
 from plumbob.filters.smoother.samples import (
     ANYTHING,
     CORE,
     MARGIN,
-    Part,
     Piece,
+    SampleEstimates,
     Stretch,
     continued,
     heading_variance_at,
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from plumbob.filters.smoother.live import Between, Live
 
 
-class Smoother(Shown):
+class Smoother(FactsText):
     """Attitude of a whole recording, each sample from what came before and after it.
 
     Parameters
@@ -301,7 +301,7 @@ class Along:
             return None
         return 0.0 if stretch.span.start else GIVEN**2
 
-    def _before(self, part: Part, begin: int) -> Floats:
+    def _before(self, part: SampleEstimates, begin: int) -> Floats:
         """What a free heading was uncertain by before the core that begins at a sample, rad², beyond what it now is."""
         return np.full(len(part.q), max(self._free_variance - heading_variance_at(part, begin), 0.0))
 
@@ -465,14 +465,14 @@ class FixedLag(Smoother):
         basis = self._follower.between()
         return None if basis is None else (basis, self._tracks.turns())
 
-    def _at_first(self) -> Now:
+    def _at_first(self) -> CurrentEstimate:
         """What is known before the first sample."""
         q, cov = (
             (np.array([1.0, 0.0, 0.0, 0.0]), ANYTHING)
             if self._init is None
             else (self._init.q_nb, GIVEN**2 * np.eye(3))
         )
-        return Now(q, np.zeros(3), cov)
+        return CurrentEstimate(q, np.zeros(3), cov)
 
     @property
     def q_nb(self) -> Floats:

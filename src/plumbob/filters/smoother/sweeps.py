@@ -19,7 +19,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.kernels import kernel
 from plumbob.filters.smoother.keyframes import Keyframes, turned_by
-from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, Noise, V
+from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, ModelVariances, V
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rows
 
 BLOCK: Final = 256
@@ -194,7 +194,7 @@ def start_again(p: Floats, p0: Floats, x: Floats) -> None:
 
 @kernel
 def predict(
-    p: Floats, now: Floats, f: Floats, mean: Floats, spread2: float, missed: float, pushed: float, noise: Noise
+    p: Floats, now: Floats, f: Floats, mean: Floats, spread2: float, missed: float, pushed: float, noise: ModelVariances
 ) -> None:
     """State and covariance over a step that was followed, moving or at rest."""
     dt = f[TIME]
@@ -287,8 +287,8 @@ def heading_update(p: Floats, x: Floats, gain: Floats, term: Floats, column: Flo
 @kernel
 def forward(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, first: NDArray[np.int64], kind: NDArray[np.int64],
-    missed: Floats, pushed: Floats, density: Floats, heading_var: Floats, q_start: Floats, p0: Floats, noise: Noise,
-    attitude: Floats, now: Floats, p: Floats,
+    missed: Floats, pushed: Floats, density: Floats, heading_var: Floats, q_start: Floats, p0: Floats,
+    noise: ModelVariances, attitude: Floats, now: Floats, p: Floats,
     q: Floats, x: Floats, cov: Floats, gain: Floats, term: Floats, step: Floats, mean: Floats,
 ) -> None:  # fmt: skip
     """Filter forward: attitude, state and covariance after every keyframe, and what the way back needs of each step.
@@ -541,7 +541,7 @@ class Sweep:
         return self.x[:, V : V + 2]
 
 
-class _Kept(NamedTuple):
+class _StepBlock(NamedTuple):
     """What the way back needs of a block of steps: states, covariances, gains, measurements, and the steps."""
 
     x: Floats
@@ -563,7 +563,7 @@ class _Kept(NamedTuple):
 
 def sweep(
     frames: Keyframes, kind: NDArray[np.int64], density: Floats, heading_var: Floats, q_start: Floats, bias: Floats,
-    p0: Floats, noise: Noise, *, first: Floats | None = None, covariance: bool = True,
+    p0: Floats, noise: ModelVariances, *, first: Floats | None = None, covariance: bool = True,
 ) -> Sweep:  # fmt: skip
     """Forward and backward over a recording.
 
@@ -585,7 +585,7 @@ def sweep(
         First bias of the gyroscope, rad/s.
     p0 : ndarray (21, 21)
         Covariance where the attitude starts,
-    noise : Noise
+    noise : ModelVariances
         Of the model.
     first : ndarray (21, 21), optional
         and that at the first keyframe, if it is another one.
@@ -595,9 +595,9 @@ def sweep(
     n = kind.size
     q, mean = np.empty((n + 1, 4)), np.empty((n, MEANS))
     q_s, x_s, cov_s = np.empty((n + 1, 4)), np.empty((n + 1, KEPT)), np.empty((n + 1 if covariance else 0, 6, 6))
-    room = _Kept.empty(min(n, BLOCK))
+    room = _StepBlock.empty(min(n, BLOCK))
 
-    def ahead(begin: int, attitude: Floats, now: Floats, p: Floats) -> _Kept:
+    def ahead(begin: int, attitude: Floats, now: Floats, p: Floats) -> _StepBlock:
         steps, points = slice(begin, begin + BLOCK), slice(begin, begin + BLOCK + 1)
         block = room.first(min(BLOCK, n - begin))
         forward(

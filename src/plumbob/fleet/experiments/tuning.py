@@ -420,11 +420,11 @@ def tune(
     groups = list(dict.fromkeys(trial.group for trial in trials))
     dealt = _deal(groups, folds, seed)
     with ThreadPoolExecutor(max_workers=jobs) as pool:
-        search = _Search(judge, trials, pool, budget, len(set(dealt.values())), progress)
+        search = _CubeSearch(judge, trials, pool, budget, len(set(dealt.values())), progress)
         return _crossed(search, dealt, group_by=group_by, seed=seed, skipped=skipped)
 
 
-class _Trial:
+class _TuningTrial:
     """A recording in memory, what of it is judged, and the errors that are known of it, by place."""
 
     def __init__(self, name: str, group: str, imu: ImuData, reference: AttitudeTrack, frame: Frame) -> None:
@@ -451,7 +451,7 @@ class _Judge:
         """Parameters at a place of the unit cube."""
         return {**self.fixed, **{r.parameter.name: r.value_at(float(p)) for r, p in zip(self.ranges, x, strict=True)}}
 
-    def prepare(self, trial: _Trial) -> None:
+    def prepare(self, trial: _TuningTrial) -> None:
         """Associate once, as `evaluate` does, and measure the defaults; ShapeError where they cannot be scored."""
         track = self._track(trial, dict(self.fixed))
         scores = evaluate(track, trial.reference, align=self.align, settle=self.settle)
@@ -463,7 +463,7 @@ class _Judge:
         unmasked = evaluate(replace(track, flags=None), trial.reference, align=self.align, settle=self.settle)
         trial.q_ref, trial.judged = unmasked.match.q_ref, unmasked.match.scored
 
-    def error(self, trial: _Trial, x: Floats) -> float:
+    def error(self, trial: _TuningTrial, x: Floats) -> float:
         """Rms error, rad, `WORST` where it cannot be scored; the same number as `evaluate` gives."""
         try:
             track = self._track(trial, self.values(x))
@@ -479,7 +479,7 @@ class _Judge:
             return WORST
         return max(_rms(self.metric, track.q_nb[rows], trial.q_ref[rows]), LEAST)
 
-    def _track(self, trial: _Trial, values: Mapping[str, Any]) -> AttitudeTrack:
+    def _track(self, trial: _TuningTrial, values: Mapping[str, Any]) -> AttitudeTrack:
         return run_stage(trial.imu, Stage(self.filter, values), frame=trial.frame)
 
 
@@ -495,13 +495,13 @@ def _rms(metric: str, q_est: Floats, q_ref: Floats) -> float:
     return float(2.0 * np.sqrt(np.mean(half * half)))
 
 
-class _Search:
+class _CubeSearch:
     """The search in the unit cube, on any of the recordings; what was run once is not run again."""
 
     def __init__(
         self,
         judge: _Judge,
-        trials: Sequence[_Trial],
+        trials: Sequence[_TuningTrial],
         pool: ThreadPoolExecutor,
         budget: int,
         folds: int,
@@ -513,7 +513,7 @@ class _Search:
         searches = 1 + (folds if folds > 1 else 0)
         self.most = len(trials) * (self.designed + searches * (budget - self.designed + 1))
 
-    def logs(self, x: Floats, trials: Sequence[_Trial]) -> Floats:
+    def logs(self, x: Floats, trials: Sequence[_TuningTrial]) -> Floats:
         """Logarithms of the errors (len(trials),) at a place."""
         key = x.tobytes()
         new = [trial for trial in trials if key not in trial.known]
@@ -524,7 +524,7 @@ class _Search:
             self.progress(self.runs, self.most)
         return np.log([trial.known[key] for trial in trials])
 
-    def best(self, trials: Sequence[_Trial], design: Floats) -> Floats:
+    def best(self, trials: Sequence[_TuningTrial], design: Floats) -> Floats:
         """Best place (d,) for these recordings: of the design, then refined from there."""
         from scipy.optimize import minimize
 
@@ -557,7 +557,7 @@ class _Search:
 
 
 def _crossed(
-    search: _Search, dealt: Mapping[str, int], *, group_by: str, seed: int, skipped: Mapping[str, str]
+    search: _CubeSearch, dealt: Mapping[str, int], *, group_by: str, seed: int, skipped: Mapping[str, str]
 ) -> Tuning:
     """Fit to all; then, for each fold, fit to the others and judge it by its own."""
     trials, judge, design = search.trials, search.judge, search.design(seed)
@@ -714,20 +714,20 @@ def _read(
     judge: _Judge,
     frame: Frame | None,
     group_by: str,
-) -> tuple[list[_Trial], dict[str, str]]:
+) -> tuple[list[_TuningTrial], dict[str, str]]:
     """Recordings that can be judged, each read once, and why others are skipped."""
     several = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
     files: list[Path | Recording] = []
     for source in several:
         files += [source] if isinstance(source, Recording) else trials_in(check.path("recordings", source))
-    trials: list[_Trial] = []
+    trials: list[_TuningTrial] = []
     skipped: dict[str, str] = {}
     for file in files:
         where = file.name
         try:
             imu, reference = read_trial(file)
             nav = navigation_frame(imu, frame, where=where)
-            trial = _Trial(_unused(where, {t.name for t in trials}), "", imu, reference, nav)
+            trial = _TuningTrial(_unused(where, {t.name for t in trials}), "", imu, reference, nav)
             judge.prepare(trial)
         except (PlumbobError, OSError) as error:
             if isinstance(error, ParameterError):
@@ -743,7 +743,7 @@ def _read(
     return trials, skipped
 
 
-def _group(file: Path | Recording, trial: _Trial, group_by: str) -> str:
+def _group(file: Path | Recording, trial: _TuningTrial, group_by: str) -> str:
     if group_by == "device":
         return trial.imu.meta.device
     if group_by == "folder" and isinstance(file, Path):

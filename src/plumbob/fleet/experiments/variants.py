@@ -136,7 +136,7 @@ def _absent(imu: ImuData, lost: Mapping[str, NDArray[np.bool_]]) -> ImuData:
     return imu.corrected(meta=imu.meta, **triads)
 
 
-class _Told(NamedTuple):
+class _ChangeInputs(NamedTuple):
     """What a change is made of: the reference, what was said of it, and the seed."""
 
     reference: AttitudeTrack
@@ -144,14 +144,14 @@ class _Told(NamedTuple):
     seed: int
 
 
-def _gaps(imu: ImuData, change: _Told) -> ImuData:
+def _gaps(imu: ImuData, change: _ChangeInputs) -> ImuData:
     count, _, length = change.text.partition("x")
     if not count.strip().isdigit() or not length:
         raise ParameterError(f"gaps needs their number and length, as 5x1s, but got '{change.text}'.")
     return gaps(imu, int(count), parse(length, Quantity.TIME), seed=change.seed)
 
 
-def _wrong_field(imu: ImuData, change: _Told) -> ImuData:
+def _wrong_field(imu: ImuData, change: _ChangeInputs) -> ImuData:
     for part in change.text.split(";"):
         field, _, when = part.partition(":")
         when, _, since = when.partition("@")
@@ -179,7 +179,7 @@ def _vector(text: str, quantity: Quantity) -> Floats:
     return np.broadcast_to(np.array(values), 3)
 
 
-_CHANGES: Final[Mapping[str, Callable[[ImuData, _Told], ImuData]]] = {
+_CHANGES: Final[Mapping[str, Callable[[ImuData, _ChangeInputs], ImuData]]] = {
     "start": lambda imu, change: late_start(imu, parse(change.text, Quantity.TIME)),
     "wrong_field": _wrong_field,
     "hard_iron": lambda imu, change: with_offset(imu, "mag", _vector(change.text, Quantity.FIELD)),
@@ -221,5 +221,5 @@ def changed(imu: ImuData, reference: AttitudeTrack, changes: Mapping[str, str], 
         raise ParameterError(f"there is no change '{min(unknown)}'; known are {', '.join(CHANGES)}.")
     for name, make in _CHANGES.items():
         if name in changes:
-            imu = make(imu, _Told(reference, changes[name], seed))
+            imu = make(imu, _ChangeInputs(reference, changes[name], seed))
     return imu

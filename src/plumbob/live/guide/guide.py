@@ -17,7 +17,7 @@ from plumbob.calibration.predicted import NAMES, REGIONS, region_names
 from plumbob.core.check import Floats, runs
 from plumbob.core.units import deg
 from plumbob.data import TRIAD_FLAGS, TRIADS, ImuData
-from plumbob.quality.static_periods import BLOCK, FEWEST, Moments, at_rest
+from plumbob.quality.static_periods import BLOCK, FEWEST, BlockMoments, at_rest
 
 _COLUMNS: Final = 1 + 3 * len(TRIADS) + len(TRIADS)
 
@@ -59,7 +59,7 @@ class Blocks:
         self._pending = rows[first:]
 
 
-class Rest:
+class RestDetector:
     """Say for every block of a stream whether the unit was at rest in it, by the rule of `still`.
 
     A mean or scatter over a NaN is NaN, and such a block is not at rest.
@@ -110,11 +110,11 @@ class Rest:
 
     def _judge(self) -> None:
         blocks = self._told[: self._count]
-        acc, gyr = Moments(blocks[:, :3], blocks[:, 3:6]), Moments(blocks[:, 6:9], blocks[:, 9:12])
+        acc, gyr = BlockMoments(blocks[:, :3], blocks[:, 3:6]), BlockMoments(blocks[:, 6:9], blocks[:, 9:12])
         if not any(self._has.values()):
             return
         if not self._has["acc"]:  # which says nothing against rest
-            acc = Moments(*np.zeros((2, self._count, 3)))
+            acc = BlockMoments(*np.zeros((2, self._count, 3)))
         self._runs = runs(at_rest(acc, gyr if self._has["gyr"] else None, self._size))
 
 
@@ -135,7 +135,7 @@ _AXES: Final = "xyz"
 _STEP: Final = deg(5.0)
 
 
-class Turn(NamedTuple):
+class AxisTurn(NamedTuple):
     """Turn of the unit about one of its own axes.
 
     Attributes
@@ -162,14 +162,16 @@ def nearest(direction: Floats, regions: list[int]) -> int:
     return regions[int(np.argmax(REGIONS[regions] @ direction))]
 
 
-def turn_to(direction: Floats, goal: Floats) -> Turn:
+def turn_to(direction: Floats, goal: Floats) -> AxisTurn:
     """Turn of the unit that brings a vector closest to a goal, both as (3,) of length 1 in the unit's axes.
 
     Turning about an axis leaves the vector's component along it; the best axis is the one along which goal and vector
     differ least. Where a turn about no single axis ends at the goal, the next one comes closer.
     """
     rises = np.abs(np.arcsin(np.clip(direction, -1.0, 1.0)) - np.arcsin(np.clip(goal, -1.0, 1.0)))
-    return min((Turn(axis, _angle(axis, direction, goal)) for axis in range(3)), key=lambda turn: _cost(turn, rises))
+    return min(
+        (AxisTurn(axis, _angle(axis, direction, goal)) for axis in range(3)), key=lambda turn: _cost(turn, rises)
+    )
 
 
 def pose_words(region: int) -> str:
@@ -186,7 +188,7 @@ def _angle(axis: int, direction: Floats, goal: Floats) -> float:
     return -math.remainder(turned, math.tau)
 
 
-def _cost(turn: Turn, rises: Floats) -> tuple[float, float]:
+def _cost(turn: AxisTurn, rises: Floats) -> tuple[float, float]:
     return round(float(rises[turn.axis]), 2), abs(turn.angle)
 
 
@@ -220,7 +222,7 @@ class Progress:
         How long the unit has been at rest until now, s; 0 while it moves.
     next_step : str
         What to do now, in words.
-    turn : Turn or None
+    turn : AxisTurn or None
         The turn that the words ask for.
     goal : int or None
         The direction that it leads to.
@@ -241,7 +243,7 @@ class Progress:
     direction: int | None = None
     still_for: float
     next_step: str
-    turn: Turn | None = None
+    turn: AxisTurn | None = None
     goal: int | None = None
     predicted: str = ""
     grade: str | None = None
@@ -275,7 +277,7 @@ class Guide(ABC):
 
     def __init__(self) -> None:
         self.timeline: list[Moment] = []
-        self._blocks, self._rest = Blocks(), Rest()
+        self._blocks, self._rest = Blocks(), RestDetector()
         self._start: float | None = None
         self._now = 0.0
         self._known = 0.0

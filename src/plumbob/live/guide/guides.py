@@ -29,17 +29,17 @@ from plumbob.core.units import dps, to_deg
 from plumbob.data import ImuData
 from plumbob.live.guide.guide import (
     ENOUGH,
+    AxisTurn,
     Block,
     Guide,
     Progress,
     RestGuide,
     Seen,
-    Turn,
     nearest,
     pose_words,
     turn_to,
 )
-from plumbob.live.stream import Part
+from plumbob.live.stream import ItemResult
 from plumbob.live.transports.transport import Stop
 
 HOLD: Final = 1.4
@@ -239,18 +239,18 @@ class MagGuide(Guide):
         arm = self._field - self._fit.ellipsoid.centre
         return np.asarray(arm / np.linalg.norm(arm))
 
-    def _next(self, direction: Floats | None) -> tuple[int | None, Turn | None]:
+    def _next(self, direction: Floats | None) -> tuple[int | None, AxisTurn | None]:
         """Direction to go to, and the turn towards it; a turn about another axis as long as no direction is known."""
         if direction is None:
             few = len(self._sample.vectors) < _FEWEST
-            return None, None if few else Turn(_least_turned(self._sample.vectors), _QUARTER)
+            return None, None if few else AxisTurn(_least_turned(self._sample.vectors), _QUARTER)
         missing = np.flatnonzero(~self._seen.filled).tolist()
         if not missing:
             return None, None
         goal = nearest(direction, missing)
         return goal, turn_to(direction, REGIONS[goal])
 
-    def _words(self, goal: int | None, turn: Turn | None) -> str:
+    def _words(self, goal: int | None, turn: AxisTurn | None) -> str:
         if turn is None:
             return "turn it slowly about all its axes" if goal is None else "turn it slowly"
         if goal is None:
@@ -340,7 +340,7 @@ class GuideSink:
     def __init__(self, guide: Guide, stop: Stop, show: Callable[[Progress], None]) -> None:
         self._guide, self._stop, self._show = guide, stop, show
 
-    def on_part(self, part: Part) -> None:
+    def on_part(self, part: ItemResult) -> None:
         """Go on, and stop when it is enough."""
         progress = self._guide.feed(part.sensed)
         self._show(progress)

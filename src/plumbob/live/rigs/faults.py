@@ -83,7 +83,7 @@ class Drawn:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Damage:
+class LineDamage:
     """What happens to frames on the line.
 
     Attributes
@@ -162,7 +162,7 @@ def _after(due_ns: NDArray[np.int64], frame: int, pause_ns: int) -> int:
     return int(np.searchsorted(due_ns, due_ns[frame] + pause_ns))
 
 
-def damage(form: Format, drawn: Drawn, frames: NDArray[np.uint8], due_ns: NDArray[np.int64], seed: int) -> Damage:
+def damage(form: Format, drawn: Drawn, frames: NDArray[np.uint8], due_ns: NDArray[np.int64], seed: int) -> LineDamage:
     """Do to the frames (N, L) what was drawn."""
     count, length = frames.shape
     lost, send_ns = np.zeros(count, dtype=bool), due_ns.copy()
@@ -196,7 +196,7 @@ def damage(form: Format, drawn: Drawn, frames: NDArray[np.uint8], due_ns: NDArra
         Fault(kind, i, int(due_ns[i]), int(begins[i]) + places[i][0], places[i][1], places[i][2])
         for i, kind in drawn.kinds.items()
     )
-    return Damage(faults, changed, lost, send_ns, unplugged)
+    return LineDamage(faults, changed, lost, send_ns, unplugged)
 
 
 def _spoilt(form: Format, kind: str, frame: bytes, rng: np.random.Generator) -> tuple[bytes, int, int]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.core.text import Shown
+from plumbob.core.text import FactsText
 from plumbob.core.time import to_s
 from plumbob.data import TRIADS, AttitudeTrack, ImuData
 from plumbob.data.calibrated import apply_card
@@ -36,7 +36,7 @@ TICK_NS: Final = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class FirmwareTask:
     """What the loop does when it finds a flag.
 
     Attributes
@@ -82,7 +82,7 @@ class Calls:
         return self.begun_ns - self.due_ns
 
 
-def poll(tasks: Sequence[Task], end_ns: int) -> dict[str, Calls]:
+def poll(tasks: Sequence[FirmwareTask], end_ns: int) -> dict[str, Calls]:
     """Let the loop run: it looks at the flags in the order of the tasks, serves the first that is set, and looks again.
 
     Nothing interrupts a task but the timer, which only sets flags and takes no time. A flag is cleared when its task
@@ -90,7 +90,7 @@ def poll(tasks: Sequence[Task], end_ns: int) -> dict[str, Calls]:
 
     Parameters
     ----------
-    tasks : sequence of Task
+    tasks : sequence of FirmwareTask
         In the order in which flags are looked at.
     end_ns : int
         No task begins at or after that time, ns.
@@ -177,7 +177,7 @@ class Processor:
     uart_waits: bool = False
     flash_waits: bool = False
 
-    def tasks(self, log: FlashLog) -> tuple[Task, ...]:
+    def tasks(self, log: FlashLog) -> tuple[FirmwareTask, ...]:
         """Tasks in the order in which the loop looks at their flags, the most frequent first."""
         send = self.send_cycles / self.clock_hz + self.uart_waits * 10 * log.record / self.baud
         page = 8 * (4 + log.page) / self.flash_hz + self.flash_waits * self.page_s
@@ -185,9 +185,9 @@ class Processor:
         sends[log.per_page - 1 :: log.per_page] += page
         sends[-1] += self.flash_waits * self.erase_s
         return (
-            Task(_SAMPLE, 3, _ns(8 * self.spi_bytes / self.spi_hz)),
-            Task(_FUSE, 10, _ns(self.fuse_cycles / self.clock_hz)),
-            Task(_SEND, 50, _ns(*sends)),
+            FirmwareTask(_SAMPLE, 3, _ns(8 * self.spi_bytes / self.spi_hz)),
+            FirmwareTask(_FUSE, 10, _ns(self.fuse_cycles / self.clock_hz)),
+            FirmwareTask(_SEND, 50, _ns(*sends)),
         )
 
 
@@ -196,7 +196,7 @@ def _ns(*seconds: float) -> tuple[int, ...]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Firmware(Shown):
+class Firmware(FactsText):
     """What the program did.
 
     Attributes

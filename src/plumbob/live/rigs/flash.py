@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.text import Shown
+from plumbob.core.text import FactsText
 from plumbob.protocols.ring import BLANK
 
 Bytes = NDArray[np.uint8]
@@ -14,7 +14,7 @@ Bytes = NDArray[np.uint8]
 YEAR_S: Final = 365.25 * 86400.0
 
 
-class FlashLog(Shown):
+class FlashLog(FactsText):
     """Ring of records in a NOR Flash chip, emulated to the byte.
 
     Records are gathered in memory until they fill a page, which is then programmed. With the last page of a sector the

@@ -47,7 +47,7 @@ class MountedMotion:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mounted(Scenario):
+class MountedScenario(Scenario):
     """A body's scenario as one of its units feels it; units of the same seed ride on the same motion."""
 
     plan: Scenario
@@ -83,7 +83,7 @@ class Mounted(Scenario):
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class RigUnit:
     """One unit of a rig.
 
     Attributes
@@ -128,7 +128,7 @@ CHIP_RATE: Final = 1000.0
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class RigPlan:
     """A rig before it is built.
 
     Attributes
@@ -143,7 +143,7 @@ class Plan:
         Frames per second, Hz.
     duration : float
         Time that it talks, s.
-    units : tuple of Unit
+    units : tuple of RigUnit
         What sits on the body.
     firmware : bool
         Whether it sends the attitude that its own processor computes, and not samples.
@@ -155,7 +155,7 @@ class Plan:
     frame: Frame
     rate: float
     duration: float
-    units: tuple[Unit, ...]
+    units: tuple[RigUnit, ...]
     firmware: bool = False
 
     @property
@@ -164,7 +164,7 @@ class Plan:
         return CHIP_RATE if self.firmware else self.rate
 
     @property
-    def measuring(self) -> tuple[Unit, ...]:
+    def measuring(self) -> tuple[RigUnit, ...]:
         """Units that are not references."""
         return tuple(unit for unit in self.units if not unit.reference)
 
@@ -189,7 +189,7 @@ class Plan:
         return replace(self, units=tuple(units))
 
 
-def plan_for(form: Format, motion: Scenario, *, sensors: str, frame: Frame, rate: float | None) -> Plan:
+def plan_for(form: Format, motion: Scenario, *, sensors: str, frame: Frame, rate: float | None) -> RigPlan:
     """Plan for a format of your own: every unit in it has the same sensors, aligned with the body.
 
     Parameters
@@ -213,49 +213,49 @@ def plan_for(form: Format, motion: Scenario, *, sensors: str, frame: Frame, rate
     pace = form.framing.rate if rate is None else rate
     if pace is None:
         raise ParameterError(f"{form.name} does not say how many frames it sends per second; give a rate, as 100Hz.")
-    units = tuple(Unit(sensors, prefix) for prefix in unit_prefixes(form.messages[0]))
-    return Plan(form.name, form.title, motion, frame, pace, motion.duration, units)
+    units = tuple(RigUnit(sensors, prefix) for prefix in unit_prefixes(form.messages[0]))
+    return RigPlan(form.name, form.title, motion, frame, pace, motion.duration, units)
 
 
 _REFERENCE: Final[Quat] = (sqrt(0.5), 0.0, 0.0, -sqrt(0.5))
 """The reference's y axis is the body's x axis [Li2012], both z axes point down."""
 
-PLANS: Final[Mapping[str, Plan]] = {
+PLANS: Final[Mapping[str, RigPlan]] = {
     plan.name: plan
     for plan in (
-        Plan(
+        RigPlan(
             "buoy", "drifting buoy: MPU-6000 and HMC5983", scenario("buoy"), Frame.NED, 100.0, 600.0,
-            (Unit("mpu6000+hmc5983"),),
+            (RigUnit("mpu6000+hmc5983"),),
         ),
-        Plan(
+        RigPlan(
             "buoy_attitude", "drifting buoy: attitude from its own processor", scenario("buoy"), Frame.NED, 20.0, 600.0,
-            (Unit("mpu6000+hmc5983"),), firmware=True,
+            (RigUnit("mpu6000+hmc5983"),), firmware=True,
         ),
-        Plan(
+        RigPlan(
             "fin", "bionic fin: ADXRS453 and ADXRS290", scenario("fin"), Frame.NED, 500.0, 220.0,
-            (Unit("adxrs290+adxrs453"),),
+            (RigUnit("adxrs290+adxrs453"),),
         ),
-        Plan(
+        RigPlan(
             "trackball", "gyroscope at rest: MPU-3050, 1000 samples", scenario("static"), Frame.NED, 10.0, 100.0,
-            (Unit("mpu3050"),),
+            (RigUnit("mpu3050"),),
         ),
-        Plan(
+        RigPlan(
             "arm", "teaching arm: six nine-axis units", scenario("arm"), Frame.NED, 10.0, 30.0,
-            tuple(Unit("arm", name, mount.q_bs) for name, mount in PRESETS["arm"].items()),
+            tuple(RigUnit("arm", name, mount.q_bs) for name, mount in PRESETS["arm"].items()),
         ),
-        Plan(
+        RigPlan(
             "rod", "rod moved by hand: ADIS16355 beside an AHRS500GA", scenario("rod"), Frame.NED, 100.0, 600.0,
-            (Unit("adis16355"), Unit("ahrs500ga", "ref", _REFERENCE, reference=True)),
+            (RigUnit("adis16355"), RigUnit("ahrs500ga", "ref", _REFERENCE, reference=True)),
         ),
-        Plan(
+        RigPlan(
             "ring", "static ring test: the buoy's unit beside a DCM260B", scenario("table36"), Frame.NED, 100.0,
             scenario("table36").duration,
-            (Unit("mpu6000+hmc5983"), Unit("dcm260b", "ref", reference=True)),
+            (RigUnit("mpu6000+hmc5983"), RigUnit("dcm260b", "ref", reference=True)),
         ),
-        Plan(
+        RigPlan(
             "teach", "six-axis machine taught by hand: a nine-axis unit on each link",
             Chained(CHAINS["teach"], "teach", {"mag_rate": 220.0}), Frame.NED, 100.0, 60.0,
-            tuple(Unit("mpu6000+hmc5983", segment.unit) for segment in CHAINS["teach"].segments if segment.unit),
+            tuple(RigUnit("mpu6000+hmc5983", segment.unit) for segment in CHAINS["teach"].segments if segment.unit),
         ),
     )
 }  # fmt: skip

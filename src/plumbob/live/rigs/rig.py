@@ -16,8 +16,8 @@ from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.live.rigs import faults as line_faults
-from plumbob.live.rigs.faults import Damage, Fault
-from plumbob.live.rigs.plan import Chained, Mounted, Plan
+from plumbob.live.rigs.faults import Fault, LineDamage
+from plumbob.live.rigs.plan import Chained, MountedScenario, RigPlan
 from plumbob.protocols.decode import values_by_field
 from plumbob.protocols.encode import encode, hold_last
 from plumbob.protocols.field import Field
@@ -117,7 +117,7 @@ class Rig:
 
     Attributes
     ----------
-    plan : Plan
+    plan : RigPlan
         What it is made of.
     form : Format
         What it says, bound.
@@ -127,7 +127,7 @@ class Rig:
         When each frame is ready, ns from the start.
     frames : ndarray (N, L) of uint8
         Frames as the device makes them, before anything happens to them on the line.
-    damage : Damage
+    damage : LineDamage
         What happens to them on the line.
     chain : ChainSimulation or None
         The chain that the units are on, where they are on one.
@@ -135,12 +135,12 @@ class Rig:
         What its own processor did, where that computes what it says.
     """
 
-    plan: Plan
+    plan: RigPlan
     form: Format
     units: Mapping[str, Simulation]
     due_ns: NDArray[np.int64]
     frames: NDArray[np.uint8]
-    damage: Damage
+    damage: LineDamage
     chain: ChainSimulation | None = None
     firmware: "Firmware | None" = None
 
@@ -163,7 +163,7 @@ class Rig:
 
 
 def make_rig(
-    plan: Plan,
+    plan: RigPlan,
     form: Format,
     *,
     seed: int,
@@ -182,7 +182,7 @@ def make_rig(
 
     Parameters
     ----------
-    plan : Plan
+    plan : RigPlan
         What it is made of.
     form : Format
         What it says; its first message is what it sends.
@@ -246,7 +246,7 @@ def _computed(unit: Simulation, calibration: CalibrationCard | None) -> "Firmwar
 
 
 def _modules(
-    plan: Plan, message: Message, seed: int, noise: Cards | None, high_pass: float | None
+    plan: RigPlan, message: Message, seed: int, noise: Cards | None, high_pass: float | None
 ) -> dict[str, Module]:
     """Modules by prefix, each with its own errors, or with those that are asked for instead."""
     cards: Mapping[str, Card] = {}
@@ -267,7 +267,7 @@ def _modules(
 
 
 def _units(
-    plan: Plan, modules: Mapping[str, Module], seed: int, common: Mapping[str, Any], mount_error: float
+    plan: RigPlan, modules: Mapping[str, Module], seed: int, common: Mapping[str, Any], mount_error: float
 ) -> tuple[Mapping[str, Simulation], ChainSimulation | None]:
     """Units by prefix, each with its own noise, and the chain that they are on."""
     if not 0.0 <= mount_error <= math.pi:
@@ -281,7 +281,7 @@ def _units(
     aslant = [unit for unit in plan.units if unit.reference] or plan.units
     units = {}
     for number, unit in enumerate(plan.units):
-        motion = Mounted(plan=plan.scenario, frame=plan.frame, q_bs=unit.q_bs, seed=seed)
+        motion = MountedScenario(plan=plan.scenario, frame=plan.frame, q_bs=unit.q_bs, seed=seed)
         if mount_error and unit in aslant:
             x, y, z = (mount_error * stream(seed, "mount", unit.prefix).standard_normal(3)).tolist()
             motion = replace(motion, off=(x, y, z))

@@ -8,7 +8,7 @@ from typing import BinaryIO, Final, Protocol
 
 import numpy as np
 
-from plumbob.core.text import Shown
+from plumbob.core.text import FactsText
 from plumbob.live.rigs.faults import Fault
 from plumbob.live.rigs.rig import Rig
 from plumbob.live.transports.transport import Stopping
@@ -212,7 +212,7 @@ _GONE: Final = 0.05
 
 
 @dataclass(repr=False)
-class Served(Shown):
+class Served(FactsText):
     """What became of the frames.
 
     Attributes

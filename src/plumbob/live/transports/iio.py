@@ -176,7 +176,7 @@ def _matrix(device: IioDevice, text: str) -> Matrix:
     return rows
 
 
-class Settings:
+class BufferAttributes:
     """Attributes written for as long as a buffer runs, and put back afterwards.
 
     Parameters
@@ -326,7 +326,7 @@ class IioSource(Replug):
         device = find_device(self._device, *self._roots)
         self._layout = _as_before(self._must, _described(lambda: scan_layout(device, self._channels)))
         fd = _open_node(device)
-        settings = Settings(device)
+        settings = BufferAttributes(device)
         try:
             self._set_up(device, settings, self._layout)
         except BaseException:
@@ -335,7 +335,7 @@ class IioSource(Replug):
             raise
         return IioWire(fd, device, settings, self._layout, self._clock)
 
-    def _set_up(self, device: IioDevice, settings: Settings, layout: IioLayout) -> None:
+    def _set_up(self, device: IioDevice, settings: BufferAttributes, layout: IioLayout) -> None:
         settings.stop()  # the node was free, so nobody reads what may still run
         if self._trigger is not None:
             settings.write("trigger/current_trigger", self._trigger)
@@ -398,7 +398,7 @@ class IioWire:
     """A buffer that runs."""
 
     def __init__(
-        self, fd: int, device: IioDevice, settings: Settings, layout: IioLayout, clock: Callable[[], int]
+        self, fd: int, device: IioDevice, settings: BufferAttributes, layout: IioLayout, clock: Callable[[], int]
     ) -> None:
         channels = ", ".join(channel.name for channel in layout.channels)
         rate = device.read(rate_file(device, layout.channels)) or "?"

@@ -2,6 +2,6 @@
 
 from plumbob.noise.static.artefacts import find_step
 from plumbob.noise.static.judge import FEWEST_SAMPLES, StaticCheck, judge
-from plumbob.noise.static.report import Finding, StaticReport, bridged
+from plumbob.noise.static.report import Remark, StaticReport, bridged
 
-__all__ = ["FEWEST_SAMPLES", "Finding", "StaticCheck", "StaticReport", "bridged", "find_step", "judge"]
+__all__ = ["FEWEST_SAMPLES", "Remark", "StaticCheck", "StaticReport", "bridged", "find_step", "judge"]

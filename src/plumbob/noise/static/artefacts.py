@@ -297,7 +297,7 @@ def follow(x: Floats, state: Floats, ends: Floats, lengths: Floats) -> None:
     state[4] = count
 
 
-class Runs:
+class ChannelWatch:
     """Watches one channel, block by block."""
 
     def __init__(self) -> None:

@@ -17,8 +17,8 @@ from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import Quantity, deg, dps
 from plumbob.noise.static.artefacts import (
+    ChannelWatch,
     Parts,
-    Runs,
     Spikes,
     Stillness,
     between,
@@ -30,7 +30,7 @@ from plumbob.noise.static.artefacts import (
     longest_gap,
     shaking,
 )
-from plumbob.noise.static.report import LONGEST, MARGIN, MOST, MOST_ASKED, Finding, StaticReport, jumped, total, widened
+from plumbob.noise.static.report import LONGEST, MARGIN, MOST, MOST_ASKED, Remark, StaticReport, jumped, total, widened
 
 FEWEST_SAMPLES: Final = 1000
 """From here on averages over 1 to 100 samples, two decades of time, are known to 20 % (13 degrees of freedom of white
@@ -91,7 +91,7 @@ class StaticCheck:
         self._low, self._high = np.full(columns, np.inf), np.full(columns, -np.inf)
         self._still = [Stillness(dt) for _ in self.names]
         self._spikes = [Spikes() for _ in self.names]
-        self._runs = [Runs() for _ in self.names]
+        self._runs = [ChannelWatch() for _ in self.names]
         self._excerpt: list[Floats] = []
         self._grain: list[tuple[float, float]] | None = None
         self._second = max(1, round(1.0 / dt))
@@ -272,7 +272,7 @@ class StaticCheck:
         step, sd = self._grains()[column]
         return step if sd < step else 0.0
 
-    def findings(self) -> list[Finding]:
+    def findings(self) -> list[Remark]:
         """Everything but motion."""
         if self.count < FEWEST_SAMPLES:
             return [self._about_all("short", f"{self.count} samples are too few; record {FEWEST_SAMPLES} or more.")]
@@ -284,30 +284,30 @@ class StaticCheck:
         unit = "" if self.quantity is Quantity.RATIO else f" {self.quantity}"
         return f"{value:.{digits}g}{unit}"
 
-    def _about_all(self, kind: str, text: str) -> Finding:
-        return Finding(kind, ", ".join(self.names), True, text)
+    def _about_all(self, kind: str, text: str) -> Remark:
+        return Remark(kind, ", ".join(self.names), True, text)
 
-    def _of_channel(self, column: int, name: str) -> list[Finding]:
+    def _of_channel(self, column: int, name: str) -> list[Remark]:
         first, bad = self._bad[column]
         if bad:
             (part,) = self._times([self._longest_numbers(self.count)])
             enough = (_before(part[1]) - _after(part[0])) / self.dt >= FEWEST_SAMPLES - 0.5
             advice = f"the longest stretch of numbers is {_options(part)}" if enough else "no stretch is long enough"
             text = f"sample {first} is not finite ({bad} such of {self.count}); {advice}."
-            return [Finding("not finite", name, True, text)]
+            return [Remark("not finite", name, True, text)]
         if column not in self._changing:
             value = self._text(self._low[column], 9)
             text = f"all {self.count} values are {value}; the sensor is stuck, off or not connected."
-            return [Finding("constant", name, True, text)]
+            return [Remark("constant", name, True, text)]
         way = self._runs[column].one_way
         if way is not None:
-            return [Finding("one way", name, True, f"only {way}; is it time or a counter? Leave the column out.")]
+            return [Remark("one way", name, True, f"only {way}; is it time or a counter? Leave the column out.")]
         if (mixed := self._interleaved(column, name)) is not None:
             return [mixed]
         findings = (self._repeated, self._quantised, self._clipped, self._spiked, self._shaken)
         return [finding for find in findings for finding in find(column, name)]
 
-    def _interleaved(self, column: int, name: str) -> Finding | None:
+    def _interleaved(self, column: int, name: str) -> Remark | None:
         times = interleaved(self.excerpt()[:, column])
         if times == 1:
             return None
@@ -315,9 +315,9 @@ class StaticCheck:
             f"every value is like the one {times} before it and unlike its neighbours: {times} channels in turn? Give "
             f"them a column each (--columns {times} of a raw file), at the rate of one of them."
         )
-        return Finding("interleaved", name, True, text)
+        return Remark("interleaved", name, True, text)
 
-    def _repeated(self, column: int, name: str) -> list[Finding]:
+    def _repeated(self, column: int, name: str) -> list[Remark]:
         times = hold_length(self.excerpt()[:, column])
         if times == 1:
             return []
@@ -325,9 +325,9 @@ class StaticCheck:
             f"each value comes about {times} times in a row; the sensor is slower than its rows: keep one of each, and "
             f"give its own rate, about {1.0 / (self.dt * times):.4g} Hz."
         )
-        return [Finding("held", name, True, text)]
+        return [Remark("held", name, True, text)]
 
-    def _quantised(self, column: int, name: str) -> list[Finding]:
+    def _quantised(self, column: int, name: str) -> list[Remark]:
         step, sd = self._grains()[column]
         levels = np.unique(self.excerpt()[:, column]).size
         if not (step > 0.0 and (levels < FEWEST_LEVELS or sd < 0.5 * step)):
@@ -336,9 +336,9 @@ class StaticCheck:
             f"the values are {levels} multiples of the step {self._text(step, 6)} with a scatter of {self._text(sd)}; "
             "the converter hides the noise, and short averaging times show its rounding instead."
         )
-        return [Finding("coarse", name, False, text)]
+        return [Remark("coarse", name, False, text)]
 
-    def _clipped(self, column: int, name: str) -> list[Finding]:
+    def _clipped(self, column: int, name: str) -> list[Remark]:
         if self._coarse(column):
             return []
         values = self.excerpt()[:, column]
@@ -350,9 +350,9 @@ class StaticCheck:
             f"{listed} in the first {values.size} samples, but hardly the next level inside: the values are clipped at "
             "the end of a range; choose a wider one, and record again."
         )
-        return [Finding("clipped", name, True, text)]
+        return [Remark("clipped", name, True, text)]
 
-    def _spiked(self, column: int, name: str) -> list[Finding]:
+    def _spiked(self, column: int, name: str) -> list[Remark]:
         places = self._spikes[column].places(3.0 * self.steps[column])
         if not places:
             return []
@@ -361,9 +361,9 @@ class StaticCheck:
             f"single samples lie far from their neighbours, as errors of transmission do: {len(places)}, at sample "
             f"{listed}; they are left as they are, and raise short averaging times."
         )
-        return [Finding("spikes", name, False, text)]
+        return [Remark("spikes", name, False, text)]
 
-    def _shaken(self, column: int, name: str) -> list[Finding]:
+    def _shaken(self, column: int, name: str) -> list[Remark]:
         values = self.excerpt()[:, column]
         wave = shaking(values, self.dt)
         if wave is None or wave.amplitude < self.steps[column]:  # as the stairs of a quantised ramp
@@ -375,9 +375,9 @@ class StaticCheck:
         text = f"it oscillates at {wave.frequency:.4g} Hz with an amplitude of {self._text(wave.amplitude)}; " + (
             f"that is most of its scatter: {what}." if most else "averages near half that period show it as a hump."
         )
-        return [Finding("periodic", name, most, text)]
+        return [Remark("periodic", name, most, text)]
 
-    def _of_triad(self) -> list[Finding]:
+    def _of_triad(self) -> list[Remark]:
         if not (self.triad and self.quantity is Quantity.ACCELERATION and len(self._sound) == len(self.names)):
             return []
         means = np.concatenate(self._means)
@@ -435,7 +435,7 @@ def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> Sta
     return StaticReport(tuple(f for group in findings.values() for f in group), steps, tuple(together), still, skipped)
 
 
-def _left_out(sensor: StaticCheck, parts: Parts) -> Finding:
+def _left_out(sensor: StaticCheck, parts: Parts) -> Remark:
     """Finding that lists what is skipped."""
     listed = ", ".join(f"{a:.6g} to {b:.6g} s" for a, b in parts[:5]) + (", …" if len(parts) > 5 else "")
     share = 100.0 * (1.0 - total(parts) / (sensor.stop - sensor.start))
@@ -443,7 +443,7 @@ def _left_out(sensor: StaticCheck, parts: Parts) -> Finding:
         f"moved or was disturbed, and is skipped there: {listed} ({len(parts)} in all); {share:.4g} % of the record is "
         "left, and its neighbours stand in the gaps."
     )
-    return Finding("disturbed", ", ".join(sensor.names), False, text)
+    return Remark("disturbed", ", ".join(sensor.names), False, text)
 
 
 def _longest_still(checks: Sequence[StaticCheck], motions: Parts) -> tuple[float, float] | None:
@@ -459,7 +459,7 @@ def _longest_still(checks: Sequence[StaticCheck], motions: Parts) -> tuple[float
         motions = motions + more
 
 
-def _disturbed(sensor: StaticCheck, parts: Parts, reason: str) -> Finding:
+def _disturbed(sensor: StaticCheck, parts: Parts, reason: str) -> Remark:
     others = f" and {len(parts) - 1} times more" if len(parts) > 1 else ""
     still = _longest_still([sensor], parts)
     if still is None:
@@ -469,7 +469,7 @@ def _disturbed(sensor: StaticCheck, parts: Parts, reason: str) -> Finding:
     kind, what = ("stuck", "repeats one value") if reason == "stuck" else ("moving", "moved or was disturbed")
     why = "" if reason in ("stuck", "moving") else f", {reason}"
     text = f"{what} from {parts[0][0]:.4g} s to {parts[0][1]:.4g} s{others}{why}; {advice}."
-    return Finding(kind, ", ".join(sensor.names), True, text)
+    return Remark(kind, ", ".join(sensor.names), True, text)
 
 
 def _about_g(specific_force: float) -> bool:

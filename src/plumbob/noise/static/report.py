@@ -21,7 +21,7 @@ from plumbob.noise.static.artefacts import Parts, joined
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Remark:
     """One thing to know about a record.
 
     Attributes
@@ -57,7 +57,7 @@ class StaticReport:
 
     Attributes
     ----------
-    findings : tuple of Finding
+    findings : tuple of Remark
         Errors and warnings.
     steps : mapping of str to float
         Step of the values of each channel, in their unit; 0 where none was found.
@@ -69,19 +69,19 @@ class StaticReport:
         Times, s, that an analysis of a channel leaves out, with their margins.
     """
 
-    findings: tuple[Finding, ...]
+    findings: tuple[Remark, ...]
     steps: Mapping[str, float]
     moving: tuple[tuple[float, float], ...]
     still: tuple[float, float] | None
     skipped: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
 
     @property
-    def errors(self) -> tuple[Finding, ...]:
+    def errors(self) -> tuple[Remark, ...]:
         """Findings for which an analysis would mislead."""
         return tuple(finding for finding in self.findings if finding.refuses)
 
     @property
-    def warnings(self) -> tuple[Finding, ...]:
+    def warnings(self) -> tuple[Remark, ...]:
         """Findings that a reader must know."""
         return tuple(finding for finding in self.findings if not finding.refuses)
 

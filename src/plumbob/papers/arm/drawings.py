@@ -28,7 +28,7 @@ TRUTH: Final = Both("truth", "真值")
 _BLUE, _GREEN, _AMBER = SERIES[0], SERIES[2], SERIES[4]
 
 
-class Run(NamedTuple):
+class BytesRun(NamedTuple):
     """One run through bytes.
 
     Attributes
@@ -58,7 +58,7 @@ _WHAT: Final[Mapping[str, tuple[str, str]]] = {
 }
 
 
-def errors(run: Run, *, turns: bool) -> list[Figure]:
+def errors(run: BytesRun, *, turns: bool) -> list[Figure]:
     """Figures 3 to 5, or 7 to 9: errors over time, within the band of ± the paper's standard deviation."""
     made = []
     for number, (name, (en, zh)) in zip(_NUMBERS[turns], _WHAT.items(), strict=True):
@@ -88,7 +88,7 @@ def _draw_errors(t: Floats, faithful: Floats, best: Floats, printed: Sequence[fl
     _time_axis(panels[-1], t)
 
 
-def heading(run: Run) -> Figure:
+def heading(run: BytesRun) -> Figure:
     """Figure 6: the heading in the turn."""
     key = [(TRUTH, _AMBER, "solid"), (FAITHFUL, _BLUE, "solid"), (BEST, _GREEN, "dashed")]
     yaw = [_yaw(q_nb) for q_nb in (run.truth, run.tracks["fuzzy"], run.tracks["six"])]

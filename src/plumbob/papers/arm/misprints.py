@@ -9,7 +9,7 @@ from plumbob.arm.array.paper import Scheme, sets_of
 from plumbob.core.check import Floats
 from plumbob.core.units import dps, to_dps
 from plumbob.filters.fuzzy_pi import E_END, I_END, SETS, U_END, conclusion, regulate
-from plumbob.papers.arm.simulated import RATE, REST, STATED, TURN, Noise, Over, arm
+from plumbob.papers.arm.simulated import RATE, REST, STATED, TURN, Over, UnitErrors, arm
 from plumbob.papers.arm.tables import PAPER, measured, recovery
 from plumbob.papers.outcome import Bar, Outcome, at_least, at_most
 from plumbob.reporting.content import Table
@@ -21,7 +21,7 @@ _STD: Final = Both("std at rest, mean of the angles", "静态标准差，三角�
 _RMS: Final = Both("rms", "均方根")
 
 
-class Found(NamedTuple):
+class Misprint(NamedTuple):
     """A printed form and the right one.
 
     Attributes
@@ -135,7 +135,7 @@ def cut_off(gain: float) -> float:
     return gain / (2.0 * math.pi)
 
 
-def printed_forms(seeds: int, rest: dict[str, Over], turn: dict[str, Over]) -> list[Found]:
+def printed_forms(seeds: int, rest: dict[str, Over], turn: dict[str, Over]) -> list[Misprint]:
     """Every printed form that is wrong, computed over seeds; `rest` and `turn` are the right ones."""
     still = measured(
         False,
@@ -151,12 +151,12 @@ def printed_forms(seeds: int, rest: dict[str, Over], turn: dict[str, Over]) -> l
     return [*_of_rates(seeds, turn), *_of_units(still, rest), _of_time(seeds), *_of_loop(still, rest)]
 
 
-def _of_rates(seeds: int, turn: dict[str, Over]) -> list[Found]:
+def _of_rates(seeds: int, turn: dict[str, Over]) -> list[Misprint]:
     """Mean of raw signals in place of half their difference."""
     turned = measured(True, seeds, ours=False, schemes={"raw": Scheme(raw_mean=True)})
     literal, right = raw_mean_error(1)
     return [
-        Found(
+        Misprint(
             "raw.rate",
             "(20)",
             Both("rate as the mean of the raw signals", "角速度取原始信号均值"),
@@ -167,7 +167,7 @@ def _of_rates(seeds: int, turn: dict[str, Over]) -> list[Found]:
             at_least(3.0),
             Both("5/√2 = 3.54: the signal cancels", "5/√2 = 3.54：信号相消"),
         ),
-        Found(
+        Misprint(
             "raw.yaw",
             "(20)",
             Both("the same in the scheme", "同上，整个算法"),
@@ -181,11 +181,11 @@ def _of_rates(seeds: int, turn: dict[str, Over]) -> list[Found]:
     ]
 
 
-def _of_units(still: dict[str, Over], rest: dict[str, Over]) -> list[Found]:
+def _of_units(still: dict[str, Over], rest: dict[str, Over]) -> list[Misprint]:
     """Degrees and radians mixed at the rules."""
     slow, quick = recovery(_SUM._replace(rule_units="rad as deg/s", ekf=False)), recovery(_SUM._replace(ekf=False))
     return [
-        Found(
+        Misprint(
             "units.deg",
             "(18)",
             Both("e in °, u taken as rad/s", "e 用度，u 当作 rad/s"),
@@ -196,7 +196,7 @@ def _of_units(still: dict[str, Over], rest: dict[str, Over]) -> list[Found]:
             (11.0, 20.0),
             Both("gain 57 times too large", "增益大 57 倍"),
         ),
-        Found(
+        Misprint(
             "units.rad",
             "(18)",
             Both("e in rad, u taken as °/s", "e 用弧度，u 当作 °/s"),
@@ -209,7 +209,7 @@ def _of_units(still: dict[str, Over], rest: dict[str, Over]) -> list[Found]:
                 "gain 0.079 instead of 4.5 1/s: the table at rest even improves", "增益 0.079 而非 4.5：静态表反而更好"
             ),
         ),
-        Found(
+        Misprint(
             "units.rad.recovery",
             "(18)",
             Both("the same", "同上"),
@@ -223,10 +223,10 @@ def _of_units(still: dict[str, Over], rest: dict[str, Over]) -> list[Found]:
     ]
 
 
-def _of_time(seeds: int) -> Found:
+def _of_time(seeds: int) -> Misprint:
     """Error at the attitude of one sample before."""
     quiet = measured(True, seeds, noise=STATED, ours=False, schemes={"right": _PI, "late": _PI._replace(late=True)})
-    return Found(
+    return Misprint(
         "late",
         "(15)",
         Both("e at the attitude of the sample before", "误差取上一采样的姿态"),
@@ -239,10 +239,10 @@ def _of_time(seeds: int) -> Found:
     )
 
 
-def _of_loop(still: dict[str, Over], rest: dict[str, Over]) -> list[Found]:
+def _of_loop(still: dict[str, Over], rest: dict[str, Over]) -> list[Misprint]:
     """Sign of the specific force, and a gain beyond what the loop bears."""
     return [
-        Found(
+        Misprint(
             "sign",
             "(5)",
             Both("specific force taken for gravity", "把比力当作重力"),
@@ -256,7 +256,7 @@ def _of_loop(still: dict[str, Over], rest: dict[str, Over]) -> list[Found]:
                 "东北地为左手系，行列式 −1；应为北东地并取反号",
             ),
         ),
-        Found(
+        Misprint(
             "gain",
             "§4",
             Both("K for 15 Hz: 2π·15 = 94 1/s", "15 Hz 对应的 K：2π·15 = 94 1/s"),
@@ -270,7 +270,7 @@ def _of_loop(still: dict[str, Over], rest: dict[str, Over]) -> list[Found]:
     ]
 
 
-def table(rows: list[Found]) -> Table:
+def table(rows: list[Misprint]) -> Table:
     """Printed and right, side by side."""
     head = (
         Both("where", "出处"),
@@ -287,7 +287,7 @@ def table(rows: list[Found]) -> Table:
     return Table(Both("Printed forms, computed as they stand", "按原文计算的各式"), head, cells, words=(1, 2, 3, 6))
 
 
-def outcomes(rows: list[Found], read: Inference) -> list[Outcome]:
+def outcomes(rows: list[Misprint], read: Inference) -> list[Outcome]:
     """Outcomes of `printed_forms`, the printed form beside the right one, and of both inferences."""
     made = [
         Outcome(
@@ -441,7 +441,7 @@ _NOT_BOTH: Final = Both("what brings 0.608° spoils 0.308°", "能得到 0.608°
 def combination(seed: int = 1) -> list[Outcome]:
     """Outcomes of y⁺ and y⁻ put together: common bias, noise, and the parity."""
     common = dps(0.3)
-    array, _ = arm(seed, turns=True, noise=Noise(REST.gyr, REST.acc, REST.mag, dps(0.05)))
+    array, _ = arm(seed, turns=True, noise=UnitErrors(REST.gyr, REST.acc, REST.mag, dps(0.05)))
     sets = sets_of(array)
     plus, raw = sets.plus["gyr"] + common, -sets.minus["gyr"] + common  # both read 0.3 °/s too much
     true = np.array([0.0, 0.0, dps(-3.0)])

@@ -11,8 +11,8 @@ from plumbob.core.constants import G0
 from plumbob.core.units import to_deg
 from plumbob.papers.arm import drawings as drawn
 from plumbob.papers.arm import faults, misprints, tables, teaching
-from plumbob.papers.arm.drawings import Broken, Run
-from plumbob.papers.arm.simulated import MOUNTS, Noise, Over, assumed_noise
+from plumbob.papers.arm.drawings import Broken, BytesRun
+from plumbob.papers.arm.simulated import MOUNTS, Over, UnitErrors, assumed_noise
 from plumbob.papers.arm.tables import PAPER, WORDS
 from plumbob.papers.outcome import Outcome
 from plumbob.reporting.content import Table
@@ -26,7 +26,7 @@ class Findings:
 
     Attributes
     ----------
-    runs : mapping of bool to Run
+    runs : mapping of bool to BytesRun
         Through bytes, at rest and in the turn.
     rest, turn, fast : mapping of str to Over
         Statistics of each scheme over seeds: at rest, in the turn, and in the turn at 100 Hz.
@@ -42,11 +42,11 @@ class Findings:
         How many seeds: beside the tables, of the tables, and of the fault with bars.
     """
 
-    runs: Mapping[bool, Run]
+    runs: Mapping[bool, BytesRun]
     rest: Mapping[str, Over]
     turn: Mapping[str, Over]
     fast: Mapping[str, Over]
-    printed: Sequence[misprints.Found]
+    printed: Sequence[misprints.Misprint]
     read: misprints.Inference
     stated: Sequence[Outcome]
     recoveries: Mapping[str, tables.Recovery]
@@ -103,7 +103,7 @@ def report(whole: Findings, seed: int) -> Report:
 
 
 def _noise_fact() -> Both:
-    def said(noise: Noise, en: str, zh: str) -> tuple[str, str]:
+    def said(noise: UnitErrors, en: str, zh: str) -> tuple[str, str]:
         gyr, bias, acc = to_deg(noise.gyr), to_deg(noise.bias), noise.acc / G0
         text = f"{gyr:.2g} °/s, ±{bias:.2g} °/s, {acc:.2g} g, {noise.mag:g} µT"
         return f"{en} {text}", f"{zh} {text}"

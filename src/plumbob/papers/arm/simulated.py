@@ -36,7 +36,7 @@ FIELD: Final = 50.0 * np.array([np.cos(deg(50.0)), 0.0, np.sin(deg(50.0))])
 """µT in NED: 50 µT, 50° down."""
 
 
-class Noise(NamedTuple):
+class UnitErrors(NamedTuple):
     """Errors of a unit.
 
     Attributes
@@ -56,18 +56,18 @@ class Noise(NamedTuple):
     iron: float = 0.0
 
 
-REST: Final = Noise(dps(0.1), 0.01 * G0, 0.5, dps(0.13))
-TURN: Final = Noise(dps(0.2), 0.02 * G0, 1.0, dps(0.25))
-STATED: Final = Noise(dps(0.1 / 3600.0), 1e-4 * G0, 0.05, 0.0)
+REST: Final = UnitErrors(dps(0.1), 0.01 * G0, 0.5, dps(0.13))
+TURN: Final = UnitErrors(dps(0.2), 0.02 * G0, 1.0, dps(0.25))
+STATED: Final = UnitErrors(dps(0.1 / 3600.0), 1e-4 * G0, 0.05, 0.0)
 """What the paper says: 0.1 °/h, 0.1 mg and 50 nT."""
 
 
-def assumed_noise(turns: bool) -> Noise:
+def assumed_noise(turns: bool) -> UnitErrors:
     """Noise that is assumed in the turn, or at rest."""
     return TURN if turns else REST
 
 
-def card(noise: Noise, rate: float = RATE) -> NoiseCard:
+def card(noise: UnitErrors, rate: float = RATE) -> NoiseCard:
     """Noise card of a unit that is read at a rate, Hz."""
     zero = np.zeros(3)
     parts = {name: TriadNoise(np.full(3, getattr(noise, name) / np.sqrt(rate)), zero, zero) for name in _TRIADS}
@@ -77,7 +77,7 @@ def card(noise: Noise, rate: float = RATE) -> NoiseCard:
 _TRIADS: Final = ("gyr", "acc", "mag")
 
 
-def with_noise(array: ImuArray, noise: Noise) -> ImuArray:
+def with_noise(array: ImuArray, noise: UnitErrors) -> ImuArray:
     """Array whose mounts know the noise of their units."""
     noise_card = card(noise)
     return ImuArray(array.units, {name: replace(mount, noise=noise_card) for name, mount in array.mounts.items()})
@@ -101,7 +101,7 @@ def felt(q_nb: Floats, rate_b: Floats) -> dict[str, Floats]:
     return {"gyr": rate_b, "acc": -G0 * c_nb[:, 2], "mag": np.einsum("nji,j->ni", c_nb, FIELD)}
 
 
-def arm(seed: int, *, turns: bool, rate: float = RATE, noise: Noise | None = None) -> tuple[ImuArray, Floats]:
+def arm(seed: int, *, turns: bool, rate: float = RATE, noise: UnitErrors | None = None) -> tuple[ImuArray, Floats]:
     """The paper's array for 30 s, and the true attitude (N, 4) of its body in NED.
 
     Parameters
@@ -112,7 +112,7 @@ def arm(seed: int, *, turns: bool, rate: float = RATE, noise: Noise | None = Non
         In the turn of −90°; otherwise at rest.
     rate : float
         Samples in a second. The scatter of a sample is that of 10 Hz.
-    noise : Noise, optional
+    noise : UnitErrors, optional
         Errors of the units; by default those assumed in the turn, or at rest.
     """
     rng, noise = np.random.default_rng([seed, turns]), noise or assumed_noise(turns)

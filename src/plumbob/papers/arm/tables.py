@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from plumbob.arm.array import estimate
-from plumbob.arm.array.monitoring import Settings
+from plumbob.arm.array.monitoring import MonitoringSettings
 from plumbob.arm.array.paper import Scheme, paper
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
@@ -17,8 +17,8 @@ from plumbob.papers.arm.simulated import (
     DURATION,
     FIELD,
     RATE,
-    Noise,
     Over,
+    UnitErrors,
     arm,
     assumed_noise,
     errors_deg,
@@ -69,12 +69,12 @@ SEEDS: Final = 600
 """So many that the standard error of a figure is about a tenth of what the seeds of one run scatter by."""
 
 
-def settings(noise: Noise) -> Settings:
+def settings(noise: UnitErrors) -> MonitoringSettings:
     """What is known of a unit's bias: how it is spread."""
-    return Settings(gyr_bias=noise.bias / np.sqrt(3.0))
+    return MonitoringSettings(gyr_bias=noise.bias / np.sqrt(3.0))
 
 
-def body_attitude(array: ImuArray, noise: Noise) -> Floats:
+def body_attitude(array: ImuArray, noise: UnitErrors) -> Floats:
     """Attitude (N, 4) of the body by the filter of directions of Plumbob's arrays."""
     return estimate(array, "directions", frame=Frame.NED, settings=settings(noise)).track.q_nb
 
@@ -84,7 +84,7 @@ def measured(
     seeds: int,
     *,
     rate: float = RATE,
-    noise: Noise | None = None,
+    noise: UnitErrors | None = None,
     ours: bool = True,
     schemes: Mapping[str, Scheme] = SCHEMES,
 ) -> dict[str, Over]:

@@ -46,7 +46,7 @@ _REFERENCE: Final = '[reference]\nunit = "ref"\nnorth = "magnetic"\n'
 _LIVE: Final = '[calibration]\ncard = "{card}"\n[estimate]\nfilter = "mekf"\n[output]\nevery = "50 ms"\n'
 
 
-class Calibrated(NamedTuple):
+class CalibratedUnit(NamedTuple):
     """A unit and its cards.
 
     Attributes
@@ -74,7 +74,7 @@ class Calibrated(NamedTuple):
     still: ImuData
 
 
-def calibrated(work: Work) -> Calibrated:
+def calibrated(work: Work) -> CalibratedUnit:
     """Take the capture on faces and edges, and the two poses of the mounting; the best card is saved beside them."""
     poses = {"edges": "on", "wobble": "5 deg", "move": "2 s"}
     taken = work.recorded("buoy", "capture", session=_unit(work), scenario="faces", set=poses, duration="88 s")
@@ -85,7 +85,7 @@ def calibrated(work: Work) -> Calibrated:
     best = best_card(capture, recorded_samples(raised.recording))
     best.save(work.folder / CARD, overwrite=True)
     step = mag_step(capture)
-    return Calibrated(
+    return CalibratedUnit(
         np.rint(mag / step), mag, step, int(np.count_nonzero(filled(acc))), paper_card(capture, still), best, still
     )
 
@@ -96,7 +96,7 @@ def mag_step(imu: ImuData) -> float:
     return imu.meta.mag_range / 2048.0
 
 
-def ring(work: Work, unit: Calibrated) -> tuple[StaticTest, StaticTest]:
+def ring(work: Work, unit: CalibratedUnit) -> tuple[StaticTest, StaticTest]:
     """Static test beside a DCM260B, with the paper's card and with the best one."""
     reading = read(work.recorded("ring", "ring", session=_unit(work) + _REFERENCE).recording)
     assert reading.imu is not None
@@ -116,7 +116,7 @@ class Slid(NamedTuple):
         return roll, pitch
 
 
-def slides(work: Work, unit: Calibrated) -> dict[tuple[float, float], Slid]:
+def slides(work: Work, unit: CalibratedUnit) -> dict[tuple[float, float], Slid]:
     """Slide in each set of strokes, by each of `SLIDE` and by the smoother, which knows the future; once `KEPT` too."""
     slid: dict[tuple[float, float], Slid] = {}
     for speed, stroke in STROKES:
@@ -167,7 +167,7 @@ class Sailed(NamedTuple):
     page: bool
 
 
-def sail(work: Work, unit: Calibrated, contenders: Mapping[str, Contender], duration: float) -> Sailed:
+def sail(work: Work, unit: CalibratedUnit, contenders: Mapping[str, Contender], duration: float) -> Sailed:
     """Record the sea live with the best card and the recommended filter, with an outward line at 20 Hz."""
     text = work.folder / OUTPUT
     text.unlink(missing_ok=True)
@@ -194,7 +194,7 @@ def _written(overview: Overview, path: Path) -> bool:
     return True
 
 
-def _estimated(contender: Contender, imu: ImuData, unit: Calibrated) -> AttitudeTrack:
+def _estimated(contender: Contender, imu: ImuData, unit: CalibratedUnit) -> AttitudeTrack:
     card = unit.paper if contender.paper else unit.best
     return estimate(imu, contender.filter, params=contender.params, calibration=card, frame=Frame.NED).track
 

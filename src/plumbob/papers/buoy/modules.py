@@ -141,7 +141,7 @@ CAPTURES: Final[dict[str, Attitudes]] = {
 """Three bands of pitch, or of roll, by six sectors of heading; and six faces with twelve edges."""
 
 
-class Row(NamedTuple):
+class CaptureRow(NamedTuple):
     """A capture, a fit, and the test.
 
     Attributes
@@ -165,7 +165,7 @@ class Row(NamedTuple):
     step: float = STEP
 
 
-class Ring(NamedTuple):
+class ModuleStatistics(NamedTuple):
     """What a row gives over its modules: largest of 36 errors, deg, and shares of the modules.
 
     Attributes
@@ -196,14 +196,14 @@ class Ring(NamedTuple):
     failed: float
 
 
-class Unit(NamedTuple):
+class ModuleErrors(NamedTuple):
     """Errors of the two triads of a module."""
 
     acc: TriadErrors
     mag: TriadErrors
 
 
-def draw_unit(c: float, rng: np.random.Generator, step: float = STEP) -> Unit:
+def draw_unit(c: float, rng: np.random.Generator, step: float = STEP) -> ModuleErrors:
     """Module whose soft iron has off-diagonal entries up to c, and whose magnetometer has steps of `step`, µT."""
     soft_iron = np.eye(3)
     soft_iron[np.triu_indices(3, 1)] = rng.uniform(-c, c, 3)
@@ -219,14 +219,14 @@ def draw_unit(c: float, rng: np.random.Generator, step: float = STEP) -> Unit:
         scale=rng.uniform(-FORCE_SCALE, FORCE_SCALE, 3),
         white_sd=np.full(3, FORCE_NOISE),
     )
-    return Unit(acc, mag)
+    return ModuleErrors(acc, mag)
 
 
-def measure_ring(row: Row, seeds: Sequence[int]) -> Ring:
+def measure_ring(row: CaptureRow, seeds: Sequence[int]) -> ModuleStatistics:
     """Calibrate a module per seed and turn it on the table."""
     turns = [_turn(row, seed) for seed in seeds]
     before, yaw, level = to_deg(np.array([turn[:3] for turn in turns])).T
-    return Ring(
+    return ModuleStatistics(
         before=float(np.median(before)),
         yaw=float(np.median(yaw)),
         level=float(np.median(level)),
@@ -271,13 +271,13 @@ def table_poses(tilt: float = deg(20.0)) -> Floats:
     return motion.truth(np.asarray(1.5 + 4.0 * np.arange(36.0))).q_nb
 
 
-def read_both(unit: Unit, q_nb: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def read_both(unit: ModuleErrors, q_nb: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Readings (N, 3) of specific force and field at attitudes (N, 4)."""
     acc = reading(unit.acc, force_b(q_nb), triad="acc", rng=rng)
     return acc, reading(unit.mag, in_body(q_nb, field_n(DIP)), triad="mag", rng=rng)
 
 
-def _turn(row: Row, seed: int) -> tuple[float, float, float, int]:
+def _turn(row: CaptureRow, seed: int) -> tuple[float, float, float, int]:
     """Largest errors: yaw before; yaw, and pitch or roll, after, rad; and captures that gave no calibration."""
     rng = np.random.default_rng(seed)
     unit = draw_unit(row.c, rng, row.step)
@@ -354,7 +354,7 @@ def _judged(acc: Floats, mag: Floats) -> str:
     return f"accepted as {fit.quality and fit.quality.grade}"
 
 
-def _paper_yaw(unit: Unit, acc: Floats, mag: Floats, rng: np.random.Generator) -> float | None:
+def _paper_yaw(unit: ModuleErrors, acc: Floats, mag: Floats, rng: np.random.Generator) -> float | None:
     """Largest error of yaw on the table by the paper's fit, deg; None where there is none."""
     cards = by_paper(acc, mag)
     if cards is None:

@@ -11,10 +11,10 @@ from plumbob.core.constants import G0
 from plumbob.core.units import from_si, to_deg, to_dps
 from plumbob.filters import mahony
 from plumbob.papers.buoy.as_printed import RATES, Misprints, loop
-from plumbob.papers.buoy.bench import KEPT, Calibrated, Sailed, Slid
+from plumbob.papers.buoy.bench import KEPT, CalibratedUnit, Sailed, Slid
 from plumbob.papers.buoy.device import PERIODS, Device
 from plumbob.papers.buoy.figures import ANGLE
-from plumbob.papers.buoy.modules import STEP, WIDE_STEP, Refused, Ring
+from plumbob.papers.buoy.modules import STEP, WIDE_STEP, ModuleStatistics, Refused
 from plumbob.papers.buoy.static_test import ANGLES, StaticTest
 from plumbob.papers.buoy.trials import SETTLE, STROKES, bound
 from plumbob.papers.outcome import Outcome, at_least, at_most
@@ -36,7 +36,7 @@ class Results(NamedTuple):
 
     Attributes
     ----------
-    unit : Calibrated
+    unit : CalibratedUnit
         The unit that goes through bytes.
     device : Device
         Its own program.
@@ -46,7 +46,7 @@ class Results(NamedTuple):
         By strokes.
     sailed : Sailed
         At sea.
-    rings : mapping of str to Ring
+    rings : mapping of str to ModuleStatistics
         Static test of many modules, by row.
     refused : mapping of str to Refused
         Captures that calibrate nothing.
@@ -64,12 +64,12 @@ class Results(NamedTuple):
         How many were turned on the table.
     """
 
-    unit: Calibrated
+    unit: CalibratedUnit
     device: Device
     static: tuple[StaticTest, StaticTest]
     slid: Mapping[tuple[float, float], Slid]
     sailed: Sailed
-    rings: Mapping[str, Ring]
+    rings: Mapping[str, ModuleStatistics]
     refused: Mapping[str, Refused]
     slides: Mapping[tuple[float, float], Mapping[str, Floats]]
     sea: Mapping[str, Floats]

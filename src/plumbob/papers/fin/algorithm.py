@@ -160,7 +160,7 @@ def _sums(white: forms.White, rates: Floats) -> list[Outcome]:
     ]
 
 
-def _integrals(spectra: forms.Spectra) -> list[Outcome]:
+def _integrals(spectra: forms.DensityRatios) -> list[Outcome]:
     """(3), (4) and (6)."""
     late, later = 1e3, 1e4
     growth = (forms.white_integral(later, 1) - forms.white_integral(late, 1)) / math.log(later / late)

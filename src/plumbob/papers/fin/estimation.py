@@ -139,7 +139,7 @@ def part(work: Work, step: Step, runs: int, *, long: bool = True) -> tuple[Repor
     return Report(title, tables=tables, remarks=remarks, figures=figures), outcomes
 
 
-def _table(rows: Mapping[tuple[str, str], e.Row], runs: int) -> Table:
+def _table(rows: Mapping[tuple[str, str], e.CoefficientRow], runs: int) -> Table:
     lines = []
     for method, name in _METHODS.items():
         of = [rows[method, letter] for letter in "QNB"]

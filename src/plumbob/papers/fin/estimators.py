@@ -19,7 +19,7 @@ AT: Final = {"Q": math.sqrt(3.0), "N": 1.0, "B": math.sqrt(3.0)}
 """Averaging time of each ± of the paper, s; B of 453z has that of Q."""
 
 
-class Row(NamedTuple):
+class CoefficientRow(NamedTuple):
     """A coefficient by an estimator: share of the runs that gave it, and of those bias, scatter and coverage, shares.
 
     `scatter` is the standard deviation of one run over the truth; `coverage` the share of the intervals of 68.3 %, or
@@ -58,7 +58,7 @@ def by_method(found: Analysis, method: str, letter: str) -> Coefficient | None:
     return (found.least_squares if method == "least squares" else found.likelihood).terms.get(letter)
 
 
-def three_regimes(rng: np.random.Generator, runs: int) -> Iterator[Mapping[tuple[str, str], Row]]:
+def three_regimes(rng: np.random.Generator, runs: int) -> Iterator[Mapping[tuple[str, str], CoefficientRow]]:
     """Rows by method and letter over so many records of the three regimes; yields every 12 records, the last whole."""
     analyses: list[Analysis] = []
     for i in range(-(-runs // 3)):
@@ -67,14 +67,14 @@ def three_regimes(rng: np.random.Generator, runs: int) -> Iterator[Mapping[tuple
             yield {(m, letter): _row(analyses, m, letter) for m in METHODS for letter in "QNB"}
 
 
-def _row(analyses: Sequence[Analysis], method: str, letter: str) -> Row:
+def _row(analyses: Sequence[Analysis], method: str, letter: str) -> CoefficientRow:
     true = float(getattr(THREE, letter)[0])
     terms = [c for a in analyses if (c := by_method(a, method, letter)) is not None]
     if not terms:
-        return Row(0.0, math.nan, math.nan, math.nan)
+        return CoefficientRow(0.0, math.nan, math.nan, math.nan)
     values = np.array([c.value for c in terms]) / true
     held = float(np.mean([c.lo <= true <= c.hi for c in terms]))
-    return Row(len(terms) / len(analyses), float(values.mean()) - 1.0, float(values.std()), held)
+    return CoefficientRow(len(terms) / len(analyses), float(values.mean()) - 1.0, float(values.std()), held)
 
 
 class Length(NamedTuple):

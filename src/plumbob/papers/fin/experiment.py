@@ -21,7 +21,7 @@ from plumbob.papers.fin.records import (
     TABLE_1,
     THREE,
     Analysed,
-    Truth,
+    TrueCoefficients,
     analysed,
     drawn,
     printed,
@@ -191,7 +191,7 @@ def _with_remarks(rows: Sequence[Sequence[str]]) -> list[list[str]]:
     ]
 
 
-def _true(of: Truth, letter: str, axis: int) -> float:
+def _true(of: TrueCoefficients, letter: str, axis: int) -> float:
     """True coefficient in Table 1's unit."""
     return from_si(float(getattr(of, letter)[axis]), UNITS[letter])
 
@@ -272,7 +272,7 @@ def _claims(analyses: Sequence[Analysis]) -> list[Outcome]:
     return outcomes
 
 
-def angle_errors(of: Truth, axis: int, t: float = LENGTH) -> dict[str, float]:
+def angle_errors(of: TrueCoefficients, axis: int, t: float = LENGTH) -> dict[str, float]:
     """Error of an angle after t, s, that each term makes, degrees: Q√2, N√t, and 0.664 B t of the flat."""
     q, n, b = (float(getattr(of, letter)[axis]) for letter in "QNB")
     return {
@@ -282,7 +282,7 @@ def angle_errors(of: Truth, axis: int, t: float = LENGTH) -> dict[str, float]:
     }
 
 
-def _record_table(analyses: Sequence[Analysis], of: Truth, title: str) -> Table:
+def _record_table(analyses: Sequence[Analysis], of: TrueCoefficients, title: str) -> Table:
     """Coefficients of a record: true, by the paper's lines with its ±, and by likelihood with an honest interval."""
     rows = []
     for letter, unit in UNITS.items():

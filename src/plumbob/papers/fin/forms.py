@@ -117,14 +117,14 @@ def _midpoints(end: float, count: int) -> Floats:
     return np.asarray((np.arange(count) + 0.5) * end / count)
 
 
-class Spectra(NamedTuple):
+class DensityRatios(NamedTuple):
     """Measured density of quantised angle over that of (3), with t0 and with the group's time T."""
 
     by_interval: float
     by_group: float
 
 
-def quantised_spectrum(rng: np.random.Generator, low: float = 5.0, high: float = 15.0) -> Spectra:
+def quantised_spectrum(rng: np.random.Generator, low: float = 5.0, high: float = 15.0) -> DensityRatios:
     """Mean density of a differenced white angle error in a band, Hz, over (3)'s: with t0, and with T = √3 s."""
     rates = RATE * np.diff(rng.standard_normal(COUNT + 1))
     f = np.fft.rfftfreq(COUNT, 1.0 / RATE)
@@ -134,7 +134,7 @@ def quantised_spectrum(rng: np.random.Generator, low: float = 5.0, high: float =
     def printed(t: float) -> float:
         return float(np.mean(4.0 / t * np.sin(np.pi * f[inside] * t) ** 2))  # [Ou2017] (3): Q = 1
 
-    return Spectra(density / printed(1.0 / RATE), density / printed(math.sqrt(3.0)))
+    return DensityRatios(density / printed(1.0 / RATE), density / printed(math.sqrt(3.0)))
 
 
 class Slopes(NamedTuple):

@@ -32,7 +32,7 @@ SIGMA: Final = 0.664
 """What the printed flat is divided by for B: √(2 ln 2/π) to three digits."""
 
 
-class Truth(NamedTuple):
+class TrueCoefficients(NamedTuple):
     """Coefficients of three axes: Q, rad; N, rad/√s; B, rad/s."""
 
     Q: Floats
@@ -40,10 +40,10 @@ class Truth(NamedTuple):
     B: Floats
 
 
-def truth(q_arcsec: Floats | float, n_deg_rth: Floats | float, b_deg_h: Floats | float) -> Truth:
+def truth(q_arcsec: Floats | float, n_deg_rth: Floats | float, b_deg_h: Floats | float) -> TrueCoefficients:
     """Coefficients in the units of a data sheet; one number stands for all axes."""
     given = ((q_arcsec, "arcsec"), (n_deg_rth, "deg/rth"), (b_deg_h, "deg/h"))
-    return Truth(*(to_si(1.0, name) * np.broadcast_to(np.asarray(value, float), 3) for value, name in given))
+    return TrueCoefficients(*(to_si(1.0, name) * np.broadcast_to(np.asarray(value, float), 3) for value, name in given))
 
 
 THREE: Final = truth(4.4, 0.9, 51.5)
@@ -59,7 +59,9 @@ TABLE_1: Final = truth(printed("Q"), printed("N") / 60.0, printed("B") / SIGMA)
 """A unit with the coefficients of Table 1, in the units that fit: seconds of arc, °/h at 1 s, a flat in °/h."""
 
 
-def drawn(of: Truth, rng: np.random.Generator, count: int = COUNT, rate: float = RATE, past: int = 3) -> Floats:
+def drawn(
+    of: TrueCoefficients, rng: np.random.Generator, count: int = COUNT, rate: float = RATE, past: int = 3
+) -> Floats:
     """Rates (count, 3) of a unit at rest, rad/s: differenced angle noise, white noise, and flicker.
 
     Flicker starts from nothing, so it has run for `past` records before.

@@ -48,7 +48,7 @@ RIG: Final[Mapping[str, Any]] = {"unit": "random", "warm_up": "15 K, 120 s", "mo
 DOWN: Final = np.array([0.0, 0.0, 1.0])
 
 
-class Line(NamedTuple):
+class EstimateLine(NamedTuple):
     """An estimate: its name, the filter, and its parameters."""
 
     name: Both
@@ -56,12 +56,12 @@ class Line(NamedTuple):
     params: Mapping[str, Any]
 
 
-LINES: Final[Mapping[str, Line]] = {
-    "accel": Line(Both("accelerometer only", "仅加速度计"), "tilt_compass", {}),
-    "gyro": Line(Both("gyroscope only", "仅陀螺仪（四元数解算）"), "integrate", {}),
-    "ekf7": Line(Both("ekf7 (faithful)", "ekf7（按论文）"), "ekf7", {}),
-    "mekf": Line(Both("mekf, causal", "mekf，实时"), "mekf", {}),
-    "smoother": Line(Both("smoother (best)", "平滑器（最佳）"), "smoother", {}),
+LINES: Final[Mapping[str, EstimateLine]] = {
+    "accel": EstimateLine(Both("accelerometer only", "仅加速度计"), "tilt_compass", {}),
+    "gyro": EstimateLine(Both("gyroscope only", "仅陀螺仪（四元数解算）"), "integrate", {}),
+    "ekf7": EstimateLine(Both("ekf7 (faithful)", "ekf7（按论文）"), "ekf7", {}),
+    "mekf": EstimateLine(Both("mekf, causal", "mekf，实时"), "mekf", {}),
+    "smoother": EstimateLine(Both("smoother (best)", "平滑器（最佳）"), "smoother", {}),
 }
 """What is estimated from the recording, as `plumbob run` does."""
 

@@ -299,7 +299,7 @@ def permutations() -> list[Outcome]:
     return outcomes
 
 
-def misprinted(table: methods.Table) -> list[Outcome]:
+def misprinted(table: methods.MethodScores) -> list[Outcome]:
     """Outcomes of the misprints that only a run shows."""
     early, late = (float(largest("unpredicted").max()) for largest in (table.early, table.late))
     lean = float(np.median([score.lean for score in table.scores["upside_down"]]))

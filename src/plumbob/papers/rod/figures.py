@@ -10,7 +10,7 @@ from plumbob.core.check import Floats
 from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.papers.rod.comparison import Compared, permutation_error
 from plumbob.papers.rod.equations import Grown
-from plumbob.papers.rod.methods import LIMIT, METHODS, SHAKEN, Table, tilt_errors
+from plumbob.papers.rod.methods import LIMIT, METHODS, SHAKEN, MethodScores, tilt_errors
 from plumbob.reporting.content import Figure
 from plumbob.reporting.style import INK, MUTED, SERIES, SHADE, SOFT, Both
 from plumbob.rotations import euler_zyx_from_quat
@@ -176,7 +176,7 @@ def _bias(run: Compared, canvas: "FigureBase") -> None:
     axes[-1].set_xlabel(_TIME)
 
 
-def seeds_figure(table: Table) -> Figure:
+def seeds_figure(table: MethodScores) -> Figure:
     """Largest error of each seed, a row for each way."""
     return Figure(
         Both("Largest error of each seed", "各随机种子的最大误差"),
@@ -194,7 +194,7 @@ def seeds_figure(table: Table) -> Figure:
     )
 
 
-def _seeds(table: Table, canvas: "FigureBase") -> None:
+def _seeds(table: MethodScores, canvas: "FigureBase") -> None:
     ax = canvas.subplots()
     keys = list(table.scores)[::-1]
     for row, key in enumerate(keys):

@@ -228,7 +228,7 @@ def jumps(q_est: Floats, q_true: Floats, rest: NDArray[np.bool_]) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class MethodScores:
     """Scores of every way over the seeds, and the jumps of the soft and the hard switch, °."""
 
     scores: Mapping[str, Sequence[Score]]
@@ -266,7 +266,7 @@ def measure(
     keys: Sequence[str] = tuple(METHODS),
     duration: float = 600.0,
     progress: Callable[[int], None] = lambda done: None,
-) -> Table:
+) -> MethodScores:
     """Run every way on every seed."""
     scores: dict[str, list[Score]] = {key: [] for key in keys}
     jump_sizes: dict[str, list[float]] = {"ekf7": [], "hard": [], "hard_reset": []}
@@ -280,10 +280,10 @@ def measure(
             if key in jump_sizes:
                 jump_sizes[key].append(jumps(q_nb, rod.truth.q_nb, rod.rest))
         rested.append(float(rod.rest.mean()))
-    return Table(scores, jump_sizes, rested)
+    return MethodScores(scores, jump_sizes, rested)
 
 
-class Disturbance(NamedTuple):
+class UnlistedDisturbance(NamedTuple):
     """Something that the table's runs do not have."""
 
     name: Both
@@ -308,10 +308,10 @@ def _driven(size: float, length: float, imu: ImuData, truth: AttitudeTrack) -> I
 
 
 DISTURBANCES: Final = (
-    Disturbance(Both("as in the table", "同上表"), _same),
-    Disturbance(Both("accelerometer reads 2 % too much", "加速度计标度因数误差 +2 %"), partial(_scaled, 0.02)),
-    Disturbance(Both("0.05 g for 5 s", "持续加速度 0.05 g，5 s"), partial(_driven, g(0.05), 5.0)),
-    Disturbance(Both("0.1 g for 10 s", "持续加速度 0.1 g，10 s"), partial(_driven, g(0.1), 10.0)),
+    UnlistedDisturbance(Both("as in the table", "同上表"), _same),
+    UnlistedDisturbance(Both("accelerometer reads 2 % too much", "加速度计标度因数误差 +2 %"), partial(_scaled, 0.02)),
+    UnlistedDisturbance(Both("0.05 g for 5 s", "持续加速度 0.05 g，5 s"), partial(_driven, g(0.05), 5.0)),
+    UnlistedDisturbance(Both("0.1 g for 10 s", "持续加速度 0.1 g，10 s"), partial(_driven, g(0.1), 10.0)),
 )
 """What papers.md names as the limits of the test: sustained acceleration, and an error of scale."""
 DISTURBED: Final[Mapping[str, Method]] = {
@@ -325,7 +325,7 @@ DISTURBED: Final[Mapping[str, Method]] = {
 """Ways that are tried under them."""
 
 
-def disturbed(one: Case, what: Disturbance) -> list[float]:
+def disturbed(one: Case, what: UnlistedDisturbance) -> list[float]:
     """Largest error of each of `DISTURBED`, °, under a disturbance."""
     imu = what.on(one.imu, one.truth)
     soft = run_stage(imu, Stage("ekf7", {}), frame=Frame.NED)

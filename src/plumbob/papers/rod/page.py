@@ -9,7 +9,7 @@ from plumbob.papers.rod.comparison import LINES, Compared, budget, mount_angles
 from plumbob.papers.rod.equations import Grown, Numerics, numerics_table
 from plumbob.papers.rod.figures import covariance_figure, exchange_figure, figures, seeds_figure
 from plumbob.papers.rod.methods import DISTURBANCES, DISTURBED, METHODS
-from plumbob.papers.rod.methods import Table as Scores
+from plumbob.papers.rod.methods import MethodScores as Scores
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report
 from plumbob.reporting.style import Both

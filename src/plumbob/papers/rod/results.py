@@ -7,7 +7,7 @@ import numpy as np
 from plumbob.core.units import to_deg
 from plumbob.papers.outcome import Outcome, at_least, at_most
 from plumbob.papers.rod.comparison import Compared, budget
-from plumbob.papers.rod.methods import LIMIT, Table
+from plumbob.papers.rod.methods import LIMIT, MethodScores
 from plumbob.protocols.format_toml import device
 from plumbob.reporting.style import Both
 from plumbob.rotations import euler_zyx_from_quat, quat_from_euler_zyx, wrap
@@ -230,12 +230,12 @@ def through_bytes(run: Compared) -> list[Outcome]:
     return outcomes
 
 
-def over_seeds(table: Table) -> list[Outcome]:
+def over_seeds(table: MethodScores) -> list[Outcome]:
     """The paper's claims over many seeds, with the bars."""
     return [*_alone(table), *_fused(table), *_switches(table)]
 
 
-def _alone(table: Table) -> list[Outcome]:
+def _alone(table: MethodScores) -> list[Outcome]:
     """Each sensor alone, as the paper shows it."""
     late = [float(score.late.max()) for score in table.scores["accel"]]
     gyro = table.largest("gyro")
@@ -303,7 +303,7 @@ def _alone(table: Table) -> list[Outcome]:
     ]
 
 
-def _fused(table: Table) -> list[Outcome]:
+def _fused(table: MethodScores) -> list[Outcome]:
     """Both fused, within ±1° and against the gyroscope alone."""
     gyro, soft, smooth = (table.largest(key) for key in ("gyro", "ekf7", "smoother"))
     return [
@@ -395,7 +395,7 @@ def _fused(table: Table) -> list[Outcome]:
     ]
 
 
-def _switches(table: Table) -> list[Outcome]:
+def _switches(table: MethodScores) -> list[Outcome]:
     """The switch at rest: hard as the paper's, and soft."""
     soft = table.largest("ekf7")
     hard = Both(

@@ -5,7 +5,7 @@ The recorded tests go through the bytes of the rig ``trackball``; statistics ove
 
 from typing import Final
 
-from plumbob.papers.outcome import Item, Paper
+from plumbob.papers.outcome import Paper, PaperItem
 from plumbob.papers.trackball import misprints, recorded, static, turntable
 from plumbob.papers.trackball.page import page
 from plumbob.papers.trackball.results import Found
@@ -72,87 +72,87 @@ def run(work: Work) -> Paper:
 
 
 ITEMS: Final = (
-    Item(
+    PaperItem(
         where="§0",
         what="track of the ball on its sphere from a strapdown unit in it, which the paper names as its aim",
         by="[ball.track]; scenario ball; `src/plumbob/papers/trackball/recorded.py`",
     ),
-    Item(
+    PaperItem(
         where="(1), (2)",
         what="static drift model: bias of a constant, a random part and temperature, and scale error of each axis",
         by="`src/plumbob/calibration/gyr/drift.py`; page, Misprints",
     ),
-    Item(
+    PaperItem(
         where="(3)",
         what="temperature drift of 0.1 °/s/°C from 25 °C",
         by="[drift.k_t] [drift.raw.a] [drift.left.a] [drift.raw.b] [drift.left.b]; `run --drift chen2013`",
     ),
-    Item(
+    PaperItem(
         where="§1",
         what="resolution of 131 LSB/(°/s); static nonlinearity of 0.2 %, for which B_x is set to 0",
         by="[drift.scale] [drift.gain]",
         reason="The nonlinearity itself is not simulated; what matters is the tolerance of the gain.",
     ),
-    Item(where="(4)", what="drift by acceleration of 0.1 °/s/g", by="[drift.k_a] [drift.metres]"),
-    Item(where="(5)", what="whole drift model", by="[drift.twice] [drift.gain]; `src/plumbob/door/rates.py`"),
-    Item(where="(6)", what="constant error J, taken off the samples", by="`run --rest 0s..100s`; page, part 2"),
-    Item(
+    PaperItem(where="(4)", what="drift by acceleration of 0.1 °/s/g", by="[drift.k_a] [drift.metres]"),
+    PaperItem(where="(5)", what="whole drift model", by="[drift.twice] [drift.gain]; `src/plumbob/door/rates.py`"),
+    PaperItem(where="(6)", what="constant error J, taken off the samples", by="`run --rest 0s..100s`; page, part 2"),
+    PaperItem(
         where="(7)-(12)",
         what="scalar Kalman filter with Φ = C = 1, kg(0) = P00 = 1",
         by="[filter.start] [filter.gain]; `src/plumbob/filters/channel_scalar.py`; `run --filter scalar`",
     ),
-    Item(
+    PaperItem(
         where="§2",
         what="procedure at rest: 25 °C, level, 0.1 s, 1000 samples before and after, link to a computer",
         by="[rest.step] [rest.samples] [rest.temperature]; rig trackball",
     ),
-    Item(
+    PaperItem(
         where="Fig 1, Fig 2",
         what="random sequence of x before and after the filter, clearly converged",
         by="[rest.before] [rest.after] [rest.variance.q3]; page, Figures 1 and 2",
     ),
-    Item(where="(13)", what="Allan variance", by="[allan.printed]; `src/plumbob/noise/factors.py`"),
-    Item(
+    PaperItem(where="(13)", what="Allan variance", by="[allan.printed]; `src/plumbob/noise/factors.py`"),
+    PaperItem(
         where="Fig 3",
         what="Allan deviation before and after at eight averaging times, smaller at each",
         by="[allan.ratio.0.1] [allan.ratio.1] [allan.ratio.50] [allan.scatter.50] [allan.freedom]; page, Figure 3",
     ),
-    Item(
+    PaperItem(
         where="§2",
         what="list of noises (ARW, RRW, RRW, BI, QN, SN) with powers of τ from −2 to 2",
         by="page, Composition of the noise; `allan`",
     ),
-    Item(
+    PaperItem(
         where="(14)",
         what="least squares of A_n, weights of the noises",
         by="[fit.condition] [fit.negative] [noise.white] [noise.flicker]",
     ),
-    Item(
+    PaperItem(
         where="§3",
         what="procedure on the turntable: 0 to 10 r/min in 100 s, then constant for 100 s, 1000 points each, 25 °C",
         by="[turn.slope] [turn.rate] [turn.samples] [turn.axis]; scenario turntable",
     ),
-    Item(
+    PaperItem(
         where="§3",
         what="data read from an SD card after the motion",
         by="session of a file of bytes, `record --from`; `src/plumbob/papers/workspace.py`",
     ),
-    Item(
+    PaperItem(
         where="Fig 4",
         what="x at uniform acceleration, more accurate after compensation",
         by="[ramp.removed] [ramp.rms] [bytes.ramp]",
     ),
-    Item(
+    PaperItem(
         where="Fig 5",
         what="x at uniform rate, more accurate after compensation",
         by="[hold.rms] [hold.late] [bytes.hold]",
     ),
-    Item(
+    PaperItem(
         where="§4",
         what="claim: the filter reduces the random error and raises the accuracy",
         by="[allan.angle] [allan.long.600] [ramp.lag.q2] [ramp.angle] [bytes.heading]",
     ),
-    Item(
+    PaperItem(
         where="§4",
         what="claim: small computation, a relief for a microcontroller",
         by="[filter.operations]",

@@ -11,7 +11,7 @@ from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.noise.terms import TERMS
 from plumbob.papers.trackball.recorded import Lapped, Rest, Turned
 from plumbob.papers.trackball.records import AT_REST, RATIOS, SAMPLES, STEP
-from plumbob.papers.trackball.static import TAUS, Fit, Short, degrees_of_freedom, powers
+from plumbob.papers.trackball.static import TAUS, PowerFits, Short, degrees_of_freedom, powers
 from plumbob.reporting.content import Figure
 from plumbob.reporting.style import GRID, INK, MUTED, SERIES, SOFT, Both
 
@@ -77,7 +77,7 @@ def allan_figure(rest: Rest, short: Short) -> Figure:
 _RATIO_COLOURS: Final = (SKY, AMBER, RED, PINK, OLIVE)
 
 
-def fit_figure(fit: Fit) -> Figure:
+def fit_figure(fit: PowerFits) -> Figure:
     """Fits of the five powers to the Allan variances of the record: the plain one, and the one that weighs."""
     return Figure(
         Both(
@@ -202,7 +202,7 @@ def _plain(axis: "Axis") -> None:
     axis.set_minor_formatter(lambda value, _: "")
 
 
-def _draw_fit(fit: Fit, canvas: "FigureBase") -> None:
+def _draw_fit(fit: PowerFits, canvas: "FigureBase") -> None:
     ax = canvas.subplots()
     grid = np.geomspace(0.08, 65.0, 400)
     columns = powers(grid)

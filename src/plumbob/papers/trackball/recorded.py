@@ -17,13 +17,13 @@ from plumbob.data import AttitudeTrack
 from plumbob.door.calibrate import calibrate, read_track
 from plumbob.door.estimate import estimate
 from plumbob.door.rates import filter_rates
-from plumbob.noise import Comparison, compare
+from plumbob.noise import DeviationComparison, compare
 from plumbob.papers.trackball.records import (
     AT_REST,
     IN_MOTION,
     SAMPLES,
     STEP,
-    Contender,
+    RampFilter,
     noise_card,
     scalar_filter,
     two_state,
@@ -55,7 +55,7 @@ class Rest(NamedTuple):
         Time, s.
     raw, before, after, best : ndarray (N, 3)
         As measured, with drift and constant taken off, then by the scalar filter, or by the one with two states, rad/s.
-    compared : Comparison
+    compared : DeviationComparison
         Deviations of x before and after the scalar filter, at the paper's eight averaging times.
     quantum : float
         Smallest step between two rates, rad/s.
@@ -68,7 +68,7 @@ class Rest(NamedTuple):
     before: Floats
     after: Floats
     best: Floats
-    compared: Comparison
+    compared: DeviationComparison
     quantum: float
     temp_c: float
 
@@ -114,7 +114,7 @@ class Lapped(NamedTuple):
 class Line(NamedTuple):
     """How rates are made: by a card or by the paper's drift model, with the constant of the rest, and by a filter."""
 
-    filter: Contender
+    filter: RampFilter
     card: bool
 
 

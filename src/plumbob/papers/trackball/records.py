@@ -53,7 +53,7 @@ class Record(NamedTuple):
     measured: Floats
 
 
-class Contender(NamedTuple):
+class RampFilter(NamedTuple):
     """A filter that competes: its name, how many samples late a ramp comes in theory, and what it is called with."""
 
     name: str
@@ -108,30 +108,30 @@ def on_turntable(seed: int, *, scale: float) -> tuple[Record, Record]:
     return rest, _record(scenario("turntable"), errors, seed, None)
 
 
-def scalar_filter(ratio: float) -> Contender:
+def scalar_filter(ratio: float) -> RampFilter:
     """Scalar Kalman filter of that Q/R."""
     gain = steady_gain(ratio)
     params = params_of(ratio, noise=WHITE, dt=STEP)
-    return Contender(f"scalar Q/R={ratio:g}", (1.0 - gain) / gain, "scalar", params._asdict())
+    return RampFilter(f"scalar Q/R={ratio:g}", (1.0 - gain) / gain, "scalar", params._asdict())
 
 
-def average_like(ratio: float) -> Contender:
+def average_like(ratio: float) -> RampFilter:
     """Moving average that leaves as much white noise as the scalar filter of that Q/R."""
     length = same_noise(steady_gain(ratio))
-    return Contender(f"average of {length}", 0.5 * (length - 1), "moving_average", {"samples": float(length)})
+    return RampFilter(f"average of {length}", 0.5 * (length - 1), "moving_average", {"samples": float(length)})
 
 
-def two_state() -> Contender:
+def two_state() -> RampFilter:
     """Filter with two states, as Plumbob recommends where a rate must be smooth."""
-    return Contender("two states", 0.0, "two_state", {"noise": WHITE})
+    return RampFilter("two states", 0.0, "two_state", {"noise": WHITE})
 
 
-def unfiltered() -> Contender:
+def unfiltered() -> RampFilter:
     """Moving average of a single sample, which changes nothing."""
-    return Contender("unfiltered", 0.0, "moving_average", {"samples": 1.0})
+    return RampFilter("unfiltered", 0.0, "moving_average", {"samples": 1.0})
 
 
-def contenders() -> Iterator[Contender]:
+def contenders() -> Iterator[RampFilter]:
     """Every filter of the turntable: each scalar one, its moving average, and the one with two states."""
     for ratio in RATIOS:
         yield scalar_filter(ratio)

@@ -18,8 +18,8 @@ from plumbob.papers.trackball.static import (
     LONG_TAUS,
     MEMORIES,
     TAUS,
-    Fit,
     Long,
+    PowerFits,
     Short,
     degrees_of_freedom,
     powers,
@@ -46,7 +46,7 @@ class Found:
         The recorded tests.
     short, white, long
         At rest, over many seeds; `white` (k,) by Q/R.
-    fit : Fit
+    fit : PowerFits
         Of the recorded test at rest, before the filter.
     negative : tuple of float
         Share of the records with a negative coefficient, by the plain and by the weighted fit.
@@ -63,7 +63,7 @@ class Found:
     short: Short
     white: Floats
     long: Long
-    fit: Fit
+    fit: PowerFits
     negative: tuple[float, float]
     turned: Turned
     table: Mapping[float, Mapping[str, OnTurntable]]

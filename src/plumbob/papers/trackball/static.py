@@ -62,7 +62,7 @@ class Long(NamedTuple):
     flicker: float
 
 
-class Fit(NamedTuple):
+class PowerFits(NamedTuple):
     """Fits of five powers of τ to eight Allan variances of one channel.
 
     Attributes
@@ -145,13 +145,13 @@ def powers(taus: ArrayLike = TAUS) -> Floats:
     return np.asarray(np.power.outer(np.asarray(taus), np.arange(-2.0, 3.0)))  # [Chen2013] (14)
 
 
-def fit(rate: Floats) -> Fit:
+def fit(rate: Floats) -> PowerFits:
     """Both fits of a channel (N,); the weights are those of the degrees of freedom."""
     measured = deviation(rate, factors(TAUS), "adev") ** 2
     plain = np.asarray(np.linalg.lstsq(powers(), measured, rcond=None)[0], dtype=np.float64)
     terms = least_squares(curve(rate, STEP, np.array(factors(TAUS)))).terms
     fitted = {term.power: terms[letter].value ** 2 * term.share for letter, term in TERMS.items() if letter in terms}
-    return Fit(measured, plain, np.array([fitted.get(power, 0.0) for power in range(-2, 3)]))
+    return PowerFits(measured, plain, np.array([fitted.get(power, 0.0) for power in range(-2, 3)]))
 
 
 def measure_fits(seeds: Sequence[int]) -> tuple[float, float]:

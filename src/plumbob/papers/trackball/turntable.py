@@ -8,7 +8,7 @@ import numpy as np
 
 from plumbob.calibration.gyr.drift import GyroDrift
 from plumbob.core.check import Floats
-from plumbob.papers.trackball.records import SAMPLES, SLOPE, STEP, Contender, contenders, on_turntable, scalar_filter
+from plumbob.papers.trackball.records import SAMPLES, SLOPE, STEP, RampFilter, contenders, on_turntable, scalar_filter
 
 SCALES: Final = (0.0, 0.01)
 """Errors of the gain with which the test is run."""
@@ -88,7 +88,7 @@ def _given(seed: int, scale: float) -> tuple[tuple[Floats, Floats, Floats], Floa
     return (run.t, run.true[:, 2:], run.measured[:, 2:]), given
 
 
-def _one_run(seed: int, scale: float, competing: Sequence[Contender]) -> Floats:
+def _one_run(seed: int, scale: float, competing: Sequence[RampFilter]) -> Floats:
     """Figures (m, 7) of the raw rate, of the compensated one, and of every filter after it."""
     (t, true, measured), given = _given(seed, scale)
     after = [given, *(c.smooth(t, given) for c in competing)]

@@ -1,8 +1,8 @@
 """Messages that carry an attitude to other programs, ships and aircraft: pure encoders, a row in and bytes out.
 
-Every encoder takes an `Attitude`, in forward-right-down body axes and NED: roll is positive with port up and starboard
-down, pitch with the bow up, and the heading grows clockwise seen from above, because these are the rotations about
-forward, right and down axes. What is not known is None, and never goes out as a number.
+Every encoder takes an `AttitudeSample`, in forward-right-down body axes and NED: roll is positive with port up and
+starboard down, pitch with the bow up, and the heading grows clockwise seen from above, because these are the rotations
+about forward, right and down axes. What is not known is None, and never goes out as a number.
 """
 
 from collections.abc import Iterator, Sequence
@@ -37,14 +37,14 @@ _LONGEST_STEP: Final = 1.0
 _HALF_TURN: Final = np.array([0.0, 1.0, 0.0, 0.0])
 
 
-class Body(StrEnum):
+class BodyAxes(StrEnum):
     """Body axes of an attitude: forward-right-down or forward-left-up."""
 
     FRD = "FRD"
     FLU = "FLU"
 
     @classmethod
-    def parse(cls, name: str) -> "Body":
+    def parse(cls, name: str) -> "BodyAxes":
         """Body axes of that name.
 
         Raises
@@ -58,13 +58,13 @@ class Body(StrEnum):
             raise FrameError(f"{name!r} are not body axes that can be sent; known are {', '.join(cls)}.") from None
 
 
-def default_body(frame: Frame) -> Body:
+def default_body(frame: Frame) -> BodyAxes:
     """Body axes that go with a navigation frame, unless others are named: z points down in both, or up in both."""
-    return Body.FRD if frame is Frame.NED else Body.FLU
+    return BodyAxes.FRD if frame is Frame.NED else BodyAxes.FLU
 
 
 @dataclass(frozen=True, slots=True)
-class Attitude:
+class AttitudeSample:
     """An attitude at an instant, as encoders take it; None is not known.
 
     Attributes
@@ -161,11 +161,11 @@ def attitudes(
     *,
     t0_ns: int,
     utc: bool,
-    body: Body | None = None,
+    body: BodyAxes | None = None,
     declination: float | None = None,
     imu: ImuData | None = None,
     more: Sequence[int] = (),
-) -> Iterator[Attitude]:
+) -> Iterator[AttitudeSample]:
     """Rows of a track as encoders take them.
 
     Parameters
@@ -178,7 +178,7 @@ def attitudes(
         Time of its zero, ns; UTC where `utc`.
     utc : bool
         Whether UTC is known.
-    body : Body, optional
+    body : BodyAxes, optional
         Its body axes; by default those of its frame, `default_body`.
     declination : float, optional
         rad, east positive.
@@ -191,9 +191,9 @@ def attitudes(
     if not chosen.size:
         return
     body = default_body(track.frame) if body is None else body
-    c = np.array([1.0, -1.0, -1.0]) if body is Body.FLU else np.ones(3)
+    c = np.array([1.0, -1.0, -1.0]) if body is BodyAxes.FLU else np.ones(3)
     q = change_frame(track.q_nb[chosen], to=Frame.NED, from_=track.frame)
-    q = quat_multiply(q, _HALF_TURN) if body is Body.FLU else q
+    q = quat_multiply(q, _HALF_TURN) if body is BodyAxes.FLU else q
     gyr, acc = (sensed[chosen] for sensed in _sensed(track, imu))
     if not np.isfinite(gyr).all():
         gyr = np.where(np.isfinite(gyr), gyr, _differences(track)[chosen])
@@ -207,7 +207,7 @@ def attitudes(
     for i, t_ns in enumerate(stamps):
         yaw, pitch, roll = euler[i].tolist()
         is_finite = bool(np.isfinite(q[i]).all())
-        yield Attitude(
+        yield AttitudeSample(
             t_ns=t_ns + t0_ns,
             utc=utc,
             elapsed_ns=t_ns,

@@ -6,11 +6,11 @@ from typing import Any
 
 from plumbob.core import flags
 from plumbob.core.units import to_deg, to_dps
-from plumbob.protocols.attitude import Attitude
+from plumbob.protocols.attitude import AttitudeSample
 from plumbob.rotations import North
 
 
-def line(a: Attitude) -> bytes:
+def line(a: AttitudeSample) -> bytes:
     """The line, with its end.
 
     ``q_nb`` is forward-right-down body to NED, wxyz; ``roll_deg`` is positive with port up, ``pitch_deg`` with the bow
@@ -47,7 +47,7 @@ def _degrees(value: float | None) -> float | None:
     return None if value is None else rounded(float(to_deg(value)))
 
 
-def utc_text(a: Attitude) -> str:
+def utc_text(a: AttitudeSample) -> str:
     """UTC in ISO 8601 with all nanoseconds."""
     seconds, ns = divmod(a.t_ns, 1_000_000_000)
     return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%dT%H:%M:%S}.{ns:09d}Z"

@@ -9,7 +9,7 @@ from math import cos, pi, sin
 from typing import Any, Final
 
 from plumbob.core.errors import MissingExtraError
-from plumbob.protocols.attitude import Attitude
+from plumbob.protocols.attitude import AttitudeSample
 from plumbob.rotations import North
 
 _SECOND: Final = 1_000_000_000
@@ -37,7 +37,7 @@ class Mavlink:
         self._link: Any = common.MAVLink(None, srcSystem=system, srcComponent=component)
         self._next_ns: int | None = None
 
-    def encode(self, a: Attitude) -> bytes | None:
+    def encode(self, a: AttitudeSample) -> bytes | None:
         """Frames of an attitude; None where nothing is due."""
         frames = b""
         if self._next_ns is None or a.elapsed_ns >= self._next_ns:
@@ -57,13 +57,13 @@ class Mavlink:
         self._link.seq = (self._link.seq + 1) % 256
         return frame
 
-    def _heartbeat(self, a: Attitude) -> Any:
+    def _heartbeat(self, a: AttitudeSample) -> Any:
         mav = self._known
         state = mav.MAV_STATE_ACTIVE if a.reliable else mav.MAV_STATE_CALIBRATING
         return mav.MAVLink_heartbeat_message(mav.MAV_TYPE_GENERIC, mav.MAV_AUTOPILOT_GENERIC, 0, 0, state, 3)
 
     def _attitude(
-        self, a: Attitude, angles: tuple[float, float, float], q_nb: tuple[float, ...], rates: tuple[float, ...]
+        self, a: AttitudeSample, angles: tuple[float, float, float], q_nb: tuple[float, ...], rates: tuple[float, ...]
     ) -> list[Any]:
         roll, pitch, yaw = angles
         heading = a.heading_deg(North.TRUE)

@@ -19,7 +19,7 @@ from typing import Final
 
 from plumbob.core.errors import FrameError, ParameterError
 from plumbob.core.units import to_deg
-from plumbob.protocols.attitude import Attitude, sent_by
+from plumbob.protocols.attitude import AttitudeSample, sent_by
 from plumbob.rotations import North
 
 
@@ -41,21 +41,21 @@ def circle(value: float | None, places: int = 2) -> str:
     return "" if value is None else number(round(value, places) % 360.0, places)
 
 
-def _heading(a: Attitude, north: North) -> str:
+def _heading(a: AttitudeSample, north: North) -> str:
     return circle(a.heading_deg(north)) if a.reliable else ""
 
 
-def hdt(a: Attitude) -> bytes:
+def hdt(a: AttitudeSample) -> bytes:
     """True heading."""
     return sentence(f"HEHDT,{_heading(a, North.TRUE)},T")
 
 
-def hdm(a: Attitude) -> bytes:
+def hdm(a: AttitudeSample) -> bytes:
     """Magnetic heading."""
     return sentence(f"HCHDM,{_heading(a, North.MAGNETIC)},M")
 
 
-def hdg(a: Attitude) -> bytes:
+def hdg(a: AttitudeSample) -> bytes:
     """Magnetic heading and variation."""
     variation = "," if a.declination is None else _east(float(to_deg(a.declination)))
     return sentence(f"HCHDG,{_heading(a, North.MAGNETIC)},,,{variation}")
@@ -65,20 +65,20 @@ def _east(value: float) -> str:
     return f"{number(abs(value), 2)},{'W' if value < 0.0 else 'E'}"
 
 
-def rot(a: Attitude) -> bytes:
+def rot(a: AttitudeSample) -> bytes:
     """Rate of turn."""
     rate = a.turn_rate
     per_minute = None if rate is None else 60.0 * float(to_deg(rate))
     return sentence(f"TIROT,{number(per_minute, 2)},{'A' if a.reliable and rate is not None else 'V'}")
 
 
-def xdr(a: Attitude) -> bytes:
+def xdr(a: AttitudeSample) -> bytes:
     """Pitch and roll."""
     pitch, roll = (a.pitch_deg, a.roll_deg) if a.reliable else (None, None)
     return sentence(f"IIXDR,A,{number(pitch, 2)},D,PITCH,A,{number(roll, 2)},D,ROLL")
 
 
-def pashr(a: Attitude) -> bytes:
+def pashr(a: AttitudeSample) -> bytes:
     """Attitude with standard deviations and quality."""
     heading = circle(a.heading_deg(North.TRUE))
     roll, pitch, yaw = (None if sd is None else min(float(to_deg(sd)), 99.999) for sd in a.sigma)
@@ -88,7 +88,7 @@ def pashr(a: Attitude) -> bytes:
     return sentence(f"PASHR,{clock(a)},{heading},T,{angles},,{sd},{good},{good}")
 
 
-def clock(a: Attitude) -> str:
+def clock(a: AttitudeSample) -> str:
     """Time of day in UTC, hhmmss.sss, cut to the millisecond; empty where UTC is not known."""
     if not a.utc:
         return ""
@@ -96,7 +96,7 @@ def clock(a: Attitude) -> str:
     return f"{datetime.fromtimestamp(seconds, UTC):%H%M%S}.{ns // 1_000_000:03d}"
 
 
-SENTENCES: Final[Mapping[str, Callable[[Attitude], bytes]]] = {
+SENTENCES: Final[Mapping[str, Callable[[AttitudeSample], bytes]]] = {
     "HDT": hdt, "HDG": hdg, "HDM": hdm, "PASHR": pashr, "XDR": xdr, "ROT": rot,
 }  # fmt: skip
 """Sentences by the names of their formatters."""

@@ -12,7 +12,7 @@ from typing import IO, Any, Final, cast
 
 import numpy as np
 
-from plumbob.protocols.attitude import Attitude
+from plumbob.protocols.attitude import AttitudeSample
 from plumbob.rotations import Frame, change_frame, dcm_from_quat, quat_from_rotvec, quat_multiply
 
 TYPE: Final = "sensor_msgs/msg/Imu"
@@ -49,7 +49,7 @@ _UNKNOWN: Final = (0.0,) * 9
 _FLU: Final = np.array([1.0, -1.0, -1.0])
 
 
-def imu(a: Attitude, frame_id: str = "imu_link") -> bytes:
+def imu(a: AttitudeSample, frame_id: str = "imu_link") -> bytes:
     """The message; an attitude that is not reliable is absent from it."""
     quaternion: Sequence[float] = (0.0, 0.0, 0.0, 1.0)
     cov: Sequence[float] = _ABSENT
@@ -116,7 +116,7 @@ class Imus:
         schema = self._writer.register_schema(name=TYPE, encoding="ros2msg", data=DEFINITION.encode())
         self._channel = self._writer.register_channel(topic=topic, message_encoding="cdr", schema_id=schema)
 
-    def encode(self, a: Attitude) -> bytes:
+    def encode(self, a: AttitudeSample) -> bytes:
         """Bytes of the file with this attitude."""
         self._count += 1
         data = imu(a, self._frame_id)

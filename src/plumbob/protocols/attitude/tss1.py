@@ -13,7 +13,7 @@ attitude that is not reliable has no line at all, because a line has no other pl
 from typing import Final
 
 from plumbob.core import flags
-from plumbob.protocols.attitude import Attitude
+from plumbob.protocols.attitude import AttitudeSample
 from plumbob.rotations import North
 
 _HORIZONTAL: Final = 0.0383
@@ -21,12 +21,12 @@ _VERTICAL: Final = 0.000625
 _CENTI: Final = 100.0
 
 
-def line(a: Attitude, heave: float | None = None) -> bytes | None:
+def line(a: AttitudeSample, heave: float | None = None) -> bytes | None:
     """The line; None where the attitude is not known or roll is beyond ±99.99°.
 
     Parameters
     ----------
-    a : Attitude
+    a : AttitudeSample
         The attitude; one that is not reliable has a line only beside a heave.
     heave : float, optional
         m, up is positive, where somebody has estimated it; then upper case says that the attitude is reliable.
@@ -48,7 +48,7 @@ def _signed(value: int) -> str:
     return f"{'-' if value < 0 else ' '}{abs(value):04d}"
 
 
-def _status(a: Attitude, heave: float | None) -> str:
+def _status(a: AttitudeSample, heave: float | None) -> str:
     if heave is None:
         return "u"
     letter = "U" if a.north is North.FREE or a.flags & flags.HEADING_FREE else "H"
