@@ -72,7 +72,9 @@ def save():
         for name, codes in seen.items() if name
     }  # fmt: skip
     with contextlib.suppress(OSError):
-        Path(OUT, f"{uuid.uuid4().hex}.json").write_text(json.dumps(found), encoding="utf-8")
+        begun = Path(OUT, f"{uuid.uuid4().hex}.begun")  # a process that is killed meanwhile leaves no half of a file
+        begun.write_text(json.dumps(found), encoding="utf-8")
+        begun.replace(begun.with_suffix(".json"))
 
 
 if OUT:
