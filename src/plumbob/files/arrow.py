@@ -72,71 +72,58 @@ def unpacked_bytes(file: Path, contents: "pq.FileMetaData") -> int:
                 if not 0 < start <= end <= size:
                     raise DecodeError("its table of contents names a place outside it; take a copy that is whole.")
                 stream.seek(start)
-                total += _of_pages(stream.read(end - start))
+                chunk, at = stream.read(end - start), 0
+                while at < len(chunk):
+                    fields, after = _page_header(chunk[at : at + _HEADER_BYTES])
+                    unpacked, stored = fields.get(_UNPACKED, -1), fields.get(_STORED, -1)
+                    at += after + stored
+                    if unpacked < 0 or stored < 0 or at > len(chunk):
+                        raise DecodeError("a page of it is damaged; take a copy that is whole.")
+                    total += unpacked
     return total
 
 
-def _of_pages(chunk: bytes) -> int:
-    """Bytes that a column chunk unpacks to."""
-    at, total = 0, 0
-    while at < len(chunk):
-        header = _Header(chunk, at)
-        unpacked, stored = header.fields.get(_UNPACKED, -1), header.fields.get(_STORED, -1)
-        if unpacked < 0 or stored < 0 or header.after + stored > len(chunk):
-            raise DecodeError("a page of it is damaged; take a copy that is whole.")
-        total += unpacked
-        at = header.after + stored
-    return total
-
-
-class _Header:
+def _page_header(data: bytes) -> tuple[dict[int, int], int]:
     """Whole numbers of a struct by their field numbers, and where it ends; its other fields are passed over."""
-
-    def __init__(self, data: bytes, at: int) -> None:
-        self._data = data[at : at + _HEADER_BYTES]
-        self._at = 0
-        try:
-            self.fields = self._struct(0)
-        except IndexError as error:
-            raise DecodeError("the header of a page is cut; take a copy that is whole.") from error
-        self.after = at + self._at
-
-    def _struct(self, depth: int) -> dict[int, int]:
-        fields, number = {}, 0
-        while head := self._byte():
+    fields: dict[int, int] = {}
+    numbers, at = [0], 0  # the latest field of the struct, and of those around it
+    try:
+        while numbers:
+            head, at = data[at], at + 1
             step, kind = head >> 4, head & 15
-            number = number + step if step else self._integer()
+            if head == 0:
+                numbers.pop()
+                continue
+            numbers[-1] += step
+            if step == 0:
+                coded, at = _varint(data, at)
+                numbers[-1] = coded >> 1 ^ -(coded & 1)
             if kind in _INTEGERS:
-                fields[number] = self._integer()
-            elif kind == _STRUCT and depth < _DEPTH:
-                self._struct(depth + 1)
-            else:
-                self._pass_over(kind)
-        return fields
+                coded, at = _varint(data, at)
+                if len(numbers) == 1:
+                    fields[numbers[-1]] = coded >> 1 ^ -(coded & 1)
+            elif kind == _STRUCT and len(numbers) <= _DEPTH:
+                numbers.append(0)
+            elif kind == _TEXT:
+                size, at = _varint(data, at)
+                at += size
+            elif kind in (_BYTE, _DOUBLE):
+                at += 1 if kind == _BYTE else 8
+            elif kind not in _BOOLEANS:
+                raise DecodeError(f"the header of a page holds a field of type {kind}; take a copy that is whole.")
+    except IndexError as error:
+        raise DecodeError("the header of a page is cut; take a copy that is whole.") from error
+    return fields, at
 
-    def _pass_over(self, kind: int) -> None:
-        if kind in (_BYTE, _DOUBLE):
-            self._at += 1 if kind == _BYTE else 8
-        elif kind == _TEXT:
-            size = self._unsigned()
-            self._at += size
-        elif kind not in _BOOLEANS:
-            raise DecodeError(f"the header of a page holds a field of type {kind}; take a copy that is whole.")
 
-    def _byte(self) -> int:
-        self._at += 1
-        return self._data[self._at - 1]
-
-    def _unsigned(self) -> int:
-        value, shift = 0, 0
-        while (part := self._byte()) & 0x80:
-            value |= (part & 0x7F) << shift
-            shift += 7
-        return value | part << shift
-
-    def _integer(self) -> int:
-        value = self._unsigned()
-        return value >> 1 ^ -(value & 1)
+def _varint(data: bytes, at: int) -> tuple[int, int]:
+    """Whole number in groups of seven bits, and where it ends; a signed one is twice its size, less one below zero."""
+    value, shift = data[at] & 0x7F, 7
+    while data[at] & 0x80:
+        at += 1
+        value |= (data[at] & 0x7F) << shift
+        shift += 7
+    return value, at + 1
 
 
 TABLES: Final = (".csv", ".parquet")
