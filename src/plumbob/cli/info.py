@@ -19,7 +19,7 @@ def add_parser(verbs: common.Adder) -> None:
         "coefficients. Exit code 3 where the grade is below the one that --min-grade or --require asks for.",
         epilog=common.more("plumbob info sea.mcap --min-grade 70", "info.md"),
     )
-    p.add_argument("file", type=Path)
+    p.add_argument("file", type=Path, nargs="+", help="the file; or several of one recording, a sensor each")
     group = p.add_mutually_exclusive_group()
     group.add_argument("--min-grade", type=float, metavar="N", help="exit code 3 below this grade, 0 to 100")
     group.add_argument("--require", choices=("GOOD", "FAIR", "POOR"), help="exit code 3 where the grade is worse")
@@ -37,7 +37,9 @@ def run(args: argparse.Namespace) -> int:
 
     if args.min_grade is not None and not 0.0 <= args.min_grade <= 100.0:
         raise ParameterError(f"--min-grade must be a number from 0 to 100, but it is {args.min_grade:g}.")
-    facts = info(args.file, profile=args.profile, unit=args.unit, note=common.note)
+    facts = info(
+        args.file if len(args.file) > 1 else args.file[0], profile=args.profile, unit=args.unit, note=common.note
+    )
     common.print_json(facts.summary()) if args.json else print(facts.text(*(["grade"] if args.grade else [])))
     least = args.min_grade if args.require is None else args.require
     return 0 if least is None or facts.reaches(least) else BELOW

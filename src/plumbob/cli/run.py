@@ -22,7 +22,10 @@ def add_parser(verbs: common.Adder) -> None:
         "estimated from what came before and after it; --causal estimates what a live system would have known.",
         epilog=common.more("plumbob run sea.parquet --out track.parquet", "choose-a-filter.md"),
     )
-    p.add_argument("file", type=Path, help="recording: .mcap, .parquet, .csv, .txt, BROAD .hdf5 or .mat")
+    p.add_argument(
+        "file", type=Path, nargs="+", help="recording: .mcap, .parquet, .csv, .txt, BROAD .hdf5 or .mat; or several "
+        "files of one recording, a sensor each"
+    )  # fmt: skip
     which = p.add_mutually_exclusive_group()
     which.add_argument(
         "--filter",
@@ -74,8 +77,10 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.errors import ParameterError
     from plumbob.door.estimate import estimate
+    from plumbob.door.reading import read
     from plumbob.filters.known import RATE_FILTERS, SMOOTHER
 
+    files, args.file = args.file, args.file[0]
     if args.filter in RATE_FILTERS:
         return _rates(args)
     if args.drift or args.rest:
@@ -86,14 +91,14 @@ def run(args: argparse.Namespace) -> int:
     (stage,) = stages
     if args.card and stage.filter != SMOOTHER:
         raise ParameterError(f"--card is for the smoother, but the filter is {stage.filter}. Leave one of them out.")
-    inputs = (args.file, args.profile, args.calibration, args.noise)
+    inputs = (*files, args.profile, args.calibration, args.noise)
     if args.report and args.report.suffix.lower() not in common.ENDINGS["html"]:
         raise ParameterError(f"--report needs a name that ends in .html or .htm, but got {args.report}.")
     common.check_outputs(args, *common.with_profile(args.out), args.card, args.report, inputs=inputs)
     gatherer = _gatherer() if args.report else None
     with common.progress_bars() as bars:
         result = estimate(
-            args.file,
+            args.file if len(files) == 1 else read(files, profile=args.profile),
             stage.filter,
             causal=args.causal,
             lag=args.lag,

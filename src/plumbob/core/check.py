@@ -135,7 +135,8 @@ def increasing_time(name: str, t: Floats) -> None:
             count = int(np.count_nonzero(~rises))
             raise ClockError(
                 f"{name} must strictly increase, but {name}[{i + 1}] = {t[i + 1]:.9f} s comes after "
-                f"{name}[{i}] = {t[i]:.9f} s ({count} such places). Sort the samples and drop repeated stamps."
+                f"{name}[{i}] = {t[i]:.9f} s ({count} such places). Samples keep their order and none need be lost: "
+                "plumbob.files.stamps.time_line makes an even clock of such stamps."
             )
 
 

@@ -128,7 +128,7 @@ def profile_beside(path: Path) -> Path:
     return path.with_name(f"{path.stem}.profile.toml")
 
 
-TABLES: Final = (".csv", ".txt", ".tsv", ".lvm", ".dat", ".log")
+TABLES: Final = (".csv", ".txt", ".tsv", ".lvm", ".dat", ".log", ".gcsv")
 """Suffixes of text tables, which a profile describes."""
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def read(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     *,
     profile: "Profile | str | Path | None" = None,
     whole: bool = True,
@@ -31,8 +31,8 @@ def read(
 
     Parameters
     ----------
-    path : path
-        The file; its suffix says the format.
+    path : path or sequence of paths
+        The file, whose suffix says the format; or files of one recording, with a sensor each.
     profile : Profile or path, optional
         What the columns of a text file mean; one that lies beside it is found.
     whole : bool
@@ -55,6 +55,8 @@ def read(
     MissingExtraError
         If the format needs a package that is not installed.
     """
+    if not isinstance(path, str | os.PathLike):
+        return read_samples([check.path("path", one) for one in path], profile=profile)
     file = check.path("path", path)
     if is_own(file):
         from plumbob.live.recorded import read_recorded
@@ -64,7 +66,7 @@ def read(
 
 
 def read_one(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     *,
     profile: "Profile | str | Path | None" = None,
     whole: bool = True,

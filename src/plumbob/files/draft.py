@@ -8,11 +8,12 @@ contradict.
 import json
 import os
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -22,32 +23,25 @@ from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import ARRAYS, existing_file, reading, write_text
 from plumbob.core.text import FactsText
-from plumbob.core.units import UNITS, Quantity, canonical_name, is_name, to_si
+from plumbob.core.units import UNITS, Quantity, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
 from plumbob.data.plausibility import Turning, turning
+from plumbob.files.column_names import KINDS, ColumnName, taken_apart
 from plumbob.files.columns import FORM, has_zone, is_stamp, to_seconds
-from plumbob.files.profile import AS_MOUNTED
-from plumbob.files.profile_toml import GUIDE
+from plumbob.files.known_logs import KNOWN
+from plumbob.files.profile import AS_MOUNTED, TextLayout
+from plumbob.files.profile_toml import GUIDE, parse_profile
 from plumbob.files.sniff import Sample, read_sample
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
 
-_KIND: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
-_WORDS: Final = {
-    "gyr": re.compile(r"g|w|gyr.*|gyro.*|omega|.*angular ?(rate|vel).*|rot.*rate|rate|.*角速度|.*陀螺.*"),
-    "acc": re.compile(r"a|f|acc.*|.*accel.*|specific ?force|.*(?<!角)加速度"),
-    "mag": re.compile(r"m|b|mag.*|.*compass.*|(magnetic )?field|.*磁.*"),
-}
-_NOT_GRAVITY: Final = re.compile(r"linear|lin[ _]|free|user|gravity")
-_TIME: Final = re.compile(
-    r"t|ts|time.*|.*timestamp.*|.*stamp|.*time|elapsed.*|seconds|date.*|clock.*|.*时间.*|zeit.*|temps|tiempo.*"
-)
-_COUNTER: Final = re.compile(r"n|i|#|no|nr|.*sample.*|.*count.*|.*index.*|.*packet.*|seq.*|row|.*序号.*")
-_TEMPERATURE: Final = re.compile(r"t(emp)?_?c|.*temp.*|.*温度.*")
-_SUFFIXES: Final = {"ms2": "m/s2", "mps2": "m/s2", "rads": "rad/s", "radps": "rad/s", "degs": "deg/s", "ut": "uT"}
 _TIMES: Final = ("s", "ms", "us", "ns")
 _RATES: Final = (0.5, 50_000.0)
 """Sampling rates that are plausible, Hz."""
 _CENTURY: Final = (datetime(2000, 1, 1, tzinfo=UTC).timestamp(), datetime(2100, 1, 1, tzinfo=UTC).timestamp())
+_USUAL_RATES: Final = (4.0, 9000.0)
+"""Sampling rates of inertial sensors in use, Hz."""
+_UNIT_NORM: Final = 0.02
+_MOST_SENSORS: Final = 20
 _REST: Final = {"m/s2": G0, "g": 1.0, "mg": 1000.0}
 """|acc| at rest, by unit."""
 _EARTH: Final = {"uT": (22.0, 67.0), "mgauss": (220.0, 670.0), "gauss": (0.22, 0.67), "nT": (22e3, 67e3)}
@@ -70,25 +64,46 @@ class Draft(FactsText):
         The profile, TOML.
     questions : tuple of (str, str)
         Keys that a person must answer, each with what speaks for the guess.
+    evidence : tuple of (str, str)
+        Keys that were taken because the file says so, each with why; only where guesses are accepted.
     """
 
     text: str
     questions: tuple[tuple[str, str], ...]
+    evidence: tuple[tuple[str, str], ...] = ()
 
     def facts(self) -> Mapping[str, str]:
         """Keys that a person must answer."""
         return {"questions": ", ".join(key for key, _ in self.questions) or "none"}
 
+    def summary(self) -> dict[str, Any]:
+        """As JSON has it: open questions and what was taken, by their dotted keys."""
+        return {"questions": dict(self.questions), "evidence": dict(self.evidence)}
 
-def profile(path: str | os.PathLike[str], *, out: str | os.PathLike[str] | None = None) -> Draft:
+
+def profile(
+    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    accept: bool = False,
+    answers: Mapping[str, Any] | None = None,
+    out: str | os.PathLike[str] | None = None,
+) -> Draft:
     """Draft the profile of a text file from its header and first rows; every guess is a question.
 
     Parameters
     ----------
-    path : path
-        The text file.
+    path : path or sequence of paths
+        The text file; or several of one recording, with a sensor each.
+    accept : bool
+        Take every guess for which the file has evidence: a name, a unit, a size that is gravity's or the Earth's
+        field's. What nothing speaks for stays a question, but body axes are then those of the sensor, and the
+        navigation frame, which a filter asks for anyway, is left out.
+    answers : mapping, optional
+        By dotted key, as ``{"frame": "ENU", "gyr.unit": "deg/s"}``; also of keys that are no question. What is of a
+        sensor that the file lacks is passed over.
     out : path, optional
-        Where to write the draft; ``NAME.profile.toml`` beside ``NAME.csv`` is found again by `plumbob.read`.
+        Where to write the draft; ``NAME.profile.toml`` beside ``NAME.csv`` is found again by `plumbob.read`. With
+        `accept` nothing is written while questions are open.
 
     Returns
     -------
@@ -98,35 +113,80 @@ def profile(path: str | os.PathLike[str], *, out: str | os.PathLike[str] | None 
     Raises
     ------
     DecodeError
-        If the file holds no table of numbers, or the system refuses to write.
+        If the file holds no table of numbers, nothing in it can give an attitude, an answer does not fit, or the system
+        refuses to write.
     ParameterError
         If `out` exists: somebody may have answered it.
     """
-    file = existing_file(path)
+    files = [existing_file(one) for one in ([path] if isinstance(path, str | os.PathLike) else path)]
     if out is not None and Path(out).exists():
         raise ParameterError(f"{out} exists already; answer its questions, or name another file with --out.")
-    with reading(file):
-        if file.suffix.lower() in ARRAYS:
-            from plumbob.files.foreign.tables import listed
+    streams: list[_DraftWriter] = []
+    for file in files:
+        with reading(file):
+            if file.suffix.lower() in ARRAYS:
+                from plumbob.files.foreign.tables import listed
 
-            raise DecodeError(
-                f"profiles of arrays are not drafted; {guide('vendor-files.md')} shows one to fill in. The file holds "
-                f"{listed(file)}."
-            )
-        draft = _DraftWriter(file.name, read_sample(file)).draft()
-    if out is not None:
+                raise DecodeError(
+                    f"profiles of arrays are not drafted; {guide('vendor-files.md')} shows one to fill in. The file "
+                    f"holds {listed(file)}."
+                )
+            sample = read_sample(file)
+            parts = _by_sensor(sample) if len(files) == 1 else []
+            names = file.name if len(files) > 1 else ""
+            streams += [_DraftWriter(file.name, *one, stream=names or "*") for one in parts] or [
+                _DraftWriter(file.name, sample, stream=names)
+            ]
+    with reading(files[0]):
+        draft = _joined(streams, accept, dict(answers or {}))
+        if accept and not draft.questions:
+            parse_profile(draft.text)
+    if out is not None and not (accept and draft.questions):
         write_text(out, draft.text)
     return draft
 
 
-@dataclass(frozen=True, slots=True)
-class _Named:
-    """A column's name taken apart: what it is of, its axis, its unit, and whether brackets state that."""
+def answer(text: str) -> tuple[str, Any]:
+    """Key and value of an answer as ``gyr.unit=deg/s``; lists and numbers as TOML has them, other text without quotes.
 
-    base: str
-    axis: str
-    unit: str
-    stated: bool
+    Raises
+    ------
+    ParameterError
+        If it is not KEY=VALUE.
+    """
+    key, equals, value = text.partition("=")
+    if not equals or not re.fullmatch(r"[a-z_0-9.]+", key.strip()):
+        raise ParameterError(f"an answer is KEY=VALUE, as frame=ENU or time.rate='100 Hz', but it is {text!r}.")
+    try:
+        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return key.strip(), value.strip()
+
+
+def _joined(streams: "Sequence[_DraftWriter]", accept: bool, answers: dict[str, Any]) -> Draft:
+    """One draft of all streams; each answer is for every stream that has its key."""
+    drafts = [stream.draft(accept, answers) for stream in streams]
+    questions = dict.fromkeys(question for draft in drafts for question in draft.questions)
+    evidence = dict.fromkeys(fact for draft in drafts for fact in draft.evidence)
+    return Draft("\n".join(draft.text for draft in drafts), tuple(questions), tuple(evidence))
+
+
+def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str], str]]":
+    """Rows of each sensor, where rows name it: with the column and the word, and the sensor; or nothing."""
+    parts = [taken_apart(name) for name in (*sample.names, *[""] * sample.width)[: sample.width]]
+    if sum(part.axis in {"x", "y", "z"} and part.sensor == "" for part in parts) != 3:
+        return []
+    for i in range(sample.width):
+        cells = sample.cells(i)
+        sensors = {word: taken_apart(f"{word} x").sensor for word in dict.fromkeys(cells)}
+        known = {word: sensor for word, sensor in sensors.items() if sensor in TRIADS}
+        if known and len(sensors) <= _MOST_SENSORS and len(set(known.values())) == len(known):
+            ref = sample.names[i] if sample.by_name else i + 1
+            return [
+                (replace(sample, rows=[row for row in sample.rows if row[i].strip() == word]), (ref, word), sensor)
+                for word, sensor in known.items()
+            ]
+    return []
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,38 +201,57 @@ class _Guess:
 class _DraftWriter:
     """Makes the text, key by key, and collects the questions."""
 
-    def __init__(self, name: str, sample: Sample) -> None:
-        self._name, self._sample = name, sample
+    def __init__(
+        self, name: str, sample: Sample, where: tuple[int | str, str] | tuple[()] = (), sensor: str = "", *, stream: str
+    ) -> None:
+        self._name, self._sample, self._where, self._stream = name, sample, where, stream
         names = (*sample.names, *[""] * sample.width)[: sample.width]
         units = (*sample.units, *[""] * sample.width)[: sample.width]
-        self._names, self._parts = names, [_taken_apart(*both) for both in zip(names, units, strict=True)]
+        self._names, self._parts = names, [taken_apart(*both) for both in zip(names, units, strict=True)]
+        if sensor:
+            self._parts = [replace(p, base=sensor) if p.axis and not p.sensor else p for p in self._parts]
         self._numbers = [sample.numbers(i) for i in range(sample.width)]
+        self._known = next((known for known in KNOWN if known.fits(sample)), None)
         self._time = self._time_columns()
-        self._triads = self._named_triads() or self._sized_triads()
+        self._quaternion = self._quaternion_columns()
+        self._triads = self._named_triads() or ({} if sample.names else self._sized_triads())
         self._turns = self._best_turning()
-        self._temperature = next((i for i in self._free() if _TEMPERATURE.fullmatch(self._parts[i].base)), None)
+        self._temperature = next((i for i in self._free() if self._parts[i].is_temperature), None)
         self._lines: list[str] = []
         self._questions: list[tuple[str, str]] = []
+        self._evidence: list[tuple[str, str]] = []
         self._table = ""
+        self._accept = False
+        self._answers: dict[str, Any] = {}
 
-    def draft(self) -> Draft:
+    def draft(self, accept: bool, answers: Mapping[str, Any]) -> Draft:
         """Write all tables."""
-        if not self._triads:
+        self._accept = accept
+        self._answers = dict(answers)
+        if not self._triads and not self._quaternion:
+            linear = any(part.sensor == "linear" for part in self._parts)
             raise DecodeError(
-                f"no three columns look like a gyroscope, an accelerometer or a magnetometer; {GUIDE} says how to "
+                "the acceleration in it is without gravity, and there is no gyroscope: nothing in it can give an "
+                "attitude. Record the raw accelerometer, which measures gravity too."
+                if linear
+                else f"no three columns look like a gyroscope, an accelerometer or a magnetometer; {GUIDE} says how to "
                 "write a profile by hand."
             )
+        if self._stream:
+            self._lines += ["[[stream]]", f"file = {json.dumps(self._stream)}"]
         self._top()
         self._write_time()
         for name in (name for name in TRIADS if name in self._triads):
             self._write_triad(name, self._triads[name])
-        if self._temperature is not None:
+        if self._temperature is not None and self._triads:
             self._open("temperature")
-            self._set("column", self._ref(self._temperature), "the name of the column", ask=True)
+            self._set("column", self._ref(self._temperature), "the name of the column", ask=True, sure=True)
             typical = float(np.nanmedian(self._numbers[self._temperature]))
             usual = _Guess("degC", f"{typical:.4g} is usual in degC") if -40.0 < typical < 85.0 else _Guess()
             self._write_unit(Quantity.TEMPERATURE, [self._temperature], usual)
-        return Draft("\n".join(self._lines) + "\n", tuple(self._questions))
+        if self._quaternion:
+            self._write_reference()
+        return Draft("\n".join(self._lines) + "\n", tuple(self._questions), tuple(self._evidence))
 
     # Columns ----------------------------------------------------------------------------------------------------------
 
@@ -182,12 +261,17 @@ class _DraftWriter:
 
     def _free(self) -> list[int]:
         """Columns of numbers that have no meaning yet."""
-        taken = {*self._time, *(i for columns in getattr(self, "_triads", {}).values() for i in columns)}
+        taken = {*self._time, *self._quaternion}
+        taken |= {i for columns in getattr(self, "_triads", {}).values() for i in columns}
         return [i for i in range(self._sample.width) if i not in taken and np.isfinite(self._numbers[i]).any()]
 
     def _time_columns(self) -> tuple[int, ...]:
-        """Columns of time: stamps, or numbers that increase from row to row; those with a name for it come first."""
-        named = [i for i, part in enumerate(self._parts) if _TIME.fullmatch(part.base)]
+        """Columns of time: stamps, or numbers that rise from row to row; those with a unit and a name come first."""
+        named = [i for i, part in enumerate(self._parts) if part.is_time]
+        stated = [i for i in named if self._parts[i].unit_of(Quantity.TIME)]
+        for i in (*stated, *named):
+            if self._rises(i):
+                return (i,)
         others = [i for i in range(self._sample.width) if i not in named]
         for i in (*named, *others):
             cells = self._sample.cells(i)
@@ -195,25 +279,50 @@ class _DraftWriter:
                 return (i,)
             if i + 1 < self._sample.width and _dates(cells) and all(map(is_stamp, self._sample.cells(i + 1))):
                 return (i, i + 1)
-        stated = [i for i in others if self._parts[i].stated and _canonical(self._parts[i].unit, Quantity.TIME)]
-        first = [] if named or stated or _COUNTER.fullmatch(self._parts[0].base) else others[:1]
-        steps = {i: np.diff(self._numbers[i]) for i in (*named, *stated, *first)}
-        return next(((i,) for i, step in steps.items() if step.size and (step > 0.0).all()), ())
+        first = self._parts[0]
+        bare = not named and not first.is_counter and not first.sensor and not first.axis
+        steps = np.diff(self._numbers[0])
+        counts = bool((steps == 1.0).all()) and bool(self._names[0])
+        return (0,) if bare and steps.size and (steps > 0.0).all() and not counts else ()
+
+    def _rises(self, column: int) -> bool:
+        """Whether numbers go on as time does: they rise in most steps, however often they repeat or begin again."""
+        steps = np.diff(self._numbers[column])
+        return bool(steps.size and np.isfinite(steps).all() and np.sum(steps > 0.0) > 3.0 * np.sum(steps < 0.0))
 
     @property
     def _stamped(self) -> bool:
         """Whether time is dates and clock times."""
         return bool(self._time) and is_stamp(self._sample.cells(self._time[-1])[0])
 
+    def _quaternion_columns(self) -> tuple[int, ...]:
+        """Columns w, x, y, z of unit quaternions."""
+        sets: dict[str, dict[str, int]] = {}
+        for i, part in enumerate(self._parts):
+            if part.quaternion:
+                sets.setdefault(part.base, {}).setdefault(part.axis, i)
+        for axes in sets.values():
+            for order in ("wxyz", "0123"):
+                columns = tuple(axes[letter] for letter in order if letter in axes)
+                if len(columns) == 4 and abs(self._size(columns) - 1.0) < _UNIT_NORM:
+                    return columns
+        return ()
+
     def _named_triads(self) -> dict[str, tuple[int, ...]]:
         triads: dict[str, tuple[int, ...]] = {}
-        for name, words in _WORDS.items():
+        for name in TRIADS:
             sets: dict[str, dict[str, int]] = {}
             for i in self._free():
                 part = self._parts[i]
-                if part.axis and words.fullmatch(part.base) and not _NOT_GRAVITY.search(self._names[i].lower()):
-                    sets.setdefault(part.base, {}).setdefault(part.axis, i)
-            complete = [tuple(axes[letter] for letter in "xyz") for axes in sets.values() if len(axes) == 3]
+                if part.axis and part.sensor == name:
+                    sets.setdefault(f"{part.base} {part.unit}", {}).setdefault(part.axis, i)
+            complete = [
+                tuple(axes[letter] for letter in letters)
+                for axes in sets.values()
+                for letters in ("xyz", "012", "123")
+                if set(letters) <= set(axes)
+            ]
+            complete.sort(key=lambda columns: not self._parts[columns[0]].unit_of(KINDS[name]))
             triads |= {name: complete[0]} if complete else {}
         return triads
 
@@ -245,85 +354,166 @@ class _DraftWriter:
 
     def _open(self, table: str) -> None:
         self._table = table
-        self._lines += ["", f"[{table}]"]
+        self._lines += ["", f"[{'stream.' if self._stream else ''}{table}]"]
 
-    def _set(self, key: str, value: object, why: str = "", *, ask: bool = False) -> None:
-        """Write a key; a guess with the mark of a question."""
+    def _set(self, key: str, value: object, why: str = "", *, ask: bool = False, sure: bool = False) -> None:
+        """Write a key; a guess with the mark of a question, unless it is answered, or evidence for it is accepted."""
+        dotted = f"{self._table}.{key}".lstrip(".")
+        known = None if self._known is None else self._known.answers.get(dotted)
+        if dotted in self._answers:
+            value, why, ask = self._answers[dotted], "as answered", False
+        elif known is not None and self._known is not None:
+            value, why, ask = (
+                self._known.value(known, self._sample),
+                f"as of {self._known.name}",
+                ask and not self._accept,
+            )
+        elif ask and sure and self._accept:
+            ask = False
+            self._evidence.append((dotted, why))
         if ask:
             value = ["?", *value] if isinstance(value, tuple) else f"? {value}".rstrip()
-            self._questions.append((f"{self._table}.{key}".lstrip("."), why))
+            self._questions.append((dotted, why))
         text = json.dumps(list(value) if isinstance(value, tuple) else value, ensure_ascii=False)
         line = f"{key} = {text.replace(chr(127), '')}"
         self._lines.append(f"{line:<38}  # {_one_line(why)}" if why else line)
 
+    def _has(self, key: str) -> bool:
+        """Whether a key of the open table is answered, or the known log says it."""
+        dotted = f"{self._table}.{key}".lstrip(".")
+        return dotted in self._answers or (self._known is not None and dotted in self._known.answers)
+
+    def _set_known(self, *keys: str) -> None:
+        """Write those of the keys that are answered, or that the known log says."""
+        for key in filter(self._has, keys):
+            self._set(key, "")
+
     def _top(self) -> None:
         layout = self._sample.layout
-        self._lines += [
-            f"# Drafted by 'plumbob profile' from the first {len(self._sample.rows)} rows of {_one_line(self._name)}.",
-            "# A '?' asks you: correct what stands behind it and delete the '?'; a number or true loses its quotes.",
-            "# The file is read once no '?' is left. Every key: docs/file-formats.md.",
-        ]
+        if not self._stream:
+            self._lines += [
+                f"# Drafted by 'plumbob profile' from the first {len(self._sample.rows)} rows of "
+                f"{_one_line(self._name)}.",
+                "# A '?' asks you: correct what stands behind it and delete the '?'; a number or true loses its",
+                "# quotes. The file is read once no '?' is left. Every key: docs/file-formats.md.",
+            ]
         self._set("separator", {"\t": "tab"}.get(layout.separator, layout.separator), f"{self._sample.width} columns")
         self._set("decimal", layout.decimal)
         if layout.encoding != "utf-8":
-            self._set("encoding", layout.encoding, "it is not UTF-8", ask=layout.encoding != "utf-16")
+            self._set("encoding", layout.encoding, "it is not UTF-8", ask=layout.encoding != "utf-16", sure=True)
         if layout.comment:
             self._set("comment", layout.comment, "lines that begin so are left out")
         if layout.missing != type(layout)(separator=",").missing:
             self._set("missing", layout.missing, "cells without a value")
-        self._set("frame", "", "ENU, NED or NWU: the frame of the attitude", ask=True)
-        self._set(
-            "axes", AS_MOUNTED, "body x, y, z in the axes of the sensor case; left-handed ones: own-csv.md", ask=True
-        )
-        self._lines.append(
-            '# device = "unit 1"                     # name of this unit: a calibration card belongs to one'
-        )
+        if self._has("frame") or not self._accept:
+            self._set("frame", "", "ENU, NED or NWU: the frame of the attitude", ask=True)
+        axes = "body x, y, z in the axes of the sensor case; left-handed ones: own-csv.md"
+        self._set("axes", AS_MOUNTED, axes, ask=True, sure=True)
+        self._set_known("north", "declination", "place", "date", "device", "unit_check", "rate_nominal")
+        if not self._has("device") and not self._stream:
+            self._lines.append(
+                '# device = "unit 1"                     # name of this unit: a calibration card belongs to one'
+            )
         if unused := [self._names[i] or f"column {i + 1}" for i in self._free() if i != self._temperature]:
             self._lines.append(f"# Not used: {_one_line(', '.join(unused))}")
+        self._write_header(layout)
+
+    def _write_header(self, layout: TextLayout) -> None:
         self._open("header")
         self._set("names", layout.names, "" if layout.names else "no row of names: columns are numbered from 1")
         if layout.skip:
             self._set("skip", layout.skip, "lines at the top")
         if layout.after_names:
             self._set("after_names", layout.after_names, "the row of units")
+        marks = {"mark": "before the names", "labels": "after a name in each cell", "prefix": "ends the first cell"}
+        for key, what in marks.items():
+            if text := getattr(layout, key):
+                self._set(key, text, what)
+        if self._where:
+            self._set("where", self._where, "rows of this sensor")
 
     def _write_time(self) -> None:
         self._open("time")
-        if not self._time:
-            self._set("rate", "", "no column increases like time: the sampling rate, as in '100 Hz'", ask=True)
+        if "time.rate" in self._answers or not self._time:
+            rate = self._sampling_rate()
+            why = "the header says it" if rate else "no column increases like time: the sampling rate, as in '100 Hz'"
+            self._set("rate", rate, why, ask=True, sure=bool(rate))
             return
         refs = tuple(map(self._ref, self._time))
         if self._stamped:
             self._set("column" if len(refs) == 1 else "columns", refs[0] if len(refs) == 1 else refs)
             first = " ".join(self._sample.cells(i)[0] for i in self._time)
             self._set("format", FORM, f"the first is {first}")
-            if not has_zone(first):
+            self._set_known("zone")
+            if not self._has("zone") and not has_zone(first):
                 self._lines.append(
                     '# zone = "+08:00"                      # what the clock is ahead of UTC, if you know'
                 )
             return
         part, numbers = self._parts[self._time[0]], self._numbers[self._time[0]]
-        self._set("column", refs[0], "it increases in every row", ask=True)
-        unit, why = _time_unit(numbers, part)
-        self._set("unit", unit, why, ask=not (part.stated and part.unit == unit))
-        if unit and _CENTURY[0] < to_si(float(numbers[0]), unit) < _CENTURY[1]:
+        self._set("column", refs[0], "it increases like time", ask=True, sure=bool(part.is_time))
+        unit, why, sure = _time_unit(numbers, part)
+        self._set("unit", unit, why, ask=not (part.stated and part.unit == unit), sure=sure)
+        self._set_known("unit_per_count")
+        weeks = [i for i, other in enumerate(self._parts) if other.is_week and "tow" in part.base]
+        if weeks:
+            self._set("week", self._ref(weeks[0]), "the GPS week that the time is of", ask=True, sure=True)
+        elif unit and _CENTURY[0] < to_si(float(numbers[0]), unit) < _CENTURY[1]:
             start = datetime.fromtimestamp(to_si(float(numbers[0]), unit), UTC)
-            self._set("epoch", "unix", f"since 1970 (UTC): the first is {start:%Y-%m-%d %H:%M:%S}", ask=True)
+            self._set("epoch", "unix", f"since 1970 (UTC): the first is {start:%Y-%m-%d %H:%M:%S}", ask=True, sure=True)
+
+    def _sampling_rate(self) -> str:
+        """Sampling rate that the lines before the table say, with its unit; empty where none does."""
+        for key, value in self._sample.facts.items():
+            number = re.match(r"\s*(\d+(?:\.\d+)?)\s*(hz)?", value, re.IGNORECASE)
+            if number and re.search(r"\b(rate|frequency|freq|odr)\b|rate$", key) and "baud" not in key:
+                return f"{number[1]} Hz"
+        return ""
+
+    def _write_reference(self) -> None:
+        """Write the attitude that stands beside, or alone."""
+        frame = self._answers.get("reference.frame") or self._answers.get("frame")
+        if (
+            self._triads
+            and frame is None
+            and self._accept
+            and not (self._known and "reference.frame" in self._known.answers)
+        ):
+            return  # an attitude in no known frame is nothing that could be compared with
+        self._open("reference")
+        self._set(
+            "columns", tuple(map(self._ref, self._quaternion)), "unit quaternions, by their names", ask=True, sure=True
+        )
+        self._set("order", "wxyz")
+        self._set("frame", frame or "", "ENU, NED or NWU: what the quaternion turns to", ask=True, sure=bool(frame))
+        self._set("north", "free", "what its heading counts from; free claims nothing", ask=True, sure=True)
+        self._set("of", "case", "of the sensor case, or of the body", ask=False)
 
     def _write_triad(self, name: str, columns: tuple[int, ...]) -> None:
         self._open(name)
-        by = "by their names" if self._parts[columns[0]].axis else "by their size"
-        self._set("columns", tuple(map(self._ref, columns)), f"x, y, z of the {TITLES[name]}, {by}", ask=True)
+        named = bool(self._parts[columns[0]].axis)
+        by = "by their names" if named else "by their size"
+        sure = named or (len(self._triads) > 1 and self._is_steady_at_rest())
+        self._set(
+            "columns", tuple(map(self._ref, columns)), f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure
+        )
         zero = self._middle(columns)
         guess = self._triad_unit(name, columns, zero)
-        stated = self._write_unit(_KIND[name], columns, guess)
-        if zero or (guess.counts is not None and not stated):
+        stated = self._write_unit(KINDS[name], columns, guess)
+        if self._has("unit_per_count"):
+            self._set("unit_per_count", "")
+        elif (
+            self._has("counts_per_unit") or zero or (guess.counts is not None and not stated and not self._has("unit"))
+        ):
             self._set("counts_per_unit", guess.counts or "", "counts that are one unit, by the data sheet", ask=True)
+        for key in ("range", "delay"):
+            if self._has(key):
+                self._set(key, "")
         if zero:
             self._set("zero", f"{zero:g}", "whole numbers around it: counts that mean 0", ask=True)
         if name == "acc":
             self._set("sign", "specific-force", self._sign_told(columns, zero), ask=True)
-        if name == "gyr" and self._turns[0] != AS_MOUNTED:
+        if name == "gyr" and self._turns[0] != AS_MOUNTED and not self._accept:
             self._write_axes(signed_axes(self._turns[0]))
 
     def _write_axes(self, c: Floats) -> None:
@@ -343,14 +533,21 @@ class _DraftWriter:
     def _write_unit(self, kind: Quantity, columns: Sequence[int], guess: _Guess) -> bool:
         """Write the unit; True where the header states it, and the numbers do not contradict."""
         part = self._parts[columns[0]]
-        named = _canonical(part.unit, kind)
-        if named and part.stated and guess.unit in {"", named} and not guess.counts:
+        named = part.unit_of(kind)
+        if named and part.stated and (guess.unit in {"", named} or self._accept) and not guess.counts:
             self._set("unit", named, f"the header says [{_one_line(part.unit)}]")
             return True
         fitting = ", ".join(name for name, unit in UNITS.items() if unit.quantity is kind)
         said = f"the header says {_one_line(part.unit)}; " if part.unit else ""
-        self._set("unit", guess.unit or named, f"{said}{guess.why or f'one of {fitting}'}", ask=True)
+        sure = bool(named and guess.unit in {"", named}) or bool(guess.unit and not named and not part.stated)
+        sure = sure and not (guess.counts is not None)
+        self._set("unit", guess.unit or named, f"{said}{guess.why or f'one of {fitting}'}", ask=True, sure=sure)
         return False
+
+    def _is_steady_at_rest(self) -> bool:
+        """Whether one of the triads without names is surely the accelerometer."""
+        acc = self._triads.get("acc")
+        return acc is not None and self._steady(acc) and bool(_gravity_unit(self._size(acc)).unit)
 
     # Guesses ----------------------------------------------------------------------------------------------------------
 
@@ -379,7 +576,7 @@ class _DraftWriter:
             return _Guess("deg/s", f"1 deg/s may be {to_si(1.0, 'deg/s') / abs(fit.factor):.4g} counts", "")
         rates = self._vectors(columns) - zero
         largest = float(np.nanmax(np.abs(rates)))
-        if largest > _FASTEST and _canonical(self._parts[columns[0]].unit, Quantity.RATE) in {"", "rad/s"}:
+        if largest > _FASTEST and self._parts[columns[0]].unit_of(Quantity.RATE) in {"", "rad/s"}:
             integers = bool((rates[np.isfinite(rates)] % 1.0 == 0.0).all())
             return _Guess("deg/s", f"the largest is {largest:.4g}: not rad/s", "" if integers else None)
         return _Guess()
@@ -427,52 +624,26 @@ def _turning_fit(t: Floats, rates: Floats, force: Floats) -> Turning | None:
     return replace(fit, factor=fit.factor / fastest)
 
 
-def _taken_apart(name: str, unit: str) -> _Named:
-    bracket = re.search(r"[\[(]([^\])]*)[\])]", unit) or re.search(r"[\[(]([^\])]*)[\])]", name)
-    stated = bracket[1].strip() if bracket else unit.strip()
-    plain = re.sub(r"[\[(][^\])]*[\])]", " ", name)
-    words = re.sub(r"[_.\-:]+", " ", plain).split()
-    suffix = words.pop() if not stated and len(words) > 1 and _unit_word(words[-1]) else ""
-    base, axis = _split_axis(re.sub(r"(?<=[a-z])(?=[A-Z])", " ", " ".join(words)).split())
-    return _Named(base, axis, stated or _unit_word(suffix), bool(stated))
-
-
-def _split_axis(words: list[str]) -> tuple[str, str]:
-    """What is left of a name without its axis, and the axis: a word of its own, or the last letter."""
-    for i, word in enumerate(words):
-        if word.lower() in {"x", "y", "z"}:
-            return " ".join(words[:i] + words[i + 1 :]).lower(), word.lower()
-    name = " ".join(words).lower()
-    return (name[:-1].strip(), name[-1]) if name[-1:] in {"x", "y", "z"} else (name, "")
-
-
-def _unit_word(word: str) -> str:
-    """Unit that the last word of a name may be, as in ``acc_x_mg``."""
-    unit = _SUFFIXES.get(word.lower(), word)
-    kinds = (*_KIND.values(), Quantity.TIME, Quantity.TEMPERATURE)
-    return next((name for kind in kinds if (name := _canonical(unit, kind))), "") if unit else ""
-
-
-def _canonical(name: str, kind: Quantity) -> str:
-    return canonical_name(name, kind) if is_name(name, kind) else ""
-
-
 def _dates(cells: Sequence[str]) -> bool:
     return all(re.fullmatch(r"\d{4}([-/])\d{1,2}\1\d{1,2}", cell) for cell in cells)
 
 
-def _time_unit(numbers: Floats, part: _Named) -> tuple[str, str]:
-    """Unit in which steps make a plausible rate: the stated one, or that nearest to 100 Hz."""
-    step = float(np.median(np.diff(numbers)))
+def _time_unit(numbers: Floats, part: ColumnName) -> tuple[str, str, bool]:
+    """Unit in which steps make a plausible rate: the stated one, or that nearest to 100 Hz; and whether it is sure."""
+    steps = np.diff(numbers)
+    step = float(np.mean(steps[steps >= 0.0])) if (steps > 0.0).any() else 0.0
     rates = {unit: 1.0 / to_si(step, unit) for unit in _TIMES if step > 0.0}
-    named = _canonical(part.unit, Quantity.TIME)
+    named = part.unit_of(Quantity.TIME)
     if named in rates:
-        return named, f"the header says {_one_line(part.unit)}: {rates[named]:.4g} Hz"
+        return named, f"the header says {_one_line(part.unit)}: {rates[named]:.4g} Hz", True
+    if "tow" in part.base:
+        return "s", "a time of week counts seconds", True
     plausible = {unit: rate for unit, rate in rates.items() if _RATES[0] <= rate <= _RATES[1]}
     if not plausible:
-        return "", f"steps of {step:.4g} make no usual rate; or delete both keys and declare rate = '100 Hz'"
+        return "", f"steps of {step:.4g} make no usual rate; or delete both keys and declare rate = '100 Hz'", False
     unit = min(plausible, key=lambda name: abs(np.log(plausible[name] / 100.0)))
-    return unit, f"steps of {step:.6g} {unit} make {plausible[unit]:.4g} Hz"
+    sure = sum(_USUAL_RATES[0] <= rate <= _USUAL_RATES[1] for rate in rates.values()) == 1 and not (steps == 1.0).all()
+    return unit, f"steps of {step:.6g} {unit} make {plausible[unit]:.4g} Hz", sure
 
 
 def _at_rest(size: float) -> bool:

@@ -1,7 +1,7 @@
 """Files: `read` and `write` choose the format by the suffix; `FORMATS` lists what there is."""
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -12,7 +12,7 @@ from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import ARRAYS, TABLES, existing_file, reading, sidecars
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray
-from plumbob.data.recording import Recording, all_findings, lines
+from plumbob.data.recording import Recording, all_findings, lines, provenance
 
 if TYPE_CHECKING:
     from plumbob.files.profile import Profile
@@ -137,7 +137,7 @@ FORMATS: Final = (
 
 
 def read(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     *,
     profile: "Profile | str | Path | None" = None,
     whole: bool = True,
@@ -147,8 +147,8 @@ def read(
 
     Parameters
     ----------
-    path : path
-        The file; its suffix says the format.
+    path : path or sequence of paths
+        The file, whose suffix says the format; or files of one recording, with a sensor each.
     profile : Profile or path, optional
         For text files: what they do not say about themselves.
     whole : bool
@@ -166,6 +166,8 @@ def read(
     UnitError, ClockError, ShapeError, FrameError
         If its numbers cannot be what they are declared to be.
     """
+    if not isinstance(path, str | os.PathLike):
+        return _together(path, profile)
     kind = kind_of(path, described=profile is not None)
     file = Path(path)
     if profile is not None and not kind.takes_profile:
@@ -179,6 +181,20 @@ def read(
     if unit is not None:
         return recording.of_unit(unit)
     return replace(recording, notes=(*recording.notes, *all_findings(recording)))
+
+
+def _together(paths: "Sequence[str | os.PathLike[str]]", profile: "Profile | str | Path | None") -> Recording:
+    """Recording of files that hold a sensor each: by a profile of all, or by what each says of itself."""
+    from plumbob.files.foreign.join import joined_recordings
+    from plumbob.files.text import read_text
+
+    if len(paths) == 1:
+        return read(paths[0], profile=profile)
+    if profile is not None:
+        joined = read_text([Path(path) for path in paths], profile)
+    else:
+        joined = joined_recordings([read(path) for path in paths], Path(paths[0]).stem)
+    return replace(joined, notes=(*provenance(joined.notes), *all_findings(joined)))
 
 
 def write(

@@ -45,6 +45,15 @@ class TextLayout:
         Lines to leave out after that row, such as one of units.
     rows : int or None
         Rows of numbers that the file must have.
+    mark : str
+        What stands before the first name, as ``%`` or ``#``.
+    labels : str
+        What stands between name and number in each cell, as ``:`` of ``ax:0.1``; empty for none. Then no row of names
+        is needed.
+    prefix : str
+        What ends the first cell of each row where that is not the separator, as ``->`` behind a time; empty for none.
+    where : tuple of (int or str, str), or empty
+        A column and a word: only rows that have it there belong to the table.
     """
 
     separator: str
@@ -58,6 +67,10 @@ class TextLayout:
     names: bool = True
     after_names: int = 0
     rows: int | None = None
+    mark: str = ""
+    labels: str = ""
+    prefix: str = ""
+    where: tuple[ColumnRef, str] | tuple[()] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,11 +85,17 @@ class TimeColumn:
         Its unit.
     unix : bool
         Whether it counts from 1970 (UTC).
+    unit_per_count : float
+        What one count is worth in that unit; 1 where the file holds the unit itself.
+    week : int or str or None
+        Column with the number of the GPS week that the time is of; then it is GPS time.
     """
 
     column: ColumnRef
     unit: str
     unix: bool = False
+    unit_per_count: float = 1.0
+    week: ColumnRef | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,6 +238,9 @@ class Profile:
         Name of the profile's file, for messages.
     arrays : bool
         Whether it describes named arrays; then `layout` means nothing.
+    streams : tuple of (str, Profile)
+        Sensors that have a file or rows of their own: how the names of their files look, as ``*_gyro.csv``, and their
+        profiles. Then nothing above is used but `origin`.
     """
 
     layout: TextLayout
@@ -235,6 +257,7 @@ class Profile:
     date: str | None = None
     origin: str = "profile"
     arrays: bool = False
+    streams: "tuple[tuple[str, Profile], ...]" = ()
 
     @property
     def stamps(self) -> tuple[ColumnRef, ...]:
@@ -255,7 +278,9 @@ class Profile:
     @property
     def used(self) -> tuple[ColumnRef, ...]:
         """Every column that it uses, time included."""
-        time = (self.time.column,) if isinstance(self.time, TimeColumn) else self.stamps
+        time: tuple[ColumnRef, ...] = self.stamps
+        if isinstance(self.time, TimeColumn):
+            time = (self.time.column, *(() if self.time.week is None else (self.time.week,)))
         single = time if self.flags is None else (*time, self.flags)
         groups = [*self.triads.values(), *([self.temperature] if self.temperature else [])]
         reference = self.reference.used if self.reference else ()

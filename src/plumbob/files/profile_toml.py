@@ -2,6 +2,7 @@
 
 import codecs
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -71,6 +72,26 @@ def parse_profile(text: str, *, origin: str = "profile") -> Profile:
     if isinstance(raw.get("kind"), str):
         raise DecodeError(f"it is a {raw['kind']}, not a profile of a text file; give the profile with --profile.")
     _refuse_questions(raw)
+    return _streams(raw, origin) if "stream" in raw else _profile(raw, origin)
+
+
+def _streams(raw: Mapping[str, Any], origin: str) -> Profile:
+    """Profile of sensors that have a file or rows of their own; what stands above them is true of all."""
+    tables = raw["stream"]
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise DecodeError("stream must be a list of tables, as in [[stream]].")
+    common = {key: value for key, value in raw.items() if key != "stream"}
+    streams: list[tuple[str, Profile]] = []
+    for number, table in enumerate(tables, 1):
+        own = {key: value for key, value in table.items() if key != "file"}
+        profile = _profile(common | own, origin)
+        if any(set(profile.triads) & set(other.triads) for _, other in streams):
+            raise DecodeError(f"stream {number} declares {', '.join(profile.triads)}, which another one does too.")
+        streams.append((schema.text(f"stream[{number}].file", table.get("file", "*")), profile))
+    return replace(streams[0][1], streams=tuple(streams))
+
+
+def _profile(raw: Mapping[str, Any], origin: str) -> Profile:
     arrays = raw.get("arrays") is True
     needed = ("time",) if arrays else ("separator", "header", "time")
     table = _section("profile", _columns_of_arrays(raw) if arrays else raw, _PROFILE, needed)
@@ -123,6 +144,8 @@ def questions(raw: Mapping[str, Any], where: str = "") -> list[str]:
         first = value[0] if isinstance(value, list) and value else value
         if isinstance(value, dict):
             keys += questions(value, f"{where}{key}.")
+        elif isinstance(first, dict):
+            keys += [question for item in value for question in questions(item, where)]
         elif isinstance(first, str) and first.lstrip().startswith("?"):
             keys.append(f"{where}{key}")
     return keys
@@ -255,6 +278,14 @@ def _north(where: str, value: Any) -> North:
     return North.parse(schema.text(where, value))
 
 
+def _where(where: str, value: Any) -> tuple[ColumnRef, str]:
+    if not isinstance(value, list) or len(value) != 2 or not isinstance(value[1], str):
+        raise DecodeError(
+            f'{where} must be a column and a word, as in ["sensor", "gyro"], but it is {excerpt(str(value))}.'
+        )
+    return _column(where, value[0]), value[1].strip()
+
+
 def _header(where: str, value: Any) -> dict[str, Any]:
     table = _section(where, value, _HEADER, ("names",))
     if "occurrence" in table and "marker" not in table:
@@ -283,7 +314,11 @@ def _time(where: str, value: Any) -> TimeColumn | TimeStamps | TimeRate:
         return TimeRate(rate=table["rate"])
     if "unit" not in table:
         raise _absent(where, "unit")
-    return TimeColumn(column=table["column"], unit=table["unit"], unix="epoch" in table)
+    if "week" in table and "epoch" in table:
+        raise DecodeError(f"{where} has both week and epoch; keep the one that says what the numbers count from.")
+    return TimeColumn(
+        table["column"], table["unit"], "epoch" in table, table.get("unit_per_count", 1.0), table.get("week")
+    )
 
 
 def _time_stamps(where: str, table: Mapping[str, Any]) -> TimeStamps:
@@ -405,10 +440,16 @@ _HEADER: Final[dict[str, Parse]] = {
     "skip": schema.whole(0),
     "names": schema.truth,
     "after_names": schema.whole(0),
+    "mark": schema.text,
+    "labels": schema.text,
+    "prefix": schema.text,
+    "where": _where,
 }
 _TIME: Final[dict[str, Parse]] = {
     "column": _column,
     "unit": schema.unit_of(Quantity.TIME),
+    "unit_per_count": _scale,
+    "week": _column,
     "epoch": schema.one_of("unix"),
     "rate": schema.size(Quantity.FREQUENCY),
     "format": schema.one_of(FORM),

@@ -6,7 +6,7 @@ asked by `plumbob.files.draft`.
 
 import codecs
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -15,7 +15,8 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
-from plumbob.core.units import Quantity, is_name
+from plumbob.core.units import Quantity
+from plumbob.files.column_names import canonical
 from plumbob.files.columns import is_clocklike
 from plumbob.files.profile import TextLayout
 from plumbob.files.text_head import split_row
@@ -50,6 +51,8 @@ class Sample:
         Whether a profile may name the columns so; otherwise it must number them.
     rows : list of list of str
         Cells.
+    facts : mapping of str to str
+        What lines before the table say, by key, lower case; the lines themselves where they say no key.
     """
 
     layout: TextLayout
@@ -57,6 +60,7 @@ class Sample:
     units: tuple[str, ...]
     by_name: bool
     rows: list[list[str]]
+    facts: Mapping[str, str]
 
     @property
     def width(self) -> int:
@@ -86,23 +90,70 @@ def read_sample(path: Path) -> Sample:
     text, encoding = _decoded(raw)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     lines = lines if complete else lines[:-1]
-    tried = lines[:TRIED]
+    prefix = _prefix(lines[:TRIED])
+    labels = _labels(lines[:TRIED], prefix)
+    plain = [_unlabelled(line, prefix, labels) for line in lines] if prefix or labels else lines
+    tried = plain[:TRIED]
     best = max((_table(tried, separator, decimal) for separator, decimal in _LAYOUTS), key=lambda table: table.score)
     if len(best.rows) < FEWEST:
         raise DecodeError(
             f"no separator makes a table of it, with at least {FEWEST} rows and 2 columns of numbers. Numbers of one "
             "axis at rest are for 'plumbob allan', with --rate and --scale."
         )
-    return _headed(lines, _table(lines, best.separator, best.decimal), encoding)
+    table = _table(plain, best.separator, best.decimal)
+    if not (prefix or labels):
+        return _headed(lines, table, encoding)
+    first = lines[table.first]
+    own = first.partition(prefix)[2] if prefix else first
+    words = _cells(own, best.separator, 0)
+    names = tuple(word.rpartition(labels)[0].strip() for word in words) if labels else ("",) * len(words)
+    names = ("", *names) if prefix else names
+    rows = (
+        [[lines[i].partition(prefix)[0].strip(), *row] for i, row in zip(table.lines, table.rows, strict=True)]
+        if (prefix)
+        else table.rows
+    )
+    missing = _missing(table.rows)
+    layout = TextLayout(
+        best.separator, best.decimal, encoding, missing=missing, names=False, prefix=prefix, labels=labels,
+        skip=table.first,
+    )  # fmt: skip
+    return Sample(layout, names if labels else (), (), bool(labels), rows, {})
 
 
-@dataclass(frozen=True, slots=True)
+def _prefix(lines: Sequence[str]) -> str:
+    """What ends a time or a word before the numbers of each line, as a serial monitor's arrow; empty for none."""
+    some = [line for line in lines if line.strip()]
+    for mark, begin in (("->", r"\s*[\d:.,]+\s*->"), (":", r"\s*[A-Za-z_]\w*\s*:\s*[-+.\d]+[,;\t ]\s*[-+.\d]")):
+        if some and sum(re.match(begin, line) is not None for line in some) > 0.8 * len(some):
+            return mark
+    return ""
+
+
+def _labels(lines: Sequence[str], prefix: str) -> str:
+    """What stands between the name and the number of each cell; empty where cells are numbers alone."""
+    some = [line for line in lines if line.strip()] if not prefix else []
+    for mark in (":", "="):
+        pair = rf"[^\W\d][\w .]*\s*{mark}\s*[-+]?[\d.]+(e[-+]?\d+)?"
+        line = rf"(?i)\s*{pair}(\s*[,;\t ]\s*{pair})+\s*"
+        if some and sum(re.fullmatch(line, one) is not None for one in some) > 0.8 * len(some):
+            return mark
+    return ""
+
+
+def _unlabelled(line: str, prefix: str, labels: str) -> str:
+    rest = line.partition(prefix)[2] if prefix else line
+    return re.sub(rf"[^\W\d][\w .]*?\s*{labels}\s*", "", rest) if labels else rest
+
+
+@dataclass(slots=True)
 class _SniffedTable:
     separator: str
     decimal: str
     first: int
     rows: list[list[str]]
     readable: int
+    lines: list[int]
 
     @property
     def score(self) -> tuple[int, int]:
@@ -122,23 +173,25 @@ def _decoded(raw: bytes) -> tuple[str, str]:
 
 
 def _table(lines: Sequence[str], separator: str, decimal: str) -> _SniffedTable:
-    """Longest run of rows with equally many cells, most of them numbers; comments and blank lines do not end it."""
-    best = _SniffedTable(separator, decimal, 0, [], 0)
-    first = readable = 0
-    run: list[list[str]] = []
+    """Longest run of rows with as many cells, most of them numbers; comments and single bad lines do not end it."""
+    best = run = _SniffedTable(separator, decimal, 0, [], 0, [])
+    bad = 0
     for i, line in enumerate(lines):
         if not line.strip() or line.startswith(_COMMENTS):
             continue
         cells = _cells(line, separator, i + 1)
         count = _known_cells(cells, decimal)
-        if not count or (run and len(cells) != len(run[0])):
-            run, readable = [], 0
-        if count:
-            first = first if run else i
-            run.append(cells)
-            readable += count
-        if (candidate := _SniffedTable(separator, decimal, first, run, readable)).score > best.score:
-            best = candidate
+        if count and run.rows and len(cells) == len(run.rows[0]):
+            bad = 0
+        elif count and (not run.rows or len(run.rows) < FEWEST or bad >= FEWEST):
+            run, bad = _SniffedTable(separator, decimal, i, [], 0, []), 0
+        else:
+            bad += 1
+            continue
+        run.rows.append(cells)
+        run.lines.append(i)
+        run.readable += count
+        best = max(best, run, key=lambda table: table.score)
     return best
 
 
@@ -150,10 +203,12 @@ def _cells(line: str, separator: str, number: int) -> list[str]:
 
 
 def _known_cells(cells: Sequence[str], decimal: str) -> int:
-    """Cells that are numbers, times or missing, in a row of which at least half are; 0 in any other."""
-    numbers = sum(_NUMBER[decimal].fullmatch(cell.strip()) is not None for cell in cells)
-    readable = numbers + sum(cell.strip() in MISSING or is_clocklike(cell) for cell in cells)
-    return readable if numbers >= 1 and readable >= 2 and 2 * readable >= len(cells) else 0
+    """Cells that are numbers, times or missing, in a row of which at least half of what is said are; else 0."""
+    said = [cell.strip() for cell in cells if cell.strip()]
+    numbers = sum(_NUMBER[decimal].fullmatch(cell) is not None for cell in said)
+    readable = numbers + sum(cell in MISSING or is_clocklike(cell) for cell in said)
+    known = numbers >= 1 and 2 * readable >= len(said) and readable + len(cells) - len(said) >= 2
+    return readable + len(cells) - len(said) if known else 0
 
 
 def _value(cell: str, decimal: str) -> float:
@@ -161,33 +216,40 @@ def _value(cell: str, decimal: str) -> float:
 
 
 def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample:
-    """Add names, and say how many lines come before them."""
+    """Add names and units, and what the lines before them say."""
     before = [(i, line) for i, line in enumerate(lines[: table.first]) if line.strip()]
-    plain = [(i, line) for i, line in before if not line.startswith(_COMMENTS)]
     width = len(table.rows[0])
     units: tuple[str, ...] = ()
-    if len(plain) > 1 and _all_units(split := _cells(plain[-1][1], table.separator, 0)):
-        units, plain = tuple(split), plain[:-1]
-    names = _names(plain[-1][1], table.separator, width) if plain else ()
-    in_comment = _names(_bare(before[-1][1]), table.separator, width) if before and not names else ()
-    skip = plain[-1][0] if names and len(plain) > 1 else 0
-    if not names and plain:
-        skip = table.first
+    if len(before) > 1 and _are_units(split := _cells(before[-1][1], table.separator, 0)):
+        units = tuple(split)
+    at, line = before[-2 if units else -1] if before else (0, "")
+    bare = line.lstrip("#%/ ")
+    names = _names(bare, table.separator, width) if before else ()
+    marked = names and bare != line
+    skip = at if names else table.first if any(not line.startswith(_COMMENTS) for _, line in before) else 0
     layout = TextLayout(
         separator=table.separator,
         decimal=table.decimal,
         encoding=encoding,
-        comment=_comment(lines[skip:]),
+        comment=_comment(lines[skip + 1 if marked else skip :]),
         missing=_missing(table.rows),
         skip=skip,
         names=bool(names),
         after_names=1 if units and names else 0,
+        mark=line[: len(line) - len(bare)] if marked else "",
     )
-    return Sample(layout, names or in_comment, units, bool(names), table.rows)
+    preamble = [line for i, line in before if i < at or not names]
+    return Sample(layout, names, units, bool(names), table.rows, _facts(preamble))
 
 
-def _bare(line: str) -> str:
-    return line.lstrip("#%/ ")
+def _facts(lines: Sequence[str]) -> dict[str, str]:
+    """What lines of keys and values say, as ``OutputRate:,60Hz`` and ``tscale,0.004``."""
+    facts: dict[str, str] = {}
+    for line in lines:
+        match = re.match(r"\W*([\w .()/-]+?)\s*[:=,]+[\s,]*(.*)", line.lstrip("#%/ ").strip())
+        key, value = (match[1], match[2]) if match else (line.strip(), "")
+        facts.setdefault(key.strip().lower(), re.sub(r"[,;\s]+", " ", value).strip())
+    return facts
 
 
 def _names(line: str, separator: str, width: int) -> tuple[str, ...]:
@@ -196,13 +258,15 @@ def _names(line: str, separator: str, width: int) -> tuple[str, ...]:
     return cells if enough else ()
 
 
-def _all_units(cells: Sequence[str]) -> bool:
-    said = [cell.strip() for cell in cells if cell.strip()]
-    return len(said) > 1 and all(_UNIT_CELL.fullmatch(cell) or _is_unit(cell) for cell in said)
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether a row is one of units: two known ones at least, and as many as there are other words; blanks are none."""
+    words = [cell.strip() for cell in cells if cell.strip()]
+    units = [word for word in words if _UNIT_CELL.fullmatch(word) or _is_unit(word)]
+    return len(units) > 1 and 2 * len(units) >= len(words) and not any(map(is_clocklike, words))
 
 
 def _is_unit(cell: str) -> bool:
-    return any(is_name(cell, kind) for kind in (None, Quantity.FIELD, Quantity.TEMPERATURE))
+    return any(canonical(cell, kind) for kind in Quantity)
 
 
 def _comment(lines: Sequence[str]) -> str:

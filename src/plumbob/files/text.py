@@ -3,6 +3,8 @@
 import csv
 import math
 import shlex
+from collections.abc import Sequence
+from fnmatch import fnmatch
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ from plumbob.core.time import interpolated, to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.recording import Recording, read_notes
 from plumbob.files.columns import StampError, to_seconds
+from plumbob.files.foreign.join import joined_recordings
 from plumbob.files.profile import (
     AS_MOUNTED,
     NO_COLUMN,
@@ -31,8 +34,8 @@ from plumbob.files.profile import (
     TimeStamps,
 )
 from plumbob.files.profile_toml import load_profile
-from plumbob.files.text_head import NumericBody, decode, find_head, is_idle, split_row
-from plumbob.files.text_table import TextTable, column_index, read_table
+from plumbob.files.stamps import WEEK, time_line, utc_of_gps
+from plumbob.files.text_table import TextTable, read_table
 from plumbob.rotations import (
     body_axes,
     in_body_axes,
@@ -46,13 +49,13 @@ from plumbob.rotations import (
 _FIRST_LINE_BYTES = 4096
 
 
-def read_text(path: str | Path, profile: Profile | str | Path | None = None) -> Recording:
-    """Read a CSV or TXT file.
+def read_text(path: str | Path | Sequence[str | Path], profile: Profile | str | Path | None = None) -> Recording:
+    """Read a CSV or TXT file, or several with a sensor each.
 
     Parameters
     ----------
-    path : path
-        The file.
+    path : path or sequence of paths
+        The file or the files.
     profile : Profile or path, optional
         What it does not say about itself; without one, ``NAME.toml`` or ``NAME.profile.toml`` beside it is taken.
 
@@ -63,14 +66,28 @@ def read_text(path: str | Path, profile: Profile | str | Path | None = None) -> 
     UnitError
         If the values cannot be in the declared units.
     ClockError
-        If time is missing or does not increase.
+        If time is missing or begins again, or sensors do not overlap.
     ShapeError
         If a declared triad holds no number.
     """
-    file = existing_file(path)
-    declared, note = text_profile(file, profile)
+    files = [existing_file(one) for one in ([path] if isinstance(path, str | Path) else path)]
+    declared, note = text_profile(files[0], profile)
     if declared.arrays:
-        raise DecodeError(f"{file} is a text file, but {declared.origin} has arrays = true; declare its separator.")
+        raise DecodeError(f"{files[0]} is a text file, but {declared.origin} has arrays = true; declare its separator.")
+    if not declared.streams:
+        if len(files) > 1:
+            raise DecodeError(f"{declared.origin} describes one file, but {len(files)} came; give each to read alone.")
+        return _read_one(files[0], declared, note)
+    parts = []
+    for pattern, own in declared.streams:
+        fitting = [file for file in files if fnmatch(file.name, pattern)]
+        if len(fitting) != 1:
+            raise DecodeError(f"{declared.origin}: {len(fitting)} of the files are named {pattern}; one must be.")
+        parts.append(_read_one(fitting[0], own, note))
+    return joined_recordings(parts, files[0].stem)
+
+
+def _read_one(file: Path, declared: Profile, note: str) -> Recording:
     with reading(file):
         time = declared.time
         exact = time.column if isinstance(time, TimeColumn) and time.unix else None
@@ -80,10 +97,10 @@ def read_text(path: str | Path, profile: Profile | str | Path | None = None) -> 
 
 def table_recording(profile: Profile, table: TextTable, name: str, note: str) -> Recording:
     """Recording of a table, by its profile; `note` says which. Errors as in `read_text`."""
-    t, t0_ns = _time(profile, table)
+    t, t0_ns, clock = _time(profile, table)
     imu = _imu(profile, table, t, t0_ns) if profile.triads else None
     track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
-    notes = (*read_notes(profile.notes, imu), note, *table.notes, *_changes(profile, t0_ns))
+    notes = (*read_notes(profile.notes, imu), note, *table.notes, *clock, *_changes(profile, t0_ns))
     return Recording(imu=imu, track=track, name=name, notes=notes)
 
 
@@ -112,22 +129,37 @@ def _first_line(file: Path) -> str:
         return excerpt(stream.readline(_FIRST_LINE_BYTES).decode("utf-8", "replace").strip())
 
 
-def _time(profile: Profile, table: TextTable) -> tuple[Floats, int]:
+def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[str, ...]]:
+    """Times, s, the UTC of the first, ns or 0, and what was done to have them."""
     source = profile.time
     if isinstance(source, TimeRate):
-        return np.arange(table.rows) / source.rate, 0
+        places = np.arange(table.rows) if table.places is None else table.places
+        return places / source.rate, 0, ()
     if isinstance(source, TimeStamps):
         return _of_stamps(source, table)
-    nanoseconds = Fraction(units.unit(source.unit).factor).limit_denominator(10**9) * 10**9
+    factor = units.unit(source.unit).factor * source.unit_per_count
+    nanoseconds = Fraction(factor).limit_denominator(10**9) * 10**9
+    stamps = table.columns[source.column]
     t0_ns = round(Fraction(table.zero) * nanoseconds)
-    return _inside(table.columns[source.column], source.unit), t0_ns
+    if source.week is not None:
+        weeks = table.columns[source.week]
+        line = time_line((weeks - weeks[0]) * WEEK * 1e9 + stamps * 1e9 * factor, 1.0, table.place)
+        return (line.t_ns - line.t_ns[0]) / 1e9, utc_of_gps(int(weeks[0]), int(line.t_ns[0])), line.notes
+    if (np.diff(stamps) > 0.0).all() and source.unit_per_count == 1.0:
+        return _inside(stamps, source.unit), t0_ns, ()
+    line = time_line(stamps, 1e9 * factor, table.place)
+    return line.t_ns / 1e9, t0_ns, line.notes
 
 
-def _of_stamps(source: TimeStamps, table: TextTable) -> tuple[Floats, int]:
+def _of_stamps(source: TimeStamps, table: TextTable) -> tuple[Floats, int, tuple[str, ...]]:
     try:
-        return to_seconds([table.texts[ref] for ref in source.columns], source.zone)
+        t, t0_ns = to_seconds([table.texts[ref] for ref in source.columns], source.zone)
     except StampError as error:
         raise DecodeError(f"line {table.line_of(error.row)}: {error}") from error
+    if (np.diff(t) > 0.0).all():
+        return t, t0_ns, ()
+    line = time_line(to_ns(t), 1.0, table.place)
+    return line.t_ns / 1e9, t0_ns, line.notes
 
 
 def _imu(profile: Profile, table: TextTable, t: Floats, t0_ns: int) -> ImuData:
@@ -288,15 +320,11 @@ def read_labels(path: str | Path, column: ColumnRef, profile: Profile | str | Pa
         If there is no such column, or as `read_text`.
     """
     file = existing_file(path)
-    layout = text_profile(file, profile)[0].layout
+    declared = text_profile(file, profile)[0]
     with reading(file):
-        raw = file.read_bytes()
-        text = decode(raw, layout.encoding)
-        head = find_head(text, layout)
-        body = NumericBody(raw, text, head.start, text.rfind("\n") + 1, head.line)
-        rows = [split_row(row, layout.separator, n) for n, row in body.rows() if not is_idle(row, layout.comment)]
-        place = column_index(column, head.names, min(map(len, rows), default=0), layout)
-        return [row[place].strip() for row in rows]
+        texts = (*declared.texts, column)
+        table = read_table(file.read_bytes(), declared.layout, (*declared.used, column), None, texts)
+        return [cell.strip() for cell in table.texts[column]]
 
 
 def read_spans(path: str | Path) -> dict[str, tuple[float, float]]:

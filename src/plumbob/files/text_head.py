@@ -1,69 +1,10 @@
-"""The head and the body of a text file: markers, lines to skip, comments and the row of names; then rows of numbers.
-
-A last line without a line end is left out and said so: a cut in its last cell (``9.81`` to ``9.8``) would read as a
-good number, so it cannot be trusted, and one sample is the cheaper loss.
-"""
+"""The head of a text file: markers, lines to skip, comments and the row of names; and the cells of a row."""
 
 import csv
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from plumbob.core.errors import DecodeError, excerpt, one_line
-from plumbob.data.recording import CUT
 from plumbob.files.profile import TextLayout
-
-
-@dataclass(frozen=True, slots=True)
-class NumericBody:
-    """Rows of numbers in a text.
-
-    Attributes
-    ----------
-    raw : bytes
-        The file.
-    text : str
-        Its text.
-    start, end : int
-        Where the rows begin and, after the last line end, stop.
-    line : int
-        Number of the first line, counted from 1.
-    """
-
-    raw: bytes
-    text: str
-    start: int
-    end: int
-    line: int
-
-    def rows(self) -> Iterator[tuple[int, str]]:
-        """Give each line with its number."""
-        place, line = self.start, self.line
-        while place < self.end:
-            stop = self.text.find("\n", place)
-            yield line, self.text[place:stop]
-            place, line = stop + 1, line + 1
-
-    def packed(self, layout: TextLayout) -> bytes | memoryview:
-        """UTF-8 without comments and with single blanks, as Arrow takes it; no copy where the file is that already."""
-        if self._has(layout.comment):
-            text = "".join(f"{row}\n" for _, row in self.rows() if not row.startswith(layout.comment))
-        elif layout.separator != " " and self.text.isascii() and len(self.text) == len(self.raw):
-            return memoryview(self.raw)[self.start : self.end]
-        else:
-            text = self.text[self.start : self.end]
-        return (single_blanks(text) if layout.separator == " " else text).encode()
-
-    def remark(self) -> tuple[str, ...]:
-        """Say what of the text was left out."""
-        if not self.text[self.end :].strip():
-            return ()
-        line = self.line + self.text.count("\n", self.start)
-        return (f"{CUT}line {line}, the last, has no line end, and was left out: the file may be incomplete",)
-
-    def _has(self, comment: str) -> bool:
-        if not comment:
-            return False
-        return self.text.startswith(comment, self.start) or self.text.find(f"\n{comment}", self.start, self.end) >= 0
 
 
 def single_blanks(text: str) -> str:
@@ -129,8 +70,8 @@ def find_head(text: str, layout: TextLayout) -> Head:
     place, line = _forward(text, place, line, layout.skip)
     names: tuple[str, ...] = ()
     if layout.names:
-        place, line = _past_comments(text, place, line, layout.comment)
-        row = text[place : _end(text, place)]
+        place, line = _past_comments(text, place, line, "" if layout.mark else layout.comment)
+        row = text[place : _end(text, place)].removeprefix(layout.mark)
         names = tuple(cell.strip() for cell in split_row(row, layout.separator, line))
         place, line = _forward(text, place, line, 1 + layout.after_names)
     if place >= len(text):

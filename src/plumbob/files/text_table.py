@@ -1,7 +1,12 @@
-"""Numbers of a text file: fast with Arrow, and line by line where Arrow refuses, so that an error names its cell."""
+"""Numbers of a text file: fast with Arrow in blocks, and line by line in a block that Arrow refuses.
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+A line that cannot be read is left out, counted and named, as broken bytes of a live line are; so that an error can name
+its cell, a file of which more than `LEFT_OUT_MOST` cannot be read is refused with the first of them.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from decimal import Decimal, InvalidOperation
 from itertools import islice
 from typing import Any, Final
@@ -10,14 +15,22 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
+from plumbob.core.text import counted
+from plumbob.data.recording import CUT
 from plumbob.files.arrow import column_numbers
 from plumbob.files.columns import FORM, is_clocklike
 from plumbob.files.profile import ColumnRef, TextLayout
-from plumbob.files.text_head import NumericBody, decode, find_head, is_idle, split_row
+from plumbob.files.text_head import Head, decode, find_head, is_idle, single_blanks, split_row
 
 _EXACT = (30, 9)  # digits, and digits after the point, of a decimal that keeps nanoseconds since 1970
 _LARGEST: Final = Decimal(10) ** 20
-_Read = tuple[dict[ColumnRef, Floats], dict[ColumnRef, list[str]], Decimal]
+_BLOCK: Final = 1 << 23
+_LOOKED_AT: Final = 200
+_WORD: Final = 1 << 30
+
+LEFT_OUT_MOST: Final = 0.05
+"""Share of the rows that may be left out: a wrong separator, decimal sign or column spoils most of them, and what a bad
+line, a full buffer or a second writer does to a log spoils few."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +51,8 @@ class TextTable:
         Cells of the columns that are not numbers.
     line_of : callable
         Number of the line of a row that counts from 0.
+    places : ndarray (N,) or None
+        Numbers of the rows, from 0, with those that were left out counted; None where none was.
     """
 
     columns: dict[ColumnRef, Floats]
@@ -46,15 +61,122 @@ class TextTable:
     notes: tuple[str, ...]
     texts: dict[ColumnRef, list[str]]
     line_of: Callable[[int], int]
+    places: Floats | None = None
+
+    def place(self, row: int) -> str:
+        """Where a row that counts from 0 stands, for messages."""
+        return f"line {self.line_of(row)}"
 
 
-@dataclass(frozen=True, slots=True)
-class _Wanted:
-    """Places of the columns among the cells of a row, and how they are read."""
+@dataclass(slots=True)
+class _Reading:
+    """What has been read, block by block."""
 
+    layout: TextLayout
+    width: int
     places: dict[ColumnRef, int]
     exact: ColumnRef | None
-    texts: Sequence[ColumnRef]
+    texts: dict[ColumnRef, list[str]]
+    where: int
+    zero: Decimal | None = None
+    numbers: dict[ColumnRef, list[Floats]] = field(default_factory=dict)
+    rows: int = 0
+    """Rows so far, with those that were left out."""
+    left_out: dict[int, tuple[int, DecodeError]] = field(default_factory=dict)
+    """By row: its line, and why."""
+
+    def add_fast(self, block: str) -> bool:
+        """Read a block by Arrow; False where it cannot."""
+        import pyarrow as pa
+        from pyarrow import csv
+
+        names = [str(i) for i in range(self.width)]
+        types: dict[str, Any] = {str(place): pa.float64() for place in self.places.values()}
+        types |= {str(self.places[ref]): pa.string() for ref in self.texts}
+        if self.exact is not None:
+            types[str(self.places[self.exact])] = pa.decimal128(*_EXACT)
+        try:
+            source: Any = pa.BufferReader(pa.py_buffer(_packed(block, self.layout)))
+            table = csv.read_csv(
+                source,
+                read_options=csv.ReadOptions(column_names=names),
+                parse_options=csv.ParseOptions(delimiter=self.layout.separator),
+                convert_options=csv.ConvertOptions(
+                    column_types=types,
+                    include_columns=list(types),
+                    null_values=list(self.layout.missing),
+                    decimal_point=self.layout.decimal,
+                ),
+            )
+        except (pa.ArrowException, OSError, ValueError):
+            return False
+        columns: dict[ColumnRef, Any] = {ref: table.column(str(place)) for ref, place in self.places.items()}
+        if self.exact is not None:
+            import pyarrow.compute as pc
+
+            if columns[self.exact].null_count:
+                return False
+            self.zero = columns[self.exact][0].as_py() if self.zero is None else self.zero
+            columns[self.exact] = pc.subtract(columns[self.exact], pa.scalar(self.zero)).cast(pa.float64())
+        for ref, column in columns.items():
+            if ref in self.texts:
+                self.texts[ref] += column.to_pylist()
+            else:
+                self.numbers.setdefault(ref, []).append(np.asarray(column_numbers(column), dtype=np.float64))
+        self.rows += table.num_rows
+        return True
+
+    def add_slow(self, rows: Iterator[tuple[int, str]]) -> None:
+        """Read lines one by one, and leave out those that cannot be read."""
+        numbers: dict[ColumnRef, list[float]] = {ref: [] for ref in self.places if ref not in self.texts}
+        for line, row in rows:
+            try:
+                words = _cells(row, self.layout, line)
+                if len(words) != self.width:
+                    raise DecodeError(
+                        f"line {line} has {len(words)} cells, but most rows of numbers have {self.width}: "
+                        f"{excerpt(row)}; correct the line, or the separator in the profile."
+                    )
+                if self.layout.where and words[self.where].strip() != self.layout.where[1]:
+                    continue
+                values = {ref: self._number(words[self.places[ref]], line, ref) for ref in numbers}
+            except DecodeError as error:
+                self.left_out[self.rows] = line, error
+            else:
+                for ref, value in values.items():
+                    numbers[ref].append(value)
+                for ref, cells in self.texts.items():
+                    cells.append(words[self.places[ref]])
+            self.rows += 1
+        for ref, some in numbers.items():
+            self.numbers.setdefault(ref, []).append(np.array(some, dtype=np.float64))
+
+    def _number(self, cell: str, line: int, ref: ColumnRef) -> float:
+        if ref != self.exact:
+            return _number(cell, line, ref, self.layout)
+        stamp = _decimal(cell, line, ref, self.layout)
+        self.zero = stamp if self.zero is None else self.zero
+        return float(stamp - self.zero)
+
+    def refuse_too_many(self) -> None:
+        """Refuse a file of which too much cannot be read."""
+        if self.left_out and (len(self.left_out) > LEFT_OUT_MOST * self.rows or len(self.left_out) == self.rows):
+            _, first = next(iter(self.left_out.values()))
+            more = "" if len(self.left_out) == 1 else f" {len(self.left_out)} of {self.rows} rows cannot be read."
+            raise DecodeError(f"{first}{more}") from first
+
+    def notes(self) -> tuple[str, ...]:
+        """What was left out."""
+        if not self.left_out:
+            return ()
+        _, first = next(iter(self.left_out.values()))
+        others = ", ".join(str(line) for line, _ in islice(self.left_out.values(), 1, 6))
+        also = "" if not others else f"; also line{'s' if len(self.left_out) > 2 else ''} {others}"
+        also += ", …" if len(self.left_out) > 6 else ""
+        return (
+            f"{counted(len(self.left_out), 'line')} of {self.rows} left out, which cannot be read: "
+            f"{str(first).rstrip('.')}{also}",
+        )
 
 
 def read_table(
@@ -73,35 +195,142 @@ def read_table(
     layout : TextLayout
         How it is laid out.
     refs : sequence of int or str
-        The columns.
+        Columns, by number from 1 or by name.
     exact : int or str, optional
-        One of them that is read as decimal numbers and returned less its first value.
+        One of them whose first value is subtracted before it is rounded to float64, as Unix time in nanoseconds needs.
     texts : sequence of int or str
         Those of them that are not numbers.
 
     Raises
     ------
     DecodeError
-        If the layout does not fit, or a cell is not a number; the message names line, column and text.
+        If a column is missing, or too many rows cannot be read; the message names the first line and column.
     """
     text = decode(raw, layout.encoding)
+    text, cut = _whole(text, layout)
     head = find_head(text, layout)
-    body = NumericBody(raw, text, head.start, text.rfind("\n") + 1, head.line)
-    line, first = next(((line, row) for line, row in body.rows() if not is_idle(row, layout.comment)), (0, ""))
+    body = _Body(text, head, layout)
+    first = [_width(row, layout) for _, row in islice(body.rows(), _LOOKED_AT)]
     if not first:
-        raise DecodeError("there is no whole row of numbers; check the profile's [header].")
-    width = len(split_row(first, layout.separator, line))
-    places = {ref: column_index(ref, head.names, width, layout) for ref in refs}
+        raise DecodeError("there is no row of numbers; check the profile's [header].")
+    width = Counter(first).most_common(1)[0][0]
+    names = head.names or body.labels()
+    places = {ref: column_index(ref, names, width, layout) for ref in refs}
     _refuse_shared(places)
-    wanted = _Wanted(places, exact, texts)
-    columns, words, zero = _fast(body, layout, width, wanted) or _slow(body, layout, width, wanted)
-    rows = len(next(iter((columns | words).values())))
-    _refuse_rows(rows, layout.rows)
-    return TextTable(columns, zero, rows, body.remark(), words, lambda row: _line_number(body, layout, row))
+    where = column_index(layout.where[0], names, width, layout) if layout.where else -1
+    reading = _Reading(layout, width, places, exact, {ref: [] for ref in texts}, where)
+    plain = not (layout.labels or layout.prefix or layout.where)
+    for start, end, line in body.blocks():
+        if not (plain and reading.add_fast(text[start:end])):
+            reading.add_slow(body.rows(start, end, line))
+    reading.refuse_too_many()
+    columns = {ref: parts[0] if len(parts) == 1 else np.concatenate(parts) for ref, parts in reading.numbers.items()}
+    count = reading.rows - len(reading.left_out)
+    _refuse_rows(count, layout.rows)
+    if not count:
+        raise DecodeError("there is no row of numbers; check the profile's [header].")
+    kept = np.setdiff1d(np.arange(reading.rows), list(reading.left_out)).astype(np.float64)
+    lines = {line for line, _ in reading.left_out.values()}
+
+    def line_of(row: int) -> int:
+        return next(islice((line for line, _ in body.rows() if line not in lines), row, None))
+
+    zero = reading.zero if reading.zero is not None else Decimal(0)
+    return TextTable(columns, zero, count, (*cut, *reading.notes()), reading.texts, line_of, kept)
 
 
-def _line_number(body: NumericBody, layout: TextLayout, row: int) -> int:
-    return next(islice((line for line, text in body.rows() if not is_idle(text, layout.comment)), row, None))
+def _whole(text: str, layout: TextLayout) -> tuple[str, tuple[str, ...]]:
+    """Text that ends with a line end, and a note where its last line was cut and is left out.
+
+    Many loggers write no line end behind the last line. It is cut where the number of rows is declared, or a cell or a
+    digit behind the point is missing that all rows before it have.
+    """
+    if text.endswith("\n"):
+        return text, ()
+    before, _, last = text.rpartition("\n")
+    rows = [row for row in before.rsplit("\n", 20)[-20:] if not is_idle(row, layout.comment)]
+    if not last.strip() or is_idle(last, layout.comment) or not rows:
+        return f"{text}\n", ()
+    sizes = [_size(row, layout) for row in (*rows, last)]
+    width = Counter(cells for cells, _ in sizes[:-1]).most_common(1)[0][0]
+    shortest = min((digits for cells, digits in sizes[:-1] if cells == width and digits != _WORD), default=-1)
+    if layout.rows is None and sizes[-1][0] == width and sizes[-1][1] >= shortest:
+        return f"{text}\n", ()
+    line = 1 + text.count("\n")
+    return f"{before}\n", (f"{CUT}line {line}, the last, is cut and was left out: the file may be incomplete",)
+
+
+def _size(row: str, layout: TextLayout) -> tuple[int, int]:
+    """Cells of a row, and digits behind the decimal sign of the last one."""
+    try:
+        cells = _cells(row, layout, 0)
+    except DecodeError:
+        return 0, 0
+    last = cells[-1].strip() if cells else ""
+    if not last:
+        return len(cells), -1
+    return len(cells), len(last.partition(layout.decimal)[2]) if last[-1].isdigit() else _WORD
+
+
+@dataclass(frozen=True, slots=True)
+class _Body:
+    """Lines behind the head of a text, which ends with a line end."""
+
+    text: str
+    head: Head
+    layout: TextLayout
+
+    def blocks(self) -> Iterator[tuple[int, int, int]]:
+        """Parts of whole lines: where they begin and end, and the number of their first line."""
+        start, line = self.head.start, self.head.line
+        while start < len(self.text):
+            end = self.text.find("\n", start + _BLOCK) + 1 or len(self.text)
+            yield start, end, line
+            start, line = end, line + self.text.count("\n", start, end)
+
+    def rows(self, start: int = -1, end: int = -1, line: int = 0) -> Iterator[tuple[int, str]]:
+        """Rows of numbers with the numbers of their lines: all, or those of a block."""
+        place, line = (self.head.start, self.head.line) if start < 0 else (start, line)
+        end = len(self.text) if end < 0 else end
+        while place < end:
+            stop = self.text.find("\n", place)
+            if not is_idle(row := self.text[place:stop], self.layout.comment):
+                yield line, row
+            place, line = stop + 1, line + 1
+
+    def labels(self) -> tuple[str, ...]:
+        """Names that stand in the cells of the first row."""
+        if not self.layout.labels:
+            return ()
+        line, row = next(self.rows())
+        words = split_row(row, self.layout.separator, line)
+        return tuple(word.rpartition(self.layout.labels)[0].strip() for word in words)
+
+
+def _width(row: str, layout: TextLayout) -> int:
+    try:
+        return len(_cells(row, layout, 0))
+    except DecodeError:
+        return 0
+
+
+def _cells(row: str, layout: TextLayout, line: int) -> list[str]:
+    """Cells of a row, without labels; what stands before the prefix's end is the first."""
+    if not (layout.prefix or layout.labels):
+        return split_row(row, layout.separator, line)
+    first, mark, rest = row.partition(layout.prefix) if layout.prefix else ("", "", row)
+    words = split_row(rest, layout.separator, line)
+    if layout.labels:
+        words = [word.rpartition(layout.labels)[2] for word in words]
+    return [first, *words] if mark else words
+
+
+def _packed(block: str, layout: TextLayout) -> bytes:
+    """UTF-8 without comments and with single blanks, as Arrow takes it."""
+    mark = layout.comment
+    if mark and (block.startswith(mark) or f"\n{mark}" in block):
+        block = "".join(row for row in block.splitlines(keepends=True) if not row.startswith(mark))
+    return (single_blanks(block) if layout.separator == " " else block).encode()
 
 
 def _refuse_rows(rows: int, declared: int | None) -> None:
@@ -133,76 +362,6 @@ def _refuse_shared(places: dict[ColumnRef, int]) -> None:
         other = next(r for r, p in places.items() if p == place)
         if other != ref:
             raise DecodeError(f"{other!r} and {ref!r} are the same column; each column has one meaning.")
-
-
-def _fast(body: NumericBody, layout: TextLayout, width: int, wanted: _Wanted) -> _Read | None:
-    import pyarrow as pa
-    from pyarrow import csv
-
-    names = [str(i) for i in range(width)]
-    types: dict[str, Any] = {str(p): pa.float64() for p in wanted.places.values()}
-    types |= {str(wanted.places[ref]): pa.string() for ref in wanted.texts}
-    if wanted.exact is not None:
-        types[str(wanted.places[wanted.exact])] = pa.decimal128(*_EXACT)
-    try:
-        source: Any = pa.BufferReader(pa.py_buffer(body.packed(layout)))
-        table = csv.read_csv(
-            source,
-            read_options=csv.ReadOptions(column_names=names),
-            parse_options=csv.ParseOptions(delimiter=layout.separator),
-            convert_options=csv.ConvertOptions(
-                column_types=types,
-                include_columns=list(types),
-                null_values=list(layout.missing),
-                decimal_point=layout.decimal,
-            ),
-        )
-    except (pa.ArrowException, OSError, ValueError):
-        return None
-    arrays: dict[ColumnRef, Any] = {ref: table.column(str(p)) for ref, p in wanted.places.items()}
-    texts = {ref: arrays.pop(ref).to_pylist() for ref in wanted.texts}
-    numbers = _collected(arrays, wanted.exact)
-    return None if numbers is None else (numbers[0], texts, numbers[1])
-
-
-def _collected(arrays: dict[ColumnRef, Any], exact: ColumnRef | None) -> tuple[dict[ColumnRef, Floats], Decimal] | None:
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    zero = Decimal(0)
-    if exact is not None:
-        first = arrays[exact][0]
-        if not first.is_valid:
-            return None
-        zero = first.as_py()
-        arrays = arrays | {exact: pc.subtract(arrays[exact], first).cast(pa.float64())}
-    return {ref: np.asarray(column_numbers(column), dtype=np.float64) for ref, column in arrays.items()}, zero
-
-
-def _slow(body: NumericBody, layout: TextLayout, width: int, wanted: _Wanted) -> _Read:
-    cells: dict[ColumnRef, list[float]] = {ref: [] for ref in wanted.places if ref not in wanted.texts}
-    texts: dict[ColumnRef, list[str]] = {ref: [] for ref in wanted.texts}
-    stamps: list[Decimal] = []
-    for line, row in body.rows():
-        if is_idle(row, layout.comment):
-            continue
-        words = split_row(row, layout.separator, line)
-        if len(words) != width:
-            raise DecodeError(
-                f"line {line} has {len(words)} cells, but the first row of numbers has {width}: {excerpt(row)}; "
-                "correct the line, or the separator in the profile."
-            )
-        for ref, place in wanted.places.items():
-            if ref in texts:
-                texts[ref].append(words[place])
-            elif ref == wanted.exact:
-                stamps.append(_decimal(words[place], line, ref, layout))
-            else:
-                cells[ref].append(_number(words[place], line, ref, layout))
-    zero = stamps[0] if stamps else Decimal(0)
-    if wanted.exact is not None:
-        cells[wanted.exact] = [float(stamp - zero) for stamp in stamps]
-    return {ref: np.array(values, dtype=np.float64) for ref, values in cells.items()}, texts, zero
 
 
 def _number(cell: str, line: int, ref: ColumnRef, layout: TextLayout) -> float:

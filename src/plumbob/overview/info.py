@@ -1,6 +1,7 @@
 """What a file holds, and its grade."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -78,7 +79,7 @@ class Info(FactsText):
 
 
 def info(
-    what: "Recording | str | Path",
+    what: "Recording | str | Path | Sequence[str | Path]",
     *,
     profile: str | Path | None = None,
     unit: str | None = None,
@@ -88,8 +89,9 @@ def info(
 
     Parameters
     ----------
-    what : Recording or path
-        The recording, or a file: a recording, a track, a calibration card or a noise card.
+    what : Recording, path or sequence of paths
+        The recording, or a file: a recording, a track, a calibration card or a noise card; or files of one recording,
+        with a sensor each.
     profile : path, optional
         What the columns of a text file mean.
     unit : str, optional
@@ -111,6 +113,8 @@ def info(
 
     if isinstance(what, Recording):
         name, recording = what.name, what if unit is None else what.of_unit(unit)
+    elif not isinstance(what, str | PathLike):
+        name, recording = str(what[0]), read(what, profile=profile)
     elif (file := check.path("what", what)).suffix.lower() == ".json":
         return _card(file)
     else:
@@ -186,10 +190,18 @@ def _sensors(imu: Any) -> dict[str, Any]:
         "frame": str(meta.frame) if meta.frame else None,
         "axes": meta.axes,
         "declination_deg": None if meta.declination is None else to_deg(meta.declination),
-        "time": _timing(np.diff(imu.t_ns)),
+        "time": _timing(np.diff(imu.t_ns)) | {"start_utc": _utc(meta.t0_ns)},
         "triads": {name: _triad(imu, name) for name in imu.triads},
         "flags": flags.counts(imu.flags),
     }
+
+
+def _utc(t0_ns: int) -> str | None:
+    """Time as ISO 8601 has it, to the microsecond; None where it is not known."""
+    from datetime import UTC, datetime, timedelta
+
+    moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=t0_ns // 1000)
+    return moment.isoformat().replace("+00:00", "Z") if t0_ns else None
 
 
 def _array(array: Any) -> dict[str, Any]:

@@ -10,10 +10,10 @@ sensor and NaN of the others, and no filter could integrate them. Here the leadi
   filters take as 'no new value'.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,12 +22,12 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ShapeError
 from plumbob.core.text import counted
-from plumbob.core.time import GAP_FACTOR, LONGEST, interpolated, is_gap, rising
+from plumbob.core.time import GAP_FACTOR, LONGEST, interpolated, is_gap
 from plumbob.data import TRIADS, ImuData, ImuMeta
+from plumbob.data.imu import known_rows
+from plumbob.data.recording import Recording
+from plumbob.files.stamps import time_line
 
-DISORDER: Final = 0.01
-"""Share of stamps that may be out of order or repeated before the clock is refused."""
-_FEW = 2
 _SLOW, _FAST = 0.5, 1.5
 
 
@@ -78,7 +78,7 @@ def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | No
     ShapeError
         If no triad is among the streams, or shapes differ.
     ClockError
-        If more than `DISORDER` of a stream's stamps are repeated or out of order.
+        If the time of a stream begins again, or recordings do not overlap.
     """
     ordered, notes = dict[str, tuple[NDArray[np.int64], Floats]](), list[str]()
     for name, stream in streams.items():
@@ -101,8 +101,58 @@ def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | No
     return Joined(imu, rows, tuple(notes))
 
 
+def joined_recordings(parts: Sequence[Recording], name: str) -> Recording:
+    """One recording of sensors that have a file, a topic or rows of their own, by their common clock.
+
+    That is UTC where all know it, and otherwise that of their stamps. Only rows of the leading sensor between the first
+    and the last sample of the others are kept.
+
+    Parameters
+    ----------
+    parts : sequence of Recording
+        Of different triads; at least one.
+    name : str
+        Of the whole.
+
+    Raises
+    ------
+    ShapeError
+        If two of them hold the same triad.
+    ClockError
+        If they do not overlap in time.
+    """
+    samples = [part.imu for part in parts if part.imu is not None]
+    absolute = all(imu.meta.t0_ns for imu in samples)
+    streams: dict[str, Readings] = {}
+    ranges: dict[str, Any] = {}
+    for imu in samples:
+        stamps = imu.t_ns + (imu.meta.t0_ns if absolute else 0)
+        for triad in imu.triads:
+            if triad in streams:
+                raise ShapeError(f"{triad} stands in two of the parts; leave one out, or read them one by one.")
+            streams[triad] = Readings(stamps, getattr(imu, triad))
+            ranges[f"{triad}_range"] = getattr(imu.meta, f"{triad}_range")
+        if imu.temp_c is not None:
+            streams.setdefault("temp_c", Readings(stamps, imu.temp_c))
+    begin = max(int(np.min(stream.t_ns)) for stream in streams.values())
+    end = min(int(np.max(stream.t_ns)) for stream in streams.values())
+    if begin >= end:
+        raise ClockError(
+            f"the sensors do not overlap in time: one begins {(begin - end) / 1e9:.6g} s after another has ended. "
+            "They are of different recordings, or on clocks that nothing relates."
+        )
+    whole = joined(streams, meta=replace(samples[0].meta, **ranges), epoch_ns=0 if absolute else None)
+    dense = [known_rows(getattr(whole.imu, name)) for name in ("gyr", "acc") if getattr(whole.imu, name) is not None]
+    first, last = np.flatnonzero(np.logical_and.reduce(dense) if dense else whole.rows_ns >= begin)[[0, -1]]
+    imu = whole.imu[int(first) : int(last) + 1]
+    t0_ns = int(whole.rows_ns[first]) if absolute else 0
+    imu = replace(imu, t=imu.t - imu.t[0], meta=replace(imu.meta, t0_ns=t0_ns))
+    notes = dict.fromkeys((*(note for part in parts for note in part.notes), *whole.notes))
+    return Recording(imu=imu, name=name, notes=tuple(notes))
+
+
 def _ordered(name: str, stream: Readings, notes: list[str]) -> tuple[NDArray[np.int64], Floats]:
-    """Stamps that increase, with their values; what repeats or goes back is left out, and told."""
+    """Stamps that increase, with their values, and a note where they had to be made so."""
     stamps = np.asarray(stream.t_ns, dtype=np.int64)
     values = np.asarray(stream.values, dtype=np.float64)
     if stamps.ndim != 1 or values.shape[:1] != stamps.shape:
@@ -114,16 +164,9 @@ def _ordered(name: str, stream: Readings, notes: list[str]) -> tuple[NDArray[np.
             f"{name}: its stamps span {span:.4g} s, but a recording has {LONGEST:.0f} s at most; some "
             "stamps are wrong, or they are not in the unit that the format says."
         )
-    mask = rising(stamps)
-    lost = stamps.size - int(mask.sum())
-    if lost > max(_FEW, DISORDER * stamps.size):
-        raise ClockError(
-            f"{name}: {lost} of {stamps.size} stamps repeat or go back; at most {DISORDER:.0%} may. Check its clock, "
-            "or write the rows in the order of time."
-        )
-    if lost:
-        notes.append(f"{name}: {counted(lost, 'sample')} left out, whose stamps repeat or go back")
-    return stamps[mask], values[mask]
+    line = time_line(stamps)
+    notes += (f"{name}: {note.removeprefix('time: ')}" for note in line.notes)
+    return line.t_ns, values
 
 
 def _resampled(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats) -> tuple[Floats, str]:

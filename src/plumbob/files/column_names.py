@@ -1,0 +1,216 @@
+"""What the name of a column says: of which sensor or quantity it is, its axis, and its unit.
+
+A name decides by all of its words: ``Low/Angular Velocity/X`` is a rate, ``Linear Acceleration x`` lacks gravity, and a
+unit of another quantity than the words say makes a column nothing that is used.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from plumbob.core.units import Quantity, canonical_name, is_name
+
+KINDS: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
+_WORDS: Final = {
+    "gyr": re.compile(r"g|w|gyr\w*|omega|angvel|角速度|陀螺\w*"),
+    "acc": re.compile(r"a|f|acc\w*|加速度"),
+    "mag": re.compile(r"m|b|mag\w*|compass|磁\w*"),
+}
+_PHRASES: Final = (
+    ("gyr", re.compile(r"angular (rate|velocity|vel|speed)|rot\w* (rate|velocity)|(roll|pitch|yaw) rate|\brates?\b")),
+    ("acc", re.compile(r"specific force")),
+    ("mag", re.compile(r"magnetic( field)?|^field$|local flux")),
+)
+_WITHOUT_GRAVITY: Final = re.compile(r"\b(linear|lin|free|user|usr)\b")
+_OTHER: Final = re.compile(
+    r"\b(covariance\d*|cov|std|sd|var|bias|offset|setpoint|norm|abs\w*|total|magnitude|gravity|grav|angular acc\w*|"
+    r"temp\w*|status|acc\w* (x|y|z )?(err\w*)|accuracy|error|inc\w*)\b"
+)
+_TIME: Final = re.compile(
+    r"t|ts|.*\b(time|timestamp|stamp|micros|millis|usec|msec|elapsed|epoch|clock|timems|timeus)\b.*|"
+    r"sec\w*|date.*|gps tow|.*\btow\b.*|.*时间.*|zeit.*|temps|tiempo.*"
+)
+_COUNTER: Final = re.compile(
+    r"n|i|no|nr|id|.*\b(sample|samples|count|counter|index|idx|packet|seq|sequence|row|iteration|frame)\b.*|.*序号.*"
+)
+_WEEK: Final = re.compile(r".*\bgps week\b.*|week( no\w*)?")
+_TEMPERATURE: Final = re.compile(r"t(emp)? ?c|.*\btemp\w*\b.*|.*温度.*")
+_QUATERNION: Final = re.compile(r".*\b(q|quat|quaternion|orientation|attitude)\b.*|q|quat")
+_SCALAR: Final = {"w", "s", "scalar", "real"}
+_SUFFIXES: Final = {
+    "ms2": "m/s2", "mps2": "m/s2", "m s2": "m/s2", "m s 2": "m/s2", "m ss": "m/s2", "rads": "rad/s", "radps": "rad/s",
+    "rad s": "rad/s", "degs": "deg/s", "deg s": "deg/s", "ut": "uT", "micros": "us", "millis": "ms", "usec": "us",
+    "msec": "ms",
+}  # fmt: skip
+_NAMED_UNITS: Final = {"micros": "us", "millis": "ms", "usec": "us", "msec": "ms", "nanos": "ns"}
+_ALL: Final = (*KINDS.values(), Quantity.TIME, Quantity.TEMPERATURE, Quantity.ANGLE)
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnName:
+    """A name taken apart.
+
+    Attributes
+    ----------
+    base : str
+        Its words, lower case, without axis and unit.
+    axis : str
+        ``x``, ``y``, ``z``, a number of one, or ``w`` of a quaternion; empty where there is none.
+    unit : str
+        As it stands there.
+    stated : bool
+        Whether brackets or a row of units say the unit, instead of a word of the name.
+    """
+
+    base: str
+    axis: str
+    unit: str
+    stated: bool
+
+    def unit_of(self, kind: Quantity) -> str:
+        """Its unit by our name, where that is one of a quantity."""
+        return canonical(self.unit, kind)
+
+    @property
+    def sensor(self) -> str:
+        """``gyr``, ``acc``, ``mag``, ``linear`` for acceleration without gravity, ``other``, or empty if unknown."""
+        of = [kind for kind in _ALL if self.unit_of(kind)]
+        by_word = _by_word(self.base)
+        if by_word in KINDS:
+            fits = not of or KINDS[by_word] in of
+            return by_word if fits and (of or not self.stated or _may_be_counts(self.unit)) else "other"
+        if by_word or not self.axis or self.base not in _BARE:
+            return by_word
+        return next((name for name, kind in KINDS.items() if kind in of), "")
+
+    @property
+    def is_time(self) -> bool:
+        """Whether it may be time by its words, or by a unit of time."""
+        if self.stated and self.unit and not self.unit_of(Quantity.TIME) and not re.search(r"\d", self.unit):
+            return False
+        return bool(_TIME.fullmatch(self.base)) or (bool(self.unit_of(Quantity.TIME)) and not self.is_counter)
+
+    @property
+    def is_counter(self) -> bool:
+        """Whether it numbers rows."""
+        return (
+            bool(_COUNTER.fullmatch(self.base)) and not _TIME.fullmatch(self.base) and not self.unit_of(Quantity.TIME)
+        )
+
+    @property
+    def is_week(self) -> bool:
+        """Whether it is the number of a GPS week."""
+        return bool(_WEEK.fullmatch(self.base))
+
+    @property
+    def is_temperature(self) -> bool:
+        """Whether it is a temperature."""
+        return bool(_TEMPERATURE.fullmatch(self.base))
+
+    @property
+    def quaternion(self) -> str:
+        """Which component of a quaternion it is: ``w``, ``x``, ``y``, ``z``, or a number; empty for none."""
+        return self.axis if self.axis and _QUATERNION.fullmatch(self.base) else ""
+
+
+_BARE: Final = {"", "axis", "value", "val", "data", "sensor", "imu", "raw", "cal"}
+
+
+def _may_be_counts(unit: str) -> bool:
+    """Whether a unit that is not known leaves open what a sensor counts in."""
+    return unit.strip().lower() not in {
+        "v",
+        "mv",
+        "kpa",
+        "pa",
+        "hpa",
+        "%",
+        "hz",
+        "m",
+        "m/s",
+        "deg",
+        "rad",
+        "bar",
+        "degc",
+    }
+
+
+def _by_word(base: str) -> str:
+    if _WITHOUT_GRAVITY.search(base) and re.search(r"\b(a|acc\w*)\b", base) and not base.startswith("field "):
+        return "linear"
+    for name, phrase in _PHRASES:
+        if phrase.search(base) and not _OTHER.search(base):
+            return name
+    if _OTHER.search(base):
+        return "other"
+    words = base.split()
+    return next((name for name, word in _WORDS.items() if any(_is_word(word, one, words) for one in words)), "")
+
+
+def _is_word(word: re.Pattern[str], one: str, words: Sequence[str]) -> bool:
+    """Whether a word names a sensor; one letter does only alone, or behind the name of a unit."""
+    return bool(word.fullmatch(one)) and (len(one) > 1 or len(words) == 1 or one == words[-1])
+
+
+def canonical(name: str, kind: Quantity) -> str:
+    """Our name of a unit of a quantity; empty where it is none."""
+    plain = re.sub(r"[()\s]", "", name) if "(" in name else name.strip()
+    plain = plain.replace("*s^-2", "/s2").replace("s^-2", "/s2") if "^-2" in plain else plain
+    return canonical_name(plain, kind) if is_name(plain, kind) else ""
+
+
+def taken_apart(name: str, unit: str = "") -> ColumnName:
+    """Take a name apart; `unit` is what a row of units has below it."""
+    index = re.search(r"[\[(](\d)[\])]", name)
+    brackets = [text for text in re.findall(r"[\[(]((?:[^\[\]()]|\([^()]*\))*)[\])]", name) if not text.isdigit()]
+    whole = re.fullmatch(r"\s*[\[(](.*)[\])]\s*", unit)
+    stated = (whole[1] if whole else unit.strip() or (brackets[-1] if brackets else "")).strip()
+    stated = "" if re.fullmatch(r"x[0-9A-Fa-f]{4}", stated) else stated
+    plain = re.sub(r"[\[(].*?[\])]", " ", name)
+    words = [word.lower() for word in re.findall(r"[A-Z]{2,}(?![a-z])|[A-Z]?[a-z]+|[A-Z]|\d+|[^\W\d_A-Za-z]+", plain)]
+    suffix = ""
+    if not stated and len(words) > 1:
+        for count in (3, 2, 1):
+            text = " ".join(words[-count:])
+            if len(words) > count and (suffix := _unit_word(text, plain, count)):
+                words = words[:-count]
+                break
+    if not stated and not suffix and words and words[-1] in _NAMED_UNITS:
+        suffix = _NAMED_UNITS[words[-1]]
+    base, axis = _split_axis(words)
+    axis = index[1] if index and not axis else axis
+    return ColumnName(base, axis, stated or suffix, bool(stated))
+
+
+def _unit_word(text: str, plain: str, count: int) -> str:
+    """Unit that the last words of a name may be, as in ``acc_x_mg``; in its own letters where they are one word."""
+    last = re.split(r"[\W_]+", plain.strip())[-1] if count == 1 else text
+    unit = _SUFFIXES.get(text, last)
+    if count == 1 and len(last) == 1 and last not in {"g", "s"}:
+        return ""
+    return next((name for kind in _ALL[:-1] if (name := canonical(unit, kind))), "")
+
+
+def _split_axis(words: list[str]) -> tuple[str, str]:
+    """What is left of a name without its axis, and the axis: a word of its own, or the last letter or digit."""
+    for i, word in enumerate(words):
+        if word in {"x", "y", "z", "w", *_SCALAR} and (word in "xyz" or len(words) > 1):
+            return " ".join(words[:i] + words[i + 1 :]), "w" if word in _SCALAR else word
+    if words and words[-1] in {"0", "1", "2", "3"} and len(words) > 1:
+        return " ".join(words[:-1]), words[-1]
+    rolls = {"roll": "x", "pitch": "y", "yaw": "z"}
+    for i, word in enumerate(words):
+        if word in rolls and re.search(r"\b(rate|rates|gyr\w*|speed|velocity)\b", " ".join(words)):
+            return " ".join(words[:i] + words[i + 1 :]), rolls[word]
+    last = words[-1] if words else ""
+    stem, letter = last[:-1], last[-1:]
+    if (
+        stem
+        and letter in {"x", "y", "z"}
+        and (stem in {"q", "quat"} or any(w.fullmatch(stem) for w in _WORDS.values()))
+    ):
+        return " ".join([*words[:-1], stem]), letter
+    if letter == "w" and stem in {"q", "quat", "quaternion"}:
+        return " ".join([*words[:-1], stem]), letter
+    return " ".join(words), ""

@@ -1,0 +1,75 @@
+"""Text logs that are known by their names: what their makers say of them and the files do not, for their profiles."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from plumbob.files.sniff import Sample
+
+
+@dataclass(frozen=True, slots=True)
+class KnownLog:
+    """A kind of log.
+
+    Attributes
+    ----------
+    name : str
+        What writes it.
+    names : tuple of str
+        Columns that it has, each a regular expression of a whole name.
+    facts : tuple of str
+        What the lines before the table have, as keys.
+    answers : mapping of str to object
+        Keys of a profile; ``{key}`` is the number that the lines before the table give for it.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    facts: tuple[str, ...]
+    answers: Mapping[str, Any]
+
+    def fits(self, sample: Sample) -> bool:
+        """Whether a file is one."""
+        return all(key in sample.facts for key in self.facts) and all(
+            any(re.fullmatch(pattern, name) for name in sample.names) for pattern in self.names
+        )
+
+    def value(self, answer: Any, sample: Sample) -> Any:
+        """An answer, with what the file itself says put in."""
+        if not isinstance(answer, str) or "{" not in answer:
+            return answer
+        key = answer.strip("{}")
+        return _axes(sample.facts[key]) if key == "orientation" else float(sample.facts[key])
+
+
+def _axes(orientation: str) -> str:
+    """Body axes of Gyroflow's orientation, whose lower case turns the sign [Gyroflow]."""
+    return " ".join(f"{'-' if letter.islower() else ''}{letter.lower()}" for letter in orientation)
+
+
+KNOWN: Final = (
+    KnownLog(
+        "rostopic echo -p",
+        (r"field\.header\.stamp", r"field\.angular_velocity\.x"),
+        (),
+        # REP-103 and REP-145: SI units, ENU, and linear_acceleration is what an accelerometer measures
+        {"time.unit": "ns", "gyr.unit": "rad/s", "acc.unit": "m/s2", "acc.sign": "specific-force",
+         "reference.frame": "ENU"},
+    ),
+    KnownLog(
+        "a Gyroflow log",
+        ("t", "gx", "gy", "gz"),
+        ("gyroflow imu log", "tscale", "gscale"),
+        {"time.unit": "s", "time.unit_per_count": "{tscale}", "gyr.unit": "rad/s", "gyr.unit_per_count": "{gscale}",
+         "acc.unit": "g", "acc.unit_per_count": "{ascale}", "mag.unit": "gauss", "mag.unit_per_count": "{mscale}",
+         "axes": "{orientation}"},
+    ),
+    KnownLog(
+        "Movella DOT",
+        ("SampleTimeFine", "PacketCounter", "Acc_X|FreeAcc_X|Quat_W|Euler_X"),
+        ("devicetag",),
+        {"time.unit": "us", "gyr.unit": "deg/s", "acc.unit": "m/s2", "acc.sign": "specific-force",
+         "reference.frame": "ENU"},
+    ),
+)  # fmt: skip

@@ -1,0 +1,174 @@
+"""One time line of whatever stamps a file has: they repeat, are coarse, jitter or wrap, and every sample is kept.
+
+Samples come in the order in which they were taken; a stamp says when somebody wrote it down. Where stamps increase they
+are taken as they are. Otherwise, in this order:
+
+- a counter that begins again at a power of two, or a clock at midnight or at the end of the week, goes on;
+- stamps that repeat or go back by less than they jitter become an even clock: the straight line through the stamps of
+  each stretch without a gap, as long as no sample moves by more than a stamp's own coarseness allows; else the samples
+  between two different stamps are spread evenly between these;
+- a clock that begins again is another recording, and is refused with its row.
+"""
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import ClockError
+from plumbob.core.text import counted
+from plumbob.core.time import GAP_FACTOR
+
+_COUNTERS: Final = tuple(float(1 << bits) for bits in (8, 12, 16, 24, 32))
+WEEK: Final = 604_800
+"""Seconds."""
+_PERIODS_NS: Final = {"midnight": 86_400e9, "the end of the week": WEEK * 1e9}
+_GPS_EPOCH: Final = 315_964_800
+_LEAPS: Final = (
+    46828800, 78364801, 109900802, 173059203, 252028804, 315187205, 346723206, 393984007, 425520008, 457056009,
+    504489610, 551750411, 599184012, 820108813, 914803214, 1025136015, 1119744016, 1167264017,
+)  # fmt: skip
+"""GPS time, s, at which a leap second had been added to UTC (IERS Bulletin C; none since 2017)."""
+
+
+_JITTERING: Final = 0.25
+"""Share of the steps that go back where stamps jitter by a whole step (standard deviation, Gaussian: 0.24)."""
+
+
+class Line(NamedTuple):
+    """Times (N,), ns, that increase, and what was done to have them, a sentence each."""
+
+    t_ns: NDArray[np.int64]
+    notes: tuple[str, ...]
+
+
+def _row(row: int) -> str:
+    return f"row {row + 1}"
+
+
+def time_line(stamps: Floats | NDArray[np.int64], unit_ns: float = 1.0, place: Callable[[int], str] = _row) -> Line:
+    """Times of samples by their stamps.
+
+    Parameters
+    ----------
+    stamps : ndarray (N,)
+        In the order of the samples.
+    unit_ns : float
+        What one of them is, ns.
+    place : callable
+        Says for messages where a row is, which counts from 0.
+
+    Raises
+    ------
+    ClockError
+        If a stamp is not a number, all are one, or time begins again.
+    """
+    if not np.isfinite(stamps).all():
+        raise ClockError(f"{place(int(np.argmin(np.isfinite(stamps))))} has no time stamp.")
+    zero = stamps[0] if stamps.size else 0
+    values = np.asarray(stamps - zero, dtype=np.float64)  # ns since 1970 are more than float64 holds
+    notes: list[str] = []
+    if not (np.diff(values) > 0.0).all():
+        ahead, notes = _turns(values, float(zero), unit_ns, place)
+        values = values + ahead
+    t_ns = np.rint(values * unit_ns).astype(np.int64)
+    if not (np.diff(t_ns) > 0).all():
+        t_ns, how = _even(t_ns, place)
+        notes.append(how)
+    return Line(t_ns + (int(zero) if unit_ns == 1.0 else round(float(zero) * unit_ns)), tuple(notes))
+
+
+def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], str]) -> tuple[Floats, list[str]]:
+    """What to add to the values of a counter that began again; zeros where none of the known lengths explains it.
+
+    A length explains a step back if what is then left is a step forward no longer than those that the file has.
+    """
+    steps = np.diff(values)
+    forward = steps[steps > 0.0]
+    if not forward.size:
+        raise ClockError(f"all {values.size} time stamps are {zero:g}, so nothing says when a sample was taken.")
+    longest = max(float(forward.max()), GAP_FACTOR * float(np.median(forward)))
+    far = steps < -longest
+    far[:-1] &= ~(steps[1:] > -0.5 * steps[:-1])  # a single stamp that is wrong, and the clock goes on behind it
+    if not far.any():
+        return np.zeros(values.size), []
+    whole = bool((values == np.rint(values)).all()) and zero == np.rint(zero)
+    lengths = {f"{length:.0f}": length for length in _COUNTERS if whole and values.max() + zero < length}
+    lengths |= {name: period / unit_ns for name, period in _PERIODS_NS.items()}
+    for name, length in lengths.items():
+        left = steps[far] + length
+        if ((left > 0.0) & (left <= longest)).all():
+            ahead = np.concatenate(([0.0], np.cumsum(far))) * length
+            times = counted(int(far.sum()), "time")
+            return ahead, [f"time: the stamps begin again at {name}, {times}, and were counted on"]
+    row = 1 + int(np.argmax(far))
+    raise ClockError(
+        f"time begins again at {place(row)}: {values[row - 1] + zero:.10g} is followed by {values[row] + zero:.10g}. "
+        "The file holds two recordings, or another column is time; give the rows from there on a file of their own."
+    )
+
+
+def _even(t_ns: NDArray[np.int64], place: Callable[[int], str]) -> tuple[NDArray[np.int64], str]:
+    """Times that increase, through stamps that repeat or go back a little, and how far they were moved."""
+    forward = np.diff(t_ns)
+    repeated = int(np.count_nonzero(forward <= 0))
+    coarse = float(np.median(forward[forward > 0]))  # of stamps that repeat, what they are rounded to
+    stamps, alone = _without_single(t_ns, GAP_FACTOR * coarse)
+    steps = np.diff(stamps)
+    usual = max(float(np.mean(steps[np.abs(steps) <= GAP_FACTOR * coarse])), 1.0)
+    room = GAP_FACTOR * max(coarse, usual)
+    edges = [0, *(np.flatnonzero(steps > room) + 1).tolist(), stamps.size]
+    even = np.empty(stamps.size)
+    for first, end in pairwise(edges):
+        even[first:end] = _stretch(stamps[first:end], usual, coarse)
+    moved = np.abs(even - stamps)
+    if moved.max() > room or np.count_nonzero(forward < 0) > _JITTERING * t_ns.size:
+        row = int(np.argmax(moved))
+        raise ClockError(
+            f"{repeated} of {t_ns.size} time stamps repeat or go back, and not as a clock jitters: about {place(row)} "
+            f"no even clock fits them within {moved[row] / 1e9:.3g} s. Check which column is the time of the samples."
+        )
+    times = np.rint(even).astype(np.int64)
+    while (back := np.flatnonzero(np.diff(times) <= 0)).size:  # where two stretches meet
+        times[back + 1] = times[back] + 1
+    rate = 1e9 * (times.size - 1) / float(times[-1] - times[0])
+    single = f", {counted(alone, 'stamp')} alone far off" if alone else ""
+    return times, (
+        f"time: {repeated} of {t_ns.size} stamps repeat or go back{single}; the samples are on an even clock fitted to "
+        f"the stamps, {rate:.6g} Hz on the mean, and none was moved by more than {moved.max() / 1e6:.3g} ms"
+    )
+
+
+def _without_single(t_ns: NDArray[np.int64], room: float) -> tuple[NDArray[np.int64], int]:
+    """Stamps of which single ones that lie far off their neighbours are in the middle of these, and how many."""
+    before, at, behind = t_ns[:-2], t_ns[1:-1], t_ns[2:]
+    near = np.abs(behind - before) <= 2.0 * room
+    off = near & (np.maximum(before - at, at - behind) > room)
+    stamps = t_ns.copy()
+    stamps[1:-1][off] = before[off] + (behind[off] - before[off]) // 2
+    return stamps, int(np.count_nonzero(off))
+
+
+def _stretch(t_ns: NDArray[np.int64], usual: float, coarse: float) -> Floats:
+    """Times of samples without a gap: on a line, or between different stamps where the rate changes."""
+    place = np.arange(t_ns.size, dtype=np.float64)
+    offset = t_ns - float(t_ns[0])
+    if t_ns.size < 3:
+        return float(t_ns[0]) + usual * place
+    rate, start = np.polyfit(place, offset, 1)
+    line = start + rate * place
+    if rate > 0.0 and np.abs(line - offset).max() <= 2.0 * max(coarse, usual):
+        return np.asarray(float(t_ns[0]) + line)
+    highest = np.maximum.accumulate(offset)
+    first = np.flatnonzero(np.diff(highest, prepend=-1.0) > 0.0)
+    ends = np.append(highest[first], highest[-1] + usual)
+    return np.asarray(float(t_ns[0]) + np.interp(place, np.append(first, t_ns.size), ends))
+
+
+def utc_of_gps(week: int, tow_ns: int) -> int:
+    """UTC, ns since 1970, of a time in a GPS week, ns, by the leap seconds that had been added then."""
+    seconds = week * WEEK + tow_ns // 10**9
+    return (_GPS_EPOCH + week * WEEK - sum(leap <= seconds for leap in _LEAPS)) * 10**9 + tow_ns
