@@ -32,7 +32,15 @@ def test_figures_of_time_and_of_a_triad(tmp_path):
     found = facts(file)["sensors"]
     scatter_us = 1e3 * math.sqrt(800.0) / 3.0
     assert found["time"] == pytest.approx(
-        {"samples": 4, "duration_s": 0.05, "rate_hz": 100.0, "jitter_us": scatter_us, "gaps": 0, "longest_step_s": 0.03}
+        {
+            "samples": 4,
+            "duration_s": 0.05,
+            "rate_hz": 100.0,
+            "jitter_us": scatter_us,
+            "gaps": 0,
+            "longest_step_s": 0.03,
+            "start_utc": None,
+        }
     )
     assert found["triads"]["acc"]["mean"] == pytest.approx([1.0, -1.0, 6.25])
     assert found["triads"]["acc"]["std"] == pytest.approx([math.sqrt(v) for v in (3.0, 3.5, 7.6875)])
@@ -66,7 +74,7 @@ def test_what_is_marked_or_not_known_does_not_count(tmp_path):
 
 def test_provenance_on_the_terminal_and_findings_once(tmp_path):
     file = tmp_path / "log.csv"
-    file.write_text("t,x,y,z\n0,0,0,-9.8\n0.01,0,0,-9.9\n0.02,0,0,-9.", encoding="utf-8")
+    file.write_text("t,x,y,z\n0,0,0,-9.8\n0.01,0,0,-9.9\n0.02,0,0", encoding="utf-8")
     file.with_suffix(".toml").write_text(
         """separator = ","
 header.names = true
@@ -78,7 +86,7 @@ acc = { columns = ["x", "y", "z"], unit = "m/s2", sign = "gravity" }
     said = ok("info", file)
     for part in ("log.toml", "acc was negated"):
         assert part in said.stdout
-    for part in ("cut: line 4, the last,", "calibration: "):
+    for part in ("cut: line 4, the last, is cut", "calibration: "):
         assert said.stderr.count(part) == 1
     noted = [line for line in said.stdout.splitlines() if line.startswith("note ")]
     assert noted

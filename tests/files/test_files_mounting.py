@@ -90,7 +90,7 @@ STAMPS = [
 ]
 UNREADABLE = [  # the second after a comment, which counts as a line
     *((rows(["2024-05-01T12:30:05Z"]) + f"#\n{second},1,2,3\n", COMMENTED, match) for second, match in STAMPS),
-    (rows(["23:59:59", "00:00:01"]), HEAD + ISO + GYR, "increas", ClockError),
+    (rows(["23:59:59", "00:00:01"]), HEAD + ISO + GYR, "no time stamp is later", ClockError),
     (rows(["2024-05-01T12:30:05Z"]), HEAD + SECONDS + GYR, r'declare \[time\] format = "ISO 8601"'),
     (rows(["2024-05-01T12:30:05Z"]), HEAD + ISO + 'zone = "+08:00"\n' + GYR, "names its zone itself"),
 ]

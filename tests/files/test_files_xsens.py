@@ -89,7 +89,7 @@ REFUSED = [
     (OLD, TIMED, [[1, "x", *VALUES]] * 5, "line 6, column 'Sample"),
     (OLD, COUNTED, [[1.5, *VALUES]] * 5, "whole numbers from 0 to 65535"),
     (OLD, COUNTED, [["", *VALUES]] * 5, "neither SampleTimeFine nor"),
-    (OLD, COUNTED, [[7, *VALUES]] * 5, "repeat or go back", ClockError),
+    (OLD, COUNTED, [[7, *VALUES]] * 5, "all 5 time stamps are 0", ClockError),
     # microseconds, as Xsens DOT has them
     (OLD, TIMED, [[i, 10_000 * i, *VALUES] for i in range(10)], "100 Hz", ClockError),
 ]

@@ -167,7 +167,8 @@ def load_static(
 ) -> StaticRecord:
     """Open a file; a recording is read, plain numbers are read in blocks when they are asked for.
 
-    A text is a recording where a profile is given or lies beside it, and plain numbers otherwise.
+    A text is a recording where a profile is given or lies beside it, or its form is known, as a phone app's; otherwise
+    it is plain numbers.
 
     Parameters
     ----------
@@ -219,5 +220,6 @@ def is_recording(file: Path, profile: Path | None, kind: str | None) -> bool:
         return False
     suffix = file.suffix.lower()
     if suffix in TEXT_SUFFIXES:
-        return profile is not None or any(beside.is_file() for beside in sidecars(file))
+        described = profile is not None or any(beside.is_file() for beside in sidecars(file))
+        return described or files.is_known_log(file)
     return suffix not in SUFFIXES and files.is_recording(file)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
-    from plumbob.files.formats import FORMATS, FileFormat, is_recording, kind_of, read, write
+    from plumbob.files.formats import FORMATS, FileFormat, is_known_log, is_recording, kind_of, read, write
     from plumbob.files.numbers import Numbers, open_numbers
     from plumbob.files.profile import Profile
     from plumbob.files.profile_toml import load_profile, parse_profile
@@ -17,6 +17,7 @@ __getattr__, __dir__ = lazily(
         "FileFormat": "formats",
         "Numbers": "numbers",
         "Profile": "profile",
+        "is_known_log": "formats",
         "is_recording": "formats",
         "kind_of": "formats",
         "load_profile": "profile_toml",
@@ -32,6 +33,7 @@ __all__ = [
     "FileFormat",
     "Numbers",
     "Profile",
+    "is_known_log",
     "is_recording",
     "kind_of",
     "load_profile",

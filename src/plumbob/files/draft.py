@@ -19,7 +19,6 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
-from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import ARRAYS, existing_file, reading, write_text
 from plumbob.core.text import FactsText
@@ -125,13 +124,11 @@ def profile(
     for file in files:
         with reading(file):
             if file.suffix.lower() in ARRAYS:
-                from plumbob.files.foreign.tables import listed
+                from plumbob.files.foreign.tables import array_sample
 
-                raise DecodeError(
-                    f"profiles of arrays are not drafted; {guide('vendor-files.md')} shows one to fill in. The file "
-                    f"holds {listed(file)}."
-                )
-            sample = read_sample(file)
+                sample = array_sample(file)
+            else:
+                sample = read_sample(file)
             parts = _by_sensor(sample) if len(files) == 1 else []
             names = file.name if len(files) > 1 else ""
             streams += [_DraftWriter(file.name, *one, stream=names or "*") for one in parts] or [
@@ -397,14 +394,10 @@ class _DraftWriter:
                 "# A '?' asks you: correct what stands behind it and delete the '?'; a number or true loses its",
                 "# quotes. The file is read once no '?' is left. Every key: docs/file-formats.md.",
             ]
-        self._set("separator", {"\t": "tab"}.get(layout.separator, layout.separator), f"{self._sample.width} columns")
-        self._set("decimal", layout.decimal)
-        if layout.encoding != "utf-8":
-            self._set("encoding", layout.encoding, "it is not UTF-8", ask=layout.encoding != "utf-16", sure=True)
-        if layout.comment:
-            self._set("comment", layout.comment, "lines that begin so are left out")
-        if layout.missing != type(layout)(separator=",").missing:
-            self._set("missing", layout.missing, "cells without a value")
+        if not layout.separator:
+            self._set("arrays", True, "columns are those of named arrays")
+        else:
+            self._write_layout(layout)
         if self._has("frame") or not self._accept:
             self._set("frame", "", "ENU, NED or NWU: the frame of the attitude", ask=True)
         axes = "body x, y, z in the axes of the sensor case; left-handed ones: own-csv.md"
@@ -416,7 +409,18 @@ class _DraftWriter:
             )
         if unused := [self._names[i] or f"column {i + 1}" for i in self._free() if i != self._temperature]:
             self._lines.append(f"# Not used: {_one_line(', '.join(unused))}")
-        self._write_header(layout)
+        if layout.separator:
+            self._write_header(layout)
+
+    def _write_layout(self, layout: TextLayout) -> None:
+        self._set("separator", {"\t": "tab"}.get(layout.separator, layout.separator), f"{self._sample.width} columns")
+        self._set("decimal", layout.decimal)
+        if layout.encoding != "utf-8":
+            self._set("encoding", layout.encoding, "it is not UTF-8", ask=layout.encoding != "utf-16", sure=True)
+        if layout.comment:
+            self._set("comment", layout.comment, "lines that begin so are left out")
+        if layout.missing != type(layout)(separator=",").missing:
+            self._set("missing", layout.missing, "cells without a value")
 
     def _write_header(self, layout: TextLayout) -> None:
         self._open("header")

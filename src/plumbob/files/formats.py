@@ -306,6 +306,12 @@ def is_recording(path: Path) -> bool:
     return any(kind.accepts(path) for kind in candidates if kind.accepts is not None)
 
 
+def is_known_log(file: Path) -> bool:
+    """Whether a text file is of a form that is known by its content and needs no profile."""
+    kinds = [kind for kind in FORMATS if file.suffix.lower() in kind.suffixes and kind.accepts is not None]
+    return any(kind.accepts(file) for kind in kinds if kind.accepts is not None)
+
+
 def _by_suffix(path: Path) -> list[FileFormat]:
     """Formats that a suffix may mean."""
     if formats := [kind for kind in FORMATS if path.suffix and path.suffix.lower() in kind.suffixes]:

@@ -21,7 +21,7 @@ class KnownLog:
     facts : tuple of str
         What the lines before the table have, as keys.
     answers : mapping of str to object
-        Keys of a profile; ``{key}`` is the number that the lines before the table give for it.
+        Keys of a profile; ``{key}`` is what the lines before the table give for it.
     """
 
     name: str
@@ -39,8 +39,10 @@ class KnownLog:
         """An answer, with what the file itself says put in."""
         if not isinstance(answer, str) or "{" not in answer:
             return answer
-        key = answer.strip("{}")
-        return _axes(sample.facts[key]) if key == "orientation" else float(sample.facts[key])
+        said = sample.facts[answer.strip("{}")]
+        if answer == "{orientation}":
+            return _axes(said)
+        return float(said) if re.fullmatch(r"[-+.\deE]+", said) else said.split()[0]
 
 
 def _axes(orientation: str) -> str:
@@ -64,6 +66,13 @@ KNOWN: Final = (
         {"time.unit": "s", "time.unit_per_count": "{tscale}", "gyr.unit": "rad/s", "gyr.unit_per_count": "{gscale}",
          "acc.unit": "g", "acc.unit_per_count": "{ascale}", "mag.unit": "gauss", "mag.unit_per_count": "{mscale}",
          "axes": "{orientation}"},
+    ),
+    KnownLog(
+        "MT Manager",
+        ("PacketCounter", "Acc_X|Gyr_X"),
+        ("coordinate system", "deviceid"),
+        {"frame": "{coordinate system}", "gyr.unit": "rad/s", "acc.unit": "m/s2", "acc.sign": "specific-force",
+         "mag.unit": "relative"},
     ),
     KnownLog(
         "Movella DOT",

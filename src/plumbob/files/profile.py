@@ -13,6 +13,9 @@ ColumnRef = int | str
 NO_COLUMN: Final = "none"
 """Stands for the column of an axis that the sensor does not have."""
 
+BLANK: Final = "blank"
+"""Separator of rows in which each single blank is one, so that cells may be empty."""
+
 AS_MOUNTED: Final = "x y z"
 """Axes that change nothing."""
 
@@ -24,7 +27,7 @@ class TextLayout:
     Attributes
     ----------
     separator : str
-        Between cells: comma, semicolon, tab, or a blank for runs of blanks and tabs.
+        Between cells: comma, semicolon, tab, a blank for runs of blanks and tabs, or ``blank`` for each single one.
     decimal : str
         Point or comma.
     encoding : str

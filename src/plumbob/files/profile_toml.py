@@ -19,6 +19,7 @@ from plumbob.data import TRIADS, Range
 from plumbob.files.columns import FORM, zone_ns
 from plumbob.files.profile import (
     AS_MOUNTED,
+    BLANK,
     ColumnRef,
     GroupSource,
     Profile,
@@ -35,7 +36,7 @@ GUIDE: Final = guide("file-formats.md")
 VERSION: Final = 1
 
 _EXAMPLE = {"gyr": "deg/s", "acc": "g", "mag": "uT", "temperature": "degC", "time": "s", "reference": "deg"}
-_SEPARATORS = {",": ",", ";": ";", "tab": "\t", "\t": "\t", "\\t": "\t", " ": " "}  # TOML's '\t' is two characters
+_SEPARATORS = {name: name for name in (",", ";", " ", "\t", BLANK)} | {"tab": "\t", "\\t": "\t"}
 _ORDERS = {"wxyz": 4, "xyzw": 4, "yaw pitch roll": 3}
 _META = ("device", "axes", "frame", "north", "declination", "rate_nominal", "t0_ns", "calibration", "unit_check")
 _INNER = {"bias": 3, "covariance": 9}
@@ -216,7 +217,10 @@ def _absent(where: str, key: str) -> PlumbobError:
 
 def _separator(where: str, value: Any) -> str:
     if not isinstance(value, str) or value not in _SEPARATORS:
-        raise DecodeError(f"{where} must be one of ',', ';', 'tab' and ' ' (blanks), but it is {excerpt(str(value))}.")
+        raise DecodeError(
+            f"{where} must be one of ',', ';', 'tab', ' ' (runs of blanks) and '{BLANK}' (each one), but it is "
+            f"{excerpt(str(value))}."
+        )
     return _SEPARATORS[value]
 
 

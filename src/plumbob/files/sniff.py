@@ -18,7 +18,7 @@ from plumbob.core.errors import DecodeError
 from plumbob.core.units import Quantity
 from plumbob.files.column_names import canonical
 from plumbob.files.columns import is_clocklike
-from plumbob.files.profile import TextLayout
+from plumbob.files.profile import BLANK, TextLayout
 from plumbob.files.text_head import split_row
 
 READ: Final = 1 << 20
@@ -27,6 +27,8 @@ TRIED: Final = 1000
 """Lines with which every layout is tried."""
 FEWEST: Final = 3
 """Rows that make a table."""
+ROWS: Final = 4000
+"""Rows of arrays that are looked at."""
 MISSING: Final = ("", "NaN", "nan", "--", "null", "NULL", "N/A", "1.#QNAN")
 _COMMENTS: Final = ("#", "%", "//")
 _NUMBER: Final = {
@@ -224,6 +226,13 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
         units = tuple(split)
     at, line = before[-2 if units else -1] if before else (0, "")
     bare = line.lstrip("#%/ ")
+    if table.separator == " " and before and len(apart := bare.split(" ")) > width:
+        rows = [lines[i].split(" ") for i in table.lines]
+        if all(len(row) == len(apart) for row in rows):  # each blank separates, and cells are empty
+            table, width = (
+                _SniffedTable(BLANK, table.decimal, table.first, rows, table.readable, table.lines),
+                len(apart),
+            )
     names = _names(bare, table.separator, width) if before else ()
     marked = names and bare != line
     skip = at if names else table.first if any(not line.startswith(_COMMENTS) for _, line in before) else 0

@@ -89,7 +89,12 @@ def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], s
     steps = np.diff(values)
     forward = steps[steps > 0.0]
     if not forward.size:
-        raise ClockError(f"all {values.size} time stamps are {zero:g}, so nothing says when a sample was taken.")
+        which = (
+            f"all {values.size} time stamps are {zero:g}"
+            if not steps.any()
+            else "no time stamp is later than the one before"
+        )
+        raise ClockError(f"{which}, so nothing says when a sample was taken. Check which column is time.")
     longest = max(float(forward.max()), GAP_FACTOR * float(np.median(forward)))
     far = steps < -longest
     far[:-1] &= ~(steps[1:] > -0.5 * steps[:-1])  # a single stamp that is wrong, and the clock goes on behind it

@@ -4,7 +4,7 @@ import csv
 from dataclasses import dataclass
 
 from plumbob.core.errors import DecodeError, excerpt, one_line
-from plumbob.files.profile import TextLayout
+from plumbob.files.profile import BLANK, TextLayout
 
 
 def single_blanks(text: str) -> str:
@@ -93,6 +93,8 @@ def split_row(row: str, separator: str, line: int) -> list[str]:
         )
     if separator == " ":
         return row.split()
+    if separator == BLANK:
+        return row.rstrip("\r").split(" ")
     if '"' not in row:
         return row.split(separator)
     try:

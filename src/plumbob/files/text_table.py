@@ -19,7 +19,7 @@ from plumbob.core.text import counted
 from plumbob.data.recording import CUT
 from plumbob.files.arrow import column_numbers
 from plumbob.files.columns import FORM, is_clocklike
-from plumbob.files.profile import ColumnRef, TextLayout
+from plumbob.files.profile import BLANK, ColumnRef, TextLayout
 from plumbob.files.text_head import Head, decode, find_head, is_idle, single_blanks, split_row
 
 _EXACT = (30, 9)  # digits, and digits after the point, of a decimal that keeps nanoseconds since 1970
@@ -100,7 +100,7 @@ class _Reading:
             table = csv.read_csv(
                 source,
                 read_options=csv.ReadOptions(column_names=names),
-                parse_options=csv.ParseOptions(delimiter=self.layout.separator),
+                parse_options=csv.ParseOptions(delimiter=self.layout.separator.replace(BLANK, " ")),
                 convert_options=csv.ConvertOptions(
                     column_types=types,
                     include_columns=list(types),

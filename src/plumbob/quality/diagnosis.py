@@ -15,7 +15,7 @@ from plumbob.data.imu import TITLES
 from plumbob.quality.arrangement import VectorFit, fit
 from plumbob.quality.derotated import fit_force
 from plumbob.quality.moments import ARRANGEMENTS
-from plumbob.quality.units import UNITS, unit_odds
+from plumbob.quality.units import UNITS, rate_error, unit_odds
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report, Reported
 from plumbob.rotations import axes_letters, signed_axes
@@ -37,6 +37,8 @@ _MATTERS: Final = float(deg(1.0))
 """Angle by which a delay turns a vector at the usual rate, rad, above which it is worth a line of the profile."""
 _FEWEST: Final = 100
 _SLOWEST, _FASTEST = 0.003, 30.0  # usual rates of bodies that turn at all, rad/s
+_GAIN: Final = math.log(1.03)
+"""What the gain of a gyroscope may be off by, of parts as they leave the line (MPU-6000: ±3 %, PS-MPU-6000A, 6.1)."""
 _VAGUE: Final = 0.3
 _VAGUE_DELAY: Final = 0.05  # s
 _LEAST_DIP: Final = 0.17
@@ -314,6 +316,13 @@ class Examination:
                 self._find(name, "axes", Trust.UNKNOWN, "contradiction", 0.0, why=why)
             return
         turns = {name: sensor.axes for name, sensor in trusted.items()}
+        apart = len(trusted) == 2 and not (turns["acc"] == turns["mag"]).all()
+        if apart and answer is Trust.LIKELY and not any(sensor.usual for sensor in trusted.values()):
+            for name, sensor in trusted.items():
+                why = "gyroscope, accelerometer and magnetometer all contradict each other, so no two can be believed"
+                self._find(name, "axes", Trust.UNKNOWN, "contradiction", 0.0, why=why)
+                sensor.answer = Trust.UNKNOWN
+            return
         reference = np.eye(3)
         if len(trusted) == 2 and (turns["acc"] == turns["mag"]).all():
             reference = turns["acc"]
@@ -459,6 +468,9 @@ class Examination:
                 name, "unit", Trust.UNKNOWN, f"no unit in use; multiply by {odds.factor:.4g}", 0.0, wrong=True, why=by
             )
             return
+        if name == "gyr" and abs(rest := rate_error(size, odds.unit, declared)) > _GAIN + 3.0 * sd:
+            self._factor(size, sd, sure, rest if odds.unit == declared else math.log(size), by)
+            return
         answer = sure if odds.log_odds >= CERTAIN else Trust.LIKELY if odds.log_odds >= _HINT else Trust.UNKNOWN
         wrong = odds.unit != declared and (answer is not Trust.UNKNOWN or odds.declared_odds < -CERTAIN)
         value = f"unit = '{odds.unit}'" if answer is not Trust.UNKNOWN else f"'{odds.unit}' or '{odds.next}'"
@@ -471,6 +483,17 @@ class Examination:
             self.lines.setdefault(name, []).append(f"unit_per_count = {counts * odds.factor:.6g}")
         elif wrong:
             self.lines.setdefault(name, []).append(f'unit = "{odds.unit}"')
+
+    def _factor(self, size: float, sd: float, sure: Trust, rest: float, by: str) -> None:
+        """Rates that are wrong by a factor that no unit explains: units are exact, and gains are not so far off."""
+        what = (
+            "the full scale, the sampling rate or the unit of time (time.unit; or a counter of samples taken for time)"
+        )
+        if sure is not Trust.SURE:
+            self._find("gyr", "unit", Trust.UNKNOWN, f"perhaps × {size:.3g} ± {size * sd:.2g}", 0.0, why=by)
+            return
+        value = f"no unit, but × {size:.3g} ± {size * sd:.2g}: {what} is wrong"
+        self._find("gyr", "unit", Trust.SURE, value, 0.5 * (rest / max(sd, _GAIN)) ** 2, wrong=True, why=by)
 
     def _delay(self, sensor: _Sensor) -> None:
         fitted = sensor.found

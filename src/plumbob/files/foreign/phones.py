@@ -162,7 +162,15 @@ _SECONDS: Final = re.compile(r".* \(s\)")
 
 
 def _is_phyphox(name: str, names: tuple[str, ...]) -> bool:
-    return bool(names) and _SECONDS.fullmatch(names[0]) is not None and bool(_phyphox_triads(name, names))
+    """Whether all names are as the app writes them: in its units, and axes behind a sensor's name in small letters."""
+    if not names or _SECONDS.fullmatch(names[0]) is None or not _phyphox_triads(name, names):
+        return False
+    axes = [_PHYPHOX_COLUMN.fullmatch(column) for column in names[1:]]
+    return all(
+        match["unit"].lower() in _PHYPHOX_UNITS and (match["axis"].islower() or not match["what"])
+        for match in axes
+        if match
+    )
 
 
 def _phyphox_triads(name: str, names: tuple[str, ...]) -> list[tuple[str, list[str]]]:

@@ -12,6 +12,7 @@ The stamp in a message's header is when it was measured, and leads; when the rec
 stamp was set. Stamps are UTC where they lie behind the year 2001; earlier ones are of a simulation or since power-on.
 """
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
@@ -31,7 +32,7 @@ from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import ros_bags
-from plumbob.files.foreign.join import Readings, joined
+from plumbob.files.foreign.join import Readings, joined, joined_recordings
 from plumbob.files.foreign.ros_bags import Bag, MessageTable, Topic
 from plumbob.files.mcap import layout
 from plumbob.rotations import Frame, North, dcm_from_quat, quat_from_xyzw
@@ -57,6 +58,8 @@ _WORLD: Final = (
     "; yaw counts from magnetic north if the unit uses a magnetometer (REP 145), which is not said: North is free"
 )
 _LISTED: Final = 12
+_FEW: Final = 3
+_SENSOR: Final = re.compile(r"(gyro?(scope)?|accel(erometer)?)")
 _UNSET: Final = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -205,8 +208,37 @@ class _RosImu:
     notes: list[str]
 
 
+def _measured(table: MessageTable) -> dict[str, Floats]:
+    """Triads that an IMU's messages hold: neither absent by their covariance nor exactly zero in every one.
+
+    A driver that has no value leaves zeros, and no sensor measures exactly zero throughout.
+    """
+    triads = {}
+    for key, at, said in (("gyr", 13, 16), ("acc", 25, 28)):
+        values = _present(table.numbers[:, at : at + 3], table.numbers[:, said])
+        if np.isfinite(values).any() and (np.nan_to_num(values).any() or len(values) < _FEW):
+            triads[key] = values
+    return triads
+
+
+def _is_one(chosen: list[Topic], tables: list[MessageTable]) -> bool:
+    """Whether topics are one IMU, whose triads come apart: none twice, in one frame or under one name."""
+    triads = [triad for table in tables for triad in _measured(table)]
+    names = {_SENSOR.sub("", topic.name) for topic in chosen}
+    frames = {_SENSOR.sub("", frame) for table in tables for frame in table.frames}
+    whole = len(set(triads)) == len(triads) >= len(tables)
+    return whole and all(map(_measured, tables)) and (len(names) == 1 or len(frames) == 1)
+
+
 def _of_imus(chosen: list[Topic], topics: list[Topic], name: str) -> Recording:
     tables = [ros_bags.table(topic) for topic in chosen]
+    if len(chosen) > 1 and _is_one(chosen, tables):
+        units = [_unit(topic, table, topics) for topic, table in zip(chosen, tables, strict=True)]
+        parts = [Recording(imu=unit.imu, notes=tuple(unit.notes)) for unit in units if unit.imu is not None]
+        whole = joined_recordings(parts, name)
+        used = [topic for unit in units for topic in unit.used]
+        one = f"{_listed(chosen)} are one IMU, whose sensors have topics of their own"
+        return replace(whole, notes=(CONVENTIONS, one, *whole.notes, *_left_out(topics, used)))
     if len(chosen) > 1:
         first = _stamps(chosen[0], tables[0])[0]
         for topic, table in zip(chosen, tables, strict=True):
@@ -235,13 +267,9 @@ def _unit(topic: Topic, table: MessageTable, topics: list[Topic]) -> _RosImu:
     if len(table.frames) > 1:
         raise DecodeError(f"{topic.name}: its messages are in the frames {', '.join(table.frames[:5])}, not in one.")
     numbers, epoch, used = table.numbers, _epoch(stamps, notes), [topic]
-    streams = {}
-    for key, at, said in (("gyr", 13, 16), ("acc", 25, 28)):
-        values = _present(numbers[:, at : at + 3], numbers[:, said])
-        if np.isfinite(values).any():
-            streams[key] = Readings(stamps, values)
-        else:
-            notes.append(f"{topic.name}: no {key}, by its covariance")
+    streams = {key: Readings(stamps, values) for key, values in _measured(table).items()}
+    for key in sorted({"gyr", "acc"} - set(streams)):
+        notes.append(f"{topic.name}: no {key}: absent by its covariance, or exactly zero in every message")
     track = _orientation(topic, table, stamps, notes)
     if not streams:
         if track is None:

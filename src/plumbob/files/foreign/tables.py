@@ -9,6 +9,7 @@ its longer side is that of time.
 import io
 import re
 import zipfile
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
@@ -37,7 +38,8 @@ from plumbob.files.arrays import (
     require_whole_chunks,
 )
 from plumbob.files.foreign.parts import Parts
-from plumbob.files.profile import ColumnRef, Profile, TimeColumn
+from plumbob.files.profile import ColumnRef, Profile, TextLayout, TimeColumn
+from plumbob.files.sniff import FEWEST, ROWS, Sample
 from plumbob.files.text import table_recording, text_profile
 from plumbob.files.text_table import TextTable
 
@@ -48,6 +50,7 @@ _MAT73: Final = b"MATLAB 7.3"
 _MAT73_AT: Final = 512
 _COLUMN: Final = re.compile(r"(?P<name>.+?)\[(?P<number>[1-9]\d{0,3})\]")
 _LISTED: Final = 20
+_DIMENSIONS: Final = 2
 _DEEPEST: Final = 6
 
 
@@ -101,9 +104,35 @@ def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
         return table_recording(declared, _table(declared, container), file.stem, note)
 
 
-def listed(path: Path) -> str:
-    """Names and shapes of the arrays of a file, for messages; errors as in `read`."""
-    return _container(path).listed.summary()
+def array_sample(path: Path) -> Sample:
+    """First rows of the arrays of a file that are of one time line, by their columns, and what single numbers it has.
+
+    Columns are called as a profile calls them: ``gyr[1]`` of a table, ``t`` of an array of one column.
+
+    Raises
+    ------
+    DecodeError
+        As in `read`, or if no two arrays have as many rows.
+    """
+    container = _container(path)
+    shapes = container.listed.shapes
+    sizes = Counter(max(shape) for shape in shapes.values() if shape and max(shape) >= FEWEST)
+    if not sizes:
+        raise DecodeError(f"it holds no array of samples; it holds {container.listed.summary()}.")
+    rows = sizes.most_common(1)[0][0]
+    chosen = sorted(
+        name for name, shape in shapes.items() if len(shape) <= _DIMENSIONS and max(shape, default=0) == rows
+    )
+    single = sorted(name for name, shape in shapes.items() if np.prod(shape, dtype=np.int64) == 1)
+    content = container.load([*chosen, *single])
+    columns: dict[str, list[str]] = {}
+    for name in chosen:
+        table = _upright(name, content[name])[0][:ROWS]
+        for k in range(table.shape[1]):
+            columns[name if table.shape[1] == 1 else f"{name}[{k + 1}]"] = [repr(float(v)) for v in table[:, k]]
+    facts = {name.rpartition("/")[2].lower(): repr(float(content[name].ravel()[0])) for name in single}
+    lines = [list(row) for row in zip(*columns.values(), strict=True)]
+    return Sample(TextLayout(separator=""), tuple(columns), (), True, lines, facts)
 
 
 def _table(profile: Profile, container: "_Container") -> TextTable:

@@ -37,6 +37,7 @@ from plumbob.files.foreign import xbus
 from plumbob.files.foreign.join import Readings, joined
 from plumbob.files.foreign.logged import MOST, attitude_at
 from plumbob.files.foreign.parts import HEAD_BYTES, names_in, sheet
+from plumbob.files.stamps import time_line
 from plumbob.rotations import (
     Frame,
     North,
@@ -81,7 +82,7 @@ def accepts(path: Path) -> bool:
         start = stream.read(HEAD_BYTES)
     names = names_in(start, comment=COMMENT)
     return "PacketCounter" in names and any(
-        columns[0] in names for columns in (*_TRIADS.values(), *_INCREMENTS.values())
+        columns[0] in names for columns in (*_TRIADS.values(), *_INCREMENTS.values(), *_ATTITUDES)
     )
 
 
@@ -120,9 +121,11 @@ def _exported(file: Path) -> Recording:
     export = sheet(file.name, raw, comment=COMMENT)
     there = set(export.names)
     triads = [columns for columns in (*_TRIADS.values(), *_INCREMENTS.values()) if set(columns) <= there]
-    if not triads:
-        raise DecodeError(f"it has no Acc_X, Gyr_X or Mag_X; it has {excerpt(', '.join(export.names), 200)}.")
     attitude = next((columns for columns in _ATTITUDES if set(columns) <= there), ())
+    if not triads and not attitude:
+        raise DecodeError(
+            f"it has no Acc_X, Gyr_X or Mag_X and no attitude; it has {excerpt(', '.join(export.names), 200)}."
+        )
     times = [column for column in ("PacketCounter", "SampleTimeFine", *_UTC) if column in there]
     table = export.table([*times, *(column for columns in triads for column in columns), *attitude])
     if table is None:
@@ -149,8 +152,11 @@ def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: l
         *left_out,
     ]
     stamps = _stamps(columns, head, notes)
-    streams = _streams(columns, stamps, notes)
     frame = _frame(head)
+    attitude = next((names for names in _ATTITUDES if set(names) <= columns.keys()), ())
+    if not any(set(names) <= columns.keys() for names in (*_TRIADS.values(), *_INCREMENTS.values())):
+        return _attitude_alone(name, columns, attitude, stamps, frame, notes)
+    streams = _streams(columns, stamps, notes)
     meta = ImuMeta(
         device=" ".join(filter(None, (head.get("productcode", "Xsens"), head.get("deviceid", "")))),
         rate_nominal=_rate(head),
@@ -163,7 +169,6 @@ def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: l
     imu, rows_ns, joints = joined(streams, meta=meta, epoch_ns=epoch)
     if "StatusWord" in columns:
         imu = imu.flagged(_clipped(columns["StatusWord"], stamps, rows_ns))
-    attitude = next((names for names in _ATTITUDES if set(names) <= columns.keys()), ())
     track = None
     if attitude and frame is None:
         notes.append("left out: the attitude, as the file does not say its frame (a line '// Coordinate system: ENU')")
@@ -175,6 +180,23 @@ def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: l
                 f"attitude: {_SOURCE}; {frame}, magnetic north, as it counts without GNSS and a declination set"
             )
     return Recording(imu=imu, track=track, name=name, notes=(*notes, *joints))
+
+
+def _attitude_alone(
+    name: str, columns: Columns, attitude: tuple[str, ...], stamps: NDArray[np.int64], frame: Frame | None,
+    notes: list[str],
+) -> Recording:  # fmt: skip
+    """Recording of an export without sensor values, as OpenSense takes it: its attitude."""
+    if frame is None:
+        raise DecodeError(
+            "it holds an attitude alone and does not say its frame; add a line '// Coordinate system: ENU'."
+        )
+    line = time_line(stamps)
+    track = AttitudeTrack(
+        t=(line.t_ns - line.t_ns[0]) / 1e9, q_nb=_attitude(columns, attitude), frame=frame, north=North.MAGNETIC,
+        source=_SOURCE,
+    )  # fmt: skip
+    return Recording(track=track, name=name, notes=(*notes, *line.notes, f"attitude: {_SOURCE}; {frame}"))
 
 
 def _streams(columns: Columns, stamps: NDArray[np.int64], notes: list[str]) -> dict[str, Readings]:

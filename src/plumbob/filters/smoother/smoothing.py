@@ -196,7 +196,10 @@ class Smoother(FactsText):
         check.kind("data", data, ImuData, hint="Of a Recording take its .imu.")
         missing = [name for name in NEEDS if name not in data.triads]
         if missing:
-            raise ShapeError(f"{SMOOTHER} needs {', '.join(NEEDS)}, but the recording has no {', '.join(missing)}.")
+            raise ShapeError(
+                f"{SMOOTHER} needs {', '.join(NEEDS)}, but the recording has no {', '.join(missing)}. Another filter "
+                "may do; a report goes without an attitude with --filter none."
+            )
         self._heed(data.meta)
         self.remarks = ()
 
