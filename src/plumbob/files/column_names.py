@@ -156,14 +156,18 @@ def _is_word(word: re.Pattern[str], one: str, words: Sequence[str]) -> bool:
 def canonical(name: str, kind: Quantity) -> str:
     """Our name of a unit of a quantity; empty where it is none."""
     plain = re.sub(r"[()\s]", "", name) if "(" in name else name.strip()
-    plain = plain.replace("*s^-2", "/s2").replace("s^-2", "/s2") if "^-2" in plain else plain
+    plain = re.sub(r"[* ]*s\^?-1$", "/s", re.sub(r"[* ]*s\^?-2$", "/s2", plain)) if "-" in plain else plain
     return canonical_name(plain, kind) if is_name(plain, kind) else ""
 
 
 def taken_apart(name: str, unit: str = "") -> ColumnName:
     """Take a name apart; `unit` is what a row of units has below it."""
-    index = re.search(r"[\[(](\d)[\])]", name)
-    brackets = [text for text in re.findall(r"[\[(]((?:[^\[\]()]|\([^()]*\))*)[\])]", name) if not text.isdigit()]
+    index = re.search(r"[\[(]([\dxyzw])[\])]", name)
+    brackets = [
+        text
+        for text in re.findall(r"[\[(]((?:[^\[\]()]|\([^()]*\))*)[\])]", name)
+        if not re.fullmatch(r"[\dxyzw]", text)
+    ]
     whole = re.fullmatch(r"\s*[\[(](.*)[\])]\s*", unit)
     stated = (whole[1] if whole else unit.strip() or (brackets[-1] if brackets else "")).strip()
     stated = "" if re.fullmatch(r"x[0-9A-Fa-f]{4}", stated) else stated
@@ -194,9 +198,11 @@ def _unit_word(text: str, plain: str, count: int) -> str:
 
 def _split_axis(words: list[str]) -> tuple[str, str]:
     """What is left of a name without its axis, and the axis: a word of its own, or the last letter or digit."""
-    for i, word in enumerate(words):
-        if word in {"x", "y", "z", "w", *_SCALAR} and (word in "xyz" or len(words) > 1):
-            return " ".join(words[:i] + words[i + 1 :]), "w" if word in _SCALAR else word
+    for letters in ({"x", "y", "z"}, _SCALAR):
+        for i, word in enumerate(words):
+            rest = " ".join(words[:i] + words[i + 1 :])
+            if word in letters and (word in "xyz" or _QUATERNION.fullmatch(rest)):
+                return rest, word if word in "xyz" else "w"
     if words and words[-1] in {"0", "1", "2", "3"} and len(words) > 1:
         return " ".join(words[:-1]), words[-1]
     rolls = {"roll": "x", "pitch": "y", "yaw": "z"}

@@ -31,6 +31,7 @@ from plumbob.files.known_logs import KNOWN
 from plumbob.files.profile import AS_MOUNTED, TextLayout
 from plumbob.files.profile_toml import GUIDE, parse_profile
 from plumbob.files.sniff import Sample, read_sample
+from plumbob.files.text_table import LEFT_OUT_MOST
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
 
 _TIMES: Final = ("s", "ms", "us", "ns")
@@ -284,8 +285,11 @@ class _DraftWriter:
 
     def _rises(self, column: int) -> bool:
         """Whether numbers go on as time does: they rise in most steps, however often they repeat or begin again."""
-        steps = np.diff(self._numbers[column])
-        return bool(steps.size and np.isfinite(steps).all() and np.sum(steps > 0.0) > 3.0 * np.sum(steps < 0.0))
+        numbers = self._numbers[column]
+        known = numbers[np.isfinite(numbers)]
+        steps = np.diff(known)
+        whole = known.size > (1.0 - LEFT_OUT_MOST) * numbers.size
+        return bool(whole and steps.size and np.sum(steps > 0.0) > 3.0 * np.sum(steps < 0.0))
 
     @property
     def _stamped(self) -> bool:
@@ -634,7 +638,7 @@ def _dates(cells: Sequence[str]) -> bool:
 
 def _time_unit(numbers: Floats, part: ColumnName) -> tuple[str, str, bool]:
     """Unit in which steps make a plausible rate: the stated one, or that nearest to 100 Hz; and whether it is sure."""
-    steps = np.diff(numbers)
+    steps = np.diff(numbers[np.isfinite(numbers)])
     step = float(np.mean(steps[steps >= 0.0])) if (steps > 0.0).any() else 0.0
     rates = {unit: 1.0 / to_si(step, unit) for unit in _TIMES if step > 0.0}
     named = part.unit_of(Quantity.TIME)

@@ -21,11 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, ShapeError
+from plumbob.core.errors import DecodeError, ShapeError, excerpt
 from plumbob.core.files import existing_file, reading, text_of
 from plumbob.core.text import counted
+from plumbob.core.units import is_name, to_si
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
+from plumbob.files.column_names import KINDS, taken_apart
 from plumbob.files.foreign import logged
 from plumbob.files.foreign.join import joined
 from plumbob.rotations import Frame, North
@@ -35,6 +37,8 @@ _TRUTHS: Final = {
     "state_groundtruth_estimate0": "EuRoC ground truth: batch estimate from laser tracker or Vicon and this IMU",
     "mocap0": "TUM VI motion capture: poses of the IMU",
 }
+_PLACES: Final = {"gyr": ([0, 1, 2], "rad/s"), "acc": ([3, 4, 5], "m/s2")}
+_SYMBOLS: Final = {"w": "gyr", "a": "acc"}
 _ROTATION_TOLERANCE: Final = 1e-3
 _SAMPLES: Final = np.dtype([("t", "i8"), ("values", "f8", (6,))])
 _POSES: Final = np.dtype([("t", "i8"), ("values", "f8", (7,))])
@@ -88,15 +92,43 @@ def _recording(table: Path, home: Path | None, name: str) -> Recording:
         "(head lines of the tables; doi:10.1177/0278364915620033, doi:10.1109/IROS.2018.8593419)"
     ]
     turn, rate = _sensor(table.with_name("sensor.yaml"), "imu0", notes)
+    places = _places(table)
     streams = {
-        "gyr": logged.stream("gyr", rows["t"], rows["values"][:, :3], notes),
-        "acc": logged.stream("acc", rows["t"], rows["values"][:, 3:], notes),
+        name: logged.stream(name, rows["t"], to_si(rows["values"][:, columns], unit), notes)
+        for name, (columns, unit) in places.items()
     }
-    meta = ImuMeta(device="ASL imu0", rate_nominal=rate, frame=Frame.ENU, north=North.FREE, unit_check=False)
+    meta = ImuMeta(device="ASL imu0", rate_nominal=rate, frame=Frame.ENU, north=North.FREE)
     imu, rows_ns, how = joined(streams, meta=meta, epoch_ns=0)
     notes += how
     track = None if home is None else _truth(home, turn, rows_ns, imu.t, notes)
     return Recording(imu=imu, track=track, name=name, notes=tuple(notes))
+
+
+def _places(table: Path) -> dict[str, tuple[list[int], str]]:
+    """Columns behind the stamp of each triad, and their unit, as the row of names says; of the layout without one."""
+    with table.open(encoding="utf-8-sig", errors="replace") as stream:
+        head = stream.readline()
+    if not head.startswith("#"):
+        return dict(_PLACES)
+    found: dict[str, dict[str, tuple[int, str]]] = {}
+    for place, name in enumerate(head.lstrip("#").strip().split(",")[1:]):
+        symbol = re.match(r"\s*([wa])_", name)
+        column = taken_apart(name)
+        triad = _SYMBOLS[symbol[1]] if symbol else column.sensor
+        if triad in _PLACES and column.axis:
+            found.setdefault(triad, {})[column.axis] = (place, column.unit_of(KINDS[triad]) or column.unit)
+    places = {}
+    for triad, axes in found.items():
+        units = {unit for _, unit in axes.values()}
+        if set(axes) != set("xyz") or len(units) != 1 or not is_name(next(iter(units)), KINDS[triad]):
+            break
+        places[triad] = ([axes[axis][0] for axis in "xyz"], units.pop())
+    if set(places) != set(_PLACES):
+        raise DecodeError(
+            f"its row of names is not that of the ASL layout: {excerpt(head.strip(), 200)}. Rates and accelerations "
+            "are looked for by these names and units; describe the table with a profile: plumbob profile data.csv."
+        )
+    return places
 
 
 def _truth(

@@ -1,0 +1,86 @@
+"""What names of columns say, in the words of loggers that are in use."""
+
+import pytest
+
+from plumbob.core.units import Quantity
+from plumbob.files.column_names import canonical, taken_apart
+
+SENSORS = [  # name, cell of a row of units, sensor, axis, unit by our name
+    ("Low/Acceleration/X", "m/s^2", "acc", "x", "m/s2"),  # APDM
+    ("Low/Angular Velocity/Y", "rad/s", "gyr", "y", "rad/s"),
+    ("Low/Magnetic Field/Z", "uT", "mag", "z", "uT"),
+    ("Dev_Accel_LN_X_CAL", "m/(s^2)", "acc", "x", "m/s2"),  # Shimmer
+    ("Dev_Mag_X_CAL", "local_flux", "mag", "x", ""),
+    ("y-axis (deg/s)", "", "gyr", "y", "deg/s"),  # MetaMotion: the unit alone says it
+    ("x-axis (g)", "", "acc", "x", "g"),
+    ("gx(dps)", "", "gyr", "x", "deg/s"),
+    ("az", "", "acc", "z", ""),
+    ("acc_x_mg", "", "acc", "x", "mg"),
+    ("gyro_x_rad_s", "", "gyr", "x", "rad/s"),
+    ("field.angular_velocity.x", "", "gyr", "x", ""),  # rostopic echo -p
+    ("field.linear_acceleration.z", "", "acc", "z", ""),
+    ("gyroADC[2] (deg/s)", "", "gyr", "2", "deg/s"),  # Betaflight
+    ("accSmooth[1]", "", "acc", "1", ""),
+    ("X Accel [x8004]", "", "acc", "x", ""),  # SensorConnect: a code is no unit
+    ("角速度X", "[°/s]", "gyr", "x", "deg/s"),
+    ("加速度Z", "[g]", "acc", "z", "g"),
+    ("w_RS_S_x [rad s^-1]", "", "", "x", ""),
+    ("Roll Rate (deg/s)", "", "gyr", "x", "deg/s"),
+]
+OTHERS = [
+    ("Linear Acceleration x (m/s^2)", "linear"),
+    ("lin_acc_x", "linear"),
+    ("FreeAcc_X", "linear"),
+    ("Absolute acceleration (m/s^2)", "other"),
+    ("field.angular_velocity_covariance0", "other"),
+    ("gyro_temp", "other"),
+    ("Gyro X (m/s^2)", "other"),  # a unit of another quantity
+    ("mag_x (mV)", "other"),
+    ("Dev_Battery_CAL", ""),
+    ("axisP[0]", ""),
+    ("motor[0]", ""),
+    ("pressure (hPa)", ""),
+    ("roll", ""),
+    ("qx", ""),
+]
+TIMES = ["t", "Time (s)", "time_ms", "timestamp", "Time stamp", "micros", "SampleTimeFine", "GPS TOW", "epoch (ms)",
+         "elapsed (s)", "field.header.stamp", "Zeit [s]", "时间", "Dev_Timestamp_Unix_CAL"]  # fmt: skip
+COUNTERS = ["PacketCounter", "loopIteration", "sample", "index", "frame_id", "seq", "Row"]
+
+
+@pytest.mark.parametrize(("name", "unit", "sensor", "axis", "ours"), SENSORS)
+def test_a_name_says_sensor_axis_and_unit(name, unit, sensor, axis, ours):
+    column = taken_apart(name, unit)
+    kind = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}.get(sensor)
+    assert (column.sensor, column.axis, "" if kind is None else column.unit_of(kind)) == (sensor, axis, ours)
+    assert not column.is_time
+    assert not column.is_counter
+
+
+@pytest.mark.parametrize(("name", "sensor"), OTHERS)
+def test_what_is_no_triad_is_not_taken_for_one(name, sensor):
+    assert taken_apart(name).sensor == sensor
+
+
+@pytest.mark.parametrize("name", TIMES)
+def test_time_is_known_by_its_name(name):
+    assert taken_apart(name).is_time
+    assert not taken_apart(name).is_counter
+
+
+@pytest.mark.parametrize("name", COUNTERS)
+def test_a_counter_is_no_time(name):
+    assert taken_apart(name).is_counter
+    assert not taken_apart(name).is_time
+
+
+@pytest.mark.parametrize("letters", ["wxyz"])
+@pytest.mark.parametrize("form", ["q{}", "Quat_{}", "orientation.{}", "quaternion[{}]", "field.orientation.{}"])
+def test_components_of_a_quaternion(form, letters):
+    assert "".join(taken_apart(form.format(letter)).quaternion for letter in letters) == letters
+
+
+@pytest.mark.parametrize("text", ["rad s^-1", "rad*s^-1", "rad/s", "rad/sec"])
+def test_powers_are_quotients(text):
+    assert canonical(text, Quantity.RATE) == "rad/s"
+    assert canonical("m s^-2", Quantity.ACCELERATION) == canonical("m/(s^2)", Quantity.ACCELERATION) == "m/s2"

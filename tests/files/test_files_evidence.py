@@ -1,0 +1,227 @@
+"""Loggers' files that are read without an editor: what they say themselves is taken, and the rest is answered or asked.
+
+The samples are made up in SI; each file is what a kind of logger would make of them, and must give them back.
+"""
+
+import numpy as np
+import pytest
+
+import plumbob
+from plumbob.core.constants import G0
+from plumbob.core.errors import ClockError, DecodeError, ParameterError
+from plumbob.files.draft import answer
+from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_multiply, quat_rotate, rotvec_from_quat
+from tests.helpers.io_samples import refused
+
+RATE = 100.0
+T = np.arange(600) / RATE
+Q = quat_from_euler_zyx(np.stack([0.5 * np.sin(0.7 * T), 0.3 + 0.2 * np.sin(0.9 * T), 0.4 * np.sin(0.5 * T)], 1))
+GYR = np.vstack([rotvec_from_quat(quat_multiply(quat_conjugate(Q[:-1]), Q[1:])) * RATE, np.zeros((1, 3))])
+ACC = quat_rotate(quat_conjugate(Q), [0.0, 0.0, G0])
+MAG = quat_rotate(quat_conjugate(Q), [0.0, 20.0, -43.0])
+DPS, G = np.degrees(GYR), ACC / G0
+UP = {"acc.sign": "specific-force"}
+
+
+def rows(*columns, separator=",", form="{:.6f}"):
+    cells = [[v if isinstance(v, str) else form.format(v) for v in column] for column in columns]
+    return "".join(separator.join(row) + "\n" for row in zip(*cells, strict=True))
+
+
+def names(*sensors, axes="XYZ"):
+    return ",".join(sensor.replace("*", axis) for sensor in sensors for axis in axes)
+
+
+SIX = (*DPS.T, *G.T)
+GYROFLOW = (
+    "GYROFLOW IMU LOG\nversion,1.3\norientation,XYZ\ntscale,0.001\ngscale,0.001\nascale,0.0005\nt,gx,gy,gz,ax,ay,az\n"
+)
+DOT = "sep=,\nDeviceTag:,D1\nOutputRate:,100Hz\n\nPacketCounter,SampleTimeFine," + (
+    names("Quat_*", axes="WXYZ") + "," + names("Acc_*", "Gyr_*") + "\n"
+)
+ROS = ("%time,field.header.seq,field.header.stamp,field.header.frame_id,"
+       + names("field.orientation.*", axes="xyzw") + ",field.orientation_covariance0,"
+       + names("field.angular_velocity.*", "field.linear_acceleration.*", axes="xyz") + "\n")  # fmt: skip
+STAMPS = [f"{1_700_000_000_000_000_000 + 10_000_000 * k}" for k in range(T.size)]
+CLOCK = [f"10:15:{12 + k // 100:02}.{k % 100 * 10:03}" for k in range(T.size)]
+WRAPPED = [f"{(4_292_000_000 + 10_000 * k) % 2**32}" for k in range(T.size)]
+LOGS = {  # name of the file, its text, what a user answers
+    "rows of names and of units, with blanks": (
+        "a.csv", "Test:,walk,,,\nTime," + names("Foot/Acceleration/*", "Foot/Angular Velocity/*") + ",Foot/Pressure\n"
+        "s,m/s^2,m/s^2,m/s^2,rad/s,rad/s,rad/s,kPa\n" + rows(T, *ACC.T, *GYR.T, np.full(T.size, 100.5)), UP),
+    "units in brackets alone": (
+        "a.csv", "epoch (ms),elapsed (s)," + names("*-axis (deg/s)", "*-axis (g)", axes="xyz") + "\n"
+        + rows([s[:-6] for s in STAMPS], T, *SIX), UP),
+    "a comment that is the row of names": (
+        "a.csv", ROS + rows(STAMPS, map(str, range(T.size)), STAMPS, ["imu"] * T.size, *Q[:, [1, 2, 3, 0]].T, 0 * T,
+                            *GYR.T, *ACC.T), {}),
+    "scales in the preamble": (
+        "clip.gcsv", GYROFLOW + rows(T * 1e3, *(GYR * 1e3).T, *(G * 2e3).T, form="{:.3f}"), UP),
+    "a counter of time that wraps, and an attitude beside": (
+        "D1.csv", DOT + rows(map(str, range(T.size)), WRAPPED, *Q.T, *ACC.T, *DPS.T), {}),
+    "axes as numbers, counts": (
+        "a.csv", "loopIteration, time (us), axisP[0], axisP[1], axisP[2], gyroADC[0] (deg/s), gyroADC[1] (deg/s), "
+        "gyroADC[2] (deg/s), accSmooth[0], accSmooth[1], accSmooth[2]\n"
+        + rows(map(str, range(T.size)), T * 1e6, 0 * T, 0 * T, 0 * T, *DPS.T, *(G * 4096).T, separator=", "),
+        UP | {"acc.unit": "g", "acc.counts_per_unit": 4096}),
+    "labels in every cell": (
+        "a.txt", "".join(f"ax:{a[0]:.6f}\tay:{a[1]:.6f}\taz:{a[2]:.6f}\tgx:{w[0]:.6f}\tgy:{w[1]:.6f}\tgz:{w[2]:.6f}\n"
+                         for a, w in zip(G, DPS, strict=True)),
+        UP | {"time.rate": "100 Hz", "gyr.unit": "deg/s"}),
+    "a serial monitor's arrow": (
+        "a.txt", "".join(f"{t} -> {row}" for t, row in zip(CLOCK, rows(*G.T, *DPS.T).splitlines(True), strict=True)),
+        UP | {"gyr.unit": "deg/s"}),
+    "a line cut at the end, and some that are broken": (
+        "a.csv", "time_ms," + names("g*_dps", "a*_g", axes="xyz") + "\n" + rows(T * 1e3, *SIX), UP),
+    "blanks of which each separates": (
+        "a.txt", "// DeviceId: 1\n// Coordinate system: ENU\nPacketCounter SampleTimeFine Year "
+        + names("Acc_*", "Gyr_*").replace(",", " ") + "\n"
+        + "".join(f"{k}   {row}" for k, row in enumerate(rows(*ACC.T, *GYR.T, separator=" ").splitlines(True))),
+        {"time.rate": "100 Hz"}),
+}  # fmt: skip
+
+
+def drafted(folder, name, text, answers):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    out = folder / "drafted.toml"
+    draft = plumbob.profile(path, accept=True, answers={"frame": "ENU", **answers}, out=out)
+    assert draft.questions == ()
+    return plumbob.read(path, profile=out)
+
+
+@pytest.mark.parametrize("kind", LOGS)
+def test_what_a_file_says_is_taken_and_the_rest_is_answered(tmp_path, kind):
+    recording = drafted(tmp_path, *LOGS[kind])
+    imu = recording.imu
+    assert imu.t - imu.t[0] == pytest.approx(T, abs=1e-6)
+    assert imu.gyr == pytest.approx(GYR, abs=2e-3)
+    assert imu.acc == pytest.approx(ACC, abs=1e-2)
+    assert imu.mag is None
+    assert imu.meta.frame == "ENU"
+    if "attitude" in kind or "comment" in kind:
+        assert np.abs(np.sum(recording.track.q_nb * Q, axis=1)) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_broken_lines_are_left_out_and_counted(tmp_path):
+    name, text, answers = LOGS["a line cut at the end, and some that are broken"]
+    lines = text.splitlines(keepends=True)
+    lines[100], lines[300], lines[301] = "1.0,2.0\n", lines[300].replace(".", "..", 1), "restart\n"
+    recording = drafted(tmp_path, name, "".join(lines)[:-4], answers)
+    lost = [99, 299, 300, 599]
+    assert recording.imu.t == pytest.approx(np.delete(T, lost), abs=1e-9)
+    assert recording.imu.acc == pytest.approx(np.delete(ACC, lost, axis=0), abs=1e-4)
+    assert any("3 lines of 599 left out" in note and "line 101 has 2 cells" in note for note in recording.notes)
+    assert any("line 601, the last, is cut" in note for note in recording.notes)
+
+
+def test_of_a_rate_alone_lines_that_are_left_out_keep_their_time(tmp_path):
+    _, text, answers = LOGS["labels in every cell"]
+    lines = text.splitlines(keepends=True)
+    lines[200] = "ax:0.1\n"
+    assert drafted(tmp_path, "a.txt", "".join(lines), answers).imu.t == pytest.approx(np.delete(T, 200))
+
+
+def test_rows_that_name_their_sensor_are_one_recording(tmp_path):
+    long = [(t, f"accel,{1e3 * t:.3f},{a[0]:.6f},{a[1]:.6f},{a[2]:.6f}\n") for t, a in zip(T, ACC, strict=True)]
+    long += [(t, f"gyro,{1e3 * t:.3f},{w[0]:.6f},{w[1]:.6f},{w[2]:.6f}\n") for t, w in zip(T + 3e-3, GYR, strict=True)]
+    long += [
+        (t, f"mag,{1e3 * t:.3f},{b[0]:.6f},{b[1]:.6f},{b[2]:.6f}\n") for t, b in zip(T[::5], MAG[::5], strict=True)
+    ]
+    text = "sensor,timestamp_ms,x,y,z\n" + "".join(line for _, line in sorted(long, key=lambda row: row[0]))
+    imu = drafted(tmp_path, "a.csv", text, UP | {"gyr.unit": "rad/s", "acc.unit": "m/s2", "mag.unit": "uT"}).imu
+    assert len(imu) == T.size - 1  # the last rate is later than every force
+    assert imu.gyr == pytest.approx(GYR[:-1], abs=1e-5)
+    assert imu.acc == pytest.approx(ACC[:-1] + 0.3 * np.diff(ACC, axis=0), abs=1e-4)  # 3 ms of 10 on the way
+    assert np.isfinite(imu.mag).all(axis=1).sum() == T[::5].size
+
+
+def two_files(folder, late=0.0):
+    head = "epoch (ms),elapsed (s),"
+    ms = [f"{1_700_000_000_000 + 10 * k:.0f}" for k in range(T.size)]
+    other = [f"{1_700_000_000_000 + 20 * k + 1e3 * late:.0f}" for k in range(T.size // 2)]
+    (folder / "w_gyro.csv").write_text(head + names("*-axis (deg/s)") + "\n" + rows(ms, T, *DPS.T))
+    (folder / "w_acc.csv").write_text(head + names("*-axis (g)") + "\n" + rows(other, T[::2], *G[::2].T))
+    return [folder / "w_gyro.csv", folder / "w_acc.csv"]
+
+
+def test_a_file_for_each_sensor_is_one_recording(tmp_path):
+    paths, out = two_files(tmp_path), tmp_path / "both.toml"
+    draft = plumbob.profile(paths, accept=True, answers=UP | {"frame": "ENU"}, out=out)
+    assert draft.summary()["questions"] == {}
+    imu = plumbob.read(paths, profile=out).imu
+    assert imu.meta.t0_ns == 1_700_000_000_000_000_000
+    assert imu.gyr == pytest.approx(GYR[: len(imu)], abs=1e-4)
+    assert imu.acc == pytest.approx(ACC[: len(imu)], abs=1e-2)
+    assert plumbob.info(paths, profile=out).summary()["sensors"]["time"]["start_utc"] == "2023-11-14T22:13:20Z"
+    paths = two_files(tmp_path, late=60.0)
+    refused(plumbob.read, paths, profile=out, match="do not overlap in time", error=ClockError)
+    refused(plumbob.read, paths[:1], profile=out, match="0 of the files are named w_acc.csv")
+
+
+def test_a_time_of_week_is_utc(tmp_path):
+    text = "GPS TFlags,GPS Week,GPS TOW," + names("* Accel [x8004]", "* Gyro [x8005]") + ",,\n"
+    text += "".join(f"5,1969,{row.strip()},,\n" for row in rows(T + 137_649.863104, *G.T, *GYR.T).splitlines())
+    imu = drafted(tmp_path, "a.csv", text, UP | {"acc.unit": "g", "gyr.unit": "rad/s"}).imu
+    assert abs(imu.meta.t0_ns - np.datetime64("2017-10-02T14:13:51.863104", "ns").astype(int)) <= 1  # of float64
+    assert imu.t == pytest.approx(T, abs=1e-6)
+
+
+def test_arrays_say_their_rate(tmp_path):
+    path, out = tmp_path / "a.npz", tmp_path / "a.profile.toml"
+    np.savez(path, gyr=GYR, acc=ACC, sampling_rate=np.array([250.0]))
+    answers = UP | {"gyr.unit": "rad/s", "acc.unit": "m/s2"}
+    assert (
+        dict(plumbob.profile(path, accept=True, answers=answers, out=out).evidence)["time.rate"] == "the header says it"
+    )
+    imu = plumbob.read(path).imu
+    assert imu.t == pytest.approx(np.arange(T.size) / 250.0)
+    assert imu.acc.tobytes() == ACC.tobytes()
+
+
+UNITS = {"gyr.unit": "rad/s", "mag.unit": "uT"}
+OPEN = "t,gx,gy,gz,ax,ay,az\n" + rows(T, *GYR.T, *ACC.T)
+
+
+def test_what_nothing_speaks_for_stays_a_question_and_nothing_is_written(tmp_path):
+    (tmp_path / "a.csv").write_text(OPEN)
+    out = tmp_path / "out.toml"
+    draft = plumbob.profile(tmp_path / "a.csv", accept=True, out=out)
+    assert [key for key, _ in draft.questions] == ["gyr.unit", "acc.sign"]
+    assert not out.exists()
+    assert plumbob.profile(tmp_path / "a.csv", accept=True, answers=UP | UNITS, out=out).questions == ()
+    assert plumbob.read(tmp_path / "a.csv", profile=out).imu.acc == pytest.approx(ACC, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("text", "answers", "match"),
+    [
+        (OPEN, UP | {"gyr.unit": "m/s"}, "gyr.unit"),
+        (OPEN, UP | UNITS | {"frame": "up"}, "frame"),
+        ("Time (s)," + names("Linear Acceleration * (m/s^2)") + "\n" + rows(T, *ACC.T), {}, "without gravity"),
+        ("t," + names("speed_*") + "\n" + rows(T, *ACC.T), {}, "no three columns look like"),
+    ],
+)
+def test_answers_that_do_not_fit_and_files_that_cannot_give_an_attitude_are_refused(tmp_path, text, answers, match):
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(plumbob.PlumbobError, match=match):
+        plumbob.profile(tmp_path / "a.csv", accept=True, answers=answers)
+
+
+def test_answers_as_they_are_typed():
+    assert answer("frame=ENU") == ("frame", "ENU")
+    assert answer("axes = x -y -z") == ("axes", "x -y -z")
+    assert answer("acc.counts_per_unit=2048") == ("acc.counts_per_unit", 2048)
+    assert answer('gyr.columns=["X", "Y", "Z"]') == ("gyr.columns", ["X", "Y", "Z"])
+    with pytest.raises(ParameterError, match="KEY=VALUE"):
+        answer("ENU")
+
+
+def test_a_known_format_does_not_claim_another_loggers_table(tmp_path):
+    """phyphox writes its axes in small letters and its own units; this logger does not."""
+    path = tmp_path / "log.csv"
+    path.write_text("Time (s)," + names("Gyroscope * (deg/s)", "Accelerometer * (g)") + "\n" + rows(T, *SIX))
+    with pytest.raises(DecodeError, match="plumbob profile"):
+        plumbob.read(path)
+    recording = drafted(tmp_path, "log.csv", path.read_text(), UP)
+    assert recording.imu.gyr == pytest.approx(GYR, abs=1e-4)
