@@ -52,7 +52,7 @@ COUNTERS = ["PacketCounter", "loopIteration", "sample", "index", "frame_id", "se
 def test_a_name_says_sensor_axis_and_unit(name, unit, sensor, axis, ours):
     column = taken_apart(name, unit)
     kind = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}.get(sensor)
-    assert (column.sensor, column.axis, "" if kind is None else column.unit_of(kind)) == (sensor, axis, ours)
+    assert (column.sensor, column.axis, "" if kind is None else column.unit_as(kind)) == (sensor, axis, ours)
     assert not column.is_time
     assert not column.is_counter
 

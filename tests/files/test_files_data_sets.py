@@ -47,6 +47,21 @@ def test_tum_vi_has_motion_capture_and_a_table_alone_has_no_reference(tmp_path):
     assert alone.track is None and alone.name == "room1" and len(alone.imu) == 100
 
 
+def test_columns_are_those_of_the_row_of_names(tmp_path):
+    table = asl(tmp_path / "MH_03") / "mav0" / "imu0" / "data.csv"
+    right = read(table).imu
+    lines = [line.split(",") for line in table.read_text().splitlines()]
+    swapped = "\n".join(",".join([row[0], *row[4:], *row[1:4]]) for row in lines)
+    table.write_text(swapped + "\n")
+    imu = read(table).imu
+    np.testing.assert_array_equal(imu.acc, right.acc)
+    np.testing.assert_array_equal(imu.gyr, right.gyr)
+    table.write_text(swapped.replace("rad s^-1", "deg s^-1") + "\n")
+    np.testing.assert_allclose(read(table).imu.gyr, np.radians(right.gyr), rtol=1e-12)
+    table.write_text(swapped.replace("rad s^-1", "V") + "\n")
+    refused(read, table, match="its row of names is not that of the ASL layout")
+
+
 def test_damaged_sequences_are_refused(tmp_path):
     folder = asl(tmp_path / "MH_02")
     sensor, table = folder / "mav0" / "imu0" / "sensor.yaml", folder / "mav0" / "imu0" / "data.csv"

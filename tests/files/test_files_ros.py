@@ -83,7 +83,7 @@ def test_absent_by_the_covariance(gone, tmp_path):
     found = plumbob.read(made.write_1(tmp_path / "a.bag", made.imu_rows(given, covs=(gone, 0.0, gone))))
     assert found.track is None and found.imu.acc is None
     assert np.array_equal(found.imu.gyr, given["gyr"])
-    assert "/imu/data: no acc, by its covariance" in found.notes
+    assert "/imu/data: no acc: absent by its covariance, or exactly zero in every message" in found.notes
 
 
 def test_a_frame_of_ned_and_an_orientation_that_was_never_set(tmp_path):
@@ -434,3 +434,18 @@ def test_it_is_read_without_rosbags(tmp_path):
     path = made.write_2(tmp_path / "a", made.all_rows())
     code = f"import sys; sys.modules['rosbags'] = None; import plumbob; print(len(plumbob.read({str(path)!r}).imu))"
     assert int(subprocess.check_output([sys.executable, "-c", code])) == made.ROWS
+
+
+def test_one_imu_whose_sensors_have_topics_of_their_own_is_one_recording(tmp_path):
+    """As depth cameras record it: what a topic does not measure is zero, and clocks differ."""
+    given = made.samples(rows=200)
+    gyr = made.imu_rows(given | {"acc": np.zeros((200, 3))}, "/camera/gyro/sample", "imu", covs=(-1.0, 0.0, 0.0))
+    late = given | {"gyr": np.zeros((200, 3)), "t_ns": made.STEP // 4 + made.STEP * np.arange(200)}
+    acc = made.imu_rows(late, "/camera/accel/sample", "imu", covs=(-1.0, 0.0, 0.0))
+    made.write_1(path := tmp_path / "a.bag", sorted([*gyr, *acc], key=lambda row: row.log_ns))
+    recording = plumbob.read(path)
+    assert recording.array is None
+    np.testing.assert_array_equal(recording.imu.gyr, given["gyr"][1:])  # the first rate is before the first force
+    np.testing.assert_allclose(recording.imu.acc, 0.25 * given["acc"][:-1] + 0.75 * given["acc"][1:], atol=1e-9)
+    assert any("are one IMU, whose sensors have topics of their own" in note for note in recording.notes)
+    assert "gyr" not in plumbob.read(path, unit="/camera/accel/sample").imu.triads

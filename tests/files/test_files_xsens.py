@@ -62,6 +62,18 @@ def test_quaternions_first_and_start_in_utc(tmp_path):
     assert imu.meta.t0_ns == 1_714_566_605_250_000_000  # date -u -d '2024-05-01 12:30:05.25' +%s%N
 
 
+def test_an_attitude_alone_is_a_track(tmp_path):
+    """As OpenSense takes it; the file must say the frame."""
+    table = [[i, *TURN] for i in range(10)]
+    path = export(tmp_path / "a.txt", OLD + "// Coordinate system: ENU\n", ["PacketCounter", *MATRIX], table)
+    recording = read(path)
+    assert recording.imu is None
+    assert recording.track.t == pytest.approx(np.arange(10) / 100.0)
+    dcm = np.array(TURN).reshape(3, 3).T
+    np.testing.assert_allclose(recording.track.q_nb[3], quat_from_dcm(dcm, tolerance=1e-4), atol=1e-9)
+    refused(read, export(tmp_path / "b.txt", OLD, ["PacketCounter", *MATRIX], table), match="does not say its frame")
+
+
 def test_increments_stand_for_rates_and_accelerations(tmp_path):
     """A turn of 0.02 rad about z in each sample of 10 ms, and gravity along z with 1 m/s² along x when it begins."""
     columns = [

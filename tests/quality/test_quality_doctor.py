@@ -116,6 +116,20 @@ def test_unit_of_the_rates(unit: str, mag: bool) -> None:
     assert answers(found)["acc axes"] == ("sure", False)
 
 
+@pytest.mark.parametrize("factor", [0.1, 0.5, 0.9, 1.1, 2.0])
+def test_a_factor_that_is_no_unit_is_named_and_no_unit_is_prescribed(factor: float) -> None:
+    """Of the rates by a wrong full scale, or of time by a wrong rate or a counter of samples: both show alike."""
+    data = sensors()
+    slower = [data | {"t": data["t"] * factor}] if factor > 0.2 else []  # beyond, windows hold hardly a turn
+    for wrong in (data | {"gyr": data["gyr"] * factor}, *slower):
+        found = diagnosed(wrong)
+        (unit,) = [one for one in found.findings if (one.sensor, one.question) == ("gyr", "unit")]
+        assert unit.wrong and str(unit.answer) == "sure"
+        assert unit.value.startswith("no unit, but × ") and "sampling rate" in unit.value
+        assert found.values["gyr"]["scale"] == pytest.approx(1.0 / factor, rel=0.03)
+        assert not [line for line in found.lines if "unit" in line]
+
+
 def test_negated_rates_are_a_mirrored_gyroscope() -> None:
     found = diagnosed(sensors() | {"gyr": -sensors()["gyr"]})
     assert answers(found)["gyr axes"] == ("sure", True)

@@ -56,7 +56,7 @@ def read(
         If the format needs a package that is not installed.
     """
     if not isinstance(path, str | os.PathLike):
-        return read_samples([check.path("path", one) for one in path], profile=profile)
+        return read_samples([check.path("path", item) for item in path], profile=profile)
     file = check.path("path", path)
     if is_own(file):
         from plumbob.live.recorded import read_recorded

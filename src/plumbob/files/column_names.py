@@ -56,7 +56,7 @@ class ColumnName:
     base : str
         Its words, lower case, without axis and unit.
     axis : str
-        ``x``, ``y``, ``z``, a number of one, or ``w`` of a quaternion; empty where there is none.
+        ``x``, ``y``, ``z``, a number of token, or ``w`` of a quaternion; empty where there is none.
     unit : str
         As it stands there.
     stated : bool
@@ -68,14 +68,14 @@ class ColumnName:
     unit: str
     stated: bool
 
-    def unit_of(self, kind: Quantity) -> str:
-        """Its unit by our name, where that is one of a quantity."""
+    def unit_as(self, kind: Quantity) -> str:
+        """Its unit by our name, where that is token of a quantity."""
         return canonical(self.unit, kind)
 
     @property
     def sensor(self) -> str:
         """``gyr``, ``acc``, ``mag``, ``linear`` for acceleration without gravity, ``other``, or empty if unknown."""
-        of = [kind for kind in _ALL if self.unit_of(kind)]
+        of = [kind for kind in _ALL if self.unit_as(kind)]
         by_word = _by_word(self.base)
         if by_word in KINDS:
             fits = not of or KINDS[by_word] in of
@@ -87,15 +87,15 @@ class ColumnName:
     @property
     def is_time(self) -> bool:
         """Whether it may be time by its words, or by a unit of time."""
-        if self.stated and self.unit and not self.unit_of(Quantity.TIME) and not re.search(r"\d", self.unit):
+        if self.stated and self.unit and not self.unit_as(Quantity.TIME) and not re.search(r"\d", self.unit):
             return False
-        return bool(_TIME.fullmatch(self.base)) or (bool(self.unit_of(Quantity.TIME)) and not self.is_counter)
+        return bool(_TIME.fullmatch(self.base)) or (bool(self.unit_as(Quantity.TIME)) and not self.is_counter)
 
     @property
     def is_counter(self) -> bool:
         """Whether it numbers rows."""
         return (
-            bool(_COUNTER.fullmatch(self.base)) and not _TIME.fullmatch(self.base) and not self.unit_of(Quantity.TIME)
+            bool(_COUNTER.fullmatch(self.base)) and not _TIME.fullmatch(self.base) and not self.unit_as(Quantity.TIME)
         )
 
     @property
@@ -145,12 +145,12 @@ def _by_word(base: str) -> str:
     if _OTHER.search(base):
         return "other"
     words = base.split()
-    return next((name for name, word in _WORDS.items() if any(_is_word(word, one, words) for one in words)), "")
+    return next((name for name, word in _WORDS.items() if any(_is_word(word, token, words) for token in words)), "")
 
 
-def _is_word(word: re.Pattern[str], one: str, words: Sequence[str]) -> bool:
-    """Whether a word names a sensor; one letter does only alone, or behind the name of a unit."""
-    return bool(word.fullmatch(one)) and (len(one) > 1 or len(words) == 1 or one == words[-1])
+def _is_word(word: re.Pattern[str], token: str, words: Sequence[str]) -> bool:
+    """Whether a word names a sensor; token letter does only alone, or behind the name of a unit."""
+    return bool(word.fullmatch(token)) and (len(token) > 1 or len(words) == 1 or token == words[-1])
 
 
 def canonical(name: str, kind: Quantity) -> str:
@@ -168,8 +168,8 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
         for text in re.findall(r"[\[(]((?:[^\[\]()]|\([^()]*\))*)[\])]", name)
         if not re.fullmatch(r"[\dxyzw]", text)
     ]
-    whole = re.fullmatch(r"\s*[\[(](.*)[\])]\s*", unit)
-    stated = (whole[1] if whole else unit.strip() or (brackets[-1] if brackets else "")).strip()
+    inner = re.fullmatch(r"\s*[\[(](.*)[\])]\s*", unit)
+    stated = (inner[1] if inner else unit.strip() or (brackets[-1] if brackets else "")).strip()
     stated = "" if re.fullmatch(r"x[0-9A-Fa-f]{4}", stated) else stated
     plain = re.sub(r"[\[(].*?[\])]", " ", name)
     words = [word.lower() for word in re.findall(r"[A-Z]{2,}(?![a-z])|[A-Z]?[a-z]+|[A-Z]|\d+|[^\W\d_A-Za-z]+", plain)]
@@ -188,7 +188,7 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
 
 
 def _unit_word(text: str, plain: str, count: int) -> str:
-    """Unit that the last words of a name may be, as in ``acc_x_mg``; in its own letters where they are one word."""
+    """Unit that the last words of a name may be, as in ``acc_x_mg``; in its own letters where they are token word."""
     last = re.split(r"[\W_]+", plain.strip())[-1] if count == 1 else text
     unit = _SUFFIXES.get(text, last)
     if count == 1 and len(last) == 1 and last not in {"g", "s"}:

@@ -118,7 +118,7 @@ def profile(
     ParameterError
         If `out` exists: somebody may have answered it.
     """
-    files = [existing_file(one) for one in ([path] if isinstance(path, str | os.PathLike) else path)]
+    files = [existing_file(item) for item in ([path] if isinstance(path, str | os.PathLike) else path)]
     if out is not None and Path(out).exists():
         raise ParameterError(f"{out} exists already; answer its questions, or name another file with --out.")
     streams: list[_DraftWriter] = []
@@ -132,7 +132,7 @@ def profile(
                 sample = read_sample(file)
             parts = _by_sensor(sample) if len(files) == 1 else []
             names = file.name if len(files) > 1 else ""
-            streams += [_DraftWriter(file.name, *one, stream=names or "*") for one in parts] or [
+            streams += [_DraftWriter(file.name, *part, stream=names or "*") for part in parts] or [
                 _DraftWriter(file.name, sample, stream=names)
             ]
     with reading(files[0]):
@@ -177,12 +177,16 @@ def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str], str
     for i in range(sample.width):
         cells = sample.cells(i)
         sensors = {word: taken_apart(f"{word} x").sensor for word in dict.fromkeys(cells)}
-        known = {word: sensor for word, sensor in sensors.items() if sensor in TRIADS}
-        if known and len(sensors) <= _MOST_SENSORS and len(set(known.values())) == len(known):
+        sensor_by_word = {word: sensor for word, sensor in sensors.items() if sensor in TRIADS}
+        if (
+            sensor_by_word
+            and len(sensors) <= _MOST_SENSORS
+            and len(set(sensor_by_word.values())) == len(sensor_by_word)
+        ):
             ref = sample.names[i] if sample.by_name else i + 1
             return [
                 (replace(sample, rows=[row for row in sample.rows if row[i].strip() == word]), (ref, word), sensor)
-                for word, sensor in known.items()
+                for word, sensor in sensor_by_word.items()
             ]
     return []
 
@@ -209,7 +213,7 @@ class _DraftWriter:
         if sensor:
             self._parts = [replace(p, base=sensor) if p.axis and not p.sensor else p for p in self._parts]
         self._numbers = [sample.numbers(i) for i in range(sample.width)]
-        self._known = next((known for known in KNOWN if known.fits(sample)), None)
+        self._known = next((log for log in KNOWN if log.fits(sample)), None)
         self._time = self._time_columns()
         self._quaternion = self._quaternion_columns()
         self._triads = self._named_triads() or ({} if sample.names else self._sized_triads())
@@ -266,7 +270,7 @@ class _DraftWriter:
     def _time_columns(self) -> tuple[int, ...]:
         """Columns of time: stamps, or numbers that rise from row to row; those with a unit and a name come first."""
         named = [i for i, part in enumerate(self._parts) if part.is_time]
-        stated = [i for i in named if self._parts[i].unit_of(Quantity.TIME)]
+        stated = [i for i in named if self._parts[i].unit_as(Quantity.TIME)]
         for i in (*stated, *named):
             if self._rises(i):
                 return (i,)
@@ -286,10 +290,10 @@ class _DraftWriter:
     def _rises(self, column: int) -> bool:
         """Whether numbers go on as time does: they rise in most steps, however often they repeat or begin again."""
         numbers = self._numbers[column]
-        known = numbers[np.isfinite(numbers)]
-        steps = np.diff(known)
-        whole = known.size > (1.0 - LEFT_OUT_MOST) * numbers.size
-        return bool(whole and steps.size and np.sum(steps > 0.0) > 3.0 * np.sum(steps < 0.0))
+        finite = numbers[np.isfinite(numbers)]
+        steps = np.diff(finite)
+        is_whole = finite.size > (1.0 - LEFT_OUT_MOST) * numbers.size
+        return bool(is_whole and steps.size and np.sum(steps > 0.0) > 3.0 * np.sum(steps < 0.0))
 
     @property
     def _stamped(self) -> bool:
@@ -323,7 +327,7 @@ class _DraftWriter:
                 for letters in ("xyz", "012", "123")
                 if set(letters) <= set(axes)
             ]
-            complete.sort(key=lambda columns: not self._parts[columns[0]].unit_of(KINDS[name]))
+            complete.sort(key=lambda columns: not self._parts[columns[0]].unit_as(KINDS[name]))
             triads |= {name: complete[0]} if complete else {}
         return triads
 
@@ -360,12 +364,12 @@ class _DraftWriter:
     def _set(self, key: str, value: object, why: str = "", *, ask: bool = False, sure: bool = False) -> None:
         """Write a key; a guess with the mark of a question, unless it is answered, or evidence for it is accepted."""
         dotted = f"{self._table}.{key}".lstrip(".")
-        known = None if self._known is None else self._known.answers.get(dotted)
+        said = None if self._known is None else self._known.answers.get(dotted)
         if dotted in self._answers:
             value, why, ask = self._answers[dotted], "as answered", False
-        elif known is not None and self._known is not None:
+        elif said is not None and self._known is not None:
             value, why, ask = (
-                self._known.value(known, self._sample),
+                self._known.value(said, self._sample),
                 f"as of {self._known.name}",
                 ask and not self._accept,
             )
@@ -541,7 +545,7 @@ class _DraftWriter:
     def _write_unit(self, kind: Quantity, columns: Sequence[int], guess: _Guess) -> bool:
         """Write the unit; True where the header states it, and the numbers do not contradict."""
         part = self._parts[columns[0]]
-        named = part.unit_of(kind)
+        named = part.unit_as(kind)
         if named and part.stated and (guess.unit in {"", named} or self._accept) and not guess.counts:
             self._set("unit", named, f"the header says [{_one_line(part.unit)}]")
             return True
@@ -584,7 +588,7 @@ class _DraftWriter:
             return _Guess("deg/s", f"1 deg/s may be {to_si(1.0, 'deg/s') / abs(fit.factor):.4g} counts", "")
         rates = self._vectors(columns) - zero
         largest = float(np.nanmax(np.abs(rates)))
-        if largest > _FASTEST and self._parts[columns[0]].unit_of(Quantity.RATE) in {"", "rad/s"}:
+        if largest > _FASTEST and self._parts[columns[0]].unit_as(Quantity.RATE) in {"", "rad/s"}:
             integers = bool((rates[np.isfinite(rates)] % 1.0 == 0.0).all())
             return _Guess("deg/s", f"the largest is {largest:.4g}: not rad/s", "" if integers else None)
         return _Guess()
@@ -641,7 +645,7 @@ def _time_unit(numbers: Floats, part: ColumnName) -> tuple[str, str, bool]:
     steps = np.diff(numbers[np.isfinite(numbers)])
     step = float(np.mean(steps[steps >= 0.0])) if (steps > 0.0).any() else 0.0
     rates = {unit: 1.0 / to_si(step, unit) for unit in _TIMES if step > 0.0}
-    named = part.unit_of(Quantity.TIME)
+    named = part.unit_as(Quantity.TIME)
     if named in rates:
         return named, f"the header says {_one_line(part.unit)}: {rates[named]:.4g} Hz", True
     if "tow" in part.base:

@@ -84,8 +84,8 @@ def _streams(raw: Mapping[str, Any], origin: str) -> Profile:
     common = {key: value for key, value in raw.items() if key != "stream"}
     streams: list[tuple[str, Profile]] = []
     for number, table in enumerate(tables, 1):
-        own = {key: value for key, value in table.items() if key != "file"}
-        profile = _profile(common | own, origin)
+        table_alone = {key: value for key, value in table.items() if key != "file"}
+        profile = _profile(common | table_alone, origin)
         if any(set(profile.triads) & set(other.triads) for _, other in streams):
             raise DecodeError(f"stream {number} declares {', '.join(profile.triads)}, which another one does too.")
         streams.append((schema.text(f"stream[{number}].file", table.get("file", "*")), profile))

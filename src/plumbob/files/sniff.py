@@ -106,8 +106,8 @@ def read_sample(path: Path) -> Sample:
     if not (prefix or labels):
         return _headed(lines, table, encoding)
     first = lines[table.first]
-    own = first.partition(prefix)[2] if prefix else first
-    words = _cells(own, best.separator, 0)
+    cells_text = first.partition(prefix)[2] if prefix else first
+    words = _cells(cells_text, best.separator, 0)
     names = tuple(word.rpartition(labels)[0].strip() for word in words) if labels else ("",) * len(words)
     names = ("", *names) if prefix else names
     rows = (
@@ -138,7 +138,7 @@ def _labels(lines: Sequence[str], prefix: str) -> str:
     for mark in (":", "="):
         pair = rf"[^\W\d][\w .]*\s*{mark}\s*[-+]?[\d.]+(e[-+]?\d+)?"
         line = rf"(?i)\s*{pair}(\s*[,;\t ]\s*{pair})+\s*"
-        if some and sum(re.fullmatch(line, one) is not None for one in some) > 0.8 * len(some):
+        if some and sum(re.fullmatch(line, text) is not None for text in some) > 0.8 * len(some):
             return mark
     return ""
 
@@ -209,8 +209,8 @@ def _known_cells(cells: Sequence[str], decimal: str) -> int:
     said = [cell.strip() for cell in cells if cell.strip()]
     numbers = sum(_NUMBER[decimal].fullmatch(cell) is not None for cell in said)
     readable = numbers + sum(cell in MISSING or is_clocklike(cell) for cell in said)
-    known = numbers >= 1 and 2 * readable >= len(said) and readable + len(cells) - len(said) >= 2
-    return readable + len(cells) - len(said) if known else 0
+    is_row = numbers >= 1 and 2 * readable >= len(said) and readable + len(cells) - len(said) >= 2
+    return readable + len(cells) - len(said) if is_row else 0
 
 
 def _value(cell: str, decimal: str) -> float:

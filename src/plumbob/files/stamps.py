@@ -100,12 +100,12 @@ def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], s
     far[:-1] &= ~(steps[1:] > -0.5 * steps[:-1])  # a single stamp that is wrong, and the clock goes on behind it
     if not far.any():
         return np.zeros(values.size), []
-    whole = bool((values == np.rint(values)).all()) and zero == np.rint(zero)
-    lengths = {f"{length:.0f}": length for length in _COUNTERS if whole and values.max() + zero < length}
+    are_whole = bool((values == np.rint(values)).all()) and zero == np.rint(zero)
+    lengths = {f"{length:.0f}": length for length in _COUNTERS if are_whole and values.max() + zero < length}
     lengths |= {name: period / unit_ns for name, period in _PERIODS_NS.items()}
     for name, length in lengths.items():
-        left = steps[far] + length
-        if ((left > 0.0) & (left <= longest)).all():
+        remaining = steps[far] + length
+        if ((remaining > 0.0) & (remaining <= longest)).all():
             ahead = np.concatenate(([0.0], np.cumsum(far))) * length
             times = counted(int(far.sum()), "time")
             return ahead, [f"time: the stamps begin again at {name}, {times}, and were counted on"]

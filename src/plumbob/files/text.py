@@ -70,7 +70,7 @@ def read_text(path: str | Path | Sequence[str | Path], profile: Profile | str | 
     ShapeError
         If a declared triad holds no number.
     """
-    files = [existing_file(one) for one in ([path] if isinstance(path, str | Path) else path)]
+    files = [existing_file(item) for item in ([path] if isinstance(path, str | Path) else path)]
     declared, note = text_profile(files[0], profile)
     if declared.arrays:
         raise DecodeError(f"{files[0]} is a text file, but {declared.origin} has arrays = true; declare its separator.")
@@ -79,11 +79,11 @@ def read_text(path: str | Path | Sequence[str | Path], profile: Profile | str | 
             raise DecodeError(f"{declared.origin} describes one file, but {len(files)} came; give each to read alone.")
         return _read_one(files[0], declared, note)
     parts = []
-    for pattern, own in declared.streams:
+    for pattern, stream in declared.streams:
         fitting = [file for file in files if fnmatch(file.name, pattern)]
         if len(fitting) != 1:
             raise DecodeError(f"{declared.origin}: {len(fitting)} of the files are named {pattern}; one must be.")
-        parts.append(_read_one(fitting[0], own, note))
+        parts.append(_read_one(fitting[0], stream, note))
     return joined_recordings(parts, files[0].stem)
 
 

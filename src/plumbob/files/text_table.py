@@ -207,7 +207,7 @@ def read_table(
         If a column is missing, or too many rows cannot be read; the message names the first line and column.
     """
     text = decode(raw, layout.encoding)
-    text, cut = _whole(text, layout)
+    text, cut = _ended(text, layout)
     head = find_head(text, layout)
     body = _Body(text, head, layout)
     first = [_width(row, layout) for _, row in islice(body.rows(), _LOOKED_AT)]
@@ -229,17 +229,17 @@ def read_table(
     _refuse_rows(count, layout.rows)
     if not count:
         raise DecodeError("there is no row of numbers; check the profile's [header].")
-    kept = np.setdiff1d(np.arange(reading.rows), list(reading.left_out)).astype(np.float64)
+    places_read = np.setdiff1d(np.arange(reading.rows), list(reading.left_out)).astype(np.float64)
     lines = {line for line, _ in reading.left_out.values()}
 
-    def line_of(row: int) -> int:
+    def line_number(row: int) -> int:
         return next(islice((line for line, _ in body.rows() if line not in lines), row, None))
 
     zero = reading.zero if reading.zero is not None else Decimal(0)
-    return TextTable(columns, zero, count, (*cut, *reading.notes()), reading.texts, line_of, kept)
+    return TextTable(columns, zero, count, (*cut, *reading.notes()), reading.texts, line_number, places_read)
 
 
-def _whole(text: str, layout: TextLayout) -> tuple[str, tuple[str, ...]]:
+def _ended(text: str, layout: TextLayout) -> tuple[str, tuple[str, ...]]:
     """Text that ends with a line end, and a note where its last line was cut and is left out.
 
     Many loggers write no line end behind the last line. It is cut where the number of rows is declared, or a cell or a

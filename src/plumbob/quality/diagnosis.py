@@ -463,13 +463,13 @@ class Examination:
             self._find(name, "unit", Trust.UNKNOWN, "cannot be known from this recording", 0.0, why=by)
             return
         odds = unit_odds(name, size, sd, declared)
+        if name == "gyr" and abs(rest := rate_error(size, odds.unit or declared, declared)) > _GAIN + 3.0 * sd:
+            self._factor(size, sd, sure, rest, by)
+            return
         if odds.unit is None:
             self._find(
                 name, "unit", Trust.UNKNOWN, f"no unit in use; multiply by {odds.factor:.4g}", 0.0, wrong=True, why=by
             )
-            return
-        if name == "gyr" and abs(rest := rate_error(size, odds.unit, declared)) > _GAIN + 3.0 * sd:
-            self._factor(size, sd, sure, rest if odds.unit == declared else math.log(size), by)
             return
         answer = sure if odds.log_odds >= CERTAIN else Trust.LIKELY if odds.log_odds >= _HINT else Trust.UNKNOWN
         wrong = odds.unit != declared and (answer is not Trust.UNKNOWN or odds.declared_odds < -CERTAIN)

@@ -110,15 +110,15 @@ def _places(table: Path) -> dict[str, tuple[list[int], str]]:
         head = stream.readline()
     if not head.startswith("#"):
         return dict(_PLACES)
-    found: dict[str, dict[str, tuple[int, str]]] = {}
+    axes_by_triad: dict[str, dict[str, tuple[int, str]]] = {}
     for place, name in enumerate(head.lstrip("#").strip().split(",")[1:]):
         symbol = re.match(r"\s*([wa])_", name)
         column = taken_apart(name)
         triad = _SYMBOLS[symbol[1]] if symbol else column.sensor
         if triad in _PLACES and column.axis:
-            found.setdefault(triad, {})[column.axis] = (place, column.unit_of(KINDS[triad]) or column.unit)
+            axes_by_triad.setdefault(triad, {})[column.axis] = (place, column.unit_as(KINDS[triad]) or column.unit)
     places = {}
-    for triad, axes in found.items():
+    for triad, axes in axes_by_triad.items():
         units = {unit for _, unit in axes.values()}
         if set(axes) != set("xyz") or len(units) != 1 or not is_name(next(iter(units)), KINDS[triad]):
             break

@@ -112,7 +112,7 @@ def joined_recordings(parts: Sequence[Recording], name: str) -> Recording:
     parts : sequence of Recording
         Of different triads; at least one.
     name : str
-        Of the whole.
+        Of the together.
 
     Raises
     ------
@@ -141,13 +141,15 @@ def joined_recordings(parts: Sequence[Recording], name: str) -> Recording:
             f"the sensors do not overlap in time: one begins {(begin - end) / 1e9:.6g} s after another has ended. "
             "They are of different recordings, or on clocks that nothing relates."
         )
-    whole = joined(streams, meta=replace(samples[0].meta, **ranges), epoch_ns=0 if absolute else None)
-    dense = [known_rows(getattr(whole.imu, name)) for name in ("gyr", "acc") if getattr(whole.imu, name) is not None]
-    first, last = np.flatnonzero(np.logical_and.reduce(dense) if dense else whole.rows_ns >= begin)[[0, -1]]
-    imu = whole.imu[int(first) : int(last) + 1]
-    t0_ns = int(whole.rows_ns[first]) if absolute else 0
+    together = joined(streams, meta=replace(samples[0].meta, **ranges), epoch_ns=0 if absolute else None)
+    dense = [
+        known_rows(getattr(together.imu, name)) for name in ("gyr", "acc") if getattr(together.imu, name) is not None
+    ]
+    first, last = np.flatnonzero(np.logical_and.reduce(dense) if dense else together.rows_ns >= begin)[[0, -1]]
+    imu = together.imu[int(first) : int(last) + 1]
+    t0_ns = int(together.rows_ns[first]) if absolute else 0
     imu = replace(imu, t=imu.t - imu.t[0], meta=replace(imu.meta, t0_ns=t0_ns))
-    notes = dict.fromkeys((*(note for part in parts for note in part.notes), *whole.notes))
+    notes = dict.fromkeys((*(note for part in parts for note in part.notes), *together.notes))
     return Recording(imu=imu, name=name, notes=tuple(notes))
 
 

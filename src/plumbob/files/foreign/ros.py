@@ -226,8 +226,8 @@ def _is_one(chosen: list[Topic], tables: list[MessageTable]) -> bool:
     triads = [triad for table in tables for triad in _measured(table)]
     names = {_SENSOR.sub("", topic.name) for topic in chosen}
     frames = {_SENSOR.sub("", frame) for table in tables for frame in table.frames}
-    whole = len(set(triads)) == len(triads) >= len(tables)
-    return whole and all(map(_measured, tables)) and (len(names) == 1 or len(frames) == 1)
+    is_complete = len(set(triads)) == len(triads) >= len(tables)
+    return is_complete and all(map(_measured, tables)) and (len(names) == 1 or len(frames) == 1)
 
 
 def _of_imus(chosen: list[Topic], topics: list[Topic], name: str) -> Recording:
@@ -235,10 +235,10 @@ def _of_imus(chosen: list[Topic], topics: list[Topic], name: str) -> Recording:
     if len(chosen) > 1 and _is_one(chosen, tables):
         units = [_unit(topic, table, topics) for topic, table in zip(chosen, tables, strict=True)]
         parts = [Recording(imu=unit.imu, notes=tuple(unit.notes)) for unit in units if unit.imu is not None]
-        whole = joined_recordings(parts, name)
+        together = joined_recordings(parts, name)
         used = [topic for unit in units for topic in unit.used]
-        one = f"{_listed(chosen)} are one IMU, whose sensors have topics of their own"
-        return replace(whole, notes=(CONVENTIONS, one, *whole.notes, *_left_out(topics, used)))
+        why = f"{_listed(chosen)} are one IMU, whose sensors have topics of their own"
+        return replace(together, notes=(CONVENTIONS, why, *together.notes, *_left_out(topics, used)))
     if len(chosen) > 1:
         first = _stamps(chosen[0], tables[0])[0]
         for topic, table in zip(chosen, tables, strict=True):
