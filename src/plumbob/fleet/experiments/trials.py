@@ -283,7 +283,7 @@ def _gathered(
                 why = [f"{name}: {text}" for name, text in (refused or unscored).items()]
                 skipped[before + trial.file] = "; ".join(why)
             else:
-                key = _unused(before + trial.name, shared)
+                key = unused_name(before + trial.name, shared)
                 shared[key] = trial
                 absent |= {f"{name} ({key})": text for name, text in unscored.items()}
                 held.setdefault(folder, []).append(key)
@@ -304,7 +304,7 @@ def _gathered(
     )
 
 
-def _unused(name: str, used: Mapping[str, object]) -> str:
+def unused_name(name: str, used: Mapping[str, object]) -> str:
     """The name, or with a number, so that it is not one that is used."""
     others = (f"{name} ({i})" for i in count(2))
     return next(candidate for candidate in chain([name], others) if candidate not in used)
