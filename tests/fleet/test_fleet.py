@@ -15,12 +15,11 @@ import pytest
 
 import plumbob
 from plumbob.core.errors import CalibrationError, DecodeError, LineError, ParameterError
-from plumbob.data.cards import CalibrationCard
 from plumbob.fleet import workers
 from plumbob.fleet.batch import load_cards
 from plumbob.fleet.items import Item, batch_items, input_digest
 from plumbob.fleet.job import COLUMNS, BatchSettings
-from plumbob.fleet.places import Place, fetched
+from plumbob.fleet.places import as_place, fetched
 from plumbob.quality.quality import MEANING
 from tests.helpers import until
 from tests.helpers.commandline import plumbob as call
@@ -53,6 +52,11 @@ def folder(tmp_path_factory):
 def dataset(folder, tmp_path_factory):
     out = tmp_path_factory.mktemp("fleet") / "out"
     return plumbob.batch(folder, out, jobs=1, **SETTINGS), out
+
+
+@pytest.fixture
+def memory():
+    return pytest.importorskip("fsspec", reason="fsspec is not installed").filesystem("memory")
 
 
 def parts(root):
@@ -97,7 +101,8 @@ def test_a_part_is_what_estimate_writes_and_a_row_what_report_and_evaluate_say(f
     assert row["samples"] == said["time"]["samples"] < 600 and row["rate_hz"] == pytest.approx(100.0)
     assert row["missing_samples"] == said["time"]["missing_samples"] > 0 and row["gaps"] == said["time"]["gaps"] > 0
     assert row["gap_share"] == said["time"]["lost_share"] > 0.0
-    flags = {name: worst(one["flag"] for one in told) for name, told in by_channel(said).items()}
+    bursts = [burst["quality"] for burst in said["bursts"]]
+    flags = {name: worst(burst[name]["flag"] for burst in bursts) for name in bursts[0]}
     assert row["grades"] == ", ".join(f"{name} {MEANING[flag]}" for name, flag in flags.items())
     assert row["grade"] == MEANING[worst(flags.values())]
     record = json.loads((out / "_jobs/r1.parquet.json").read_text())
@@ -105,15 +110,9 @@ def test_a_part_is_what_estimate_writes_and_a_row_what_report_and_evaluate_say(f
     assert len(json.dumps(record)) < 20_000
 
 
-def by_channel(said):
-    names = said["bursts"][0]["quality"]
-    return {name: [burst["quality"][name] for burst in said["bursts"]] for name in names}
-
-
 def worst(flags):
     """Of QARTOD's flags: 4 fail, 3 suspect, 9 missing, 2 not evaluated, 1 pass."""
-    found = set(flags)
-    return next(flag for flag in (4, 3, 9, 2, 1) if flag in found)
+    return min(flags, key=(4, 3, 9, 2, 1).index)
 
 
 def test_other_tools_read_the_dataset(dataset):
@@ -132,10 +131,9 @@ def test_other_tools_read_the_dataset(dataset):
 
 def test_a_second_run_makes_nothing_again(folder, dataset):
     out = dataset[1]
-    before = {path: path.stat().st_mtime_ns for path in out.rglob("*.parquet") if path.name == "part.parquet"}
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("part.parquet")}
     table = (out / "verdicts.csv").read_bytes()
-    again = plumbob.batch(folder, out, jobs=1, **SETTINGS)
-    assert again.skipped == GOOD + 3
+    assert plumbob.batch(folder, out, jobs=1, **SETTINGS).skipped == GOOD + 3
     assert {path: path.stat().st_mtime_ns for path in before} == before
     assert (out / "verdicts.csv").read_bytes() == table
 
@@ -186,9 +184,7 @@ def test_a_part_of_a_stream_is_read_with_its_first_one(tmp_path):
 
 
 def children_of(pid):
-    return [int(one) for one in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()] + [
-        int(one) for path in Path(f"/proc/{pid}/task").glob("*/children") for one in path.read_text().split()
-    ]
+    return [int(child) for path in Path(f"/proc/{pid}/task").glob("*/children") for child in path.read_text().split()]
 
 
 def command(pid):
@@ -211,11 +207,12 @@ def test_a_killed_run_leaves_whole_files_and_no_process_and_goes_on(folder, data
         [*map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
     until(lambda: len(list(out.glob("_jobs/*.json"))) >= 2 or child.poll() is not None, "no recording is done")
-    workers = children_of(child.pid) if jobs > 1 and sys.platform == "linux" else []
+    linux = sys.platform == "linux" and jobs > 1
+    workers = children_of(child.pid) if linux else []
     end = os.killpg if name == "SIGINT" else os.kill  # as a terminal does
     end(child.pid, getattr(signal, name))
     assert child.wait() == code
-    assert (len(workers) > 0) == (jobs > 1 and sys.platform == "linux")
+    assert bool(workers) == linux
     until(lambda: not any(map(lives, workers)), "a worker lives on")
     records = len(list(out.glob("_jobs/*.json")))
     assert 2 <= records < GOOD + 3
@@ -289,7 +286,7 @@ def test_by_default_there_are_as_many_processes_as_processors(folder, tmp_path, 
 
 
 def test_a_place_that_is_in_use_or_holds_other_files_is_refused(folder, tmp_path):
-    with Place.at(str(tmp_path / "out")).locked(), pytest.raises(ParameterError, match=f"process {os.getpid()} on"):
+    with as_place(str(tmp_path / "out")).locked(), pytest.raises(ParameterError, match=f"process {os.getpid()} on"):
         plumbob.batch(folder, tmp_path / "out", **SETTINGS)
     before = sorted(folder.iterdir())
     with pytest.raises(ParameterError, match="holds other files"):
@@ -334,33 +331,31 @@ def test_wrong_options_show_before_any_work(folder, tmp_path):
 
 
 def test_cards_go_by_device(tmp_path):
-    one, other = (replace(made(seed), name=f"{seed}") for seed in (1, 2))
-    raw = [plumbob.simulate("buoy", duration=6.0, seed=seed, **(SIM | {"unit": "random"})).imu for seed in (1, 2)]
-    names = [f"unit {seed}" for seed in (1, 2)]
-    raw = [imu.corrected(meta=replace(imu.meta, device=name)) for imu, name in zip(raw, names, strict=True)]
-    poses = [plumbob.simulate("poses", seed=seed, **(SIM | {"unit": "random"})).imu for seed in (1, 2)]
-    cards = [replace(plumbob.calibrate(imu, "accel").card, device=name) for imu, name in zip(poses, names, strict=True)]
-    for card, name in zip(cards, names, strict=True):
-        card.save(tmp_path / f"{name}.json")
-    third = raw[0].corrected(meta=replace(raw[0].meta, device="unit 3"))
-    given = [plumbob.Recording(imu=imu, name=imu.meta.device) for imu in (*raw, third)]
-    done = plumbob.batch(given, tmp_path / "out", calibration=tmp_path, jobs=1, **SETTINGS)
+    given, cards = [], []
+    for seed in (1, 2):
+        raw, poses = (
+            plumbob.simulate(scenario, seed=seed, **SIM | {"unit": "random"}, **how).imu
+            for scenario, how in (("buoy", {"duration": 6.0}), ("poses", {}))
+        )
+        given.append(raw.corrected(meta=replace(raw.meta, device=f"unit {seed}")))
+        cards.append(replace(plumbob.calibrate(poses, "accel").card, device=f"unit {seed}"))
+        cards[-1].save(tmp_path / f"{seed}.json")
+    third = given[0].corrected(meta=replace(given[0].meta, device="unit 3"))
+    named = [plumbob.Recording(imu=imu, name=imu.meta.device) for imu in (*given, third)]
+    done = plumbob.batch(named, tmp_path / "out", calibration=tmp_path, jobs=1, **SETTINGS)
     assert verdicts(done.rows()) == {"unit 1": "done", "unit 2": "done", "unit 3": "refused"}
-    for imu, card in zip(raw, cards, strict=True):
+    for imu, card in zip(given, cards, strict=True):
         track = plumbob.estimate(imu, "mahony", calibration=card).track
         part = tmp_path / f"out/attitude/recording={imu.meta.device}/part.parquet"
         assert plumbob.read(part).track.q_nb.tobytes() == track.q_nb.tobytes()
-    assert one.name != other.name
     with pytest.raises(ParameterError, match="two calibration cards"):
         load_cards([cards[0], cards[0]])
     with pytest.raises(CalibrationError, match="unit 9"):
-        BatchSettings({}, *load_cards(tmp_path)).card_for("unit 9")
-    assert isinstance(load_cards(cards[0])[0][0], CalibrationCard)
+        BatchSettings({}, load_cards(tmp_path)).card_for("unit 9")
+    assert BatchSettings({}, load_cards(cards[0])).card_for("unit 9") is cards[0]
 
 
-def test_behind_urls(folder, dataset):
-    fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
-    memory = fsspec.filesystem("memory")
+def test_behind_urls(folder, dataset, memory):
     for name in ("r1.parquet", "r2.parquet", "cut.parquet"):
         memory.pipe_file(f"/sea/{name}", (folder / name).read_bytes())
     done = plumbob.batch("memory://sea", "memory://dataset", jobs=2, **SETTINGS)
@@ -379,17 +374,14 @@ def test_behind_urls(folder, dataset):
         pass
 
 
-def test_a_table_behind_a_url_has_its_profile_there(tmp_path):
-    fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
+def test_a_table_behind_a_url_has_its_profile_there(tmp_path, memory):
     plumbob.write(tmp_path / "r.csv", made(1).imu)
     for name in ("r.csv", "r.profile.toml"):
-        fsspec.filesystem("memory").pipe_file(f"/tables/{name}", (tmp_path / name).read_bytes())
+        memory.pipe_file(f"/tables/{name}", (tmp_path / name).read_bytes())
     assert plumbob.batch("memory://tables", tmp_path / "out", **SETTINGS).counts["done"] == 1
 
 
-def test_what_does_not_answer_is_one_error_or_one_row(folder, tmp_path, monkeypatch):
-    fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
-    memory = fsspec.filesystem("memory")
+def test_what_does_not_answer_is_one_error_or_one_row(folder, tmp_path, memory, monkeypatch):
     for name in ("r1.parquet", "r2.parquet"):
         memory.pipe_file(f"/lake/{name}", (folder / name).read_bytes())
     whole = type(memory).open

@@ -8,24 +8,22 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import replacing
 from plumbob.core.text import FactsText, counted
 from plumbob.core.units import Quantity, given
+from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.files.text_write import text_cell
 from plumbob.fleet.items import JOBS, Item, Source, batch_items
 from plumbob.fleet.job import COLUMNS, VERDICTS, BatchSettings, JobOutcome
-from plumbob.fleet.places import Place, is_url
+from plumbob.fleet.places import Place, as_place, is_url
 from plumbob.fleet.workers import outcomes
 from plumbob.overview.streaming_stats import BURST
 from plumbob.quality.tilt import LIMIT
 from plumbob.rotations import Frame
-
-if TYPE_CHECKING:
-    from plumbob.data.cards import CalibrationCard, NoiseCard
 
 _TABLES: Final = "verdicts.parquet", "verdicts.csv"
 _SHOWN: Final = 20
@@ -69,7 +67,7 @@ class BatchRun(FactsText):
 
     def rows(self) -> list[dict[str, Any]]:
         """Rows of the table of verdicts, of this run and of those before it into the same dataset."""
-        return list(_rows(Place.at(self.dataset)))
+        return list(_rows(as_place(self.dataset)))
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
@@ -106,7 +104,7 @@ def batch(
     frame: Frame | str | None = None,
     init: str | None = None,
     calibration: Any = None,
-    noise: "NoiseCard | str | Path | None" = None,
+    noise: NoiseCard | str | Path | None = None,
     place: str | None = None,
     date: str | None = None,
     profile: str | Path | None = None,
@@ -181,11 +179,10 @@ def batch(
         "frame": None if frame is None else str(Frame.parse(frame)), "init": init, "place": place, "date": date,
         "profile": profile, "unit": unit,
     }  # fmt: skip
-    cards, by_device = load_cards(calibration)
     settings = BatchSettings(
         how={name: value for name, value in how.items() if value},
-        cards=cards, by_device=by_device, noise=_noise(noise), burst=_si("burst", burst, Quantity.TIME),
-        tilt_limit=_si("tilt_limit", tilt_limit, Quantity.ANGLE),
+        cards=load_cards(calibration), noise=None if noise is None else NoiseCard.of(noise),
+        burst=_si("burst", burst, Quantity.TIME), tilt_limit=_si("tilt_limit", tilt_limit, Quantity.ANGLE),
         align=tuple(align), settle=_si("settle", settle, Quantity.TIME), pages=pages, max_bytes=max_bytes,
     )  # fmt: skip
     dataset, workers = _dataset(out), _workers(jobs, cluster)
@@ -227,14 +224,6 @@ def _si(name: str, value: float | str, quantity: Quantity) -> float:
     return number
 
 
-def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
-    if given is None:
-        return None
-    from plumbob.data.cards import NoiseCard
-
-    return NoiseCard.of(given)
-
-
 def _workers(jobs: int | None, cluster: str | None) -> int:
     if jobs is not None and cluster is not None:
         raise ParameterError("jobs is the number of processes here, but a cluster has its own workers. Leave one out.")
@@ -254,8 +243,8 @@ def _processors() -> int:
     return count
 
 
-def load_cards(given: Any) -> tuple[tuple["CalibrationCard", ...], bool]:
-    """Cards that were given, and whether each is for its own device: of a folder or a sequence it is.
+def load_cards(given: Any) -> dict[str | None, CalibrationCard]:
+    """Cards that were given: of a folder or a sequence by the device that each is for, else one for None, all devices.
 
     Raises
     ------
@@ -265,22 +254,20 @@ def load_cards(given: Any) -> tuple[tuple["CalibrationCard", ...], bool]:
         If a file is not a card.
     """
     if given is None:
-        return (), False
-    from plumbob.data.cards import CalibrationCard
-
+        return {}
     if isinstance(given, str | Path) and Path(given).is_dir():
         files = sorted(Path(given).glob("*.json"))
         if not files:
             raise ParameterError(f"{given} holds no calibration card (*.json). Name a card, or a folder of cards.")
         given = files
     if not isinstance(given, list | tuple):
-        return (CalibrationCard.of(given),), False
-    by_device: dict[str, CalibrationCard] = {}
+        return {None: CalibrationCard.of(given)}
+    cards: dict[str | None, CalibrationCard] = {}
     for card in map(CalibrationCard.of, given):
-        if card.device in by_device:
+        if card.device in cards:
             raise ParameterError(f"two calibration cards are of the device '{card.device}'. Keep one of them.")
-        by_device[card.device] = card
-    return tuple(by_device[device] for device in sorted(by_device)), True
+        cards[card.device] = card
+    return cards
 
 
 def _dataset(out: str | os.PathLike[str]) -> Place:
@@ -297,7 +284,7 @@ def _dataset(out: str | os.PathLike[str]) -> Place:
         text = str(path.absolute())  # the workers of a cluster have folders of their own
         if path.exists() and not path.is_dir():
             raise ParameterError(f"{out} is a file, but a dataset is a folder. Name another one.")
-    place = Place.at(text)
+    place = as_place(text)
     names = place.names()
     if names and JOBS not in names:
         raise ParameterError(f"{out} holds other files ({names[0]}), and not a dataset. Name a new or an empty folder.")

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from plumbob.core.errors import (
     CalibrationError,
@@ -26,12 +26,13 @@ from plumbob.core.errors import (
 from plumbob.core.files import existing_file, write_text
 from plumbob.core.version import __version__
 from plumbob.data import ImuMeta
+from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.data.recording import Recording
 from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.evaluate import evaluate
 from plumbob.files.formats import UnknownFormatError
 from plumbob.fleet.items import JOBS, Item, input_digest
-from plumbob.fleet.places import Place
+from plumbob.fleet.places import Place, as_place
 from plumbob.overview.overview import Overview, make_gatherer
 from plumbob.overview.report_entry import Subject, opened, subject_from
 from plumbob.overview.streaming_stats import BURST
@@ -42,16 +43,9 @@ from plumbob.reporting.report import plain
 from plumbob.rotations import Frame
 from plumbob.simulation import simulate
 
-if TYPE_CHECKING:
-    from plumbob.data.cards import CalibrationCard, NoiseCard
-
-DONE, REFUSED, DAMAGED, FAILED = "done", "refused", "damaged", "failed"
-VERDICTS: Final = {
-    DONE: "its attitude is in the dataset",
-    REFUSED: "it can be read, but not be used as it is",
-    DAMAGED: "it cannot be read as what it claims to be",
-    FAILED: "not by its own fault: memory, a network, a missing package, a defect; the next run tries it again",
-}
+DONE, REFUSED, DAMAGED, FAILED = VERDICTS = "done", "refused", "damaged", "failed"
+"""Refused: it can be read, but not be used as it is; damaged: it cannot be read as what it claims to be; failed: not by
+its own fault, but by memory, a network, a missing package or a defect, so that the next run tries it again."""
 
 COLUMNS: Final[Mapping[str, type]] = {
     "recording": str, "verdict": str, "reason": str, "source": str, "device": str,
@@ -84,10 +78,8 @@ class BatchSettings:
     ----------
     how : mapping
         Arguments of `plumbob.estimate` that are not left to their defaults, besides cards; JSON can hold them.
-    cards : tuple of CalibrationCard
-        One for all, or one for each device.
-    by_device : bool
-        Whether each card is for the recordings of its own device.
+    cards : mapping of str to CalibrationCard
+        Each for the recordings of its device; of None for all.
     noise : NoiseCard or None
         Noise of the units.
     burst, tilt_limit, align, settle, pages, max_bytes
@@ -97,9 +89,8 @@ class BatchSettings:
     """
 
     how: Mapping[str, Any]
-    cards: tuple["CalibrationCard", ...] = ()
-    by_device: bool = False
-    noise: "NoiseCard | None" = None
+    cards: Mapping[str | None, CalibrationCard]
+    noise: NoiseCard | None = None
     burst: float = BURST
     tilt_limit: float = LIMIT
     align: tuple[str, ...] = ()
@@ -125,7 +116,7 @@ class BatchSettings:
         how = {name: value for name, value in self.how.items() if name not in ("unit", "profile")}
         return {**how, "noise": self.noise}
 
-    def card_for(self, device: str) -> "CalibrationCard | None":
+    def card_for(self, device: str) -> CalibrationCard | None:
         """Card for the recordings of a device; None where there is no card at all.
 
         Raises
@@ -133,11 +124,9 @@ class BatchSettings:
         CalibrationError
             If cards are chosen by device, and none is of this one.
         """
-        if not self.by_device:
-            return self.cards[0] if self.cards else None
-        for card in self.cards:
-            if card.device == device:
-                return card
+        card = self.cards.get(None, self.cards.get(device))
+        if card is not None or not self.cards:
+            return card
         raise CalibrationError(
             f"none of the {len(self.cards)} calibration cards is of the device '{device}'. Add its card, or run it "
             "apart without one."
@@ -221,7 +210,7 @@ def run_job(settings: BatchSettings, item: Item, out: str) -> JobOutcome:
             f"the batch was started by plumbob {settings.software}, but this worker runs {__version__}. Install one "
             "version everywhere."
         )
-    place, began = Place.at(out), time.perf_counter()
+    place, began = as_place(out), time.perf_counter()
     row, made, copy = _new_row(settings, item), None, ""
     try:
         with item.local(settings.max_bytes) as given:
@@ -239,7 +228,7 @@ def run_job(settings: BatchSettings, item: Item, out: str) -> JobOutcome:
 def failed(settings: BatchSettings, item: Item, out: str, reason: str) -> JobOutcome:
     """Record of a job whose worker did not come back."""
     row = _new_row(settings, item) | {"verdict": FAILED, "reason": reason}
-    return _written(Place.at(out), item, row, None, time.perf_counter())
+    return _written(as_place(out), item, row, None, time.perf_counter())
 
 
 def _new_row(settings: BatchSettings, item: Item) -> dict[str, Any]:

@@ -124,11 +124,6 @@ class Place:
         self.name = name
         self._folder = Path(name)
 
-    @staticmethod
-    def at(name: str) -> "Place":
-        """Place of a path or a URL."""
-        return _Remote(name) if is_url(name) else Place(name)
-
     def names(self, folder: str = "") -> list[str]:
         """Names of what lies in a folder, in order; none where it does not exist."""
         with suppress(FileNotFoundError, NotADirectoryError):
@@ -249,6 +244,11 @@ class _Remote(Place):
 
     def _path(self, name: str) -> str:
         return f"{self._root}/{name}".rstrip("/")
+
+
+def as_place(name: str) -> Place:
+    """Place of a path or a URL."""
+    return _Remote(name) if is_url(name) else Place(name)
 
 
 def _holder() -> str:

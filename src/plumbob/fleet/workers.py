@@ -159,7 +159,7 @@ class ProcessExecutor(Executor):
             kind, answer = pipe.recv()
         except (OSError, EOFError) as error:
             process.join()
-            raise LostProcessError(_end_of(process.exitcode or 0)) from error
+            raise LostProcessError(_how_ended(process.exitcode or 0)) from error
         self._idle.append(idle)
         if kind == "raised":
             raise answer
@@ -172,7 +172,7 @@ class ProcessExecutor(Executor):
         if not self._hopeless:
             try:
                 return self._started()
-            except (OSError, EOFError, AssertionError):  # the last one where this process may not have any
+            except (OSError, EOFError, AssertionError, RuntimeError):  # the last two where it may not have any
                 self._hopeless = True
         return None
 
@@ -195,7 +195,7 @@ class ProcessExecutor(Executor):
         return process, pipe
 
 
-def _end_of(code: int) -> str:
+def _how_ended(code: int) -> str:
     """What an exit code says."""
     if code >= 0:
         return f"it ended with exit code {code}"
