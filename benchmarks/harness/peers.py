@@ -46,6 +46,7 @@ class _Peer(ABC):
 
     name: str
     settings: str
+    FRAME = Frame.ENU
     timed = True
     none_is_absent = False
     can_kill = False
@@ -57,8 +58,8 @@ class _Peer(ABC):
         self.library = library
 
     def enu(self, q: Floats) -> Floats:
-        """Return attitudes as they are."""
-        return q
+        """Attitudes that are to its frame."""
+        return change_frame(q, to=Frame.ENU, from_=self.FRAME)
 
     @abstractmethod
     def start(self, rate: float = RATE) -> Running:
@@ -244,10 +245,7 @@ class Madgwick(Ahrs):
     """The gradient descent of the 2010 report."""
 
     KIND = "Madgwick"
-
-    def enu(self, q: Floats) -> Floats:
-        """Attitudes to a frame whose x axis is north and whose z axis is up."""
-        return change_frame(q, to=Frame.ENU, from_=Frame.NWU)
+    FRAME = Frame.NWU
 
 
 class _Ekf(Ahrs):
@@ -258,10 +256,11 @@ class _Ekf(Ahrs):
 
 class _Aqua(Ahrs):
     KIND = "AQUA"
+    FRAME = Frame.NWU
 
     def enu(self, q: Floats) -> Floats:
-        """Attitudes of a frame whose x axis is north and whose z axis is up, to the body."""
-        return change_frame(quat_conjugate(q), to=Frame.ENU, from_=Frame.NWU)
+        """It gives attitudes of that frame to the body."""
+        return super().enu(quat_conjugate(q))
 
 
 _LIBRARIES: Final[Mapping[str, tuple[Any, ...]]] = {
