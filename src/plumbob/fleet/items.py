@@ -89,8 +89,9 @@ def input_digest(given: Path | Recording) -> str:
             digest.update(name.encode())
             digest.update(values.tobytes())
         return digest.hexdigest()
-    home, files = given, sorted(path for path in given.rglob("*") if path.is_file())
-    if not given.is_dir():
+    if given.is_dir():
+        home, files = given, sorted(path for path in given.rglob("*") if path.is_file())
+    else:
         home, files = given.parent, [existing_file(given), *_read_with(given)]
     if files == [given]:
         return file_sha256(given)[0]
