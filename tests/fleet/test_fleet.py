@@ -321,9 +321,11 @@ def test_recordings_in_memory_come_from_an_iterator(folder, dataset, tmp_path):
 
 
 def test_wrong_options_show_before_any_work(folder, tmp_path):
-    for wrong in ({"filter": "kalman"}, {"filter": "mahony", "params": {"kq": 1.0}}, {"burst": "-1 s"}, {"jobs": 0},
-                  {"jobs": 2, "cluster": "tcp://127.0.0.1:1"}, {"place": "north"}):  # fmt: skip
-        with pytest.raises(ParameterError):
+    for wrong in (
+        {"filter": "kalman"}, {"params": {"kq": 1.0}, **SETTINGS}, {"burst": "-1 s"}, {"jobs": 0}, {"place": "north"},
+        {"jobs": 2, "cluster": "tcp://127.0.0.1:1"}, {"profile": "none.toml"},
+    ):  # fmt: skip
+        with pytest.raises(DecodeError if "profile" in wrong else ParameterError):
             plumbob.batch(folder, tmp_path / "out", **wrong)
     assert not (tmp_path / "out").exists()
     with pytest.raises(ParameterError, match="nothing matches"):

@@ -133,15 +133,16 @@ class BatchSettings:
         )
 
     def try_out(self) -> None:
-        """Estimate five simulated seconds at rest, so that wrong options show before a recording is read.
+        """Hash all, and estimate five simulated seconds at rest: wrong options show before a recording is read.
 
         Raises
         ------
-        ParameterError
-            If an option is wrong.
+        ParameterError, DecodeError
+            If an option is wrong, or a profile cannot be read.
         MissingExtraError
             If pages are asked for and cannot be made.
         """
+        _ = self.digest  # kept, so that it goes with the settings to the jobs
         frame = Frame.parse(self.how.get("frame") or "ENU")
         rest = simulate("static", frame=frame, duration=5.0, sensors="mpu6000+hmc5983", unit="calibrated", seed=1)
         imu = rest.imu.corrected(meta=ImuMeta(device="trial", frame=frame, t0_ns=_TRIAL_NS))
