@@ -225,22 +225,17 @@ def _si(name: str, value: float | str, quantity: Quantity) -> float:
 
 
 def _workers(jobs: int | None, cluster: str | None) -> int:
+    """Processes to use, by default one for each processor that this one may use, as far as there is memory."""
     if jobs is not None and cluster is not None:
         raise ParameterError("jobs is the number of processes here, but a cluster has its own workers. Leave one out.")
-    if jobs is None:
-        jobs = _processors()
+    if jobs is None:  # a container or a queue of jobs may have given it fewer than there are
+        jobs = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        with suppress(OSError, IndexError, ValueError):  # a small board has more processors than memory for their work
+            free = Path("/proc/meminfo").read_text(encoding="ascii").split("MemAvailable:")[1].split()[0]
+            jobs = min(jobs, max(1, int(free) // _MEMORY_KIB))
     if not 1 <= jobs <= 1024:
         raise ParameterError(f"jobs must be 1 to 1024, but it is {jobs}.")
     return jobs
-
-
-def _processors() -> int:
-    """Processors that this process may use: a container or a queue of jobs may have given it fewer than there are."""
-    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with suppress(OSError, IndexError, ValueError):  # a small board has more processors than memory for their work
-        free = Path("/proc/meminfo").read_text(encoding="ascii").split("MemAvailable:")[1].split()[0]
-        count = min(count, max(1, int(free) // _MEMORY_KIB))
-    return count
 
 
 def load_cards(given: Any) -> dict[str | None, CalibrationCard]:

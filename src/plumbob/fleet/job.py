@@ -188,16 +188,7 @@ def part_path(key: str) -> str:
 
 
 def run_job(settings: BatchSettings, item: Item, out: str) -> JobOutcome:
-    """Do all that belongs to one recording, unless it has been done: the same input by the same settings.
-
-    Parameters
-    ----------
-    settings : BatchSettings
-        Of the batch.
-    item : Item
-        The recording.
-    out : str
-        Path or URL of the dataset.
+    """Do all that belongs to one recording, unless the dataset has it: the same input by the same settings.
 
     Raises
     ------

@@ -223,8 +223,18 @@ class _Remote(Place):
         if held is not None and time.time() - held["time"] < _STALE and not _ended(held["holder"]):
             raise _taken(self.name, held["holder"])
         over = threading.Event()
-        self._beat()
-        beating = threading.Thread(target=self._beats, args=(over,), daemon=True)
+
+        def beat() -> None:
+            text = json.dumps({"holder": _holder(), "time": time.time()})
+            self.write(LOCK, lambda path: path.write_text(text))
+
+        def beats() -> None:
+            while not over.wait(_BEAT):
+                with suppress(Exception):  # the network may come back
+                    beat()
+
+        beat()
+        beating = threading.Thread(target=beats, daemon=True)
         beating.start()
         try:
             yield
@@ -232,15 +242,6 @@ class _Remote(Place):
             over.set()
             beating.join()
             self.remove(LOCK)
-
-    def _beat(self) -> None:
-        text = json.dumps({"holder": _holder(), "time": time.time()})
-        self.write(LOCK, lambda path: path.write_text(text))
-
-    def _beats(self, over: threading.Event) -> None:
-        while not over.wait(_BEAT):
-            with suppress(Exception):  # the network may come back
-                self._beat()
 
     def _path(self, name: str) -> str:
         return f"{self._root}/{name}".rstrip("/")
