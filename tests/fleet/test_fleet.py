@@ -63,6 +63,10 @@ def parts(root):
     return {path.parent.name: path.read_bytes() for path in root.glob("attitude/*/part.parquet")}
 
 
+def in_memory(folder, *names):
+    return [replace(plumbob.read(folder / name), name=name) for name in names]
+
+
 def verdicts(rows):
     return {row["recording"]: row["verdict"] for row in rows}
 
@@ -72,10 +76,8 @@ def test_each_recording_has_a_row_and_a_damaged_one_is_not_the_end(dataset):
     assert done.counts == {"done": GOOD, "refused": 0, "damaged": 3, "failed": 0}
     found = verdicts(done.rows())
     assert {name: found[name] for name in BAD} == BAD
-    assert [name for name, verdict in found.items() if verdict == "done"] == sorted(
-        f"{'deep/' if seed % 3 == 0 else ''}r{seed}.parquet" for seed in range(GOOD)
-    )
-    assert len(parts(out)) == GOOD
+    good = sorted(f"{'' if seed % 3 else 'deep/'}r{seed}.parquet" for seed in range(GOOD))
+    assert [name for name, verdict in found.items() if verdict == "done"] == good and len(parts(out)) == GOOD
     assert all(row["reason"] for row in done.rows() if row["verdict"] != "done")
 
 
@@ -147,9 +149,7 @@ def test_what_changed_is_made_again(tmp_path):
     first = parts(out)
     plumbob.write(tmp_path / "in" / "r2.parquet", made(3), overwrite=True)
     assert plumbob.batch(tmp_path / "in", out, jobs=1, **SETTINGS).skipped == 1
-    second = parts(out)
-    assert second["recording=r1.parquet"] == first["recording=r1.parquet"]
-    assert second["recording=r2.parquet"] != first["recording=r2.parquet"]
+    assert [first[name] == content for name, content in sorted(parts(out).items())] == [True, False]
     assert plumbob.batch(tmp_path / "in", out, params={"kp": 0.9}, jobs=1, **SETTINGS).skipped == 0
     assert parts(out)["recording=r1.parquet"] != first["recording=r1.parquet"]
     part = out / "attitude/recording=r1.parquet/part.parquet"
@@ -234,7 +234,7 @@ class Deadly(plumbob.Recording):
 @pytest.mark.skipif(sys.platform == "win32", reason="the system has no SIGKILL")
 def test_the_job_of_a_process_that_is_killed_has_failed_and_the_rest_goes_on(folder, dataset, tmp_path):
     out, lost = tmp_path / "out", ["r1.parquet", "r2.parquet"]
-    given = [replace(plumbob.read(folder / name), name=name) for name in (*lost, "r4.parquet", "r5.parquet")]
+    given = in_memory(folder, *lost, "r4.parquet", "r5.parquet")
     deadly = [Deadly(**vars(recording)) for recording in given[:2]]
     before = set(children_of(os.getpid()))
     done = plumbob.batch([*deadly, *given[2:]], out, jobs=2, **SETTINGS)
@@ -251,21 +251,21 @@ def test_the_job_of_a_process_that_is_killed_has_failed_and_the_rest_goes_on(fol
 
 def test_a_script_needs_no_main_guard_and_prints_of_a_process_do_no_harm(folder, dataset, tmp_path):
     script = tmp_path / "script.py"
-    script.write_text(
-        "import dataclasses, plumbob\n"
-        "class Own(plumbob.Recording):  # known here alone; to ask for it prints\n"
-        "    def __reduce__(self):\n        return eval, ('print(1, flush=True) or __main__.Own',)\n"
-        f"given = [plumbob.read({str(folder)!r} + f'/r{{n}}.parquet') for n in (1, 2)]\n"
-        "given = [dataclasses.replace(one, name=f'r{n}.parquet') for n, one in zip((1, 2), given)]\n"
-        "given[1] = Own(**{field.name: getattr(given[1], field.name) for field in dataclasses.fields(given[1])})\n"
-        f"done = plumbob.batch(given, {str(tmp_path / 'out')!r}, filter='mahony', jobs=2)\n"
-        "print(done.counts['done'], __name__)\n"
-    )
+    script.write_text(f"""
+import plumbob
+
+class Own(plumbob.Recording):  # known here alone; to ask for it prints
+    def __reduce__(self):
+        return eval, ("print(1, flush=True) or __main__.Own",)
+
+given = [vars(plumbob.read(f"{folder}/{{name}}")) | {{"name": name}} for name in ("r1.parquet", "r2.parquet")]
+given = plumbob.Recording(**given[0]), Own(**given[1])
+print(plumbob.batch(given, {str(tmp_path / "out")!r}, filter="mahony", jobs=2).counts["done"], __name__)
+""")
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False, env=environment)
     assert (done.stdout.splitlines(), done.stderr) == (["2 __main__"], "1\n")
-    expected = parts(dataset[1])
-    assert all(expected[name] == content for name, content in parts(tmp_path / "out").items())
+    assert parts(tmp_path / "out").items() <= parts(dataset[1]).items()
 
 
 def test_an_error_of_a_process_is_that_of_the_batch(folder, tmp_path):
@@ -313,11 +313,10 @@ def test_a_row_has_its_times_in_utc_and_a_spreadsheet_takes_no_cell_for_a_formul
 
 def test_recordings_in_memory_come_from_an_iterator(folder, dataset, tmp_path):
     seen = []
-    given = (replace(plumbob.read(folder / f"r{seed}.parquet"), name=f"r{seed}.parquet") for seed in (1, 2))
+    given = iter(in_memory(folder, "r1.parquet", "r2.parquet"))
     done = plumbob.batch(given, tmp_path / "out", progress=lambda *now: seen.append(now), jobs=1, **SETTINGS)
     assert seen == [(1, None), (2, None)] and done.counts["done"] == 2
-    expected, found = parts(dataset[1]), parts(tmp_path / "out")
-    assert all(expected[name] == content for name, content in found.items())
+    assert parts(tmp_path / "out").items() <= parts(dataset[1]).items()
 
 
 def test_wrong_options_show_before_any_work(folder, tmp_path):
@@ -435,16 +434,10 @@ def test_the_verb_is_the_function(folder, dataset, tmp_path):
 
 
 def test_a_defect_fails_its_job_alone_and_is_tried_again(folder, tmp_path, monkeypatch):
-    from plumbob.fleet import job
-
-    def broken(*_args, **_how):
-        raise MemoryError("no room")
-
     files = [folder / "r1.parquet", folder / "r2.parquet"]
     with monkeypatch.context() as patch:
-        patch.setattr(job, "opened", broken)
-        failed = plumbob.batch(files, tmp_path / "out", jobs=1, **SETTINGS)
-    assert failed.counts["failed"] == 2
+        patch.setattr("plumbob.fleet.job.opened", lambda *_, **__: [].pop())
+        assert plumbob.batch(files, tmp_path / "out", jobs=1, **SETTINGS).counts["failed"] == 2
     assert plumbob.batch(files, tmp_path / "out", jobs=1, **SETTINGS).counts["done"] == 2
 
 
