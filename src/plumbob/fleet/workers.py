@@ -125,6 +125,7 @@ class ProcessExecutor(Executor):
         self._threads = ThreadPoolExecutor(jobs, thread_name_prefix="plumbob-batch", initializer=first)
         self._all: list[SpawnProcess] = []
         self._idle: list[tuple[SpawnProcess, Connection]] = []
+        self._ending = False
         self._hopeless = not sys.executable or getattr(sys, "frozen", False)
 
     def submit(self, do: Callable[..., Any], /, *args: Any, **how: Any) -> Future[Any]:
@@ -133,6 +134,7 @@ class ProcessExecutor(Executor):
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Break off what runs, and end all processes."""
+        self._ending = True
         self._threads.shutdown(wait=False, cancel_futures=cancel_futures)
         self._end()
         self._threads.shutdown(wait=wait)
@@ -151,7 +153,10 @@ class ProcessExecutor(Executor):
             data = pickle.dumps(job)
         except Exception:  # whatever a foreign type raises
             return job()
-        if (idle := self._free()) is None:
+        idle = self._free()
+        if self._ending:  # it may have ended the process that was about to start
+            raise LostProcessError("the batch is ending")
+        if idle is None:
             return job()
         process, pipe = idle
         try:
