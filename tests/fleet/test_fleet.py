@@ -2,12 +2,14 @@
 
 import csv
 import json
+import multiprocessing
 import os
 import signal
 import subprocess
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +61,11 @@ def memory():
     return pytest.importorskip("fsspec", reason="fsspec is not installed").filesystem("memory")
 
 
+def upload(memory, folder, where, *names):
+    for name in names:
+        memory.pipe_file(f"{where}/{name}", (folder / name).read_bytes())
+
+
 def parts(root):
     return {path.parent.name: path.read_bytes() for path in root.glob("attitude/*/part.parquet")}
 
@@ -75,7 +82,7 @@ def test_each_recording_has_a_row_and_a_damaged_one_is_not_the_end(dataset):
     done, out = dataset
     assert done.counts == {"done": GOOD, "refused": 0, "damaged": 3, "failed": 0}
     found = verdicts(done.rows())
-    assert {name: found[name] for name in BAD} == BAD
+    assert found.items() >= BAD.items()
     good = sorted(f"{'' if seed % 3 else 'deep/'}r{seed}.parquet" for seed in range(GOOD))
     assert [name for name, verdict in found.items() if verdict == "done"] == good and len(parts(out)) == GOOD
     assert all(row["reason"] for row in done.rows() if row["verdict"] != "done")
@@ -103,6 +110,7 @@ def test_a_part_is_what_estimate_writes_and_a_row_what_report_and_evaluate_say(f
     assert row["samples"] == said["time"]["samples"] < 600 and row["rate_hz"] == pytest.approx(100.0)
     assert row["missing_samples"] == said["time"]["missing_samples"] > 0 and row["gaps"] == said["time"]["gaps"] > 0
     assert row["gap_share"] == said["time"]["lost_share"] > 0.0
+    worst = partial(min, key=(4, 3, 9, 2, 1).index)  # of QARTOD's: fail, suspect, missing, not evaluated, pass
     bursts = [burst["quality"] for burst in said["bursts"]]
     flags = {name: worst(burst[name]["flag"] for burst in bursts) for name in bursts[0]}
     assert row["grades"] == ", ".join(f"{name} {MEANING[flag]}" for name, flag in flags.items())
@@ -110,11 +118,6 @@ def test_a_part_is_what_estimate_writes_and_a_row_what_report_and_evaluate_say(f
     record = json.loads((out / "_jobs/r1.parquet.json").read_text())
     assert record["statistics"]["tilt"]["roll"]["std_deg"] == row["roll_std_deg"]
     assert len(json.dumps(record)) < 20_000
-
-
-def worst(flags):
-    """Of QARTOD's flags: 4 fail, 3 suspect, 9 missing, 2 not evaluated, 1 pass."""
-    return min(flags, key=(4, 3, 9, 2, 1).index)
 
 
 def test_other_tools_read_the_dataset(dataset):
@@ -187,10 +190,6 @@ def children_of(pid):
     return [int(child) for path in Path(f"/proc/{pid}/task").glob("*/children") for child in path.read_text().split()]
 
 
-def command(pid):
-    return Path(f"/proc/{pid}/cmdline").read_text()
-
-
 def lives(pid):
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
@@ -236,7 +235,6 @@ def test_the_job_of_a_process_that_is_killed_has_failed_and_the_rest_goes_on(fol
     out, lost = tmp_path / "out", ["r1.parquet", "r2.parquet"]
     given = in_memory(folder, *lost, "r4.parquet", "r5.parquet")
     deadly = [Deadly(**vars(recording)) for recording in given[:2]]
-    before = set(children_of(os.getpid()))
     done = plumbob.batch([*deadly, *given[2:]], out, jobs=2, **SETTINGS)
     assert done.counts == {"done": 2, "refused": 0, "damaged": 0, "failed": 2}
     rows = [row for row in done.rows() if row["verdict"] == "failed"]
@@ -246,7 +244,7 @@ def test_the_job_of_a_process_that_is_killed_has_failed_and_the_rest_goes_on(fol
     again = plumbob.batch(given, out, jobs=1, **SETTINGS)
     assert (again.counts["done"], again.skipped) == (4, 2)
     assert parts(out).items() <= parts(dataset[1]).items()
-    assert not [pid for pid in children_of(os.getpid()) if pid not in before and "spawn_main" in command(pid)]
+    assert not multiprocessing.active_children()
 
 
 def test_a_script_needs_no_main_guard_and_prints_of_a_process_do_no_harm(folder, dataset, tmp_path):
@@ -357,8 +355,7 @@ def test_cards_go_by_device(tmp_path):
 
 
 def test_behind_urls(folder, dataset, memory):
-    for name in ("r1.parquet", "r2.parquet", "cut.parquet"):
-        memory.pipe_file(f"/sea/{name}", (folder / name).read_bytes())
+    upload(memory, folder, "/sea", "r1.parquet", "r2.parquet", "cut.parquet")
     done = plumbob.batch("memory://sea", "memory://dataset", jobs=2, **SETTINGS)
     assert (done.counts["done"], done.counts["damaged"]) == (2, 1)
     expected = parts(dataset[1])["recording=r1.parquet"]
@@ -377,14 +374,12 @@ def test_behind_urls(folder, dataset, memory):
 
 def test_a_table_behind_a_url_has_its_profile_there(tmp_path, memory):
     plumbob.write(tmp_path / "r.csv", made(1).imu)
-    for name in ("r.csv", "r.profile.toml"):
-        memory.pipe_file(f"/tables/{name}", (tmp_path / name).read_bytes())
+    upload(memory, tmp_path, "/tables", "r.csv", "r.profile.toml")
     assert plumbob.batch("memory://tables", tmp_path / "out", **SETTINGS).counts["done"] == 1
 
 
 def test_what_does_not_answer_is_one_error_or_one_row(folder, tmp_path, memory, monkeypatch):
-    for name in ("r1.parquet", "r2.parquet"):
-        memory.pipe_file(f"/lake/{name}", (folder / name).read_bytes())
+    upload(memory, folder, "/lake", "r1.parquet", "r2.parquet")
     whole = type(memory).open
 
     def cut(self, path, *how, **more):
