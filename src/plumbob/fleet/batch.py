@@ -8,14 +8,13 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import replacing
 from plumbob.core.text import FactsText, counted
 from plumbob.core.units import Quantity, given
-from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.files.text_write import text_cell
 from plumbob.fleet.items import JOBS, Item, Source, batch_items
 from plumbob.fleet.job import COLUMNS, VERDICTS, BatchSettings, JobOutcome
@@ -24,6 +23,9 @@ from plumbob.fleet.workers import outcomes
 from plumbob.overview.streaming_stats import BURST
 from plumbob.quality.tilt import LIMIT
 from plumbob.rotations import Frame
+
+if TYPE_CHECKING:
+    from plumbob.data.cards import CalibrationCard, NoiseCard
 
 _TABLES: Final = "verdicts.parquet", "verdicts.csv"
 _SHOWN: Final = 20
@@ -104,7 +106,7 @@ def batch(
     frame: Frame | str | None = None,
     init: str | None = None,
     calibration: Any = None,
-    noise: NoiseCard | str | Path | None = None,
+    noise: "NoiseCard | str | Path | None" = None,
     place: str | None = None,
     date: str | None = None,
     profile: str | Path | None = None,
@@ -181,7 +183,7 @@ def batch(
     }  # fmt: skip
     settings = BatchSettings(
         how={name: value for name, value in how.items() if value},
-        cards=load_cards(calibration), noise=None if noise is None else NoiseCard.of(noise),
+        cards=load_cards(calibration), noise=_noise(noise),
         burst=_si("burst", burst, Quantity.TIME), tilt_limit=_si("tilt_limit", tilt_limit, Quantity.ANGLE),
         align=tuple(align), settle=_si("settle", settle, Quantity.TIME), pages=pages, max_bytes=max_bytes,
     )  # fmt: skip
@@ -224,6 +226,14 @@ def _si(name: str, value: float | str, quantity: Quantity) -> float:
     return number
 
 
+def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
+    if given is None:
+        return None
+    from plumbob.data.cards import NoiseCard
+
+    return NoiseCard.of(given)
+
+
 def _workers(jobs: int | None, cluster: str | None) -> int:
     """Processes to use, by default one for each processor that this one may use, as far as there is memory."""
     if jobs is not None and cluster is not None:
@@ -238,7 +248,7 @@ def _workers(jobs: int | None, cluster: str | None) -> int:
     return jobs
 
 
-def load_cards(given: Any) -> dict[str | None, CalibrationCard]:
+def load_cards(given: Any) -> "dict[str | None, CalibrationCard]":
     """Cards that were given: of a folder or a sequence by the device that each is for, else one for None, all devices.
 
     Raises
@@ -250,6 +260,8 @@ def load_cards(given: Any) -> dict[str | None, CalibrationCard]:
     """
     if given is None:
         return {}
+    from plumbob.data.cards import CalibrationCard
+
     if isinstance(given, str | Path) and Path(given).is_dir():
         files = sorted(Path(given).glob("*.json"))
         if not files:

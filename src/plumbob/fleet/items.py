@@ -18,7 +18,6 @@ from plumbob.data.recording import Recording, unsaved
 from plumbob.files.columns import to_columns
 from plumbob.files.formats import FORMATS, is_recording
 from plumbob.files.header import dump, file_header
-from plumbob.files.mcap.layout import existing_parts, is_further_part
 from plumbob.fleet.places import fetched, filesystem, is_url, reaching
 
 Source = str | os.PathLike[str] | Recording | ImuData
@@ -105,7 +104,11 @@ def _read_with(file: Path) -> list[Path]:
     """Files that are read with a file: the profile of a table, EuRoC's sensor.yaml, further parts of a stream."""
     if profiles := profile_paths(file):
         return [path for path in (*profiles, file.with_name("sensor.yaml")) if path.is_file()]
-    return [path for path in existing_parts(file) if path != file] if file.suffix == ".mcap" else []
+    if file.suffix != ".mcap":
+        return []
+    from plumbob.files.mcap.layout import existing_parts
+
+    return [path for path in existing_parts(file) if path != file]
 
 
 def batch_items(sources: Source | Iterable[Source], note: Note) -> Iterator[Item]:
@@ -153,7 +156,11 @@ def _items(source: Source, number: int, note: Note) -> Iterator[Item]:
 
 
 def _is_read_with_first(file: Path) -> bool:
-    return file.suffix == ".mcap" and is_further_part(file)
+    if file.suffix != ".mcap":
+        return False
+    from plumbob.files.mcap.layout import is_further_part
+
+    return is_further_part(file)
 
 
 def _of_pattern(text: str, note: Note) -> Iterator[Item]:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from plumbob.core.errors import (
     CalibrationError,
@@ -26,7 +26,6 @@ from plumbob.core.errors import (
 from plumbob.core.files import existing_file, write_text
 from plumbob.core.version import __version__
 from plumbob.data import ImuMeta
-from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.data.recording import Recording
 from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.evaluate import evaluate
@@ -41,7 +40,9 @@ from plumbob.quality import quality
 from plumbob.quality.tilt import LIMIT
 from plumbob.reporting.report import plain
 from plumbob.rotations import Frame
-from plumbob.simulation import simulate
+
+if TYPE_CHECKING:
+    from plumbob.data.cards import CalibrationCard, NoiseCard
 
 DONE, REFUSED, DAMAGED, FAILED = VERDICTS = "done", "refused", "damaged", "failed"
 """Refused: it can be read, but not be used as it is; damaged: it cannot be read as what it claims to be; failed: not by
@@ -89,8 +90,8 @@ class BatchSettings:
     """
 
     how: Mapping[str, Any]
-    cards: Mapping[str | None, CalibrationCard]
-    noise: NoiseCard | None = None
+    cards: "Mapping[str | None, CalibrationCard]"
+    noise: "NoiseCard | None" = None
     burst: float = BURST
     tilt_limit: float = LIMIT
     align: tuple[str, ...] = ()
@@ -116,7 +117,7 @@ class BatchSettings:
         how = {name: value for name, value in self.how.items() if name not in ("unit", "profile")}
         return {**how, "noise": self.noise}
 
-    def card_for(self, device: str) -> CalibrationCard | None:
+    def card_for(self, device: str) -> "CalibrationCard | None":
         """Card for the recordings of a device; None where there is no card at all.
 
         Raises
@@ -142,6 +143,8 @@ class BatchSettings:
         MissingExtraError
             If pages are asked for and cannot be made.
         """
+        from plumbob.simulation import simulate
+
         _ = self.digest  # kept, so that it goes with the settings to the jobs
         frame = Frame.parse(self.how.get("frame") or "ENU")
         rest = simulate("static", frame=frame, duration=5.0, sensors="mpu6000+hmc5983", unit="calibrated", seed=1)
