@@ -32,7 +32,6 @@ from plumbob.files.formats import read
 from plumbob.fleet.batch import BatchRun, batch
 
 SCENARIOS = (("buoy", 20.0), ("buoy", 40.0), ("buoy", 60.0), ("static", 30.0), ("coning", 20.0))
-PORT = 18786
 MEMORY = 500.0
 """Of a child with recordings of a quarter of an hour, MiB."""
 
@@ -145,8 +144,7 @@ def compared(folder: Path, root: Path, what: str) -> Compared:
 
 def _cpu() -> float:
     """Processor time of this process and of children that have ended, s."""
-    found = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(one.ru_utime + one.ru_stime for one in found)
+    return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
 
 
 def _high_water(pid: int) -> float:
@@ -181,42 +179,27 @@ def sampled(peaks: dict[int, float]) -> Iterator[None]:
 def reading_alone(folder: Path) -> float:
     began = time.perf_counter()
     for path in sorted(folder.rglob("*.parquet")):
-        try:
+        with suppress(plumbob.PlumbobError):
             read(path)
-        except plumbob.PlumbobError:
-            continue
     return time.perf_counter() - began
 
 
 def cluster(folder: Path, out: Path) -> tuple[BatchRun, float, int]:
     """By a scheduler and two workers, one of which is killed when a quarter is done; records that were there then."""
-    address = f"tcp://127.0.0.1:{PORT}"
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    program = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(PORT),
-               "--no-dashboard"]  # fmt: skip
-    one = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny",
-           "--no-dashboard"]  # fmt: skip
-    children = [subprocess.Popen(program, **quiet)]  # type: ignore[call-overload]
+    from distributed import LocalCluster
+
     then: list[int] = []
-    try:
-        time.sleep(3.0)
-        children += [subprocess.Popen(one, **quiet) for _ in range(2)]  # type: ignore[call-overload]
-        time.sleep(3.0)
-        total = sum(1 for path in folder.rglob("*") if path.is_file())
+    with LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0") as local:
+        pid, total = local.workers[0].process.pid, sum(1 for path in folder.rglob("*") if path.is_file())
 
         def killed() -> None:
             while (found := len(list(out.glob("_jobs/*.json")))) < total // 4:
                 time.sleep(0.02)
-            children[1].send_signal(signal.SIGKILL)
+            os.kill(pid, signal.SIGKILL)
             then.append(found)
 
-        killer = threading.Thread(target=killed, daemon=True)
-        killer.start()
-        done, spent = timed(folder, out, cluster=address)
-    finally:
-        for child in children[::-1]:
-            child.terminate()
-            child.wait()
+        threading.Thread(target=killed, daemon=True).start()
+        done, spent = timed(folder, out, cluster=local.scheduler_address)
     return done, spent, then[0] if then else 0
 
 

@@ -18,8 +18,7 @@ from benchmarks.harness.fault_scene import DIP_DEG, RATE, Row, Stream
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import to_deg
-from plumbob.fleet.experiments import peers as whole
-from plumbob.fleet.experiments.peers import FUSION_TUNING, TUNED_FUSION, fusion_filter, made, quiet
+from plumbob.fleet.experiments.peers import FUSION_TUNING, TUNED_FUSION, ahrs_settings, fusion_filter, made, quiet
 from plumbob.rotations import Frame, change_frame, quat_conjugate
 
 STEP = 1.0 / RATE
@@ -36,7 +35,7 @@ def peers(names: str) -> tuple[list[Contender], dict[str, str]]:
     return made(names, _LIBRARIES)
 
 
-class _Peer(whole.Peer, ABC):
+class _Peer(ABC):
     """What the adapters share.
 
     Attributes
@@ -47,12 +46,20 @@ class _Peer(whole.Peer, ABC):
 
     name: str
     settings: str
+    FRAME = Frame.ENU
     timed = True
     none_is_absent = False
     can_kill = False
     words: Mapping[int, str] = {}
     alarms = 0
     RATE_ARGUMENTS: tuple[float, ...] = (0.0, -RATE, float("nan"), float("inf"))
+
+    def __init__(self, library: Any) -> None:
+        self.library = library
+
+    def enu(self, q: Floats) -> Floats:
+        """Attitudes that are to its frame."""
+        return change_frame(q, to=Frame.ENU, from_=self.FRAME)
 
     @abstractmethod
     def start(self, rate: float = RATE) -> Running:
@@ -217,19 +224,28 @@ class _RunningEkf(_RunningAhrs):
         self._q = self._filter.update(self._q, gyr, acc, mag, dt=dt)
 
 
-class Ahrs(whole.Ahrs, _Peer):
+class Ahrs(_Peer):
     """One class of ahrs."""
 
-    START = "streamed from the identity"
+    KIND = "Mahony"
+    ARGUMENTS: Mapping[str, Any] = {}
     RUNNING = _RunningAhrs
+
+    def __init__(self, library: Any) -> None:
+        super().__init__(library)
+        self.name = f"ahrs.{self.KIND}"
+        self.settings = ahrs_settings(self.KIND, self.ARGUMENTS, "streamed from the identity")
 
     def start(self, rate: float = RATE) -> Running:
         """Make a fresh one, at a rate in Hz."""
         return self.RUNNING(getattr(self.library.filters, self.KIND)(frequency=rate, **self.ARGUMENTS))
 
 
-class Madgwick(whole.Madgwick, Ahrs):
+class Madgwick(Ahrs):
     """The gradient descent of the 2010 report."""
+
+    KIND = "Madgwick"
+    FRAME = Frame.NWU
 
 
 class _Ekf(Ahrs):
@@ -240,10 +256,11 @@ class _Ekf(Ahrs):
 
 class _Aqua(Ahrs):
     KIND = "AQUA"
+    FRAME = Frame.NWU
 
     def enu(self, q: Floats) -> Floats:
-        """Attitudes of a frame whose x axis is north and whose z axis is up, to the body."""
-        return change_frame(quat_conjugate(q), to=Frame.ENU, from_=Frame.NWU)
+        """It gives attitudes of that frame to the body."""
+        return super().enu(quat_conjugate(q))
 
 
 _LIBRARIES: Final[Mapping[str, tuple[Any, ...]]] = {

@@ -66,13 +66,14 @@ def test_errors_are_those_that_evaluate_gives(several, found):
 
 
 @pytest.mark.parametrize("metric", tuning.METRICS)
-def test_every_metric_and_alignment_is_that_of_evaluate(several, metric):
+def test_every_metric_and_alignment_is_that_of_evaluate_and_fitting_is_never_worse_than_the_defaults(several, metric):
     one = several[0]
     for align in ((), ("heading",)):
         got = tune([one], "mahony", metric=metric, budget=4, align=align)
         track = estimate(one.imu, filter="mahony", params=got.params, frame=Frame.ENU)
         told = evaluate(track, one.track, align=align).summary()[f"{metric}_rmse_deg"]
         assert got.recordings[0].fitted_deg == pytest.approx(told, rel=1e-9)
+        assert got.train_tuned_deg <= got.train_default_deg
 
 
 def test_a_gain_that_generalises_is_shown(found):
@@ -99,11 +100,6 @@ def test_what_only_noise_prefers_is_not_a_gain():
     got = tune(several, "vqf", params=["mag_reject", "rest_after"], budget=8)
     assert not got.proven
     assert got.verdict().startswith("Keep the defaults")
-
-
-def test_fitting_is_never_worse_than_the_defaults_on_what_it_is_fitted_to(several):
-    got = tune(several[:3], "mahony", budget=6)
-    assert got.train_tuned_deg <= got.train_default_deg
 
 
 def test_groups_are_held_out_together(several):

@@ -3,31 +3,31 @@
 import json
 import os
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing, suppress
 from dataclasses import dataclass
-from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
+from plumbob.core.files import replacing
 from plumbob.core.text import FactsText, counted
 from plumbob.core.units import Quantity, given
+from plumbob.files.text_write import text_cell
 from plumbob.fleet.items import JOBS, Item, Source, batch_items
-from plumbob.fleet.job import COLUMNS, VERDICTS, JobOutcome
+from plumbob.fleet.job import COLUMNS, VERDICTS, BatchSettings, JobOutcome
 from plumbob.fleet.places import Place, as_place, is_url
-from plumbob.fleet.settings import BatchSettings, load_cards
-from plumbob.fleet.workers import by_children, by_cluster, here
+from plumbob.fleet.workers import outcomes
 from plumbob.overview.streaming_stats import BURST
 from plumbob.quality.tilt import LIMIT
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
-    from plumbob.data.cards import NoiseCard
+    from plumbob.data.cards import CalibrationCard, NoiseCard
 
-TABLE: Final = "verdicts"
-"""Stem of the table of verdicts."""
+_TABLES: Final = "verdicts.parquet", "verdicts.csv"
 _SHOWN: Final = 20
 _MEMORY_KIB: Final = 400 << 10
 """Memory that a process with recordings of a quarter of an hour takes, measured, less what it shares with others."""
@@ -69,8 +69,7 @@ class BatchRun(FactsText):
 
     def rows(self) -> list[dict[str, Any]]:
         """Rows of the table of verdicts, of this run and of those before it into the same dataset."""
-        place = as_place(self.dataset)
-        return [_record(place, name)["row"] for name in _records(place)]
+        return list(_rows(as_place(self.dataset)))
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
@@ -176,39 +175,28 @@ def batch(
         If a URL, a cluster or pages need what is not installed.
     """
     began = time.perf_counter()
-    say = note if note is not None else _nothing
+    say = note if note is not None else lambda _: None
     how = {
         "filter": filter, "causal": causal, "lag": lag, "params": dict(params or {}),
         "frame": None if frame is None else str(Frame.parse(frame)), "init": init, "place": place, "date": date,
         "profile": profile, "unit": unit,
     }  # fmt: skip
-    cards, by_device = load_cards(calibration)
     settings = BatchSettings(
         how={name: value for name, value in how.items() if value},
-        cards=cards, by_device=by_device, noise=_noise(noise), burst=_si("burst", burst, Quantity.TIME),
-        tilt_limit=_si("tilt_limit", tilt_limit, Quantity.ANGLE),
+        cards=load_cards(calibration), noise=_noise(noise),
+        burst=_si("burst", burst, Quantity.TIME), tilt_limit=_si("tilt_limit", tilt_limit, Quantity.ANGLE),
         align=tuple(align), settle=_si("settle", settle, Quantity.TIME), pages=pages, max_bytes=max_bytes,
     )  # fmt: skip
-    where, workers = _dataset(out), _workers(jobs, cluster)
+    dataset, workers = _dataset(out), _workers(jobs, cluster)
     items, total = _listed(sources, say)
-    settings.prepare()
-    dataset = as_place(where)
-    with dataset.locked(), closing(_running(settings, items, total, where, workers, cluster)) as running:
+    settings.try_out()
+    if total == 1 and cluster is None:
+        workers = 1  # it is over before a process of its own has started
+    with dataset.locked(*_TABLES), closing(outcomes(settings, items, dataset.name, workers, cluster)) as running:
         counts, others, skipped = _tally(running, total, say, progress)
-        _write_table(dataset)
+        _write_tables(dataset)
     shown = tuple(sorted(others, key=lambda outcome: outcome.name))
-    return BatchRun(where, counts, skipped, time.perf_counter() - began, shown)
-
-
-def _running(
-    settings: BatchSettings, items: Iterable[Item], total: int | None, out: str, workers: int, cluster: str | None
-) -> Generator[JobOutcome, None, None]:
-    """Outcomes of who does it: a single job is over before a process of its own has started."""
-    if cluster is not None:
-        return by_cluster(settings, items, out, cluster)
-    if workers == 1 or total == 1:
-        return here(settings, items, out)
-    return by_children(settings, items, out, workers)
+    return BatchRun(dataset.name, counts, skipped, time.perf_counter() - began, shown)
 
 
 def _tally(
@@ -231,10 +219,6 @@ def _tally(
     return counts, others, skipped
 
 
-def _nothing(_text: str) -> None:
-    pass
-
-
 def _si(name: str, value: float | str, quantity: Quantity) -> float:
     """In SI, so that settings are the same however a number was written."""
     number = given(name, value, quantity)
@@ -251,26 +235,50 @@ def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
 
 
 def _workers(jobs: int | None, cluster: str | None) -> int:
+    """Processes to use, by default one for each processor that this one may use, as far as there is memory."""
     if jobs is not None and cluster is not None:
         raise ParameterError("jobs is the number of processes here, but a cluster has its own workers. Leave one out.")
-    if jobs is None:
-        jobs = _processors()
+    if jobs is None:  # a container or a queue of jobs may have given it fewer than there are
+        jobs = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        with suppress(OSError, IndexError, ValueError):  # a small board has more processors than memory for their work
+            free = Path("/proc/meminfo").read_text(encoding="ascii").split("MemAvailable:")[1].split()[0]
+            jobs = min(jobs, max(1, int(free) // _MEMORY_KIB))
     if not 1 <= jobs <= 1024:
         raise ParameterError(f"jobs must be 1 to 1024, but it is {jobs}.")
     return jobs
 
 
-def _processors() -> int:
-    """Processors that this process may use: a container or a queue of jobs may have given it fewer than there are."""
-    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with suppress(OSError, IndexError, ValueError):  # a small board has more processors than memory for their work
-        free = Path("/proc/meminfo").read_text(encoding="ascii").split("MemAvailable:")[1].split()[0]
-        count = min(count, max(1, int(free) // _MEMORY_KIB))
-    return count
+def load_cards(given: Any) -> "dict[str | None, CalibrationCard]":
+    """Cards that were given: of a folder or a sequence by the device that each is for, else one for None, all devices.
+
+    Raises
+    ------
+    ParameterError
+        If a folder holds none, or two are of one device.
+    DecodeError
+        If a file is not a card.
+    """
+    if given is None:
+        return {}
+    from plumbob.data.cards import CalibrationCard
+
+    if isinstance(given, str | Path) and Path(given).is_dir():
+        files = sorted(Path(given).glob("*.json"))
+        if not files:
+            raise ParameterError(f"{given} holds no calibration card (*.json). Name a card, or a folder of cards.")
+        given = files
+    if not isinstance(given, list | tuple):
+        return {None: CalibrationCard.of(given)}
+    cards: dict[str | None, CalibrationCard] = {}
+    for card in map(CalibrationCard.of, given):
+        if card.device in cards:
+            raise ParameterError(f"two calibration cards are of the device '{card.device}'. Keep one of them.")
+        cards[card.device] = card
+    return cards
 
 
-def _dataset(out: str | os.PathLike[str]) -> str:
-    """Path or URL of a dataset, or of a folder that is empty or not there.
+def _dataset(out: str | os.PathLike[str]) -> Place:
+    """Place of a dataset, or of a folder that is empty or not there.
 
     Raises
     ------
@@ -283,10 +291,11 @@ def _dataset(out: str | os.PathLike[str]) -> str:
         text = str(path.absolute())  # the workers of a cluster have folders of their own
         if path.exists() and not path.is_dir():
             raise ParameterError(f"{out} is a file, but a dataset is a folder. Name another one.")
-    held = as_place(text).names()
-    if held and JOBS not in held:
-        raise ParameterError(f"{out} holds other files ({held[0]}), and not a dataset. Name a new or an empty folder.")
-    return text
+    place = as_place(text)
+    names = place.names()
+    if names and JOBS not in names:
+        raise ParameterError(f"{out} holds other files ({names[0]}), and not a dataset. Name a new or an empty folder.")
+    return place
 
 
 def _listed(sources: Source | Iterable[Source], say: Callable[[str], object]) -> tuple[Iterable[Item], int | None]:
@@ -300,33 +309,36 @@ def _listed(sources: Source | Iterable[Source], say: Callable[[str], object]) ->
     return listed, len(listed)
 
 
-def _records(place: Place) -> list[str]:
-    return [name for name in place.names(JOBS) if name.endswith(".json") and not name.startswith(".")]
+def _rows(place: Place) -> Iterator[dict[str, Any]]:
+    """Rows of all records, in the order of their names."""
+    for name in place.names(JOBS):
+        if name.endswith(".json") and not name.startswith("."):
+            yield json.loads(place.read(f"{JOBS}/{name}") or b"null")["row"]
 
 
-def _record(place: Place, name: str) -> dict[str, Any]:
-    record: dict[str, Any] = json.loads(place.read(f"{JOBS}/{name}") or b"null")
-    return record
-
-
-def _write_table(place: Place) -> None:
-    """Table of verdicts of all records, in the order of their names, as Parquet and as CSV; few rows at a time."""
+def _write_tables(place: Place) -> None:
+    """Write the table of verdicts, as Parquet and as CSV, few rows at a time."""
     import pyarrow as pa
-    from pyarrow.csv import CSVWriter
     from pyarrow.parquet import ParquetWriter
-
-    from plumbob.core.files import replacing
 
     kinds = {str: pa.string(), int: pa.int64(), float: pa.float64()}
     schema = pa.schema([pa.field(name, kinds[kind]) for name, kind in COLUMNS.items()])
-    names = _records(place)
-    writers: dict[str, Any] = {"parquet": ParquetWriter, "csv": CSVWriter}
 
-    def written(writer: Any, path: Path) -> None:
-        with replacing(path, overwrite=True) as temporary, writer(str(temporary), schema) as open_table:
-            for at in range(0, len(names), _ROWS):
-                rows = [_record(place, name)["row"] for name in names[at : at + _ROWS]]
-                open_table.write_table(pa.table({name: [row.get(name) for row in rows] for name in COLUMNS}, schema))
+    def parquet(path: Path) -> None:
+        rows = _rows(place)
+        with replacing(path, overwrite=True) as temporary, ParquetWriter(str(temporary), schema) as table:
+            while some := list(islice(rows, _ROWS)):
+                table.write_table(pa.Table.from_pylist(some, schema))
 
-    for suffix, writer in writers.items():
-        place.write(f"{TABLE}.{suffix}", partial(written, writer))
+    def csv(path: Path) -> None:
+        with replacing(path, overwrite=True) as temporary, temporary.open("w", encoding="utf-8") as table:
+            for cells in chain([COLUMNS], ([_cell(row.get(name)) for name in COLUMNS] for row in _rows(place))):
+                table.write(",".join(cells) + "\n")
+
+    for name, fill in zip(_TABLES, (parquet, csv), strict=True):
+        place.write(name, fill)
+
+
+def _cell(value: Any) -> str:
+    """Text that no spreadsheet takes for a formula, or a number."""
+    return text_cell(value) if isinstance(value, str) else "" if value is None else str(value)

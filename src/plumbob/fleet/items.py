@@ -88,20 +88,19 @@ def input_digest(given: Path | Recording) -> str:
             digest.update(name.encode())
             digest.update(values.tobytes())
         return digest.hexdigest()
-    folder = given.is_dir()
-    files = (
-        sorted(path for path in given.rglob("*") if path.is_file()) if folder else [existing_file(given), *_with(given)]
-    )
+    if given.is_dir():
+        home, files = given, sorted(path for path in given.rglob("*") if path.is_file())
+    else:
+        home, files = given.parent, [existing_file(given), *_read_with(given)]
     if files == [given]:
         return file_sha256(given)[0]
-    combined, home = hashlib.sha256(), given if folder else given.parent
+    combined = hashlib.sha256()
     for path in files:
-        combined.update(f"{path.relative_to(home).as_posix()}\0".encode())
-        combined.update(file_sha256(path)[0].encode())
+        combined.update(f"{path.relative_to(home).as_posix()}\0{file_sha256(path)[0]}".encode())
     return combined.hexdigest()
 
 
-def _with(file: Path) -> list[Path]:
+def _read_with(file: Path) -> list[Path]:
     """Files that are read with a file: the profile of a table, EuRoC's sensor.yaml, further parts of a stream."""
     if profiles := profile_paths(file):
         return [path for path in (*profiles, file.with_name("sensor.yaml")) if path.is_file()]
@@ -110,15 +109,6 @@ def _with(file: Path) -> list[Path]:
     from plumbob.files.mcap.layout import existing_parts
 
     return [path for path in existing_parts(file) if path != file]
-
-
-def _is_further_part(file: Path) -> bool:
-    """Whether a file is a part of a stream that is read with the first one, beside it."""
-    if file.suffix != ".mcap":
-        return False
-    from plumbob.files.mcap.layout import is_further_part
-
-    return is_further_part(file)
 
 
 def batch_items(sources: Source | Iterable[Source], note: Note) -> Iterator[Item]:
@@ -165,6 +155,14 @@ def _items(source: Source, number: int, note: Note) -> Iterator[Item]:
         yield Item(path.name, text)
 
 
+def _is_read_with_first(file: Path) -> bool:
+    if file.suffix != ".mcap":
+        return False
+    from plumbob.files.mcap.layout import is_further_part
+
+    return is_further_part(file)
+
+
 def _of_pattern(text: str, note: Note) -> Iterator[Item]:
     base = Path(*_fixed(Path(text).parts))
     paths = sorted(glob.glob(text, recursive=True))  # noqa: PTH207 - a pattern with folders, absolute or not
@@ -175,7 +173,7 @@ def _of_pattern(text: str, note: Note) -> Iterator[Item]:
         if path.is_dir() and not is_recording(path):
             if "**" not in text:  # there its files match, too
                 yield from _of_folder(path, base, note)
-        elif not _is_further_part(path):
+        elif not _is_read_with_first(path):
             yield Item(path.relative_to(base).as_posix(), name)
 
 
@@ -194,7 +192,7 @@ def _of_folder(folder: Path, base: Path, note: Note, depth: int = 0) -> Iterator
         return
     skipped: list[str] = []
     for path in sorted(folder.iterdir()):
-        if path.name.startswith(".") or _is_further_part(path):
+        if path.name.startswith(".") or _is_read_with_first(path):
             continue
         if is_recording(path) or (path.suffix.lower() in _OF_RECORDINGS and not path.is_dir()):
             yield Item(path.relative_to(base).as_posix(), str(path))

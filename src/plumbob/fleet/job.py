@@ -4,42 +4,53 @@ A record is written last. So a dataset of a run that was killed holds whole file
 made again.
 """
 
+import hashlib
 import json
-import math
-import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from plumbob.core.errors import DecodeError, LineError, MissingExtraError, PlumbobError, ShapeError, one_line
-from plumbob.core.files import write_text
+from plumbob.core.errors import (
+    CalibrationError,
+    DecodeError,
+    LineError,
+    MissingExtraError,
+    ParameterError,
+    PlumbobError,
+    ShapeError,
+    one_line,
+)
+from plumbob.core.files import existing_file, write_text
 from plumbob.core.version import __version__
-from plumbob.data import AttitudeTrack
+from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.evaluate import evaluate
 from plumbob.files.formats import UnknownFormatError
 from plumbob.fleet.items import JOBS, Item, input_digest
 from plumbob.fleet.places import Place, as_place
-from plumbob.fleet.settings import BatchSettings
 from plumbob.overview.overview import Overview, make_gatherer
 from plumbob.overview.report_entry import Subject, opened, subject_from
-from plumbob.overview.tables import heading_numbers, inclination_numbers, motion_numbers, summary
+from plumbob.overview.streaming_stats import BURST
+from plumbob.overview.tables import summary
 from plumbob.quality import quality
+from plumbob.quality.tilt import LIMIT
 from plumbob.reporting.report import plain
+from plumbob.rotations import Frame
 
-DONE, REFUSED, DAMAGED, FAILED = "done", "refused", "damaged", "failed"
-VERDICTS: Final = {
-    DONE: "its attitude is in the dataset",
-    REFUSED: "it can be read, but not be used as it is",
-    DAMAGED: "it cannot be read as what it claims to be",
-    FAILED: "not by its own fault: memory, a network, a missing package, a defect; the next run tries it again",
-}
+if TYPE_CHECKING:
+    from plumbob.data.cards import CalibrationCard, NoiseCard
+
+DONE, REFUSED, DAMAGED, FAILED = VERDICTS = "done", "refused", "damaged", "failed"
+"""Refused: it can be read, but not be used as it is; damaged: it cannot be read as what it claims to be; failed: not by
+its own fault, but by memory, a network, a missing package or a defect, so that the next run tries it again."""
 
 COLUMNS: Final[Mapping[str, type]] = {
-    "recording": str, "verdict": str, "reason": str, "source": str, "device": str, "samples": int,
+    "recording": str, "verdict": str, "reason": str, "source": str, "device": str,
+    "begin_utc": str, "end_utc": str, "samples": int,
     "duration_s": float, "rate_hz": float, "gaps": int, "gap_share": float, "missing_samples": int,
     "flags": str, "grade": str, "grades": str,
     "roll_mean_deg": float, "roll_std_deg": float, "roll_significant_deg": float, "roll_tz_s": float,
@@ -48,17 +59,103 @@ COLUMNS: Final[Mapping[str, type]] = {
     "heading_mean_deg": float, "heading_spread_deg": float,
     "total_rmse_deg": float, "heading_rmse_deg": float, "inclination_rmse_deg": float, "not_scored": str,
     "frame": str, "north": str, "filter": str, "calibration": str, "remarks": str,
-    "seconds": float, "input_sha256": str, "settings_sha256": str, "software": str,
+    "seconds": float, "input_sha256": str, "settings_sha256": str, "part_sha256": str, "software": str,
 }  # fmt: skip
 """Columns of the table of verdicts, with what they hold; None where it is not known."""
 
+_ERRORS: Final = ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg")
+_LEFT_OUT: Final = ("provenance", "spectra", "quality_thresholds", "plot")
+"""What a record does without: it is long, or the same in all."""
+_WORST: Final = (1, 2, 9, 3, 4)
+"""Flags of quality from the best to the worst."""
+_TRIAL_NS: Final = 1_767_225_600_000_000_000  # 2026-01-01 UTC, within the years of the World Magnetic Model 2025
 
-class StoppedError(Exception):
-    """The batch is ending, and this job with it."""
+
+@dataclass(frozen=True)
+class BatchSettings:
+    """What every job of a batch does alike.
+
+    Attributes
+    ----------
+    how : mapping
+        Arguments of `plumbob.estimate` that are not left to their defaults, besides cards; JSON can hold them.
+    cards : mapping of str to CalibrationCard
+        Each for the recordings of its device; of None for all.
+    noise : NoiseCard or None
+        Noise of the units.
+    burst, tilt_limit, align, settle, pages, max_bytes
+        As of `plumbob.batch`, in SI.
+    software : str
+        Version of the program that must do it.
+    """
+
+    how: Mapping[str, Any]
+    cards: "Mapping[str | None, CalibrationCard]"
+    noise: "NoiseCard | None" = None
+    burst: float = BURST
+    tilt_limit: float = LIMIT
+    align: tuple[str, ...] = ()
+    settle: float = 0.0
+    pages: bool = False
+    max_bytes: int = 4 << 30
+    software: str = __version__
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of all that a result depends on besides the recording."""
+        settings = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "max_bytes"}
+        if (profile := self.how.get("profile")) is not None:
+            settings["how"] = {**self.how, "profile": existing_file(profile).read_bytes().hex()}
+        text = json.dumps(
+            settings, sort_keys=True, default=lambda card: card.text() if hasattr(card, "text") else str(card)
+        )
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of `plumbob.estimate` for a recording that is open already."""
+        how = {name: value for name, value in self.how.items() if name not in ("unit", "profile")}
+        return {**how, "noise": self.noise}
+
+    def card_for(self, device: str) -> "CalibrationCard | None":
+        """Card for the recordings of a device; None where there is no card at all.
+
+        Raises
+        ------
+        CalibrationError
+            If cards are chosen by device, and none is of this one.
+        """
+        card = self.cards.get(None, self.cards.get(device))
+        if card is not None or not self.cards:
+            return card
+        raise CalibrationError(
+            f"none of the {len(self.cards)} calibration cards is of the device '{device}'. Add its card, or run it "
+            "apart without one."
+        )
+
+    def try_out(self) -> None:
+        """Hash all, and estimate five simulated seconds at rest: wrong options show before a recording is read.
+
+        Raises
+        ------
+        ParameterError, DecodeError
+            If an option is wrong, or a profile cannot be read.
+        MissingExtraError
+            If pages are asked for and cannot be made.
+        """
+        from plumbob.simulation import simulate
+
+        _ = self.digest  # kept, so that it goes with the settings to the jobs
+        frame = Frame.parse(self.how.get("frame") or "ENU")
+        rest = simulate("static", frame=frame, duration=5.0, sensors="mpu6000+hmc5983", unit="calibrated", seed=1)
+        imu = rest.imu.corrected(meta=ImuMeta(device="trial", frame=frame, t0_ns=_TRIAL_NS))
+        gatherer = make_gatherer(burst=self.burst, tilt_limit=self.tilt_limit)
+        result = estimate(Recording(imu=imu, name="trial"), **self.arguments, follow=gatherer)
+        if self.pages:
+            Overview((subject_from(result, gatherer),)).page()
 
 
-@dataclass(frozen=True, slots=True)
-class JobOutcome:
+class JobOutcome(NamedTuple):
     """What a job says when it is over.
 
     Attributes
@@ -71,15 +168,21 @@ class JobOutcome:
         Why it is not done.
     skipped : bool
         Whether it was so already.
-    seconds : float
-        Time that it took.
     """
 
     name: str
     verdict: str
     reason: str
     skipped: bool
-    seconds: float
+
+
+class _JobResult(NamedTuple):
+    """What a recording gave."""
+
+    result: Estimated
+    row: dict[str, Any]
+    statistics: Mapping[str, Any]
+    page: str | None
 
 
 def part_path(key: str) -> str:
@@ -87,72 +190,45 @@ def part_path(key: str) -> str:
     return f"attitude/recording={key}/part.parquet"
 
 
-def page_path(key: str) -> str:
-    """Where the page about a recording is."""
-    return f"pages/{key}.html"
-
-
-def record_path(key: str) -> str:
-    """Where the record of a job is."""
-    return f"{JOBS}/{key}.json"
-
-
-def run_job(settings: BatchSettings, item: Item, out: str, stop: threading.Event | None = None) -> JobOutcome:
-    """Do all that belongs to one recording, unless it has been done: the same input by the same settings.
-
-    Parameters
-    ----------
-    settings : BatchSettings
-        Of the batch.
-    item : Item
-        The recording.
-    out : str
-        Path or URL of the dataset.
-    stop : Event, optional
-        Set where the batch is ending.
+def run_job(settings: BatchSettings, item: Item, out: str) -> JobOutcome:
+    """Do all that belongs to one recording, unless the dataset has it: the same input by the same settings.
 
     Raises
     ------
     ParameterError
-        If the settings are wrong.
+        If this process runs another version of the program.
     DecodeError, LineError
         If the dataset cannot be written.
-    StoppedError
-        If `stop` is set.
     """
-    settings.prepare()
-    began = time.perf_counter()
-    place = as_place(out)
-    row: dict[str, Any] = dict.fromkeys(COLUMNS)
-    row |= {"recording": item.name, "source": item.where, "settings_sha256": settings.digest, "software": __version__}
-    output: _JobResult | None = None
-    copy = ""
+    if settings.software != __version__:
+        raise ParameterError(
+            f"the batch was started by plumbob {settings.software}, but this worker runs {__version__}. Install one "
+            "version everywhere."
+        )
+    place, began = as_place(out), time.perf_counter()
+    row, made, copy = _new_row(settings, item), None, ""
     try:
         with item.local(settings.max_bytes) as given:
             copy = "" if isinstance(given, Recording) else f"{given}: "
             row["input_sha256"] = input_digest(given)
             if (before := _before(place, item.key, row)) is not None:
-                spent = time.perf_counter() - began
-                return JobOutcome(item.name, before["verdict"], before["reason"] or "", True, spent)
-            output = _worked(settings, item, given, stop)
-        row |= output.row | {"verdict": DONE}
+                return JobOutcome(item.name, before["verdict"], before["reason"] or "", True)
+            made = _worked(settings, item, given)
+        row |= made.row | {"verdict": DONE}
     except Exception as error:
-        if isinstance(error, StoppedError):
-            raise
         row |= {"verdict": _verdict(error), "reason": _reason(error).replace(copy, "")}
-    if stop is not None and stop.is_set():  # the batch may be gone already, and another one have begun
-        raise StoppedError
-    _written(place, item.key, row, output, began)
-    return JobOutcome(item.name, row["verdict"], row["reason"] or "", False, row["seconds"])
+    return _written(place, item, row, made, began)
 
 
 def failed(settings: BatchSettings, item: Item, out: str, reason: str) -> JobOutcome:
     """Record of a job whose worker did not come back."""
-    row: dict[str, Any] = dict.fromkeys(COLUMNS)
-    row |= {"recording": item.name, "source": item.where, "settings_sha256": settings.digest, "software": __version__}
-    row |= {"verdict": FAILED, "reason": reason}
-    _written(as_place(out), item.key, row, None, time.perf_counter())
-    return JobOutcome(item.name, FAILED, reason, False, 0.0)
+    row = _new_row(settings, item) | {"verdict": FAILED, "reason": reason}
+    return _written(as_place(out), item, row, None, time.perf_counter())
+
+
+def _new_row(settings: BatchSettings, item: Item) -> dict[str, Any]:
+    row = dict.fromkeys(COLUMNS) | {"recording": item.name, "source": item.where}
+    return row | {"settings_sha256": settings.digest, "software": __version__}
 
 
 def _verdict(error: Exception) -> str:
@@ -172,127 +248,78 @@ def _reason(error: Exception) -> str:
 
 
 def _before(place: Place, key: str, row: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """Row of the record of a job that need not be done again."""
+    """Row of the record of a job that need not be done again: of this input and these settings, its part as it was."""
     try:
-        old = json.loads(place.read(record_path(key)) or b"null")
-        same = old is not None and all(old["row"][name] == row[name] for name in ("input_sha256", "settings_sha256"))
-        if not same or old["row"]["verdict"] == FAILED:
+        before: Mapping[str, Any] = json.loads(place.read(f"{JOBS}/{key}.json") or b"null")["row"]
+        same = all(before[name] == row[name] for name in ("input_sha256", "settings_sha256"))
+        if not same or before["verdict"] == FAILED:
             return None
-        recorded: Mapping[str, Any] = old["row"]
-        return recorded if recorded["verdict"] != DONE or place.has(part_path(key)) else None
+        part = place.read(part_path(key)) if before["verdict"] == DONE else None
+        return before if before["part_sha256"] == (part and hashlib.sha256(part).hexdigest()) else None
     except (ValueError, KeyError, TypeError):  # not a record: it is written again
         return None
 
 
-@dataclass(frozen=True, slots=True)
-class _JobResult:
-    """What a recording gave."""
-
-    result: Estimated
-    row: dict[str, Any]
-    statistics: Mapping[str, Any]
-    page: str | None
-
-
-def _worked(settings: BatchSettings, item: Item, given: Path | Recording, stop: threading.Event | None) -> _JobResult:
+def _worked(settings: BatchSettings, item: Item, given: Path | Recording) -> _JobResult:
     """Estimate and judge."""
     gatherer = make_gatherer(burst=settings.burst, tilt_limit=settings.tilt_limit)
-    how = {name: value for name, value in settings.how.items() if name not in ("unit", "profile")}
-
-    def going_on(_done: int, _all: int) -> None:
-        if stop is not None and stop.is_set():
-            raise StoppedError
-
     with opened(given, settings.how, whole=True) as (recording, paths, session):
         if recording.imu is None:
             raise ShapeError("it holds an attitude but no sensor data, so there is nothing to estimate from.")
         card = settings.card_for(recording.imu.meta.device)
         if card is None and session is not None:
             card = session.card
-        going_on(0, 0)
         named = replace(recording, name=item.name)
-        result = estimate(named, **how, calibration=card, noise=settings.noise, follow=gatherer, progress=going_on)
+        result = estimate(named, **settings.arguments, calibration=card, follow=gatherer)
         subject = subject_from(result, gatherer, paths if settings.pages else (), session)
-        errors = {} if result.reference is None else _errors(settings, result.track, result.reference)
         page = Overview((subject,)).page() if settings.pages else None
-    statistics = _statistics(subject)
-    return _JobResult(result, _row(subject) | errors, statistics, page)
+    numbers = summary(replace(subject, gathered=replace(subject.gathered, spectra=None)))
+    statistics = {name: value for name, value in numbers.items() if name not in _LEFT_OUT}
+    row = _row(statistics, subject, result.imu.meta.device) | _errors(settings, result)
+    return _JobResult(result, row, statistics, page)
 
 
-def _errors(settings: BatchSettings, track: AttitudeTrack, reference: AttitudeTrack) -> dict[str, Any]:
-    """Errors against the reference; words where they cannot be compared."""
+def _errors(settings: BatchSettings, result: Estimated) -> dict[str, Any]:
+    """Errors against the reference, if there is one; words where they cannot be compared."""
+    if result.reference is None:
+        return {}
     try:
-        summary = evaluate(track, reference, align=settings.align, settle=settings.settle).summary()
+        errors = evaluate(result.track, result.reference, align=settings.align, settle=settings.settle).summary()
     except PlumbobError as error:
         return {"not_scored": one_line(error)}
-    missing = "; ".join(f"{name}: {why}" for name, why in summary["not_scored"].items())
-    keys = ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg")
-    return {key: summary[key] for key in keys} | {"not_scored": missing or None}
+    missing = "; ".join(f"{name}: {why}" for name, why in errors["not_scored"].items())
+    return {key: errors[key] for key in _ERRORS} | {"not_scored": missing or None}
 
 
-def _row(subject: Subject) -> dict[str, Any]:
-    """Numbers of the table of verdicts."""
-    g = subject.gathered
-    assert g.tilt is not None and g.headings is not None
-    row: dict[str, Any] = {
-        "device": dict(subject.facts).get("device"), "samples": g.samples, "duration_s": g.duration,
-        "rate_hz": 1.0 / g.step, "gaps": len(g.gaps), "gap_share": g.lost / max(g.duration, g.step),
-        "missing_samples": g.missing,
-        "flags": ", ".join(f"{name} {flag.samples}" for name, flag in g.flags.items()),
-        "remarks": " | ".join(subject.remarks), "filter": subject.numbers["filter"],
-        **{name: subject.numbers[name] for name in ("frame", "north", "calibration")},
-    }  # fmt: skip
-    motions = {"roll": motion_numbers(g.tilt.roll), "pitch": motion_numbers(g.tilt.pitch)}
-    for stem, numbers in (
-        *motions.items(), ("inclination", inclination_numbers(g.tilt.inclination)),
-        ("heading", heading_numbers(g.headings)),
-    ):  # fmt: skip
-        row |= {f"{stem}_{name}": value for name, value in numbers.items() if f"{stem}_{name}" in COLUMNS}
-    grades = _grades(subject)
-    worst = max(grades.values(), key=_WORST.index, default=quality.MISSING)
-    row["grade"] = quality.MEANING[worst]
-    row["grades"] = ", ".join(f"{name} {quality.MEANING[flag]}" for name, flag in grades.items())
-    return {name: _finite(value) for name, value in row.items()}
-
-
-_WORST: Final = (1, 2, 9, 3, 4)
-"""Flags of quality from the best to the worst."""
-
-
-def _grades(subject: Subject) -> dict[str, int]:
-    """Worst flag of each channel."""
+def _row(statistics: Mapping[str, Any], subject: Subject, device: str) -> dict[str, Any]:
+    """Numbers of the table of verdicts: those of the report, under the names of its columns."""
+    times, parts = statistics["time"], {**statistics["tilt"], "heading": statistics["heading"]}
+    named = {f"{stem}_{name}": value for stem, numbers in parts.items() for name, value in numbers.items()}
     worst: dict[str, int] = {}
-    for burst in subject.gathered.bursts:
-        for name, verdict in burst.verdicts.items():
-            worst[name] = max(verdict.flag, worst.get(name, 1), key=_WORST.index)
-    return worst
+    for burst in statistics["bursts"]:
+        for channel, judged in burst["quality"].items():
+            worst[channel] = max(judged["flag"], worst.get(channel, 1), key=_WORST.index)
+    return {name: value for name, value in (statistics["estimate"] | named | times).items() if name in COLUMNS} | {
+        "device": device, "end_utc": subject.utc(times["end_s"]), "gap_share": times["lost_share"],
+        "flags": ", ".join(f"{name} {flag['samples']}" for name, flag in statistics["flags"].items()),
+        "remarks": " | ".join(subject.remarks),
+        "grade": quality.MEANING[max(worst.values(), key=_WORST.index, default=quality.MISSING)],
+        "grades": ", ".join(f"{name} {quality.MEANING[flag]}" for name, flag in worst.items()),
+    }  # fmt: skip
 
 
-def _finite(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-_LEFT_OUT: Final = ("provenance", "spectra", "quality_thresholds", "plot")
-"""What a record does without: it is long, or the same in all."""
-
-
-def _statistics(subject: Subject) -> dict[str, Any]:
-    """Numbers of the report, without spectra."""
-    spectra_apart = replace(subject, gathered=replace(subject.gathered, spectra=None))
-    return {name: value for name, value in summary(spectra_apart).items() if name not in _LEFT_OUT}
-
-
-def _written(place: Place, key: str, row: dict[str, Any], output: _JobResult | None, began: float) -> None:
+def _written(place: Place, item: Item, row: dict[str, Any], made: _JobResult | None, began: float) -> JobOutcome:
     """Write the attitudes and the page, or remove old ones; then the record."""
-    if output is None or output.page is None:
-        place.remove(page_path(key))
-    if output is None:
-        place.remove(part_path(key))
+    part, page = part_path(item.key), f"pages/{item.key}.html"
+    if made is None or made.page is None:
+        place.remove(page)
+    if made is None:
+        place.remove(part)
     else:
-        place.write(part_path(key), lambda path: output.result.save(path, overwrite=True))
-        if (page := output.page) is not None:
-            place.write(page_path(key), lambda path: write_text(path, page, overwrite=True))
+        row["part_sha256"] = place.write(part, lambda path: made.result.save(path, overwrite=True))
+        if (text := made.page) is not None:
+            place.write(page, lambda path: write_text(path, text, overwrite=True))
     row["seconds"] = round(time.perf_counter() - began, 6)
-    record = {"row": row, "statistics": None if output is None else output.statistics}
-    text = json.dumps(plain(record), allow_nan=False)
-    place.write(record_path(key), lambda path: write_text(path, text, overwrite=True))
+    record = json.dumps(plain({"row": row, "statistics": made and made.statistics}), allow_nan=False)
+    place.write(f"{JOBS}/{item.key}.json", lambda path: write_text(path, record, overwrite=True))
+    return JobOutcome(item.name, row["verdict"], row["reason"] or "", False)

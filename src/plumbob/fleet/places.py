@@ -10,14 +10,14 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 from plumbob.core.errors import DecodeError, LineError, MissingExtraError, ParameterError, PlumbobError, one_line
-from plumbob.core.files import lock, profile_paths
+from plumbob.core.files import file_sha256, lock, profile_paths, require_place
 
 if TYPE_CHECKING:
     from fsspec import AbstractFileSystem
@@ -32,34 +32,6 @@ _BEAT: Final = 60.0
 _COPY: Final = 1 << 20
 
 
-class Place(Protocol):
-    """A folder that holds a dataset."""
-
-    def names(self, folder: str = "") -> list[str]:
-        """Names of what lies in a folder, in order; none where it does not exist."""
-        ...
-
-    def has(self, name: str) -> bool:
-        """Whether a file is there."""
-        ...
-
-    def read(self, name: str) -> bytes | None:
-        """Content of a file; None where there is none."""
-        ...
-
-    def write(self, name: str, fill: Fill) -> None:
-        """Write a file, whole or not at all."""
-        ...
-
-    def remove(self, name: str) -> None:
-        """Remove a file, if it is there."""
-        ...
-
-    def locked(self) -> Any:
-        """Context in which no other run writes here; another one is refused."""
-        ...
-
-
 def is_url(text: str) -> bool:
     """Whether a name is a URL, as ``s3://bucket/folder``."""
     return re.match(r"[a-zA-Z][a-zA-Z0-9+.-]+://", text) is not None
@@ -68,11 +40,6 @@ def is_url(text: str) -> bool:
 def in_memory(name: str) -> bool:
     """Whether a URL is of files in the memory of this process, which no other one sees."""
     return name.lower().startswith("memory://")
-
-
-def as_place(name: str) -> Place:
-    """Place of a path or a URL."""
-    return _Remote(name) if is_url(name) else _Local(Path(name))
 
 
 def filesystem(url: str) -> "tuple[AbstractFileSystem, str]":
@@ -150,113 +117,139 @@ def _copied(system: "AbstractFileSystem", path: str, copy: Path, most: int) -> b
     return True
 
 
-class _Local:
-    def __init__(self, root: Path) -> None:
-        self._root = root
+class Place:
+    """A folder that holds a dataset; here it is one of this machine."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._folder = Path(name)
 
     def names(self, folder: str = "") -> list[str]:
-        with suppress(FileNotFoundError):
-            return sorted(path.name for path in (self._root / folder).iterdir())
+        """Names of what lies in a folder, in order; none where it does not exist."""
+        with suppress(FileNotFoundError, NotADirectoryError):
+            return sorted(path.name for path in (self._folder / folder).iterdir())
         return []
 
-    def has(self, name: str) -> bool:
-        return (self._root / name).is_file()
-
     def read(self, name: str) -> bytes | None:
+        """Content of a file; None where there is none."""
         with suppress(FileNotFoundError):
-            return (self._root / name).read_bytes()
+            return (self._folder / name).read_bytes()
         return None
 
-    def write(self, name: str, fill: Fill) -> None:
-        path = self._root / name
+    def write(self, name: str, fill: Fill) -> str:
+        """Write a file, whole or not at all; its SHA-256."""
+        path = self._folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         fill(path)
+        return file_sha256(path)[0]
 
     def remove(self, name: str) -> None:
-        (self._root / name).unlink(missing_ok=True)
+        """Remove a file, if it is there."""
+        (self._folder / name).unlink(missing_ok=True)
 
     @contextmanager
-    def locked(self) -> Iterator[None]:
-        """Hold a lock of the system, which goes with the process that has it, however that ends."""
-        path = self._root / LOCK
-        path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(path, os.O_CREAT | os.O_RDWR, 0o666)
+    def locked(self, *names: str) -> Iterator[None]:
+        """Context in which no other run writes here, by a lock that goes with its process, however that ends.
+
+        Raises
+        ------
+        ParameterError
+            If another run writes here.
+        DecodeError
+            If nothing can be written here, or no file of one of these names.
+        """
+        path = self._folder / LOCK
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(path, os.O_CREAT | os.O_RDWR, 0o666)
+        except OSError as error:
+            why = error.strerror or one_line(error)
+            raise DecodeError(f"{self.name} cannot be written: {why}. Name another folder.") from error
         try:
             try:
                 lock(descriptor)
             except OSError:
-                raise _taken(str(self._root), os.read(descriptor, 200).decode("utf-8", "replace")) from None
+                raise _taken(self.name, os.read(descriptor, 200).decode("utf-8", "replace")) from None
             os.truncate(descriptor, 0)
             os.write(descriptor, _holder().encode())
+            for name in names:
+                require_place(self._folder / name, overwrite=True)
             yield
         finally:
             os.close(descriptor)
 
 
-class _Remote:
-    def __init__(self, url: str) -> None:
-        self._url = url
-        self._system, root = filesystem(url)
+class _Remote(Place):
+    """Behind a URL."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._system, root = filesystem(name)
         self._root = root.rstrip("/")
 
     def names(self, folder: str = "") -> list[str]:
-        with reaching(self._url), suppress(FileNotFoundError):
+        with reaching(self.name), suppress(FileNotFoundError):
             self._system.invalidate_cache()
             paths = self._system.ls(self._path(folder), detail=False)
             return sorted(name.rstrip("/").rpartition("/")[2] for name in paths)
         return []
 
-    def has(self, name: str) -> bool:
-        with reaching(self._url):
-            return bool(self._system.isfile(self._path(name)))
-
     def read(self, name: str) -> bytes | None:
-        with reaching(self._url), suppress(FileNotFoundError):
+        with reaching(self.name), suppress(FileNotFoundError):
             return bytes(self._system.cat_file(self._path(name)))
         return None
 
-    def write(self, name: str, fill: Fill) -> None:
+    def write(self, name: str, fill: Fill) -> str:
         """Write it here, send it under another name, and rename it there."""
         with TemporaryDirectory(prefix="plumbob-") as folder:
             copy = Path(folder) / name.rpartition("/")[2]
             fill(copy)
             sent = self._path(f"_temporary/{token_hex(8)}")
-            with reaching(f"{self._url}/{name}"):
+            with reaching(f"{self.name}/{name}"):
                 self._system.makedirs(self._path("_temporary"), exist_ok=True)
                 self._system.put_file(str(copy), sent)
                 self._system.makedirs(self._path(name).rpartition("/")[0], exist_ok=True)
                 self._system.mv(sent, self._path(name))
+            return file_sha256(copy)[0]
 
     def remove(self, name: str) -> None:
-        with reaching(self._url), suppress(FileNotFoundError):
+        with reaching(self.name), suppress(FileNotFoundError):
             self._system.rm_file(self._path(name))
 
     @contextmanager
-    def locked(self) -> Iterator[None]:
+    def locked(self, *_names: str) -> Iterator[None]:
         """Hold a file that says since when; it is written again while the run lasts, and an old one is passed over."""
         held = json.loads(self.read(LOCK) or b"null")
         if held is not None and time.time() - held["time"] < _STALE and not _ended(held["holder"]):
-            raise _taken(self._url, held["holder"])
+            raise _taken(self.name, held["holder"])
         over = threading.Event()
-        with ExitStack() as stack:
-            self._beat()
-            stack.callback(self.remove, LOCK)
-            beating = threading.Thread(target=self._beats, args=(over,), daemon=True)
-            beating.start()
-            stack.callback(beating.join)
-            stack.callback(over.set)
+
+        def beat() -> None:
+            text = json.dumps({"holder": _holder(), "time": time.time()})
+            self.write(LOCK, lambda path: path.write_text(text))
+
+        def beats() -> None:
+            while not over.wait(_BEAT):
+                with suppress(Exception):  # the network may come back
+                    beat()
+
+        beat()
+        beating = threading.Thread(target=beats, daemon=True)
+        beating.start()
+        try:
             yield
-
-    def _beat(self) -> None:
-        self.write(LOCK, lambda path: path.write_text(json.dumps({"holder": _holder(), "time": time.time()})))
-
-    def _beats(self, over: threading.Event) -> None:
-        while not over.wait(_BEAT):
-            with suppress(Exception):  # the network may come back
-                self._beat()
+        finally:
+            over.set()
+            beating.join()
+            self.remove(LOCK)
 
     def _path(self, name: str) -> str:
         return f"{self._root}/{name}".rstrip("/")
+
+
+def as_place(name: str) -> Place:
+    """Place of a path or a URL."""
+    return _Remote(name) if is_url(name) else Place(name)
 
 
 def _holder() -> str:
@@ -270,10 +263,8 @@ def _ended(holder: str) -> bool:
         return False
     try:
         os.kill(int(match[1]), 0)
-    except ProcessLookupError:
-        return True
-    except PermissionError:
-        return False
+    except OSError as error:
+        return isinstance(error, ProcessLookupError)
     return False
 
 

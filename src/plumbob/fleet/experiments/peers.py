@@ -8,8 +8,9 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from importlib import import_module
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -21,16 +22,7 @@ from plumbob.data import AttitudeTrack, ImuData
 from plumbob.rotations import Frame, North, change_frame, quat_from_euler_zyx, quat_multiply
 
 
-class Named(Protocol):
-    """What a library gives, with its name in tables."""
-
-    name: str
-
-
-Made = TypeVar("Made", bound=Named)
-
-
-def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Made]]]) -> tuple[list[Made], dict[str, str]]:
+def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Any]]]) -> tuple[list[Any], dict[str, str]]:
     """Make what there is of each library that a comma list names, and say which are absent, with the reason.
 
     Parameters
@@ -38,7 +30,7 @@ def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Made]]]) -> tu
     names : str
         Libraries, or single ones of what they give, as vqf.offlineVQF, or all, or none.
     kinds : Mapping
-        By library: what is made of the imported library.
+        By library: what makes something of the imported library, each with a name for tables.
 
     Raises
     ------
@@ -48,8 +40,7 @@ def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Made]]]) -> tu
     wanted = [name.strip() for name in names.split(",") if name.strip()]
     if wanted in (["all"], ["none"]):
         wanted = list(kinds) if wanted == ["all"] else []
-    peers: list[Made] = []
-    absent: dict[str, str] = {}
+    peers, absent = list[Any](), dict[str, str]()
     for name in dict.fromkeys(wanted):
         of = re.split(r"[.(]", name)[0]
         if of not in kinds:
@@ -67,7 +58,7 @@ def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Made]]]) -> tu
     return peers, absent
 
 
-class PeerRun(Protocol):
+class PeerRun(NamedTuple):
     """A peer that takes a recording at once.
 
     Attributes
@@ -76,14 +67,14 @@ class PeerRun(Protocol):
         As in the tables.
     settings : str
         What runs, in one line.
+    attitudes : callable
+        Attitudes (N, 4), body to ENU, of samples (N, 3) in rad/s, m/s² and µT, where the last ones may be absent, at a
+        step in s.
     """
 
     name: str
     settings: str
-
-    def attitudes(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
-        """Attitudes (N, 4), body to ENU, of samples (N, 3) in rad/s, m/s² and µT, at a step in s; mag may be absent."""
-        ...
+    attitudes: Callable[[Floats, Floats, Floats | None, float], Floats]
 
 
 def peer_runs(names: str) -> tuple[list[PeerRun], dict[str, str]]:
@@ -135,53 +126,18 @@ def quiet() -> Iterator[None]:
         yield
 
 
-class Peer:
-    """What the adapters share, those of the benchmark of faults too."""
+def _vqf(kind: str, library: Any) -> PeerRun:
+    """One of the compiled classes of vqf."""
+    offline = kind == "offlineVQF"
 
-    def __init__(self, library: Any) -> None:
-        self.library = library
-
-    def enu(self, q: Floats) -> Floats:
-        """Return attitudes as they are."""
+    def attitudes(gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+        make = getattr(library, kind)
+        output = make(gyr, acc, mag, step) if offline else make(step).updateBatch(gyr, acc, mag)
+        q: Floats = output.get("quat9D", output["quat6D"])
         return q
 
-
-class _Vqf(Peer):
-    """The compiled classes of vqf."""
-
-    KIND = "VQF"
-
-    def __init__(self, library: Any) -> None:
-        super().__init__(library)
-        self.name = f"vqf.{self.KIND}"
-        self.settings = f"{self.name}, defaults"
-
-    def attitudes(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
-        output = getattr(self.library, self.KIND)(step).updateBatch(gyr, acc, mag)
-        return self.best(output)
-
-    def best(self, output: Mapping[str, Floats]) -> Floats:
-        """Attitude of a result, with its heading where it has one."""
-        return output.get("quat9D", output["quat6D"])
-
-
-class _BasicVqf(_Vqf):
-    """Without rest detection, bias estimation and rejection of disturbances."""
-
-    KIND = "BasicVQF"
-
-
-class _OfflineVqf(_Vqf):
-    """Forwards, backwards and smoothed: an attitude knows what comes after it."""
-
-    KIND = "offlineVQF"
-
-    def __init__(self, library: Any) -> None:
-        super().__init__(library)
-        self.settings = f"{self.name}, defaults; not causal: uses the whole recording"
-
-    def attitudes(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
-        return self.best(self.library.offlineVQF(gyr, acc, mag, step))
+    more = "; not causal: uses the whole recording" if offline else ""
+    return PeerRun(f"vqf.{kind}", f"vqf.{kind}, defaults{more}", attitudes)
 
 
 TUNED_FUSION: Final = "imufusion.Ahrs, gain 0.5, gyroscope range 2000 °/s, rejection 10° and 10°, timeout 5 s, ENU"
@@ -204,106 +160,49 @@ def fusion_filter(library: Any, rate: float, tuning: Mapping[str, float]) -> Any
     return filter_
 
 
-class _Fusion(Peer):
-    """x-io Fusion with its default settings."""
+def _fusion(name: str, settings: str, tuning: Mapping[str, float], bias: bool, library: Any) -> PeerRun:
+    """x-io Fusion with some settings; where its README says so, with its own estimate of the bias taken off first."""
 
-    name = "imufusion(default)"
-    settings = "imufusion.Ahrs, defaults, ENU"
-    TUNING: Mapping[str, float] = {}
-
-    def attitudes(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
-        filter_ = fusion_filter(self.library, 1.0 / step, self.TUNING)
+    def attitudes(gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+        filter_ = fusion_filter(library, 1.0 / step, tuning)
         take = filter_.update_no_magnetometer if mag is None else filter_.update
-        triads = (self.rates(gyr, step), acc / G0, *(() if mag is None else (mag,)))
+        rates = _less_bias(library, to_deg(gyr), step) if bias else to_deg(gyr)
         q = np.empty((len(gyr), 4))
-        for i, values in enumerate(zip(*triads, strict=True)):
+        for i, values in enumerate(zip(rates, acc / G0, *(() if mag is None else (mag,)), strict=True)):
             take(*values)
             q[i] = filter_.get_quaternion()
         return q
 
-    def rates(self, gyr: Floats, step: float) -> Floats:
-        """Rates as the filter wants them, °/s."""
-        return to_deg(gyr)
+    return PeerRun(f"imufusion({name})", settings, attitudes)
 
 
-class _FusionReadme(_Fusion):
-    """As its README has it: rejection on, and its own estimate of the bias at rest taken off first."""
-
-    name = "imufusion(readme)"
-    settings = f"{TUNED_FUSION}; imufusion.Bias, defaults, before it"
-    TUNING = FUSION_TUNING
-
-    def rates(self, gyr: Floats, step: float) -> Floats:
-        """Rates less the bias that the library has found so far, °/s."""
-        settings = self.library.BiasSettings()
-        settings.sample_rate = 1.0 / step
-        bias = self.library.Bias()
-        bias.set_settings(settings)
-        return np.array([bias.update(rate) for rate in to_deg(gyr)])
+def _less_bias(library: Any, rates: Floats, step: float) -> Floats:
+    """Rates less the bias that x-io Fusion has found so far, °/s."""
+    settings, bias = library.BiasSettings(), library.Bias()
+    settings.sample_rate = 1.0 / step
+    bias.set_settings(settings)
+    return np.array([bias.update(rate) for rate in rates])
 
 
-class Ahrs(Peer):
-    """One class of ahrs.
+def ahrs_settings(kind: str, arguments: Mapping[str, Any], start: str) -> str:
+    """What runs of ahrs, in one line: the class, what its constructor is given, and from what it starts."""
+    shown = ", ".join(f"{name}={value}" for name, value in arguments.items())
+    return f"ahrs.{kind}({shown or 'defaults'}), {start}"
 
-    Attributes
-    ----------
-    KIND, ARGUMENTS, START : str, Mapping, str
-        Its name, what its constructor is given, and what it starts from, in words.
-    """
 
-    KIND = "Mahony"
-    ARGUMENTS: Mapping[str, Any] = {}
-    START = "started from the first sample"
+def _ahrs(kind: str, label: str, frame: Frame, arguments: Mapping[str, Any], library: Any) -> PeerRun:
+    """One class of ahrs, whose attitudes are to a frame."""
 
-    def __init__(self, library: Any) -> None:
-        super().__init__(library)
-        self.name = f"ahrs.{self.KIND}"
-        shown = ", ".join(f"{name}={value}" for name, value in self.ARGUMENTS.items())
-        self.settings = f"{self.name}({shown or 'defaults'}), {self.START}"
-
-    def attitudes(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
-        """Attitudes (N, 4), body to ENU, of samples in rad/s, m/s² and µT at a step in s."""
-        kind = getattr(self.library.filters, self.KIND)
+    def attitudes(gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+        given = dict(arguments)
+        if kind == "EKF":  # in NED it wants the direction of gravity, and the dip of the field
+            dip_deg = 0.0 if mag is None else float(to_deg(np.median(_dip(acc, mag))))
+            given, acc = {"frame": "NED", "magnetic_ref": dip_deg}, -acc
         with quiet():
-            return self.enu(kind(gyr=gyr, acc=acc, mag=mag, frequency=1.0 / step, **self.ARGUMENTS).Q)
+            run = getattr(library.filters, kind)(gyr=gyr, acc=acc, mag=mag, frequency=1.0 / step, **given)
+        return change_frame(run.Q, to=Frame.ENU, from_=frame)
 
-
-class _BuoyMahony(Ahrs):
-    """With the gains of the buoy paper, which it shares with our own."""
-
-    ARGUMENTS: Mapping[str, Any] = {"k_P": 0.5, "k_I": 0.03}
-
-    def __init__(self, library: Any) -> None:
-        super().__init__(library)
-        self.name += "(buoy paper)"
-
-
-class Madgwick(Ahrs):
-    """The gradient descent of the 2010 report."""
-
-    KIND = "Madgwick"
-
-    def enu(self, q: Floats) -> Floats:
-        """Attitudes to a frame whose x axis is north and whose z axis is up."""
-        return change_frame(q, to=Frame.ENU, from_=Frame.NWU)
-
-
-class _EkfRun(Ahrs):
-    """In NED, where it wants the direction of gravity, and with the dip of the field of the recording."""
-
-    KIND = "EKF"
-
-    def __init__(self, library: Any) -> None:
-        super().__init__(library)
-        self.settings = "ahrs.EKF(frame=NED, magnetic_ref=median dip of the recording), started from the first sample"
-
-    def attitudes(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
-        dip_deg = 0.0 if mag is None else float(to_deg(np.median(_dip(acc, mag))))
-        with quiet():
-            run = self.library.filters.EKF(
-                gyr=gyr, acc=-acc, mag=mag, frequency=1.0 / step, frame="NED", magnetic_ref=dip_deg
-            )
-        return change_frame(run.Q, to=Frame.ENU, from_=Frame.NED)
+    return PeerRun(f"ahrs.{kind}{label}", ahrs_settings(kind, arguments, "started from the first sample"), attitudes)
 
 
 def _dip(acc: Floats, mag: Floats) -> Floats:
@@ -312,8 +211,17 @@ def _dip(acc: Floats, mag: Floats) -> Floats:
     return np.asarray(np.arcsin(-np.sum(acc * mag, axis=1) / norms))
 
 
-_RUNS: Final[Mapping[str, Sequence[Any]]] = {
-    "vqf": (_Vqf, _BasicVqf, _OfflineVqf),
-    "imufusion": (_Fusion, _FusionReadme),
-    "ahrs": (Madgwick, Ahrs, _BuoyMahony, _EkfRun),
+_RUNS: Final[Mapping[str, Sequence[Callable[[Any], PeerRun]]]] = {
+    "vqf": [partial(_vqf, kind) for kind in ("VQF", "BasicVQF", "offlineVQF")],
+    "imufusion": [
+        partial(_fusion, "default", "imufusion.Ahrs, defaults, ENU", {}, False),
+        partial(_fusion, "readme", f"{TUNED_FUSION}; imufusion.Bias, defaults, before it", FUSION_TUNING, True),
+    ],
+    "ahrs": [
+        partial(_ahrs, "Madgwick", "", Frame.NWU, {}),
+        partial(_ahrs, "Mahony", "", Frame.ENU, {}),
+        partial(_ahrs, "Mahony", "(buoy paper)", Frame.ENU, {"k_P": 0.5, "k_I": 0.03}),
+        partial(_ahrs, "EKF", "", Frame.NED, {"frame": "NED", "magnetic_ref": "median dip of the recording"}),
+    ],
 }
+"""By library: what is made of it; the gains of the buoy paper are those of our own filter."""

@@ -10,7 +10,6 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from plumbob import files as io
-from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, ShapeError
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
@@ -24,8 +23,6 @@ from plumbob.fleet.experiments.accuracy import KEYS, Accuracy, Errors
 from plumbob.fleet.experiments.peers import PeerRun, peer_track
 from plumbob.fleet.experiments.variants import SEED, changed, turning
 from plumbob.rotations import Frame, North
-
-Way = Callable[[ImuData, Frame], AttitudeTrack]
 
 RESTING: Final = dps(5.0)
 """A claim is one in motion where the mean rate of a second exceeds this, rad/s."""
@@ -133,8 +130,8 @@ def measure_accuracy(
     ParameterError
         If `against` names no estimator that runs, or a change is not known.
     """
-    ways: dict[str, Way] = {stage.name: partial(_ours, stage) for stage in stages}
-    ways |= {peer.name: partial(_theirs, peer) for peer in peers}
+    ways: dict[str, Callable[..., AttitudeTrack]] = {stage.name: partial(run_stage, stage=stage) for stage in stages}
+    ways |= {peer.name: partial(peer_track, peer) for peer in peers}
     if against is not None and against not in ways:
         raise ParameterError(f"there is no '{against}' to compare with; these run: {', '.join(ways)}.")
     skipped: dict[str, str] = {}
@@ -143,16 +140,22 @@ def measure_accuracy(
         place = file if isinstance(file, Path) else None
         name, where = (file.name, file.name) if place is None else (place.stem, place.name)
         try:
-            raw, reference = _opened(file)
-            imu = _prepared(raw, reference, changes or {}, seed, calibrated)
+            raw, reference, imu = _prepared(file, changes or {}, seed, calibrated)
         except ShapeError as error:
             skipped[where] = str(error)
             continue
-        judge = partial(_judged, raw=raw, reference=_within(reference, imu, between), align=align)
+        reference = _within(reference, imu, between)
         nav = navigation_frame(imu, frame, where=str(place or name))
-        results, refused = _run(ways, imu, nav, judge, progress)
         folder = "" if place is None else place.parent.name
-        trials.append(_Trial(name, where, folder, calibration_told(imu.meta.calibration), results, refused))
+        trial = _Trial(name, where, folder, calibration_told(imu.meta.calibration), {}, {})
+        for estimator, way in ways.items():
+            try:
+                trial.results[estimator] = _judged(way(imu=imu, frame=nav), raw, reference, align)
+            except ShapeError as error:
+                trial.refused[estimator] = str(error)
+            if progress:
+                progress(1)
+        trials.append(trial)
     if not trials:
         raise DecodeError("no recording is a trial: " + "; ".join(dict.fromkeys(skipped.values())))
     applied = {**changes, "seed": str(seed)} if changes else {}
@@ -173,49 +176,18 @@ def read_trial(file: Path | Recording) -> tuple[ImuData, AttitudeTrack]:
     return recording.imu, recording.track
 
 
-def _opened(file: Path | Recording) -> tuple[ImuData, AttitudeTrack]:
-    """Both of a recording; whatever is wrong with it, it is one to be skipped."""
+def _prepared(
+    file: Path | Recording, changes: Mapping[str, str], seed: int, calibrated: bool
+) -> tuple[ImuData, AttitudeTrack, ImuData]:
+    """Samples and reference of a recording, and the samples as the estimators get them; ShapeError to skip it."""
     try:
-        return read_trial(file)
+        raw, reference = read_trial(file)
     except PlumbobError as error:
         raise ShapeError(str(error)) from error
-
-
-def _ours(stage: Stage, imu: ImuData, frame: Frame) -> AttitudeTrack:
-    return run_stage(imu, stage, frame=frame)
-
-
-def _theirs(peer: PeerRun, imu: ImuData, frame: Frame) -> AttitudeTrack:
-    return peer_track(peer, imu, frame=frame)
-
-
-def _prepared(
-    imu: ImuData, reference: AttitudeTrack, changes: Mapping[str, str], seed: int, calibrated: bool
-) -> ImuData:
-    """Samples as the estimators get them."""
-    imu = changed(imu, reference, changes, seed=seed)
-    if not calibrated or imu.meta.calibration is not None:
-        return imu
-    return imu.corrected(meta=replace(imu.meta, calibration=DECLARED))
-
-
-def _run(
-    ways: Mapping[str, Way],
-    imu: ImuData,
-    frame: Frame,
-    judge: Callable[[AttitudeTrack], _Result],
-    progress: Callable[[int], None] | None,
-) -> tuple[dict[str, _Result], dict[str, str]]:
-    """What each estimator made of a trial, and why some refused it."""
-    results, refused = {}, {}
-    for name, way in ways.items():
-        try:
-            results[name] = judge(way(imu, frame))
-        except ShapeError as error:
-            refused[name] = str(error)
-        if progress:
-            progress(1)
-    return results, refused
+    imu = changed(raw, reference, changes, seed=seed)
+    if calibrated and imu.meta.calibration is None:
+        imu = imu.corrected(meta=replace(imu.meta, calibration=DECLARED))
+    return raw, reference, imu
 
 
 def _within(reference: AttitudeTrack, imu: ImuData, between: tuple[float, float] | None) -> AttitudeTrack:
@@ -227,7 +199,7 @@ def _within(reference: AttitudeTrack, imu: ImuData, between: tuple[float, float]
     return reference.with_attitude(np.where(inside[:, np.newaxis], reference.q_nb, np.nan))
 
 
-def _judged(track: AttitudeTrack, *, raw: ImuData, reference: AttitudeTrack, align: Sequence[str]) -> _Result:
+def _judged(track: AttitudeTrack, raw: ImuData, reference: AttitudeTrack, align: Sequence[str]) -> _Result:
     """Errors on one trial; none where an attitude is not finite, because a mean over the others would hide it."""
     if not track.known.all():
         return _Result(track.source, dict.fromkeys(KEYS), None)
@@ -236,21 +208,22 @@ def _judged(track: AttitudeTrack, *, raw: ImuData, reference: AttitudeTrack, ali
     except ShapeError as error:
         return _Result(track.source, dict.fromkeys(KEYS), None, str(error))
     summary = evaluation.summary()
-    shares = None if track.cov_b is None else _coverage(evaluation, np.interp(track.t, raw.t, turning(raw)))
-    return _Result(track.source, {key: summary[key] for key in KEYS}, shares)
+    return _Result(track.source, {key: summary[key] for key in KEYS}, _coverage(evaluation, raw))
 
 
-def _coverage(evaluation: Evaluation, rate: Floats) -> Errors:
+def _coverage(evaluation: Evaluation, raw: ImuData) -> Errors | None:
     """Shares of samples whose error lies within what is claimed, scored or not: at rest a claim must hold too."""
     track, match = evaluation.estimate, evaluation.match
-    assert track.cov_b is not None
+    if track.cov_b is None:
+        return None
     mask = np.isin(match.fate, (Fate.SCORED, Fate.MASKED))
+    moving = np.interp(track.t, raw.t, turning(raw))[mask] > RESTING
     free = track.north is North.FREE
     heading, tilt = inside_claim(track.q_nb[mask], match.q_ref[mask], track.cov_b[mask], free=free)
     shares: Errors = {}
     for name, inside in (("heading", heading), ("tilt", tilt)):
         judged = name == "tilt" or "heading" in evaluation.stats
-        for where, rows in (("motion", rate[mask] > RESTING), ("rest", rate[mask] <= RESTING)):
+        for where, rows in (("motion", moving), ("rest", ~moving)):
             enough = judged and np.count_nonzero(rows) >= ENOUGH
             shares[f"{name}_{where}"] = float(np.mean(inside[rows])) if enough else None
     return shares
@@ -266,27 +239,26 @@ def _gathered(
     against: str | None,
 ) -> Accuracy:
     """Trials that all can take who take any of their folder."""
-    folders: dict[str, list[_Trial]] = {}
-    for trial in measured:
-        folders.setdefault(trial.folder, []).append(trial)
+    folders = dict.fromkeys(trial.folder for trial in measured)
     shared: dict[str, _Trial] = {}
-    held: dict[str, list[str]] = {}
-    for folder, trials in folders.items():
+    for folder in folders:
+        trials, before = (
+            [trial for trial in measured if trial.folder == folder],
+            f"{folder}/" if len(folders) > 1 else "",
+        )
         none = [name for name in names if all(name in trial.refused for trial in trials)]
         for name in none:
-            absent[f"{name} ({folder})" if len(folders) > 1 else name] = trials[0].refused[name]
+            absent[f"{name} ({folder})" if before else name] = trials[0].refused[name]
         for trial in trials:
-            before = f"{folder}/" if len(folders) > 1 else ""
             unscored = {name: result.why for name, result in trial.results.items() if result.why}
             refused = {name: text for name, text in trial.refused.items() if name not in none}
             if refused or len(unscored) == len(trial.results):
                 why = [f"{name}: {text}" for name, text in (refused or unscored).items()]
                 skipped[before + trial.file] = "; ".join(why)
-            else:
-                key = _unused(before + trial.name, shared)
-                shared[key] = trial
-                absent |= {f"{name} ({key})": text for name, text in unscored.items()}
-                held.setdefault(folder, []).append(key)
+                continue
+            key = unused_name(before + trial.name, shared)
+            shared[key] = trial
+            absent |= {f"{name} ({key})": text for name, text in unscored.items()}
     if not shared:
         raise DecodeError("no trial is one that every estimator can take. " + "; ".join(skipped.values()))
     sources = {n: dict.fromkeys(t.results[n].source for t in shared.values() if n in t.results) for n in names}
@@ -298,13 +270,13 @@ def _gathered(
         absent,
         {key: trial.calibration for key, trial in shared.items()},
         {key: {n: r.shares for n, r in trial.results.items() if r.shares is not None} for key, trial in shared.items()},
-        held,
+        {folder: keys for folder in folders if (keys := [key for key, t in shared.items() if t.folder == folder])},
         changes,
         against,
     )
 
 
-def _unused(name: str, used: Mapping[str, object]) -> str:
+def unused_name(name: str, used: Mapping[str, object]) -> str:
     """The name, or with a number, so that it is not one that is used."""
     others = (f"{name} ({i})" for i in count(2))
     return next(candidate for candidate in chain([name], others) if candidate not in used)

@@ -29,14 +29,15 @@ from plumbob.core.params import Parameter, allowed, checked, describe, shown
 from plumbob.core.text import counted, visible
 from plumbob.core.units import Quantity, given, to_deg
 from plumbob.core.version import __version__
-from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data import AttitudeTrack
 from plumbob.data.recording import Recording
 from plumbob.door.evaluate import evaluate
 from plumbob.evaluation.align import not_converged
+from plumbob.evaluation.evaluation import Evaluation
 from plumbob.evaluation.metrics import error_quat
 from plumbob.filters.known import load
 from plumbob.filters.offline import Stage, navigation_frame, run_stage
-from plumbob.fleet.experiments.trials import read_trial, trials_in
+from plumbob.fleet.experiments.trials import read_trial, trials_in, unused_name
 from plumbob.reporting.content import Figure, Table
 from plumbob.reporting.report import Report, Reported, plain
 from plumbob.rotations import Frame
@@ -225,11 +226,8 @@ class Tuning(Reported):
 
     def as_dict(self) -> dict[str, Any]:
         """Ready for JSON: parameters in the unit inside, errors in degrees."""
-        names = [name for name in self.__dataclass_fields__ if name not in {"parameters", "recordings", "skipped"}]
-        figures = {name: plain(getattr(self, name)) for name in names}
-        figures |= {"proven": self.proven, "gap": self.gap, "verdict": self.verdict(), "version": __version__}
-        rows = {"parameters": list(self.parameters), "recordings": list(self.recordings), "skipped": self.skipped}
-        return figures | {name: plain(value) for name, value in rows.items()}
+        more = {"proven": self.proven, "gap": self.gap, "verdict": self.verdict(), "version": __version__}
+        return {**plain(self), **more}
 
     def report(self) -> Report:
         """Parameters, errors on what was fitted to and on what was not, and each recording."""
@@ -413,32 +411,33 @@ def tune(
     check.one_of("group_by", group_by, GROUPS)
     _require("budget", budget, 4)
     _require("jobs", jobs, 1)
-    ranges = _ranges(filter, params, fixed or {})
-    given_ = _fixed(filter, fixed or {}, ranges)
-    judge = _Judge(filter, metric, tuple(align), given("settle", settle, Quantity.TIME) or 0.0, given_, ranges)
-    trials, skipped = _read(recordings, judge, None if frame is None else Frame.parse(frame), group_by)
-    groups = list(dict.fromkeys(trial.group for trial in trials))
-    dealt = _deal(groups, folds, seed)
+    ranges, fixed = _ranges(filter, params, fixed or {}), _fixed(filter, fixed or {})
+    time = given("settle", settle, Quantity.TIME) or 0.0
     with ThreadPoolExecutor(max_workers=jobs) as pool:
-        search = _CubeSearch(judge, trials, pool, budget, len(set(dealt.values())), progress)
-        return _crossed(search, dealt, group_by=group_by, seed=seed, skipped=skipped)
+        search = _Search(filter, metric, tuple(align), time, fixed, ranges, pool, budget, progress)
+        trials, skipped = _read(recordings, search, None if frame is None else Frame.parse(frame), group_by)
+        folds_of = _deal(list(dict.fromkeys(trial.group for trial in trials)), folds, seed)
+        return _cross_validated(search, trials, folds_of, group_by=group_by, seed=seed, skipped=skipped)
 
 
 class _TuningTrial:
     """A recording in memory, what of it is judged, and the errors that are known of it, by place."""
 
-    def __init__(self, name: str, group: str, imu: ImuData, reference: AttitudeTrack, frame: Frame) -> None:
-        self.name, self.group, self.imu, self.reference, self.frame = name, group, imu, reference, frame
-        self.sha256: str | None = None
+    def __init__(self, name: str, file: Path | Recording, frame: Frame | None) -> None:
+        self.name = name
+        self.imu, self.reference = read_trial(file)
+        self.frame = navigation_frame(self.imu, frame, where=file.name)
+        self.group = self.name
+        self.sha256 = file_sha256(file)[0] if isinstance(file, Path) and file.is_file() else None
         self.q_ref: Floats = np.empty((0, 4))
         self.judged: NDArray[np.bool_] = np.empty(0, dtype=np.bool_)
         self.default = math.nan
-        self.known: dict[bytes, float] = {}
+        self.errors: dict[bytes, float] = {}
 
 
-@dataclass(frozen=True, slots=True)
-class _Judge:
-    """How a set of parameters is judged on a recording."""
+@dataclass
+class _Search:
+    """The search in the unit cube, on any of the recordings; what was run once is not run again."""
 
     filter: str
     metric: str
@@ -446,83 +445,59 @@ class _Judge:
     settle: float
     fixed: Mapping[str, Any]
     ranges: tuple[Range, ...]
+    pool: ThreadPoolExecutor
+    budget: int
+    progress: Callable[[int, int], None] | None
+    runs: int = 0
+    most: int = 0
 
-    def values(self, x: Floats) -> dict[str, Any]:
-        """Parameters at a place of the unit cube."""
-        return {**self.fixed, **{r.parameter.name: r.value_at(float(p)) for r, p in zip(self.ranges, x, strict=True)}}
+    @property
+    def designed(self) -> int:
+        """Evaluations of the design; the rest of the budget refines."""
+        return max(2, round(DESIGN * self.budget))
 
     def prepare(self, trial: _TuningTrial) -> None:
         """Associate once, as `evaluate` does, and measure the defaults; ShapeError where they cannot be scored."""
-        track = self._track(trial, dict(self.fixed))
-        scores = evaluate(track, trial.reference, align=self.align, settle=self.settle)
+        track = self._track(trial, self.fixed)
+        scores = self._evaluated(track, trial)
         if self.metric not in scores.stats:
             raise ShapeError(f"its {self.metric} error cannot be scored: {scores.not_scored[self.metric]}.")
         if not track.known.all():
             raise ShapeError("the filter with its defaults leaves attitudes that are not known.")
         trial.default = max(scores.stats[self.metric].rmse, LEAST)
-        unmasked = evaluate(replace(track, flags=None), trial.reference, align=self.align, settle=self.settle)
-        trial.q_ref, trial.judged = unmasked.match.q_ref, unmasked.match.scored
+        unmasked = self._evaluated(replace(track, flags=None), trial).match
+        trial.q_ref, trial.judged = unmasked.q_ref, unmasked.scored
 
     def error(self, trial: _TuningTrial, x: Floats) -> float:
         """Rms error, rad, `WORST` where it cannot be scored; the same number as `evaluate` gives."""
+        values = {r.parameter.name: r.value_at(float(place)) for r, place in zip(self.ranges, x, strict=True)}
         try:
-            track = self._track(trial, self.values(x))
-            if not track.known.all():
+            track = self._track(trial, {**self.fixed, **values})
+            rows = trial.judged & ~not_converged(track)
+            if not track.known.all() or not (self.align or rows.any()):
                 return WORST
             if self.align:
-                scores = evaluate(track, trial.reference, align=self.align, settle=self.settle)
-                return max(scores.stats[self.metric].rmse, LEAST)
+                return max(self._evaluated(track, trial).stats[self.metric].rmse, LEAST)
         except ShapeError:
-            return WORST
-        rows = trial.judged & ~not_converged(track)
-        if not rows.any():
             return WORST
         return max(_rms(self.metric, track.q_nb[rows], trial.q_ref[rows]), LEAST)
 
     def _track(self, trial: _TuningTrial, values: Mapping[str, Any]) -> AttitudeTrack:
-        return run_stage(trial.imu, Stage(self.filter, values), frame=trial.frame)
+        return run_stage(trial.imu, Stage(self.filter, dict(values)), frame=trial.frame)
 
-
-def _rms(metric: str, q_est: Floats, q_ref: Floats) -> float:
-    """Rms of one error of `attitude_errors`, without the cost of the others."""
-    w, x, y, z = np.abs(np.moveaxis(error_quat(q_est, q_ref), -1, 0))
-    if metric == "total":
-        half = np.arctan2(np.sqrt(x * x + y * y + z * z), w)
-    elif metric == "heading":
-        half = np.arctan2(z, w)
-    else:
-        half = np.arctan2(np.hypot(x, y), np.hypot(w, z))
-    return float(2.0 * np.sqrt(np.mean(half * half)))
-
-
-class _CubeSearch:
-    """The search in the unit cube, on any of the recordings; what was run once is not run again."""
-
-    def __init__(
-        self,
-        judge: _Judge,
-        trials: Sequence[_TuningTrial],
-        pool: ThreadPoolExecutor,
-        budget: int,
-        folds: int,
-        progress: Callable[[int, int], None] | None,
-    ) -> None:
-        self.judge, self.trials, self.pool, self.budget = judge, trials, pool, budget
-        self.runs, self.progress = 0, progress
-        self.designed = max(2, round(DESIGN * budget))
-        searches = 1 + (folds if folds > 1 else 0)
-        self.most = len(trials) * (self.designed + searches * (budget - self.designed + 1))
+    def _evaluated(self, track: AttitudeTrack, trial: _TuningTrial) -> Evaluation:
+        return evaluate(track, trial.reference, align=self.align, settle=self.settle)
 
     def logs(self, x: Floats, trials: Sequence[_TuningTrial]) -> Floats:
         """Logarithms of the errors (len(trials),) at a place."""
         key = x.tobytes()
-        new = [trial for trial in trials if key not in trial.known]
-        for trial, error in zip(new, self.pool.map(lambda t: self.judge.error(t, x), new), strict=True):
-            trial.known[key] = error
+        new = [trial for trial in trials if key not in trial.errors]
+        for trial, error in zip(new, self.pool.map(lambda t: self.error(t, x), new), strict=True):
+            trial.errors[key] = error
         self.runs += len(new)
         if self.progress is not None:
             self.progress(self.runs, self.most)
-        return np.log([trial.known[key] for trial in trials])
+        return np.log([trial.errors[key] for trial in trials])
 
     def best(self, trials: Sequence[_TuningTrial], design: Floats) -> Floats:
         """Best place (d,) for these recordings: of the design, then refined from there."""
@@ -537,73 +512,77 @@ class _CubeSearch:
             return np.asarray(start)
         steps = np.where(start + STEP <= 1.0, STEP, -STEP)
         simplex = np.vstack([start, start + np.diag(steps)])
-        optimum = minimize(
-            cost,
-            start,
-            method="Nelder-Mead",
-            bounds=[(0.0, 1.0)] * start.size,
-            options={"maxfev": remaining, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-5},
-        )
+        how: Any = {"maxfev": remaining, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-5}
+        optimum = minimize(cost, start, method="Nelder-Mead", bounds=[(0.0, 1.0)] * start.size, options=how)
         return np.asarray(optimum.x if optimum.fun < min(costs) else start)
 
     def design(self, seed: int) -> Floats:
         """Places that every search begins with: the defaults, and a scrambled Sobol sequence, (n, d)."""
         from scipy.stats import qmc
 
-        ranges = self.judge.ranges
-        sobol = qmc.Sobol(len(ranges), seed=seed).random_base2(math.ceil(math.log2(self.designed)))
-        default = [r.place(r.parameter.default) if _positive(r.parameter.default) else 0.0 for r in ranges]
+        sobol = qmc.Sobol(len(self.ranges), seed=seed).random_base2(math.ceil(math.log2(self.designed)))
+        default = [r.place(r.parameter.default) if _positive(r.parameter.default) else 0.0 for r in self.ranges]
         return np.vstack([default, sobol[: self.designed - 1]])
 
 
-def _crossed(
-    search: _CubeSearch, dealt: Mapping[str, int], *, group_by: str, seed: int, skipped: Mapping[str, str]
+def _rms(metric: str, q_est: Floats, q_ref: Floats) -> float:
+    """Rms of one error of `attitude_errors`, without the cost of the others."""
+    w, x, y, z = np.abs(np.moveaxis(error_quat(q_est, q_ref), -1, 0))
+    if metric == "total":
+        half = np.arctan2(np.sqrt(x * x + y * y + z * z), w)
+    elif metric == "heading":
+        half = np.arctan2(z, w)
+    else:
+        half = np.arctan2(np.hypot(x, y), np.hypot(w, z))
+    return float(2.0 * np.sqrt(np.mean(half * half)))
+
+
+def _cross_validated(
+    search: _Search,
+    trials: Sequence[_TuningTrial],
+    folds_of: Mapping[str, int],
+    *,
+    group_by: str,
+    seed: int,
+    skipped: Mapping[str, str],
 ) -> Tuning:
     """Fit to all; then, for each fold, fit to the others and judge it by its own."""
-    trials, judge, design = search.trials, search.judge, search.design(seed)
+    count = len(set(folds_of.values())) if len(folds_of) > 1 else 0
+    search.most = len(trials) * (search.designed + (1 + count) * (search.budget - search.designed + 1))
+    design = search.design(seed)
     best = search.best(trials, design)
-    fitted = dict(zip((t.name for t in trials), np.exp(search.logs(best, trials)), strict=True))
-    count = len(set(dealt.values())) if len(dealt) > 1 else 0
-    held: dict[str, float] = {}
-    places, train_default, train_tuned = [], [], []
+    fitted = search.logs(best, trials)
+    held_deg: dict[str, float] = {}
+    places, train = [], []
     for fold in range(1, count + 1):
-        inside = [t for t in trials if dealt[t.group] != fold]
-        outside = [t for t in trials if dealt[t.group] == fold]
+        inside = [t for t in trials if folds_of[t.group] != fold]
+        outside = [t for t in trials if folds_of[t.group] == fold]
         place = search.best(inside, design)
         places.append(place)
-        train_default.append(np.mean(np.log([t.default for t in inside])))
-        train_tuned.append(search.logs(place, inside).mean())
-        held |= zip((t.name for t in outside), np.exp(search.logs(place, outside)), strict=True)
+        train.append((np.mean(np.log([t.default for t in inside])), search.logs(place, inside).mean()))
+        held_deg |= zip((t.name for t in outside), to_deg(np.exp(search.logs(place, outside))).tolist(), strict=True)
     if not count:
-        train_default, train_tuned = (
-            [np.mean(np.log([t.default for t in trials]))],
-            [np.mean(np.log([*fitted.values()]))],
-        )
+        train.append((np.mean(np.log([t.default for t in trials])), fitted.mean()))
     rows = tuple(
-        Held(t.name, t.group, dealt[t.group] if count else None, to_deg(t.default),
-             to_deg(float(held[t.name])) if count else None, to_deg(float(fitted[t.name])), t.sha256)
-        for t in trials
-    )  # fmt: skip
-    held_default, held_tuned, gain = _gain(rows) if count else (None, None, None)
-    return Tuning(
-        filter=judge.filter,
-        metric=judge.metric,
-        group_by=group_by,
-        fixed=judge.fixed,
-        parameters=tuple(_tuned(r, i, best, places) for i, r in enumerate(judge.ranges)),
-        recordings=rows,
-        folds=count,
-        train_default_deg=to_deg(float(np.exp(np.mean(train_default)))),
-        train_tuned_deg=to_deg(float(np.exp(np.mean(train_tuned)))),
-        held_default_deg=held_default,
-        held_tuned_deg=held_tuned,
-        gain=gain,
-        budget=search.budget,
-        runs=search.runs,
-        seed=seed,
-        align=judge.align,
-        skipped=skipped,
+        Held(
+            t.name,
+            t.group,
+            folds_of[t.group] if count else None,
+            to_deg(t.default),
+            held_deg.get(t.name),
+            fit,
+            t.sha256,
+        )
+        for t, fit in zip(trials, to_deg(np.exp(fitted)).tolist(), strict=True)
     )
+    held_default, held_tuned, gain = _gain(rows) if count else (None, None, None)
+    train_default, train_tuned = to_deg(np.exp(np.mean(train, axis=0))).tolist()
+    return Tuning(
+        search.filter, search.metric, group_by, search.fixed,
+        tuple(_tuned(r, [float(x[i]) for x in (best, *places)]) for i, r in enumerate(search.ranges)),
+        rows, count, train_default, train_tuned, held_default, held_tuned, gain,
+        search.budget, search.runs, seed, search.align, skipped,
+    )  # fmt: skip
 
 
 def _gain(rows: Sequence[Held]) -> tuple[float, float, tuple[float, float, float]]:
@@ -623,12 +602,14 @@ def _gain(rows: Sequence[Held]) -> tuple[float, float, tuple[float, float, float
     return math.exp(before.mean()), math.exp(after.mean()), ends
 
 
-def _tuned(range_: Range, i: int, best: Floats, places: Sequence[Floats]) -> Tuned:
-    p, x = range_.parameter, float(best[i])
+def _tuned(range_: Range, places: Sequence[float]) -> Tuned:
+    """Of a parameter, from its places fitted to all recordings and in each fold."""
+    p, x = range_.parameter, places[0]
     end = "low" if x < NEAR_END else "high" if x > 1.0 - NEAR_END else ""
-    default = math.nan if p.default is None else float(p.default)
-    folds = tuple(range_.value_at(float(place[i])) for place in places)
-    return Tuned(p.name, default, range_.value_at(x), range_.low, range_.high, folds, end)
+    value, *folds = map(range_.value_at, places)
+    return Tuned(
+        p.name, math.nan if p.default is None else float(p.default), value, range_.low, range_.high, tuple(folds), end
+    )
 
 
 def _deal(groups: Sequence[str], folds: int | None, seed: int) -> dict[str, int]:
@@ -701,7 +682,7 @@ def _range(filter: str, p: Parameter, span: str) -> Range:
     return Range(p, float(low), float(high))
 
 
-def _fixed(filter: str, fixed: Mapping[str, Any], ranges: Sequence[Range]) -> dict[str, Any]:
+def _fixed(filter: str, fixed: Mapping[str, Any]) -> dict[str, Any]:
     declared = _parameters(filter)
     for name in fixed:
         if name not in declared:
@@ -711,55 +692,33 @@ def _fixed(filter: str, fixed: Mapping[str, Any], ranges: Sequence[Range]) -> di
 
 def _read(
     recordings: str | Path | Recording | Sequence[str | Path | Recording],
-    judge: _Judge,
+    search: _Search,
     frame: Frame | None,
     group_by: str,
 ) -> tuple[list[_TuningTrial], dict[str, str]]:
     """Recordings that can be judged, each read once, and why others are skipped."""
     several = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
-    files: list[Path | Recording] = []
-    for source in several:
-        files += [source] if isinstance(source, Recording) else trials_in(check.path("recordings", source))
-    trials: list[_TuningTrial] = []
+    trials: dict[str, _TuningTrial] = {}
     skipped: dict[str, str] = {}
-    for file in files:
-        where = file.name
-        try:
-            imu, reference = read_trial(file)
-            nav = navigation_frame(imu, frame, where=where)
-            trial = _TuningTrial(_unused(where, {t.name for t in trials}), "", imu, reference, nav)
-            judge.prepare(trial)
-        except (PlumbobError, OSError) as error:
-            if isinstance(error, ParameterError):
+    for source in several:
+        for file in [source] if isinstance(source, Recording) else trials_in(check.path("recordings", source)):
+            try:
+                trial = _TuningTrial(unused_name(file.name, trials), file, frame)
+                search.prepare(trial)
+            except ParameterError:
                 raise
-            skipped[_unused(where, set(skipped))] = str(error)
-            continue
-        trial.group = _group(file, trial, group_by)
-        trial.sha256 = _hash(file)
-        trials.append(trial)
+            except (PlumbobError, OSError) as error:
+                skipped[unused_name(file.name, skipped)] = str(error)
+                continue
+            if group_by == "device":
+                trial.group = trial.imu.meta.device
+            elif group_by == "folder" and isinstance(file, Path):
+                trial.group = str(file.resolve().parent)
+            trials[trial.name] = trial
     if not trials:
         why = "; ".join(f"{name}: {reason}" for name, reason in skipped.items())
         raise DecodeError(f"no recording with sensor data and a reference can be used. {why}".strip())
-    return trials, skipped
-
-
-def _group(file: Path | Recording, trial: _TuningTrial, group_by: str) -> str:
-    if group_by == "device":
-        return trial.imu.meta.device
-    if group_by == "folder" and isinstance(file, Path):
-        return str(file.resolve().parent)
-    return trial.name
-
-
-def _unused(name: str, used: Collection[str]) -> str:
-    number, free = 2, name
-    while free in used:
-        free, number = f"{name} ({number})", number + 1
-    return free
-
-
-def _hash(file: Path | Recording) -> str | None:
-    return None if isinstance(file, Recording) or not file.is_file() else file_sha256(file)[0]
+    return list(trials.values()), skipped
 
 
 def _text(p: Parameter, value: float) -> str:

@@ -1,6 +1,6 @@
 """Recordings made harder in a stated way, to see what an estimate loses by it: the same change to every recording.
 
-Each function takes samples and returns changed ones; what is drawn comes from a seed. Motion begins where the rate,
+Each change takes samples and returns others; what is drawn comes from a seed. Motion begins where the rate,
 averaged over a second, first exceeds `MOVING`.
 """
 
@@ -48,63 +48,67 @@ def motion_begins(imu: ImuData) -> float:
     return float(imu.t[np.argmax(moving)])
 
 
-def late_start(imu: ImuData, after: float) -> ImuData:
-    """Without all before a time after the motion begins, s."""
+class _Change(NamedTuple):
+    """What a change is made of: the reference, how much as text with a unit, and the seed."""
+
+    reference: AttitudeTrack
+    text: str
+    seed: int
+
+    def number(self, quantity: Quantity) -> float:
+        return parse(self.text, quantity)
+
+
+def _late_start(imu: ImuData, change: _Change) -> ImuData:
+    """Without all before a time after the motion begins."""
+    after = change.number(Quantity.TIME)
     first = int(np.searchsorted(imu.t, motion_begins(imu) + after))
     if first >= len(imu) - 1:
         raise ShapeError(f"it ends less than {after:g} s after its motion begins.")
     return imu[first:]
 
 
-def gaps(imu: ImuData, count: int, length: float, *, seed: int = SEED) -> ImuData:
-    """Without the samples of some stretches of one length, s, at times drawn from the motion."""
+def _gaps(imu: ImuData, change: _Change) -> ImuData:
+    """Without the samples of some stretches of one length, at times drawn from the motion."""
+    count, _, text = change.text.partition("x")
+    if not count.strip().isdigit() or not text:
+        raise ParameterError(f"gaps needs their number and length, as 5x1s, but got '{change.text}'.")
+    length = parse(text, Quantity.TIME)
     low, high = motion_begins(imu) + MARGIN, float(imu.t[-1]) - MARGIN
     if not low < high:
         raise ShapeError(f"it is too short for gaps: they lie {MARGIN:g} s from begin and end of its motion.")
     keep = np.ones(len(imu), dtype=np.bool_)
-    for begin in np.random.default_rng(seed).uniform(low, high, count):
+    for begin in np.random.default_rng(change.seed).uniform(low, high, int(count)):
         keep &= ~((imu.t > begin) & (imu.t < begin + length))
-    return _rows(imu, keep)
+    triads = {name: getattr(imu, name)[keep] for name in imu.triads}
+    temp_c = None if imu.temp_c is None else imu.temp_c[keep]
+    return ImuData(t=imu.t[keep], **triads, temp_c=temp_c, flags=imu.flags[keep], meta=imu.meta)
 
 
-def wrong_field(imu: ImuData, reference: AttitudeTrack, field: Floats, begin: float, end: float) -> ImuData:
-    """With a field (3,), µT, constant in the reference's frame, added from one time of the recording to another, s.
-
-    Where the reference is not known nothing is added.
-    """
-    rows = (imu.t >= begin) & (imu.t < end)
-    q_nb = read_at(reference, imu.t_ns[rows], max_gap=default_max_gap(reference)).q_nb
-    mag = _triad(imu, "mag").copy()
-    mag[rows] += np.nan_to_num(quat_rotate(quat_conjugate(q_nb), np.broadcast_to(field, (len(q_nb), 3))))
-    return imu.corrected(meta=imu.meta, mag=mag)
-
-
-def with_offset(imu: ImuData, name: str, offset: Floats) -> ImuData:
-    """With a constant in body axes (3,) added to a triad: a bias of the gyroscope, a hard iron."""
-    return imu.corrected(meta=imu.meta, **{name: _triad(imu, name) + offset})
-
-
-def with_scale(imu: ImuData, share: float) -> ImuData:
-    """With rates that are too large by a share."""
-    return imu.corrected(meta=imu.meta, gyr=_triad(imu, "gyr") * (1.0 + share))
-
-
-def missing(imu: ImuData, share: float, *, seed: int = SEED) -> ImuData:
-    """Without the values of a share of the rows, drawn one by one; their stamps stay."""
-    lost = np.random.default_rng(seed).random(len(imu)) < share
-    return _absent(imu, dict.fromkeys(imu.triads, lost))
+def _wrong_field(imu: ImuData, change: _Change) -> ImuData:
+    """With fields that are constant in the reference's frame for a time; nothing where it is not known."""
+    for part in change.text.split(";"):
+        field, _, when = part.partition(":")
+        when, _, since = when.partition("@")
+        begin, _, end = when.partition("-")
+        if not end or since.strip() not in {"", "motion"}:
+            raise ParameterError(
+                f"wrong_field needs field and times, as '15,-10,20uT:0s-20s', or '...:30s-90s@motion' where they count "
+                f"from the begin of the motion, but got '{change.text}'."
+            )
+        zero = motion_begins(imu) if since else float(imu.t[0])
+        vector, (first, last) = _vector(field, Quantity.FIELD), (zero + parse(t, Quantity.TIME) for t in (begin, end))
+        rows = (imu.t >= first) & (imu.t < last)
+        q_nb = read_at(change.reference, imu.t_ns[rows], max_gap=default_max_gap(change.reference)).q_nb
+        mag = _triad(imu, "mag").copy()
+        mag[rows] += np.nan_to_num(quat_rotate(quat_conjugate(q_nb), np.broadcast_to(vector, (len(q_nb), 3))))
+        imu = imu.corrected(meta=imu.meta, mag=mag)
+    return imu
 
 
-def asynchronous(imu: ImuData) -> ImuData:
-    """With rates and specific forces in alternate rows, and a field in every fifth, as of sensors with own clocks."""
-    row = np.arange(len(imu))
-    odd = row % ACC_EVERY == 1
-    lost = {"gyr": odd, "acc": ~odd, "mag": row % MAG_EVERY != 0}
-    return _absent(imu, {name: lost[name] for name in imu.triads})
-
-
-def block_means(imu: ImuData, rate: float) -> ImuData:
-    """At about a lower rate, Hz: means of whole blocks, each with the stamp of its last sample."""
+def _block_means(imu: ImuData, change: _Change) -> ImuData:
+    """At about a lower rate: means of whole blocks, each with the stamp of its last sample."""
+    rate = change.number(Quantity.FREQUENCY)
     size = round(1.0 / (rate * float(np.median(np.diff(imu.t)))))
     if size < 2:
         raise ShapeError(f"its own rate is too low for means at {rate:g} Hz.")
@@ -119,52 +123,33 @@ def without_mag(imu: ImuData) -> ImuData:
     return ImuData(t=imu.t, gyr=imu.gyr, acc=imu.acc, temp_c=imu.temp_c, flags=imu.flags, meta=imu.meta)
 
 
+def _asynchronous(imu: ImuData, _: _Change) -> ImuData:
+    """With rates and specific forces in alternate rows, and a field in every fifth, as of sensors with own clocks."""
+    row = np.arange(len(imu))
+    odd = row % ACC_EVERY == 1
+    return _absent(imu, {"gyr": odd, "acc": ~odd, "mag": row % MAG_EVERY != 0})
+
+
+def _missing(imu: ImuData, change: _Change) -> ImuData:
+    """Without the values of a share of the rows, drawn row by row; their stamps stay."""
+    lost = np.random.default_rng(change.seed).random(len(imu)) < change.number(Quantity.RATIO)
+    return _absent(imu, dict.fromkeys(imu.triads, lost))
+
+
+def _absent(imu: ImuData, lost: Mapping[str, NDArray[np.bool_]]) -> ImuData:
+    triads = {name: np.where(lost[name][:, np.newaxis], np.nan, getattr(imu, name)) for name in imu.triads}
+    return imu.corrected(meta=imu.meta, **triads)
+
+
+def _with_offset(imu: ImuData, name: str, offset: Floats) -> ImuData:
+    """With a constant in body axes (3,) added to a triad: a bias of the gyroscope, a hard iron."""
+    return imu.corrected(meta=imu.meta, **{name: _triad(imu, name) + offset})
+
+
 def _triad(imu: ImuData, name: str) -> Floats:
     if name not in imu.triads:
         raise ShapeError(f"it has no {name} that could be changed, only {', '.join(imu.triads)}.")
     return imu.usable(name)
-
-
-def _rows(imu: ImuData, keep: NDArray[np.bool_]) -> ImuData:
-    triads = {name: getattr(imu, name)[keep] for name in imu.triads}
-    temp_c = None if imu.temp_c is None else imu.temp_c[keep]
-    return ImuData(t=imu.t[keep], **triads, temp_c=temp_c, flags=imu.flags[keep], meta=imu.meta)
-
-
-def _absent(imu: ImuData, lost: Mapping[str, NDArray[np.bool_]]) -> ImuData:
-    triads = {name: np.where(rows[:, np.newaxis], np.nan, getattr(imu, name)) for name, rows in lost.items()}
-    return imu.corrected(meta=imu.meta, **triads)
-
-
-class _ChangeInputs(NamedTuple):
-    """What a change is made of: the reference, what was said of it, and the seed."""
-
-    reference: AttitudeTrack
-    text: str
-    seed: int
-
-
-def _gaps(imu: ImuData, change: _ChangeInputs) -> ImuData:
-    count, _, length = change.text.partition("x")
-    if not count.strip().isdigit() or not length:
-        raise ParameterError(f"gaps needs their number and length, as 5x1s, but got '{change.text}'.")
-    return gaps(imu, int(count), parse(length, Quantity.TIME), seed=change.seed)
-
-
-def _wrong_field(imu: ImuData, change: _ChangeInputs) -> ImuData:
-    for part in change.text.split(";"):
-        field, _, when = part.partition(":")
-        when, _, since = when.partition("@")
-        begin, _, end = when.partition("-")
-        if not end or since.strip() not in {"", "motion"}:
-            raise ParameterError(
-                f"wrong_field needs field and times, as '15,-10,20uT:0s-20s', or '...:30s-90s@motion' where they count "
-                f"from the begin of the motion, but got '{change.text}'."
-            )
-        zero = motion_begins(imu) if since else float(imu.t[0])
-        times = (zero + parse(time, Quantity.TIME) for time in (begin, end))
-        imu = wrong_field(imu, change.reference, _vector(field, Quantity.FIELD), *times)
-    return imu
 
 
 def _vector(text: str, quantity: Quantity) -> Floats:
@@ -179,17 +164,19 @@ def _vector(text: str, quantity: Quantity) -> Floats:
     return np.broadcast_to(np.array(values), 3)
 
 
-_CHANGES: Final[Mapping[str, Callable[[ImuData, _ChangeInputs], ImuData]]] = {
-    "start": lambda imu, change: late_start(imu, parse(change.text, Quantity.TIME)),
+_CHANGES: Final[Mapping[str, Callable[[ImuData, _Change], ImuData]]] = {
+    "start": _late_start,
     "wrong_field": _wrong_field,
-    "hard_iron": lambda imu, change: with_offset(imu, "mag", _vector(change.text, Quantity.FIELD)),
-    "scale": lambda imu, change: with_scale(imu, parse(change.text, Quantity.RATIO)),
-    "bias": lambda imu, change: with_offset(imu, "gyr", _vector(change.text, Quantity.RATE)),
+    "hard_iron": lambda imu, change: _with_offset(imu, "mag", _vector(change.text, Quantity.FIELD)),
+    "scale": lambda imu, change: imu.corrected(
+        meta=imu.meta, gyr=_triad(imu, "gyr") * (1.0 + change.number(Quantity.RATIO))
+    ),
+    "bias": lambda imu, change: _with_offset(imu, "gyr", _vector(change.text, Quantity.RATE)),
     "no_mag": lambda imu, _: without_mag(imu),
     "gaps": _gaps,
-    "rate": lambda imu, change: block_means(imu, parse(change.text, Quantity.FREQUENCY)),
-    "asynchronous": lambda imu, _: asynchronous(imu),
-    "missing": lambda imu, change: missing(imu, parse(change.text, Quantity.RATIO), seed=change.seed),
+    "rate": _block_means,
+    "asynchronous": _asynchronous,
+    "missing": _missing,
 }
 """By name, in the order in which they are made: first what happens to the body, then to its samples."""
 
@@ -221,5 +208,5 @@ def changed(imu: ImuData, reference: AttitudeTrack, changes: Mapping[str, str], 
         raise ParameterError(f"there is no change '{min(unknown)}'; known are {', '.join(CHANGES)}.")
     for name, make in _CHANGES.items():
         if name in changes:
-            imu = make(imu, _ChangeInputs(reference, changes[name], seed))
+            imu = make(imu, _Change(reference, changes[name], seed))
     return imu
