@@ -13,9 +13,9 @@ from plumbob.core.units import Quantity, canonical_name, is_name
 
 KINDS: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
 _WORDS: Final = {
-    "gyr": re.compile(r"g|w|gyr\w*|omega|angvel|角速度|陀螺\w*"),
-    "acc": re.compile(r"a|f|acc\w*|加速度"),
-    "mag": re.compile(r"m|b|mag\w*|compass|磁\w*"),
+    "gyr": re.compile(r"g|w|gyr\w*|giro\w*|omega|angvel|drehrate\w*|winkelgeschwindigkeit\w*|角速度|陀螺\w*"),
+    "acc": re.compile(r"a|f|acc\w*|acél\w*|acel\w*|beschl\w*|加速度"),
+    "mag": re.compile(r"m|b|mag\w*|compass|kompass|磁\w*"),
 }
 _PHRASES: Final = (
     ("gyr", re.compile(r"angular (rate|velocity|vel|speed)|rot\w* (rate|velocity)|(roll|pitch|yaw) rate|\brates?\b")),
@@ -28,7 +28,7 @@ _OTHER: Final = re.compile(
     r"temp\w*|status|acc\w* (x|y|z )?(err\w*)|accuracy|error|inc\w*)\b"
 )
 _TIME: Final = re.compile(
-    r"t|ts|.*\b(time|timestamp|stamp|micros|millis|usec|msec|elapsed|epoch|clock|timems|timeus)\b.*|"
+    r"t|ts|.*\b(times?|timestamps?|stamps?|micros|millis|usec|msec|elapsed|epoch|clock|timems|timeus)\b.*|"
     r"sec\w*|date.*|gps tow|.*\btow\b.*|.*时间.*|zeit.*|temps|tiempo.*"
 )
 _COUNTER: Final = re.compile(
@@ -83,6 +83,12 @@ class ColumnName:
         if by_word or not self.axis or self.base not in _BARE:
             return by_word
         return next((name for name, kind in KINDS.items() if kind in of), "")
+
+    @property
+    def by_unit(self) -> str:
+        """``gyr`` or ``mag`` where the words are not known, but axis and stated unit are a rate's or a field's."""
+        triads = {name for name in ("gyr", "mag") if self.unit_as(KINDS[name])}
+        return triads.pop() if self.axis and self.stated and not self.sensor and len(triads) == 1 else ""
 
     @property
     def is_time(self) -> bool:
@@ -169,9 +175,11 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
         if not re.fullmatch(r"[\dxyzw]", text)
     ]
     inner = re.fullmatch(r"\s*[\[(](.*)[\])]\s*", unit)
-    stated = (inner[1] if inner else unit.strip() or (brackets[-1] if brackets else "")).strip()
+    tail = re.search(r"\bin (\S+)$", name.strip())
+    said = brackets[-1] if brackets else tail[1] if tail else ""
+    stated = (inner[1] if inner else unit.strip() or said).strip()
     stated = "" if re.fullmatch(r"x[0-9A-Fa-f]{4}", stated) else stated
-    plain = re.sub(r"[\[(].*?[\])]", " ", name)
+    plain = re.sub(r"[\[(].*?[\])]", " ", name[: tail.start()] if tail else name)
     words = [word.lower() for word in re.findall(r"[A-Z]{2,}(?![a-z])|[A-Z]?[a-z]+|[A-Z]|\d+|[^\W\d_A-Za-z]+", plain)]
     suffix = ""
     if not stated and len(words) > 1:
@@ -203,7 +211,7 @@ def _split_axis(words: list[str]) -> tuple[str, str]:
             rest = " ".join(words[:i] + words[i + 1 :])
             if word in letters and (word in "xyz" or _QUATERNION.fullmatch(rest)):
                 return rest, word if word in "xyz" else "w"
-    if words and words[-1] in {"0", "1", "2", "3"} and len(words) > 1:
+    if words and len(words[-1]) == 1 and words[-1].isdigit() and len(words) > 1:
         return " ".join(words[:-1]), words[-1]
     rolls = {"roll": "x", "pitch": "y", "yaw": "z"}
     for i, word in enumerate(words):

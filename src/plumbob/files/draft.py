@@ -41,6 +41,8 @@ _CENTURY: Final = (datetime(2000, 1, 1, tzinfo=UTC).timestamp(), datetime(2100, 
 _USUAL_RATES: Final = (4.0, 9000.0)
 """Sampling rates of inertial sensors in use, Hz."""
 _UNIT_NORM: Final = 0.02
+_EVEN: Final = 0.2
+"""Scatter of the steps of a column without a name, in steps, up to which it is surely a clock."""
 _MOST_SENSORS: Final = 20
 _REST: Final = {"m/s2": G0, "g": 1.0, "mg": 1000.0}
 """|acc| at rest, by unit."""
@@ -214,9 +216,10 @@ class _DraftWriter:
             self._parts = [replace(p, base=sensor) if p.axis and not p.sensor else p for p in self._parts]
         self._numbers = [sample.numbers(i) for i in range(sample.width)]
         self._known = next((log for log in KNOWN if log.fits(sample)), None)
+        self._clocks = self._first_of_four()
         self._time = self._time_columns()
         self._quaternion = self._quaternion_columns()
-        self._triads = self._named_triads() or ({} if sample.names else self._sized_triads())
+        self._triads = self._named_triads() or (self._sized_triads() if self._is_nameless() else {})
         self._turns = self._best_turning()
         self._temperature = next((i for i in self._free() if self._parts[i].is_temperature), None)
         self._lines: list[str] = []
@@ -263,7 +266,7 @@ class _DraftWriter:
 
     def _free(self) -> list[int]:
         """Columns of numbers that have no meaning yet."""
-        taken = {*self._time, *self._quaternion}
+        taken = {*self._time, *self._clocks, *self._quaternion}
         taken |= {i for columns in getattr(self, "_triads", {}).values() for i in columns}
         return [i for i in range(self._sample.width) if i not in taken and np.isfinite(self._numbers[i]).any()]
 
@@ -281,11 +284,23 @@ class _DraftWriter:
                 return (i,)
             if i + 1 < self._sample.width and _dates(cells) and all(map(is_stamp, self._sample.cells(i + 1))):
                 return (i, i + 1)
+        if self._clocks:
+            return self._clocks[:1]
         first = self._parts[0]
-        bare = not named and not first.is_counter and not first.sensor and not first.axis
+        bare = not named and not first.is_counter and not first.sensor and (not first.axis or self._is_nameless())
         steps = np.diff(self._numbers[0])
         counts = bool((steps == 1.0).all()) and bool(self._names[0])
         return (0,) if bare and steps.size and (steps > 0.0).all() and not counts else ()
+
+    def _first_of_four(self) -> tuple[int, ...]:
+        """Columns of time that stand before the three of their triad, in arrays of four."""
+        firsts = []
+        for i, part in enumerate(self._parts[:-3]):
+            four = [other.axis for other in self._parts[i : i + 4] if other.base == part.base]
+            more = any(other.base == part.base and other.axis == "5" for other in self._parts)
+            if four == list("1234") and not more and self._rises(i) and not any(map(self._rises, range(i + 1, i + 4))):
+                firsts.append(i)
+        return tuple(firsts)
 
     def _rises(self, column: int) -> bool:
         """Whether numbers go on as time does: they rise in most steps, however often they repeat or begin again."""
@@ -313,19 +328,24 @@ class _DraftWriter:
                     return columns
         return ()
 
+    def _is_nameless(self) -> bool:
+        """Whether columns have no names, or the one of the array that they all stand in."""
+        numbered = [re.fullmatch(r"(.*)\[\d+\]", name) for name in self._sample.names]
+        return all(numbered) and len({match[1] for match in numbered if match}) <= 1
+
     def _named_triads(self) -> dict[str, tuple[int, ...]]:
         triads: dict[str, tuple[int, ...]] = {}
         for name in TRIADS:
             sets: dict[str, dict[str, int]] = {}
             for i in self._free():
                 part = self._parts[i]
-                if part.axis and part.sensor == name:
+                if part.axis and name in {part.sensor, part.by_unit}:
                     sets.setdefault(f"{part.base} {part.unit}", {}).setdefault(part.axis, i)
             complete = [
                 tuple(axes[letter] for letter in letters)
                 for axes in sets.values()
-                for letters in ("xyz", "012", "123")
-                if set(letters) <= set(axes)
+                for letters in ("xyz", "012", "123", "234")
+                if set(letters) == set(axes) or (letters == "xyz" and set(letters) <= set(axes))
             ]
             complete.sort(key=lambda columns: not self._parts[columns[0]].unit_as(KINDS[name]))
             triads |= {name: complete[0]} if complete else {}
@@ -463,7 +483,9 @@ class _DraftWriter:
                 )
             return
         part, numbers = self._parts[self._time[0]], self._numbers[self._time[0]]
-        self._set("column", refs[0], "it increases like time", ask=True, sure=bool(part.is_time))
+        steps = np.diff(numbers[np.isfinite(numbers)])
+        even = bool(steps.size and np.std(steps) < _EVEN * np.mean(steps)) and not (steps == 1.0).all()
+        self._set("column", refs[0], "it increases like time", ask=True, sure=part.is_time or even)
         unit, why, sure = _time_unit(numbers, part)
         self._set("unit", unit, why, ask=not (part.stated and part.unit == unit), sure=sure)
         self._set_known("unit_per_count")

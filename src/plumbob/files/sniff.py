@@ -19,7 +19,7 @@ from plumbob.core.units import Quantity
 from plumbob.files.column_names import canonical
 from plumbob.files.columns import is_clocklike
 from plumbob.files.profile import BLANK, TextLayout
-from plumbob.files.text_head import split_row
+from plumbob.files.text_head import QUOTES, split_row
 
 READ: Final = 1 << 20
 """Bytes that are looked at."""
@@ -108,7 +108,7 @@ def read_sample(path: Path) -> Sample:
     first = lines[table.first]
     cells_text = first.partition(prefix)[2] if prefix else first
     words = _cells(cells_text, best.separator, 0)
-    names = tuple(word.rpartition(labels)[0].strip() for word in words) if labels else ("",) * len(words)
+    names = tuple(word.rpartition(labels)[0].strip(QUOTES) for word in words) if labels else ("",) * len(words)
     names = ("", *names) if prefix else names
     rows = (
         [[lines[i].partition(prefix)[0].strip(), *row] for i, row in zip(table.lines, table.rows, strict=True)]
@@ -136,7 +136,7 @@ def _labels(lines: Sequence[str], prefix: str) -> str:
     """What stands between the name and the number of each cell; empty where cells are numbers alone."""
     some = [line for line in lines if line.strip()] if not prefix else []
     for mark in (":", "="):
-        pair = rf"[^\W\d][\w .]*\s*{mark}\s*[-+]?[\d.]+(e[-+]?\d+)?"
+        pair = rf"[{{\"']*[^\W\d][\w .]*[\"']?\s*{mark}\s*[-+]?[\d.]+(e[-+]?\d+)?}}?"
         line = rf"(?i)\s*{pair}(\s*[,;\t ]\s*{pair})+\s*"
         if some and sum(re.fullmatch(line, text) is not None for text in some) > 0.8 * len(some):
             return mark
@@ -145,7 +145,7 @@ def _labels(lines: Sequence[str], prefix: str) -> str:
 
 def _unlabelled(line: str, prefix: str, labels: str) -> str:
     rest = line.partition(prefix)[2] if prefix else line
-    return re.sub(rf"[^\W\d][\w .]*?\s*{labels}\s*", "", rest) if labels else rest
+    return re.sub(rf"[{{\"']*[^\W\d][\w .]*?[\"']?\s*{labels}\s*|}}", "", rest) if labels else rest
 
 
 @dataclass(slots=True)

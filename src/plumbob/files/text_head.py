@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from plumbob.core.errors import DecodeError, excerpt, one_line
 from plumbob.files.profile import BLANK, TextLayout
 
+QUOTES = " {}\"'"
+"""What stands about names and numbers of labelled cells, as in JSON, and belongs to neither."""
+
 
 def single_blanks(text: str) -> str:
     """Text with runs of blanks and tabs made one blank, and none at the ends of its lines."""
@@ -95,7 +98,7 @@ def split_row(row: str, separator: str, line: int) -> list[str]:
         return row.split()
     if separator == BLANK:
         return row.rstrip("\r").split(" ")
-    if '"' not in row:
+    if '"' not in row or row.lstrip().startswith("{"):
         return row.split(separator)
     try:
         return next(csv.reader([row], delimiter=separator, strict=True))

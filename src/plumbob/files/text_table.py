@@ -20,7 +20,7 @@ from plumbob.data.recording import CUT
 from plumbob.files.arrow import column_numbers
 from plumbob.files.columns import FORM, is_clocklike
 from plumbob.files.profile import BLANK, ColumnRef, TextLayout
-from plumbob.files.text_head import Head, decode, find_head, is_idle, single_blanks, split_row
+from plumbob.files.text_head import QUOTES, Head, decode, find_head, is_idle, single_blanks, split_row
 
 _EXACT = (30, 9)  # digits, and digits after the point, of a decimal that keeps nanoseconds since 1970
 _LARGEST: Final = Decimal(10) ** 20
@@ -304,7 +304,7 @@ class _Body:
             return ()
         line, row = next(self.rows())
         words = split_row(row, self.layout.separator, line)
-        return tuple(word.rpartition(self.layout.labels)[0].strip() for word in words)
+        return tuple(word.rpartition(self.layout.labels)[0].strip(QUOTES) for word in words)
 
 
 def _width(row: str, layout: TextLayout) -> int:
@@ -321,7 +321,7 @@ def _cells(row: str, layout: TextLayout, line: int) -> list[str]:
     first, mark, rest = row.partition(layout.prefix) if layout.prefix else ("", "", row)
     words = split_row(rest, layout.separator, line)
     if layout.labels:
-        words = [word.rpartition(layout.labels)[2] for word in words]
+        words = [word.rpartition(layout.labels)[2].strip(QUOTES) for word in words]
     return [first, *words] if mark else words
 
 
