@@ -71,7 +71,7 @@ if TYPE_CHECKING:
     from plumbob.data.recording import Recording
     from plumbob.data.sample import ImuSample
     from plumbob.door.allan import allan
-    from plumbob.door.calibrate import calibrate
+    from plumbob.door.calibrate import calibrate, calibrate_counts
     from plumbob.door.compare import compare
     from plumbob.door.doctor import doctor
     from plumbob.door.estimate import estimate
@@ -135,6 +135,7 @@ _HOME = {
     "apply_card": "data.calibrated",
     "batch": "fleet.batch",
     "calibrate": "door.calibrate",
+    "calibrate_counts": "door.calibrate",
     "cite": "filters.known",
     "compare": "door.compare",
     "control": "viewer.control_client",
@@ -198,6 +199,7 @@ __all__ = [
     "array",
     "batch",
     "calibrate",
+    "calibrate_counts",
     "cite",
     "compare",
     "control",

@@ -20,6 +20,9 @@ from plumbob.reporting.report import Report, Reported
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from plumbob.calibration.counts import CountsCalibration
     from plumbob.calibration.fit import Fitted
     from plumbob.calibration.mount import Mounted
     from plumbob.calibration.rate_table import Plateau
@@ -448,3 +451,39 @@ def read_track(given: str | Path | Recording) -> AttitudeTrack:
     if track is None:
         raise DecodeError(f"{given} holds no attitude; make one with 'plumbob run --out'.")
     return track
+
+
+def calibrate_counts(source: "str | Path | ArrayLike", sensor: str = "mag") -> "CountsCalibration":
+    """Calibrate bare triples in counts: without time, unit or rate, in many attitudes.
+
+    Parameters
+    ----------
+    source : path or array_like (N, 3)
+        Readings; or a text file of them, three numbers a line or with others beside, as MotionCal's ``Raw:`` lines have
+        accelerometer, gyroscope and magnetometer.
+    sensor : {"mag", "acc"}
+        Of which sensor; of an accelerometer one averaged row for each pose at rest will do.
+
+    Returns
+    -------
+    CountsCalibration
+        Bias in counts and the matrix; ``true = matrix @ (raw − bias)``.
+
+    Raises
+    ------
+    CaptureRefusedError
+        If the attitudes do not determine it, with the reasons.
+    DecodeError
+        If the file holds no such triples, or several could be meant.
+    ShapeError
+        If there is no such sensor, or readings are not finite triples.
+    """
+    import numpy as np
+
+    from plumbob.calibration.counts import fit_counts
+
+    if isinstance(source, str | Path):
+        from plumbob.files.draft import read_triples
+
+        source = read_triples(source, sensor)
+    return fit_counts(np.asarray(source, dtype=np.float64), sensor)

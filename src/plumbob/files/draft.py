@@ -31,7 +31,7 @@ from plumbob.files.known_logs import KNOWN
 from plumbob.files.profile import AS_MOUNTED, TextLayout
 from plumbob.files.profile_toml import GUIDE, parse_profile
 from plumbob.files.sniff import Sample, read_sample
-from plumbob.files.text_table import LEFT_OUT_MOST
+from plumbob.files.text_table import LEFT_OUT_MOST, read_table
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
 
 _TIMES: Final = ("s", "ms", "us", "ns")
@@ -144,6 +144,40 @@ def profile(
     if out is not None and not (accept and draft.questions):
         write_text(out, draft.text)
     return draft
+
+
+_NINE: Final = {"acc": 0, "gyr": 3, "mag": 6}
+"""Where the triads begin in lines of nine, as MotionCal has them."""
+
+
+def read_triples(path: str | Path, sensor: str) -> Floats:
+    """Triples (N, 3) of a sensor in a text, in the unit that they have there.
+
+    Raises
+    ------
+    DecodeError
+        If it is no table, or does not say which of its columns they are.
+    """
+    file = existing_file(path)
+    with reading(file):
+        sample = read_sample(file)
+        numbers = [i for i in range(sample.width) if np.isfinite(sample.numbers(i)).all()]
+        parts = [taken_apart(name) for name in (*sample.names, *[""] * sample.width)[: sample.width]]
+        named = {part.axis: i for i, part in enumerate(parts) if part.sensor == sensor}
+        if set("xyz") <= set(named):
+            columns = [named[axis] for axis in "xyz"]
+        elif len(numbers) == len("xyz"):
+            columns = numbers
+        elif len(numbers) == len(KINDS) * len("xyz") and not any(part.sensor for part in parts):
+            columns = numbers[_NINE[sensor] :][: len("xyz")]
+        else:
+            raise DecodeError(
+                f"it has {len(numbers)} columns of numbers, and no names say which three are the {TITLES[sensor]}'s; "
+                "leave three."
+            )
+        refs = [i + 1 for i in columns]
+        table = read_table(file.read_bytes(), sample.layout, refs)
+        return np.stack([table.columns[ref] for ref in refs], axis=1)
 
 
 def answer(text: str) -> tuple[str, Any]:
