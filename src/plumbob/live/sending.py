@@ -288,12 +288,20 @@ def with_sent(session: Session, send: Sequence[str]) -> Session:
     ------
     ParameterError
         If nothing estimates an attitude, or a text is not as `parse_send` takes it.
+    FrameError
+        If a heading is asked for that no attitude of the session can have.
     """
-    if not send:
-        return session
-    if session.stage is None:
+    if send and session.stage is None:
         raise ParameterError("--send sends an attitude, and nothing estimates one. Name a filter with --filter.")
-    return replace(session, send=(*session.send, *map(parse_send, send)))
+    chosen = replace(session, send=(*session.send, *map(parse_send, send)))
+    declination = session.meta.declination
+    best = North.MAGNETIC if declination is None else North.TRUE  # what a heading may count from, at best
+    for spec in chosen.send if session.stage is not None else ():
+        if spec.kind == "nmea":
+            from plumbob.protocols.attitude.nmea import sentences_for
+
+            sentences_for(spec.sentences, session.meta.north or best, declination)
+    return chosen
 
 
 def send_sinks(

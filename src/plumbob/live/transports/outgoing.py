@@ -128,6 +128,13 @@ class _Client:
         self.waiting: deque[bytes] = deque()
         self.rest = b""
         self.dropped = 0
+        self.is_late = False
+        """Whether it was waited for in vain, and nobody waits for it again until it has read half of its queue."""
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the next message costs it the oldest one."""
+        return len(self.waiting) >= CLIENT_QUEUE
 
     def add(self, data: bytes) -> int:
         """Queue a message; drop the oldest where there are too many."""
@@ -148,6 +155,7 @@ class _Client:
             except BlockingIOError:
                 return
             self.rest = self.rest[sent:]
+            self.is_late = self.is_late and 2 * len(self.waiting) > CLIENT_QUEUE
 
 
 class TcpServer:
@@ -175,11 +183,13 @@ class TcpServer:
         """Queue it for every client, and write what they take; wait for room at most `patience` s."""
         self.tend()
         end = time.monotonic() + patience
-        while any(len(client.waiting) >= CLIENT_QUEUE for client in self.clients):
+        while full := [client for client in self.clients if client.is_full and not client.is_late]:
             remaining = end - time.monotonic()
             if remaining <= 0.0:
+                for client in full:  # the others do not pay for it a second time
+                    client.is_late = True
                 break
-            select.select([], [client.sock for client in self.clients], [], remaining)
+            select.select([], [client.sock for client in full], [], remaining)
             self.tend()
         dropped = sum(client.add(data) for client in self.clients)
         self.tend()
