@@ -93,7 +93,7 @@ if TYPE_CHECKING:
     from plumbob.live.recorded import convert
     from plumbob.live.replay import replay
     from plumbob.live.session import Session
-    from plumbob.live.session_toml import load_session
+    from plumbob.live.session_toml import json_schema, load_session
     from plumbob.live.stream import Stream
     from plumbob.overview.info import info
     from plumbob.overview.overview import plot, report
@@ -150,6 +150,7 @@ _HOME = {
     "filter_rates": "door.rates",
     "find_format": "protocols.find",
     "info": "overview.info",
+    "json_schema": "live.session_toml",
     "load_session": "live.session_toml",
     "open_card": "data.cards",
     "plot": "overview.overview",
@@ -216,6 +217,7 @@ __all__ = [
     "find_format",
     "flags",
     "info",
+    "json_schema",
     "load_chain",
     "load_session",
     "open_card",

@@ -121,13 +121,12 @@ def test_a_chain_is_read_back_from_its_text(chain: Chain) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "error", "match"),
     [
-        ('"150 mm"', "0.15", UnitError, r"segment\[2\]\.lever\[x\] must be a number and its unit"),
+        ('"150 mm"', "0.15", UnitError, r"line 15: segment\[2\]\.lever\[x\] must be a number and its unit"),
         ('"150 mm"', '"150"', UnitError, "has no unit"),
         ('"150 mm"', '"150 deg"', UnitError, "not a unit of length"),
-        ('jerk = "9000 deg/s3"', 'jerk = "9000 m/s3"', UnitError, "angular_jerk"),
+        ('jerk = "9000 deg/s3"', 'jerk = "9000 m/s3"', UnitError, r"line 29: joint\[1\]\.limits\.jerk: .*angular_jerk"),
         ('jerk = "9000 deg/s3"', 'jerk = "-1 deg/s3"', DecodeError, "above 0"),
         ('low = "-120 deg"', 'low = "130 deg"', ParameterError, "must go up"),
-        ('base = "fixed"\n', "", DecodeError, "needs the key 'base'"),
         ('kind = "hinge"', 'kind = "slider"', DecodeError, "must be one of 'fixed', 'hinge'"),
         ('axes = "-y"', 'axes = "up"', DecodeError, "an axis is one of"),
         ('axes = "-y"\n', "", DecodeError, "needs 'axes'"),
@@ -137,11 +136,23 @@ def test_a_chain_is_read_back_from_its_text(chain: Chain) -> None:
         ('unit = "imu1"\n', "", DecodeError, "names none"),
         ('parent = "upper"', 'parent = "lower"', ParameterError, "hangs on 'lower'"),
         ('segment = "hand", at', 'segment = "foot", at', ParameterError, "hand is on 'foot'"),
-        ('name = "elbow"', 'name = "[elbow]"', DecodeError, "a name without brackets"),
-        ('name = "elbow"', 'name = "elbow"\ncolour = "red"', DecodeError, "no key 'colour'"),
+        (
+            'name = "elbow"',
+            'name = "[elbow]"',
+            DecodeError,
+            r"line 32: joint\[2\]\.name must be a name without brackets",
+        ),
+        (
+            "lever =",
+            "levr =",
+            DecodeError,
+            r"line 15: segment\[2\] has no key 'levr' \(did you mean 'lever'\?\); known are",
+        ),
         ("version = 1", "version = 2", DecodeError, "reads 1"),
-        ('kind = "plumbob chain"', 'kind = "plumbob session"', DecodeError, "'plumbob session'"),
+        ('plumbob chain"', 'plumbob session"\nsource = 1', DecodeError, "line 2: kind must be .* 'plumbob session'"),
         ("[[joint]]", "[[joint", DecodeError, "not valid TOML"),
+        ('base = "fixed"\n', "", DecodeError, r"toml: chain needs the key 'base'"),
+        ('name = "elbow"\n', "", DecodeError, r"line 31: joint\[2\] needs the key 'name'"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, error: type[PlumbobError], match: str) -> None:

@@ -126,15 +126,15 @@ def mounted(**change):
 
 
 REFUSED = {
-    "no list": ({"array": "u1"}, "must have the keys name, imu, mount"),
-    "older version": ({"format_version": 1}, "must have the keys"),
-    "no array": ({"array": ...}, "must have the keys"),
+    "no list": ({"array": "u1"}, "array must be a list of tables"),
+    "older version": ({"format_version": 1}, "has no key 'array'"),
+    "no array": ({"array": ...}, "needs the key 'array'"),
     "twice": ({"array": [*TOLD, TOLD[0]]}, "twice"),
     "one too few": ({"array": TOLD[1:]}, "columns of the units u1, which its header does not name"),
     "one too many": ({"array": [*TOLD, TOLD[0] | {"name": "u9"}]}, "columns flags of the unit u9 are missing"),
     "a name of 5": ({"array": [TOLD[0] | {"name": 5}, *TOLD[1:]]}, "must be a text"),
     "three for a quaternion": (mounted(q_bs=[1.0, 0.0, 0.0]), "q_bs"),
-    "lever of text": (mounted(lever_b=["1", 0.0, 0.0]), "must be a number"),
+    "lever of text": (mounted(lever_b=["1", 0.0, 0.0]), "must be a finite number"),
     "no noise card": (mounted(noise={"kind": "x"}), "is not a plumbob noise card"),
 }
 

@@ -103,6 +103,13 @@ def assert_same(a: Recording, b: Recording, *, nan_bits: bool = True) -> None:
             assert found.tobytes() == value.tobytes(), name
 
 
+def schema_keys(schema):
+    """Every key of a JSON Schema, in whatever table."""
+    named = schema.get("properties", {})
+    inner = [*schema.get("anyOf", ()), schema.get("items"), schema.get("additionalProperties")]
+    return {*named, *(key for part in (*named.values(), *filter(None, inner)) for key in schema_keys(part))}
+
+
 def refused(call, *args, match: str, error: type[Exception] = DecodeError, name: str = "", **options) -> str:
     """A call is refused, in one line that names the file, and is given."""
     with pytest.raises(error, match=match) as caught:

@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from plumbob import Frame
-from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError, UnitError
+from plumbob import Frame, json_schema
+from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError, ShapeError, UnitError
 from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.live.session_toml import load_session, parse_session, plain_session, recorded_session
 from plumbob.live.stream import Stream
@@ -94,7 +94,7 @@ WRONG = {
     "no TOML": ("=", DecodeError, "not valid TOML"),
     "number that cannot be printed": (SESSION.replace("version = 1", f"version = {LONG}"), DecodeError, "64 bits"),
     "lists without end": (SESSION.replace("kp = 0.5", f"kp = {DEEP}"), DecodeError, "more than 32 deep"),
-    "other kind": (FORMAT, DecodeError, "no key"),
+    "other kind": (FORMAT, DecodeError, "line 2: kind must be one of 'plumbob session', but it is 'plumbob format'"),
     "place and declination": (placed('declination = "1 deg"'), DecodeError, "says the declination too"),
     "a date alone": (DATED, DecodeError, "imu.place, which is missing"),
 }
@@ -132,3 +132,19 @@ def test_a_line_has_the_place_and_day_of_its_run(monkeypatch):
     assert datetime.now(UTC).date().isoformat() in session(placed("", live)).texts["earth_field.json"]
     with pytest.raises(ParameterError, match=r"imu\.place needs a day"):
         session(placed("", '[source]\nkind = "file"\npath = "a.bin"\n'))
+
+
+def test_editors_get_the_schema_of_each_kind_of_file():
+    schemas = {kind: json_schema(kind) for kind in ("array", "chain", "format", "profile", "session")}
+    assert {(kind, made["type"], made["additionalProperties"]) for kind, made in schemas.items()} == {
+        (kind, "object", False) for kind in schemas
+    }
+    unit = schemas["session"]["properties"]["unit"]
+    assert unit == schemas["array"]["properties"]["unit"] and unit["items"]["required"] == ["name"]
+    length = {"type": "string", "description": "number and unit, as in '100 m'"}
+    assert unit["items"]["properties"]["lever"] == {"type": "array", "items": length, "minItems": 3, "maxItems": 3}
+    sources = schemas["session"]["properties"]["source"]["anyOf"]
+    assert sources[1]["properties"]["port"] == {"type": "integer", "minimum": 1, "maximum": 65535}
+    assert [made["properties"]["kind"]["enum"] for made in sources[:2]] == [["serial"], ["udp"]]
+    with pytest.raises(ShapeError, match="kind must be one of array, chain"):
+        json_schema("card")

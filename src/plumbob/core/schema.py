@@ -1,13 +1,17 @@
-"""Strict reading of TOML: an unknown key, a missing unit or a wrong type is an error that says so.
+"""Strict reading of tables: an unknown key, a missing unit or a wrong type is an error that says where and why.
 
-A form is a mapping from keys to parsers. A parser takes where it is and what stands there, and returns the value or
-raises. Profiles, sensor formats and sessions are read by it.
+A parser takes the place and the value there, and returns what is meant or raises; as JSON Schema, `json_schema` says
+the same of it. Parsers are made of parsers: a form of those of its keys, a list of that of its items. Everything that
+is written as TOML is read by them, and the headers of recordings.
 """
 
 import json
 import math
+import re
+import sys
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import count
 from typing import Any
 
 from plumbob.core import units
@@ -19,6 +23,59 @@ Absent = Callable[[str, str], PlumbobError]
 """Makes the error for a missing key, of the table's place and the key."""
 
 _MAX_DEPTH = 32
+_HEADER = re.compile(r"""\s*(\[\[?)\s*([\w."' -]+?)\s*\]\]?\s*(#.*)?$""")
+_KEY = re.compile(r"""\s*(["']?)([^"'=#\s]+)\1\s*=""")
+
+
+def document(text: str, guide: str, parse: Parse) -> Any:
+    """Content of a TOML file, by the parser of its outermost table; errors say the line.
+
+    Parameters
+    ----------
+    text : str
+        TOML.
+    guide : str
+        Names the page with examples, for messages.
+    parse : callable
+        A form with a name, so that keys stand without one.
+
+    Raises
+    ------
+    DecodeError
+        If it is not TOML, or as `toml` and the parser say.
+    """
+    content = toml(text, guide)
+    try:
+        return parse("", content)
+    except PlumbobError as error:
+        if line := _find_line(text, vars(error).get("place", "")):
+            raise type(error)(f"line {line}: {error}") from error
+        raise
+
+
+def _find_line(text: str, place: str) -> int:
+    """Line, from 1, of a key such as ``unit[2].lever[x]``, or of the nearest table around it; 0 where there is none."""
+    numbers: dict[str, int] = {}
+    table, best, length = "", 0, 0
+    for line, words in enumerate(text.split("\n"), 1):
+        if header := _HEADER.match(words):
+            path = ""
+            *outer, last = re.sub("""["' ]""", "", header[2]).split(".")
+            for name in outer:
+                path += name
+                path += f"[{numbers[path]}]." if path in numbers else "."
+            table = path + last
+            if header[1] == "[[":
+                numbers[table] = numbers.get(table, 0) + 1
+                table += f"[{numbers[table]}]"
+            path = table
+        elif key := _KEY.match(words):
+            path = f"{table}.{key[2]}" if table else key[2]
+        else:
+            continue
+        if len(path) > length and f"{place}.".startswith((f"{path}.", f"{path}[")):
+            best, length = line, len(path)
+    return best
 
 
 def toml(text: str, guide: str) -> dict[str, Any]:
@@ -54,67 +111,125 @@ def _require_bounds(content: Mapping[str, Any]) -> None:
         raise ValueError(f"tables and lists lie more than {_MAX_DEPTH} deep in each other")
 
 
+def described(parse: Parse, **json_: Any) -> Parse:
+    """The same parser, which says in JSON Schema what it takes."""
+    vars(parse)["json"] = json_
+    return parse
+
+
+def json_schema(parse: Parse) -> dict[str, Any]:
+    """What a parser takes, as JSON Schema; empty for what it does not say."""
+    return getattr(parse, "json", {})
+
+
 def absent(where: str, key: str) -> PlumbobError:
     """Plain error for a missing key."""
     return DecodeError(f"{where} needs the key '{key}', because nothing is guessed.")
 
 
-def section(
-    where: str,
-    raw: Any,
-    known: Mapping[str, Parse],
+def form(
+    keys: Mapping[str, Parse],
     required: tuple[str, ...] = (),
+    make: Callable[[str, dict[str, Any]], Any] | None = None,
     *,
-    top: bool = False,
+    name: str = "",
     missing: Absent = absent,
-) -> dict[str, Any]:
-    """Values of a table, each by its parser.
+) -> Parse:
+    """Parser of a table.
 
     Parameters
     ----------
-    where : str
-        Name of the table, for messages.
-    raw : object
-        What stands there.
-    known : mapping of str to callable
-        The form.
+    keys : mapping of str to callable
+        The keys that there are, each with its parser.
     required : tuple of str
         Keys that must be there.
-    top : bool
-        Whether it is the whole file, whose name is left out before its keys.
+    make : callable, optional
+        Makes of the table's place and its values what is returned; the values themselves without it.
+    name : str
+        What messages call a whole file, whose keys stand without a name before them.
     missing : callable
         Makes the error for a missing key.
-
-    Raises
-    ------
-    DecodeError
-        If it is not a table, or a key is unknown or missing.
     """
-    if not isinstance(raw, dict):
-        raise DecodeError(f"{where} must be a table, as in [{where}], but it is {excerpt(str(raw))}.")
-    for key in raw:
-        if key not in known:
-            raise DecodeError(f"{where} has no key {excerpt(key)}; known are {', '.join(known)}.")
-    for key in required:
-        if key not in raw:
-            raise missing(where, key)
-    return {key: known[key](key if top else f"{where}.{key}", value) for key, value in raw.items()}
+
+    def parse(where: str, raw: Any) -> Any:
+        place, start = name or where, "" if name else f"{where}."
+        try:
+            if not isinstance(raw, dict):
+                raise DecodeError(f"{place} must be a table, as in [{place}], but it is {excerpt(str(raw))}.")
+            if name and "kind" in keys and "kind" in raw:
+                place = "kind"  # what is of another kind has other keys too
+                keys[place](place, raw[place])
+                place = name
+            for key in raw:
+                if key not in keys:
+                    place = start + key
+                    raise DecodeError(f"{name or where} has no key {_unknown(key, keys)}")
+            for key in required:
+                if key not in raw:
+                    raise missing(place, key)
+            values = {}
+            for key, value in raw.items():
+                place = start + key
+                values[key] = keys[key](place, value)
+            place = name or where
+            return values if make is None else make(place, values)
+        except PlumbobError as error:
+            vars(error).setdefault("place", place)  # the innermost table says it
+            raise
+
+    properties = {key: json_schema(parser) for key, parser in keys.items()}
+    return described(parse, type="object", properties=properties, required=list(required), additionalProperties=False)
 
 
-def form(known: Mapping[str, Parse], required: tuple[str, ...] = ()) -> Parse:
-    """Parser of a table with these keys."""
-    return lambda where, value: section(where, value, known, required)
+def _unknown(key: str, keys: Mapping[str, Parse]) -> str:
+    import difflib  # only where a word is wrong
+
+    close = difflib.get_close_matches(key, keys, 1)
+    meant = f" (did you mean '{close[0]}'?)" if close else ""
+    return f"{excerpt(key)}{meant}; known are {', '.join(keys)}."
+
+
+def into(kind: Callable[..., Any]) -> Callable[[str, dict[str, Any]], Any]:
+    """What makes an object of a class of a table's values, by their names."""
+    return lambda _, values: kind(**values)
+
+
+def listed(parse: Parse, *counts: int, of: str = "values", names: Sequence[str] = "") -> Parse:
+    """Parser of a list, as a tuple.
+
+    Parameters
+    ----------
+    parse : callable
+        Of each item.
+    *counts : int
+        How many there may be; any number without.
+    of : str
+        What they are called; ``{}`` in it stands for the place.
+    names : sequence of str
+        A name for each item, such as ``"xyz"``; numbers from 1 without.
+    """
+    many = " or ".join(map(str, counts)) + " " if counts else ""
+
+    def parse_all(where: str, value: Any) -> tuple[Any, ...]:
+        if not isinstance(value, list) or (counts and len(value) not in counts):
+            raise DecodeError(f"{where} must be a list of {many}{of.format(where)}, but it is {excerpt(str(value))}.")
+        return tuple(parse(f"{where}[{key}]", item) for key, item in zip(names or count(1), value, strict=False))
+
+    sizes = {"minItems": min(counts), "maxItems": max(counts)} if counts else {}
+    return described(parse_all, type="array", items=json_schema(parse), **sizes)
 
 
 def tables(parse: Parse) -> Parse:
     """Parser of a list of tables, as ``[[field]]`` writes them."""
+    return listed(parse, of="tables, as in [[{}]]")
 
-    def parse_all(where: str, value: Any) -> list[Any]:
-        if not isinstance(value, list):
-            raise DecodeError(f"{where} must be a list of tables, as in [[{where}]], but it is {excerpt(str(value))}.")
-        return [parse(f"{where}[{number}]", item) for number, item in enumerate(value, 1)]
 
-    return parse_all
+def either(kind: type, parse_kind: Parse, parse: Parse) -> Parse:
+    """Parser of what has one parser where it is of a type, such as a list, and another where it is not."""
+    return described(
+        lambda where, value: (parse_kind if isinstance(value, kind) else parse)(where, value),
+        anyOf=[json_schema(parse_kind), json_schema(parse)],
+    )
 
 
 def mapping(parse: Parse) -> Parse:
@@ -125,14 +240,73 @@ def mapping(parse: Parse) -> Parse:
             raise DecodeError(f"{where} must be a table, as in [{where}], but it is {excerpt(str(value))}.")
         return {name: parse(f"{where}.{name}", item) for name, item in value.items()}
 
-    return parse_all
+    return described(parse_all, type="object", additionalProperties=json_schema(parse))
 
 
-def text(where: str, value: Any) -> str:
-    """Text in quotes."""
-    if not isinstance(value, str):
-        raise DecodeError(f"{where} must be a text in quotes, but it is {excerpt(str(value))}.")
-    return value
+def optional(parse: Parse) -> Parse:
+    """Parser of what JSON may have null for."""
+    return described(
+        lambda where, value: None if value is None else parse(where, value),
+        anyOf=[json_schema(parse), {"type": "null"}],
+    )
+
+
+def plain(rule: str, passes: Callable[[Any], bool], convert: Callable[[Any], Any], **json_: Any) -> Parse:
+    """Parser of what passes a test; `rule` says what it must be, `json_` the same in JSON Schema."""
+
+    def parse(where: str, value: Any) -> Any:
+        if not passes(value):
+            raise DecodeError(f"{where} must be {rule}, but it is {excerpt(str(value))}.")
+        return convert(value)
+
+    return described(parse, **json_)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+
+
+anything = plain("anything", lambda _: True, lambda value: value)
+"""What another place judges."""
+
+text = plain("a text in quotes", lambda value: isinstance(value, str), str, type="string")
+"""Text in quotes."""
+
+texts = listed(text, of="texts")
+"""List of texts."""
+
+truth = plain("true or false", lambda value: isinstance(value, bool), bool, type="boolean")
+"""True or false."""
+
+number = plain("a finite number", _is_number, float, type="number")
+"""Finite number."""
+
+positive = plain(
+    "a finite number above 0", lambda v: _is_number(v) and v > 0.0, float, type="number", exclusiveMinimum=0
+)
+"""Finite number above 0."""
+
+nonzero = plain("a finite number other than 0", lambda v: _is_number(v) and v != 0.0, float, type="number")
+"""Finite number that is not 0."""
+
+
+def one_of(*words: str) -> Parse:
+    """One of some words."""
+    return plain(f"one of {', '.join(map(repr, words))}", lambda value: value in words, str, enum=list(words))
+
+
+def whole(least: int | None = None, most: int | None = None) -> Parse:
+    """Whole number within limits."""
+    low, high = -math.inf if least is None else least, math.inf if most is None else most
+    bounds = ("" if least is None else f" of at least {least}") + ("" if most is None else f" and at most {most}")
+    ends = {"minimum": least, "maximum": most}
+    return plain(
+        f"a whole number{bounds}",
+        lambda value: isinstance(value, int) and not isinstance(value, bool) and low <= value <= high,
+        int,
+        type="integer",
+        **{key: end for key, end in ends.items() if end is not None},
+    )
 
 
 def version(read: int) -> Parse:
@@ -143,74 +317,25 @@ def version(read: int) -> Parse:
             raise DecodeError(f"{where} is {excerpt(str(value))}, but this program reads {read}; update Plumbob.")
         return read
 
-    return parse
+    return described(parse, const=read)
 
 
-def texts(where: str, value: Any) -> tuple[str, ...]:
-    """List of texts."""
-    if not isinstance(value, list):
-        raise DecodeError(f"{where} must be a list of texts, but it is {excerpt(str(value))}.")
-    return tuple(text(where, item) for item in value)
+def converted(convert: Callable[[Any], Any], parse: Parse = text) -> Parse:
+    """Parser of what a function makes of a value, or refuses with an error that does not know the place."""
 
+    def parse_both(where: str, value: Any) -> Any:
+        given = parse(where, value)
+        try:
+            return convert(given)
+        except PlumbobError as error:
+            raise type(error)(f"{where}: {error}") from error
 
-def one_of(*words: str) -> Parse:
-    """One of some words."""
-
-    def parse(where: str, value: Any) -> str:
-        if value not in words:
-            raise DecodeError(f"{where} must be one of {', '.join(map(repr, words))}, but it is {excerpt(str(value))}.")
-        return str(value)
-
-    return parse
-
-
-def truth(where: str, value: Any) -> bool:
-    """True or false."""
-    if not isinstance(value, bool):
-        raise DecodeError(f"{where} must be true or false, but it is {excerpt(str(value))}.")
-    return value
-
-
-def whole(least: int | None = None, most: int | None = None) -> Parse:
-    """Whole number within limits."""
-
-    def parse(where: str, value: Any) -> int:
-        right = isinstance(value, int) and not isinstance(value, bool)
-        if not right or (least is not None and value < least) or (most is not None and value > most):
-            bounds = ("" if least is None else f" of at least {least}") + (
-                "" if most is None else f" and at most {most}"
-            )
-            raise DecodeError(f"{where} must be a whole number{bounds}, but it is {excerpt(str(value))}.")
-        return int(value)
-
-    return parse
-
-
-def number(where: str, value: Any) -> float:
-    """Finite number."""
-    if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
-        raise DecodeError(f"{where} must be a finite number, but it is {excerpt(str(value))}.")
-    return float(value)
-
-
-def positive(where: str, value: Any) -> float:
-    """Finite number above 0."""
-    right = isinstance(value, int | float) and not isinstance(value, bool)
-    if not right or not (math.isfinite(value) and value > 0.0):
-        raise DecodeError(f"{where} must be a finite number above 0, but it is {excerpt(str(value))}.")
-    return float(value)
+    return described(parse_both, **json_schema(parse))
 
 
 def unit_of(kind: Quantity) -> Parse:
     """Name of a unit of a quantity, as `plumbob.core.units.UNITS` has it."""
-
-    def parse(where: str, value: Any) -> str:
-        try:
-            return units.canonical_name(text(where, value), kind)
-        except UnitError as error:
-            raise UnitError(f"{where}: {error}") from error
-
-    return parse
+    return converted(lambda name: units.canonical_name(name, kind))
 
 
 def quantity(kind: Quantity) -> Parse:
@@ -228,9 +353,10 @@ def quantity(kind: Quantity) -> Parse:
         except UnitError as error:
             raise UnitError(f"{where}: {error}") from error
 
-    return parse
+    return described(parse, type="string", description=f"number and unit, as in '100 {kind}'")
 
 
 def size(kind: Quantity) -> Parse:
     """Text of a number above 0 with its unit, as SI."""
-    return lambda where, value: positive(where, quantity(kind)(where, value))
+    parse = quantity(kind)
+    return described(lambda where, value: positive(where, parse(where, value)), **json_schema(parse))

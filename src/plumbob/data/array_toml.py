@@ -1,19 +1,20 @@
 """How the units of an array sit on their bodies, as TOML, read strictly."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import schema
 from plumbob.core.docs import guide
-from plumbob.core.errors import DecodeError, PlumbobError, excerpt
-from plumbob.core.files import text_of
-from plumbob.core.schema import Parse
+from plumbob.core.errors import DecodeError
+from plumbob.core.files import reading, text_of
 from plumbob.core.units import Quantity
 from plumbob.data.array import PRESETS, UnitMount
-from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.rotations import body_axes, quat_from_dcm, quat_from_euler_zyx
+
+if TYPE_CHECKING:
+    from plumbob.data.cards import CalibrationCard
 
 KIND: Final = "plumbob array"
 VERSION: Final = 1
@@ -41,7 +42,7 @@ class MountedUnit:
 
     name: str
     mount: UnitMount = field(default_factory=UnitMount)
-    card: CalibrationCard | None = None
+    card: "CalibrationCard | None" = None
     device: str = ""
 
 
@@ -63,14 +64,12 @@ def load_units(path: str | Path) -> dict[str, MountedUnit]:
     if str(path) in PRESETS:
         return {name: MountedUnit(name, mount) for name, mount in PRESETS[str(path)].items()}
     text, file = text_of(path), Path(path)
-    try:
-        table = schema.section("array", schema.toml(text, GUIDE), _ARRAY, ("kind", "version", "unit"), top=True)
-        return listed_units(table["unit"], lambda name: text_of(file.parent / name))
-    except PlumbobError as error:
-        raise type(error)(f"{file}: {error}") from error
+    with reading(file):
+        tables = schema.document(text, GUIDE, ARRAY)["unit"]
+        return listed_units(tables, lambda name: text_of(file.parent / name))
 
 
-def listed_units(tables: list[dict[str, Any]], fetch: Fetch) -> dict[str, MountedUnit]:
+def listed_units(tables: Iterable[dict[str, Any]], fetch: Fetch) -> dict[str, MountedUnit]:
     """Units of the tables that `UNIT` has parsed, by name.
 
     Raises
@@ -78,6 +77,8 @@ def listed_units(tables: list[dict[str, Any]], fetch: Fetch) -> dict[str, Mounte
     DecodeError
         If a name stands twice, there is more than one rotation, or a card cannot be read.
     """
+    from plumbob.data.cards import CalibrationCard, NoiseCard  # chains, which share parsers, need no cards
+
     units: dict[str, MountedUnit] = {}
     for table in tables:
         name, card, noise = table["name"], table.get("card"), table.get("noise")
@@ -97,38 +98,28 @@ def listed_units(tables: list[dict[str, Any]], fetch: Fetch) -> dict[str, Mounte
     return units
 
 
-def _axes(where: str, value: Any) -> tuple[float, ...]:
-    return tuple(quat_from_dcm(body_axes(schema.text(where, value))).tolist())
-
-
-def _listed(parse: Parse, count: int) -> Parse:
-    """Parser of a list of so many values."""
-
-    def parse_all(where: str, value: Any) -> tuple[float, ...]:
-        if not isinstance(value, list) or len(value) != count:
-            raise DecodeError(f"{where} must be a list of {count} values, but it is {excerpt(str(value))}.")
-        return tuple(parse(where, entry) for entry in value)
-
-    return parse_all
+_ANGLES: Final = schema.listed(
+    schema.quantity(Quantity.ANGLE),
+    3,
+    of="angles, roll, pitch and yaw, as in '0 deg, 5 deg, 90 deg'",
+    names=("roll", "pitch", "yaw"),
+)
 
 
 def _rotation(where: str, value: Any) -> tuple[float, ...]:
     """Roll, pitch and yaw of the unit from the body's axes."""
-    words = schema.text(where, value).split(",")
-    if len(words) != 3:
-        raise DecodeError(
-            f"{where} must be roll, pitch and yaw, as in '0 deg, 5 deg, 90 deg', but it is {excerpt(value)}."
-        )
-    roll, pitch, yaw = (schema.quantity(Quantity.ANGLE)(where, word) for word in words)
-    return tuple(quat_from_euler_zyx([yaw, pitch, roll]).tolist())
+    return tuple(quat_from_euler_zyx(_ANGLES(where, schema.text(where, value).split(","))[::-1]).tolist())
 
 
-_TURNS: Final[dict[str, Parse]] = {"axes": _axes, "q_bs": _listed(schema.number, 4), "rotation": _rotation}
+AXES: Final = schema.converted(lambda words: tuple(quat_from_dcm(body_axes(words)).tolist()))
+QUATERNION: Final = schema.listed(schema.number, 4, names="wxyz")
+PLACE: Final = schema.listed(schema.quantity(Quantity.LENGTH), 3, names="xyz")
+_TURNS: Final = {"axes": AXES, "q_bs": QUATERNION, "rotation": schema.described(_rotation, type="string")}
 UNIT: Final = schema.form(
     {
         "name": schema.text,
         **_TURNS,
-        "lever": _listed(schema.quantity(Quantity.LENGTH), 3),
+        "lever": PLACE,
         "clock_offset": schema.quantity(Quantity.TIME),
         "device": schema.text,
         "card": schema.text,
@@ -137,8 +128,8 @@ UNIT: Final = schema.form(
     ("name",),
 )
 """Parser of a table ``[[unit]]``, of an array's file and of a session's."""
-_ARRAY: Final[dict[str, Parse]] = {
-    "kind": schema.one_of(KIND),
-    "version": schema.version(VERSION),
-    "unit": schema.tables(UNIT),
-}
+ARRAY: Final = schema.form(
+    {"kind": schema.one_of(KIND), "version": schema.version(VERSION), "unit": schema.tables(UNIT)},
+    ("kind", "version", "unit"),
+    name="array",
+)

@@ -1,6 +1,5 @@
 """Chains as TOML files: read strictly, written so that the same chain is read back."""
 
-import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -9,13 +8,14 @@ import numpy as np
 
 from plumbob.core import schema
 from plumbob.core.docs import guide
-from plumbob.core.errors import DecodeError, FrameError, ShapeError, excerpt
+from plumbob.core.errors import DecodeError, ShapeError, excerpt
 from plumbob.core.files import reading, text_of
-from plumbob.core.schema import Parse
+from plumbob.core.schema import toml_text
 from plumbob.core.units import Quantity
 from plumbob.data.array import Quat, UnitMount, Vec
+from plumbob.data.array_toml import AXES, PLACE, QUATERNION
 from plumbob.data.chain import DEGREES_OF_FREEDOM, Chain, Joint, Limits, Segment
-from plumbob.rotations import body_axes, quat_from_dcm, quat_from_euler_zyx
+from plumbob.rotations import quat_from_euler_zyx
 
 KIND: Final = "plumbob chain"
 VERSION: Final = 1
@@ -61,15 +61,12 @@ def load_chain(path: str | Path) -> Chain:
 
 def parse_chain(text: str, *, name: str = "chain") -> Chain:
     """Chain from TOML text; errors as in `load_chain`. `name` is for one that has none itself."""
-    raw = schema.toml(text, GUIDE)
-    if raw.get("kind") != KIND:
-        raise DecodeError(f"its kind is {excerpt(str(raw.get('kind')))}, but a chain begins with kind = '{KIND}'.")
-    table = schema.section("chain", raw, _CHAIN, ("kind", "version", "base", "segment"), top=True)
+    table = schema.document(text, GUIDE, CHAIN)
     hand = table.get("hand", {})
     return Chain(
         table.get("name", name),
-        tuple(table["segment"]),
-        tuple(table.get("joint", ())),
+        table["segment"],
+        table.get("joint", ()),
         hand=hand.get("segment", ""),
         hand_b=hand.get("at", (0.0, 0.0, 0.0)),
         base_fixed=table["base"] == "fixed",
@@ -82,19 +79,19 @@ def chain_text(chain: Chain) -> str:
 
 
 def _lines(chain: Chain) -> Iterator[str]:
-    yield f"kind = {_quoted(KIND)}"
+    yield f"kind = {toml_text(KIND)}"
     yield f"version = {VERSION}"
-    yield f"name = {_quoted(chain.name)}"
+    yield f"name = {toml_text(chain.name)}"
     yield f'base = "{"fixed" if chain.base_fixed else "free"}"'
     if chain.hand or any(chain.hand_b):
-        place = [f"segment = {_quoted(chain.hand)}"] if chain.hand else []
+        place = [f"segment = {toml_text(chain.hand)}"] if chain.hand else []
         yield f"hand = {{ {', '.join([*place, f'at = {_lengths(chain.hand_b)}'])} }}"
     for segment in chain.segments:
-        yield from ("", "[[segment]]", f"name = {_quoted(segment.name)}")
+        yield from ("", "[[segment]]", f"name = {toml_text(segment.name)}")
         yield from _mounted(segment)
     for joint in chain.joints:
         yield from ("", "[[joint]]")
-        yield from (f"{key} = {_quoted(getattr(joint, key))}" for key in ("name", "parent", "child", "kind"))
+        yield from (f"{key} = {toml_text(getattr(joint, key))}" for key in ("name", "parent", "child", "kind"))
         if joint.origin is None:
             continue
         yield f"origin = {_lengths(joint.origin)}"
@@ -109,7 +106,7 @@ def _lines(chain: Chain) -> Iterator[str]:
 
 def _mounted(segment: Segment) -> Iterator[str]:
     if segment.unit:
-        yield f"unit = {_quoted(segment.unit)}"
+        yield f"unit = {toml_text(segment.unit)}"
     mount, aligned = segment.mount, UnitMount()
     if mount.q_bs != aligned.q_bs:
         yield f"q_bs = {list(mount.q_bs)}"
@@ -134,63 +131,13 @@ def _limits_text(limits: Limits) -> str:
     return f"{{ {texts} }}"
 
 
-def _quoted(text: str) -> str:
-    """TOML text; JSON's escapes are TOML's, except that TOML wants DEL escaped and no surrogates."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _three(parser: Parse) -> Parse:
-    def parse(where: str, value: Any) -> Vec:
-        if not isinstance(value, list) or len(value) != 3:
-            raise DecodeError(f"{where} must be a list of three, x, y and z, but it is {excerpt(str(value))}.")
-        x, y, z = (parser(f"{where}[{axis}]", item) for axis, item in zip("xyz", value, strict=True))
-        return x, y, z
-
-    return parse
-
-
-def _quaternion(where: str, value: Any) -> Quat:
-    if not isinstance(value, list) or len(value) != 4:
-        raise DecodeError(f"{where} must be a quaternion, [w, x, y, z], but it is {excerpt(str(value))}.")
-    w, x, y, z = (schema.number(f"{where}[{k}]", item) for k, item in zip("wxyz", value, strict=True))
-    return w, x, y, z
-
-
-def _euler(where: str, value: Any) -> Quat:
-    q: Quat = tuple(quat_from_euler_zyx(np.array(_three(schema.quantity(Quantity.ANGLE))(where, value))).tolist())
-    return q
-
-
-def _unit_axes(where: str, value: Any) -> Quat:
-    try:
-        q: Quat = tuple(quat_from_dcm(body_axes(schema.text(where, value))).tolist())
-    except FrameError as error:
-        raise FrameError(f"{where}: {error}") from error
-    return q
-
-
 def _axes(where: str, value: Any) -> tuple[Vec, ...]:
-    """Axes as letters, ``"y"`` or ``"z -y"``, or as a list of vectors."""
-    if isinstance(value, list):
-        return tuple(_three(schema.number)(f"{where}[{k}]", item) for k, item in enumerate(value, 1))
+    """Axes as letters, ``"y"`` or ``"z -y"``."""
     words = schema.text(where, value).split()
     unknown = next((word for word in words if word not in _LETTERS), None)
     if unknown is not None:
         raise DecodeError(f"{where} names {excerpt(unknown)}, but an axis is one of {', '.join(_LETTERS)}.")
     return tuple((_LETTERS[word][0], _LETTERS[word][1], _LETTERS[word][2]) for word in words)
-
-
-def _one_limits(where: str, value: Any) -> Limits:
-    forms: dict[str, Parse] = {
-        key: schema.quantity(kind) if key in ("low", "high") else schema.size(kind) for key, kind in _LIMITS.items()
-    }
-    return Limits(**schema.section(where, value, forms))
-
-
-def _limits(where: str, value: Any) -> tuple[Limits, ...]:
-    if isinstance(value, list):
-        return tuple(_one_limits(f"{where}[{k}]", item) for k, item in enumerate(value, 1))
-    return (_one_limits(where, value),)
 
 
 def _one_of_two(where: str, table: Mapping[str, Any], key: str, other: str) -> Quat:
@@ -200,8 +147,7 @@ def _one_of_two(where: str, table: Mapping[str, Any], key: str, other: str) -> Q
     return q
 
 
-def _segment(where: str, value: Any) -> Segment:
-    table = schema.section(where, value, _SEGMENT, ("name",))
+def _segment(where: str, table: Mapping[str, Any]) -> Segment:
     lacking = [key for key in ("axes", "q_bs", "lever", "clock_offset") if key in table and "unit" not in table]
     if lacking:
         raise DecodeError(f"{where}.{lacking[0]} is of a unit, but {where} names none; add unit, or leave it out.")
@@ -213,8 +159,7 @@ def _segment(where: str, value: Any) -> Segment:
     return Segment(table["name"], table.get("unit", ""), mount)
 
 
-def _joint(where: str, value: Any) -> Joint:
-    table = schema.section(where, value, _JOINT, ("name", "parent", "child", "kind"))
+def _joint(where: str, table: Mapping[str, Any]) -> Joint:
     if "origin" not in table and set(table) & {"axes", "q_pc", "euler"}:
         raise DecodeError(
             f"{where} has axes or a rotation, but no origin; leave out all of them where it is not known."
@@ -235,44 +180,57 @@ def _normed(where: str, q: Quat) -> Quat:
     return q
 
 
-def _kind(where: str, value: Any) -> str:
-    return schema.one_of(*DEGREES_OF_FREEDOM)(where, value)  # type: ignore[no-any-return]
+def _is_name(value: Any) -> bool:
+    return isinstance(value, str) and bool(value.strip()) and value.isprintable() and not set("[]") & set(value)
 
 
-def _named(where: str, value: Any) -> str:
-    text = schema.text(where, value)
-    if not text.strip() or not text.isprintable() or set("[]") & set(text):
-        raise DecodeError(f"{where} must be a name without brackets, but it is {excerpt(text)}.")
-    return text
-
-
-_length: Final = _three(schema.quantity(Quantity.LENGTH))
-_HAND: Final[dict[str, Parse]] = {"segment": schema.text, "at": _length}
-_SEGMENT: Final[dict[str, Parse]] = {
-    "name": _named,
-    "unit": schema.text,
-    "axes": _unit_axes,
-    "q_bs": _quaternion,
-    "lever": _length,
-    "clock_offset": schema.quantity(Quantity.TIME),
-}
-_JOINT: Final[dict[str, Parse]] = {
-    "name": _named,
-    "parent": schema.text,
-    "child": schema.text,
-    "kind": _kind,
-    "origin": _length,
-    "axes": _axes,
-    "q_pc": _quaternion,
-    "euler": _euler,
-    "limits": _limits,
-}
-_CHAIN: Final[dict[str, Parse]] = {
-    "kind": schema.text,
-    "version": schema.version(VERSION),
-    "name": _named,
-    "hand": schema.form(_HAND),
-    "base": schema.one_of("fixed", "free"),
-    "segment": schema.tables(_segment),
-    "joint": schema.tables(_joint),
-}
+_NAME: Final = schema.plain("a name without brackets", _is_name, str, type="string")
+_LIMIT: Final = schema.form(
+    {key: schema.quantity(kind) if key in ("low", "high") else schema.size(kind) for key, kind in _LIMITS.items()},
+    make=schema.into(Limits),
+)
+_SEGMENT: Final = schema.form(
+    {
+        "name": _NAME,
+        "unit": schema.text,
+        "axes": AXES,
+        "q_bs": QUATERNION,
+        "lever": PLACE,
+        "clock_offset": schema.quantity(Quantity.TIME),
+    },
+    ("name",),
+    _segment,
+)
+_JOINT: Final = schema.form(
+    {
+        "name": _NAME,
+        "parent": schema.text,
+        "child": schema.text,
+        "kind": schema.one_of(*DEGREES_OF_FREEDOM),
+        "origin": PLACE,
+        "axes": schema.either(
+            list, schema.listed(schema.listed(schema.number, 3, names="xyz")), schema.described(_axes, type="string")
+        ),
+        "q_pc": QUATERNION,
+        "euler": schema.converted(
+            lambda angles: tuple(quat_from_euler_zyx(angles).tolist()),
+            schema.listed(schema.quantity(Quantity.ANGLE), 3, names="xyz"),
+        ),
+        "limits": schema.either(list, schema.listed(_LIMIT), schema.converted(lambda limits: (limits,), _LIMIT)),
+    },
+    ("name", "parent", "child", "kind"),
+    _joint,
+)
+CHAIN: Final = schema.form(
+    {
+        "kind": schema.one_of(KIND),
+        "version": schema.version(VERSION),
+        "name": _NAME,
+        "hand": schema.form({"segment": schema.text, "at": PLACE}),
+        "base": schema.one_of("fixed", "free"),
+        "segment": schema.tables(_SEGMENT),
+        "joint": schema.tables(_JOINT),
+    },
+    ("kind", "version", "base", "segment"),
+    name="chain",
+)

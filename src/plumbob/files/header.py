@@ -1,17 +1,18 @@
 """What a native recording says about itself besides its numbers: one strict JSON object."""
 
 import json
-import math
-from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
 
-from plumbob.core.errors import DecodeError, ParameterError, excerpt
-from plumbob.data import ImuMeta, Range
+from plumbob.core import schema
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
+from plumbob.core.schema import Parse
+from plumbob.data import ImuMeta
 from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards import NoiseCard
+from plumbob.data.cards.file import strict_json
 from plumbob.data.recording import Recording, stored_notes
 from plumbob.files.columns import column
 from plumbob.rotations import Frame, North
@@ -20,8 +21,6 @@ KIND: Final = "plumbob recording"
 FORMAT_VERSION: Final = 1
 ARRAY_VERSION: Final = 2
 """Of recordings of several units; others stay as they were, so that older programs read them."""
-_KEYS = ("kind", "format_version", "units", "imu", "track", "notes")
-_MOUNT = ("q_bs", "lever_b", "clock_offset", "noise")
 
 
 def file_header(recording: Recording, columns: list[str]) -> dict[str, Any]:
@@ -33,7 +32,7 @@ def file_header(recording: Recording, columns: list[str]) -> dict[str, Any]:
         "format_version": FORMAT_VERSION,
         "units": {name: spec.unit for name in columns if (spec := column(name))},
         "imu": None if imu is None else asdict(plain_meta(imu.meta)),
-        "track": None if track is None else {key: _storable(f"track.{key}", track, key, _TRACK[key]) for key in _TRACK},
+        "track": None if track is None else _storable(TRACK, "track", {key: getattr(track, key) for key in _TRACK}),
         "notes": list(stored_notes(recording)),
     } | several
 
@@ -48,38 +47,7 @@ def array_told(array: ImuArray) -> list[dict[str, Any]]:
 
 def _mount_told(mount: UnitMount) -> dict[str, Any]:
     noise = None if mount.noise is None else json.loads(mount.noise.text())
-    return {
-        "q_bs": list(mount.q_bs), "lever_b": list(mount.lever_b), "clock_offset": mount.clock_offset, "noise": noise,
-    }  # fmt: skip
-
-
-def array_from(content: Any) -> dict[str, tuple[ImuMeta, UnitMount]]:
-    """Meta and mount of each unit, by name.
-
-    Raises
-    ------
-    DecodeError
-        If it is not what `array_told` gives.
-    """
-    units: dict[str, tuple[ImuMeta, UnitMount]] = {}
-    for entry in content if isinstance(content, list) else [content]:
-        unit = require_keys("'array' in its header", entry, ("name", "imu", "mount"))
-        name = _typed("array.name", unit["name"], _text)
-        if name in units:
-            raise DecodeError(f"'array' in its header names the unit {excerpt(name)} twice; write the file again.")
-        units[name] = meta_from(unit["imu"]), _mount_from(unit["mount"])
-    return units
-
-
-def _mount_from(content: Any) -> UnitMount:
-    mount = require_keys("'mount' in its header", content, _MOUNT)
-    noise = mount["noise"]
-    return UnitMount(
-        q_bs=_typed("mount.q_bs", mount["q_bs"], _numbers),
-        lever_b=_typed("mount.lever_b", mount["lever_b"], _numbers),
-        clock_offset=_typed("mount.clock_offset", mount["clock_offset"], _number),
-        noise=None if noise is None else NoiseCard.from_text(json.dumps(noise), "the noise of a unit in its header"),
-    )
+    return {key: getattr(mount, key) for key in ("q_bs", "lever_b", "clock_offset")} | {"noise": noise}
 
 
 def plain_meta(meta: ImuMeta) -> ImuMeta:
@@ -90,7 +58,22 @@ def plain_meta(meta: ImuMeta) -> ImuMeta:
     ParameterError
         If a field has a type that no file can keep.
     """
-    return ImuMeta(**{key: _storable(f"meta.{key}", meta, key, convert) for key, convert in _META.items()})
+    plain: ImuMeta = _storable(META, "meta", asdict(meta))
+    return plain
+
+
+def _storable(parse: Parse, where: str, values: dict[str, Any]) -> Any:
+    try:
+        return parse(where, {key: _plain(value) for key, value in values.items()})
+    except PlumbobError as error:
+        raise ParameterError(f"{str(error).rstrip('.')}; a file cannot keep it otherwise.") from error
+
+
+def _plain(value: Any) -> Any:
+    """The same with lists and Python's own types."""
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
 
 
 def dump(content: dict[str, Any]) -> bytes:
@@ -107,13 +90,13 @@ def load(raw: bytes) -> dict[str, Any]:
         If it is damaged, not a native recording, or of a newer version.
     """
     try:
-        content = json.loads(raw, parse_constant=_no_constant, parse_float=_finite, object_pairs_hook=_no_repetition)
+        content = strict_json(raw)
     except (ValueError, RecursionError) as error:
         raise DecodeError(f"its header is damaged ({error}); take a copy that is whole.") from error
     if not isinstance(content, dict) or content.get("kind") != KIND:
         raise DecodeError(f"its header does not say '{KIND}'; write the data again as a native recording.")
     version = content.get("format_version")
-    if not _is_int(version):
+    if type(version) is not int:
         raise DecodeError("its header has no format_version; take a copy that is whole.")
     if version not in (FORMAT_VERSION, ARRAY_VERSION):
         raise DecodeError(
@@ -122,147 +105,88 @@ def load(raw: bytes) -> dict[str, Any]:
     return content
 
 
-def require_keys(where: str, found: Any, known: tuple[str, ...]) -> dict[str, Any]:
-    """Refuse an object that does not have exactly these keys."""
-    if not isinstance(found, dict) or set(found) != set(known):
-        got = ", ".join(sorted(found)) if isinstance(found, dict) else excerpt(str(found))
-        raise DecodeError(f"{where} must have the keys {', '.join(known)}, but it has {got}; write the file again.")
-    return found
+def parsed(parse: Parse, where: str, content: Any) -> Any:
+    """What a parser such as `META` makes of a part of a header.
+
+    Raises
+    ------
+    PlumbobError
+        If the part is not what the parser expects.
+    """
+    try:
+        return parse(where, content)
+    except PlumbobError as error:
+        raise type(error)(f"its header: {str(error).rstrip('.')}; write the file again.") from error
 
 
-def check_header(content: dict[str, Any]) -> None:
-    """Refuse a header with other keys than this version has."""
-    several = ("array",) if content["format_version"] == ARRAY_VERSION else ()
-    require_keys("its header", content, (*_KEYS, *several))
-    if several and content["imu"] is not None:
+def parse_header(content: dict[str, Any]) -> dict[str, Any]:
+    """Values of a header that `load` has read, with objects for the meta; errors as of `parsed`."""
+    values: dict[str, Any] = parsed(_HEADERS[content["format_version"]], "", content)
+    for key, parse in (("imu", META), ("track", TRACK), ("array", ARRAY)):
+        if values.get(key) is not None:
+            values[key] = parsed(parse, key, values[key])
+    if "array" in values and values["imu"] is not None:
         raise DecodeError("its header has both one unit and several; write the file again.")
-    notes = content["notes"]
-    if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
-        raise DecodeError("'notes' in its header must be a list of texts; write the file again.")
+    return values
 
 
-def meta_from(content: Any) -> ImuMeta:
-    """Meta of the samples."""
-    complete = dict.fromkeys(_LATER) | content if isinstance(content, dict) else content
-    meta = require_keys("'imu' in its header", complete, tuple(_META))
-    return ImuMeta(**{key: _typed(f"imu.{key}", meta[key], convert) for key, convert in _META.items()})
+def _array(units: tuple[dict[str, Any], ...]) -> dict[str, tuple[ImuMeta, UnitMount]]:
+    by_name = {unit["name"]: (unit["imu"], unit["mount"]) for unit in units}
+    if len(by_name) < len(units):
+        raise DecodeError("a unit is named twice.")
+    return by_name
 
 
-def track_meta_from(content: Any) -> tuple[Frame, North, str]:
-    """Frame, heading reference and source of the track."""
-    track = require_keys("'track' in its header", content, tuple(_TRACK))
-    values = {key: _typed(f"track.{key}", track[key], convert) for key, convert in _TRACK.items()}
-    return values["frame"], values["north"], values["source"]
+def _complete(keys: dict[str, Parse], make: Any = None, name: str = "", later: tuple[str, ...] = ()) -> Parse:
+    """Form of an object that must have all its keys, but those that older recordings do not have."""
+    return schema.form(keys, tuple(key for key in keys if key not in later), make, name=name)
 
 
-def _typed(where: str, value: Any, convert: Callable[[Any], Any]) -> Any:
-    try:
-        return convert(value)
-    except TypeError as error:
-        raise DecodeError(f"{where} = {excerpt(str(value))} in its header {error}; write the file again.") from error
-
-
-def _storable(where: str, holder: Any, key: str, convert: Callable[[Any], Any]) -> Any:
-    value = getattr(holder, key)
-    try:
-        return convert(value)
-    except TypeError as error:
-        raise ParameterError(f"{where} = {value!r} {error}; a file cannot keep it otherwise.") from error
-
-
-def _text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise TypeError("must be a text")
-    return value
-
-
-def _number(value: Any) -> float:
-    if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
-        raise TypeError("must be a number")
-    try:
-        return float(value)
-    except OverflowError:
-        raise TypeError("is beyond every number that a recording needs") from None
-
-
-def _numbers(value: Any) -> tuple[float, ...]:
-    if not isinstance(value, list | tuple):
-        raise TypeError("must be a list of numbers")
-    return tuple(_number(number) for number in value)
-
-
-def _range(value: Any) -> Range:
-    if not isinstance(value, list | tuple):
-        return _number(value)
-    if len(value) != 3:
-        raise TypeError("must be a number, or three of them")
-    x, y, z = map(_number, value)
-    return x, y, z
-
-
-def _integer(value: Any) -> int:
-    if not isinstance(value, np.integer) and not _is_int(value):
-        raise TypeError("must be a whole number")
-    return int(value)
-
-
-def _truth(value: Any) -> bool:
-    if not isinstance(value, bool | np.bool_):
-        raise TypeError("must be true or false")
-    return bool(value)
-
-
-def _optional(convert: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    return lambda value: None if value is None else convert(value)
-
-
-def _is_int(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def _frame(value: Any) -> Frame:
-    return Frame.parse(_text(value))
-
-
-def _north(value: Any) -> North:
-    return North.parse(_text(value))
-
-
-_META: Final[dict[str, Callable[[Any], Any]]] = {
-    "device": _text,
-    "gyr_range": _optional(_range),
-    "acc_range": _optional(_range),
-    "mag_range": _optional(_range),
-    "rate_nominal": _optional(_number),
-    "t0_ns": _integer,
-    "axes": _text,
-    "frame": _optional(_frame),
-    "north": _optional(_north),
-    "declination": _optional(_number),
-    "calibration": _optional(_text),
-    "gyr_left": _optional(_numbers),
-    "acc_left": _optional(_numbers),
-    "mag_left": _optional(_numbers),
-    "unit_check": _truth,
+_FRAME: Final = schema.converted(Frame.parse)
+_NORTH: Final = schema.converted(North.parse)
+_FULL_SCALE: Final = schema.optional(schema.either(list, schema.listed(schema.number, 3), schema.number))
+_COVARIANCE: Final = schema.optional(schema.listed(schema.number))
+META: Final = _complete(
+    {
+        "device": schema.text,
+        "gyr_range": _FULL_SCALE,
+        "acc_range": _FULL_SCALE,
+        "mag_range": _FULL_SCALE,
+        "rate_nominal": schema.optional(schema.number),
+        "t0_ns": schema.whole(),
+        "axes": schema.text,
+        "frame": schema.optional(_FRAME),
+        "north": schema.optional(_NORTH),
+        "declination": schema.optional(schema.number),
+        "calibration": schema.optional(schema.text),
+        "gyr_left": _COVARIANCE,
+        "acc_left": _COVARIANCE,
+        "mag_left": _COVARIANCE,
+        "unit_check": schema.truth,
+    },
+    schema.into(ImuMeta),
+    later=("gyr_left", "acc_left", "mag_left"),
+)
+"""Parser of the meta of samples."""
+_TRACK: Final = {"frame": _FRAME, "north": _NORTH, "source": schema.text}
+TRACK: Final = _complete(_TRACK)
+"""Parser of frame, heading reference and source of a track."""
+_MOUNT: Final = {
+    "q_bs": schema.listed(schema.number, 4, names="wxyz"),
+    "lever_b": schema.listed(schema.number, 3, names="xyz"),
+    "clock_offset": schema.number,
+    "noise": schema.optional(lambda where, value: NoiseCard.from_text(json.dumps(value), where)),
 }
-_LATER: Final = ("gyr_left", "acc_left", "mag_left")
-"""Keys that older recordings do not have."""
-_TRACK: Final[dict[str, Callable[[Any], Any]]] = {"frame": _frame, "north": _north, "source": _text}
-
-
-def _no_constant(word: str) -> float:
-    raise ValueError(f"{word} is not a number in JSON")
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError(f"{text} is beyond every number that a recording needs")
-    return value
-
-
-def _no_repetition(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    content = dict(pairs)
-    if len(content) != len(pairs):
-        raise ValueError("a key is repeated")
-    return content
+_UNIT: Final = {"name": schema.text, "imu": META, "mount": _complete(_MOUNT, schema.into(UnitMount))}
+ARRAY: Final = schema.converted(_array, schema.tables(_complete(_UNIT)))
+"""Parser of the meta and the mount of each unit of an array, by name."""
+_HEADER: Final = {
+    "kind": schema.text,
+    "format_version": schema.whole(),
+    **dict.fromkeys(("units", "imu", "track"), schema.anything),
+    "notes": schema.texts,
+}
+_HEADERS: Final = {
+    FORMAT_VERSION: _complete(_HEADER, name="it"),
+    ARRAY_VERSION: _complete(_HEADER | {"array": schema.anything}, name="it"),
+}

@@ -194,9 +194,8 @@ def _read(path: str | Path, *, in_memory: bool) -> Recording:
             if _is_described(parquet):
                 return read_described(parquet, file)
             content, columns = _load(file, parquet, in_memory)
-        header.check_header(content)
-        meta, track = content["imu"], content["track"]
-        several = header.array_from(content["array"]) if "array" in content else {}
+        content = header.parse_header(content)
+        meta, track, several = content["imu"], content["track"], content.get("array", {})
         require(content["units"], imu=meta is not None, track=track is not None, units=list(several))
 
         def unit(meta: ImuMeta, name: str = "") -> ImuData:
@@ -204,12 +203,12 @@ def _read(path: str | Path, *, in_memory: bool) -> Recording:
                 return Stored.open(file, meta, name)
             return imu_from(of_unit(columns, name) if name else columns, meta)
 
-        imu = None if meta is None else unit(header.meta_from(meta))
+        imu = None if meta is None else unit(meta)
         units = {name: unit(imu_meta, name) for name, (imu_meta, _) in several.items()}
         mounts = {name: mount for name, (_, mount) in several.items()}
         return Recording(
             imu=imu,
-            track=None if track is None else track_from(columns, *header.track_meta_from(track)),
+            track=None if track is None else track_from(columns, **track),
             name=file.stem,
             notes=read_notes(content["notes"], imu, *units.values()),
             array=ImuArray(units, mounts) if units else None,

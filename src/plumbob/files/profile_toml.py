@@ -3,7 +3,9 @@
 import codecs
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -11,7 +13,7 @@ import numpy as np
 from plumbob.core import schema
 from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt
-from plumbob.core.files import MAX_TEXT, existing_file, reading
+from plumbob.core.files import reading, text_of
 from plumbob.core.schema import Parse
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity
@@ -56,36 +58,25 @@ def load_profile(path: str | Path) -> Profile:
     FrameError
         If body axes, a navigation frame or a heading reference is missing or unknown.
     """
-    file = existing_file(path, MAX_TEXT)
-    with reading(file):
-        try:
-            text = file.read_bytes().decode("utf-8-sig")
-        except UnicodeDecodeError as error:
-            raise DecodeError(
-                f"a profile is UTF-8 text, but byte {error.start + 1} cannot be decoded. Save it as UTF-8."
-            ) from error
-        return parse_profile(text, origin=file.name)
+    text = text_of(path, "profile")
+    with reading(Path(path)):
+        return parse_profile(text, origin=Path(path).name)
 
 
 def parse_profile(text: str, *, origin: str = "profile") -> Profile:
     """Profile from TOML text; errors as in `load_profile`."""
-    raw = schema.toml(text, GUIDE)
-    if isinstance(raw.get("kind"), str):
-        raise DecodeError(f"it is a {raw['kind']}, not a profile of a text file; give the profile with --profile.")
-    _refuse_questions(raw)
-    return _streams(raw, origin) if "stream" in raw else _profile(raw, origin)
+    profile: Profile = schema.document(text, GUIDE, lambda _, raw: _streams(raw, origin))
+    return profile
 
 
 def _streams(raw: Mapping[str, Any], origin: str) -> Profile:
     """Profile of sensors that have a file or rows of their own; what stands above them is true of all."""
-    tables = raw["stream"]
-    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise DecodeError("stream must be a list of tables, as in [[stream]].")
+    if "stream" not in raw:
+        return _profile(raw, origin)
     common = {key: value for key, value in raw.items() if key != "stream"}
     streams: list[tuple[str, Profile]] = []
-    for number, table in enumerate(tables, 1):
-        table_alone = {key: value for key, value in table.items() if key != "file"}
-        profile = _profile(common | table_alone, origin)
+    for number, table in enumerate(_STREAMS("stream", raw["stream"]), 1):
+        profile = _profile(common | {key: value for key, value in table.items() if key != "file"}, origin)
         if any(set(profile.triads) & set(other.triads) for _, other in streams):
             raise DecodeError(f"stream {number} declares {', '.join(profile.triads)}, which another one does too.")
         streams.append((schema.text(f"stream[{number}].file", table.get("file", "*")), profile))
@@ -93,9 +84,11 @@ def _streams(raw: Mapping[str, Any], origin: str) -> Profile:
 
 
 def _profile(raw: Mapping[str, Any], origin: str) -> Profile:
+    if isinstance(raw.get("kind"), str):
+        raise DecodeError(f"it is a {raw['kind']}, not a profile of a text file; give the profile with --profile.")
+    _refuse_questions(raw)
     arrays = raw.get("arrays") is True
-    needed = ("time",) if arrays else ("separator", "header", "time")
-    table = _section("profile", _columns_of_arrays(raw) if arrays else raw, _PROFILE, needed)
+    table = PROFILE("", _columns_of_arrays(raw)) if arrays else _TEXT_PROFILE("", raw)
     profile = Profile(
         layout=_NO_LAYOUT
         if arrays
@@ -201,10 +194,6 @@ def _require_sense(profile: Profile) -> None:
         raise DecodeError(f"column {excerpt(str(repeated[0]))} is declared twice; each column has one meaning.")
 
 
-def _section(where: str, raw: Any, parsers: Mapping[str, Parse], required: tuple[str, ...] = ()) -> dict[str, Any]:
-    return schema.section(where, raw, parsers, required, top=where == "profile", missing=_absent)
-
-
 def _absent(where: str, key: str) -> PlumbobError:
     if key in {"unit", "angle_unit"}:
         example = "rad" if key == "angle_unit" else _EXAMPLE.get(where, "rad/s")
@@ -215,50 +204,25 @@ def _absent(where: str, key: str) -> PlumbobError:
     return DecodeError(f"{where} needs the key '{key}', because nothing is guessed; {GUIDE} explains it.")
 
 
-def _separator(where: str, value: Any) -> str:
-    if not isinstance(value, str) or value not in _SEPARATORS:
-        raise DecodeError(
-            f"{where} must be one of ',', ';', 'tab', ' ' (runs of blanks) and '{BLANK}' (each one), but it is "
-            f"{excerpt(str(value))}."
-        )
-    return _SEPARATORS[value]
-
-
-def _encoding(where: str, value: Any) -> str:
+def _encoding(name: str) -> str:
     try:
-        codecs.lookup(schema.text(where, value))
-        "".encode(value)  # refuses Python's codecs that are no text encodings
+        codecs.lookup(name)
+        "".encode(name)  # refuses Python's codecs that are no text encodings
     except (LookupError, ValueError) as error:
-        raise DecodeError(
-            f"{where} = {excerpt(value)} is not a text encoding; common ones are utf-8, gbk and latin-1."
-        ) from error
-    return str(value)
+        raise DecodeError(f"{excerpt(name)} is not a text encoding; common ones are utf-8, gbk and latin-1.") from error
+    return name
 
 
-def _column(where: str, value: Any) -> ColumnRef:
-    if isinstance(value, str) and value.strip():
-        return value.strip()
-    if isinstance(value, int) and not isinstance(value, bool) and value >= 1:
-        return value
-    raise DecodeError(f"{where} must be a column's name or its number from 1, but it is {excerpt(str(value))}.")
+def _is_column(value: Any) -> bool:
+    return bool(value.strip()) if isinstance(value, str) else type(value) is int and value >= 1
 
 
-def _columns(*sizes: int) -> Parse:
-    def parse(where: str, value: Any) -> tuple[ColumnRef, ...]:
-        if not isinstance(value, list) or len(value) not in sizes:
-            many = " or ".join(map(str, sizes))
-            raise DecodeError(f"{where} must be a list of {many} columns, but it is {excerpt(str(value))}.")
-        return tuple(_column(where, item) for item in value)
-
-    return parse
-
-
-def _axes(where: str, value: Any) -> str:
+def _axes(words: str) -> str:
     try:
-        body_axes(schema.text(where, value))
+        body_axes(words)
     except FrameError as error:
-        raise FrameError(f"{where}: {error} One sensor whose own axes are left-handed: {_MIRRORED}.") from error
-    return str(value)
+        raise FrameError(f"{error} One sensor whose own axes are left-handed: {_MIRRORED}.") from error
+    return words
 
 
 def _own_axes(where: str, table: Mapping[str, Any]) -> str:
@@ -274,24 +238,15 @@ def _own_axes(where: str, table: Mapping[str, Any]) -> str:
     return words
 
 
-def _frame(where: str, value: Any) -> Frame:
-    return Frame.parse(schema.text(where, value))
-
-
-def _north(where: str, value: Any) -> North:
-    return North.parse(schema.text(where, value))
-
-
 def _where(where: str, value: Any) -> tuple[ColumnRef, str]:
     if not isinstance(value, list) or len(value) != 2 or not isinstance(value[1], str):
         raise DecodeError(
             f'{where} must be a column and a word, as in ["sensor", "gyro"], but it is {excerpt(str(value))}.'
         )
-    return _column(where, value[0]), value[1].strip()
+    return _COLUMN(f"{where}[1]", value[0]), value[1].strip()
 
 
-def _header(where: str, value: Any) -> dict[str, Any]:
-    table = _section(where, value, _HEADER, ("names",))
+def _header(where: str, table: dict[str, Any]) -> dict[str, Any]:
     if "occurrence" in table and "marker" not in table:
         raise DecodeError(f"{where}.occurrence counts a marker, but none is declared; add {where}.marker.")
     if not table["names"] and "after_names" in table:
@@ -299,8 +254,7 @@ def _header(where: str, value: Any) -> dict[str, Any]:
     return table
 
 
-def _time(where: str, value: Any) -> TimeColumn | TimeStamps | TimeRate:
-    table = _section(where, value, _TIME)
+def _time(where: str, table: dict[str, Any]) -> TimeColumn | TimeStamps | TimeRate:
     if "format" in table:
         return _time_stamps(where, table)
     if alone := [key for key in ("columns", "zone") if key in table]:
@@ -333,44 +287,22 @@ def _time_stamps(where: str, table: Mapping[str, Any]) -> TimeStamps:
     return TimeStamps(columns=table.get("columns") or (table["column"],), zone=table.get("zone"))
 
 
-def _zone(where: str, value: Any) -> int:
-    try:
-        return zone_ns(schema.text(where, value))
-    except DecodeError as error:
-        raise DecodeError(f"{where}: {error}") from error
+def _group(kind: Quantity, extra: Mapping[str, Parse] = MappingProxyType({}), required: tuple[str, ...] = ()) -> Parse:
+    keys = {"columns": _columns(3), "unit": schema.unit_of(kind), **_COUNTS, **extra, **_MOUNT}
+    return _form(keys, ("columns", "unit", *required), _group_source)
 
 
-def _group(kind: Quantity, extra: Mapping[str, Parse], required: tuple[str, ...] = ()) -> Parse:
-    parsers = {"columns": _columns(3), "unit": schema.unit_of(kind), **_COUNTS, **extra, **_MOUNT}
-
-    def parse(where: str, value: Any) -> GroupSource:
-        table = _section(where, value, parsers, ("columns", "unit", *required))
-        return GroupSource(
-            columns=table["columns"],
-            unit=table["unit"],
-            unit_per_count=_per_count(where, table),
-            zero=_zero_counts(where, table),
-            axes=_own_axes(where, table),
-            gravity=table.get("sign") == "gravity",
-            full_scale=table.get("range"),
-            delay=table.get("delay", 0.0),
-        )
-
-    return parse
-
-
-def _range(kind: Quantity) -> Parse:
-    """One size with its unit, or one for each of three columns."""
-    parse_size = schema.size(kind)
-
-    def parse(where: str, value: Any) -> float | tuple[float, ...]:
-        if not isinstance(value, list):
-            return float(parse_size(where, value))
-        if len(value) != 3:
-            raise DecodeError(f"{where} must be one range, or three in a list, but it has {len(value)}.")
-        return tuple(parse_size(f"{where}[{i}]", item) for i, item in enumerate(value))
-
-    return parse
+def _group_source(where: str, table: dict[str, Any]) -> GroupSource:
+    return GroupSource(
+        columns=table["columns"],
+        unit=table["unit"],
+        unit_per_count=_per_count(where, table),
+        zero=_zero_counts(where, table),
+        axes=_own_axes(where, table),
+        gravity=table.get("sign") == "gravity",
+        full_scale=table.get("range"),
+        delay=table.get("delay", 0.0),
+    )
 
 
 def _per_count(where: str, table: Mapping[str, Any]) -> float:
@@ -386,38 +318,7 @@ def _zero_counts(where: str, table: Mapping[str, Any]) -> tuple[float, ...] | No
     return zero
 
 
-def _three_or_one(where: str, value: Any) -> tuple[float, ...]:
-    if isinstance(value, list) and len(value) == 3:
-        return tuple(schema.number(f"{where}[{i}]", item) for i, item in enumerate(value, 1))
-    return (schema.number(where, value),) * 3
-
-
-def _scale(where: str, value: Any) -> float:
-    factor = schema.number(where, value)
-    if factor == 0.0:
-        raise DecodeError(f"{where} must not be 0; a negative number turns the sign.")
-    return factor
-
-
-def _temperature(where: str, value: Any) -> GroupSource:
-    table = _section(
-        where, value, {"column": _column, "unit": schema.unit_of(Quantity.TEMPERATURE)}, ("column", "unit")
-    )
-    return GroupSource(columns=(table["column"],), unit=table["unit"])
-
-
-def _flags(where: str, value: Any) -> dict[str, Any]:
-    return _section(where, value, {"column": _column, "words": schema.truth}, ("column",))
-
-
-def _covariance(where: str, value: Any) -> GroupSource:
-    parsers = {"columns": _columns(9), "angle_unit": schema.unit_of(Quantity.ANGLE)}
-    table = _section(where, value, parsers, ("columns", "angle_unit"))
-    return GroupSource(columns=table["columns"], unit=table["angle_unit"])
-
-
-def _reference(where: str, value: Any) -> ReferenceSource:
-    table = _section(where, value, _REFERENCE, ("columns", "order", "frame", "north"))
+def _reference(where: str, table: dict[str, Any]) -> ReferenceSource:
     size = _ORDERS[table["order"]]
     if len(table["columns"]) != size:
         raise DecodeError(f"{where}.order = '{table['order']}' needs {size} columns, but {len(table['columns'])} came.")
@@ -428,78 +329,116 @@ def _reference(where: str, value: Any) -> ReferenceSource:
     return ReferenceSource(**table)
 
 
-_COUNTS: Final[dict[str, Parse]] = {
-    "counts_per_unit": _scale,
-    "unit_per_count": _scale,
-    "zero": _three_or_one,
+def _columns(*sizes: int) -> Parse:
+    parse = schema.listed(_COLUMN, *sizes, of="columns")
+    return schema.described(parse, **schema.json_schema(parse) | {"type": ["array", "string"]})  # arrays are named
+
+
+def _range(kind: Quantity) -> dict[str, Parse]:
+    """One size with its unit, or one for each of three columns."""
+    return {"range": schema.either(list, schema.listed(schema.size(kind), 3, of="ranges, or one"), schema.size(kind))}
+
+
+_form: Final = partial(schema.form, missing=_absent)
+_COLUMN: Final = schema.plain(
+    "a column's name or its number from 1",
+    _is_column,
+    lambda value: value.strip() if isinstance(value, str) else value,
+    type=["string", "integer"],
+)
+_FRAME: Final = schema.converted(Frame.parse)
+_NORTH: Final = schema.converted(North.parse)
+_COUNTS: Final = {
+    "counts_per_unit": schema.nonzero,
+    "unit_per_count": schema.nonzero,
+    "zero": schema.either(
+        list,
+        schema.listed(schema.number, 3, of="numbers, or one"),
+        schema.converted(lambda zero: (zero,) * 3, schema.number),
+    ),
 }
-_MOUNT: Final[dict[str, Parse]] = {
-    "axes": schema.text,
-    "mirrored": schema.truth,
-    "delay": schema.quantity(Quantity.TIME),
-}
-_HEADER: Final[dict[str, Parse]] = {
-    "marker": schema.text,
-    "occurrence": schema.whole(1),
-    "skip": schema.whole(0),
-    "names": schema.truth,
-    "after_names": schema.whole(0),
-    "mark": schema.text,
-    "labels": schema.text,
-    "prefix": schema.text,
-    "where": _where,
-}
-_TIME: Final[dict[str, Parse]] = {
-    "column": _column,
-    "unit": schema.unit_of(Quantity.TIME),
-    "unit_per_count": _scale,
-    "week": _column,
-    "epoch": schema.one_of("unix"),
-    "rate": schema.size(Quantity.FREQUENCY),
-    "format": schema.one_of(FORM),
-    "columns": _columns(2),
-    "zone": _zone,
-}
-_REFERENCE: Final[dict[str, Parse]] = {
-    "columns": _columns(3, 4),
-    "order": schema.one_of(*_ORDERS),
-    "unit": schema.unit_of(Quantity.ANGLE),
-    "frame": _frame,
-    "north": _north,
-    "of": schema.one_of("body", "case"),
-    "source": schema.text,
-    "score": _column,
-    "flags": _column,
-    "mag_weight": _column,
-    "bias": _group(Quantity.RATE, {}),
-    "covariance": _covariance,
-}
-_PROFILE: Final[dict[str, Parse]] = {
+_MOUNT: Final = {"axes": schema.text, "mirrored": schema.truth, "delay": schema.quantity(Quantity.TIME)}
+_HEADER: Final = _form(
+    {
+        "marker": schema.text,
+        "occurrence": schema.whole(1),
+        "skip": schema.whole(0),
+        "names": schema.truth,
+        "after_names": schema.whole(0),
+        "mark": schema.text,
+        "labels": schema.text,
+        "prefix": schema.text,
+        "where": schema.described(_where, type="array", minItems=2, maxItems=2),
+    },
+    ("names",),
+    _header,
+)
+_TIME: Final = _form(
+    {
+        "column": _COLUMN,
+        "unit": schema.unit_of(Quantity.TIME),
+        "unit_per_count": schema.nonzero,
+        "week": _COLUMN,
+        "epoch": schema.one_of("unix"),
+        "rate": schema.size(Quantity.FREQUENCY),
+        "format": schema.one_of(FORM),
+        "columns": _columns(2),
+        "zone": schema.converted(zone_ns),
+    },
+    (),
+    _time,
+)
+_COVARIANCE: Final = _form(
+    {"columns": _columns(9), "angle_unit": schema.unit_of(Quantity.ANGLE)},
+    ("columns", "angle_unit"),
+    lambda _, table: GroupSource(columns=table["columns"], unit=table["angle_unit"]),
+)
+_REFERENCE: Final = _form(
+    {
+        "columns": _columns(3, 4),
+        "order": schema.one_of(*_ORDERS),
+        "unit": schema.unit_of(Quantity.ANGLE),
+        "frame": _FRAME,
+        "north": _NORTH,
+        "of": schema.one_of("body", "case"),
+        "source": schema.text,
+        "score": _COLUMN,
+        "flags": _COLUMN,
+        "mag_weight": _COLUMN,
+        "bias": _group(Quantity.RATE),
+        "covariance": _COVARIANCE,
+    },
+    ("columns", "order", "frame", "north"),
+    _reference,
+)
+_TEMPERATURE: Final = _form(
+    {"column": _COLUMN, "unit": schema.unit_of(Quantity.TEMPERATURE)},
+    ("column", "unit"),
+    lambda _, table: GroupSource(columns=(table["column"],), unit=table["unit"]),
+)
+_SIGN: Final = {"sign": schema.one_of("specific-force", "gravity")}
+_KEYS: Final = {
     "format_version": schema.version(VERSION),
-    "separator": _separator,
+    "separator": schema.converted(lambda word: _SEPARATORS[word], schema.one_of(*_SEPARATORS)),
     "decimal": schema.one_of(".", ","),
-    "encoding": _encoding,
+    "encoding": schema.converted(_encoding),
     "comment": schema.text,
     "missing": schema.texts,
     "rows": schema.whole(1),
     "arrays": schema.truth,
-    "header": _header,
-    "time": _time,
-    "gyr": _group(Quantity.RATE, {"range": _range(Quantity.RATE)}),
-    "acc": _group(
-        Quantity.ACCELERATION,
-        {"range": _range(Quantity.ACCELERATION), "sign": schema.one_of("specific-force", "gravity")},
-        ("sign",),
-    ),
-    "mag": _group(Quantity.FIELD, {"range": _range(Quantity.FIELD)}),
-    "temperature": _temperature,
-    "flags": _flags,
-    "reference": _reference,
+    "header": _HEADER,
+    "time": _TIME,
+    "gyr": _group(Quantity.RATE, _range(Quantity.RATE)),
+    "acc": _group(Quantity.ACCELERATION, _range(Quantity.ACCELERATION) | _SIGN, ("sign",)),
+    "mag": _group(Quantity.FIELD, _range(Quantity.FIELD)),
+    "temperature": _TEMPERATURE,
+    "flags": _form({"column": _COLUMN, "words": schema.truth}, ("column",)),
+    "reference": _REFERENCE,
     "device": schema.text,
-    "axes": _axes,
+    "axes": schema.converted(_axes),
     "axes_applied": schema.truth,
-    "frame": _frame,
-    "north": _north,
+    "frame": _FRAME,
+    "north": _NORTH,
     "declination": schema.quantity(Quantity.ANGLE),
     "place": schema.text,
     "date": schema.text,
@@ -509,3 +448,7 @@ _PROFILE: Final[dict[str, Parse]] = {
     "unit_check": schema.truth,
     "notes": schema.texts,
 }
+_TEXT_PROFILE: Final = _form(_KEYS, ("separator", "header", "time"), name="profile")
+_STREAMS: Final = schema.tables(schema.mapping(schema.anything))
+PROFILE: Final = _form(_KEYS, ("time",), name="profile")
+"""Parser of the outermost table of a profile of arrays, and what JSON Schema says of any profile."""

@@ -23,7 +23,7 @@ from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.recording import Recording, all_findings, inferred, provenance, read_notes, recalibrated, stored_notes
 from plumbob.files.formats import is_own
-from plumbob.files.header import array_from, array_told, meta_from, plain_meta, track_meta_from
+from plumbob.files.header import ARRAY, META, TRACK, array_told, parsed, plain_meta
 from plumbob.files.mcap import Log, open_log
 from plumbob.files.mcap.verdict import write_rows
 from plumbob.live import rows
@@ -184,7 +184,7 @@ def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
                 "beginning. Take a whole copy."
             )
         imu = _imu(by_topic[rows.IMU], about.get("imu", {})) if by_topic[rows.IMU] else None
-        array = _array(by_topic, array_from(about["array"])) if "array" in about else None
+        array = _array(by_topic, parsed(ARRAY, "array", about["array"])) if "array" in about else None
         wanted = by_topic[rows.ATTITUDE] and (estimated or (imu is None and array is None))
         track = _track(by_topic[rows.ATTITUDE], about.get("track")) if wanted else None
         units = [imu] if array is None else array.units.values()
@@ -210,7 +210,7 @@ def _array(
 
 
 def _imu(records: Sequence[Mapping[str, Any]], meta: Any) -> ImuData:
-    return _samples(records, meta_from(meta))
+    return _samples(records, parsed(META, "imu", meta))
 
 
 def _samples(records: Sequence[Mapping[str, Any]], meta: ImuMeta) -> ImuData:
@@ -226,15 +226,12 @@ def _samples(records: Sequence[Mapping[str, Any]], meta: ImuMeta) -> ImuData:
 
 
 def _track(records: Sequence[Mapping[str, Any]], meta: Any) -> AttitudeTrack:
-    frame, north, source = track_meta_from(meta)
     return AttitudeTrack(
         t=rows.integers("t_ns", records, np.int64) / 1e9,
         q_nb=rows.table("q_nb", records, 4),
-        frame=frame,
-        north=north,
         bias_b=rows.table("bias_b", records, 3) if records[0]["bias_b"] is not None else None,
         flags=rows.integers("flags", records, np.uint32),
-        source=source,
+        **parsed(TRACK, "track", meta),
     )
 
 

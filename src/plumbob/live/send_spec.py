@@ -1,11 +1,10 @@
 """What is sent where: checked, from options, from a line of text, or from ``[[send]]`` of a session."""
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 from plumbob.core import check, schema
 from plumbob.core.errors import ParameterError
-from plumbob.core.schema import Parse
 from plumbob.core.units import Quantity, given
 from plumbob.live.session import SENT_AS, SendSpec
 from plumbob.live.transports.outgoing import FileTarget, parse_target
@@ -68,16 +67,15 @@ def parse_send(text: str) -> SendSpec:
     )
 
 
-_TABLE: Final[dict[str, Parse]] = {
-    "as": schema.one_of(*SENT_AS),
-    "to": schema.text,
-    "rate": schema.size(Quantity.FREQUENCY),
-    "sentences": schema.texts,
-    "body": schema.one_of(*BodyAxes),
-}
-
-
-def send_table(where: str, value: Any) -> SendSpec:
-    """What to send, of a table ``[[send]]``."""
-    options = schema.section(where, value, _TABLE, ("as", "to"))
-    return send_spec(options.pop("as"), options.pop("to"), **options)
+SEND_TABLE: Final = schema.form(
+    {
+        "as": schema.one_of(*SENT_AS),
+        "to": schema.text,
+        "rate": schema.size(Quantity.FREQUENCY),
+        "sentences": schema.texts,
+        "body": schema.one_of(*BodyAxes),
+    },
+    ("as", "to"),
+    lambda _, table: send_spec(table.pop("as"), table.pop("to"), **table),
+)
+"""Parser of a table ``[[send]]``."""

@@ -9,22 +9,22 @@ from typing import Any, Final
 
 import numpy as np
 
-from plumbob.core import schema
+from plumbob.core import check, schema
 from plumbob.core.docs import guide
-from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobError
-from plumbob.core.files import text_of
+from plumbob.core.errors import DecodeError, FrameError, ParameterError
+from plumbob.core.files import reading, text_of
 from plumbob.core.params import describe
-from plumbob.core.schema import Parse
+from plumbob.core.schema import toml_text
 from plumbob.core.units import Quantity
 from plumbob.data import ImuMeta
-from plumbob.data.array_toml import UNIT, MountedUnit, listed_units
+from plumbob.data.array_toml import ARRAY, UNIT, MountedUnit, listed_units
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.data.cards.file import Card
 from plumbob.data.earth_field import earth_field_at, parse_place
 from plumbob.filters import SMOOTHER, CommonParams, load
 from plumbob.filters.offline import Stage, lagged, make_follower
 from plumbob.filters.start import TRUTH_WORD
-from plumbob.live.send_spec import send_table
+from plumbob.live.send_spec import SEND_TABLE
 from plumbob.live.session import (
     OutputSpec,
     RecordSpec,
@@ -40,7 +40,7 @@ from plumbob.live.sources import KERNEL, described
 from plumbob.protocols.decode import full_scales, prefix_by_unit, unit_prefix
 from plumbob.protocols.find import find_format
 from plumbob.protocols.format import Format, Message
-from plumbob.protocols.format_toml import parse_format
+from plumbob.protocols.format_toml import FORMAT, parse_format
 from plumbob.rotations import Frame, North, body_axes, in_body_axes
 
 GUIDE: Final = guide("sessions.md")
@@ -82,10 +82,8 @@ def load_session(path: str | Path, *, date: str | None = None) -> Session:
     """
     text = text_of(path)
     file = Path(path)
-    try:
+    with reading(file):
         return _rooted(file, parse_session(text, lambda name: text_of(file.parent / name), name=file.stem, date=date))
-    except PlumbobError as error:
-        raise type(error)(f"{file}: {error}") from error
 
 
 def _rooted(file: Path, session: Session) -> Session:
@@ -95,6 +93,28 @@ def _rooted(file: Path, session: Session) -> Session:
         return session
     settings = {**source.settings, "path": str(file.parent / source.settings["path"])}
     return replace(session, source=replace(source, settings=settings))
+
+
+def json_schema(kind: str) -> dict[str, Any]:
+    """JSON Schema of a file in TOML, made of the parsers that read it; editors check with it what is typed.
+
+    Parameters
+    ----------
+    kind : {"array", "chain", "format", "profile", "session"}
+        What the file describes.
+
+    Raises
+    ------
+    ShapeError
+        If there is no such kind.
+    """
+    from plumbob.data.chain_toml import CHAIN
+    from plumbob.files.profile_toml import PROFILE
+
+    parsers = {"array": ARRAY, "chain": CHAIN, "format": FORMAT, "profile": PROFILE, "session": SESSION_FORM}
+    parse = parsers[check.one_of("kind", kind, tuple(parsers))]
+    title = {"$schema": "http://json-schema.org/draft-07/schema#", "title": f"plumbob {kind}"}
+    return title | schema.json_schema(parse)
 
 
 def recorded_session(texts: Mapping[str, str], name: str) -> Session:
@@ -152,7 +172,7 @@ def parse_session(
         texts[wanted] = fetch(wanted)
         return texts[wanted]
 
-    tables = schema.section("session", schema.toml(text, GUIDE), _SESSION, ("kind", "version"), top=True)
+    tables = schema.document(text, GUIDE, SESSION_FORM)
     source: SourceSpec | None = tables.get("source")
     if source is not None and source.kind in KERNEL:
         texts[IIO] = describe(source)
@@ -527,86 +547,73 @@ def plain_session(*, form: str | None, source: Mapping[str, Any], **tables: Mapp
         content["format"] = {**named, **tables.get("format", {})}
     lines = [f'kind = "{KIND}"', f"version = {VERSION}"]
     for name, table in content.items():
-        lines += ["", f"[{name}]", *(f"{_key(key)} = {_toml(value)}" for key, value in table.items())]
+        lines += ["", f"[{name}]", *(f"{toml_text(key)} = {_toml(value)}" for key, value in table.items())]
     return "\n".join(lines) + "\n"
-
-
-def _key(key: str) -> str:
-    return json.dumps(key)
 
 
 def _toml(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(key)} = {_toml(item)}" for key, item in value.items()) + " }"
-    return json.dumps(value)
+        return "{ " + ", ".join(f"{toml_text(key)} = {_toml(item)}" for key, item in value.items()) + " }"
+    return toml_text(value) if isinstance(value, str) else json.dumps(value)
 
 
-def _frame(where: str, value: Any) -> Frame:
-    return Frame.parse(schema.text(where, value))
+def _axes(words: str) -> str:
+    body_axes(words)
+    return words
 
 
-def _north(where: str, value: Any) -> North:
-    return North.parse(schema.text(where, value))
-
-
-def _axes(where: str, value: Any) -> str:
-    body_axes(schema.text(where, value))
-    return str(value)
-
-
-def _unit(where: str, value: Any) -> str:
-    """Name of a unit, or its number from 1."""
-    return str(schema.whole(1)(where, value)) if isinstance(value, int) else schema.text(where, value)
-
-
-def _param(where: str, value: Any) -> Any:
+def _param(_: str, value: Any) -> Any:
     """Numbers follow the rule for text: where two units are usual, one must stand there."""
     return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-_FORMAT: Final[dict[str, Parse]] = {
-    "name": schema.text,
-    "file": schema.text,
-    "message": schema.text,
-    "unit": _unit,
-    "units": schema.one_of(ALL),
-    "options": schema.mapping(schema.text),
-}
-_IMU: Final[dict[str, Parse]] = {
-    "device": schema.text,
-    "axes": _axes,
-    "frame": _frame,
-    "declination": schema.quantity(Quantity.ANGLE),
-    "place": schema.text,
-    "date": schema.text,
-}
-_ESTIMATE: Final[dict[str, Parse]] = {
-    "filter": schema.text,
-    "params": schema.mapping(_param),
-    "noise": schema.text,
-    "init": schema.text,
-}
-_REFERENCE: Final[dict[str, Parse]] = {"unit": schema.text, "north": _north}
-_RECORD: Final[dict[str, Parse]] = {
-    "path": schema.text,
-    "rotate": schema.size(Quantity.TIME),
-    "rotate_bytes": schema.whole(1),
-    "reserve": schema.whole(0),
-    "samples": schema.truth,
-    "next_part": schema.truth,
-}
-_OUTPUT: Final[dict[str, Parse]] = {"every": schema.size(Quantity.TIME), "text": schema.text}
-_SESSION: Final[dict[str, Parse]] = {
-    "kind": schema.one_of(KIND),
-    "version": schema.version(VERSION),
-    "source": parse_source,
-    "format": schema.form(_FORMAT),
-    "imu": schema.form(_IMU),
-    "calibration": schema.form({"card": schema.text}, ("card",)),
-    "estimate": schema.form(_ESTIMATE),
-    "reference": schema.form(_REFERENCE, ("north",)),
-    "unit": schema.tables(UNIT),
-    "record": lambda where, value: RecordSpec(**schema.section(where, value, _RECORD, ("path",))),
-    "output": lambda where, value: OutputSpec(**schema.section(where, value, _OUTPUT)),
-    "send": schema.tables(send_table),
-}
+SESSION_FORM: Final = schema.form(
+    {
+        "kind": schema.one_of(KIND),
+        "version": schema.version(VERSION),
+        "source": parse_source,
+        "format": schema.form(
+            {
+                "name": schema.text,
+                "file": schema.text,
+                "message": schema.text,
+                "unit": schema.either(int, schema.converted(str, schema.whole(1)), schema.text),
+                "units": schema.one_of(ALL),
+                "options": schema.mapping(schema.text),
+            }
+        ),
+        "imu": schema.form(
+            {
+                "device": schema.text,
+                "axes": schema.converted(_axes),
+                "frame": schema.converted(Frame.parse),
+                "declination": schema.quantity(Quantity.ANGLE),
+                "place": schema.text,
+                "date": schema.text,
+            }
+        ),
+        "calibration": schema.form({"card": schema.text}, ("card",)),
+        "estimate": schema.form(
+            {"filter": schema.text, "params": schema.mapping(_param), "noise": schema.text, "init": schema.text}
+        ),
+        "reference": schema.form({"unit": schema.text, "north": schema.converted(North.parse)}, ("north",)),
+        "unit": schema.tables(UNIT),
+        "record": schema.form(
+            {
+                "path": schema.text,
+                "rotate": schema.size(Quantity.TIME),
+                "rotate_bytes": schema.whole(1),
+                "reserve": schema.whole(0),
+                "samples": schema.truth,
+                "next_part": schema.truth,
+            },
+            ("path",),
+            schema.into(RecordSpec),
+        ),
+        "output": schema.form({"every": schema.size(Quantity.TIME), "text": schema.text}, (), schema.into(OutputSpec)),
+        "send": schema.tables(SEND_TABLE),
+    },
+    ("kind", "version"),
+    name="session",
+)
+"""Parser of a session's outermost table."""

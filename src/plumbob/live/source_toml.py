@@ -4,13 +4,14 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import schema, units
-from plumbob.core.errors import DecodeError, ParameterError, UnitError, excerpt
+from plumbob.core.errors import ParameterError, UnitError
 from plumbob.core.schema import Parse
 from plumbob.core.units import Quantity
 from plumbob.data import TRIADS
 from plumbob.live.session import SourceSpec
 from plumbob.protocols.field import Field, Provenance
 from plumbob.protocols.format import Format, Framing, Message
+from plumbob.protocols.format_toml import HEX
 
 if TYPE_CHECKING:
     from plumbob.live.transports.iio_layout import IioChannel, IioLayout
@@ -123,70 +124,34 @@ def parse_source(where: str, value: Any) -> SourceSpec:
     UnitError
         If a unit is missing or wrong.
     """
-    named = schema.section(
-        where, value, {**dict.fromkeys(value, _anything), "kind": schema.one_of(*_SOURCES)}, ("kind",)
-    )
-    kind = named["kind"]
-    parsers, required = _SOURCES[kind]
-    settings = schema.section(where, value, {"kind": schema.text, **parsers}, required)
-    return SourceSpec(kind, {key: item for key, item in settings.items() if key != "kind"})
+    kind = _KIND(f"{where}.kind", _TABLE(where, value).get("kind"))
+    settings: dict[str, Any] = _SOURCES[kind](where, value)
+    return SourceSpec(settings.pop("kind"), settings)
 
 
-def _anything(where: str, value: Any) -> Any:
-    return value
-
-
-def _which(where: str, value: Any) -> str | int:
-    """Name of a device, or its number."""
-    return schema.whole(0)(where, value) if isinstance(value, int) else schema.text(where, value)
-
-
-def _command(where: str, value: Any) -> bytes:
+def _step(where: str, value: Any) -> bytes | float:
+    """Command, or time to wait, s."""
+    words = schema.text(where, value)
     try:
-        data = bytes.fromhex(schema.text(where, value))
-    except ValueError:
-        data = b""
-    if not data:
-        raise DecodeError(f"{where} must be bytes in hex, as in '20 00 00 00', but it is {excerpt(str(value))}.")
-    return data
-
-
-def _commands(where: str, value: Any) -> tuple[bytes, ...]:
-    return tuple(_command(where, item) for item in schema.texts(where, value))
-
-
-def _steps(where: str, value: Any) -> tuple[bytes | float, ...]:
-    """Commands, and times to wait between them, s."""
-    return tuple(_step(where, item) for item in schema.texts(where, value))
-
-
-def _step(where: str, text: str) -> bytes | float:
-    try:
-        return units.parse(text, Quantity.TIME) if units.split(text)[1] else _command(where, text)
+        return units.parse(words, Quantity.TIME) if units.split(words)[1] else HEX(where, words)
     except UnitError:
-        return _command(where, text)
+        return HEX(where, words)  # type: ignore[no-any-return]
 
 
 _PORT: Final = schema.whole(1, 65535)
-
 _RATE: Final = schema.size(Quantity.FREQUENCY)
-
-_STREAM: Final[dict[str, Parse]] = {"gather": schema.size(Quantity.TIME), "speed": schema.positive, "rate": _RATE}
-
-_PATIENT: Final[dict[str, Parse]] = {**_STREAM, "time": schema.one_of("host", "count")}
+_STREAM: Final = {"gather": schema.size(Quantity.TIME), "speed": schema.positive, "rate": _RATE}
+_PATIENT: Final = {**_STREAM, "time": schema.one_of("host", "count")}
 """Of streams whose sender waits for a reader that is late; datagrams are lost instead."""
-_IIO: Final[dict[str, Parse]] = {
-    "device": _which,
+_IIO: Final = {
+    "device": schema.either(int, schema.whole(0), schema.text),
     "channels": schema.texts,
     "rate": _RATE,
     "mount": schema.truth,
     "sys_root": schema.text,
 }
-_SOURCES: Final[Mapping[str, tuple[dict[str, Parse], tuple[str, ...]]]] = {
-    "serial": (
-        {"port": schema.text, "baud": schema.whole(1), "wait": schema.truth, **_PATIENT},
-        ("port", "baud"),
-    ),
+_KEYS: Final[Mapping[str, tuple[dict[str, Parse], tuple[str, ...]]]] = {
+    "serial": ({"port": schema.text, "baud": schema.whole(1), "wait": schema.truth, **_PATIENT}, ("port", "baud")),
     "udp": ({"host": schema.text, "port": _PORT, **_STREAM}, ("port",)),
     "file": ({"path": schema.text, "rate": _RATE}, ("path",)),
     "tcp": ({"host": schema.text, "port": _PORT, **_PATIENT}, ("host", "port")),
@@ -208,10 +173,17 @@ _SOURCES: Final[Mapping[str, tuple[dict[str, Parse], tuple[str, ...]]]] = {
             "mode": schema.whole(0, 3),
             "hz": schema.whole(1),
             "rate": _RATE,
-            "exchange": _commands,
+            "exchange": schema.listed(HEX, of="commands"),
             "skip": schema.whole(0),
-            "start": _steps,
+            "start": schema.listed(schema.described(_step, type="string"), of="commands and times"),
         },
         ("bus", "device", "mode", "hz", "rate", "exchange"),
     ),
 }
+_SOURCES: Final = {
+    kind: schema.form({"kind": schema.one_of(kind), **keys}, ("kind", *required))
+    for kind, (keys, required) in _KEYS.items()
+}
+_TABLE: Final = schema.mapping(schema.anything)
+_KIND: Final = schema.one_of(*_SOURCES)
+schema.described(parse_source, anyOf=[schema.json_schema(parse) for parse in _SOURCES.values()])

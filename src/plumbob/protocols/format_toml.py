@@ -1,5 +1,6 @@
 """Read a format from TOML, strictly; the catalogue and a user's own frame are written alike."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
@@ -10,9 +11,8 @@ from typing import Any, Final
 
 from plumbob.core import schema, units
 from plumbob.core.docs import guide
-from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnitError, excerpt
-from plumbob.core.files import text_of
-from plumbob.core.schema import Parse
+from plumbob.core.errors import DecodeError, ParameterError, UnitError, excerpt
+from plumbob.core.files import reading, text_of
 from plumbob.core.units import Quantity
 from plumbob.protocols import checksum
 from plumbob.protocols.field import MARKS, ROLES, SIZES, WORDS, Checksum, Field, Provenance
@@ -40,12 +40,9 @@ def load_format(path: str | Path) -> Format:
     UnitError
         If a unit is missing or unknown.
     """
-    file = Path(path)
-    text = text_of(file)
-    try:
+    text = text_of(path)
+    with reading(Path(path)):
         return parse_format(text)
-    except PlumbobError as error:
-        raise type(error)(f"{file}: {error}") from error
 
 
 CATALOG = "plumbob.protocols.catalog"
@@ -83,9 +80,7 @@ def device(name: str) -> Format:
 
 def parse_format(text: str) -> Format:
     """Format from TOML text; errors as in `load_format`."""
-    tables = schema.section(
-        "format", schema.toml(text, GUIDE), _FORMAT, ("kind", "version", "name", "title", "frame"), top=True
-    )
+    tables = schema.document(text, GUIDE, FORMAT)
     order = tables.get("byte_order", "")
     framing: Framing = tables["frame"]
     if framing.checksum and not framing.checksum.order:
@@ -319,221 +314,183 @@ def _require_room(form: Format, message: Message) -> None:
                 raise DecodeError(f"field {f.name} speaks of '{name}', which message {message.name} does not have.")
 
 
-def _lsb(where: str, value: Any) -> float:
-    """Size of a count; below 0 where the wire counts the other way."""
-    ratio = _ratio(where, value)
-    if ratio == 0.0:
-        raise DecodeError(f"{where} is the size of one count, and must not be 0.")
-    return ratio
-
-
-def _ratio(where: str, value: Any) -> float:
-    """Number, or text of a fraction such as "180/32768"."""
-    if isinstance(value, str):
-        try:
-            return float(Fraction(value.replace(" ", "")))
-        except (ValueError, ZeroDivisionError) as error:
-            raise DecodeError(
-                f"{where} must be a number or a fraction such as '180/32768', not {excerpt(value)}."
-            ) from error
-    return schema.number(where, value)
-
-
-def _counts(where: str, value: Any) -> float | str:
-    return value.removeprefix("option:") if isinstance(value, str) else schema.positive(where, value)
-
-
-def _hex(where: str, value: Any) -> bytes:
-    given = schema.text(where, value)
+def _fraction(words: str) -> float:
     try:
-        octets = bytes.fromhex(given)
-    except ValueError as error:
-        raise DecodeError(
-            f"{where} must be bytes in hexadecimal, as in 'A5 5A', but it is {excerpt(given)}."
-        ) from error
-    if not octets:
-        raise DecodeError(f"{where} must have at least one byte.")
-    return octets
+        fraction = float(Fraction(words.replace(" ", "")))
+    except (ValueError, ZeroDivisionError):
+        fraction = 0.0
+    if fraction == 0.0:
+        raise DecodeError(f"{excerpt(words)} is not a fraction such as '180/32768', or it is 0.")
+    return fraction
 
 
-def _sync(where: str, value: Any) -> tuple[bytes, ...]:
-    return tuple(_hex(where, item) for item in (value if isinstance(value, list) else [value]))
+def _is_hex(value: Any) -> bool:
+    return isinstance(value, str) and re.fullmatch(r"\s*([0-9A-Fa-f]{2}\s*)+", value) is not None
 
 
-def _integers(count: int | None) -> Parse:
-    def parse(where: str, value: Any) -> tuple[int, ...]:
-        if not isinstance(value, list) or (count is not None and len(value) != count):
-            many = "some" if count is None else str(count)
-            raise DecodeError(f"{where} must be a list of {many} whole numbers, but it is {excerpt(str(value))}.")
-        return tuple(schema.whole()(where, item) for item in value)
-
-    return parse
+HEX: Final = schema.plain("bytes in hexadecimal, as in 'A5 5A'", _is_hex, bytes.fromhex, type="string")
+"""Parser of bytes."""
 
 
 def _says(where: str, value: Any) -> dict[int, str]:
-    words = schema.mapping(schema.one_of(*WORDS))(where, value)
+    words = _WORDS(where, value)
     try:
         return {int(key, 0): word for key, word in words.items()}
     except ValueError as error:
         raise DecodeError(f"{where} must name counts, as in {{ 0 = 'absent' }}: {error}.") from error
 
 
-def _with_origin(parse: Parse) -> Parse:
-    """Parser of a table that also has source, mark and note; they become its origin."""
-
-    def parse_both(where: str, value: Any) -> dict[str, Any]:
-        table = dict(parse(where, value))
-        return table | {"origin": Provenance(**{key: table.pop(key) for key in _ORIGIN if key in table})}
-
-    return parse_both
+def _with_origin(_: str, table: dict[str, Any]) -> dict[str, Any]:
+    """The table with its source, mark and note as its origin."""
+    return table | {"origin": Provenance(**{key: table.pop(key) for key in _ORIGIN if key in table})}
 
 
-def _option(where: str, value: Any) -> Option:
-    table = _with_origin(schema.form(_OPTION, ("meaning",)))(where, value)
-    return Option(table["meaning"], table.get("choices", {}), table.get("default"), table["origin"])
+def _option(where: str, table: dict[str, Any]) -> Option:
+    return Option(**{"choices": {}, "default": None} | _with_origin(where, table))
 
 
-def _choice(where: str, value: Any) -> float | str:
-    return value if isinstance(value, str) else schema.positive(where, value)
+def _fact(where: str, table: dict[str, Any]) -> tuple[str, Provenance]:
+    return table["text"], _with_origin(where, table)["origin"]
 
 
-def _fact(where: str, value: Any) -> tuple[str, Provenance]:
-    table = _with_origin(schema.form(_FACT, ("text",)))(where, value)
-    return table["text"], table["origin"]
-
-
-def _framing(where: str, value: Any) -> Framing:
-    return Framing(**schema.section(where, value, _FRAME))
-
-
-def _checksum(where: str, value: Any) -> Checksum:
-    table = schema.section(where, value, _CHECKSUM, ("kind", "at", "from"))
+def _checksum(_: str, table: dict[str, Any]) -> Checksum:
     return Checksum(table["kind"], table["at"], table["from"], table.get("to", table["at"]), table.get("order", ""))
-
-
-def _length_field(where: str, value: Any) -> LengthField:
-    table = schema.section(where, value, _LENGTH, tuple(k for k in _LENGTH if k != "order"))
-    return LengthField(**{"order": "", **table})
-
-
-def _parity(where: str, value: Any) -> tuple[tuple[int, int, int], ...]:
-    if not isinstance(value, list):
-        raise DecodeError(f"{where} must be a list of [first byte, end, bit], but it is {excerpt(str(value))}.")
-    return tuple(_three(where, item) for item in value)
-
-
-def _three(where: str, value: Any) -> tuple[int, int, int]:
-    start, stop, bit = _integers(3)(where, value)
-    return start, stop, bit
-
-
-def _kind(where: str, value: Any) -> str:
-    return str(schema.one_of(KIND)(where, value))
 
 
 _PLAIN: Final = (
     "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset", "role", "value", "clip", "overflow", "range",
     "wrap", "says", "of",
 )  # fmt: skip
-_ORIGIN: Final = ("source", "mark", "note")
-_ORIGIN_FORM: Final[dict[str, Parse]] = {"source": schema.text, "mark": schema.one_of(*MARKS), "note": schema.text}
-_FIELD: Final[dict[str, Parse]] = {
+_ORDER: Final = schema.one_of(*_ORDERS)
+_PAIR: Final = schema.listed(schema.whole(), 2, of="whole numbers")
+_WORDS: Final = schema.mapping(schema.one_of(*WORDS))
+_OPTION_OR_NUMBER: Final = schema.either(
+    str, schema.converted(lambda word: word.removeprefix("option:")), schema.positive
+)
+_ORIGIN: Final = {"source": schema.text, "mark": schema.one_of(*MARKS), "note": schema.text}
+_SCALE: Final = {
+    "order": _ORDER,
+    "bits": _PAIR,
+    "unit": schema.text,
+    "lsb": schema.either(str, schema.converted(_fraction), schema.nonzero),
+    "counts": _OPTION_OR_NUMBER,
+    "times": _OPTION_OR_NUMBER,
+    "raw_offset": schema.number,
+    "offset": schema.number,
+}
+_FIELD: Final = {
     "name": schema.text,
     "axes": schema.one_of("xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xy", "x", "y", "z"),
     "at": schema.whole(0),
     "type": schema.one_of(*SIZES, "parity"),
     "size": schema.whole(1, 8),
-    "order": schema.one_of(*_ORDERS),
-    "bits": _integers(2),
-    "unit": schema.text,
-    "lsb": _lsb,
-    "counts": _counts,
-    "times": _counts,
-    "raw_offset": schema.number,
-    "offset": schema.number,
+    **_SCALE,
     "role": schema.one_of(*ROLES),
     "value": schema.whole(),
-    "clip": _integers(2),
-    "overflow": _integers(None),
-    "range": _integers(2),
+    "clip": _PAIR,
+    "overflow": schema.listed(schema.whole(), of="whole numbers"),
+    "range": _PAIR,
     "wrap": schema.truth,
-    "says": _says,
+    "says": schema.described(_says, **schema.json_schema(_WORDS)),
     "of": schema.texts,
-    **_ORIGIN_FORM,
+    **_ORIGIN,
 }
-_EMBED: Final[dict[str, Parse]] = {
-    "device": schema.text,
-    "message": schema.text,
-    "unit": schema.text,
-    "at": schema.whole(0),
-    "options": schema.mapping(schema.text),
-}
-_FIELDS: Final = schema.tables(_with_origin(schema.form(_FIELD, ("name", "type"))))
-_EMBEDS: Final = schema.tables(schema.form(_EMBED, ("device", "at")))
-_MESSAGE: Final[dict[str, Parse]] = {
-    "name": schema.text,
-    "title": schema.text,
-    "length": schema.whole(1),
-    "parts": schema.texts,
-    "field": _FIELDS,
-    "embed": _EMBEDS,
-}
-_OPTION: Final[dict[str, Parse]] = {
-    "meaning": schema.text,
-    "choices": schema.mapping(_choice),
-    "default": schema.text,
-    **_ORIGIN_FORM,
-}
-_REGISTER: Final[dict[str, Parse]] = {
-    "address": schema.whole(0),
-    "name": schema.text,
-    "meaning": schema.text,
-    "reset": schema.whole(0),
-    **{key: _FIELD[key] for key in ("type", "order", "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset")},
-    **_ORIGIN_FORM,
-}
-_FACT: Final[dict[str, Parse]] = {"text": schema.text, **_ORIGIN_FORM}
-_CHECKSUM: Final[dict[str, Parse]] = {
-    "kind": schema.text,
-    "at": schema.whole(),
-    "from": schema.whole(0),
-    "to": schema.whole(),
-    "order": schema.one_of(*_ORDERS),
-}
-_LENGTH: Final[dict[str, Parse]] = {
-    "at": schema.whole(0),
-    "size": schema.whole(1, 4),
-    "order": schema.one_of(*_ORDERS),
-    "add": schema.whole(),
-    "least": schema.whole(1),
-    "most": schema.whole(1, 65535),
-}
-_FRAME: Final[dict[str, Parse]] = {
-    "sync": _sync,
-    "end": _hex,
-    "length": schema.whole(1, 65535),
-    "length_field": _length_field,
-    "checksum": _checksum,
-    "parity": _parity,
-    "confirm": schema.truth,
-    "rate": schema.size(Quantity.FREQUENCY),
-    "baud": schema.whole(1),
-}
-_FORMAT: Final[dict[str, Parse]] = {
-    "kind": _kind,
-    "version": schema.version(VERSION),
-    "name": schema.text,
-    "title": schema.text,
-    "aliases": schema.texts,
-    "byte_order": schema.one_of(*_ORDERS),
-    "noise": schema.text,
-    "sources": schema.mapping(schema.text),
-    "frame": _framing,
-    "option": schema.mapping(_option),
-    "part": schema.mapping(_FIELDS),
-    "fact": schema.mapping(_fact),
-    "register": schema.tables(_with_origin(schema.form(_REGISTER, ("address", "name", "meaning")))),
-    "field": _FIELDS,
-    "embed": _EMBEDS,
-    "message": schema.tables(schema.form(_MESSAGE, ("name", "length"))),
-}
+_FIELDS: Final = schema.tables(schema.form(_FIELD, ("name", "type"), _with_origin))
+_EMBED: Final = schema.form(
+    {
+        "device": schema.text,
+        "message": schema.text,
+        "unit": schema.text,
+        "at": schema.whole(0),
+        "options": schema.mapping(schema.text),
+    },
+    ("device", "at"),
+)
+_MESSAGE: Final = schema.form(
+    {
+        "name": schema.text,
+        "title": schema.text,
+        "length": schema.whole(1),
+        "parts": schema.texts,
+        "field": _FIELDS,
+        "embed": schema.tables(_EMBED),
+    },
+    ("name", "length"),
+)
+_OPTION: Final = schema.form(
+    {
+        "meaning": schema.text,
+        "choices": schema.mapping(schema.either(str, schema.text, schema.positive)),
+        "default": schema.text,
+        **_ORIGIN,
+    },
+    ("meaning",),
+    _option,
+)
+_REGISTER: Final = schema.form(
+    {
+        "address": schema.whole(0),
+        "name": schema.text,
+        "meaning": schema.text,
+        "reset": schema.whole(0),
+        "type": _FIELD["type"],
+        **_SCALE,
+        **_ORIGIN,
+    },
+    ("address", "name", "meaning"),
+    _with_origin,
+)
+_CHECKSUM: Final = schema.form(
+    {"kind": schema.text, "at": schema.whole(), "from": schema.whole(0), "to": schema.whole(), "order": _ORDER},
+    ("kind", "at", "from"),
+    _checksum,
+)
+_LENGTH: Final = schema.form(
+    {
+        "at": schema.whole(0),
+        "size": schema.whole(1, 4),
+        "order": _ORDER,
+        "add": schema.whole(),
+        "least": schema.whole(1),
+        "most": schema.whole(1, 65535),
+    },
+    ("at", "size", "add", "least", "most"),
+    lambda _, table: LengthField(**{"order": "", **table}),
+)
+_FRAME: Final = schema.form(
+    {
+        "sync": schema.either(list, schema.listed(HEX), schema.converted(lambda octets: (octets,), HEX)),
+        "end": HEX,
+        "length": schema.whole(1, 65535),
+        "length_field": _LENGTH,
+        "checksum": _CHECKSUM,
+        "parity": schema.listed(schema.listed(schema.whole(), 3, of="numbers: first byte, end, bit"), of="lists"),
+        "confirm": schema.truth,
+        "rate": schema.size(Quantity.FREQUENCY),
+        "baud": schema.whole(1),
+    },
+    (),
+    schema.into(Framing),
+)
+FORMAT: Final = schema.form(
+    {
+        "kind": schema.one_of(KIND),
+        "version": schema.version(VERSION),
+        "name": schema.text,
+        "title": schema.text,
+        "aliases": schema.texts,
+        "byte_order": _ORDER,
+        "noise": schema.text,
+        "sources": schema.mapping(schema.text),
+        "frame": _FRAME,
+        "option": schema.mapping(_OPTION),
+        "part": schema.mapping(_FIELDS),
+        "fact": schema.mapping(schema.form({"text": schema.text, **_ORIGIN}, ("text",), _fact)),
+        "register": schema.tables(_REGISTER),
+        "field": _FIELDS,
+        "embed": schema.tables(_EMBED),
+        "message": schema.tables(_MESSAGE),
+    },
+    ("kind", "version", "name", "title", "frame"),
+    name="format",
+)

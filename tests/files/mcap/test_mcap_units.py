@@ -112,7 +112,7 @@ def test_rows_that_some_units_lack_are_left_out(tmp_path):
 WRONG = {
     "a unit without rows": (["u1", "u9"], "no samples of the unit u9"),
     "no time in common": (["u1", "u2"], "no time in common"),
-    "no list": (5, "must have the keys"),
+    "no list": (5, "array must be a list of tables"),
 }
 
 

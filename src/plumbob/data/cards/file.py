@@ -91,7 +91,16 @@ class Card(FactsText):
     @classmethod
     def from_text(cls, text: str, name: str) -> Self:
         """Read a card from its text; errors as in `load`, in which `name` stands for the file."""
-        card: Self = built(name, cls, _parse(name, cls.KIND, cls.VERSION, text), cls.PARTS)
+        try:
+            raw = strict_json(text)
+        except (ValueError, RecursionError) as error:
+            raise DecodeError(f"{name} is not a {cls.KIND}: {error}.") from error
+        if not isinstance(raw, dict) or raw.pop("kind", None) != cls.KIND:
+            raise DecodeError(f"{name} is not a {cls.KIND}: its 'kind' says otherwise.")
+        version = raw.pop("format_version", None)
+        if isinstance(version, bool) or version not in range(1, cls.VERSION + 1):
+            raise DecodeError(f"{name} has format_version {version}, but this program reads up to {cls.VERSION}.")
+        card: Self = built(name, cls, raw, cls.PARTS)
         return card
 
 
@@ -111,12 +120,8 @@ def built(name: str, cls: type[Any], raw: Any, parts: Mapping[str, type] | None 
     if not isinstance(raw, dict) or not set(raw) <= names:
         unknown = sorted(set(raw) - names) if isinstance(raw, dict) else raw
         raise DecodeError(f"{name}: {cls.__name__} has no {unknown}; known are {', '.join(sorted(names))}.")
-    inner = {key: raw[key] for key in parts or {} if raw.get(key) is not None}
-    made = {
-        key: built(name, part, inner[key], getattr(part, "PARTS", None))
-        for key, part in (parts or {}).items()
-        if key in inner
-    }
+    present = {key: part for key, part in (parts or {}).items() if raw.get(key) is not None}
+    made = {key: built(name, part, raw[key], getattr(part, "PARTS", None)) for key, part in present.items()}
     try:
         return cls(**raw | made)
     except (TypeError, ValueError, OverflowError) as error:
@@ -159,24 +164,18 @@ def finite(name: str, value: Any, shape: tuple[int, ...]) -> Floats:
     return check.read_only(array)
 
 
-def _parse(path: str, kind: str, newest: int, text: str) -> dict[str, Any]:
-    try:
-        raw = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_no_repetition)
-    except (ValueError, RecursionError) as error:
-        raise DecodeError(f"{path} is not a {kind}: {error}.") from error
-    if not isinstance(raw, dict) or raw.pop("kind", None) != kind:
-        raise DecodeError(f"{path} is not a {kind}: its 'kind' says otherwise.")
-    version = raw.pop("format_version", None)
-    if isinstance(version, bool) or version not in range(1, newest + 1):
-        raise DecodeError(f"{path} has format_version {version}, but this program reads up to {newest}.")
-    return raw
+def strict_json(content: str | bytes) -> Any:
+    """Parse JSON, refusing repeated keys, NaN and numbers that no float holds; ValueError or RecursionError if so."""
+    return json.loads(content, parse_constant=_finite, parse_float=_finite, object_pairs_hook=_no_repetition)
+
+
+def _finite(digits: str) -> float:
+    if not math.isfinite(value := float(digits)):
+        raise ValueError(f"{digits} is not a number in JSON, or beyond every number that is needed")
+    return value
 
 
 def _no_repetition(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(dict(pairs)) != len(pairs):
         raise ValueError(f"a key stands twice among {', '.join(key for key, _ in pairs)}")
     return dict(pairs)
-
-
-def _no_constant(word: str) -> float:
-    raise ValueError(f"{word} is not a number in JSON")

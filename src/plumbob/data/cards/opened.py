@@ -25,6 +25,6 @@ def open_card(path: str | Path) -> CalibrationCard | NoiseCard:
     kind = content.get("kind") if isinstance(content, dict) else None
     for cls in (CalibrationCard, NoiseCard):
         if kind == cls.KIND:
-            card: CalibrationCard | NoiseCard = cls.load(path)
+            card: CalibrationCard | NoiseCard = cls.from_text(text, str(path))
             return card
     raise DecodeError(f"{path} is not a card: its 'kind' must be '{CalibrationCard.KIND}' or '{NoiseCard.KIND}'.")
