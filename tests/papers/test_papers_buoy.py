@@ -7,10 +7,11 @@ import pytest
 
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, to_deg, to_dps
-from plumbob.papers.buoy import ITEMS, bench, measured, modules, trials
 from plumbob.papers.buoy import as_printed as literal
+from plumbob.papers.buoy import bench, measured, modules, trials
 from plumbob.papers.buoy.outcomes import FIRST, outcomes
 from plumbob.papers.buoy.page import page
+from plumbob.papers.description import BUOY
 from plumbob.papers.workspace import Work
 from plumbob.rotations import quat_from_euler_zyx, quat_from_rotvec
 from tests.helpers.papers import by_key, english_alone, named, unmet
@@ -130,7 +131,7 @@ def test_a_small_run_is_whole(found):
     made = by_key(outcomes(found))
     assert len(made) > 65
     assert unmet(made.values()) == set()
-    assert named(ITEMS) <= made.keys()
+    assert named(BUOY.items) <= made.keys()
     report = page(found, 2)
     assert english_alone(report, NAMES) == set()
     assert report.page(lang="zh").count("<figure>") >= 6

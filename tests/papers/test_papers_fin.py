@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from plumbob.papers.fin import algorithm, estimation, experiment, forms, records, swimming, system
+from plumbob.papers import fin
+from plumbob.papers.fin import algorithm, attitude, chain, estimation, experiment, forms, records
 from plumbob.papers.workspace import Work
 from plumbob.simulation import simulate
 from tests.helpers.papers import FIN_SYMBOLS, by_key, english_alone, unmet
@@ -65,26 +66,26 @@ def test_all_bars_of_the_algorithm(work):
 
 def test_words_of_the_chips(work):
     """papers 000, chain traps: 0xFFFF is −0.0125 °/s, and 819.2 °/s where its sign is not looked at."""
-    assert system.word(work.folder, "s16") == pytest.approx(-0.0125)
-    assert system.word(work.folder, "u16") == pytest.approx(819.1875)
-    report, outcomes = system.part(work, records.COUNT)
+    assert fin.word(work.folder, "s16") == pytest.approx(-0.0125)
+    assert fin.word(work.folder, "u16") == pytest.approx(819.1875)
+    report, outcomes = fin.system(work, records.COUNT)
     assert unmet(outcomes) == set()
     assert english_alone(report, FIN_SYMBOLS) == set()
 
 
 def test_angles_of_swimming_diverge_per_axis_behind_a_high_pass_and_where_rates_are_clipped(work):
     """papers 000, attitude traps: 3351° of pitch and 1219° of yaw; coning at most 1e-3°."""
-    free = swimming.without_noise()
-    assert swimming.largest(free.axis)["pitch"] == pytest.approx(3351.0, abs=0.5)
-    assert swimming.largest(free.axis)["yaw"] == pytest.approx(1219.0, abs=0.5)
-    assert max(swimming.largest(free.quaternion).values()) < 5e-4
-    assert swimming.coning() <= 1e-3
+    free = attitude.without_noise()
+    assert attitude.largest(free.axis)["pitch"] == pytest.approx(3351.0, abs=0.5)
+    assert attitude.largest(free.axis)["yaw"] == pytest.approx(1219.0, abs=0.5)
+    assert max(attitude.largest(free.quaternion).values()) < 5e-4
+    assert attitude.coning() <= 1e-3
     # papers 000: peaks of 126 and 121 °/s at 1 Hz; a turn of 90° and a hold read 0.00° behind 0.011 Hz
-    cut = swimming.clipped(work)
-    assert cut.peaks[:2] == pytest.approx([126.0, 121.0], abs=0.5)
-    assert cut.missed == 0
-    assert cut.share > 0.3
-    assert swimming.turned_without_noise(0.011) == pytest.approx(0.0, abs=0.005)
+    cut = by_key(chain.clipping(work)[1])
+    assert [cut[f"clip.peak.{axis}"].faithful for axis in "xy"] == pytest.approx([126.0, 121.0], abs=0.5)
+    assert cut["clip.missed"].best == 0
+    assert cut["clip.share"].best > 30.0
+    assert chain.turned_without_noise(0.011) == pytest.approx(0.0, abs=0.005)
 
 
 def test_records_keep_their_values_through_bytes_and_text(work):
@@ -115,9 +116,7 @@ def test_angles_error_by_term_and_temperature_warms_one_unit_up():
     assert found["N"] == pytest.approx(15.066 / 3600.0 * math.sqrt(220.0))
     assert found["B"] == pytest.approx(57.056 / 3600.0 * 220.0)
     # A unit with an assumed bias per kelvin reads it: 15 K (1 − e^(−220/120)) at the end
-    unit = swimming.fin_unit(1)
+    unit = attitude.fin_unit(1)
     assert unit.gyr is not None
-    made = simulate(
-        "static", frame="NED", sensors=unit, unit="random", seed=1, duration=220.0, warm_up=swimming.WARM_UP
-    )
+    made = simulate("static", frame="NED", sensors=unit, unit="random", seed=1, duration=220.0, warm_up=chain.WARM_UP)
     assert made.imu.temp_c[-1] - 25.0 == pytest.approx(15.0 * (1.0 - math.exp(-220.0 / 120.0)), abs=0.01)

@@ -9,7 +9,8 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg, dps, to_dps
 from plumbob.filters.channel_scalar import ramp_lag, steady_gain
 from plumbob.noise import deviation
-from plumbob.papers.trackball import ITEMS, misprints, recorded, static
+from plumbob.papers.description import TRACKBALL
+from plumbob.papers.trackball import misprints, recorded, seeds
 from plumbob.papers.trackball.page import page
 from plumbob.papers.trackball.records import (
     FLICKER,
@@ -27,8 +28,7 @@ from plumbob.papers.trackball.records import (
     scalar_filter,
 )
 from plumbob.papers.trackball.results import Found
-from plumbob.papers.trackball.static import LONG_TAUS, TAUS, degrees_of_freedom
-from plumbob.papers.trackball.turntable import SCALES, best_gain, measure_turntable
+from plumbob.papers.trackball.seeds import LONG_TAUS, SCALES, TAUS, best_gain, degrees_of_freedom, measure_turntable
 from plumbob.papers.workspace import Work
 from tests.helpers.papers import by_key, english_alone, named, unmet
 
@@ -37,17 +37,17 @@ SEEDS = range(6)
 
 @pytest.fixture(scope="module")
 def short():
-    return static.measure_short(range(30))
+    return seeds.measure_short(range(30))
 
 
 @pytest.fixture(scope="module")
 def white():
-    return static.measure_white(range(2))
+    return seeds.measure_white(range(2))
 
 
 @pytest.fixture(scope="module")
 def long():
-    return static.measure_long(range(2))
+    return seeds.measure_long(range(2))
 
 
 @pytest.fixture(scope="module")
@@ -74,8 +74,8 @@ def found(short, white, long, table, tests):
         short=short,
         white=white,
         long=long,
-        fit=static.fit(rest.before[:, 0]),
-        negative=static.measure_fits(range(5)),
+        fit=seeds.fit(rest.before[:, 0]),
+        negative=seeds.measure_fits(range(5)),
         turned=turned,
         table=table,
         gain=best_gain(range(2), [0.4, 0.6, 0.8]),
@@ -114,8 +114,8 @@ def test_white_noise_falls_as_theory_says(white):
     """Two seeds of three channels of 1e5 samples hold 2·3·1e5·K/2 independent values: 300 for the slowest, 8 %."""
     for ratio, measured in zip(RATIOS, white, strict=True):
         k = steady_gain(ratio)
-        assert static.theory(ratio) == k / (2.0 - k)  # Σ K² (1 − K)²ⁱ
-        assert measured == pytest.approx(static.theory(ratio), rel=4.0 * math.sqrt(2.0 / (0.5 * k * 6 * 95_000)))
+        assert seeds.theory(ratio) == k / (2.0 - k)  # Σ K² (1 − K)²ⁱ
+        assert measured == pytest.approx(seeds.theory(ratio), rel=4.0 * math.sqrt(2.0 / (0.5 * k * 6 * 95_000)))
 
 
 def test_allan_deviation_falls_at_short_times_only(short, long):
@@ -125,7 +125,7 @@ def test_allan_deviation_falls_at_short_times_only(short, long):
     √(K v) at one sample; in the paper's record, its start adds to it.
     """
     for k, ratio in enumerate(RATIOS[:3]):
-        settled = math.sqrt(steady_gain(ratio) * static.theory(ratio))
+        settled = math.sqrt(steady_gain(ratio) * seeds.theory(ratio))
         assert short.adev[k, 0] > 0.95 * settled
         assert list(short.adev[k, 1:6]) == sorted(short.adev[k, 1:6])
         assert long.adev[k, 0] == pytest.approx(settled, rel=0.05)
@@ -180,8 +180,8 @@ def test_a_gain_error_stays_and_a_lag_can_hide_it(table):
 
 def test_fits_of_five_powers_points_of_the_ball_and_noise_of_the_rig():
     """A curve of N and B alone: its weights are found by both fits where nothing is random; cond as in papers.md."""
-    assert np.linalg.cond(static.powers()) == pytest.approx(3141.0, abs=1.0)
-    plain, weighted = static.measure_fits(range(20))
+    assert np.linalg.cond(seeds.powers()) == pytest.approx(3141.0, abs=1.0)
+    plain, weighted = seeds.measure_fits(range(20))
     assert (plain, weighted) == (1.0, 0.0)
     # A body whose nose points down touches with its nose: attitude 90° nose down, q = (√½, 0, −√½, 0)
     nose_down = np.array([[math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0]])
@@ -238,7 +238,7 @@ def test_outcomes_are_whole_and_items_name_them(found):
     outcomes = by_key(found.outcomes())
     assert len(outcomes) > 55
     assert unmet(outcomes.values()) <= {"allan.ratio.50", "allan.scatter.50", "allan.scatter.10"}  # few seeds here
-    assert named(ITEMS) <= outcomes.keys()
+    assert named(TRACKBALL.items) <= outcomes.keys()
     assert english_alone(page(found, 2), r"plumbob .*|solid.*|dashed.*|dotted.*") == set()
 
 

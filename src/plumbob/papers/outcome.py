@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from plumbob.core.errors import ParameterError
 from plumbob.reporting.content import Table
@@ -140,6 +140,13 @@ def restored(stored: Mapping[str, Any]) -> Outcome:
     """Outcome of what `Outcome.stored` gave."""
     made = {name: Both(**v) if isinstance(v, dict) else v for name, v in stored.items()}
     return Outcome(**made | {name: tuple(made[name]) for name in ("faithful_bar", "best_bar")})
+
+
+class PrintedForm(NamedTuple):
+    """The figure that shows a misprint: of the printed form, which is wrong, and of the right one."""
+
+    wrong: float
+    right: float
 
 
 HEAD: Final = (

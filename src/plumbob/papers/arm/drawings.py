@@ -13,6 +13,7 @@ from plumbob.data.array import ImuArray
 from plumbob.papers.arm.misprints import Inference
 from plumbob.papers.arm.simulated import AXES, errors_deg, statistics
 from plumbob.papers.arm.tables import ANGLES, PAPER, RECOVERY_WORDS, Recovery
+from plumbob.papers.description import ARM
 from plumbob.reporting.content import Figure
 from plumbob.reporting.style import MUTED, SERIES, SHADE, SOFT, Both
 from plumbob.rotations import euler_zyx_from_quat
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 TIME: Final = "time [s]"
-FAITHFUL: Final = Both("faithful", "按论文")
-BEST: Final = Both("best: six units, filter of directions", "最佳：六单元方向滤波")
-TRUTH: Final = Both("truth", "真值")
 _BLUE, _GREEN, _AMBER = SERIES[0], SERIES[2], SERIES[4]
 
 
@@ -51,23 +49,14 @@ class BytesRun(NamedTuple):
 
 
 _NUMBERS: Final = {False: (3, 4, 5), True: (7, 8, 9)}
-_WHAT: Final[Mapping[str, tuple[str, str]]] = {
-    "none": ("one set without a regulator", "单组传感器无调节"),
-    "pi": ("one set with a PI law", "单组传感器 PI 调节"),
-    "fuzzy": ("two sets, fuzzy-PI", "多组传感器模糊 PI 组合调节"),
-}
 
 
 def errors(run: BytesRun, *, turns: bool) -> list[Figure]:
     """Figures 3 to 5, or 7 to 9: errors over time, within the band of ± the paper's standard deviation."""
-    made = []
-    for number, (name, (en, zh)) in zip(_NUMBERS[turns], _WHAT.items(), strict=True):
-        how = ("in the turn", "动态") if turns else ("at rest", "静态")
-        band = Both("± std in the paper", "± 论文标准差")
-        key = [(FAITHFUL, _BLUE, "solid"), (BEST, _GREEN, "solid"), (band, SHADE, "block")]
-        caption = Both(f"Figure {number}: attitude errors {how[0]}, {en}", f"图 {number}：{zh}{how[1]}姿态角误差")
+    how, made = ARM.texts("how")["turn" if turns else "rest"], []
+    for number, (name, what) in zip(_NUMBERS[turns], ARM.texts("what").items(), strict=True):
         draw = partial(_draw_errors, run.t, run.errors(name), run.errors("six"), PAPER[turns][name])
-        made.append(Figure(caption, draw, key, height=3.3))
+        made.append(ARM.figure("errors", draw, number=number, how=how, what=what))
     return made
 
 
@@ -81,7 +70,7 @@ def _draw_errors(t: Floats, faithful: Floats, best: Floats, printed: Sequence[fl
         ax.plot(t, best[:, axis], color=_GREEN, linewidth=0.8)
         ax.set_ylim(-limit, limit)
         word = ANGLES[AXES[axis]]
-        ax.set_ylabel(Both(f"{word} [°]", f"{word.zh} [°]"))
+        ax.set_ylabel(ARM.text("text", word=word))
         words = (("std", "标准差"), ("range", "误差范围"), ("rms", "均方根"))
         rows = [(*word, value) for word, value in zip(words, figures, strict=True)]
         _margin_notes(ax, [*rows, ("std, paper", "论文标准差", printed[axis])])
@@ -90,10 +79,8 @@ def _draw_errors(t: Floats, faithful: Floats, best: Floats, printed: Sequence[fl
 
 def heading(run: BytesRun) -> Figure:
     """Figure 6: the heading in the turn."""
-    key = [(TRUTH, _AMBER, "solid"), (FAITHFUL, _BLUE, "solid"), (BEST, _GREEN, "dashed")]
     yaw = [_yaw(q_nb) for q_nb in (run.truth, run.tracks["fuzzy"], run.tracks["six"])]
-    caption = Both("Figure 6: heading in the turn, fuzzy-PI", "图 6：模糊 PI 组合调节航向角变化曲线")
-    return Figure(caption, partial(_draw_heading, run.t, yaw), key, height=2.6)
+    return ARM.figure("figure_6", partial(_draw_heading, run.t, yaw))
 
 
 def _yaw(q_nb: Floats) -> Floats:
@@ -106,10 +93,7 @@ def _draw_heading(t: Floats, yaw: Sequence[Floats], canvas: "FigureBase") -> Non
     for angle, colour, width, dash in zip(yaw, (_AMBER, _BLUE, _GREEN), (2.8, 0.9, 0.9), ("-", "-", "--"), strict=True):
         ax.plot(t, angle, color=colour, linewidth=width, linestyle=dash)
         away.plot(t, angle - yaw[0], color=colour, linewidth=width, linestyle=dash)
-    ax.set_ylim(-95.0, 5.0)
     ax.set_yticks((-90, -60, -30, 0))
-    ax.set_ylabel(Both("yaw [°]", "航向角 [°]"))
-    away.set_ylabel(Both("error [°]", "误差 [°]"))
     _time_axis(away, t)
 
 
@@ -117,8 +101,7 @@ def recovery(found: Mapping[str, Recovery]) -> Figure:
     """Error over time after a start that is wrong by 10° of yaw."""
     names = list(found)
     key = [(RECOVERY_WORDS[name], SERIES[k], "solid") for k, name in enumerate(names)]
-    caption = Both("Recovery from 10° of yaw, without noise", "从 10° 航向误差收敛，无噪声")
-    return Figure(caption, partial(_draw_recovery, list(found.values())), key, height=2.8)
+    return ARM.figure("recovery_from_10", partial(_draw_recovery, list(found.values())), lines=key)
 
 
 def _draw_recovery(recoveries: Sequence[Recovery], canvas: "FigureBase") -> None:
@@ -126,29 +109,18 @@ def _draw_recovery(recoveries: Sequence[Recovery], canvas: "FigureBase") -> None
     for k, run in enumerate(recoveries):
         ax.semilogy(run.t, np.maximum(run.error_deg, 1e-3), color=SERIES[k], linewidth=1.1)
     ax.axhline(0.5, color=MUTED, linewidth=0.8, linestyle="--")
-    ax.set_xlim(0.0, 70.0)
-    ax.set_ylim(5e-3, 15.0)
     ax.set_yticks((0.01, 0.1, 1.0, 10.0), labels=("0.01", "0.1", "1", "10"))
-    ax.set_ylabel(Both("greatest error [°]", "最大误差 [°]"))
-    ax.set_xlabel(TIME)
 
 
 def inference(read: Inference) -> Figure:
     """Correction over the error, by two ways to infer from one table."""
-    key = [
-        (Both("product and height, as here", "乘积推理与高度法（Plumbob 采用）"), _BLUE, "solid"),
-        (Both("Mamdani: minimum and centre of area", "Mamdani：取小与面积重心"), SERIES[1], "dashed"),
-    ]
-    caption = Both("Correction by the sum table, integral 0", "求和规则表的修正量，积分为 0")
-    return Figure(caption, partial(_draw_inference, read), key, height=2.4)
+    return ARM.figure("correction_by_the", partial(_draw_inference, read))
 
 
 def _draw_inference(read: Inference, canvas: "FigureBase") -> None:
     ax = canvas.subplots()
     ax.plot(read.e, read.product, color=_BLUE, linewidth=1.2)
     ax.plot(read.e, read.mamdani, color=SERIES[1], linewidth=1.2, linestyle="--")
-    ax.set_xlabel(Both("error [°]", "误差 [°]"))
-    ax.set_ylabel(Both("correction [°/s]", "修正量 [°/s]"))
 
 
 class Broken(NamedTuple):
@@ -178,13 +150,7 @@ class Broken(NamedTuple):
 
 def faults(runs: Sequence[Broken]) -> Figure:
     """What a broken gyroscope reads beyond the rest, and when it is left out."""
-    key = [
-        (Both("mean over 1 s of the broken axis less the others", "故障轴与其余单元之差（1 s 平均）"), _BLUE, "solid"),
-        (Both("fault of 0.2 °/s", "0.2 °/s 故障"), SERIES[1], "dashed"),
-        (Both("left out", "已剔除"), SHADE, "block"),
-    ]
-    caption = Both("A fault of 0.2 °/s on one gyroscope axis", "单个陀螺仪轴 0.2 °/s 故障")
-    return Figure(caption, partial(_draw_faults, runs), key, height=1.4 * len(runs) + 0.4)
+    return ARM.figure("fault_of_0", partial(_draw_faults, runs), height=1.4 * len(runs) + 0.4)
 
 
 def _draw_faults(runs: Sequence[Broken], canvas: "FigureBase") -> None:
@@ -206,7 +172,7 @@ def _draw_faults(runs: Sequence[Broken], canvas: "FigureBase") -> None:
         for when in (run.since, run.until):
             ax.axvline(when, color=SERIES[1], linewidth=1.0, linestyle="--")
         ax.set_ylim(-0.7, 0.9)
-        ax.set_ylabel(Both(f"{run.what} [°/s]", f"{run.what.zh} [°/s]"))
+        ax.set_ylabel(ARM.text("s", run_what=run.what))
     _time_axis(panels[-1], runs[-1].seen.imu.t)
 
 
@@ -220,7 +186,7 @@ def _margin_notes(ax: "Axes", figures: Sequence[tuple[str, str, float]]) -> None
         ax.text(
             1.015,
             0.95 - 0.22 * line,
-            Both(f"{en}: {value:.3f}°", f"{zh}：{value:.3f}°"),
+            ARM.text("text_2", en=en, value=value, zh=zh),
             transform=ax.transAxes,
             va="top",
             color=MUTED,

@@ -148,19 +148,47 @@ def literal(imu: ImuData, acc_sd: Floats | float = ACC_SD, form: Form | None = N
     dt = (imu.t[-1] - imu.t[0]) / (len(imu) - 1)
     var = np.broadcast_to(np.asarray(acc_sd, dtype=np.float64) ** 2, len(imu)).copy()
     filtered(
-        x, p, imu.gyr, imu.acc, var, dt, GYRO_NOISE**2 * dt, BIAS_WALK**2 * dt, form.predicted, form.half_angle,
-        form.specific_force, form.normalised, form.joseph, form.carried, form.single, q_nb,
+        x,
+        p,
+        imu.gyr,
+        imu.acc,
+        var,
+        dt,
+        GYRO_NOISE**2 * dt,
+        BIAS_WALK**2 * dt,
+        form.predicted,
+        form.half_angle,
+        form.specific_force,
+        form.normalised,
+        form.joseph,
+        form.carried,
+        form.single,
+        q_nb,
         length,
-    )  # fmt: skip
+    )
     return Run(q_nb, length, p)
 
 
 @kernel
 def filtered(
-    x: Floats, p: Floats, gyr: Floats, acc: Floats, var: Floats, dt: float,
-    angle_var: float, walk_var: float, predicted: bool, half_angle: bool, specific_force: bool, normalised: bool,
-    joseph: bool, carried: bool, single: bool, q_nb: Floats, length: Floats,
-) -> None:  # fmt: skip
+    x: Floats,
+    p: Floats,
+    gyr: Floats,
+    acc: Floats,
+    var: Floats,
+    dt: float,
+    angle_var: float,
+    walk_var: float,
+    predicted: bool,
+    half_angle: bool,
+    specific_force: bool,
+    normalised: bool,
+    joseph: bool,
+    carried: bool,
+    single: bool,
+    q_nb: Floats,
+    length: Floats,
+) -> None:
     """Take all samples; x (7,) and p (7, 7) are the state, q_nb (N, 4) and length (N,) what comes out."""
     phi, h, ph, k, i_kh = np.zeros((7, 7)), np.zeros((3, 7)), np.zeros((7, 3)), np.zeros((7, 3)), np.zeros((7, 7))
     work, s, inverse, e = np.zeros((7, 7)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)

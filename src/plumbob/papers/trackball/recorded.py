@@ -29,7 +29,7 @@ from plumbob.papers.trackball.records import (
     two_state,
     unfiltered,
 )
-from plumbob.papers.trackball.static import TAUS, factors
+from plumbob.papers.trackball.seeds import TAUS, factors
 from plumbob.papers.workspace import Work, recorded_samples
 from plumbob.rotations import Frame, quat_conjugate, quat_rotate
 from plumbob.simulation import scenario
