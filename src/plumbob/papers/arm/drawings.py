@@ -29,14 +29,8 @@ _BLUE, _GREEN, _AMBER = SERIES[0], SERIES[2], SERIES[4]
 class BytesRun(NamedTuple):
     """One run through bytes.
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        s.
-    truth : ndarray (N, 4)
-        Attitude of the body in NED.
-    tracks : mapping of str to ndarray (N, 4)
-        Attitude by each scheme, and "six" by Plumbob's filter.
+    `t` (N,): s; `truth` (N, 4): attitude of the body in NED; `tracks` (N, 4): attitude by each scheme, and "six" by
+    Plumbob's filter.
     """
 
     t: Floats
@@ -126,18 +120,8 @@ def _draw_inference(read: Inference, canvas: "FigureBase") -> None:
 class Broken(NamedTuple):
     """A run in which a unit's gyroscope x breaks.
 
-    Attributes
-    ----------
-    array : ImuArray
-        With the fault.
-    seen : Monitored
-        What the monitor says.
-    unit : str
-        The broken one.
-    since, until : float
-        When, s.
-    what : Both
-        Of its panel.
+    `array`: with the fault; `seen`: what the monitor says; `unit`: the broken one; `since`, `until`: when, s;
+    `what`: of its panel.
     """
 
     array: ImuArray

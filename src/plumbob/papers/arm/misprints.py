@@ -55,16 +55,9 @@ def mamdani(error: float, integral: float, points: int = 3601) -> float:
 class Inference(NamedTuple):
     """Two ways to read the same table of rules.
 
-    Attributes
-    ----------
-    gain, gain_product : float
-        Of the error at zero, 1/s.
-    reach : float
-        Largest correction of Mamdani's, of ±9 deg/s.
-    apart : float
-        Largest difference of both, deg/s.
-    e, mamdani, product : ndarray (N,)
-        Error, deg, and both corrections without an integral, deg/s.
+    `gain`, `gain_product`: of the error at zero, 1/s; `reach`: largest correction of Mamdani's, of ±9 deg/s;
+    `apart`: largest difference of both, deg/s; `e`, `mamdani`, `product` (N,): error, deg, and both corrections
+    without an integral, deg/s.
     """
 
     gain: float

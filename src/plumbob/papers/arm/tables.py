@@ -126,14 +126,8 @@ def least(turns: bool, units: int, runs: int = 2000, seed: int = 0) -> Floats:
 class Recovery(NamedTuple):
     """How a scheme forgets a wrong start, without noise.
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        s.
-    error_deg : ndarray (N,)
-        Largest size of the errors of roll, pitch and yaw.
-    time : float
-        From then on it stays below 0.5°, s; infinite where it does not.
+    `t` (N,): s; `error_deg` (N,): largest size of the errors of roll, pitch and yaw; `time`: from then on it stays
+    below 0.5°, s; infinite where it does not.
     """
 
     t: Floats

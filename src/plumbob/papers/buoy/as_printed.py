@@ -119,14 +119,8 @@ def corrected_to(start: float, *, literal: bool, seconds: float = 30.0) -> float
 class Loop(NamedTuple):
     """The PI law as a loop of second order.
 
-    Attributes
-    ----------
-    poles : (float, float)
-        rad/s.
-    damping : float
-        Damping ratio.
-    peak : float
-        Largest attitude error by the bias of the gyroscope that causes it, s.
+    `poles`: rad/s; `damping`: damping ratio; `peak`: largest attitude error by the bias of the gyroscope that
+    causes it, s.
     """
 
     poles: tuple[float, float]

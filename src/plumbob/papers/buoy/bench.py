@@ -54,20 +54,9 @@ _LIVE: Final = '[calibration]\ncard = "{card}"\n[estimate]\nfilter = "mekf"\n[ou
 class CalibratedUnit(NamedTuple):
     """A unit and its cards.
 
-    Attributes
-    ----------
-    mag_counts : ndarray (18, 3)
-        Readings of the magnetometer in the 18 regions, counts of its converter.
-    mag : ndarray (18, 3)
-        The same, µT.
-    step : float
-        Of a count, µT.
-    regions : int
-        Regions that the specific force fills, of 18.
-    paper, best : CalibrationCard
-        By the paper's fit, and by what Plumbob recommends.
-    still : ImuData
-        The first rest of the capture.
+    `mag_counts` (18, 3): readings of the magnetometer in the 18 regions, counts of its converter; `mag` (18, 3):
+    the same, µT; `step`: of a count, µT; `regions`: regions that the specific force fills, of 18; `paper`, `best`:
+    by the paper's fit, and by what Plumbob recommends; `still`: the first rest of the capture.
     """
 
     mag_counts: Floats

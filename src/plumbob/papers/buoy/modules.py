@@ -144,18 +144,8 @@ CAPTURES: Final[dict[str, Attitudes]] = {
 class CaptureRow(NamedTuple):
     """A capture, a fit, and the test.
 
-    Attributes
-    ----------
-    capture : str
-        Of `CAPTURES`.
-    fit : Fit
-        What calibrates.
-    c : float
-        Largest off-diagonal entry of the soft iron.
-    tilt : float
-        Of the table, rad.
-    step : float
-        Of the magnetometer's scale, µT.
+    `capture`: of `CAPTURES`; `fit`: what calibrates; `c`: largest off-diagonal entry of the soft iron; `tilt`: of
+    the table, rad; `step`: of the magnetometer's scale, µT.
     """
 
     capture: str = "faces"
@@ -311,14 +301,9 @@ DEGENERATE: Final[dict[str, tuple[str, dict[str, float | str]]]] = {
 class Refused(NamedTuple):
     """What becomes of a capture that calibrates nothing, over its modules.
 
-    Attributes
-    ----------
-    rightly : float
-        Share that Plumbob refuses, with the right reason.
-    failed : float
-        Share in which the paper's fit gives no ellipsoid, of eighteen readings.
-    yaw : float
-        Median largest error of yaw by the paper's fit where it gives one, deg; NaN where it never does.
+    `rightly`: share that Plumbob refuses, with the right reason; `failed`: share in which the paper's fit gives no
+    ellipsoid, of eighteen readings; `yaw`: median largest error of yaw by the paper's fit where it gives one, deg;
+    NaN where it never does.
     """
 
     rightly: float

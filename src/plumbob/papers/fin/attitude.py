@@ -138,14 +138,8 @@ def swim(work: Work) -> Swum:
 class PerAxis(NamedTuple):
     """Errors of both ways to integrate, noise-free.
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        Times, s.
-    axis, quaternion : ndarray (N, 3)
-        Errors of yaw, pitch and roll, degrees.
-    peaks : ndarray (3,)
-        Largest rates about x, y and z, °/s.
+    `t` (N,): times, s; `axis`, `quaternion` (N, 3): errors of yaw, pitch and roll, degrees; `peaks` (3,): largest
+    rates about x, y and z, °/s.
     """
 
     t: Floats

@@ -61,14 +61,8 @@ class Form(NamedTuple):
 class Run(NamedTuple):
     """What the filter gives.
 
-    Attributes
-    ----------
-    q_nb : ndarray (N, 4)
-        Attitudes, of length 1.
-    length : ndarray (N,)
-        Length of q before it is brought to 1.
-    p : ndarray (7, 7)
-        Covariance at the end.
+    `q_nb` (N, 4): attitudes, of length 1; `length` (N,): length of q before it is brought to 1; `p` (7, 7):
+    covariance at the end.
     """
 
     q_nb: Floats

@@ -185,14 +185,8 @@ def misprinted(table: methods.MethodScores) -> list[Outcome]:
 class Grown(NamedTuple):
     """Covariance of the filter after a time.
 
-    Attributes
-    ----------
-    t : float
-        s.
-    length, tilt, heading : float
-        Standard deviations of |q|, and of tilt and heading, °.
-    condition : float
-        Of the covariance of the quaternion.
+    `t`: s; `length`, `tilt`, `heading`: standard deviations of |q|, and of tilt and heading, °; `condition`: of the
+    covariance of the quaternion.
     """
 
     t: float
@@ -225,18 +219,8 @@ def _grown(p: Floats, q: Floats, t: float) -> Grown:
 class Numerics(NamedTuple):
     """What one form of the filter gives of a run.
 
-    Attributes
-    ----------
-    name : Both
-        The form.
-    largest : float
-        Largest error of roll and pitch, °.
-    lengths : (float, float)
-        Least and greatest |q| before normalisation.
-    least : float
-        Least eigenvalue of P at the end.
-    end : Grown
-        The rest of P at the end.
+    `name`: the form; `largest`: largest error of roll and pitch, °; `lengths`: least and greatest |q| before
+    normalisation; `least`: least eigenvalue of P at the end; `end`: the rest of P at the end.
     """
 
     name: Both

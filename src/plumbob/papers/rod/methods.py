@@ -46,18 +46,9 @@ NARROW: Final[Mapping[str, Any]] = {"rest_rate": "1.7 deg/s", "rest_force": "0.0
 class Case:
     """One seed.
 
-    Attributes
-    ----------
-    imu : ImuData
-        Samples of a unit whose gyroscope has a bias at turn-on.
-    started : ImuData
-        The same without the mean rate of the first 5 s.
-    truth : AttitudeTrack
-        True attitude.
-    noise : NoiseCard
-        Noise of the unit.
-    soft : AttitudeTrack
-        What "ekf7" gives of `imu`, with the flags of its detector of rest.
+    `imu`: samples of a unit whose gyroscope has a bias at turn-on; `started`: the same without the mean rate of the
+    first 5 s; `truth`: true attitude; `noise`: noise of the unit; `soft`: what "ekf7" gives of `imu`, with the
+    flags of its detector of rest.
     """
 
     imu: ImuData
@@ -164,16 +155,9 @@ def leans(q_est: Floats, q_true: Floats) -> Floats:
 class Score(NamedTuple):
     """What one way gives of one seed, °.
 
-    Attributes
-    ----------
-    early, late : ndarray (2,)
-        Largest error of roll and pitch before and after the vibration begins.
-    rms : ndarray (2,)
-        Root mean square of both.
-    share : float
-        Share of the samples at which both are within 1°.
-    lean : float
-        Median angle of the vertical over the last tenth.
+    `early`, `late` (2,): largest error of roll and pitch before and after the vibration begins; `rms` (2,): root
+    mean square of both; `share`: share of the samples at which both are within 1°; `lean`: median angle of the
+    vertical over the last tenth.
     """
 
     early: Floats

@@ -85,16 +85,9 @@ class Soaked(NamedTuple):
 class Turned:
     """The recorded turntable, from the moment that it starts.
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        Time since the start, s.
-    true, raw : ndarray (N,)
-        Rate about the table's axis, true and as measured, rad/s.
-    rates : mapping of str to ndarray (N,)
-        By `LINES`: what each makes of it, rad/s.
-    headings : mapping of str to ndarray (N,)
-        Error of the integrated heading of those that a card has calibrated, rad.
+    `t` (N,): time since the start, s; `true`, `raw` (N,): rate about the table's axis, true and as measured, rad/s;
+    `rates` (N,): by `LINES`: what each makes of it, rad/s; `headings` (N,): error of the integrated heading of
+    those that a card has calibrated, rad.
     """
 
     t: Floats

@@ -78,12 +78,8 @@ class Long(NamedTuple):
 class PowerFits(NamedTuple):
     """Fits of five powers of τ to eight Allan variances of one channel.
 
-    Attributes
-    ----------
-    measured : ndarray (8,)
-        Allan variances, (rad/s)².
-    plain, weighted : ndarray (5,)
-        A₋₂ to A₂, (rad/s)² times s to the opposite power: by plain least squares, and weighted, none below zero.
+    `measured` (8,): allan variances, (rad/s)²; `plain`, `weighted` (5,): A₋₂ to A₂, (rad/s)² times s to the
+    opposite power: by plain least squares, and weighted, none below zero.
     """
 
     measured: Floats
