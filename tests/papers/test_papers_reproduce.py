@@ -13,6 +13,7 @@ import pytest
 
 import plumbob
 from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError
+from plumbob.papers.description import PAPERS
 from plumbob.papers.outcome import Outcome, at_least, at_most, restored, table
 from plumbob.papers.reproduce import DEFINITIONS, NAMES, items, reproduce
 from plumbob.papers.workspace import Work
@@ -94,7 +95,7 @@ def alone(monkeypatch, code):
     started, popen = [], subprocess.Popen
 
     def start(words, **how):
-        assert words[:4] == [sys.executable, "-P", "-m", "plumbob.papers.standalone"]
+        assert words[:4] == [sys.executable, "-P", "-m", "plumbob.papers.reproduce"]
         command = [sys.executable, "-c", f"import sys, time, os; name = sys.argv[1]\n{code}", *words[4:]]
         started.append(popen(command, **how))
         return started[-1]
@@ -154,6 +155,17 @@ def test_every_item_is_done_or_has_its_reason(name):
         for path in re.findall(r"`((?:src|tests|benchmarks|examples|website|docs)/[^\s`]*)`", item.by):
             assert (ROOT / path).exists(), (item.what, path)
     assert "\n".join(items_lines(name)) in PAGE.read_text(encoding="utf-8")  # otherwise: make papers
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_everything_in_a_description_is_used(name):
+    """Each text and table by the paper's code, each figure's row by the page of the papers."""
+    content = PAPERS[name].content
+    code = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "src/plumbob/papers" / name).glob("*.py"))
+    for table in ("text", "texts", "part", "table", "figure"):
+        assert [key for key in content.get(table, ()) if f'"{key}"' not in code] == [], table
+    assert set(content["outcome"]) == keys_of(PAGE.read_text(encoding="utf-8"), name)
+    assert set(PAPERS[name].main) <= set(content["outcome"])
 
 
 def test_the_table_of_the_readme_has_figures_of_the_page_of_the_papers():

@@ -14,7 +14,7 @@ from threading import Event, Lock
 from typing import Any, Final
 
 from plumbob.core import check
-from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
 from plumbob.core.files import write_text
 from plumbob.core.series import needed
 from plumbob.core.text import counted
@@ -260,7 +260,7 @@ def _alone(*words: str) -> subprocess.Popen[str]:
     """Start a paper's process: with the modules of this one, whatever lies in the folder where it is started."""
     paths = os.pathsep.join(path or f"{Path.cwd()}" for path in sys.path)
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "plumbob.papers.standalone", *words],
+        [sys.executable, "-P", "-m", "plumbob.papers.reproduce", *words],
         env={**os.environ, "PYTHONPATH": paths, "PYTHONIOENCODING": "utf-8"},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
@@ -317,3 +317,26 @@ def counts(outcomes: Sequence[Outcome]) -> Sequence[int]:
     """Of all outcomes: how many pass, are shown without a bar, are not reproducible, and are missed."""
     words = [outcome.word for outcome in outcomes]
     return [len(words), *(words.count(word) for word in (PASS, SHOWN, CANNOT, MISSED))]
+
+
+def main(name: str, folder: str, seed: str, lang: str) -> int:
+    """Run a paper in a process of its own: ``python -m plumbob.papers.reproduce NAME FOLDER SEED LANG``.
+
+    It says on standard error how far it is, a line for each step, and at the end what it found, as JSON in one line.
+    """
+
+    def say(*words: object) -> None:
+        sys.stderr.write("\t".join(map(str, words)) + "\n")
+        sys.stderr.flush()
+
+    try:
+        outcomes = run_paper(name, Path(folder), int(seed), lang, lambda *step: say(STEP, *step))
+    except (PlumbobError, OSError) as error:
+        say(error)
+        return 1
+    say(FOUND, json.dumps([outcome.stored() for outcome in outcomes]))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -44,24 +44,10 @@ _STILL: Final = 1.8
 class Taught:
     """What a teach-in gave.
 
-    Attributes
-    ----------
-    chain : Chain
-        The machine as it is known.
-    joints, true : JointTrack
-        Joint angles and hand, estimated and true, at the same times.
-    program : Program
-        What was exported.
-    model : Replay
-        What the URDF does with it.
-    hand : HandError
-        Distance of that hand from the true one.
-    residual : float
-        Greatest distance of both kinematics, the chain's and the URDF's, m.
-    mounts_deg : tuple of (float, float)
-        Rms of the units' mounting errors before and after alignment, deg.
-    files : tuple of Path
-        What was written.
+    `chain`: the machine as it is known; `joints`, `true`: joint angles and hand, estimated and true, at the same
+    times; `program`: what was exported; `model`: what the URDF does with it; `hand`: distance of that hand from the
+    true one; `residual`: greatest distance of both kinematics, the chain's and the URDF's, m; `mounts_deg`: rms of
+    the units' mounting errors before and after alignment, deg; `files`: what was written.
     """
 
     chain: Chain

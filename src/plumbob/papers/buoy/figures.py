@@ -92,76 +92,54 @@ def fig7(paper: StaticTest, best: StaticTest) -> Figure:
     heading = np.mod(to_deg(paper.reference[:, 0]), 360.0)
     order = np.argsort(heading)
     lines = (
-        (BUOY.text("before"), paper.errors("before"), RED, "dashed"),
-        (BUOY.text("after_the_papers_six"), paper.errors("after"), BLUE, "solid"),
-        (BUOY.text("after_plumbobs_card"), best.errors("after"), GREEN, "solid"),
+        (paper.errors("before"), RED, "--"),
+        (paper.errors("after"), BLUE, "-"),
+        (best.errors("after"), GREEN, "-"),
     )
 
     def draw(canvas: "FigureBase") -> None:
         axes = canvas.subplots(3, 1, sharex=True)
         for i, (ax, name) in enumerate(zip(axes, ANGLES, strict=True)):
             ax.axhline(0.0, color=SOFT, linewidth=0.5)
-            for _, errors, colour, style in lines:
-                kind = "--" if style == "dashed" else "-"
-                ax.plot(
-                    heading[order],
-                    to_deg(errors[order, i]),
-                    kind,
-                    color=colour,
-                    marker="o",
-                    markersize=1.8,
-                    linewidth=0.8,
-                )
+            for errors, colour, dash in lines:
+                how = {"color": colour, "marker": "o", "markersize": 1.8, "linewidth": 0.8}
+                ax.plot(heading[order], to_deg(errors[order, i]), dash, **how)
             for limit in (-5.0, 5.0):
                 ax.axhline(limit, color=MUTED, linewidth=0.6, linestyle=":")
             ax.set_ylabel(BUOY.text("error", name=ANGLE[name]))
         axes[-1].set_xticks(range(0, 361, 45))
 
-    key = [(name, colour, style) for name, _, colour, style in lines]
-    key.append((BUOY.text("papers_5"), MUTED, "dotted"))
-    return BUOY.figure("figure_7", draw, lines=key)
+    return BUOY.figure("figure_7", draw)
 
 
 def fig8(slid: Slid) -> Figure:
     """Figure 8: roll and pitch on a level desk, slid quickly, with and without the gate."""
-    lines = (
-        ("no gate", BUOY.text("without_the_gate"), RED, (9.6, 6.1)),
-        ("gate 0.08 g", BUOY.text("gate_0_08_g"), BLUE, (3.3, 2.7)),
-        ("mekf", BUOY.text("recommended_filter_mekf"), GREEN, (np.nan, np.nan)),
-    )
+    lines = {"no gate": (RED, (9.6, 6.1)), "gate 0.08 g": (BLUE, (3.3, 2.7)), "mekf": (GREEN, (np.nan, np.nan))}
 
     def draw(canvas: "FigureBase") -> None:
         axes = canvas.subplots(2, 1, sharex=True)
         for panel, (ax, name, column) in enumerate(zip(axes, ("roll", "pitch"), (2, 1), strict=True)):
-            for key, _, colour, printed in lines:
+            for key, (colour, printed) in lines.items():
                 ax.plot(slid.t, slid.errors[key][:, column], color=colour, linewidth=0.8)
                 for side in (-1.0, 1.0):
                     ax.axhline(side * printed[panel], color=colour, linewidth=0.6, linestyle=":")
             ax.set_ylabel(BUOY.text("text_2", name=name, angle_name=ANGLE[name]))
 
-    key = [(name, colour, "solid") for _, name, colour, _ in lines]
-    key.append((BUOY.text("largest_in_the_paper"), MUTED, "dotted"))
-    return BUOY.figure("figure_8", draw, lines=key)
+    return BUOY.figure("figure_8", draw)
 
 
 def waves(sailed: Sailed) -> Figure:
     """Roll at sea over the last minute, and the errors of four ways to find it."""
     rows = sailed.t >= sailed.t[-1] - 60.0
-    lines: Sequence[tuple[str, Both, str]] = (
-        ("tilt_compass", BUOY.text("accelerometer_and_compass_alone"), SOFT),
-        ("gate 0.08 g", BUOY.text("papers_filter_gate_0"), BLUE),
-        ("mekf", BUOY.text("recommended_filter_mekf"), GREEN),
-        ("smoother", BUOY.text("smoother_knows_the_future"), AMBER),
-    )
+    lines = {"tilt_compass": SOFT, "gate 0.08 g": BLUE, "mekf": GREEN, "smoother": AMBER}
 
     def draw(canvas: "FigureBase") -> None:
         upper, lower = canvas.subplots(2, 1, sharex=True)
         upper.plot(sailed.t[rows], to_deg(euler_zyx_from_quat(sailed.truth.q_nb[rows])[:, 2]), color=INK, linewidth=0.9)
-        for key, _, colour in lines:
+        for key, colour in lines.items():
             lower.plot(sailed.t[rows], sailed.errors[key][rows, 2], color=colour, linewidth=0.8)
 
-    key = [(BUOY.text("truth"), INK, "solid"), *((name, colour, "solid") for _, name, colour in lines)]
-    return BUOY.figure("roll_in_waves", draw, lines=key)
+    return BUOY.figure("roll_in_waves", draw)
 
 
 def gains(kps: Sequence[float], scans: Mapping[Both, tuple[Floats, Floats]]) -> Figure:

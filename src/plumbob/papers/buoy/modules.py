@@ -158,20 +158,10 @@ class CaptureRow(NamedTuple):
 class ModuleStatistics(NamedTuple):
     """What a row gives over its modules: largest of 36 errors, deg, and shares of the modules.
 
-    Attributes
-    ----------
-    before, yaw, level : float
-        Medians: of the yaw before and after, and of the larger one of pitch and roll after.
-    yaw95, level95 : float
-        What 95 % of the modules keep.
-    within : float
-        Share whose yaw keeps 2.5°.
-    yaw5, all5 : float
-        Share whose yaw, and whose three angles, keep 5°, as the paper claims.
-    before5 : float
-        Share whose yaw keeps 5° before.
-    failed : float
-        Share whose first capture gave no calibration.
+    `before`, `yaw`, `level`: medians: of the yaw before and after, and of the larger one of pitch and roll after;
+    `yaw95`, `level95`: what 95 % of the modules keep; `within`: share whose yaw keeps 2.5°; `yaw5`, `all5`: share
+    whose yaw, and whose three angles, keep 5°, as the paper claims; `before5`: share whose yaw keeps 5° before;
+    `failed`: share whose first capture gave no calibration.
     """
 
     before: float

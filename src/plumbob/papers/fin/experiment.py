@@ -13,12 +13,11 @@ from plumbob.noise import Analysis, Coefficient
 from plumbob.noise.report import coefficient, log_ticks, lowest
 from plumbob.papers.description import FIN
 from plumbob.papers.fin.chain import AT_REST
-from plumbob.papers.fin.datasheet import TABLE, fin_report
+from plumbob.papers.fin.datasheet import TABLE
 from plumbob.papers.fin.estimation import with_paper_interval
 from plumbob.papers.fin.records import (
     AXES,
     LENGTH,
-    RATE,
     SIGMA,
     TABLE_1,
     THREE,
@@ -26,7 +25,6 @@ from plumbob.papers.fin.records import (
     TrueCoefficients,
     analysed,
     drawn,
-    printed,
     sent,
 )
 from plumbob.papers.outcome import Outcome
@@ -77,29 +75,16 @@ def part(records: Mapping[str, Analysed]) -> tuple[Report, list[Outcome]]:
         *_table_outcomes(table),
         *_claims(table),
     ]
-    report = fin_report(table)
-    as_printed = next(candidate for candidate in report.tables if "printed" in candidate.title)
     tables = [
         _record_table(table, TABLE_1, FIN.text("table_1_from_the")),
-        _as_printed(),
-        FIN.table("table_1_as", _with_remarks(as_printed.rows)),
+        FIN.table("table_1_as_printed"),
+        FIN.table("table_1_as"),
         _record_table(records["three"].noise.analyses, THREE, FIN.text("same_table_from_the")),
-        _forced(),
+        FIN.table("what_a_line"),
         _angles(table),
     ]
     figures = [_figure_4(records), _figure_5(records)]
     return FIN.part("experiment", tables=tables, figures=figures), outcomes
-
-
-_REMARKS: Final = tuple(FIN.texts("remarks").values())
-"""What is to be said of each entry of `TABLE`."""
-
-
-def _with_remarks(rows: Sequence[Sequence[str]]) -> list[list[str]]:
-    return [
-        [*(cell.replace(" to ", " … ") for cell in row[:-1]), remark]
-        for row, remark in zip(rows, _REMARKS, strict=True)
-    ]
 
 
 def _true(of: TrueCoefficients, letter: str, axis: int) -> float:
@@ -146,16 +131,6 @@ def _read(a: Analysis, letter: str) -> float:
     return math.nan if least is None else least.dev / SIGMA
 
 
-def _forced() -> Table:
-    """Q that a line of slope −1 reads at the shortest averaging time from white noise of the printed R alone."""
-    alone = printed("N") * math.sqrt(1.0 / RATE / 3.0)
-    rows = [
-        [FIN.text("q_as_printed"), *(f"{v:.3f}" for v in printed("Q"))],
-        [FIN.text("white_noise_of_r"), *(f"{v:.3f}" for v in alone)],
-    ]
-    return FIN.table("what_a_line", rows, head=("", *AXES))
-
-
 def _claims(analyses: Sequence[Analysis]) -> list[Outcome]:
     """What the abstract and §3 say of the terms: shares of the angle's error after 220 s."""
     outcomes = []
@@ -195,27 +170,6 @@ def _zh(name: str) -> str:
 
 def _said(c: Coefficient | None, unit: str) -> str:
     return "-" if c is None else text.measured(*(from_si(v, unit) for v in (c.value, c.lo, c.hi)))
-
-
-def _as_printed() -> Table:
-    """Table 1 as it is printed, and as it can be corrected."""
-    rows = []
-    for letter, heading, unit in (
-        ("Q", FIN.text("q"), FIN.text("q_2")),
-        ("N", FIN.text("r_h"), FIN.text("n_r_60_h")),
-        ("B", FIN.text("b_h"), FIN.text("b_flat_0_664")),
-    ):
-        entries = [entry for entry in TABLE if entry.letter == letter]
-        scale = {"Q": 1.0, "N": 1.0 / 60.0, "B": 1.0 / SIGMA}[letter]
-        rows.append([heading, *(f"{entry.value} ± {entry.error}" for entry in entries)])
-        rows.append([unit, *(_corrected(float(entry.value), float(entry.error), letter, scale) for entry in entries)])
-    return FIN.table("table_1_as_printed", rows, head=(FIN.text("coefficient"), *AXES))
-
-
-def _corrected(value: float, error: float, letter: str, scale: float) -> str:
-    slip = letter == "Q" and error > 0.05
-    half = 0.1 * error if slip else error
-    return text.measured(scale * value, scale * (value - half), scale * (value + half))
 
 
 def _angles(analyses: Sequence[Analysis]) -> Table:

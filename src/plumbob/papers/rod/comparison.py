@@ -71,22 +71,10 @@ LINES: Final[Mapping[str, EstimateLine]] = {
 class Compared:
     """The run.
 
-    Attributes
-    ----------
-    taken : Taken
-        Its files.
-    t : ndarray (N,)
-        Times, s, from the first sample.
-    tracks : mapping of str to ndarray (N, 4)
-        Attitudes of `LINES`, body to NED.
-    truth : AttitudeTrack
-        True attitude, with the true bias.
-    ahrs, ahrs_true : ndarray (N, 4)
-        Attitude of the reference in its own axes, as its packets say it and as it is.
-    rest : ndarray (N,) of bool
-        Where the detector of "ekf7" finds rest.
-    bias : ndarray (N, 3)
-        Bias that "ekf7" estimates, rad/s.
+    `taken`: its files; `t` (N,): times, s, from the first sample; `tracks` (N, 4): attitudes of `LINES`, body to
+    NED; `truth`: true attitude, with the true bias; `ahrs`, `ahrs_true` (N, 4): attitude of the reference in its
+    own axes, as its packets say it and as it is; `rest` (N,): where the detector of "ekf7" finds rest; `bias` (N,
+    3): bias that "ekf7" estimates, rad/s.
     """
 
     taken: Taken

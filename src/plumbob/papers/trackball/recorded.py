@@ -49,18 +49,10 @@ DOWN: Final = (0.0, 0.0, 1.0)
 class Rest(NamedTuple):
     """The recorded static test.
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    raw, before, after, best : ndarray (N, 3)
-        As measured, with drift and constant taken off, then by the scalar filter, or by the one with two states, rad/s.
-    compared : DeviationComparison
-        Deviations of x before and after the scalar filter, at the paper's eight averaging times.
-    quantum : float
-        Smallest step between two rates, rad/s.
-    temp_c : float
-        Mean temperature, °C.
+    `t` (N,): time, s; `raw`, `before`, `after`, `best` (N, 3): as measured, with drift and constant taken off, then
+    by the scalar filter, or by the one with two states, rad/s; `compared`: deviations of x before and after the
+    scalar filter, at the paper's eight averaging times; `quantum`: smallest step between two rates, rad/s;
+    `temp_c`: mean temperature, °C.
     """
 
     t: Floats

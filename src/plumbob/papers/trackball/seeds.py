@@ -47,16 +47,10 @@ MEMORIES: Final = 5.0
 class Short(NamedTuple):
     """What the filters do to the paper's record, by Q/R.
 
-    Attributes
-    ----------
-    variance, angle : ndarray (k,)
-        Ratio of the variances, start included, and of the rms of the integrated angles, mean included.
-    adev : ndarray (k, 8)
-        Ratio of the Allan deviations at each of `TAUS`.
-    before : ndarray (8,)
-        Allan deviation of what they were given, rad/s.
-    scatter : ndarray (8,)
-        Relative standard deviation of one record's Allan deviation of disjoint averages.
+    `variance`, `angle` (k,): ratio of the variances, start included, and of the rms of the integrated angles, mean
+    included; `adev` (k, 8): ratio of the Allan deviations at each of `TAUS`; `before` (8,): allan deviation of what
+    they were given, rad/s; `scatter` (8,): relative standard deviation of one record's Allan deviation of disjoint
+    averages.
     """
 
     variance: Floats
