@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from plumbob.papers import fin
-from plumbob.papers.fin import algorithm, attitude, chain, estimation, experiment, forms, records
+from plumbob.papers.fin import algorithm, attitude, chain, estimation, experiment, records
 from plumbob.papers.workspace import Work
 from plumbob.simulation import simulate
 from tests.helpers.papers import FIN_SYMBOLS, by_key, english_alone, unmet
@@ -22,7 +22,7 @@ def test_printed_sums_make_white_noise_look_like_quantization():
 
     In closed form both are σ = 1/(n √(t0)), 0.0447 at n = 500; 0.041 is one record's.
     """
-    white = forms.white_by_readings(np.random.default_rng(1), records=4)
+    white = algorithm.white_by_readings(np.random.default_rng(1), records=4)
     assert white.slope("right") == pytest.approx(-0.5, abs=0.02)
     assert white.at_second("right") == pytest.approx(1.0, abs=3 * 0.04778)  # (7) at 1 s
     for reading in ("moving", "disjoint"):
@@ -33,22 +33,22 @@ def test_printed_sums_make_white_noise_look_like_quantization():
 def test_every_sum_is_that_of_the_definition_but_the_printed_one_at_half_of_the_record():
     """Bar of papers 000: 1e-12."""
     rates = np.random.default_rng(1).standard_normal(100)
-    assert math.isnan(forms.allan_sum(rates, 50, "moving"))
+    assert math.isnan(algorithm.allan_sum(rates, 50, "moving"))
     halves = rates.reshape(2, 50).mean(axis=1)
-    assert forms.allan_sum(rates, 50) == pytest.approx(abs(halves[1] - halves[0]) / math.sqrt(2.0), rel=1e-12)
+    assert algorithm.allan_sum(rates, 50) == pytest.approx(abs(halves[1] - halves[0]) / math.sqrt(2.0), rel=1e-12)
     rates = np.random.default_rng(2).standard_normal(5000) + 3.0
-    assert forms.every_sum(rates, np.arange(1, 2501, 50)) <= 1e-12
+    assert algorithm.every_sum(rates, np.arange(1, 2501, 50)) <= 1e-12
 
 
 def test_the_integrals_of_the_spectra_and_the_slopes_of_rounding():
     """∫ sin⁴u/u² = π/4, ∫ sin⁴u/u³ = ln 2, and sin⁴u/u grows as (3/8) ln u; 0.77 up to Nyquist (papers 000, eq 3)."""
-    assert forms.white_integral(1e3, 2) == pytest.approx(math.pi / 4.0, rel=1e-3)
-    growth = forms.white_integral(1e4, 1) - forms.white_integral(1e3, 1)
+    assert algorithm.white_integral(1e3, 2) == pytest.approx(math.pi / 4.0, rel=1e-3)
+    growth = algorithm.white_integral(1e4, 1) - algorithm.white_integral(1e3, 1)
     assert growth == pytest.approx(0.375 * math.log(10.0), rel=1e-3)
-    assert forms.flicker_integral(1e3) == pytest.approx(math.log(2.0), rel=1e-4)
-    assert forms.quantisation_integral(0.002, math.sqrt(3.0), 250.0) == pytest.approx(0.77, abs=0.005)
+    assert algorithm.flicker_integral(1e3) == pytest.approx(math.log(2.0), rel=1e-4)
+    assert algorithm.quantisation_integral(0.002, math.sqrt(3.0), 250.0) == pytest.approx(0.77, abs=0.005)
     # papers 000, traps: slope −1/2 of a rounded rate (−0.500, −0.498), −1 of a rounded angle
-    found = forms.slopes(np.random.default_rng(3))
+    found = algorithm.slopes(np.random.default_rng(3))
     assert found.rate == pytest.approx(-0.5, abs=0.02)
     assert found.rate_at_second == pytest.approx(1.0, abs=0.1)
     assert found.angle == pytest.approx(-1.0, abs=0.02)

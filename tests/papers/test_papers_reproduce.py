@@ -162,8 +162,8 @@ def test_everything_in_a_description_is_used(name):
     """Each text and table by the paper's code, each figure's row by the page of the papers."""
     content = PAPERS[name].content
     code = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "src/plumbob/papers" / name).glob("*.py"))
-    for table in ("text", "texts", "part", "table", "figure"):
-        assert [key for key in content.get(table, ()) if f'"{key}"' not in code] == [], table
+    for kind in ("text", "texts", "part", "table", "figure"):
+        assert [key for key in content.get(kind, ()) if f'"{key}"' not in code] == [], kind
     assert set(content["outcome"]) == keys_of(PAGE.read_text(encoding="utf-8"), name)
     assert set(PAPERS[name].main) <= set(content["outcome"])
 

@@ -16,8 +16,7 @@ from plumbob.data.array import ImuArray
 from plumbob.door.calibrate import read_track
 from plumbob.door.reading import read_array
 from plumbob.papers.arm import faults, misprints, tables, teaching
-from plumbob.papers.arm.drawings import Broken, BytesRun
-from plumbob.papers.arm.page import Findings, report
+from plumbob.papers.arm.page import Broken, BytesRun, Findings, report
 from plumbob.papers.arm.simulated import AXES, REST, Over, assumed_noise, with_noise
 from plumbob.papers.arm.tables import SCHEMES, SEEDS
 from plumbob.papers.description import ARM

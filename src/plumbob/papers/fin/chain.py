@@ -16,8 +16,8 @@ from plumbob.door.calibrate import calibrate, read_track
 from plumbob.noise import deviation
 from plumbob.noise.report import log_ticks
 from plumbob.papers.description import FIN
+from plumbob.papers.fin.algorithm import slope
 from plumbob.papers.fin.attitude import ANGLES, LIVE, NAMES, Part, errors_deg, fin_unit, integrated, line, without_noise
-from plumbob.papers.fin.forms import slope
 from plumbob.papers.fin.records import LENGTH, RATE, gyr_rates
 from plumbob.papers.outcome import at_most
 from plumbob.papers.workspace import Work, recorded_samples
