@@ -140,7 +140,7 @@ def _misprints(study: Findings) -> Report:
         "misprints",
         read=study.read,
         tables=[ARM.table("printed_forms_computed", forms=study.printed), ARM.table("table_1_with", rows)],
-        figures=[inference_figure(study.read)],
+        figures=[ARM.figure("correction_by_the", partial(_draw_inference, study.read))],
     )
 
 
@@ -305,11 +305,6 @@ def _draw_recovery(recoveries: Sequence[Recovery], canvas: "FigureBase") -> None
         ax.semilogy(run.t, np.maximum(run.error_deg, 1e-3), color=SERIES[k], linewidth=1.1)
     ax.axhline(0.5, color=MUTED, linewidth=0.8, linestyle="--")
     ax.set_yticks((0.01, 0.1, 1.0, 10.0), labels=("0.01", "0.1", "1", "10"))
-
-
-def inference_figure(read: Inference) -> Figure:
-    """Correction over the error, by two ways to infer from one table."""
-    return ARM.figure("correction_by_the", partial(_draw_inference, read))
 
 
 def _draw_inference(read: Inference, canvas: "FigureBase") -> None:

@@ -47,17 +47,22 @@ def page(
     """
     return ROD.part(
         "page",
-        parts=[_system(), _equations(forms, steps), _compared(run), _methods(table), _mounting(run), _limits(limits)],
+        parts=[
+            ROD.part("system", tables=[ROD.table("chain_and_what")]),
+            _equations(forms, steps),
+            _compared(run),
+            _methods(table),
+            _mounting(run),
+            _limits(limits),
+        ],
     )
-
-
-def _system() -> Report:
-    return ROD.part("system", tables=[ROD.table("chain_and_what")])
 
 
 def _equations(forms: Sequence[Numerics], steps: Sequence[Grown]) -> Report:
     return ROD.part(
-        "equations", tables=[ROD.table("misprints_and_gaps"), numerics_table(forms)], figures=[covariance_figure(steps)]
+        "equations",
+        tables=[ROD.table("misprints_and_gaps"), numerics_table(forms)],
+        figures=[ROD.figure("p_over_time", partial(_covariance, steps))],
     )
 
 
@@ -107,11 +112,17 @@ def _methods(table: Scores) -> Report:
         for title, keys in zip(titles, (first, [key for key in cells if key not in first]), strict=True)
     ]
     jumps = ", ".join(f"{max(table.jumps[key]):.2f}°" for key in ("ekf7", "hard", "hard_reset"))
-    return ROD.part("methods", seeds=seeds, jumps=jumps, tables=tables, figures=[seeds_figure(table)])
+    return ROD.part(
+        "methods",
+        seeds=seeds,
+        jumps=jumps,
+        tables=tables,
+        figures=[ROD.figure("largest_error_of", partial(_seeds, table))],
+    )
 
 
 def _mounting(run: Compared) -> Report:
-    return ROD.part("mounting", figures=[exchange_figure(run)])
+    return ROD.part("mounting", figures=[ROD.figure("exchanged_euler_angles", partial(_exchange, run))])
 
 
 def _limits(limits: Sequence[Sequence[Sequence[float]]]) -> Report:
@@ -212,11 +223,6 @@ def _bias(run: Compared, canvas: "FigureBase") -> None:
         ax.set_ylim(low - spread, high + spread)
 
 
-def seeds_figure(table: MethodScores) -> Figure:
-    """Largest error of each seed, a row for each way."""
-    return ROD.figure("largest_error_of", partial(_seeds, table))
-
-
 def _seeds(table: MethodScores, canvas: "FigureBase") -> None:
     ax = canvas.subplots()
     keys = list(table.scores)[::-1]
@@ -230,11 +236,6 @@ def _seeds(table: MethodScores, canvas: "FigureBase") -> None:
     ax.set_xticks((0.3, 1.0, 3.0, 10.0, 30.0, 100.0), ("0.3", "1", "3", "10", "30", "100"))
 
 
-def exchange_figure(run: Compared) -> Figure:
-    """Error of exchanged Euler angles against the tilt, and over the run."""
-    return ROD.figure("exchanged_euler_angles", partial(_exchange, run))
-
-
 def _exchange(run: Compared, canvas: "FigureBase") -> None:
     from plumbob.papers.rod.comparison import mapped, permuted
 
@@ -246,11 +247,6 @@ def _exchange(run: Compared, canvas: "FigureBase") -> None:
     ax.axhline(LIMIT, color=MUTED, linewidth=0.7, linestyle="--")
     errors = tilt_errors(permuted(run.ahrs_true), mapped(run.ahrs_true))
     _pair(run_ax, run.t, errors)
-
-
-def covariance_figure(steps: Sequence[Grown]) -> Figure:
-    """How the covariance of the paper's equations grows."""
-    return ROD.figure("p_over_time", partial(_covariance, steps))
 
 
 def _covariance(steps: Sequence[Grown], canvas: "FigureBase") -> None:

@@ -136,7 +136,7 @@ def _composition(run: Found) -> Report:
         short=run.seeds["short"],
         run_negative=100 * run.negative[1],
         tables=[table],
-        figures=[fit_figure(run.fit)],
+        figures=[TRACKBALL.figure("14_fits_of", partial(_draw_fit, run.fit))],
     )
 
 
@@ -169,7 +169,7 @@ def _turntable(run: Found) -> Report:
         behind=behind,
         calibrated=end["calibrated"],
         tables=tables,
-        figures=[*turn_figures(run.turned), lag_figure(run.turned)],
+        figures=[*turn_figures(run.turned), TRACKBALL.figure("lag_of_the", partial(_draw_lag, run.turned))],
     )
 
 
@@ -183,7 +183,12 @@ def _ball(run: Found) -> Report:
         off = to_deg(apart(tracks[name], tracks["true"]))
         rows.append([shown, *(f"{v:.1f}" for v in (np.sqrt(np.mean(off**2)), off.max(), off[-1]))])
     table = TRACKBALL.table("error_of_the", rows)
-    return TRACKBALL.part("ball", tables=[table], figures=[ball_figure(run.lapped)], scenes=[_scene(run.lapped)])
+    return TRACKBALL.part(
+        "ball",
+        tables=[table],
+        figures=[TRACKBALL.figure("track_of_the", partial(_draw_balls, run.lapped))],
+        scenes=[_scene(run.lapped)],
+    )
 
 
 def _scene(lapped: Lapped) -> Scene:
@@ -252,29 +257,14 @@ def allan_figure(rest: Rest, short: Short) -> Figure:
 _RATIO_COLOURS: Final = (SKY, AMBER, RED, PINK, OLIVE)
 
 
-def fit_figure(fit: PowerFits) -> Figure:
-    """Fits of the five powers to the Allan variances of the record: the plain one, and the one that weighs."""
-    return TRACKBALL.figure("14_fits_of", partial(_draw_fit, fit))
-
-
 def turn_figures(turned: Turned) -> list[Figure]:
     """Figures 4 and 5: the rate while the table speeds up and while it holds, before and after compensation."""
     parts = {"figure_4": slice(0, SAMPLES), "figure_5": slice(SAMPLES, 2 * SAMPLES)}
     return [TRACKBALL.figure(key, partial(_draw_turn, turned, part)) for key, part in parts.items()]
 
 
-def lag_figure(turned: Turned) -> Figure:
-    """Lag of the rate, and what it does to the heading."""
-    return TRACKBALL.figure("lag_of_the", partial(_draw_lag, turned))
-
-
 BALLS: Final[Mapping[str, Both]] = TRACKBALL.texts("balls")
 """Tracks that are drawn."""
-
-
-def ball_figure(lapped: Lapped) -> Figure:
-    """Track of the touching point on the ball, seen from one side: true, measured, by the paper, and best."""
-    return TRACKBALL.figure("track_of_the", partial(_draw_balls, lapped))
 
 
 def _draw_series(t: Floats, lines: Mapping[str, Floats], canvas: "FigureBase") -> None:
