@@ -80,23 +80,9 @@ def run(work: Work) -> Paper:
     outcomes += teaching.outcomes(done)
     steps("page")
     findings = Findings(
-        runs,
-        rest,
-        turn,
-        fast,
-        printed,
-        read,
-        stated,
-        recoveries,
-        designs,
-        watched,
-        parity,
-        every,
-        done,
-        FEW,
-        SEEDS,
+        runs, rest, turn, fast, printed, read, stated, recoveries, designs, watched, parity, every, done, FEW, SEEDS,
         WATCHED,
-    )
+    )  # fmt: skip
     return Paper(report=report(findings, work.seed), outcomes=outcomes)
 
 

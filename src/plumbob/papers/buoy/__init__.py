@@ -57,14 +57,9 @@ def run(work: Work) -> Paper:
 
 
 def measured(
-    work: Work,
-    *,
-    modules: int = MODULES,
-    units: int = UNITS,
-    seas: int = SEAS,
-    offered: int = OFFERED,
+    work: Work, *, modules: int = MODULES, units: int = UNITS, seas: int = SEAS, offered: int = OFFERED,
     duration: float = DURATION,
-) -> Results:
+) -> Results:  # fmt: skip
     """Everything that the page says; with fewer seeds and a shorter sea, s, where asked."""
     say = work.steps(6 + len(ROWS) + len(trials.STROKES))
     say("capture and calibration")

@@ -163,13 +163,9 @@ def model(track: AttitudeTrack, truth: AttitudeTrack) -> Scene:
     """The host program's model of Fig 6: axes and rim of the buoy in the last half minute, the truth beside it pale."""
     rows = np.flatnonzero(track.t >= track.t[-1] - 30.0)[::5]
     places = {
-        "x": (1.0, 0.0, 0.0),
-        "y": (0.0, 1.0, 0.0),
-        "−x": (-1.0, 0.0, 0.0),
-        "−y": (0.0, -1.0, 0.0),
-        "z": (0.0, 0.0, 0.9),
-        "o": (0.0, 0.0, 0.0),
-    }
+        "x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "−x": (-1.0, 0.0, 0.0), "−y": (0.0, -1.0, 0.0),
+        "z": (0.0, 0.0, 0.9), "o": (0.0, 0.0, 0.0),
+    }  # fmt: skip
     lines = [("x", "y"), ("y", "−x"), ("−x", "−y"), ("−y", "x"), ("o", "x"), ("o", "y"), ("o", "z")]
     yaw, pitch, roll = to_deg(euler_zyx_from_quat(track.q_nb[rows])).T
     points = partial(_points_nwu, places)

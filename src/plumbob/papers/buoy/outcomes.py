@@ -74,15 +74,9 @@ class Results(NamedTuple):
 
 def outcomes(found: Results) -> list[Outcome]:
     """Every figure, in the order of the paper."""
+    parts = (_design, _boot, _events, _capture, _static, _modules, _slide, _sea)
     return [
-        *_design(found),
-        *_boot(found),
-        *_events(found.device),
-        *_capture(found),
-        *_static(found),
-        *_modules(found),
-        *_slide(found),
-        *_sea(found),
+        *(row for part in parts for row in part(found)),
         _claim(found),
         *(BUOY.row(f"literal.{key}", faithful=form[0]) for key, form in found.misprints.items()),
     ]
@@ -116,7 +110,8 @@ def _boot(results: Results) -> Iterator[Outcome]:
     yield BUOY.row("boot.first", faithful=faithful, best=best)
 
 
-def _events(device: Device) -> Iterator[Outcome]:
+def _events(results: Results) -> Iterator[Outcome]:
+    device = results.device
     for task, rate in device.rates.items():
         yield BUOY.row(f"rate.{task}", faithful=rate)
     yield BUOY.row("events.missed", faithful=float(sum(device.missed.values())))

@@ -121,8 +121,6 @@ def lengths(rng: np.random.Generator) -> Iterator[Length]:
 
 Step = Callable[[str], None]
 
-_METHODS: Final = FIN.texts("methods")
-
 
 def part(work: Work, step: Step, runs: int, *, long: bool = True) -> tuple[Report, list[Outcome]]:
     """Part of the page, and its outcomes.
@@ -166,7 +164,7 @@ def part(work: Work, step: Step, runs: int, *, long: bool = True) -> tuple[Repor
 
 def _table(rows: Mapping[tuple[str, str], CoefficientRow], runs: int) -> Table:
     lines = []
-    for method, name in _METHODS.items():
+    for method, name in FIN.texts("methods").items():
         of = [rows[method, letter] for letter in "QNB"]
         lines.append(
             [

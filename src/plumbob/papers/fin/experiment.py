@@ -45,16 +45,12 @@ SHOWN: Final = {"Q": "″", "N": FIN.text("h_at_1_s"), "B": "°/h"}
 NAMES: Final = FIN.texts("experiment_names")
 
 
-class Records(dict[str, Analysed]):
-    """Static records by name: "table", "parts" and "three"."""
-
-
-def static_records(work: Work, step: Step) -> tuple[Records, Taken]:
+def static_records(work: Work, step: Step) -> tuple[dict[str, Analysed], Taken]:
     """Record and analyse the three static records; and the one of the parts' data sheets, as it was recorded.
 
     Each goes through bytes, a recording, and a TXT file, and is analysed at every averaging factor.
     """
-    records = Records()
+    records: dict[str, Analysed] = {}
     step("static record, data sheets")
     parts = work.recorded("fin", "static-parts", **AT_REST)
     records["parts"] = analysed(parts.recording)

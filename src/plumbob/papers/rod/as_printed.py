@@ -61,8 +61,14 @@ class Form(NamedTuple):
 class Run(NamedTuple):
     """What the filter gives.
 
-    `q_nb` (N, 4): attitudes, of length 1; `length` (N,): length of q before it is brought to 1; `p` (7, 7):
-    covariance at the end.
+    Attributes
+    ----------
+    q_nb : ndarray (N, 4)
+        Attitudes, of length 1.
+    length : ndarray (N,)
+        Length of q before it is brought to 1.
+    p : ndarray (7, 7)
+        Covariance at the end.
     """
 
     q_nb: Floats
@@ -142,47 +148,19 @@ def literal(imu: ImuData, acc_sd: Floats | float = ACC_SD, form: Form | None = N
     dt = (imu.t[-1] - imu.t[0]) / (len(imu) - 1)
     var = np.broadcast_to(np.asarray(acc_sd, dtype=np.float64) ** 2, len(imu)).copy()
     filtered(
-        x,
-        p,
-        imu.gyr,
-        imu.acc,
-        var,
-        dt,
-        GYRO_NOISE**2 * dt,
-        BIAS_WALK**2 * dt,
-        form.predicted,
-        form.half_angle,
-        form.specific_force,
-        form.normalised,
-        form.joseph,
-        form.carried,
-        form.single,
-        q_nb,
+        x, p, imu.gyr, imu.acc, var, dt, GYRO_NOISE**2 * dt, BIAS_WALK**2 * dt, form.predicted, form.half_angle,
+        form.specific_force, form.normalised, form.joseph, form.carried, form.single, q_nb,
         length,
-    )
+    )  # fmt: skip
     return Run(q_nb, length, p)
 
 
 @kernel
 def filtered(
-    x: Floats,
-    p: Floats,
-    gyr: Floats,
-    acc: Floats,
-    var: Floats,
-    dt: float,
-    angle_var: float,
-    walk_var: float,
-    predicted: bool,
-    half_angle: bool,
-    specific_force: bool,
-    normalised: bool,
-    joseph: bool,
-    carried: bool,
-    single: bool,
-    q_nb: Floats,
-    length: Floats,
-) -> None:
+    x: Floats, p: Floats, gyr: Floats, acc: Floats, var: Floats, dt: float,
+    angle_var: float, walk_var: float, predicted: bool, half_angle: bool, specific_force: bool, normalised: bool,
+    joseph: bool, carried: bool, single: bool, q_nb: Floats, length: Floats,
+) -> None:  # fmt: skip
     """Take all samples; x (7,) and p (7, 7) are the state, q_nb (N, 4) and length (N,) what comes out."""
     phi, h, ph, k, i_kh = np.zeros((7, 7)), np.zeros((3, 7)), np.zeros((7, 3)), np.zeros((7, 3)), np.zeros((7, 7))
     work, s, inverse, e = np.zeros((7, 7)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)

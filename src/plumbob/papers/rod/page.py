@@ -52,7 +52,7 @@ def page(
             _equations(forms, steps),
             _compared(run),
             _methods(table),
-            _mounting(run),
+            ROD.part("mounting", figures=[ROD.figure("exchanged_euler_angles", partial(_exchange, run))]),
             _limits(limits),
         ],
     )
@@ -119,10 +119,6 @@ def _methods(table: Scores) -> Report:
         tables=tables,
         figures=[ROD.figure("largest_error_of", partial(_seeds, table))],
     )
-
-
-def _mounting(run: Compared) -> Report:
-    return ROD.part("mounting", figures=[ROD.figure("exchanged_euler_angles", partial(_exchange, run))])
 
 
 def _limits(limits: Sequence[Sequence[Sequence[float]]]) -> Report:

@@ -64,15 +64,9 @@ def _warming(coefficient: float, seed: int, duration: float) -> ImuData:
     unit = Module("mpu3050", "a part with its own coefficient of temperature", gyr=errors)
     warmth = Polynomial((WARM[0], (WARM[1] - WARM[0]) / duration))
     made = simulate(
-        scenario("static"),
-        frame=Frame.NED,
-        sensors=unit,
-        unit="random",
-        seed=seed,
-        rate=1.0 / STEP,
-        duration=duration,
-        temp_c=warmth,
-    )
+        scenario("static"), frame=Frame.NED, sensors=unit, unit="random", seed=seed, rate=1.0 / STEP,
+        duration=duration, temp_c=warmth,
+    )  # fmt: skip
     return replace(made.imu, meta=replace(made.imu.meta, device="mpu3050"))
 
 

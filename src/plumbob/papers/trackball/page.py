@@ -51,15 +51,7 @@ def page(found: Found, seed: int) -> Report:
     seed : int
         Of the recorded runs.
     """
-    parts = [
-        _drift(found),
-        _rest(found),
-        _allan(found),
-        _composition(found),
-        _turntable(found),
-        _ball(found),
-        _switched(found),
-    ]
+    parts = [part(found) for part in (_drift, _rest, _allan, _composition, _turntable, _ball, _switched)]
     return TRACKBALL.part("page", seed=seed, parts=parts, **found.seeds)
 
 
@@ -118,14 +110,13 @@ def _allan(run: Found) -> Report:
     )
 
 
-_TERMS: Final = tuple(TRACKBALL.texts("terms").values())
-
-
 def _composition(run: Found) -> Report:
     scale = to_dps(to_dps(1.0))
     rows = [
         [name, f"{plain * scale:.2e}", f"{weighted * scale:.2e}"]
-        for name, plain, weighted in zip(_TERMS, run.fit.plain, run.fit.weighted, strict=True)
+        for name, plain, weighted in zip(
+            TRACKBALL.texts("terms").values(), run.fit.plain, run.fit.weighted, strict=True
+        )
     ]
     table = TRACKBALL.table("coefficients_of_14", rows)
     return TRACKBALL.part(
@@ -173,13 +164,10 @@ def _turntable(run: Found) -> Report:
     )
 
 
-_TRACKS: Final = TRACKBALL.texts("tracks")
-
-
 def _ball(run: Found) -> Report:
     tracks = run.lapped.tracks
     rows = []
-    for name, shown in _TRACKS.items():
+    for name, shown in TRACKBALL.texts("tracks").items():
         off = to_deg(apart(tracks[name], tracks["true"]))
         rows.append([shown, *(f"{v:.1f}" for v in (np.sqrt(np.mean(off**2)), off.max(), off[-1]))])
     table = TRACKBALL.table("error_of_the", rows)
@@ -261,10 +249,6 @@ def turn_figures(turned: Turned) -> list[Figure]:
     """Figures 4 and 5: the rate while the table speeds up and while it holds, before and after compensation."""
     parts = {"figure_4": slice(0, SAMPLES), "figure_5": slice(SAMPLES, 2 * SAMPLES)}
     return [TRACKBALL.figure(key, partial(_draw_turn, turned, part)) for key, part in parts.items()]
-
-
-BALLS: Final[Mapping[str, Both]] = TRACKBALL.texts("balls")
-"""Tracks that are drawn."""
 
 
 def _draw_series(t: Floats, lines: Mapping[str, Floats], canvas: "FigureBase") -> None:
@@ -358,7 +342,7 @@ def _draw_lag(turned: Turned, canvas: "FigureBase") -> None:
 
 
 def _draw_balls(lapped: Lapped, canvas: "FigureBase") -> None:
-    panels = zip(canvas.subplots(1, 4), BALLS.items(), (BLUE, OLIVE, RED, GREEN), strict=True)
+    panels = zip(canvas.subplots(1, 4), TRACKBALL.texts("balls").items(), (BLUE, OLIVE, RED, GREEN), strict=True)
     for ax, (name, title), colour in panels:
         _draw_ball(ax, lapped.tracks[name], colour)
         ax.set_title(title, fontsize=7.0)

@@ -73,17 +73,9 @@ class Found:
 
     def outcomes(self) -> list[Outcome]:
         """Every figure, in the order of the paper."""
-        return [
-            *_drift(self),
-            *_setting(self),
-            *_series(self),
-            *_allan(self),
-            *_composition(self),
-            *_table_setting(self),
-            *_turntable(self),
-            *_ball(self),
-            TRACKBALL.row("filter.operations", faithful=float(operations())),
-        ]
+        parts = (_drift, _setting, _series, _allan, _composition, _table_setting, _turntable, _ball)
+        operation_count = TRACKBALL.row("filter.operations", faithful=float(operations()))
+        return [*(row for part in parts for row in part(self)), operation_count]
 
 
 def _drift(run: Found) -> Iterator[Outcome]:
