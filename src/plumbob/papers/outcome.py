@@ -27,11 +27,6 @@ def at_most(limit: float) -> Bar:
     return (-math.inf, limit)
 
 
-def at_least(limit: float) -> Bar:
-    """Bar that is met by values from a limit on."""
-    return (limit, math.inf)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """One figure of a paper.
