@@ -226,7 +226,7 @@ def _breaks(study: Findings) -> Report:
         share = stats.detected * stats.isolated / 100.0
         cells.setdefault((triad, kind), []).extend([f"{share:.0f}", f"{stats.median:.1f}" if share else "-"])
     rows = [
-        (ARM.text("text_3", triad=_TRIADS[triad], kind=_KINDS[kind]), *values)
+        (ARM.text("triad_and_kind", triad=_TRIADS[triad], kind=_KINDS[kind]), *values)
         for (triad, kind), values in cells.items()
     ]
     parity = [
@@ -265,7 +265,7 @@ def _draw_errors(t: Floats, faithful: Floats, best: Floats, printed: Sequence[fl
         ax.plot(t, best[:, axis], color=_GREEN, linewidth=0.8)
         ax.set_ylim(-limit, limit)
         word = ANGLES[AXES[axis]]
-        ax.set_ylabel(ARM.text("text", word=word))
+        ax.set_ylabel(ARM.text("angle_in_degrees", word=word))
         words = (("std", "标准差"), ("range", "误差范围"), ("rms", "均方根"))
         rows = [(*word, value) for word, value in zip(words, figures, strict=True)]
         _margin_notes(ax, [*rows, ("std, paper", "论文标准差", printed[axis])])
@@ -337,7 +337,7 @@ def _draw_faults(runs: Sequence[Broken], canvas: "FigureBase") -> None:
         for when in (run.since, run.until):
             ax.axvline(when, color=SERIES[1], linewidth=1.0, linestyle="--")
         ax.set_ylim(-0.7, 0.9)
-        ax.set_ylabel(ARM.text("s", run_what=run.what))
+        ax.set_ylabel(ARM.text("broken_rate", run_what=run.what))
     _time_axis(panels[-1], runs[-1].seen.imu.t)
 
 
@@ -351,7 +351,7 @@ def _margin_notes(ax: "Axes", figures: Sequence[tuple[str, str, float]]) -> None
         ax.text(
             1.015,
             0.95 - 0.22 * line,
-            ARM.text("text_2", en=en, value=value, zh=zh),
+            ARM.text("margin_note", en=en, value=value, zh=zh),
             transform=ax.transAxes,
             va="top",
             color=MUTED,

@@ -67,9 +67,9 @@ def fig5(counts: Floats, step: float) -> Figure:
             i, j = pair
             _plane(axes[0, column], counts[:, pair], fit.centre[list(pair)], semi[list(pair)], limit, RED)
             _plane(axes[1, column], after[:, pair], np.zeros(2), np.ones(2), 1.3, BLUE)
-            for row, unit in ((0, BUOY.text("counts")), (1, BUOY.text("1"))):
-                axes[row, column].set_xlabel(BUOY.text("text", xyz="xyz"[i], unit_2=unit))
-                axes[row, column].set_ylabel(BUOY.text("text", xyz="xyz"[j], unit_2=unit))
+            for row, unit in ((0, BUOY.text("counts")), (1, BUOY.text("dimensionless"))):
+                axes[row, column].set_xlabel(BUOY.text("axis_and_unit", xyz="xyz"[i], unit_2=unit))
+                axes[row, column].set_ylabel(BUOY.text("axis_and_unit", xyz="xyz"[j], unit_2=unit))
 
     return BUOY.figure("figure_5", draw, step=step * 10)
 
@@ -123,7 +123,7 @@ def fig8(slid: Slid) -> Figure:
                 ax.plot(slid.t, slid.errors[key][:, column], color=colour, linewidth=0.8)
                 for side in (-1.0, 1.0):
                     ax.axhline(side * printed[panel], color=colour, linewidth=0.6, linestyle=":")
-            ax.set_ylabel(BUOY.text("text_2", name=name, angle_name=ANGLE[name]))
+            ax.set_ylabel(BUOY.text("angle_in_degrees", name=name, angle_name=ANGLE[name]))
 
     return BUOY.figure("figure_8", draw)
 

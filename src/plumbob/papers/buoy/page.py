@@ -58,7 +58,7 @@ def _system(results: Results) -> Report:
         yaw=yaw,
         lines=results.sailed.lines,
         same="the same attitude to the bit" if same else "ANOTHER attitude",
-        与实时结果不一致="与实时结果逐位一致" if same else "与实时结果不一致",
+        same_zh="与实时结果逐位一致" if same else "与实时结果不一致",
         tables=[BUOY.table("stages_of_the")],
         scenes=[figures.model(results.sailed.live, results.sailed.truth)],
     )
@@ -83,7 +83,7 @@ def _events(results: Results) -> Report:
         device=device,
         idle=100 * device.idle,
         same="the same bits" if device.same else "OTHER bits",
-        不一致="逐位一致" if device.same else "不一致",
+        same_zh="逐位一致" if device.same else "不一致",
         tables=[BUOY.table("emulated_program_on", rows)],
         figures=[figures.fig4(device.calls, 0.16)],
     )
@@ -114,7 +114,7 @@ def _ring_table(results: Results) -> Table:
         shares = [f"{100 * share:.0f}" for share in (fit.within, fit.yaw5, fit.all5, fit.failed)]
         rows.append([title, f"{fit.before:.1f}", f"{fit.yaw:.2f}", f"{fit.yaw95:.2f}", f"{fit.level95:.2f}", *shares])
     title = BUOY.text("static_test_of_random", modules=results.modules)
-    return BUOY.table("table", rows, title=title)
+    return BUOY.table("ring", rows, title=title)
 
 
 def _refused_table(results: Results) -> Table:
@@ -244,7 +244,7 @@ def _tilt_table(results: Results) -> Table:
     rows = []
     for name in ("roll", "pitch"):
         for who, tilt in ((BUOY.text("report"), getattr(ours, name)), (BUOY.text("truth"), getattr(true, name))):
-            label = BUOY.text("text_3", name=name, who=who, angle_name=ANGLE[name])
+            label = BUOY.text("angle_by", name=name, who=who, angle_name=ANGLE[name])
             angles = [f"{to_deg(v):.2f}" for v in (tilt.sd, tilt.significant, tilt.largest)]
             rows.append([label, *angles, f"{tilt.tz:.2f}", f"{tilt.tp:.2f}", f"{tilt.waves}"])
     return BUOY.table("tilt_statistics_of", rows)
@@ -263,7 +263,7 @@ def _quality_table(results: Results) -> Table:
             why = f": {qc.why}" if qc.why else ""
             zh = f"：{tests.get(qc.why, qc.why)}" if qc.why else ""
             cells.append(
-                BUOY.text("text_4", flag=qc.flag, qc_flag=MEANING[qc.flag], why=why, flag_2=words[qc.flag], zh=zh)
+                BUOY.text("flag_and_why", flag=qc.flag, qc_flag=MEANING[qc.flag], why=why, flag_2=words[qc.flag], zh=zh)
             )
         tilt = burst.tilt.inclination
         rows.append([f"{burst.begin:.0f} s", *cells, f"{to_deg(tilt.mean):.1f}", f"{to_deg(tilt.greatest):.1f}"])

@@ -180,7 +180,7 @@ def _table(rows: Mapping[tuple[str, str], CoefficientRow], runs: int) -> Table:
 
 def _long(seconds: float) -> Both:
     hours = seconds / 3600.0
-    return FIN.text("220_s") if hours < 1.0 else FIN.text("h", hours=hours)
+    return FIN.text("220_s") if hours < 1.0 else FIN.text("hours", hours=hours)
 
 
 def _lengths(lengths: Sequence[Length]) -> Table:

@@ -101,7 +101,7 @@ def _table_outcomes(analyses: Sequence[Analysis]) -> list[Outcome]:
         axis = ("290x", "290y", "453z").index(entry.axis)
         a, unit = analyses[axis], UNITS[entry.letter]
         best, flat = a.terms[entry.letter], SIGMA if entry.letter == "B" else 1.0
-        limit = FIN.text("text") if best.observable else FIN.text("best_limit_95")
+        limit = FIN.text("no_limit") if best.observable else FIN.text("best_limit_95")
         outcomes.append(
             FIN.row(
                 f"table1.{entry.letter}.{entry.axis}",
@@ -150,7 +150,7 @@ def _record_table(analyses: Sequence[Analysis], of: TrueCoefficients, title: str
     """Coefficients of a record: true, by the paper's lines with its ±, and by likelihood with an honest interval."""
     rows = []
     for letter, unit in UNITS.items():
-        name = FIN.text("text_2", letter=NAMES[letter], shown_letter=SHOWN[letter], letter_2=_zh(SHOWN[letter]))
+        name = FIN.text("term_and_unit", letter=NAMES[letter], shown_letter=SHOWN[letter], letter_2=_zh(SHOWN[letter]))
         lines = [_line(a, letter) for a in analyses]
         rows += [
             [name, FIN.text("true"), *(f"{_true(of, letter, i):.4g}" for i in range(3))],

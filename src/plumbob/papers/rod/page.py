@@ -72,7 +72,7 @@ def _compared(run: Compared) -> Report:
         parts = budget(run, key)
         for part in parts[:3] if key in ("ekf7", "mekf", "smoother") else parts[2:3]:
             numbers = [f"{v:.3f}" for v in (*part.largest, *part.rms)]
-            rows.append([ROD.text("text", name=line.name, part_name=part.name), *numbers])
+            rows.append([ROD.text("line_and_part", name=line.name, part_name=part.name), *numbers])
     rows += [[part.name, *(f"{v:.3f}" for v in (*part.largest, *part.rms))] for part in budget(run, "ekf7")[3:]]
     estimated, true = (
         ", ".join(f"{v:.2f}".replace("-", "−") for v in mount_angles(q)) for q in (run.mounting, run.true_mounting)
@@ -104,7 +104,7 @@ def _methods(table: Scores) -> Report:
     titles = (ROD.text("largest_errors_of_roll"), ROD.text("same_misprints_and_other"))
     tables = [
         ROD.table(
-            "table",
+            "methods",
             [cells[key] for key in keys],
             title=title,
             strong=[(i, 0) for i, key in enumerate(keys) if METHODS[key].ours],
