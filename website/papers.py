@@ -12,8 +12,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from plumbob.papers.description import PAPERS
 from plumbob.papers.outcome import PaperItem, cell, shown
-from plumbob.papers.reproduce import NAMES, TITLES, items
+from plumbob.papers.reproduce import NAMES, items
 
 HEAD = """\
 # The five papers, end to end
@@ -110,7 +111,7 @@ def _counts(outcomes: Mapping[str, Sequence[Mapping[str, Any]]]) -> Iterator[str
 def _paper(name: str, outcomes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     yield f"## {name}"
     yield ""
-    yield f"{TITLES[name]}"
+    yield f"{PAPERS[name].title}"
     yield ""
     yield "| key | where | figure | unit | paper | faithful | best | verdict |"
     yield "| --- | --- | --- | --- | ---: | ---: | ---: | --- |"

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from plumbob.papers.fin import algorithm, estimation, experiment, forms, records, swimming, system
+from plumbob.papers import fin
+from plumbob.papers.fin import algorithm, attitude, chain, estimation, experiment, records
 from plumbob.papers.workspace import Work
 from plumbob.simulation import simulate
 from tests.helpers.papers import FIN_SYMBOLS, by_key, english_alone, unmet
@@ -21,7 +22,7 @@ def test_printed_sums_make_white_noise_look_like_quantization():
 
     In closed form both are σ = 1/(n √(t0)), 0.0447 at n = 500; 0.041 is one record's.
     """
-    white = forms.white_by_readings(np.random.default_rng(1), records=4)
+    white = algorithm.white_by_readings(np.random.default_rng(1), records=4)
     assert white.slope("right") == pytest.approx(-0.5, abs=0.02)
     assert white.at_second("right") == pytest.approx(1.0, abs=3 * 0.04778)  # (7) at 1 s
     for reading in ("moving", "disjoint"):
@@ -32,22 +33,22 @@ def test_printed_sums_make_white_noise_look_like_quantization():
 def test_every_sum_is_that_of_the_definition_but_the_printed_one_at_half_of_the_record():
     """Bar of papers 000: 1e-12."""
     rates = np.random.default_rng(1).standard_normal(100)
-    assert math.isnan(forms.allan_sum(rates, 50, "moving"))
+    assert math.isnan(algorithm.allan_sum(rates, 50, "moving"))
     halves = rates.reshape(2, 50).mean(axis=1)
-    assert forms.allan_sum(rates, 50) == pytest.approx(abs(halves[1] - halves[0]) / math.sqrt(2.0), rel=1e-12)
+    assert algorithm.allan_sum(rates, 50) == pytest.approx(abs(halves[1] - halves[0]) / math.sqrt(2.0), rel=1e-12)
     rates = np.random.default_rng(2).standard_normal(5000) + 3.0
-    assert forms.every_sum(rates, np.arange(1, 2501, 50)) <= 1e-12
+    assert algorithm.every_sum(rates, np.arange(1, 2501, 50)) <= 1e-12
 
 
 def test_the_integrals_of_the_spectra_and_the_slopes_of_rounding():
     """∫ sin⁴u/u² = π/4, ∫ sin⁴u/u³ = ln 2, and sin⁴u/u grows as (3/8) ln u; 0.77 up to Nyquist (papers 000, eq 3)."""
-    assert forms.white_integral(1e3, 2) == pytest.approx(math.pi / 4.0, rel=1e-3)
-    growth = forms.white_integral(1e4, 1) - forms.white_integral(1e3, 1)
+    assert algorithm.white_integral(1e3, 2) == pytest.approx(math.pi / 4.0, rel=1e-3)
+    growth = algorithm.white_integral(1e4, 1) - algorithm.white_integral(1e3, 1)
     assert growth == pytest.approx(0.375 * math.log(10.0), rel=1e-3)
-    assert forms.flicker_integral(1e3) == pytest.approx(math.log(2.0), rel=1e-4)
-    assert forms.quantisation_integral(0.002, math.sqrt(3.0), 250.0) == pytest.approx(0.77, abs=0.005)
+    assert algorithm.flicker_integral(1e3) == pytest.approx(math.log(2.0), rel=1e-4)
+    assert algorithm.quantisation_integral(0.002, math.sqrt(3.0), 250.0) == pytest.approx(0.77, abs=0.005)
     # papers 000, traps: slope −1/2 of a rounded rate (−0.500, −0.498), −1 of a rounded angle
-    found = forms.slopes(np.random.default_rng(3))
+    found = algorithm.slopes(np.random.default_rng(3))
     assert found.rate == pytest.approx(-0.5, abs=0.02)
     assert found.rate_at_second == pytest.approx(1.0, abs=0.1)
     assert found.angle == pytest.approx(-1.0, abs=0.02)
@@ -65,26 +66,26 @@ def test_all_bars_of_the_algorithm(work):
 
 def test_words_of_the_chips(work):
     """papers 000, chain traps: 0xFFFF is −0.0125 °/s, and 819.2 °/s where its sign is not looked at."""
-    assert system.word(work.folder, "s16") == pytest.approx(-0.0125)
-    assert system.word(work.folder, "u16") == pytest.approx(819.1875)
-    report, outcomes = system.part(work, records.COUNT)
+    assert fin.word(work.folder, "s16") == pytest.approx(-0.0125)
+    assert fin.word(work.folder, "u16") == pytest.approx(819.1875)
+    report, outcomes = fin.system(work, records.COUNT)
     assert unmet(outcomes) == set()
     assert english_alone(report, FIN_SYMBOLS) == set()
 
 
 def test_angles_of_swimming_diverge_per_axis_behind_a_high_pass_and_where_rates_are_clipped(work):
     """papers 000, attitude traps: 3351° of pitch and 1219° of yaw; coning at most 1e-3°."""
-    free = swimming.without_noise()
-    assert swimming.largest(free.axis)["pitch"] == pytest.approx(3351.0, abs=0.5)
-    assert swimming.largest(free.axis)["yaw"] == pytest.approx(1219.0, abs=0.5)
-    assert max(swimming.largest(free.quaternion).values()) < 5e-4
-    assert swimming.coning() <= 1e-3
+    free = attitude.without_noise()
+    assert attitude.largest(free.axis)["pitch"] == pytest.approx(3351.0, abs=0.5)
+    assert attitude.largest(free.axis)["yaw"] == pytest.approx(1219.0, abs=0.5)
+    assert max(attitude.largest(free.quaternion).values()) < 5e-4
+    assert attitude.coning() <= 1e-3
     # papers 000: peaks of 126 and 121 °/s at 1 Hz; a turn of 90° and a hold read 0.00° behind 0.011 Hz
-    cut = swimming.clipped(work)
-    assert cut.peaks[:2] == pytest.approx([126.0, 121.0], abs=0.5)
-    assert cut.missed == 0
-    assert cut.share > 0.3
-    assert swimming.turned_without_noise(0.011) == pytest.approx(0.0, abs=0.005)
+    cut = by_key(chain.clipping(work)[1])
+    assert [cut[f"clip.peak.{axis}"].faithful for axis in "xy"] == pytest.approx([126.0, 121.0], abs=0.5)
+    assert cut["clip.missed"].best == 0
+    assert cut["clip.share"].best > 30.0
+    assert chain.turned_without_noise(0.011) == pytest.approx(0.0, abs=0.005)
 
 
 def test_records_keep_their_values_through_bytes_and_text(work):
@@ -115,9 +116,7 @@ def test_angles_error_by_term_and_temperature_warms_one_unit_up():
     assert found["N"] == pytest.approx(15.066 / 3600.0 * math.sqrt(220.0))
     assert found["B"] == pytest.approx(57.056 / 3600.0 * 220.0)
     # A unit with an assumed bias per kelvin reads it: 15 K (1 − e^(−220/120)) at the end
-    unit = swimming.fin_unit(1)
+    unit = attitude.fin_unit(1)
     assert unit.gyr is not None
-    made = simulate(
-        "static", frame="NED", sensors=unit, unit="random", seed=1, duration=220.0, warm_up=swimming.WARM_UP
-    )
+    made = simulate("static", frame="NED", sensors=unit, unit="random", seed=1, duration=220.0, warm_up=chain.WARM_UP)
     assert made.imu.temp_c[-1] - 25.0 == pytest.approx(15.0 * (1.0 - math.exp(-220.0 / 120.0)), abs=0.01)

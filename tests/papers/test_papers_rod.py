@@ -7,7 +7,9 @@ import pytest
 
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, g
-from plumbob.papers.rod import ITEMS, equations, methods, results
+from plumbob.papers import rod
+from plumbob.papers.description import ROD
+from plumbob.papers.rod import equations, methods
 from plumbob.papers.rod.as_printed import BIAS_WALK, GYRO_NOISE, START, Form, literal, observation, observed, transition
 from plumbob.papers.rod.comparison import budget, compared, mapped, mount_from_gravity, permuted
 from plumbob.papers.rod.page import page
@@ -142,12 +144,12 @@ def test_gravity_finds_a_mounting_and_the_reference_is_as_accurate_as_the_paper_
     assert (
         quat_angle(mount_from_gravity(quat_multiply(turned, off), tilts), quat_normalize(off * [1, -1, -1, -1])) < 1e-9
     )
-    assert results.reference_rms() == pytest.approx((0.2, 0.03), rel=0.15)  # §3.1
+    assert rod.reference_rms() == pytest.approx((0.2, 0.03), rel=0.15)  # §3.1
 
 
 def test_a_run_through_bytes_is_compared_with_the_reference_and_the_truth(run):
     assert len(run.t) == round(100 * SHORT)
-    found = by_key(results.chain(run))
+    found = by_key(rod.chain(run))
     assert unmet(found.values()) == {"chain.duration"}  # 20 s instead of 600 s
     assert run.taken.capture.stat().st_size == 56 * len(run.t)
     parts = budget(run, "ekf7")
@@ -161,7 +163,7 @@ def test_a_run_through_bytes_is_compared_with_the_reference_and_the_truth(run):
     assert parts[4].rms == pytest.approx([0.03, 0.03], abs=0.03)  # half of its variance is constant in a run
     expected = np.degrees(np.linalg.norm(run.true_mounting[1:])) * 2.0
     assert 0.0 < parts[5].rms.max() < expected
-    sizes = by_key(results.through_bytes(run))
+    sizes = by_key(rod.through_bytes(run))
     assert sizes["bytes.ahrs.roll"].met
     assert sizes["bytes.ahrs.pitch"].met
 
@@ -191,7 +193,7 @@ def test_every_text_of_the_page_has_its_chinese_and_every_item_its_outcome(run, 
     report = page(run, table, limits, forms, equations.grown(one))
     assert english_alone(report, r"ADIS16355|AHRS500GA|AHRS|Joseph|ekf7|mekf|mahony|vqf|[Pp]lumbob|RS232|SPI") == set()
     outcomes = [
-        *results.chain(run), *equations.formulas(1), *equations.misprinted(table), *equations.numerics(forms),
-        *results.through_bytes(run), *results.over_seeds(table),
+        *rod.chain(run), *equations.formulas(1), *equations.misprinted(table), *equations.numerics(forms),
+        *rod.through_bytes(run), *rod.over_seeds(table),
     ]  # fmt: skip
-    assert named(ITEMS) <= by_key(outcomes).keys()
+    assert named(ROD.items) <= by_key(outcomes).keys()

@@ -9,26 +9,11 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg, dps, to_dps
 from plumbob.filters.channel_scalar import ramp_lag, steady_gain
 from plumbob.noise import deviation
-from plumbob.papers.trackball import ITEMS, misprints, recorded, static
+from plumbob.papers.description import TRACKBALL
+from plumbob.papers.trackball import misprints, recorded, records, seeds
 from plumbob.papers.trackball.page import page
-from plumbob.papers.trackball.records import (
-    FLICKER,
-    RATIOS,
-    SLOPE,
-    STEP,
-    WALK,
-    WHITE,
-    at_rest,
-    average_like,
-    contenders,
-    noise_card,
-    on_turntable,
-    operations,
-    scalar_filter,
-)
 from plumbob.papers.trackball.results import Found
-from plumbob.papers.trackball.static import LONG_TAUS, TAUS, degrees_of_freedom
-from plumbob.papers.trackball.turntable import SCALES, best_gain, measure_turntable
+from plumbob.papers.trackball.seeds import LONG_TAUS, SCALES, TAUS, best_gain, degrees_of_freedom, measure_turntable
 from plumbob.papers.workspace import Work
 from tests.helpers.papers import by_key, english_alone, named, unmet
 
@@ -37,17 +22,17 @@ SEEDS = range(6)
 
 @pytest.fixture(scope="module")
 def short():
-    return static.measure_short(range(30))
+    return seeds.measure_short(range(30))
 
 
 @pytest.fixture(scope="module")
 def white():
-    return static.measure_white(range(2))
+    return seeds.measure_white(range(2))
 
 
 @pytest.fixture(scope="module")
 def long():
-    return static.measure_long(range(2))
+    return seeds.measure_long(range(2))
 
 
 @pytest.fixture(scope="module")
@@ -67,39 +52,29 @@ def tests(tmp_path_factory):
 def found(short, white, long, table, tests):
     rest, soaked, turned, lapped = tests
     return Found(
-        seeds={"short": 30, "white": 2, "long": 2, "table": len(SEEDS)},
-        parts={part: misprints.warmed(part, 5) for part in misprints.PARTS},
-        soaked=soaked,
-        rest=rest,
-        short=short,
-        white=white,
-        long=long,
-        fit=static.fit(rest.before[:, 0]),
-        negative=static.measure_fits(range(5)),
-        turned=turned,
-        table=table,
-        gain=best_gain(range(2), [0.4, 0.6, 0.8]),
-        lapped=lapped,
-        printed=misprints.allan_of_white(1),
+        seeds={"short": 30, "white": 2, "long": 2, "table": len(SEEDS)}, soaked=soaked, rest=rest, turned=turned,
+        parts={part: misprints.warmed(part, 5) for part in misprints.PARTS}, lapped=lapped, short=short, white=white,
+        long=long, fit=seeds.fit(rest.before[:, 0]), negative=seeds.measure_fits(range(5)), table=table,
+        gain=best_gain(range(2), [0.4, 0.6, 0.8]), printed=misprints.allan_of_white(1),
         matrix=misprints.one_number_for_a_matrix(1),
-    )
+    )  # fmt: skip
 
 
 def test_the_turntable_is_the_paper_s():
     """0 to 10 r/min in 100 s, 1000 samples, then 1000 at 60 °/s; an axis in the plane of the table measures nothing."""
-    rest, run = on_turntable(0, scale=0.0)
+    rest, run = records.on_turntable(0, scale=0.0)
     assert run.t.size == 2000
-    assert np.diff(run.t) == pytest.approx(STEP)
+    assert np.diff(run.t) == pytest.approx(records.STEP)
     assert run.true[:, 2] == pytest.approx(np.minimum(deg(0.6) * run.t, dps(60.0)), abs=1e-12)
     assert np.abs(run.true[:, :2]).max() < 1e-12
     noise = (run.measured - run.true).std()
-    assert noise == pytest.approx(WHITE, rel=0.05)  # flicker adds 2 %, and 6000 samples scatter by 1 %
+    assert noise == pytest.approx(records.WHITE, rel=0.05)  # flicker adds 2 %, and 6000 samples scatter by 1 %
     assert rest.measured.mean(axis=0) == pytest.approx(dps(1.5), abs=dps(0.05))
 
 
 def test_at_50_s_nothing_is_gained_neither_in_deviation_nor_in_angle_nor_in_scatter(short):
     """90 single differences before and after. They differ by the filter's memory of one end, 3 s of 50, at most."""
-    assert short.adev[RATIOS.index(1e-3), -1] == pytest.approx(1.0, abs=0.1)
+    assert short.adev[records.RATIOS.index(1e-3), -1] == pytest.approx(1.0, abs=0.1)
     # A settled filter holds back Σ (y − x̂) = (1 − K)/K (x̂_end − x̂_start) and no more, however long the record is.
     # For Q/R = 0.001 that is 31 samples of 0.013 °/s · √2, or 0.06°, against angles of √500 · 0.1 °/s · 0.1 s = 0.2°
     # from white noise and more from flicker. Added as squares it is below 5 %.
@@ -112,10 +87,10 @@ def test_at_50_s_nothing_is_gained_neither_in_deviation_nor_in_angle_nor_in_scat
 
 def test_white_noise_falls_as_theory_says(white):
     """Two seeds of three channels of 1e5 samples hold 2·3·1e5·K/2 independent values: 300 for the slowest, 8 %."""
-    for ratio, measured in zip(RATIOS, white, strict=True):
+    for ratio, measured in zip(records.RATIOS, white, strict=True):
         k = steady_gain(ratio)
-        assert static.theory(ratio) == k / (2.0 - k)  # Σ K² (1 − K)²ⁱ
-        assert measured == pytest.approx(static.theory(ratio), rel=4.0 * math.sqrt(2.0 / (0.5 * k * 6 * 95_000)))
+        assert seeds.theory(ratio) == k / (2.0 - k)  # Σ K² (1 − K)²ⁱ
+        assert measured == pytest.approx(seeds.theory(ratio), rel=4.0 * math.sqrt(2.0 / (0.5 * k * 6 * 95_000)))
 
 
 def test_allan_deviation_falls_at_short_times_only(short, long):
@@ -124,8 +99,8 @@ def test_allan_deviation_falls_at_short_times_only(short, long):
     For white noise the settled filter gives E[(x̂₂ − x̂₁)²] = 2 v (1 − (1 − K)) = 2 v K, v = K/(2 − K): a ratio of
     √(K v) at one sample; in the paper's record, its start adds to it.
     """
-    for k, ratio in enumerate(RATIOS[:3]):
-        settled = math.sqrt(steady_gain(ratio) * static.theory(ratio))
+    for k, ratio in enumerate(records.RATIOS[:3]):
+        settled = math.sqrt(steady_gain(ratio) * seeds.theory(ratio))
         assert short.adev[k, 0] > 0.95 * settled
         assert list(short.adev[k, 1:6]) == sorted(short.adev[k, 1:6])
         assert long.adev[k, 0] == pytest.approx(settled, rel=0.05)
@@ -136,7 +111,7 @@ def test_allan_deviation_falls_at_short_times_only(short, long):
 
 def test_four_hours_hold_what_was_planted(long):
     """σ² = N²/τ + (0.6643 B)² + K² τ/3 at 600 s, from 6 records of some 25 degrees of freedom: 6 %, and 4 of it."""
-    n, b, k = WHITE * math.sqrt(STEP), 0.6643 * FLICKER, WALK
+    n, b, k = records.WHITE * math.sqrt(records.STEP), 0.6643 * records.FLICKER, records.WALK
     planted = math.sqrt(n**2 / 600.0 + b**2 + k**2 * 600.0 / 3.0)
     assert long.before[LONG_TAUS.index(600.0)] == pytest.approx(planted, rel=0.23)
     assert long.white == pytest.approx(n, rel=0.02)
@@ -145,13 +120,14 @@ def test_four_hours_hold_what_was_planted(long):
 def test_lags_are_those_of_theory(table):
     """Over 400 samples the mean of y − x̂ scatters by √2 (1 − K)/K sd(x̂) / 400, 0.3 % of the lag; the bar is 5 %."""
     rows = table[0.0]
-    for ratio in RATIOS[:4]:
+    for ratio in records.RATIOS[:4]:
         k = steady_gain(ratio)
         row = rows[f"scalar Q/R={ratio:g}"]
-        assert row.lag_theory == pytest.approx(SLOPE * STEP * (1.0 - k) / k)
+        assert row.lag_theory == pytest.approx(records.SLOPE * records.STEP * (1.0 - k) / k)
         assert row.lag == pytest.approx(row.lag_theory, rel=0.05)
-        assert scalar_filter(ratio).lag == pytest.approx(ramp_lag(k, SLOPE, STEP) / (SLOPE * STEP))
-        average = rows[average_like(ratio).name]
+        lag = ramp_lag(k, records.SLOPE, records.STEP) / (records.SLOPE * records.STEP)
+        assert records.scalar_filter(ratio).lag == pytest.approx(lag)
+        average = rows[records.average_like(ratio).name]
         assert average.lag == pytest.approx(average.lag_theory, rel=0.05)
     assert abs(to_dps(rows["two states"].lag)) < 0.01
 
@@ -162,7 +138,7 @@ def test_what_helps_on_the_ramp_is_the_bias_and_not_the_filter(table):
     assert to_dps(rows["measured"].ramp_rms) == pytest.approx(1.5, abs=0.05)
     removed = rows["bias removed"].ramp_rms
     assert to_dps(removed) == pytest.approx(0.1, rel=0.1)
-    names = [c.name for c in contenders()]
+    names = [c.name for c in records.contenders()]
     assert len(names) == 11
     assert all(rows[name].ramp_rms > removed for name in names[:-1])
     assert rows["two states"].ramp_rms < 0.5 * removed
@@ -180,16 +156,16 @@ def test_a_gain_error_stays_and_a_lag_can_hide_it(table):
 
 def test_fits_of_five_powers_points_of_the_ball_and_noise_of_the_rig():
     """A curve of N and B alone: its weights are found by both fits where nothing is random; cond as in papers.md."""
-    assert np.linalg.cond(static.powers()) == pytest.approx(3141.0, abs=1.0)
-    plain, weighted = static.measure_fits(range(20))
+    assert np.linalg.cond(seeds.powers()) == pytest.approx(3141.0, abs=1.0)
+    plain, weighted = seeds.measure_fits(range(20))
     assert (plain, weighted) == (1.0, 0.0)
     # A body whose nose points down touches with its nose: attitude 90° nose down, q = (√½, 0, −√½, 0)
     nose_down = np.array([[math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0]])
     assert recorded.touching(nose_down) == pytest.approx(np.array([[1.0, 0.0, 0.0]]), abs=1e-15)
     assert recorded.apart(np.eye(3), np.roll(np.eye(3), 1, axis=0)) == pytest.approx(0.5 * math.pi)
-    assert noise_card().gyr.n_rpsd == pytest.approx(WHITE * math.sqrt(STEP))
-    still = at_rest(1, 1000.0, flicker=0.0).measured
-    assert deviation(still, [1]) == pytest.approx(WHITE, rel=0.05)
+    assert records.noise_card().gyr.n_rpsd == pytest.approx(records.WHITE * math.sqrt(records.STEP))
+    still = records.at_rest(1, 1000.0, flicker=0.0).measured
+    assert deviation(still, [1]) == pytest.approx(records.WHITE, rel=0.05)
 
 
 def test_printed_forms_fail_as_they_must():
@@ -238,7 +214,7 @@ def test_outcomes_are_whole_and_items_name_them(found):
     outcomes = by_key(found.outcomes())
     assert len(outcomes) > 55
     assert unmet(outcomes.values()) <= {"allan.ratio.50", "allan.scatter.50", "allan.scatter.10"}  # few seeds here
-    assert named(ITEMS) <= outcomes.keys()
+    assert named(TRACKBALL.items) <= outcomes.keys()
     assert english_alone(page(found, 2), r"plumbob .*|solid.*|dashed.*|dotted.*") == set()
 
 
@@ -253,6 +229,6 @@ def test_same_seeds_same_figures(tmp_path):
 
 def test_a_sample_of_the_scalar_filter_takes_nine_operations_and_a_gain_that_is_none_has_no_theory():
     """(9) three, (10) two for Q Δt, (11) two, (12) two [Chen2013]."""
-    assert operations() == 9
+    assert records.operations() == 9
     with pytest.raises(ParameterError):
-        scalar_filter(0.0)
+        records.scalar_filter(0.0)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from plumbob.core.errors import ParameterError
 from plumbob.reporting.content import Table
@@ -25,11 +25,6 @@ CANNOT: Final = Both("not reproducible", "无法复现")
 def at_most(limit: float) -> Bar:
     """Bar that is met by values up to a limit."""
     return (-math.inf, limit)
-
-
-def at_least(limit: float) -> Bar:
-    """Bar that is met by values from a limit on."""
-    return (limit, math.inf)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,6 +135,13 @@ def restored(stored: Mapping[str, Any]) -> Outcome:
     """Outcome of what `Outcome.stored` gave."""
     made = {name: Both(**v) if isinstance(v, dict) else v for name, v in stored.items()}
     return Outcome(**made | {name: tuple(made[name]) for name in ("faithful_bar", "best_bar")})
+
+
+class PrintedForm(NamedTuple):
+    """The figure that shows a misprint: of the printed form, which is wrong, and of the right one."""
+
+    wrong: float
+    right: float
 
 
 HEAD: Final = (

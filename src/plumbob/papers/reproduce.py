@@ -14,11 +14,12 @@ from threading import Event, Lock
 from typing import Any, Final
 
 from plumbob.core import check
-from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
 from plumbob.core.files import write_text
 from plumbob.core.series import needed
 from plumbob.core.text import counted
 from plumbob.core.version import __version__
+from plumbob.papers.description import PAPERS
 from plumbob.papers.outcome import CANNOT, HEAD, MISSED, PASS, SHOWN, Outcome, Paper, PaperItem, restored, table
 from plumbob.papers.workspace import Work
 from plumbob.reporting.content import Table
@@ -26,18 +27,7 @@ from plumbob.reporting.page import part_links
 from plumbob.reporting.report import Report
 from plumbob.reporting.style import LANGUAGES, Both
 
-TITLES: Final[Mapping[str, Both]] = {
-    "fin": Both(
-        "Bionic fin: attitude and Allan error analysis (Ou 2017)", "仿生鳍条姿态测量及其误差分析（欧世星 2017）"
-    ),
-    "buoy": Both(
-        "Drifting buoy: attitude of a sea-going unit (Yu 2018)", "海洋漂流浮标运动姿态测量系统（余博嵩 2018）"
-    ),
-    "trackball": Both("Trackball: drift of a gyroscope (Chen 2013)", "基于卡尔曼滤波的陀螺仪漂移补偿（陈晨 2013）"),
-    "arm": Both("Teaching arm: six units (Huang and Jiang)", "示教机械臂多传感器姿态解算（黄洋、姜文刚）"),
-    "rod": Both("Farm machine's rod: ADIS16355 (Li 2012)", "ADIS16355 在姿态测量中的应用（黎永键 2012）"),
-}
-NAMES: Final = tuple(TITLES)
+NAMES: Final = tuple(PAPERS)
 """Papers by the names of their rigs."""
 STEP: Final = "step"
 """First word of a line by which a paper's process says how far it is."""
@@ -85,7 +75,7 @@ class Reproduction:
 
     def report(self) -> Report:
         """All outcomes, a part for each paper."""
-        parts = [Report(TITLES[name], tables=[table(outcomes)]) for name, outcomes in self.outcomes.items()]
+        parts = [Report(PAPERS[name].title, tables=[table(outcomes)]) for name, outcomes in self.outcomes.items()]
         facts = [("made by", f"plumbob {__version__}"), (Both("seed", "随机种子"), f"{self.seed}")]
         facts.append((Both("outcomes", "指标"), self._counts()))
         return Report(Both("Five papers, reproduced", "五篇论文的复现"), facts=facts, parts=parts, remarks=DEFINITIONS)
@@ -93,12 +83,12 @@ class Reproduction:
     def index(self) -> Report:
         """What `index.html` has: counts, then the main figures of each paper, all of them folded away."""
         names = Both("paper", "论文"), Both("figures", "指标"), PASS, SHOWN, CANNOT, MISSED
-        rows = [[TITLES[name], *map(str, counts(outcomes))] for name, outcomes in self.outcomes.items()]
+        rows = [[PAPERS[name].title, *map(str, counts(outcomes))] for name, outcomes in self.outcomes.items()]
         parts = [
-            Report(TITLES[name], facts=[(_ABOUT, ABOUT[name])], tables=_first_tables(name, outcomes))
+            Report(PAPERS[name].title, facts=[(_ABOUT, PAPERS[name].about)], tables=_first_tables(name, outcomes))
             for name, outcomes in self.outcomes.items()
         ]
-        links = [(TITLES[name], f"{name}.html") for name in self.outcomes]
+        links = [(PAPERS[name].title, f"{name}.html") for name in self.outcomes]
         counted_up = Table("", names, rows)
         return replace(
             self.report(), tables=[counted_up], parts=parts, links=links, remarks=(), definitions=DEFINITIONS
@@ -192,8 +182,7 @@ def reproduce(
 
 def items(paper: str) -> Sequence[PaperItem]:
     """Everything that a paper describes, states or shows, and where it is done."""
-    paper_items: Sequence[PaperItem] = import_module(f"plumbob.papers.{paper}").ITEMS
-    return paper_items
+    return PAPERS[paper].items
 
 
 def _chosen(papers: Sequence[str]) -> list[str]:
@@ -228,7 +217,7 @@ def run_paper(name: str, folder: Path, seed: int, lang: str, progress: Progress 
     report = paper.report
     page = replace(
         report,
-        facts=[(_ABOUT, ABOUT[name]), (Both("outcomes", "指标"), _counted(paper.outcomes)), *report.facts],
+        facts=[(_ABOUT, PAPERS[name].about), (Both("outcomes", "指标"), _counted(paper.outcomes)), *report.facts],
         tables=[*_first_tables(name, paper.outcomes), *report.tables],
         links=[(Both("all papers", "全部论文"), "index.html"), *report.links, *part_links(report)],
         definitions=[*DEFINITIONS, *report.definitions],
@@ -271,7 +260,7 @@ def _alone(*words: str) -> subprocess.Popen[str]:
     """Start a paper's process: with the modules of this one, whatever lies in the folder where it is started."""
     paths = os.pathsep.join(path or f"{Path.cwd()}" for path in sys.path)
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "plumbob.papers.standalone", *words],
+        [sys.executable, "-P", "-m", "plumbob.papers.reproduce", *words],
         env={**os.environ, "PYTHONPATH": paths, "PYTHONIOENCODING": "utf-8"},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
@@ -301,68 +290,10 @@ def _listen(name: str, process: subprocess.Popen[str], progress: Progress | None
     return outcomes
 
 
-ABOUT: Final[Mapping[str, Both]] = {
-    "fin": Both(
-        "Three MEMS gyroscopes on a bionic fin give its yaw, pitch and roll in real time, and Allan variance gives "
-        "their noise coefficients, Table 1. Both are done here, from emulated bytes of the same sensors.",
-        "仿生鳍条上的三轴 MEMS 陀螺仪实时给出航向、俯仰、横滚角，并由 Allan 方差得到噪声系数（表 1）。"
-        "本页由同型传感器的仿真字节流完成两者。",
-    ),
-    "buoy": Both(
-        "The attitude unit of a drifting buoy: ellipsoid calibration, a PI filter with a gate, static test and slide. "
-        "All are done here, from emulated bytes of the same sensors and of their firmware, and at sea besides.",
-        "海洋漂流浮标的姿态模块：椭球拟合校准、带阀值的 PI 互补滤波、静态测试与滑动测试。"
-        "本页由同型传感器及固件的仿真字节流完成全部内容，并增加海上试验。",
-    ),
-    "trackball": Both(
-        "A drift model and a Kalman filter of one state for the rates of a trackball's gyroscope: at rest, by Allan "
-        "variance, and on a turntable. All are done here, from emulated bytes of the same sensor.",
-        "轨迹球陀螺仪的漂移模型与单状态卡尔曼滤波：静止、Allan 方差与转台试验。"
-        "本页由同型传感器的仿真字节流完成全部内容。",
-    ),
-    "arm": Both(
-        "Six units on a teaching arm, fuzzy-PI and a Kalman filter: attitude errors at rest, Table 1, and in a turn, "
-        "Table 2. Both are done here, from emulated bytes, with noise that fits the first rows of the tables.",
-        "示教机械臂上的六个传感器单元、模糊 PI 与卡尔曼滤波：静止（表 1）与转动（表 2）时的姿态误差。"
-        "本页由仿真字节流完成两者，噪声按表中首行假设。",
-    ),
-    "rod": Both(
-        "An ADIS16355 on a rod moved by hand, beside an AHRS500GA: accelerometer alone, gyroscope alone, and both "
-        "fused by a Kalman filter, Figure 6. All are done here, from emulated bytes of both devices.",
-        "手持杆上的 ADIS16355 与 AHRS500GA 对比：单独加速度计、单独陀螺仪及卡尔曼滤波融合（图 6）。"
-        "本页由两种器件的仿真字节流完成全部内容。",
-    ),
-}
-"""A paper in two sentences."""
-
-MAIN: Final[Mapping[str, Sequence[str]]] = {
-    "fin": (
-        *(f"table1.{term}.{axis}" for term in "QNB" for axis in ("290x", "290y", "453z")), "eq7", "swim.yaw",
-    ),
-    "buoy": (
-        "static.after.yaw", "static.after.pitch", "static.after.roll", "slide.open.roll", "slide.open.pitch",
-        "slide.gated.roll", "slide.gated.pitch", "slide.reduction.roll", "slide.reduction.pitch", "claim",
-    ),
-    "trackball": (
-        "drift.k_t", "rest.after", "allan.ratio.0.1", "allan.ratio.1", "allan.ratio.10", "allan.ratio.50", "ramp.rms",
-        "hold.rms",
-    ),
-    "arm": tuple(
-        f"{test}.{way}.{angle}" for test in ("static", "turn") for way in ("none", "pi", "fuzzy")
-        for angle in ("roll", "pitch", "yaw")
-    ),
-    "rod": (
-        "accel.early", "accel.late", "gyro.largest", "fused.kept", "fused.worst", "bytes.ahrs.roll",
-        "bytes.ahrs.pitch", "drift.ratio",
-    ),
-}  # fmt: skip
-"""Keys of the outcomes by which a paper is known."""
-
-
 def main_figures(name: str, outcomes: Sequence[Outcome]) -> Table:
     """Table of a paper's main outcomes, with a word for each verdict."""
     by_key = {outcome.key: outcome for outcome in outcomes}
-    rows = [[*by_key[key].row()[:-1], by_key[key].word] for key in MAIN[name] if key in by_key]
+    rows = [[*by_key[key].row()[:-1], by_key[key].word] for key in PAPERS[name].main if key in by_key]
     return Table(Both("Main figures", "主要指标"), HEAD, rows, words=(1, 2, 6))
 
 
@@ -386,3 +317,26 @@ def counts(outcomes: Sequence[Outcome]) -> Sequence[int]:
     """Of all outcomes: how many pass, are shown without a bar, are not reproducible, and are missed."""
     words = [outcome.word for outcome in outcomes]
     return [len(words), *(words.count(word) for word in (PASS, SHOWN, CANNOT, MISSED))]
+
+
+def main(name: str, folder: str, seed: str, lang: str) -> int:
+    """Run a paper in a process of its own: ``python -m plumbob.papers.reproduce NAME FOLDER SEED LANG``.
+
+    It says on standard error how far it is, a line for each step, and at the end what it found, as JSON in one line.
+    """
+
+    def say(*words: object) -> None:
+        sys.stderr.write("\t".join(map(str, words)) + "\n")
+        sys.stderr.flush()
+
+    try:
+        outcomes = run_paper(name, Path(folder), int(seed), lang, lambda *step: say(STEP, *step))
+    except (PlumbobError, OSError) as error:
+        say(error)
+        return 1
+    say(FOUND, json.dumps([outcome.stored() for outcome in outcomes]))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -96,14 +96,9 @@ def with_fault(
 class Watched(NamedTuple):
     """What the monitor made of many arrays with the same fault.
 
-    Attributes
-    ----------
-    detected, isolated, again : float
-        Shares, %: with an alarm; of these, with the right unit and triad; and of all, taken in again.
-    median, slow : float
-        Time to the alarm, s: the median, and what 95 % stay below; NaN without an alarm.
-    wrong : int
-        Others that were left out.
+    `detected`, `isolated`, `again`: shares, %: with an alarm; of these, with the right unit and triad; and of all,
+    taken in again; `median`, `slow`: time to the alarm, s: the median, and what 95 % stay below; NaN without an
+    alarm; `wrong`: others that were left out.
     """
 
     detected: float
@@ -149,12 +144,7 @@ def two_units() -> tuple[bool, int]:
 class Parity(NamedTuple):
     """What the test of one pair of axes by its parity finds.
 
-    Attributes
-    ----------
-    found : int
-        Of 200 runs.
-    median : float
-        Time to the alarm, s.
+    `found`: of 200 runs; `median`: time to the alarm, s.
     """
 
     found: int

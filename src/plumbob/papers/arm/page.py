@@ -2,22 +2,61 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from functools import partial
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from plumbob.arm.array.monitoring import Monitored
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
-from plumbob.core.units import to_deg
-from plumbob.papers.arm import drawings as drawn
+from plumbob.core.units import to_deg, to_dps
+from plumbob.data.array import ImuArray
 from plumbob.papers.arm import faults, misprints, tables, teaching
-from plumbob.papers.arm.drawings import Broken, BytesRun
-from plumbob.papers.arm.simulated import MOUNTS, Over, UnitErrors, assumed_noise
-from plumbob.papers.arm.tables import PAPER, WORDS
-from plumbob.papers.outcome import Outcome
-from plumbob.reporting.content import Table
+from plumbob.papers.arm.misprints import Inference
+from plumbob.papers.arm.simulated import AXES, MOUNTS, Over, assumed_noise, errors_deg, statistics
+from plumbob.papers.arm.tables import ANGLES, PAPER, RECOVERY_WORDS, WORDS, Recovery
+from plumbob.papers.description import ARM
+from plumbob.papers.outcome import Outcome, PrintedForm
+from plumbob.reporting.content import Figure
 from plumbob.reporting.report import Report
-from plumbob.reporting.style import Both
+from plumbob.reporting.style import MUTED, SERIES, SHADE, SOFT, Both
+from plumbob.rotations import euler_zyx_from_quat
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
+
+class BytesRun(NamedTuple):
+    """One run through bytes.
+
+    `t` (N,): s; `truth` (N, 4): attitude of the body in NED; `tracks` (N, 4): attitude by each scheme, and "six" by
+    Plumbob's filter.
+    """
+
+    t: Floats
+    truth: Floats
+    tracks: Mapping[str, Floats]
+
+    def errors(self, name: str) -> Floats:
+        """Errors (N, 3), deg."""
+        return errors_deg(self.tracks[name], self.truth)
+
+
+class Broken(NamedTuple):
+    """A run in which a unit's gyroscope x breaks.
+
+    `array`: with the fault; `seen`: what the monitor says; `unit`: the broken one; `since`, `until`: when, s;
+    `what`: of its panel.
+    """
+
+    array: ImuArray
+    seen: Monitored
+    unit: str
+    since: float
+    until: float
+    what: Both
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +85,7 @@ class Findings:
     rest: Mapping[str, Over]
     turn: Mapping[str, Over]
     fast: Mapping[str, Over]
-    printed: Sequence[misprints.Misprint]
+    printed: Mapping[str, PrintedForm]
     read: misprints.Inference
     stated: Sequence[Outcome]
     recoveries: Mapping[str, tables.Recovery]
@@ -62,33 +101,11 @@ class Findings:
 
 def report(whole: Findings, seed: int) -> Report:
     """The page of the paper; `seed` is that of its runs through bytes."""
-    return Report(
-        Both("Teaching arm: six units, fuzzy-PI and a Kalman filter", "示教机械臂：六单元、模糊 PI 与卡尔曼滤波"),
-        facts=[
-            (
-                Both("paper", "论文"),
-                Both(
-                    "Huang, Jiang: attitude of a teaching arm by several sensors",
-                    "黄洋、姜文刚：示教机械臂多传感器姿态解算",
-                ),
-            ),
-            (Both("noise", "噪声"), _noise_fact()),
-            (
-                Both("seeds", "随机种子"),
-                Both(
-                    f"figures through bytes: {seed}; tables: {whole.seeds}, drawn "
-                    f"directly; beside them: {whole.few}; faults: {whole.broken}",
-                    f"经字节的图：{seed}；表：{whole.seeds} 个（直接生成）；其他：{whole.few}；故障：{whole.broken}",
-                ),
-            ),
-            (
-                Both("order of angles", "角度顺序"),
-                Both(
-                    "roll, pitch, yaw; the paper's text does not say it",
-                    "横滚、俯仰、航向；论文文字未注明",
-                ),
-            ),
-        ],
+    return ARM.part(
+        "page",
+        whole=whole,
+        noise_fact=ARM.text("assumed_of_a_sample", rest=_noise(False), turn=_noise(True)),
+        seed=seed,
         parts=[
             _scheme(),
             _misprints(whole),
@@ -102,134 +119,28 @@ def report(whole: Findings, seed: int) -> Report:
     )
 
 
-def _noise_fact() -> Both:
-    def said(noise: UnitErrors, en: str, zh: str) -> tuple[str, str]:
-        gyr, bias, acc = to_deg(noise.gyr), to_deg(noise.bias), noise.acc / G0
-        text = f"{gyr:.2g} °/s, ±{bias:.2g} °/s, {acc:.2g} g, {noise.mag:g} µT"
-        return f"{en} {text}", f"{zh} {text}"
-
-    rest, turn = said(assumed_noise(False), "at rest", "静态"), said(assumed_noise(True), "in the turn", "动态")
-    return Both(
-        f"assumed, of a sample at 10 Hz: gyroscope, its bias, accelerometer, magnetometer; {rest[0]}; {turn[0]}",
-        f"假设的 10 Hz 单次采样噪声：陀螺仪、零偏、加速度计、磁力计；{rest[1]}；{turn[1]}",
-    )
+def _noise(turns: bool) -> str:
+    noise = assumed_noise(turns)
+    gyr, bias = to_deg(noise.gyr), to_deg(noise.bias)
+    return f"{gyr:.2g} °/s, ±{bias:.2g} °/s, {noise.acc / G0:.2g} g, {noise.mag:g} µT"
 
 
 def _scheme() -> Report:
     """Figures 1 and 2."""
-    head = (Both("part", "部分"), Both("in the paper", "论文"), Both("in Plumbob", "Plumbob 中"))
-    rows = [
-        (
-            Both("units 1 to 3, units 4 to 6", "传感器 1~3、4~6"),
-            Both("± sets of three axes, opposite signs", "正负两组三轴，符号相反"),
-            'plumbob.read_array(…, mounts="arm"); array.paper.sets_of',
-        ),
-        (
-            Both("magnetic compass (7)–(11)", "磁罗盘算法 (7)–(11)"),
-            Both("roll and pitch from the force, yaw from the levelled field", "由比力求俯仰、横滚，由调平磁场求航向"),
-            "filters.start; filters.tilt_compass",
-        ),
-        (
-            Both("quaternion, its start (12)", "四元数初值 (12)"),
-            Both("from these angles", "由上述角度"),
-            "filters.start",
-        ),
-        (
-            Both("complementary filter (13), (14)", "互补滤波 (13)、(14)"),
-            Both("u corrects the rate", "u 修正角速度"),
-            "arm.array.paper.run; filters.fuzzy_pi",
-        ),
-        (
-            Both("errors (15)–(17)", "误差 (15)–(17)"),
-            Both("vector products of measured and predicted vectors", "测量与估计向量的叉积"),
-            "arm.array.paper.error_of",
-        ),
-        (
-            Both("fuzzy regulator (18)", "模糊调节器 (18)"),
-            Both("7 × 7 rules on e1 and its integral, factors 3, 1, 1", "e1 与其积分的 7 × 7 规则，量化因子 3、1、1"),
-            "filters.fuzzy_pi.regulate",
-        ),
-        (
-            Both("PI regulator (19)", "PI 调节器 (19)"),
-            Both("0.8 e2 + 0.02 ∫e2", "0.8 e2 + 0.02 ∫e2"),
-            "arm.array.paper.law",
-        ),
-        (
-            Both("mean rate (20)", "角速度均值 (20)"),
-            Both("half the difference of raw signals", "原始信号之半差"),
-            "arm.array.paper.run; array.combine",
-        ),
-        (
-            Both("EKF (21)–(27)", "EKF (21)–(27)"),
-            Both("quaternion; Q = 1e-4, R = 1e-3, P0 = 1e-3", "四元数；Q = 1e-4，R = 1e-3，P0 = 1e-3"),
-            "filters.ekf_quaternion",
-        ),
-        (
-            Both("Euler angles (3)", "欧拉角 (3)"),
-            Both("yaw, pitch, roll", "航向、俯仰、横滚"),
-            "rotations.euler_zyx_from_quat",
-        ),
-    ]
     mounting = [
         (name, f"{'+−'[k > 2]}{'xyz'[k % 3]}", " ".join(f"{v:g}" for v in mount.q_bs))
         for k, (name, mount) in enumerate(MOUNTS.items())
     ]
-    places = (Both("unit", "单元"), Both("axis that is read", "所读轴"), Both("mount q_bs", "安装四元数 q_bs"))
-    return Report(
-        Both("The scheme", "算法结构"),
-        tables=[
-            Table(Both("Figure 1: parts of the scheme", "图 1：算法总体结构"), head, rows, words=(1, 2)),
-            Table(Both("Figure 2: mounting of the units", "图 2：传感器安装位置"), places, mounting, words=(1, 2)),
-        ],
-        remarks=[
-            Both(
-                "Each unit is a whole nine-axis one, and no turn reverses "
-                "all of its axes: x is read from units 1 and 4, y from "
-                "2 and 5, z from 3 and 6, each along its own axis.",
-                "每个单元都是完整九轴单元，任何转动都不能使三轴同时反向：x "
-                "取自单元 1、4，y 取自 2、5，z 取自 3、6，各沿自身轴。",
-            ),
-            Both(
-                "PI and EKF use the same measurements twice, and its "
-                "covariance is not a covariance. A set that is used alone "
-                "starts from its own first sample; two sets start from both.",
-                "PI 与 EKF 两次使用同一测量，其协方差不再是协方差。"
-                "单组方案以该组首个采样为初值，两组方案以两组之和为初值。",
-            ),
-        ],
-    )
+    return ARM.part("scheme", tables=[ARM.table("figure_1_parts"), ARM.table("figure_2_mounting", mounting)])
 
 
 def _misprints(study: Findings) -> Report:
     rows = [(row.what, f"{row.paper:g}", f"{row.faithful:.2g}", row.reason or "") for row in study.stated]
-    head = (
-        Both("std [°]", "标准差 [°]"),
-        Both("paper", "论文"),
-        Both("with the stated noise", "论文所述噪声"),
-        Both("why", "说明"),
-    )
-    return Report(
-        Both("What is printed, and what is meant", "原文与更正"),
-        tables=[
-            misprints.table(list(study.printed)),
-            Table(
-                Both("Table 1 with 0.1 °/h, 0.1 mg and 50 nT", "0.1 °/h、0.1 mg、50 nT 下的表 1"),
-                head,
-                rows,
-                words=(3,),
-            ),
-        ],
-        remarks=[
-            Both(
-                "The same table of rules by Mamdani's minimum and centre of area has another gain near zero "
-                f"({study.read.gain:.1f} instead of {study.read.gain_product:.1f} 1/s), reaches "
-                f"{study.read.reach:.2f} of 9 and differs by up to {study.read.apart:.2f}.",
-                "同一规则表用 Mamdani 取小与面积重心时零点增益为 "
-                f"{study.read.gain:.1f}（而非 {study.read.gain_product:.1f}）1/s，"
-                f"最大 {study.read.reach:.2f}（论域 9），差别至 {study.read.apart:.2f}。",
-            )
-        ],
-        figures=[drawn.inference(study.read)],
+    return ARM.part(
+        "misprints",
+        read=study.read,
+        tables=[ARM.table("printed_forms_computed", forms=study.printed), ARM.table("table_1_with", rows)],
+        figures=[ARM.figure("correction_by_the", partial(_draw_inference, study.read))],
     )
 
 
@@ -240,72 +151,25 @@ def _three(values: Sequence[float] | Floats) -> str:
 def _case(study: Findings, *, turns: bool) -> Report:
     """Table 1 or 2 with its figures."""
     stats, run = (study.turn, study.runs[True]) if turns else (study.rest, study.runs[False])
-    head = (
-        Both("roll/pitch/yaw [°]", "横滚/俯仰/航向 [°]"),
-        Both("std, paper", "论文标准差"),
-        Both("std", "标准差"),
-        Both("± of mean", "标准误差"),
-        Both("range", "误差范围"),
-        Both("rms", "均方根"),
-    )
-    rows = []
-    for name, over in stats.items():
-        printed = PAPER[turns].get(name)
-        rows.append(
-            (
-                WORDS.get(name, _COMMON),
-                _three(printed) if printed else "-",
-                _three(over.std),
-                _three(over.standard_error),
-                _three(over.range),
-                _three(over.rms),
-            )
-        )
-    title = Both(
-        f"Table {1 + turns}: attitude errors, means over {study.seeds} seeds",
-        f"表 {1 + turns}：姿态角误差，{study.seeds} 个种子平均",
-    )
-    name = (
-        Both("In the turn of −90°: Table 2, Figures 6 to 9", "动态（航向 0° 至 −90°）：表 2、图 6～9")
-        if turns
-        else Both("At rest: Table 1, Figures 3 to 5", "静态：表 1、图 3～5")
-    )
-    return Report(
-        name,
-        tables=[Table(title, head, rows)],
-        remarks=_case_remarks(stats),
-        figures=[*([drawn.heading(run)] if turns else []), *drawn.errors(run, turns=turns)],
-    )
-
-
-_COMMON: Final = Both("PI that starts from both sets", "PI 调节，两组初值")
-
-
-def _case_remarks(stats: Mapping[str, Over]) -> list[Both]:
-    ratio = (stats["fuzzy"].std / stats["pi, common start"].std).max()
-    std, rms = stats["none"].std.mean(), stats["none"].rms.mean()
-    return [
-        Both(
-            "The figures are of one run through bytes; its own statistics stand beside its lines.",
-            "各图为经字节的一次运行，其统计值列于曲线旁。",
-        ),
-        Both(
-            "The ranges of the paper's tables are not in its text; the "
-            "standard deviations are. A range grows with the number "
-            "of samples.",
-            "论文文字中没有表中误差范围的数值，只有标准差；误差范围随采样数增大。",
-        ),
-        Both(
-            f"Standard deviation hides what is constant: without a regulator {std:.2f}° of std and {rms:.2f}° of rms.",
-            f"标准差掩盖恒定误差：无调节时标准差 {std:.2f}°，均方根 {rms:.2f}°。",
-        ),
-        Both(
-            "A single set with PI starts from its own first sample. If "
-            "it started from both sets, the greatest ratio of fuzzy-PI "
-            f"to PI would be {ratio:.3f}.",
-            f"单组 PI 以该组首个采样为初值；若以两组为初值，模糊 PI 与 PI 标准差之比最大为 {ratio:.3f}。",
-        ),
+    rows = [
+        [
+            WORDS.get(name, _COMMON),
+            _three(PAPER[turns][name]) if name in PAPER[turns] else "-",
+            *(_three(values) for values in (over.std, over.standard_error, over.range, over.rms)),
+        ]
+        for name, over in stats.items()
     ]
+    return ARM.part(
+        "turn" if turns else "rest",
+        tables=[ARM.table("table_attitude_errors", rows, turns=1 + turns, seeds=study.seeds)],
+        figures=[*([heading_figure(run)] if turns else []), *errors_figure(run, turns=turns)],
+        std=stats["none"].std.mean(),
+        rms=stats["none"].rms.mean(),
+        ratio=(stats["fuzzy"].std / stats["pi, common start"].std).max(),
+    )
+
+
+_COMMON: Final = ARM.text("pi_that_starts_from")
 
 
 def _source(study: Findings) -> Report:
@@ -317,43 +181,12 @@ def _source(study: Findings) -> Report:
         )
         for name, scheme in tables.RECOVERIES.items()
     ]
-    head = (Both("time to below 0.5° [s]", "收敛到 0.5° 的时间 [s]"), *(words for words, _ in tables.STARTS.values()))
+    head = (ARM.text("time_to_below_0"), *(words for words, _ in tables.STARTS.values()))
     rows = [(f"{c:g}", f"{far:g}", _three(over.std), f"{time:.1f}") for c, far, over, time in study.designs]
-    trade = (
-        Both("slope c [1/s]", "斜率 c [1/s]"),
-        Both("far [°/s]", "远端修正 [°/s]"),
-        Both("std at rest [°]", "静态标准差 [°]"),
-        Both("recovery [s]", "收敛时间 [s]"),
-    )
-    return Report(
-        Both("What the fuzzy rules add", "模糊规则的作用"),
-        tables=[
-            Table(Both("Recovery from a wrong start", "错误初值的收敛"), head, starts),
-            Table(
-                Both(
-                    f"Design of the rules: quiet or quick, {study.few} seeds",
-                    f"规则设计：低噪声或快速，{study.few} 个种子",
-                ),
-                trade,
-                rows,
-            ),
-        ],
-        remarks=[
-            Both(
-                "PI on both sets is the control: it is as quiet as "
-                "fuzzy-PI. The step from PI to fuzzy-PI is that of averaging "
-                "two sets, 1/√2; the rules add recovery alone, and only "
-                "with another table than the one that comes near Table 1.",
-                "两组 PI 为对照：其噪声与模糊 PI 相同。由 PI 到模糊 PI "
-                "的改善来自两组平均（1/√2）；规则只加快收敛，且须采用与接近表 1 者不同的规则表。",
-            ),
-            Both(
-                "Recovery is measured without the EKF: with it every "
-                "regulator takes 1.5 s, which would hide a mistake of units.",
-                "收敛试验不含 EKF：有 EKF 时任何调节器都约 1.5 s，会掩盖单位错误。",
-            ),
-        ],
-        figures=[drawn.recovery(study.recoveries)],
+    return ARM.part(
+        "source",
+        tables=[ARM.table("recovery_from_a", starts, head=head), ARM.table("design_of_the", rows, few=study.few)],
+        figures=[recovery_figure(study.recoveries)],
     )
 
 
@@ -362,42 +195,25 @@ def _time(value: float) -> str:
 
 
 def _hundred(study: Findings) -> Report:
-    head = (Both("std [°], roll / pitch / yaw", "标准差 [°]，横滚/俯仰/航向"), "10 Hz", "100 Hz")
     rows = [
         (WORDS[name], _three(study.turn[name].std), _three(over.std))
         for name, over in study.fast.items()
         if name in WORDS
     ]
-    return Report(
-        Both("The same at 100 Hz", "100 Hz 下的结果"),
-        tables=[Table(Both(f"The turn, {study.few} seeds at 100 Hz", f"动态，100 Hz，{study.few} 个种子"), head, rows)],
-        remarks=[
-            Both(
-                "Motion of the human arm below 15 Hz, as the paper has "
-                "it, cannot be sampled at 10 Hz, whose half is 5 Hz. The "
-                "scatter of a sample is that of 10 Hz, so that more samples know more.",
-                "论文所说低于 15 Hz 的人体手臂运动不能用 10 Hz 采样（一半为 "
-                "5 Hz）。单次采样噪声与 10 Hz 相同，采样越多信息越多。",
-            )
-        ],
-    )
+    return ARM.part("hundred", tables=[ARM.table("turn_seeds_at", rows, few=study.few)])
 
 
-_TRIADS: Final = {
-    "gyr": Both("gyroscope", "陀螺仪"),
-    "acc": Both("accelerometer", "加速度计"),
-    "mag": Both("magnetometer", "磁力计"),
-}
+_TRIADS: Final = ARM.texts("triads")
 _KINDS: Final = dict(
     zip(
         faults.KINDS,
         (
-            Both("frozen", "卡滞"),
-            Both("biased", "零偏突变"),
-            Both("scaled by 3 %", "标度偏 3 %"),
-            Both("noisy ×10", "噪声 ×10"),
-            Both("swapped axes", "轴互换"),
-            Both("dead", "无输出"),
+            ARM.text("frozen"),
+            ARM.text("biased"),
+            ARM.text("scaled_by_3"),
+            ARM.text("noisy_10"),
+            ARM.text("swapped_axes"),
+            ARM.text("dead"),
         ),
         strict=True,
     )
@@ -405,48 +221,138 @@ _KINDS: Final = dict(
 
 
 def _breaks(study: Findings) -> Report:
-    head = (
-        Both("fault", "故障"),
-        Both("at rest: isolated [%]", "静止：隔离 [%]"),
-        Both("median [s]", "中位 [s]"),
-        Both("moving: isolated [%]", "运动：隔离 [%]"),
-        Both("median [s]", "中位 [s]"),
-    )
     cells: dict[tuple[str, str], list[str]] = {}
     for _, triad, kind, stats in study.every:
         share = stats.detected * stats.isolated / 100.0
         cells.setdefault((triad, kind), []).extend([f"{share:.0f}", f"{stats.median:.1f}" if share else "-"])
     rows = [
-        (Both(f"{_TRIADS[triad]} {_KINDS[kind]}", f"{_TRIADS[triad].zh}{_KINDS[kind].zh}"), *values)
+        (ARM.text("triad_and_kind", triad=_TRIADS[triad], kind=_KINDS[kind]), *values)
         for (triad, kind), values in cells.items()
     ]
     parity = [
         (f"{step:g}", f"{row.found}", f"{row.median:.1f}" if row.found else "-") for step, row in study.parity.items()
     ]
-    steps = (
-        Both("step [°/s]", "阶跃 [°/s]"),
-        Both("found of 200", "200 次检出"),
-        Both("median time [s]", "中位时间 [s]"),
+    return ARM.part(
+        "breaks",
+        tables=[ARM.table("test_of_the", parity), ARM.table("every_fault_of", rows)],
+        figures=[faults_figure(study.watched)],
     )
-    return Report(
-        Both("A unit that breaks", "单元故障"),
-        tables=[
-            Table(Both("Test of the parity of one pair, 5σ", "一对轴的奇偶检验，5σ"), steps, parity),
-            Table(Both("Every fault of every sensor, 10 arrays each", "各传感器各类故障，每类 10 个阵列"), head, rows),
-        ],
-        remarks=[
-            Both(
-                "Two sensors on an axis detect a fault and cannot say "
-                "whose it is; six whole units say it. While the arm moves, "
-                "scale errors of 0.3 % alone are 0.2 °/s at 60 °/s: "
-                "the monitor learns each unit's scale and axes on line.",
-                "每轴两个传感器只能检出故障，不能隔离；六个完整单元可以。手臂运动时，0.3 "
-                "% 的标度误差在 60 °/s 下即为 0.2 °/s，监测器在线学习各单元标度与轴向。",
-            ),
-            Both(
-                "At rest nothing shows a wrong scale of a rate that is zero, nor swapped axes of equal values.",
-                "静止时零角速度的标度误差和等值轴的互换无法显现。",
-            ),
-        ],
-        figures=[drawn.faults(study.watched)],
-    )
+
+
+TIME: Final = "time [s]"
+_BLUE, _GREEN, _AMBER = SERIES[0], SERIES[2], SERIES[4]
+
+
+_NUMBERS: Final = {False: (3, 4, 5), True: (7, 8, 9)}
+
+
+def errors_figure(run: BytesRun, *, turns: bool) -> list[Figure]:
+    """Figures 3 to 5, or 7 to 9: errors over time, within the band of ± the paper's standard deviation."""
+    how, made = ARM.texts("how")["turn" if turns else "rest"], []
+    for number, (name, what) in zip(_NUMBERS[turns], ARM.texts("what").items(), strict=True):
+        draw = partial(_draw_errors, run.t, run.errors(name), run.errors("six"), PAPER[turns][name])
+        made.append(ARM.figure("errors", draw, number=number, how=how, what=what))
+    return made
+
+
+def _draw_errors(t: Floats, faithful: Floats, best: Floats, printed: Sequence[float], canvas: "FigureBase") -> None:
+    panels = canvas.subplots(3, 1, sharex=True)
+    limit = 1.08 * max(float(np.abs(faithful).max()), float(np.abs(best).max()), *printed)
+    for axis, (ax, figures) in enumerate(zip(panels, statistics(faithful).T.tolist(), strict=True)):
+        ax.axhspan(-printed[axis], printed[axis], color=SHADE, linewidth=0)
+        ax.axhline(0.0, color=MUTED, linewidth=0.5)
+        ax.plot(t, faithful[:, axis], color=_BLUE, linewidth=0.8)
+        ax.plot(t, best[:, axis], color=_GREEN, linewidth=0.8)
+        ax.set_ylim(-limit, limit)
+        word = ANGLES[AXES[axis]]
+        ax.set_ylabel(ARM.text("angle_in_degrees", word=word))
+        words = (("std", "标准差"), ("range", "误差范围"), ("rms", "均方根"))
+        rows = [(*word, value) for word, value in zip(words, figures, strict=True)]
+        _margin_notes(ax, [*rows, ("std, paper", "论文标准差", printed[axis])])
+    _time_axis(panels[-1], t)
+
+
+def heading_figure(run: BytesRun) -> Figure:
+    """Figure 6: the heading in the turn."""
+    yaw = [_yaw(q_nb) for q_nb in (run.truth, run.tracks["fuzzy"], run.tracks["six"])]
+    return ARM.figure("figure_6", partial(_draw_heading, run.t, yaw))
+
+
+def _yaw(q_nb: Floats) -> Floats:
+    return np.asarray(to_deg(np.unwrap(euler_zyx_from_quat(q_nb)[:, 0])))
+
+
+def _draw_heading(t: Floats, yaw: Sequence[Floats], canvas: "FigureBase") -> None:
+    """The whole, and what it is away from the truth."""
+    ax, away = canvas.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    for angle, colour, width, dash in zip(yaw, (_AMBER, _BLUE, _GREEN), (2.8, 0.9, 0.9), ("-", "-", "--"), strict=True):
+        ax.plot(t, angle, color=colour, linewidth=width, linestyle=dash)
+        away.plot(t, angle - yaw[0], color=colour, linewidth=width, linestyle=dash)
+    ax.set_yticks((-90, -60, -30, 0))
+    _time_axis(away, t)
+
+
+def recovery_figure(found: Mapping[str, Recovery]) -> Figure:
+    """Error over time after a start that is wrong by 10° of yaw."""
+    names = list(found)
+    key = [(RECOVERY_WORDS[name], SERIES[k], "solid") for k, name in enumerate(names)]
+    return ARM.figure("recovery_from_10", partial(_draw_recovery, list(found.values())), lines=key)
+
+
+def _draw_recovery(recoveries: Sequence[Recovery], canvas: "FigureBase") -> None:
+    ax = canvas.subplots()
+    for k, run in enumerate(recoveries):
+        ax.semilogy(run.t, np.maximum(run.error_deg, 1e-3), color=SERIES[k], linewidth=1.1)
+    ax.axhline(0.5, color=MUTED, linewidth=0.8, linestyle="--")
+    ax.set_yticks((0.01, 0.1, 1.0, 10.0), labels=("0.01", "0.1", "1", "10"))
+
+
+def _draw_inference(read: Inference, canvas: "FigureBase") -> None:
+    ax = canvas.subplots()
+    ax.plot(read.e, read.product, color=_BLUE, linewidth=1.2)
+    ax.plot(read.e, read.mamdani, color=SERIES[1], linewidth=1.2, linestyle="--")
+
+
+def faults_figure(runs: Sequence[Broken]) -> Figure:
+    """What a broken gyroscope reads beyond the rest, and when it is left out."""
+    return ARM.figure("fault_of_0", partial(_draw_faults, runs), height=1.4 * len(runs) + 0.4)
+
+
+def _draw_faults(runs: Sequence[Broken], canvas: "FigureBase") -> None:
+    panels = canvas.subplots(len(runs), 1, sharex=True, squeeze=False)[:, 0]
+    for ax, run in zip(panels, runs, strict=True):
+        t, unit = run.seen.imu.t, run.array.units[run.unit]
+        dcm = run.array.mounts[run.unit].dcm
+        assert unit.gyr is not None
+        assert run.seen.imu.gyr is not None
+        away = to_dps(unit.gyr[:, 0] - (run.seen.imu.gyr @ dcm)[:, 0])
+        size = max(1, round(1.0 / float(np.median(np.diff(t)))))
+        mean = np.convolve(away, np.ones(size) / size)[: t.size]
+        out = run.seen.excluded("gyr")[:, run.seen.names.index(run.unit)]
+        ax.fill_between(
+            t, 0.0, 1.0, where=out, color=SHADE, linewidth=0, step="post", transform=ax.get_xaxis_transform()
+        )
+        ax.plot(t, away, color=SOFT, linewidth=0.4)
+        ax.plot(t, mean, color=_BLUE, linewidth=1.0)
+        for when in (run.since, run.until):
+            ax.axvline(when, color=SERIES[1], linewidth=1.0, linestyle="--")
+        ax.set_ylim(-0.7, 0.9)
+        ax.set_ylabel(ARM.text("broken_rate", run_what=run.what))
+    _time_axis(panels[-1], runs[-1].seen.imu.t)
+
+
+def _time_axis(ax: "Axes", t: Floats) -> None:
+    ax.set_xlim(float(t[0]), float(np.ceil(t[-1])))
+    ax.set_xlabel(TIME)
+
+
+def _margin_notes(ax: "Axes", figures: Sequence[tuple[str, str, float]]) -> None:
+    for line, (en, zh, value) in enumerate(figures):
+        ax.text(
+            1.015,
+            0.95 - 0.22 * line,
+            ARM.text("margin_note", en=en, value=value, zh=zh),
+            transform=ax.transAxes,
+            va="top",
+            color=MUTED,
+        )

@@ -39,14 +39,8 @@ FIELD: Final = 50.0 * np.array([np.cos(deg(50.0)), 0.0, np.sin(deg(50.0))])
 class UnitErrors(NamedTuple):
     """Errors of a unit.
 
-    Attributes
-    ----------
-    gyr, acc, mag : float
-        Scatter of one sample: rad/s, m/s², µT.
-    bias : float
-        Half width of the gyroscope's bias, which is spread evenly, rad/s.
-    iron : float
-        The same of the magnetometer, µT.
+    `gyr`, `acc`, `mag`: scatter of one sample: rad/s, m/s², µT; `bias`: half width of the gyroscope's bias, which
+    is spread evenly, rad/s; `iron`: the same of the magnetometer, µT.
     """
 
     gyr: float
@@ -156,12 +150,8 @@ def statistics(e: Floats) -> Floats:
 class Over(NamedTuple):
     """Statistics over seeds.
 
-    Attributes
-    ----------
-    std, range, rms : ndarray (3,)
-        Of roll, pitch and yaw, deg: means over the seeds, of the rms the root mean square.
-    standard_error : ndarray (3,)
-        Of the mean of the standard deviations.
+    `std`, `range`, `rms` (3,): of roll, pitch and yaw, deg: means over the seeds, of the rms the root mean square;
+    `standard_error` (3,): of the mean of the standard deviations.
     """
 
     std: Floats

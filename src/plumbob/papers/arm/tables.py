@@ -1,6 +1,7 @@
 """Tables 1 and 2 over many seeds, the control, the recovery from a wrong start, and the design of the rules."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -27,7 +28,8 @@ from plumbob.papers.arm.simulated import (
     quiet,
     statistics,
 )
-from plumbob.papers.outcome import OPEN, Bar, Outcome, at_most
+from plumbob.papers.description import ARM
+from plumbob.papers.outcome import Outcome
 from plumbob.reporting.style import Both
 from plumbob.rotations import Frame, quat_from_euler_zyx, quat_multiply
 
@@ -41,30 +43,14 @@ SCHEMES: Final[Mapping[str, Scheme]] = {
     "sum": Scheme(sum_table=True),
 }
 """The paper's three contenders; the control, which has the same law on both sets; and what each part does alone."""
-WORDS: Final[Mapping[str, Both]] = {
-    "none": Both("none", "无调节"),
-    "pi": Both("PI", "PI 调节"),
-    "fuzzy": Both("fuzzy-PI", "模糊 PI"),
-    "control": Both("PI on both sets", "两组 PI"),
-    "ekf": Both("EKF alone, one set", "仅 EKF，单组"),
-    "bare": Both("fuzzy-PI without EKF", "模糊 PI，无 EKF"),
-    "sum": Both("fuzzy-PI, sum table", "模糊 PI，求和规则表"),
-    "two": Both("Plumbob, two units", "Plumbob，两单元"),
-    "six": Both("Plumbob, six units", "Plumbob，六单元"),
-}
-ANGLES: Final = dict(zip(AXES, (Both("roll", "横滚角"), Both("pitch", "俯仰角"), Both("yaw", "航向角")), strict=True))
-PAPER: Final[Mapping[bool, Mapping[str, tuple[float, float, float]]]] = {
-    False: {"none": (0.507, 0.643, 0.519), "pi": (0.136, 0.157, 0.206), "fuzzy": (0.096, 0.098, 0.142)},
-    True: {"none": (0.792, 0.997, 1.135), "pi": (0.298, 0.275, 0.608), "fuzzy": (0.193, 0.188, 0.308)},
+WORDS: Final[Mapping[str, Both]] = ARM.texts("words")
+ANGLES: Final = dict(zip(AXES, (ARM.text("roll"), ARM.text("pitch"), ARM.text("yaw_2")), strict=True))
+CASES: Final = {False: "static", True: "turn"}
+PAPER: Final[Mapping[bool, Mapping[str, Sequence[float]]]] = {
+    turns: {name: [ARM.printed(f"{case}.{name}.{axis}") for axis in AXES] for name in ("none", "pi", "fuzzy")}
+    for turns, case in CASES.items()
 }
 """Standard deviations that the paper prints at rest and in the turn, deg, in the order of `AXES`."""
-LIMITS: Final[Mapping[bool, Mapping[str, tuple[float, float, float]]]] = {
-    False: {"fuzzy": (0.11, 0.11, 0.155), "two": (0.07, 0.09, 0.155), "six": (0.04, 0.04, 0.08)},
-    True: {"fuzzy": (0.24, 0.25, 0.32), "two": (0.17, 0.17, 0.26), "six": (0.12, 0.11, 0.20)},
-}
-STEP_LIMIT: Final = {False: 0.80, True: 0.85}
-"""Largest ratio of fuzzy-PI to PI."""
-CASES: Final = {False: "static", True: "turn"}
 SEEDS: Final = 600
 """So many that the standard error of a figure is about a tenth of what the seeds of one run scatter by."""
 
@@ -140,14 +126,8 @@ def least(turns: bool, units: int, runs: int = 2000, seed: int = 0) -> Floats:
 class Recovery(NamedTuple):
     """How a scheme forgets a wrong start, without noise.
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        s.
-    error_deg : ndarray (N,)
-        Largest size of the errors of roll, pitch and yaw.
-    time : float
-        From then on it stays below 0.5°, s; infinite where it does not.
+    `t` (N,): s; `error_deg` (N,): largest size of the errors of roll, pitch and yaw; `time`: from then on it stays
+    below 0.5°, s; infinite where it does not.
     """
 
     t: Floats
@@ -173,26 +153,18 @@ RECOVERIES: Final[Mapping[str, Scheme]] = {
     "ekf": Scheme(),
 }
 RECOVERY_WORDS: Final[Mapping[str, Both]] = {
-    "fuzzy": Both("fuzzy-PI, the paper's factors", "模糊 PI，论文量化因子"),
+    "fuzzy": ARM.text("fuzzy_pi_the_papers"),
     "control": WORDS["control"],
     "sum": WORDS["sum"],
-    "sum_alone": Both("sum table, one set", "求和规则表，单组"),
-    "ekf": Both("fuzzy-PI with EKF", "模糊 PI 加 EKF"),
+    "sum_alone": ARM.text("sum_table_one_set"),
+    "ekf": ARM.text("fuzzy_pi_with_ekf"),
 }
-RECOVERY_BARS: Final[Mapping[str, Bar]] = {
-    "fuzzy": (48.5, 49.5),
-    "control": (32.5, 33.5),
-    "sum": (4.5, 7.5),
-    "sum_alone": (4.5, 7.5),
-    "ekf": (1.45, 1.55),
-}
-"""49 s, 33 s, 5 to 7 s and 1.5 s, as whole numbers are rounded."""
 STARTS: Final[Mapping[str, tuple[Both, tuple[float, float, float]]]] = {
-    "yaw": (Both("yaw 10°", "航向 10°"), (10.0, 0.0, 0.0)),
-    "roll": (Both("roll 10°", "横滚 10°"), (0.0, 0.0, 10.0)),
-    "pitch": (Both("pitch 10°", "俯仰 10°"), (0.0, 10.0, 0.0)),
-    "each": (Both("5.77° each", "各 5.77°"), (10.0 / 3**0.5,) * 3),
-    "all": (Both("10° each", "各 10°"), (10.0, 10.0, 10.0)),
+    "yaw": (ARM.text("yaw_10"), (10.0, 0.0, 0.0)),
+    "roll": (ARM.text("roll_10"), (0.0, 0.0, 10.0)),
+    "pitch": (ARM.text("pitch_10"), (0.0, 10.0, 0.0)),
+    "each": (ARM.text("5_77_each"), (10.0 / 3**0.5,) * 3),
+    "all": (ARM.text("10_each"), (10.0, 10.0, 10.0)),
 }
 DESIGNS: Final = ((0.3, 3.0), (0.8, 9.0), (4.5, 9.0))
 """Slope, 1/s, and correction of large errors, deg/s, of rules that were compared."""
@@ -208,139 +180,34 @@ def designs(seeds: int) -> list[tuple[float, float, Over, float]]:
     ]
 
 
-def where(turns: bool) -> str:
-    """The table of the paper."""
-    return f"Table {1 + turns}"
-
-
 def of_table(turns: bool, found: Mapping[str, Over], optimum: Floats) -> list[Outcome]:
     """Outcomes of a table, by angle: standard deviations, ranges, the control, ratios, and Plumbob's."""
     case, made = CASES[turns], []
-    for name in ("none", "pi", "fuzzy"):
-        made += _std(turns, name, found)
-    for name in ("none", "pi", "fuzzy"):
-        made += [
-            Outcome(
-                key=f"{case}.{name}.range.{axis}",
-                where=where(turns),
-                unit="°",
-                faithful=found[name].range[i],
-                what=Both(f"range, {WORDS[name]}, {axis}", f"误差范围，{WORDS[name].zh}，{ANGLES[axis].zh}"),
-                best=found["six"].range[i] if name == "fuzzy" else None,
-            )
-            for i, axis in enumerate(AXES)
-        ]
-    made += [
-        Outcome(
-            key=f"{case}.control.{axis}",
-            where="",
-            unit="°",
-            faithful=found["control"].std[i],
-            what=Both(f"std, control: PI on both sets, {axis}", f"标准差，对照：两组 PI，{ANGLES[axis].zh}"),
-        )
-        for i, axis in enumerate(AXES)
-    ]
-    made += _ratios(turns, found)
+    for key, field in (("{name}.{axis}", "std"), ("{name}.range.{axis}", "range")):
+        for name in PAPER[turns]:
+            for i, axis in enumerate(AXES):
+                value, best = (getattr(found[scheme], field)[i] for scheme in (name, "six"))
+                key_of_axis = f"{case}.{key.format(name=name, axis=axis)}"
+                made.append(ARM.row(key_of_axis, faithful=value, best=best if name == "fuzzy" else None))
+    made += [ARM.row(f"{case}.control.{axis}", faithful=found["control"].std[i]) for i, axis in enumerate(AXES)]
+    for above, below in (("pi", "none"), ("fuzzy", "pi")):
+        for axis, ratio in zip(AXES, found[above].std / found[below].std, strict=True):
+            made.append(ARM.row(f"{case}.{above}_over_{below}.{axis}", faithful=ratio))
     made += [_two(turns, found["two"], optimum, i) for i in range(3)]
-    made.append(
-        Outcome(
-            key=f"{case}.none.rms",
-            where=where(turns),
-            unit="°",
-            faithful=float(found["none"].rms.mean()),
-            what=Both(
-                "rms without a regulator, mean of the angles: std hides a constant error",
-                "无调节均方根，三角平均：标准差掩盖恒定误差",
-            ),
-        )
-    )
-    return made
-
-
-def _std(turns: bool, name: str, stats: Mapping[str, Over]) -> list[Outcome]:
-    made, case = [], CASES[turns]
-    for i, axis in enumerate(AXES):
-        ours, lost = name == "fuzzy", turns and name == "pi" and axis == "yaw"
-        made.append(
-            Outcome(
-                key=f"{case}.{name}.{axis}",
-                where=where(turns),
-                unit="°",
-                paper=PAPER[turns][name][i],
-                what=Both(f"std, {WORDS[name]}, {axis}", f"标准差，{WORDS[name].zh}，{ANGLES[axis].zh}"),
-                faithful=stats[name].std[i],
-                faithful_bar=at_most(LIMITS[turns][name][i]) if ours else OPEN,
-                best=stats["six"].std[i] if ours else None,
-                best_bar=at_most(LIMITS[turns]["six"][i]) if ours else OPEN,
-                reproducible=not lost,
-                reason=_YAW_OF_PI if lost else None,
-            )
-        )
-    return made
-
-
-_YAW_OF_PI: Final = Both(
-    "no noise gives 0.608° here together with the other figures of the table: hard iron of ±1.5 µT in each unit does, "
-    "but then PI on both sets, and with it fuzzy-PI, would have far more than 0.308°",
-    "没有一种噪声能同时得到 0.608° 与表中其他数值：各单元 ±1.5 "
-    "µT 的硬磁误差可以，但此时两组 PI（及模糊 PI）远大于 0.308°",
-)
-
-
-def _ratios(turns: bool, stats: Mapping[str, Over]) -> list[Outcome]:
-    made, case = [], CASES[turns]
-    for above, below, limit in (("pi", "none", 0.35), ("fuzzy", "pi", STEP_LIMIT[turns])):
-        for i, axis in enumerate(AXES):
-            made.append(
-                Outcome(
-                    key=f"{case}.{above}_over_{below}.{axis}",
-                    where=where(turns),
-                    what=Both(
-                        f"std, {WORDS[above]} over {WORDS[below]}, {axis}",
-                        f"标准差之比，{WORDS[above].zh}/{WORDS[below].zh}，{ANGLES[axis].zh}",
-                    ),
-                    paper=round(PAPER[turns][above][i] / PAPER[turns][below][i], 3),
-                    faithful=stats[above].std[i] / stats[below].std[i],
-                    faithful_bar=at_most(limit),
-                )
-            )
+    made.append(ARM.row(f"{case}.none.rms", faithful=float(found["none"].rms.mean())))
     return made
 
 
 def _two(turns: bool, two: Over, optimum: Floats, i: int) -> Outcome:
-    value, limit, error = float(two.std[i]), LIMITS[turns]["two"][i], float(two.standard_error[i])
-    text = f"{limit:g}°", f"{value:.3f} ± {error:.3f}°", f"{optimum[i]:.3f}°"
-    return Outcome(
-        key=f"{CASES[turns]}.two.{AXES[i]}",
-        where="",
-        unit="°",
-        best=value,
-        best_bar=at_most(limit),
-        what=Both(f"std, two units, {AXES[i]}", f"标准差，两单元，{ANGLES[AXES[i]].zh}"),
-        reason=Both(
-            f"the best causal filter of this noise has {text[2]} (2000 runs), this one {text[1]}: {text[0]} is below "
-            "what can be known from the first sample on",
-            f"该噪声下最优因果滤波为 {text[2]}（2000 次），本滤波为 {text[1]}：{text[0]} 低于从首个采样起可得的精度",
-        )
-        if value > limit
-        else None,
-    )
+    row = ARM.row(f"{CASES[turns]}.two.{AXES[i]}", best=float(two.std[i]))
+    values = {"limit": row.best_bar[1], "std": two.std[i], "error": two.standard_error[i], "optimum": optimum[i]}
+    return row if row.met else replace(row, reason=ARM.text("best_causal_filter_of", **values))
 
 
 def of_recovery(found: Mapping[str, Recovery]) -> list[Outcome]:
     """Outcomes of the recovery from 10° of yaw, and the closed form's for PI."""
     return [
-        Outcome(
-            key=f"recovery.{name}",
-            where="",
-            unit="s",
-            faithful=run.time,
-            faithful_bar=RECOVERY_BARS[name],
-            what=Both(
-                f"10° of yaw to below 0.5°, {RECOVERY_WORDS[name]}", f"航向 10° 收敛到 0.5°，{RECOVERY_WORDS[name].zh}"
-            ),
-            reason=_SLOW if name == "control" else None,
-        )
+        ARM.row(f"recovery.{name}", faithful=run.time, reason=_SLOW if name == "control" else None)
         for name, run in found.items()
     ]
 
@@ -360,11 +227,4 @@ def slow_mode(turn_deg: float = 10.0, kp: float = 0.8, ki: float = 0.02) -> floa
     return float(np.log(amplitude / 0.5) / slow)
 
 
-_SLOW: Final = Both(
-    f"10° of yaw take this long in closed form, too ({slow_mode():.1f} "
-    "s in the slower of two coupled modes, p² + λKp p + "
-    "λKi = 0, λ = 0.234); the same 10° spread evenly over all three angles take 34 s, so 33 s belong to another start",
-    "闭式解同样如此（两耦合模态中慢者 p² + λKp p + λKi = 0，λ = "
-    f"0.234，得 {slow_mode():.1f} s）；10° 均分到三个角时为 34 s，"
-    "故 33 s 属于另一初始条件",
-)
+_SLOW: Final = ARM.text("10_of_yaw_take", slow_mode=slow_mode())

@@ -20,11 +20,11 @@ from plumbob.core.units import deg, to_deg
 from plumbob.data.chain import Chain
 from plumbob.data.chain_toml import load_chain
 from plumbob.door.reading import read_array
-from plumbob.papers.outcome import Outcome, at_least, at_most
+from plumbob.papers.description import ARM
+from plumbob.papers.outcome import Outcome
 from plumbob.papers.workspace import Work
-from plumbob.reporting.content import Figure, Table
 from plumbob.reporting.report import Report
-from plumbob.reporting.style import INK, SERIES, SOFT, Both
+from plumbob.reporting.style import INK, SERIES, SOFT
 from plumbob.rotations import quat_conjugate, quat_multiply, rotvec_from_quat, wrap
 
 if TYPE_CHECKING:
@@ -44,24 +44,10 @@ _STILL: Final = 1.8
 class Taught:
     """What a teach-in gave.
 
-    Attributes
-    ----------
-    chain : Chain
-        The machine as it is known.
-    joints, true : JointTrack
-        Joint angles and hand, estimated and true, at the same times.
-    program : Program
-        What was exported.
-    model : Replay
-        What the URDF does with it.
-    hand : HandError
-        Distance of that hand from the true one.
-    residual : float
-        Greatest distance of both kinematics, the chain's and the URDF's, m.
-    mounts_deg : tuple of (float, float)
-        Rms of the units' mounting errors before and after alignment, deg.
-    files : tuple of Path
-        What was written.
+    `chain`: the machine as it is known; `joints`, `true`: joint angles and hand, estimated and true, at the same
+    times; `program`: what was exported; `model`: what the URDF does with it; `hand`: distance of that hand from the
+    true one; `residual`: greatest distance of both kinematics, the chain's and the URDF's, m; `mounts_deg`: rms of
+    the units' mounting errors before and after alignment, deg; `files`: what was written.
     """
 
     chain: Chain
@@ -140,83 +126,23 @@ def _mount_rms(chain: Chain, other: Chain) -> float:
 def outcomes(done: Taught) -> list[Outcome]:
     """Outcomes of the teach-in."""
     errors, hand = done.errors_deg, done.hand_away
-    used = 100.0 * max(done.program.used(done.chain).values())
-    rows = (
-        (
-            "mounts",
-            "error of the mounting after alignment, rms (before: 5° at most)",
-            "对准后安装误差均方根（对准前最大 5°）",
-            "°",
-            done.mounts_deg[1],
-            at_most(1.0),
-        ),
-        (
-            "angles.rms",
-            "error of the joint angles, rms",
-            "关节角误差均方根",
-            "°",
-            float(np.sqrt(np.mean(errors**2))),
-            at_most(1.0),
-        ),
-        (
-            "angles.max",
-            "error of the joint angles, greatest",
-            "关节角最大误差",
-            "°",
-            float(np.abs(errors).max()),
-            at_most(2.0),
-        ),
-        (
-            "hand.rms",
-            "hand from the true place, rms",
-            "手端位置误差均方根",
-            "mm",
-            1e3 * float(np.sqrt(np.mean(hand**2))),
-            at_most(8.2),
-        ),
-        (
-            "hand.max",
-            "hand from the true place, greatest",
-            "手端位置最大误差",
-            "mm",
-            1e3 * float(hand.max()),
-            at_most(16.4),
-        ),
-        (
-            "program",
-            "hand of the replayed program, rms of the arm's length",
-            "复现程序手端误差均方根（占臂长）",
-            "%",
-            100.0 * done.hand.rms_share,
-            at_most(1.0),
-        ),
-        ("limits", "greatest use of the joints' limits", "关节限值最大利用率", "%", used, at_most(100.0)),
-        ("stops", "stops that were kept", "保留的停顿点", "", float(len(done.program.stops)), at_least(1.0)),
-        (
-            "replay",
-            "URDF beside the chain's own kinematics",
-            "URDF 与链自身运动学之差",
-            "mm",
-            1e3 * done.residual,
-            at_most(1e-6),
-        ),
-    )
-    return [
-        Outcome(key=f"teach.{key}", where="", what=Both(en, zh), unit=unit, best=value, best_bar=bar)
-        for key, en, zh, unit, value, bar in rows
-    ]
+    values = {
+        "mounts": done.mounts_deg[1],
+        "angles.rms": float(np.sqrt(np.mean(errors**2))),
+        "angles.max": float(np.abs(errors).max()),
+        "hand.rms": 1e3 * float(np.sqrt(np.mean(hand**2))),
+        "hand.max": 1e3 * float(hand.max()),
+        "program": 100.0 * done.hand.rms_share,
+        "limits": 100.0 * max(done.program.used(done.chain).values()),
+        "stops": float(len(done.program.stops)),
+        "replay": 1e3 * done.residual,
+    }
+    return [ARM.row(f"teach.{key}", best=value) for key, value in values.items()]
 
 
 def part(done: Taught) -> Report:
     """The teach-in as a part of the page."""
     names, errors = done.program.names, done.errors_deg
-    head = (
-        Both("joint", "关节"),
-        Both("from [°]", "最小 [°]"),
-        Both("to [°]", "最大 [°]"),
-        Both("error, rms [°]", "误差均方根 [°]"),
-        Both("greatest [°]", "最大误差 [°]"),
-    )
     angles = to_deg(done.true.angles)
     rows = [
         (
@@ -229,42 +155,21 @@ def part(done: Taught) -> Report:
         for k, name in enumerate(names)
     ]
     files = ", ".join(path.name for path in done.files)
-    truth, estimate, program = Both("truth", "真值"), Both("estimate", "估计"), Both("program", "程序")
+    truth, estimate, program = ARM.text("truth"), ARM.text("estimate"), ARM.text("program")
     key = [(truth, SOFT, "solid"), (estimate, SERIES[0], "solid"), (program, SERIES[1], "dashed")]
-    return Report(
-        Both("Teach-in: from bytes to a program that moves a model", "示教：从字节到驱动模型的程序"),
-        facts=[
-            (
-                Both("rig", "模拟装置"),
-                Both(
-                    "teach: six units MPU-6000 + HMC5983 on the links of a "
-                    "six-axis machine, 100 Hz, two recordings through bytes",
-                    "teach：六轴机械臂各连杆一个 MPU-6000 + HMC5983 单元，100 Hz，两段记录均经字节",
-                ),
-            ),
-            (
-                Both("mounting", "安装"),
-                Both(
-                    f"each unit up to 5° and 2 cm off, the field bent by 20 µT; rms {done.mounts_deg[0]:.1f}° before, "
-                    f"{done.mounts_deg[1]:.2f}° after alignment",
-                    "各单元偏差至 5°、2 cm，磁场弯曲 20 µT；对准前均方根 "
-                    f"{done.mounts_deg[0]:.1f}°，对准后 {done.mounts_deg[1]:.2f}°",
-                ),
-            ),
-            (Both("verbs", "命令"), "plumbob arm align, run, export, replay"),
-            (Both("files", "文件"), files),
-        ],
-        tables=[Table(Both("Joint angles", "关节角"), head, rows)],
+    return ARM.part(
+        "teaching",
+        mounts_deg=done.mounts_deg[0],
+        done_mounts_deg=done.mounts_deg[1],
+        files=files,
+        tables=[ARM.table("joint_angles", rows)],
         figures=[
-            Figure(Both("Joint angles over time", "关节角随时间变化"), partial(_draw_angles, done), key, height=5.4),
-            Figure(
-                Both("Position of the hand over time", "手端位置随时间变化"), partial(_draw_hand, done), key, height=3.2
-            ),
-            Figure(
-                Both("Errors of the joint angles and of the hand", "关节角与手端误差"),
+            ARM.figure("joint_angles_over", partial(_draw_angles, done), lines=key),
+            ARM.figure("position_of_the", partial(_draw_hand, done), lines=key),
+            ARM.figure(
+                "errors_of_the",
                 partial(_draw_errors, done),
-                [*((name, SERIES[k], "solid") for k, name in enumerate(names)), (Both("hand", "手端"), INK, "solid")],
-                height=3.0,
+                lines=[*((name, SERIES[k], "solid") for k, name in enumerate(names)), (ARM.text("hand"), INK, "solid")],
             ),
         ],
         scenes=[
@@ -273,7 +178,7 @@ def part(done: Taught) -> Report:
                 done.joints.t,
                 done.joints.angles,
                 shadow=done.true.angles,
-                caption=Both("Motion of the machine; pale: the truth", "机械臂运动；浅色为真值"),
+                caption=ARM.text("motion_of_the_machine"),
             )
         ],
     )
@@ -311,6 +216,3 @@ def _draw_errors(done: Taught, canvas: "FigureBase") -> None:
     for k in range(len(done.program.names)):
         ax.plot(done.joints.t[every], done.errors_deg[every, k], color=SERIES[k], linewidth=0.9)
     hand.plot(done.joints.t[every], 1e3 * done.hand_away[every], color=INK, linewidth=0.9)
-    ax.set_ylabel(Both("angle error [°]", "角误差 [°]"))
-    hand.set_ylabel(Both("hand error [mm]", "手端误差 [mm]"))
-    hand.set_xlabel("time [s]")

@@ -14,6 +14,7 @@ from plumbob.core.units import deg, dps, to_deg
 from plumbob.data import ImuData
 from plumbob.filters import Filter
 from plumbob.papers.buoy.modules import DIP, by_paper, field_n, force_b, largest, table_poses
+from plumbob.papers.outcome import PrintedForm
 from plumbob.rotations import (
     Frame,
     quat_angle,
@@ -118,14 +119,8 @@ def corrected_to(start: float, *, literal: bool, seconds: float = 30.0) -> float
 class Loop(NamedTuple):
     """The PI law as a loop of second order.
 
-    Attributes
-    ----------
-    poles : (float, float)
-        rad/s.
-    damping : float
-        Damping ratio.
-    peak : float
-        Largest attitude error by the bias of the gyroscope that causes it, s.
+    `poles`: rad/s; `damping`: damping ratio; `peak`: largest attitude error by the bias of the gyroscope that
+    causes it, s.
     """
 
     poles: tuple[float, float]
@@ -157,71 +152,42 @@ def static_share(gate: float, bias: float = 0.02) -> float:
     return float(np.mean(np.abs(bias + noise) * G0 < gate))
 
 
-class Misprints(NamedTuple):
-    """What the printed forms give, and the corrected ones.
-
-    Attributes
-    ----------
-    turned : (float, float)
-        Angle after 5 s at 30 deg/s from the identity by equation (3), literal and corrected, deg.
-    norm : float
-        Of q after 600 s at 0.62 rad/s without normalising.
-    lags : (float, float, float)
-        How much slower a first-order step turns at 172, 573 and 2000 deg/s, deg/s.
-    arctan : (float, float)
-        Yaw of an attitude of 2 rad, literal and corrected, rad.
-    orders : ((float, float, float), (float, float, float))
-        Roll, pitch and yaw that (4) to (6) give of 0.4, -0.3 and 1.1 rad, of the text's order and of Z-Y-X, rad.
-    normalised : (float, float)
-        Largest error of yaw by (14), literal and corrected, deg.
-    regulated : (float, float)
-        Inclination that the PI law leaves of 10 deg after 30 s, by moduli and by vectors, deg.
-    gates : ((float, float), (float, float))
-        Level acceleration, g, and its inclination, deg, that pass 0.08 g and 0.08 m/s².
-    shares : (float, float)
-        Of samples at rest with 20 mg of bias that pass 0.08 g and 0.08 m/s².
-    zero_rate : (float, float)
-        Largest inclination error of 5 deg/s of bias, without and with the magnetometer, deg.
-    """
-
-    turned: tuple[float, float]
-    norm: float
-    lags: tuple[float, float, float]
-    arctan: tuple[float, float]
-    orders: tuple[tuple[float, float, float], tuple[float, float, float]]
-    normalised: tuple[float, float]
-    regulated: tuple[float, float]
-    gates: tuple[tuple[float, float], tuple[float, float]]
-    shares: tuple[float, float]
-    zero_rate: tuple[float, float]
-
-
 RATES: Final = (172.0, 573.0, 2000.0)
 """At which the step's lag is measured, deg/s."""
 GATES: Final = (0.08 * G0, 0.08)
 """The two readings of ε, m/s²."""
-_BOTH: Final = (True, False)
 
 
-def misprints() -> Misprints:
-    """Compute each printed form beside its corrected one."""
-    about_z = np.array([0.0, 0.0, dps(30.0)])
-    still = np.array([1.0, 0.0, 0.0, 0.0])
-    turns = [float(to_deg(quat_angle(still, quat_normalize(propagate(about_z, 500, literal=way))))) for way in _BOTH]
-    west = quat_from_euler_zyx([2.0, 0.0, 0.0])
-    euler = (0.4, -0.3, 1.1)
-    return Misprints(
-        turned=(turns[0], turns[1]),
-        norm=float(np.linalg.norm(propagate(np.array([0.62, 0.0, 0.0]), 60_000))),
-        lags=(lag_dps(RATES[0]), lag_dps(RATES[1]), lag_dps(RATES[2])),
-        arctan=(angles(west, literal=True)[2], angles(west, literal=False)[2]),
-        orders=(angles(zxy(*euler), literal=False), angles(quat_from_euler_zyx(euler[::-1]), literal=False)),
-        normalised=(normalised_yaw(literal=True), normalised_yaw(literal=False)),
-        regulated=(corrected_to(10.0, literal=True), corrected_to(10.0, literal=False)),
-        gates=(_passes_deg(GATES[0]), _passes_deg(GATES[1])),
-        shares=(static_share(GATES[0]), static_share(GATES[1])),
-        zero_rate=(zero_rate_error(5.0), zero_rate_error(5.0, mag=True)),
-    )
+def misprints(wide_yaw: float, yaw: float) -> dict[str, tuple[float, ...]]:
+    """What each printed form gives, and then the corrected one, by the figure's key: °, rad, g and %, as its row says.
+
+    ``order`` has roll, pitch and yaw by the text's order and by Z-Y-X, ``gate.*`` the level acceleration that passes
+    and its inclination.
+
+    Parameters
+    ----------
+    wide_yaw, yaw : float
+        Median of the largest yaw error with the magnetometer's wide and its narrow step, deg.
+    """
+    still, about_z = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, dps(30.0)])
+    turns = (quat_angle(still, quat_normalize(propagate(about_z, 500, literal=way))) for way in (True, False))
+    west, euler = quat_from_euler_zyx([2.0, 0.0, 0.0]), (0.4, -0.3, 1.1)
+    poles = loop().poles
+    return {
+        "rows": PrintedForm(*(float(to_deg(turn)) for turn in turns)),
+        "norm": PrintedForm(float(np.linalg.norm(propagate(np.array([0.62, 0.0, 0.0]), 60_000))), 1.0),
+        **{f"lag.{rate:g}": PrintedForm(lag_dps(rate), 0.0) for rate in RATES},
+        "arctan": PrintedForm(*(angles(west, literal=way)[2] for way in (True, False))),
+        "order": angles(zxy(*euler), literal=False) + angles(quat_from_euler_zyx(euler[::-1]), literal=False),
+        "normalised": PrintedForm(*(normalised_yaw(literal=way) for way in (True, False))),
+        "modulus": PrintedForm(*(corrected_to(10.0, literal=way) for way in (True, False))),
+        **{f"gate.{unit}": _passes_deg(gate) for unit, gate in zip(("g", "si"), GATES, strict=True)},
+        "gate.rest": PrintedForm(*(100.0 * static_share(gate) for gate in GATES[::-1])),
+        "step": (wide_yaw - yaw, wide_yaw, yaw),
+        "pole.fast": poles[:1],
+        "pole.slow": poles[1:],
+        "zero_rate": (zero_rate_error(5.0),),
+    }
 
 
 def _passes_deg(gate: float) -> tuple[float, float]:

@@ -144,18 +144,8 @@ CAPTURES: Final[dict[str, Attitudes]] = {
 class CaptureRow(NamedTuple):
     """A capture, a fit, and the test.
 
-    Attributes
-    ----------
-    capture : str
-        Of `CAPTURES`.
-    fit : Fit
-        What calibrates.
-    c : float
-        Largest off-diagonal entry of the soft iron.
-    tilt : float
-        Of the table, rad.
-    step : float
-        Of the magnetometer's scale, µT.
+    `capture`: of `CAPTURES`; `fit`: what calibrates; `c`: largest off-diagonal entry of the soft iron; `tilt`: of
+    the table, rad; `step`: of the magnetometer's scale, µT.
     """
 
     capture: str = "faces"
@@ -168,20 +158,10 @@ class CaptureRow(NamedTuple):
 class ModuleStatistics(NamedTuple):
     """What a row gives over its modules: largest of 36 errors, deg, and shares of the modules.
 
-    Attributes
-    ----------
-    before, yaw, level : float
-        Medians: of the yaw before and after, and of the larger one of pitch and roll after.
-    yaw95, level95 : float
-        What 95 % of the modules keep.
-    within : float
-        Share whose yaw keeps 2.5°.
-    yaw5, all5 : float
-        Share whose yaw, and whose three angles, keep 5°, as the paper claims.
-    before5 : float
-        Share whose yaw keeps 5° before.
-    failed : float
-        Share whose first capture gave no calibration.
+    `before`, `yaw`, `level`: medians: of the yaw before and after, and of the larger one of pitch and roll after;
+    `yaw95`, `level95`: what 95 % of the modules keep; `within`: share whose yaw keeps 2.5°; `yaw5`, `all5`: share
+    whose yaw, and whose three angles, keep 5°, as the paper claims; `before5`: share whose yaw keeps 5° before;
+    `failed`: share whose first capture gave no calibration.
     """
 
     before: float
@@ -311,14 +291,9 @@ DEGENERATE: Final[dict[str, tuple[str, dict[str, float | str]]]] = {
 class Refused(NamedTuple):
     """What becomes of a capture that calibrates nothing, over its modules.
 
-    Attributes
-    ----------
-    rightly : float
-        Share that Plumbob refuses, with the right reason.
-    failed : float
-        Share in which the paper's fit gives no ellipsoid, of eighteen readings.
-    yaw : float
-        Median largest error of yaw by the paper's fit where it gives one, deg; NaN where it never does.
+    `rightly`: share that Plumbob refuses, with the right reason; `failed`: share in which the paper's fit gives no
+    ellipsoid, of eighteen readings; `yaw`: median largest error of yaw by the paper's fit where it gives one, deg;
+    NaN where it never does.
     """
 
     rightly: float

@@ -1,13 +1,19 @@
 """Page of what estimators give for records whose truth is known, and of how long a record B needs."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from plumbob.core.check import Floats
+from plumbob.core.units import to_si
+from plumbob.noise import TERMS, Analysis, Coefficient, Curve, analyse
 from plumbob.noise.report import log_ticks
-from plumbob.papers.fin import estimators as e
-from plumbob.papers.outcome import Outcome, at_least, at_most
+from plumbob.papers.description import FIN
+from plumbob.papers.fin.datasheet import percent_error
+from plumbob.papers.fin.records import COUNT, RATE, SIGMA, THREE, drawn, truth
+from plumbob.papers.outcome import Outcome
 from plumbob.papers.workspace import Work
 from plumbob.reporting.content import Figure, Table
 from plumbob.reporting.report import Report
@@ -16,19 +22,104 @@ from plumbob.reporting.style import SERIES, Both
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
-Step = Callable[[str], None]
 
-_METHODS: Final = {
-    "lines": Both(
-        "lines of the paper where the curve has their slope, B = flat/0.664",
-        "论文直线法（限于斜率相符处），B = 平坦段/0.664",
-    ),
-    "undivided": Both("the same, B not divided", "同上，B 不除 0.664"),
-    "nearest": Both("lines through the point of the nearest slope", "过斜率最接近点的直线"),
-    "least squares": Both("least squares of σ², five terms, none negative", "σ² 五项非负最小二乘"),
-    "likelihood": Both("likelihood (recommended)", "最大似然（推荐）"),
-}
-_LIMITS: Final = {"Q": 1.0, "N": 1.0, "B": 5.0}
+METHODS: Final = ("lines", "undivided", "nearest", "least squares", "likelihood")
+"""Fixed-slope lines where the curve has their slope, B/0.664; the same, B not divided; lines through the point whose
+own slope is nearest; non-negative least squares of σ²; and Plumbob's likelihood."""
+AT: Final = {"Q": math.sqrt(3.0), "N": 1.0, "B": math.sqrt(3.0)}
+"""Averaging time of each ± of the paper, s; B of 453z has that of Q."""
+
+
+class CoefficientRow(NamedTuple):
+    """A coefficient by an estimator: share of the runs that gave it, and of those bias, scatter and coverage, shares.
+
+    `scatter` is the standard deviation of one run over the truth; `coverage` the share of the intervals of 68.3 %, or
+    of the paper's ±, that hold the truth.
+    """
+
+    found: float
+    bias: float
+    scatter: float
+    coverage: float
+
+
+def nearest(curve: Curve, letter: str) -> float:
+    """Coefficient of the line through the pair of neighbouring points whose slope is nearest to the term's."""
+    x, y = np.log(curve.tau), np.log(curve.dev)
+    term = TERMS[letter]
+    i = int(np.argmin(np.abs(np.diff(y) / np.diff(x) - term.slope)))
+    height = 0.5 * (y[i] + y[i + 1]) - 0.5 * term.slope * (x[i] + x[i + 1])
+    return math.exp(height) / math.sqrt(term.share)
+
+
+def with_paper_interval(value: float, letter: str) -> Coefficient:
+    """A value ± the percent error of (7) at the time that the paper takes for it."""
+    share = percent_error(AT[letter], COUNT / RATE)
+    return Coefficient(value, value * (1.0 - share), value * (1.0 + share))
+
+
+def by_method(found: Analysis, method: str, letter: str) -> Coefficient | None:
+    """One coefficient of an analysis by one of `METHODS`; None where the method gives none."""
+    if method == "nearest":
+        return with_paper_interval(nearest(found.curve, letter), letter)
+    if method in {"lines", "undivided"}:
+        line = found.lines.terms.get(letter)
+        scale = SIGMA if method == "undivided" and letter == "B" else 1.0
+        return None if line is None else with_paper_interval(scale * line.value, letter)
+    return (found.least_squares if method == "least squares" else found.likelihood).terms.get(letter)
+
+
+def three_regimes(rng: np.random.Generator, runs: int) -> Iterator[Mapping[tuple[str, str], CoefficientRow]]:
+    """Rows by method and letter over so many records of the three regimes; yields every 12 records, the last whole."""
+    analyses: list[Analysis] = []
+    for i in range(-(-runs // 3)):
+        analyses += [analyse(np.ascontiguousarray(rates), 1.0 / RATE) for rates in drawn(THREE, rng).T]
+        if i % 4 == 3 or 3 * (i + 1) >= runs:
+            yield {(m, letter): _row(analyses, m, letter) for m in METHODS for letter in "QNB"}
+
+
+def _row(analyses: Sequence[Analysis], method: str, letter: str) -> CoefficientRow:
+    true = float(getattr(THREE, letter)[0])
+    terms = [c for a in analyses if (c := by_method(a, method, letter)) is not None]
+    if not terms:
+        return CoefficientRow(0.0, math.nan, math.nan, math.nan)
+    values = np.array([c.value for c in terms]) / true
+    held = float(np.mean([c.lo <= true <= c.hi for c in terms]))
+    return CoefficientRow(len(terms) / len(analyses), float(values.mean()) - 1.0, float(values.std()), held)
+
+
+class Length(NamedTuple):
+    """B over its truth, of records of a length: mean, scatter of one, how many, and in which share it shows."""
+
+    seconds: float
+    mean: float
+    scatter: float
+    runs: int
+    observable: float
+
+
+SLOW: Final = 50.0
+"""Samples per second of the long records, Hz."""
+LENGTHS: Final = ((220.0, 60), (3600.0, 18), (14_400.0, 6), (43_200.0, 3))
+"""Lengths, s, and how many records of each."""
+
+
+def lengths(rng: np.random.Generator) -> Iterator[Length]:
+    """B of the ADXRS453's data sheet, 16 °/h beside 0.015 °/s/√Hz, from records of `LENGTHS`."""
+    of = truth(0.0, 0.9, 16.0)
+    true = float(to_si(16.0, "deg/h"))
+    for seconds, runs in LENGTHS:
+        terms = [
+            analyse(np.ascontiguousarray(rates), 1.0 / SLOW).terms["B"]
+            for _ in range(runs // 3)
+            for rates in drawn(of, rng, round(seconds * SLOW), SLOW, past=1).T
+        ]
+        values: Floats = np.array([c.value for c in terms]) / true
+        shown = float(np.mean([c.observable for c in terms]))
+        yield Length(seconds, float(values.mean()), float(values.std()), len(terms), shown)
+
+
+Step = Callable[[str], None]
 
 
 def part(work: Work, step: Step, runs: int, *, long: bool = True) -> tuple[Report, list[Outcome]]:
@@ -46,102 +137,34 @@ def part(work: Work, step: Step, runs: int, *, long: bool = True) -> tuple[Repor
         Whether long records of B are drawn too.
     """
     step("estimators on three regimes")
-    rows = list(e.three_regimes(np.random.default_rng([work.seed, 3]), runs))[-1]
+    rows = list(three_regimes(np.random.default_rng([work.seed, 3]), runs))[-1]
     outcomes = []
     for letter in "QNB":
         line, best = rows["lines", letter], rows["likelihood", letter]
-        reason = Both("a line takes what the other terms add for its own", "直线法将其他项的贡献计入本项")
         outcomes += [
-            Outcome(
-                key=f"three.{letter}.bias",
-                where=f"{'QNB'.index(letter) + 5})",
-                what=Both(f"|mean error| of {letter}, {runs} records", f"{letter} 平均误差的绝对值，{runs} 条记录"),
-                unit="%",
-                faithful=abs(100.0 * line.bias),
-                best=abs(100.0 * best.bias),
-                best_bar=at_most(_LIMITS[letter]),
-                reproducible=False,
-                reason=reason,
-            ),
-            Outcome(
-                key=f"three.{letter}.cover",
-                where="8)",
-                what=Both(f"share of the intervals of {letter} that hold the truth", f"{letter} 区间包含真值的比例"),
-                paper=Both("all", "全部"),
-                faithful=line.coverage,
-                best=best.coverage,
-                best_bar=at_least(0.6),
-                reproducible=False,
-                reason=Both(
-                    "± of (7) is about the scatter of one σ(T), not the error of a coefficient",
-                    "式（7）的 ± 是单个 σ(T) 的离散度，不是系数的误差",
-                ),
-            ),
+            FIN.row(f"three.{letter}.bias", faithful=abs(100.0 * line.bias), best=abs(100.0 * best.bias), runs=runs),
+            FIN.row(f"three.{letter}.cover", faithful=line.coverage, best=best.coverage),
         ]
     undivided = rows["undivided", "B"]
     outcomes += [
-        Outcome(
-            key="three.B.scatter",
-            where="7)",
-            what=Both("standard deviation of B, one run", "单次 B 的标准差"),
-            unit="%",
-            faithful=100.0 * rows["lines", "B"].scatter,
-            best=100.0 * rows["likelihood", "B"].scatter,
-            best_bar=at_most(15.0),
+        FIN.row(
+            "three.B.scatter", faithful=100.0 * rows["lines", "B"].scatter, best=100.0 * rows["likelihood", "B"].scatter
         ),
-        Outcome(
-            key="misprint.undivided",
-            where="7)",
-            what=Both("mean error of B that is not divided by 0.664", "B 不除 0.664 的平均误差"),
-            unit="%",
-            paper=Both("intersection with the y axis", "与 y 轴的交点"),
-            faithful=100.0 * undivided.bias,
-            faithful_bar=(-34.0, -12.0),
-            reproducible=False,
-            reason=Both(
-                "the flat is 0.664 B; white noise on it adds some again", "平坦段为 0.664 B；其上的白噪声又使其偏高"
-            ),
-        ),
+        FIN.row("misprint.undivided", faithful=100.0 * undivided.bias),
     ]
     tables, figures = [_table(rows, runs)], []
     if long:
         step("record length for B")
-        lengths = list(e.lengths(np.random.default_rng([work.seed, 4])))
-        tables.append(_lengths(lengths))
-        figures.append(_figure(lengths))
-        outcomes += [
-            Outcome(
-                key=f"length.{round(length.seconds)}",
-                where="7)",
-                what=Both(
-                    f"B over its truth from {_long(length.seconds)}, 16 °/h beside 0.9 °/√h",
-                    f"{_long(length.seconds).zh} 记录的 B 与真值之比（16 °/h，0.9 °/√h）",
-                ),
-                best=length.mean,
-                best_bar=(0.9, 1.1) if length.seconds >= 3600.0 else (0.35, 1.25),
-            )
-            for length in lengths
-        ]
-    remarks = (
-        Both(
-            "Simulated directly with known truth, without bytes: Q 4.4″, N 0.9 °/√h, B 51.5 °/h, 110 000 samples at "
-            "500 Hz. The paper's lines are drawn where a person would see their slope, which flatters them.",
-            "直接仿真（未经字节），真值已知：Q 4.4″、N 0.9 °/√h、B 51.5 °/h，500 Hz 110 000 点。"
-            "论文直线取在斜率可见处，对其有利。",
-        ),
-        Both(
-            "220 s are too short for the ADXRS453's own B of 16 °/h: an estimate is then a limit rather than a value. "
-            "The long records are at 50 Hz; longer ones than 12 h are not drawn.",
-            "220 s 不足以测得 ADXRS453 的 16 °/h 零偏不稳定性，此时结果只是上限。长记录为 50 Hz，未计算 12 h 以上。",
-        ),
-    )
-    title = Both("Estimators and their intervals (§2, 5 to 8)", "系数估计方法及其区间（§2，5 至 8）")
-    return Report(title, tables=tables, remarks=remarks, figures=figures), outcomes
+        measured = list(lengths(np.random.default_rng([work.seed, 4])))
+        tables.append(_lengths(measured))
+        figures.append(_figure(measured))
+        outcomes += [FIN.row(f"length.{round(length.seconds)}", best=length.mean) for length in measured]
+    return FIN.part("estimation", tables=tables, figures=figures), outcomes
 
 
-def _table(rows: Mapping[tuple[str, str], e.CoefficientRow], runs: int) -> Table:
+def _table(rows: Mapping[tuple[str, str], CoefficientRow], runs: int) -> Table:
     lines = []
-    for method, name in _METHODS.items():
+    for method, name in FIN.texts("methods").items():
         of = [rows[method, letter] for letter in "QNB"]
         lines.append(
             [
@@ -152,51 +175,29 @@ def _table(rows: Mapping[tuple[str, str], e.CoefficientRow], runs: int) -> Table
                 " / ".join(f"{row.found:.2f}" for row in of),
             ]
         )
-    head = (
-        Both("estimator", "估计方法"),
-        Both("bias Q/N/B [%]", "偏差 Q/N/B [%]"),
-        Both("scatter [%]", "离散度 [%]"),
-        Both("intervals that hold the truth", "含真值的区间比例"),
-        Both("found", "求得比例"),
-    )
-    title = Both(f"Estimators on {runs} records of three regimes", f"三段噪声 {runs} 条记录的估计方法比较")
-    return Table(title, head, lines)
+    return FIN.table("estimators_on_records", lines, runs=runs)
 
 
 def _long(seconds: float) -> Both:
     hours = seconds / 3600.0
-    return Both("220 s", "220 s") if hours < 1.0 else Both(f"{hours:.0f} h", f"{hours:.0f} h")
+    return FIN.text("220_s") if hours < 1.0 else FIN.text("hours", hours=hours)
 
 
-def _lengths(lengths: Sequence[e.Length]) -> Table:
+def _lengths(lengths: Sequence[Length]) -> Table:
     rows = [
         [_long(row.seconds), f"{row.runs}", f"{row.mean:.2f} ± {row.scatter:.2f}", f"{row.observable:.2f}"]
         for row in lengths
     ]
-    head = (
-        Both("length", "记录长度"),
-        Both("records", "记录数"),
-        Both("B/truth, one run", "B/真值，单次"),
-        Both("share where B shows", "可观测的比例"),
-    )
-    return Table(Both("Record length and B, ADXRS453's data sheet", "记录长度与 B（ADXRS453 数据手册）"), head, rows)
+    return FIN.table("record_length_and", rows)
 
 
-def _figure(lengths: Sequence[e.Length]) -> Figure:
+def _figure(lengths: Sequence[Length]) -> Figure:
     def draw(canvas: "FigureBase") -> None:
         ax = canvas.subplots()
         x, y, sd = (np.array(row) for row in zip(*((o.seconds, o.mean, o.scatter) for o in lengths), strict=True))
         ax.errorbar(x / 3600.0, y, sd, fmt="o", color=SERIES[0], capsize=3, linewidth=1.1, markersize=4)
         ax.axhline(1.0, color=SERIES[1], linewidth=0.8, linestyle="--")
         ax.set_xscale("log")
-        ax.set_xlim(0.03, 25.0)
         log_ticks(ax.xaxis, (1,))
-        ax.set_ylim(0.0, 1.5)
-        ax.set_xlabel(Both("length of the record [h]", "记录长度 [h]"))
-        ax.set_ylabel(Both("B over its truth", "B 与真值之比"))
 
-    key = [
-        (Both("mean and standard deviation of one record", "均值与单次标准差"), SERIES[0], "solid"),
-        (Both("truth", "真值"), SERIES[1], "dashed"),
-    ]
-    return Figure(Both("Bias instability against the length of the record", "零偏不稳定性与记录长度"), draw, key)
+    return FIN.figure("bias_instability_against", draw)

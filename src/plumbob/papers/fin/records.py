@@ -95,14 +95,8 @@ def with_rates(made: Simulation, rates: Floats) -> Simulation:
 class Analysed:
     """A static record that went through bytes and text.
 
-    Attributes
-    ----------
-    noise : Noise
-        Its analysis, with every averaging factor.
-    lost : float
-        Largest difference of a rate that was read back from the text, rad/s.
-    text : Path
-        The text.
+    `noise`: its analysis, with every averaging factor; `lost`: largest difference of a rate that was read back from
+    the text, rad/s; `text`: the text.
     """
 
     noise: Noise

@@ -20,6 +20,7 @@ from plumbob.door.calibrate import read_track
 from plumbob.door.estimate import estimate
 from plumbob.live.emulated import unit_file
 from plumbob.live.rigs.plan import PLANS
+from plumbob.papers.description import ROD
 from plumbob.papers.rod.methods import SETTLE, tilt_errors
 from plumbob.papers.workspace import Taken, Work
 from plumbob.reporting.style import Both
@@ -57,11 +58,11 @@ class EstimateLine(NamedTuple):
 
 
 LINES: Final[Mapping[str, EstimateLine]] = {
-    "accel": EstimateLine(Both("accelerometer only", "仅加速度计"), "tilt_compass", {}),
-    "gyro": EstimateLine(Both("gyroscope only", "仅陀螺仪（四元数解算）"), "integrate", {}),
-    "ekf7": EstimateLine(Both("ekf7 (faithful)", "ekf7（按论文）"), "ekf7", {}),
-    "mekf": EstimateLine(Both("mekf, causal", "mekf，实时"), "mekf", {}),
-    "smoother": EstimateLine(Both("smoother (best)", "平滑器（最佳）"), "smoother", {}),
+    "accel": EstimateLine(ROD.text("accelerometer_only"), "tilt_compass", {}),
+    "gyro": EstimateLine(ROD.text("gyroscope_only"), "integrate", {}),
+    "ekf7": EstimateLine(ROD.text("ekf7_faithful"), "ekf7", {}),
+    "mekf": EstimateLine(ROD.text("mekf_causal"), "mekf", {}),
+    "smoother": EstimateLine(ROD.text("smoother_best"), "smoother", {}),
 }
 """What is estimated from the recording, as `plumbob run` does."""
 
@@ -70,22 +71,10 @@ LINES: Final[Mapping[str, EstimateLine]] = {
 class Compared:
     """The run.
 
-    Attributes
-    ----------
-    taken : Taken
-        Its files.
-    t : ndarray (N,)
-        Times, s, from the first sample.
-    tracks : mapping of str to ndarray (N, 4)
-        Attitudes of `LINES`, body to NED.
-    truth : AttitudeTrack
-        True attitude, with the true bias.
-    ahrs, ahrs_true : ndarray (N, 4)
-        Attitude of the reference in its own axes, as its packets say it and as it is.
-    rest : ndarray (N,) of bool
-        Where the detector of "ekf7" finds rest.
-    bias : ndarray (N, 3)
-        Bias that "ekf7" estimates, rad/s.
+    `taken`: its files; `t` (N,): times, s, from the first sample; `tracks` (N, 4): attitudes of `LINES`, body to
+    NED; `truth`: true attitude, with the true bias; `ahrs`, `ahrs_true` (N, 4): attitude of the reference in its
+    own axes, as its packets say it and as it is; `rest` (N,): where the detector of "ekf7" finds rest; `bias` (N,
+    3): bias that "ekf7" estimates, rad/s.
     """
 
     taken: Taken
@@ -198,17 +187,11 @@ def budget(run: Compared, key: str) -> list[Budget]:
     """What the paper's difference consists of, for one estimate."""
     truth, q_nb = run.truth.q_nb, run.tracks[key]
     parts = (
-        (Both("estimate − AHRS, as the paper", "估计 − AHRS（论文的做法）"), run.errors(q_nb, run.reference)),
-        (
-            Both("estimate − AHRS, axes aligned by gravity", "估计 − AHRS（由重力对准坐标轴）"),
-            run.errors(q_nb, run.aligned),
-        ),
-        (Both("estimate − truth", "估计 − 真值"), run.errors(q_nb, truth)),
-        (Both("AHRS − truth", "AHRS − 真值"), run.errors(run.reference, truth)),
-        (
-            Both("of it the AHRS itself", "其中 AHRS 自身误差"),
-            tilt_errors(run.ahrs[run.scored], run.ahrs_true[run.scored]),
-        ),
-        (Both("of it how it is mounted", "其中 AHRS 安装误差"), run.errors(mapped(run.ahrs_true), truth)),
+        (ROD.text("estimate_ahrs_as_the"), run.errors(q_nb, run.reference)),
+        (ROD.text("estimate_ahrs_axes_aligned"), run.errors(q_nb, run.aligned)),
+        (ROD.text("estimate_truth"), run.errors(q_nb, truth)),
+        (ROD.text("ahrs_truth"), run.errors(run.reference, truth)),
+        (ROD.text("it_the_ahrs_itself"), tilt_errors(run.ahrs[run.scored], run.ahrs_true[run.scored])),
+        (ROD.text("it_how_it_is"), run.errors(mapped(run.ahrs_true), truth)),
     )
     return [Budget(name, np.abs(e).max(axis=1), np.sqrt((e**2).mean(axis=1))) for name, e in parts]

@@ -18,6 +18,7 @@ from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import NoiseCard
 from plumbob.evaluation.metrics import attitude_errors, euler_errors
 from plumbob.filters.offline import Stage, run_stage
+from plumbob.papers.description import ROD
 from plumbob.papers.rod import as_printed as literal
 from plumbob.papers.rod.as_printed import Form
 from plumbob.reporting.style import Both
@@ -45,18 +46,9 @@ NARROW: Final[Mapping[str, Any]] = {"rest_rate": "1.7 deg/s", "rest_force": "0.0
 class Case:
     """One seed.
 
-    Attributes
-    ----------
-    imu : ImuData
-        Samples of a unit whose gyroscope has a bias at turn-on.
-    started : ImuData
-        The same without the mean rate of the first 5 s.
-    truth : AttitudeTrack
-        True attitude.
-    noise : NoiseCard
-        Noise of the unit.
-    soft : AttitudeTrack
-        What "ekf7" gives of `imu`, with the flags of its detector of rest.
+    `imu`: samples of a unit whose gyroscope has a bias at turn-on; `started`: the same without the mean rate of the
+    first 5 s; `truth`: true attitude; `noise`: noise of the unit; `soft`: what "ekf7" gives of `imu`, with the
+    flags of its detector of rest.
     """
 
     imu: ImuData
@@ -123,44 +115,29 @@ class Method:
 
 
 METHODS: Final[Mapping[str, Method]] = {
-    "accel": Method(Both("accelerometer only", "仅加速度计"), _filtered("tilt_compass")),
-    "gyro": Method(
-        Both("gyroscope only, start bias removed", "仅陀螺仪，扣除初始零偏"), _filtered("integrate", started=True)
-    ),
-    "gyro_kept": Method(Both("gyroscope only, bias kept", "仅陀螺仪，保留零偏"), _filtered("integrate")),
-    "r01": Method(Both("7-state filter, R = (0.1 g)²", "七状态滤波，R = (0.1 g)²"), _literal()),
-    "r003": Method(Both("7-state filter, R = (0.03 g)²", "七状态滤波，R = (0.03 g)²"), _literal(0.03)),
-    "r03": Method(Both("7-state filter, R = (0.3 g)²", "七状态滤波，R = (0.3 g)²"), _literal(0.3)),
-    "r1": Method(Both("7-state filter, R = (1 g)²", "七状态滤波，R = (1 g)²"), _literal(1.0)),
-    "hard": Method(Both("hard switch, P kept", "硬切换，P 不重置"), _filtered("ekf7", HARD)),
-    "hard_reset": Method(Both("hard switch, P set", "硬切换，P 重置"), _filtered("ekf7", {**HARD, "reset": True})),
-    "narrow": Method(
-        Both("hard switch, P kept, 1.7 °/s and 0.08 g", "硬切换，P 不重置，1.7 °/s 与 0.08 g"),
-        _filtered("ekf7", {**HARD, **NARROW}),
-    ),
-    "narrow_reset": Method(
-        Both("hard switch, P set, 1.7 °/s and 0.08 g", "硬切换，P 重置，1.7 °/s 与 0.08 g"),
-        _filtered("ekf7", {**HARD, **NARROW, "reset": True}),
-    ),
-    "soft": Method(
-        Both("soft switch: R 0.03 g at rest, 0.1 g in motion", "软切换：静止 R 0.03 g，运动 0.1 g"), _switched
-    ),
-    "ekf7": Method(Both("ekf7: soft switch without a step", "ekf7：连续软切换"), lambda rod: rod.soft.q_nb, ours=True),
-    "unpredicted": Method(
-        Both("no prediction of P, start bias removed", "无 P 预测，扣除初始零偏"),
-        _literal(started=True, predicted=False),
-    ),
-    "unpredicted_kept": Method(Both("no prediction of P, bias kept", "无 P 预测，保留零偏"), _literal(predicted=False)),
-    "unnormalised": Method(
-        Both("no normalisation, R = (0.3 g)²", "不归一化，R = (0.3 g)²"), _literal(0.3, normalised=False)
-    ),
-    "whole_angle": Method(Both("(10) without the half angle", "式（10）缺半角"), _literal(half_angle=False)),
-    "upside_down": Method(Both("(11) with the sign of gravity", "式（11）取重力符号"), _literal(specific_force=False)),
-    "mahony": Method(Both("mahony", "mahony"), _filtered("mahony")),
-    "vqf": Method(Both("vqf", "vqf"), _filtered("vqf")),
-    "mekf": Method(Both("mekf", "mekf"), _filtered("mekf"), ours=True),
-    "mekf_card": Method(Both("mekf, noise card", "mekf，噪声卡"), _filtered("mekf", card=True), ours=True),
-    "smoother": Method(Both("smoother, noise card", "平滑器，噪声卡"), _filtered("smoother", card=True), ours=True),
+    "accel": Method(ROD.text("accelerometer_only"), _filtered("tilt_compass")),
+    "gyro": Method(ROD.text("gyroscope_only_start_bias"), _filtered("integrate", started=True)),
+    "gyro_kept": Method(ROD.text("gyroscope_only_bias_kept"), _filtered("integrate")),
+    "r01": Method(ROD.text("7_state_filter_r"), _literal()),
+    "r003": Method(ROD.text("7_state_filter_r_0"), _literal(0.03)),
+    "r03": Method(ROD.text("7_state_filter_r_0_3"), _literal(0.3)),
+    "r1": Method(ROD.text("7_state_filter_r_1"), _literal(1.0)),
+    "hard": Method(ROD.text("hard_switch_p_kept"), _filtered("ekf7", HARD)),
+    "hard_reset": Method(ROD.text("hard_switch_p_set"), _filtered("ekf7", {**HARD, "reset": True})),
+    "narrow": Method(ROD.text("hard_switch_p_kept_1"), _filtered("ekf7", {**HARD, **NARROW})),
+    "narrow_reset": Method(ROD.text("hard_switch_p_set_1"), _filtered("ekf7", {**HARD, **NARROW, "reset": True})),
+    "soft": Method(ROD.text("soft_switch_r_0"), _switched),
+    "ekf7": Method(ROD.text("ekf7_soft_switch_without"), lambda rod: rod.soft.q_nb, ours=True),
+    "unpredicted": Method(ROD.text("no_prediction_of_p"), _literal(started=True, predicted=False)),
+    "unpredicted_kept": Method(ROD.text("no_prediction_of_p_bias"), _literal(predicted=False)),
+    "unnormalised": Method(ROD.text("no_normalisation_r_0"), _literal(0.3, normalised=False)),
+    "whole_angle": Method(ROD.text("10_without_the_half"), _literal(half_angle=False)),
+    "upside_down": Method(ROD.text("11_with_the_sign"), _literal(specific_force=False)),
+    "mahony": Method(ROD.text("mahony"), _filtered("mahony")),
+    "vqf": Method(ROD.text("vqf"), _filtered("vqf")),
+    "mekf": Method(ROD.text("mekf"), _filtered("mekf"), ours=True),
+    "mekf_card": Method(ROD.text("mekf_noise_card"), _filtered("mekf", card=True), ours=True),
+    "smoother": Method(ROD.text("smoother_noise_card"), _filtered("smoother", card=True), ours=True),
 }
 """Rows of the table: first what the paper compares, then its filter, its switches, its misprints, and other filters."""
 
@@ -178,16 +155,9 @@ def leans(q_est: Floats, q_true: Floats) -> Floats:
 class Score(NamedTuple):
     """What one way gives of one seed, °.
 
-    Attributes
-    ----------
-    early, late : ndarray (2,)
-        Largest error of roll and pitch before and after the vibration begins.
-    rms : ndarray (2,)
-        Root mean square of both.
-    share : float
-        Share of the samples at which both are within 1°.
-    lean : float
-        Median angle of the vertical over the last tenth.
+    `early`, `late` (2,): largest error of roll and pitch before and after the vibration begins; `rms` (2,): root
+    mean square of both; `share`: share of the samples at which both are within 1°; `lean`: median angle of the
+    vertical over the last tenth.
     """
 
     early: Floats
@@ -308,16 +278,16 @@ def _driven(size: float, length: float, imu: ImuData, truth: AttitudeTrack) -> I
 
 
 DISTURBANCES: Final = (
-    UnlistedDisturbance(Both("as in the table", "同上表"), _same),
-    UnlistedDisturbance(Both("accelerometer reads 2 % too much", "加速度计标度因数误差 +2 %"), partial(_scaled, 0.02)),
-    UnlistedDisturbance(Both("0.05 g for 5 s", "持续加速度 0.05 g，5 s"), partial(_driven, g(0.05), 5.0)),
-    UnlistedDisturbance(Both("0.1 g for 10 s", "持续加速度 0.1 g，10 s"), partial(_driven, g(0.1), 10.0)),
+    UnlistedDisturbance(ROD.text("as_in_the_table"), _same),
+    UnlistedDisturbance(ROD.text("accelerometer_reads_2_too"), partial(_scaled, 0.02)),
+    UnlistedDisturbance(ROD.text("0_05_g_for"), partial(_driven, g(0.05), 5.0)),
+    UnlistedDisturbance(ROD.text("0_1_g_for"), partial(_driven, g(0.1), 10.0)),
 )
 """What papers.md names as the limits of the test: sustained acceleration, and an error of scale."""
 DISTURBED: Final[Mapping[str, Method]] = {
     "r01": METHODS["r01"],
-    "length_free": Method(Both("the same, not normalised", "同上，不归一化"), _literal(normalised=False)),
-    "carried": Method(Both("the same, P carried with q", "同上，P 随 q 转换"), _literal(carried=True)),
+    "length_free": Method(ROD.text("same_not_normalised"), _literal(normalised=False)),
+    "carried": Method(ROD.text("same_p_carried_with"), _literal(carried=True)),
     "ekf7": METHODS["ekf7"],
     "mekf_card": METHODS["mekf_card"],
     "smoother": METHODS["smoother"],

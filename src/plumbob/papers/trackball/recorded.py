@@ -29,7 +29,7 @@ from plumbob.papers.trackball.records import (
     two_state,
     unfiltered,
 )
-from plumbob.papers.trackball.static import TAUS, factors
+from plumbob.papers.trackball.seeds import TAUS, factors
 from plumbob.papers.workspace import Work, recorded_samples
 from plumbob.rotations import Frame, quat_conjugate, quat_rotate
 from plumbob.simulation import scenario
@@ -49,18 +49,10 @@ DOWN: Final = (0.0, 0.0, 1.0)
 class Rest(NamedTuple):
     """The recorded static test.
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    raw, before, after, best : ndarray (N, 3)
-        As measured, with drift and constant taken off, then by the scalar filter, or by the one with two states, rad/s.
-    compared : DeviationComparison
-        Deviations of x before and after the scalar filter, at the paper's eight averaging times.
-    quantum : float
-        Smallest step between two rates, rad/s.
-    temp_c : float
-        Mean temperature, °C.
+    `t` (N,): time, s; `raw`, `before`, `after`, `best` (N, 3): as measured, with drift and constant taken off, then
+    by the scalar filter, or by the one with two states, rad/s; `compared`: deviations of x before and after the
+    scalar filter, at the paper's eight averaging times; `quantum`: smallest step between two rates, rad/s;
+    `temp_c`: mean temperature, °C.
     """
 
     t: Floats
@@ -85,16 +77,9 @@ class Soaked(NamedTuple):
 class Turned:
     """The recorded turntable, from the moment that it starts.
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        Time since the start, s.
-    true, raw : ndarray (N,)
-        Rate about the table's axis, true and as measured, rad/s.
-    rates : mapping of str to ndarray (N,)
-        By `LINES`: what each makes of it, rad/s.
-    headings : mapping of str to ndarray (N,)
-        Error of the integrated heading of those that a card has calibrated, rad.
+    `t` (N,): time since the start, s; `true`, `raw` (N,): rate about the table's axis, true and as measured, rad/s;
+    `rates` (N,): by `LINES`: what each makes of it, rad/s; `headings` (N,): error of the integrated heading of
+    those that a card has calibrated, rad.
     """
 
     t: Floats

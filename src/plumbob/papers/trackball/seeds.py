@@ -1,23 +1,36 @@
-"""The paper's first test over many seeds: the unit at rest before and after the scalar filter, and four hours of it.
+"""Both tests of the paper over many seeds: the unit at rest before and after the scalar filter, and on the turntable.
 
 Ratios are root mean squares over all seeds and channels, after the filter over before it. The paper takes the mean of
 the record off first, which changes nothing here: the filter passes a constant as it is, and neither a variance nor an
-Allan deviation sees it. Only the integrated angle does, and there the mean is what the application suffers from.
+Allan deviation sees it. Only the integrated angle does, and there the mean is what the application suffers from. The
+turntable speeds up evenly and then holds its rate.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plumbob.calibration.gyr.drift import GyroDrift
 from plumbob.core.check import Floats
 from plumbob.filters.channel_scalar import steady_gain
 from plumbob.noise import analyse, curve, deviation, edf
 from plumbob.noise.bands import least_squares
 from plumbob.noise.terms import TERMS
-from plumbob.papers.trackball.records import RATIOS, SAMPLES, STEP, WALK, at_rest, scalar_filter
+from plumbob.papers.trackball.records import (
+    RATIOS,
+    SAMPLES,
+    SLOPE,
+    STEP,
+    WALK,
+    RampFilter,
+    at_rest,
+    contenders,
+    on_turntable,
+    scalar_filter,
+)
 
 TAUS: Final = (0.1, 0.2, 0.4, 1.0, 2.0, 4.0, 10.0, 50.0)
 """Averaging times of the paper, s."""
@@ -34,16 +47,10 @@ MEMORIES: Final = 5.0
 class Short(NamedTuple):
     """What the filters do to the paper's record, by Q/R.
 
-    Attributes
-    ----------
-    variance, angle : ndarray (k,)
-        Ratio of the variances, start included, and of the rms of the integrated angles, mean included.
-    adev : ndarray (k, 8)
-        Ratio of the Allan deviations at each of `TAUS`.
-    before : ndarray (8,)
-        Allan deviation of what they were given, rad/s.
-    scatter : ndarray (8,)
-        Relative standard deviation of one record's Allan deviation of disjoint averages.
+    `variance`, `angle` (k,): ratio of the variances, start included, and of the rms of the integrated angles, mean
+    included; `adev` (k, 8): ratio of the Allan deviations at each of `TAUS`; `before` (8,): allan deviation of what
+    they were given, rad/s; `scatter` (8,): relative standard deviation of one record's Allan deviation of disjoint
+    averages.
     """
 
     variance: Floats
@@ -65,12 +72,8 @@ class Long(NamedTuple):
 class PowerFits(NamedTuple):
     """Fits of five powers of τ to eight Allan variances of one channel.
 
-    Attributes
-    ----------
-    measured : ndarray (8,)
-        Allan variances, (rad/s)².
-    plain, weighted : ndarray (5,)
-        A₋₂ to A₂, (rad/s)² times s to the opposite power: by plain least squares, and weighted, none below zero.
+    `measured` (8,): allan variances, (rad/s)²; `plain`, `weighted` (5,): A₋₂ to A₂, (rad/s)² times s to the
+    opposite power: by plain least squares, and weighted, none below zero.
     """
 
     measured: Floats
@@ -173,3 +176,102 @@ def _squares(rate: Floats) -> Floats:
 
 def _allan_variance(rate: Floats, taus: Sequence[float]) -> Floats:
     return np.asarray(np.mean(deviation(rate, factors(taus)) ** 2, axis=1))
+
+
+SCALES: Final = (0.0, 0.01)
+"""Errors of the gain with which the test is run."""
+SETTLED: Final = 600
+"""Samples after which a filter's lag is measured, on the rest of the ramp."""
+HELD: Final = 50
+"""Samples of the constant rate, 5 s, that the second score of it leaves out: what the ramp left there."""
+MEASURED: Final = "measured"
+REMOVED: Final = "bias removed"
+"""The raw rate, and what every filter gets."""
+
+
+class OnTurntable(NamedTuple):
+    """Errors of one channel on the turntable, over all seeds.
+
+    Attributes
+    ----------
+    name : str
+        Of the filter, or `MEASURED` or `REMOVED`.
+    ramp_rms, hold_rms, late_rms : float
+        Root mean square while it speeds up, while it holds, and there without the first 5 s, rad/s.
+    ramp_mean, hold_mean : float
+        Mean error, rad/s; negative where the filter is behind.
+    angle : float
+        Largest error of the integrated angle while it speeds up, mean over the seeds, rad.
+    lag : float
+        How far it stays behind what it is given, late on the ramp, rad/s.
+    lag_theory : float
+        The same in theory, once it has settled.
+    """
+
+    name: str
+    ramp_rms: float
+    hold_rms: float
+    late_rms: float
+    ramp_mean: float
+    hold_mean: float
+    angle: float
+    lag: float
+    lag_theory: float
+
+
+def measure_turntable(seeds: Sequence[int], scale: float) -> dict[str, OnTurntable]:
+    """Run the test with each seed; results by name.
+
+    Parameters
+    ----------
+    seeds : sequence of int
+        One run each.
+    scale : float
+        Relative error of the gain.
+    """
+    competing = list(contenders())
+    mean = np.mean([_one_run(seed, scale, competing) for seed in seeds], axis=0)
+    names = [MEASURED, REMOVED, *(c.name for c in competing)]
+    lags = [0.0, 0.0, *(SLOPE * STEP * c.lag for c in competing)]
+    return {name: _result(name, row, lag) for name, row, lag in zip(names, mean, lags, strict=True)}
+
+
+def best_gain(seeds: Sequence[int], gains: Sequence[float]) -> tuple[float, float]:
+    """The settled gain K of a scalar filter with the least error on the ramp, and that error, rms, rad/s."""
+    errors: Mapping[float, list[float]] = {gain: [] for gain in gains}
+    for seed in seeds:
+        run, given = _given(seed, 0.0)
+        for gain, squares in errors.items():
+            rate = scalar_filter(gain**2 / (1.0 - gain)).smooth(run[0], given)  # K = p/(1 + p), p² = Q/R (p + 1)
+            squares.append(float(np.mean((rate - run[1])[:SAMPLES] ** 2)))
+    means = {gain: float(np.mean(squares)) for gain, squares in errors.items()}
+    gain = min(means, key=means.__getitem__)
+    return gain, math.sqrt(means[gain])
+
+
+def _given(seed: int, scale: float) -> tuple[tuple[Floats, Floats, Floats], Floats]:
+    """Time, true and measured rate about the axis, and what is left of it without the bias of a rest, (N, 1)."""
+    rest, run = on_turntable(seed, scale=scale)
+    given = GyroDrift().at_rest(rest.measured).compensate(run.measured)[:, 2:]
+    return (run.t, run.true[:, 2:], run.measured[:, 2:]), given
+
+
+def _one_run(seed: int, scale: float, competing: Sequence[RampFilter]) -> Floats:
+    """Figures (m, 7) of the raw rate, of the compensated one, and of every filter after it."""
+    (t, true, measured), given = _given(seed, scale)
+    after = [given, *(c.smooth(t, given) for c in competing)]
+    return np.array([_figures(measured, true, measured), *(_figures(rate, true, given) for rate in after)])
+
+
+def _figures(rate: Floats, true: Floats, given: Floats) -> Floats:
+    ramp, hold = (rate - true)[:SAMPLES], (rate - true)[SAMPLES:]
+    angle = np.abs(STEP * np.cumsum(ramp)).max()
+    lag = np.mean((given - rate)[SETTLED:SAMPLES])
+    squares = [np.mean(part**2) for part in (ramp, hold, hold[HELD:])]
+    return np.array([*squares, ramp.mean(), hold.mean(), angle, lag])
+
+
+def _result(name: str, row: Floats, lag: float) -> OnTurntable:
+    ramp, hold, late = np.sqrt(row[:3]).tolist()
+    ramp_mean, hold_mean, angle, measured = row[3:].tolist()
+    return OnTurntable(name, ramp, hold, late, ramp_mean, hold_mean, angle, measured, lag)

@@ -1,0 +1,171 @@
+"""What a paper prints and how its figures are named, in both languages: the file ``<name>.toml`` beside this one.
+
+It holds everything of a paper's page that is not computed. A text is a pair of English and Chinese; ``{name}`` in it,
+with a format after a colon if need be, stands for a value that the code gives. Tables:
+
+``paper``
+    Its title, what it is about, and the keys of its main figures.
+``text``, ``texts``
+    Texts by key, and those that stand for the values of a name.
+``outcome``
+    Figures by key: place, noun, unit, printed value, bars, reason.
+``part``, ``table``, ``figure``
+    Parts of the page: title, facts and remarks; title, head and fixed rows; caption, names of the
+    lines, height, and labels and limits of the axes.
+``item``
+    What the paper describes, and what became of it.
+"""
+
+import re
+import string
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from importlib import resources
+from typing import TYPE_CHECKING, Any, Final
+
+from plumbob.papers.outcome import Outcome, PaperItem
+from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.report import Report
+from plumbob.reporting.style import GRID, INK, MUTED, PALETTE, SHADE, SOFT, Both
+
+if TYPE_CHECKING:
+    from matplotlib.figure import FigureBase
+
+_COLOURS: Final = {
+    **{name: colour for colour, name in PALETTE.items()},
+    **{"ink": INK, "muted": MUTED, "grid": GRID, "shade": SHADE, "soft": SOFT},
+}
+_VALUE_ALONE: Final = re.compile(r"\{(\w+)\}")
+
+
+class _Typographic(string.Formatter):
+    """Formats as `str.format` does, and a number after ``:−`` with a minus as it is printed."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        text: str = super().format_field(value, format_spec.removeprefix("−"))
+        return text.replace("-", "−") if format_spec.startswith("−") else text
+
+
+_format: Final = _Typographic().vformat
+
+
+def _filled(template: Any, values: Mapping[str, Any]) -> Any:
+    """A text with its values, in both languages where it is a pair."""
+    if isinstance(template, str):
+        alone = _VALUE_ALONE.fullmatch(template)
+        value = values[alone[1]] if alone else _format(template, (), values)
+        return value if isinstance(value, str) else f"{value}"
+    en, zh = template
+    chinese = {name: getattr(value, "zh", value) for name, value in values.items()}
+    return Both(_format(en, (), values), _format(zh, (), chinese))
+
+
+class Description:
+    """A paper's description.
+
+    Parameters
+    ----------
+    name : str
+        Of the paper, and of its file.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    @cached_property
+    def content(self) -> dict[str, Any]:
+        """The file."""
+        return tomllib.loads((resources.files("plumbob.papers") / f"{self.name}.toml").read_text(encoding="utf-8"))
+
+    @property
+    def title(self) -> Both:
+        """Of the paper."""
+        return Both(*self.content["paper"]["title"])
+
+    @property
+    def about(self) -> Both:
+        """The paper in two sentences."""
+        return Both(*self.content["paper"]["about"])
+
+    @property
+    def main(self) -> Sequence[str]:
+        """Keys of the outcomes by which the paper is known."""
+        keys: Sequence[str] = self.content["paper"]["main"]
+        return keys
+
+    @property
+    def items(self) -> Sequence[PaperItem]:
+        """What the paper describes, in its order."""
+        return [PaperItem(**item) for item in self.content["item"]]
+
+    def text(self, key: str, **values: Any) -> Both:
+        """A text of the table ``text``."""
+        text: Both = _filled(self.content["text"][key], values)
+        return text
+
+    def texts(self, key: str) -> dict[str, Both]:
+        """Texts of a table of its own, by their keys."""
+        return {name: Both(*pair) for name, pair in self.content["texts"][key].items()}
+
+    def printed(self, key: str) -> Any:
+        """What the paper prints for a figure."""
+        return self.content["outcome"][key]["paper"]
+
+    def row(self, key: str, **given: Any) -> Outcome:
+        """A figure of the table ``outcome``: fields of `Outcome` that are computed, and values of its texts."""
+        row = self.content["outcome"][key]
+        fields = {name: given.pop(name) for name in tuple(given) if name in Outcome.__dataclass_fields__}
+        for name, value in row.items():
+            if name.endswith("_bar"):
+                fields.setdefault(name, tuple(value))
+            else:
+                fields.setdefault(name, _filled(value, given) if isinstance(value, str | list) else value)
+        return Outcome(**{"where": "", **fields, "key": key})
+
+    def part(self, key: str, **given: Any) -> Report:
+        """A part of the page: fields of `Report` that are computed, and values of its texts."""
+        part = self.content["part"][key]
+        fields = {name: given.pop(name) for name in tuple(given) if name in Report.__dataclass_fields__}
+        for name, texts in part.items():
+            filled = [
+                tuple(_filled(cell, given) for cell in text) if name == "facts" else _filled(text, given)
+                for text in (texts if name != "title" else [texts])
+            ]
+            fields.setdefault(name, filled if name != "title" else filled[0])
+        return Report(**fields)
+
+    def table(self, key: str, rows: Sequence[Sequence[str]] | None = None, **given: Any) -> Table:
+        """A table of the page, with its fixed rows where none are given, and values of its texts."""
+        table = self.content["table"][key]
+        fields = {name: given.pop(name) for name in tuple(given) if name in Table.__dataclass_fields__}
+        if rows is None:
+            rows = [[_filled(cell, given) for cell in row] for row in table["rows"]]
+        fields.setdefault("title", _filled(table.get("title", ""), given))
+        fields.setdefault("head", [_filled(cell, given) for cell in table.get("head", ())])
+        return Table(rows=rows, **{"words": table.get("words", ()), **fields})
+
+    def figure(
+        self,
+        key: str,
+        draw: "Callable[[FigureBase], None]",
+        *,
+        lines: Sequence[tuple[str, str, str]] | None = None,
+        **values: Any,
+    ) -> Figure:
+        """A figure of the page, with its fixed lines where none are given."""
+        figure = self.content["figure"][key]
+        if lines is None:
+            lines = [(_filled(text, values), _COLOURS[name], dash) for text, name, dash in figure.get("key", ())]
+
+        def drawn(canvas: Any) -> None:  # the stubs have no axes of a part of a figure
+            draw(canvas)
+            for axes, settings in zip(canvas.axes, figure.get("axes", ()), strict=False):
+                axes.set(**{name: _filled(v, {}) if name.endswith("label") else v for name, v in settings.items()})
+
+        height = values.pop("height", figure.get("height", Figure.height))
+        return Figure(_filled(figure["caption"], values), drawn, lines, height)
+
+
+PAPERS: Final = {name: Description(name) for name in ("fin", "buoy", "trackball", "arm", "rod")}
+FIN, BUOY, TRACKBALL, ARM, ROD = PAPERS.values()
