@@ -124,7 +124,7 @@ def run_faults(args: argparse.Namespace) -> int:
         print(fault_cases.listing(battery.CASES, battery.GROUPS))
         return 0
     if args.filters is None:
-        raise ParameterError("--filters is missing; 'plumbob filters' shows what there is, --list shows the cases.")
+        raise ParameterError("--filters is missing; see 'plumbob list filters', and --list for the cases.")
     chosen = common.stages(args.filters, args.params)
     wanted = [name.strip() for name in args.cases.split(",") if name.strip()]
     others, absent = peers(args.peers)

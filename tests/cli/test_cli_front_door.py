@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob.cli.main import VERBS
+from plumbob.cli.verbs import VERBS
 from plumbob.door.calibrate import KINDS, kind_options
 from tests.helpers.commandline import answer, typed
 
@@ -31,12 +31,12 @@ def poses(tmp_path_factory):
 
 
 RENAMED = {"run": "estimate", "eval": "evaluate", "sim": "simulate"}
-OF_THE_PROGRAM = {"demo", "devices", "filters", "benchmark"}
+OF_THE_PROGRAM = {"demo", "list", "benchmark"}
 """Verbs that list what is there or exercise it: in Python these are objects (`plumbob.filter_names`, `find_format`)."""
 PACKAGES = {"arm": ("align", "run", "export", "replay"), "array": ("info", "combine", "monitor")}
 """Verbs whose kinds are functions of the package of the same name."""
-FIRST = {"record", "docs", "run", "view", "watch"}
-"""Verbs whose first argument has a default: the session, the page, the filter, what is shown."""
+FIRST = {"record", "docs", "run", "view", "control"}
+"""Verbs one of whose arguments has a default: the session, the page, the filter, what is shown or said."""
 
 
 def test_every_public_name_is_there_and_every_verb_has_its_function_with_keyword_only_options():

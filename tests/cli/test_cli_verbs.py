@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from plumbob.cli.main import VERBS, build_parser
+from plumbob.cli.main import build_parser
+from plumbob.cli.verbs import VERBS
 from tests.helpers.commandline import answer, ok, refused, table_of, typed
 
 ROOT = Path(__file__).parents[2]
@@ -15,6 +16,7 @@ KINDS = {
     "arm": "align run export replay",
     "array": "info combine monitor",
     "benchmark": "accuracy scenario",
+    "list": "filters devices references rigs scenarios",
 }
 HELPED = [*VERBS, *(f"{verb} {kind}" for verb, kinds in KINDS.items() for kind in kinds.split())]
 
@@ -23,7 +25,9 @@ HELPED = [*VERBS, *(f"{verb} {kind}" for verb, kinds in KINDS.items() for kind i
 def test_help_has_an_example_that_the_parser_takes_and_a_page_that_is_there(verb):
     told = ok(*verb.split(), "--help").stdout
     assert told.startswith(f"usage: plumbob {verb} ")
-    example, page = re.search(r"^example:\n  (.*?)\n\n.*^documentation: (\S+)", told, re.DOTALL | re.MULTILINE).groups()
+    example, page = re.search(
+        r"^example:\n  (.*?)\n\n.*^documentation:\n  (\S+)", told, re.DOTALL | re.MULTILINE
+    ).groups()
     program, *words = shlex.split(example)
     assert (program, *words[: len(verb.split())]) == ("plumbob", *verb.split())
     build_parser(words[:1]).parse_args(words)
@@ -68,10 +72,11 @@ allan rest.parquet --triads gyr
 calibrate gyro rest.parquet --method rest
 verify sea.mcap
 replay sea.mcap
-devices
-devices rion
-filters
-filters mekf
+list devices
+list devices rion
+list filters
+list filters mekf
+list rigs
 arm export angles.parquet --out {}/program.csv
 benchmark accuracy . --filters mahony
 """.strip().splitlines()
@@ -93,7 +98,7 @@ run rest.parquet --filter mekf --noise noise.json --out {} | .csv | noise.json
 report sea.parquet --filter mekf --out {} | .html | sea.parquet
 plot sea.parquet --what rates --filter none --out {} | .svg | sea.parquet
 eval track.parquet sea.parquet --html {} | .html | sea.parquet
-convert sea.parquet --out {} | .csv | sea.parquet
+convert sea.parquet {} | .csv | sea.parquet
 decode sea.bin --format buoy --out {} | .csv | sea.bin
 emulate buoy --write {} | .bin |
 record --from sea.bin --format buoy --out {} | .mcap |

@@ -282,7 +282,6 @@ def add_statictest(kinds: common.Adder) -> None:
 def find_statictest(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.calibration.calibration import capture
-    from plumbob.cli.eval import alignments
     from plumbob.core.errors import CalibrationError
     from plumbob.core.units import Quantity, parse
     from plumbob.data.cards import CalibrationCard
@@ -297,7 +296,7 @@ def find_statictest(args: argparse.Namespace) -> int:
         capture(recording.imu, triads=("acc", "mag"), device=args.device).imu,
         _reference(args, recording),
         CalibrationCard.load(args.calibration),
-        align=alignments(args.align),
+        align=common.alignments(args.align),
         declination=None if args.declination is None else parse(args.declination, Quantity.ANGLE),
     )
     facts = {

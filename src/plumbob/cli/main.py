@@ -17,50 +17,13 @@ from types import FrameType
 from typing import Any, Final, NoReturn, TextIO, cast
 
 from plumbob.cli import common
+from plumbob.cli.engine import add_verb
+from plumbob.cli.verbs import GROUPS, VERBS
 from plumbob.core.errors import PlumbobError
-from plumbob.core.text import visible
+from plumbob.core.text import closest, visible
 from plumbob.core.version import __version__
 
 _LAYOUT: Final = "\n\t"
-
-VERBS = (
-    "demo",
-    "devices",
-    "decode",
-    "emulate",
-    "record",
-    "view",
-    "watch",
-    "control",
-    "replay",
-    "send",
-    "verify",
-    "repair",
-    "convert",
-    "profile",
-    "doctor",
-    "sim",
-    "run",
-    "report",
-    "batch",
-    "reproduce",
-    "plot",
-    "eval",
-    "compare",
-    "allan",
-    "calibrate",
-    "arm",
-    "array",
-    "info",
-    "benchmark",
-    "tune",
-    "filters",
-    "cite",
-    "docs",
-)
-
-FORMER: Final = {"export": "convert"}
-"""Verbs by the names that they had, which scripts may still use."""
 
 EPILOG = """\
 exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done, but a recording is damaged (verify),
@@ -95,27 +58,40 @@ class _LineHelp(argparse.HelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """Parser that takes no abbreviations, as --noise for --noise-card; verbs and what is nested in them inherit it."""
+    """Parser that takes no abbreviations, as --noise for --noise-card, and asks whether another option was meant."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**{"formatter_class": _LineHelp, **settings, "allow_abbrev": False})
 
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse all words; the parser of the verb refuses what it does not know."""
+        parsed, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            parser = getattr(parsed, "parser", self)
+            asked = closest(unknown[0].partition("=")[0], parser._option_string_actions)
+            parser.error(f"unrecognized arguments: {' '.join(unknown)}.{asked}")
+        return parsed
 
-def build_parser(verbs: Sequence[str] = VERBS) -> argparse.ArgumentParser:
-    """Parser of the command line with these verbs; with one alone, its own help and errors read as with all."""
+
+def build_parser(verbs: Sequence[str] = (), words: Sequence[str] | None = None) -> argparse.ArgumentParser:
+    """Parser of these verbs, as far as `words` need it; without a verb it has a help that lists all, by groups."""
+    lines = []
+    for title, group in () if verbs else GROUPS.items():
+        lines += [f"{title}:", *(f"  {name:11}{verb.line}" for name, verb in group.items()), ""]
     parser = Parser(
         prog="plumbob",
+        usage=None if verbs else "plumbob [--help] [--version] VERB ...",
         description="Attitude from MEMS inertial sensors. Without a verb, plumbob prints the order of work.",
-        epilog=EPILOG,
+        epilog="\n".join([*lines, EPILOG]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"plumbob {__version__}")
-    parsers = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
-    for verb in verbs:
-        import_module(f"plumbob.cli.{verb}").add_parser(parsers)
-    for former, verb in FORMER.items() if len(verbs) == 1 else ():
-        if verb in verbs:
-            parsers.choices[former] = parsers.choices[verb]  # not in the list of all
+    parsers = parser.add_subparsers(dest="verb", metavar="VERB", required=True, help=argparse.SUPPRESS)
+    for name in verbs:
+        if VERBS[name].run:
+            add_verb(parsers, name, VERBS[name], words)
+        else:
+            import_module(f"plumbob.cli.{name}").add_parser(parsers)
     return parser
 
 
@@ -139,9 +115,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
-    """Parser of the one verb that is asked for, which imports no other; of all where none is."""
-    verbs = [FORMER.get(word, word) for word in words[:1]]
-    return build_parser(verbs if verbs and verbs[0] in VERBS else VERBS)
+    """Parser of the one verb that is asked for, which imports no other."""
+    if words[0] in VERBS:
+        return build_parser(words[:1], words)
+    parser = build_parser()
+    if not words[0].startswith("-"):
+        parser.error(f"there is no verb '{words[0]}'.{closest(words[0], VERBS)} 'plumbob --help' lists them.")
+    return parser
 
 
 def run(argv: Sequence[str] | None, parser: Callable[[Sequence[str]], argparse.ArgumentParser], program: str) -> int:

@@ -12,6 +12,7 @@ from typing import Any
 
 from plumbob.core import units
 from plumbob.core.errors import DecodeError, PlumbobError, UnitError, excerpt, one_line
+from plumbob.core.text import closest
 from plumbob.core.units import Quantity
 
 Parse = Callable[[str, Any], Any]
@@ -94,7 +95,8 @@ def section(
         raise DecodeError(f"{where} must be a table, as in [{where}], but it is {excerpt(str(raw))}.")
     for key in raw:
         if key not in known:
-            raise DecodeError(f"{where} has no key {excerpt(key)}; known are {', '.join(known)}.")
+            near = closest(key, known)
+            raise DecodeError(f"{where} has no key {excerpt(key)}; known are {', '.join(known)}.{near}")
     for key in required:
         if key not in raw:
             raise missing(where, key)

@@ -19,8 +19,6 @@ from plumbob.fleet.job import COLUMNS, VERDICTS, JobOutcome
 from plumbob.fleet.places import Place, as_place, is_url
 from plumbob.fleet.settings import BatchSettings, load_cards
 from plumbob.fleet.workers import by_children, by_cluster, here
-from plumbob.overview.streaming_stats import BURST
-from plumbob.quality.tilt import LIMIT
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
@@ -112,8 +110,8 @@ def batch(
     date: str | None = None,
     profile: str | Path | None = None,
     unit: str | None = None,
-    burst: float | str = BURST,
-    tilt_limit: float | str = LIMIT,
+    burst: float | str = "20 min",
+    tilt_limit: float | str = "15 deg",
     align: Iterable[str] = (),
     settle: float | str = 0.0,
     pages: bool = False,

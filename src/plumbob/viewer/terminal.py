@@ -18,7 +18,7 @@ import numpy as np
 from plumbob.core.errors import ParameterError
 from plumbob.core.flags import names
 from plumbob.core.text import visible
-from plumbob.core.units import Quantity, given, to_deg
+from plumbob.core.units import to_deg
 from plumbob.data.chain import Chain
 from plumbob.live.transports.transport import Stop, Stopping
 from plumbob.rotations import Frame, North
@@ -461,45 +461,28 @@ def _painted(terminal: Terminal) -> Iterator[None]:
 
 
 def watch(
-    what: "Session | str | Path | None" = None,
+    what: "Session | str | Path | None",
     *,
-    lang: str = "en",
-    folder: str | Path = ".",
-    also: Sequence[str] = (),
-    chain: Chain | str | Path | None = None,
-    emulate: str | None = None,
-    duration: float | str | None = None,
-    stop: Stopping | None = None,
-    **line: Any,
+    lang: str,
+    folder: Path,
+    duration: float | None,
+    stop: Stopping | None,
+    also: Sequence[str],
+    chain: Chain | str | Path | None,
+    emulate: str | None,
+    line: Mapping[str, Any],
 ) -> Viewed:
-    """Show a line as it runs, or play a recording, as text that fills a terminal.
-
-    Keys: q ends, r starts and stops a recording, m marks, the space bar pauses a recording that is played, and t lets
-    angles count from the attitude now.
-
-    Parameters
-    ----------
-    what, folder, also, chain, emulate, duration, stop, **line
-        As of `plumbob.view`.
-    lang : {"en", "zh"}
-        Language of the labels.
-
-    Returns
-    -------
-    Viewed
+    """Show it as text that fills a terminal; arguments as of `plumbob.view`.
 
     Raises
     ------
     ParameterError
         If standard output is not a terminal, or as of `plumbob.view`.
-    PlumbobError
-        As of `plumbob.view`.
     """
     if not sys.stdout.isatty():
         raise ParameterError(
-            "watch fills a terminal, and standard output is not one. 'plumbob record' follows a line without one."
+            "--terminal fills a terminal, and standard output is not one. 'plumbob record' follows a line without one."
         )
-    seconds = given("duration", duration, Quantity.TIME, positive=True)
     ended = _Either(stop)
     terminal = Terminal(ended, lang)
 
@@ -511,7 +494,7 @@ def watch(
         stack.enter_context(_keys_at_once())
         stack.enter_context(_painted(terminal))
         return shown.run(
-            terminal, folder=Path(folder), control=True, duration=seconds,
+            terminal, folder=folder, control=True, duration=duration,
             stop=ended, note=note, echo=lambda text: None, opened=lambda: None,
         )  # fmt: skip
 

@@ -107,6 +107,8 @@ def view(
     also: Sequence[str] = (),
     chain: Chain | str | Path | None = None,
     emulate: str | None = None,
+    terminal: bool = False,
+    lang: str = "en",
     open_browser: bool = False,
     duration: float | str | None = None,
     send: Sequence[str] = (),
@@ -139,6 +141,11 @@ def view(
         Chain whose segments carry the units; its stick figure is shown.
     emulate : str, optional
         A rig of `plumbob emulate`, which is started and shown.
+    terminal : bool
+        Show it as text that fills a terminal, as over ssh, and serve no page. Keys: q ends, r starts and stops a
+        recording, m marks, the space bar pauses what is played, and t lets angles count from the attitude now.
+    lang : {"en", "zh"}
+        Language of the labels in a terminal.
     open_browser : bool
         Whether to open the page.
     duration : float or str, optional
@@ -170,10 +177,15 @@ def view(
     PlumbobError
         As `plumbob.load_session`, `plumbob.estimate`.
     """
-    require_view()
-    say = note or (lambda line: None)
     place = check.path("folder", folder)
     seconds = given("duration", duration, Quantity.TIME, positive=True)
+    if terminal:
+        from plumbob.viewer.terminal import watch
+
+        return watch(what, lang=lang, folder=place, duration=seconds, stop=stop, also=also, chain=chain,
+                     emulate=emulate, line=line)  # fmt: skip
+    require_view()
+    say = note or (lambda line: None)
     serving = Serving(host=host, port=http_port, control=control, clients=clients, allow_origin=tuple(allow_origin),
                       folder=place)  # fmt: skip
     with ExitStack() as stack:

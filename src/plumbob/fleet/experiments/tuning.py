@@ -223,7 +223,7 @@ class Tuning(Reported):
         """What it is, in words."""
         return {"filter": self.filter, "recordings": str(len(self.recordings)), "verdict": self.verdict()}
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Ready for JSON: parameters in the unit inside, errors in degrees."""
         names = [name for name in self.__dataclass_fields__ if name not in {"parameters", "recordings", "skipped"}]
         figures = {name: plain(getattr(self, name)) for name in names}

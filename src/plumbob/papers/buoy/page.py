@@ -79,7 +79,7 @@ def _system(results: Results) -> Report:
          "仿真 NOR Flash，由 plumbob decode --ring 读取")),
         (Both("line", "串口"), "UART, 20 Hz", Both("format buoy_attitude, 32 bytes a frame",
                                                    "buoy_attitude 帧，32 字节")),
-        (Both("host program", "上位机"), "C#, SharpGL", "plumbob view, plumbob watch, plumbob record"),
+        (Both("host program", "上位机"), "C#, SharpGL", "plumbob view, plumbob record"),
         (Both("later analysis", "后期处理"), "Matlab", "plumbob replay, eval, report"),
         (Both("static reference", "静态参考"), "DCM260B", Both("rig ring: emulated with 0.8° and 0.2°",
          "rig ring：按 0.8°、0.2° 仿真")),

@@ -1,0 +1,369 @@
+"""A verb is its function: options, their types, defaults and help come from its signature and docstring."""
+
+import argparse
+import inspect
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from plumbob.cli import common
+from plumbob.core.docs import guide
+
+Call = Callable[..., Any]
+
+FOR_PROGRAMS: Final = {"note", "progress", "opened", "sinks", "follow", "keep", "covariance", "max_bytes"}
+"""Parameters that only a program can give."""
+SPELLED: Final = {"overwrite": "force", "capture": "from", "start": "from", "begin": "from", "end": "to", "stop": "to",
+                  "layout": "as", "form": "as", "options": "option", "kind": "type", "temp_c": "temp",
+                  "poses": "pose"}  # fmt: skip
+"""Parameters whose option has another name: `from` and `as` are words of Python."""
+SHORT: Final = {
+    "array": "SOURCE", "poses": "FROM,TO[,ANGLE...]", "pose_sd": "ANGLE", "pose": "zero|ANGLE,...",
+    "mounts": "TOML|NAME",
+    "frame": "ENU|NED|NWU", "init": "level|truth|ROLL,PITCH,HEADING", "place": "LAT,LON[,HEIGHT]", "params": "P",
+    "date": "YYYY-MM-DD", "profile": "TOML", "calibration": "JSON", "noise": "JSON", "session": "TOML", "set": "P",
+    "unit": "NAME|N", "filter": "NAME", "rate": "HZ", "format": "NAME|TOML", "port": "DEV", "iio": "DEV",
+    "card": "JSON", "rest": "A..B", "tcp": "HOST:PORT", "udp": "HOST:PORT", "warm_up": "RISE,TIME",
+    "send": "'FORM TARGET [RATE] [A,B]'", "faults": "F", "fixed": "P", "chain": "TOML", "lag": "T", "settle": "T",
+    "max_gap": "T", "max_offset": "T", "burst": "T", "start": "T", "stop": "T", "begin": "T", "end": "T",
+    "duration": "T", "tilt_limit": "ANGLE", "declination": "ANGLE", "mount_error": "ANGLE", "high_pass": "HZ",
+    "temp_c": "T", "options": "NAME=VALUE", "speed": "K", "device": "ID", "clock_error": "E", "sensors": "A+B",
+    "fault_log": "FILE", "path": "FILE", "scale": "LSB", "rates": "R,…",
+}  # fmt: skip
+"""What stands for a value, by parameter; else by type."""
+
+
+HELP: Final = {
+    "overwrite": "replace files that exist already; never an input",
+    "params": common.PARAMS_HELP,
+    "fixed": f"parameters that keep a value: {common.PARAMS_HELP}",
+    "date": "day of --place, where the recording does not know it",
+    "options": "an option of the format, as gyr_range='500 deg/s'; see 'plumbob list devices NAME'",
+    "send": "send the attitude, as 'nmea udp:127.0.0.1:10110 10Hz HDT,PASHR'; see 'plumbob send'; repeatable",
+}
+"""Help of what the words of a command line say in a way of their own."""
+
+
+FORCE: Final = ("", HELP["overwrite"])
+"""The option --force of a verb whose function replaces nothing."""
+
+
+class Verb(NamedTuple):
+    """What a signature and a docstring do not say of a verb.
+
+    Attributes
+    ----------
+    line : str
+        Of ``plumbob --help``.
+    page, example : str
+        Page of the documentation, and a command line.
+    function : str
+        Public name, or ``module:name`` below `plumbob`; by default that of the verb. Without any (``""``), `module`
+        declares its own parser.
+    also : tuple of str
+        Functions whose parameters the variable keyword of this one takes.
+    named, hidden, repeat : tuple of str
+        Positional parameters that are options, parameters that are none, and options that are given again and again.
+    outputs : tuple of str
+        Parameters that are files to write.
+    exclusive : tuple of tuple of str
+        Parameters of which one is given at most.
+    more : mapping of str to (str, str)
+        Options of the command line alone: what stands for the value (none: a switch; with !: needed), and help.
+    run : str
+        Function of `plumbob.cli.special`, or ``module:name``, that calls, prints and gives the exit code; by default
+        `finish` does.
+    code : callable
+        Exit code by the result.
+    kinds : mapping of str to Verb
+        What the verb is for, one of which is named behind it.
+    pages : callable, optional
+        Report of the result for --html and --plot.
+    json : bool
+        Whether there is a summary to print as JSON.
+    ends : mapping of str to tuple of str
+        Endings that the name of an output must have.
+    note : str
+        Last words of the help.
+    """
+
+    line: str
+    page: str
+    example: str
+    function: str = ""
+    also: tuple[str, ...] = ()
+    named: tuple[str, ...] = ()
+    hidden: tuple[str, ...] = ()
+    repeat: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ("out",)
+    exclusive: tuple[tuple[str, ...], ...] = ()
+    more: Mapping[str, tuple[str, str]] = {}
+    run: str = "finish"
+    code: Callable[[Any], int] = lambda result: 0
+    kinds: Mapping[str, "Verb"] = {}
+    pages: Callable[[Any, argparse.Namespace], Any] | None = None
+    json: bool = True
+    ends: Mapping[str, tuple[str, ...]] = {}
+    note: str = ""
+
+
+class Option(NamedTuple):
+    """A parameter as an option or argument."""
+
+    name: str
+    parameter: inspect.Parameter
+    function: Call
+
+    @property
+    def type(self) -> str:
+        """Annotation as it is written."""
+        annotation = self.parameter.annotation
+        return annotation.__name__ if isinstance(annotation, type) else str(annotation).strip("\"'")
+
+    @property
+    def many(self) -> bool:
+        """Whether a place takes several."""
+        return self.parameter.kind is inspect.Parameter.VAR_POSITIONAL or bool(
+            self._in_place and re.search(r"(Sequence|Iterable)\[", self.type)
+        )
+
+    @property
+    def _in_place(self) -> bool:
+        return self.parameter.kind is not inspect.Parameter.KEYWORD_ONLY
+
+    def is_path(self) -> bool:
+        """Whether it names a file."""
+        return bool(re.search(r"\bPath|Source\b", self.type))
+
+    def read(self, text: Any) -> Any:
+        """Value of the words of the command line."""
+        if isinstance(text, str) and re.search(r"(Sequence|Collection|Iterable)\[str\]", self.type):
+            return [] if text == "none" else [word.strip() for word in text.split(",") if word.strip()]
+        if isinstance(text, str) and "Mapping[" in self.type and not self.is_path():
+            return dict(common.pairs(text))
+        return common.span(text) if isinstance(text, str) and self.type.startswith("tuple[") else text
+
+
+def function_of(name: str, verb: Verb) -> Call:
+    """What a verb calls."""
+    path = verb.function or name
+    home, colon, last = path.rpartition(":")
+    found: Call = getattr(import_module(f"plumbob.{home}" if colon else "plumbob"), last)
+    return found
+
+
+def options_of(function: Call, verb: Verb) -> dict[str, Option]:
+    """Parameters of a function, and of those that its variable keyword leads to, that a command line can give."""
+    options: dict[str, Option] = {}
+    for one in (function, *(function_of(path, verb._replace(function=path)) for path in verb.also)):
+        for name, parameter in inspect.signature(one).parameters.items():
+            first = one is function or parameter.kind is parameter.KEYWORD_ONLY
+            option = Option(name, parameter, one)
+            hidden = name in {*FOR_PROGRAMS, *verb.hidden} or "Stopping" in option.type
+            if first and parameter.kind is not parameter.VAR_KEYWORD and not hidden:
+                options.setdefault(name, option)
+    return options
+
+
+def described(function: Call) -> dict[str, tuple[str, str]]:
+    """Type and meaning of each parameter, as the docstring has them."""
+    text = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+$|\Z)", inspect.getdoc(function) or "", re.M | re.S)
+    found = {}
+    for names, kind, body in re.findall(
+        r"^(\S[^:\n]*)(?: : (.*))?\n((?:    .*\n?|\n)*)", text[1] if text else "", re.M
+    ):
+        for name in names.split(","):
+            found[name.strip(" *")] = (kind, " ".join(body.split()))
+    return found
+
+
+def meaning(function: Call, name: str) -> str:
+    """Help of a parameter; where a docstring sends the reader to another function, what stands there."""
+    text = described(function).get(name, ("", ""))[1]
+    if sent := re.match(r"(?:As|What .* as) (?:of|in) `(?:plumbob\.)?([\w.]+)`", text):
+        home, _, last = sent[1].rpartition(".")
+        module = import_module(f"plumbob.{home}" if home else "plumbob")
+        there = getattr(module, last, None) or getattr(import_module(function.__module__), last, None)
+        text = (there and meaning(there, name)) or text
+    text = re.sub(r"^Whether to (.)", lambda found: found[1].upper(), text)
+    text = re.sub(r"`plumbob\.(\w+)`", lambda found: _verb_of(found[1]), text)
+    return text.replace("`", "").removesuffix(".").replace("%", "%%")
+
+
+def _verb_of(name: str) -> str:
+    """Verb of a public function, or the function where it has none."""
+    from plumbob.cli.verbs import VERBS
+
+    renamed = {"simulate": "sim"} | {verb.function: name for name, verb in VERBS.items() if verb.function}
+    verb = renamed.get(name, name)
+    return f"'plumbob {verb}'" if verb in VERBS else f"plumbob.{name}"
+
+
+def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = None) -> argparse.ArgumentParser:
+    """Declare a verb; for `words`, only what they need: their kind, and help where somebody reads it."""
+    helped = words is None or "-h" in words or "--help" in words
+    if verb.kinds:
+        group: argparse.ArgumentParser = parsers.add_parser(
+            name, help=verb.line, description=f"{verb.line[0].upper()}{verb.line[1:]}.", epilog=ending(verb)
+        )
+        kinds_of = group.add_subparsers(dest="kind", metavar="KIND", required=True)
+        for kind, one in verb.kinds.items():
+            if not one.run:
+                getattr(import_module(f"plumbob.cli.{name}"), f"add_{kind}")(kinds_of)
+            elif words is None or kind in words[:2]:
+                add_verb(kinds_of, kind, one, words)
+            else:
+                kinds_of.add_parser(kind, help=one.line)
+        group.set_defaults(parser=group)
+        return group
+    function = function_of(name, verb)
+    doc = inspect.getdoc(function) or ""
+    about = re.split(r"^\w[\w ]*\n-+$", doc, maxsplit=1, flags=re.M)[0].replace("`", "")
+    p: argparse.ArgumentParser = parsers.add_parser(
+        name, help=verb.line, description=re.sub(r"(?<=\S)\n(?=\S)", " ", about).strip(), epilog=ending(verb)
+    )
+    options, kinds = options_of(function, verb), described(function)
+    groups: dict[str, Any] = {}
+    for names in verb.exclusive:
+        groups |= dict.fromkeys(names, p.add_mutually_exclusive_group())
+    for key, option in options.items():
+        settings = _settings(option, verb, kinds.get(key, ("", ""))[0], helped=helped)
+        groups.get(key, p).add_argument(*settings.pop("flags"), **settings)
+    for key, (value, help_) in verb.more.items():
+        needed = value.endswith("!")
+        how: dict[str, Any] = {"metavar": value.rstrip("!"), "required": needed} if value else {"action": "store_true"}
+        groups.get(key, p).add_argument(_flag(key), dest=key, help=help_, **how)
+    if verb.pages is not None:
+        common.add_page(p)
+        if "overwrite" not in options:
+            common.add_force(p)
+    if verb.json:
+        common.add_json(groups.get("json", p))
+    p.set_defaults(run=lambda args: run(args, verb, function, options), parser=p)
+    return p
+
+
+def ending(verb: Verb) -> str:
+    """End of a verb's help: an example, what else to know, and the page of the documentation on a line of its own."""
+    return "\n".join(("example:", f"  {verb.example}", "", *([verb.note, ""] if verb.note else []), "documentation:",
+                      f"  {guide(verb.page)}"))  # fmt: skip
+
+
+def _flag(name: str) -> str:
+    return f"--{SPELLED.get(name, name).replace('_', '-')}"
+
+
+def _settings(option: Option, verb: Verb, kind: str, *, helped: bool) -> dict[str, Any]:
+    """What argparse is to know of a parameter; whatever is not given is left to the function's own default."""
+    name, parameter, type_ = option.name, option.parameter, option.type
+    default = parameter.default
+    help_ = HELP.get(name) or meaning(option.function, name) if helped else ""
+    if helped and default not in (parameter.empty, None, False, "", ()) and "default" not in help_:
+        help_ += f" (default {default:g})" if isinstance(default, float) else f" (default {default})"
+    if helped and (some := re.search(r".\{(.*?)\}", kind)):
+        help_ += f" (of {some[1].replace(chr(34), '')})"
+    settings: dict[str, Any] = {"help": help_, "default": argparse.SUPPRESS}
+    if type_.split(" |")[0] == "bool":
+        return settings | {"flags": [_flag(name)], "dest": name, "action": "store_true"}
+    if type_.split(" |")[0] in ("int", "float") and "str" not in type_:
+        settings["type"] = int if type_.startswith("int") else float
+    if choices := re.match(r"\{(.*?)\}", kind):
+        settings["choices"] = tuple(word.strip(' "') for word in choices[1].split(","))
+    else:
+        many = re.search(r"(Sequence|Collection|Iterable)\[str", type_)
+        settings["metavar"] = SHORT.get(name) or (
+            "A,B" if many else "FILE" if option.is_path() else "N" if "type" in settings else name.upper()
+        )
+    if parameter.kind is parameter.KEYWORD_ONLY or name in verb.named:
+        settings |= {"flags": [_flag(name)], "dest": name, "required": default is parameter.empty}
+        return settings | ({"action": "append"} if name in verb.repeat else {})
+    settings |= {"flags": [name]}
+    if option.many:
+        settings |= {"nargs": "*" if parameter.kind is parameter.VAR_POSITIONAL else "+"}
+    elif default is not parameter.empty:
+        settings |= {"nargs": "?"}
+    return settings | ({} if "choices" in settings else {"metavar": SHORT.get(name, name.upper())})
+
+
+def run(args: argparse.Namespace, verb: Verb, function: Call, options: Mapping[str, Option]) -> int:
+    """Check what would be written, call the function, and finish."""
+    args.force, args.json = getattr(args, "overwrite", getattr(args, "force", False)), getattr(args, "json", False)
+    given = {name: option.read(getattr(args, name)) for name, option in options.items() if hasattr(args, name)}
+    if "params" in options and "Mapping[" in options["params"].type:
+        chosen = argparse.Namespace(verb=args.verb, filter=given.get("filter"), params=getattr(args, "params", None))
+        given |= {name: value for name, value in common.filter_args(chosen).items() if value}
+    paths = {name: [Path(one) for one in (value if isinstance(value, list) else [value])]
+             for name, value in given.items() if options[name].is_path()}  # fmt: skip
+    _require_endings(args, verb, given)
+    outputs = [file for name in verb.outputs for path in paths.pop(name, ()) for file in common.with_profile(path)]
+    beside = {name: Path(path) for name, (value, _) in verb.more.items() if value and (path := getattr(args, name))
+              and (value == "FILE" or name in verb.outputs)}  # fmt: skip
+    outputs += [beside.pop(name) for name in verb.outputs if name in beside]
+    inputs = [*(path for some in paths.values() for path in some), *beside.values()]
+    if verb.pages is not None:
+        common.check_pages(args, *outputs, inputs=inputs)
+    elif outputs:
+        common.check_outputs(args, *outputs, inputs=inputs)
+
+    def call(to: Call = function, **more: Any) -> Any:
+        signature = inspect.signature(to).parameters
+        takes_all = any(one.kind is one.VAR_KEYWORD for one in signature.values())
+        with common.progress_bars() as bars:
+            known = {"note": common.note, "progress": _progress(args.verb, bars), **given, **more}
+            known = {name: value for name, value in known.items()
+                     if name in signature or (takes_all and name in given | more)}  # fmt: skip
+            places = list(_places(signature, known))
+            return to(*places, **known)
+
+    module, _, hook = verb.run.rpartition(":")
+    code: int = getattr(import_module(f"plumbob.cli.{module or 'special'}"), hook)(args, verb, call)
+    return code
+
+
+def _require_endings(args: argparse.Namespace, verb: Verb, given: Mapping[str, Any]) -> None:
+    from plumbob.core.errors import ParameterError
+
+    for name, endings in verb.ends.items():
+        path = given.get(name) or getattr(args, name, None)
+        if path is not None and Path(path).suffix.lower() not in endings:
+            raise ParameterError(f"{_flag(name)} needs a name that ends in {' or '.join(endings)}, but got {path}.")
+
+
+def _places(signature: Mapping[str, inspect.Parameter], known: dict[str, Any]) -> Iterator[Any]:
+    """Take the values of positional parameters out of the known ones; one of several is itself."""
+    for name, parameter in signature.items():
+        if name not in known or parameter.kind is parameter.KEYWORD_ONLY:
+            continue
+        value = known.pop(name)
+        if parameter.kind is parameter.VAR_POSITIONAL:
+            yield from value
+        else:
+            yield value[0] if isinstance(value, list) and len(value) == 1 else value
+
+
+def _progress(verb: str, bars: Callable[[str, int, int], None]) -> Callable[..., None]:
+    """A bar for what is counted, with a title or without one."""
+
+    def show(*counts: Any) -> None:
+        title, done, total = counts if len(counts) == 3 else (verb, *counts)
+        bars(title, done, total or done)
+
+    return show
+
+
+def finish(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Call the function, print what it gives, and write its pages."""
+    return show(args, verb, call())
+
+
+def show(args: argparse.Namespace, verb: Verb, result: Any, *lines: str, **more: Any) -> int:
+    """Print a result with further lines, or as JSON with further values; write its pages; give the exit code."""
+    if args.json:
+        common.print_json(result.summary() | more)
+    else:
+        print("\n".join((result.text(), *lines)))
+    if verb.pages is not None:
+        common.write_pages(args, verb.pages(result, args))
+    return verb.code(result)
