@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 from plumbob.cli import common
 from plumbob.cli.benchmark import add_filters, add_peers, add_seeds, parse_seeds, require_some, show
-from plumbob.cli.main import Parser, run
+from plumbob.cli.main import Parser
+from plumbob.cli.main import main as run
 
 if TYPE_CHECKING:
     from benchmarks.harness.fault_cases import Case

@@ -41,7 +41,7 @@ def allan(args: argparse.Namespace, verb: "Verb", call: Call) -> int:
     _refuse_what_is_for_recordings(
         args, Path(args.after or args.record if hasattr(args, "calibration") else args.record)
     )
-    words = {"skip": _times(getattr(args, "skip", None)), "taus": _taus(getattr(args, "taus", None))}
+    words = {"skip": _times(args.skip) if hasattr(args, "skip") else (), "taus": _taus(getattr(args, "taus", None))}
     if args.after is not None:
         return _compare(args, call, words)
     if args.deviation is not None:
@@ -64,13 +64,13 @@ def _refuse_what_does_not_go_together(args: argparse.Namespace) -> None:
             raise ParameterError(f"--{name} is for --{' or --'.join(outputs)}, which is not given; leave it out.")
 
 
-def _times(text: str | None) -> list[tuple[float, float]]:
+def _times(text: str) -> list[tuple[float, float]]:
     """Times to skip, as "12s..14s, 1min..65s"."""
     from plumbob.core.errors import ParameterError
     from plumbob.core.units import Quantity, parse
 
     spans = []
-    for word in (text or "").split(","):
+    for word in text.split(","):
         if not word.strip():
             continue
         ends = word.split("..")

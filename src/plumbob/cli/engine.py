@@ -3,11 +3,14 @@
 import argparse
 import inspect
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+import plumbob
 from plumbob.cli import common
 from plumbob.core.docs import guide
 
@@ -74,7 +77,7 @@ class Verb(NamedTuple):
         Options of the command line alone: what stands for the value (none: a switch; with !: needed), and help.
     run : str
         Function of `plumbob.cli.special`, or ``module:name``, that calls, prints and gives the exit code; by default
-        `finish` does.
+        `show` does.
     code : callable
         Exit code by the result.
     kinds : mapping of str to Verb
@@ -100,8 +103,8 @@ class Verb(NamedTuple):
     outputs: tuple[str, ...] = ("out",)
     exclusive: tuple[tuple[str, ...], ...] = ()
     more: Mapping[str, tuple[str, str]] = {}
-    run: str = "finish"
-    code: Callable[[Any], int] = lambda result: 0
+    run: str = "show"
+    code: Callable[[Any], int] | None = None
     kinds: Mapping[str, "Verb"] = {}
     pages: Callable[[Any, argparse.Namespace], Any] | None = None
     json: bool = True
@@ -110,60 +113,44 @@ class Verb(NamedTuple):
 
 
 class Option(NamedTuple):
-    """A parameter as an option or argument."""
+    """A parameter as an option or argument: its annotation as it is written, and whether it names a file."""
 
     name: str
     parameter: inspect.Parameter
     function: Call
-
-    @property
-    def type(self) -> str:
-        """Annotation as it is written."""
-        annotation = self.parameter.annotation
-        return annotation.__name__ if isinstance(annotation, type) else str(annotation).strip("\"'")
-
-    @property
-    def many(self) -> bool:
-        """Whether a place takes several."""
-        return self.parameter.kind is inspect.Parameter.VAR_POSITIONAL or bool(
-            self._in_place and re.search(r"(Sequence|Iterable)\[", self.type)
-        )
-
-    @property
-    def _in_place(self) -> bool:
-        return self.parameter.kind is not inspect.Parameter.KEYWORD_ONLY
-
-    def is_path(self) -> bool:
-        """Whether it names a file."""
-        return bool(re.search(r"\bPath|Source\b", self.type))
+    type: str
+    is_path: bool
 
     def read(self, text: Any) -> Any:
         """Value of the words of the command line."""
-        if isinstance(text, str) and re.search(r"(Sequence|Collection|Iterable)\[str\]", self.type):
+        if not isinstance(text, str):
+            return text
+        if re.search(r"(Sequence|Collection|Iterable)\[str\]", self.type):
             return [] if text == "none" else [word.strip() for word in text.split(",") if word.strip()]
-        if isinstance(text, str) and "Mapping[" in self.type and not self.is_path():
+        if "Mapping[" in self.type and not self.is_path:
             return dict(common.pairs(text))
-        return common.span(text) if isinstance(text, str) and self.type.startswith("tuple[") else text
+        return common.span(text) if self.type.startswith("tuple[") else text
 
 
-def function_of(name: str, verb: Verb) -> Call:
-    """What a verb calls."""
-    path = verb.function or name
+def function_of(path: str) -> Call:
+    """What a verb calls, by its public name or as ``module:name``; a public one is not entered by the front door."""
     home, colon, last = path.rpartition(":")
-    found: Call = getattr(import_module(f"plumbob.{home}" if colon else "plumbob"), last)
+    found: Call = getattr(import_module(f"plumbob.{home if colon else plumbob._HOME[path]}"), last)
     return found
 
 
 def options_of(function: Call, verb: Verb) -> dict[str, Option]:
     """Parameters of a function, and of those that its variable keyword leads to, that a command line can give."""
     options: dict[str, Option] = {}
-    for one in (function, *(function_of(path, verb._replace(function=path)) for path in verb.also)):
+    for one in (function, *map(function_of, verb.also)):
         for name, parameter in inspect.signature(one).parameters.items():
+            annotation = parameter.annotation
+            type_ = annotation.__name__ if isinstance(annotation, type) else str(annotation).strip("\"'")
             first = one is function or parameter.kind is parameter.KEYWORD_ONLY
-            option = Option(name, parameter, one)
-            hidden = name in {*FOR_PROGRAMS, *verb.hidden} or "Stopping" in option.type
+            hidden = name in {*FOR_PROGRAMS, *verb.hidden} or "Stopping" in type_
             if first and parameter.kind is not parameter.VAR_KEYWORD and not hidden:
-                options.setdefault(name, option)
+                is_path = bool(re.search(r"\bPath|Source\b", type_))
+                options.setdefault(name, Option(name, parameter, one, type_, is_path))
     return options
 
 
@@ -218,12 +205,13 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
                 kinds_of.add_parser(kind, help=one.line)
         group.set_defaults(parser=group)
         return group
-    function = function_of(name, verb)
+    function = function_of(verb.function or name)
     doc = inspect.getdoc(function) or ""
     about = re.split(r"^\w[\w ]*\n-+$", doc, maxsplit=1, flags=re.M)[0].replace("`", "")
     p: argparse.ArgumentParser = parsers.add_parser(
-        name, help=verb.line, description=re.sub(r"(?<=\S)\n(?=\S)", " ", about).strip(), epilog=ending(verb)
-    )
+        name, help=verb.line, description=re.sub(r"(?<=\S)\n(?=\S)", " ", about).strip(),
+        epilog=ending(verb) if helped else "",
+    )  # fmt: skip
     options, kinds = options_of(function, verb), described(function)
     groups: dict[str, Any] = {}
     for names in verb.exclusive:
@@ -241,7 +229,7 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
             common.add_force(p)
     if verb.json:
         common.add_json(groups.get("json", p))
-    p.set_defaults(run=lambda args: run(args, verb, function, options), parser=p)
+    p.set_defaults(prepare=partial(prepare, verb, function, options), parser=p)
     return p
 
 
@@ -274,29 +262,34 @@ def _settings(option: Option, verb: Verb, kind: str, *, helped: bool) -> dict[st
     else:
         many = re.search(r"(Sequence|Collection|Iterable)\[str", type_)
         settings["metavar"] = SHORT.get(name) or (
-            "A,B" if many else "FILE" if option.is_path() else "N" if "type" in settings else name.upper()
+            "A,B" if many else "FILE" if option.is_path else "N" if "type" in settings else name.upper()
         )
     if parameter.kind is parameter.KEYWORD_ONLY or name in verb.named:
         settings |= {"flags": [_flag(name)], "dest": name, "required": default is parameter.empty}
         return settings | ({"action": "append"} if name in verb.repeat else {})
     settings |= {"flags": [name]}
-    if option.many:
+    if parameter.kind is parameter.VAR_POSITIONAL or re.search(r"(Sequence|Iterable)\[", type_):
         settings |= {"nargs": "*" if parameter.kind is parameter.VAR_POSITIONAL else "+"}
     elif default is not parameter.empty:
         settings |= {"nargs": "?"}
     return settings | ({} if "choices" in settings else {"metavar": SHORT.get(name, name.upper())})
 
 
-def run(args: argparse.Namespace, verb: Verb, function: Call, options: Mapping[str, Option]) -> int:
-    """Check what would be written, call the function, and finish."""
+def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: argparse.Namespace) -> Call:
+    """Check what would be written, and give what calls the function and finishes."""
     args.force, args.json = getattr(args, "overwrite", getattr(args, "force", False)), getattr(args, "json", False)
     given = {name: option.read(getattr(args, name)) for name, option in options.items() if hasattr(args, name)}
     if "params" in options and "Mapping[" in options["params"].type:
         chosen = argparse.Namespace(verb=args.verb, filter=given.get("filter"), params=getattr(args, "params", None))
         given |= {name: value for name, value in common.filter_args(chosen).items() if value}
     paths = {name: [Path(one) for one in (value if isinstance(value, list) else [value])]
-             for name, value in given.items() if options[name].is_path()}  # fmt: skip
-    _require_endings(args, verb, given)
+             for name, value in given.items() if options[name].is_path}  # fmt: skip
+    for name, endings in verb.ends.items():
+        path = given.get(name) or getattr(args, name, None)
+        if path is not None and Path(path).suffix.lower() not in endings:
+            from plumbob.core.errors import ParameterError
+
+            raise ParameterError(f"{_flag(name)} needs a name that ends in {' or '.join(endings)}, but got {path}.")
     outputs = [file for name in verb.outputs for path in paths.pop(name, ()) for file in common.with_profile(path)]
     beside = {name: Path(path) for name, (value, _) in verb.more.items() if value and (path := getattr(args, name))
               and (value == "FILE" or name in verb.outputs)}  # fmt: skip
@@ -310,60 +303,32 @@ def run(args: argparse.Namespace, verb: Verb, function: Call, options: Mapping[s
     def call(to: Call = function, **more: Any) -> Any:
         signature = inspect.signature(to).parameters
         takes_all = any(one.kind is one.VAR_KEYWORD for one in signature.values())
-        with common.progress_bars() as bars:
-            known = {"note": common.note, "progress": _progress(args.verb, bars), **given, **more}
+        with common.progress_bars() if "progress" in signature else nullcontext(print) as bars:
+
+            def show(*counts: Any) -> None:
+                title, done, total = counts if len(counts) == 3 else (args.verb, *counts)
+                bars(title, done, total or done)
+
+            known = {"note": common.note, "progress": show, **given, **more}
             known = {name: value for name, value in known.items()
                      if name in signature or (takes_all and name in given | more)}  # fmt: skip
-            places = list(_places(signature, known))
-            return to(*places, **known)
+            places = [known.pop(name) for name, one in signature.items()
+                      if name in known and one.kind is not one.KEYWORD_ONLY]  # fmt: skip
+            if any(one.kind is one.VAR_POSITIONAL for one in signature.values()):
+                places = places[0] if places else []
+            return to(*(one[0] if isinstance(one, list) and len(one) == 1 else one for one in places), **known)
 
     module, _, hook = verb.run.rpartition(":")
-    code: int = getattr(import_module(f"plumbob.cli.{module or 'special'}"), hook)(args, verb, call)
-    return code
-
-
-def _require_endings(args: argparse.Namespace, verb: Verb, given: Mapping[str, Any]) -> None:
-    from plumbob.core.errors import ParameterError
-
-    for name, endings in verb.ends.items():
-        path = given.get(name) or getattr(args, name, None)
-        if path is not None and Path(path).suffix.lower() not in endings:
-            raise ParameterError(f"{_flag(name)} needs a name that ends in {' or '.join(endings)}, but got {path}.")
-
-
-def _places(signature: Mapping[str, inspect.Parameter], known: dict[str, Any]) -> Iterator[Any]:
-    """Take the values of positional parameters out of the known ones; one of several is itself."""
-    for name, parameter in signature.items():
-        if name not in known or parameter.kind is parameter.KEYWORD_ONLY:
-            continue
-        value = known.pop(name)
-        if parameter.kind is parameter.VAR_POSITIONAL:
-            yield from value
-        else:
-            yield value[0] if isinstance(value, list) and len(value) == 1 else value
-
-
-def _progress(verb: str, bars: Callable[[str, int, int], None]) -> Callable[..., None]:
-    """A bar for what is counted, with a title or without one."""
-
-    def show(*counts: Any) -> None:
-        title, done, total = counts if len(counts) == 3 else (verb, *counts)
-        bars(title, done, total or done)
-
-    return show
-
-
-def finish(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """Call the function, print what it gives, and write its pages."""
-    return show(args, verb, call())
+    return partial(getattr(import_module(f"plumbob.cli.{module or 'special'}"), hook), args, verb, call)
 
 
 def show(args: argparse.Namespace, verb: Verb, result: Any, *lines: str, **more: Any) -> int:
-    """Print a result with further lines, or as JSON with further values; write its pages; give the exit code."""
+    """Print a result, or that of a call, with further lines or values; write its pages; give the exit code."""
+    result = result() if callable(result) else result
     if args.json:
         common.print_json(result.summary() | more)
     else:
         print("\n".join((result.text(), *lines)))
     if verb.pages is not None:
         common.write_pages(args, verb.pages(result, args))
-    return verb.code(result)
+    return 0 if verb.code is None else verb.code(result)

@@ -58,19 +58,10 @@ class _LineHelp(argparse.HelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """Parser that takes no abbreviations, as --noise for --noise-card, and asks whether another option was meant."""
+    """Parser that takes no abbreviations, as --noise for --noise-card; verbs and what is nested in them inherit it."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**{"formatter_class": _LineHelp, **settings, "allow_abbrev": False})
-
-    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse all words; the parser of the verb refuses what it does not know."""
-        parsed, unknown = self.parse_known_args(args, namespace)
-        if unknown:
-            parser = getattr(parsed, "parser", self)
-            asked = closest(unknown[0].partition("=")[0], parser._option_string_actions)
-            parser.error(f"unrecognized arguments: {' '.join(unknown)}.{asked}")
-        return parsed
 
 
 def build_parser(verbs: Sequence[str] = (), words: Sequence[str] | None = None) -> argparse.ArgumentParser:
@@ -106,16 +97,11 @@ def _joined(words: Sequence[str]) -> list[str]:
     return joined
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command line and return its exit code; without a verb, print the order of work."""
-    if not (sys.argv[1:] if argv is None else argv):
-        print(ORDER, end="")
-        return 0
-    return run(argv, _parser_for, "plumbob")
-
-
 def _parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
-    """Parser of the one verb that is asked for, which imports no other."""
+    """Parser of the one verb that is asked for, which imports no other; without a verb, print the order of work."""
+    if not words:
+        print(ORDER, end="")
+        raise SystemExit(0)
     if words[0] in VERBS:
         return build_parser(words[:1], words)
     parser = build_parser()
@@ -124,8 +110,12 @@ def _parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
     return parser
 
 
-def run(argv: Sequence[str] | None, parser: Callable[[Sequence[str]], argparse.ArgumentParser], program: str) -> int:
-    """Run the command line of a program and return its exit code; an error becomes a line."""
+def main(
+    argv: Sequence[str] | None = None,
+    parser: Callable[[Sequence[str]], argparse.ArgumentParser] = _parser_for,
+    program: str = "plumbob",
+) -> int:
+    """Run the command line of a program, by default of Plumbob, and return its exit code; an error becomes a line."""
     for stream in (sys.stdout, sys.stderr):  # a terminal that cannot show µ or ² must not cost the result
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
@@ -136,9 +126,12 @@ def run(argv: Sequence[str] | None, parser: Callable[[Sequence[str]], argparse.A
     args = argparse.Namespace(verb=" ".join(words[:1]))  # until they are parsed
     try:
         with _ending_by_signal():
-            args = parser(words).parse_args(_joined(words))
+            parsing = parser(words)
+            args, unknown = parsing.parse_known_args(_joined(words))
+            if unknown:
+                _refuse_options(unknown, getattr(args, "parser", parsing))
             with _visible_output():
-                code: int = args.run(args)
+                code: int = args.prepare(args)() if hasattr(args, "prepare") else args.run(args)
         if sys.stdout:
             sys.stdout.flush()
     except PlumbobError as error:
@@ -159,6 +152,12 @@ def run(argv: Sequence[str] | None, parser: Callable[[Sequence[str]], argparse.A
         print(f"{program} {args.verb}: this is a defect of plumbob {__version__}; please report it.", file=sys.stderr)
         return 70
     return code
+
+
+def _refuse_options(unknown: Sequence[str], parser: argparse.ArgumentParser) -> NoReturn:
+    """Refuse words in the name of the verb, and ask whether another option was meant."""
+    near = closest(unknown[0].partition("=")[0], parser._option_string_actions)
+    parser.error(f"unrecognized arguments: {' '.join(unknown)}.{near}")
 
 
 def _forget_what_nobody_reads() -> None:

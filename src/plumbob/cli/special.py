@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.cli import common
 from plumbob.cli.allan import allan
-from plumbob.cli.engine import Verb, finish, show
+from plumbob.cli.engine import Verb, show
 from plumbob.core.text import counted
 
 if TYPE_CHECKING:
     from plumbob.data import AttitudeTrack
 
-__all__ = ["allan", "finish"]
+__all__ = ["allan", "show"]
 
 Call = Callable[..., Any]
 _FOLDERS: Final = ("rosbag2", "euroc")
@@ -241,66 +241,55 @@ _OF_ATTITUDES: Final = ("frame", "init", "place", "date", "noise", "card", "repo
 
 
 def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """Estimate the attitude, or filter the rates; then write the card and the page."""
+    """Estimate the attitude, or filter the rates; write the card and the page."""
     from plumbob.core.errors import ParameterError
     from plumbob.filters.known import RATE_FILTERS, SMOOTHER
 
     name = getattr(args, "filter", SMOOTHER)
     if name in RATE_FILTERS:
-        return _rates(args, call)
-    if args.drift or args.rest:
-        raise ParameterError(f"--drift and --rest are for a filter of rates: --filter {', '.join(RATE_FILTERS)}.")
-    if args.card and name != SMOOTHER:
-        raise ParameterError(f"--card is for the smoother, but the filter is {name}. Leave one of them out.")
-    gatherer = None
-    if args.report:
-        from plumbob.overview.streaming_stats import Gatherer
+        result, extra, lines = _rates(args, call), {}, []
+        samples, duration = result.summary()["samples"], result.summary()["duration_s"]
+    else:
+        if args.drift or args.rest:
+            raise ParameterError(f"--drift and --rest are for a filter of rates: --filter {', '.join(RATE_FILTERS)}.")
+        if args.card and name != SMOOTHER:
+            raise ParameterError(f"--card is for the smoother, but the filter is {name}. Leave one of them out.")
+        gatherer = None
+        if args.report:
+            from plumbob.overview.streaming_stats import Gatherer
 
-        gatherer = Gatherer()
-    result = call(filter=name, follow=gatherer)
-    if args.card:
-        result.card().save(Path(args.card), overwrite=args.force)
-    if gatherer is not None:
-        from plumbob.overview.overview import of_estimate
+            gatherer = Gatherer()
+        result = call(filter=name, follow=gatherer)
+        if args.card:
+            result.card().save(Path(args.card), overwrite=args.force)
+        if gatherer is not None:
+            from plumbob.overview.overview import of_estimate
 
-        of_estimate(result, gatherer, args.recording).write_html(Path(args.report), overwrite=args.force)
-    errors = {} if result.reference is None else _errors(result.track, result.reference)
-    extra = {"errors": errors} if errors else {}
-    more = [("card", args.card), ("page", args.report)]
-    return _printed(args, result, (result.outline.samples, result.outline.duration), extra, _error_lines(errors), more)
+            of_estimate(result, gatherer, args.recording).write_html(Path(args.report), overwrite=args.force)
+        errors = {} if result.reference is None else _errors(result.track, result.reference)
+        extra, lines = {"errors": errors} if errors else {}, _error_lines(errors)
+        samples, duration = result.outline.samples, result.outline.duration
+    out = getattr(args, "out", None)
+    if args.json:
+        common.print_json({"file": args.recording, "out": out, **result.summary(), **extra})
+        return 0
+    print(f"{args.recording}: {counted(samples, 'sample')}, {duration:.3f} s")
+    print("\n".join([result.text(), *lines]))
+    for what, path in (("written", out), ("card", args.card), ("page", args.report)):
+        if path:
+            print(f"{what:12} {path}")
+    return 0
 
 
-def _rates(args: argparse.Namespace, call: Call) -> int:
-    """Filter the rates."""
+def _rates(args: argparse.Namespace, call: Call) -> Any:
+    """Filter the rates; the text of the result says its notes."""
     from plumbob.core.errors import ParameterError
     from plumbob.door.rates import filter_rates
 
     if beside := [f"--{name}" for name in _OF_ATTITUDES if getattr(args, name, None) is not None]:
         raise ParameterError(f"{', '.join(beside)}: {args.filter} gives no attitude. Leave it out.")
     rest = None if args.rest is None else common.span(args.rest)
-    result = call(filter_rates, drift=args.drift, rest=rest, note=None)  # its text says the notes
-    figures = result.summary()
-    return _printed(args, result, (figures["samples"], figures["duration_s"]), {}, [], [])
-
-
-def _printed(
-    args: argparse.Namespace,
-    result: Any,
-    size: tuple[int, float],
-    extra: dict[str, Any],
-    lines: list[str],
-    more: list[tuple[str, str | None]],
-) -> int:
-    out = getattr(args, "out", None)
-    if args.json:
-        common.print_json({"file": args.recording, "out": out, **result.summary(), **extra})
-        return 0
-    print(f"{args.recording}: {counted(size[0], 'sample')}, {size[1]:.3f} s")
-    print("\n".join([result.text(), *lines]))
-    for what, path in (("written", out), *more):
-        if path:
-            print(f"{what:12} {path}")
-    return 0
+    return call(filter_rates, drift=args.drift, rest=rest, note=None)
 
 
 def _errors(track: "AttitudeTrack", reference: "AttitudeTrack") -> dict[str, Any]:

@@ -12,11 +12,6 @@ DIFFERENT: Final = 3
 _ESTIMATE: Final = (("filter", "causal", "lag"),)
 
 
-def names(*files: str) -> str:
-    """Names of files, without their folders."""
-    return ", ".join(Path(file).name for file in files)
-
-
 def arm_page(motion: Any, args: Namespace) -> Any:
     """Page of estimated joint angles."""
     from plumbob.arm import ArmCard, arm_report, opened_chain
@@ -166,7 +161,9 @@ JUDGE: Final = {
     "eval": Verb(
         "compare an estimate with a reference: errors of attitude, by axis",
         "start.md", "plumbob eval track.parquet sea.parquet --settle 30s --html errors.html", "evaluate",
-        pages=lambda evaluation, args: evaluation.report(facts=[("files", names(args.estimate, args.reference))]),
+        pages=lambda evaluation, args: evaluation.report(
+            facts=[("files", ", ".join(Path(file).name for file in (args.estimate, args.reference)))]
+        ),
     ),
     "benchmark": Verb("compare filters on many recordings, or on many seeds of a scenario", "", "", run=""),
     "tune": Verb(
