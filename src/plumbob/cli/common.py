@@ -21,30 +21,6 @@ if TYPE_CHECKING:
     from plumbob.rotations import Frame
 
 
-def add_line(p: argparse._ActionsContainer, *, all_units: str = "") -> None:
-    """Options of a line, besides its session file and ``--from``; `all_units` says what ``--unit all`` does."""
-    p.add_argument("--port", metavar="DEV", help="serial line, such as /dev/ttyUSB0")
-    p.add_argument(
-        "--rate",
-        metavar="HZ",
-        help="frames per second of --port or --from, where the format has neither clock nor rate",
-    )
-    p.add_argument(
-        "--time",
-        choices=("host", "count"),
-        help="of --port; count: by the frames alone, for a line that loses nothing, such as one faster than real time",
-    )
-    p.add_argument("--iio", metavar="DEV", help="buffer of an IIO device (Linux), by its name or number")
-    p.add_argument("--baud", type=int, default=115200, help="its speed (115200)")
-    p.add_argument("--format", metavar="NAME|TOML", help="known device, see 'plumbob list devices', or a format file")
-    add_unit(p, f"which unit, where a frame has several, as the six of the rig 'arm'{all_units}")
-
-
-def line_args(args: argparse.Namespace) -> dict[str, Any]:
-    """What the options of `add_line` say, as `plumbob.record` takes it."""
-    return {name: getattr(args, name) for name in ("port", "rate", "time", "iio", "baud", "format", "unit")}
-
-
 def filter_args(args: argparse.Namespace) -> dict[str, Any]:
     """The one filter of --filter with --params; None, a filter of rates, or a word that stands for one as it is."""
     from plumbob.core.errors import ParameterError
@@ -121,16 +97,6 @@ def add_frame(parser: argparse.ArgumentParser, help_: str) -> None:
 def add_profile(parser: argparse.ArgumentParser) -> None:
     """Option --profile."""
     parser.add_argument("--profile", type=Path, metavar="TOML", help="what the columns of a CSV or text file mean")
-
-
-def add_unit(parser: argparse._ActionsContainer, help_: str = "which of several units that the file holds") -> None:
-    """Option --unit."""
-    parser.add_argument("--unit", metavar="NAME|N", help=help_)
-
-
-def add_calibration(parser: argparse.ArgumentParser, help_: str = "calibration card to apply first") -> None:
-    """Option --calibration."""
-    parser.add_argument("--calibration", type=Path, metavar="JSON", help=help_)
 
 
 def add_noise(

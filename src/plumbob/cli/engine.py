@@ -20,7 +20,7 @@ FOR_PROGRAMS: Final = {"note", "progress", "opened", "sinks", "follow", "keep", 
 """Parameters that only a program can give."""
 SPELLED: Final = {"overwrite": "force", "capture": "from", "start": "from", "begin": "from", "end": "to", "stop": "to",
                   "layout": "as", "form": "as", "options": "option", "kind": "type", "temp_c": "temp",
-                  "poses": "pose"}  # fmt: skip
+                  "poses": "pose", "with_": "with"}  # fmt: skip
 """Parameters whose option has another name: `from` and `as` are words of Python."""
 SHORT: Final = {
     "array": "SOURCE", "poses": "FROM,TO[,ANGLE...]", "pose_sd": "ANGLE", "pose": "zero|ANGLE,...",
@@ -63,12 +63,13 @@ class Verb(NamedTuple):
     page, example : str
         Page of the documentation, and a command line.
     function : str
-        Public name, or ``module:name`` below `plumbob`; by default that of the verb. Without any (``""``), `module`
-        declares its own parser.
+        Public name, or ``module:name`` below `plumbob`; by default that of the verb. Where `run` is empty, what declares
+        its own parser, in a module of `plumbob.cli`.
     also : tuple of str
         Functions whose parameters the variable keyword of this one takes.
-    named, hidden, repeat : tuple of str
-        Positional parameters that are options, parameters that are none, and options that are given again and again.
+    named, hidden, repeat, optional : tuple of str
+        Positional parameters that are options, parameters that are none, options that are given again and again, and
+        arguments that may be left out.
     outputs : tuple of str
         Parameters that are files to write.
     exclusive : tuple of tuple of str
@@ -100,6 +101,7 @@ class Verb(NamedTuple):
     named: tuple[str, ...] = ()
     hidden: tuple[str, ...] = ()
     repeat: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ("out",)
     exclusive: tuple[tuple[str, ...], ...] = ()
     more: Mapping[str, tuple[str, str]] = {}
@@ -142,6 +144,7 @@ def function_of(path: str) -> Call:
 def options_of(function: Call, verb: Verb) -> dict[str, Option]:
     """Parameters of a function, and of those that its variable keyword leads to, that a command line can give."""
     options: dict[str, Option] = {}
+    known = described(function)
     for one in (function, *map(function_of, verb.also)):
         for name, parameter in inspect.signature(one).parameters.items():
             annotation = parameter.annotation
@@ -150,7 +153,7 @@ def options_of(function: Call, verb: Verb) -> dict[str, Option]:
             hidden = name in {*FOR_PROGRAMS, *verb.hidden} or "Stopping" in type_
             if first and parameter.kind is not parameter.VAR_KEYWORD and not hidden:
                 is_path = bool(re.search(r"\bPath|Source\b", type_))
-                options.setdefault(name, Option(name, parameter, one, type_, is_path))
+                options.setdefault(name, Option(name, parameter, function if name in known else one, type_, is_path))
     return options
 
 
@@ -174,7 +177,7 @@ def meaning(function: Call, name: str) -> str:
         module = import_module(f"plumbob.{home}" if home else "plumbob")
         there = getattr(module, last, None) or getattr(import_module(function.__module__), last, None)
         text = (there and meaning(there, name)) or text
-    text = re.sub(r"^Whether to (.)", lambda found: found[1].upper(), text)
+    text = re.sub(r"^(?:Whether to|Of [\w ]+:) (.)", lambda found: found[1].upper(), text)
     text = re.sub(r"`plumbob\.(\w+)`", lambda found: _verb_of(found[1]), text)
     return text.replace("`", "").removesuffix(".").replace("%", "%%")
 
@@ -198,7 +201,7 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
         kinds_of = group.add_subparsers(dest="kind", metavar="KIND", required=True)
         for kind, one in verb.kinds.items():
             if not one.run:
-                getattr(import_module(f"plumbob.cli.{name}"), f"add_{kind}")(kinds_of)
+                function_of(f"cli.{one.function}")(kinds_of)
             elif words is None or kind in words[:2]:
                 add_verb(kinds_of, kind, one, words)
             else:
@@ -212,12 +215,13 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
         name, help=verb.line, description=re.sub(r"(?<=\S)\n(?=\S)", " ", about).strip(),
         epilog=ending(verb) if helped else "",
     )  # fmt: skip
-    options, kinds = options_of(function, verb), described(function)
+    options = options_of(function, verb)
+    docs = {one: described(one) for one in {option.function for option in options.values()}}
     groups: dict[str, Any] = {}
     for names in verb.exclusive:
         groups |= dict.fromkeys(names, p.add_mutually_exclusive_group())
     for key, option in options.items():
-        settings = _settings(option, verb, kinds.get(key, ("", ""))[0], helped=helped)
+        settings = _settings(option, verb, docs[option.function].get(key, ("", ""))[0], helped=helped)
         groups.get(key, p).add_argument(*settings.pop("flags"), **settings)
     for key, (value, help_) in verb.more.items():
         needed = value.endswith("!")
@@ -270,7 +274,7 @@ def _settings(option: Option, verb: Verb, kind: str, *, helped: bool) -> dict[st
     settings |= {"flags": [name]}
     if parameter.kind is parameter.VAR_POSITIONAL or re.search(r"(Sequence|Iterable)\[", type_):
         settings |= {"nargs": "*" if parameter.kind is parameter.VAR_POSITIONAL else "+"}
-    elif default is not parameter.empty:
+    elif default is not parameter.empty or name in verb.optional:
         settings |= {"nargs": "?"}
     return settings | ({} if "choices" in settings else {"metavar": SHORT.get(name, name.upper())})
 

@@ -11,13 +11,12 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
-from importlib import import_module
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final, NoReturn, TextIO, cast
 
 from plumbob.cli import common
-from plumbob.cli.engine import add_verb
+from plumbob.cli.engine import add_verb, function_of
 from plumbob.cli.verbs import GROUPS, VERBS
 from plumbob.core.errors import PlumbobError
 from plumbob.core.text import closest, visible
@@ -82,7 +81,7 @@ def build_parser(verbs: Sequence[str] = (), words: Sequence[str] | None = None) 
         if VERBS[name].run:
             add_verb(parsers, name, VERBS[name], words)
         else:
-            import_module(f"plumbob.cli.{name}").add_parser(parsers)
+            function_of(f"cli.{name}:add_parser")(parsers)
     return parser
 
 

@@ -24,6 +24,38 @@ def arm_page(motion: Any, args: Namespace) -> Any:
     )
 
 
+_LINE: Final = ("file", "capture", "date", "filter", "lag", "params", "noise", "init", "frame")
+_GUIDE: Final = {
+    "guide": ("", "print how the capture went, and what it lacks"),
+    "live": ("", "calibrate while the unit is moved, with instructions: a session file, or --port, --from, --iio"),
+    "raw": ("MCAP", "with --live: recording of the capture, raw bytes and samples"),
+}
+
+
+_ONE_OF: Final = {"mag": (("strength", "place"),), "hand": (("strength", "place"),), "table": (("rates", "plan"),)}
+
+
+def _calibrate(
+    kind: str,
+    line: str,
+    example: str = "",
+    note: str = "",
+    also: tuple[str, ...] = (),
+    more: Mapping[str, tuple[str, str]] = {},
+) -> Verb:
+    guided = kind in ("mag", "accel", "gyro")
+    line_only = (*_LINE, *(() if kind == "mag" else ("place",))) if guided else ()
+    own = also or (f"door.calibrate:_{kind}",)
+    out = {"out": ("JSON", "card to write; that of --calibration is completed")}
+    return Verb(
+        line, "calibration.md", f"plumbob calibrate {kind} capture.parquet{example} --out card.json", "calibrate",
+        also=(*own, *(("live.session_toml:capture_session",) if guided else ())), run="calibrate:calibrate",
+        hidden=("kind", "labels", "force", *line_only) , outputs=(), note=note,
+        optional=("recording",) if guided else (), pages=lambda calibrated, args: calibrated.report(),
+        exclusive=_ONE_OF.get(kind, ()), more={**out, **(_GUIDE if guided else {}), **more},
+    )  # fmt: skip
+
+
 START: Final = {
     "profile": Verb(
         "draft the profile of a logger's CSV or text file, with a question for every guess",
@@ -34,7 +66,63 @@ START: Final = {
         "doctor.md", "plumbob doctor log.csv --profile logger.toml --hemisphere north",
         code=lambda diagnosis: DIFFERENT if diagnosis.wrong else 0,
     ),
-    "calibrate": Verb("calibrate a unit from a capture by hand or in the laboratory", "", "", run=""),
+    "calibrate": Verb(
+        "calibrate a unit from a capture by hand or in the laboratory",
+        "calibration.md", "plumbob calibrate hand capture.parquet --out card.json",
+        note="A card grows: --calibration card.json applies what is known so far to the other triads, and --out gets "
+        "it with the new part added. Captures that cannot calibrate anything are refused with the reason, exit code 1, "
+        "and no card is written.",
+        kinds={
+            "hand": _calibrate(
+                "hand", "the whole unit: accelerometer, gyroscope and magnetometer from one capture by hand",
+                " --html card.html", "Away from iron, hold the unit still for 3 s in each of 18 poses, every face and "
+                "every edge of its case once up, or in 40 any; turn it within a second or two in between, by a quarter "
+                "or half a turn about another axis each time. The accelerometer is calibrated by the poses, the "
+                "gyroscope by the turns between them, the magnetometer by both. What the recording lacks is left out. "
+                "If one of them cannot be calibrated, no card is written; calibrate the others each.",
+            ),
+            "mag": _calibrate(
+                "mag", "magnetometer: hard iron, soft iron, scale, turn against the accelerometer", "",
+                "Turn the unit slowly through all attitudes, away from iron: each face and each edge once up. A card "
+                "that would more likely harm than help is refused; --force writes it anyway.",
+            ),
+            "accel": _calibrate(
+                "accel", "accelerometer: bias, scale and misalignment from poses at rest", "",
+                "Hold the unit still for 2 s or more in each of 18 poses, or in 40 any: every face and every edge of "
+                "its case once up. No pose has to be exact. Six faces give bias and scale only; nine poses and more "
+                "give the misalignment of the axes too. With --moving, turn the unit slowly (20 to 30 deg/s) about all "
+                "its axes for two minutes, close to the wrist. Poses at rest are several times better.",
+            ),
+            "gyro": _calibrate(
+                "gyro", "gyroscope: bias, scale and axes, without a table", " --method rest",
+                "rest: 30 s at rest: bias.\n"
+                "hand: 30 s at rest, then 20 quarter or half turns about all axes with 2 s of rest after each: bias, "
+                "scale and axes against the accelerometer, whose card is given with --calibration.\n"
+                "ferraris: six faces at rest and a turn by --angle about each axis while it stands on end: "
+                "accelerometer and gyroscope. The parts x_p x_a y_p y_a z_p z_a (axis up, axis down) and x_rot y_rot "
+                "z_rot are looked for, or named by --parts or --part-column.",
+                ("door.calibrate:_gyro", "door.calibrate:_ferraris"),
+                {"part_column": ("NAME", "column of a text file that names the parts")},
+            ),
+            "table": _calibrate("table", "gyroscope on a rate table: bias, scale, misalignment, g-sensitivity",
+                                " --rates '50,100,200 deg/s'"),
+            "temperature": _calibrate(
+                "temperature", "gyroscope: bias over temperature, from a soak at rest", "",
+                "Let the unit lie still while it warms up and cools down again, over 10 K or more in half an hour or "
+                "longer, and record its temperature. The degree of the polynomial, 1 to 3, is the lowest that the "
+                "record does not contradict.",
+            ),
+            "mount": _calibrate(
+                "mount", "how the unit sits on its body, from two poses at rest or a reference", " --frame NED",
+                "Rest with the body level, raise its nose by 15° to 60° about the lateral axis, and rest again; or "
+                "compare with a reference attitude.",
+            ),
+            "statictest": Verb(
+                "errors at rest against a reference, before and after a card; writes no card", "", "",
+                "calibrate:add_statictest", run="",
+            ),
+        },
+    ),
     "run": Verb(
         "estimate the attitude of a recording",
         "choose-a-filter.md", "plumbob run sea.parquet --out track.parquet", "estimate", run="run",
@@ -234,7 +322,7 @@ UNITS: Final = {
                 also=("read_array",), hidden=(*_HIDDEN, "mounts"), run="arm:run", pages=arm_page,
                 more={"out": ("FILE", "table of angles: .csv or .parquet")},
             ),
-            "export": Verb("make a program of joint angles, and write it for a robot", "", "", run=""),
+            "export": Verb("make a program of joint angles, and write it for a robot", "", "", "arm:add_export", run=""),
             "replay": Verb(
                 "move a model by a program, and compare the hand with truth",
                 "arm.md", "plumbob arm replay program.csv arm.urdf --truth hand.csv", "arm:replay", hidden=_HIDDEN,
