@@ -38,6 +38,8 @@ def allan(args: argparse.Namespace, verb: "Verb", call: Call) -> int:
     _refuse_what_does_not_go_together(args)
     if args.card is not None:
         NoiseCard.require_place(Path(args.card))
+    cards = (Path(path) for path in (args.card, args.kalibr) if path is not None)
+    common.check_pages(args, *cards, inputs=args.inputs)
     _refuse_what_is_for_recordings(
         args, Path(args.after or args.record if hasattr(args, "calibration") else args.record)
     )

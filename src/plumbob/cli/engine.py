@@ -63,8 +63,8 @@ class Verb(NamedTuple):
     page, example : str
         Page of the documentation, and a command line.
     function : str
-        Public name, or ``module:name`` below `plumbob`; by default that of the verb. Where `run` is empty, what declares
-        its own parser, in a module of `plumbob.cli`.
+        Public name, or ``module.name`` below `plumbob`; by default that of the verb. Where `run` is empty, what
+        declares a parser of its own, in a module of `plumbob.cli`.
     also : tuple of str
         Functions whose parameters the variable keyword of this one takes.
     named, hidden, repeat, optional : tuple of str
@@ -77,7 +77,7 @@ class Verb(NamedTuple):
     more : mapping of str to (str, str)
         Options of the command line alone: what stands for the value (none: a switch; with !: needed), and help.
     run : str
-        Function of `plumbob.cli.special`, or ``module:name``, that calls, prints and gives the exit code; by default
+        Function of `plumbob.cli.special`, or ``module.name``, that calls, prints and gives the exit code; by default
         `show` does.
     code : callable
         Exit code by the result.
@@ -114,6 +114,10 @@ class Verb(NamedTuple):
     note: str = ""
 
 
+VERB_BY_FUNCTION: Final[dict[str, str]] = {"simulate": "sim"}
+"""Verbs by their public functions, for help that names a function; the table of verbs completes it."""
+
+
 class Option(NamedTuple):
     """A parameter as an option or argument: its annotation as it is written, and whether it names a file."""
 
@@ -134,39 +138,40 @@ class Option(NamedTuple):
         return common.span(text) if self.type.startswith("tuple[") else text
 
 
-def function_of(path: str) -> Call:
-    """What a verb calls, by its public name or as ``module:name``; a public one is not entered by the front door."""
-    home, colon, last = path.rpartition(":")
-    found: Call = getattr(import_module(f"plumbob.{home if colon else plumbob._HOME[path]}"), last)
-    return found
+def named_function(path: str) -> Call:
+    """What a verb calls, by its public name or as ``module.name``; a public one is not entered by the front door."""
+    home, _, last = path.rpartition(".")
+    function: Call = getattr(import_module(f"plumbob.{home or plumbob._HOME[path]}"), last)
+    return function
 
 
-def options_of(function: Call, verb: Verb) -> dict[str, Option]:
+def parameters(function: Call, verb: Verb) -> dict[str, Option]:
     """Parameters of a function, and of those that its variable keyword leads to, that a command line can give."""
     options: dict[str, Option] = {}
-    known = described(function)
-    for one in (function, *map(function_of, verb.also)):
-        for name, parameter in inspect.signature(one).parameters.items():
+    documented = described(function)
+    for source in (function, *map(named_function, verb.also)):
+        for name, parameter in inspect.signature(source).parameters.items():
             annotation = parameter.annotation
             type_ = annotation.__name__ if isinstance(annotation, type) else str(annotation).strip("\"'")
-            first = one is function or parameter.kind is parameter.KEYWORD_ONLY
+            first = source is function or parameter.kind is parameter.KEYWORD_ONLY
             hidden = name in {*FOR_PROGRAMS, *verb.hidden} or "Stopping" in type_
             if first and parameter.kind is not parameter.VAR_KEYWORD and not hidden:
                 is_path = bool(re.search(r"\bPath|Source\b", type_))
-                options.setdefault(name, Option(name, parameter, function if name in known else one, type_, is_path))
+                home = function if name in documented else source
+                options.setdefault(name, Option(name, parameter, home, type_, is_path))
     return options
 
 
 def described(function: Call) -> dict[str, tuple[str, str]]:
     """Type and meaning of each parameter, as the docstring has them."""
     text = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+$|\Z)", inspect.getdoc(function) or "", re.M | re.S)
-    found = {}
+    entries = {}
     for names, kind, body in re.findall(
         r"^(\S[^:\n]*)(?: : (.*))?\n((?:    .*\n?|\n)*)", text[1] if text else "", re.M
     ):
         for name in names.split(","):
-            found[name.strip(" *")] = (kind, " ".join(body.split()))
-    return found
+            entries[name.strip(" *")] = (kind, " ".join(body.split()))
+    return entries
 
 
 def meaning(function: Call, name: str) -> str:
@@ -177,18 +182,14 @@ def meaning(function: Call, name: str) -> str:
         module = import_module(f"plumbob.{home}" if home else "plumbob")
         there = getattr(module, last, None) or getattr(import_module(function.__module__), last, None)
         text = (there and meaning(there, name)) or text
-    text = re.sub(r"^(?:Whether to|Of [\w ]+:) (.)", lambda found: found[1].upper(), text)
-    text = re.sub(r"`plumbob\.(\w+)`", lambda found: _verb_of(found[1]), text)
+    text = re.sub(r"^(?:Whether to|Of [\w ]+:) (.)", lambda match: match[1].upper(), text)
+    text = re.sub(r"`plumbob\.(\w+)`", lambda match: _verb(match[1]), text)
     return text.replace("`", "").removesuffix(".").replace("%", "%%")
 
 
-def _verb_of(name: str) -> str:
+def _verb(name: str) -> str:
     """Verb of a public function, or the function where it has none."""
-    from plumbob.cli.verbs import VERBS
-
-    renamed = {"simulate": "sim"} | {verb.function: name for name, verb in VERBS.items() if verb.function}
-    verb = renamed.get(name, name)
-    return f"'plumbob {verb}'" if verb in VERBS else f"plumbob.{name}"
+    return f"'plumbob {VERB_BY_FUNCTION[name]}'" if name in VERB_BY_FUNCTION else f"plumbob.{name}"
 
 
 def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = None) -> argparse.ArgumentParser:
@@ -199,24 +200,24 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
             name, help=verb.line, description=f"{verb.line[0].upper()}{verb.line[1:]}.", epilog=ending(verb)
         )
         kinds_of = group.add_subparsers(dest="kind", metavar="KIND", required=True)
-        for kind, one in verb.kinds.items():
-            if not one.run:
-                function_of(f"cli.{one.function}")(kinds_of)
+        for kind, inner in verb.kinds.items():
+            if not inner.run:
+                named_function(f"cli.{inner.function}")(kinds_of)
             elif words is None or kind in words[:2]:
-                add_verb(kinds_of, kind, one, words)
+                add_verb(kinds_of, kind, inner, words)
             else:
-                kinds_of.add_parser(kind, help=one.line)
+                kinds_of.add_parser(kind, help=inner.line)
         group.set_defaults(parser=group)
         return group
-    function = function_of(verb.function or name)
+    function = named_function(verb.function or name)
     doc = inspect.getdoc(function) or ""
     about = re.split(r"^\w[\w ]*\n-+$", doc, maxsplit=1, flags=re.M)[0].replace("`", "")
     p: argparse.ArgumentParser = parsers.add_parser(
         name, help=verb.line, description=re.sub(r"(?<=\S)\n(?=\S)", " ", about).strip(),
         epilog=ending(verb) if helped else "",
     )  # fmt: skip
-    options = options_of(function, verb)
-    docs = {one: described(one) for one in {option.function for option in options.values()}}
+    options = parameters(function, verb)
+    docs = {source: described(source) for source in {option.function for option in options.values()}}
     groups: dict[str, Any] = {}
     for names in verb.exclusive:
         groups |= dict.fromkeys(names, p.add_mutually_exclusive_group())
@@ -286,7 +287,7 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
     if "params" in options and "Mapping[" in options["params"].type:
         chosen = argparse.Namespace(verb=args.verb, filter=given.get("filter"), params=getattr(args, "params", None))
         given |= {name: value for name, value in common.filter_args(chosen).items() if value}
-    paths = {name: [Path(one) for one in (value if isinstance(value, list) else [value])]
+    paths = {name: [Path(file) for file in (value if isinstance(value, list) else [value])]
              for name, value in given.items() if options[name].is_path}  # fmt: skip
     for name, endings in verb.ends.items():
         path = given.get(name) or getattr(args, name, None)
@@ -298,7 +299,7 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
     beside = {name: Path(path) for name, (value, _) in verb.more.items() if value and (path := getattr(args, name))
               and (value == "FILE" or name in verb.outputs)}  # fmt: skip
     outputs += [beside.pop(name) for name in verb.outputs if name in beside]
-    inputs = [*(path for some in paths.values() for path in some), *beside.values()]
+    args.inputs = inputs = [*(path for some in paths.values() for path in some), *beside.values()]
     if verb.pages is not None:
         common.check_pages(args, *outputs, inputs=inputs)
     elif outputs:
@@ -306,23 +307,25 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
 
     def call(to: Call = function, **more: Any) -> Any:
         signature = inspect.signature(to).parameters
-        takes_all = any(one.kind is one.VAR_KEYWORD for one in signature.values())
+        takes_all = any(each.kind is each.VAR_KEYWORD for each in signature.values())
         with common.progress_bars() if "progress" in signature else nullcontext(print) as bars:
 
             def show(*counts: Any) -> None:
                 title, done, total = counts if len(counts) == 3 else (args.verb, *counts)
                 bars(title, done, total or done)
 
-            known = {"note": common.note, "progress": show, **given, **more}
-            known = {name: value for name, value in known.items()
-                     if name in signature or (takes_all and name in given | more)}  # fmt: skip
-            places = [known.pop(name) for name, one in signature.items()
-                      if name in known and one.kind is not one.KEYWORD_ONLY]  # fmt: skip
-            if any(one.kind is one.VAR_POSITIONAL for one in signature.values()):
+            values = {"note": common.note, "progress": show, **given, **more}
+            values = {name: value for name, value in values.items()
+                      if name in signature or (takes_all and name in given | more)}  # fmt: skip
+            places = [values.pop(name) for name, each in signature.items()
+                      if name in values and each.kind is not each.KEYWORD_ONLY]  # fmt: skip
+            if any(each.kind is each.VAR_POSITIONAL for each in signature.values()):
                 places = places[0] if places else []
-            return to(*(one[0] if isinstance(one, list) and len(one) == 1 else one for one in places), **known)
+            return to(
+                *(place[0] if isinstance(place, list) and len(place) == 1 else place for place in places), **values
+            )
 
-    module, _, hook = verb.run.rpartition(":")
+    module, _, hook = verb.run.rpartition(".")
     return partial(getattr(import_module(f"plumbob.cli.{module or 'special'}"), hook), args, verb, call)
 
 

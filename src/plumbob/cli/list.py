@@ -43,8 +43,8 @@ def filters(name: str | None = None) -> Listed:
     from plumbob.filters.known import RATE_FILTERS
 
     if name in RATE_FILTERS:
-        one = {name: _entry(channel.load(name), described=True)}
-        return Listed("\n".join(_entry_lines(name, one[name])), {"rate_filters": one})
+        rates = {name: _entry(channel.load(name), described=True)}
+        return Listed("\n".join(_entry_lines(name, rates[name])), {"rate_filters": rates})
     names = estimator_names() if name is None else (name,)
     listed = {each: _entry(load(each), described=name is not None) for each in names}
     shared = [_row(p) for p in describe(CommonParams)]

@@ -16,7 +16,7 @@ from types import FrameType
 from typing import Any, Final, NoReturn, TextIO, cast
 
 from plumbob.cli import common
-from plumbob.cli.engine import add_verb, function_of
+from plumbob.cli.engine import add_verb, named_function
 from plumbob.cli.verbs import GROUPS, VERBS
 from plumbob.core.errors import PlumbobError
 from plumbob.core.text import closest, visible
@@ -81,7 +81,7 @@ def build_parser(verbs: Sequence[str] = (), words: Sequence[str] | None = None) 
         if VERBS[name].run:
             add_verb(parsers, name, VERBS[name], words)
         else:
-            function_of(f"cli.{name}:add_parser")(parsers)
+            named_function(f"cli.{name}.add_parser")(parsers)
     return parser
 
 

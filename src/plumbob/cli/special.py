@@ -125,9 +125,15 @@ def _noise(words: list[str]) -> "Path | dict[str, Path] | None":
 
 
 def replay(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """Hold in memory only what is written."""
-    out = getattr(args, "out", None)
-    return show(args, verb, call(keep="track" if out else "nothing"), *([f"written      {out}"] if out else []))
+    """Hold in memory only what is written, and write it."""
+    from dataclasses import replace
+
+    from plumbob.live.recorded import convert
+
+    result = call(keep="track" if args.out else "nothing")
+    if args.out:
+        convert(replace(result.as_recording(), name=Path(args.out).stem), args.out, overwrite=args.force)
+    return show(args, verb, result, *([f"written      {args.out}"] if args.out else []))
 
 
 def send(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -373,7 +379,9 @@ def array(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     files = args.array if len(args.array) > 1 else args.array[0]
     units = call(read_array, sources=files, note=notes.append)
     common.note(*found_in(notes))
-    if not hasattr(args, "mounts") and all(replace(one, noise=None) == UnitMount() for one in units.mounts.values()):
+    if not hasattr(args, "mounts") and all(
+        replace(mount, noise=None) == UnitMount() for mount in units.mounts.values()
+    ):
         common.note("no mount is known, so all units are taken to lie along the body's axes; see --mounts")
     findings, out = call(array=units), getattr(args, "out", None)
     if out is not None:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from plumbob.cli.engine import FORCE, Verb
+from plumbob.cli.engine import FORCE, VERB_BY_FUNCTION, Verb
 
 DIFFERENT: Final = 3
 """Exit code of a result that is not the wanted one: damaged, lossy, different, unproven, below a grade."""
@@ -45,11 +45,11 @@ def _calibrate(
 ) -> Verb:
     guided = kind in ("mag", "accel", "gyro")
     line_only = (*_LINE, *(() if kind == "mag" else ("place",))) if guided else ()
-    own = also or (f"door.calibrate:_{kind}",)
+    functions = also or (f"door.calibrate._{kind}",)
     out = {"out": ("JSON", "card to write; that of --calibration is completed")}
     return Verb(
         line, "calibration.md", f"plumbob calibrate {kind} capture.parquet{example} --out card.json", "calibrate",
-        also=(*own, *(("live.session_toml:capture_session",) if guided else ())), run="calibrate:calibrate",
+        also=(*functions, *(("live.session_toml.capture_session",) if guided else ())), run="calibrate.calibrate",
         hidden=("kind", "labels", "force", *line_only) , outputs=(), note=note,
         optional=("recording",) if guided else (), pages=lambda calibrated, args: calibrated.report(),
         exclusive=_ONE_OF.get(kind, ()), more={**out, **(_GUIDE if guided else {}), **more},
@@ -101,7 +101,7 @@ START: Final = {
                 "ferraris: six faces at rest and a turn by --angle about each axis while it stands on end: "
                 "accelerometer and gyroscope. The parts x_p x_a y_p y_a z_p z_a (axis up, axis down) and x_rot y_rot "
                 "z_rot are looked for, or named by --parts or --part-column.",
-                ("door.calibrate:_gyro", "door.calibrate:_ferraris"),
+                ("door.calibrate._gyro", "door.calibrate._ferraris"),
                 {"part_column": ("NAME", "column of a text file that names the parts")},
             ),
             "table": _calibrate("table", "gyroscope on a rate table: bias, scale, misalignment, g-sensitivity",
@@ -119,7 +119,7 @@ START: Final = {
             ),
             "statictest": Verb(
                 "errors at rest against a reference, before and after a card; writes no card", "", "",
-                "calibrate:add_statictest", run="",
+                "calibrate.add_statictest", run="",
             ),
         },
     ),
@@ -145,14 +145,14 @@ START: Final = {
     "record": Verb(
         "record a live line, and estimate its attitude as it comes",
         "record-at-sea.md", "plumbob record --port /dev/ttyUSB0 --format buoy --device buoy-7 --out sea.mcap",
-        also=("live.session_toml:capture_session",), hidden=("file",), repeat=("send",), run="record", outputs=(),
+        also=("live.session_toml.capture_session",), hidden=("file",), repeat=("send",), run="record", outputs=(),
         note="exit codes: 0 ended as asked, 1 an error that the message explains, such as no sample at all, 3 rows of "
         "the recording are lost or its text is cut short, as on a full disk. For a recorder that nobody attends, see "
         "'Unattended' in docs/sessions.md.",
     ),
     "view": Verb(
         "show a live line, or play a recording, on a page in a browser, or as text in a terminal",
-        "view.md", "plumbob view --emulate buoy", also=("live.session_toml:capture_session", "estimate"),
+        "view.md", "plumbob view --emulate buoy", also=("live.session_toml.capture_session", "estimate"),
         hidden=("file", "out", "overwrite", "open_browser"), repeat=("send", "allow_origin"), run="view", outputs=(),
         more={"no_open": ("", "do not open a browser")},
         note="exit codes: 0 ended as asked, 1 an error that the message explains, such as no sample at all, 3 rows of "
@@ -162,7 +162,7 @@ START: Final = {
     "allan": Verb(
         "analyse the noise of a sensor at rest: Allan deviation, coefficients of a data sheet, noise card",
         "noise.md", "plumbob allan static.parquet --html noise.html --card noise.json", run="allan",
-        outputs=("card", "kalibr"), pages=lambda noise, args: noise.report(device=args.device),
+        outputs=("kalibr",), pages=lambda noise, args: noise.report(device=args.device),
         more={
             "deviation": ("KIND", "print this deviation alone, without coefficients: oadev, adev, mdev, ohdev, ..."),
             "after": ("FILE", "the same channels filtered: compare before and after; --calibration is then for it"),
@@ -201,6 +201,7 @@ LINES: Final = {
     "replay": Verb(
         "process a recorded line again, with its own filter or another",
         "recordings.md", "plumbob replay sea.mcap --filter vqf --out vqf.parquet", repeat=("send",), run="replay",
+        more={"out": ("FILE", "where to write the track (.parquet, .csv or .tum)"), "force": FORCE},
         code=lambda result: 0 if result.comparison is None or result.comparison.equal else DIFFERENT,
     ),
     "send": Verb(
@@ -282,7 +283,7 @@ _SUFFIXES: Final = {"out": (".mcap", ".parquet", ".csv")}
 
 def _array(line: str, name: str, more: Mapping[str, tuple[str, str]] = _VIRTUAL, example: str = "") -> Verb:
     return Verb(
-        line, "array.md", f"plumbob array {name} six.parquet{example}", f"arm.array:{name}", run="array",
+        line, "array.md", f"plumbob array {name} six.parquet{example}", f"arm.array.{name}", run="array",
         also=("read_array",), hidden=(*_HIDDEN, "format"), more=more, ends=_SUFFIXES,
     )  # fmt: skip
 
@@ -306,8 +307,8 @@ UNITS: Final = {
         kinds={
             "align": Verb(
                 "find how the units sit on their segments, and where joints lie",
-                "arm.md", "plumbob arm align arm.toml calibration.mcap --pose 0s,2s --out card.json", "arm:align",
-                also=("read_array",), hidden=(*_HIDDEN, "mounts"), repeat=("poses",), run="arm:align",
+                "arm.md", "plumbob arm align arm.toml calibration.mcap --pose 0s,2s --out card.json", "arm.align",
+                also=("read_array",), hidden=(*_HIDDEN, "mounts"), repeat=("poses",), run="arm.align",
                 more={
                     "out": ("JSON!", "card to write"),
                     "force": FORCE,
@@ -318,15 +319,17 @@ UNITS: Final = {
             ),
             "run": Verb(
                 "estimate joint angles and the hand's place",
-                "arm.md", "plumbob arm run card.json take.mcap --frame ENU --out angles.parquet", "arm:run",
-                also=("read_array",), hidden=(*_HIDDEN, "mounts"), run="arm:run", pages=arm_page,
+                "arm.md", "plumbob arm run card.json take.mcap --frame ENU --out angles.parquet", "arm.run",
+                also=("read_array",), hidden=(*_HIDDEN, "mounts"), run="arm.run", pages=arm_page,
                 more={"out": ("FILE", "table of angles: .csv or .parquet")},
             ),
-            "export": Verb("make a program of joint angles, and write it for a robot", "", "", "arm:add_export", run=""),
+            "export": Verb(
+                "make a program of joint angles, and write it for a robot", "", "", "arm.add_export", run=""
+            ),
             "replay": Verb(
                 "move a model by a program, and compare the hand with truth",
-                "arm.md", "plumbob arm replay program.csv arm.urdf --truth hand.csv", "arm:replay", hidden=_HIDDEN,
-                run="arm:replay",
+                "arm.md", "plumbob arm replay program.csv arm.urdf --truth hand.csv", "arm.replay", hidden=_HIDDEN,
+                run="arm.replay",
                 more={
                     "truth": ("FILE", "table with the hand's place: hand_x [m] and so on"),
                     "out": ("FILE", "write the hand's place: .csv or .parquet"),
@@ -348,21 +351,21 @@ KNOWLEDGE: Final = {
         kinds={
             "filters": Verb(
                 "filters with their parameters, units, defaults and ranges",
-                "choose-a-filter.md", "plumbob list filters mekf", "cli.list:filters",
+                "choose-a-filter.md", "plumbob list filters mekf", "cli.list.filters",
             ),
             "devices": Verb(
                 "known devices: framing, fields with units and sources, options, registers; C header",
-                "formats.md", "plumbob list devices mpu6000", "cli.list:devices", run="devices", repeat=("options",),
+                "formats.md", "plumbob list devices mpu6000", "cli.list.devices", run="devices", repeat=("options",),
                 exclusive=(("markdown", "c", "json"),),
             ),
             "references": Verb(
                 "references of filters, as lines or as BibTeX",
                 "equations.md", "plumbob list references mahony --bib", "cite", run="text", json=False,
             ),
-            "rigs": Verb("rigs and faults of 'plumbob emulate'", "acquire.md", "plumbob list rigs", "cli.list:rigs"),
+            "rigs": Verb("rigs and faults of 'plumbob emulate'", "acquire.md", "plumbob list rigs", "cli.list.rigs"),
             "scenarios": Verb(
                 "scenarios, chains, programs and sensors of 'plumbob sim'",
-                "start.md", "plumbob list scenarios", "cli.list:scenarios",
+                "start.md", "plumbob list scenarios", "cli.list.scenarios",
             ),
         },
     ),
@@ -377,3 +380,4 @@ GROUPS: Final = {
     "what there is": KNOWLEDGE,
 }  # fmt: skip
 VERBS: Final = {name: verb for verbs in GROUPS.values() for name, verb in verbs.items()}
+VERB_BY_FUNCTION.update((verb.function or name, name) for name, verb in VERBS.items() if verb.run)

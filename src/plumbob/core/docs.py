@@ -80,5 +80,5 @@ def _title(page: Path) -> str:
 def _page_of_verb(verb: str, pages: Mapping[str, Path]) -> str:
     """Page that the reference of the command line names at a verb; empty where there is none."""
     text = pages["command-line"].read_text(encoding="utf-8") if "command-line" in pages else ""
-    found = re.search(rf"^#+ {re.escape(verb)}\n(?:(?!^#).*\n)*?documentation: \[([\w-]+)\.md\]", text, re.M)
-    return found[1] if found and verb else ""
+    section = re.search(rf"^#+ {re.escape(verb)}\n(?:(?!^#).*\n)*?documentation: \[([\w-]+)\.md\]", text, re.M)
+    return section[1] if section and verb else ""

@@ -122,8 +122,6 @@ def replay(
     check: bool = False,
     covariance: bool = False,
     keep: Literal["all", "track", "nothing"] = "all",
-    out: str | Path | None = None,
-    overwrite: bool = False,
     send: Sequence[str] = (),
     sinks: Sequence[Sink] = (),
     note: Note | None = None,
@@ -149,10 +147,6 @@ def replay(
         Whether the track is to have the covariance that a filter claims.
     keep : {"all", "track", "nothing"}
         What the result holds in memory besides its counts.
-    out : path, optional
-        Where to write the track, ``.parquet``, ``.csv`` or ``.tum``; not with `keep` "nothing".
-    overwrite : bool
-        Whether a file that lies there may be replaced.
     send : sequence of str
         To whom the attitude is sent, as of `plumbob.record`; what the session sent while it was recorded is not sent
         again.
@@ -192,12 +186,7 @@ def replay(
         for line in _lacking(log):
             note(line)
     track = collected.track() if keep == "all" else tracks.track()
-    replayed = Replayed(watch, log, collected, track, against.comparison if against else None)
-    if out is not None:
-        from plumbob.live.recorded import convert
-
-        convert(replace(replayed.as_recording(), name=Path(out).stem), out, overwrite=overwrite)
-    return replayed
+    return Replayed(watch, log, collected, track, against.comparison if against else None)
 
 
 def _sending(session: Session, log: Log, send: Sequence[str], note: Note | None) -> list[Sink]:
