@@ -142,7 +142,8 @@ benchmark accuracy . --filters mahony --against vqf | there is no 'vqf' to compa
 benchmark accuracy . --filters mahony --noise noise.json | mahony has no parameter that a noise card could give
 benchmark scenario static --frame NED --filters mahony --noise own | mahony has no parameter that a noise card could
 list references kalman | there is no filter 'kalman'; known are complementary
-list filters magic | there is no filter 'magic'
+list filters mahoni | Did you mean 'mahony'?
+run sea.parquet --filter mahony --params kpp=1 | Did you mean 'kp'?
 docs ../time.txt | There is no page '../time.txt'; there are accuracy, acquire
 """
 

@@ -11,14 +11,8 @@ from plumbob.cli.verbs import VERBS
 from tests.helpers.commandline import answer, ok, refused, table_of, typed
 
 ROOT = Path(__file__).parents[2]
-KINDS = {
-    "calibrate": "hand mag accel gyro table temperature mount statictest",
-    "arm": "align run export replay",
-    "array": "info combine monitor",
-    "benchmark": "accuracy scenario",
-    "list": "filters devices references rigs scenarios",
-}
-HELPED = [*VERBS, *(f"{verb} {kind}" for verb, kinds in KINDS.items() for kind in kinds.split())]
+KINDS = {verb: [*table.kinds] for verb, table in VERBS.items() if table.kinds} | {"benchmark": ["accuracy", "scenario"]}
+HELPED = [*VERBS, *(f"{verb} {kind}" for verb, kinds in KINDS.items() for kind in kinds)]
 
 
 @pytest.mark.parametrize("verb", HELPED)
@@ -32,7 +26,7 @@ def test_help_has_an_example_that_the_parser_takes_and_a_page_that_is_there(verb
     assert (program, *words[: len(verb.split())]) == ("plumbob", *verb.split())
     build_parser(words[:1]).parse_args(words)
     assert (ROOT / page).is_file()
-    assert set(re.findall(r"^    ([a-z]+)\b", told, re.MULTILINE)) >= set(KINDS.get(verb, "").split())
+    assert set(re.findall(r"^    ([a-z]+)\b", told, re.MULTILINE)) >= set(KINDS.get(verb, []))
 
 
 WRONG = ("run", "eval", "fly", "run x --filter", "arm", "array", "calibrate --live", "calibrate --live mag")
@@ -48,6 +42,18 @@ def test_wrong_usage_exits_2(words, tmp_path):
     """Options are not abbreviated: a new one would change what an old script means."""
     typed(words, cwd=tmp_path, code=2)
     assert not list(tmp_path.iterdir())
+
+
+MEANT = """
+reprot | Did you mean 'report'? 'plumbob --help' lists them.
+run x --filtre mahony | unrecognized arguments: --filtre mahony. Did you mean '--filter'?
+array combine x --out y --weigths noise | Did you mean '--weights'?
+"""
+
+
+@pytest.mark.parametrize(("words", "why"), table_of(MEANT))
+def test_a_word_that_is_nearly_right_is_asked_about(words, why):
+    assert why in typed(words, code=2).stderr
 
 
 def test_without_a_verb_the_order_of_work_is_printed():

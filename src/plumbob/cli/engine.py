@@ -67,6 +67,8 @@ class Verb(NamedTuple):
         declares a parser of its own, in a module of `plumbob.cli`.
     also : tuple of str
         Functions whose parameters the variable keyword of this one takes.
+    brought : tuple of str
+        Options that the last of these brings, which is not imported where none of them is given.
     named, hidden, repeat, optional : tuple of str
         Positional parameters that are options, parameters that are none, options that are given again and again, and
         arguments that may be left out.
@@ -98,6 +100,7 @@ class Verb(NamedTuple):
     example: str
     function: str = ""
     also: tuple[str, ...] = ()
+    brought: tuple[str, ...] = ()
     named: tuple[str, ...] = ()
     hidden: tuple[str, ...] = ()
     repeat: tuple[str, ...] = ()
@@ -216,7 +219,9 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
         name, help=verb.line, description=re.sub(r"(?<=\S)\n(?=\S)", " ", about).strip(),
         epilog=ending(verb) if helped else "",
     )  # fmt: skip
-    options = parameters(function, verb)
+    flags = {word.partition("=")[0] for word in words or ()}
+    idle = verb.brought and not helped and not flags & {_flag(each) for each in verb.brought}
+    options = parameters(function, verb._replace(also=verb.also[:-1]) if idle else verb)
     docs = {source: described(source) for source in {option.function for option in options.values()}}
     groups: dict[str, Any] = {}
     for names in verb.exclusive:

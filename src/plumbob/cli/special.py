@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from plumbob.cli import common
 from plumbob.cli.allan import allan
 from plumbob.cli.engine import Verb, show
-from plumbob.core.text import counted
+from plumbob.core.text import counted, visible
 
 if TYPE_CHECKING:
     from plumbob.data import AttitudeTrack
@@ -184,17 +184,43 @@ def convert(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 def verify(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Say what helps a damaged recording."""
     verdict = call()
-    code = show(args, verb, verdict)
+    common.print_json(verdict.summary()) if args.json else print(_verdict_text(verdict))
     if not verdict.whole and not verdict.open and verdict.recording is not None:
         common.note("'plumbob repair' writes what is whole to a new, complete file")
-    return code
+    return 0 if verdict.whole else 3
 
 
 def repair(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Say where the rows are now."""
     verdict = call()
-    more = {"out": args.out, "lossy": verdict.lossy}
-    return show(args, verb, verdict, f"written      {args.out}, with every whole row", **more)
+    if args.json:
+        common.print_json(verdict.summary() | {"out": args.out, "lossy": verdict.lossy})
+    else:
+        print(f"{_verdict_text(verdict)}\nwritten      {args.out}, with every whole row")
+    return 3 if verdict.lossy else 0
+
+
+def _verdict_text(verdict: Any) -> str:
+    """What the recording holds and lacks, line by line."""
+    names = ", ".join(path.name for path in verdict.paths)
+    rows, end = counted(sum(verdict.rows.values()), "row"), "NOT properly: a part has no end, or a damaged one"
+    lines = [f"{names}: {rows} in {verdict.duration:.3f} s"]
+    lines += [f"rows         {visible(topic)}: {count}" for topic, count in verdict.rows.items()]
+    if verdict.recording is None:
+        lines.append("written by   another program, so nobody knows how many rows there were")
+    if verdict.unchecked:
+        what = "without a CRC (chunks or messages); damage to them cannot be seen"
+        lines.append(f"unchecked    {verdict.unchecked} {what}")
+    lines += [f"damage       {visible(str(damage))}" for damage in verdict.damage]
+    end = "properly" if verdict.clean else f"{end}, as after a crash"
+    lines.append(f"ended        {'not yet: it is being recorded' if verdict.open else end}")
+    gaps = (
+        ("dropped", verdict.dropped, "given up while recording, or lost before a repair"),
+        ("lost", verdict.lost, "missing"),
+    )
+    for title, rows_of, how in gaps:
+        lines += [f"{title:12} {visible(topic)}: {counted(count, 'row')} {how}" for topic, count in rows_of.items()]
+    return "\n".join([*lines, f"verdict      {verdict.in_words}"])
 
 
 def tune(args: argparse.Namespace, verb: Verb, call: Call) -> int:

@@ -50,6 +50,7 @@ def _calibrate(
     return Verb(
         line, "calibration.md", f"plumbob calibrate {kind} capture.parquet{example} --out card.json", "calibrate",
         also=(*functions, *(("live.session_toml.capture_session",) if guided else ())), run="calibrate.calibrate",
+        brought=("live", "port", "iio", "format", "baud", "rate", "time", "unit") if guided else (),
         hidden=("kind", "labels", "force", *line_only) , outputs=(), note=note,
         optional=("recording",) if guided else (), pages=lambda calibrated, args: calibrated.report(),
         exclusive=_ONE_OF.get(kind, ()), more={**out, **(_GUIDE if guided else {}), **more},
@@ -229,13 +230,11 @@ FILES: Final = {
         "check that every row of an MCAP recording is there and undamaged",
         "recordings.md", "plumbob verify sea.mcap", run="verify",
         note="exit codes: 0 whole, 3 damaged, not complete, or rows are missing, 1 it cannot be read",
-        code=lambda verdict: 0 if verdict.whole else DIFFERENT,
     ),
     "repair": Verb(
         "write the undamaged rows of an MCAP recording to a new, complete file",
         "recordings.md", "plumbob repair sea.mcap --out whole.mcap", run="repair", named=("out",),
         note="exit codes: 0 nothing was lost, 3 repaired, but rows are lost, 1 it cannot be read or written",
-        code=lambda verdict: DIFFERENT if verdict.lossy else 0,
     ),
     "compare": Verb(
         "compare two recordings of one motion, or two attitudes: clocks, mounting, biases, what differs",

@@ -40,11 +40,11 @@ def counted(count: int, noun: str, plural: str = "") -> str:
     return f"{count} {noun if count == 1 else plural or noun + 's'}"
 
 
-def closest(word: object, known: Iterable[str]) -> str:
+def closest(word: object, words: Iterable[str]) -> str:
     """Question whether another word was meant, after a full stop; empty where none is like it."""
     from difflib import get_close_matches
 
-    near = get_close_matches(str(word), list(known), 1)
+    near = get_close_matches(str(word), list(words), 1)
     return f" Did you mean '{near[0]}'?" if near else ""
 
 

@@ -81,8 +81,8 @@ def load(name: str) -> FilterModule:
             "gives samples, which a filter of attitudes may then take."
         )
     if not isinstance(name, str) or name not in estimator_names():
-        known = ", ".join(estimator_names())
-        raise ParameterError(f"there is no filter {said(name)}; known are {known}.{closest(name, estimator_names())}")
+        names = estimator_names()
+        raise ParameterError(f"there is no filter {said(name)}; known are {', '.join(names)}.{closest(name, names)}")
     place = "smoother.model" if name == SMOOTHER else name
     return cast("FilterModule", import_module(f"plumbob.filters.{place}"))
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import replacing, require_other, require_place
-from plumbob.core.text import FactsText, counted, visible
+from plumbob.core.text import FactsText
 from plumbob.files.mcap import disk
 from plumbob.files.mcap.info import PartInfo
 from plumbob.files.mcap.layout import CHUNK_BYTES, Channel, OpenChunk, Schema, compressor, pack
@@ -195,28 +195,6 @@ class Verdict(FactsText):
         """Take over what a log knows once all of it has been read."""
         self.lost, self.dropped, self.damage = log.lost, dict(log.dropped), list(log.damage)
         self.clean, self.unchecked = log.clean, log.unchecked
-
-    def text(self) -> str:
-        """What the recording holds and lacks, line by line."""
-        names = ", ".join(path.name for path in self.paths)
-        rows, end = counted(sum(self.rows.values()), "row"), "NOT properly: a part has no end, or a damaged one"
-        lines = [f"{names}: {rows} in {self.duration:.3f} s"]
-        lines += [f"rows         {visible(topic)}: {count}" for topic, count in self.rows.items()]
-        if self.recording is None:
-            lines.append("written by   another program, so nobody knows how many rows there were")
-        if self.unchecked:
-            what = "without a CRC (chunks or messages); damage to them cannot be seen"
-            lines.append(f"unchecked    {self.unchecked} {what}")
-        lines += [f"damage       {visible(str(damage))}" for damage in self.damage]
-        end = "properly" if self.clean else f"{end}, as after a crash"
-        lines.append(f"ended        {'not yet: it is being recorded' if self.open else end}")
-        gaps = (
-            ("dropped", self.dropped, "given up while recording, or lost before a repair"),
-            ("lost", self.lost, "missing"),
-        )
-        for title, rows_of, how in gaps:
-            lines += [f"{title:12} {visible(topic)}: {counted(count, 'row')} {how}" for topic, count in rows_of.items()]
-        return "\n".join([*lines, f"verdict      {self.in_words}"])
 
     def summary(self) -> dict[str, Any]:
         """The verdict as JSON has it."""

@@ -107,9 +107,9 @@ class Smoother(FactsText):
         shared = {p.name for p in describe(CommonParams)} - {"max_gap"}
         for name in given:
             if name not in names | shared:
-                known = (*sorted(names), *sorted(shared))
+                possible = (*sorted(names), *sorted(shared))
                 raise ParameterError(
-                    f"{SMOOTHER} has no parameter '{name}'; known are {', '.join(known)}.{closest(name, known)}"
+                    f"{SMOOTHER} has no parameter '{name}'; known are {', '.join(possible)}.{closest(name, possible)}"
                 )
         self.params: Params = build(Params, {k: v for k, v in given.items() if k in names}, of=SMOOTHER)
         self.common: CommonParams = build(CommonParams, {k: v for k, v in given.items() if k in shared}, of=SMOOTHER)
