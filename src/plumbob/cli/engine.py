@@ -117,7 +117,7 @@ class Verb(NamedTuple):
     note: str = ""
 
 
-VERB_BY_FUNCTION: Final[dict[str, str]] = {"simulate": "sim"}
+VERB_BY_FUNCTION: Final[dict[str, str]] = {"simulate": "sim", "filter_names": "list filters"}
 """Verbs by their public functions, for help that names a function; the table of verbs completes it."""
 
 
@@ -261,7 +261,7 @@ def _settings(option: Option, verb: Verb, kind: str, *, helped: bool) -> dict[st
     if helped and default not in (parameter.empty, None, False, "", ()) and "default" not in help_:
         help_ += f" (default {default:g})" if isinstance(default, float) else f" (default {default})"
     if helped and (some := re.search(r".\{(.*?)\}", kind)):
-        help_ += f" (of {some[1].replace(chr(34), '')})"
+        help_ += f" (any of {some[1].replace(chr(34), '')})"
     settings: dict[str, Any] = {"help": help_, "default": argparse.SUPPRESS}
     if type_.split(" |")[0] == "bool":
         return settings | {"flags": [_flag(name)], "dest": name, "action": "store_true"}
