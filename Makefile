@@ -22,7 +22,7 @@ house: setup  ## print the size of the house beside house.toml, and write down w
 	$(BIN)/python -m gates.house --write
 
 pages: setup  ## the pages that a program makes; the tests say when they are out of date
-	$(BIN)/plumbob devices --markdown > docs/devices.md
+	$(BIN)/plumbob list devices --markdown > docs/devices.md
 	$(BIN)/python website/command_line.py > docs/command-line.md
 	$(BIN)/python website/equations.py > docs/equations.md
 	$(BIN)/python website/draw_house.py > docs/images/house.svg

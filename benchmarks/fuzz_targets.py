@@ -335,7 +335,7 @@ def _format(folder: Path) -> Target:
 def _format_page(how: Sequence[str]) -> Callable[[Path], Target]:
     def make(folder: Path) -> Target:
         (folder / "imu9.toml").write_text(FORMAT)
-        words: Words = lambda path: ("devices", path, *how)  # noqa: E731
+        words: Words = lambda path: ("list", "devices", path, *how)  # noqa: E731
         return Target([folder / "imu9.toml", *_catalogue(folder)], words, text=True)
 
     return make

@@ -64,7 +64,7 @@ def lines(made: dict[str, Path]) -> list[Line]:
         Line("run without a reference", ("run", bare, "--filter", "mekf"), 3.3),
         Line("run, refused", ("run", str(made["sea"].with_name("none.parquet")), "--filter", "mekf"), 0.5),
         Line("info", ("info", sea), 1.2),
-        Line("filters", ("filters",), 0.3),
+        Line("filters", ("list", "filters"), 0.3),
         Line("allan, 2 minutes", ("allan", str(made["minutes"])), 3.0),
         Line("allan, 1 hour", ("allan", str(made["hour"])), 3.0),
     ]

@@ -7,7 +7,8 @@ import argparse
 import re
 from collections.abc import Iterator
 
-from plumbob.cli.main import VERBS, build_parser
+from plumbob.cli.main import build_parser
+from plumbob.cli.verbs import GROUPS, VERBS
 
 HEAD = """\
 # Command line
@@ -36,27 +37,14 @@ shown (`tune`) |
 | 70 | a defect of Plumbob: please report it |
 | 130, 143 | ended by Ctrl-C, by SIGTERM; a file is there as a whole, or as it was before |
 """
-STAGES = {
-    "Try": ("demo", "reproduce", "docs"),
-    "Simulate": ("sim", "emulate"),
-    "Record": ("record", "replay", "send", "verify", "repair", "convert", "decode", "devices"),
-    "Read files": ("info", "profile", "doctor", "compare"),
-    "Calibrate and characterise": ("calibrate", "allan", "array"),
-    "Estimate and evaluate": ("run", "filters", "cite", "eval", "benchmark", "tune"),
-    "Many units": ("arm",),
-    "Many recordings": ("batch",),
-}
 
 
 def page() -> str:
-    """The whole page; a verb that no stage names comes last."""
-    named = {verb for verbs in STAGES.values() for verb in verbs}
-    stages = {**STAGES, "More": tuple(verb for verb in VERBS if verb not in named)}
-    verbs = _children(build_parser())
+    """The whole page."""
+    verbs = _children(build_parser(list(VERBS)))
     parts = [HEAD]
-    for stage, names in stages.items():
-        if names := [name for name in names if name in verbs]:
-            parts += [f"## {stage}\n", *(line for name in names for line in _verb(name, verbs[name], level=3))]
+    for title, names in GROUPS.items():
+        parts += [f"## {title.capitalize()}\n", *(line for name in names for line in _verb(name, verbs[name], level=3))]
     return "\n".join(parts)
 
 

@@ -22,7 +22,7 @@ HEAD = """\
 Made by `python website/equations.py` from the citations in the code, which stand at the line: `# [Mahony2008] (48c)`.
 `grep -rnF "[Mahony2008] (48c)" src tests` finds the lines; this page has the functions, and tests that cite the same.
 A line `# departs from [Key] (n): why` says where the code differs from the source; the docstring of each filter lists
-all of these. `plumbob cite FILTER --bib` prints the references of a filter.
+all of these. `plumbob list references FILTER --bib` prints the references of a filter.
 """
 WHOLE = "as a whole"
 NUMBER = r"\([0-9]+(?:[.-][0-9]+)*[a-z]?\)"

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 from plumbob.cli import common
 from plumbob.cli.benchmark import add_filters, add_peers, add_seeds, parse_seeds, require_some, show
-from plumbob.cli.main import Parser, run
+from plumbob.cli.main import Parser
+from plumbob.cli.main import main as run
 
 if TYPE_CHECKING:
     from benchmarks.harness.fault_cases import Case
@@ -124,7 +125,7 @@ def run_faults(args: argparse.Namespace) -> int:
         print(fault_cases.listing(battery.CASES, battery.GROUPS))
         return 0
     if args.filters is None:
-        raise ParameterError("--filters is missing; 'plumbob filters' shows what there is, --list shows the cases.")
+        raise ParameterError("--filters is missing; see 'plumbob list filters', and --list for the cases.")
     chosen = common.stages(args.filters, args.params)
     wanted = [name.strip() for name in args.cases.split(",") if name.strip()]
     others, absent = peers(args.peers)

@@ -104,7 +104,6 @@ if TYPE_CHECKING:
     from plumbob.rotations import Frame, North
     from plumbob.simulation import simulate, simulate_chain
     from plumbob.viewer.control_client import control
-    from plumbob.viewer.terminal import watch
     from plumbob.viewer.view import view
 
 _HOME = {
@@ -167,7 +166,6 @@ _HOME = {
     "tune": "fleet.experiments.tuning",
     "verify": "files.mcap",
     "view": "viewer.view",
-    "watch": "viewer.terminal",
     "write": "files",
 }
 
@@ -237,7 +235,6 @@ __all__ = [
     "units",
     "verify",
     "view",
-    "watch",
     "write",
 ]
 

@@ -85,7 +85,7 @@ def test_the_command_line_gives_the_same_to_the_bit_and_an_attitude_follows(tmp_
     assert plumbob.read(out).imu.gyr.tobytes() == ours.imu.gyr.tobytes()
     assert {name: summary[name] for name in ours.summary()} == json.loads(json.dumps(ours.summary()))
     assert plumbob.estimate(out, "integrate", frame="NED").outline.samples == T.size
-    assert main(["filters", "--json"]) == 0
+    assert main(["list", "filters", "--json"]) == 0
     assert list(json.loads(capsys.readouterr().out)["rate_filters"]) == ["scalar", "two_state", "moving_average"]
     for words, message in (
         ("--filter scalar --frame NED --init level", "--frame, --init: scalar gives no attitude"),

@@ -112,7 +112,7 @@ def test_an_error_that_is_not_scored_says_why(tmp_path):
 
 
 def test_a_closed_pipe_is_no_error_and_python_m_plumbob_is_plumbob():
-    line = " ".join([*PLUMBOB, "filters | head -1"])
+    line = " ".join([*PLUMBOB, "list filters | head -1"])
     done = subprocess.run(line, shell=True, capture_output=True, text=True, check=False)
     assert (done.stderr, done.returncode) == ("", 0)
     done = subprocess.run([sys.executable, "-m", "plumbob", "--version"], capture_output=True, text=True, check=True)
@@ -122,6 +122,6 @@ def test_a_closed_pipe_is_no_error_and_python_m_plumbob_is_plumbob():
 
 @pytest.mark.parametrize("encoding", ["ascii", "gbk", "cp1252"])
 def test_a_terminal_that_cannot_show_units_still_gets_the_result(samples, encoding):
-    for words in (("filters",), ("info", samples / "sea.parquet"), ("sim", "--list")):
+    for words in (("list", "filters"), ("info", samples / "sea.parquet"), ("list", "scenarios")):
         done = call(*words, encoding=encoding)
         assert (done.returncode, len(done.stdout) > 100) == (0, True)

@@ -37,7 +37,7 @@ def test_convert_writes_calibrated_samples_as_python_gives_them(made, tmp_path):
     assert ours.meta.calibration == "unit 7 2026-11-21 (test); NOT calibrated: acc"
     for name in ("out.parquet", "out.csv", "out.mcap"):
         out = tmp_path / name
-        typed(f"convert rest.parquet --calibration card.json --out {out} --what samples", cwd=made)
+        typed(f"convert rest.parquet --calibration card.json {out} --what samples", cwd=made)
         recording = read_recorded(out) if name.endswith("mcap") else files.read(out)
         np.testing.assert_allclose(recording.imu.gyr, GAIN * raw.gyr, rtol=1e-15)
         np.testing.assert_array_equal(recording.imu.gyr, ours.gyr)

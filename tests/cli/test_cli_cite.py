@@ -1,4 +1,4 @@
-"""plumbob cite as a user meets it."""
+"""plumbob list references as a user meets it."""
 
 import re
 
@@ -14,14 +14,14 @@ MAHONY = (
 
 
 def test_filters_have_lines_and_entries_for_their_references_each_once():
-    printed = commandline.ok("cite", "mahony", "mekf").stdout
+    printed = commandline.ok("list", "references", "mahony", "mekf").stdout
     assert plumbob.cite("mahony", "mekf") == printed
     lines = printed.splitlines()
     assert lines[1].partition("] ")[2] == MAHONY
     words = [line.split()[0].strip("[]") for line in lines]
     assert words == ["mahony", "Mahony2008", "Yu2018", "mekf", "Sola2017"]
     # mahony and tilt_compass share one of their sources
-    assert plumbob.cite(bib=True) == commandline.ok("cite", "--bib").stdout
+    assert plumbob.cite(bib=True) == commandline.ok("list", "references", "--bib").stdout
     entries = plumbob.cite("mahony", "tilt_compass", bib=True)
     assert re.findall(r"^@\w+\{(\w+),$", entries, re.MULTILINE) == ["Mahony2008", "Yu2018"]
     assert entries.count("{") == entries.count("}")

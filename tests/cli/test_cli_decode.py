@@ -79,7 +79,7 @@ def test_a_device_without_any_check_is_said_to_have_none(tmp_path, name, size):
     capture = f"record --from in.bin --format {name} --rate '50 Hz'"
     assert answer(capture, cwd=tmp_path)["unchecked_bytes"] == size
     assert f"checks       {says}\n" in typed(capture, cwd=tmp_path).stdout
-    assert says in typed(f"devices {name}").stdout
+    assert says in typed(f"list devices {name}").stdout
 
 
 def test_a_row_and_a_column_in_json_are_what_the_bytes_say(call, tmp_path):

@@ -16,6 +16,7 @@ TIME = (DOCS / "time.md").read_text(encoding="utf-8")
 def test_a_page_is_printed_by_the_name_that_a_message_gives_and_else_all_are_listed():
     for name in ("time", "time.md", "docs/time.md", str(DOCS / "time.md")):
         assert commandline.ok("docs", name).stdout == plumbob.docs(name) == TIME
+    assert plumbob.docs("allan") == plumbob.docs("noise")  # a verb leads to its page
     lines = commandline.ok("docs").stdout.splitlines()
     assert lines == plumbob.docs().splitlines()
     assert [line.split()[0] for line in lines] == sorted(page.stem for page in DOCS.glob("*.md"))

@@ -1,4 +1,4 @@
-"""plumbob filters as a user meets it."""
+"""plumbob list filters as a user meets it."""
 
 import math
 
@@ -10,7 +10,7 @@ from tests.helpers.commandline import answer, typed
 
 @pytest.fixture(scope="module")
 def listed():
-    return answer("filters")
+    return answer("list filters")
 
 
 def test_every_filter_says_what_it_claims_and_takes(listed):
@@ -21,7 +21,7 @@ def test_every_filter_says_what_it_claims_and_takes(listed):
         assert entry["summary"] and entry["references"]
     assert [listed["filters"][name]["covariance"] for name in ("ekf7", "mahony")] == [True, False]
     claims = sum(entry["covariance"] for entry in listed["filters"].values())
-    assert typed("filters").stdout.count("claims a covariance") == claims
+    assert typed("list filters").stdout.count("claims a covariance") == claims
 
 
 def test_a_parameter_has_unit_default_range_and_meaning(listed):
@@ -45,9 +45,9 @@ def test_a_parameter_has_unit_default_range_and_meaning(listed):
 
 
 def test_text_has_the_parameters_of_a_filter_and_of_no_other():
-    out = typed("filters mekf").stdout
+    out = typed("list filters mekf").stdout
     assert all(f"    {name} " in out for name in load("mekf").Params._fields)
     assert [name for name in estimator_names() if f"{name}: " in out] == ["mekf"]
-    described = answer("filters mekf")
+    described = answer("list filters mekf")
     assert (list(described["filters"]), len(described["filters"]["mekf"]["description"]) > 500) == (["mekf"], True)
     assert {row["name"] for row in described["every_filter"]} == {"declination", "max_gap", "mag"}

@@ -4,14 +4,14 @@ import inspect
 import json
 import sys
 import threading
-from operator import attrgetter
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import plumbob
-from plumbob.cli.main import VERBS
+from plumbob.cli.engine import named_function
+from plumbob.cli.verbs import VERBS
 from plumbob.door.calibrate import KINDS, kind_options
 from tests.helpers.commandline import answer, typed
 
@@ -30,22 +30,19 @@ def poses(tmp_path_factory):
     return file
 
 
-RENAMED = {"run": "estimate", "eval": "evaluate", "sim": "simulate"}
-OF_THE_PROGRAM = {"demo", "devices", "filters", "benchmark"}
-"""Verbs that list what is there or exercise it: in Python these are objects (`plumbob.filter_names`, `find_format`)."""
-PACKAGES = {"arm": ("align", "run", "export", "replay"), "array": ("info", "combine", "monitor")}
-"""Verbs whose kinds are functions of the package of the same name."""
-FIRST = {"record", "docs", "run", "view", "watch"}
-"""Verbs whose first argument has a default: the session, the page, the filter, what is shown."""
+FIRST = {"record", "docs", "run", "view", "control"}
+"""Verbs one of whose arguments has a default: the session, the page, the filter, what is shown or said."""
 
 
 def test_every_public_name_is_there_and_every_verb_has_its_function_with_keyword_only_options():
     assert [name for name in plumbob.__all__ if getattr(plumbob, name, None) is None] == []
-    functions = {verb: RENAMED.get(verb, verb) for verb in set(VERBS) - OF_THE_PROGRAM - set(PACKAGES)}
-    functions |= {f"{verb}.{kind}": f"{verb}.{kind}" for verb, kinds in PACKAGES.items() for kind in kinds}
-    for verb, name in functions.items():
-        function = attrgetter(name)(plumbob)
-        assert callable(function)
+    tables = {
+        **{verb: table for verb, table in VERBS.items() if not table.kinds},
+        **VERBS["arm"].kinds,
+        **VERBS["array"].kinds,
+    }
+    functions = {verb: named_function(table.function or verb) for verb, table in tables.items() if table.run}
+    for verb, function in (functions | {"sim": plumbob.simulate, "decode": plumbob.decode}).items():
         kinds = [one.kind for one in inspect.signature(function).parameters.values() if one.default is not one.empty]
         optional = kinds[1:] if verb in FIRST else kinds
         assert set(optional) <= {inspect.Parameter.KEYWORD_ONLY}

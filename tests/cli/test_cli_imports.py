@@ -11,7 +11,7 @@ import sys
 
 import pytest
 
-from plumbob.cli.main import VERBS
+from plumbob.cli.verbs import VERBS
 from tests.helpers.commandline import table_of
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="the system cannot fork")
@@ -77,8 +77,8 @@ SENSORS = "--frame NED --sensors mpu6000+hmc5983 --unit"
 LINES = """
 --help |
 sim buoy SENSORS calibrated --duration 6s --out sea.parquet | SIMULATED
-filters | numpy filters
-cite | numpy filters
+list filters | numpy filters
+list references | numpy filters
 docs time |
 info sea.parquet | READ calibration
 run sea.parquet --filter mekf | RUN
@@ -98,14 +98,13 @@ emulate buoy --duration 3s --write sea.bin | numpy data.cards.calibration simula
 decode sea.bin --format buoy --out sea-decoded.csv | kernels numpy protocols
 record --from sea.bin --format buoy --out sea.mcap | VIEW kernels
 view none.mcap --no-open | VIEW
-watch none.mcap | VIEW
 control http://127.0.0.1:1/?token=a stop |
 verify sea.mcap | mcap files.mcap zstandard
 repair sea.mcap --out repaired.mcap | mcap files.mcap zstandard
 replay sea.mcap | VIEW kernels
 convert sea.mcap sea.csv | VIEW kernels pyarrow pyarrow.csv
 profile sea.csv --out draft.toml | numpy
-devices | numpy protocols
+list devices | numpy protocols
 arm export none.csv --out program.csv | files.mcap filters mcap numpy
 array info none.parquet | READ kernels
 """

@@ -27,7 +27,7 @@ replay sea.mcap --speed 0 | --speed must be above 0, but it is 0
 replay sea.mcap --speed nan | --speed must be above 0, but it is nan
 replay sea.mcap --params kp=1 | --params, --noise and --init belong to a filter
 replay sea.mcap --calibration other.json | the card is for 'unit 8'
-convert sea.parquet --calibration card.json --out x.parquet --what attitude | holds an attitude but no samples
+convert sea.parquet x.parquet --calibration card.json --what attitude | holds an attitude but no samples
 sim bouy --frame ENU --out x.parquet | known are
 sim buoy --frame ENU --sensors mpu6000 --out x.parquet | --unit
 sim buoy --chain arm --frame NED --out x.parquet | not a program of a chain
@@ -39,7 +39,6 @@ sim teach --frame NED --out x.parquet --set mount_angle=5 | unit
 emulate teach --set wave=3 --write x.bin | no setting 'wave'
 emulate teach --scenario buoy --write x.bin | not a program of a chain
 emulate teach --set bend=20uT,bend_at=base --write x.bin | not at 'base'
-emulate | needs a RIG
 emulate mpu6000 | --scenario buoy
 emulate arm --noise u1=noise.json --noise card.json | one card for all units
 emulate arm --noise u1=none.json | none.json
@@ -48,8 +47,8 @@ emulate buoy --set height=1m | name it with --scenario
 emulate mpu6000 --scenario static --rate 10Hz --duration 1s --tcp :65536 | HOST:PORT
 emulate buoy --warm-up '15 K' | RISE, TIME
 emulate buoy --faults flip | name=value
-devices --c | name a device
-devices nothing | not a known device
+list devices --c | name a device
+list devices nothing | not a known device
 decode empty.bin --format buoy | empty.bin is empty. Give a file of raw bytes.
 decode bad.txt --format buoy | none of its 330 bytes is a frame of buoy.
 decode sea.bin --format buoy --message x | no message 'x'
@@ -122,7 +121,7 @@ arm replay angles.parquet angles.parquet | a model is a chain
 arm replay angles.parquet arm.toml --truth angles.parquet | no place of the hand
 arm replay angles.parquet arm.toml --hand x | --hand names a link
 array info sea.parquet | holds one unit
-array combine sea.mcap --out x.tum | is written as .mcap
+array combine sea.mcap --out x.tum | --out needs a name that ends in .mcap
 report sea.parquet --out x.pdf | --out needs a name that ends in .html or .htm
 report sea.parquet --pdf x.html | --pdf needs a name that ends in .pdf
 report sea.parquet --lang zh | --lang is for --out or --pdf
@@ -142,8 +141,9 @@ benchmark accuracy . --filters mahony --between 3s | --between needs two times
 benchmark accuracy . --filters mahony --against vqf | there is no 'vqf' to compare with
 benchmark accuracy . --filters mahony --noise noise.json | mahony has no parameter that a noise card could give
 benchmark scenario static --frame NED --filters mahony --noise own | mahony has no parameter that a noise card could
-cite kalman | there is no filter 'kalman'; known are complementary
-filters magic | there is no filter 'magic'
+list references kalman | there is no filter 'kalman'; known are complementary
+list filters mahoni | Did you mean 'mahony'?
+run sea.parquet --filter mahony --params kpp=1 | Did you mean 'kp'?
 docs ../time.txt | There is no page '../time.txt'; there are accuracy, acquire
 """
 

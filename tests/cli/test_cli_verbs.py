@@ -6,43 +6,49 @@ from pathlib import Path
 
 import pytest
 
-from plumbob.cli.main import VERBS, build_parser
+from plumbob.cli.main import build_parser
+from plumbob.cli.verbs import VERBS
 from tests.helpers.commandline import answer, ok, refused, table_of, typed
 
 ROOT = Path(__file__).parents[2]
-KINDS = {
-    "calibrate": "hand mag accel gyro table temperature mount statictest",
-    "arm": "align run export replay",
-    "array": "info combine monitor",
-    "benchmark": "accuracy scenario",
-}
-HELPED = [*VERBS, *(f"{verb} {kind}" for verb, kinds in KINDS.items() for kind in kinds.split())]
+KINDS = {verb: [*table.kinds] for verb, table in VERBS.items() if table.kinds} | {"benchmark": ["accuracy", "scenario"]}
+HELPED = [*VERBS, *(f"{verb} {kind}" for verb, kinds in KINDS.items() for kind in kinds)]
 
 
 @pytest.mark.parametrize("verb", HELPED)
 def test_help_has_an_example_that_the_parser_takes_and_a_page_that_is_there(verb):
     told = ok(*verb.split(), "--help").stdout
     assert told.startswith(f"usage: plumbob {verb} ")
-    example, page = re.search(r"^example:\n  (.*?)\n\n.*^documentation: (\S+)", told, re.DOTALL | re.MULTILINE).groups()
+    example, page = re.search(
+        r"^example:\n  (.*?)\n\n.*^documentation:\n  (\S+)", told, re.DOTALL | re.MULTILINE
+    ).groups()
     program, *words = shlex.split(example)
     assert (program, *words[: len(verb.split())]) == ("plumbob", *verb.split())
     build_parser(words[:1]).parse_args(words)
     assert (ROOT / page).is_file()
-    assert set(re.findall(r"^    ([a-z]+)\b", told, re.MULTILINE)) >= set(KINDS.get(verb, "").split())
+    assert set(re.findall(r"^    ([a-z]+)\b", told, re.MULTILINE)) >= set(KINDS.get(verb, []))
 
 
-WRONG = ("run", "eval", "fly", "run x --filter", "arm", "array", "calibrate --live", "calibrate --live mag")
-SHORT = (
-    "run x --filter mahony --fra NED",
-    "sim buoy --sens ideal",
-    "benchmark scenario static --filters mahony --fra NED",
-)
+WRONG = """
+run | required: RECORDING
+eval | required: ESTIMATE, REFERENCE
+arm | required: KIND
+array | required: KIND
+run x --filter | expected one argument
+calibrate --live mag | unrecognized arguments: --live
+fly | there is no verb 'fly'
+reprot | Did you mean 'report'? 'plumbob --help' lists them.
+run x --filter mahony --fra NED | Did you mean '--frame'?
+sim buoy --sens ideal | --out
+benchmark scenario static --filters mahony --fra NED | unrecognized arguments: --fra
+array combine x --out y --weigths noise | Did you mean '--weights'?
+"""
 
 
-@pytest.mark.parametrize("words", [*WRONG, *SHORT])
-def test_wrong_usage_exits_2(words, tmp_path):
+@pytest.mark.parametrize(("words", "why"), table_of(WRONG))
+def test_wrong_usage_exits_2_and_asks_whether_another_word_was_meant(words, why, tmp_path):
     """Options are not abbreviated: a new one would change what an old script means."""
-    typed(words, cwd=tmp_path, code=2)
+    assert why in typed(words, cwd=tmp_path, code=2).stderr
     assert not list(tmp_path.iterdir())
 
 
@@ -68,10 +74,11 @@ allan rest.parquet --triads gyr
 calibrate gyro rest.parquet --method rest
 verify sea.mcap
 replay sea.mcap
-devices
-devices rion
-filters
-filters mekf
+list devices
+list devices rion
+list filters
+list filters mekf
+list rigs
 arm export angles.parquet --out {}/program.csv
 benchmark accuracy . --filters mahony
 """.strip().splitlines()
@@ -93,7 +100,7 @@ run rest.parquet --filter mekf --noise noise.json --out {} | .csv | noise.json
 report sea.parquet --filter mekf --out {} | .html | sea.parquet
 plot sea.parquet --what rates --filter none --out {} | .svg | sea.parquet
 eval track.parquet sea.parquet --html {} | .html | sea.parquet
-convert sea.parquet --out {} | .csv | sea.parquet
+convert sea.parquet {} | .csv | sea.parquet
 decode sea.bin --format buoy --out {} | .csv | sea.bin
 emulate buoy --write {} | .bin |
 record --from sea.bin --format buoy --out {} | .mcap |

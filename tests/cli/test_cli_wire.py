@@ -1,4 +1,4 @@
-"""plumbob devices, decode and emulate: what they print, where losses are told, how they end."""
+"""plumbob list devices, decode and emulate: what they print, where losses are told, how they end."""
 
 import json
 import os
@@ -159,20 +159,20 @@ def test_truth_card_and_faults_lie_beside(tmp_path):
 
 
 def test_lists_name_every_device_with_its_values_and_the_page_is_up_to_date():
-    listed = typed("devices").stdout
+    listed = typed("list devices").stdout
     assert all(f"  {name} " in listed for name in (*catalog.names(), *PLANS))
-    assert all(name in typed("emulate --list").stdout for name in (*PLANS, "unplug", "burst"))
-    assert {row["name"] for row in answer("devices")["devices"]} == set(catalog.names())
-    assert answer("devices rion")["framing"]["sync"] == ["68", "77"]
-    assert "count / gyr_range deg/s" in typed("devices mpu6000").stdout
-    assert "count / 65.5 deg/s" in typed("devices mpu6000 --option 'gyr_range=500 deg/s'").stdout
-    # otherwise: plumbob devices --markdown > docs/devices.md
-    assert (ROOT / "docs" / "devices.md").read_text(encoding="utf-8") == typed("devices --markdown").stdout
+    assert all(name in typed("list rigs").stdout for name in (*PLANS, "unplug", "burst"))
+    assert {row["name"] for row in answer("list devices")["devices"]} == set(catalog.names())
+    assert answer("list devices rion")["framing"]["sync"] == ["68", "77"]
+    assert "count / gyr_range deg/s" in typed("list devices mpu6000").stdout
+    assert "count / 65.5 deg/s" in typed("list devices mpu6000 --option 'gyr_range=500 deg/s'").stdout
+    # otherwise: plumbob list devices --markdown > docs/devices.md
+    assert (ROOT / "docs" / "devices.md").read_text(encoding="utf-8") == typed("list devices --markdown").stdout
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 def test_the_printed_header_compiles(tmp_path):
-    (tmp_path / "buoy.h").write_text(typed("devices buoy --c").stdout)
+    (tmp_path / "buoy.h").write_text(typed("list devices buoy --c").stdout)
     (tmp_path / "main.c").write_text('#include "buoy.h"\nint main(void) { plumbob_buoy f; plumbob_buoy_seal(&f); }\n')
     words = shlex.split("cc -std=c11 -Wall -Werror -Wno-unused-function -c main.c")
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)

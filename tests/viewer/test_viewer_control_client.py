@@ -48,7 +48,7 @@ def answer(ok, text):
 def test_a_command_is_posted_with_the_token_in_a_header_and_answered():
     kept = []
     with answering(200, answer(True, "marked: a"), kept) as url:
-        assert control(url, "mark", text="a") == "marked: a"
+        assert control(url, "mark", "a") == "marked: a"
     ((path, headers, body),) = kept
     assert path == "/api/command"
     assert headers["Authorization"] == "Bearer secret"

@@ -138,9 +138,9 @@ def test_a_tare_lets_angles_count_from_now_and_what_is_not_a_terminal_is_refused
     assert "tared" in text(terminal)[0]
     keys(terminal, monkeypatch, "t")
     assert "tared" not in text(terminal)[0]
-    assert re.search("standard output is not one.*plumbob record", refused("watch", "--emulate", "buoy"))
+    assert re.search("standard output is not one.*plumbob record", refused("view", "--terminal", "--emulate", "buoy"))
     with pytest.raises(ParameterError, match="fills a terminal"):
-        plumbob.watch(emulate="buoy")
+        plumbob.view(emulate="buoy", terminal=True)
 
 
 @pytest.mark.parametrize(("yaw", "frame", "heading"), [
@@ -218,7 +218,7 @@ class Screen:
 
 
 def test_a_rig_fills_a_terminal_is_recorded_by_a_key_and_ends_by_another(tmp_path):
-    screen = Screen([*PLUMBOB, "watch", "--emulate", "buoy"], tmp_path)
+    screen = Screen([*PLUMBOB, "view", "--terminal", "--emulate", "buoy"], tmp_path)
     screen.until(r"mekf .*±")
     screen.until(r"recording: nothing")
     screen.press("r")
@@ -238,7 +238,7 @@ def test_a_rig_fills_a_terminal_is_recorded_by_a_key_and_ends_by_another(tmp_pat
 
 def test_a_recording_is_paused_by_the_space_bar(tmp_path):
     live_samples.record(tmp_path / "a.mcap", live_samples.reads(live_samples.stream(10.0)))
-    screen = Screen([*PLUMBOB, "watch", "a.mcap", "--lang", "zh"], tmp_path, columns=60)
+    screen = Screen([*PLUMBOB, "view", "a.mcap", "--terminal", "--lang", "zh"], tmp_path, columns=60)
     screen.until("播 *放")
     screen.press(" ")
     screen.until("暂 *停 ")

@@ -293,12 +293,12 @@ def test_the_view_answers_commands_over_http(tmp_path):
         def opened(url):
             def aside():
                 try:
-                    said["record"] = plumbob.control(url, "record", name="http")
-                    said["mark"] = plumbob.control(url, "mark", text="now")
+                    said["record"] = plumbob.control(url, "record", "http")
+                    said["mark"] = plumbob.control(url, "mark", "now")
                     with pytest.raises(ParameterError, match="the view refuses"):
                         plumbob.control(url, "record")
                     with pytest.raises(ParameterError, match="the view refuses"):
-                        plumbob.control(url, "seek", value=3.0)
+                        plumbob.control(url, "seek", 3.0)
                     said["stop"] = plumbob.control(url, "stop")
                     with pytest.raises(LineError, match="does not accept the token"):
                         plumbob.control(url[:-1] + ("a" if url[-1] != "a" else "b"), "stop")
@@ -332,7 +332,7 @@ def test_a_signal_ends_the_verb_in_time_and_the_recording_whole(tmp_path):
             url = next(line for line in process.stderr if line.startswith("http"))
             drained = threading.Thread(target=process.stderr.read)
             drained.start()
-            plumbob.control(url.strip(), "record", name="signal")
+            plumbob.control(url.strip(), "record", "signal")
             until(lambda: (recorded(url.strip()) or {}).get("rows", 0) > 0, "no row was recorded")
             began = time.monotonic()
             process.send_signal(signal.SIGTERM)

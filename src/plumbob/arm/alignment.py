@@ -26,10 +26,10 @@ from plumbob.arm.geometry import (
 from plumbob.arm.links import FORCE_SD, FORCE_TIME, GROUND, PLAY_TIME, JointLink, chain_links, joint_axes, unit_numbers
 from plumbob.arm.smoother import Attitudes, estimate_motion
 from plumbob.core import check
-from plumbob.core.check import Floats
+from plumbob.core.check import Floats, number
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.core.params import build
-from plumbob.core.units import deg, dps, to_deg
+from plumbob.core.units import Quantity, deg, dps, given, to_deg
 from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards.file import Card, built, kind_of
 from plumbob.data.chain import Chain, Joint, Segment
@@ -237,21 +237,12 @@ def opened_chain(chain: Chain | ArmCard | str | Path) -> Chain | ArmCard:
     return ArmCard.load(chain) if kind_of(chain) == ArmCard.KIND else load_chain(chain)
 
 
-def opened_array(array: "ImuArray | Source | Sequence[Source] | Mapping[str, Source]") -> ImuArray:
-    """Recording of several units, read where it was named; errors as of `plumbob.door.reading.read_array`."""
-    if isinstance(array, ImuArray):
-        return array
-    from plumbob.door.reading import read_array
-
-    return read_array(array)
-
-
 def align(
     chain: Chain | str | Path,
     array: "ImuArray | Source | Sequence[Source] | Mapping[str, Source]",
     *,
     poses: Sequence[Pose] = (),
-    pose_sd: float = deg(1.0),
+    pose_sd: float | str = "1 deg",
     mount_angle: float = MOUNT_ANGLE,
     mount_shift: float = MOUNT_SHIFT,
     params: Mapping[str, Any] | None = None,
@@ -271,8 +262,8 @@ def align(
     poses : sequence of (float, float, sequence of float)
         From when to when, s, the chain was held still at which angles, rad. One at rest with all angles at zero in
         the first seconds says how units sit about axes that motion shows badly.
-    pose_sd : float
-        How exactly they were held, rad.
+    pose_sd : float or str
+        How exactly they were held, rad, or text with a unit.
     mount_angle, mount_shift : float
         How well the chain's own mounts are known before, rad and m; standard deviations.
     params : mapping, optional
@@ -291,8 +282,13 @@ def align(
     ShapeError
         If the recording is too short or a unit lacks a gyroscope or an accelerometer.
     """
-    chain = check.kind("chain", opened_chain(chain), Chain)
-    for name, value in (("pose_sd", pose_sd), ("mount_angle", mount_angle), ("mount_shift", mount_shift)):
+    from plumbob.door.reading import opened_array
+
+    chain, held = (
+        check.kind("chain", opened_chain(chain), Chain),
+        number("pose_sd", given("pose_sd", pose_sd, Quantity.ANGLE), "rad"),
+    )
+    for name, value in (("pose_sd", held), ("mount_angle", mount_angle), ("mount_shift", mount_shift)):
         if not 0.0 < value < np.inf:
             raise ParameterError(f"{name} must be above 0 and finite, but it is {value:g}.")
     array = opened_array(array)
@@ -303,7 +299,7 @@ def align(
             f"the motion lasts {samples.t[-1] - samples.t[0]:.3g} s, but {SHORTEST:g} s are needed at least; a minute "
             "in which every joint turns is good."
         )
-    search = _AlternatingSearch(chain, samples, settings, _Mounting(poses, pose_sd, mount_angle, mount_shift))
+    search = _AlternatingSearch(chain, samples, settings, _Mounting(poses, held, mount_angle, mount_shift))
     fits, mounted, sd = search.solve(), search.chain, search.mount_sd
     if not chain.known:
         mounted, sd = _geometry(chain, fits, poses), _found_sd(chain, fits)

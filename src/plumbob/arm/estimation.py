@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.arm.alignment import ArmCard, chain_samples, filter_params, opened_array, opened_chain
+from plumbob.arm.alignment import ArmCard, chain_samples, filter_params, opened_chain
 from plumbob.arm.anchor import UNKNOWN, Anchored, anchored, drifting
 from plumbob.arm.angles import JointTrack
 from plumbob.arm.filter import Params, UnitSamples
 from plumbob.arm.links import GROUND, JointLink, chain_links, unit_numbers
 from plumbob.arm.smoother import FRAME_SD, LOST, Attitudes, ChainStart, estimate_motion
 from plumbob.core import check, flags
-from plumbob.core.check import Floats
+from plumbob.core.check import Floats, number
 from plumbob.core.errors import ParameterError
 from plumbob.core.params import describe, shown
 from plumbob.core.series import Series
-from plumbob.core.units import deg, to_deg
+from plumbob.core.units import Quantity, deg, given, to_deg
 from plumbob.data import AttitudeTrack
 from plumbob.data.array import ImuArray
 from plumbob.data.chain import Chain, Joint, Posture
@@ -153,7 +153,7 @@ def run(
     frame: Frame | str | None = None,
     causal: bool = False,
     pose: str | Sequence[float] | None = None,
-    pose_sd: float = deg(1.0),
+    pose_sd: float | str = "1 deg",
     params: Mapping[str, Any] | None = None,
     note: Callable[[str], None] | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -176,8 +176,8 @@ def run(
     pose : "zero" or sequence of float, optional
         The angles, rad, that were held at the first sample. A ball joint on a fixed base needs it, as nothing else
         says where the arm points.
-    pose_sd : float
-        How exactly they were held, rad.
+    pose_sd : float or str
+        How exactly they were held, rad, or text with a unit.
     params : mapping, optional
         Of the filter, `plumbob.arm.filter.Params`; what is not named follows from what is known of the units.
     note : callable, optional
@@ -194,8 +194,10 @@ def run(
     ParameterError
         If the chain's geometry is not known, a segment has no unit, or units are missing.
     """
+    from plumbob.door.reading import opened_array
+
     model, card = _opened(chain)
-    array = opened_array(array)
+    array, held = opened_array(array), number("pose_sd", given("pose_sd", pose_sd, Quantity.ANGLE), "rad")
     wanted = navigation_frame(
         next(iter(array.units.values())), None if frame is None else Frame.parse(frame), where="the recording"
     )
@@ -206,12 +208,10 @@ def run(
     posture = None if pose is None else _posture(model, pose)
     posed = posture is not None
     start, motion = estimate_motion(
-        samples, links, settings, north=north, pose=posture, pose_sd=pose_sd, smooth=not causal,
+        samples, links, settings, north=north, pose=posture, pose_sd=held, smooth=not causal,
         progress=_counter(len(samples), progress),
     )  # fmt: skip
-    anchor = _anchor(
-        model, samples, motion, settings, start, north, posed=pose_sd if posed else None, smooth=not causal
-    )
+    anchor = _anchor(model, samples, motion, settings, start, north, posed=held if posed else None, smooth=not causal)
     strays = _strays(links, motion)
     estimate = _Reading(model, card, motion, anchor, inside, wanted, samples.flags, strays).estimate(
         north=_north(model, start, anchor, posed=posed, causal=causal),

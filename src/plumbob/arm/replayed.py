@@ -96,7 +96,7 @@ class Replay(Series):
 
 
 def replay(
-    program: Program | JointTrack,
+    program: Program | JointTrack | str | Path,
     model: Chain | str | Path,
     *,
     hand: str = "",
@@ -107,8 +107,8 @@ def replay(
 
     Parameters
     ----------
-    program : Program or JointTrack
-        What it does.
+    program : Program, JointTrack or path
+        What it does; a table of angles, ``.csv`` or ``.parquet``.
     model : Chain or path
         A chain, its ``.toml`` file, or a URDF file, which is moved by the kinematics of pytransform3d: not by ours.
     hand : str
@@ -125,6 +125,7 @@ def replay(
     MissingExtraError
         If a URDF is given and pytransform3d is not installed.
     """
+    program = Program.load(program) if isinstance(program, str | Path) else program
     done = Program.from_track(program) if isinstance(program, JointTrack) else program
     recorded = np.asarray(done.recorded)
     if not isinstance(model, Chain) and Path(model).suffix.lower() != ".toml":

@@ -107,7 +107,7 @@ def _add_scenario(kinds: common.Adder) -> None:
 
 
 def add_filters(p: argparse.ArgumentParser, *, required: bool = True) -> None:
-    p.add_argument("--filters", required=required, metavar="A,B", help="see 'plumbob filters'")
+    p.add_argument("--filters", required=required, metavar="A,B", help="see 'plumbob list filters'")
     p.add_argument("--params", metavar="P", help=f"{common.PARAMS_HELP}; with several filters write filter.name=value")
 
 
@@ -142,7 +142,6 @@ def show(result: Result, args: argparse.Namespace) -> int:
 
 def run_accuracy(args: argparse.Namespace) -> int:
     """Do it on recordings."""
-    from plumbob.cli.eval import alignments
     from plumbob.fleet.experiments.peers import peer_runs
     from plumbob.fleet.experiments.trials import measure_accuracy, trials_in
 
@@ -158,7 +157,7 @@ def run_accuracy(args: argparse.Namespace) -> int:
             peers=others,
             absent=absent,
             frame=common.frame_arg(args),
-            align=alignments(args.align),
+            align=common.alignments(args.align),
             changes=changes,
             seed=args.seed,
             between=_between(args.between),

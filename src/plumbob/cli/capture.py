@@ -157,17 +157,6 @@ def _cells(progress: "Progress") -> dict[tuple[int, int, int], str]:
     return cells
 
 
-def add_live(p: argparse.ArgumentParser) -> None:
-    """Options of kinds that have a guide."""
-    p.add_argument("--guide", action="store_true", help="print how the capture went, and what it lacks")
-    live = p.add_argument_group("live", "calibrate while the unit is moved, with instructions for the next step")
-    live.add_argument(
-        "--live", action="store_true", help="INPUT is a session file (TOML); or give --port, --from, --iio"
-    )
-    common.add_line(live)
-    live.add_argument("--raw", type=Path, metavar="MCAP", help="recording of the capture, raw bytes and samples")
-
-
 def live_capture(args: argparse.Namespace, triads: tuple[str, ...], base: "CalibrationCard | None") -> "Capture":
     """Guided capture from a line; what would spoil its end is refused before it begins."""
     from plumbob.calibration.calibration import capture, unit_of
@@ -274,7 +263,9 @@ def _session(args: argparse.Namespace) -> "Session":
     from plumbob.live.session_toml import capture_session
 
     named = args.device if args.file is None else None
-    session = capture_session(args.file, capture=args.start, device=named, **common.line_args(args))
+    names = ("port", "rate", "time", "iio", "baud", "format", "unit")
+    line = {name: value for name in names if (value := getattr(args, name, None)) is not None}
+    session = capture_session(args.file, capture=args.start, device=named, **line)
     record = None if args.raw is None else replace(session.record or RecordSpec(""), path=str(args.raw))
     device = session.meta.device
     if device == session.form.name:
@@ -311,51 +302,12 @@ def _lines(guide: "Guide", progress: "Progress") -> list[str]:
     return [*lines, ""]
 
 
-def add_gravity(p: argparse.ArgumentParser) -> None:
-    """Options that say what gravity is."""
-    p.add_argument("--gravity", metavar="ACCELERATION", help="gravity at the place with its unit, m/s2")
-    p.add_argument("--latitude", metavar="ANGLE", help="latitude of the place instead, as '52.5 deg'")
-    p.add_argument("--height", metavar="LENGTH", help="height of the place above the sea, as '40 m'; with --latitude")
-
-
-def add_field(p: argparse.ArgumentParser) -> None:
-    """Options that say what the magnetic field is."""
-    field = p.add_mutually_exclusive_group()
-    field.add_argument("--strength", metavar="FIELD", help="strength of the field at the place with unit, as '48.5 uT'")
-    field.add_argument(
-        "--place",
-        metavar="LAT,LON[,HEIGHT]",
-        help="where the capture was taken, in degrees and metres: takes the field of the World Magnetic Model",
-    )
-
-
-def add_options(
-    p: argparse.ArgumentParser, *, file: str = "recording of the capture", guide: str | None = None
-) -> None:
-    """Options that every kind has; a kind with a guide also those of a live capture."""
-    p.add_argument("file", type=Path, nargs="?" if guide else None, metavar="INPUT", help=file)
-    common.add_profile(p)
-    raw = "; with --live: raw bytes in a file, as a logger keeps them" if guide else ""
-    p.add_argument("--from", dest="start", metavar="TIME", help=f"leave out what comes before, such as 5s{raw}")
-    p.add_argument("--to", dest="stop", metavar="TIME", help="leave out what comes after")
-    p.add_argument("--device", metavar="ID", help="the unit, where the recording does not name it")
-    common.add_calibration(p, "card so far: used for other triads, and kept")
-    p.add_argument("--out", type=Path, metavar="JSON", help="card to write; that of --calibration is completed")
-    common.add_page(p)
-    common.add_force(p)
-    common.add_json(p)
-    p.set_defaults(told={}, live=False, guided=guide)
-    if guide:
-        add_live(p)
-
-
 def find(args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...] = (), **converted: Any) -> int:
     """Calibrate what the options name, from a file or live, and finish; what else is read is among `inputs`."""
     from plumbob.door.calibrate import kind_options
 
-    return _finish(
-        args, _calibrated(args, kind, inputs, {n: getattr(args, n, None) for n in kind_options(kind)} | converted)
-    )
+    given = {name: value for name in kind_options(kind) if (value := getattr(args, name, None)) is not None}
+    return _finish(args, _calibrated(args, kind, inputs, given | converted))
 
 
 def _calibrated(

@@ -21,52 +21,15 @@ if TYPE_CHECKING:
     from plumbob.rotations import Frame
 
 
-def add_line(p: argparse._ActionsContainer, *, all_units: str = "") -> None:
-    """Options of a line, besides its session file and ``--from``; `all_units` says what ``--unit all`` does."""
-    p.add_argument("--port", metavar="DEV", help="serial line, such as /dev/ttyUSB0")
-    p.add_argument(
-        "--rate",
-        metavar="HZ",
-        help="frames per second of --port or --from, where the format has neither clock nor rate",
-    )
-    p.add_argument(
-        "--time",
-        choices=("host", "count"),
-        help="of --port; count: by the frames alone, for a line that loses nothing, such as one faster than real time",
-    )
-    p.add_argument("--iio", metavar="DEV", help="buffer of an IIO device (Linux), by its name or number")
-    p.add_argument("--baud", type=int, default=115200, help="its speed (115200)")
-    p.add_argument("--format", metavar="NAME|TOML", help="known device, see 'plumbob devices', or a format file")
-    add_unit(p, f"which unit, where a frame has several, as the six of the rig 'arm'{all_units}")
-
-
-def line_args(args: argparse.Namespace) -> dict[str, Any]:
-    """What the options of `add_line` say, as `plumbob.record` takes it."""
-    return {name: getattr(args, name) for name in ("port", "rate", "time", "iio", "baud", "format", "unit")}
-
-
-def add_estimate(p: argparse.ArgumentParser) -> None:
-    """Options of the estimate."""
-    p.add_argument("--filter", metavar="NAME", help="estimate with this one of 'plumbob filters', as smoother")
-    p.add_argument("--lag", metavar="TIME", help="of the smoother, as 5s: attitudes come that much later; default: 0s")
-    p.add_argument("--params", metavar="P", help=PARAMS_HELP)
-    add_frame(p, "navigation frame; needed where something estimates")
-    add_calibration(p, "calibration card to apply")
-    add_noise(p)
-    add_init(p)
-
-
-def estimate_args(args: argparse.Namespace) -> dict[str, Any]:
-    """What the options of `add_estimate` say, as `plumbob.record` and `plumbob.replay` take it."""
-    names = ("lag", "frame", "calibration", "noise", "init")
-    return {name: getattr(args, name) for name in names} | filter_args(args)
-
-
-def filter_args(args: argparse.Namespace, *, instead: Sequence[str] = ()) -> dict[str, Any]:
-    """The one filter of --filter with --params; None, or a word that stands `instead` of one, as it is."""
+def filter_args(args: argparse.Namespace) -> dict[str, Any]:
+    """The one filter of --filter with --params; None, a filter of rates, or a word that stands for one as it is."""
     from plumbob.core.errors import ParameterError
 
-    if args.filter is None or args.filter in instead:
+    if args.filter is None:
+        return {"filter": None, "params": dict(pairs(args.params))}
+    from plumbob.filters.known import RATE_FILTERS
+
+    if args.filter in ("track", "none", *RATE_FILTERS):
         return {"filter": args.filter, "params": dict(pairs(args.params))}
     chosen = stages(args.filter, args.params)
     if len(chosen) != 1:
@@ -113,12 +76,12 @@ class Status:
 
 Adder = Any  # argparse's sub-parser action, whose type is private
 
-PARAMS_HELP = "name=value,... with units (kp=0.5,gate=0.08g,mag=off), or a TOML file; see 'plumbob filters'"
+PARAMS_HELP = "name=value,... with units (kp=0.5,gate=0.08g,mag=off), or a TOML file; see 'plumbob list filters'"
 
 
 def more(example: str, page: str, *text: str) -> str:
     """End of a verb's help: an example, what else to know, and the page of the documentation."""
-    return "\n".join(("example:", f"  {example}", "", *text, f"documentation: {guide(page)}"))
+    return "\n".join(("example:", f"  {example}", "", *text, "documentation:", f"  {guide(page)}"))
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
@@ -131,39 +94,9 @@ def add_frame(parser: argparse.ArgumentParser, help_: str) -> None:
     parser.add_argument("--frame", metavar="ENU|NED|NWU", help=help_)
 
 
-def add_init(parser: argparse._ActionsContainer) -> None:
-    """Option --init."""
-    parser.add_argument(
-        "--init",
-        metavar="level|truth|ROLL,PITCH,HEADING",
-        help="attitude to start from, as 10deg,0deg,90deg; truth: the reference's first; without it the first samples",
-    )
-
-
-def add_place(parser: argparse._ActionsContainer) -> None:
-    """Options --place and --date."""
-    parser.add_argument(
-        "--place",
-        metavar="LAT,LON[,HEIGHT]",
-        help="where it was recorded, degrees and metres: the declination is that of the World Magnetic Model, and "
-        "headings are true",
-    )
-    parser.add_argument("--date", metavar="YYYY-MM-DD", help="day of --place, where the recording does not know it")
-
-
 def add_profile(parser: argparse.ArgumentParser) -> None:
     """Option --profile."""
     parser.add_argument("--profile", type=Path, metavar="TOML", help="what the columns of a CSV or text file mean")
-
-
-def add_unit(parser: argparse._ActionsContainer, help_: str = "which of several units that the file holds") -> None:
-    """Option --unit."""
-    parser.add_argument("--unit", metavar="NAME|N", help=help_)
-
-
-def add_calibration(parser: argparse.ArgumentParser, help_: str = "calibration card to apply first") -> None:
-    """Option --calibration."""
-    parser.add_argument("--calibration", type=Path, metavar="JSON", help=help_)
 
 
 def add_noise(
@@ -187,7 +120,7 @@ def add_option(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="an option of the format, as gyr_range='500 deg/s'; see 'plumbob devices NAME'",
+        help="an option of the format, as gyr_range='500 deg/s'; see 'plumbob list devices NAME'",
     )
 
 
@@ -223,6 +156,14 @@ def read(path: Path, profile: Path | None = None) -> "Recording":
     return recording
 
 
+def alignments(text: str) -> tuple[str, ...]:
+    """Words of a comma list, each a known alignment."""
+    from plumbob.core import check
+
+    words = tuple(word.strip() for word in text.split(",") if word.strip())
+    return tuple(check.one_of("--align", word, ("heading", "mounting", "time")) for word in words)
+
+
 def span(text: str) -> tuple[float, float]:
     """Begin and end of a stretch of time, s, of ``0s..5s``."""
     from plumbob.core.errors import ParameterError
@@ -232,17 +173,6 @@ def span(text: str) -> tuple[float, float]:
     if not dots:
         raise ParameterError(f"a span is written as 0s..5s, but it is '{text}'.")
     return parse(first, Quantity.TIME), parse(last, Quantity.TIME)
-
-
-def add_send(parser: argparse._ActionsContainer) -> None:
-    """Option --send."""
-    parser.add_argument(
-        "--send",
-        action="append",
-        default=[],
-        metavar="'FORM TARGET [RATE] [A,B]'",
-        help="send the attitude, as 'nmea udp:127.0.0.1:10110 10Hz HDT,PASHR'; see 'plumbob send'; repeatable",
-    )
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:
@@ -356,7 +286,7 @@ def stages(names: str, params: str | None) -> "list[Stage]":
 
     wanted = [name.strip() for name in names.split(",") if name.strip()]
     if not wanted:
-        raise ParameterError("no filter is named; see 'plumbob filters'.")
+        raise ParameterError("no filter is named; see 'plumbob list filters'.")
     for name in wanted:
         load(name)
     by_filter: dict[str, dict[str, Any]] = {name: {} for name in wanted}

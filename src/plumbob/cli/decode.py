@@ -32,7 +32,7 @@ def add_parser(verbs: common.Adder) -> None:
         epilog=common.more("plumbob decode raw.bin --format buoy --out table.csv", "formats.md"),
     )
     p.add_argument("file", metavar="FILE", help="raw bytes, as a device sent them; '-' for standard input")
-    p.add_argument("--format", required=True, metavar="F", help="device, rig, or TOML file; see 'plumbob devices'")
+    p.add_argument("--format", required=True, metavar="F", help="device, rig, or TOML file; see 'plumbob list devices'")
     common.add_option(p)
     p.add_argument(
         "--ring", action="store_true", help="the file is a log written round and round: its frames by their counter"

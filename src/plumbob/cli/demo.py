@@ -277,7 +277,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _show(out: Path) -> None:
     """Show the buoy on the live page for a while; where that cannot be, say why."""
-    from plumbob.cli.view import has_display
+    from plumbob.cli.special import has_display
     from plumbob.core.errors import MissingExtraError
     from plumbob.live.transports.transport import Stop
     from plumbob.viewer.view import view

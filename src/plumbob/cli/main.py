@@ -11,56 +11,18 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
-from importlib import import_module
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final, NoReturn, TextIO, cast
 
 from plumbob.cli import common
+from plumbob.cli.engine import add_verb, named_function
+from plumbob.cli.verbs import GROUPS, VERBS
 from plumbob.core.errors import PlumbobError
-from plumbob.core.text import visible
+from plumbob.core.text import closest, visible
 from plumbob.core.version import __version__
 
 _LAYOUT: Final = "\n\t"
-
-VERBS = (
-    "demo",
-    "devices",
-    "decode",
-    "emulate",
-    "record",
-    "view",
-    "watch",
-    "control",
-    "replay",
-    "send",
-    "verify",
-    "repair",
-    "convert",
-    "profile",
-    "doctor",
-    "sim",
-    "run",
-    "report",
-    "batch",
-    "reproduce",
-    "plot",
-    "eval",
-    "compare",
-    "allan",
-    "calibrate",
-    "arm",
-    "array",
-    "info",
-    "benchmark",
-    "tune",
-    "filters",
-    "cite",
-    "docs",
-)
-
-FORMER: Final = {"export": "convert"}
-"""Verbs by the names that they had, which scripts may still use."""
 
 EPILOG = """\
 exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done, but a recording is damaged (verify),
@@ -101,21 +63,25 @@ class Parser(argparse.ArgumentParser):
         super().__init__(**{"formatter_class": _LineHelp, **settings, "allow_abbrev": False})
 
 
-def build_parser(verbs: Sequence[str] = VERBS) -> argparse.ArgumentParser:
-    """Parser of the command line with these verbs; with one alone, its own help and errors read as with all."""
+def build_parser(verbs: Sequence[str] = (), words: Sequence[str] | None = None) -> argparse.ArgumentParser:
+    """Parser of these verbs, as far as `words` need it; without a verb it has a help that lists all, by groups."""
+    lines = []
+    for title, group in () if verbs else GROUPS.items():
+        lines += [f"{title}:", *(f"  {name:11}{verb.line}" for name, verb in group.items()), ""]
     parser = Parser(
         prog="plumbob",
+        usage=None if verbs else "plumbob [--help] [--version] VERB ...",
         description="Attitude from MEMS inertial sensors. Without a verb, plumbob prints the order of work.",
-        epilog=EPILOG,
+        epilog="\n".join([*lines, EPILOG]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"plumbob {__version__}")
-    parsers = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
-    for verb in verbs:
-        import_module(f"plumbob.cli.{verb}").add_parser(parsers)
-    for former, verb in FORMER.items() if len(verbs) == 1 else ():
-        if verb in verbs:
-            parsers.choices[former] = parsers.choices[verb]  # not in the list of all
+    parsers = parser.add_subparsers(dest="verb", metavar="VERB", required=True, help=argparse.SUPPRESS)
+    for name in verbs:
+        if VERBS[name].run:
+            add_verb(parsers, name, VERBS[name], words)
+        else:
+            named_function(f"cli.{name}.add_parser")(parsers)
     return parser
 
 
@@ -130,22 +96,25 @@ def _joined(words: Sequence[str]) -> list[str]:
     return joined
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command line and return its exit code; without a verb, print the order of work."""
-    if not (sys.argv[1:] if argv is None else argv):
-        print(ORDER, end="")
-        return 0
-    return run(argv, _parser_for, "plumbob")
-
-
 def _parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
-    """Parser of the one verb that is asked for, which imports no other; of all where none is."""
-    verbs = [FORMER.get(word, word) for word in words[:1]]
-    return build_parser(verbs if verbs and verbs[0] in VERBS else VERBS)
+    """Parser of the one verb that is asked for, which imports no other; without a verb, print the order of work."""
+    if not words:
+        print(ORDER, end="")
+        raise SystemExit(0)
+    if words[0] in VERBS:
+        return build_parser(words[:1], words)
+    parser = build_parser()
+    if not words[0].startswith("-"):
+        parser.error(f"there is no verb '{words[0]}'.{closest(words[0], VERBS)} 'plumbob --help' lists them.")
+    return parser
 
 
-def run(argv: Sequence[str] | None, parser: Callable[[Sequence[str]], argparse.ArgumentParser], program: str) -> int:
-    """Run the command line of a program and return its exit code; an error becomes a line."""
+def main(
+    argv: Sequence[str] | None = None,
+    parser: Callable[[Sequence[str]], argparse.ArgumentParser] = _parser_for,
+    program: str = "plumbob",
+) -> int:
+    """Run the command line of a program, by default of Plumbob, and return its exit code; an error becomes a line."""
     for stream in (sys.stdout, sys.stderr):  # a terminal that cannot show µ or ² must not cost the result
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
@@ -156,9 +125,12 @@ def run(argv: Sequence[str] | None, parser: Callable[[Sequence[str]], argparse.A
     args = argparse.Namespace(verb=" ".join(words[:1]))  # until they are parsed
     try:
         with _ending_by_signal():
-            args = parser(words).parse_args(_joined(words))
+            parsing = parser(words)
+            args, unknown = parsing.parse_known_args(_joined(words))
+            if unknown:
+                _refuse_options(unknown, getattr(args, "parser", parsing))
             with _visible_output():
-                code: int = args.run(args)
+                code: int = args.prepare(args)() if hasattr(args, "prepare") else args.run(args)
         if sys.stdout:
             sys.stdout.flush()
     except PlumbobError as error:
@@ -179,6 +151,12 @@ def run(argv: Sequence[str] | None, parser: Callable[[Sequence[str]], argparse.A
         print(f"{program} {args.verb}: this is a defect of plumbob {__version__}; please report it.", file=sys.stderr)
         return 70
     return code
+
+
+def _refuse_options(unknown: Sequence[str], parser: argparse.ArgumentParser) -> NoReturn:
+    """Refuse words in the name of the verb, and ask whether another option was meant."""
+    near = closest(unknown[0].partition("=")[0], parser._option_string_actions)
+    parser.error(f"unrecognized arguments: {' '.join(unknown)}.{near}")
 
 
 def _forget_what_nobody_reads() -> None:

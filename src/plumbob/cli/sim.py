@@ -25,22 +25,21 @@ def add_parser(verbs: common.Adder) -> None:
         "a chain, simulate the units on its segments; true joint angles and the chain are written beside them.",
         epilog=common.more("plumbob sim buoy --frame NED --duration 60s --out sea.parquet", "start.md"),
     )
-    add_scenario_options(p, optional=True)
+    add_scenario_options(p)
     p.add_argument("--chain", metavar="NAME|TOML", help="chain that a program moves (default, of teach: teach)")
     common.add_noise(p, "noise card whose N, B and K the sensors take instead of their own")
     common.add_warm_up(p)
     p.add_argument("--seed", type=int, default=0, metavar="N", help="seed of everything random (default 0)")
-    p.add_argument("--out", type=Path, metavar="FILE", help="recording to write (.parquet or .csv)")
+    p.add_argument("--out", type=Path, required=True, metavar="FILE", help="recording to write (.parquet or .csv)")
     p.add_argument("--card", type=Path, metavar="JSON", help="write the unit's calibration card too")
     p.add_argument("--noise-card", type=Path, metavar="JSON", help="write the unit's noise card too")
     common.add_force(p)
-    p.add_argument("--list", action="store_true", help="list scenarios, chains, sensors, and stop")
     p.set_defaults(run=run)
 
 
-def add_scenario_options(p: argparse.ArgumentParser, *, optional: bool = False) -> None:
+def add_scenario_options(p: argparse.ArgumentParser) -> None:
     """Options that say what to simulate."""
-    p.add_argument("scenario", nargs="?" if optional else None, metavar="SCENARIO", help="see 'plumbob sim --list'")
+    p.add_argument("scenario", metavar="SCENARIO", help="see 'plumbob list scenarios'")
     common.add_frame(p, "navigation frame of the truth and of the body's axes; needed")
     p.add_argument("--sensors", default="ideal", metavar="A+B", help="parts, as mpu6000+hmc5983 (default ideal)")
     p.add_argument(
@@ -76,16 +75,10 @@ def scenario_settings(args: argparse.Namespace) -> "tuple[Frame, dict[str, Any]]
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob import files
-    from plumbob.core.errors import ParameterError
     from plumbob.data import calibration_told
     from plumbob.data.recording import Recording
     from plumbob.simulation import simulate
 
-    if args.list:
-        _print_list()
-        return 0
-    if args.scenario is None or args.out is None:
-        raise ParameterError("sim needs a SCENARIO and --out FILE; 'plumbob sim --list' shows what there is.")
     if args.chain is not None or args.scenario == TEACH:
         return _run_chain(args)
     common.check_outputs(args, *common.with_profile(args.out), args.card, args.noise_card, inputs=(args.noise,))
@@ -135,23 +128,3 @@ def _run_chain(args: argparse.Namespace) -> int:
     print(f"truth        {label}, frame {frame}, in {', '.join(map(str, chain_files(args.out)))}")
     print(f"calibration  {calibration_told(next(iter(made.units.values())).imu.meta.calibration)}")
     return 0
-
-
-def _print_list() -> None:
-    from plumbob.core.params import describe, shown
-    from plumbob.simulation import CHAINS, PROGRAMS, SCENARIOS, preset, preset_names
-    from plumbob.simulation.bodies import SETTINGS
-
-    for name, kind in SCENARIOS.items():
-        print(f"{name}: {(kind.__doc__ or '').splitlines()[0]}")
-        for p in describe(kind):
-            print(f"    {p.name:16} {shown(p, p.default):>14}  {p.spec.meaning}")
-    print("chains, for --chain, and what they may do instead of a scenario")
-    for name, chain in CHAINS.items():
-        print(f"    {name:18} {', '.join(f'{joint.name} ({joint.kind})' for joint in chain.joints)}")
-    for name, program in PROGRAMS.items():
-        print(f"    {name:18} {(program.__doc__ or '').splitlines()[0]}")
-    print(f"    settings: {', '.join(SETTINGS)}")
-    print("sensors, joined by +")
-    for name in preset_names():
-        print(f"    {name:18} {preset(name).title}")

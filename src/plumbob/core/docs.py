@@ -1,5 +1,7 @@
 """Pages of the documentation, which an installed package has inside and a checkout beside it."""
 
+import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from plumbob.core.errors import ParameterError, PlumbobError
@@ -33,7 +35,7 @@ def docs(page: str | None = None) -> str:
     Parameters
     ----------
     page : str, optional
-        Its name, as in a message or short: ``"docs/time.md"``, ``"time"``.
+        Its name, as in a message or short: ``"docs/time.md"``, ``"time"``; or a verb of the command line, as "allan".
 
     Returns
     -------
@@ -60,6 +62,8 @@ def page_path(page: str) -> Path:
     pages = _pages()
     name = Path(page).name.removesuffix(".md") if isinstance(page, str) else ""
     if name not in pages:
+        name = _page_of_verb(name, pages)
+    if name not in pages:
         raise ParameterError(f"There is no page {page!r}; there are {', '.join(pages)}.")
     return pages[name]
 
@@ -71,3 +75,10 @@ def _pages() -> dict[str, Path]:
 def _title(page: Path) -> str:
     with page.open(encoding="utf-8") as lines:
         return next(lines).strip("# \n")
+
+
+def _page_of_verb(verb: str, pages: Mapping[str, Path]) -> str:
+    """Page that the reference of the command line names at a verb; empty where there is none."""
+    text = pages["command-line"].read_text(encoding="utf-8") if "command-line" in pages else ""
+    section = re.search(rf"^#+ {re.escape(verb)}\n(?:(?!^#).*\n)*?documentation: \[([\w-]+)\.md\]", text, re.M)
+    return section[1] if section and verb else ""

@@ -16,6 +16,7 @@ from typing import Any
 
 from plumbob.core import units
 from plumbob.core.errors import DecodeError, PlumbobError, UnitError, excerpt, one_line
+from plumbob.core.text import closest
 from plumbob.core.units import Quantity
 
 Parse = Callable[[str, Any], Any]
@@ -163,7 +164,9 @@ def form(
             for key in raw:
                 if key not in keys:
                     place = start + key
-                    raise DecodeError(f"{name or where} has no key {_unknown(key, keys)}")
+                    raise DecodeError(
+                        f"{name or where} has no key {excerpt(key)}; known are {', '.join(keys)}.{closest(key, keys)}"
+                    )
             for key in required:
                 if key not in raw:
                     raise missing(place, key)
@@ -179,14 +182,6 @@ def form(
 
     properties = {key: json_schema(parser) for key, parser in keys.items()}
     return described(parse, type="object", properties=properties, required=list(required), additionalProperties=False)
-
-
-def _unknown(key: str, keys: Mapping[str, Parse]) -> str:
-    import difflib  # only where a word is wrong
-
-    close = difflib.get_close_matches(key, keys, 1)
-    meant = f" (did you mean '{close[0]}'?)" if close else ""
-    return f"{excerpt(key)}{meant}; known are {', '.join(keys)}."
 
 
 def into(kind: Callable[..., Any]) -> Callable[[str, dict[str, Any]], Any]:

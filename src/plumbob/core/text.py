@@ -40,6 +40,14 @@ def counted(count: int, noun: str, plural: str = "") -> str:
     return f"{count} {noun if count == 1 else plural or noun + 's'}"
 
 
+def closest(word: object, words: Iterable[str]) -> str:
+    """Question whether another word was meant, after a full stop; empty where none is like it."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(str(word), list(words), 1)
+    return f" Did you mean '{near[0]}'?" if near else ""
+
+
 def p_value(p: float) -> str:
     """Probability of a test as it is printed: ``p = 0.032``, or ``p < 0.001``."""
     return "p < 0.001" if p < 1e-3 else f"p = {p:.2g}"

@@ -102,7 +102,51 @@ def calibrate(
     note : callable, optional
         Called with each note on the way.
     **options
-        Of the kind, as those of the command line: numbers in SI, or text with a unit; see `kind_options`.
+        Of the kind; see `kind_options`. Numbers are SI, or text with a unit.
+    gravity, latitude, height : float or str, optional
+        Of accel and hand: gravity at the place, m/s2; or its latitude, rad, with its height above the sea, m. The
+        standard one sets the scale, too, and moves no horizon. Of table: a latitude takes the Earth's rate out.
+    strength : float or str, optional
+        Of mag and hand: strength of the field at the place, µT, as ``"48.5 uT"``.
+    place : str, optional
+        Of mag and hand: where the capture was taken, ``LAT,LON[,HEIGHT]``; takes the field of the World Magnetic Model.
+    shape : str
+        Of accel: "six" or "axes" give bias and scale, from pairs of faces or any poses, "ellipsoid" misalignment too.
+        Of mag: model of the distortion, "sphere", "axes", "ellipsoid", or "level" for a unit that cannot tilt. "auto"
+        tests which is needed.
+    moving : bool
+        Of accel: turned slowly without rests, beside a gyroscope.
+    with_ : {"auto", "none", "acc", "gyr"}
+        Of mag: sensors that help.
+    in_use : bool
+        Of mag: a long record of a unit at work, which nobody turned for it: hard and soft iron by the gyroscope.
+    tilt : float or str, optional
+        Of mag: inclination up to which headings count, rad; by default 45°.
+    method : {"auto", "rest", "hand", "ferraris"}
+        Of gyro: how; "auto" says which.
+    preset : {"trackball"}, optional
+        Of gyro: bias at rest with a paper's coefficients, not measured ones.
+    parts : path, optional
+        Of gyro by Ferraris: where the parts of a session lie, ``part,from_s,to_s``.
+    angle : float or str
+        Of gyro by Ferraris: of each turn of a session.
+    rates : sequence of float, optional
+        Of table: its rates, rad/s, as '50,100,200 deg/s'; plateaus are found.
+    plan : path, optional
+        Of table: plateaus, ``from_s,to_s,rate_x_dps,… [,acc_x_g,…]``.
+    model : {"auto", "12", "21"}
+        Of table: 21 parameters have g-sensitivity.
+    mounting : float or str
+        Of table: tilt of the unit on it, rad.
+    frame : Frame or str, optional
+        Of mount: body axes, z down in NED, z up in ENU and NWU; needed for poses.
+    level, raised : (float, float), optional
+        Of mount: when the body was level, by default the first rest, and when its nose was raised, by default the rest
+        that leans most.
+    level_only : bool
+        Of mount: roll and pitch only; heading of the mounting taken as zero.
+    reference, estimate : path, optional
+        Of mount: attitude of the body, and that of the unit, instead of poses.
 
     Returns
     -------

@@ -255,7 +255,7 @@ class Outline:
 
 
 def estimate(
-    recording: str | Path | Recording | ImuData,
+    recording: str | Path | Sequence[str | Path] | Recording | ImuData,
     filter: str | None = None,
     *,
     causal: bool = False,
@@ -280,8 +280,8 @@ def estimate(
 
     Parameters
     ----------
-    recording : path, Recording or ImuData
-        Sensor data; a file of any format that `plumbob.read` takes.
+    recording : path, sequence of paths, Recording or ImuData
+        Sensor data; a file of any format that `plumbob.read` takes, or files of one recording, with a sensor each.
     filter : str, optional
         Name of a causal filter, `plumbob.filter_names` lists them, or "smoother", which is the default: each attitude
         is then estimated from what came before and after it.
@@ -432,7 +432,11 @@ def _stage(filter: str | None, causal: bool, lag: float | str | None, stage: Sta
 
 
 def opened_samples(
-    given: str | Path | Recording | ImuData, profile: str | Path | None, unit: str | None, *, whole: bool
+    given: str | Path | Sequence[str | Path] | Recording | ImuData,
+    profile: str | Path | None,
+    unit: str | None,
+    *,
+    whole: bool,
 ) -> tuple[str, Recording, ImuData]:
     """What messages call it, the recording, and its samples.
 
@@ -446,8 +450,9 @@ def opened_samples(
     if isinstance(given, Recording):
         label, source = given.name, given.of_unit(unit)
     else:
-        file = check.path("recording", given)
-        source = read_one(file, profile=None if profile is None else Path(profile), whole=whole, unit=unit)
+        files = given if isinstance(given, str | Path) else [check.path("recording", file) for file in given]
+        source = read_one(files, profile=None if profile is None else Path(profile), whole=whole, unit=unit)
+        file = Path(files if isinstance(files, str | Path) else files[0])
         label, source = str(file), replace(source, name=file.name)
     if source.imu is None:
         raise ShapeError(f"{label} holds an attitude but no sensor data, so there is nothing to estimate from.")

@@ -6,6 +6,7 @@ from typing import Protocol
 
 from plumbob.core.check import number, said
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.files import is_same_file
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack
 from plumbob.data.recording import found_in
@@ -82,6 +83,12 @@ def evaluate(
         given("declination", declination, Quantity.ANGLE),
         number("settle", given("settle", settle, Quantity.TIME), "s"),
     )
+    if (
+        isinstance(estimate, str | Path)
+        and isinstance(reference, str | Path)
+        and is_same_file(Path(estimate), Path(reference))
+    ):
+        raise ParameterError(f"{estimate} is both estimate and reference; name the track of 'plumbob run' first.")
     tracks = _attitude("estimate", estimate, None, note), _attitude("reference", reference, profile, note)
     return judge(*tracks, settings)
 

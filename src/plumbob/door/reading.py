@@ -85,6 +85,13 @@ def read_one(
 Source = str | os.PathLike[str]
 
 
+def opened_array(array: "ImuArray | Source | Sequence[Source] | Mapping[str, Source]") -> "ImuArray":
+    """Recording of several units, read where it is named; errors as of `read_array`."""
+    from plumbob.data.array import ImuArray
+
+    return array if isinstance(array, ImuArray) else read_array(array)
+
+
 def read_array(
     sources: Source | Sequence[Source] | Mapping[str, Source],
     *,

@@ -20,7 +20,7 @@ from plumbob.core.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IM
 from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobWarning, ShapeError
 from plumbob.core.kernels import Kernel, bare, kernel, specialise
 from plumbob.core.params import Spec, build, describe, shown
-from plumbob.core.text import FactsText
+from plumbob.core.text import FactsText, closest
 from plumbob.core.units import Quantity, to_deg
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.sample import ImuSample
@@ -546,8 +546,9 @@ def _split_params(name: str, module: FilterModule, values: dict[str, Any]) -> tu
     shared = {p.name for p in describe(CommonParams)}
     unknown = [k for k in values if k not in specific | shared]
     if unknown:
-        valid_names = ", ".join(p.name for p in (*describe(module.Params), *describe(CommonParams)))
-        raise ParameterError(f"{name} has no parameter '{unknown[0]}'; known are {valid_names}.")
+        names = [p.name for p in (*describe(module.Params), *describe(CommonParams))]
+        near = closest(unknown[0], names)
+        raise ParameterError(f"{name} has no parameter '{unknown[0]}'; known are {', '.join(names)}.{near}")
     return (
         build(module.Params, {k: v for k, v in values.items() if k in specific}, of=name),
         build(CommonParams, {k: v for k, v in values.items() if k in shared}, of=name),

@@ -10,6 +10,7 @@ from plumbob.core.check import said
 from plumbob.core.docs import docs_folder
 from plumbob.core.errors import ParameterError
 from plumbob.core.kernels import Kernel
+from plumbob.core.text import closest
 
 _MODULES = (
     "complementary",
@@ -80,7 +81,8 @@ def load(name: str) -> FilterModule:
             "gives samples, which a filter of attitudes may then take."
         )
     if not isinstance(name, str) or name not in estimator_names():
-        raise ParameterError(f"there is no filter {said(name)}; known are {', '.join(estimator_names())}.")
+        names = estimator_names()
+        raise ParameterError(f"there is no filter {said(name)}; known are {', '.join(names)}.{closest(name, names)}")
     place = "smoother.model" if name == SMOOTHER else name
     return cast("FilterModule", import_module(f"plumbob.filters.{place}"))
 

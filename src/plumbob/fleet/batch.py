@@ -20,8 +20,6 @@ from plumbob.fleet.items import JOBS, Item, Source, batch_items
 from plumbob.fleet.job import COLUMNS, VERDICTS, BatchSettings, JobOutcome
 from plumbob.fleet.places import Place, as_place, is_url
 from plumbob.fleet.workers import outcomes
-from plumbob.overview.streaming_stats import BURST
-from plumbob.quality.tilt import LIMIT
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
@@ -111,8 +109,8 @@ def batch(
     date: str | None = None,
     profile: str | Path | None = None,
     unit: str | None = None,
-    burst: float | str = BURST,
-    tilt_limit: float | str = LIMIT,
+    burst: float | str = "20 min",
+    tilt_limit: float | str = "15 deg",
     align: Iterable[str] = (),
     settle: float | str = 0.0,
     pages: bool = False,

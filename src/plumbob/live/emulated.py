@@ -249,7 +249,7 @@ def _plan(
         return form, replace(_moved(plan, scenario, parameters), rate=rate or plan.rate)
     motion = _named(scenario, parameters)
     if motion is None:
-        raise ParameterError(f"say what moves {form.name}: --scenario buoy, or another of 'plumbob sim --list'.")
+        raise ParameterError(f"say what moves {form.name}: --scenario buoy, or another of 'plumbob list scenarios'.")
     return form, plan_for(form, motion, sensors=sensors or "ideal", frame=Frame.parse(frame or Frame.NED), rate=rate)
 
 

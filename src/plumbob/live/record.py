@@ -88,7 +88,7 @@ def record(
     Parameters
     ----------
     session : Session or path, optional
-        What the stream is; without one, `line` says it.
+        What the stream is, a file (``.toml``); without one, the options of the line say it.
     out : path, optional
         Recording to write, ``.mcap``; ``{utc}`` in its name is the time of the start.
     next_part : bool

@@ -483,7 +483,7 @@ def capture_session(
         raise ParameterError("--iio takes no --format and no --unit: the kernel says what the bytes mean.")
     if iio is None and format is None:
         raise ParameterError(
-            "--port and --from need --format: what the bytes mean is not guessed; see 'plumbob devices'."
+            "--port and --from need --format: what the bytes mean is not guessed; see 'plumbob list devices'."
         )
     source = _source_table(port, capture, iio, baud=baud, rate=rate, time=time)
     held = {_card_name(key, card): card.text() for key, card in cards.items() if isinstance(card, Card)}

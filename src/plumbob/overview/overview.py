@@ -14,12 +14,11 @@ from plumbob.data import ImuData
 from plumbob.data.recording import Recording
 from plumbob.overview.figures import WHATS, figure, figures
 from plumbob.overview.report_entry import Progress, Subject, duration, read_subject, subject_from
-from plumbob.overview.streaming_stats import BURST, Gatherer
+from plumbob.overview.streaming_stats import Gatherer
 from plumbob.overview.tables import comparison_table, summary, tables
 from plumbob.overview.traces import WHOLE
 from plumbob.overview.wording import definitions, remarks
 from plumbob.quality.grade import grade
-from plumbob.quality.tilt import LIMIT
 from plumbob.reporting.report import Report, Reported
 from plumbob.rotations import Frame
 
@@ -126,8 +125,8 @@ def report(
     date: str | None = None,
     profile: str | Path | None = None,
     unit: str | None = None,
-    burst: float | str = BURST,
-    tilt_limit: float | str = LIMIT,
+    burst: float | str = "20 min",
+    tilt_limit: float | str = "15 deg",
     out: str | Path | None = None,
     pdf: str | Path | None = None,
     lang: str = "en",
@@ -154,8 +153,8 @@ def report(
         Where to write the page, HTML.
     pdf : path, optional
         Where to write it as a PDF, which Chromium or Chrome prints.
-    lang : str
-        Language of the labels, "en" or "zh".
+    lang : {"en", "zh"}
+        Language of the labels.
     overwrite : bool
         Whether files that lie there may be replaced.
     note : callable, optional
@@ -199,7 +198,7 @@ def report(
 
 
 def make_gatherer(
-    *, burst: float | str = BURST, tilt_limit: float | str = LIMIT, most: int = WHOLE, **more: Any
+    *, burst: float | str = "20 min", tilt_limit: float | str = "15 deg", most: int = WHOLE, **more: Any
 ) -> Gatherer:
     """Gatherer with options that may be text with a unit.
 
@@ -230,7 +229,7 @@ def of_estimate(result: "Estimated", gatherer: Gatherer, file: str | Path) -> Ov
 
 def plot(
     file: Source,
-    path: str | Path,
+    out: str | Path,
     *,
     what: str = "angles",
     begin: float | str | None = None,
@@ -238,8 +237,8 @@ def plot(
     width: float | str | None = None,
     lang: str = "en",
     overwrite: bool = False,
-    burst: float | str = BURST,
-    tilt_limit: float | str = LIMIT,
+    burst: float | str = "20 min",
+    tilt_limit: float | str = "15 deg",
     note: Callable[[str], object] | None = None,
     progress: Progress | None = None,
     **how: Any,
@@ -250,7 +249,7 @@ def plot(
     ----------
     file : path, Recording or ImuData
         The recording.
-    path : path
+    out : path
         The picture; its ending says whether it is SVG, PNG or PDF.
     what : str
         One of "angles", "tilt", "rates", "forces", "field", "temperature", "bias", "sd", "spectrum", "rose", "bursts"
@@ -259,8 +258,8 @@ def plot(
         Times between which samples count, s, or text with a unit; the attitude is estimated of the whole recording.
     width : float or str, optional
         Of the picture, m, or text with a unit, as "85 mm" for a column.
-    lang : str
-        Language of the labels, "en" or "zh".
+    lang : {"en", "zh"}
+        Language of the labels.
     overwrite : bool
         Whether a picture that lies there may be replaced.
     burst, tilt_limit, note, progress : optional
@@ -282,7 +281,7 @@ def plot(
     """
     from plumbob.reporting.drawing import picture, picture_kind
 
-    target = check.path("path", path)
+    target = check.path("out", out)
     picture_kind(target)
     if what not in WHATS:
         raise ParameterError(f"there is not a figure '{what}'. Give one of {', '.join(WHATS)}.")

@@ -13,6 +13,7 @@ from plumbob.core import schema, units
 from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, ParameterError, UnitError, excerpt
 from plumbob.core.files import reading, text_of
+from plumbob.core.text import closest
 from plumbob.core.units import Quantity
 from plumbob.protocols import checksum
 from plumbob.protocols.field import MARKS, ROLES, SIZES, WORDS, Checksum, Field, Provenance
@@ -73,7 +74,7 @@ def device(name: str) -> Format:
     if name not in formats_in(CATALOG):
         raise ParameterError(
             f"'{name}' is not a known device; known are {', '.join(device_names())}. For another format, give its "
-            ".toml file."
+            f".toml file.{closest(name, device_names())}"
         )
     return formats_in(CATALOG)[name]
 

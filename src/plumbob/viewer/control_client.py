@@ -15,21 +15,20 @@ _PATIENCE: Final = 15.0
 _MOST: Final = 1 << 16
 
 
-def control(url: str, verb: str, *, name: str = "", text: str = "", value: float | None = None) -> str:
+def control(url: str, what: str, argument: str | float | None = None) -> str:
     """Ask a live view for something, as a button of its page does.
+
+    record [NAME], stop, mark TEXT, tare, untare, text [NAME], text-stop, add NAME, remove NAME; of a recording that is
+    played: play, pause, seek SECONDS, speed FACTOR; calibrate KIND, calibrate-end, calibrate-cancel, allan-reset.
 
     Parameters
     ----------
     url : str
         Its address with the token, as `plumbob view` prints it.
-    verb : str
-        One of `plumbob.viewer.commands.VERBS`: ``record``, ``stop``, ``mark``, ``tare``, ``seek``...
-    name : str
-        Of what is recorded, written, added, removed or calibrated.
-    text : str
-        Of a mark.
-    value : float, optional
-        A position, s, or a speed.
+    what : str
+        What to do.
+    argument : str or float, optional
+        What it needs: a name, the text of a mark, a position, s, or a speed.
 
     Returns
     -------
@@ -45,9 +44,7 @@ def control(url: str, verb: str, *, name: str = "", text: str = "", value: float
     DecodeError
         If what answers is not a view.
     """
-    _require_known(verb)
-    given = {"verb": verb, "name": name, "text": text, "value": value}
-    answer = _posted(*_place(url), {"id": 1, **{key: arg for key, arg in given.items() if arg not in ("", None)}})
+    answer = _posted(*_place(url), {"id": 1, "verb": what, **verb_value(what, argument)})
     if not isinstance(answer.get("ok"), bool) or not isinstance(answer.get("text"), str):
         raise DecodeError(f"what answers at {_bare(url)} is not a view of this version of Plumbob.")
     if not answer["ok"]:
@@ -56,8 +53,8 @@ def control(url: str, verb: str, *, name: str = "", text: str = "", value: float
     return reply
 
 
-def verb_value(verb: str, argument: str | None) -> dict[str, Any]:
-    """What a verb's argument is to `control`, by name.
+def verb_value(verb: str, argument: str | float | None) -> dict[str, Any]:
+    """What a verb's argument is to the view, by name.
 
     Raises
     ------
@@ -72,7 +69,7 @@ def verb_value(verb: str, argument: str | None) -> dict[str, Any]:
     if not kind:
         raise ParameterError(f"'{verb}' takes nothing behind it, but got '{argument}'.")
     if kind != "value":
-        return {kind: argument}
+        return {kind: str(argument)}
     try:
         value = float(argument)
     except ValueError:

@@ -8,18 +8,16 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from plumbob.core.errors import ParameterError
 from plumbob.core.flags import names
 from plumbob.core.text import visible
-from plumbob.core.units import Quantity, given, to_deg
-from plumbob.data.chain import Chain
+from plumbob.core.units import to_deg
 from plumbob.live.transports.transport import Stop, Stopping
 from plumbob.rotations import Frame, North
 from plumbob.rotations.headings import heading_of
@@ -27,12 +25,10 @@ from plumbob.viewer.angles import Tare, euler_deg
 from plumbob.viewer.messages import Batch, Command, Hello
 from plumbob.viewer.outlet import Asked
 from plumbob.viewer.rows import REFERENCE
-from plumbob.viewer.view import Viewed, opened_up
 
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from plumbob.live.session import Session
 
 _EVERY: Final = 0.1
 _STALE_NS: Final = 1_000_000_000
@@ -418,7 +414,7 @@ def _pressed() -> str:
 
 
 @contextmanager
-def _keys_at_once() -> Iterator[None]:
+def keys_at_once() -> Iterator[None]:
     """Terminal that gives each key as it is pressed, and does not show it."""
     try:
         import termios
@@ -438,7 +434,7 @@ def _keys_at_once() -> Iterator[None]:
 
 
 @contextmanager
-def _painted(terminal: Terminal) -> Iterator[None]:
+def painted(terminal: Terminal) -> Iterator[None]:
     """Screen that a thread keeps up to date: a terminal that does not take its text keeps nobody else waiting."""
     from rich.console import Console, Group
     from rich.live import Live
@@ -460,63 +456,7 @@ def _painted(terminal: Terminal) -> Iterator[None]:
         painter.join(_JOIN)
 
 
-def watch(
-    what: "Session | str | Path | None" = None,
-    *,
-    lang: str = "en",
-    folder: str | Path = ".",
-    also: Sequence[str] = (),
-    chain: Chain | str | Path | None = None,
-    emulate: str | None = None,
-    duration: float | str | None = None,
-    stop: Stopping | None = None,
-    **line: Any,
-) -> Viewed:
-    """Show a line as it runs, or play a recording, as text that fills a terminal.
-
-    Keys: q ends, r starts and stops a recording, m marks, the space bar pauses a recording that is played, and t lets
-    angles count from the attitude now.
-
-    Parameters
-    ----------
-    what, folder, also, chain, emulate, duration, stop, **line
-        As of `plumbob.view`.
-    lang : {"en", "zh"}
-        Language of the labels.
-
-    Returns
-    -------
-    Viewed
-
-    Raises
-    ------
-    ParameterError
-        If standard output is not a terminal, or as of `plumbob.view`.
-    PlumbobError
-        As of `plumbob.view`.
-    """
-    if not sys.stdout.isatty():
-        raise ParameterError(
-            "watch fills a terminal, and standard output is not one. 'plumbob record' follows a line without one."
-        )
-    seconds = given("duration", duration, Quantity.TIME, positive=True)
-    ended = _Either(stop)
-    terminal = Terminal(ended, lang)
-
-    def note(text: str) -> None:
-        terminal.event(terminal.now.t, "note", text)
-
-    with ExitStack() as stack:
-        shown = stack.enter_context(opened_up(what, emulate=emulate, chain=chain, note=note, line=line, also=also))
-        stack.enter_context(_keys_at_once())
-        stack.enter_context(_painted(terminal))
-        return shown.run(
-            terminal, folder=Path(folder), control=True, duration=seconds,
-            stop=ended, note=note, echo=lambda text: None, opened=lambda: None,
-        )  # fmt: skip
-
-
-class _Either(Stop):
+class EitherStop(Stop):
     """Says when to end: where a key, or somebody else, says so."""
 
     __slots__ = ("_other",)

@@ -1,5 +1,6 @@
 """The live view: a line or a recording, shown by a server of its own, and what a page may ask of it."""
 
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -107,6 +108,8 @@ def view(
     also: Sequence[str] = (),
     chain: Chain | str | Path | None = None,
     emulate: str | None = None,
+    terminal: bool = False,
+    lang: str = "en",
     open_browser: bool = False,
     duration: float | str | None = None,
     send: Sequence[str] = (),
@@ -139,6 +142,11 @@ def view(
         Chain whose segments carry the units; its stick figure is shown.
     emulate : str, optional
         A rig of `plumbob emulate`, which is started and shown.
+    terminal : bool
+        Show it as text that fills a terminal, as over ssh, and serve no page. Keys: q ends, r starts and stops a
+        recording, m marks, the space bar pauses what is played, and t lets angles count from the attitude now.
+    lang : {"en", "zh"}
+        Language of the labels in a terminal.
     open_browser : bool
         Whether to open the page.
     duration : float or str, optional
@@ -170,10 +178,13 @@ def view(
     PlumbobError
         As `plumbob.load_session`, `plumbob.estimate`.
     """
-    require_view()
-    say = note or (lambda line: None)
     place = check.path("folder", folder)
     seconds = given("duration", duration, Quantity.TIME, positive=True)
+    if terminal:
+        return _fill_terminal(what, lang=lang, folder=place, duration=seconds, stop=stop, also=also, chain=chain,
+                              emulate=emulate, line=line)  # fmt: skip
+    require_view()
+    say = note or (lambda line: None)
     serving = Serving(host=host, port=http_port, control=control, clients=clients, allow_origin=tuple(allow_origin),
                       folder=place)  # fmt: skip
     with ExitStack() as stack:
@@ -196,6 +207,41 @@ def view(
             server, folder=place, control=control, duration=seconds, stop=stop, note=say, echo=say, opened=begun
         )
         return replace(viewed, restarts=server.starts - 1)
+
+
+def _fill_terminal(
+    what: "Session | str | Path | None",
+    *,
+    lang: str,
+    folder: Path,
+    duration: float | None,
+    stop: Stopping | None,
+    also: Sequence[str],
+    chain: Chain | str | Path | None,
+    emulate: str | None,
+    line: Mapping[str, Any],
+) -> Viewed:
+    """Show it as text that fills a terminal, which standard output must be; arguments as of `view`."""
+    from plumbob.viewer.terminal import EitherStop, Terminal, keys_at_once, painted
+
+    if not sys.stdout.isatty():
+        raise ParameterError(
+            "--terminal fills a terminal, and standard output is not one. 'plumbob record' follows a line without one."
+        )
+    ended = EitherStop(stop)
+    terminal = Terminal(ended, lang)
+
+    def note(text: str) -> None:
+        terminal.event(terminal.now.t, "note", text)
+
+    with ExitStack() as stack:
+        shown = stack.enter_context(opened_up(what, emulate=emulate, chain=chain, note=note, line=line, also=also))
+        stack.enter_context(keys_at_once())
+        stack.enter_context(painted(terminal))
+        return shown.run(
+            terminal, folder=folder, control=True, duration=duration,
+            stop=ended, note=note, echo=lambda text: None, opened=lambda: None,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -133,4 +133,4 @@ def test_a_verdict_names_rows_time_and_losses(tmp_path):
     assert verdict.rows == {made.RAW: 30, made.DECODED: 30}
     assert verdict.duration == pytest.approx(0.39)
     assert (verdict.whole, verdict.lossy, verdict.clean) == (False, True, True)
-    assert verdict.as_dict()["damage"][0]["lost"] == {made.RAW: 10, made.DECODED: 10}
+    assert verdict.summary()["damage"][0]["lost"] == {made.RAW: 10, made.DECODED: 10}

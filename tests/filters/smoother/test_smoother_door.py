@@ -125,7 +125,7 @@ def test_run_says_how_it_smoothed(file, hand, tmp_path):
     assert np.sin(np.radians(-found["last_attitude_deg"]["pitch"])) == pytest.approx(last[0], abs=1e-9)
     gap = files.write(tmp_path / "gap.parquet", hand.imu(t=hand.t + np.where(hand.t > 3.0, 2.0, 0.0)))
     assert "note: a gap in the samples (until 5.0 s): the attitude starts again" in ok("run", gap).stderr
-    assert "smoother" in json.loads(ok("filters", "--json").stdout)["filters"]
+    assert "smoother" in json.loads(ok("list", "filters", "--json").stdout)["filters"]
 
 
 # --- bad input ----------------------------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """The virtual unit of an array, with the differences of its units put right where that is asked for."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
@@ -9,9 +10,12 @@ from plumbob.arm.array.relative import ArrayInfo, corrected, info
 from plumbob.arm.array.virtual_unit import Combined, combined
 from plumbob.data.array import ImuArray
 
+if TYPE_CHECKING:
+    from plumbob.door.reading import Source
+
 
 def combine(
-    array: ImuArray,
+    array: "ImuArray | Source | Sequence[Source]",
     *,
     weights: str = "noise",
     excluded: Monitored | Mapping[str, ArrayLike] | None = None,
@@ -27,7 +31,7 @@ def combine(
 
     Parameters
     ----------
-    array : ImuArray
+    array : ImuArray, or what `plumbob.read_array` reads
         The units. Clock offsets of its mounts are put right by interpolation.
     weights : {"noise", "range", "equal"}
         Inverse variances from the noise cards, equal where there are none; inverse squares of the ranges; or equal.
@@ -59,6 +63,9 @@ def combine(
     >>> combine(array).imu.acc[0].tolist()
     [0.0, 0.0, 9.8]
     """
+    from plumbob.door.reading import opened_array
+
+    array = opened_array(array)
     if correct is not False:
         array = corrected(array, info(array) if correct is True else correct)
     return combined(array, weights, excluded, causal)

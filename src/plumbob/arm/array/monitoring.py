@@ -1,8 +1,8 @@
 """The monitor of an array: which unit contradicts the others, since when, and what is measured without it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards import NoiseCard
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report
+
+if TYPE_CHECKING:
+    from plumbob.door.reading import Source
 
 KINDS: Final = ("good", "suspect", "deviates", "noisy", "frozen", "dead")
 """What a unit's triad may be, by its number in a word of `Monitored.words`."""
@@ -297,12 +300,12 @@ class Monitor:
         }
 
 
-def monitor(array: ImuArray, *, settings: MonitoringSettings | None = None) -> Monitored:
+def monitor(array: "ImuArray | Source | Sequence[Source]", *, settings: MonitoringSettings | None = None) -> Monitored:
     """Watch an array: which units contradict the others, and what the rest of them measure.
 
     Parameters
     ----------
-    array : ImuArray
+    array : ImuArray, or what `plumbob.read_array` reads
         The units; the noise cards of their mounts say what may be noise. Where none has one, the noise that the values
         show is taken, at least that of a common part. A `Monitor` of a stream takes that of a common part.
     settings : MonitoringSettings, optional
@@ -318,6 +321,9 @@ def monitor(array: ImuArray, *, settings: MonitoringSettings | None = None) -> M
     >>> from plumbob.arm.array import monitor  # doctest: +SKIP
     >>> print(monitor(array).text())  # doctest: +SKIP
     """
+    from plumbob.door.reading import opened_array
+
+    array = opened_array(array)
     from plumbob.arm.array.timeline import aligned
 
     has_card = any(mount.noise is not None for mount in array.mounts.values())

@@ -1,8 +1,8 @@
 """How the units of an array differ: small rotations, relative biases and clock offsets, each with its uncertainty."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from plumbob.data.array import ImuArray
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report, Reported, plain
 from plumbob.rotations import quat_from_rotvec, quat_multiply, skew
+
+if TYPE_CHECKING:
+    from plumbob.door.reading import Source
 
 PRIOR: Final = {"rotation": 0.2, "gyr": 0.1, "acc": 0.3, "mag": 5.0, "clock": 1.0}
 """Standard deviations before anything is seen: rad, rad/s, m/s², µT, s."""
@@ -128,7 +131,7 @@ def _cells(values: Floats, sds: Floats) -> tuple[str, ...]:
     return tuple(measured(value, value - sd, value + sd) for value, sd in pairs)
 
 
-def info(array: ImuArray) -> ArrayInfo:
+def info(array: "ImuArray | Source | Sequence[Source]") -> ArrayInfo:
     """Estimate how the units of an array differ from their mean.
 
     A small rotation of each unit shows in rates, forces and fields; a relative bias in each of them; a clock offset in
@@ -138,7 +141,7 @@ def info(array: ImuArray) -> ArrayInfo:
 
     Parameters
     ----------
-    array : ImuArray
+    array : ImuArray, or what `plumbob.read_array` reads
         The units. They should have been turned about all axes.
 
     Returns
@@ -150,6 +153,9 @@ def info(array: ImuArray) -> ArrayInfo:
     ParameterError
         If there is one unit only.
     """
+    from plumbob.door.reading import opened_array
+
+    array = opened_array(array)
     if len(array.units) < 2:
         raise ParameterError("one unit cannot be compared with others; an array needs two units at least.")
     array = with_noise(array)

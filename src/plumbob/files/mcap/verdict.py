@@ -196,7 +196,7 @@ class Verdict(FactsText):
         self.lost, self.dropped, self.damage = log.lost, dict(log.dropped), list(log.damage)
         self.clean, self.unchecked = log.clean, log.unchecked
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """The verdict as JSON has it."""
         return {
             "files": [str(path) for path in self.paths],

@@ -13,7 +13,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.params import build, describe, shown
 from plumbob.core.repeats import Repeats
-from plumbob.core.text import FactsText
+from plumbob.core.text import FactsText, closest
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.cards.residuals import full_covariance
 from plumbob.data.sample import ImuSample
@@ -107,8 +107,9 @@ class Smoother(FactsText):
         shared = {p.name for p in describe(CommonParams)} - {"max_gap"}
         for name in given:
             if name not in names | shared:
+                possible = (*sorted(names), *sorted(shared))
                 raise ParameterError(
-                    f"{SMOOTHER} has no parameter '{name}'; known are {', '.join((*sorted(names), *sorted(shared)))}."
+                    f"{SMOOTHER} has no parameter '{name}'; known are {', '.join(possible)}.{closest(name, possible)}"
                 )
         self.params: Params = build(Params, {k: v for k, v in given.items() if k in names}, of=SMOOTHER)
         self.common: CommonParams = build(CommonParams, {k: v for k, v in given.items() if k in shared}, of=SMOOTHER)

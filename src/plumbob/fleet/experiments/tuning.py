@@ -224,7 +224,7 @@ class Tuning(Reported):
         """What it is, in words."""
         return {"filter": self.filter, "recordings": str(len(self.recordings)), "verdict": self.verdict()}
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Ready for JSON: parameters in the unit inside, errors in degrees."""
         more = {"proven": self.proven, "gap": self.gap, "verdict": self.verdict(), "version": __version__}
         return {**plain(self), **more}

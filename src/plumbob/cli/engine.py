@@ -1,0 +1,346 @@
+"""A verb is its function: options, their types, defaults and help come from its signature and docstring."""
+
+import argparse
+import inspect
+import re
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import plumbob
+from plumbob.cli import common
+from plumbob.core.docs import guide
+
+Call = Callable[..., Any]
+
+FOR_PROGRAMS: Final = {"note", "progress", "opened", "sinks", "follow", "keep", "covariance", "max_bytes"}
+"""Parameters that only a program can give."""
+SPELLED: Final = {"overwrite": "force", "capture": "from", "start": "from", "begin": "from", "end": "to", "stop": "to",
+                  "layout": "as", "form": "as", "options": "option", "kind": "type", "temp_c": "temp",
+                  "poses": "pose", "with_": "with", "answers": "set"}  # fmt: skip
+"""Parameters whose option has another name: `from` and `as` are words of Python."""
+SHORT: Final = {
+    "array": "SOURCE", "poses": "FROM,TO[,ANGLE...]", "pose_sd": "ANGLE", "pose": "zero|ANGLE,...",
+    "mounts": "TOML|NAME",
+    "frame": "ENU|NED|NWU", "init": "level|truth|ROLL,PITCH,HEADING", "place": "LAT,LON[,HEIGHT]", "params": "P",
+    "date": "YYYY-MM-DD", "profile": "TOML", "calibration": "JSON", "noise": "JSON", "session": "TOML", "set": "P",
+    "unit": "NAME|N", "filter": "NAME", "rate": "HZ", "format": "NAME|TOML", "port": "DEV", "iio": "DEV",
+    "card": "JSON", "rest": "A..B", "tcp": "HOST:PORT", "udp": "HOST:PORT", "warm_up": "RISE,TIME",
+    "send": "'FORM TARGET [RATE] [A,B]'", "faults": "F", "fixed": "P", "chain": "TOML", "lag": "T", "settle": "T",
+    "max_gap": "T", "max_offset": "T", "burst": "T", "start": "T", "stop": "T", "begin": "T", "end": "T",
+    "duration": "T", "tilt_limit": "ANGLE", "declination": "ANGLE", "mount_error": "ANGLE", "high_pass": "HZ",
+    "temp_c": "T", "options": "NAME=VALUE", "speed": "K", "device": "ID", "clock_error": "E", "sensors": "A+B",
+    "fault_log": "FILE", "path": "FILE", "scale": "LSB", "answers": "KEY=VALUE", "rates": "R,…",
+}  # fmt: skip
+"""What stands for a value, by parameter; else by type."""
+
+
+HELP: Final = {
+    "overwrite": "replace files that exist already; never an input",
+    "params": common.PARAMS_HELP,
+    "fixed": f"parameters that keep a value: {common.PARAMS_HELP}",
+    "date": "day of --place, where the recording does not know it",
+    "options": "an option of the format, as gyr_range='500 deg/s'; see 'plumbob list devices NAME'",
+    "send": "send the attitude, as 'nmea udp:127.0.0.1:10110 10Hz HDT,PASHR'; see 'plumbob send'; repeatable",
+}
+"""Help of what the words of a command line say in a way of their own."""
+
+
+FORCE: Final = ("", HELP["overwrite"])
+"""The option --force of a verb whose function replaces nothing."""
+
+
+class Verb(NamedTuple):
+    """What a signature and a docstring do not say of a verb.
+
+    Attributes
+    ----------
+    line : str
+        Of ``plumbob --help``.
+    page, example : str
+        Page of the documentation, and a command line.
+    function : str
+        Public name, or ``module.name`` below `plumbob`; by default that of the verb. Where `run` is empty, what
+        declares a parser of its own, in a module of `plumbob.cli`.
+    also : tuple of str
+        Functions whose parameters the variable keyword of this one takes.
+    brought : tuple of str
+        Options that the last of these brings, which is not imported where none of them is given.
+    named, hidden, repeat, optional : tuple of str
+        Positional parameters that are options, parameters that are none, options that are given again and again, and
+        arguments that may be left out.
+    outputs : tuple of str
+        Parameters that are files to write.
+    exclusive : tuple of tuple of str
+        Parameters of which one is given at most.
+    more : mapping of str to (str, str)
+        Options of the command line alone: what stands for the value (none: a switch; with !: needed), and help.
+    run : str
+        Function of `plumbob.cli.special`, or ``module.name``, that calls, prints and gives the exit code; by default
+        `show` does.
+    code : callable
+        Exit code by the result.
+    kinds : mapping of str to Verb
+        What the verb is for, one of which is named behind it.
+    pages : callable, optional
+        Report of the result for --html and --plot.
+    json : bool
+        Whether there is a summary to print as JSON.
+    ends : mapping of str to tuple of str
+        Endings that the name of an output must have.
+    note : str
+        Last words of the help.
+    """
+
+    line: str
+    page: str
+    example: str
+    function: str = ""
+    also: tuple[str, ...] = ()
+    brought: tuple[str, ...] = ()
+    named: tuple[str, ...] = ()
+    hidden: tuple[str, ...] = ()
+    repeat: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ("out",)
+    exclusive: tuple[tuple[str, ...], ...] = ()
+    more: Mapping[str, tuple[str, str]] = {}
+    run: str = "show"
+    code: Callable[[Any], int] | None = None
+    kinds: Mapping[str, "Verb"] = {}
+    pages: Callable[[Any, argparse.Namespace], Any] | None = None
+    json: bool = True
+    ends: Mapping[str, tuple[str, ...]] = {}
+    note: str = ""
+
+
+VERB_BY_FUNCTION: Final[dict[str, str]] = {"simulate": "sim", "filter_names": "list filters"}
+"""Verbs by their public functions, for help that names a function; the table of verbs completes it."""
+
+
+class Option(NamedTuple):
+    """A parameter as an option or argument: its annotation as it is written, and whether it names a file."""
+
+    name: str
+    parameter: inspect.Parameter
+    function: Call
+    type: str
+    is_path: bool
+
+    def read(self, text: Any) -> Any:
+        """Value of the words of the command line."""
+        if not isinstance(text, str):
+            return text
+        if re.search(r"(Sequence|Collection|Iterable)\[str\]", self.type):
+            return [] if text == "none" else [word.strip() for word in text.split(",") if word.strip()]
+        if "Mapping[" in self.type and not self.is_path:
+            return dict(common.pairs(text))
+        return common.span(text) if self.type.startswith("tuple[") else text
+
+
+def named_function(path: str) -> Call:
+    """What a verb calls, by its public name or as ``module.name``; a public one is not entered by the front door."""
+    home, _, last = path.rpartition(".")
+    function: Call = getattr(import_module(f"plumbob.{home or plumbob._HOME[path]}"), last)
+    return function
+
+
+def parameters(function: Call, verb: Verb) -> dict[str, Option]:
+    """Parameters of a function, and of those that its variable keyword leads to, that a command line can give."""
+    options: dict[str, Option] = {}
+    documented = described(function)
+    for source in (function, *map(named_function, verb.also)):
+        for name, parameter in inspect.signature(source).parameters.items():
+            annotation = parameter.annotation
+            type_ = annotation.__name__ if isinstance(annotation, type) else str(annotation).strip("\"'")
+            first = source is function or parameter.kind is parameter.KEYWORD_ONLY
+            hidden = name in {*FOR_PROGRAMS, *verb.hidden} or "Stopping" in type_
+            if first and parameter.kind is not parameter.VAR_KEYWORD and not hidden:
+                is_path = bool(re.search(r"\bPath|Source\b", type_))
+                home = function if name in documented else source
+                options.setdefault(name, Option(name, parameter, home, type_, is_path))
+    return options
+
+
+def described(function: Call) -> dict[str, tuple[str, str]]:
+    """Type and meaning of each parameter, as the docstring has them."""
+    text = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+$|\Z)", inspect.getdoc(function) or "", re.M | re.S)
+    entries = {}
+    for names, kind, body in re.findall(
+        r"^(\S[^:\n]*)(?: : (.*))?\n((?:    .*\n?|\n)*)", text[1] if text else "", re.M
+    ):
+        for name in names.split(","):
+            entries[name.strip(" *")] = (kind, " ".join(body.split()))
+    return entries
+
+
+def meaning(function: Call, name: str) -> str:
+    """Help of a parameter; where a docstring sends the reader to another function, what stands there."""
+    text = described(function).get(name, ("", ""))[1]
+    if sent := re.match(r"(?:As|What .* as) (?:of|in) `(?:plumbob\.)?([\w.]+)`", text):
+        home, _, last = sent[1].rpartition(".")
+        module = import_module(f"plumbob.{home}" if home else "plumbob")
+        there = getattr(module, last, None) or getattr(import_module(function.__module__), last, None)
+        text = (there and meaning(there, name)) or text
+    text = re.sub(r"^(?:Whether to|Of [\w ]+:) (.)", lambda match: match[1].upper(), text)
+    text = re.sub(r"`plumbob\.(\w+)`", lambda match: _verb(match[1]), text)
+    return text.replace("`", "").removesuffix(".").replace("%", "%%")
+
+
+def _verb(name: str) -> str:
+    """Verb of a public function, or the function where it has none."""
+    return f"'plumbob {VERB_BY_FUNCTION[name]}'" if name in VERB_BY_FUNCTION else f"plumbob.{name}"
+
+
+def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = None) -> argparse.ArgumentParser:
+    """Declare a verb; for `words`, only what they need: their kind, and help where somebody reads it."""
+    helped = words is None or "-h" in words or "--help" in words
+    if verb.kinds:
+        group: argparse.ArgumentParser = parsers.add_parser(
+            name, help=verb.line, description=f"{verb.line[0].upper()}{verb.line[1:]}.", epilog=ending(verb)
+        )
+        kinds_of = group.add_subparsers(dest="kind", metavar="KIND", required=True)
+        for kind, inner in verb.kinds.items():
+            if not inner.run:
+                named_function(f"cli.{inner.function}")(kinds_of)
+            elif words is None or kind in words[:2]:
+                add_verb(kinds_of, kind, inner, words)
+            else:
+                kinds_of.add_parser(kind, help=inner.line)
+        group.set_defaults(parser=group)
+        return group
+    function = named_function(verb.function or name)
+    doc = inspect.getdoc(function) or ""
+    about = re.split(r"^\w[\w ]*\n-+$", doc, maxsplit=1, flags=re.M)[0].replace("`", "")
+    p: argparse.ArgumentParser = parsers.add_parser(
+        name, help=verb.line, description=re.sub(r"(?<=\S)\n(?=\S)", " ", about).strip(),
+        epilog=ending(verb) if helped else "",
+    )  # fmt: skip
+    flags = {word.partition("=")[0] for word in words or ()}
+    idle = verb.brought and not helped and not flags & {_flag(each) for each in verb.brought}
+    options = parameters(function, verb._replace(also=verb.also[:-1]) if idle else verb)
+    docs = {source: described(source) for source in {option.function for option in options.values()}}
+    groups: dict[str, Any] = {}
+    for names in verb.exclusive:
+        groups |= dict.fromkeys(names, p.add_mutually_exclusive_group())
+    for key, option in options.items():
+        settings = _settings(option, verb, docs[option.function].get(key, ("", ""))[0], helped=helped)
+        groups.get(key, p).add_argument(*settings.pop("flags"), **settings)
+    for key, (value, help_) in verb.more.items():
+        needed = value.endswith("!")
+        how: dict[str, Any] = {"metavar": value.rstrip("!"), "required": needed} if value else {"action": "store_true"}
+        groups.get(key, p).add_argument(_flag(key), dest=key, help=help_, **how)
+    if verb.pages is not None:
+        common.add_page(p)
+        if "overwrite" not in options:
+            common.add_force(p)
+    if verb.json:
+        common.add_json(groups.get("json", p))
+    p.set_defaults(prepare=partial(prepare, verb, function, options), parser=p)
+    return p
+
+
+def ending(verb: Verb) -> str:
+    """End of a verb's help: an example, what else to know, and the page of the documentation on a line of its own."""
+    return "\n".join(("example:", f"  {verb.example}", "", *([verb.note, ""] if verb.note else []), "documentation:",
+                      f"  {guide(verb.page)}"))  # fmt: skip
+
+
+def _flag(name: str) -> str:
+    return f"--{SPELLED.get(name, name).replace('_', '-')}"
+
+
+def _settings(option: Option, verb: Verb, kind: str, *, helped: bool) -> dict[str, Any]:
+    """What argparse is to know of a parameter; whatever is not given is left to the function's own default."""
+    name, parameter, type_ = option.name, option.parameter, option.type
+    default = parameter.default
+    help_ = HELP.get(name) or meaning(option.function, name) if helped else ""
+    if helped and default not in (parameter.empty, None, False, "", ()) and "default" not in help_:
+        help_ += f" (default {default:g})" if isinstance(default, float) else f" (default {default})"
+    if helped and (some := re.search(r".\{(.*?)\}", kind)):
+        help_ += f" (any of {some[1].replace(chr(34), '')})"
+    settings: dict[str, Any] = {"help": help_, "default": argparse.SUPPRESS}
+    if type_.split(" |")[0] == "bool":
+        return settings | {"flags": [_flag(name)], "dest": name, "action": "store_true"}
+    if type_.split(" |")[0] in ("int", "float") and "str" not in type_:
+        settings["type"] = int if type_.startswith("int") else float
+    if choices := re.match(r"\{(.*?)\}", kind):
+        settings["choices"] = tuple(word.strip(' "') for word in choices[1].split(","))
+    else:
+        many = re.search(r"(Sequence|Collection|Iterable)\[str", type_)
+        settings["metavar"] = SHORT.get(name) or (
+            "A,B" if many else "FILE" if option.is_path else "N" if "type" in settings else name.upper()
+        )
+    if parameter.kind is parameter.KEYWORD_ONLY or name in verb.named:
+        settings |= {"flags": [_flag(name)], "dest": name, "required": default is parameter.empty}
+        return settings | ({"action": "append"} if name in verb.repeat else {})
+    settings |= {"flags": [name]}
+    if parameter.kind is parameter.VAR_POSITIONAL or re.search(r"(Sequence|Iterable)\[", type_):
+        settings |= {"nargs": "*" if parameter.kind is parameter.VAR_POSITIONAL else "+"}
+    elif default is not parameter.empty or name in verb.optional:
+        settings |= {"nargs": "?"}
+    return settings | ({} if "choices" in settings else {"metavar": SHORT.get(name, name.upper())})
+
+
+def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: argparse.Namespace) -> Call:
+    """Check what would be written, and give what calls the function and finishes."""
+    args.force, args.json = getattr(args, "overwrite", getattr(args, "force", False)), getattr(args, "json", False)
+    given = {name: option.read(getattr(args, name)) for name, option in options.items() if hasattr(args, name)}
+    if "params" in options and "Mapping[" in options["params"].type:
+        chosen = argparse.Namespace(verb=args.verb, filter=given.get("filter"), params=getattr(args, "params", None))
+        given |= {name: value for name, value in common.filter_args(chosen).items() if value}
+    paths = {name: [Path(file) for file in (value if isinstance(value, list) else [value])]
+             for name, value in given.items() if options[name].is_path}  # fmt: skip
+    for name, endings in verb.ends.items():
+        path = given.get(name) or getattr(args, name, None)
+        if path is not None and Path(path).suffix.lower() not in endings:
+            from plumbob.core.errors import ParameterError
+
+            raise ParameterError(f"{_flag(name)} needs a name that ends in {' or '.join(endings)}, but got {path}.")
+    outputs = [file for name in verb.outputs for path in paths.pop(name, ()) for file in common.with_profile(path)]
+    beside = {name: Path(path) for name, (value, _) in verb.more.items() if value and (path := getattr(args, name))
+              and (value == "FILE" or name in verb.outputs)}  # fmt: skip
+    outputs += [beside.pop(name) for name in verb.outputs if name in beside]
+    args.inputs = inputs = [*(path for some in paths.values() for path in some), *beside.values()]
+    if verb.pages is not None:
+        common.check_pages(args, *outputs, inputs=inputs)
+    elif outputs:
+        common.check_outputs(args, *outputs, inputs=inputs)
+
+    def call(to: Call = function, **more: Any) -> Any:
+        signature = inspect.signature(to).parameters
+        takes_all = any(each.kind is each.VAR_KEYWORD for each in signature.values())
+        with common.progress_bars() if "progress" in signature else nullcontext(print) as bars:
+
+            def show(*counts: Any) -> None:
+                title, done, total = counts if len(counts) == 3 else (args.verb, *counts)
+                bars(title, done, total or done)
+
+            values = {"note": common.note, "progress": show, **given, **more}
+            values = {name: value for name, value in values.items()
+                      if name in signature or (takes_all and name in given | more)}  # fmt: skip
+            places = [values.pop(name) for name, each in signature.items()
+                      if name in values and each.kind is not each.KEYWORD_ONLY]  # fmt: skip
+            if any(each.kind is each.VAR_POSITIONAL for each in signature.values()):
+                places = places[0] if places else []
+            return to(
+                *(place[0] if isinstance(place, list) and len(place) == 1 else place for place in places), **values
+            )
+
+    module, _, hook = verb.run.rpartition(".")
+    return partial(getattr(import_module(f"plumbob.cli.{module or 'special'}"), hook), args, verb, call)
+
+
+def show(args: argparse.Namespace, verb: Verb, result: Any, *lines: str, **more: Any) -> int:
+    """Print a result, or that of a call, with further lines or values; write its pages; give the exit code."""
+    result = result() if callable(result) else result
+    if args.json:
+        common.print_json(result.summary() | more)
+    else:
+        print("\n".join((result.text(), *lines)))
+    if verb.pages is not None:
+        common.write_pages(args, verb.pages(result, args))
+    return 0 if verb.code is None else verb.code(result)

@@ -1,0 +1,227 @@
+"""What there is: `plumbob list`."""
+
+import inspect
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from plumbob.core.text import visible
+
+if TYPE_CHECKING:
+    from plumbob.core.params import Parameter
+    from plumbob.protocols.format import Format
+
+
+class Listed(NamedTuple):
+    """A list as text, and its values."""
+
+    lines: str
+    values: dict[str, Any]
+
+    def text(self) -> str:
+        """What is printed."""
+        return self.lines.rstrip("\n")
+
+    def summary(self) -> dict[str, Any]:
+        """The same as JSON has it."""
+        return self.values
+
+
+def filters(name: str | None = None) -> Listed:
+    """List the filters with their sources, what they claim and take, and their parameters with units.
+
+    Of one filter also when to choose it and how it departs from its source.
+
+    Parameters
+    ----------
+    name : str, optional
+        One filter, with its description.
+    """
+    from plumbob.core.params import describe
+    from plumbob.filters import CommonParams, channel, estimator_names, load
+    from plumbob.filters.known import RATE_FILTERS
+
+    if name in RATE_FILTERS:
+        rates = {name: _entry(channel.load(name), described=True)}
+        return Listed("\n".join(_entry_lines(name, rates[name])), {"rate_filters": rates})
+    names = estimator_names() if name is None else (name,)
+    listed = {each: _entry(load(each), described=name is not None) for each in names}
+    shared = [_row(p) for p in describe(CommonParams)]
+    of_rates = {} if name else {each: _entry(channel.load(each), described=False) for each in RATE_FILTERS}
+    lines = [line for each, entry in listed.items() for line in _entry_lines(each, entry)]
+    lines += ["every filter takes also", *_row_lines(shared)]
+    lines += ["filters of rates, which give no attitude"] if of_rates else []
+    lines += [line for each, entry in of_rates.items() for line in _entry_lines(each, entry)]
+    return Listed("\n".join(lines), {"filters": listed, "every_filter": shared, "rate_filters": of_rates})
+
+
+def _entry(module: Any, *, described: bool) -> dict[str, Any]:
+    from plumbob.core.params import describe
+
+    entry = {
+        "summary": module.SUMMARY,
+        "needs": list(module.NEEDS),
+        "references": list(module.REFERENCES),
+        "covariance": hasattr(module, "COVARIANCE"),
+        "noise_card": hasattr(module, "from_noise"),
+        "parameters": [_row(p) for p in describe(module.Params)],
+    }
+    return entry | {"description": inspect.getdoc(module)} if described else entry
+
+
+def _row(p: "Parameter") -> dict[str, Any]:
+    from plumbob.core.params import allowed, shown
+
+    return {
+        "name": p.name,
+        "unit": "on/off" if p.switch else str(p.spec.quantity),
+        "default": p.default,
+        "default_text": shown(p, p.default),
+        "low": _bound(p, p.spec.low),
+        "high": _bound(p, p.spec.high),
+        "range_text": allowed(p),
+        "meaning": p.spec.meaning,
+    }
+
+
+def _bound(p: "Parameter", value: float) -> float | None:
+    """Bound in the unit inside; None for a switch, and where there is none."""
+    return None if p.switch or math.isinf(value) else float(value)
+
+
+def _entry_lines(name: str, entry: dict[str, Any]) -> list[str]:
+    claims = "claims a covariance" if entry["covariance"] else "claims no covariance"
+    about = [f"\n{entry['description']}\n\nparameters"] if "description" in entry else []
+    return [
+        f"{name}: {entry['summary']}",
+        f"    needs {', '.join(entry['needs'])}; sources {', '.join(entry['references'])}",
+        f"    {claims}; {'takes a noise card' if entry['noise_card'] else 'takes no noise card'}",
+        *about,
+        *_row_lines(entry["parameters"]),
+    ]
+
+
+def _row_lines(rows: list[dict[str, Any]]) -> list[str]:
+    name, default = (max((len(row[key]) for row in rows), default=0) for key in ("name", "default_text"))
+    return [
+        f"    {row['name']:{name}}  {row['default_text']:>{default}}  {row['meaning']} [{row['range_text']}]"
+        for row in rows
+    ]
+
+
+_HEAD: Final = """\
+# Devices
+
+Made by `plumbob list devices --markdown` from the catalogue. Marks: V read in the source named; V1 in one secondary
+source only; C computed; UNVERIFIED in none.
+"""
+
+
+def devices(
+    name: str | None = None, *, options: Mapping[str, str] | None = None, markdown: bool = False, c: bool = False
+) -> Listed:
+    """List known devices and rigs, or all that is known of one, or of a frame described in TOML.
+
+    Parameters
+    ----------
+    name : str, optional
+        Device, rig, or TOML file.
+    options : mapping of str to str, optional
+        Options of the format.
+    markdown : bool
+        Print Markdown; without a name, the page of the catalogue.
+    c : bool
+        Print a C11 header for whoever sends or reads the frame.
+    """
+    from plumbob.core.errors import ParameterError
+    from plumbob.protocols import catalog
+    from plumbob.protocols.c_header import c_header
+    from plumbob.protocols.find import find_format
+    from plumbob.protocols.page import as_text, tables
+
+    if name is None:
+        if c or options:
+            raise ParameterError("name a device; 'plumbob list devices' lists them.")
+        page = (_markdown(catalog.load(each), 2) for each in catalog.names())
+        return Listed("\n".join([_HEAD, *page]), {}) if markdown else _all_devices()
+    form = find_format(name)
+    form = form.bind(options) if options or c else form
+    if c:
+        return Listed(c_header(form), {})
+    text = _markdown(form, 1) if markdown else f"{form.name}: {visible(form.title)}\n\n{as_text(tables(form))}"
+    return Listed(text, asdict(form) | {"framing": _plain(form)})
+
+
+def _markdown(form: "Format", level: int) -> str:
+    from plumbob.protocols.page import as_markdown, tables
+
+    return f"{'#' * level} {form.name}\n\n{form.title}.\n\n{as_markdown(tables(form), level + 1)}"
+
+
+def _plain(form: "Format") -> dict[str, object]:
+    """Framing with its bytes in hexadecimal."""
+    framing = form.framing
+    return asdict(framing) | {"sync": [word.hex() for word in framing.sync], "end": framing.end.hex()}
+
+
+def _all_devices() -> Listed:
+    from plumbob.protocols import catalog
+    from plumbob.protocols.find import find_format
+    from plumbob.protocols.page import PageTable, as_text, framing_words, mark_words
+    from plumbob.protocols.rigs import names
+
+    kinds = {}
+    for kind, listed in (("Devices", catalog.names()), ("Rigs", names())):
+        forms = [find_format(name) for name in listed]
+        kinds[kind] = [(form.name, form.title, framing_words(form), mark_words(form)) for form in forms]
+    head = ("name", "title", "frame", "marks")
+    shown = [
+        PageTable(kind, ("name", "frame", "marks", "title"), tuple((n, f, m, t) for n, t, f, m in rows))
+        for kind, rows in kinds.items()
+    ]
+    values = {kind.lower(): [dict(zip(head, row, strict=True)) for row in rows] for kind, rows in kinds.items()}
+    return Listed(as_text(shown), values)
+
+
+def rigs() -> Listed:
+    """List the rigs that `plumbob.emulate` knows, and the kinds of faults of a line."""
+    from plumbob.live.rigs.faults import KINDS
+    from plumbob.live.rigs.plan import PLANS
+
+    plans = {name: f"{plan.title}; {plan.rate:g} Hz" for name, plan in PLANS.items()}
+    groups = {"rigs": plans, "faults, each a share of the frames": KINDS}
+    lines = [line for title, rows in groups.items() for line in (title, *(f"    {k:10} {v}" for k, v in rows.items()))]
+    return Listed("\n".join(lines), {"rigs": plans, "faults": dict(KINDS)})
+
+
+def scenarios() -> Listed:
+    """List scenarios with their parameters, chains and their programs, and sensors, for `plumbob.simulate`."""
+    from plumbob.simulation import CHAINS, PROGRAMS, SCENARIOS, preset, preset_names
+
+    values = {
+        "scenarios": {name: _first_line(kind) for name, kind in SCENARIOS.items()},
+        "chains": {n: ", ".join(f"{joint.name} ({joint.kind})" for joint in c.joints) for n, c in CHAINS.items()},
+        "programs": {name: _first_line(program) for name, program in PROGRAMS.items()},
+        "sensors": {name: preset(name).title for name in preset_names()},
+    }
+    return Listed("\n".join(_scenario_lines(values)), values)
+
+
+def _first_line(what: Any) -> str:
+    return (what.__doc__ or "").splitlines()[0]
+
+
+def _scenario_lines(values: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
+    from plumbob.core.params import describe, shown
+    from plumbob.simulation import SCENARIOS
+    from plumbob.simulation.bodies import SETTINGS
+
+    for name, kind in SCENARIOS.items():
+        yield f"{name}: {values['scenarios'][name]}"
+        yield from (f"    {p.name:16} {shown(p, p.default):>14}  {p.spec.meaning}" for p in describe(kind))
+    yield "chains, for --chain, and what they may do instead of a scenario"
+    yield from (f"    {name:18} {text}" for part in ("chains", "programs") for name, text in values[part].items())
+    yield f"    settings: {', '.join(SETTINGS)}"
+    yield "sensors, joined by +"
+    yield from (f"    {name:18} {title}" for name, title in values["sensors"].items())

@@ -1,0 +1,425 @@
+"""What single verbs do besides calling their function: what they refuse first, and how they print."""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from plumbob.cli import common
+from plumbob.cli.allan import allan
+from plumbob.cli.engine import Verb, show
+from plumbob.core.text import counted, visible
+
+if TYPE_CHECKING:
+    from plumbob.data import AttitudeTrack
+
+__all__ = ["allan", "show"]
+
+Call = Callable[..., Any]
+_FOLDERS: Final = ("rosbag2", "euroc")
+_MANY: Final = 50
+"""Recordings of which progress is told in lines, where there is no terminal."""
+
+
+def profile(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Where no file is named, write the one that all verbs find; with --accept, exit 1 while questions are open."""
+    from plumbob.core.files import profile_beside
+    from plumbob.core.text import listed
+    from plumbob.files.draft import answer
+
+    out = getattr(args, "out", None) or profile_beside(Path(args.path[0]))
+    draft = call(out=out, answers=dict(map(answer, getattr(args, "answers", []))))
+    is_open = bool(hasattr(args, "accept") and draft.questions)
+    if args.json:
+        common.print_json({"profile": None if is_open else str(out), **draft.summary()})
+        return 1 if is_open else 0
+    way = "with --set" if is_open else "in an editor"
+    print(f"{'not written' if is_open else out}: {counted(len(draft.questions), 'question')} to answer {way}")
+    for line in listed(f"{key}: {why}" for key, why in draft.questions):
+        print(line)
+    return 1 if is_open else 0
+
+
+def report(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Files are written before the text, because who reads that may go away."""
+    from plumbob.core.errors import ParameterError
+
+    out, pdf = (getattr(args, name, None) for name in ("out", "pdf"))
+    if hasattr(args, "lang") and not (out or pdf):
+        raise ParameterError("--lang is for --out or --pdf, which is not given; leave it out.")
+    written = [f"{what:12} {path}" for what, path in (("page", out), ("pdf", pdf)) if path]
+    return show(args, verb, call(), *written)
+
+
+def record(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Show how it goes, and end whole by a signal."""
+    from plumbob.live.transports.transport import Stop
+
+    status, stop = common.Status(quiet=args.json), Stop()
+    with closing(status), ExitStack() as stack:
+        result = call(
+            stop=stop, note=status.note, progress=status.show,
+            opened=lambda: stack.enter_context(common.stopped_by_signals(stop)),  # so that the recording ends whole
+        )  # fmt: skip
+    return recorded(args, verb, result)
+
+
+def recorded(args: argparse.Namespace, verb: Verb, result: Any) -> int:
+    """Print what came over a line; nothing is an error."""
+    from plumbob.core.errors import DecodeError
+
+    show(args, verb, result)
+    if result.nothing is not None:
+        raise DecodeError(result.nothing)
+    return 3 if result.lossy else 0
+
+
+def batch(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """A bar on a terminal; elsewhere, of many recordings, a line for each tenth of them."""
+    with common.progress_bars() as bars:
+
+        def over(done: int, total: int | None) -> None:
+            bars("recordings", done, total or done)
+            lines = total and total >= _MANY and not sys.stderr.isatty()
+            if lines and total and 10 * done // total > 10 * (done - 1) // total:
+                common.note(f"{done} of {total} recordings")
+
+        return show(args, verb, call(progress=over))
+
+
+def emulate(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Print the port's name first; a line may end at any time, but a file that is cut is removed."""
+    from plumbob.live.emulated import outputs
+    from plumbob.live.transports.transport import Stop
+
+    given = {name: getattr(args, name, None) for name in ("truth", "write", "fault_log", "flash_log", "calibration")}
+    write = sys.stdout.buffer if given["write"] == "-" else given["write"]
+    noise = _noise(getattr(args, "noise", []))
+    cards = noise.values() if isinstance(noise, dict) else (noise,)
+    files = outputs(args.what, given["truth"], write, given["fault_log"], given["flash_log"])
+    calibration = None if given["calibration"] is None else Path(given["calibration"])
+    common.check_outputs(args, *files, inputs=(*cards, calibration))
+    stop, options = Stop(), argparse.Namespace(option=getattr(args, "options", []))
+    with ExitStack() as stack:
+
+        def opened(name: str) -> None:
+            if write is None:
+                stack.enter_context(common.stopped_by_signals(stop))
+                print(name, flush=True)
+
+        served = call(noise=noise, write=write, options=common.chosen_options(options), stop=stop, opened=opened)
+    counts = ", ".join(f"{number} {word}" for word, number in served.facts().items())
+    late = f"; latest by {served.latest_ns / 1e6:.1f} ms" if served.latest_ns else ""
+    common.note(f"{counted(served.frames, 'frame')}: {counts}{late}")
+    return 0
+
+
+def _noise(words: list[str]) -> "Path | dict[str, Path] | None":
+    """Noise cards that the options name: one for all units, or by prefix; a path may hold an equals sign, too."""
+    from plumbob.core.errors import ParameterError
+
+    pairs = [word.partition("=") for word in words]
+    named = {prefix: Path(card) for prefix, equals, card in pairs if equals and prefix.isidentifier()}
+    if len(named) == len(words):
+        return named or None
+    if len(words) > 1:
+        raise ParameterError("give --noise one card for all units, or UNIT=CARD once for each unit that has one.")
+    return Path(words[0])
+
+
+def replay(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Hold in memory only what is written, and write it."""
+    from dataclasses import replace
+
+    from plumbob.live.recorded import convert
+
+    result = call(keep="track" if args.out else "nothing")
+    if args.out:
+        convert(replace(result.as_recording(), name=Path(args.out).stem), args.out, overwrite=args.force)
+    return show(args, verb, result, *([f"written      {args.out}"] if args.out else []))
+
+
+def send(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Standard output may hold the messages, and nothing else."""
+    from plumbob.live.transports.transport import Stop
+
+    stop = Stop()
+    with common.stopped_by_signals(stop):
+        result = call(stop=stop)
+    if args.to != "-":
+        return show(args, verb, result)
+    print(result.text(), file=sys.stderr)
+    return 0
+
+
+def info(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Compare with the grade that is asked for."""
+    from plumbob.core import check
+    from plumbob.core.errors import ParameterError
+
+    least, word = getattr(args, "min_grade", None), getattr(args, "require", None)
+    if least is not None and not 0.0 <= float(least) <= 100.0:
+        raise ParameterError(f"--min-grade must be a number from 0 to 100, but it is {float(least):g}.")
+    if word is not None:
+        check.one_of("--require", word, ("GOOD", "FAIR", "POOR"))
+    facts = call()
+    common.print_json(facts.summary()) if args.json else print(facts.text(*(["grade"] if args.grade else [])))
+    wanted = word if least is None else float(least)
+    return 0 if wanted is None or facts.reaches(wanted) else 3
+
+
+def convert(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Refuse first what cannot be written, and say how much was."""
+    from plumbob.live.recorded import require_writer
+
+    new, layout = Path(args.path), getattr(args, "layout", None)
+    require_writer(new, layout)
+    inputs = [Path(path) for name in ("recording", "profile", "calibration") if (path := getattr(args, name, None))]
+    common.check_outputs(args, *(() if layout in _FOLDERS else common.with_profile(new)), inputs=inputs)
+    written = call()
+    units = "" if written.array is None else f" of each of {counted(len(written.array.names), 'unit')}"
+    parts = [(f"samples{units}", written.imu or written.array), ("attitudes", written.track)]
+    counts = ", ".join(f"{len(part)} {word}" for word, part in parts if part is not None)
+    print(f"{new}: of {inputs[0].name}, {counts}")
+    return 0
+
+
+def verify(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Say what helps a damaged recording."""
+    verdict = call()
+    common.print_json(verdict.summary()) if args.json else print(_verdict_text(verdict))
+    if not verdict.whole and not verdict.open and verdict.recording is not None:
+        common.note("'plumbob repair' writes what is whole to a new, complete file")
+    return 0 if verdict.whole else 3
+
+
+def repair(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Say where the rows are now."""
+    verdict = call()
+    if args.json:
+        common.print_json(verdict.summary() | {"out": args.out, "lossy": verdict.lossy})
+    else:
+        print(f"{_verdict_text(verdict)}\nwritten      {args.out}, with every whole row")
+    return 3 if verdict.lossy else 0
+
+
+def _verdict_text(verdict: Any) -> str:
+    """What the recording holds and lacks, line by line."""
+    names = ", ".join(path.name for path in verdict.paths)
+    rows, end = counted(sum(verdict.rows.values()), "row"), "NOT properly: a part has no end, or a damaged one"
+    lines = [f"{names}: {rows} in {verdict.duration:.3f} s"]
+    lines += [f"rows         {visible(topic)}: {count}" for topic, count in verdict.rows.items()]
+    if verdict.recording is None:
+        lines.append("written by   another program, so nobody knows how many rows there were")
+    if verdict.unchecked:
+        what = "without a CRC (chunks or messages); damage to them cannot be seen"
+        lines.append(f"unchecked    {verdict.unchecked} {what}")
+    lines += [f"damage       {visible(str(damage))}" for damage in verdict.damage]
+    end = "properly" if verdict.clean else f"{end}, as after a crash"
+    lines.append(f"ended        {'not yet: it is being recorded' if verdict.open else end}")
+    gaps = (
+        ("dropped", verdict.dropped, "given up while recording, or lost before a repair"),
+        ("lost", verdict.lost, "missing"),
+    )
+    for title, rows_of, how in gaps:
+        lines += [f"{title:12} {visible(topic)}: {counted(count, 'row')} {how}" for topic, count in rows_of.items()]
+    return "\n".join([*lines, f"verdict      {verdict.in_words}"])
+
+
+def tune(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Write parameters only where a gain is shown, or all the same."""
+    tuning, out = call(), args.out
+    written = out is not None and (tuning.proven or args.unproven)
+    if written:
+        tuning.write(Path(out), unproven=args.unproven, overwrite=args.force)
+    elif out is not None:
+        common.note(f"{out} is not written: no gain is shown; --unproven writes it all the same")
+    return show(args, verb, tuning, *([f"{'parameters':12} {out}"] if written else []))
+
+
+def plot(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Say where the picture is."""
+    print(f"figure       {call()}")
+    return 0
+
+
+def reproduce(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """A step takes minutes: each gets a line."""
+    results = call(progress=lambda what, done, of: common.note(f"{what} ({done}/{of})"))
+    return show(args, verb, results, f"{'pages':12} {results.folder / 'index.html'}")
+
+
+def text(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Print text as it is."""
+    print(call(), end="")
+    return 0
+
+
+def docs(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Print a page, or open it."""
+    import webbrowser
+
+    from plumbob.core.docs import page_path
+    from plumbob.core.errors import PlumbobError
+
+    if not args.open:
+        return text(args, verb, call)
+    page = page_path(getattr(args, "page", "start"))
+    if not webbrowser.open(page.as_uri()):
+        raise PlumbobError(f"No browser could be opened. The page is {page}.")
+    print(f"opened       {page}")
+    return 0
+
+
+_OF_ATTITUDES: Final = ("frame", "init", "place", "date", "noise", "card", "report")
+"""Options that mean nothing for a filter of rates."""
+
+
+def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Estimate the attitude, or filter the rates; write the card and the page."""
+    from plumbob.core.errors import ParameterError
+    from plumbob.filters.known import RATE_FILTERS, SMOOTHER
+
+    name, args.recording = getattr(args, "filter", SMOOTHER), args.recording[0]
+    if name in RATE_FILTERS:
+        result, extra, lines = _rates(args, call), {}, []
+        samples, duration = result.summary()["samples"], result.summary()["duration_s"]
+    else:
+        if args.drift or args.rest:
+            raise ParameterError(f"--drift and --rest are for a filter of rates: --filter {', '.join(RATE_FILTERS)}.")
+        if args.card and name != SMOOTHER:
+            raise ParameterError(f"--card is for the smoother, but the filter is {name}. Leave one of them out.")
+        gatherer = None
+        if args.report:
+            from plumbob.overview.streaming_stats import Gatherer
+
+            gatherer = Gatherer()
+        result = call(filter=name, follow=gatherer)
+        if args.card:
+            result.card().save(Path(args.card), overwrite=args.force)
+        if gatherer is not None:
+            from plumbob.overview.overview import of_estimate
+
+            of_estimate(result, gatherer, args.recording).write_html(Path(args.report), overwrite=args.force)
+        errors = {} if result.reference is None else _errors(result.track, result.reference)
+        extra, lines = {"errors": errors} if errors else {}, _error_lines(errors)
+        samples, duration = result.outline.samples, result.outline.duration
+    out = getattr(args, "out", None)
+    if args.json:
+        common.print_json({"file": args.recording, "out": out, **result.summary(), **extra})
+        return 0
+    print(f"{args.recording}: {counted(samples, 'sample')}, {duration:.3f} s")
+    print("\n".join([result.text(), *lines]))
+    for what, path in (("written", out), ("card", args.card), ("page", args.report)):
+        if path:
+            print(f"{what:12} {path}")
+    return 0
+
+
+def _rates(args: argparse.Namespace, call: Call) -> Any:
+    """Filter the rates; the text of the result says its notes."""
+    from plumbob.core.errors import ParameterError
+    from plumbob.door.rates import filter_rates
+
+    if beside := [f"--{name}" for name in _OF_ATTITUDES if getattr(args, name, None) is not None]:
+        raise ParameterError(f"{', '.join(beside)}: {args.filter} gives no attitude. Leave it out.")
+    rest = None if args.rest is None else common.span(args.rest)
+    return call(filter_rates, drift=args.drift, rest=rest, note=None)
+
+
+def _errors(track: "AttitudeTrack", reference: "AttitudeTrack") -> dict[str, Any]:
+    """Errors against the reference that the recording carries; a word where they cannot be compared.
+
+    Headings from two norths without a declination say nothing, but inclinations do.
+    """
+    from plumbob.core.errors import PlumbobError
+    from plumbob.door.evaluate import evaluate
+
+    try:
+        summary = evaluate(track, reference).summary()
+    except PlumbobError as error:
+        if track.north is reference.north:
+            return {"not_compared": str(error)}
+        try:
+            aligned = evaluate(track, reference, align=("heading",)).summary()
+        except PlumbobError:
+            return {"not_compared": str(error)}
+        return {"not_compared": str(error), "inclination_rmse_deg": aligned["inclination_rmse_deg"]}
+    keys = ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg")
+    return {key: summary[key] for key in keys} | {"not_scored": summary["not_scored"]}
+
+
+def _error_lines(errors: dict[str, Any]) -> list[str]:
+    lines = []
+    for name, value in errors.items():
+        if value is not None and name != "not_scored":
+            shown = value if isinstance(value, str) else f"{value:.3f}°"
+            lines.append(f"error        {name.removesuffix('_deg').replace('_', ' ')}: {shown}")
+    return [*lines, *(f"not scored   {name}: {why}" for name, why in errors.get("not_scored", {}).items())]
+
+
+def view(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Print the address, and serve until somebody says stop."""
+    from plumbob.live.transports.transport import Stop
+
+    stop, status = Stop(), common.Status(quiet=args.json)
+    with closing(status), common.stopped_by_signals(stop):
+
+        def opened(url: str) -> None:
+            print(url, file=sys.stderr if args.json else sys.stdout, flush=True)
+            host = getattr(args, "host", "localhost")
+            if host not in ("127.0.0.1", "::1", "localhost"):
+                status.note(f"the view is open to other machines at {host}; the token is all that protects it")
+
+        shown = not args.no_open and has_display()
+        result = call(stop=stop, note=status.note, opened=opened, open_browser=shown)
+    return recorded(args, verb, result)
+
+
+def has_display() -> bool:
+    """Whether there is a screen that a browser could open on."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def control(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Print the answer."""
+    answer = call()
+    common.print_json({"verb": args.what, "answer": answer}) if args.json else print(answer)
+    return 0
+
+
+def devices(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Options of the format are written one by one."""
+    options = common.chosen_options(argparse.Namespace(option=getattr(args, "options", [])))
+    return show(args, verb, call(options=options))
+
+
+def array(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Read the units, say what is found in them, and write the virtual one."""
+    from dataclasses import replace
+
+    from plumbob.data.array import UnitMount
+    from plumbob.data.recording import Recording, found_in
+    from plumbob.door.reading import read_array
+
+    notes: list[str] = []
+    files = args.array if len(args.array) > 1 else args.array[0]
+    units = call(read_array, sources=files, note=notes.append)
+    common.note(*found_in(notes))
+    if not hasattr(args, "mounts") and all(
+        replace(mount, noise=None) == UnitMount() for mount in units.mounts.values()
+    ):
+        common.note("no mount is known, so all units are taken to lie along the body's axes; see --mounts")
+    findings, out = call(array=units), getattr(args, "out", None)
+    if out is not None:
+        from plumbob.live.recorded import convert
+
+        note = f"virtual unit of the array in {', '.join(Path(file).name for file in args.array)}"
+        virtual = Recording(imu=findings.imu, name=Path(out).stem, notes=(note,))
+        convert(virtual, out, overwrite=args.force)
+    return show(args, verb, findings, *([f"written      {out}"] if out else []))

@@ -1,0 +1,385 @@
+"""The verbs, in the groups and the order of ``plumbob --help``, with what their functions do not say of them."""
+
+from argparse import Namespace
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from plumbob.cli.engine import FORCE, VERB_BY_FUNCTION, Verb
+
+DIFFERENT: Final = 3
+"""Exit code of a result that is not the wanted one: damaged, lossy, different, unproven, below a grade."""
+_ESTIMATE: Final = (("filter", "causal", "lag"),)
+
+
+def arm_page(motion: Any, args: Namespace) -> Any:
+    """Page of estimated joint angles."""
+    from plumbob.arm import ArmCard, arm_report, opened_chain
+
+    chain = opened_chain(args.chain)
+    geometry = chain.chain if isinstance(chain, ArmCard) else chain
+    facts = [(name, value) for name, value in motion.facts().items() if name in ("frame", "method")]
+    return arm_report(
+        geometry, motion.joints, postures=motion.postures(), facts=facts, remarks=motion.notes, title=geometry.name
+    )
+
+
+_LINE: Final = ("file", "capture", "date", "filter", "lag", "params", "noise", "init", "frame")
+_GUIDE: Final = {
+    "guide": ("", "print how the capture went, and what it lacks"),
+    "live": ("", "calibrate while the unit is moved, with instructions: a session file, or --port, --from, --iio"),
+    "raw": ("MCAP", "with --live: recording of the capture, raw bytes and samples"),
+}
+
+
+_ONE_OF: Final = {"mag": (("strength", "place"),), "hand": (("strength", "place"),), "table": (("rates", "plan"),)}
+
+
+def _calibrate(
+    kind: str,
+    line: str,
+    example: str = "",
+    note: str = "",
+    also: tuple[str, ...] = (),
+    more: Mapping[str, tuple[str, str]] = {},
+) -> Verb:
+    guided = kind in ("mag", "accel", "gyro")
+    if kind in ("mag", "accel"):
+        more = {**more, "counts": ("", "the file holds bare triples in counts: no time, unit or rate; no card is made")}
+    line_only = (*_LINE, *(() if kind == "mag" else ("place",))) if guided else ()
+    functions = also or (f"door.calibrate._{kind}",)
+    out = {"out": ("JSON", "card to write; that of --calibration is completed")}
+    return Verb(
+        line, "calibration.md", f"plumbob calibrate {kind} capture.parquet{example} --out card.json", "calibrate",
+        also=(*functions, *(("live.session_toml.capture_session",) if guided else ())), run="calibrate.calibrate",
+        brought=("live", "port", "iio", "format", "baud", "rate", "time", "unit") if guided else (),
+        hidden=("kind", "labels", "force", *line_only) , outputs=(), note=note,
+        optional=("recording",) if guided else (), pages=lambda calibrated, args: calibrated.report(),
+        exclusive=_ONE_OF.get(kind, ()), more={**out, **(_GUIDE if guided else {}), **more},
+    )  # fmt: skip
+
+
+START: Final = {
+    "profile": Verb(
+        "draft the profile of a logger's CSV or text file, with a question for every guess",
+        "own-csv.md", "plumbob profile log.csv --accept --set frame=ENU", run="profile", outputs=(),
+        repeat=("answers",),
+    ),
+    "doctor": Verb(
+        "check units, axes, signs and delays of the sensors by the motion itself, with odds",
+        "doctor.md", "plumbob doctor log.csv --profile logger.toml --hemisphere north",
+        code=lambda diagnosis: DIFFERENT if diagnosis.wrong else 0,
+    ),
+    "calibrate": Verb(
+        "calibrate a unit from a capture by hand or in the laboratory",
+        "calibration.md", "plumbob calibrate hand capture.parquet --out card.json",
+        note="A card grows: --calibration card.json applies what is known so far to the other triads, and --out gets "
+        "it with the new part added. Captures that cannot calibrate anything are refused with the reason, exit code 1, "
+        "and no card is written.",
+        kinds={
+            "hand": _calibrate(
+                "hand", "the whole unit: accelerometer, gyroscope and magnetometer from one capture by hand",
+                " --html card.html", "Away from iron, hold the unit still for 3 s in each of 18 poses, every face and "
+                "every edge of its case once up, or in 40 any; turn it within a second or two in between, by a quarter "
+                "or half a turn about another axis each time. The accelerometer is calibrated by the poses, the "
+                "gyroscope by the turns between them, the magnetometer by both. What the recording lacks is left out. "
+                "If one of them cannot be calibrated, no card is written; calibrate the others each.",
+            ),
+            "mag": _calibrate(
+                "mag", "magnetometer: hard iron, soft iron, scale, turn against the accelerometer", "",
+                "Turn the unit slowly through all attitudes, away from iron: each face and each edge once up. A card "
+                "that would more likely harm than help is refused; --force writes it anyway.",
+            ),
+            "accel": _calibrate(
+                "accel", "accelerometer: bias, scale and misalignment from poses at rest", "",
+                "Hold the unit still for 2 s or more in each of 18 poses, or in 40 any: every face and every edge of "
+                "its case once up. No pose has to be exact. Six faces give bias and scale only; nine poses and more "
+                "give the misalignment of the axes too. With --moving, turn the unit slowly (20 to 30 deg/s) about all "
+                "its axes for two minutes, close to the wrist. Poses at rest are several times better.",
+            ),
+            "gyro": _calibrate(
+                "gyro", "gyroscope: bias, scale and axes, without a table", " --method rest",
+                "rest: 30 s at rest: bias.\n"
+                "hand: 30 s at rest, then 20 quarter or half turns about all axes with 2 s of rest after each: bias, "
+                "scale and axes against the accelerometer, whose card is given with --calibration.\n"
+                "ferraris: six faces at rest and a turn by --angle about each axis while it stands on end: "
+                "accelerometer and gyroscope. The parts x_p x_a y_p y_a z_p z_a (axis up, axis down) and x_rot y_rot "
+                "z_rot are looked for, or named by --parts or --part-column.",
+                ("door.calibrate._gyro", "door.calibrate._ferraris"),
+                {"part_column": ("NAME", "column of a text file that names the parts")},
+            ),
+            "table": _calibrate("table", "gyroscope on a rate table: bias, scale, misalignment, g-sensitivity",
+                                " --rates '50,100,200 deg/s'"),
+            "temperature": _calibrate(
+                "temperature", "gyroscope: bias over temperature, from a soak at rest", "",
+                "Let the unit lie still while it warms up and cools down again, over 10 K or more in half an hour or "
+                "longer, and record its temperature. The degree of the polynomial, 1 to 3, is the lowest that the "
+                "record does not contradict.",
+            ),
+            "mount": _calibrate(
+                "mount", "how the unit sits on its body, from two poses at rest or a reference", " --frame NED",
+                "Rest with the body level, raise its nose by 15° to 60° about the lateral axis, and rest again; or "
+                "compare with a reference attitude.",
+            ),
+            "statictest": Verb(
+                "errors at rest against a reference, before and after a card; writes no card", "", "",
+                "calibrate.add_statictest", run="",
+            ),
+        },
+    ),
+    "run": Verb(
+        "estimate the attitude of a recording",
+        "choose-a-filter.md", "plumbob run sea.parquet --out track.parquet", "estimate", run="run",
+        named=("filter",), outputs=("out", "card", "report"), exclusive=_ESTIMATE,
+        ends={"report": (".html", ".htm")},
+        more={
+            "drift": ("MODEL", "taken off before a filter of rates: chen2013, the trackball paper's figures"),
+            "rest": ("A..B", "before a filter of rates: take the mean of this stretch off, as 0s..100s"),
+            "card": ("FILE", "where to write the card with what was found of the gyroscope"),
+            "report": ("HTML", "also write a page about it, as 'plumbob report' does, of this estimate"),
+        },
+        note="A filter of rates (scalar, two_state, moving_average) gives no attitude: --out is then the recording "
+        "with its rates filtered.",
+    ),
+    "report": Verb(
+        "one page about recordings: attitude, tilt statistics, spectra, gaps, quality",
+        "report.md", "plumbob report sea.parquet --out sea.html", run="report", outputs=("out", "pdf"),
+        exclusive=_ESTIMATE, ends={"out": (".html", ".htm"), "pdf": (".pdf",)},
+    ),
+    "record": Verb(
+        "record a live line, and estimate its attitude as it comes",
+        "record-at-sea.md", "plumbob record --port /dev/ttyUSB0 --format buoy --device buoy-7 --out sea.mcap",
+        also=("live.session_toml.capture_session",), hidden=("file",), repeat=("send",), run="record", outputs=(),
+        note="exit codes: 0 ended as asked, 1 an error that the message explains, such as no sample at all, 3 rows of "
+        "the recording are lost or its text is cut short, as on a full disk. For a recorder that nobody attends, see "
+        "'Unattended' in docs/sessions.md.",
+    ),
+    "view": Verb(
+        "show a live line, or play a recording, on a page in a browser, or as text in a terminal",
+        "view.md", "plumbob view --emulate buoy", also=("live.session_toml.capture_session", "estimate"),
+        hidden=("file", "out", "overwrite", "open_browser"), repeat=("send", "allow_origin"), run="view", outputs=(),
+        more={"no_open": ("", "do not open a browser")},
+        note="exit codes: 0 ended as asked, 1 an error that the message explains, such as no sample at all, 3 rows of "
+        "a recording are lost. The page's address holds a token. End it with Ctrl-C or SIGTERM; a recording that is "
+        "being made ends whole.",
+    ),
+    "allan": Verb(
+        "analyse the noise of a sensor at rest: Allan deviation, coefficients of a data sheet, noise card",
+        "noise.md", "plumbob allan static.parquet --html noise.html --card noise.json", run="allan",
+        outputs=("kalibr",), pages=lambda noise, args: noise.report(device=args.device),
+        more={
+            "deviation": ("KIND", "print this deviation alone, without coefficients: oadev, adev, mdev, ohdev, ..."),
+            "after": ("FILE", "the same channels filtered: compare before and after; --calibration is then for it"),
+            "methods": ("", "show the three methods side by side"),
+            "curve": ("", "show the deviation itself, by averaging time"),
+            "paper": ("fin", "report as the bionic-fin paper's table 1"),
+            "card": ("JSON", "also write a noise card for the simulator and filters"),
+            "kalibr": ("YAML", "also write Kalibr's imu.yaml"),
+            "topic": ("NAME", "rostopic of imu.yaml (default /imu0)"),
+            "device": ("NAME", "the unit's name on card and page (default: the file's)"),
+        },
+        note="A recording brings its time and units. Plain numbers (text, .npy, or raw .f32, .f64, .i16, ...) need "
+        "--rate and --scale; nothing is guessed:\n"
+        "  plumbob allan gyro.txt --rate 100Hz --scale '0.00875 deg/s'    counts of 0.00875 deg/s\n"
+        "  plumbob allan raw.txt --rate 10Hz --scale '1 deg/s' --after filtered.txt\n"
+        "  plumbob allan static.parquet --after static.parquet --calibration card.json    before and after it",
+    ),
+    "batch": Verb(
+        "estimate the attitude of many recordings: one dataset, and a table of verdicts",
+        "fleet.md", "plumbob batch recordings --filter mekf --out dataset", run="batch", named=("out",), outputs=(),
+        exclusive=(*_ESTIMATE, ("jobs", "cluster")),
+        note="exit codes: 0 all recordings done, 3 some are damaged or refused, 1 the message says why nothing ran",
+        code=lambda done: 0 if done.counts["done"] == done.recordings else DIFFERENT,
+    ),
+}  # fmt: skip
+LINES: Final = {
+    "emulate": Verb(
+        "emulate a rig: its bytes over a pseudo-terminal, a socket or into a file",
+        "acquire.md", "plumbob emulate buoy --link buoy-port --duration 60s --truth truth.parquet", run="emulate",
+        repeat=("noise", "options"), outputs=(), json=False, exclusive=(("link", "tcp", "udp", "write"),),
+    ),
+    "control": Verb(
+        "ask a running view for something: record, stop, mark, tare, seek, calibrate",
+        "view.md", "plumbob control 'http://127.0.0.1:8770/?token=...' mark 'lee of the pier'", run="control",
+    ),
+    "replay": Verb(
+        "process a recorded line again, with its own filter or another",
+        "recordings.md", "plumbob replay sea.mcap --filter vqf --out vqf.parquet", repeat=("send",), run="replay",
+        more={"out": ("FILE", "where to write the track (.parquet, .csv or .tum)"), "force": FORCE},
+        code=lambda result: 0 if result.comparison is None or result.comparison.equal else DIFFERENT,
+    ),
+    "send": Verb(
+        "send the attitude of a file to another program, ship or aircraft",
+        "send.md", "plumbob send track.parquet --as nmea --to udp:127.0.0.1:10110 --rate 10Hz --sentences HDT,PASHR",
+        named=("form", "to"), run="send",
+    ),
+    "decode": Verb("decode bytes of a known device or a described frame to a table with units", "", "", run=""),
+}  # fmt: skip
+FILES: Final = {
+    "info": Verb(
+        "show what a recording, track or card holds: time, units, frames, flags; calibration; noise; a grade",
+        "info.md", "plumbob info sea.mcap --min-grade 70", run="info", exclusive=(("min_grade", "require"),),
+        more={
+            "min_grade": ("N", "exit code 3 below this grade, 0 to 100"),
+            "require": ("GOOD|FAIR|POOR", "exit code 3 where the grade is worse"),
+            "grade": ("", "every criterion with its measurement, points, rule and advice"),
+        },
+    ),
+    "convert": Verb(
+        "write a recording of any format as CSV, Parquet, MCAP, TUM, text, or for ROS and EuRoC",
+        "file-formats.md", "plumbob convert sea.mcap sea.csv", run="convert", outputs=(), json=False,
+    ),
+    "verify": Verb(
+        "check that every row of an MCAP recording is there and undamaged",
+        "recordings.md", "plumbob verify sea.mcap", run="verify",
+        note="exit codes: 0 whole, 3 damaged, not complete, or rows are missing, 1 it cannot be read",
+    ),
+    "repair": Verb(
+        "write the undamaged rows of an MCAP recording to a new, complete file",
+        "recordings.md", "plumbob repair sea.mcap --out whole.mcap", run="repair", named=("out",),
+        note="exit codes: 0 nothing was lost, 3 repaired, but rows are lost, 1 it cannot be read or written",
+    ),
+    "compare": Verb(
+        "compare two recordings of one motion, or two attitudes: clocks, mounting, biases, what differs",
+        "compare.md", "plumbob compare left.parquet right.parquet --tolerance 1%",
+        pages=lambda comparison, args: comparison.report(),
+        note="Exit code 3 where they differ by more than --tolerance.",
+        code=lambda comparison: DIFFERENT if comparison.within is False else 0,
+    ),
+}  # fmt: skip
+JUDGE: Final = {
+    "sim": Verb("simulate a recording with its truth", "", "", run=""),
+    "eval": Verb(
+        "compare an estimate with a reference: errors of attitude, by axis",
+        "start.md", "plumbob eval track.parquet sea.parquet --settle 30s --html errors.html", "evaluate",
+        pages=lambda evaluation, args: evaluation.report(
+            facts=[("files", ", ".join(Path(file).name for file in (args.estimate, args.reference)))]
+        ),
+    ),
+    "benchmark": Verb("compare filters on many recordings, or on many seeds of a scenario", "", "", run=""),
+    "tune": Verb(
+        "fit parameters of a filter to recordings with references, cross-validated",
+        "tune.md", "plumbob tune trials --filter mahony --params kp,ki --out mahony.toml", named=("filter",),
+        run="tune", pages=lambda tuning, args: tuning.report(), ends={"out": (".toml",)},
+        more={
+            "out": ("TOML", "parameter file to write, for 'plumbob run --params'"),
+            "unproven": ("", "write the file even where no gain is shown"),
+        },
+        note="Exit code 3: no gain on held-out recordings is shown, or there is nothing to hold out; the parameter "
+        "file is then not written, unless --unproven is given.",
+        code=lambda tuning: 0 if tuning.proven else DIFFERENT,
+    ),
+    "plot": Verb(
+        "one figure of a recording for a paper: angles, rates, spectrum, rose, flags …",
+        "report.md", "plumbob plot sea.parquet --what spectrum --out spectrum.pdf", also=("report",),
+        hidden=("pdf",), named=("out",), run="plot", json=False, exclusive=_ESTIMATE,
+    ),
+}  # fmt: skip
+_HIDDEN: Final = ("excluded", "settings", "rate", "mount_angle", "mount_shift", "q_nb", "pos_n")
+_VIRTUAL: Final = {
+    "out": ("FILE", "write the virtual unit: .mcap, .parquet or .csv"),
+    "force": FORCE,
+}
+_SUFFIXES: Final = {"out": (".mcap", ".parquet", ".csv")}
+
+
+def _array(line: str, name: str, more: Mapping[str, tuple[str, str]] = _VIRTUAL, example: str = "") -> Verb:
+    return Verb(
+        line, "array.md", f"plumbob array {name} six.parquet{example}", f"arm.array.{name}", run="array",
+        also=("read_array",), hidden=(*_HIDDEN, "format"), more=more, ends=_SUFFIXES,
+    )  # fmt: skip
+
+
+UNITS: Final = {
+    "array": Verb(
+        "several units on one body: how they differ, what they measure together, and which one is wrong",
+        "array.md", "plumbob array monitor six.parquet",
+        kinds={
+            "info": _array("small rotations, relative biases and clock offsets, with their uncertainty", "info", {}),
+            "combine": _array(
+                "one virtual unit of all, by least squares", "combine",
+                {**_VIRTUAL, "out": ("FILE!", _VIRTUAL["out"][1])}, " --out one.parquet",
+            ),
+            "monitor": _array("which unit contradicts the others, since when", "monitor", example=" --out one.parquet"),
+        },
+    ),
+    "arm": Verb(
+        "joint angles of a chain, and programs taught with it",
+        "arm.md", "plumbob arm export angles.parquet --chain arm.toml --out program.yaml",
+        kinds={
+            "align": Verb(
+                "find how the units sit on their segments, and where joints lie",
+                "arm.md", "plumbob arm align arm.toml calibration.mcap --pose 0s,2s --out card.json", "arm.align",
+                also=("read_array",), hidden=(*_HIDDEN, "mounts"), repeat=("poses",), run="arm.align",
+                more={
+                    "out": ("JSON!", "card to write"),
+                    "force": FORCE,
+                },
+                note="A pose is FROM,TO and angles, all zero where none are named: 0s,2s or 5s,7s,0deg,90deg. A "
+                "source is a recording of all units, or one file for each: FILE, whose stem is the unit's name, or "
+                "UNIT=FILE.",
+            ),
+            "run": Verb(
+                "estimate joint angles and the hand's place",
+                "arm.md", "plumbob arm run card.json take.mcap --frame ENU --out angles.parquet", "arm.run",
+                also=("read_array",), hidden=(*_HIDDEN, "mounts"), run="arm.run", pages=arm_page,
+                more={"out": ("FILE", "table of angles: .csv or .parquet")},
+            ),
+            "export": Verb(
+                "make a program of joint angles, and write it for a robot", "", "", "arm.add_export", run=""
+            ),
+            "replay": Verb(
+                "move a model by a program, and compare the hand with truth",
+                "arm.md", "plumbob arm replay program.csv arm.urdf --truth hand.csv", "arm.replay", hidden=_HIDDEN,
+                run="arm.replay",
+                more={
+                    "truth": ("FILE", "table with the hand's place: hand_x [m] and so on"),
+                    "out": ("FILE", "write the hand's place: .csv or .parquet"),
+                    "force": FORCE,
+                },
+            ),
+        },
+    ),
+}  # fmt: skip
+KNOWLEDGE: Final = {
+    "demo": Verb("an emulated buoy, calibrated, recorded, estimated and judged, in a minute", "", "", run=""),
+    "reproduce": Verb(
+        "run the five papers' systems whole, and set their figures beside the papers'",
+        "papers.md", "plumbob reproduce buoy --out buoy-paper", run="reproduce", outputs=(),
+    ),
+    "list": Verb(
+        "list filters, devices, rigs, scenarios, or the references of filters",
+        "choose-a-filter.md", "plumbob list filters mekf",
+        kinds={
+            "filters": Verb(
+                "filters with their parameters, units, defaults and ranges",
+                "choose-a-filter.md", "plumbob list filters mekf", "cli.list.filters",
+            ),
+            "devices": Verb(
+                "known devices: framing, fields with units and sources, options, registers; C header",
+                "formats.md", "plumbob list devices mpu6000", "cli.list.devices", run="devices", repeat=("options",),
+                exclusive=(("markdown", "c", "json"),),
+            ),
+            "references": Verb(
+                "references of filters, as lines or as BibTeX",
+                "equations.md", "plumbob list references mahony --bib", "cite", run="text", json=False,
+            ),
+            "rigs": Verb("rigs and faults of 'plumbob emulate'", "acquire.md", "plumbob list rigs", "cli.list.rigs"),
+            "scenarios": Verb(
+                "scenarios, chains, programs and sensors of 'plumbob sim'",
+                "start.md", "plumbob list scenarios", "cli.list.scenarios",
+            ),
+        },
+    ),
+    "docs": Verb(
+        "print or open a page of the documentation", "start.md", "plumbob docs time", run="docs", json=False,
+        more={"open": ("", "open the page in the browser; without PAGE the first one, start")},
+    ),
+}  # fmt: skip
+
+GROUPS: Final = {
+    "start here": START, "lines": LINES, "files": FILES, "simulate and judge": JUDGE, "several units": UNITS,
+    "what there is": KNOWLEDGE,
+}  # fmt: skip
+VERBS: Final = {name: verb for verbs in GROUPS.values() for name, verb in verbs.items()}
+VERB_BY_FUNCTION.update((verb.function or name, name) for name, verb in VERBS.items() if verb.run)
