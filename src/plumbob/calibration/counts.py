@@ -59,6 +59,10 @@ class CountsCalibration(FactsText):
         residuals = f"{self.residual_sd:.3g} counts of {self.samples} readings"
         return {"sensor": self.sensor, "bias": f"{_three(self.bias)} counts", **rows, **scale, "residuals": residuals}
 
+    def text(self) -> str:
+        """The same for a reader, a line each."""
+        return "\n".join((*(f"{name:13} {value}" for name, value in self.facts().items()), *self.remarks))
+
     def summary(self) -> dict[str, Any]:
         """All figures, as JSON can hold them."""
         scale = self.counts_per_g

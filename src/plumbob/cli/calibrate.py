@@ -44,7 +44,9 @@ def calibrate(args: argparse.Namespace, verb: "Verb", call: Callable[..., Any]) 
         from plumbob.cli.engine import show
         from plumbob.door.calibrate import calibrate_counts
 
-        return show(args, Verb("", "", ""), calibrate_counts(args.file, "acc" if args.kind == "accel" else args.kind))
+        return show(
+            args, verb._replace(pages=None), calibrate_counts(args.file, "acc" if args.kind == "accel" else args.kind)
+        )
     try:
         return _find(args)
     except CaptureRefusedError as why:
