@@ -37,7 +37,11 @@ def tables(subject: Subject) -> list[Table]:
     g = subject.gathered
     parts = []
     if g.tilt is not None and g.headings is not None:
-        parts += [_motions(g.tilt.roll, g.tilt.pitch), _inclination(g.tilt.inclination), heading_table(g.headings)]
+        parts += [
+            motion_table(g.tilt.roll, g.tilt.pitch),
+            inclination_table(g.tilt.inclination),
+            heading_table(g.headings),
+        ]
     if g.triads or g.has("temp"):
         parts.append(sensor_table(g))
     parts.append(flag_table(g))
@@ -52,7 +56,8 @@ def tables(subject: Subject) -> list[Table]:
     return parts
 
 
-def _motions(roll: TiltMotion, pitch: TiltMotion) -> Table:
+def motion_table(roll: TiltMotion, pitch: TiltMotion) -> Table:
+    """Statistics of roll and pitch, with their waves."""
     head = ("", *(f"{name} [°]" for name in _MOTION), "Tz [s]", "Tp [s]", "waves")
     rows = [(name, *_motion(motion)) for name, motion in (("roll", roll), ("pitch", pitch))]
     return Table("Roll and pitch", head, rows)
@@ -63,7 +68,8 @@ def _motion(motion: TiltMotion) -> tuple[str, ...]:
     return (*map(degrees, angles), seconds(motion.tz), seconds(motion.tp), str(motion.waves) if motion.samples else "-")
 
 
-def _inclination(tilt: Inclination) -> Table:
+def inclination_table(tilt: Inclination) -> Table:
+    """Angle from the vertical, and how long it was beyond the limit."""
     head = ("", "mean [°]", "std [°]", "rms [°]", "greatest [°]", "at [s]", "limit [°]", "beyond [%]")
     row = ("inclination", *map(degrees, (tilt.mean, tilt.sd, tilt.rms, tilt.greatest)), seconds(tilt.greatest_at),
            degrees(tilt.limit), percent(tilt.share_beyond))  # fmt: skip

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from plumbob.reporting.scene import Scene
 
 
+_LONG = 20  # rows of a titled table that a page has folded away
+
+
 @dataclass(frozen=True)
 class Table:
     """Rows under a head; the first cell of each row is its name.
@@ -38,6 +41,11 @@ class Table:
     words: Collection[int] = ()
     strong: Collection[tuple[int, int]] = ()
     detail: str = ""
+
+    @property
+    def long(self) -> bool:
+        """Whether a page has it folded away."""
+        return bool(self.detail or (self.title and len(self.rows) > _LONG))
 
     def text(self) -> Iterator[str]:
         """Lines with columns as wide as their longest cell; last words that are too long stand below their row."""
