@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,10 +16,9 @@ from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack
 from plumbob.evaluation.align import Fate
-from plumbob.evaluation.judged import JudgedTrack
 from plumbob.evaluation.metrics import CONFIDENCE, DOF, NEEDS_HEADING, QUANTITIES, Stats
 from plumbob.reporting.content import Figure, Table
-from plumbob.reporting.report import Report
+from plumbob.reporting.report import Report, plain
 from plumbob.reporting.style import SERIES, SHADE, SOFT
 from plumbob.rotations import IDENTITY, North, euler_zyx_from_quat, quat_angle
 
@@ -28,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
+    from plumbob.evaluation.evaluation import Evaluation
 
 ESTIMATE, REFERENCE = SERIES[0], SOFT
 COLOUR: Final = dict(zip(("total", "heading", "inclination"), SERIES, strict=False))
@@ -48,7 +47,7 @@ _DEFINITIONS = (
 )
 
 
-def numbers(e: JudgedTrack) -> dict[str, Any]:
+def numbers(e: "Evaluation") -> dict[str, Any]:
     """Numbers of an evaluation, strictly valid for JSON.
 
     Returns
@@ -58,24 +57,37 @@ def numbers(e: JudgedTrack) -> dict[str, Any]:
         ``rmse_deg``, ``mean_deg``, ``std_deg``, ``max_abs_deg``, ``max_at_s``, ``p50_deg``, ``p95_deg``, ``p99_deg``
         and ``count``. A quantity that is not scored is None, and ``not_scored`` says why.
     """
-    head = {f"{name}_rmse_deg": _rmse(e, name) for name in ("total", "heading", "inclination")}
-    return {
-        **head,
+    a, s = e.alignment, e.settings
+    time, mounting = a.time, a.mounting
+    return dict(plain({
+        **{f"{name}_rmse_deg": _deg(getattr(e.stats.get(name), "rmse", None)) for name in COLOUR},
         **{name: _stats(e.stats.get(name)) for name in QUANTITIES},
-        "not_scored": dict(e.not_scored),
+        "not_scored": e.not_scored,
         "samples": _samples(e),
-        "alignment": _alignment(e),
-        "settings": _settings(e),
+        "alignment": {
+            "time": time and {
+                "offset_s": time.offset, "correlation": time.correlation,
+                "rival_correlation": time.rival, "rival_offset_s": time.rival_at,
+            },
+            "mounting": None if mounting is None else {
+                "q_re_wxyz": mounting, "angle_deg": _deg(float(quat_angle(IDENTITY, mounting)))
+            },
+            "heading_deg": _deg(a.heading), "tilt_spread_deg": _deg(a.tilt_spread),
+        },
+        "settings": {
+            "align": s.align, "max_gap_s": e.match.max_gap, "max_offset_s": s.max_offset,
+            "declination_deg": _deg(s.declination), "settle_s": s.settle,
+        },
         "estimate": _track(e.estimate),
         "reference": _track(e.reference),
         "flags": e.flag_counts(),
-        "consistency": None if e.consistency is None else asdict(e.consistency),
+        "consistency": e.consistency,
         "reference_rate_rms_dps": None if e.reference_rate is None else to_dps(e.reference_rate),
-        "notes": list(e.notes),
-    }
+        "notes": e.notes,
+    }))  # fmt: skip
 
 
-def report(e: JudgedTrack, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+def report(e: "Evaluation", *, facts: Sequence[tuple[str, str]] = ()) -> Report:
     """What an evaluation found, with figures; `facts` say more of where it comes from."""
     return Report(
         "Attitude error, estimate against reference",
@@ -88,7 +100,7 @@ def report(e: JudgedTrack, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
 
 
 def comparison(
-    evaluations: Mapping[str, JudgedTrack], *, title: str = "Attitude errors", facts: Sequence[tuple[str, str]] = ()
+    evaluations: "Mapping[str, Evaluation]", *, title: str = "Attitude errors", facts: Sequence[tuple[str, str]] = ()
 ) -> Report:
     """Evaluations beside each other, and a part for each.
 
@@ -123,7 +135,7 @@ def comparison(
     )
 
 
-def _facts(e: JudgedTrack) -> list[tuple[str, str]]:
+def _facts(e: "Evaluation") -> list[tuple[str, str]]:
     """What was compared, and how."""
     s = e.settings
     facts = [(name, _describe_track(track)) for name, track in (("estimate", e.estimate), ("reference", e.reference))]
@@ -143,7 +155,7 @@ def _facts(e: JudgedTrack) -> list[tuple[str, str]]:
     return facts + [("flagged", f"{counted(n, 'scored sample')}: {name}") for name, n in e.flag_counts().items()]
 
 
-def _tables(e: JudgedTrack) -> list[Table]:
+def _tables(e: "Evaluation") -> list[Table]:
     rows = [[name, *_cells(e.stats.get(name))] for name in QUANTITIES]
     _, params, _ = _source_parts(e.estimate)
     listed = [tuple(param.split("=", 1)) for param in params.split(", ") if "=" in param]
@@ -161,7 +173,7 @@ def _cells(s: Stats | None) -> list[str]:
     return [*angles[:4], f"{s.max_at:.2f}", *angles[4:]]
 
 
-def _sample_table(e: JudgedTrack) -> Table:
+def _sample_table(e: "Evaluation") -> Table:
     """Samples that count, those that do not, and flags of those that do."""
     scored, meaning = int(e.match.scored.sum()), dict(flags.MEANING.values())
     rows = [("scored", str(scored), _share(scored, e.t.size), "")]
@@ -175,7 +187,7 @@ def _share(n: int, of: int) -> str:
     return f"{percent:.1f} %" if percent >= 0.1 or not n else "< 0.1 %"
 
 
-def _remarks(e: JudgedTrack) -> list[str]:
+def _remarks(e: "Evaluation") -> list[str]:
     reasons = [
         f"{', '.join(name for name, why in e.not_scored.items() if why == reason)} not scored: {reason}"
         for reason in dict.fromkeys(e.not_scored.values())
@@ -183,7 +195,7 @@ def _remarks(e: JudgedTrack) -> list[str]:
     return [_FOOTNOTE, *reasons, *e.notes]
 
 
-def _differences(evaluations: list[JudgedTrack]) -> str:
+def _differences(evaluations: "list[Evaluation]") -> str:
     """In what the evaluations differ besides their estimates; empty where they can be compared."""
     judged: dict[str, set[object]] = {
         "the samples scored": {e.t[e.match.scored].tobytes() for e in evaluations},
@@ -193,7 +205,7 @@ def _differences(evaluations: list[JudgedTrack]) -> str:
     return " and ".join(name for name, values in judged.items() if len(values) > 1)
 
 
-def _comparison_table(evaluations: Mapping[str, JudgedTrack]) -> Table:
+def _comparison_table(evaluations: "Mapping[str, Evaluation]") -> Table:
     """RMSE of each, the smallest of each column in bold."""
     rows, strong = [], []
     aligned = any(e.settings.align for e in evaluations.values())
@@ -208,7 +220,7 @@ def _comparison_table(evaluations: Mapping[str, JudgedTrack]) -> Table:
     return Table("RMSE [°]", head, rows, (len(QUANTITIES) + 2,) if aligned else (), strong)
 
 
-def _left_out(e: JudgedTrack) -> dict[str, int]:
+def _left_out(e: "Evaluation") -> dict[str, int]:
     """How many samples were left out, by the reason in words."""
     until = e.not_converged_until
     counts = {fate.meaning: n for fate, n in e.match.counts().items() if fate is not Fate.SCORED}
@@ -231,7 +243,7 @@ def _source_parts(track: AttitudeTrack) -> tuple[str, str, str]:
     return (match[1], match[2], match[3]) if match else (track.source, "", "")
 
 
-def _describe_samples(e: JudgedTrack) -> str:
+def _describe_samples(e: "Evaluation") -> str:
     """How many samples count, over which time, and how the reference was read."""
     samples = _samples(e)
     span = f"{samples['first_s']:.3f} to {samples['last_s']:.3f} s"
@@ -241,7 +253,7 @@ def _describe_samples(e: JudgedTrack) -> str:
     )
 
 
-def _describe_alignment(e: JudgedTrack) -> list[str]:
+def _describe_alignment(e: "Evaluation") -> list[str]:
     """One line for each constant that was found."""
     a, lines = e.alignment, []
     if a.time is not None:
@@ -262,7 +274,7 @@ def _describe_alignment(e: JudgedTrack) -> list[str]:
     return lines
 
 
-def _describe_consistency(e: JudgedTrack) -> str:
+def _describe_consistency(e: "Evaluation") -> str:
     """How the error fits the claimed covariance."""
     c = e.consistency
     if c is None:
@@ -284,8 +296,8 @@ def _numbers(values: Floats) -> str:
     return " ".join(f"{v:.5f}" for v in values)
 
 
-def _rmse(e: JudgedTrack, name: str) -> float | None:
-    return to_deg(e.stats[name].rmse) if name in e.stats else None
+def _deg(angle: float | None) -> float | None:
+    return None if angle is None else to_deg(angle)
 
 
 def _stats(s: Stats | None) -> dict[str, Any] | None:
@@ -295,7 +307,7 @@ def _stats(s: Stats | None) -> dict[str, Any] | None:
     return {**angles, "max_at_s": s.max_at, "count": s.count}
 
 
-def _samples(e: JudgedTrack) -> dict[str, Any]:
+def _samples(e: "Evaluation") -> dict[str, Any]:
     times = e.t[e.match.scored]
     exact = int(e.match.exact.sum())
     return {
@@ -311,33 +323,6 @@ def _samples(e: JudgedTrack) -> dict[str, Any]:
     }
 
 
-def _alignment(e: JudgedTrack) -> dict[str, Any]:
-    a = e.alignment
-    constants: dict[str, Any] = {"time": None, "mounting": None}
-    if a.time is not None:
-        constants["time"] = {"offset_s": a.time.offset, "correlation": a.time.correlation}
-        constants["time"] |= {"rival_correlation": a.time.rival, "rival_offset_s": a.time.rival_at}
-    if a.mounting is not None:
-        angle = to_deg(float(quat_angle(IDENTITY, a.mounting)))
-        constants["mounting"] = {"q_re_wxyz": a.mounting.tolist(), "angle_deg": angle}
-    return {
-        **constants,
-        "heading_deg": None if a.heading is None else to_deg(a.heading),
-        "tilt_spread_deg": None if a.tilt_spread is None else to_deg(a.tilt_spread),
-    }
-
-
-def _settings(e: JudgedTrack) -> dict[str, Any]:
-    s = e.settings
-    return {
-        "align": list(s.align),
-        "max_gap_s": e.match.max_gap,
-        "max_offset_s": s.max_offset,
-        "declination_deg": None if s.declination is None else to_deg(s.declination),
-        "settle_s": s.settle,
-    }
-
-
 def _track(track: AttitudeTrack) -> dict[str, Any]:
     rate = (len(track) - 1) / float(track.t[-1] - track.t[0]) if len(track) > 1 else math.nan
     return {
@@ -345,13 +330,13 @@ def _track(track: AttitudeTrack) -> dict[str, Any]:
         "frame": str(track.frame),
         "north": str(track.north),
         "samples": len(track),
-        "mean_rate_hz": rate if math.isfinite(rate) else None,
+        "mean_rate_hz": rate,
         "first_s": float(track.t[0]),
         "last_s": float(track.t[-1]),
     }
 
 
-def _figures(e: JudgedTrack, columns: int) -> list[Figure]:
+def _figures(e: "Evaluation", columns: int) -> list[Figure]:
     shade = ("not scored", SHADE, "block")
     attitude = [("estimate", ESTIMATE, "solid"), ("reference", REFERENCE, "solid"), shade]
     errors = [(name, colour, "solid") for name, colour in COLOUR.items() if name in e.stats]
@@ -368,7 +353,7 @@ def _figures(e: JudgedTrack, columns: int) -> list[Figure]:
     ]
 
 
-def _draw_attitude(e: JudgedTrack, columns: int, canvas: "FigureBase") -> None:
+def _draw_attitude(e: "Evaluation", columns: int, canvas: "FigureBase") -> None:
     """Yaw, pitch and roll of estimate and reference over time."""
     est, ref = euler_zyx_from_quat(e.estimate.q_nb), euler_zyx_from_quat(e.match.q_ref)
     axes = canvas.subplots(3, 1, sharex=True)
@@ -381,7 +366,7 @@ def _draw_attitude(e: JudgedTrack, columns: int, canvas: "FigureBase") -> None:
     axes[2].set_xlabel("time [s]")
 
 
-def _draw_errors(e: JudgedTrack, columns: int, canvas: "FigureBase") -> None:
+def _draw_errors(e: "Evaluation", columns: int, canvas: "FigureBase") -> None:
     """Total, heading and inclination error over time, those of them that are scored."""
     names = [name for name in COLOUR if name in e.stats]
     axes = canvas.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
@@ -393,7 +378,7 @@ def _draw_errors(e: JudgedTrack, columns: int, canvas: "FigureBase") -> None:
     axes[-1].set_xlabel("time [s]")
 
 
-def _draw_distribution(e: JudgedTrack, canvas: "FigureBase") -> None:
+def _draw_distribution(e: "Evaluation", canvas: "FigureBase") -> None:
     """Share of samples whose error is at most so much, with the median and the 95th and 99th percentile."""
     ax = canvas.subplots()
     scored = [name for name in COLOUR if name in e.stats]
@@ -405,7 +390,7 @@ def _draw_distribution(e: JudgedTrack, canvas: "FigureBase") -> None:
     _finish_cumulative(ax, [e.stats[name] for name in scored])
 
 
-def comparison_figure(evaluations: Mapping[str, JudgedTrack]) -> Figure:
+def comparison_figure(evaluations: "Mapping[str, Evaluation]") -> Figure:
     """Distribution of the one error that all have: total, or inclination where a heading is free."""
     shared = NEEDS_HEADING[0] if all(NEEDS_HEADING[0] in e.stats for e in evaluations.values()) else "inclination"
     styles = [(SERIES[i % len(SERIES)], _DASHES[i // len(SERIES) % len(_DASHES)]) for i in range(len(evaluations))]
@@ -420,7 +405,7 @@ def comparison_figure(evaluations: Mapping[str, JudgedTrack]) -> Figure:
     return Figure(f"Cumulative distribution of the {shared} error", draw, keys)
 
 
-def _line(ax: "Axes", e: JudgedTrack, values: Floats, columns: int, *, jump: float = np.inf, **style: Any) -> None:
+def _line(ax: "Axes", e: "Evaluation", values: Floats, columns: int, *, jump: float = np.inf, **style: Any) -> None:
     from plumbob.reporting.drawing import envelope
 
     gap = GAP_FACTOR * float(np.median(np.diff(e.t))) if e.t.size > 1 else np.inf
@@ -429,7 +414,7 @@ def _line(ax: "Axes", e: JudgedTrack, values: Floats, columns: int, *, jump: flo
     ax.plot(t, to_deg(y), marker=marker, **style)
 
 
-def _shade(ax: "Axes", e: JudgedTrack, columns: int) -> None:
+def _shade(ax: "Axes", e: "Evaluation", columns: int) -> None:
     from plumbob.reporting.drawing import runs
 
     if e.t.size < 2:

@@ -1,4 +1,4 @@
-"""What a report holds: facts, tables, remarks, figures, scenes, and parts of the same kind."""
+"""Tables and figures of a report."""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -8,8 +8,6 @@ from plumbob.core.text import WIDTH
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
-
-    from plumbob.reporting.scene import Scene
 
 
 _LONG = 20  # rows of a titled table that a page has folded away
@@ -87,40 +85,3 @@ class Figure:
     draw: "Callable[[FigureBase], None]"
     key: Sequence[tuple[str, str, str]] = ()
     height: float = 2.4
-
-
-@dataclass(frozen=True)
-class ReportContent:
-    """What is to be said about something, in the order in which it is read.
-
-    Attributes
-    ----------
-    title : str
-        A noun.
-    facts : sequence of (str, str)
-        Names and values; a name may come again.
-    tables : sequence of Table
-        The numbers.
-    remarks : sequence of str
-        What a reader must know, each a sentence.
-    figures : sequence of Figure
-        Drawn only where they are shown.
-    parts : sequence of ReportContent
-        One for each subject in it.
-    definitions : sequence of str
-        What the words and signs mean, for the foot of a page.
-    scenes : sequence of Scene
-        Bodies that move, on a page only.
-    links : sequence of (str, str)
-        Names and addresses of pages beside this one, on a page only.
-    """
-
-    title: str
-    facts: Sequence[tuple[str, str]] = ()
-    tables: Sequence[Table] = ()
-    remarks: Sequence[str] = ()
-    figures: Sequence[Figure] = ()
-    parts: "Sequence[ReportContent]" = ()
-    definitions: Sequence[str] = ()
-    scenes: "Sequence[Scene]" = ()
-    links: Sequence[tuple[str, str]] = ()

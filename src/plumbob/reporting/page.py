@@ -20,7 +20,7 @@ from plumbob.reporting.scene import scene_data
 from plumbob.reporting.style import LANGUAGES, said
 
 if TYPE_CHECKING:
-    from plumbob.reporting.content import ReportContent
+    from plumbob.reporting.report import Report
 
 _SHORT_CELL, _LONG_CELL = 16, 60  # letters of a cell of words
 _MINUS = re.compile(r"-(?=[\d.∞]|$)")  # of a number, or alone
@@ -35,18 +35,18 @@ def asset_text(name: str) -> str:
 CSS: Final = asset_text("page.css")
 
 
-def page(report: "ReportContent", *, lang: str = "en") -> str:
+def page(report: "Report", *, lang: str = "en") -> str:
     """HTML of a report; any text in it is safe."""
     moves = _moves(report)
     style, scripts = (CSS + asset_text("scene.css"), [asset_text("scene.js")]) if moves else (CSS, [])
     return render("page.html.j2", lang, style, scripts, report=report)
 
 
-def _moves(report: "ReportContent") -> bool:
+def _moves(report: "Report") -> bool:
     return bool(report.scenes) or any(map(_moves, report.parts))
 
 
-def part_links(report: "ReportContent") -> list[tuple[str, str]]:
+def part_links(report: "Report") -> list[tuple[str, str]]:
     """Links to the parts of a page, for its head."""
     return [(part.title, f"#part-{i}") for i, part in enumerate(report.parts, 1)]
 
