@@ -15,7 +15,7 @@ from plumbob.core.time import timing
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.array import ImuArray
-from plumbob.data.cards import UNITS, CalibrationCard, open_card
+from plumbob.data.cards import UNITS
 from plumbob.data.plausibility import statistics
 from plumbob.data.recording import Recording, found_in
 from plumbob.rotations.headings import heading_zero
@@ -153,6 +153,8 @@ def _grade_lines(grade: "Grade", *, full: bool) -> Iterator[str]:
 
 def _card(file: Path) -> Info:
     """What a card holds."""
+    from plumbob.data.cards import CalibrationCard, open_card
+
     card, points = open_card(file), None
     if isinstance(card, CalibrationCard):
         from plumbob.calibration.report import certificate, numbers
