@@ -25,11 +25,6 @@ if TYPE_CHECKING:
 COLUMNS: Final = 1500
 SECTORS: Final = 36
 _COLOURS: Final = {name: code for code, name in PALETTE.items()} | {"soft": SOFT}
-_XYZ: Final = tuple(zip("xyz", ("blue", "red", "green"), strict=True))
-_TRIADS: Final = (
-    ("rates", "gyr", "rate", "°/s"), ("forces", "acc", "force", "m/s²"), ("field", "mag", "field", "µT"),
-    ("bias", "bias", "bias", "°/s"),
-)  # fmt: skip
 _CAPTIONS: Final = {
     "angles": ("Roll, pitch and heading", 4.2), "tilt": ("Inclination from the vertical", 2.2),
     "rates": ("Angular rate", 3.6), "forces": ("Specific force", 3.6), "field": ("Magnetic flux density", 3.6),
@@ -43,6 +38,28 @@ WHATS: Final = tuple(_CAPTIONS)
 """All names of figures."""
 
 
+_XYZ: Final = tuple(zip("xyz", _COLOURS, strict=False))
+_TIMED: Final = (
+    ("angles", "roll", "Roll", "roll [°]", (("roll", "roll", "blue"),)),
+    ("angles", "pitch", "Pitch", "pitch [°]", (("pitch", "pitch", "blue"),)),
+    ("angles", "heading", "Heading", "heading [°]", (("heading", "heading", "blue"),)),
+    ("tilt", "tilt", "", "inclination [°]", (("inclination", "tilt", "blue"),)),
+    ("rates", "rates", "", "rate {} [°/s]", tuple((axis, f"gyr_{axis}", colour) for axis, colour in _XYZ)),
+    ("forces", "forces", "", "force {} [m/s²]", tuple((axis, f"acc_{axis}", colour) for axis, colour in _XYZ)),
+    ("field", "field", "", "field {} [µT]", tuple((axis, f"mag_{axis}", colour) for axis, colour in _XYZ)),
+    ("temperature", "temperature", "", "temperature [°C]", (("temperature", "temp", "blue"),)),
+    ("bias", "bias", "", "bias {} [°/s]", tuple((axis, f"bias_{axis}", colour) for axis, colour in _XYZ)),
+    ("sd", "", "", "1 sd [°]", tuple((angle, f"{angle}_sd", colour) for angle, colour in zip(
+        ("roll", "pitch", "heading"), _COLOURS, strict=False))),
+)  # fmt: skip
+"""Picture, name on the page, caption where it is another than that of the picture, label, and lines with channels."""
+_SPECTRA: Final = (
+    ("angles", "roll and pitch", "roll, pitch", ("roll", "pitch")),
+    ("heading rate", "the heading rate", "heading rate", ("heading_rate",)),
+    ("vertical acceleration", "the vertical acceleration", "vertical acceleration", ("vertical",)),
+)
+
+
 class Chart(NamedTuple):
     """A plot, as a panel of a picture and on the page.
 
@@ -51,9 +68,9 @@ class Chart(NamedTuple):
     what : str
         Name of the picture.
     label : str
-        Of its axis there; with a place for the name of a line, each line has a panel of its own.
+        Of its axis there, with the unit; with a place for the name of a line, each line has a panel of its own.
     spec : dict
-        What the script of the page takes; its kind is "time", "spectrum", "points" or "flags".
+        What the script of the page takes, but for the unit; its kind is "time", "spectrum", "points" or "flags".
     on_page : bool
         Whether the page has it.
     """
@@ -66,17 +83,25 @@ class Chart(NamedTuple):
 
 def charts(g: Gathered) -> Iterator[Chart]:
     """Plots that a recording has values for."""
+    more: dict[str, dict[str, Any]] = {}
     if g.tilt is not None:
-        yield from _attitude(g)
-        yield from _spectra(g)
+        limit, greatest = to_deg(g.tilt.inclination.limit), to_deg(g.tilt.inclination.greatest)
+        more = {
+            "roll": {"period": (-180.0, 180.0)}, "pitch": {},
+            "heading": {"period": heading_circle(g), "compass": True},
+            "tilt": {"floor": 0.0} | ({"limit": limit} if limit <= 2.0 * greatest else {}),
+        }  # fmt: skip
+    for what, name, caption, label, traces in _TIMED:
+        if name in more or g.has(traces[0][1]):
+            lines = [{"label": text, "colour": colour, "channel": channel} for text, channel, colour in traces]
+            if what == "angles" and g.has(f"{name}_sd"):
+                lines[0]["sd"] = f"{name}_sd"
+            spec = {"name": name, "caption": caption or _CAPTIONS[what][0], "kind": "time", "lines": lines}
+            yield Chart(what, label, spec | more.get(name, {}), on_page=bool(name))
+    if g.spectra is not None:
+        yield from _spectra(*g.spectra.gathered())
+    if g.tilt is not None:
         yield from _bursts(g)
-    for what, stem, word, unit in _TRIADS:
-        if g.has(f"{stem}_x"):
-            lines = [_trace(axis, f"{stem}_{axis}", colour) for axis, colour in _XYZ]
-            yield Chart(what, f"{word} {{}} [{unit}]", _spec(what, _CAPTIONS[what][0], "time", unit, lines))
-    if g.has("temp"):
-        lines = [_trace("temperature", "temp")]
-        yield Chart("temperature", "temperature [°C]", _spec("temperature", "Temperature", "time", "°C", lines))
     rows = [("gaps", g.gaps, "red")]
     others = ((name, runs) for name, runs in g.flags.items() if name != "gap")
     rows += [(name, runs.stretches, "soft" if runs.coarse else "blue") for name, runs in others]
@@ -84,54 +109,21 @@ def charts(g: Gathered) -> Iterator[Chart]:
         {"label": name, "colour": colour, "runs": [[round(begin, 3), round(end, 3)] for begin, end in stretches]}
         for name, stretches, colour in rows
     ]
-    yield Chart("flags", "", _spec("flags", "Flags over time", "flags", "", [], rows=flags))
+    yield Chart("flags", "", {"name": "flags", "caption": _CAPTIONS["flags"][0], "kind": "flags", "rows": flags})
 
 
-def _spec(name: str, caption: str, kind: str, unit: str, lines: list[dict[str, Any]], **more: Any) -> dict[str, Any]:
-    return {"name": name, "caption": caption, "kind": kind, "unit": unit, "lines": lines, **more}
-
-
-def _trace(label: str, channel: str, colour: str = "blue") -> dict[str, Any]:
-    return {"label": label, "colour": colour, "channel": channel}
-
-
-def _attitude(g: Gathered) -> Iterator[Chart]:
-    assert g.tilt is not None
-    claimed = g.has("roll_sd")
-    circles: dict[str, dict[str, Any]] = {
-        "roll": {"period": (-180.0, 180.0)}, "pitch": {}, "heading": {"period": heading_circle(g), "compass": True}
-    }  # fmt: skip
-    for name, circle in circles.items():
-        line = _trace(name, name) | ({"sd": f"{name}_sd"} if claimed else {})
-        yield Chart("angles", f"{name} [°]", _spec(name, name.capitalize(), "time", "°", [line], **circle))
-    limit, greatest = (float(to_deg(angle)) for angle in (g.tilt.inclination.limit, g.tilt.inclination.greatest))
-    near = {"limit": limit} if limit <= 2.0 * greatest else {}
-    line = _trace("inclination", "tilt")
-    spec = _spec("tilt", _CAPTIONS["tilt"][0], "time", "°", [line], floor=0.0, **near)
-    yield Chart("tilt", "inclination [°]", spec)
-    if claimed:
-        lines = [_trace(n, f"{n}_sd", c) for n, c in zip(circles, _COLOURS, strict=False)]
-        yield Chart("sd", "1 sd [°]", _spec("sd", _CAPTIONS["sd"][0], "time", "°", lines), on_page=False)
-
-
-def _spectra(g: Gathered) -> Iterator[Chart]:
-    if g.spectra is None:
-        return
-    frequency, density = g.spectra.gathered()
+def _spectra(frequency: Floats, density: Floats) -> Iterator[Chart]:
     x = [float(f"{f:.5g}") for f in frequency]
-    for name, label, subject, channels in (
-        ("angles", "roll, pitch", "roll and pitch", ("roll", "pitch")),
-        ("heading rate", "heading rate", "the heading rate", ("heading_rate",)),
-        ("vertical acceleration", "vertical acceleration", "the vertical acceleration", ("vertical",)),
-    ):
-        lines = []
-        for channel, colour in zip(channels, _COLOURS, strict=False):
-            y = density[:, SPECTRAL.index(channel)] * shown_scale(channel) ** 2
-            if np.isfinite(y).any():
-                lines.append({"label": channel.replace("_", " "), "colour": colour, "y": _digits(y)})
-        unit, caption = SPECTRAL_UNITS[channels[0]], f"Power spectral density of {subject}"
-        spec = _spec(name, caption, "spectrum", unit, lines, x=x, xlabel="f [Hz]")
-        yield Chart("spectrum", f"{label} [{unit}]", spec, on_page=bool(lines))
+    for name, subject, label, channels in _SPECTRA:
+        values = {channel: density[:, SPECTRAL.index(channel)] * shown_scale(channel) ** 2 for channel in channels}
+        lines = [
+            {"label": channel.replace("_", " "), "colour": colour, "y": _digits(y)}
+            for (channel, y), colour in zip(values.items(), _COLOURS, strict=False)
+            if np.isfinite(y).any()
+        ]
+        spec = {"name": name, "caption": f"Power spectral density of {subject}", "kind": "spectrum", "lines": lines}
+        unit = SPECTRAL_UNITS[channels[0]]
+        yield Chart("spectrum", f"{label} [{unit}]", spec | {"x": x, "xlabel": "f [Hz]"}, on_page=bool(lines))
 
 
 def _digits(values: Floats) -> list[float | None]:
@@ -142,27 +134,20 @@ def _digits(values: Floats) -> list[float | None]:
 def _bursts(g: Gathered) -> Iterator[Chart]:
     x = [round(0.5 * (burst.begin + burst.end), 3) for burst in g.bursts]
     tilts = [burst.tilt for burst in g.bursts]
-
-    def line(label: str, colour: str, values: list[float], **more: Any) -> dict[str, Any]:
-        return {"label": label, "colour": colour, "y": _digits(np.asarray(values)), **more}
-
-    def chart(label: str, name: str, caption: str, unit: str, lines: list[dict[str, Any]], on_page: bool) -> Chart:
-        return Chart(
-            "bursts", label, _spec(name, caption, "points", unit, lines, x=x, floor=0.0), on_page and len(x) > 1
-        )
-
-    heights = [
-        line("roll", "blue", [to_deg(tilt.roll.significant) for tilt in tilts]),
-        line("pitch", "red", [to_deg(tilt.pitch.significant) for tilt in tilts]),
-    ]
-    yield chart("significant [°]", "bursts", "Significant double amplitude by burst", "°", heights, True)
-    periods = [line("roll", "blue", [t.roll.tz for t in tilts]), line("pitch", "red", [t.pitch.tz for t in tilts])]
-    yield chart("Tz [s]", "burst periods", "Tz", "s", periods, False)
-    means = [
-        line("mean", "green", [to_deg(tilt.inclination.mean) for tilt in tilts]),
-        line("greatest", "green", [to_deg(tilt.inclination.greatest) for tilt in tilts], dash=True),
-    ]
-    yield chart("mean, greatest [°]", "burst tilt", "Inclination by burst", "°", means, True)
+    angles = [(t.roll.significant, t.pitch.significant, t.inclination.mean, t.inclination.greatest) for t in tilts]
+    columns = [*np.degrees(angles).T, *np.array([(t.roll.tz, t.pitch.tz) for t in tilts]).T]
+    for name, caption, label, drawn in (
+        ("bursts", "Significant double amplitude by burst", "significant [°]",
+         (("roll", "blue", 0), ("pitch", "red", 1))),
+        ("", "Tz", "Tz [s]", (("roll", "blue", 4), ("pitch", "red", 5))),
+        ("burst tilt", "Inclination by burst", "mean, greatest [°]", (("mean", "green", 2), ("greatest", "green", 3))),
+    ):  # fmt: skip
+        lines = [
+            {"label": text, "colour": colour, "y": _digits(columns[k])} | ({"dash": True} if k == 3 else {})
+            for text, colour, k in drawn
+        ]
+        spec = {"name": name, "caption": caption, "kind": "points", "lines": lines, "x": x, "floor": 0.0}
+        yield Chart("bursts", label, spec, on_page=bool(name) and len(x) > 1)
 
 
 def shown_values(g: Gathered, channel: str) -> Floats:
@@ -186,8 +171,17 @@ def figures(subject: Subject) -> dict[str, Figure]:
         if what == "rose" and g.headings is not None and g.headings.samples:
             drawings[what] = Figure(caption, partial(_draw_rose, g.headings), height=height)
         elif what in panels:
+            key = [
+                (line["label"], _COLOURS[line["colour"]], "dashed" if "dash" in line else "solid")
+                for chart in panels[what] for line in chart.spec.get("lines", ()) if len(chart.spec["lines"]) > 1
+            ]  # fmt: skip
+            if what == "angles" and g.has("roll_sd"):
+                key = [("estimate", SERIES[0], "solid"), ("claimed ± 1 sd", SERIES[5], "block")]
+            if "limit" in panels[what][0].spec:
+                key = [("limit", SERIES[1], "dashed")]
             more = 0.22 * len(g.flags) if what == "flags" else 0.0
-            drawings[what] = Figure(caption, partial(_draw, g, panels[what]), _key(panels[what]), height + more)
+            draw = partial(_draw, g, panels[what])
+            drawings[what] = Figure(caption, draw, list(dict.fromkeys(key)), height + more)
     return drawings
 
 
@@ -205,22 +199,12 @@ def figure(subject: Subject, what: str) -> Figure:
     return drawings[what]
 
 
-def _key(panels: Sequence[Chart]) -> list[tuple[str, str, str]]:
-    """Names of the lines where a panel has several, and what else is drawn."""
-    several = [line for chart in panels if len(chart.spec["lines"]) > 1 for line in chart.spec["lines"]]
-    names = [(line["label"], _COLOURS[line["colour"]], "dashed" if "dash" in line else "solid") for line in several]
-    first = panels[0].spec
-    if first["lines"] and "sd" in first["lines"][0]:
-        names += [("estimate", SERIES[0], "solid"), ("claimed ± 1 sd", SERIES[5], "block")]
-    return list(dict.fromkeys(names + ([("limit", SERIES[1], "dashed")] if "limit" in first else [])))
-
-
 def _draw(g: Gathered, panels: Sequence[Chart], canvas: "FigureBase") -> None:
     split = [
         (chart.label.format(line["label"]), chart.spec, [line])
         for chart in panels if "{}" in chart.label
         for line in chart.spec["lines"]
-    ] or [(chart.label, chart.spec, chart.spec["lines"]) for chart in panels]  # fmt: skip
+    ] or [(chart.label, chart.spec, chart.spec.get("lines", ())) for chart in panels]  # fmt: skip
     axes = canvas.subplots(len(split), 1, sharex=True, squeeze=False)[:, 0]
     kind = panels[0].spec["kind"]
     for ax, (label, spec, lines) in zip(axes, split, strict=True):

@@ -16,9 +16,9 @@ from plumbob.core.check import Floats
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg
 from plumbob.core.web import asset
-from plumbob.overview.figures import SECTORS, charts, shown_values
+from plumbob.overview.figures import SECTORS, Chart, charts, shown_values
 from plumbob.overview.report_entry import Subject
-from plumbob.overview.streaming_stats import Burst, Gathered
+from plumbob.overview.streaming_stats import Gathered
 from plumbob.overview.tables import (
     burst_table,
     comparison_table,
@@ -63,7 +63,7 @@ def page(subjects: Sequence[Subject], title: str, definitions: Sequence[str], *,
     values: dict[str, str] = {}
     data, recordings = [], []
     for number, subject in enumerate(subjects):
-        plots = [_translated(chart.spec, lang) for chart in charts(subject.gathered) if chart.on_page]
+        plots = [_in_language(chart, lang) for chart in charts(subject.gathered) if chart.on_page]
         data.append(_data(subject, plots, f"v{number}", values))
         lines = [line for line in remarks(subject) if line != BARE]
         sections = list(_sections(subject, plots, number))
@@ -79,7 +79,7 @@ def page(subjects: Sequence[Subject], title: str, definitions: Sequence[str], *,
         [script],
         title=title,
         names=", ".join(subject.name for subject in subjects),
-        beside=comparison_table(subjects),
+        beside=comparison_table(subjects) if len(subjects) > 1 else None,
         recordings=recordings,
         definitions=definitions,
         data={"subjects": data, "words": words},
@@ -87,12 +87,14 @@ def page(subjects: Sequence[Subject], title: str, definitions: Sequence[str], *,
     )
 
 
-def _translated(spec: dict[str, Any], lang: str) -> dict[str, Any]:
-    labels = {
-        key: [part | {"label": said(part["label"], lang)} for part in spec[key]]
-        for key in ("lines", "rows") if key in spec
-    }  # fmt: skip
-    return spec | labels | {"caption": said(spec["caption"], lang)}
+def _in_language(chart: Chart, lang: str) -> dict[str, Any]:
+    """What the script takes of a plot."""
+    rows = {
+        key: [part | {"label": said(part["label"], lang)} for part in chart.spec.get(key, ())]
+        for key in ("lines", "rows")
+    }
+    unit = chart.label.partition(" [")[2].rstrip("]")
+    return chart.spec | rows | {"caption": said(chart.spec["caption"], lang), "unit": unit}
 
 
 def _sections(subject: Subject, plots: Sequence[dict[str, Any]], number: int) -> Iterator[tuple[str, list[Block]]]:
@@ -129,18 +131,19 @@ def _quality(subject: Subject) -> Iterator[Block]:
     bursts = subject.gathered.bursts
     channels = [name for name in quality.CHANNELS if any(name in burst.verdicts for burst in bursts)]
     if channels:
-        rows = [(_CHANNEL[name], [_cell(subject, burst, name) for burst in bursts]) for name in channels]
+        rows = []
+        for name in channels:
+            cells = []
+            for burst in bursts:
+                verdict = burst.verdicts.get(name, quality.BurstVerdict(quality.MISSING))
+                why = f" ({verdict.why})" if verdict.why else ""
+                begin = subject.utc(burst.begin) or f"{burst.begin:g} s"
+                words = f"{begin}: {quality.MEANING[verdict.flag]}, {100.0 * verdict.good:.1f} % good{why}"
+                cells.append((verdict.flag, words))
+            rows.append((_CHANNEL[name], cells))
         yield "grid", {"rows": rows, "meaning": list(quality.MEANING.items())}
         yield "folded", quality_table(subject)
         yield "folded", threshold_table()
-
-
-def _cell(subject: Subject, burst: Burst, channel: str) -> tuple[int, str]:
-    """Flag, and the words that stand behind it."""
-    verdict = burst.verdicts.get(channel, quality.BurstVerdict(quality.MISSING))
-    begin = subject.utc(burst.begin) or f"{burst.begin:g} s"
-    text = f"{begin}: {quality.MEANING[verdict.flag]}, {100.0 * verdict.good:.1f} % good"
-    return verdict.flag, text + (f" ({verdict.why})" if verdict.why else "")
 
 
 def _rose(headings: Headings) -> dict[str, Any]:

@@ -6,6 +6,7 @@ Statistics are those of bursts, and of all of them together; a burst is held unt
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -180,7 +181,7 @@ class Gathered:
     headings: Headings | None = None
     spectra: Spectra | None = None
     traces: Traces = NOTHING
-    moments: Moments = field(default_factory=lambda: Moments.empty(len(TRACED)))
+    moments: Moments = field(default_factory=partial(Moments.empty, len(TRACED)))
     flags: dict[str, FlagRuns] = field(default_factory=dict)
 
     @property
@@ -333,7 +334,12 @@ class Gatherer:
         columns |= {"attitude": ("roll", "pitch")} if self._attitude else {}
         return {
             name: quality.verdict(
-                name, part.t, part.columns(names), part.words, span, part.vertical if name == "acc" else None
+                name,
+                part.t,
+                part.traced[:, [TRACED.index(channel) for channel in names]],
+                part.words,
+                span,
+                part.vertical if name == "acc" else None,
             )
             for name, names in columns.items()
         }
@@ -358,9 +364,6 @@ class _RowGroup:
     def column(self, name: str) -> Floats:
         return self.traced[:, TRACED.index(name)]
 
-    def columns(self, names: Sequence[str]) -> Floats:
-        return self.traced[:, [TRACED.index(name) for name in names]]
-
     def rows(self, which: NDArray[np.intp]) -> "_RowGroup":
         return _RowGroup(*(getattr(self, name)[which] for name in _ROWS))
 
@@ -379,20 +382,17 @@ def _part(imu: ImuData | None, track: AttitudeTrack | None) -> _RowGroup:
     words = np.zeros(n, dtype=np.uint32)
     vertical = np.full(n, np.nan)
 
-    def put(name: str, values: Floats) -> None:
-        traced[:, TRACED.index(name)] = values
-
     if imu is not None:
         words |= imu.flags
         for name in imu.triads:
             start = TRACED.index(AXES[name][0])
             traced[:, start : start + 3] = imu.usable(name)
         if imu.temp_c is not None:
-            put("temp", imu.temp_c)
+            traced[:, TRACED.index("temp")] = imu.temp_c
     if track is not None:
         words |= 0 if track.flags is None else track.flags
         for name, values in attitude_channels(track).items():
-            put(name, values)
+            traced[:, TRACED.index(name)] = values
         if imu is not None and "acc" in imu.triads:
             vertical = quat_rotate(track.q_nb, imu.usable("acc")) @ track.frame.up - G0
     return _RowGroup(np.asarray(source.t), traced, np.full(n, np.nan), vertical, words)

@@ -65,14 +65,16 @@ def motion_table(roll: TiltMotion, pitch: TiltMotion) -> Table:
     """Statistics of roll and pitch, with their waves."""
     head = ("", *(f"{name} [°]" for name in _MOTION), "Tz [s]", "Tp [s]", "waves")
     rows = [
-        (name, *_angles(m, _MOTION), seconds(m.tz), seconds(m.tp), str(m.waves) if m.samples else "-")
+        (
+            name,
+            *(degrees(getattr(m, attribute)) for attribute in _MOTION.values()),
+            seconds(m.tz),
+            seconds(m.tp),
+            str(m.waves) if m.samples else "-",
+        )
         for name, m in (("roll", roll), ("pitch", pitch))
     ]
     return Table("Roll and pitch", head, rows)
-
-
-def _angles(source: TiltMotion | Inclination, names: Mapping[str, str]) -> list[str]:
-    return [degrees(getattr(source, name)) for name in names.values()]
 
 
 def _waves(tilt: TiltStatistics) -> list[str]:
@@ -83,8 +85,8 @@ def _waves(tilt: TiltStatistics) -> list[str]:
 def inclination_table(tilt: Inclination) -> Table:
     """Angle from the vertical, and how long it was beyond the limit."""
     head = ("", *(f"{name} [°]" for name in _TILT), "at [s]", "limit [°]", "beyond [%]")
-    row = ("inclination", *_angles(tilt, _TILT), seconds(tilt.greatest_at), degrees(tilt.limit),
-           percent(tilt.share_beyond))  # fmt: skip
+    angles = (degrees(getattr(tilt, attribute)) for attribute in _TILT.values())
+    row = ("inclination", *angles, seconds(tilt.greatest_at), degrees(tilt.limit), percent(tilt.share_beyond))
     return Table("Inclination from the vertical", head, [row])
 
 
@@ -136,15 +138,11 @@ def burst_table(subject: Subject) -> Table:
     for burst in subject.gathered.bursts:
         tilt = burst.tilt.inclination
         rows.append((
-            _begin(subject, burst), f"{burst.end - burst.begin:.6g}", *_waves(burst.tilt), degrees(tilt.mean),
-            degrees(tilt.greatest), percent(tilt.share_beyond), degrees(burst.headings.mean),
+            subject.utc(burst.begin) or f"{burst.begin:.6g} s", f"{burst.end - burst.begin:.6g}", *_waves(burst.tilt),
+            degrees(tilt.mean), degrees(tilt.greatest), percent(tilt.share_beyond), degrees(burst.headings.mean),
             degrees(burst.headings.spread),
         ))  # fmt: skip
     return Table("Bursts", head, rows, detail="bursts")
-
-
-def _begin(subject: Subject, burst: Burst) -> str:
-    return subject.utc(burst.begin) or f"{burst.begin:.6g} s"
 
 
 _GRADED: Final = {"rest": "rest at the start"}  # a column of rests has the word of its own
@@ -172,7 +170,8 @@ def quality_table(subject: Subject) -> Table:
     """Quality flag of each burst and channel, with the tests that did not pass."""
     channels = [name for name in quality.CHANNELS if any(name in burst.verdicts for burst in subject.gathered.bursts)]
     rows = [
-        (_begin(subject, burst), *(_verdict(burst, name) for name in channels)) for burst in subject.gathered.bursts
+        (subject.utc(burst.begin) or f"{burst.begin:.6g} s", *(_verdict(burst, name) for name in channels))
+        for burst in subject.gathered.bursts
     ]
     return Table("Quality flags by burst", ("begin", *channels), rows if channels else [], detail="quality")
 

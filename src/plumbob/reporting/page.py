@@ -6,7 +6,7 @@ Templates beside this file say how it looks. No script is in it but those that i
 import json
 import re
 from base64 import b64encode
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from hashlib import sha256
 from itertools import count
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _SHORT_CELL, _LONG_CELL = 16, 60  # letters of a cell of words
 _MINUS = re.compile(r"-(?=[\d.∞]|$)")  # of a number, or alone
+_POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 _TEMPLATES: Final = Path(__file__).parent
 
 
@@ -39,7 +40,7 @@ def page(report: "Report", *, lang: str = "en") -> str:
     """HTML of a report; any text in it is safe."""
     moves = _moves(report)
     style, scripts = (CSS + asset_text("scene.css"), [asset_text("scene.js")]) if moves else (CSS, [])
-    return render("page.html.j2", lang, style, scripts, report=report)
+    return render("page.html.j2", lang, style, scripts, title=report.title, names="", report=report)
 
 
 def _moves(report: "Report") -> bool:
@@ -84,15 +85,9 @@ def render(template: str, lang: str, style: str, scripts: Sequence[str], **conte
         "scene_data": partial(scene_data, lang=lang),
         "json": lambda value: Markup(_json_within(value)),
     }
-    return jinja.get_template(template).render(
-        lang=lang, style=style, scripts=scripts, policy="; ".join(_policy(scripts)), **content
-    )
-
-
-def _policy(scripts: Sequence[str]) -> Iterator[str]:
-    yield "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
-    for script in scripts:
-        yield f"script-src 'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'"
+    hashes = [b64encode(sha256(script.encode()).digest()).decode() for script in scripts]
+    policy = "; ".join([_POLICY, *(f"script-src 'sha256-{digest}'" for digest in hashes)])
+    return jinja.get_template(template).render(lang=lang, style=style, scripts=scripts, policy=policy, **content)
 
 
 def _json_within(value: Any) -> str:
