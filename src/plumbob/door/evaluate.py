@@ -11,7 +11,8 @@ from plumbob.data import AttitudeTrack
 from plumbob.data.recording import found_in
 from plumbob.door.reading import read
 from plumbob.evaluation.align import ALIGNMENTS
-from plumbob.evaluation.evaluation import Evaluation, EvaluationSettings, judge
+from plumbob.evaluation.evaluation import Evaluation, judge
+from plumbob.evaluation.judged import EvaluationSettings
 
 
 class Tracked(Protocol):

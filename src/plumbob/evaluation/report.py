@@ -16,6 +16,7 @@ from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack
 from plumbob.evaluation.align import Fate
+from plumbob.evaluation.judged import JudgedTrack
 from plumbob.evaluation.metrics import CONFIDENCE, DOF, NEEDS_HEADING, QUANTITIES, Stats
 from plumbob.reporting.content import Figure, Table
 from plumbob.reporting.report import Report, plain
@@ -25,8 +26,6 @@ from plumbob.rotations import IDENTITY, North, euler_zyx_from_quat, quat_angle
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
-
-    from plumbob.evaluation.evaluation import Evaluation
 
 ESTIMATE, REFERENCE = SERIES[0], SOFT
 COLOUR: Final = dict(zip(("total", "heading", "inclination"), SERIES, strict=False))
@@ -47,7 +46,7 @@ _DEFINITIONS = (
 )
 
 
-def numbers(e: "Evaluation") -> dict[str, Any]:
+def numbers(e: JudgedTrack) -> dict[str, Any]:
     """Numbers of an evaluation, strictly valid for JSON.
 
     Returns
@@ -87,7 +86,7 @@ def numbers(e: "Evaluation") -> dict[str, Any]:
     }))  # fmt: skip
 
 
-def report(e: "Evaluation", *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+def report(e: JudgedTrack, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
     """What an evaluation found, with figures; `facts` say more of where it comes from."""
     return Report(
         "Attitude error, estimate against reference",
@@ -100,7 +99,7 @@ def report(e: "Evaluation", *, facts: Sequence[tuple[str, str]] = ()) -> Report:
 
 
 def comparison(
-    evaluations: "Mapping[str, Evaluation]", *, title: str = "Attitude errors", facts: Sequence[tuple[str, str]] = ()
+    evaluations: Mapping[str, JudgedTrack], *, title: str = "Attitude errors", facts: Sequence[tuple[str, str]] = ()
 ) -> Report:
     """Evaluations beside each other, and a part for each.
 
@@ -135,7 +134,7 @@ def comparison(
     )
 
 
-def _facts(e: "Evaluation") -> list[tuple[str, str]]:
+def _facts(e: JudgedTrack) -> list[tuple[str, str]]:
     """What was compared, and how."""
     s = e.settings
     facts = [(name, _describe_track(track)) for name, track in (("estimate", e.estimate), ("reference", e.reference))]
@@ -155,7 +154,7 @@ def _facts(e: "Evaluation") -> list[tuple[str, str]]:
     return facts + [("flagged", f"{counted(n, 'scored sample')}: {name}") for name, n in e.flag_counts().items()]
 
 
-def _tables(e: "Evaluation") -> list[Table]:
+def _tables(e: JudgedTrack) -> list[Table]:
     rows = [[name, *_cells(e.stats.get(name))] for name in QUANTITIES]
     _, params, _ = _source_parts(e.estimate)
     listed = [tuple(param.split("=", 1)) for param in params.split(", ") if "=" in param]
@@ -173,7 +172,7 @@ def _cells(s: Stats | None) -> list[str]:
     return [*angles[:4], f"{s.max_at:.2f}", *angles[4:]]
 
 
-def _sample_table(e: "Evaluation") -> Table:
+def _sample_table(e: JudgedTrack) -> Table:
     """Samples that count, those that do not, and flags of those that do."""
     scored, meaning = int(e.match.scored.sum()), dict(flags.MEANING.values())
     rows = [("scored", str(scored), _share(scored, e.t.size), "")]
@@ -187,7 +186,7 @@ def _share(n: int, of: int) -> str:
     return f"{percent:.1f} %" if percent >= 0.1 or not n else "< 0.1 %"
 
 
-def _remarks(e: "Evaluation") -> list[str]:
+def _remarks(e: JudgedTrack) -> list[str]:
     reasons = [
         f"{', '.join(name for name, why in e.not_scored.items() if why == reason)} not scored: {reason}"
         for reason in dict.fromkeys(e.not_scored.values())
@@ -195,7 +194,7 @@ def _remarks(e: "Evaluation") -> list[str]:
     return [_FOOTNOTE, *reasons, *e.notes]
 
 
-def _differences(evaluations: "list[Evaluation]") -> str:
+def _differences(evaluations: list[JudgedTrack]) -> str:
     """In what the evaluations differ besides their estimates; empty where they can be compared."""
     judged: dict[str, set[object]] = {
         "the samples scored": {e.t[e.match.scored].tobytes() for e in evaluations},
@@ -205,7 +204,7 @@ def _differences(evaluations: "list[Evaluation]") -> str:
     return " and ".join(name for name, values in judged.items() if len(values) > 1)
 
 
-def _comparison_table(evaluations: "Mapping[str, Evaluation]") -> Table:
+def _comparison_table(evaluations: Mapping[str, JudgedTrack]) -> Table:
     """RMSE of each, the smallest of each column in bold."""
     rows, strong = [], []
     aligned = any(e.settings.align for e in evaluations.values())
@@ -220,7 +219,7 @@ def _comparison_table(evaluations: "Mapping[str, Evaluation]") -> Table:
     return Table("RMSE [°]", head, rows, (len(QUANTITIES) + 2,) if aligned else (), strong)
 
 
-def _left_out(e: "Evaluation") -> dict[str, int]:
+def _left_out(e: JudgedTrack) -> dict[str, int]:
     """How many samples were left out, by the reason in words."""
     until = e.not_converged_until
     counts = {fate.meaning: n for fate, n in e.match.counts().items() if fate is not Fate.SCORED}
@@ -243,7 +242,7 @@ def _source_parts(track: AttitudeTrack) -> tuple[str, str, str]:
     return (match[1], match[2], match[3]) if match else (track.source, "", "")
 
 
-def _describe_samples(e: "Evaluation") -> str:
+def _describe_samples(e: JudgedTrack) -> str:
     """How many samples count, over which time, and how the reference was read."""
     samples = _samples(e)
     span = f"{samples['first_s']:.3f} to {samples['last_s']:.3f} s"
@@ -253,7 +252,7 @@ def _describe_samples(e: "Evaluation") -> str:
     )
 
 
-def _describe_alignment(e: "Evaluation") -> list[str]:
+def _describe_alignment(e: JudgedTrack) -> list[str]:
     """One line for each constant that was found."""
     a, lines = e.alignment, []
     if a.time is not None:
@@ -274,7 +273,7 @@ def _describe_alignment(e: "Evaluation") -> list[str]:
     return lines
 
 
-def _describe_consistency(e: "Evaluation") -> str:
+def _describe_consistency(e: JudgedTrack) -> str:
     """How the error fits the claimed covariance."""
     c = e.consistency
     if c is None:
@@ -307,7 +306,7 @@ def _stats(s: Stats | None) -> dict[str, Any] | None:
     return {**angles, "max_at_s": s.max_at, "count": s.count}
 
 
-def _samples(e: "Evaluation") -> dict[str, Any]:
+def _samples(e: JudgedTrack) -> dict[str, Any]:
     times = e.t[e.match.scored]
     exact = int(e.match.exact.sum())
     return {
@@ -336,7 +335,7 @@ def _track(track: AttitudeTrack) -> dict[str, Any]:
     }
 
 
-def _figures(e: "Evaluation", columns: int) -> list[Figure]:
+def _figures(e: JudgedTrack, columns: int) -> list[Figure]:
     shade = ("not scored", SHADE, "block")
     attitude = [("estimate", ESTIMATE, "solid"), ("reference", REFERENCE, "solid"), shade]
     errors = [(name, colour, "solid") for name, colour in COLOUR.items() if name in e.stats]
@@ -353,7 +352,7 @@ def _figures(e: "Evaluation", columns: int) -> list[Figure]:
     ]
 
 
-def _draw_attitude(e: "Evaluation", columns: int, canvas: "FigureBase") -> None:
+def _draw_attitude(e: JudgedTrack, columns: int, canvas: "FigureBase") -> None:
     """Yaw, pitch and roll of estimate and reference over time."""
     est, ref = euler_zyx_from_quat(e.estimate.q_nb), euler_zyx_from_quat(e.match.q_ref)
     axes = canvas.subplots(3, 1, sharex=True)
@@ -366,7 +365,7 @@ def _draw_attitude(e: "Evaluation", columns: int, canvas: "FigureBase") -> None:
     axes[2].set_xlabel("time [s]")
 
 
-def _draw_errors(e: "Evaluation", columns: int, canvas: "FigureBase") -> None:
+def _draw_errors(e: JudgedTrack, columns: int, canvas: "FigureBase") -> None:
     """Total, heading and inclination error over time, those of them that are scored."""
     names = [name for name in COLOUR if name in e.stats]
     axes = canvas.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
@@ -378,7 +377,7 @@ def _draw_errors(e: "Evaluation", columns: int, canvas: "FigureBase") -> None:
     axes[-1].set_xlabel("time [s]")
 
 
-def _draw_distribution(e: "Evaluation", canvas: "FigureBase") -> None:
+def _draw_distribution(e: JudgedTrack, canvas: "FigureBase") -> None:
     """Share of samples whose error is at most so much, with the median and the 95th and 99th percentile."""
     ax = canvas.subplots()
     scored = [name for name in COLOUR if name in e.stats]
@@ -390,7 +389,7 @@ def _draw_distribution(e: "Evaluation", canvas: "FigureBase") -> None:
     _finish_cumulative(ax, [e.stats[name] for name in scored])
 
 
-def comparison_figure(evaluations: "Mapping[str, Evaluation]") -> Figure:
+def comparison_figure(evaluations: Mapping[str, JudgedTrack]) -> Figure:
     """Distribution of the one error that all have: total, or inclination where a heading is free."""
     shared = NEEDS_HEADING[0] if all(NEEDS_HEADING[0] in e.stats for e in evaluations.values()) else "inclination"
     styles = [(SERIES[i % len(SERIES)], _DASHES[i // len(SERIES) % len(_DASHES)]) for i in range(len(evaluations))]
@@ -405,7 +404,7 @@ def comparison_figure(evaluations: "Mapping[str, Evaluation]") -> Figure:
     return Figure(f"Cumulative distribution of the {shared} error", draw, keys)
 
 
-def _line(ax: "Axes", e: "Evaluation", values: Floats, columns: int, *, jump: float = np.inf, **style: Any) -> None:
+def _line(ax: "Axes", e: JudgedTrack, values: Floats, columns: int, *, jump: float = np.inf, **style: Any) -> None:
     from plumbob.reporting.drawing import envelope
 
     gap = GAP_FACTOR * float(np.median(np.diff(e.t))) if e.t.size > 1 else np.inf
@@ -414,7 +413,7 @@ def _line(ax: "Axes", e: "Evaluation", values: Floats, columns: int, *, jump: fl
     ax.plot(t, to_deg(y), marker=marker, **style)
 
 
-def _shade(ax: "Axes", e: "Evaluation", columns: int) -> None:
+def _shade(ax: "Axes", e: JudgedTrack, columns: int) -> None:
     from plumbob.reporting.drawing import runs
 
     if e.t.size < 2:

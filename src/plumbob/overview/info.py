@@ -205,12 +205,12 @@ def _array(array: ImuArray) -> dict[str, Any]:
 
 def _triad(imu: ImuData, name: str) -> dict[str, Any]:
     stats = statistics(imu, name)
-    found = {"mean": stats.mean.tolist(), "std": stats.std.tolist(), "norm_median": stats.norm}
+    numbers = {"mean": stats.mean.tolist(), "std": stats.std.tolist(), "norm_median": stats.norm}
     return {
         "unit": UNITS[name],
         "samples": stats.samples,
         "range": getattr(imu.meta, f"{name}_range"),
-        **(found if stats.samples else dict.fromkeys(found)),
+        **(numbers if stats.samples else dict.fromkeys(numbers)),
     }
 
 
@@ -255,16 +255,16 @@ def _facts(report: Mapping[str, Any], said: Sequence[str]) -> Iterator[tuple[str
         yield "units", f"{', '.join(array['units'])}; more of one with --unit"
         yield _time_fact(array["time"])
         for calibration in dict.fromkeys(unit["calibration"] for unit in array["units"].values()):
-            of = [name for name, unit in array["units"].items() if unit["calibration"] == calibration]
-            yield "calibration", f"{', '.join(of)}: {calibration_told(calibration)}"
+            names = [name for name, unit in array["units"].items() if unit["calibration"] == calibration]
+            yield "calibration", f"{', '.join(names)}: {calibration_told(calibration)}"
         for name, unit in array["units"].items():
             yield from _unit_facts(name, unit)
     if attitude := report.get("attitude"):
         yield "attitude", attitude["source"] or "source not named"
         yield "frame", f"{attitude['frame']}, heading from {heading_zero(attitude['north'])}"
         yield _time_fact(attitude["time"])
-        known = counted(attitude["known_samples"], "sample")
-        yield "known", f"{known}, scored {attitude['scored_samples'] or 'all'}"
+        samples = counted(attitude["known_samples"], "sample")
+        yield "known", f"{samples}, scored {attitude['scored_samples'] or 'all'}"
 
 
 def _unit_facts(name: str, unit: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

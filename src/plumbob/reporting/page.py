@@ -11,16 +11,13 @@ from functools import partial
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from plumbob.core import check
 from plumbob.core.text import visible
 from plumbob.reporting.drawing import svg, variable
 from plumbob.reporting.scene import scene_data
 from plumbob.reporting.style import LANGUAGES, said
-
-if TYPE_CHECKING:
-    from plumbob.reporting.report import Report
 
 _SHORT_CELL, _LONG_CELL = 16, 60  # letters of a cell of words
 _MINUS = re.compile(r"-(?=[\d.∞]|$)")  # of a number, or alone
@@ -36,19 +33,15 @@ def asset_text(name: str) -> str:
 CSS: Final = asset_text("page.css")
 
 
-def page(report: "Report", *, lang: str = "en") -> str:
-    """HTML of a report; any text in it is safe."""
-    moves = _moves(report)
+def page(report: Any, *, lang: str = "en") -> str:
+    """HTML of a `Report`, which this file knows by its template alone; any text in it is safe."""
+    moves = report.moves
     style, scripts = (CSS + asset_text("scene.css"), [asset_text("scene.js")]) if moves else (CSS, [])
     return render("page.html.j2", lang, style, scripts, title=report.title, names="", report=report)
 
 
-def _moves(report: "Report") -> bool:
-    return bool(report.scenes) or any(map(_moves, report.parts))
-
-
-def part_links(report: "Report") -> list[tuple[str, str]]:
-    """Links to the parts of a page, for its head."""
+def part_links(report: Any) -> list[tuple[str, str]]:
+    """Links to the parts of the page of a `Report`, for its head."""
     return [(part.title, f"#part-{i}") for i, part in enumerate(report.parts, 1)]
 
 

@@ -94,6 +94,11 @@ class Report(Writable):
         """Itself."""
         return self
 
+    @property
+    def moves(self) -> bool:
+        """Whether it has a scene, also in a part."""
+        return bool(self.scenes) or any(part.moves for part in self.parts)
+
 
 def first_figures(report: Report) -> list[Figure]:
     """Own figures, or those of the parts where there are none."""
