@@ -82,6 +82,6 @@ class Figure:
     """
 
     caption: str
-    draw: "Callable[[FigureBase], None]"
+    draw: "Callable[[FigureBase], object]"
     key: Sequence[tuple[str, str, str]] = ()
     height: float = 2.4
