@@ -527,7 +527,7 @@ def triad_figure(triad: Triad) -> Figure:
     """Deviations of all axes of a triad."""
     channels = list(triad.channels.values())
     axes = [(axis, colour, "solid") for axis, colour in zip(triad.channels, SERIES, strict=False)]
-    keys = [*axes, ("models", MODEL, "solid"), *_masked_key(channels, "masked on an axis")]
+    keys = [*axes, ("models", MODEL, "solid"), *([("masked on an axis", SHADE, "block")] if _masked(channels) else [])]
     draw = partial(_draw_curves, curves=channels, shaded=_masked(channels))
     return Figure("Allan deviation of all axes", draw, keys, HEIGHT)
 
@@ -538,7 +538,7 @@ def channel_figure(analysis: Analysis) -> Figure:
         (f"deviation, {100.0 * analysis.curve.confidence:.1f} % interval", CURVE, "solid"),
         ("model", MODEL, "solid"),
         ("terms, read off at the dots", TERM, "dashed"),
-        *_masked_key([analysis], "masked"),
+        *([("masked", SHADE, "block")] if _masked([analysis]) else []),
     ]
     return Figure("Allan deviation, model and terms", partial(_draw_channel, analysis=analysis), keys, HEIGHT)
 
@@ -555,10 +555,6 @@ def _compared_figure(pair: ChannelComparison) -> Figure:
 def _masked(channels: Sequence[Analysis]) -> float | None:
     """Averaging time below which the mask leaves out what an axis has; None where no axis has one."""
     return max((a.mask.n * a.curve.dt for a in channels if a.mask.n > 1), default=None)
-
-
-def _masked_key(channels: Sequence[Analysis], name: str) -> list[tuple[str, str, str]]:
-    return [] if _masked(channels) is None else [(name, SHADE, "block")]
 
 
 def _draw_curves(canvas: "FigureBase", curves: Sequence[Analysis | Deviation], shaded: float | None) -> "Axes":
