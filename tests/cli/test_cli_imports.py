@@ -16,7 +16,7 @@ from tests.helpers.commandline import table_of
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="the system cannot fork")
 
-PACKAGES = ("h5py", "lz4", "matplotlib", "mcap", "numpy", "pandas", "pyarrow", "pygeomag", "rich", "scipy",
+PACKAGES = ("h5py", "jinja2", "lz4", "matplotlib", "mcap", "numpy", "pandas", "pyarrow", "pygeomag", "rich", "scipy",
             "serial", "zstandard")  # fmt: skip
 ROOMS = ("live.transports.serial_line", "live.transports.sockets", "live.timing.timebase", "calibration",
          "data.cards.calibration", "evaluation", "fleet.experiments", "files.mcap", "filters",

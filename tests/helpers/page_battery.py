@@ -37,7 +37,7 @@ class PageBattery:
         outside = re.sub(r'xmlns(:xlink)?="http://www\.w3\.org/[^"]*"', "", text)
         assert re.findall(r"https?:|//[a-z]|@import|url\(\s*[\"']?(?!#)", outside) == []
         policies = re.findall(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">', text)
-        assert policies == ["default-src 'none'; style-src 'unsafe-inline'"]
+        assert policies == ["default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"]
         links = [value for name, value in Outline(text).attributes if name in {"href", "xlink:href", "src"}]
         assert links
         assert all(value.startswith("#") for value in links)

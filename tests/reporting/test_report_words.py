@@ -20,7 +20,7 @@ from plumbob.noise.report import NOISE
 from plumbob.noise.report import comparison as before_and_after
 from plumbob.papers.buoy.static_test import static_test
 from plumbob.papers.fin.datasheet import fin_report
-from plumbob.reporting.style import CHINESE, said
+from plumbob.reporting.style import chinese_labels, said
 from tests.helpers.labels import labels
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "random", "seed": 1}
@@ -83,7 +83,7 @@ def test_every_label_of_a_page_has_its_chinese_word(subject, hand):
 
 def test_so_have_flags_grades_and_kinds_of_noise():
     rare = {name for name, _ in flags.MEANING.values()} | {*NOISE.values()} | {"GOOD", "FAIR", "POOR", "NOT GRADED"}
-    assert rare <= CHINESE.keys()
+    assert rare <= chinese_labels().keys()
 
 
 def test_numbers_and_units_stay_and_so_does_what_is_no_label():

@@ -2,8 +2,9 @@
 
 import json
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -31,7 +32,7 @@ SHOWN: Final = {"gyr": ("deg/s",), "acc": ("mg", "m/s2"), "mag": ("uT",)}
 """Units in which a triad is shown; the first one also where only one is."""
 
 _ROUNDING = 8.0 * np.finfo(float).eps  # of the inverse of a matrix near 1
-_RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹"
+_RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PPM = 0.01
 _NOTHING = 1e-12  # rounding of what is left, in units of SI and µT
 _REFERENCE = {"gyr": "rate", "acc": "gravity", "mag": "field"}
@@ -187,13 +188,10 @@ def refusal_text(refused: CaptureRefusedError) -> str:
 
 def _part(name: str, c: TriadCalibration, fit: Fitted | None) -> Report:
     grade = "not graded" if c.quality is None else c.quality.grade
-    rows = [
-        [f"bias [{written(unit)}]", *_cells(from_si(c.bias, unit), _converted(c.bias_sd, unit))] for unit in SHOWN[name]
-    ]
     return Report(
         f"{TITLES[name].capitalize()}: {grade.upper()}",
         facts=_facts(name, c, fit),
-        tables=[Table("", ["", *AXES], [*rows, *_matrix_rows(c), *_temperature_rows(name, c), *_coupling_rows(c)])],
+        tables=[Table("", ["", *AXES], list(_parameters(name, c)))],
         remarks=c.remarks,
         figures=[] if fit is None else list(_drawn(name, fit)),
     )
@@ -229,38 +227,39 @@ def _formula(card: CalibrationCard) -> str:
     return f"calibrated = matrix · ({' − '.join(terms)}){turned}"
 
 
-def _matrix_rows(c: TriadCalibration) -> Iterator[list[str]]:
+def _parameters(name: str, c: TriadCalibration) -> Iterator[list[str]]:
+    """Rows of all parameters: name with unit, and a cell for each axis."""
+    for unit in SHOWN[name]:
+        yield from _rows([f"bias [{written(unit)}]"], c.bias, c.bias_sd, partial(from_si, name=unit))
     if not c.matrix_found:
         yield ["matrix, scale, axes", *3 * ["not found"]]
-        return
-    for axis, row, sd in zip(AXES, c.matrix, _rows(c.matrix_sd), strict=True):
-        yield [f"matrix, row {axis}", *_cells(row, sd)]
-    axes = sensing_axes(c)
-    fine = bool((np.abs(axes.scale) < _PPM).all())
-    unit = 1e6 if fine else 1e2
-    sd = None if axes.scale_sd is None else unit * axes.scale_sd
-    yield [f"scale error [{'ppm' if fine else '%'}]", *_cells(unit * axes.scale, sd)]
-    yield ["axis misalignment [°]", *(number(value) for value in to_deg(axes.misalignment).tolist())]
-    skew = to_deg(axes.skew).tolist()
-    yield ["non-orthogonality [°]", *(f"{pair} {number(v)}" for pair, v in zip(("xy", "xz", "yz"), skew, strict=True))]
+    else:
+        axes = sensing_axes(c)
+        per, unit = (1e6, "ppm") if (np.abs(axes.scale) < _PPM).all() else (1e2, "%")
+        skew = zip(("xy", "xz", "yz"), to_deg(axes.skew).tolist(), strict=True)
+        yield from _rows([f"matrix, row {axis}" for axis in AXES], c.matrix, c.matrix_sd)
+        yield from _rows([f"scale error [{unit}]"], axes.scale, axes.scale_sd, lambda values: per * values)
+        yield ["axis misalignment [°]", *(number(value) for value in to_deg(axes.misalignment).tolist())]
+        yield ["non-orthogonality [°]", *(f"{pair} {number(value)}" for pair, value in skew)]
+    if c.bias_per_k.any():
+        unit = SHOWN[name][0]
+        powers = ["", *(str(k).translate(_RAISED) for k in range(2, len(c.bias_per_k) + 1))]
+        labels = [f"bias per K{power} [{written(unit)}/K{power}]" for power in powers]
+        yield from _rows(labels, c.bias_per_k, c.bias_per_k_sd, partial(from_si, name=unit))
+    if c.g_sensitivity.any():
+        labels = [f"g-sensitivity, row {axis} [°/s/g]" for axis in AXES]
+        yield from _rows(labels, c.g_sensitivity, c.g_sensitivity_sd, lambda values: to_deg(g(values)))
 
 
-def _temperature_rows(name: str, c: TriadCalibration) -> Iterator[list[str]]:
-    if not c.bias_per_k.any():
-        return
-    unit = SHOWN[name][0]
-    for k, (row, sd) in enumerate(zip(c.bias_per_k, _rows(c.bias_per_k_sd, len(c.bias_per_k)), strict=True), start=1):
-        power = "" if k == 1 else "".join(_RAISED[int(digit)] for digit in str(k))
-        cells = _cells(from_si(row, unit), _converted(sd, unit))
-        yield [f"bias per K{power} [{written(unit)}/K{power}]", *cells]
-
-
-def _coupling_rows(c: TriadCalibration) -> Iterator[list[str]]:
-    if not c.g_sensitivity.any():
-        return
-    for axis, row, sd in zip(AXES, g(c.g_sensitivity), _rows(c.g_sensitivity_sd), strict=True):
-        spread = None if sd is None else to_deg(g(sd))
-        yield [f"g-sensitivity, row {axis} [°/s/g]", *_cells(to_deg(row), spread)]
+def _rows(
+    labels: Sequence[str], values: Floats, sd: Floats | None, convert: Callable[[Any], Any] = np.asarray
+) -> Iterator[list[str]]:
+    """Rows of values (n, 3) or (3,), each with its standard deviation where it is known, in the unit that is shown."""
+    spread = np.zeros_like(values) if sd is None else sd
+    converted = (np.atleast_2d(convert(numbers)).tolist() for numbers in (values, spread))
+    for label, row, deviations in zip(labels, *converted, strict=True):
+        pairs = zip(row, deviations, strict=True)
+        yield [label, *(measured(v, v - d, v + d) if d > 0.0 else f"{v + 0.0:.6g}" for v, d in pairs)]
 
 
 def _residual(name: str, c: TriadCalibration, fit: Fitted | None) -> str:
@@ -309,23 +308,6 @@ def _temperature(c: TriadCalibration) -> str:
     beyond = "; beyond, the bias is extrapolated along its tangent" if c.bias_per_k.any() else ""
     span = f"from {low:.1f} to {high:.1f} °C" if high > low else f"at {low:.1f} °C"
     return f"{at}, calibrated {span}{beyond}"
-
-
-def _cells(values: Floats, sd: Floats | None) -> Sequence[str]:
-    spread = np.zeros(3) if sd is None else sd
-    return [_cell(v, s) for v, s in zip(values.tolist(), spread.tolist(), strict=True)]
-
-
-def _cell(value: float, sd: float) -> str:
-    return measured(value, value - sd, value + sd) if sd > 0.0 else f"{value + 0.0:.6g}"
-
-
-def _rows(sd: Floats | None, count: int = 3) -> Sequence[Floats | None]:
-    return [None] * count if sd is None else list(sd)
-
-
-def _converted(values: Floats | None, unit: str) -> Floats | None:
-    return None if values is None else from_si(values, unit)
 
 
 def _with(value: float, unit: str) -> str:

@@ -17,7 +17,6 @@ from plumbob.core.series import data_frame
 from plumbob.core.text import counted
 from plumbob.core.units import deg, to_deg
 from plumbob.data import UNCALIBRATED, AttitudeTrack
-from plumbob.evaluation import report
 from plumbob.evaluation.align import (
     Alignment,
     Fate,
@@ -69,11 +68,15 @@ class Evaluation(JudgedTrack, Reported):
 
     def summary(self) -> dict[str, Any]:
         """Everything but the series, ready for JSON: degrees, seconds, never NaN; see `evaluation.report.numbers`."""
-        return report.numbers(self)
+        from plumbob.evaluation.report import numbers
+
+        return numbers(self)
 
     def report(self, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
         """What was found, as text, page and picture; `facts` say more of where it comes from."""
-        return report.report(self, facts=facts)
+        from plumbob.evaluation.report import report
+
+        return report(self, facts=facts)
 
 
 def judge(estimate: AttitudeTrack, reference: AttitudeTrack, settings: EvaluationSettings) -> Evaluation:

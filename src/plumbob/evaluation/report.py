@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -20,14 +19,13 @@ from plumbob.evaluation.align import Fate
 from plumbob.evaluation.judged import JudgedTrack
 from plumbob.evaluation.metrics import CONFIDENCE, DOF, NEEDS_HEADING, QUANTITIES, Stats
 from plumbob.reporting.content import Figure, Table
-from plumbob.reporting.report import Report
+from plumbob.reporting.report import Report, plain
 from plumbob.reporting.style import SERIES, SHADE, SOFT
 from plumbob.rotations import IDENTITY, North, euler_zyx_from_quat, quat_angle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
-
 
 ESTIMATE, REFERENCE = SERIES[0], SOFT
 COLOUR: Final = dict(zip(("total", "heading", "inclination"), SERIES, strict=False))
@@ -58,21 +56,34 @@ def numbers(e: JudgedTrack) -> dict[str, Any]:
         ``rmse_deg``, ``mean_deg``, ``std_deg``, ``max_abs_deg``, ``max_at_s``, ``p50_deg``, ``p95_deg``, ``p99_deg``
         and ``count``. A quantity that is not scored is None, and ``not_scored`` says why.
     """
-    head = {f"{name}_rmse_deg": _rmse(e, name) for name in ("total", "heading", "inclination")}
-    return {
-        **head,
+    a, s = e.alignment, e.settings
+    time, mounting = a.time, a.mounting
+    return dict(plain({
+        **{f"{name}_rmse_deg": _deg(getattr(e.stats.get(name), "rmse", None)) for name in COLOUR},
         **{name: _stats(e.stats.get(name)) for name in QUANTITIES},
-        "not_scored": dict(e.not_scored),
+        "not_scored": e.not_scored,
         "samples": _samples(e),
-        "alignment": _alignment(e),
-        "settings": _settings(e),
+        "alignment": {
+            "time": time and {
+                "offset_s": time.offset, "correlation": time.correlation,
+                "rival_correlation": time.rival, "rival_offset_s": time.rival_at,
+            },
+            "mounting": None if mounting is None else {
+                "q_re_wxyz": mounting, "angle_deg": _deg(float(quat_angle(IDENTITY, mounting)))
+            },
+            "heading_deg": _deg(a.heading), "tilt_spread_deg": _deg(a.tilt_spread),
+        },
+        "settings": {
+            "align": s.align, "max_gap_s": e.match.max_gap, "max_offset_s": s.max_offset,
+            "declination_deg": _deg(s.declination), "settle_s": s.settle,
+        },
         "estimate": _track(e.estimate),
         "reference": _track(e.reference),
         "flags": e.flag_counts(),
-        "consistency": None if e.consistency is None else asdict(e.consistency),
+        "consistency": e.consistency,
         "reference_rate_rms_dps": None if e.reference_rate is None else to_dps(e.reference_rate),
-        "notes": list(e.notes),
-    }
+        "notes": e.notes,
+    }))  # fmt: skip
 
 
 def report(e: JudgedTrack, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
@@ -284,8 +295,8 @@ def _numbers(values: Floats) -> str:
     return " ".join(f"{v:.5f}" for v in values)
 
 
-def _rmse(e: JudgedTrack, name: str) -> float | None:
-    return to_deg(e.stats[name].rmse) if name in e.stats else None
+def _deg(angle: float | None) -> float | None:
+    return None if angle is None else to_deg(angle)
 
 
 def _stats(s: Stats | None) -> dict[str, Any] | None:
@@ -311,33 +322,6 @@ def _samples(e: JudgedTrack) -> dict[str, Any]:
     }
 
 
-def _alignment(e: JudgedTrack) -> dict[str, Any]:
-    a = e.alignment
-    constants: dict[str, Any] = {"time": None, "mounting": None}
-    if a.time is not None:
-        constants["time"] = {"offset_s": a.time.offset, "correlation": a.time.correlation}
-        constants["time"] |= {"rival_correlation": a.time.rival, "rival_offset_s": a.time.rival_at}
-    if a.mounting is not None:
-        angle = to_deg(float(quat_angle(IDENTITY, a.mounting)))
-        constants["mounting"] = {"q_re_wxyz": a.mounting.tolist(), "angle_deg": angle}
-    return {
-        **constants,
-        "heading_deg": None if a.heading is None else to_deg(a.heading),
-        "tilt_spread_deg": None if a.tilt_spread is None else to_deg(a.tilt_spread),
-    }
-
-
-def _settings(e: JudgedTrack) -> dict[str, Any]:
-    s = e.settings
-    return {
-        "align": list(s.align),
-        "max_gap_s": e.match.max_gap,
-        "max_offset_s": s.max_offset,
-        "declination_deg": None if s.declination is None else to_deg(s.declination),
-        "settle_s": s.settle,
-    }
-
-
 def _track(track: AttitudeTrack) -> dict[str, Any]:
     rate = (len(track) - 1) / float(track.t[-1] - track.t[0]) if len(track) > 1 else math.nan
     return {
@@ -345,7 +329,7 @@ def _track(track: AttitudeTrack) -> dict[str, Any]:
         "frame": str(track.frame),
         "north": str(track.north),
         "samples": len(track),
-        "mean_rate_hz": rate if math.isfinite(rate) else None,
+        "mean_rate_hz": rate,
         "first_s": float(track.t[0]),
         "last_s": float(track.t[-1]),
     }

@@ -267,10 +267,7 @@ def numbers(analyses: Sequence[Analysis]) -> dict[str, Any]:
     ShapeError
         If there is no analysis, or two share a name.
     """
-    by_channel: dict[str, Any] = plain(
-        {a.name: _channel_numbers(a) for triad in triads(analyses) for a in triad.channels.values()}
-    )
-    return by_channel
+    return dict(plain({a.name: _channel_numbers(a) for triad in triads(analyses) for a in triad.channels.values()}))
 
 
 def curve_numbers(deviations: Sequence[Deviation]) -> dict[str, Any]:
@@ -337,19 +334,11 @@ def _minimum(a: Analysis) -> dict[str, Any] | None:
 
 def _curve_numbers(curve: Curve, sample: str) -> dict[str, Any]:
     """A curve, its deviations in the unit inside and in `sample`."""
-    fields: dict[str, Any] = plain(
-        {
-            "kind": curve.kind,
-            "confidence": curve.confidence,
-            "n": curve.n,
-            "tau_s": curve.tau,
-            **_with_units(curve, sample, "dev", "lo", "hi"),
-            "alpha": curve.alpha,
-            "edf": curve.edf,
-            "ieee952_relative_error": curve.ieee,
-        }
-    )
-    return fields
+    return dict(plain({
+        "kind": curve.kind, "confidence": curve.confidence, "n": curve.n, "tau_s": curve.tau,
+        **_with_units(curve, sample, "dev", "lo", "hi"),
+        "alpha": curve.alpha, "edf": curve.edf, "ieee952_relative_error": curve.ieee,
+    }))  # fmt: skip
 
 
 def _with_units(source: Any, name: str, *keys: str) -> dict[str, dict[str, Any]]:
@@ -359,21 +348,13 @@ def _with_units(source: Any, name: str, *keys: str) -> dict[str, dict[str, Any]]
 
 def _compared_numbers(pair: ChannelComparison) -> dict[str, Any]:
     c, unit = pair.comparison, DEVIATION[pair.quantity]
-    fields: dict[str, Any] = plain(
-        {
-            "quantity": pair.quantity.name.lower(),
-            "before": _curve_numbers(c.before, unit),
-            "after": _curve_numbers(c.after, unit),
-            "ratio": c.ratio,
-            "ratio_lo": c.lo,
-            "ratio_hi": c.hi,
-            "time_constant_s": c.time_constant,
-            "corner_hz": c.corner,
-            "bent_below_s": c.bent_below,
-            "notes": list(c.notes),
-        }
-    )
-    return fields
+    return dict(plain({
+        "quantity": pair.quantity.name.lower(),
+        "before": _curve_numbers(c.before, unit), "after": _curve_numbers(c.after, unit),
+        "ratio": c.ratio, "ratio_lo": c.lo, "ratio_hi": c.hi,
+        "time_constant_s": c.time_constant, "corner_hz": c.corner, "bent_below_s": c.bent_below,
+        "notes": list(c.notes),
+    }))  # fmt: skip
 
 
 def _triad(triad: Triad) -> Report:
@@ -545,18 +526,10 @@ _ROOM = 1.2  # between a letter and the ends of the scales, as a ratio
 def triad_figure(triad: Triad) -> Figure:
     """Deviations of all axes of a triad."""
     channels = list(triad.channels.values())
-
-    def draw(canvas: "FigureBase") -> None:
-        ax = canvas.subplots()
-        _frame(ax, channels)
-        _shade(ax, max(channels, key=lambda a: a.mask.n))
-        for analysis, colour in zip(channels, SERIES, strict=False):
-            _draw_curve(ax, analysis, colour, band=0.15)
-            _draw_model(ax, analysis)
-
     axes = [(axis, colour, "solid") for axis, colour in zip(triad.channels, SERIES, strict=False)]
-    masked = [("masked on an axis", SHADE, "block")] if any(a.mask.n > 1 for a in channels) else []
-    return Figure("Allan deviation of all axes", draw, [*axes, ("models", MODEL, "solid"), *masked], HEIGHT)
+    keys = [*axes, ("models", MODEL, "solid"), *([("masked on an axis", SHADE, "block")] if _masked(channels) else [])]
+    draw = partial(_draw_curves, curves=channels, shaded=_masked(channels))
+    return Figure("Allan deviation of all axes", draw, keys, HEIGHT)
 
 
 def channel_figure(analysis: Analysis) -> Figure:
@@ -565,35 +538,41 @@ def channel_figure(analysis: Analysis) -> Figure:
         (f"deviation, {100.0 * analysis.curve.confidence:.1f} % interval", CURVE, "solid"),
         ("model", MODEL, "solid"),
         ("terms, read off at the dots", TERM, "dashed"),
+        *([("masked", SHADE, "block")] if _masked([analysis]) else []),
     ]
-    masked = [("masked", SHADE, "block")] if analysis.mask.n > 1 else []
-    draw = partial(_draw_channel, analysis=analysis)
-    return Figure("Allan deviation, model and terms", draw, [*keys, *masked], HEIGHT)
+    return Figure("Allan deviation, model and terms", partial(_draw_channel, analysis=analysis), keys, HEIGHT)
 
 
 def _compared_figure(pair: ChannelComparison) -> Figure:
     c = pair.comparison
     both = [Deviation(pair.name, pair.quantity, curve) for curve in (c.before, c.after)]
-
-    def draw(canvas: "FigureBase") -> None:
-        ax = canvas.subplots()
-        _frame(ax, both)
-        if c.bent_below is not None:
-            ax.axvspan(ax.get_xlim()[0], c.bent_below, color=SHADE, linewidth=0, zorder=0)
-        for deviation, colour in zip(both, SERIES, strict=False):
-            _draw_curve(ax, deviation, colour, band=0.18)
-
     bent = [("bent by the filter", SHADE, "block")] if c.bent_below is not None else []
     keys = [("before", SERIES[0], "solid"), ("after", SERIES[1], "solid"), *bent]
+    draw = partial(_draw_curves, curves=both, shaded=c.bent_below)
     return Figure("Allan deviation before and after", draw, keys, HEIGHT)
 
 
-def _draw_channel(canvas: "FigureBase", analysis: Analysis) -> None:
+def _masked(channels: Sequence[Analysis]) -> float | None:
+    """Averaging time below which the mask leaves out what an axis has; None where no axis has one."""
+    return max((a.mask.n * a.curve.dt for a in channels if a.mask.n > 1), default=None)
+
+
+def _draw_curves(canvas: "FigureBase", curves: Sequence[Analysis | Deviation], shaded: float | None) -> "Axes":
+    """Deviations, each with its model where it has one; shaded below an averaging time."""
     ax = canvas.subplots()
-    _frame(ax, [analysis])
-    _draw_curve(ax, analysis, CURVE, band=0.22)
-    _shade(ax, analysis)
-    _draw_model(ax, analysis)
+    _frame(ax, curves)
+    if shaded is not None:
+        ax.axvspan(ax.get_xlim()[0], shaded, color=SHADE, linewidth=0, zorder=0)
+    for curve, colour in zip(curves, SERIES, strict=False):
+        _draw_curve(ax, curve, colour, band=0.22 if len(curves) == 1 else 0.15)
+        if isinstance(curve, Analysis):
+            tau = np.geomspace(*ax.get_xlim(), 400)
+            ax.plot(tau, from_si(curve.model(tau), DEVIATION[curve.quantity]), color=MODEL, linewidth=0.7)
+    return ax
+
+
+def _draw_channel(canvas: "FigureBase", analysis: Analysis) -> None:
+    ax = _draw_curves(canvas, [analysis], _masked([analysis]))
     sample, tau = DEVIATION[analysis.quantity], np.geomspace(*ax.get_xlim(), 200)
     for letter, c in shown(analysis).items():
         line = from_si(np.sqrt(variance(letter, c.value, tau)), sample)
@@ -609,17 +588,6 @@ def _draw_channel(canvas: "FigureBase", analysis: Analysis) -> None:
             f"{letter} = {value}", dot, xytext=(4 * np.sign(power), -5), textcoords="offset points", color=TERM,
             ha="right" if power < 0 else "left" if power else "center", va="top",
         )  # fmt: skip
-
-
-def _shade(ax: "Axes", analysis: Analysis) -> None:
-    """What the mask leaves out."""
-    if analysis.mask.n > 1:
-        ax.axvspan(ax.get_xlim()[0], analysis.mask.n * analysis.curve.dt, color=SHADE, linewidth=0, zorder=0)
-
-
-def _draw_model(ax: "Axes", analysis: Analysis) -> None:
-    tau = np.geomspace(*ax.get_xlim(), 400)
-    ax.plot(tau, from_si(analysis.model(tau), DEVIATION[analysis.quantity]), color=MODEL, linewidth=0.7)
 
 
 def _draw_curve(ax: "Axes", analysis: Analysis | Deviation, colour: str, *, band: float) -> None:
@@ -647,7 +615,7 @@ def _thinned(tau: Floats, dev: Floats) -> tuple[Floats, Floats]:
     return np.exp(x), y
 
 
-def _frame(ax: "Axes", analyses: Sequence[Analysis] | Sequence[Deviation]) -> None:
+def _frame(ax: "Axes", analyses: Sequence[Analysis | Deviation]) -> None:
     """Scales, limits and labels; what is drawn afterwards does not change them."""
     unit = DEVIATION[analyses[0].quantity]
     low, high = (from_si(end, unit) for end in _range(analyses))
@@ -661,7 +629,7 @@ def _frame(ax: "Axes", analyses: Sequence[Analysis] | Sequence[Deviation]) -> No
     ax.set_ylabel(f"Allan deviation [{written(unit)}]")
 
 
-def _range(analyses: Sequence[Analysis] | Sequence[Deviation]) -> tuple[float, float]:
+def _range(analyses: Sequence[Analysis | Deviation]) -> tuple[float, float]:
     """Least and greatest deviation of the picture: those of trusted points, or of all where none can be trusted.
 
     A picture of one channel shows its read-off points too, if they are not far below the curve.

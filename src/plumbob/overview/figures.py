@@ -1,8 +1,9 @@
-"""Figures of a recording for a paper: values over time, spectra, heading rose, bursts and flags."""
+"""Plots of a recording: values over time, spectra, bursts and flags; for the script of the page, and as pictures."""
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -13,8 +14,9 @@ from plumbob.core.units import to_deg
 from plumbob.overview.report_entry import Subject
 from plumbob.overview.streaming_stats import SPECTRAL, Gathered
 from plumbob.overview.tables import SPECTRAL_UNITS, heading_circle, shown_scale
+from plumbob.quality.tilt import Headings
 from plumbob.reporting.content import Figure
-from plumbob.reporting.style import INK, SERIES, SOFT
+from plumbob.reporting.style import PALETTE, SERIES, SOFT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,56 +24,165 @@ if TYPE_CHECKING:
 
 COLUMNS: Final = 1500
 SECTORS: Final = 36
-_XYZ: Final = tuple(zip("xyz", SERIES[:3], strict=True))
-SD: Final = {"roll": "roll_sd", "pitch": "pitch_sd", "heading": "heading_sd"}
-"""Channels with a claimed standard deviation, and where it is."""
+_COLOURS: Final = {name: code for code, name in PALETTE.items()} | {"soft": SOFT}
+_CAPTIONS: Final = {
+    "angles": ("Roll, pitch and heading", 4.2), "tilt": ("Inclination from the vertical", 2.2),
+    "rates": ("Angular rate", 3.6), "forces": ("Specific force", 3.6), "field": ("Magnetic flux density", 3.6),
+    "temperature": ("Temperature", 2.0), "bias": ("Estimated gyroscope bias", 3.6),
+    "sd": ("Claimed standard deviation", 2.4), "spectrum": ("Power spectral density", 4.2),
+    "rose": ("Share of time by heading, sectors of 10°", 4.2), "bursts": ("Bursts", 4.0),
+    "flags": ("Flags over time", 1.1),
+}  # fmt: skip
+"""Captions and heights of pictures."""
+WHATS: Final = tuple(_CAPTIONS)
+"""All names of figures."""
+
+
+_XYZ: Final = tuple(zip("xyz", _COLOURS, strict=False))
+_TIMED: Final = (
+    ("angles", "roll", "Roll", "roll [°]", (("roll", "roll", "blue"),)),
+    ("angles", "pitch", "Pitch", "pitch [°]", (("pitch", "pitch", "blue"),)),
+    ("angles", "heading", "Heading", "heading [°]", (("heading", "heading", "blue"),)),
+    ("tilt", "tilt", "", "inclination [°]", (("inclination", "tilt", "blue"),)),
+    ("rates", "rates", "", "rate {} [°/s]", tuple((axis, f"gyr_{axis}", colour) for axis, colour in _XYZ)),
+    ("forces", "forces", "", "force {} [m/s²]", tuple((axis, f"acc_{axis}", colour) for axis, colour in _XYZ)),
+    ("field", "field", "", "field {} [µT]", tuple((axis, f"mag_{axis}", colour) for axis, colour in _XYZ)),
+    ("temperature", "temperature", "", "temperature [°C]", (("temperature", "temp", "blue"),)),
+    ("bias", "bias", "", "bias {} [°/s]", tuple((axis, f"bias_{axis}", colour) for axis, colour in _XYZ)),
+    ("sd", "", "", "1 sd [°]", tuple((angle, f"{angle}_sd", colour) for angle, colour in zip(
+        ("roll", "pitch", "heading"), _COLOURS, strict=False))),
+)  # fmt: skip
+"""Picture, name on the page, caption where it is another than that of the picture, label, and lines with channels."""
+_SPECTRA: Final = (
+    ("angles", "roll and pitch", "roll, pitch", ("roll", "pitch")),
+    ("heading rate", "the heading rate", "heading rate", ("heading_rate",)),
+    ("vertical acceleration", "the vertical acceleration", "vertical acceleration", ("vertical",)),
+)
+
+
+class Chart(NamedTuple):
+    """A plot, as a panel of a picture and on the page.
+
+    Attributes
+    ----------
+    what : str
+        Name of the picture.
+    label : str
+        Of its axis there, with the unit; with a place for the name of a line, each line has a panel of its own.
+    spec : dict
+        What the script of the page takes, but for the unit; its kind is "time", "spectrum", "points" or "flags".
+    on_page : bool
+        Whether the page has it.
+    """
+
+    what: str
+    label: str
+    spec: dict[str, Any]
+    on_page: bool = True
+
+
+def charts(g: Gathered) -> Iterator[Chart]:
+    """Plots that a recording has values for."""
+    more: dict[str, dict[str, Any]] = {}
+    if g.tilt is not None:
+        limit, greatest = to_deg(g.tilt.inclination.limit), to_deg(g.tilt.inclination.greatest)
+        more = {
+            "roll": {"period": (-180.0, 180.0)}, "pitch": {},
+            "heading": {"period": heading_circle(g), "compass": True},
+            "tilt": {"floor": 0.0} | ({"limit": limit} if limit <= 2.0 * greatest else {}),
+        }  # fmt: skip
+    for what, name, caption, label, traces in _TIMED:
+        if name in more or g.has(traces[0][1]):
+            lines = [{"label": text, "colour": colour, "channel": channel} for text, channel, colour in traces]
+            if what == "angles" and g.has(f"{name}_sd"):
+                lines[0]["sd"] = f"{name}_sd"
+            spec = {"name": name, "caption": caption or _CAPTIONS[what][0], "kind": "time", "lines": lines}
+            yield Chart(what, label, spec | more.get(name, {}), on_page=bool(name))
+    if g.spectra is not None:
+        yield from _spectra(*g.spectra.gathered())
+    if g.tilt is not None:
+        yield from _bursts(g)
+    rows = [("gaps", g.gaps, "red")]
+    others = ((name, runs) for name, runs in g.flags.items() if name != "gap")
+    rows += [(name, runs.stretches, "soft" if runs.coarse else "blue") for name, runs in others]
+    flags = [
+        {"label": name, "colour": colour, "runs": [[round(begin, 3), round(end, 3)] for begin, end in stretches]}
+        for name, stretches, colour in rows
+    ]
+    yield Chart("flags", "", {"name": "flags", "caption": _CAPTIONS["flags"][0], "kind": "flags", "rows": flags})
+
+
+def _spectra(frequency: Floats, density: Floats) -> Iterator[Chart]:
+    x = [float(f"{f:.5g}") for f in frequency]
+    for name, subject, label, channels in _SPECTRA:
+        values = {channel: density[:, SPECTRAL.index(channel)] * shown_scale(channel) ** 2 for channel in channels}
+        lines = [
+            {"label": channel.replace("_", " "), "colour": colour, "y": _digits(y)}
+            for (channel, y), colour in zip(values.items(), _COLOURS, strict=False)
+            if np.isfinite(y).any()
+        ]
+        spec = {"name": name, "caption": f"Power spectral density of {subject}", "kind": "spectrum", "lines": lines}
+        unit = SPECTRAL_UNITS[channels[0]]
+        yield Chart("spectrum", f"{label} [{unit}]", spec | {"x": x, "xlabel": "f [Hz]"}, on_page=bool(lines))
+
+
+def _digits(values: Floats) -> list[float | None]:
+    """Five digits of each; None where not known or not above zero."""
+    return [float(f"{v:.5g}") if math.isfinite(v) and v > 0.0 else None for v in values.tolist()]
+
+
+def _bursts(g: Gathered) -> Iterator[Chart]:
+    x = [round(0.5 * (burst.begin + burst.end), 3) for burst in g.bursts]
+    tilts = [burst.tilt for burst in g.bursts]
+    angles = [(t.roll.significant, t.pitch.significant, t.inclination.mean, t.inclination.greatest) for t in tilts]
+    columns = [*np.degrees(angles).T, *np.array([(t.roll.tz, t.pitch.tz) for t in tilts]).T]
+    for name, caption, label, drawn in (
+        ("bursts", "Significant double amplitude by burst", "significant [°]",
+         (("roll", "blue", 0), ("pitch", "red", 1))),
+        ("", "Tz", "Tz [s]", (("roll", "blue", 4), ("pitch", "red", 5))),
+        ("burst tilt", "Inclination by burst", "mean, greatest [°]", (("mean", "green", 2), ("greatest", "green", 3))),
+    ):  # fmt: skip
+        lines = [
+            {"label": text, "colour": colour, "y": _digits(columns[k])} | ({"dash": True} if k == 3 else {})
+            for text, colour, k in drawn
+        ]
+        spec = {"name": name, "caption": caption, "kind": "points", "lines": lines, "x": x, "floor": 0.0}
+        yield Chart("bursts", label, spec, on_page=bool(name) and len(x) > 1)
+
+
+def shown_values(g: Gathered, channel: str) -> Floats:
+    """Values (M,) of a channel in the unit that is shown; headings on the circle of `heading_circle`."""
+    values = g.traces.channel(channel) * shown_scale(channel)
+    start = heading_circle(g)[0]
+    return (values - start) % 360.0 + start if channel == "heading" else values
+
+
+# --- as pictures ------------------------------------------------------------------------------------------------------
 
 
 def figures(subject: Subject) -> dict[str, Figure]:
     """Figures by the names that ``plumbob plot --what`` takes, as far as the recording has something for them."""
     g = subject.gathered
-    drawings: dict[str, Figure] = {}
-    if g.tilt is not None:
-        keys = [
-            ("estimate", SERIES[0], "solid"),
-            *([("claimed ± 1 sd", SERIES[5], "block")] if g.has("roll_sd") else []),
-        ]
-        drawings["angles"] = Figure("Roll, pitch and heading", partial(_angles, g), keys, height=4.2)
-        limit = ("limit", SERIES[1], "dashed")
-        drawings["tilt"] = Figure("Inclination from the vertical", partial(_tilt, g), [limit], height=2.2)
-    for what, (stem, caption, label) in _TRIADS.items():
-        if g.has(f"{stem}_x"):
-            draw = partial(_triad, g, stem, label)
-            drawings[what] = Figure(caption, draw, [(axis, colour, "solid") for axis, colour in _XYZ], height=3.6)
-    if g.has("temp"):
-        drawings["temperature"] = Figure(
-            "Temperature", partial(_lines, g, [("temp", INK)], "temperature [°C]"), height=2.0
-        )
-    if g.has("roll_sd"):
-        names = [("roll_sd", SERIES[0]), ("pitch_sd", SERIES[1]), ("heading_sd", SERIES[2])]
-        keys = [(name.removesuffix("_sd"), colour, "solid") for name, colour in names]
-        drawings["sd"] = Figure("Claimed standard deviation", partial(_lines, g, names, "1 sd [°]"), keys)
-    if g.spectra is not None:
-        drawings["spectrum"] = Figure("Power spectral density", partial(_spectrum, g), height=4.2)
-    if g.headings is not None and g.headings.samples:
-        drawings["rose"] = Figure("Share of time by heading, sectors of 10°", partial(_rose, g), height=4.2)
-    if g.tilt is not None:
-        keys = [("roll", SERIES[0], "solid"), ("pitch", SERIES[1], "solid"), ("inclination", SERIES[2], "solid")]
-        drawings["bursts"] = Figure("Bursts", partial(_bursts, g), keys, height=4.0)
-    drawings["flags"] = Figure("Flags over time", partial(_flags, g), height=0.9 + 0.22 * (1 + len(g.flags)))
+    panels: dict[str, list[Chart]] = {}
+    for chart in charts(g):
+        panels.setdefault(chart.what, []).append(chart)
+    drawings = {}
+    for what, (caption, height) in _CAPTIONS.items():
+        if what == "rose" and g.headings is not None and g.headings.samples:
+            drawings[what] = Figure(caption, partial(_draw_rose, g.headings), height=height)
+        elif what in panels:
+            key = [
+                (line["label"], _COLOURS[line["colour"]], "dashed" if "dash" in line else "solid")
+                for chart in panels[what] for line in chart.spec.get("lines", ()) if len(chart.spec["lines"]) > 1
+            ]  # fmt: skip
+            if what == "angles" and g.has("roll_sd"):
+                key = [("estimate", SERIES[0], "solid"), ("claimed ± 1 sd", SERIES[5], "block")]
+            if "limit" in panels[what][0].spec:
+                key = [("limit", SERIES[1], "dashed")]
+            more = 0.22 * len(g.flags) if what == "flags" else 0.0
+            draw = partial(_draw, g, panels[what])
+            drawings[what] = Figure(caption, draw, list(dict.fromkeys(key)), height + more)
     return drawings
-
-
-_TRIADS: Final = {
-    "rates": ("gyr", "Angular rate", "rate {} [°/s]"),
-    "forces": ("acc", "Specific force", "force {} [m/s²]"),
-    "field": ("mag", "Magnetic flux density", "field {} [µT]"),
-    "bias": ("bias", "Estimated gyroscope bias", "bias {} [°/s]"),
-}
-WHATS: Final = (
-    "angles", "tilt", "rates", "forces", "field", "temperature", "bias", "sd", "spectrum", "rose", "bursts", "flags",
-)  # fmt: skip
-"""All names of figures."""
 
 
 def figure(subject: Subject, what: str) -> Figure:
@@ -88,39 +199,56 @@ def figure(subject: Subject, what: str) -> Figure:
     return drawings[what]
 
 
+def _draw(g: Gathered, panels: Sequence[Chart], canvas: "FigureBase") -> None:
+    split = [
+        (chart.label.format(line["label"]), chart.spec, [line])
+        for chart in panels if "{}" in chart.label
+        for line in chart.spec["lines"]
+    ] or [(chart.label, chart.spec, chart.spec.get("lines", ())) for chart in panels]  # fmt: skip
+    axes = canvas.subplots(len(split), 1, sharex=True, squeeze=False)[:, 0]
+    kind = panels[0].spec["kind"]
+    for ax, (label, spec, lines) in zip(axes, split, strict=True):
+        ax.set_ylabel(label, fontsize=6.0 if kind == "spectrum" else None)
+        _PANELS[kind](ax, g, spec, lines)
+    if kind == "spectrum":
+        return
+    axes[-1].set_xlabel("time [s]")
+    axes[-1].set_xlim(g.begin, max(g.end, g.begin + g.step))  # of a single sample one step behind it
+
+
+def _over_time(ax: "Axes", g: Gathered, spec: dict[str, Any], lines: Sequence[dict[str, Any]]) -> None:
+    from plumbob.reporting.drawing import envelope
+
+    for line in lines:
+        if "sd" in line:
+            _band(ax, g, line, circular="period" in spec)
+        y = shown_values(g, line["channel"])
+        finite = np.isfinite(y)
+        t = g.traces.t[finite]
+        gap = max(_gap(g), GAP_FACTOR * float(np.median(np.diff(t)))) if t.size > 1 else np.inf
+        jump = 180.0 if "period" in spec else np.inf
+        drawn = envelope(t, y[finite], COLUMNS, gap=gap, jump=jump)
+        ax.plot(*drawn, color=_COLOURS[line["colour"]], linewidth=0.6)
+    if "limit" in spec:
+        ax.axhline(spec["limit"], color=SERIES[1], linewidth=0.8, linestyle="--")
+    if "floor" in spec:
+        ax.set_ylim(bottom=spec["floor"])
+    if "compass" in spec:
+        (low, high), start = ax.get_ylim(), spec["period"][0]
+        if high - low > 180.0:
+            ax.set_ylim(start, start + 360.0)
+            ax.set_yticks(start + np.arange(0.0, 361.0, 90.0))
+        ax.yaxis.set_major_formatter(lambda value, _: f"{value % 360.0:g}")
+
+
 def _gap(g: Gathered) -> float:
     """A step in time that breaks a line, s."""
     return max(GAP_FACTOR, 1.01 * g.traces.each) * g.step
 
 
-def _end(g: Gathered) -> float:
-    """End of the axis of time, s: of a single sample one step behind it."""
-    return max(g.end, g.begin + g.step)
-
-
-def _line(ax: "Axes", g: Gathered, channel: str, colour: str, *, jump: float = np.inf) -> None:
-    from plumbob.reporting.drawing import envelope
-
-    y = _shown(g, channel)
-    finite = np.isfinite(y)
-    t, values = g.traces.t[finite], y[finite]
-    gap = max(_gap(g), GAP_FACTOR * float(np.median(np.diff(t)))) if t.size > 1 else np.inf
-    ax.plot(*envelope(t, values, COLUMNS, gap=gap, jump=jump), color=colour, linewidth=0.6)
-    ax.set_xlim(g.begin, _end(g))
-
-
-def _shown(g: Gathered, channel: str) -> Floats:
-    """Values of a channel in the unit that is shown; headings on the circle of `heading_circle`."""
-    values = g.traces.channel(channel) * shown_scale(channel)
-    start = heading_circle(g)[0]
-    return (values - start) % 360.0 + start if channel == "heading" else values
-
-
-def _band(ax: "Axes", g: Gathered, channel: str, *, circular: bool) -> None:
+def _band(ax: "Axes", g: Gathered, line: dict[str, Any], *, circular: bool) -> None:
     """Value ± one claimed standard deviation, as far as both are known."""
-    if not g.has(SD[channel]):
-        return
-    y, sd = (_shown(g, name) for name in (channel, SD[channel]))
+    y, sd = (shown_values(g, line[name]) for name in ("channel", "sd"))
     t, size = g.traces.t, -(-y.size // COLUMNS)
     behind = np.flatnonzero(np.diff(t) > _gap(g)) + 1
     starts = np.union1d(np.arange(0, y.size, size), behind)
@@ -134,68 +262,15 @@ def _band(ax: "Axes", g: Gathered, channel: str, *, circular: bool) -> None:
     ax.fill_between(shown, low, high, color=SERIES[5], alpha=0.5, linewidth=0.0, step="post")
 
 
-def _angles(g: Gathered, canvas: "FigureBase") -> None:
-    axes = canvas.subplots(3, 1, sharex=True)
-    for ax, name in zip(axes, ("roll", "pitch", "heading"), strict=True):
-        _band(ax, g, name, circular=name == "heading")
-        _line(ax, g, name, SERIES[0], jump=180.0)
-        ax.set_ylabel(f"{name} [°]")
-    low, high = axes[2].get_ylim()
-    if high - low > 180.0:
-        start = heading_circle(g)[0]
-        axes[2].set_ylim(start, start + 360.0)
-        axes[2].set_yticks(start + np.arange(0.0, 361.0, 90.0))
-    axes[2].yaxis.set_major_formatter(lambda value, _: f"{value % 360.0:g}")
-    axes[2].set_xlabel("time [s]")
-
-
-def _tilt(g: Gathered, canvas: "FigureBase") -> None:
-    ax = canvas.subplots()
-    _line(ax, g, "tilt", SERIES[0])
-    assert g.tilt is not None
-    ax.axhline(to_deg(g.tilt.inclination.limit), color=SERIES[1], linewidth=0.8, linestyle="--")
-    ax.set_ylim(bottom=0.0)
-    ax.set_ylabel("inclination [°]")
-    ax.set_xlabel("time [s]")
-
-
-def _triad(g: Gathered, stem: str, label: str, canvas: "FigureBase") -> None:
-    axes = canvas.subplots(3, 1, sharex=True)
-    for ax, (axis, colour) in zip(axes, _XYZ, strict=True):
-        _line(ax, g, f"{stem}_{axis}", colour)
-        ax.set_ylabel(label.format(axis))
-    axes[2].set_xlabel("time [s]")
-
-
-def _lines(g: Gathered, names: Sequence[tuple[str, str]], label: str, canvas: "FigureBase") -> None:
-    ax = canvas.subplots()
-    for name, colour in names:
-        _line(ax, g, name, colour)
-    ax.set_ylabel(label)
-    ax.set_xlabel("time [s]")
-
-
-_SPECTRA: Final = (
-    (("roll", "pitch"), "roll, pitch"), (("heading_rate",), "heading rate"), (("vertical",), "vertical acceleration"),
-)  # fmt: skip
-
-
-def _spectrum(g: Gathered, canvas: "FigureBase") -> None:
-    assert g.spectra is not None
-    frequency, density = g.spectra.gathered()
-    axes = canvas.subplots(3, 1, sharex=True)
-    for ax, (names, label) in zip(axes, _SPECTRA, strict=True):
-        for name, colour in zip(names, SERIES, strict=False):
-            y = density[:, SPECTRAL.index(name)] * shown_scale(name) ** 2
-            ax.loglog(frequency, np.where(y > 0.0, y, np.nan), color=colour, linewidth=0.8, label=name)
-        if len(names) > 1:
-            ax.legend(frameon=False, loc="upper right")
-        ax.set_ylabel(f"{label} [{SPECTRAL_UNITS[names[0]]}]", fontsize=6.0)
-        ax.yaxis.set_major_formatter(lambda value, _: _power(value))
-    axes[-1].xaxis.set_major_formatter(lambda value, _: _power(value))
-    axes[-1].xaxis.set_minor_formatter(lambda value, _: "")  # of a narrow band matplotlib writes formulas there
-    axes[-1].set_xlabel("frequency [Hz]")
-    axes[-1].set_xlim(frequency[0], frequency[-1])
+def _spectrum(ax: "Axes", _: Gathered, spec: dict[str, Any], lines: Sequence[dict[str, Any]]) -> None:
+    for line in lines:
+        ax.loglog(spec["x"], np.array(line["y"], dtype=float), color=_COLOURS[line["colour"]], linewidth=0.8)
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_formatter(lambda value, _: _power(value))
+    ax.xaxis.set_minor_formatter(lambda value, _: "")  # of a narrow band matplotlib writes formulas there
+    ax.set_xlim(spec["x"][0], spec["x"][-1])
+    if ax.get_subplotspec().is_last_row():  # type: ignore[union-attr]
+        ax.set_xlabel("frequency [Hz]")
 
 
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -207,53 +282,36 @@ def _power(value: float) -> str:
     return f"{value:g}" if -2 <= exponent <= 3 else f"10{str(exponent).translate(_RAISED)}"
 
 
-def _rose(g: Gathered, canvas: "FigureBase") -> None:
-    assert g.headings is not None
-    share = g.headings.sectors(SECTORS)
+def _points(ax: "Axes", _: Gathered, spec: dict[str, Any], lines: Sequence[dict[str, Any]]) -> None:
+    for line in lines:
+        y, style = np.array(line["y"], dtype=float), "o--" if "dash" in line else "o-"
+        ax.plot(spec["x"], y, style, color=_COLOURS[line["colour"]], markersize=2.5, linewidth=0.8)
+    ax.set_ylim(bottom=spec["floor"])
+
+
+def _flags(ax: "Axes", g: Gathered, spec: dict[str, Any], _: Sequence[dict[str, Any]]) -> None:
+    rows, least = spec["rows"], g.duration / COLUMNS
+    for place, row in enumerate(rows):
+        bars = [(begin, max(end - begin, least)) for begin, end in row["runs"]]
+        ax.broken_barh(bars, (place - 0.35, 0.7), facecolors=_COLOURS[row["colour"]], linewidth=0)
+    ax.set_yticks(range(len(rows)), [row["label"] for row in rows])
+    ax.set_ylim(len(rows) - 0.5, -0.5)
+    ax.grid(visible=True, axis="x")
+
+
+_PANELS: Final = {"time": _over_time, "spectrum": _spectrum, "points": _points, "flags": _flags}
+
+
+def _draw_rose(headings: Headings, canvas: "FigureBase") -> None:
+    share = 100.0 * headings.sectors(SECTORS)
     ax: Any = canvas.add_subplot(projection="polar")
     ax.set_theta_zero_location("N")
     ax.set_theta_direction(-1)
     width = 2.0 * np.pi / SECTORS
-    ax.bar(width * np.arange(SECTORS), 100.0 * share, width=0.94 * width, color=SERIES[0], linewidth=0.0)
-    ax.plot([g.headings.mean] * 2, [0.0, 100.0 * float(share.max())], color=SERIES[1], linewidth=1.2)
+    ax.bar(width * np.arange(SECTORS), share, width=0.94 * width, color=SERIES[0], linewidth=0.0)
+    ax.plot([headings.mean] * 2, [0.0, share.max()], color=SERIES[1], linewidth=1.2)
     ax.set_xticks(np.radians(np.arange(0, 360, 30)))
     ax.set_xticklabels(["N", "30°", "60°", "E", "120°", "150°", "S", "210°", "240°", "W", "300°", "330°"])
     ax.yaxis.set_major_formatter(lambda value, _: f"{value:g} %")
     ax.set_rlabel_position(45.0)
     ax.tick_params(axis="y", labelsize=6.0)
-
-
-def _bursts(g: Gathered, canvas: "FigureBase") -> None:
-    axes = canvas.subplots(3, 1, sharex=True)
-    t = np.array([0.5 * (burst.begin + burst.end) for burst in g.bursts])
-    curves: list[tuple[Callable[..., float], int]] = [(lambda b: b.tilt.roll.significant, 0)]
-    curves.append((lambda b: b.tilt.pitch.significant, 0))
-    curves += [(lambda b: b.tilt.roll.tz, 1), (lambda b: b.tilt.pitch.tz, 1)]
-    for number, (of, panel) in enumerate(curves):
-        scale = to_deg(1.0) if panel == 0 else 1.0
-        axes[panel].plot(
-            t, [scale * of(b) for b in g.bursts], "o-", color=SERIES[number % 2], markersize=2.5, linewidth=0.8
-        )
-    for of, style in ((lambda b: b.tilt.inclination.mean, "o-"), (lambda b: b.tilt.inclination.greatest, "o--")):
-        axes[2].plot(t, [to_deg(of(b)) for b in g.bursts], style, color=SERIES[2], markersize=2.5, linewidth=0.8)
-    for ax, label in zip(axes, ("significant [°]", "Tz [s]", "mean, greatest [°]"), strict=True):
-        ax.set_ylabel(label)
-        ax.set_ylim(bottom=0.0)
-    axes[2].set_xlabel("time [s]")
-    axes[2].set_xlim(g.begin, _end(g))
-
-
-def _flags(g: Gathered, canvas: "FigureBase") -> None:
-    ax = canvas.subplots()
-    rows = [("gap", g.gaps, SERIES[1])]
-    others = ((name, runs) for name, runs in g.flags.items() if name != "gap")
-    rows += [(name, runs.stretches, SOFT if runs.coarse else SERIES[0]) for name, runs in others]
-    least = g.duration / COLUMNS
-    for place, (_, stretches, colour) in enumerate(rows):
-        bars = [(begin, max(end - begin, least)) for begin, end in stretches]
-        ax.broken_barh(bars, (place - 0.35, 0.7), facecolors=colour, linewidth=0)
-    ax.set_yticks(range(len(rows)), [name for name, *_ in rows])
-    ax.set_ylim(len(rows) - 0.5, -0.5)
-    ax.set_xlim(g.begin, _end(g))
-    ax.grid(visible=True, axis="x")
-    ax.set_xlabel("time [s]")

@@ -1,41 +1,50 @@
 """What a file holds, and its grade."""
 
+import json
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from plumbob.core import check, flags
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
 from plumbob.core.text import FactsText, counted, visible
+from plumbob.core.time import timing
+from plumbob.core.units import to_deg
+from plumbob.data import AttitudeTrack, ImuData, calibration_told
+from plumbob.data.array import ImuArray
+from plumbob.data.cards import UNITS
+from plumbob.data.plausibility import statistics
+from plumbob.data.recording import Recording, found_in
+from plumbob.rotations.headings import heading_zero
 
 if TYPE_CHECKING:
-    from plumbob.data.recording import Recording
     from plumbob.quality.grade import Grade
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Info(FactsText):
     """What a file holds.
 
-    Parameters
+    Attributes
     ----------
-    report : mapping
+    numbers : mapping
         All that is known, as JSON can hold it.
     lines : sequence of str
         The same for a reader.
-    grade : Grade, optional
+    grade : Grade or None
         What the recording is worth, with the reasons.
-    points : float, optional
-        Of a card, which has a grade of its own.
+    points : float or None
+        Of the recording, or of a card, which has a grade of its own.
     """
 
-    def __init__(
-        self,
-        report: Mapping[str, Any],
-        lines: Sequence[str],
-        grade: "Grade | None" = None,
-        points: float | None = None,
-    ) -> None:
-        self._report, self._lines = report, lines
-        self.grade, self._points = grade, points if grade is None else grade.points
+    numbers: Mapping[str, Any]
+    lines: Sequence[str]
+    grade: "Grade | None" = None
+    points: float | None = None
 
     def reaches(self, asked: float | str) -> bool:
         """Whether the grade is at least a number from 0 to 100, or a word: GOOD, FAIR or POOR.
@@ -45,37 +54,35 @@ class Info(FactsText):
         ParameterError
             If nothing here has a grade, as a noise card, or the word is not one of the three.
         """
-        from plumbob.core import check
-        from plumbob.core.errors import ParameterError
         from plumbob.quality.grade import WORDS
 
-        if self._points is None:
+        if self.points is None:
             raise ParameterError(
-                f"{self._report['file']} has no grade; grades are of recordings and calibration cards."
+                f"{self.numbers['file']} has no grade; grades are of recordings and calibration cards."
             )
         least = dict(WORDS)
         if isinstance(asked, str):
             if asked not in least:
                 raise ParameterError(f"a grade is GOOD, FAIR or POOR, or a number, but got {check.said(asked)}.")
-            return self._points >= least[asked]
-        return self._points >= check.number("grade", asked, "points")
+            return self.points >= least[asked]
+        return self.points >= check.number("grade", asked, "points")
 
     def facts(self) -> Mapping[str, str]:
         """The file, and what is in it."""
         kinds = ("sensors", "array", "attitude", "card")
-        held = {kind: self._report[kind] for kind in kinds if kind in self._report}
-        facts = {"file": self._report["file"], "holds": ", ".join(held)}
+        held = {kind: self.numbers[kind] for kind in kinds if kind in self.numbers}
+        facts = {"file": self.numbers["file"], "holds": ", ".join(held)}
         timed = held.get("sensors", held.get("array", held.get("attitude", {})))
         return facts | ({"samples": str(timed["time"]["samples"])} if "time" in timed else {})
 
     def summary(self) -> dict[str, Any]:
         """All that is known, as JSON can hold it."""
-        return dict(self._report)
+        return dict(self.numbers)
 
     def text(self, *details: str) -> str:
         """The same for a reader, a line each; with ``"grade"`` every criterion, also those that lose nothing."""
         lines = () if self.grade is None else _grade_lines(self.grade, full="grade" in details)
-        return "\n".join((*self._lines, *lines))
+        return "\n".join((*self.lines, *lines))
 
 
 def info(
@@ -106,8 +113,6 @@ def info(
     ParameterError
         If there is no such unit.
     """
-    from plumbob.core import check
-    from plumbob.data.recording import Recording, found_in
     from plumbob.door.reading import read
     from plumbob.quality.grade import grade_of
 
@@ -131,18 +136,14 @@ def info(
         report["attitude"] = _attitude(recording.track)
     made = grade_of(recording, judged=not isinstance(what, Recording))
     report["grade"] = made.summary()
-    return Info(report, list(_lines(report, said)), made)
+    lines = [name, *(f"{topic:12} {visible(text)}" for topic, text in _facts(report, said))]
+    return Info(report, lines, made, made.points)
 
 
 def _grade_lines(grade: "Grade", *, full: bool) -> Iterator[str]:
     """The grade, and under it what costs points, the dearest first; or every criterion with its rule."""
-    of = ""
-    if grade.units:
-        of = (
-            "; "
-            + ", ".join(f"{visible(name)} {unit.points:g}" for name, unit in grade.units.items())
-            + "; reasons of the worst"
-        )
+    units = ", ".join(f"{visible(name)} {unit.points:g}" for name, unit in (grade.units or {}).items())
+    of = f"; {units}; reasons of the worst" if units else ""
     yield f"{'grade':12} {grade.points:g} of 100, {grade.word}{of}"
     for criterion in sorted(grade.criteria, key=lambda criterion: -criterion.lost):
         if not (criterion.lost or full):
@@ -156,8 +157,6 @@ def _grade_lines(grade: "Grade", *, full: bool) -> Iterator[str]:
 
 def _card(file: Path) -> Info:
     """What a card holds."""
-    import json
-
     from plumbob.data.cards import CalibrationCard, open_card
 
     card, points = open_card(file), None
@@ -177,12 +176,7 @@ def _card(file: Path) -> Info:
     return Info({"file": str(file)} | content, [report.text()], points=points)
 
 
-def _sensors(imu: Any) -> dict[str, Any]:
-    import numpy as np
-
-    from plumbob.core import flags
-    from plumbob.core.units import to_deg
-
+def _sensors(imu: ImuData) -> dict[str, Any]:
     meta = imu.meta
     return {
         "device": meta.device,
@@ -190,7 +184,7 @@ def _sensors(imu: Any) -> dict[str, Any]:
         "frame": str(meta.frame) if meta.frame else None,
         "axes": meta.axes,
         "declination_deg": None if meta.declination is None else to_deg(meta.declination),
-        "time": _timing(np.diff(imu.t_ns)) | {"start_utc": _utc(meta.t0_ns)},
+        "time": _timing(imu.t) | {"start_utc": _utc(meta.t0_ns)},
         "triads": {name: _triad(imu, name) for name in imu.triads},
         "flags": flags.counts(imu.flags),
     }
@@ -204,135 +198,118 @@ def _utc(t0_ns: int) -> str | None:
     return moment.isoformat().replace("+00:00", "Z") if t0_ns else None
 
 
-def _array(array: Any) -> dict[str, Any]:
+def _array(array: ImuArray) -> dict[str, Any]:
     """Time line of all, and what each unit has, with how it is mounted."""
-    import numpy as np
-
-    from plumbob.core.time import to_ns
-
     units = {}
     for name, imu in array.units.items():
         mount = array.mounts[name]
-        mounted = {"q_bs": list(mount.q_bs), "lever_b_m": list(mount.lever_b), "clock_offset_s": mount.clock_offset}
         noise = None if mount.noise is None else mount.noise.device
         sensors = _sensors(imu)
         del sensors["time"]
-        units[name] = sensors | {"mount": mounted | {"noise_card": noise}}
-    return {"time": _timing(np.diff(to_ns(array.t))), "units": units}
+        units[name] = sensors | {
+            "mount": {
+                "q_bs": list(mount.q_bs), "lever_b_m": list(mount.lever_b), "clock_offset_s": mount.clock_offset,
+                "noise_card": noise,
+            }
+        }  # fmt: skip
+    return {"time": _timing(array.t), "units": units}
 
 
-def _triad(imu: Any, name: str) -> dict[str, Any]:
-    from plumbob.data.cards import UNITS
-    from plumbob.data.plausibility import statistics
-
+def _triad(imu: ImuData, name: str) -> dict[str, Any]:
     stats = statistics(imu, name)
+    numbers = {"mean": stats.mean.tolist(), "std": stats.std.tolist(), "norm_median": stats.norm}
     return {
         "unit": UNITS[name],
         "samples": stats.samples,
         "range": getattr(imu.meta, f"{name}_range"),
-        "mean": stats.mean.tolist() if stats.samples else None,
-        "std": stats.std.tolist() if stats.samples else None,
-        "norm_median": stats.norm if stats.samples else None,
+        **(numbers if stats.samples else dict.fromkeys(numbers)),
     }
 
 
-def _attitude(track: Any) -> dict[str, Any]:
-    import numpy as np
-
-    from plumbob.core.time import to_ns
-
+def _attitude(track: AttitudeTrack) -> dict[str, Any]:
     return {
         "source": track.source,
         "frame": str(track.frame),
         "north": str(track.north),
-        "time": _timing(np.diff(to_ns(track.t))),
+        "time": _timing(track.t),
         "known_samples": int(track.known.sum()),
         "scored_samples": int(track.score.sum()) if track.score is not None else None,
     }
 
 
-def _timing(dt_ns: Any) -> dict[str, Any]:
-    import math
-
-    from plumbob.core import time
-
-    timing = time.timing_of_steps(dt_ns)
+def _timing(t: Floats) -> dict[str, Any]:
+    time = timing(t)
     return {
-        "samples": timing.samples,
-        "duration_s": timing.duration,
-        "rate_hz": timing.rate if math.isfinite(timing.rate) else None,
-        "jitter_us": timing.jitter * 1e6,
-        "gaps": timing.gaps,
-        "longest_step_s": timing.longest,
+        "samples": time.samples,
+        "duration_s": time.duration,
+        "rate_hz": time.rate if math.isfinite(time.rate) else None,
+        "jitter_us": time.jitter * 1e6,
+        "gaps": time.gaps,
+        "longest_step_s": time.longest,
     }
 
 
-def _lines(report: dict[str, Any], said: Sequence[str]) -> Iterator[str]:
-    from plumbob.data import calibration_told
-    from plumbob.rotations.headings import heading_zero
-
-    yield report["file"]
-    for line in dict.fromkeys(note for note in report["notes"] if note not in said):
-        yield f"{'note':12} {visible(line)}"
+def _facts(report: Mapping[str, Any], said: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Topics, and what there is to say of each; a topic that goes on is empty."""
+    yield from (("note", line) for line in dict.fromkeys(report["notes"]) if line not in said)
     if sensors := report.get("sensors"):
-        yield f"device       {visible(sensors['device'])}, body axes '{sensors['axes']}' of the case"
-        yield f"calibration  {visible(calibration_told(sensors['calibration']))}"
-        yield f"frame        {sensors['frame'] or 'not named; filters need --frame'}"
+        yield "device", f"{sensors['device']}, body axes '{sensors['axes']}' of the case"
+        yield "calibration", calibration_told(sensors["calibration"])
+        yield "frame", sensors["frame"] or "not named; filters need --frame"
         if sensors["declination_deg"] is not None:
-            yield f"declination  {sensors['declination_deg']:+.4g}°, east positive"
-        yield _timing_line(sensors["time"])
+            yield "declination", f"{sensors['declination_deg']:+.4g}°, east positive"
+        yield _time_fact(sensors["time"])
         for name, triad in sensors["triads"].items():
-            yield from _triad_lines(name, triad)
+            yield from _triad_facts(name, triad)
         for name, count in sensors["flags"].items():
-            yield f"flag         {name}: {counted(count, 'sample')}"
+            yield "flag", f"{name}: {counted(count, 'sample')}"
     if array := report.get("array"):
-        yield f"units        {', '.join(map(visible, array['units']))}; more of one with --unit"
-        yield _timing_line(array["time"])
+        yield "units", f"{', '.join(array['units'])}; more of one with --unit"
+        yield _time_fact(array["time"])
         for calibration in dict.fromkeys(unit["calibration"] for unit in array["units"].values()):
-            of = [visible(name) for name, unit in array["units"].items() if unit["calibration"] == calibration]
-            yield f"calibration  {', '.join(of)}: {visible(calibration_told(calibration))}"
+            names = [name for name, unit in array["units"].items() if unit["calibration"] == calibration]
+            yield "calibration", f"{', '.join(names)}: {calibration_told(calibration)}"
         for name, unit in array["units"].items():
-            yield from _unit_lines(name, unit)
+            yield from _unit_facts(name, unit)
     if attitude := report.get("attitude"):
-        yield f"attitude     {visible(attitude['source']) or 'source not named'}"
-        yield f"frame        {attitude['frame']}, heading from {heading_zero(attitude['north'])}"
-        yield _timing_line(attitude["time"])
+        yield "attitude", attitude["source"] or "source not named"
+        yield "frame", f"{attitude['frame']}, heading from {heading_zero(attitude['north'])}"
+        yield _time_fact(attitude["time"])
         samples = counted(attitude["known_samples"], "sample")
-        yield f"known        {samples}, scored {attitude['scored_samples'] or 'all'}"
+        yield "known", f"{samples}, scored {attitude['scored_samples'] or 'all'}"
 
 
-def _unit_lines(name: str, unit: dict[str, Any]) -> Iterator[str]:
+def _unit_facts(name: str, unit: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """What one of several units has, in short."""
     mount = unit["mount"]
     triads = ", ".join(f"{triad} {counted(stats['samples'], 'sample')}" for triad, stats in unit["triads"].items())
     flagged = ", ".join(f"{count} {flag}" for flag, count in unit["flags"].items())
-    yield f"{visible(name):12} {visible(unit['device'])}: {triads}; flags: {flagged or 'none'}"
+    yield visible(name), f"{unit['device']}: {triads}; flags: {flagged or 'none'}"
     lever, offset = [1e3 * metres for metres in mount["lever_b_m"]], 1e3 * mount["clock_offset_s"]
-    noise = "" if mount["noise_card"] is None else f", noise of {visible(mount['noise_card'])}"
-    yield f"{'':12} mounted q_bs {_three(mount['q_bs'])}, lever {_three(lever)} mm, clock {offset:+.4g} ms{noise}"
+    noise = "" if mount["noise_card"] is None else f", noise of {mount['noise_card']}"
+    yield "", f"mounted q_bs {_three(mount['q_bs'])}, lever {_three(lever)} mm, clock {offset:+.4g} ms{noise}"
 
 
-def _triad_lines(name: str, triad: dict[str, Any]) -> Iterator[str]:
-    reach = "" if triad["range"] is None else f", range {_range(triad['range'])}"
+def _triad_facts(name: str, triad: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    scale = triad["range"]
+    axes = scale if isinstance(scale, tuple) else (scale,)
+    reach = "" if scale is None else f", range {', '.join(f'±{axis:.5g}' for axis in axes)}"
     if not triad["samples"]:
-        yield f"{name:12} no usable sample in {triad['unit']}{reach}"
+        yield name, f"no usable sample in {triad['unit']}{reach}"
         return
     samples = counted(triad["samples"], "sample")
-    yield f"{name:12} {samples} in {triad['unit']}{reach}, |{name}| median {triad['norm_median']:.5g}"
-    yield f"{'':12} mean {_three(triad['mean'])}, std {_three(triad['std'])}"
+    yield name, f"{samples} in {triad['unit']}{reach}, |{name}| median {triad['norm_median']:.5g}"
+    yield "", f"mean {_three(triad['mean'])}, std {_three(triad['std'])}"
 
 
-def _range(full_scale: float | tuple[float, ...]) -> str:
-    axes = full_scale if isinstance(full_scale, tuple) else (full_scale,)
-    return ", ".join(f"±{axis:.5g}" for axis in axes)
-
-
-def _timing_line(time: dict[str, Any]) -> str:
-    rate = "one sample" if time["rate_hz"] is None else f"{time['rate_hz']:.6g} Hz, jitter {time['jitter_us']:.3g} µs"
-    longest = "" if time["rate_hz"] is None else f", longest step {time['longest_step_s']:.6g} s"
+def _time_fact(time: Mapping[str, Any]) -> tuple[str, str]:
+    rate, longest = "one sample", ""
+    if time["rate_hz"] is not None:
+        rate = f"{time['rate_hz']:.6g} Hz, jitter {time['jitter_us']:.3g} µs"
+        longest = f", longest step {time['longest_step_s']:.6g} s"
     samples, gaps = counted(time["samples"], "sample"), counted(time["gaps"], "gap")
-    return f"time         {samples}, {time['duration_s']:.3f} s, {rate}, {gaps}{longest}"
+    return "time", f"{samples}, {time['duration_s']:.3f} s, {rate}, {gaps}{longest}"
 
 
-def _three(values: list[float]) -> str:
+def _three(values: Sequence[float]) -> str:
     return "[" + ", ".join(f"{v:.4g}" for v in values) + "]"

@@ -80,12 +80,6 @@ class Overview(Reported):
 
         return page(self.subjects, TITLE, definitions(self.subjects), lang=lang)
 
-    def write_html(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
-        """Write the page, a single file that opens offline; errors as of `page` and of an output that exists."""
-        from plumbob.core.files import write_text
-
-        return write_text(path, self.page(lang=lang), overwrite=overwrite)
-
     def write_pdf(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
         """Write the page as a PDF, which Chromium or Chrome prints.
 

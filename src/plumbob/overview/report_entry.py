@@ -15,7 +15,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.files import file_sha256
 from plumbob.core.text import counted
 from plumbob.core.version import __version__
-from plumbob.data import AttitudeTrack, ImuData, calibration_told
+from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.imu import BLOCK, TITLES
 from plumbob.data.reading import default_max_gap, read_at
 from plumbob.data.recording import Recording, found_in, inferred_in
@@ -142,23 +142,41 @@ def subject_from(
     graded: Grade | None = None,
 ) -> Subject:
     """Of an estimate that a gatherer has followed; `of_file` are remarks about the file, `graded` its grade."""
-    gathered, last = gatherer.done(), result.outline.last
-    numbers = result.summary()
-    meta = result.imu.meta
+    last, numbers = result.outline.last, result.summary()
     facts = [
-        *_provenance(result.name, paths, session, meta, gathered),
-        *_sensors(meta, gathered.triads),
-        ("calibration", calibration_told(meta.calibration)),
         ("noise card", result.noise_card or "none; the filter's own figures"),
         ("estimate", result.told.partition("; --causal")[0]),
         ("frame", f"{last.frame}, heading from {counted_from(last.north, numbers['declination_deg'])}"),
-        *_software(),
     ]
     remarks = (*of_file, *(line.removeprefix(f"{result.name}: ") for line in result.notes))
-    calibrated = meta.calibration is not None
+    about = {"remarks": remarks, "north": last.north, "numbers": numbers, "grade": graded}
+    return _subject(result.name, paths, session, result.imu.meta, gatherer.done(), facts, about)
+
+
+def _subject(
+    name: str,
+    paths: Sequence[Path],
+    session: "Session | None",
+    meta: ImuMeta | None,
+    gathered: Gathered,
+    estimate: Sequence[tuple[str, str]],
+    about: Mapping[str, Any],
+) -> Subject:
+    """A recording with its provenance; `estimate` are facts of it, `about` further fields."""
+    facts = [*_provenance(name, paths, session, meta, gathered)]
+    if meta is not None:
+        sensors = ", ".join(TITLES[triad] for triad in gathered.triads)
+        facts.append(("sensors", f"{sensors}; body axes '{meta.axes}' of the case"))
+        facts.append(("calibration", calibration_told(meta.calibration)))
     return Subject(
-        result.name, tuple(paths), gathered, tuple(facts), remarks, calibrated, last.north, numbers, graded, meta.t0_ns
-    )  # fmt: skip
+        name=name,
+        files=tuple(paths),
+        gathered=gathered,
+        facts=(*facts, *estimate, ("made by", _software())),
+        calibrated=meta is None or meta.calibration is not None,
+        t0_ns=0 if meta is None else meta.t0_ns,
+        **about,
+    )
 
 
 def _as_recorded(
@@ -176,31 +194,20 @@ def _as_recorded(
             f"give '{NONE}'."
         )
     _follow(imu, track, gatherer)
-    gathered = gatherer.done()
     meta = None if imu is None else imu.meta
-    facts = [*_provenance(recording.name, paths, session, meta, gathered)]
-    if meta is not None:
-        facts += [*_sensors(meta, gathered.triads), ("calibration", calibration_told(meta.calibration))]
-    if track is None:
-        facts.append(("estimate", "none"))
-    else:
-        facts.append(("estimate", f"as the file holds it: {track.source or 'source not named'}"))
-        facts.append(("frame", f"{track.frame}, heading from {counted_from(track.north, None)}"))
+    facts, numbers = [("estimate", "none")], {"calibration": None if meta is None else meta.calibration}
+    if track is not None:
+        facts = [
+            ("estimate", f"as the file holds it: {track.source or 'source not named'}"),
+            ("frame", f"{track.frame}, heading from {counted_from(track.north, None)}"),
+        ]
+        numbers = {"frame": str(track.frame), "north": str(track.north), "filter": track.source, **numbers}
     notes = (*_file_notes(recording), *found_in(recording.notes), *inferred_in(recording.notes))
-    numbers = {} if track is None else {"frame": str(track.frame), "north": str(track.north), "filter": track.source}
-    calibrated = meta is None or meta.calibration is not None
-    return Subject(
-        name=recording.name,
-        files=tuple(paths),
-        gathered=gathered,
-        facts=(*facts, *_software()),
-        remarks=tuple(dict.fromkeys(notes)),
-        calibrated=calibrated,
-        north=None if track is None else track.north,
-        numbers=numbers | {"calibration": None if meta is None else meta.calibration},
-        grade=None,
-        t0_ns=0 if meta is None else meta.t0_ns,
-    )
+    about = {
+        "remarks": tuple(dict.fromkeys(notes)), "north": None if track is None else track.north, "numbers": numbers,
+        "grade": None,
+    }  # fmt: skip
+    return _subject(recording.name, paths, session, meta, gatherer.done(), facts, about)
 
 
 _FILE: Final = ("damaged: ", "recorded in ", "units: ", "unit ")
@@ -291,7 +298,7 @@ def _recorded(path: Path, how: Mapping[str, Any]) -> "Iterator[tuple[Recording, 
 
 
 def _provenance(
-    name: str, paths: Sequence[Path], session: "Session | None", meta: Any, gathered: Gathered
+    name: str, paths: Sequence[Path], session: "Session | None", meta: ImuMeta | None, gathered: Gathered
 ) -> Iterator[tuple[str, str]]:
     yield "recording", name
     for path in paths[:8]:
@@ -313,16 +320,11 @@ def _provenance(
                                       f" (nominal {meta.rate_nominal:g} Hz)")  # fmt: skip
 
 
-def _sensors(meta: Any, triads: Sequence[str]) -> Iterator[tuple[str, str]]:
-    yield "sensors", f"{', '.join(TITLES[name] for name in triads)}; body axes '{meta.axes}' of the case"
-
-
-def _software() -> Iterator[tuple[str, str]]:
+def _software() -> str:
     import scipy
 
     versions = f"NumPy {np.__version__}, SciPy {scipy.__version__}, Python {platform.python_version()}"
-    made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    yield "made by", f"plumbob {__version__}, {versions}, {made}"
+    return f"plumbob {__version__}, {versions}, {datetime.now(UTC).strftime('%Y-%m-%d %H:%M UTC')}"
 
 
 def _utc(t0_ns: int, t: float) -> str:

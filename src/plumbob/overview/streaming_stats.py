@@ -6,6 +6,7 @@ Statistics are those of bursts, and of all of them together; a burst is held unt
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -16,7 +17,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ShapeError
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.overview.traces import WHOLE, Traces, Tracing
+from plumbob.overview.traces import NOTHING, WHOLE, Traces, Tracing
 from plumbob.quality import quality
 from plumbob.quality.spectra import Spectra, peak_period, segment_length, welch
 from plumbob.quality.tilt import LIMIT, Headings, Inclination, TiltMotion, TiltStatistics
@@ -131,28 +132,28 @@ class Burst:
     verdicts: Mapping[str, quality.BurstVerdict]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Gathered:
     """All that was gathered of a recording.
 
     Attributes
     ----------
-    samples : int
-        How many.
     begin, end : float
-        Times of the first and the last one, s.
+        Times of the first and the last sample, s.
     step : float
         Usual time between samples, s.
+    triads : tuple of str
+        Sensors.
+    burst : float
+        Length of a burst, s.
+    samples : int
+        How many.
     gaps : list of (float, float)
         Times of the samples before and behind each gap, s.
     missing : int
         Samples that gaps lack, by the usual step.
-    triads : tuple of str
-        Sensors.
     bursts : list of Burst
         In order.
-    burst : float
-        Length of one, s.
     tilt : TiltStatistics or None
         Of the whole; None without an attitude.
     headings : Headings or None
@@ -167,21 +168,21 @@ class Gathered:
         Those that occur.
     """
 
-    samples: int
     begin: float
     end: float
     step: float
-    gaps: list[tuple[float, float]]
-    missing: int
     triads: tuple[str, ...]
-    bursts: list[Burst]
     burst: float
-    tilt: TiltStatistics | None
-    headings: Headings | None
-    spectra: Spectra | None
-    traces: Traces
-    moments: Moments
-    flags: dict[str, FlagRuns]
+    samples: int = 0
+    gaps: list[tuple[float, float]] = field(default_factory=list)
+    missing: int = 0
+    bursts: list[Burst] = field(default_factory=list)
+    tilt: TiltStatistics | None = None
+    headings: Headings | None = None
+    spectra: Spectra | None = None
+    traces: Traces = NOTHING
+    moments: Moments = field(default_factory=partial(Moments.empty, len(TRACED)))
+    flags: dict[str, FlagRuns] = field(default_factory=dict)
 
     @property
     def duration(self) -> float:
@@ -222,19 +223,12 @@ class Gatherer:
         window: tuple[float, float] = (-math.inf, math.inf),
     ) -> None:
         self._burst, self._limit, self._most, self._window = burst, limit, most, window
-        self._triads: tuple[str, ...] = ()
         self._held: list[_RowGroup] = []
-        self._bursts: list[Burst] = []
         self._spectra: list[Spectra] = []
-        self._moments = Moments.empty(len(TRACED))
-        self._flags: dict[str, FlagRuns] = {}
-        self._gaps: list[tuple[float, float]] = []
-        self._missing = self._samples = 0
         self._attitude = False
         self._number = 0
         self._before: float | None = None
         self._last: tuple[float, float] | None = None  # time and heading of the last sample
-        self._tracing: Tracing | None = None
 
     def begin(self, samples: ImuData | AttitudeTrack) -> None:
         """Be ready for this recording: its times are looked at."""
@@ -245,18 +239,17 @@ class Gatherer:
                 f"no sample lies between {self._window[0]:g} and {self._window[1]:g} s; the recording has "
                 f"{t[0]:g} to {t[-1]:g} s."
             )
-        self._begin, self._end, total = float(t[low]), float(t[high - 1]), int(high - low)
-        self._step = _usual_step(t[low:high])
-        self._triads = samples.triads if isinstance(samples, ImuData) else ()
-        duration = self._end - self._begin + self._step
-        self._count = max(1, round(duration / self._burst))  # a rest of less than half a burst is the last one's
-        length = min(self._burst, duration)
-        self._segment = segment_length(length)
-        self._tracing = Tracing(TRACED, total, most=self._most, circular=("roll", "heading"))
+        triads = samples.triads if isinstance(samples, ImuData) else ()
+        step = _usual_step(t[low:high])
+        self._gathered = g = Gathered(float(t[low]), float(t[high - 1]), step, triads, self._burst)
+        length = g.duration + step
+        self._count = max(1, round(length / self._burst))  # a rest of less than half a burst is the last one's
+        self._segment = segment_length(min(self._burst, length))
+        self._tracing = Tracing(TRACED, int(high - low), most=self._most, circular=("roll", "heading"))
 
     def take(self, imu: ImuData | None, track: AttitudeTrack | None) -> None:
         """Take samples and their attitudes, of the same times where there are both."""
-        part = _part(imu, track)
+        part, g = _part(imu, track), self._gathered
         inside = (part.t >= self._window[0]) & (part.t <= self._window[1])
         if not inside.any():
             return
@@ -264,11 +257,10 @@ class Gatherer:
         self._attitude |= track is not None
         self._rates(part)
         self._events(part)
-        assert self._tracing is not None
         self._tracing.add(part.t, part.traced, (part.words & np.uint32(flags.GAP)) != 0)
-        self._moments.add(part.traced)
-        self._samples += part.t.size
-        place = np.minimum(np.floor((part.t - self._begin) / self._burst).astype(np.int64), self._count - 1)
+        g.moments.add(part.traced)
+        g.samples += part.t.size
+        place = np.minimum(np.floor((part.t - g.begin) / self._burst).astype(np.int64), self._count - 1)
         for number in np.unique(place).tolist():
             if self._held and number != self._number:
                 self._close()
@@ -278,35 +270,23 @@ class Gatherer:
     def done(self) -> Gathered:
         """What was gathered."""
         self._close()
-        assert self._tracing is not None
-        spectra = Spectra.joined(self._spectra) if self._spectra else None
-        tp = tuple(peak_period(spectra, i) for i in (0, 1)) if spectra else (math.nan, math.nan)
-        tilts = [burst.tilt for burst in self._bursts]
-        for runs in self._flags.values():
-            runs.thin((self._end - self._begin) / (_RUNS / 2))
-        return Gathered(
-            samples=self._samples,
-            begin=self._begin,
-            end=self._end,
-            step=self._step,
-            gaps=self._gaps,
-            missing=self._missing,
-            triads=self._triads,
-            bursts=self._bursts,
-            burst=self._burst,
-            tilt=TiltStatistics.joined(tilts, (tp[0], tp[1])) if self._attitude else None,
-            headings=Headings.joined([burst.headings for burst in self._bursts]) if self._attitude else None,
-            spectra=spectra if self._attitude else None,
-            traces=self._tracing.done(),
-            moments=self._moments,
-            flags=dict(sorted(self._flags.items(), key=lambda flag: _ORDER[flag[0]])),
-        )
+        g = self._gathered
+        for runs in g.flags.values():
+            runs.thin(g.duration / (_RUNS / 2))
+        g.flags = dict(sorted(g.flags.items(), key=lambda flag: _ORDER[flag[0]]))
+        g.traces = self._tracing.done()
+        if self._attitude:
+            g.spectra = spectra = Spectra.joined(self._spectra)
+            periods = peak_period(spectra, 0), peak_period(spectra, 1)
+            g.tilt = TiltStatistics.joined([burst.tilt for burst in g.bursts], periods)
+            g.headings = Headings.joined([burst.headings for burst in g.bursts])
+        return g
 
     def _rates(self, part: "_RowGroup") -> None:
         """Rate of the heading, from the sample before; the first has none."""
         heading = part.column("heading")
         before = heading[:1] if self._last is None else np.array([self._last[1]])
-        since = part.t[:1] - self._step if self._last is None else np.array([self._last[0]])
+        since = part.t[:1] - self._gathered.step if self._last is None else np.array([self._last[0]])
         turn = (np.diff(heading, prepend=before) + np.pi) % (2.0 * np.pi) - np.pi
         part.rate[:] = turn / np.diff(part.t, prepend=since)
         if self._last is None:
@@ -316,53 +296,59 @@ class Gatherer:
 
     def _events(self, part: "_RowGroup") -> None:
         """Flags over time, and gaps."""
+        g = self._gathered
         late = np.flatnonzero(part.words & np.uint32(flags.GAP)).tolist()
         for row in late:
             before = self._before if row == 0 else float(part.t[row - 1])
             if before is not None:
-                self._gaps.append((before, float(part.t[row])))
-                self._missing += max(0, round((float(part.t[row]) - before) / self._step) - 1)
+                g.gaps.append((before, float(part.t[row])))
+                g.missing += max(0, round((float(part.t[row]) - before) / g.step) - 1)
         raised = int(np.bitwise_or.reduce(part.words))
         for bit, (name, _) in flags.MEANING.items():
             if not raised & bit:
                 continue
-            runs = self._flags.setdefault(name, FlagRuns())
+            runs = g.flags.setdefault(name, FlagRuns())
             for start, stop in check.runs((part.words & np.uint32(bit)) != 0):
-                end = float(part.t[stop]) if stop < part.t.size else float(part.t[-1]) + self._step
-                runs.add(float(part.t[start]), end, stop - start, 0.5 * self._step)
+                end = float(part.t[stop]) if stop < part.t.size else float(part.t[-1]) + g.step
+                runs.add(float(part.t[start]), end, stop - start, 0.5 * g.step)
             if len(runs.stretches) > 4 * _RUNS:
-                runs.thin((self._end - self._begin) / (_RUNS / 2))
+                runs.thin(g.duration / (_RUNS / 2))
 
     def _close(self) -> None:
         """Judge the burst that is over."""
-        part, self._held = _RowGroup.joined(self._held), []
-        begin = self._begin + self._number * self._burst
-        end = self._end + self._step if self._number == self._count - 1 else begin + self._burst
+        part, self._held, g = _RowGroup.joined(self._held), [], self._gathered
+        begin = g.begin + self._number * self._burst
+        end = g.end + g.step if self._number == self._count - 1 else begin + self._burst
         roll, pitch, heading, tilt = (part.column(name) for name in ("roll", "pitch", "heading", "tilt"))
         spectral = np.stack((roll, pitch, part.rate, part.vertical), axis=1)
-        spectra = welch(part.t, spectral, step=self._step, segment=self._segment, turns=(0, 1))
+        spectra = welch(part.t, spectral, step=g.step, segment=self._segment, turns=(0, 1))
         self._spectra.append(spectra)
         motions = [TiltMotion.of(part.t, angle).peaked(spectra, i) for i, angle in enumerate((roll, pitch))]
         stats = TiltStatistics(motions[0], motions[1], Inclination.of(part.t, tilt, self._limit))
-        span = (begin, end)
-        verdicts = self._verdicts(part, span)
-        self._bursts.append(Burst(begin, end, part.t.size, stats, Headings.of(heading), verdicts))
+        verdicts = self._verdicts(part, (begin, end))
+        g.bursts.append(Burst(begin, end, part.t.size, stats, Headings.of(heading), verdicts))
 
     def _verdicts(self, part: "_RowGroup", span: tuple[float, float]) -> dict[str, quality.BurstVerdict]:
-        verdicts = {}
-        for name in self._triads:
-            values = np.stack([part.column(axis) for axis in AXES[name]], axis=1)
-            vertical = part.vertical if name == "acc" else None
-            verdicts[name] = quality.verdict(name, part.t, values, part.words, span, vertical)
-        if self._moments.count[TRACED.index("temp")]:
-            verdicts["temp"] = quality.verdict("temp", part.t, part.column("temp")[:, np.newaxis], part.words, span)
-        if self._attitude:
-            values = np.stack((part.column("roll"), part.column("pitch")), axis=1)
-            verdicts["attitude"] = quality.verdict("attitude", part.t, values, part.words, span)
-        return verdicts
+        columns = {name: AXES[name] for name in self._gathered.triads}
+        columns |= {"temp": ("temp",)} if self._gathered.has("temp") else {}
+        columns |= {"attitude": ("roll", "pitch")} if self._attitude else {}
+        return {
+            name: quality.verdict(
+                name,
+                part.t,
+                part.traced[:, [TRACED.index(channel) for channel in names]],
+                part.words,
+                span,
+                part.vertical if name == "acc" else None,
+            )
+            for name, names in columns.items()
+        }
 
 
 _ORDER: Final = {name: number for number, (name, _) in enumerate(flags.MEANING.values())}
+
+
+_ROWS: Final = ("t", "traced", "rate", "vertical", "words")
 
 
 @dataclass(frozen=True, eq=False)
@@ -379,15 +365,13 @@ class _RowGroup:
         return self.traced[:, TRACED.index(name)]
 
     def rows(self, which: NDArray[np.intp]) -> "_RowGroup":
-        rate, vertical, words = self.rate[which], self.vertical[which], self.words[which]
-        return _RowGroup(self.t[which], self.traced[which], rate, vertical, words)
+        return _RowGroup(*(getattr(self, name)[which] for name in _ROWS))
 
     @classmethod
     def joined(cls, parts: "Sequence[_RowGroup]") -> "_RowGroup":
         if len(parts) == 1:
             return parts[0]
-        names = ("t", "traced", "rate", "vertical", "words")
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in _ROWS))
 
 
 def _part(imu: ImuData | None, track: AttitudeTrack | None) -> _RowGroup:
@@ -398,20 +382,17 @@ def _part(imu: ImuData | None, track: AttitudeTrack | None) -> _RowGroup:
     words = np.zeros(n, dtype=np.uint32)
     vertical = np.full(n, np.nan)
 
-    def put(name: str, values: Floats) -> None:
-        traced[:, TRACED.index(name)] = values
-
     if imu is not None:
         words |= imu.flags
         for name in imu.triads:
             start = TRACED.index(AXES[name][0])
             traced[:, start : start + 3] = imu.usable(name)
         if imu.temp_c is not None:
-            put("temp", imu.temp_c)
+            traced[:, TRACED.index("temp")] = imu.temp_c
     if track is not None:
         words |= 0 if track.flags is None else track.flags
         for name, values in attitude_channels(track).items():
-            put(name, values)
+            traced[:, TRACED.index(name)] = values
         if imu is not None and "acc" in imu.triads:
             vertical = quat_rotate(track.q_nb, imu.usable("acc")) @ track.frame.up - G0
     return _RowGroup(np.asarray(source.t), traced, np.full(n, np.nan), vertical, words)

@@ -1,7 +1,7 @@
 """Tables and numbers of a page: degrees, seconds and per cent, with the unit in every head."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -14,7 +14,7 @@ from plumbob.overview.report_entry import Subject
 from plumbob.overview.streaming_stats import AXES, SPECTRAL, TRACED, Burst, FlagRuns, Gathered
 from plumbob.quality import quality
 from plumbob.quality.grade import Grade
-from plumbob.quality.tilt import Headings, Inclination, TiltMotion
+from plumbob.quality.tilt import Headings, Inclination, TiltMotion, TiltStatistics
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import plain
 
@@ -23,7 +23,12 @@ SPECTRAL_UNITS: Final = dict(zip(SPECTRAL, ("°²/Hz", "°²/Hz", "(°/s)²/Hz",
 """Of densities, by channel."""
 NARROW: Final = 0.7
 """Spread of headings, rad, up to which they are drawn about their mean."""
-_MOTION: Final = ("mean", "std", "rms", "least", "greatest", "significant", "largest")
+_MOTION: Final = {name: name for name in ("mean", "std", "rms", "least", "greatest", "significant", "largest")} | {
+    "std": "sd"
+}
+_TILT: Final = {name: _MOTION[name] for name in ("mean", "std", "rms", "greatest")}
+"""Names of angles in tables and numbers, and the attributes that have them."""
+_WAVES: Final = ("std [°]", "significant [°]", "Tz [s]")
 
 
 def shown_scale(channel: str) -> float:
@@ -37,7 +42,11 @@ def tables(subject: Subject) -> list[Table]:
     g = subject.gathered
     parts = []
     if g.tilt is not None and g.headings is not None:
-        parts += [_motions(g.tilt.roll, g.tilt.pitch), _inclination(g.tilt.inclination), heading_table(g.headings)]
+        parts += [
+            motion_table(g.tilt.roll, g.tilt.pitch),
+            inclination_table(g.tilt.inclination),
+            heading_table(g.headings),
+        ]
     if g.triads or g.has("temp"):
         parts.append(sensor_table(g))
     parts.append(flag_table(g))
@@ -52,21 +61,32 @@ def tables(subject: Subject) -> list[Table]:
     return parts
 
 
-def _motions(roll: TiltMotion, pitch: TiltMotion) -> Table:
+def motion_table(roll: TiltMotion, pitch: TiltMotion) -> Table:
+    """Statistics of roll and pitch, with their waves."""
     head = ("", *(f"{name} [°]" for name in _MOTION), "Tz [s]", "Tp [s]", "waves")
-    rows = [(name, *_motion(motion)) for name, motion in (("roll", roll), ("pitch", pitch))]
+    rows = [
+        (
+            name,
+            *(degrees(getattr(m, attribute)) for attribute in _MOTION.values()),
+            seconds(m.tz),
+            seconds(m.tp),
+            str(m.waves) if m.samples else "-",
+        )
+        for name, m in (("roll", roll), ("pitch", pitch))
+    ]
     return Table("Roll and pitch", head, rows)
 
 
-def _motion(motion: TiltMotion) -> tuple[str, ...]:
-    angles = (motion.mean, motion.sd, motion.rms, motion.least, motion.greatest, motion.significant, motion.largest)
-    return (*map(degrees, angles), seconds(motion.tz), seconds(motion.tp), str(motion.waves) if motion.samples else "-")
+def _waves(tilt: TiltStatistics) -> list[str]:
+    """Cells of `_WAVES` of roll and of pitch."""
+    return [text for m in (tilt.roll, tilt.pitch) for text in (degrees(m.sd), degrees(m.significant), seconds(m.tz))]
 
 
-def _inclination(tilt: Inclination) -> Table:
-    head = ("", "mean [°]", "std [°]", "rms [°]", "greatest [°]", "at [s]", "limit [°]", "beyond [%]")
-    row = ("inclination", *map(degrees, (tilt.mean, tilt.sd, tilt.rms, tilt.greatest)), seconds(tilt.greatest_at),
-           degrees(tilt.limit), percent(tilt.share_beyond))  # fmt: skip
+def inclination_table(tilt: Inclination) -> Table:
+    """Angle from the vertical, and how long it was beyond the limit."""
+    head = ("", *(f"{name} [°]" for name in _TILT), "at [s]", "limit [°]", "beyond [%]")
+    angles = (degrees(getattr(tilt, attribute)) for attribute in _TILT.values())
+    row = ("inclination", *angles, seconds(tilt.greatest_at), degrees(tilt.limit), percent(tilt.share_beyond))
     return Table("Inclination from the vertical", head, [row])
 
 
@@ -111,18 +131,16 @@ def flag_table(g: Gathered) -> Table:
 
 def burst_table(subject: Subject) -> Table:
     """Tilt and heading of each burst."""
-    head = ("begin", "length [s]", "roll std [°]", "roll significant [°]", "roll Tz [s]", "pitch std [°]",
-            "pitch significant [°]", "pitch Tz [s]", "tilt mean [°]", "tilt greatest [°]", "beyond [%]",
-            "heading mean [°]", "heading spread [°]")  # fmt: skip
+    waves = [f"{name} {what}" for name in ("roll", "pitch") for what in _WAVES]
+    head = ("begin", "length [s]", *waves, "tilt mean [°]", "tilt greatest [°]", "beyond [%]", "heading mean [°]",
+            "heading spread [°]")  # fmt: skip
     rows = []
     for burst in subject.gathered.bursts:
-        roll, pitch, tilt = burst.tilt.roll, burst.tilt.pitch, burst.tilt.inclination
+        tilt = burst.tilt.inclination
         rows.append((
-            subject.utc(burst.begin) or f"{burst.begin:.6g} s", f"{burst.end - burst.begin:.6g}",
-            degrees(roll.sd), degrees(roll.significant), seconds(roll.tz),
-            degrees(pitch.sd), degrees(pitch.significant), seconds(pitch.tz),
-            degrees(tilt.mean), degrees(tilt.greatest), percent(tilt.share_beyond),
-            degrees(burst.headings.mean), degrees(burst.headings.spread),
+            subject.utc(burst.begin) or f"{burst.begin:.6g} s", f"{burst.end - burst.begin:.6g}", *_waves(burst.tilt),
+            degrees(tilt.mean), degrees(tilt.greatest), percent(tilt.share_beyond), degrees(burst.headings.mean),
+            degrees(burst.headings.spread),
         ))  # fmt: skip
     return Table("Bursts", head, rows, detail="bursts")
 
@@ -173,32 +191,18 @@ def threshold_table() -> Table:
 
 def comparison_table(subjects: Sequence[Subject]) -> Table:
     """Recordings beside each other."""
-    head = ("recording", "duration [s]", "rate [Hz]", "time in gaps [%]", "roll std [°]", "roll significant [°]",
-            "roll Tz [s]", "pitch std [°]", "pitch significant [°]", "pitch Tz [s]", "tilt greatest [°]",
+    waves = [f"{name} {what}" for name in ("roll", "pitch") for what in _WAVES]
+    head = ("recording", "duration [s]", "rate [Hz]", "time in gaps [%]", *waves, "tilt greatest [°]",
             "heading mean [°]", "calibration", "grade")  # fmt: skip
     rows = []
     for subject in subjects:
-        g = subject.gathered
-        tilt = ["-"] * 7
-        if g.tilt is not None:
-            moves = (g.tilt.roll, g.tilt.pitch)
-            each = [(degrees(move.sd), degrees(move.significant), seconds(move.tz)) for move in moves]
-            tilt = [*each[0], *each[1], degrees(g.tilt.inclination.greatest)]
+        g, grade = subject.gathered, subject.grade
+        tilt = ["-"] * 7 if g.tilt is None else [*_waves(g.tilt), degrees(g.tilt.inclination.greatest)]
         heading = "-" if g.headings is None else degrees(g.headings.mean)
-        loss = percent(g.lost / max(g.duration, g.step))
-        calibrated = "yes" if subject.calibrated else "no"
-        rows.append(
-            (
-                subject.name,
-                f"{g.duration:.6g}",
-                f"{1.0 / g.step:.6g}",
-                loss,
-                *tilt,
-                heading,
-                calibrated,
-                "-" if subject.grade is None else f"{subject.grade.points:g}",
-            )
-        )
+        rows.append((
+            subject.name, f"{g.duration:.6g}", f"{1.0 / g.step:.6g}", percent(g.lost / max(g.duration, g.step)), *tilt,
+            heading, "yes" if subject.calibrated else "no", "-" if grade is None else f"{grade.points:g}",
+        ))  # fmt: skip
     return Table("Recordings", head, rows)
 
 
@@ -263,16 +267,18 @@ def summary(subject: Subject) -> dict[str, Any]:
 
 def motion_numbers(m: TiltMotion) -> dict[str, Any]:
     """Of roll or pitch."""
-    angles = (m.mean, m.sd, m.rms, m.least, m.greatest, m.significant, m.largest)
-    numbers: dict[str, Any] = {f"{name}_deg": _deg(value) for name, value in zip(_MOTION, angles, strict=True)}
-    return numbers | {"tz_s": m.tz, "tp_s": m.tp, "waves": m.waves, "samples": m.samples, "wrapped": m.wrapped}
+    times = {"tz_s": m.tz, "tp_s": m.tp}
+    return _in_degrees(m, _MOTION) | times | {"waves": m.waves, "samples": m.samples, "wrapped": m.wrapped}
+
+
+def _in_degrees(source: TiltMotion | Inclination, names: Mapping[str, str]) -> dict[str, Any]:
+    return {f"{name}_deg": _deg(getattr(source, attribute)) for name, attribute in names.items()}
 
 
 def inclination_numbers(tilt: Inclination) -> dict[str, Any]:
     """Of the angle from the vertical."""
     return {
-        "mean_deg": _deg(tilt.mean), "std_deg": _deg(tilt.sd), "rms_deg": _deg(tilt.rms),
-        "greatest_deg": _deg(tilt.greatest), "greatest_at_s": tilt.greatest_at, "limit_deg": _deg(tilt.limit),
+        **_in_degrees(tilt, _TILT), "greatest_at_s": tilt.greatest_at, "limit_deg": _deg(tilt.limit),
         "beyond": tilt.beyond, "beyond_share": tilt.share_beyond, "samples": tilt.samples,
     }  # fmt: skip
 

@@ -44,9 +44,9 @@ class Traces:
         """One channel (M,)."""
         return self.values[:, self.names.index(name)].astype(np.float64)
 
-    def has(self, name: str) -> bool:
-        """Whether a channel is there and has a value anywhere."""
-        return name in self.names and bool(np.isfinite(self.values[:, self.names.index(name)]).any())
+
+NOTHING: Final = Traces(np.empty(0), np.empty((0, 0), dtype=np.float32), (), 1)
+"""Of no samples."""
 
 
 class Tracing:

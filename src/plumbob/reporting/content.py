@@ -1,4 +1,4 @@
-"""What a report holds: facts, tables, remarks, figures, scenes, and parts of the same kind."""
+"""Tables and figures of a report."""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,8 @@ from plumbob.core.text import WIDTH
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
-    from plumbob.reporting.scene import Scene
+
+_LONG = 20  # rows of a titled table that a page has folded away
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,11 @@ class Table:
     words: Collection[int] = ()
     strong: Collection[tuple[int, int]] = ()
     detail: str = ""
+
+    @property
+    def long(self) -> bool:
+        """Whether a page has it folded away."""
+        return bool(self.detail or (self.title and len(self.rows) > _LONG))
 
     def text(self) -> Iterator[str]:
         """Lines with columns as wide as their longest cell; last words that are too long stand below their row."""
@@ -76,43 +82,6 @@ class Figure:
     """
 
     caption: str
-    draw: "Callable[[FigureBase], None]"
+    draw: "Callable[[FigureBase], object]"
     key: Sequence[tuple[str, str, str]] = ()
     height: float = 2.4
-
-
-@dataclass(frozen=True)
-class ReportContent:
-    """What is to be said about something, in the order in which it is read.
-
-    Attributes
-    ----------
-    title : str
-        A noun.
-    facts : sequence of (str, str)
-        Names and values; a name may come again.
-    tables : sequence of Table
-        The numbers.
-    remarks : sequence of str
-        What a reader must know, each a sentence.
-    figures : sequence of Figure
-        Drawn only where they are shown.
-    parts : sequence of ReportContent
-        One for each subject in it.
-    definitions : sequence of str
-        What the words and signs mean, for the foot of a page.
-    scenes : sequence of Scene
-        Bodies that move, on a page only.
-    links : sequence of (str, str)
-        Names and addresses of pages beside this one, on a page only.
-    """
-
-    title: str
-    facts: Sequence[tuple[str, str]] = ()
-    tables: Sequence[Table] = ()
-    remarks: Sequence[str] = ()
-    figures: Sequence[Figure] = ()
-    parts: "Sequence[ReportContent]" = ()
-    definitions: Sequence[str] = ()
-    scenes: "Sequence[Scene]" = ()
-    links: Sequence[tuple[str, str]] = ()

@@ -2,30 +2,38 @@
 
 import math
 import textwrap
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from plumbob.core.text import WIDTH, FactsText, listed
-from plumbob.reporting.content import Figure, ReportContent, Table
+from plumbob.reporting.content import Figure, Table
+
+if TYPE_CHECKING:
+    from plumbob.reporting.scene import Scene
 
 _NAME = 11  # letters of the name of a fact, at least
 
 
-@dataclass(frozen=True)
-class Report(ReportContent):
-    """What is to be said about something, in the order in which it is read; see `ReportContent`."""
+class Writable:
+    """Mixin of what can be written as text, as a page and as a picture: of what makes a `Report`, which is one too."""
+
+    __slots__ = ()
+
+    def report(self) -> "Report":
+        """What is to be said about it."""
+        raise NotImplementedError
 
     def text(self, *details: str) -> str:
         """Text for a terminal, with the tables that are always shown and those of the given details."""
-        return "\n".join(_text(self, details, top=True))
+        return "\n".join(_text(self.report(), details, top=True))
 
     def page(self, *, lang: str = "en") -> str:
         """HTML of a page, self-contained, its labels in a language of `LANGUAGES`; needs matplotlib for figures."""
         from plumbob.reporting.page import page
 
-        return page(self, lang=lang)
+        return page(self.report(), lang=lang)
 
     def write_html(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
         """Write the page, a single file that opens offline; errors as of `page` and of an output that exists."""
@@ -37,43 +45,73 @@ class Report(ReportContent):
         """Write its own figures, or those of its parts where it has none, as SVG, PNG or PDF by the name's ending."""
         from plumbob.reporting.drawing import picture
 
-        return picture(path, first_figures(self), lang=lang, overwrite=overwrite)
+        return picture(path, first_figures(self.report()), lang=lang, overwrite=overwrite)
 
 
-def first_figures(content: ReportContent) -> list[Figure]:
+class Reported(Writable, FactsText):
+    """Mixin of a result that fills a `Report`."""
+
+    __slots__ = ()
+
+
+@dataclass(frozen=True)
+class Report(Writable):
+    """What is to be said about something, in the order in which it is read.
+
+    Attributes
+    ----------
+    title : str
+        A noun.
+    facts : sequence of (str, str)
+        Names and values; a name may come again.
+    tables : sequence of Table
+        The numbers.
+    remarks : sequence of str
+        What a reader must know, each a sentence.
+    figures : sequence of Figure
+        Drawn only where they are shown.
+    parts : sequence of Report
+        One for each subject in it.
+    definitions : sequence of str
+        What the words and signs mean, for the foot of a page.
+    scenes : sequence of Scene
+        Bodies that move, on a page only.
+    links : sequence of (str, str)
+        Names and addresses of pages beside this one, on a page only.
+    """
+
+    title: str
+    facts: Sequence[tuple[str, str]] = ()
+    tables: Sequence[Table] = ()
+    remarks: Sequence[str] = ()
+    figures: Sequence[Figure] = ()
+    parts: "Sequence[Report]" = ()
+    definitions: Sequence[str] = ()
+    scenes: "Sequence[Scene]" = ()
+    links: Sequence[tuple[str, str]] = ()
+
+    def report(self) -> "Report":
+        """Itself."""
+        return self
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has a scene, also in a part."""
+        return bool(self.scenes) or any(part.moves for part in self.parts)
+
+
+def first_figures(report: Report) -> list[Figure]:
     """Own figures, or those of the parts where there are none."""
-    if content.figures or not content.parts:
-        return list(content.figures)
+    if report.figures or not report.parts:
+        return list(report.figures)
     return [
         replace(figure, caption=f"{part.title}: {figure.caption}")
-        for part in content.parts
+        for part in report.parts
         for figure in first_figures(part)
     ]
 
 
-class Reported(FactsText):
-    """Mixin of a result that fills a `Report`: text, page and picture of it."""
-
-    __slots__ = ()
-
-    def report(self) -> Report:
-        """What is to be said about it."""
-        raise NotImplementedError
-
-    def text(self, *details: str) -> str:
-        """Report as text, with further tables where their names are given."""
-        return self.report().text(*details)
-
-    def write_html(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
-        """Write the report as a page, as `Report.write_html` does."""
-        return self.report().write_html(path, lang=lang, overwrite=overwrite)
-
-    def plot(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
-        """Write the figures as a picture, as `Report.plot` does."""
-        return self.report().plot(path, lang=lang, overwrite=overwrite)
-
-
-def _text(report: ReportContent, details: Collection[str], *, top: bool) -> Iterator[str]:
+def _text(report: Report, details: Collection[str], *, top: bool) -> Iterator[str]:
     tables = [table for table in report.tables if not table.detail]
     more = [table for table in report.tables if table.detail and table.detail in details]
     parts = [text for part in report.parts if (text := list(_text(part, details, top=False)))]
@@ -97,7 +135,7 @@ def _titled(table: Table) -> list[str]:
     return [*textwrap.wrap(table.title, WIDTH), *table.text()]
 
 
-def _facts(report: ReportContent) -> Iterator[str]:
+def _facts(report: Report) -> Iterator[str]:
     width = 1 + max([_NAME, *(len(name) for name, _ in report.facts)])
     for name, value in report.facts:
         yield textwrap.fill(value, WIDTH, initial_indent=f"{name:<{width}}", subsequent_indent=" " * width)
