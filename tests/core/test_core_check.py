@@ -103,7 +103,7 @@ TIMES = [
     (*increasing(0.0, np.nan), r"t\[1\] = nan: time stamps must be finite"),
     (*increasing(0.0, np.inf), r"t\[1\] = inf"),
     (*increasing(-np.inf, 0.0), r"t\[0\] = -inf"),
-    (*increasing(0.0, 1.0, 1.0), r"t\[2\] = 1\.0+ s comes after t\[1\] = 1\.0+ s \(1 such places\)\. Sort"),
+    (*increasing(0.0, 1.0, 1.0), r"t\[2\] = 1\.0+ s comes after t\[1\] = 1\.0+ s \(1 such places\)\. Samples keep"),
     (*increasing(0.0, 2.0, 1.0, 3.0, 2.5), r"t\[2\] = 1\.0+ s comes after t\[1\] = 2\.0+ s \(2 such"),
 ]
 REFUSED = [

@@ -39,7 +39,7 @@ def test_figures_of_time_and_of_a_triad(tmp_path):
             "jitter_us": scatter_us,
             "gaps": 0,
             "longest_step_s": 0.03,
-            "start_utc": None,
+            "start_utc": "2023-11-14T22:13:20.123456Z",
         }
     )
     assert found["triads"]["acc"]["mean"] == pytest.approx([1.0, -1.0, 6.25])

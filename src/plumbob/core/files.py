@@ -97,6 +97,11 @@ def existing_file(path: str | os.PathLike[str], most: int | None = None) -> Path
     return file
 
 
+def as_list(path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> Sequence[str | os.PathLike[str]]:
+    """Paths that are given, one or several."""
+    return path if isinstance(path, Sequence) and not isinstance(path, str) else [path]
+
+
 def file_sha256(path: Path) -> tuple[str, int]:
     """SHA-256 of a file, as hexadecimal digits, and of how many bytes it is: the file may be growing."""
     import hashlib

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
+from plumbob.core.files import as_list
 from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.core.time import timing
@@ -450,9 +451,14 @@ def opened_samples(
     if isinstance(given, Recording):
         label, source = given.name, given.of_unit(unit)
     else:
-        files = given if isinstance(given, str | Path) else [check.path("recording", file) for file in given]
-        source = read_one(files, profile=None if profile is None else Path(profile), whole=whole, unit=unit)
-        file = Path(files if isinstance(files, str | Path) else files[0])
+        files = [check.path("recording", file) for file in as_list(given)]
+        source = read_one(
+            files[0] if len(files) == 1 else files,
+            profile=None if profile is None else Path(profile),
+            whole=whole,
+            unit=unit,
+        )
+        file = files[0]
         label, source = str(file), replace(source, name=file.name)
     if source.imu is None:
         raise ShapeError(f"{label} holds an attitude but no sensor data, so there is nothing to estimate from.")

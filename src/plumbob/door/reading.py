@@ -55,7 +55,7 @@ def read(
     MissingExtraError
         If the format needs a package that is not installed.
     """
-    if not isinstance(path, str | os.PathLike):
+    if isinstance(path, Sequence) and not isinstance(path, str):
         return read_samples([check.path("path", item) for item in path], profile=profile)
     file = check.path("path", path)
     if is_own(file):

@@ -20,7 +20,7 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.core.files import ARRAYS, existing_file, reading, write_text
+from plumbob.core.files import ARRAYS, as_list, existing_file, reading, write_text
 from plumbob.core.text import FactsText
 from plumbob.core.units import UNITS, Quantity, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
@@ -101,8 +101,8 @@ def profile(
         field's. What nothing speaks for stays a question, but body axes are then those of the sensor, and the
         navigation frame, which a filter asks for anyway, is left out.
     answers : mapping, optional
-        By dotted key, as ``{"frame": "ENU", "gyr.unit": "deg/s"}``; also of keys that are no question. What is of a
-        sensor that the file lacks is passed over.
+        By dotted key, as ``{"frame": "ENU", "gyr.unit": "deg/s"}``; also of keys that were not asked. What is of
+        a sensor that the file lacks is passed over.
     out : path, optional
         Where to write the draft; ``NAME.profile.toml`` beside ``NAME.csv`` is found again by `plumbob.read`. With
         `accept` nothing is written while questions are open.
@@ -120,7 +120,7 @@ def profile(
     ParameterError
         If `out` exists: somebody may have answered it.
     """
-    files = [existing_file(item) for item in ([path] if isinstance(path, str | os.PathLike) else path)]
+    files = [existing_file(item) for item in as_list(path)]
     if out is not None and Path(out).exists():
         raise ParameterError(f"{out} exists already; answer its questions, or name another file with --out.")
     streams: list[_DraftWriter] = []
@@ -156,7 +156,7 @@ def read_triples(path: str | Path, sensor: str) -> Floats:
     Raises
     ------
     DecodeError
-        If it is no table, or does not say which of its columns they are.
+        If it is not a table, or does not say which of its columns they are.
     """
     file = existing_file(path)
     with reading(file):

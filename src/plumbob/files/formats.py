@@ -166,7 +166,7 @@ def read(
     UnitError, ClockError, ShapeError, FrameError
         If its numbers cannot be what they are declared to be.
     """
-    if not isinstance(path, str | os.PathLike):
+    if isinstance(path, Sequence) and not isinstance(path, str):
         return _together(path, profile)
     kind = kind_of(path, described=profile is not None)
     file = Path(path)

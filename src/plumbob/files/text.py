@@ -16,7 +16,7 @@ from plumbob.core import flags, units
 from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import DecodeError, excerpt
-from plumbob.core.files import existing_file, reading, sidecars, text_of
+from plumbob.core.files import as_list, existing_file, reading, sidecars, text_of
 from plumbob.core.time import interpolated, to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.recording import Recording, read_notes
@@ -70,7 +70,7 @@ def read_text(path: str | Path | Sequence[str | Path], profile: Profile | str | 
     ShapeError
         If a declared triad holds no number.
     """
-    files = [existing_file(item) for item in ([path] if isinstance(path, str | Path) else path)]
+    files = [existing_file(item) for item in as_list(path)]
     declared, note = text_profile(files[0], profile)
     if declared.arrays:
         raise DecodeError(f"{files[0]} is a text file, but {declared.origin} has arrays = true; declare its separator.")

@@ -4,7 +4,6 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -118,7 +117,7 @@ def info(
 
     if isinstance(what, Recording):
         name, recording = what.name, what if unit is None else what.of_unit(unit)
-    elif not isinstance(what, str | PathLike):
+    elif isinstance(what, Sequence) and not isinstance(what, str):
         name, recording = str(what[0]), read(what, profile=profile)
     elif (file := check.path("what", what)).suffix.lower() == ".json":
         return _card(file)
