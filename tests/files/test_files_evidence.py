@@ -10,7 +10,14 @@ import plumbob
 from plumbob.core.constants import G0
 from plumbob.core.errors import ClockError, DecodeError, ParameterError
 from plumbob.files.draft import answer
-from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_multiply, quat_rotate, rotvec_from_quat
+from plumbob.rotations import (
+    euler_zyx_from_quat,
+    quat_conjugate,
+    quat_from_euler_zyx,
+    quat_multiply,
+    quat_rotate,
+    rotvec_from_quat,
+)
 from tests.helpers.io_samples import refused
 
 RATE = 100.0
@@ -217,6 +224,18 @@ def test_answers_as_they_are_typed():
         answer("ENU")
 
 
+def test_rates_of_flight_mechanics(tmp_path):
+    text = "time,p,q,r,ax,ay,az\n" + rows(T, *GYR.T, *ACC.T)
+    assert drafted(tmp_path, "a.csv", text, UP | {"gyr.unit": "rad/s"}).imu.gyr == pytest.approx(GYR, abs=1e-6)
+
+
+def test_the_folder_itself_is_refused_in_a_sentence(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for verb in (plumbob.read, plumbob.info, plumbob.doctor, plumbob.profile, plumbob.estimate):
+        with pytest.raises(DecodeError, match="is a folder"):
+            verb(".")
+
+
 def test_a_known_format_does_not_claim_another_loggers_table(tmp_path):
     """phyphox writes its axes in small letters and its own units; this logger does not."""
     path = tmp_path / "log.csv"
@@ -225,3 +244,48 @@ def test_a_known_format_does_not_claim_another_loggers_table(tmp_path):
         plumbob.read(path)
     recording = drafted(tmp_path, "log.csv", path.read_text(), UP)
     assert recording.imu.gyr == pytest.approx(GYR, abs=1e-4)
+
+
+def sentence(text):
+    """With NMEA's checksum: the exclusive or of what stands between ``$`` and ``*``."""
+    bits = 0
+    for byte in text.encode():
+        bits ^= byte
+    return f"${text}*{bits:02X}\r\n"
+
+
+def test_sentences_with_a_checksum(tmp_path):
+    """A VN-100's, beside others on the line; a flipped bit spoils its own sentence alone."""
+    lines = [sentence("VNYMR," + ",".join(f"{v:+.5f}" for v in (*np.zeros(3), *b / 100.0, *a, *w)))
+             for b, a, w in zip(MAG, ACC, GYR, strict=True)]  # fmt: skip
+    lines[70] = lines[70].replace("+", "-", 1)
+    lines[10:10] = lines[300:300] = ["$GPGGA,101512,4807.0,N,01131.0,E,1,08,0.9,545,M,46.9,M,,*47\r\n"]
+    imu = drafted(tmp_path, "a.txt", "".join(lines), UP | {"time.rate": "100 Hz"}).imu
+    assert imu.t == pytest.approx(np.delete(T, 70))
+    assert imu.gyr == pytest.approx(np.delete(GYR, 70, axis=0), abs=1e-5)
+    assert imu.acc == pytest.approx(np.delete(ACC, 70, axis=0), abs=1e-5)
+    assert imu.mag == pytest.approx(np.delete(MAG, 70, axis=0), abs=1e-3)
+
+
+def test_angles_alone_are_a_track(tmp_path):
+    angles = np.degrees(euler_zyx_from_quat(Q))
+    text = "".join(f"#YPR={yaw:.3f},{pitch:.3f},{roll:.3f}\n" for yaw, pitch, roll in angles)
+    recording = drafted(tmp_path, "a.txt", text, {"time.rate": "100 Hz", "reference.frame": "ENU"})
+    assert recording.imu is None
+    assert np.abs(np.sum(recording.track.q_nb * Q, axis=1)) == pytest.approx(1.0, abs=1e-8)
+
+
+def test_columns_without_names_are_not_dealt_out_where_more_could_be_meant(tmp_path):
+    text = rows(T, *(0.1 * DPS).T, *ACC.T, *GYR.T)
+    (tmp_path / "a.csv").write_text(text)
+    draft = plumbob.profile(tmp_path / "a.csv", accept=True, answers={"frame": "ENU"} | UP)
+    assert {"gyr.columns", "acc.columns"} <= {key for key, _ in draft.questions}
+
+
+def test_a_toml_of_another_kind_is_not_taken_for_a_profile(tmp_path):
+    path = tmp_path / "arm.csv"
+    path.write_text(OPEN)
+    (tmp_path / "arm.toml").write_text('kind = "chain"\n[[segment]]\nname = "base"\n')
+    refused(plumbob.read, path, match="plumbob profile")
+    (tmp_path / "arm.toml").write_text('separator = ","\nseperator = 1\n')
+    refused(plumbob.read, path, match="has no key 'seperator'")

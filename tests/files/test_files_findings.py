@@ -85,6 +85,13 @@ def test_a_sensor_that_froze_or_fell_silent(imu, line):
     assert len(imu) == 1000
 
 
+@pytest.mark.parametrize("value", [0.0, -0.25])
+def test_an_axis_that_never_changes_while_the_others_do_is_named(value):
+    gyr = still().gyr.copy()
+    gyr[:, 1] = value
+    assert stuck(still(gyr=gyr)) == [f"stuck: gyr y is {value:g} in every sample, while the others change"]
+
+
 def test_nothing_is_said_too_early_without_motion_or_sensors():
     slow = make_imu(100, t=np.arange(100) * 0.1, meta=META)
     acc = slow.acc.copy()

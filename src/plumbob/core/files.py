@@ -130,7 +130,7 @@ def text_of(path: str | os.PathLike[str], what: str | None = None) -> str:
 
 def profile_beside(path: Path) -> Path:
     """Name of the profile that is written beside a table, and found there again."""
-    return path.with_name(f"{path.stem}.profile.toml")
+    return path.parent / f"{path.stem}.profile.toml"  # of a folder such as "." too, where with_name fails
 
 
 TABLES: Final = (".csv", ".txt", ".tsv", ".lvm", ".dat", ".log", ".gcsv")
@@ -143,7 +143,7 @@ ARRAYS: Final = (".mat", ".h5", ".hdf5", ".npz")
 
 def sidecars(path: Path) -> tuple[Path, Path]:
     """Names that a profile beside a text file may have."""
-    return path.with_name(f"{path.stem}.toml"), profile_beside(path)
+    return path.parent / f"{path.stem}.toml", profile_beside(path)
 
 
 def profile_paths(path: Path) -> tuple[Path, ...]:

@@ -10,6 +10,7 @@ from shlex import quote
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.errors import ParameterError, ShapeError
@@ -264,9 +265,19 @@ def _longest(imu: ImuData) -> float:
     return int(np.diff(imu.t_ns).max()) / 1e9
 
 
+def _dead(name: str, axes: NDArray[np.uint8], mean: NDArray[np.float64]) -> Iterator[str]:
+    """Axes that never change in a recording in which the others do: a wire, a register or a column is missing."""
+    if axes.size < STUCK_SAMPLES or np.mean(axes[1:] == ALL_AXES) > 0.5:
+        return
+    for i, axis in enumerate("xyz"):
+        if (axes[1:] >> i & 1).all():
+            yield f"stuck: {name} {axis} is {mean[i]:.6g} in every sample, while the others change"
+
+
 def _stuck(imu: ImuData) -> Iterator[str]:
     for name in imu.triads:
         axes = statistics(imu, name).repeats
+        yield from _dead(name, axes[axes != NOT_KNOWN], statistics(imu, name).mean)
         again = axes[axes != NOT_KNOWN] == ALL_AXES
         if again.size - np.count_nonzero(again) < 2:  # it never changes: a simulation without noise, at rest
             continue

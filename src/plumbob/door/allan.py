@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from plumbob import files
 from plumbob.core import check
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.files import existing_file, sidecars
+from plumbob.core.files import existing_file
 from plumbob.core.units import Quantity, given
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.recording import Recording, unsaved
 from plumbob.door.reading import read_one
 from plumbob.files.numbers import SUFFIXES, TEXT_SUFFIXES, open_numbers
+from plumbob.files.profile_toml import profiles_beside
 from plumbob.noise.allan import Noise, Taus, characterise
 from plumbob.noise.static import StaticReport
 from plumbob.noise.static_record import StaticRecord, check_static, static_channels, static_of_numbers, static_of_plain
@@ -220,6 +221,6 @@ def is_recording(file: Path, profile: Path | None, kind: str | None) -> bool:
         return False
     suffix = file.suffix.lower()
     if suffix in TEXT_SUFFIXES:
-        described = profile is not None or any(beside.is_file() for beside in sidecars(file))
+        described = profile is not None or bool(profiles_beside(file))
         return described or files.is_known_log(file)
     return suffix not in SUFFIXES and files.is_recording(file)

@@ -44,6 +44,7 @@ _UNIT_NORM: Final = 0.02
 _EVEN: Final = 0.2
 """Scatter of the steps of a column without a name, in steps, up to which it is surely a clock."""
 _MOST_SENSORS: Final = 20
+_ANGLES: Final = ("yaw", "pitch", "roll")
 _REST: Final = {"m/s2": G0, "g": 1.0, "mg": 1000.0}
 """|acc| at rest, by unit."""
 _EARTH: Final = {"uT": (22.0, 67.0), "mgauss": (220.0, 670.0), "gauss": (0.22, 0.67), "nT": (22e3, 67e3)}
@@ -246,6 +247,7 @@ class _DraftWriter:
         names = (*sample.names, *[""] * sample.width)[: sample.width]
         units = (*sample.units, *[""] * sample.width)[: sample.width]
         self._names, self._parts = names, [taken_apart(*both) for both in zip(names, units, strict=True)]
+        self._parts = _turn_rates(self._parts, self._names)
         if sensor:
             self._parts = [replace(p, base=sensor) if p.axis and not p.sensor else p for p in self._parts]
         self._numbers = [sample.numbers(i) for i in range(sample.width)]
@@ -253,6 +255,7 @@ class _DraftWriter:
         self._clocks = self._first_of_four()
         self._time = self._time_columns()
         self._quaternion = self._quaternion_columns()
+        self._angles = () if self._quaternion else self._angle_columns()
         self._triads = self._named_triads() or (self._sized_triads() if self._is_nameless() else {})
         self._turns = self._best_turning()
         self._temperature = next((i for i in self._free() if self._parts[i].is_temperature), None)
@@ -267,7 +270,7 @@ class _DraftWriter:
         """Write all tables."""
         self._accept = accept
         self._answers = dict(answers)
-        if not self._triads and not self._quaternion:
+        if not self._triads and not self._quaternion and not self._angles:
             linear = any(part.sensor == "linear" for part in self._parts)
             raise DecodeError(
                 "the acceleration in it is without gravity, and there is no gyroscope: nothing in it can give an "
@@ -288,7 +291,7 @@ class _DraftWriter:
             typical = float(np.nanmedian(self._numbers[self._temperature]))
             usual = _Guess("degC", f"{typical:.4g} is usual in degC") if -40.0 < typical < 85.0 else _Guess()
             self._write_unit(Quantity.TEMPERATURE, [self._temperature], usual)
-        if self._quaternion:
+        if self._quaternion or (self._angles and not self._triads):  # beside samples, no two makers turn alike
             self._write_reference()
         return Draft("\n".join(self._lines) + "\n", tuple(self._questions), tuple(self._evidence))
 
@@ -361,6 +364,11 @@ class _DraftWriter:
                 if len(columns) == 4 and abs(self._size(columns) - 1.0) < _UNIT_NORM:
                     return columns
         return ()
+
+    def _angle_columns(self) -> tuple[int, ...]:
+        """Columns of yaw, pitch and roll."""
+        names = {re.sub(r"^(heading|azimuth)$", "yaw", part.base): i for i, part in enumerate(self._parts)}
+        return tuple(names[name] for name in _ANGLES) if set(_ANGLES) <= set(names) else ()
 
     def _is_nameless(self) -> bool:
         """Whether columns have no names, or the one of the array that they all stand in."""
@@ -491,12 +499,13 @@ class _DraftWriter:
             self._set("skip", layout.skip, "lines at the top")
         if layout.after_names:
             self._set("after_names", layout.after_names, "the row of units")
-        marks = {"mark": "before the names", "labels": "after a name in each cell", "prefix": "ends the first cell"}
+        marks = {"mark": "before the names", "labels": "after a name in each cell", "prefix": "ends the first cell",
+                 "checksum": "of each row"}  # fmt: skip
         for key, what in marks.items():
             if text := getattr(layout, key):
                 self._set(key, text, what)
-        if self._where:
-            self._set("where", self._where, "rows of this sensor")
+        if where := self._where or layout.where:
+            self._set("where", where, "rows of this kind alone")
 
     def _write_time(self) -> None:
         self._open("time")
@@ -549,10 +558,16 @@ class _DraftWriter:
         ):
             return  # an attitude in no known frame is nothing that could be compared with
         self._open("reference")
-        self._set(
-            "columns", tuple(map(self._ref, self._quaternion)), "unit quaternions, by their names", ask=True, sure=True
-        )
-        self._set("order", "wxyz")
+        columns = tuple(map(self._ref, self._quaternion or self._angles))
+        what = "unit quaternions" if self._quaternion else "angles about z, y and x"
+        self._set("columns", columns, f"{what}, by their names", ask=True, sure=True)
+        self._set("order", "wxyz" if self._quaternion else " ".join(_ANGLES))
+        if not self._quaternion:
+            unit = self._parts[self._angles[0]].unit_as(Quantity.ANGLE)
+            largest = float(np.nanmax(np.abs(self._vectors(self._angles))))
+            beyond = largest > 2.0 * np.pi
+            why = f"the header says {unit}" if unit else f"the largest is {largest:.4g}"
+            self._set("unit", unit or ("deg" if beyond else ""), why, ask=not unit, sure=beyond)
         self._set("frame", frame or "", "ENU, NED or NWU: what the quaternion turns to", ask=True, sure=bool(frame))
         self._set("north", "free", "what its heading counts from; free claims nothing", ask=True, sure=True)
         self._set("of", "case", "of the sensor case, or of the body", ask=False)
@@ -561,22 +576,15 @@ class _DraftWriter:
         self._open(name)
         named = bool(self._parts[columns[0]].axis)
         by = "by their names" if named else "by their size"
-        sure = named or (len(self._triads) > 1 and self._is_steady_at_rest())
-        self._set(
-            "columns", tuple(map(self._ref, columns)), f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure
-        )
+        sure, refs = named or self._is_sure_by_size(), tuple(map(self._ref, columns))
+        self._set("columns", refs, f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure)
         zero = self._middle(columns)
         guess = self._triad_unit(name, columns, zero)
         stated = self._write_unit(KINDS[name], columns, guess)
-        if self._has("unit_per_count"):
-            self._set("unit_per_count", "")
-        elif (
-            self._has("counts_per_unit") or zero or (guess.counts is not None and not stated and not self._has("unit"))
-        ):
+        are_counts = guess.counts is not None and not stated and not self._has("unit")
+        if not self._has("unit_per_count") and (self._has("counts_per_unit") or zero or are_counts):
             self._set("counts_per_unit", guess.counts or "", "counts that are one unit, by the data sheet", ask=True)
-        for key in ("range", "delay"):
-            if self._has(key):
-                self._set(key, "")
+        self._set_known("unit_per_count", "range", "delay")
         if zero:
             self._set("zero", f"{zero:g}", "whole numbers around it: counts that mean 0", ask=True)
         if name == "acc":
@@ -612,10 +620,13 @@ class _DraftWriter:
         self._set("unit", guess.unit or named, f"{said}{guess.why or f'one of {fitting}'}", ask=True, sure=sure)
         return False
 
-    def _is_steady_at_rest(self) -> bool:
-        """Whether one of the triads without names is surely the accelerometer."""
-        acc = self._triads.get("acc")
-        return acc is not None and self._steady(acc) and bool(_gravity_unit(self._size(acc)).unit)
+    def _is_sure_by_size(self) -> bool:
+        """Whether triads without names are surely these: gravity, perhaps the Earth's field, one that is neither."""
+        acc, mag, gyr = (self._triads.get(name) for name in ("acc", "mag", "gyr"))
+        if acc is None or gyr is None or len(self._free()) >= len("xyz"):
+            return False
+        steady = self._steady(acc) and bool(_gravity_unit(self._size(acc)).unit) and not self._steady(gyr)
+        return steady and (mag is None or (self._steady(mag) and _of_earth(self._size(mag))))
 
     # Guesses ----------------------------------------------------------------------------------------------------------
 
@@ -690,6 +701,14 @@ def _turning_fit(t: Floats, rates: Floats, force: Floats) -> Turning | None:
     t_ns, none = np.rint(t * 1e9).astype(np.int64), np.zeros(t.size, dtype=np.uint32)
     fit = turning(ImuData.live(t_ns, triads, flags=none, meta=ImuMeta(unit_check=False)))
     return replace(fit, factor=fit.factor / fastest)
+
+
+def _turn_rates(parts: list[ColumnName], names: Sequence[str]) -> list[ColumnName]:
+    """Names of which p, q, r, side by side, are the rates about x, y and z, as in flight mechanics."""
+    letters = "".join(name.strip().lower() if len(name.strip()) == 1 else " " for name in names)
+    at = letters.find("pqr")
+    rates = [replace(part, base="gyr", axis=axis) for part, axis in zip(parts[at : at + 3], "xyz", strict=False)]
+    return parts if at < 0 else [*parts[:at], *rates, *parts[at + 3 :]]
 
 
 def _dates(cells: Sequence[str]) -> bool:

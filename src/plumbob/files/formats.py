@@ -278,7 +278,10 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
         candidates = candidates or _by_suffix(file)
     else:
         candidates = [kind for kind in FORMATS if "" in kind.suffixes]
-    described = described or any(beside.is_file() for beside in sidecars(file))
+    if not described and any(beside.is_file() for beside in sidecars(file)):
+        from plumbob.files.profile_toml import profiles_beside
+
+        described = bool(profiles_beside(file))
     if described and any(kind.takes_profile for kind in candidates):
         candidates = [kind for kind in candidates if kind.takes_profile]
     with reading(file):

@@ -55,6 +55,8 @@ class TextLayout:
         is needed.
     prefix : str
         What ends the first cell of each row where that is not the separator, as ``->`` behind a time; empty for none.
+    checksum : bool
+        Whether a row ends with ``*`` and the exclusive or of its characters, as NMEA has it; else it cannot be read.
     where : tuple of (int or str, str), or empty
         A column and a word: only rows that have it there belong to the table.
     """
@@ -73,6 +75,7 @@ class TextLayout:
     mark: str = ""
     labels: str = ""
     prefix: str = ""
+    checksum: bool = False
     where: tuple[ColumnRef, str] | tuple[()] = ()
 
 

@@ -1,6 +1,7 @@
 """Read a profile from TOML, strictly: an unknown key, a missing unit or a wrong type is an error that says so."""
 
 import codecs
+import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -13,7 +14,7 @@ import numpy as np
 from plumbob.core import schema
 from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt
-from plumbob.core.files import reading, text_of
+from plumbob.core.files import reading, sidecars, text_of
 from plumbob.core.schema import Parse
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity
@@ -36,6 +37,8 @@ from plumbob.rotations import Frame, North, body_axes, in_body_axes, signed_axes
 _MIRRORED: Final = 'axes and mirrored = true in its own table, as in [mag] axes = "x y -z"'
 GUIDE: Final = guide("file-formats.md")
 VERSION: Final = 1
+_MARKS: Final = {"separator", "arrays", "stream", "header"}
+"""Keys of which a profile has one, and what lies beside a recording and is none has not."""
 
 _EXAMPLE = {"gyr": "deg/s", "acc": "g", "mag": "uT", "temperature": "degC", "time": "s", "reference": "deg"}
 _SEPARATORS = {name: name for name in (",", ";", " ", "\t", BLANK)} | {"tab": "\t", "\\t": "\t"}
@@ -61,6 +64,20 @@ def load_profile(path: str | Path) -> Profile:
     text = text_of(path, "profile")
     with reading(Path(path)):
         return parse_profile(text, origin=Path(path).name)
+
+
+def profiles_beside(file: Path) -> list[Path]:
+    """Profiles that lie beside a file under its name; a TOML of another kind, as a chain or a format, is none."""
+    return [path for path in sidecars(file) if path.is_file() and _is_profile(path)]
+
+
+def _is_profile(path: Path) -> bool:
+    """Whether a TOML is meant as a profile; one that cannot be read is, so that its fault is said."""
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, OSError):
+        return True
+    return not isinstance(raw.get("kind"), str) and bool(_MARKS & set(raw))
 
 
 def parse_profile(text: str, *, origin: str = "profile") -> Profile:
@@ -368,6 +385,7 @@ _HEADER: Final = _form(
         "mark": schema.text,
         "labels": schema.text,
         "prefix": schema.text,
+        "checksum": schema.truth,
         "where": schema.described(_where, type="array", minItems=2, maxItems=2),
     },
     ("names",),

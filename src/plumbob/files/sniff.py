@@ -6,6 +6,7 @@ asked by `plumbob.files.draft`.
 
 import codecs
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,6 +37,14 @@ _NUMBER: Final = {
     ",": re.compile(r"[-+]?(\d+(,\d+)?|,\d+)([eE][-+]?\d+)?"),
 }
 _LAYOUTS: Final = ((";", "."), (";", ","), ("\t", "."), ("\t", ","), (",", "."), (" ", "."), (" ", ","))
+_NINE: Final = tuple(f"{sensor}_{axis}" for sensor in ("mag (gauss)", "acc (m/s2)", "gyr (rad/s)") for axis in "xyz")
+SENTENCES: Final = {
+    "VNYMR": ("yaw (deg)", "pitch (deg)", "roll (deg)", *_NINE),
+    "VNQMR": ("q_x", "q_y", "q_z", "q_w", *_NINE),
+    "VNIMU": (*_NINE, "temp (degC)", "pressure (kPa)"),
+    "YPR": ("yaw (deg)", "pitch (deg)", "roll (deg)"),
+}
+"""Fields of sentences whose makers publish them: VectorNav's (UM001, output formats), and those of Razor's firmware."""
 _UNIT_CELL: Final = re.compile(r"[\[(].*[\])]")
 
 
@@ -92,6 +101,8 @@ def read_sample(path: Path) -> Sample:
     text, encoding = _decoded(raw)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     lines = lines if complete else lines[:-1]
+    if (sentences := _sentences(lines, encoding)) is not None:
+        return sentences
     prefix = _prefix(lines[:TRIED])
     labels = _labels(lines[:TRIED], prefix)
     plain = [_unlabelled(line, prefix, labels) for line in lines] if prefix or labels else lines
@@ -112,7 +123,7 @@ def read_sample(path: Path) -> Sample:
     names = ("", *names) if prefix else names
     rows = (
         [[lines[i].partition(prefix)[0].strip(), *row] for i, row in zip(table.lines, table.rows, strict=True)]
-        if (prefix)
+        if prefix
         else table.rows
     )
     missing = _missing(table.rows)
@@ -121,6 +132,29 @@ def read_sample(path: Path) -> Sample:
         skip=table.first,
     )  # fmt: skip
     return Sample(layout, names if labels else (), (), bool(labels), rows, {})
+
+
+def _sentences(lines: Sequence[str], encoding: str) -> Sample | None:
+    """Rows of the commonest sentence, as ``$VNYMR,…*5A`` and ``#YPR=…``, where most lines are sentences."""
+    some = [line.strip() for line in lines if line.strip()]
+    heads = Counter(match[0] for line in some if (match := re.match(r"[$#!][A-Za-z]\w*[,=]", line)))
+    if not heads or heads.total() < 0.5 * len(some):
+        return None
+    head = heads.most_common(1)[0][0]
+    word, mark = head[:-1], head[-1]
+    chosen = [line for line in some if line.startswith(head)]
+    checked = all(re.search(r"\*[0-9A-Fa-f]{2}$", line) for line in chosen)
+    rows = [[word, *line[len(head) :].partition("*")[0].split(",")] for line in chosen]
+    width = Counter(map(len, rows)).most_common(1)[0][0]
+    rows = [row for row in rows if len(row) == width]
+    if len(rows) < FEWEST or width < FEWEST:
+        return None
+    skip = next(i for i, line in enumerate(lines) if line.startswith(head))
+    layout = TextLayout(
+        ",", encoding=encoding, names=False, skip=skip, where=(1, word), prefix=mark.strip(","), checksum=checked
+    )
+    names = SENTENCES.get(word.strip("$#!"), ())
+    return Sample(layout, ("", *names) if len(names) == width - 1 else (), (), False, rows, {})
 
 
 def _prefix(lines: Sequence[str]) -> str:

@@ -16,7 +16,7 @@ from plumbob.core import flags, units
 from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import DecodeError, excerpt
-from plumbob.core.files import as_list, existing_file, reading, sidecars, text_of
+from plumbob.core.files import as_list, existing_file, reading, text_of
 from plumbob.core.time import interpolated, to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.recording import Recording, read_notes
@@ -33,7 +33,7 @@ from plumbob.files.profile import (
     TimeRate,
     TimeStamps,
 )
-from plumbob.files.profile_toml import load_profile
+from plumbob.files.profile_toml import load_profile, profiles_beside
 from plumbob.files.stamps import WEEK, time_line, utc_of_gps
 from plumbob.files.text_table import TextTable, read_table
 from plumbob.rotations import (
@@ -110,7 +110,7 @@ def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profil
         return given, f"read with the profile {given.origin}"
     if given is not None:
         return load_profile(given), f"read with the profile {Path(given).name}"
-    profiles = [path for path in sidecars(file) if path.is_file()]
+    profiles = profiles_beside(file)
     if len(profiles) > 1:
         raise DecodeError(
             f"{file}: both {profiles[0].name} and {profiles[1].name} lie beside it; name one: --profile FILE.toml."

@@ -77,7 +77,6 @@ class _Reading:
     places: dict[ColumnRef, int]
     exact: ColumnRef | None
     texts: dict[ColumnRef, list[str]]
-    where: int
     zero: Decimal | None = None
     numbers: dict[ColumnRef, list[Floats]] = field(default_factory=dict)
     rows: int = 0
@@ -137,8 +136,6 @@ class _Reading:
                         f"line {line} has {len(words)} cells, but most rows of numbers have {self.width}: "
                         f"{excerpt(row)}; correct the line, or the separator in the profile."
                     )
-                if self.layout.where and words[self.where].strip() != self.layout.where[1]:
-                    continue
                 values = {ref: self._number(words[self.places[ref]], line, ref) for ref in numbers}
             except DecodeError as error:
                 self.left_out[self.rows] = line, error
@@ -209,6 +206,8 @@ def read_table(
     text = decode(raw, layout.encoding)
     text, cut = _ended(text, layout)
     head = find_head(text, layout)
+    if layout.where and isinstance(layout.where[0], str) and layout.where[0] not in head.names:
+        raise DecodeError(f"the column {excerpt(layout.where[0])} of header.where is nowhere in the row of names.")
     body = _Body(text, head, layout)
     first = [_width(row, layout) for _, row in islice(body.rows(), _LOOKED_AT)]
     if not first:
@@ -217,9 +216,8 @@ def read_table(
     names = head.names or body.labels()
     places = {ref: column_index(ref, names, width, layout) for ref in refs}
     _refuse_shared(places)
-    where = column_index(layout.where[0], names, width, layout) if layout.where else -1
-    reading = _Reading(layout, width, places, exact, {ref: [] for ref in texts}, where)
-    plain = not (layout.labels or layout.prefix or layout.where)
+    reading = _Reading(layout, width, places, exact, {ref: [] for ref in texts})
+    plain = not (layout.labels or layout.prefix or layout.where or layout.checksum)
     for start, end, line in body.blocks():
         if not (plain and reading.add_fast(text[start:end])):
             reading.add_slow(body.rows(start, end, line))
@@ -294,9 +292,19 @@ class _Body:
         end = len(self.text) if end < 0 else end
         while place < end:
             stop = self.text.find("\n", place)
-            if not is_idle(row := self.text[place:stop], self.layout.comment):
+            if not is_idle(row := self.text[place:stop], self.layout.comment) and self._belongs(row):
                 yield line, row
             place, line = stop + 1, line + 1
+
+    def _belongs(self, row: str) -> bool:
+        """Whether a row is of the sensor or the kind that is asked for."""
+        if not self.layout.where:
+            return True
+        ref, word = self.layout.where
+        place = self.head.names.index(ref) if isinstance(ref, str) else ref - 1
+        first, mark, rest = row.partition(self.layout.prefix) if self.layout.prefix else ("", "", row)
+        cells = [*([first] if mark else []), *rest.split(self.layout.separator)]
+        return place < len(cells) and cells[place].strip() == word
 
     def labels(self) -> tuple[str, ...]:
         """Names that stand in the cells of the first row."""
@@ -316,6 +324,7 @@ def _width(row: str, layout: TextLayout) -> int:
 
 def _cells(row: str, layout: TextLayout, line: int) -> list[str]:
     """Cells of a row, without labels; what stands before the prefix's end is the first."""
+    row = _checked(row, line) if layout.checksum else row
     if not (layout.prefix or layout.labels):
         return split_row(row, layout.separator, line)
     first, mark, rest = row.partition(layout.prefix) if layout.prefix else ("", "", row)
@@ -323,6 +332,23 @@ def _cells(row: str, layout: TextLayout, line: int) -> list[str]:
     if layout.labels:
         words = [word.rpartition(layout.labels)[2].strip(QUOTES) for word in words]
     return [first, *words] if mark else words
+
+
+def _checked(row: str, line: int) -> str:
+    """A sentence without its checksum.
+
+    Raises
+    ------
+    DecodeError
+        If the checksum is missing or another.
+    """
+    text, _, digits = row.rstrip().rpartition("*")
+    bits = 0
+    for byte in text[1:].encode():
+        bits ^= byte
+    if digits.upper() != f"{bits:02X}":
+        raise DecodeError(f"line {line}: the checksum is {bits:02X}, but {excerpt(row[-8:])} stands there.")
+    return text
 
 
 def _packed(block: str, layout: TextLayout) -> bytes:

@@ -432,7 +432,7 @@ def _others(repeats: NDArray[np.uint8], axes: str, start: int, stop: int) -> boo
 
 def _resolution(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion | None:
     shares = {}
-    for name in repeated.keys() - {"mag"}:  # which is often held from its slower rate
+    for name in (name for name in repeated if name != "mag"):  # which is often held from its slower rate
         repeats = repeated[name][repeated[name] != NOT_KNOWN]
         again = repeats == ALL_AXES
         for start, stop in check.runs(again):

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, excerpt
-from plumbob.core.files import existing_file, reading, require_room, sidecars
+from plumbob.core.files import existing_file, reading, require_room
 from plumbob.core.text import counted, first_words
 from plumbob.data.recording import Recording
 from plumbob.files.arrays import (
@@ -39,6 +39,7 @@ from plumbob.files.arrays import (
 )
 from plumbob.files.foreign.parts import Parts
 from plumbob.files.profile import ColumnRef, Profile, TextLayout, TimeColumn
+from plumbob.files.profile_toml import profiles_beside
 from plumbob.files.sniff import FEWEST, ROWS, Sample
 from plumbob.files.text import table_recording, text_profile
 from plumbob.files.text_table import TextTable
@@ -90,7 +91,7 @@ def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
     file = existing_file(path)
     with reading(file):
         container = _container(file)
-        if profile is None and not any(beside.is_file() for beside in sidecars(file)):
+        if profile is None and not profiles_beside(file):
             raise DecodeError(
                 f"arrays do not say their units, so they need --profile FILE.toml with arrays = true; "
                 f"{guide('vendor-files.md')} shows one. The file holds {container.listed.summary()}."
