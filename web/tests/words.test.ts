@@ -10,7 +10,7 @@ import { KINDS } from "../src/panels/events";
 import { COUNTS } from "../src/panels/link";
 
 import library from "../../src/plumbob/core/flags.py?raw";
-import style from "../../src/plumbob/reporting/style.py?raw";
+import chinese from "../../src/plumbob/reporting/zh.toml?raw";
 
 const SOURCES = import.meta.glob<string>(["../src/**/*.ts", "!../src/report/**", "!../src/words-*", "!../src/messages.ts"], {
   query: "?raw", import: "default", eager: true,
@@ -59,5 +59,5 @@ test("flags have the bits, names and meanings of the library, in its Chinese", (
   expect(listed.length).toBe(bits.size);
   listed.sort((a, b) => a.bit! - b.bit!);
   expect(FLAGS.map(({ bit, name, meaning }) => ({ bit, name, meaning }))).toEqual(listed);
-  for (const { name } of FLAGS) expect(style).toContain(`"${name}": "${WORDS[name]}"`);
+  for (const { name } of FLAGS) expect(chinese).toContain(`"${name}" = "${WORDS[name]}"`);
 });

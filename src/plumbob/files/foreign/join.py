@@ -134,8 +134,9 @@ def joined_recordings(parts: Sequence[Recording], name: str) -> Recording:
             ranges[f"{triad}_range"] = getattr(imu.meta, f"{triad}_range")
         if imu.temp_c is not None:
             streams.setdefault("temp_c", Readings(stamps, imu.temp_c))
-    begin = max(int(np.min(stream.t_ns)) for stream in streams.values())
-    end = min(int(np.max(stream.t_ns)) for stream in streams.values())
+    stamps_by_sensor = [np.asarray(stream.t_ns, dtype=np.int64) for stream in streams.values()]
+    begin = max(int(stamps.min()) for stamps in stamps_by_sensor)
+    end = min(int(stamps.max()) for stamps in stamps_by_sensor)
     if begin >= end:
         raise ClockError(
             f"the sensors do not overlap in time: one begins {(begin - end) / 1e9:.6g} s after another has ended. "
