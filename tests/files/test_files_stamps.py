@@ -55,12 +55,9 @@ def test_counters_and_clocks_that_begin_again_go_on(first, step, wraps, unit_ns,
     assert said in line.notes[0]
 
 
-def test_bursts_are_spread_over_the_time_between_them():
+def test_bursts_are_spread_over_the_time_between_them_and_a_gap_stays_one():
     line = time_line(np.repeat(np.arange(100) * 32.0, 16), MS)  # sixteen samples of 500 Hz at a time
     assert np.diff(line.t_ns) == pytest.approx(2e6, rel=1e-3)
-
-
-def test_a_gap_stays_one_and_rates_may_change():
     stamps = np.floor(np.concatenate([np.arange(900), 12_000 + np.arange(900)]) / 0.9)
     line = time_line(stamps, MS)
     steps = np.diff(line.t_ns) / MS
