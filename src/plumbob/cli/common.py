@@ -21,19 +21,19 @@ if TYPE_CHECKING:
     from plumbob.rotations import Frame
 
 
-def filter_args(args: argparse.Namespace) -> dict[str, Any]:
+def filter_args(verb: str, filter_: str | None, params: str | None) -> dict[str, Any]:
     """The one filter of --filter with --params; None, a filter of rates, or a word that stands for one as it is."""
     from plumbob.core.errors import ParameterError
 
-    if args.filter is None:
-        return {"filter": None, "params": dict(pairs(args.params))}
+    if filter_ is None:
+        return {"filter": None, "params": dict(pairs(params))}
     from plumbob.filters.known import RATE_FILTERS
 
-    if args.filter in ("track", "none", *RATE_FILTERS):
-        return {"filter": args.filter, "params": dict(pairs(args.params))}
-    chosen = stages(args.filter, args.params)
+    if filter_ in ("track", "none", *RATE_FILTERS):
+        return {"filter": filter_, "params": dict(pairs(params))}
+    chosen = stages(filter_, params)
     if len(chosen) != 1:
-        raise ParameterError(f"{args.verb} takes one filter; run it again for another.")
+        raise ParameterError(f"{verb} takes one filter; run it again for another.")
     return {"filter": chosen[0].filter, "params": chosen[0].params}
 
 
@@ -191,15 +191,21 @@ ENDINGS = {"html": (".html", ".htm"), "plot": (".svg", ".png", ".pdf")}
 """Of the names of pages and pictures."""
 
 
+def require_ending(option: str, path: str | Path | None, endings: Sequence[str]) -> None:
+    """Refuse an output whose name ends otherwise."""
+    from plumbob.core.errors import ParameterError
+
+    if path is not None and Path(path).suffix.lower() not in endings:
+        raise ParameterError(f"{option} needs a name that ends in {' or '.join(endings)}, but got {path}.")
+
+
 def check_pages(args: argparse.Namespace, *outputs: Path | None, inputs: Sequence[Path | None] = ()) -> None:
     """Refuse what `check_outputs` does, of page, picture and other outputs; and names that end otherwise."""
     from plumbob.core.errors import ParameterError
 
     check_outputs(args, args.html, args.plot, *outputs, inputs=inputs)
     for name, endings in ENDINGS.items():
-        path: Path | None = getattr(args, name)
-        if path is not None and path.suffix.lower() not in endings:
-            raise ParameterError(f"--{name} needs a name that ends in {' or '.join(endings)}, but got {path}.")
+        require_ending(f"--{name}", getattr(args, name), endings)
     if args.lang and not (args.html or args.plot):
         raise ParameterError("--lang is for --html or --plot, which is not given; leave it out.")
 

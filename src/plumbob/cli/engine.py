@@ -5,14 +5,13 @@ import inspect
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from functools import partial
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import plumbob
 from plumbob.cli import common
-from plumbob.core.docs import guide
 
 Call = Callable[..., Any]
 
@@ -165,6 +164,7 @@ def parameters(function: Call, verb: Verb) -> dict[str, Option]:
     return options
 
 
+@cache
 def described(function: Call) -> dict[str, tuple[str, str]]:
     """Type and meaning of each parameter, as the docstring has them."""
     text = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+$|\Z)", inspect.getdoc(function) or "", re.M | re.S)
@@ -222,12 +222,12 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
     flags = {word.partition("=")[0] for word in words or ()}
     idle = verb.brought and not helped and not flags & {_flag(each) for each in verb.brought}
     options = parameters(function, verb._replace(also=verb.also[:-1]) if idle else verb)
-    docs = {source: described(source) for source in {option.function for option in options.values()}}
     groups: dict[str, Any] = {}
     for names in verb.exclusive:
         groups |= dict.fromkeys(names, p.add_mutually_exclusive_group())
     for key, option in options.items():
-        settings = _settings(option, verb, docs[option.function].get(key, ("", ""))[0], helped=helped)
+        kind_said, _ = described(option.function).get(key, ("", ""))
+        settings = _settings(option, verb, kind_said, helped=helped)
         groups.get(key, p).add_argument(*settings.pop("flags"), **settings)
     for key, (value, help_) in verb.more.items():
         needed = value.endswith("!")
@@ -245,8 +245,7 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
 
 def ending(verb: Verb) -> str:
     """End of a verb's help: an example, what else to know, and the page of the documentation on a line of its own."""
-    return "\n".join(("example:", f"  {verb.example}", "", *([verb.note, ""] if verb.note else []), "documentation:",
-                      f"  {guide(verb.page)}"))  # fmt: skip
+    return common.more(verb.example, verb.page, *([verb.note, ""] if verb.note else []))
 
 
 def _flag(name: str) -> str:
@@ -290,16 +289,12 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
     args.force, args.json = getattr(args, "overwrite", getattr(args, "force", False)), getattr(args, "json", False)
     given = {name: option.read(getattr(args, name)) for name, option in options.items() if hasattr(args, name)}
     if "params" in options and "Mapping[" in options["params"].type:
-        chosen = argparse.Namespace(verb=args.verb, filter=given.get("filter"), params=getattr(args, "params", None))
-        given |= {name: value for name, value in common.filter_args(chosen).items() if value}
+        chosen = common.filter_args(args.verb, given.get("filter"), getattr(args, "params", None))
+        given |= {name: value for name, value in chosen.items() if value}
     paths = {name: [Path(file) for file in (value if isinstance(value, list) else [value])]
              for name, value in given.items() if options[name].is_path}  # fmt: skip
     for name, endings in verb.ends.items():
-        path = given.get(name) or getattr(args, name, None)
-        if path is not None and Path(path).suffix.lower() not in endings:
-            from plumbob.core.errors import ParameterError
-
-            raise ParameterError(f"{_flag(name)} needs a name that ends in {' or '.join(endings)}, but got {path}.")
+        common.require_ending(_flag(name), given.get(name) or getattr(args, name, None), endings)
     outputs = [file for name in verb.outputs for path in paths.pop(name, ()) for file in common.with_profile(path)]
     beside = {name: Path(path) for name, (value, _) in verb.more.items() if value and (path := getattr(args, name))
               and (value == "FILE" or name in verb.outputs)}  # fmt: skip

@@ -9,17 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.cli import common
-from plumbob.cli.allan import allan
 from plumbob.cli.engine import Verb, show
 from plumbob.core.text import counted, visible
 
 if TYPE_CHECKING:
     from plumbob.data import AttitudeTrack
 
-__all__ = ["allan", "show"]
+__all__ = ["show"]
 
 Call = Callable[..., Any]
-_FOLDERS: Final = ("rosbag2", "euroc")
 _MANY: Final = 50
 """Recordings of which progress is told in lines, where there is no terminal."""
 
@@ -173,12 +171,13 @@ def info(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 def convert(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Refuse first what cannot be written, and say how much was."""
-    from plumbob.live.recorded import require_writer
+    from plumbob.live.recorded import LAYOUTS, require_writer
 
     new, layout = Path(args.path), getattr(args, "layout", None)
     require_writer(new, layout)
     inputs = [Path(path) for name in ("recording", "profile", "calibration") if (path := getattr(args, name, None))]
-    common.check_outputs(args, *(() if layout in _FOLDERS else common.with_profile(new)), inputs=inputs)
+    is_folder = layout is not None and not LAYOUTS[layout].suffixes
+    common.check_outputs(args, *(() if is_folder else common.with_profile(new)), inputs=inputs)
     written = call()
     units = "" if written.array is None else f" of each of {counted(len(written.array.names), 'unit')}"
     parts = [(f"samples{units}", written.imu or written.array), ("attitudes", written.track)]

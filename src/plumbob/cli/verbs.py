@@ -165,7 +165,7 @@ START: Final = {
     ),
     "allan": Verb(
         "analyse the noise of a sensor at rest: Allan deviation, coefficients of a data sheet, noise card",
-        "noise.md", "plumbob allan static.parquet --html noise.html --card noise.json", run="allan",
+        "noise.md", "plumbob allan static.parquet --html noise.html --card noise.json", run="allan.allan",
         outputs=("kalibr",), pages=lambda noise, args: noise.report(device=args.device),
         more={
             "deviation": ("KIND", "print this deviation alone, without coefficients: oadev, adev, mdev, ohdev, ..."),

@@ -4,6 +4,8 @@ import math
 import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from functools import reduce
+from operator import xor
 
 WIDTH = 80
 _STEERING = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
@@ -33,6 +35,11 @@ def listed(remarks: Iterable[str]) -> list[str]:
 def first_words(words: Sequence[str], most: int) -> str:
     """The first so many of some words, and how many more there are."""
     return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")
+
+
+def sentence_checksum(body: str) -> str:
+    """Exclusive or of the bytes between ``$`` and ``*`` of a sentence, two hexadecimal digits [NMEA 0183]."""
+    return f"{reduce(xor, body.encode(), 0):02X}"
 
 
 def counted(count: int, noun: str, plural: str = "") -> str:

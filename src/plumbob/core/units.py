@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
 from plumbob.core.constants import ABSOLUTE_ZERO_C, G0, NOMINAL_FIELD
 from plumbob.core.errors import ParameterError, UnitError
@@ -55,6 +55,9 @@ class Quantity(StrEnum):
     def ambiguous(self) -> bool:
         """True where the field writes the quantity in two units, so that a plain number would be a guess."""
         return self in _AMBIGUOUS
+
+
+QUANTITY_BY_TRIAD: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
 
 
 _AMBIGUOUS = {

@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from plumbob.core.units import Quantity, canonical_name, is_name
+from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity, canonical_name, is_name
 
-KINDS: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
 _WORDS: Final = {
     "gyr": re.compile(r"g|w|gyr\w*|giro\w*|omega|angvel|drehrate\w*|winkelgeschwindigkeit\w*|角速度|陀螺\w*"),
     "acc": re.compile(r"a|f|acc\w*|acél\w*|acel\w*|beschl\w*|加速度"),
@@ -44,7 +43,7 @@ _SUFFIXES: Final = {
     "msec": "ms",
 }  # fmt: skip
 _NAMED_UNITS: Final = {"micros": "us", "millis": "ms", "usec": "us", "msec": "ms", "nanos": "ns"}
-_ALL: Final = (*KINDS.values(), Quantity.TIME, Quantity.TEMPERATURE, Quantity.ANGLE)
+_ALL: Final = (*QUANTITY_BY_TRIAD.values(), Quantity.TIME, Quantity.TEMPERATURE, Quantity.ANGLE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +55,7 @@ class ColumnName:
     base : str
         Its words, lower case, without axis and unit.
     axis : str
-        ``x``, ``y``, ``z``, a number of token, or ``w`` of a quaternion; empty where there is none.
+        ``x``, ``y``, ``z``, a number of one, or ``w`` of a quaternion; empty where there is none.
     unit : str
         As it stands there.
     stated : bool
@@ -69,7 +68,7 @@ class ColumnName:
     stated: bool
 
     def unit_as(self, kind: Quantity) -> str:
-        """Its unit by our name, where that is token of a quantity."""
+        """Its unit by our name, where that is one of a quantity."""
         return canonical(self.unit, kind)
 
     @property
@@ -77,17 +76,17 @@ class ColumnName:
         """``gyr``, ``acc``, ``mag``, ``linear`` for acceleration without gravity, ``other``, or empty if unknown."""
         of = [kind for kind in _ALL if self.unit_as(kind)]
         by_word = _by_word(self.base)
-        if by_word in KINDS:
-            fits = not of or KINDS[by_word] in of
+        if by_word in QUANTITY_BY_TRIAD:
+            fits = not of or QUANTITY_BY_TRIAD[by_word] in of
             return by_word if fits and (of or not self.stated or _may_be_counts(self.unit)) else "other"
         if by_word or not self.axis or self.base not in _BARE:
             return by_word
-        return next((name for name, kind in KINDS.items() if kind in of), "")
+        return next((name for name, kind in QUANTITY_BY_TRIAD.items() if kind in of), "")
 
     @property
     def by_unit(self) -> str:
         """``gyr`` or ``mag`` where the words are not known, but axis and stated unit are a rate's or a field's."""
-        triads = {name for name in ("gyr", "mag") if self.unit_as(KINDS[name])}
+        triads = {name for name in ("gyr", "mag") if self.unit_as(QUANTITY_BY_TRIAD[name])}
         return triads.pop() if self.axis and self.stated and not self.sensor and len(triads) == 1 else ""
 
     @property
@@ -155,7 +154,7 @@ def _by_word(base: str) -> str:
 
 
 def _is_word(word: re.Pattern[str], token: str, words: Sequence[str]) -> bool:
-    """Whether a word names a sensor; token letter does only alone, or behind the name of a unit."""
+    """Whether a word names a sensor; one letter does only alone, or behind the name of a unit."""
     return bool(word.fullmatch(token)) and (len(token) > 1 or len(words) == 1 or token == words[-1])
 
 
@@ -196,7 +195,7 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
 
 
 def _unit_word(text: str, plain: str, count: int) -> str:
-    """Unit that the last words of a name may be, as in ``acc_x_mg``; in its own letters where they are token word."""
+    """Unit that the last words of a name may be, as in ``acc_x_mg``; in its own letters where they are one word."""
     last = re.split(r"[\W_]+", plain.strip())[-1] if count == 1 else text
     unit = _SUFFIXES.get(text, last)
     if count == 1 and len(last) == 1 and last not in {"g", "s"}:

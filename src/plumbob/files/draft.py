@@ -22,10 +22,10 @@ from plumbob.core.constants import G0
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import ARRAYS, as_list, existing_file, reading, write_text
 from plumbob.core.text import FactsText
-from plumbob.core.units import UNITS, Quantity, to_si
+from plumbob.core.units import QUANTITY_BY_TRIAD, UNITS, Quantity, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
 from plumbob.data.plausibility import Turning, turning
-from plumbob.files.column_names import KINDS, ColumnName, taken_apart
+from plumbob.files.column_names import ColumnName, taken_apart
 from plumbob.files.columns import FORM, has_zone, is_stamp, to_seconds
 from plumbob.files.known_logs import KNOWN
 from plumbob.files.profile import AS_MOUNTED, TextLayout
@@ -163,13 +163,13 @@ def read_triples(path: str | Path, sensor: str) -> Floats:
     with reading(file):
         sample = read_sample(file)
         numbers = [i for i in range(sample.width) if np.isfinite(sample.numbers(i)).all()]
-        parts = [taken_apart(name) for name in (*sample.names, *[""] * sample.width)[: sample.width]]
+        parts = [taken_apart(name) for name in sample.for_cells(sample.names)]
         named = {part.axis: i for i, part in enumerate(parts) if part.sensor == sensor}
         if set("xyz") <= set(named):
             columns = [named[axis] for axis in "xyz"]
         elif len(numbers) == len("xyz"):
             columns = numbers
-        elif len(numbers) == len(KINDS) * len("xyz") and not any(part.sensor for part in parts):
+        elif len(numbers) == len(QUANTITY_BY_TRIAD) * len("xyz") and not any(part.sensor for part in parts):
             columns = numbers[_NINE[sensor] :][: len("xyz")]
         else:
             raise DecodeError(
@@ -208,18 +208,15 @@ def _joined(streams: "Sequence[_DraftWriter]", accept: bool, answers: dict[str, 
 
 def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str], str]]":
     """Rows of each sensor, where rows name it: with the column and the word, and the sensor; or nothing."""
-    parts = [taken_apart(name) for name in (*sample.names, *[""] * sample.width)[: sample.width]]
+    parts = [taken_apart(name) for name in sample.for_cells(sample.names)]
     if sum(part.axis in {"x", "y", "z"} and part.sensor == "" for part in parts) != 3:
         return []
     for i in range(sample.width):
         cells = sample.cells(i)
         sensors = {word: taken_apart(f"{word} x").sensor for word in dict.fromkeys(cells)}
         sensor_by_word = {word: sensor for word, sensor in sensors.items() if sensor in TRIADS}
-        if (
-            sensor_by_word
-            and len(sensors) <= _MOST_SENSORS
-            and len(set(sensor_by_word.values())) == len(sensor_by_word)
-        ):
+        apart = len(set(sensor_by_word.values())) == len(sensor_by_word)
+        if sensor_by_word and apart and len(sensors) <= _MOST_SENSORS:
             ref = sample.names[i] if sample.by_name else i + 1
             return [
                 (replace(sample, rows=[row for row in sample.rows if row[i].strip() == word]), (ref, word), sensor)
@@ -244,9 +241,9 @@ class _DraftWriter:
         self, name: str, sample: Sample, where: tuple[int | str, str] | tuple[()] = (), sensor: str = "", *, stream: str
     ) -> None:
         self._name, self._sample, self._where, self._stream = name, sample, where, stream
-        names = (*sample.names, *[""] * sample.width)[: sample.width]
-        units = (*sample.units, *[""] * sample.width)[: sample.width]
-        self._names, self._parts = names, [taken_apart(*both) for both in zip(names, units, strict=True)]
+        self._names = sample.for_cells(sample.names)
+        units = sample.for_cells(sample.units)
+        self._parts = [taken_apart(*both) for both in zip(self._names, units, strict=True)]
         self._parts = _turn_rates(self._parts, self._names)
         if sensor:
             self._parts = [replace(p, base=sensor) if p.axis and not p.sensor else p for p in self._parts]
@@ -389,7 +386,7 @@ class _DraftWriter:
                 for letters in ("xyz", "012", "123", "234")
                 if set(letters) == set(axes) or (letters == "xyz" and set(letters) <= set(axes))
             ]
-            complete.sort(key=lambda columns: not self._parts[columns[0]].unit_as(KINDS[name]))
+            complete.sort(key=lambda columns: not self._parts[columns[0]].unit_as(QUANTITY_BY_TRIAD[name]))
             triads |= {name: complete[0]} if complete else {}
         return triads
 
@@ -580,7 +577,7 @@ class _DraftWriter:
         self._set("columns", refs, f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure)
         zero = self._middle(columns)
         guess = self._triad_unit(name, columns, zero)
-        stated = self._write_unit(KINDS[name], columns, guess)
+        stated = self._write_unit(QUANTITY_BY_TRIAD[name], columns, guess)
         are_counts = guess.counts is not None and not stated and not self._has("unit")
         if not self._has("unit_per_count") and (self._has("counts_per_unit") or zero or are_counts):
             self._set("counts_per_unit", guess.counts or "", "counts that are one unit, by the data sheet", ask=True)
@@ -738,7 +735,7 @@ def _at_rest(size: float) -> bool:
 
 
 def _of_earth(size: float) -> bool:
-    return any(low <= size <= high for low, high in _EARTH.values())
+    return bool(_field_unit(size).unit)
 
 
 def _field_unit(size: float) -> _Guess:

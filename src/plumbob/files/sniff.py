@@ -8,7 +8,7 @@ import codecs
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -77,6 +77,10 @@ class Sample:
     def width(self) -> int:
         """Cells of a row."""
         return len(self.rows[0])
+
+    def for_cells(self, words: Sequence[str]) -> tuple[str, ...]:
+        """Names or units, one for each cell of a row; empty where the file has none."""
+        return (*words, *[""] * self.width)[: self.width]
 
     def cells(self, column: int) -> list[str]:
         """Cells of a column, counted from 0."""
@@ -263,10 +267,7 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
     if table.separator == " " and before and len(apart := bare.split(" ")) > width:
         rows = [lines[i].split(" ") for i in table.lines]
         if all(len(row) == len(apart) for row in rows):  # each blank separates, and cells are empty
-            table, width = (
-                _SniffedTable(BLANK, table.decimal, table.first, rows, table.readable, table.lines),
-                len(apart),
-            )
+            table, width = replace(table, separator=BLANK, rows=rows), len(apart)
     names = _names(bare, table.separator, width) if before else ()
     marked = names and bare != line
     skip = at if names else table.first if any(not line.startswith(_COMMENTS) for _, line in before) else 0

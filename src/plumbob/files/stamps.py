@@ -38,7 +38,7 @@ _JITTERING: Final = 0.25
 """Share of the steps that go back where stamps jitter by a whole step (standard deviation, Gaussian: 0.24)."""
 
 
-class Line(NamedTuple):
+class SampleTimes(NamedTuple):
     """Times (N,), ns, that increase, and what was done to have them, a sentence each."""
 
     t_ns: NDArray[np.int64]
@@ -49,7 +49,9 @@ def _row(row: int) -> str:
     return f"row {row + 1}"
 
 
-def time_line(stamps: Floats | NDArray[np.int64], unit_ns: float = 1.0, place: Callable[[int], str] = _row) -> Line:
+def time_line(
+    stamps: Floats | NDArray[np.int64], unit_ns: float = 1.0, place: Callable[[int], str] = _row
+) -> SampleTimes:
     """Times of samples by their stamps.
 
     Parameters
@@ -78,7 +80,7 @@ def time_line(stamps: Floats | NDArray[np.int64], unit_ns: float = 1.0, place: C
     if not (np.diff(t_ns) > 0).all():
         t_ns, how = _even(t_ns, place)
         notes.append(how)
-    return Line(t_ns + (int(zero) if unit_ns == 1.0 else round(float(zero) * unit_ns)), tuple(notes))
+    return SampleTimes(t_ns + (int(zero) if unit_ns == 1.0 else round(float(zero) * unit_ns)), tuple(notes))
 
 
 def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], str]) -> tuple[Floats, list[str]]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
-from plumbob.core.text import counted
+from plumbob.core.text import counted, sentence_checksum
 from plumbob.data.recording import CUT
 from plumbob.files.arrow import column_numbers
 from plumbob.files.columns import FORM, is_clocklike
@@ -209,7 +209,7 @@ def read_table(
     if layout.where and isinstance(layout.where[0], str) and layout.where[0] not in head.names:
         raise DecodeError(f"the column {excerpt(layout.where[0])} of header.where is nowhere in the row of names.")
     body = _Body(text, head, layout)
-    first = [_width(row, layout) for _, row in islice(body.rows(), _LOOKED_AT)]
+    first = [_size(row, layout)[0] for _, row in islice(body.rows(), _LOOKED_AT)]
     if not first:
         raise DecodeError("there is no row of numbers; check the profile's [header].")
     width = Counter(first).most_common(1)[0][0]
@@ -302,8 +302,8 @@ class _Body:
             return True
         ref, word = self.layout.where
         place = self.head.names.index(ref) if isinstance(ref, str) else ref - 1
-        first, mark, rest = row.partition(self.layout.prefix) if self.layout.prefix else ("", "", row)
-        cells = [*([first] if mark else []), *rest.split(self.layout.separator)]
+        before, rest = _before_prefix(row, self.layout)
+        cells = [*before, *rest.split(self.layout.separator)]
         return place < len(cells) and cells[place].strip() == word
 
     def labels(self) -> tuple[str, ...]:
@@ -315,23 +315,22 @@ class _Body:
         return tuple(word.rpartition(self.layout.labels)[0].strip(QUOTES) for word in words)
 
 
-def _width(row: str, layout: TextLayout) -> int:
-    try:
-        return len(_cells(row, layout, 0))
-    except DecodeError:
-        return 0
-
-
 def _cells(row: str, layout: TextLayout, line: int) -> list[str]:
     """Cells of a row, without labels; what stands before the prefix's end is the first."""
     row = _checked(row, line) if layout.checksum else row
     if not (layout.prefix or layout.labels):
         return split_row(row, layout.separator, line)
-    first, mark, rest = row.partition(layout.prefix) if layout.prefix else ("", "", row)
+    before, rest = _before_prefix(row, layout)
     words = split_row(rest, layout.separator, line)
     if layout.labels:
         words = [word.rpartition(layout.labels)[2].strip(QUOTES) for word in words]
-    return [first, *words] if mark else words
+    return [*before, *words]
+
+
+def _before_prefix(row: str, layout: TextLayout) -> tuple[list[str], str]:
+    """What stands before the prefix's end, a cell or none, and the rest of the row."""
+    first, mark, rest = row.partition(layout.prefix) if layout.prefix else ("", "", row)
+    return [first] if mark else [], rest
 
 
 def _checked(row: str, line: int) -> str:
@@ -343,11 +342,9 @@ def _checked(row: str, line: int) -> str:
         If the checksum is missing or another.
     """
     text, _, digits = row.rstrip().rpartition("*")
-    bits = 0
-    for byte in text[1:].encode():
-        bits ^= byte
-    if digits.upper() != f"{bits:02X}":
-        raise DecodeError(f"line {line}: the checksum is {bits:02X}, but {excerpt(row[-8:])} stands there.")
+    checksum = sentence_checksum(text[1:])
+    if digits.upper() != checksum:
+        raise DecodeError(f"line {line}: the checksum is {checksum}, but {excerpt(row[-8:])} stands there.")
     return text
 
 

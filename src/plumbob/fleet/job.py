@@ -23,7 +23,7 @@ from plumbob.core.errors import (
     ShapeError,
     one_line,
 )
-from plumbob.core.files import existing_file, write_text
+from plumbob.core.files import existing_file, file_sha256, write_text
 from plumbob.core.version import __version__
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
@@ -316,7 +316,13 @@ def _written(place: Place, item: Item, row: dict[str, Any], made: _JobResult | N
     if made is None:
         place.remove(part)
     else:
-        row["part_sha256"] = place.write(part, lambda path: made.result.save(path, overwrite=True))
+        result = made.result
+
+        def save(path: Path) -> None:
+            result.save(path, overwrite=True)
+            row["part_sha256"] = file_sha256(path)[0]
+
+        place.write(part, save)
         if (text := made.page) is not None:
             place.write(page, lambda path: write_text(path, text, overwrite=True))
     row["seconds"] = round(time.perf_counter() - began, 6)

@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Final
 
 from plumbob.core.errors import DecodeError, LineError, MissingExtraError, ParameterError, PlumbobError, one_line
-from plumbob.core.files import file_sha256, lock, profile_paths, require_place
+from plumbob.core.files import lock, profile_paths, require_place
 
 if TYPE_CHECKING:
     from fsspec import AbstractFileSystem
@@ -136,12 +136,11 @@ class Place:
             return (self._folder / name).read_bytes()
         return None
 
-    def write(self, name: str, fill: Fill) -> str:
-        """Write a file, whole or not at all; its SHA-256."""
+    def write(self, name: str, fill: Fill) -> None:
+        """Write a file, whole or not at all."""
         path = self._folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         fill(path)
-        return file_sha256(path)[0]
 
     def remove(self, name: str) -> None:
         """Remove a file, if it is there."""
@@ -199,7 +198,7 @@ class _Remote(Place):
             return bytes(self._system.cat_file(self._path(name)))
         return None
 
-    def write(self, name: str, fill: Fill) -> str:
+    def write(self, name: str, fill: Fill) -> None:
         """Write it here, send it under another name, and rename it there."""
         with TemporaryDirectory(prefix="plumbob-") as folder:
             copy = Path(folder) / name.rpartition("/")[2]
@@ -210,7 +209,6 @@ class _Remote(Place):
                 self._system.put_file(str(copy), sent)
                 self._system.makedirs(self._path(name).rpartition("/")[0], exist_ok=True)
                 self._system.mv(sent, self._path(name))
-            return file_sha256(copy)[0]
 
     def remove(self, name: str) -> None:
         with reaching(self.name), suppress(FileNotFoundError):

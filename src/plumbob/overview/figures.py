@@ -16,7 +16,7 @@ from plumbob.overview.streaming_stats import SPECTRAL, Gathered
 from plumbob.overview.tables import SPECTRAL_UNITS, heading_circle, shown_scale
 from plumbob.quality.tilt import Headings
 from plumbob.reporting.content import Figure
-from plumbob.reporting.style import PALETTE, SERIES, SOFT
+from plumbob.reporting.style import COLOURS, SERIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 COLUMNS: Final = 1500
 SECTORS: Final = 36
-_COLOURS: Final = {name: code for code, name in PALETTE.items()} | {"soft": SOFT}
 _CAPTIONS: Final = {
     "angles": ("Roll, pitch and heading", 4.2), "tilt": ("Inclination from the vertical", 2.2),
     "rates": ("Angular rate", 3.6), "forces": ("Specific force", 3.6), "field": ("Magnetic flux density", 3.6),
@@ -38,7 +37,7 @@ WHATS: Final = tuple(_CAPTIONS)
 """All names of figures."""
 
 
-_XYZ: Final = tuple(zip("xyz", _COLOURS, strict=False))
+_XYZ: Final = tuple(zip("xyz", COLOURS, strict=False))
 _TIMED: Final = (
     ("angles", "roll", "Roll", "roll [°]", (("roll", "roll", "blue"),)),
     ("angles", "pitch", "Pitch", "pitch [°]", (("pitch", "pitch", "blue"),)),
@@ -50,7 +49,7 @@ _TIMED: Final = (
     ("temperature", "temperature", "", "temperature [°C]", (("temperature", "temp", "blue"),)),
     ("bias", "bias", "", "bias {} [°/s]", tuple((axis, f"bias_{axis}", colour) for axis, colour in _XYZ)),
     ("sd", "", "", "1 sd [°]", tuple((angle, f"{angle}_sd", colour) for angle, colour in zip(
-        ("roll", "pitch", "heading"), _COLOURS, strict=False))),
+        ("roll", "pitch", "heading"), COLOURS, strict=False))),
 )  # fmt: skip
 """Picture, name on the page, caption where it is another than that of the picture, label, and lines with channels."""
 _SPECTRA: Final = (
@@ -118,7 +117,7 @@ def _spectra(frequency: Floats, density: Floats) -> Iterator[Chart]:
         values = {channel: density[:, SPECTRAL.index(channel)] * shown_scale(channel) ** 2 for channel in channels}
         lines = [
             {"label": channel.replace("_", " "), "colour": colour, "y": _digits(y)}
-            for (channel, y), colour in zip(values.items(), _COLOURS, strict=False)
+            for (channel, y), colour in zip(values.items(), COLOURS, strict=False)
             if np.isfinite(y).any()
         ]
         spec = {"name": name, "caption": f"Power spectral density of {subject}", "kind": "spectrum", "lines": lines}
@@ -172,7 +171,7 @@ def figures(subject: Subject) -> dict[str, Figure]:
             drawings[what] = Figure(caption, partial(_draw_rose, g.headings), height=height)
         elif what in panels:
             key = [
-                (line["label"], _COLOURS[line["colour"]], "dashed" if "dash" in line else "solid")
+                (line["label"], COLOURS[line["colour"]], "dashed" if "dash" in line else "solid")
                 for chart in panels[what] for line in chart.spec.get("lines", ()) if len(chart.spec["lines"]) > 1
             ]  # fmt: skip
             if what == "angles" and g.has("roll_sd"):
@@ -228,7 +227,7 @@ def _over_time(ax: "Axes", g: Gathered, spec: dict[str, Any], lines: Sequence[di
         gap = max(_gap(g), GAP_FACTOR * float(np.median(np.diff(t)))) if t.size > 1 else np.inf
         jump = 180.0 if "period" in spec else np.inf
         drawn = envelope(t, y[finite], COLUMNS, gap=gap, jump=jump)
-        ax.plot(*drawn, color=_COLOURS[line["colour"]], linewidth=0.6)
+        ax.plot(*drawn, color=COLOURS[line["colour"]], linewidth=0.6)
     if "limit" in spec:
         ax.axhline(spec["limit"], color=SERIES[1], linewidth=0.8, linestyle="--")
     if "floor" in spec:
@@ -264,7 +263,7 @@ def _band(ax: "Axes", g: Gathered, line: dict[str, Any], *, circular: bool) -> N
 
 def _spectrum(ax: "Axes", _: Gathered, spec: dict[str, Any], lines: Sequence[dict[str, Any]]) -> None:
     for line in lines:
-        ax.loglog(spec["x"], np.array(line["y"], dtype=float), color=_COLOURS[line["colour"]], linewidth=0.8)
+        ax.loglog(spec["x"], np.array(line["y"], dtype=float), color=COLOURS[line["colour"]], linewidth=0.8)
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_formatter(lambda value, _: _power(value))
     ax.xaxis.set_minor_formatter(lambda value, _: "")  # of a narrow band matplotlib writes formulas there
@@ -285,7 +284,7 @@ def _power(value: float) -> str:
 def _points(ax: "Axes", _: Gathered, spec: dict[str, Any], lines: Sequence[dict[str, Any]]) -> None:
     for line in lines:
         y, style = np.array(line["y"], dtype=float), "o--" if "dash" in line else "o-"
-        ax.plot(spec["x"], y, style, color=_COLOURS[line["colour"]], markersize=2.5, linewidth=0.8)
+        ax.plot(spec["x"], y, style, color=COLOURS[line["colour"]], markersize=2.5, linewidth=0.8)
     ax.set_ylim(bottom=spec["floor"])
 
 
@@ -293,7 +292,7 @@ def _flags(ax: "Axes", g: Gathered, spec: dict[str, Any], _: Sequence[dict[str, 
     rows, least = spec["rows"], g.duration / COLUMNS
     for place, row in enumerate(rows):
         bars = [(begin, max(end - begin, least)) for begin, end in row["runs"]]
-        ax.broken_barh(bars, (place - 0.35, 0.7), facecolors=_COLOURS[row["colour"]], linewidth=0)
+        ax.broken_barh(bars, (place - 0.35, 0.7), facecolors=COLOURS[row["colour"]], linewidth=0)
     ax.set_yticks(range(len(rows)), [row["label"] for row in rows])
     ax.set_ylim(len(rows) - 0.5, -0.5)
     ax.grid(visible=True, axis="x")

@@ -27,15 +27,11 @@ from typing import TYPE_CHECKING, Any, Final
 from plumbob.papers.outcome import Outcome, PaperItem
 from plumbob.reporting.content import Figure, Table
 from plumbob.reporting.report import Report
-from plumbob.reporting.style import GRID, INK, MUTED, PALETTE, SHADE, SOFT, Both
+from plumbob.reporting.style import COLOURS, Both
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
-_COLOURS: Final = {
-    **{name: colour for colour, name in PALETTE.items()},
-    **{"ink": INK, "muted": MUTED, "grid": GRID, "shade": SHADE, "soft": SOFT},
-}
 _VALUE_ALONE: Final = re.compile(r"\{(\w+)\}")
 
 
@@ -156,7 +152,7 @@ class Description:
         """A figure of the page, with its fixed lines where none are given."""
         figure = self.content["figure"][key]
         if lines is None:
-            lines = [(_filled(text, values), _COLOURS[name], dash) for text, name, dash in figure.get("key", ())]
+            lines = [(_filled(text, values), COLOURS[name], dash) for text, name, dash in figure.get("key", ())]
 
         def drawn(canvas: Any) -> None:  # the stubs have no axes of a part of a figure
             draw(canvas)

@@ -14,7 +14,7 @@ from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, ParameterError, UnitError, excerpt
 from plumbob.core.files import reading, text_of
 from plumbob.core.text import closest
-from plumbob.core.units import Quantity
+from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity
 from plumbob.protocols import checksum
 from plumbob.protocols.field import MARKS, ROLES, SIZES, WORDS, Checksum, Field, Provenance
 from plumbob.protocols.format import Format, Framing, LengthField, Message, Option, Register
@@ -24,7 +24,6 @@ GUIDE: Final = guide("formats.md")
 KIND: Final = "plumbob format"
 VERSION: Final = 1
 _ORDERS: Final = ("big", "little")
-_MEASURED: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
 _NAMED: Final = {
     "temp_c": Quantity.TEMPERATURE, "roll": Quantity.ANGLE, "pitch": Quantity.ANGLE, "yaw": Quantity.ANGLE,
     "heading": Quantity.ANGLE,
@@ -173,7 +172,7 @@ def _fields(raw: Mapping[str, Any], at: int, order: str) -> list[Field]:
 
 
 def _require_unit(where: str, field: Field) -> None:
-    if field.physical and field.name.rpartition(".")[2] in _MEASURED:
+    if field.physical and field.name.rpartition(".")[2] in QUANTITY_BY_TRIAD:
         raise DecodeError(f'{where} is a triad without axes; add axes = "xyz", or name it {field.name}.x.')
     if not field.physical and field.role != "clock":
         if field.unit:
@@ -193,7 +192,7 @@ def _measured(field: Field) -> Quantity | None:
     """What the field's unit must measure; None where its name does not say."""
     if field.role == "clock":
         return Quantity.TIME
-    return (_MEASURED | _NAMED).get((field.triad or field.name).rpartition(".")[2])
+    return (QUANTITY_BY_TRIAD | _NAMED).get((field.triad or field.name).rpartition(".")[2])
 
 
 def _register(raw: Mapping[str, Any], order: str) -> Register:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from plumbob.core.constants import G0
-from plumbob.core.units import Quantity, to_si
+from plumbob.core.units import QUANTITY_BY_TRIAD, to_si
 
 UNITS: Final = {
     "gyr": ("rad/s", "deg/s", "rpm", "mrad/s", "mdeg/s"),
@@ -13,7 +13,6 @@ UNITS: Final = {
     "mag": ("uT", "nT", "mgauss", "gauss", "mT", "T"),
 }
 """Units in use, by triad; that of SI as it is used inside comes first."""
-_KIND: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
 _USUAL: Final = {"gyr": 1.0, "acc": G0, "mag": 40.0}  # [Alken2021]: the Earth's field has 22 to 67 µT
 _SPREAD: Final = {"gyr": 0.2, "acc": 0.03, "mag": 0.35}
 """Standard deviation of the logarithm of the size in the right unit: errors of scale, pushes, places on the Earth."""
@@ -60,7 +59,7 @@ def unit_odds(name: str, size: float, sd: float, declared: str) -> UnitOdds:
     declared : str
         The unit that the values were taken for.
     """
-    kind = _KIND[name]
+    kind = QUANTITY_BY_TRIAD[name]
     scale = float(to_si(1.0, declared, kind))
     spread = math.hypot(_SPREAD[name], sd)
     candidates = tuple(dict.fromkeys((declared, *UNITS[name])))
@@ -75,5 +74,5 @@ def unit_odds(name: str, size: float, sd: float, declared: str) -> UnitOdds:
 
 def rate_error(size: float, unit: str, declared: str) -> float:
     """Logarithm of the factor that is left of rates that turn `size` times too fast, if they are in a unit."""
-    kind = _KIND["gyr"]
+    kind = QUANTITY_BY_TRIAD["gyr"]
     return math.log(size * float(to_si(1.0, unit, kind)) / float(to_si(1.0, declared, kind)))

@@ -21,7 +21,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import MissingExtraError, ParameterError
 from plumbob.core.files import replacing
 from plumbob.core.series import needed
-from plumbob.reporting.style import GRID, INK, LANGUAGES, MUTED, PALETTE, SHADE, SOFT, said
+from plumbob.reporting.style import GRID, INK, LANGUAGES, MUTED, VARIABLES, said
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 PICTURES: Final = (".svg", ".png", ".pdf")
 """Endings of the names of pictures."""
 
-_VARIABLES: Final = {**PALETTE, INK: "ink", MUTED: "muted", GRID: "grid", SHADE: "shade", SOFT: "soft"}
 _DPI = 200
 _WIDTH = 7.5  # inches, 540 points: the page shows a point as 1.8 pixels at most
 _DASHES: Final[dict[str, Any]] = {"solid": "-", "dashed": "--", "dotted": ":"}
@@ -54,7 +53,7 @@ CHINESE: Final = (
 
 def variable(colour: str) -> str:
     """CSS variable of a colour of this room."""
-    return f"var(--{_VARIABLES[colour]})"
+    return f"var(--{VARIABLES[colour]})"
 
 
 def svg(figure: "Figure", *, lang: str = "en", salt: str) -> str:
@@ -212,7 +211,7 @@ def _for_page(svg: str) -> str:
     svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
     svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
     svg = re.sub(r"<[^>]*>", lambda tag: re.sub(r"(\.\d{2})\d+", r"\1", tag[0]), svg)  # labels keep their digits
-    for colour, name in _VARIABLES.items():
+    for colour, name in VARIABLES.items():
         svg = svg.replace(colour, f"var(--{name})")
     return re.sub(r"\s*\n\s*", "\n", svg).strip()
 

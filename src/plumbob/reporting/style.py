@@ -21,6 +21,9 @@ PALETTE: Final = {
 }
 INK, MUTED, GRID, SHADE, SOFT = "#1b1f24", "#5b6570", "#d8dde2", "#e9edf1", "#aab4be"
 SERIES: Final = tuple(PALETTE)
+VARIABLES: Final = {**PALETTE, INK: "ink", MUTED: "muted", GRID: "grid", SHADE: "shade", SOFT: "soft"}
+"""Names of all colours."""
+COLOURS: Final = {name: colour for colour, name in VARIABLES.items()}
 
 _APART = re.compile(r"(: |, | \[[^\]]*\])")
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")

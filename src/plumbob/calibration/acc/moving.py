@@ -39,7 +39,7 @@ MOST_TURN: Final = deg(120.0)
 """Turn within a window beyond which the gyroscope's own scale would count, rad."""
 
 FEWEST: Final = 12
-"""EqualStretches."""
+"""Windows."""
 
 _SHARED: Final = 4.0 / 3.0  # of the variance of windows with Hann's weights that overlap by half: correlation 1/6 twice
 _ROUNDS: Final = 8

@@ -24,10 +24,10 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ShapeError, excerpt
 from plumbob.core.files import existing_file, reading, text_of
 from plumbob.core.text import counted
-from plumbob.core.units import is_name, to_si
+from plumbob.core.units import QUANTITY_BY_TRIAD, is_name, to_si
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.column_names import KINDS, taken_apart
+from plumbob.files.column_names import taken_apart
 from plumbob.files.foreign import logged
 from plumbob.files.foreign.join import joined
 from plumbob.rotations import Frame, North
@@ -116,11 +116,14 @@ def _places(table: Path) -> dict[str, tuple[list[int], str]]:
         column = taken_apart(name)
         triad = _SYMBOLS[symbol[1]] if symbol else column.sensor
         if triad in _PLACES and column.axis:
-            axes_by_triad.setdefault(triad, {})[column.axis] = (place, column.unit_as(KINDS[triad]) or column.unit)
+            axes_by_triad.setdefault(triad, {})[column.axis] = (
+                place,
+                column.unit_as(QUANTITY_BY_TRIAD[triad]) or column.unit,
+            )
     places = {}
     for triad, axes in axes_by_triad.items():
         units = {unit for _, unit in axes.values()}
-        if set(axes) != set("xyz") or len(units) != 1 or not is_name(next(iter(units)), KINDS[triad]):
+        if set(axes) != set("xyz") or len(units) != 1 or not is_name(next(iter(units)), QUANTITY_BY_TRIAD[triad]):
             break
         places[triad] = ([axes[axis][0] for axis in "xyz"], units.pop())
     if set(places) != set(_PLACES):

@@ -112,7 +112,7 @@ def joined_recordings(parts: Sequence[Recording], name: str) -> Recording:
     parts : sequence of Recording
         Of different triads; at least one.
     name : str
-        Of the together.
+        Of the recording.
 
     Raises
     ------

@@ -223,11 +223,12 @@ def _measured(table: MessageTable) -> dict[str, Floats]:
 
 def _is_one(chosen: list[Topic], tables: list[MessageTable]) -> bool:
     """Whether topics are one IMU, whose triads come apart: none twice, in one frame or under one name."""
-    triads = [triad for table in tables for triad in _measured(table)]
+    measured = [_measured(table) for table in tables]
+    triads = [triad for of_table in measured for triad in of_table]
     names = {_SENSOR.sub("", topic.name) for topic in chosen}
     frames = {_SENSOR.sub("", frame) for table in tables for frame in table.frames}
     is_complete = len(set(triads)) == len(triads) >= len(tables)
-    return is_complete and all(map(_measured, tables)) and (len(names) == 1 or len(frames) == 1)
+    return is_complete and all(measured) and (len(names) == 1 or len(frames) == 1)
 
 
 def _of_imus(chosen: list[Topic], topics: list[Topic], name: str) -> Recording:

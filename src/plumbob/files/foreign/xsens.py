@@ -18,6 +18,7 @@ shake at 12 rad/s, too. They are taken where a file has neither rates nor accele
 
 import re
 from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -66,6 +67,7 @@ _ATTITUDES: Final = (
     tuple(f"Mat[{row}][{column}]" for row in (1, 2, 3) for column in (1, 2, 3)),
     ("Yaw", "Pitch", "Roll"),
 )
+_SENSORS: Final = (*_TRIADS.values(), *_INCREMENTS.values())
 _UTC: Final = tuple(f"UTC_{part}" for part in ("Year", "Month", "Day", "Hour", "Minute", "Second", "Nano"))
 _SOURCE: Final = "the sensor's own attitude (Xsens), which is an estimate and not a reference"
 _RATE_FITS: Final = 0.1
@@ -81,9 +83,7 @@ def accepts(path: Path) -> bool:
     with path.open("rb") as stream:
         start = stream.read(HEAD_BYTES)
     names = names_in(start, comment=COMMENT)
-    return "PacketCounter" in names and any(
-        columns[0] in names for columns in (*_TRIADS.values(), *_INCREMENTS.values(), *_ATTITUDES)
-    )
+    return "PacketCounter" in names and any(columns[0] in names for columns in (*_SENSORS, *_ATTITUDES))
 
 
 def read(path: Path, unit: str | None = None) -> Recording:
@@ -120,8 +120,8 @@ def _exported(file: Path) -> Recording:
     raw = file.read_bytes()
     export = sheet(file.name, raw, comment=COMMENT)
     there = set(export.names)
-    triads = [columns for columns in (*_TRIADS.values(), *_INCREMENTS.values()) if set(columns) <= there]
-    attitude = next((columns for columns in _ATTITUDES if set(columns) <= there), ())
+    triads = [columns for columns in _SENSORS if set(columns) <= there]
+    attitude = _attitude_columns(there)
     if not triads and not attitude:
         raise DecodeError(
             f"it has no Acc_X, Gyr_X or Mag_X and no attitude; it has {excerpt(', '.join(export.names), 200)}."
@@ -134,6 +134,11 @@ def _exported(file: Path) -> Recording:
     return _recording(
         file.stem, {str(ref): values for ref, values in table.columns.items()}, _head(raw), [*table.notes, *omitted]
     )
+
+
+def _attitude_columns(names: AbstractSet[str]) -> tuple[str, ...]:
+    """Columns of the first attitude that is there; none without one."""
+    return next((columns for columns in _ATTITUDES if set(columns) <= names), ())
 
 
 def _head(raw: bytes) -> dict[str, str]:
@@ -153,8 +158,8 @@ def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: l
     ]
     stamps = _stamps(columns, head, notes)
     frame = _frame(head)
-    attitude = next((names for names in _ATTITUDES if set(names) <= columns.keys()), ())
-    if not any(set(names) <= columns.keys() for names in (*_TRIADS.values(), *_INCREMENTS.values())):
+    attitude = _attitude_columns(columns.keys())
+    if not any(set(names) <= columns.keys() for names in _SENSORS):
         return _attitude_alone(name, columns, attitude, stamps, frame, notes)
     streams = _streams(columns, stamps, notes)
     meta = ImuMeta(

@@ -167,8 +167,10 @@ def temperature(work: Work) -> Part:
     angles = [_angles(imu) for imu in records]
     outcomes = []
     for i, axis in enumerate("xyz"):
-        raw, own = (abs(float(np.mean(rates[-10:, i]))) for rates in (before, after))
-        outcomes.append(FIN.row(f"warm.{axis}", faithful=raw, best=own, best_bar=at_most(0.5 * raw)))
+        uncorrected, corrected = (abs(float(np.mean(rates[-10:, i]))) for rates in (before, after))
+        outcomes.append(
+            FIN.row(f"warm.{axis}", faithful=uncorrected, best=corrected, best_bar=at_most(0.5 * uncorrected))
+        )
     rows = [[NAMES[name], *(f"{np.max(np.abs(of[:, i])):.3f}" for of in angles)] for i, name in enumerate(ANGLES)]
     slopes = [
         [FIN.text("assumed"), *(f"{v:.4f}" for v in to_dps(TEMPCO))],

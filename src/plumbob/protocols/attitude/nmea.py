@@ -18,6 +18,7 @@ from datetime import UTC, datetime
 from typing import Final
 
 from plumbob.core.errors import FrameError, ParameterError
+from plumbob.core.text import sentence_checksum
 from plumbob.core.units import to_deg
 from plumbob.protocols.attitude import AttitudeSample, sent_by
 from plumbob.rotations import North
@@ -25,10 +26,7 @@ from plumbob.rotations import North
 
 def sentence(body: str) -> bytes:
     """A sentence with its checksum and its end: ``$body*hh`` CR LF."""
-    check = 0
-    for byte in body.encode("ascii"):
-        check ^= byte
-    return f"${body}*{check:02X}\r\n".encode("ascii")
+    return f"${body}*{sentence_checksum(body)}\r\n".encode("ascii")
 
 
 def number(value: float | None, places: int, sign: str = "") -> str:
