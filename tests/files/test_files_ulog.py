@@ -4,6 +4,7 @@ import struct
 
 import numpy as np
 import pytest
+import pyulog
 
 from plumbob.core.errors import ParameterError
 from plumbob.files import kind_of, read
@@ -133,23 +134,22 @@ def test_damage_between_messages_is_skipped_and_said(tmp_path):
     raw = made.px4()
     middle = raw.find(b"D", len(raw) // 2) - 2
     path = tmp_path / "damaged.ulg"
-    path.write_bytes(raw[:middle] + b"\xff" * 100 + raw[middle:])
+    path.write_bytes(raw[:middle] + bytes(100) + raw[middle:])
     recording = read(path)
     assert len(recording.imu) >= 390
     assert any("skipped" in note for note in recording.notes)
 
 
-def test_appended_data_follow_what_a_crash_cut(tmp_path):
-    flags = bytes(8) + b"\x01" + bytes(7) + struct.pack("<3Q", 0, 0, 0)
-    whole = made.px4(flags=flags)
-    cut = len(whole) - 60  # within a message
+def test_what_a_crash_cut_is_read_up_to_the_cut(tmp_path):
+    cut = len(made.px4(flags=bytes(40))) - 60  # within a message
     rest = made.message("D", struct.pack("<HQ3fIi3f", 0, 9_000_000, 0, 0, 0.5, 5000, 0, 0, 0, -9.8))
     flags = bytes(8) + b"\x01" + bytes(7) + struct.pack("<3Q", cut, 0, 0)
-    path = tmp_path / "crash.ulg"
-    path.write_bytes(made.px4(flags=flags)[:cut] + rest)
+    (path := tmp_path / "crash.ulg").write_bytes(made.px4(flags=flags)[:cut] + rest)
     recording = read(path)
-    assert len(recording.imu) == 400  # the last of the 400 was cut, and one follows
-    assert not any("damage" in note for note in recording.notes)
+    assert len(recording.imu) == 399  # the last was cut; pyulog leaves out what follows, and that is said
+    assert any("damage" in note for note in recording.notes)
+    path.write_bytes(made.px4()[:-60])
+    assert "cut: the file ends within a message" in read(path).notes
 
 
 LOOP = [("sensor_combined", 0, "uint64_t timestamp;sensor_combined x;", [bytes(20)])]
@@ -175,7 +175,6 @@ def test_what_is_no_log_of_samples_is_refused(tmp_path, raw, match):
 
 @real
 def test_a_real_log_agrees_with_pyulog_and_with_px4s_own_attitude():
-    pyulog = pytest.importorskip("pyulog", reason="the format's own package is not installed")
     theirs = {one.name: one.data for one in pyulog.ULog(str(REAL)).data_list if one.multi_id == 0}
     recording = read(REAL)
     imu, track = recording.imu, recording.track
@@ -196,7 +195,6 @@ def test_a_real_log_agrees_with_pyulog_and_with_px4s_own_attitude():
 @real
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_a_real_logs_imus_agree_with_pyulog(number):
-    pyulog = pytest.importorskip("pyulog", reason="the format's own package is not installed")
     theirs = {(one.name, one.multi_id): one.data for one in pyulog.ULog(str(REAL)).data_list}
     imu = read(REAL, unit=f"sensor_gyro.{number}").imu
     gyr, acc = theirs["sensor_gyro", number], theirs["sensor_accel", number]

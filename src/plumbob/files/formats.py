@@ -120,16 +120,9 @@ FORMATS: Final = (
         writers=tuple((suffix, _late("text_write", "write_csv")) for suffix in (".csv", ".txt")),
     ),
     FileFormat(
-        name="BROAD",
-        suffixes=(".hdf5", ".h5", ".mat"),
-        what="trials of the BROAD data set, HDF5 or MATLAB v5; read only",
-        read=_late("broad", "read_broad"),
-        accepts=_late("broad", "accepts"),
-    ),
-    FileFormat(
         name="arrays",
         suffixes=ARRAYS,
-        what="named arrays of MATLAB, HDF5 and NumPy, described by a profile in TOML; read only",
+        what="named arrays of MATLAB, HDF5 and NumPy, described by a profile in TOML, or of BROAD; read only",
         read=_late("foreign.tables", "read"),
         takes_profile=True,
     ),

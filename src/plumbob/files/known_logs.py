@@ -1,4 +1,4 @@
-"""Text logs that are known by their names: what their makers say of them and the files do not, for their profiles."""
+"""Logs and arrays that are known by their names: what their makers say of them and the files do not, as profiles."""
 
 import re
 from collections.abc import Mapping
@@ -82,3 +82,48 @@ KNOWN: Final = (
          "reference.frame": "ENU"},
     ),
 )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class KnownArrays:
+    """A data set of named arrays.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    names : frozenset of str
+        Arrays by which it is known; the others must be there too when it is read.
+    profile : str
+        Its profile; ``{name}`` is the single number that the file has under that name.
+    """
+
+    name: str
+    names: frozenset[str]
+    profile: str
+
+
+KNOWN_ARRAYS: Final = (
+    KnownArrays(
+        "BROAD [Laidig2021]",
+        frozenset({"imu_gyr", "opt_quat"}),
+        """
+arrays = true
+device = "Myon aktos-t"
+frame = "ENU"
+north = "magnetic"
+notes = ["from the BROAD data set, doi:10.3390/data6070072, CC BY 4.0"]
+time.rate = "{sampling_rate} Hz"
+gyr = { columns = "imu_gyr", unit = "rad/s" }
+acc = { columns = "imu_acc", unit = "m/s2", sign = "specific-force" }
+mag = { columns = "imu_mag", unit = "uT" }
+[reference]
+columns = "opt_quat"
+order = "wxyz"
+frame = "ENU"
+north = "magnetic"
+score = "movement"
+source = "BROAD optical reference (OptiTrack)"
+""",
+    ),
+)

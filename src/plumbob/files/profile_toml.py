@@ -137,7 +137,7 @@ def _columns_of_arrays(raw: Mapping[str, Any]) -> dict[str, Any]:
     def spelled(value: Any, count: int) -> Any:
         if not isinstance(value, dict) or not isinstance(value.get("columns"), str):
             return value
-        return value | {"columns": [f"{value['columns'].strip()}[{k}]" for k in range(1, count + 1)]}
+        return value | {"columns": [f"{value['columns'].strip()}[{k} of {count}]" for k in range(1, count + 1)]}
 
     changed = dict(raw) | {name: spelled(raw[name], 3) for name in TRIADS if name in raw}
     reference = raw.get("reference")

@@ -185,7 +185,7 @@ def _imu(profile: Profile, table: TextTable, t: Floats, t0_ns: int) -> ImuData:
 
 def _track(source: ReferenceSource, table: TextTable, t: Floats, turn: str | None) -> AttitudeTrack:
     turn = turn if source.of == "case" else None
-    q_nb = _attitude(source, table)
+    q_nb, score = _attitude(source, table), _optional(table, source.score)
     if turn is not None:
         q_nb = quat_multiply(q_nb, quat_conjugate(quat_from_dcm(body_axes(turn))))  # q_nb = q_ns ⊗ q_sb
     return AttitudeTrack(
@@ -196,7 +196,7 @@ def _track(source: ReferenceSource, table: TextTable, t: Floats, turn: str | Non
         bias_b=None if source.bias is None else _vector(source.bias, table, turn),
         cov_b=None if source.covariance is None else _covariance(source.covariance, table, turn),
         flags=_optional(table, source.flags),  # type: ignore[arg-type]
-        score=_optional(table, source.score),  # type: ignore[arg-type]
+        score=None if score is None else np.where(np.isfinite(q_nb).all(axis=1), score, 0.0),
         mag_weight=_optional(table, source.mag_weight),
         source=source.source,
     )

@@ -7,6 +7,7 @@ its longer side is that of time.
 """
 
 import io
+import math
 import re
 import zipfile
 from collections import Counter
@@ -38,8 +39,9 @@ from plumbob.files.arrays import (
     require_whole_chunks,
 )
 from plumbob.files.foreign.parts import Parts
+from plumbob.files.known_logs import KNOWN_ARRAYS
 from plumbob.files.profile import ColumnRef, Profile, TextLayout, TimeColumn
-from plumbob.files.profile_toml import profiles_beside
+from plumbob.files.profile_toml import parse_profile, profiles_beside
 from plumbob.files.sniff import FEWEST, ROWS, Sample
 from plumbob.files.text import table_recording, text_profile
 from plumbob.files.text_table import TextTable
@@ -49,7 +51,7 @@ MAX_BYTES: Final = 256 << 20
 MAX_ARRAYS: Final = 1000
 _MAT73: Final = b"MATLAB 7.3"
 _MAT73_AT: Final = 512
-_COLUMN: Final = re.compile(r"(?P<name>.+?)\[(?P<number>[1-9]\d{0,3})\]")
+_COLUMN: Final = re.compile(r"(?P<name>.+?)\[(?P<number>[1-9]\d{0,3})(?: of (?P<count>\d+))?\]")
 _LISTED: Final = 20
 _DIMENSIONS: Final = 2
 _DEEPEST: Final = 6
@@ -77,7 +79,8 @@ def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
     path : Path
         ``.mat``, ``.h5``, ``.hdf5`` or ``.npz``.
     profile : Profile or path, optional
-        With ``arrays = true``; without one, ``NAME.toml`` or ``NAME.profile.toml`` beside the file is taken.
+        With ``arrays = true``; without one, ``NAME.toml`` or ``NAME.profile.toml`` beside the file is taken, and arrays
+        that are known by their names need none.
 
     Raises
     ------
@@ -92,10 +95,7 @@ def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
     with reading(file):
         container = _container(file)
         if profile is None and not profiles_beside(file):
-            raise DecodeError(
-                f"arrays do not say their units, so they need --profile FILE.toml with arrays = true; "
-                f"{guide('vendor-files.md')} shows one. The file holds {container.listed.summary()}."
-            )
+            profile = _profile_by_names(container)
     declared, note = text_profile(file, profile)
     with reading(file):
         if not declared.arrays:
@@ -103,6 +103,25 @@ def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
         if declared.texts:
             raise DecodeError(f"{declared.origin} names columns of text, but arrays hold numbers; use time.unit.")
         return table_recording(declared, _table(declared, container), file.stem, note)
+
+
+def _profile_by_names(container: "_Container") -> Profile:
+    """Profile of a data set whose arrays are known by their names; refused where they are not."""
+    for data_set in KNOWN_ARRAYS:
+        if not data_set.names <= container.listed.shapes.keys():
+            continue
+        text = data_set.profile
+        for key in re.findall(r"\{(\w+)\}", text):
+            single = math.prod(container.listed.shapes.get(key, (0,))) == 1
+            number = float(container.load([key])[key].ravel()[0]) if single else math.nan
+            if not 0.0 < number < math.inf:
+                raise DecodeError(f"{key} must be one number above 0; the file holds {container.listed.summary()}.")
+            text = text.replace(f"{{{key}}}", repr(number))
+        return parse_profile(text, origin=data_set.name)
+    raise DecodeError(
+        f"arrays do not say their units, so they need --profile FILE.toml with arrays = true; "
+        f"{guide('vendor-files.md')} shows one. The file holds {container.listed.summary()}."
+    )
 
 
 def array_sample(path: Path) -> Sample:
@@ -147,10 +166,7 @@ def _table(profile: Profile, container: "_Container") -> TextTable:
     columns: dict[ColumnRef, Any] = {}
     zero = Decimal(0)
     for ref, (name, number) in places.items():
-        table = tables[name][0]
-        if number > table.shape[1]:
-            raise DecodeError(f"{name} has {counted(table.shape[1], 'column')}, so there is no {name}[{number}].")
-        column = table[:, number - 1]
+        column = tables[name][0][:, number - 1]
         if isinstance(profile.time, TimeColumn) and ref == profile.time.column and profile.time.unix and column.size:
             zero = Decimal(column[0].item())
             column = column - column[0]
@@ -160,15 +176,22 @@ def _table(profile: Profile, container: "_Container") -> TextTable:
 
 
 def _place(ref: ColumnRef, listed: _Listed) -> tuple[str, int]:
-    """Array and number of its column, from 1."""
+    """Array and number of its column, from 1; a name alone has one column, ``[1 of 3]`` is of just three."""
     if not isinstance(ref, str):
         raise DecodeError(f"{ref} is the number of a column; an array has a name, as in 'gyr[{ref}]'.")
-    match = _COLUMN.fullmatch(ref)
-    name, number = (match["name"], int(match["number"])) if match and ref not in listed.shapes else (ref, 1)
+    match = _COLUMN.fullmatch(ref) if ref not in listed.shapes else None
+    name, number, stated = (match["name"], int(match["number"]), match["count"]) if match else (ref, 1, "1")
     if name not in listed.shapes:
         kind = listed.others.get(name)
         why = f"is not an array of numbers but a {kind}" if kind else "is not in the file"
         raise DecodeError(f"{excerpt(name)} {why}; the file holds {listed.summary()}.")
+    shape = listed.shapes[name]
+    count = min(shape) if len(shape) == _DIMENSIONS else 1
+    if number > count or stated not in (None, str(count)):
+        raise DecodeError(
+            f"{name} has {counted(count, 'column')}, but {stated or number} must be there; say which are meant, as in "
+            f'columns = ["{name}[1]", ...].'
+        )
     return name, number
 
 
@@ -229,19 +252,25 @@ class _Hdf5(_Container):
         others: dict[str, str] = {}
         with opened_hdf5(file) as (h5py, hdf5):
             _walk(h5py, hdf5, "", shapes, others)
+            attributes = {key: np.asarray(hdf5.attrs[key]) for key in hdf5.attrs if key not in shapes}
+            self._single = {
+                key: value for key, value in attributes.items() if value.size == 1 and value.dtype.kind in "fiu"
+            }
+        shapes |= {key: value.shape for key, value in self._single.items()}
         self.listed = _Listed({name: shape[:: -1 if transposed else 1] for name, shape in shapes.items()}, others)
 
     def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
         size = self._file.stat().st_size
         with opened_hdf5(self._file) as (h5py, hdf5):
             sets = {}
-            for name in names:
+            for name in set(names) - self._single.keys():
                 group, _, key = name.rpartition("/")
                 sets[name] = own_dataset(h5py, hdf5[group] if group else hdf5, key)
             require_room(sum(dataset.size * dataset.dtype.itemsize for dataset in sets.values()), size)
             for name, dataset in sets.items():
                 require_whole_chunks(h5py, name, dataset, size)
-            return {name: dataset[()].T if self._transposed else dataset[()] for name, dataset in sets.items()}
+            arrays = {name: dataset[()].T if self._transposed else dataset[()] for name, dataset in sets.items()}
+            return arrays | {name: self._single[name] for name in names if name in self._single}
 
 
 def _walk(h5py: Any, group: Any, prefix: str, shapes: dict[str, tuple[int, ...]], others: dict[str, str]) -> None:

@@ -13,7 +13,7 @@ import scipy.io
 from scipy import sparse
 
 from plumbob.core.errors import DecodeError, MissingExtraError, PlumbobError
-from plumbob.files import arrays, broad, read
+from plumbob.files import arrays, read
 from plumbob.rotations import Frame, North
 from tests.helpers.io_samples import refused
 from tests.helpers.real_data import DATA, needs
@@ -109,7 +109,6 @@ def test_a_trial_made_here(tmp_path, suffix):
     recording = read(WRITERS[suffix](tmp_path / f"a{suffix}", found))
     check(recording, found, RATE)
     assert recording.track.score.sum() == 34  # of 36 that move, two are among the three that are lost
-    assert "reference lost in 3 of 40 samples; 36 belong to the movement phase" in recording.notes
 
 
 def test_containers_are_known_by_content_not_by_name(tmp_path):
@@ -273,32 +272,37 @@ DAMAGED = packed_variable("imu_acc", np.ones((ROWS, 3)))
 DAMAGED = DAMAGED[:-1] + bytes([DAMAGED[-1] ^ 1])
 CUT = "the variable at byte .* is cut or damaged"
 MISFITS = [
-    ("imu_acc", np.zeros((ROWS - 1, 3)), "imu_acc must have shape"),
-    ("imu_acc", np.zeros((3, ROWS)), "imu_acc must have shape"),
-    ("opt_quat", np.zeros((ROWS, 3)), "opt_quat must have shape"),
-    ("movement", np.zeros((ROWS, 2)), "movement must have shape"),
-    ("sampling_rate", 0.0, "sampling_rate must be"),
-    ("sampling_rate", np.nan, "sampling_rate must be"),
-    ("sampling_rate", np.array([1.0, 2.0]), "sampling_rate must be"),
-    ("imu_mag", np.zeros((ROWS, 3), dtype=complex), "imu_mag|numeric|real"),
+    ("imu_acc", np.zeros((ROWS - 1, 3)), "its arrays have different lengths"),
+    ("imu_acc", np.zeros((ROWS, 4)), "imu_acc has 4 columns, but 3 must be there"),
+    ("opt_quat", np.zeros((ROWS, 3)), "opt_quat has 3 columns, but 4 must be there"),
+    ("movement", np.zeros((ROWS, 2)), "movement has 2 columns, but 1 must be there"),
+    *(("sampling_rate", rate, "sampling_rate must be") for rate in (0.0, np.nan, np.array([1.0, 2.0]))),
+    ("imu_mag", np.zeros((ROWS, 3), dtype=complex), "imu_mag"),
 ]
 REFUSED = [
-    *((trial(suffix, **{key: None}), f"not a BROAD trial: {key} missing") for suffix in WRITERS for key in KEYS),
+    *(
+        (trial(suffix, **{key: None}), rf"need --profile|{key}' is not in the file|{key} must be one")
+        for suffix in WRITERS
+        for key in KEYS
+    ),
     *((trial(suffix, **{key: value}), match) for suffix in WRITERS for key, value, match in MISFITS),
     (stored_outside, "imu_acc is stored in another file"),
     (virtual, "imu_acc is stored in another file"),
-    (hdf5_with(lambda f: f.__setitem__("imu_acc", h5py.ExternalLink("other.hdf5", "/imu_acc"))), "imu_acc is a link"),
-    (hdf5_with(lambda hdf5: hdf5.create_group("imu_acc")), "imu_acc is not a numeric data set"),
-    (dataset(data=h5py.Empty("f8")), "imu_acc is not a numeric data set"),
-    (dataset(data=np.array(["text"], object), dtype=h5py.string_dtype()), "imu_acc is not a numeric data set"),
-    (dataset((ROWS, 3), [("a", "f8"), ("b", "f8")]), "imu_acc is not a numeric data set"),
-    (huge, "claims 1000000000 rows"),
+    (
+        hdf5_with(lambda f: f.__setitem__("imu_acc", h5py.ExternalLink("other.hdf5", "/imu_acc"))),
+        "'imu_acc' is not an array of numbers but a link",
+    ),
+    (hdf5_with(lambda hdf5: hdf5.create_group("imu_acc")), "'imu_acc' is not in the file"),
+    (dataset(data=h5py.Empty("f8")), "data set that is not of numbers"),
+    (dataset(data=np.array(["text"], object), dtype=h5py.string_dtype()), "data set that is not of numbers"),
+    (dataset((ROWS, 3), [("a", "f8"), ("b", "f8")]), "data set that is not of numbers"),
+    (huge, r"unpack to 48\d{9}, but"),
     (dataset((ROWS, 3), "f8", chunks=(2**24, 3), maxshape=(None, 3)), "claims chunks"),
-    (unwritten, r"unpack to 8589\d{6}, but"),
+    (unwritten, "sampling_rate must be one number"),
     (chunk_of(bytes(64 << 20)), "a chunk of imu_acc unpacks to more than"),
     (dataset(data=STILL, chunks=True, compression="lzf"), "imu_acc is packed by a filter other than gzip"),
     # MATLAB: the variable's tag lies at −56, its flags from −48 on, its dimensions from −32 and its name from −16
-    (trial(".mat", imu_acc=np.full((ROWS, 3), 1.0, dtype=object)), "imu_acc must be numeric, .* cell"),
+    (trial(".mat", imu_acc=np.full((ROWS, 3), 1.0, dtype=object)), "not an array of numbers but a cell"),
     # SciPy 1.17 ends the process in numbers of a type that does not exist, at least where that is 0 or 8
     *((mat_with(0, kind), f"its numbers, of type {kind}, have 960 bytes") for kind in (0, 8, 10, 14, 255, 65535)),
     (mat_with(0, 0, 0), "its numbers, of type 0, have 0 bytes"),
@@ -309,11 +313,11 @@ REFUSED = [
     (mat_with(-48, 5), "flags are not two numbers"),
     (mat_with(-48, 0x00080006), "goes beyond its end"),  # a small element has 4 bytes at most
     (mat_with(-44, 2**32 - 8), "states 4294967288 bytes"),
-    (mat_with(-40, 255), "class is 255, which does not exist"),
-    (mat_with(-40, 17), "imu_acc missing"),
+    (mat_with(-40, 255), "255, which does not exist"),
+    (mat_with(-40, 17), "'imu_acc' is not in the file"),
     (mat_with(-32, 6), "dimensions are not two or more"),
     (mat_with(-24, 2**32 - 1), "negative dimension"),
-    (mat_with(-24, 2**31 - 1, 2**31 - 1), r"shape \(40, 3\)"),
+    (mat_with(-24, 2**31 - 1, 2**31 - 1), "imu_acc has 2147483647 columns"),
     (mat_with(-16, 9), "name is not text"),
     (mat_with(-12, 2**32 - 1), "states 4294967295 bytes"),
     (mat_of(packed_variable("imu_acc", np.zeros(ROWS)), found=content()), "imu_acc occurs twice"),
@@ -384,5 +388,3 @@ def test_sizes_are_bounded(tmp_path, monkeypatch):
     assert len(read(path).imu) == ROWS
     monkeypatch.setattr(arrays, "MAX_VARIABLES", len(content()) - 1)
     refused(read, path, match=f"more than {len(content()) - 1} variables")
-    per_row = 8 * sum(int(np.prod(shape)) for shape in broad.SHAPES.values())
-    assert broad.MAX_ROWS * (per_row + 8 * 3) < broad.MAX_BYTES  # with opt_pos, which is not read
