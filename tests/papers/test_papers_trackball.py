@@ -11,8 +11,7 @@ from plumbob.filters.channel_scalar import ramp_lag, steady_gain
 from plumbob.noise import deviation
 from plumbob.papers.description import TRACKBALL
 from plumbob.papers.trackball import misprints, recorded, records, seeds
-from plumbob.papers.trackball.page import page
-from plumbob.papers.trackball.results import Found
+from plumbob.papers.trackball.page import Found, paper
 from plumbob.papers.trackball.seeds import LONG_TAUS, SCALES, TAUS, best_gain, degrees_of_freedom, measure_turntable
 from plumbob.papers.workspace import Work
 from tests.helpers.papers import by_key, english_alone, named, unmet
@@ -211,11 +210,12 @@ def test_the_recorded_tests_are_the_paper_s_and_show_the_lag(tests):
 
 
 def test_outcomes_are_whole_and_items_name_them(found):
-    outcomes = by_key(found.outcomes())
+    made = paper(found, 2)
+    outcomes = by_key(made.outcomes)
     assert len(outcomes) > 55
     assert unmet(outcomes.values()) <= {"allan.ratio.50", "allan.scatter.50", "allan.scatter.10"}  # few seeds here
     assert named(TRACKBALL.items) <= outcomes.keys()
-    assert english_alone(page(found, 2), r"plumbob .*|solid.*|dashed.*|dotted.*") == set()
+    assert english_alone(made.report, r"plumbob .*|solid.*|dashed.*|dotted.*") == set()
 
 
 def test_same_seeds_same_figures(tmp_path):

@@ -119,6 +119,11 @@ class Description:
                 fields.setdefault(name, _filled(value, given) if isinstance(value, str | list) else value)
         return Outcome(**{"where": "", **fields, "key": key})
 
+    def rows(self, figures: Mapping[str, float | tuple[float | None, float]], **given: Any) -> list[Outcome]:
+        """Figures by key: by the paper's method, or a pair of that, which may be None, and Plumbob's; as `row`."""
+        pairs = {key: value if isinstance(value, tuple) else (value, None) for key, value in figures.items()}
+        return [self.row(key, faithful=faithful, best=best, **given) for key, (faithful, best) in pairs.items()]
+
     def part(self, key: str, **given: Any) -> Report:
         """A part of the page: fields of `Report` that are computed, and values of its texts."""
         part = self.content["part"][key]

@@ -137,6 +137,10 @@ def restored(stored: Mapping[str, Any]) -> Outcome:
     return Outcome(**made | {name: tuple(made[name]) for name in ("faithful_bar", "best_bar")})
 
 
+Part = tuple[Report, list[Outcome]]
+"""A part of a page, and its outcomes."""
+
+
 class PrintedForm(NamedTuple):
     """The figure that shows a misprint: of the printed form, which is wrong, and of the right one."""
 

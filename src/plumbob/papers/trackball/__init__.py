@@ -5,8 +5,7 @@ The recorded tests go through the bytes of the rig ``trackball``; statistics ove
 
 from plumbob.papers.outcome import Paper
 from plumbob.papers.trackball import misprints, recorded, seeds
-from plumbob.papers.trackball.page import page
-from plumbob.papers.trackball.results import Found
+from plumbob.papers.trackball.page import Found, paper
 from plumbob.papers.workspace import Work
 
 SEEDS = {"short": 200, "white": 20, "long": 10, "table": 50}
@@ -43,7 +42,7 @@ def run(work: Work) -> Paper:
     table = {scale: seeds.measure_turntable(runs["table"], scale) for scale in seeds.SCALES}
     gain = seeds.best_gain(runs["table"], _GAINS)
     begin("misprints")
-    paper_run = Found(
+    found = Found(
         seeds=SEEDS,
         parts=parts,
         soaked=soaked,
@@ -60,4 +59,4 @@ def run(work: Work) -> Paper:
         printed=misprints.allan_of_white(first),
         matrix=misprints.one_number_for_a_matrix(first),
     )
-    return Paper(report=page(paper_run, work.seed), outcomes=paper_run.outcomes())
+    return paper(found, work.seed)

@@ -1,8 +1,9 @@
-"""Page of the trackball paper: its parts in the paper's order, with tables, remarks and figures."""
+"""Page of the trackball paper: its parts in the paper's order, each with its outcomes, tables and figures."""
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -11,22 +12,12 @@ from plumbob.core.units import deg, from_si, to_deg, to_dps
 from plumbob.filters.channel_scalar import steady_gain
 from plumbob.noise.terms import TERMS
 from plumbob.papers.description import TRACKBALL
-from plumbob.papers.trackball import misprints
-from plumbob.papers.trackball.recorded import Lapped, Rest, Turned, apart
-from plumbob.papers.trackball.records import AT_REST, IN_MOTION, RATIOS, SAMPLES, STEP
-from plumbob.papers.trackball.results import Found
-from plumbob.papers.trackball.seeds import (
-    LONG,
-    LONG_TAUS,
-    TAUS,
-    OnTurntable,
-    PowerFits,
-    Short,
-    degrees_of_freedom,
-    powers,
-    theory,
-)
-from plumbob.reporting.content import Figure, Table
+from plumbob.papers.outcome import Outcome, Paper, Part
+from plumbob.papers.trackball import misprints, seeds
+from plumbob.papers.trackball.recorded import Lapped, Rest, Soaked, Turned, apart
+from plumbob.papers.trackball.records import AT_REST, IN_MOTION, RATIOS, SAMPLES, STEP, operations
+from plumbob.papers.trackball.seeds import LONG_TAUS, TAUS, OnTurntable, PowerFits, degrees_of_freedom, theory
+from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report
 from plumbob.reporting.scene import Scene
 from plumbob.reporting.style import GRID, INK, MUTED, SERIES, SOFT, Both
@@ -36,147 +27,371 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import FigureBase
 
+BLUE, RED, GREEN, PINK, AMBER, SKY, OLIVE = SERIES
+_RATIO_COLOURS: Final = (SKY, AMBER, RED, PINK, OLIVE)
+_VIEW: Final = np.array([0.55, 0.75, 0.36]) / np.linalg.norm([0.55, 0.75, 0.36])
+_NAMES: Final = {"measured": "补偿前", "bias removed": "去除常值误差", "two states": "双状态滤波"}
 
-_FREEDOM: Final = TRACKBALL.text("degrees_of_freedom_white")
-_BEFORE: Final = TRACKBALL.text("before_s")
 
+class Found(NamedTuple):
+    """Results of all parts, in the order of the paper.
 
-def page(found: Found, seed: int) -> Report:
-    """The whole page.
-
-    Parameters
-    ----------
-    found : Found
-        What was computed.
-    seed : int
-        Of the recorded runs.
+    `seeds`: how many runs each statistic is of; `parts`: by a part's true coefficient of temperature, °/s per °C;
+    `soaked`, `rest`, `turned`, `lapped`: the recorded tests; `short`, `white`, `long`: at rest, over many seeds,
+    `white` (k,) by Q/R; `fit`: of the recorded test at rest, before the filter; `negative`: shares of the records with
+    a negative coefficient, by the plain and by the weighted fit; `table`: by the error of the gain, and by filter;
+    `gain`: best gain of a scalar filter on the ramp, and its rms, rad/s; `printed`, `matrix`: of `misprints`.
     """
-    parts = [part(found) for part in (_drift, _rest, _allan, _composition, _turntable, _ball, _switched)]
-    return TRACKBALL.part("page", seed=seed, parts=parts, **found.seeds)
+
+    seeds: Mapping[str, int]
+    parts: Mapping[float, misprints.Warmed]
+    soaked: Soaked
+    rest: Rest
+    short: seeds.Short
+    white: Floats
+    long: seeds.Long
+    fit: PowerFits
+    negative: tuple[float, float]
+    turned: Turned
+    table: Mapping[float, Mapping[str, OnTurntable]]
+    gain: tuple[float, float]
+    lapped: Lapped
+    printed: misprints.PrintedAllan
+    matrix: tuple[float, float]
 
 
-def _drift(run: Found) -> Report:
+def paper(run: Found, seed: int) -> Paper:
+    """The whole page and every figure, of what was computed; `seed` is that of the recorded runs."""
+    parts = [part(run) for part in (_drift, _rest, _allan, _composition, _turntable, _ball)]
+    outcomes = [row for _, rows in parts for row in rows]
+    outcomes += TRACKBALL.rows({"filter.operations": float(operations())})
+    reports = [*(report for report, _ in parts), _switched(run, outcomes)]
+    return Paper(report=TRACKBALL.part("page", seed=seed, parts=reports, **run.seeds), outcomes=outcomes)
+
+
+def _signed(value: float, form: str) -> str:
+    """A number with a minus as it is printed."""
+    return f"{value:{form}}".replace("-", "−")
+
+
+def _short(ratio: float) -> str:
+    """Q/R of 1e-3 as q3, for keys."""
+    return f"q{-round(math.log10(ratio))}"
+
+
+def _drift(run: Found) -> Part:
+    outcomes = TRACKBALL.rows({"drift.k_t": (0.1, to_dps(run.parts[0.03].coefficient))})
+    for name, part in (("a", 0.03), ("b", -0.05)):
+        at = run.parts[part]
+        outcomes += TRACKBALL.rows(
+            {f"drift.raw.{name}": to_dps(at.raw), f"drift.left.{name}": (to_dps(at.printed), to_dps(abs(at.own)))}
+        )
+    before, after = misprints.gain_error()
+    outcomes += TRACKBALL.rows(
+        {
+            "drift.scale": 1.0 / to_dps(run.rest.quantum),
+            "drift.k_a": (to_dps(run.matrix[0]), to_dps(run.matrix[1])),
+            "drift.twice": (to_dps(misprints.counted_twice()), 0.0),
+            "drift.metres": (to_dps(misprints.in_metres()), 0.0),
+        }
+    )
+    held = abs(float(np.mean(to_dps(run.turned.rates["best"] - run.turned.true)[SAMPLES:])))
+    bar = (to_dps(before) - 0.01, to_dps(before) + 0.01)
+    outcomes.append(TRACKBALL.row("drift.gain", faithful=to_dps(after), best=held, faithful_bar=bar))
     rows = [
         [
-            f"{part:+.2f}".replace("-", "−"),
+            _signed(part, "+.2f"),
             *(f"{to_dps(value):.3f}" for value in (warmed.raw, warmed.printed, warmed.own)),
             f"{to_dps(warmed.coefficient):+.4f}",
         ]
         for part, warmed in run.parts.items()
     ]
-    parts = TRACKBALL.table("mean_rate_at", rows)
-    soak = run.soaked
-    ways = (
-        (TRACKBALL.text("measured_2"), soak.raw),
-        (TRACKBALL.text("3_0_1_for"), soak.printed),
-        (TRACKBALL.text("own_card_of_this"), soak.own),
-    )
-    recorded = TRACKBALL.table(
-        "recorded_soak_of", [[name, *(f"{value:.3f}" for value in to_dps(change))] for name, change in ways]
-    )
-    return TRACKBALL.part("drift", tables=[parts, recorded])
+    ways = [TRACKBALL.text(name) for name in ("measured_2", "3_0_1_for", "own_card_of_this")]
+    soaks = [[way, *(f"{value:.3f}" for value in to_dps(change))] for way, change in zip(ways, run.soaked, strict=True)]
+    tables = [TRACKBALL.table("mean_rate_at", rows), TRACKBALL.table("recorded_soak_of", soaks)]
+    return TRACKBALL.part("drift", tables=tables), outcomes
 
 
-def _rest(run: Found) -> Report:
+def _rest(run: Found) -> Part:
+    """What the test is, and Figures 1 and 2: the random sequence of x before and after the filter."""
+    rest = run.rest
+    before, after, best = (to_dps(float(part[:, 0].std())) for part in (rest.before, rest.after, rest.best))
+    outcomes = TRACKBALL.rows(
+        {
+            "rest.step": float(np.median(np.diff(rest.t))),
+            "rest.samples": float(rest.t.size),
+            "rest.temperature": rest.temp_c,
+            "filter.start": float(rest.after[0, 0] / rest.before[0, 0]),
+            "filter.gain": steady_gain(AT_REST),
+            "rest.before": before,
+            "rest.after": (after, best),
+            **{f"rest.variance.{_short(q)}": value / theory(q) for q, value in zip(RATIOS, run.white, strict=True)},
+        },
+        at_rest=AT_REST,
+    )
     rows = [
         [f"{q:g}", f"{steady_gain(q):.4f}", f"{theory(q):.5f}", f"{white:.5f}", f"{variance:.5f}", f"{angle:.2f}"]
         for q, white, variance, angle in zip(RATIOS, run.white, run.short.variance, run.short.angle, strict=True)
     ]
+
+    def draw(lines: Mapping[str, Floats], canvas: "FigureBase") -> None:
+        ax = canvas.subplots()
+        for colour, rate in lines.items():
+            ax.plot(rest.t, to_dps(rate[:, 0]), color=colour, linewidth=0.8)
+
+    figures = [
+        TRACKBALL.figure("figure_1", partial(draw, {BLUE: rest.before})),
+        TRACKBALL.figure("figure_2", partial(draw, {GREEN: rest.best, RED: rest.after}), at_rest=AT_REST),
+    ]
+    constant = ", ".join(_signed(value, ".2f") for value in to_dps(rest.raw.mean(axis=0)))
     table = TRACKBALL.table("at_rest_samples", rows, samples=SAMPLES)
-    constant = ", ".join(f"{value:.2f}".replace("-", "−") for value in to_dps(run.rest.raw.mean(axis=0)))
-    return TRACKBALL.part("rest", constant=constant, tables=[table], figures=rest_figures(run.rest))
+    return TRACKBALL.part("rest", constant=constant, tables=[table], figures=figures), outcomes
 
 
-def _allan(run: Found) -> Report:
-    def table(title: Both, taus: Sequence[float], count: int, before: Sequence[float], ratios: Floats) -> Table:
+def _allan(run: Found) -> Part:
+    """Figure 3: deviations at the eight averaging times before and after, with intervals, and mean ratios."""
+    row, short, long = RATIOS.index(AT_REST), run.short, run.long
+    outcomes = TRACKBALL.rows(
+        {
+            **{f"allan.ratio.{tau:g}": value for tau, value in zip(TAUS, short.adev[row].tolist(), strict=True)},
+            **{f"allan.scatter.{tau:g}": float(short.scatter[TAUS.index(tau)]) for tau in (10.0, 50.0)},
+            "allan.freedom": degrees_of_freedom(SAMPLES, 50.0),
+            **{f"allan.long.{tau:g}": float(long.adev[row, LONG_TAUS.index(tau)]) for tau in (100.0, 600.0)},
+            "allan.angle": float(short.angle[row]),
+            "allan.printed": (to_dps(run.printed.printed), to_dps(run.printed.corrected)),
+        },
+        at_rest=AT_REST,
+    )
+
+    def table(title: str, taus: Sequence[float], count: int, before: Floats, ratios: Floats) -> Table:
         rows = [
-            [_FREEDOM, *(f"{degrees_of_freedom(count, tau):.1f}" for tau in taus)],
-            [_BEFORE, *(f"{to_dps(value):.4f}" for value in before)],
+            [
+                TRACKBALL.text("degrees_of_freedom_white"),
+                *(f"{degrees_of_freedom(count, tau):.1f}" for tau in taus),
+            ],
+            [TRACKBALL.text("before_s"), *(f"{to_dps(value):.4f}" for value in before.tolist())],
             *([f"Q/R = {q:g}", *(f"{value:.3f}" for value in row)] for q, row in zip(RATIOS, ratios, strict=True)),
         ]
-        return Table(title, ("τ [s]", *(f"{tau:g}" for tau in taus)), rows)
+        return Table(TRACKBALL.text(title), ("τ [s]", *(f"{tau:g}" for tau in taus)), rows)
 
-    short = table(
-        TRACKBALL.text("allan_deviation_after_before"), TAUS, SAMPLES, run.short.before.tolist(), run.short.adev
-    )
-    long = table(TRACKBALL.text("4_h_at_rest"), LONG_TAUS, round(LONG / STEP), run.long.before.tolist(), run.long.adev)
-    return TRACKBALL.part(
+    key = [
+        (TRACKBALL.text("before_the_filter"), BLUE, "solid"),
+        (TRACKBALL.text("after_q_r", at_rest=AT_REST), RED, "dashed"),
+        *((f"Q/R = {q:g}", colour, "solid") for q, colour in zip(RATIOS, _RATIO_COLOURS, strict=True)),
+    ]
+    report = TRACKBALL.part(
         "allan",
         at_rest=AT_REST,
-        adev=100 * run.long.adev[2, 3],
-        scatter=run.short.scatter[-1],
-        tables=[short, long],
-        figures=[allan_figure(run.rest, run.short)],
+        adev=100 * long.adev[2, 3],
+        scatter=short.scatter[-1],
+        tables=[
+            table("allan_deviation_after_before", TAUS, SAMPLES, short.before, short.adev),
+            table("4_h_at_rest", LONG_TAUS, round(seeds.LONG / STEP), long.before, long.adev),
+        ],
+        figures=[TRACKBALL.figure("figure_3", partial(_draw_allan, run.rest, short), lines=key)],
     )
+    return report, outcomes
 
 
-def _composition(run: Found) -> Report:
-    scale = to_dps(to_dps(1.0))
+def _draw_allan(rest: Rest, short: seeds.Short, canvas: "FigureBase") -> None:
+    adev_ax, ratio_ax = canvas.subplots(1, 2)
+    tau = np.array(TAUS)
+    how = {"linewidth": 1.1, "marker": "o", "markersize": 2.5}
+    for curve, colour, dash in ((rest.compared.before, BLUE, "-"), (rest.compared.after, RED, "--")):
+        dev = to_dps(curve.dev)
+        bars = np.array([dev - to_dps(curve.lo), to_dps(curve.hi) - dev])
+        adev_ax.errorbar(tau, dev, bars, color=colour, linestyle=dash, capsize=2, **how)
+    adev_ax.set_yscale("log")
+    for ratio, colour, values in zip(RATIOS, _RATIO_COLOURS, short.adev, strict=True):
+        ratio_ax.plot(tau, values, color=colour, label=f"{ratio:g}", **how)
+    ratio_ax.axhline(1.0, color=MUTED, linewidth=0.6)
+    for ax in (adev_ax, ratio_ax):
+        _over_tau(ax)
+    _plain(adev_ax.yaxis)
+    for time in TAUS:
+        freedom = degrees_of_freedom(SAMPLES, time)
+        adev_ax.annotate(f"{freedom:.0f}", (time, 0.03), xycoords=("data", "axes fraction"), ha="center", color=MUTED)
+    adev_ax.annotate(TRACKBALL.text("degrees_of_freedom"), (0.02, 0.1), xycoords="axes fraction", color=MUTED)
+
+
+def _over_tau(ax: "Axes") -> None:
+    ax.set_xscale("log")
+    ax.set_xlim(0.08, 65.0)
+    ax.set_xlabel(TRACKBALL.text("averaging_time_s"))
+    _plain(ax.xaxis)
+
+
+def _plain(axis: "Axis") -> None:
+    """Plain numbers on a logarithmic axis."""
+    axis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_minor_formatter(lambda value, _: "")
+
+
+def _composition(run: Found) -> Part:
+    white, flicker = from_si(run.long.white, "deg/rth"), from_si(run.long.flicker, "deg/h")
+    negative = (100.0 * run.negative[0], 100.0 * run.negative[1])
+    outcomes = TRACKBALL.rows(
+        {
+            "fit.condition": float(np.linalg.cond(seeds.powers())),
+            "fit.negative": negative,
+            "noise.white": (None, white),
+            "noise.flicker": (None, flicker),
+        }
+    )
+    scale, names = to_dps(to_dps(1.0)), TRACKBALL.texts("terms").values()
     rows = [
         [name, f"{plain * scale:.2e}", f"{weighted * scale:.2e}"]
-        for name, plain, weighted in zip(
-            TRACKBALL.texts("terms").values(), run.fit.plain, run.fit.weighted, strict=True
-        )
+        for name, plain, weighted in zip(names, run.fit.plain, run.fit.weighted, strict=True)
     ]
-    table = TRACKBALL.table("coefficients_of_14", rows)
-    return TRACKBALL.part(
+    report = TRACKBALL.part(
         "composition",
-        white=from_si(run.long.white, "deg/rth"),
-        flicker=from_si(run.long.flicker, "deg/h"),
-        negative=100 * run.negative[0],
+        white=white,
+        flicker=flicker,
+        negative=negative[0],
         short=run.seeds["short"],
-        run_negative=100 * run.negative[1],
-        tables=[table],
+        run_negative=negative[1],
+        tables=[TRACKBALL.table("coefficients_of_14", rows)],
         figures=[TRACKBALL.figure("14_fits_of", partial(_draw_fit, run.fit))],
     )
+    return report, outcomes
 
 
-_NAMES: Final = {"measured": "补偿前", "bias removed": "去除常值误差", "two states": "双状态滤波"}
+def _draw_fit(fit: PowerFits, canvas: "FigureBase") -> None:
+    ax, scale = canvas.subplots(), to_dps(to_dps(1.0))
+    grid = np.geomspace(0.08, 65.0, 400)
+    columns = scale * seeds.powers(grid)
+    ax.plot(TAUS, scale * fit.measured, color=INK, linestyle="none", marker="o", markersize=3.5, zorder=3)
+    for coefficients, colour in ((fit.plain, RED), (fit.weighted, GREEN)):
+        total = columns @ coefficients
+        ax.plot(grid, np.where(total > 0.0, total, np.nan), color=colour, linewidth=1.2)
+    letters = sorted(TERMS, key=lambda letter: TERMS[letter].power)
+    for letter, column, value in zip(letters, columns.T, fit.weighted, strict=True):
+        if value > 0.0:
+            ax.plot(grid, column * value, color=MUTED, linewidth=0.7, linestyle="--")
+            if (end := value * column[-1]) > 1e-6:
+                ax.annotate(letter, (grid[-1], end), xytext=(3, 0), textcoords="offset points", color=MUTED)
+    _over_tau(ax)
+    ax.set_yscale("log")
+    _plain(ax.yaxis)
 
 
-def _named(name: str) -> str:
-    if name in _NAMES:
-        return Both(name, _NAMES[name])
-    return Both(name, name.replace("scalar", "标量").replace("average of", "滑动平均，点数"))
-
-
-def _row(row: OnTurntable) -> list[str]:
-    rates = (row.ramp_rms, row.hold_rms, row.late_rms, row.ramp_mean, row.hold_mean, row.lag, row.lag_theory)
-    return [_named(row.name), *(f"{round(to_dps(value), 3) + 0.0:.3f}" for value in rates), f"{to_deg(row.angle):.2f}"]
-
-
-def _turntable(run: Found) -> Report:
-    tables = [
-        TRACKBALL.table("turntable_0_to", [_row(row) for row in rows.values()], scale=100 * scale)
-        for scale, rows in run.table.items()
-    ]
-    end = {name: abs(float(to_deg(error[SAMPLES - 1]))) for name, error in run.turned.headings.items()}
-    behind = end["calibrated, paper's filter"]
-    return TRACKBALL.part(
+def _turntable(run: Found) -> Part:
+    """The table over many seeds, and the recorded one: flicker noise alone moves its rms by a tenth from run to run."""
+    rows, wrong = run.table.values()
+    turned, name = run.turned, f"scalar Q/R={IN_MOTION:g}"
+    scalar, two, removed = rows[name], rows["two states"], rows[seeds.REMOVED]
+    plane, along = misprints.axis_in_the_plane(1)
+    errors = {way: to_dps(turned.rates[way] - turned.true) for way in ("paper", "best")}
+    ends = {way: abs(float(to_deg(error[SAMPLES - 1]))) for way, error in turned.headings.items()}
+    settled = [q for q in RATIOS if seeds.MEMORIES / steady_gain(q) <= seeds.SETTLED]  # on this ramp
+    outcomes = TRACKBALL.rows(
+        {
+            "turn.slope": float(np.polyfit(turned.t[:SAMPLES], to_dps(turned.true[:SAMPLES]), 1)[0]),
+            "turn.rate": float(to_dps(turned.true[-1])) / 6.0,
+            "turn.samples": float(turned.true.size) / 2.0,
+            "turn.axis": (plane, along),
+            "ramp.removed": to_dps(removed.ramp_rms),
+            "ramp.rms": (to_dps(scalar.ramp_rms), to_dps(two.ramp_rms)),
+            "ramp.mean": (to_dps(scalar.ramp_mean), to_dps(two.ramp_mean)),
+            "hold.rms": (to_dps(scalar.hold_rms), to_dps(two.hold_rms)),
+            "hold.late": (to_dps(scalar.late_rms), to_dps(two.late_rms)),
+            "hold.mean": (to_dps(scalar.hold_mean), to_dps(two.hold_mean)),
+            **{f"ramp.lag.{_short(q)}": to_dps(rows[f"scalar Q/R={q:g}"].lag) for q in settled},
+            "ramp.lag": (None, to_dps(two.lag)),
+            "ramp.angle": (to_deg(scalar.angle), to_deg(two.angle)),
+            "ramp.gain": to_dps(run.gain[1]),
+            "ramp.misled": to_dps(wrong[name].ramp_rms),
+            "bytes.ramp": (_rms(errors["paper"][:SAMPLES]), _rms(errors["best"][:SAMPLES])),
+            "bytes.hold": (_rms(errors["paper"][SAMPLES:]), _rms(errors["best"][SAMPLES:])),
+            "bytes.heading": (ends["calibrated, paper's filter"], ends["calibrated"]),
+        },
+        in_motion=IN_MOTION,
+        ramp_rms=to_dps(rows[seeds.MEASURED].ramp_rms),
+        removed_ramp_rms=to_dps(removed.ramp_rms),
+    )
+    parts = {"figure_4": slice(0, SAMPLES), "figure_5": slice(SAMPLES, 2 * SAMPLES)}
+    report = TRACKBALL.part(
         "turntable",
         gain=run.gain[0],
         run_gain=to_dps(run.gain[1]),
         in_motion=IN_MOTION,
-        behind=behind,
-        calibrated=end["calibrated"],
-        tables=tables,
-        figures=[*turn_figures(run.turned), TRACKBALL.figure("lag_of_the", partial(_draw_lag, run.turned))],
+        behind=ends["calibrated, paper's filter"],
+        calibrated=ends["calibrated"],
+        tables=[
+            TRACKBALL.table("turntable_0_to", [_row(row) for row in by.values()], scale=100 * scale)
+            for scale, by in run.table.items()
+        ],
+        figures=[
+            *(TRACKBALL.figure(key, partial(_draw_turn, turned, part)) for key, part in parts.items()),
+            TRACKBALL.figure("lag_of_the", partial(_draw_lag, turned)),
+        ],
     )
+    return report, outcomes
 
 
-def _ball(run: Found) -> Report:
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _row(row: OnTurntable) -> list[str]:
+    rates = (row.ramp_rms, row.hold_rms, row.late_rms, row.ramp_mean, row.hold_mean, row.lag, row.lag_theory)
+    zh = _NAMES.get(row.name, row.name.replace("scalar", "标量").replace("average of", "滑动平均，点数"))
+    cells = [f"{round(to_dps(value), 3) + 0.0:.3f}" for value in rates]
+    return [Both(row.name, zh), *cells, f"{to_deg(row.angle):.2f}"]
+
+
+def _draw_turn(turned: Turned, part: slice, canvas: "FigureBase") -> None:
+    """Rate while the table speeds up, or holds, before and after compensation, and what is wrong with it."""
+    rate_ax, error_ax = canvas.subplots(1, 2)
+    t, true = turned.t[part], turned.true[part]
+    lines = ((turned.raw, MUTED), (turned.rates["paper"], RED), (turned.rates["best"], GREEN))
+    for rate, colour in lines:
+        rate_ax.plot(t, to_dps(rate[part]), color=colour, linewidth=0.9)
+    rate_ax.plot(t, to_dps(true), color=INK, linewidth=0.9, linestyle="--")
+    rate_ax.set_ylabel(TRACKBALL.text("rate_s"))
+    for rate, colour in lines[1:]:
+        error_ax.plot(t, to_dps(rate[part] - true), color=colour, linewidth=0.8)
+    error_ax.axhline(0.0, color=MUTED, linewidth=0.5)
+    error_ax.set_ylim(-0.75, 0.35)
+    error_ax.set_ylabel(TRACKBALL.text("error_s"))
+    for ax in (rate_ax, error_ax):
+        ax.set_xlim(t[0], np.ceil(t[-1]))
+        ax.set_xlabel("time [s]")
+
+
+def _draw_lag(turned: Turned, canvas: "FigureBase") -> None:
+    error_ax, heading_ax = canvas.subplots(1, 2)
+    for name, colour in (("calibrated", BLUE), ("calibrated, paper's filter", RED), ("best", GREEN)):
+        smooth = np.convolve(to_dps(turned.rates[name] - turned.true), np.ones(10) / 10.0, "same")
+        error_ax.plot(turned.t, smooth, color=colour, linewidth=0.9)
+        heading_ax.plot(turned.t, to_deg(turned.headings[name]), color=colour, linewidth=1.2)
+    for ax in (error_ax, heading_ax):
+        ax.axvline(SAMPLES * STEP, color=MUTED, linewidth=0.6, linestyle=":")
+
+
+def _ball(run: Found) -> Part:
     tracks = run.lapped.tracks
-    rows = []
-    for name, shown in TRACKBALL.texts("tracks").items():
-        off = to_deg(apart(tracks[name], tracks["true"]))
-        rows.append([shown, *(f"{v:.1f}" for v in (np.sqrt(np.mean(off**2)), off.max(), off[-1]))])
-    table = TRACKBALL.table("error_of_the", rows)
-    return TRACKBALL.part(
+    away = {name: apart(track, tracks["true"]) for name, track in tracks.items()}
+    outcomes = TRACKBALL.rows({"ball.track": (to_deg(_rms(away["paper"])), to_deg(_rms(away["calibrated"])))})
+    off = {name: to_deg(angles) for name, angles in away.items()}
+    rows = [
+        [shown, *(f"{v:.1f}" for v in (_rms(off[name]), off[name].max(), off[name][-1]))]
+        for name, shown in TRACKBALL.texts("tracks").items()
+    ]
+
+    def draw(canvas: "FigureBase") -> None:
+        panels = zip(canvas.subplots(1, 4), TRACKBALL.texts("balls").items(), (BLUE, OLIVE, RED, GREEN), strict=True)
+        for ax, (name, title), colour in panels:
+            _draw_ball(ax, tracks[name], colour)
+            ax.set_title(title, fontsize=7.0)
+
+    report = TRACKBALL.part(
         "ball",
-        tables=[table],
-        figures=[TRACKBALL.figure("track_of_the", partial(_draw_balls, run.lapped))],
+        tables=[TRACKBALL.table("error_of_the", rows)],
+        figures=[TRACKBALL.figure("track_of_the", draw)],
         scenes=[_scene(run.lapped)],
     )
+    return report, outcomes
 
 
 def _scene(lapped: Lapped) -> Scene:
@@ -202,176 +417,39 @@ def _scene(lapped: Lapped) -> Scene:
     )
 
 
-def _switched(run: Found) -> Report:
-    table = TRACKBALL.table(
-        "misprints",
-        of={row.key: row for row in run.outcomes()},
-        card=max(abs(to_dps(part.own)) for part in run.parts.values()),
-        before=to_dps(misprints.gain_error()[0]),
-        mean=to_dps(run.printed[2]),
-    )
-    return TRACKBALL.part("switched", tables=[table])
-
-
-BLUE, RED, GREEN, PINK, AMBER, SKY, OLIVE = SERIES
-BEFORE: Final = TRACKBALL.text("before_the_filter")
-_TIME: Final = "time [s]"
-_RATE: Final = TRACKBALL.text("rate_s")
-_ERROR: Final = TRACKBALL.text("error_s")
-_TAU: Final = TRACKBALL.text("averaging_time_s")
-_VIEW: Final = np.array([0.55, 0.75, 0.36]) / np.linalg.norm([0.55, 0.75, 0.36])
-
-
-def rest_figures(rest: Rest) -> list[Figure]:
-    """Figures 1 and 2: the random sequence of x before and after the filter."""
-    return [
-        TRACKBALL.figure("figure_1", partial(_draw_series, rest.t, {BLUE: rest.before[:, 0]})),
-        TRACKBALL.figure(
-            "figure_2", partial(_draw_series, rest.t, {GREEN: rest.best[:, 0], RED: rest.after[:, 0]}), at_rest=AT_REST
-        ),
-    ]
-
-
-def allan_figure(rest: Rest, short: Short) -> Figure:
-    """Figure 3: deviations at the eight averaging times before and after, with intervals, and mean ratios."""
-    key = [
-        (BEFORE, BLUE, "solid"),
-        (TRACKBALL.text("after_q_r", at_rest=AT_REST), RED, "dashed"),
-        *((f"Q/R = {q:g}", colour, "solid") for q, colour in zip(RATIOS, _RATIO_COLOURS, strict=True)),
-    ]
-    return TRACKBALL.figure("figure_3", partial(_draw_allan, rest, short), lines=key)
-
-
-_RATIO_COLOURS: Final = (SKY, AMBER, RED, PINK, OLIVE)
-
-
-def turn_figures(turned: Turned) -> list[Figure]:
-    """Figures 4 and 5: the rate while the table speeds up and while it holds, before and after compensation."""
-    parts = {"figure_4": slice(0, SAMPLES), "figure_5": slice(SAMPLES, 2 * SAMPLES)}
-    return [TRACKBALL.figure(key, partial(_draw_turn, turned, part)) for key, part in parts.items()]
-
-
-def _draw_series(t: Floats, lines: Mapping[str, Floats], canvas: "FigureBase") -> None:
-    ax = canvas.subplots()
-    for colour, rate in lines.items():
-        ax.plot(t, to_dps(rate), color=colour, linewidth=0.8)
-
-
-def _draw_allan(rest: Rest, short: Short, canvas: "FigureBase") -> None:
-    adev_ax, ratio_ax = canvas.subplots(1, 2)
-    tau = np.array(TAUS)
-    for curve, colour, dash in ((rest.compared.before, BLUE, "-"), (rest.compared.after, RED, "--")):
-        dev = to_dps(curve.dev)
-        bars = np.array([dev - to_dps(curve.lo), to_dps(curve.hi) - dev])
-        adev_ax.errorbar(
-            tau, dev, bars, color=colour, linestyle=dash, linewidth=1.1, marker="o", markersize=2.5, capsize=2
-        )
-    adev_ax.set_yscale("log")
-    for ratio, colour, values in zip(RATIOS, _RATIO_COLOURS, short.adev, strict=True):
-        ratio_ax.plot(tau, values, color=colour, linewidth=1.1, marker="o", markersize=2.5, label=f"{ratio:g}")
-    ratio_ax.axhline(1.0, color=MUTED, linewidth=0.6)
-    for ax in (adev_ax, ratio_ax):
-        _over_tau(ax)
-    _plain(adev_ax.yaxis)
-    for time in TAUS:
-        freedom = degrees_of_freedom(SAMPLES, time)
-        adev_ax.annotate(f"{freedom:.0f}", (time, 0.03), xycoords=("data", "axes fraction"), ha="center", color=MUTED)
-    adev_ax.annotate(TRACKBALL.text("degrees_of_freedom"), (0.02, 0.1), xycoords="axes fraction", color=MUTED)
-
-
-def _over_tau(ax: "Axes") -> None:
-    ax.set_xscale("log")
-    ax.set_xlim(0.08, 65.0)
-    ax.set_xlabel(_TAU)
-    _plain(ax.xaxis)
-
-
-def _plain(axis: "Axis") -> None:
-    """Plain numbers on a logarithmic axis."""
-    axis.set_major_formatter(lambda value, _: f"{value:g}")
-    axis.set_minor_formatter(lambda value, _: "")
-
-
-def _draw_fit(fit: PowerFits, canvas: "FigureBase") -> None:
-    ax = canvas.subplots()
-    grid = np.geomspace(0.08, 65.0, 400)
-    columns = powers(grid)
-    ax.plot(TAUS, to_dps(to_dps(fit.measured)), color=INK, linestyle="none", marker="o", markersize=3.5, zorder=3)
-    for coefficients, colour in ((fit.plain, RED), (fit.weighted, GREEN)):
-        total = to_dps(to_dps(columns @ coefficients))
-        ax.plot(grid, np.where(total > 0.0, total, np.nan), color=colour, linewidth=1.2)
-    letters = sorted(TERMS, key=lambda letter: TERMS[letter].power)
-    for letter, column, value in zip(letters, columns.T, fit.weighted, strict=True):
-        if value > 0.0:
-            ax.plot(grid, to_dps(to_dps(column * value)), color=MUTED, linewidth=0.7, linestyle="--")
-            end = to_dps(to_dps(value * column[-1]))
-            if end > 1e-6:
-                ax.annotate(letter, (grid[-1], end), xytext=(3, 0), textcoords="offset points", color=MUTED)
-    _over_tau(ax)
-    ax.set_yscale("log")
-    _plain(ax.yaxis)
-
-
-def _draw_turn(turned: Turned, part: slice, canvas: "FigureBase") -> None:
-    rate_ax, error_ax = canvas.subplots(1, 2)
-    t, true = turned.t[part], turned.true[part]
-    lines = ((turned.raw, MUTED), (turned.rates["paper"], RED), (turned.rates["best"], GREEN))
-    for rate, colour in lines:
-        rate_ax.plot(t, to_dps(rate[part]), color=colour, linewidth=0.9)
-    rate_ax.plot(t, to_dps(true), color=INK, linewidth=0.9, linestyle="--")
-    rate_ax.set_ylabel(_RATE)
-    for rate, colour in lines[1:]:
-        error_ax.plot(t, to_dps(rate[part] - true), color=colour, linewidth=0.8)
-    error_ax.axhline(0.0, color=MUTED, linewidth=0.5)
-    error_ax.set_ylim(-0.75, 0.35)
-    error_ax.set_ylabel(_ERROR)
-    for ax in (rate_ax, error_ax):
-        ax.set_xlim(t[0], np.ceil(t[-1]))
-        ax.set_xlabel(_TIME)
-
-
-def _draw_lag(turned: Turned, canvas: "FigureBase") -> None:
-    error_ax, heading_ax = canvas.subplots(1, 2)
-    for name, colour in (("calibrated", BLUE), ("calibrated, paper's filter", RED), ("best", GREEN)):
-        error = to_dps(turned.rates[name] - turned.true)
-        smooth = np.convolve(error, np.ones(10) / 10.0, "same")
-        error_ax.plot(turned.t, smooth, color=colour, linewidth=0.9)
-        heading_ax.plot(turned.t, to_deg(turned.headings[name]), color=colour, linewidth=1.2)
-    for ax in (error_ax, heading_ax):
-        ax.axvline(SAMPLES * STEP, color=MUTED, linewidth=0.6, linestyle=":")
-
-
-def _draw_balls(lapped: Lapped, canvas: "FigureBase") -> None:
-    panels = zip(canvas.subplots(1, 4), TRACKBALL.texts("balls").items(), (BLUE, OLIVE, RED, GREEN), strict=True)
-    for ax, (name, title), colour in panels:
-        _draw_ball(ax, lapped.tracks[name], colour)
-        ax.set_title(title, fontsize=7.0)
-
-
 def _draw_ball(ax: "Axes", points: Floats, colour: str) -> None:
     """Ball with the circles about its x axis, and a track on it: near side over far side."""
     right = np.cross([0.0, 0.0, -1.0], _VIEW)
     right /= np.linalg.norm(right)
     up = np.cross(_VIEW, right)
+
+    def line(at: Floats, mask: Floats, ink: str, width: float) -> None:
+        ax.plot(np.where(mask, at @ right, np.nan), np.where(mask, at @ up, np.nan), color=ink, linewidth=width)
+
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
     ax.plot(np.cos(turn), np.sin(turn), color=MUTED, linewidth=0.8)
     for x in np.sin(deg(np.array([-60.0, -30.0, 0.0, 30.0, 60.0]))):
         r = np.sqrt(1.0 - x * x)
         circle = np.stack((np.full(turn.size, x), r * np.cos(turn), r * np.sin(turn)), axis=1)
-        near = circle @ _VIEW > 0.0
-        ax.plot(np.where(near, circle @ right, np.nan), np.where(near, circle @ up, np.nan), color=GRID, linewidth=0.6)
-    fine = _between(points)
+        line(circle, circle @ _VIEW > 0.0, GRID, 0.6)
+    at = np.arange(0.0, len(points) - 0.999, 0.25)  # three more points between each two, for the ball is round
+    wide = np.stack([np.interp(at, np.arange(len(points)), column) for column in points.T], axis=1)
+    fine = np.asarray(wide / np.linalg.norm(wide, axis=1, keepdims=True))
     near = fine @ _VIEW > 0.0
-    for which, ink, width in ((~near, SOFT, 0.5), (near, colour, 0.9)):
-        ax.plot(np.where(which, fine @ right, np.nan), np.where(which, fine @ up, np.nan), color=ink, linewidth=width)
+    line(fine, ~near, SOFT, 0.5)
+    line(fine, near, colour, 0.9)
     ax.set_aspect("equal")
     ax.set_axis_off()
     ax.set_xlim(-1.05, 1.05)
     ax.set_ylim(-1.05, 1.05)
 
 
-def _between(points: Floats) -> Floats:
-    """Points of the unit ball with three more between each two, (4N − 3, 3)."""
-    at = np.arange(0.0, len(points) - 0.999, 0.25)
-    wide = np.stack([np.interp(at, np.arange(len(points)), column) for column in points.T], axis=1)
-    return np.asarray(wide / np.linalg.norm(wide, axis=1, keepdims=True))
+def _switched(run: Found, outcomes: Sequence[Outcome]) -> Report:
+    table = TRACKBALL.table(
+        "misprints",
+        of={row.key: row for row in outcomes},
+        card=max(abs(to_dps(part.own)) for part in run.parts.values()),
+        before=to_dps(misprints.gain_error()[0]),
+        mean=to_dps(run.printed[2]),
+    )
+    return TRACKBALL.part("switched", tables=[table])

@@ -3,7 +3,7 @@
 Statistics over many seeds are simulated directly; the same noise, as a card, goes into the rig that is recorded.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -73,35 +73,18 @@ def noise_card() -> NoiseCard:
 
 
 def at_rest(seed: int, duration: float, *, flicker: float = FLICKER, walk: float = 0.0, bias: float = 0.0) -> Record:
-    """Three channels of the unit at rest.
+    """Three channels of the unit at rest for `duration`, s.
 
-    Parameters
-    ----------
-    seed : int
-        Of the noise.
-    duration : float
-        Length, s.
-    flicker, walk, bias : float
-        Bias instability, rad/s, random walk of the bias, rad/s/√s, and turn-on bias, rad/s.
+    `flicker`, `walk`, `bias`: bias instability, rad/s, random walk of the bias, rad/s/√s, and turn-on bias, rad/s.
     """
     errors = TriadErrors(white_sd=_each(WHITE), flicker=_each(flicker), walk_rpsd=_each(walk), bias=_each(bias))
     return _record(scenario("static"), errors, seed, duration)
 
 
 def on_turntable(seed: int, *, scale: float) -> tuple[Record, Record]:
-    """Record the paper's turntable, up to 60 °/s in 100 s and 100 s at that rate, z its axis; and a rest before it.
+    """A rest, and then the paper's turntable: up to 60 °/s in 100 s and 100 s at that rate, z its axis.
 
-    Parameters
-    ----------
-    seed : int
-        Of the noise.
-    scale : float
-        Relative error of the gain.
-
-    Returns
-    -------
-    rest, turn : Record
-        With the bias `BIAS`.
+    Both have the bias `BIAS`; `scale` is the relative error of the gain.
     """
     errors = TriadErrors(white_sd=_each(WHITE), flicker=_each(FLICKER), scale=_each(scale), bias=_each(BIAS))
     rest = at_rest(seed + _OTHER_SEEDS, SAMPLES * STEP, bias=BIAS)
@@ -144,26 +127,17 @@ class _Counting(float):
 
     done = 0
 
-    def _made(self, value: float) -> "_Counting":
-        type(self).done += 1
-        return _Counting(value)
 
-    def __add__(self, other: float) -> "_Counting":
-        return self._made(float(self) + float(other))
+def _counted(name: str) -> Callable[[_Counting, float], _Counting]:
+    def operation(number: _Counting, other: float) -> _Counting:
+        _Counting.done += 1
+        return _Counting(getattr(float, name)(number, float(other)))
 
-    def __sub__(self, other: float) -> "_Counting":
-        return self._made(float(self) - float(other))
+    return operation
 
-    def __rsub__(self, other: float) -> "_Counting":
-        return self._made(float(other) - float(self))
 
-    def __mul__(self, other: float) -> "_Counting":
-        return self._made(float(self) * float(other))
-
-    def __truediv__(self, other: float) -> "_Counting":
-        return self._made(float(self) / float(other))
-
-    __radd__, __rmul__ = __add__, __mul__
+for _name in ("add", "radd", "sub", "rsub", "mul", "rmul", "truediv"):
+    setattr(_Counting, f"__{_name}__", _counted(f"__{_name}__"))
 
 
 def operations() -> int:

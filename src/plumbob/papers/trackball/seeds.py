@@ -25,7 +25,6 @@ from plumbob.papers.trackball.records import (
     SLOPE,
     STEP,
     WALK,
-    RampFilter,
     at_rest,
     contenders,
     on_turntable,
@@ -190,22 +189,12 @@ REMOVED: Final = "bias removed"
 
 
 class OnTurntable(NamedTuple):
-    """Errors of one channel on the turntable, over all seeds.
+    """Errors of one channel on the turntable, over all seeds, rad/s; `name` is a filter's, or `MEASURED` or `REMOVED`.
 
-    Attributes
-    ----------
-    name : str
-        Of the filter, or `MEASURED` or `REMOVED`.
-    ramp_rms, hold_rms, late_rms : float
-        Root mean square while it speeds up, while it holds, and there without the first 5 s, rad/s.
-    ramp_mean, hold_mean : float
-        Mean error, rad/s; negative where the filter is behind.
-    angle : float
-        Largest error of the integrated angle while it speeds up, mean over the seeds, rad.
-    lag : float
-        How far it stays behind what it is given, late on the ramp, rad/s.
-    lag_theory : float
-        The same in theory, once it has settled.
+    `ramp_rms`, `hold_rms`, `late_rms`: root mean square while it speeds up, while it holds, and there without the
+    first 5 s; `ramp_mean`, `hold_mean`: mean, negative where the filter is behind; `angle`: largest error of the
+    integrated angle while it speeds up, mean over the seeds, rad; `lag`, `lag_theory`: how far it stays behind what
+    it is given, late on the ramp, and in theory, once it has settled.
     """
 
     name: str
@@ -220,20 +209,20 @@ class OnTurntable(NamedTuple):
 
 
 def measure_turntable(seeds: Sequence[int], scale: float) -> dict[str, OnTurntable]:
-    """Run the test with each seed; results by name.
-
-    Parameters
-    ----------
-    seeds : sequence of int
-        One run each.
-    scale : float
-        Relative error of the gain.
-    """
+    """Run the test with each seed and a relative error of the gain; results by name."""
     competing = list(contenders())
-    mean = np.mean([_one_run(seed, scale, competing) for seed in seeds], axis=0)
+    figures = []
+    for seed in seeds:  # of the raw rate, of the compensated one, and of every filter after it
+        (t, true, measured), given = _given(seed, scale)
+        after = [given, *(c.smooth(t, given) for c in competing)]
+        figures.append([_figures(measured, true, measured), *(_figures(rate, true, given) for rate in after)])
+    mean = np.mean(figures, axis=0)
     names = [MEASURED, REMOVED, *(c.name for c in competing)]
     lags = [0.0, 0.0, *(SLOPE * STEP * c.lag for c in competing)]
-    return {name: _result(name, row, lag) for name, row, lag in zip(names, mean, lags, strict=True)}
+    return {
+        name: OnTurntable._make([name, *np.sqrt(row[:3]).tolist(), *row[3:].tolist(), lag])
+        for name, row, lag in zip(names, mean, lags, strict=True)
+    }
 
 
 def best_gain(seeds: Sequence[int], gains: Sequence[float]) -> tuple[float, float]:
@@ -256,22 +245,9 @@ def _given(seed: int, scale: float) -> tuple[tuple[Floats, Floats, Floats], Floa
     return (run.t, run.true[:, 2:], run.measured[:, 2:]), given
 
 
-def _one_run(seed: int, scale: float, competing: Sequence[RampFilter]) -> Floats:
-    """Figures (m, 7) of the raw rate, of the compensated one, and of every filter after it."""
-    (t, true, measured), given = _given(seed, scale)
-    after = [given, *(c.smooth(t, given) for c in competing)]
-    return np.array([_figures(measured, true, measured), *(_figures(rate, true, given) for rate in after)])
-
-
 def _figures(rate: Floats, true: Floats, given: Floats) -> Floats:
     ramp, hold = (rate - true)[:SAMPLES], (rate - true)[SAMPLES:]
     angle = np.abs(STEP * np.cumsum(ramp)).max()
     lag = np.mean((given - rate)[SETTLED:SAMPLES])
     squares = [np.mean(part**2) for part in (ramp, hold, hold[HELD:])]
     return np.array([*squares, ramp.mean(), hold.mean(), angle, lag])
-
-
-def _result(name: str, row: Floats, lag: float) -> OnTurntable:
-    ramp, hold, late = np.sqrt(row[:3]).tolist()
-    ramp_mean, hold_mean, angle, measured = row[3:].tolist()
-    return OnTurntable(name, ramp, hold, late, ramp_mean, hold_mean, angle, measured, lag)
