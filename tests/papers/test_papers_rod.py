@@ -7,12 +7,10 @@ import pytest
 
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, g
-from plumbob.papers import rod
 from plumbob.papers.description import ROD
-from plumbob.papers.rod import equations, methods
+from plumbob.papers.rod import comparison, equations, methods
 from plumbob.papers.rod.as_printed import BIAS_WALK, GYRO_NOISE, START, Form, literal, observation, observed, transition
-from plumbob.papers.rod.comparison import budget, compared, mapped, mount_from_gravity, permuted
-from plumbob.papers.rod.page import page
+from plumbob.papers.rod.comparison import budget, compared, mapped, mount_from_gravity, permuted, reference_rms
 from plumbob.papers.workspace import Work
 from plumbob.rotations import quat_angle, quat_from_euler_zyx, quat_from_rotvec, quat_multiply, quat_normalize
 from tests.helpers import slow_as_python
@@ -144,12 +142,12 @@ def test_gravity_finds_a_mounting_and_the_reference_is_as_accurate_as_the_paper_
     assert (
         quat_angle(mount_from_gravity(quat_multiply(turned, off), tilts), quat_normalize(off * [1, -1, -1, -1])) < 1e-9
     )
-    assert rod.reference_rms() == pytest.approx((0.2, 0.03), rel=0.15)  # §3.1
+    assert reference_rms() == pytest.approx((0.2, 0.03), rel=0.15)  # §3.1
 
 
 def test_a_run_through_bytes_is_compared_with_the_reference_and_the_truth(run):
     assert len(run.t) == round(100 * SHORT)
-    found = by_key(rod.chain(run))
+    found = by_key(comparison.system(run)[1])
     assert unmet(found.values()) == {"chain.duration"}  # 20 s instead of 600 s
     assert run.taken.capture.stat().st_size == 56 * len(run.t)
     parts = budget(run, "ekf7")
@@ -163,7 +161,7 @@ def test_a_run_through_bytes_is_compared_with_the_reference_and_the_truth(run):
     assert parts[4].rms == pytest.approx([0.03, 0.03], abs=0.03)  # half of its variance is constant in a run
     expected = np.degrees(np.linalg.norm(run.true_mounting[1:])) * 2.0
     assert 0.0 < parts[5].rms.max() < expected
-    sizes = by_key(rod.through_bytes(run))
+    sizes = by_key(comparison.part(run)[1])
     assert sizes["bytes.ahrs.roll"].met
     assert sizes["bytes.ahrs.pitch"].met
 
@@ -177,23 +175,20 @@ def test_the_same_seed_gives_the_same_bits(table):
 
 
 def test_disturbances_change_what_they_say(one):
-    same, scaled, pushed, _ = methods.DISTURBANCES
-    assert same.on(one.imu, one.truth) is one.imu
-    assert np.abs(scaled.on(one.imu, one.truth).acc - 1.02 * one.imu.acc).max() < 1e-12
+    same, scaled, pushed, _ = methods.DISTURBANCES.values()
+    assert same(one.imu, one.truth) is one.imu
+    assert np.abs(scaled(one.imu, one.truth).acc - 1.02 * one.imu.acc).max() < 1e-12
     long = methods.case(7, 206.0)
-    added = pushed.on(long.imu, long.truth).acc - long.imu.acc
+    added = pushed(long.imu, long.truth).acc - long.imu.acc
     assert np.linalg.norm(added, axis=1)[[19999, 20000, 20499, 20500]] / G0 == pytest.approx(
         [0, 0.05, 0.05, 0], abs=1e-9
     )
 
 
 def test_every_text_of_the_page_has_its_chinese_and_every_item_its_outcome(run, table, one):
-    forms = equations.forms(one)
+    parts = [comparison.system(run), equations.part(1, table, one), comparison.part(run), methods.part(table)]
     limits = [[[0.0] * len(methods.DISTURBED)] * len(methods.DISTURBANCES)]
-    report = page(run, table, limits, forms, equations.grown(one))
+    mounting = ROD.part("mounting", figures=[comparison.exchanged(run)])
+    report = ROD.part("page", parts=[*(part for part, _ in parts), mounting, methods.limits(limits)])
     assert english_alone(report, r"ADIS16355|AHRS500GA|AHRS|Joseph|ekf7|mekf|mahony|vqf|[Pp]lumbob|RS232|SPI") == set()
-    outcomes = [
-        *rod.chain(run), *equations.formulas(1), *equations.misprinted(table), *equations.numerics(forms),
-        *rod.through_bytes(run), *rod.over_seeds(table),
-    ]  # fmt: skip
-    assert named(ROD.items) <= by_key(outcomes).keys()
+    assert named(ROD.items) <= by_key([row for _, rows in parts for row in rows]).keys()

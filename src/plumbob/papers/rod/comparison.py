@@ -7,23 +7,27 @@ less the reference's own, and what the reference sits off its declared place is 
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core import flags
 from plumbob.core.check import Floats
-from plumbob.core.units import to_deg
+from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.data import AttitudeTrack
 from plumbob.door.calibrate import read_track
 from plumbob.door.estimate import estimate
 from plumbob.live.emulated import unit_file
 from plumbob.live.rigs.plan import PLANS
 from plumbob.papers.description import ROD
-from plumbob.papers.rod.methods import SETTLE, tilt_errors
+from plumbob.papers.outcome import Part, at_most
+from plumbob.papers.rod.methods import LIMIT, SETTLE, SHAKEN, tilt_errors
 from plumbob.papers.workspace import Taken, Work
-from plumbob.reporting.style import Both
+from plumbob.protocols.format_toml import device
+from plumbob.reporting.content import Figure
+from plumbob.reporting.style import INK, MUTED, SERIES, SHADE, SOFT, Both
 from plumbob.rotations import (
     euler_zyx_from_quat,
     quat_conjugate,
@@ -32,8 +36,16 @@ from plumbob.rotations import (
     quat_multiply,
     quat_rotate,
     rotvec_from_quat,
+    wrap,
 )
+from plumbob.simulation.presets import draw_module
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
+BASE: Final = 0.61035e-3
+"""Time base of the register SMPL_PRD, s, which the catalogue states in words."""
 SESSION: Final = """
 [imu]
 device = "adis16355 #{seed}"
@@ -47,6 +59,9 @@ unit = "ref"
 RIG: Final[Mapping[str, Any]] = {"unit": "random", "warm_up": "15 K, 120 s", "mount_error": "0.2 deg"}
 """A unit as it left the line, warming up, beside a reference that sits 0.2° (1 sd) about each axis off its place."""
 DOWN: Final = np.array([0.0, 0.0, 1.0])
+_Q_BR: Final = np.array(PLANS["rod"].units[1].q_bs)
+_BLUE, _RED, _GREEN = SERIES[:3]
+_COLUMNS = 900
 
 
 class EstimateLine(NamedTuple):
@@ -92,11 +107,6 @@ class Compared:
         return mapped(self.ahrs)
 
     @property
-    def aligned(self) -> Floats:
-        """The same with the mounting that gravity shows, found against the smoother."""
-        return quat_multiply(self.reference, self.mounting)
-
-    @property
     def mounting(self) -> Floats:
         """Rotation (4,) from the body's axes to those in which the reference says its attitude, found from gravity."""
         return mount_from_gravity(self.reference[self.scored], self.tracks["smoother"][self.scored])
@@ -118,7 +128,7 @@ class Compared:
 
 def mapped(q_nr: Floats) -> Floats:
     """Attitude of the body (N, 4) from that of the reference in its own axes: q_nb = q_nr ⊗ q_rb."""
-    return quat_multiply(q_nr, quat_conjugate(np.array(PLANS["rod"].units[1].q_bs)))
+    return quat_multiply(q_nr, quat_conjugate(_Q_BR))
 
 
 def permuted(q_nr: Floats) -> Floats:
@@ -130,7 +140,7 @@ def permuted(q_nr: Floats) -> Floats:
 def permutation_error(roll: Floats, pitch: Floats, by: Callable[[Floats], Floats] = permuted) -> Floats:
     """Errors of roll and pitch (2, N), °, of exchanged angles, or by another way, at true angles (N,), rad."""
     q_nb = quat_from_euler_zyx(np.stack((np.zeros_like(roll), pitch, roll), axis=-1))
-    q_nr = quat_multiply(q_nb, np.array(PLANS["rod"].units[1].q_bs))
+    q_nr = quat_multiply(q_nb, _Q_BR)
     return tilt_errors(by(q_nr), q_nb)
 
 
@@ -143,11 +153,6 @@ def mount_from_gravity(q_ref: Floats, q_est: Floats) -> Floats:
     u, _, vt = np.linalg.svd(theirs.T @ ours)
     turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
     return np.asarray(quat_from_dcm(turn))
-
-
-def mount_angles(q: Floats) -> Floats:
-    """Angles of a small rotation about the three axes (3,), °."""
-    return np.asarray(to_deg(rotvec_from_quat(q)))
 
 
 def compared(work: Work, duration: float = 600.0) -> Compared:
@@ -182,16 +187,188 @@ class Budget(NamedTuple):
     largest: Floats
     rms: Floats
 
+    @property
+    def cells(self) -> list[str]:
+        """Both, for a table."""
+        return [f"{v:.3f}" for v in (*self.largest, *self.rms)]
+
 
 def budget(run: Compared, key: str) -> list[Budget]:
     """What the paper's difference consists of, for one estimate."""
     truth, q_nb = run.truth.q_nb, run.tracks[key]
     parts = (
         (ROD.text("estimate_ahrs_as_the"), run.errors(q_nb, run.reference)),
-        (ROD.text("estimate_ahrs_axes_aligned"), run.errors(q_nb, run.aligned)),
+        (ROD.text("estimate_ahrs_axes_aligned"), run.errors(q_nb, quat_multiply(run.reference, run.mounting))),
         (ROD.text("estimate_truth"), run.errors(q_nb, truth)),
         (ROD.text("ahrs_truth"), run.errors(run.reference, truth)),
         (ROD.text("it_the_ahrs_itself"), tilt_errors(run.ahrs[run.scored], run.ahrs_true[run.scored])),
         (ROD.text("it_how_it_is"), run.errors(mapped(run.ahrs_true), truth)),
     )
     return [Budget(name, np.abs(e).max(axis=1), np.sqrt((e**2).mean(axis=1))) for name, e in parts]
+
+
+def reference_rms(count: int = 400) -> tuple[float, float]:
+    """Root mean square errors, °, of the heading and of the tilt that the emulated reference gives in runs of 60 s."""
+    errors = draw_module("ahrs500ga", 1).attitude
+    assert errors is not None
+    q_nb = quat_from_euler_zyx(np.tile([0.3, -0.1, 0.2], (60, 1)))
+    every = [wrap(errors.said(q_nb, seed=seed, rate=1.0) - euler_zyx_from_quat(q_nb)) for seed in range(count)]
+    heading, *tilts = to_deg(np.sqrt((np.array(every) ** 2).mean(axis=(0, 1))))
+    return float(heading), float(np.sqrt(np.mean(np.square(tilts))))
+
+
+def system(run: Compared) -> Part:
+    """The measuring system: rates, packets, accuracy of the reference."""
+    reset = next(register.reset for register in device("adis16355").registers if register.name == "SMPL_PRD")
+    assert reset is not None
+    packet = device("ahrs500ga").messages[0]
+    step = float(np.median(np.diff(run.t)))
+    heading, tilt = reference_rms()
+    outcomes = ROD.rows(
+        {
+            "chain.sps": 1.0 / (BASE * (reset + 1)),
+            "ref.heading": heading,
+            "ref.tilt": tilt,
+            "chain.ahrs_rate": 1.0 / step,
+            "chain.packet": float(packet.length),
+            "chain.first": next(field.at for field in packet.fields if field.name == "roll") + 1.0,
+            "chain.synchronous": 100.0 * float(np.isfinite(run.ahrs).all(axis=1).mean()),
+            "chain.step": step,
+            "chain.duration": float(run.t[-1]) + step,
+        }
+    )
+    return ROD.part("system", tables=[ROD.table("chain_and_what")]), outcomes
+
+
+def part(run: Compared) -> Part:
+    """What the paper's comparison gives on the recording, and what it is made of; Figure 6."""
+    faithful, best = budget(run, "ekf7"), budget(run, "smoother")
+    figures: dict[str, float | tuple[float | None, float]] = {}
+    for i, axis in enumerate(("roll", "pitch")):
+        for key, k in (("ahrs", 0), ("truth", 2)):
+            figures[f"bytes.{key}.{axis}"] = float(faithful[k].largest[i]), float(best[k].largest[i])
+    for key in ("accel", "gyro"):
+        figures[f"bytes.{key}"] = float(np.abs(run.errors(run.tracks[key], run.truth.q_nb)).max())
+    for key, k in (("reference", 3), ("own", 4), ("mounted", 5)):
+        own, ours = (100.0 * float((p[k].rms ** 2).sum() / (p[0].rms ** 2).sum()) for p in (faithful, best))
+        figures[f"bytes.share.{key}"] = own, ours
+    outcomes = ROD.rows(figures)
+    true = run.truth.bias_b
+    assert true is not None
+    late = run.t > run.t[-1] - 100.0
+    left, was = (float(to_deg(np.sqrt((bias[late] ** 2).mean()))) for bias in (run.bias - true, true))
+    outcomes.append(ROD.row("bytes.bias", faithful=left, faithful_bar=at_most(was), was=was))
+    rows = []
+    for key, line in LINES.items():
+        parts = budget(run, key)
+        for p in parts[:3] if key in ("ekf7", "mekf", "smoother") else parts[2:3]:
+            rows.append([ROD.text("line_and_part", name=line.name, part_name=p.name), *p.cells])
+    rows += [[p.name, *p.cells] for p in faithful[3:]]
+    estimated, declared = (
+        ", ".join(f"{v:.2f}".replace("-", "−") for v in to_deg(rotvec_from_quat(q)))
+        for q in (run.mounting, run.true_mounting)
+    )
+    draws = {
+        "figure_6": partial(_angles, run, 2),
+        "figure_6_c": partial(_angles, run, 1),
+        "errors_against_the": partial(_errors, run),
+        "differences_to_the": partial(_differences, run),
+        "motion_state_and": partial(_bias, run),
+    }
+    report = ROD.part(
+        "compared",
+        mean=100.0 * run.rest.mean(),
+        estimated=estimated,
+        true=declared,
+        tables=[ROD.table("what_the_paper", rows)],
+        figures=[ROD.figure(key, draw) for key, draw in draws.items()],
+    )
+    return report, outcomes
+
+
+ZOOM: Final = 380.0, 420.0
+"""Window of the enlargements, s: the vibration begins in its middle."""
+CLOSE: Final = 405.5, 409.5
+"""Window in which the lines can be distinguished, s."""
+
+
+def _line(ax: "Axes", t: Floats, y: Floats, jump: float = np.inf, **style: Any) -> None:
+    from plumbob.reporting.drawing import envelope
+
+    ax.plot(*envelope(t, y, _COLUMNS, jump=jump), linewidth=0.8, **style)
+
+
+def _angles(run: Compared, column: int, canvas: "FigureBase") -> None:
+    full, near, close = canvas.subplots(3, 1)
+    lines: tuple[tuple[Floats, dict[str, Any]], ...] = (
+        (run.tracks["accel"], {"color": SOFT}),
+        (run.reference, {"color": INK}),
+        (run.tracks["ekf7"], {"color": _BLUE}),
+        (run.tracks["smoother"], {"color": _GREEN, "linestyle": "--"}),
+    )
+    for ax, window in ((full, (0.0, float(run.t[-1]))), (near, ZOOM), (close, CLOSE)):
+        inside = (run.t >= window[0]) & (run.t <= window[1])
+        for q_nb, style in lines:
+            _line(ax, run.t[inside], to_deg(euler_zyx_from_quat(q_nb[inside])[:, column]), **style)
+        ax.set_xlim(*window)
+        if window[0] <= SHAKEN <= window[1]:
+            ax.axvline(SHAKEN, color=MUTED, linewidth=0.6, linestyle=":")
+    inside = (run.t >= CLOSE[0]) & (run.t <= CLOSE[1])
+    if inside.any():
+        shown = to_deg(euler_zyx_from_quat(run.reference[inside])[:, column])
+        close.set_ylim(float(shown.min()) - 2.0, float(shown.max()) + 2.0)
+
+
+def _pair(ax: "Axes", t: Floats, errors: Floats, most: float | None = None) -> None:
+    for error, colour in zip(errors, (_BLUE, _RED), strict=True):
+        _line(ax, t, error, jump=180.0, color=colour)
+    for limit in (-LIMIT, LIMIT):
+        ax.axhline(limit, color=MUTED, linewidth=0.7, linestyle="--")
+    ax.axvline(SHAKEN, color=MUTED, linewidth=0.6, linestyle=":")
+    ax.set_xlim(0.0, t[-1])
+    if most is not None:
+        ax.set_ylim(-most, most)
+
+
+def _errors(run: Compared, canvas: "FigureBase") -> None:
+    limits = {"accel": None, "gyro": None, "ekf7": 1.4, "smoother": 1.4}
+    for ax, (key, most) in zip(canvas.subplots(len(limits), 1, sharex=True), limits.items(), strict=True):
+        _pair(ax, run.t[run.scored], run.errors(run.tracks[key], run.truth.q_nb), most)
+
+
+def _differences(run: Compared, canvas: "FigureBase") -> None:
+    pairs = (run.tracks["ekf7"], run.reference), (run.reference, run.truth.q_nb)
+    for ax, pair in zip(canvas.subplots(len(pairs), 1, sharex=True), pairs, strict=True):
+        _pair(ax, run.t[run.scored], run.errors(*pair), 1.4)
+
+
+def _bias(run: Compared, canvas: "FigureBase") -> None:
+    from plumbob.reporting.drawing import runs
+
+    assert run.truth.bias_b is not None
+    axes = canvas.subplots(3, 1, sharex=True)
+    rests = runs(run.t, run.rest, _COLUMNS)
+    for i, (ax, axis) in enumerate(zip(axes, "xyz", strict=True)):
+        ax.broken_barh(rests, (0.0, 1.0), transform=ax.get_xaxis_transform(), facecolors=SHADE, linewidth=0, zorder=0)
+        _line(ax, run.t, to_dps(run.truth.bias_b[:, i]), color=SOFT)
+        _line(ax, run.t, to_dps(run.bias[:, i]), color=_BLUE)
+        ax.set_ylabel(ROD.text("bias_s", axis=axis))
+        ax.set_xlim(0.0, run.t[-1])
+        low, high = np.percentile(to_dps(run.bias[run.t > 10.0, i]), (0.5, 99.5))
+        spread = max(high - low, 0.1)
+        ax.set_ylim(low - spread, high + spread)
+
+
+def exchanged(run: Compared) -> Figure:
+    """What exchanging Euler angles costs, by tilt and on the recording."""
+
+    def draw(canvas: "FigureBase") -> None:
+        ax, run_ax = canvas.subplots(1, 2)
+        tilt = np.linspace(0.0, 35.0, 141)
+        by_angles, by_turn = (np.abs(permutation_error(deg(tilt), deg(tilt), by=by)) for by in (permuted, mapped))
+        for error, colour in zip((*by_angles, by_turn.max(axis=0)), (_BLUE, _RED, _GREEN), strict=True):
+            ax.plot(tilt, error, color=colour, linewidth=1.0)
+        ax.axhline(LIMIT, color=MUTED, linewidth=0.7, linestyle="--")
+        _pair(run_ax, run.t, tilt_errors(permuted(run.ahrs_true), mapped(run.ahrs_true)))
+
+    return ROD.figure("exchanged_euler_angles", draw)

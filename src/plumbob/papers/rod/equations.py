@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Final, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from plumbob.core.check import Floats
 from plumbob.core.units import deg, to_deg
 from plumbob.live.rigs.plan import PLANS
 from plumbob.papers.description import ROD
-from plumbob.papers.outcome import Outcome
+from plumbob.papers.outcome import Outcome, Part
 from plumbob.papers.rod import methods
 from plumbob.papers.rod.as_printed import (
     Form,
@@ -23,8 +24,7 @@ from plumbob.papers.rod.as_printed import (
     transition,
 )
 from plumbob.papers.rod.comparison import mapped, permutation_error, permuted
-from plumbob.reporting.content import Table
-from plumbob.reporting.style import Both
+from plumbob.reporting.style import SERIES, Both
 from plumbob.rotations import (
     dcm_from_quat,
     euler_zyx_from_quat,
@@ -36,6 +36,9 @@ from plumbob.rotations import (
     quat_rotate,
 )
 from plumbob.simulation.errors import stream
+
+if TYPE_CHECKING:
+    from matplotlib.figure import FigureBase
 
 ANGLES: Final = 0.3, -0.2, 0.9
 """Roll, pitch and yaw, rad, at which the printed forms are tried."""
@@ -98,88 +101,58 @@ def mapping_error(seed: int, count: int = 1000) -> float:
 
 def formulas(seed: int) -> list[Outcome]:
     """Outcomes of (1) to (8) and (10), of Φ and H, and of the mounting: closed forms, no simulation."""
-    return [*_of_angles(), *_of_gravity(), *_of_matrices(seed), *permutations()]
-
-
-def _of_angles() -> list[Outcome]:
-    """Angles and matrices of a quaternion, (1) to (3), as printed and corrected."""
     roll, pitch, yaw = ANGLES
     q = quat_from_euler_zyx(np.array([yaw, pitch, roll]))
     wrong, mirrored = printed_angles(q), printed_angles(quat_conjugate(q))
     right = np.abs(np.array(euler_zyx_from_quat(q))[::-1] - ANGLES)
     down, euler = dcm_from_quat(q), euler_matrix(roll, pitch, yaw)
-    return [
-        ROD.row("eq.euler", best=float(right.max())),
-        ROD.row("misprint.eq1", faithful=float(wrong[0]), best=roll),
-        ROD.row("misprint.eq2", faithful=float(wrong[1])),
-        ROD.row("misprint.eq3", faithful=float(wrong[2]), best=yaw),
-        ROD.row("misprint.conjugate", faithful=float(mirrored[1]), best=pitch),
-        ROD.row(
-            "misprint.matrices", faithful=float(np.abs(euler - down).max()), best=float(np.abs(euler.T - down).max())
-        ),
-    ]
-
-
-def _of_gravity() -> list[Outcome]:
-    """Angles at rest, (4) to (8), and the turn of (10)."""
-    roll, pitch, yaw = ANGLES
-    g_b = -observed(quat_from_euler_zyx(np.array([yaw, pitch, roll])))
     g170 = -observed(quat_from_euler_zyx(deg(np.array([0.0, 0.0, 170.0]))))
-    atan, atan2 = math.atan(g170[1] / g170[2]), float(level_angles(g170[np.newaxis])[0][0])
+    level = [abs(float(a[0]) - b) for a, b in zip(level_angles(-observed(q)[np.newaxis]), (roll, pitch), strict=True)]
+    atan2 = float(to_deg(level_angles(g170[np.newaxis])[0][0]))
     w = np.array([0.0, deg(54.0), 0.0])
-    return [
-        ROD.row(
-            "eq.level",
-            best=float(
-                max((abs(float(a[0]) - b) for a, b in zip(level_angles(g_b[np.newaxis]), (roll, pitch), strict=True)))
-            ),
-        ),
-        ROD.row("misprint.eq7", faithful=float(to_deg(atan)), best=float(to_deg(atan2))),
-        ROD.row("misprint.eq10", faithful=turn_angle(w, half_angle=False), best=turn_angle(w, half_angle=True)),
-    ]
-
-
-def _of_matrices(seed: int) -> list[Outcome]:
-    """Φ and H against differences, and the mounting."""
     phi, h = worst_jacobians(seed)
-    return [
-        ROD.row("jacobian.phi", faithful=phi),
-        ROD.row("jacobian.h", faithful=h),
-        ROD.row("mapping", best=mapping_error(seed)),
-    ]
-
-
-def permutations() -> list[Outcome]:
-    """What it costs to exchange Euler angles instead, and that the rotation costs nothing."""
-    outcomes = []
-    for roll, pitch in TILTS:
-        at = deg(np.array([roll])), deg(np.array([pitch]))
-        exchanged, rotated = (np.abs(permutation_error(*at, by=by)[:, 0]) for by in (permuted, mapped))
+    outcomes = ROD.rows(
+        {
+            "eq.euler": (None, float(right.max())),
+            "misprint.eq1": (float(wrong[0]), roll),
+            "misprint.eq2": float(wrong[1]),
+            "misprint.eq3": (float(wrong[2]), yaw),
+            "misprint.conjugate": (float(mirrored[1]), pitch),
+            "misprint.matrices": (float(np.abs(euler - down).max()), float(np.abs(euler.T - down).max())),
+            "eq.level": (None, float(max(level))),
+            "misprint.eq7": (float(to_deg(math.atan(g170[1] / g170[2]))), atan2),
+            "misprint.eq10": (turn_angle(w, half_angle=False), turn_angle(w, half_angle=True)),
+            "jacobian.phi": phi,
+            "jacobian.h": h,
+            "mapping": (None, mapping_error(seed)),
+        }
+    )
+    for (
+        roll_deg,
+        pitch_deg,
+    ) in TILTS:  # what it costs to exchange Euler angles instead, and that the rotation costs none
+        at = deg(np.array([[roll_deg], [pitch_deg]]))
+        exchanged, rotated = (np.abs(permutation_error(at[0], at[1], by)[:, 0]) for by in (permuted, mapped))
         for axis, size, residual in zip(("roll", "pitch"), exchanged, rotated, strict=True):
-            outcomes.append(ROD.row(f"exchange.{roll:g}.{pitch:g}.{axis}", faithful=float(size), best=float(residual)))
+            key = f"exchange.{roll_deg:g}.{pitch_deg:g}.{axis}"
+            outcomes.append(ROD.row(key, faithful=float(size), best=float(residual)))
     return outcomes
 
 
 def misprinted(table: methods.MethodScores) -> list[Outcome]:
     """Outcomes of the misprints that only a run shows."""
-    early, late = (float(largest("unpredicted").max()) for largest in (table.early, table.late))
-    lean = float(np.median([score.lean for score in table.scores["upside_down"]]))
-    sane = float(np.median([score.lean for score in table.scores["ekf7"]]))
-    whole_angle = float(table.largest("whole_angle").mean())
-    return [
-        ROD.row("misprint.eq11", faithful=lean, best=sane),
-        ROD.row("misprint.half_angle", faithful=whole_angle, best=float(table.largest("r01").mean())),
-        ROD.row("misprint.prediction.early", faithful=early, best=float(table.early("r01").max())),
-        ROD.row("misprint.prediction.late", faithful=late, best=float(table.late("r01").max())),
-        ROD.row(
-            "misprint.prediction.share", faithful=100.0 * table.share("unpredicted"), best=100.0 * table.share("r01")
-        ),
-        ROD.row(
-            "misprint.normalisation",
-            faithful=float(table.largest("unnormalised").mean()),
-            best=float(table.largest("r03").mean()),
-        ),
-    ]
+    lean, sane = (float(np.median([score.lean for score in table.scores[key]])) for key in ("upside_down", "ekf7"))
+    mean = {key: float(table.largest(key).mean()) for key in ("whole_angle", "r01", "unnormalised", "r03")}
+    return ROD.rows(
+        {
+            "misprint.eq11": (lean, sane),
+            "misprint.half_angle": (mean["whole_angle"], mean["r01"]),
+            "misprint.prediction.early": (float(table.early("unpredicted").max()), float(table.early("r01").max())),
+            "misprint.prediction.late": (float(table.late("unpredicted").max()), float(table.late("r01").max())),
+            "misprint.prediction.share": (100.0 * table.share("unpredicted"), 100.0 * table.share("r01")),
+            "misprint.normalisation": (mean["unnormalised"], mean["r03"]),
+        }
+    )
 
 
 class Grown(NamedTuple):
@@ -248,8 +221,15 @@ def forms(one: methods.Case) -> list[Numerics]:
     return per_form
 
 
-def numerics_table(found: Sequence[Numerics]) -> Table:
-    """Table of forms."""
+def part(seed: int, table: methods.MethodScores, first: methods.Case) -> Part:
+    """The equations: what each misprint does, and how the filter's numerics matter over the first run."""
+    found, growth = forms(first), grown(first)
+    printed, joseph, single, *_ = found  # P does not become singular; form and precision of the update do not matter
+    numerics = {
+        "covariance.least": printed.least,
+        "covariance.joseph": abs(joseph.largest - printed.largest),
+        "covariance.single": abs(single.largest - printed.largest),
+    }
     rows = [
         [
             form.name,
@@ -262,14 +242,22 @@ def numerics_table(found: Sequence[Numerics]) -> Table:
         ]
         for form in found
     ]
-    return ROD.table("p_after_600", rows)
+    report = ROD.part(
+        "equations",
+        tables=[ROD.table("misprints_and_gaps"), ROD.table("p_after_600", rows)],
+        figures=[ROD.figure("p_over_time", partial(_draw_covariance, growth))],
+    )
+    return report, [*formulas(seed), *misprinted(table), *ROD.rows(numerics)]
 
 
-def numerics(found: Sequence[Numerics]) -> list[Outcome]:
-    """Outcomes of the forms: P does not become singular, and form and precision of the update do not matter."""
-    printed, joseph, single, *_ = found
-    return [
-        ROD.row("covariance.least", faithful=printed.least),
-        ROD.row("covariance.joseph", faithful=abs(joseph.largest - printed.largest)),
-        ROD.row("covariance.single", faithful=abs(single.largest - printed.largest)),
-    ]
+def _draw_covariance(growth: Sequence[Grown], canvas: "FigureBase") -> None:
+    angle_ax, length_ax = canvas.subplots(1, 2)
+    t = [step.t for step in growth]
+    angle_ax.loglog(t, [step.heading for step in growth], color=SERIES[1], marker=".", linewidth=1.0)
+    angle_ax.loglog(t, [step.tilt for step in growth], color=SERIES[0], marker=".", linewidth=1.0)
+    length_ax.loglog(t, [step.length for step in growth], color=SERIES[2], marker=".", linewidth=1.0)
+    angle_ax.set_yticks((0.2, 0.5, 1.0, 2.0, 5.0, 10.0), ("0.2", "0.5", "1", "2", "5", "10"))
+    length_ax.set_yticks((5e-4, 1e-3, 2e-3), ("0.0005", "0.001", "0.002"))
+    for ax in (angle_ax, length_ax):
+        ax.set_xticks((3.0, 10.0, 30.0, 100.0, 300.0), ("3", "10", "30", "100", "300"))
+        ax.minorticks_off()

@@ -6,7 +6,7 @@ These runs are simulated without bytes; `plumbob.papers.rod.comparison` has the 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,17 @@ from plumbob.data.cards import NoiseCard
 from plumbob.evaluation.metrics import attitude_errors, euler_errors
 from plumbob.filters.offline import Stage, run_stage
 from plumbob.papers.description import ROD
+from plumbob.papers.outcome import Part
 from plumbob.papers.rod import as_printed as literal
 from plumbob.papers.rod.as_printed import Form
-from plumbob.reporting.style import Both
+from plumbob.reporting.report import Report
+from plumbob.reporting.style import MUTED, SERIES, Both
 from plumbob.rotations import Frame, quat_conjugate, quat_multiply, quat_rotate
 from plumbob.simulation import simulate
 from plumbob.simulation.errors import stream
+
+if TYPE_CHECKING:
+    from matplotlib.figure import FigureBase
 
 TURN_ON: Final = dps(0.2)
 """Standard deviation of the gyroscope's bias at turn-on, rad/s: assumed; the data sheet allows as much for 20 K."""
@@ -253,15 +258,76 @@ def measure(
     return MethodScores(scores, jump_sizes, rested)
 
 
-class UnlistedDisturbance(NamedTuple):
-    """Something that the table's runs do not have."""
+def part(table: MethodScores) -> Part:
+    """The paper's claims over many seeds, with the bars: each sensor alone, both fused, and the switch at rest."""
+    gyro, soft, smooth = (table.largest(key) for key in ("gyro", "ekf7", "smoother"))
+    outcomes = ROD.rows(
+        {
+            "accel.early": float(table.early("accel").max()),
+            "accel.late": min(float(score.late.max()) for score in table.scores["accel"]),
+            "gyro.largest": float(gyro.mean()),
+            "gyro.kept": float(table.largest("gyro_kept").min()),
+            "gyro.beyond": 100.0 * float(np.mean(gyro > 5.0)),
+            "fused.kept": (100.0 * table.pass_rate("ekf7"), 100.0 * table.pass_rate("smoother")),
+            "fused.equations": 100.0 * table.pass_rate("r01"),
+            "fused.causal": (None, 100.0 * table.pass_rate("mekf_card")),
+            **{
+                f"fused.{axis}.{name}": (float(of("ekf7")[i]), float(of("smoother")[i]))
+                for i, axis in enumerate(("roll", "pitch"))
+                for name, of in (("early", table.early), ("late", table.late))
+            },
+            "fused.worst": (float(soft.max()), float(smooth.max())),
+            "fused.rms": (table.rms("ekf7"), table.rms("smoother")),
+            "drift.ratio": (float(np.median(gyro / soft)), float(np.median(gyro / smooth))),
+            "switch.jump": max(table.jumps["ekf7"]),
+            "switch.hard.jump": (max(table.jumps["hard"]), max(table.jumps["ekf7"])),
+            **{
+                f"switch.{key}": (float(table.largest(key).mean()), float(soft.mean()))
+                for key in ("hard", "hard_reset", "narrow", "narrow_reset")
+            },
+        }
+    )
+    cells = {
+        key: [
+            METHODS[key].name,
+            *("{:.2f} / {:.2f}".format(*of(key)) for of in (table.early, table.late)),
+            f"{100.0 * table.share(key):.1f}",
+            f"{table.rms(key):.3f}",
+            f"{table.largest(key).max():.2f}",
+            f"{100.0 * table.pass_rate(key):.0f}",
+        ]
+        for key in table.scores
+    }
+    first = list(cells)[: list(cells).index("unpredicted")]
+    titles = (ROD.text("largest_errors_of_roll"), ROD.text("same_misprints_and_other"))
+    tables = [
+        ROD.table(
+            "methods",
+            [cells[key] for key in keys],
+            title=title,
+            strong=[(i, 0) for i, key in enumerate(keys) if METHODS[key].ours],
+        )
+        for title, keys in zip(titles, (first, [key for key in cells if key not in first]), strict=True)
+    ]
+    jumps = ", ".join(f"{max(table.jumps[key]):.2f}°" for key in ("ekf7", "hard", "hard_reset"))
+    figures = [ROD.figure("largest_error_of", partial(_draw_seeds, table))]
+    return ROD.part("methods", seeds=len(table.rested), jumps=jumps, tables=tables, figures=figures), outcomes
 
-    name: Both
-    on: Callable[[ImuData, AttitudeTrack], ImuData]
+
+def _draw_seeds(table: MethodScores, canvas: "FigureBase") -> None:
+    ax, keys = canvas.subplots(), list(table.scores)[::-1]
+    for row, key in enumerate(keys):
+        largest, colour = table.largest(key), SERIES[2] if METHODS[key].ours else SERIES[0]
+        ax.text(-0.01, row, METHODS[key].name, transform=ax.get_yaxis_transform(), ha="right", va="center")
+        ax.plot(largest, np.full(largest.size, row), "|", color=colour, markersize=6.0)
+    ax.set_yticks(range(len(keys)), [""] * len(keys))
+    ax.axvline(LIMIT, color=MUTED, linewidth=0.7, linestyle="--")
+    ax.set_xscale("log")
+    ax.set_xticks((0.3, 1.0, 3.0, 10.0, 30.0, 100.0), ("0.3", "1", "3", "10", "30", "100"))
 
 
-def _same(imu: ImuData, _: AttitudeTrack) -> ImuData:
-    return imu
+Disturbance = Callable[[ImuData, AttitudeTrack], ImuData]
+"""Something that the table's runs do not have, from samples and the true attitude."""
 
 
 def _scaled(share: float, imu: ImuData, _: AttitudeTrack) -> ImuData:
@@ -277,12 +343,12 @@ def _driven(size: float, length: float, imu: ImuData, truth: AttitudeTrack) -> I
     return imu.corrected(meta=imu.meta, acc=imu.acc + on[:, np.newaxis] * pushed)
 
 
-DISTURBANCES: Final = (
-    UnlistedDisturbance(ROD.text("as_in_the_table"), _same),
-    UnlistedDisturbance(ROD.text("accelerometer_reads_2_too"), partial(_scaled, 0.02)),
-    UnlistedDisturbance(ROD.text("0_05_g_for"), partial(_driven, g(0.05), 5.0)),
-    UnlistedDisturbance(ROD.text("0_1_g_for"), partial(_driven, g(0.1), 10.0)),
-)
+DISTURBANCES: Final[Mapping[Both, Disturbance]] = {
+    ROD.text("as_in_the_table"): lambda imu, _: imu,
+    ROD.text("accelerometer_reads_2_too"): partial(_scaled, 0.02),
+    ROD.text("0_05_g_for"): partial(_driven, g(0.05), 5.0),
+    ROD.text("0_1_g_for"): partial(_driven, g(0.1), 10.0),
+}
 """What papers.md names as the limits of the test: sustained acceleration, and an error of scale."""
 DISTURBED: Final[Mapping[str, Method]] = {
     "r01": METHODS["r01"],
@@ -295,9 +361,20 @@ DISTURBED: Final[Mapping[str, Method]] = {
 """Ways that are tried under them."""
 
 
-def disturbed(one: Case, what: UnlistedDisturbance) -> list[float]:
-    """Largest error of each of `DISTURBED`, °, under a disturbance."""
-    imu = what.on(one.imu, one.truth)
-    soft = run_stage(imu, Stage("ekf7", {}), frame=Frame.NED)
-    changed = Case(imu, one.started, one.truth, one.noise, soft)
-    return [score(imu.t, one_way.way(changed), one.truth.q_nb).largest for one_way in DISTURBED.values()]
+def disturbed(one: Case) -> list[list[float]]:
+    """Largest error of each of `DISTURBED`, °, under each disturbance."""
+    errors = []
+    for change in DISTURBANCES.values():
+        imu = change(one.imu, one.truth)
+        soft = run_stage(imu, Stage("ekf7", {}), frame=Frame.NED)
+        changed = Case(imu, one.started, one.truth, one.noise, soft)
+        errors.append([score(imu.t, way.way(changed), one.truth.q_nb).largest for way in DISTURBED.values()])
+    return errors
+
+
+def limits(errors: Sequence[Sequence[Sequence[float]]]) -> Report:
+    """What `disturbed` gives of each seed, on average."""
+    head = (ROD.text("method"), *DISTURBANCES)
+    mean = np.mean(np.array(errors), axis=0)
+    rows = [[method.name, *(f"{v:.2f}" for v in line)] for method, line in zip(DISTURBED.values(), mean.T, strict=True)]
+    return ROD.part("limits", tables=[ROD.table("largest_error_of", rows, limits=len(errors), head=head)])
