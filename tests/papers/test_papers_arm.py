@@ -12,7 +12,6 @@ from plumbob.arm.array.paper import Scheme
 from plumbob.core.units import dps
 from plumbob.papers import arm as package
 from plumbob.papers.arm import faults, misprints, simulated, tables, teaching
-from plumbob.papers.arm.page import Findings, report
 from plumbob.papers.description import ARM
 from plumbob.papers.workspace import Work
 from tests.helpers.papers import by_key, english_alone
@@ -138,8 +137,8 @@ def test_a_fault_of_one_axis_is_isolated(moving):
 @pytest.fixture(scope="module")
 def through(tmp_path_factory):
     work = Work(tmp_path_factory.mktemp("arm"), 2)
-    runs = {turns: package.through_bytes(work, turns=turns) for turns in (False, True)}
-    return runs, package.broken_at_rest(work)
+    runs = {turns: tables.through_bytes(work, turns=turns) for turns in (False, True)}
+    return runs, faults.broken_at_rest(work)
 
 
 def test_the_runs_through_bytes_are_those_of_the_scheme(through):
@@ -155,7 +154,7 @@ def test_the_runs_through_bytes_are_those_of_the_scheme(through):
 
 
 def test_the_same_seed_gives_the_same_bits(tmp_path, through):
-    again = package.through_bytes(Work(tmp_path, 2), turns=True)
+    again = tables.through_bytes(Work(tmp_path, 2), turns=True)
     assert again.tracks["fuzzy"].tobytes() == through[0][True].tracks["fuzzy"].tobytes()
     assert tables.measured(False, 2)["six"].std.tobytes() == tables.measured(False, 2)["six"].std.tobytes()
 
@@ -173,17 +172,15 @@ def true_teach_in():
 def page(rest, turn, through):
     """All parts from few seeds; the teach-in, which costs 15 s through bytes, from the simulator's truth."""
     runs, broken = through
-    few = {name: faults.watched("dead", "gyr", moving=False, seeds=1) for name in ("gyr", "acc")}
-    return report(
-        Findings(
-            runs, rest, turn, turn, misprints.printed_forms(2, rest, turn), misprints.inference(), misprints.stated(2),
-            {name: tables.recovery(scheme) for name, scheme in tables.RECOVERIES.items()}, tables.designs(2),
-            [broken, package.broken_in_motion(1)], {0.0: faults.Parity(0, np.nan), 0.2: faults.Parity(200, 1.4)},
-            [(moving, name, "dead", one) for moving in (False, True) for name, one in few.items()], true_teach_in(),
-            2, 2, 2,
-        ),
-        seed=1,
-    )  # fmt: skip
+    parts = [
+        misprints.part(2, 1, rest, turn),
+        *(tables.part(turns, stats, runs[turns], 2) for turns, stats in ((False, rest), (True, turn))),
+        tables.source(2),
+        tables.hundred(2, turn),
+        faults.part([broken, faults.broken_in_motion(1)], 2, 1, lambda _: None, duration=60.0),
+        teaching.part(true_teach_in()),
+    ]
+    return package.page(1, [part for part, _ in parts])
 
 
 NAMES = (

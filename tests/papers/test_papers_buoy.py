@@ -9,8 +9,7 @@ from plumbob.core.constants import G0
 from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.papers.buoy import as_printed as literal
 from plumbob.papers.buoy import bench, measured, modules, trials
-from plumbob.papers.buoy.outcomes import FIRST, outcomes
-from plumbob.papers.buoy.page import page
+from plumbob.papers.buoy.page import FIRST, paper
 from plumbob.papers.description import BUOY
 from plumbob.papers.workspace import Work
 from plumbob.rotations import quat_from_euler_zyx, quat_from_rotvec
@@ -128,11 +127,11 @@ def test_the_gate_helps_the_recommended_filter_more_and_no_stroke_tilts_beyond_i
 
 
 def test_a_small_run_is_whole(found):
-    made = by_key(outcomes(found))
+    whole = paper(found, 2)
+    made, report = by_key(whole.outcomes), whole.report
     assert len(made) > 65
     assert unmet(made.values()) == set()
     assert named(BUOY.items) <= made.keys()
-    report = page(found, 2)
     assert english_alone(report, NAMES) == set()
     assert report.page(lang="zh").count("<figure>") >= 6
 

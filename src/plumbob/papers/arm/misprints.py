@@ -1,8 +1,7 @@
 """What the paper prints and means otherwise, each computed as it stands, beside its corrected form."""
 
 import math
-from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -13,7 +12,11 @@ from plumbob.filters.fuzzy_pi import E_END, I_END, SETS, U_END, conclusion, regu
 from plumbob.papers.arm.simulated import AXES, RATE, REST, STATED, TURN, Over, UnitErrors, arm
 from plumbob.papers.arm.tables import PAPER, measured, recovery
 from plumbob.papers.description import ARM
-from plumbob.papers.outcome import Outcome, PrintedForm
+from plumbob.papers.outcome import Outcome, Part, PrintedForm
+from plumbob.reporting.style import SERIES
+
+if TYPE_CHECKING:
+    from matplotlib.figure import FigureBase
 
 _PI: Final = Scheme(set1="pi", sets=1)
 _SUM: Final = Scheme(sum_table=True)
@@ -88,11 +91,6 @@ def inference() -> Inference:
     )
 
 
-def cut_off(gain: float) -> float:
-    """Corner of a complementary filter with a gain K, 1/s: K / 2π, Hz."""
-    return gain / (2.0 * math.pi)
-
-
 def printed_forms(seeds: int, rest: dict[str, Over], turn: dict[str, Over]) -> dict[str, PrintedForm]:
     """Every printed form that is wrong, computed over seeds; `rest` and `turn` are the right ones."""
     schemes = {
@@ -117,26 +115,43 @@ def printed_forms(seeds: int, rest: dict[str, Over], turn: dict[str, Over]) -> d
     }
 
 
-def outcomes(forms: Mapping[str, PrintedForm], read: Inference) -> list[Outcome]:
-    """Outcomes of `printed_forms`, the printed form beside the right one, and of both inferences."""
-    made = [ARM.row(f"misprint.{key}", faithful=form.right, wrong=form.wrong) for key, form in forms.items()]
-    for key, value, right in (
-        ("gain", read.gain, read.gain_product),
-        ("reach", read.reach, U_END),
-        ("apart", read.apart, 0.0),
-    ):
-        made.append(ARM.row(f"inference.{key}", faithful=right, value=value))
-    return made
+def part(seeds: int, seed: int, rest: dict[str, Over], turn: dict[str, Over]) -> Part:
+    """Every printed form beside the right one, of which `rest` and `turn` are; and the stated noise; over seeds."""
+    forms, read, over = printed_forms(seeds, rest, turn), inference(), stated(seeds)
+    schemes = {"pi": _PI, "control": Scheme(set1="pi"), "fuzzy": Scheme()}
+    iron = measured(True, seeds, noise=TURN._replace(iron=1.5), ours=False, schemes=schemes)  # ±1.5 µT in each unit
+    right = {"gain": (read.gain, read.gain_product), "reach": (read.reach, U_END), "apart": (read.apart, 0.0)}
+    outcomes = [
+        *over,
+        *(ARM.row(f"misprint.{key}", faithful=form.right, wrong=form.wrong) for key, form in forms.items()),
+        *(ARM.row(f"inference.{key}", faithful=product, value=area) for key, (area, product) in right.items()),
+        *of_gain(),
+        *ARM.rows({f"once.{axis}": rest["ekf"].std[i] for i, axis in enumerate(AXES)}),  # before PI uses them again
+        *ARM.rows({f"iron.{name}": float(iron[name].std[2]) for name in ("pi", "control")}),
+        *combination(seed),
+    ]
+    rows = [(row.what, f"{row.paper:g}", f"{row.faithful:.2g}", row.reason or "") for row in over]
+
+    def draw(canvas: "FigureBase") -> None:
+        ax = canvas.subplots()
+        ax.plot(read.e, read.product, color=SERIES[0], linewidth=1.2)
+        ax.plot(read.e, read.mamdani, color=SERIES[1], linewidth=1.2, linestyle="--")
+
+    report = ARM.part(
+        "misprints",
+        read=read,
+        tables=[ARM.table("printed_forms_computed", forms=forms), ARM.table("table_1_with", rows)],
+        figures=[ARM.figure("correction_by_the", draw)],
+    )
+    return report, outcomes
 
 
 def of_gain() -> list[Outcome]:
-    """Outcomes of K, its corner, and the sampling interval."""
-    human, step = 15.0, 1.0 / RATE
-    return [
-        ARM.row("gain.corner", faithful=cut_off(0.8), step=1.0 / (1.0 + 2.0 * math.pi * human * step)),
-        ARM.row("gain.needed", faithful=2.0 * math.pi * human),
-        ARM.row("gain.nyquist", faithful=0.5 * RATE),
-    ]
+    """Outcomes of K, its corner K / 2π, Hz, and the sampling interval."""
+    human = 15.0
+    share = 1.0 / (1.0 + 2.0 * math.pi * human / RATE)
+    figures = {"gain.corner": 0.8 / (2.0 * math.pi), "gain.needed": 2.0 * math.pi * human, "gain.nyquist": 0.5 * RATE}
+    return ARM.rows(figures, step=share)
 
 
 def stated(seeds: int) -> list[Outcome]:
@@ -147,18 +162,6 @@ def stated(seeds: int) -> list[Outcome]:
         value, best = mean(over[name]), mean(over["six"]) if name == "fuzzy" else None
         made.append(ARM.row(f"stated.{name}", faithful=value, best=best, value=float(np.mean(printed)) / value))
     return made
-
-
-def once(rest: dict[str, Over]) -> list[Outcome]:
-    """Outcomes of one set with the EKF alone: PI before it uses the same measurements a second time."""
-    return [ARM.row(f"once.{axis}", faithful=rest["ekf"].std[i]) for i, axis in enumerate(AXES)]
-
-
-def iron(seeds: int) -> list[Outcome]:
-    """Outcomes of Table 2's yaw with a hard iron of ±1.5 µT in each unit."""
-    schemes = {"pi": _PI, "control": Scheme(set1="pi"), "fuzzy": Scheme()}
-    over = measured(True, seeds, noise=TURN._replace(iron=1.5), ours=False, schemes=schemes)
-    return [ARM.row(f"iron.{name}", faithful=float(over[name].std[2])) for name in ("pi", "control")]
 
 
 def combination(seed: int = 1) -> list[Outcome]:
@@ -172,8 +175,5 @@ def combination(seed: int = 1) -> list[Outcome]:
     single = (plus.mean(axis=0) - true)[0]
     noise = 0.5 * (plus - raw).std(axis=0).mean() / plus.std(axis=0).mean()
     cosine = np.corrcoef((0.5 * (plus + raw))[:, 2], np.sin(array.t))[0, 1]
-    return [
-        ARM.row("pair.bias", faithful=float(to_dps(np.abs(residual).max())), single=to_dps(single)),
-        ARM.row("pair.noise", faithful=float(noise)),
-        ARM.row("pair.parity", faithful=float(abs(cosine))),
-    ]
+    figures = {"pair.bias": float(to_dps(np.abs(residual).max())), "pair.noise": float(noise)}
+    return ARM.rows({**figures, "pair.parity": float(abs(cosine))}, single=to_dps(single))

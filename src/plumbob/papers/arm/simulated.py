@@ -5,7 +5,7 @@ paper states, 0.1 °/h, 0.1 mg and 50 nT, which gives nothing like its tables.
 """
 
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,13 @@ from plumbob.rotations import (
     quat_multiply,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 AXES: Final = ("roll", "pitch", "yaw")
 MOUNTS: Final = PRESETS["arm"]
+ALL: Final = 'units = "all"\n'
+"""What a session of the rig says of its units."""
 PAIR: Final = ("u1", "u4")
 """One unit of each set, on +x and −x."""
 RATE: Final = 10.0
@@ -96,18 +101,10 @@ def felt(q_nb: Floats, rate_b: Floats) -> dict[str, Floats]:
 
 
 def arm(seed: int, *, turns: bool, rate: float = RATE, noise: UnitErrors | None = None) -> tuple[ImuArray, Floats]:
-    """The paper's array for 30 s, and the true attitude (N, 4) of its body in NED.
+    """The paper's array for 30 s, in the turn of −90° or at rest, and the true attitude (N, 4) of its body in NED.
 
-    Parameters
-    ----------
-    seed : int
-        Of the errors of all units.
-    turns : bool
-        In the turn of −90°; otherwise at rest.
-    rate : float
-        Samples in a second. The scatter of a sample is that of 10 Hz.
-    noise : UnitErrors, optional
-        Errors of the units; by default those assumed in the turn, or at rest.
+    At every rate, Hz, the scatter of a sample is that of 10 Hz; `noise` is by default that assumed in the turn, or at
+    rest.
     """
     rng, noise = np.random.default_rng([seed, turns]), noise or assumed_noise(turns)
     t = np.arange(round(DURATION * rate)) / rate
@@ -166,3 +163,9 @@ def over_seeds(runs: list[Floats]) -> Over:
     std, span, rms = rows[:, 0], rows[:, 1], rows[:, 2]
     error = std.std(axis=0) / np.sqrt(len(runs))
     return Over(std.mean(axis=0), span.mean(axis=0), np.sqrt(np.mean(rms**2, axis=0)), error)
+
+
+def time_axis(ax: "Axes", t: Floats) -> None:
+    """Time below a figure."""
+    ax.set_xlim(float(t[0]), float(np.ceil(t[-1])))
+    ax.set_xlabel("time [s]")

@@ -20,19 +20,19 @@ from plumbob.core.units import deg, to_deg
 from plumbob.data.chain import Chain
 from plumbob.data.chain_toml import load_chain
 from plumbob.door.reading import read_array
+from plumbob.papers.arm.simulated import ALL
 from plumbob.papers.description import ARM
-from plumbob.papers.outcome import Outcome
+from plumbob.papers.outcome import Part
 from plumbob.papers.workspace import Work
-from plumbob.reporting.report import Report
 from plumbob.reporting.style import INK, SERIES, SOFT
 from plumbob.rotations import quat_conjugate, quat_multiply, rotvec_from_quat, wrap
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
 WORLD: Final = {"mount_angle": "5 deg", "mount_shift": "2 cm", "bend": "20 uT"}
 """Units sit up to 5° and 2 cm from where the chain says, in a field that iron bends."""
-ALL: Final = 'units = "all"\n'
 _INSTANT: Final = {"mean_rate": False}  # a frame of the rig has the rate at its time
 _HELD: Final = deg(0.5)
 _DASHES: Final = (0.0, (5.0, 5.0))  # long enough to tell a line from the one below
@@ -75,15 +75,7 @@ class Taught:
 
 
 def teach(work: Work, *, duration: float | None = None) -> Taught:
-    """Align the units on one recording, estimate another one, export its program, and replay it.
-
-    Parameters
-    ----------
-    work : Work
-        Where its files go.
-    duration : float, optional
-        Of both recordings, s; by default the rig's 60.
-    """
+    """Align the units on one recording of `duration`, s, estimate another one, export its program, and replay it."""
     how: dict[str, Any] = {"session": ALL, "set": WORLD, "unit": "calibrated", "duration": duration}
     first = work.recorded("teach", "align", scenario="calibration", **how)
     take = work.recorded("teach", "teach", **how)
@@ -123,9 +115,10 @@ def _mount_rms(chain: Chain, other: Chain) -> float:
     return float(to_deg(np.sqrt(np.mean(np.sum(np.square(turns), axis=1)))))
 
 
-def outcomes(done: Taught) -> list[Outcome]:
-    """Outcomes of the teach-in."""
-    errors, hand = done.errors_deg, done.hand_away
+def part(done: Taught) -> Part:
+    """The teach-in as a part of the page."""
+    names, errors, hand = done.program.names, done.errors_deg, done.hand_away
+    angles = to_deg(done.true.angles)
     values = {
         "mounts": done.mounts_deg[1],
         "angles.rms": float(np.sqrt(np.mean(errors**2))),
@@ -137,82 +130,63 @@ def outcomes(done: Taught) -> list[Outcome]:
         "stops": float(len(done.program.stops)),
         "replay": 1e3 * done.residual,
     }
-    return [ARM.row(f"teach.{key}", best=value) for key, value in values.items()]
-
-
-def part(done: Taught) -> Report:
-    """The teach-in as a part of the page."""
-    names, errors = done.program.names, done.errors_deg
-    angles = to_deg(done.true.angles)
-    rows = [
-        (
-            name,
-            f"{angles[:, k].min():.1f}",
-            f"{angles[:, k].max():.1f}",
-            f"{np.sqrt(np.mean(errors[:, k] ** 2)):.2f}",
-            f"{np.abs(errors[:, k]).max():.2f}",
-        )
-        for k, name in enumerate(names)
-    ]
-    files = ", ".join(path.name for path in done.files)
+    rows = []
+    for k, name in enumerate(names):
+        span = f"{angles[:, k].min():.1f}", f"{angles[:, k].max():.1f}"
+        error = errors[:, k]
+        rows.append((name, *span, f"{np.sqrt(np.mean(error**2)):.2f}", f"{np.abs(error).max():.2f}"))
     truth, estimate, program = ARM.text("truth"), ARM.text("estimate"), ARM.text("program")
     key = [(truth, SOFT, "solid"), (estimate, SERIES[0], "solid"), (program, SERIES[1], "dashed")]
-    return ARM.part(
+    by_joint = [*((name, SERIES[k], "solid") for k, name in enumerate(names)), (ARM.text("hand"), INK, "solid")]
+    caption, shadow = ARM.text("motion_of_the_machine"), done.true.angles
+    report = ARM.part(
         "teaching",
         mounts_deg=done.mounts_deg[0],
         done_mounts_deg=done.mounts_deg[1],
-        files=files,
+        files=", ".join(path.name for path in done.files),
         tables=[ARM.table("joint_angles", rows)],
         figures=[
             ARM.figure("joint_angles_over", partial(_draw_angles, done), lines=key),
             ARM.figure("position_of_the", partial(_draw_hand, done), lines=key),
-            ARM.figure(
-                "errors_of_the",
-                partial(_draw_errors, done),
-                lines=[*((name, SERIES[k], "solid") for k, name in enumerate(names)), (ARM.text("hand"), INK, "solid")],
-            ),
+            ARM.figure("errors_of_the", partial(_draw_errors, done), lines=by_joint),
         ],
-        scenes=[
-            stick_figure(
-                done.chain,
-                done.joints.t,
-                done.joints.angles,
-                shadow=done.true.angles,
-                caption=ARM.text("motion_of_the_machine"),
-            )
-        ],
+        scenes=[stick_figure(done.chain, done.joints.t, done.joints.angles, shadow=shadow, caption=caption)],
     )
+    return report, ARM.rows({f"teach.{name}": (None, value) for name, value in values.items()})
+
+
+_EVERY: Final = slice(None, None, 6)
 
 
 def _draw_angles(done: Taught, canvas: "FigureBase") -> None:
     panels = canvas.subplots(len(done.program.names), 1, sharex=True)
     for k, (ax, name) in enumerate(zip(panels, done.program.names, strict=True)):
-        every = slice(None, None, 6)
-        ax.plot(done.true.t[every], to_deg(done.true.angles[every, k]), color=SOFT, linewidth=2.6)
-        ax.plot(done.joints.t[every], to_deg(done.joints.angles[every, k]), color=SERIES[0], linewidth=0.9)
-        recorded = np.asarray(done.program.recorded)[every]
-        ax.plot(recorded, to_deg(done.program.angles[every, k]), color=SERIES[1], linewidth=1.0, linestyle=_DASHES)
+        true, own, program = (to_deg(of.angles[_EVERY, k]) for of in (done.true, done.joints, done.program))
+        _three(ax, done, true, own, np.asarray(done.program.recorded), program)
         ax.set_ylabel(f"{name} [°]")
     panels[-1].set_xlabel("time [s]")
 
 
 def _draw_hand(done: Taught, canvas: "FigureBase") -> None:
-    panels, every = canvas.subplots(3, 1, sharex=True), slice(None, None, 6)
+    panels = canvas.subplots(3, 1, sharex=True)
     assert done.joints.hand is not None
     assert done.true.hand is not None
     for k, ax in enumerate(panels):
-        ax.plot(done.true.t[every], done.true.hand[every, k], color=SOFT, linewidth=2.6)
-        ax.plot(done.joints.t[every], done.joints.hand[every, k], color=SERIES[0], linewidth=0.9)
-        ax.plot(
-            done.model.recorded[every], done.model.hand[every, k], color=SERIES[1], linewidth=1.0, linestyle=_DASHES
-        )
+        true, own, program = (hand[_EVERY, k] for hand in (done.true.hand, done.joints.hand, done.model.hand))
+        _three(ax, done, true, own, done.model.recorded, program)
         ax.set_ylabel(f"{'xyz'[k]} [m]")
     panels[-1].set_xlabel("time [s]")
 
 
+def _three(ax: "Axes", done: Taught, true: Floats, own: Floats, recorded: Floats, program: Floats) -> None:
+    """Truth, estimate, and the program at its recorded times (N,)."""
+    ax.plot(done.true.t[_EVERY], true, color=SOFT, linewidth=2.6)
+    ax.plot(done.joints.t[_EVERY], own, color=SERIES[0], linewidth=0.9)
+    ax.plot(recorded[_EVERY], program, color=SERIES[1], linewidth=1.0, linestyle=_DASHES)
+
+
 def _draw_errors(done: Taught, canvas: "FigureBase") -> None:
     ax, hand = canvas.subplots(2, 1, sharex=True)
-    every = slice(None, None, 6)
     for k in range(len(done.program.names)):
-        ax.plot(done.joints.t[every], done.errors_deg[every, k], color=SERIES[k], linewidth=0.9)
-    hand.plot(done.joints.t[every], 1e3 * done.hand_away[every], color=INK, linewidth=0.9)
+        ax.plot(done.joints.t[_EVERY], done.errors_deg[_EVERY, k], color=SERIES[k], linewidth=0.9)
+    hand.plot(done.joints.t[_EVERY], 1e3 * done.hand_away[_EVERY], color=INK, linewidth=0.9)

@@ -19,8 +19,7 @@ from plumbob.papers.buoy.modules import (
     measure_degenerate,
     measure_ring,
 )
-from plumbob.papers.buoy.outcomes import KPS, SCANNED, Results, outcomes
-from plumbob.papers.buoy.page import page
+from plumbob.papers.buoy.page import KPS, SCANNED, Results, paper
 from plumbob.papers.outcome import Paper
 from plumbob.papers.workspace import Work
 
@@ -52,8 +51,7 @@ ROWS: Final[Mapping[str, CaptureRow]] = {
 
 def run(work: Work) -> Paper:
     """Run the paper."""
-    results = measured(work)
-    return Paper(report=page(results, work.seed), outcomes=outcomes(results))
+    return paper(measured(work), work.seed)
 
 
 def measured(

@@ -4,13 +4,13 @@ Every step emulates a rig into bytes, records these by a session, and goes on fr
 """
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from plumbob.calibration.predicted import filled
 from plumbob.core.check import Floats
+from plumbob.core.errors import MissingExtraError
 from plumbob.core.time import to_s
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import CalibrationCard
@@ -78,16 +78,11 @@ def calibrated(work: Work) -> CalibratedUnit:
     still = capture[: int(np.searchsorted(capture.t, capture.t[0] + 2.5))]
     best = best_card(capture, recorded_samples(raised.recording))
     best.save(work.folder / CARD, overwrite=True)
-    step = mag_step(capture)
+    assert isinstance(capture.meta.mag_range, float)
+    step = capture.meta.mag_range / 2048.0  # the rig's HMC5983 has 2048 counts to its range
     return CalibratedUnit(
         np.rint(mag / step), mag, step, int(np.count_nonzero(filled(acc))), paper_card(capture, still), best, still
     )
-
-
-def mag_step(imu: ImuData) -> float:
-    """Step of the magnetometer's scale, µT: the rig's HMC5983 has 2048 counts to its range."""
-    assert isinstance(imu.meta.mag_range, float)
-    return imu.meta.mag_range / 2048.0
 
 
 def ring(work: Work, unit: CalibratedUnit) -> tuple[StaticTest, StaticTest]:
@@ -133,22 +128,11 @@ def slides(work: Work, unit: CalibratedUnit) -> dict[tuple[float, float], Slid]:
 class Sailed(NamedTuple):
     """A time at sea.
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        Times, s.
-    truth, live : AttitudeTrack
-        True attitude, and that of the filter while it was recorded.
-    errors : mapping of str to ndarray (N, 3)
-        Of yaw, pitch and roll, deg, by estimator.
-    equal : bool
-        Whether a replay of the bytes gives the live attitude again, to the bit.
-    lines : int
-        Lines of attitude that went out at 20 Hz.
-    overview : Overview
-        Its report, by the filter that reports have: tilt by burst, quality flags.
-    page : bool
-        Whether the report's page could be written: the pages of Plumbob may not be built here.
+    `t` (N,): times, s; `truth`, `live`: true attitude, and that of the filter while it was recorded; `errors` (N, 3):
+    of yaw, pitch and roll, deg, by estimator; `equal`: whether a replay of the bytes gives the live attitude again, to
+    the bit; `lines`: lines of attitude that went out at 20 Hz; `overview`: its report, by the filter that reports
+    have: tilt by burst, quality flags; `page`: whether its page could be written: the pages of Plumbob may not be
+    built here.
     """
 
     t: Floats
@@ -174,18 +158,12 @@ def sail(work: Work, unit: CalibratedUnit, contenders: Mapping[str, Contender], 
     errors = {name: errors_deg(_estimated(method, imu, unit).q_nb, truth.q_nb) for name, method in contenders.items()}
     lines = sum(not line.startswith("#") for line in text.read_text(encoding="utf-8").splitlines())
     overview = report(taken.recording, burst=BURST)
-    page = _written(overview, work.folder / REPORT)
-    return Sailed(imu.t, truth, again.track, errors, again.comparison.equal, lines, overview, page)
-
-
-def _written(overview: Overview, path: Path) -> bool:
-    from plumbob.core.errors import MissingExtraError
-
     try:
-        overview.write_html(path, overwrite=True)
+        overview.write_html(work.folder / REPORT, overwrite=True)
+        page = True
     except MissingExtraError:
-        return False
-    return True
+        page = False
+    return Sailed(imu.t, truth, again.track, errors, again.comparison.equal, lines, overview, page)
 
 
 def _estimated(contender: Contender, imu: ImuData, unit: CalibratedUnit) -> AttitudeTrack:
@@ -206,30 +184,12 @@ _SLIDE: Final = {"peak_speed": 2.0, "stroke": 0.4}
 class Device(NamedTuple):
     """What the program did on the slide of 2 m/s and 0.4 s with the paper's card.
 
-    Attributes
-    ----------
-    rates : mapping of str to float
-        Events served per second, by task, Hz.
-    missed : mapping of str to int
-        Events that were not served.
-    latest : mapping of str to float
-        How late the latest call began, s.
-    idle : float
-        Share of the time in which the processor sleeps.
-    waiting : mapping of str to int
-        Events missed where the loop waits for the line and for the Flash chip.
-    calls : mapping of str to (ndarray, ndarray)
-        Begin and end of each call, s.
-    roll, pitch : float
-        Largest errors of what went out at 20 Hz, deg.
-    frames, junk : int
-        Frames on the wire, and bytes between them.
-    stored : int
-        Records that the log's image gives back.
-    same : bool
-        Whether these are the frames that went out, to the bit.
-    years : float
-        Until each sector of the log was erased 100 000 times, at 20 Hz.
+    By task: `rates`: events served per second, Hz; `missed`: events that were not served; `latest`: how late the
+    latest call began, s; `waiting`: events missed where the loop waits for the line and for the Flash chip; `calls`:
+    begin and end of each call, s. `idle`: share of the time in which the processor sleeps; `roll`, `pitch`: largest
+    errors of what went out at 20 Hz, deg; `frames`, `junk`: frames on the wire, and bytes between them; `stored`,
+    `same`: records that the log's image gives back, and whether these are the frames that went out, to the bit;
+    `years`: until each sector of the log was erased 100 000 times, at 20 Hz.
     """
 
     rates: dict[str, float]

@@ -9,7 +9,6 @@ yaw and 0.2° in pitch and roll, as the paper's. These modules are simulated dir
 """
 
 import math
-from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
@@ -100,12 +99,7 @@ Fit = Callable[[Floats, Floats], Pair | None]
 def paper_fit(vectors: Floats, size: float | None) -> Linear | None:
     """Calibration by the paper's six parameters [Yu2018] (8) to (14), without a look at what it was given.
 
-    Parameters
-    ----------
-    vectors : ndarray (N, 3)
-        Readings in N attitudes.
-    size : float or None
-        Length of what was measured; None keeps the sensor's own scale.
+    `vectors` (N, 3): readings in N attitudes; `size`: length of what was measured, None keeps the sensor's own scale.
     """
     fit = fit_axes(vectors)
     return fit and Linear((size or mean_radius(fit.shape)) * fit.shape, fit.centre)
@@ -226,16 +220,9 @@ def applied(card: Linear | TriadCalibration, vectors: Floats) -> Floats:
 
 
 def largest(acc: Floats, mag: Floats, truth: Floats, wrong: Floats | float = 0.0) -> tuple[float, float, float]:
-    """Largest errors of yaw, pitch and roll by tilt and compass, against a reference that is wrong, rad.
+    """Largest errors of yaw, pitch and roll by tilt and compass, against a reference that is wrong by `wrong`, rad.
 
-    Parameters
-    ----------
-    acc, mag : ndarray (N, 3)
-        Specific force, m/s², and field, µT, or both of any size.
-    truth : ndarray (N, 4)
-        True attitudes, NED.
-    wrong : ndarray (N, 3)
-        Errors of the reference.
+    `acc`, `mag` (N, 3): specific force and field, of any size; `truth` (N, 4): true attitudes, NED.
     """
     looks = ImuData(t=np.arange(float(len(acc))), acc=acc, mag=mag)
     shown = Filter("tilt_compass", frame=Frame.NED).process(looks).q_nb
@@ -304,29 +291,22 @@ class Refused(NamedTuple):
 def measure_degenerate(name: str, seeds: Sequence[int]) -> Refused:
     """Offer a capture of `DEGENERATE` to Plumbob and to the paper's fit, once for each seed."""
     right, parameters = DEGENERATE[name]
-    verdicts: Counter[str] = Counter()
-    yaws = []
+    rightly, yaws = 0, []
     for seed in seeds:
         rng = np.random.default_rng(seed)
         unit = draw_unit(0.0, rng)
         plan = scenario(**parameters)  # type: ignore[arg-type]
         t = np.arange(round(plan.duration * _RATE)) / _RATE
         acc, mag = read_both(unit, plan.motion(rng, plan.duration).truth(t).q_nb, rng)
-        verdicts[_judged(acc, mag)] += 1
+        try:
+            fit_mag(mag, acc=acc)
+        except CaptureRefusedError as refused:
+            rightly += refused.reasons[0].kind == right
         some = slice(0, None, len(t) // 36)  # of two turns, eighteen readings in each
         yaws.append(_paper_yaw(unit, acc[some][:18], mag[some][:18], rng))
     errors = [yaw for yaw in yaws if yaw is not None]
     count = len(seeds)
-    return Refused(verdicts[right] / count, 1.0 - len(errors) / count, float(np.median(errors)) if errors else math.nan)
-
-
-def _judged(acc: Floats, mag: Floats) -> str:
-    """What becomes of a capture: the kind of the first reason, or the grade."""
-    try:
-        fit = fit_mag(mag, acc=acc).calibration
-    except CaptureRefusedError as refused:
-        return refused.reasons[0].kind
-    return f"accepted as {fit.quality and fit.quality.grade}"
+    return Refused(rightly / count, 1.0 - len(errors) / count, float(np.median(errors)) if errors else math.nan)
 
 
 def _paper_yaw(unit: ModuleErrors, acc: Floats, mag: Floats, rng: np.random.Generator) -> float | None:

@@ -32,12 +32,8 @@ ANGLES: Final = ("yaw", "pitch", "roll")
 class StaticTest(Reported):
     """Result of a static test of M rests.
 
-    Attributes
-    ----------
-    spans : ndarray (M, 2)
-        Beginning and end of each rest, s.
-    before, after : Evaluation
-        Tilt and compass of the means of each rest, as measured and calibrated; one sample per rest.
+    `spans` (M, 2): beginning and end of each rest, s; `before`, `after`: tilt and compass of the means of each rest, as
+    measured and calibrated, one sample per rest.
     """
 
     spans: Floats
@@ -68,11 +64,11 @@ class StaticTest(Reported):
 
     def as_dict(self) -> dict[str, Any]:
         """Ready for JSON: degrees and seconds; None where there is no figure."""
-        rows = zip(self.spans.tolist(), self.reference, self.errors("before"), self.errors("after"), strict=True)
+        columns = {"reference_deg": self.reference} | {f"{e}_deg": self.errors(e) for e in ("before", "after")}
         return {
             "rests": [
-                {"from_s": first, "to_s": last, "reference_deg": _degrees(ref), **_pair(before, after)}
-                for (first, last), ref, before, after in rows
+                {"from_s": first, "to_s": last, **{name: _degrees(angles[i]) for name, angles in columns.items()}}
+                for i, (first, last) in enumerate(self.spans.tolist())
             ],
             "summary": self._summary(),
             "remarks": list(self.remarks),
@@ -126,10 +122,6 @@ def _degrees(angles: Floats) -> dict[str, float | None]:
     return {n: to_deg(a) if math.isfinite(a) else None for n, a in zip(ANGLES, angles.tolist(), strict=True)}
 
 
-def _pair(before: Floats, after: Floats) -> dict[str, dict[str, float | None]]:
-    return {"before_deg": _degrees(before), "after_deg": _degrees(after)}
-
-
 FEWEST: Final = 2
 """Rests that make a test: one alone shows no difference between headings."""
 
@@ -171,7 +163,14 @@ def static_test(
     means = [_mean_attitude(reference, *span) for span in spans]
     covered = [i for i, mean in enumerate(means) if mean is not None]
     if len(covered) < FEWEST:
-        raise CaptureRefusedError(_too_few(len(rests), len(covered)))
+        raise CaptureRefusedError(
+            Reason(
+                "too-few",
+                f"The unit was at rest {len(rests)} times, {len(covered)} of them while the reference has an attitude; "
+                f"a static test needs {FEWEST} at least.",
+                "Let the unit rest for some seconds in each pose, and let both recordings have one time line.",
+            )
+        )
     poses, spans = [rests[i] for i in covered], spans[covered]
     truth = AttitudeTrack(
         t=spans.mean(axis=1),
@@ -198,15 +197,6 @@ def _mean_attitude(track: AttitudeTrack, first: float, last: float) -> Floats | 
     """Mean attitude of a track over a time, (4,), or None where it has none."""
     q = track.q_nb[(track.t >= first) & (track.t <= last)]
     return quat_mean(q) if np.isfinite(q).all(axis=1).any() else None
-
-
-def _too_few(rests: int, covered: int) -> Reason:
-    return Reason(
-        "too-few",
-        f"The unit was at rest {rests} times, {covered} of them while the reference has an attitude; a static test "
-        f"needs {FEWEST} at least.",
-        "Let the unit rest for some seconds in each pose, and let both recordings have one time line.",
-    )
 
 
 _BEFORE, _AFTER = SERIES[1], SERIES[0]

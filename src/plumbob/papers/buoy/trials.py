@@ -42,11 +42,6 @@ class Contender(NamedTuple):
     params: Mapping[str, Any]
     paper: bool = False
 
-    @property
-    def stage(self) -> Stage:
-        """What runs."""
-        return Stage(self.filter, self.params)
-
 
 NO_GATE: Final = Contender("mahony", {"gate": "off"}, paper=True)
 GATED: Final = Contender("mahony", {}, paper=True)
@@ -84,20 +79,7 @@ def region_readings(capture: ImuData) -> tuple[Floats, Floats]:
 
 
 def paper_card(capture: ImuData, still: ImuData) -> CalibrationCard:
-    """Card as the paper finds it: eq. (13) on one reading for each region, and the mean of the rates at rest.
-
-    Parameters
-    ----------
-    capture : ImuData
-        Eighteen poses.
-    still : ImuData
-        The unit at rest, of the start.
-
-    Raises
-    ------
-    CalibrationError
-        If the fit gives no ellipsoid.
-    """
+    """Card as the paper finds it: eq. (13) on one reading for each of 18 poses, and the mean of the rates at rest."""
     fit = by_paper(*region_readings(capture))
     if fit is None:
         raise CalibrationError("the paper's fit gives no ellipsoid. Turn the unit to all faces and edges.")
@@ -140,7 +122,7 @@ def errors_deg(q_nb: Floats, truth: Floats) -> Floats:
 def estimated(one: Contender, made: Simulation, seed: int) -> Floats:
     """Errors (N, 3) of yaw, pitch and roll, deg, of a contender on a unit's samples with its card."""
     imu = apply_card(cards(seed)[0 if one.paper else 1], made.imu)
-    return errors_deg(run_stage(imu, one.stage, frame=Frame.NED).q_nb, made.truth.q_nb)
+    return errors_deg(run_stage(imu, Stage(one.filter, one.params), frame=Frame.NED).q_nb, made.truth.q_nb)
 
 
 def slide(speed: float, stroke: float, seeds: Sequence[int]) -> dict[str, Floats]:
