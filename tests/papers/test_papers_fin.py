@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from plumbob.papers import fin
-from plumbob.papers.fin import algorithm, attitude, chain, estimation, experiment, records
+from plumbob.papers.fin import algorithm, attitude, estimation, experiment, records
 from plumbob.papers.workspace import Work
 from plumbob.simulation import simulate
 from tests.helpers.papers import FIN_SYMBOLS, by_key, english_alone, unmet
@@ -45,7 +45,7 @@ def test_the_integrals_of_the_spectra_and_the_slopes_of_rounding():
     assert algorithm.white_integral(1e3, 2) == pytest.approx(math.pi / 4.0, rel=1e-3)
     growth = algorithm.white_integral(1e4, 1) - algorithm.white_integral(1e3, 1)
     assert growth == pytest.approx(0.375 * math.log(10.0), rel=1e-3)
-    assert algorithm.flicker_integral(1e3) == pytest.approx(math.log(2.0), rel=1e-4)
+    assert algorithm.white_integral(1e3, 3) == pytest.approx(math.log(2.0), rel=1e-4)
     assert algorithm.quantisation_integral(0.002, math.sqrt(3.0), 250.0) == pytest.approx(0.77, abs=0.005)
     # papers 000, traps: slope −1/2 of a rounded rate (−0.500, −0.498), −1 of a rounded angle
     found = algorithm.slopes(np.random.default_rng(3))
@@ -81,11 +81,11 @@ def test_angles_of_swimming_diverge_per_axis_behind_a_high_pass_and_where_rates_
     assert max(attitude.largest(free.quaternion).values()) < 5e-4
     assert attitude.coning() <= 1e-3
     # papers 000: peaks of 126 and 121 °/s at 1 Hz; a turn of 90° and a hold read 0.00° behind 0.011 Hz
-    cut = by_key(chain.clipping(work)[1])
+    cut = by_key(attitude.clipping(work)[1])
     assert [cut[f"clip.peak.{axis}"].faithful for axis in "xy"] == pytest.approx([126.0, 121.0], abs=0.5)
     assert cut["clip.missed"].best == 0
     assert cut["clip.share"].best > 30.0
-    assert chain.turned_without_noise(0.011) == pytest.approx(0.0, abs=0.005)
+    assert attitude.turned_without_noise(0.011) == pytest.approx(0.0, abs=0.005)
 
 
 def test_records_keep_their_values_through_bytes_and_text(work):
@@ -118,5 +118,7 @@ def test_angles_error_by_term_and_temperature_warms_one_unit_up():
     # A unit with an assumed bias per kelvin reads it: 15 K (1 − e^(−220/120)) at the end
     unit = attitude.fin_unit(1)
     assert unit.gyr is not None
-    made = simulate("static", frame="NED", sensors=unit, unit="random", seed=1, duration=220.0, warm_up=chain.WARM_UP)
+    made = simulate(
+        "static", frame="NED", sensors=unit, unit="random", seed=1, duration=220.0, warm_up=attitude.WARM_UP
+    )
     assert made.imu.temp_c[-1] - 25.0 == pytest.approx(15.0 * (1.0 - math.exp(-220.0 / 120.0)), abs=0.01)

@@ -1,6 +1,5 @@
 """The fin paper [Ou2017]: attitude of a bionic fin by two MEMS gyroscopes, and their noise by Allan variance."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -8,14 +7,12 @@ import numpy as np
 
 from plumbob.core.units import to_dps
 from plumbob.papers.description import FIN
-from plumbob.papers.fin import algorithm, attitude, chain, estimation, experiment
+from plumbob.papers.fin import algorithm, attitude, estimation, experiment
 from plumbob.papers.fin.records import COUNT, RATE
-from plumbob.papers.outcome import Outcome, Paper
+from plumbob.papers.outcome import Paper, Part
 from plumbob.papers.workspace import Work
 from plumbob.protocols.decode import decode
-from plumbob.protocols.field import Field
 from plumbob.protocols.find import find_format
-from plumbob.reporting.report import Report
 
 _WORD: Final = """\
 kind = "plumbob format"
@@ -41,34 +38,23 @@ def word(folder: Path, kind: str) -> float:
     return float(to_dps(np.asarray(frames.columns["gyr.z"])[0]))
 
 
-def system(work: Work, samples: int) -> tuple[Report, Sequence[Outcome]]:
-    """Part of the page, and its outcomes.
-
-    Parameters
-    ----------
-    work : Work
-        Of the run.
-    samples : int
-        That a record of 220 s had when it was decoded.
-    """
+def system(work: Work, samples: int) -> Part:
+    """Sensors and rates; a record of 220 s had `samples` when it was decoded."""
     fields = {field.name: field for field in find_format("fin").bind().messages[0].fields}
     z, x = fields["gyr.z"], fields["gyr.x"]
-    signed, unsigned = word(work.folder, "s16"), word(work.folder, "u16")
-    outcomes = [
-        FIN.row("system.counts.453", faithful=_counts(z)),
-        FIN.row("system.counts.290", faithful=_counts(x)),
-        FIN.row("system.range.453", faithful=float(to_dps(z.full_scale))),
-        FIN.row("system.range.290", faithful=float(to_dps(x.full_scale))),
-        FIN.row("system.rate", faithful=samples / (COUNT / RATE)),
-        FIN.row("system.samples", faithful=float(samples)),
-        FIN.row("system.word", faithful=signed),
-        FIN.row("misprint.unsigned", faithful=unsigned),
-    ]
+    outcomes = FIN.rows(
+        {
+            "system.counts.453": 1.0 / float(to_dps(abs(z.scale))),
+            "system.counts.290": 1.0 / float(to_dps(abs(x.scale))),
+            "system.range.453": float(to_dps(z.full_scale)),
+            "system.range.290": float(to_dps(x.full_scale)),
+            "system.rate": samples / (COUNT / RATE),
+            "system.samples": float(samples),
+            "system.word": word(work.folder, "s16"),
+            "misprint.unsigned": word(work.folder, "u16"),
+        }
+    )
     return FIN.part("system", tables=[FIN.table("figures_2_and")]), outcomes
-
-
-def _counts(field: Field) -> float:
-    return 1.0 / float(to_dps(abs(field.scale)))
 
 
 _STEPS: Final = 12
@@ -84,16 +70,10 @@ def run(work: Work) -> Paper:
     """Run the paper whole: system, attitude, algorithm, experiment, estimators."""
     step = work.steps(_STEPS)
     records, still = experiment.static_records(work, step)
-    angles, samples = attitude.part(work, step, _SEEDS)
-    step("clipping")
-    angles.append(chain.clipping(work))
-    step("high-pass")
-    angles.append(chain.high_pass(work, still.recording))
-    step("temperature compensation")
-    angles.append(chain.temperature(work))
+    angles, samples = attitude.part(work, step, _SEEDS, still.recording)
     parts = [
         system(work, samples),
-        (FIN.part("attitude", parts=[report for report, _ in angles]), [row for _, rows in angles for row in rows]),
+        angles,
         algorithm.part(work, step, _RECORDS),
         experiment.part(records),
         estimation.part(work, step, _RUNS),

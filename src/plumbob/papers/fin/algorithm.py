@@ -15,10 +15,9 @@ from plumbob.noise.report import log_ticks
 from plumbob.papers.description import FIN
 from plumbob.papers.fin.datasheet import TABLE, percent_error
 from plumbob.papers.fin.records import COUNT, LENGTH, RATE, TABLE_1, drawn, printed
-from plumbob.papers.outcome import Outcome
+from plumbob.papers.outcome import Outcome, Part
 from plumbob.papers.workspace import Work
-from plumbob.reporting.content import Figure, Table
-from plumbob.reporting.report import Report
+from plumbob.reporting.content import Figure
 from plumbob.reporting.style import MUTED, SERIES
 from plumbob.simulation import errors
 
@@ -33,22 +32,10 @@ FACTORS: Final = (500, 750, 866, 1581)
 
 
 def allan_sum(rates: Floats, n: int, reading: str = "right") -> float:
-    """Allan deviation at one averaging factor by the sum of (2), in the unit of the rates.
+    """Allan deviation of samples (N,) at the averaging factor n by the sum of (2), in their unit.
 
-    Parameters
-    ----------
-    rates : ndarray (N,)
-        Samples.
-    n : int
-        Averaging factor.
-    reading : {"right", "moving", "disjoint"}
-        ``right`` takes means n samples apart and N − 2n + 1 differences; the others are (2) as it is printed, with the
-        means of moving windows, or with the groups of (1).
-
-    Returns
-    -------
-    float
-        NaN where a printed sum has no term.
+    "right" takes means n samples apart and N − 2n + 1 differences; the others are (2) as it is printed, "moving" with
+    the means of moving windows, "disjoint" with the groups of (1); NaN where a printed sum has no term.
     """
     theta = np.concatenate(([0.0], np.cumsum(rates - np.mean(rates))))
     count, terms = rates.size, rates.size - 2 * n
@@ -100,28 +87,17 @@ def white_by_readings(rng: np.random.Generator, records: int = 16) -> White:
     return White(n.astype(float), {reading: np.sqrt(sums / records) for reading, sums in squares.items()})
 
 
-def quantisation_integral(t0: float, big: float, upto: float = math.inf) -> float:
-    """(4) of (3), over 3Q²/T², with t0 where (3) prints T; `upto` cuts it at a frequency, Hz.
-
-    In closed form 1 without a cut, for T a multiple of t0 of 2 or more.
-    """
-    if upto == math.inf:
-        return 1.0
+def quantisation_integral(t0: float, big: float, upto: float) -> float:
+    """(4) of (3) up to a frequency, Hz, over 3Q²/T², with t0 where (3) prints T; 1 without an end, T ≥ 2 t0."""
     f = _midpoints(upto, 400_000)
     weight = 16.0 / t0 * np.sin(np.pi * f * t0) ** 2 * np.sin(np.pi * f * big) ** 4 / (np.pi * f * big) ** 2
     return float(np.sum(weight)) * upto / f.size * big**2 / 3.0
 
 
 def white_integral(x: float, power: int) -> float:
-    """∫ sin⁴u / u^power du from 0 to x: of (4) as printed (1) or corrected (2)."""
+    """∫ sin⁴u / u^power du from 0 to x: of (4) as printed (1) or corrected (2), and of (6) (3), ln 2 in the limit."""
     u = _midpoints(x, 2_000_000)
     return float(np.sum(np.sin(u) ** 4 / u**power)) * x / u.size
-
-
-def flicker_integral(x: float) -> float:
-    """∫ sin⁴u / u³ du from 0 to x; ln 2 in the limit."""
-    u = _midpoints(x, 2_000_000)
-    return float(np.sum(np.sin(u) ** 4 / u**3)) * x / u.size
 
 
 def _midpoints(end: float, count: int) -> Floats:
@@ -173,15 +149,10 @@ def slopes(rng: np.random.Generator) -> Slopes:
     return Slopes(
         slope(n / RATE, devs[0]),
         slope(n / RATE, devs[1]),
-        float(deviation(rounded, [500])[0]) / step_density(dps(1.0 / 80.0)),
+        float(deviation(rounded, [500])[0]) / (dps(1.0 / 80.0) / math.sqrt(12.0) / math.sqrt(RATE)),
         slope(n / RATE, devs[2]),
         slope(n[late] / RATE, devs[3][late]),
     )
-
-
-def step_density(step: float) -> float:
-    """N of a rounded rate: a standard deviation of step/√12 in each of 500 samples a second."""
-    return step / math.sqrt(12.0) / math.sqrt(RATE)
 
 
 class Scatter(NamedTuple):
@@ -229,21 +200,8 @@ def peer(rates: Floats, n: ArrayLike) -> float | None:
     return float(np.max(np.abs(ours / theirs - 1.0)))
 
 
-Step = Callable[[str], None]
-
-
-def part(work: Work, step: Step, records: int) -> tuple[Report, list[Outcome]]:
-    """Part of the page, and its outcomes.
-
-    Parameters
-    ----------
-    work : Work
-        Of the run.
-    step : callable
-        Called before each step with its name.
-    records : int
-        Of white noise for the scatter of σ, simulated directly; half as many are of flicker.
-    """
+def part(work: Work, step: Callable[[str], None], records: int) -> Part:
+    """The algorithm; the scatter of σ is that of so many records of white noise, and half as many of flicker."""
     rng = np.random.default_rng([work.seed, 7])
     step("equations as printed")
     white, lines = white_by_readings(rng), slopes(rng)
@@ -251,117 +209,68 @@ def part(work: Work, step: Step, records: int) -> tuple[Report, list[Outcome]]:
     rates = np.ascontiguousarray(drawn(TABLE_1, rng)[:, 2])
     step("is eq 7 right?")
     measured = list(scatter(rng, records))[-1]
+    late, later = (white_integral(end, 1) for end in (1e3, 1e4))
+    flat = white_integral(1e3, 2), white_integral(1e4, 2)
+    n, level = round(math.sqrt(3.0) * RATE), 0.664 * printed("B")
+    q, cross = printed("Q")[2], (60.0 * printed("N") / level) ** 2
+    fitting = (printed("N") / level) ** 2
+    formula = 100.0 * float(measured.formula[0])
     outcomes = [
         *_sums(white, rates),
-        *_integrals(spectra),
-        *_terms(lines),
-        *_percentages(),
-        *_units(),
-        *_scattered(measured),
+        *FIN.rows(
+            {
+                "eq3.density": (spectra.by_group, spectra.by_interval),
+                "eq3.nyquist": (quantisation_integral(1.0 / RATE, math.sqrt(3.0), RATE / 2.0), 1.0),
+                "eq4.white": (None, 4.0 / math.pi * flat[0]),
+                "eq4.growth": ((later - late) / math.log(1e4 / 1e3), flat[1] - flat[0]),
+                "eq6.flat": (1.0, math.sqrt(2.0 / math.pi * white_integral(1e3, 3))),
+                "name.white": (lines.white, lines.walk),
+                "quantised.angle": (None, lines.angle),
+                "quantised.rate": (lines.rate, lines.angle),
+                "eq7": 100.0 * percent_error(n / RATE, LENGTH),
+                "eq7.n": float(n),
+                **{f"interval.{entry.letter}.{entry.axis}": entry.tau[0] for entry in TABLE},
+                "unit.Q": (math.sqrt(3.0) * q * RATE, math.sqrt(3.0) * q / 3600.0 * RATE),
+                "unit.R.453z": (float(cross[2]), float(fitting[2])),
+                "unit.R.290x": (float(cross[0]), float(fitting[0])),
+                "unit.B.453z": float((printed("N")[2] / printed("B")[2]) ** 2),
+                "eq7.white": (formula, 100.0 * float(measured.white[0])),
+                "eq7.disjoint": (formula, 100.0 * float(measured.white_disjoint[0])),
+                "eq7.flicker": (formula, 100.0 * float(measured.flicker[0])),
+            }
+        ),
     ]
-    tables = [FIN.table("misprints_each_computed", of={row.key: row for row in outcomes}), _right(measured, records)]
+    names = ("eq_7", "overlapping_white_theory", "overlapping_white", "disjoint_white", "overlapping_flicker")
+    rows = [
+        [FIN.text(name), *(f"{100.0 * v:.2f}" for v in values)] for name, values in zip(names, measured, strict=True)
+    ]
+    tables = [
+        FIN.table("misprints_each_computed", of={row.key: row for row in outcomes}),
+        FIN.table("is_eq_7", rows, records=records, records_2=records // 2),
+    ]
     return FIN.part("algorithm", tables=tables, figures=[_figure(white)]), outcomes
 
 
 def _sums(white: White, rates: Floats) -> list[Outcome]:
     """Steps 1 to 4."""
     n = np.unique(np.geomspace(1, COUNT // 2, 200).astype(np.int64))
-    from_peer = peer(rates, n)
-    delta = percent_error(1.0, LENGTH)
-    outcomes = [
-        FIN.row("allan.slope", best=white.slope("right")),
-        FIN.row("allan.second", best=white.at_second("right"), best_bar=(1.0 - 3.0 * delta, 1.0 + 3.0 * delta)),
-    ]
-    for reading, at_second in (("moving", 0.045), ("disjoint", 0.041)):
-        outcomes += [
-            FIN.row(f"misprint.eq2.{reading}.slope", faithful=white.slope(reading), best=white.slope("right")),
-            FIN.row(
-                f"misprint.eq2.{reading}.second",
-                faithful=white.at_second(reading),
-                best=white.at_second("right"),
-                faithful_bar=(at_second * (1.0 - 3.0 * delta), at_second * (1.0 + 3.0 * delta)),
-            ),
-        ]
-    small = rates[:1000]
+    from_peer, small = peer(rates, n), rates[:1000]
+    slope, second = white.slope("right"), white.at_second("right")
+    low, high = (1.0 + 3.0 * side * percent_error(1.0, LENGTH) for side in (-1.0, 1.0))
+    outcomes = FIN.rows({"allan.slope": (None, slope)})
+    outcomes.append(FIN.row("allan.second", best=second, best_bar=(low, high)))
+    for reading, known in (("moving", 0.045), ("disjoint", 0.041)):
+        key, bar, of = f"misprint.eq2.{reading}", (known * low, known * high), white.at_second(reading)
+        outcomes += FIN.rows({f"{key}.slope": (white.slope(reading), slope)})
+        outcomes.append(FIN.row(f"{key}.second", faithful=of, best=second, faithful_bar=bar))
+    against = FIN.text("same_at_n_1") if from_peer is None else FIN.text("same_against_allantools")
+    ours = every_sum(small, np.arange(1, 41)) if from_peer is None else from_peer
     return [
         *outcomes,
         FIN.row("allan.direct", best=every_sum(rates, n)),
-        FIN.row(
-            "allan.peer",
-            best=every_sum(small, np.arange(1, 41)) if from_peer is None else from_peer,
-            what=FIN.text("same_against_allantools") if from_peer is not None else FIN.text("same_at_n_1"),
-        ),
+        FIN.row("allan.peer", best=ours, what=against),
         FIN.row("allan.last", faithful=float(small.size - 2 * (small.size // 2)), best=1.0),
     ]
-
-
-def _integrals(spectra: DensityRatios) -> list[Outcome]:
-    """(3), (4) and (6)."""
-    late, later = 1e3, 1e4
-    growth = (white_integral(later, 1) - white_integral(late, 1)) / math.log(later / late)
-    return [
-        FIN.row("eq3.density", faithful=spectra.by_group, best=spectra.by_interval),
-        FIN.row("eq3.nyquist", faithful=quantisation_integral(1.0 / RATE, math.sqrt(3.0), RATE / 2.0), best=1.0),
-        FIN.row("eq4.white", best=4.0 / math.pi * white_integral(late, 2)),
-        FIN.row("eq4.growth", faithful=growth, best=white_integral(later, 2) - white_integral(late, 2)),
-        FIN.row("eq6.flat", faithful=1.0, best=math.sqrt(2.0 / math.pi * flicker_integral(late))),
-    ]
-
-
-def _terms(lines: Slopes) -> list[Outcome]:
-    """Step 6's name, and two kinds of quantisation."""
-    return [
-        FIN.row("name.white", faithful=lines.white, best=lines.walk),
-        FIN.row("quantised.angle", best=lines.angle),
-        FIN.row("quantised.rate", faithful=lines.rate, best=lines.angle),
-    ]
-
-
-def _percentages() -> list[Outcome]:
-    """(7) and Table 1's ±."""
-    n = round(math.sqrt(3.0) * RATE)
-    outcomes = [FIN.row("eq7", faithful=100.0 * percent_error(n / RATE, LENGTH)), FIN.row("eq7.n", faithful=float(n))]
-    for entry in TABLE:
-        outcomes.append(FIN.row(f"interval.{entry.letter}.{entry.axis}", faithful=entry.tau[0]))
-    return outcomes
-
-
-def _units() -> list[Outcome]:
-    """Table 1 read with the units that it prints."""
-    q = printed("Q")[2]
-    level = 0.664 * printed("B")
-    cross = (60.0 * printed("N") / level) ** 2
-    outcomes = [FIN.row("unit.Q", faithful=math.sqrt(3.0) * q * RATE, best=math.sqrt(3.0) * q / 3600.0 * RATE)]
-    for axis, name in ((2, "453z"), (0, "290x")):
-        outcomes.append(
-            FIN.row(f"unit.R.{name}", faithful=float(cross[axis]), best=float((printed("N")[axis] / level[axis]) ** 2))
-        )
-    outcomes.append(FIN.row("unit.B.453z", faithful=float((printed("N")[2] / printed("B")[2]) ** 2)))
-    return outcomes
-
-
-def _scattered(scatter: Scatter) -> list[Outcome]:
-    """What (7) is worth at 1 s."""
-    return [
-        FIN.row(f"eq7.{name}", faithful=100.0 * float(scatter.formula[0]), best=100.0 * float(value[0]))
-        for name, value in (
-            ("white", scatter.white),
-            ("disjoint", scatter.white_disjoint),
-            ("flicker", scatter.flicker),
-        )
-    ]
-
-
-def _right(scatter: Scatter, records: int) -> Table:
-    names = (
-        (FIN.text("eq_7"), scatter.formula),
-        (FIN.text("overlapping_white_theory"), scatter.theory),
-        (FIN.text("overlapping_white"), scatter.white),
-        (FIN.text("disjoint_white"), scatter.white_disjoint),
-        (FIN.text("overlapping_flicker"), scatter.flicker),
-    )
-    rows = [[name, *(f"{100.0 * v:.2f}" for v in values)] for name, values in names]
-    return FIN.table("is_eq_7", rows, records=records, records_2=records // 2)
 
 
 def _figure(white: White) -> Figure:
@@ -374,11 +283,9 @@ def _figure(white: White) -> Figure:
     def draw(canvas: "FigureBase") -> None:
         ax = canvas.subplots()
         for reading, (_, colour, dash) in names.items():
-            style = {"solid": "-", "dashed": "--", "dotted": ":"}[dash]
-            ax.loglog(white.tau, white.dev[reading], color=colour, linestyle=style, linewidth=1.4)
+            ax.loglog(white.tau, white.dev[reading], color=colour, linestyle=dash, linewidth=1.4)
         ax.loglog(white.tau, white.tau**-0.5, color=MUTED, linewidth=0.7)
         for axis in (ax.xaxis, ax.yaxis):
             log_ticks(axis, (1,))
 
-    key = [*names.values(), (FIN.text("truth"), MUTED, "solid")]
-    return FIN.figure("white_noise_by", draw, lines=key)
+    return FIN.figure("white_noise_by", draw, lines=[*names.values(), (FIN.text("truth"), MUTED, "solid")])

@@ -13,11 +13,10 @@ from plumbob.noise.report import log_ticks
 from plumbob.papers.description import FIN
 from plumbob.papers.fin.datasheet import percent_error
 from plumbob.papers.fin.records import COUNT, RATE, SIGMA, THREE, drawn, truth
-from plumbob.papers.outcome import Outcome
+from plumbob.papers.outcome import Part
 from plumbob.papers.workspace import Work
 from plumbob.reporting.content import Figure, Table
-from plumbob.reporting.report import Report
-from plumbob.reporting.style import SERIES, Both
+from plumbob.reporting.style import SERIES
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
@@ -119,75 +118,44 @@ def lengths(rng: np.random.Generator) -> Iterator[Length]:
         yield Length(seconds, float(values.mean()), float(values.std()), len(terms), shown)
 
 
-Step = Callable[[str], None]
-
-
-def part(work: Work, step: Step, runs: int, *, long: bool = True) -> tuple[Report, list[Outcome]]:
-    """Part of the page, and its outcomes.
-
-    Parameters
-    ----------
-    work : Work
-        Of the run.
-    step : callable
-        Called before each step with its name.
-    runs : int
-        Records of the three regimes, simulated directly.
-    long : bool
-        Whether long records of B are drawn too.
-    """
+def part(work: Work, step: Callable[[str], None], runs: int, *, long: bool = True) -> Part:
+    """Estimators over so many records of the three regimes, simulated directly; `long`: and B of long records."""
     step("estimators on three regimes")
     rows = list(three_regimes(np.random.default_rng([work.seed, 3]), runs))[-1]
-    outcomes = []
+    figures: dict[str, float | tuple[float | None, float]] = {}
     for letter in "QNB":
         line, best = rows["lines", letter], rows["likelihood", letter]
-        outcomes += [
-            FIN.row(f"three.{letter}.bias", faithful=abs(100.0 * line.bias), best=abs(100.0 * best.bias), runs=runs),
-            FIN.row(f"three.{letter}.cover", faithful=line.coverage, best=best.coverage),
-        ]
-    undivided = rows["undivided", "B"]
-    outcomes += [
-        FIN.row(
-            "three.B.scatter", faithful=100.0 * rows["lines", "B"].scatter, best=100.0 * rows["likelihood", "B"].scatter
-        ),
-        FIN.row("misprint.undivided", faithful=100.0 * undivided.bias),
-    ]
-    tables, figures = [_table(rows, runs)], []
+        figures[f"three.{letter}.bias"] = abs(100.0 * line.bias), abs(100.0 * best.bias)
+        figures[f"three.{letter}.cover"] = line.coverage, best.coverage
+    figures["three.B.scatter"] = 100.0 * rows["lines", "B"].scatter, 100.0 * rows["likelihood", "B"].scatter
+    figures["misprint.undivided"] = 100.0 * rows["undivided", "B"].bias
+    outcomes = FIN.rows(figures, runs=runs)
+    cells = []
+    for method, name in FIN.texts("methods").items():
+        of = [rows[method, letter] for letter in "QNB"]
+        columns = (
+            [f"{round(100.0 * row.bias, 1) + 0.0:+.1f}" for row in of],
+            [f"{100.0 * row.scatter:.1f}" for row in of],
+            [f"{row.coverage:.2f}" for row in of],
+            [f"{row.found:.2f}" for row in of],
+        )
+        cells.append([name, *map(" / ".join, columns)])
+    tables, drawn = [FIN.table("estimators_on_records", cells, runs=runs)], []
     if long:
         step("record length for B")
         measured = list(lengths(np.random.default_rng([work.seed, 4])))
         tables.append(_lengths(measured))
-        figures.append(_figure(measured))
-        outcomes += [FIN.row(f"length.{round(length.seconds)}", best=length.mean) for length in measured]
-    return FIN.part("estimation", tables=tables, figures=figures), outcomes
-
-
-def _table(rows: Mapping[tuple[str, str], CoefficientRow], runs: int) -> Table:
-    lines = []
-    for method, name in FIN.texts("methods").items():
-        of = [rows[method, letter] for letter in "QNB"]
-        lines.append(
-            [
-                name,
-                " / ".join(f"{round(100.0 * row.bias, 1) + 0.0:+.1f}" for row in of),
-                " / ".join(f"{100.0 * row.scatter:.1f}" for row in of),
-                " / ".join(f"{row.coverage:.2f}" for row in of),
-                " / ".join(f"{row.found:.2f}" for row in of),
-            ]
-        )
-    return FIN.table("estimators_on_records", lines, runs=runs)
-
-
-def _long(seconds: float) -> Both:
-    hours = seconds / 3600.0
-    return FIN.text("220_s") if hours < 1.0 else FIN.text("hours", hours=hours)
+        drawn.append(_figure(measured))
+        outcomes += FIN.rows({f"length.{round(length.seconds)}": (None, length.mean) for length in measured})
+    return FIN.part("estimation", tables=tables, figures=drawn), outcomes
 
 
 def _lengths(lengths: Sequence[Length]) -> Table:
-    rows = [
-        [_long(row.seconds), f"{row.runs}", f"{row.mean:.2f} ± {row.scatter:.2f}", f"{row.observable:.2f}"]
-        for row in lengths
-    ]
+    rows = []
+    for of in lengths:
+        hours = of.seconds / 3600.0
+        name = FIN.text("220_s") if hours < 1.0 else FIN.text("hours", hours=hours)
+        rows.append([name, f"{of.runs}", f"{of.mean:.2f} ± {of.scatter:.2f}", f"{of.observable:.2f}"])
     return FIN.table("record_length_and", rows)
 
 

@@ -12,7 +12,7 @@ from plumbob.core.units import from_si, to_deg
 from plumbob.noise import Analysis, Coefficient
 from plumbob.noise.report import coefficient, log_ticks, lowest
 from plumbob.papers.description import FIN
-from plumbob.papers.fin.chain import AT_REST
+from plumbob.papers.fin.attitude import AT_REST
 from plumbob.papers.fin.datasheet import TABLE
 from plumbob.papers.fin.estimation import with_paper_interval
 from plumbob.papers.fin.records import (
@@ -27,17 +27,14 @@ from plumbob.papers.fin.records import (
     drawn,
     sent,
 )
-from plumbob.papers.outcome import Outcome
+from plumbob.papers.outcome import Part
 from plumbob.papers.workspace import Taken, Work
 from plumbob.reporting.content import Figure, Table
-from plumbob.reporting.report import Report
 from plumbob.reporting.style import MUTED, SERIES, Both
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
-
-Step = Callable[[str], None]
 
 UNITS: Final = {"Q": "arcsec", "N": "deg/h", "B": "deg/h"}
 """Units in which Table 1 fits together."""
@@ -45,7 +42,7 @@ SHOWN: Final = {"Q": "″", "N": FIN.text("h_at_1_s"), "B": "°/h"}
 NAMES: Final = FIN.texts("experiment_names")
 
 
-def static_records(work: Work, step: Step) -> tuple[dict[str, Analysed], Taken]:
+def static_records(work: Work, step: Callable[[str], None]) -> tuple[dict[str, Analysed], Taken]:
     """Record and analyse the three static records; and the one of the parts' data sheets, as it was recorded.
 
     Each goes through bytes, a recording, and a TXT file, and is analysed at every averaging factor.
@@ -61,56 +58,42 @@ def static_records(work: Work, step: Step) -> tuple[dict[str, Analysed], Taken]:
     return records, parts
 
 
-def part(records: Mapping[str, Analysed]) -> tuple[Report, list[Outcome]]:
-    """Part of the page, and its outcomes."""
-    lost = max(record.lost for record in records.values())
+def part(records: Mapping[str, Analysed]) -> Part:
+    """Figures 4 and 5 and Table 1: every entry by lines and by likelihood, B as the flat that the paper prints.
+
+    What the abstract and §3 say of the terms are shares of the angle's error after 220 s.
+    """
     table = records["table"].noise.analyses
-    outcomes = [
-        FIN.row("text.lost", faithful=lost),
-        FIN.row("allan.n", faithful=float(table[0].curve.n.size)),
-        *_table_outcomes(table),
-        *_claims(table),
-    ]
+    lost = max(record.lost for record in records.values())
+    outcomes = FIN.rows({"text.lost": lost, "allan.n": float(table[0].curve.n.size)})
+    axes = ("290x", "290y", "453z")
+    for entry in TABLE:
+        a, unit = table[axes.index(entry.axis)], UNITS[entry.letter]
+        term, flat = a.terms[entry.letter], SIGMA if entry.letter == "B" else 1.0
+        faithful, best = _read(a, entry.letter), term.value if term.observable else term.upper
+        values = {"faithful": from_si(flat * faithful, unit), "best": from_si(flat * best, unit)}
+        limit = FIN.text("no_limit") if term.observable else FIN.text("best_limit_95")
+        outcomes.append(FIN.row(f"table1.{entry.letter}.{entry.axis}", **values, limit=limit))
+    angles = [angle_errors(TABLE_1, axis) for axis in range(3)]
+    outcomes += FIN.rows(
+        {f"claim.{axis}": 100.0 * by["Q"] / math.hypot(*by.values()) for axis, by in zip(axes, angles, strict=True)}
+    )
+    by_term = [[NAMES[letter], *(text.number(errors[letter], 2) for errors in angles)] for letter in "QNB"]
     tables = [
         _record_table(table, TABLE_1, FIN.text("table_1_from_the")),
         FIN.table("table_1_as_printed"),
         FIN.table("table_1_as"),
         _record_table(records["three"].noise.analyses, THREE, FIN.text("same_table_from_the")),
         FIN.table("what_a_line"),
-        _angles(table),
+        FIN.table("error_of_an", by_term, head=(FIN.text("term"), *AXES)),
     ]
-    figures = [_figure_4(records), _figure_5(records)]
-    return FIN.part("experiment", tables=tables, figures=figures), outcomes
-
-
-def _true(of: TrueCoefficients, letter: str, axis: int) -> float:
-    """True coefficient in Table 1's unit."""
-    return from_si(float(getattr(of, letter)[axis]), UNITS[letter])
+    return FIN.part("experiment", tables=tables, figures=[_figure_4(records), _figure_5(records)]), outcomes
 
 
 def _line(a: Analysis, letter: str) -> Coefficient | None:
     """As the paper reads it, with its ±; B divided by 0.664."""
     term = a.lines.terms.get(letter)
     return None if term is None else with_paper_interval(term.value, letter)
-
-
-def _table_outcomes(analyses: Sequence[Analysis]) -> list[Outcome]:
-    """Every entry of Table 1: printed, by lines, by likelihood; B as the flat that the paper prints."""
-    outcomes = []
-    for entry in TABLE:
-        axis = ("290x", "290y", "453z").index(entry.axis)
-        a, unit = analyses[axis], UNITS[entry.letter]
-        best, flat = a.terms[entry.letter], SIGMA if entry.letter == "B" else 1.0
-        limit = FIN.text("no_limit") if best.observable else FIN.text("best_limit_95")
-        outcomes.append(
-            FIN.row(
-                f"table1.{entry.letter}.{entry.axis}",
-                faithful=from_si(flat * _read(a, entry.letter), unit),
-                best=from_si(flat * (best.value if best.observable else best.upper), unit),
-                limit=limit,
-            )
-        )
-    return outcomes
 
 
 def _read(a: Analysis, letter: str) -> float:
@@ -127,15 +110,6 @@ def _read(a: Analysis, letter: str) -> float:
     return math.nan if least is None else least.dev / SIGMA
 
 
-def _claims(analyses: Sequence[Analysis]) -> list[Outcome]:
-    """What the abstract and §3 say of the terms: shares of the angle's error after 220 s."""
-    outcomes = []
-    for axis, name in enumerate(("290x", "290y", "453z")):
-        by = angle_errors(TABLE_1, axis)
-        outcomes.append(FIN.row(f"claim.{name}", faithful=100.0 * by["Q"] / math.hypot(*by.values())))
-    return outcomes
-
-
 def angle_errors(of: TrueCoefficients, axis: int, t: float = LENGTH) -> dict[str, float]:
     """Error of an angle after t, s, that each term makes, degrees: Q√2, N√t, and 0.664 B t of the flat."""
     q, n, b = (float(getattr(of, letter)[axis]) for letter in "QNB")
@@ -150,28 +124,20 @@ def _record_table(analyses: Sequence[Analysis], of: TrueCoefficients, title: str
     """Coefficients of a record: true, by the paper's lines with its ±, and by likelihood with an honest interval."""
     rows = []
     for letter, unit in UNITS.items():
-        name = FIN.text("term_and_unit", letter=NAMES[letter], shown_letter=SHOWN[letter], letter_2=_zh(SHOWN[letter]))
+        shown = SHOWN[letter]
+        zh = shown.zh if isinstance(shown, Both) else shown
+        name = FIN.text("term_and_unit", letter=NAMES[letter], shown_letter=shown, letter_2=zh)
         lines = [_line(a, letter) for a in analyses]
         rows += [
-            [name, FIN.text("true"), *(f"{_true(of, letter, i):.4g}" for i in range(3))],
+            [name, FIN.text("true"), *(f"{from_si(float(v), unit):.4g}" for v in getattr(of, letter))],
             ["", FIN.text("lines_of_7"), *(_said(c, unit) for c in lines)],
             ["", FIN.text("likelihood_68"), *(coefficient(a.terms[letter], unit) for a in analyses)],
         ]
     return Table(title, (FIN.text("coefficient"), FIN.text("by"), *AXES), rows, words=(1,))
 
 
-def _zh(name: str) -> str:
-    return name.zh if isinstance(name, Both) else name
-
-
 def _said(c: Coefficient | None, unit: str) -> str:
     return "-" if c is None else text.measured(*(from_si(v, unit) for v in (c.value, c.lo, c.hi)))
-
-
-def _angles(analyses: Sequence[Analysis]) -> Table:
-    by = [angle_errors(TABLE_1, axis) for axis in range(len(analyses))]
-    rows = [[NAMES[letter], *(text.number(errors[letter], 2) for errors in by)] for letter in "QNB"]
-    return FIN.table("error_of_an", rows, head=(FIN.text("term"), *AXES))
 
 
 def _figure_4(records: Mapping[str, Analysed]) -> Figure:

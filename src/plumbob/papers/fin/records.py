@@ -7,7 +7,7 @@ make it. So these records are drawn here, and sent in the rig's frames.
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from plumbob.files import write
 from plumbob.noise.allan import Noise
 from plumbob.papers.fin.datasheet import TABLE
 from plumbob.papers.workspace import Taken, Work, recorded_samples
-from plumbob.simulation import Simulation, errors, simulate
+from plumbob.simulation import errors, simulate
 
 RATE: Final = 500.0
 """Samples per second [Ou2017] (step 8), Hz."""
@@ -74,21 +74,9 @@ def drawn(
 
 def sent(work: Work, name: str, rates: Floats) -> Taken:
     """Send rates (N, 3), rad/s, of a unit at rest in the fin's frames, and record the bytes."""
-    still = simulate(
-        "static",
-        frame="NED",
-        sensors="ideal",
-        unit="calibrated",
-        seed=work.seed,
-        rate=RATE,
-        duration=rates.shape[0] / RATE,
-    )
-    return work.sent("fin", name, with_rates(still, rates))
-
-
-def with_rates(made: Simulation, rates: Floats) -> Simulation:
-    """A simulation whose gyroscope says something else."""
-    return replace(made, imu=made.imu.corrected(meta=made.imu.meta, gyr=rates))
+    how: dict[str, Any] = {"sensors": "ideal", "unit": "calibrated", "rate": RATE, "duration": len(rates) / RATE}
+    still = simulate("static", frame="NED", seed=work.seed, **how)
+    return work.sent("fin", name, replace(still, imu=still.imu.corrected(meta=still.imu.meta, gyr=rates)))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
