@@ -17,7 +17,6 @@ from plumbob.simulation.signals import (
     constant,
     cycloid,
     quintic,
-    stroke,
 )
 
 RNG = np.random.default_rng(5)
@@ -92,7 +91,7 @@ def test_moves_stay_where_they_arrive():
 def test_a_stroke_has_the_velocity_of_a_table_slide():
     v, duration = 2.0, 0.4
     t = np.linspace(0.0, duration, 401)
-    slide = stroke(1.0, duration, v).at(t + 1.0)
+    slide = Moves((1.0,), (duration,), (0.5 * v * duration,), cycloid).at(t + 1.0)
     # closed form: velocity v/2 (1 − cos(2πt/T)), its integral and its derivative
     turn = 2.0 * np.pi / duration
     np.testing.assert_allclose(slide.rate, 0.5 * v * (1.0 - np.cos(turn * t)), atol=1e-12)

@@ -121,18 +121,13 @@ class _Ridden(Scenario):
 
     unit: _UnitMotion
     title: str
-    length: float
+    time: float
     disturbances: tuple[Disturbance, ...]
 
     @property
     def told(self) -> str:
         """Program, and which segment the unit is on."""
         return f"{self.title}, unit on {self.unit.segment}"
-
-    @property
-    def duration(self) -> float:
-        """Time that it takes, s."""
-        return self.length
 
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Motion of the unit; nothing is left to chance."""
@@ -321,23 +316,15 @@ def simulate_chain(
         if tissue is not None:
             motion = replace(motion, sway=_sway(motion, tissue, length, stream(seed, rider.unit, "soft")))
         units[rider.unit] = simulate(
-            _Ridden(unit=motion, title=moves.name, length=length, disturbances=bends),
+            _Ridden(unit=motion, title=moves.name, time=length, disturbances=bends),
             frame=frame, sensors=_module(sensors, rider.unit, own_seed).with_range(*ends), unit=unit, seed=own_seed,
             rate=rate, duration=length, **world,
         )  # fmt: skip
     imus = {name: run.imu for name, run in units.items()}
     t = next(iter(imus.values())).t
     nominal = {rider.unit: replace(rider.mount, noise=units[rider.unit].noise) for rider in riders}
-    return ChainSimulation(
-        chain=geometry,
-        array=ImuArray(imus, nominal),
-        t=t,
-        angles=moves.angles.at(t).value,
-        bodies=body.truth(t),
-        mounts=true_mounts,
-        units=units,
-        program=moves,
-    )
+    array, angles = ImuArray(imus, nominal), moves.angles.at(t).value
+    return ChainSimulation(geometry, array, t, angles, body.truth(t), true_mounts, units, moves)
 
 
 def _programmed(chain: Chain, program: str | ChainProgram, seed: int, duration: float | None) -> ChainProgram:
@@ -421,12 +408,12 @@ def _sway(motion: _UnitMotion, tissue: SoftTissue, length: float, rng: np.random
     start = -0.1  # before the first value that a sensor with a latency gives
     t = start + _DRIVE_STEP * np.arange(int((length - 2.0 * start) / _DRIVE_STEP) + 2, dtype=np.float64)
     force = motion.body.truth(t)[motion.segment].at_lever(motion.mount.lever_b).specific_force_b
-    joint = next((k for k, link in enumerate(motion.body.chain.joints) if link.child == motion.segment), None)
-    angles, count = None, 0
-    if joint is not None:
-        first = sum(len(link.axes) for link in motion.body.chain.joints[:joint])
-        count = len(motion.body.chain.joints[joint].axes)
-        angles = _SignalParts(motion.body.angles, first, first + count)
+    angles, count, first = None, 0, 0
+    for joint in motion.body.chain.joints:
+        if joint.child == motion.segment:
+            count = len(joint.axes)
+            angles = _SignalParts(motion.body.angles, first, first + count)
+        first += len(joint.axes)
     return tissue.sway(rng, start=start, step=_DRIVE_STEP, force=force, angles=angles, count=count)
 
 

@@ -84,10 +84,7 @@ class Raise(PoseScenario):
     dwell: Annotated[float, Spec(Quantity.TIME, "time at rest in each pose", 0.1, 1e4)] = 5.0
     move: Annotated[float, Spec(Quantity.TIME, "time of the move", 0.05, 1e3)] = 3.0
 
-    @property
-    def count(self) -> int:
-        """Number of poses."""
-        return 2
+    count = 2
 
     def attitudes(self, rng: np.random.Generator) -> Floats:
         """Poses (count, 4), in NED, with any heading."""
@@ -105,10 +102,7 @@ class Bands(PoseScenario):
 
     along_roll: Annotated[bool, Spec(Quantity.RATIO, "three bands of roll instead, with pitch by chance")] = False
 
-    @property
-    def count(self) -> int:
-        """Number of poses."""
-        return BANDS * SECTORS
+    count = BANDS * SECTORS
 
     def attitudes(self, rng: np.random.Generator) -> Floats:
         """Poses (count, 4), in NED."""
@@ -151,11 +145,6 @@ class Tumble(Scenario):
     turns: Annotated[float, Spec(Quantity.RATIO, "turns of the heading", -100.0, 100.0)] = 4.0
     time: Annotated[float, Spec(Quantity.TIME, "time from level to level", 1.0, 1e4)] = 60.0
 
-    @property
-    def duration(self) -> float:
-        """Time that it takes, s."""
-        return self.time
-
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Tilt about a level axis that turns, inside a heading that turns; both start anywhere."""
         start, first = rng.uniform(-_TURN, _TURN, 2)
@@ -177,11 +166,6 @@ class Sway(Scenario):
     turns: Annotated[float, Spec(Quantity.RATIO, "turns of the heading", -100.0, 100.0)] = 4.0
     time: Annotated[float, Spec(Quantity.TIME, "time that the turns take", 1.0, 1e4)] = 60.0
 
-    @property
-    def duration(self) -> float:
-        """Time that it takes, s."""
-        return self.time
-
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Heading that is a line, pitch and roll that are sinusoids; all start anywhere."""
         phase = rng.uniform(-_TURN, _TURN, 2).tolist()
@@ -199,11 +183,6 @@ class LevelRing(Scenario):
     turns: Annotated[float, Spec(Quantity.RATIO, "turns about the vertical", -100.0, 100.0)] = 2.0
     wobble: Annotated[float, Spec(Quantity.ANGLE, "largest pitch and roll of the hand", 0.0, deg(45.0))] = deg(1.0)
     time: Annotated[float, Spec(Quantity.TIME, "time that the turns take", 1.0, 1e4)] = 60.0
-
-    @property
-    def duration(self) -> float:
-        """Time that it takes, s."""
-        return self.time
 
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Heading that is a line, pitch and roll that tremble."""
@@ -249,11 +228,8 @@ class Table36(Scenario):
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Steps about an axis that is tilted to the right."""
         i = np.arange(round(self.steps) - 1)
-        turn = Moves(
-            start=self.dwell + i * (self.dwell + self.move),
-            duration=np.full(i.size, self.move),
-            change=np.full(i.size, self.step),
-        )
+        start = self.dwell + i * (self.dwell + self.move)
+        turn = Moves(start, np.full(i.size, self.move), np.full(i.size, self.step))
         return GimbalMotion(Frame.NED, ((_X, constant(self.tilt)), (_Z, turn)))
 
 

@@ -86,16 +86,8 @@ def random_walk(k_rpsd: Floats, count: int, rate: float, rng: np.random.Generato
 _MATRICES = ("misalignment", "soft_iron", "g_sensitivity")
 _SIZES = ("white_rpsd", "white_sd", "flicker", "walk_rpsd", "lsb", "latency")
 _DETERMINISTIC = (
-    "bias",
-    "bias_per_k",
-    "scale",
-    "scale_per_k",
-    "misalignment",
-    "soft_iron",
-    "hard_iron",
-    "g_sensitivity",
-    "latency",
-)
+    "bias", "bias_per_k", "scale", "scale_per_k", "misalignment", "soft_iron", "hard_iron", "g_sensitivity", "latency",
+)  # fmt: skip
 
 
 def _nothing() -> Floats:
@@ -240,9 +232,8 @@ class TriadErrors:
 
     def noise_card(self, rate: float) -> TriadNoise:
         """N, B and K of the triad, before its high-pass, when it is sampled at `rate`, Hz, or at its own rate."""
-        n = self.white_rpsd
         white = self.white_sd / math.sqrt(self.own_rate(rate))
-        return TriadNoise(n_rpsd=np.hypot(n, white), b=self.flicker, k_rpsd=self.walk_rpsd)
+        return TriadNoise(n_rpsd=np.hypot(self.white_rpsd, white), b=self.flicker, k_rpsd=self.walk_rpsd)
 
     def own_rate(self, rate: float) -> float:
         """Rate at which the triad yields values in a recording of `rate`, Hz."""
@@ -260,24 +251,10 @@ class Measured(NamedTuple):
 def measure(
     errors: TriadErrors, truth_b: Floats, *, triad: str, seed: int, rate: float, temp_c: Floats, force_b: Floats
 ) -> Measured:
-    """Let a triad measure.
+    """Let a triad measure true values (N, 3) in body axes, u, at evenly spaced instants, `rate` of them a second.
 
-    Parameters
-    ----------
-    errors : TriadErrors
-        Of the triad.
-    truth_b : ndarray (N, 3)
-        True values in body axes at evenly spaced instants, u.
-    triad : {"gyr", "acc", "mag"}
-        Names the random streams.
-    seed : int
-        Of the random streams.
-    rate : float
-        Of the instants, Hz.
-    temp_c : ndarray (N,)
-        Temperature, °C.
-    force_b : ndarray (N, 3)
-        Specific force, m/s², for the g-sensitivity.
+    `triad`, "gyr", "acc" or "mag", and `seed` name the random streams; `temp_c` (N,): temperature, °C; `force_b`
+    (N, 3): specific force, m/s², for the g-sensitivity.
     """
     e, count = errors, truth_b.shape[0]
     warmer = (temp_c - e.temp_ref_c)[:, np.newaxis]
@@ -294,16 +271,8 @@ def measure(
 def high_passed(values: Floats, settled: Floats, corner: float, rate: float) -> Floats:
     """Values (N, 3) behind a first-order high-pass, exact for what is constant between the instants.
 
-    Parameters
-    ----------
-    values : ndarray (N, 3)
-        At evenly spaced instants, u.
-    settled : ndarray (3,)
-        What had gone in for long before the first instant, u.
-    corner : float
-        Corner frequency, Hz: a step decays as exp(-2π corner t).
-    rate : float
-        Of the instants, Hz.
+    `settled` (3,): what had gone in for long before the first instant, u; `corner`: corner frequency, Hz: a step
+    decays as exp(-2π corner t); `rate`: of the instants, which are evenly spaced, Hz.
     """
     from scipy.signal import lfilter
 
@@ -312,8 +281,7 @@ def high_passed(values: Floats, settled: Floats, corner: float, rate: float) -> 
 
 
 def _white(e: TriadErrors, count: int, triad: str, seed: int, rate: float) -> Floats:
-    by_density = white_sd(e.white_rpsd, rate)
-    return white(np.hypot(by_density, e.white_sd), count, stream(seed, triad, "white"))
+    return white(np.hypot(white_sd(e.white_rpsd, rate), e.white_sd), count, stream(seed, triad, "white"))
 
 
 def _drift(e: TriadErrors, count: int, triad: str, seed: int, rate: float) -> Floats:
@@ -371,16 +339,9 @@ class AttitudeErrors:
             raise ParameterError(f"an attitude's errors are 0 rad or more, and their time above 0 s: {self}.")
 
     def said(self, q_nb: Floats, *, seed: int, rate: float) -> Floats:
-        """Heading, pitch and roll (N, 3), rad, that a reference says of true attitudes.
+        """Heading, pitch and roll (N, 3), rad, that a reference says of true attitudes (N, 4) of its axes in NED.
 
-        Parameters
-        ----------
-        q_nb : ndarray (N, 4)
-            True attitudes of its axes in NED, evenly spaced.
-        seed : int
-            Of the random streams.
-        rate : float
-            Attitudes per second, Hz.
+        They are evenly spaced, `rate` of them a second.
         """
         half = math.sqrt(0.5) * np.array([self.heading, self.tilt, self.tilt])
         constant = half * stream(seed, "attitude", "constant").standard_normal(3)

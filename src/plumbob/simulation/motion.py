@@ -312,8 +312,8 @@ class Scenario(ABC):
 
     Attributes
     ----------
-    rate : float
-        Sampling rate that suits it, Hz.
+    rate, lasts : float
+        Sampling rate that suits it, Hz, and time that it takes where no parameter `time` says it, s.
 
     Raises
     ------
@@ -322,6 +322,7 @@ class Scenario(ABC):
     """
 
     rate: ClassVar[float] = 100.0
+    lasts: ClassVar[float] = 60.0
 
     def __post_init__(self) -> None:
         """Check every parameter's domain."""
@@ -337,7 +338,8 @@ class Scenario(ABC):
     @property
     def duration(self) -> float:
         """Time that it takes, s."""
-        return 60.0
+        time: float = getattr(self, "time", self.lasts)
+        return time
 
     @abstractmethod
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
@@ -364,16 +366,9 @@ _BAND = (0.6, 4.0)  # peak frequencies: below lies 1e-4 of the energy, above wav
 
 @dataclass(frozen=True, eq=False)
 class Sea:
-    """Wave trains ``η = Re Σ phasor[i] exp(j omega[i] t)``.
+    """Wave trains ``η = Re Σ phasor[i] exp(j omega[i] t)``: of the surface's height, m, and angular frequencies, rad/s.
 
-    Attributes
-    ----------
-    omega : ndarray (m,)
-        Angular frequencies, rad/s.
-    phasor : ndarray (m,) of complex
-        Amplitude and phase of the surface's height, m.
-    direction : ndarray (m,)
-        Where each train travels to, rad from North over East.
+    `direction` (m,): where each train travels to, rad from North over East.
     """
 
     omega: Floats
@@ -395,16 +390,9 @@ class Sea:
 
 
 def jonswap(frequency: Floats, *, peak: float, peakedness: float) -> Floats:
-    """Shape of the JONSWAP spectrum [Hasselmann1973], not scaled; peakedness 1 is Pierson and Moskowitz's.
+    """Shape of the JONSWAP spectrum [Hasselmann1973] at frequencies (m,), Hz, not scaled, with its peak at one of them.
 
-    Parameters
-    ----------
-    frequency : ndarray (m,)
-        Hz.
-    peak : float
-        Frequency of the peak, Hz.
-    peakedness : float
-        γ.
+    Peakedness γ 1 is Pierson and Moskowitz's.
     """
     f = frequency / peak
     width = np.where(f < 1.0, 0.07, 0.09)
@@ -417,20 +405,9 @@ def draw_sea(
 ) -> Sea:
     """Draw wave trains of a spectrum: one in each band, at a random frequency, phase and direction.
 
-    Parameters
-    ----------
-    height : float
-        Significant height Hs, four times the standard deviation of the elevation, m.
-    period : float
-        Of the spectrum's peak, s.
-    peakedness : float
-        γ of `jonswap`.
-    direction : float
-        Mean direction that the waves travel to, rad from North over East.
-    spread : float
-        Standard deviation of the trains' directions, rad.
-    rng : Generator
-        Source of chance.
+    `height`: significant, Hs, four times the standard deviation of the elevation, m; `period`: of the spectrum's peak,
+    s; `peakedness`: γ of `jonswap`; `direction`, `spread`: mean direction that the waves travel to, rad from North over
+    East, and standard deviation of the trains' directions, rad.
     """
     edges = np.linspace(*_BAND, TRAINS + 1) / period
     chance, phase, turn = rng.random(TRAINS), 2.0 * np.pi * rng.random(TRAINS), rng.standard_normal(TRAINS)

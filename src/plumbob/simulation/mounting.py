@@ -19,18 +19,9 @@ from plumbob.simulation.signals import Driven, Mixed, Signal, Sine, Sum
 def drawn_mounts(chain: Chain, *, angle: float, shift: float, clock: float = 0.0, seed: int) -> dict[str, UnitMount]:
     """True mounts of a chain's units, by name: the chain's own with a drawn error.
 
-    Parameters
-    ----------
-    chain : Chain
-        Whose segments say how the units should sit.
-    angle : float
-        Largest turn of a unit, rad: the rotation vector is drawn evenly from the ball of that radius, rms 0.77 of it.
-    shift : float
-        Largest displacement, m, drawn in the same way.
-    clock : float
-        Largest offset of a clock, s, drawn evenly to both sides.
-    seed : int
-        Of each unit's own random streams.
+    `angle`: largest turn of a unit, rad: the rotation vector is drawn evenly from the ball of that radius, rms 0.77 of
+    it; `shift`: largest displacement, m, drawn in the same way; `clock`: largest offset of a clock, s, drawn evenly to
+    both sides.
 
     Raises
     ------
@@ -112,18 +103,8 @@ class SoftTissue:
              count: int) -> Signal:  # fmt: skip
         """Way and turn of a unit about its mean place and attitude, segment axes: 6 components, m and rad.
 
-        Parameters
-        ----------
-        rng : Generator
-            Draws the axes.
-        start, step : float
-            Of the instants of `force`, s.
-        force : ndarray (m, 3)
-            Specific force at the unit's place, segment axes, m/s².
-        angles : Signal with `count` components, or None
-            Of the segment's joint.
-        count : int
-            Number of these.
+        `force` (m, 3): specific force at the unit's place, segment axes, m/s², from `start` on each `step`, s;
+        `angles`: of the segment's joint, with `count` components.
         """
         hung = Driven(start, step, -(force - force.mean(axis=0)), 2.0 * math.pi * self.frequency, self.damping)
         turn, directions = rng.standard_normal((3, 3)), rng.standard_normal((2, 3, max(count, 1)))

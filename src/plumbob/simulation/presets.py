@@ -282,6 +282,7 @@ def _draw(triad: str, figures: dict[str, Floats], seed: int) -> TriadErrors:
         limit = figure(name).reshape((3,) + (1,) * (len(shape) - 1))
         return np.asarray(limit * stream(seed, "module", triad, name).uniform(-1.0, 1.0, shape))
 
+    counts = figure("counts")
     turn, picked_up = skew(within("axis_misalignment", 3)), within("cross_axis", 3, 3)
     return TriadErrors(
         white_rpsd=figure("noise_density"),
@@ -295,15 +296,11 @@ def _draw(triad: str, figures: dict[str, Floats], seed: int) -> TriadErrors:
         soft_iron=np.eye(3) + np.diag(within("soft_iron", 3)),
         hard_iron=within("hard_iron", 3),
         g_sensitivity=within("g_sensitivity", 3, 3),
-        lsb=_count_size(figure("counts"), figure("lsb")),
+        lsb=np.where(counts > 0.0, 1.0 / np.where(counts > 0.0, counts, 1.0), figure("lsb")),
         full_scale=figure("range"),
         latency=figure("latency"),
         rate=float(figures["sample_rate"][0]) if "sample_rate" in figures else None,
     )
-
-
-def _count_size(counts: Floats, given: Floats) -> Floats:
-    return np.asarray(np.where(counts > 0.0, 1.0 / np.where(counts > 0.0, counts, 1.0), given))
 
 
 def _provenance(parts: list[Preset]) -> str:

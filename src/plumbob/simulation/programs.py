@@ -71,16 +71,9 @@ def _span(chain: Chain) -> _Span:
 
 
 def move_times(steps: ArrayLike, limits: tuple[Limits, ...], *, speed: float) -> Floats:
-    """Shortest times (m,), s, in which moves of least jerk keep all limits.
+    """Shortest times (m,), s, in which moves of least jerk keep all limits, and a greatest speed of any angle, rad/s.
 
-    Parameters
-    ----------
-    steps : array_like (m, angles)
-        Change of each angle in each move, rad.
-    limits : tuple of Limits
-        Of each angle.
-    speed : float
-        Greatest speed of any angle, rad/s, where its limit is not lower.
+    `steps` (m, angles): change of each angle in each move, rad.
     """
     size = np.abs(check.rows("steps", steps, len(limits)))
     orders = enumerate(zip(*((min(lim.velocity, speed), lim.acceleration, lim.jerk) for lim in limits), strict=True), 1)
@@ -135,17 +128,14 @@ def waypoints(
 
 def _teach(chain: Chain, rng: np.random.Generator, duration: float) -> ChainProgram:
     """Pick and place: over the place, down to it, a stop, up again, and so on between drawn places."""
-    span, poses = _span(chain), []
-    dwell: list[float] = []
-    poses.append(span.home)
-    dwell.append(_LEAD)
-    speed = dps(90.0)
+    span = _span(chain)
+    poses, dwell = [span.home], [_LEAD]
     for _ in range(math.ceil(duration / 4.0)):
         place = span.low + (span.high - span.low) * rng.uniform(0.25, 0.75, span.low.size)
         above = place + 0.15 * (span.home - place)
         poses += [above, place, above]
         dwell += [0.1, float(rng.uniform(0.5, 1.2)), 0.1]
-    return waypoints(chain, poses, dwell=dwell, speed=speed, name="teach-in, pick and place")
+    return waypoints(chain, poses, dwell=dwell, speed=dps(90.0), name="teach-in, pick and place")
 
 
 def _slow(chain: Chain, rng: np.random.Generator, duration: float) -> ChainProgram:
@@ -153,8 +143,7 @@ def _slow(chain: Chain, rng: np.random.Generator, duration: float) -> ChainProgr
     span = _span(chain)
     count = math.ceil(duration / 2.0) + 1
     drawn = span.low + (span.high - span.low) * rng.uniform(0.15, 0.85, (count, span.low.size))
-    rest = np.full(count + 1, 1.0)
-    rest[0] = _LEAD
+    rest = [_LEAD, *(1.0 for _ in drawn)]
     return waypoints(chain, np.vstack((span.home, drawn)), dwell=rest, speed=dps(30.0), name="slow moves")
 
 
@@ -205,8 +194,7 @@ def _calibration(chain: Chain, rng: np.random.Generator, duration: float) -> Cha
             windows = windows + _window(start, start + 4.0)
         size = min(deg(45.0), _amplitude(k, chain, np.ones(1), np.array([math.pi]), math.inf))
         swings.append(Windowed(sinusoid(size, 0.5, float(rng.uniform(0.0, 2.0 * math.pi))), windows))
-    if swings:
-        angles = angles + Stack(tuple(swings))
+    angles = angles + Stack(tuple(swings)) if swings else angles
     together: Signal = constant(0.0)
     for cycle in range(rounds):
         start = _LEAD + cycle * (4.0 * count + 10.0) + 4.0 * count
@@ -245,16 +233,7 @@ def _wander(rng: np.random.Generator, *, still: bool) -> Motion:
 def named_program(name: str, chain: Chain, *, rng: np.random.Generator, duration: float) -> ChainProgram:
     """Program of that name for a chain; a chain without a fixed base is carried about meanwhile, unless it is "still".
 
-    Parameters
-    ----------
-    name : str
-        One of `PROGRAMS`.
-    chain : Chain
-        What moves.
-    rng : Generator
-        Source of chance.
-    duration : float
-        s; what is longer than that is cut.
+    What is longer than `duration`, s, is cut.
 
     Raises
     ------

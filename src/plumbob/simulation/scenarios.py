@@ -42,12 +42,8 @@ _FACES: Final = _QUARTER * np.array(
 def spins(rates: Floats, hold: float, ramp: float) -> tuple[Floats, Floats]:
     """Instants (m,), s, and the rate at each of the spins of one face, from rest to rest.
 
-    Parameters
-    ----------
-    rates : ndarray (k,)
-        Rates that are held, rising, rad/s; then their opposites, falling.
-    hold, ramp : float
-        Time at each rate, at rest too, and between rates, s.
+    `rates` (k,), rising, rad/s, are held, then their opposites, falling; `hold` and `ramp`: time at each rate, at rest
+    too, and between rates, s.
     """
     held = np.concatenate(([0.0], rates, -rates[::-1]))
     start = (hold + ramp) * np.arange(held.size)
@@ -56,14 +52,9 @@ def spins(rates: Floats, hold: float, ramp: float) -> tuple[Floats, Floats]:
 
 
 def session(knots: Floats, rates: Floats, remount: float) -> tuple[Floats, Floats, Moves]:
-    """Instants and rates of all six faces, and the moves of yaw, pitch and roll from face to face.
+    """Instants and rates of all six faces, and the moves of yaw, pitch and roll from face to face in `remount`, s.
 
-    Parameters
-    ----------
-    knots, rates : ndarray (m,)
-        Of one face, as `spins` gives them.
-    remount : float
-        Time from face to face, s.
+    `knots`, `rates` (m,) are those of one face, as `spins` gives them.
     """
     starts = (knots[-1] + remount) * np.arange(len(_FACES))
     moves = Moves(starts[1:] - remount, np.full(len(_FACES) - 1, remount), np.diff(_FACES, axis=0))
@@ -197,12 +188,8 @@ class Slide(Scenario):
         length = 0.5 * self.peak_speed * self.stroke
         course = self.heading + self.direction
         ahead = np.array([math.cos(course), math.sin(course), 0.0])
-        way = Moves(
-            start=self.lead + i * (self.stroke + self.pause),
-            duration=np.full(i.size, self.stroke),
-            change=np.outer(length * (-1.0) ** i, ahead),
-            law=cycloid,
-        )
+        start, change = self.lead + i * (self.stroke + self.pause), np.outer(length * (-1.0) ** i, ahead)
+        way = Moves(start, np.full(i.size, self.stroke), change, law=cycloid)
         return EulerMotion(Frame.NED, constant((self.heading, 0.0, 0.0)), way)
 
 
@@ -214,6 +201,8 @@ class Buoy(Scenario):
     short ones pass it. Tilt and way therefore do not cancel, and an accelerometer alone is wrong by degrees. Yaw
     wanders by itself; pitch and roll follow the slopes along and across the mean heading.
     """
+
+    lasts: ClassVar[float] = 600.0
 
     height: Annotated[float, Spec(Quantity.LENGTH, "significant wave height Hs", 0.0, 20.0)] = 1.5
     period: Annotated[float, Spec(Quantity.TIME, "period Tp of the spectrum's peak", 1.0, 25.0)] = 6.0
@@ -237,21 +226,12 @@ class Buoy(Scenario):
     heading: Annotated[float, Spec(Quantity.ANGLE, "mean heading", -_TURN, _TURN)] = 0.0
     yaw_wander: Annotated[float, Spec(Quantity.ANGLE, "root mean square of the yaw about it", 0.0, _TURN)] = deg(10.0)
 
-    @property
-    def duration(self) -> float:
-        """Time that it takes, s."""
-        return 600.0
-
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Responses to one drawn sea."""
         sea = draw_sea(
-            height=self.height,
-            period=self.period,
-            peakedness=self.peakedness,
-            direction=self.waves_to,
-            spread=self.spread,
-            rng=rng,
-        )
+            height=self.height, period=self.period, peakedness=self.peakedness, direction=self.waves_to,
+            spread=self.spread, rng=rng,
+        )  # fmt: skip
         follow = oscillator(sea.omega, period=self.way_period, damping=self.way_damping)
         tilt = oscillator(sea.omega, period=self.tilt_period, damping=self.tilt_damping)
         north, east = (sea.slope_ne * tilt[:, np.newaxis]).T
@@ -272,6 +252,8 @@ class Buoy(Scenario):
 @dataclass(frozen=True, kw_only=True)
 class Rod(Scenario):
     """Sensors at the top of a rigid rod that is moved by hand about its foot, vibrating later on [Li2012]."""
+
+    lasts: ClassVar[float] = 600.0
 
     roll_limit: Annotated[float, Spec(Quantity.ANGLE, "largest roll", 0.0, deg(80.0))] = deg(20.0)
     pitch_limit: Annotated[float, Spec(Quantity.ANGLE, "largest pitch", 0.0, deg(80.0))] = deg(15.0)
@@ -294,11 +276,6 @@ class Rod(Scenario):
         for low, high in (("fastest", "slowest"), ("vibration_low", "vibration_high")):
             if not getattr(self, low) <= getattr(self, high):
                 raise ParameterError(f"{low} must not exceed {high}.")
-
-    @property
-    def duration(self) -> float:
-        """Time that it takes, s."""
-        return 600.0
 
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Moves between random tilts, at random paces, with random rests."""
@@ -331,16 +308,12 @@ class Fin(Scenario):
     """
 
     rate: ClassVar[float] = 500.0
+    lasts: ClassVar[float] = 220.0
 
     swing: Annotated[float, Spec(Quantity.ANGLE, "amplitude of the heading", 0.0, deg(170.0))] = deg(30.0)
     twist: Annotated[float, Spec(Quantity.ANGLE, "amplitude of the roll", 0.0, deg(170.0))] = deg(20.0)
     frequency: Annotated[float, Spec(Quantity.FREQUENCY, "of both", 0.001, 50.0)] = 0.5
     lag: Annotated[float, Spec(Quantity.ANGLE, "of the twist behind the swing", -_TURN, _TURN)] = deg(90.0)
-
-    @property
-    def duration(self) -> float:
-        """Time that it takes, s."""
-        return 220.0
 
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Two sinusoids."""
@@ -359,11 +332,6 @@ class Arm(Scenario):
         deg(-90.0)
     )
     time: Annotated[float, Spec(Quantity.TIME, "time that the turn takes", 0.1, 1e4)] = 30.0
-
-    @property
-    def duration(self) -> float:
-        """Time that it takes, s."""
-        return self.time
 
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Heading that is a line."""

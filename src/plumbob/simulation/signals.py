@@ -107,14 +107,9 @@ def random_phases(shape: int | tuple[int, ...], rng: np.random.Generator) -> NDA
 
 @dataclass(frozen=True, eq=False)
 class Sinusoids(Signal):
-    """Sum of sinusoids, ``Σ cosine[i] cos(omega[i] t) + sine[i] sin(omega[i] t)``.
+    """Sum of sinusoids, ``Σ cosine[i] cos(omega[i] t) + sine[i] sin(omega[i] t)``, of angular frequencies (m,), rad/s.
 
-    Parameters
-    ----------
-    omega : ndarray (m,)
-        Angular frequencies, rad/s.
-    cosine, sine : ndarray (m,) or (m, k)
-        Amplitudes.
+    The amplitudes `cosine` and `sine` are (m,) or (m, k).
     """
 
     omega: Floats
@@ -235,11 +230,6 @@ class Ramps(Signal):
         return Jet(passed[i] + since * (rates[i] + 0.5 * acc * since), rates[i] + acc * since, acc)
 
 
-def stroke(start: float, duration: float, peak_speed: float) -> Moves:
-    """Slide over a table: velocity ``v/2 (1 − cos(2πt/T))``, hence displacement vT/2 and peak acceleration πv/T."""
-    return Moves((start,), (duration,), (0.5 * peak_speed * duration,), cycloid)
-
-
 @dataclass(frozen=True)
 class Sum(Signal):
     """Sum of signals of one shape."""
@@ -266,15 +256,7 @@ class Scaled(Signal):
 
 @dataclass(frozen=True, eq=False)
 class WarmUp(Signal):
-    """``rise (1 - exp(-t / time))``: what a device warms up by after it was switched on at time 0.
-
-    Parameters
-    ----------
-    rise : float
-        Where it ends, in the unit of the signal.
-    time : float
-        Time constant, s.
-    """
+    """``rise (1 - exp(-t / time))``: what a device warms up by after it was switched on at time 0; time constant, s."""
 
     rise: float
     time: float
@@ -287,15 +269,7 @@ class WarmUp(Signal):
 
 @dataclass(frozen=True, eq=False)
 class Mixed(Signal):
-    """A matrix times a signal with components.
-
-    Parameters
-    ----------
-    signal : Signal with k components
-        What is mixed.
-    matrix : ndarray (m, k)
-        Weights.
-    """
+    """A matrix (m, k) times a signal with k components."""
 
     signal: Signal
     matrix: Floats

@@ -33,16 +33,8 @@ _MOST_SAMPLES = 50_000_000
 class TimeLine:
     """Instants of a recording.
 
-    Attributes
-    ----------
-    sampled : ndarray (N,)
-        When each sample was taken, s: evenly spaced.
-    stamps : ndarray (N,)
-        What its time stamp says, s.
-    kept : ndarray (N,) of bool
-        False for the samples that got lost on the way.
-    rate : float
-        Samples per second, Hz.
+    `sampled`, `stamps` (N,): when each sample was taken, evenly spaced, and what its time stamp says, s; `kept` (N,):
+    false for the samples that got lost on the way; `rate`: samples per second, Hz.
     """
 
     sampled: Floats
@@ -52,28 +44,23 @@ class TimeLine:
 
 
 def time_line(*, rate: float, duration: float, jitter: float = 0.0, lost: float = 0.0, seed: int) -> TimeLine:
-    """Lay out a recording.
+    """Lay out a recording of `duration`, s, at `rate`, Hz.
 
-    Parameters
-    ----------
-    rate : float
-        Samples per second, Hz.
-    duration : float
-        Number of samples over the rate, s.
-    jitter : float
-        Standard deviation of the time stamps about the instants of sampling, s; at most a tenth of a step. Stamps keep
-        their order: none strays by more than 0.45 steps.
-    lost : float
-        Share of the samples that are missing from the recording, each by its own chance; the first is always there.
-    seed : int
-        Of the random streams.
+    `jitter`: standard deviation of the time stamps about the instants of sampling, s; at most a tenth of a step. Stamps
+    keep their order: none strays by more than 0.45 steps. `lost`: share of the samples that are missing from the
+    recording, each by its own chance; the first is always there.
 
     Raises
     ------
     ParameterError
         If a number is outside its domain.
     """
-    count = _count(rate, duration)
+    samples = rate * duration
+    if not (rate > 0.0 and duration > 0.0 and 2.0 <= samples <= _MOST_SAMPLES):
+        raise ParameterError(
+            f"rate × duration must give 2 to {_MOST_SAMPLES} samples, but {rate:g} Hz × {duration:g} s is {samples:g}."
+        )
+    count = round(samples)
     if not (0.0 <= jitter <= 0.1 / rate and 0.0 <= lost < 1.0):
         raise ParameterError(
             f"jitter must be 0 to {0.1 / rate:g} s (a tenth of a step) and lost 0 to below 1, "
@@ -98,15 +85,6 @@ def arrivals(count: int, rate: float, own_rate: float | None) -> NDArray[np.int6
     place = np.ceil(np.arange(int(count * own_rate / rate) + 1) * (rate / own_rate) - 1e-9)
     rows: NDArray[np.int64] = place[place < count].astype(np.int64)
     return rows
-
-
-def _count(rate: float, duration: float) -> int:
-    samples = rate * duration
-    if not (rate > 0.0 and duration > 0.0 and 2.0 <= samples <= _MOST_SAMPLES):
-        raise ParameterError(
-            f"rate × duration must give 2 to {_MOST_SAMPLES} samples, but {rate:g} Hz × {duration:g} s is {samples:g}."
-        )
-    return round(samples)
 
 
 WarmingUp = str | tuple[float | str, float | str]
@@ -257,7 +235,7 @@ def simulate(
     frame = Frame.parse(frame)
     strength, dip, jitter = _number("strength", strength), _number("dip", dip), _number("jitter", jitter)
     declination = _number("declination", declination)
-    warmth = temp_c if isinstance(temp_c, Signal) else constant(_temperature(temp_c))
+    warmth = temp_c if isinstance(temp_c, Signal) else _temperature(temp_c)
     warmth = warmth if warm_up is None else warmth + warming_up(warm_up)
     card = None if noise is None else check.kind("noise", NoiseCard.of(noise), NoiseCard)
     magnetic = None if mag_rate is None else _number("mag_rate", mag_rate)
@@ -286,6 +264,7 @@ def _simulation(
 ) -> Simulation:
     rate = world.line.rate
     measured = {name: _sense(world, name, getattr(unit, name), seed) for name in TRIADS if getattr(unit, name)}
+    noises = {n: getattr(unit, n) and getattr(unit, n).noise_card(rate) for n in TRIADS}
     meta = ImuMeta(
         device=f"{unit.name} #{seed}",
         gyr_range=_range(unit.gyr),
@@ -299,21 +278,28 @@ def _simulation(
     )
     return Simulation(
         imu=_recording(world, measured, meta),
-        truth=_track(kinematics, measured, world.line, f"simulated {plan.told}, seed {seed}"),
+        truth=AttitudeTrack(
+            t=kinematics.t,
+            q_nb=kinematics.q_nb,
+            frame=kinematics.frame,
+            north=North.TRUE,
+            bias_b=measured["gyr"].bias[world.line.kept] if "gyr" in measured else None,
+            source=f"simulated {plan.told}, seed {seed}",
+        ),
         calibration=_calibration(unit, meta.device),
-        noise=_noise(unit, meta.device, rate),
+        noise=NoiseCard(meta.device, f"simulated from {unit.source}", **noises),
         kinematics=kinematics,
         module=unit,
         scenario=plan,
     )
 
 
-def _temperature(temp_c: float | str) -> float:
+def _temperature(temp_c: float | str) -> Signal:
     """Temperature, °C, that there can be."""
     value = _number("temp_c", temp_c)
     if value < ABSOLUTE_ZERO_C:
         raise ParameterError(f"temp_c must be at least {ABSOLUTE_ZERO_C} °C, absolute zero, but it is {value:g} °C.")
-    return value
+    return constant(value)
 
 
 def _number(name: str, value: float | str) -> float:
@@ -359,10 +345,8 @@ def _unit(sensors: str | Module, kind: str, seed: int, mag_rate: float | None, n
     if not isinstance(kind, str) or kind not in KINDS:
         raise ParameterError(f"unit must be one of {', '.join(KINDS)}, but it is {check.said(kind)}.")
     unit = draw_module(sensors, seed) if isinstance(sensors, str) else check.kind("sensors", sensors, Module)
-    if mag_rate is not None:
-        unit = unit.with_mag_rate(mag_rate)
-    if noise is not None:
-        unit = unit.with_noise(noise)
+    unit = unit if mag_rate is None else unit.with_mag_rate(mag_rate)
+    unit = unit if noise is None else unit.with_noise(noise)
     return unit.calibrated() if kind == "calibrated" else unit
 
 
@@ -372,22 +356,16 @@ def _sense(world: _World, triad: str, errors: TriadErrors, seed: int) -> Measure
     by_axis = [world.true_input(triad, delay)[rows, axis] for axis, delay in enumerate(errors.latency.tolist())]
     force = world.true_input("acc", 0.0) if errors.g_sensitivity.any() else np.zeros((world.line.sampled.size, 3))
     measured = measure(
-        errors,
-        np.stack(by_axis, axis=-1),
-        triad=triad,
-        seed=seed,
-        rate=errors.own_rate(world.line.rate),
-        temp_c=world.temp_c[rows],
-        force_b=force[rows],
-    )
-    return measured if rows.size == world.line.sampled.size else _spread(measured, rows, world.line.sampled.size)
-
-
-def _spread(measured: Measured, rows: NDArray[np.int64], count: int) -> Measured:
-    values, bias = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
-    clipped = np.zeros((count, 3), dtype=bool)
-    values[rows], bias[rows], clipped[rows] = measured
-    return Measured(values, bias, clipped)
+        errors, np.stack(by_axis, axis=-1), triad=triad, seed=seed, rate=errors.own_rate(world.line.rate),
+        temp_c=world.temp_c[rows], force_b=force[rows],
+    )  # fmt: skip
+    count = world.line.sampled.size
+    if rows.size == count:
+        return measured
+    spread = Measured(np.full((count, 3), np.nan), np.full((count, 3), np.nan), np.zeros((count, 3), dtype=bool))
+    for whole, part in zip(spread, measured, strict=True):
+        whole[rows] = part
+    return spread
 
 
 def _recording(world: _World, measured: dict[str, Measured], meta: ImuMeta) -> ImuData:
@@ -411,19 +389,9 @@ def _range(errors: TriadErrors | None) -> Range:
     return (x, y, z)
 
 
-def _track(body: Truth, measured: dict[str, Measured], line: TimeLine, source: str) -> AttitudeTrack:
-    bias_b = measured["gyr"].bias[line.kept] if "gyr" in measured else None
-    return AttitudeTrack(t=body.t, q_nb=body.q_nb, frame=body.frame, north=North.TRUE, bias_b=bias_b, source=source)
-
-
 def _calibration(unit: Module, device: str) -> CalibrationCard:
     triads = {n: getattr(unit, n) and getattr(unit, n).card(UNITS[n]) for n in TRIADS}
     if unit.acc is None and triads["gyr"] is not None:  # without a specific force, nothing tells what it does
         triads["gyr"] = replace(triads["gyr"], g_sensitivity=np.zeros((3, 3)))
     # simulated recordings begin at unix time 0, and so do their cards
     return CalibrationCard(device, "1970-01-01", "simulated: inverse of the planted errors", **triads)
-
-
-def _noise(unit: Module, device: str, rate: float) -> NoiseCard:
-    triads = {n: getattr(unit, n) and getattr(unit, n).noise_card(rate) for n in TRIADS}
-    return NoiseCard(device, f"simulated from {unit.source}", **triads)

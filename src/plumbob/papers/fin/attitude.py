@@ -244,11 +244,7 @@ class Turn(Scenario):
     """A turn of 90° about the vertical within 4 s, and then a hold."""
 
     rate: ClassVar[float] = RATE
-
-    @property
-    def duration(self) -> float:
-        """Time that it takes, s."""
-        return LENGTH
+    lasts: ClassVar[float] = LENGTH
 
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """One move."""
