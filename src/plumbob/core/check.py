@@ -50,12 +50,8 @@ def path(name: str, value: Any) -> Path:
         raise ParameterError(f"{name} must be the path of a file, or its text, but it is {said(value)}.") from None
 
 
-def floats(name: str, value: ArrayLike) -> Floats:
-    """Return `value` as a C-contiguous float64 array, refusing masked, complex, truth, text and object arrays."""
-    return _float64(name, value, "fiu")
-
-
-def _float64(name: str, value: ArrayLike, kinds: str) -> Floats:
+def floats(name: str, value: ArrayLike, kinds: str = "fiu") -> Floats:
+    """Return `value` as a C-contiguous float64 array, refusing masked arrays and types of other `kinds` than these."""
     masked = getattr(sys.modules.get("numpy.ma"), "MaskedArray", ())  # where nobody has loaded it, none is there
     if isinstance(value, masked) or (isinstance(value, list | tuple) and any(isinstance(v, masked) for v in value)):
         raise ShapeError(f"{name} is a masked array; fill the masked samples with NaN: {name}.filled(np.nan).")
@@ -87,12 +83,9 @@ def rows(name: str, value: ArrayLike, columns: int, count: int | None = None) ->
     return array
 
 
-def column(name: str, value: ArrayLike, count: int | None = None) -> Floats:
+def column(name: str, value: ArrayLike, count: int | None = None, kinds: str = "fiu") -> Floats:
     """Return `value` as a float64 vector and, where given, of `count` entries."""
-    return _one_column(name, floats(name, value), count)
-
-
-def _one_column(name: str, array: Floats, count: int | None) -> Floats:
+    array = floats(name, value, kinds)
     if array.ndim != 1:
         raise ShapeError(f"{name} must have shape (N,), but its shape is {array.shape}.")
     if count is not None and array.shape[0] != count:
@@ -112,7 +105,7 @@ def bits(name: str, value: ArrayLike, count: int) -> NDArray[np.uint32]:
 
 def mask(name: str, value: ArrayLike, count: int) -> NDArray[np.bool_]:
     """Return `value` as `count` truth values; numbers must be 0 or 1."""
-    marks = _one_column(name, _float64(name, value, "fiub"), count)
+    marks = column(name, value, count, "fiub")
     bad = (marks != 0.0) & (marks != 1.0)
     if bad.any():
         i = int(np.argmax(bad))

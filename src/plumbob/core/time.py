@@ -92,13 +92,6 @@ def timing_of_steps(dt_ns: NDArray[np.int64]) -> Timing:
     )
 
 
-def after_gap(t: Floats) -> NDArray[np.bool_]:
-    """Mark the samples (N,) that come after a gap."""
-    late = np.zeros(t.size, dtype=bool)
-    late[1:] = is_gap(np.diff(to_ns(t)))
-    return late
-
-
 def longest_bridged(t_ns: NDArray[np.int64]) -> float:
     """Longest step between stamps (N,) that is not a gap, s: `GAP_FACTOR` median steps; 0 for a single stamp."""
     steps_ns = np.diff(t_ns)

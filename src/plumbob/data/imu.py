@@ -12,18 +12,18 @@ from numbers import Integral, Real
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0, IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.core.errors import ClockError, ShapeError, UnitError
 from plumbob.core.series import Series
-from plumbob.core.time import after_gap, to_ns, to_s
+from plumbob.core.time import is_gap, to_ns, to_s
 from plumbob.core.units import to_deg
 from plumbob.data.cards.file import UNITS
 from plumbob.data.sample import ImuSample
-from plumbob.rotations import Frame, North, body_axes, euler_zyx_from_quat, quat_normalize
+from plumbob.rotations import Frame, North, body_axes, euler_zyx_from_quat
 
 Half = tuple[float, ...]
 TRIADS = ("gyr", "acc", "mag")
@@ -103,17 +103,21 @@ class ImuMeta:
     def __post_init__(self) -> None:
         """Validate ranges and names."""
         for name in TRIADS:
-            object.__setattr__(self, f"{name}_range", _checked_range(name, getattr(self, f"{name}_range")))
+            if (full_scale := getattr(self, f"{name}_range")) is not None:
+                object.__setattr__(self, f"{name}_range", _checked_range(name, full_scale))
+            if (half := getattr(self, f"{name}_left")) is not None:
+                object.__setattr__(self, f"{name}_left", _checked_half(f"{name}_left", half))
         if self.rate_nominal is not None and not 0.0 < check.number("rate_nominal", self.rate_nominal, "Hz") < np.inf:
             raise ShapeError(f"rate_nominal must be a positive number of Hz, or None, but it is {self.rate_nominal}.")
         for name, kind in (("frame", Frame), ("north", North)):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, kind.parse(getattr(self, name)))
-        object.__setattr__(self, "t0_ns", _whole_ns(self.t0_ns))
-        object.__setattr__(self, "declination", _declination(self.declination))
+        if not isinstance(self.t0_ns, Integral) or isinstance(self.t0_ns, bool):
+            raise ShapeError(f"t0_ns must be an int, UTC in ns since 1970, but it is {self.t0_ns!r}.")
+        object.__setattr__(self, "t0_ns", int(self.t0_ns))
+        if self.declination is not None:
+            object.__setattr__(self, "declination", _checked_declination(self.declination))
         body_axes(self.axes)
-        for name in ("gyr_left", "acc_left", "mag_left"):
-            object.__setattr__(self, name, _half(name, getattr(self, name)))
 
     @property
     def left(self) -> tuple[Half, Half]:
@@ -202,31 +206,22 @@ class ImuData(Series):
     def __post_init__(self) -> None:
         """Validate everything, once."""
         check.kind("meta", self.meta, ImuMeta)
-        t = check.column("t", self.t)
-        check.increasing_time("t", t)
-        t = to_s(to_ns(t))
-        check.increasing_time("t, rounded to nanoseconds,", t)
+        t_ns = _stamps(self.t)
         given: Any = self.flags
-        marks = np.zeros(t.size, dtype=np.uint32) if given is None else check.bits("flags", given, t.size)
-        marks[after_gap(t)] |= flags.GAP
-        self._set("t", t)
+        marks = np.zeros(t_ns.size, dtype=np.uint32) if given is None else check.bits("flags", given, t_ns.size)
+        marks[1:][is_gap(np.diff(t_ns))] |= flags.GAP
+        values: dict[str, NDArray[Any]] = {"t": to_s(t_ns), "flags": marks}
         for name in TRIADS:
-            value = getattr(self, name)
-            if value is None:
-                marks |= np.uint32(TRIAD_FLAGS[name][0])
-                continue
-            triad = check.rows(name, value, 3, t.size)
-            marks &= ~np.uint32(TRIAD_FLAGS[name][0])
-            marks |= _judge(name, triad, self.meta.full_scale(name), self.meta.unit_check)
-            self._set(name, triad)
-        if all(getattr(self, name) is None for name in TRIADS):
-            raise ShapeError("a recording needs at least one of gyr, acc and mag, but none was given.")
+            if (triad := getattr(self, name)) is not None:
+                values[name] = check.rows(name, triad, 3, t_ns.size)
         if self.temp_c is not None:
-            self._set("temp_c", check.column("temp_c", self.temp_c, t.size))
-        self._set("flags", marks)
-
-    def _set(self, name: str, array: NDArray[Any]) -> None:
-        object.__setattr__(self, name, check.read_only(array))
+            values["temp_c"] = check.column("temp_c", self.temp_c, t_ns.size)
+        _mark(marks, values, self.meta)
+        for name, array in values.items():
+            object.__setattr__(self, name, check.read_only(array))
+        if not self.triads:
+            raise ShapeError("a recording needs at least one of gyr, acc and mag, but none was given.")
+        self.require_possible()
 
     @classmethod
     def live(
@@ -257,12 +252,7 @@ class ImuData(Series):
             What else is known.
         """
         marks = flags.copy()
-        for name in TRIADS:
-            if name not in triads:
-                marks |= np.uint32(TRIAD_FLAGS[name][0])
-                continue
-            marks &= ~np.uint32(TRIAD_FLAGS[name][0])
-            marks |= _marks(name, triads[name], meta.full_scale(name))
+        _mark(marks, triads, meta)
         part = object.__new__(cls)
         values = {name: triads.get(name) for name in TRIADS}
         _refreeze(part, {"t": to_s(t_ns), **values, "temp_c": temp_c, "flags": marks, "meta": meta})
@@ -384,14 +374,10 @@ class ImuData(Series):
     def samples(self) -> Iterator[ImuSample]:
         """Yield the samples one by one, as a live source would."""
         values = np.column_stack(
-            [np.full((len(self), 3), np.nan) if v is None else v for v in map(self._triad, TRIADS)]
+            [np.full((len(self), 3), np.nan) if v is None else v for v in (self.gyr, self.acc, self.mag)]
         )
         temp_c = [None] * len(self) if self.temp_c is None else self.temp_c.tolist()
         yield from map(ImuSample.packed, self.t_ns.tolist(), values, temp_c, self.flags.tolist())
-
-    def _triad(self, name: str) -> Floats | None:
-        triad: Floats | None = getattr(self, name)
-        return triad
 
     def usable(self, name: str) -> Floats:
         """Triad (N, 3) as a filter should see it, read-only: absent and invalid samples are NaN on all three axes.
@@ -401,7 +387,7 @@ class ImuData(Series):
         name : {"gyr", "acc", "mag"}
             Which triad.
         """
-        value = self._triad(check.one_of("name", name, TRIADS))
+        value: Floats | None = getattr(self, check.one_of("name", name, TRIADS))
         if value is None:
             return check.read_only(np.full((len(self), 3), np.nan))
         absent, _, invalid = TRIAD_FLAGS[name]
@@ -412,23 +398,41 @@ class ImuData(Series):
 
     def unit_doubts(self) -> tuple[str, ...]:
         """Why triads are hardly in their units, in words: what `unit_check` refuses, where it is switched off."""
-        doubts = []
-        for name in self.triads:
-            if doubt := _unit_doubt(name, self._too_big(name), self.meta.full_scale(name)):
-                doubts.append(doubt[0])
-        return tuple(doubts)
-
-    def _too_big(self, name: str) -> "_TooBig":
-        def parts() -> Iterator[tuple[Floats, NDArray[np.bool_]]]:
-            for part in self.only(name).chunks(BLOCK):
-                yield getattr(part, name), (part.flags & np.uint32(TRIAD_FLAGS[name][2])) != 0
-
-        return parts
+        return tuple(doubt[0] for name in self.triads if (doubt := self._unit_doubt(name)))
 
     def require_possible(self) -> None:
         """Refuse triads without a number, and values that their unit makes impossible, as `ImuData` does when made."""
         for name in self.triads:
-            _require_possible(name, self._too_big(name), self.meta.full_scale(name), self.meta.unit_check)
+            reader = self.only(name)  # a unit may lack an axis, but not all of them
+            if not any(np.isfinite(getattr(part, name)).any() for part in reader.chunks(BLOCK)):
+                missing = np.concatenate([np.isnan(getattr(part, name)).any(axis=1) for part in reader.chunks(BLOCK)])
+                what = "is NaN" if missing.all() else "has no finite number"
+                raise ShapeError(
+                    f"{name} {what} in all {missing.size} samples; pass {name}=None if the unit has none."
+                )
+            if self.meta.unit_check and _CHECKED.get() and (doubt := self._unit_doubt(name)):
+                raise UnitError(". ".join(doubt))
+
+    def _unit_doubt(self, name: str) -> tuple[str, str] | None:
+        """Why a triad is hardly in its unit, and what to do; None where it may well be."""
+        first, size, count = "", 0, 0
+        full_scale, norm = self.meta.full_scale(name), list[Floats]()
+        limit = _limit(name, full_scale)
+        for part in self.only(name).chunks(BLOCK):
+            triad = getattr(part, name)
+            wrong = ~_in_all(np.abs(triad) <= limit) & known_rows(triad)  # infinity has no unit
+            if not first and wrong.any():
+                i = int(np.argmax(wrong))
+                axis = int(np.argmax(np.abs(triad[i]) / limit))
+                value = f"{name}[{size + i}, {axis}] = {triad[i, axis]:.6g} {_SI[name]}"
+                first = f"{value}, but its {_bound(name, full_scale, axis)}"
+            size, count = size + wrong.size, count + int(np.count_nonzero(wrong))
+            if name != "gyr":
+                sizes = norms(triad)
+                norm.append(sizes[np.isfinite(sizes) & ~wrong])
+        if count > max(1, 0.01 * size):
+            return f"{first}, and {count} of {size} samples exceed it", _ADVICE[name]
+        return _unusual_size(name, np.concatenate(norm)) if norm else None
 
     def corrected(self, *, meta: ImuMeta, **triads: Floats) -> Self:
         """Return the same samples with corrected values of some triads.
@@ -559,32 +563,27 @@ class AttitudeTrack(Series):
         """Validate everything, once."""
         object.__setattr__(self, "frame", Frame.parse(self.frame))
         object.__setattr__(self, "north", North.parse(self.north))
-        t = check.column("t", self.t)
-        check.increasing_time("t", t)
-        t = to_s(to_ns(t))
-        check.increasing_time("t, rounded to nanoseconds,", t)
-        self._set("t", t)
+        t = to_s(_stamps(self.t))
         q = check.rows("q_nb", self.q_nb, 4, t.size)
         check.unit_norm("q_nb", q, tolerance=1e-3)  # files hold rounded digits
+        square = np.sum(q * q, axis=1, keepdims=True)
         # What is already normalised to the last bits stays as it is, so that storing a track changes nothing.
-        exact = np.abs(np.sum(q * q, axis=1) - 1.0) < 1e-12
-        self._set("q_nb", np.where(exact[:, np.newaxis], q, quat_normalize(q)))
+        q = np.where(np.abs(square - 1.0) < 1e-12, q, q / np.sqrt(square))
+        values: dict[str, NDArray[Any]] = {"t": t, "q_nb": q}
         if self.bias_b is not None:
-            self._set("bias_b", check.rows("bias_b", self.bias_b, 3, t.size))
+            values["bias_b"] = check.rows("bias_b", self.bias_b, 3, t.size)
         if self.cov_b is not None:
-            cov = check.floats("cov_b", self.cov_b)
+            values["cov_b"] = cov = check.floats("cov_b", self.cov_b)
             if cov.shape != (t.size, 3, 3):
                 raise ShapeError(f"cov_b must have shape ({t.size}, 3, 3), but its shape is {cov.shape}.")
-            self._set("cov_b", cov)
         if self.flags is not None:
-            self._set("flags", check.bits("flags", self.flags, t.size))
+            values["flags"] = check.bits("flags", self.flags, t.size)
         if self.score is not None:
-            self._set("score", check.mask("score", self.score, t.size))
+            values["score"] = check.mask("score", self.score, t.size)
         if self.mag_weight is not None:
-            self._set("mag_weight", check.column("mag_weight", self.mag_weight, t.size))
-
-    def _set(self, name: str, array: NDArray[Any]) -> None:
-        object.__setattr__(self, name, check.read_only(array))
+            values["mag_weight"] = check.column("mag_weight", self.mag_weight, t.size)
+        for name, array in values.items():
+            object.__setattr__(self, name, check.read_only(array))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         _refreeze(self, state)
@@ -717,24 +716,23 @@ def _extent(t: Floats) -> str:
     return f"{t.size} in {t[-1] - t[0]:.6g} s at {1.0 / float(np.median(np.diff(t))):.5g} Hz"
 
 
-def _whole_ns(t0_ns: Any) -> int:
-    if not isinstance(t0_ns, Integral) or isinstance(t0_ns, bool):
-        raise ShapeError(f"t0_ns must be an int, UTC in ns since 1970, but it is {t0_ns!r}.")
-    return int(t0_ns)
+def _stamps(t: ArrayLike) -> NDArray[np.int64]:
+    """Times, s, as whole nanoseconds, which must increase."""
+    seconds = check.column("t", t)
+    check.increasing_time("t", seconds)
+    t_ns = to_ns(seconds)
+    check.increasing_time("t, rounded to nanoseconds,", to_s(t_ns))
+    return t_ns
 
 
-def _half(name: str, value: Any) -> Half | None:
-    if value is None:
-        return None
+def _checked_half(name: str, value: Any) -> Half:
     half = check.column(name, value, 78)
     if not np.isfinite(half).all():
         raise ShapeError(f"{name} must hold finite numbers, but it does not.")
     return tuple(half.tolist())
 
 
-def _declination(angle: Any) -> float | None:
-    if angle is None:
-        return None
+def _checked_declination(angle: Any) -> float:
     if not isinstance(angle, Real) or isinstance(angle, bool):
         raise ShapeError(f"declination must be a number in rad, or None, but it is {angle!r}; use units.deg(...).")
     declination = float(angle)
@@ -745,36 +743,23 @@ def _declination(angle: Any) -> float | None:
 
 def _checked_range(name: str, given: Any) -> Range:
     """Range of a triad; one number where all axes have the same."""
-    if given is None:
-        return None
     axes = check.floats(f"{name}_range", given)
     if axes.shape not in {(), (3,)}:
         raise ShapeError(
             f"{name}_range must be one number for all axes, three for x, y and z, or None, but its shape is "
             f"{axes.shape}."
         )
+    unit = _SI[name]
     for full_scale in axes.ravel().tolist():
-        _check_range(name, full_scale)
+        if not full_scale > 0.0:
+            raise UnitError(f"{name}_range must be a positive full scale in {unit}, or None, but it is {full_scale}.")
+        if full_scale > _IMPOSSIBLE[name]:
+            raise UnitError(
+                f"{name}_range = {full_scale:.6g} {unit}, but no MEMS part measures beyond {_IMPOSSIBLE[name]:g} "
+                f"{unit}. Ranges have the units of their values: {name}_range=units.{_CONVERTER[name]}(...)."
+            )
     x, y, z = np.broadcast_to(axes, 3).tolist()
     return float(x) if x == y == z else (x, y, z)
-
-
-def _check_range(name: str, full_scale: float) -> None:
-    if not full_scale > 0.0:
-        raise UnitError(f"{name}_range must be a positive full scale in {_SI[name]}, or None, but it is {full_scale}.")
-    if full_scale > _IMPOSSIBLE[name]:
-        raise UnitError(
-            f"{name}_range = {full_scale:.6g} {_SI[name]}, but no MEMS part measures beyond {_IMPOSSIBLE[name]:g} "
-            f"{_SI[name]}. Ranges have the units of their values: {name}_range=units.{_CONVERTER[name]}(...)."
-        )
-
-
-def _judge(name: str, triad: Floats, full_scale: Floats | None, unit_check: bool) -> NDArray[np.uint32]:
-    """Flags of one triad; refuses one without a number, and values that its unit makes impossible."""
-    marks = _marks(name, triad, full_scale)
-    too_big = (marks & np.uint32(TRIAD_FLAGS[name][2])) != 0
-    _require_possible(name, lambda: ((triad, too_big),), full_scale, unit_check)
-    return marks
 
 
 _CHECKED: ContextVar[bool] = ContextVar("unit_check", default=True)
@@ -788,19 +773,6 @@ def units_unchecked() -> Iterator[None]:
         yield
     finally:
         _CHECKED.reset(token)
-
-
-_TooBig = Callable[[], Iterable[tuple[Floats, NDArray[np.bool_]]]]
-"""Parts of a triad, and which of their samples are too big to be true; as often as they are asked for."""
-
-
-def _require_possible(name: str, parts: _TooBig, full_scale: Floats | None, unit_check: bool) -> None:
-    if not any(np.isfinite(triad).any() for triad, _ in parts()):  # a unit may lack an axis, but not all of them
-        missing = np.concatenate([np.isnan(triad).any(axis=1) for triad, _ in parts()])
-        what = "is NaN" if missing.all() else "has no finite number"
-        raise ShapeError(f"{name} {what} in all {missing.size} samples; pass {name}=None if the unit has none.")
-    if unit_check and _CHECKED.get() and (doubt := _unit_doubt(name, parts, full_scale)):
-        raise UnitError(". ".join(doubt))
 
 
 def norms(triad: Floats) -> Floats:
@@ -830,21 +802,24 @@ def _limit(name: str, full_scale: Floats | None) -> Floats:
     return np.broadcast_to(np.minimum(_IMPOSSIBLE[name], reach), 3)
 
 
-def _marks(name: str, triad: Floats, full_scale: Floats | None) -> NDArray[np.uint32]:
-    """Flags of one triad (N, 3), each row by itself: absent, impossible, at the end of the range of an axis."""
-    limit = _limit(name, full_scale)
-    end = np.inf if full_scale is None else 0.999 * full_scale  # the last code below full scale is already the end
-    marks = np.zeros(len(triad), dtype=np.uint32)
-    odd = np.flatnonzero(~_in_all(np.abs(triad) < np.minimum(limit, end)))  # a missing value is not below
-    if odd.size:
-        absent, clipped, invalid = TRIAD_FLAGS[name]
-        size = np.abs(triad[odd])
-        missing = ~_in_all(~np.isnan(size))
-        too_big = ~missing & ~_in_all(size <= limit)
-        marks[odd[missing]] = absent
-        marks[odd[too_big]] = invalid
-        marks[odd[~missing & ~too_big & ~_in_all(size < end)]] = clipped
-    return marks
+def _mark(marks: NDArray[np.uint32], triads: Mapping[str, Floats], meta: ImuMeta) -> None:
+    """Flag the rows (N,) of triads, each by itself: absent, impossible, at the end of the range of an axis."""
+    for name, (absent, clipped, invalid) in TRIAD_FLAGS.items():
+        if name not in triads:
+            marks |= np.uint32(absent)
+            continue
+        marks &= ~np.uint32(absent)
+        triad, full_scale = triads[name], meta.full_scale(name)
+        limit = _limit(name, full_scale)
+        end = np.inf if full_scale is None else 0.999 * full_scale  # the last code below full scale is already the end
+        odd = np.flatnonzero(~_in_all(np.abs(triad) < np.minimum(limit, end)))  # a missing value is not below
+        if odd.size:
+            size = np.abs(triad[odd])
+            missing = ~_in_all(~np.isnan(size))
+            too_big = ~missing & ~_in_all(size <= limit)
+            marks[odd[missing]] |= absent
+            marks[odd[too_big]] |= invalid
+            marks[odd[~missing & ~too_big & ~_in_all(size < end)]] |= clipped
 
 
 def _in_all(marks: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -855,27 +830,6 @@ def _in_all(marks: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def known_rows(triad: Floats) -> NDArray[np.bool_]:
     """Which rows of a triad (N, 3) hold finite numbers throughout, (N,)."""
     return _in_all(np.isfinite(triad))
-
-
-def _unit_doubt(name: str, parts: _TooBig, full_scale: Floats | None) -> tuple[str, str] | None:
-    """Why a triad is hardly in its unit, and what to do; None where it may well be."""
-    first, size, count = "", 0, 0
-    norm = list[Floats]()
-    for triad, too_big in parts():
-        wrong = too_big & known_rows(triad)  # infinity has no unit
-        if not first and wrong.any():
-            i = int(np.argmax(wrong))
-            axis = int(np.argmax(np.abs(triad[i]) / _limit(name, full_scale)))
-            first = f"{name}[{size + i}, {axis}] = {triad[i, axis]:.6g} {_SI[name]}, but its " + _bound(
-                name, full_scale, axis
-            )
-        size, count = size + wrong.size, count + int(np.count_nonzero(wrong))
-        if name != "gyr":
-            sizes = norms(triad)
-            norm.append(sizes[np.isfinite(sizes) & ~too_big])
-    if count > max(1, 0.01 * size):
-        return f"{first}, and {count} of {size} samples exceed it", _ADVICE[name]
-    return _unusual_size(name, np.concatenate(norm)) if norm else None
 
 
 def _unusual_size(name: str, norm: Floats) -> tuple[str, str] | None:
