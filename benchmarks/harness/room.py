@@ -13,7 +13,7 @@ from plumbob.core.errors import ShapeError
 from plumbob.core.time import to_ns
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import UNITS, TriadCalibration
-from plumbob.data.reading import default_max_gap, read_at
+from plumbob.data.reading import read_at
 from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_multiply, quat_rotate, rotvec_from_quat
 
 DELAYS: Final = np.arange(21) * 2e-3
@@ -95,13 +95,13 @@ def room_of(imu: ImuData, reference: AttitudeTrack) -> Room:
     if fit is None:  # of too few seconds
         return room
     matrix = np.asarray(np.linalg.inv(_of_determinant_one(fit.distortion)), dtype=np.float64)
-    q_nb = read_at(reference, t_ns[present], max_gap=default_max_gap(reference), offset=room.delay).q_nb
+    q_nb = read_at(reference, t_ns[present], offset=room.delay).q_nb
     return replace(room, matrix=matrix, bias=fit.bias, field=_mean_field(q_nb, (mag[present] - fit.bias) @ matrix.T))
 
 
 def rates_of(reference: AttitudeTrack, t: Floats) -> tuple[NDArray[np.intp], Floats]:
     """Samples, of those at times (N,), s, with a reference attitude, and its rates there, rad/s, in body axes."""
-    q_nb = read_at(reference, to_ns(t), max_gap=default_max_gap(reference)).q_nb
+    q_nb = read_at(reference, to_ns(t)).q_nb
     known = np.flatnonzero(np.isfinite(q_nb).all(axis=1))
     q_nb = q_nb[known]
     turns = rotvec_from_quat(quat_multiply(quat_conjugate(q_nb[:-1]), q_nb[1:]))
@@ -117,7 +117,7 @@ def _mean_field(q_nb: Floats, field_b: Floats) -> Floats:
 
 def _fitted(mag: Floats, t_ns: NDArray[np.int64], reference: AttitudeTrack, delay: float) -> Room:
     """Alternate between the field, and matrix and bias, in which the measured field is linear."""
-    q_nb = read_at(reference, t_ns, max_gap=default_max_gap(reference), offset=delay).q_nb
+    q_nb = read_at(reference, t_ns, offset=delay).q_nb
     known = np.isfinite(q_nb).all(axis=1)
     if np.count_nonzero(known) < _FEWEST:
         raise ShapeError(f"{np.count_nonzero(known)} samples of the field have a reference; {_FEWEST} are needed")

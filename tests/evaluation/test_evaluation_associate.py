@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plumbob.core.errors import ClockError, ParameterError
-from plumbob.core.time import GAP_FACTOR
-from plumbob.data.reading import default_max_gap
+from plumbob.core.time import GAP_FACTOR, longest_bridged, to_ns
 from plumbob.evaluation.align import Fate, associate
 from plumbob.rotations import quat_angle, quat_from_rotvec
 
@@ -57,7 +56,7 @@ def test_gaps_of_the_reference_are_not_bridged(track):
 def test_default_gap_is_five_median_steps_and_the_step_itself_passes(track):
     t = np.array([0.0, 0.01, 0.02, 0.03, 0.08, 0.09, 0.10, 0.15 + 1e-9, 0.16])
     reference = track(t, spin(t))
-    assert default_max_gap(reference) == GAP_FACTOR * 0.01
+    assert longest_bridged(to_ns(reference.t)) == GAP_FACTOR * 0.01
     match = associate(track(np.array([0.05, 0.12]), spin(np.array([0.05, 0.12]))), reference)
     assert match.fate.tolist() == [Fate.SCORED, Fate.GAP]
 

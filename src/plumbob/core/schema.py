@@ -133,6 +133,7 @@ def form(
     required: tuple[str, ...] = (),
     make: Callable[[str, dict[str, Any]], Any] | None = None,
     *,
+    kind: Callable[..., Any] = dict,
     name: str = "",
     missing: Absent = absent,
 ) -> Parse:
@@ -145,7 +146,9 @@ def form(
     required : tuple of str
         Keys that must be there.
     make : callable, optional
-        Makes of the table's place and its values what is returned; the values themselves without it.
+        Makes of the table's place and its values what is returned.
+    kind : callable
+        A class; without `make`, an object of it is returned, made of the values by their names.
     name : str
         What messages call a whole file, whose keys stand without a name before them.
     missing : callable
@@ -175,18 +178,13 @@ def form(
                 place = start + key
                 values[key] = keys[key](place, value)
             place = name or where
-            return values if make is None else make(place, values)
+            return kind(**values) if make is None else make(place, values)
         except PlumbobError as error:
             vars(error).setdefault("place", place)  # the innermost table says it
             raise
 
     properties = {key: json_schema(parser) for key, parser in keys.items()}
     return described(parse, type="object", properties=properties, required=list(required), additionalProperties=False)
-
-
-def into(kind: Callable[..., Any]) -> Callable[[str, dict[str, Any]], Any]:
-    """What makes an object of a class of a table's values, by their names."""
-    return lambda _, values: kind(**values)
 
 
 def listed(parse: Parse, *counts: int, of: str = "values", names: Sequence[str] = "") -> Parse:

@@ -187,7 +187,7 @@ def _is_name(value: Any) -> bool:
 _NAME: Final = schema.plain("a name without brackets", _is_name, str, type="string")
 _LIMIT: Final = schema.form(
     {key: schema.quantity(kind) if key in ("low", "high") else schema.size(kind) for key, kind in _LIMITS.items()},
-    make=schema.into(Limits),
+    kind=Limits,
 )
 _SEGMENT: Final = schema.form(
     {

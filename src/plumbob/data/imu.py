@@ -407,9 +407,7 @@ class ImuData(Series):
             if not any(np.isfinite(getattr(part, name)).any() for part in reader.chunks(BLOCK)):
                 missing = np.concatenate([np.isnan(getattr(part, name)).any(axis=1) for part in reader.chunks(BLOCK)])
                 what = "is NaN" if missing.all() else "has no finite number"
-                raise ShapeError(
-                    f"{name} {what} in all {missing.size} samples; pass {name}=None if the unit has none."
-                )
+                raise ShapeError(f"{name} {what} in all {missing.size} samples; pass {name}=None if the unit has none.")
             if self.meta.unit_check and _CHECKED.get() and (doubt := self._unit_doubt(name)):
                 raise UnitError(". ".join(doubt))
 

@@ -37,14 +37,16 @@ class Reading:
     gap: Mask
 
 
-def default_max_gap(track: AttitudeTrack) -> float:
-    """Largest step of a track that is bridged by default, s: `plumbob.core.time.GAP_FACTOR` median steps, to the ns."""
-    return longest_bridged(to_ns(track.t))
+def read_at(
+    track: AttitudeTrack, t_ns: NDArray[np.int64], *, max_gap: float | None = None, offset: float = 0.0
+) -> Reading:
+    """Read a track at other times, integer ns (N,), with `offset` s added to its own stamps.
 
-
-def read_at(track: AttitudeTrack, t_ns: NDArray[np.int64], *, max_gap: float, offset: float = 0.0) -> Reading:
-    """Read a track at other times, integer ns (N,), with `offset` s added to its own stamps."""
-    return read_rows(to_ns(track.t + offset) if offset else to_ns(track.t), track.q_nb, t_ns, max_gap=max_gap)
+    Steps longer than `max_gap`, s, are not bridged; by default those longer than `GAP_FACTOR` of its median steps.
+    """
+    stamps = to_ns(track.t)
+    limit = longest_bridged(stamps) if max_gap is None else max_gap
+    return read_rows(to_ns(track.t + offset) if offset else stamps, track.q_nb, t_ns, max_gap=limit)
 
 
 def read_rows(own_ns: NDArray[np.int64], q_nb: Floats, t_ns: NDArray[np.int64], *, max_gap: float) -> Reading:

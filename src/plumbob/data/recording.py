@@ -17,6 +17,7 @@ from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.text import FactsText, counted
 from plumbob.data import UNCALIBRATED, AttitudeTrack, ImuData, calibration_told
 from plumbob.data.array import ImuArray
+from plumbob.data.imu import TRIAD_FLAGS
 from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, doubts, statistics
 from plumbob.data.time_report import TimeReport
 
@@ -160,13 +161,28 @@ STUCK_FOR: Final = 1.0
 """A sensor that repeats its value to the bit for so long is stuck, s: noise changes the last digit before."""
 STUCK_SAMPLES: Final = 50
 
-_CLIPPED = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}
-_INVALID = {"gyr": flags.GYR_INVALID, "acc": flags.ACC_INVALID, "mag": flags.MAG_INVALID}
-
 
 def findings(imu: ImuData) -> tuple[str, ...]:
     """Lines about calibration, the magnetic field, clipped and invalid samples, gaps, stuck sensors, and `doubts`."""
-    return (*_calibration(imu), *_field(imu), *_flagged(imu), *_gaps(imu), *_stuck(imu), *doubts(imu))
+    notes, words = [], imu.flags
+    if imu.meta.calibration is None:
+        notes.append(f"calibration: {UNCALIBRATED}, as the device gave them")
+    if "mag" in imu.triads:
+        low, high = EARTH_FIELD
+        typical = float(np.nan_to_num(statistics(imu, "mag").norm, nan=math.inf))
+        if not low <= typical <= high:
+            notes.append(
+                f"magnetic field: the median of |mag| is {typical:.4g} µT, but the Earth's field lies in {low:g} to "
+                f"{high:g} µT; the magnetometer is disturbed, uncalibrated, or in another unit"
+            )
+    for place, topic, what in ((1, "clipped", "at the end of the range"), (2, "invalid", "infinite or impossible")):
+        for name in imu.triads:
+            if count := int(np.count_nonzero(words & np.uint32(TRIAD_FLAGS[name][place]))):
+                notes.append(f"{topic}: {name} is {what} in {count} of {len(imu)} samples")
+    if count := int(np.count_nonzero(words & np.uint32(flags.GAP))):
+        longest = int(np.diff(imu.t_ns).max()) / 1e9
+        notes.append(f"gaps: samples are missing before {count} of {len(imu)}; the longest step is {longest:.6g} s")
+    return (*notes, *_stuck(imu), *doubts(imu))
 
 
 def all_findings(recording: Recording) -> tuple[str, ...]:
@@ -226,43 +242,6 @@ def read_notes(notes: Iterable[str], *units: ImuData | None) -> tuple[str, ...]:
 def _stored(*units: ImuData | None) -> tuple[str, ...]:
     texts = (f"calibration: {calibration_told(unit.meta.calibration)}" for unit in units if unit is not None)
     return tuple(dict.fromkeys(texts))
-
-
-def _calibration(imu: ImuData) -> Iterator[str]:
-    if imu.meta.calibration is None:
-        yield f"calibration: {UNCALIBRATED}, as the device gave them"
-
-
-def _field(imu: ImuData) -> Iterator[str]:
-    if "mag" not in imu.triads:
-        return
-    low, high = EARTH_FIELD
-    typical = float(np.nan_to_num(statistics(imu, "mag").norm, nan=math.inf))
-    if not low <= typical <= high:
-        yield (
-            f"magnetic field: the median of |mag| is {typical:.4g} µT, but the Earth's field lies in {low:g} to "
-            f"{high:g} µT; the magnetometer is disturbed, uncalibrated, or in another unit"
-        )
-
-
-def _flagged(imu: ImuData) -> Iterator[str]:
-    words = imu.flags
-    meanings = {"clipped": (_CLIPPED, "at the end of the range"), "invalid": (_INVALID, "infinite or impossible")}
-    for topic, (bits, what) in meanings.items():
-        for name in imu.triads:
-            count = int(np.count_nonzero(words & np.uint32(bits[name])))
-            if count:
-                yield f"{topic}: {name} is {what} in {count} of {len(imu)} samples"
-
-
-def _gaps(imu: ImuData) -> Iterator[str]:
-    count = int(np.count_nonzero(imu.flags & np.uint32(flags.GAP)))
-    if count:
-        yield f"gaps: samples are missing before {count} of {len(imu)}; the longest step is {_longest(imu):.6g} s"
-
-
-def _longest(imu: ImuData) -> float:
-    return int(np.diff(imu.t_ns).max()) / 1e9
 
 
 def _dead(name: str, axes: NDArray[np.uint8], mean: NDArray[np.float64]) -> Iterator[str]:

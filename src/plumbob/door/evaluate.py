@@ -12,8 +12,8 @@ from plumbob.data import AttitudeTrack
 from plumbob.data.recording import found_in
 from plumbob.door.reading import read
 from plumbob.evaluation.align import ALIGNMENTS
-from plumbob.evaluation.evaluation import Evaluation, judge
-from plumbob.evaluation.judged import EvaluationSettings
+from plumbob.evaluation.evaluation import judge
+from plumbob.evaluation.report import Evaluation, EvaluationSettings
 
 
 class Tracked(Protocol):
@@ -102,7 +102,18 @@ def _attitude(
     if isinstance(what, AttitudeTrack):
         return what
     if isinstance(what, str | Path):
-        return _attitude_in(name, Path(what), profile, note or (lambda line: None))
+        path = Path(what)
+        recording = read(path, profile=profile)
+        say = note or (lambda line: None)
+        for line in found_in(recording.notes):
+            say(f"{path.name}: {line}")
+        if recording.track is None:
+            raise ShapeError(
+                f"{path} holds sensor data but no attitude; run a filter on it first: plumbob run {path} ..."
+            )
+        if name == "estimate" and recording.imu is not None:
+            say(f"{path} holds sensor data: it looks like a recording with its reference, not an estimate")
+        return recording.track
     if isinstance(held := getattr(what, "track", None), AttitudeTrack):
         return held
     kind = "has no track" if hasattr(what, "track") else f"is {said(what)}"
@@ -110,18 +121,6 @@ def _attitude(
         f"{name} must be an AttitudeTrack, or a Recording that has one, but it {kind}. A filter's process gives an "
         "estimate; a file is read with plumbob.read."
     )
-
-
-def _attitude_in(name: str, path: Path, profile: str | Path | None, note: Callable[[str], object]) -> AttitudeTrack:
-    """Attitude of a file."""
-    recording = read(path, profile=profile)
-    for line in found_in(recording.notes):
-        note(f"{path.name}: {line}")
-    if recording.track is None:
-        raise ShapeError(f"{path} holds sensor data but no attitude; run a filter on it first: plumbob run {path} ...")
-    if name == "estimate" and recording.imu is not None:
-        note(f"{path} holds sensor data: it looks like a recording with its reference, not an estimate")
-    return recording.track
 
 
 def _alignments(align: Collection[str]) -> tuple[str, ...]:

@@ -29,10 +29,10 @@ from numpy.typing import NDArray
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ParameterError, ShapeError
-from plumbob.core.time import to_ns
+from plumbob.core.time import longest_bridged, to_ns
 from plumbob.core.units import deg, dps, to_deg, to_dps
 from plumbob.data import AttitudeTrack
-from plumbob.data.reading import Reading, default_max_gap, read_at
+from plumbob.data.reading import Reading, read_at
 from plumbob.evaluation.metrics import error_quat
 from plumbob.rotations import Frame, quat_angle, quat_conjugate, quat_mean, quat_multiply, quat_rotate
 from plumbob.rotations.headings import turn_heading
@@ -136,7 +136,7 @@ def associate(
     ParameterError
         If `max_gap` or `settle` is out of range.
     """
-    limit = default_max_gap(reference) if max_gap is None else max_gap
+    limit = longest_bridged(to_ns(reference.t)) if max_gap is None else max_gap
     if not 0.0 <= limit < np.inf:
         raise ParameterError(f"max_gap must be a finite time ≥ 0 s, but it is {max_gap}.")
     if not 0.0 <= settle < np.inf:
@@ -223,7 +223,7 @@ def find_time_offset(
     max_offset : float
         Largest offset sought in either direction, s.
     max_gap : float, optional
-        Largest step that is bridged, s; by default each track's own, `plumbob.evaluation.align.default_max_gap`.
+        Largest step that is bridged, s; by default `GAP_FACTOR` median steps of each track.
 
     Raises
     ------
@@ -236,7 +236,7 @@ def find_time_offset(
 
     if not 0.0 < max_offset < np.inf:
         raise ParameterError(f"max_offset must be a positive time, but it is {max_offset} s.")
-    gaps = [default_max_gap(track) if max_gap is None else max_gap for track in (estimate, reference)]
+    gaps = [longest_bridged(to_ns(track.t)) if max_gap is None else max_gap for track in (estimate, reference)]
     grid = _grid(estimate, reference)
     rate_est = _rates(estimate, grid, gaps[0], 0.0)
     rate_ref = _rates(reference, grid, gaps[1], 0.0)

@@ -21,7 +21,7 @@ from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards.file import UNITS
 from plumbob.evaluation.align import FINEST_STEP, MIN_CORRELATION, MIN_RATE_SD, masked_correlation
-from plumbob.evaluation.evaluation import Evaluation
+from plumbob.evaluation.report import Evaluation
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report, Reported, plain
 from plumbob.rotations import IDENTITY, dcm_from_quat, euler_zyx_from_quat, quat_from_dcm, skew

@@ -63,11 +63,16 @@ def attitude_errors(q_est: Floats, q_ref: Floats) -> dict[str, Floats]:
         pitch ±90°.
     """
     w, x, y, z = np.abs(np.moveaxis(error_quat(q_est, q_ref), -1, 0))
+    est, ref = euler_zyx_from_quat(q_est), euler_zyx_from_quat(q_ref)
+    yaw, pitch, roll = np.moveaxis(wrap(est - ref), -1, 0)
+    steep = np.maximum(np.abs(est[:, 1]), np.abs(ref[:, 1])) > 0.5 * np.pi - GIMBAL_GUARD
     return {
         "total": 2.0 * np.arctan2(np.sqrt(x * x + y * y + z * z), w),  # [Laidig2021]
         "heading": 2.0 * np.arctan2(z, w),  # [Laidig2021]
         "inclination": 2.0 * np.arctan2(np.hypot(x, y), np.hypot(w, z)),  # [Laidig2021]
-        **_euler_errors(q_est, q_ref),
+        "yaw": np.where(steep, np.nan, yaw),
+        "pitch": pitch,
+        "roll": np.where(steep, np.nan, roll),
     }
 
 
@@ -84,14 +89,6 @@ def total_rmse(q_est: Floats, q_ref: Floats) -> float:
 def euler_errors(q_est: Floats, q_ref: Floats) -> Floats:
     """Differences of yaw, pitch and roll (N, 3), rad, each the shorter way round; near pitch ±90° they mean nothing."""
     return wrap(euler_zyx_from_quat(q_est) - euler_zyx_from_quat(q_ref))
-
-
-def _euler_errors(q_est: Floats, q_ref: Floats) -> dict[str, Floats]:
-    est, ref = euler_zyx_from_quat(q_est), euler_zyx_from_quat(q_ref)
-    yaw, pitch, roll = np.moveaxis(wrap(est - ref), -1, 0)
-    steepest = np.maximum(np.abs(est[:, 1]), np.abs(ref[:, 1]))
-    steep = steepest > 0.5 * np.pi - GIMBAL_GUARD
-    return {"yaw": np.where(steep, np.nan, yaw), "pitch": pitch, "roll": np.where(steep, np.nan, roll)}
 
 
 DOF: Final = 3

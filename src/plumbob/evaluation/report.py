@@ -1,8 +1,9 @@
-"""An evaluation as a report and as numbers; degrees and seconds, units in every name."""
+"""An evaluation: what it holds, and the same as numbers and as a report; degrees and seconds, units in every name."""
 
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -11,15 +12,15 @@ import numpy as np
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
+from plumbob.core.series import data_frame
 from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack
-from plumbob.evaluation.align import Fate
-from plumbob.evaluation.judged import JudgedTrack
-from plumbob.evaluation.metrics import CONFIDENCE, DOF, NEEDS_HEADING, QUANTITIES, Stats
+from plumbob.evaluation.align import Alignment, Fate, Match
+from plumbob.evaluation.metrics import CONFIDENCE, DOF, NEEDS_HEADING, QUANTITIES, Consistency, Stats
 from plumbob.reporting.content import Figure, Table
-from plumbob.reporting.report import Report, plain
+from plumbob.reporting.report import Report, Reported, plain
 from plumbob.reporting.style import SERIES, SHADE, SOFT
 from plumbob.rotations import IDENTITY, North, euler_zyx_from_quat, quat_angle
 
@@ -46,60 +47,146 @@ _DEFINITIONS = (
 )
 
 
-def numbers(e: JudgedTrack) -> dict[str, Any]:
-    """Numbers of an evaluation, strictly valid for JSON.
+@dataclass(frozen=True, slots=True)
+class EvaluationSettings:
+    """What was asked for; times in s, angles in rad, None where left to the default."""
 
-    Returns
-    -------
-    dict
-        ``total_rmse_deg``, ``heading_rmse_deg``, ``inclination_rmse_deg``; one dictionary for each quantity with
-        ``rmse_deg``, ``mean_deg``, ``std_deg``, ``max_abs_deg``, ``max_at_s``, ``p50_deg``, ``p95_deg``, ``p99_deg``
-        and ``count``. A quantity that is not scored is None, and ``not_scored`` says why.
+    align: tuple[str, ...] = ()
+    max_gap: float | None = None
+    max_offset: float = 1.0
+    declination: float | None = None
+    settle: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Evaluation(Reported):
+    """An estimate judged by a reference.
+
+    Attributes
+    ----------
+    estimate, reference : AttitudeTrack
+        As they were given.
+    settings : EvaluationSettings
+        As they were asked for.
+    match : Match
+        Which samples met, and why others did not; `match.q_ref` is the reference in the estimate's frame, brought to
+        its times and aligned.
+    alignment : Alignment
+        What was found.
+    errors : mapping of str to ndarray (N,)
+        Error of each quantity that may be scored, rad, at the estimate's times, wherever both are known; NaN before the
+        estimate had converged. The statistics take only the rows where `match.scored`.
+    stats : mapping of str to Stats
+        Of each quantity that is scored.
+    not_scored : mapping of str to str
+        Why the others are not.
+    near_gimbal : int
+        Scored samples without yaw and roll, because a pitch is within `GIMBAL_GUARD` of ±90°.
+    consistency : Consistency or None
+        Where the estimate claims a covariance.
+    reference_rate : float or None
+        Rms angular rate of the reference over the scored samples, rad/s; None where it cannot be determined.
+    notes : tuple of str
+        What a reader should know.
     """
-    a, s = e.alignment, e.settings
-    time, mounting = a.time, a.mounting
-    return dict(plain({
-        **{f"{name}_rmse_deg": _deg(getattr(e.stats.get(name), "rmse", None)) for name in COLOUR},
-        **{name: _stats(e.stats.get(name)) for name in QUANTITIES},
-        "not_scored": e.not_scored,
-        "samples": _samples(e),
-        "alignment": {
-            "time": time and {
-                "offset_s": time.offset, "correlation": time.correlation,
-                "rival_correlation": time.rival, "rival_offset_s": time.rival_at,
-            },
-            "mounting": None if mounting is None else {
-                "q_re_wxyz": mounting, "angle_deg": _deg(float(quat_angle(IDENTITY, mounting)))
-            },
-            "heading_deg": _deg(a.heading), "tilt_spread_deg": _deg(a.tilt_spread),
-        },
-        "settings": {
-            "align": s.align, "max_gap_s": e.match.max_gap, "max_offset_s": s.max_offset,
-            "declination_deg": _deg(s.declination), "settle_s": s.settle,
-        },
-        "estimate": _track(e.estimate),
-        "reference": _track(e.reference),
-        "flags": e.flag_counts(),
-        "consistency": e.consistency,
-        "reference_rate_rms_dps": None if e.reference_rate is None else to_dps(e.reference_rate),
-        "notes": e.notes,
-    }))  # fmt: skip
 
+    estimate: AttitudeTrack
+    reference: AttitudeTrack
+    settings: EvaluationSettings
+    match: Match
+    alignment: Alignment
+    errors: Mapping[str, Floats]
+    stats: Mapping[str, Stats]
+    not_scored: Mapping[str, str]
+    near_gimbal: int
+    consistency: Consistency | None
+    reference_rate: float | None
+    notes: tuple[str, ...]
 
-def report(e: JudgedTrack, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
-    """What an evaluation found, with figures; `facts` say more of where it comes from."""
-    return Report(
-        "Attitude error, estimate against reference",
-        facts=[*facts, *_facts(e)],
-        tables=_tables(e),
-        remarks=_remarks(e),
-        figures=_figures(e, _COLUMNS),
-        definitions=_DEFINITIONS,
-    )
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words: scored samples and the root mean square of each error, degrees."""
+        facts = {"scored": f"{int(np.count_nonzero(self.match.scored))} of {len(self.estimate)} samples"}
+        facts |= {f"{name} rmse": f"{to_deg(stats.rmse):.3g}°" for name, stats in self.stats.items()}
+        return facts | {"source": self.estimate.source.partition("(")[0] or "not named"}
+
+    def columns(self) -> Mapping[str, Floats]:
+        """Time, and the error of each quantity that is scored, degrees, by name."""
+        return {"t [s]": self.t} | {f"{name} [deg]": to_deg(error) for name, error in self.errors.items()}
+
+    def to_frame(self) -> Any:
+        """Errors as a table for pandas, a column each; MissingExtraError where pandas is not installed."""
+        return data_frame(self.columns())
+
+    def summary(self) -> dict[str, Any]:
+        """Everything but the series, strictly valid for JSON: degrees, seconds, never NaN.
+
+        Returns
+        -------
+        dict
+            ``total_rmse_deg``, ``heading_rmse_deg``, ``inclination_rmse_deg``; one dictionary for each quantity with
+            ``rmse_deg``, ``mean_deg``, ``std_deg``, ``max_abs_deg``, ``max_at_s``, ``p50_deg``, ``p95_deg``,
+            ``p99_deg`` and ``count``. A quantity that is not scored is None, and ``not_scored`` says why.
+        """
+        a, s = self.alignment, self.settings
+        time, mounting = a.time, a.mounting
+        return dict(plain({
+            **{f"{name}_rmse_deg": _deg(getattr(self.stats.get(name), "rmse", None)) for name in COLOUR},
+            **{name: _stats(self.stats.get(name)) for name in QUANTITIES},
+            "not_scored": self.not_scored,
+            "samples": _samples(self),
+            "alignment": {
+                "time": time and {
+                    "offset_s": time.offset, "correlation": time.correlation,
+                    "rival_correlation": time.rival, "rival_offset_s": time.rival_at,
+                },
+                "mounting": None if mounting is None else {
+                    "q_re_wxyz": mounting, "angle_deg": _deg(float(quat_angle(IDENTITY, mounting)))
+                },
+                "heading_deg": _deg(a.heading), "tilt_spread_deg": _deg(a.tilt_spread),
+            },
+            "settings": {
+                "align": s.align, "max_gap_s": self.match.max_gap, "max_offset_s": s.max_offset,
+                "declination_deg": _deg(s.declination), "settle_s": s.settle,
+            },
+            "estimate": _track(self.estimate),
+            "reference": _track(self.reference),
+            "flags": self.flag_counts(),
+            "consistency": self.consistency,
+            "reference_rate_rms_dps": None if self.reference_rate is None else to_dps(self.reference_rate),
+            "notes": self.notes,
+        }))  # fmt: skip
+
+    def report(self, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+        """What was found, as text, page and picture; `facts` say more of where it comes from."""
+        return Report(
+            "Attitude error, estimate against reference",
+            facts=[*facts, *_facts(self)],
+            tables=_tables(self),
+            remarks=_remarks(self),
+            figures=_figures(self, _COLUMNS),
+            definitions=_DEFINITIONS,
+        )
+
+    @property
+    def t(self) -> Floats:
+        """Times of the estimate, s, (N,)."""
+        return self.estimate.t
+
+    @property
+    def not_converged_until(self) -> float | None:
+        """Time of the last sample that is left out because the estimate had not converged, s; None without one."""
+        times = self.t[self.match.fate == Fate.NOT_CONVERGED]
+        return float(times[-1]) if times.size else None
+
+    def flag_counts(self) -> dict[str, int]:
+        """Scored samples that carry each flag of the estimate that occurs."""
+        if self.estimate.flags is None:
+            return {}
+        return flags.counts(self.estimate.flags[self.match.scored])
 
 
 def comparison(
-    evaluations: Mapping[str, JudgedTrack], *, title: str = "Attitude errors", facts: Sequence[tuple[str, str]] = ()
+    evaluations: Mapping[str, Evaluation], *, title: str = "Attitude errors", facts: Sequence[tuple[str, str]] = ()
 ) -> Report:
     """Evaluations beside each other, and a part for each.
 
@@ -134,11 +221,16 @@ def comparison(
     )
 
 
-def _facts(e: JudgedTrack) -> list[tuple[str, str]]:
+def _facts(e: Evaluation) -> list[tuple[str, str]]:
     """What was compared, and how."""
     s = e.settings
     facts = [(name, _describe_track(track)) for name, track in (("estimate", e.estimate), ("reference", e.reference))]
-    facts.append(("scored", _describe_samples(e)))
+    samples = _samples(e)
+    span = (
+        f"{samples['scored']} of {samples['estimate']} samples, {samples['first_s']:.3f} to {samples['last_s']:.3f} s"
+    )
+    read = f"{samples['exact']} at stamps of the reference, {samples['interpolated']} interpolated"
+    facts.append(("scored", f"{span}; {read} (steps up to {1e3 * e.match.max_gap:.4g} ms)"))
     facts += [("left out", f"{n} {why}") for why, n in _left_out(e).items()]
     facts += [("aligned", line) for line in _describe_alignment(e)] or [("aligned", "nothing")]
     if "time" in s.align:
@@ -154,13 +246,17 @@ def _facts(e: JudgedTrack) -> list[tuple[str, str]]:
     return facts + [("flagged", f"{counted(n, 'scored sample')}: {name}") for name, n in e.flag_counts().items()]
 
 
-def _tables(e: JudgedTrack) -> list[Table]:
+def _tables(e: Evaluation) -> list[Table]:
     rows = [[name, *_cells(e.stats.get(name))] for name in QUANTITIES]
     _, params, _ = _source_parts(e.estimate)
     listed = [tuple(param.split("=", 1)) for param in params.split(", ") if "=" in param]
+    scored, meaning = int(e.match.scored.sum()), dict(flags.MEANING.values())
+    samples = [("scored", str(scored), _share(scored, e.t.size), "")]
+    samples += [("left out", str(n), _share(n, e.t.size), why) for why, n in _left_out(e).items()]
+    samples += [(name, str(n), _share(n, scored), meaning[name]) for name, n in e.flag_counts().items()]
     return [
         Table("Errors of the scored samples [°]", _HEAD, rows, strong=[(i, 1) for i in range(len(rows))]),
-        _sample_table(e),
+        Table("Samples", ["", "samples", "share", "meaning"], samples, words=(3,), detail="samples"),
         *([Table("Parameters", ["", "value"], listed, words=(1,), detail="parameters")] if listed else []),
     ]
 
@@ -172,21 +268,12 @@ def _cells(s: Stats | None) -> list[str]:
     return [*angles[:4], f"{s.max_at:.2f}", *angles[4:]]
 
 
-def _sample_table(e: JudgedTrack) -> Table:
-    """Samples that count, those that do not, and flags of those that do."""
-    scored, meaning = int(e.match.scored.sum()), dict(flags.MEANING.values())
-    rows = [("scored", str(scored), _share(scored, e.t.size), "")]
-    rows += [("left out", str(n), _share(n, e.t.size), why) for why, n in _left_out(e).items()]
-    rows += [(name, str(n), _share(n, scored), meaning[name]) for name, n in e.flag_counts().items()]
-    return Table("Samples", ["", "samples", "share", "meaning"], rows, words=(3,), detail="samples")
-
-
 def _share(n: int, of: int) -> str:
     percent = 100.0 * n / of
     return f"{percent:.1f} %" if percent >= 0.1 or not n else "< 0.1 %"
 
 
-def _remarks(e: JudgedTrack) -> list[str]:
+def _remarks(e: Evaluation) -> list[str]:
     reasons = [
         f"{', '.join(name for name, why in e.not_scored.items() if why == reason)} not scored: {reason}"
         for reason in dict.fromkeys(e.not_scored.values())
@@ -194,7 +281,7 @@ def _remarks(e: JudgedTrack) -> list[str]:
     return [_FOOTNOTE, *reasons, *e.notes]
 
 
-def _differences(evaluations: list[JudgedTrack]) -> str:
+def _differences(evaluations: list[Evaluation]) -> str:
     """In what the evaluations differ besides their estimates; empty where they can be compared."""
     judged: dict[str, set[object]] = {
         "the samples scored": {e.t[e.match.scored].tobytes() for e in evaluations},
@@ -204,7 +291,7 @@ def _differences(evaluations: list[JudgedTrack]) -> str:
     return " and ".join(name for name, values in judged.items() if len(values) > 1)
 
 
-def _comparison_table(evaluations: Mapping[str, JudgedTrack]) -> Table:
+def _comparison_table(evaluations: Mapping[str, Evaluation]) -> Table:
     """RMSE of each, the smallest of each column in bold."""
     rows, strong = [], []
     aligned = any(e.settings.align for e in evaluations.values())
@@ -219,7 +306,7 @@ def _comparison_table(evaluations: Mapping[str, JudgedTrack]) -> Table:
     return Table("RMSE [°]", head, rows, (len(QUANTITIES) + 2,) if aligned else (), strong)
 
 
-def _left_out(e: JudgedTrack) -> dict[str, int]:
+def _left_out(e: Evaluation) -> dict[str, int]:
     """How many samples were left out, by the reason in words."""
     until = e.not_converged_until
     counts = {fate.meaning: n for fate, n in e.match.counts().items() if fate is not Fate.SCORED}
@@ -242,17 +329,7 @@ def _source_parts(track: AttitudeTrack) -> tuple[str, str, str]:
     return (match[1], match[2], match[3]) if match else (track.source, "", "")
 
 
-def _describe_samples(e: JudgedTrack) -> str:
-    """How many samples count, over which time, and how the reference was read."""
-    samples = _samples(e)
-    span = f"{samples['first_s']:.3f} to {samples['last_s']:.3f} s"
-    return (
-        f"{samples['scored']} of {samples['estimate']} samples, {span}; {samples['exact']} at stamps of the "
-        f"reference, {samples['interpolated']} interpolated (steps up to {1e3 * e.match.max_gap:.4g} ms)"
-    )
-
-
-def _describe_alignment(e: JudgedTrack) -> list[str]:
+def _describe_alignment(e: Evaluation) -> list[str]:
     """One line for each constant that was found."""
     a, lines = e.alignment, []
     if a.time is not None:
@@ -273,7 +350,7 @@ def _describe_alignment(e: JudgedTrack) -> list[str]:
     return lines
 
 
-def _describe_consistency(e: JudgedTrack) -> str:
+def _describe_consistency(e: Evaluation) -> str:
     """How the error fits the claimed covariance."""
     c = e.consistency
     if c is None:
@@ -306,7 +383,7 @@ def _stats(s: Stats | None) -> dict[str, Any] | None:
     return {**angles, "max_at_s": s.max_at, "count": s.count}
 
 
-def _samples(e: JudgedTrack) -> dict[str, Any]:
+def _samples(e: Evaluation) -> dict[str, Any]:
     times = e.t[e.match.scored]
     exact = int(e.match.exact.sum())
     return {
@@ -335,7 +412,7 @@ def _track(track: AttitudeTrack) -> dict[str, Any]:
     }
 
 
-def _figures(e: JudgedTrack, columns: int) -> list[Figure]:
+def _figures(e: Evaluation, columns: int) -> list[Figure]:
     shade = ("not scored", SHADE, "block")
     attitude = [("estimate", ESTIMATE, "solid"), ("reference", REFERENCE, "solid"), shade]
     errors = [(name, colour, "solid") for name, colour in COLOUR.items() if name in e.stats]
@@ -352,7 +429,7 @@ def _figures(e: JudgedTrack, columns: int) -> list[Figure]:
     ]
 
 
-def _draw_attitude(e: JudgedTrack, columns: int, canvas: "FigureBase") -> None:
+def _draw_attitude(e: Evaluation, columns: int, canvas: "FigureBase") -> None:
     """Yaw, pitch and roll of estimate and reference over time."""
     est, ref = euler_zyx_from_quat(e.estimate.q_nb), euler_zyx_from_quat(e.match.q_ref)
     axes = canvas.subplots(3, 1, sharex=True)
@@ -365,7 +442,7 @@ def _draw_attitude(e: JudgedTrack, columns: int, canvas: "FigureBase") -> None:
     axes[2].set_xlabel("time [s]")
 
 
-def _draw_errors(e: JudgedTrack, columns: int, canvas: "FigureBase") -> None:
+def _draw_errors(e: Evaluation, columns: int, canvas: "FigureBase") -> None:
     """Total, heading and inclination error over time, those of them that are scored."""
     names = [name for name in COLOUR if name in e.stats]
     axes = canvas.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
@@ -377,7 +454,7 @@ def _draw_errors(e: JudgedTrack, columns: int, canvas: "FigureBase") -> None:
     axes[-1].set_xlabel("time [s]")
 
 
-def _draw_distribution(e: JudgedTrack, canvas: "FigureBase") -> None:
+def _draw_distribution(e: Evaluation, canvas: "FigureBase") -> None:
     """Share of samples whose error is at most so much, with the median and the 95th and 99th percentile."""
     ax = canvas.subplots()
     scored = [name for name in COLOUR if name in e.stats]
@@ -389,7 +466,7 @@ def _draw_distribution(e: JudgedTrack, canvas: "FigureBase") -> None:
     _finish_cumulative(ax, [e.stats[name] for name in scored])
 
 
-def comparison_figure(evaluations: Mapping[str, JudgedTrack]) -> Figure:
+def comparison_figure(evaluations: Mapping[str, Evaluation]) -> Figure:
     """Distribution of the one error that all have: total, or inclination where a heading is free."""
     shared = NEEDS_HEADING[0] if all(NEEDS_HEADING[0] in e.stats for e in evaluations.values()) else "inclination"
     styles = [(SERIES[i % len(SERIES)], _DASHES[i // len(SERIES) % len(_DASHES)]) for i in range(len(evaluations))]
@@ -404,7 +481,7 @@ def comparison_figure(evaluations: Mapping[str, JudgedTrack]) -> Figure:
     return Figure(f"Cumulative distribution of the {shared} error", draw, keys)
 
 
-def _line(ax: "Axes", e: JudgedTrack, values: Floats, columns: int, *, jump: float = np.inf, **style: Any) -> None:
+def _line(ax: "Axes", e: Evaluation, values: Floats, columns: int, *, jump: float = np.inf, **style: Any) -> None:
     from plumbob.reporting.drawing import envelope
 
     gap = GAP_FACTOR * float(np.median(np.diff(e.t))) if e.t.size > 1 else np.inf
@@ -413,7 +490,7 @@ def _line(ax: "Axes", e: JudgedTrack, values: Floats, columns: int, *, jump: flo
     ax.plot(t, to_deg(y), marker=marker, **style)
 
 
-def _shade(ax: "Axes", e: JudgedTrack, columns: int) -> None:
+def _shade(ax: "Axes", e: Evaluation, columns: int) -> None:
     from plumbob.reporting.drawing import runs
 
     if e.t.size < 2:

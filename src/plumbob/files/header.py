@@ -137,9 +137,9 @@ def _array(units: tuple[dict[str, Any], ...]) -> dict[str, tuple[ImuMeta, UnitMo
     return by_name
 
 
-def _complete(keys: dict[str, Parse], make: Any = None, name: str = "", later: tuple[str, ...] = ()) -> Parse:
+def _complete(keys: dict[str, Parse], kind: Any = dict, name: str = "", later: tuple[str, ...] = ()) -> Parse:
     """Form of an object that must have all its keys, but those that older recordings do not have."""
-    return schema.form(keys, tuple(key for key in keys if key not in later), make, name=name)
+    return schema.form(keys, tuple(key for key in keys if key not in later), kind=kind, name=name)
 
 
 _FRAME: Final = schema.converted(Frame.parse)
@@ -164,7 +164,7 @@ META: Final = _complete(
         "mag_left": _COVARIANCE,
         "unit_check": schema.truth,
     },
-    schema.into(ImuMeta),
+    ImuMeta,
     later=("gyr_left", "acc_left", "mag_left"),
 )
 """Parser of the meta of samples."""
@@ -177,7 +177,7 @@ _MOUNT: Final = {
     "clock_offset": schema.number,
     "noise": schema.optional(lambda where, value: NoiseCard.from_text(json.dumps(value), where)),
 }
-_UNIT: Final = {"name": schema.text, "imu": META, "mount": _complete(_MOUNT, schema.into(UnitMount))}
+_UNIT: Final = {"name": schema.text, "imu": META, "mount": _complete(_MOUNT, UnitMount)}
 ARRAY: Final = schema.converted(_array, schema.tables(_complete(_UNIT)))
 """Parser of the meta and the mount of each unit of an array, by name."""
 _HEADER: Final = {

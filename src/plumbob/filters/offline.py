@@ -10,7 +10,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import FrameError, ParameterError
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-from plumbob.data.reading import default_max_gap, read_at
+from plumbob.data.reading import read_at
 from plumbob.filters import SMOOTHER, Filter, Start, takes_noise
 from plumbob.filters.known import CAUSAL_LAG
 from plumbob.filters.start import TRUTH_WORD
@@ -270,7 +270,7 @@ def start_from(reference: AttitudeTrack | None, imu: ImuData, filter_: "Filter |
             "init 'truth' takes the first attitude of the recording's reference, but it has none; give "
             "ROLL,PITCH,HEADING with units, or level."
         )
-    reading = read_at(reference, imu.t_ns, max_gap=default_max_gap(reference))
+    reading = read_at(reference, imu.t_ns)
     rows = np.flatnonzero(np.isfinite(reading.q_nb).all(axis=1))
     if not rows.size:
         raise ParameterError(

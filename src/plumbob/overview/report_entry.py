@@ -17,7 +17,7 @@ from plumbob.core.text import counted
 from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.imu import BLOCK, TITLES
-from plumbob.data.reading import default_max_gap, read_at
+from plumbob.data.reading import read_at
 from plumbob.data.recording import Recording, found_in, inferred_in
 from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.reading import read_one
@@ -227,7 +227,7 @@ def _follow(imu: ImuData | None, track: AttitudeTrack | None, gatherer: Gatherer
             gatherer.take(None, _rows(track, slice(at, at + BLOCK)))
         return
     if track is not None and not np.array_equal(track.t, imu.t):
-        reading = read_at(track, imu.t_ns, max_gap=default_max_gap(track))
+        reading = read_at(track, imu.t_ns)
         track = AttitudeTrack(
             t=imu.t, q_nb=reading.q_nb, frame=track.frame, north=track.north, source=track.source
         )  # fmt: skip

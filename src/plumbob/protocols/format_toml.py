@@ -469,8 +469,7 @@ _FRAME: Final = schema.form(
         "rate": schema.size(Quantity.FREQUENCY),
         "baud": schema.whole(1),
     },
-    (),
-    schema.into(Framing),
+    kind=Framing,
 )
 FORMAT: Final = schema.form(
     {

@@ -7,7 +7,7 @@ from dataclasses import replace
 from enum import StrEnum
 from functools import cache
 from itertools import permutations, product
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +18,29 @@ from plumbob.core.errors import FrameError
 from plumbob.rotations.quaternions import quat_from_dcm, quat_multiply
 
 
-class Frame(StrEnum):
+class _Named(StrEnum):
+    """Values with names that a person may write in small or in large letters."""
+
+    @classmethod
+    def parse(cls, name: str) -> Self:
+        """Value of that name; a value is its own.
+
+        Raises
+        ------
+        FrameError
+            If there is none.
+        """
+        for value in cls:
+            if isinstance(name, str) and name.strip().lower() == value.lower():
+                return value
+        known = ", ".join(cls)
+        raise FrameError(f"{check.said(name)} is not a {_KINDS[cls.__name__]}; known are {known}.")
+
+
+_KINDS = {"Frame": "navigation frame", "North": "heading reference"}
+
+
+class Frame(_Named):
     """A local level navigation frame; the letters name its x, y and z axes."""
 
     ENU = "ENU"
@@ -40,41 +62,13 @@ class Frame(StrEnum):
         """Unit vector away from the centre of gravity, in this frame."""
         return np.array([0.0, 0.0, -1.0 if self is Frame.NED else 1.0])
 
-    @classmethod
-    def parse(cls, name: str) -> "Frame":
-        """Frame of that name; a frame is its own.
 
-        Raises
-        ------
-        FrameError
-            If there is none.
-        """
-        try:
-            return cls(name.strip().upper())
-        except (ValueError, AttributeError, TypeError):
-            raise FrameError(f"{check.said(name)} is not a navigation frame; known are {', '.join(cls)}.") from None
-
-
-class North(StrEnum):
+class North(_Named):
     """What a heading counts from."""
 
     TRUE = "true"
     MAGNETIC = "magnetic"
     FREE = "free"
-
-    @classmethod
-    def parse(cls, name: str) -> "North":
-        """Heading reference of that name; a heading reference is its own.
-
-        Raises
-        ------
-        FrameError
-            If there is none.
-        """
-        try:
-            return cls(name.strip().lower())
-        except (ValueError, AttributeError, TypeError):
-            raise FrameError(f"{check.said(name)} is not a heading reference; known are {', '.join(cls)}.") from None
 
 
 @cache  # every part of a stream asks

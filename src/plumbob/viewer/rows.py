@@ -14,7 +14,7 @@ from plumbob.core.errors import FrameError
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.data.reading import default_max_gap, read_at
+from plumbob.data.reading import read_at
 from plumbob.filters import SMOOTHER, claims_covariance, filter_names, load
 from plumbob.protocols.format import Message
 from plumbob.protocols.unpack import counts_for
@@ -72,7 +72,7 @@ class Attitudes:
     @classmethod
     def read(cls, track: AttitudeTrack, t: Floats, declination: float | None) -> Self:
         """Attitudes of a track at other times (N,), s, as an evaluation reads a reference."""
-        q = read_at(track, to_ns(t), max_gap=default_max_gap(track)).q_nb
+        q = read_at(track, to_ns(t)).q_nb
         return cls(q, track.frame, track.north, declination)
 
     @classmethod

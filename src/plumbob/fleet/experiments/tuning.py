@@ -33,8 +33,8 @@ from plumbob.data import AttitudeTrack
 from plumbob.data.recording import Recording
 from plumbob.door.evaluate import evaluate
 from plumbob.evaluation.align import not_converged
-from plumbob.evaluation.evaluation import Evaluation
 from plumbob.evaluation.metrics import error_quat
+from plumbob.evaluation.report import Evaluation
 from plumbob.filters.known import load
 from plumbob.filters.offline import Stage, navigation_frame, run_stage
 from plumbob.fleet.experiments.trials import read_trial, trials_in, unused_name

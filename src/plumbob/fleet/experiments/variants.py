@@ -14,7 +14,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
 from plumbob.core.units import Quantity, dps, parse, split, to_dps
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.data.reading import default_max_gap, read_at
+from plumbob.data.reading import read_at
 from plumbob.rotations import quat_conjugate, quat_rotate
 
 SEED: Final = 1
@@ -99,7 +99,7 @@ def _wrong_field(imu: ImuData, change: _Change) -> ImuData:
         zero = motion_begins(imu) if since else float(imu.t[0])
         vector, (first, last) = _vector(field, Quantity.FIELD), (zero + parse(t, Quantity.TIME) for t in (begin, end))
         rows = (imu.t >= first) & (imu.t < last)
-        q_nb = read_at(change.reference, imu.t_ns[rows], max_gap=default_max_gap(change.reference)).q_nb
+        q_nb = read_at(change.reference, imu.t_ns[rows]).q_nb
         mag = _triad(imu, "mag").copy()
         mag[rows] += np.nan_to_num(quat_rotate(quat_conjugate(q_nb), np.broadcast_to(vector, (len(q_nb), 3))))
         imu = imu.corrected(meta=imu.meta, mag=mag)

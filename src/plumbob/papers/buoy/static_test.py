@@ -14,7 +14,7 @@ from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
 from plumbob.door.evaluate import evaluate
-from plumbob.evaluation.evaluation import Evaluation
+from plumbob.evaluation.report import Evaluation
 from plumbob.filters.offline import Stage, run_stage
 from plumbob.quality.static_periods import stills
 from plumbob.reporting.content import Figure, Table
