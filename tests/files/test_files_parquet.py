@@ -21,7 +21,7 @@ from plumbob.data.recording import Recording
 from plumbob.files import header
 from plumbob.files.arrow import unpacked_bytes
 from plumbob.files.columns import COLUMNS, to_columns
-from plumbob.files.parquet import open_parquet, read_parquet, write_parquet
+from plumbob.files.parquet import read_parquet, write_parquet
 from tests.helpers import examples
 from tests.helpers.io_samples import CASES, assert_same, make_imu, refused, sealed
 from tests.helpers.record_samples import flipped
@@ -331,7 +331,7 @@ def test_reading_in_parts_leaves_the_callers_arithmetic_alone(tmp_path):
     """A generator that is abandoned may end in another thread, where NumPy's settings are not its own to restore."""
     write_parquet(tmp_path / "a.parquet", Recording(imu=make_imu()))
     before = np.geterr()
-    parts = open_parquet(tmp_path / "a.parquet").imu.chunks(5)
+    parts = read_parquet(tmp_path / "a.parquet", in_memory=False).imu.chunks(5)
     next(parts)
     assert np.geterr() == before
     ended = []

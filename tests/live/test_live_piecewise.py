@@ -204,7 +204,7 @@ def repeated(path, times, n=360_000):
     """An hour's samples at 100 Hz, again and again; their steps are uneven, so that they take a quarter longer."""
     one = noisy(n, seed=2)
     lasts = one.t[-1] + 0.01
-    plumbob.files.parquet.write_parts(
+    plumbob.files.parquet.write_parquet(
         path, (Recording(imu=replace(one, t=one.t + lasts * k)) for k in range(times)), overwrite=True
     )
 

@@ -50,21 +50,17 @@ def require_room(unpacked: int, stored: int) -> None:
     DecodeError
         If that is more than 64 MiB and 128 times the file's size, or the environment says no size.
     """
-    allowed = max(_FREE_BYTES + _MAX_RATIO * stored, _given_memory())
+    text = os.environ.get(_MEMORY, "0")
+    match = re.fullmatch(r"(\d{1,9}) ?(|B|KiB|MiB|GiB)", text)
+    if match is None:
+        raise DecodeError(f"{_MEMORY} must be a size, for example 4GiB, but it is {text!r}.")
+    given = int(match[1]) << {"": 0, "B": 0, "KiB": 10, "MiB": 20, "GiB": 30}[match[2]]
+    allowed = max(_FREE_BYTES + _MAX_RATIO * stored, given)
     if unpacked > allowed:
         raise DecodeError(
             f"its {stored} bytes unpack to {unpacked}, but {allowed} are allowed: 64 MiB and {_MAX_RATIO} times the "
             f"file. If you trust the file, allow more, for example {_MEMORY}={1 + (unpacked >> 30)}GiB."
         )
-
-
-def _given_memory() -> int:
-    """Bytes that the environment allows."""
-    text = os.environ.get(_MEMORY, "0")
-    match = re.fullmatch(r"(\d{1,9}) ?(|B|KiB|MiB|GiB)", text)
-    if match is None:
-        raise DecodeError(f"{_MEMORY} must be a size, for example 4GiB, but it is {text!r}.")
-    return int(match[1]) << {"": 0, "B": 0, "KiB": 10, "MiB": 20, "GiB": 30}[match[2]]
 
 
 def existing_file(path: str | os.PathLike[str], most: int | None = None) -> Path:
@@ -469,14 +465,13 @@ def _is_stream(path: Path) -> bool:
     """Whether bytes go to a pipe or a device, or to a file that is this process's own output already."""
     if not path.exists():
         return False
-    status = path.stat()
-    return not path.is_file() or any(os.path.samestat(status, output) for output in _own_outputs())
-
-
-def _own_outputs() -> Iterator[os.stat_result]:
-    for descriptor in (1, 2):
+    if not path.is_file():
+        return True
+    for output in (1, 2):
         with suppress(OSError):  # closed
-            yield os.fstat(descriptor)
+            if os.path.samestat(path.stat(), os.fstat(output)):
+                return True
+    return False
 
 
 def _refusal(what: str, error: OSError) -> str:

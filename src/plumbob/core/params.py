@@ -66,12 +66,9 @@ def describe(cls: type[Any]) -> tuple[Parameter, ...]:
         spec = next((extra for extra in get_args(hint)[1:] if isinstance(extra, Spec)), None)
         if spec is not None:
             kind = get_args(hint)[0]
-            parameters.append(Parameter(name, spec, _default(cls, name), NoneType in get_args(kind), kind is bool))
+            default = getattr(cls, "_field_defaults", {}).get(name, getattr(cls, name))
+            parameters.append(Parameter(name, spec, default, NoneType in get_args(kind), kind is bool))
     return tuple(parameters)
-
-
-def _default(cls: type[Any], name: str) -> Any:
-    return getattr(cls, "_field_defaults", {}).get(name, getattr(cls, name))
 
 
 def shown(p: Parameter, value: Any) -> str:

@@ -126,15 +126,13 @@ def upside_down(imu: ImuData, frame: Frame) -> tuple[str, ...]:
     """
     if "acc" not in imu.triads or len(imu) < ENOUGH:
         return ()
-    usual = statistics(imu, "acc").norm
-
-    def upwards(part: ImuData) -> Floats:
+    usual, of_parts = statistics(imu, "acc").norm, list[Floats]()
+    for part in imu.only("acc").chunks(BLOCK):
         acc = part.usable("acc")
         norm = norms(acc)
         counts = np.abs(norm - usual) < QUIET * usual
-        return np.asarray(acc[counts, 2] * frame.up[2] / norm[counts])
-
-    upward = np.concatenate([upwards(part) for part in imu.only("acc").chunks(BLOCK)])
+        of_parts.append(acc[counts, 2] * frame.up[2] / norm[counts])
+    upward = np.concatenate(of_parts)
     if upward.size < ENOUGH or np.mean(upward < 0.0) < THROUGHOUT or median(upward) > STEEP:
         return ()
     level = "+g" if frame.up[2] > 0.0 else "−g"
@@ -271,7 +269,8 @@ def turning(imu: ImuData) -> Turning:
     window is fitted by k (−ω × a) dt + b × a dt, by least squares, with the factor k and a constant b.
     """
     nothing = Turning(float("nan"), 0.0, 0)
-    size = _window(imu.t)
+    t = imu.t
+    size = max(1, round(WINDOW / median(np.diff(t)))) if t.size > 1 else 1
     if not {"gyr", "acc"} <= set(imu.triads) or len(imu) < 3 * size:
         return nothing
     windows = [
@@ -293,10 +292,6 @@ def turning(imu: ImuData) -> Turning:
     counts = quiet[i + 1] & quiet[i] & (step < 1.5 * np.median(step)) & np.isfinite(said).all(axis=1)
     counts &= np.sum(turn * turn, axis=1) < LARGEST_TURN**2
     return _fit(turn[counts], said[counts], middle[counts]) if counts.any() else nothing
-
-
-def _window(t: Floats) -> int:
-    return max(1, round(WINDOW / median(np.diff(t)))) if t.size > 1 else 1
 
 
 def _means(values: Floats, size: int) -> Floats:

@@ -24,9 +24,9 @@ from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.earth_field import located
 from plumbob.data.plausibility import upside_down
 from plumbob.data.recording import Recording, findings, found_in, inferred_in, unsaved
-from plumbob.door.reading import read, read_one
+from plumbob.door.reading import read
 from plumbob.files import write
-from plumbob.files.parquet import write_parts
+from plumbob.files.parquet import write_parquet
 from plumbob.filters import SMOOTHER, Filter
 from plumbob.filters.offline import (
     Stage,
@@ -244,13 +244,17 @@ class Outline:
         """From the first sample to the last, s."""
         return float(self.last.t[-1]) - self.begin
 
-    def gather(self, parts: Iterable[AttitudeTrack]) -> Iterator[AttitudeTrack]:
-        """The parts as they come."""
+    def gather(self, parts: Iterable[AttitudeTrack], total: int, progress: Progress | None) -> Iterator[AttitudeTrack]:
+        """The parts as they come; `progress` is called with the number of samples done, and of all."""
+        if progress is not None:
+            progress(0, total)
         for part in parts:
             self.begin = self.begin if self.samples else float(part.t[0])
             self.samples += len(part)
             self.last = part.end
             self.flags.update(flags.counts(np.asarray(part.flags)))
+            if progress is not None:
+                progress(self.samples, total)
             yield part
             del part  # the next one may need its room
 
@@ -345,7 +349,9 @@ def estimate(
     written = None if out is None else check.path("out", out)
     native = written is not None and written.suffix.lower() == ".parquet"
     label, source, imu = opened_samples(recording, profile, unit, whole=keep and not native)
-    stage = _stage(filter, causal, lag, Stage("", dict(params or {}), noise=_noise(noise), init=init))
+    named, settings = lagged(filter, lag, params, causal=causal)
+    noise_card = None if noise is None else _noise_card(noise)
+    stage = Stage(named or SMOOTHER, dict(settings or {}), noise=noise_card, init=init)
     frame = navigation_frame(imu, None if frame is None else Frame.parse(frame), where=label)
 
     def say(line: str) -> None:
@@ -353,17 +359,19 @@ def estimate(
         if note is not None:
             note(line)
 
-    imu = _placed(imu, place, date, stage, say)
+    if place is not None:
+        imu = _placed(imu, place, date, stage, say)
+    elif date is not None:
+        raise ParameterError("date needs place. Give both.")
     card = None if calibration is None else _card(calibration)
     imu, beyond = (imu, None) if card is None else _calibrated(imu, card)
     doubt = tuple(inferred_in(source.notes))
     for line in _remarks(source, imu, frame, card, beyond):
         say(f"{source.name}: {line}")
-    done = None if progress is None else _counted(progress, len(imu))
     used, runs = started(imu, stage, frame, source.track)
     made_by = make_estimator(stage, frame, imu.meta) if isinstance(runs, Filter) else runs
-    outline = Outline()
-    parts = outline.gather(_observed(used, track_parts(used, runs, done), follow))
+    parts, outline = track_parts(used, runs), Outline()
+    parts = outline.gather(parts if follow is None else _observed(used, parts, follow), len(used), progress)
     attitude: AttitudeTrack | Path
     if written is not None and native and source.track is None:
         attitude = _streamed(written, parts, source.name, doubt, overwrite)
@@ -386,11 +394,8 @@ def estimate(
     return result
 
 
-def _observed(imu: ImuData, parts: Iterator[AttitudeTrack], follow: Follower | None) -> Iterator[AttitudeTrack]:
+def _observed(imu: ImuData, parts: Iterator[AttitudeTrack], follow: Follower) -> Iterator[AttitudeTrack]:
     """The parts, each shown with its samples to who follows."""
-    if follow is None:
-        yield from parts
-        return
     follow.begin(imu)
     again = imu.each(lambda part: part)  # a reader of its own: the filter's goes on from where that is
     at = 0
@@ -413,7 +418,7 @@ def _remarks(
 
 def _streamed(file: Path, parts: Iterator[AttitudeTrack], name: str, inferred: Sequence[str], overwrite: bool) -> Path:
     """The file, written part by part."""
-    write_parts(file, map(partial(_part, name, inferred), parts), overwrite)  # a `for` would keep a part
+    write_parquet(file, map(partial(_part, name, inferred), parts), overwrite)  # a `for` would keep a part
     return file
 
 
@@ -424,12 +429,6 @@ def _provenance(name: str, track: AttitudeTrack, inferred: Sequence[str]) -> tup
 def _part(name: str, inferred: Sequence[str], track: AttitudeTrack) -> Recording:
     """Part of a track as it is written, with where it comes from."""
     return Recording(track=track, notes=_provenance(name, track, inferred))
-
-
-def _stage(filter: str | None, causal: bool, lag: float | str | None, stage: Stage) -> Stage:
-    """What runs, of what was asked for."""
-    named, params = lagged(filter, lag, stage.params, causal=causal)
-    return replace(stage, filter=named or SMOOTHER, params=params or {})
 
 
 def opened_samples(
@@ -452,22 +451,15 @@ def opened_samples(
         label, source = given.name, given.of_unit(unit)
     else:
         files = [check.path("recording", file) for file in as_list(given)]
-        source = read_one(
-            files[0] if len(files) == 1 else files,
-            profile=None if profile is None else Path(profile),
-            whole=whole,
-            unit=unit,
-        )
-        file = files[0]
-        label, source = str(file), replace(source, name=file.name)
+        described = None if profile is None else Path(profile)
+        source = read(files[0] if len(files) == 1 else files, profile=described, whole=whole, unit=unit).of_unit(None)
+        label, source = str(files[0]), replace(source, name=files[0].name)
     if source.imu is None:
         raise ShapeError(f"{label} holds an attitude but no sensor data, so there is nothing to estimate from.")
     return label, source, source.imu
 
 
-def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
-    if given is None:
-        return None
+def _noise_card(given: "NoiseCard | str | Path") -> "NoiseCard":
     from plumbob.data.cards import NoiseCard
 
     return NoiseCard.of(given)
@@ -487,25 +479,8 @@ def _calibrated(imu: ImuData, card: "CalibrationCard") -> tuple[ImuData, str | N
     return imu, temperature_beyond(card, imu)
 
 
-def _counted(progress: Progress, total: int) -> Callable[[int], None]:
-    """From samples since the last call to samples so far."""
-    so_far = 0
-
-    def done(more: int) -> None:
-        nonlocal so_far
-        so_far += more
-        progress(so_far, total)
-
-    progress(0, total)
-    return done
-
-
-def _placed(imu: ImuData, place: str | None, date: str | None, stage: Stage, say: Note) -> ImuData:
+def _placed(imu: ImuData, place: str, date: str | None, stage: Stage, say: Note) -> ImuData:
     """Samples with the declination of their place, and a note of the field there."""
-    if place is None:
-        if date is not None:
-            raise ParameterError("date needs place. Give both.")
-        return imu
     if "declination" in stage.params:
         raise ParameterError("place and the parameter declination both give the declination. Give one of them.")
     imu, field = located(imu, place, date=date)

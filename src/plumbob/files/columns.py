@@ -182,10 +182,18 @@ OF_UNIT: Final = (*(name for triad in TRIADS for name in GROUPS[triad]), "temp_c
 """Columns of a sensor unit; of one of several, each has the unit's name and a dot before its own."""
 
 
-def column(name: str) -> ColumnFormat | None:
-    """What a column of this name is; None where there is none such."""
+def column(name: str) -> ColumnFormat:
+    """What a column of this name is.
+
+    Raises
+    ------
+    DecodeError
+        If there is none such.
+    """
     unit, dot, base = name.rpartition(".")
-    return COLUMNS.get(base) if not dot or (unit and base in OF_UNIT) else None
+    if base not in COLUMNS or (dot and not (unit and base in OF_UNIT)):
+        raise DecodeError(f"the column {name} is unknown; known are {', '.join(COLUMNS)}.")
+    return COLUMNS[base]
 
 
 def of_unit(columns: Mapping[str, NDArray[Any]], unit: str) -> Columns:
@@ -237,20 +245,17 @@ def require(names: Iterable[str], *, imu: bool, track: bool, units: Sequence[str
         groups.setdefault(unit, set()).add(base)
     if extra := sorted(set(groups) - {"", *units}):
         raise DecodeError(f"it has columns of the units {', '.join(extra)}, which its header does not name.")
-    _require_own(groups[""], imu=imu, track=track)
-    for unit in units:
-        _require_own({TIME} | groups.get(unit, set()), imu=True, track=False, of=f" of the unit {unit}")
-
-
-def _require_own(names: set[str], *, imu: bool, track: bool, of: str = "") -> None:
-    needed = {TIME} | ({"flags"} if imu else set()) | (set(GROUPS["q"]) if track else set())
-    for group in GROUPS.values():
-        needed |= set(group) if names & set(group) else set()
-    allowed = set(_allowed(imu, track))
-    if missing := sorted(needed - names):
-        raise DecodeError(f"the columns {', '.join(missing)}{of} are missing; write the recording again.")
-    if extra := sorted(names - allowed):
-        raise DecodeError(f"the columns {', '.join(extra)}{of} do not belong here; known are {', '.join(COLUMNS)}.")
+    for unit, has_imu, has_track in (("", imu, track), *((unit, True, False) for unit in units)):
+        present = groups.get(unit, set()) | ({TIME} if unit else set())
+        of = f" of the unit {unit}" if unit else ""
+        needed = {TIME} | ({"flags"} if has_imu else set()) | (set(GROUPS["q"]) if has_track else set())
+        for group in GROUPS.values():
+            needed |= set(group) if present & set(group) else set()
+        allowed = {name for name in COLUMNS if name == TIME or (has_imu if name in OF_UNIT else has_track)}
+        if missing := sorted(needed - present):
+            raise DecodeError(f"the columns {', '.join(missing)}{of} are missing; write the recording again.")
+        if extra := sorted(present - allowed):
+            raise DecodeError(f"the columns {', '.join(extra)}{of} do not belong here; known are {', '.join(COLUMNS)}.")
 
 
 def imu_from(columns: Mapping[str, NDArray[Any]], meta: ImuMeta) -> ImuData:
@@ -314,7 +319,3 @@ def joined(columns: Mapping[str, NDArray[Any]], group: str) -> Floats | None:
     """Table (N, …) of a group of columns; None where they are not there."""
     names = GROUPS[group]
     return np.stack([columns[name] for name in names], axis=1) if names[0] in columns else None
-
-
-def _allowed(imu: bool, track: bool) -> list[str]:
-    return [name for name in COLUMNS if name == TIME or (imu if name in OF_UNIT else track)]

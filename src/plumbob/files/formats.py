@@ -36,8 +36,8 @@ class FileFormat:
         One line for help and documentation.
     read : callable
         Reader of a path, and of a profile where it takes one.
-    opened : callable or None
-        As `read`, but samples may stay in the file.
+    takes_in_memory : bool
+        Whether the reader also takes whether all is to be in memory; otherwise samples may stay in the file.
     takes_profile : bool
         Whether a profile describes such files.
     takes_unit : bool
@@ -53,7 +53,7 @@ class FileFormat:
     suffixes: tuple[str, ...]
     what: str
     read: Callable[..., Recording]
-    opened: Callable[[Path], Recording] | None = None
+    takes_in_memory: bool = False
     takes_profile: bool = False
     takes_unit: bool = False
     accepts: Callable[[Path], bool] | None = None
@@ -86,7 +86,7 @@ FORMATS: Final = (
         suffixes=(".parquet",),
         what="native recording: every bit, units and a checksum inside",
         read=_late("parquet", "read_parquet"),
-        opened=_late("parquet", "open_parquet"),
+        takes_in_memory=True,
         writers=((".parquet", _late("parquet", "write_parquet")),),
     ),
     _foreign("ROS", "ros", (".bag", ".db3", ".mcap", ""), "ROS 1 bags, ROS 2 bags and MCAP of both", True),
@@ -170,7 +170,7 @@ def read(
     elif kind.takes_unit:
         recording, unit = kind.read(file, unit), None
     else:
-        recording = kind.read(file) if whole or kind.opened is None else kind.opened(file)
+        recording = kind.read(file, whole) if kind.takes_in_memory else kind.read(file)
     if unit is not None:
         return recording.of_unit(unit)
     return replace(recording, notes=(*recording.notes, *all_findings(recording)))

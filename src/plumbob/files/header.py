@@ -30,7 +30,7 @@ def file_header(recording: Recording, columns: list[str]) -> dict[str, Any]:
     return {
         "kind": KIND,
         "format_version": FORMAT_VERSION,
-        "units": {name: spec.unit for name in columns if (spec := column(name))},
+        "units": {name: column(name).unit for name in columns},
         "imu": None if imu is None else asdict(plain_meta(imu.meta)),
         "track": None if track is None else _storable(TRACK, "track", {key: getattr(track, key) for key in _TRACK}),
         "notes": list(stored_notes(recording)),

@@ -29,10 +29,8 @@ from plumbob.data.recording import Recording, read_notes
 from plumbob.files import header
 from plumbob.files.arrow import arrow_column, column_numbers, unpacked_bytes
 from plumbob.files.columns import (
-    COLUMNS,
     GROUPS,
     TIME,
-    ColumnFormat,
     Columns,
     column,
     imu_from,
@@ -66,8 +64,17 @@ LARGEST: Final = 1 << 20
 """rows."""
 
 
-def write_parquet(path: Path, recording: Recording, overwrite: bool = False) -> None:
+def write_parquet(path: Path, parts: Recording | Iterable[Recording], overwrite: bool = False) -> None:
     """Write a native recording; the final name appears only when the file is complete.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    parts : Recording or iterable of Recording
+        It, or consecutive parts of it, none of which is kept; what the header says of all is taken from the last.
+    overwrite : bool
+        Whether a file that lies there may be replaced.
 
     Raises
     ------
@@ -78,23 +85,8 @@ def write_parquet(path: Path, recording: Recording, overwrite: bool = False) -> 
     DecodeError
         If the system refuses to write.
     """
-    write_parts(path, (recording,), overwrite)
-
-
-def write_parts(path: Path, parts: Iterable[Recording], overwrite: bool = False) -> None:
-    """Write recordings that follow each other as the one that they are cut from; errors as of `write_parquet`.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    parts : iterable of Recording
-        Consecutive parts, none of which is kept; what the header says of all is taken from the last.
-    overwrite : bool
-        Whether a file that lies there may be replaced.
-    """
     with replacing(path, overwrite=overwrite, seeks=True) as temporary, closing(_RowGroupWriter(temporary)) as writer:
-        for recording in parts:
+        for recording in (parts,) if isinstance(parts, Recording) else parts:
             columns = to_columns(recording)
             said = header.file_header(recording, list(columns))
             writer.add(columns)
@@ -133,7 +125,8 @@ class _RowGroupWriter:
             self._write()
         crc = zlib.crc32(header.dump(content))
         for name in sorted(self._sums):
-            crc = _crc_joined(crc, *self._sums[name])
+            of_column, size = self._sums[name]
+            crc = _product(_shift(size), crc) ^ of_column  # that of the bytes before, times x^(8 size), and of these
         assert self._parquet is not None
         metadata = {KEY: header.dump(content | {_CRC: f"{crc:08x}"})}
         schema = _table(self._room, metadata).schema.serialize()  # as Arrow tells other tools of it
@@ -149,7 +142,18 @@ class _RowGroupWriter:
         columns = {name: values[: self._count] for name, values in self._room.items()}
         table = _table(columns)
         if self._parquet is None:
-            self._parquet = _parquet_writer(self._file, table.schema)
+            import pyarrow.parquet as pq
+
+            split = {name: "BYTE_STREAM_SPLIT" for name, values in columns.items() if values.dtype == np.float64}
+            self._parquet = pq.ParquetWriter(
+                self._file,
+                table.schema,
+                compression="zstd",
+                use_dictionary=False,
+                column_encoding=split | {TIME: "DELTA_BINARY_PACKED"},
+                data_page_size=_PAGE_BYTES,
+                write_statistics=False,
+            )
         self._parquet.write_table(table)
         self._groups, self._count = self._groups + 1, 0
         for name, values in columns.items():
@@ -157,54 +161,39 @@ class _RowGroupWriter:
             self._sums[name] = _crc(name, values, crc), size + values.nbytes
 
 
-def _parquet_writer(file: Path, schema: "pa.Schema") -> "pq.ParquetWriter":
-    import pyarrow.parquet as pq
-
-    return pq.ParquetWriter(
-        file,
-        schema,
-        compression="zstd",
-        use_dictionary=False,
-        column_encoding=_encodings(schema),
-        data_page_size=_PAGE_BYTES,
-        write_statistics=False,
-    )
-
-
-def read_parquet(path: str | Path) -> Recording:
-    """Read a native recording, to the bit.
+def read_parquet(path: str | Path, in_memory: bool = True) -> Recording:
+    """Read a native recording, to the bit; unless all is to be in memory, samples without an attitude stay in the file.
 
     Raises
     ------
     DecodeError
         If the file is not Parquet, cut, damaged, foreign, or of a newer version; the message is one line.
     """
-    return _read(path, in_memory=True)
-
-
-def open_parquet(path: str | Path) -> Recording:
-    """Read a native recording, whose samples stay in the file where no attitude is beside them; errors as above."""
-    return _read(path, in_memory=False)
-
-
-def _read(path: str | Path, *, in_memory: bool) -> Recording:
     file = existing_file(path)
     with reading(file):
         with _open(file) as parquet:
-            if _is_described(parquet):
+            metadata = parquet.metadata.metadata or {}
+            if KEY not in metadata and PROFILE in metadata:
                 return read_described(parquet, file)
-            content, columns = _load(file, parquet, in_memory)
+            if KEY not in metadata:
+                raise DecodeError(
+                    "it is not a recording, but a Parquet file of another program (no 'plumbob' in its metadata); "
+                    f"export it as CSV and describe that with a profile, see {guide('file-formats.md')}."
+                )
+            content, columns = _load(file, parquet, header.load(metadata[KEY]), in_memory)
         content = header.parse_header(content)
-        meta, track, several = content["imu"], content["track"], content.get("array", {})
-        require(content["units"], imu=meta is not None, track=track is not None, units=list(several))
-
-        def unit(meta: ImuMeta, name: str = "") -> ImuData:
-            if not columns:
-                return Stored.open(file, meta, name)
-            return imu_from(of_unit(columns, name) if name else columns, meta)
-
-        imu = None if meta is None else unit(meta)
-        units = {name: unit(imu_meta, name) for name, (imu_meta, _) in several.items()}
+        track, several = content["track"], content.get("array", {})
+        require(content["units"], imu=content["imu"] is not None, track=track is not None, units=list(several))
+        metas = {name: meta for name, (meta, _) in several.items()}
+        if content["imu"] is not None:
+            metas[""] = content["imu"]
+        units = {
+            name: imu_from(of_unit(columns, name) if name else columns, meta)
+            if columns
+            else Stored.open(file, meta, name)
+            for name, meta in metas.items()
+        }
+        imu = units.pop("", None)
         mounts = {name: mount for name, (_, mount) in several.items()}
         return Recording(
             imu=imu,
@@ -381,23 +370,23 @@ class _Held:
         return part[start - at : stop - at]
 
 
-def _is_described(parquet: "pq.ParquetFile") -> bool:
-    metadata = parquet.metadata.metadata or {}
-    return KEY not in metadata and PROFILE in metadata
-
-
-def _load(file: Path, parquet: "pq.ParquetFile", in_memory: bool) -> tuple[dict[str, Any], Columns]:
+def _load(
+    file: Path, parquet: "pq.ParquetFile", content: dict[str, Any], in_memory: bool
+) -> tuple[dict[str, Any], Columns]:
     """Header and columns; no columns where they are to stay in the file and have been found to be whole."""
-    content = header.load(_raw_header(parquet))
     crc = content.pop(_CRC, None)
     _check_schema(parquet, content.get("units"))
-    _check_size(file, parquet)
-    names = set(parquet.schema_arrow.names)
+    names, rows, stored = parquet.schema_arrow.names, parquet.metadata.num_rows, file.stat().st_size
+    if rows < 1:
+        raise DecodeError(f"it claims {rows} rows in {stored} bytes, which cannot be; take a copy that is whole.")
+    row = sum(np.dtype(column(name).dtype).itemsize for name in names)
+    require_room(max(rows * row, unpacked_bytes(file, parquet.metadata)), stored)  # by its contents, and by every page
     bare = {name.rpartition(".")[2] for name in names}
-    stays = not (in_memory or content.get("track")) and not bare.isdisjoint(GROUPS[name][0] for name in TRIADS)
-    columns = {} if stays else _columns(parquet)
-    parts = _by_column(file, names) if stays else sorted(columns.items())
-    if crc != _checksum(content, parts):
+    columns: Columns = {}
+    if in_memory or content.get("track") or bare.isdisjoint(GROUPS[name][0] for name in TRIADS):
+        with _sound():  # one after the other, so that only one of them is in memory twice
+            columns = {name: _array(name, parquet.read([name]).column(0)) for name in names}
+    if crc != _checksum(content, sorted(columns.items()) if columns else _by_column(file, names)):
         raise DecodeError("its content does not fit its checksum: the file is damaged; take a copy that is whole.")
     return content, columns
 
@@ -409,9 +398,18 @@ def _by_column(file: Path, names: Iterable[str]) -> Iterator[tuple[str, NDArray[
 
 
 def _open(file: Path, **how: Any) -> "pq.ParquetFile":
+    """File whose table of contents, whose size stands before the last four bytes, is not larger than that of a year."""
     import pyarrow.parquet as pq
 
-    _check_contents(file)
+    size = file.stat().st_size
+    with file.open("rb") as stream:
+        stream.seek(max(0, size - 8))
+        stated = int.from_bytes(stream.read(4), "little")
+    allowed = max(_CONTENTS_BYTES, size >> 8)  # that of 64 units for an hour has a thousandth of all
+    if allowed < stated < size:
+        raise DecodeError(
+            f"its table of contents has {stated} bytes, but {allowed} are allowed; write it with fewer row groups."
+        )
     try:
         return pq.ParquetFile(
             file, thrift_string_size_limit=_CONTENTS_BYTES, thrift_container_size_limit=_THRIFT_ITEMS, **how
@@ -420,16 +418,6 @@ def _open(file: Path, **how: Any) -> "pq.ParquetFile":
         raise DecodeError(
             f"it is not a Parquet file, or it is cut or damaged ({_short(error)}); take a copy that is whole."
         ) from error
-
-
-def _raw_header(parquet: "pq.ParquetFile") -> bytes:
-    metadata = parquet.metadata.metadata or {}
-    if KEY not in metadata:
-        raise DecodeError(
-            "it is not a recording, but a Parquet file of another program (no 'plumbob' in its metadata); "
-            f"export it as CSV and describe that with a profile, see {guide('file-formats.md')}."
-        )
-    return metadata[KEY]
 
 
 def _check_schema(parquet: "pq.ParquetFile", units: Any) -> None:
@@ -441,12 +429,11 @@ def _check_schema(parquet: "pq.ParquetFile", units: Any) -> None:
         raise DecodeError("its columns and the units in its header are not of the same names; write the file again.")
     for field in schema:
         spec = column(field.name)
-        if spec is None:
-            raise DecodeError(f"the column {field.name} is unknown; known are {', '.join(COLUMNS)}.")
-        if str(field.type) != _arrow_type(spec.dtype):
+        expected = {"float64": "double"}.get(spec.dtype, spec.dtype)  # as Arrow calls it
+        if str(field.type) != expected:
             raise DecodeError(
-                f"the column {field.name} must be {_arrow_type(spec.dtype)}, but it is {field.type}; write the "
-                "recording again with plumbob."
+                f"the column {field.name} must be {expected}, but it is {field.type}; write the recording again with "
+                "plumbob."
             )
         stated = (field.metadata or {}).get(_UNIT, b"").decode("utf-8", "replace")
         if not stated == units[field.name] == spec.unit:
@@ -454,39 +441,6 @@ def _check_schema(parquet: "pq.ParquetFile", units: Any) -> None:
                 f"the column {field.name} must be in {spec.unit}, but its metadata says '{stated}' and the header "
                 f"'{units[field.name]}'; convert the data and write the recording again with plumbob."
             )
-
-
-def _check_contents(file: Path) -> None:
-    """Refuse a table of contents that is larger than that of a year: its size stands before the last four bytes."""
-    size = file.stat().st_size
-    with file.open("rb") as stream:
-        stream.seek(max(0, size - 8))
-        stated = int.from_bytes(stream.read(4), "little")
-    if _allowed_contents(size) < stated < size:
-        raise DecodeError(
-            f"its table of contents has {stated} bytes, but {_allowed_contents(size)} are allowed; write it with fewer "
-            "row groups."
-        )
-
-
-def _allowed_contents(size: int) -> int:
-    """Largest table of contents of a file of this size: that of 64 units for an hour has a thousandth of all."""
-    return max(_CONTENTS_BYTES, size >> 8)
-
-
-def _check_size(file: Path, parquet: "pq.ParquetFile") -> None:
-    """Refuse what needs more memory than a file of this size may, by its table of contents and by every page."""
-    rows, stored = parquet.metadata.num_rows, file.stat().st_size
-    if rows < 1:
-        raise DecodeError(f"it claims {rows} rows in {stored} bytes, which cannot be; take a copy that is whole.")
-    row = sum(np.dtype(_spec(name).dtype).itemsize for name in parquet.schema_arrow.names)
-    require_room(max(rows * row, unpacked_bytes(file, parquet.metadata)), stored)
-
-
-def _columns(parquet: "pq.ParquetFile") -> Columns:
-    """Columns one after the other, so that only one of them is in memory twice."""
-    with _sound():
-        return {name: _array(name, parquet.read([name]).column(0)) for name in parquet.schema_arrow.names}
 
 
 def _batches(file: Path, names: Sequence[str], start: int = 0) -> Iterator[tuple[int, Columns]]:
@@ -513,17 +467,10 @@ def _sound() -> Iterator[None]:
         raise DecodeError(f"its data are damaged ({_short(error)}); take a copy that is whole.") from error
 
 
-def _spec(name: str) -> ColumnFormat:
-    """Column that has been found to be known."""
-    spec = column(name)
-    assert spec is not None
-    return spec
-
-
 def _array(name: str, values: "pa.ChunkedArray[Any]") -> NDArray[Any]:
     if values.null_count:
         raise DecodeError(f"the column {name} holds {values.null_count} nulls; a missing value is stored as NaN.")
-    return np.ascontiguousarray(column_numbers(values), dtype=_spec(name).dtype)
+    return np.ascontiguousarray(column_numbers(values), dtype=column(name).dtype)
 
 
 def _table(columns: Columns, metadata: Any = None) -> "pa.Table":
@@ -531,17 +478,12 @@ def _table(columns: Columns, metadata: Any = None) -> "pa.Table":
 
     schema = pa.schema(
         [
-            pa.field(name, pa.from_numpy_dtype(values.dtype), False, {_UNIT: _spec(name).unit.encode()})
+            pa.field(name, pa.from_numpy_dtype(values.dtype), False, {_UNIT: column(name).unit.encode()})
             for name, values in columns.items()
         ],
         metadata=metadata,
     )
     return pa.Table.from_arrays([arrow_column(values) for values in columns.values()], schema=schema)
-
-
-def _encodings(schema: "pa.Schema") -> dict[str, str]:
-    floats = {field.name: "BYTE_STREAM_SPLIT" for field in schema if str(field.type) == "double"}
-    return floats | {TIME: "DELTA_BINARY_PACKED"}
 
 
 def _checksum(content: dict[str, Any], columns: Iterable[tuple[str, NDArray[Any]]]) -> str:
@@ -553,13 +495,8 @@ def _checksum(content: dict[str, Any], columns: Iterable[tuple[str, NDArray[Any]
 
 
 def _crc(name: str, values: NDArray[Any], before: int) -> int:
-    little = np.ascontiguousarray(values, dtype=np.dtype(_spec(name).dtype).newbyteorder("<"))
+    little = np.ascontiguousarray(values, dtype=np.dtype(column(name).dtype).newbyteorder("<"))
     return zlib.crc32(little.data, before)
-
-
-def _crc_joined(first: int, second: int, size: int) -> int:
-    """CRC-32 of bytes from that of their beginning, and from that of their other `size` bytes: first · x^(8 size)."""
-    return _product(_shift(size), first) ^ second
 
 
 @lru_cache(maxsize=64)
@@ -581,10 +518,6 @@ def _product(a: int, b: int) -> int:
             product ^= b
         b = b >> 1 ^ (0xEDB88320 if b & 1 else 0)
     return product
-
-
-def _arrow_type(dtype: str) -> str:
-    return {"float64": "double"}.get(dtype, dtype)
 
 
 def _short(error: Exception) -> str:

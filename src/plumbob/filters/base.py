@@ -271,8 +271,10 @@ class Filter(FactsText):
                 "the smoother has a class of its own: plumbob.FixedLag(frame=...) takes single samples by the same "
                 "update, and plumbob.estimate(recording) smooths a whole recording."
             )
-        from_card = _from_noise(name, self.module, noise)
-        given = {**from_card, **({} if params is None else _mapping(params))}
+        if params is not None and not isinstance(params, Mapping):
+            example = '{"kp": 0.5, "gate": "0.08 g"}'
+            raise ParameterError(f"params must be values by name, as in {example}, but it is {check.said(params)}.")
+        given = {**({} if noise is None else _from_noise(name, self.module, noise)), **(params or {})}
         self.params, self.common = _split_params(name, self.module, given)
         self._decided = "declination" in given
         self._meta = meta
@@ -373,22 +375,34 @@ class Filter(FactsText):
             If the recording lacks a triad that the filter needs.
         """
         check.kind("data", data, ImuData, hint="Of a Recording take its .imu.")
-        self._require(data.triads)
+        if missing := [name for name in self.module.NEEDS if name not in data.triads]:
+            raise ShapeError(
+                f"{self.name} needs {', '.join(self.module.NEEDS)}, but the recording has no {', '.join(missing)}."
+            )
         self._heed(data.meta)
         if look and self._x[COUNT] == 0.0:
             _warn_of_doubts(data, self.frame)
         mag = data.usable("mag") if self.common.mag else check.read_only(np.full((len(data), 3), np.nan))
-        place = self._covariance if covariance else slice(0, 0)
-        q_nb, bias_b, words, cov = self._batch(
-            data.t_ns, data.flags, data.usable("gyr"), data.usable("acc"), mag, place
-        )
+        n, place = len(data), self._covariance if covariance else slice(0, 0)
+        q_nb, bias_b, words = np.empty((n, 4)), np.empty((n, 3)), np.empty(n, dtype=np.uint32)
+        args = (
+            self._c, self._x, data.t_ns, data.flags, data.usable("gyr").ravel(), data.usable("acc").ravel(),
+            mag.ravel(), q_nb.ravel(), bias_b.ravel(), words,
+        )  # fmt: skip
+        cov = None
+        if place.start < place.stop:
+            entries = np.empty((n, place.stop - place.start + 2))
+            self._loops.claiming.compiled(*args, place.start, entries)
+            cov = self._claimed(q_nb, entries)
+        else:
+            self._loops.batch.compiled(*args)
         return AttitudeTrack.trusted(
             t=data.t,
             q_nb=q_nb,
             frame=self.frame,
             north=self.north("mag" in data.triads),
             bias_b=bias_b,
-            cov_b=self._claimed(q_nb, cov) if cov.size else None,
+            cov_b=cov,
             flags=words,
             source=f"{self.describe()}; calibration {calibration_told(data.meta.calibration)}",
         )
@@ -397,22 +411,6 @@ class Filter(FactsText):
     def _covariance(self) -> slice:
         place: slice = getattr(self.module, "COVARIANCE", slice(0, 0))
         return place
-
-    def _batch(
-        self, t_ns: NDArray[np.int64], flags_in: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats, place: slice
-    ) -> tuple[Floats, Floats, NDArray[np.uint32], Floats]:
-        n = t_ns.size
-        q_nb, bias_b, words = np.empty((n, 4)), np.empty((n, 3)), np.empty(n, dtype=np.uint32)
-        size = place.stop - place.start
-        cov = np.empty((n, size + 2 if size else 0))
-        args = (
-            self._c, self._x, t_ns, flags_in, gyr.ravel(), acc.ravel(), mag.ravel(), q_nb.ravel(), bias_b.ravel(), words
-        )  # fmt: skip
-        if cov.shape[1]:
-            self._loops.claiming.compiled(*args, place.start, cov)
-        else:
-            self._loops.batch.compiled(*args)
-        return q_nb, bias_b, words, cov
 
     def update(self, sample: ImuSample) -> int:
         """Take the next sample and return its flags; `q_nb` is then the attitude at its time.
@@ -504,13 +502,6 @@ class Filter(FactsText):
         """Name and parameters in one line, for provenance."""
         return _described(self.name, self.params, self.common)
 
-    def _require(self, triads: tuple[str, ...]) -> None:
-        missing = [name for name in self.module.NEEDS if name not in triads]
-        if missing:
-            raise ShapeError(
-                f"{self.name} needs {', '.join(self.module.NEEDS)}, but the recording has no {', '.join(missing)}."
-            )
-
     def north(self, has_mag: bool) -> North:
         """What headings count from, of samples with or without a magnetometer."""
         return north_reference(self.common, self._init, has_mag)
@@ -555,13 +546,6 @@ def _split_params(name: str, module: FilterModule, values: dict[str, Any]) -> tu
     )
 
 
-def _mapping(params: Any) -> Mapping[str, Any]:
-    if not isinstance(params, Mapping):
-        got = check.said(params)
-        raise ParameterError(f'params must be values by name, as in {{"kp": 0.5, "gate": "0.08 g"}}, but it is {got}.')
-    return params
-
-
 def _coefficients(module: FilterModule, params: Any, common: CommonParams, frame: Frame) -> Floats:
     angle = common.declination or 0.0
     north = math.cos(angle) * frame.north + math.sin(angle) * frame.east
@@ -570,9 +554,7 @@ def _coefficients(module: FilterModule, params: Any, common: CommonParams, frame
     return np.array([1.0 + len(shared) + len(specific), *shared, *specific], dtype=np.float64)
 
 
-def _from_noise(name: str, module: FilterModule, noise: "NoiseCard | None") -> Mapping[str, Any]:
-    if noise is None:
-        return {}
+def _from_noise(name: str, module: FilterModule, noise: "NoiseCard") -> Mapping[str, Any]:
     params: Mapping[str, Any] | None = module.from_noise(noise) if hasattr(module, "from_noise") else None
     if params is None:
         raise ParameterError(f"{name} has no parameter that a noise card could give; leave the card out.")

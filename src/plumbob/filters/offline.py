@@ -1,6 +1,6 @@
 """From a recording to an attitude: calibrate and estimate in chunks, with progress."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -51,8 +51,6 @@ def bias_beyond(filter_: "Filter | Smoother", track: AttitudeTrack) -> str | Non
 
 CHUNK = 1 << 14
 """Samples handed to a filter at a time; the result does not depend on it."""
-
-Progress = Callable[[int], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +198,6 @@ def run_stage(
     *,
     frame: Frame,
     reference: AttitudeTrack | None = None,
-    progress: Progress | None = None,
 ) -> AttitudeTrack:
     """Attitude at every sample of a recording, with its covariance where the filter claims one.
 
@@ -216,11 +213,9 @@ def run_stage(
         Navigation frame of the result.
     reference : AttitudeTrack, optional
         What a stage with init "truth" starts from; the track then begins with the first sample whose attitude it knows.
-    progress : callable, optional
-        Called with the number of samples done since the last call.
     """
     imu, estimator = started(imu, stage, frame, reference)
-    return AttitudeTrack.joined(track_parts(imu, estimator, progress), len(imu))
+    return AttitudeTrack.joined(track_parts(imu, estimator), len(imu))
 
 
 def started(
@@ -233,17 +228,12 @@ def started(
     return imu, make_estimator(stage, frame, imu.meta, start=start)
 
 
-def track_parts(
-    imu: ImuData, estimator: "Filter | Smoother", progress: Progress | None = None
-) -> Iterator[AttitudeTrack]:
+def track_parts(imu: ImuData, estimator: "Filter | Smoother") -> Iterator[AttitudeTrack]:
     """Parts of the track of a recording, one after the other, as `AttitudeTrack.joined` takes them."""
     if not isinstance(estimator, Filter):
-        yield from estimator.parts(imu, progress=progress)
-        return
-    for chunk in imu.chunks(CHUNK):
-        yield estimator.process(chunk, covariance=True, look=False)  # the findings have been told
-        if progress:
-            progress(len(chunk))
+        return estimator.parts(imu)
+    # without a look: the findings of the recording have been told
+    return (estimator.process(chunk, covariance=True, look=False) for chunk in imu.chunks(CHUNK))
 
 
 def start_from(reference: AttitudeTrack | None, imu: ImuData, filter_: "Filter | Smoother") -> tuple[ImuData, Start]:

@@ -9,7 +9,7 @@ from plumbob.data import ImuData
 from plumbob.data.recording import Recording, inferred
 from plumbob.files import read
 from plumbob.files.mcap import Log
-from plumbob.files.parquet import write_parts
+from plumbob.files.parquet import write_parquet
 from plumbob.live.session import Session
 from plumbob.live.sources import ReplaySource
 from plumbob.live.stream import ItemResult, Stream
@@ -35,7 +35,7 @@ def decoded_to(file: Path, log: Log, session: Session) -> Recording:
         If no sample could be decoded.
     """
     stream = Stream(replace(session, stage=None))
-    write_parts(file, _samples(stream, log))
+    write_parquet(file, _samples(stream, log))
     counts = stream.decoder.counts
     notes = [f"decoded from {counts.received} raw bytes as {session.form.name}, {counts.junk} of them junk"]
     notes += [f"damaged: {damage}" for damage in log.damage]
