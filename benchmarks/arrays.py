@@ -1,6 +1,6 @@
 """An array of many units as a stream, its memory and its time: ``python -m benchmarks.arrays``.
 
-The teaching-arm paper's array, its tables, recovery and faults are on the page of ``plumbob reproduce arm``.
+The teaching-arm paper's array, its tables, recovery and faults are on the page of ``plumbob demo arm``.
 """
 
 import argparse

@@ -158,7 +158,7 @@ def cases(inputs: Path) -> dict[str, Case]:
         "convert .parquet": Case("convert {}/sea.mcap a.parquet", {"a.parquet": files.read}),
         "convert .tum": Case("convert {}/sea.parquet a.tum", {"a.tum": _rows(12_001)}),
         "convert .txt": Case("convert {}/sea.parquet a.txt", {"a.txt": _rows(12_002)}),
-        "repair": Case("repair {}/torn.mcap --out a.mcap", {"a.mcap": _mcap}),
+        "repair": Case("verify {}/torn.mcap --repair a.mcap", {"a.mcap": _mcap}),
         "replay": Case("replay {}/line.mcap --out a.parquet", {"a.parquet": files.read}),
     }
 

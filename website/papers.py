@@ -22,8 +22,8 @@ HEAD = """\
 Made by `make papers` from a run, and from the lists of items in the code.
 
 ```text
-plumbob reproduce all                    # some minutes on two cores; one paper: plumbob reproduce buoy
-plumbob reproduce buoy --lang zh         # the page in Chinese
+plumbob demo all                    # some minutes on two cores; one paper: plumbob demo buoy
+plumbob demo buoy --lang zh         # the page in Chinese
 ```
 
 Five papers describe systems that Plumbob runs whole: the rig's bytes are emulated and recorded, a session decodes them,
@@ -44,7 +44,7 @@ cannot give what is printed. What is simulated cannot prove what a paper's hardw
 not stated, it is assumed, and the page of the paper says so. The papers' equations lead to the code through
 [Equations](equations.md), under `Ou2017`, `Yu2018`, `Chen2013`, `HuangJiang` and `Li2012`.
 
-`plumbob verify`, `info`, `run` and `plot` take a recording of that folder (`.mcap`), `replay` those with a filter,
+`plumbob verify`, `info`, `run` and `report` take a recording of that folder (`.mcap`), `replay` those with a filter,
 and `record` a session (`.session.toml`); `plumbob view --emulate buoy` shows a rig live.
 """
 

@@ -8,10 +8,9 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
-from plumbob.cli.benchmark import add_filters, add_peers, add_seeds, parse_seeds, require_some, show
 from plumbob.cli.main import Parser
 from plumbob.cli.main import main as run
 
@@ -42,15 +41,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     return run(argv, build_parser, PROGRAM)
 
 
-def _add_faults(kinds: common.Adder) -> None:
+def _add_faults(kinds: Any) -> None:
     p = kinds.add_parser(
         "faults",
         help="damaged samples, time stamps, starts and arguments, beside other libraries",
         description="Damage a simulated stream in many ways, feed it to filters and to other libraries sample by "
         "sample, and print what each makes of it beside its own clean run.",
     )
-    add_filters(p, required=False)
-    add_peers(p)
+    p.add_argument("--filters", metavar="A,B", help="see 'plumbob list filters'")
+    p.add_argument("--params", metavar="P", help=f"{common.PARAMS_HELP}; with several filters write filter.name=value")
+    p.add_argument("--peers", default="none", metavar="A,B", help="vqf, imufusion, ahrs, single ones, all or none")
     p.add_argument(
         "--battery", choices=("first", "second"), default="first", help="which set of faults (default first)"
     )
@@ -60,25 +60,20 @@ def _add_faults(kinds: common.Adder) -> None:
     p.set_defaults(run=run_faults)
 
 
-def _add_calibration(kinds: common.Adder) -> None:
+def _add_calibration(kinds: Any) -> None:
     p = kinds.add_parser(
         "calibration",
         help="calibrations of many simulated units: errors, predictions",
         description="Calibrate many simulated units from captures of many kinds, turn them on the tilted table of the "
         "buoy paper, offer captures that must be refused, and print what is reached beside what it should be.",
     )
-    p.add_argument(
-        "--sections",
-        default="",
-        metavar="A,B",
-        help="some of mag, accel, table, temperature (default all)",
-    )
-    add_seeds(p, default=200)
+    p.add_argument("--sections", default="", metavar="A,B", help="some of mag, accel, table, temperature (default all)")
+    p.add_argument("--seeds", type=int, default=200, metavar="N", help="number of seeds, from 0 (default 200)")
     common.add_json(p)
     p.set_defaults(run=run_calibration)
 
 
-def _add_rooms(kinds: common.Adder) -> None:
+def _add_rooms(kinds: Any) -> None:
     p = kinds.add_parser(
         "rooms",
         help="magnetometers that were turned in real rooms: calibrations beside a reference",
@@ -94,7 +89,7 @@ def _add_rooms(kinds: common.Adder) -> None:
     p.set_defaults(run=run_rooms)
 
 
-def _add_decoders(kinds: common.Adder) -> None:
+def _add_decoders(kinds: Any) -> None:
     p = kinds.add_parser(
         "decoders",
         help="sensor formats: damaged streams, noise, mutated bytes",
@@ -138,24 +133,24 @@ def run_faults(args: argparse.Namespace) -> int:
     if args.battery == "second":
         second = fault_cases.choose(wanted or list(second_cases.GROUPS), second_cases.CASES, second_cases.GROUPS)
         with told(second) as advance:
-            return show(measure_second(contenders, second, absent=absent, progress=advance), args)
+            return _show(measure_second(contenders, second, absent=absent, progress=advance), args)
     groups = fault_cases.GROUPS
     first = fault_cases.choose(wanted or list(groups), fault_cases.CASES, groups)
     arguments = fault_cases.ARGUMENTS in wanted or not wanted
     with told(first) as advance:
-        return show(measure_faults(contenders, first, arguments=arguments, absent=absent, progress=advance), args)
+        return _show(measure_faults(contenders, first, arguments=arguments, absent=absent, progress=advance), args)
 
 
 def run_calibration(args: argparse.Namespace) -> int:
     """Do it on calibrations."""
     from benchmarks.harness.calibration import PARTS, measure_calibration
 
-    seeds = parse_seeds(args)
+    _require_some("--seeds", args.seeds)
     names = [name.strip() for name in args.sections.split(",") if name.strip()]
     steps = sum(part.steps for name, part in PARTS.items() if name in names or not names)
     with common.progress(f"{args.seeds} units", steps) as advance:
-        result = measure_calibration(seeds, names, progress=advance)
-    return show(result, args)
+        result = measure_calibration(range(args.seeds), names, progress=advance)
+    return _show(result, args)
 
 
 def run_rooms(args: argparse.Namespace) -> int:
@@ -168,7 +163,7 @@ def run_rooms(args: argparse.Namespace) -> int:
     window = None if args.window is None else parse(args.window, Quantity.TIME)
     with common.progress(f"{len(files)} files", len(files)) as advance:
         result = measure_rooms(files, window=window, progress=advance)
-    return show(result, args)
+    return _show(result, args)
 
 
 def run_decoders(args: argparse.Namespace) -> int:
@@ -176,11 +171,24 @@ def run_decoders(args: argparse.Namespace) -> int:
     from benchmarks.harness.decoders import measure_decoders
 
     for name in ("frames", "noise", "fuzz"):
-        require_some(f"--{name}", getattr(args, name))
+        _require_some(f"--{name}", getattr(args, name))
     forms = _formats(args.formats)
     with common.progress(f"{len(forms)} formats", len(forms)) as advance:
         result = measure_decoders(forms, frames=args.frames, noise=args.noise, fuzzing=args.fuzz, progress=advance)
-    return show(result, args)
+    return _show(result, args)
+
+
+def _require_some(option: str, count: int) -> None:
+    from plumbob.core.errors import ParameterError
+
+    if count < 1:
+        raise ParameterError(f"{option} must be at least 1, but it is {count}.")
+
+
+def _show(result: Any, args: argparse.Namespace) -> int:
+    """Print what was measured, as --json asks."""
+    common.print_json(result.as_dict()) if args.json else print(result.text())
+    return 0
 
 
 def _formats(names: str) -> "list[Format]":

@@ -7,20 +7,20 @@ import pytest
 
 from plumbob import Filter, Frame
 from plumbob.cli import common
-from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobError
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
 from plumbob.core.files import write_text
 from tests.helpers.commandline import plumbob
 
 
 def options(*items):
-    return common.chosen_options(argparse.Namespace(option=list(items)))
+    return common.named_values(items)
 
 
 def params_of(names, params):
     return {stage.filter: stage.params for stage in common.stages(names, params)}
 
 
-def test_options_frames_and_parameters_are_read_as_they_are_written():
+def test_options_and_parameters_are_read_as_they_are_written():
     assert options() == {}
     assert options("gyr_range=500 deg/s", " acc_range = 4 g ") == {"gyr_range": "500 deg/s", "acc_range": "4 g"}
     assert options("a=b=c") == {"a": "b=c"}
@@ -29,8 +29,6 @@ def test_options_frames_and_parameters_are_read_as_they_are_written():
     two = params_of("mahony, vqf", "vqf.tau_acc=2s,mahony.kp=0.7")
     assert two == {"mahony": {"kp": "0.7"}, "vqf": {"tau_acc": "2s"}}
     assert params_of("vqf", None) == {"vqf": {}}
-    assert common.frame_arg(argparse.Namespace(frame=None)) is None
-    assert common.frame_arg(argparse.Namespace(frame="NWU")) is Frame.NWU
 
 
 @pytest.fixture
@@ -74,7 +72,6 @@ REFUSED = [
     *((stages(params), ParameterError, "name=value") for params in ("kp", "kp=", "=1")),
     (stages(None, " , "), ParameterError, "no filter is named"),
     (lambda: common.print_json({"x": float("nan")}), ValueError, "not JSON compliant"),
-    (lambda: common.frame_arg(argparse.Namespace(frame="up")), FrameError, "up"),
 ]
 
 

@@ -86,7 +86,7 @@ run sea.parquet --filter mahony --out track.parquet | RUN
 run none.parquet --filter mekf | numpy filters
 report sea.parquet --filter mekf | RUN calibration scipy scipy.fft scipy.special
 batch none.parquet --out dataset | READ evaluation scipy
-plot sea.parquet --filter none --what rates --out rates.svg | READ DRAWN
+report sea.parquet --filter none --figure rates --out rates.svg | READ DRAWN
 eval track.parquet sea.parquet | READ evaluation
 compare sea.parquet sea.parquet | RUN FITS scipy.ndimage scipy.signal scipy.stats
 doctor sea.parquet | READ scipy scipy.fft
@@ -100,7 +100,7 @@ record --from sea.bin --format buoy --out sea.mcap | VIEW kernels
 view none.mcap --no-open | VIEW
 control http://127.0.0.1:1/?token=a stop |
 verify sea.mcap | mcap files.mcap zstandard
-repair sea.mcap --out repaired.mcap | mcap files.mcap zstandard
+verify sea.mcap --repair repaired.mcap | mcap files.mcap zstandard
 replay sea.mcap | VIEW kernels
 convert sea.mcap sea.csv | VIEW kernels pyarrow pyarrow.csv
 profile sea.csv --out draft.toml | numpy
@@ -117,7 +117,7 @@ def allowed(words):
 
 
 LISTED = {line: allowed(names) for line, names in table_of(LINES.replace("SENSORS", SENSORS))}
-EVERYTHING = {"benchmark", "demo", "reproduce", "tune"}
+EVERYTHING = {"benchmark", "demo"}
 """Verbs whose task is to try all there is."""
 
 

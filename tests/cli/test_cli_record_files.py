@@ -33,9 +33,9 @@ def unfinished(whole):
 
 def repaired(name, out, code, cwd):
     """Bytes of a repaired file, which is whole, and repairs to itself."""
-    typed(f"repair {name} --out {out}", cwd=cwd, code=code)
+    typed(f"verify {name} --repair {out}", cwd=cwd, code=code)
     assert answer(f"verify {out}", cwd=cwd)["whole"]
-    typed(f"repair {out} --out again.mcap --force", cwd=cwd)
+    typed(f"verify {out} --repair again.mcap --force", cwd=cwd)
     assert (cwd / "again.mcap").read_bytes() == (cwd / out).read_bytes()
     return (cwd / out).read_bytes()
 
@@ -58,7 +58,7 @@ def test_damaged(whole, tmp_path):
     assert "lost         raw/imu: 10 rows missing" in typed("verify bad.mcap", cwd=tmp_path, code=3).stdout
     repaired("bad.mcap", "b.mcap", 3, tmp_path)
     assert "dropped      raw/imu: 10 rows" in typed("verify b.mcap", cwd=tmp_path).stdout
-    found = answer("repair bad.mcap --out c.mcap", cwd=tmp_path, code=3)
+    found = answer("verify bad.mcap --repair c.mcap", cwd=tmp_path, code=3)
     assert (found["lossy"], found["out"]) == (True, "c.mcap")
 
 

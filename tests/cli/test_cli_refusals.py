@@ -53,7 +53,7 @@ decode empty.bin --format buoy | empty.bin is empty. Give a file of raw bytes.
 decode bad.txt --format buoy | none of its 330 bytes is a frame of buoy.
 decode sea.bin --format buoy --message x | no message 'x'
 decode sea.bin --format buoy --rate '20 ms' | not a unit of frequency
-decode sea.bin --format buoy --out x.xls | .csv, .txt, .parquet or .json
+decode sea.bin --format buoy --out x.xls | ends in .csv or .txt or .parquet or .json
 decode sea.bin --format mpu6000 --option gyr_range | NAME=VALUE
 decode sea.bin --format mpu6000 --option 'gyr_range=300 deg/s' | must be one of
 decode sea.bin --format buoy --unit u7 --out x.csv | has no unit 'u7'
@@ -129,15 +129,15 @@ report sea.parquet --filter mahony,mekf | report takes one filter
 report rest.parquet --filter mekf --burst '0 s' | burst must be above 0
 report rest.parquet --filter mekf --tilt-limit '3 m' | 'm' is not a unit of angle
 report rest.parquet --filter mekf --tilt-limit '180 deg' | an inclination is below 180°
-plot sea.parquet --what rates --out x.txt | the name of a picture must end in
-plot sea.parquet --what rates --filter none --from 90s --out x.svg | no sample lies between
-plot sea.parquet --what rates --width=-5mm --out x.svg | picture is 30 to 1000 mm
-plot sea.parquet --what rates --width=85 --out x.svg | picture is 30 to 1000 mm
+report sea.parquet --figure rates --out x.txt | the name of a picture must end in
+report sea.parquet --figure rates --filter none --from 90s --out x.svg | no sample lies between
+report sea.parquet --figure rates --width=-5mm --out x.svg | picture is 30 to 1000 mm
+report sea.parquet --figure rates --width=85 --out x.svg | picture is 30 to 1000 mm
 info sea.parquet --min-grade 101 | 101
 benchmark accuracy . --filters mahony --gaps five | gaps needs their number and length, as 5x1s
 benchmark accuracy . --filters mahony --wrong-field 1,2,3uT | wrong_field needs field and times
 benchmark accuracy . --filters mahony --bias 1,2dps | has 2 numbers
-benchmark accuracy . --filters mahony --between 3s | --between needs two times
+benchmark accuracy . --filters mahony --between 3s | a span is written as 0s..5s
 benchmark accuracy . --filters mahony --against vqf | there is no 'vqf' to compare with
 benchmark accuracy . --filters mahony --noise noise.json | mahony has no parameter that a noise card could give
 benchmark scenario static --frame NED --filters mahony --noise own | mahony has no parameter that a noise card could

@@ -11,7 +11,7 @@ from plumbob.cli.verbs import VERBS
 from tests.helpers.commandline import answer, ok, refused, table_of, typed
 
 ROOT = Path(__file__).parents[2]
-KINDS = {verb: [*table.kinds] for verb, table in VERBS.items() if table.kinds} | {"benchmark": ["accuracy", "scenario"]}
+KINDS = {verb: [*table.kinds] for verb, table in VERBS.items() if table.kinds}
 HELPED = [*VERBS, *(f"{verb} {kind}" for verb, kinds in KINDS.items() for kind in kinds)]
 
 
@@ -38,6 +38,8 @@ run x --filter | expected one argument
 calibrate --live mag | unrecognized arguments: --live
 fly | there is no verb 'fly'
 reprot | Did you mean 'report'? 'plumbob --help' lists them.
+plot x | Did you mean 'report --figure'?
+estimate x | Did you mean 'run'?
 run x --filter mahony --fra NED | Did you mean '--frame'?
 sim buoy --sens ideal | --out
 benchmark scenario static --filters mahony --fra NED | unrecognized arguments: --fra
@@ -98,14 +100,14 @@ run sea.parquet --filter mahony --out {} | .parquet | sea.parquet
 run sea.parquet --filter mahony --report {} | .html | sea.parquet
 run rest.parquet --filter mekf --noise noise.json --out {} | .csv | noise.json
 report sea.parquet --filter mekf --out {} | .html | sea.parquet
-plot sea.parquet --what rates --filter none --out {} | .svg | sea.parquet
+report sea.parquet --figure rates --filter none --out {} | .svg | sea.parquet
 eval track.parquet sea.parquet --html {} | .html | sea.parquet
 convert sea.parquet {} | .csv | sea.parquet
 decode sea.bin --format buoy --out {} | .csv | sea.bin
 emulate buoy --write {} | .bin |
 record --from sea.bin --format buoy --out {} | .mcap |
 replay sea.mcap --out {} | .parquet | sea.mcap
-repair sea.mcap --out {} | .mcap | sea.mcap
+verify sea.mcap --repair {} | .mcap | sea.mcap
 send track.parquet --as json --to file:{} | .jsonl | track.parquet
 allan one.txt --rate 100Hz --scale '1 deg/s' --card {} | .json | one.txt
 allan one.txt --rate 100Hz --scale '1 deg/s' --plot {} | .png | one.txt
@@ -146,10 +148,10 @@ decode none.bin --format buoy
 record --from none.bin --format buoy
 replay none.mcap
 verify none.mcap
-repair none.mcap --out a.mcap
+verify none.mcap --repair a.mcap
 report none.parquet
 report none.mcap
-plot none.parquet --what rates --out a.svg
+report none.parquet --figure rates --out a.svg
 compare none.parquet none.parquet
 doctor none.parquet
 send none.parquet --as json --to file:a.jsonl
@@ -158,7 +160,7 @@ arm export none.csv --out p.csv
 arm run none.toml none.parquet
 batch none.parquet --out a
 profile none.csv
-tune none.parquet --filter mahony --out a.toml
+benchmark tune none.parquet --filter mahony --out a.toml
 """.strip().splitlines()
 
 

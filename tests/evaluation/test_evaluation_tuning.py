@@ -174,7 +174,7 @@ def test_wrong_settings_are_refused_with_what_to_do(several, settings, words):
 def test_the_command_line_writes_what_run_reads(folder, tmp_path):
     out, page, track = (tmp_path / name for name in ("tuned.toml", "tuned.html", "t.parquet"))
     how = ("--filter", "madgwick", "--metric", "inclination", "--budget", "12")
-    ok("tune", folder, *how, "--out", out, "--html", page)
+    ok("benchmark", "tune", folder, *how, "--out", out, "--html", page)
     assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     content = out.read_text(encoding="utf-8")
     assert content.count("sha256 ") == 5
@@ -183,12 +183,12 @@ def test_the_command_line_writes_what_run_reads(folder, tmp_path):
     beta = tomllib.loads(content)["madgwick"]["beta"].split()[0]
     assert f"beta={beta}" in files.read(track).track.source
     for filter_ in ("madgwick", "nothing"):
-        refused("tune", tmp_path / "empty", "--filter", filter_)
+        refused("benchmark", "tune", tmp_path / "empty", "--filter", filter_)
 
 
 def test_exit_code_3_where_nothing_is_shown_and_no_file_is_written(folder, tmp_path):
     out = tmp_path / "tuned.toml"
-    words = ("tune", sorted(folder.iterdir())[0], "--filter", "madgwick", "--budget", "4", "--out", out)
+    words = ("benchmark", "tune", sorted(folder.iterdir())[0], "--filter", "madgwick", "--budget", "4", "--out", out)
     assert call(*words).returncode == 3
     assert not out.exists()
     done = call(*words, "--unproven", "--json")

@@ -139,7 +139,7 @@ def test_a_tilt_limit_is_a_limit_and_what_does_not_go_together_is_refused(folder
 def test_plot_is_plot_and_pictures_of_little_have_axes(folder, tmp_path):
     pytest.importorskip("matplotlib")
     words = "--filter mekf --from 5s --to 20s"
-    typed(f"plot sea.parquet --what angles {words} --out {tmp_path}/a.svg", cwd=folder)
+    typed(f"report sea.parquet --figure angles {words} --out {tmp_path}/a.svg", cwd=folder)
     plumbob.plot(folder / "sea.parquet", tmp_path / "b.svg", what="angles", filter="mekf", begin="5s", end="20s")
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
     # of time around a single sample, of frequency in a narrow band: a warning of an axis without a length is an error

@@ -30,8 +30,8 @@ CANNOT = {"accel.early", "switch.hard.jump", "switch.hard", "switch.hard_reset",
 
 
 def reproduced(folder, *words):
-    """Papers that `plumbob reproduce` prints; it says of each every step, in order."""
-    command = [sys.executable, "-m", "plumbob", "reproduce", *words, "--out", str(folder), "--json"]
+    """Papers that `plumbob demo` prints; it says of each every step, in order."""
+    command = [sys.executable, "-m", "plumbob", "demo", *words, "--out", str(folder), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     papers = json.loads(done.stdout)["papers"]

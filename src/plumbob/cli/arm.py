@@ -1,7 +1,7 @@
 """plumbob arm: sources of several units, poses, and what the kinds print."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from plumbob.data.chain import Chain
 
 Call = Callable[..., Any]
-PAGE = "arm.md"
 
 
 def _read(args: argparse.Namespace, call: Call) -> "ImuArray":
@@ -93,60 +92,79 @@ def run(args: argparse.Namespace, verb: "Verb", call: Call) -> int:
     return 0
 
 
-EXPORT = """\
-.csv and .parquet are tables of times and angles; .yaml and .json are a ROS trajectory_msgs/JointTrajectory; .mcap is
-the same in CDR, with a sensor_msgs/JointState for each sample. A .urdf is the chain itself, as a model for ROS.
-"""
+def export(
+    angles: str | Path,
+    *,
+    out: Sequence[Path],
+    chain: str | Path | None = None,
+    rate: float | str = "100 Hz",
+    smooth: float | str = "0.2 s",
+    still: float | str = "1 deg",
+    dwell: float | str = "0.3 s",
+    unit: str = "rad",
+    as_is: bool = False,
+    overwrite: bool = False,
+) -> "tuple[Program, Chain | None]":
+    """Make a program of recorded joint angles.
 
+    Stops are kept, the rest is smoothed and slowed where the chain's limits ask for it, and sampled at the rate of a
+    controller.
 
-def add_export(kinds: common.Adder) -> None:
-    """Declare what makes a program of angles."""
-    p = kinds.add_parser(
-        "export",
-        help="make a program of joint angles, and write it for a robot",
-        description="Make a program of recorded joint angles: stops are kept, the rest is smoothed and slowed where "
-        "the chain's limits ask for it, and sampled at the rate of a controller.",
-        epilog=common.more(
-            "plumbob arm export angles.parquet --chain arm.toml --rate 125Hz --out program.yaml", PAGE, EXPORT
-        ),
-    )
-    p.add_argument("angles", type=Path, metavar="ANGLES", help="table of angles: .csv or .parquet")
-    p.add_argument("--chain", type=Path, metavar="TOML", help="the chain, whose limits are kept")
-    p.add_argument("--out", type=Path, nargs="+", required=True, metavar="FILE", help="files to write, by suffix")
-    p.add_argument("--rate", default="100 Hz", metavar="HZ", help="samples per second (100Hz)")
-    p.add_argument("--smooth", default="0.2 s", metavar="TIME", help="what is shorter is smoothed away (0.2s)")
-    p.add_argument("--still", default="1 deg", metavar="ANGLE", help="greatest motion at a stop (1deg)")
-    p.add_argument("--dwell", default="0.3 s", metavar="TIME", help="least duration of a stop (0.3s)")
-    p.add_argument("--unit", choices=("rad", "deg"), default="rad", help="of a .csv file (rad)")
-    p.add_argument("--as-is", action="store_true", help="write the angles as they are: no smoothing, no limits")
-    common.add_page(p)
-    common.add_force(p)
-    common.add_json(p)
-    p.set_defaults(run=do_export, parser=p)
-
-
-def do_export(args: argparse.Namespace) -> int:
-    """Do it."""
-    from plumbob.arm import export
+    Parameters
+    ----------
+    angles : path
+        Table of angles: .csv or .parquet.
+    out : sequence of path
+        Files to write, by suffix.
+    chain : path, optional
+        The chain, whose limits are kept.
+    rate : float or str
+        Samples per second.
+    smooth : float or str
+        What is shorter is smoothed away.
+    still : float or str
+        Greatest motion at a stop.
+    dwell : float or str
+        Least duration of a stop.
+    unit : {"rad", "deg"}
+        Of a .csv file.
+    as_is : bool
+        Write the angles as they are: no smoothing, no limits.
+    overwrite : bool
+        Whether files that lie there may be replaced.
+    """
+    from plumbob import arm
     from plumbob.core.errors import ParameterError
     from plumbob.core.files import write_text
     from plumbob.data.chain_toml import load_chain
 
-    common.check_pages(args, *args.out, inputs=(args.angles, args.chain))
-    _require_suffixes(args.out)
-    models = [path for path in args.out if path.suffix.lower() == ".urdf"]
-    if args.chain is None and (models or args.html or args.plot):
-        raise ParameterError("a model and a page need the chain; name its file with --chain.")
-    chain = None if args.chain is None else load_chain(args.chain)
-    program = _program(args, chain)
-    for path in args.out:
-        if path in models and chain is not None:
-            from plumbob.arm import urdf_text
-
-            write_text(path, urdf_text(chain), overwrite=args.force)
+    paths = [Path(path) for path in out]
+    _require_suffixes(paths)
+    models = [path for path in paths if path.suffix.lower() == ".urdf"]
+    if chain is None and models:
+        raise ParameterError("a model needs the chain; name its file with --chain.")
+    geometry = None if chain is None else load_chain(Path(chain))
+    program = (
+        arm.Program.load(angles)
+        if as_is
+        else arm.taught(arm.JointTrack.load(angles), geometry, rate=rate, smooth=smooth, still=still, dwell=dwell)
+    )
+    for path in paths:
+        if path in models and geometry is not None:
+            write_text(path, arm.urdf_text(geometry), overwrite=overwrite)
         else:
-            unit = args.unit if path.suffix.lower() == ".csv" else "rad"
-            export(program, path, unit=unit, overwrite=args.force)
+            in_unit = unit if path.suffix.lower() == ".csv" else "rad"
+            arm.export(program, path, unit=in_unit, overwrite=overwrite)
+    return program, geometry
+
+
+def exported(args: argparse.Namespace, verb: "Verb", call: Call) -> int:
+    """Write the program, and say what became of the angles."""
+    from plumbob.core.errors import ParameterError
+
+    if not hasattr(args, "chain") and (args.html or args.plot):
+        raise ParameterError("a page needs the chain; name its file with --chain.")
+    program, chain = call()
     _print_program(args, program, chain)
     if chain is not None and (args.html or args.plot):
         from plumbob.arm import JointTrack, arm_report
@@ -165,16 +183,6 @@ def _require_suffixes(paths: list[Path]) -> None:
             raise ParameterError(f"--out takes names that end in {', '.join((*SUFFIXES, '.urdf'))}, but got {path}.")
 
 
-def _program(args: argparse.Namespace, chain: "Chain | None") -> "Program":
-    from plumbob.arm import JointTrack, Program, taught
-
-    if args.as_is:
-        return Program.load(args.angles)
-    return taught(
-        JointTrack.load(args.angles), chain, rate=args.rate, smooth=args.smooth, still=args.still, dwell=args.dwell
-    )
-
-
 def _print_program(args: argparse.Namespace, program: "Program", chain: "Chain | None") -> None:
     from plumbob.core.units import to_deg
 
@@ -184,7 +192,7 @@ def _print_program(args: argparse.Namespace, program: "Program", chain: "Chain |
         stops = [{"at_s": stop.start, "for_s": stop.end - stop.start, "recorded_s": stop.recorded,
                   "angles_rad": list(stop.angles)} for stop in program.stops]  # fmt: skip
         common.print_json({
-            "files": [str(path) for path in args.out], "angles": list(program.names), "samples": len(program),
+            "files": args.out, "angles": list(program.names), "samples": len(program),
             "rate_hz": program.rate, "duration_s": float(program.t[-1]), "slowed": program.slowed, "stops": stops,
             "used": used, "notes": list(program.notes),
             "deviation_deg": {name: {"rms": rms, "max": most} for name, (rms, most) in away.items()},

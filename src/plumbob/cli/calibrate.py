@@ -1,7 +1,7 @@
 """plumbob calibrate: from a capture to a calibration card, or to the reason why there is none."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -9,8 +9,9 @@ from plumbob.cli import capture, common
 
 if TYPE_CHECKING:
     from plumbob.cli.engine import Verb
-    from plumbob.data import AttitudeTrack
     from plumbob.data.recording import Recording
+    from plumbob.papers.buoy.static_test import StaticTest
+    from plumbob.reporting.report import Report
 
 GUIDED: Final = ("accel", "gyro", "mag")
 _ABSENT: Final = ("profile", "calibration", "start", "stop", "device", "port", "rate", "time", "iio", "format", "unit")
@@ -106,68 +107,88 @@ def _rates(text: str) -> list[float]:
     return [parse(word if split(word)[1] else f"{word} {unit}".strip(), Quantity.RATE) for word in (*others, last)]
 
 
-def add_statictest(kinds: common.Adder) -> None:
-    """Declare the kind."""
-    p = kinds.add_parser(
-        "statictest",
-        help="errors at rest against a reference, before and after a card; writes no card",
-        description="Static test of the buoy paper: the unit rests in many poses, such as 36 steps of 10 degrees on a "
-        "table that stands aslant ('plumbob sim table36'). At each rest, tilt and compass are compared with a "
-        "reference, as measured and with the card.",
-        epilog=common.more(
-            "plumbob calibrate statictest table36.parquet --calibration card.json --html statictest.html",
-            "calibration.md",
-        ),
-    )
-    p.add_argument("file", type=Path, metavar="INPUT", help="recording with accelerometer and magnetometer")
-    p.add_argument("--calibration", type=Path, required=True, metavar="JSON", help="card of the unit")
-    p.add_argument("--reference", type=Path, metavar="FILE", help="track, where INPUT carries none itself")
-    p.add_argument("--device", metavar="ID", help="the unit, where the recording does not name it")
-    p.add_argument("--align", default="", metavar="A,B", help="remove first: heading, mounting (default nothing)")
-    p.add_argument("--declination", metavar="ANGLE", help="magnetic declination with unit, east positive, as 3.2deg")
-    common.add_profile(p)
-    common.add_page(p)
-    common.add_force(p)
-    common.add_json(p)
-    p.set_defaults(run=find_statictest, parser=p)
+def static_test(
+    recording: str | Path,
+    *,
+    calibration: str | Path,
+    reference: str | Path | None = None,
+    device: str | None = None,
+    align: Sequence[str] = (),
+    declination: float | str | None = None,
+    profile: str | Path | None = None,
+) -> "StaticTest":
+    """Static test of the buoy paper.
 
+    The unit rests in many poses, such as 36 steps of 10 degrees on a table that stands aslant ('plumbob sim table36').
+    At each rest, tilt and compass are compared with a reference, as measured and with the card.
 
-def find_statictest(args: argparse.Namespace) -> int:
-    """Do it."""
+    Parameters
+    ----------
+    recording : path
+        Recording with accelerometer and magnetometer.
+    calibration : path
+        Card of the unit.
+    reference : path, optional
+        Track, where the recording carries none itself.
+    device : str, optional
+        The unit, where the recording does not name it.
+    align : sequence of str
+        Remove first: heading, mounting; by default nothing.
+    declination : float or str, optional
+        Magnetic declination with unit, east positive, as 3.2deg.
+    profile : path, optional
+        What the columns of a CSV or text file mean.
+    """
     from plumbob.calibration.calibration import capture
-    from plumbob.core.errors import CalibrationError
-    from plumbob.core.units import Quantity, parse
+    from plumbob.core import check
+    from plumbob.core.errors import CalibrationError, ShapeError
+    from plumbob.core.units import Quantity, given
     from plumbob.data.cards import CalibrationCard
     from plumbob.papers.buoy.static_test import static_test
 
-    inputs = (args.file, args.reference, args.calibration, args.profile)
-    common.check_pages(args, inputs=inputs)
-    recording = common.read(args.file, args.profile)
-    if recording.imu is None:
-        raise CalibrationError(f"{args.file} holds an attitude but no sensor data, so there is nothing to test.")
-    result = static_test(
-        capture(recording.imu, triads=("acc", "mag"), device=args.device).imu,
-        _reference(args, recording),
-        CalibrationCard.load(args.calibration),
-        align=common.alignments(args.align),
-        declination=None if args.declination is None else parse(args.declination, Quantity.ANGLE),
+    for word in align:
+        check.one_of("--align", word, ("heading", "mounting", "time"))
+    measured = _read(recording, profile)
+    if measured.imu is None:
+        raise CalibrationError(f"{recording} holds an attitude but no sensor data, so there is nothing to test.")
+    track = measured.track if reference is None else _read(reference).track
+    if track is None:
+        where = reference or recording
+        raise ShapeError(f"{where} holds no attitude to compare with; name a track or recording with --reference.")
+    return static_test(
+        capture(measured.imu, triads=("acc", "mag"), device=device).imu,
+        track,
+        CalibrationCard.load(Path(calibration)),
+        align=align,
+        declination=given("declination", declination, Quantity.ANGLE),
     )
+
+
+def _read(path: str | Path, profile: str | Path | None = None) -> "Recording":
+    """Read a recording, and warn of what was found in its data."""
+    from plumbob.data.recording import found_in
+    from plumbob.door.reading import read_one
+
+    recording = read_one(path, profile=None if profile is None else Path(profile))
+    common.note(*(f"{Path(path).name}: {line}" for line in found_in(recording.notes)))
+    return recording
+
+
+def static_test_page(result: "StaticTest", args: argparse.Namespace) -> "Report":
+    """Report of a static test, and where it comes from."""
+    reference = Path(getattr(args, "reference", args.recording)).name
     facts = {
-        "recording": args.file.name,
-        "reference": f"{(args.reference or args.file).name}: {result.before.reference.source}",
-        "calibration": args.calibration.name,
+        "recording": Path(args.recording).name,
+        "reference": f"{reference}: {result.before.reference.source}",
+        "calibration": Path(args.calibration).name,
     }
-    report = result.report(facts=list(facts.items()))
-    common.print_json({"file": str(args.file), **result.as_dict()}) if args.json else print(report.text())
+    return result.report(facts=list(facts.items()))
+
+
+def tested(args: argparse.Namespace, verb: "Verb", call: Callable[..., Any]) -> int:
+    """Print the errors of all rests."""
+    result = call()
+    report = static_test_page(result, args)
+    common.print_json({"file": args.recording, **result.as_dict()}) if args.json else print(report.text())
     common.write_pages(args, report)
     return 0
-
-
-def _reference(args: argparse.Namespace, recording: "Recording") -> "AttitudeTrack":
-    from plumbob.core.errors import ShapeError
-
-    track = recording.track if args.reference is None else common.read(args.reference).track
-    if track is None:
-        where = args.reference or args.file
-        raise ShapeError(f"{where} holds no attitude to compare with; name a track or recording with --reference.")
-    return track

@@ -13,12 +13,10 @@ from plumbob.core.docs import guide
 from plumbob.core.text import visible
 
 if TYPE_CHECKING:
-    from plumbob.data.recording import Recording
     from plumbob.filters.offline import Stage
     from plumbob.live.transports.transport import Stop
     from plumbob.live.watch import Watch
     from plumbob.reporting.report import Report
-    from plumbob.rotations import Frame
 
 
 def filter_args(verb: str, filter_: str | None, params: str | None) -> dict[str, Any]:
@@ -74,8 +72,6 @@ class Status:
                 sys.stderr.flush()
 
 
-Adder = Any  # argparse's sub-parser action, whose type is private
-
 PARAMS_HELP = "name=value,... with units (kp=0.5,gate=0.08g,mag=off), or a TOML file; see 'plumbob list filters'"
 
 
@@ -89,47 +85,12 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of text")
 
 
-def add_frame(parser: argparse.ArgumentParser, help_: str) -> None:
-    """Option --frame."""
-    parser.add_argument("--frame", metavar="ENU|NED|NWU", help=help_)
-
-
-def add_profile(parser: argparse.ArgumentParser) -> None:
-    """Option --profile."""
-    parser.add_argument("--profile", type=Path, metavar="TOML", help="what the columns of a CSV or text file mean")
-
-
-def add_noise(
-    parser: argparse.ArgumentParser, help_: str = "noise card of the unit, for filters that take one"
-) -> None:
-    """Option --noise."""
-    parser.add_argument("--noise", type=Path, metavar="JSON", help=help_)
-
-
-def add_warm_up(parser: argparse.ArgumentParser) -> None:
-    """Option --warm-up."""
-    parser.add_argument(
-        "--warm-up", metavar="RISE,TIME", help="temperature rises by RISE (1 - exp(-t/TIME)), as '15 K, 120 s'"
-    )
-
-
-def add_option(parser: argparse.ArgumentParser) -> None:
-    """Option --option."""
-    parser.add_argument(
-        "--option",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="an option of the format, as gyr_range='500 deg/s'; see 'plumbob list devices NAME'",
-    )
-
-
-def chosen_options(args: argparse.Namespace) -> dict[str, str]:
+def named_values(items: Sequence[str]) -> dict[str, str]:
     """Choices that --option names."""
     from plumbob.core.errors import ParameterError
 
     options: dict[str, str] = {}
-    for item in args.option:
+    for item in items:
         name, equals, value = item.partition("=")
         if not equals or not name.strip() or not value.strip():
             raise ParameterError(f"--option needs NAME=VALUE, as gyr_range='500 deg/s', but got '{item}'.")
@@ -137,31 +98,6 @@ def chosen_options(args: argparse.Namespace) -> dict[str, str]:
             raise ParameterError(f"--option {name.strip()} is given twice.")
         options[name.strip()] = value.strip()
     return options
-
-
-def frame_arg(args: argparse.Namespace) -> "Frame | None":
-    """Frame that --frame names, if any."""
-    from plumbob.rotations import Frame
-
-    return None if args.frame is None else Frame.parse(args.frame)
-
-
-def read(path: Path, profile: Path | None = None) -> "Recording":
-    """Read a recording and warn of what was found in its data; `info` shows its provenance too."""
-    from plumbob.data.recording import found_in
-    from plumbob.door import reading
-
-    recording = reading.read_one(path, profile=profile)
-    note(*(f"{path.name}: {line}" for line in found_in(recording.notes)))
-    return recording
-
-
-def alignments(text: str) -> tuple[str, ...]:
-    """Words of a comma list, each a known alignment."""
-    from plumbob.core import check
-
-    words = tuple(word.strip() for word in text.split(",") if word.strip())
-    return tuple(check.one_of("--align", word, ("heading", "mounting", "time")) for word in words)
 
 
 def span(text: str) -> tuple[float, float]:

@@ -3,12 +3,13 @@
 import argparse
 import math
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from plumbob.cli import common
+from plumbob.cli.engine import Verb
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity, parse
 
@@ -22,64 +23,36 @@ _HINT = 1 << 18
 """Bytes of a file of which other formats are tried."""
 
 
-def add_parser(verbs: common.Adder) -> None:
-    """Declare the verb."""
-    p = verbs.add_parser(
-        "decode",
-        help="decode bytes of a known device or a described frame to a table with units",
-        description="Decode raw bytes into a table: one row a frame, SI units in the header. Damaged bytes are skipped "
-        "and counted on standard error.",
-        epilog=common.more("plumbob decode raw.bin --format buoy --out table.csv", "formats.md"),
-    )
-    p.add_argument("file", metavar="FILE", help="raw bytes, as a device sent them; '-' for standard input")
-    p.add_argument("--format", required=True, metavar="F", help="device, rig, or TOML file; see 'plumbob list devices'")
-    common.add_option(p)
-    p.add_argument(
-        "--ring", action="store_true", help="the file is a log written round and round: its frames by their counter"
-    )
-    p.add_argument("--message", default="", metavar="M", help="which kind of frame (default the first that occurs)")
-    p.add_argument(
-        "--rate", metavar="HZ", help="frames per second: adds a column of time, counted from the first frame"
-    )
-    p.add_argument(
-        "--out", type=Path, metavar="FILE", help="write .csv, .txt, .parquet or .json instead of printing CSV"
-    )
-    common.add_force(p)
-    p.add_argument(
-        "--unit", metavar="U", help="which of several units in a frame the file is read as (default the first)"
-    )
-    p.set_defaults(run=run)
-
-
-def run(args: argparse.Namespace) -> int:
-    """Do it."""
-    from plumbob.core.errors import DecodeError, ParameterError
+def run(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
+    """Print the table, or write it, and say what was not decoded."""
+    from plumbob.core.errors import DecodeError
     from plumbob.data import UNCALIBRATED
     from plumbob.protocols.decode import decode
     from plumbob.protocols.find import find_format, unassigned_told
 
-    form = find_format(args.format).bind(common.chosen_options(args))
-    if spare := unassigned_told(form, form.message(args.message)):
+    def bound(format: str, *, options: Mapping[str, str] | None = None) -> "Format":
+        return find_format(format).bind(options or {})
+
+    form, out = call(bound), args.out and Path(args.out)
+    if spare := unassigned_told(form, form.message(args.message or "")):
         common.note(spare)
-    if args.out and args.out.suffix not in (*_TEXT, ".parquet", ".json"):
-        raise ParameterError(f"{args.out} must end in .csv, .txt, .parquet or .json, so that its kind is known.")
-    common.check_outputs(args, *common.with_profile(args.out, _TEXT), inputs=(Path(args.file),))
-    table = _MessageRows(args.message, None if args.rate is None else parse(args.rate, Quantity.FREQUENCY))
+    common.check_outputs(args, *common.with_profile(out, _TEXT), inputs=(Path(args.data),))
+    table = _MessageRows(args.message or "", None if args.rate is None else parse(args.rate, Quantity.FREQUENCY))
 
     def take(frames: "Mapping[str, Frames]", _: "Counts") -> None:
         table.add(frames)
-        if args.out is None:
+        if out is None:
             table.print_new()
 
-    pieces = _chunks(args.file, table)
-    counts = decode(_in_order(args.file, pieces, form) if args.ring else pieces, form, each=take).counts
+    pieces = _chunks(args.data, table)
+    counts = decode(_in_order(args.data, pieces, form) if args.ring else pieces, form, each=take).counts
     if not counts.received:
-        raise DecodeError(f"{args.file} is empty. Give a file of raw bytes.")
+        raise DecodeError(f"{args.data} is empty. Give a file of raw bytes.")
     if not sum(counts.frames.values()):
         none = f"none of its {_bytes(counts.received)} is {_a(form)}{counts.why_rejected()}"
-        raise DecodeError(f"{args.file}: {none}.{_hint(form, table.head)}")
-    if args.out is not None:
-        table.write(args.out, counts, _profile(form, table, args.unit), overwrite=args.force)
+        raise DecodeError(f"{args.data}: {none}.{_hint(form, table.head)}")
+    if out is not None:
+        table.write(out, counts, _profile(form, table, args.unit), overwrite=args.force)
     _tell(form, counts, table)
     if table.skipped:
         rows = "; t [s] counts rows, so it is early by that many periods after each gap" if args.rate else ""

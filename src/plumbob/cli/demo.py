@@ -4,13 +4,14 @@ import argparse
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.cli import common
+from plumbob.cli.engine import Verb, show
 from plumbob.core.text import counted
 
 if TYPE_CHECKING:
@@ -199,29 +200,6 @@ text = "{text}"
 """
 
 
-def add_parser(verbs: common.Adder) -> None:
-    """Declare the verb."""
-    p = verbs.add_parser(
-        "demo",
-        help="run the whole line on an emulated buoy, up to a page with plots",
-        description="Emulate the drifting buoy of the paper: calibrate its unit by hand, then put it into waves, with "
-        "its bytes on a serial line sixty times as fast as they would come; record and estimate, replay with other "
-        "filters and without the calibration, compare with the truth. Exit code 1 where the recording is not what was "
-        "sent.",
-        epilog=common.more("plumbob demo --out demo-out", "start.md"),
-    )
-    p.add_argument("--out", type=Path, default=Path("demo-out"), metavar="DIR", help="folder to write (demo-out)")
-    p.add_argument(
-        "--view",
-        action="store_true",
-        help="then show the emulated buoy on the live page: in a browser until Ctrl-C, or for 20 s where there is none",
-    )
-    p.add_argument("--duration", default=DURATION, metavar="TIME", help=f"of the sea ({DURATION})")
-    common.add_force(p)
-    common.add_json(p)
-    p.set_defaults(run=run)
-
-
 def stages() -> "list[Stage]":
     """Filters that are compared with the live one: a compass alone, the paper's filter, and the same for waves."""
     from plumbob.filters.offline import Stage
@@ -234,14 +212,29 @@ def stages() -> "list[Stage]":
     ]
 
 
-def run(args: argparse.Namespace) -> int:
-    """Do it."""
+def demo(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
+    """Run the buoy's line, or whole papers."""
+    from plumbob.core.errors import ParameterError
+
+    papers = bool(getattr(args, "papers", []))
+    idle = [
+        name for name in (("view", "duration") if papers else ("seed", "lang", "jobs")) if getattr(args, name, None)
+    ]
+    if idle:
+        raise ParameterError(f"--{idle[0]} is for {'the buoy alone' if papers else 'papers'}; leave it out.")
+    if not papers:
+        return _tour(args)
+    results = call(progress=lambda what, done, of: common.note(f"{what} ({done}/{of})"))  # a step takes minutes
+    return show(args, verb, results, f"{'pages':12} {results.folder / 'index.html'}")
+
+
+def _tour(args: argparse.Namespace) -> int:
     from plumbob.core.units import Quantity, parse
     from plumbob.data import calibration_told
     from plumbob.door.evaluate import evaluate
     from plumbob.evaluation.report import comparison
 
-    duration = parse(args.duration, Quantity.TIME)
+    duration, args.out = parse(args.duration or DURATION, Quantity.TIME), Path(getattr(args, "out", "demo-out"))
     settle = min(SETTLE, SETTLE_SHARE * duration)
     started = time.perf_counter()
     args.out.mkdir(parents=True, exist_ok=True)

@@ -33,6 +33,7 @@ SHORT: Final = {
     "duration": "T", "tilt_limit": "ANGLE", "declination": "ANGLE", "mount_error": "ANGLE", "high_pass": "HZ",
     "temp_c": "T", "options": "NAME=VALUE", "speed": "K", "device": "ID", "clock_error": "E", "sensors": "A+B",
     "fault_log": "FILE", "path": "FILE", "scale": "LSB", "answers": "KEY=VALUE", "rates": "R,…",
+    "data": "FILE", "between": "A..B", "against": "NAME", "smooth": "T", "still": "ANGLE", "dwell": "T",
 }  # fmt: skip
 """What stands for a value, by parameter; else by type."""
 
@@ -62,21 +63,21 @@ class Verb(NamedTuple):
     page, example : str
         Page of the documentation, and a command line.
     function : str
-        Public name, or ``module.name`` below `plumbob`; by default that of the verb. Where `run` is empty, what
-        declares a parser of its own, in a module of `plumbob.cli`.
+        Public name, or ``module.name`` below `plumbob`; by default that of the verb.
     also : tuple of str
         Functions whose parameters the variable keyword of this one takes.
     brought : tuple of str
         Options that the last of these brings, which is not imported where none of them is given.
     named, hidden, repeat, optional : tuple of str
         Positional parameters that are options, parameters that are none, options that are given again and again, and
-        arguments that may be left out.
+        what may be left out although the function needs it.
     outputs : tuple of str
         Parameters that are files to write.
     exclusive : tuple of tuple of str
         Parameters of which one is given at most.
     more : mapping of str to (str, str)
-        Options of the command line alone: what stands for the value (none: a switch; with !: needed), and help.
+        Options of the command line alone: what stands for the value (none: a switch; with !: needed), and help. Of a
+        parameter: what the help says instead.
     run : str
         Function of `plumbob.cli.special`, or ``module.name``, that calls, prints and gives the exit code; by default
         `show` does.
@@ -90,8 +91,8 @@ class Verb(NamedTuple):
         Whether there is a summary to print as JSON.
     ends : mapping of str to tuple of str
         Endings that the name of an output must have.
-    note : str
-        Last words of the help.
+    note, about : str
+        Last words of the help, and its first ones, by default those of the function.
     """
 
     line: str
@@ -114,10 +115,13 @@ class Verb(NamedTuple):
     json: bool = True
     ends: Mapping[str, tuple[str, ...]] = {}
     note: str = ""
+    about: str = ""
 
 
-VERB_BY_FUNCTION: Final[dict[str, str]] = {"simulate": "sim", "filter_names": "list filters"}
-"""Verbs by their public functions, for help that names a function; the table of verbs completes it."""
+VERB_BY_FUNCTION: Final[dict[str, str]] = {
+    "filter_names": "list filters", "plot": "report --figure", "repair": "verify --repair", "tune": "benchmark tune",
+}  # fmt: skip
+"""Verbs by their public functions, for help and words that name a function; the table of verbs completes it."""
 
 
 class Option(NamedTuple):
@@ -132,7 +136,7 @@ class Option(NamedTuple):
     def read(self, text: Any) -> Any:
         """Value of the words of the command line."""
         if not isinstance(text, str):
-            return text
+            return common.named_values(text) if isinstance(text, list) and "Mapping[str, str]" in self.type else text
         if re.search(r"(Sequence|Collection|Iterable)\[str\]", self.type):
             return [] if text == "none" else [word.strip() for word in text.split(",") if word.strip()]
         if "Mapping[" in self.type and not self.is_path:
@@ -204,16 +208,14 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
         )
         kinds_of = group.add_subparsers(dest="kind", metavar="KIND", required=True)
         for kind, inner in verb.kinds.items():
-            if not inner.run:
-                named_function(f"cli.{inner.function}")(kinds_of)
-            elif words is None or kind in words[:2]:
+            if words is None or kind in words[:2]:
                 add_verb(kinds_of, kind, inner, words)
             else:
                 kinds_of.add_parser(kind, help=inner.line)
         group.set_defaults(parser=group)
         return group
     function = named_function(verb.function or name)
-    doc = inspect.getdoc(function) or ""
+    doc = verb.about or inspect.getdoc(function) or ""
     about = re.split(r"^\w[\w ]*\n-+$", doc, maxsplit=1, flags=re.M)[0].replace("`", "")
     p: argparse.ArgumentParser = parsers.add_parser(
         name, help=verb.line, description=re.sub(r"(?<=\S)\n(?=\S)", " ", about).strip(),
@@ -228,11 +230,13 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
     for key, option in options.items():
         kind_said, _ = described(option.function).get(key, ("", ""))
         settings = _settings(option, verb, kind_said, helped=helped)
+        if key in verb.more:
+            settings["help"] = verb.more[key][1]
         groups.get(key, p).add_argument(*settings.pop("flags"), **settings)
-    for key, (value, help_) in verb.more.items():
+    for key, (value, help_) in ((key, more) for key, more in verb.more.items() if key not in options):
         needed = value.endswith("!")
         how: dict[str, Any] = {"metavar": value.rstrip("!"), "required": needed} if value else {"action": "store_true"}
-        groups.get(key, p).add_argument(_flag(key), dest=key, help=help_, **how)
+        groups.get(key, p).add_argument(f"--{key.replace('_', '-')}", dest=key, help=help_, **how)
     if verb.pages is not None:
         common.add_page(p)
         if "overwrite" not in options:
@@ -275,9 +279,12 @@ def _settings(option: Option, verb: Verb, kind: str, *, helped: bool) -> dict[st
         )
     if parameter.kind is parameter.KEYWORD_ONLY or name in verb.named:
         settings |= {"flags": [_flag(name)], "dest": name, "required": default is parameter.empty}
+        settings["required"] &= name not in verb.optional
+        if re.search(r"Sequence\[[\w.]*Path", type_):
+            settings["nargs"] = "+"
         return settings | ({"action": "append"} if name in verb.repeat else {})
     settings |= {"flags": [name]}
-    if parameter.kind is parameter.VAR_POSITIONAL or re.search(r"(Sequence|Iterable)\[", type_):
+    if parameter.kind is parameter.VAR_POSITIONAL or re.search(r"(Sequence|Iterable)\[(?!bytes)", type_):
         settings |= {"nargs": "*" if parameter.kind is parameter.VAR_POSITIONAL else "+"}
     elif default is not parameter.empty or name in verb.optional:
         settings |= {"nargs": "?"}
@@ -296,8 +303,8 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
     for name, endings in verb.ends.items():
         common.require_ending(_flag(name), given.get(name) or getattr(args, name, None), endings)
     outputs = [file for name in verb.outputs for path in paths.pop(name, ()) for file in common.with_profile(path)]
-    beside = {name: Path(path) for name, (value, _) in verb.more.items() if value and (path := getattr(args, name))
-              and (value == "FILE" or name in verb.outputs)}  # fmt: skip
+    beside = {name: Path(path) for name, (value, _) in verb.more.items() if name not in options and value
+              and (path := getattr(args, name)) and (value == "FILE" or name in verb.outputs)}  # fmt: skip
     outputs += [beside.pop(name) for name in verb.outputs if name in beside]
     args.inputs = inputs = [*(path for some in paths.values() for path in some), *beside.values()]
     if verb.pages is not None:
@@ -315,8 +322,9 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
                 bars(title, done, total or done)
 
             values = {"note": common.note, "progress": show, **given, **more}
+            named = {name for name in given if options[name].parameter.kind is inspect.Parameter.KEYWORD_ONLY}
             values = {name: value for name, value in values.items()
-                      if name in signature or (takes_all and name in given | more)}  # fmt: skip
+                      if name in signature or (takes_all and name in {*named, *more})}  # fmt: skip
             places = [values.pop(name) for name, each in signature.items()
                       if name in values and each.kind is not each.KEYWORD_ONLY]  # fmt: skip
             if any(each.kind is each.VAR_POSITIONAL for each in signature.values()):

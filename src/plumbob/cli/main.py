@@ -16,7 +16,7 @@ from types import FrameType
 from typing import Any, Final, NoReturn, TextIO, cast
 
 from plumbob.cli import common
-from plumbob.cli.engine import add_verb, named_function
+from plumbob.cli.engine import VERB_BY_FUNCTION, add_verb
 from plumbob.cli.verbs import GROUPS, VERBS
 from plumbob.core.errors import PlumbobError
 from plumbob.core.text import closest, visible
@@ -26,9 +26,9 @@ _LAYOUT: Final = "\n\t"
 
 EPILOG = """\
 exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done, but a recording is damaged (verify),
-            rows of it are lost (record, repair), attitudes or recordings differ (replay --check, compare), the grade is
-            below the one asked for (info --min-grade), a convention is wrong (doctor), no gain is shown (tune) or a
-            recording failed (batch), 70 a defect of this program,
+            rows of it are lost (record, verify --repair), attitudes or recordings differ (replay --check, compare), the
+            grade is below the one asked for (info --min-grade), a convention is wrong (doctor), no gain is shown
+            (benchmark tune) or a recording failed (batch), 70 a defect of this program,
             130 ended by Ctrl-C, 143 by SIGTERM: a file that is written is there as a whole, or as it was before
 units: SI and radians inside; every other unit is written, as in --params gate=0.08g
 """
@@ -78,10 +78,7 @@ def build_parser(verbs: Sequence[str] = (), words: Sequence[str] | None = None) 
     parser.add_argument("--version", action="version", version=f"plumbob {__version__}")
     parsers = parser.add_subparsers(dest="verb", metavar="VERB", required=True, help=argparse.SUPPRESS)
     for name in verbs:
-        if VERBS[name].run:
-            add_verb(parsers, name, VERBS[name], words)
-        else:
-            named_function(f"cli.{name}.add_parser")(parsers)
+        add_verb(parsers, name, VERBS[name], words)
     return parser
 
 
@@ -105,7 +102,9 @@ def _parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
         return build_parser(words[:1], words)
     parser = build_parser()
     if not words[0].startswith("-"):
-        parser.error(f"there is no verb '{words[0]}'.{closest(words[0], VERBS)} 'plumbob --help' lists them.")
+        named = VERB_BY_FUNCTION.get(words[0])
+        near = f" Did you mean '{named}'?" if named else closest(words[0], VERBS)
+        parser.error(f"there is no verb '{words[0]}'.{near} 'plumbob --help' lists them.")
     return parser
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.cli import common
 from plumbob.cli.engine import Verb, show
-from plumbob.core.text import counted, visible
+from plumbob.core.text import counted
 
 if TYPE_CHECKING:
     from plumbob.data import AttitudeTrack
@@ -46,10 +46,31 @@ def report(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob.core.errors import ParameterError
 
     out, pdf = (getattr(args, name, None) for name in ("out", "pdf"))
+    if args.figure:
+        return _figure(args, call)
+    if beside := [f"--{word}" for name, word in _OF_FIGURES.items() if hasattr(args, name)]:
+        raise ParameterError(f"{beside[0]} is for a figure; name it with --figure, or leave {beside[0]} out.")
     if hasattr(args, "lang") and not (out or pdf):
         raise ParameterError("--lang is for --out or --pdf, which is not given; leave it out.")
+    common.require_ending("--out", out, common.ENDINGS["html"])
     written = [f"{what:12} {path}" for what, path in (("page", out), ("pdf", pdf)) if path]
     return show(args, verb, call(), *written)
+
+
+_OF_FIGURES: Final = {"begin": "from", "end": "to", "width": "width"}
+
+
+def _figure(args: argparse.Namespace, call: Call) -> int:
+    """Draw one figure, and say where it is."""
+    from plumbob.core.errors import ParameterError
+    from plumbob.overview.overview import plot
+
+    if not hasattr(args, "out") or hasattr(args, "pdf") or len(args.files) > 1:
+        raise ParameterError("--figure draws one recording; name the picture with --out, and leave --pdf out.")
+    if args.json:
+        raise ParameterError("--figure gives no numbers; leave --json out.")
+    print(f"figure       {call(plot, file=args.files[0], what=args.figure)}")
+    return 0
 
 
 def record(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -100,7 +121,7 @@ def emulate(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     files = outputs(args.what, given["truth"], write, given["fault_log"], given["flash_log"])
     calibration = None if given["calibration"] is None else Path(given["calibration"])
     common.check_outputs(args, *files, inputs=(*cards, calibration))
-    stop, options = Stop(), argparse.Namespace(option=getattr(args, "options", []))
+    stop = Stop()
     with ExitStack() as stack:
 
         def opened(name: str) -> None:
@@ -108,7 +129,7 @@ def emulate(args: argparse.Namespace, verb: Verb, call: Call) -> int:
                 stack.enter_context(common.stopped_by_signals(stop))
                 print(name, flush=True)
 
-        served = call(noise=noise, write=write, options=common.chosen_options(options), stop=stop, opened=opened)
+        served = call(noise=noise, write=write, stop=stop, opened=opened)
     counts = ", ".join(f"{number} {word}" for word, number in served.facts().items())
     late = f"; latest by {served.latest_ns / 1e6:.1f} ms" if served.latest_ns else ""
     common.note(f"{counted(served.frames, 'frame')}: {counts}{late}")
@@ -187,68 +208,19 @@ def convert(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 
 def verify(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """Say what helps a damaged recording."""
+    """Say what helps a damaged recording, or write its whole rows."""
+    from plumbob.files.mcap import repair
+
+    if args.repair:
+        verdict = call(repair, path=args.path, out=args.repair, overwrite=args.force)
+        written = {"out": args.repair, "lossy": verdict.lossy}
+        show(args, verb, verdict, f"written      {args.repair}, with every whole row", **written)
+        return 3 if verdict.lossy else 0
     verdict = call()
-    common.print_json(verdict.summary()) if args.json else print(_verdict_text(verdict))
+    show(args, verb, verdict)
     if not verdict.whole and not verdict.open and verdict.recording is not None:
-        common.note("'plumbob repair' writes what is whole to a new, complete file")
+        common.note("--repair OUT writes what is whole to a new, complete file")
     return 0 if verdict.whole else 3
-
-
-def repair(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """Say where the rows are now."""
-    verdict = call()
-    if args.json:
-        common.print_json(verdict.summary() | {"out": args.out, "lossy": verdict.lossy})
-    else:
-        print(f"{_verdict_text(verdict)}\nwritten      {args.out}, with every whole row")
-    return 3 if verdict.lossy else 0
-
-
-def _verdict_text(verdict: Any) -> str:
-    """What the recording holds and lacks, line by line."""
-    names = ", ".join(path.name for path in verdict.paths)
-    rows, end = counted(sum(verdict.rows.values()), "row"), "NOT properly: a part has no end, or a damaged one"
-    lines = [f"{names}: {rows} in {verdict.duration:.3f} s"]
-    lines += [f"rows         {visible(topic)}: {count}" for topic, count in verdict.rows.items()]
-    if verdict.recording is None:
-        lines.append("written by   another program, so nobody knows how many rows there were")
-    if verdict.unchecked:
-        what = "without a CRC (chunks or messages); damage to them cannot be seen"
-        lines.append(f"unchecked    {verdict.unchecked} {what}")
-    lines += [f"damage       {visible(str(damage))}" for damage in verdict.damage]
-    end = "properly" if verdict.clean else f"{end}, as after a crash"
-    lines.append(f"ended        {'not yet: it is being recorded' if verdict.open else end}")
-    gaps = (
-        ("dropped", verdict.dropped, "given up while recording, or lost before a repair"),
-        ("lost", verdict.lost, "missing"),
-    )
-    for title, rows_of, how in gaps:
-        lines += [f"{title:12} {visible(topic)}: {counted(count, 'row')} {how}" for topic, count in rows_of.items()]
-    return "\n".join([*lines, f"verdict      {verdict.in_words}"])
-
-
-def tune(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """Write parameters only where a gain is shown, or all the same."""
-    tuning, out = call(), args.out
-    written = out is not None and (tuning.proven or args.unproven)
-    if written:
-        tuning.write(Path(out), unproven=args.unproven, overwrite=args.force)
-    elif out is not None:
-        common.note(f"{out} is not written: no gain is shown; --unproven writes it all the same")
-    return show(args, verb, tuning, *([f"{'parameters':12} {out}"] if written else []))
-
-
-def plot(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """Say where the picture is."""
-    print(f"figure       {call()}")
-    return 0
-
-
-def reproduce(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """A step takes minutes: each gets a line."""
-    results = call(progress=lambda what, done, of: common.note(f"{what} ({done}/{of})"))
-    return show(args, verb, results, f"{'pages':12} {results.folder / 'index.html'}")
 
 
 def text(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -390,12 +362,6 @@ def control(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     answer = call()
     common.print_json({"verb": args.what, "answer": answer}) if args.json else print(answer)
     return 0
-
-
-def devices(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """Options of the format are written one by one."""
-    options = common.chosen_options(argparse.Namespace(option=getattr(args, "options", [])))
-    return show(args, verb, call(options=options))
 
 
 def array(args: argparse.Namespace, verb: Verb, call: Call) -> int:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from plumbob.cli.common import PARAMS_HELP
 from plumbob.cli.engine import FORCE, VERB_BY_FUNCTION, Verb
 
 DIFFERENT: Final = 3
@@ -122,8 +123,10 @@ START: Final = {
                 "compare with a reference attitude.",
             ),
             "statictest": Verb(
-                "errors at rest against a reference, before and after a card; writes no card", "", "",
-                "calibrate.add_statictest", run="",
+                "errors at rest against a reference, before and after a card; writes no card",
+                "calibration.md",
+                "plumbob calibrate statictest table36.parquet --calibration card.json --html statictest.html",
+                "cli.calibrate.static_test", run="calibrate.tested", outputs=(), pages=lambda *_: None,
             ),
         },
     ),
@@ -142,9 +145,18 @@ START: Final = {
         "with its rates filtered.",
     ),
     "report": Verb(
-        "one page about recordings: attitude, tilt statistics, spectra, gaps, quality",
+        "one page about recordings, or one figure for a paper: attitude, tilt statistics, spectra, gaps, quality",
         "report.md", "plumbob report sea.parquet --out sea.html", run="report", outputs=("out", "pdf"),
-        exclusive=_ESTIMATE, ends={"out": (".html", ".htm"), "pdf": (".pdf",)},
+        also=("plot",), hidden=("what",), exclusive=_ESTIMATE, ends={"pdf": (".pdf",)},
+        more={
+            "figure": ("NAME", "draw this figure alone into --out, a .svg, .pdf or .png: angles, tilt, rates, forces, field, "
+                     "temperature, bias, sd, spectrum, rose, bursts or flags"),
+            "out": ("", "where to write the page, HTML, or the figure"),
+            "begin": ("", "of a figure: the first time, s, or text with a unit"),
+            "end": ("", "of a figure: the last time; the attitude is estimated of the whole recording"),
+            "width": ("", "of a figure: as 85mm for a column"),
+        },
+        note="plumbob report sea.parquet --figure spectrum --width 85mm --out spectrum.pdf draws one figure.",
     ),
     "record": Verb(
         "record a live line, and estimate its attitude as it comes",
@@ -213,7 +225,24 @@ LINES: Final = {
         "send.md", "plumbob send track.parquet --as nmea --to udp:127.0.0.1:10110 --rate 10Hz --sentences HDT,PASHR",
         named=("form", "to"), run="send",
     ),
-    "decode": Verb("decode bytes of a known device or a described frame to a table with units", "", "", run=""),
+    "decode": Verb(
+        "decode bytes of a known device or a described frame to a table with units",
+        "formats.md", "plumbob decode raw.bin --format buoy --out table.csv", named=("format",),
+        hidden=("t_ns", "each"), repeat=("options",), outputs=(), run="decode.run", json=False,
+        ends={"out": (".csv", ".txt", ".parquet", ".json")},
+        about="Decode raw bytes into a table: one row a frame, SI units in the header. Damaged bytes are skipped and "
+        "counted on standard error.",
+        more={
+            "data": ("", "raw bytes, as a device sent them; '-' for standard input"),
+            "format": ("", "device, rig, or TOML file; see 'plumbob list devices'"),
+            "ring": ("", "the file is a log written round and round: its frames by their counter"),
+            "message": ("M", "which kind of frame (default the first that occurs)"),
+            "rate": ("HZ", "frames per second: adds a column of time, counted from the first frame"),
+            "out": ("TABLE", "write .csv, .txt, .parquet or .json instead of printing CSV"),
+            "unit": ("U", "which of several units in a frame the file is read as (default the first)"),
+            "force": FORCE,
+        },
+    ),
 }  # fmt: skip
 FILES: Final = {
     "info": Verb(
@@ -230,14 +259,16 @@ FILES: Final = {
         "file-formats.md", "plumbob convert sea.mcap sea.csv", run="convert", outputs=(), json=False,
     ),
     "verify": Verb(
-        "check that every row of an MCAP recording is there and undamaged",
-        "recordings.md", "plumbob verify sea.mcap", run="verify",
-        note="exit codes: 0 whole, 3 damaged, not complete, or rows are missing, 1 it cannot be read",
-    ),
-    "repair": Verb(
-        "write the undamaged rows of an MCAP recording to a new, complete file",
-        "recordings.md", "plumbob repair sea.mcap --out whole.mcap", run="repair", named=("out",),
-        note="exit codes: 0 nothing was lost, 3 repaired, but rows are lost, 1 it cannot be read or written",
+        "check that every row of an MCAP recording is there and undamaged, and save its whole rows",
+        "recordings.md", "plumbob verify sea.mcap --repair whole.mcap", run="verify", outputs=("repair",),
+        about="Read a recording from the first byte to the last and judge it; a damaged one can be repaired.",
+        more={
+            "path": ("", "the recording, or some of its parts"),
+            "repair": ("MCAP", "also write every whole row to this new, complete file"),
+            "force": FORCE,
+        },
+        note="exit codes: 0 whole, or repaired and nothing was lost, 3 damaged, not complete, or rows are lost, 1 it "
+        "cannot be read or written",
     ),
     "compare": Verb(
         "compare two recordings of one motion, or two attitudes: clocks, mounting, biases, what differs",
@@ -247,8 +278,56 @@ FILES: Final = {
         code=lambda comparison: DIFFERENT if comparison.within is False else 0,
     ),
 }  # fmt: skip
+_SCENARIO: Final = {
+    "scenario": ("", "see 'plumbob list scenarios'"),
+    "frame": ("", "navigation frame of the truth and of the body's axes; needed"),
+    "sensors": ("", "parts, as mpu6000+hmc5983 (default ideal)"),
+    "unit": ("", "a unit as it left the line, or after an ideal calibration; needed but for ideal sensors"),
+    "rate": ("HZ", "sampling rate, as 100Hz; default: the scenario's"),
+    "duration": ("T", "duration, as 600s; default: the scenario's"),
+    "set": ("P", "name=value,... with units: the scenario's parameters, and strength, dip, declination, temp_c, "
+            "mag_rate, jitter, lost"),
+}  # fmt: skip
+CHANGES: Final = {
+    "start": ("S", "begin this long after the motion begins, as 20s"),
+    "wrong_field": (
+        "F:S-S", "add a field in the reference's frame for a time, as 15,-10,20uT:0s-20s; ...@motion counts from the "
+        "begin of the motion; several with ;",
+    ),
+    "hard_iron": ("F", "add a field in body axes, as 5,0,0uT"),
+    "scale": ("R", "make rates too large, as 1%%"),
+    "bias": ("R", "add a rate, on all axes or each, as 6dps or 2,-2,2dps"),
+    "no_mag": ("", "leave out the magnetometer"),
+    "gaps": ("NxS", "remove the samples of N stretches in motion, as 5x1s"),
+    "rate": ("HZ", "means of whole blocks, as 47.6Hz"),
+    "asynchronous": ("", "rates, specific forces and fields in different rows"),
+    "missing": ("R", "rows without values, as 5%%"),
+}  # fmt: skip
+"""By name, as `plumbob.fleet.experiments.variants.changed` knows them: letter of the value, help."""
+_FILTERS: Final = {
+    "filters": ("A,B!", "see 'plumbob list filters'"),
+    "params": ("P", f"{PARAMS_HELP}; with several filters write filter.name=value"),
+}
 JUDGE: Final = {
-    "sim": Verb("simulate a recording with its truth", "", "", run=""),
+    "sim": Verb(
+        "simulate a recording with its truth",
+        "start.md", "plumbob sim buoy --frame NED --duration 60s --out sea.parquet", "simulate",
+        hidden=("strength", "dip", "declination", "temp_c", "mag_rate", "jitter", "lost", "parameters"),
+        optional=("frame", "sensors", "unit", "seed"), outputs=(), run="sim.sim", json=False,
+        about="Simulate what sensors would record in a scenario, and the truth beside it in the same file. With a "
+        "chain, simulate the units on its segments; true joint angles and the chain are written beside them.",
+        more={
+            **_SCENARIO,
+            "seed": ("", "seed of everything random (default 0)"),
+            "noise": ("", "noise card whose N, B and K the sensors take instead of their own"),
+            "warm_up": ("", "temperature rises by RISE (1 - exp(-t/TIME)), as '15 K, 120 s'"),
+            "chain": ("NAME|TOML", "chain that a program moves (default, of teach: teach)"),
+            "out": ("TABLE!", "recording to write (.parquet or .csv)"),
+            "card": ("JSON", "write the unit's calibration card too"),
+            "noise_card": ("JSON", "write the unit's noise card too"),
+            "force": FORCE,
+        },
+    ),
     "eval": Verb(
         "compare an estimate with a reference: errors of attitude, by axis",
         "start.md", "plumbob eval track.parquet sea.parquet --settle 30s --html errors.html", "evaluate",
@@ -256,23 +335,62 @@ JUDGE: Final = {
             facts=[("files", ", ".join(Path(file).name for file in (args.estimate, args.reference)))]
         ),
     ),
-    "benchmark": Verb("compare filters on many recordings, or on many seeds of a scenario", "", "", run=""),
-    "tune": Verb(
-        "fit parameters of a filter to recordings with references, cross-validated",
-        "tune.md", "plumbob tune trials --filter mahony --params kp,ki --out mahony.toml", named=("filter",),
-        run="tune", pages=lambda tuning, args: tuning.report(), ends={"out": (".toml",)},
-        more={
-            "out": ("TOML", "parameter file to write, for 'plumbob run --params'"),
-            "unproven": ("", "write the file even where no gain is shown"),
+    "benchmark": Verb(
+        "compare filters on many recordings, or on many seeds of a scenario, and fit their parameters",
+        "choose-a-filter.md", "plumbob benchmark accuracy trials --filters mahony,vqf",
+        kinds={
+            "accuracy": Verb(
+                "errors on every recording of some folders, and their means",
+                "accuracy.md",
+                "plumbob benchmark accuracy trials --filters smoother --peers vqf --against smoother --gaps 5x1s",
+                "fleet.experiments.trials.measure_accuracy", run="benchmark.accuracy", outputs=(),
+                hidden=("stages", "peers", "absent", "changes"),
+                about="Run filters and the smoother, with one parameter set for all trials, on every recording that "
+                "carries a reference, and print the errors per trial, their means, and how far claimed uncertainties "
+                "hold. Other libraries can run on the same recordings, and all recordings can be changed first.",
+                more={
+                    **_FILTERS,
+                    "files": ("", "folders of recordings, or recordings"),
+                    "align": ("", "remove heading, mounting or time offsets first"),
+                    "calibrated": ("", "recordings without a card come from calibrated units: claims say so"),
+                    "against": ("", "compare the others with this one, trial by trial"),
+                    "noise": ("JSON", "noise card of the unit, for filters that take one"),
+                    "peers": ("A,B", "vqf, imufusion, ahrs, single ones as vqf.offlineVQF, all or none (default none); "
+                              "ahrs takes a second for 5000 samples"),
+                    **CHANGES,
+                },
+                note="The options from --start on change every recording before anything runs.",
+            ),
+            "scenario": Verb(
+                "errors per axis over many seeds of a simulated scenario",
+                "choose-a-filter.md",
+                "plumbob benchmark scenario buoy --frame NED --filters mahony,mekf --seeds 20",
+                "fleet.experiments.scenario.measure_scenario", run="benchmark.scenario", outputs=(),
+                hidden=("stages", "seeds", "settings", "settle", "limit", "own_noise"),
+                optional=("frame", "sensors", "unit"),
+                about="Simulate a scenario with many seeds, run filters on each, and print the errors per axis.",
+                more={
+                    **_SCENARIO, **_FILTERS,
+                    "noise": ("JSON|own", "noise card for filters that take one; own: of the simulated unit"),
+                    "seeds": ("N", "number of seeds, from 0 (default 20)"),
+                    "settle": ("S", "leave out so much at the start, as 60s (default 0)"),
+                    "limit": ("A", "limit of roll and pitch error, as 1deg: print in how many seeds it holds"),
+                },
+            ),
+            "tune": Verb(
+                "fit parameters of a filter to recordings with references, cross-validated",
+                "tune.md", "plumbob benchmark tune trials --filter mahony --params kp,ki --out mahony.toml", "tune",
+                named=("filter",), run="benchmark.tune", pages=lambda tuning, args: tuning.report(),
+                ends={"out": (".toml",)},
+                more={
+                    "out": ("TOML", "parameter file to write, for 'plumbob run --params'"),
+                    "unproven": ("", "write the file even where no gain is shown"),
+                },
+                note="Exit code 3: no gain on held-out recordings is shown, or there is nothing to hold out; the "
+                "parameter file is then not written, unless --unproven is given.",
+                code=lambda tuning: 0 if tuning.proven else DIFFERENT,
+            ),
         },
-        note="Exit code 3: no gain on held-out recordings is shown, or there is nothing to hold out; the parameter "
-        "file is then not written, unless --unproven is given.",
-        code=lambda tuning: 0 if tuning.proven else DIFFERENT,
-    ),
-    "plot": Verb(
-        "one figure of a recording for a paper: angles, rates, spectrum, rose, flags …",
-        "report.md", "plumbob plot sea.parquet --what spectrum --out spectrum.pdf", also=("report",),
-        hidden=("pdf",), named=("out",), run="plot", json=False, exclusive=_ESTIMATE,
     ),
 }  # fmt: skip
 _HIDDEN: Final = ("excluded", "settings", "rate", "mount_angle", "mount_shift", "q_nb", "pos_n")
@@ -326,7 +444,12 @@ UNITS: Final = {
                 more={"out": ("FILE", "table of angles: .csv or .parquet")},
             ),
             "export": Verb(
-                "make a program of joint angles, and write it for a robot", "", "", "arm.add_export", run=""
+                "make a program of joint angles, and write it for a robot",
+                "arm.md", "plumbob arm export angles.parquet --chain arm.toml --rate 125Hz --out program.yaml",
+                "cli.arm.export", run="arm.exported", pages=lambda *_: None,
+                note=".csv and .parquet are tables of times and angles; .yaml and .json are a ROS "
+                "trajectory_msgs/JointTrajectory; .mcap is the same in CDR, with a sensor_msgs/JointState for each "
+                "sample. A .urdf is the chain itself, as a model for ROS.",
             ),
             "replay": Verb(
                 "move a model by a program, and compare the hand with truth",
@@ -342,10 +465,21 @@ UNITS: Final = {
     ),
 }  # fmt: skip
 KNOWLEDGE: Final = {
-    "demo": Verb("an emulated buoy, calibrated, recorded, estimated and judged, in a minute", "", "", run=""),
-    "reproduce": Verb(
-        "run the five papers' systems whole, and set their figures beside the papers'",
-        "papers.md", "plumbob reproduce buoy --out buoy-paper", run="reproduce", outputs=(),
+    "demo": Verb(
+        "an emulated buoy, calibrated, recorded, estimated and judged, in a minute; or the five papers' systems",
+        "start.md", "plumbob demo --out demo-out", "reproduce", run="demo.demo", outputs=(),
+        about="Emulate the drifting buoy of the paper: calibrate its unit by hand, then put it into waves, with its "
+        "bytes on a serial line sixty times as fast as they would come; record and estimate, replay with other filters "
+        "and without the calibration, compare with the truth. Exit code 1 where the recording is not what was sent.\n\n"
+        "With names of papers, or all: run their systems whole, and set their figures beside the papers'. "
+        "See docs/papers.md.",
+        more={
+            "papers": ("", "papers whose systems are run whole instead: arm, buoy, fin, rod, trackball, or all"),
+            "out": ("", "folder to write (demo-out, and of papers reproduced)"),
+            "duration": ("TIME", "of the buoy's sea (600s)"),
+            "view": ("", "then show the emulated buoy on the live page: in a browser until Ctrl-C, or for 20 s where "
+                     "there is none"),
+        },
     ),
     "list": Verb(
         "list filters, devices, rigs, scenarios, or the references of filters",
@@ -357,7 +491,7 @@ KNOWLEDGE: Final = {
             ),
             "devices": Verb(
                 "known devices: framing, fields with units and sources, options, registers; C header",
-                "formats.md", "plumbob list devices mpu6000", "cli.list.devices", run="devices", repeat=("options",),
+                "formats.md", "plumbob list devices mpu6000", "cli.list.devices", repeat=("options",),
                 exclusive=(("markdown", "c", "json"),),
             ),
             "references": Verb(
@@ -382,4 +516,4 @@ GROUPS: Final = {
     "what there is": KNOWLEDGE,
 }  # fmt: skip
 VERBS: Final = {name: verb for verbs in GROUPS.values() for name, verb in verbs.items()}
-VERB_BY_FUNCTION.update((verb.function or name, name) for name, verb in VERBS.items() if verb.run)
+VERB_BY_FUNCTION.update((verb.function or name, name) for name, verb in VERBS.items() if not verb.kinds)

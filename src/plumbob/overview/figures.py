@@ -160,7 +160,7 @@ def shown_values(g: Gathered, channel: str) -> Floats:
 
 
 def figures(subject: Subject) -> dict[str, Figure]:
-    """Figures by the names that ``plumbob plot --what`` takes, as far as the recording has something for them."""
+    """Figures by the names that ``plumbob report --figure`` takes, as far as the recording has something for them."""
     g = subject.gathered
     panels: dict[str, list[Chart]] = {}
     for chart in charts(g):

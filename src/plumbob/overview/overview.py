@@ -1,4 +1,4 @@
-"""One's recordings on one page: `plumbob report`, and single figures of them: `plumbob plot`."""
+"""One's recordings on one page: `plumbob report`, and single figures of them: `plumbob report --figure`."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

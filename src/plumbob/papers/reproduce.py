@@ -1,4 +1,4 @@
-"""The papers' runs, one or all: `plumbob reproduce`, and `plumbob.reproduce`."""
+"""The papers' runs, one or all: `plumbob demo NAME`, and `plumbob.reproduce`."""
 
 import json
 import os

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import replacing, require_other, require_place
-from plumbob.core.text import FactsText
+from plumbob.core.text import FactsText, counted, visible
 from plumbob.files.mcap import disk
 from plumbob.files.mcap.info import PartInfo
 from plumbob.files.mcap.layout import CHUNK_BYTES, Channel, OpenChunk, Schema, compressor, pack
@@ -155,6 +155,27 @@ class Verdict(FactsText):
         """Files, rows, and whether it is whole."""
         names = ", ".join(path.name for path in self.paths)
         return {"files": names, "rows": str(sum(self.rows.values())), "verdict": self.in_words}
+
+    def text(self) -> str:
+        """What the recording holds and lacks, line by line."""
+        names = ", ".join(path.name for path in self.paths)
+        lines = [f"{names}: {counted(sum(self.rows.values()), 'row')} in {self.duration:.3f} s"]
+        lines += [f"rows         {visible(topic)}: {count}" for topic, count in self.rows.items()]
+        if self.recording is None:
+            lines.append("written by   another program, so nobody knows how many rows there were")
+        if self.unchecked:
+            what = "without a CRC (chunks or messages); damage to them cannot be seen"
+            lines.append(f"unchecked    {self.unchecked} {what}")
+        lines += [f"damage       {visible(str(damage))}" for damage in self.damage]
+        end = "properly" if self.clean else "NOT properly: a part has no end, or a damaged one, as after a crash"
+        lines.append(f"ended        {'not yet: it is being recorded' if self.open else end}")
+        gaps = (
+            ("dropped", self.dropped, "given up while recording, or lost before a repair"),
+            ("lost", self.lost, "missing"),
+        )
+        for title, rows_of, how in gaps:
+            lines += [f"{title:12} {visible(topic)}: {counted(count, 'row')} {how}" for topic, count in rows_of.items()]
+        return "\n".join([*lines, f"verdict      {self.in_words}"])
 
     @property
     def in_words(self) -> str:

@@ -96,7 +96,7 @@ class Accuracy:
         each = {name: [row[name] for row in rows if name in row] for name in self.settings if name != self.against}
         return {name: (sum(d < 0.0 for d in ds), len(ds)) for name, ds in each.items()}
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Ready for JSON: per trial and mean, by estimator."""
         return {
             "settings": self.settings,

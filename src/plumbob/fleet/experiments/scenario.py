@@ -55,7 +55,7 @@ class MonteCarlo:
         """Share of the seeds whose roll and pitch stay within a limit."""
         return float(np.mean(self.largest_tilt(name) <= limit_deg))
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Ready for JSON: median, 95 % and maximum over the seeds beside the values themselves."""
         summary = {
             name: {axis: {f: _summary(seeds) for f, seeds in figures.items()} for axis, figures in axes.items()}
