@@ -51,26 +51,23 @@ def flipped(file):
     file.write_bytes(content)
 
 
-@pytest.mark.parametrize(
-    ("table", "error", "match"),
-    [
-        ("t [s],elbow\n0,1\n", UnitError, "has no unit"),
-        ("t [s],elbow [m]\n0,1\n", UnitError, "not a unit of angle"),
-        ("time,elbow [rad]\n0,1\n", DecodeError, "first line"),
-        ("t [s],elbow [rad]\n0,x\n", DecodeError, "not numbers"),
-        ("t [s],elbow [rad]\n0,1,2\n", DecodeError, "not numbers"),
-        ("t [s],a [rad],b [rad],a_sd [rad]\n0,1,2,3\n", DecodeError, "belong together"),
-        ("t [s],a [rad],a [rad]\n0,1,2\n", DecodeError, "twice"),
-        ("", DecodeError, "first line"),
-        ("t [s],a [rad]\n", ShapeError, "empty"),
-        (lambda folder: JointTrack.load(folder / "flipped.parquet"), DecodeError, "flipped.parquet"),
-        (lambda _: JointTrack([0.0], ("a", "a"), [[0.0, 0.0]]), ShapeError, "occurs twice"),
-        (lambda _: JointTrack([0.0], ("a", "a_sd"), [[0.0, 0.0]]), ShapeError, "standard deviation of 'a'"),
-        (lambda _: JointTrack([0.0], ("a",), [[np.inf]]), ShapeError, "infinite"),
-        (lambda _: JointTrack([0.0], ("a",), [[0.0]], sd=[[-0.1]]), ShapeError, "negative"),
-        (lambda folder: some_track().save(folder / "angles.txt"), ParameterError, r"ends in \.csv"),
-    ],
-)
+@pytest.mark.parametrize(("table", "error", "match"), [
+    ("t [s],elbow\n0,1\n", UnitError, "has no unit"),
+    ("t [s],elbow [m]\n0,1\n", UnitError, "not a unit of angle"),
+    ("time,elbow [rad]\n0,1\n", DecodeError, "first line"),
+    ("t [s],elbow [rad]\n0,x\n", DecodeError, "not numbers"),
+    ("t [s],elbow [rad]\n0,1,2\n", DecodeError, "not numbers"),
+    ("t [s],a [rad],b [rad],a_sd [rad]\n0,1,2,3\n", DecodeError, "belong together"),
+    ("t [s],a [rad],a [rad]\n0,1,2\n", DecodeError, "twice"),
+    ("", DecodeError, "first line"),
+    ("t [s],a [rad]\n", ShapeError, "empty"),
+    (lambda folder: JointTrack.load(folder / "flipped.parquet"), DecodeError, "flipped.parquet"),
+    (lambda _: JointTrack([0.0], ("a", "a"), [[0.0, 0.0]]), ShapeError, "occurs twice"),
+    (lambda _: JointTrack([0.0], ("a", "a_sd"), [[0.0, 0.0]]), ShapeError, "standard deviation of 'a'"),
+    (lambda _: JointTrack([0.0], ("a",), [[np.inf]]), ShapeError, "infinite"),
+    (lambda _: JointTrack([0.0], ("a",), [[0.0]], sd=[[-0.1]]), ShapeError, "negative"),
+    (lambda folder: some_track().save(folder / "angles.txt"), ParameterError, r"ends in \.csv"),
+])  # fmt: skip
 def test_what_is_no_table_of_angles_is_refused(tmp_path: Path, table, error: type[Exception], match: str) -> None:
     flipped(tmp_path / "flipped.parquet")
     if isinstance(table, str):

@@ -300,10 +300,7 @@ def test_units_at_a_fixed_joint_are_turned_as_motion_shows():
     assert card.joints[1].rating == "good"
     ours, theirs = (
         quat_multiply(quat_conjugate(np.array(b.q_bs)), np.array(c.q_bs))
-        for b, c in (
-            [one.mount for one in card.chain.segments[1:]],
-            [made.mounts["b"], made.mounts["c"]],
-        )
+        for b, c in ([one.mount for one in card.chain.segments[1:]], [made.mounts["b"], made.mounts["c"]])
     )
     # b's axes against c's: as well as attitudes of units on one body agree, AXIS_SD
     assert np.degrees(quat_angle(ours, theirs)) < 3 * 0.5

@@ -154,15 +154,12 @@ ONE = pick_and_place([[0.0], [1.0]])
 NO_NUMBER = ([0.0, 1.0, 2.0], [[0.0], [np.nan], [0.0]], ("a",), np.zeros((3, 1)), np.zeros((3, 1)))
 
 
-@pytest.mark.parametrize(
-    ("make", "error", "match"),
-    [
-        *((partial(taught, ONE, **{name: 0.0}), ParameterError, f"{name} must be above 0") for name in POSITIVE),
-        (partial(taught, ONE[:5]), ShapeError, "8 samples"),
-        (partial(taught, ONE, [Limits(), Limits()]), ParameterError, "1 angle need"),
-        (partial(Program, *NO_NUMBER), ShapeError, "finite"),
-    ],
-)
+@pytest.mark.parametrize(("make", "error", "match"), [
+    *((partial(taught, ONE, **{name: 0.0}), ParameterError, f"{name} must be above 0") for name in POSITIVE),
+    (partial(taught, ONE[:5]), ShapeError, "8 samples"),
+    (partial(taught, ONE, [Limits(), Limits()]), ParameterError, "1 angle need"),
+    (partial(Program, *NO_NUMBER), ShapeError, "finite"),
+])  # fmt: skip
 def test_what_cannot_be_taught_is_refused(make, error, match):
     with pytest.raises(error, match=match):
         make()

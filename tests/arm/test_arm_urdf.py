@@ -81,14 +81,11 @@ def test_our_kinematics_are_those_of_the_parser(angles: list[float]) -> None:
     np.testing.assert_allclose(turned[:, :3, :3], dcm_from_quat(chain.postures(row)["hand"].q_nb), atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("units", "merge", "kinds"),
-    [
-        (None, False, ["hinge"] * 6 + ["fixed"]),
-        (None, True, ["ball", "hinge", "universal", "fixed"]),
-        ({"hand_1": "imu"}, True, ["ball", "hinge", "hinge", "hinge", "fixed"]),  # a unit lies between the last two
-    ],
-)
+@pytest.mark.parametrize(("units", "merge", "kinds"), [
+    (None, False, ["hinge"] * 6 + ["fixed"]),
+    (None, True, ["ball", "hinge", "universal", "fixed"]),
+    ({"hand_1": "imu"}, True, ["ball", "hinge", "hinge", "hinge", "fixed"]),  # a unit lies between the last two
+])  # fmt: skip
 def test_a_chain_is_read_back_from_its_urdf(tmp_path: Path, units, merge: bool, kinds: list[str]) -> None:
     chain = arm()
     file = tmp_path / "arm.urdf"
@@ -106,23 +103,20 @@ def test_a_chain_is_read_back_from_its_urdf(tmp_path: Path, units, merge: bool, 
         assert again.joints[0].axes == chain.joints[0].axes
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "match"),
-    [
-        ('type="continuous"', 'type="prismatic"', "'shoulder' is prismatic"),
-        ('type="continuous"', 'type="floating"', "'shoulder' is floating"),
-        ('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="elbow"/>', "mimics"),
-        ('<parent link="upper"/>', '<parent link="arm"/>', "arm"),
-        ('<parent link="base"/>', '<parent link="tip"/>', "must be the root|not connected"),
-        ('velocity="3.5"', 'velocity="fast"', "not a number"),
-        ('lower="-1.5"', 'lower="low"', "that can be read: .*low"),
-        ('lower="-1.5"', 'lower="3"', "must go up"),
-        ("</robot>", "", "not whole XML"),
-        ("<robot", "<sdf", "XML"),
-        # entities in entities, the 'billion laughs': expat (since 2.4.1) stops them
-        ('<robot name="two">', f'<!DOCTYPE robot [<!ENTITY e0 "ha">{LAUGHS}]><robot name="&e12;">', "not whole XML"),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "match"), [
+    ('type="continuous"', 'type="prismatic"', "'shoulder' is prismatic"),
+    ('type="continuous"', 'type="floating"', "'shoulder' is floating"),
+    ('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="elbow"/>', "mimics"),
+    ('<parent link="upper"/>', '<parent link="arm"/>', "arm"),
+    ('<parent link="base"/>', '<parent link="tip"/>', "must be the root|not connected"),
+    ('velocity="3.5"', 'velocity="fast"', "not a number"),
+    ('lower="-1.5"', 'lower="low"', "that can be read: .*low"),
+    ('lower="-1.5"', 'lower="3"', "must go up"),
+    ("</robot>", "", "not whole XML"),
+    ("<robot", "<sdf", "XML"),
+    # entities in entities, the 'billion laughs': expat (since 2.4.1) stops them
+    ('<robot name="two">', f'<!DOCTYPE robot [<!ENTITY e0 "ha">{LAUGHS}]><robot name="&e12;">', "not whole XML"),
+])  # fmt: skip
 def test_what_a_chain_cannot_be_is_refused(tmp_path: Path, old: str, new: str, match: str) -> None:
     assert old in ROBOT
     file = tmp_path / "two.urdf"

@@ -83,13 +83,10 @@ def test_the_error_is_what_is_predicted(motion):
     assert 0.4 < ratio < 1.6
 
 
-@pytest.mark.parametrize(
-    ("motion", "text"),
-    [
-        ({"speed": 400.0}, r"at [0-9]{3}°/s \(rms\) have fewer than 12 windows"),
-        ({"speed": 100.0, "swing": 0.5, "lasting": 60.0}, None),
-    ],
-)
+@pytest.mark.parametrize(("motion", "text"), [
+    ({"speed": 400.0}, r"at [0-9]{3}°/s \(rms\) have fewer than 12 windows"),
+    ({"speed": 100.0, "swing": 0.5, "lasting": 60.0}, None),
+])  # fmt: skip
 def test_what_is_never_slow_or_pushed_about_is_refused(motion, text):
     t, acc, gyr, _, _ = tumbling(1, **motion)
     with pytest.raises(CaptureRefusedError, match=text):

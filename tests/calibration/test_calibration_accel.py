@@ -173,25 +173,22 @@ DISTURBED = measured(np.vstack((REGIONS, CORNERS)), noise=g(1e-4), jitter=deg(2.
 DISTURBED[[3, 9, 15]] *= 1.01
 
 
-@pytest.mark.parametrize(
-    ("poses", "options", "kind", "words"),
-    [
-        (measured(CAP, noise=1e-4), {}, "too-few-regions", "no pose had +x, −x, +y, −y, −z up"),
-        (measured(RING, noise=1e-4), {}, "too-few-regions", "no pose had +z, −z up"),
-        (measured(FACES[:4]), {}, "too-few", "4 poses; bias and scale, 6 parameters need 7 at least."),
-        (measured(NINE, noise=g(5e-5)), {"shape": "ellipsoid"}, "too-few", "9 parameters need 10 at least"),
-        (np.zeros((0, 3)), {}, "too-few", "0 poses"),
-        (measured(REGIONS) / G0, {}, "wrong-gravity", "the values are in g."),
-        (2.0 * measured(REGIONS), {}, "wrong-gravity", "times gravity (9.80665 m/s²)"),
-        (1.12 * measured(REGIONS), {}, "wrong-gravity", "1.13 times"),
-        (np.zeros((18, 3)), {}, "wrong-gravity", "measures 0 m/s²"),
-        (measured(REGIONS, noise=1.0), {}, "ill-conditioned", "inclination error"),
-        (measured(np.vstack((FACES, FACES))), {"shape": "ellipsoid"}, "ill-conditioned", "condition"),
-        (measured(np.vstack((FACES, REGIONS[6:7]))), {"shape": "six"}, "ill-conditioned", ""),
-        (np.full((18, 3), np.nan), {}, "not-still", "no finite mean"),
-        (DISTURBED, {}, "outliers", "3 of 26 poses"),
-    ],
-)
+@pytest.mark.parametrize(("poses", "options", "kind", "words"), [
+    (measured(CAP, noise=1e-4), {}, "too-few-regions", "no pose had +x, −x, +y, −y, −z up"),
+    (measured(RING, noise=1e-4), {}, "too-few-regions", "no pose had +z, −z up"),
+    (measured(FACES[:4]), {}, "too-few", "4 poses; bias and scale, 6 parameters need 7 at least."),
+    (measured(NINE, noise=g(5e-5)), {"shape": "ellipsoid"}, "too-few", "9 parameters need 10 at least"),
+    (np.zeros((0, 3)), {}, "too-few", "0 poses"),
+    (measured(REGIONS) / G0, {}, "wrong-gravity", "the values are in g."),
+    (2.0 * measured(REGIONS), {}, "wrong-gravity", "times gravity (9.80665 m/s²)"),
+    (1.12 * measured(REGIONS), {}, "wrong-gravity", "1.13 times"),
+    (np.zeros((18, 3)), {}, "wrong-gravity", "measures 0 m/s²"),
+    (measured(REGIONS, noise=1.0), {}, "ill-conditioned", "inclination error"),
+    (measured(np.vstack((FACES, FACES))), {"shape": "ellipsoid"}, "ill-conditioned", "condition"),
+    (measured(np.vstack((FACES, REGIONS[6:7]))), {"shape": "six"}, "ill-conditioned", ""),
+    (np.full((18, 3), np.nan), {}, "not-still", "no finite mean"),
+    (DISTURBED, {}, "outliers", "3 of 26 poses"),
+])  # fmt: skip
 def test_what_calibrates_nothing_is_refused_with_the_reason(poses, options, kind, words):
     reason = {reason.kind: reason for reason in reasons(fit_accel, poses, **options)}[kind]
     assert words in reason.text and reason.advice

@@ -55,15 +55,12 @@ def test_one_averaged_row_a_pose_gives_the_counts_of_1_g(poses):
     assert np.linalg.norm((up * scale) @ found.matrix, axis=1) == pytest.approx(1.0, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("raw", "sensor", "error", "match"),
-    [
-        (np.ones((50, 3)), "mag", CaptureRefusedError, "all readings are the same"),
-        (readings() * [1.0, 1.0, 0.0] + [0.0, 0.0, 5.0], "mag", CaptureRefusedError, None),
-        (np.eye(3), "acc", CaptureRefusedError, "3 poses"),
-        (np.eye(3), "gyr", ShapeError, "mag, acc"),
-    ],
-)
+@pytest.mark.parametrize(("raw", "sensor", "error", "match"), [
+    (np.ones((50, 3)), "mag", CaptureRefusedError, "all readings are the same"),
+    (readings() * [1.0, 1.0, 0.0] + [0.0, 0.0, 5.0], "mag", CaptureRefusedError, None),
+    (np.eye(3), "acc", CaptureRefusedError, "3 poses"),
+    (np.eye(3), "gyr", ShapeError, "mag, acc"),
+])  # fmt: skip
 def test_what_does_not_determine_it_is_refused(raw, sensor, error, match):
     with pytest.raises(error, match=match):
         plumbob.calibrate_counts(raw, sensor)

@@ -79,20 +79,17 @@ def test_the_bias_at_rest_holds_neither_temperature_nor_gravity():
     assert (found.g_sensitivity == COUPLING).all()
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "text"),
-    [
-        (lambda: GyroDrift(bias=[1.0, 2.0]), CalibrationError, r"bias must be a number or of shape \(3,\)"),
-        (lambda: GyroDrift(bias=np.nan), CalibrationError, "bias must be"),
-        (lambda: GyroDrift(g_sensitivity=[1.0, 2.0, 3.0]), CalibrationError, r"of shape \(3, 3\)"),
-        (lambda: GyroDrift(scale=-1.0), CalibrationError, "scale must be above −1"),
-        (lambda: GyroDrift(temp_ref_c=[25.0]), CalibrationError, "temp_ref_c"),
-        (lambda: GyroDrift().at_rest(np.full((1, 3), np.nan)), CalibrationError, "no row of gyr"),
-        (lambda: chen2013().compensate(RATE, acc=FORCE), CalibrationError, "depends on temp_c, but none is given"),
-        (lambda: chen2013().compensate(RATE, TEMP), CalibrationError, "depends on acc, but none is given"),
-        (lambda: GyroDrift().compensate(RATE.T), ShapeError, "gyr must have shape"),
-    ],
-)
+@pytest.mark.parametrize(("call", "error", "text"), [
+    (lambda: GyroDrift(bias=[1.0, 2.0]), CalibrationError, r"bias must be a number or of shape \(3,\)"),
+    (lambda: GyroDrift(bias=np.nan), CalibrationError, "bias must be"),
+    (lambda: GyroDrift(g_sensitivity=[1.0, 2.0, 3.0]), CalibrationError, r"of shape \(3, 3\)"),
+    (lambda: GyroDrift(scale=-1.0), CalibrationError, "scale must be above −1"),
+    (lambda: GyroDrift(temp_ref_c=[25.0]), CalibrationError, "temp_ref_c"),
+    (lambda: GyroDrift().at_rest(np.full((1, 3), np.nan)), CalibrationError, "no row of gyr"),
+    (lambda: chen2013().compensate(RATE, acc=FORCE), CalibrationError, "depends on temp_c, but none is given"),
+    (lambda: chen2013().compensate(RATE, TEMP), CalibrationError, "depends on acc, but none is given"),
+    (lambda: GyroDrift().compensate(RATE.T), ShapeError, "gyr must have shape"),
+])  # fmt: skip
 def test_what_makes_no_sense_is_refused(call, error, text):
     with pytest.raises(error, match=text):
         call()

@@ -16,18 +16,15 @@ def capture(rng, count, response, bias, noise=0.2, step=0.073, tilt=None):
     return field(rng, Unit(response, bias), attitudes(rng, count, tilt), sd=noise, step=step)
 
 
-@pytest.mark.parametrize(
-    ("fit", "count", "response"),
-    [
-        (ellipsoids.fit_quadric, 40, soft_iron(np.random.default_rng(1))),
-        (
-            lambda m: ellipsoids.fit_norm(m, ellipsoids.Shape.ELLIPSOID, START).ellipsoid,
-            40,
-            soft_iron(np.random.default_rng(1)),
-        ),
-        (ellipsoids.fit_axes, 18, np.diag([1.1, 0.9, 1.02])),
-    ],
-)
+@pytest.mark.parametrize(("fit", "count", "response"), [
+    (ellipsoids.fit_quadric, 40, soft_iron(np.random.default_rng(1))),
+    (
+        lambda m: ellipsoids.fit_norm(m, ellipsoids.Shape.ELLIPSOID, START).ellipsoid,
+        40,
+        soft_iron(np.random.default_rng(1)),
+    ),
+    (ellipsoids.fit_axes, 18, np.diag([1.1, 0.9, 1.02])),
+])  # fmt: skip
 def test_without_noise_the_ellipsoid_comes_back(fit, count, response):
     """|T (m − b)| = 1 with T = response⁻¹ / length, for a symmetric response; along the axes six parameters are enough,
     [Yu2018] (13), (14), corrected."""

@@ -162,16 +162,13 @@ def test_few_clipped_motions_are_left_out_and_many_are_refused():
     assert reason_kinds(fit, SESSION, clipped=dps(60.0) < RATE) == ["clipping"]
 
 
-@pytest.mark.parametrize(
-    ("gyr", "acc", "named"),
-    [
-        (-np.eye(3), np.eye(3), "−x, −y, −z"),
-        (np.diag([1.0, 1.0, -1.0]), np.eye(3), "x, y, −z"),
-        (np.eye(3)[[1, 0, 2]], np.eye(3), "y, x, z"),
-        (np.eye(3)[[1, 2, 0]], np.eye(3), "z, x, y"),
-        (np.eye(3), np.eye(3)[[1, 0, 2]], "−y, −x, −z"),  # a swap is a reflection: rates change their sign besides
-    ],
-)
+@pytest.mark.parametrize(("gyr", "acc", "named"), [
+    (-np.eye(3), np.eye(3), "−x, −y, −z"),
+    (np.diag([1.0, 1.0, -1.0]), np.eye(3), "x, y, −z"),
+    (np.eye(3)[[1, 0, 2]], np.eye(3), "y, x, z"),
+    (np.eye(3)[[1, 2, 0]], np.eye(3), "z, x, y"),
+    (np.eye(3), np.eye(3)[[1, 0, 2]], "−y, −x, −z"),  # a swap is a reflection: rates change their sign besides
+])  # fmt: skip
 def test_wrong_axes_are_named(gyr, acc, named):
     (reason, *_) = reasons(fit, SESSION._replace(gyr=SESSION.gyr @ gyr.T, acc=SESSION.acc @ acc.T))
     assert reason.kind == "implausible" and f"taken as {named} " in reason.text

@@ -160,24 +160,21 @@ def captured(count=300, *, response=None, tilt=None, jump=0.0, seed=12):
     return mag
 
 
-@pytest.mark.parametrize(
-    ("mag", "options", "kind", "text"),
-    [
-        (captured(11), {}, "too-few", "11 samples"),
-        (captured(400, tilt=np.radians(8.0)), {}, "level-ring", ""),
-        (captured(1000, jump=2.0), {}, "magnet-moved", r"after 60 % of the samples.* jumped by (1\.9|2) µT"),
-        (4.0 * captured(), {}, "wrong-field", ""),
-        (0.2 * captured(), {}, "wrong-field", ""),
-        (captured(), {"strength": 25.0}, "wrong-field", ""),
-        (captured(response=np.diag([1.0, 1.0, 0.3])), {}, "implausible", ""),
-        # around their mean, even noise is seen in all directions; 2√3 µT ± 0.03 of it
-        (moved(12, 2.0, 2000), {}, "no-motion", r"the measured field only changed by 3\.[45] µT"),
-        # its sensitivity and its strength are those of noise; they were told, by a factor of 200000
-        (moved(0, 4.0, 500), {}, "too-few-regions", r"leaves a heading error of 15° \(1 sd\)"),
-        (moved(1, 4.0, 500), {}, "too-few-regions", "leaves no heading at all"),
-        (moved(6, 4.0, 500), {}, "too-few-regions", "no ellipsoid fits; the field changed by 7 µT about a mean of 45"),
-    ],
-)
+@pytest.mark.parametrize(("mag", "options", "kind", "text"), [
+    (captured(11), {}, "too-few", "11 samples"),
+    (captured(400, tilt=np.radians(8.0)), {}, "level-ring", ""),
+    (captured(1000, jump=2.0), {}, "magnet-moved", r"after 60 % of the samples.* jumped by (1\.9|2) µT"),
+    (4.0 * captured(), {}, "wrong-field", ""),
+    (0.2 * captured(), {}, "wrong-field", ""),
+    (captured(), {"strength": 25.0}, "wrong-field", ""),
+    (captured(response=np.diag([1.0, 1.0, 0.3])), {}, "implausible", ""),
+    # around their mean, even noise is seen in all directions; 2√3 µT ± 0.03 of it
+    (moved(12, 2.0, 2000), {}, "no-motion", r"the measured field only changed by 3\.[45] µT"),
+    # its sensitivity and its strength are those of noise; they were told, by a factor of 200000
+    (moved(0, 4.0, 500), {}, "too-few-regions", r"leaves a heading error of 15° \(1 sd\)"),
+    (moved(1, 4.0, 500), {}, "too-few-regions", "leaves no heading at all"),
+    (moved(6, 4.0, 500), {}, "too-few-regions", "no ellipsoid fits; the field changed by 7 µT about a mean of 45"),
+])  # fmt: skip
 def test_captures_that_tell_nothing_are_refused(mag, options, kind, text):
     reason, *others = reasons(fit_mag, mag, **options)
     assert reason.kind == kind and re.search(text, reason.text) and reason.advice and kind in KINDS

@@ -81,14 +81,11 @@ def test_turns_and_scales_are_split_with_their_derivatives():
     assert turn_angle(turn @ np.diag([1.0, 2.0, 3.0])) == pytest.approx(0.3, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("spoil", "kind"),
-    [
-        (lambda mag, acc: (mag[:13], acc[:13]), "too-few"),
-        (lambda mag, acc: (mag, acc / G0), "wrong-gravity"),
-        (lambda mag, acc: (mag, np.random.default_rng(1).normal(size=acc.shape) * 0.15 * G0 + acc), "not-still"),
-    ],
-)
+@pytest.mark.parametrize(("spoil", "kind"), [
+    (lambda mag, acc: (mag[:13], acc[:13]), "too-few"),
+    (lambda mag, acc: (mag, acc / G0), "wrong-gravity"),
+    (lambda mag, acc: (mag, np.random.default_rng(1).normal(size=acc.shape) * 0.15 * G0 + acc), "not-still"),
+])  # fmt: skip
 def test_what_cannot_calibrate_is_refused(spoil, kind):
     rng = np.random.default_rng(9)
     unit, q_nb, ring = unit_of(rng), attitudes(rng, 300), attitudes(rng, 300, np.radians(1.0))

@@ -29,33 +29,30 @@ def with_nan(samples):
     return spoilt
 
 
-@pytest.mark.parametrize(
-    ("ways", "options", "error", "text"),
-    [
-        ("alone", {"mag": MAG.T}, ShapeError, r"mag must have shape \(N, 3\).*pass mag.T"),
-        ("alone acc level", {"mag": with_nan(MAG)}, ShapeError, r"mag must be finite, but mag\[7\]"),
-        ("alone acc level", {"acc": ACC[1:]}, ShapeError, r"acc must have one row per sample of the field \(60\)"),
-        ("alone", {"acc": with_nan(ACC)}, ShapeError, r"acc must be finite, but acc\[7\]"),
-        ("acc", {"acc": ACC * (T > 0.0)[:, np.newaxis]}, ShapeError, r"acc\[0\] is zero"),
-        ("gyr", {"mag": MAG[1:]}, ShapeError, r"mag must have one row per time stamp \(60\)"),
-        ("gyr", {"gyr": MAG[1:]}, ShapeError, "gyr must have one row per time stamp"),
-        ("gyr", {"gyr": with_nan(MAG)}, ShapeError, "gyr must be finite"),
-        ("gyr", {"acc": ACC[1:]}, ShapeError, "acc must have one row per time stamp"),
-        ("gyr", {"acc": ACC * [np.nan, 1.0, 1.0]}, ShapeError, "acc must have a finite sample"),
-        ("gyr", {"t": T[::-1]}, ClockError, "t must strictly increase"),
-        ("alone acc level gyr", {"strength": 0.0}, ParameterError, "strength must be above 0 µT, but it is 0 µT"),
-        ("alone acc level gyr", {"strength": np.nan}, ParameterError, "strength must be above 0 µT"),
-        ("alone level", {"dip": np.nan}, ParameterError, "dip must lie between"),
-        ("alone level", {"dip": 66.0}, ParameterError, "it is 66 rad; turn degrees into radians"),
-        ("alone acc gyr", {"tilt_range": 45.0}, ParameterError, "it is 45 rad; turn degrees into radians"),
-        ("alone acc gyr", {"tilt_range": -0.1}, ParameterError, "tilt_range must be from 0"),
-        ("alone", {"shape": "sphere"}, ParameterError, "Shape.SPHERE.* but it is 'sphere'"),
-        ("gyr", {"gyr_gain_sd": 2.0}, ParameterError, "divide percents by 100"),
-        ("alone level", {"mag": NOTHING}, CaptureRefusedError, "too-few: 0 samples"),
-        ("acc", {"mag": NOTHING, "acc": NOTHING}, CaptureRefusedError, "too-few: 0 samples"),
-        ("gyr", {"t": [], "mag": NOTHING, "gyr": NOTHING}, CaptureRefusedError, "too-few: 0 samples"),
-    ],
-)
+@pytest.mark.parametrize(("ways", "options", "error", "text"), [
+    ("alone", {"mag": MAG.T}, ShapeError, r"mag must have shape \(N, 3\).*pass mag.T"),
+    ("alone acc level", {"mag": with_nan(MAG)}, ShapeError, r"mag must be finite, but mag\[7\]"),
+    ("alone acc level", {"acc": ACC[1:]}, ShapeError, r"acc must have one row per sample of the field \(60\)"),
+    ("alone", {"acc": with_nan(ACC)}, ShapeError, r"acc must be finite, but acc\[7\]"),
+    ("acc", {"acc": ACC * (T > 0.0)[:, np.newaxis]}, ShapeError, r"acc\[0\] is zero"),
+    ("gyr", {"mag": MAG[1:]}, ShapeError, r"mag must have one row per time stamp \(60\)"),
+    ("gyr", {"gyr": MAG[1:]}, ShapeError, "gyr must have one row per time stamp"),
+    ("gyr", {"gyr": with_nan(MAG)}, ShapeError, "gyr must be finite"),
+    ("gyr", {"acc": ACC[1:]}, ShapeError, "acc must have one row per time stamp"),
+    ("gyr", {"acc": ACC * [np.nan, 1.0, 1.0]}, ShapeError, "acc must have a finite sample"),
+    ("gyr", {"t": T[::-1]}, ClockError, "t must strictly increase"),
+    ("alone acc level gyr", {"strength": 0.0}, ParameterError, "strength must be above 0 µT, but it is 0 µT"),
+    ("alone acc level gyr", {"strength": np.nan}, ParameterError, "strength must be above 0 µT"),
+    ("alone level", {"dip": np.nan}, ParameterError, "dip must lie between"),
+    ("alone level", {"dip": 66.0}, ParameterError, "it is 66 rad; turn degrees into radians"),
+    ("alone acc gyr", {"tilt_range": 45.0}, ParameterError, "it is 45 rad; turn degrees into radians"),
+    ("alone acc gyr", {"tilt_range": -0.1}, ParameterError, "tilt_range must be from 0"),
+    ("alone", {"shape": "sphere"}, ParameterError, "Shape.SPHERE.* but it is 'sphere'"),
+    ("gyr", {"gyr_gain_sd": 2.0}, ParameterError, "divide percents by 100"),
+    ("alone level", {"mag": NOTHING}, CaptureRefusedError, "too-few: 0 samples"),
+    ("acc", {"mag": NOTHING, "acc": NOTHING}, CaptureRefusedError, "too-few: 0 samples"),
+    ("gyr", {"t": [], "mag": NOTHING, "gyr": NOTHING}, CaptureRefusedError, "too-few: 0 samples"),
+])  # fmt: skip
 def test_what_does_not_match_or_is_out_of_its_range_is_refused(ways, options, error, text):
     for way in ways.split():
         with pytest.raises(error, match=text):

@@ -116,16 +116,13 @@ def test_headings_that_were_not_seen_are_counted_wherever_they_lie(first):
     assert fit_mag_level(ring(rng, cover=np.radians(280.0), first=first)).calibration.bias[2] == 0.0
 
 
-@pytest.mark.parametrize(
-    ("capture", "kind"),
-    [
-        (lambda rng: {"mag": ring(rng, 19)}, "too-few"),
-        (lambda rng: {"mag": ring(rng, cover=np.radians(260.0))}, "too-few-regions"),
-        (lambda rng: {"mag": ring(rng), "acc": np.tile([3.0, 0.0, 9.0], (400, 1))}, "not-level"),
-        (lambda rng: {"mag": ring(rng, sd=4.0)}, "not-level"),
-        (lambda rng: {"mag": 100.0 * ring(rng)}, "wrong-field"),
-        (lambda rng: {"mag": ring(rng) * [5.0, 1.0, 1.0]}, "implausible"),
-    ],
-)
+@pytest.mark.parametrize(("capture", "kind"), [
+    (lambda rng: {"mag": ring(rng, 19)}, "too-few"),
+    (lambda rng: {"mag": ring(rng, cover=np.radians(260.0))}, "too-few-regions"),
+    (lambda rng: {"mag": ring(rng), "acc": np.tile([3.0, 0.0, 9.0], (400, 1))}, "not-level"),
+    (lambda rng: {"mag": ring(rng, sd=4.0)}, "not-level"),
+    (lambda rng: {"mag": 100.0 * ring(rng)}, "wrong-field"),
+    (lambda rng: {"mag": ring(rng) * [5.0, 1.0, 1.0]}, "implausible"),
+])  # fmt: skip
 def test_what_cannot_calibrate_is_refused(capture, kind):
     assert reason_kinds(fit_mag_level, **capture(np.random.default_rng(6)))[0] == kind

@@ -71,15 +71,12 @@ def test_the_level_pose_alone_makes_level_what_is_level(frame, q_bs):
     assert found.mount.sd[2] > 1.0 and "heading was not measured" in found.remarks[0]
 
 
-@pytest.mark.parametrize(
-    ("pitch", "more", "refused"),
-    [
-        (30.0, {"yaw": 0.7}, False),
-        (30.0, {"yaw": 0.7 + deg(3.0)}, False),
-        (30.0, {"yaw": 0.7 + deg(20.0)}, True),
-        (40.0, {"roll": deg(40.0)}, True),
-    ],
-)
+@pytest.mark.parametrize(("pitch", "more", "refused"), [
+    (30.0, {"yaw": 0.7}, False),
+    (30.0, {"yaw": 0.7 + deg(3.0)}, False),
+    (30.0, {"yaw": 0.7 + deg(20.0)}, True),
+    (40.0, {"roll": deg(40.0)}, True),
+])  # fmt: skip
 def test_a_turn_or_a_roll_while_raising_is_refused(pitch, more, refused):
     """The turn shows a roll, unless its axis stays level."""
     q_bs, frame = MOUNTINGS[2], rot.Frame.NED
@@ -129,19 +126,16 @@ ON_END = force(rot.Frame.NED, rot.quat_from_rotvec(np.array([0.0, deg(85.0), 0.0
 OURS, THEIRS = tracks(MOUNTINGS[0])
 
 
-@pytest.mark.parametrize(
-    ("fit", "samples", "kind", "text"),
-    [
-        (mount_from_level, [ON_END], "ill-conditioned", "from the vertical"),
-        (mount_from_poses, poses(0.0, 9.0), "ill-conditioned", "9.0°"),
-        (mount_from_poses, [LOW, LOW], "ill-conditioned", ""),
-        (mount_from_poses, [LOW, -LOW], "ill-conditioned", ""),
-        (mount_from_poses, [LOW / G0, HIGH / G0], "wrong-gravity", ""),
-        (mount_from_poses, [LOW * np.nan, HIGH], "too-few", ""),
-        (mount_from_attitudes, [OURS[::-1], THEIRS], "implausible", ""),
-        (mount_from_attitudes, [OURS[:99], THEIRS[:99]], "too-few", ""),
-    ],
-)
+@pytest.mark.parametrize(("fit", "samples", "kind", "text"), [
+    (mount_from_level, [ON_END], "ill-conditioned", "from the vertical"),
+    (mount_from_poses, poses(0.0, 9.0), "ill-conditioned", "9.0°"),
+    (mount_from_poses, [LOW, LOW], "ill-conditioned", ""),
+    (mount_from_poses, [LOW, -LOW], "ill-conditioned", ""),
+    (mount_from_poses, [LOW / G0, HIGH / G0], "wrong-gravity", ""),
+    (mount_from_poses, [LOW * np.nan, HIGH], "too-few", ""),
+    (mount_from_attitudes, [OURS[::-1], THEIRS], "implausible", ""),
+    (mount_from_attitudes, [OURS[:99], THEIRS[:99]], "too-few", ""),
+])  # fmt: skip
 def test_what_tells_no_mounting_is_refused(fit, samples, kind, text):
     frame = {} if fit is mount_from_attitudes else {"frame": rot.Frame.NED}
     (reason, *_) = reasons(fit, *samples, **frame)

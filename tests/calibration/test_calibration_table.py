@@ -105,17 +105,14 @@ def test_auto_seldom_sees_a_coupling_that_is_none():
         assert sum(fit(SIX, seed=s, **how).calibration.g_sensitivity.any() for s in range(75)) <= 4
 
 
-@pytest.mark.parametrize(
-    ("faces", "options", "parameters", "remark"),
-    [
-        (SIX, {"tilt": deg(0.1)}, 21, ""),
-        (SIX, {"tilt": deg(0.1), "coupling": np.zeros((3, 3))}, 12, ""),
-        (SIX[:5], {}, 21, ""),  # as many faces as parameters leave nothing to tell coupling from drift
-        ([SIX[0], SIX[1], SIX[2], SIX[4]], {}, 12, "4 faces are too few"),
-        (THREE, {"rest": False}, 12, "g-sensitivity cannot be separated from the bias"),
-        (SIX, {"model": "12"}, 12, "g-sensitivity shows"),
-    ],
-)
+@pytest.mark.parametrize(("faces", "options", "parameters", "remark"), [
+    (SIX, {"tilt": deg(0.1)}, 21, ""),
+    (SIX, {"tilt": deg(0.1), "coupling": np.zeros((3, 3))}, 12, ""),
+    (SIX[:5], {}, 21, ""),  # as many faces as parameters leave nothing to tell coupling from drift
+    ([SIX[0], SIX[1], SIX[2], SIX[4]], {}, 12, "4 faces are too few"),
+    (THREE, {"rest": False}, 12, "g-sensitivity cannot be separated from the bias"),
+    (SIX, {"model": "12"}, 12, "g-sensitivity shows"),
+])  # fmt: skip
 def test_what_few_faces_leave_out_is_said(faces, options, parameters, remark):
     made = fit(faces, **options)
     assert made.calibration.method.endswith(f"{parameters} parameters")
@@ -155,20 +152,17 @@ def table(nominal, measured, **options):
     return lambda: fit_table(nominal, measured, **{"force": FORCE} | options)
 
 
-@pytest.mark.parametrize(
-    ("call", "kind", "texts"),
-    [
-        (lambda: fit(THREE, rest=False, model="21"), "ill-conditioned", [ALONG]),
-        (lambda: fit(SIX[:4]), "too-few", ["about z"]),
-        (table(FIVE[:4], FIVE[:4] + BIAS, force=None), "too-few", ["4 plateaus"]),
-        (table(ALIKE, ALIKE, force=None), "ill-conditioned", []),
-        (table(NOMINAL, MEASURED, clipped=CLIPPED), "clipping", ["34 %", "(200, 0, 0)"]),
-        (table(NOMINAL, np.degrees(MEASURED)), "implausible", []),
-        (table(NOMINAL, MEASURED[:, [1, 0, 2]]), "implausible", []),
-        (table(NOMINAL, -MEASURED), "implausible", []),
-        (table(NOMINAL, GONE), "too-few", []),
-    ],
-)
+@pytest.mark.parametrize(("call", "kind", "texts"), [
+    (lambda: fit(THREE, rest=False, model="21"), "ill-conditioned", [ALONG]),
+    (lambda: fit(SIX[:4]), "too-few", ["about z"]),
+    (table(FIVE[:4], FIVE[:4] + BIAS, force=None), "too-few", ["4 plateaus"]),
+    (table(ALIKE, ALIKE, force=None), "ill-conditioned", []),
+    (table(NOMINAL, MEASURED, clipped=CLIPPED), "clipping", ["34 %", "(200, 0, 0)"]),
+    (table(NOMINAL, np.degrees(MEASURED)), "implausible", []),
+    (table(NOMINAL, MEASURED[:, [1, 0, 2]]), "implausible", []),
+    (table(NOMINAL, -MEASURED), "implausible", []),
+    (table(NOMINAL, GONE), "too-few", []),
+])  # fmt: skip
 def test_sessions_that_tell_no_gyroscope_are_refused(call, kind, texts):
     (why, *others) = reasons(call)
     assert why.kind == kind and all(text in why.text for text in texts)

@@ -56,6 +56,16 @@ def test_standard_deviations_hold_for_a_bias_that_wanders():
     assert np.mean(np.square(z)) <= 1.6  # 1 + 3 × √(2/48)
 
 
+def test_a_wander_that_a_soak_cannot_exclude_widens_its_deviations():
+    """Without one they are N/√T/σ of a slope over the temperature; the largest likely one is more than none."""
+    wider = []
+    for seed in range(3):
+        t, gyr, temp_c, *_ = soak(seed)
+        found = fit_temperature(Rates(t, gyr, temp_c=temp_c)).calibration
+        wider.append(found.bias_per_k_sd / (WHITE / np.sqrt(t[-1]) / temp_c.std()))
+    assert np.mean(wider) > 1.2
+
+
 def test_the_bias_is_that_at_the_reference_temperature():
     t, gyr, temp_c, _, bias = soak(1, 2)
     found = fit_temperature(Rates(t, gyr, temp_c=temp_c)).calibration

@@ -123,6 +123,7 @@ def test_equal_to_the_bit_and_the_first_difference():
     a, _ = pair(duration=15.0)
     assert compare(a, a, tolerance=0).equal
     assert compare(a, a, tolerance=0).within
+    assert [bool(compare(a[:count], a[:count]).triads) for count in (99, 100)] == [False, True]  # samples in common
     gyr = np.array(a.gyr)
     gyr[700, 1] = np.nextafter(gyr[700, 1], 1.0)
     found = compare(a, ImuData(t=a.t, gyr=gyr, acc=a.acc, mag=a.mag), tolerance=0)

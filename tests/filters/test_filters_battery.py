@@ -25,20 +25,17 @@ def test_compiled_and_plain_python_give_the_same_bits():
     assert in_the_other_mode(code) == given
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "words"),
-    [
-        *(
-            (lambda v=v, name=name: ImuSample(10_000_000, **{name: v}), ShapeError, rf"{name} of a sample .* \(3,\)")
-            for name in ("gyr", "acc", "mag")
-            for v in (np.zeros(2), np.zeros(0), np.zeros(6), np.zeros((1, 3)), np.zeros((3, 1)), 1.0)
-        ),
-        (lambda: ImuSample.packed(0, np.zeros(8)), ShapeError, r"values of a sample must have shape \(9,\)"),
-        (lambda: ImuSample(0.01, gyr=np.zeros(3)), ClockError, r"whole number of nanoseconds, but it is 0\.01"),
-        (lambda: Filter("mahony", frame=Frame.ENU).update([0.0] * 9), ShapeError, "takes an ImuSample, but got list"),
-        (lambda: Filter("mahony", frame=Frame.ENU).process({}), ShapeError, "must be an ImuData, but it is a dict"),
-    ],
-)
+@pytest.mark.parametrize(("call", "error", "words"), [
+    *(
+        (lambda v=v, name=name: ImuSample(10_000_000, **{name: v}), ShapeError, rf"{name} of a sample .* \(3,\)")
+        for name in ("gyr", "acc", "mag")
+        for v in (np.zeros(2), np.zeros(0), np.zeros(6), np.zeros((1, 3)), np.zeros((3, 1)), 1.0)
+    ),
+    (lambda: ImuSample.packed(0, np.zeros(8)), ShapeError, r"values of a sample must have shape \(9,\)"),
+    (lambda: ImuSample(0.01, gyr=np.zeros(3)), ClockError, r"whole number of nanoseconds, but it is 0\.01"),
+    (lambda: Filter("mahony", frame=Frame.ENU).update([0.0] * 9), ShapeError, "takes an ImuSample, but got list"),
+    (lambda: Filter("mahony", frame=Frame.ENU).process({}), ShapeError, "must be an ImuData, but it is a dict"),
+])  # fmt: skip
 def test_what_is_no_sample_and_no_recording_is_refused_by_name(call, error, words):
     with pytest.raises(error, match=words):
         call()

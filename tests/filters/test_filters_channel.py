@@ -265,41 +265,38 @@ def test_parameters_in_text_carry_their_unit():
     assert not set(channel_names()) & set(filter_names())
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "words"),
-    [
-        *(
-            (lambda bad=bad, closed=closed: closed(bad), ParameterError, r"must be positive|a gain is")
-            for bad in (0.0, -1.0, math.nan, math.inf)
-            for closed in (
-                steady_gain,
-                same_noise,
-                lambda bad: params_of(0.1, noise=bad, dt=0.1),
-                lambda bad: params_of(0.1, noise=0.1, dt=bad),
-                lambda bad: ramp_lag(bad, 0.6, 0.1),
-            )
-        ),
-        (lambda: RateFilter("kalman"), ParameterError, "no channel filter 'kalman'; known are scalar, two_state"),
-        (lambda: RateFilter("scalar", params={"q": 1.0}), ParameterError, "scalar has no parameter 'q'"),
-        (
-            lambda: RateFilter("two_state", params={"jerk": "0.05"}),
-            ParameterError,
-            "jerk.*needs a unit.*rad/s2, deg/s2",
-        ),
-        (
-            lambda: RateFilter("moving_average", params={"samples": 2.5}),
-            ParameterError,
-            r"whole number, but it is 2\.5",
-        ),
-        (lambda: RateFilter("scalar", channels=0), ParameterError, "channels must be at least 1"),
-        (lambda: RateFilter("scalar", state=np.zeros(3)), ShapeError, r"state of scalar.* has shape \(1, \d+\)"),
-        (lambda: RateFilter("scalar").process([0.0], [[1.0]]), ShapeError, r"rate must have shape \(N,\)"),
-        (lambda: RateFilter("scalar", channels=3).process([0.0], [1.0]), ShapeError, r"rate must have shape \(N, 3\)"),
-        (lambda: RateFilter("scalar").process([0.0, 1.0], [1.0]), ShapeError, "one entry per time stamp"),
-        (lambda: RateFilter("scalar").process([1.0, 1.0], [1.0, 1.0]), ClockError, "strictly increase"),
-        (lambda: RateFilter("scalar", channels=2).update(0, 1.0), ShapeError, "update needs 2 rates"),
-    ],
-)
+@pytest.mark.parametrize(("call", "error", "words"), [
+    *(
+        (lambda bad=bad, closed=closed: closed(bad), ParameterError, r"must be positive|a gain is")
+        for bad in (0.0, -1.0, math.nan, math.inf)
+        for closed in (
+            steady_gain,
+            same_noise,
+            lambda bad: params_of(0.1, noise=bad, dt=0.1),
+            lambda bad: params_of(0.1, noise=0.1, dt=bad),
+            lambda bad: ramp_lag(bad, 0.6, 0.1),
+        )
+    ),
+    (lambda: RateFilter("kalman"), ParameterError, "no channel filter 'kalman'; known are scalar, two_state"),
+    (lambda: RateFilter("scalar", params={"q": 1.0}), ParameterError, "scalar has no parameter 'q'"),
+    (
+        lambda: RateFilter("two_state", params={"jerk": "0.05"}),
+        ParameterError,
+        "jerk.*needs a unit.*rad/s2, deg/s2",
+    ),
+    (
+        lambda: RateFilter("moving_average", params={"samples": 2.5}),
+        ParameterError,
+        r"whole number, but it is 2\.5",
+    ),
+    (lambda: RateFilter("scalar", channels=0), ParameterError, "channels must be at least 1"),
+    (lambda: RateFilter("scalar", state=np.zeros(3)), ShapeError, r"state of scalar.* has shape \(1, \d+\)"),
+    (lambda: RateFilter("scalar").process([0.0], [[1.0]]), ShapeError, r"rate must have shape \(N,\)"),
+    (lambda: RateFilter("scalar", channels=3).process([0.0], [1.0]), ShapeError, r"rate must have shape \(N, 3\)"),
+    (lambda: RateFilter("scalar").process([0.0, 1.0], [1.0]), ShapeError, "one entry per time stamp"),
+    (lambda: RateFilter("scalar").process([1.0, 1.0], [1.0, 1.0]), ClockError, "strictly increase"),
+    (lambda: RateFilter("scalar", channels=2).update(0, 1.0), ShapeError, "update needs 2 rates"),
+])  # fmt: skip
 def test_what_is_not_clear_is_refused(call, error, words):
     with pytest.raises(error, match=words):
         call()

@@ -38,16 +38,13 @@ def test_conclusions_stay_in_their_universe():
     assert conclusion(-3, -3, 0.0, 9.0, 3.0) == -9.0
 
 
-@pytest.mark.parametrize(
-    ("table", "gain", "integral_gain"),
-    [
-        # page of the paper: 4.5 and 3 for the sum table with the stated factors; from set to set U grows by 3 while E
-        # grows by 2, that is the error by 2/3 deg: 3 / (2/3)
-        (SUM, 4.5, 3.0),
-        (STEEP, 4.5, 0.02),
-        (PAPER, 0.3, 0.02),  # s / (2/3) = c
-    ],
-)
+@pytest.mark.parametrize(("table", "gain", "integral_gain"), [
+    # page of the paper: 4.5 and 3 for the sum table with the stated factors; from set to set U grows by 3 while E
+    # grows by 2, that is the error by 2/3 deg: 3 / (2/3)
+    (SUM, 4.5, 3.0),
+    (STEEP, 4.5, 0.02),
+    (PAPER, 0.3, 0.02),  # s / (2/3) = c
+])  # fmt: skip
 def test_gains_in_the_middle(table, gain, integral_gain):
     assert regulate(0.0, 0.0, *table) == 0.0
     for small in (1e-3, -0.2, 0.6):  # straight up to the next set, at 2/3 deg and 1 deg s

@@ -45,15 +45,12 @@ def by_the_paper(q, sums, dt, gyr, acc, mag, weights, table):
     return quat_normalize(quat_multiply(q, quat_from_rotvec((u + bias) * dt))), (total, wound)
 
 
-@pytest.mark.parametrize(
-    ("params", "weights", "table"),
-    [
-        ({}, (0.5, 0.5), PAPER),
-        ({"pi": False}, (1.0, 0.0), PAPER),
-        ({"fuzzy": False}, (0.0, 1.0), PAPER),
-        ({"sum_table": True}, (0.5, 0.5), SUM),
-    ],
-)
+@pytest.mark.parametrize(("params", "weights", "table"), [
+    ({}, (0.5, 0.5), PAPER),
+    ({"pi": False}, (1.0, 0.0), PAPER),
+    ({"fuzzy": False}, (0.0, 1.0), PAPER),
+    ({"sum_table": True}, (0.5, 0.5), SUM),
+])  # fmt: skip
 def test_the_kernel_is_the_paper_step_by_step(params, weights, table):
     data = noisy_and_whole(300, 10.0)
     track = Filter("fuzzy_pi", frame=Frame.NED, params=params).process(data)
@@ -80,17 +77,14 @@ def recovery(**params):
     return t[np.flatnonzero(yaw >= 0.5)[-1]]
 
 
-@pytest.mark.parametrize(
-    ("params", "expected", "half_digit"),
-    [
-        # page of the paper: recovery from 10° to below 0.5° without the Kalman filter, s, and half of its last digit
-        ({"sum_table": True, "pi": False}, 5.1, 0.05),
-        ({"sum_table": True}, 7.4, 0.05),
-        ({}, 49.0, 0.5),
-        ({"slope": 0.8, "far": "9 deg/s"}, 10.6, 0.05),
-        ({"slope": 4.5, "far": "9 deg/s"}, 4.3, 0.05),
-    ],
-)
+@pytest.mark.parametrize(("params", "expected", "half_digit"), [
+    # page of the paper: recovery from 10° to below 0.5° without the Kalman filter, s, and half of its last digit
+    ({"sum_table": True, "pi": False}, 5.1, 0.05),
+    ({"sum_table": True}, 7.4, 0.05),
+    ({}, 49.0, 0.5),
+    ({"slope": 0.8, "far": "9 deg/s"}, 10.6, 0.05),
+    ({"slope": 4.5, "far": "9 deg/s"}, 4.3, 0.05),
+])  # fmt: skip
 def test_recovery_from_ten_degrees_takes_what_the_page_says(params, expected, half_digit):
     """To one sample of 0.1 s, by which the integrals act earlier here than there.
 

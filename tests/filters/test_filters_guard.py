@@ -198,6 +198,9 @@ def test_gravity_alone_has_its_size_and_no_other():
         for _ in range(count):
             alone = input_checks.only_gravity.py_func(x, 0, 0.01, push, 0.0, 1.01 * G0)
         assert alone == expected
+    for share, steady in ((0.99, True), (1.01, False)):  # of the 3 % of g by which its size may vary
+        x[:3] = G0, G0, (share * 0.03 * G0) ** 2
+        assert input_checks.only_gravity.py_func(x, 0, 0.0, 0.0, 0.0, G0) == steady
     x[:] = 0.0
     x[0] = G0
     found = [input_checks.keeps_accelerating.py_func(x, 0, 0.01, 5.0, 0.0, G0) for _ in range(400)]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob import Filter, Frame, ImuData, ImuMeta, NoiseCard
+from plumbob import Filter, Frame, ImuData, ImuMeta, ImuSample, NoiseCard
 from plumbob.core import flags
 from plumbob.core.constants import G0
 from plumbob.core.errors import FrameError, ParameterError, ShapeError
@@ -32,29 +32,26 @@ def test_the_gate_can_be_off():
     assert [mahony(gate=word).params.gate for word in ("off", "OFF", "none")] == [None] * 3
 
 
-@pytest.mark.parametrize(
-    ("settings", "error", "words"),
-    [
-        ({"params": {"gate": "0.08"}}, ParameterError, "gate.*needs a unit.*m/s2, g, mg"),
-        ({"params": {"gate": "0.08 deg"}}, ParameterError, "not a unit of acceleration"),
-        ({"params": {"gate": "much"}}, ParameterError, "not a number"),
-        ({"params": {"kp": "-1"}}, ParameterError, r"kp must be 0 to 100 1/s, but it is -1"),
-        ({"params": {"kp": float("nan")}}, ParameterError, "kp must be 0 to"),
-        ({"params": {"kp": None}}, ParameterError, "kp must be a number"),
-        ({"params": {"kp": True}}, ParameterError, "kp must be a number"),
-        ({"params": {"freqency": 100.0}}, ParameterError, "no parameter 'freqency'; known are kp, ki, .*max_gap, mag"),
-        ({"params": {"mag": "yes"}}, ParameterError, "mag"),
-        ({"params": {"declination": "3"}}, ParameterError, "declination.*needs a unit.*rad, deg"),
-        ({"name": "mahoney"}, ParameterError, r"there is no filter 'mahoney'; known are .*mahony"),
-        ({"frame": None}, FrameError, "None is not a navigation frame; known are ENU, NED, NWU"),
-        ({"init": [[1, 0, 0, 0]]}, ShapeError, "init must be one finite quaternion"),
-        ({"init": [1.0, 0.0, float("nan"), 0.0]}, ShapeError, "init must be one finite quaternion"),
-        ({"init": "upright"}, ParameterError, "level, truth or ROLL,PITCH,HEADING"),
-        ({"init": "1deg,2deg"}, ParameterError, "ROLL,PITCH"),
-        ({"init": "truth"}, ParameterError, "needs the recording's"),
-        ({"noise": NoiseCard("a", "b")}, ParameterError, "mahony has no parameter that a noise card could give"),
-    ],
-)
+@pytest.mark.parametrize(("settings", "error", "words"), [
+    ({"params": {"gate": "0.08"}}, ParameterError, "gate.*needs a unit.*m/s2, g, mg"),
+    ({"params": {"gate": "0.08 deg"}}, ParameterError, "not a unit of acceleration"),
+    ({"params": {"gate": "much"}}, ParameterError, "not a number"),
+    ({"params": {"kp": "-1"}}, ParameterError, r"kp must be 0 to 100 1/s, but it is -1"),
+    ({"params": {"kp": float("nan")}}, ParameterError, "kp must be 0 to"),
+    ({"params": {"kp": None}}, ParameterError, "kp must be a number"),
+    ({"params": {"kp": True}}, ParameterError, "kp must be a number"),
+    ({"params": {"freqency": 100.0}}, ParameterError, "no parameter 'freqency'; known are kp, ki, .*max_gap, mag"),
+    ({"params": {"mag": "yes"}}, ParameterError, "mag"),
+    ({"params": {"declination": "3"}}, ParameterError, "declination.*needs a unit.*rad, deg"),
+    ({"name": "mahoney"}, ParameterError, r"there is no filter 'mahoney'; known are .*mahony"),
+    ({"frame": None}, FrameError, "None is not a navigation frame; known are ENU, NED, NWU"),
+    ({"init": [[1, 0, 0, 0]]}, ShapeError, "init must be one finite quaternion"),
+    ({"init": [1.0, 0.0, float("nan"), 0.0]}, ShapeError, "init must be one finite quaternion"),
+    ({"init": "upright"}, ParameterError, "level, truth or ROLL,PITCH,HEADING"),
+    ({"init": "1deg,2deg"}, ParameterError, "ROLL,PITCH"),
+    ({"init": "truth"}, ParameterError, "needs the recording's"),
+    ({"noise": NoiseCard("a", "b")}, ParameterError, "mahony has no parameter that a noise card could give"),
+])  # fmt: skip
 def test_what_is_not_clear_is_refused(settings, error, words):
     with pytest.raises(error, match=words):
         Filter(**{"name": "mahony", "frame": Frame.ENU, **settings})
@@ -148,16 +145,20 @@ def test_a_level_start_leaves_the_heading_to_the_field(name):
     assert not (track.flags & flags.NOT_CONVERGED).any()
 
 
-@pytest.mark.parametrize(
-    ("init", "known", "north"),
-    [
-        (None, None, North.FREE),
-        ("level", 0.1, North.FREE),
-        ("0deg,0deg,0deg", None, North.MAGNETIC),  # the rule of headings
-        ("0deg,0deg,0deg", 0.1, North.TRUE),
-        (Start(np.array([1.0, 0, 0, 0]), North.TRUE), None, North.TRUE),
-    ],
-)
+@pytest.mark.parametrize(("size", "shows"), [(1e-7, False), (1.0, True)])
+def test_a_field_far_below_any_sensor_s_last_digit_shows_no_heading(size, shows):
+    f = Filter("mahony", frame=Frame.NED)
+    f.update(ImuSample(0, [0.0, 0.0, 0.0], [0.0, 0.0, -9.81], [0.0, -size, 0.0]))
+    assert yaw(f) == pytest.approx(np.pi / 2 if shows else 0.0)
+
+
+@pytest.mark.parametrize(("init", "known", "north"), [
+    (None, None, North.FREE),
+    ("level", 0.1, North.FREE),
+    ("0deg,0deg,0deg", None, North.MAGNETIC),  # the rule of headings
+    ("0deg,0deg,0deg", 0.1, North.TRUE),
+    (Start(np.array([1.0, 0, 0, 0]), North.TRUE), None, North.TRUE),
+])  # fmt: skip
 def test_a_gyroscope_alone_keeps_the_north_of_its_start(init, known, north):
     data = ImuData(t=np.arange(5) / 100.0, gyr=np.ones((5, 3)), meta=ImuMeta(declination=known))
     f = Filter("integrate", frame=Frame.NED, init=init)

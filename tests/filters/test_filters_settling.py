@@ -51,29 +51,23 @@ def test_in_motion_an_upright_mean_converges():
         assert converged_after(imu) == pytest.approx(expected, abs=within)
 
 
-@pytest.mark.parametrize(
-    ("turning", "size", "at_once"),
-    [
-        (0.99 * REST_TURN, G0 + 0.99 * SIZE_BAND, True),
-        (1.01 * REST_TURN, G0, False),
-        (0.0, G0 + 1.01 * SIZE_BAND, False),
-        (0.0, G0 - 1.01 * SIZE_BAND, False),
-    ],
-)
+@pytest.mark.parametrize(("turning", "size", "at_once"), [
+    (0.99 * REST_TURN, G0 + 0.99 * SIZE_BAND, True),
+    (1.01 * REST_TURN, G0, False),
+    (0.0, G0 + 1.01 * SIZE_BAND, False),
+    (0.0, G0 - 1.01 * SIZE_BAND, False),
+])  # fmt: skip
 def test_at_rest_the_first_sample_converges(turning, size, at_once):
     bad = flagged(level(1.0, turning=turning, force=(0.0, 0.0, size)))
     assert bad.all() != at_once
     assert bad.any() != at_once
 
 
-@pytest.mark.parametrize(
-    ("turning", "size", "rests"),
-    [
-        (0.34, 1.09 * G0, True),  # a gyroscope of 20 °/s of bias and an accelerometer of 9 %
-        (0.36, 1.09 * G0, False),
-        (0.34, 1.11 * G0, False),
-    ],
-)
+@pytest.mark.parametrize(("turning", "size", "rests"), [
+    (0.34, 1.09 * G0, True),  # a gyroscope of 20 °/s of bias and an accelerometer of 9 %
+    (0.36, 1.09 * G0, False),
+    (0.34, 1.11 * G0, False),
+])  # fmt: skip
 def test_an_uncalibrated_unit_at_rest_takes_a_second(turning, size, rests):
     after = converged_after(level(turning=turning, force=(0.0, 0.0, size)))
     assert after == pytest.approx(STEADY_FOR if rests else UPRIGHT_FOR, abs=ONE_STEP)

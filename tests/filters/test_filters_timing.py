@@ -30,6 +30,12 @@ def test_steps_are_exact_differences_at_any_time_of_day(steps_ns, start_ns):
     assert ticks(times_ns) == [0.0, *(ns / 1e9 for ns in steps_ns[1:])]
 
 
+def test_steps_are_exact_whenever_the_anchor_moves():
+    """Of float64's whole numbers: after 2**53 ns, 104 days."""
+    late_ns = TODAY_NS // 10**9 * 10**9 + 2**53 - 10
+    assert ticks([TODAY_NS, late_ns, late_ns + 10**9])[2] == 1.0
+
+
 def test_differences_of_seconds_would_not_do():
     """Why steps are made from integers: t[i+1] − t[i] carries the rounding of t."""
     t = to_s(10_000_000 * np.arange(1000))

@@ -51,19 +51,16 @@ def test_each_triad_is_watched_by_itself():
     assert word == flags.GYR_STUCK | flags.MAG_STUCK
 
 
-@pytest.mark.parametrize(
-    ("rate", "said"),
-    [
-        # 10 Hz: each value stands for 0.1 s, less than `LONG`
-        *((r, lambda k, r=r: {"mag": (math.floor(k * 10.0 / r), 0.0, 5.0)}) for r in (100.0, 400.0, 1000.0)),
-        (100.0, lambda k: {"mag": (float(k), 0.0, 5.0) if k % 10 == 0 else NAN}),  # absent in between
-        (100.0, lambda k: {"mag": NAN}),
-        (100.0, lambda k: {"gyr": (0.1 * (k % 2), 0.0, 0.0)}),
-        *((100.0, lambda k, axis=axis: {"acc": tuple(np.where(axis, np.nan, [1.0, 2.0, 3.0]))}) for axis in np.eye(3)),
-        # 10 nT, below any magnetometer's last digit
-        *((100.0, lambda k, axis=axis: {"mag": tuple(FIELD + 0.01 * (k % 2) * axis)}) for axis in np.eye(3)),
-    ],
-)
+@pytest.mark.parametrize(("rate", "said"), [
+    # 10 Hz: each value stands for 0.1 s, less than `LONG`
+    *((r, lambda k, r=r: {"mag": (math.floor(k * 10.0 / r), 0.0, 5.0)}) for r in (100.0, 400.0, 1000.0)),
+    (100.0, lambda k: {"mag": (float(k), 0.0, 5.0) if k % 10 == 0 else NAN}),  # absent in between
+    (100.0, lambda k: {"mag": NAN}),
+    (100.0, lambda k: {"gyr": (0.1 * (k % 2), 0.0, 0.0)}),
+    *((100.0, lambda k, axis=axis: {"acc": tuple(np.where(axis, np.nan, [1.0, 2.0, 3.0]))}) for axis in np.eye(3)),
+    # 10 nT, below any magnetometer's last digit
+    *((100.0, lambda k, axis=axis: {"mag": tuple(FIELD + 0.01 * (k % 2) * axis)}) for axis in np.eye(3)),
+])  # fmt: skip
 def test_what_is_not_stuck(rate, said):
     """A slow field, repeated or absent in between; what is absent; alternating values; one axis that lives.
 

@@ -26,15 +26,7 @@ from plumbob.rotations import (
 )
 from tests.helpers import examples, slow_as_python
 from tests.helpers.filter_state import state_of, through_json
-from tests.helpers.motion import (
-    FIELD_ENU,
-    consistent,
-    noisy,
-    seen_by,
-    swinging,
-    tilt_between,
-    up_in_body,
-)
+from tests.helpers.motion import FIELD_ENU, consistent, noisy, seen_by, swinging, tilt_between, up_in_body
 
 EPS = np.finfo(float).eps
 
@@ -99,10 +91,7 @@ def disturbed():
     return ImuData(t=data.t, gyr=data.gyr + np.radians([1.0, -1.5, 0.5]), acc=data.acc + push, mag=data.mag), q
 
 
-OTHER_WAYS = {
-    "ekf7": [{"hard_switch": True, "reset": True}],
-    "mahony": [{"quick_start": True, "gate": None}],
-}
+OTHER_WAYS = {"ekf7": [{"hard_switch": True, "reset": True}], "mahony": [{"quick_start": True, "gate": None}]}
 """Parameters that switch on what a filter does not do by default."""
 
 

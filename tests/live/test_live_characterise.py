@@ -69,10 +69,13 @@ def test_chosen_averaging_times(numbers, monkeypatch, limit):
             characterise(*opened(numbers), taus=[tau])
 
 
-def test_every_averaging_time_and_another_kind(numbers):
+def test_every_averaging_time_and_another_kind(numbers, tmp_path):
     curve = characterise(*opened(numbers), taus="all")[1].curve
     assert curve.n.tolist() == list(range(1, 30_001))
     assert curve.dev[[0, 99, 29_999]] == pytest.approx(deviation(np.load(numbers)[:, 1], [1, 100, 30_000]), rel=1e-11)
+    np.save(tmp_path / "short.npy", np.load(numbers)[:1001])
+    shared = comparisons(opened(tmp_path / "short.npy"), opened(numbers), taus="all")[0].comparison
+    assert shared.before.n.tolist() == shared.after.n.tolist() == list(range(1, 501))  # which the shorter one has
     first, second = deviations(*opened(numbers), "ohdev", taus=[1.0])
     assert (first.name, second.name) == ("column 1", "column 2")
     assert first.curve.dev == pytest.approx(deviation(np.load(numbers)[:, 0], [100], "ohdev"), rel=1e-12)

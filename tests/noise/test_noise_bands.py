@@ -8,7 +8,7 @@ import pytest
 
 from plumbob.noise import analyse, curve
 from plumbob.noise.analysis import within_the_curve
-from plumbob.noise.bands import leave_out
+from plumbob.noise.bands import least_squares, leave_out
 from plumbob.noise.findings import Band, Mask, Sinusoid
 from plumbob.noise.likelihood import coefficients, fit, octaves
 from plumbob.noise.spectrum import sampled_densities, spectrum
@@ -71,6 +71,20 @@ def test_noise_has_no_bands():
     for _ in range(20):
         record = np.cumsum(0.02 * rng.standard_normal(8192)) + rng.standard_normal(8192)
         assert leave_out(spectrum(record, DT), N_FACTORS[N_FACTORS < 4096]).bands == ()
+
+
+@pytest.mark.parametrize("corner", [3.0, 10.0])
+def test_a_filter_of_the_device_is_cut_off_in_half_octaves(corner):
+    found = leave_out(expected(lambda f: terms(f) / (1.0 + (f / corner) ** 2)), N_FACTORS).mask
+    steps = 2.0 * math.log2(0.5 / DT / found.frequency)
+    assert found.frequency < 0.2 * corner and steps == pytest.approx(round(steps))
+
+
+def test_where_a_known_line_is_most_of_the_variance_little_is_known():
+    """It is 2 % larger than told: by equal shares of what was measured, white noise stays as it was."""
+    of, line = curve(np.random.default_rng(0).standard_normal(60_000), DT), Sinusoid(3000.0, 0.0, 0.5, 0.0, DT)
+    whole = replace(of, dev=np.sqrt(440.0**2 / of.tau + 1.02 * line.variance(of.tau)))
+    assert least_squares(whole, others=[line]).terms["N"].value == pytest.approx(440.0, rel=3e-3)
 
 
 def test_the_variance_of_a_band_is_that_of_sinusoids_at_its_places():

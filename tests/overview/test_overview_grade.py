@@ -148,6 +148,10 @@ def test_a_constant_axis_is_stuck_a_simulation_that_never_changes_is_not_and_bur
     assert grade(made(imu, acc=acc))["stuck"].lost == 30.0
     still = ImuData(t=imu.t, gyr=np.zeros((len(imu), 3)), acc=np.tile([0.0, 0.0, G0], (len(imu), 1)))
     assert grade(still)["stuck"].lost == 0.0
+    for count, steps in ((50, 49), (49, 0)):  # from fifty samples on
+        acc = np.array(imu.acc)
+        acc[100 : 100 + count] = acc[100]
+        assert grade(made(imu, acc=acc))["stuck"].value == pytest.approx(steps * np.diff(imu.t).mean())
     imu = good()
     n = len(imu)
     t = 0.1 * (np.arange(n) // 10) + 0.0005 * (np.arange(n) % 10)  # ten rows at a time

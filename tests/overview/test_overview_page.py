@@ -33,12 +33,13 @@ def built():
 
 @pytest.fixture(scope="module")
 def imu():
-    """Forty seconds with a gap of 2 s, of a device with a name that is a script."""
+    """Forty seconds with a gap of 2 s and a slow magnetometer, of a device with a name that is a script."""
     made = plumbob.simulate("buoy", duration=40.0, seed=2, **SIM).imu
     t = made.t.copy()
     t[1500:] += 2.0
     meta = replace(made.meta, device=HOSTILE, t0_ns=1_800_000_000_000_000_000)
-    return replace(made, t=t, meta=meta)
+    slow = np.where(np.arange(t.size)[:, np.newaxis] % 5, np.nan, made.mag)
+    return replace(made, t=t, mag=slow, meta=meta)
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +93,8 @@ def test_every_sample_is_in_it(page, imu):
     assert np.array_equal(np.delete(times, 1500), imu.t)
     assert subject["breaks"] == [1500]
     assert subject["epoch"] == 1.8e9
+    holds = [subject["channels"][name]["hold"] for name in ("gyr_y", "mag_y")]
+    assert holds == pytest.approx([0.05, 0.25])  # five steps of its own
 
 
 def test_a_long_recording_says_how_many_samples_a_pair_is_and_several_stand_beside_each_other(imu, monkeypatch):

@@ -89,8 +89,7 @@ UNITS = [
 
 
 @pytest.mark.parametrize(
-    ("error", "old", "new", "pattern"),
-    [(DecodeError, *row) for row in PLACES] + [(UnitError, *row) for row in UNITS],
+    ("error", "old", "new", "pattern"), [(DecodeError, *row) for row in PLACES] + [(UnitError, *row) for row in UNITS]
 )
 def test_what_cannot_lie_in_the_frame_is_refused_with_its_field(error, old, new, pattern):
     with pytest.raises(error, match=pattern):

@@ -50,19 +50,16 @@ def test_next_to_half_turns_nothing_is_lost(axis, off):
     assert quat_angle(quat_from_dcm(dcm_from_quat(q)), q) <= 8 * EPS
 
 
-@pytest.mark.parametrize(
-    ("c", "says"),
-    [
-        (np.diag([1.0, 1.0, -1.0]), "determinant −1"),
-        (-np.eye(3), "determinant −1"),
-        (1.001 * np.eye(3), "not orthogonal"),
-        (np.zeros((3, 3)), "not orthogonal"),
-        (np.full((3, 3), np.nan), "not orthogonal"),
-        (np.eye(4), r"shape \(\.\.\., 3\)"),
-        (np.ones(3), r"shape \(\.\.\., 3, 3\)"),
-        (np.ones((2, 3)), r"shape \(\.\.\., 3, 3\)"),
-    ],
-)
+@pytest.mark.parametrize(("c", "says"), [
+    (np.diag([1.0, 1.0, -1.0]), "determinant −1"),
+    (-np.eye(3), "determinant −1"),
+    (1.001 * np.eye(3), "not orthogonal"),
+    (np.zeros((3, 3)), "not orthogonal"),
+    (np.full((3, 3), np.nan), "not orthogonal"),
+    (np.eye(4), r"shape \(\.\.\., 3\)"),
+    (np.ones(3), r"shape \(\.\.\., 3, 3\)"),
+    (np.ones((2, 3)), r"shape \(\.\.\., 3, 3\)"),
+])  # fmt: skip
 def test_refuses_what_is_no_rotation(c, says):
     with pytest.raises(ShapeError, match=says):
         quat_from_dcm(c)

@@ -104,19 +104,16 @@ def test_around_the_gimbal(sign, yaw, roll, off):
         assert apart(back[[0, 2]], [yaw, roll]).max() <= 4 * EPS / (off * GIMBAL_MARGIN) + ROUNDING
 
 
-@pytest.mark.parametrize(
-    ("q", "expected"),
-    [
-        ([1, 0, 0, 0], [0, 0, 0]),
-        ([0, 1, 0, 0], [0, 0, np.pi]),
-        ([0, 0, 0, 1], [np.pi, 0, 0]),
-        ([0, 0, 1, 0], [np.pi, 0, np.pi]),
-        ([-1, -0.0, -0.0, -0.0], [0, 0, 0]),
-        ([-0.0, 1, -0.0, -0.0], [0, 0, np.pi]),
-        ([-0.0, 1, -0.0, 0.0], [0, 0, np.pi]),
-        ([-0.0, -0.0, -0.0, 1], [np.pi, 0, 0]),
-    ],
-)
+@pytest.mark.parametrize(("q", "expected"), [
+    ([1, 0, 0, 0], [0, 0, 0]),
+    ([0, 1, 0, 0], [0, 0, np.pi]),
+    ([0, 0, 0, 1], [np.pi, 0, 0]),
+    ([0, 0, 1, 0], [np.pi, 0, np.pi]),
+    ([-1, -0.0, -0.0, -0.0], [0, 0, 0]),
+    ([-0.0, 1, -0.0, -0.0], [0, 0, np.pi]),
+    ([-0.0, 1, -0.0, 0.0], [0, 0, np.pi]),
+    ([-0.0, -0.0, -0.0, 1], [np.pi, 0, 0]),
+])  # fmt: skip
 def test_half_turns_are_plus_pi(q, expected):
     """Angles lie in (−π, π], whatever the sign of a zero."""
     assert np.array_equal(euler_zyx_from_quat(q), expected)

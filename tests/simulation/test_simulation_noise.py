@@ -71,14 +71,11 @@ def test_random_walk_rises_with_root_tau(n):
     assert_near(allan(y, n), expected, n, "walk")
 
 
-@pytest.mark.parametrize(
-    ("make", "kind", "slope", "ns"),
-    [
-        (lambda: errors.white(errors.white_sd(LEVEL, RATE), COUNT, stream(4, "s")), "white", -0.5, (4, 400)),
-        (lambda: errors.flicker(LEVEL, COUNT, stream(5, "s")), "flicker", 0.0, (16, 400)),
-        (lambda: errors.random_walk(LEVEL, COUNT, RATE, stream(6, "s")), "walk", 0.5, (16, 400)),
-    ],
-)
+@pytest.mark.parametrize(("make", "kind", "slope", "ns"), [
+    (lambda: errors.white(errors.white_sd(LEVEL, RATE), COUNT, stream(4, "s")), "white", -0.5, (4, 400)),
+    (lambda: errors.flicker(LEVEL, COUNT, stream(5, "s")), "flicker", 0.0, (16, 400)),
+    (lambda: errors.random_walk(LEVEL, COUNT, RATE, stream(6, "s")), "walk", 0.5, (16, 400)),
+])  # fmt: skip
 def test_slopes(make, kind, slope, ns):
     low, high = (allan(make(), n) for n in ns)
     found = np.log(high / low) / np.log(ns[1] / ns[0])

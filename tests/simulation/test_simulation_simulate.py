@@ -182,8 +182,10 @@ def test_jitter_moves_the_stamps_and_not_the_samples():
 
 
 def test_latency_shows_older_values():
-    late = Module("late", "test", gyr=TriadErrors(latency=(0.0, 0.02, 0.05)), acc=TriadErrors(latency=0.02))
+    open_ = TriadErrors(latency=(0.0, 0.02, 0.05), full_scale=(90.0, 90.0, np.inf))
+    late = Module("late", "test", gyr=open_, acc=TriadErrors(latency=0.02))
     plain, delayed = run("coning"), run("coning", late, unit="random")
+    assert delayed.imu.meta.gyr_range is None  # an axis without an end has none
     # 2 and 5 samples of 10 ms
     np.testing.assert_allclose(delayed.imu.gyr[5:, 0], plain.imu.gyr[5:, 0], atol=1e-12)
     np.testing.assert_allclose(delayed.imu.gyr[5:, 1], plain.imu.gyr[3:-2, 1], atol=1e-7)  # times round to 1 ns

@@ -185,6 +185,11 @@ def test_events_come_at_their_time(tmp_path):
     ((t, kind, text),) = outlet.events
     assert (kind, text) == ("mark", "half way")
     assert 2.0 < t < 3.0
+    shown.seek(t - 0.1)
+    shown.play()
+    clock.on(0.2)
+    shown.tick()
+    assert len(outlet.events) == 2
 
 
 def test_a_chain_that_is_played_stands_as_it_did(tmp_path):

@@ -30,16 +30,13 @@ def test_one_set_starts_from_its_own_sample_and_two_from_both():
         assert roll == pytest.approx(np.arctan2(-force[1], -force[2]), abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("scheme", "match"),
-    [
-        ({"set1": "lqr"}, "law of a set"),
-        ({"sets": 3}, "sets"),
-        ({"rule_units": "rad"}, "rule_units must be one of deg, deg as rad/s"),
-        (5, "six units"),
-        (6, "must point along -x"),  # not mounted as they are
-    ],
-)
+@pytest.mark.parametrize(("scheme", "match"), [
+    ({"set1": "lqr"}, "law of a set"),
+    ({"sets": 3}, "sets"),
+    ({"rule_units": "rad"}, "rule_units must be one of deg, deg as rad/s"),
+    (5, "six units"),
+    (6, "must point along -x"),  # not mounted as they are
+])  # fmt: skip
 def test_another_array_or_scheme_is_refused(scheme, match):
     array, _ = arm(1, turns=False)
     with pytest.raises(ShapeError if isinstance(scheme, int) else ParameterError, match=match):

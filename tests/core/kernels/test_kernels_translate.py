@@ -132,6 +132,11 @@ def test_an_index_is_refused_where_python_refuses_it_and_nowhere_else(compiled, 
     assert ours.tobytes() == theirs.tobytes()
 
 
+def test_other_threads_run_while_a_kernel_loops_over_numbers():
+    for one, lets in ((bind, True), (arithmetic, False)):
+        assert ("PyEval_SaveThread" in emit.unit("here", [one.py_func])) == lets
+
+
 def test_what_is_given_to_c_is_looked_at_first(compiled):
     call = compiled(bind)
     strided, single = np.zeros(8)[::2], np.zeros(4, dtype=np.float32)

@@ -50,36 +50,30 @@ def test_estimate_smooths_unless_it_is_asked_otherwise(hand):
     assert (smoother.process(hand.imu()).q_nb == whole.q_nb).all()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"filter": "mekf", "causal": True}, "causal is for the smoother, but filter is mekf"),
-        ({"causal": True, "lag": 1.0}, "causal is a lag of 0 s, but lag is 1.0. Leave one of them out"),
-        ({"filter": "vqf", "lag": 1.0}, "lag is for the smoother, but filter is vqf"),
-        ({"init": "flat"}, "init must be level, truth or ROLL,PITCH,HEADING with units"),
-        ({"init": "truth"}, "takes the first attitude of the recording's reference, but it has none"),
-        ({"lag": "5 m"}, "'m' is not a unit of time"),
-        ({"lag": -0.01}, "lag must be 0 to"),
-        ({"params": {"kp": 1.0}}, "smoother has no parameter 'kp'; known are acc_bias"),
-        ({"params": {"max_gap": 1.0}}, "smoother has no parameter 'max_gap'"),  # it is the samples' own
-        ({"params": {"speed": -1.0}}, "speed"),
-        ({"filter": "smother"}, "there is no filter 'smother'; known are .*smoother"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), [
+    ({"filter": "mekf", "causal": True}, "causal is for the smoother, but filter is mekf"),
+    ({"causal": True, "lag": 1.0}, "causal is a lag of 0 s, but lag is 1.0. Leave one of them out"),
+    ({"filter": "vqf", "lag": 1.0}, "lag is for the smoother, but filter is vqf"),
+    ({"init": "flat"}, "init must be level, truth or ROLL,PITCH,HEADING with units"),
+    ({"init": "truth"}, "takes the first attitude of the recording's reference, but it has none"),
+    ({"lag": "5 m"}, "'m' is not a unit of time"),
+    ({"lag": -0.01}, "lag must be 0 to"),
+    ({"params": {"kp": 1.0}}, "smoother has no parameter 'kp'; known are acc_bias"),
+    ({"params": {"max_gap": 1.0}}, "smoother has no parameter 'max_gap'"),  # it is the samples' own
+    ({"params": {"speed": -1.0}}, "speed"),
+    ({"filter": "smother"}, "there is no filter 'smother'; known are .*smoother"),
+])  # fmt: skip
 def test_what_contradicts_itself_is_refused_in_words(hand, arguments, words):
     with pytest.raises(ParameterError, match=words):
         estimate(hand.imu(), **arguments)
 
 
-@pytest.mark.parametrize(
-    ("recorded", "words"),
-    [
-        (lambda hand: hand.imu(acc=None), "smoother needs gyr, acc, but the recording has no acc"),
-        (lambda hand: hand.imu(gyr=kept(hand.gyr, [0])), "smoother needs two samples with a rate"),
-        (lambda hand: hand.imu(gyr=kept(hand.gyr, [300])), "smoother needs two samples with a rate"),
-        (lambda hand: {}, "data must be an ImuData, but it is a dict"),
-    ],
-)
+@pytest.mark.parametrize(("recorded", "words"), [
+    (lambda hand: hand.imu(acc=None), "smoother needs gyr, acc, but the recording has no acc"),
+    (lambda hand: hand.imu(gyr=kept(hand.gyr, [0])), "smoother needs two samples with a rate"),
+    (lambda hand: hand.imu(gyr=kept(hand.gyr, [300])), "smoother needs two samples with a rate"),
+    (lambda hand: {}, "data must be an ImuData, but it is a dict"),
+])  # fmt: skip
 def test_what_lacks_a_sensor_is_refused(hand, recorded, words):
     with pytest.raises(ShapeError, match=words):
         Smoother(frame="ENU").process(recorded(hand))

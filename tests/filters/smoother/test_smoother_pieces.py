@@ -1,6 +1,7 @@
 """What the smoother without a lag is made of: doubts, weights of a field, what proves one, rest, and the level."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,10 +11,12 @@ from plumbob.core.units import deg, dps
 from plumbob.filters.smoother import causal as onward
 from plumbob.filters.smoother import inertial, live
 from plumbob.filters.smoother import stationary as standing
-from plumbob.filters.smoother.field import Reference, share_of_rest, weighted_median, weights
+from plumbob.filters.smoother.field import Reference, bias_of_drift, share_of_rest, weighted_median, weights
 from plumbob.filters.smoother.inertial import calm, first_rest
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import SIZE, Params
+from plumbob.filters.smoother.passes import Smoothed
+from plumbob.filters.smoother.sensor_fixed_field import attached_field
 from plumbob.filters.smoother.sweeps import COUNT, FIELD, FORCE, MEANS, Last
 from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate, rotvec_from_quat
 from tests.helpers import slow_as_python
@@ -183,3 +186,34 @@ def test_a_field_far_off_is_another_one_however_far_all_are_off():
     values = np.array([4.0, 1.0, 3.0, 2.0])
     middles = [weighted_median(values, np.array(of)) for of in ([1.0] * 4, [10.0, 1.0, 1.0, 1.0], [1.0, 1.0, 3.0, 1.0])]
     assert middles == [2.0, 4.0, 3.0]  # of their weight
+
+
+def test_in_a_minute_a_drift_shows_a_bias_to_a_twentieth_of_a_degree_per_second():
+    """What is known as well beforehand halves it: information is the sum of both."""
+    frames = SimpleNamespace(step=np.ones(60), gap=np.zeros(60, dtype=bool))
+    sweep = SimpleNamespace(
+        q=np.tile([1.0, 0.0, 0.0, 0.0], (61, 1)), cov=np.tile(dps(0.05) ** 2 * np.eye(6), (61, 1, 1))
+    )
+    found = bias_of_drift(frames, SimpleNamespace(sweep=sweep), dps(0.1) * np.arange(60.0))
+    assert found == pytest.approx([0.0, 0.0, -dps(0.05)])
+
+
+def test_what_a_recording_did_not_show_of_the_gyroscope_stays_as_it_was():
+    """The third number of the matrix is known to 0.6 of what it was, the others to 0.4."""
+    cov = np.full((12, 12), 0.1) + 0.06 * np.eye(12)
+    cov[5, 5] = 0.36
+    sweep = SimpleNamespace(unit_cov=cov, matrix=np.ones(9), bias=np.ones((2, 3)))
+    found = Smoothed(None, sweep, None, None, None, None, np.eye(21)).learned
+    assert found.matrix.ravel().tolist() == [1.0, 1.0, 0.0, *[1.0] * 6]
+    assert found.cov[5].tolist() == found.cov[:, 5].tolist() == np.eye(12)[5].tolist()
+    assert (np.delete(np.delete(found.cov, 5, 0), 5, 1) == np.delete(np.delete(cov, 5, 0), 5, 1)).all()
+
+
+@pytest.mark.parametrize(("size", "taken_off"), [(8.0, True), (3.0, False)])
+def test_a_field_that_all_windows_show_alike_is_the_unit_s_own(size, taken_off):
+    """From 5 µT on it is taken off; less may be an uneven field of the place."""
+    h = by_hand(20.0, seed=1, noise=None)
+    own = np.array([0.0, size, 0.0])
+    found = attached_field(Keyframes.from_imu(h.imu(mag=h.mag + own), 0.049), h.middle)
+    for field, expected in ((found.iron, taken_off * own), (found.suspect, (not taken_off) * own)):
+        np.testing.assert_allclose(field, expected, rtol=0.0, atol=0.1)

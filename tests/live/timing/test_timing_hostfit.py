@@ -68,6 +68,12 @@ def test_offset_and_drift(drift_ppm):
     assert found.worst > found.p99
 
 
+@pytest.mark.parametrize(("seconds", "believed_ppm"), [(9.8, 50_000.0), (10.8, 100_000.0)])
+def test_a_drift_of_more_than_5_percent_is_believed_after_ten_seconds(seconds, believed_ppm):
+    fit = HostFit().observe(*points(round(seconds * 100.0 / 1.1), drift_ppm=100_000.0))
+    assert fit.drift_ppm == pytest.approx(believed_ppm, rel=0.01)
+
+
 def test_no_point_is_below_the_line_when_it_comes_and_pieces_give_the_same_bits():
     fit, (device, host) = HostFit(), points(3000)
     for k in range(3000):

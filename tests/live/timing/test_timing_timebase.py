@@ -361,6 +361,7 @@ class TestOtherFaults:
         assert np.flatnonzero(stamps.flags).tolist() == [1500]
         assert (stamps.flags[1500], stamps.step[1500]) == (TIME_FAULT, 0)
         assert (report.duplicates, report.lost) == (1, 0)
+        assert report.rate == pytest.approx(100.0, rel=1e-4)  # a third of a frame in 3000
         assert_orderly(stamps)
 
     @pytest.mark.parametrize("name", ["frames", "clock", "short"])
@@ -467,27 +468,24 @@ def three(spec, frames):
 
 
 class TestRefusals:
-    @pytest.mark.parametrize(
-        ("make", "error", "message"),
-        [
-            (lambda: Counter(0), ParameterError, "1 to 64 bits"),
-            (lambda: Counter(65), ParameterError, "1 to 64 bits"),
-            (lambda: Counter(16, 0), ParameterError, "tick_ns must be above 0"),
-            (lambda: Counter(16, float("nan")), ParameterError, "finite number"),
-            (lambda: Counter(16, Fraction(1, 2**31)), ParameterError, "denominator up to 2³⁰"),
-            (lambda: TimeSpec(clock=Counter(16)), ParameterError, "clock needs tick_ns"),
-            (lambda: TimeSpec(frames=Counter(16, 10)), ParameterError, "frames counts frames"),
-            (lambda: TimeSpec(rate=0.0), ParameterError, "rate must be"),
-            (lambda: TimeSpec(rate=float("nan")), ParameterError, "rate must be"),
-            (lambda: TimeSpec(frame_bytes=0), ParameterError, "frame_bytes"),
-            (lambda: TimeSpec(speed=0.0), ParameterError, "speed must be positive and finite"),
-            (lambda: TimeSpec(speed=np.inf), ParameterError, "speed must be positive and finite"),
-            (lambda: CountedTime(TimeSpec(frames=Counter(8))), ParameterError, "time can only be counted at a rate"),
-            (lambda: three(CLOCKED, np.arange(3)), ShapeError, "clock is missing; .* a counter of 32 bits"),
-            (lambda: three(COUNTED, np.zeros(3)), ShapeError, "a row of integers, 3, one per frame"),
-            (lambda: three(COUNTED, np.zeros((3, 1), dtype=np.int64)), ShapeError, "a row of integers, 3"),
-        ],
-    )
+    @pytest.mark.parametrize(("make", "error", "message"), [
+        (lambda: Counter(0), ParameterError, "1 to 64 bits"),
+        (lambda: Counter(65), ParameterError, "1 to 64 bits"),
+        (lambda: Counter(16, 0), ParameterError, "tick_ns must be above 0"),
+        (lambda: Counter(16, float("nan")), ParameterError, "finite number"),
+        (lambda: Counter(16, Fraction(1, 2**31)), ParameterError, "denominator up to 2³⁰"),
+        (lambda: TimeSpec(clock=Counter(16)), ParameterError, "clock needs tick_ns"),
+        (lambda: TimeSpec(frames=Counter(16, 10)), ParameterError, "frames counts frames"),
+        (lambda: TimeSpec(rate=0.0), ParameterError, "rate must be"),
+        (lambda: TimeSpec(rate=float("nan")), ParameterError, "rate must be"),
+        (lambda: TimeSpec(frame_bytes=0), ParameterError, "frame_bytes"),
+        (lambda: TimeSpec(speed=0.0), ParameterError, "speed must be positive and finite"),
+        (lambda: TimeSpec(speed=np.inf), ParameterError, "speed must be positive and finite"),
+        (lambda: CountedTime(TimeSpec(frames=Counter(8))), ParameterError, "time can only be counted at a rate"),
+        (lambda: three(CLOCKED, np.arange(3)), ShapeError, "clock is missing; .* a counter of 32 bits"),
+        (lambda: three(COUNTED, np.zeros(3)), ShapeError, "a row of integers, 3, one per frame"),
+        (lambda: three(COUNTED, np.zeros((3, 1), dtype=np.int64)), ShapeError, "a row of integers, 3"),
+    ])  # fmt: skip
     def test_what_is_refused(self, make, error, message):
         with pytest.raises(error, match=message):
             make()
