@@ -207,7 +207,7 @@ def test_what_nothing_speaks_for_stays_a_question_and_nothing_is_written(tmp_pat
     [
         (OPEN, UP | {"gyr.unit": "m/s"}, "gyr.unit"),
         (OPEN, UP | UNITS | {"frame": "up"}, "frame"),
-        ("Time (s)," + names("Linear Acceleration * (m/s^2)") + "\n" + rows(T, *ACC.T), {}, "without gravity"),
+        ("Time (s)," + names("Linear Acceleration * (m/s^2)") + "\n" + rows(T, *GYR.T), {}, "without gravity"),
         ("t," + names("speed_*") + "\n" + rows(T, *ACC.T), {}, "no three columns look like"),
     ],
 )

@@ -7,17 +7,23 @@ unit of another quantity than the words say makes a column nothing that is used.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity, canonical_name, is_name
 
 _WORDS: Final = {
-    "gyr": re.compile(r"g|w|gyr\w*|giro\w*|omega|angvel|drehrate\w*|winkelgeschwindigkeit\w*|角速度|陀螺\w*"),
-    "acc": re.compile(r"a|f|acc\w*|acél\w*|acel\w*|beschl\w*|加速度"),
-    "mag": re.compile(r"m|b|mag\w*|compass|kompass|磁\w*"),
+    "gyr": re.compile(r"g|w|gyr\w*|giro\w*|omega|ω|angvel|dreh\w*|(winkel|rotations)geschw\w*|角速度|陀螺\w*|гиро\w*"),
+    "acc": re.compile(r"a|f|acc\w*|acél\w*|acel\w*|alpha|beschl\w*|versnel\w*|加速度|ускор\w*"),
+    "mag": re.compile(r"m|b|mag\w*|compass|kompass|磁\w*|маг\w*"),
 }
 _PHRASES: Final = (
-    ("gyr", re.compile(r"angular (rate|velocity|vel|speed)|rot\w* (rate|velocity)|(roll|pitch|yaw) rate|\brates?\b")),
+    (
+        "gyr",
+        re.compile(
+            r"ang(ular)? (rate|velocity|vel|speed)|(vit|vel)\w* ang(ul|ol)\w*|rot\w* (rate|velocity|speed)|\brates?\b"
+        ),
+    ),
     ("acc", re.compile(r"specific force")),
     ("mag", re.compile(r"magnetic( field)?|^field$|local flux")),
 )
@@ -28,13 +34,13 @@ _OTHER: Final = re.compile(
 )
 _TIME: Final = re.compile(
     r"t|ts|.*\b(times?|timestamps?|stamps?|micros|millis|usec|msec|elapsed|epoch|clock|timems|timeus)\b.*|"
-    r"sec\w*|date.*|gps tow|.*\btow\b.*|.*时间.*|zeit.*|temps|tiempo.*"
+    r"sec\w*|date.*|gps tow|.*\btow\b.*|.*时间.*|zeit.*|temps|tiempo.*|tempo|tid|czas|время"
 )
 _COUNTER: Final = re.compile(
     r"n|i|no|nr|id|.*\b(sample|samples|count|counter|index|idx|packet|seq|sequence|row|iteration|frame)\b.*|.*序号.*"
 )
 _WEEK: Final = re.compile(r".*\bgps week\b.*|week( no\w*)?")
-_TEMPERATURE: Final = re.compile(r"t(emp)? ?c|.*\btemp\w*\b.*|.*温度.*")
+_TEMPERATURE: Final = re.compile(r"t(emp)? ?c|.*\btemp(erat\w*)?\b.*|.*温度.*")
 _QUATERNION: Final = re.compile(r".*\b(q|quat|quaternion|orientation|attitude)\b.*|q|quat")
 _SCALAR: Final = {"w", "s", "scalar", "real"}
 _SUFFIXES: Final = {
@@ -158,10 +164,37 @@ def _is_word(word: re.Pattern[str], token: str, words: Sequence[str]) -> bool:
     return bool(word.fullmatch(token)) and (len(token) > 1 or len(words) == 1 or token == words[-1])
 
 
+_SPELLINGS: Final = (
+    (r"[()]", ""),
+    (r"[º˚]", "°"),
+    (r"(?i)\bmicro[- ]?t(esla)?s?$", "uT"),
+    (r"(?i)\bmilli[- ]?(?=g|deg|rad|s)", "m"),
+    (r"(?i)\bmicro[- ]?(?=s)", "u"),
+    (r"(?i)\bnano[- ]?(?=s)", "n"),
+    (r"(?i)(?<=^[mun])s(ec(ond)?s?)?$", "s"),
+    (r"(?i)rad(ian)?s?\b", "rad"),
+    (r"(?i)\bdps$", "deg/s"),
+    (r"(?i)\bd(eg(ree)?s?)?(?=[\s*.·]*(/|per|s\^?[-⁻]))|\bdegrees?$", "deg"),
+    (r"(?i)met(er|re)s?\b", "m"),
+    (r"(?i)(\s*per\s*|/\s*)s(ec(ond)?s?)?\b", "/s"),
+    (r"(?i)\bg[' ]?s$|^lsb/g$", "g"),
+    (r"[*.· ]*s\^?(-|⁻)[1¹]$", "/s"),
+    (r"[*.· ]*s\^?(-|⁻)[2²]$", "/s2"),
+    (r"/s(\^|\*\*| )[2²]$|/s squared$", "/s2"),
+)
+"""How people spell units, and what that comes to, one after the other."""
+_LETTERS: Final = {"G": "g", "mG": "mg"}
+"""Gauss for a field, and for an acceleration what it is at rest."""
+
+
+@cache
 def canonical(name: str, kind: Quantity) -> str:
     """Our name of a unit of a quantity; empty where it is none."""
-    plain = re.sub(r"[()\s]", "", name) if "(" in name else name.strip()
-    plain = re.sub(r"[* ]*s\^?-1$", "/s", re.sub(r"[* ]*s\^?-2$", "/s2", plain)) if "-" in plain else plain
+    plain = name.strip()
+    if not is_name(plain, kind):
+        for spelling, ours in _SPELLINGS:
+            plain = re.sub(spelling, ours, plain)
+        plain = _LETTERS.get(plain, plain) if kind is Quantity.ACCELERATION else plain
     return canonical_name(plain, kind) if is_name(plain, kind) else ""
 
 
@@ -174,7 +207,7 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
         if not re.fullmatch(r"[\dxyzw]", text)
     ]
     inner = re.fullmatch(r"\s*[\[(](.*)[\])]\s*", unit)
-    tail = re.search(r"\bin (\S+)$", name.strip())
+    tail = re.search(r"(?:\bin |, ?)(\S+)$", name.strip())
     said = brackets[-1] if brackets else tail[1] if tail else ""
     stated = (inner[1] if inner else unit.strip() or said).strip()
     stated = "" if re.fullmatch(r"x[0-9A-Fa-f]{4}", stated) else stated
@@ -200,7 +233,7 @@ def _unit_word(text: str, plain: str, count: int) -> str:
     unit = _SUFFIXES.get(text, last)
     if count == 1 and len(last) == 1 and last not in {"g", "s"}:
         return ""
-    return next((name for kind in _ALL[:-1] if (name := canonical(unit, kind))), "")
+    return unit if any(canonical(unit, kind) for kind in _ALL[:-1]) else ""
 
 
 def _split_axis(words: list[str]) -> tuple[str, str]:

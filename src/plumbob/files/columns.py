@@ -1,8 +1,9 @@
 """A recording as flat named columns, and back: the one list of names, units and types that files share.
 
 Times in text are dates and clock times by ISO 8601, ``2024-05-01T12:30:05.120+08:00``, as loggers write it: a blank for
-the T, slashes for the hyphens, one digit for two, a comma in the fraction, a clock time without a date. The year comes
-first; a date that begins with the day or the month could be read in two ways.
+the T, slashes for the hyphens, one digit for two, a comma or a colon before the fraction, AM and PM, a clock time
+without a date. The year comes first, or the day where the month has a name or dots stand between them. Of a date that
+could be read in two ways, as 5/8/2024, only the clock time is used.
 """
 
 import re
@@ -26,10 +27,14 @@ from plumbob.rotations import Frame, North
 FORM: Final = "ISO 8601"
 _DAY_NS: Final = 86_400 * 10**9
 _EPOCH: Final = date(1970, 1, 1).toordinal()
-_DATE: Final = r"(\d{4})([-/])(\d{1,2})\2(\d{1,2})"
-_CLOCK: Final = r"(\d{1,2}):(\d\d):(\d\d)(?:[.,](\d+))?"
-_ZONE: Final = r"(Z|UTC|[+-]\d\d(?::?\d\d)?)"
-_STAMP: Final = re.compile(rf"(?:{_DATE}(?:T| +))?{_CLOCK} *{_ZONE}?", re.IGNORECASE)
+_MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_DATE: Final = (
+    r"(?P<year>\d{4})([-/])(?P<month>\d{1,2})\2(?P<day>\d{1,2})|(?P<dotted>\d{1,2}\.\d{1,2}\.\d{4})|"
+    rf"(?P<named>\d{{1,2}}[- ](?:{'|'.join(_MONTHS)})[a-z]*[- ]\d{{4}})|\d{{1,2}}[-/]\d{{1,2}}[-/]\d{{4}}"
+)
+_CLOCK: Final = r"(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d)(?:[.,:](?P<fraction>\d+))?(?: *(?P<half>[ap])m)?"
+_ZONE: Final = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)"
+_STAMP: Final = re.compile(rf"(?:(?:{_DATE})(?:T| +))?{_CLOCK} *{_ZONE}?", re.IGNORECASE)
 _CLOCKLIKE: Final = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ].*)?|.*\d{1,2}:\d\d:\d\d.*")
 
 
@@ -46,7 +51,7 @@ def is_stamp(cell: str) -> bool:
 def has_zone(cell: str) -> bool:
     """Tell whether a time that can be read here names its zone."""
     match = _STAMP.fullmatch(cell.strip())
-    return match is not None and match[9] is not None
+    return match is not None and match["zone"] is not None
 
 
 def zone_ns(text: str) -> int:
@@ -120,21 +125,28 @@ def _parsed(row: int, cell: str) -> tuple[int, tuple[bool, bool]]:
     match = _STAMP.fullmatch(cell.strip())
     if match is None:
         raise StampError(f"{excerpt(cell)} is not a time in the form of {FORM}, as 2024-05-01T12:30:05.120Z.", row)
-    year, _, month, day, hour, minute, second, fraction, zone = match.groups()
+    zone, fraction = match["zone"], match["fraction"]
     try:
-        days = _days(year, month, day) if year else 0
+        days = _days(match["year"], match["month"], match["day"], match["dotted"] or match["named"])
     except ValueError:
         raise StampError(f"{excerpt(cell)} has no such day.", row) from None
-    if int(hour) > 23 or int(minute) > 59 or int(second) > 59:
+    hour, minute, second = int(match["hour"]), int(match["minute"]), int(match["second"])
+    if hour > 23 or minute > 59 or second > 59 or (match["half"] and not 1 <= hour <= 12):
         raise StampError(f"{excerpt(cell)} has no such hour, minute or second.", row)
-    seconds = int(hour) * 3600 + int(minute) * 60 + int(second)
-    ns = days * _DAY_NS + seconds * 10**9 + (int(f"{fraction:0<9.9}") if fraction else 0)
-    return ns - (_ahead(zone) if zone else 0), (year is not None, zone is not None)
+    if match["half"]:
+        hour = hour % 12 + (12 if match["half"] in "pP" else 0)
+    seconds = hour * 3600 + minute * 60 + second
+    ns = (days or 0) * _DAY_NS + seconds * 10**9 + (int(f"{fraction:0<9.9}") if fraction else 0)
+    return ns - (_ahead(zone) if zone else 0), (days is not None, zone is not None)
 
 
 @cache
-def _days(year: str, month: str, day: str) -> int:
-    return date(int(year), int(month), int(day)).toordinal() - _EPOCH
+def _days(year: str | None, month: str, day: str, day_first: str | None) -> int | None:
+    """Days since 1970; None where there is no date, or one that could be read in two ways."""
+    if day_first is not None:
+        day, month, year = re.split(r"[-. ]", day_first)
+        month = month if month.isdigit() else str(_MONTHS.index(month[:3].lower()) + 1)
+    return None if year is None else date(int(year), int(month), int(day)).toordinal() - _EPOCH
 
 
 @cache

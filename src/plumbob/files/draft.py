@@ -37,6 +37,12 @@ from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axe
 _TIMES: Final = ("s", "ms", "us", "ns")
 _RATES: Final = (0.5, 50_000.0)
 """Sampling rates that are plausible, Hz."""
+_SAID_RATES: Final = (
+    (r"(?:rate|freq\w*|odr|sampling)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*(?:hz|sps)?(?![\w.%])", "Hz"),
+    (r"(?:\bat|sampling|@)\W*(\d+(?:\.\d+)?)\s*(?:hz|sps)\b", "Hz"),
+    (r"(?:rate|interval|period|sampling)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*ms\b", "ms"),
+)
+"""How lines before a table say its sampling rate, and the unit of the number."""
 _CENTURY: Final = (datetime(2000, 1, 1, tzinfo=UTC).timestamp(), datetime(2100, 1, 1, tzinfo=UTC).timestamp())
 _USUAL_RATES: Final = (4.0, 9000.0)
 """Sampling rates of inertial sensors in use, Hz."""
@@ -135,11 +141,12 @@ def profile(
                 sample = read_sample(file)
             parts = _by_sensor(sample) if len(files) == 1 else []
             names = file.name if len(files) > 1 else ""
-            streams += [_DraftWriter(file.name, *part, stream=names or "*") for part in parts] or [
-                _DraftWriter(file.name, sample, stream=names)
+            given = dict(answers or {})
+            streams += [_DraftWriter(file.name, *part, stream=names or "*", answers=given) for part in parts] or [
+                _DraftWriter(file.name, sample, stream=names, answers=given)
             ]
     with reading(files[0]):
-        draft = _joined(streams, accept, dict(answers or {}))
+        draft = _joined(streams, accept)
         if accept and not draft.questions:
             parse_profile(draft.text)
     if out is not None and not (accept and draft.questions):
@@ -198,9 +205,9 @@ def answer(text: str) -> tuple[str, Any]:
         return key.strip(), value.strip()
 
 
-def _joined(streams: "Sequence[_DraftWriter]", accept: bool, answers: dict[str, Any]) -> Draft:
+def _joined(streams: "Sequence[_DraftWriter]", accept: bool) -> Draft:
     """One draft of all streams; each answer is for every stream that has its key."""
-    drafts = [stream.draft(accept, answers) for stream in streams]
+    drafts = [stream.draft(accept) for stream in streams]
     questions = dict.fromkeys(question for draft in drafts for question in draft.questions)
     evidence = dict.fromkeys(fact for draft in drafts for fact in draft.evidence)
     return Draft("\n".join(draft.text for draft in drafts), tuple(questions), tuple(evidence))
@@ -213,7 +220,7 @@ def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str], str
         return []
     for i in range(sample.width):
         cells = sample.cells(i)
-        sensors = {word: taken_apart(f"{word} x").sensor for word in dict.fromkeys(cells)}
+        sensors = {word: sensor_of(word) for word in dict.fromkeys(cells)}
         sensor_by_word = {word: sensor for word, sensor in sensors.items() if sensor in TRIADS}
         apart = len(set(sensor_by_word.values())) == len(sensor_by_word)
         if sensor_by_word and apart and len(sensors) <= _MOST_SENSORS:
@@ -238,15 +245,23 @@ class _DraftWriter:
     """Makes the text, key by key, and collects the questions."""
 
     def __init__(
-        self, name: str, sample: Sample, where: tuple[int | str, str] | tuple[()] = (), sensor: str = "", *, stream: str
+        self,
+        name: str,
+        sample: Sample,
+        where: tuple[int | str, str] | tuple[()] = (),
+        sensor: str = "",
+        *,
+        stream: str,
+        answers: Mapping[str, Any],
     ) -> None:
-        self._name, self._sample, self._where, self._stream = name, sample, where, stream
+        self._name, self._sample, self._where, self._stream, self._answers = name, sample, where, stream, answers
         self._names = sample.for_cells(sample.names)
         units = sample.for_cells(sample.units)
         self._parts = [taken_apart(*both) for both in zip(self._names, units, strict=True)]
-        self._parts = _turn_rates(self._parts, self._names)
-        if sensor:
-            self._parts = [replace(p, base=sensor) if p.axis and not p.sensor else p for p in self._parts]
+        self._parts = _with_axes(_turn_rates(self._parts, self._names))
+        self._sensor = sensor or ("" if any(p.axis and p.sensor for p in self._parts) else sensor_of(Path(name).stem))
+        if base := {"linear": "linear acc"}.get(self._sensor, self._sensor):
+            self._parts = [replace(p, base=base) if p.axis and not p.sensor else p for p in self._parts]
         self._numbers = [sample.numbers(i) for i in range(sample.width)]
         self._known = next((log for log in KNOWN if log.fits(sample)), None)
         self._clocks = self._first_of_four()
@@ -254,6 +269,8 @@ class _DraftWriter:
         self._quaternion = self._quaternion_columns()
         self._angles = () if self._quaternion else self._angle_columns()
         self._triads = self._named_triads() or (self._sized_triads() if self._is_nameless() else {})
+        self._triads |= self._answered_triads()
+        self._triads = {name: columns for name, columns in self._triads.items() if columns}
         self._turns = self._best_turning()
         self._temperature = next((i for i in self._free() if self._parts[i].is_temperature), None)
         self._lines: list[str] = []
@@ -261,12 +278,10 @@ class _DraftWriter:
         self._evidence: list[tuple[str, str]] = []
         self._table = ""
         self._accept = False
-        self._answers: dict[str, Any] = {}
 
-    def draft(self, accept: bool, answers: Mapping[str, Any]) -> Draft:
+    def draft(self, accept: bool) -> Draft:
         """Write all tables."""
         self._accept = accept
-        self._answers = dict(answers)
         if not self._triads and not self._quaternion and not self._angles:
             linear = any(part.sensor == "linear" for part in self._parts)
             raise DecodeError(
@@ -304,13 +319,32 @@ class _DraftWriter:
         taken |= {i for columns in getattr(self, "_triads", {}).values() for i in columns}
         return [i for i in range(self._sample.width) if i not in taken and np.isfinite(self._numbers[i]).any()]
 
+    def _place(self, key: str, ref: Any) -> int:
+        """Place of a column that an answer names."""
+        known = [self._names.index(ref)] if ref in self._names else [ref - 1] if type(ref) is int else []
+        if not known or not 0 <= known[0] < self._sample.width:
+            names = ", ".join(filter(None, self._names)) or f"the numbers 1 to {self._sample.width}"
+            raise DecodeError(f"the answer {key} names the column {ref!r}, which is not there; known are {names}.")
+        return known[0]
+
+    def _answered_triads(self) -> dict[str, tuple[int, ...]]:
+        """Triads whose columns are answered; an empty list leaves one out, and of nameless columns no other is left."""
+        keys = {name: f"{name}.columns" for name in TRIADS}
+        answered = {
+            name: tuple(self._place(key, ref) for ref in self._answers[key])
+            for name, key in keys.items()
+            if key in self._answers and (name in self._triads or not self._stream)
+        }
+        others = set(self._triads) - set(answered) if any(answered.values()) and self._is_nameless() else set()
+        return dict.fromkeys(others, ()) | answered
+
     def _time_columns(self) -> tuple[int, ...]:
         """Columns of time: stamps, or numbers that rise from row to row; those with a unit and a name come first."""
+        if "time.column" in self._answers:
+            return (self._place("time.column", self._answers["time.column"]),)
         named = [i for i, part in enumerate(self._parts) if part.is_time]
-        stated = [i for i in named if self._parts[i].unit_as(Quantity.TIME)]
-        for i in (*stated, *named):
-            if self._rises(i):
-                return (i,)
+        if rising := [i for i in named if self._rises(i)]:
+            return (min(rising, key=self._time_rank),)
         others = [i for i in range(self._sample.width) if i not in named]
         for i in (*named, *others):
             cells = self._sample.cells(i)
@@ -343,6 +377,15 @@ class _DraftWriter:
         steps = np.diff(finite)
         is_whole = finite.size > (1.0 - LEFT_OUT_MOST) * numbers.size
         return bool(is_whole and steps.size and np.sum(steps > 0.0) > 3.0 * np.sum(steps < 0.0))
+
+    def _time_rank(self, column: int) -> tuple[bool, bool, bool]:
+        """Which of several clocks is taken: one that does not begin again, of single samples, in a unit that it has."""
+        steps = np.diff(self._numbers[column])
+        return (
+            bool((steps < 0.0).any()),
+            np.sum(steps > 0.0) < 0.5 * steps.size,
+            not self._parts[column].unit_as(Quantity.TIME),
+        )
 
     @property
     def _stamped(self) -> bool:
@@ -378,7 +421,7 @@ class _DraftWriter:
             sets: dict[str, dict[str, int]] = {}
             for i in self._free():
                 part = self._parts[i]
-                if part.axis and name in {part.sensor, part.by_unit}:
+                if part.axis and (name in {part.sensor, part.by_unit} or (name, part.sensor) == ("acc", "linear")):
                     sets.setdefault(f"{part.base} {part.unit}", {}).setdefault(part.axis, i)
             complete = [
                 tuple(axes[letter] for letter in letters)
@@ -386,13 +429,29 @@ class _DraftWriter:
                 for letters in ("xyz", "012", "123", "234")
                 if set(letters) == set(axes) or (letters == "xyz" and set(letters) <= set(axes))
             ]
-            complete.sort(key=lambda columns: not self._parts[columns[0]].unit_as(QUANTITY_BY_TRIAD[name]))
+            complete = [columns for columns in complete if self._is_measured(columns)]
+            complete.sort(key=lambda columns: self._rank(name, self._parts[columns[0]]))
             triads |= {name: complete[0]} if complete else {}
         return triads
+
+    def _is_measured(self, columns: Sequence[int]) -> bool:
+        """Whether they hold more than zeros, and an acceleration that is called linear has gravity in it, as in ROS."""
+        linear = self._parts[columns[0]].sensor == "linear"
+        return bool(np.any(self._vectors(columns))) and (not linear or self._has_gravity(columns))
+
+    def _has_gravity(self, columns: Sequence[int]) -> bool:
+        return self._steady(columns) and bool(_gravity_unit(self._size(columns)).unit)
+
+    @staticmethod
+    def _rank(name: str, part: ColumnName) -> tuple[bool, bool, bool]:
+        """Which of several sets is the sensor's: with gravity, in its unit, no rates that are wanted or derived."""
+        return part.sensor == "linear", not part.unit_as(QUANTITY_BY_TRIAD[name]), "rate" in part.base.split()
 
     def _sized_triads(self) -> dict[str, tuple[int, ...]]:
         """Threes of neighbouring columns without names, by their size: gravity is steady, the field is nearly so."""
         free = self._free()
+        if self._sensor in TRIADS and len(free) == len("xyz"):
+            return {self._sensor: tuple(free)}
         threes = [tuple(free[i : i + 3]) for i in range(0, len(free) - 2, 3)]
         triads: dict[str, tuple[int, ...]] = {}
         for three in threes:
@@ -538,10 +597,11 @@ class _DraftWriter:
 
     def _sampling_rate(self) -> str:
         """Sampling rate that the lines before the table say, with its unit; empty where none does."""
-        for key, value in self._sample.facts.items():
-            number = re.match(r"\s*(\d+(?:\.\d+)?)\s*(hz)?", value, re.IGNORECASE)
-            if number and re.search(r"\b(rate|frequency|freq|odr)\b|rate$", key) and "baud" not in key:
-                return f"{number[1]} Hz"
+        said = [f"{key}: {value}" for key, value in self._sample.facts.items() if "baud" not in key]
+        for pattern, unit in _SAID_RATES:
+            for line in said:
+                if number := re.search(pattern, line, re.IGNORECASE):
+                    return f"{number[1] if unit == 'Hz' else f'{1.0 / to_si(float(number[1]), unit):g}'} Hz"
         return ""
 
     def _write_reference(self) -> None:
@@ -571,8 +631,8 @@ class _DraftWriter:
 
     def _write_triad(self, name: str, columns: tuple[int, ...]) -> None:
         self._open(name)
-        named = bool(self._parts[columns[0]].axis)
-        by = "by their names" if named else "by their size"
+        named = bool(self._parts[columns[0]].axis) or bool(self._sensor)
+        by = "by their names" if named else "by their size; [] if they are none"
         sure, refs = named or self._is_sure_by_size(), tuple(map(self._ref, columns))
         self._set("columns", refs, f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure)
         zero = self._middle(columns)
@@ -706,6 +766,22 @@ def _turn_rates(parts: list[ColumnName], names: Sequence[str]) -> list[ColumnNam
     at = letters.find("pqr")
     rates = [replace(part, base="gyr", axis=axis) for part, axis in zip(parts[at : at + 3], "xyz", strict=False)]
     return parts if at < 0 else [*parts[:at], *rates, *parts[at + 3 :]]
+
+
+def sensor_of(words: str) -> str:
+    """Which sensor the name of a file or a kind of row is of; a single letter says nothing."""
+    longer = re.findall(r"[^\W_]{2,}", words)
+    return taken_apart(" ".join([*longer, "x"])).sensor
+
+
+def _with_axes(parts: list[ColumnName]) -> list[ColumnName]:
+    """Names of which one says the sensor, and the two behind it nothing but y and z, or their numbers."""
+    for i in range(len(parts) - 2):
+        first, letters = parts[i], "".join(part.axis or part.base for part in parts[i + 1 : i + 3]).lower()
+        bare = not any(part.sensor or part.unit for part in parts[i + 1 : i + 3])
+        if first.sensor and first.axis in {"", "x"} and bare and letters in {"yz", "12", "23"}:
+            parts[i : i + 3] = [replace(first, axis=axis) for axis in "xyz"]
+    return parts
 
 
 def _dates(cells: Sequence[str]) -> bool:

@@ -298,7 +298,8 @@ def _facts(lines: Sequence[str]) -> dict[str, str]:
 
 def _names(line: str, separator: str, width: int) -> tuple[str, ...]:
     cells = tuple(cell.strip() for cell in _cells(line, separator, 0))
-    enough = len(cells) >= min(width, max(2, width - 1)) and any(re.search(r"[^\W\d]", cell) for cell in cells)
+    fits = len(cells) == width if separator == " " else len(cells) >= min(width, max(2, width - 1))
+    enough = fits and any(re.search(r"[^\W\d]", cell) for cell in cells)
     return cells if enough else ()
 
 
