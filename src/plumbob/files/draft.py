@@ -28,7 +28,7 @@ from plumbob.data.plausibility import Turning, turning
 from plumbob.files.column_names import ColumnName, taken_apart
 from plumbob.files.columns import FORM, has_zone, is_stamp, to_seconds
 from plumbob.files.known_logs import KNOWN
-from plumbob.files.profile import AS_MOUNTED, TextLayout
+from plumbob.files.profile import AS_MOUNTED, Profile, TextLayout
 from plumbob.files.profile_toml import GUIDE, parse_profile
 from plumbob.files.sniff import Sample, read_sample
 from plumbob.files.text_table import LEFT_OUT_MOST, read_table
@@ -152,6 +152,17 @@ def profile(
     if out is not None and not (accept and draft.questions):
         write_text(out, draft.text)
     return draft
+
+
+def known_profile(file: Path) -> Profile | None:
+    """Profile of a text log that is known by its names, where no question stays open; None of any other file."""
+    try:
+        sample = read_sample(file)
+    except DecodeError:
+        return None
+    log = next((log for log in KNOWN if log.fits(sample)), None)
+    made = profile(file, accept=True) if log else None
+    return parse_profile(made.text, origin=log.name) if log and made and not made.questions else None
 
 
 _NINE: Final = {"acc": 0, "gyr": 3, "mag": 6}

@@ -304,8 +304,10 @@ def is_recording(path: Path) -> bool:
 
 def is_known_log(file: Path) -> bool:
     """Whether a text file is of a form that is known by its content and needs no profile."""
+    from plumbob.files.draft import known_profile
+
     kinds = [kind for kind in FORMATS if file.suffix.lower() in kind.suffixes and kind.accepts is not None]
-    return any(kind.accepts(file) for kind in kinds if kind.accepts is not None)
+    return any(kind.accepts(file) for kind in kinds if kind.accepts is not None) or known_profile(file) is not None
 
 
 def _by_suffix(path: Path) -> list[FileFormat]:

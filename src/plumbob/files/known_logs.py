@@ -56,7 +56,7 @@ KNOWN: Final = (
         (r"field\.header\.stamp", r"field\.angular_velocity\.x"),
         (),
         # REP-103 and REP-145: SI units, ENU, and linear_acceleration is what an accelerometer measures
-        {"time.unit": "ns", "gyr.unit": "rad/s", "acc.unit": "m/s2", "acc.sign": "specific-force",
+        {"frame": "ENU", "time.unit": "ns", "gyr.unit": "rad/s", "acc.unit": "m/s2", "acc.sign": "specific-force",
          "reference.frame": "ENU"},
     ),
     KnownLog(
