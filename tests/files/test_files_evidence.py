@@ -108,6 +108,8 @@ def test_what_a_file_says_is_taken_and_the_rest_is_answered(tmp_path, kind):
     assert imu.acc == pytest.approx(ACC, abs=1e-2)
     assert imu.mag is None
     assert imu.meta.frame == "ENU"
+    if not LOGS[kind][2]:  # it is known by its names, and needs no profile
+        assert np.array_equal(plumbob.read(tmp_path / LOGS[kind][0]).imu.gyr, imu.gyr)
     if "attitude" in kind or "comment" in kind:
         assert np.abs(np.sum(recording.track.q_nb * Q, axis=1)) == pytest.approx(1.0, abs=1e-6)
 

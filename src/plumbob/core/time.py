@@ -98,13 +98,6 @@ def longest_bridged(t_ns: NDArray[np.int64]) -> float:
     return GAP_FACTOR * float(np.median(steps_ns)) / 1e9 if steps_ns.size else 0.0
 
 
-def rising(t_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Mark the stamps (N,) that are later than all before them; the others repeat or go back."""
-    marks = np.ones(t_ns.size, dtype=bool)
-    marks[1:] = t_ns[1:] > np.maximum.accumulate(t_ns)[:-1]
-    return marks
-
-
 class Neighbours(NamedTuple):
     """Where stamps (N,) lie on another time line: its rows on both sides, equal where it has the very stamp."""
 

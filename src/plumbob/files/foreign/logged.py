@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, ParameterError, one_line
+from plumbob.core.errors import ClockError, DecodeError, ParameterError, one_line
 from plumbob.core.files import existing_file
 from plumbob.core.text import counted, first_words
-from plumbob.core.time import LONGEST, longest_bridged, rising
+from plumbob.core.time import LONGEST, longest_bridged
 from plumbob.data.reading import read_rows
 from plumbob.files.foreign.join import Readings
+from plumbob.files.stamps import time_line
 from plumbob.rotations import quat_normalize
 
 MOST: Final = 2 << 30
@@ -88,15 +89,21 @@ def attitude_at(rows_ns: NDArray[np.int64], t_ns: NDArray[np.int64], q_nb: Float
         Quaternions, NaN where the log has no attitude, within 1e-3 of norm 1; None where it has none at all.
     """
     valid = np.abs(np.sqrt(np.sum(q_nb * q_nb, axis=1)) - 1.0) < _NORM
-    valid &= steady(t_ns) & rising(t_ns)
+    valid &= steady(t_ns)
     if not valid.any():
         return None
     if lost := valid.size - int(valid.sum()):
         what = counted(lost, "attitude")
-        notes.append(f"attitude: {what} left out of {valid.size}, not rotations or without a stamp in order")
+        notes.append(f"attitude: {what} left out of {valid.size}, not rotations or with a stamp far off")
     if np.array_equal(t_ns, rows_ns):  # in one table with the samples: what is not known there stays so
         return np.where(valid[:, None], q_nb, np.nan)
-    stamps = t_ns[valid]
+    try:
+        line = time_line(t_ns[valid])
+    except ClockError as error:  # the samples have a clock of their own
+        notes.append(f"attitude: left out: {error}")
+        return None
+    stamps = line.t_ns
+    notes += (f"attitude: {note.removeprefix('time: ')}" for note in line.notes)
     attitude = read_rows(stamps, quat_normalize(q_nb[valid]), rows_ns, max_gap=longest_bridged(stamps))
     missing = attitude.outside | attitude.gap
     if missing.all():

@@ -30,7 +30,7 @@ from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import reading
 from plumbob.core.text import counted
-from plumbob.core.time import interpolated, rising
+from plumbob.core.time import interpolated
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.columns import has_zone, is_stamp, stamps_ns
@@ -48,6 +48,7 @@ from plumbob.files.foreign.parts import (
     zipfile_like,
 )
 from plumbob.files.profile import TextLayout
+from plumbob.files.stamps import time_line
 from plumbob.files.text_table import read_table
 from plumbob.rotations import Frame, North, quat_from_xyzw
 
@@ -371,8 +372,7 @@ def _sum(user: Readings, gravity: Readings, sign: float) -> Readings:
     t, gravity_t = np.asarray(user.t_ns, dtype=np.int64), np.asarray(gravity.t_ns, dtype=np.int64)
     values, field = np.asarray(user.values), np.asarray(gravity.values)
     if not np.array_equal(t, gravity_t):
-        mask = rising(gravity_t)
-        field = interpolated(t, gravity_t[mask], field[mask])
+        field = interpolated(t, time_line(gravity_t).t_ns, field)
     return Readings(t, sign * (values + field))
 
 

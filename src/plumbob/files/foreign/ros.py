@@ -26,7 +26,6 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, UnitError
 from plumbob.core.files import reading
 from plumbob.core.text import counted, first_words
-from plumbob.core.time import rising
 from plumbob.core.units import to_si
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
@@ -35,6 +34,7 @@ from plumbob.files.foreign import ros_bags
 from plumbob.files.foreign.join import Readings, joined, joined_recordings
 from plumbob.files.foreign.ros_bags import Bag, MessageTable, Topic
 from plumbob.files.mcap import layout
+from plumbob.files.stamps import time_line
 from plumbob.rotations import Frame, North, dcm_from_quat, quat_from_xyzw
 
 IMU: Final = "sensor_msgs/Imu"
@@ -375,26 +375,23 @@ def _track(
     cov_n: Floats | None = None,
     start: int | None = None,
 ) -> AttitudeTrack:
-    """Track of quaternions whose stamps may repeat or go back; those that are not of norm 1 are unknown.
+    """Track of quaternions whose stamps may repeat or go back a little; those that are not of norm 1 are unknown.
 
     Its time begins at the stamp `start`, ns, or at its own first.
     """
-    mask = rising(stamps)
+    line = time_line(stamps)
+    notes += (f"{topic.name}: {note.removeprefix('time: ')}" for note in line.notes)
     some = ~np.isnan(xyzw).all(axis=1)
     wrong = ~(np.abs(np.linalg.norm(xyzw, axis=1) - 1.0) <= 1e-3)
     if (count := int(np.count_nonzero(some & wrong))) > 0:
         notes.append(f"{topic.name}: {counted(count, 'quaternion')} not of norm 1, taken as unknown")
-    q_nb = quat_from_xyzw(np.where(wrong[:, np.newaxis], np.nan, xyzw))[mask]
+    q_nb = quat_from_xyzw(np.where(wrong[:, np.newaxis], np.nan, xyzw))
     if not np.isfinite(q_nb).any():
         raise DecodeError(f"{topic.name} holds no quaternion of norm 1.")
-    if mask.sum() < stamps.size:
-        notes.append(
-            f"{topic.name}: {stamps.size - int(mask.sum())} attitudes left out, whose stamps repeat or go back"
-        )
     cov_b = None
     if cov_n is not None and cov_n.any():
         good = np.isfinite(cov_n).all(axis=(1, 2)) & cov_n.any(axis=(1, 2)) & (cov_n[:, 0, 0] != -1.0)
-        covs = np.where(good[:, np.newaxis, np.newaxis], cov_n, np.nan)[mask]
+        covs = np.where(good[:, np.newaxis, np.newaxis], cov_n, np.nan)
         c_nb = dcm_from_quat(q_nb)
         cov_b = np.swapaxes(c_nb, 1, 2) @ covs @ c_nb
         notes.append(
@@ -404,7 +401,7 @@ def _track(
     axes = "north, east, down" if frame is Frame.NED else "east, north, up"
     notes.append(f"{topic.name}: attitudes in a world whose axes are {axes} (REP 103){_WORLD}")
     return AttitudeTrack(
-        t=(stamps[mask] - (stamps[0] if start is None else start)) / 1e9,
+        t=(line.t_ns - (line.t_ns[0] if start is None else start)) / 1e9,
         q_nb=q_nb,
         frame=frame,
         north=North.FREE,
