@@ -34,6 +34,7 @@ from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import logged, mavlink
 from plumbob.files.foreign.join import Readings, joined
+from plumbob.files.stamps import utc_of_gps
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_from_euler_zyx
 
@@ -69,10 +70,6 @@ _WANTED: Final = frozenset(("IMU", "IMU2", "IMU3", "MAG", "MAG2", "MAG3", "ATT",
 _QUATERNIONS: Final = ("XKQ", "XKQ1", "NKQ1")
 _LINE: Final = 4096
 """Bytes of a line of text at most."""
-_GPS_EPOCH_NS: Final = 315_964_800 * 10**9
-"""6 January 1980 in UTC (IS-GPS-200, 3.3.4)."""
-_LEAPS: Final = ((1_167_264_018, 18), (1_119_744_017, 17), (1_025_136_016, 16), (0, 15))
-"""Seconds of GPS time from which on GPS is so far ahead of UTC (IERS Bulletin C 52, 49, 43); before July 2012: 15."""
 
 
 @dataclass
@@ -362,9 +359,8 @@ def _epoch(log: _DataFlashLog) -> int | None:
     fixes = (table["Status"] >= 3) & (week > 1000) & (milli >= 0) & (milli < 604_800_000)
     if not fixes.any():
         return None
-    seconds = week[fixes] * 604_800
-    leap = next(count for since, count in _LEAPS if int(np.median(seconds + milli[fixes] // 1000)) >= since)
-    utc_ns = _GPS_EPOCH_NS + (seconds - leap) * 10**9 + milli[fixes] * 10**6
+    stamps = zip(week[fixes].tolist(), milli[fixes].tolist(), strict=True)
+    utc_ns = np.array([utc_of_gps(number, of_week * 10**6) for number, of_week in stamps])
     return int(np.median(utc_ns - t_ns[fixes]))
 
 
