@@ -57,10 +57,10 @@ def test_links_are_the_lever_arms_in_unit_axes():
         (Segment("a", "a", quarter), Segment("b", "b", UnitMount(lever_b=(0.0, 0.2, 0.0)))),
         (Joint("j", "a", "b", "hinge", origin=(0.4, 0.0, 0.0), axes=((1.0, 0.0, 0.0),)),),
     )
-    (link,) = chain_links(chain, play={"j": 0.1}, force_sd={"j": 0.2})
+    (link,) = chain_links(chain)
     np.testing.assert_allclose(link.arms, [[0.0, -0.3, 0.0], [0.0, -0.2, 0.0]], atol=1e-15)
     np.testing.assert_allclose(link.axes[:, 0], [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-15)
-    assert (link.parent, link.child, link.play, link.force_sd) == (0, 1, 0.1, 0.2)
+    assert (link.parent, link.child) == (0, 1)
 
 
 def test_a_root_that_stands_still_needs_no_unit_and_every_other_segment_one():

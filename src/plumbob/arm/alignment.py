@@ -81,6 +81,9 @@ ODD: Final = 3.5
 FAR: Final = 5.0
 """nor is a length, an axis or a pose that is farther off."""
 
+_SCATTER: Final = ("play", "force_sd", "play_time", "force_time")
+"""What a link and its card both hold."""
+
 Pose = tuple[float, float, Sequence[float]]
 """From when to when, s, which angles were held, rad."""
 
@@ -89,24 +92,10 @@ Pose = tuple[float, float, Sequence[float]]
 class JointCard:
     """What was found of a joint.
 
-    Attributes
-    ----------
-    name : str
-        Its name.
-    arms : list
-        From the units of parent and child to its centre, in their axes, m, (2, 3).
-    axes : list
-        Its axes there, (2, K, 3), as of `plumbob.arm.links.JointLink`.
-    arm_sd, axis_sd : list
-        Standard deviations (2, 3) of the arms, m, and (2,) of the axes, rad.
-    play, force_sd : float
-        What the sides differ by: angle of an axis, rad, and force at the centre, m/s²; standard deviations.
-    play_time, force_time : float
-        How long either lasts, s.
-    sway : float
-        How far both segments turn against each other besides, about each axis, as units sway on them, rad.
-    rating : str
-        "good", "fair" or "poor", and why.
+    `arms` (2, 3), `axes` (2, K, 3), `play`, `force_sd`, `play_time`, `force_time`: as of
+    `plumbob.arm.links.JointLink`; `arm_sd` (2, 3), `axis_sd` (2,): standard deviations of the arms, m, and of the axes,
+    rad; `sway`: how far both segments turn against each other besides, about each axis, as units sway on them, rad;
+    `rating`: "good", "fair" or "poor", and why.
     """
 
     name: str
@@ -187,18 +176,12 @@ class ArmCard(Card):
         numbers = unit_numbers(self.chain)
         return [
             JointLink(
-                joint=joint,
-                parent=numbers[joint.parent],
-                child=numbers[joint.child],
-                arms=np.array(card.arms),
-                axes=np.array(card.axes, dtype=np.float64).reshape(2, -1, 3),
-                play=card.play,
-                force_sd=card.force_sd,
-                play_time=card.play_time,
-                force_time=card.force_time,
+                joint, numbers[joint.parent], numbers[joint.child], np.array(card.arms),
+                np.array(card.axes, dtype=np.float64).reshape(2, -1, 3),
+                **{name: getattr(card, name) for name in _SCATTER},
             )
             for joint, card in zip(self.chain.joints, self.joints, strict=True)
-        ]
+        ]  # fmt: skip
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them; SI."""
@@ -472,17 +455,11 @@ def _unknown_links(chain: Chain, samples: UnitSamples) -> list[JointLink]:
 
 def _fitted(link: JointLink, arm: GeometryFit, axis: GeometryFit | None) -> JointLink:
     force = min(max(arm.residual, LEAST_FORCE_SD), 10.0 * FORCE_SD)
+    link = replace(link, arms=arm.value, force_sd=force, force_time=max(arm.lasts, FORCE_TIME))
     if axis is None:
-        return replace(link, arms=arm.value, force_sd=force, force_time=max(arm.lasts, FORCE_TIME))
-    return replace(
-        link,
-        arms=arm.value,
-        axes=axis.value,
-        play=max(axis.residual, LEAST_PLAY),
-        play_time=max(axis.lasts, PLAY_TIME),
-        force_sd=force,
-        force_time=max(arm.lasts, FORCE_TIME),
-    )
+        return link
+    play, lasts = max(axis.residual, LEAST_PLAY), max(axis.lasts, PLAY_TIME)
+    return replace(link, axes=axis.value, play=play, play_time=lasts)
 
 
 def _change(old: Sequence[JointLink], new: Sequence[JointLink]) -> tuple[float, float]:
@@ -511,18 +488,10 @@ def _card(
         arm_sd[side] = np.hypot(sd[3:], turn * float(np.linalg.norm(link.arms[side])))
         axis_sd[side] = turn if axis is not None else 0.0
     return JointCard(
-        name=link.joint.name,
-        arms=link.arms.tolist(),
-        axes=link.axes.tolist(),
-        arm_sd=arm_sd.tolist(),
-        axis_sd=axis_sd.tolist(),
-        play=link.play,
-        force_sd=link.force_sd,
-        play_time=link.play_time,
-        force_time=link.force_time,
-        sway=sway(arm.shake, link.arms),
-        rating=_rating(link, arm_sd, axis_sd, odd),
-    )
+        link.joint.name, link.arms.tolist(), link.axes.tolist(), arm_sd.tolist(), axis_sd.tolist(),
+        **{name: getattr(link, name) for name in _SCATTER},
+        sway=sway(arm.shake, link.arms), rating=_rating(link, arm_sd, axis_sd, odd),
+    )  # fmt: skip
 
 
 def _across(cov: Floats, axis: Floats) -> float:
@@ -569,22 +538,18 @@ def _found_joint(link: JointLink, origin: Floats, motion: Attitudes, poses: Sequ
     """Joint whose angles are zero in the first posture, or at the first sample."""
     first = 0 if not poses else int(np.searchsorted(motion.t, 0.5 * (poses[0][0] + poses[0][1])))
     zero = quat_multiply(quat_conjugate(motion.q[link.parent, first]), motion.q[link.child, first])
-    if link.joint.kind == "ball":
-        return replace(link.joint, origin=_vec(origin), q_pc=_quat(zero))
+    axes = link.joint.axes
     if link.joint.kind == "fixed":
-        return replace(link.joint, origin=_vec(origin), q_pc=_quat(quat_from_dcm(link.axes[0].T @ link.axes[1])))
-    if link.joint.kind == "universal":
-        second = link.axes[1, 0]
-        ahead = dcm_from_quat(quat_conjugate(zero)) @ link.axes[0, 0]
-        ahead = ahead - second * (second @ ahead)
-        return replace(
-            link.joint, origin=_vec(origin), q_pc=_quat(_carried(zero, ahead, link.axes[0, 0])),
-            axes=(_vec(ahead / np.linalg.norm(ahead)), _vec(second)),
-        )  # fmt: skip
-    axis = link.axes[1, 0]
-    return replace(
-        link.joint, origin=_vec(origin), q_pc=_quat(_carried(zero, axis, link.axes[0, 0])), axes=(_vec(axis),)
-    )
+        zero = quat_from_dcm(link.axes[0].T @ link.axes[1])
+    elif link.joint.kind != "ball":
+        axis = ahead = link.axes[1, 0]
+        axes = (_vec(axis),)
+        if link.joint.kind == "universal":
+            ahead = dcm_from_quat(quat_conjugate(zero)) @ link.axes[0, 0]
+            ahead = ahead - axis * (axis @ ahead)
+            axes = (_vec(ahead / np.linalg.norm(ahead)), _vec(axis))
+        zero = _carried(zero, ahead, link.axes[0, 0])
+    return replace(link.joint, origin=_vec(origin), q_pc=_quat(zero), axes=axes)
 
 
 def _carried(q: Floats, axis: Floats, to: Floats) -> Floats:

@@ -32,29 +32,14 @@ class Anchored(NamedTuple):
 
 
 def anchored(
-    samples: UnitSamples,
-    motion: Attitudes,
-    params: Params,
-    *,
-    north: float,
-    turn_sd: float,
-    north_sd: float,
+    samples: UnitSamples, motion: Attitudes, params: Params, *, north: float, turn_sd: float, north_sd: float,
     smooth: bool,
-) -> Anchored | None:
+) -> Anchored | None:  # fmt: skip
     """Turn of the frame at each keyframe; None where no keyframe has a field.
 
-    Parameters
-    ----------
-    samples, motion : UnitSamples, Attitudes
-        The recording, and attitudes in the chain's own frame.
-    params : Params
-        What is assumed of fields.
-    north : float
-        Where the field points from the frame's x axis, rad,
-    turn_sd, north_sd : float
-        How far the frame may be turned at the beginning, and how far North is known, rad.
-    smooth : bool
-        Whether what comes later counts.
+    `motion`: attitudes in the chain's own frame; `north`: where the field points from the frame's x axis, rad;
+    `turn_sd`, `north_sd`: how far the frame may be turned at the beginning, and how far North is known, rad; `smooth`:
+    whether what comes later counts.
     """
     directions = _directions(samples, motion)
     if not np.isfinite(directions).any():

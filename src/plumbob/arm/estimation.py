@@ -196,7 +196,9 @@ def run(
     """
     from plumbob.door.reading import opened_array
 
-    model, card = _opened(chain)
+    chain = opened_chain(chain)
+    card = chain if isinstance(chain, ArmCard) else None
+    model = check.kind("chain", chain, Chain) if card is None else card.chain
     array, held = opened_array(array), number("pose_sd", given("pose_sd", pose_sd, Quantity.ANGLE), "rad")
     wanted = navigation_frame(
         next(iter(array.units.values())), None if frame is None else Frame.parse(frame), where="the recording"
@@ -221,13 +223,6 @@ def run(
     for remark in estimate.notes if note else ():
         note(remark)  # type: ignore[misc]
     return estimate
-
-
-def _opened(chain: Chain | ArmCard | str | Path) -> tuple[Chain, ArmCard | None]:
-    chain = opened_chain(chain)
-    if isinstance(chain, ArmCard):
-        return chain.chain, chain
-    return check.kind("chain", chain, Chain), None
 
 
 def _counter(total: int, progress: Callable[[int, int], None] | None) -> Callable[[int], None] | None:

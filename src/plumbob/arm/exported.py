@@ -8,7 +8,7 @@ size, counted from behind the head of four bytes (OMG DDSI-RTPS 2.3, 10.5; DDS-X
 
 import json
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -155,88 +155,60 @@ def _yaml_number(value: float) -> str:
     return text if not e or "." in mantissa else f"{mantissa}.0e{power}"
 
 
-class _Cdr:
-    """Bytes of a message."""
+class _Cdr(bytearray):
+    """Message from a stamp on, behind its head of four bytes, which does not count where numbers are aligned."""
 
-    def __init__(self) -> None:
-        self._parts: list[bytes] = []
-        self._size = 0
+    def __init__(self, ns: int) -> None:
+        super().__init__()
+        self.time(ns)
+        self.texts("")
 
     def add(self, layout: str, *values: Any) -> None:
         """Numbers of one type; each is aligned to its size."""
-        width = struct.calcsize(f"<{layout[-1]}")
-        self._put(b"\0" * (-self._size % width) + struct.pack(f"<{layout}", *values))
+        self.extend(bytes(-len(self) % struct.calcsize(f"<{layout[-1]}")) + struct.pack(f"<{layout}", *values))
 
-    def text(self, value: str) -> None:
-        """A text with its length, closed by a zero."""
-        data = value.encode() + b"\0"
-        self.add("I", len(data))
-        self._put(data)
+    def time(self, ns: int) -> None:
+        """Seconds, and nanoseconds of the next."""
+        self.add("i", ns // _NS)
+        self.add("I", ns % _NS)
 
-    def texts(self, values: Sequence[str]) -> None:
-        """A list of texts."""
-        self.add("I", len(values))
+    def texts(self, *values: str) -> None:
+        """Texts, each with its length and closed by a zero."""
         for value in values:
-            self.text(value)
+            data = value.encode() + b"\0"
+            self.add("I", len(data))
+            self.extend(data)
 
-    def doubles(self, values: Floats) -> None:
-        """A list of numbers; where it is empty, nothing follows its length."""
-        self.add("I", len(values))
-        if len(values):
-            self.add(f"{len(values)}d", *values.tolist())
-
-    def _put(self, data: bytes) -> None:
-        self._parts.append(data)
-        self._size += len(data)
-
-    def bytes(self) -> bytes:
-        """The message with its head."""
-        return b"".join((_HEAD, *self._parts))
+    def doubles(self, *rows: Floats) -> None:
+        """Lists of numbers; where one is empty, nothing follows its length."""
+        for values in rows:
+            self.add("I", len(values))
+            if len(values):
+                self.add(f"{len(values)}d", *values.tolist())
 
 
-def _stamped(ns: int) -> _Cdr:
-    made = _Cdr()
-    made.add("i", ns // _NS)
-    made.add("I", ns % _NS)
-    made.text("")
-    return made
-
-
-def _trajectory_bytes(program: Program) -> bytes:
-    made = _stamped(0)
-    made.texts(program.names)
+def _messages(program: Program) -> Iterator[tuple[int, str, bytes]]:
+    """The trajectory, and then each state: time, topic and bytes."""
+    made, none = _Cdr(0), np.empty(0)
+    made.add("I", len(program.names))
+    made.texts(*program.names)
     made.add("I", len(program))
     for ns, q, v, a in _points(program):
-        for row in (q, v, a, np.empty(0)):
-            made.doubles(row)
-        made.add("i", ns // _NS)
-        made.add("I", ns % _NS)
-    return made.bytes()
-
-
-def _states(program: Program) -> Iterator[tuple[int, str, bytes]]:
+        made.doubles(q, v, a, none)
+        made.time(ns)
+    yield 0, TRAJECTORY, _HEAD + made
     for ns, q, v, _ in _points(program):
-        made = _stamped(ns)
-        made.texts(program.names)
-        for row in (q, v, np.empty(0)):
-            made.doubles(row)
-        yield ns, STATE, made.bytes()
+        made = _Cdr(ns)
+        made.add("I", len(program.names))
+        made.texts(*program.names)
+        made.doubles(q, v, none)
+        yield ns, STATE, _HEAD + made
 
 
 def _write_mcap(file: Path, program: Program, overwrite: bool) -> None:
-    def rows() -> Iterator[tuple[int, str, bytes]]:
-        yield 0, TRAJECTORY, _trajectory_bytes(program)
-        yield from _states(program)
-
     schemas = {
         TRAJECTORY: Schema("trajectory_msgs/msg/JointTrajectory", "ros2msg", _TRAJECTORY_TEXT.encode()),
         STATE: Schema("sensor_msgs/msg/JointState", "ros2msg", _STATE_TEXT.encode()),
     }
-    write_rows(
-        file,
-        {topic: ("cdr", schema) for topic, schema in schemas.items()},
-        rows(),
-        epoch_offset_ns=0,
-        metadata={},
-        overwrite=overwrite,
-    )
+    channels = {topic: ("cdr", schema) for topic, schema in schemas.items()}
+    write_rows(file, channels, _messages(program), epoch_offset_ns=0, metadata={}, overwrite=overwrite)

@@ -180,13 +180,9 @@ def _angles_figure(
 
 
 def _draw_angles(
-    chain: Chain,
-    track: JointTrack,
-    angles: Floats,
-    program: Program | None,
-    true: Floats | None,
+    chain: Chain, track: JointTrack, angles: Floats, program: Program | None, true: Floats | None,
     canvas: "FigureBase",
-) -> None:
+) -> None:  # fmt: skip
     """A panel for each joint."""
     moving = [joint for joint in chain.joints if joint.axes]
     panels = canvas.subplots(len(moving), 1, sharex=True, squeeze=False)[:, 0]
@@ -197,7 +193,8 @@ def _draw_angles(
             if true is not None:
                 _line(ax, track.t, to_deg(true[:, k]), color=SOFT, linewidth=2.4)
             if track.sd is not None:
-                _band(ax, track.t, angles[:, k], track.sd[:, track.names.index(name)], SERIES[n])
+                sd = to_deg(track.sd[:, track.names.index(name)])
+                _band(ax, track.t, to_deg(angles[:, k]), sd, SERIES[n])
             _line(ax, track.t, to_deg(angles[:, k]), color=SERIES[n], linewidth=0.9)
             if program is not None and name in program.names:
                 values = to_deg(program.angles[:, program.names.index(name)])
@@ -213,10 +210,8 @@ def _line(ax: "Axes", t: Floats, values: Floats, **style: object) -> None:
 
 
 def _band(ax: "Axes", t: Floats, middle: Floats, sd: Floats, colour: str) -> None:
-    step = max(1, t.size // _COLUMNS)
-    rows = slice(None, None, step)
-    low, high = to_deg(middle - sd)[rows], to_deg(middle + sd)[rows]
-    ax.fill_between(t[rows], low, high, color=colour, alpha=0.25, linewidth=0)
+    rows = slice(None, None, max(1, t.size // _COLUMNS))
+    ax.fill_between(t[rows], (middle - sd)[rows], (middle + sd)[rows], color=colour, alpha=0.25, linewidth=0)
 
 
 def _hand_figure(chain: Chain, track: JointTrack, angles: Floats, true: Floats | None) -> Figure:
@@ -229,20 +224,14 @@ def _hand_figure(chain: Chain, track: JointTrack, angles: Floats, true: Floats |
             if there is not None:
                 _line(ax, track.t, there[:, k], color=SOFT, linewidth=2.4)
             if track.hand_sd is not None:
-                step = max(1, track.t.size // _COLUMNS)
-                low, high = hand[::step, k] - track.hand_sd[::step, k], hand[::step, k] + track.hand_sd[::step, k]
-                ax.fill_between(track.t[::step], low, high, color=SERIES[0], alpha=0.25, linewidth=0)
+                _band(ax, track.t, hand[:, k], track.hand_sd[:, k], SERIES[0])
             _line(ax, track.t, hand[:, k], color=SERIES[0], linewidth=0.9)
             ax.set_ylabel(f"{'xyz'[k]} [m]")
         panels[-1].set_xlabel("time [s]")
 
     band = ", with the band of ±σ" if track.hand_sd is not None else ""
-    return Figure(
-        f"Position of the hand over time{band}",
-        draw,
-        [("hand", SERIES[0], "solid"), *([("truth", SOFT, "solid")] if there is not None else [])],
-        height=3.4,
-    )
+    key = [("hand", SERIES[0], "solid"), *([("truth", SOFT, "solid")] if there is not None else [])]
+    return Figure(f"Position of the hand over time{band}", draw, key, height=3.4)
 
 
 _RATES: Final = ("velocity", "acceleration", "jerk")

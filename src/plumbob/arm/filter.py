@@ -247,18 +247,9 @@ class ResidualRow(NamedTuple):
 class Keyframe(NamedTuple):
     """Filter at a keyframe: what it expected, what it then knew, and how the error got there from the one before.
 
-    Attributes
-    ----------
-    row : int
-        Its sample.
-    q, linear : ndarray (U, 4), (U, 6)
-        Attitudes; biases and velocities.
-    cov : ndarray (D, D)
-        Covariance of the error.
-    q_prior, linear_prior, cov_prior :
-        The same before what is known at the keyframe was used.
-    transition : ndarray (D, D)
-        From the error at the keyframe before to that expected here.
+    `row`: its sample; `q` (U, 4), `linear` (U, 6): attitudes; biases and velocities; `cov` (D, D): covariance of the
+    error; `q_prior`, `linear_prior`, `cov_prior`: the same before what is known at the keyframe was used; `transition`
+    (D, D): from the error at the keyframe before to that expected here.
     """
 
     row: int
@@ -272,20 +263,10 @@ class Keyframe(NamedTuple):
 
 
 class ChainFilter:
-    """The filter; `advance` takes it to the next keyframe.
+    """The filter of so many units; `advance` takes it to the next keyframe.
 
-    Parameters
-    ----------
-    links : sequence of JointLink
-        The joints.
-    units : int
-        Number of units U.
-    params : Params
-        What is assumed.
-    q : ndarray (U, 4)
-        First attitudes, in a frame whose z axis points up.
-    q_sd : ndarray (U, 3)
-        Their standard deviations about the navigation axes, rad.
+    `q` (U, 4), `q_sd` (U, 3): first attitudes, in a frame whose z axis points up, and their standard deviations about
+    the navigation axes, rad.
     """
 
     def __init__(self, links: Sequence[JointLink], units: int, params: Params, q: Floats, q_sd: Floats) -> None:

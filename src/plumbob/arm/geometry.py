@@ -53,19 +53,11 @@ class Prior(NamedTuple):
 class GeometryFit(NamedTuple):
     """What was found.
 
-    Attributes
-    ----------
-    value : ndarray (2, 3) or (2, K, 3)
-        Arms, m, or axes, of both sides.
-    cov : ndarray (6, 6)
-        Covariance of the parent's, then the child's; of the first axis.
-    residual : float
-        What both sides differ by: of forces the standard deviation of one side, a mean over 0.1 s, m/s²; of axes
-        that of each component of the difference, rad.
-    lasts : float
-        How long that lasts, s: a mean over T has its variance times ``2 lasts / T``.
-    shake : float
-        Of forces, the standard deviation of a component of the difference of single samples, m/s².
+    `value`: arms (2, 3), m, or axes (2, K, 3), of both sides; `cov` (6, 6): covariance of the parent's, then the
+    child's, of the first axis; `residual`: what both sides differ by: of forces the standard deviation of one side, a
+    mean over 0.1 s, m/s², of axes that of each component of the difference, rad; `lasts`: how long that lasts, s: a
+    mean over T has its variance times ``2 lasts / T``; `shake`: of forces, the standard deviation of a component of
+    the difference of single samples, m/s².
     """
 
     value: Floats
@@ -76,16 +68,10 @@ class GeometryFit(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """What forces at joints are made of, in unit axes: rotation matrices at the samples and ``[ω̇]× + [ω]×²``.
+    """What forces at joints are made of, in unit axes, at times (M,), s.
 
-    Attributes
-    ----------
-    t : ndarray (M,)
-        s.
-    matrix, lever : ndarray (U, M, 3, 3)
-        Attitudes at the instants of the samples, and what is to be multiplied by an arm.
-    force : ndarray (U, M, 3)
-        Specific forces, unit axes, m/s².
+    `matrix` (U, M, 3, 3): attitudes at the instants of the samples; `lever` (U, M, 3, 3): ``[ω̇]× + [ω]×²``, to be
+    multiplied by an arm; `force` (U, M, 3): specific forces, m/s².
     """
 
     t: Floats
@@ -227,17 +213,7 @@ def _parent(terms: Terms, link: JointLink) -> Floats:
 
 
 def fit_axes(terms: Terms, link: JointLink, sd_before: float = _UNKNOWN_AXIS) -> GeometryFit:
-    """Axes of a hinge, a universal or a fixed joint.
-
-    Parameters
-    ----------
-    terms : Terms
-        Attitudes.
-    link : JointLink
-        The joint; its axes are where the search begins.
-    sd_before : float
-        How well those are known already, rad.
-    """
+    """Axes of a hinge, a universal or a fixed joint; the search begins at the link's, known to `sd_before`, rad."""
     parent, child = _parent(terms, link), terms.matrix[link.child]
     every = max(1, len(terms.t) // 3000)
     parent, child = parent[::every], child[::every]

@@ -1,6 +1,5 @@
 """What joints mean to the units beside them: arms and axes in the units' own axes."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -28,23 +27,11 @@ FORCE_TIME: Final = 0.15
 class JointLink:
     """A joint as the units of its two segments see it.
 
-    Attributes
-    ----------
-    joint : Joint
-        The joint.
-    parent, child : int
-        Numbers of both units; `GROUND` for a root that stands still.
-    arms : ndarray (2, 3)
-        From each unit to the joint's centre, in its axes, m; from the root's origin on the ground.
-    axes : ndarray (2, K, 3)
-        Axes as parent and child have them: one of a hinge, of a universal joint the parent's first and the child's
-        second, three of a fixed joint, none of a ball.
-    play : float
-        Standard deviation of what both sides say of an axis, of each component, rad.
-    force_sd : float
-        Standard deviation of the force at the centre as one side has it, m/s².
-    play_time, force_time : float
-        How long either lasts, s.
+    `parent`, `child`: numbers of both units, `GROUND` for a root that stands still; `arms` (2, 3): from each unit to
+    the joint's centre, in its axes, m, from the root's origin on the ground; `axes` (2, K, 3) as parent and child have
+    them: one of a hinge, of a universal joint the parent's first and the child's second, three of a fixed joint, none
+    of a ball; `play`: standard deviation of what both sides say of an axis, of each component, rad; `force_sd`: of the
+    force at the centre as one side has it, m/s²; `play_time`, `force_time`: how long either lasts, s.
     """
 
     joint: Joint
@@ -80,42 +67,17 @@ def unit_numbers(chain: Chain) -> dict[str, int]:
     return numbers
 
 
-def chain_links(
-    chain: Chain, *, play: Mapping[str, float] | None = None, force_sd: Mapping[str, float] | None = None
-) -> list[JointLink]:
-    """Links of a chain whose geometry is known.
-
-    Parameters
-    ----------
-    chain : Chain
-        With the mounts of its units.
-    play, force_sd : mapping of str to float, optional
-        By joint, as of `JointLink`.
-    """
+def chain_links(chain: Chain) -> list[JointLink]:
+    """Links of a chain whose geometry is known, with the mounts of its units."""
     numbers = unit_numbers(chain)
     mounts = {segment.name: segment.mount for segment in chain.segments}
     links = []
     for joint in chain.joints:
         parent, child = numbers[joint.parent], numbers[joint.child]
-        before = UnitMount() if parent == GROUND else mounts[joint.parent]
-        after = mounts[joint.child]
-        arms = np.stack(
-            [
-                before.dcm.T @ (np.array(joint.place) - np.array(before.lever_b)),
-                after.dcm.T @ -np.array(after.lever_b),
-            ]
-        )
-        links.append(
-            JointLink(
-                joint=joint,
-                parent=parent,
-                child=child,
-                arms=arms,
-                axes=joint_axes(joint, before, after),
-                play=(play or {}).get(joint.name, PLAY),
-                force_sd=(force_sd or {}).get(joint.name, FORCE_SD),
-            )
-        )
+        before, after = UnitMount() if parent == GROUND else mounts[joint.parent], mounts[joint.child]
+        own = before.dcm.T @ (np.array(joint.place) - np.array(before.lever_b))
+        arms = np.stack([own, after.dcm.T @ -np.array(after.lever_b)])
+        links.append(JointLink(joint, parent, child, arms, joint_axes(joint, before, after)))
     return links
 
 

@@ -48,16 +48,9 @@ AHEAD: Final = 60.0
 class ChainStart:
     """How a chain begins.
 
-    Attributes
-    ----------
-    q : ndarray (U, 4)
-        First attitudes.
-    sd : ndarray (U, 3)
-        Their standard deviations about the navigation axes, rad.
-    ready : float
-        When it is known, s.
-    free : bool
-        Whether the heading of the whole means nothing yet; with magnetometers it is near North.
+    `q` (U, 4), `sd` (U, 3): first attitudes, and their standard deviations about the navigation axes, rad; `ready`:
+    when it is known, s; `free`: whether the heading of the whole means nothing yet; with magnetometers it is near
+    North.
     """
 
     q: Floats
@@ -70,22 +63,11 @@ class ChainStart:
 class Attitudes:
     """Attitudes of all units.
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        Times of the samples, s.
-    q : ndarray (U, N, 4)
-        Attitude of each unit at each sample, in the frame that the filter works in.
-    rows : ndarray (K,)
-        Samples that are keyframes.
-    cov : ndarray (K, 3U, 3U)
-        Covariance of the attitudes' errors at keyframes, navigation axes, rad².
-    bias : ndarray (K, U, 3)
-        Biases of the gyroscopes there, rad/s.
-    ready : float
-        When a live system would have known this, s.
-    begun : ndarray (S,)
-        Keyframes at which a gap ends, behind which the heading of the whole has begun again; `cov` leaves that out.
+    `t` (N,): times of the samples, s; `q` (U, N, 4): attitude of each unit at each sample, in the frame that the filter
+    works in; `rows` (K,): samples that are keyframes; `cov` (K, 3U, 3U): covariance of the attitudes' errors there,
+    navigation axes, rad²; `bias` (K, U, 3): biases of the gyroscopes there, rad/s; `ready`: when a live system would
+    have known this, s; `begun` (S,): keyframes at which a gap ends, behind which the heading of the whole has begun
+    again; `cov` leaves that out.
     """
 
     t: Floats
@@ -110,31 +92,14 @@ def keyframe_rows(t: Floats, spacing: float) -> NDArray[np.intp]:
 
 
 def begin(
-    samples: UnitSamples,
-    links: Sequence[JointLink],
-    params: Params,
-    *,
-    north: float,
-    pose: Floats | None = None,
+    samples: UnitSamples, links: Sequence[JointLink], params: Params, *, north: float, pose: Floats | None = None,
     pose_sd: float = deg(1.0),
-) -> ChainStart:
+) -> ChainStart:  # fmt: skip
     """First attitudes: tilts of the first forces, headings that make neighbours agree, North where fields show it.
 
-    Parameters
-    ----------
-    samples : UnitSamples
-        The recording.
-    links : sequence of JointLink
-        Joints, from the root.
-    params : Params
-        What is assumed.
-    north : float
-        Angle of North from the frame's x axis, rad.
-    pose : ndarray (U, 4), optional
-        Attitudes of the units in the root's axes at the first sample, where somebody took up a known posture; in the
-        frame itself where the root stands still.
-    pose_sd : float
-        How exactly it was held, rad.
+    `links`: joints, from the root; `north`: angle of North from the frame's x axis, rad; `pose` (U, 4): attitudes of
+    the units in the root's axes at the first sample, where somebody took up a known posture, in the frame itself where
+    the root stands still; `pose_sd`: how exactly it was held, rad.
     """
     q = first_tilts(samples)
     units = len(q)
@@ -353,18 +318,10 @@ def estimated(
     samples: UnitSamples, links: Sequence[JointLink], params: Params, start: ChainStart, *,
     smooth: bool, progress: Callable[[int], None] | None = None,
 ) -> Attitudes:  # fmt: skip
-    """Attitudes of all units over a recording.
+    """Attitudes of all units over a recording that begins as `begin` found.
 
-    Parameters
-    ----------
-    samples : UnitSamples
-        The recording.
-    links, params, start :
-        As of `begin`, and what it found.
-    smooth : bool
-        Whether each attitude may know what comes later.
-    progress : callable, optional
-        Called with the number of samples done since the last call.
+    `smooth`: whether each attitude may know what comes later; `progress`: called with the number of samples done since
+    the last call.
     """
     filter_ = ChainFilter(links, len(start.q), params, start.q, start.sd)
     rows = keyframe_rows(samples.t, params.keyframe)

@@ -7,7 +7,7 @@ share their centre are made one again where that is asked for.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from xml.etree import ElementTree
@@ -18,7 +18,7 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError, one_line
 from plumbob.core.files import reading, text_of
-from plumbob.data.array import UnitMount, Vec
+from plumbob.data.array import Quat, UnitMount, Vec
 from plumbob.data.chain import Chain, Joint, Limits, Segment
 from plumbob.rotations import (
     euler_zyx_from_quat,
@@ -33,18 +33,14 @@ if TYPE_CHECKING:
 _TURNING: Final = ("revolute", "continuous")
 _SAME: Final = 1e-9
 """Joints whose centres are this near to each other share one, m."""
+_ZERO: Final = (0.0, 0.0, 0.0)
+_LEVEL: Final = (1.0, 0.0, 0.0, 0.0)
 _NO_EFFORT: Final = 0
 """URDF asks for a greatest torque, which a chain does not know."""
 
 
 def parser() -> "ModuleType":
-    """Module that reads URDF.
-
-    Raises
-    ------
-    MissingExtraError
-        If it is not installed.
-    """
+    """Module that reads URDF; an error if it is not installed."""
     try:
         from pytransform3d import urdf
     except ImportError as error:
@@ -53,13 +49,7 @@ def parser() -> "ModuleType":
 
 
 def read_urdf(path: str | Path) -> str:
-    """Text of a URDF file.
-
-    Raises
-    ------
-    DecodeError
-        If it cannot be read, or is not whole XML with a robot in it.
-    """
+    """Text of a URDF file; an error if it cannot be read, or is not whole XML with a robot in it."""
     file = Path(path)
     text = text_of(file, "URDF")
     with reading(file):
@@ -257,68 +247,44 @@ def hand_link(chain: Chain) -> str:
     return f"{at}_hand" if any(chain.hand_b) else at
 
 
-@dataclass(frozen=True)
-class _Hinge:
-    name: str
-    parent: str
-    child: str
-    origin: Vec
-    q_pc: Floats
-    axis: Vec
-    limits: Limits
-
-
 def _lines(chain: Chain) -> Iterator[str]:
     yield '<?xml version="1.0"?>'
     yield f"<robot name={quoteattr(chain.name)}>"
     yield f"  <link name={quoteattr(chain.segments[0].name)}/>"
     for joint in chain.joints:
         if joint.kind == "fixed":
-            yield f"  <link name={quoteattr(joint.child)}/>"
-            yield from _fixed(joint.name, joint.parent, joint.child, joint.place, np.array(joint.q_pc))
-        for hinge in _hinges(joint):
-            yield f"  <link name={quoteattr(hinge.child)}/>"
-            yield from _hinge(hinge)
+            yield from _placed(joint.name, joint.parent, joint.child, joint.place, joint.q_pc)
+        parent, count = joint.parent, len(joint.axes)
+        for k, (name, axis, limits) in enumerate(zip(joint.angles, joint.axes, joint.limits, strict=True)):
+            child = joint.child if k == count - 1 else f"{joint.child}_{k + 1}"
+            origin, turn = (_ZERO, _LEVEL) if k else (joint.place, joint.q_pc)
+            yield from _placed(name, parent, child, origin, turn, axis, limits)
+            parent = child
     if any(chain.hand_b):
         at = chain.hand or chain.segments[-1].name
-        yield f"  <link name={quoteattr(hand_link(chain))}/>"
-        yield from _fixed(f"{at}_to_hand", at, hand_link(chain), chain.hand_b, np.array([1.0, 0.0, 0.0, 0.0]))
+        yield from _placed(f"{at}_to_hand", at, hand_link(chain), chain.hand_b, _LEVEL)
     yield "</robot>"
 
 
-def _hinges(joint: Joint) -> Iterator[_Hinge]:
-    parent, count = joint.parent, len(joint.axes)
-    for k, (name, axis, limits) in enumerate(zip(joint.angles, joint.axes, joint.limits, strict=True)):
-        child = joint.child if k == count - 1 else f"{joint.child}_{k + 1}"
-        origin = joint.place if k == 0 else (0.0, 0.0, 0.0)
-        turn = np.array(joint.q_pc if k == 0 else (1.0, 0.0, 0.0, 0.0))
-        yield _Hinge(name, parent, child, origin, turn, axis, limits)
-        parent = child
-
-
-def _placed(name: str, kind: str, parent: str, child: str, origin: Vec, q_pc: Floats) -> Iterator[str]:
-    yaw, pitch, roll = euler_zyx_from_quat(q_pc).tolist()  # rpy of URDF: about fixed x, y, z, in this order
+def _placed(
+    name: str, parent: str, child: str, origin: Vec, q_pc: Quat, axis: Vec | None = None, limits: Limits | None = None
+) -> Iterator[str]:
+    """A link and the joint that carries it: fixed, or a hinge with its limits where it has an axis."""
+    limits = limits or Limits()
+    bounded = bool(np.isfinite(limits.low) and np.isfinite(limits.high))
+    kind = "fixed" if axis is None else "revolute" if bounded else "continuous"
+    yaw, pitch, roll = euler_zyx_from_quat(np.array(q_pc)).tolist()  # rpy of URDF: about fixed x, y, z, in this order
+    yield f"  <link name={quoteattr(child)}/>"
     yield f"  <joint name={quoteattr(name)} type={quoteattr(kind)}>"
     yield f"    <parent link={quoteattr(parent)}/>"
     yield f"    <child link={quoteattr(child)}/>"
     yield f'    <origin xyz="{_numbers(origin)}" rpy="{_numbers((roll, pitch, yaw))}"/>'
-
-
-def _fixed(name: str, parent: str, child: str, origin: Vec, q_pc: Floats) -> Iterator[str]:
-    yield from _placed(name, "fixed", parent, child, origin, q_pc)
-    yield "  </joint>"
-
-
-def _hinge(hinge: _Hinge) -> Iterator[str]:
-    limits = hinge.limits
-    bounded = bool(np.isfinite(limits.low) and np.isfinite(limits.high))
-    kind = "revolute" if bounded else "continuous"
-    yield from _placed(hinge.name, kind, hinge.parent, hinge.child, hinge.origin, hinge.q_pc)
-    yield f'    <axis xyz="{_numbers(hinge.axis)}"/>'
-    if bounded or np.isfinite(limits.velocity):
-        ends = f'lower="{float(limits.low)!r}" upper="{float(limits.high)!r}" ' if bounded else ""
-        speed = float(limits.velocity) if np.isfinite(limits.velocity) else 0.0
-        yield f'    <limit {ends}effort="{_NO_EFFORT}" velocity="{speed!r}"/>'
+    if axis is not None:
+        yield f'    <axis xyz="{_numbers(axis)}"/>'
+        if bounded or np.isfinite(limits.velocity):
+            ends = f'lower="{float(limits.low)!r}" upper="{float(limits.high)!r}" ' if bounded else ""
+            speed = float(limits.velocity) if np.isfinite(limits.velocity) else 0.0
+            yield f'    <limit {ends}effort="{_NO_EFFORT}" velocity="{speed!r}"/>'
     yield "  </joint>"
 
 
@@ -327,18 +293,7 @@ def _numbers(values: Sequence[float]) -> str:
 
 
 def moved(text: str, names: Sequence[str], angles: Floats, link: str) -> Floats:
-    """Poses (N, 4, 4) of a link in the root while joints move, by the forward kinematics of pytransform3d.
-
-    Parameters
-    ----------
-    text : str
-        URDF.
-    names : sequence of str
-        Joints that move.
-    angles : ndarray (N, K)
-        rad.
-    link : str
-        The link.
+    """Poses (N, 4, 4) of a link in the root while joints move by angles (N, K), rad, by pytransform3d's kinematics.
 
     Raises
     ------

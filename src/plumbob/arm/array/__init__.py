@@ -6,23 +6,10 @@ from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
     from plumbob.arm.array.attitude import estimate
-    from plumbob.arm.array.combination import combine
+    from plumbob.arm.array.channels import joined
     from plumbob.arm.array.monitoring import Monitor, Monitored, monitor
-    from plumbob.arm.array.relative import ArrayInfo, info
-    from plumbob.arm.array.timeline import joined
+    from plumbob.arm.array.relative import ArrayInfo, combine, info
     from plumbob.arm.array.virtual_unit import Combined
-
-_HOME = {
-    "ArrayInfo": "relative",
-    "Combined": "combination",
-    "Monitor": "monitoring",
-    "Monitored": "monitoring",
-    "combine": "combination",
-    "estimate": "attitude",
-    "info": "relative",
-    "joined": "timeline",
-    "monitor": "monitoring",
-}
 
 __all__ = [
     "ArrayInfo",
@@ -36,4 +23,17 @@ __all__ = [
     "monitor",
 ]
 
-__getattr__, __dir__ = lazily(__name__, _HOME)
+__getattr__, __dir__ = lazily(
+    __name__,
+    {
+        "ArrayInfo": "relative",
+        "Combined": "virtual_unit",
+        "Monitor": "monitoring",
+        "Monitored": "monitoring",
+        "combine": "relative",
+        "estimate": "attitude",
+        "info": "relative",
+        "joined": "channels",
+        "monitor": "monitoring",
+    },
+)

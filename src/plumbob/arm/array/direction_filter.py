@@ -262,15 +262,6 @@ def track_directions(imu: ImuData, frame: Frame, params: Params) -> AttitudeTrac
     """Attitude at every sample of a virtual unit, each from the samples before it.
 
     Headings are true where the recording knows its declination, and magnetic where it does not.
-
-    Parameters
-    ----------
-    imu : ImuData
-        Virtual unit, body axes.
-    frame : Frame
-        Navigation frame of the result.
-    params : Params
-        Its noise.
     """
     count, declination = len(imu), imu.meta.declination
     angle = declination or 0.0

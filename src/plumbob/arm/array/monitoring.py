@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.arm.array.channels import combined_noise, densities, directions, levers, nominal_step, stacked, with_noise
+from plumbob.arm.array.channels import (
+    aligned,
+    combined_noise,
+    densities,
+    directions,
+    levers,
+    nominal_step,
+    stacked,
+    with_noise,
+)
 from plumbob.arm.array.tracker import OF_TRIAD, OUT, SCALE, STATE, TRIAD_SIZE, UNIT_SIZE, start_unit, take_rows
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
@@ -91,17 +100,7 @@ class MonitoringSettings(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class TriadFault:
-    """One time for which a unit's triad was left out.
-
-    Attributes
-    ----------
-    unit, triad : str
-        Which.
-    kind : str
-        Of `KINDS`.
-    begin, end : float
-        When, s; the end is NaN where it lasts.
-    """
+    """One time for which a unit's triad was left out, in s, NaN at the end where it lasts; `kind`: of `KINDS`."""
 
     unit: str
     triad: str
@@ -254,22 +253,7 @@ class Monitor:
                 start_unit(self._x[triad, u], float(self._c[at + 4 * triad]), float(self._c[at + 4 * triad + 1]))
 
     def take(self, array: ImuArray) -> Monitored:
-        """Take the next samples.
-
-        Parameters
-        ----------
-        array : ImuArray
-            The next part, of the same units.
-
-        Returns
-        -------
-        Monitored
-
-        Raises
-        ------
-        ParameterError
-            If its units are others.
-        """
+        """Take the next samples, of the same units; an error if its units are others."""
         if array.names != self.names:
             raise ParameterError(
                 f"this monitor watches {', '.join(self.names)}, but the samples are of {', '.join(array.names)}. "
@@ -324,8 +308,6 @@ def monitor(array: "ImuArray | Source | Sequence[Source]", *, settings: Monitori
     from plumbob.door.reading import opened_array
 
     array = opened_array(array)
-    from plumbob.arm.array.timeline import aligned
-
     has_card = any(mount.noise is not None for mount in array.mounts.values())
     array = with_noise(aligned(array))
     watch = Monitor(array.mounts, step=nominal_step(array), settings=settings)
@@ -356,9 +338,7 @@ def virtual(array: ImuArray, values: Floats, row: NDArray[np.uint32]) -> ImuData
         unit_check=False,
     )  # fmt: skip
     temps = [imu.temp_c for imu in array.units.values() if imu.temp_c is not None]
-    return ImuData.live(
-        first.t_ns, triads, temp_c=np.mean(temps, axis=0) if temps else None, flags=row, meta=meta
-    )  # fmt: skip
+    return ImuData.live(first.t_ns, triads, temp_c=np.mean(temps, axis=0) if temps else None, flags=row, meta=meta)
 
 
 def _name(array: ImuArray) -> str:

@@ -1,13 +1,17 @@
-"""How the units of an array differ: small rotations, relative biases and clock offsets, each with its uncertainty."""
+"""How the units of an array differ, and one unit made of them all with these differences put right.
+
+Differences are small rotations, relative biases and clock offsets, each with its uncertainty.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from plumbob.arm.array.channels import densities, nominal_step, stacked, with_noise
-from plumbob.arm.array.timeline import aligned
+from plumbob.arm.array.channels import aligned, densities, nominal_step, stacked, with_noise
+from plumbob.arm.array.monitoring import Monitored
 from plumbob.arm.array.virtual_unit import Combined, combined
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
@@ -37,18 +41,9 @@ _SEARCHED = 1.0  # s, on both sides
 class UnitInfo:
     """How a unit differs from the mean of all, each with its standard deviation.
 
-    Attributes
-    ----------
-    name : str
-        Of the unit.
-    rotation, rotation_sd : ndarray (3,)
-        Small rotation beyond its mount, body axes, rad: true C_bs = exp(rotation) C_bs of the mount.
-    bias, bias_sd : mapping of str to ndarray (3,)
-        By triad, body axes.
-    clock_offset, clock_sd : float
-        By how much later than the mount says its values were taken, s; NaN where nothing has shown it.
-    parity_rms : mapping of str to float
-        By triad: what its axes measure beyond the mean.
+    `rotation` (3,): small rotation beyond its mount, body axes, rad: true C_bs = exp(rotation) C_bs of the mount;
+    `bias` (3,): by triad, body axes; `clock_offset`: by how much later than the mount says its values were taken, s,
+    NaN where nothing has shown it; `parity_rms`: by triad, what its axes measure beyond the mean.
     """
 
     name: str
@@ -298,3 +293,60 @@ def _less(matrix: Floats, size: float) -> Floats:
 def _robust(values: Floats) -> float:
     """Scatter of values about their median, as a standard deviation."""
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))
+
+
+def combine(
+    array: "ImuArray | Source | Sequence[Source]",
+    *,
+    weights: str = "noise",
+    excluded: Monitored | Mapping[str, ArrayLike] | None = None,
+    correct: bool | ArrayInfo = False,
+    causal: bool = False,
+) -> Combined:
+    """Combine all units of an array to one.
+
+    Every sensor axis that has a value takes part, in every row: an axis at the end of its range, a unit that is dead, a
+    triad that is absent or slower is left out of that row alone. Accelerometers at lever arms are taken to the
+    reference point: f_i = f + ω̇ × r_i + ω × (ω × r_i), with ω of the gyroscopes, and ω̇ an unknown beside f that the
+    gyroscopes know by their differences, and the accelerometers where their levers span it.
+
+    Parameters
+    ----------
+    array : ImuArray, or what `plumbob.read_array` reads
+        The units. Clock offsets of its mounts are put right by interpolation.
+    weights : {"noise", "range", "equal"}
+        Inverse variances from the noise cards, equal where there are none; inverse squares of the ranges; or equal.
+    excluded : Monitored or mapping of str to array_like (N, U) of bool, optional
+        By triad: what is left out, as a monitor has found it.
+    correct : bool or ArrayInfo
+        Take off the small rotations, relative biases and clock offsets that `info` estimates, or has estimated.
+    causal : bool
+        Take the angular acceleration from samples before only; default: from both sides.
+
+    Returns
+    -------
+    Combined
+
+    Raises
+    ------
+    ShapeError
+        If in no row the axes of any triad span the body, or a mask does not fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from plumbob import ImuData
+    >>> from plumbob.arm.array import combine
+    >>> from plumbob.data.array import ImuArray, Mount
+    >>> t, up = np.arange(10) / 10, np.tile([0.0, 0.0, 9.8], (10, 1))
+    >>> upside_down = Mount(q_bs=(0.0, 1.0, 0.0, 0.0))
+    >>> array = ImuArray({"a": ImuData(t, acc=up), "b": ImuData(t, acc=-up)}, {"b": upside_down})
+    >>> combine(array).imu.acc[0].tolist()
+    [0.0, 0.0, 9.8]
+    """
+    from plumbob.door.reading import opened_array
+
+    array = opened_array(array)
+    if correct is not False:
+        array = corrected(array, info(array) if correct is True else correct)
+    return combined(array, weights, excluded, causal)

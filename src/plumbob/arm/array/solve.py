@@ -84,18 +84,10 @@ def times(m: Floats, b0: float, b1: float, b2: float) -> Vec:
 
 @kernel
 def combine_rows(y: Floats, axes: Floats, weight: Floats, x: Floats, residual: Floats) -> None:
-    """Vector x (N, 3), body axes, of all sensor axes, and what each axis measures beyond it.
+    """Vector x (N, 3), body axes, of all sensor axes, and what each axis measures beyond it, (N, U, 3).
 
-    Parameters
-    ----------
-    y : ndarray (N, U, 3)
-        Values of the sensor axes; NaN is left out.
-    axes : ndarray (U, 3, 3)
-        Direction of sensor axis k of unit u in body axes.
-    weight : ndarray (U, 3)
-        Inverse variances.
-    x, residual : ndarray (N, 3), (N, U, 3)
-        Results; NaN where the axes that are left do not span the body.
+    `y` (N, U, 3): values of the sensor axes, NaN is left out; `axes` (U, 3, 3): direction of sensor axis k of unit u in
+    body axes; `weight` (U, 3): inverse variances. Results are NaN where the axes that are left do not span the body.
     """
     a, inverse = np.zeros((3, 3)), np.zeros((3, 3))
     for i in range(y.shape[0]):
@@ -132,20 +124,8 @@ def force_rows(
     Each axis measures c·(f + ω̇ × r + ω × (ω × r)). The rate ω is known; the angular acceleration is an unknown that
     the gyroscopes know with a variance of 1 / `turn_weight`, and the accelerometers too where their levers span it.
 
-    Parameters
-    ----------
-    y, axes, weight : ndarray
-        As in `combine_rows`.
-    levers : ndarray (U, 3)
-        From the reference point to each accelerometer, body axes, m.
-    rate, turn : ndarray (N, 3)
-        Angular rate and acceleration of the gyroscopes, body axes.
-    turn_weight : float
-        Inverse variance of the latter.
-    x, residual : ndarray (N, 3), (N, U, 3)
-        Specific force, and what each axis measures beyond all.
-    a, b : ndarray (6, 6), (6,)
-        Room to work in.
+    As in `combine_rows`, and `levers` (U, 3): from the reference point to each accelerometer, body axes, m; `rate`,
+    `turn` (N, 3): angular rate and acceleration of the gyroscopes, body axes; `a` (6, 6), `b` (6,): room to work in.
     """
     for i in range(y.shape[0]):
         w0, w1, w2 = rate[i, 0], rate[i, 1], rate[i, 2]

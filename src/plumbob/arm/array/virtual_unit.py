@@ -7,10 +7,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob.arm.array.channels import combined_noise, densities, directions, levers, nominal_step, stacked, weighting
+from plumbob.arm.array.channels import (
+    aligned,
+    combined_noise,
+    densities,
+    directions,
+    levers,
+    nominal_step,
+    stacked,
+    weighting,
+)
 from plumbob.arm.array.monitoring import Monitored, common_flags, virtual
 from plumbob.arm.array.solve import combine_rows, force_rows
-from plumbob.arm.array.timeline import aligned
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
@@ -74,15 +82,12 @@ class Combined(Series):
         """What each sensor axis measures beyond the virtual unit, as JSON can hold it; SI and µT."""
         from plumbob.reporting.report import plain
 
+        parts = {triad: getattr(self.noise, triad, None) for triad in TRIADS}
+        noise = {triad: part.n_rpsd for triad, part in parts.items() if part is not None}
         facts: dict[str, Any] = plain(
-            {"units": list(self.names), "samples": len(self), "parity_rms": self.parity_rms, "noise": self._densities}
+            {"units": list(self.names), "samples": len(self), "parity_rms": self.parity_rms, "noise": noise}
         )
         return facts
-
-    @property
-    def _densities(self) -> dict[str, Floats]:
-        parts = {triad: getattr(self.noise, triad, None) for triad in TRIADS}
-        return {triad: part.n_rpsd for triad, part in parts.items() if part is not None}
 
     def report(self) -> Report:
         """What each unit measures beyond the virtual one."""
@@ -129,7 +134,9 @@ def combined(
             "the axes of the array's units do not span the body in any sample: three axes that do not lie in a plane "
             "are needed. Check the mounts."
         )
-    imu = virtual(array, values, common_flags(array) | _out_flags(out, len(array)))
+    any_out = np.any([mask.any(axis=1) for mask in out.values()], axis=0) if out else np.zeros(len(array), dtype=bool)
+    excluded_flags = np.where(any_out, np.uint32(flags.UNIT_EXCLUDED), np.uint32(0)).astype(np.uint32)
+    imu = virtual(array, values, common_flags(array) | excluded_flags)
     return Combined(imu, parity, array.names, combined_noise(array, imu.meta.device))
 
 
@@ -167,10 +174,3 @@ def _masks(excluded: "Monitored | Mapping[str, ArrayLike] | None", array: ImuArr
             raise ShapeError(f"excluded['{triad}'] must be of shape {shape}, samples and units, but it is {out.shape}.")
         masks[triad] = out
     return masks
-
-
-def _out_flags(out: Mapping[str, NDArray[np.bool_]], count: int) -> NDArray[np.uint32]:
-    any_out = np.zeros(count, dtype=bool)
-    for mask in out.values():
-        any_out |= mask.any(axis=1)
-    return np.where(any_out, np.uint32(flags.UNIT_EXCLUDED), np.uint32(0)).astype(np.uint32)
