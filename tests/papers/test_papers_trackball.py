@@ -10,7 +10,7 @@ from plumbob.core.units import deg, dps, to_dps
 from plumbob.filters.channel_scalar import ramp_lag, steady_gain
 from plumbob.noise import deviation
 from plumbob.papers.description import TRACKBALL
-from plumbob.papers.trackball import misprints, recorded, records, seeds
+from plumbob.papers.trackball import misprints, recorded, seeds
 from plumbob.papers.trackball.page import Found, paper
 from plumbob.papers.trackball.seeds import LONG_TAUS, SCALES, TAUS, best_gain, degrees_of_freedom, measure_turntable
 from plumbob.papers.workspace import Work
@@ -61,19 +61,19 @@ def found(short, white, long, table, tests):
 
 def test_the_turntable_is_the_paper_s():
     """0 to 10 r/min in 100 s, 1000 samples, then 1000 at 60 °/s; an axis in the plane of the table measures nothing."""
-    rest, run = records.on_turntable(0, scale=0.0)
+    rest, run = seeds.on_turntable(0, scale=0.0)
     assert run.t.size == 2000
-    assert np.diff(run.t) == pytest.approx(records.STEP)
+    assert np.diff(run.t) == pytest.approx(seeds.STEP)
     assert run.true[:, 2] == pytest.approx(np.minimum(deg(0.6) * run.t, dps(60.0)), abs=1e-12)
     assert np.abs(run.true[:, :2]).max() < 1e-12
     noise = (run.measured - run.true).std()
-    assert noise == pytest.approx(records.WHITE, rel=0.05)  # flicker adds 2 %, and 6000 samples scatter by 1 %
+    assert noise == pytest.approx(seeds.WHITE, rel=0.05)  # flicker adds 2 %, and 6000 samples scatter by 1 %
     assert rest.measured.mean(axis=0) == pytest.approx(dps(1.5), abs=dps(0.05))
 
 
 def test_at_50_s_nothing_is_gained_neither_in_deviation_nor_in_angle_nor_in_scatter(short):
     """90 single differences before and after. They differ by the filter's memory of one end, 3 s of 50, at most."""
-    assert short.adev[records.RATIOS.index(1e-3), -1] == pytest.approx(1.0, abs=0.1)
+    assert short.adev[seeds.RATIOS.index(1e-3), -1] == pytest.approx(1.0, abs=0.1)
     # A settled filter holds back Σ (y − x̂) = (1 − K)/K (x̂_end − x̂_start) and no more, however long the record is.
     # For Q/R = 0.001 that is 31 samples of 0.013 °/s · √2, or 0.06°, against angles of √500 · 0.1 °/s · 0.1 s = 0.2°
     # from white noise and more from flicker. Added as squares it is below 5 %.
@@ -86,7 +86,7 @@ def test_at_50_s_nothing_is_gained_neither_in_deviation_nor_in_angle_nor_in_scat
 
 def test_white_noise_falls_as_theory_says(white):
     """Two seeds of three channels of 1e5 samples hold 2·3·1e5·K/2 independent values: 300 for the slowest, 8 %."""
-    for ratio, measured in zip(records.RATIOS, white, strict=True):
+    for ratio, measured in zip(seeds.RATIOS, white, strict=True):
         k = steady_gain(ratio)
         assert seeds.theory(ratio) == k / (2.0 - k)  # Σ K² (1 − K)²ⁱ
         assert measured == pytest.approx(seeds.theory(ratio), rel=4.0 * math.sqrt(2.0 / (0.5 * k * 6 * 95_000)))
@@ -98,7 +98,7 @@ def test_allan_deviation_falls_at_short_times_only(short, long):
     For white noise the settled filter gives E[(x̂₂ − x̂₁)²] = 2 v (1 − (1 − K)) = 2 v K, v = K/(2 − K): a ratio of
     √(K v) at one sample; in the paper's record, its start adds to it.
     """
-    for k, ratio in enumerate(records.RATIOS[:3]):
+    for k, ratio in enumerate(seeds.RATIOS[:3]):
         settled = math.sqrt(steady_gain(ratio) * seeds.theory(ratio))
         assert short.adev[k, 0] > 0.95 * settled
         assert list(short.adev[k, 1:6]) == sorted(short.adev[k, 1:6])
@@ -110,7 +110,7 @@ def test_allan_deviation_falls_at_short_times_only(short, long):
 
 def test_four_hours_hold_what_was_planted(long):
     """σ² = N²/τ + (0.6643 B)² + K² τ/3 at 600 s, from 6 records of some 25 degrees of freedom: 6 %, and 4 of it."""
-    n, b, k = records.WHITE * math.sqrt(records.STEP), 0.6643 * records.FLICKER, records.WALK
+    n, b, k = seeds.WHITE * math.sqrt(seeds.STEP), 0.6643 * seeds.FLICKER, seeds.WALK
     planted = math.sqrt(n**2 / 600.0 + b**2 + k**2 * 600.0 / 3.0)
     assert long.before[LONG_TAUS.index(600.0)] == pytest.approx(planted, rel=0.23)
     assert long.white == pytest.approx(n, rel=0.02)
@@ -119,14 +119,14 @@ def test_four_hours_hold_what_was_planted(long):
 def test_lags_are_those_of_theory(table):
     """Over 400 samples the mean of y − x̂ scatters by √2 (1 − K)/K sd(x̂) / 400, 0.3 % of the lag; the bar is 5 %."""
     rows = table[0.0]
-    for ratio in records.RATIOS[:4]:
+    for ratio in seeds.RATIOS[:4]:
         k = steady_gain(ratio)
         row = rows[f"scalar Q/R={ratio:g}"]
-        assert row.lag_theory == pytest.approx(records.SLOPE * records.STEP * (1.0 - k) / k)
+        assert row.lag_theory == pytest.approx(seeds.SLOPE * seeds.STEP * (1.0 - k) / k)
         assert row.lag == pytest.approx(row.lag_theory, rel=0.05)
-        lag = ramp_lag(k, records.SLOPE, records.STEP) / (records.SLOPE * records.STEP)
-        assert records.scalar_filter(ratio).lag == pytest.approx(lag)
-        average = rows[records.average_like(ratio).name]
+        lag = ramp_lag(k, seeds.SLOPE, seeds.STEP) / (seeds.SLOPE * seeds.STEP)
+        assert seeds.scalar_filter(ratio).lag == pytest.approx(lag)
+        average = rows[seeds.average_like(ratio).name]
         assert average.lag == pytest.approx(average.lag_theory, rel=0.05)
     assert abs(to_dps(rows["two states"].lag)) < 0.01
 
@@ -137,7 +137,7 @@ def test_what_helps_on_the_ramp_is_the_bias_and_not_the_filter(table):
     assert to_dps(rows["measured"].ramp_rms) == pytest.approx(1.5, abs=0.05)
     removed = rows["bias removed"].ramp_rms
     assert to_dps(removed) == pytest.approx(0.1, rel=0.1)
-    names = [c.name for c in records.contenders()]
+    names = [c.name for c in seeds.contenders()]
     assert len(names) == 11
     assert all(rows[name].ramp_rms > removed for name in names[:-1])
     assert rows["two states"].ramp_rms < 0.5 * removed
@@ -162,9 +162,9 @@ def test_fits_of_five_powers_points_of_the_ball_and_noise_of_the_rig():
     nose_down = np.array([[math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0]])
     assert recorded.touching(nose_down) == pytest.approx(np.array([[1.0, 0.0, 0.0]]), abs=1e-15)
     assert recorded.apart(np.eye(3), np.roll(np.eye(3), 1, axis=0)) == pytest.approx(0.5 * math.pi)
-    assert records.noise_card().gyr.n_rpsd == pytest.approx(records.WHITE * math.sqrt(records.STEP))
-    still = records.at_rest(1, 1000.0, flicker=0.0).measured
-    assert deviation(still, [1]) == pytest.approx(records.WHITE, rel=0.05)
+    assert seeds.noise_card().gyr.n_rpsd == pytest.approx(seeds.WHITE * math.sqrt(seeds.STEP))
+    still = seeds.at_rest(1, 1000.0, flicker=0.0).measured
+    assert deviation(still, [1]) == pytest.approx(seeds.WHITE, rel=0.05)
 
 
 def test_printed_forms_fail_as_they_must():
@@ -229,6 +229,6 @@ def test_same_seeds_same_figures(tmp_path):
 
 def test_a_sample_of_the_scalar_filter_takes_nine_operations_and_a_gain_that_is_none_has_no_theory():
     """(9) three, (10) two for Q Δt, (11) two, (12) two [Chen2013]."""
-    assert records.operations() == 9
+    assert seeds.operations() == 9
     with pytest.raises(ParameterError):
-        records.scalar_filter(0.0)
+        seeds.scalar_filter(0.0)

@@ -204,13 +204,7 @@ class ArmCard(Card):
 
 
 def opened_chain(chain: Chain | ArmCard | str | Path) -> Chain | ArmCard:
-    """Chain of a TOML file or a URDF, or a card; what is none of these files is given back.
-
-    Parameters
-    ----------
-    chain : Chain, ArmCard or path
-        What was named.
-    """
+    """Chain of a TOML file or a URDF, or a card; what is none of these files is given back."""
     if not isinstance(chain, str | Path):
         return chain
     if Path(chain).suffix.lower() == ".urdf":
@@ -315,15 +309,7 @@ def filter_params(chain: Chain, array: ImuArray, params: Mapping[str, Any] | Non
 
 
 def chain_samples(chain: Chain, array: ImuArray) -> UnitSamples:
-    """Samples of the units of a chain, in the order of its segments; what is stuck or beyond its range is missing.
-
-    Raises
-    ------
-    ParameterError
-        If the recording lacks a unit, or the chain has no joint.
-    ShapeError
-        If a unit lacks a gyroscope or an accelerometer.
-    """
+    """Samples of the units of a chain, in the order of its segments; what is stuck or beyond its range is missing."""
     check.kind("array", array, ImuArray)
     if not chain.joints:
         raise ParameterError(f"{chain.name} has no joint, so one unit is all there is; plumbob run estimates one unit.")
@@ -376,7 +362,7 @@ class _AlternatingSearch:
         """What it comes to."""
         rounds = 0
         while True:
-            doubt = self._doubt(rounds)
+            doubt = 0.5**rounds if self._chain.known else 0.0  # of the first one about mounts
             motion = self._motion(doubt)
             terms = force_terms(self._samples, motion, mean_rate=self._params.mean_rate)
             if not self._chain.known:
@@ -391,10 +377,6 @@ class _AlternatingSearch:
             self._links, rounds = fits.links, rounds + 1
             if (moved < SETTLED[0] and turned < SETTLED[1] and doubt < SURE) or rounds == ROUNDS:
                 return fits
-
-    def _doubt(self, rounds: int) -> float:
-        """How much of the first doubt about mounts is left after so many rounds; attitudes suffer from it, too."""
-        return 0.5**rounds if self._chain.known else 0.0
 
     def _mounted(self, fits: _Fits, doubt: float) -> list[JointLink]:
         """Links of the chain whose mounts explain best what was found."""

@@ -292,13 +292,9 @@ def _north(chain: Chain, start: ChainStart, anchor: Anchored | None, *, posed: b
 
 
 def _source(params: Params, *, causal: bool) -> str:
-    usual = Params()
-    changed = [
-        f"{param.name}={shown(param, value)}"
-        for param in describe(Params)
-        if (value := getattr(params, param.name)) != getattr(usual, param.name)
-    ]
-    return f"chain filter{', causal' if causal else ', smoothed'}{''.join(', ' + change for change in changed)}"
+    usual, given = Params()._asdict(), params._asdict()
+    changed = [f"{p.name}={shown(p, given[p.name])}" for p in describe(Params) if given[p.name] != usual[p.name]]
+    return ", ".join(["chain filter", "causal" if causal else "smoothed", *changed])
 
 
 def _notes(
@@ -365,9 +361,8 @@ class _Reading:
         self, chain: Chain, card: ArmCard | None, motion: Attitudes, anchor: Anchored | None, inside: Frame,
         frame: Frame, words: NDArray[np.uint32] | None, strays: Floats,
     ) -> None:  # fmt: skip
-        self._strays = strays
+        self._strays, self._inside, self._frame = strays, inside, frame
         self._chain, self._card, self._motion, self._words = chain, card, motion, words
-        self._inside, self._frame = inside, frame
         self._numbers = unit_numbers(chain)
         self._times, self._rows = motion.t[motion.rows], motion.rows
         self._turn = np.zeros(len(motion.rows)) if anchor is None else anchor.turn

@@ -57,14 +57,7 @@ _FINEST: Final = 8.0
 class Standstill(NamedTuple):
     """Where all angles stood still.
 
-    Attributes
-    ----------
-    start, end : float
-        When, in the program, s.
-    angles : tuple of float
-        The pose, rad.
-    recorded : float
-        When it began in the recording, s.
+    `start`, `end`: when, in the program, s; `angles`: the pose, rad; `recorded`: when it began in the recording, s.
     """
 
     start: float
@@ -225,15 +218,8 @@ def taught(
     ShapeError
         If fewer than 8 samples are known.
     """
-    rate, smooth, still, dwell = (
-        _size(*option)
-        for option in (
-            ("rate", rate, Quantity.FREQUENCY),
-            ("smooth", smooth, Quantity.TIME),
-            ("still", still, Quantity.ANGLE),
-            ("dwell", dwell, Quantity.TIME),
-        )
-    )
+    rate, smooth = _size("rate", rate, Quantity.FREQUENCY), _size("smooth", smooth, Quantity.TIME)
+    still, dwell = _size("still", still, Quantity.ANGLE), _size("dwell", dwell, Quantity.TIME)
     bounds = _bounds(Limits() if limits is None else limits, track.names)
     t, q, notes = _resampled(track, bounds)
     rests = find_stops(t, q, still=still, dwell=dwell, smooth=smooth)
@@ -326,16 +312,8 @@ def _resampled(track: JointTrack, bounds: Sequence[Limits]) -> tuple[Floats, Flo
 def find_stops(t: Floats, angles: Floats, *, still: float, dwell: float, smooth: float) -> list[tuple[int, int]]:
     """Rows (first, last) of each stop; the first and the last row are stops of no length where nothing stands still.
 
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Times at equal steps, s.
-    angles : ndarray (N, K)
-        rad.
-    still, dwell : float
-        Range of each angle, rad, and least duration, s.
-    smooth : float
-        Noise is averaged over this time before, s.
+    Of angles (N, K), rad, at times with equal steps, s: `still`, `dwell`: range of each angle, rad, and least duration,
+    s; `smooth`: noise is averaged over this time before, s.
     """
     from scipy.ndimage import uniform_filter1d
 
@@ -410,15 +388,7 @@ def _between(rests: Sequence[tuple[int, int]], count: int) -> list[tuple[int, in
 
 @dataclass(frozen=True)
 class _Motion:
-    """A path over recorded time from rest to rest, and the speed along it.
-
-    Attributes
-    ----------
-    path : BSpline
-        Angles (K) over recorded time from 0.
-    clock : BSpline
-        Time of the program over recorded time, both from 0.
-    """
+    """A path from rest to rest: angles (K), and time of the program, over recorded time, all times from 0."""
 
     path: "BSpline"
     clock: "BSpline"
@@ -523,12 +493,7 @@ def _ratio(shape: Sequence[Floats], speed: Sequence[Floats], bounds: Sequence[Li
 
 
 def _sampled(
-    t: Floats,
-    rests: Sequence[tuple[int, int]],
-    poses: Floats,
-    motions: Sequence[_Motion],
-    rate: float,
-    factor: float,
+    t: Floats, rests: Sequence[tuple[int, int]], poses: Floats, motions: Sequence[_Motion], rate: float, factor: float
 ) -> tuple[Floats, Floats, Floats, Floats, Floats, list[tuple[float, float]]]:
     """Times, angles, velocities, accelerations and recorded times at a rate, and when each stop begins and ends.
 
@@ -572,13 +537,10 @@ def _used(angles: Floats, step: float, bounds: Sequence[Limits]) -> dict[str, fl
 def _over(angles: Floats, velocities: Floats, accelerations: Floats, rate: float, bounds: Sequence[Limits]) -> float:
     """By which factor the motions would have to be slower to keep the limits in every sample."""
     used = _used(angles, 1.0 / rate, bounds)
-    factors: list[float] = []
     for name, values in (("velocity", velocities), ("acceleration", accelerations)):
         tops = [getattr(bound, name) for bound in bounds]
         used[name] = max(used[name], float((np.abs(values).max(axis=0) / tops).max()))
-    for order, name in enumerate(("velocity", "acceleration", "jerk"), 1):
-        factors.append(float(used[name] ** (1.0 / order)))
-    return max(factors)
+    return max(float(used[name] ** (1.0 / order)) for order, name in enumerate(("velocity", "acceleration", "jerk"), 1))
 
 
 def _deviations(

@@ -19,15 +19,7 @@ from plumbob.data.chain_toml import load_chain
 
 
 class HandError(NamedTuple):
-    """Distance of the hand from where it truly was.
-
-    Attributes
-    ----------
-    rms, max : float
-        m.
-    rms_share, max_share : float
-        Of the arm's length.
-    """
+    """Distance of the hand from where it truly was, m, and as a share of the arm's length."""
 
     rms: float
     max: float
@@ -142,13 +134,7 @@ def replay(
 
 
 def in_order(chain: Chain, program: Program | JointTrack) -> Floats:
-    """Angles (N, all) of a chain in its order.
-
-    Raises
-    ------
-    ParameterError
-        If some are not there, or others are.
-    """
+    """Angles (N, all) of a chain in its order; an error if some are not there, or others are."""
     if sorted(chain.angles) != sorted(program.names):
         raise ParameterError(
             f"the program moves {', '.join(program.names)}, but the angles of {chain.name} are "

@@ -58,13 +58,7 @@ def _filled(template: Any, values: Mapping[str, Any]) -> Any:
 
 
 class Description:
-    """A paper's description.
-
-    Parameters
-    ----------
-    name : str
-        Of the paper, and of its file.
-    """
+    """A paper's description; its name is that of the paper, and of its file."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -129,11 +123,11 @@ class Description:
         part = self.content["part"][key]
         fields = {name: given.pop(name) for name in tuple(given) if name in Report.__dataclass_fields__}
         for name, texts in part.items():
-            filled = [
-                tuple(_filled(cell, given) for cell in text) if name == "facts" else _filled(text, given)
-                for text in (texts if name != "title" else [texts])
-            ]
-            fields.setdefault(name, filled if name != "title" else filled[0])
+            if name == "facts":
+                filled: Any = [tuple(_filled(cell, given) for cell in fact) for fact in texts]
+            else:
+                filled = _filled(texts, given) if name == "title" else [_filled(text, given) for text in texts]
+            fields.setdefault(name, filled)
         return Report(**fields)
 
     def table(self, key: str, rows: Sequence[Sequence[str]] | None = None, **given: Any) -> Table:

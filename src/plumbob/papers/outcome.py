@@ -31,30 +31,13 @@ def at_most(limit: float) -> Bar:
 class Outcome:
     """One figure of a paper.
 
-    Attributes
-    ----------
-    key : str
-        Short name, unique within the paper, as ``slide.gated.roll``.
-    where : str
-        Place in the paper, as ``Fig 8``, ``Table 1``, ``(7)``, ``§4.3``; empty for what goes beyond it.
-    what : Both
-        A noun.
-    unit : str
-        Of all its values; empty where they have none.
-    paper : float or str or None
-        As printed; None where the paper prints nothing.
-    faithful : float or None
-        By the paper's method, corrected, with the noise that is stated or assumed on the page.
-    best : float or None
-        By the method that Plumbob recommends.
-    faithful_bar, best_bar : Bar
-        Least and greatest value that are to be met; `OPEN` where there is none.
-    reason : Both or None
-        Why the paper's figure cannot be reproduced, or why a bar is missed: one sentence without a full stop.
-    reproducible : bool
-        Whether what the paper prints can be had by its method; where not, `reason` says why.
-    digits : int
-        Significant digits that are shown.
+    `key`: short name, unique within the paper, as ``slide.gated.roll``; `where`: place in the paper, as ``Fig 8``,
+    ``Table 1``, ``(7)``, ``§4.3``, empty for what goes beyond it; `what`: a noun; `unit`: of all values; `paper`: as
+    printed, None where the paper prints nothing; `faithful`: by the paper's method, corrected, with the noise that is
+    stated or assumed on the page; `best`: by the method that Plumbob recommends; `faithful_bar`, `best_bar`: least and
+    greatest value that are to be met, `OPEN` where there is none; `reason`: why the paper's figure cannot be
+    reproduced, or why a bar is missed, one sentence without a full stop; `reproducible`: whether what the paper prints
+    can be had by its method; `digits`: significant digits that are shown.
     """
 
     key: str
@@ -167,9 +150,9 @@ def shown(value: float | str | None, digits: int) -> str:
         return value
     if value == 0.0 or not math.isfinite(value):
         return f"{value:g}"
-    return (
-        f"{value:.{max(digits - 1 - math.floor(math.log10(abs(value))), 0)}f}" if abs(value) >= 1e-4 else f"{value:.1e}"
-    )
+    if abs(value) < 1e-4:
+        return f"{value:.1e}"
+    return f"{value:.{max(digits - 1 - math.floor(math.log10(abs(value))), 0)}f}"
 
 
 def cell(value: float | None, bar: Bar, digits: int) -> str:
@@ -188,16 +171,8 @@ def cell(value: float | None, bar: Bar, digits: int) -> str:
 class PaperItem:
     """Something that a paper describes, states or shows, and what became of it.
 
-    Attributes
-    ----------
-    where : str
-        Place in the paper.
-    what : str
-        A noun, in English.
-    by : str
-        Where it is done: keys of outcomes as ``[slide.gated.roll]``, verbs and files in backticks.
-    reason : str
-        Why it is not done, a sentence; empty where it is.
+    `where`: place in the paper; `what`: a noun, in English; `by`: where it is done: keys of outcomes as
+    ``[slide.gated.roll]``, verbs and files in backticks; `reason`: why it is not done, a sentence; empty where it is.
     """
 
     where: str
@@ -206,17 +181,8 @@ class PaperItem:
     reason: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Paper:
-    """What a paper's run gives.
-
-    Attributes
-    ----------
-    report : Report
-        The page, without its table of outcomes, which is put before everything else.
-    outcomes : sequence of Outcome
-        Every figure of the paper.
-    """
+class Paper(NamedTuple):
+    """What a paper's run gives: its page, before which its table of outcomes is put, and every figure."""
 
     report: Report
     outcomes: Sequence[Outcome]

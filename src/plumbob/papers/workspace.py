@@ -1,7 +1,7 @@
 """What every paper's run works with: its folder, its seed, progress, and rigs whose real bytes are recorded."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,22 +34,13 @@ name = "{rig}"
 {more}"""
 
 
-def _nowhere(_what: str, _done: int, _of: int) -> None:
-    pass
-
-
 class Taken(NamedTuple):
     """Files of a rig that was emulated and recorded.
 
-    Attributes
-    ----------
-    recording : Path
-        What its session recorded of its bytes, for `plumbob.read`, `plumbob.replay` and every verb.
-    truth : Path
-        What the simulator put into the frames, with the true attitude; for several units, their first one's folder
-        mates are named after the units.
-    capture, session : Path
-        The bytes, and the session that says what they mean.
+    `recording`: what its session recorded of its bytes, for `plumbob.read`, `plumbob.replay` and every verb; `truth`:
+    what the simulator put into the frames, with the true attitude, for several units that of the first one, beside
+    which those of the others are named after the units; `capture`, `session`: the bytes, and the session that says what
+    they mean.
     """
 
     recording: Path
@@ -67,19 +58,13 @@ def recorded_samples(file: Path) -> ImuData:
 class Work:
     """What a paper's run works with.
 
-    Attributes
-    ----------
-    folder : Path
-        Where its files go; it exists.
-    seed : int
-        Of everything that is left to chance.
-    progress : callable
-        Called with what is being done, how many steps are done, and of how many.
+    `folder`: where its files go; it exists; `seed`: of everything that is left to chance; `progress`: called with what
+    is being done, how many steps are done, and of how many.
     """
 
     folder: Path
     seed: int = 1
-    progress: Callable[[str, int, int], None] = field(default=_nowhere)
+    progress: Callable[[str, int, int], None] = lambda what, done, of: None
 
     def steps(self, count: int) -> Callable[[str], None]:
         """Call what this gives with what is being done, before each of so many steps."""
@@ -91,20 +76,11 @@ class Work:
         return range(1000 * self.seed, 1000 * self.seed + count)
 
     def recorded(self, rig: str, name: str, *, session: str = "", text: Path | None = None, **how: Any) -> Taken:
-        """Emulate a rig, and record its bytes by a session, as a user would.
+        """Emulate a rig, whose name is that of its format, and record its bytes by a session, as a user would.
 
-        Parameters
-        ----------
-        rig : str
-            Its name, which is that of its format.
-        name : str
-            Of the files.
-        session : str
-            What goes on in the session's table ``[format]``, and its further tables, as TOML.
-        text : path, optional
-            Where the session's outward line goes.
-        **how
-            As of `plumbob.emulate`; the seed is that of the work where none is given.
+        `name`: of the files; `session`: what goes on in the session's table ``[format]``, and its further tables, as
+        TOML; `text`: where the session's outward line goes; `how`: as of `plumbob.emulate`, with the seed of the work
+        where none is given.
         """
         files = self._files(name)
         emulate(rig, **{"seed": self.seed, **how}, write=files.capture, truth=files.truth, overwrite=True)
@@ -113,16 +89,7 @@ class Work:
     def sent(self, rig: str, name: str, said: Simulation, *, session: str = "") -> Taken:
         """Send the samples of a simulation of your own in the frames of a rig of one unit, and record the bytes.
 
-        Parameters
-        ----------
-        rig : str
-            Its name, which is that of its format.
-        name : str
-            Of the files.
-        said : Simulation
-            What the unit says, with its truth; values are rounded and cut as the frame's fields do.
-        session : str
-            As in `recorded`.
+        Values are rounded and cut as the frame's fields do; otherwise as `recorded`.
         """
         files, form = self._files(name), find_format(rig).bind()
         t_ns = to_ns(said.imu.t)

@@ -99,22 +99,9 @@ def with_noise(array: ImuArray) -> ImuArray:
 
 
 def weighting(array: ImuArray, triad: str, by: str) -> Floats:
-    """Weights of the sensor axes (U, 3).
+    """Weights of the sensor axes (U, 3), by "noise": inverse variances of the noise cards; by "range": inverse squares.
 
-    Parameters
-    ----------
-    array : ImuArray
-        The units.
-    triad : {"gyr", "acc", "mag"}
-        Which.
-    by : {"noise", "range", "equal"}
-        Inverse variances of the noise cards; inverse squares of the ranges, for a wider range has the coarser steps;
-        or one for all.
-
-    Raises
-    ------
-    ParameterError
-        If a range is not known.
+    For a wider range has the coarser steps; a range that is not known is an error; by "equal": one for all.
     """
     check.one_of("weights", by, WEIGHTS)
     if by == "noise":

@@ -44,33 +44,18 @@ RULE_UNITS: Final = {"deg": (_DEG, 1.0 / _DEG), "deg as rad/s": (_DEG, 1.0), "ra
 
 
 class Scheme(NamedTuple):
-    """Switches of the paper's scheme.
+    """Switches of the paper's scheme, with its own settings.
 
-    Attributes
-    ----------
-    set1, set2 : {"none", "pi", "fuzzy"}
-        Law of each set. The paper's: fuzzy and PI.
-    sets : int
-        1 takes set 1 alone, 2 the mean of both.
-    ekf : bool
-        The Kalman filter behind.
-    kp, ki : float
-        Gains of the PI law, 1/s and 1/s².
-    slope, far : float
-        Of the rules, as in `plumbob.filters.fuzzy_pi`; rad/s.
-    sum_table : bool
-        The table that adds up the numbers of its sets, instead of `slope` and `far`.
-    dip : float
-        Of the field, rad below the horizontal: the paper takes it as known.
-    rule_units : {"deg", "deg as rad/s", "rad as deg/s"}
-        What the rules get and give. The first is right: degrees, and °/s. Else degrees are given and what comes out is
-        taken for rad/s, or radians are given to rules of degrees: both are mistakes that the paper leaves open.
-    late : bool
-        The error is that of the attitude of the sample before: a mistake.
-    raw_mean : bool
-        The rate is the mean of both sets as they are read, as the paper's words have it: a mistake, as one is reversed.
-    force_down : bool
-        The specific force is taken for gravity, as the paper's frame has it: a mistake.
+    `set1`, `set2`: law of each set, "none", "pi" or "fuzzy"; `sets`: 1 takes set 1 alone, 2 the mean of both; `ekf`:
+    the Kalman filter behind; `kp`, `ki`: gains of the PI law, 1/s and 1/s²; `slope`, `far`: of the rules, as in
+    `plumbob.filters.fuzzy_pi`, rad/s; `sum_table`: the table that adds up the numbers of its sets, instead of these;
+    `dip`: of the field, rad below the horizontal: the paper takes it as known; `rule_units`: what the rules get and
+    give: "deg", degrees and °/s, is right; "deg as rad/s", where degrees are given and what comes out is taken for
+    rad/s, and "rad as deg/s", where rules of degrees are given radians, are mistakes that the paper leaves open.
+
+    Mistakes too: `late`: the error is that of the attitude of the sample before; `raw_mean`: the rate is the mean of
+    both sets as they are read, as the paper's words have it, although one is reversed; `force_down`: the specific force
+    is taken for gravity, as the paper's frame has it.
     """
 
     set1: str = "fuzzy"
@@ -90,15 +75,7 @@ class Scheme(NamedTuple):
 
 
 class Sets(NamedTuple):
-    """Signals of both sets in body axes, each (N, 3), and the parity of pairs.
-
-    Attributes
-    ----------
-    plus, minus : dict of str to ndarray
-        By triad: y⁺, and −y⁻.
-    parity : dict of str to ndarray
-        By triad: (y⁺ + y⁻) / 2.
-    """
+    """Signals of both sets in body axes, y⁺ and −y⁻, and the parity of pairs, (y⁺ + y⁻) / 2, (N, 3) by triad."""
 
     plus: dict[str, Floats]
     minus: dict[str, Floats]
@@ -106,13 +83,7 @@ class Sets(NamedTuple):
 
 
 def sets_of(array: ImuArray) -> Sets:
-    """Signals of the ± sets of six units, in the order +x, +y, +z, −x, −y, −z.
-
-    Raises
-    ------
-    ShapeError
-        If there are not six units, or the axis of a unit does not point as its place says.
-    """
+    """Signals of the ± sets of six units, in the order +x, +y, +z, −x, −y, −z, each axis pointing as its place says."""
     names = array.names
     if len(names) != 6:
         raise ShapeError(f"the paper's array has six units, but this one has {len(names)}.")
@@ -125,8 +96,10 @@ def sets_of(array: ImuArray) -> Sets:
                     "turn its mount."
                 )
     for triad in ("gyr", "acc", "mag"):
-        high = np.stack([getattr(array.units[names[axis]], triad)[:, axis] for axis in range(3)], axis=1)
-        low = np.stack([getattr(array.units[names[axis + 3]], triad)[:, axis] for axis in range(3)], axis=1)
+        high, low = (
+            np.stack([getattr(array.units[names[axis + at]], triad)[:, axis] for axis in range(3)], axis=1)
+            for at in (0, 3)
+        )
         plus[triad], minus[triad], parity[triad] = high, -low, 0.5 * (high + low)
     return Sets(plus, minus, parity)
 
@@ -254,25 +227,9 @@ def run(
 def paper(
     array: ImuArray, *, frame: Frame | str, scheme: Scheme | None = None, start: Floats | None = None
 ) -> AttitudeTrack:
-    """Attitude of the teaching-arm paper's array, by its own scheme or one with other switches.
+    """Attitude of the teaching-arm paper's array of six units, by its own scheme or one with other switches.
 
-    Parameters
-    ----------
-    array : ImuArray
-        Six units, in the order +x, +y, +z, −x, −y, −z.
-    frame : Frame or str
-        Navigation frame of the result.
-    scheme : Scheme, optional
-        Switches; by default the paper's.
-    start : ndarray (4,), optional
-        Attitude to start from; by default that of the first samples of the sets that are used, together.
-
-    Raises
-    ------
-    ShapeError
-        If the array is another one.
-    ParameterError
-        If a law is not known.
+    It starts from `start` (4,), or from the first samples of the sets that are used, together.
     """
     scheme, frame = scheme or Scheme(), Frame.parse(frame)
     for name in (scheme.set1, scheme.set2):

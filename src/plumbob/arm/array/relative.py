@@ -5,7 +5,7 @@ Differences are small rotations, relative biases and clock offsets, each with it
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -157,7 +157,11 @@ def info(array: "ImuArray | Source | Sequence[Source]") -> ArrayInfo:
     late = _coarse(array)
     fits: list[_RelativeFit] = []
     for _ in range(ROUNDS):
-        shifted = _later(array, late)
+        mounts = {
+            name: replace(mount, clock_offset=mount.clock_offset + float(more))
+            for (name, mount), more in zip(array.mounts.items(), late, strict=True)
+        }
+        shifted = aligned(ImuArray(array.units, mounts))
         virtual = combined(shifted, "noise", None, causal=False)
         fits = [_fit(shifted, virtual, u) for u in range(len(array.units))]
         steps = np.array([0.0 if np.isnan(fit.clock_sd) else fit.x[12] for fit in fits])
@@ -165,22 +169,13 @@ def info(array: "ImuArray | Source | Sequence[Source]") -> ArrayInfo:
         if (np.abs(steps) < 1e-6).all():
             break
     rms = virtual.parity_rms
+    places = {triad: slice(3 + 3 * i, 6 + 3 * i) for i, triad in enumerate(TRIADS)}
     units = []
     for u, (name, fit) in enumerate(zip(array.names, fits, strict=True)):
-        has = [triad for triad in TRIADS if triad in rms and np.isfinite(rms[triad][u]).any()]
-        places = {triad: slice(3 + 3 * i, 6 + 3 * i) for i, triad in enumerate(TRIADS)}
-        units.append(
-            UnitInfo(
-                name,
-                fit.x[:3],
-                fit.sd[:3],
-                {triad: fit.x[places[triad]] for triad in rms},
-                {triad: fit.sd[places[triad]] for triad in rms},
-                float("nan") if np.isnan(fit.clock_sd) else float(late[u] - late.mean()),
-                fit.clock_sd,
-                {triad: float(np.sqrt(np.nanmean(rms[triad][u] ** 2))) for triad in has},
-            )
-        )
+        bias, bias_sd = ({triad: of[places[triad]] for triad in rms} for of in (fit.x, fit.sd))
+        clock = float("nan") if np.isnan(fit.clock_sd) else float(late[u] - late.mean())
+        left = {k: float(np.sqrt(np.nanmean(of[u] ** 2))) for k, of in rms.items() if np.isfinite(of[u]).any()}
+        units.append(UnitInfo(name, fit.x[:3], fit.sd[:3], bias, bias_sd, clock, fit.clock_sd, left))
     return ArrayInfo(tuple(units), len(array), float(array.t[-1] - array.t[0]))
 
 
@@ -197,14 +192,6 @@ def corrected(array: ImuArray, found: ArrayInfo) -> ImuArray:
             imu.t, **less, temp_c=imu.temp_c, flags=imu.flags, meta=replace(imu.meta, unit_check=False)
         )
     return ImuArray(units, mounts)
-
-
-def _later(array: ImuArray, late: Floats) -> ImuArray:
-    mounts = {
-        name: replace(mount, clock_offset=mount.clock_offset + float(more))
-        for (name, mount), more in zip(array.mounts.items(), late, strict=True)
-    }
-    return aligned(ImuArray(array.units, mounts))
 
 
 def _coarse(array: ImuArray) -> Floats:
@@ -230,8 +217,7 @@ def _coarse(array: ImuArray) -> Floats:
     return centred
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _RelativeFit:
+class _RelativeFit(NamedTuple):
     x: Floats
     sd: Floats
     clock_sd: float

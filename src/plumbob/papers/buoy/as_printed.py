@@ -117,11 +117,7 @@ def corrected_to(start: float, *, literal: bool, seconds: float = 30.0) -> float
 
 
 class Loop(NamedTuple):
-    """The PI law as a loop of second order.
-
-    `poles`: rad/s; `damping`: damping ratio; `peak`: largest attitude error by the bias of the gyroscope that
-    causes it, s.
-    """
+    """The PI law as a loop of second order: poles, rad/s, and largest attitude error by the gyroscope's bias, s."""
 
     poles: tuple[float, float]
     damping: float
@@ -162,17 +158,13 @@ def misprints(wide_yaw: float, yaw: float) -> dict[str, tuple[float, ...]]:
     """What each printed form gives, and then the corrected one, by the figure's key: °, rad, g and %, as its row says.
 
     ``order`` has roll, pitch and yaw by the text's order and by Z-Y-X, ``gate.*`` the level acceleration that passes
-    and its inclination.
-
-    Parameters
-    ----------
-    wide_yaw, yaw : float
-        Median of the largest yaw error with the magnetometer's wide and its narrow step, deg.
+    and its inclination; `wide_yaw`, `yaw`: median of the largest yaw error with the magnetometer's wide and its narrow
+    step, deg.
     """
     still, about_z = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, dps(30.0)])
     turns = (quat_angle(still, quat_normalize(propagate(about_z, 500, literal=way))) for way in (True, False))
     west, euler = quat_from_euler_zyx([2.0, 0.0, 0.0]), (0.4, -0.3, 1.1)
-    poles = loop().poles
+    poles, passed = loop().poles, {unit: passes(gate) for unit, gate in zip(("g", "si"), GATES, strict=True)}
     return {
         "rows": PrintedForm(*(float(to_deg(turn)) for turn in turns)),
         "norm": PrintedForm(float(np.linalg.norm(propagate(np.array([0.62, 0.0, 0.0]), 60_000))), 1.0),
@@ -181,15 +173,10 @@ def misprints(wide_yaw: float, yaw: float) -> dict[str, tuple[float, ...]]:
         "order": angles(zxy(*euler), literal=False) + angles(quat_from_euler_zyx(euler[::-1]), literal=False),
         "normalised": PrintedForm(*(normalised_yaw(literal=way) for way in (True, False))),
         "modulus": PrintedForm(*(corrected_to(10.0, literal=way) for way in (True, False))),
-        **{f"gate.{unit}": _passes_deg(gate) for unit, gate in zip(("g", "si"), GATES, strict=True)},
+        **{f"gate.{unit}": (across, float(to_deg(tilt))) for unit, (across, tilt) in passed.items()},
         "gate.rest": PrintedForm(*(100.0 * static_share(gate) for gate in GATES[::-1])),
         "step": (wide_yaw - yaw, wide_yaw, yaw),
         "pole.fast": poles[:1],
         "pole.slow": poles[1:],
         "zero_rate": (zero_rate_error(5.0),),
     }
-
-
-def _passes_deg(gate: float) -> tuple[float, float]:
-    across, tilt = passes(gate)
-    return across, float(to_deg(tilt))

@@ -154,8 +154,8 @@ class ModuleStatistics(NamedTuple):
 
     `before`, `yaw`, `level`: medians: of the yaw before and after, and of the larger one of pitch and roll after;
     `yaw95`, `level95`: what 95 % of the modules keep; `within`: share whose yaw keeps 2.5°; `yaw5`, `all5`: share
-    whose yaw, and whose three angles, keep 5°, as the paper claims; `before5`: share whose yaw keeps 5° before;
-    `failed`: share whose first capture gave no calibration.
+    whose yaw, and whose three angles, keep 5°, as the paper claims; `failed`: share whose first capture gave no
+    calibration.
     """
 
     before: float
@@ -166,7 +166,6 @@ class ModuleStatistics(NamedTuple):
     within: float
     yaw5: float
     all5: float
-    before5: float
     failed: float
 
 
@@ -209,7 +208,6 @@ def measure_ring(row: CaptureRow, seeds: Sequence[int]) -> ModuleStatistics:
         within=float(np.mean(yaw <= 2.5)),
         yaw5=float(np.mean(yaw <= 5.0)),
         all5=float(np.mean(np.maximum(yaw, level) <= 5.0)),
-        before5=float(np.mean(before <= 5.0)),
         failed=float(np.mean([turn[3] > 0 for turn in turns])),
     )
 

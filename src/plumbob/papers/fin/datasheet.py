@@ -83,32 +83,16 @@ def averaging_time(share: float, duration: float = DURATION) -> float:
 
 
 def fin_report(analyses: Sequence[Analysis]) -> Report:
-    """The report.
-
-    Parameters
-    ----------
-    analyses : sequence of Analysis
-        Among them the axes of a gyroscope; others are not looked at.
-
-    Raises
-    ------
-    ShapeError
-        If no channel is a gyroscope's.
-    """
-    triad = _gyroscope(analyses)
+    """The report of the axes of a gyroscope, which must be among the analyses; others are not looked at."""
+    triad = next((triad for triad in triads(analyses) if triad.quantity is Quantity.RATE), None)
+    if triad is None:
+        raise ShapeError("the fin paper's report is about a gyroscope, but no channel is in rad/s.")
     head = ("", "axis", "printed", "±/value", "implied T [s]", "remark")
     tables = [
         Table("This record", ["", *triad.channels], _own_rows(triad)),
         Table("As printed, and its errors recomputed for 110000 samples at 500 Hz", head, _printed_rows(), words=(5,)),
     ]
     return Report("Table 1 of Ou et al. 2017", tables=tables, remarks=_MISPRINTS)
-
-
-def _gyroscope(analyses: Sequence[Analysis]) -> Triad:
-    for triad in triads(analyses):
-        if triad.quantity is Quantity.RATE:
-            return triad
-    raise ShapeError("the fin paper's report is about a gyroscope, but no channel is in rad/s.")
 
 
 def _own_rows(triad: Triad) -> list[list[str]]:

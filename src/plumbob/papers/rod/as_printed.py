@@ -30,23 +30,12 @@ ACC_SD: Final = g(0.1)
 class Form(NamedTuple):
     """Which form of each equation is computed; the defaults are the corrected ones.
 
-    Attributes
-    ----------
-    predicted : bool
-        P⁻ = ΦPΦᵀ + Q before the gain; the paper's list of steps has no such step.
-    half_angle : bool
-        cos(|W|/2) and sin(|W|/2) in (10); printed are cos|W| and sin|W|.
-    specific_force : bool
-        h(q) is −g_b, as f_b = −g_b at rest; printed is +g_b in (11).
-    normalised : bool
-        q is brought to length 1 after each step; the paper does not say it.
-    joseph : bool
-        P = (I−KH)P⁻(I−KH)ᵀ + KRKᵀ; printed is (I−KH)P⁻.
-    single : bool
-        State and covariance are kept in single precision.
-    carried : bool
-        P is turned with the quaternion when that is corrected and normalised, as `plumbob.filters.ekf7` does; the paper
-        leaves it.
+    `predicted`: P⁻ = ΦPΦᵀ + Q before the gain, of which the paper's list of steps has nothing; `half_angle`: cos(|W|/2)
+    and sin(|W|/2) in (10), printed are cos|W| and sin|W|; `specific_force`: h(q) is −g_b, as f_b = −g_b at rest,
+    printed is +g_b in (11); `normalised`: q is brought to length 1 after each step, which the paper does not say; `joseph`:
+    P = (I−KH)P⁻(I−KH)ᵀ + KRKᵀ, printed is (I−KH)P⁻; `single`: state and covariance are kept in single precision;
+    `carried`: P is turned with the quaternion when that is corrected and normalised, as `plumbob.filters.ekf7` does;
+    the paper leaves it.
     """
 
     predicted: bool = True
@@ -59,17 +48,7 @@ class Form(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What the filter gives.
-
-    Attributes
-    ----------
-    q_nb : ndarray (N, 4)
-        Attitudes, of length 1.
-    length : ndarray (N,)
-        Length of q before it is brought to 1.
-    p : ndarray (7, 7)
-        Covariance at the end.
-    """
+    """Attitudes (N, 4) of length 1, length (N,) of q before it is brought to 1, and covariance (7, 7) at the end."""
 
     q_nb: Floats
     length: Floats
@@ -123,18 +102,10 @@ def observation(q: Floats) -> Floats:
 
 
 def literal(imu: ImuData, acc_sd: Floats | float = ACC_SD, form: Form | None = None, *, rest: int = 100) -> Run:
-    """Run the filter over samples that begin at rest.
+    """Run the filter over samples at an even rate that begin at rest, body axes forward, right, down.
 
-    Parameters
-    ----------
-    imu : ImuData
-        Samples at an even rate, body axes forward, right, down.
-    acc_sd : float or ndarray (N,)
-        Standard deviation of each specific force, m/s².
-    form : Form, optional
-        Which forms of the equations; by default all corrected.
-    rest : int
-        Samples at rest at the begin whose mean gives the first attitude.
+    `acc_sd`: standard deviation of each specific force, one or (N,), m/s²; `rest`: samples at rest at the begin whose
+    mean gives the first attitude.
     """
     form = form or Form()
     assert imu.gyr is not None

@@ -11,7 +11,7 @@ from plumbob.core.units import dps, g, to_dps
 from plumbob.data import ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.door.calibrate import calibrate
-from plumbob.papers.trackball.records import BIAS, PEAK, SAMPLES, STEP, WHITE, at_rest, scalar_filter
+from plumbob.papers.trackball.seeds import BIAS, PEAK, SAMPLES, STEP, WHITE, at_rest, scalar_filter
 from plumbob.rotations import Frame
 from plumbob.simulation import Module, TriadErrors, scenario, simulate
 from plumbob.simulation.signals import Polynomial
@@ -104,15 +104,7 @@ def gain_error(share: float = 0.01) -> tuple[float, float]:
 
 
 def allan_as_printed(rate: Floats, n: int) -> float:
-    """Deviation by (13) to the letter: the mean of η̄² itself instead of that of its differences.
-
-    Parameters
-    ----------
-    rate : ndarray (N,)
-        Samples.
-    n : int
-        Samples that are averaged.
-    """
+    """Deviation of samples (N,), n averaged, by (13) to the letter: the mean of η̄² itself, not of its differences."""
     m = rate.size // n
     means = rate[: m * n].reshape(m, n).mean(axis=1)
     return float(np.sqrt(np.sum(means[:-1] ** 2) / (2.0 * (m - 1))))  # [Chen2013] (13): as printed

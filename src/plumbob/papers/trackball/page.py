@@ -15,8 +15,20 @@ from plumbob.papers.description import TRACKBALL
 from plumbob.papers.outcome import Outcome, Paper, Part
 from plumbob.papers.trackball import misprints, seeds
 from plumbob.papers.trackball.recorded import Lapped, Rest, Soaked, Turned, apart
-from plumbob.papers.trackball.records import AT_REST, IN_MOTION, RATIOS, SAMPLES, STEP, operations
-from plumbob.papers.trackball.seeds import LONG_TAUS, TAUS, OnTurntable, PowerFits, degrees_of_freedom, theory
+from plumbob.papers.trackball.seeds import (
+    AT_REST,
+    IN_MOTION,
+    LONG_TAUS,
+    RATIOS,
+    SAMPLES,
+    STEP,
+    TAUS,
+    OnTurntable,
+    PowerFits,
+    degrees_of_freedom,
+    operations,
+    theory,
+)
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report
 from plumbob.reporting.scene import Scene

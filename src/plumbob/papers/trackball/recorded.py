@@ -18,18 +18,19 @@ from plumbob.door.calibrate import calibrate, read_track
 from plumbob.door.estimate import estimate
 from plumbob.door.rates import filter_rates
 from plumbob.noise import DeviationComparison, compare
-from plumbob.papers.trackball.records import (
+from plumbob.papers.trackball.seeds import (
     AT_REST,
     IN_MOTION,
     SAMPLES,
     STEP,
+    TAUS,
     RampFilter,
+    factors,
     noise_card,
     scalar_filter,
     two_state,
     unfiltered,
 )
-from plumbob.papers.trackball.seeds import TAUS, factors
 from plumbob.papers.workspace import Work, recorded_samples
 from plumbob.rotations import Frame, quat_conjugate, quat_rotate
 from plumbob.simulation import scenario
