@@ -54,14 +54,8 @@ Progress = Callable[[str, int, int], None]
 class Reproduction:
     """What the papers' runs gave.
 
-    Attributes
-    ----------
-    seed : int
-        Of everything that was left to chance.
-    outcomes : mapping of str to sequence of Outcome
-        Every figure of each paper.
-    folder : Path
-        Where the pages and all files are.
+    `seed`: of everything that was left to chance; `outcomes`: every figure of each paper; `folder`: where the pages and
+    all files are.
     """
 
     seed: int

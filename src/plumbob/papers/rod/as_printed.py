@@ -32,8 +32,9 @@ class Form(NamedTuple):
 
     `predicted`: P⁻ = ΦPΦᵀ + Q before the gain, of which the paper's list of steps has nothing; `half_angle`: cos(|W|/2)
     and sin(|W|/2) in (10), printed are cos|W| and sin|W|; `specific_force`: h(q) is −g_b, as f_b = −g_b at rest,
-    printed is +g_b in (11); `normalised`: q is brought to length 1 after each step, which the paper does not say; `joseph`:
-    P = (I−KH)P⁻(I−KH)ᵀ + KRKᵀ, printed is (I−KH)P⁻; `single`: state and covariance are kept in single precision;
+    printed is +g_b in (11); `normalised`: q is brought to length 1 after each step, which the paper does not say;
+    `joseph`: P = (I−KH)P⁻(I−KH)ᵀ + KRKᵀ, printed is (I−KH)P⁻; `single`: state and covariance are kept in single
+    precision;
     `carried`: P is turned with the quaternion when that is corrected and normalised, as `plumbob.filters.ekf7` does;
     the paper leaves it.
     """
