@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import MISSING, dataclass, field, fields, replace
 from numbers import Integral, Real
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +26,7 @@ from plumbob.data.sample import ImuSample
 from plumbob.rotations import Frame, North, body_axes, euler_zyx_from_quat
 
 Half = tuple[float, ...]
+Made = TypeVar("Made")
 TRIADS = ("gyr", "acc", "mag")
 TITLES = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
 UNCALIBRATED = "NONE: these sensor values are uncalibrated"
@@ -253,10 +254,9 @@ class ImuData(Series):
         """
         marks = flags.copy()
         _mark(marks, triads, meta)
-        part = object.__new__(cls)
         values = {name: triads.get(name) for name in TRIADS}
-        _refreeze(part, {"t": to_s(t_ns), **values, "temp_c": temp_c, "flags": marks, "meta": meta})
-        return part
+        state = {"t": to_s(t_ns), **values, "temp_c": temp_c, "flags": marks, "meta": meta}
+        return _filled(object.__new__(cls), state)
 
     def __len__(self) -> int:
         return int(self.t.size)
@@ -291,25 +291,25 @@ class ImuData(Series):
         return tuple(name for name in TRIADS if getattr(self, name) is not None)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        _refreeze(self, state)
+        _filled(self, state)
 
     def __getitem__(self, rows: slice) -> "ImuData":
         """Samples of a slice with step 1, with their times and flags unchanged; no copy is made."""
         start, stop = self._bounds(rows)
         state = {f.name: getattr(self, f.name) for f in fields(self)}
-        return self._like({k: v[start:stop] if isinstance(v, np.ndarray) else v for k, v in state.items()})
+        part = {k: v[start:stop] if isinstance(v, np.ndarray) else v for k, v in state.items()}
+        return _filled(object.__new__(type(self)), part)
 
     def picked(self, rows: NDArray[np.bool_]) -> Self:
         """Samples that a mask (N,) marks, with their times and flags unchanged."""
         state = {f.name: getattr(self, f.name) for f in fields(self)}
-        part = object.__new__(type(self))
-        _refreeze(part, {k: v[rows] if isinstance(v, np.ndarray) else v for k, v in state.items()})
-        return part
+        part = {k: v[rows] if isinstance(v, np.ndarray) else v for k, v in state.items()}
+        return _filled(object.__new__(type(self)), part)
 
     def flagged(self, words: NDArray[np.uint32]) -> Self:
         """The same samples with more flags (N,)."""
         state = {f.name: getattr(self, f.name) for f in fields(self)}
-        return self._like(state | {"flags": check.read_only(self.flags | words)})
+        return _filled(object.__new__(type(self)), state | {"flags": self.flags | words})
 
     def _bounds(self, rows: slice) -> tuple[int, int]:
         """First row of a slice, and the one behind its last."""
@@ -324,25 +324,16 @@ class ImuData(Series):
         return start, stop
 
     @classmethod
-    def _like(cls, state: dict[str, Any]) -> Self:
-        part = object.__new__(cls)  # already validated
-        for name, value in state.items():
-            object.__setattr__(part, name, value)
-        return part
-
-    @classmethod
     def joined(cls, parts: "Sequence[ImuData]") -> "ImuData":
         """One recording of parts that follow each other, as slices of one do."""
         first = parts[0]
         if len(parts) == 1:
             return first
-        joined = object.__new__(ImuData)
         state = {f.name: getattr(first, f.name) for f in fields(ImuData)}
         for name, value in state.items():
             if isinstance(value, np.ndarray):
                 state[name] = np.concatenate([getattr(part, name) for part in parts])
-        _refreeze(joined, state)
-        return joined
+        return _filled(object.__new__(ImuData), state)
 
     def each(self, change: "Callable[[ImuData], ImuData]") -> "ImuData":
         """Recording whose parts, cut anywhere, are those of this one after a change that judges each row by itself."""
@@ -456,7 +447,7 @@ class ImuData(Series):
             missing = np.isnan(state[name]).any(axis=1)
             marks[~missing] &= ~np.uint32(absent)
             marks[missing & (self.flags & np.uint32(invalid) == 0)] |= absent
-        return self._like(state | {"flags": check.read_only(marks)})
+        return _filled(object.__new__(type(self)), state | {"flags": marks})
 
     @classmethod
     def from_streams(
@@ -584,7 +575,7 @@ class AttitudeTrack(Series):
             object.__setattr__(self, name, check.read_only(array))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        _refreeze(self, state)
+        _filled(self, state)
 
     def __len__(self) -> int:
         return int(self.t.size)
@@ -667,9 +658,8 @@ class AttitudeTrack(Series):
         **values
             The fields; those left out keep their defaults.
         """
-        track = object.__new__(cls)
-        _refreeze(track, {f.name: f.default for f in fields(cls) if f.default is not MISSING} | values)
-        return track
+        defaults = {f.name: f.default for f in fields(cls) if f.default is not MISSING}
+        return _filled(object.__new__(cls), defaults | values)
 
     @classmethod
     def joined(cls, parts: Iterable[Self], count: int) -> Self:
@@ -700,12 +690,13 @@ class AttitudeTrack(Series):
         return replace(self, q_nb=q_nb, **changes)
 
 
-def _refreeze(made: Any, state: dict[str, Any]) -> None:
-    """Fill a frozen object with arrays that nobody else writes to."""
+def _filled(made: Made, state: dict[str, Any]) -> Made:
+    """A frozen object with its values, which are valid: arrays that nobody else writes to."""
     for name, value in state.items():
         if isinstance(value, np.ndarray):
             value.flags.writeable = False
         object.__setattr__(made, name, value)
+    return made
 
 
 def _extent(t: Floats) -> str:

@@ -53,11 +53,6 @@ class Fate(IntEnum):
     MASKED = 7
 
     @property
-    def label(self) -> str:
-        """Short name for tables and JSON."""
-        return self.name.lower()
-
-    @property
     def meaning(self) -> str:
         """One line for a reader."""
         return _MEANING[self]

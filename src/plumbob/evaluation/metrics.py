@@ -135,7 +135,10 @@ def nees(q_est: Floats, q_ref: Floats, cov_b: Floats) -> Floats:
         Claimed covariance of the error as a rotation vector in body axes, rad².
     """
     d = rotvec_from_quat(quat_multiply(quat_conjugate(q_est), q_ref))
-    usable = _positive_definite(cov_b)
+    # Sylvester's criterion: all leading minors of a positive definite matrix are positive (NaN is not)
+    first, second = cov_b[:, 0, 0], cov_b[:, 0, 0] * cov_b[:, 1, 1] - cov_b[:, 0, 1] * cov_b[:, 1, 0]
+    third = np.sum(cov_b[:, 0] * np.cross(cov_b[:, 1], cov_b[:, 2]), axis=1)
+    usable = (first > 0.0) & (second > 0.0) & (third > 0.0)
     squared = np.full(d.shape[0], np.nan)
     weighted = np.linalg.solve(cov_b[usable], d[usable, :, np.newaxis])[..., 0]
     squared[usable] = np.sum(d[usable] * weighted, axis=1)  # [BarShalom2001] sec. 5.4
@@ -186,13 +189,6 @@ def inside_claim(
     variance = np.einsum("nij,njk,nik->ni", c_nb, cov_b, c_nb)
     sd = np.sqrt(np.maximum(variance, 0.0))
     return np.abs(heading) <= INSIDE * sd[:, 2], np.abs(2.0 * error[:, 1:3]) <= INSIDE * sd[:, :2]
-
-
-def _positive_definite(p: Floats) -> NDArray[np.bool_]:
-    """Sylvester's criterion: all leading minors are positive (NaN is not)."""
-    second = p[:, 0, 0] * p[:, 1, 1] - p[:, 0, 1] * p[:, 1, 0]
-    third = np.sum(p[:, 0] * np.cross(p[:, 1], p[:, 2]), axis=1)
-    return np.asarray((p[:, 0, 0] > 0.0) & (second > 0.0) & (third > 0.0))
 
 
 PERCENTILES = (50, 95, 99)

@@ -395,7 +395,7 @@ def _samples(e: Evaluation) -> dict[str, Any]:
         "first_s": float(times[0]),
         "last_s": float(times[-1]),
         "not_converged_until_s": e.not_converged_until,
-        "left_out": {fate.label: n for fate, n in e.match.counts().items() if fate is not Fate.SCORED},
+        "left_out": {fate.name.lower(): n for fate, n in e.match.counts().items() if fate is not Fate.SCORED},
     }
 
 

@@ -190,8 +190,10 @@ def _single(s: Floats, t_ns: int, word: int, values: Floats) -> int:
     return _take(c, x, t_ns, word | gyr_flag | acc_flag | mag_flag, gx, gy, gz, ax, ay, az, mx, my, mz)
 
 
-def filter_loops(name: str, module: FilterModule) -> Loops:
+@cache
+def filter_loops(name: str) -> Loops:
     """Batch and single-sample entries of a filter, compiled around its step."""
+    module = load(name)
     look_on = see_field if hasattr(module, "COVARIANCE") else look
     take = specialise(_take, f"take_{name}", step=module.step, look=look_on)
     row = specialise(_row, f"row_{name}", _take=take)
@@ -204,7 +206,7 @@ def filter_loops(name: str, module: FilterModule) -> Loops:
 
 def specialised() -> list[Kernel[..., Any]]:
     """Loops of all filters, of which C is made."""
-    all_loops = [_cached_loops(name, load(name)) for name in filter_names() if name != SMOOTHER]
+    all_loops = [filter_loops(name) for name in filter_names() if name != SMOOTHER]
     return [loop for loops in all_loops for loop in (loops.batch, loops.claiming, loops.single)]
 
 
@@ -278,7 +280,8 @@ class Filter(FactsText):
         self.params, self.common = _split_params(name, self.module, given)
         self._decided = "declination" in given
         self._meta = meta
-        self._loops = _cached_loops(name, self.module)
+        self._loops = filter_loops(name)
+        self._covariance: slice = getattr(self.module, "COVARIANCE", slice(0, 0))  # its places in the state
         c = _coefficients(self.module, self.params, self.common, frame)
         self._s: Floats = np.concatenate((c, np.zeros(OWN + self.module.STATE)))  # one array: one pointer to pass
         self._c, self._x = self._s[: c.size], self._s[c.size :]
@@ -407,11 +410,6 @@ class Filter(FactsText):
             source=f"{self.describe()}; calibration {calibration_told(data.meta.calibration)}",
         )
 
-    @property
-    def _covariance(self) -> slice:
-        place: slice = getattr(self.module, "COVARIANCE", slice(0, 0))
-        return place
-
     def update(self, sample: ImuSample) -> int:
         """Take the next sample and return its flags; `q_nb` is then the attitude at its time.
 
@@ -521,15 +519,6 @@ def north_reference(common: CommonParams, init: Start | None, has_mag: bool) -> 
 def _described(name: str, params: Any, common: CommonParams) -> str:
     pairs = ((p, getattr(holder, p.name)) for holder in (params, common) for p in describe(type(holder)))
     return f"{name}({', '.join(f'{p.name}={shown(p, value)}' for p, value in pairs)})"
-
-
-_LOOPS: dict[str, Loops] = {}
-
-
-def _cached_loops(name: str, module: FilterModule) -> Loops:
-    if name not in _LOOPS:
-        _LOOPS[name] = filter_loops(name, module)
-    return _LOOPS[name]
 
 
 def _split_params(name: str, module: FilterModule, values: dict[str, Any]) -> tuple[Any, CommonParams]:

@@ -305,7 +305,8 @@ def euler_zyx_from_quat(q: ArrayLike) -> Floats:
     array = check.last_axis("q", q, 4)
     down_x, down_y, down_z = np.moveaxis(by_component(kernels.third_row, array), -1, 0)
     pitch = np.arctan2(-down_x, np.hypot(down_y, down_z))  # stays accurate near ±90°, where asin does not
-    roll = np.where(_gimbal(pitch), 0.0, np.arctan2(down_y + 0.0, down_z))  # + 0.0: −0 would turn π into −π
+    gimbal = np.abs(np.abs(pitch) - 0.5 * np.pi) < GIMBAL_MARGIN
+    roll = np.where(gimbal, 0.0, np.arctan2(down_y + 0.0, down_z))  # + 0.0: −0 would turn π into −π
     # Undo the roll: the y axis is then level, and its heading is yaw at every pitch.
     level_y = quat_rotate(array, np.stack((np.zeros_like(roll), np.cos(roll), -np.sin(roll)), axis=-1))
     return np.stack((np.arctan2(0.0 - level_y[..., 0], level_y[..., 1]), pitch, roll), axis=-1)
@@ -329,7 +330,8 @@ def quat_from_euler_zyx(yaw_pitch_roll: ArrayLike) -> Floats:
 def near_gimbal(q: ArrayLike) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """True where pitch is so near ±90° that yaw and roll cannot be separated."""
     down_x, down_y, down_z = np.moveaxis(by_component(kernels.third_row, check.last_axis("q", q, 4)), -1, 0)
-    return np.asarray(_gimbal(np.arctan2(-down_x, np.hypot(down_y, down_z))))
+    pitch = np.arctan2(-down_x, np.hypot(down_y, down_z))
+    return np.asarray(np.abs(np.abs(pitch) - 0.5 * np.pi) < GIMBAL_MARGIN)
 
 
 def body_rate_from_euler_zyx(yaw_pitch_roll: ArrayLike, rates: ArrayLike) -> Floats:
@@ -346,7 +348,3 @@ def body_rate_from_euler_zyx(yaw_pitch_roll: ArrayLike, rates: ArrayLike) -> Flo
     dyaw, dpitch, droll = np.moveaxis(check.last_axis("rates", rates, 3), -1, 0)
     sp, cp, sr, cr = np.sin(pitch), np.cos(pitch), np.sin(roll), np.cos(roll)
     return np.stack((droll - dyaw * sp, dpitch * cr + dyaw * sr * cp, -dpitch * sr + dyaw * cr * cp), axis=-1)
-
-
-def _gimbal(pitch: Floats) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    return np.abs(np.abs(pitch) - 0.5 * np.pi) < GIMBAL_MARGIN

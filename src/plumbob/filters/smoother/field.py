@@ -140,7 +140,8 @@ def find_reference(
     if prior is not None:
         points = np.concatenate(([[prior[0].level, prior[0].vertical]], points))
         weight = np.concatenate(([prior[1]], weight))
-    best = _field_mode(points, weight, _sharpness(p))
+    sharpness = 1.0 / (1.5 * p.mag_spread) ** 2  # of the modes of the field, µT⁻²
+    best = _field_mode(points, weight, sharpness)
     for _ in range(10):
         w = weight / (1.0 + ((points - best) ** 2).sum(axis=1) / (2.0 * p.mag_spread) ** 2) ** 2
         best = w @ points / w.sum()
@@ -152,7 +153,7 @@ def find_reference(
     reference = replace(reference, median=float(np.median(off)))
     if p.lag is not None:
         reference = replace(reference, median=weighted_median(off, 1.0 / (1.0 + (off / reference.spread(p)) ** 2) ** 2))
-    return Reference(reference.level, reference.vertical, reference.median, *_rival(points, weight, best, p))
+    return Reference(reference.level, reference.vertical, reference.median, *_rival(points, weight, best, sharpness, p))
 
 
 def weighted_median(values: Floats, weight: Floats) -> float:
@@ -184,12 +185,13 @@ def share_of_rest(frames: Keyframes, inertial: Inertial) -> Floats:
     return np.where(inertial.resting, at_rest / frames.step, 1.0)
 
 
-def _rival(points: Floats, weight: Floats, best: Floats, p: Params) -> tuple[tuple[float, float] | None, float]:
+def _rival(
+    points: Floats, weight: Floats, best: Floats, sharpness: float, p: Params
+) -> tuple[tuple[float, float] | None, float]:
     """Another mode that is nearly as strong, and its share of both."""
     far = np.linalg.norm(points - best, axis=1) > APART * p.mag_spread
     if not far.any():
         return None, 0.0
-    sharpness = _sharpness(p)
     other = _field_mode(points[far], weight[far], sharpness)
 
     def strength(centre: Floats) -> float:
@@ -197,11 +199,6 @@ def _rival(points: Floats, weight: Floats, best: Floats, p: Params) -> tuple[tup
 
     share = strength(other) / (strength(other) + strength(best))
     return ((float(other[0]), float(other[1])), share) if share > RIVAL else (None, 0.0)
-
-
-def _sharpness(p: Params) -> float:
-    """Of the modes of the field, µT⁻²."""
-    return 1.0 / (1.5 * p.mag_spread) ** 2
 
 
 def _field_mode(points: Floats, weight: Floats, sharpness: float) -> Floats:

@@ -353,6 +353,8 @@ def level(
     `prior` is the bias (3,), rad/s, that the samples before showed, with what no rest showed of it, and `unit` what the
     unit's card leaves (12, 12). With `any_bias`, large ones are as likely as small ones.
     """
+    from plumbob.rotations import dcm_from_quat
+
     windows = calm(frames, p)
     resting, bias = first_rest(windows, p, frames.step) if prior is None else (windows.at_bias(p, prior[0]), prior[0])
     tilt = np.zeros((frames.first.size, 4))
@@ -378,16 +380,10 @@ def level(
         if _misfit(frames, p, other.sweep, density) > _misfit(frames, p, best.sweep, density) + spared:
             break
         best, wide = other, sd
-    wide = max(wide, BIAS_REPEATS, _level_bias(best.sweep))  # its part about the vertical is as large as the others
+    level_bias = dcm_from_quat(best.sweep.q[:1])[0, :2] @ best.sweep.bias[0]
+    # its part about the vertical is as large as the others
+    wide = max(wide, BIAS_REPEATS, math.sqrt(0.5 * float(level_bias @ level_bias)))
     return replace(best, drift_sd=wide, bias_sd=wide)
-
-
-def _level_bias(estimate: Sweep) -> float:
-    """Root mean square of the first bias about two level axes, rad/s."""
-    from plumbob.rotations import dcm_from_quat
-
-    level = dcm_from_quat(estimate.q[:1])[0, :2] @ estimate.bias[0]
-    return math.sqrt(0.5 * float(level @ level))
 
 
 def _misfit(frames: Keyframes, p: Params, estimate: Sweep, density: Floats) -> float:

@@ -20,13 +20,15 @@ USUAL: Final = 3.0
 HELD: Final = 0.5
 """A specific force that is known to no better than this share of the next says nothing of how the body moves."""
 UNKNOWN_FORCE: Final = 5.0
-"""Standard deviation of a specific force that was not measured, m/s²;"""
+"""Standard deviation of a specific force that was not measured, m/s²."""
 UNKNOWN_RATE: Final = 0.3
-"""of a rate that was not measured, as a share of the rates around it, which are taken to be"""
+"""Standard deviation of a rate that was not measured, as a share of the mean rate of the samples around it."""
+AROUND: Final = 15
+"""Samples of that mean."""
 LEAST_RATE: Final = deg(2.0)
-"""at least, rad/s: both in a long hole. A straight line over a short one misses less of a motion of"""
+"""Least mean rate that is assumed for it, rad/s."""
 SWING: Final = 3.0
-"""this frequency, Hz."""
+"""Frequency of the motion that a straight line over a short hole misses, Hz: less than is unknown in a long one."""
 
 WRONG: Final = (
     flags.GYR_CLIPPED | flags.GYR_STUCK | flags.GYR_INVALID,
@@ -87,7 +89,8 @@ class Keyframes:
         no_rate, no_force = np.isnan(gyr[:, 0]), np.isnan(acc[:, 0])
         gyr, acc = filled(t, gyr), filled(t, acc)
         dt = np.diff(t, prepend=t[0])
-        rates = np.maximum(_smooth(np.abs(gyr).max(axis=1), 15), LEAST_RATE)
+        largest = np.pad(np.abs(gyr).max(axis=1), AROUND // 2, mode="edge")
+        rates = np.maximum(np.convolve(largest, np.full(AROUND, 1.0 / AROUND), mode="valid"), LEAST_RATE)
         # each step by itself: in a difference of running sums a short hole would vanish beside a long one
         missed = np.add.reduceat(np.minimum(UNKNOWN_RATE, _bow(t, no_rate)) * rates * dt, first[:-1] + 1) ** 2
         pushed = np.add.reduceat(np.minimum(1.0, _bow(t, no_force)) * UNKNOWN_FORCE * dt, first[:-1] + 1) ** 2
@@ -207,11 +210,6 @@ def _bow(t: Floats, missing: Bools) -> Floats:
     place = np.searchsorted(valid, np.arange(t.size))
     before, after = valid[np.maximum(place - 1, 0)], valid[np.minimum(place, valid.size - 1)]
     return np.where(missing, (2.0 * np.pi * SWING * (t[after] - t[before])) ** 2 / 8.0, 0.0)
-
-
-def _smooth(values: Floats, count: int) -> Floats:
-    """Running mean over a number of samples."""
-    return np.convolve(np.pad(values, count // 2, mode="edge"), np.full(count, 1.0 / count), mode="valid")
 
 
 def sum_between(values: Floats, low: NDArray[np.int64], high: NDArray[np.int64]) -> Floats:

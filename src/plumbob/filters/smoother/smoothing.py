@@ -182,7 +182,12 @@ class Smoother(FactsText):
         """
         self._begin(data)
         lag, tracks = self.params.lag, _Tracks(self, data.meta)
-        for piece in self._live(data) if lag == 0.0 else self._stretches(data):
+        if lag == 0.0:
+            pieces = self._live(data)
+        else:  # stretches that overlap, each smoothed by itself; a list of them: the times of all are not kept
+            along = Along(self, data.meta, remarks_before(data) if lag is None else [])
+            pieces = (along.piece(data[stretch.span], stretch) for stretch in list(stretches(data.t, lag)))
+        for piece in pieces:
             if progress:
                 progress(len(piece.t))
             track = tracks.track(piece)
@@ -208,12 +213,6 @@ class Smoother(FactsText):
         """Take over the declination that is known, unless `params` have decided."""
         if meta.declination is not None and not self._decided:
             self.common = self.common._replace(declination=meta.declination)
-
-    def _stretches(self, data: ImuData) -> Iterator[Piece]:
-        """Stretches that overlap, each smoothed by itself."""
-        along = Along(self, data.meta, remarks_before(data) if self.params.lag is None else [])
-        for stretch in list(stretches(data.t, self.params.lag)):  # a list: the times of all are not kept
-            yield along.piece(data[stretch.span], stretch)
 
     def _live(self, data: ImuData) -> Iterator[Piece]:
         """Parts one after the other, nothing of which knows what comes later."""
@@ -288,7 +287,10 @@ class Along:
         if smoothed is None:
             part = unknown(data, self._attitude, np.zeros(3) if self._known.bias is None else self._known.bias[0])
         else:
-            part = sample_part(data, smoothed, smoother.params, self._heading_var(stretch))
+            heading_var = None  # of a given heading where the stretch begins, beyond what comes from the one before
+            if self._start is not None and self._start.headed:
+                heading_var = 0.0 if stretch.span.start else GIVEN**2
+            part = sample_part(data, smoothed, smoother.params, heading_var)
             if self._last is not None and smoothed.reference is None:
                 part = continued(part, stretch, *self._last)
                 part = part._replace(cov=widened(part.q, part.cov, self._before(part, inside.start)))
@@ -298,12 +300,6 @@ class Along:
         self._attitude, smoother.remarks = part.q[inside][-1].copy(), tuple(self._remarks)
         headed = 0 if smoothed is not None and smoothed.reference is not None else inside.stop - inside.start
         return Piece(data.t[inside], part.rows(inside), headed, smoothed is not None)
-
-    def _heading_var(self, stretch: Stretch) -> float | None:
-        """Variance of a given heading where a stretch begins, rad², beyond what comes from the stretch before."""
-        if self._start is None or not self._start.headed:
-            return None
-        return 0.0 if stretch.span.start else GIVEN**2
 
     def _before(self, part: SampleEstimates, begin: int) -> Floats:
         """What a free heading was uncertain by before the core that begins at a sample, rad², beyond what it now is."""
