@@ -189,16 +189,14 @@ def _turning(imu: ImuData) -> tuple[str, ...]:
     times = to_deg(1.0)
     if fit.factor < 0.0:
         return ("gyroscope: it turns against the accelerometer: a sign or an axis is wrong",)
-    if _is_about(fit.factor * times):
-        return (
-            f"gyroscope: the acceleration turns {times:.0f} times slower than the rates say; they look like °/s "
-            "declared as rad/s",
-        )
-    if _is_about(fit.factor / times):
-        return (
-            f"gyroscope: the acceleration turns {times:.0f} times faster than the rates say; they look like rad/s "
-            "declared as °/s",
-        )
+    for ratio, pace, units in (
+        (fit.factor * times, "slower", "°/s declared as rad/s"),
+        (fit.factor / times, "faster", "rad/s declared as °/s"),
+    ):
+        # within a factor of two: a buoy in waves shows only 0.6 of its turning, since the waves push it, too
+        if abs(math.log2(ratio)) < 1.0:
+            turns = f"the acceleration turns {times:.0f} times {pace} than the rates say"
+            return (f"gyroscope: {turns}; they look like {units}",)
     return ()
 
 
@@ -211,11 +209,6 @@ def _rates(imu: ImuData) -> tuple[str, ...]:
         f"gyroscope: |gyr| is {usual:.3g} rad/s ({to_deg(usual):.0f} °/s) in the middle of {size} samples; if "
         "the source holds °/s, convert it: units.dps(gyr), or unit = 'dps' in the profile",
     )
-
-
-def _is_about(factor: float) -> bool:
-    """Within a factor of two: a buoy in waves shows only 0.6 of its turning, since the waves push it, too."""
-    return abs(math.log2(factor)) < 1.0
 
 
 WINDOW: Final = 0.2

@@ -76,8 +76,11 @@ def evaluate(
     ShapeError
         If no sample is left to score, or one of the two is not an attitude and holds none.
     """
+    words = (align,) if isinstance(align, str) or not isinstance(align, Collection) else tuple(align)
+    if unknown := [word for word in words if not isinstance(word, str) or word not in ALIGNMENTS]:
+        raise ParameterError(f"align knows {', '.join(ALIGNMENTS)}, but not {', '.join(map(said, unknown))}.")
     settings = EvaluationSettings(
-        _alignments(align),
+        tuple(word for word in ALIGNMENTS if word in words),
         given("max_gap", max_gap, Quantity.TIME),
         number("max_offset", given("max_offset", max_offset, Quantity.TIME), "s"),
         given("declination", declination, Quantity.ANGLE),
@@ -121,10 +124,3 @@ def _attitude(
         f"{name} must be an AttitudeTrack, or a Recording that has one, but it {kind}. A filter's process gives an "
         "estimate; a file is read with plumbob.read."
     )
-
-
-def _alignments(align: Collection[str]) -> tuple[str, ...]:
-    words = (align,) if isinstance(align, str) or not isinstance(align, Collection) else tuple(align)
-    if unknown := [word for word in words if not isinstance(word, str) or word not in ALIGNMENTS]:
-        raise ParameterError(f"align knows {', '.join(ALIGNMENTS)}, but not {', '.join(map(said, unknown))}.")
-    return tuple(word for word in ALIGNMENTS if word in words)

@@ -302,29 +302,20 @@ def track_from(columns: Mapping[str, NDArray[Any]], frame: Frame, north: North, 
 def _imu_columns(imu: ImuData) -> Columns:
     columns: Columns = {TIME: imu.t_ns, "flags": imu.flags}
     for name in imu.triads:
-        columns |= _split(name, getattr(imu, name))
+        columns |= zip(GROUPS[name], np.ascontiguousarray(getattr(imu, name).T), strict=True)
     if imu.temp_c is not None:
         columns["temp_c"] = imu.temp_c
     return columns
 
 
 def _track_columns(track: AttitudeTrack) -> Columns:
-    columns = _split("q", track.q_nb)
-    if track.bias_b is not None:
-        columns |= _split("bias", track.bias_b)
-    if track.cov_b is not None:
-        columns |= _split("cov", track.cov_b.reshape(-1, 9))
-    if track.flags is not None:
-        columns["track_flags"] = track.flags
-    if track.score is not None:
-        columns["score"] = track.score
-    if track.mag_weight is not None:
-        columns["mag_weight"] = track.mag_weight
-    return columns
-
-
-def _split(group: str, table: Floats) -> Columns:
-    return dict(zip(GROUPS[group], np.ascontiguousarray(table.T), strict=True))
+    cov = None if track.cov_b is None else track.cov_b.reshape(-1, 9)
+    columns: Columns = {}
+    for group, table in (("q", track.q_nb), ("bias", track.bias_b), ("cov", cov)):
+        if table is not None:
+            columns |= zip(GROUPS[group], np.ascontiguousarray(table.T), strict=True)
+    single = {"track_flags": track.flags, "score": track.score, "mag_weight": track.mag_weight}
+    return columns | {name: values for name, values in single.items() if values is not None}
 
 
 def joined(columns: Mapping[str, NDArray[Any]], group: str) -> Floats | None:

@@ -19,6 +19,7 @@ those of attitude filters are (`timing`).
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from importlib import import_module
 from typing import Any, NamedTuple, Protocol, cast
 
@@ -145,7 +146,7 @@ class RateFilter:
         self.channels = channels
         self.module = load(name)
         self.params = build(self.module.Params, params or {}, of=name)
-        self._batch = batch_loop(name, self.module)
+        self._batch = batch_loop(name)
         self._c = np.array(self.module.coefficients(self.params), dtype=np.float64)
         self._x = np.empty((_count(channels), OWN + self.module.own_state(self.params)))
         self.reset()
@@ -225,20 +226,16 @@ def load(name: str) -> ChannelModule:
     return cast(ChannelModule, import_module(f"plumbob.filters.{_MODULES[name]}"))
 
 
-_BATCHES: dict[str, Kernel[..., None]] = {}
-
-
-def batch_loop(name: str, module: ChannelModule) -> Kernel[..., None]:
+@cache
+def batch_loop(name: str) -> Kernel[..., None]:
     """Loop of a filter over a recording, with its step inlined."""
-    if name not in _BATCHES:
-        take = specialise(_take, f"take_channel_{name}", step=module.step)
-        _BATCHES[name] = specialise(_batch, f"batch_channel_{name}", _take=take)
-    return _BATCHES[name]
+    take = specialise(_take, f"take_channel_{name}", step=load(name).step)
+    return specialise(_batch, f"batch_channel_{name}", _take=take)
 
 
 def specialised() -> list[Kernel[..., None]]:
     """Loops of all channel filters, of which C is made."""
-    return [batch_loop(name, load(name)) for name in channel_names()]
+    return [batch_loop(name) for name in channel_names()]
 
 
 def _count(channels: int | None) -> int:

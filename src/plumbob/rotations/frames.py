@@ -33,8 +33,7 @@ class _Named(StrEnum):
         for value in cls:
             if isinstance(name, str) and name.strip().lower() == value.lower():
                 return value
-        known = ", ".join(cls)
-        raise FrameError(f"{check.said(name)} is not a {_KINDS[cls.__name__]}; known are {known}.")
+        raise FrameError(f"{check.said(name)} is not a {_KINDS[cls.__name__]}; known are {', '.join(cls)}.")
 
 
 _KINDS = {"Frame": "navigation frame", "North": "heading reference"}

@@ -3,15 +3,18 @@
 A card is a small JSON file with a version, a device, units and a date. It refuses what it was not made for.
 """
 
+import json
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from plumbob.core.errors import DecodeError
+from plumbob.core.files import text_of
 from plumbob.core.lazy import lazily
 from plumbob.data.cards.file import UNITS
 
 if TYPE_CHECKING:
     from plumbob.data.cards.calibration import CalibrationCard, Mount, Quality, TriadCalibration
     from plumbob.data.cards.noise import NoiseCard, TriadNoise
-    from plumbob.data.cards.opened import open_card
 
 __getattr__, __dir__ = lazily(
     __name__,
@@ -22,8 +25,31 @@ __getattr__, __dir__ = lazily(
         "Quality": "calibration",
         "TriadCalibration": "calibration",
         "TriadNoise": "noise",
-        "open_card": "opened",
     },
 )
 
 __all__ = ["UNITS", "CalibrationCard", "Mount", "NoiseCard", "Quality", "TriadCalibration", "TriadNoise", "open_card"]
+
+
+def open_card(path: str | Path) -> "CalibrationCard | NoiseCard":
+    """Read a calibration card or a noise card.
+
+    Raises
+    ------
+    DecodeError
+        If the file is neither, or of a newer version.
+    """
+    from plumbob.data.cards.calibration import CalibrationCard
+    from plumbob.data.cards.noise import NoiseCard
+
+    text = text_of(path)
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise DecodeError(f"{path} is not a card: {error}.") from error
+    kind = content.get("kind") if isinstance(content, dict) else None
+    for cls in (CalibrationCard, NoiseCard):
+        if kind == cls.KIND:
+            card: CalibrationCard | NoiseCard = cls.from_text(text, str(path))
+            return card
+    raise DecodeError(f"{path} is not a card: its 'kind' must be '{CalibrationCard.KIND}' or '{NoiseCard.KIND}'.")
