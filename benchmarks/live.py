@@ -131,11 +131,11 @@ class Ages:
 
 def run(seconds: float, folder: Path) -> int:
     """Measure, and print."""
-    from plumbob.live.recording_sink import RecordingSink
     from plumbob.live.replay import open_recording, replay
     from plumbob.live.runner import run_stream
     from plumbob.live.session import RecordSpec
     from plumbob.live.session_toml import parse_session
+    from plumbob.live.sinks import RecordingSink
     from plumbob.live.sources import open_source
     from plumbob.live.stream import Stream
 

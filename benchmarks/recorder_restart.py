@@ -79,7 +79,7 @@ COUNTERS = struct.Struct("<Q")
 CHILD = """
 import mmap, sys, threading, time
 from plumbob.cli.main import main
-from plumbob.live import recording_sink as keep
+from plumbob.live import sinks as keep
 
 class Watched(keep.RecordingSink):
     def __init__(self, *args, **options):

@@ -31,9 +31,9 @@ that says what is wrong and what to do.
 | 0 | done |
 | 1 | an error that the message explains |
 | 2 | wrong usage |
-| 3 | done, but a recording is damaged (`verify`), has lost rows (`record`, `verify --repair`), is not replayed to the bit, \
-differs (`compare`), is graded too low (`info`), has wrong conventions (`doctor`) or failed (`batch`); or no gain is \
-shown (`benchmark tune`) |
+| 3 | done, but a recording is damaged (`verify`), has lost rows (`record`, `verify --repair`), is not replayed to the \
+bit, differs (`compare`), is graded too low (`info`), has wrong conventions (`doctor`) or failed (`batch`); or no \
+gain is shown (`benchmark tune`) |
 | 70 | a defect of Plumbob: please report it |
 | 130, 143 | ended by Ctrl-C, by SIGTERM; a file is there as a whole, or as it was before |
 """

@@ -103,7 +103,7 @@ if TYPE_CHECKING:
     from plumbob.protocols.format import Format
     from plumbob.rotations import Frame, North
     from plumbob.simulation import simulate, simulate_chain
-    from plumbob.viewer.control_client import control
+    from plumbob.viewer.commands import control
     from plumbob.viewer.view import view
 
 _HOME = {
@@ -137,7 +137,7 @@ _HOME = {
     "calibrate_counts": "door.calibrate",
     "cite": "filters.known",
     "compare": "door.compare",
-    "control": "viewer.control_client",
+    "control": "viewer.commands",
     "decode": "protocols.decode",
     "docs": "core.docs",
     "doctor": "door.doctor",

@@ -5,11 +5,10 @@ import functools
 import numpy as np
 
 from plumbob import Frame, simulate
-from plumbob.live.recording_sink import RecordingSink
 from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
 from plumbob.live.session_toml import parse_session
-from plumbob.live.sinks import Collected
+from plumbob.live.sinks import Collected, RecordingSink
 from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.decode import values_by_field

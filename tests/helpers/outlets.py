@@ -11,8 +11,8 @@ import numpy as np
 from plumbob import emulate
 from plumbob.live.transports.transport import Stop
 from plumbob.viewer.child import Serving
+from plumbob.viewer.commands import Asked
 from plumbob.viewer.messages import Command
-from plumbob.viewer.outlet import Asked
 
 
 class Kept:

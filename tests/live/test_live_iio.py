@@ -12,12 +12,11 @@ import pytest
 from plumbob.core import flags
 from plumbob.core.errors import DecodeError, LineError, ParameterError, UnitError
 from plumbob.core.event import Event
-from plumbob.live.recording_sink import RecordingSink
 from plumbob.live.replay import open_recording, replay
 from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
 from plumbob.live.session_toml import parse_session
-from plumbob.live.sinks import Collected
+from plumbob.live.sinks import Collected, RecordingSink
 from plumbob.live.source_toml import iio_format
 from plumbob.live.sources import open_source
 from plumbob.live.stream import Stream

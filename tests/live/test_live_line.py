@@ -10,10 +10,9 @@ from plumbob.core.event import Event
 from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.files.mcap import disk, verify
 from plumbob.filters.offline import run_stage
-from plumbob.live.recording_sink import RecordingSink
 from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
-from plumbob.live.sinks import Collected
+from plumbob.live.sinks import Collected, RecordingSink
 from plumbob.live.stream import Stream, time_spec
 from plumbob.live.transports.transport import Received
 from plumbob.protocols import catalog

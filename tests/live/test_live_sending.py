@@ -19,8 +19,8 @@ from plumbob.core import flags, units
 from plumbob.core.errors import DecodeError, FrameError, LineError, ParameterError, ShapeError
 from plumbob.data import AttitudeTrack
 from plumbob.door.send import send
-from plumbob.live.send_spec import parse_send
 from plumbob.live.sending import Due
+from plumbob.live.session import parse_send
 from plumbob.live.transports import outgoing
 from plumbob.live.transports.outgoing import FileTarget, Sender, SerialPort, Tcp, TcpServer, Udp, parse_target
 from plumbob.live.transports.transport import BackOff

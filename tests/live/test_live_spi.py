@@ -9,12 +9,11 @@ from plumbob.core import flags
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnitError
 from plumbob.core.event import Event
 from plumbob.files.mcap import open_log
-from plumbob.live.recording_sink import RecordingSink
 from plumbob.live.replay import replay
 from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
 from plumbob.live.session_toml import parse_session
-from plumbob.live.sinks import Collected
+from plumbob.live.sinks import Collected, RecordingSink
 from plumbob.live.sources import spi_source
 from plumbob.live.stream import Stream
 from tests.helpers.chips.adxrs290 import Adxrs290

@@ -9,8 +9,7 @@ from typing import get_args
 import pytest
 
 from plumbob.core.errors import DecodeError, LineError, ParameterError
-from plumbob.viewer.commands import VERBS
-from plumbob.viewer.control_client import control, verb_value
+from plumbob.viewer.commands import VERBS, control, verb_value
 from plumbob.viewer.messages import Verb
 from tests.helpers.commandline import call
 

@@ -10,10 +10,9 @@ from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data.chain import Chain, Joint, Segment
-from plumbob.live.recording_sink import RecordingSink
 from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
-from plumbob.live.sinks import Collected
+from plumbob.live.sinks import Collected, RecordingSink
 from plumbob.live.stream import Stream
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 from plumbob.viewer.feed import Feed, FlagWatch

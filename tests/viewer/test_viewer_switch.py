@@ -9,10 +9,9 @@ import pytest
 import plumbob
 from plumbob.core.errors import ParameterError
 from plumbob.core.event import Event
-from plumbob.live.recording_sink import RecordingSink
 from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
-from plumbob.live.sinks import Collected, TextSink
+from plumbob.live.sinks import Collected, RecordingSink, TextSink
 from plumbob.live.stream import Stream
 from plumbob.viewer.commands import checked_name
 from plumbob.viewer.switch import Switch

@@ -24,9 +24,9 @@ from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Stop
 from plumbob.viewer import child
 from plumbob.viewer.child import ServerOutlet, Serving
+from plumbob.viewer.commands import Asked
 from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Command
-from plumbob.viewer.outlet import Asked
 from plumbob.viewer.pipe import LIMIT, PipeMessage, PipeWriter, packed
 from plumbob.viewer.switch import Switch
 from plumbob.viewer.view import Shows, opened_up, view

@@ -59,7 +59,8 @@ def scenario(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     choice = {name: settings.pop(name) for name in ("frame", "sensors", "unit")}
     with common.progress(counted(count, "seed"), count) as advance:
         result = call(
-            stages=tuple(stages), seeds=range(count), settings=settings, settle=parse(args.settle or "0", Quantity.TIME),
+            stages=tuple(stages), seeds=range(count), settings=settings,
+            settle=parse(args.settle or "0", Quantity.TIME),
             limit=None if args.limit is None else parse(args.limit, Quantity.ANGLE), own_noise=own_noise,
             progress=advance, **choice,
         )  # fmt: skip

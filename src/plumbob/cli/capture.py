@@ -201,9 +201,8 @@ def tell(args: argparse.Namespace, imu: "ImuData") -> None:
 def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
     """Samples of the line until the guide or somebody says stop; None where there are none."""
     from plumbob.live.guide.guides import GUIDES, GuideSink
-    from plumbob.live.recording_sink import RecordingSink
     from plumbob.live.runner import run_stream
-    from plumbob.live.sinks import Collected, Sink
+    from plumbob.live.sinks import Collected, RecordingSink, Sink
     from plumbob.live.sources import open_source
     from plumbob.live.stream import Stream
     from plumbob.live.transports.transport import Stop

@@ -316,9 +316,8 @@ def _command(out: Path, duration: float) -> list[str]:
 
 def _live(out: Path, port: str, device: str) -> "Stream":
     """Run the line on the port until the buoy has said everything."""
-    from plumbob.live.recording_sink import RecordingSink
     from plumbob.live.runner import run_stream
-    from plumbob.live.sinks import Collected, TextSink
+    from plumbob.live.sinks import Collected, RecordingSink, TextSink
     from plumbob.live.sources import open_source
     from plumbob.live.stream import Stream
 

@@ -149,8 +149,8 @@ START: Final = {
         "report.md", "plumbob report sea.parquet --out sea.html", run="report", outputs=("out", "pdf"),
         also=("plot",), hidden=("what",), exclusive=_ESTIMATE, ends={"pdf": (".pdf",)},
         more={
-            "figure": ("NAME", "draw this figure alone into --out, a .svg, .pdf or .png: angles, tilt, rates, forces, field, "
-                     "temperature, bias, sd, spectrum, rose, bursts or flags"),
+            "figure": ("NAME", "draw this figure alone into --out, a .svg, .pdf or .png: angles, tilt, rates, forces, "
+                     "field, temperature, bias, sd, spectrum, rose, bursts or flags"),
             "out": ("", "where to write the page, HTML, or the figure"),
             "begin": ("", "of a figure: the first time, s, or text with a unit"),
             "end": ("", "of a figure: the last time; the attitude is estimated of the whole recording"),

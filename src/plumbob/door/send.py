@@ -20,9 +20,8 @@ from plumbob.door.reading import read_one
 from plumbob.files.formats import is_own
 from plumbob.files.mcap import open_log
 from plumbob.live.replay import replay
-from plumbob.live.send_spec import send_spec
 from plumbob.live.sending import Direct, Due, asked_body, make_encoder, overturned, remarks
-from plumbob.live.session import SendSpec
+from plumbob.live.session import SendSpec, send_spec
 from plumbob.live.session_toml import SESSION
 from plumbob.live.transports.outgoing import Target, TcpServer, parse_target
 from plumbob.live.transports.transport import Stopping

@@ -9,12 +9,11 @@ from typing import Any
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import Quantity, given
-from plumbob.live.recording_sink import RecordingSink, named_at
 from plumbob.live.runner import run_stream
 from plumbob.live.sending import send_sinks, with_sent
 from plumbob.live.session import RecordSpec, Session
 from plumbob.live.session_toml import capture_session
-from plumbob.live.sinks import Sink, TextSink
+from plumbob.live.sinks import RecordingSink, Sink, TextSink, named_at
 from plumbob.live.sources import open_source
 from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Stopping

@@ -16,9 +16,8 @@ from plumbob.core.flags import GAP, GYR_HELD, TIME_FAULT
 from plumbob.core.text import counted
 from plumbob.core.time import to_ns
 from plumbob.data import AttitudeTrack
-from plumbob.live.recording_sink import epoch_offset_ns
-from plumbob.live.send_spec import parse_send
-from plumbob.live.session import SendSpec, Session
+from plumbob.live.session import SendSpec, Session, parse_send
+from plumbob.live.sinks import epoch_offset_ns
 from plumbob.live.stream import ItemResult
 from plumbob.live.transports.outgoing import FileTarget, Sender, Target, TcpServer, parse_target, refused
 from plumbob.live.watch import Note
@@ -68,18 +67,18 @@ def make_encoder(spec: SendSpec, north: North, declination: float | None) -> Enc
         If it needs a package that is not installed.
     """
     if spec.kind == "nmea":
-        from plumbob.protocols.attitude.nmea import SENTENCES, sentences_for
+        from plumbob.protocols.attitude.lines import SENTENCES, sentences_for
 
         makers = [SENTENCES[name] for name in sentences_for(spec.sentences, north, declination)]
         return _Each(lambda a: b"".join(make(a) for make in makers))
     if spec.kind == "tss1":
-        from plumbob.protocols.attitude import tss1
+        from plumbob.protocols.attitude.lines import tss1
 
-        return _Each(partial(tss1.line, heave=None))
+        return _Each(partial(tss1, heave=None))
     if spec.kind == "json":
-        from plumbob.protocols.attitude import json_lines
+        from plumbob.protocols.attitude.lines import json_line
 
-        return _Each(json_lines.line)
+        return _Each(json_line)
     if spec.kind == "mavlink":
         from plumbob.protocols.attitude.mavlink import Mavlink
 
@@ -298,7 +297,7 @@ def with_sent(session: Session, send: Sequence[str]) -> Session:
     best = North.MAGNETIC if declination is None else North.TRUE  # what a heading may count from, at best
     for spec in chosen.send if session.stage is not None else ():
         if spec.kind == "nmea":
-            from plumbob.protocols.attitude.nmea import sentences_for
+            from plumbob.protocols.attitude.lines import sentences_for
 
             sentences_for(spec.sentences, session.meta.north or best, declination)
     return chosen

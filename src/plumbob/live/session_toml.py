@@ -24,8 +24,8 @@ from plumbob.data.earth_field import earth_field_at, parse_place
 from plumbob.filters import SMOOTHER, CommonParams, load
 from plumbob.filters.offline import Stage, lagged, make_follower
 from plumbob.filters.start import TRUTH_WORD
-from plumbob.live.send_spec import SEND_TABLE
 from plumbob.live.session import (
+    SEND_TABLE,
     OutputSpec,
     RecordSpec,
     ReferenceSpec,

@@ -16,8 +16,8 @@ from typing import Any, Final
 from plumbob.core import check
 from plumbob.core.errors import LineError, ParameterError, one_line
 from plumbob.core.web import asset
+from plumbob.viewer.commands import Asked
 from plumbob.viewer.messages import Batch, Command, Hello
-from plumbob.viewer.outlet import Asked
 from plumbob.viewer.pipe import LIMIT, PAGE, TOKEN, MessageUnpacker, PipeMessage, PipeWriter, require_packages
 
 STARTS: Final = 20

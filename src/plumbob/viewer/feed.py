@@ -17,15 +17,15 @@ from plumbob.core.event import Event
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.chain import Chain
 from plumbob.filters import Start
-from plumbob.live.recording_sink import epoch_offset_ns
 from plumbob.live.session import Session, reference_names
+from plumbob.live.sinks import epoch_offset_ns
 from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Received
 from plumbob.live.watch import LONG
 from plumbob.protocols.encode import encode
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
+from plumbob.viewer.commands import Outlet
 from plumbob.viewer.messages import Batch, Hello, Link, numbers
-from plumbob.viewer.outlet import Outlet
 from plumbob.viewer.overlays import ChainFollower, Overlay, described, greeting, joined_units, require_addable
 from plumbob.viewer.rows import (
     Attitudes,

@@ -16,10 +16,10 @@ import numpy as np
 
 from plumbob.core.flags import names
 from plumbob.core.text import counted
-from plumbob.viewer.angles import Tare, shown_attitudes
 from plumbob.viewer.charts import History, Rows, Thinner, tick
 from plumbob.viewer.messages import Answer, Happened, Lines, as_json, numbers
 from plumbob.viewer.pipe import PipeMessage
+from plumbob.viewer.rows import Tare, shown_attitudes
 
 if TYPE_CHECKING:
     from starlette.websockets import WebSocket

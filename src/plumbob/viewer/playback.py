@@ -27,8 +27,8 @@ from plumbob.live.session_toml import SESSION, of_unit, recorded_session
 from plumbob.live.watch import Note
 from plumbob.protocols.format import Message
 from plumbob.rotations import Frame
+from plumbob.viewer.commands import Outlet
 from plumbob.viewer.messages import Batch, Hello, Link, Playback, numbers
-from plumbob.viewer.outlet import Outlet
 from plumbob.viewer.overlays import ChainFollower, described, greeting, require_addable
 from plumbob.viewer.rows import (
     Attitudes,

@@ -295,7 +295,7 @@ def _require(token: str) -> None:
 
 
 async def _run(options: argparse.Namespace, token: str) -> None:
-    from plumbob.viewer.lines import http_server
+    from plumbob.viewer.guard import http_server
 
     # Each send gives the interpreter away; a thread that computes would keep it for 5 ms each time.
     sys.setswitchinterval(0.0005)

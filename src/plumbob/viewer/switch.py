@@ -10,9 +10,8 @@ from typing import Any, Final
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.event import Event
 from plumbob.files.mcap.layout import SUFFIX, dated, existing_parts
-from plumbob.live.recording_sink import RecordingSink, epoch_offset_ns
 from plumbob.live.session import RecordSpec
-from plumbob.live.sinks import TextSink
+from plumbob.live.sinks import RecordingSink, TextSink, epoch_offset_ns
 from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Received
 from plumbob.viewer.commands import LONGEST_NAME, checked_name, checked_text

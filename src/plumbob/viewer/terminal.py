@@ -21,10 +21,9 @@ from plumbob.core.units import to_deg
 from plumbob.live.transports.transport import Stop, Stopping
 from plumbob.rotations import Frame, North
 from plumbob.rotations.headings import heading_of
-from plumbob.viewer.angles import Tare, euler_deg
+from plumbob.viewer.commands import Asked
 from plumbob.viewer.messages import Batch, Command, Hello
-from plumbob.viewer.outlet import Asked
-from plumbob.viewer.rows import REFERENCE
+from plumbob.viewer.rows import REFERENCE, Tare, euler_deg
 
 if TYPE_CHECKING:
     from rich.text import Text

@@ -18,20 +18,19 @@ from plumbob.data import AttitudeTrack
 from plumbob.data.chain import Chain
 from plumbob.data.chain_toml import load_chain
 from plumbob.live.record import announce
-from plumbob.live.recording_sink import RecordingSink, named_at
 from plumbob.live.runner import run_stream
 from plumbob.live.sending import send_sinks, with_sent
 from plumbob.live.session import Session
 from plumbob.live.session_toml import ALL, capture_session, of_unit
-from plumbob.live.sinks import Sink, TextSink
+from plumbob.live.sinks import RecordingSink, Sink, TextSink, named_at
 from plumbob.live.sources import open_source
 from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Stopping
 from plumbob.live.watch import Note, Ran, Watch, silence_words
 from plumbob.viewer.child import ServerOutlet, Serving, require_view
+from plumbob.viewer.commands import Desk, Outlet
 from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Command
-from plumbob.viewer.outlet import Desk, Outlet
 from plumbob.viewer.playback import Player, load
 from plumbob.viewer.switch import Switch, lossy
 

@@ -7,8 +7,7 @@ import pytest
 
 from plumbob.core.errors import LineError, ParameterError
 from plumbob.core.event import Event
-from plumbob.live.transports.reconnecting import Replug
-from plumbob.live.transports.transport import BackOff, NoLine, Received
+from plumbob.live.transports.transport import BackOff, NoLine, Received, Replug
 
 
 class PipeWire:

@@ -15,7 +15,7 @@ from pynmeagps import NMEAReader
 from plumbob.core import flags, units
 from plumbob.core.errors import FrameError, ParameterError
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.protocols.attitude import AttitudeSample, BodyAxes, attitudes, json_lines, nmea, tss1
+from plumbob.protocols.attitude import AttitudeSample, BodyAxes, attitudes, lines
 from plumbob.protocols.attitude.mavlink import Mavlink
 from plumbob.protocols.attitude.ros2 import Imus
 from plumbob.rotations import (
@@ -54,7 +54,7 @@ def fields(sentence: bytes) -> list[str]:
     [(0.0, 0.0), (90.0, 90.0), (180.0, 180.0), (359.99, 359.99), (359.996, 0.0), (359.994, 359.99), (-0.001, 0.0)],
 )
 def test_heading_goes_around(heading: float, expected: float) -> None:
-    sentence = nmea.hdt(one(track(heading, 0.0, 0.0)))
+    sentence = lines.hdt(one(track(heading, 0.0, 0.0)))
     assert float(pynmea2.parse(sentence.decode(), check=True).heading) == expected
     assert NMEAReader.parse(sentence).headingT == expected
     assert "-" not in sentence.decode() and "360" not in sentence.decode()
@@ -63,15 +63,15 @@ def test_heading_goes_around(heading: float, expected: float) -> None:
 @pytest.mark.parametrize(("pitch", "roll"), [(0.0, 0.0), (89.9, 10.0), (-89.9, -10.0), (5.25, 180.0), (-3.0, -179.99)])
 def test_pitch_and_roll_of_xdr_and_pashr(pitch: float, roll: float) -> None:
     a = one(track(200.0, pitch, roll))
-    xdr = NMEAReader.parse(nmea.xdr(a))
+    xdr = NMEAReader.parse(lines.xdr(a))
     assert (xdr.tdrid_01, xdr.tdrid_02) == ("PITCH", "ROLL")
     assert xdr.data_01 == pytest.approx(pitch, abs=0.0051) and abs(xdr.data_02) == pytest.approx(abs(roll), abs=0.0051)
-    pashr: Any = pynmea2.parse(nmea.pashr(a).decode(), check=True)
+    pashr: Any = pynmea2.parse(lines.pashr(a).decode(), check=True)
     assert pashr.pitch == pytest.approx(pitch, abs=0.0051) and abs(pashr.roll) == pytest.approx(abs(roll), abs=0.0051)
     assert abs(roll) == 180.0 or math.copysign(1.0, pashr.roll) == math.copysign(1.0, roll)
     assert pashr.true_heading == pytest.approx(200.0, abs=0.0051)
     assert pashr.timestamp.isoformat() == "22:13:20.123000+00:00"
-    other = NMEAReader.parse(nmea.pashr(a))
+    other = NMEAReader.parse(lines.pashr(a))
     assert float(other.pitch) == pashr.pitch and float(other.roll) == pashr.roll
 
 
@@ -100,7 +100,7 @@ def same_body(q_frd: Any) -> list[tuple[AttitudeTrack, BodyAxes]]:
 def test_frames_and_axes_give_the_same_sentence(heading: float, pitch: float, roll: float) -> None:
     angles = units.deg(np.array([round(heading, 2) + 0.001, round(pitch, 2) + 0.001, round(roll, 2) + 0.001]))
     found = [one(t, body=body) for t, body in same_body(quat_from_euler_zyx(angles))]
-    for make in (nmea.hdt, nmea.xdr, nmea.pashr, tss1.line):
+    for make in (lines.hdt, lines.xdr, lines.pashr, lines.tss1):
         assert len({make(a) for a in found}) == 1, make
 
 
@@ -117,14 +117,14 @@ def test_magnetic_and_true_headings() -> None:
     east = float(units.deg(3.5))
     magnetic = track(10.0, 0.0, 0.0, north=North.MAGNETIC)
     a = one(magnetic, declination=east)
-    hdg = NMEAReader.parse(nmea.hdg(a))
+    hdg = NMEAReader.parse(lines.hdg(a))
     assert (hdg.headingM, hdg.variation, hdg.variationEW, hdg.deviation) == (10.0, 3.5, "E", "")
-    assert NMEAReader.parse(nmea.hdt(a)).headingT == 13.5
-    west = NMEAReader.parse(nmea.hdg(one(track(10.0, 0.0, 0.0), declination=-float(units.deg(12.0)))))
+    assert NMEAReader.parse(lines.hdt(a)).headingT == 13.5
+    west = NMEAReader.parse(lines.hdg(one(track(10.0, 0.0, 0.0), declination=-float(units.deg(12.0)))))
     assert (west.headingM, west.variation, west.variationEW) == (22.0, 12.0, "W")
-    assert fields(nmea.hdt(one(magnetic))) == ["$HEHDT", "", "T"]
-    assert fields(nmea.pashr(one(magnetic)))[2:4] == ["", "T"]
-    assert pynmea2.parse(nmea.hdm(a).decode()).heading == 10
+    assert fields(lines.hdt(one(magnetic))) == ["$HEHDT", "", "T"]
+    assert fields(lines.pashr(one(magnetic)))[2:4] == ["", "T"]
+    assert pynmea2.parse(lines.hdm(a).decode()).heading == 10
 
 
 @pytest.mark.parametrize(
@@ -140,61 +140,61 @@ def test_magnetic_and_true_headings() -> None:
 )
 def test_sentences_go_with_what_headings_count_from(names: Any, north: North, declination: Any, sent: Any) -> None:
     if isinstance(sent[0], str):
-        assert nmea.sentences_for(names, north, declination) == sent
+        assert lines.sentences_for(names, north, declination) == sent
         return
     with pytest.raises(sent[0], match=sent[1]):
-        nmea.sentences_for(names, north, declination)
+        lines.sentences_for(names, north, declination)
 
 
 def test_free_heading_is_never_sent_as_one() -> None:
     free = one(track(77.0, 0.0, 0.0, north=North.FREE), declination=0.1)
     lost = one(track(77.0, 0.0, 0.0, flags=np.array([flags.HEADING_FREE], dtype=np.uint32)), declination=0.1)
-    sentences = [make(a) for a in (free, lost) for make in nmea.SENTENCES.values()]
+    sentences = [make(a) for a in (free, lost) for make in lines.SENTENCES.values()]
     assert sum(b"77.00" in sentence for sentence in sentences) == 0
 
 
 @pytest.mark.parametrize("flag", [flags.NOT_CONVERGED, flags.GAP, flags.TIME_FAULT, flags.GYR_HELD])
 def test_what_is_not_reliable_says_so(flag: int) -> None:
     a = one(track(77.0, 5.0, 6.0, flags=np.array([flag], dtype=np.uint32)), declination=0.0)
-    assert fields(nmea.hdt(a)) == ["$HEHDT", "", "T"] and fields(nmea.hdm(a)) == ["$HCHDM", "", "M"]
-    assert fields(nmea.xdr(a)) == ["$IIXDR", "A", "", "D", "PITCH", "A", "", "D", "ROLL"]
-    assert fields(nmea.pashr(a))[-2:] == ["0", "0"] and fields(nmea.pashr(one(track(77.0, 5.0, 6.0))))[-2:] == [
+    assert fields(lines.hdt(a)) == ["$HEHDT", "", "T"] and fields(lines.hdm(a)) == ["$HCHDM", "", "M"]
+    assert fields(lines.xdr(a)) == ["$IIXDR", "A", "", "D", "PITCH", "A", "", "D", "ROLL"]
+    assert fields(lines.pashr(a))[-2:] == ["0", "0"] and fields(lines.pashr(one(track(77.0, 5.0, 6.0))))[-2:] == [
         "1",
         "1",
     ]
-    assert fields(nmea.rot(a))[-1] == "V"
-    assert tss1.line(a) is None and tss1.line(a, heave=0.5)[13:14] == b"h"  # type: ignore[index]
-    told = json.loads(json_lines.line(a))
+    assert fields(lines.rot(a))[-1] == "V"
+    assert lines.tss1(a) is None and lines.tss1(a, heave=0.5)[13:14] == b"h"  # type: ignore[index]
+    told = json.loads(lines.json_line(a))
     assert told["flags"] == list(flags.names(flag)) and told["reliable"] is False
 
 
 def test_unknown_attitude_is_no_number() -> None:
     a = one(track(0.0, 0.0, 0.0, q_nb=np.full((1, 4), np.nan)))
-    for name, make in nmea.SENTENCES.items():
+    for name, make in lines.SENTENCES.items():
         assert (
             not any(c.isdigit() for c in make(a).decode().partition("*")[0].replace("221320.123", ""))
             or name == "PASHR"
         )
         assert b"nan" not in make(a).lower()
-    assert fields(nmea.pashr(a))[2:] == ["", "T", "", "", "", "", "", "", "0", "0"]
-    assert tss1.line(a) is None and tss1.line(a, heave=0.0) is None
-    told = json.loads(json_lines.line(a))
+    assert fields(lines.pashr(a))[2:] == ["", "T", "", "", "", "", "", "", "0", "0"]
+    assert lines.tss1(a) is None and lines.tss1(a, heave=0.0) is None
+    told = json.loads(lines.json_line(a))
     assert told["roll_deg"] is None and told["q_nb"] is None and told["heading_deg"] is None
 
 
 def test_negative_zero_is_zero() -> None:
     a = one(track(-0.0, -0.001, -0.001))
-    assert nmea.xdr(a).startswith(b"$IIXDR,A,0.00,D,PITCH,A,0.00,D,ROLL*")
-    assert b"+0.00,+0.00" in nmea.pashr(a)
-    assert tss1.line(a) == b":000000  0000u 0000  0000\r\n"
+    assert lines.xdr(a).startswith(b"$IIXDR,A,0.00,D,PITCH,A,0.00,D,ROLL*")
+    assert b"+0.00,+0.00" in lines.pashr(a)
+    assert lines.tss1(a) == b":000000  0000u 0000  0000\r\n"
 
 
 def test_standard_deviations() -> None:
     sd = units.deg(np.array([0.5, 0.25, 2.0]))
     found = track(40.0, 0.0, 0.0, cov_b=np.diag(sd**2)[None])
-    pashr: Any = pynmea2.parse(nmea.pashr(one(found)).decode())
+    pashr: Any = pynmea2.parse(lines.pashr(one(found)).decode())
     assert (pashr.roll_accuracy, pashr.pitch_accuracy, pashr.heading_accuracy) == (0.5, 0.25, 2.0)
-    assert json.loads(json_lines.line(one(found)))["sigma_deg"] == {"roll": 0.5, "pitch": 0.25, "heading": 2.0}
+    assert json.loads(lines.json_line(one(found)))["sigma_deg"] == {"roll": 0.5, "pitch": 0.25, "heading": 2.0}
 
 
 def turning(rate_dps: float) -> AttitudeTrack:
@@ -211,11 +211,11 @@ def turning(rate_dps: float) -> AttitudeTrack:
 def test_rate_of_turn() -> None:
     """6 °/s to starboard are 360 ° in a minute; the first attitude of a track alone has no rate."""
     first, *_, last = attitudes(turning(6.0), range(5), t0_ns=NOON, utc=True)
-    rot = NMEAReader.parse(nmea.rot(last))
+    rot = NMEAReader.parse(lines.rot(last))
     assert (rot.rot, rot.valid) == (360.0, "A")
-    assert fields(nmea.rot(first)) == ["$TIROT", "", "V"]
+    assert fields(lines.rot(first)) == ["$TIROT", "", "V"]
     port = [*attitudes(turning(-6.0), range(5), t0_ns=NOON, utc=True)][-1]
-    assert NMEAReader.parse(nmea.rot(port)).rot == -360.0
+    assert NMEAReader.parse(lines.rot(port)).rot == -360.0
 
 
 def test_rates_are_those_of_the_gyroscope_without_its_bias() -> None:
@@ -239,19 +239,19 @@ def test_tss1_says_accelerations_heave_and_angles(north: float, up: float, heave
     found = track(0.0, 3.07, -1.25)
     force = quat_rotate(quat_conjugate(found.q_nb), np.array([[north, 0.0, -9.80665 - up]]))
     a = one(found, imu=ImuData(t=[0.0], gyr=[[0, 0, 0]], acc=force))
-    assert tss1.line(a, heave) == line
+    assert lines.tss1(a, heave) == line
 
 
 def test_tss1_has_no_line_beyond_its_range() -> None:
-    assert tss1.line(one(track(0.0, 0.0, 120.0))) is None
-    assert tss1.line(one(track(0.0, 0.0, 99.99)))[14:19] == b" 9999"  # type: ignore[index]
+    assert lines.tss1(one(track(0.0, 0.0, 120.0))) is None
+    assert lines.tss1(one(track(0.0, 0.0, 99.99)))[14:19] == b" 9999"  # type: ignore[index]
 
 
 def test_json_has_everything() -> None:
-    told = json.loads(json_lines.line(one(track(359.9999999, 2.0, 3.0))))
+    told = json.loads(lines.json_line(one(track(359.9999999, 2.0, 3.0))))
     assert told["utc"] == "2023-11-14T22:13:20.123456789Z" and told["heading_deg"] == 0.0
     assert (told["roll_deg"], told["pitch_deg"], told["north"], told["reliable"]) == (3.0, 2.0, "true", True)
-    assert json.loads(json_lines.line(one(track(0, 0, 0), utc=False)))["utc"] is None
+    assert json.loads(lines.json_line(one(track(0, 0, 0), utc=False)))["utc"] is None
 
 
 def mavlink_of(data: bytes) -> list[Any]:
@@ -333,8 +333,8 @@ def test_ros2_is_read_by_rosbags(tmp_path: Any) -> None:
 def test_any_attitude_is_read_back(q: list[float]) -> None:
     unit = np.array(q) / np.linalg.norm(q)
     a = one(AttitudeTrack(t=[0.0], q_nb=unit[None], frame=Frame.NED, north=North.TRUE))
-    pashr: Any = pynmea2.parse(nmea.pashr(a).decode(), check=True)
+    pashr: Any = pynmea2.parse(lines.pashr(a).decode(), check=True)
     back = quat_from_euler_zyx(units.deg(np.array([pashr.true_heading, pashr.pitch, pashr.roll])))
     assert abs(float(np.dot(back, unit))) > math.cos(float(units.deg(0.02)))
     assert 0.0 <= pashr.true_heading < 360.0
-    assert NMEAReader.parse(nmea.hdt(a)).headingT == pashr.true_heading
+    assert NMEAReader.parse(lines.hdt(a)).headingT == pashr.true_heading

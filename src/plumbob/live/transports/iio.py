@@ -14,8 +14,7 @@ from plumbob.core.errors import LineError, ParameterError, PlumbobError
 from plumbob.core.event import Event
 from plumbob.live.transports.iio_layout import TIMESTAMP, IioChannel, IioLayout, IioType, Matrix, is_known, parse_type
 from plumbob.live.transports.polled import Polled
-from plumbob.live.transports.reconnecting import TAKE_LIMIT, Replug
-from plumbob.live.transports.transport import BackOff, NoLine, Received
+from plumbob.live.transports.transport import TAKE_LIMIT, BackOff, NoLine, Received, Replug
 
 IDENTITY: Final[Matrix] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 

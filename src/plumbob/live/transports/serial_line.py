@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from plumbob.core.errors import ParameterError
 from plumbob.core.event import Event
 from plumbob.core.text import counted
-from plumbob.live.transports.reconnecting import TAKE_LIMIT, Replug
-from plumbob.live.transports.transport import BackOff, NoLine, Received
+from plumbob.live.transports.transport import TAKE_LIMIT, BackOff, NoLine, Received, Replug
 
 if TYPE_CHECKING:
     import serial

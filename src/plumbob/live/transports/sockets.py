@@ -13,9 +13,8 @@ from typing import Any, Final
 from plumbob.core.errors import ParameterError
 from plumbob.core.event import Event
 from plumbob.core.text import counted
-from plumbob.live.transports.reconnecting import TAKE_LIMIT, Replug
 from plumbob.live.transports.serial_line import GATHER
-from plumbob.live.transports.transport import BackOff, NoLine, Received
+from plumbob.live.transports.transport import TAKE_LIMIT, BackOff, NoLine, Received, Replug
 
 LOOPBACK: Final = "127.0.0.1"
 KEEPALIVE: Final = 8.0

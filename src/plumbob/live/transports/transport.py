@@ -1,12 +1,14 @@
-"""What every source of bytes is: opened once, read until it is closed, patient in between; what it gives."""
+"""What every source of bytes is: opened once, read until it is closed, patient in between, and opened again."""
 
+import select
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Final, Protocol, Self
 
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import LineError, ParameterError
 from plumbob.core.event import Event
 
 
@@ -185,3 +187,190 @@ class Opened(ABC):
         """Count a failure, and be patient before the next attempt."""
         self._failures += 1
         self._next_try_ns = now_ns + self._back_off.wait_ns(self._failures)
+
+
+TAKE_LIMIT: Final = 1 << 20
+"""Bytes that one `Wire.take` is content with, so that a flood does not keep `read` from returning."""
+
+
+class Wire(Protocol):
+    """An open line."""
+
+    @property
+    def where(self) -> str:
+        """What was opened, for people."""
+        ...
+
+    def fileno(self) -> int:
+        """Descriptor that becomes readable when something has come."""
+        ...
+
+    def take(self) -> list[Received | Event]:
+        """All that is there, asked only when something is; OSError where the line is gone and nothing was left."""
+        ...
+
+    def close(self) -> None:
+        """Let go."""
+        ...
+
+
+class Replug(Opened):
+    """A `Source` over a line that may break and come back.
+
+    Parameters
+    ----------
+    name : str
+        For messages and recordings.
+    wait : bool
+        At start, wait for a line that cannot be opened yet, instead of raising.
+    gather : float
+        Least time from one read to the next, s. What comes meanwhile is read in one go, so a fast stream wakes the
+        process 1 / gather times a second at most; it is up to `gather` late for that. Bytes after a silence are not.
+    back_off : BackOff
+        Patience with a line that is not there.
+    silence : float, optional
+        Without a byte for this time, s, an open line is lost (`breaks_on_silence`) or reported as stalled.
+    breaks_on_silence : bool
+        Which of the two.
+    clock : callable
+        Monotonic time, ns.
+    sleep : callable
+        Waits so many s.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        wait: bool = False,
+        gather: float = 0.0,
+        back_off: BackOff | None = None,
+        silence: float | None = None,
+        breaks_on_silence: bool = False,
+        clock: Callable[[], int] = time.monotonic_ns,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        if not 0.0 <= gather <= 1.0:
+            raise ParameterError(f"gather must be from 0 to 1 s, but is {gather}.")
+        if silence is not None and not silence > 0.0:
+            raise ParameterError(f"The silence that a line may keep must be above 0 s, but is {silence}.")
+        super().__init__(name, back_off, clock, sleep)
+        self._wait, self._gather_ns = wait, round(gather * 1e9)
+        self._silence_ns = None if silence is None else round(silence * 1e9)
+        self._breaks_on_silence = breaks_on_silence
+        self._wire: Wire | None = None
+        self._poll: select.poll | None = None
+        self._begun = self._stalled = False
+        self._refusal = ""
+        self._lost_ns: int | None = None
+        self._taken_ns = self._heard_ns = 0
+
+    @abstractmethod
+    def _connect(self, patience: float) -> Wire | None:
+        """Open the line; None where that needs more than `patience` s and is to be asked again; else NoLine."""
+
+    def open(self) -> Self:
+        """Open the line now; `read` does where this was not called.
+
+        Raises
+        ------
+        LineError
+            If that is not possible and `wait` was not asked for. Afterwards nothing raises any more.
+        """
+        if self._begun:
+            return self
+        wire = None
+        while not self._wait and wire is None:
+            try:
+                wire = self._connect(0.5)
+            except NoLine as no:
+                raise LineError(no.text) from no.__cause__
+        self._begun = True
+        if wire is not None:
+            self._told.append(self._opened(wire))
+        return self
+
+    def _more(self, until_ns: int) -> list[Received | Event]:
+        return self._seek(until_ns) if self._wire is None else self._listen(self._wire, until_ns)
+
+    def _seek(self, until_ns: int) -> list[Received | Event]:
+        """Try to open the line, as often as the back-off allows, until the time is up or there is something to tell."""
+        while True:
+            now = self._clock()
+            if now >= self._next_try_ns and (items := self._attempt((until_ns - now) / 1e9)):
+                return items
+            left_ns = min(self._next_try_ns, until_ns) - self._clock()
+            if left_ns > 0:
+                self._sleep(left_ns / 1e9)
+            if self._clock() >= until_ns:
+                return []
+
+    def _attempt(self, patience: float) -> list[Received | Event]:
+        try:
+            wire = self._connect(max(patience, 0.0))
+        except NoLine as no:
+            self._try_later(self._clock())
+            previous, self._refusal = self._refusal, no.text
+            return [] if no.text == previous else [Event(self._clock(), no.kind, no.text)]
+        return [] if wire is None else [self._opened(wire)]
+
+    def _opened(self, wire: Wire) -> Event:
+        now = self._clock()
+        self._wire, self._poll = wire, select.poll()
+        self._poll.register(wire.fileno(), select.POLLIN)
+        self._refusal, self._stalled, self._heard_ns = "", False, now
+        if self._lost_ns is None:
+            return Event(now, "opened", f"{wire.where} is open.")
+        gap = (now - self._lost_ns) / 1e9
+        return Event(now, "reopened", f"{wire.where} is open again after {gap:.3f} s without it.")
+
+    def _listen(self, wire: Wire, until_ns: int) -> list[Received | Event]:
+        quiet_ns = self._quiet_ns()
+        self._pause(until_ns)
+        if not self._ready(until_ns if quiet_ns is None else min(until_ns, quiet_ns)):
+            return self._fall_silent(wire, quiet_ns)
+        try:
+            items = wire.take()
+        except OSError as error:
+            return [self._lose(wire, error.strerror or str(error))]
+        self._taken_ns = self._clock()
+        return [*self._hear(wire), *items] if items else []
+
+    def _pause(self, until_ns: int) -> None:
+        left_ns = min(self._taken_ns + self._gather_ns, until_ns) - self._clock()
+        if left_ns > 0:
+            self._sleep(left_ns / 1e9)
+
+    def _ready(self, until_ns: int) -> bool:
+        assert self._poll is not None
+        return bool(self._poll.poll(max(0.0, (until_ns - self._clock()) / 1e6)))
+
+    def _quiet_ns(self) -> int | None:
+        """When the silence of the line has lasted too long; None where that does not matter or was told."""
+        return None if self._silence_ns is None or self._stalled else self._heard_ns + self._silence_ns
+
+    def _fall_silent(self, wire: Wire, quiet_ns: int | None) -> list[Received | Event]:
+        now = self._clock()
+        if quiet_ns is None or now < quiet_ns:
+            return []
+        text = f"nothing has come for {(now - self._heard_ns) / 1e9:.3f} s"
+        if self._breaks_on_silence:
+            return [self._lose(wire, text)]
+        self._stalled = True
+        return [Event(now, "stalled", f"{wire.where}: {text}.")]
+
+    def _hear(self, wire: Wire) -> list[Received | Event]:
+        now, since, stalled = self._taken_ns, self._heard_ns, self._stalled
+        self._heard_ns, self._stalled, self._failures = now, False, 0  # only now has opening it helped
+        return [Event(now, "resumed", f"{wire.where} goes on after {(now - since) / 1e9:.3f} s.")] if stalled else []
+
+    def _lose(self, wire: Wire, why: str) -> Event:
+        self._lost_ns = self._clock()
+        self._try_later(self._lost_ns)
+        self._let_go()
+        return Event(self._lost_ns, "lost", f"{wire.where} is lost: {why.rstrip('.')}.")
+
+    def _let_go(self) -> None:
+        wire, self._wire, self._poll = self._wire, None, None
+        if wire is not None:
+            wire.close()

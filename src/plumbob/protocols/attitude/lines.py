@@ -1,8 +1,9 @@
-"""NMEA 0183 sentences of an attitude: HDT, HDG, HDM, PASHR, XDR and ROT.
+"""Lines of text that say an attitude: NMEA 0183 sentences, TSS1 and JSON.
 
-``$`` talker and formatter, fields with commas, ``*`` and the exclusive or of what stands between, CR LF; talker HE is a
-gyrocompass, HC a magnetic compass, II integrated instruments, TI a rate-of-turn indicator. Empty fields are null
-fields: not known, or not to be used [NMEA 0183, as in gpsd.gitlab.io/gpsd/NMEA.html].
+NMEA 0183: HDT, HDG, HDM, PASHR, XDR and ROT. ``$`` talker and formatter, fields with commas, ``*`` and the exclusive or
+of what stands between, CR LF; talker HE is a gyrocompass, HC a magnetic compass, II integrated instruments, TI a rate-
+of-turn indicator. Empty fields are null fields: not known, or not to be used [NMEA 0183, as in
+gpsd.gitlab.io/gpsd/NMEA.html].
 
 * HDT: heading, T. HDM: heading, M. HDG: magnetic heading, deviation, E/W, variation, E/W; the deviation is null:
   what a calibration has removed is no longer in the heading.
@@ -11,15 +12,27 @@ fields: not known, or not to be used [NMEA 0183, as in gpsd.gitlab.io/gpsd/NMEA.
 * PASHR: hhmmss.sss, true heading, T, roll, pitch, heave, standard deviations of roll, pitch and heading, quality, and
   whether the attitude has converged [NovAtel, OEM7, log PASHR]. NovAtel's quality is that of its GNSS; here 1 is an
   attitude to be used and 0 is not. The heave is null: it is not estimated.
+
+TSS1, the line of motion sensors for echo sounders: 27 characters, no checksum.
+``:XXAAAASMHHHHQMRRRRSMPPPP`` CR LF: XX horizontal acceleration in steps of 3.83 cm/s², AAAA vertical acceleration in
+steps of 0.0625 cm/s², both hexadecimal; heave in cm; Q the status; roll and pitch in 0.01° to ±99.99°, positive with
+port up and with the bow up [docs.novatel.com/OEM7/Content/SPAN_Logs/TSS1.htm;
+support.norwegian-subsea.no/apidocumentation/tss1]. The status is a letter: U unaided, H with a heading, G and F with
+GNSS; upper case is settled, lower case is settling [currents.soest.hawaii.edu, UHDAS, MAHRS diagnostics].
+
+The heave is not estimated: its digits are 0, and the letter is `u`, which no echo sounder takes for a settled heave. An
+attitude that is not reliable has no line at all, because a line has no other place to say so.
 """
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Final
+from typing import Any, Final
 
+from plumbob.core import flags
 from plumbob.core.errors import FrameError, ParameterError
 from plumbob.core.text import sentence_checksum
-from plumbob.core.units import to_deg
+from plumbob.core.units import to_deg, to_dps
 from plumbob.protocols.attitude import AttitudeSample, sent_by
 from plumbob.rotations import North
 
@@ -133,3 +146,85 @@ def sentences_for(requested: Sequence[str], north: North, declination: float | N
 
 def _allowed(name: str, north: North, declination: float | None) -> bool:
     return name not in _NORTH or sent_by(north, declination, _NORTH[name])
+
+
+def json_line(a: AttitudeSample) -> bytes:
+    """The json_line, with its end.
+
+    ``q_nb`` is forward-right-down body to NED, wxyz; ``roll_deg`` is positive with port up, ``pitch_deg`` with the bow
+    up; ``heading_deg`` counts clockwise from ``north``, and ``sigma_deg`` are standard deviations.
+    """
+    free = a.north is North.FREE or bool(a.flags & flags.HEADING_FREE)
+    heading = None if a.angles is None else round(float(to_deg(a.angles[2])), 6) % 360.0
+    fields: dict[str, Any] = {
+        "t_s": a.elapsed_ns / 1e9,
+        "utc": utc_text(a) if a.utc else None,
+        "roll_deg": rounded(a.roll_deg),
+        "pitch_deg": rounded(a.pitch_deg),
+        "heading_deg": heading,
+        "north": str(North.FREE if free else a.north),
+        "declination_deg": None if a.declination is None else rounded(float(to_deg(a.declination))),
+        "q_nb": None if a.q_nb is None else list(a.q_nb),
+        "frame": "NED",
+        "body": "FRD",
+        "rate_dps": None if a.rates_b is None else [rounded(float(to_dps(rate))) for rate in a.rates_b],
+        "acc_m_s2": None if a.acc_b is None else [rounded(value) for value in a.acc_b],
+        "sigma_deg": dict(zip(("roll", "pitch", "heading"), map(_rounded_deg, a.sigma), strict=True)),
+        "reliable": a.reliable,
+        "flags": list(flags.names(a.flags)),
+    }
+    return (json.dumps(fields, allow_nan=False, separators=(",", ":")) + "\n").encode()
+
+
+def rounded(value: float | None) -> float | None:
+    """To six places, without a negative zero."""
+    return None if value is None else round(value, 6) + 0.0
+
+
+def _rounded_deg(value: float | None) -> float | None:
+    return None if value is None else rounded(float(to_deg(value)))
+
+
+def utc_text(a: AttitudeSample) -> str:
+    """UTC in ISO 8601 with all nanoseconds."""
+    seconds, ns = divmod(a.t_ns, 1_000_000_000)
+    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%dT%H:%M:%S}.{ns:09d}Z"
+
+
+_HORIZONTAL: Final = 0.0383
+_VERTICAL: Final = 0.000625
+_CENTI: Final = 100.0
+
+
+def tss1(a: AttitudeSample, heave: float | None = None) -> bytes | None:
+    """The tss1; None where the attitude is not known or roll is beyond ±99.99°.
+
+    Parameters
+    ----------
+    a : AttitudeSample
+        The attitude; one that is not reliable has a tss1 only beside a heave.
+    heave : float, optional
+        m, up is positive, where somebody has estimated it; then upper case says that the attitude is reliable.
+    """
+    roll, pitch = a.roll_deg, a.pitch_deg
+    if roll is None or pitch is None or (heave is None and not a.reliable):
+        return None
+    if abs(round(_CENTI * roll)) > 9999:
+        return None
+    horizontal, vertical = a.acceleration() or (0.0, 0.0)
+    xx = min(round(horizontal / _HORIZONTAL), 0xFF)
+    aaaa = max(-0x8000, min(round(vertical / _VERTICAL), 0x7FFF)) & 0xFFFF
+    up = 0 if heave is None else max(-9999, min(round(_CENTI * heave), 9999))
+    text = f":{xx:02X}{aaaa:04X} {_signed(up)}{_status(a, heave)}{_signed(round(_CENTI * roll))} "
+    return f"{text}{_signed(round(_CENTI * pitch))}\r\n".encode("ascii")
+
+
+def _signed(value: int) -> str:
+    return f"{'-' if value < 0 else ' '}{abs(value):04d}"
+
+
+def _status(a: AttitudeSample, heave: float | None) -> str:
+    if heave is None:
+        return "u"
+    letter = "U" if a.north is North.FREE or a.flags & flags.HEADING_FREE else "H"
+    return letter if a.reliable else letter.lower()
