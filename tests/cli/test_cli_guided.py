@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from plumbob import files
-from plumbob.cli.capture import Board, board_lines
 from plumbob.data.cards import CalibrationCard
+from plumbob.live.guide.board import Board, board_lines
 from plumbob.live.guide.guide import AxisTurn, Moment, Progress
 from tests.helpers.commandline import PLUMBOB, answer, emulated, typed
 

@@ -1,13 +1,10 @@
 """What the kinds of `plumbob calibrate` share: options, the capture, live or of a recording, and what is printed."""
 
 import argparse
-import shutil
 import sys
-import textwrap
-import time
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TextIO
+from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
 
@@ -17,7 +14,6 @@ if TYPE_CHECKING:
     from plumbob.data import ImuData
     from plumbob.data.cards import CalibrationCard
     from plumbob.door.calibrate import Calibrated, Kind
-    from plumbob.live.guide.guide import Guide, Progress
     from plumbob.live.session import Session
 
 
@@ -53,110 +49,6 @@ def require_room(args: argparse.Namespace, device: str, made: Collection[str], b
         raise ParameterError(f"{out} has {' and '.join(again)} already. Name another file, or replace it with --force.")
 
 
-_EVERY: Final = 0.25
-_SELDOM: Final = 5.0
-_SEEN, _MISSING, _GOAL, _HERE = "■", "·", "○", "▣"
-_LAYERS: Final = ("+z", "across z", "−z")
-_ROWS: Final = ((1, -1), (1, 0), (1, 1)), ((0, -1), (0, 0), (0, 1)), ((-1, -1), (-1, 0), (-1, 1))
-
-
-class Board:
-    """Draws progress on standard error, over itself where that is a terminal.
-
-    Elsewhere each event gets a line, and every 5 s what to do next.
-
-    Parameters
-    ----------
-    title : str
-        First line.
-    guide : Guide
-        Whose timeline is shown.
-    out : file
-        Where to draw.
-    """
-
-    def __init__(self, title: str, guide: "Guide", out: TextIO | None = None) -> None:
-        self._title, self._guide, self._out = title, guide, out or sys.stderr
-        self._told = self._lines = 0
-        self._next = 0.0
-
-    def show(self, progress: "Progress") -> None:
-        """Show how it stands, a few times in a second, and what is new at once."""
-        drawn = self._out.isatty()
-        now = time.monotonic() if drawn else progress.elapsed
-        new = self._guide.timeline[self._told :]
-        if now < self._next and not new:
-            return
-        self.erase()
-        self._told += len(new)
-        for moment in new:
-            self._tell(moment.t, moment.text)
-        if drawn:
-            self._out.write("\a" if new else "")  # who holds the unit does not look at the screen
-            self._draw(progress)
-        elif now >= self._next and not progress.done:
-            self._tell(now, f"next: {progress.next_step}")
-        if now >= self._next:
-            self._next = now + (_EVERY if drawn else _SELDOM)
-        self._out.flush()
-
-    def erase(self) -> None:
-        """Take away what was drawn, to write something else."""
-        if self._lines:
-            self._out.write(f"\033[{self._lines}F\033[J")
-            self._lines = 0
-
-    def _tell(self, t: float, text: str) -> None:
-        self._out.write(f"{t:7.1f} s  {text}\n")
-
-    def _draw(self, progress: "Progress") -> None:
-        width = shutil.get_terminal_size().columns - 1
-        lines = [
-            row
-            for line in board_lines(self._title, progress)
-            for row in textwrap.wrap(line, width, subsequent_indent=" " * 9) or [""]
-        ]
-        self._out.write("\n".join(lines) + "\n")
-        self._lines = len(lines)
-
-
-def board_lines(title: str, progress: "Progress") -> list[str]:
-    """Lines of a board."""
-    lines = ["", f"{title}, {progress.elapsed:.0f} s; Ctrl-C ends it with what there is", ""]
-    if progress.filled is not None:
-        lines += [*map_lines(progress), ""]
-    lines.append(f"now      {f'at rest for {progress.still_for:.1f} s' if progress.at_rest else 'moving'}")
-    lines.append(f"next     {progress.next_step}")
-    if progress.predicted:
-        lines.append(f"so far   {progress.predicted}, {progress.grade or 'not usable'} as far as it goes")
-    return [*lines, *(f"WARNING  {text}" for text in progress.warnings)]
-
-
-def map_lines(progress: "Progress") -> list[str]:
-    """Map of the 18 directions: +x upward and +y to the right, in the three layers of z."""
-    cells = _cells(progress)
-    layers = [[" ".join(cells.get((x, y, z), " ") for x, y in row) for row in _ROWS] for z in (1, 0, -1)]
-    count = 0 if progress.filled is None else int(progress.filled.sum())
-    notes = (f"{count} of 18 seen", f"{_SEEN} seen  {_MISSING} missing", f"{_HERE} here  {_GOAL} next")
-    head = "    ".join(f"{name:^8}" for name in _LAYERS) + "    +x upward, +y to the right"
-    return [head, *("    ".join(f"{row:^8}" for row in rows) + f"    {note}"
-                    for *rows, note in zip(*layers, notes, strict=True))]  # fmt: skip
-
-
-def _cells(progress: "Progress") -> dict[tuple[int, int, int], str]:
-    from plumbob.calibration.predicted import REGIONS
-
-    cells = {}
-    for region, place in enumerate(REGIONS.tolist()):
-        filled = progress.filled is not None and progress.filled[region]
-        mark = _SEEN if filled else _MISSING
-        mark = _GOAL if region == progress.goal else mark
-        mark = _HERE if region == progress.direction else mark
-        x, y, z = (round(1.2 * value) for value in place)
-        cells[x, y, z] = mark
-    return cells
-
-
 def live_capture(args: argparse.Namespace, triads: tuple[str, ...], base: "CalibrationCard | None") -> "Capture":
     """Guided capture from a line; what would spoil its end is refused before it begins."""
     from plumbob.calibration.calibration import capture, unit_of
@@ -189,17 +81,19 @@ def require_recording(args: argparse.Namespace) -> None:
 
 def tell(args: argparse.Namespace, imu: "ImuData") -> None:
     """Say how the capture of a recording went."""
+    from plumbob.live.guide.board import guide_summary, guide_text
     from plumbob.live.guide.guides import GUIDES, guided
 
     guide = GUIDES[args.guided]()
     progress = guided(guide, imu)
-    args.told = _guide_numbers(guide, progress)
+    args.told = guide_summary(guide, progress)
     if not args.json:
-        print("\n".join(_lines(guide, progress)))
+        print(guide_text(guide, progress))
 
 
 def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
     """Samples of the line until the guide or somebody says stop; None where there are none."""
+    from plumbob.live.guide.board import Board, guide_summary
     from plumbob.live.guide.guides import GUIDES, GuideSink
     from plumbob.live.runner import run_stream
     from plumbob.live.sinks import Collected, RecordingSink, Sink
@@ -223,7 +117,7 @@ def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
         sinks: list[Sink] = [collected, GuideSink(guide, stop, board.show), watch]
         run_stream(stream, source, sinks=sinks, recording=recording_sink, stop=stop, each=watch.look)
     board.erase()
-    args.told = _guide_numbers(guide, guide.progress())
+    args.told = guide_summary(guide, guide.progress())
     return collected.imu(calibrated=False)
 
 
@@ -270,35 +164,6 @@ def _session(args: argparse.Namespace) -> "Session":
     if device == session.form.name:
         device = args.device or ImuMeta().device
     return replace(session, meta=replace(session.meta, device=device), stage=None, record=record)
-
-
-def _guide_numbers(guide: "Guide", progress: "Progress") -> dict[str, Any]:
-    from plumbob.calibration.predicted import NAMES
-
-    return {
-        "guide": {
-            "elapsed_s": progress.elapsed,
-            "timeline": [{"t": moment.t, "text": moment.text} for moment in guide.timeline],
-            "missing": None if progress.filled is None else [NAMES[i] for i in progress.missing],
-            "next": progress.next_step,
-            "predicted": progress.predicted,
-            "grade": progress.grade,
-            "warnings": list(progress.warnings),
-            "done": progress.done,
-        }
-    }
-
-
-def _lines(guide: "Guide", progress: "Progress") -> list[str]:
-    from plumbob.calibration.predicted import region_names
-
-    lines = [f"{moment.t:7.1f} s  {moment.text}" for moment in guide.timeline]
-    lines.append(f"{progress.elapsed:7.1f} s  end of the capture")
-    if progress.filled is not None:
-        lines += ["", *map_lines(progress), "", f"missing      {region_names(progress.missing) or 'nothing'}"]
-    if not progress.done:
-        lines.append(f"what to add  {progress.next_step}")
-    return [*lines, ""]
 
 
 def find(args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...] = (), **converted: Any) -> int:
@@ -363,8 +228,6 @@ def _finish(args: argparse.Namespace, calibrated: "Calibrated") -> int:
 
 def refused(args: argparse.Namespace, why: "CaptureRefusedError") -> int:
     """Print the reasons, as text on standard error or as JSON; nothing is written."""
-    import sys
-
     from plumbob.calibration.report import refusal_numbers, refusal_text
     from plumbob.core.text import visible
 

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
 from plumbob.cli.engine import Verb
@@ -30,10 +30,7 @@ def run(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
     from plumbob.protocols.decode import decode
     from plumbob.protocols.find import find_format, unassigned_told
 
-    def bound(format: str, *, options: Mapping[str, str] | None = None) -> "Format":
-        return find_format(format).bind(options or {})
-
-    form, out = call(bound), args.out and Path(args.out)
+    form, out = find_format(args.format).bind(args.given.get("options", {})), args.out and Path(args.out)
     if spare := unassigned_told(form, form.message(args.message or "")):
         common.note(spare)
     common.check_outputs(args, *common.with_profile(out, _TEXT), inputs=(Path(args.data),))
@@ -196,7 +193,8 @@ def _cell(value: Any) -> str:
 def _chunks(name: str, table: _MessageRows) -> Iterator[bytes]:
     """Pieces of a file, or of standard input; the first stays with the table."""
     with nullcontext(sys.stdin.buffer) if name == "-" else Path(name).open("rb") as file:
-        for data in _pieces(file):
+        read = getattr(file, "read1", file.read)  # what is there already, where it comes through a pipe
+        while data := read(_READ):
             table.head = table.head or data[:_HINT]
             yield data
 
@@ -215,12 +213,6 @@ def _in_order(name: str, pieces: Iterator[bytes], form: "Format") -> Iterator[by
         f"{ring.blank} blank bytes and {ring.torn} torn"
     )
     yield ring.stream
-
-
-def _pieces(file: BinaryIO) -> Iterator[bytes]:
-    read = getattr(file, "read1", file.read)  # what is there already, where it comes through a pipe
-    while data := read(_READ):
-        yield data
 
 
 def _tell(form: "Format", counts: "Counts", table: _MessageRows) -> None:

@@ -298,6 +298,7 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
     if "params" in options and "Mapping[" in options["params"].type:
         chosen = common.filter_args(args.verb, given.get("filter"), getattr(args, "params", None))
         given |= {name: value for name, value in chosen.items() if value}
+    args.given = given
     paths = {name: [Path(file) for file in (value if isinstance(value, list) else [value])]
              for name, value in given.items() if options[name].is_path}  # fmt: skip
     for name, endings in verb.ends.items():

@@ -350,8 +350,7 @@ def estimate(
     native = written is not None and written.suffix.lower() == ".parquet"
     label, source, imu = opened_samples(recording, profile, unit, whole=keep and not native)
     named, settings = lagged(filter, lag, params, causal=causal)
-    noise_card = None if noise is None else _noise_card(noise)
-    stage = Stage(named or SMOOTHER, dict(settings or {}), noise=noise_card, init=init)
+    stage = Stage(named or SMOOTHER, dict(settings or {}), noise=given_noise(noise), init=init)
     frame = navigation_frame(imu, None if frame is None else Frame.parse(frame), where=label)
 
     def say(line: str) -> None:
@@ -459,7 +458,10 @@ def opened_samples(
     return label, source, source.imu
 
 
-def _noise_card(given: "NoiseCard | str | Path") -> "NoiseCard":
+def given_noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
+    """Noise card of what was given; None where nothing was."""
+    if given is None:
+        return None
     from plumbob.data.cards import NoiseCard
 
     return NoiseCard.of(given)

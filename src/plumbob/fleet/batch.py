@@ -6,8 +6,11 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing, suppress
 from dataclasses import dataclass
-from itertools import chain, islice
+from functools import partial
+from itertools import islice
 from pathlib import Path
+from shutil import copyfile
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check
@@ -15,6 +18,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.files import replacing
 from plumbob.core.text import FactsText, counted
 from plumbob.core.units import Quantity, given
+from plumbob.door.estimate import given_noise
 from plumbob.files.text_write import text_cell
 from plumbob.fleet.items import JOBS, Item, Source, batch_items
 from plumbob.fleet.job import COLUMNS, VERDICTS, BatchSettings, JobOutcome
@@ -181,7 +185,7 @@ def batch(
     }  # fmt: skip
     settings = BatchSettings(
         how={name: value for name, value in how.items() if value},
-        cards=load_cards(calibration), noise=_noise(noise),
+        cards=load_cards(calibration), noise=given_noise(noise),
         burst=_si("burst", burst, Quantity.TIME), tilt_limit=_si("tilt_limit", tilt_limit, Quantity.ANGLE),
         align=tuple(align), settle=_si("settle", settle, Quantity.TIME), pages=pages, max_bytes=max_bytes,
     )  # fmt: skip
@@ -222,14 +226,6 @@ def _si(name: str, value: float | str, quantity: Quantity) -> float:
     number = given(name, value, quantity)
     assert number is not None
     return number
-
-
-def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
-    if given is None:
-        return None
-    from plumbob.data.cards import NoiseCard
-
-    return NoiseCard.of(given)
 
 
 def _workers(jobs: int | None, cluster: str | None) -> int:
@@ -322,19 +318,22 @@ def _write_tables(place: Place) -> None:
     kinds = {str: pa.string(), int: pa.int64(), float: pa.float64()}
     schema = pa.schema([pa.field(name, kinds[kind]) for name, kind in COLUMNS.items()])
 
-    def parquet(path: Path) -> None:
-        rows = _rows(place)
-        with replacing(path, overwrite=True) as temporary, ParquetWriter(str(temporary), schema) as table:
+    rows = _rows(place)
+    with TemporaryDirectory(prefix="plumbob-") as folder:
+        files = [Path(folder) / name for name in _TABLES]
+        with ParquetWriter(str(files[0]), schema) as table, files[1].open("w", encoding="utf-8") as text:
+            text.write(",".join(COLUMNS) + "\n")
             while some := list(islice(rows, _ROWS)):
                 table.write_table(pa.Table.from_pylist(some, schema))
+                text.writelines(",".join(_cell(row.get(name)) for name in COLUMNS) + "\n" for row in some)
+        for file in files:
+            place.write(file.name, partial(_copy_whole, file))
 
-    def csv(path: Path) -> None:
-        with replacing(path, overwrite=True) as temporary, temporary.open("w", encoding="utf-8") as table:
-            for cells in chain([COLUMNS], ([_cell(row.get(name)) for name in COLUMNS] for row in _rows(place))):
-                table.write(",".join(cells) + "\n")
 
-    for name, fill in zip(_TABLES, (parquet, csv), strict=True):
-        place.write(name, fill)
+def _copy_whole(file: Path, path: Path) -> None:
+    """Copy a file, which is there as a whole or as it was before."""
+    with replacing(path, overwrite=True) as temporary:
+        copyfile(file, temporary)
 
 
 def _cell(value: Any) -> str:

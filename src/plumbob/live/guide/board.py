@@ -1,0 +1,138 @@
+"""How a guide's progress is shown: drawn on a terminal while a unit is moved, or told at the end."""
+
+import shutil
+import sys
+import textwrap
+import time
+from typing import Any, Final, TextIO
+
+from plumbob.calibration.predicted import NAMES, REGIONS, region_names
+from plumbob.live.guide.guide import Guide, Progress
+
+_EVERY: Final = 0.25
+_SELDOM: Final = 5.0
+_SEEN, _MISSING, _GOAL, _HERE = "■", "·", "○", "▣"
+_LAYERS: Final = ("+z", "across z", "−z")
+_ROWS: Final = ((1, -1), (1, 0), (1, 1)), ((0, -1), (0, 0), (0, 1)), ((-1, -1), (-1, 0), (-1, 1))
+
+
+class Board:
+    """Draws progress on standard error, over itself where that is a terminal.
+
+    Elsewhere each event gets a line, and every 5 s what to do next.
+
+    Parameters
+    ----------
+    title : str
+        First line.
+    guide : Guide
+        Whose timeline is shown.
+    out : file
+        Where to draw.
+    """
+
+    def __init__(self, title: str, guide: Guide, out: TextIO | None = None) -> None:
+        self._title, self._guide, self._out = title, guide, out or sys.stderr
+        self._told = self._lines = 0
+        self._next = 0.0
+
+    def show(self, progress: Progress) -> None:
+        """Show how it stands, a few times in a second, and what is new at once."""
+        drawn = self._out.isatty()
+        now = time.monotonic() if drawn else progress.elapsed
+        new = self._guide.timeline[self._told :]
+        if now < self._next and not new:
+            return
+        self.erase()
+        self._told += len(new)
+        for moment in new:
+            self._tell(moment.t, moment.text)
+        if drawn:
+            self._out.write("\a" if new else "")  # who holds the unit does not look at the screen
+            self._draw(progress)
+        elif now >= self._next and not progress.done:
+            self._tell(now, f"next: {progress.next_step}")
+        if now >= self._next:
+            self._next = now + (_EVERY if drawn else _SELDOM)
+        self._out.flush()
+
+    def erase(self) -> None:
+        """Take away what was drawn, to write something else."""
+        if self._lines:
+            self._out.write(f"\033[{self._lines}F\033[J")
+            self._lines = 0
+
+    def _tell(self, t: float, text: str) -> None:
+        self._out.write(f"{t:7.1f} s  {text}\n")
+
+    def _draw(self, progress: Progress) -> None:
+        width = shutil.get_terminal_size().columns - 1
+        lines = [
+            row
+            for line in board_lines(self._title, progress)
+            for row in textwrap.wrap(line, width, subsequent_indent=" " * 9) or [""]
+        ]
+        self._out.write("\n".join(lines) + "\n")
+        self._lines = len(lines)
+
+
+def board_lines(title: str, progress: Progress) -> list[str]:
+    """Lines of a board."""
+    lines = ["", f"{title}, {progress.elapsed:.0f} s; Ctrl-C ends it with what there is", ""]
+    if progress.filled is not None:
+        lines += [*map_lines(progress), ""]
+    lines.append(f"now      {f'at rest for {progress.still_for:.1f} s' if progress.at_rest else 'moving'}")
+    lines.append(f"next     {progress.next_step}")
+    if progress.predicted:
+        lines.append(f"so far   {progress.predicted}, {progress.grade or 'not usable'} as far as it goes")
+    return [*lines, *(f"WARNING  {text}" for text in progress.warnings)]
+
+
+def map_lines(progress: Progress) -> list[str]:
+    """Map of the 18 directions: +x upward and +y to the right, in the three layers of z."""
+    cells = _cells(progress)
+    layers = [[" ".join(cells.get((x, y, z), " ") for x, y in row) for row in _ROWS] for z in (1, 0, -1)]
+    count = 0 if progress.filled is None else int(progress.filled.sum())
+    notes = (f"{count} of 18 seen", f"{_SEEN} seen  {_MISSING} missing", f"{_HERE} here  {_GOAL} next")
+    head = "    ".join(f"{name:^8}" for name in _LAYERS) + "    +x upward, +y to the right"
+    return [head, *("    ".join(f"{row:^8}" for row in rows) + f"    {note}"
+                    for *rows, note in zip(*layers, notes, strict=True))]  # fmt: skip
+
+
+def _cells(progress: Progress) -> dict[tuple[int, int, int], str]:
+    cells = {}
+    for region, place in enumerate(REGIONS.tolist()):
+        filled = progress.filled is not None and progress.filled[region]
+        mark = _SEEN if filled else _MISSING
+        mark = _GOAL if region == progress.goal else mark
+        mark = _HERE if region == progress.direction else mark
+        x, y, z = (round(1.2 * value) for value in place)
+        cells[x, y, z] = mark
+    return cells
+
+
+def guide_summary(guide: Guide, progress: Progress) -> dict[str, Any]:
+    """What a guide saw, as JSON can hold it."""
+    return {
+        "guide": {
+            "elapsed_s": progress.elapsed,
+            "timeline": [{"t": moment.t, "text": moment.text} for moment in guide.timeline],
+            "missing": None if progress.filled is None else [NAMES[i] for i in progress.missing],
+            "next": progress.next_step,
+            "predicted": progress.predicted,
+            "grade": progress.grade,
+            "warnings": list(progress.warnings),
+            "done": progress.done,
+        }
+    }
+
+
+def guide_text(guide: Guide, progress: Progress) -> str:
+    """How a capture went, line by line, and what it lacks."""
+    lines = [f"{moment.t:7.1f} s  {moment.text}" for moment in guide.timeline]
+    lines.append(f"{progress.elapsed:7.1f} s  end of the capture")
+    if progress.filled is not None:
+        lines += ["", *map_lines(progress), "", f"missing      {region_names(progress.missing) or 'nothing'}"]
+    if not progress.done:
+        lines.append(f"what to add  {progress.next_step}")
+    return "\n".join([*lines, ""])
