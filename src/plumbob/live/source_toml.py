@@ -47,7 +47,9 @@ def iio_format(layout: "IioLayout", *, mounted: bool = True) -> Format:
         If a mount matrix does more than that, or an element of a scan holds several numbers.
     """
     fields = tuple(
-        _stamp(channel, at) if channel.name == "timestamp" else _measured(layout, channel, at, mounted)
+        _field(channel, CLOCK, at, "ns", 1.0, role="clock")
+        if channel.name == "timestamp"
+        else _measured(layout, channel, at, mounted)
         for channel, at in zip(layout.channels, layout.places, strict=True)
     )
     return Format(
@@ -58,10 +60,6 @@ def iio_format(layout: "IioLayout", *, mounted: bool = True) -> Format:
         sources=_DOCUMENTED,
         facts={"clock": (_STAMPS[layout.clock], Provenance(_ABI))},
     )
-
-
-def _stamp(channel: "IioChannel", at: int) -> Field:
-    return _field(channel, CLOCK, at, "ns", 1.0, role="clock")
 
 
 def _measured(layout: "IioLayout", channel: "IioChannel", at: int, mounted: bool) -> Field:

@@ -241,14 +241,12 @@ class Stretched:
 
     def read(self, timeout: float) -> list[Received | Event]:
         """Read the source, with every time stretched from the moment this was made."""
-        return [replace(item, t_ns=self._stretched(item.t_ns)) for item in self._source.read(timeout)]
+        return [replace(item, t_ns=self._start + round((item.t_ns - self._start) * self._speed))
+                for item in self._source.read(timeout)]  # fmt: skip
 
     def close(self) -> None:
         """Close the source."""
         self._source.close()
-
-    def _stretched(self, t_ns: int) -> int:
-        return self._start + round((t_ns - self._start) * self._speed)
 
 
 class ReplaySource:

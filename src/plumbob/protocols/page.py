@@ -1,7 +1,7 @@
 """A format as a page to read: framing, fields with units and marks, options, registers, facts and sources."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -180,11 +180,9 @@ def _options(form: Format) -> list[tuple[str, ...]]:
 def _aligned(table: PageTable) -> str:
     rows = [table.head, *table.rows]
     widths = [min(40, max(len(row[i]) for row in rows)) for i in range(len(table.head))]
-    return "\n".join("  " + _line(row, widths) for row in rows)
-
-
-def _line(row: Sequence[str], widths: Sequence[int]) -> str:
-    return "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+    return "\n".join(
+        "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    )
 
 
 def _piped(table: PageTable) -> str:

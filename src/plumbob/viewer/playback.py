@@ -440,13 +440,9 @@ class Player:
             self._outlet.event(t, event.kind, event.text)
             self._event += 1
 
-    def _end_row(self, position: float) -> int:
-        """Row behind the last one at or before a position; at least one."""
-        return max(1, int(np.searchsorted(self._t, position, side="right")))
-
     def _hand_on(self) -> None:
         """Hand over the rows up to the position, as far as there is room, and the state where nothing is new."""
-        end, now_ns = self._end_row(self._position), self._clock()
+        end, now_ns = max(1, int(np.searchsorted(self._t, self._position, side="right"))), self._clock()
         while self._next < end and self._outlet.ready:
             stop = min(end, self._next + _ROWS)
             self._outlet.batch(self.batch(self._next, stop))

@@ -79,12 +79,12 @@ def files() -> dict[str, tuple[bytes, str]]:
     except MissingExtraError:
         return {}
     paths = {"/": index}
-    paths |= {f"/{path.relative_to(index.parent).as_posix()}": path for path in _regular(index.parent)}
+    paths |= {
+        f"/{path.relative_to(index.parent).as_posix()}": path
+        for path in index.parent.rglob("*")
+        if path.is_file() and not path.is_symlink()
+    }
     return {name: (path.read_bytes(), _media_type(path)) for name, path in paths.items() if name != f"/{index.name}"}
-
-
-def _regular(folder: Path) -> list[Path]:
-    return [path for path in folder.rglob("*") if path.is_file() and not path.is_symlink()]
 
 
 def _media_type(path: Path) -> str:

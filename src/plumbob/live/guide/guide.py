@@ -170,7 +170,8 @@ def turn_to(direction: Floats, goal: Floats) -> AxisTurn:
     """
     rises = np.abs(np.arcsin(np.clip(direction, -1.0, 1.0)) - np.arcsin(np.clip(goal, -1.0, 1.0)))
     return min(
-        (AxisTurn(axis, _angle(axis, direction, goal)) for axis in range(3)), key=lambda turn: _cost(turn, rises)
+        (AxisTurn(axis, _angle(axis, direction, goal)) for axis in range(3)),
+        key=lambda turn: (round(float(rises[turn.axis]), 2), abs(turn.angle)),
     )
 
 
@@ -186,10 +187,6 @@ def _angle(axis: int, direction: Floats, goal: Floats) -> float:
     a, b = (axis + 1) % 3, (axis + 2) % 3
     turned = math.atan2(goal[b], goal[a]) - math.atan2(direction[b], direction[a])
     return -math.remainder(turned, math.tau)
-
-
-def _cost(turn: AxisTurn, rises: Floats) -> tuple[float, float]:
-    return round(float(rises[turn.axis]), 2), abs(turn.angle)
 
 
 ENOUGH: Final = 15

@@ -11,7 +11,7 @@ Source: Linux, Documentation/ABI/testing/sysfs-bus-iio.
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Self
 
@@ -262,13 +262,8 @@ def _aligned(at: int, size: int) -> int:
     return -(-at // size) * size
 
 
-def _rows(matrix: Matrix, axes: Sequence[int]) -> list[int]:
-    """Axes of the board that the chip's `axes` are enough for."""
-    return [i for i in range(3) if all(matrix[i][j] == 0.0 for j in range(3) if j not in axes)]
-
-
 def _check_mount(device: str, triad: str, matrix: Matrix, axes: list[int]) -> None:
-    if axes and len(_rows(matrix, axes)) != len(axes):
+    if axes and len([i for i in range(3) if all(matrix[i][j] == 0.0 for j in range(3) if j not in axes)]) != len(axes):
         raise ParameterError(
             f"{device}: the mount matrix of {triad} mixes axes that are not all enabled "
             f"({', '.join(_AXES[j] for j in axes)} are); choose all of them."

@@ -68,17 +68,12 @@ class Mavlink:
         roll, pitch, yaw = angles
         heading = a.heading_deg(North.TRUE)
         turned = a.declination if heading is not None and a.north is North.MAGNETIC and a.declination else 0.0
-        q, yaw = _turn_east(q_nb, turned), _wrapped(yaw + turned)
+        q, yaw = _turn_east(q_nb, turned), (yaw + turned + pi) % (2.0 * pi) - pi
         t_ms = a.elapsed_ns // _MILLI % 2**32
         return [
             self._known.MAVLink_attitude_message(t_ms, roll, pitch, yaw, *rates),
             self._known.MAVLink_attitude_quaternion_message(t_ms, *q, *rates, [0.0] * 4),
         ]
-
-
-def _wrapped(angle: float) -> float:
-    """Angle in −π to π."""
-    return (angle + pi) % (2.0 * pi) - pi
 
 
 def _turn_east(q: tuple[float, ...], angle: float) -> tuple[float, ...]:
