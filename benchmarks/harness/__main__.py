@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from plumbob.cli import common
 from plumbob.cli.main import Parser
 from plumbob.cli.main import main as run
+from plumbob.core.errors import ParameterError
 
 if TYPE_CHECKING:
     from benchmarks.harness.fault_cases import Case
@@ -51,9 +52,7 @@ def _add_faults(kinds: Any) -> None:
     p.add_argument("--filters", metavar="A,B", help="see 'plumbob list filters'")
     p.add_argument("--params", metavar="P", help=f"{common.PARAMS_HELP}; with several filters write filter.name=value")
     p.add_argument("--peers", default="none", metavar="A,B", help="vqf, imufusion, ahrs, single ones, all or none")
-    p.add_argument(
-        "--battery", choices=("first", "second"), default="first", help="which set of faults (default first)"
-    )
+    p.add_argument("--battery", choices=("first", "second"), default="first", help="set of faults (default first)")
     p.add_argument("--cases", default="", metavar="A,B", help="cases or groups, F1 to F9 or S1 to S9 (default all)")
     p.add_argument("--list", action="store_true", help="list the cases with what they inject")
     common.add_json(p)
@@ -82,9 +81,7 @@ def _add_rooms(kinds: Any) -> None:
         "calibration predicts beside that by the reference.",
     )
     p.add_argument("folder", type=Path, help="folder of recordings, such as BROAD trials")
-    p.add_argument(
-        "--window", metavar="S", help="calibrate windows of this length each, as 30s (default: whole recordings)"
-    )
+    p.add_argument("--window", metavar="S", help="calibrate windows of this length, as 30s (default: whole recordings)")
     common.add_json(p)
     p.set_defaults(run=run_rooms)
 
@@ -96,9 +93,7 @@ def _add_decoders(kinds: Any) -> None:
         description="Damage streams of every format in seven ways, let its decoder hear random and mutated bytes, and "
         "print how many undamaged frames are lost and how many wrong ones believed.",
     )
-    p.add_argument(
-        "--formats", default="", metavar="A,B", help="names, or .toml files (default: all known, and a user's)"
-    )
+    p.add_argument("--formats", default="", metavar="A,B", help="names, or .toml files (default all, and a user's)")
     p.add_argument("--frames", type=int, default=20_000, metavar="N", help="frames per stream (default 20000)")
     p.add_argument("--noise", type=int, default=100_000_000, metavar="N", help="random bytes each (default 100000000)")
     p.add_argument("--fuzz", type=int, default=10_000_000, metavar="N", help="mutated bytes each (default 10000000)")
@@ -113,7 +108,6 @@ def run_faults(args: argparse.Namespace) -> int:
     from benchmarks.harness.faults import measure_faults
     from benchmarks.harness.peers import peers
     from benchmarks.harness.second import measure_second
-    from plumbob.core.errors import ParameterError
 
     battery = second_cases if args.battery == "second" else fault_cases
     if args.list:
@@ -127,8 +121,8 @@ def run_faults(args: argparse.Namespace) -> int:
     contenders = [*map(contender_of, chosen), *others]
 
     def told(cases: "Sequence[Case]") -> AbstractContextManager[Callable[[int], None]]:
-        runs = len(cases) * len(contenders)
-        return common.progress(f"{len(cases)} cases, {len(contenders)} contenders", runs)
+        title = f"{len(cases)} cases, {len(contenders)} contenders"
+        return common.progress(title, len(cases) * len(contenders))
 
     if args.battery == "second":
         second = fault_cases.choose(wanted or list(second_cases.GROUPS), second_cases.CASES, second_cases.GROUPS)
@@ -179,8 +173,6 @@ def run_decoders(args: argparse.Namespace) -> int:
 
 
 def _require_some(option: str, count: int) -> None:
-    from plumbob.core.errors import ParameterError
-
     if count < 1:
         raise ParameterError(f"{option} must be at least 1, but it is {count}.")
 

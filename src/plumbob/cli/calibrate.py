@@ -21,23 +21,12 @@ _ABSENT: Final = ("profile", "calibration", "start", "stop", "device", "port", "
 def calibrate(args: argparse.Namespace, verb: "Verb", call: Callable[..., Any]) -> int:
     """Do it; a refusal is a result, with its reasons."""
     from plumbob.calibration.fit import CaptureRefusedError
+    from plumbob.core.errors import ParameterError
 
     args.told, args.guided = {}, args.kind if args.kind in GUIDED else None
     for name in ("live", "guide", "raw", *_ABSENT):
         setattr(args, name, getattr(args, name, None))
-    for name in (
-        "recording",
-        "profile",
-        "calibration",
-        "out",
-        "html",
-        "plot",
-        "raw",
-        "plan",
-        "parts",
-        "reference",
-        "estimate",
-    ):
+    for name in ("recording", "profile", "calibration", "out", "html", "plot", "raw"):
         value = getattr(args, name, None)
         setattr(args, name, None if value is None else Path(value))
     args.file = args.recording
@@ -49,21 +38,15 @@ def calibrate(args: argparse.Namespace, verb: "Verb", call: Callable[..., Any]) 
             args, verb._replace(pages=None), calibrate_counts(args.file, "acc" if args.kind == "accel" else args.kind)
         )
     try:
-        return _find(args)
+        if args.kind == "gyro":
+            return _find_gyro(args)
+        if args.kind == "mag" and args.live and hasattr(args, "in_use"):
+            raise ParameterError(
+                "--in-use takes a recording of a unit at work and does not go with --live; record first."
+            )
+        return capture.find(args, args.kind, **({"rates": _rates(args.rates)} if hasattr(args, "rates") else {}))
     except CaptureRefusedError as why:
         return capture.refused(args, why)
-
-
-def _find(args: argparse.Namespace) -> int:
-    from plumbob.core.errors import ParameterError
-
-    if args.kind == "mag" and args.live and hasattr(args, "in_use"):
-        raise ParameterError("--in-use takes a recording of a unit at work and does not go with --live; record first.")
-    if args.kind == "gyro":
-        return _find_gyro(args)
-    rates = {"rates": _rates(args.rates)} if hasattr(args, "rates") else {}
-    spans = {name: common.span(getattr(args, name)) for name in ("level", "raised") if hasattr(args, name)}
-    return capture.find(args, args.kind, (args.plan, args.reference, args.estimate), **rates, **spans)
 
 
 def _find_gyro(args: argparse.Namespace) -> int:
@@ -73,7 +56,7 @@ def _find_gyro(args: argparse.Namespace) -> int:
     from plumbob.files.text import read_labels
 
     labels = None if args.part_column is None else read_labels(args.file, args.part_column, args.profile)
-    return capture.find(args, "ferraris", (args.parts,), labels=labels)
+    return capture.find(args, "ferraris", labels=labels)
 
 
 def _refuse_idle(args: argparse.Namespace) -> None:
@@ -92,7 +75,7 @@ def _refuse_idle(args: argparse.Namespace) -> None:
     ]
     if given and method != "ferraris":
         raise ParameterError(f"{given[0]} belongs to --method ferraris; name that, or leave it out.")
-    if args.parts and args.part_column:
+    if hasattr(args, "parts") and args.part_column:
         raise ParameterError("--parts and --part-column both name the parts. Give one of them.")
     if args.part_column and (args.start is not None or args.stop is not None):
         raise ParameterError("--part-column names the part of every sample, so --from and --to are not for it.")

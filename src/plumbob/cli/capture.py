@@ -3,7 +3,6 @@
 import argparse
 import sys
 from collections.abc import Collection
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
@@ -13,7 +12,7 @@ if TYPE_CHECKING:
     from plumbob.calibration.fit import CaptureRefusedError
     from plumbob.data import ImuData
     from plumbob.data.cards import CalibrationCard
-    from plumbob.door.calibrate import Calibrated, Kind
+    from plumbob.door.calibrate import Kind
     from plumbob.live.session import Session
 
 
@@ -77,18 +76,6 @@ def require_recording(args: argparse.Namespace) -> None:
     given = [f"--{name}" for name in ("port", "rate", "iio", "format", "raw") if getattr(args, name) is not None]
     if given:
         raise ParameterError(f"{given[0]} belongs to a line; add --live, or leave it out for a recording.")
-
-
-def tell(args: argparse.Namespace, imu: "ImuData") -> None:
-    """Say how the capture of a recording went."""
-    from plumbob.live.guide.board import guide_summary, guide_text
-    from plumbob.live.guide.guides import GUIDES, guided
-
-    guide = GUIDES[args.guided]()
-    progress = guided(guide, imu)
-    args.told = guide_summary(guide, progress)
-    if not args.json:
-        print(guide_text(guide, progress))
 
 
 def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
@@ -166,35 +153,35 @@ def _session(args: argparse.Namespace) -> "Session":
     return replace(session, meta=replace(session.meta, device=device), stage=None, record=record)
 
 
-def find(args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...] = (), **converted: Any) -> int:
-    """Calibrate what the options name, from a file or live, and finish; what else is read is among `inputs`."""
-    from plumbob.door.calibrate import kind_options
-
-    given = {name: value for name in kind_options(kind) if (value := getattr(args, name, None)) is not None}
-    return _finish(args, _calibrated(args, kind, inputs, given | converted))
-
-
-def _calibrated(
-    args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...], options: dict[str, Any]
-) -> "Calibrated":
+def find(args: argparse.Namespace, kind: str, **converted: Any) -> int:
+    """Calibrate what the options name, from a file or live; print what was found, and write the card."""
     from plumbob.data.cards import CalibrationCard
-    from plumbob.door.calibrate import KINDS, calibrate
+    from plumbob.door.calibrate import KINDS, calibrate, kind_options
 
-    how = KINDS[kind]
-    out = None if completes(args) else args.out
-    common.check_pages(args, out, inputs=(args.file, args.profile, args.calibration, *inputs))
+    how, names = KINDS[kind], kind_options(kind)
+    common.check_pages(args, None if completes(args) else args.out, inputs=args.inputs)
     base = None if args.calibration is None else CalibrationCard.load(args.calibration)
-    if args.live:
-        return calibrate(live_capture(args, how.triads, base), kind, note=common.note, **options)
-    if args.guided:
-        require_recording(args)
-    return calibrate(_capture(args, how, base), kind, note=common.note, **options)
+    captured = live_capture(args, how.triads, base) if args.live else _capture(args, how, base)
+    options = {name: value for name, value in {"force": args.force, **args.given}.items() if name in names}
+    calibrated = calibrate(captured, kind, note=common.note, **options | converted)
+    if args.out is not None:
+        calibrated.save(args.out, overwrite=args.force or completes(args))
+    if args.json:
+        written = {"out": args.out and str(args.out), "html": args.html and str(args.html)}
+        common.print_json(_read(args) | written | calibrated.summary())
+    else:
+        print(calibrated.text())
+        print(f"card         {args.out}" if args.out else "card         NOT WRITTEN: name a file with --out")
+    common.write_pages(args, calibrated.report(recording=args.file.name if args.file else "live"))
+    return 0
 
 
 def _capture(args: argparse.Namespace, how: "Kind", base: "CalibrationCard | None") -> "Capture":
     """Capture that the options name, for the triads that are calibrated, some of them only where it has them."""
     from plumbob.door.calibrate import as_span, read_capture
 
+    if args.guided:
+        require_recording(args)
     captured = read_capture(
         args.file,
         triads=how.triads,
@@ -208,22 +195,15 @@ def _capture(args: argparse.Namespace, how: "Kind", base: "CalibrationCard | Non
     made = {*how.triads, *(name for name in how.if_present if name in captured.imu.triads)} or {"mount"}
     require_room(args, captured.device, made, base)
     if args.guided and args.guide:
-        tell(args, captured.imu)
+        from plumbob.live.guide.board import guide_summary, guide_text
+        from plumbob.live.guide.guides import GUIDES, guided
+
+        guide = GUIDES[args.guided]()
+        progress = guided(guide, captured.imu)
+        args.told = guide_summary(guide, progress)
+        if not args.json:
+            print(guide_text(guide, progress))
     return captured
-
-
-def _finish(args: argparse.Namespace, calibrated: "Calibrated") -> int:
-    """Print what was found, and write the card."""
-    if args.out is not None:
-        calibrated.save(args.out, overwrite=args.force or completes(args))
-    if args.json:
-        written = {"out": args.out and str(args.out), "html": args.html and str(args.html)}
-        common.print_json(_read(args) | written | calibrated.summary())
-    else:
-        print(calibrated.text())
-        print(f"card         {args.out}" if args.out else "card         NOT WRITTEN: name a file with --out")
-    common.write_pages(args, calibrated.report(recording=args.file.name if args.file else "live"))
-    return 0
 
 
 def refused(args: argparse.Namespace, why: "CaptureRefusedError") -> int:
