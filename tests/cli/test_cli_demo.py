@@ -1,9 +1,7 @@
 """The demo: a table and a page from bytes, and a sentence instead where the recording is not what was sent."""
 
 import re
-import subprocess
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +11,7 @@ from plumbob.cli import demo
 from plumbob.cli.demo import require_as_sent
 from plumbob.core.errors import DecodeError
 from plumbob.core.event import Event
+from plumbob.live import emulated
 from plumbob.live.recorded import read_recorded
 from plumbob.live.rigs.plan import PLANS
 from plumbob.live.rigs.rig import make_rig
@@ -46,12 +45,10 @@ def small(unit, monkeypatch, tmp_path):
         return unit
 
     def run(seconds, *more):
-        def started(command, **how):
-            return subprocess.Popen([*command, *more], **how)
-
+        rig = emulated.running_rig
         monkeypatch.setattr(demo, "calibrate_unit", calibrated)
         monkeypatch.setattr(demo, "stages", list)  # no other filters
-        monkeypatch.setattr(demo, "subprocess", SimpleNamespace(Popen=started, PIPE=subprocess.PIPE))
+        monkeypatch.setattr(emulated, "running_rig", lambda *words: rig(*words, *more))
         return call("demo", "--duration", f"{seconds}s", "--out", tmp_path)
 
     return run

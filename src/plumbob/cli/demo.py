@@ -1,11 +1,8 @@
 """plumbob demo: an emulated buoy, calibrated by hand, then its whole line from bytes to a page of errors."""
 
 import argparse
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -233,6 +230,7 @@ def _tour(args: argparse.Namespace) -> int:
     from plumbob.data import calibration_told
     from plumbob.door.evaluate import evaluate
     from plumbob.evaluation.report import comparison
+    from plumbob.live.emulated import running_rig
 
     duration, args.out = parse(args.duration or DURATION, Quantity.TIME), Path(getattr(args, "out", "demo-out"))
     settle = min(SETTLE, SETTLE_SHARE * duration)
@@ -241,7 +239,8 @@ def _tour(args: argparse.Namespace) -> int:
     common.check_outputs(args, *(args.out / name for name in FILES))  # from here on, they may be replaced
     card = calibrate_unit(args.out, seed=SEED)
     _say(args, f"1 calibrated  by 40 poses by hand and a raised nose: {args.out / CARD}, {args.out / CERTIFICATE}")
-    with _rig(args.out, duration) as port:
+    rig = ("--speed", str(SPEED), "--seed", str(SEED), "--duration", f"{duration!r}s")
+    with running_rig("buoy", *rig, "--truth", str(args.out / TRUTH), "--force") as port:
         _say(args, f"2 emulated    the buoy's hardware on {port}, {duration:g} s of sea at {SPEED} times its speed")
         line = _live(args.out, port, card.device)
     counts = line.decoder.counts
@@ -292,26 +291,6 @@ def _show(out: Path) -> None:
         common.note(f"the live page is not shown: {missing}")
         return
     print(f"shown        {counted(0 if shown.ran is None else shown.ran.samples, 'sample')} as they came")
-
-
-@contextmanager
-def _rig(out: Path, duration: float) -> Iterator[str]:
-    """Start the rig in a process of its own, and give the line that it is on."""
-    with subprocess.Popen(_command(out, duration), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
-        try:
-            port = child.stdout.readline().strip() if child.stdout else ""
-            if not port:
-                from plumbob.core.errors import PlumbobError
-
-                raise PlumbobError(f"the emulated buoy did not start: {child.stderr.read() if child.stderr else ''}")
-            yield port
-        finally:
-            child.terminate()
-
-
-def _command(out: Path, duration: float) -> list[str]:
-    rig = ["emulate", "buoy", "--speed", str(SPEED), "--seed", str(SEED), "--duration", f"{duration!r}s"]
-    return [sys.executable, "-m", "plumbob.cli.main", *rig, "--truth", str(out / TRUTH), "--force"]
 
 
 def _live(out: Path, port: str, device: str) -> "Stream":

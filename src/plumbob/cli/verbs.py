@@ -322,7 +322,7 @@ JUDGE: Final = {
             "noise": ("", "noise card whose N, B and K the sensors take instead of their own"),
             "warm_up": ("", "temperature rises by RISE (1 - exp(-t/TIME)), as '15 K, 120 s'"),
             "chain": ("NAME|TOML", "chain that a program moves (default, of teach: teach)"),
-            "out": ("TABLE!", "recording to write (.parquet or .csv)"),
+            "out": ("FILE!", "recording to write (.parquet or .csv)"),
             "card": ("JSON", "write the unit's calibration card too"),
             "noise_card": ("JSON", "write the unit's noise card too"),
             "force": FORCE,

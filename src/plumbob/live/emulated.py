@@ -1,14 +1,16 @@
 """Hardware that is not there: `plumbob emulate`, and `plumbob.emulate`."""
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Final
 
 from plumbob import files
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import LineError, ParameterError
 from plumbob.core.files import profile_beside, replacing, require_place, write_text
 from plumbob.core.units import Quantity, given
 from plumbob.data import TRIADS
@@ -32,6 +34,8 @@ from plumbob.simulation.simulation import WarmingUp
 
 LOOPBACK = "127.0.0.1"
 """Where no host is named: to be heard by other machines is asked for, as 0.0.0.0."""
+_END: Final = 3.0
+"""Time that the process of a rig has to end, s."""
 
 
 def emulate(
@@ -360,3 +364,32 @@ def _write_truth(path: Path, rig: Rig, *, noise: bool, overwrite: bool) -> None:
         unit.calibration.save(file.with_suffix(".card.json"), overwrite=overwrite)
     if rig.chain is not None:
         write_chain(path, rig.chain, overwrite=overwrite)
+
+
+@contextmanager
+def running_rig(rig: str, *words: str) -> Iterator[str]:
+    """Emulate a rig in a process of its own, with more words of its command line; gives the name of its port.
+
+    Raises
+    ------
+    LineError
+        If it does not start.
+    """
+    with subprocess.Popen(
+        [sys.executable, "-m", "plumbob", "emulate", rig, *words], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True, start_new_session=True,
+    ) as process:  # fmt: skip
+        assert process.stdout is not None
+        assert process.stderr is not None
+        try:
+            port = process.stdout.readline().strip()
+            if not port:
+                lines = process.stderr.read().strip().splitlines()
+                raise LineError(f"the rig {rig} did not start: {lines[-1] if lines else 'it said nothing'}.")
+            yield port
+        finally:
+            process.terminate()
+            try:
+                process.communicate(timeout=_END)
+            except subprocess.TimeoutExpired:
+                process.kill()

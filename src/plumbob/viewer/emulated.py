@@ -1,8 +1,6 @@
 """A rig that is not there, in a process of its own on a pseudo-terminal, for a view that needs no hardware."""
 
 import json
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -10,14 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from plumbob.core.errors import LineError, ParameterError
+from plumbob.core.errors import ParameterError
 from plumbob.core.files import text_of
 from plumbob.data import AttitudeTrack
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.chain import Chain
 from plumbob.data.chain_toml import load_chain
 from plumbob.door.reading import read
-from plumbob.live.emulated import chain_files, unit_file
+from plumbob.live.emulated import chain_files, running_rig, unit_file
 from plumbob.live.rigs.plan import PLANS, Chained
 from plumbob.live.session import Session
 from plumbob.live.session_toml import SESSION, capture_session, parse_session
@@ -26,7 +24,6 @@ from plumbob.live.watch import Note
 _FILTER: Final = "mekf"
 _BLIND: Final = "integrate"
 """What estimates a rig that has a gyroscope alone."""
-_END: Final = 3.0
 
 
 @contextmanager
@@ -49,7 +46,7 @@ def emulated(
     with tempfile.TemporaryDirectory(prefix="plumbob-view-") as folder:
         truth = Path(folder) / "truth.parquet"
         note(f"the rig {rig} is emulated: {plan.title}; its truth is the reference")
-        with _running(rig, truth) as port:
+        with running_rig(rig, "--truth", str(truth)) as port:
             file = unit_file(truth, first)
             recording = read(file)
             card = CalibrationCard.load(file.with_suffix(".card.json"))
@@ -80,27 +77,3 @@ def _calibrated(session: Session, truth: Path, units: Sequence[str]) -> Session:
             f"[[unit]]\nname = {json.dumps(unit)}\ndevice = {json.dumps(device)}\ncard = {json.dumps(name)}\n"
         )
     return parse_session("\n".join(tables), {**session.texts, **cards}.__getitem__, name=session.name)
-
-
-@contextmanager
-def _running(rig: str, truth: Path) -> Iterator[str]:
-    """The rig as a process; gives the name of its port."""
-    words = [sys.executable, "-m", "plumbob", "emulate", rig, "--truth", str(truth)]
-    with subprocess.Popen(
-        words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        start_new_session=True,
-    ) as process:  # fmt: skip
-        assert process.stdout is not None
-        assert process.stderr is not None
-        try:
-            port = process.stdout.readline().strip()
-            if not port:
-                lines = process.stderr.read().strip().splitlines()
-                raise LineError(f"the rig {rig} did not start: {lines[-1] if lines else 'it said nothing'}.")
-            yield port
-        finally:
-            process.terminate()
-            try:
-                process.communicate(timeout=_END)
-            except subprocess.TimeoutExpired:
-                process.kill()

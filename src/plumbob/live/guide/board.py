@@ -1,4 +1,4 @@
-"""How a guide's progress is shown: drawn on a terminal while a unit is moved, or told at the end."""
+"""How a guide's progress is shown: drawn on a terminal while a unit is moved, or printed at the end."""
 
 import shutil
 import sys
