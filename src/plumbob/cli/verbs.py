@@ -394,10 +394,7 @@ JUDGE: Final = {
     ),
 }  # fmt: skip
 _HIDDEN: Final = ("excluded", "settings", "rate", "mount_angle", "mount_shift", "q_nb", "pos_n")
-_VIRTUAL: Final = {
-    "out": ("FILE", "write the virtual unit: .mcap, .parquet or .csv"),
-    "force": FORCE,
-}
+_VIRTUAL: Final = {"out": ("FILE", "write the virtual unit: .mcap, .parquet or .csv"), "force": FORCE}
 _SUFFIXES: Final = {"out": (".mcap", ".parquet", ".csv")}
 
 

@@ -75,8 +75,7 @@ TRANSFORM_SCHEMA: Final = _schema(
 )
 """Of Foxglove, whose viewers draw it (https://docs.foxglove.dev/docs/sdk/schemas/frame-transform)."""
 EVENT_SCHEMA: Final = _schema(
-    "plumbob.Event",
-    {**_TIME, "kind": {"type": "string"}, "text": {"type": "string"}, "count": {"type": "integer"}},
+    "plumbob.Event", {**_TIME, "kind": {"type": "string"}, "text": {"type": "string"}, "count": {"type": "integer"}}
 )
 
 

@@ -212,11 +212,7 @@ class Stream:
         timing = asdict(self.time_report())
         if self.session.timed_by != "frames":  # the host's clock beside itself
             timing |= {"mode": self.session.timed_by, "drift_ppm": None, "offset": None, "delays": None}
-        return {
-            "bytes": self.decoder.counts.summary(),
-            "time": _without_nan(timing),
-            "not_usable": self.faults,
-        }
+        return {"bytes": self.decoder.counts.summary(), "time": _without_nan(timing), "not_usable": self.faults}
 
     def time_report(self) -> TimeReport:
         """What the stamps have shown, of all starts; each after the first is a gap."""

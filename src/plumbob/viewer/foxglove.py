@@ -23,16 +23,7 @@ from plumbob.core.time import to_ns
 from plumbob.core.units import deg, dps
 from plumbob.core.version import __version__
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
-from plumbob.live.rows import (
-    ATTITUDE,
-    IMU,
-    TIME_SCHEMA,
-    TRANSFORMS,
-    attitude_rows,
-    imu_rows,
-    row_schema,
-    transform_row,
-)
+from plumbob.live.rows import ATTITUDE, IMU, TIME_SCHEMA, TRANSFORMS, attitude_rows, imu_rows, row_schema, transform_row
 from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
 from plumbob.viewer.hub import Hub, deliver
 from plumbob.viewer.messages import as_json

@@ -114,7 +114,6 @@ class Terminal:
         self._stop, self._words = stop, CHINESE if lang == "zh" else {}
         self._lock = threading.Lock()
         self._marks = 0
-        self._keys: deque[str] = deque()
 
     def hello(self, hello: Hello) -> None:
         """Take over the columns."""

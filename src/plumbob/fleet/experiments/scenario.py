@@ -173,8 +173,4 @@ def _append(by_axis: dict[str, dict[str, list[float]]], summary: Mapping[str, An
 
 
 def _summary(seeds: Sequence[float]) -> dict[str, float]:
-    return {
-        "median": float(np.median(seeds)),
-        "p95": float(np.percentile(seeds, 95)),
-        "max": float(np.max(seeds)),
-    }
+    return {"median": float(np.median(seeds)), "p95": float(np.percentile(seeds, 95)), "max": float(np.max(seeds))}

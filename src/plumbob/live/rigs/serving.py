@@ -242,12 +242,7 @@ class Served(FactsText):
 
 
 def serve(
-    rig: Rig,
-    port: Port,
-    *,
-    speed: float | None,
-    stop: Stopping,
-    on_fault: Callable[[Fault], None] = lambda fault: None,
+    rig: Rig, port: Port, *, speed: float | None, stop: Stopping, on_fault: Callable[[Fault], None] = lambda fault: None
 ) -> Served:
     """Send every frame, from the moment that somebody listens; late frames are sent, not skipped.
 
