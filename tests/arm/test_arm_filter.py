@@ -8,7 +8,7 @@ import pytest
 
 from plumbob.arm.filter import WIDTH, ChainFilter, Params, UnitSamples
 from plumbob.arm.links import chain_links
-from plumbob.arm.smoother import backward, begin, estimate_motion, estimated, keyframe_rows, stretches
+from plumbob.arm.smoother import backward, begin, estimate_motion, estimated, first_tilts, keyframe_rows, stretches
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.rotations import quat_conjugate, quat_multiply, quat_rotate, rotvec_from_quat
@@ -43,6 +43,13 @@ def filter_at_truth(name, params=INSTANT, q_sd=0.05):
     assert np.abs(part.gyr[:, :50]).max() > 0.5  # it moves
     q = true_units(made)[:, first]
     return made, part, ChainFilter(chain_links(made.chain), len(q), params, q, np.full((len(q), 3), q_sd))
+
+
+def test_the_first_tilt_is_that_of_the_mean_force_of_a_second_and_a_half():
+    """Three turns of a shaking of 3 m/s², whose mean is zero; its first samples lean by 17°."""
+    t = np.arange(400) / 200.0
+    force = np.stack((3.0 * np.cos(4.0 * np.pi * t), 0.0 * t, G0 + 0.0 * t), axis=1)[np.newaxis]
+    assert first_tilts(UnitSamples(t, 0.0 * force, force))[0] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["arm7", "teach", "five"])

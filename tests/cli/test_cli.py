@@ -10,6 +10,7 @@ import pytest
 import plumbob
 from plumbob import Filter, Frame, ImuData, files, simulate
 from plumbob.data.recording import Recording
+from plumbob.fleet.experiments.scenario import MonteCarlo
 from plumbob.rotations import euler_zyx_from_quat
 from tests.helpers.commandline import PLUMBOB, answer, call, typed
 
@@ -102,6 +103,8 @@ def test_benchmark_scenario_with_a_limit_and_a_free_heading():
     assert result["share_within_limit"] == {"ekf7": 1.0, "integrate": 1.0}
     assert set(result["seeds"]["ekf7"]) == {"roll", "pitch"}
     assert typed(words).stdout.count("stay within 1° in 100 % of the seeds") == 2
+    errors = {"max_abs_deg": [0.5, 1.0, 1.05, 2.0]}
+    assert MonteCarlo("made up", {}, {"f": {"roll": errors, "pitch": errors}}).kept("f", 1.0) == 0.5
 
 
 def test_an_error_that_is_not_scored_says_why(tmp_path):

@@ -64,6 +64,8 @@ def test_json_holds_what_the_table_says_in_both_units_from_raw_values_too(folder
 def test_averaging_times_and_deviations_on_demand(folder):
     some = answer(f"allan one.txt {SCALED} --taus 0.1,1,50", cwd=folder)["one"]["curve"]
     assert some["tau_s"] == pytest.approx([0.1, 1.0, 50.0])
+    table = typed(f"allan one.txt {SCALED} --taus 0.1,1", cwd=folder).stdout
+    assert [row.split()[0] for row in table.splitlines()[-2:]] == ["0.100", "1.00"]
     every = answer(f"allan one.txt {SCALED} --taus all", cwd=folder)["one"]["curve"]
     assert len(every["n"]) == 10_000
     assert every["dev"]["rad/s"][9] == pytest.approx(some["dev"]["rad/s"][0], rel=1e-12)

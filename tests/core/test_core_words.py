@@ -21,19 +21,16 @@ def test_counts_agree_with_their_noun_and_probabilities_end_where_their_use_does
     assert [first_words(["a", "b", "c"], n) for n in (2, 3)] == ["a, b and 1 more", "a, b, c"]
 
 
-@pytest.mark.parametrize(
-    ("one", "text"),
-    [
-        (parameter(Quantity.ANGLE, -math.pi, math.pi, optional=True), "-180 to 180 deg, or off"),
-        (parameter(Quantity.RATE, 1e-9, 1.0), "5.8e-08 to 57 deg/s"),  # 5.73e-8 and 57.3, rounded inward
-        (parameter(Quantity.RATE, 0.0, 10.0), "0 to 570 deg/s"),
-        (parameter(Quantity.RATIO, 0.0, 6.75), "0 to 6.75"),
-        (parameter(Quantity.TIME, 0.0), "0 s or more"),
-        (parameter(Quantity.TIME, high=1.0), "at most 1 s"),
-        (parameter(Quantity.TIME), "any number"),
-        (parameter(Quantity.RATIO, switch=True), "on or off"),
-    ],
-)
+@pytest.mark.parametrize(("one", "text"), [
+    (parameter(Quantity.ANGLE, -math.pi, math.pi, optional=True), "-180 to 180 deg, or off"),
+    (parameter(Quantity.RATE, 1e-9, 1.0), "5.8e-08 to 57 deg/s"),  # 5.73e-8 and 57.3, rounded inward
+    (parameter(Quantity.RATE, 0.0, 10.0), "0 to 570 deg/s"),
+    (parameter(Quantity.RATIO, 0.0, 6.75), "0 to 6.75"),
+    (parameter(Quantity.TIME, 0.0), "0 s or more"),
+    (parameter(Quantity.TIME, high=1.0), "at most 1 s"),
+    (parameter(Quantity.TIME), "any number"),
+    (parameter(Quantity.RATIO, switch=True), "on or off"),
+])  # fmt: skip
 def test_a_range_is_printed_as_it_is_declared_or_inside(one, text):
     assert allowed(one) == text
     if one.spec.high == 10.0:

@@ -29,20 +29,17 @@ def files(reference, tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (("truth.parquet", "truth.parquet"), "both estimate and reference"),
-        (("truth.parquet", "./truth.parquet"), "both estimate and reference"),
-        (("truth.parquet", "link.parquet"), "both estimate and reference"),
-        ((*PAIR, "--html", "page.parquet"), ".html or .htm"),
-        ((*PAIR, "--html", "page"), ".html or .htm"),
-        ((*PAIR, "--html", "./truth.parquet"), "is an input"),
-        ((*PAIR, "--lang", "zh"), "--lang is for --html or --plot"),
-        ((*PAIR, "--settle", "10deg"), "not a unit of time"),
-        ((*PAIR, "--align", "heading,north"), "north"),
-    ],
-)
+@pytest.mark.parametrize(("words", "told"), [
+    (("truth.parquet", "truth.parquet"), "both estimate and reference"),
+    (("truth.parquet", "./truth.parquet"), "both estimate and reference"),
+    (("truth.parquet", "link.parquet"), "both estimate and reference"),
+    ((*PAIR, "--html", "page.parquet"), ".html or .htm"),
+    ((*PAIR, "--html", "page"), ".html or .htm"),
+    ((*PAIR, "--html", "./truth.parquet"), "is an input"),
+    ((*PAIR, "--lang", "zh"), "--lang is for --html or --plot"),
+    ((*PAIR, "--settle", "10deg"), "not a unit of time"),
+    ((*PAIR, "--align", "heading,north"), "north"),
+])  # fmt: skip
 def test_what_is_refused_leaves_all_files_as_they_were(files, words, told):
     before = {path.name: path.read_bytes() for path in files.iterdir()}
     assert told in refused("eval", *words)

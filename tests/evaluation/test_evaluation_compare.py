@@ -60,18 +60,15 @@ def test_without_noise_everything_is_found_to_the_interpolation():
         assert one.bandwidth > 5.0
 
 
-@pytest.mark.parametrize(
-    ("scenario", "duration", "rate_b"),
-    [
-        ("buoy", 60.0, 100.0),
-        ("buoy", 15.0, 100.0),
-        ("buoy", 60.0, 173.0),
-        ("sway", 60.0, 100.0),
-        ("ball", 60.0, 100.0),
-        pytest.param("buoy", 600.0, 100.0, marks=pytest.mark.long),
-        pytest.param("ball", 300.0, 50.0, marks=pytest.mark.long),
-    ],
-)
+@pytest.mark.parametrize(("scenario", "duration", "rate_b"), [
+    ("buoy", 60.0, 100.0),
+    ("buoy", 15.0, 100.0),
+    ("buoy", 60.0, 173.0),
+    ("sway", 60.0, 100.0),
+    ("ball", 60.0, 100.0),
+    pytest.param("buoy", 600.0, 100.0, marks=pytest.mark.long),
+    pytest.param("ball", 300.0, 50.0, marks=pytest.mark.long),
+])  # fmt: skip
 def test_planted_clock_and_mounting_are_found_within_their_stated_errors(scenario, duration, rate_b):
     a, b = pair(scenario, duration, rate_b)
     found = compare(a, b)

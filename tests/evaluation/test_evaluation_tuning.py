@@ -146,23 +146,20 @@ def test_places_of_a_range_are_even_in_logarithms_and_one_at_its_end_is_said(sev
     assert (got.parameters[0].at_end, set(got.skipped)) == ("high", {"bare"})
 
 
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        ({"params": ["zeta"]}, "zeta is 0 1/s by default, so that its range must be given"),
-        ({"params": ["gain"]}, "has no parameter 'gain' that could be tuned; it has beta, zeta"),
-        ({"params": ["beta=1"]}, "a range is written as beta=LOW..HIGH"),
-        ({"params": ["beta=2 1/s..1 1/s"]}, "must rise from above 0"),
-        ({"params": ["beta", "beta"]}, "beta is named twice"),
-        ({"params": ["beta"], "fixed": {"beta": 0.1}}, "both to be tuned and given"),
-        ({"fixed": {"gain": 1.0}}, "has no parameter 'gain'"),
-        ({"budget": 1}, "budget must be a whole number of at least 4"),
-        ({"jobs": 0}, "jobs"),
-        ({"folds": 9}, "there are only 2"),
-        ({"metric": "yaw"}, "metric must be one of"),
-        ({"group_by": "moon"}, "group_by must be one of"),
-    ],
-)
+@pytest.mark.parametrize(("settings", "words"), [
+    ({"params": ["zeta"]}, "zeta is 0 1/s by default, so that its range must be given"),
+    ({"params": ["gain"]}, "has no parameter 'gain' that could be tuned; it has beta, zeta"),
+    ({"params": ["beta=1"]}, "a range is written as beta=LOW..HIGH"),
+    ({"params": ["beta=2 1/s..1 1/s"]}, "must rise from above 0"),
+    ({"params": ["beta", "beta"]}, "beta is named twice"),
+    ({"params": ["beta"], "fixed": {"beta": 0.1}}, "both to be tuned and given"),
+    ({"fixed": {"gain": 1.0}}, "has no parameter 'gain'"),
+    ({"budget": 1}, "budget must be a whole number of at least 4"),
+    ({"jobs": 0}, "jobs"),
+    ({"folds": 9}, "there are only 2"),
+    ({"metric": "yaw"}, "metric must be one of"),
+    ({"group_by": "moon"}, "group_by must be one of"),
+])  # fmt: skip
 def test_wrong_settings_are_refused_with_what_to_do(several, settings, words):
     with pytest.raises((ParameterError, ShapeError), match=words):
         tune(several[:2], "madgwick", **{"budget": 4, **settings})

@@ -194,6 +194,7 @@ def test_viewers_of_foxglove_find_its_transforms(whole, tmp_path):
     assert {(schema.name, schema.encoding) for schema, _ in found} == {("foxglove.FrameTransform", "jsonschema")}
     world, *bodies = [json.loads(message.data) for _, message in found]
     assert (world["parent_frame_id"], world["child_frame_id"]) == ("world (ENU)", "navigation (NED)")
+    assert world["timestamp"] == bodies[0]["timestamp"]
     assert len(bodies) == len(whole.track)
     q_nb = [[body["rotation"][axis] for axis in "wxyz"] for body in bodies]
     np.testing.assert_array_equal(q_nb, whole.track.q_nb)

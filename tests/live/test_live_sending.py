@@ -256,6 +256,14 @@ def test_closed_client_is_no_end():
     assert sender.sent == count
 
 
+def test_a_sender_with_nothing_to_send_waits_without_a_processor():
+    sender = Sender(TcpServer("127.0.0.1", 0), "tcp-listen")
+    begun = time.process_time()
+    time.sleep(0.5)
+    assert time.process_time() - begun < 0.05
+    sender.close()
+
+
 def test_refused_connection_is_tried_again():
     with socket.socket() as server:
         server.bind(("127.0.0.1", 0))  # nobody listens yet

@@ -11,6 +11,9 @@ from plumbob.core.errors import CalibrationError, DecodeError, FrameError, Param
 from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.live.session_toml import load_session, parse_session, plain_session, recorded_session
 from plumbob.live.stream import Stream
+from plumbob.live.transports.transport import Received
+from plumbob.protocols.encode import encode
+from plumbob.protocols.format_toml import parse_format
 from tests.helpers.live_samples import FORMAT, SESSION, motion, reads, session, stream
 
 CARDED = SESSION + '[calibration]\ncard = "card.json"\n'
@@ -148,3 +151,11 @@ def test_editors_get_the_schema_of_each_kind_of_file():
     assert [made["properties"]["kind"]["enum"] for made in sources[:2]] == [["serial"], ["udp"]]
     with pytest.raises(ShapeError, match="kind must be one of array, chain"):
         json_schema("card")
+
+
+def test_a_temperature_that_is_missing_is_the_last_that_was_known():
+    text = FORMAT + "overflow = [-1024]\n"
+    values = {"counter": np.arange(4), "clock": 5000 * np.arange(4), "temp_c": np.array([21.0, 22.0, -10.24, 23.0])}
+    data, line = encode(parse_format(text), values).tobytes(), Stream(session(**{"imu9.toml": text}))
+    parts = [line.feed(Received(10_000_000 * k, data[60 * k : 60 * k + 60])) for k in range(2)]
+    assert [part.sensed.temp_c.tolist() for part in parts] == [[21.0, 22.0], [22.0, 23.0]]

@@ -284,16 +284,13 @@ def test_white_noise_is_not_masked_and_a_warm_up_is_no_noise():
     assert any("times the noise that the terms make" in note for note in warming.notes)
 
 
-@pytest.mark.parametrize(
-    ("values", "dt", "options", "error", "text"),
-    [
-        (white(0, 50), 0.01, {}, ParameterError, "needs 100 samples or more, but got 50"),
-        (np.ones(500), 0.01, {}, ShapeError, "is the record constant"),
-        (np.append(white(0, 500), np.nan), 0.01, {}, ShapeError, "not finite"),
-        (white(0, 500), 0.01, {"quantity": Quantity.ANGLE}, UnitError, "one of rate, acceleration, field, ratio"),
-        (white(0, 500), 0.0, {}, ParameterError, "above 0 s"),
-    ],
-)
+@pytest.mark.parametrize(("values", "dt", "options", "error", "text"), [
+    (white(0, 50), 0.01, {}, ParameterError, "needs 100 samples or more, but got 50"),
+    (np.ones(500), 0.01, {}, ShapeError, "is the record constant"),
+    (np.append(white(0, 500), np.nan), 0.01, {}, ShapeError, "not finite"),
+    (white(0, 500), 0.01, {"quantity": Quantity.ANGLE}, UnitError, "one of rate, acceleration, field, ratio"),
+    (white(0, 500), 0.0, {}, ParameterError, "above 0 s"),
+])  # fmt: skip
 def test_what_cannot_be_analysed_is_refused(values, dt, options, error, text):
     with pytest.raises(error, match=text):
         analyse(values, dt, **options)

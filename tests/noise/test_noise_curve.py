@@ -143,22 +143,19 @@ def test_intervals_hold_the_truth_as_often_as_they_say(noise, count):
     assert abs(share.mean() - 0.6827) <= sd + 0.03  # benchmarks/allan_coverage.py: means of 63 to 71 %
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "text"),
-    [
-        (lambda: curve(RATE[:, 0], 0.0), ParameterError, "dt must be"),
-        (lambda: curve(RATE[:, 0], 1.0, [1025]), ParameterError, r"n\[0\] = 1025"),
-        (lambda: curve(np.ones(100), 1.0), ShapeError, "is the record constant"),
-        (lambda: curve([1.0, 2.0, 3.0], 1.0), ParameterError, "two averaging factors"),
-        (lambda: curves(RATE[:, 0], 1.0), ShapeError, r"shape \(N, k\)"),
-        (lambda: curve(RATE[:, 0], 1.0, kind="variance"), ShapeError, "kind"),
-        (lambda: make_curve([1.0, 0.7], [10, 20], 1000, 1.0, confidence=68.3), ParameterError, "between 0 and 1"),
-        (lambda: identify("oadev", 100, [4], [1.0]), ParameterError, "two averaging factors or more"),
-        (lambda: identify("oadev", 100, [4, 4], [1.0, 1.0]), ParameterError, "increasing"),
-        (lambda: identify("oadev", 100, [4, 8], [1.0, 0.0]), ShapeError, r"dev\[1\] = 0.0 \(1 such.*constant"),
-        (lambda: identify("oadev", 100, [4, 8], [math.nan, 1.0]), ShapeError, r"dev\[0\] = nan"),
-    ],
-)
+@pytest.mark.parametrize(("call", "error", "text"), [
+    (lambda: curve(RATE[:, 0], 0.0), ParameterError, "dt must be"),
+    (lambda: curve(RATE[:, 0], 1.0, [1025]), ParameterError, r"n\[0\] = 1025"),
+    (lambda: curve(np.ones(100), 1.0), ShapeError, "is the record constant"),
+    (lambda: curve([1.0, 2.0, 3.0], 1.0), ParameterError, "two averaging factors"),
+    (lambda: curves(RATE[:, 0], 1.0), ShapeError, r"shape \(N, k\)"),
+    (lambda: curve(RATE[:, 0], 1.0, kind="variance"), ShapeError, "kind"),
+    (lambda: make_curve([1.0, 0.7], [10, 20], 1000, 1.0, confidence=68.3), ParameterError, "between 0 and 1"),
+    (lambda: identify("oadev", 100, [4], [1.0]), ParameterError, "two averaging factors or more"),
+    (lambda: identify("oadev", 100, [4, 4], [1.0, 1.0]), ParameterError, "increasing"),
+    (lambda: identify("oadev", 100, [4, 8], [1.0, 0.0]), ShapeError, r"dev\[1\] = 0.0 \(1 such.*constant"),
+    (lambda: identify("oadev", 100, [4, 8], [math.nan, 1.0]), ShapeError, r"dev\[0\] = nan"),
+])  # fmt: skip
 def test_what_is_no_noise_is_refused(call, error, text):
     with pytest.raises(error, match=text):
         call()

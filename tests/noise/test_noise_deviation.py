@@ -146,22 +146,19 @@ GONE = np.zeros((10, 3))
 GONE[4, 2] = math.nan
 
 
-@pytest.mark.parametrize(
-    ("rate", "options", "error", "text"),
-    [
-        (NBS14, {"n": [0]}, ParameterError, "whole numbers from 1 to 4"),
-        (NBS14, {"n": [5]}, ParameterError, r"n\[0\] = 5"),
-        (NBS14, {"n": [1, 1.5]}, ParameterError, r"n\[1\] = 1.5"),
-        (NBS14, {"n": [math.nan]}, ParameterError, "n"),
-        (NBS14, {"n": [1], "kind": "theo1"}, ShapeError, "kind must be one of oadev, adev, mdev, ohdev, hdev, totdev"),
-        (GONE, {}, ShapeError, r"rate\[4, 2\] is not finite \(1 such values\).*without gaps"),
-        ([1.0, 2.0, math.inf, -math.inf], {}, ShapeError, r"rate\[2\] is not finite \(2 such"),
-        ([1.7e308, 1.7e308], {}, ShapeError, r"too large to be added, up to 1.7e\+308"),
-        (np.zeros((2, 3, 4)), {}, ShapeError, "shape"),
-        (np.zeros(0), {}, ShapeError, "shape"),
-        (np.zeros(()), {}, ShapeError, "shape"),
-    ],
-)
+@pytest.mark.parametrize(("rate", "options", "error", "text"), [
+    (NBS14, {"n": [0]}, ParameterError, "whole numbers from 1 to 4"),
+    (NBS14, {"n": [5]}, ParameterError, r"n\[0\] = 5"),
+    (NBS14, {"n": [1, 1.5]}, ParameterError, r"n\[1\] = 1.5"),
+    (NBS14, {"n": [math.nan]}, ParameterError, "n"),
+    (NBS14, {"n": [1], "kind": "theo1"}, ShapeError, "kind must be one of oadev, adev, mdev, ohdev, hdev, totdev"),
+    (GONE, {}, ShapeError, r"rate\[4, 2\] is not finite \(1 such values\).*without gaps"),
+    ([1.0, 2.0, math.inf, -math.inf], {}, ShapeError, r"rate\[2\] is not finite \(2 such"),
+    ([1.7e308, 1.7e308], {}, ShapeError, r"too large to be added, up to 1.7e\+308"),
+    (np.zeros((2, 3, 4)), {}, ShapeError, "shape"),
+    (np.zeros(0), {}, ShapeError, "shape"),
+    (np.zeros(()), {}, ShapeError, "shape"),
+])  # fmt: skip
 def test_what_cannot_be_analysed_is_refused(rate, options, error, text):
     with pytest.raises(error, match=text):
         deviation(rate, **({"n": [1]} | options))

@@ -135,16 +135,13 @@ def test_many_factors_and_channels():
     assert channels.shape == (2, 2) and channels[1, 0] == edf("oadev", -1.0, 100, [2])[0]
 
 
-@pytest.mark.parametrize(
-    ("kind", "alpha", "n", "error", "text"),
-    [
-        ("oadev", 0.0, [1, 51], ParameterError, r"n\[1\] = 51, but for oadev of 100 samples .* from 1 to 50"),
-        ("mdev", 0.0, [34], ParameterError, "from 1 to 33"),
-        ("hdev", 0.0, [1.5], ParameterError, "from 1 to 33"),
-        ("oadev", -2.5, [1], ParameterError, "alpha of oadev must lie between -2 and 2"),
-        ("theo1", 0.0, [1], ShapeError, "kind"),
-    ],
-)
+@pytest.mark.parametrize(("kind", "alpha", "n", "error", "text"), [
+    ("oadev", 0.0, [1, 51], ParameterError, r"n\[1\] = 51, but for oadev of 100 samples .* from 1 to 50"),
+    ("mdev", 0.0, [34], ParameterError, "from 1 to 33"),
+    ("hdev", 0.0, [1.5], ParameterError, "from 1 to 33"),
+    ("oadev", -2.5, [1], ParameterError, "alpha of oadev must lie between -2 and 2"),
+    ("theo1", 0.0, [1], ShapeError, "kind"),
+])  # fmt: skip
 def test_what_does_not_exist_is_refused(kind, alpha, n, error, text):
     with pytest.raises(error, match=text):
         edf(kind, alpha, 100, n)

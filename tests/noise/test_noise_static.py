@@ -225,33 +225,30 @@ def test_not_finite_is_counted_and_placed():
 LEVELS = np.array([1, 0, 2, 5, 3, 4])
 
 
-@pytest.mark.parametrize(
-    ("values", "kind", "refuses", "text"),
-    [
-        (np.full(COUNT, 0.25), "constant", True, "all 6000 values are 0.25; the sensor is stuck"),
-        (0.0625 * np.round(0.3 * white() + 0.2), "coarse", False, "of the step 0.0625 with"),
-        (
-            white() + 30.0 * np.isin(T, T[[1234, 4000]]),
-            "spikes",
-            False,
-            "as errors of transmission do: 2, at sample 1234, 4000;",
-        ),
-        (np.arange(COUNT), "one way", True, r"only rises; is it time or a counter\? Leave"),
-        (1.7e9 + T, "one way", True, "only rises"),
-        (0.1 * T, "one way", True, "only rises"),
-        (-T, "one way", True, "only falls"),
-        (np.floor(T), "one way", True, "only rises"),
-        *(
-            (np.repeat(white(), n)[:COUNT], "held", True, f"about {n} times in a row.* about {100 / n:.4g} Hz")
-            for n in (2, 3, 10)
-        ),
-        # in turn, apart by four standard deviations
-        *(
-            (white(8) + 4.0 * LEVELS[np.arange(COUNT) % n], "interleaved", True, f"{n} channels in turn")
-            for n in (2, 3, 6)
-        ),
-    ],
-)
+@pytest.mark.parametrize(("values", "kind", "refuses", "text"), [
+    (np.full(COUNT, 0.25), "constant", True, "all 6000 values are 0.25; the sensor is stuck"),
+    (0.0625 * np.round(0.3 * white() + 0.2), "coarse", False, "of the step 0.0625 with"),
+    (
+        white() + 30.0 * np.isin(T, T[[1234, 4000]]),
+        "spikes",
+        False,
+        "as errors of transmission do: 2, at sample 1234, 4000;",
+    ),
+    (np.arange(COUNT), "one way", True, r"only rises; is it time or a counter\? Leave"),
+    (1.7e9 + T, "one way", True, "only rises"),
+    (0.1 * T, "one way", True, "only rises"),
+    (-T, "one way", True, "only falls"),
+    (np.floor(T), "one way", True, "only rises"),
+    *(
+        (np.repeat(white(), n)[:COUNT], "held", True, f"about {n} times in a row.* about {100 / n:.4g} Hz")
+        for n in (2, 3, 10)
+    ),
+    # in turn, apart by four standard deviations
+    *(
+        (white(8) + 4.0 * LEVELS[np.arange(COUNT) % n], "interleaved", True, f"{n} channels in turn")
+        for n in (2, 3, 6)
+    ),
+])  # fmt: skip
 def test_what_no_noise_gives_is_named(values, kind, refuses, text):
     judged = report(np.stack([white(), values], axis=1))
     assert [(f.kind, f.channel, f.refuses) for f in judged.findings] == [(kind, "gyr y", refuses)]

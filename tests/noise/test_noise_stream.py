@@ -141,25 +141,22 @@ GONE = np.zeros((300, 2))
 GONE[200, 1] = math.nan
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "text"),
-    [
-        (lambda: feeding(GONE[:150], GONE[150:]), ShapeError, r"sample 200 of channel 1 is not finite.*without gaps"),
-        (lambda: feeding([1.7e308, 1.7e308], channels=1), ShapeError, "too large to be added"),
-        (lambda: AllanStream([1, 2**14 + 1], channels=1), ParameterError, r"n holds 16385, .* pass stream_factors"),
-        (lambda: AllanStream([1, 2**20 + 64], channels=1), ParameterError, r"at multiples of .* pass stream_factors"),
-        (lambda: feeding(channels=0), ParameterError, "channels = 0"),
-        (lambda: AllanStream([], channels=1), ParameterError, "n must hold"),
-        (lambda: feeding(np.zeros(4)), ShapeError, r"block must have shape \(rows, 2\)"),
-        (lambda: feeding(np.zeros((4, 3))), ShapeError, r"block must have shape \(rows, 2\)"),
-        (lambda: feeding(np.zeros((4, 2, 1))), ShapeError, r"block must have shape \(rows, 2\)"),
-        (lambda: feeding(np.ma.masked_equal(np.ones((3, 2)), 1.0)), ShapeError, "masked"),
-        (lambda: feeding(np.zeros((1, 2))), ShapeError, "1 samples came, but"),
-        (lambda: log_factors(1, per_decade=16), ParameterError, "two samples or more"),
-        (lambda: log_factors(1000, per_decade=0), ParameterError, "two samples or more"),
-        (lambda: stream_factors([1, 2.5]), ParameterError, r"n\[1\] = 2.5, but for a stream whole numbers from 1"),
-    ],
-)
+@pytest.mark.parametrize(("call", "error", "text"), [
+    (lambda: feeding(GONE[:150], GONE[150:]), ShapeError, r"sample 200 of channel 1 is not finite.*without gaps"),
+    (lambda: feeding([1.7e308, 1.7e308], channels=1), ShapeError, "too large to be added"),
+    (lambda: AllanStream([1, 2**14 + 1], channels=1), ParameterError, r"n holds 16385, .* pass stream_factors"),
+    (lambda: AllanStream([1, 2**20 + 64], channels=1), ParameterError, r"at multiples of .* pass stream_factors"),
+    (lambda: feeding(channels=0), ParameterError, "channels = 0"),
+    (lambda: AllanStream([], channels=1), ParameterError, "n must hold"),
+    (lambda: feeding(np.zeros(4)), ShapeError, r"block must have shape \(rows, 2\)"),
+    (lambda: feeding(np.zeros((4, 3))), ShapeError, r"block must have shape \(rows, 2\)"),
+    (lambda: feeding(np.zeros((4, 2, 1))), ShapeError, r"block must have shape \(rows, 2\)"),
+    (lambda: feeding(np.ma.masked_equal(np.ones((3, 2)), 1.0)), ShapeError, "masked"),
+    (lambda: feeding(np.zeros((1, 2))), ShapeError, "1 samples came, but"),
+    (lambda: log_factors(1, per_decade=16), ParameterError, "two samples or more"),
+    (lambda: log_factors(1000, per_decade=0), ParameterError, "two samples or more"),
+    (lambda: stream_factors([1, 2.5]), ParameterError, r"n\[1\] = 2.5, but for a stream whole numbers from 1"),
+])  # fmt: skip
 def test_what_does_not_fit_is_refused(call, error, text):
     with pytest.raises(error, match=text):
         call()

@@ -14,7 +14,7 @@ import pytest
 
 from plumbob.core import flags
 from plumbob.protocols import catalog
-from plumbob.protocols.decode import decode
+from plumbob.protocols.decode import decode, triads_of
 from plumbob.protocols.encode import encode
 from plumbob.protocols.field import MARKS
 from plumbob.protocols.format_toml import parse_format
@@ -236,6 +236,11 @@ def test_bytes_that_are_read_wrongly_elsewhere(device, options, text, said, flag
     for key, value in said.items():
         assert frames.columns[key][0] == pytest.approx(value, rel=1e-12, nan_ok=True), key
     assert frames.flags[""][0] == flag
+
+
+def test_an_axis_that_a_chip_lacks_has_no_values():
+    _, frames = only_frame(bound("adxrs290"), bytes.fromhex("A4 09 E1 B1 3D 01"))
+    assert np.isnan(triads_of(frames)["gyr"]).tolist() == [[False, False, True]]
 
 
 def test_codes_of_the_adis_data_sheet():

@@ -10,6 +10,7 @@ from plumbob import files
 from plumbob.core.errors import FrameError, ParameterError, ShapeError
 from plumbob.core.units import to_deg
 from plumbob.data.recording import Recording
+from plumbob.live.recorded import convert
 from plumbob.viewer.playback import Player, load
 from tests.helpers import live_samples
 from tests.helpers.outlets import Clock, Kept
@@ -140,6 +141,11 @@ def test_what_cannot_be_played_is_refused(sea, vqf, tmp_path):
     row = row_at(imu, 10.0)
     assert [one.name for one in outlet.hellos[0].estimators] == ["recorded"]
     assert outlet.column("recorded.pitch")[-1] == pytest.approx(to_deg(vqf.pitch)[row])
+
+
+def test_an_attitude_beside_samples_is_shown_as_recorded(sea, vqf, tmp_path):
+    convert(Recording(imu=sea[1].imu, track=vqf), tmp_path / "a.mcap")
+    assert [one.name for one in player(tmp_path / "a.mcap")[1].hellos[0].estimators] == ["recorded"]
 
 
 def test_without_a_filter_it_is_smoothed_and_the_truth_is_the_reference(sea):

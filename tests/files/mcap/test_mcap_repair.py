@@ -108,6 +108,13 @@ def test_swapped_chunks_are_kept_in_the_order_found(tmp_path):
     assert (log.clean, log.lost) == (True, {})
 
 
+def test_a_part_whose_name_is_lost_has_one_of_as_many_digits_again(tmp_path):
+    (tmp_path / "a.mcap").write_bytes(layout.MAGIC)
+    assert open_log(tmp_path / "a.mcap").recording == ""
+    repair(tmp_path / "a.mcap", tmp_path / "b.mcap")
+    assert len(open_log(tmp_path / "b.mcap").recording) == 32
+
+
 def test_refusals(tmp_path):
     whole, out = tmp_path / "a.mcap", tmp_path / "b.mcap"
     made.record(whole)
