@@ -64,6 +64,7 @@ def test_one_sample_scatters_by_density_times_root_rate():
     white = readings(TriadErrors(white_rpsd=0.01), 0.0 * TRUTH).values
     # N √rate; a standard deviation of n normal numbers scatters by 1/√(2n)
     np.testing.assert_allclose(white.std(axis=0), 0.01 * np.sqrt(RATE), rtol=4.0 / np.sqrt(2.0 * COUNT))
+    assert not readings(TriadErrors(walk_rpsd=1.0), 0.0 * TRUTH).values[0].any()  # from which a walk begins
 
 
 def test_both_kinds_of_white_noise_add_as_squares():
