@@ -88,6 +88,8 @@ def test_a_stream_cut_anywhere_gives_the_same_bits(moving, size):
         Monitor({"a": UnitMount(), "b": UnitMount()}, step=0.1).take(moving)
     with pytest.raises(ParameterError, match="step"):
         Monitor({"a": UnitMount()}, step=0.0)
+    with pytest.raises(ParameterError, match="must be positive numbers"):
+        Monitor({"a": UnitMount()}, step=0.1, settings=MonitoringSettings(tau=0.0))
 
 
 def broken(kind, triad, values, rng, rows):
