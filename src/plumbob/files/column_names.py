@@ -13,8 +13,8 @@ from typing import Final
 from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity, canonical_name, is_name
 
 _WORDS: Final = {
-    "gyr": re.compile(r"g|w|gyr\w*|giro\w*|omega|ω|angvel|dreh\w*|(winkel|rotations)geschw\w*|角速度|陀螺\w*|гиро\w*"),
-    "acc": re.compile(r"a|f|acc\w*|acél\w*|acel\w*|alpha|beschl\w*|versnel\w*|加速度|ускор\w*"),
+    "gyr": re.compile(r"g|w|gy|gyr\w*|giro\w*|omega|ω|angvel|dreh\w*|\w+geschw\w*|角速度|陀螺\w*|гиро\w*"),
+    "acc": re.compile(r"a|f|ac|xl|acc\w*|acél\w*|acel\w*|alpha|beschl\w*|versnel\w*|加速度|ускор\w*"),
     "mag": re.compile(r"m|b|mag\w*|compass|kompass|磁\w*|маг\w*"),
 }
 _PHRASES: Final = (

@@ -31,6 +31,7 @@ from plumbob.files.known_logs import KNOWN
 from plumbob.files.profile import AS_MOUNTED, Profile, TextLayout
 from plumbob.files.profile_toml import GUIDE, parse_profile
 from plumbob.files.sniff import Sample, read_sample
+from plumbob.files.stamps import CENTURY
 from plumbob.files.text_table import LEFT_OUT_MOST, read_table
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
 
@@ -43,7 +44,6 @@ _SAID_RATES: Final = (
     (r"(?:rate|interval|period|sampling)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*ms\b", "ms"),
 )
 """How lines before a table say its sampling rate, and the unit of the number."""
-_CENTURY: Final = (datetime(2000, 1, 1, tzinfo=UTC).timestamp(), datetime(2100, 1, 1, tzinfo=UTC).timestamp())
 _USUAL_RATES: Final = (4.0, 9000.0)
 """Sampling rates of inertial sensors in use, Hz."""
 _UNIT_NORM: Final = 0.02
@@ -145,6 +145,7 @@ def profile(
             streams += [_DraftWriter(file.name, *part, stream=names or "*", answers=given) for part in parts] or [
                 _DraftWriter(file.name, sample, stream=names, answers=given)
             ]
+    streams = [stream for stream in streams if stream.has_triads] or streams[:1]
     with reading(files[0]):
         draft = _joined(streams, accept)
         if accept and not draft.questions:
@@ -224,8 +225,10 @@ def _joined(streams: "Sequence[_DraftWriter]", accept: bool) -> Draft:
     return Draft("\n".join(draft.text for draft in drafts), tuple(questions), tuple(evidence))
 
 
-def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str], str]]":
+def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str] | tuple[()], str]]":
     """Rows of each sensor, where rows name it: with the column and the word, and the sensor; or nothing."""
+    if sample.others:
+        return [(kind, kind.layout.where, "") for kind in (sample, *sample.others)]
     parts = [taken_apart(name) for name in sample.for_cells(sample.names)]
     if sum(part.axis in {"x", "y", "z"} and part.sensor == "" for part in parts) != 3:
         return []
@@ -289,6 +292,11 @@ class _DraftWriter:
         self._evidence: list[tuple[str, str]] = []
         self._table = ""
         self._accept = False
+
+    @property
+    def has_triads(self) -> bool:
+        """Whether it is of a sensor."""
+        return bool(self._triads)
 
     def draft(self, accept: bool) -> Draft:
         """Write all tables."""
@@ -392,11 +400,8 @@ class _DraftWriter:
     def _time_rank(self, column: int) -> tuple[bool, bool, bool]:
         """Which of several clocks is taken: one that does not begin again, of single samples, in a unit that it has."""
         steps = np.diff(self._numbers[column])
-        return (
-            bool((steps < 0.0).any()),
-            np.sum(steps > 0.0) < 0.5 * steps.size,
-            not self._parts[column].unit_as(Quantity.TIME),
-        )
+        repeats = bool(np.sum(steps > 0.0) < 0.5 * steps.size)
+        return bool((steps < 0.0).any()), repeats, not self._parts[column].unit_as(Quantity.TIME)
 
     @property
     def _stamped(self) -> bool:
@@ -544,8 +549,15 @@ class _DraftWriter:
             self._lines.append(
                 '# device = "unit 1"                     # name of this unit: a calibration card belongs to one'
             )
-        if unused := [self._names[i] or f"column {i + 1}" for i in self._free() if i != self._temperature]:
-            self._lines.append(f"# Not used: {_one_line(', '.join(unused))}")
+        unused = [i for i in self._free() if i != self._temperature]
+        sensors = [i for i in unused if self._accept and self._parts[i].sensor not in {"", "other"}]
+        names, measured = (
+            _one_line(", ".join(self._names[i] or f"column {i + 1}" for i in some)) for some in (unused, sensors)
+        )
+        if unused:
+            self._lines.append(f"# Not used: {names}")
+        if sensors:
+            self._set("notes", (f"columns that are not used: {measured}",))
         if layout.separator:
             self._write_header(layout)
 
@@ -566,8 +578,7 @@ class _DraftWriter:
             self._set("skip", layout.skip, "lines at the top")
         if layout.after_names:
             self._set("after_names", layout.after_names, "the row of units")
-        marks = {"mark": "before the names", "labels": "after a name in each cell", "prefix": "ends the first cell",
-                 "checksum": "of each row"}  # fmt: skip
+        marks = {"mark": "before the names", "words": "numbers stand among words", "checksum": "of each row"}
         for key, what in marks.items():
             if text := getattr(layout, key):
                 self._set(key, text, what)
@@ -602,7 +613,7 @@ class _DraftWriter:
         weeks = [i for i, other in enumerate(self._parts) if other.is_week and "tow" in part.base]
         if weeks:
             self._set("week", self._ref(weeks[0]), "the GPS week that the time is of", ask=True, sure=True)
-        elif unit and _CENTURY[0] < to_si(float(numbers[0]), unit) < _CENTURY[1]:
+        elif unit and CENTURY[0] < to_si(float(numbers[0]), unit) < CENTURY[1]:
             start = datetime.fromtimestamp(to_si(float(numbers[0]), unit), UTC)
             self._set("epoch", "unix", f"since 1970 (UTC): the first is {start:%Y-%m-%d %H:%M:%S}", ask=True, sure=True)
 
@@ -789,8 +800,8 @@ def _with_axes(parts: list[ColumnName]) -> list[ColumnName]:
     """Names of which one says the sensor, and the two behind it nothing but y and z, or their numbers."""
     for i in range(len(parts) - 2):
         first, letters = parts[i], "".join(part.axis or part.base for part in parts[i + 1 : i + 3]).lower()
-        bare = not any(part.sensor or part.unit for part in parts[i + 1 : i + 3])
-        if first.sensor and first.axis in {"", "x"} and bare and letters in {"yz", "12", "23"}:
+        bare = not any((part.axis and part.base) or part.unit not in {"", first.unit} for part in parts[i + 1 : i + 3])
+        if (first.sensor or first.by_unit) and first.axis in {"", "x"} and bare and letters in {"yz", "12", "23"}:
             parts[i : i + 3] = [replace(first, axis=axis) for axis in "xyz"]
     return parts
 

@@ -266,9 +266,12 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
     """
     file = check.path("path", path)
     if not file.is_dir():
-        candidates = _by_suffix(file) if file.suffix else []
+        described = described or bool(file.suffix and any(map(Path.is_file, sidecars(file))))
+        known = any(file.suffix.lower() in kind.suffixes for kind in FORMATS) if file.suffix else False
+        candidates = _by_suffix(file) if file.suffix and (known or not described) else []
         existing_file(file)
-        candidates = candidates or _by_suffix(file)
+        texts = [kind for kind in FORMATS if described and kind.name == "text"]
+        candidates = candidates or texts or _by_suffix(file)
     else:
         candidates = [kind for kind in FORMATS if "" in kind.suffixes]
     if not described and any(beside.is_file() for beside in sidecars(file)):

@@ -60,6 +60,13 @@ KNOWN: Final = (
          "reference.frame": "ENU"},
     ),
     KnownLog(
+        "PX4's ulog2csv",
+        (r"timestamp", r"gyro_rad\[0\]", r"accelerometer_m_s2\[0\]"),
+        (),
+        # sensor_combined.msg: rad/s and m/s2, forward, right, down; at rest z of the accelerometer is -g
+        {"time.unit": "us", "gyr.unit": "rad/s", "acc.unit": "m/s2", "acc.sign": "specific-force", "frame": "NED"},
+    ),
+    KnownLog(
         "a Gyroflow log",
         ("t", "gx", "gy", "gz"),
         ("gyroflow imu log", "tscale", "gscale"),

@@ -50,11 +50,9 @@ class TextLayout:
         Rows of numbers that the file must have.
     mark : str
         What stands before the first name, as ``%`` or ``#``.
-    labels : str
-        What stands between name and number in each cell, as ``:`` of ``ax:0.1``; empty for none. Then no row of names
-        is needed.
-    prefix : str
-        What ends the first cell of each row where that is not the separator, as ``->`` behind a time; empty for none.
+    words : bool
+        Whether numbers stand among words, as in ``acc x = 0.1 y = 0.2`` and JSON. Then each number or clock time is a
+        cell, and the words before the first number are one behind them.
     checksum : bool
         Whether a row ends with ``*`` and the exclusive or of its characters, as NMEA has it; else it cannot be read.
     where : tuple of (int or str, str), or empty
@@ -73,8 +71,7 @@ class TextLayout:
     after_names: int = 0
     rows: int | None = None
     mark: str = ""
-    labels: str = ""
-    prefix: str = ""
+    words: bool = False
     checksum: bool = False
     where: tuple[ColumnRef, str] | tuple[()] = ()
 

@@ -15,17 +15,19 @@ from typing import Final
 import numpy as np
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError
+from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.units import Quantity
 from plumbob.files.column_names import canonical
 from plumbob.files.columns import is_clocklike
 from plumbob.files.profile import BLANK, TextLayout
-from plumbob.files.text_head import QUOTES, split_row
+from plumbob.files.text_head import TOKEN, among_words, label, split_row
 
 READ: Final = 1 << 20
 """Bytes that are looked at."""
 TRIED: Final = 1000
 """Lines with which every layout is tried."""
+_MOST_KINDS: Final = 6
+"""Kinds of rows in a file."""
 FEWEST: Final = 3
 """Rows that make a table."""
 ROWS: Final = 4000
@@ -64,6 +66,8 @@ class Sample:
         Cells.
     facts : mapping of str to str
         What lines before the table say, by key, lower case; the lines themselves where they say no key.
+    others : tuple of Sample
+        Rows of other kinds that stand between them.
     """
 
     layout: TextLayout
@@ -72,6 +76,7 @@ class Sample:
     by_name: bool
     rows: list[list[str]]
     facts: Mapping[str, str]
+    others: "tuple[Sample, ...]" = ()
 
     @property
     def width(self) -> int:
@@ -105,85 +110,92 @@ def read_sample(path: Path) -> Sample:
     text, encoding = _decoded(raw)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     lines = lines if complete else lines[:-1]
-    if (sentences := _sentences(lines, encoding)) is not None:
-        return sentences
-    prefix = _prefix(lines[:TRIED])
-    labels = _labels(lines[:TRIED], prefix)
-    plain = [_unlabelled(line, prefix, labels) for line in lines] if prefix or labels else lines
-    tried = plain[:TRIED]
+    if kinds := _sentences(lines, encoding) or _worded(lines, encoding):
+        return replace(kinds[0], others=tuple(kinds[1:]))
+    tried = lines[:TRIED]
     best = max((_table(tried, separator, decimal) for separator, decimal in _LAYOUTS), key=lambda table: table.score)
     if len(best.rows) < FEWEST:
+        first = next((line for line in lines if line.strip()), "")
         raise DecodeError(
-            f"no separator makes a table of it, with at least {FEWEST} rows and 2 columns of numbers. Numbers of one "
-            "axis at rest are for 'plumbob allan', with --rate and --scale."
+            f"no separator makes a table of it: at least {FEWEST} rows of 2 or more numbers were expected, as in a CSV "
+            f"or in lines like 'acc x=0.1 y=0.2', but the first line is {excerpt(first)}. Write a row for each sample. "
+            "Numbers of one axis at rest are for 'plumbob allan', with --rate and --scale."
         )
-    table = _table(plain, best.separator, best.decimal)
-    if not (prefix or labels):
-        return _headed(lines, table, encoding)
-    first = lines[table.first]
-    cells_text = first.partition(prefix)[2] if prefix else first
-    words = _cells(cells_text, best.separator, 0)
-    names = tuple(word.rpartition(labels)[0].strip(QUOTES) for word in words) if labels else ("",) * len(words)
-    names = ("", *names) if prefix else names
-    rows = (
-        [[lines[i].partition(prefix)[0].strip(), *row] for i, row in zip(table.lines, table.rows, strict=True)]
-        if prefix
-        else table.rows
-    )
-    missing = _missing(table.rows)
-    layout = TextLayout(
-        best.separator, best.decimal, encoding, missing=missing, names=False, prefix=prefix, labels=labels,
-        skip=table.first,
-    )  # fmt: skip
-    return Sample(layout, names if labels else (), (), bool(labels), rows, {})
+    return _headed(lines, _table(lines, best.separator, best.decimal), encoding)
 
 
-def _sentences(lines: Sequence[str], encoding: str) -> Sample | None:
-    """Rows of the commonest sentence, as ``$VNYMR,…*5A`` and ``#YPR=…``, where most lines are sentences."""
+def _sentences(lines: Sequence[str], encoding: str) -> list[Sample]:
+    """Rows of each kind of sentence, as ``$VNYMR,…*5A``, the commonest first, where most lines are sentences."""
     some = [line.strip() for line in lines if line.strip()]
-    heads = Counter(match[0] for line in some if (match := re.match(r"[$#!][A-Za-z]\w*[,=]", line)))
-    if not heads or heads.total() < 0.5 * len(some):
-        return None
-    head = heads.most_common(1)[0][0]
-    word, mark = head[:-1], head[-1]
+    heads = Counter(match[0] for line in some if (match := re.match(r"[$#!][A-Za-z]\w*,", line)))
+    if heads.total() < 0.5 * len(some):
+        return []
+    samples = [_sentence(head, some, encoding, lines) for head, _ in heads.most_common(_MOST_KINDS)]
+    return [sample for sample in samples if sample is not None]
+
+
+def _sentence(head: str, some: Sequence[str], encoding: str, lines: Sequence[str]) -> Sample | None:
+    """Rows of one kind; their fields are those of `SENTENCES`, or of lines that name the kind and have no numbers."""
+    word = head[:-1].strip("$#!")
     chosen = [line for line in some if line.startswith(head)]
     checked = all(re.search(r"\*[0-9A-Fa-f]{2}$", line) for line in chosen)
-    rows = [[word, *line[len(head) :].partition("*")[0].split(",")] for line in chosen]
+    rows = [[head[:-1], *line[len(head) :].partition("*")[0].split(",")] for line in chosen]
     width = Counter(map(len, rows)).most_common(1)[0][0]
     rows = [row for row in rows if len(row) == width]
     if len(rows) < FEWEST or width < FEWEST:
         return None
+    said = [SENTENCES.get(word, ()), *(line.split(f",{word},")[1].split(",") for line in some if f",{word}," in line)]
+    names, units, *_ = [
+        ("", *cells) for cells in said if len(cells) == width - 1 and not any(map(_is_number, cells))
+    ] + [(), ()]
     skip = next(i for i, line in enumerate(lines) if line.startswith(head))
-    layout = TextLayout(
-        ",", encoding=encoding, names=False, skip=skip, where=(1, word), prefix=mark.strip(","), checksum=checked
-    )
-    names = SENTENCES.get(word.strip("$#!"), ())
-    return Sample(layout, ("", *names) if len(names) == width - 1 else (), (), False, rows, {})
+    layout = TextLayout(",", encoding=encoding, names=False, skip=skip, where=(1, head[:-1]), checksum=checked)
+    return Sample(layout, names, units, by_name=False, rows=rows, facts={})
 
 
-def _prefix(lines: Sequence[str]) -> str:
-    """What ends a time or a word before the numbers of each line, as a serial monitor's arrow; empty for none."""
-    some = [line for line in lines if line.strip()]
-    for mark, begin in (("->", r"\s*[\d:.,]+\s*->"), (":", r"\s*[A-Za-z_]\w*\s*:\s*[-+.\d]+[,;\t ]\s*[-+.\d]")):
-        if some and sum(re.match(begin, line) is not None for line in some) > 0.8 * len(some):
-            return mark
-    return ""
+def _worded(lines: Sequence[str], encoding: str) -> list[Sample]:
+    """Rows of lines in which numbers stand among words, by the words that are alike in them, the commonest first."""
+    lines = [line for line in lines if line.strip()]
+    tried = [" ".join(TOKEN.sub("#", line).split()) for line in lines[:TRIED]]
+    counts = Counter(text for text in tried if text.count("#") > 1).most_common(_MOST_KINDS)
+    kinds = [text for text, count in counts if 2 * count > counts[0][1]]
+    labelled = all(_is_among_words(text.split("#")[:-1]) for text in kinds)
+    if not kinds or not labelled or sum(count for text, count in counts if text in kinds) < 0.6 * len(tried):
+        return []
+    samples = []
+    for text in kinds:
+        line = lines[tried.index(text)]
+        width, word = len(among_words(line)), among_words(line)[-1]
+        rows = [row for row in map(among_words, lines) if len(row) == width and row[-1] == word]
+        where = (width, word) if word and tried.count(text) < len(tried) else ()
+        layout = TextLayout(" ", encoding=encoding, names=False, words=True, where=where)
+        names, units = _labels(TOKEN.split(line))
+        samples.append(Sample(layout, names, units, by_name=False, rows=rows, facts={}))
+    return [sample for sample in samples if len(sample.rows) >= FEWEST]
 
 
-def _labels(lines: Sequence[str], prefix: str) -> str:
-    """What stands between the name and the number of each cell; empty where cells are numbers alone."""
-    some = [line for line in lines if line.strip()] if not prefix else []
-    for mark in (":", "="):
-        pair = rf"[{{\"']*[^\W\d][\w .]*[\"']?\s*{mark}\s*[-+]?[\d.]+(e[-+]?\d+)?}}?"
-        line = rf"(?i)\s*{pair}(\s*[,;\t ]\s*{pair})+\s*"
-        if some and sum(re.fullmatch(line, text) is not None for text in some) > 0.8 * len(some):
-            return mark
-    return ""
+def _is_among_words(gaps: Sequence[str]) -> bool:
+    """Whether numbers have labels: two, or a mark behind a first word or a time. Words between separators are cells."""
+    labels = [gap for gap in gaps if re.search(r"[^\W\d_]", gap) and not re.search(r"[,;\t]\s*$", gap)]
+    return len(labels) > 1 or any(re.fullmatch(r"\s*[^\W\d].*[:=]\s*|.*->\s*", gap) for gap in gaps[:2])
 
 
-def _unlabelled(line: str, prefix: str, labels: str) -> str:
-    rest = line.partition(prefix)[2] if prefix else line
-    return re.sub(rf"[{{\"']*[^\W\d][\w .]*?[\"']?\s*{labels}\s*|}}", "", rest) if labels else rest
+def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and units of numbers by the text before and behind them; a unit is of all axes that it ends."""
+    words, units, axis = [label(gaps[0])], [""] * (len(gaps) - 1), 0
+    for i, gap in enumerate(gaps[1:], 1):
+        unit = re.match(r"\s*([^][\s,;|:={}()]+)", gap)
+        behind = unit is not None and _is_unit(unit[1])
+        if unit is not None and behind:
+            units[max(0, i - 3) : i] = [unit[1]] * min(3, i)
+        words.append(label(gap[unit.end() :] if unit is not None and behind else gap))
+    names = []
+    for word in words[:-1]:
+        axis = 0 if word else axis + 1
+        names.append(word or ("xyz"[axis] if axis < 3 else ""))
+    sentence = SENTENCES.get(words[0].strip("$#!"), ())
+    named = tuple(names) if sum(map(bool, words[:-1])) > 1 else ()  # a word before all of them names none
+    return (sentence if len(sentence) == len(units) else named), tuple(units)
 
 
 @dataclass(slots=True)
@@ -240,6 +252,10 @@ def _cells(line: str, separator: str, number: int) -> list[str]:
         return split_row(line, separator, number)
     except DecodeError:
         return []
+
+
+def _is_number(cell: str) -> bool:
+    return _NUMBER["."].fullmatch(cell.strip()) is not None
 
 
 def _known_cells(cells: Sequence[str], decimal: str) -> int:

@@ -26,6 +26,8 @@ _COUNTERS: Final = tuple(float(1 << bits) for bits in (8, 12, 16, 24, 32))
 WEEK: Final = 604_800
 """Seconds."""
 _PERIODS_NS: Final = {"midnight": 86_400e9, "the end of the week": WEEK * 1e9}
+CENTURY: Final = (946_684_800.0, 4_102_444_800.0)
+"""Unix time of 2000 and of 2100, s."""
 _GPS_EPOCH: Final = 315_964_800
 _LEAPS: Final = (
     46828800, 78364801, 109900802, 173059203, 252028804, 315187205, 346723206, 393984007, 425520008, 457056009,

@@ -34,7 +34,7 @@ from plumbob.files.profile import (
     TimeStamps,
 )
 from plumbob.files.profile_toml import load_profile, profiles_beside
-from plumbob.files.stamps import WEEK, time_line, utc_of_gps
+from plumbob.files.stamps import CENTURY, WEEK, time_line, utc_of_gps
 from plumbob.files.text_table import TextTable, read_table
 from plumbob.rotations import (
     body_axes,
@@ -47,6 +47,8 @@ from plumbob.rotations import (
 )
 
 _FIRST_LINE_BYTES = 4096
+_UPTIME = float(1 << 22)
+"""48 days, s: whole multiples of it are left out of a clock that began at an unknown instant, in each file alike."""
 
 
 def read_text(path: str | Path | Sequence[str | Path], profile: Profile | str | Path | None = None) -> Recording:
@@ -149,6 +151,9 @@ def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[str, .
         weeks = table.columns[source.week]
         line = time_line((weeks - weeks[0]) * WEEK * 1e9 + stamps * 1e9 * factor, 1.0, table.place)
         return (line.t_ns - line.t_ns[0]) / 1e9, utc_of_gps(int(weeks[0]), int(line.t_ns[0])), line.notes
+    first = stamps[0] * factor
+    if not source.unix and first >= _UPTIME and not CENTURY[0] < first < CENTURY[1]:  # no clock that somebody knows
+        stamps = stamps - first // _UPTIME * _UPTIME / factor
     if (np.diff(stamps) > 0.0).all() and source.unit_per_count == 1.0:
         return _inside(stamps, source.unit), t0_ns, ()
     line = time_line(stamps, 1e9 * factor, table.place)

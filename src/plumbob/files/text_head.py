@@ -1,13 +1,31 @@
 """The head of a text file: markers, lines to skip, comments and the row of names; and the cells of a row."""
 
 import csv
+import re
 from dataclasses import dataclass
+from typing import Final
 
 from plumbob.core.errors import DecodeError, excerpt, one_line
 from plumbob.files.profile import BLANK, TextLayout
 
-QUOTES = " {}\"'"
-"""What stands about names and numbers of labelled cells, as in JSON, and belongs to neither."""
+TOKEN: Final = re.compile(
+    r"(?<![\w.^:-])(?:\d{4}[-/]\d{1,2}[-/]\d{1,2}[T ])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?(?:Z\b)?|"
+    r"(?<![\w.^+-])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\d.:x^])|\b(?:nan|NaN|null)\b"
+)
+"""A number or a clock time among words; not a digit of a name, an exponent or a code."""
+
+
+def label(text: str) -> str:
+    """Words of what stands before a number, without what separates, as in ``"accel":{"x":`` and ``], Gyr (dps) [``."""
+    return " ".join(re.sub(r":\s*\"[^\"]*\"|[][{}\"':=,;|<>]|->", " ", text).split())
+
+
+def among_words(row: str) -> list[str]:
+    """Numbers and clock times of a row of words and numbers, and behind them the words before the first number."""
+    numbers = list(TOKEN.finditer(row))
+    first = next((number for number in numbers if ":" not in number[0]), None)
+    before = numbers[0].end() if first and numbers[0] is not first else 0
+    return [*(number[0] for number in numbers), label(row[before : first.start()]) if first else ""]
 
 
 def single_blanks(text: str) -> str:

@@ -20,7 +20,7 @@ from plumbob.data.recording import CUT
 from plumbob.files.arrow import column_numbers
 from plumbob.files.columns import FORM, is_clocklike
 from plumbob.files.profile import BLANK, ColumnRef, TextLayout
-from plumbob.files.text_head import QUOTES, Head, decode, find_head, is_idle, single_blanks, split_row
+from plumbob.files.text_head import Head, among_words, decode, find_head, is_idle, single_blanks, split_row
 
 _EXACT = (30, 9)  # digits, and digits after the point, of a decimal that keeps nanoseconds since 1970
 _LARGEST: Final = Decimal(10) ** 20
@@ -213,11 +213,10 @@ def read_table(
     if not first:
         raise DecodeError("there is no row of numbers; check the profile's [header].")
     width = Counter(first).most_common(1)[0][0]
-    names = head.names or body.labels()
-    places = {ref: column_index(ref, names, width, layout) for ref in refs}
+    places = {ref: column_index(ref, head.names, width, layout) for ref in refs}
     _refuse_shared(places)
     reading = _Reading(layout, width, places, exact, {ref: [] for ref in texts})
-    plain = not (layout.labels or layout.prefix or layout.where or layout.checksum)
+    plain = not (layout.words or layout.where or layout.checksum)
     for start, end, line in body.blocks():
         if not (plain and reading.add_fast(text[start:end])):
             reading.add_slow(body.rows(start, end, line))
@@ -301,36 +300,16 @@ class _Body:
         if not self.layout.where:
             return True
         ref, word = self.layout.where
+        if self.layout.words:
+            return among_words(row)[-1] == word
         place = self.head.names.index(ref) if isinstance(ref, str) else ref - 1
-        before, rest = _before_prefix(row, self.layout)
-        cells = [*before, *rest.split(self.layout.separator)]
+        cells = row.split(self.layout.separator)
         return place < len(cells) and cells[place].strip() == word
-
-    def labels(self) -> tuple[str, ...]:
-        """Names that stand in the cells of the first row."""
-        if not self.layout.labels:
-            return ()
-        line, row = next(self.rows())
-        words = split_row(row, self.layout.separator, line)
-        return tuple(word.rpartition(self.layout.labels)[0].strip(QUOTES) for word in words)
 
 
 def _cells(row: str, layout: TextLayout, line: int) -> list[str]:
-    """Cells of a row, without labels; what stands before the prefix's end is the first."""
     row = _checked(row, line) if layout.checksum else row
-    if not (layout.prefix or layout.labels):
-        return split_row(row, layout.separator, line)
-    before, rest = _before_prefix(row, layout)
-    words = split_row(rest, layout.separator, line)
-    if layout.labels:
-        words = [word.rpartition(layout.labels)[2].strip(QUOTES) for word in words]
-    return [*before, *words]
-
-
-def _before_prefix(row: str, layout: TextLayout) -> tuple[list[str], str]:
-    """What stands before the prefix's end, a cell or none, and the rest of the row."""
-    first, mark, rest = row.partition(layout.prefix) if layout.prefix else ("", "", row)
-    return [first] if mark else [], rest
+    return among_words(row) if layout.words else split_row(row, layout.separator, line)
 
 
 def _checked(row: str, line: int) -> str:

@@ -119,7 +119,7 @@ def info(
         name, recording = what.name, what if unit is None else what.of_unit(unit)
     elif isinstance(what, Sequence) and not isinstance(what, str):
         name, recording = str(what[0]), read(what, profile=profile)
-    elif (file := check.path("what", what)).suffix.lower() == ".json":
+    elif (file := check.path("what", what)).suffix.lower() == ".json" and profile is None:
         return _card(file)
     else:
         name, recording = str(file), read(file, profile=profile, unit=unit, whole=False)
