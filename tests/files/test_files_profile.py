@@ -210,7 +210,7 @@ REFUSED = [
     # values
     ('axes = "x y -z"\n' + MINIMAL, "axes: .*left-handed", FrameError),
     ("t0_ns = 1\n" + UNIX, "remove t0_ns"),
-    (minimal('","', '"|"'), "separator must be one of"),
+    (minimal('","', '"/"'), "separator must be one of"),
     (minimal('","', '","\ndecimal = ","'), "separator and decimal are both ','"),
     (minimal('","', '","\nencoding = "klingon"'), "not a text encoding"),
     (minimal('","', '","\nencoding = "hex"'), "not a text encoding"),

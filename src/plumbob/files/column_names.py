@@ -250,13 +250,11 @@ def _split_axis(words: list[str]) -> tuple[str, str]:
         if word in rolls and re.search(r"\b(rate|rates|gyr\w*|speed|velocity)\b", " ".join(words)):
             return " ".join(words[:i] + words[i + 1 :]), rolls[word]
     last = words[-1] if words else ""
+    for stem, letter in ((last[:-1], last[-1:]), (last[1:], last[:1])):
+        named = stem in {"q", "quat"} or any(word.fullmatch(stem) for word in _WORDS.values())
+        if stem and letter in {"x", "y", "z"} and named:
+            return " ".join([*words[:-1], stem]), letter
     stem, letter = last[:-1], last[-1:]
-    if (
-        stem
-        and letter in {"x", "y", "z"}
-        and (stem in {"q", "quat"} or any(w.fullmatch(stem) for w in _WORDS.values()))
-    ):
-        return " ".join([*words[:-1], stem]), letter
     if letter == "w" and stem in {"q", "quat", "quaternion"}:
         return " ".join([*words[:-1], stem]), letter
     return " ".join(words), ""

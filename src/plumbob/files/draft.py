@@ -800,7 +800,10 @@ def _with_axes(parts: list[ColumnName]) -> list[ColumnName]:
     """Names of which one says the sensor, and the two behind it nothing but y and z, or their numbers."""
     for i in range(len(parts) - 2):
         first, letters = parts[i], "".join(part.axis or part.base for part in parts[i + 1 : i + 3]).lower()
-        bare = not any((part.axis and part.base) or part.unit not in {"", first.unit} for part in parts[i + 1 : i + 3])
+        bare = all(
+            p.base in {"", first.base, p.base * (not p.axis)} and p.unit in {"", first.unit}
+            for p in parts[i + 1 : i + 3]
+        )
         if (first.sensor or first.by_unit) and first.axis in {"", "x"} and bare and letters in {"yz", "12", "23"}:
             parts[i : i + 3] = [replace(first, axis=axis) for axis in "xyz"]
     return parts

@@ -41,7 +41,7 @@ _MARKS: Final = {"separator", "arrays", "stream", "header"}
 """Keys of which a profile has one, and what lies beside a recording and is none has not."""
 
 _EXAMPLE = {"gyr": "deg/s", "acc": "g", "mag": "uT", "temperature": "degC", "time": "s", "reference": "deg"}
-_SEPARATORS = {name: name for name in (",", ";", " ", "\t", BLANK)} | {"tab": "\t", "\\t": "\t"}
+_SEPARATORS = {name: name for name in (",", ";", "|", " ", "\t", BLANK)} | {"tab": "\t", "\\t": "\t"}
 _ORDERS = {"wxyz": 4, "xyzw": 4, "yaw pitch roll": 3}
 _META = ("device", "axes", "frame", "north", "declination", "rate_nominal", "t0_ns", "calibration", "unit_check")
 _INNER = {"bias": 3, "covariance": 9}

@@ -17,7 +17,7 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.units import Quantity
-from plumbob.files.column_names import canonical
+from plumbob.files.column_names import canonical, taken_apart
 from plumbob.files.columns import is_clocklike
 from plumbob.files.profile import BLANK, TextLayout
 from plumbob.files.text_head import TOKEN, among_words, label, split_row
@@ -32,13 +32,13 @@ FEWEST: Final = 3
 """Rows that make a table."""
 ROWS: Final = 4000
 """Rows of arrays that are looked at."""
-MISSING: Final = ("", "NaN", "nan", "--", "null", "NULL", "N/A", "1.#QNAN")
+MISSING: Final = ("", "NaN", "nan", "--", "null", "NULL", "N/A", "#N/A", "NA", "None", "none", "-", "1.#QNAN")
 _COMMENTS: Final = ("#", "%", "//")
 _NUMBER: Final = {
     ".": re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"),
     ",": re.compile(r"[-+]?(\d+(,\d+)?|,\d+)([eE][-+]?\d+)?"),
 }
-_LAYOUTS: Final = ((";", "."), (";", ","), ("\t", "."), ("\t", ","), (",", "."), (" ", "."), (" ", ","))
+_LAYOUTS: Final = ((";", "."), (";", ","), ("\t", "."), ("\t", ","), (",", "."), ("|", "."), (" ", "."), (" ", ","))
 _NINE: Final = tuple(f"{sensor}_{axis}" for sensor in ("mag (gauss)", "acc (m/s2)", "gyr (rad/s)") for axis in "xyz")
 SENTENCES: Final = {
     "VNYMR": ("yaw (deg)", "pitch (deg)", "roll (deg)", *_NINE),
@@ -170,6 +170,8 @@ def _worded(lines: Sequence[str], encoding: str) -> list[Sample]:
         where = (width, word) if word and tried.count(text) < len(tried) else ()
         layout = TextLayout(" ", encoding=encoding, names=False, words=True, where=where)
         names, units = _labels(TOKEN.split(line))
+        if "x" in names[names.index("z") + 1 if "z" in names else len(names) :]:
+            raise DecodeError(f"a line holds several samples: {excerpt(line)}. Write a row for each sample.")
         samples.append(Sample(layout, names, units, by_name=False, rows=rows, facts={}))
     return [sample for sample in samples if len(sample.rows) >= FEWEST]
 
@@ -177,7 +179,8 @@ def _worded(lines: Sequence[str], encoding: str) -> list[Sample]:
 def _is_among_words(gaps: Sequence[str]) -> bool:
     """Whether numbers have labels: two, or a mark behind a first word or a time. Words between separators are cells."""
     labels = [gap for gap in gaps if re.search(r"[^\W\d_]", gap) and not re.search(r"[,;\t]\s*$", gap)]
-    return len(labels) > 1 or any(re.fullmatch(r"\s*[^\W\d].*[:=]\s*|.*->\s*", gap) for gap in gaps[:2])
+    mark = r"\s*[^\W\d].*[:=]\s*|.*->\s*|\s*[\[({][\[({\s]*"
+    return len(labels) > 1 or any(re.fullmatch(mark, gap) for gap in gaps[:2])
 
 
 def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -187,7 +190,10 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
         unit = re.match(r"\s*([^][\s,;|:={}()]+)", gap)
         behind = unit is not None and _is_unit(unit[1])
         if unit is not None and behind:
-            units[max(0, i - 3) : i] = [unit[1]] * min(3, i)
+            for k in range(i - 1, max(-1, i - 4), -1):
+                if units[k]:
+                    break
+                units[k] = unit[1]
         words.append(label(gap[unit.end() :] if unit is not None and behind else gap))
     names = []
     for word in words[:-1]:
@@ -273,7 +279,7 @@ def _value(cell: str, decimal: str) -> float:
 
 def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample:
     """Add names and units, and what the lines before them say."""
-    before = [(i, line) for i, line in enumerate(lines[: table.first]) if line.strip()]
+    before = [(i, line) for i, line in enumerate(lines[: table.first]) if re.search(r"\w", line)]
     width = len(table.rows[0])
     units: tuple[str, ...] = ()
     if len(before) > 1 and _are_units(split := _cells(before[-1][1], table.separator, 0)):
@@ -285,6 +291,8 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
         if all(len(row) == len(apart) for row in rows):  # each blank separates, and cells are empty
             table, width = replace(table, separator=BLANK, rows=rows), len(apart)
     names = _names(bare, table.separator, width) if before else ()
+    above = before[-3 if units else -2][1] if len(before) > 1 + bool(units) else ""
+    whole = _under(_cells(above, table.separator, 0), names)
     marked = names and bare != line
     skip = at if names else table.first if any(not line.startswith(_COMMENTS) for _, line in before) else 0
     layout = TextLayout(
@@ -299,7 +307,20 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
         mark=line[: len(line) - len(bare)] if marked else "",
     )
     preamble = [line for i, line in before if i < at or not names]
-    return Sample(layout, names, units, bool(names), table.rows, _facts(preamble))
+    return Sample(layout, whole, units, bool(names) and whole == names, table.rows, _facts(preamble))
+
+
+def _under(sensors: Sequence[str], axes: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of axes with their sensors, each of which stands in a row above its first axis; as they are otherwise."""
+    parts = [taken_apart(axis) for axis in axes]
+    bare = [bool(part.axis) and not part.base for part in parts]
+    if len(sensors) != len(axes) or sum(bare) < len("xyz") or any(map(_is_number, sensors)):
+        return axes
+    names, above = [], ""
+    for sensor, axis, is_bare in zip(sensors, axes, bare, strict=True):
+        above = sensor.strip() or above
+        names.append(f"{above} {axis}" if is_bare else axis or sensor)
+    return tuple(names)
 
 
 def _facts(lines: Sequence[str]) -> dict[str, str]:

@@ -19,9 +19,10 @@ from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import as_list, existing_file, reading, text_of
 from plumbob.core.time import interpolated, to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
+from plumbob.data.imu import known_rows
 from plumbob.data.recording import Recording, read_notes
 from plumbob.files.columns import StampError, to_seconds
-from plumbob.files.foreign.join import joined_recordings
+from plumbob.files.foreign.join import Readings, joined, joined_recordings
 from plumbob.files.profile import (
     AS_MOUNTED,
     NO_COLUMN,
@@ -100,10 +101,22 @@ def _read_one(file: Path, declared: Profile, note: str) -> Recording:
 def table_recording(profile: Profile, table: TextTable, name: str, note: str) -> Recording:
     """Recording of a table, by its profile; `note` says which. Errors as in `read_text`."""
     t, t0_ns, clock = _time(profile, table)
-    imu = _imu(profile, table, t, t0_ns) if profile.triads else None
+    imu, clock = _in_turns(_imu(profile, table, t, t0_ns), clock) if profile.triads else (None, clock)
     track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
     notes = (*read_notes(profile.notes, imu), note, *table.notes, *clock, *_changes(profile, t0_ns))
     return Recording(imu=imu, track=track, name=name, notes=notes)
+
+
+def _in_turns(imu: ImuData, notes: tuple[str, ...]) -> tuple[ImuData, tuple[str, ...]]:
+    """Samples on one time line where gyroscope and accelerometer have rows of their own; others as they are."""
+    known = {name: known_rows(getattr(imu, name)) for name in imu.triads}
+    gyr, acc = known.get("gyr"), known.get("acc")
+    if gyr is None or acc is None or 2 * np.count_nonzero(gyr & acc) >= np.count_nonzero(gyr) or not acc.any():
+        return imu, notes
+    streams = {name: Readings(imu.t_ns[rows], getattr(imu, name)[rows]) for name, rows in known.items()}
+    epoch = imu.meta.t0_ns or None
+    made = joined(streams, meta=imu.meta, epoch_ns=epoch)
+    return made.imu, (*notes, "time: gyroscope and accelerometer have rows of their own", *made.notes)
 
 
 def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profile, str]:

@@ -17,7 +17,8 @@ TOKEN: Final = re.compile(
 
 def label(text: str) -> str:
     """Words of what stands before a number, without what separates, as in ``"accel":{"x":`` and ``], Gyr (dps) [``."""
-    return " ".join(re.sub(r":\s*\"[^\"]*\"|[][{}\"':=,;|<>]|->", " ", text).split())
+    words = " ".join(re.sub(r":\s*\"[^\"]*\"|[\]\[{}\"':=,;|<>]|->", " ", text).split())
+    return words if re.search(r"\w", words) else ""
 
 
 def among_words(row: str) -> list[str]:
