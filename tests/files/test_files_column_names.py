@@ -26,6 +26,11 @@ SENSORS = [  # name, cell of a row of units, sensor, axis, unit by our name
     ("加速度Z", "[g]", "acc", "z", "g"),
     ("w_RS_S_x [rad s^-1]", "", "", "x", ""),
     ("Roll Rate (deg/s)", "", "gyr", "x", "deg/s"),
+    ("GyroX(d/s)", "", "gyr", "x", "deg/s"),
+    ("Ax[mG]", "", "acc", "x", "mg"),  # Epson: no gauss
+    ("xgyro", "", "gyr", "x", ""),  # MAVLink
+    ("Vitesse angulaire Z (rad/s)", "", "gyr", "z", "rad/s"),
+    ("Pelvis Accel Sensor X,mG", "", "acc", "x", "mg"),  # Noraxon
 ]
 OTHERS = [
     ("Linear Acceleration x (m/s^2)", "linear"),
@@ -41,6 +46,7 @@ OTHERS = [
     ("motor[0]", ""),
     ("pressure (hPa)", ""),
     ("roll", ""),
+    ("Gyro X (deg/s2)", "other"),
     ("qx", ""),
 ]
 TIMES = ["t", "Time (s)", "time_ms", "timestamp", "Time stamp", "micros", "SampleTimeFine", "GPS TOW", "epoch (ms)",
@@ -80,7 +86,7 @@ def test_components_of_a_quaternion(form, letters):
     assert "".join(taken_apart(form.format(letter)).quaternion for letter in letters) == letters
 
 
-@pytest.mark.parametrize("text", ["rad s^-1", "rad*s^-1", "rad/s", "rad/sec"])
+@pytest.mark.parametrize("text", ["rad s^-1", "rad*s^-1", "rad/s", "rad/sec", "radians/s", "rad.s^-1", "rad·s⁻¹"])
 def test_powers_are_quotients(text):
     assert canonical(text, Quantity.RATE) == "rad/s"
     assert canonical("m s^-2", Quantity.ACCELERATION) == canonical("m/(s^2)", Quantity.ACCELERATION) == "m/s2"

@@ -3,6 +3,8 @@
 The samples are made up in SI; each file is what a kind of logger would make of them, and must give them back.
 """
 
+import json
+
 import numpy as np
 import pytest
 
@@ -77,6 +79,31 @@ LOGS = {  # name of the file, its text, what a user answers
         "a.txt", "".join(f"ax:{a[0]:.6f}\tay:{a[1]:.6f}\taz:{a[2]:.6f}\tgx:{w[0]:.6f}\tgy:{w[1]:.6f}\tgz:{w[2]:.6f}\n"
                          for a, w in zip(G, DPS, strict=True)),
         UP | {"time.rate": "100 Hz", "gyr.unit": "deg/s"}),
+    "numbers in brackets behind their units": (
+        "a.txt", "".join("Acc (mg) [ {:.4f}, {:.4f}, {:.4f} ], Gyr (DPS) [ {:.4f}, {:.4f}, {:.4f} ], Tmp (C) [ 21 ]\n"
+                         .format(*a, *w) for a, w in zip(1e3 * G, DPS, strict=True)), UP | {"time.rate": "100 Hz"}),
+    "a line for each sensor, units behind": (
+        "a.txt", "".join("Acc X: {:.5f}, Y: {:.5f}, Z: {:.5f} m/s^2\nRotation X: {:.6f}, Y: {:.6f}, Z: {:.6f} rad/s\n\n"
+                         .format(*a, *w) for a, w in zip(ACC, GYR, strict=True)), UP | {"time.rate": "100 Hz"}),
+    "JSON lines": (
+        "a.jsonl", "".join(json.dumps({"id": "imu1", "accel": dict(zip("xyz", a, strict=True)), "gyro": w, "ms": t}) + "\n"
+                           for t, a, w in zip((1e3 * T).tolist(), ACC.tolist(), GYR.tolist(), strict=True)),
+        UP | {"gyr.unit": "rad/s"}),
+    "sentences of kinds that name their fields": (
+        "a.csv", "$FLYS,1\n$COL,IMU,time,wx,wy,wz,ax,ay,az\n$UNIT,IMU,s,deg/s,deg/s,deg/s,g,g,g\n$DATA\n"
+        + "".join(f"$IMU,{row}\n$BARO,{row[:6]},1.5\n" for row in rows(T, *SIX).splitlines()), UP),
+    "sensors in a row above their axes, bars": (
+        "a.csv", "t_ms|Acc|||Gyro||\n|X|Y|Z|X|Y|Z\n" + rows(1e3 * T, *ACC.T, *GYR.T, separator="|"),
+        UP | {"gyr.unit": "rad/s"}),
+    "twelve hours and a date of two readings": (
+        "a.csv", "When,AccX[mG],Y,Z,GyroX(d/s),Y,Z\n"
+        + rows([f"5/8/2024 {t.replace('10:', '11:')} PM" for t in CLOCK], *(1e3 * G).T, *DPS.T), UP),
+    "acceleration called linear, and a clock in two columns": (
+        "a.csv", "Time,stamp.secs,stamp.nsecs," + names("angular_velocity.*", "linear_acceleration.*", axes="xyz")
+        + "\n" + rows(T + 1e6, T // 1, T % 1 * 1e9, *GYR.T, *ACC.T), UP | {"gyr.unit": "rad/s"}),
+    "a clock that began long ago": (
+        "a.csv", "sensor timestamp [ns]," + names("acc*_", "gyr*_") + "\n"
+        + rows([f"599628{s[6:]}" for s in STAMPS], *ACC.T, *GYR.T), UP | {"gyr.unit": "rad/s"}),
     "a serial monitor's arrow": (
         "a.txt", "".join(f"{t} -> {row}" for t, row in zip(CLOCK, rows(*G.T, *DPS.T).splitlines(True), strict=True)),
         UP | {"gyr.unit": "deg/s"}),
@@ -279,6 +306,38 @@ def test_columns_without_names_are_not_dealt_out_where_more_could_be_meant(tmp_p
     (tmp_path / "a.csv").write_text(text)
     questions = dict(plumbob.profile(tmp_path / "a.csv", accept=True, answers=UP).questions)
     assert {"gyr.columns", "acc.columns"} <= set(questions)
+    columns = {"acc.columns": [5, 6, 7], "gyr.columns": [8, 9, 10], "gyr.unit": "rad/s"}
+    imu = drafted(tmp_path, "a.csv", text, UP | columns).imu
+    assert (imu.gyr, imu.acc, imu.mag) == (pytest.approx(GYR, abs=1e-6), pytest.approx(ACC, abs=1e-6), None)
+    refused(
+        plumbob.profile, tmp_path / "a.csv", answers={"acc.columns": [1, 2, 11]}, match="column 11, which is not there"
+    )
+
+
+def test_the_sensor_stands_in_the_name_of_the_file(tmp_path):
+    files = {"run_gyroscope_1.csv": GYR, "run_accel_1.csv": ACC}
+    for name, values in files.items():
+        (tmp_path / name).write_text(rows(T, *values.T))
+    paths, out = [tmp_path / name for name in files], tmp_path / "both.toml"
+    assert plumbob.profile(paths, accept=True, answers=UP | {"gyr.unit": "rad/s"}, out=out).questions == ()
+    assert plumbob.read(paths, profile=out).imu.acc == pytest.approx(ACC, abs=1e-6)
+
+
+def test_blanks_where_another_sensor_has_its_row(tmp_path):
+    text = "t,gx,gy,gz,ax,ay,az\n" + "".join(
+        f"{g[:8]}{g[8:]},,,\n{a[:8]},,,{a[8:]}\n"
+        for g, a in zip(rows(T, *GYR.T).splitlines(), rows(T + 0.002, *ACC.T).splitlines(), strict=True)
+    )
+    recording = drafted(tmp_path, "a.csv", text, UP | {"gyr.unit": "rad/s"})
+    assert recording.imu.t == pytest.approx(T, abs=1e-6)
+    assert np.isfinite(recording.imu.acc[1:]).all()
+    assert any("rows of their own" in note for note in recording.notes)
+
+
+def test_several_samples_in_a_line_are_refused(tmp_path):
+    line = '{"t":1,"acc":[{"x":0.1,"y":0.2,"z":9.8},{"x":0.1,"y":0.2,"z":9.7}]}\n'
+    (tmp_path / "a.jsonl").write_text(line * 9)
+    refused(plumbob.profile, tmp_path / "a.jsonl", match="holds several samples: .*Write a row for each sample")
 
 
 def test_a_toml_of_another_kind_is_not_taken_for_a_profile(tmp_path):

@@ -130,21 +130,8 @@ _BARE: Final = {"", "axis", "value", "val", "data", "sensor", "imu", "raw", "cal
 
 def _may_be_counts(unit: str) -> bool:
     """Whether a unit that is not known leaves open what a sensor counts in."""
-    return unit.strip().lower() not in {
-        "v",
-        "mv",
-        "kpa",
-        "pa",
-        "hpa",
-        "%",
-        "hz",
-        "m",
-        "m/s",
-        "deg",
-        "rad",
-        "bar",
-        "degc",
-    }
+    other = any(canonical(unit, kind) for kind in Quantity)
+    return not other and not re.fullmatch(r"(?i)[mkh]?pa|m?bar|m?v|lux|lx|d?b|n", unit.strip())
 
 
 def _by_word(base: str) -> str:
