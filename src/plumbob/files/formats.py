@@ -69,6 +69,15 @@ def _late(module: str, name: str) -> Callable[..., Any]:
     return call
 
 
+def _text(path: Path, profile: "Profile | str | Path | None") -> Recording:
+    """Read a text table; a log that is known by its names needs no profile."""
+    from plumbob.files.draft import known_profile
+    from plumbob.files.profile_toml import profiles_beside
+    from plumbob.files.text import read_text
+
+    return read_text(path, known_profile(path) if profile is None and not profiles_beside(path) else profile)
+
+
 def _decoded(path: Path) -> Recording:
     """Refuse a recording of a line, which the session that it holds decodes."""
     raise DecodeError(f"{path}: a recording of a line is decoded by plumbob.read, not by plumbob.files.read.")
@@ -115,7 +124,7 @@ FORMATS: Final = (
         name="text",
         suffixes=TABLES,
         what="text tables, described by a profile in TOML; written as .csv or .txt with its profile beside it",
-        read=_late("text", "read_text"),
+        read=_text,
         takes_profile=True,
         writers=tuple((suffix, _late("text_write", "write_csv")) for suffix in (".csv", ".txt")),
     ),

@@ -131,10 +131,6 @@ def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profil
             f"{file}: both {profiles[0].name} and {profiles[1].name} lie beside it; name one: --profile FILE.toml."
         )
     if not profiles:
-        from plumbob.files.draft import known_profile  # its guesses are for unknown files alone
-
-        if (known := known_profile(file)) is not None:
-            return known, f"read as {known.origin} writes it; 'plumbob profile' shows what is taken for what"
         raise DecodeError(
             f"{file}: a text file does not say its units, so it needs --profile FILE.toml (or {file.stem}.toml beside "
             f"it); its first line is {_first_line(file)}. plumbob profile {shlex.quote(str(file))} drafts one. "
