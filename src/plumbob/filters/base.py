@@ -210,7 +210,23 @@ def specialised() -> list[Kernel[..., Any]]:
     return [loop for loops in all_loops for loop in (loops.batch, loops.claiming, loops.single)]
 
 
-class Filter(FactsText):
+class AttitudeEstimator(FactsText):
+    """What every filter has, and the smoother."""
+
+    common: CommonParams
+    _init: Start | None
+
+    def north(self, has_mag: bool) -> North:
+        """What headings count from, of samples with or without a magnetometer."""
+        if not (has_mag and self.common.mag):
+            if self._init is None:
+                return North.FREE
+            if self._init.north is not None:
+                return self._init.north
+        return North.MAGNETIC if self.common.declination is None else North.TRUE
+
+
+class Filter(AttitudeEstimator):
     """An estimator with its parameters and its state.
 
     Headings are true where the declination is known, from `params` or else from the meta, and magnetic where it is not;
@@ -499,20 +515,6 @@ class Filter(FactsText):
     def describe(self) -> str:
         """Name and parameters in one line, for provenance."""
         return _described(self.name, self.params, self.common)
-
-    def north(self, has_mag: bool) -> North:
-        """What headings count from, of samples with or without a magnetometer."""
-        return north_reference(self.common, self._init, has_mag)
-
-
-def north_reference(common: CommonParams, init: Start | None, has_mag: bool) -> North:
-    """What headings count from, of samples with or without a magnetometer."""
-    if not (has_mag and common.mag):
-        if init is None:
-            return North.FREE
-        if init.north is not None:
-            return init.north
-    return North.MAGNETIC if common.declination is None else North.TRUE
 
 
 @cache  # every chunk of a stream carries it

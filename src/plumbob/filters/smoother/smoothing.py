@@ -13,11 +13,11 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.params import build, describe, shown
 from plumbob.core.repeats import Repeats
-from plumbob.core.text import FactsText, closest
+from plumbob.core.text import closest
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.cards.residuals import full_covariance
 from plumbob.data.sample import ImuSample
-from plumbob.filters.base import CommonParams, north_reference
+from plumbob.filters.base import AttitudeEstimator, CommonParams
 from plumbob.filters.known import CAUSAL_LAG, SMOOTHER
 from plumbob.filters.smoother.inertial import GIVEN, Given
 from plumbob.filters.smoother.keyframes import Keyframes
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from plumbob.filters.smoother.live import Between, Live
 
 
-class Smoother(FactsText):
+class Smoother(AttitudeEstimator):
     """Attitude of a whole recording, each sample from what came before and after it.
 
     Parameters
@@ -143,10 +143,6 @@ class Smoother(FactsText):
             if p.name != "max_gap"
         ]
         return f"{self.name}({', '.join(f'{p.name}={shown(p, value)}' for p, value in pairs)})"
-
-    def north(self, has_mag: bool) -> North:
-        """What headings count from, of samples with or without a magnetometer."""
-        return north_reference(self.common, self._init, has_mag)
 
     @property
     def _given(self) -> Given | None:
