@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.mag.in_use_fit import fit_in_use
+from plumbob.calibration.mag.in_use import fit_in_use
 from plumbob.calibration.predicted import TILT_RANGE, attitudes
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.in_use import DIP as DIP_OF_SCENES
 from benchmarks.in_use import capture
 from plumbob.calibration.mag import fit_mag_in_use
-from plumbob.calibration.mag.in_use_fit import fit_in_use
+from plumbob.calibration.mag.in_use import fit_in_use
 from plumbob.calibration.mag.windows import SEGMENT
 from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD
 from plumbob.core.units import dps

@@ -300,7 +300,7 @@ def test_the_map_keeps_areas_and_each_sample_has_its_place_in_its_hemisphere(cou
     fit = first(FITS["mag"], count)
     seen = (fit.measured - CARD.mag.bias)[fit.used]
     directions = seen / np.linalg.norm(seen, axis=1, keepdims=True)
-    picture = report.coverage_figure(fit)
+    picture = report.coverage_figure(report.covered_directions(fit))
     regions = set(region_index(seen).tolist())
     assert f"{len(regions)} / 18" in picture.caption
     for side, ax in zip((1.0, -1.0), axes_of(picture), strict=True):

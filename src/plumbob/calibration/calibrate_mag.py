@@ -104,30 +104,38 @@ def calibrate_mag(
     """
     _require_choices(with_, shape, in_use=in_use)
     use = _magnetic_rows(imu)
-    mag = imu.usable("mag")[use]
+    mag, acc = imu.usable("mag"), imu.usable("acc")
     if shape == "level":
-        level = fit_mag_level(mag, acc=_complete(imu.usable("acc")[use]), strength=strength, dip=dip)
+        level = fit_mag_level(mag[use], acc=_complete(acc[use]), strength=strength, dip=dip)
         return replace(level, remarks=("Fitted without other sensors: level, as asked for.", *level.remarks))
-    refuse(_unfit(mag))
+    refuse(_unfit(mag[use]))
     slow = _slow(imu)
-    steady = use & slow & _steady(imu.usable("acc"))
+    with np.errstate(invalid="ignore"):
+        upright = np.abs(np.linalg.norm(acc, axis=1) / G0 - 1.0) <= STEADY
+    steady = use & slow & upright
     work = _Work(imu, use, steady, shape, strength, dip, tilt_range, acc_calibrated, gyr_calibrated)
+    auto = with_ == shape == "auto" and not in_use and imu.gyr is not None
     try:
         helper, why = _in_use(imu) if in_use else _helper(imu, with_, shape, use, slow, steady)
-        auto = with_ == shape == "auto" and not in_use and imu.gyr is not None
-        fit, why = _best(work, helper, why, auto=auto)
+        fit = work.fit(helper)
     except CaptureRefusedError as refused:
-        if refused.reasons[0].kind in _FINAL:
-            raise
-        raise work.with_axes(refused, rates=in_use or with_ == "gyr") from None
-    doubt = work.doubt(fit)
+        if not auto or refused.reasons[0].kind in _FINAL:
+            raise work.with_axes(refused, rates=in_use or with_ == "gyr") from None
+        fit, why = _rescued(work, helper, refused)
+    doubt = without_gain(imu, fit, steady, dip)
+    if auto and (_heading_sd(fit) > HEADING.fair or doubt is not None):
+        other = _bettered(work, fit)
+        if other is not None:
+            fit, why = other
+            doubt = without_gain(imu, fit, steady, dip)
     if doubt is not None and not force:
         refuse([doubt])
     warning = () if doubt is None else (f"DO NOT USE: {doubt.text}",)
     return replace(fit, remarks=(*warning, why, *fit.remarks))
 
 
-class _OfGyroscope(TypedDict):
+class _BesideRates(TypedDict):
+    acc: Floats | None
     strength: float | None
     gyr_gain_sd: float
     tilt_range: float
@@ -152,13 +160,46 @@ class _Work:
 
     def fit(self, helper: str) -> Fitted:
         """Fit with a helper, or none, and what other sensors say about it."""
-        by = {"gyr": self._with_gyr, "acc": self._with_acc, "none": self._alone, "in use": self._in_use}
-        fit = by[helper]()
+        mag, acc = self.imu.usable("mag"), self.imu.usable("acc")
+        if helper == "none":
+            fit = fit_mag(
+                mag[self.use],
+                shape=SHAPES.get(self.shape),
+                strength=self.strength,
+                acc=_complete(acc[self.use]),
+                dip=self.dip,
+                tilt_range=self.tilt_range,
+            )
+        elif helper == "acc":
+            fit = fit_mag_acc(mag[self.steady], acc[self.steady], strength=self.strength, tilt_range=self.tilt_range)
+            if not self.acc_calibrated:
+                remark = "UNCALIBRATED accelerometer: its errors turn the field; calibrate it first, and give its card."
+                fit = replace(fit, remarks=(remark, *fit.remarks))
+        else:
+            fit = self._with_rates(in_use=helper == "in use")
         remarks = told_by_others(self.imu, fit, self.steady, helper=helper, dip=self.dip)
         return replace(fit, remarks=(*remarks, *fit.remarks))
 
+    def _with_rates(self, *, in_use: bool) -> Fitted:
+        """Fit to the samples that have a rate."""
+        gyr = self.imu.usable("gyr")
+        valid = np.isfinite(gyr).all(axis=1)
+        mag = np.where(self.use[:, np.newaxis], self.imu.usable("mag"), np.nan)
+        force = self.imu.usable("acc")[valid]
+        arguments: _BesideRates = {
+            "acc": force if np.isfinite(force).all(axis=1).any() else None,
+            "strength": self.strength,
+            "gyr_gain_sd": GAIN_SD if self.gyr_calibrated else SHEET_GAIN_SD,
+            "tilt_range": self.tilt_range,
+        }
+        if in_use:
+            return fit_mag_in_use(self.imu.t[valid], mag[valid], gyr[valid], dip=self.dip, **arguments)
+        return fit_mag_gyr(self.imu.t[valid], mag[valid], gyr[valid], **arguments)
+
     def with_axes(self, refused: CaptureRefusedError, *, rates: bool) -> CaptureRefusedError:
         """Refusal that names wrong axes too, first where they mirror: these may be why a fit was refused."""
+        if refused.reasons[0].kind in _FINAL:
+            return refused
         mag = np.where(self.use[:, np.newaxis], self.imu.usable("mag"), np.nan)
         wrong = wrong_axes(self.imu, mag, dip=self.dip)
         if rates and not wrong:
@@ -173,66 +214,9 @@ class _Work:
             advice = f"{advice} If it is a long record of a unit at work, say --in-use, in Python in_use=True."
         return CaptureRefusedError(replace(refused.reasons[0], advice=advice), *refused.reasons[1:])
 
-    def doubt(self, fit: Fitted) -> Reason | None:
-        """Reason not to use a fit; None where it helps."""
-        return without_gain(self.imu, fit, self.steady, self.dip)
-
-    def _alone(self) -> Fitted:
-        force = self.imu.usable("acc")[self.use]
-        return fit_mag(
-            self.imu.usable("mag")[self.use],
-            shape=SHAPES.get(self.shape),
-            strength=self.strength,
-            acc=_complete(force),
-            dip=self.dip,
-            tilt_range=self.tilt_range,
-        )
-
-    def _with_acc(self) -> Fitted:
-        mag, force = (self.imu.usable(name)[self.steady] for name in ("mag", "acc"))
-        fit = fit_mag_acc(mag, force, strength=self.strength, tilt_range=self.tilt_range)
-        if self.acc_calibrated:
-            return fit
-        remark = "UNCALIBRATED accelerometer: its errors turn the field; calibrate it first, and give its card."
-        return replace(fit, remarks=(remark, *fit.remarks))
-
-    def _with_gyr(self) -> Fitted:
-        return fit_mag_gyr(*self._turning(), acc=self._force(), **self._of_gyroscope())
-
-    def _in_use(self) -> Fitted:
-        return fit_mag_in_use(*self._turning(), acc=self._force(), dip=self.dip, **self._of_gyroscope())
-
-    def _turning(self) -> tuple[Floats, Floats, Floats]:
-        """Time, field and rates of the samples that have a rate."""
-        gyr = self.imu.usable("gyr")
-        valid = np.isfinite(gyr).all(axis=1)
-        mag = np.where(self.use[:, np.newaxis], self.imu.usable("mag"), np.nan)
-        return self.imu.t[valid], mag[valid], gyr[valid]
-
-    def _force(self) -> Floats | None:
-        """Specific force of those; None where there is none."""
-        force = self.imu.usable("acc")[np.isfinite(self.imu.usable("gyr")).all(axis=1)]
-        return force if np.isfinite(force).all(axis=1).any() else None
-
-    def _of_gyroscope(self) -> _OfGyroscope:
-        gain_sd = GAIN_SD if self.gyr_calibrated else SHEET_GAIN_SD
-        return {"strength": self.strength, "gyr_gain_sd": gain_sd, "tilt_range": self.tilt_range}
-
-
-def _best(work: _Work, helper: str, why: str, *, auto: bool) -> tuple[Fitted, str]:
-    """Fit with a helper, or with another one where nothing is asked for and that leaves less."""
-    try:
-        fit = work.fit(helper)
-    except CaptureRefusedError as refused:
-        if not auto or refused.reasons[0].kind in _FINAL:
-            raise
-        fit, why = _rescued(work, helper, refused)
-    unsure = auto and (_heading_sd(fit) > HEADING.fair or work.doubt(fit) is not None)
-    return _bettered(work, fit, why) if unsure else (fit, why)
-
 
 def _rescued(work: _Work, helper: str, refused: CaptureRefusedError) -> tuple[Fitted, str]:
-    """Fit of a capture that the accelerometer did not help, or that saw too few directions; else the first refusal."""
+    """Fit of a capture that the accelerometer did not help, or that saw too few directions; else the last refusal."""
     if helper == "acc" and not work.steady[work.use].all():
         count, kind = int(np.count_nonzero(work.steady)), refused.reasons[0].kind
         why = f"Fitted without the accelerometer, because the {count} samples with a vertical are refused as {kind}."
@@ -245,24 +229,24 @@ def _rescued(work: _Work, helper: str, refused: CaptureRefusedError) -> tuple[Fi
         advice = f"{first.advice} If it leaned by some degrees, and that is all it can, choose the gyroscope to help."
         if first.kind == "level-ring":
             advice += " A vehicle that stays level has the shape 'level' (--shape level)."
-        raise work.advising(refused, advice)
+        raise work.with_axes(work.advising(refused, advice), rates=False)
     if first.kind not in {"too-few-regions", "uneven-field"}:
-        raise refused
+        raise work.with_axes(refused, rates=False)
     try:
         return work.fit("gyr"), f"Fitted with the gyroscope, because otherwise {first.text}"
     except CalibrationError:
-        raise work.advising(refused, first.advice) from None
+        raise work.with_axes(work.advising(refused, first.advice), rates=False) from None
 
 
-def _bettered(work: _Work, fit: Fitted, why: str) -> tuple[Fitted, str]:
-    """Fit with the gyroscope, where it leaves less of a heading error than a poor one."""
+def _bettered(work: _Work, fit: Fitted) -> tuple[Fitted, str] | None:
+    """Fit with the gyroscope, and why, where it leaves less of a heading error than a poor one; None elsewhere."""
     try:
         other = work.fit("gyr")
     except CalibrationError:
-        return fit, why
+        return None
     before, after = to_deg(_heading_sd(fit)), to_deg(_heading_sd(other))
     if not after < before:
-        return fit, why
+        return None
     return other, f"Fitted with the gyroscope: predicted heading error {after:.2g}° instead of {before:.2g}°."
 
 
@@ -314,30 +298,20 @@ def _complete(force: Floats) -> Floats | None:
     return force if np.isfinite(force).all() and force.any(axis=1).all() else None
 
 
-def _steady(force: Floats) -> NDArray[np.bool_]:
-    """Samples (N,) whose specific force (N, 3) may be gravity."""
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.abs(np.linalg.norm(force, axis=1) / G0 - 1.0) <= STEADY)
-
-
 def _slow(imu: ImuData) -> NDArray[np.bool_]:
     """Samples (N,) in which the unit turns slowly, by the gyroscope; all where there is none."""
     valid = np.asarray(np.isfinite(imu.usable("gyr")).all(axis=1))
     if not valid.any():
         return np.ones(len(imu), dtype=np.bool_)
     t, rate = imu.t[valid], imu.usable("gyr")[valid]
-    bias = _rate_bias(t, imu.usable("mag")[valid], imu.usable("acc")[valid], rate)
+    fit = agreement(t, imu.usable("mag")[valid], rate)  # the field tells the bias, for even turning looks like rest
+    if fit is not None and fit.slope > LEAST_SLOPE:
+        bias = fit.rate_bias
+    else:
+        rests = stills(t, imu.usable("acc")[valid], rate)
+        bias = np.median(np.concatenate([rate[rest] for rest in rests]), axis=0) if rests else np.zeros(3)
     size = np.linalg.norm(np.subtract(rate, bias), axis=1)
     return np.asarray(np.interp(imu.t, t, size) < SLOW)
-
-
-def _rate_bias(t: Floats, mag: Floats, acc: Floats, rate: Floats) -> Floats:
-    """Bias of rates (N, 3), rad/s: by the field, for even turning looks like rest; else at rest; else none."""
-    fit = agreement(t, mag, rate)
-    if fit is not None and fit.slope > LEAST_SLOPE:
-        return fit.rate_bias
-    rests = stills(t, acc, rate)
-    return np.asarray(np.median(np.concatenate([rate[rest] for rest in rests]), axis=0)) if rests else np.zeros(3)
 
 
 def _in_use(imu: ImuData) -> tuple[str, str]:
@@ -373,20 +347,16 @@ def _helper(
         return "none", f"Fitted without other sensors: {'as asked for' if with_ == 'none' else 'there is no acc'}."
     if shape not in {"auto", "ellipsoid"}:
         return "none", "Fitted without other sensors: they need the whole matrix, and a smaller shape is asked for."
-    return _by_gravity(text, count, calm, all_, _departure(imu.usable("acc")[use & slow]))
+    return _by_gravity(text, count, calm, all_, imu.usable("acc")[use & slow])
 
 
-def _by_gravity(text: str, count: int, calm: int, all_: int, typical: float) -> tuple[str, str]:
-    """Whether the accelerometer helps without being told so, and why, in words."""
+def _by_gravity(text: str, count: int, calm: int, all_: int, force: Floats) -> tuple[str, str]:
+    """Whether the accelerometer, of which this is the force in slow turning, helps without being told so, and why."""
     if calm < max(FEWEST, LEAST_SLOW * all_):
         return "none", f"Fitted without the accelerometer, because the unit turned too fast: {text}."
+    departure = np.abs(np.linalg.norm(force[np.isfinite(force).all(axis=1)], axis=1) / G0 - 1.0)
+    typical = float(np.median(departure)) if departure.size else math.inf
     if count >= FEWEST and 2 * count > calm and typical <= TRUSTED:
         return "acc", f"Fitted with the accelerometer, whose specific force is gravity: {text}."
     doubt = f"{text}, and the median departure is {100.0 * typical:.1f} %"
     return "none", f"Fitted without the accelerometer, which moved or is not calibrated: {doubt}."
-
-
-def _departure(force: Floats) -> float:
-    """Median departure of the specific force (N, 3) from gravity, of itself; infinite where there is none."""
-    departure = np.abs(np.linalg.norm(force[np.isfinite(force).all(axis=1)], axis=1) / G0 - 1.0)
-    return float(np.median(departure)) if departure.size else math.inf

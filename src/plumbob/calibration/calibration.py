@@ -103,7 +103,10 @@ def capture(
     used = named if span is None else _cut(named, span)
     others = None if base is None else base.without("mount", *triads, *if_present)
     applies = others is not None and any(name in others.parts for name in imu.triads)
-    return Capture(apply_card(others, used) if others is not None and applies else used, unit, base, _date(imu))
+    # the day of the recording where its time is known, else today
+    when = datetime.fromtimestamp(imu.meta.t0_ns / 1e9, UTC) if imu.meta.t0_ns else datetime.now(UTC)
+    calibrated = apply_card(others, used) if others is not None and applies else used
+    return Capture(calibrated, unit, base, when.date().isoformat())
 
 
 def card_of(capture: Capture, fits: Mapping[str, Fitted], *, mounted: Mounted | None = None) -> CalibrationCard:
@@ -173,9 +176,3 @@ def _cut(imu: ImuData, span: tuple[float, float]) -> ImuData:
             f"nothing lies from {span[0]:g} to {span[1]:g} s; the recording goes to {float(imu.t[-1]):g} s."
         )
     return imu[first:stop]
-
-
-def _date(imu: ImuData) -> str:
-    """Day of the recording where its time is known, else today."""
-    when = datetime.fromtimestamp(imu.meta.t0_ns / 1e9, UTC) if imu.meta.t0_ns else datetime.now(UTC)
-    return when.date().isoformat()

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,14 +34,6 @@ LEVEL: Final = deg(10.0)
 
 TUMBLED: Final = 0.2
 """Standard deviation of the vertical along each axis from which on a field with hard iron tells its dip."""
-
-
-class Judged(NamedTuple):
-    """Remarks on axes, the triads whose axes are wrong, and whether the field keeps its dip with axes as declared."""
-
-    told: tuple[str, ...]
-    wrong: frozenset[str]
-    dip_kept: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,32 +84,6 @@ class _Fault:
         return f'[{self.suspect.triad}] axes = "{axes}"{" with mirrored = true" if _mirrors(way) else ""}'
 
 
-def judged_axes(imu: ImuData, mag: Floats, *, helper: str, dip: float | None) -> Judged:
-    """Judge the axes of all triads by each other, and a calibration by them.
-
-    Parameters
-    ----------
-    imu : ImuData
-        The capture.
-    mag : ndarray (N, 3)
-        Its calibrated field in the magnetometer's own axes, µT.
-    helper : {"none", "acc", "gyr"}
-        What the fit was helped by, to whose axes it turned the field.
-    dip : float or None
-        Of the field at the place, rad; without it, north of the magnetic equator is assumed.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If the calibration is wrong for them: mirrored, turned-axes.
-    """
-    ways = arrangements(imu.t, mag, acc=imu.usable("acc"), gyr=imu.usable("gyr"))
-    wrong = [_fault(suspect, imu, mag, dip, dip_angle) for suspect in suspects(ways)]
-    refuse([_reason(fault) for fault in wrong if _spoils(fault, helper)])
-    remarks, triads = tuple(_remark(fault) for fault in wrong), frozenset(fault.suspect.triad for fault in wrong)
-    return Judged(remarks, triads, ways.keeps_dip)
-
-
 def wrong_axes(imu: ImuData, mag: Floats, *, dip: float | None) -> tuple[Reason, ...]:
     """Reasons to refuse wrong axes of any triad, whatever a calibration needs.
 
@@ -128,7 +94,7 @@ def wrong_axes(imu: ImuData, mag: Floats, *, dip: float | None) -> tuple[Reason,
     mag : ndarray (N, 3)
         Its field as measured, µT, NaN where it does not count.
     dip : float or None
-        As in `judged_axes`.
+        Of the field at the place, rad; without it, north of the magnetic equator is assumed.
     """
     wrong = suspects(arrangements(imu.t, mag, acc=imu.usable("acc"), gyr=imu.usable("gyr")))
     return tuple(_reason(_fault(suspect, imu, mag, dip, _rough_dip)) for suspect in wrong)
@@ -287,30 +253,32 @@ def told_by_others(
     steady : ndarray (N,) of bool
         Samples whose specific force may be gravity.
     helper : {"none", "acc", "gyr"}
-        What the fit was helped by.
+        What the fit was helped by, to whose axes it turned the field.
     dip : float or None
-        Of the field at the place, rad.
+        Of the field at the place, rad; without it, north of the magnetic equator is assumed.
 
     Raises
     ------
     CaptureRefusedError
         If they contradict it.
     """
-    matrix = fit.calibration.matrix
+    matrix, force = fit.calibration.matrix, imu.usable("acc")
     field = (imu.usable("mag") - fit.calibration.bias) @ matrix.T
-    axes = judged_axes(imu, field @ rotation_in(matrix), helper=helper, dip=dip)
-    remarks = axes.told
-    if imu.gyr is not None and "gyr" not in axes.wrong:
+    own = field @ rotation_in(matrix)  # in the magnetometer's own axes
+    ways = arrangements(imu.t, own, acc=force, gyr=imu.usable("gyr"))
+    faults = [_fault(suspect, imu, own, dip, dip_angle) for suspect in suspects(ways)]
+    refuse([_reason(fault) for fault in faults if _spoils(fault, helper)])
+    remarks, wrong = tuple(_remark(fault) for fault in faults), {fault.suspect.triad for fault in faults}
+    if imu.gyr is not None and "gyr" not in wrong:
         remarks = (*remarks, *_by_gyroscope(imu, field, helper))
-    if "acc" in axes.wrong:
+    if "acc" in wrong:
         return remarks
-    force = imu.usable("acc")
     angle = _dip(field[steady], force[steady])
     angle = _dip(field, force) if angle is None else angle
-    turned = 0.0 if helper == "none" or "mag" in axes.wrong else turn_angle(matrix)
+    turned = 0.0 if helper == "none" or "mag" in wrong else turn_angle(matrix)
     by = "accelerometer" if helper == "acc" else "gyroscope"
-    remarks = (*remarks, *_of_turn(angle, turned, dip, by, one_dip=axes.dip_kept))
-    return remarks if angle is None else (*_of_place(angle, dip, one_dip=axes.dip_kept), *remarks)
+    remarks = (*remarks, *_of_turn(angle, turned, dip, by, one_dip=ways.keeps_dip))
+    return remarks if angle is None else (*_of_place(angle, dip, one_dip=ways.keeps_dip), *remarks)
 
 
 def without_gain(imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], dip: float | None) -> Reason | None:

@@ -73,12 +73,13 @@ def sensing_axes(calibration: TriadCalibration) -> SensingAxes:
     gain = np.linalg.norm(response, axis=1)
     unit = np.asarray(response / gain[:, np.newaxis], dtype=np.float64)
     across = np.sqrt(np.maximum(0.0, 1.0 - np.diag(unit) ** 2))
-    between = unit @ unit.T
+    exact = np.concatenate((gain - 1.0, -np.arcsin((unit @ unit.T)[[0, 0, 1], [1, 2, 2]])))
+    cleaned = np.where(np.abs(exact) > _ROUNDING, exact, 0.0)
     return SensingAxes(
-        scale=_cleaned(gain - 1.0),
+        scale=cleaned[:3],
         scale_sd=_gain_sd(calibration, response, unit),
         misalignment=np.arctan2(np.where(across > np.sqrt(_ROUNDING), across, 0.0), np.diag(unit)),
-        skew=_cleaned(-np.arcsin(between[[0, 0, 1], [1, 2, 2]])),
+        skew=cleaned[3:],
     )
 
 
@@ -89,10 +90,6 @@ def _gain_sd(calibration: TriadCalibration, response: Floats, unit: Floats) -> F
     slopes = np.einsum("ik,lj,ij->ikl", response, response, unit).reshape(3, 9)
     variance = np.einsum("ia,ab,ib->i", slopes, calibration.covariance[3:, 3:], slopes)
     return np.asarray(np.sqrt(np.maximum(0.0, variance)))
-
-
-def _cleaned(values: Floats) -> Floats:
-    return np.asarray(np.where(np.abs(values) > _ROUNDING, values, 0.0))
 
 
 class Sizes(NamedTuple):
@@ -188,12 +185,14 @@ def refusal_text(refused: CaptureRefusedError) -> str:
 
 def _part(name: str, c: TriadCalibration, fit: Fitted | None) -> Report:
     grade = "not graded" if c.quality is None else c.quality.grade
+    lengths = None if fit is None else sizes(name, fit)
+    coverage = None if fit is None or name == "gyr" else covered_directions(fit)
     return Report(
         f"{TITLES[name].capitalize()}: {grade.upper()}",
-        facts=_facts(name, c, fit),
+        facts=_facts(name, c, lengths, coverage),
         tables=[Table("", ["", *AXES], list(_parameters(name, c)))],
         remarks=c.remarks,
-        figures=[] if fit is None else list(_drawn(name, fit)),
+        figures=[] if fit is None else list(_drawn(name, fit, lengths, coverage)),
     )
 
 
@@ -208,10 +207,10 @@ def _mount(mount: Mount) -> Report:
     return Report("Mounting of the unit on its body", facts=facts, remarks=mount.remarks)
 
 
-def _facts(name: str, c: TriadCalibration, fit: Fitted | None) -> list[tuple[str, str]]:
+def _facts(name: str, c: TriadCalibration, lengths: Sizes | None, coverage: "Coverage | None") -> list[tuple[str, str]]:
     """How it was found, how well, and where it holds."""
-    missing = "" if fit is None or name == "gyr" else region_names(np.flatnonzero(~_coverage(fit)[1]).tolist())
-    facts = [("method", c.method), ("date", c.date), ("residual", _residual(name, c, fit))]
+    missing = "" if coverage is None else region_names(np.flatnonzero(~coverage.covered).tolist())
+    facts = [("method", c.method), ("date", c.date), ("residual", _residual(name, c, lengths))]
     facts += [("data", _counts(c)), ("not covered", missing), ("predicted", _predicted(c))]
     facts += [("reference", _reference(name, c)), ("temperature", _temperature(c))]
     return [(label, text) for label, text in facts if text]
@@ -262,14 +261,14 @@ def _rows(
         yield [label, *(measured(v, v - d, v + d) if d > 0.0 else f"{v + 0.0:.6g}" for v, d in pairs)]
 
 
-def _residual(name: str, c: TriadCalibration, fit: Fitted | None) -> str:
+def _residual(name: str, c: TriadCalibration, lengths: Sizes | None) -> str:
     unit = SHOWN[name][0]
     rms = c.residual_rms or 0.0
-    texts = [f"{_with(rms, unit)} rms"] if rms > _NOTHING else []  # one mean leaves nothing, however good it is
-    lengths = None if fit is None else sizes(name, fit)
+    values = [rms] if lengths is None else [rms, *lengths.rms()]
+    shown = [f"{number(value)} {written(unit)}" for value in from_si(np.array(values), unit).tolist()]
+    texts = [f"{shown[0]} rms"] if rms > _NOTHING else []  # one mean leaves nothing, however good it is
     if lengths is not None:
-        before, after = lengths.rms()
-        texts.append(f"magnitude error {_with(before, unit)} rms before calibration, {_with(after, unit)} after")
+        texts.append(f"magnitude error {shown[1]} rms before calibration, {shown[2]} after")
     return "; ".join(texts)
 
 
@@ -310,10 +309,6 @@ def _temperature(c: TriadCalibration) -> str:
     return f"{at}, calibrated {span}{beyond}"
 
 
-def _with(value: float, unit: str) -> str:
-    return f"{number(from_si(value, unit))} {written(unit)}"
-
-
 def _figures(name: str, model: TriadCalibration, fit: Fitted | None) -> dict[str, Any]:
     axes = sensing_axes(model) if model.matrix_found else None
     lengths = None if fit is None else sizes(name, fit)
@@ -342,26 +337,32 @@ _ROOM = 1.5  # of the picture over the largest residual that was used; outliers 
 _MARGIN = 1.14  # of the picture around a hemisphere, in radii
 
 
-def _drawn(name: str, fit: Fitted) -> Iterator[Figure]:
+def _drawn(name: str, fit: Fitted, lengths: Sizes | None, coverage: "Coverage | None") -> Iterator[Figure]:
     """Figures of a fit."""
-    lengths = sizes(name, fit)
-    if lengths is not None:
-        yield coverage_figure(fit)
+    if lengths is not None and coverage is not None:
+        yield coverage_figure(coverage)
         yield size_figure(name, lengths)
     if fit.calibration.bias_per_k.any() and fit.calibration.temp_span_c is not None:
         yield temperature_figure(name, fit.calibration)
     yield residual_figure(name, fit)
 
 
-def _coverage(fit: Fitted) -> tuple[Floats, NDArray[np.bool_]]:
+class Coverage(NamedTuple):
     """Directions (N, 3) of what was measured and used, seen from the centre of the fit, and which regions they fill."""
+
+    directions: Floats
+    covered: NDArray[np.bool_]
+
+
+def covered_directions(fit: Fitted) -> Coverage:
+    """What of all directions a fit has seen."""
     vectors = (fit.measured - fit.calibration.bias)[fit.used]
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True), filled(vectors) > 0
+    return Coverage(vectors / np.linalg.norm(vectors, axis=1, keepdims=True), filled(vectors) > 0)
 
 
-def coverage_figure(fit: Fitted) -> Figure:
+def coverage_figure(coverage: Coverage) -> Figure:
     """Both hemispheres in Lambert's equal-area map with the 18 regions."""
-    directions, covered = _coverage(fit)
+    directions, covered = coverage
 
     def draw(canvas: "FigureBase") -> None:
         for ax, side in zip(canvas.subplots(1, 2), (1.0, -1.0), strict=True):

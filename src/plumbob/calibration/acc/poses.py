@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.calibration.ellipsoid.autocorrelation import alike_in
+from plumbob.calibration.ellipsoid.autocorrelation import alike
 from plumbob.calibration.ellipsoid.ellipsoid_fit import (
     SPARE,
     Ellipsoid,
@@ -196,7 +196,8 @@ def fit_accel(
     poses = check.rows("poses", poses, 3)
     refuse(_unusable(poses, shape, noise, gravity))
     fit, why = _by_shape(poses, shape, noise)
-    matrix, covariance = scaled(fit, gravity, alike=alike_in(fit, poses).factor)
+    shared = alike(fit.residuals, fit.ellipsoid.to_sphere(poses), fit.used)
+    matrix, covariance = scaled(fit, gravity, alike=shared.factor)
     tilt = tilt_sd(matrix, covariance, size=gravity, tilt_range=tilt_range)
     refuse(_untrue(fit, tilt, gravity))
     residuals = np.linalg.norm((poses - fit.ellipsoid.centre) @ matrix, axis=1)[fit.used] - gravity

@@ -18,7 +18,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.ellipsoid.ellipsoid_fit import NormFit
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
 from plumbob.core.units import deg
@@ -51,12 +50,6 @@ def visit_means(residuals: Floats, starts: NDArray[np.intp]) -> Floats:
     return np.asarray(np.add.reduceat(residuals, starts) / np.diff(starts, append=len(residuals)))
 
 
-def staying(residuals: Floats, starts: NDArray[np.intp]) -> float:
-    """Variance of what residuals (N,) keep within visits, or from one to the next, beyond noise and chance."""
-    noise = _noise(residuals)
-    return max(_staying(pairs, noise) for pairs in (_neighbours(residuals, starts), _within(residuals, starts)))
-
-
 def correlation(values: Floats) -> float:
     """Correlation of neighbours among values (N,); 0 where chance explains it."""
     power = float(values @ values)
@@ -64,26 +57,22 @@ def correlation(values: Floats) -> float:
     return rho if rho > _CHANCE / math.sqrt(len(values)) else 0.0
 
 
-class Shared(NamedTuple):
-    """Variance that neighbouring visits share beyond noise, and its standard deviation by chance."""
+class Staying(NamedTuple):
+    """What residuals keep while the unit turns, beyond noise, as variances.
+
+    Attributes
+    ----------
+    variance : float
+        Kept within visits, or from one to the next, beyond chance; 0 where it is nothing.
+    neighbours : float
+        Shared from each visit to the next, significant or not.
+    chance : float
+        Standard deviation of that by chance.
+    """
 
     variance: float
+    neighbours: float
     chance: float
-
-
-def neighbours_share(residuals: Floats, starts: NDArray[np.intp]) -> Shared:
-    """What residuals (N,) share from each visit to the next, significant or not."""
-    pairs, noise = _neighbours(residuals, starts), _noise(residuals)
-    return Shared(max(0.0, _beyond(pairs, noise)), _by_chance(pairs))
-
-
-class _Pairs(NamedTuple):
-    """Means (K,) of stretches of a size, in samples, and of others that lie a gap behind them."""
-
-    first: Floats
-    second: Floats
-    size: float
-    gap: float
 
 
 class _Process(NamedTuple):
@@ -93,43 +82,45 @@ class _Process(NamedTuple):
     rho: float
 
 
-def _neighbours(residuals: Floats, starts: NDArray[np.intp]) -> _Pairs:
-    """Each visit and the next."""
-    means = visit_means(residuals, starts)
-    return _Pairs(means[:-1], means[1:], len(residuals) / len(means), 0.0)
-
-
-def _within(residuals: Floats, starts: NDArray[np.intp]) -> _Pairs:
-    """First and last third of each visit that is long enough."""
+def staying(residuals: Floats, starts: NDArray[np.intp]) -> Staying:
+    """What residuals (N,) keep within visits, of which there are two at least, and from one to the next."""
+    noise, means = _noise(residuals), visit_means(residuals, starts)
+    neighbours = _shared(means[:-1], means[1:], noise, size=len(residuals) / len(means), gap=0.0)
+    variance = neighbours.variance if neighbours.surely else 0.0
     ends = np.append(starts[1:], len(residuals))
     long = ends - starts >= _LONG_VISIT
-    if not long.any():
-        return _Pairs(np.zeros(0), np.zeros(0), 1.0, 0.0)
-    starts, ends = starts[long], ends[long]
-    third = (ends - starts) // 3
-    sums = np.concatenate(([0.0], np.cumsum(residuals)))
-    first, last = (sums[starts + third] - sums[starts]) / third, (sums[ends] - sums[ends - third]) / third
-    return _Pairs(first, last, float(np.mean(third)), float(np.mean(ends - starts - 2 * third)))
+    if long.any():  # first and last third of each visit that is long enough
+        starts, ends = starts[long], ends[long]
+        third = (ends - starts) // 3
+        sums = np.concatenate(([0.0], np.cumsum(residuals)))
+        first, last = (sums[starts + third] - sums[starts]) / third, (sums[ends] - sums[ends - third]) / third
+        gap = float(np.mean(ends - starts - 2 * third))
+        within = _shared(first, last, noise, size=float(np.mean(third)), gap=gap)
+        variance = max(variance, within.variance if within.surely else 0.0)
+    return Staying(variance, max(0.0, neighbours.variance), neighbours.chance)
 
 
-def _staying(pairs: _Pairs, noise: tuple[_Process, ...]) -> float:
-    """What both of a pair share beyond noise and chance, as a variance; 0 where it is nothing."""
-    count = len(pairs.first)
-    if count < FEWEST_VISITS:
-        return 0.0
-    surely = _beyond(pairs, noise, doubt=_DOUBT)
-    return _beyond(pairs, noise) if surely > _CHANCE * _by_chance(pairs) else 0.0
+class _Shared(NamedTuple):
+    """Covariance beyond noise, its standard deviation by chance, and whether it is surely beyond both."""
+
+    variance: float
+    chance: float
+    surely: bool
 
 
-def _beyond(pairs: _Pairs, noise: tuple[_Process, ...], *, doubt: float = 1.0) -> float:
-    """Covariance of both of a pair, less that of noise, as often as it may be."""
-    of_noise = min(process.power * _covariance(process.rho, pairs.size, pairs.gap) for process in noise)
-    return float(np.mean(pairs.first * pairs.second)) - doubt * of_noise
+def _shared(first: Floats, second: Floats, noise: tuple[_Process, ...], *, size: float, gap: float) -> _Shared:
+    """What means (K,) over stretches of a size share with those (K,) of stretches that lie a gap behind them.
 
-
-def _by_chance(pairs: _Pairs) -> float:
-    """Standard deviation of the covariance of both of a pair, if they had nothing in common."""
-    return math.sqrt(float(np.mean(pairs.first**2) * np.mean(pairs.second**2)) / len(pairs.first))
+    Both are in samples. Of a first-order process of correlation ρ and power 1, the means of two stretches have the
+    covariance ``ρ^(gap + 1) ((1 − ρ^size) / (size (1 − ρ)))²``.
+    """
+    of_noise = min(
+        power * float(rho ** (gap + 1.0) * ((1.0 - rho**size) / (size * (1.0 - rho))) ** 2) for power, rho in noise
+    )
+    covariance = float(np.mean(first * second))
+    chance = math.sqrt(float(np.mean(first**2) * np.mean(second**2)) / len(first))
+    surely = len(first) >= FEWEST_VISITS and covariance - _DOUBT * of_noise > _CHANCE * chance
+    return _Shared(covariance - of_noise, chance, surely)
 
 
 def _noise(residuals: Floats) -> tuple[_Process, ...]:
@@ -142,15 +133,6 @@ def _noise(residuals: Floats) -> tuple[_Process, ...]:
     first, second = (0.5 * float(np.mean((residuals[k:] - residuals[:-k]) ** 2)) for k in (1, 2))
     rho = min(max(second / first - 1.0, 0.0), _STAYING_NOISE) if first > 0.0 else 0.0
     return _Process(power, min(correlation(residuals), STAYING)), _Process(min(first / (1.0 - rho), power), rho)
-
-
-def _covariance(rho: float, size: float, gap: float) -> float:
-    """Covariance of the means of two stretches of a first-order process of correlation ρ and power 1.
-
-    The mean over all pairs of samples, j before the end of the one and k behind the start of the other, of
-    ρ^(j + k + gap + 1).
-    """
-    return float(rho ** (gap + 1.0) * ((1.0 - rho**size) / (size * (1.0 - rho))) ** 2)
 
 
 @kernel
@@ -186,11 +168,6 @@ class Alike(NamedTuple):
     def factor(self) -> float:
         """What a covariance that takes them for independent is too small by."""
         return max(self.memory, self.unevenness)
-
-
-def alike_in(fit: NormFit, vectors: Floats) -> Alike:
-    """How many of the vectors (N, 3) that an ellipsoid was fitted to count as one, as `alike`."""
-    return alike(fit.residuals, (vectors - fit.ellipsoid.centre) @ fit.ellipsoid.shape, fit.used)
 
 
 def alike(residuals: Floats, directions: Floats, used: NDArray[np.bool_]) -> Alike:
@@ -234,7 +211,7 @@ def _unevenness(residuals: Floats, starts: NDArray[np.intp]) -> float:
     count = len(starts)
     if count < FEWEST_VISITS:
         return 1.0
-    if not (stays := staying(residuals, starts)) > 0.0:
+    if not (stays := staying(residuals, starts).variance) > 0.0:
         return 1.0
     return max(1.0, _per_sample(stays * count / (count - _TAKEN_UP), residuals) / SLOW)
 

@@ -45,6 +45,10 @@ class Ellipsoid(NamedTuple):
     centre: Floats
     shape: Floats
 
+    def to_sphere(self, vectors: Floats) -> Floats:
+        """Vectors (N, 3) as they lie about the unit sphere that becomes of the ellipsoid."""
+        return (vectors - self.centre) @ self.shape
+
 
 def fit_axes(vectors: Floats) -> Ellipsoid | None:
     """Ellipsoid along the axes, 6 parameters, by least squares of [Yu2018] (13), (14); None where it is none.
@@ -252,7 +256,8 @@ def fit_norm(
     """
     middle, size = start.centre, 3.0 / float(np.trace(start.shape))
     points = np.ascontiguousarray((vectors - middle) / size)
-    descent = _Descent(points, shape, _parameters(start.shape * size))
+    sides = start.shape * size
+    descent = _Descent(points, shape, np.concatenate((np.zeros(3), np.diag(sides), sides[[0, 0, 1], [1, 2, 2]])))
     if robust and len(points) <= _FEW:
         descent.set_aside_groups()
     elif robust:
@@ -300,7 +305,8 @@ class _Descent:
             if float(np.sqrt(step @ a @ step)) < _ENOUGH * np.sqrt(self.cost / len(self.points)) + _EXACT:
                 return True
             trial, before = self.p + self.space @ step, self.normal.copy()
-            cost = self._cost(trial, soft) if _is_shape(trial) else np.inf
+            positive = np.isfinite(trial).all() and np.linalg.eigvalsh(_matrix(trial[3:]))[0] > 0.0
+            cost = self._cost(trial, soft) if positive else np.inf
             if cost < self.cost:
                 self.p, self.cost, damping = trial, cost, max(0.1 * damping, 1e-12)
             else:
@@ -315,9 +321,13 @@ class _Descent:
         return max(typical * float(np.sqrt(len(self.points) / free)), 1e-12)
 
     def set_aside(self) -> None:
-        """Mark as outliers what no normal error of this scale explains."""
+        """Mark as outliers what no normal error of this scale explains: one of all would, with `FALSE_ALARM`."""
+        from scipy.stats import t
+
+        count = len(self.points)
+        limit = float(t.ppf(1.0 - 0.5 * FALSE_ALARM / count, max(1, count - self.shape.value)))
         scale = self.scale()
-        self.used = np.abs(self.residuals) <= self._limit(len(self.points) - self.shape.value) * scale
+        self.used = np.abs(self.residuals) <= limit * scale
 
     def set_aside_groups(self) -> None:
         """Mark outliers among few samples, of which a median says little: each pulls the fit to itself."""
@@ -328,12 +338,6 @@ class _Descent:
             if not worst.size:
                 return
             self.used[indices[worst]] = False
-
-    def _limit(self, free: int) -> float:
-        """Residual over its standard deviation that one of all samples exceeds by chance with `FALSE_ALARM`."""
-        from scipy.stats import t
-
-        return float(t.ppf(1.0 - 0.5 * FALSE_ALARM / len(self.points), max(1, free)))
 
     def result(self, middle: Floats, size: float, noise: float) -> NormFit | None:
         """Take the scaling back."""
@@ -367,19 +371,10 @@ class _Descent:
         return self.space.T @ normal @ self.space, self.space.T @ self.normal[:, 9]
 
 
-def _parameters(shape: Floats) -> Floats:
-    """Parameters (9,) of a symmetric matrix about the origin."""
-    return np.concatenate((np.zeros(3), np.diag(shape), [shape[0, 1], shape[0, 2], shape[1, 2]]))
-
-
 def _matrix(t: Floats) -> Floats:
     """Symmetric matrix of xx, yy, zz, xy, xz, yz."""
     xx, yy, zz, xy, xz, yz = t.tolist()
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def _is_shape(p: Floats) -> bool:
-    return bool(np.isfinite(p).all() and np.linalg.eigvalsh(_matrix(p[3:]))[0] > 0.0)
 
 
 LARGEST: Final = 3
@@ -508,35 +503,38 @@ def first_ellipsoid(vectors: Floats) -> Ellipsoid:
     return fit_quadric(some) or fit_axes(some) or _ball(some)
 
 
-def fit_shape(vectors: Floats, shape: Shape) -> NormFit | None:
-    """Fit of one shape, as asked for."""
-    return fit_norm(vectors, shape, first_ellipsoid(vectors))
+def choose(vectors: Floats, shape: Shape | None = None) -> ShapeChoice | None:
+    """Fit of the smallest shape that the vectors (N, 3) do not contradict, or of the one that is asked for.
 
-
-def choose(vectors: Floats) -> ShapeChoice | None:
-    """Fit of the smallest shape that the vectors (N, 3) do not contradict; None where the full one cannot be fitted."""
+    None where that cannot be fitted, or the full one to which the others are held.
+    """
+    if shape is not None:
+        single = fit_norm(vectors, shape, first_ellipsoid(vectors))
+        return single and ShapeChoice(single, single, "asked for")
     some = vectors[:: max(1, len(vectors) // _SOME)]
-    full = fit_shape(some, Shape.ELLIPSOID) if len(some) >= Shape.ELLIPSOID.value + SPARE else None
+    enough = len(some) >= Shape.ELLIPSOID.value + SPARE
+    full = fit_norm(some, Shape.ELLIPSOID, first_ellipsoid(some)) if enough else None
     if full is None:
         return None
     fit, tests, used = full, [], some[full.used]
-    for shape in (Shape.AXES, Shape.SPHERE):
-        smaller = fit_norm(used, shape, full.ellipsoid, robust=False)
+    for fewer in (Shape.AXES, Shape.SPHERE):
+        smaller = fit_norm(used, fewer, full.ellipsoid, robust=False)
         chance = 0.0 if smaller is None else _chance(smaller, fit, len(used))
-        tests.append(f"{shape.name.lower()} against {fit.shape.name.lower()}: {p_value(chance)}")
+        tests.append(f"{fewer.name.lower()} against {fit.shape.name.lower()}: {p_value(chance)}")
         if smaller is None or chance < SIGNIFICANCE:
             break
         fit = smaller
-    return _choice(vectors, fit, full, "; ".join(tests))
-
-
-def _choice(vectors: Floats, fit: NormFit, full: NormFit, why: str) -> ShapeChoice | None:
-    """Choice of a part, fitted to all vectors, with the outliers of the full shape."""
+    why = "; ".join(tests)
+    # the choice of a part is fitted to all vectors, with the outliers of the full shape
     general = full if len(full.used) == len(vectors) else fit_norm(vectors, Shape.ELLIPSOID, full.ellipsoid)
     if general is None or fit.shape is Shape.ELLIPSOID:
         return general and ShapeChoice(general, general, why)
     smaller = fit_norm(vectors[general.used], fit.shape, fit.ellipsoid, robust=False)
-    return smaller and ShapeChoice(_spread(smaller, general), general, why)
+    if smaller is None:
+        return None
+    residuals = general.residuals.copy()
+    residuals[general.used] = smaller.residuals
+    return ShapeChoice(smaller._replace(residuals=residuals, used=general.used), general, why)
 
 
 def _chance(smaller: NormFit, larger: NormFit, count: int) -> float:
@@ -547,13 +545,6 @@ def _chance(smaller: NormFit, larger: NormFit, count: int) -> float:
     if not larger.cost > 0.0:
         return 1.0 if not smaller.cost > 0.0 else 0.0
     return float(f.sf(max(0.0, smaller.cost - larger.cost) / more / (larger.cost / free), more, free))
-
-
-def _spread(smaller: NormFit, full: NormFit) -> NormFit:
-    """Fit of the used samples, told for all of them."""
-    residuals = full.residuals.copy()
-    residuals[full.used] = smaller.residuals
-    return smaller._replace(residuals=residuals, used=full.used)
 
 
 def _ball(vectors: Floats) -> Ellipsoid:

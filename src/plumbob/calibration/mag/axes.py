@@ -108,26 +108,14 @@ def _chunk(t: Floats, mag: Floats, gyr: Floats, size: int) -> tuple[Floats, Floa
     count = (len(t) - 1) // size
     edges = np.arange(count + 1) * size
     gapless = np.diff(t[edges]) <= _LONGEST
-    last = int(edges[-1])
-    at = _derivatives(mag[: last + 1], gyr[: last + 1])
-    each = 0.5 * (at[1:] + at[:-1]) * np.diff(t[: last + 1])[:, np.newaxis, np.newaxis]
+    t, mag_at, gyr = (values[: int(edges[-1]) + 1] for values in (t, mag, gyr))
+    by_field, by_rate = skew(mag_at), skew(gyr)
+    gain = (by_field[:, :, :, np.newaxis] * gyr[:, np.newaxis, np.newaxis, :]).reshape(len(t), 3, 9)
+    constant = np.broadcast_to(np.eye(3), (len(t), 3, 3))
+    at = np.concatenate((gain, by_field, by_rate, constant), axis=2)  # the change of the field per second
+    each = 0.5 * (at[1:] + at[:-1]) * np.diff(t)[:, np.newaxis, np.newaxis]
     rows = each.reshape(count, size, 3, at.shape[2]).sum(axis=1)
     return rows[gapless], np.diff(mag[edges], axis=0)[gapless]
-
-
-def _derivatives(mag: Floats, gyr: Floats) -> Floats:
-    """Derivatives (N, 3, 18) of the change of the field per second, at each sample."""
-    by_field, by_rate = _cross(mag), _cross(gyr)
-    gain = (by_field[:, :, :, np.newaxis] * gyr[:, np.newaxis, np.newaxis, :]).reshape(len(mag), 3, 9)
-    constant = np.broadcast_to(np.eye(3), (len(mag), 3, 3))
-    return np.concatenate((gain, by_field, by_rate, constant), axis=2)
-
-
-def _cross(vectors: Floats) -> Floats:
-    """Matrices (N, 3, 3) that make the cross product with vectors (N, 3)."""
-    x, y, z = vectors.T
-    nothing = np.zeros(len(vectors))
-    return np.stack((nothing, -z, y, z, nothing, -x, -y, x, nothing), axis=1).reshape(-1, 3, 3)
 
 
 def _solution(columns: Floats, change: Floats) -> tuple[Floats, Floats] | None:
@@ -231,7 +219,20 @@ def arrangements(t: Floats, mag: Floats, *, acc: Floats, gyr: Floats) -> Arrange
     acc, gyr : ndarray (N, 3)
         Specific force, m/s², and rates, rad/s, calibrated or not; rows with NaN do not count, as those of all three.
     """
-    return Arrangements(_keeping_dip(mag, acc), *_by_rates(t, mag, acc, gyr))
+    keeping_dip = _keeping_dip(mag, acc)
+    rows = _windows(t, np.flatnonzero(np.isfinite(gyr).all(axis=1)))
+    if len(rows) < _FEWEST_WINDOWS:
+        return Arrangements(keeping_dip, (), ())
+    # no hand pushes the field, so it tells the bias of the rates and their sense, by which the force is turned back
+    bias, turned, field = np.zeros(3), [], []
+    for _ in range(_ROUNDS):
+        turned = [_turned_by(t, gyr - bias, rows, sense) for sense in (1.0, -1.0)]
+        field = _direction_fits(turned, mag, offset=True)
+        bias = bias + min(field, key=lambda fit: fit.misfit).bias if field else bias
+    ways = _ways(field)
+    senses = {float(np.linalg.det(way)) for way in ways} or {1.0, -1.0}
+    force = _direction_fits([back for back in turned if back.sense in senses], acc, offset=False)
+    return Arrangements(keeping_dip, ways, _ways(force))
 
 
 def wander(t: Floats, field: Floats, gyr: Floats) -> float | None:
@@ -354,24 +355,6 @@ class _Followed(NamedTuple):
     bias: Floats
 
 
-def _by_rates(t: Floats, mag: Floats, acc: Floats, gyr: Floats) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
-    """Arrangements of the gyroscope's axes, not excluded, in which the field turns as the rates say, and the force.
-
-    No hand pushes the field, so it tells the bias of the rates and their sense, by which the force is turned back.
-    """
-    rows = _windows(t, np.flatnonzero(np.isfinite(gyr).all(axis=1)))
-    if len(rows) < _FEWEST_WINDOWS:
-        return (), ()
-    bias, turned, field = np.zeros(3), [], []
-    for _ in range(_ROUNDS):
-        turned = [_turned_by(t, gyr - bias, rows, sense) for sense in (1.0, -1.0)]
-        field = _direction_fits(turned, mag, offset=True)
-        bias = bias + min(field, key=lambda fit: fit.misfit).bias if field else bias
-    ways = _ways(field)
-    senses = {float(np.linalg.det(way)) for way in ways} or {1.0, -1.0}
-    return ways, _ways(_direction_fits([fit for fit in turned if fit.sense in senses], acc, offset=False))
-
-
 def _ways(fits: Sequence["_Followed"]) -> tuple[Floats, ...]:
     return _not_excluded([fit.way for fit in fits], [fit.misfit for fit in fits], _FOLLOWED, _LEAST_SQUARES)
 
@@ -420,16 +403,11 @@ def _way_fits(turned: _TurnedBack, vectors: Floats, ways: Sequence[Floats], *, o
     for way in ways:
         back = np.einsum("wpijk,kj->wpi", products, way)
         columns = np.concatenate((skew(back) @ by_bias, turns), axis=3) if offset else skew(back) @ by_bias
-        cost, step = _within(back, columns)
-        fits.append(_Followed(turned.sense * way, cost / max(float(np.sum(back * back)), _TINY), -turned.sense * step))
+        about, columns = (each - each.mean(axis=1, keepdims=True) for each in (back, columns))  # means of windows
+        step, cost = _solved(columns.reshape(-1, columns.shape[3]), about.ravel())
+        share_left = cost / max(float(np.sum(back * back)), _TINY)
+        fits.append(_Followed(turned.sense * way, share_left, -turned.sense * step[:3]))
     return fits
-
-
-def _within(values: Floats, columns: Floats) -> tuple[float, Floats]:
-    """Squares of values (W, 4, 3) about the means of windows, beside columns (W, 4, 3, K), and the first of these."""
-    values, columns = (each - each.mean(axis=1, keepdims=True) for each in (values, columns))
-    solution, cost = _solved(columns.reshape(-1, columns.shape[3]), values.ravel())
-    return cost, solution[:3]
 
 
 def _solved(rows: Floats, values: Floats) -> tuple[Floats, float]:

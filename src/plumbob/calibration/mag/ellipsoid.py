@@ -12,14 +12,13 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.calibration.ellipsoid.autocorrelation import LONG, alike_in
+from plumbob.calibration.ellipsoid.autocorrelation import LONG, alike
 from plumbob.calibration.ellipsoid.ellipsoid_fit import (
     SPARE,
     NormFit,
     Shape,
     choose,
     fit_norm,
-    fit_shape,
     linearised,
     mean_radius,
     scaled,
@@ -47,7 +46,7 @@ from plumbob.calibration.mag.checks import (
     where_known,
     wrong_field,
 )
-from plumbob.calibration.mag.field_gradient import Unevenness, one_axis, unevenness_in
+from plumbob.calibration.mag.field_gradient import Unevenness, one_axis, unevenness
 from plumbob.calibration.predicted import NAMES, TILT_RANGE, filled, heading_apart, heading_sd, region_names
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
@@ -185,7 +184,7 @@ def _part(
     fit = fit_norm(vectors, Shape.ELLIPSOID, full.ellipsoid, robust=False)
     if fit is None:
         return None
-    patches = unevenness_in(fit, vectors).patches
+    patches = unevenness(fit.residuals, fit.ellipsoid.to_sphere(vectors), fit.used).patches
     wandering = field._replace(patches=patches).spread(fit.residuals)
     matrix, covariance = scaled(fit, place.size, alike=memory + wandering)
     sd = heading_sd(matrix, covariance, size=place.size, dip=place.dip, tilt_range=place.tilt_range)
@@ -239,21 +238,30 @@ def fit_mag(
     ParameterError
         If another argument is outside its range.
     """
-    _require_shape(shape)
+    if shape is not None and not isinstance(shape, Shape):
+        shapes = ", ".join(str(each) for each in Shape)
+        raise ParameterError(f"shape must be one of {shapes}, or None to have it chosen, but it is {shape!r}.")
     require_figures(strength=strength, dip=dip, tilt_range=tilt_range)
     mag = finite_rows("mag", mag)
     acc = None if acc is None else forces(acc, len(mag))
     least = (shape or Shape.ELLIPSOID).value + SPARE
     if len(mag) < least:
-        refuse([_too_few(len(mag), least)])
-    if (narrow := _constant(mag) or one_axis(mag, acc)) is not None:
+        refuse([Reason("too-few", f"{len(mag)} samples, but this shape needs {least} at least.", _ADVICE)])
+    # a field that hardly changed; a weak one, of whatever scale, by as large a share of it
+    share = min(1.0, math.sqrt(float(np.mean(np.sum(mag * mag, axis=1)))) / WEAKEST)
+    constant = unturned(mag, _ADVICE) if _change(mag) <= LEAST_CHANGE * share else None
+    if (narrow := constant or one_axis(mag, acc)) is not None:
         refuse([narrow])
-    fit, full, why = _fitted(mag, shape)
+    if (choice := choose(mag, shape)) is None:
+        raise CaptureRefusedError(unturned(mag, _ADVICE) or _shapeless(mag))
+    fit, full, why = choice
     radius = mean_radius(fit.ellipsoid.shape)
     size = strength or radius
-    dip = _dip(mag, fit, acc) if dip is None else dip
-    shared, place = alike_in(full, mag), ReferenceField(size, dip, tilt_range)
-    field = unevenness_in(full, mag)
+    if dip is None:
+        dip = DIP if acc is None else dip_angle(fit.ellipsoid.to_sphere(mag)[fit.used], acc[fit.used])
+    directions, place = full.ellipsoid.to_sphere(mag), ReferenceField(size, dip, tilt_range)
+    shared = alike(full.residuals, directions, full.used)
+    field = unevenness(full.residuals, directions, full.used)
     matrix, _ = scaled(fit, strength, alike=1.0)
     _, independent = scaled(full, strength, alike=1.0)  # what is too small to show may be there all the same
     residuals = full.residuals[full.used]
@@ -292,29 +300,6 @@ def _change(mag: Floats) -> float:
     return math.sqrt(float(np.sum(np.var(mag, axis=0))))
 
 
-def _require_shape(shape: Shape | None) -> None:
-    if shape is not None and not isinstance(shape, Shape):
-        shapes = ", ".join(str(each) for each in Shape)
-        raise ParameterError(f"shape must be one of {shapes}, or None to have it chosen, but it is {shape!r}.")
-
-
-def _constant(mag: Floats) -> Reason | None:
-    """Reason to refuse a field that hardly changed; a weak one, of whatever scale, by as large a share of it."""
-    size = math.sqrt(float(np.mean(np.sum(mag * mag, axis=1))))
-    return unturned(mag, _ADVICE) if _change(mag) <= LEAST_CHANGE * min(1.0, size / WEAKEST) else None
-
-
-def _fitted(mag: Floats, shape: Shape | None) -> tuple[NormFit, NormFit, str]:
-    """Fit, the full shape that it was held against, and why it was chosen."""
-    chosen = choose(mag) if shape is None else None
-    if chosen is not None:
-        return chosen
-    fit = None if shape is None else fit_shape(mag, shape)
-    if fit is None:
-        raise CaptureRefusedError(unturned(mag, _ADVICE) or _shapeless(mag))
-    return fit, fit, "asked for"
-
-
 def _shapeless(mag: Floats) -> Reason:
     """Reason to refuse a capture that no ellipsoid fits."""
     directions = mag - mag.mean(axis=0)
@@ -342,10 +327,6 @@ def _check(mag: Floats, fit: NormFit, doubt: Doubt, strength: float | None) -> N
     refuse([reason for reason in reasons if reason is not None])
 
 
-def _too_few(count: int, least: int) -> Reason:
-    return Reason("too-few", f"{count} samples, but this shape needs {least} at least.", _ADVICE)
-
-
 def _coverage(mag: Floats, fit: NormFit, sd: float) -> Reason | None:
     if sd <= HEADING.poor:
         return None
@@ -362,13 +343,6 @@ def _regions_told(directions: Floats) -> str:
     empty = [i for i, count in enumerate(counts.tolist()) if count == 0]
     text = f"{len(NAMES) - len(empty)} of {len(NAMES)} directions were seen"
     return f"{text}, missing {region_names(empty)}" if empty else text
-
-
-def _dip(mag: Floats, fit: NormFit, acc: Floats | None) -> float:
-    """Dip of the field, rad, by the specific force; an assumed one without it."""
-    if acc is None:
-        return DIP
-    return dip_angle(((mag - fit.ellipsoid.centre) @ fit.ellipsoid.shape)[fit.used], acc[fit.used])
 
 
 def _remarks(fit: NormFit, why: str, strength: float | None, size: float, doubt: Doubt) -> tuple[str, ...]:

@@ -21,8 +21,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.ellipsoid.autocorrelation import FEWEST_VISITS, LONG, neighbours_share, staying, visits
-from plumbob.calibration.ellipsoid.ellipsoid_fit import NormFit
+from plumbob.calibration.ellipsoid.autocorrelation import FEWEST_VISITS, LONG, staying, visits
 from plumbob.calibration.fit import Reason
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
@@ -123,12 +122,6 @@ class Unevenness(NamedTuple):
         return covariance
 
 
-def unevenness_in(fit: NormFit, vectors: Floats, *, lengths: bool = True) -> Unevenness:
-    """How uneven the field was in the vectors (N, 3) that an ellipsoid was fitted to, as `unevenness`."""
-    directions = (vectors - fit.ellipsoid.centre) @ fit.ellipsoid.shape
-    return unevenness(fit.residuals, directions, fit.used, lengths=lengths)
-
-
 def unevenness(
     residuals: Floats,
     directions: Floats,
@@ -163,7 +156,11 @@ def unevenness(
     share = 1.0 - taken_up / patches if patches > taken_up else 0.0
     if len(starts) < FEWEST_VISITS or share == 0.0:
         return Unevenness(USUAL, 0.0, patches, short=True)
-    shown, hidden = np.max([_shown(column, starts) for column in columns], axis=0)
+    stays = [staying(column, starts) for column in columns]
+    hidden = np.max([each.chance for each in stays])
+    shown = np.max(
+        [max(each.variance, each.neighbours if each.neighbours > _LIKELY * each.chance else 0.0) for each in stays]
+    )
     evident = _LIKE_SEEN * shown / max(share, _LEAST_SHARE)
     least = HIDDEN * hidden / (USUAL**2 * share)
     drowned = least**_SHARPNESS / (1.0 + least**_SHARPNESS)
@@ -171,13 +168,6 @@ def unevenness(
     along = ALONG if lengths and by_hand else 0.0
     variance = evident + USUAL**2 * max(along, drowned)
     return Unevenness(float(np.sqrt(variance)), float(np.sqrt(evident)), patches, short=drowned > along)
-
-
-def _shown(residuals: Floats, starts: NDArray[np.intp]) -> tuple[float, float]:
-    """Variance that residuals (N,) share from visit to visit, and what chance makes of it."""
-    shared = neighbours_share(residuals, starts)
-    likely = shared.variance if shared.variance > _LIKELY * shared.chance else 0.0
-    return max(likely, staying(residuals, starts)), shared.chance
 
 
 def _patches(directions: Floats) -> float:

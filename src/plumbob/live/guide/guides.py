@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.ellipsoid.autocorrelation import alike_in
+from plumbob.calibration.ellipsoid.autocorrelation import alike
 from plumbob.calibration.ellipsoid.ellipsoid_fit import (
     SPARE,
     Ellipsoid,
@@ -14,13 +14,12 @@ from plumbob.calibration.ellipsoid.ellipsoid_fit import (
     Shape,
     first_ellipsoid,
     fit_norm,
-    fit_shape,
     mean_radius,
     scaled,
 )
 from plumbob.calibration.fit import HEADING, TILT, grade_of
 from plumbob.calibration.mag.checks import DIP
-from plumbob.calibration.mag.field_gradient import one_axis, unevenness_in
+from plumbob.calibration.mag.field_gradient import one_axis, unevenness
 from plumbob.calibration.predicted import NAMES, REGIONS, filled, heading_sd, region_index, tilt_sd
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
@@ -102,9 +101,9 @@ class AccelGuide(Guide):
             self._say(news)
 
     def _fit(self, poses: Floats) -> None:
-        fit = fit_shape(poses, Shape.ELLIPSOID) if len(poses) >= Shape.ELLIPSOID.value + SPARE else None
-        self._centre = np.zeros(3) if fit is None else fit.ellipsoid.centre
-        self._sd = None if fit is None else _predicted(fit, poses)
+        enough = len(poses) >= Shape.ELLIPSOID.value + SPARE
+        fit = fit_norm(poses, Shape.ELLIPSOID, first_ellipsoid(poses)) if enough else None
+        self._centre, self._sd = (np.zeros(3), None) if fit is None else (fit.ellipsoid.centre, _predicted(fit, poses))
 
     def _words(self, here: int | None, goal: int | None) -> str:
         if here is None or goal is None:
@@ -115,8 +114,8 @@ class AccelGuide(Guide):
 
 
 def _predicted(fit: NormFit, poses: Floats) -> float:
-    matrix, covariance = scaled(fit, G0, alike=alike_in(fit, poses).factor)
-    return tilt_sd(matrix, covariance, size=G0)
+    shared = alike(fit.residuals, fit.ellipsoid.to_sphere(poses), fit.used)
+    return tilt_sd(*scaled(fit, G0, alike=shared.factor), size=G0)
 
 
 def _filled(vectors: Floats) -> NDArray[np.bool_]:
@@ -302,8 +301,9 @@ def _is_certain(fit: NormFit) -> bool:
 def _predicted_heading(fit: NormFit, vectors: Floats) -> tuple[float, float]:
     """Predicted heading error, rad, and what of it more turning can make smaller: a length never shows the rest."""
     matrix, independent = scaled(fit, None, alike=1.0)
-    memory, radius = alike_in(fit, vectors).memory, mean_radius(fit.ellipsoid.shape)
-    fields = (unevenness_in(fit, vectors, lengths=lengths) for lengths in (True, False))
+    samples = fit.residuals, fit.ellipsoid.to_sphere(vectors), fit.used
+    memory, radius = alike(*samples).memory, mean_radius(fit.ellipsoid.shape)
+    fields = (unevenness(*samples, lengths=lengths) for lengths in (True, False))
     residuals = fit.residuals[fit.used]
     counted = (
         field.counted(independent, memory=memory, residuals=residuals, matrix=matrix, radius=radius) for field in fields
