@@ -85,7 +85,14 @@ def characterise(
             )
         else:
             analyses += _streamed(group, record.size, taus, progress)
-    return [_with_findings(analysis, report) for analysis in analyses]
+    return [
+        replace(
+            a,
+            step=report.steps.get(a.name, 0.0),
+            notes=(*(warning.text for warning in report.warnings if warning.concerns(a.name)), *a.notes),
+        )
+        for a in analyses
+    ]
 
 
 def deviations(record: StaticRecord, report: StaticReport, kind: str, *, taus: Taus = None) -> list[Deviation]:
@@ -217,11 +224,6 @@ def _too_long(tau: float, dt: float, count: int, kind: str = "oadev") -> Paramet
         f"τ = {tau:g} s is too long: for {kind}, a record of {count * dt:.6g} s has "
         f"{kind_named(kind).longest(count) * dt:.6g} s at most."
     )
-
-
-def _with_findings(analysis: Analysis, report: StaticReport) -> Analysis:
-    warnings = tuple(w.text for w in report.warnings if w.concerns(analysis.name))
-    return replace(analysis, step=report.steps.get(analysis.name, 0.0), notes=(*warnings, *analysis.notes))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

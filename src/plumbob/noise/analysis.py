@@ -403,12 +403,7 @@ def _notes(unmasked: Spectrum, choice: Choice, mask: Mask, quoted: Mapping[str, 
     shown = [letter for letter, c in quoted.items() if c.observable]
     if len(unseen) == 2 and is_more_than(unmasked, choice.best, shown):
         yield "bias instability and random walk cannot be separated in this record, but one of them is present"
-    yield from _misfits(unmasked, choice.best)
-
-
-def _misfits(unmasked: Spectrum, best: LikelihoodFit) -> Iterator[str]:
-    """Octaves in which the spectrum is not the model's."""
-    for inside, excess, sd in departures(unmasked, best, octaves(unmasked)):
+    for inside, excess, sd in departures(unmasked, choice.best, octaves(unmasked)):  # from the model
         if abs(excess) > max(_MISFIT, _SURE * sd):
             low, high = unmasked.frequency[inside][[0, -1]]
             yield (

@@ -25,7 +25,7 @@ of the whole curve under the fitted spectrum. For K and R the likelihood says mo
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import combinations
 from typing import Final, NamedTuple
@@ -63,7 +63,7 @@ def least_squares(curve: Curve, *, first: int = 1, others: Sequence[Sinusoid | B
     background = np.sum([other.variance(tau) for other in others] + [np.zeros(tau.size)], axis=0)
     columns = _columns(n, curve.dt)
     measured = curve.dev[used] ** 2
-    squares, inverse = _solve(columns, measured, background, curve.edf[used], lambda model: _freedom(curve, n, model))
+    squares, inverse = _solve(columns, measured, background, curve, used)
     model: Floats = columns @ squares + background
     covariance: Floats = inverse @ _covariance(curve, n, squares, model) @ inverse.T
     sd = np.sqrt(np.diag(covariance))
@@ -88,21 +88,21 @@ def _freedom(curve: Curve, n: NDArray[np.int64], model: Floats) -> Floats:
 
 
 def _solve(
-    columns: Floats, measured: Floats, background: Floats, freedom: Floats, freedom_of: Callable[[Floats], Floats]
+    columns: Floats, measured: Floats, background: Floats, curve: Curve, used: NDArray[np.bool_]
 ) -> tuple[Floats, Floats]:
     """Squares of the coefficients (5,), and the matrix (5, m) that makes them of the measured variances.
 
     The weights are those of the model, not of the measured values: a value that came out low would otherwise count
     more.
     """
-    model = measured
+    model, freedom = measured, curve.edf[used]
     for _ in range(_WEIGHINGS):
         weight = np.sqrt(0.5 * freedom) / model
         weighted = weight[:, np.newaxis] * columns
         scale = np.sqrt(np.sum(weighted**2, axis=0))
         squares = _not_negative(weighted / scale, weight * (measured - background)) / scale
         model = np.maximum(columns @ squares + background, 1e-3 * measured)
-        freedom = freedom_of(model)
+        freedom = _freedom(curve, curve.n[used], model)
     inverse = np.linalg.pinv(weighted / scale) / scale[:, np.newaxis] * weight
     return squares, np.asarray(inverse)
 
@@ -270,7 +270,8 @@ def lines(curve: Curve, *, first: int = 1) -> Estimates:
     slope = _local_slope(x, y)
     terms = {}
     for letter, term in TERMS.items():
-        run = _longest_run(np.abs(slope - term.slope) <= _WITHIN)
+        spans = runs(np.abs(slope - term.slope) <= _WITHIN)
+        run = slice(*max(spans, key=np.ptp)) if spans else None  # the longest
         if run is not None and x[run.stop - 1] - x[run.start] >= _DECADES:
             height = float(np.mean(y[run] - term.slope * x[run]))
             terms[letter] = _read(curve, term, height)
@@ -301,10 +302,6 @@ def _local_slope(x: Floats, y: Floats) -> Floats:
         dx = x[near] - np.mean(x[near])
         slope[i] = np.dot(dx, y[near]) / np.dot(dx, dx)
     return slope
-
-
-def _longest_run(inside: NDArray[np.bool_]) -> slice | None:
-    return slice(*max(spans, key=lambda r: r[1] - r[0])) if (spans := runs(inside)) else None
 
 
 Inside = NDArray[np.bool_]

@@ -163,30 +163,21 @@ def along(
 ) -> Floats:
     """``of_one(kind, alpha, count, n)`` at every factor, of so many at some and between them, as `edf` says."""
     factors = checked_factors(kind, count, n)
-    exponent = _exponents(kind, alpha, factors.size)
-    knots = _edf_knots(SHAPES[kind], factors)
+    exponent = check.floats("alpha", alpha)
+    lowest, *_, highest = SHAPES[kind].levels
+    if not ((exponent >= lowest) & (exponent <= highest)).all():
+        raise ParameterError(f"alpha of {kind} must lie between {lowest} and {highest}, but it is {exponent}.")
+    exponent = np.broadcast_to(exponent, np.broadcast_shapes(exponent.shape, (factors.size,)))
+    knots = np.arange(factors.size)
+    if SHAPES[kind].overlapping and factors.size > _KNOTS:  # what is disjoint changes by leaps, and is computed at all
+        if not (np.diff(factors) > 0).all():
+            raise ParameterError(f"n must increase where more than {_KNOTS} factors are asked for; sort them first.")
+        knots = np.unique(np.searchsorted(factors, np.round(np.geomspace(factors[0], factors[-1], _KNOTS))))
     rows = exponent.reshape(-1, factors.size)
     table = np.array([[of_one(kind, float(row[i]), count, int(factors[i])) for i in knots] for row in rows])
     if knots.size < factors.size:
         table = np.array([np.exp(np.interp(np.log(factors), np.log(factors[knots]), np.log(row))) for row in table])
     return table.reshape(exponent.shape)
-
-
-def _exponents(kind: str, alpha: ArrayLike, size: int) -> Floats:
-    exponent = check.floats("alpha", alpha)
-    lowest, *_, highest = SHAPES[kind].levels
-    if not ((exponent >= lowest) & (exponent <= highest)).all():
-        raise ParameterError(f"alpha of {kind} must lie between {lowest} and {highest}, but it is {exponent}.")
-    return np.broadcast_to(exponent, np.broadcast_shapes(exponent.shape, (size,)))
-
-
-def _edf_knots(shape: DeviationKind, n: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Places of the factors to compute at; what is disjoint changes by leaps, and is computed at all."""
-    if not shape.overlapping or n.size <= _KNOTS:
-        return np.arange(n.size)
-    if not (np.diff(n) > 0).all():
-        raise ParameterError(f"n must increase where more than {_KNOTS} factors are asked for; sort them first.")
-    return np.unique(np.searchsorted(n, np.round(np.geomspace(n[0], n[-1], _KNOTS))))
 
 
 @lru_cache(maxsize=4096)
@@ -319,13 +310,17 @@ def identify(kind: str, count: int, n: ArrayLike, dev: ArrayLike) -> Floats:
         If there are fewer than two factors, or they do not increase.
     """
     factors, deviation = _checked(n, dev)
-    knots = _knots(factors)
+    step = np.floor(np.log2(factors) * _KNOTS_PER_OCTAVE)
+    knots = np.flatnonzero(np.diff(step, prepend=-1.0) > 0.0)  # some of the many factors that a curve of every n has
     octave = np.log2(factors[knots])
-    log_variance = 2.0 * np.log(deviation[knots])
+    log_square = 2.0 * np.log(deviation[knots])
     shape = kind_named(kind)
     half = 0.5 * edf(kind, -1.0, count, factors[knots])  # how it falls with n hardly depends on α
-    slope = _local_slope(octave, log_variance - psi(half) + np.log(half), zeta(2.0, half))  # [Bartlett1946]
-    alpha = _alpha(shape, factors[knots].astype(np.int64), slope)
+    slope = _local_slope(octave, log_square - psi(half) + np.log(half), zeta(2.0, half))  # [Bartlett1946]
+    whole = factors[knots].astype(np.int64)
+    rise = [log_variance(shape, level, 2 * whole) - log_variance(shape, level, whole) for level in shape.levels]
+    fall = -np.transpose(rise) / np.log(2.0)  # [Riley2008]: of noise of each level, or of two together, from n to 2n
+    alpha = [np.interp(-steepness, row, shape.levels) for steepness, row in zip(slope, fall, strict=True)]
     return np.asarray(np.interp(np.log2(factors), octave, alpha))
 
 
@@ -343,19 +338,6 @@ def _checked(n: ArrayLike, dev: ArrayLike) -> tuple[Floats, Floats]:
             "is the record constant, or a steady drift?"
         )
     return factors, deviation
-
-
-def _knots(factors: Floats) -> NDArray[np.intp]:
-    """Places of the factors that are looked at, of the many that a curve of every n has."""
-    step = np.floor(np.log2(factors) * _KNOTS_PER_OCTAVE)
-    return np.flatnonzero(np.diff(step, prepend=-1.0) > 0.0)
-
-
-def _alpha(shape: DeviationKind, n: NDArray[np.int64], slope: Floats) -> Floats:
-    """Exponent of the noise, or of two together, that is as steep from n to 2n."""
-    rise = [log_variance(shape, level, 2 * n) - log_variance(shape, level, n) for level in shape.levels]
-    fall = -np.transpose(rise) / np.log(2.0)  # [Riley2008]
-    return np.array([np.interp(-steepness, row, shape.levels) for steepness, row in zip(slope, fall, strict=True)])
 
 
 def _local_slope(octave: Floats, value: Floats, variance: Floats) -> Floats:

@@ -272,11 +272,10 @@ def deviation(rate: ArrayLike, n: ArrayLike, kind: str = "oadev") -> Floats:
     """
     samples = check.floats("rate", rate)
     check.one_of("kind", kind, KINDS)
-    how = _HOW[kind]
     angles = running_sums(samples)
     factors = checked_factors(kind, samples.shape[0], n)
     increasing, places = np.unique(factors, return_inverse=True)
-    deviations = np.array([np.sqrt(_variance(angle, increasing, how)) for angle in angles]).T
+    deviations = np.array([np.sqrt(_variance(angle, increasing, kind)) for angle in angles]).T
     return np.ascontiguousarray(deviations[places].reshape(factors.size, *samples.shape[1:]))
 
 
@@ -314,18 +313,10 @@ def _unusable(rate: Floats) -> ShapeError:
     )
 
 
-def _itself(angle: Floats) -> Floats:
-    return angle
-
-
 def _mirrored(angle: Floats) -> Floats:
     """θ, continued beyond each end by its reflection in the end point: 3N − 1 points."""
     inner = angle[-2:0:-1]
     return np.concatenate((2.0 * angle[0] - inner, angle, 2.0 * angle[-1] - inner))  # [Riley2008] (25)
-
-
-def _all_points(points: Floats, n: int) -> tuple[Floats, int]:
-    return points, n
 
 
 def _every_nth(points: Floats, n: int) -> tuple[Floats, int]:
@@ -339,31 +330,31 @@ def _centred(points: Floats, n: int) -> tuple[Floats, int]:
 
 
 class _SumRule(NamedTuple):
-    prepare: Callable[[Floats], Floats]
-    view: Callable[[Floats, int], tuple[Floats, int]]  # points and spacing at n
     add_squares: Callable[[Floats, Factors, Floats], None]
-    reach: Callable[[int], int]  # how far the last point of a difference lies behind its first, by its spacing
     scale: float
+    view: Callable[[Floats, int], tuple[Floats, int]] | None = None  # points and spacing at n; else all, n apart
 
 
 _HOW: Final = {
-    "oadev": _SumRule(_itself, _all_points, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (11)
-    "adev": _SumRule(_itself, _every_nth, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (7)
-    "mdev": _SumRule(_itself, _all_points, modified_squares, lambda n: 3 * n - 1, 2.0),  # [Riley2008] (14)
-    "ohdev": _SumRule(_itself, _all_points, third_squares, lambda n: 3 * n, 6.0),  # [Riley2008] (20)
-    "hdev": _SumRule(_itself, _every_nth, third_squares, lambda n: 3 * n, 6.0),  # [Riley2008] (18)
-    "totdev": _SumRule(_mirrored, _centred, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (25)
+    "oadev": _SumRule(second_squares, 2.0),  # [Riley2008] (11)
+    "adev": _SumRule(second_squares, 2.0, _every_nth),  # [Riley2008] (7)
+    "mdev": _SumRule(modified_squares, 2.0),  # [Riley2008] (14)
+    "ohdev": _SumRule(third_squares, 6.0),  # [Riley2008] (20)
+    "hdev": _SumRule(third_squares, 6.0, _every_nth),  # [Riley2008] (18)
+    "totdev": _SumRule(second_squares, 2.0, _centred),  # [Riley2008] (25)
 }
 
 
-def _variance(angle: Floats, factors: Factors, how: _SumRule) -> Floats:
-    points = how.prepare(angle)
+def _variance(angle: Floats, factors: Factors, kind: str) -> Floats:
+    how, shape = _HOW[kind], SHAPES[kind]
+    points = _mirrored(angle) if kind == "totdev" else angle
     sums, terms = np.zeros(factors.size), np.empty(factors.size)
-    if how.view is _all_points:
+    if how.view is None:
         how.add_squares(points, factors, sums)  # together, which is several times as fast
     for j, n in enumerate(factors.tolist()):
-        strided, spacing = how.view(points, n)
-        terms[j] = strided.size - how.reach(spacing)
-        if how.view is not _all_points:
+        strided, spacing = (points, n) if how.view is None else how.view(points, n)
+        # the last point of a difference lies so far behind its first
+        terms[j] = strided.size - ((shape.order + shape.averaged) * spacing - shape.averaged)
+        if how.view is not None:
             how.add_squares(strided, np.array([spacing]), sums[j : j + 1])
     return np.asarray(sums / (how.scale * factors.astype(np.float64) ** 2 * terms))

@@ -325,11 +325,11 @@ def coefficients(
     model = _Model(spectrum)
     terms = {w: replace(model.interval(best, k), observable=False) for k, w in enumerate(LETTERS) if w in barred}
     for k in (LETTERS.index(letter) for letter in terms):
-        best = model.without(best, k)
+        best = model.with_log(best, k)
     if "Q" not in terms:
         terms["Q"] = model.interval(best, 0)
         if not terms["Q"].observable:
-            best = model.without(best, 0)
+            best = model.with_log(best, 0)
     wider = _wider(spectrum, best, bands)
     terms = {w: terms[w] if w in terms else model.interval(best, k, wider[k]) for k, w in enumerate(LETTERS)}
     ramp = model.ramp(best)
@@ -379,7 +379,7 @@ def is_more_than(spectrum: Spectrum, best: LikelihoodFit, shown: Sequence[str]) 
     bare = best
     for k, letter in enumerate(LETTERS):
         if letter not in shown:
-            bare = model.without(bare, k)
+            bare = model.with_log(bare, k)
     return model.search(bare.logs, held=[k for k, w in enumerate(LETTERS) if w not in shown]).deviance > (
         best.deviance + CLEARLY
     )
@@ -451,29 +451,26 @@ class _Model:
         clear = float(np.interp(0.0, values, share)) < _ONE_SIDED
         return Coefficient(median, max(lo, 0.0), hi, upper, clear)
 
-    def without(self, best: LikelihoodFit, k: int) -> LikelihoodFit:
-        """The fit without term k."""
-        logs = best.logs.copy()
-        logs[k] = _NOTHING
+    def with_log(self, start: LikelihoodFit, k: int, log: float = _NOTHING) -> LikelihoodFit:
+        """Fit from another one with the logarithm of coefficient k held; by default without that term."""
+        logs = start.logs.copy()
+        logs[k] = log
         return self.search(logs, held=(k,))
 
     def _profile(self, best: LikelihoodFit, k: int, wider: float = 1.0) -> tuple[Floats, Floats, list[LikelihoodFit]]:
         """Ln likelihood, all others at their best, over values of coefficient k from nothing to where it has fallen."""
         top = math.exp(best.logs[k]) * 1.5
-        while self._fit_at(best, k, top).deviance - best.deviance < (3.0 * wider) ** 2:  # three standard deviations
+        while (
+            self.with_log(best, k, math.log(top)).deviance - best.deviance < (3.0 * wider) ** 2
+        ):  # three standard deviations
             top *= 1.5
         values = np.linspace(0.0, top, _GRID)
         now, fits = best, []
         for value in values[::-1]:
-            now = self._fit_at(now, k, max(value, 1e-6 * top))
+            now = self.with_log(now, k, math.log(max(value, 1e-6 * top)))
             fits.append(now)
         profile = -0.5 * np.array([f.deviance for f in fits[::-1]])
         return values, profile - profile.max(), fits[::-1]
-
-    def _fit_at(self, start: LikelihoodFit, k: int, value: float) -> LikelihoodFit:
-        logs = start.logs.copy()
-        logs[k] = math.log(value)
-        return self.search(logs, held=(k,))
 
 
 def _sd_of_log(best: LikelihoodFit, k: int) -> float:

@@ -142,11 +142,6 @@ class Triad(NamedTuple):
     channels: Mapping[str, Analysis]
 
     @property
-    def title(self) -> str:
-        """Name for a heading."""
-        return TITLES.get(self.name, self.name)
-
-    @property
     def quantity(self) -> Quantity:
         """What its samples measure."""
         return self.first.quantity
@@ -359,9 +354,10 @@ def _compared_numbers(pair: ChannelComparison) -> dict[str, Any]:
 
 def _triad(triad: Triad) -> Report:
     first, channels = triad.first, list(triad.channels.values())
+    title = TITLES[triad.name].capitalize() if triad.name in TITLES else triad.name
     alone = len(channels) == 1
     return Report(
-        triad.title.capitalize() if triad.name in TITLES else triad.title,
+        title,
         facts=[("record", length_and_rate(triad))],
         tables=[Table("", ["", *triad.channels], _coefficient_rows(triad)), *(_details(first) if alone else ())],
         remarks=_remarks(triad),
@@ -441,13 +437,21 @@ def _remarks(triad: Triad) -> list[str]:
 def _coefficient_rows(triad: Triad) -> list[list[str]]:
     """Rows of the table of a triad: name with unit, and one cell for each axis."""
     units, sample, channels = DATASHEET[triad.quantity], DEVIATION[triad.quantity], triad.channels.values()
+    floors, times = [], []
+    for least in map(lowest, channels):
+        if least is None:
+            floors.append("-")
+            times.append("-")
+        else:
+            floors.append(measured(*(from_si(value, sample) for value in (least.dev, least.lo, least.hi))))
+            times.append(f"{number(least.tau)} s" + ("" if least.risen else " or later"))
     return [
         *(
             [f"{k} {term.name} [{written(units[k])}]", *(_cell(a.terms, k, units[k]) for a in channels)]
             for k, term in TERMS.items()
         ),
-        [f"floor of the curve [{written(sample)}]", *map(_floor, channels)],
-        ["at an averaging time of", *map(_floor_at, channels)],
+        [f"floor of the curve [{written(sample)}]", *floors],
+        ["at an averaging time of", *times],
         [f"mean [{written(sample)}]", *(number(from_si(a.mean, sample), 4) for a in channels)],
         [f"standard deviation [{written(sample)}]", *(number(from_si(a.sd, sample), 4) for a in channels)],
     ]
@@ -455,17 +459,6 @@ def _coefficient_rows(triad: Triad) -> list[list[str]]:
 
 def _cell(terms: Mapping[str, Coefficient], letter: str, unit: str) -> str:
     return coefficient(terms[letter], unit) if letter in terms else "-"
-
-
-def _floor(a: Analysis) -> str:
-    """Deviation whose interval ends lowest."""
-    least, unit = lowest(a), DEVIATION[a.quantity]
-    return "-" if least is None else measured(*(from_si(value, unit) for value in (least.dev, least.lo, least.hi)))
-
-
-def _floor_at(a: Analysis) -> str:
-    least = lowest(a)
-    return "-" if least is None else f"{number(least.tau)} s" + ("" if least.risen else " or later")
 
 
 def _verdicts(triad: Triad) -> Iterator[str]:

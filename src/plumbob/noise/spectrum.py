@@ -149,7 +149,9 @@ def sampled_densities(frequency: Floats, dt: float) -> Floats:
 def densities(spectrum: Spectrum) -> Floats:
     """Density (4, m) of Q, N, B and K in each bin."""
     density = _averaged(partial(sampled_densities, dt=spectrum.dt), spectrum)
-    density[0] += _ends_of_quantization(spectrum)
+    turn = 0.5 * np.pi * _middle(spectrum) / spectrum.count
+    # what the first and the last angle of a record, whose differences the samples are, add to cosine coefficients
+    density[0] += 4.0 * np.cos(turn) ** 2 / (spectrum.count * spectrum.step)
     density[2] *= _flicker_in_cosines(spectrum)
     return check.read_only(density)
 
@@ -239,12 +241,6 @@ def _middle(spectrum: Spectrum) -> Floats:
     return np.asarray(0.5 * (spectrum.stop + spectrum.start - 1.0))
 
 
-def _ends_of_quantization(spectrum: Spectrum) -> Floats:
-    """What the first and the last angle of a record, whose differences the samples are, add to cosine coefficients."""
-    turn = 0.5 * np.pi * _middle(spectrum) / spectrum.count
-    return np.asarray(4.0 * np.cos(turn) ** 2 / (spectrum.count * spectrum.step))
-
-
 def _flicker_in_cosines(spectrum: Spectrum) -> Floats:
     """Variance of the cosine coefficient j of flicker noise over its density: (2/π) (Si(jπ) − (1 − (−1)^j) / (jπ)).
 
@@ -288,13 +284,17 @@ def find_sinusoids(samples: Floats, dt: float, averaged: int = 1) -> tuple[tuple
         return (), samples
     for _ in range(_AT_MOST):
         density, floor = _periodogram(residual, dt)
-        peak = _highest(density, floor)
-        if peak is None:
+        limit = _UNSURE_FLOOR * math.log(density.size / _FALSE_ALARM)
+        ratio = density / floor
+        ratio[: int(_LOWEST)] = 0.0
+        ratio[-2:] = 0.0
+        peak = int(np.argmax(ratio))
+        if not ratio[peak] > limit:
             break
         bin_width = 1.0 / (samples.size * dt)
         sinusoid, without = _measure(residual, dt, peak * bin_width, float(floor[peak]))
         around = slice(max(peak - 2, 1), peak + 3)
-        if _periodogram(without, dt)[0][around].max() > _limit(density.size) * floor[peak]:
+        if _periodogram(without, dt)[0][around].max() > limit * floor[peak]:
             break
         sinusoids.append(_before_averaging(sinusoid, averaged))
         residual = without
@@ -321,18 +321,6 @@ def _periodogram(samples: Floats, dt: float) -> tuple[Floats, Floats]:
     medians = np.median(density[:stop].reshape(-1, _BLOCK), axis=1) / math.log(2.0)  # of exponential values
     floor = np.interp(np.arange(density.size), np.arange(medians.size) * _BLOCK + 0.5 * (_BLOCK - 1), medians)
     return density, np.maximum(floor, 1e-300)
-
-
-def _limit(frequencies: int) -> float:
-    return _UNSURE_FLOOR * math.log(frequencies / _FALSE_ALARM)
-
-
-def _highest(density: Floats, floor: Floats) -> int | None:
-    ratio = density / floor
-    ratio[: int(_LOWEST)] = 0.0
-    ratio[-2:] = 0.0
-    peak = int(np.argmax(ratio))
-    return peak if ratio[peak] > _limit(density.size) else None
 
 
 def _measure(samples: Floats, dt: float, frequency: float, floor: float) -> tuple[Sinusoid, Floats]:

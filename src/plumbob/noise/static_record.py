@@ -180,10 +180,7 @@ def static_channels(
             f"{file}: its time stamps say {1.0 / sensors.dt:.6g} Hz, but the rate given is {rate:g} Hz; leave the rate "
             "out, or correct the time in its profile."
         )
-    groups = tuple(
-        Channels(s.names, Quantity(s.unit), s.dt, s.start, len(s.names) == 3, s.values) for s in sensors.sensors
-    )
-    return StaticRecord(file, size, groups, sensors.refused, (*recording.notes, *sensors.notes))
+    return StaticRecord(file, size, tuple(sensors.groups), sensors.refused, (*recording.notes, *sensors.notes))
 
 
 def static_of_plain(
@@ -280,31 +277,6 @@ after which all are shifted."""
 FEWEST: Final = 3
 
 
-@dataclass(frozen=True, eq=False)
-class Sensor:
-    """Evenly spaced samples of one triad, or of those of its axes that can be used.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Such as "gyr x".
-    unit : str
-        Of the values.
-    dt : float
-        Sampling time, s.
-    start : float
-        Time of the first sample, s.
-    values : ndarray (N, k)
-        Without a missing one.
-    """
-
-    names: tuple[str, ...]
-    unit: str
-    dt: float
-    start: float
-    values: Floats
-
-
 @dataclass
 class Sensors:
     """What a recording has.
@@ -313,8 +285,8 @@ class Sensors:
     ----------
     dt : float
         Sampling time of its rows, s.
-    sensors : list of Sensor
-        Those that can be used.
+    groups : list of Channels
+        Triads, or those of their axes, that can be used: evenly spaced, without a missing sample.
     refused : dict
         Triads and channels that cannot, and why.
     notes : list of str
@@ -322,7 +294,7 @@ class Sensors:
     """
 
     dt: float
-    sensors: list[Sensor] = field(default_factory=list)
+    groups: list[Channels] = field(default_factory=list)
     refused: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
@@ -360,7 +332,7 @@ def usable_sensors(
     for name in imu.triads:
         if name in triads:
             _take(part, name, sensors)
-    if not sensors.sensors:
+    if not sensors.groups:
         raise ShapeError(f"{file}: no sensor can be used: {'; '.join(f'{k} {v}' for k, v in sensors.refused.items())}.")
     return sensors
 
@@ -440,8 +412,9 @@ def _take(imu: ImuData, name: str, sensors: Sensors) -> None:
     axes = [axis for axis in np.flatnonzero(given).tolist() if axis not in clipped]
     if axes:
         names = tuple(f"{name} {'xyz'[axis]}" for axis in axes)
-        dt = float(imu.t[rows[-1]] - imu.t[rows[0]]) / (rows.size - 1)
-        sensors.sensors.append(Sensor(names, UNITS[name], dt, float(imu.t[rows[0]]), values[rows][:, axes]))
+        start, end = float(imu.t[rows[0]]), float(imu.t[rows[-1]])
+        dt, samples = (end - start) / (rows.size - 1), values[rows][:, axes]
+        sensors.groups.append(Channels(names, Quantity(UNITS[name]), dt, start, len(names) == 3, samples))
 
 
 def _own_rows(places: NDArray[np.int64], imu: ImuData, name: str, sensors: Sensors) -> NDArray[np.int64] | None:

@@ -48,14 +48,13 @@ def clipped(values: Floats) -> list[Pile]:
     if levels.size < 3:
         return []
     ends = [Pile(float(levels[i]), int(counts[i]), int(counts[k])) for i, k in ((0, 1), (-1, -2))]
-    return [pile for pile in ends if _piled(pile, values)]
-
-
-def _piled(pile: Pile, values: Floats) -> bool:
-    if pile.size <= RATIO * pile.inside or pile.size < CLIPPED_SHARE * values.size:
-        return False
-    there = values == pile.value
-    return int(np.count_nonzero(there[1:] & ~there[:-1])) + int(there[0]) >= FEWEST
+    piles = []
+    for pile in ends:
+        there = values == pile.value
+        visits = int(np.count_nonzero(there[1:] & ~there[:-1])) + int(there[0])
+        if pile.size > RATIO * pile.inside and pile.size >= CLIPPED_SHARE * values.size and visits >= FEWEST:
+            piles.append(pile)
+    return piles
 
 
 HELD_SHARE: Final = 0.8
@@ -235,7 +234,9 @@ def find_step(values: ArrayLike) -> float:
         Samples; a hundred or more, as fewer show nothing.
     """
     samples = check.column("values", values)
-    levels = _levels(np.unique(samples[np.isfinite(samples)]))
+    levels = np.unique(samples[np.isfinite(samples)])
+    if levels.size > 1:  # without those that differ from their neighbour by rounding only
+        levels = levels[np.append(True, np.diff(levels) > _ROUNDING * np.max(np.abs(levels)))]
     if levels.size < 2 or samples.size < REPEATS * levels.size:
         return 0.0
     rise = np.diff(levels)
@@ -245,14 +246,6 @@ def find_step(values: ArrayLike) -> float:
         step = float(np.polyfit(number, levels - levels[0], 1)[0])
     residual = levels - levels[0] - step * number
     return step if np.ptp(residual) < 2.0 * _RESIDUAL * step else 0.0
-
-
-def _levels(values: Floats) -> Floats:
-    """Sorted values without those that differ from their neighbour by rounding only."""
-    if values.size < 2:
-        return values
-    apart = np.diff(values) > _ROUNDING * np.max(np.abs(values))
-    return values[np.concatenate(([True], apart))]
 
 
 LEAST: Final = 10
@@ -435,11 +428,6 @@ class Level:
         return [(i * hop * n, ((i + halves) * hop + 2) * n) for i in places.tolist()]
 
 
-def _level(n: int, dt: float) -> Level:
-    least = LONG_HALF_WINDOW if n < _GAUSSIAN else HALF_WINDOW
-    return Level(n, max(least, round(1.0 / (n * dt))))
-
-
 class Stillness:
     """Watches one channel, block by block.
 
@@ -453,7 +441,10 @@ class Stillness:
         self.count = 0
         self._last = np.empty(0)
         octaves = max(2, round(float(np.log2(LONGEST_AVERAGE / dt))))
-        self._levels = [_level(n, dt) for n in (1 << k for k in range(octaves + 1))]
+        self._levels = [
+            Level(n, max(LONG_HALF_WINDOW if n < _GAUSSIAN else HALF_WINDOW, round(1.0 / (n * dt))))
+            for n in (1 << k for k in range(octaves + 1))
+        ]
 
     def add(self, samples: Floats) -> None:
         """Take the next samples (n,), all finite."""
@@ -497,7 +488,7 @@ def joined(parts: Parts) -> Parts:
 
 def longest_gap(parts: Parts, start: float, stop: float) -> tuple[float, float]:
     """Longest interval from `start` to `stop` outside all the parts."""
-    return max(between(parts, start, stop), key=lambda gap: gap[1] - gap[0], default=(start, start))
+    return max(between(parts, start, stop), key=np.ptp, default=(start, start))
 
 
 def between(parts: Parts, start: float, stop: float) -> Parts:

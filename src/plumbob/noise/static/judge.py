@@ -220,14 +220,13 @@ class StaticCheck:
 
     def stuck(self) -> Parts:
         """When a channel repeated one value for longer than its noise can, s."""
-        return self._times([part for column in self._sound for part in self._stuck(column)])
-
-    def _stuck(self, column: int) -> Parts:
-        scatter = _local_sds(self.excerpt()[:, column])
-        lively = scatter[scatter > 0.0]
-        if lively.size and np.median(lively) < TWO_LEVELS * self._grains()[column][0]:  # its noise rests by itself
-            return []
-        return self._runs[column].stuck()
+        parts = Parts()
+        for column in self._sound:
+            scatter = _local_sds(self.excerpt()[:, column])
+            lively = scatter[scatter > 0.0]
+            if not (lively.size and np.median(lively) < TWO_LEVELS * self.steps[column]):  # its noise rests by itself
+                parts += self._runs[column].stuck()
+        return self._times(parts)
 
     def _times(self, parts: Parts) -> Parts:
         return joined([(float(self.start + a * self.dt), float(self.start + b * self.dt)) for a, b in parts])
@@ -260,11 +259,14 @@ class StaticCheck:
         return [grain[0] for grain in self._grains()]
 
     def _grains(self) -> list[tuple[float, float]]:
-        """Step and short-term scatter of each channel."""
+        """Step and short-term scatter of each channel, within short windows, which drift does not reach."""
         if self._grain is None:
             columns = np.ascontiguousarray(self.excerpt().T)
             sound = self._sound
-            self._grain = [(find_step(c), _local_sd(c)) if i in sound else (0.0, 0.0) for i, c in enumerate(columns)]
+            self._grain = [
+                (find_step(c), float(np.median(_local_sds(c)))) if i in sound else (0.0, 0.0)
+                for i, c in enumerate(columns)
+            ]
         return self._grain
 
     def _coarse(self, column: int) -> float:
@@ -487,11 +489,6 @@ def _after(t: float) -> float:
 
 def _before(t: float) -> float:
     return math.floor(10.0 * t + 1e-6) / 10.0
-
-
-def _local_sd(values: Floats) -> float:
-    """Typical standard deviation within short windows, which drift does not reach."""
-    return float(np.median(_local_sds(values)))
 
 
 def _local_sds(values: Floats, size: int = 64) -> Floats:
