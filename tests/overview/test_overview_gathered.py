@@ -9,9 +9,8 @@ import pytest
 import plumbob
 from plumbob.core.errors import ShapeError
 from plumbob.data import AttitudeTrack
-from plumbob.overview import traces
-from plumbob.overview.streaming_stats import Gatherer, attitude_channels
-from plumbob.overview.traces import Tracing
+from plumbob.overview import streaming_stats
+from plumbob.overview.streaming_stats import Gatherer, Tracing, attitude_channels
 from plumbob.rotations import euler_zyx_from_quat, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
@@ -85,7 +84,7 @@ def test_a_window_counts_alone_and_every_sample_of_a_short_recording_is_traced(s
 
 def test_a_long_recording_keeps_every_extreme(monkeypatch):
     """Smallest and largest of each ten of 997, the last seven too; a spike of one sample is there."""
-    monkeypatch.setattr(traces, "BUCKETS", 100)
+    monkeypatch.setattr(streaming_stats, "BUCKETS", 100)
     t, rng = np.arange(997) * 0.1, np.random.default_rng(1)
     values = rng.normal(size=(997, 2))
     values[503, 0] = 50.0
@@ -103,7 +102,7 @@ def test_a_long_recording_keeps_every_extreme(monkeypatch):
 
 
 def test_a_gap_in_a_long_recording_breaks_the_line(monkeypatch):
-    monkeypatch.setattr(traces, "BUCKETS", 10)
+    monkeypatch.setattr(streaming_stats, "BUCKETS", 10)
     t = np.arange(100) * 0.1
     t[55:] += 2.0
     broken = np.zeros(100, dtype=bool)
@@ -118,7 +117,7 @@ def test_a_gap_in_a_long_recording_breaks_the_line(monkeypatch):
 
 
 def test_extremes_of_an_angle_are_about_its_first_value(monkeypatch):
-    monkeypatch.setattr(traces, "BUCKETS", 1)
+    monkeypatch.setattr(streaming_stats, "BUCKETS", 1)
     angle = np.radians([350.0, 355.0, 1.0, 8.0])
     tracing = Tracing(("heading",), 4, most=2, circular=("heading",))
     tracing.add(np.arange(4.0), angle[:, None], np.zeros(4, dtype=bool))

@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -144,7 +145,7 @@ def _grade_lines(grade: "Grade", *, full: bool) -> Iterator[str]:
     units = ", ".join(f"{visible(name)} {unit.points:g}" for name, unit in (grade.units or {}).items())
     of = f"; {units}; reasons of the worst" if units else ""
     yield f"{'grade':12} {grade.points:g} of 100, {grade.word}{of}"
-    for criterion in sorted(grade.criteria, key=lambda criterion: -criterion.lost):
+    for criterion in sorted(grade.criteria, key=attrgetter("lost"), reverse=True):
         if not (criterion.lost or full):
             continue
         yield f"{'':12} {criterion.name}: −{criterion.lost:.3g} of {criterion.points:g}: {visible(criterion.measured)}"

@@ -14,9 +14,8 @@ from plumbob.data import ImuData
 from plumbob.data.recording import Recording
 from plumbob.overview.figures import WHATS, figure, figures
 from plumbob.overview.report_entry import Progress, Subject, duration, read_subject, subject_from
-from plumbob.overview.streaming_stats import Gatherer
+from plumbob.overview.streaming_stats import WHOLE, Gatherer
 from plumbob.overview.tables import comparison_table, summary, tables
-from plumbob.overview.traces import WHOLE
 from plumbob.overview.wording import definitions, remarks
 from plumbob.quality.grade import grade
 from plumbob.reporting.report import Report, Reported

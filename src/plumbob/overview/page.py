@@ -12,7 +12,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core.check import Floats
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg
 from plumbob.core.web import asset
@@ -163,23 +162,20 @@ def _data(subject: Subject, plots: list[dict[str, Any]], name: str, values: dict
     lines = [line for plot in plots for line in plot["lines"]]
     wanted = dict.fromkeys(line[key] for line in lines for key in ("channel", "sd") if key in line)
     t = g.traces.t
+    step = float(t[-1] - t[0]) / (t.size - 1) if t.size > 1 else 1.0
+    times: dict[str, Any] = {"first": float(t[0]), "step": step}
+    if float(np.max(np.abs(t - t[0] - step * np.arange(t.size)))) > _EVEN:
+        values[f"{name}t"] = _encoded(t.astype("<f8"))
+        times = {"block": f"{name}t"}
     return {
         "rows": int(t.size),
-        "t": _times(t, f"{name}t", values),
+        "t": times,
         "breaks": np.flatnonzero(~np.isfinite(g.traces.values).any(axis=1)).tolist(),
         "begin": g.begin, "end": g.end,
         "epoch": subject.t0_ns / 1e9 if subject.t0_ns else None,
         "channels": {channel: _channel(g, channel, f"{name}{i}", values) for i, channel in enumerate(wanted)},
         "charts": plots,
     }  # fmt: skip
-
-
-def _times(t: Floats, name: str, values: dict[str, str]) -> dict[str, Any]:
-    step = float(t[-1] - t[0]) / (t.size - 1) if t.size > 1 else 1.0
-    if float(np.max(np.abs(t - t[0] - step * np.arange(t.size)))) <= _EVEN:
-        return {"first": float(t[0]), "step": step}
-    values[name] = _encoded(t.astype("<f8"))
-    return {"block": name}
 
 
 def _channel(g: Gathered, channel: str, name: str, values: dict[str, str]) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
@@ -127,7 +128,7 @@ def read_subject(
             follow=gatherer,
             keep=False,
             note=note,
-            progress=None if progress is None else lambda done, total: progress(name, done, total),
+            progress=None if progress is None else partial(progress, name),
         )
         grade = grade_of(recording, judged=bool(paths)) if graded else None
         return subject_from(result, gatherer, paths, session, notes, grade)
@@ -163,6 +164,10 @@ def _subject(
     about: Mapping[str, Any],
 ) -> Subject:
     """A recording with its provenance; `estimate` are facts of it, `about` further fields."""
+    import scipy
+
+    versions = f"NumPy {np.__version__}, SciPy {scipy.__version__}, Python {platform.python_version()}"
+    software = f"plumbob {__version__}, {versions}, {datetime.now(UTC).strftime('%Y-%m-%d %H:%M UTC')}"
     facts = [*_provenance(name, paths, session, meta, gathered)]
     if meta is not None:
         sensors = ", ".join(TITLES[triad] for triad in gathered.triads)
@@ -172,7 +177,7 @@ def _subject(
         name=name,
         files=tuple(paths),
         gathered=gathered,
-        facts=(*facts, *estimate, ("made by", _software())),
+        facts=(*facts, *estimate, ("made by", software)),
         calibrated=meta is None or meta.calibration is not None,
         t0_ns=0 if meta is None else meta.t0_ns,
         **about,
@@ -318,13 +323,6 @@ def _provenance(
     yield "duration", f"{duration(gathered.duration)} ({gathered.duration:.3f} s), {gathered.samples} samples"
     yield "rate", f"{rate:.6g} Hz" + ("" if meta is None or not meta.rate_nominal else
                                       f" (nominal {meta.rate_nominal:g} Hz)")  # fmt: skip
-
-
-def _software() -> str:
-    import scipy
-
-    versions = f"NumPy {np.__version__}, SciPy {scipy.__version__}, Python {platform.python_version()}"
-    return f"plumbob {__version__}, {versions}, {datetime.now(UTC).strftime('%Y-%m-%d %H:%M UTC')}"
 
 
 def _utc(t0_ns: int, t: float) -> str:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
 from typing import Any, Final
 
 import numpy as np
@@ -54,8 +55,9 @@ def tables(subject: Subject) -> list[Table]:
         parts.append(burst_table(subject))
     if subject.grade is not None:
         parts.append(grade_table(subject.grade))
-    if quality_table(subject).rows:
-        parts += [quality_table(subject), threshold_table()]
+    qualities = quality_table(subject)
+    if qualities.rows:
+        parts += [qualities, threshold_table()]
     if g.headings is not None:
         parts.append(sector_table(g.headings))
     return parts
@@ -157,7 +159,7 @@ def grade_table(grade: Grade) -> Table:
             f"{criterion.points:g}",
             "; ".join(filter(None, (criterion.measured, criterion.advice))),
         )
-        for criterion in sorted(grade.criteria, key=lambda criterion: -criterion.lost)
+        for criterion in sorted(grade.criteria, key=attrgetter("lost"), reverse=True)
         if criterion.lost
     ]
     title = f"Grade: {grade.points:g} of 100, {grade.word}"
