@@ -135,17 +135,13 @@ def test_what_cannot_be_played_is_refused(sea, vqf, tmp_path):
     ):
         with pytest.raises(error, match=says):
             call()
-    # a track alone is shown
-    shown, outlet = player(track)
-    shown.seek(10.0)
-    row = row_at(imu, 10.0)
-    assert [one.name for one in outlet.hellos[0].estimators] == ["recorded"]
-    assert outlet.column("recorded.pitch")[-1] == pytest.approx(to_deg(vqf.pitch)[row])
-
-
-def test_an_attitude_beside_samples_is_shown_as_recorded(sea, vqf, tmp_path):
-    convert(Recording(imu=sea[1].imu, track=vqf), tmp_path / "a.mcap")
-    assert [one.name for one in player(tmp_path / "a.mcap")[1].hellos[0].estimators] == ["recorded"]
+    convert(Recording(imu=imu, track=vqf), tmp_path / "both.mcap")
+    for kept in (track, tmp_path / "both.mcap"):  # a track is shown, alone and beside samples
+        shown, outlet = player(kept)
+        shown.seek(10.0)
+        row = row_at(imu, 10.0)
+        assert [one.name for one in outlet.hellos[0].estimators] == ["recorded"]
+        assert outlet.column("recorded.pitch")[-1] == pytest.approx(to_deg(vqf.pitch)[row])
 
 
 def test_without_a_filter_it_is_smoothed_and_the_truth_is_the_reference(sea):
