@@ -86,7 +86,7 @@ LOGS = {  # name of the file, its text, what a user answers
         "a.txt", "".join("Acc X: {:.5f}, Y: {:.5f}, Z: {:.5f} m/s^2\nRotation X: {:.6f}, Y: {:.6f}, Z: {:.6f} rad/s\n\n"
                          .format(*a, *w) for a, w in zip(ACC, GYR, strict=True)), UP | {"time.rate": "100 Hz"}),
     "JSON lines": (
-        "a.jsonl", "".join(json.dumps({"id": "imu1", "accel": dict(zip("xyz", a, strict=True)), "gyro": w, "ms": t}) + "\n"
+        "a.jsonl", "".join(json.dumps({"id": "mpu1", "acc": dict(zip("xyz", a, strict=True)), "w": w, "ms": t}) + "\n"
                            for t, a, w in zip((1e3 * T).tolist(), ACC.tolist(), GYR.tolist(), strict=True)),
         UP | {"gyr.unit": "rad/s"}),
     "sentences of kinds that name their fields": (

@@ -48,7 +48,15 @@ _SUFFIXES: Final = {
     "rad s": "rad/s", "degs": "deg/s", "deg s": "deg/s", "ut": "uT", "micros": "us", "millis": "ms", "usec": "us",
     "msec": "ms",
 }  # fmt: skip
-_NAMED_UNITS: Final = {"micros": "us", "millis": "ms", "usec": "us", "msec": "ms", "nanos": "ns"}
+_NAMED_UNITS: Final = {
+    "micros": "us",
+    "millis": "ms",
+    "usec": "us",
+    "msec": "ms",
+    "nanos": "ns",
+    "ms": "ms",
+    "us": "us",
+}
 _ALL: Final = (*QUANTITY_BY_TRIAD.values(), Quantity.TIME, Quantity.TEMPERATURE, Quantity.ANGLE)
 
 

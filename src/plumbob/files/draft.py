@@ -340,11 +340,11 @@ class _DraftWriter:
 
     def _place(self, key: str, ref: Any) -> int:
         """Place of a column that an answer names."""
-        known = [self._names.index(ref)] if ref in self._names else [ref - 1] if type(ref) is int else []
-        if not known or not 0 <= known[0] < self._sample.width:
+        places = [self._names.index(ref)] if ref in self._names else [ref - 1] if type(ref) is int else []
+        if not places or not 0 <= places[0] < self._sample.width:
             names = ", ".join(filter(None, self._names)) or f"the numbers 1 to {self._sample.width}"
             raise DecodeError(f"the answer {key} names the column {ref!r}, which is not there; known are {names}.")
-        return known[0]
+        return places[0]
 
     def _answered_triads(self) -> dict[str, tuple[int, ...]]:
         """Triads whose columns are answered; an empty list leaves one out, and of nameless columns no other is left."""

@@ -276,8 +276,8 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
     file = check.path("path", path)
     if not file.is_dir():
         described = described or bool(file.suffix and any(map(Path.is_file, sidecars(file))))
-        known = any(file.suffix.lower() in kind.suffixes for kind in FORMATS) if file.suffix else False
-        candidates = _by_suffix(file) if file.suffix and (known or not described) else []
+        usual = any(file.suffix.lower() in kind.suffixes for kind in FORMATS)
+        candidates = _by_suffix(file) if file.suffix and (usual or not described) else []
         existing_file(file)
         texts = [kind for kind in FORMATS if described and kind.name == "text"]
         candidates = candidates or texts or _by_suffix(file)

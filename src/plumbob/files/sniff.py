@@ -110,7 +110,7 @@ def read_sample(path: Path) -> Sample:
     text, encoding = _decoded(raw)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     lines = lines if complete else lines[:-1]
-    if kinds := _sentences(lines, encoding) or _worded(lines, encoding):
+    if kinds := _worded(lines, encoding):
         return replace(kinds[0], others=tuple(kinds[1:]))
     tried = lines[:TRIED]
     best = max((_table(tried, separator, decimal) for separator, decimal in _LAYOUTS), key=lambda table: table.score)
@@ -124,62 +124,44 @@ def read_sample(path: Path) -> Sample:
     return _headed(lines, _table(lines, best.separator, best.decimal), encoding)
 
 
-def _sentences(lines: Sequence[str], encoding: str) -> list[Sample]:
-    """Rows of each kind of sentence, as ``$VNYMR,…*5A``, the commonest first, where most lines are sentences."""
-    some = [line.strip() for line in lines if line.strip()]
-    heads = Counter(match[0] for line in some if (match := re.match(r"[$#!][A-Za-z]\w*,", line)))
-    if heads.total() < 0.5 * len(some):
-        return []
-    samples = [_sentence(head, some, encoding, lines) for head, _ in heads.most_common(_MOST_KINDS)]
-    return [sample for sample in samples if sample is not None]
-
-
-def _sentence(head: str, some: Sequence[str], encoding: str, lines: Sequence[str]) -> Sample | None:
-    """Rows of one kind; their fields are those of `SENTENCES`, or of lines that name the kind and have no numbers."""
-    word = head[:-1].strip("$#!")
-    chosen = [line for line in some if line.startswith(head)]
-    checked = all(re.search(r"\*[0-9A-Fa-f]{2}$", line) for line in chosen)
-    rows = [[head[:-1], *line[len(head) :].partition("*")[0].split(",")] for line in chosen]
-    width = Counter(map(len, rows)).most_common(1)[0][0]
-    rows = [row for row in rows if len(row) == width]
-    if len(rows) < FEWEST or width < FEWEST:
-        return None
-    said = [SENTENCES.get(word, ()), *(line.split(f",{word},")[1].split(",") for line in some if f",{word}," in line)]
-    names, units, *_ = [
-        ("", *cells) for cells in said if len(cells) == width - 1 and not any(map(_is_number, cells))
-    ] + [(), ()]
-    skip = next(i for i, line in enumerate(lines) if line.startswith(head))
-    layout = TextLayout(",", encoding=encoding, names=False, skip=skip, where=(1, head[:-1]), checksum=checked)
-    return Sample(layout, names, units, by_name=False, rows=rows, facts={})
-
-
 def _worded(lines: Sequence[str], encoding: str) -> list[Sample]:
-    """Rows of lines in which numbers stand among words, by the words that are alike in them, the commonest first."""
-    lines = [line for line in lines if line.strip()]
-    tried = [" ".join(TOKEN.sub("#", line).split()) for line in lines[:TRIED]]
+    """Rows in which numbers stand among words or behind the name of a sentence, by these words, the commonest first."""
+    lines = [line.strip() for line in lines if line.strip()]
+    bodies = [re.sub(r"^([$#!].*)\*[0-9A-Fa-f]{2}$", r"\1", line) for line in lines]
+    tried = [" ".join(TOKEN.sub("#", body).split()) for body in bodies[:TRIED]]
     counts = Counter(text for text in tried if text.count("#") > 1).most_common(_MOST_KINDS)
-    kinds = [text for text, count in counts if 2 * count > counts[0][1]]
+    kinds = [text for text, count in counts if 2 * count > counts[0][1] or text[0] in "$#!"]
     labelled = all(_is_among_words(text.split("#")[:-1]) for text in kinds)
-    if not kinds or not labelled or sum(count for text, count in counts if text in kinds) < 0.6 * len(tried):
+    if not kinds or not labelled or sum(count for text, count in counts if text in kinds) < 0.5 * len(tried):
         return []
     samples = []
     for text in kinds:
-        line = lines[tried.index(text)]
-        width, word = len(among_words(line)), among_words(line)[-1]
-        rows = [row for row in map(among_words, lines) if len(row) == width and row[-1] == word]
+        body = bodies[tried.index(text)]
+        width, word = len(among_words(body)), among_words(body)[-1]
+        rows = [row for row in map(among_words, bodies) if len(row) == width and row[-1] == word]
         where = (width, word) if word and tried.count(text) < len(tried) else ()
-        layout = TextLayout(" ", encoding=encoding, names=False, words=True, where=where)
-        names, units = _labels(TOKEN.split(line))
+        checked = all(
+            line != plain for line, plain in zip(lines, bodies, strict=True) if among_words(plain)[-1] == word
+        )
+        layout = TextLayout(" ", encoding=encoding, names=False, words=True, where=where, checksum=checked)
+        names, units = _fields(word.strip("$#!"), width - 1, lines) or _labels(TOKEN.split(body))
         if "x" in names[names.index("z") + 1 if "z" in names else len(names) :]:
-            raise DecodeError(f"a line holds several samples: {excerpt(line)}. Write a row for each sample.")
+            raise DecodeError(f"a line holds several samples: {excerpt(body)}. Write a row for each sample.")
         samples.append(Sample(layout, names, units, by_name=False, rows=rows, facts={}))
     return [sample for sample in samples if len(sample.rows) >= FEWEST]
+
+
+def _fields(word: str, width: int, lines: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    """Names and units of a sentence's fields: those of `SENTENCES`, or of lines that name it and have no numbers."""
+    said = [SENTENCES.get(word, ()), *(line.split(f",{word},")[1].split(",") for line in lines if f",{word}," in line)]
+    rows = [tuple(cells) for cells in said if len(cells) == width and not any(map(_is_number, cells))]
+    return (*rows, (), ())[:2] if rows else None
 
 
 def _is_among_words(gaps: Sequence[str]) -> bool:
     """Whether numbers have labels: two, or a mark behind a first word or a time. Words between separators are cells."""
     labels = [gap for gap in gaps if re.search(r"[^\W\d_]", gap) and not re.search(r"[,;\t]\s*$", gap)]
-    mark = r"\s*[^\W\d].*[:=]\s*|.*->\s*|\s*[\[({][\[({\s]*"
+    mark = r"\s*[^\W\d].*[:=]\s*|.*->\s*|\s*[\[({][\[({\s]*|[$#!][^\W\d]\w*,"
     return len(labels) > 1 or any(re.fullmatch(mark, gap) for gap in gaps[:2])
 
 
@@ -199,9 +181,7 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     for word in words[:-1]:
         axis = 0 if word else axis + 1
         names.append(word or ("xyz"[axis] if axis < 3 else ""))
-    sentence = SENTENCES.get(words[0].strip("$#!"), ())
-    named = tuple(names) if sum(map(bool, words[:-1])) > 1 else ()  # a word before all of them names none
-    return (sentence if len(sentence) == len(units) else named), tuple(units)
+    return tuple(names) if sum(map(bool, words[:-1])) > 1 else (), tuple(units)  # a word before all of them names none
 
 
 @dataclass(slots=True)

@@ -109,13 +109,12 @@ def table_recording(profile: Profile, table: TextTable, name: str, note: str) ->
 
 def _in_turns(imu: ImuData, notes: tuple[str, ...]) -> tuple[ImuData, tuple[str, ...]]:
     """Samples on one time line where gyroscope and accelerometer have rows of their own; others as they are."""
-    known = {name: known_rows(getattr(imu, name)) for name in imu.triads}
-    gyr, acc = known.get("gyr"), known.get("acc")
-    if gyr is None or acc is None or 2 * np.count_nonzero(gyr & acc) >= np.count_nonzero(gyr) or not acc.any():
+    rows = {name: known_rows(getattr(imu, name)) for name in imu.triads}
+    both = rows["gyr"] & rows["acc"] if {"gyr", "acc"} <= set(rows) else np.ones(1, dtype=np.bool_)
+    if 2 * np.count_nonzero(both) >= min(map(np.count_nonzero, (rows.get("gyr", both), rows.get("acc", both)))):
         return imu, notes
-    streams = {name: Readings(imu.t_ns[rows], getattr(imu, name)[rows]) for name, rows in known.items()}
-    epoch = imu.meta.t0_ns or None
-    made = joined(streams, meta=imu.meta, epoch_ns=epoch)
+    streams = {name: Readings(imu.t_ns[valid], getattr(imu, name)[valid]) for name, valid in rows.items()}
+    made = joined(streams, meta=imu.meta, epoch_ns=imu.meta.t0_ns or None)
     return made.imu, (*notes, "time: gyroscope and accelerometer have rows of their own", *made.notes)
 
 
