@@ -234,7 +234,7 @@ def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str] | tu
         return []
     for i in range(sample.width):
         cells = sample.cells(i)
-        sensors = {word: sensor_of(word) for word in dict.fromkeys(cells)}
+        sensors = {word: named_sensor(word) for word in dict.fromkeys(cells)}
         sensor_by_word = {word: sensor for word, sensor in sensors.items() if sensor in TRIADS}
         apart = len(set(sensor_by_word.values())) == len(sensor_by_word)
         if sensor_by_word and apart and len(sensors) <= _MOST_SENSORS:
@@ -273,7 +273,9 @@ class _DraftWriter:
         units = sample.for_cells(sample.units)
         self._parts = [taken_apart(*both) for both in zip(self._names, units, strict=True)]
         self._parts = _with_axes(_turn_rates(self._parts, self._names))
-        self._sensor = sensor or ("" if any(p.axis and p.sensor for p in self._parts) else sensor_of(Path(name).stem))
+        self._sensor = sensor or (
+            "" if any(p.axis and p.sensor for p in self._parts) else named_sensor(Path(name).stem)
+        )
         if base := {"linear": "linear acc"}.get(self._sensor, self._sensor):
             self._parts = [replace(p, base=base) if p.axis and not p.sensor else p for p in self._parts]
         self._numbers = [sample.numbers(i) for i in range(sample.width)]
@@ -790,7 +792,7 @@ def _turn_rates(parts: list[ColumnName], names: Sequence[str]) -> list[ColumnNam
     return parts if at < 0 else [*parts[:at], *rates, *parts[at + 3 :]]
 
 
-def sensor_of(words: str) -> str:
+def named_sensor(words: str) -> str:
     """Which sensor the name of a file or a kind of row is of; a single letter says nothing."""
     longer = re.findall(r"[^\W_]{2,}", words)
     return taken_apart(" ".join([*longer, "x"])).sensor

@@ -155,7 +155,7 @@ def _fields(word: str, width: int, lines: Sequence[str]) -> tuple[tuple[str, ...
     """Names and units of a sentence's fields: those of `SENTENCES`, or of lines that name it and have no numbers."""
     said = [SENTENCES.get(word, ()), *(line.split(f",{word},")[1].split(",") for line in lines if f",{word}," in line)]
     rows = [tuple(cells) for cells in said if len(cells) == width and not any(map(_is_number, cells))]
-    return (*rows, (), ())[:2] if rows else None
+    return (rows[0], rows[1] if len(rows) > 1 else ()) if rows else None
 
 
 def _is_among_words(gaps: Sequence[str]) -> bool:
@@ -272,7 +272,7 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
             table, width = replace(table, separator=BLANK, rows=rows), len(apart)
     names = _names(bare, table.separator, width) if before else ()
     above = before[-3 if units else -2][1] if len(before) > 1 + bool(units) else ""
-    whole = _under(_cells(above, table.separator, 0), names)
+    full = _under(_cells(above, table.separator, 0), names)
     marked = names and bare != line
     skip = at if names else table.first if any(not line.startswith(_COMMENTS) for _, line in before) else 0
     layout = TextLayout(
@@ -287,7 +287,7 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
         mark=line[: len(line) - len(bare)] if marked else "",
     )
     preamble = [line for i, line in before if i < at or not names]
-    return Sample(layout, whole, units, bool(names) and whole == names, table.rows, _facts(preamble))
+    return Sample(layout, full, units, bool(names) and full == names, table.rows, _facts(preamble))
 
 
 def _under(sensors: Sequence[str], axes: tuple[str, ...]) -> tuple[str, ...]:
