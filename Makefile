@@ -101,6 +101,9 @@ noise: $(VENV)/.bench  ## noise coefficients and intervals on records of known n
 bench-doctor: setup  ## planted conventions: found, not found, sure and wrong
 	$(BIN)/python -m benchmarks.doctor
 
+wrong-inputs: setup  ## 300 wrong files of all kinds: refused, flagged with the cause, misleading, silent
+	$(BIN)/python -m benchmarks.wrong_inputs
+
 arm: $(VENV)/.bench  ## chains of units beside their peers, simulated arms, taught programs: about ten minutes
 	$(BIN)/python -m benchmarks.arm
 
@@ -170,5 +173,5 @@ web/.built: $(WEB_SOURCES)
 
 .PHONY: accuracy arm array bench bench-doctor clean costs demo dist docs endurance fleet formats fuzz help house killed lint \
 	loaded mutants noise other-processor page pages papers pictures setup test test-all test-long test-second view wheels \
-	wire
+	wire wrong-inputs
 .DEFAULT_GOAL := help

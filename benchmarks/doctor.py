@@ -21,7 +21,7 @@ from plumbob.core.units import Quantity, to_si
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.recording import Recording
 from plumbob.quality.derotated import FLOOR, changes
-from plumbob.quality.diagnosis import Examination, Trust, _Declared
+from plumbob.quality.diagnosis import Declared, Examination, Trust
 from plumbob.quality.moments import ARRANGEMENTS, BIN, means
 from plumbob.rotations import (
     dcm_from_quat,
@@ -187,7 +187,7 @@ def _units(label: str, after: Examination, units: dict[str, str], all_: Score) -
     for one in after.findings:
         if one.question == "unit" and one.answer is not Trust.UNKNOWN:
             tally = all_.tallies.setdefault(f"{label.split('/', maxsplit=1)[0]} {one.sensor} unit", Tally())
-            right = after.numbers[one.sensor]["unit"] == units[one.sensor]
+            right = after.numbers.get(one.sensor, {}).get("unit") == units[one.sensor]
             tally.observable += 1
             tally.found += right
             tally.confident_wrong += not right and one.answer is Trust.SURE
@@ -208,11 +208,11 @@ def main() -> None:
         imu = recording.imu
         if imu is None or "gyr" not in imu.triads:
             continue
-        before = Examination(imu, label, _Declared(None), None)
+        before = Examination(imu, label, Declared(None), None)
         before.diagnosis()
         meta = replace(imu.meta, unit_check=False, gyr_range=None, acc_range=None, mag_range=None)
         changed = planted(imu, rng)
-        after = Examination(ImuData(t=imu.t, meta=meta, **changed[0]), label, _Declared(None), None)
+        after = Examination(ImuData(t=imu.t, meta=meta, **changed[0]), label, Declared(None), None)
         after.diagnosis()
         _axes(label, recording, before, after, changed, all_)
         _units(label, after, changed[2], all_)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from plumbob.core.errors import MissingExtraError, ParameterError
-from plumbob.data.earth_field import earth_field_at, parse_place
+from plumbob.data import ImuData
+from plumbob.data.earth_field import EarthField, earth_field_at, parse_place, unlike
 
 # Test values of WMM2025, NOAA, WMM2025_TEST_VALUES.txt: day, height km, latitude, longitude, F nT, I °, D °.
 # 2027.5 is the middle of 2 July, of which the day's start is half a day off: below 0.01 % of the yearly change.
@@ -63,3 +64,15 @@ def test_a_place_is_read_in_degrees_and_metres_and_without_the_library_the_extra
 def test_what_is_no_place_is_refused(text):
     with pytest.raises(ParameterError):
         parse_place(text)
+
+
+def test_a_field_of_another_place_or_sign_is_doubted_and_iron_is_not():
+    acc, mag = np.tile([0.0, 0.0, 9.81], (9, 1)), np.tile([0.0, 20.0, -44.0], (9, 1))
+    here = EarthField(48.3, np.arctan2(44.0, 20.0), 0.0, "")
+    for sensors, doubted in (
+        ({"acc": acc, "mag": mag}, False), ({"acc": acc, "mag": mag + [15.0, 0.0, 10.0]}, False), ({"acc": acc}, False),
+        ({"acc": acc, "mag": -mag}, True), ({"acc": -acc, "mag": mag}, True), ({"acc": acc, "mag": 2.0 * mag}, True),
+    ):  # fmt: skip
+        said = unlike(ImuData(t=0.01 * np.arange(9.0), **sensors), here)
+        assert (said is not None) == doubted
+    assert said.startswith("magnetic field: 40 µT level and 88 µT down are measured, but at the place it is 20 and 44:")

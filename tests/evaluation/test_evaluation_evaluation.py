@@ -91,6 +91,10 @@ def test_what_looks_like_a_mistake_is_pointed_out_and_what_is_honest_is_not(trac
         (track(t + 15.0, q), "1500 of 2000 samples lie outside"),
         (track(t, turn_heading(q, np.pi / 2, Frame.ENU)), "constant heading of +90.0°"),
         (track(t, quat_multiply(q, quat_from_rotvec([np.pi, 0.0, 0.0]))), "constant turn of 180.0° between the two"),
+        (track(t, q[:, [3, 0, 1, 2]]), "order x y z w that were read as w x y z"),
+        (track(t, q[:, [1, 2, 3, 0]]), "order w x y z that were read as x y z w"),
+        (track(t, q * [1.0, -1.0, -1.0, -1.0]), "the inverse"),
+        (track(t, change_frame(q, to=Frame.ENU, from_=Frame.NED)), "in NED that was read as ENU"),
     ):
         assert any(words in note for note in evaluate(estimate, reference).notes)
     assert evaluate(track(t, quat_multiply(q, quat_from_rotvec(noise))), reference).notes == ()

@@ -130,6 +130,33 @@ def test_a_factor_that_is_no_unit_is_named_and_no_unit_is_prescribed(factor: flo
         assert not [line for line in found.lines if "unit" in line]
 
 
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_one_axis_tells_a_factor_if_the_axes_are_as_declared(factor: float) -> None:
+    data = sensors((1.2, 0.0, 0.0))
+    (unit,) = [one for one in diagnosed(data | {"gyr": factor * data["gyr"]}).findings if one.question == "unit"][:1]
+    assert unit.wrong and unit.answer is Trust.LIKELY and unit.why.endswith("if the axes are as declared")
+    assert not diagnosed(data).wrong
+
+
+def test_a_field_that_is_dragged_along_does_not_make_the_rates_wrong() -> None:
+    """Iron that turns with the unit: the field turns by less than the unit does, and gravity by as much."""
+    dragged = sensors((0.66, 0.48, 0.78))["mag"]
+    (unit,) = [one for one in diagnosed(sensors() | {"mag": dragged}).findings if one.question == "unit"][:1]
+    assert not unit.wrong
+
+
+def test_axes_that_are_excluded_are_wrong_though_others_tie() -> None:
+    data = sensors((0.0, 1.2, 0.0))
+    told = diagnosed({name: data[name] for name in ("t", "acc")} | {"gyr": data["gyr"][:, [1, 0, 2]]})
+    (axes,) = [one for one in told.findings if (one.sensor, one.question) == ("acc", "axes")]
+    assert axes.wrong and axes.answer is Trust.UNKNOWN and axes.value.startswith("not as declared")
+
+
+def test_axes_of_gravity_keep_the_body_upright() -> None:
+    found = diagnosed(sensors() | {"acc": sensors()["acc"][:, [1, 0, 2]]})
+    assert found.lines == ("[acc]", 'axes = "y x z"', "mirrored = true")
+
+
 def test_negated_rates_are_a_mirrored_gyroscope() -> None:
     found = diagnosed(sensors() | {"gyr": -sensors()["gyr"]})
     assert answers(found)["gyr axes"] == ("sure", True)
@@ -150,6 +177,11 @@ def test_a_unit_that_is_wrong_is_named_where_two_others_fit() -> None:
     found = diagnosed(data | {"acc": data["acc"] * 101.0})  # mg or cm/s², but not m/s²
     assert answers(found)["acc unit"] == ("unknown", True) and found.wrong
     assert not [line for line in found.lines if "unit" in line]
+
+
+def test_a_delay_that_hardly_turns_the_attitude_is_not_wrong() -> None:
+    (delay,) = [one for one in diagnosed(sensors(seconds=90.0, late=0.011)).findings if one.question == "delay"][1:]
+    assert delay.answer is Trust.SURE and not delay.wrong and delay.why.endswith("of attitude in this motion")
 
 
 def test_a_delay_that_is_certain_but_not_exact_is_wrong() -> None:

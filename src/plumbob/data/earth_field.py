@@ -4,11 +4,14 @@ import calendar
 import datetime
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
+import numpy as np
+
+from plumbob.core.check import Floats
 from plumbob.core.errors import MissingExtraError, ParameterError
 from plumbob.core.units import deg, to_deg
-from plumbob.data.imu import ImuData
+from plumbob.data.imu import BLOCK, ImuData, median, norms
 
 HIGHEST, LOWEST = 850e3, -1e3
 """Heights above the ellipsoid between which the model holds, m."""
@@ -101,6 +104,42 @@ def located(imu: ImuData, place: str, *, date: str | None = None) -> tuple[ImuDa
     field = earth_field_at(*parse_place(place), iso_day(imu.meta.t0_ns) if date is None else date)
     meta = replace(imu.meta, declination=field.declination)
     return imu.each(lambda part: part.corrected(meta=meta)), field
+
+
+UNLIKE: Final = 0.5
+"""Part of the field of a place by which the measured one may differ: iron of a unit and of rooms, no more."""
+
+
+def unlike(imu: ImuData, field: EarthField) -> str | None:
+    """Say what the magnetometer measures along and across the vertical, where the field of the place is another.
+
+    Parameters
+    ----------
+    imu : ImuData
+        The recording; its accelerometer gives the vertical.
+    field : EarthField
+        Field of the place.
+    """
+    if not {"acc", "mag"} <= set(imu.triads):
+        return None
+
+    def measured(part: ImuData) -> Floats:
+        acc, mag = part.usable("acc"), part.usable("mag")
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.stack([-np.sum(acc * mag, axis=1) / norms(acc), norms(mag)])
+
+    parts = [measured(part) for part in imu.only("acc", "mag").chunks(BLOCK)]
+    vertical, strength = map(median, np.concatenate(parts, axis=1))
+    if not math.isfinite(vertical):
+        return None
+    level = math.sqrt(max(strength**2 - vertical**2, 0.0))
+    true = field.strength * math.cos(field.dip), field.strength * math.sin(field.dip)
+    if math.hypot(level - true[0], vertical - true[1]) < UNLIKE * field.strength:
+        return None
+    return (
+        f"magnetic field: {level:.0f} µT level and {vertical:.0f} µT down are measured, but at the place it is "
+        f"{true[0]:.0f} and {true[1]:.0f}: the place is wrong, or unit, axes or sign of magnetometer or accelerometer"
+    )
 
 
 def iso_day(t0_ns: int) -> str:

@@ -21,7 +21,7 @@ from plumbob.core.time import timing
 from plumbob.core.units import to_deg
 from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
-from plumbob.data.earth_field import located
+from plumbob.data.earth_field import located, unlike
 from plumbob.data.plausibility import upside_down
 from plumbob.data.recording import Recording, findings, found_in, inferred_in, unsaved
 from plumbob.door.reading import read
@@ -487,6 +487,8 @@ def _placed(imu: ImuData, place: str, date: str | None, stage: Stage, say: Note)
         raise ParameterError("place and the parameter declination both give the declination. Give one of them.")
     imu, field = located(imu, place, date=date)
     say(f"field at the place: {field.told}")
+    if (doubt := unlike(imu, field)) is not None:
+        say(doubt)
     return imu
 
 

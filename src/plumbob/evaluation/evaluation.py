@@ -5,6 +5,7 @@ declination, time, mounting or heading, is done to the reference, and the result
 """
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -37,7 +38,7 @@ from plumbob.evaluation.metrics import (
     total_rmse,
 )
 from plumbob.evaluation.report import Evaluation, EvaluationSettings
-from plumbob.rotations import IDENTITY, Frame, change_frame, quat_angle
+from plumbob.rotations import IDENTITY, Frame, change_frame, quat_angle, quat_conjugate
 from plumbob.rotations.headings import HeadingPolicy, heading_policy, turn_heading
 
 RATE_BASELINE = 0.1
@@ -185,32 +186,44 @@ def _remarks(e: Evaluation, policy: HeadingPolicy) -> Iterator[str]:
 
 
 def _constant_part(e: Evaluation) -> str:
-    """Point at a heading or mounting that explains most of the error: conventions or a screw, rather than a filter."""
+    """Point at a convention, heading or mounting that explains most of the error, rather than a filter."""
     rows = np.flatnonzero(e.match.scored)
     rows = rows[:: max(1, rows.size // _PROBE)]
     q_est, q_ref = e.estimate.q_nb[rows], e.match.q_ref[rows]
     before = total_rmse(q_est, q_ref)
     if before < _SUSPICIOUS:
         return ""
-    for name, alignment in _constants(q_est, q_ref, e.estimate.frame):
-        after = total_rmse(q_est, alignment.apply(q_ref, e.estimate.frame))
-        if after < _EXPLAINED * before:
-            return (
-                f"most of the error is {_describe(alignment)}: without it, total RMSE would be {to_deg(after):.2f}° "
-                f"instead of {to_deg(before):.2f}°. If that constant is not an error, align it (align=, "
-                f"--align {name})"
-            )
-    return ""
+    causes = [(total_rmse(q_est, q), cause) for q, cause in _explanations(e, q_est, q_ref)]
+    after = min(rmse for rmse, _ in causes)
+    if after >= _EXPLAINED * before:
+        return ""
+    alike = (1.0 + _EXPLAINED) * after + 0.1 * _SUSPICIOUS  # what explains as much is said beside it
+    return (
+        f"most of the error looks like {', or '.join(cause for rmse, cause in causes if rmse <= alike)}: without it, "
+        f"total RMSE would be {to_deg(after):.2f}° instead of {to_deg(before):.2f}°"
+    )
 
 
-def _constants(q_est: Floats, q_ref: Floats, frame: Frame) -> list[tuple[str, Alignment]]:
-    constants = []
-    try:
-        constants.append(("heading", Alignment(heading=find_heading(q_est, q_ref, frame))))
-        constants.append(("mounting", Alignment(mounting=find_mounting(q_est, q_ref))))
-    except ShapeError:  # no constant is better than another, so none explains anything
-        pass
-    return constants
+def _explanations(e: Evaluation, q_est: Floats, q_ref: Floats) -> Iterator[tuple[Floats, str]]:
+    """The reference (N, 4) as it would be with a constant taken out, or had it been read otherwise; each in words."""
+    frame, declared = e.estimate.frame, e.reference.frame
+    with suppress(ShapeError):  # no constant is better than another, so none explains anything
+        heading = Alignment(heading=find_heading(q_est, q_ref, frame))
+        yield heading.apply(q_ref, frame), f"{_describe(heading)} (if it is not an error: --align heading)"
+        mounting = Alignment(mounting=find_mounting(q_est, q_ref))
+        yield mounting.apply(q_ref, frame), f"{_describe(mounting)} (if it is not an error: --align mounting)"
+    q = change_frame(q_ref, to=declared, from_=frame)
+    for order, read, columns in (("x y z w", "w x y z", [3, 0, 1, 2]), ("w x y z", "x y z w", [1, 2, 3, 0])):
+        yield (
+            change_frame(q[:, columns], to=frame, from_=declared),
+            f"quaternions of the reference in the order {order} that were read as {read}",
+        )
+    yield (
+        change_frame(quat_conjugate(q), to=frame, from_=declared),
+        "quaternions of the reference that are the inverse, from navigation axes to those of the body",
+    )
+    for other in Frame:
+        yield change_frame(q, to=frame, from_=other), f"a reference in {other} that was read as {declared}"
 
 
 def _describe(alignment: Alignment) -> str:

@@ -49,6 +49,8 @@ class VectorFit:
         Independent samples in the residuals.
     contradicted : bool
         Whether windows of another length say something else.
+    in_step : float
+        Delay that pushes feign where they come in step with the turning, s.
     """
 
     log_odds: Floats
@@ -63,6 +65,7 @@ class VectorFit:
     explained: float
     effective: float
     contradicted: bool = False
+    in_step: float = 0.0
 
     @property
     def best(self) -> int:

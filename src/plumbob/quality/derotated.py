@@ -161,6 +161,7 @@ class _DerotatedSearch:
             halves=(by_half[0], by_half[1]),
             delay=parts[0][0],
             delay_sd=parts[0][1] * wider,
+            in_step=refined.in_step,
             delay_halves=(parts[1][0], parts[2][0]),
             scale=parts[0][2],
             scale_sd=parts[0][3] * wider,
@@ -279,6 +280,13 @@ class _Refined:
         power = float(np.sum(self.weight[:, np.newaxis] * still**2))
         residual = float(np.sum(self.weight[:, np.newaxis] * self.change**2))
         self.explained = 1.0 - residual / power if power > 0.0 else 0.0
+
+    @property
+    def in_step(self) -> float:
+        """Delay that the pushes feign if they come in step with the turning, s: what they leave over its slope."""
+        weight = self.weight[:, np.newaxis]
+        slope = self.slopes[:, :, 0]
+        return float(np.sqrt(np.sum(weight * self.change**2) / np.sum(weight * slope**2)))
 
     def estimate(self, blocks: NDArray[np.bool_]) -> tuple[float, float, float, float]:
         """Delay, its standard deviation, scale and its standard deviation, by some of the blocks."""

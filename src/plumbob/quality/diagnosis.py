@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from plumbob.core.check import Floats
-from plumbob.core.units import deg, to_si
+from plumbob.core.units import deg, to_deg, to_si
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.imu import TITLES
 from plumbob.quality.arrangement import VectorFit, fit
 from plumbob.quality.derotated import fit_force
-from plumbob.quality.moments import ARRANGEMENTS
+from plumbob.quality.moments import ARRANGEMENTS, means
 from plumbob.quality.units import UNITS, rate_error, unit_odds
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report, Reported
-from plumbob.rotations import axes_letters, signed_axes
+from plumbob.rotations import Frame, axes_letters, quat_chained, quat_rotate, signed_axes
 
 if TYPE_CHECKING:
     from plumbob.files.profile import Profile
@@ -28,13 +28,18 @@ CERTAIN: Final = math.log(1000.0)
 _HINT: Final = math.log(10.0)
 _EXPLAINED: Final = 0.2
 """Part of the change that the best arrangement must explain to be sure."""
+_USUAL: Final = int(np.flatnonzero((np.eye(3) == ARRANGEMENTS).all(axis=(1, 2)))[0])
+_MOST: Final = 0.8
+"""Part of the change that is to be turning for an answer about the axes as declared, where others fit as well."""
 _ENOUGH: Final = {"mag": 30.0, "acc": CERTAIN}
 """Logarithm of the odds that are enough where less is explained: those of an accelerometer allow for pushes already."""
 _NOISE: Final = {"mag": -0.5, "acc": -math.inf}
 _EXACT: Final = 1e-3
 """Standard deviation of a delay that is sure, s."""
 _MATTERS: Final = float(deg(1.0))
-"""Angle by which a delay turns a vector at the usual rate, rad, above which it is worth a line of the profile."""
+"""Tilt or heading that a delay costs, rad, above which it is wrong."""
+_AVERAGED: Final = 3.0
+"""Time over which filters average gravity, and the field for longer, s [Laidig2023]: turns to and fro cancel."""
 _FEWEST: Final = 100
 _SLOWEST, _FASTEST = 0.003, 30.0  # usual rates of bodies that turn at all, rad/s
 _GAIN: Final = math.log(1.03)
@@ -200,6 +205,13 @@ class _Sensor:
     def known(self) -> bool:
         return self.answer is not Trust.UNKNOWN
 
+    def declared_odds(self) -> tuple[float, ...]:
+        """Logarithm of the odds of the declared axes against the best, by all and by either half; empty where open."""
+        fitted = self.found
+        if fitted is None or fitted.torn or fitted.explained < _MOST:
+            return ()
+        return tuple(float(log[_USUAL]) for log in (fitted.log_odds, *fitted.halves))
+
     @property
     def usual(self) -> bool:
         return bool((self.axes == np.eye(3)).all())
@@ -243,7 +255,7 @@ class Examination:
 
     def __init__(self, imu: ImuData, name: str, declared: Declared, hemisphere: str | None) -> None:
         self.name, self.declared, self.hemisphere = name, declared, hemisphere
-        self.t = imu.t
+        self.t, self.up = imu.t, (imu.meta.frame or Frame.ENU).up
         self.values = {triad: _finite(getattr(imu, triad)) for triad in imu.triads}
         self.findings: list[Finding] = []
         self.lines: dict[str, list[str]] = {}
@@ -279,6 +291,7 @@ class Examination:
             signs: tuple[float, ...] = (1.0, -1.0)
             if mag is not None and mag.answer is Trust.SURE and mag.found is not None:
                 scales: tuple[float, ...] = (mag.found.scale,)
+                scales += (1.0,) if abs(math.log(mag.found.scale)) > _GAIN else ()  # iron that turns along misleads it
                 trials.append(gyr + mag.axes.T @ mag.found.bias / mag.found.scale)
                 signs = (-1.0,) if mag.mirrored else (1.0,)
             else:
@@ -349,6 +362,8 @@ class Examination:
     def _own_axes(self, triad: _Sensor, turn: Floats, *, alone: bool) -> None:
         """Axes of one vector sensor in those of the case; `turn` takes the case's to its own."""
         assert triad.found is not None
+        if triad.name == "acc" and not (turn == np.eye(3)).all() and self._upside_down(turn.T):
+            turn = -turn
         self.numbers.setdefault(triad.name, {})["axes"] = axes_letters(turn.T)
         if (turn == np.eye(3)).all():
             self._find(triad.name, "axes", triad.answer, "as declared, but for a sign of all three", triad.found.margin)
@@ -361,8 +376,17 @@ class Examination:
         self._find(triad.name, "axes", triad.answer, value, triad.found.margin, wrong=True, why=why)
         self.lines.setdefault(triad.name, []).extend(self.declared.axes(triad.name, turn.T))
 
+    def _upside_down(self, turn: Floats) -> bool:
+        """Whether the accelerometer, so turned, shows the body upside down on the whole: negated, it is upright."""
+        mean = turn @ np.nanmean(self.values["acc"], axis=0)
+        return bool(mean @ self.up < -0.5 * np.linalg.norm(mean))
+
     def _unknown_axes(self, name: str, sensor: _Sensor) -> None:
-        self._find(name, "axes", Trust.UNKNOWN, "cannot be known from this motion", 0.0, why=self._would_tell(sensor))
+        odds = sensor.declared_odds()
+        wrong = bool(odds) and odds[0] < -CERTAIN and max(odds) < -_HINT
+        value = "not as declared, or the gyroscope's are not; which others" if wrong else ""
+        value = f"{value} cannot be known from this motion".lstrip()
+        self._find(name, "axes", Trust.UNKNOWN, value, 0.0, wrong=wrong, why=self._would_tell(sensor))
 
     def _would_tell(self, sensor: _Sensor) -> str:
         """Which motion would tell what this one does not."""
@@ -439,23 +463,24 @@ class Examination:
         return middle, 0.3 * sd, Trust.SURE, by
 
     def _turning(self) -> tuple[float, float, Trust, str]:
-        candidates = [s for s in self.sensors.values() if s.known and s.found is not None and s.found.scale > 0.0]
-        candidates.sort(key=lambda s: (s.answer is not Trust.SURE, s.name != "mag"))
-        for sensor in candidates:
-            assert sensor.found is not None
-            sd = sensor.found.scale_sd / sensor.found.scale
-            if sd < _VAGUE:
-                self.numbers.setdefault("gyr", {}).update(
-                    scale=sensor.found.scale, scale_sd=sensor.found.scale_sd, by=sensor.name
-                )
-                return (
-                    1.0 / sensor.found.scale,
-                    sd,
-                    sensor.answer,
-                    f"it turns {1.0 / sensor.found.scale:.4g} times as fast as the {TITLES[sensor.name]} says",
-                )
-        why = self._would_tell(next(iter(self.sensors.values()))) if self.sensors else "acc and mag do not turn"
-        return 0.0, 0.0, Trust.UNKNOWN, why
+        """By both vector sensors; where they differ, by half of the difference the answer is uncertain."""
+        trusted = [sensor for sensor in self.sensors.values() if sensor.known] or [
+            sensor for sensor in self.sensors.values() if max(sensor.declared_odds(), default=-math.inf) > -_HINT
+        ]
+        fits = {s.name: s.found for s in trusted if s.found is not None and s.found.scale_sd < _VAGUE * s.found.scale}
+        if not fits:
+            why = self._would_tell(next(iter(self.sensors.values()))) if self.sensors else "acc and mag do not turn"
+            return 0.0, 0.0, Trust.UNKNOWN, why
+        logs = np.log([fitted.scale for fitted in fits.values()])
+        weights = np.array([(fitted.scale / fitted.scale_sd) ** 2 for fitted in fits.values()])
+        scale, sd = float(np.exp(logs @ weights / weights.sum())), math.hypot(weights.sum() ** -0.5, 0.5 * np.ptp(logs))
+        self.numbers.setdefault("gyr", {}).update(scale=scale, scale_sd=scale * sd, by=" and ".join(fits))
+        by = " and ".join(TITLES[name] for name in fits) + (" say" if len(fits) > 1 else " says")
+        by = f"it turns {1.0 / scale:.4g} times as fast as the {by}"
+        if not trusted[0].known:
+            return 1.0 / scale, sd, Trust.LIKELY, f"{by}, if the axes are as declared"
+        sure = any(sensor.answer is Trust.SURE for sensor in trusted)
+        return 1.0 / scale, sd, Trust.SURE if sure else Trust.LIKELY, by
 
     def _unit(self, name: str, size: float, sd: float, sure: Trust, by: str) -> None:
         declared = self.declared.unit(name)
@@ -489,37 +514,32 @@ class Examination:
         what = (
             "the full scale, the sampling rate or the unit of time (time.unit; or a counter of samples taken for time)"
         )
-        if sure is not Trust.SURE:
+        if sure is not Trust.SURE and any(sensor.known for sensor in self.sensors.values()):
             self._find("gyr", "unit", Trust.UNKNOWN, f"perhaps × {size:.3g} ± {size * sd:.2g}", 0.0, why=by)
             return
         value = f"no unit, but × {size:.3g} ± {size * sd:.2g}: {what} is wrong"
-        self._find("gyr", "unit", Trust.SURE, value, 0.5 * (rest / max(sd, _GAIN)) ** 2, wrong=True, why=by)
+        self._find("gyr", "unit", sure, value, 0.5 * (rest / max(sd, _GAIN)) ** 2, wrong=True, why=by)
 
     def _delay(self, sensor: _Sensor) -> None:
         fitted = sensor.found
-        if fitted is None or not sensor.known or not math.isfinite(fitted.delay_sd) or fitted.delay_sd > _VAGUE_DELAY:
-            self._find(
-                sensor.name,
-                "delay",
-                Trust.UNKNOWN,
-                "cannot be known from this motion",
-                0.0,
-                why="turn it faster, to and fro",
-            )
+        sd = math.inf if fitted is None else math.hypot(fitted.delay_sd, fitted.in_step)
+        if fitted is None or not sensor.known or not sd <= _VAGUE_DELAY:
+            why = "turn it faster, to and fro"
+            self._find(sensor.name, "delay", Trust.UNKNOWN, "cannot be known from this motion", 0.0, why=why)
             return
         apart = abs(fitted.delay_halves[0] - fitted.delay_halves[1])
         agree = apart <= max(2.0 * _EXACT, 6.0 * fitted.delay_sd)
-        sure = sensor.answer is Trust.SURE and fitted.delay_sd <= _EXACT and agree
+        sure = sensor.answer is Trust.SURE and sd <= _EXACT and agree
         answer = Trust.SURE if sure else Trust.LIKELY if agree else Trust.UNKNOWN
-        gyr = self.values["gyr"] * fitted.scale
-        angle = abs(fitted.delay) * float(np.sqrt(np.nanmean(np.sum(gyr * gyr, axis=1))))
-        clear = abs(fitted.delay) > 5.0 * max(fitted.delay_sd, 0.2 * _EXACT)
+        angle = abs(fitted.delay) * _steady_rate(self.t, self.values["gyr"] * fitted.scale)
+        clear = abs(fitted.delay) > max(5.0 * fitted.delay_sd, _EXACT, fitted.in_step)
         wrong = sensor.answer is Trust.SURE and agree and clear and angle > _MATTERS
         side = "late" if fitted.delay > 0.0 else "early"
-        value = f"stamps {1e3 * abs(fitted.delay):.1f} ± {1e3 * fitted.delay_sd:.1f} ms {side} against the gyroscope's"
-        odds = 0.5 * min((fitted.delay / fitted.delay_sd) ** 2, 1e3) if answer is not Trust.UNKNOWN else 0.0
-        self.numbers.setdefault(sensor.name, {}).update(delay_s=fitted.delay, delay_sd_s=fitted.delay_sd)
-        self._find(sensor.name, "delay", answer, value, odds, wrong=wrong)
+        value = f"stamps {1e3 * abs(fitted.delay):.1f} ± {1e3 * sd:.1f} ms {side} against the gyroscope's"
+        odds = 0.5 * min((fitted.delay / sd) ** 2, 1e3) if answer is not Trust.UNKNOWN else 0.0
+        self.numbers.setdefault(sensor.name, {}).update(delay_s=fitted.delay, delay_sd_s=sd)
+        why = f"{to_deg(angle):.1g}° of attitude in this motion" if clear and agree and not wrong else ""
+        self._find(sensor.name, "delay", answer, value, odds, wrong=wrong, why=why)
         if wrong:
             self.lines.setdefault(sensor.name, []).append(f'delay = "{1e3 * fitted.delay:.1f} ms"')
 
@@ -546,6 +566,14 @@ def _resting(t: Floats, gyr: Floats) -> Floats:
     spread = np.sum(np.var(rows, axis=1), axis=1)
     quiet = np.argsort(spread)[: max(1, len(rows) // 10)]
     return np.asarray(np.median(rows[quiet].mean(axis=1), axis=0))
+
+
+def _steady_rate(t: Floats, gyr: Floats) -> float:
+    """Rate in space, averaged as a filter averages a vector: what a delay turns it by for good, rad/s rms."""
+    rate = np.nan_to_num(gyr)
+    q = quat_chained(0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, np.newaxis])
+    edges = np.arange(t[0], t[-1], min(_AVERAGED, 0.5 * float(t[-1] - t[0])))
+    return float(np.sqrt(np.nanmean(np.sum(means(t, quat_rotate(q, rate), edges) ** 2, axis=1))))
 
 
 def _finite(values: Floats) -> Floats:

@@ -27,6 +27,11 @@ TOLD: Final = 1.5
 FREE: Final = "no field of the recording gives a heading: it counts from a free zero"
 WEIGHTLESS: Final = "no gravity shows in the specific force ({}): the attitude there may be any"
 WRONG: Final = "the field was not that of the place ({}); the heading there is the gyroscope's"
+MOSTLY: Final = 0.5
+"""Share of a recording from which on a remark names the other causes that it may have."""
+PUSHED: Final = "; unless it was pushed or fell so long, gyroscope or accelerometer"
+IRON: Final = "; unless iron was near so long, gyroscope or magnetometer"
+OTHERWISE: Final = " has a wrong factor, rate, unit, axis or sign: plumbob doctor shows which"
 
 
 def remarks_before(imu: ImuData) -> list[str]:
@@ -53,8 +58,12 @@ def remarks_so_far(gaps: Floats, t: Floats, word: NDArray[np.uint32], *, mag: bo
         return [*remarks, FREE]
     gated = (word[1:] & flags.MAG_GATED) != 0
     if when := _spells(t, gated, float(t[0]), float(t[-1])):
-        remarks.append(WRONG.format(when))
+        remarks.append(_doubted(WRONG.format(when), gated, IRON))
     return remarks
+
+
+def _doubted(remark: str, which: Bools, unless: str) -> str:
+    return f"{remark}{unless}{OTHERWISE}" if which.mean() > MOSTLY else remark
 
 
 def stretch_remarks(smoothed: Smoothed, p: Params, t: Floats) -> list[str]:
@@ -62,7 +71,7 @@ def stretch_remarks(smoothed: Smoothed, p: Params, t: Floats) -> list[str]:
     begin, end = float(t[0]), float(t[-1])
     remarks = _gaps(smoothed.frames.time[1:][smoothed.frames.gap], begin, end)
     if when := _spells(smoothed.frames.time, smoothed.weightless, begin, end):
-        remarks.append(WEIGHTLESS.format(when))
+        remarks.append(_doubted(WEIGHTLESS.format(when), smoothed.weightless, PUSHED))
     if smoothed.reference is None:
         if np.isfinite(smoothed.frames.mag[:, 0]).any():
             remarks.append(FREE)
@@ -76,7 +85,7 @@ def stretch_remarks(smoothed: Smoothed, p: Params, t: Floats) -> list[str]:
             remarks.append(f"a field of {size:.0f} µT turned with the sensor ({when}); it was taken off")
     gated = (smoothed.weight < GATED) & np.isfinite(smoothed.sweep.field[:, 0])
     if when := _spells(smoothed.frames.time, gated, begin, end):
-        remarks.append(WRONG.format(when))
+        remarks.append(_doubted(WRONG.format(when), gated, IRON))
     if smoothed.reference.rival is not None:
         level, up = smoothed.reference.rival
         remarks.append(
