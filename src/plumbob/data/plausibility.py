@@ -189,14 +189,14 @@ def _turning(imu: ImuData) -> tuple[str, ...]:
     times = to_deg(1.0)
     if fit.factor < 0.0:
         return ("gyroscope: it turns against the accelerometer: a sign or an axis is wrong",)
-    for ratio, pace, units in (
-        (fit.factor * times, "slower", "°/s declared as rad/s"),
-        (fit.factor / times, "faster", "rad/s declared as °/s"),
-    ):
+    ways = (fit.factor * times, "slower", "°/s", "rad/s"), (fit.factor / times, "faster", "rad/s", "°/s")
+    for ratio, pace, unit, declared in ways:
         # within a factor of two: a buoy in waves shows only 0.6 of its turning, since the waves push it, too
         if abs(math.log2(ratio)) < 1.0:
-            turns = f"the acceleration turns {times:.0f} times {pace} than the rates say"
-            return (f"gyroscope: {turns}; they look like {units}",)
+            return (
+                f"gyroscope: the acceleration turns {times:.0f} times {pace} than the rates say; they look like "
+                f"{unit} declared as {declared}",
+            )
     return ()
 
 

@@ -226,11 +226,12 @@ def _facts(e: Evaluation) -> list[tuple[str, str]]:
     s = e.settings
     facts = [(name, _describe_track(track)) for name, track in (("estimate", e.estimate), ("reference", e.reference))]
     samples = _samples(e)
-    span = (
-        f"{samples['scored']} of {samples['estimate']} samples, {samples['first_s']:.3f} to {samples['last_s']:.3f} s"
+    span = f"{samples['first_s']:.3f} to {samples['last_s']:.3f} s"
+    scored = (
+        f"{samples['scored']} of {samples['estimate']} samples, {span}; {samples['exact']} at stamps of the "
+        f"reference, {samples['interpolated']} interpolated (steps up to {1e3 * e.match.max_gap:.4g} ms)"
     )
-    read = f"{samples['exact']} at stamps of the reference, {samples['interpolated']} interpolated"
-    facts.append(("scored", f"{span}; {read} (steps up to {1e3 * e.match.max_gap:.4g} ms)"))
+    facts.append(("scored", scored))
     facts += [("left out", f"{n} {why}") for why, n in _left_out(e).items()]
     facts += [("aligned", line) for line in _describe_alignment(e)] or [("aligned", "nothing")]
     if "time" in s.align:
