@@ -264,9 +264,9 @@ def told_by_others(
     """
     matrix, force = fit.calibration.matrix, imu.usable("acc")
     field = (imu.usable("mag") - fit.calibration.bias) @ matrix.T
-    own = field @ rotation_in(matrix)  # in the magnetometer's own axes
-    ways = arrangements(imu.t, own, acc=force, gyr=imu.usable("gyr"))
-    faults = [_fault(suspect, imu, own, dip, dip_angle) for suspect in suspects(ways)]
+    unrotated = field @ rotation_in(matrix)  # in the magnetometer's own axes
+    ways = arrangements(imu.t, unrotated, acc=force, gyr=imu.usable("gyr"))
+    faults = [_fault(suspect, imu, unrotated, dip, dip_angle) for suspect in suspects(ways)]
     refuse([_reason(fault) for fault in faults if _spoils(fault, helper)])
     remarks, wrong = tuple(_remark(fault) for fault in faults), {fault.suspect.triad for fault in faults}
     if imu.gyr is not None and "gyr" not in wrong:

@@ -317,8 +317,8 @@ def identify(kind: str, count: int, n: ArrayLike, dev: ArrayLike) -> Floats:
     shape = kind_named(kind)
     half = 0.5 * edf(kind, -1.0, count, factors[knots])  # how it falls with n hardly depends on α
     slope = _local_slope(octave, log_square - psi(half) + np.log(half), zeta(2.0, half))  # [Bartlett1946]
-    whole = factors[knots].astype(np.int64)
-    rise = [log_variance(shape, level, 2 * whole) - log_variance(shape, level, whole) for level in shape.levels]
+    integers = factors[knots].astype(np.int64)
+    rise = [log_variance(shape, level, 2 * integers) - log_variance(shape, level, integers) for level in shape.levels]
     fall = -np.transpose(rise) / np.log(2.0)  # [Riley2008]: of noise of each level, or of two together, from n to 2n
     alpha = [np.interp(-steepness, row, shape.levels) for steepness, row in zip(slope, fall, strict=True)]
     return np.asarray(np.interp(np.log2(factors), octave, alpha))
