@@ -174,8 +174,8 @@ def info(array: "ImuArray | Source | Sequence[Source]") -> ArrayInfo:
     for u, (name, fit) in enumerate(zip(array.names, fits, strict=True)):
         bias, bias_sd = ({triad: of[places[triad]] for triad in rms} for of in (fit.x, fit.sd))
         clock = float("nan") if np.isnan(fit.clock_sd) else float(late[u] - late.mean())
-        left = {k: float(np.sqrt(np.nanmean(of[u] ** 2))) for k, of in rms.items() if np.isfinite(of[u]).any()}
-        units.append(UnitInfo(name, fit.x[:3], fit.sd[:3], bias, bias_sd, clock, fit.clock_sd, left))
+        residual = {k: float(np.sqrt(np.nanmean(of[u] ** 2))) for k, of in rms.items() if np.isfinite(of[u]).any()}
+        units.append(UnitInfo(name, fit.x[:3], fit.sd[:3], bias, bias_sd, clock, fit.clock_sd, residual))
     return ArrayInfo(tuple(units), len(array), float(array.t[-1] - array.t[0]))
 
 

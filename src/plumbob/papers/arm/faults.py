@@ -68,10 +68,10 @@ def moved(seed: int, duration: float, *, moving: bool, rate: float = 10.0, units
     return signals
 
 
-def as_array(found: Body) -> ImuArray:
+def as_array(body: Body) -> ImuArray:
     """Array of `moved`."""
-    t, mounts = found["truth"]["t"], list(MOUNTS.values())
-    units = {name: ImuData(t, of["gyr"], of["acc"], of["mag"]) for name, of in found.items() if name != "truth"}
+    t, mounts = body["truth"]["t"], list(MOUNTS.values())
+    units = {name: ImuData(t, of["gyr"], of["acc"], of["mag"]) for name, of in body.items() if name != "truth"}
     noise_card = card(REST, 10.0)
     return ImuArray(units, {name: replace(mounts[k % 6], noise=noise_card) for k, name in enumerate(units)})
 
@@ -230,7 +230,7 @@ def part(broken: Sequence[Broken], seeds: int, few: int, step: Callable[[str], N
     step("every fault of every sensor")
     parity = {size: parity_test(size, 1) for size in (0.0, 0.1, 0.2, 0.3, 0.5)}
     figures["parity.alarms"] = None, float(parity[0.0].found)
-    found = [ARM.row(f"parity.{size:g}", best=of.median, found=of.found) for size, of in parity.items() if size]
+    of_parity = [ARM.row(f"parity.{size:g}", best=of.median, found=of.found) for size, of in parity.items() if size]
     cells: dict[tuple[str, str], list[str]] = {}
     for moving in (False, True):
         for triad in STEP:
@@ -250,7 +250,7 @@ def part(broken: Sequence[Broken], seeds: int, few: int, step: Callable[[str], N
         tables=[ARM.table("test_of_the", pairs), ARM.table("every_fault_of", rows)],
         figures=[ARM.figure("fault_of_0", partial(_draw, broken), height=1.4 * len(broken) + 0.4)],
     )
-    return report, [*ARM.rows(figures), *found]
+    return report, [*ARM.rows(figures), *of_parity]
 
 
 def _draw(runs: Sequence[Broken], canvas: "FigureBase") -> None:

@@ -161,8 +161,8 @@ _EVERY: Final = slice(None, None, 6)
 def _draw_angles(done: Taught, canvas: "FigureBase") -> None:
     panels = canvas.subplots(len(done.program.names), 1, sharex=True)
     for k, (ax, name) in enumerate(zip(panels, done.program.names, strict=True)):
-        true, own, program = (to_deg(of.angles[_EVERY, k]) for of in (done.true, done.joints, done.program))
-        _three(ax, done, true, own, np.asarray(done.program.recorded), program)
+        true, estimated, program = (to_deg(of.angles[_EVERY, k]) for of in (done.true, done.joints, done.program))
+        _three(ax, done, true, estimated, np.asarray(done.program.recorded), program)
         ax.set_ylabel(f"{name} [°]")
     panels[-1].set_xlabel("time [s]")
 
@@ -172,16 +172,16 @@ def _draw_hand(done: Taught, canvas: "FigureBase") -> None:
     assert done.joints.hand is not None
     assert done.true.hand is not None
     for k, ax in enumerate(panels):
-        true, own, program = (hand[_EVERY, k] for hand in (done.true.hand, done.joints.hand, done.model.hand))
-        _three(ax, done, true, own, done.model.recorded, program)
+        true, estimated, program = (hand[_EVERY, k] for hand in (done.true.hand, done.joints.hand, done.model.hand))
+        _three(ax, done, true, estimated, done.model.recorded, program)
         ax.set_ylabel(f"{'xyz'[k]} [m]")
     panels[-1].set_xlabel("time [s]")
 
 
-def _three(ax: "Axes", done: Taught, true: Floats, own: Floats, recorded: Floats, program: Floats) -> None:
+def _three(ax: "Axes", done: Taught, true: Floats, estimated: Floats, recorded: Floats, program: Floats) -> None:
     """Truth, estimate, and the program at its recorded times (N,)."""
     ax.plot(done.true.t[_EVERY], true, color=SOFT, linewidth=2.6)
-    ax.plot(done.joints.t[_EVERY], own, color=SERIES[0], linewidth=0.9)
+    ax.plot(done.joints.t[_EVERY], estimated, color=SERIES[0], linewidth=0.9)
     ax.plot(recorded[_EVERY], program, color=SERIES[1], linewidth=1.0, linestyle=_DASHES)
 
 

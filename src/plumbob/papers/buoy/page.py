@@ -70,20 +70,20 @@ class Results(NamedTuple):
     modules: int
 
 
-def paper(found: Results, seed: int) -> Paper:
+def paper(results: Results, seed: int) -> Paper:
     """The page of a run, and every figure in the order of the paper."""
-    parts = [part(found) for part in (_system, _events, _calibration, _static, _slide, _sea, _misprinted)]
+    parts = [part(results) for part in (_system, _events, _calibration, _static, _slide, _sea, _misprinted)]
     report = BUOY.part(
         "page",
         seed=seed,
-        device=found.unit.best.device,
-        modules=found.modules,
-        units=len(found.slides[FIRST]["mekf"]),
-        seas=len(found.sea["mekf"]),
+        device=results.unit.best.device,
+        modules=results.modules,
+        units=len(results.slides[FIRST]["mekf"]),
+        seas=len(results.sea["mekf"]),
         kp=KP,
         ki=KI,
         parts=[part for part, _ in parts],
-        links=[(BUOY.text("report_of_the_sea"), f"buoy/{bench.REPORT}")] if found.sailed.page else [],
+        links=[(BUOY.text("report_of_the_sea"), f"buoy/{bench.REPORT}")] if results.sailed.page else [],
     )
     return Paper(report=report, outcomes=[row for _, rows in parts for row in rows])
 
@@ -102,7 +102,7 @@ def _system(results: Results) -> Part:
     params, slid, gyr = mahony.Params(), results.slid[FIRST], results.unit.paper.gyr
     assert params.gate is not None
     assert gyr is not None
-    kept = _largest(slid.errors[KEPT][:, 1:])
+    removed = _largest(slid.errors[KEPT][:, 1:])
     outcomes = BUOY.rows(
         {
             "kp": params.kp,
@@ -110,7 +110,7 @@ def _system(results: Results) -> Part:
             "gate": params.gate / G0,
             "mag.step": float(from_si(WIDE_STEP, "mgauss")),
             "boot.bias": float(to_dps(np.abs(gyr.bias).max())),
-            "boot.kept": kept,
+            "boot.removed": removed,
             "boot.first": (_largest(slid.errors[_PAIR[0]][0, 1:]), _largest(slid.errors[_PAIR[1]][0, 1:])),
         }
     )
@@ -119,7 +119,7 @@ def _system(results: Results) -> Part:
     report = BUOY.part(
         "system",
         bias=", ".join(signed(v, 1) for v in to_dps(gyr.bias)),
-        tilt=kept,
+        tilt=removed,
         roll=roll,
         pitch=pitch,
         yaw=yaw,

@@ -250,14 +250,14 @@ def part(run: Compared) -> Part:
     for key in ("accel", "gyro"):
         figures[f"bytes.{key}"] = float(np.abs(run.errors(run.tracks[key], run.truth.q_nb)).max())
     for key, k in (("reference", 3), ("own", 4), ("mounted", 5)):
-        own, ours = (100.0 * float((p[k].rms ** 2).sum() / (p[0].rms ** 2).sum()) for p in (faithful, best))
-        figures[f"bytes.share.{key}"] = own, ours
+        theirs, ours = (100.0 * float((p[k].rms ** 2).sum() / (p[0].rms ** 2).sum()) for p in (faithful, best))
+        figures[f"bytes.share.{key}"] = theirs, ours
     outcomes = ROD.rows(figures)
     true = run.truth.bias_b
     assert true is not None
     late = run.t > run.t[-1] - 100.0
-    left, was = (float(to_deg(np.sqrt((bias[late] ** 2).mean()))) for bias in (run.bias - true, true))
-    outcomes.append(ROD.row("bytes.bias", faithful=left, faithful_bar=at_most(was), was=was))
+    after, before = (float(to_deg(np.sqrt((bias[late] ** 2).mean()))) for bias in (run.bias - true, true))
+    outcomes.append(ROD.row("bytes.bias", faithful=after, faithful_bar=at_most(before), was=before))
     rows = []
     for key, line in LINES.items():
         parts = budget(run, key)
