@@ -16,12 +16,10 @@ version = 1
 name = "pair"
 title = "made-up unit with two kinds of frames"
 byte_order = "little"
-
 [frame]
 sync = "A5 5A"
 length_field = { at = 2, size = 1, add = 6, least = 6, most = 40 }
 checksum = { kind = "crc16-xmodem", at = -2, from = 2 }
-
 [[message]]
 name = "fast"
 length = 14
@@ -30,7 +28,6 @@ field = [
   { name = "n", type = "u16", role = "counter" },
   { name = "acc", axes = "xyz", type = "s16", counts = 1000, unit = "g" },
 ]
-
 [[message]]
 name = "slow"
 length = 8

@@ -27,22 +27,14 @@ def recorded(tmp_path_factory):
         (folder / "s.toml").write_text(f"""
 kind = "plumbob session"
 version = 1
-[source]
-kind = "serial"
-port = "{link}"
-baud = 115200
-speed = 20
-[format]
-name = "buoy"
+source = {{ kind = "serial", port = "{link}", baud = 115200, speed = 20 }}
+format = {{ name = "buoy" }}
+calibration = {{ card = "truth.card.json" }}
+estimate = {{ filter = "mahony", params = {{ kp = 0.5 }} }}
 [imu]
 device = "{json.loads((folder / "truth.card.json").read_text())["device"]}"
 frame = "NED"
 declination = "0 deg"
-[calibration]
-card = "truth.card.json"
-[estimate]
-filter = "mahony"
-params = {{ kp = 0.5 }}
 """)
         told = typed("record s.toml --out a.mcap --duration 4s --json", cwd=folder)
     return folder, json.loads(told.stdout), told.stderr

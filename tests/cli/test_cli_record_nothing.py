@@ -19,26 +19,15 @@ version = 1
 name = "unit"
 title = "made-up unit"
 byte_order = "little"
-
+field = [
+  { name = "kind", type = "u8", role = "constant", value = 1 },
+  { name = "gyr", axes = "xyz", at = 4, type = "s16", counts = 65.5, unit = "deg/s" },
+]
 [frame]
 sync = "A5 5A"
 length = 16
 rate = "100 Hz"
 checksum = { kind = "crc16-ccitt-false", at = -2, from = 2 }
-
-[[field]]
-name = "kind"
-type = "u8"
-role = "constant"
-value = 1
-
-[[field]]
-name = "gyr"
-axes = "xyz"
-at = 4
-type = "s16"
-counts = 65.5
-unit = "deg/s"
 """
 SESSION = """
 kind = "plumbob session"

@@ -23,45 +23,38 @@ version = 1
 name = "imu9"
 title = "made-up unit with nine axes"
 byte_order = "little"
-
 [frame]
 sync = "A5 5A"
 length = 30
 rate = "200 Hz"
 checksum = { kind = "crc16-ccitt-false", at = -2, from = 2 }
-
 [[field]]
 name = "counter"
 type = "u16"
 role = "counter"
-
 [[field]]
 name = "clock"
 type = "u32"
 role = "clock"
 unit = "us"
-
 [[field]]
 name = "gyr"
 axes = "xyz"
 type = "s16"
 counts = 65.5
 unit = "deg/s"
-
 [[field]]
 name = "acc"
 axes = "xyz"
 type = "s16"
 counts = 8192
 unit = "g"
-
 [[field]]
 name = "mag"
 axes = "xyz"
 type = "s16"
 counts = 10
 unit = "uT"
-
 [[field]]
 name = "temp_c"
 type = "s16"

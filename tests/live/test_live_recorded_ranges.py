@@ -58,19 +58,8 @@ version = 1
 name = "three"
 title = "an accelerometer whose counts somebody takes for m/s²"
 byte_order = "little"
-
-[frame]
-sync = "A5 5A"
-length = 9
-rate = "100 Hz"
-checksum = { kind = "sum8", at = -1, from = 2 }
-
-[[field]]
-name = "acc"
-axes = "xyz"
-type = "s16"
-counts = 8192
-unit = "m/s2"
+frame = { sync = "A5 5A", length = 9, rate = "100 Hz", checksum = { kind = "sum8", at = -1, from = 2 } }
+field = [{ name = "acc", axes = "xyz", type = "s16", counts = 8192, unit = "m/s2" }]
 """
 
 

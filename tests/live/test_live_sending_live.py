@@ -17,12 +17,9 @@ from tests.helpers.commandline import emulated
 BUOY = """
 kind = "plumbob session"
 version = 1
-[format]
-name = "buoy"
-[imu]
-frame = "NED"
-[estimate]
-filter = "mekf"
+format = { name = "buoy" }
+imu = { frame = "NED" }
+estimate = { filter = "mekf" }
 """
 
 

@@ -197,18 +197,10 @@ def test_means_of_straight_lines_and_pauses() -> None:
 
 PROFILE = """separator = ","
 frame = "ENU"
-[header]
-names = true
-[time]
-column = "t"
-unit = "s"
-[gyr]
-columns = ["gx", "gy", "gz"]
-unit = "rad/s"
-[acc]
-columns = ["ax", "ay", "az"]
-unit = "m/s2"
-sign = "specific-force"
+header = { names = true }
+time = { column = "t", unit = "s" }
+gyr = { columns = ["gx", "gy", "gz"], unit = "rad/s" }
+acc = { columns = ["ax", "ay", "az"], unit = "m/s2", sign = "specific-force" }
 [mag]
 columns = ["mx", "my", "mz"]
 unit = "uT"

@@ -227,11 +227,8 @@ def test_a_fault_of_the_view_ends_the_view_and_not_the_recording(tmp_path):
 ARM_TEXT = """
 kind = "plumbob session"
 version = 1
-[format]
-name = "teach"
-units = "all"
-[imu]
-frame = "NED"
+format = { name = "teach", units = "all" }
+imu = { frame = "NED" }
 """
 
 

@@ -227,18 +227,11 @@ def test_a_session_file_is_shown_and_its_own_recording_made(tmp_path):
         (tmp_path / "s.toml").write_text(f"""
 kind = "plumbob session"
 version = 1
-[source]
-kind = "serial"
-port = "{port}"
-baud = 115200
-[format]
-name = "buoy"
-[imu]
-frame = "NED"
-[estimate]
-filter = "mekf"
-[record]
-path = "{tmp_path}/own.mcap"
+source = {{ kind = "serial", port = "{port}", baud = 115200 }}
+format = {{ name = "buoy" }}
+imu = {{ frame = "NED" }}
+estimate = {{ filter = "mekf" }}
+record = {{ path = "{tmp_path}/own.mcap" }}
 """)
         outlet = Kept()
         with opened_up(tmp_path / "s.toml", **SHOWN | {"also": ["mahony"]}) as shows:

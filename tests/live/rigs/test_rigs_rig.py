@@ -193,11 +193,7 @@ checksum = { kind = "crc16-modbus", at = -2, from = 0 }
 [[message]]
 name = "mine"
 length = 17
-[[message.field]]
-name = "acc"
-axes = "xyz"
-type = "f32"
-unit = "g"
+field = [{ name = "acc", axes = "xyz", type = "f32", unit = "g" }]
 """
 
 
