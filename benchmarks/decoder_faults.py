@@ -25,7 +25,7 @@ def main() -> int:
     args = parser.parse_args()
     forms = [*map(catalog.load, catalog.names()), user_frame()]
     result = measure_decoders(forms, frames=args.frames, noise=args.noise, fuzzing=args.fuzz)
-    print(json.dumps(result.as_dict(), indent=2) if args.json else result.text())
+    print(json.dumps(result.summary(), indent=2) if args.json else result.text())
     if not args.json:
         print("targets met" if result.met else "targets MISSED")
     return 0 if result.met else 1

@@ -179,7 +179,7 @@ def _require_some(option: str, count: int) -> None:
 
 def _show(result: Any, args: argparse.Namespace) -> int:
     """Print what was measured, as --json asks."""
-    common.print_json(result.as_dict()) if args.json else print(result.text())
+    common.print_json(result.summary()) if args.json else print(result.text())
     return 0
 
 

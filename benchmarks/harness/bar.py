@@ -20,7 +20,7 @@ class Bar:
         """True where it keeps them."""
         return self.low <= self.value <= self.high
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Ready for JSON; None for a figure or a limit that is infinite."""
         numbers = {"value": self.value, "low": self.low, "high": self.high}
         told = {name: number if math.isfinite(number) else None for name, number in numbers.items()}

@@ -133,7 +133,7 @@ class Battery:
         """How many were accepted and right, or refused clearly."""
         return sum(v.good for v in self.verdicts.values())
 
-    def as_dict(self) -> dict[str, str]:
+    def summary(self) -> dict[str, str]:
         """Ready for JSON."""
         return {name: str(verdict) for name, verdict in self.verdicts.items()}
 

@@ -52,9 +52,9 @@ class CalibrationTest:
         """Bars of all sections."""
         return tuple(bar for section in self.sections.values() for bar in section.bars)
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Ready for JSON."""
-        return {"seeds": self.seeds, **{name: section.as_dict() for name, section in self.sections.items()}}
+        return {"seeds": self.seeds, **{name: section.summary() for name, section in self.sections.items()}}
 
     def text(self) -> str:
         """Tables, and how the bars are kept."""

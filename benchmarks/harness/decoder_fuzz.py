@@ -34,7 +34,7 @@ class InNoise:
     accepted: int
     expected: float
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Values by name, for JSON."""
         return asdict(self)
 
@@ -69,7 +69,7 @@ class Fuzzed:
         """Whether nothing grew."""
         return self.pending <= self.bound and self.reads <= 1
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Values by name, for JSON."""
         return asdict(self)
 

@@ -50,7 +50,7 @@ class Harmed:
         """Whether at most one frame was lost per fault, never more than two in a row, and none wrong but as allowed."""
         return self.lost <= self.faults and self.longest <= RESYNC and self.wrong <= self.allowed
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Values by name, for JSON."""
         return {**asdict(self), "met": self.met}
 
@@ -79,11 +79,11 @@ class OfOne:
     noise: InNoise | None
     fuzzed: Fuzzed
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Values by name, for JSON."""
-        noise = self.noise.as_dict() if self.noise else None
-        harms = {one.kind: one.as_dict() for one in self.harms}
-        return {"check": self.check, "harms": harms, "noise": noise, "fuzzed": self.fuzzed.as_dict()}
+        noise = self.noise.summary() if self.noise else None
+        harms = {one.kind: one.summary() for one in self.harms}
+        return {"check": self.check, "harms": harms, "noise": noise, "fuzzed": self.fuzzed.summary()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +106,9 @@ class Decoders:
         """Whether every format keeps what is asked."""
         return all(harm.met for one in self.formats for harm in one.harms) and all(o.fuzzed.sound for o in self.formats)
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Values by name, for JSON."""
-        return {"frames": self.frames, "met": self.met, "formats": {one.name: one.as_dict() for one in self.formats}}
+        return {"frames": self.frames, "met": self.met, "formats": {one.name: one.summary() for one in self.formats}}
 
     def text(self) -> str:
         """Tables of damage and of noise."""

@@ -73,7 +73,7 @@ class Score:
     def _share(self, good: Sequence[Verdict]) -> float | None:
         return 100.0 * sum(self.counts[v] for v in good) / self.cases if self.cases else None
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Ready for JSON."""
         counts = {str(verdict): count for verdict, count in self.counts.items()}
         return {"cases": self.cases, **counts, "pass_percent": self.passed, "strict_percent": self.strict}
@@ -112,21 +112,21 @@ class Faults:
         counts = {verdict: said.count(verdict) for verdict in COUNTED}
         return Score(sum(counts.values()), counts)
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Ready for JSON."""
         return {
             "settings": self.settings,
             "clean_rms_deg": {name: v if math.isfinite(v) else None for name, v in self.clean_rms_deg.items()},
-            "score": {name: self.score(name).as_dict() for name in self.settings},
+            "score": {name: self.score(name).summary() for name in self.settings},
             "cases": {
                 case.name: {
                     "group": case.group,
                     "what": case.what,
-                    "results": {name: self.verdicts[name][case.name].as_dict() for name in self.settings},
+                    "results": {name: self.verdicts[name][case.name].summary() for name in self.settings},
                 }
                 for case in self.cases
             },
-            "arguments": {name: battery.as_dict() for name, battery in self.batteries.items()},
+            "arguments": {name: battery.summary() for name, battery in self.batteries.items()},
             "absent": self.absent,
         }
 

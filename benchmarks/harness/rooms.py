@@ -113,7 +113,7 @@ class Rooms:
         kinds = (trial.outcomes[way].refused for trial in self.trials.values())
         return dict(Counter(kind for kind in kinds if kind is not None).most_common())
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Ready for JSON."""
         trials = {
             name: {

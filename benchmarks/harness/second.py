@@ -95,7 +95,7 @@ class Second:
         shares = [100.0 * count / max(len(judged), 1) for count in counts]
         return [Bar(f"{name} [%]", share, 0.0, high) for share, (name, high) in zip(shares, BARS, strict=False)]
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Ready for JSON."""
         return {
             "settings": self.settings,
@@ -104,7 +104,7 @@ class Second:
                     "cases": len(self.judged(name)),
                     "by_flags": self._counts(name, by_flags=True),
                     "by_flags_or_claims": self._counts(name),
-                    "bars": [bar.as_dict() for bar in self.bars(name)],
+                    "bars": [bar.summary() for bar in self.bars(name)],
                 }
                 for name in self.settings
             },
@@ -113,7 +113,7 @@ class Second:
                     "group": case.group,
                     "what": case.what,
                     "unseen": case.unseen,
-                    "results": {name: self.found[name][case.name].as_dict() for name in self.settings},
+                    "results": {name: self.found[name][case.name].summary() for name in self.settings},
                 }
                 for case in self.cases
             },

@@ -31,7 +31,7 @@ class Section:
     rows: Mapping[str, tuple[Figure, ...]]
     bars: tuple[Bar, ...]
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Ready for JSON; None where a figure is infinite."""
         return {
             "title": self.title,
@@ -39,7 +39,7 @@ class Section:
                 {"name": name, **dict(zip(self.columns, map(_finite, row), strict=True))}
                 for name, row in self.rows.items()
             ],
-            "bars": [bar.as_dict() for bar in self.bars],
+            "bars": [bar.summary() for bar in self.bars],
         }
 
     def lines(self) -> Iterator[str]:

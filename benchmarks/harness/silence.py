@@ -123,7 +123,7 @@ class Silence:
             case _:
                 return f"WRONG {self.end_deg:.0f}°{mark}"
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Ready for JSON."""
         return {
             "by_flags": str(self.by_flags),

@@ -104,7 +104,7 @@ class Judgement:
             case _:
                 return f"{self.peak_deg:.0f}°/{self.recover_s:.0f}s{star}"
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Ready for JSON."""
         return {
             "verdict": str(self.verdict),

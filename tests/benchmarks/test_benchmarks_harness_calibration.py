@@ -50,7 +50,7 @@ def test_a_turned_calibration_errs_by_its_turn_and_z_scores_count_what_was_said_
 
 
 def test_every_section_tells_its_rows_and_bars(result):
-    told = json.loads(json.dumps(result.as_dict(), allow_nan=False))
+    told = json.loads(json.dumps(result.summary(), allow_nan=False))
     assert tuple(result.sections) == tuple(PARTS)
     for name, section in result.sections.items():
         assert len(section.rows) == PARTS[name].steps
@@ -70,9 +70,9 @@ def test_one_section_alone_an_unknown_one_and_a_figure_that_misses_its_bar():
         measure_calibration(range(1), ["gyro"])
     bar = Bar("heading", math.inf, 0.0, 1.0)
     section = Section("t", ("heading, °", "wrong"), {"a": (math.inf, "none")}, (bar,))
-    assert section.as_dict()["rows"] == [{"name": "a", "heading, °": None, "wrong": "none"}]
+    assert section.summary()["rows"] == [{"name": "a", "heading, °": None, "wrong": "none"}]
     assert "MISSED" in list(bar_lines([bar]))[1]
-    assert bar.as_dict()["value"] is None
+    assert bar.summary()["value"] is None
 
 
 def test_a_polynomial_of_the_unit_keeps_its_bar_and_the_papers_figure_does_not():
@@ -81,5 +81,5 @@ def test_a_polynomial_of_the_unit_keeps_its_bar_and_the_papers_figure_does_not()
     assert white < 0.005 < wandering < 0.05  # 36 °/h wander by 0.664 × 0.01 °/s at any time scale
     assert min(paper, raw) > 1.0
     assert [(bar.value, bar.met) for bar in result.bars] == [(white, True), (paper, True)]
-    told = json.loads(json.dumps(result.as_dict(), allow_nan=False))
+    told = json.loads(json.dumps(result.summary(), allow_nan=False))
     assert [bar["high"] for bar in told["bars"]] == [0.005, None]

@@ -96,7 +96,7 @@ def test_a_peer_that_is_not_installed_is_left_out_with_its_reason_and_no_peer_re
     installed, absent = peers("vqf")
     assert installed == []
     result = measure_faults([ours("integrate")], [], arguments=False, absent=absent)
-    assert result.as_dict()["absent"] == absent == {"vqf": absent["vqf"]}
+    assert result.summary()["absent"] == absent == {"vqf": absent["vqf"]}
     assert result.score("integrate").passed is None
     assert peers("none") == ([], {})
     with pytest.raises(ParameterError, match="there is no peer 'px4'; known are vqf, imufusion, ahrs, all and none"):

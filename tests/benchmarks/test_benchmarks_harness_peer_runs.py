@@ -166,7 +166,7 @@ def test_a_peer_that_is_not_installed_is_named_in_text_and_json(tmp_path, monkey
     file_of(tmp_path / "good.parquet", rocking())
     result = measure_accuracy(trials_in(tmp_path), [Stage("mahony", {})], peers=found, absent=absent)
     assert "left out: imufusion: " in result.text()
-    assert "pip install imufusion" in result.as_dict()["absent"]["imufusion"]
+    assert "pip install imufusion" in result.summary()["absent"]["imufusion"]
 
 
 @pytest.mark.parametrize("library", STUDIED)

@@ -83,7 +83,7 @@ def test_a_real_room(broad_folder, tmp_path):
     assert trial.outcomes["alone"] == Outcome(refused="uneven-field")
     assert trial.outcomes["chosen"].off_deg < trial.raw_deg
     assert list(found.skipped) == ["nothing.csv"]
-    assert json.loads(json.dumps(found.as_dict()))["trials"][name]["alone"]["refused"] == "uneven-field"
+    assert json.loads(json.dumps(found.summary()))["trials"][name]["alone"]["refused"] == "uneven-field"
     with pytest.raises(DecodeError, match="no file holds both a magnetometer and a reference"):
         measure_rooms([path])
 
@@ -97,7 +97,7 @@ def test_windows_of_a_turned_unit_are_calibrated_each(turned, monkeypatch):
     first, second = found.trials.values()
     assert first.apart is None
     assert set(second.apart) <= set(first.outcomes)
-    assert found.as_dict()["window_s"] == 9.0
+    assert found.summary()["window_s"] == 9.0
 
 
 def test_grades_say_what_their_cards_are_worth():

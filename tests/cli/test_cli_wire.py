@@ -153,7 +153,7 @@ def test_truth_card_and_faults_lie_beside(tmp_path):
     assert CalibrationCard.load(tmp_path / "t-u4.card.json").device == recording.imu.meta.device
     faults = [json.loads(line) for line in (tmp_path / "f.jsonl").read_text().splitlines()]
     rig = make_rig(PLANS["arm"], load("arm"), seed=2, duration=5.0, faults={"flip": 0.05, "skip": 0.1})
-    assert faults == [fault.as_dict() for fault in rig.faults]
+    assert faults == [fault.summary() for fault in rig.faults]
     assert {fault["kind"] for fault in faults} == {"flip", "skip"}
     assert (tmp_path / "a.bin").read_bytes() == rig.stream()
 

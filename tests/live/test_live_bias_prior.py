@@ -85,7 +85,7 @@ def test_a_benchmark_says_in_how_many_seeds():
     assert many > 0  # the sheet allows ±20 °/s; within ±1.5 °/s on all three axes of all three units are (0.075)⁹
     assert f"in {many} of 3 seeds, as in the first of them: the estimated gyroscope bias" in text
     assert found.warnings["mahony"] == []
-    assert found.as_dict()["warnings"]["mekf"] == found.warnings["mekf"]
+    assert found.summary()["warnings"]["mekf"] == found.warnings["mekf"]
     assert text.count("plumbob calibrate gyro") == 1
 
 

@@ -96,7 +96,7 @@ def test_rests_that_the_reference_does_not_tell_are_left_out(iron):
 
 def test_numbers_for_json_are_those_of_the_table(iron):
     test = static_test(iron.imu, iron.truth, iron.calibration)
-    told = test.as_dict()
+    told = test.summary()
     assert len(told["rests"]) == 36
     assert told["rests"][9]["reference_deg"]["yaw"] == pytest.approx(90.0)
     worst = max(abs(rest["before_deg"]["yaw"]) for rest in told["rests"])

@@ -14,7 +14,7 @@ import plumbob
 from plumbob.core.errors import MissingExtraError, ParameterError
 from plumbob.core.units import to_deg
 from plumbob.core.web import asset
-from plumbob.overview import printed, traces
+from plumbob.overview import printed, streaming_stats
 from plumbob.reporting.style import said
 from tests.helpers.browser import CHROMIUM, browser
 from tests.helpers.labels import labels
@@ -99,7 +99,7 @@ def test_every_sample_is_in_it(page, imu):
 
 def test_a_long_recording_says_how_many_samples_a_pair_is_and_several_stand_beside_each_other(imu, monkeypatch):
     monkeypatch.setattr("plumbob.overview.overview.WHOLE", 1000)
-    monkeypatch.setattr(traces, "BUCKETS", 100)
+    monkeypatch.setattr(streaming_stats, "BUCKETS", 100)
     page = plumbob.report(imu, filter="mekf").page()
     assert "each pair of points is the smallest and the largest of 40 samples" in page
     found, step = values(page, "acc_z")

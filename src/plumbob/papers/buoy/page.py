@@ -110,7 +110,7 @@ def _system(results: Results) -> Part:
             "gate": params.gate / G0,
             "mag.step": float(from_si(WIDE_STEP, "mgauss")),
             "boot.bias": float(to_dps(np.abs(gyr.bias).max())),
-            "boot.removed": removed,
+            "boot.kept": removed,
             "boot.first": (_largest(slid.errors[_PAIR[0]][0, 1:]), _largest(slid.errors[_PAIR[1]][0, 1:])),
         }
     )
