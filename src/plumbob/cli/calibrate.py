@@ -150,9 +150,9 @@ def static_test(
 def _read(path: str | Path, profile: str | Path | None = None) -> "Recording":
     """Read a recording, and warn of what was found in its data."""
     from plumbob.data.recording import found_in
-    from plumbob.door.reading import read_one
+    from plumbob.door.reading import read
 
-    recording = read_one(path, profile=None if profile is None else Path(profile))
+    recording = read(path, profile=None if profile is None else Path(profile)).of_unit(None)
     common.note(*(f"{Path(path).name}: {line}" for line in found_in(recording.notes)))
     return recording
 

@@ -16,7 +16,7 @@ from plumbob.core.units import Quantity, given
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.recording import Recording, unsaved
-from plumbob.door.reading import read_one
+from plumbob.door.reading import read
 from plumbob.files.numbers import SUFFIXES, TEXT_SUFFIXES, open_numbers
 from plumbob.files.profile_toml import profiles_beside
 from plumbob.noise.allan import Noise, Taus, characterise
@@ -208,7 +208,7 @@ def load_static(
     if is_recording(file, profile, kind):
         if scale is not None or columns is not None:
             raise ParameterError(f"{file} is a recording with units of its own; leave scale and columns out.")
-        recording = read_one(file, profile=profile)
+        recording = read(file, profile=profile).of_unit(None)
         return static_channels(recording, file, card, triads, (start, stop), rate, size=file.stat().st_size)
     if card is not None:
         raise ParameterError(f"{file} holds plain numbers, but a calibration card corrects a recording with units.")

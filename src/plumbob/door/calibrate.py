@@ -15,7 +15,7 @@ from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.earth_field import earth_field_at, parse_place
 from plumbob.data.recording import Recording, found_in
-from plumbob.door.reading import read, read_one
+from plumbob.door.reading import read
 from plumbob.reporting.report import Report, Reported
 from plumbob.rotations import Frame
 
@@ -198,13 +198,13 @@ def read_capture(
     PlumbobError
         If the file cannot be read, or as in `capture`.
     """
-    recording = read_one(path, profile=profile)
+    recording = read(path, profile=profile).of_unit(None)
     if recording.imu is None:
         raise CalibrationError(f"{path} holds an attitude but no sensor data, so there is nothing to calibrate.")
-    read = capture(recording.imu, triads=triads, if_present=if_present, span=span, device=device, base=base)
+    captured = capture(recording.imu, triads=triads, if_present=if_present, span=span, device=device, base=base)
     # That it is uncalibrated is what a capture is for.
     findings = tuple(line for line in found_in(recording.notes) if not line.startswith("calibration: "))
-    return replace(read, found=findings)
+    return replace(captured, found=findings)
 
 
 def kind_options(kind: str) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.recording import Recording, found_in
 from plumbob.door.evaluate import evaluate
-from plumbob.door.reading import read_one
+from plumbob.door.reading import read
 from plumbob.evaluation.align import ALIGNMENTS
 from plumbob.evaluation.compare import LONGEST_OFFSET, Comparison, compare_attitudes, compare_recordings
 from plumbob.files.formats import kind_of
@@ -93,7 +93,7 @@ def _opened(what: Any, unit: str | None, profile: str | Path | None, note: Calla
     if isinstance(what, Recording):
         return what.of_unit(unit)
     described = profile is not None and kind_of(what, described=True).takes_profile
-    recording = read_one(what, profile=profile if described else None, unit=unit)
+    recording = read(what, profile=profile if described else None, unit=unit).of_unit(None)
     for line in found_in(recording.notes) if note is not None else ():
         note(f"{Path(what).name}: {line}")  # type: ignore[misc]
     return replace(recording, name=Path(what).name)

@@ -7,7 +7,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.data import ImuData
 from plumbob.data.imu import units_unchecked
 from plumbob.data.recording import Recording, unsaved
-from plumbob.door.reading import read_one
+from plumbob.door.reading import read
 from plumbob.files.formats import kind_of
 from plumbob.files.profile import Profile
 from plumbob.files.text import text_profile
@@ -58,7 +58,7 @@ def doctor(
     else:
         file = check.path("what", what)
         with units_unchecked():
-            recording, name = read_one(file, profile=profile, unit=unit), file.name
+            recording, name = read(file, profile=profile, unit=unit).of_unit(None), file.name
         declared = Declared(_profile(file, profile))
     if recording.imu is None:
         raise ParameterError(f"{name} holds an attitude but no sensor data, so there is nothing to compare.")

@@ -244,17 +244,25 @@ class Outline:
         """From the first sample to the last, s."""
         return float(self.last.t[-1]) - self.begin
 
-    def gather(self, parts: Iterable[AttitudeTrack], total: int, progress: Progress | None) -> Iterator[AttitudeTrack]:
-        """The parts as they come; `progress` is called with the number of samples done, and of all."""
+    def gather(
+        self, parts: Iterable[AttitudeTrack], imu: ImuData, progress: Progress | None, follow: Follower | None
+    ) -> Iterator[AttitudeTrack]:
+        """The parts as they come, each shown with its samples to who follows; `progress` gets samples done, and all."""
+        again = imu
         if progress is not None:
-            progress(0, total)
+            progress(0, len(imu))
+        if follow is not None:
+            follow.begin(imu)
+            again = imu.each(lambda part: part)  # a reader of its own: the filter's goes on from where that is
         for part in parts:
+            if follow is not None:
+                follow.take(again[self.samples : self.samples + len(part)], part)
             self.begin = self.begin if self.samples else float(part.t[0])
             self.samples += len(part)
             self.last = part.end
             self.flags.update(flags.counts(np.asarray(part.flags)))
             if progress is not None:
-                progress(self.samples, total)
+                progress(self.samples, len(imu))
             yield part
             del part  # the next one may need its room
 
@@ -370,7 +378,7 @@ def estimate(
     used, runs = started(imu, stage, frame, source.track)
     made_by = make_estimator(stage, frame, imu.meta) if isinstance(runs, Filter) else runs
     parts, outline = track_parts(used, runs), Outline()
-    parts = outline.gather(parts if follow is None else _observed(used, parts, follow), len(used), progress)
+    parts = outline.gather(parts, used, progress, follow)
     attitude: AttitudeTrack | Path
     if written is not None and native and source.track is None:
         attitude = _streamed(written, parts, source.name, doubt, overwrite)
@@ -391,18 +399,6 @@ def estimate(
     if written is not None and attitude is not written:
         result.save(written, overwrite=overwrite)
     return result
-
-
-def _observed(imu: ImuData, parts: Iterator[AttitudeTrack], follow: Follower) -> Iterator[AttitudeTrack]:
-    """The parts, each shown with its samples to who follows."""
-    follow.begin(imu)
-    again = imu.each(lambda part: part)  # a reader of its own: the filter's goes on from where that is
-    at = 0
-    for part in parts:
-        follow.take(again[at : at + len(part)], part)
-        at += len(part)
-        yield part
-        del part  # the next one may need its room
 
 
 def _remarks(

@@ -27,7 +27,8 @@ def read(
 ) -> "Recording":
     """Read a file of any format, a recorded stream too: its samples are decoded again from their bytes.
 
-    A file of several units gives them as `Recording.array`, unless one is asked for.
+    A file of several units gives them as `Recording.array`, unless one is asked for; who takes one alone goes on with
+    `Recording.of_unit`, which refuses several.
 
     Parameters
     ----------
@@ -63,23 +64,6 @@ def read(
 
         return read_recorded(file, unit=unit)
     return read_samples(file, profile=profile, whole=whole, unit=unit)
-
-
-def read_one(
-    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
-    *,
-    profile: "Profile | str | Path | None" = None,
-    whole: bool = True,
-    unit: str | None = None,
-) -> "Recording":
-    """Read a file as `read` does, for who takes one unit.
-
-    Raises
-    ------
-    ParameterError
-        Also if it holds several, and none of them is asked for.
-    """
-    return read(path, profile=profile, whole=whole, unit=unit).of_unit(None)
 
 
 Source = str | os.PathLike[str]

@@ -16,7 +16,7 @@ from plumbob.core.time import to_ns
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.recording import Recording
-from plumbob.door.reading import read_one
+from plumbob.door.reading import read
 from plumbob.files.formats import is_own
 from plumbob.files.mcap import open_log
 from plumbob.live.replay import replay
@@ -195,7 +195,7 @@ def _opened(source: str | Path | Recording | AttitudeTrack) -> tuple[str, Attitu
         file = check.path("source", source)
         if is_own(file) and (replayed := _replayed(file)) is not None:
             return replayed
-        recording, name = read_one(file), str(file)
+        recording, name = read(file).of_unit(None), str(file)
     if recording.track is None:
         raise ShapeError(
             f"{name} holds samples but no attitude. Estimate it first: plumbob run {quote(name)} --filter mekf --out "

@@ -34,42 +34,41 @@ class FileFormat:
         File names that end so are taken for it.
     what : str
         One line for help and documentation.
-    read : callable
-        Reader of a path, and of a profile where it takes one.
+    reader : str
+        Module and function of its reader, as ``"parquet.read_parquet"``; of a path, and a profile where it takes one.
     takes_in_memory : bool
         Whether the reader also takes whether all is to be in memory; otherwise samples may stay in the file.
     takes_profile : bool
         Whether a profile describes such files.
     takes_unit : bool
         Whether the reader itself chooses one of several units, whose clocks may differ.
-    accepts : callable or None
-        Whether a path is of this format, by its content; asked where several formats share a suffix, or it is a folder.
+    accepts : str or None
+        As `reader`: whether a path is of this format, by its content; asked where several formats share a suffix, or it
+        is a folder.
         None: the suffix says it all.
-    writers : tuple of (str, callable)
-        Suffixes that can be written, with their writers, which also take whether a file may be replaced.
+    writers : tuple of (str, str)
+        Suffixes that can be written, with their writers, as `reader`, which also take whether a file may be replaced.
     """
 
     name: str
     suffixes: tuple[str, ...]
     what: str
-    read: Callable[..., Recording]
+    reader: str
     takes_in_memory: bool = False
     takes_profile: bool = False
     takes_unit: bool = False
-    accepts: Callable[[Path], bool] | None = None
-    writers: tuple[tuple[str, Callable[[Path, Recording, bool], None]], ...] = ()
+    accepts: str | None = None
+    writers: tuple[tuple[str, str], ...] = ()
 
 
-def _late(module: str, name: str) -> Callable[..., Any]:
-    """A reader or writer whose module is imported when a file needs it."""
-
-    def call(*args: Any) -> Any:
-        return getattr(import_module(f"plumbob.files.{module}"), name)(*args)
-
-    return call
+def _named(name: str) -> Callable[..., Any]:
+    """A function, whose module is imported when a file needs it."""
+    module, _, function = name.rpartition(".")
+    loaded: Callable[..., Any] = getattr(import_module(f"plumbob.files.{module}"), function)
+    return loaded
 
 
-def _text(path: Path, profile: "Profile | str | Path | None") -> Recording:
+def read_table(path: Path, profile: "Profile | str | Path | None") -> Recording:
     """Read a text table; a log that is known by its names needs no profile."""
     from plumbob.files.draft import known_profile
     from plumbob.files.profile_toml import profiles_beside
@@ -78,14 +77,14 @@ def _text(path: Path, profile: "Profile | str | Path | None") -> Recording:
     return read_text(path, known_profile(path) if profile is None and not profiles_beside(path) else profile)
 
 
-def _decoded(path: Path) -> Recording:
+def refuse_stream(path: Path) -> Recording:
     """Refuse a recording of a line, which the session that it holds decodes."""
     raise DecodeError(f"{path}: a recording of a line is decoded by plumbob.read, not by plumbob.files.read.")
 
 
 def _foreign(name: str, module: str, suffixes: tuple[str, ...], what: str, takes_unit: bool = False) -> FileFormat:
     """A format of `plumbob.files.foreign`, whose module has `accepts` and `read`; a suffix of "" is a folder."""
-    reader, accepts = _late(f"foreign.{module}", "read"), _late(f"foreign.{module}", "accepts")
+    reader, accepts = f"foreign.{module}.read", f"foreign.{module}.accepts"
     return FileFormat(name, suffixes, what, reader, accepts=accepts, takes_unit=takes_unit)
 
 
@@ -94,16 +93,16 @@ FORMATS: Final = (
         name="native",
         suffixes=(".parquet",),
         what="native recording: every bit, units and a checksum inside",
-        read=_late("parquet", "read_parquet"),
+        reader="parquet.read_parquet",
         takes_in_memory=True,
-        writers=((".parquet", _late("parquet", "write_parquet")),),
+        writers=((".parquet", "parquet.write_parquet"),),
     ),
     _foreign("ROS", "ros", (".bag", ".db3", ".mcap", ""), "ROS 1 bags, ROS 2 bags and MCAP of both", True),
     FileFormat(
         name="recording",
         suffixes=(".mcap",),
         what="recordings of a line by Plumbob, and samples for viewers; their bytes are decoded by `plumbob.read`",
-        read=_decoded,
+        reader="formats.refuse_stream",
     ),
     _foreign("ULog", "ulog", (".ulg", ".ulog"), "logs of PX4", True),
     _foreign("DataFlash", "ardupilot", (".bin", ".log", ".tlog"), "logs of ArduPilot, and telemetry of MAVLink", True),
@@ -124,15 +123,15 @@ FORMATS: Final = (
         name="text",
         suffixes=TABLES,
         what="text tables, described by a profile in TOML; written as .csv or .txt with its profile beside it",
-        read=_text,
+        reader="formats.read_table",
         takes_profile=True,
-        writers=tuple((suffix, _late("text_write", "write_csv")) for suffix in (".csv", ".txt")),
+        writers=tuple((suffix, "text_write.write_csv") for suffix in (".csv", ".txt")),
     ),
     FileFormat(
         name="arrays",
         suffixes=ARRAYS,
         what="named arrays of MATLAB, HDF5 and NumPy, described by a profile in TOML, or of BROAD; read only",
-        read=_late("foreign.tables", "read"),
+        reader="foreign.tables.read",
         takes_profile=True,
     ),
 )
@@ -174,12 +173,13 @@ def read(
     file = Path(path)
     if profile is not None and not kind.takes_profile:
         raise ParameterError(f"{file} describes itself ({kind.name}), so it takes no profile; leave --profile out.")
+    reader: Callable[..., Recording] = _named(kind.reader)
     if kind.takes_profile:
-        recording = kind.read(file, profile)
+        recording = reader(file, profile)
     elif kind.takes_unit:
-        recording, unit = kind.read(file, unit), None
+        recording, unit = reader(file, unit), None
     else:
-        recording = kind.read(file, whole) if kind.takes_in_memory else kind.read(file)
+        recording = reader(file, whole) if kind.takes_in_memory else reader(file)
     if unit is not None:
         return recording.of_unit(unit)
     return replace(recording, notes=(*recording.notes, *all_findings(recording)))
@@ -240,7 +240,7 @@ def write(
     if file.suffix.lower() not in writers:
         raise DecodeError(f"{file}: {file.suffix} is not among {', '.join(_writable())}; plumbob.convert writes more.")
     recording = _recording(what, file.stem)
-    writers[file.suffix.lower()](file, replace(recording, notes=(*recording.notes, *added)), overwrite)
+    _named(writers[file.suffix.lower()])(file, replace(recording, notes=(*recording.notes, *added)), overwrite)
     return file
 
 
@@ -291,7 +291,7 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
         candidates = [kind for kind in candidates if kind.takes_profile]
     with reading(file):
         for kind in candidates:
-            if kind.accepts is None or kind.accepts(file):
+            if kind.accepts is None or _named(kind.accepts)(file):
                 return kind
     names = ", ".join(kind.name for kind in candidates)
     if file.is_dir():
@@ -306,12 +306,12 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
 def is_recording(path: Path) -> bool:
     """Whether a path may be that of a recording: by its suffix, or by its content where others use that, too."""
     if path.is_dir():
-        return any(kind.accepts is not None and kind.accepts(path) for kind in FORMATS if "" in kind.suffixes)
+        return any(kind.accepts is not None and _named(kind.accepts)(path) for kind in FORMATS if "" in kind.suffixes)
     suffix = path.suffix.lower()
     candidates = [kind for kind in FORMATS if suffix and suffix in kind.suffixes]
     if any(kind.accepts is None for kind in candidates) or not path.is_file():
         return bool(candidates)
-    return any(kind.accepts(path) for kind in candidates if kind.accepts is not None)
+    return any(_named(kind.accepts)(path) for kind in candidates if kind.accepts is not None)
 
 
 def is_known_log(file: Path) -> bool:
@@ -319,7 +319,9 @@ def is_known_log(file: Path) -> bool:
     from plumbob.files.draft import known_profile
 
     kinds = [kind for kind in FORMATS if file.suffix.lower() in kind.suffixes and kind.accepts is not None]
-    return any(kind.accepts(file) for kind in kinds if kind.accepts is not None) or known_profile(file) is not None
+    return (
+        any(_named(kind.accepts)(file) for kind in kinds if kind.accepts is not None) or known_profile(file) is not None
+    )
 
 
 def _by_suffix(path: Path) -> list[FileFormat]:

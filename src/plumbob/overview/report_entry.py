@@ -21,7 +21,7 @@ from plumbob.data.imu import BLOCK, TITLES
 from plumbob.data.reading import read_at
 from plumbob.data.recording import Recording, found_in, inferred_in
 from plumbob.door.estimate import Estimated, estimate
-from plumbob.door.reading import read_one
+from plumbob.door.reading import read
 from plumbob.files.formats import is_own
 from plumbob.overview.streaming_stats import Gathered, Gatherer
 from plumbob.quality.grade import Grade, grade_of
@@ -272,9 +272,9 @@ def opened(
         return
     profile = how.get("profile")
     profile = None if profile is None else Path(profile)
-    read = read_one(path, profile=profile, whole=whole, unit=how.get("unit"))
+    recording = read(path, profile=profile, whole=whole, unit=how.get("unit")).of_unit(None)
     parts = sorted(part for part in path.rglob("*") if part.is_file()) if path.is_dir() else [path]
-    yield replace(read, name=path.name), tuple(parts), None
+    yield replace(recording, name=path.name), tuple(parts), None
 
 
 @contextmanager

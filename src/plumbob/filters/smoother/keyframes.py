@@ -132,7 +132,8 @@ class Keyframes:
 
     def mean(self, values: Floats) -> Floats:
         """Mean over the samples of each step, (K, …), of values (N, …)."""
-        return mean_between(values, self.first[:-1] + 1, self.first[1:] + 1)
+        means: Floats = sum_between(values, self.first[:-1] + 1, self.first[1:] + 1)
+        return means / np.diff(self.first).reshape(-1, *(1,) * (values.ndim - 1))
 
     def pieces(self, length: float) -> NDArray[np.intp]:
         """Number of the piece of the record, each of this length, s, in which each step lies, (K,)."""
