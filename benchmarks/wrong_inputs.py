@@ -233,10 +233,10 @@ def look(path: Any, frame: str, run: dict[str, Any], card: bool = False) -> tupl
         run = {"calibration": replace(_card(), device=source.imu.meta.device)}
     made, info = pb.estimate(source, frame=frame, **run), pb.info(source)
     lines = [re.sub("; the heading there is the gyroscope's", "", line) for line in (*made.notes, *source.notes)]
-    shares = {name: count / made.outline.samples for name, count in made.outline.flags.items()}
-    lines += [f"flag {name}" for name, share in shares.items() if share > 0.02]
+    lines += [f"flag {name}" for name, count in made.outline.flags.items() if count > 0.02 * made.outline.samples]
     lines += [f"{c.name}: {c.measured}" for c in info.grade.criteria if c.lost >= 1.0]
-    return made.track, [line for line in lines if not line.startswith("field at")], called_wrong(source)
+    lines = [line for line in lines if not line.startswith("field at")]
+    return made.track, lines, called_wrong(source if more else path)
 
 
 @cache

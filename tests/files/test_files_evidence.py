@@ -60,7 +60,7 @@ LOGS = {  # name of the file, its text, what a user answers
         "s,m/s^2,m/s^2,m/s^2,rad/s,rad/s,rad/s,kPa\n" + rows(T, *ACC.T, *GYR.T, np.full(T.size, 100.5)), UP),
     "units in brackets alone": (
         "a.csv", "epoch (ms),elapsed (s)," + names("*-axis (deg/s)", "*-axis (g)", axes="xyz") + "\n"
-        + rows([s[:-6] for s in STAMPS], T, *SIX), UP),
+        + rows([s[:-6] for s in STAMPS], T, *SIX), {}),
     "a comment that is the row of names": (
         "a.csv", ROS + rows(STAMPS, map(str, range(T.size)), STAMPS, ["imu"] * T.size, *Q[:, [1, 2, 3, 0]].T, 0 * T,
                             *GYR.T, *ACC.T), {}),
@@ -135,7 +135,7 @@ def test_what_a_file_says_is_taken_and_the_rest_is_answered(tmp_path, kind):
     assert imu.acc == pytest.approx(ACC, abs=1e-2)
     assert imu.mag is None
     assert imu.meta.frame == "ENU"
-    if not LOGS[kind][2]:  # it is known by its names, and needs no profile
+    if "comment" in kind:  # it is known by its names with its frame, and needs no profile
         assert np.array_equal(plumbob.read(tmp_path / LOGS[kind][0]).imu.gyr, imu.gyr)
     if "attitude" in kind or "comment" in kind:
         assert np.abs(np.sum(recording.track.q_nb * Q, axis=1)) == pytest.approx(1.0, abs=1e-6)

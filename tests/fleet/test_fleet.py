@@ -449,9 +449,9 @@ def test_what_is_no_recording_is_a_row_or_left_out(tmp_path):
     (tmp_path / "in" / "empty.zip").write_bytes(b"")
     (tmp_path / "in" / "noise.ulg").write_bytes(np.random.default_rng(1).bytes(500))
     (tmp_path / "in" / "firmware.bin").write_bytes(b"no log of a flight")
-    notes = []
-    rows = plumbob.batch(tmp_path / "in", tmp_path / "out", filter="mekf", note=notes.append, jobs=1).rows()
-    damaged = dict.fromkeys(("pipe.csv", "endless.parquet", "empty.zip"), "damaged")
-    assert verdicts(rows) == damaged | {"noise.ulg": "refused"}
+    (tmp_path / "in" / "plain.csv").write_text("t,gx,gy,gz\n0,1,2,3\n")  # it needs a profile, and nothing is damaged
+    rows = plumbob.batch(tmp_path / "in", tmp_path / "out", filter="mekf", note=(notes := []).append, jobs=1).rows()
+    refused = dict.fromkeys(("noise.ulg", "plain.csv"), "refused")
+    assert verdicts(rows) == refused | dict.fromkeys(("pipe.csv", "endless.parquet", "empty.zip"), "damaged")
     assert sum("is not a regular file" in row["reason"] for row in rows) == 2
     assert [note.rpartition(": ")[2] for note in notes if "left out" in note] == ["firmware.bin"]

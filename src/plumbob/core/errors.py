@@ -25,6 +25,10 @@ class DecodeError(PlumbobError, ValueError):
     """A file or byte stream is not what it claims to be, or is damaged."""
 
 
+class UnknownFormatError(DecodeError):
+    """A file or folder of no known format, or one that needs a profile: nothing says that it is damaged."""
+
+
 class ParameterError(PlumbobError, ValueError):
     """A parameter is unknown or outside its range."""
 

@@ -156,14 +156,15 @@ def profile(
 
 
 def known_profile(file: Path) -> Profile | None:
-    """Profile of a text log that is known by its names, where no question stays open; None of any other file."""
+    """Profile of a text log that is known by its names, where nothing stays to be asked, its frame neither; or None."""
     try:
         sample = read_sample(file)
     except DecodeError:
         return None
     log = next((log for log in KNOWN if log.fits(sample)), None)
     made = profile(file, accept=True) if log else None
-    return parse_profile(made.text, origin=log.name) if log and made and not made.questions else None
+    parsed = parse_profile(made.text, origin=log.name) if log and made and not made.questions else None
+    return parsed if parsed is not None and ("frame" in parsed.meta or not parsed.triads) else None
 
 
 _NINE: Final = {"acc": 0, "gyr": 3, "mag": 6}
@@ -665,7 +666,7 @@ class _DraftWriter:
         are_counts = guess.counts is not None and not stated and not self._has("unit")
         if not self._has("unit_per_count") and (self._has("counts_per_unit") or zero or are_counts):
             self._set("counts_per_unit", guess.counts or "", "counts that are one unit, by the data sheet", ask=True)
-        self._set_known("unit_per_count", "range", "delay")
+        self._set_known("unit_per_count", "range", "delay", *(("axes", "mirrored") if name != "gyr" else ()))
         if zero:
             self._set("zero", f"{zero:g}", "whole numbers around it: counts that mean 0", ask=True)
         if name == "acc":

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check
-from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.errors import DecodeError, ParameterError, UnknownFormatError
 from plumbob.core.files import ARRAYS, TABLES, existing_file, reading, sidecars
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray
@@ -16,10 +16,6 @@ from plumbob.data.recording import Recording, all_findings, lines, provenance
 
 if TYPE_CHECKING:
     from plumbob.files.profile import Profile
-
-
-class UnknownFormatError(DecodeError):
-    """A file or folder of no known format: nothing says that it is damaged."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,16 +18,16 @@ class KnownLog:
         What writes it.
     names : tuple of str
         Columns that it has, each a regular expression of a whole name.
-    facts : tuple of str
-        What the lines before the table have, as keys.
     answers : mapping of str to object
         Keys of a profile; ``{key}`` is what the lines before the table give for it.
+    facts : tuple of str
+        What the lines before the table have, as keys.
     """
 
     name: str
     names: tuple[str, ...]
-    facts: tuple[str, ...]
     answers: Mapping[str, Any]
+    facts: tuple[str, ...] = ()
 
     def fits(self, sample: Sample) -> bool:
         """Whether a file is one."""
@@ -54,7 +54,6 @@ KNOWN: Final = (
     KnownLog(
         "rostopic echo -p",
         (r"field\.header\.stamp", r"field\.angular_velocity\.x"),
-        (),
         # REP-103 and REP-145: SI units, ENU, and linear_acceleration is what an accelerometer measures
         {"frame": "ENU", "time.unit": "ns", "gyr.unit": "rad/s", "acc.unit": "m/s2", "acc.sign": "specific-force",
          "reference.frame": "ENU"},
@@ -62,31 +61,47 @@ KNOWN: Final = (
     KnownLog(
         "PX4's ulog2csv",
         (r"timestamp", r"gyro_rad\[0\]", r"accelerometer_m_s2\[0\]"),
-        (),
         # sensor_combined.msg: rad/s and m/s2, forward, right, down; at rest z of the accelerometer is -g
         {"time.unit": "us", "gyr.unit": "rad/s", "acc.unit": "m/s2", "acc.sign": "specific-force", "frame": "NED"},
     ),
     KnownLog(
         "a Gyroflow log",
         ("t", "gx", "gy", "gz"),
-        ("gyroflow imu log", "tscale", "gscale"),
         {"time.unit": "s", "time.unit_per_count": "{tscale}", "gyr.unit": "rad/s", "gyr.unit_per_count": "{gscale}",
          "acc.unit": "g", "acc.unit_per_count": "{ascale}", "mag.unit": "gauss", "mag.unit_per_count": "{mscale}",
          "axes": "{orientation}"},
+        ("gyroflow imu log", "tscale", "gscale"),
     ),
     KnownLog(
         "MT Manager",
         ("PacketCounter", "Acc_X|Gyr_X"),
-        ("coordinate system", "deviceid"),
         {"frame": "{coordinate system}", "gyr.unit": "rad/s", "acc.unit": "m/s2", "acc.sign": "specific-force",
          "mag.unit": "relative"},
+        ("coordinate system", "deviceid"),
     ),
     KnownLog(
         "Movella DOT",
         ("SampleTimeFine", "PacketCounter", "Acc_X|FreeAcc_X|Quat_W|Euler_X"),
-        ("devicetag",),
         {"time.unit": "us", "gyr.unit": "deg/s", "acc.unit": "m/s2", "acc.sign": "specific-force",
          "reference.frame": "ENU"},
+        ("devicetag",),
+    ),
+    KnownLog(
+        "Shimmer's Consensys",
+        (r"Shimmer_\w+_Timestamp_\w+", r"Shimmer_\w+_(Accel_(LN|WR)|Gyro)_X_CAL"),
+        # 9DoF Calibration user manual: +1 g where an axis points up; the field in units of the local one
+        {"acc.sign": "specific-force", "mag.unit": "relative"},
+    ),
+    KnownLog(
+        "MetaBase",
+        (r"epoch? \(ms\)", r"elapsed \(s\)", r"x-axis \((g|deg/s|T)\)"),
+        {"acc.sign": "specific-force"},  # as the BMI160 and BMI270 give it, +1 g where an axis points up
+    ),
+    KnownLog(
+        "OpenLog Artemis",
+        ("aX", "gX", "mX", "imu_degC"),
+        # its firmware; DS-000189, Orientation of Axes: y and z of the magnetometer are turned against the others
+        {"acc.unit": "mg", "gyr.unit": "deg/s", "mag.unit": "uT", "acc.sign": "specific-force", "mag.axes": "x -y -z"},
     ),
 )  # fmt: skip
 

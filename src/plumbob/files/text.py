@@ -1,5 +1,6 @@
 """Read text files as their profile declares them: units to SI, signs, body axes, references, labels."""
 
+import codecs
 import csv
 import math
 import shlex
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from plumbob.core import flags, units
 from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
-from plumbob.core.errors import DecodeError, excerpt
+from plumbob.core.errors import DecodeError, UnknownFormatError, excerpt
 from plumbob.core.files import as_list, existing_file, reading, text_of
 from plumbob.core.time import interpolated, to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
@@ -130,17 +131,16 @@ def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profil
             f"{file}: both {profiles[0].name} and {profiles[1].name} lie beside it; name one: --profile FILE.toml."
         )
     if not profiles:
-        raise DecodeError(
+        with reading(file), file.open("rb") as stream:
+            start = stream.read(_FIRST_LINE_BYTES)
+        is_text = b"\0" not in start or start[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+        first = excerpt(start.partition(b"\n")[0].decode("utf-8", "replace").strip())
+        raise (UnknownFormatError if is_text else DecodeError)(
             f"{file}: a text file does not say its units, so it needs --profile FILE.toml (or {file.stem}.toml beside "
-            f"it); its first line is {_first_line(file)}. plumbob profile {shlex.quote(str(file))} drafts one. "
-            "Plain numbers of a unit at rest are for 'plumbob allan', with --rate and --scale."
+            f"it); its first line is {first}. plumbob profile {shlex.quote(str(file))} drafts one. Plain numbers of a "
+            "unit at rest are for 'plumbob allan', with --rate and --scale."
         )
     return load_profile(profiles[0]), f"read with the profile {profiles[0].name}, found beside the file"
-
-
-def _first_line(file: Path) -> str:
-    with reading(file), file.open("rb") as stream:
-        return excerpt(stream.readline(_FIRST_LINE_BYTES).decode("utf-8", "replace").strip())
 
 
 def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[str, ...]]:

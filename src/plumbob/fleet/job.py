@@ -21,6 +21,7 @@ from plumbob.core.errors import (
     ParameterError,
     PlumbobError,
     ShapeError,
+    UnknownFormatError,
     one_line,
 )
 from plumbob.core.files import existing_file, file_sha256, write_text
@@ -29,7 +30,6 @@ from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.evaluate import evaluate
-from plumbob.files.formats import UnknownFormatError
 from plumbob.fleet.items import JOBS, Item, input_digest
 from plumbob.fleet.places import Place, as_place
 from plumbob.overview.overview import Overview, make_gatherer

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.docs import guide
-from plumbob.core.errors import DecodeError, excerpt
+from plumbob.core.errors import DecodeError, UnknownFormatError, excerpt
 from plumbob.core.files import existing_file, reading, require_room
 from plumbob.core.text import counted, first_words
 from plumbob.data.recording import Recording
@@ -118,7 +118,7 @@ def _profile_by_names(container: "_Container") -> Profile:
                 raise DecodeError(f"{key} must be one number above 0; the file holds {container.listed.summary()}.")
             text = text.replace(f"{{{key}}}", repr(number))
         return parse_profile(text, origin=data_set.name)
-    raise DecodeError(
+    raise UnknownFormatError(
         f"arrays do not say their units, so they need --profile FILE.toml with arrays = true; "
         f"{guide('vendor-files.md')} shows one. The file holds {container.listed.summary()}."
     )
