@@ -3,7 +3,9 @@
 Samples come in the order in which they were taken; a stamp says when somebody wrote it down. Where stamps increase they
 are taken as they are. Otherwise, in this order:
 
-- a counter that begins again at a power of two, or a clock at midnight or at the end of the week, goes on;
+- a counter that begins again at a power of two, or a clock at midnight or at the end of the week, goes on; so does one
+  that begins again at a power of a thousand, or at the hour, as where summer time ends, unless it comes back to its
+  first stamp, for then it is a second recording as well;
 - stamps that repeat or go back by less than they jitter become an even clock: the straight line through the stamps of
   each stretch without a gap, as long as no sample moves by more than a stamp's own coarseness allows; else the samples
   between two different stamps are spread evenly between these;
@@ -23,6 +25,8 @@ from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR
 
 _COUNTERS: Final = tuple(float(1 << bits) for bits in (8, 12, 16, 24, 32))
+_DECIMALS: Final = (1e3, 1e6, 1e9)
+"""Counters of a part of a second."""
 WEEK: Final = 604_800
 """Seconds."""
 _PERIODS_NS: Final = {"midnight": 86_400e9, "the end of the week": WEEK * 1e9}
@@ -98,7 +102,9 @@ def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], s
             if not steps.any()
             else "no time stamp is later than the one before"
         )
-        raise ClockError(f"{which}, so nothing says when a sample was taken. Check which column is time.")
+        raise ClockError(
+            f"{which}, so nothing says when a sample was taken. Check which column is time, or declare a rate."
+        )
     longest = max(float(forward.max()), GAP_FACTOR * float(np.median(forward)))
     far = steps < -longest
     far[:-1] &= ~(steps[1:] > -0.5 * steps[:-1])  # a single stamp that is wrong, and the clock goes on behind it
@@ -107,6 +113,9 @@ def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], s
     are_whole = bool((values == np.rint(values)).all()) and zero == np.rint(zero)
     lengths = {f"{length:.0f}": length for length in _COUNTERS if are_whole and values.max() + zero < length}
     lengths |= {name: period / unit_ns for name, period in _PERIODS_NS.items()}
+    if abs(values[1 + int(np.argmax(far))]) > longest:
+        lengths |= {f"{length:.0f}": length for length in _DECIMALS if are_whole and values.max() + zero < length}
+        lengths |= {"the hour": 3600e9 / unit_ns}
     for name, length in lengths.items():
         remaining = steps[far] + length
         if ((remaining > 0.0) & (remaining <= longest)).all():
