@@ -172,6 +172,6 @@ def tested(args: argparse.Namespace, verb: "Verb", call: Callable[..., Any]) -> 
     """Print the errors of all rests."""
     result = call()
     report = static_test_page(result, args)
-    common.print_json({"file": args.recording, **result.as_dict()}) if args.json else print(report.text())
+    common.print_json({"file": args.recording, **result.summary()}) if args.json else print(report.text())
     common.write_pages(args, report)
     return 0

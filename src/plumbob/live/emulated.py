@@ -340,7 +340,7 @@ def _fault_log(path: str | Path | None) -> Iterator[Callable[[Fault], None]]:
         yield lambda fault: None
         return
     with Path(path).open("w", encoding="utf-8") as file:
-        yield lambda fault: print(json.dumps(fault.as_dict()), file=file, flush=True)
+        yield lambda fault: print(json.dumps(fault.summary()), file=file, flush=True)
 
 
 def unit_file(path: Path, prefix: str) -> Path:

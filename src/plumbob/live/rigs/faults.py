@@ -60,7 +60,7 @@ class Fault:
     count: int
     unit: str
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Everything by name, for JSON."""
         return asdict(self)
 

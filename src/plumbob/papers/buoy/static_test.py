@@ -62,7 +62,7 @@ class StaticTest(Reported):
         made = f"after: {self.after.estimate.source}"
         return (made, *removed, *dict.fromkeys((*self.after.not_scored.values(), *self.after.notes)))
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Ready for JSON: degrees and seconds; None where there is no figure."""
         columns = {"reference_deg": self.reference} | {f"{e}_deg": self.errors(e) for e in ("before", "after")}
         return {

@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, from_si, to_deg, to_dps
@@ -435,7 +436,7 @@ def _draw_ball(ax: "Axes", points: Floats, colour: str) -> None:
     right /= np.linalg.norm(right)
     up = np.cross(_VIEW, right)
 
-    def line(at: Floats, mask: Floats, ink: str, width: float) -> None:
+    def line(at: Floats, mask: NDArray[np.bool_], ink: str, width: float) -> None:
         ax.plot(np.where(mask, at @ right, np.nan), np.where(mask, at @ up, np.nan), color=ink, linewidth=width)
 
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
