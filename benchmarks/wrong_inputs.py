@@ -201,8 +201,8 @@ FAULTS = _faults()
 def scene(name: str, mag: bool) -> Motion:
     """Some 40 s of a motion, with a magnetometer or without."""
     if name in REAL:
-        found = pb.read(DATA / name)
-        imu, q = found.imu, found.track.q_nb[np.searchsorted(found.track.t, found.imu.t).clip(0, len(found.track) - 1)]
+        imu, track = (recording := pb.read(DATA / name)).imu, recording.track
+        q = track.q_nb[np.searchsorted(track.t, imu.t).clip(0, len(track) - 1)]
         rows = np.flatnonzero(np.abs(imu.t - imu.t[-1] / 2) < 20.0)
         rows = rows[:: max(1, round(len(rows) / 4000))]
     else:
@@ -317,21 +317,21 @@ def judged(fault: Fault, form: str, motion: str, mag: bool) -> tuple[str, str]:
     fresh, called = ([line for line in lines if re.sub(r"\d+", "", line) not in known] for lines in after[1:])
     lean, turn = errors(after[0], before[0])
     bad = lean > 2.0 or (mag and turn > 5.0)
-    outcome, told = _outcome(fault, bad, fresh, called, lambda: "place" in fault.run or shown(wrong, right))
-    return outcome, f"{lean:.1f}°, {turn:.1f}°: {told}"
+    outcome, lines = _outcome(fault, bad, fresh, called, lambda: "place" in fault.run or shown(wrong, right))
+    return outcome, f"{lean:.1f}°, {turn:.1f}°: {lines}"
 
 
 def _outcome(
     fault: Fault, bad: bool, fresh: list[str], called: list[str], is_shown: Callable[[], bool]
 ) -> tuple[str, str]:
     """Of new lines, and those of `doctor` among them."""
-    told = " | ".join(called + fresh) or "nothing"
+    lines = " | ".join(called + fresh) or "nothing"
     named = [bool(re.search(fault.words, line, re.IGNORECASE)) for line in called + fresh]
     if called and not any(named[: len(called)]):
-        return "misleading", told
+        return "misleading", lines
     if not bad:
-        return "right", told
-    return "flagged" if any(named) else "misleading" if fresh else f"silent{'' if is_shown() else ', not shown'}", told
+        return "right", lines
+    return "flagged" if any(named) else "misleading" if fresh else f"silent{'' if is_shown() else ', not shown'}", lines
 
 
 def draws(count: int, seed: int) -> Iterator[tuple[str, str, str, bool]]:
@@ -339,9 +339,9 @@ def draws(count: int, seed: int) -> Iterator[tuple[str, str, str, bool]]:
     rng, real = np.random.default_rng(seed), [name for name in REAL if (DATA / name).exists()]
     for i in range(count):
         name, fault = list(FAULTS.items())[i % len(FAULTS)]
-        own = fault.truth is not None or bool(fault.run)
-        motion = str(rng.choice([*MOTIONS, *(one for one in real if not own and not (fault.mag and "arm/" in one))]))
-        mag = "arm/" not in motion and (fault.mag or own or rng.random() < 0.7)
+        chosen = fault.truth is not None or bool(fault.run)
+        motion = str(rng.choice([*MOTIONS, *(one for one in real if not chosen and not (fault.mag and "arm/" in one))]))
+        mag = "arm/" not in motion and (fault.mag or chosen or rng.random() < 0.7)
         some = TEXTS if fault.damage is not None else WITHOUT_MAG if not mag else FORMS
         forms = [form for form in some if (form not in WITHOUT_MAG[3:] if mag else form in WITHOUT_MAG)]
         yield name, motion, str(rng.choice(forms)), mag
@@ -359,13 +359,13 @@ def main() -> None:
     for i, (name, motion, form, mag) in enumerate(draws(args.count, args.seed)):
         if args.only and i not in args.only:
             continue
-        outcome, told = judged(FAULTS[name], form, motion, mag)
+        outcome, lines = judged(FAULTS[name], form, motion, mag)
         kind = f"{MOTIONS[motion][0] if motion in MOTIONS else REAL[motion]}, {'with' if mag else 'no'} mag"
         for row in (name.split(":")[0], kind, "all"):
             table.setdefault(row, Counter())[outcome] += 1
         if args.only or outcome not in ("right", "refused", "flagged"):
             again = f"python -m benchmarks.wrong_inputs --count {args.count} --seed {args.seed} --only {i}"
-            print(f"{outcome}: {name}; {motion}; {form}; {kind}: {told[:400]}\n    {again}", flush=True)
+            print(f"{outcome}: {name}; {motion}; {form}; {kind}: {lines[:400]}\n    {again}", flush=True)
     columns = ("right", "refused", "flagged", "misleading", "silent", "silent, not shown")
     print(f"{'':18}" + "".join(f"{column:>18}" for column in columns))
     for row, counts in sorted(table.items()):

@@ -75,8 +75,8 @@ def chain_links(chain: Chain) -> list[JointLink]:
     for joint in chain.joints:
         parent, child = numbers[joint.parent], numbers[joint.child]
         before, after = UnitMount() if parent == GROUND else mounts[joint.parent], mounts[joint.child]
-        own = before.dcm.T @ (np.array(joint.place) - np.array(before.lever_b))
-        arms = np.stack([own, after.dcm.T @ -np.array(after.lever_b)])
+        place_b = before.dcm.T @ (np.array(joint.place) - np.array(before.lever_b))
+        arms = np.stack([place_b, after.dcm.T @ -np.array(after.lever_b)])
         links.append(JointLink(joint, parent, child, arms, joint_axes(joint, before, after)))
     return links
 

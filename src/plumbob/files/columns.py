@@ -142,7 +142,7 @@ def _parsed(row: int, cell: str) -> tuple[int, tuple[bool, bool]]:
 
 @cache
 def _days(year: str | None, month: str, day: str, day_first: str | None) -> int | None:
-    """Days since 1970; None where there is no date, or one that could be read in two ways."""
+    """Days since 1970; None without a date, or where it is ambiguous."""
     if day_first is not None:
         day, month, year = re.split(r"[-. ]", day_first)
         month = month if month.isdigit() else str(_MONTHS.index(month[:3].lower()) + 1)

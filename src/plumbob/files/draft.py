@@ -35,6 +35,8 @@ from plumbob.files.stamps import CENTURY
 from plumbob.files.text_table import LEFT_OUT_MOST, read_table
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
 
+_HEAD: Final = 1 << 16
+"""Bytes in which a log that is known has its names."""
 _TIMES: Final = ("s", "ms", "us", "ns")
 _RATES: Final = (0.5, 50_000.0)
 """Sampling rates that are plausible, Hz."""
@@ -139,13 +141,7 @@ def profile(
                 sample = array_sample(file)
             else:
                 sample = read_sample(file)
-            parts = _by_sensor(sample) if len(files) == 1 else []
-            names = file.name if len(files) > 1 else ""
-            given = dict(answers or {})
-            streams += [_DraftWriter(file.name, *part, stream=names or "*", answers=given) for part in parts] or [
-                _DraftWriter(file.name, sample, stream=names, answers=given)
-            ]
-    streams = [stream for stream in streams if stream.has_triads] or streams[:1]
+            streams += _writers(file.name, sample, dict(answers or {}), is_alone=len(files) == 1)
     with reading(files[0]):
         draft = _joined(streams, accept)
         if accept and not draft.questions:
@@ -157,14 +153,19 @@ def profile(
 
 def known_profile(file: Path) -> Profile | None:
     """Profile of a text log that is known by its names, where nothing stays to be asked, its frame neither; or None."""
-    try:
-        sample = read_sample(file)
-    except DecodeError:
-        return None
-    log = next((log for log in KNOWN if log.fits(sample)), None)
-    made = profile(file, accept=True) if log else None
-    parsed = parse_profile(made.text, origin=log.name) if log and made and not made.questions else None
-    return parsed if parsed is not None and ("frame" in parsed.meta or not parsed.triads) else None
+    with reading(file):
+        with file.open("rb") as stream:
+            start = stream.read(_HEAD).decode("utf-8", "replace").replace("\0", "")  # also where a letter has two bytes
+        if not any(log.is_named_in(start) for log in KNOWN):
+            return None
+        try:
+            sample = read_sample(file)
+        except DecodeError:
+            return None
+        log = next((log for log in KNOWN if log.fits(sample)), None)
+        made = _joined(_writers(file.name, sample, {}, is_alone=True), accept=True) if log else None
+        parsed = parse_profile(made.text, origin=log.name) if log and made and not made.questions else None
+        return parsed if parsed is not None and ("frame" in parsed.meta or not parsed.triads) else None
 
 
 _NINE: Final = {"acc": 0, "gyr": 3, "mag": 6}
@@ -220,10 +221,18 @@ def answer(text: str) -> tuple[str, Any]:
 
 def _joined(streams: "Sequence[_DraftWriter]", accept: bool) -> Draft:
     """One draft of all streams; each answer is for every stream that has its key."""
-    drafts = [stream.draft(accept) for stream in streams]
+    drafts = [stream.draft(accept) for stream in [of for of in streams if of.has_triads] or streams[:1]]
     questions = dict.fromkeys(question for draft in drafts for question in draft.questions)
     evidence = dict.fromkeys(fact for draft in drafts for fact in draft.evidence)
     return Draft("\n".join(draft.text for draft in drafts), tuple(questions), tuple(evidence))
+
+
+def _writers(name: str, sample: Sample, answers: Mapping[str, Any], *, is_alone: bool) -> "list[_DraftWriter]":
+    """What drafts the profile of a file: one for each sensor, where the rows of a file that is alone name them."""
+    stream, parts = ("", _by_sensor(sample)) if is_alone else (name, [])
+    return [_DraftWriter(name, *part, stream=stream or "*", answers=answers) for part in parts] or [
+        _DraftWriter(name, sample, stream=stream, answers=answers)
+    ]
 
 
 def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str] | tuple[()], str]]":

@@ -302,22 +302,24 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
 def is_recording(path: Path) -> bool:
     """Whether a path may be that of a recording: by its suffix, or by its content where others use that, too."""
     if path.is_dir():
-        return any(kind.accepts is not None and _named(kind.accepts)(path) for kind in FORMATS if "" in kind.suffixes)
+        return _is_accepted(path, [kind for kind in FORMATS if "" in kind.suffixes])
     suffix = path.suffix.lower()
     candidates = [kind for kind in FORMATS if suffix and suffix in kind.suffixes]
     if any(kind.accepts is None for kind in candidates) or not path.is_file():
         return bool(candidates)
-    return any(_named(kind.accepts)(path) for kind in candidates if kind.accepts is not None)
+    return _is_accepted(path, candidates)
+
+
+def _is_accepted(path: Path, kinds: Sequence[FileFormat]) -> bool:
+    return any(_named(kind.accepts)(path) for kind in kinds if kind.accepts is not None)
 
 
 def is_known_log(file: Path) -> bool:
     """Whether a text file is of a form that is known by its content and needs no profile."""
     from plumbob.files.draft import known_profile
 
-    kinds = [kind for kind in FORMATS if file.suffix.lower() in kind.suffixes and kind.accepts is not None]
-    return (
-        any(_named(kind.accepts)(file) for kind in kinds if kind.accepts is not None) or known_profile(file) is not None
-    )
+    kinds = [kind for kind in FORMATS if file.suffix.lower() in kind.suffixes]
+    return _is_accepted(file, kinds) or known_profile(file) is not None
 
 
 def _by_suffix(path: Path) -> list[FileFormat]:

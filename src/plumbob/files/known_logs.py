@@ -29,6 +29,11 @@ class KnownLog:
     answers: Mapping[str, Any]
     facts: tuple[str, ...] = ()
 
+    def is_named_in(self, text: str) -> bool:
+        """Whether a text has all the words of one; a table is taken apart only then."""
+        words = (*self.names, *map(re.escape, self.facts))
+        return all(re.search(word, text, re.IGNORECASE) for word in words)
+
     def fits(self, sample: Sample) -> bool:
         """Whether a file is one."""
         return all(key in sample.facts for key in self.facts) and all(

@@ -221,7 +221,7 @@ def send_spec(
     Raises
     ------
     ParameterError
-        If there is no such form or target, or they do not go together.
+        If the form or the target is unknown, or one does not fit the other.
     """
     if kind not in SENT_AS:
         raise ParameterError(f"{check.said(kind)} is not a form of an attitude; known are {', '.join(SENT_AS)}.")

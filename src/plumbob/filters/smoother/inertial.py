@@ -12,7 +12,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps
-from plumbob.filters.smoother.keyframes import Bools, Keyframes, mean_between, path, sum_between
+from plumbob.filters.smoother.keyframes import Bools, Keyframes, path, sum_between
 from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, TH, ModelVariances, Params, start_covariance
 from plumbob.filters.smoother.sweeps import AGAIN, MOVING, RESTING, UNUSED, Sweep, sweep
 
@@ -152,7 +152,7 @@ def _quiet(frames: Keyframes, p: Params) -> tuple[Bools, Floats, Floats]:
     low, high = np.maximum(i - width // 2, 0), np.minimum(i + width // 2 + 1, len(rate))
 
     def spread(values: Floats) -> tuple[Floats, Floats]:
-        mean, deviation = mean_between(values, low, high), np.empty(len(values))
+        mean, deviation = sum_between(values, low, high, mean=True), np.empty(len(values))
         farthest(values, mean, low, high, deviation)
         return deviation, mean
 
@@ -282,7 +282,7 @@ def first_speed(frames: Keyframes, bias: Floats) -> Speed:
     force = frames.mean(quat_rotate(free, frames.acc))
     middle = frames.middle
     low, high = np.searchsorted(middle, middle - LEAK), np.searchsorted(middle, middle + LEAK, side="right")
-    force = force - mean_between(force, low, high)
+    force = force - sum_between(force, low, high, mean=True)
     xy, yz = level_speed(frames, force[:, :2]), level_speed(frames, force[:, 1:])
     return replace(xy, speed=np.maximum(xy.speed, yz.speed), lasts=np.full(middle.size, 0.5))
 

@@ -132,8 +132,7 @@ class Keyframes:
 
     def mean(self, values: Floats) -> Floats:
         """Mean over the samples of each step, (K, …), of values (N, …)."""
-        means: Floats = sum_between(values, self.first[:-1] + 1, self.first[1:] + 1)
-        return means / np.diff(self.first).reshape(-1, *(1,) * (values.ndim - 1))
+        return sum_between(values, self.first[:-1] + 1, self.first[1:] + 1, mean=True)
 
     def pieces(self, length: float) -> NDArray[np.intp]:
         """Number of the piece of the record, each of this length, s, in which each step lies, (K,)."""
@@ -213,19 +212,12 @@ def _bow(t: Floats, missing: Bools) -> Floats:
     return np.where(missing, (2.0 * np.pi * SWING * (t[after] - t[before])) ** 2 / 8.0, 0.0)
 
 
-def sum_between(values: Floats, low: NDArray[np.int64], high: NDArray[np.int64]) -> Floats:
-    """Sums (K, …) of values (N, …) from row `low` to before row `high` of each stretch."""
+def sum_between(values: Floats, low: NDArray[np.int64], high: NDArray[np.int64], *, mean: bool = False) -> Floats:
+    """Sums (K, …) of values (N, …), or means, from row `low` to before row `high` of each stretch."""
     total = np.zeros((len(values) + 1, *values.shape[1:]))
     np.cumsum(values, axis=0, out=total[1:])
     sums: Floats = total[high] - total[low]
-    return sums
-
-
-def mean_between(values: Floats, low: NDArray[np.int64], high: NDArray[np.int64]) -> Floats:
-    """Means (K, …) of values (N, …) over the same."""
-    count = (high - low).reshape(-1, *(1,) * (values.ndim - 1))
-    means: Floats = sum_between(values, low, high) / count
-    return means
+    return sums / (high - low).reshape(-1, *(1,) * (values.ndim - 1)) if mean else sums
 
 
 @kernel

@@ -42,7 +42,7 @@ def run(work: Work) -> Paper:
     table = {scale: seeds.measure_turntable(runs["table"], scale) for scale in seeds.SCALES}
     gain = seeds.best_gain(runs["table"], _GAINS)
     begin("misprints")
-    found = Found(
+    results = Found(
         seeds=SEEDS,
         parts=parts,
         soaked=soaked,
@@ -59,4 +59,4 @@ def run(work: Work) -> Paper:
         printed=misprints.allan_of_white(first),
         matrix=misprints.one_number_for_a_matrix(first),
     )
-    return paper(found, work.seed)
+    return paper(results, work.seed)
