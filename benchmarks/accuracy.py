@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from plumbob.core import __version__
 from plumbob.core.params import describe
 from plumbob.core.text import counted
-from plumbob.core.version import __version__
 from plumbob.data.recording import Recording
 from plumbob.files import read
 from plumbob.filters.offline import Stage

@@ -19,7 +19,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from plumbob.calibration.ellipsoid.ellipsoid_fit import fit_quadric
+from plumbob.calibration.ellipsoid_fit import fit_quadric
 from plumbob.calibration.mag.ellipsoid import fit_mag
 
 SECONDS = 1.0

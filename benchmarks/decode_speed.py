@@ -16,10 +16,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.harness.decoder_streams import columns_for, settled, user_frame
-from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format import Format
+from plumbob.protocols.format_toml import device_names, find_format
 
 FRAMES_PER_S, BYTES_PER_S = 1e6, 50e6
 
@@ -27,7 +27,7 @@ FRAMES_PER_S, BYTES_PER_S = 1e6, 50e6
 def forms_of(only: str) -> list[Format]:
     """Formats of a comma list; the whole catalogue and a user's own frame where it is empty."""
     names = [name.strip() for name in only.split(",") if name.strip()]
-    return [settled(catalog.load(name)) for name in names or catalog.names()] + ([] if names else [user_frame()])
+    return [settled(find_format(name)) for name in names or device_names()] + ([] if names else [user_frame()])
 
 
 def measure(form: Format, frames: int, rounds: int) -> dict[str, object]:

@@ -13,7 +13,7 @@ import sys
 
 from benchmarks.harness.decoder_streams import user_frame
 from benchmarks.harness.decoders import measure_decoders
-from plumbob.protocols import catalog
+from plumbob.protocols.format_toml import device_names, find_format
 
 
 def main() -> int:
@@ -23,7 +23,7 @@ def main() -> int:
     parser.add_argument("--fuzz", type=int, default=10_000_000)
     parser.add_argument("--json", action="store_true")
     args = parser.parse_args()
-    forms = [*map(catalog.load, catalog.names()), user_frame()]
+    forms = [*map(find_format, device_names()), user_frame()]
     result = measure_decoders(forms, frames=args.frames, noise=args.noise, fuzzing=args.fuzz)
     print(json.dumps(result.summary(), indent=2) if args.json else result.text())
     if not args.json:

@@ -20,9 +20,9 @@ from plumbob import read, simulate
 from plumbob.core.units import Quantity, to_si
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.recording import Recording
+from plumbob.quality.arrangement import ARRANGEMENTS, BIN, means
 from plumbob.quality.derotated import FLOOR, changes
 from plumbob.quality.diagnosis import Declared, Examination, Trust
-from plumbob.quality.moments import ARRANGEMENTS, BIN, means
 from plumbob.rotations import (
     dcm_from_quat,
     quat_chained,

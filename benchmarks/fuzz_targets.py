@@ -21,9 +21,8 @@ from plumbob.files.mcap import Recorder, open_log
 from plumbob.filters import Filter
 from plumbob.live import rows
 from plumbob.live.recorded import convert, write_mcap
-from plumbob.protocols import catalog
-from plumbob.protocols.find import find_format
-from plumbob.protocols.rigs import names as rig_names
+from plumbob.protocols import format_toml
+from plumbob.protocols.format_toml import device_names, find_format, rig_names
 from tests.helpers.live_samples import FORMAT, SESSION, reads, record, stream
 
 Words = Callable[[Path], Sequence[object]]
@@ -346,7 +345,7 @@ def _catalogue(folder: Path) -> list[Path]:
     found = []
     for name in ("adxrs453", "hmc5983", "witmotion"):
         found.append(folder / f"{name}.toml")
-        found[-1].write_bytes((Path(catalog.__file__).parent / f"{name}.toml").read_bytes())
+        found[-1].write_bytes((Path(format_toml.__file__).parent / "catalog" / f"{name}.toml").read_bytes())
     return found
 
 
@@ -388,7 +387,7 @@ TARGETS: Final[dict[str, Callable[[Path], Target]]] = {
     "format": _format,
     "format-c": _format_page(("--c",)),
     "format-page": _format_page(()),
-    **{f"raw-{name}": _raw(name) for name in (*catalog.names(), *rig_names())},
+    **{f"raw-{name}": _raw(name) for name in (*device_names(), *rig_names())},
 }
 NAMES: Final = tuple(TARGETS)
 

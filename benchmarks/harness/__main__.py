@@ -186,13 +186,12 @@ def _show(result: Any, args: argparse.Namespace) -> int:
 def _formats(names: str) -> "list[Format]":
     """Formats of a comma list; the whole catalogue and a user's own frame where it is empty."""
     from benchmarks.harness.decoder_streams import user_frame
-    from plumbob.protocols import catalog
-    from plumbob.protocols.format_toml import load_format
+    from plumbob.protocols.format_toml import device_names, find_format, load_format
 
     wanted = [name.strip() for name in names.split(",") if name.strip()]
     if not wanted:
-        return [*map(catalog.load, catalog.names()), user_frame()]
-    return [load_format(name) if name.endswith(".toml") else catalog.load(name) for name in wanted]
+        return [*map(find_format, device_names()), user_frame()]
+    return [load_format(name) if name.endswith(".toml") else find_format(name) for name in wanted]
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from scipy.linalg import sqrtm
 from benchmarks.harness.bar import Bar
 from benchmarks.harness.calibration_mag import COVERED
 from benchmarks.harness.section import Section
-from plumbob.calibration.acc.poses import fit_accel
+from plumbob.calibration.acc import fit_accel
 from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0

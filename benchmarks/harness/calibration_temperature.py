@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.harness.bar import Bar
 from benchmarks.harness.section import Section
 from plumbob.calibration.gyr.drift import chen2013
-from plumbob.calibration.gyr.plausible import Rates
+from plumbob.calibration.gyr.rest import Rates
 from plumbob.calibration.gyr.temperature import fit_temperature
 from plumbob.core.check import Floats
 from plumbob.core.units import dps, to_dps

@@ -14,7 +14,7 @@ from benchmarks.harness.fault_scene import FRAME, RATE, Row, Stream
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.params import Parameter, describe
-from plumbob.core.repeats import Repeats
+from plumbob.core.time import Repeats
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.sample import ImuSample
 from plumbob.filters import SMOOTHER, CommonParams, Filter, load

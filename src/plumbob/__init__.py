@@ -53,15 +53,15 @@ Every sample carries a `flags` integer; `plumbob.core.flags` names the bits. A f
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from plumbob.core import __version__
 from plumbob.core.lazy import lazily
-from plumbob.core.version import __version__
 
 if TYPE_CHECKING:
     from plumbob import arm
     from plumbob.arm import array
     from plumbob.core import errors, flags, units
-    from plumbob.core.docs import docs
     from plumbob.core.errors import PlumbobError, PlumbobWarning
+    from plumbob.core.resources import docs
     from plumbob.data import AttitudeTrack, ImuData, ImuMeta
     from plumbob.data.array import ImuArray
     from plumbob.data.calibrated import apply_card
@@ -72,10 +72,9 @@ if TYPE_CHECKING:
     from plumbob.data.sample import ImuSample
     from plumbob.door.allan import allan
     from plumbob.door.calibrate import calibrate, calibrate_counts
-    from plumbob.door.compare import compare
     from plumbob.door.doctor import doctor
     from plumbob.door.estimate import estimate
-    from plumbob.door.evaluate import evaluate
+    from plumbob.door.evaluate import compare, evaluate
     from plumbob.door.rates import filter_rates
     from plumbob.door.reading import read, read_array
     from plumbob.door.send import send
@@ -99,8 +98,8 @@ if TYPE_CHECKING:
     from plumbob.overview.overview import plot, report
     from plumbob.papers.reproduce import reproduce
     from plumbob.protocols.decode import Decoder, decode
-    from plumbob.protocols.find import find_format
     from plumbob.protocols.format import Format
+    from plumbob.protocols.format_toml import find_format
     from plumbob.rotations import Frame, North
     from plumbob.simulation import simulate, simulate_chain
     from plumbob.viewer.commands import control
@@ -136,10 +135,10 @@ _HOME = {
     "calibrate": "door.calibrate",
     "calibrate_counts": "door.calibrate",
     "cite": "filters.known",
-    "compare": "door.compare",
+    "compare": "door.evaluate",
     "control": "viewer.commands",
     "decode": "protocols.decode",
-    "docs": "core.docs",
+    "docs": "core.resources",
     "doctor": "door.doctor",
     "emulate": "live.emulated",
     "estimate": "door.estimate",
@@ -147,7 +146,7 @@ _HOME = {
     "convert": "live.recorded",
     "filter_names": "filters",
     "filter_rates": "door.rates",
-    "find_format": "protocols.find",
+    "find_format": "protocols.format_toml",
     "info": "overview.info",
     "json_schema": "live.session_toml",
     "load_session": "live.session_toml",

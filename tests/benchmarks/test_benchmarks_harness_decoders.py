@@ -6,8 +6,8 @@ import pytest
 from benchmarks.harness.decoder_fuzz import Fuzzed, fuzz
 from benchmarks.harness.decoder_streams import HARMS, Damaged, damage, frames_of, settled, user_frame
 from benchmarks.harness.decoders import judge, measure_decoders
-from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode
+from plumbob.protocols.format_toml import find_format
 
 GROWTH = {"bit flip": 0, "byte dropped": -1, "byte inserted": 1, "length flip": 0}
 
@@ -19,7 +19,7 @@ def rng():
 @pytest.mark.parametrize("kind", HARMS)
 @pytest.mark.parametrize("name", ["ahrs400", "x5555"])
 def test_each_way_of_damage_does_what_it_says(kind, name):
-    form = settled(catalog.load(name))
+    form = settled(find_format(name))
     (frame,) = frames_of(form, 1, rng())
     for _ in range(20 if kind != "1 MB noise" else 1):
         harmed = HARMS[kind](form, frame, rng())
@@ -69,7 +69,7 @@ def test_a_lost_frame_a_wrong_one_and_growth_are_noticed():
 
 @pytest.mark.parametrize("name", ["ahrs400", "rion", "adxrs453", "witmotion"])
 def test_targets_are_met_on_a_small_scale(name):
-    result = measure_decoders([catalog.load(name)], frames=1000, noise=100_000, fuzzing=10_000)
+    result = measure_decoders([find_format(name)], frames=1000, noise=100_000, fuzzing=10_000)
     assert result.met, result.text()
     (one,) = result.formats
     assert [harm.kind for harm in one.harms] == (["bit flip"] if name == "adxrs453" else list(HARMS))

@@ -7,7 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from plumbob.calibration.acc.poses import CROSS_AXIS, fit_accel, normal_gravity, six_positions
+from plumbob.calibration.acc import CROSS_AXIS, fit_accel, normal_gravity, six_positions
 from plumbob.calibration.fit import TILT
 from plumbob.calibration.predicted import REGIONS
 from plumbob.core.constants import EARTH_RATE, G0, WGS84_A, WGS84_F

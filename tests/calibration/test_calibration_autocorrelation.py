@@ -5,8 +5,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from plumbob.calibration.ellipsoid.autocorrelation import SLOW, alike, memory, visits
-from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
+from plumbob.calibration.autocorrelation import SLOW, alike, memory, visits
+from plumbob.calibration.ellipsoid_fit import Shape
 from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.calibration.mag.with_acc import fit_mag_acc

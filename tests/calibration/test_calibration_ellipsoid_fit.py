@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from plumbob.calibration.ellipsoid import ellipsoid_fit as ellipsoids
+from plumbob.calibration import ellipsoid_fit as ellipsoids
 from tests.helpers import slow_as_python
 from tests.helpers.mag_scene import STRENGTH, Unit, attitudes, field, soft_iron
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
+from plumbob.calibration.ellipsoid_fit import Shape
 from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.calibration.mag.field_gradient import PATCH, USUAL, Unevenness, unevenness
 from plumbob.calibration.predicted import heading_apart

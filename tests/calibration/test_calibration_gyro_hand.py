@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from plumbob.calibration.gyr.hand import fit_hand, flat_tops
-from plumbob.calibration.gyr.motion_fit import FEWEST_RATES as FEWEST
-from plumbob.calibration.gyr.motion_fit import coupling_at_rest
-from plumbob.calibration.gyr.plausible import Rates
+from plumbob.calibration.gyr.hand import FEWEST_RATES as FEWEST
+from plumbob.calibration.gyr.hand import coupling_at_rest, fit_hand, flat_tops
+from plumbob.calibration.gyr.rest import Rates
 from plumbob.core.constants import G0
 from plumbob.core.units import dps, g
 from tests.helpers.gyro_sessions import hand

@@ -7,8 +7,7 @@ import pytest
 
 from plumbob.calibration.gyr.ferraris import fit_trackball
 from plumbob.calibration.gyr.hand import fit_hand
-from plumbob.calibration.gyr.plausible import UNCALIBRATED, UNSEEN, Rates
-from plumbob.calibration.gyr.rest import fit_rest
+from plumbob.calibration.gyr.rest import UNCALIBRATED, UNSEEN, Rates, fit_rest
 from plumbob.calibration.gyr.temperature import fit_temperature
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError

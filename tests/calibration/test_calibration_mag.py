@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
+from plumbob.calibration.ellipsoid_fit import Shape
 from plumbob.calibration.fit import KINDS, CaptureRefusedError
 from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.calibration.predicted import REGIONS

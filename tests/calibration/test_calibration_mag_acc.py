@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plumbob.calibration.ellipsoid.ellipsoid_fit import to_size
+from plumbob.calibration.ellipsoid_fit import to_size
 from plumbob.calibration.mag.with_acc import fit_mag_acc, turn_angle
 from plumbob.core.constants import G0
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from plumbob.calibration.calibrate_gyro import match_rates, plateaus
 from plumbob.calibration.gyr.table import SCALE_GRADES, fit_table
-from plumbob.calibration.rate_table import match_rates, plateaus
 from plumbob.core.constants import EARTH_RATE, G0
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import deg, dps

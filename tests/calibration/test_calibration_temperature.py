@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob.calibration.gyr.plausible import UNCALIBRATED, Rates
+from plumbob.calibration.gyr.rest import UNCALIBRATED, Rates
 from plumbob.calibration.gyr.temperature import fit_temperature
 from plumbob.core.units import dps, to_dps
 from plumbob.data.calibrated import temperature_drift

@@ -7,7 +7,7 @@ import pytest
 
 from plumbob import CalibrationCard, ImuData, ImuMeta
 from plumbob import files as io
-from plumbob.calibration.acc.poses import normal_gravity
+from plumbob.calibration.acc import normal_gravity
 from plumbob.calibration.predicted import REGIONS
 from plumbob.core.constants import G0
 from plumbob.core.units import deg

@@ -10,7 +10,7 @@ from plumbob.data.chain_toml import load_chain
 from plumbob.files import read
 from plumbob.live.rigs.plan import PLANS
 from plumbob.live.rigs.rig import make_rig
-from plumbob.protocols.rigs import load
+from plumbob.protocols.format_toml import find_format
 from plumbob.rotations import quat_angle
 from plumbob.simulation import CHAINS, simulate_chain
 from tests.helpers.commandline import typed
@@ -57,7 +57,7 @@ def test_emulate_teach_sends_its_bytes_and_writes_the_truth(tmp_path):
     own = PLANS["teach"].scenario
     settings = {**own.settings, "bend": 20.0, "soft": True}
     plan = replace(PLANS["teach"], scenario=replace(own, program="calibration", settings=settings))
-    rig = make_rig(plan, load("teach"), seed=2, duration=3.0)
+    rig = make_rig(plan, find_format("teach"), seed=2, duration=3.0)
     assert (tmp_path / "a.bin").read_bytes() == rig.stream()
     lines = (tmp_path / "t-angles.csv").read_text().splitlines()
     assert lines[0].split(",")[:2] == ["t [s]", "j1 [rad]"]

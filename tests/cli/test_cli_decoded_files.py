@@ -7,13 +7,11 @@ from pyarrow import parquet as pq
 from benchmarks.harness.decoder_streams import frames_of, settled
 from plumbob import read
 from plumbob.core.errors import DecodeError
-from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode, prefix_by_unit, triads_of
-from plumbob.protocols.find import find_format
-from plumbob.protocols.rigs import names
+from plumbob.protocols.format_toml import device_names, find_format, rig_names
 from tests.helpers.commandline import answer, ok, typed
 
-SENSORS = [name for name in (*catalog.names(), *names()) if any(map(prefix_by_unit, find_format(name).messages))]
+SENSORS = [name for name in (*device_names(), *rig_names()) if any(map(prefix_by_unit, find_format(name).messages))]
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from plumbob.live.session_toml import parse_session
 from plumbob.live.sinks import Collected
 from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Received
-from plumbob.protocols.rigs import load
+from plumbob.protocols.format_toml import find_format
 from tests.helpers.commandline import call, ok
 
 SECONDS = 3.0
@@ -27,7 +27,7 @@ SECONDS = 3.0
 
 @pytest.fixture(scope="module")
 def rig():
-    return make_rig(PLANS["buoy"], load("buoy"), seed=demo.SEED, duration=SECONDS)
+    return make_rig(PLANS["buoy"], find_format("buoy"), seed=demo.SEED, duration=SECONDS)
 
 
 @pytest.fixture(scope="module")

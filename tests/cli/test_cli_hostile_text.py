@@ -14,7 +14,7 @@ from plumbob.data.recording import Recording
 from plumbob.files.mcap import Recorder
 from plumbob.live.recorded import convert
 from plumbob.protocols.c_header import c_header
-from plumbob.protocols.rigs import load
+from plumbob.protocols.format_toml import find_format
 from plumbob.rotations import Frame, North
 
 STEER = "unit\x1b]0;owned\x07\x1b[2J\x9b31m\u202edoog\nverdict      whole"
@@ -26,10 +26,10 @@ def test_every_control_character_is_an_escape_and_a_title_does_not_end_the_comme
     controls = [chr(i) for i in range(0x20)] + [chr(i) for i in range(0x7F, 0xA0)]  # C0, DEL and C1 of Unicode
     assert all(visible(c).isascii() and visible(c).isprintable() for c in controls)
     assert visible("a\tb\nµ °", keep="\n\t") == "a\tb\nµ °"
-    form = replace(load("fin"), title="fin */ int owned; /* \n#include <evil.h>")
+    form = replace(find_format("fin"), title="fin */ int owned; /* \n#include <evil.h>")
     text = c_header(form)
     assert text.startswith("/* fin * / int owned; / * \\n#include <evil.h>\n")
-    assert text.count("/*") == text.count("*/") == c_header(load("fin")).count("/*")
+    assert text.count("/*") == text.count("*/") == c_header(find_format("fin")).count("/*")
 
 
 def test_info_shows_the_device_of_a_recording(tmp_path, capsys):

@@ -96,7 +96,7 @@ def test_a_line_of_another_format_is_noticed_and_no_folder_of_its_maker_is_named
     assert ": is it the right format, and baud?" in done.stderr
     # nothing is known of a clock that was never read
     assert ("recorded     NOTHING" in done.stdout, "ppm" in done.stdout) == (True, False)
-    (tmp_path / "b.toml").write_text((resources.files("plumbob.protocols.rigs") / "buoy.toml").read_text())
+    (tmp_path / "b.toml").write_text((resources.files("plumbob.protocols") / "rigs" / "buoy.toml").read_text())
     typed("emulate buoy --duration 2s --write b.bin", cwd=tmp_path)
     typed("record --from b.bin --format b.toml --out b.mcap", cwd=tmp_path)
     assert str(tmp_path) not in str(dict(open_log(tmp_path / "b.mcap").metadata))

@@ -8,8 +8,7 @@ import pytest
 
 from plumbob.files.mcap import verify
 from plumbob.protocols.encode import encode
-from plumbob.protocols.find import find_format
-from plumbob.protocols.format_toml import parse_format
+from plumbob.protocols.format_toml import find_format, parse_format
 from plumbob.protocols.overlap import unassigned
 from tests.helpers.commandline import call
 

@@ -17,11 +17,9 @@ from plumbob.core.units import deg
 from plumbob.data.cards import CalibrationCard, NoiseCard, TriadNoise
 from plumbob.live.rigs.plan import PLANS
 from plumbob.live.rigs.rig import make_rig
-from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode
 from plumbob.protocols.encode import encode
-from plumbob.protocols.find import find_format
-from plumbob.protocols.rigs import load
+from plumbob.protocols.format_toml import device_names, find_format
 from tests.helpers.commandline import PLUMBOB, answer, call, typed
 
 BARE = "note: calibration NONE: these sensor values are uncalibrated"
@@ -43,11 +41,11 @@ def test_options_of_a_rig_are_those_of_python(tmp_path):
     words = "--noise card.json --sensors ideal --temp 30degC --warm-up '15 K, 1 s' --high-pass 0.5Hz --mount-error 1deg"
     typed(f"emulate ring --duration 2s --write a.bin {words} --seed 4 --reference ahrs500ga", cwd=tmp_path)
     plan = PLANS["ring"].with_sensors("ideal").with_reference("ahrs500ga")
-    want = make_rig(plan, load("ring"), seed=4, duration=2.0, noise=card, temp_c=30.0, warm_up=(15.0, 1.0),
+    want = make_rig(plan, find_format("ring"), seed=4, duration=2.0, noise=card, temp_c=30.0, warm_up=(15.0, 1.0),
                     high_pass=0.5, mount_error=deg(1.0))  # fmt: skip
     assert (tmp_path / "a.bin").read_bytes() == want.stream()
     typed("emulate arm --duration 2s --write b.bin --noise u2=card.json", cwd=tmp_path)
-    want = make_rig(PLANS["arm"], load("arm"), seed=0, duration=2.0, noise={"u2": card})
+    want = make_rig(PLANS["arm"], find_format("arm"), seed=0, duration=2.0, noise={"u2": card})
     assert (tmp_path / "b.bin").read_bytes() == want.stream()
 
 
@@ -55,7 +53,7 @@ def test_options_of_a_rig_are_those_of_python(tmp_path):
 def test_every_kind_of_file_holds_the_same(buoy, tmp_path, suffix):
     out = tmp_path / f"x.{suffix}"
     assert typed(f"decode {buoy} --format buoy --out {out}").stdout == ""
-    found, _ = decode(buoy.read_bytes(), load("buoy"))
+    found, _ = decode(buoy.read_bytes(), find_format("buoy"))
     want = found["buoy"].columns["gyr.x"]
     if suffix == "json":
         table = json.loads(out.read_text())
@@ -78,7 +76,7 @@ def piped(data, form, *words):
 
 
 def test_the_emulator_writes_what_the_rig_says_into_files_and_pipes(buoy):
-    assert buoy.read_bytes() == make_rig(PLANS["buoy"], load("buoy"), seed=1, duration=5.0).stream()
+    assert buoy.read_bytes() == make_rig(PLANS["buoy"], find_format("buoy"), seed=1, duration=5.0).stream()
     words = shlex.split("emulate mpu6000 --scenario coning --rate 200Hz --duration 1s --write -")
     data = subprocess.run([*PLUMBOB, *words], stdout=subprocess.PIPE, check=True, timeout=LONG).stdout
     assert len(data) == 200 * 14
@@ -142,7 +140,7 @@ def test_the_emulator_prints_its_port_first_and_ends_on_a_signal(tmp_path):
             process.kill()
     assert (process.returncode, out, link.is_symlink()) == (0, b"", False)
     assert b"60000 frames: " in err
-    assert decode(data, load("buoy"))[1].frames["buoy"] >= 5
+    assert decode(data, find_format("buoy"))[1].frames["buoy"] >= 5
 
 
 def test_truth_card_and_faults_lie_beside(tmp_path):
@@ -152,7 +150,7 @@ def test_truth_card_and_faults_lie_beside(tmp_path):
     assert len(recording.imu) == len(recording.track) == 50
     assert CalibrationCard.load(tmp_path / "t-u4.card.json").device == recording.imu.meta.device
     faults = [json.loads(line) for line in (tmp_path / "f.jsonl").read_text().splitlines()]
-    rig = make_rig(PLANS["arm"], load("arm"), seed=2, duration=5.0, faults={"flip": 0.05, "skip": 0.1})
+    rig = make_rig(PLANS["arm"], find_format("arm"), seed=2, duration=5.0, faults={"flip": 0.05, "skip": 0.1})
     assert faults == [fault.summary() for fault in rig.faults]
     assert {fault["kind"] for fault in faults} == {"flip", "skip"}
     assert (tmp_path / "a.bin").read_bytes() == rig.stream()
@@ -160,9 +158,9 @@ def test_truth_card_and_faults_lie_beside(tmp_path):
 
 def test_lists_name_every_device_with_its_values_and_the_page_is_up_to_date():
     listed = typed("list devices").stdout
-    assert all(f"  {name} " in listed for name in (*catalog.names(), *PLANS))
+    assert all(f"  {name} " in listed for name in (*device_names(), *PLANS))
     assert all(name in typed("list rigs").stdout for name in (*PLANS, "unplug", "burst"))
-    assert {row["name"] for row in answer("list devices")["devices"]} == set(catalog.names())
+    assert {row["name"] for row in answer("list devices")["devices"]} == set(device_names())
     assert answer("list devices rion")["framing"]["sync"] == ["68", "77"]
     assert "count / gyr_range deg/s" in typed("list devices mpu6000").stdout
     assert "count / 65.5 deg/s" in typed("list devices mpu6000 --option 'gyr_range=500 deg/s'").stdout

@@ -14,7 +14,7 @@ import pytest
 
 from plumbob import Recording
 from plumbob import files as formats
-from plumbob.calibration.rate_table import read_plan
+from plumbob.calibration.calibrate_gyro import read_plan
 from plumbob.calibration.report import certificate
 from plumbob.cli import common
 from plumbob.cli.main import main
@@ -29,7 +29,7 @@ from plumbob.files.text import read_spans
 from plumbob.live.recorded import convert
 from plumbob.live.session_toml import load_session
 from plumbob.live.sources import CaptureSource
-from plumbob.protocols.find import find_format
+from plumbob.protocols.format_toml import find_format
 from plumbob.reporting.content import Figure
 from plumbob.reporting.drawing import picture
 from plumbob.rotations import IDENTITY, Frame, North

@@ -17,7 +17,7 @@ import pytest
 from benchmarks.harness.__main__ import main as measure
 from plumbob import profile, read
 from plumbob.core.constants import G0
-from plumbob.core.docs import guide
+from plumbob.core.resources import guide
 from tests.helpers.commandline import call, is_built
 
 ROOT = Path(__file__).parents[2]
@@ -129,11 +129,11 @@ def test_every_page_that_a_message_names_is_there_and_in_the_wheel():
 def test_an_installed_package_names_its_own_pages(tmp_path):
     """The package copied as the wheel has it, with its docs inside, and nothing of the checkout in reach."""
     package = tmp_path / "lib" / "plumbob"
-    for part in ("__init__.py", *(f"core/{name}.py" for name in ("__init__", "docs", "errors", "lazy", "version"))):
+    for part in ("__init__.py", *(f"core/{name}.py" for name in ("__init__", "errors", "lazy", "resources"))):
         (package / part).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / "src" / "plumbob" / part, package / part)
     shutil.copytree(ROOT / "docs", package / "docs")
-    code = "import plumbob; from plumbob.core.docs import docs_folder, guide; "
+    code = "import plumbob; from plumbob.core.resources import docs_folder, guide; "
     code += "print(docs_folder(), guide('time.md'), plumbob.docs('time'), sep='\\n')"
     env = {**os.environ, "PYTHONPATH": str(package.parent)}
     words = [sys.executable, "-c", code]

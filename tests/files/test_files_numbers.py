@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.files import numbers as numbers_binary
-from plumbob.files import numbers_text, open_numbers, read
+from plumbob.files import numbers as plain_numbers
+from plumbob.files import open_numbers, read
 from tests.helpers.io_samples import refused
 from tests.helpers.real_data import DATA, needs
 
@@ -37,13 +37,13 @@ def text(tmp_path):
 @pytest.fixture
 def small_chunks(monkeypatch):
     """So that every text here is cut at many places."""
-    monkeypatch.setattr(numbers_text, "CHUNK", 97)
+    monkeypatch.setattr("plumbob.files.numbers.CHUNK", 97)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("chunk", [1 << 20, 97])
 def test_dialects_in_one_chunk_or_many(text, monkeypatch, dialect, chunk):
-    monkeypatch.setattr(numbers_text, "CHUNK", chunk)
+    monkeypatch.setattr("plumbob.files.numbers.CHUNK", chunk)
     numbers = text(DIALECTS[dialect])
     assert numbers.columns == 3
     assert numbers.notes == ()
@@ -155,11 +155,11 @@ def test_a_real_record_on_one_line_of_2_mb():
     assert len(list(numbers)) > 1
 
 
-@pytest.mark.parametrize("kind", numbers_binary.RAW)
+@pytest.mark.parametrize("kind", plain_numbers.RAW)
 def test_raw_values(tmp_path, kind, small_chunks):
     table = np.arange(60).reshape(20, 3)
     path = tmp_path / f"a.{kind}"
-    table.astype(numbers_binary.RAW[kind]).tofile(path)
+    table.astype(plain_numbers.RAW[kind]).tofile(path)
     assert np.array_equal(open_numbers(path, columns=3).read(), table)
     path.rename(tmp_path / "a.bin")
     told = []

@@ -5,7 +5,7 @@ import pytest
 
 from plumbob import Filter, Frame, ImuData, ImuMeta
 from plumbob.core import flags
-from plumbob.core.repeats import REMEMBERED, Repeats
+from plumbob.core.time import REMEMBERED, Repeats
 from plumbob.filters.smoother import FixedLag
 from plumbob.rotations import quat_angle
 from tests.helpers.motion import consistent

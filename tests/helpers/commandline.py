@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from plumbob.cli.main import main
-from plumbob.core import web
+from plumbob.core.resources import WEB
 
 STREAMS = ("stdin", "stdout", "stderr")
 PLUMBOB = (sys.executable, "-m", "plumbob.cli.main")
@@ -105,4 +105,4 @@ def emulated(folder, words):
 
 def is_built():
     """Whether 'make page' has built the pages, which needs Node."""
-    return (Path(web.__file__).parents[1] / web.FOLDER / "report.js").is_file()
+    return (WEB / "report.js").is_file()

@@ -10,20 +10,20 @@ from hypothesis import strategies as st
 
 from benchmarks.harness.decoder_fuzz import fuzz, mutated
 from benchmarks.harness.decoder_streams import columns_for, frames_of, settled
-from plumbob.protocols import catalog
 from plumbob.protocols.decode import Decoder, decode
 from plumbob.protocols.encode import encode
+from plumbob.protocols.format_toml import device_names, find_format
 from tests.helpers import examples
 
 MILLION = 1_000_000
 
 
 def form_of(name):
-    return settled(catalog.load(name))
+    return settled(find_format(name))
 
 
 def streams():
-    return [name for name in catalog.names() if not catalog.load(name).framing.transfers]
+    return [name for name in device_names() if not find_format(name).framing.transfers]
 
 
 def promises(form):
@@ -66,7 +66,7 @@ def digest(name):
     return hashlib.sha256(bits(found) + repr(counts).encode()).hexdigest()
 
 
-@pytest.mark.parametrize("name", catalog.names())
+@pytest.mark.parametrize("name", device_names())
 class DecoderBattery:
     """Inherited by the test class; each test runs for each format."""
 

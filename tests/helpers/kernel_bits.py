@@ -9,8 +9,8 @@ import numpy as np
 
 from plumbob.core import kernels
 from plumbob.core.kernels import emit
+from plumbob.core.kernels.sources import DOUBLE, INTEGER, TRUTH, Array
 from plumbob.core.kernels.translate import typed
-from plumbob.core.kernels.types import DOUBLE, INTEGER, TRUTH, Array
 
 KINDS = {"f64": np.float64, "i64": np.int64, "u64": np.uint64, "u32": np.uint32, "u8": np.uint8, "truth": np.bool_}
 SPECIAL = np.array([0.0, -0.0, math.nan, 5e-324, -5e-324, 1e-300, 1e300, math.inf, -math.inf, 1.0, 2.0, -1.0])

@@ -11,7 +11,7 @@ import numpy as np
 from plumbob import emulate
 from plumbob.live.transports.transport import Stop
 from plumbob.viewer.child import Serving
-from plumbob.viewer.commands import Asked
+from plumbob.viewer.commands import ClientCommand
 from plumbob.viewer.messages import Command
 
 
@@ -41,7 +41,7 @@ class Kept:
 
     def take_commands(self):
         found, self.commands = self.commands, []
-        return [Asked(None, Command(id=1, **one)) for one in found]
+        return [ClientCommand(None, Command(id=1, **one)) for one in found]
 
     def column(self, key):
         """Values of a column of all rows; NaN where a batch has none."""

@@ -21,7 +21,7 @@ from plumbob.live.session_toml import of_unit, parse_session
 from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.decode import decode, triads_of
-from plumbob.protocols.rigs import load
+from plumbob.protocols.format_toml import find_format
 from tests.helpers.commandline import ok, refused
 from tests.helpers.live_samples import through
 
@@ -41,7 +41,7 @@ filter = "mahony"
 
 @functools.cache
 def arm(seed=1, duration=6.0):
-    return make_rig(PLANS["arm"], load("arm"), seed=seed, duration=duration, unit="random").frames.tobytes()
+    return make_rig(PLANS["arm"], find_format("arm"), seed=seed, duration=duration, unit="random").frames.tobytes()
 
 
 def session(text=ALL, **files):
@@ -97,7 +97,7 @@ def record(path, data, text=ALL, **spec):
 
 def assert_decoded(array, data, names=UNITS):
     """Each unit has the numbers that its bytes have, to the bit."""
-    frames = decode(data, load("arm")).frames["arm"]
+    frames = decode(data, find_format("arm")).frames["arm"]
     assert array.names == tuple(names)
     assert len(array) == len(frames) > 0
     for name in names:
@@ -243,7 +243,7 @@ def test_faults_on_the_line_are_those_of_one_unit(tmp_path):
     plumbob.emulate("arm", seed=5, duration=20.0, write=raw, faults=faults)
     record(path, raw.read_bytes())
     notes = []
-    array, frames = read_array(path, note=notes.append), decode(raw.read_bytes(), load("arm")).frames["arm"]
+    array, frames = read_array(path, note=notes.append), decode(raw.read_bytes(), find_format("arm")).frames["arm"]
     assert 150 < len(array) <= len(frames) < 195
     rows = [row.tobytes() for row in np.hstack([triads_of(frames, name)["acc"] for name in UNITS])]
     places = [rows.index(row.tobytes()) for row in np.hstack([unit.acc for unit in array.units.values()])]

@@ -15,9 +15,9 @@ from plumbob.live.session import RecordSpec
 from plumbob.live.sinks import Collected, RecordingSink
 from plumbob.live.stream import Stream, time_spec
 from plumbob.live.transports.transport import Received
-from plumbob.protocols import catalog
 from plumbob.protocols.decode import values_by_field
 from plumbob.protocols.encode import encode
+from plumbob.protocols.format_toml import find_format
 from tests.helpers.live_samples import FORMAT, RATE, SESSION, Handed, form, motion, reads, session, stream, through
 
 
@@ -81,7 +81,7 @@ def test_junk_is_counted_and_never_becomes_a_sample():
 def test_time_comes_from_the_device_clock_where_there_is_one():
     spec = time_spec(form(), form().message())
     assert (spec.mode, spec.clock.tick, spec.clock.bits, spec.frames.bits, spec.rate) == ("clock", 1000, 32, 16, 200.0)
-    ahrs = catalog.load("ahrs400").bind({"rr": "200", "gr": "4"})
+    ahrs = find_format("ahrs400").bind({"rr": "200", "gr": "4"})
     spec = time_spec(ahrs, ahrs.message())
     assert (spec.clock.down, spec.clock.tick, spec.clock.bits) == (True, 790, 16)  # 0.79 µs, counting down, [V1] fdas3
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from plumbob.calibration.calibrate_gyro import Plateau, calibrate_table, found_plateaus, read_plan
 from plumbob.calibration.calibration import capture, card_of
 from plumbob.calibration.fit import CaptureRefusedError
-from plumbob.calibration.rate_table import Plateau, calibrate_table, found_plateaus, read_plan
 from plumbob.core.constants import G0
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.units import dps

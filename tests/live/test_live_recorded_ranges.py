@@ -8,8 +8,7 @@ from plumbob.core import flags
 from plumbob.live.recorded import convert, read_recorded
 from plumbob.protocols.decode import full_scales
 from plumbob.protocols.encode import encode
-from plumbob.protocols.find import find_format
-from plumbob.protocols.format_toml import parse_format
+from plumbob.protocols.format_toml import find_format, parse_format
 from tests.helpers.commandline import ok
 
 JUDGED = np.uint32(flags.GYR_CLIPPED | flags.GYR_INVALID)

@@ -21,7 +21,7 @@ from plumbob.live.rigs.rig import make_rig
 from plumbob.live.sinks import TextSink
 from plumbob.live.sources import open_source
 from plumbob.live.transports.transport import Received
-from plumbob.protocols.rigs import load as load_rig
+from plumbob.protocols.format_toml import find_format
 from plumbob.rotations import North, euler_zyx_from_quat, quat_angle, quat_conjugate, quat_multiply
 from tests.helpers.live_samples import OFFSET, SESSION, motion, reads, record, session, stream, through
 
@@ -255,7 +255,7 @@ REFERENCE = '[reference]\nunit = "ref"\nnorth = "magnetic"\n'
 
 def rod(plan, duration):
     """The rod's rig, and what a line gives of it."""
-    rig = make_rig(plan, load_rig("rod"), seed=1, duration=duration, unit="calibrated")
+    rig = make_rig(plan, find_format("rod"), seed=1, duration=duration, unit="calibrated")
     return rig, [Received(int(t) + 10**9, frame.tobytes()) for t, frame in zip(rig.due_ns, rig.frames, strict=True)]
 
 

@@ -12,9 +12,9 @@ import pytest
 
 import plumbob
 from plumbob.core.errors import MissingExtraError, ParameterError
+from plumbob.core.resources import asset
 from plumbob.core.units import to_deg
-from plumbob.core.web import asset
-from plumbob.overview import printed, streaming_stats
+from plumbob.overview import streaming_stats
 from plumbob.reporting.style import said
 from tests.helpers.browser import CHROMIUM, browser
 from tests.helpers.labels import labels
@@ -197,7 +197,7 @@ def test_a_browser_prints_it(overview, tmp_path):
 
 
 def test_without_a_browser_a_pdf_is_refused_in_plain_words(overview, tmp_path, monkeypatch):
-    monkeypatch.setattr(printed, "BROWSERS", ("a-browser-that-is-not-there",))
+    monkeypatch.setattr("plumbob.overview.page.BROWSERS", ("a-browser-that-is-not-there",))
     with pytest.raises(MissingExtraError, match="a PDF is printed by Chromium or Chrome, and none was found"):
         overview.write_pdf(tmp_path / "page.pdf")
     assert list(tmp_path.iterdir()) == []

@@ -8,7 +8,7 @@ import pytest
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.papers.buoy import as_printed as literal
-from plumbob.papers.buoy import bench, measured, modules, trials
+from plumbob.papers.buoy import bench, measured, modules
 from plumbob.papers.buoy.page import FIRST, paper
 from plumbob.papers.description import BUOY
 from plumbob.papers.workspace import Work
@@ -114,16 +114,16 @@ def test_what_calibrates_nothing_is_refused(name):
 
 def test_the_gate_helps_the_recommended_filter_more_and_no_stroke_tilts_beyond_its_bound():
     """Bars of the specification: 3.3° and 2.7°, 60 %, and 1.2°."""
-    found = trials.slide(*FIRST, [1])
+    found = bench.slide(*FIRST, [1])
     open_, shut, new = (found[name][0] for name in ("no gate", "gate 0.08 g", "mekf"))
     assert (shut <= [3.3, 2.7]).all()
     assert (shut <= 0.4 * open_).all()
     assert (new <= 1.2).all()
     # Kp v/g: the error that a stroke's whole speed feeds in, with nothing taken back
-    assert trials.bound(3.0) == pytest.approx(to_deg(0.5 * 3.0 / G0))
-    weak, paper = trials.gain_scan((0.25, 0.5), 3.0, 0.8, gate="off")
-    assert max(weak) < max(paper) < trials.bound(3.0)
-    assert trials.bound(3.0) < 9.6
+    assert bench.bound(3.0) == pytest.approx(to_deg(0.5 * 3.0 / G0))
+    weak, paper = bench.gain_scan((0.25, 0.5), 3.0, 0.8, gate="off")
+    assert max(weak) < max(paper) < bench.bound(3.0)
+    assert bench.bound(3.0) < 9.6
 
 
 def test_a_small_run_is_whole(found):

@@ -6,14 +6,13 @@ import subprocess
 import numpy as np
 import pytest
 
-from plumbob.protocols import catalog
 from plumbob.protocols.c_header import c_header
 from plumbob.protocols.encode import encode
-from plumbob.protocols.rigs import load, names
+from plumbob.protocols.format_toml import device_names, find_format, rig_names
 from plumbob.protocols.unpack import field_values
 
 CC = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-FORMS = {name: catalog.load(name) for name in catalog.names()} | {name: load(name) for name in names()}
+FORMS = {name: find_format(name) for name in (*device_names(), *rig_names())}
 
 
 def identifier(name):
@@ -64,7 +63,7 @@ def test_the_struct_in_c_has_the_bytes_of_the_encoder(name, tmp_path):
 
 
 def test_the_header_says_units_and_size():
-    text = c_header(load("buoy").bind())
+    text = c_header(find_format("buoy").bind())
     assert "static_assert(sizeof(plumbob_buoy) == 31" in text
     assert "/* acc.x: s16, big-endian; count * 0.00119710083 [m/s2] */" in text  # 9.80665 / 8192
     assert "uint8_t gyr_x[2];" in text

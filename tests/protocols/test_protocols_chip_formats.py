@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 
 from plumbob.core import flags
-from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode, triads_of
 from plumbob.protocols.encode import encode
 from plumbob.protocols.field import MARKS
-from plumbob.protocols.format_toml import parse_format
+from plumbob.protocols.format_toml import find_format, parse_format
 from plumbob.protocols.unpack import field_values, read_counts
 from plumbob.simulation.presets import preset_names
 
@@ -207,7 +206,7 @@ SAID = [
 
 
 def bound(name, options=()):
-    return catalog.load(name).bind(dict(options))
+    return find_format(name).bind(dict(options))
 
 
 def only_frame(form, data):

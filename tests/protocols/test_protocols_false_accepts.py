@@ -7,22 +7,22 @@ import numpy as np
 import pytest
 
 from benchmarks.harness.false_accepts import false_accepts
-from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode
+from plumbob.protocols.format_toml import device_names, find_format
 from plumbob.protocols.overlap import passes_anything
 from plumbob.protocols.page import framing_words
 from tests.helpers import slow_as_python
 
-STREAMS = [name for name in catalog.names() if not catalog.load(name).framing.transfers]
+STREAMS = [name for name in device_names() if not find_format(name).framing.transfers]
 
 
 def settled(name):
     """A device with options that are not known given some number: they do not change what passes."""
-    form = catalog.load(name)
+    form = find_format(name)
     return form.bind({key: "1" for key, option in form.options.items() if option.default is None})
 
 
-@pytest.mark.parametrize("name", catalog.names())
+@pytest.mark.parametrize("name", device_names())
 def test_a_format_that_takes_anything_is_one_that_every_random_transfer_passes(name):
     form = settled(name)
     assert passes_anything(form) == (form.framing.transfers and false_accepts(form) == 1.0)
@@ -34,7 +34,7 @@ def test_a_format_that_takes_anything_is_one_that_every_random_transfer_passes(n
 
 @pytest.mark.parametrize("name", STREAMS)
 def test_the_catalogue_declares_what_follows_from_the_format(name):
-    text, _ = catalog.load(name).facts["false_accepts"]
+    text, _ = find_format(name).facts["false_accepts"]
     declared = float(re.search(r" (\S+) per byte", text)[1])
     assert declared == float(f"{false_accepts(settled(name)):.1e}")
 

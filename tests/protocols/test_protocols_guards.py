@@ -6,10 +6,9 @@ import pytest
 from benchmarks.harness.false_accepts import false_accepts
 from plumbob.core import flags
 from plumbob.core.errors import DecodeError
-from plumbob.protocols import catalog
 from plumbob.protocols.decode import Decoder, decode
 from plumbob.protocols.encode import encode
-from plumbob.protocols.format_toml import parse_format
+from plumbob.protocols.format_toml import find_format, parse_format
 from plumbob.protocols.unpack import read_counts
 from tests.helpers.decoder_battery import in_pieces
 
@@ -109,7 +108,7 @@ def test_a_check_of_two_kinds_is_learnt_alike_however_the_bytes_are_cut(words):
 
 
 def test_floats_that_are_no_numbers_are_absent_and_flagged():
-    form = catalog.load("xbus_mtdata2")
+    form = find_format("xbus_mtdata2")
     rows = encode(form, {"gyr.x": [1.0, np.inf, -np.inf, 2.0], "gyr.y": [1.0, 2.0, 3.0, 4.0]}, message="rate")
     found = decode(rows.tobytes(), form)[0]["rate"]
     np.testing.assert_array_equal(found.columns["gyr.x"], [1.0, np.nan, np.nan, 2.0])

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.protocols import catalog
-from plumbob.protocols.format_toml import parse_format
+from plumbob.protocols.format_toml import find_format, parse_format
 from plumbob.protocols.unpack import counts_for, field_values, put, read_counts
 
 DEG = math.pi / 180
@@ -48,7 +47,7 @@ def said(word, data):
 
 @pytest.mark.parametrize(("name", "options", "key", "text", "value"), WORDS)
 def test_a_register_says_its_value_and_back(name, options, key, text, value):
-    word, data = word_of(catalog.load(name).bind(options), key), bytes.fromhex(text)
+    word, data = word_of(find_format(name).bind(options), key), bytes.fromhex(text)
     assert said(word, data)[0] == pytest.approx(value, rel=1e-12, abs=1e-13)
     row = np.zeros((1, word.size), dtype=np.uint8)
     put(word, row, counts_for(word, np.array([value]))[0] if word.physical else np.array([value]))
@@ -57,7 +56,7 @@ def test_a_register_says_its_value_and_back(name, options, key, text, value):
 
 @pytest.mark.parametrize("name", ["adxrs290", "adxrs453", "mpu6000", "mpu3050", "hmc5983", "adis16355"])
 def test_counts_of_every_register_survive(name):
-    for word in (r.word for r in catalog.load(name).bind().registers if r.word and r.word.physical):
+    for word in (r.word for r in find_format(name).bind().registers if r.word and r.word.physical):
         counts = np.unique(np.linspace(*word.limits, 7).astype(np.int64))
         rows = np.zeros((counts.size, word.size), dtype=np.uint8)
         put(word, rows, counts_for(word, field_values(word, counts))[0])
@@ -80,7 +79,7 @@ def test_a_register_in_ones_own_format_is_read_strictly():
 
 def test_a_settled_option_cannot_be_settled_otherwise():
     """Its numbers are in the fields by then; a second choice would change the name of the range and no number."""
-    form = catalog.load("adis16355").bind(FINE)
+    form = find_format("adis16355").bind(FINE)
     assert form.bind().chosen == FINE
     # bits beside the value do not matter
     assert said(word_of(form, 0x04), bytes.fromhex("C222"))[0] == pytest.approx(546 * 0.018315 * DEG, rel=1e-12)

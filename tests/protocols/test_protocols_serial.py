@@ -7,9 +7,9 @@ import pytest
 
 from plumbob.core import flags, units
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode, format_title
 from plumbob.protocols.encode import encode
+from plumbob.protocols.format_toml import find_format
 
 
 class Stream(NamedTuple):
@@ -253,7 +253,7 @@ def values(line: Stream) -> dict[str, float]:
 
 @pytest.mark.parametrize("line", LINES, ids=named)
 def test_a_worked_line_decodes_and_encodes(line):
-    form = catalog.load(line.device).bind(dict(line.options))
+    form = find_format(line.device).bind(dict(line.options))
     rows = encode(form, {name: [value] for name, value in values(line).items()}, message=line.message)
     assert rows.tobytes() == bytes.fromhex(line.hex)
     frames, counts = decode(bytes.fromhex(line.hex), form)
@@ -275,12 +275,12 @@ def test_a_worked_line_decodes_and_encodes(line):
 
 @pytest.mark.parametrize(("device", "text"), WRONG)
 def test_a_line_that_is_wrong_is_refused(device, text):
-    frames, counts = decode(bytes.fromhex(text), catalog.load(device))
+    frames, counts = decode(bytes.fromhex(text), find_format(device))
     assert frames == {} and counts.junk == counts.received and counts.framed == 0
 
 
 def test_what_cannot_be_is_refused_although_the_sum_is_right():
-    form = catalog.load("ahrs400").bind({"rr": "200", "gr": "4"})
+    form = find_format("ahrs400").bind({"rr": "200", "gr": "4"})
     whole = bytes.fromhex("FF 08E4 FDB0 C0B6 0444 FE4B 0037 0111 FF93 EAAB 0F05 00AF E148 06A2 9C40 80")
 
     def with_word(at, value):
@@ -298,7 +298,7 @@ def test_decimal_angles_that_cannot_be_are_refused():
         body = bytes.fromhex("0D 00 84" + pitch + roll + heading)
         return b"\x68" + body + bytes([sum(body) & 0xFF])
 
-    form = catalog.load("rion")
+    form = find_format("rion")
     possible = [("009000", "018000", "036000"), ("109000", "118000", "000000"), ("100000", "100000", "100000")]
     impossible = [("009001", "000000", "000000"), ("109001", "000000", "000000"), ("000000", "118001", "000000")]
     impossible += [("000000", "000000", "100001"), ("000000", "000000", "036001"), ("000000", "000000", "200000")]
@@ -314,12 +314,12 @@ def test_an_unknown_packet_that_passes_its_check_is_counted_and_not_data():
         value ^= byte << 8
         for _ in range(8):
             value = (value << 1 ^ (0x1021 if value & 0x8000 else 0)) & 0xFFFF
-    frames, counts = decode(b"\x55\x55" + body + value.to_bytes(2, "big"), catalog.load("x5555"))
+    frames, counts = decode(b"\x55\x55" + body + value.to_bytes(2, "big"), find_format("x5555"))
     assert frames == {} and counts.unknown == 1 and counts.junk == 0
 
 
 def test_a_request_is_one_frame_without_columns():
-    assert encode(catalog.load("x5555"), {}, message="ping").tobytes() == bytes.fromhex("5555 504B 00 9EF4")
+    assert encode(find_format("x5555"), {}, message="ping").tobytes() == bytes.fromhex("5555 504B 00 9EF4")
     pair = {"pitch": [0.1], "roll": [0.1, 0.2]}
     for columns, message, error, match in (
         ({}, "angles", ShapeError, "columns of rion"),
@@ -328,11 +328,11 @@ def test_a_request_is_one_frame_without_columns():
         ({}, "angle", ParameterError, "rion has no message 'angle'; known are"),
     ):
         with pytest.raises(error, match=match):
-            encode(catalog.load("rion"), columns, message=message)
+            encode(find_format("rion"), columns, message=message)
 
 
 def test_an_angle_that_wraps_goes_round_instead_of_being_cut():
-    form = catalog.load("ahrs500ga")
+    form = find_format("ahrs500ga")
     turns = np.array([np.pi, -np.pi, 3 * np.pi, 1.5 * np.pi, np.inf])
     raw = encode(form, {"heading": turns})[:, 6:8].copy().view(">i2")[:, 0]
     # 180/2^15 degrees a count: half a turn is the count −2^15, whichever way; a number beyond all is none
@@ -390,7 +390,7 @@ NOMINAL = 50.0  # uT for a field of 1, whose size the device does not say
 @pytest.mark.parametrize("name", MTI)
 def test_a_packet_of_an_mti_says_what_its_maker_says(name):
     text, told = MTI[name]
-    form, whole = catalog.load("xbus_mtdata2"), bytes.fromhex(text)
+    form, whole = find_format("xbus_mtdata2"), bytes.fromhex(text)
     frames, counts = decode(whole, form)
     assert counts.junk == 0 and list(frames) == [name]
     columns = frames[name].columns
@@ -407,7 +407,7 @@ def test_a_packet_of_an_mti_says_what_its_maker_says(name):
 
 def test_a_stream_of_an_mti_whose_outputs_have_several_rates_loses_nothing():
     stream = b"".join(bytes.fromhex(text) for text, _ in MTI.values())
-    frames, counts = decode(stream + stream, catalog.load("xbus_mtdata2"))
+    frames, counts = decode(stream + stream, find_format("xbus_mtdata2"))
     assert counts.junk == 0 and {name: len(found) for name, found in frames.items()} == dict.fromkeys(MTI, 2)
 
 
@@ -421,14 +421,14 @@ def test_a_stream_of_an_mti_whose_outputs_have_several_rates_loses_nothing():
     + [("vectornav_imu", "time", "time [ns]"), ("xbus_mtdata2", "acc.x", "acc.x [m/s2]")],
 )
 def test_a_table_says_what_one_count_of_a_clock_is(device, field, title):
-    assert format_title({one.name: one for one in catalog.load(device).message().fields}[field]) == title
+    assert format_title({one.name: one for one in find_format(device).message().fields}[field]) == title
 
 
 def test_a_whole_cargo_counts_with_and_without_the_bit_of_a_continued_one():
     (line,) = [one for one in LINES if (one.device, one.message) == ("bno08x_shtp", "acc")]
     whole = bytearray.fromhex(line.hex)
     whole[1] = 0x80
-    form = catalog.load("bno08x_shtp")
+    form = find_format("bno08x_shtp")
     frames, counts = decode(bytes(whole), form)
     assert counts.junk == 0 and frames["acc"].columns["cargo"].tolist() == [8]
     rest = bytes.fromhex("1380 03 09 0102 0304 0506 0708 090A 0B0C 0D0E 0F")  # of another cargo: no base time

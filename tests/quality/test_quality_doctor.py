@@ -11,10 +11,9 @@ import pytest
 from plumbob import ImuData, ImuMeta, doctor
 from plumbob.core.units import from_si
 from plumbob.data.recording import Recording
-from plumbob.quality.arrangement import fit
+from plumbob.quality.arrangement import ARRANGEMENTS, fit, means
 from plumbob.quality.derotated import fit_force
 from plumbob.quality.diagnosis import Diagnosis, Trust
-from plumbob.quality.moments import ARRANGEMENTS, means
 from plumbob.quality.units import unit_odds
 from plumbob.rotations import dcm_from_quat, quat_chained, quat_from_euler_zyx, signed_axes
 from tests.helpers.commandline import call, ok

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from plumbob.quality.moments import solved
+from plumbob.quality.arrangement import solved
 
 
 def test_unknowns_of_any_size_are_solved_and_one_that_nothing_tells_stays_zero():

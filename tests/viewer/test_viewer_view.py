@@ -17,14 +17,14 @@ import pytest
 
 import plumbob
 from plumbob.core.errors import LineError, ParameterError
-from plumbob.core.web import FOLDER
+from plumbob.core.resources import WEB
 from plumbob.live.runner import run_stream
 from plumbob.live.session_toml import capture_session
 from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Stop
 from plumbob.viewer import child
 from plumbob.viewer.child import ServerOutlet, Serving
-from plumbob.viewer.commands import Asked
+from plumbob.viewer.commands import ClientCommand
 from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Command
 from plumbob.viewer.pipe import LIMIT, PipeMessage, PipeWriter, packed
@@ -34,7 +34,7 @@ from tests.helpers import PATIENCE, live_samples, until
 from tests.helpers.commandline import PLUMBOB
 from tests.helpers.outlets import Clock, Kept, StandIn, emulated
 
-BUILT = (Path(plumbob.__file__).parent / FOLDER / "view" / "index.html").is_file()
+BUILT = (WEB / "view" / "index.html").is_file()
 SERVES = find_spec("plumbob.viewer.serve") is not None
 needs_server = pytest.mark.skipif(not (SERVES and BUILT), reason="the page is not built ('make page')")
 
@@ -51,7 +51,7 @@ class Acting:
     def take_commands(self):
         self._server.take_commands()
         found, self._commands = self._commands, []
-        return [Asked(None, Command(id=1, **one)) for one in found]
+        return [ClientCommand(None, Command(id=1, **one)) for one in found]
 
     def answer(self, asked, ok, text):
         self.answers.append((asked.command.verb, ok, text))

@@ -41,13 +41,13 @@ def start():
         watch.register_callback(4, watch.events.PY_START, lambda code, _: (note(code), watch.DISABLE)[1])
         watch.set_events(4, watch.events.PY_START)
     else:
-
-        def profile(frame, event, _):
-            if event == "call":
-                note(frame.f_code)
-
         sys.setprofile(profile)
         threading.setprofile(profile)
+
+
+def profile(frame, event, _):
+    if event == "call":
+        note(frame.f_code)
 
 
 def switch(name):
@@ -55,6 +55,8 @@ def switch(name):
     current = seen.setdefault(name, set())
     if sys.version_info >= (3, 12):
         sys.monitoring.restart_events()
+    else:
+        start()  # again: a test may have watched calls itself, and left nobody watching
 
 
 def save():

@@ -13,9 +13,8 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
 from plumbob.core.units import to_deg
 from plumbob.data.chain import Chain, Posture
-from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.content import Figure, Scene, Table
 from plumbob.reporting.report import Report
-from plumbob.reporting.scene import Scene
 from plumbob.reporting.style import SERIES, SOFT
 from plumbob.rotations import wrap
 

@@ -6,8 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.acc.moving import fit_accel_moving
-from plumbob.calibration.acc.poses import fit_accel
+from plumbob.calibration.acc import fit_accel, fit_accel_moving
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason
 from plumbob.calibration.predicted import TILT_RANGE
 from plumbob.core import flags
@@ -63,7 +62,7 @@ def calibrate_accel(
     imu : ImuData
         The capture, with specific force as measured.
     shape, gravity, tilt_range
-        As in `plumbob.calibration.acc.poses.fit_accel`.
+        As in `plumbob.calibration.acc.fit_accel`.
     moving : bool
         Whether the unit tumbled slowly without rests: the gyroscope then stands in for them, and must be there.
 

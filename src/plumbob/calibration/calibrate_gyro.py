@@ -1,8 +1,12 @@
-"""From a capture to the calibration of a gyroscope: at rest, by hand, in a Ferraris session or over temperature."""
+"""From a capture to the calibration of a gyroscope: at rest, by hand, a Ferraris session, a rate table, temperature."""
 
-from collections.abc import Iterator, Mapping
+import csv
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from io import StringIO
+from pathlib import Path
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,20 +14,21 @@ from numpy.typing import NDArray
 from plumbob.calibration.calibrate_accel import calibrate_accel
 from plumbob.calibration.calibrate_mag import calibrate_mag
 from plumbob.calibration.calibration import Capture, capture, card_of
-from plumbob.calibration.fit import CaptureRefusedError, Fitted
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, mean_of_whole
 from plumbob.calibration.gyr.ferraris import find_parts, fit_ferraris, fit_trackball
-from plumbob.calibration.gyr.hand import fit_hand
-from plumbob.calibration.gyr.motion_fit import find_motions
-from plumbob.calibration.gyr.plausible import UNCALIBRATED, Rates
-from plumbob.calibration.gyr.rest import fit_rest
+from plumbob.calibration.gyr.hand import find_motions, fit_hand
+from plumbob.calibration.gyr.rest import UNCALIBRATED, Rates, fit_rest
+from plumbob.calibration.gyr.table import MOUNTING, fit_table
 from plumbob.calibration.gyr.temperature import fit_temperature
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
-from plumbob.core.errors import CalibrationError
-from plumbob.data import TITLES
+from plumbob.core.errors import CalibrationError, DecodeError, ParameterError, one_line
+from plumbob.core.files import text_of
+from plumbob.core.units import dps, g, to_dps
+from plumbob.data import TITLES, ImuData
 from plumbob.data.cards import TriadCalibration
-from plumbob.quality.static_periods import stills
+from plumbob.quality.static_periods import BLOCK, stills
 
 
 def gyro_at_rest(capture: Capture) -> dict[str, Fitted]:
@@ -180,3 +185,259 @@ def _named(triad: str) -> Iterator[None]:
         reasons = [replace(reason, text=f"{TITLES[triad]}: {reason.text}") for reason in refused.reasons]
         last = replace(reasons[-1], advice=f"{reasons[-1].advice} {_ALONE[triad]}")
         raise CaptureRefusedError(*reasons[:-1], last) from refused
+
+
+LEAST: Final = 2.0
+"""Shortest plateau, s, its first and last block not counted."""
+
+NEAR: Final = 0.1
+"""Largest departure from a nominal rate, of that rate; at rest, of the lowest rate."""
+
+_STEP = float(dps(0.05))  # from block to block beyond noise, rad/s: a ramp of 0.2 °/s² and more is none
+_RIPPLE = 1e-3  # of the rate, which a table may waver by
+_ASTRAY = 0.2  # rate about another axis, of that about the main one: 11° of tilt
+_FEWEST = 4
+
+
+class Matched(NamedTuple):
+    """Rates (M, 3), rad/s, of plateaus, and which of the M have one at all; others are zero."""
+
+    rate: Floats
+    found: NDArray[np.bool_]
+
+
+def plateaus(t: Floats, gyr: Floats) -> list[slice]:
+    """Stretches of constant rate, in order; a slow drift away from it ends one.
+
+    Blocks of a quarter of a second are compared by their means. The first and the last block of a stretch are left out,
+    for a ramp may reach into them.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    gyr : ndarray (N, 3)
+        Rates, rad/s; a row with NaN is in no stretch.
+    """
+    step = float(np.median(np.diff(t))) if t.size > 1 else BLOCK
+    size = max(_FEWEST, round(BLOCK / step))
+    count = t.size // size
+    blocks = gyr[: count * size].reshape(count, size, 3)
+    mean, scatter = blocks.mean(axis=1), blocks.std(axis=1, ddof=1).max(axis=1)
+    noise = scatter[np.isfinite(scatter)]
+    if noise.size == 0:
+        return []
+    limit = _STEP + 6.0 * float(np.median(noise)) / np.sqrt(size) + _RIPPLE * np.abs(mean).max(axis=1)
+    with np.errstate(invalid="ignore"):
+        joined = np.abs(np.diff(mean, axis=0)).max(axis=1) <= np.fmin(limit[1:], limit[:-1])
+    runs = np.split(np.arange(count), np.flatnonzero(~joined) + 1)
+    need = max(1, round(LEAST / (size * step)))
+    inner = (_constant(run, mean, limit)[1:-1] for run in runs if run.size >= need + 2)
+    return [slice(int(run[0]) * size, int(run[-1] + 1) * size) for run in inner if run.size >= need]
+
+
+def match_rates(means: Floats, nominal: Floats) -> Matched:
+    """Tell which of the nominal rates each plateau is: about the axis that turns most, either way round, or at rest.
+
+    What most plateaus read about an axis is taken for its bias, so that a session must spin about each axis in less
+    than half of its plateaus, or both ways round alike.
+
+    Parameters
+    ----------
+    means : ndarray (M, 3)
+        Mean rates, rad/s, bias included.
+    nominal : ndarray (k,)
+        Rates of the table regardless of the sign, rad/s; rest is always one.
+    """
+    rate, matched = np.zeros_like(means), np.zeros(len(means), dtype=np.bool_)
+    speeds = np.unique(np.append(np.abs(nominal), 0.0))
+    if len(means) == 0 or speeds.size < 2:
+        return Matched(rate, matched)
+    turned = means - np.median(means, axis=0)
+    rows, axis = np.arange(len(means)), np.argmax(np.abs(turned), axis=1)
+    signed = turned[rows, axis]
+    nearest = speeds[np.argmin(np.abs(np.abs(signed)[:, np.newaxis] - speeds), axis=1)]
+    room = np.where(nearest > 0.0, nearest, speeds[1])
+    astray = np.sort(np.abs(turned), axis=1)[:, 1]
+    matched = (np.abs(np.abs(signed) - nearest) <= NEAR * room) & (astray <= _ASTRAY * room)
+    rate[rows, axis] = np.where(matched, np.sign(signed) * nearest, 0.0)
+    return Matched(rate, matched)
+
+
+def _constant(run: NDArray[np.intp], mean: Floats, limit: Floats) -> NDArray[np.intp]:
+    """Longest part of a run of blocks that stays at the run's median."""
+    near = np.abs(mean[run] - np.median(mean[run], axis=0)).max(axis=1) <= limit[run]
+    parts = np.split(run, np.flatnonzero(np.diff(near)) + 1)
+    steady = [part for part in parts if near[part[0] - run[0]]]
+    return max(steady, key=len, default=run[:0])
+
+
+_TIMES = ("from_s", "to_s")
+_RATES = ("rate_x_dps", "rate_y_dps", "rate_z_dps")
+_FORCES = ("acc_x_g", "acc_y_g", "acc_z_g")
+_ROOM_C = 25.0
+_ADVICE = "Check the nominal rates and the recording's unit of rate, or say what was done with a plan."
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Plateau:
+    """Stretch of constant rate.
+
+    Attributes
+    ----------
+    start, stop : float
+        When it begins and ends, s.
+    rate : ndarray (3,)
+        True rate in the axes of the unit, rad/s.
+    force : ndarray (3,) or None
+        Specific force, m/s², where it is known otherwise than by the accelerometer.
+    """
+
+    start: float
+    stop: float
+    rate: Floats
+    force: Floats | None = None
+
+
+def found_plateaus(imu: ImuData, nominal: Sequence[float]) -> tuple[list[Plateau], list[str]]:
+    """Plateaus of a recording that have one of the nominal rates, rad/s, and a remark for each other one.
+
+    Raises
+    ------
+    CaptureRefusedError
+        If there is none.
+    """
+    rates = imu.usable("gyr")
+    stretches = plateaus(imu.t, rates)
+    means = np.array([rates[part].mean(axis=0) for part in stretches]).reshape(-1, 3)
+    matched = match_rates(means, np.asarray(nominal, dtype=np.float64))
+    spans = [(float(imu.t[part.start]), float(imu.t[part.stop - 1])) for part in stretches]
+    if not (matched.rate[matched.found] != 0.0).any():
+        listed = ", ".join(f"{to_dps(float(np.abs(mean).max())):.4g}" for mean in means[:6]) or "none"
+        text = f"no stretch of constant rate has one of the nominal rates; rates found are, in °/s: {listed}."
+        raise CaptureRefusedError(Reason("no-motion", text, _ADVICE))
+    matching = [Plateau(*spans[i], rate=matched.rate[i]) for i in np.flatnonzero(matched.found)]
+    return matching, [_set_aside(spans[i], means[i]) for i in np.flatnonzero(~matched.found)]
+
+
+def read_plan(path: Path) -> list[Plateau]:
+    """Plateaus of a plan: a CSV file with from_s, to_s, rate_x_dps, rate_y_dps, rate_z_dps, and perhaps acc_x_g, ….
+
+    Raises
+    ------
+    DecodeError
+        If a column is missing or unknown, or a line is not a plateau; the line is named.
+    """
+    lines = StringIO(text_of(path), newline="")
+    try:
+        table = csv.DictReader(lines, skipinitialspace=True, strict=True)
+        columns = [name.strip() for name in table.fieldnames or ()]
+        table.fieldnames = columns
+        _require_columns(path, columns)
+        return [_planned(row, f"{path}, line {table.line_num}") for row in table]
+    except csv.Error as error:
+        raise DecodeError(f"{path} is not a CSV file: {one_line(error)}.") from error
+
+
+def calibrate_table(
+    capture: Capture,
+    planned: Sequence[Plateau],
+    *,
+    model: str = "auto",
+    mounting: float = MOUNTING,
+    latitude: float | None = None,
+) -> Fitted:
+    """Fit the gyroscope to the means over the plateaus; arguments and errors as in `gyr.table.fit_table`.
+
+    Raises
+    ------
+    ParameterError
+        If a plateau holds no sample.
+    """
+    imu = capture.imu
+    rows = [_rows(imu, plateau) for plateau in planned]
+    forces = None if imu.acc is None and any(p.force is None for p in planned) else _forces(imu, planned, rows)
+    clipped = (imu.flags & np.uint32(flags.GYR_CLIPPED)) != 0
+    rates = imu.usable("gyr")
+    fitted = fit_table(
+        np.array([plateau.rate for plateau in planned]).reshape(-1, 3),
+        np.array([mean_of_whole(rates[part]) for part in rows]).reshape(-1, 3),
+        force=forces,
+        seconds=np.array([plateau.stop - plateau.start for plateau in planned]),
+        clipped=np.array([clipped[part].mean() for part in rows]),
+        model=model,
+        mounting=mounting,
+        latitude=latitude,
+    )
+    triad = replace(fitted.calibration, temp_ref_c=_temperature(imu, rows))
+    return replace(
+        fitted, calibration=triad, remarks=(*fitted.remarks, *_of_force(capture, triad), *_lost_terms(capture))
+    )
+
+
+def _of_force(capture: Capture, triad: TriadCalibration) -> tuple[str, ...]:
+    """Say that the g-sensitivity is one to a specific force that is not calibrated."""
+    if not triad.g_sensitivity.any() or (capture.base is not None and capture.base.acc is not None):
+        return ()
+    return ("the accelerometer is not calibrated: g-sensitivity is wrong by as many per cent as its scale.",)
+
+
+def _lost_terms(capture: Capture) -> tuple[str, ...]:
+    """Say that the card so far had a polynomial of temperature, which belonged to another fit."""
+    if capture.base is None or capture.base.gyr is None or not capture.base.gyr.bias_per_k.any():
+        return ()
+    return ("The card's polynomial of temperature is gone; 'plumbob calibrate temperature' finds it again.",)
+
+
+def _temperature(imu: ImuData, rows: Sequence[slice]) -> float:
+    """Temperature that the bias belongs to, °C; 25 °C where it is not known."""
+    temps = np.concatenate([imu.temp_c[part] for part in rows]) if imu.temp_c is not None else np.empty(0)
+    return float(np.nanmean(temps)) if np.isfinite(temps).any() else _ROOM_C
+
+
+def _rows(imu: ImuData, plateau: Plateau) -> slice:
+    first, stop = imu.t.searchsorted((plateau.start, plateau.stop)).tolist()
+    if stop <= first:
+        raise ParameterError(
+            f"the plateau from {plateau.start:g} to {plateau.stop:g} s holds no sample; the recording goes from "
+            f"{float(imu.t[0]):g} to {float(imu.t[-1]):g} s."
+        )
+    return slice(first, stop)
+
+
+def _forces(imu: ImuData, planned: Sequence[Plateau], rows: Sequence[slice]) -> Floats:
+    acc = np.empty((0, 3)) if imu.acc is None else imu.usable("acc")
+    means = [mean_of_whole(acc[part]) if p.force is None else p.force for p, part in zip(planned, rows, strict=True)]
+    return np.array(means).reshape(-1, 3)
+
+
+def _set_aside(span: tuple[float, float], mean: Floats) -> str:
+    rates = ", ".join(f"{x:.4g}" for x in to_dps(mean))
+    return f"{span[0]:.1f} to {span[1]:.1f} s is left out: its rate of ({rates}) °/s is not a nominal one."
+
+
+def _require_columns(path: Path, columns: Sequence[str]) -> None:
+    needed = {*_TIMES, *_RATES}
+    allowed = needed | set(_FORCES)
+    if not needed <= set(columns) or not set(columns) <= allowed or 0 < len(set(columns) & set(_FORCES)) < 3:
+        raise DecodeError(
+            f"{path}, line 1: a plan has the columns {', '.join((*_TIMES, *_RATES))}, and all or none of "
+            f"{', '.join(_FORCES)}, but this one has {', '.join(columns) or 'none'}."
+        )
+
+
+def _planned(row: Mapping[str | None, str | None], where: str) -> Plateau:
+    values = {}
+    for name, cell in row.items():
+        try:
+            values[name] = float(cell or "")
+        except (TypeError, ValueError) as error:
+            raise DecodeError(
+                f"{where}: {name or 'a column too many'} must be a number, but it is {cell!r}."
+            ) from error
+    if not np.isfinite(list(values.values())).all() or not 0.0 <= values["from_s"] < values["to_s"]:
+        raise DecodeError(
+            f"{where}: numbers must be finite, and from_s before to_s, but they are {list(values.values())}."
+        )
+    force = g(np.array([values[name] for name in _FORCES])) if _FORCES[0] in values else None
+    return Plateau(values["from_s"], values["to_s"], dps(np.array([values[name] for name in _RATES])), force)

@@ -7,7 +7,7 @@ from typing import Final, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
+from plumbob.calibration.ellipsoid_fit import Shape
 from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.axes import LEAST_SLOPE, agreement
 from plumbob.calibration.mag.checks import WEAKEST, stuck

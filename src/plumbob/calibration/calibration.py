@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 
 from plumbob.calibration.fit import Fitted
 from plumbob.calibration.mount import Mounted
+from plumbob.core import __version__
 from plumbob.core.errors import CalibrationError, ParameterError
-from plumbob.core.version import __version__
 from plumbob.data import ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard

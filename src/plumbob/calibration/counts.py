@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from plumbob.calibration.ellipsoid.ellipsoid_fit import SPARE, Shape, choose, fit_axes, mean_radius
+from plumbob.calibration.ellipsoid_fit import SPARE, Shape, choose, fit_axes, mean_radius
 from plumbob.calibration.fit import CaptureRefusedError, Reason
 from plumbob.calibration.mag.checks import finite_rows
 from plumbob.calibration.mag.ellipsoid import fit_mag

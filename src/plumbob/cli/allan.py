@@ -162,7 +162,7 @@ def _deviation_alone(args: argparse.Namespace, call: Call, words: dict[str, Any]
 
 
 def _compare(args: argparse.Namespace, call: Call, words: dict[str, Any]) -> int:
-    from plumbob.core.version import __version__
+    from plumbob.core import __version__
     from plumbob.door.allan import open_static
     from plumbob.noise.allan import comparisons
     from plumbob.noise.report import comparison, comparison_numbers

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from plumbob.core.docs import guide
+from plumbob.core.resources import guide
 from plumbob.core.text import visible
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ def run(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
     from plumbob.core.errors import DecodeError
     from plumbob.data import UNCALIBRATED
     from plumbob.protocols.decode import decode
-    from plumbob.protocols.find import find_format, unassigned_told
+    from plumbob.protocols.format_toml import find_format, unassigned_told
 
     form, out = find_format(args.format).bind(args.given.get("options", {})), args.out and Path(args.out)
     if spare := unassigned_told(form, form.message(args.message or "")):
@@ -244,13 +244,11 @@ def _tell(form: "Format", counts: "Counts", table: _MessageRows) -> None:
 def _hint(form: "Format", head: bytes) -> str:
     """Which known formats would fit; only those that cannot fit by chance."""
     from plumbob.core.errors import ParameterError
-    from plumbob.protocols import catalog
     from plumbob.protocols.decode import decode
-    from plumbob.protocols.find import find_format
-    from plumbob.protocols.rigs import names
+    from plumbob.protocols.format_toml import device_names, find_format, rig_names
 
     fitting = []
-    for name in (*catalog.names(), *names()):
+    for name in (*device_names(), *rig_names()):
         other = find_format(name)
         if name == form.name or not (other.framing.sync and other.framing.checksum):
             continue

@@ -127,9 +127,9 @@ def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
     from plumbob.live.sinks import Collected
     from plumbob.live.sources import open_source
     from plumbob.live.stream import Stream
-    from plumbob.protocols.rigs import load
+    from plumbob.protocols.format_toml import find_format
 
-    rig = make_rig(replace(PLANS["buoy"], scenario=motion, duration=motion.duration), load("buoy"), seed=seed)
+    rig = make_rig(replace(PLANS["buoy"], scenario=motion, duration=motion.duration), find_format("buoy"), seed=seed)
     with replacing(path, overwrite=True) as temporary:
         temporary.write_bytes(rig.stream())
     device = next(iter(rig.units.values())).imu.meta.device

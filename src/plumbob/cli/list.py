@@ -135,15 +135,14 @@ def devices(
         Print a C11 header for whoever sends or reads the frame.
     """
     from plumbob.core.errors import ParameterError
-    from plumbob.protocols import catalog
     from plumbob.protocols.c_header import c_header
-    from plumbob.protocols.find import find_format
+    from plumbob.protocols.format_toml import device_names, find_format
     from plumbob.protocols.page import as_text, tables
 
     if name is None:
         if c or options:
             raise ParameterError("name a device; 'plumbob list devices' lists them.")
-        page = (_markdown(catalog.load(each), 2) for each in catalog.names())
+        page = (_markdown(find_format(each), 2) for each in device_names())
         return Listed("\n".join([_HEAD, *page]), {}) if markdown else _all_devices()
     form = find_format(name)
     form = form.bind(options) if options or c else form
@@ -166,13 +165,11 @@ def _plain(form: "Format") -> dict[str, object]:
 
 
 def _all_devices() -> Listed:
-    from plumbob.protocols import catalog
-    from plumbob.protocols.find import find_format
+    from plumbob.protocols.format_toml import device_names, find_format, rig_names
     from plumbob.protocols.page import PageTable, as_text, framing_words, mark_words
-    from plumbob.protocols.rigs import names
 
     kinds = {}
-    for kind, listed in (("Devices", catalog.names()), ("Rigs", names())):
+    for kind, listed in (("Devices", device_names()), ("Rigs", rig_names())):
         forms = [find_format(name) for name in listed]
         kinds[kind] = [(form.name, form.title, framing_words(form), mark_words(form)) for form in forms]
     head = ("name", "title", "frame", "marks")

@@ -18,9 +18,9 @@ from typing import Any, Final, NoReturn, TextIO, cast
 from plumbob.cli import common
 from plumbob.cli.engine import VERB_BY_FUNCTION, add_verb
 from plumbob.cli.verbs import GROUPS, VERBS
+from plumbob.core import __version__
 from plumbob.core.errors import PlumbobError
 from plumbob.core.text import closest, visible
-from plumbob.core.version import __version__
 
 _LAYOUT: Final = "\n\t"
 

@@ -233,8 +233,8 @@ def docs(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Print a page, or open it."""
     import webbrowser
 
-    from plumbob.core.docs import page_path
     from plumbob.core.errors import PlumbobError
+    from plumbob.core.resources import page_path
 
     if not args.open:
         return text(args, verb, call)

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import schema
-from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import reading, text_of
+from plumbob.core.resources import guide
 from plumbob.core.units import Quantity
 from plumbob.data.array import PRESETS, UnitMount
 from plumbob.rotations import body_axes, quat_from_dcm, quat_from_euler_zyx

@@ -7,9 +7,9 @@ from typing import Any, Final
 import numpy as np
 
 from plumbob.core import schema
-from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, ShapeError, excerpt
 from plumbob.core.files import reading, text_of
+from plumbob.core.resources import guide
 from plumbob.core.schema import toml_text
 from plumbob.core.units import Quantity
 from plumbob.data.array import Quat, UnitMount, Vec

@@ -22,10 +22,10 @@ from plumbob.rotations import Frame
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from plumbob.calibration.calibrate_gyro import Plateau
     from plumbob.calibration.counts import CountsCalibration
     from plumbob.calibration.fit import Fitted
     from plumbob.calibration.mount import Mounted
-    from plumbob.calibration.rate_table import Plateau
 
 Note = Callable[[str], None]
 Value = float | str | None
@@ -366,7 +366,7 @@ def _table(
     mounting: Value = "0.1 deg",
     latitude: Value = None,
 ) -> Found:
-    from plumbob.calibration.rate_table import calibrate_table, found_plateaus, read_plan
+    from plumbob.calibration.calibrate_gyro import calibrate_table, found_plateaus, read_plan
 
     if (rates is None) == (plan is None):
         raise ParameterError("A rate table needs its rates or a plan of its plateaus. Give one of the two.")
@@ -442,7 +442,7 @@ def chosen_gravity(
     ParameterError
         If two of them say it, or there is a height without a latitude.
     """
-    from plumbob.calibration.acc.poses import normal_gravity
+    from plumbob.calibration.acc import normal_gravity
 
     if latitude is None and height is not None:
         raise ParameterError("height needs latitude: both together give gravity. Give both.")

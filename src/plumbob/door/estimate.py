@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core import check, flags
+from plumbob.core import __version__, check, flags
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.core.files import as_list
 from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.core.time import timing
 from plumbob.core.units import to_deg
-from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.earth_field import located, unlike
 from plumbob.data.plausibility import upside_down

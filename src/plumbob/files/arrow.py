@@ -1,10 +1,9 @@
-"""Columns between Arrow and NumPy by their buffers: Arrow's own conversions import pandas wherever it is installed.
+"""Arrow and Parquet: columns to and from NumPy, how large pages unpack, and tables of numbers over time.
 
-`unpacked_bytes` is what the pages of a Parquet file unpack to, by the headers in front of them. Arrow believes a page's
-own size, whatever the table of contents says of its column: 33 kB unpacked to a gigabyte. Headers are in Thrift's
-compact protocol (parquet.thrift, PageHeader; thrift-compact-protocol.md).
-
-`write_table` writes a table of numbers over time: columns by name with unit, ``.csv`` or ``.parquet``.
+Columns go by their buffers, as Arrow's own conversions import pandas wherever it is installed. `unpacked_bytes` goes by
+the headers in front of a file's pages: Arrow believes a page's own size, whatever the table of contents says of its
+column, and 33 kB unpacked to a gigabyte. Headers are in Thrift's compact protocol (parquet.thrift, PageHeader;
+thrift-compact-protocol.md). `write_table` names columns with their unit, as ``.csv`` or ``.parquet``.
 """
 
 import csv

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
-from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, one_line
 from plumbob.core.files import existing_file, read_in_parts, reading, replacing, require_room
+from plumbob.core.resources import guide
 from plumbob.core.time import is_gap, to_ns, to_s
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.array import ImuArray

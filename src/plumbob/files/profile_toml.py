@@ -12,9 +12,9 @@ from typing import Any, Final
 import numpy as np
 
 from plumbob.core import schema
-from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt
 from plumbob.core.files import reading, sidecars, text_of
+from plumbob.core.resources import guide
 from plumbob.core.schema import Parse
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity

@@ -20,7 +20,7 @@ from plumbob.core.units import Quantity
 from plumbob.files.column_names import canonical, taken_apart
 from plumbob.files.columns import is_clocklike
 from plumbob.files.profile import BLANK, TextLayout
-from plumbob.files.text_head import TOKEN, among_words, label, split_row
+from plumbob.files.text_table import TOKEN, among_words, label, split_row
 
 READ: Final = 1 << 20
 """Bytes that are looked at."""

@@ -7,9 +7,9 @@ from importlib import import_module
 from typing import Any, Protocol, cast
 
 from plumbob.core.check import said
-from plumbob.core.docs import docs_folder
 from plumbob.core.errors import ParameterError
 from plumbob.core.kernels import Kernel
+from plumbob.core.resources import docs_folder
 from plumbob.core.text import closest
 
 _MODULES = (

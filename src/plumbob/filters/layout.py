@@ -23,7 +23,7 @@ from typing import Final
 
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
-from plumbob.core.repeats import REMEMBERED
+from plumbob.core.time import REMEMBERED
 
 # Coefficients
 SIZE: Final = 0  # how many coefficients there are; in a streamed call the state follows them in one array

@@ -13,6 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from plumbob.core import __version__
 from plumbob.core.errors import (
     CalibrationError,
     DecodeError,
@@ -25,7 +26,6 @@ from plumbob.core.errors import (
     one_line,
 )
 from plumbob.core.files import existing_file, file_sha256, write_text
-from plumbob.core.version import __version__
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.door.estimate import Estimated, estimate

@@ -23,8 +23,8 @@ from plumbob.live.rigs.plan import PLANS, Chained, RigPlan, plan_for
 from plumbob.live.rigs.rig import Cards, Rig, make_rig
 from plumbob.live.rigs.serving import FilePort, Port, Served, TcpPort, UdpPort, serve
 from plumbob.live.transports.transport import Stop, Stopping
-from plumbob.protocols.find import find_format
 from plumbob.protocols.format import Format
+from plumbob.protocols.format_toml import find_format
 from plumbob.protocols.unpack import unit_prefixes
 from plumbob.rotations import Frame
 from plumbob.simulation import ChainSimulation, Scenario, draw_module
@@ -320,7 +320,7 @@ def _port(
         elif udp:
             port = UdpPort(*_address(udp))
         else:
-            from plumbob.live.rigs.terminal import PtyPort  # on Unix alone
+            from plumbob.live.rigs.serving import PtyPort
 
             port = PtyPort(None if link is None else Path(link), stop)
         stack.callback(port.close)

@@ -18,7 +18,7 @@ from plumbob.live.sources import open_source
 from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Stopping
 from plumbob.live.watch import Note, Ran, Watch, silence_words
-from plumbob.protocols.find import unassigned_told
+from plumbob.protocols.format_toml import unassigned_told
 
 
 @dataclass(frozen=True, eq=False, repr=False)

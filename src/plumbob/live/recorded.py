@@ -393,7 +393,7 @@ def _lost(file: Path, recording: Recording, layout: str | None) -> Iterable[str]
     if dropped:
         yield f"{_NAMED.get(form, form.upper())} has no place for {', '.join(dropped)}: left out"
     if layout == "euroc":
-        from plumbob.files.foreign.euroc_write import lost
+        from plumbob.files.foreign.euroc import lost
 
         yield from lost(recording)
     elif form in _OF_ROS:
@@ -466,7 +466,7 @@ def _of_ros(name: str) -> Callable[[Path, Recording, bool], None]:
 
 
 def _write_euroc(file: Path, recording: Recording, overwrite: bool) -> None:
-    from plumbob.files.foreign.euroc_write import write_euroc
+    from plumbob.files.foreign.euroc import write_euroc
 
     write_euroc(file, recording, overwrite)
 

@@ -10,10 +10,10 @@ from typing import Any, Final
 import numpy as np
 
 from plumbob.core import check, schema
-from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, FrameError, ParameterError
 from plumbob.core.files import reading, text_of
 from plumbob.core.params import describe
+from plumbob.core.resources import guide
 from plumbob.core.schema import toml_text
 from plumbob.core.units import Quantity
 from plumbob.data import ImuMeta
@@ -38,9 +38,8 @@ from plumbob.live.session import (
 from plumbob.live.source_toml import iio_format, parse_source
 from plumbob.live.sources import KERNEL, described
 from plumbob.protocols.decode import full_scales, prefix_by_unit, unit_prefix
-from plumbob.protocols.find import find_format
 from plumbob.protocols.format import Format, Message
-from plumbob.protocols.format_toml import FORMAT, parse_format
+from plumbob.protocols.format_toml import FORMAT, find_format, parse_format
 from plumbob.rotations import Frame, North, body_axes, in_body_axes
 
 GUIDE: Final = guide("sessions.md")

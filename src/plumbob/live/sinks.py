@@ -9,6 +9,7 @@ from typing import Final, Protocol, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.core import __version__
 from plumbob.core.errors import ParameterError
 from plumbob.core.event import Event
 from plumbob.core.files import require_place
@@ -16,7 +17,6 @@ from plumbob.core.flags import names
 from plumbob.core.text import visible
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg
-from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.array import ImuArray, UnitMount
 from plumbob.files.mcap import Recorder

@@ -17,11 +17,10 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.event import Event
-from plumbob.core.repeats import REMEMBERED, Repeats
-from plumbob.core.time import to_ns
+from plumbob.core.time import REMEMBERED, Repeats, to_ns
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray, UnitMount
-from plumbob.data.time_report import TimeReport
+from plumbob.data.recording import TimeReport
 from plumbob.filters import Filter
 from plumbob.filters.offline import calibrated, make_follower, start_at
 from plumbob.filters.smoother import FixedLag

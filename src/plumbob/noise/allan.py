@@ -10,9 +10,9 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from plumbob.core import __version__
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.version import __version__
 from plumbob.data.cards import NoiseCard
 from plumbob.noise import (
     AllanStream,

@@ -15,8 +15,7 @@ from plumbob.data.recording import Recording
 from plumbob.overview.figures import WHATS, figure, figures
 from plumbob.overview.report_entry import Progress, Subject, duration, read_subject, subject_from
 from plumbob.overview.streaming_stats import WHOLE, Gatherer
-from plumbob.overview.tables import comparison_table, summary, tables
-from plumbob.overview.wording import definitions, remarks
+from plumbob.overview.tables import comparison_table, definitions, remarks, summary, tables
 from plumbob.quality.grade import grade
 from plumbob.reporting.report import Report, Reported
 from plumbob.rotations import Frame
@@ -87,7 +86,7 @@ class Overview(Reported):
         MissingExtraError
             If neither is installed, or the pages of Plumbob are not built here.
         """
-        from plumbob.overview.printed import print_pdf
+        from plumbob.overview.page import print_pdf
 
         return print_pdf(self.page(lang=lang), Path(path), overwrite=overwrite)
 

@@ -1,24 +1,33 @@
-"""The page of recordings: one HTML file with plots that are zoomed and read, which opens anywhere, without network.
+"""The page of recordings: one HTML file with plots that are zoomed and read, which opens anywhere; and as a PDF.
 
-One constant script draws them, which the page's policy names by its hash. Values stand in blocks of 16-bit codes.
+One constant script draws them, which the page's policy names by its hash; nothing asks for a network. Values stand in
+blocks of 16-bit codes. The PDF is printed by Chromium or Chrome without a window.
 """
 
 import math
+import os
+import shutil
+import subprocess
 from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.core.errors import DecodeError, MissingExtraError, excerpt
+from plumbob.core.files import replacing
+from plumbob.core.resources import asset
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg
-from plumbob.core.web import asset
 from plumbob.overview.figures import SECTORS, Chart, charts, shown_values
 from plumbob.overview.report_entry import Subject
 from plumbob.overview.streaming_stats import Gathered
 from plumbob.overview.tables import (
+    BARE,
     burst_table,
     comparison_table,
     flag_table,
@@ -27,11 +36,11 @@ from plumbob.overview.tables import (
     inclination_table,
     motion_table,
     quality_table,
+    remarks,
     sector_table,
     sensor_table,
     threshold_table,
 )
-from plumbob.overview.wording import BARE, remarks
 from plumbob.quality import quality
 from plumbob.quality.tilt import Headings
 from plumbob.reporting.page import CSS, asset_text, render
@@ -195,3 +204,70 @@ def _channel(g: Gathered, channel: str, name: str, values: dict[str, str]) -> di
 
 def _encoded(values: NDArray[Any]) -> str:
     return b64encode(np.ascontiguousarray(values).tobytes()).decode()
+
+
+BROWSERS: Final = (
+    "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge", "microsoft-edge",
+    "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+    "/Applications/Chromium.app/Contents/MacOS/Chromium",
+    "C:/Program Files/Google/Chrome/Application/chrome.exe",
+    "C:/Program Files (x86)/Microsoft/Edge/Application/msedge.exe",
+)  # fmt: skip
+"""Programs that print a page, the first one found is taken."""
+
+_PATIENCE: Final = 180.0  # s
+
+
+def browser() -> str:
+    """Path of a program that prints pages.
+
+    Raises
+    ------
+    MissingExtraError
+        If none is installed.
+    """
+    program = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    if program is None:
+        raise MissingExtraError(
+            "a PDF is printed by Chromium or Chrome, and none was found. Install one, as 'apt install chromium' does, "
+            "or write the page with --out and print it from your browser."
+        )
+    return program
+
+
+def print_pdf(page: str, path: Path, *, overwrite: bool = False) -> Path:
+    """Print a page to a file, which is there as a whole or not at all.
+
+    Raises
+    ------
+    MissingExtraError
+        If no browser is installed.
+    DecodeError
+        If the browser fails.
+    """
+    program = browser()
+    with TemporaryDirectory(prefix="plumbob-") as folder, replacing(path, overwrite=overwrite) as temporary:
+        html, made = Path(folder) / "page.html", Path(folder) / "page.pdf"
+        html.write_text(page, encoding="utf-8")
+        words = [program, "--headless", "--disable-gpu", "--disable-extensions", f"--user-data-dir={folder}/profile",
+                 "--no-first-run", "--no-pdf-header-footer", "--virtual-time-budget=20000",
+                 f"--print-to-pdf={made}"]  # fmt: skip
+        if hasattr(os, "geteuid") and os.geteuid() == 0:
+            words.append("--no-sandbox")  # Chromium refuses its sandbox to the superuser
+        try:
+            done = subprocess.run(
+                [*words, html.as_uri()],
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=_PATIENCE,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as error:
+            raise DecodeError(
+                f"{program} did not print the page within {_PATIENCE:g} s. Write the page with --out instead."
+            ) from error
+        if not made.is_file():
+            raise DecodeError(f"{program} printed nothing ({excerpt(done.stderr.strip() or 'without a word', 160)}).")
+        shutil.copyfile(made, temporary)
+    return path

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from plumbob.core import __version__
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import file_sha256
 from plumbob.core.text import counted
-from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.imu import BLOCK, TITLES
 from plumbob.data.reading import read_at

@@ -13,12 +13,11 @@ from pathlib import Path
 from threading import Event, Lock
 from typing import Any, Final
 
-from plumbob.core import check
+from plumbob.core import __version__, check
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
 from plumbob.core.files import write_text
 from plumbob.core.series import needed
 from plumbob.core.text import counted
-from plumbob.core.version import __version__
 from plumbob.papers.description import PAPERS
 from plumbob.papers.outcome import CANNOT, HEAD, MISSED, PASS, SHOWN, Outcome, Paper, PaperItem, restored, table
 from plumbob.papers.workspace import Work

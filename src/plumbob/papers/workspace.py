@@ -18,7 +18,7 @@ from plumbob.live.emulated import emulate
 from plumbob.live.record import record
 from plumbob.live.rigs.rig import columns_for
 from plumbob.protocols.encode import encode
-from plumbob.protocols.find import find_format
+from plumbob.protocols.format_toml import find_format
 from plumbob.simulation import Simulation
 
 _SESSION = """\

@@ -18,8 +18,8 @@ from plumbob.core.units import unit
 from plumbob.data import TRIADS, ImuData
 from plumbob.protocols import scan
 from plumbob.protocols.field import Field
-from plumbob.protocols.find import find_format
 from plumbob.protocols.format import Format, Message
+from plumbob.protocols.format_toml import find_format
 from plumbob.protocols.scan import Reads, format_plan
 from plumbob.protocols.unpack import Column, Unpacker
 

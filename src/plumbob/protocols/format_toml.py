@@ -1,24 +1,26 @@
-"""Read a format from TOML, strictly; the catalogue and a user's own frame are written alike."""
+"""Formats of a user's own, of devices (``catalog/`` beside this file) and of rigs: one door, and one reader of TOML."""
 
 import re
 from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
-from importlib import resources
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from plumbob.core import schema, units
-from plumbob.core.docs import guide
+from plumbob.core import check, schema, units
 from plumbob.core.errors import DecodeError, ParameterError, UnitError, excerpt
 from plumbob.core.files import reading, text_of
+from plumbob.core.resources import guide
 from plumbob.core.text import closest
 from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity
 from plumbob.protocols import checksum
 from plumbob.protocols.field import MARKS, ROLES, SIZES, WORDS, Checksum, Field, Provenance
 from plumbob.protocols.format import Format, Framing, LengthField, Message, Option, Register
 from plumbob.protocols.overlap import require_places
+
+if TYPE_CHECKING:
+    from plumbob.protocols.format import Format, Message
 
 GUIDE: Final = guide("formats.md")
 KIND: Final = "plumbob format"
@@ -43,39 +45,6 @@ def load_format(path: str | Path) -> Format:
     text = text_of(path)
     with reading(Path(path)):
         return parse_format(text)
-
-
-CATALOG = "plumbob.protocols.catalog"
-"""Package whose folder holds the devices' formats."""
-
-
-@cache
-def formats_in(package: str) -> dict[str, Format]:
-    """Formats that lie in a package's folder, by their names and aliases."""
-    files = [file for file in resources.files(package).iterdir() if file.name.endswith(".toml")]
-    forms = [parse_format(file.read_text(encoding="utf-8")) for file in files]
-    return {name: form for form in forms for name in (form.name, *form.aliases)}
-
-
-def device_names() -> tuple[str, ...]:
-    """Names of all devices of the catalogue, without aliases."""
-    return tuple(sorted({form.name for form in formats_in(CATALOG).values()}))
-
-
-def device(name: str) -> Format:
-    """Look a device of the catalogue up by its name or an alias.
-
-    Raises
-    ------
-    ParameterError
-        If there is none.
-    """
-    if name not in formats_in(CATALOG):
-        raise ParameterError(
-            f"'{name}' is not a known device; known are {', '.join(device_names())}. For another format, give its "
-            f".toml file.{closest(name, device_names())}"
-        )
-    return formats_in(CATALOG)[name]
 
 
 def parse_format(text: str) -> Format:
@@ -211,7 +180,7 @@ def _embedded(raw: Mapping[str, Any]) -> list[Field]:
     silent or disturbed must not cost the frame around it. Where frames may begin in several ways, a field of the
     message has to say in which.
     """
-    inner = device(raw["device"]).bind(raw.get("options", {}))
+    inner = _device(raw["device"]).bind(raw.get("options", {}))
     message = inner.message(raw.get("message", ""))
     framing = inner.framing
     sync = framing.sync[0] if framing.sync else b""
@@ -493,3 +462,67 @@ FORMAT: Final = schema.form(
     ("kind", "version", "name", "title", "frame"),
     name="format",
 )
+
+
+@cache
+def _formats(folder: str) -> "dict[str, Format]":
+    """Formats of a folder, by their names and aliases."""
+    files = (Path(__file__).parent / folder).glob("*.toml")
+    forms = [parse_format(file.read_text(encoding="utf-8")) for file in files]
+    return {name: form for form in forms for name in (form.name, *form.aliases)}
+
+
+def device_names() -> tuple[str, ...]:
+    """Names of all devices of the catalogue, without aliases."""
+    return tuple(sorted({form.name for form in _formats("catalog").values()}))
+
+
+def rig_names() -> tuple[str, ...]:
+    """Names of all rigs: of the frames that their microcontrollers send."""
+    return tuple(sorted(_formats("rigs")))
+
+
+def find_format(name: str | Path) -> "Format":
+    """Format that a name means.
+
+    Parameters
+    ----------
+    name : str or path
+        A ``.toml`` file, a device of the catalogue or one of its aliases, or a rig.
+
+    Raises
+    ------
+    DecodeError
+        If the file cannot be read, or is not a format.
+    ParameterError
+        If there is neither.
+    """
+    name = str(check.path("name", name))
+    if name.endswith(".toml"):
+        return load_format(Path(name))
+    if name in _formats("rigs"):
+        return _formats("rigs")[name]
+    try:
+        return _device(name)
+    except ParameterError as error:
+        raise ParameterError(f"{error} Rigs are {', '.join(rig_names())}.") from error
+
+
+def _device(name: str) -> Format:
+    """Device of the catalogue, by its name or an alias."""
+    if name not in _formats("catalog"):
+        raise ParameterError(
+            f"'{name}' is not a known device; known are {', '.join(device_names())}. For another format, give its "
+            f".toml file.{closest(name, device_names())}"
+        )
+    return _formats("catalog")[name]
+
+
+def unassigned_told(form: "Format", message: "Message") -> str | None:
+    """Which bytes of a message the user's own format leaves out; of a known device they are known to be spare."""
+    from plumbob.protocols.overlap import unassigned
+
+    if form.name in {*device_names(), *rig_names()} or not (places := unassigned(form, message)):
+        return None
+    spans = ", ".join(str(at) if end == at + 1 else f"{at} to {end - 1}" for at, end in places)
+    return f"no field of message {message.name} uses its bytes {spans} of {message.length}; they are ignored"

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.quality.arrangement import LONGEST_DELAY, VectorFit, inflation
-from plumbob.quality.moments import ARRANGEMENTS, BIN, means
+from plumbob.quality.arrangement import ARRANGEMENTS, BIN, LONGEST_DELAY, VectorFit, inflation, means
 from plumbob.rotations import dcm_from_quat, quat_chained
 
 FLOOR: Final = 0.02

@@ -12,9 +12,8 @@ from plumbob.core.check import Floats
 from plumbob.core.units import deg, to_deg, to_si
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.imu import TITLES
-from plumbob.quality.arrangement import VectorFit, fit
+from plumbob.quality.arrangement import ARRANGEMENTS, VectorFit, fit, means
 from plumbob.quality.derotated import fit_force
-from plumbob.quality.moments import ARRANGEMENTS, means
 from plumbob.quality.units import UNITS, rate_error, unit_odds
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report, Reported

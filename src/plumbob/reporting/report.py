@@ -11,7 +11,7 @@ from plumbob.core.text import WIDTH, FactsText, listed
 from plumbob.reporting.content import Figure, Table
 
 if TYPE_CHECKING:
-    from plumbob.reporting.scene import Scene
+    from plumbob.reporting.content import Scene
 
 _NAME = 11  # letters of the name of a fact, at least
 

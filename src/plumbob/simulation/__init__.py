@@ -21,9 +21,8 @@ from plumbob.simulation.simulation import KINDS, Simulation, simulate
 
 if TYPE_CHECKING:
     from plumbob.simulation.bodies import ChainMotion, ChainSimulation, simulate_chain
-    from plumbob.simulation.chains import CHAINS, named_chain
+    from plumbob.simulation.chains import CHAINS, SoftTissue, named_chain
     from plumbob.simulation.fields import BentRegion, Dipole, Disturbance
-    from plumbob.simulation.mounting import SoftTissue
     from plumbob.simulation.programs import PROGRAMS, ChainProgram, named_program, waypoints
 
 __getattr__, __dir__ = lazily(
@@ -37,7 +36,7 @@ __getattr__, __dir__ = lazily(
         "Dipole": "fields",
         "Disturbance": "fields",
         "ChainProgram": "programs",
-        "SoftTissue": "mounting",
+        "SoftTissue": "chains",
         "named_chain": "chains",
         "named_program": "programs",
         "simulate_chain": "bodies",

@@ -16,11 +16,10 @@ from plumbob.data import AttitudeTrack
 from plumbob.data.array import ImuArray, Quat, UnitMount
 from plumbob.data.chain import Chain, Posture, Segment
 from plumbob.rotations import Frame, North, quat_conjugate, quat_rotate
-from plumbob.simulation.chains import named_chain
+from plumbob.simulation.chains import SoftTissue, chain_mounts, drawn_mounts, named_chain
 from plumbob.simulation.errors import stream, unit_seed
 from plumbob.simulation.fields import Disturbance, bent_at
 from plumbob.simulation.motion import Motion, Scenario, Truth, at_rest
-from plumbob.simulation.mounting import SoftTissue, chain_mounts, drawn_mounts
 from plumbob.simulation.presets import Module, draw_module
 from plumbob.simulation.programs import ChainProgram, named_program
 from plumbob.simulation.signals import Jet, Signal

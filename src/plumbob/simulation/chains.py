@@ -1,13 +1,24 @@
-"""Chains by name: an arm of a person, a machine that is taught, and a free chain of five."""
+"""Chains by name: an arm of a person, a machine that is taught, a free chain of five; and how units sit on them.
 
+Units have errors of mounting, and soft tissue between bone and unit.
+"""
+
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import sqrt
 from typing import Final
 
+import numpy as np
+
+from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg
 from plumbob.data.array import Quat, UnitMount, Vec
 from plumbob.data.chain import Chain, Joint, Limits, Segment
+from plumbob.rotations import quat_from_rotvec, quat_multiply
+from plumbob.simulation.errors import stream
+from plumbob.simulation.signals import Driven, Mixed, Signal, Sine, Sum
 
 _X: Final[Vec] = (1.0, 0.0, 0.0)
 _Y: Final[Vec] = (0.0, 1.0, 0.0)
@@ -120,3 +131,104 @@ def named_chain(name: str) -> Chain:
     if name not in CHAINS:
         raise ParameterError(f"'{name}' is not a chain; known are {', '.join(CHAINS)}.")
     return CHAINS[name]
+
+
+def drawn_mounts(chain: Chain, *, angle: float, shift: float, clock: float = 0.0, seed: int) -> dict[str, UnitMount]:
+    """True mounts of a chain's units, by name: the chain's own with a drawn error.
+
+    `angle`: largest turn of a unit, rad: the rotation vector is drawn evenly from the ball of that radius, rms 0.77 of
+    it; `shift`: largest displacement, m, drawn in the same way; `clock`: largest offset of a clock, s, drawn evenly to
+    both sides.
+
+    Raises
+    ------
+    ParameterError
+        If one is negative or not finite, or the angle is above half a turn.
+    """
+    if not (0.0 <= angle <= math.pi and 0.0 <= shift < math.inf and 0.0 <= clock < math.inf):
+        raise ParameterError(
+            f"a mounting error is 0 to π rad, 0 m or more and 0 s or more, but it is {angle:g} rad, {shift:g} m and "
+            f"{clock:g} s."
+        )
+    return {link.unit: _off(link.mount, angle, shift, clock, link.unit, seed) for link in chain.segments if link.unit}
+
+
+def _off(mount: UnitMount, angle: float, shift: float, clock: float, unit: str, seed: int) -> UnitMount:
+    turn = quat_from_rotvec(angle * _in_ball(stream(seed, unit, "mount angle")))
+    way = shift * _in_ball(stream(seed, unit, "mount shift"))
+    return replace(
+        mount,
+        q_bs=tuple(quat_multiply(np.array(mount.q_bs), turn).tolist()),
+        lever_b=tuple((np.array(mount.lever_b) + way).tolist()),
+        clock_offset=mount.clock_offset + clock * float(stream(seed, unit, "mount clock").uniform(-1.0, 1.0)),
+    )
+
+
+def chain_mounts(chain: Chain, given: Mapping[str, UnitMount]) -> dict[str, UnitMount]:
+    """Mounts of a chain's units, by name: those given, else the chain's own."""
+    nominal = {segment.unit: segment.mount for segment in chain.segments if segment.unit}
+    unknown = [name for name in given if name not in nominal]
+    if unknown:
+        raise ParameterError(f"{chain.name} has no unit '{unknown[0]}'; its units are {', '.join(nominal)}.")
+    return nominal | dict(given)
+
+
+def _in_ball(rng: np.random.Generator) -> Floats:
+    way = rng.standard_normal(3)
+    return np.asarray(way / np.linalg.norm(way) * math.cbrt(rng.random()))
+
+
+@dataclass(frozen=True, slots=True)
+class SoftTissue:
+    """Skin and muscle between a segment and its unit.
+
+    The unit hangs on a damped spring that the specific force drives: it sways by ``force / ω²`` about its mean place,
+    and tilts with it. Beside that, the skin turns with the sine of the joint's angles.
+
+    Parameters
+    ----------
+    frequency, damping : float
+        Natural frequency, Hz, and damping ratio below 1. At 6 Hz, 1 g is 7 mm.
+    tilt : float
+        Turn for each metre of sway, rad/m.
+    skin : float
+        Turn at a joint's angle of a quarter turn, rad, about an axis that the seed draws.
+    skin_shift : float
+        Displacement that goes with it, m.
+
+    Raises
+    ------
+    ParameterError
+        If a number is outside its domain.
+    """
+
+    frequency: float = 6.0
+    damping: float = 0.3
+    tilt: float = deg(300.0)
+    skin: float = deg(3.0)
+    skin_shift: float = 0.005
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        numbers = (self.frequency, self.tilt, self.skin, self.skin_shift)
+        if not (all(0.0 <= size < math.inf for size in numbers) and self.frequency > 0.0 and 0.0 <= self.damping < 1.0):
+            raise ParameterError(
+                f"soft tissue needs a frequency above 0, a damping from 0 to below 1, and the rest not below 0: {self}."
+            )
+
+    def sway(self, rng: np.random.Generator, *, start: float, step: float, force: Floats, angles: Signal | None,
+             count: int) -> Signal:  # fmt: skip
+        """Way and turn of a unit about its mean place and attitude, segment axes: 6 components, m and rad.
+
+        `force` (m, 3): specific force at the unit's place, segment axes, m/s², from `start` on each `step`, s;
+        `angles`: of the segment's joint, with `count` components.
+        """
+        hung = Driven(start, step, -(force - force.mean(axis=0)), 2.0 * math.pi * self.frequency, self.damping)
+        turn, directions = rng.standard_normal((3, 3)), rng.standard_normal((2, 3, max(count, 1)))
+        turn *= self.tilt / np.linalg.norm(turn, 2)
+        sway = Mixed(hung, np.vstack((np.eye(3), turn)))
+        if angles is None or not count:
+            return sway
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True) * math.sqrt(count)
+        slide = np.vstack((self.skin_shift * directions[0], self.skin * directions[1]))
+        return Sum((sway, Mixed(Sine(angles), slide)))

@@ -15,8 +15,8 @@ from typing import Any, Final
 
 from plumbob.core import check
 from plumbob.core.errors import LineError, ParameterError, one_line
-from plumbob.core.web import asset
-from plumbob.viewer.commands import Asked
+from plumbob.core.resources import asset
+from plumbob.viewer.commands import ClientCommand
 from plumbob.viewer.messages import Batch, Command, Hello
 from plumbob.viewer.pipe import LIMIT, PAGE, TOKEN, MessageUnpacker, PipeMessage, PipeWriter, require_packages
 
@@ -130,7 +130,7 @@ class ServerOutlet:
         self._writer: PipeWriter | None = None
         self._unpacker = MessageUnpacker()
         self._hello: Hello | None = None
-        self._commands: list[Asked] = []
+        self._commands: list[ClientCommand] = []
         self._started_at = 0.0
         self._skipped = 0
         self.card: Path | None = None
@@ -195,12 +195,12 @@ class ServerOutlet:
         """Let time begin again."""
         self._write(PipeMessage("reset", {}), must=True)
 
-    def answer(self, request: Asked, ok: bool, text: str) -> None:
+    def answer(self, request: ClientCommand, ok: bool, text: str) -> None:
         """Answer a command."""
         content = {"client": request.client, "id": request.command.id, "ok": ok, "text": text}
         self._write(PipeMessage("answer", content), must=self._has_room)
 
-    def take_commands(self) -> Sequence[Asked]:
+    def take_commands(self) -> Sequence[ClientCommand]:
         """Commands since the last call; looks after the process, too."""
         if self._writer is not None:
             self._writer.flush()
@@ -299,7 +299,7 @@ class ServerOutlet:
             self._is_ready, self.port = True, int(content["port"])
         elif kind == "command":
             arguments = {name: value for name, value in content.items() if name in _COMMAND}
-            self._commands.append(Asked(content.get("client"), Command(**arguments)))
+            self._commands.append(ClientCommand(content.get("client"), Command(**arguments)))
 
     def _said(self) -> str:
         """Last line that the server wrote before it ended."""

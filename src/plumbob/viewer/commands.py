@@ -137,7 +137,7 @@ def _value(content: dict[str, Any]) -> float | None:
     return float(value)
 
 
-class Asked(NamedTuple):
+class ClientCommand(NamedTuple):
     """A command, and who gave it."""
 
     client: Any
@@ -159,10 +159,10 @@ class Outlet(Protocol):
     def reset(self) -> None:
         """Forget what was shown: time begins again."""
 
-    def answer(self, request: Asked, ok: bool, text: str) -> None:
+    def answer(self, request: ClientCommand, ok: bool, text: str) -> None:
         """Answer a command."""
 
-    def take_commands(self) -> Sequence[Asked]:
+    def take_commands(self) -> Sequence[ClientCommand]:
         """Commands since the last call."""
 
     @property
@@ -170,7 +170,7 @@ class Outlet(Protocol):
         """Whether it can take more without dropping any."""
 
 
-class Desk:
+class CommandHandler:
     """Does what an outlet asks for, a verb each.
 
     Parameters

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from plumbob.core import __version__
 from plumbob.core.check import Floats
 from plumbob.core.errors import excerpt
 from plumbob.core.text import counted
 from plumbob.core.time import to_ns
 from plumbob.core.units import deg, dps
-from plumbob.core.version import __version__
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.live.rows import ATTITUDE, IMU, TIME_SCHEMA, TRANSFORMS, attitude_rows, imu_rows, row_schema, transform_row
 from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx

@@ -7,12 +7,11 @@ import numpy as np
 
 from plumbob.arm.figure import stick_points
 from plumbob.calibration.predicted import NAMES, REGIONS
-from plumbob.core import flags
+from plumbob.core import __version__, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.core.time import to_ns
-from plumbob.core.version import __version__
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.chain import Chain, Posture
 from plumbob.filters import SMOOTHER, Filter, Start, filter_names, load

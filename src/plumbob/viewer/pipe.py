@@ -22,7 +22,7 @@ LIMIT: Final = 1 << 20
 TOKEN: Final = "PLUMBOB_VIEW_TOKEN"
 """Variable of the environment that gives the server its token; options can be read by every process of the machine."""
 PAGE: Final = "view/index.html"
-"""The built page, as `plumbob.core.web.asset` has it."""
+"""The built page, as `plumbob.core.resources.asset` has it."""
 _HEAD: Final = struct.Struct("<II")
 _MOST: Final = 64 << 20
 

@@ -3,7 +3,8 @@
 ``python -m plumbob.viewer.serve --fd N --host H --port P``; the token comes in the environment as
 ``PLUMBOB_VIEW_TOKEN``. It ends when the pipe ends, or by a signal.
 
-What it answers is a fixed table of routes, made at its start; nothing that a client sends becomes a path.
+What it answers is a fixed table of routes, made at its start; nothing that a client sends becomes a path. Of commands,
+what is a matter of the view is done here, what is one of the session goes over the pipe.
 """
 
 import argparse
@@ -17,13 +18,13 @@ import sys
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from dataclasses import asdict
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core.errors import LineError, MissingExtraError, ParameterError, PlumbobError, one_line
-from plumbob.core.web import asset
+from plumbob.core.resources import asset
 from plumbob.viewer.commands import RefusedError, parse_command
-from plumbob.viewer.control_server import Control
 from plumbob.viewer.derived import Derived
 from plumbob.viewer.foxglove import Foxglove
 from plumbob.viewer.guard import App, Guard, GuardRules
@@ -37,8 +38,6 @@ if TYPE_CHECKING:
     from starlette.responses import Response
     from starlette.routing import BaseRoute
     from starlette.websockets import WebSocket
-
-    from plumbob.viewer.control_server import Control
 
 BODY: Final = 64 << 10
 """Bytes of a request's body at most: a command has a few hundred."""
@@ -420,6 +419,81 @@ class Pipe(asyncio.Protocol):
     def _stop(self) -> None:
         if self._server is not None:
             self._server.should_exit = True
+
+
+PATIENCE: Final = 10.0
+"""How long an answer of the session is waited for, s."""
+
+
+class Control:
+    """Does commands.
+
+    Parameters
+    ----------
+    hub : Hub
+        What the server knows; it lets each command that was done be known as an event.
+    write : callable
+        Writes a message into the pipe, and says whether it was taken.
+    """
+
+    def __init__(self, hub: Hub, write: Callable[[PipeMessage], bool]) -> None:
+        self._hub, self._write = hub, write
+        self._numbers = count(1)
+        self._asked: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self.here: dict[str, Callable[[Command], str | Awaitable[str]]] = {"tare": self._tare, "untare": self._untare}
+        hub.listeners.add(self._listen)
+
+    async def do(self, command: Command) -> Answer:
+        """Do a command, and say how it went."""
+        answer = await (self._do_here(command) if command.verb in self.here else self._ask(command))
+        if answer.ok:
+            self._hub.tell("command", f"{_accepted(command)}: {answer.text}" if answer.text else _accepted(command))
+        return answer
+
+    async def _do_here(self, command: Command) -> Answer:
+        try:
+            reply = self.here[command.verb](command)
+            return Answer(id=command.id, ok=True, text=reply if isinstance(reply, str) else await reply)
+        except PlumbobError as why:
+            return Answer(id=command.id, ok=False, text=one_line(why))
+
+    async def _ask(self, command: Command) -> Answer:
+        """Ask the session, which knows the command by a number of ours: two clients may use the same."""
+        number = next(self._numbers)
+        if not self._write(PipeMessage("command", {"client": number, **asdict(command)})):
+            return Answer(id=command.id, ok=False, text="The session takes no command at present. Try again.")
+        future = self._asked[number] = asyncio.get_running_loop().create_future()
+        try:
+            answer = await asyncio.wait_for(future, PATIENCE)
+        except TimeoutError:
+            return Answer(id=command.id, ok=False, text=f"The session has not answered within {PATIENCE:.0f} s.")
+        finally:
+            del self._asked[number]
+        return Answer(id=command.id, ok=bool(answer["ok"]), text=str(answer["text"]))
+
+    def _listen(self, message: PipeMessage) -> None:
+        if message.kind != "answer":
+            return
+        future = self._asked.get(message.content["client"])
+        if future is not None and not future.done():
+            future.set_result(message.content)
+
+    def _tare(self, _command: Command) -> str:
+        attitude = self._hub.fields.get("attitudes", {}).get(self._hub.primary)
+        if attitude is None:
+            raise PlumbobError("There is no attitude to count from yet. Wait for one.")
+        self._hub.tare.set(attitude["q_nb"])
+        return "Roll, pitch and yaw count from this attitude; charts, errors and recordings do not."
+
+    def _untare(self, _command: Command) -> str:
+        self._hub.tare.clear()
+        return "Roll, pitch and yaw count from the navigation frame."
+
+
+def _accepted(command: Command) -> str:
+    """What an event says of a command that was done."""
+    arguments = " ".join(str(part) for part in (command.name, command.text, command.value) if part not in ("", None))
+    return f"{command.verb} {arguments}".strip()
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from plumbob.core.units import to_deg
 from plumbob.live.transports.transport import Stop, Stopping
 from plumbob.rotations import Frame, North
 from plumbob.rotations.headings import heading_of
-from plumbob.viewer.commands import Asked
+from plumbob.viewer.commands import ClientCommand
 from plumbob.viewer.messages import Batch, Command, Hello
 from plumbob.viewer.rows import REFERENCE, Tare, euler_deg
 
@@ -147,7 +147,7 @@ class Terminal:
         with self._lock:
             self.now.values.clear()
 
-    def answer(self, request: Asked, ok: bool, text: str) -> None:
+    def answer(self, request: ClientCommand, ok: bool, text: str) -> None:
         """Show what became of a key."""
         if not ok:
             self.event(self.now.t, request.command.verb, text)
@@ -157,13 +157,13 @@ class Terminal:
         """A terminal shows the newest, whatever comes."""
         return True
 
-    def take_commands(self) -> Sequence[Asked]:
+    def take_commands(self) -> Sequence[ClientCommand]:
         """What keys ask for."""
         commands = []
         for key in _pressed():
             command = self._command(key)
             if command is not None:
-                commands.append(Asked(None, command))
+                commands.append(ClientCommand(None, command))
         return commands
 
     def lines(self, width: int, height: int, now_ns: int) -> "list[Text]":

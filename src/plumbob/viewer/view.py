@@ -1,6 +1,8 @@
-"""The live view: a line or a recording, shown by a server of its own, and what a page may ask of it."""
+"""The live view: a line, a recording or an emulated rig, shown by a server of its own, and what pages may ask of it."""
 
+import json
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -12,23 +14,26 @@ from typing import Any, Final
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.event import Event
+from plumbob.core.files import text_of
 from plumbob.core.text import FactsText, counted
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack
+from plumbob.data.cards import CalibrationCard
 from plumbob.data.chain import Chain
 from plumbob.data.chain_toml import load_chain
+from plumbob.door.reading import read
 from plumbob.live.record import announce
 from plumbob.live.runner import run_stream
 from plumbob.live.sending import send_sinks, with_sent
 from plumbob.live.session import Session
-from plumbob.live.session_toml import ALL, capture_session, of_unit
+from plumbob.live.session_toml import ALL, SESSION, capture_session, of_unit, parse_session
 from plumbob.live.sinks import RecordingSink, Sink, TextSink, named_at
 from plumbob.live.sources import open_source
 from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Stopping
 from plumbob.live.watch import Note, Ran, Watch, silence_words
 from plumbob.viewer.child import ServerOutlet, Serving, require_view
-from plumbob.viewer.commands import Desk, Outlet
+from plumbob.viewer.commands import CommandHandler, Outlet
 from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Command
 from plumbob.viewer.playback import Player, load
@@ -381,8 +386,6 @@ def opened_up(
     """What is to be shown, and a rig that runs meanwhile, where one is emulated."""
     loaded = chain if chain is None or isinstance(chain, Chain) else load_chain(check.path("chain", chain))
     if emulate is not None:
-        from plumbob.viewer.emulated import emulated
-
         if what is not None or line.get("port"):
             raise ParameterError("an emulated rig is the line; leave the session, the recording or the port out.")
         with emulated(emulate, note, line) as (session, truth, its_chain):
@@ -460,7 +463,7 @@ class _RemarkSink:
         """Nothing is held open."""
 
 
-class _LineDesk(Desk):
+class _LineDesk(CommandHandler):
     """What can be asked of a line."""
 
     def __init__(self, feed: Feed, switch: Switch, outlet: Outlet) -> None:
@@ -476,7 +479,7 @@ class _LineDesk(Desk):
         }
 
 
-class _PlayerDesk(Desk):
+class _PlayerDesk(CommandHandler):
     """What can be asked of a recording that is played."""
 
     def __init__(self, player: Player, outlet: Outlet) -> None:
@@ -495,3 +498,64 @@ class _PlayerDesk(Desk):
             "add": lambda command: player.add(command.name),
             "remove": lambda command: player.remove(command.name),
         }
+
+
+_FILTER: Final = "mekf"
+_BLIND: Final = "integrate"
+"""What estimates a rig that has a gyroscope alone."""
+
+
+@contextmanager
+def emulated(
+    rig: str, note: Note, line: Mapping[str, Any]
+) -> Iterator[tuple[Session, AttitudeTrack | None, Chain | None]]:
+    """Session of a rig that runs meanwhile, the truth of its first unit, and its chain, where it is on one.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such rig.
+    LineError
+        If it does not start.
+    """
+    from plumbob.live.emulated import chain_files, running_rig, unit_file
+    from plumbob.live.rigs.plan import PLANS, Chained
+
+    if rig not in PLANS:
+        raise ParameterError(f"there is no rig '{rig}'; there are {', '.join(PLANS)}.")
+    plan = PLANS[rig]
+    first, several = plan.units[0].prefix, sum(unit.prefix != "ref" for unit in plan.units) > 1
+    with tempfile.TemporaryDirectory(prefix="plumbob-view-") as folder:
+        truth = Path(folder) / "truth.parquet"
+        note(f"the rig {rig} is emulated: {plan.title}; its truth is the reference")
+        with running_rig(rig, "--truth", str(truth)) as port:
+            file = unit_file(truth, first)
+            recording = read(file)
+            card = CalibrationCard.load(file.with_suffix(".card.json"))
+            has_force = recording.imu is not None and "acc" in recording.imu.triads
+            defaults: dict[str, Any] = {
+                "frame": str(plan.frame),
+                "filter": _FILTER if has_force else _BLIND,
+                "device": card.device,
+            }
+            defaults |= {"unit": "all" if several else first or None, "calibration": card if not several else None}
+            options = {name: value for name, value in line.items() if value is not None and value != {}}
+            session = capture_session(port=port, format=rig, **{**defaults, **options})
+            if several:
+                session = _calibrated(session, {unit.prefix: unit_file(truth, unit.prefix) for unit in plan.units})
+            chain = load_chain(chain_files(truth)[1]) if isinstance(plan.scenario, Chained) else None
+            yield replace(session, name=rig), recording.track, chain
+
+
+def _calibrated(session: Session, units: Mapping[str, Path]) -> Session:
+    """Session whose units have their cards, which a recording of it then holds."""
+    tables, cards = [session.texts[SESSION]], dict[str, str]()
+    for unit, file in units.items():
+        path = file.with_suffix(".card.json")
+        name = f"{unit}.card.json"
+        cards[name] = text_of(path)
+        device = CalibrationCard.load(path).device
+        tables.append(
+            f"[[unit]]\nname = {json.dumps(unit)}\ndevice = {json.dumps(device)}\ncard = {json.dumps(name)}\n"
+        )
+    return parse_session("\n".join(tables), {**session.texts, **cards}.__getitem__, name=session.name)

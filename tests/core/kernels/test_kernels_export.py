@@ -10,7 +10,7 @@ import pytest
 
 import plumbob as pb
 from plumbob.core.kernels import build
-from plumbob.core.kernels.export import export
+from plumbob.core.kernels.emit import export
 
 
 @pytest.mark.parametrize(("name", "frame"), [("mahony", "ENU"), ("mekf", "NED")])

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from plumbob.core import kernels
 from plumbob.core.check import Floats
 from plumbob.core.kernels import build, emit, kernel
+from plumbob.core.kernels.sources import UnsupportedError
 from plumbob.core.kernels.translate import Translator
-from plumbob.core.kernels.types import UnsupportedError
 from tests.helpers.kernel_bits import Counted
 
 

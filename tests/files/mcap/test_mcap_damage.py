@@ -13,7 +13,7 @@ from mcap.writer import CompressionType, Writer
 
 from plumbob.core.errors import DecodeError
 from plumbob.files.mcap import layout, open_log, verify
-from plumbob.files.mcap.resync import FileBytes
+from plumbob.files.mcap.scan import FileBytes
 from tests.helpers import record_samples as made
 from tests.helpers.io_samples import refused
 

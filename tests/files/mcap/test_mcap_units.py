@@ -17,7 +17,7 @@ from plumbob.door.reading import read_array
 from plumbob.files.header import array_told
 from plumbob.files.mcap import open_log
 from plumbob.protocols.decode import decode, triads_of
-from plumbob.protocols.rigs import load
+from plumbob.protocols.format_toml import find_format
 from tests.helpers.commandline import PLUMBOB
 from tests.helpers.io_samples import refused
 from tests.helpers.record_samples import flipped, recorder
@@ -54,7 +54,7 @@ def test_a_killed_recorder_leaves_every_unit(tmp_path):
     assert not verdict.clean
     assert not verdict.lossy
     raw = b"".join(row.data for row in open_log(file) if row.topic == "raw")
-    frames, found = decode(raw, load("arm")).frames["arm"], read_array(file)
+    frames, found = decode(raw, find_format("arm")).frames["arm"], read_array(file)
     assert len(found) == len(frames) > 20
     for name in found.names:
         np.testing.assert_array_equal(found.units[name].acc, triads_of(frames, name)["acc"])

@@ -1,7 +1,7 @@
 """ADXRS290 on SPI: 100 ms to start, then its six bytes of data behind the command byte (K-290)."""
 
-from plumbob.protocols import catalog
 from plumbob.protocols.encode import encode
+from plumbob.protocols.format_toml import find_format
 
 START_NS = 100_000_000  # from standby to measurement
 DATA, POWER = 0x08, 0x10
@@ -11,7 +11,7 @@ class Adxrs290:
     """Its outputs stay as they were in standby and while it starts, which is an assumption."""
 
     def __init__(self, t_ns=0):
-        self.form = catalog.load("adxrs290").bind()
+        self.form = find_format("adxrs290").bind()
         self.t_ns, self.since, self.data = t_ns, None, bytes(6)
 
     def sample(self, values, t_ns):

@@ -2,8 +2,8 @@
 
 from enum import IntFlag
 
-from plumbob.protocols import catalog
 from plumbob.protocols.encode import encode
+from plumbob.protocols.format_toml import find_format
 
 START_NS = 100_000_000  # from power-up until the rate is valid
 DECAY_NS = 50_000_000  # until the faults of the self-test are gone after its end
@@ -32,7 +32,7 @@ class Adxrs453:
     """Rate and status are latched with a command and shifted out with the next."""
 
     def __init__(self, t_ns=0):
-        self.form = catalog.load("adxrs453").bind()
+        self.form = find_format("adxrs453").bind()
         self.faults = Fault(0)  # conditions that hold now
         self.rate, self.power_ns, self.t_ns = 0.0, t_ns, t_ns
         self.latched, self.tested, self.test_until = Fault(0), False, -1.0

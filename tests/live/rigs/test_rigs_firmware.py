@@ -12,13 +12,13 @@ from plumbob.live.rigs.flash import FlashLog
 from plumbob.live.rigs.plan import PLANS
 from plumbob.live.rigs.rig import make_rig
 from plumbob.protocols.decode import decode
-from plumbob.protocols.rigs import load
+from plumbob.protocols.format_toml import find_format
 from plumbob.protocols.ring import read_ring
 from plumbob.rotations import North, quat_angle
 from plumbob.simulation import scenario
 from tests.helpers.commandline import ok, refused
 
-FORM = load("buoy_attitude")
+FORM = find_format("buoy_attitude")
 PLAN = PLANS["buoy_attitude"]
 
 

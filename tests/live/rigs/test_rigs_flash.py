@@ -6,10 +6,10 @@ import pytest
 from plumbob.live.rigs.flash import YEAR_S, FlashLog
 from plumbob.protocols.decode import decode
 from plumbob.protocols.encode import encode
-from plumbob.protocols.rigs import load
+from plumbob.protocols.format_toml import find_format
 from plumbob.protocols.ring import read_ring
 
-FORM = load("buoy_attitude")
+FORM = find_format("buoy_attitude")
 SECTOR = 4096 // 32  # records of 32 bytes in a sector of 4096
 
 

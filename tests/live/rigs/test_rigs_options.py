@@ -15,7 +15,7 @@ from plumbob.live.rigs.plan import PLANS
 from plumbob.live.rigs.rig import make_rig
 from plumbob.protocols.checksum import of_rows
 from plumbob.protocols.decode import decode, triads_of, unit_temperature
-from plumbob.protocols.rigs import load
+from plumbob.protocols.format_toml import find_format
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_angle, quat_conjugate, quat_multiply
 from plumbob.simulation.signals import Polynomial
 
@@ -27,12 +27,12 @@ def emulated(name, tmp_path, **how):
     out, truth = tmp_path / f"{name}.bin", tmp_path / "truth.parquet"
     plumbob.emulate(name, **{"seed": 2, "duration": 5.0, **how}, write=out, truth=truth, overwrite=True)
     first = PLANS[name].units[0].prefix
-    return decode(out.read_bytes(), load(name))[0][name], plumbob.read(unit_file(truth, first))
+    return decode(out.read_bytes(), find_format(name))[0][name], plumbob.read(unit_file(truth, first))
 
 
 def test_a_noise_card_is_what_the_units_have(tmp_path):
     plain, made = (
-        make_rig(PLANS["fin"], load("fin"), seed=1, duration=20.0, noise=card).units[""] for card in (None, LOUD)
+        make_rig(PLANS["fin"], find_format("fin"), seed=1, duration=20.0, noise=card).units[""] for card in (None, LOUD)
     )
     np.testing.assert_array_equal(made.noise.gyr.n_rpsd, LOUD.gyr.n_rpsd)
     assert not np.array_equal(plain.noise.gyr.n_rpsd, LOUD.gyr.n_rpsd)
@@ -46,11 +46,11 @@ def test_a_noise_card_is_what_the_units_have(tmp_path):
 
 
 def test_a_card_may_be_for_one_unit_of_several():
-    rig = make_rig(PLANS["arm"], load("arm"), seed=1, duration=2.0, noise={"u3": LOUD})
+    rig = make_rig(PLANS["arm"], find_format("arm"), seed=1, duration=2.0, noise={"u3": LOUD})
     assert [one for one, unit in rig.units.items() if unit.noise.gyr.n_rpsd[0] == 0.1] == ["u3"]
-    every = make_rig(PLANS["arm"], load("arm"), seed=1, duration=2.0, noise=LOUD)
+    every = make_rig(PLANS["arm"], find_format("arm"), seed=1, duration=2.0, noise=LOUD)
     assert all(unit.noise.gyr.n_rpsd[0] == 0.1 for unit in every.units.values())
-    rod = make_rig(PLANS["rod"], load("rod"), seed=1, duration=2.0, noise=LOUD)
+    rod = make_rig(PLANS["rod"], find_format("rod"), seed=1, duration=2.0, noise=LOUD)
     assert [unit.noise.gyr.n_rpsd[0] for unit in rod.units.values()] == [0.1, 0.0]  # a reference keeps what it has
 
 
@@ -85,8 +85,8 @@ def test_frames_say_how_a_rig_warms_up(name, prefix, lsb, tmp_path):
 def test_temperature_may_be_any_signal_and_moves_the_bias(tmp_path):
     frames, truth = emulated("trackball", tmp_path, temp_c=Polynomial((25.0, 2.0)), duration=10.0)
     assert unit_temperature(frames)[-1] == pytest.approx(25.0 + 2.0 * 9.9, abs=0.01)
-    plain = make_rig(PLANS["rod"], load("rod"), seed=1, duration=2.0)
-    warm = make_rig(PLANS["rod"], load("rod"), seed=1, duration=2.0, temp_c=45.0)
+    plain = make_rig(PLANS["rod"], find_format("rod"), seed=1, duration=2.0)
+    warm = make_rig(PLANS["rod"], find_format("rod"), seed=1, duration=2.0, temp_c=45.0)
     moved = warm.units[""].truth.bias_b - plain.units[""].truth.bias_b
     np.testing.assert_allclose(moved, 20.0 * np.tile(warm.units[""].module.gyr.bias_per_k, (200, 1)), atol=1e-12)
     assert len(truth.imu) == 100
@@ -98,7 +98,7 @@ def test_a_high_pass_takes_what_is_steady_and_forgets_a_turn(tmp_path):
     assert np.abs(gyr.mean(axis=0)).max() < deg(0.02)  # the largest offset of the ADXRS290 is 9 °/s
     plain, _ = emulated("fin", tmp_path, scenario="static", duration=20.0)
     assert np.abs(triads_of(plain)["gyr"].mean(axis=0)).max() > deg(0.5)
-    rig = make_rig(PLANS["rod"], load("rod"), seed=1, duration=2.0, high_pass=0.5)
+    rig = make_rig(PLANS["rod"], find_format("rod"), seed=1, duration=2.0, high_pass=0.5)
     assert [unit.module.gyr.high_pass for unit in rig.units.values()] == [0.5, None]
 
 
@@ -110,7 +110,7 @@ def heading_off(said, true):
 def test_references_err_by_what_is_stated(name, heading, tilt):
     off = []
     for seed in range(24):
-        rig = make_rig(PLANS[name], load(name), seed=seed, duration=1.0, unit="calibrated")
+        rig = make_rig(PLANS[name], find_format(name), seed=seed, duration=1.0, unit="calibrated")
         frames, _ = decode(rig.stream(), rig.form)
         said = [frames[name].columns[f"ref.{key}"] for key in ("heading", "pitch", "roll")]
         true = euler_zyx_from_quat(rig.units["ref"].truth.q_nb)
@@ -133,7 +133,7 @@ def test_a_perfect_reference_says_the_truth_to_half_a_count(tmp_path):
 
 def test_a_disturbed_compass_is_absent_while_the_frame_is_sound():
     """The compass says its own length, sum and digits; the frame around it stays."""
-    rig = make_rig(PLANS["ring"], load("ring"), seed=1, duration=1.0)
+    rig = make_rig(PLANS["ring"], find_format("ring"), seed=1, duration=1.0)
     assert (rig.frames[:, 29:33] == [0x68, 13, 0, 0x84]).all()  # RI-705: 14 bytes, of which the header is not counted
     assert (rig.frames[:, 30:42].sum(axis=1) % 256 == rig.frames[:, 42]).all()
     rows = rig.frames.copy()
@@ -149,7 +149,7 @@ def test_a_disturbed_compass_is_absent_while_the_frame_is_sound():
 def test_a_mounting_may_differ_from_the_declared_one():
     angles = []
     for seed in range(30):
-        rig = make_rig(PLANS["ring"], load("ring"), seed=seed, duration=0.1, mount_error=deg(0.5))
+        rig = make_rig(PLANS["ring"], find_format("ring"), seed=seed, duration=0.1, mount_error=deg(0.5))
         body, ref = rig.units[""].truth.q_nb, rig.units["ref"].truth.q_nb
         turn = quat_multiply(quat_conjugate(body), ref)
         assert np.abs(turn - turn[0]).max() < 1e-12  # it stays as it is
@@ -158,7 +158,7 @@ def test_a_mounting_may_differ_from_the_declared_one():
         assert "mounted" not in rig.units[""].truth.source
     # three axes of 0.5° each: root mean square √3 · 0.5°; 30 runs of 3 axes, 4 standard deviations
     assert math.sqrt(np.mean(np.square(angles))) == pytest.approx(math.sqrt(3.0) * deg(0.5), rel=4.0 / math.sqrt(180.0))
-    arm = make_rig(PLANS["arm"], load("arm"), seed=1, duration=1.0, mount_error=deg(1.0))
+    arm = make_rig(PLANS["arm"], find_format("arm"), seed=1, duration=1.0, mount_error=deg(1.0))
     declared = {one.prefix: np.array(one.q_bs) for one in PLANS["arm"].units}
     bodies = [quat_multiply(unit.truth.q_nb[0], quat_conjugate(declared[key])) for key, unit in arm.units.items()]
     assert min(quat_angle(bodies[0], one) for one in bodies[1:]) > deg(0.1)  # no reference: every unit
@@ -174,7 +174,7 @@ def test_a_session_reads_the_reference_and_the_truth_stays_true(name, most, tmp_
     )
     record(tmp_path / "s.toml", out=tmp_path / "r.mcap")
     read = plumbob.read(tmp_path / "r.mcap")
-    made = make_rig(PLANS[name], load(name), seed=2, duration=5.0, unit="calibrated").units["ref"]
+    made = make_rig(PLANS[name], find_format(name), seed=2, duration=5.0, unit="calibrated").units["ref"]
     assert read.track.frame is Frame.NED
     off = np.abs(heading_off(euler_zyx_from_quat(read.track.q_nb), made.angles))
     assert off.max() < deg(0.01)  # half a count of the wire

@@ -10,14 +10,12 @@ from plumbob.live.rigs.firmware import Processor, run_firmware
 from plumbob.live.rigs.flash import FlashLog
 from plumbob.live.rigs.plan import PLANS, plan_for
 from plumbob.live.rigs.rig import make_rig
-from plumbob.protocols.find import find_format
-from plumbob.protocols.format_toml import parse_format
-from plumbob.protocols.rigs import load
+from plumbob.protocols.format_toml import find_format, parse_format
 from plumbob.protocols.ring import read_ring
 from plumbob.rotations import Frame
 from plumbob.simulation import scenario
 
-FORM = load("buoy_attitude")
+FORM = find_format("buoy_attitude")
 BARE = replace(FORM, messages=(replace(FORM.messages[0], fields=FORM.messages[0].fields[1:]),))
 WHITE = TriadNoise(n_rpsd=[0.1] * 3, b=[0.0] * 3, k_rpsd=[0.0] * 3)
 DEPTH = """
@@ -32,7 +30,7 @@ field = [{ name = "depth", type = "f32", unit = "m" }]
 
 
 def rig(name="buoy", duration=2.0, **how):
-    return make_rig(PLANS[name], load(name), seed=1, duration=duration, **how)
+    return make_rig(PLANS[name], find_format(name), seed=1, duration=duration, **how)
 
 
 def own(rate, **how):
@@ -46,7 +44,7 @@ def firmware(rows=200, **how):
 
 
 def card_of(name, seed):
-    return make_rig(PLANS[name], load(name), seed=seed, duration=1.0).units[""].calibration
+    return make_rig(PLANS[name], find_format(name), seed=seed, duration=1.0).units[""].calibration
 
 
 CASES = [

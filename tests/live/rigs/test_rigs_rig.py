@@ -12,9 +12,7 @@ from plumbob.live.rigs.plan import PLANS, RigUnit, plan_for
 from plumbob.live.rigs.rig import make_rig
 from plumbob.protocols.checksum import of_rows
 from plumbob.protocols.decode import decode, triads_of, unit_temperature
-from plumbob.protocols.find import find_format
-from plumbob.protocols.format_toml import parse_format
-from plumbob.protocols.rigs import load, names
+from plumbob.protocols.format_toml import find_format, parse_format, rig_names
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_multiply, quat_rotate
 from plumbob.simulation import scenario
 
@@ -23,7 +21,7 @@ CLIPPED = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_
 
 
 def rig_of(name, *, seed=3, duration=None, **more):
-    return make_rig(PLANS[name], load(name), seed=seed, duration=duration or SHORT[name], **more)
+    return make_rig(PLANS[name], find_format(name), seed=seed, duration=duration or SHORT[name], **more)
 
 
 def decoded(rig, data=None):
@@ -32,11 +30,11 @@ def decoded(rig, data=None):
 
 
 def test_every_rig_has_a_plan_and_a_frame_whose_rate_agree():
-    assert set(PLANS) == set(names()) == {*SHORT, "buoy_attitude"}  # which computes what it says: test_rigs_firmware.py
+    assert set(PLANS) == set(rig_names()) == {*SHORT, "buoy_attitude"}
     for name, plan in PLANS.items():
-        assert load(name).framing.rate == plan.rate
-        least = plan.rate * load(name).framing.length * 10  # start bit, eight bits, stop bit
-        assert load(name).framing.baud > least
+        assert find_format(name).framing.rate == plan.rate
+        least = plan.rate * find_format(name).framing.length * 10  # start bit, eight bits, stop bit
+        assert find_format(name).framing.baud > least
 
 
 @pytest.mark.parametrize("name", SHORT)
@@ -107,7 +105,7 @@ def test_the_magnetometer_is_absent_where_it_has_nothing_new():
 def test_a_rate_beyond_the_range_is_clipped_on_the_wire():
     """Twist of 20° and swing of 30° at 1 Hz peak at 126 and 121 °/s on x and y; the ADXRS290 ends at 100 [Ou2017]."""
     fast = replace(PLANS["fin"], scenario=scenario("fin", frequency=1.0))
-    rig = make_rig(fast, load("fin"), seed=1, duration=2.0, unit="calibrated")
+    rig = make_rig(fast, find_format("fin"), seed=1, duration=2.0, unit="calibrated")
     frames, _ = decoded(rig)
     gyr = triads_of(frames)["gyr"]
     assert np.degrees(np.abs(gyr[:, :2]).max()) == pytest.approx(100.0, abs=1e-9)
@@ -141,7 +139,7 @@ def test_opposite_units_of_the_arm_measure_opposite_axes():
 
 def test_the_rods_reference_says_the_same_attitude_in_its_own_axes():
     """Its y axis is the body's x axis, both z axes point down [Li2012]."""
-    rig = make_rig(PLANS["rod"].with_reference("ideal"), load("rod"), seed=3, duration=10.0)
+    rig = make_rig(PLANS["rod"].with_reference("ideal"), find_format("rod"), seed=3, duration=10.0)
     body, ref = rig.units[""].truth.q_nb, rig.units["ref"].truth.q_nb
     q_bs = np.array(PLANS["rod"].units[1].q_bs)
     assert np.abs(quat_multiply(body, q_bs) - ref).max() < 1e-9
@@ -269,7 +267,7 @@ def test_an_unplugged_port_costs_a_second_of_frames():
 
 def test_units_of_a_plan_ride_on_one_motion():
     twins = replace(PLANS["buoy"], units=(RigUnit("mpu6000+hmc5983"), RigUnit("mpu6000+hmc5983", "u2")))
-    rig = make_rig(twins, load("buoy"), seed=2, duration=2.0)
+    rig = make_rig(twins, find_format("buoy"), seed=2, duration=2.0)
     assert np.array_equal(rig.units[""].truth.q_nb, rig.units["u2"].truth.q_nb)
     assert not np.array_equal(rig.units[""].imu.gyr, rig.units["u2"].imu.gyr)
     assert rig.units[""].imu.meta.device != rig.units["u2"].imu.meta.device
@@ -290,7 +288,7 @@ def test_units_of_the_machine_that_is_taught_ride_on_its_links():
 
 def test_the_settings_of_a_chain_reach_its_units():
     plain, off = (
-        make_rig(replace(PLANS["teach"], scenario=one), load("teach"), seed=2, duration=2.0).chain
+        make_rig(replace(PLANS["teach"], scenario=one), find_format("teach"), seed=2, duration=2.0).chain
         for one in (PLANS["teach"].scenario, replace(PLANS["teach"].scenario, settings={"mount_angle": "5 deg"}))
     )
     assert plain.mounts == {one.unit: one.mount for one in plain.chain.segments if one.unit}

@@ -14,10 +14,9 @@ import pytest
 from plumbob.core.errors import ParameterError
 from plumbob.live.rigs.plan import PLANS
 from plumbob.live.rigs.rig import make_rig
-from plumbob.live.rigs.serving import FilePort, TcpPort, UdpPort, serve
-from plumbob.live.rigs.terminal import PtyPort
+from plumbob.live.rigs.serving import FilePort, PtyPort, TcpPort, UdpPort, serve
 from plumbob.protocols.decode import decode
-from plumbob.protocols.rigs import load
+from plumbob.protocols.format_toml import find_format
 
 LONG = 30.0
 
@@ -68,7 +67,7 @@ def line(tmp_path):
 
 
 def rig_of(duration, **faults):
-    return make_rig(PLANS["buoy"], load("buoy"), seed=2, duration=duration, faults=faults)
+    return make_rig(PLANS["buoy"], find_format("buoy"), seed=2, duration=duration, faults=faults)
 
 
 def test_a_terminal_in_real_time_keeps_its_pace(line):

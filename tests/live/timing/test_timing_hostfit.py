@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plumbob.core.time import BINS, bin_index, bin_middle, quantile
-from plumbob.data.time_report import delays
+from plumbob.data.recording import delays
 from plumbob.live.timing.delay import begin_line, line_at, observe
 from plumbob.live.timing.spec import DRIFT, NOW, REALS, ROUGH
 

@@ -85,7 +85,7 @@ class TestPieces:
         f = Frames(*(column[700:1600] for column in troubled()))
         compiled = pieces(SPECS[name], f)
         monkeypatch.setattr("plumbob.live.timing.timebase.stamp_frames", plain(stamp_frames))
-        monkeypatch.setattr("plumbob.data.time_report.quantile", plain(quantile))
+        monkeypatch.setattr("plumbob.data.recording.quantile", plain(quantile))
         assert_same(compiled, pieces(SPECS[name], f))
 
 

@@ -5,11 +5,10 @@ from typing import TYPE_CHECKING
 from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
-    from plumbob.arm.array.attitude import estimate
     from plumbob.arm.array.channels import joined
     from plumbob.arm.array.monitoring import Monitor, Monitored, monitor
     from plumbob.arm.array.relative import ArrayInfo, combine, info
-    from plumbob.arm.array.virtual_unit import Combined
+    from plumbob.arm.array.virtual_unit import Combined, estimate
 
 __all__ = [
     "ArrayInfo",
@@ -31,7 +30,7 @@ __getattr__, __dir__ = lazily(
         "Monitor": "monitoring",
         "Monitored": "monitoring",
         "combine": "relative",
-        "estimate": "attitude",
+        "estimate": "virtual_unit",
         "info": "relative",
         "joined": "channels",
         "monitor": "monitoring",

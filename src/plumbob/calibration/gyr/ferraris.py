@@ -26,15 +26,16 @@ from numpy.typing import NDArray
 
 from plumbob.calibration.fit import BLOCKS, SCALE, TILT, Fitted, Reason, grade_of, mean_and_sd, refuse
 from plumbob.calibration.gyr.drift import chen2013
-from plumbob.calibration.gyr.plausible import (
+from plumbob.calibration.gyr.rest import (
     UNCALIBRATED,
     Rates,
     beyond_bias,
+    bias_at_rest,
     inverse_covariance,
     new_bias_covariance,
+    rest,
     unseen_turn,
 )
-from plumbob.calibration.gyr.rest import bias_at_rest, rest
 from plumbob.calibration.predicted import TILT_RANGE, tilt_sd
 from plumbob.core import check
 from plumbob.core.check import Floats

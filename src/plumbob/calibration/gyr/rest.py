@@ -1,28 +1,206 @@
-"""Bias of a gyroscope from stretches at rest; whatever else its calibration has is kept."""
+"""Bias of a gyroscope from stretches at rest, and whether they are of one; the rest of its calibration is kept.
 
+Constant turning about the vertical looks like rest to gyroscope and accelerometer alike, and its rate like a bias. A
+magnetometer sees it, calibrated or not, for the field turns against the unit. Dead axes are known, and biases beyond
+any data sheet.
+"""
+
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob.calibration.fit import RATE, Fitted, Reason, grade_of, mean_and_sd, refuse
-from plumbob.calibration.gyr.plausible import (
-    Rates,
-    beyond_bias,
-    dead_axes,
-    field_turns,
-    new_bias_covariance,
-    turn_reason,
-    unseen_turn,
-    without_known,
-)
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE
+from plumbob.core.errors import CalibrationError
 from plumbob.core.text import counted
-from plumbob.core.units import to_deg, to_dps
-from plumbob.data.cards import Quality, TriadCalibration
+from plumbob.core.units import deg, dps, to_deg, to_dps
+from plumbob.data.calibrated import temperature_drift
+from plumbob.data.cards import UNITS, Quality, TriadCalibration
 from plumbob.quality.static_periods import stills
+
+UNCALIBRATED: Final = TriadCalibration(np.eye(3), np.zeros(3), UNITS["gyr"], UNITS["gyr"])
+"""A gyroscope of which nothing is known but its data sheet."""
+
+
+class Rates(NamedTuple):
+    """Measured rates, and what was measured beside them.
+
+    Attributes
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    gyr : ndarray (N, 3)
+        Measured rates, rad/s.
+    acc : ndarray (N, 3), optional
+        Specific force, m/s², which helps to detect rest; calibrated, as a card's g-sensitivity acts on.
+    mag : ndarray (N, 3), optional
+        Flux density, calibrated or not, which distinguishes constant turning from rest.
+    temp_c : ndarray (N,), optional
+        Temperature, °C.
+    clipped : ndarray (N,) of bool, optional
+        Samples at the end of the gyroscope's range.
+    known : TriadCalibration
+        Calibration so far.
+    acc_calibrated : bool
+        Whether the specific force is calibrated.
+    """
+
+    t: Floats
+    gyr: Floats
+    acc: Floats | None = None
+    mag: Floats | None = None
+    temp_c: Floats | None = None
+    clipped: NDArray[np.bool_] | None = None
+    known: TriadCalibration = UNCALIBRATED
+    acc_calibrated: bool = False
+
+
+def without_known(rates: Rates) -> Floats:
+    """Rates less what temperature and specific force are known to add, (N, 3); the bias stays.
+
+    Raises
+    ------
+    CalibrationError
+        If temperature or specific force is needed and missing.
+    """
+    corrected, base = rates.gyr, rates.known
+    if base.bias_per_k.any():
+        if rates.temp_c is None:
+            raise CalibrationError("the card so far corrects the gyroscope for temperature; record temp_c too.")
+        corrected = corrected - temperature_drift(base, rates.temp_c)
+    if base.g_sensitivity.any():
+        if rates.acc is None:
+            raise CalibrationError("the card so far corrects the gyroscope for specific force; record acc too.")
+        corrected = corrected - rates.acc @ base.g_sensitivity.T
+    return corrected
+
+
+def new_bias_covariance(known: TriadCalibration, bias: Floats) -> Floats:
+    """Covariance (12, 12) after the bias was found again, with covariance (3, 3), and the matrix was kept."""
+    covariance = np.zeros((12, 12))
+    if known.covariance is not None:
+        covariance[3:, 3:] = known.covariance[3:, 3:]
+    covariance[:3, :3] = bias
+    return covariance
+
+
+def inverse_covariance(matrix: Floats, inverse: Floats) -> Floats:
+    """Covariance (9, 9) of an inverse, row by row, from that of the matrix: d(A⁻¹) = −A⁻¹ dA A⁻¹.
+
+    Parameters
+    ----------
+    matrix : ndarray (9, 9)
+        Covariance of A, row by row.
+    inverse : ndarray (3, 3)
+        A⁻¹.
+    """
+    change = np.kron(inverse, inverse.T)
+    return np.asarray(change @ matrix @ change.T)
+
+
+LARGEST: Final = float(dps(40.0))
+"""Largest bias of a MEMS gyroscope that works, rad/s: data sheets of consumer parts have ±1 to ±40 °/s."""
+
+FIELD_TURNED: Final = float(deg(3.0))
+"""Turn of the field beyond its noise from which on a stretch is no rest, rad."""
+
+UPRIGHT: Final = float(deg(15.0))
+"""Tilt between stretches at rest that would show a turn about the vertical as a bias that changes, rad."""
+
+PART: Final = 0.5
+"""Length over which the field is averaged, s: no bias within `LARGEST` turns it by more than 20° meanwhile."""
+
+UNSEEN: Final = "A slow turn about the vertical would be in this bias: neither magnetometer nor tilt could show it."
+"""Remark where nothing distinguished rest from turning."""
+
+_NEARLY = 0.8  # of the stretches: an axis may die on the way
+_NOISE = 5.0  # standard deviations
+_MOST = 90.0  # percentile of the parts' turns: a passing disturbance is no turn
+
+
+def dead_axes(*stretches: Floats) -> list[Reason]:
+    """Reason to refuse rates, stretches of (N, 3), rad/s, of which an axis does not change within nearly all."""
+    finite = [rate[np.isfinite(rate).all(axis=1)] for rate in stretches]
+    constant = [(rate == rate[0]).all(axis=0) for rate in finite if len(rate) > 1]
+    dead = np.flatnonzero(np.mean(constant, axis=0) > _NEARLY) if constant else np.zeros(0, dtype=np.intp)
+    if not dead.size:
+        return []
+    last = next(rate[-1] for rate in reversed(finite) if len(rate))
+    axes = " and ".join(f"{'xyz'[i]} ({to_dps(float(last[i])):.4g} °/s)" for i in dead.tolist())
+    text = f"The rate about {axes} never changes: no working gyroscope is without noise."
+    return [Reason("implausible", text, "That axis is dead or stuck, or the profile names another column for it.")]
+
+
+def beyond_bias(bias: Floats) -> list[Reason]:
+    """Reason to refuse a bias (3,), rad/s, that no gyroscope which works has."""
+    worst = int(np.argmax(np.abs(bias)))
+    if abs(bias[worst]) <= LARGEST:
+        return []
+    text = (
+        f"The bias about {'xyz'[worst]} would be {to_dps(float(bias[worst])):.3g} °/s, and data sheets have up to "
+        f"{to_dps(LARGEST):.0f} °/s."
+    )
+    advice = "The unit turned steadily instead of lying at rest, or the unit of the rates in the profile is wrong."
+    return [Reason("implausible", text, advice)]
+
+
+def field_turns(t: Floats, mag: Floats, where: Sequence[slice]) -> Floats:
+    """How far the field turned against the unit in each stretch (K,), rad; zero where that is noise, or unknown.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    mag : ndarray (N, 3)
+        Flux density, calibrated or not, any unit; rows with NaN are left out.
+    where : sequence of slice
+        The stretches.
+    """
+    return np.array([_turn(t[part], mag[part]) for part in where])
+
+
+def turn_reason(turns: Floats) -> Reason:
+    """Reason to refuse a capture in which the field turned by so much in each stretch (K,), rad."""
+    text = (
+        f"It turned about the vertical: the field turned by {to_deg(float(turns.max())):.0f}° while it seemed at rest."
+    )
+    return Reason("not-still", text, "Lay the unit on something that does not turn, away from moving iron.")
+
+
+def unseen_turn(rates: Rates, where: Sequence[slice]) -> tuple[str, ...]:
+    """Remark where neither the field nor the tilts of the stretches could tell a turn about the vertical."""
+    acc, mag = rates.acc, rates.mag
+    if mag is not None and any(np.isfinite(mag[part]).all(axis=1).any() for part in where):
+        return ()
+    if acc is not None:
+        up = np.array([acc[part].mean(axis=0) for part in where])
+        up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+        if float((up @ up[0]).min()) < np.cos(UPRIGHT):
+            return ()
+    return (UNSEEN,)
+
+
+def _turn(t: Floats, mag: Floats) -> float:
+    """Angle between the field at first and what it turned to, rad; zero within the noise."""
+    valid = np.isfinite(mag).all(axis=1)
+    t, mag = t[valid], mag[valid]
+    count = int((t[-1] - t[0]) / PART) if t.size else 0
+    if count < 2 or t.size < 2 * count:
+        return 0.0
+    parts = np.array([part.mean(axis=0) for part in np.array_split(mag, count)])
+    size = float(np.median(np.linalg.norm(mag, axis=1)))
+    if not size > 0.0:
+        return 0.0
+    noise = float(np.diff(mag, axis=0).std(axis=0).max()) / np.sqrt(mag.shape[0] / count) / size  # of a difference
+    cross = np.linalg.norm(np.cross(parts[0], parts[1:]), axis=1)
+    angle = float(np.percentile(np.arctan2(cross, parts[1:] @ parts[0]), _MOST))
+    return angle if angle > FIELD_TURNED + _NOISE * noise else 0.0
+
 
 LEAST: Final = 2.0
 """Shortest time at rest that gives a bias, s."""

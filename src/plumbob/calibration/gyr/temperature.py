@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.fit import RATE, Fitted, Reason, grade_of, refuse
-from plumbob.calibration.gyr.plausible import (
+from plumbob.calibration.gyr.rest import (
     Rates,
     beyond_bias,
     dead_axes,

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob.calibration.ellipsoid.autocorrelation import Alike
+from plumbob.calibration.autocorrelation import Alike
 from plumbob.calibration.fit import HEADING, Reason, grade_of
 from plumbob.calibration.mag.field_gradient import Unevenness
 from plumbob.calibration.predicted import filled

@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.calibration.ellipsoid.autocorrelation import LONG, alike
-from plumbob.calibration.ellipsoid.ellipsoid_fit import (
+from plumbob.calibration.autocorrelation import LONG, alike
+from plumbob.calibration.ellipsoid_fit import (
     SPARE,
     NormFit,
     Shape,

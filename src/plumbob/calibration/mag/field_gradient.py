@@ -21,7 +21,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.ellipsoid.autocorrelation import FEWEST_VISITS, LONG, staying, visits
+from plumbob.calibration.autocorrelation import FEWEST_VISITS, LONG, staying, visits
 from plumbob.calibration.fit import Reason
 from plumbob.core.check import Floats
 from plumbob.core.units import deg

@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.ellipsoid.autocorrelation import alike
-from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD
+from plumbob.calibration.autocorrelation import alike
+from plumbob.calibration.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, invert, refuse
 from plumbob.calibration.mag.checks import (
     DIP,

@@ -16,8 +16,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.ellipsoid.autocorrelation import Alike, memory_of_each
-from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, distortion_to_size
+from plumbob.calibration.autocorrelation import Alike, memory_of_each
+from plumbob.calibration.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, distortion_to_size
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.checks import (
     DIP,

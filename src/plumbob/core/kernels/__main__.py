@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from plumbob.core.kernels.build import BuildError, build
-from plumbob.core.kernels.types import UnsupportedError
+from plumbob.core.kernels.sources import UnsupportedError
 
 
 def main() -> None:
@@ -21,7 +21,7 @@ def main() -> None:
     if args.verb == "build":
         build()
         return
-    from plumbob.core.kernels.export import export
+    from plumbob.core.kernels.emit import export
 
     sys.stdout.writelines(f"{file}\n" for file in export(args.filter, args.out, args.frame))
 

@@ -1,4 +1,4 @@
-"""All kernels of the package as C, a file for each room, with the functions by which Python calls them."""
+"""Kernels as C: all of the package, a file for each room, for Python to call; or of one filter, without Python."""
 
 import ast
 from collections import defaultdict
@@ -9,9 +9,20 @@ from types import FunctionType
 from typing import Any
 
 from plumbob.core.kernels import PACKAGE, Kernel, bare, name_in_extension
-from plumbob.core.kernels.sources import kernel_function, name_in_c, room_name
+from plumbob.core.kernels.sources import (
+    DOUBLE,
+    INTEGER,
+    NOTHING,
+    TRUTH,
+    Array,
+    Several,
+    Type,
+    UnsupportedError,
+    kernel_function,
+    name_in_c,
+    room_name,
+)
 from plumbob.core.kernels.translate import Translator, order, typed, writes
-from plumbob.core.kernels.types import DOUBLE, INTEGER, NOTHING, TRUTH, Array, Several, Type, UnsupportedError
 
 HERE = Path(__file__).parent
 KINDS = {"f64": "d", "i64": "lq", "u64": "LQ", "u32": "IL", "u8": "B", "truth": "?"}
@@ -193,3 +204,76 @@ def sources() -> list[str]:
                 files.update(path_of for name in node.names if (path_of := path / f"{name.name}.py").is_file())
     files.update([*HERE.glob("*.py"), *HERE.glob("*.h")])
     return sorted(path.relative_to(PACKAGE).as_posix() for path in files)
+
+
+HEADER = """/* Plumbob's filter '{name}', frame {frame}, default parameters. Made by plumbob.core.kernels. */
+#ifndef PLUMBOB_{name}_H
+#define PLUMBOB_{name}_H
+#include <stdint.h>
+
+/* All that the filter knows: from state[{q}] the attitude q_nb, scalar first (4), from state[{b}] the gyroscope bias
+   (3) in rad/s. */
+typedef struct {{ double state[{size}]; }} {name}_filter;
+
+/* A filter before its first sample. */
+extern const {name}_filter {name}_start;
+
+/* Take one sample: time in ns; angular rate (3) in rad/s, specific force (3) in m/s^2, magnetic field (3) in uT, NAN
+   where there is none. What it returns are the flags of Plumbob's documentation. */
+int64_t {name}_update({name}_filter *filter, int64_t t_ns, double sample[9]);
+#endif
+"""
+CODE = """#include "{name}.h"
+#include "kernels.h"
+
+/* No index of this program is outside its array; one that were would stop it here. */
+void outside(int64_t i, int64_t n) {{
+    (void)i;
+    (void)n;
+    for (;;) {{
+    }}
+}}
+
+{kernels}
+
+const {name}_filter {name}_start = {{{{{start}}}}};
+
+int64_t {name}_update({name}_filter *filter, int64_t t_ns, double sample[9]) {{
+    return {single}((f64_1){{filter->state, {size}}}, t_ns, 0, (f64_1){{sample, 9}});
+}}
+"""
+
+
+def export(name: str, folder: Path, frame: str = "ENU") -> list[Path]:
+    """Write a filter in C: NAME.c, NAME.h, kernels.h.
+
+    Parameters
+    ----------
+    name : str
+        The filter, as in `plumbob.filter_names`; the smoother has no step of its own.
+    folder : Path
+        Where to.
+    frame : str
+        Navigation frame, ENU or NED.
+
+    Returns
+    -------
+    list of Path
+        The files, C99, which need libm and no memory but the state.
+    """
+    base, layout = import_module("plumbob.filters.base"), import_module("plumbob.filters.layout")
+    made = base.Filter(name, frame=frame)
+    coefficients, state = made._c.size, made._s
+    single = kernel_function(made._loops.single)
+    parts = list(order([single]))
+    words = {
+        "name": name, "frame": frame, "size": state.size, "q": coefficients + layout.Q, "b": coefficients + layout.BIAS,
+        "kernels": text(parts), "single": parts[-1].name,
+        "start": ", ".join(repr(float(number)).replace("inf", "INFINITY").replace("nan", "NAN") for number in state),
+    }  # fmt: skip
+    folder.mkdir(parents=True, exist_ok=True)
+    written = {f"{name}.h": HEADER, f"{name}.c": CODE}
+    for file, pattern in written.items():
+        (folder / file).write_text(pattern.format(**words), encoding="utf-8")
+    (folder / "kernels.h").write_text((HERE / "kernels.h").read_text(encoding="utf-8"), encoding="utf-8")
+    return [folder / file for file in (*written, "kernels.h")]

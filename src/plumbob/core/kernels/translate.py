@@ -20,10 +20,8 @@ from typing import Any
 import numpy as np
 
 from plumbob.core.kernels import bare
-from plumbob.core.kernels.axes import brackets, count_axes, spelled
-from plumbob.core.kernels.bounds import checked_before, names
-from plumbob.core.kernels.sources import KernelSource, name_in_c, read_source
-from plumbob.core.kernels.types import (
+from plumbob.core.kernels.indexing import brackets, checked_before, count_axes, names, spelled
+from plumbob.core.kernels.sources import (
     DOUBLE,
     INTEGER,
     ITEMS,
@@ -32,11 +30,14 @@ from plumbob.core.kernels.types import (
     TRUTH,
     WORD,
     Array,
+    KernelSource,
     Several,
     Type,
     UnsupportedError,
     joined,
+    name_in_c,
     of_annotation,
+    read_source,
     signature,
 )
 

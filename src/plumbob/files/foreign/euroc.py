@@ -1,6 +1,7 @@
 """EuRoC MAV and TUM VI: folders in the ASL layout, ``mav0/imu0``, or the table ``data.csv`` of an IMU alone.
 
-By the data sets' own head lines and papers (Burri et al., IJRR 2016; Schubert et al., IROS 2018):
+By the data sets' own head lines and papers (Burri et al., IJRR 2016, doi:10.1177/0278364915620033; Schubert et al.,
+IROS 2018):
 
 - ``timestamp [ns]`` since 1970 by the recorder's clock, ``w_RS_S`` in rad/s, ``a_RS_S`` in m/s²: angular rate and
   specific force of the sensor S against the reference frame R, in axes of the sensor;
@@ -11,9 +12,13 @@ By the data sets' own head lines and papers (Burri et al., IJRR 2016; Schubert e
 
 The ground truth is ``state_groundtruth_estimate0`` of EuRoC, a batch estimate from laser tracker or Vicon **and this
 IMU**, or ``mocap0`` of TUM VI, poses of the IMU by motion capture.
+
+Recordings are written as such folders too: stamps are UTC, ns, or the time itself where UTC is not known, and numbers
+the shortest that read back to the same bits.
 """
 
 import re
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -22,15 +27,17 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ShapeError, excerpt
-from plumbob.core.files import existing_file, reading, text_of
+from plumbob.core.files import existing_file, reading, replacing_folder, text_of
 from plumbob.core.text import counted
+from plumbob.core.time import to_ns
 from plumbob.core.units import QUANTITY_BY_TRIAD, is_name, to_si
-from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data import AttitudeTrack, ImuData, ImuMeta
+from plumbob.data.array import UnitMount
 from plumbob.data.recording import Recording
 from plumbob.files.column_names import taken_apart
 from plumbob.files.foreign import logged
 from plumbob.files.foreign.join import joined
-from plumbob.rotations import Frame, North
+from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.quaternions import quat_conjugate, quat_from_dcm, quat_multiply
 
 _TRUTHS: Final = {
@@ -194,3 +201,121 @@ def _number(text: str, key: str, file: Path) -> float:
     if not np.isfinite(value):
         raise DecodeError(f"{key} in {file.parent.name}/{file.name} holds {text[:20]!r}, which is not a number.")
     return value
+
+
+_RATE, _FORCE, _SPEED = "[rad s^-1]", "[m s^-2]", "[m s^-1]"
+_IMU: Final = ",".join(
+    ("#timestamp [ns]", *(f"w_RS_S_{x} {_RATE}" for x in "xyz"), *(f"a_RS_S_{x} {_FORCE}" for x in "xyz"))
+)
+_STATE: Final = ",".join(
+    (
+        "#timestamp [ns]",
+        *(f"p_RS_R_{x} [m]" for x in "xyz"),
+        *(f"q_RS_{x} []" for x in "wxyz"),
+        *(f"v_RS_R_{x} {_SPEED}" for x in "xyz"),
+        *(f"b_w_RS_S_{x} {_RATE}" for x in "xyz"),
+        *(f"b_a_RS_S_{x} {_FORCE}" for x in "xyz"),
+    )
+)
+_IMU_YAML: Final = """\
+%YAML:1.0
+sensor_type: imu
+comment: written by Plumbob
+T_BS:
+  cols: 4
+  rows: 4
+  data: [{data}]
+rate_hz: {rate!r}
+"""
+_STATE_YAML: Final = """\
+%YAML:1.0
+sensor_type: visual-inertial
+comment: written by Plumbob; attitude in ENU, positions, velocities and accelerometer biases are not known and zero
+T_BS:
+  cols: 4
+  rows: 4
+  data: [{data}]
+"""
+
+
+def write_euroc(path: Path, recording: Recording, overwrite: bool = False) -> None:
+    """Write the folder; errors as in `plumbob.write`.
+
+    Raises
+    ------
+    ShapeError
+        If there are no samples, or a unit has no gyroscope or no accelerometer.
+    """
+    units: Mapping[str, ImuData] = {} if recording.imu is None else {"": recording.imu}
+    units = units if recording.array is None else recording.array.units
+    if not units:
+        raise ShapeError(f"{path}: EuRoC holds the samples of an IMU, and there are none; write an attitude as .tum.")
+    for imu in units.values():
+        if not _complete(imu).any():
+            raise ShapeError(f"{path}: EuRoC holds rates with accelerations, and no sample has both.")
+    with replacing_folder(path, overwrite=overwrite, known=is_euroc) as folder:
+        for number, (name, imu) in enumerate(units.items()):
+            mount = UnitMount() if recording.array is None else recording.array.mounts[name]
+            rate = 1.0 / float(np.median(np.diff(imu.t))) if len(imu) > 1 else 0.0
+            sensor = _IMU_YAML.format(data=_pose(mount), rate=float(imu.meta.rate_nominal or rate))
+            _write(folder / "mav0" / f"imu{number}", sensor, _IMU, _samples(imu))
+        if (track := recording.track) is not None:
+            t0_ns = next((imu.meta.t0_ns for imu in units.values()), 0)
+            state = folder / "mav0" / "state_groundtruth_estimate0"
+            _write(state, _STATE_YAML.format(data=_pose(UnitMount())), _STATE, _states(track, t0_ns))
+
+
+def is_euroc(path: Path) -> bool:
+    """Whether a folder holds a EuRoC sequence and nothing besides."""
+    return [entry.name for entry in path.iterdir()] == ["mav0"] and (path / "mav0" / "imu0" / "data.csv").is_file()
+
+
+def lost(recording: Recording) -> Iterator[str]:
+    """What the format cannot hold of a recording, a line each."""
+    units = {} if recording.array is None else recording.array.units
+    for name, imu in units.items() if units else [("", recording.imu)]:
+        if imu is None:
+            continue
+        of = f"{name}: " if name else ""
+        if count := len(imu) - int(_complete(imu).sum()):
+            yield f"{of}{counted(count, 'sample')} without a rate or an acceleration left out"
+    if recording.track is not None:
+        yield "positions, velocities and accelerometer biases are not known: EuRoC has zeros there"
+
+
+def _complete(imu: ImuData) -> NDArray[np.bool_]:
+    """Which samples have all of a rate and an acceleration, (N,)."""
+    if imu.gyr is None or imu.acc is None:
+        return np.zeros(len(imu), dtype=bool)
+    return np.asarray(np.isfinite(np.concatenate((imu.gyr, imu.acc), axis=1)).all(axis=1))
+
+
+def _pose(mount: UnitMount) -> str:
+    """Matrix from the axes of the sensor to those of the body, row by row."""
+    rows = np.vstack((np.column_stack((mount.dcm, mount.lever_b)), [0.0, 0.0, 0.0, 1.0]))
+    return ", ".join(map(repr, rows.ravel().tolist()))
+
+
+def _write(folder: Path, sensor: str, head: str, lines: Iterable[str]) -> None:
+    folder.mkdir(parents=True)
+    (folder / "sensor.yaml").write_text(sensor, encoding="utf-8")
+    with (folder / "data.csv").open("w", encoding="utf-8", newline="\n") as file:
+        file.write(f"{head}\n")
+        file.writelines(lines)
+
+
+def _samples(imu: ImuData) -> Iterator[str]:
+    assert imu.gyr is not None and imu.acc is not None
+    mask = _complete(imu)
+    table = np.concatenate((imu.gyr, imu.acc), axis=1)[mask].tolist()
+    for t_ns, row in zip((imu.t_ns + imu.meta.t0_ns)[mask].tolist(), table, strict=True):
+        yield f"{t_ns},{','.join(map(repr, row))}\n"
+
+
+def _states(track: AttitudeTrack, t0_ns: int) -> Iterator[str]:
+    valid = track.known
+    q_nb = change_frame(track.q_nb, to=Frame.ENU, from_=track.frame)[valid].tolist()
+    bias = np.zeros((len(track), 3)) if track.bias_b is None else np.nan_to_num(track.bias_b)
+    zeros = ",".join(["0.0"] * 3)
+    for t_ns, q, b in zip((to_ns(track.t) + t0_ns)[valid].tolist(), q_nb, bias[valid].tolist(), strict=True):
+        yield f"{t_ns},{zeros},{','.join(map(repr, q))},{zeros},{','.join(map(repr, b))},{zeros}\n"

@@ -22,8 +22,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, PlumbobError, excerpt, one_line
 from plumbob.core.files import existing_file, require_room
 from plumbob.files.profile import ColumnRef, TextLayout
-from plumbob.files.text_head import decode, find_head, is_idle, split_row
-from plumbob.files.text_table import TextTable, read_table
+from plumbob.files.text_table import TextTable, decode, find_head, is_idle, read_table, split_row
 
 MAX_MEMBERS: Final = 1000
 """Files of an archive or a folder; an app writes a few dozen."""

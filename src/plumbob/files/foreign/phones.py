@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 
 from plumbob.core import units
 from plumbob.core.check import Floats
-from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import reading
+from plumbob.core.resources import guide
 from plumbob.core.text import counted
 from plumbob.core.time import interpolated
 from plumbob.data import AttitudeTrack, ImuMeta

@@ -20,9 +20,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, UnknownFormatError, excerpt
 from plumbob.core.files import existing_file, reading, require_room
+from plumbob.core.resources import guide
 from plumbob.core.text import counted, first_words
 from plumbob.data.recording import Recording
 from plumbob.files.arrays import (

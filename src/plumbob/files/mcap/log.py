@@ -11,10 +11,8 @@ from typing import Final, NamedTuple
 from plumbob.core.errors import DecodeError
 from plumbob.core.text import counted
 from plumbob.files.mcap import layout
-from plumbob.files.mcap.info import PartInfo
-from plumbob.files.mcap.layout import Channel
-from plumbob.files.mcap.resync import FileBytes
-from plumbob.files.mcap.scan import Damage, Identity, RowBlock, Scan, identify
+from plumbob.files.mcap.layout import Channel, PartInfo
+from plumbob.files.mcap.scan import Damage, FileBytes, Identity, RowBlock, Scan, identify
 
 
 class SequenceGaps:

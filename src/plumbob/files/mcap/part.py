@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from plumbob.files.mcap import disk, layout
-from plumbob.files.mcap.info import PartInfo
-from plumbob.files.mcap.layout import OpenChunk, PackedChunk
+from plumbob.files.mcap.layout import OpenChunk, PackedChunk, PartInfo
 
 
 @dataclass(slots=True)

@@ -15,7 +15,7 @@ from typing import Final, Self
 
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.event import Event
-from plumbob.files.mcap import disk, info, layout
+from plumbob.files.mcap import disk, layout
 from plumbob.files.mcap.layout import CHUNK_BYTES, MESSAGE_BYTES, Channel, OpenChunk, Rules, Schema, State
 from plumbob.files.mcap.scan import identify
 from plumbob.files.mcap.writer import Backlog, Writer
@@ -149,7 +149,7 @@ class Recorder:
             rules = replace(rules, first=layout.part_number(self._path, self.path))
         before = self._recording_before(existing)
         self.alone = bool(existing) and before is None
-        part = info.PartInfo(
+        part = layout.PartInfo(
             self._recording, rules.first, self._offset, metadata=dict(self.metadata), follows=before, boot=disk.boot()
         )
         writer = Writer(rules, part, self._backlog, self._channels, self._take_drops, self._tell)
@@ -339,5 +339,7 @@ class Recorder:
 
 def _refuse_reserved(metadata: Mapping[str, str]) -> None:
     for key in metadata:
-        if key.startswith(info.RESERVED):
-            raise ParameterError(f"metadata key '{key}' begins with '{info.RESERVED}', which is kept for the recorder.")
+        if key.startswith(layout.RESERVED):
+            raise ParameterError(
+                f"metadata key '{key}' begins with '{layout.RESERVED}', which is kept for the recorder."
+            )

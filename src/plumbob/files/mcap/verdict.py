@@ -12,8 +12,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.files import replacing, require_other, require_place
 from plumbob.core.text import FactsText, counted, visible
 from plumbob.files.mcap import disk
-from plumbob.files.mcap.info import PartInfo
-from plumbob.files.mcap.layout import CHUNK_BYTES, Channel, OpenChunk, Schema, compressor, pack
+from plumbob.files.mcap.layout import CHUNK_BYTES, Channel, OpenChunk, PartInfo, Schema, compressor, pack
 from plumbob.files.mcap.log import Log, LogMessage, open_log
 from plumbob.files.mcap.part import RecordingPart
 from plumbob.files.mcap.scan import Damage

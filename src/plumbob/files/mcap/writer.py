@@ -9,8 +9,7 @@ from typing import Final
 
 from plumbob.core.text import counted
 from plumbob.files.mcap import disk, layout
-from plumbob.files.mcap.info import PartInfo
-from plumbob.files.mcap.layout import OpenChunk, Rules, State, compressor, pack
+from plumbob.files.mcap.layout import OpenChunk, PartInfo, Rules, State, compressor, pack
 from plumbob.files.mcap.part import RecordingPart
 
 

@@ -13,7 +13,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.core.errors import ShapeError
 from plumbob.core.kernels import kernel
-from plumbob.core.repeats import REMEMBERED
+from plumbob.core.time import REMEMBERED
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.imu import TRIADS
 from plumbob.data.sample import ImuSample

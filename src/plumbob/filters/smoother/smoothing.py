@@ -12,8 +12,8 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.params import build, describe, shown
-from plumbob.core.repeats import Repeats
 from plumbob.core.text import closest
+from plumbob.core.time import Repeats
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.cards.residuals import full_covariance
 from plumbob.data.sample import ImuSample

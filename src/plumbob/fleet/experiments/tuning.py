@@ -21,14 +21,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core import check
+from plumbob.core import __version__, check
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, ShapeError
 from plumbob.core.files import file_sha256, write_text
 from plumbob.core.params import Parameter, allowed, checked, describe, shown
 from plumbob.core.text import counted, visible
 from plumbob.core.units import Quantity, given, to_deg
-from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack
 from plumbob.data.recording import Recording
 from plumbob.door.evaluate import evaluate

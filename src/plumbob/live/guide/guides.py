@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.ellipsoid.autocorrelation import alike
-from plumbob.calibration.ellipsoid.ellipsoid_fit import (
+from plumbob.calibration.autocorrelation import alike
+from plumbob.calibration.ellipsoid_fit import (
     SPARE,
     Ellipsoid,
     NormFit,

@@ -26,7 +26,7 @@ from plumbob.filters import Filter
 from plumbob.live.rigs.flash import FlashLog
 from plumbob.protocols.decode import decode
 from plumbob.protocols.encode import encode
-from plumbob.protocols.rigs import load
+from plumbob.protocols.format_toml import find_format
 from plumbob.rotations import Frame, North, euler_zyx_from_quat, quat_from_euler_zyx
 
 Ints = NDArray[np.int64]
@@ -307,7 +307,7 @@ def run_firmware(
     fused = apply_card(calibration, fused) if calibration else fused
     track = Filter("mahony", frame=Frame.NED, params=params).process(fused, look=False)
     columns, sent_ns = _columns(track, fused, at, calls, log)
-    rows = encode(load(FORMAT), columns)
+    rows = encode(find_format(FORMAT), columns)
     log.write(rows)
     busy = sum(int((np.minimum(call.done_ns, end_ns) - call.begun_ns).sum()) for call in calls.values())
     return Firmware(rows, columns, sent_ns, decoded(rows.tobytes()), calls, 1.0 - busy / end_ns, samples, fused, log)
@@ -321,7 +321,7 @@ def decoded(data: bytes) -> AttitudeTrack:
     DecodeError
         If the bytes hold no frame.
     """
-    frames = decode(data, load(FORMAT)).frames
+    frames = decode(data, find_format(FORMAT)).frames
     if FORMAT not in frames:
         raise DecodeError(f"there is no frame of {FORMAT} in {len(data)} bytes.")
     said = frames[FORMAT].columns

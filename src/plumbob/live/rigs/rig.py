@@ -22,7 +22,7 @@ from plumbob.protocols.decode import values_by_field
 from plumbob.protocols.encode import encode, hold_last
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
-from plumbob.protocols.rigs import load
+from plumbob.protocols.format_toml import find_format
 from plumbob.rotations import Frame, euler_zyx_from_quat
 from plumbob.simulation import ChainSimulation, Module, Simulation, TriadErrors, draw_module, simulate, simulate_chain
 from plumbob.simulation.errors import stream, unit_seed
@@ -217,7 +217,8 @@ def make_rig(
     message = bound.messages[0]
     if calibration is not None and not plan.firmware:
         raise ParameterError(f"rig {plan.name} sends samples as they are; leave the calibration to who reads them.")
-    measured = load("buoy").bind().messages[0] if plan.firmware else message  # chips count as in the rig of samples
+    # chips count as in the rig of samples
+    measured = find_format("buoy").bind().messages[0] if plan.firmware else message
     modules = _modules(plan, measured, seed, noise, high_pass)
     common = {"frame": plan.frame, "unit": unit, "rate": plan.sampled}
     common |= {"duration": plan.duration if duration is None else duration}

@@ -21,7 +21,7 @@ from plumbob.core.errors import ShapeError
 from plumbob.core.flags import GAP, TIME_FAULT
 from plumbob.core.kernels import kernel
 from plumbob.core.time import BINS
-from plumbob.data.time_report import Stamps, TimeReport, delays
+from plumbob.data.recording import Stamps, TimeReport, delays
 from plumbob.live.timing.counter import ANOTHER_HOST, advance, begin_again, make_up
 from plumbob.live.timing.delay import Ints, begin_line, is_doubtful, line_at, settle
 from plumbob.live.timing.spec import (

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from plumbob.core.units import deg
-from plumbob.papers.buoy import bench, trials
+from plumbob.papers.buoy import bench
 from plumbob.papers.buoy.as_printed import GATES, KP, misprints
 from plumbob.papers.buoy.bench import run_device
 from plumbob.papers.buoy.modules import (
@@ -59,7 +59,7 @@ def measured(
     duration: float = DURATION,
 ) -> Results:  # fmt: skip
     """Everything that the page says; with fewer seeds and a shorter sea, s, where asked."""
-    say = work.steps(6 + len(ROWS) + len(trials.STROKES))
+    say = work.steps(6 + len(ROWS) + len(bench.STROKES))
     say("capture and calibration")
     unit = bench.calibrated(work)
     say("firmware")
@@ -67,23 +67,23 @@ def measured(
     say("static test and slides")
     static, slid = bench.ring(work, unit), bench.slides(work, unit)
     say("sea")
-    sailed = bench.sail(work, unit, {**trials.SEA, "smoother": bench.SMOOTHER}, duration)
+    sailed = bench.sail(work, unit, {**bench.SEA, "smoother": bench.SMOOTHER}, duration)
     rings = {}
     for name, row in ROWS.items():
         say(f"{modules} modules: {name}")
         rings[name] = measure_ring(row, work.seeds(modules))
     slides = {}
-    for speed, stroke in trials.STROKES:
+    for speed, stroke in bench.STROKES:
         say(f"{units} units slid: {speed:g} m/s, {stroke:g} s")
-        slides[speed, stroke] = trials.slide(speed, stroke, work.seeds(units))
+        slides[speed, stroke] = bench.slide(speed, stroke, work.seeds(units))
     say(f"{seas} seas")
-    sea = trials.sea(work.seeds(seas), duration)
+    sea = bench.sea(work.seeds(seas), duration)
     say("gains and misprints")
     forms = misprints(rings["step 4.35 mG"].yaw, rings["faces"].yaw)
     scan = {
-        pair: np.stack([trials.gain_scan(KPS, *pair, gate=gate, seed=work.seed) for gate in ("off", GATES[0])], axis=2)
+        pair: np.stack([bench.gain_scan(KPS, *pair, gate=gate, seed=work.seed) for gate in ("off", GATES[0])], axis=2)
         for pair in SCANNED
     }
-    strongest = max(trials.gain_scan((KP,), 3.0, stroke, gate="off", seed=work.seed)[0][0] for stroke in _LONGER)
+    strongest = max(bench.gain_scan((KP,), 3.0, stroke, gate="off", seed=work.seed)[0][0] for stroke in _LONGER)
     refused = {name: measure_degenerate(name, work.seeds(offered)) for name in DEGENERATE}
     return Results(unit, device, static, slid, sailed, rings, refused, slides, sea, scan, strongest, forms, modules)

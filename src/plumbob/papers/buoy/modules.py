@@ -14,8 +14,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.calibration.acc.poses import fit_accel
-from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape, fit_axes, mean_radius
+from plumbob.calibration.acc import fit_accel
+from plumbob.calibration.ellipsoid_fit import Shape, fit_axes, mean_radius
 from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.core.check import Floats

@@ -6,24 +6,22 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from plumbob.calibration.ellipsoid.ellipsoid_fit import fit_axes
+from plumbob.calibration.ellipsoid_fit import fit_axes
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import from_si, to_deg, to_dps
 from plumbob.data import AttitudeTrack
 from plumbob.filters import mahony
-from plumbob.papers.buoy import bench, trials
+from plumbob.papers.buoy import bench
 from plumbob.papers.buoy.as_printed import KI, KP, loop
-from plumbob.papers.buoy.bench import KEPT, PERIODS, CalibratedUnit, Device, Sailed, Slid
+from plumbob.papers.buoy.bench import KEPT, PERIODS, SETTLE, STROKES, CalibratedUnit, Device, Sailed, Slid, bound
 from plumbob.papers.buoy.modules import STEP, WIDE_STEP, ModuleStatistics, Refused
 from plumbob.papers.buoy.static_test import ANGLES, StaticTest
-from plumbob.papers.buoy.trials import SETTLE, STROKES, bound
 from plumbob.papers.description import BUOY
 from plumbob.papers.outcome import Outcome, Paper, Part
 from plumbob.quality.quality import FAIL, MEANING
 from plumbob.quality.tilt import tilt_statistics
-from plumbob.reporting.content import Figure, Table
-from plumbob.reporting.scene import Scene
+from plumbob.reporting.content import Figure, Scene, Table
 from plumbob.reporting.style import INK, MUTED, SERIES, SOFT, Both
 from plumbob.rotations import euler_zyx_from_quat, quat_rotate
 
@@ -350,7 +348,7 @@ def _slide(results: Results) -> Part:
     head = ("", *map(_strokes, results.slides))
     names, units = BUOY.texts("contenders"), len(first["mekf"])
     many, most = (
-        [[names[name], *(_both(of(by[name], axis=0)) for by in results.slides.values())] for name in trials.SLIDE]
+        [[names[name], *(_both(of(by[name], axis=0)) for by in results.slides.values())] for name in bench.SLIDE]
         for of in (np.median, np.max)
     )
     single = [

@@ -12,7 +12,7 @@ from plumbob.papers.fin.records import COUNT, RATE
 from plumbob.papers.outcome import Paper, Part
 from plumbob.papers.workspace import Work
 from plumbob.protocols.decode import decode
-from plumbob.protocols.find import find_format
+from plumbob.protocols.format_toml import find_format
 
 _WORD: Final = """\
 kind = "plumbob format"

@@ -29,7 +29,7 @@ from plumbob.papers.fin.algorithm import slope
 from plumbob.papers.fin.records import LENGTH, RATE, gyr_rates
 from plumbob.papers.outcome import Part, at_most
 from plumbob.papers.workspace import Work, recorded_samples
-from plumbob.protocols.find import find_format
+from plumbob.protocols.format_toml import find_format
 from plumbob.reporting.style import MUTED, SERIES
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_conjugate, quat_multiply, quat_normalize
 from plumbob.simulation import EulerMotion, Module, Motion, Scenario, Simulation, draw_module, simulate

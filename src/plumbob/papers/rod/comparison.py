@@ -25,7 +25,7 @@ from plumbob.papers.description import ROD
 from plumbob.papers.outcome import Part, at_most
 from plumbob.papers.rod.methods import LIMIT, SETTLE, SHAKEN, tilt_errors
 from plumbob.papers.workspace import Taken, Work
-from plumbob.protocols.format_toml import device
+from plumbob.protocols.format_toml import find_format
 from plumbob.reporting.content import Figure
 from plumbob.reporting.style import INK, MUTED, SERIES, SHADE, SOFT, Both
 from plumbob.rotations import (
@@ -219,9 +219,9 @@ def reference_rms(count: int = 400) -> tuple[float, float]:
 
 def system(run: Compared) -> Part:
     """The measuring system: rates, packets, accuracy of the reference."""
-    reset = next(register.reset for register in device("adis16355").registers if register.name == "SMPL_PRD")
+    reset = next(register.reset for register in find_format("adis16355").registers if register.name == "SMPL_PRD")
     assert reset is not None
-    packet = device("ahrs500ga").messages[0]
+    packet = find_format("ahrs500ga").messages[0]
     step = float(np.median(np.diff(run.t)))
     heading, tilt = reference_rms()
     outcomes = ROD.rows(

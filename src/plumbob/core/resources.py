@@ -1,12 +1,15 @@
-"""Pages of the documentation, which an installed package has inside and a checkout beside it."""
+"""What a wheel carries beside Python: the documentation, as a checkout has it, and the pages for a browser."""
 
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Final
 
-from plumbob.core.errors import ParameterError, PlumbobError
+from plumbob.core.errors import MissingExtraError, ParameterError, PlumbobError
 
 _PACKAGE = Path(__file__).parents[1]
+WEB: Final = _PACKAGE / "web"
+"""What Vite makes of ``web/`` in the source."""
 
 
 def docs_folder() -> Path:
@@ -82,3 +85,20 @@ def _page_of_verb(verb: str, pages: Mapping[str, Path]) -> str:
     text = pages["command-line"].read_text(encoding="utf-8") if "command-line" in pages else ""
     section = re.search(rf"^#+ {re.escape(verb)}\n(?:(?!^#).*\n)*?documentation: \[([\w-]+)\.md\]", text, re.M)
     return section[1] if section and verb else ""
+
+
+def asset(name: str) -> Path:
+    """Path of a file of the built pages, such as ``view/index.html`` or ``report.js``.
+
+    Raises
+    ------
+    MissingExtraError
+        If the pages were not built.
+    """
+    path = WEB / name
+    if not path.is_file():
+        raise MissingExtraError(
+            f"the pages of Plumbob are not built here: {name} is missing. A wheel carries them; in a checkout, run "
+            "'make page', which needs Node 20 or newer."
+        )
+    return path

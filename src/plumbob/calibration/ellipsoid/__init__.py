@@ -1,1 +1,0 @@
-"""Ellipsoids of vectors of one length: closed forms, maximum likelihood, outliers, and which shape is needed."""
