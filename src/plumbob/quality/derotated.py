@@ -10,6 +10,7 @@ Haar transform are: strides and blows spoil the short ones, the bias of the rate
 has its own variance, and none convinces alone: it may be misled, so its odds count for `_MISLED` at most.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -284,8 +285,8 @@ class _Refined:
     def in_step(self) -> float:
         """Delay that the pushes feign if they come in step with the turning, s: what they leave over its slope."""
         weight = self.weight[:, np.newaxis]
-        slope = self.slopes[:, :, 0]
-        return float(np.sqrt(np.sum(weight * self.change**2) / np.sum(weight * slope**2)))
+        slope = float(np.sum(weight * self.slopes[:, :, 0] ** 2))
+        return math.sqrt(float(np.sum(weight * self.change**2)) / slope) if slope > 0.0 else math.inf
 
     def estimate(self, blocks: NDArray[np.bool_]) -> tuple[float, float, float, float]:
         """Delay, its standard deviation, scale and its standard deviation, by some of the blocks."""

@@ -24,10 +24,11 @@ from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR, is_gap, to_ns
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.data.imu import BLOCK, TITLES, median, norms
+from plumbob.data.imu import BLOCK, TITLES, TRIAD_FLAGS, median, norms
 from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, bursts, doubts, statistics
 from plumbob.data.recording import EARTH_FIELD, INFERRED, STUCK_FOR, STUCK_SAMPLES, Recording
 from plumbob.quality import quality
+from plumbob.quality.diagnosis import Declared, Examination
 from plumbob.rotations import North, quat_angle
 
 WORDS: Final = (("GOOD", 80.0), ("FAIR", 60.0), ("POOR", 0.0))
@@ -57,6 +58,8 @@ REST: Final = (2.0, 0.25)
 """Rest at the start, s: two seconds average the noise of a gyroscope to less than its bias."""
 BEGIN: Final = 5.0
 """A rest that begins later than this is not one at the start, s."""
+EXAMINED: Final = 20_000
+"""Samples in which conventions are looked at: some minutes, those of a recording that turn most."""
 TINY: Final = 0.02
 """A step shorter than this many usual ones repeats a time stamp."""
 FASTEST: Final = float(dps(4000.0))
@@ -502,7 +505,7 @@ def _static(imu: ImuData, still: _Still | None) -> Criterion | None:
 def _plausible(imu: ImuData, still: _Still | None, doubted: Sequence[str]) -> Criterion:
     """The worst of what contradicts the declared units: it costs once."""
     tests = [*_gravity(imu, still), *_field(imu), *_temperature(imu)]
-    tests += [(1.0, doubt) for doubt in doubted]
+    tests += [(1.0, doubt) for doubt in (*doubted, *_conventions(imu))]
     lost, worst = max(tests, key=lambda test: test[0], default=(0.0, ""))
     others = "; ".join(dict.fromkeys(text for share, text in tests if share <= 0.0))
     low, high = EARTH_FIELD
@@ -511,9 +514,10 @@ def _plausible(imu: ImuData, still: _Still | None, doubted: Sequence[str]) -> Cr
         f"the worst of: |acc| at rest within {_percent(GRAVITY[0])} of 9.81 m/s², nothing from {_percent(GRAVITY[1])} "
         f"on, without a rest in a factor of {MOVING[0]:g}, nothing from {MOVING[1]:g} on; median |mag| in "
         f"{low:g} to {high:g} µT, half of the points lost at a factor of {OFF_FIELD[1]:g} outside; "
-        f"temperature in {quality.CELSIUS[0]:g} to {quality.CELSIUS[1]:g} °C; no doubt about units and signs",
+        f"temperature in {quality.CELSIUS[0]:g} to {quality.CELSIUS[1]:g} °C; no doubt about units, axes, signs "
+        "or delays",
         "QARTOD (range); Alken 2021 (field); the rest " + OURS,
-        "check units, axes and signs of the file, and calibrate" if lost else "",
+        "check units, axes and signs of the file ('plumbob doctor' says which), and calibrate" if lost else "",
     )  # fmt: skip
 
 
@@ -522,6 +526,18 @@ def _doubts(imu: ImuData, notes: Sequence[str] | None) -> list[str]:
     sizes = () if imu.meta.unit_check else imu.unit_doubts()  # else the reading has refused it
     others = doubts(imu) if notes is None else [note for note in notes if note.startswith(("time: ", "gyroscope: "))]
     return [doubt for doubt in (*sizes, *others) if not doubt.startswith("time: the stamps come in bursts")]
+
+
+def _conventions(imu: ImuData) -> list[str]:
+    """What is wrong by how gravity and field turn beside the rates, in the stretch that turns most."""
+    if "gyr" not in imu.triads or len(imu.triads) < 2:
+        return []
+    most = max(imu.chunks(EXAMINED), key=lambda part: float(np.nansum(np.asarray(part.gyr) ** 2)))
+    clipped = {name: (most.flags & np.uint32(TRIAD_FLAGS[name][1]) != 0)[:, np.newaxis] for name in most.triads}
+    values: dict[str, Floats] = {name: np.where(at, np.nan, getattr(most, name)) for name, at in clipped.items()}
+    whole = most.corrected(meta=most.meta, **values)
+    findings = Examination(whole, "", Declared(None), None).diagnosis().findings
+    return [f"{TITLES[one.sensor]}, {one.question}: {one.value} ({one.answer})" for one in findings if one.wrong]
 
 
 def _gravity(imu: ImuData, still: _Still | None) -> Iterable[tuple[float, str]]:
