@@ -8,14 +8,17 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from typing import Final
 
 from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity, canonical_name, is_name
 
 _WORDS: Final = {
-    "gyr": re.compile(r"g|w|gy|gyr\w*|giro\w*|omega|ω|angvel|dreh\w*|\w+geschw\w*|角速度|陀螺\w*|гиро\w*"),
-    "acc": re.compile(r"a|f|ac|xl|acc\w*|acél\w*|acel\w*|alpha|beschl\w*|versnel\w*|加速度|ускор\w*"),
-    "mag": re.compile(r"m|b|mag\w*|compass|kompass|磁\w*|маг\w*"),
+    "gyr": re.compile(
+        r"g|w|gy|gyr\w*|giro\w*|omega|ω|angvel|dreh\w*|\w+geschw\w*|角速度|陀螺\w*|гиро\w*|각속도|자이로\w*"
+    ),
+    "acc": re.compile(r"a|f|ac|xl|gf|acc\w*|acél\w*|acel\w*|alpha|beschl\w*|versnel\w*|加速度|ускор\w*|가속도"),
+    "mag": re.compile(r"m|b|mag\w*|compass|kompass|地?磁\w*|маг\w*|지?자기\w*"),
 }
 _PHRASES: Final = (
     (
@@ -24,13 +27,13 @@ _PHRASES: Final = (
             r"ang(ular)? (rate|velocity|vel|speed)|(vit|vel)\w* ang(ul|ol)\w*|rot\w* (rate|velocity|speed)|\brates?\b"
         ),
     ),
-    ("acc", re.compile(r"specific force")),
+    ("acc", re.compile(r"specific force|\bg force")),
     ("mag", re.compile(r"magnetic( field)?|^field$|local flux")),
 )
 _WITHOUT_GRAVITY: Final = re.compile(r"\b(linear|lin|free|user|usr)\b")
 _OTHER: Final = re.compile(
-    r"\b(covariance\d*|cov|std|sd|var|bias|offset|setpoint|norm|abs\w*|total|magnitude|gravity|grav|angular acc\w*|"
-    r"temp\w*|status|acc\w* (x|y|z )?(err\w*)|accuracy|error|inc\w*)\b"
+    r"\b(covariance\d*|cov|std|sd|var|bias|offset|setpoint|norm|abs\w*|total|magnitude|(?<!including )gravity|grav|"
+    r"angular acc\w*|temp\w*|status|acc\w* (x|y|z )?(err\w*)|accuracy|error|inc(r\w*|lin\w*)?)\b"
 )
 _TIME: Final = re.compile(
     r"t|ts|.*\b(times?|timestamps?|stamps?|micros|millis|usec|msec|elapsed|epoch|clock|timems|timeus)\b.*|"
@@ -43,10 +46,22 @@ _WEEK: Final = re.compile(r".*\bgps week\b.*|week( no\w*)?")
 _TEMPERATURE: Final = re.compile(r"t(emp)? ?c|.*\btemp(erat\w*)?\b.*|.*温度.*")
 _QUATERNION: Final = re.compile(r".*\b(q|quat|quaternion|orientation|attitude)\b.*|q|quat")
 _SCALAR: Final = {"w", "s", "scalar", "real"}
+_DIRECTIONS: Final = {
+    "x": re.compile(r"long(itudinal)?|fwd|forwards?|front|back|aft|surge|inline|ap"),
+    "y": re.compile(r"lat(eral)?|left|right|port|starboard|sway|transversal|ml"),
+    "z": re.compile(r"v|vt|vert(ical)?|up|down|heave"),
+}
+_ROLLS: Final = {
+    "x": re.compile(rf"{_DIRECTIONS['x'].pattern}|roll|beta"),
+    "y": re.compile(rf"{_DIRECTIONS['y'].pattern}|pitch|gamma"),
+    "z": re.compile(rf"{_DIRECTIONS['z'].pattern}|yaw|alpha"),
+}
+"""Of rates also by the angle that they change, Greek ones as W3C's Device Orientation has them."""
+REVERSED: Final = re.compile(r"(?i)(?<![a-z])(back|aft|right|starboard|down)(?![a-z])")
+"""Directions against forward, left and up."""
 _SUFFIXES: Final = {
-    "ms2": "m/s2", "mps2": "m/s2", "m s2": "m/s2", "m s 2": "m/s2", "m ss": "m/s2", "rads": "rad/s", "radps": "rad/s",
-    "rad s": "rad/s", "degs": "deg/s", "deg s": "deg/s", "ut": "uT", "micros": "us", "millis": "ms", "usec": "us",
-    "msec": "ms",
+    "ms2": "m/s2", "mps2": "m/s2", "mss": "m/s2", "rads": "rad/s", "radps": "rad/s", "degs": "deg/s", "ut": "uT",
+    "nt": "nT", "micros": "us", "millis": "ms", "usec": "us", "msec": "ms",
 }  # fmt: skip
 _NAMED_UNITS: Final = {
     "micros": "us",
@@ -99,8 +114,8 @@ class ColumnName:
 
     @property
     def by_unit(self) -> str:
-        """``gyr`` or ``mag`` where the words are not known, but axis and stated unit are a rate's or a field's."""
-        triads = {name for name in ("gyr", "mag") if self.unit_as(QUANTITY_BY_TRIAD[name])}
+        """Sensor whose unit is stated, where there is an axis and the words are not known."""
+        triads = {name for name, kind in QUANTITY_BY_TRIAD.items() if self.unit_as(kind)}
         return triads.pop() if self.axis and self.stated and not self.sensor and len(triads) == 1 else ""
 
     @property
@@ -163,12 +178,12 @@ _SPELLINGS: Final = (
     (r"[()]", ""),
     (r"[º˚]", "°"),
     (r"(?i)\bmicro[- ]?t(esla)?s?$", "uT"),
-    (r"(?i)\bmilli[- ]?(?=g|deg|rad|s)", "m"),
+    (r"(?i)\bmilli[- ]?(?=g|d|rad|s|t)", "m"),
     (r"(?i)\bmicro[- ]?(?=s)", "u"),
     (r"(?i)\bnano[- ]?(?=s)", "n"),
     (r"(?i)(?<=^[mun])s(ec(ond)?s?)?$", "s"),
     (r"(?i)rad(ian)?s?\b", "rad"),
-    (r"(?i)\bdps$", "deg/s"),
+    (r"(?i)dps$", "deg/s"),
     (r"(?i)\bd(eg(ree)?s?)?(?=[\s*.·]*(/|per|s\^?[-⁻]))|\bdegrees?$", "deg"),
     (r"(?i)met(er|re)s?\b", "m"),
     (r"(?i)(\s*per\s*|/\s*)s(ec(ond)?s?)?\b", "/s"),
@@ -193,21 +208,22 @@ def canonical(name: str, kind: Quantity) -> str:
     return canonical_name(plain, kind) if is_name(plain, kind) else ""
 
 
+_BRACKETS: Final = re.compile(r"[\[(]((?:[^\[\]()]|\([^()]*\))*)[\])]")
+_INDEX: Final = r"([\dxyzwXYZ])(?:[ -]?axis)?"
+
+
 def taken_apart(name: str, unit: str = "") -> ColumnName:
     """Take a name apart; `unit` is what a row of units has below it."""
-    index = re.search(r"[\[(]([\dxyzw])[\])]", name)
-    brackets = [
-        text
-        for text in re.findall(r"[\[(]((?:[^\[\]()]|\([^()]*\))*)[\])]", name)
-        if not re.fullmatch(r"[\dxyzw]", text)
-    ]
+    index = re.search(rf"[\[(]{_INDEX}[\])]", name)
+    brackets = [text for text in _BRACKETS.findall(name) if not re.fullmatch(_INDEX, text)]
     inner = re.fullmatch(r"\s*[\[(](.*)[\])]\s*", unit)
     tail = re.search(r"(?:\bin |, ?)(\S+)$", name.strip())
     said = brackets[-1] if brackets else tail[1] if tail else ""
     stated = (inner[1] if inner else unit.strip() or said).strip()
     stated = "" if re.fullmatch(r"x[0-9A-Fa-f]{4}", stated) else stated
     plain = re.sub(r"[\[(].*?[\])]", " ", name[: tail.start()] if tail else name)
-    words = [word.lower() for word in re.findall(r"[A-Z]{2,}(?![a-z])|[A-Z]?[a-z]+|[A-Z]|\d+|[^\W\d_A-Za-z]+", plain)]
+    plain = re.sub("[µμ]", "u", plain.replace("²", "2").replace("°", "deg"))
+    words = [word.lower() for word in _WORD.findall(plain)]
     suffix = ""
     if not stated and len(words) > 1:
         for count in (3, 2, 1):
@@ -218,15 +234,18 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
     if not stated and not suffix and words and words[-1] in _NAMED_UNITS:
         suffix = _NAMED_UNITS[words[-1]]
     base, axis = _split_axis(words)
-    axis = index[1] if index and not axis else axis
+    axis = index[1].lower() if index and not axis else axis
     return ColumnName(base, axis, stated or suffix, bool(stated))
+
+
+_WORD: Final = re.compile(r"[A-Z]{2,}(?![a-z])|[A-Z]?[a-z]+|[A-Z]|\d+|[^\W\d_A-Za-z]+")
 
 
 def _unit_word(text: str, plain: str, count: int) -> str:
     """Unit that the last words of a name may be, as in ``acc_x_mg``; in its own letters where they are one word."""
-    last = re.split(r"[\W_]+", plain.strip())[-1] if count == 1 else text
-    unit = _SUFFIXES.get(text, last)
-    if count == 1 and len(last) == 1 and last not in {"g", "s"}:
+    last = re.split(r"[\W_]+", plain.strip())[-1]
+    unit = _SUFFIXES.get(text.replace(" ", ""), last if len(_WORD.findall(last)) == count else text)
+    if len(unit) == 1 and unit not in {"g", "s"}:
         return ""
     return unit if any(canonical(unit, kind) for kind in _ALL[:-1]) else ""
 
@@ -240,10 +259,10 @@ def _split_axis(words: list[str]) -> tuple[str, str]:
                 return rest, word if word in "xyz" else "w"
     if words and len(words[-1]) == 1 and words[-1].isdigit() and len(words) > 1:
         return " ".join(words[:-1]), words[-1]
-    rolls = {"roll": "x", "pitch": "y", "yaw": "z"}
-    for i, word in enumerate(words):
-        if word in rolls and re.search(r"\b(rate|rates|gyr\w*|speed|velocity)\b", " ".join(words)):
-            return " ".join(words[:i] + words[i + 1 :]), rolls[word]
+    directions = _ROLLS if re.search(r"\b(rate|rates|gyr\w*|speed|velocity)\b", " ".join(words)) else _DIRECTIONS
+    for axis, i in product("xyz", range(len(words))):
+        if directions[axis].fullmatch(words[i]):
+            return " ".join(words[:i] + words[i + 1 :]), axis
     last = words[-1] if words else ""
     for stem, letter in ((last[:-1], last[-1:]), (last[1:], last[:1])):
         named = stem in {"q", "quat"} or any(word.fullmatch(stem) for word in _WORDS.values())

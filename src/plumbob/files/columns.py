@@ -32,10 +32,13 @@ _DATE: Final = (
     r"(?P<year>\d{4})([-/])(?P<month>\d{1,2})\2(?P<day>\d{1,2})|(?P<dotted>\d{1,2}\.\d{1,2}\.\d{4})|"
     rf"(?P<named>\d{{1,2}}[- ](?:{'|'.join(_MONTHS)})[a-z]*[- ]\d{{4}})|\d{{1,2}}[-/]\d{{1,2}}[-/]\d{{4}}"
 )
-_CLOCK: Final = r"(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d)(?:[.,:](?P<fraction>\d+))?(?: *(?P<half>[ap])m)?"
+_CLOCK: Final = (
+    r"(?:(?P<hour>\d{1,4}):(?P<minute>\d\d):(?P<second>\d\d)(?:[.,:](?P<fraction>\d+))?|"
+    r"(?P<minutes>\d{1,4}):(?P<seconds>\d\d)[.,](?P<parts>\d+))(?: *(?P<half>[ap])m)?"
+)
 _ZONE: Final = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)"
-_STAMP: Final = re.compile(rf"(?:(?:{_DATE})(?:T| +))?{_CLOCK} *{_ZONE}?", re.IGNORECASE)
-_CLOCKLIKE: Final = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ].*)?|.*\d{1,2}:\d\d:\d\d.*")
+_STAMP: Final = re.compile(rf"(?:(?:{_DATE}|(?P<days>\d+) days?,?)(?:T| +))?{_CLOCK} *{_ZONE}?", re.IGNORECASE)
+_CLOCKLIKE: Final = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ].*)?|.*\d{1,2}:\d\d:\d\d.*|\d+:\d\d[.,]\d+")
 
 
 def is_clocklike(cell: str) -> bool:
@@ -125,17 +128,20 @@ def _parsed(row: int, cell: str) -> tuple[int, tuple[bool, bool]]:
     match = _STAMP.fullmatch(cell.strip())
     if match is None:
         raise StampError(f"{excerpt(cell)} is not a time in the form of {FORM}, as 2024-05-01T12:30:05.120Z.", row)
-    zone, fraction = match["zone"], match["fraction"]
+    zone, fraction = match["zone"], match["fraction"] or match["parts"]
     try:
         days = _days(match["year"], match["month"], match["day"], match["dotted"] or match["named"])
     except ValueError:
         raise StampError(f"{excerpt(cell)} has no such day.", row) from None
-    hour, minute, second = int(match["hour"]), int(match["minute"]), int(match["second"])
-    if hour > 23 or minute > 59 or second > 59 or (match["half"] and not 1 <= hour <= 12):
+    hour, minute = (
+        divmod(int(match["minutes"] or 0), 60) if match["hour"] is None else map(int, match.group("hour", "minute"))
+    )
+    second = int(match["second"] or match["seconds"])
+    if (days is not None and hour > 23) or minute > 59 or second > 59 or (match["half"] and not 1 <= hour <= 12):
         raise StampError(f"{excerpt(cell)} has no such hour, minute or second.", row)
     if match["half"]:
         hour = hour % 12 + (12 if match["half"] in "pP" else 0)
-    seconds = hour * 3600 + minute * 60 + second
+    seconds = int(match["days"] or 0) * 86_400 + hour * 3600 + minute * 60 + second
     ns = (days or 0) * _DAY_NS + seconds * 10**9 + (int(f"{fraction:0<9.9}") if fraction else 0)
     return ns - (_ahead(zone) if zone else 0), (days is not None, zone is not None)
 

@@ -12,6 +12,8 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from fractions import Fraction
+from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,7 +27,7 @@ from plumbob.core.text import FactsText
 from plumbob.core.units import QUANTITY_BY_TRIAD, UNITS, Quantity, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
 from plumbob.data.plausibility import Turning, turning
-from plumbob.files.column_names import ColumnName, taken_apart
+from plumbob.files.column_names import REVERSED, ColumnName, canonical, taken_apart
 from plumbob.files.columns import FORM, has_zone, is_stamp, to_seconds
 from plumbob.files.known_logs import KNOWN
 from plumbob.files.profile import AS_MOUNTED, Profile, TextLayout
@@ -44,8 +46,16 @@ _SAID_RATES: Final = (
     (r"(?:rate|freq\w*|odr|sampling)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*(?:hz|sps)?(?![\w.%])", "Hz"),
     (r"(?:\bat|sampling|@)\W*(\d+(?:\.\d+)?)\s*(?:hz|sps)\b", "Hz"),
     (r"(?:rate|interval|period|sampling)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*ms\b", "ms"),
+    (r"(?:interval|period)[^:=]*[ _(\[]ms[)\]]?\s*[:=\s]+(\d+(?:\.\d+)?)$", "ms"),
 )
 """How lines before a table say its sampling rate, and the unit of the number."""
+_COUNTS: Final = "counts_per_unit"
+_COUNT: Final = r"(?:lsbs?|counts?|digits?)"
+_SCALES: Final = {
+    _COUNTS: rf"(\d+(?:\.\d+)?)\s*{_COUNT}\s*(?:/|per)\s*([^\s,;()]+|\([^()]*\))",
+    "unit_per_count": rf"(\d+(?:\.\d+)?(?:e-?\d+)?)\s*([^\s,;\d]+?)\s*(?:/|per)\s*{_COUNT}\b",
+}
+"""How lines before a table say what a count is, by the key of a profile."""
 _USUAL_RATES: Final = (4.0, 9000.0)
 """Sampling rates of inertial sensors in use, Hz."""
 _UNIT_NORM: Final = 0.02
@@ -375,7 +385,7 @@ class _DraftWriter:
             return (self._place("time.column", self._answers["time.column"]),)
         named = [i for i, part in enumerate(self._parts) if part.is_time]
         if rising := [i for i in named if self._rises(i)]:
-            return (min(rising, key=self._time_rank),)
+            return self._in_two_parts(named) or (min(rising, key=self._time_rank),)
         others = [i for i in range(self._sample.width) if i not in named]
         for i in (*named, *others):
             cells = self._sample.cells(i)
@@ -385,11 +395,33 @@ class _DraftWriter:
                 return (i, i + 1)
         if self._clocks:
             return self._clocks[:1]
-        first = self._parts[0]
-        bare = not named and not first.is_counter and not first.sensor and (not first.axis or self._is_nameless())
-        steps = np.diff(self._numbers[0])
-        counts = bool((steps == 1.0).all()) and bool(self._names[0])
-        return (0,) if bare and steps.size and (steps > 0.0).all() and not counts else ()
+        return () if named else self._rising_column()
+
+    def _rising_column(self) -> tuple[int, ...]:
+        """First column of numbers that rise in each row: of those without a name, or the very first one."""
+        nameless = self._is_nameless()
+        for i, part in enumerate(self._parts if nameless else self._parts[:1]):
+            steps = np.diff(self._numbers[i])
+            counts = bool((steps == 1.0).all()) and bool(self._names[i])
+            bare = not part.is_counter and not part.sensor and (nameless or not part.axis)
+            if bare and not counts and steps.size and (steps > 0.0).all():
+                return (i,)
+        return ()
+
+    def _in_two_parts(self, named: Sequence[int]) -> tuple[int, ...]:
+        """Columns of whole seconds, which repeat, and of the parts of them, which begin again as they go on."""
+        for i, k in product(named, range(self._sample.width)):
+            whole, unit = self._numbers[i], self._part_of_second(k)
+            if unit and (whole == np.rint(whole)).all() and (np.diff(whole) == 0.0).any():
+                t = whole - whole[0] + to_si(self._numbers[k], unit)
+                if (np.diff(t) > 0.0).all() and (np.diff(self._numbers[k]) < 0.0).any():
+                    return (k, i)
+        return ()
+
+    def _part_of_second(self, column: int) -> str:
+        """Unit in which all numbers of a column are parts of a second; empty for none."""
+        low, high = self._numbers[column].min(), self._numbers[column].max()
+        return next((unit for unit in _TIMES[1:] if low >= 0.0 and to_si(1.0, unit) <= to_si(high, unit) < 1.0), "")
 
     def _first_of_four(self) -> tuple[int, ...]:
         """Columns of time that stand before the three of their triad, in arrays of four."""
@@ -409,11 +441,12 @@ class _DraftWriter:
         is_whole = finite.size > (1.0 - LEFT_OUT_MOST) * numbers.size
         return bool(is_whole and steps.size and np.sum(steps > 0.0) > 3.0 * np.sum(steps < 0.0))
 
-    def _time_rank(self, column: int) -> tuple[bool, bool, bool]:
+    def _time_rank(self, column: int) -> tuple[bool, bool, bool, bool]:
         """Which of several clocks is taken: one that does not begin again, of single samples, in a unit that it has."""
         steps = np.diff(self._numbers[column])
         repeats = bool(np.sum(steps > 0.0) < 0.5 * steps.size)
-        return bool((steps < 0.0).any()), repeats, not self._parts[column].unit_as(Quantity.TIME)
+        part = self._parts[column]
+        return bool((steps < 0.0).any()), "tick" in part.base, repeats, not part.unit_as(Quantity.TIME)
 
     @property
     def _stamped(self) -> bool:
@@ -457,27 +490,37 @@ class _DraftWriter:
                 for letters in ("xyz", "012", "123", "234")
                 if set(letters) == set(axes) or (letters == "xyz" and set(letters) <= set(axes))
             ]
-            complete = [columns for columns in complete if self._is_measured(columns)]
-            complete.sort(key=lambda columns: self._rank(name, self._parts[columns[0]]))
+            complete = [self._right_handed(columns) for columns in complete if self._is_measured(name, columns)]
+            complete.sort(key=lambda columns: self._rank(name, columns))
             triads |= {name: complete[0]} if complete else {}
         return triads
 
-    def _is_measured(self, columns: Sequence[int]) -> bool:
-        """Whether they hold more than zeros, and an acceleration that is called linear has gravity in it, as in ROS."""
-        linear = self._parts[columns[0]].sensor == "linear"
-        return bool(np.any(self._vectors(columns))) and (not linear or self._has_gravity(columns))
+    def _is_measured(self, name: str, columns: Sequence[int]) -> bool:
+        """Whether they hold more than zeros, and gravity where not their words say that they are an acceleration."""
+        needs_gravity = name == "acc" and self._parts[columns[0]].sensor != "acc"
+        return bool(np.any(self._vectors(columns))) and (not needs_gravity or self._has_gravity(columns))
 
     def _has_gravity(self, columns: Sequence[int]) -> bool:
         return self._steady(columns) and bool(_gravity_unit(self._size(columns)).unit)
 
-    @staticmethod
-    def _rank(name: str, part: ColumnName) -> tuple[bool, bool, bool]:
+    def _right_handed(self, columns: tuple[int, ...]) -> tuple[int, ...]:
+        """Columns x, y, z in their order; forward, right and up are right-handed as right, forward and up."""
+        bares = {i: REVERSED.sub("", self._names[i]) for i in columns}
+        against = sum(bare != self._names[i] and not taken_apart(bare).axis for i, bare in bares.items())
+        return (columns[1], columns[0], columns[2]) if against % 2 else columns
+
+    def _rank(self, name: str, columns: Sequence[int]) -> tuple[bool, bool, bool, bool]:
         """Which of several sets is the sensor's: with gravity, in its unit, no rates that are wanted or derived."""
-        return part.sensor == "linear", not part.unit_as(QUANTITY_BY_TRIAD[name]), "rate" in part.base.split()
+        part = self._parts[columns[0]]
+        lacks_gravity = name == "acc" and not self._has_gravity(columns)
+        has_no_unit = not part.unit_as(QUANTITY_BY_TRIAD[name])
+        return lacks_gravity, part.sensor == "linear", has_no_unit, "rate" in part.base.split()
 
     def _sized_triads(self) -> dict[str, tuple[int, ...]]:
         """Threes of neighbouring columns without names, by their size: gravity is steady, the field is nearly so."""
         free = self._free()
+        if self._sensor in TRIADS and len(free) != len("xyz"):
+            free = [i for i in free if np.nanmin(self._numbers[i]) < np.nanmax(self._numbers[i])]
         if self._sensor in TRIADS and len(free) == len("xyz"):
             return {self._sensor: tuple(free)}
         threes = [tuple(free[i : i + 3]) for i in range(0, len(free) - 2, 3)]
@@ -557,6 +600,9 @@ class _DraftWriter:
         axes = "body x, y, z in the axes of the sensor case; left-handed ones: own-csv.md"
         self._set("axes", AS_MOUNTED, axes, ask=True, sure=True)
         self._set_known("north", "declination", "place", "date", "device", "unit_check", "rate_nominal")
+        if "unix start" in self._sample.facts:
+            start = round(Fraction(self._sample.facts["unix start"]) * 10**9)
+            self._set("t0_ns", start, "the first line, since 1970 (UTC)")
         if not self._has("device") and not self._stream:
             self._lines.append(
                 '# device = "unit 1"                     # name of this unit: a calibration card belongs to one'
@@ -576,6 +622,8 @@ class _DraftWriter:
     def _write_layout(self, layout: TextLayout) -> None:
         self._set("separator", {"\t": "tab"}.get(layout.separator, layout.separator), f"{self._sample.width} columns")
         self._set("decimal", layout.decimal)
+        if layout.thousands:
+            self._set("thousands", layout.thousands, "between groups of three digits")
         if layout.encoding != "utf-8":
             self._set("encoding", layout.encoding, "it is not UTF-8", ask=layout.encoding != "utf-16", sure=True)
         if layout.comment:
@@ -599,8 +647,9 @@ class _DraftWriter:
 
     def _write_time(self) -> None:
         self._open("time")
-        if "time.rate" in self._answers or not self._time:
-            rate = self._sampling_rate()
+        rate = self._sampling_rate()
+        counts = rate and bool(self._time) and (np.diff(self._numbers[self._time[0]]) == 1.0).all()
+        if "time.rate" in self._answers or not self._time or (counts and not self._parts[self._time[0]].unit):
             why = "the header says it" if rate else "no column increases like time: the sampling rate, as in '100 Hz'"
             self._set("rate", rate, why, ask=True, sure=bool(rate))
             return
@@ -620,13 +669,19 @@ class _DraftWriter:
         even = bool(steps.size and np.std(steps) < _EVEN * np.mean(steps)) and not (steps == 1.0).all()
         self._set("column", refs[0], "it increases like time", ask=True, sure=part.is_time or even)
         unit, why, sure = _time_unit(numbers, part)
+        if len(refs) == 2:
+            unit, why, sure = self._part_of_second(self._time[0]), "it begins again at each second", True
         self._set("unit", unit, why, ask=not (part.stated and part.unit == unit), sure=sure)
+        if len(refs) == 2:
+            self._set("seconds", refs[1], "whole seconds, to which it is added", ask=True, sure=True)
         self._set_known("unit_per_count")
         weeks = [i for i, other in enumerate(self._parts) if other.is_week and "tow" in part.base]
         if weeks:
             self._set("week", self._ref(weeks[0]), "the GPS week that the time is of", ask=True, sure=True)
-        elif unit and CENTURY[0] < to_si(float(numbers[0]), unit) < CENTURY[1]:
-            start = datetime.fromtimestamp(to_si(float(numbers[0]), unit), UTC)
+        whole = self._numbers[self._time[1]][0] if len(refs) == 2 else 0.0
+        since = whole + to_si(float(numbers[0]), unit) if unit and not weeks else 0.0
+        if CENTURY[0] < since < CENTURY[1]:
+            start = datetime.fromtimestamp(since, UTC)
             self._set("epoch", "unix", f"since 1970 (UTC): the first is {start:%Y-%m-%d %H:%M:%S}", ask=True, sure=True)
 
     def _sampling_rate(self) -> str:
@@ -671,9 +726,15 @@ class _DraftWriter:
         self._set("columns", refs, f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure)
         zero = self._middle(columns)
         guess = self._triad_unit(name, columns, zero)
-        stated = self._write_unit(QUANTITY_BY_TRIAD[name], columns, guess)
-        are_counts = guess.counts is not None and not stated and not self._has("unit")
-        if not self._has("unit_per_count") and (self._has("counts_per_unit") or zero or are_counts):
+        scale = self._stated_scale(name)
+        if scale:
+            unit, key, number = scale
+            sure = self._scales_fit()
+            self._set("unit", unit, "the lines above say it", ask=True, sure=sure)
+            self._set(key, number, "the lines above say it", ask=True, sure=sure)
+        stated = not scale and self._write_unit(QUANTITY_BY_TRIAD[name], columns, guess)
+        are_counts = not scale and guess.counts is not None and not stated and not self._has("unit")
+        if not scale and not self._has("unit_per_count") and (self._has("counts_per_unit") or zero or are_counts):
             self._set("counts_per_unit", guess.counts or "", "counts that are one unit, by the data sheet", ask=True)
         self._set_known("unit_per_count", "range", "delay", *(("axes", "mirrored") if name != "gyr" else ()))
         if zero:
@@ -682,6 +743,28 @@ class _DraftWriter:
             self._set("sign", "specific-force", self._sign_told(columns, zero), ask=True)
         if name == "gyr" and self._turns[0] != AS_MOUNTED and not self._accept:
             self._write_axes(signed_axes(self._turns[0]))
+
+    def _stated_scale(self, name: str) -> tuple[str, str, float] | None:
+        """Unit, key and number of the scale of whole numbers that the lines above say, as ``131 LSB/(deg/s)``."""
+        values = self._vectors(self._triads[name])
+        if (values[np.isfinite(values)] % 1.0 != 0.0).any():
+            return None
+        text = "\n".join(f"{key}: {value}" for key, value in self._sample.facts.items())
+        scales = {
+            (canonical(unit, QUANTITY_BY_TRIAD[name]), key, float(number))
+            for key, pattern in _SCALES.items()
+            for number, unit in re.findall(pattern, text, re.IGNORECASE)
+        }
+        scales = {scale for scale in scales if scale[0]}
+        return scales.pop() if len(scales) == 1 else None
+
+    def _scales_fit(self) -> bool:
+        """Whether the scales that the lines above say do not contradict gravity."""
+        if "acc" not in self._triads or (scale := self._stated_scale("acc")) is None:
+            return True
+        columns, (unit, key, number) = self._triads["acc"], scale
+        size = self._size(columns, self._middle(columns)) * (1.0 / number if key == _COUNTS else number)
+        return abs(to_si(size, unit) / G0 - 1.0) < _ABOUT
 
     def _write_axes(self, c: Floats) -> None:
         """Write axes that fit the accelerometer, and what of that one would explain the same.
@@ -761,6 +844,9 @@ class _DraftWriter:
             numbers = self._numbers[self._time[0]]
             unit = _time_unit(numbers, self._parts[self._time[0]])[0]
             t = to_si(numbers - numbers[0], unit) if unit else numbers[:0]
+            if len(self._time) == 2:
+                t = to_si(numbers, self._part_of_second(self._time[0])) + self._numbers[self._time[1]]
+                t -= t[0]
         return t if t.size and (np.diff(t) > 0.0).all() else None
 
     def _best_turning(self) -> tuple[str, Turning | None]:
@@ -795,11 +881,14 @@ def _turning_fit(t: Floats, rates: Floats, force: Floats) -> Turning | None:
 
 
 def _turn_rates(parts: list[ColumnName], names: Sequence[str]) -> list[ColumnName]:
-    """Names of which p, q, r, side by side, are the rates about x, y and z, as in flight mechanics."""
-    letters = "".join(name.strip().lower() if len(name.strip()) == 1 else " " for name in names)
-    at = letters.find("pqr")
-    rates = [replace(part, base="gyr", axis=axis) for part, axis in zip(parts[at : at + 3], "xyz", strict=False)]
-    return parts if at < 0 else [*parts[:at], *rates, *parts[at + 3 :]]
+    """Names of which p, q, r, side by side and with the same behind them, are the rates about x, y and z."""
+    heads = [(name.strip()[:1].lower(), re.sub(r"^.(?![^\W_])", "", name.strip())) for name in names]
+    for i in range(len(heads) - 2):
+        if "".join(head for head, _ in heads[i : i + 3]) == "pqr" and len({rest for _, rest in heads[i : i + 3]}) == 1:
+            units = [taken_apart(f"gyr {axis}{heads[i][1]}") for axis in "xyz"]
+            rates = [part if part.unit else unit for part, unit in zip(parts[i:], units, strict=False)]
+            parts[i : i + 3] = [replace(part, base="gyr", axis=axis) for part, axis in zip(rates, "xyz", strict=True)]
+    return parts
 
 
 def named_sensor(words: str) -> str:
@@ -809,8 +898,12 @@ def named_sensor(words: str) -> str:
 
 
 def _with_axes(parts: list[ColumnName]) -> list[ColumnName]:
-    """Names of which one says the sensor, and the two behind it nothing but y and z, or their numbers."""
+    """Names of which one says the sensor, and the two behind it y and z, or their numbers, alone; or as nx, ny, nz."""
     for i in range(len(parts) - 2):
+        three = parts[i : i + 3]
+        stem = three[0].base[:-1]
+        if stem and [part.base for part in three] == [f"{stem}{axis}" for axis in "xyz"]:
+            parts[i : i + 3] = [replace(part, base=stem, axis=axis) for part, axis in zip(three, "xyz", strict=True)]
         first, letters = parts[i], "".join(part.axis or part.base for part in parts[i + 1 : i + 3]).lower()
         bare = all(
             p.base in {"", first.base, p.base * (not p.axis)} and p.unit in {"", first.unit}
@@ -833,6 +926,8 @@ def _time_unit(numbers: Floats, part: ColumnName) -> tuple[str, str, bool]:
     named = part.unit_as(Quantity.TIME)
     if named in rates:
         return named, f"the header says {_one_line(part.unit)}: {rates[named]:.4g} Hz", True
+    if "tick" in part.base:
+        return "", "ticks of a length that nothing says; give unit_per_count, or declare rate = '100 Hz'", False
     if "tow" in part.base:
         return "s", "a time of week counts seconds", True
     plausible = {unit: rate for unit, rate in rates.items() if _RATES[0] <= rate <= _RATES[1]}

@@ -13,6 +13,12 @@ ColumnRef = int | str
 NO_COLUMN: Final = "none"
 """Stands for the column of an axis that the sensor does not have."""
 
+QUOTED: Final = "quoted"
+"""Separator of cells in quotes with commas between them, as decimal commas need it."""
+
+JSON: Final = "json"
+"""Separator of objects of JSON, whose keys are the names of columns."""
+
 BLANK: Final = "blank"
 """Separator of rows in which each single blank is one, so that cells may be empty."""
 
@@ -27,7 +33,8 @@ class TextLayout:
     Attributes
     ----------
     separator : str
-        Between cells: comma, semicolon, tab, a blank for runs of blanks and tabs, or ``blank`` for each single one.
+        Between cells: comma, semicolon, tab, a blank for runs of blanks and tabs, ``blank`` for each single one, or
+        ``quoted`` or ``json``.
     decimal : str
         Point or comma.
     encoding : str
@@ -57,6 +64,8 @@ class TextLayout:
         Whether a row ends with ``*`` and the exclusive or of its characters, as NMEA has it; else it cannot be read.
     where : tuple of (int or str, str), or empty
         A column and a word: only rows that have it there belong to the table.
+    thousands : str
+        Between groups of three digits; empty for none.
     """
 
     separator: str
@@ -74,6 +83,7 @@ class TextLayout:
     words: bool = False
     checksum: bool = False
     where: tuple[ColumnRef, str] | tuple[()] = ()
+    thousands: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +100,9 @@ class TimeColumn:
         Whether it counts from 1970 (UTC).
     unit_per_count : float
         What one count is worth in that unit; 1 where the file holds the unit itself.
-    week : int or str or None
-        Column with the number of the GPS week that the time is of; then it is GPS time.
+    week, seconds : int or str or None
+        Column with the number of the GPS week that the time is of, and then it is GPS time; or one with the whole
+        seconds, of which the time is the rest.
     """
 
     column: ColumnRef
@@ -99,6 +110,17 @@ class TimeColumn:
     unix: bool = False
     unit_per_count: float = 1.0
     week: ColumnRef | None = None
+    seconds: ColumnRef | None = None
+
+    @property
+    def columns(self) -> tuple[ColumnRef, ...]:
+        """Every column of it."""
+        return tuple(ref for ref in (self.column, self.week, self.seconds) if ref is not None)
+
+    @property
+    def exact(self) -> ColumnRef | None:
+        """Column whose digits are more than float64 holds."""
+        return self.column if self.unix and self.seconds is None else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,7 +305,7 @@ class Profile:
         """Every column that it uses, time included."""
         time: tuple[ColumnRef, ...] = self.stamps
         if isinstance(self.time, TimeColumn):
-            time = (self.time.column, *(() if self.time.week is None else (self.time.week,)))
+            time = self.time.columns
         single = time if self.flags is None else (*time, self.flags)
         groups = [*self.triads.values(), *([self.temperature] if self.temperature else [])]
         reference = self.reference.used if self.reference else ()

@@ -23,6 +23,8 @@ from plumbob.files.columns import FORM, zone_ns
 from plumbob.files.profile import (
     AS_MOUNTED,
     BLANK,
+    JSON,
+    QUOTED,
     ColumnRef,
     GroupSource,
     Profile,
@@ -41,12 +43,12 @@ _MARKS: Final = {"separator", "arrays", "stream", "header"}
 """Keys of which a profile has one, and what lies beside a recording and is none has not."""
 
 _EXAMPLE = {"gyr": "deg/s", "acc": "g", "mag": "uT", "temperature": "degC", "time": "s", "reference": "deg"}
-_SEPARATORS = {name: name for name in (",", ";", "|", " ", "\t", BLANK)} | {"tab": "\t", "\\t": "\t"}
+_SEPARATORS = {name: name for name in (",", ";", "|", " ", "\t", BLANK, QUOTED, JSON)} | {"tab": "\t", "\\t": "\t"}
 _ORDERS = {"wxyz": 4, "xyzw": 4, "yaw pitch roll": 3}
 _META = ("device", "axes", "frame", "north", "declination", "rate_nominal", "t0_ns", "calibration", "unit_check")
 _INNER = {"bias": 3, "covariance": 9}
 _NO_LAYOUT = TextLayout(separator=",")
-_LAYOUT = ("separator", "decimal", "encoding", "comment", "missing", "rows")
+_LAYOUT = ("separator", "decimal", "thousands", "encoding", "comment", "missing", "rows")
 
 
 def load_profile(path: str | Path) -> Profile:
@@ -289,15 +291,14 @@ def _time(where: str, table: dict[str, Any]) -> TimeColumn | TimeStamps | TimeRa
         return TimeRate(rate=table["rate"])
     if "unit" not in table:
         raise _absent(where, "unit")
-    if "week" in table and "epoch" in table:
-        raise DecodeError(f"{where} has both week and epoch; keep the one that says what the numbers count from.")
-    return TimeColumn(
-        table["column"], table["unit"], "epoch" in table, table.get("unit_per_count", 1.0), table.get("week")
-    )
+    if "week" in table and {"epoch", "seconds"} & set(table):
+        raise DecodeError(f"{where} has week, so it can have no epoch and no seconds; remove them, or week.")
+    larger = (table.get("week"), table.get("seconds"))
+    return TimeColumn(table["column"], table["unit"], "epoch" in table, table.get("unit_per_count", 1.0), *larger)
 
 
 def _time_stamps(where: str, table: Mapping[str, Any]) -> TimeStamps:
-    if other := [key for key in ("unit", "epoch", "rate") if key in table]:
+    if other := [key for key in ("unit", "epoch", "rate", "seconds") if key in table]:
         raise DecodeError(f"{where} has a format, so it can have no {' and no '.join(other)}; remove it.")
     if ("column" in table) == ("columns" in table):
         raise DecodeError(f"{where} needs column, or columns = [date, time] where these are two.")
@@ -396,6 +397,7 @@ _TIME: Final = _form(
         "unit": schema.unit_of(Quantity.TIME),
         "unit_per_count": schema.nonzero,
         "week": _COLUMN,
+        "seconds": _COLUMN,
         "epoch": schema.one_of("unix"),
         "rate": schema.size(Quantity.FREQUENCY),
         "format": schema.one_of(FORM),
@@ -438,6 +440,7 @@ _KEYS: Final = {
     "format_version": schema.version(VERSION),
     "separator": schema.converted(lambda word: _SEPARATORS[word], schema.one_of(*_SEPARATORS)),
     "decimal": schema.one_of(".", ","),
+    "thousands": schema.one_of(",", ".", "'", " "),
     "encoding": schema.converted(_encoding),
     "comment": schema.text,
     "missing": schema.texts,

@@ -19,8 +19,9 @@ from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.units import Quantity
 from plumbob.files.column_names import canonical, taken_apart
 from plumbob.files.columns import is_clocklike
-from plumbob.files.profile import BLANK, TextLayout
-from plumbob.files.text_table import TOKEN, among_words, label, split_row
+from plumbob.files.profile import BLANK, JSON, QUOTED, TextLayout
+from plumbob.files.stamps import CENTURY
+from plumbob.files.text_table import TOKEN, among_words, decode, grouped, is_json, label, objects_as_rows, split_row
 
 READ: Final = 1 << 20
 """Bytes that are looked at."""
@@ -38,7 +39,23 @@ _NUMBER: Final = {
     ".": re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"),
     ",": re.compile(r"[-+]?(\d+(,\d+)?|,\d+)([eE][-+]?\d+)?"),
 }
-_LAYOUTS: Final = ((";", "."), (";", ","), ("\t", "."), ("\t", ","), (",", "."), ("|", "."), (" ", "."), (" ", ","))
+_GROUPED: Final = {
+    ".": re.compile(r"[-+]?\d{1,3}(,\d{3}){2,}|[-+]?\d{1,3}(,\d{3})+\.\d+"),
+    ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+"),
+    "quoted": grouped(",", "."),
+}
+"""Numbers in groups of three digits; a comma in a cell between commas was quoted."""
+_LAYOUTS: Final = (
+    (";", "."),
+    (";", ","),
+    ("\t", "."),
+    ("\t", ","),
+    (",", "."),
+    ("|", "."),
+    (" ", "."),
+    (" ", ","),
+    (QUOTED, ","),
+)
 _NINE: Final = tuple(f"{sensor}_{axis}" for sensor in ("mag (gauss)", "acc (m/s2)", "gyr (rad/s)") for axis in "xyz")
 SENTENCES: Final = {
     "VNYMR": ("yaw (deg)", "pitch (deg)", "roll (deg)", *_NINE),
@@ -93,7 +110,22 @@ class Sample:
 
     def numbers(self, column: int) -> Floats:
         """Numbers of a column, counted from 0; NaN where a cell is none."""
-        return np.array([_value(cell, self.layout.decimal) for cell in self.cells(column)])
+        return np.array([_value(cell, self.layout.decimal, self.layout.thousands) for cell in self.cells(column)])
+
+
+@dataclass(slots=True)
+class _SniffedTable:
+    separator: str
+    decimal: str
+    first: int
+    rows: list[list[str]]
+    readable: int
+    lines: list[int]
+
+    @property
+    def score(self) -> tuple[int, int]:
+        """Rows, then cells in them that are numbers, times or missing."""
+        return (len(self.rows), self.readable)
 
 
 def read_sample(path: Path) -> Sample:
@@ -108,20 +140,50 @@ def read_sample(path: Path) -> Sample:
         raw = stream.read(READ)
         complete = len(raw) < READ
     text, encoding = _decoded(raw)
+    if is_json(text) and (sample := _of_objects(text if complete else decode(path.read_bytes(), encoding), encoding)):
+        return sample
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     lines = lines if complete else lines[:-1]
-    if kinds := _worded(lines, encoding):
-        return replace(kinds[0], others=tuple(kinds[1:]))
     tried = lines[:TRIED]
-    best = max((_table(tried, separator, decimal) for separator, decimal in _LAYOUTS), key=lambda table: table.score)
+    tables = [table for sep, decimal in _LAYOUTS if (table := _table(tried, sep, decimal)).rows]
+    most = max((len(table.rows) for table in tables), default=0)
+    named = [table for table in tables if len(table.rows) == most and _is_named(lines, table)]
+    best = max(named or tables, key=lambda table: table.score, default=_SniffedTable(",", ".", 0, [], 0, []))
+    kinds = [] if named else _worded(lines, encoding)
+    if kinds:
+        return replace(kinds[0], others=tuple(kinds[1:]))
     if len(best.rows) < FEWEST:
         first = next((line for line in lines if line.strip()), "")
+        if sum(bool(re.search(r"\b0x[0-9A-Fa-f]+\b", line)) for line in tried) >= FEWEST:
+            raise DecodeError(
+                "its numbers are hexadecimal, and nothing says which of them are negative: write them as decimal "
+                f"numbers, for sensors mostly as two's complement. The first line is {excerpt(first)}."
+            )
         raise DecodeError(
             f"no separator makes a table of it: at least {FEWEST} rows of 2 or more numbers were expected, as in a CSV "
             f"or in lines like 'acc x=0.1 y=0.2', but the first line is {excerpt(first)}. Write a row for each sample. "
             "Numbers of one axis at rest are for 'plumbob allan', with --rate and --scale."
         )
     return _headed(lines, _table(lines, best.separator, best.decimal), encoding)
+
+
+def _is_named(lines: Sequence[str], table: _SniffedTable) -> bool:
+    """Whether a row of names stands above a table, and only single cells of its rows are words."""
+    names = _headed(lines, table, "utf-8").names
+    known = sum(bool(part.sensor or part.by_unit or part.is_time) for part in map(taken_apart, names))
+    return 2 * known >= len(names) > 0 and 4 * table.readable > 3 * len(table.rows) * len(table.rows[0])
+
+
+def _of_objects(text: str, encoding: str) -> Sample | None:
+    """First rows of objects of JSON; None where objects in lines are damaged, and may be read as words."""
+    try:
+        lines = objects_as_rows(text).split("\n")[:-1]
+    except DecodeError:
+        if text.lstrip().startswith("{") and text.count("\n") >= FEWEST:
+            return None
+        raise
+    sample = _headed(lines, _table(lines, "\t", "."), encoding)
+    return replace(sample, layout=replace(sample.layout, separator=JSON))
 
 
 def _worded(lines: Sequence[str], encoding: str) -> list[Sample]:
@@ -184,21 +246,6 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return tuple(names) if sum(map(bool, words[:-1])) > 1 else (), tuple(units)  # a word before all of them names none
 
 
-@dataclass(slots=True)
-class _SniffedTable:
-    separator: str
-    decimal: str
-    first: int
-    rows: list[list[str]]
-    readable: int
-    lines: list[int]
-
-    @property
-    def score(self) -> tuple[int, int]:
-        """Rows, then cells in them that are numbers, times or missing."""
-        return (len(self.rows), self.readable)
-
-
 def _decoded(raw: bytes) -> tuple[str, str]:
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return raw.decode("utf-16", "ignore"), "utf-16"
@@ -218,7 +265,7 @@ def _table(lines: Sequence[str], separator: str, decimal: str) -> _SniffedTable:
         if not line.strip() or line.startswith(_COMMENTS):
             continue
         cells = _cells(line, separator, i + 1)
-        count = _known_cells(cells, decimal)
+        count = _known_cells(cells, separator, decimal)
         if count and run.rows and len(cells) == len(run.rows[0]):
             bad = 0
         elif count and (not run.rows or len(run.rows) < FEWEST or bad >= FEWEST):
@@ -244,16 +291,33 @@ def _is_number(cell: str) -> bool:
     return _NUMBER["."].fullmatch(cell.strip()) is not None
 
 
-def _known_cells(cells: Sequence[str], decimal: str) -> int:
+def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
+    """What stands between groups of three digits, where no other cell tells against it and one proves it."""
+    sign = {".": ",", ",": "."}[decimal]
+    said = [cell.strip() for row in rows for cell in row]
+    groups = [cell for cell in said if sign in cell]
+    if not groups or not all(grouped(sign, decimal).fullmatch(cell) for cell in groups):
+        return ""
+    others = [cell for cell in said if sign not in cell and _NUMBER[decimal].fullmatch(cell)]
+    long = any(re.match(r"[-+]?(0,|0\.|0\d)", cell) for cell in groups) or any(
+        re.match(r"[-+]?\d{4}", c) for c in others
+    )
+    proven = any(cell.count(sign) > 1 or decimal in cell for cell in groups) or any(map(str.isdigit, others))
+    return sign if proven and not long else ""
+
+
+def _known_cells(cells: Sequence[str], separator: str, decimal: str) -> int:
     """Cells that are numbers, times or missing, in a row of which at least half of what is said are; else 0."""
     said = [cell.strip() for cell in cells if cell.strip()]
-    numbers = sum(_NUMBER[decimal].fullmatch(cell) is not None for cell in said)
+    forms = (_NUMBER[decimal], _GROUPED[decimal if separator != "," else "quoted"])
+    numbers = sum(any(form.fullmatch(cell) for form in forms) for cell in said)
     readable = numbers + sum(cell in MISSING or is_clocklike(cell) for cell in said)
     is_row = numbers >= 1 and 2 * readable >= len(said) and readable + len(cells) - len(said) >= 2
     return readable + len(cells) - len(said) if is_row else 0
 
 
-def _value(cell: str, decimal: str) -> float:
+def _value(cell: str, decimal: str, thousands: str = "") -> float:
+    cell = cell.replace(thousands, "") if thousands else cell
     return float(cell.replace(",", ".")) if _NUMBER[decimal].fullmatch(cell) else float("nan")
 
 
@@ -264,6 +328,12 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
     units: tuple[str, ...] = ()
     if len(before) > 1 and _are_units(split := _cells(before[-1][1], table.separator, 0)):
         units = tuple(split)
+    if told := _start_and_rate(lines):
+        layout = TextLayout(
+            table.separator, table.decimal, encoding=encoding, skip=2, names=False, missing=_missing(table.rows)
+        )
+        rows = [row for i, row in zip(table.lines, table.rows, strict=True) if i > told[0]]
+        return Sample(layout, (), (), False, rows, told[1])
     at, line = before[-2 if units else -1] if before else (0, "")
     bare = line.lstrip("#%/ ")
     if table.separator == " " and before and len(apart := bare.split(" ")) > width:
@@ -278,6 +348,7 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
     layout = TextLayout(
         separator=table.separator,
         decimal=table.decimal,
+        thousands=_thousands(table.rows, table.decimal),
         encoding=encoding,
         comment=_comment(lines[skip + 1 if marked else skip :]),
         missing=_missing(table.rows),
@@ -288,6 +359,17 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
     )
     preamble = [line for i, line in before if i < at or not names]
     return Sample(layout, full, units, bool(names) and full == names, table.rows, _facts(preamble))
+
+
+def _start_and_rate(lines: Sequence[str]) -> tuple[int, dict[str, str]] | None:
+    """Start (Unix time) and sampling rate where the first two lines hold one number each, once or in each column."""
+    first = [(i, set(re.split(r"[,;\s]+", line.strip(",; \t")))) for i, line in enumerate(lines[:FEWEST])]
+    if len(first) < FEWEST or any(len(cells) != 1 for _, cells in first[:2]) or len(first[2][1]) == 1:
+        return None
+    start, rate = (_value(cell, ".") for _, cells in first[:2] for cell in cells)
+    if not (CENTURY[0] < start < CENTURY[1] and 0.0 < rate < CENTURY[0]):
+        return None
+    return 1, {"unix start": repr(start), "rate": f"{rate:g} Hz"}
 
 
 def _under(sensors: Sequence[str], axes: tuple[str, ...]) -> tuple[str, ...]:

@@ -94,7 +94,7 @@ def read_text(path: str | Path | Sequence[str | Path], profile: Profile | str | 
 def _read_one(file: Path, declared: Profile, note: str) -> Recording:
     with reading(file):
         time = declared.time
-        exact = time.column if isinstance(time, TimeColumn) and time.unix else None
+        exact = time.exact if isinstance(time, TimeColumn) else None
         table = read_table(file.read_bytes(), declared.layout, declared.used, exact, declared.texts)
         return table_recording(declared, table, file.stem, note)
 
@@ -155,10 +155,13 @@ def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[str, .
     nanoseconds = Fraction(factor).limit_denominator(10**9) * 10**9
     stamps = table.columns[source.column]
     t0_ns = round(Fraction(table.zero) * nanoseconds)
-    if source.week is not None:
-        weeks = table.columns[source.week]
-        line = time_line((weeks - weeks[0]) * WEEK * 1e9 + stamps * 1e9 * factor, 1.0, table.place)
-        return (line.t_ns - line.t_ns[0]) / 1e9, utc_of_gps(int(weeks[0]), int(line.t_ns[0])), line.notes
+    larger = source.seconds if source.week is None else source.week
+    if larger is not None:
+        counts, size = table.columns[larger], 1 if source.week is None else WEEK
+        line = time_line((counts - counts[0]) * size * 1e9 + stamps * 1e9 * factor, 1.0, table.place)
+        first = int(line.t_ns[0])
+        start = utc_of_gps(int(counts[0]), first) if source.week is not None else int(counts[0]) * 10**9 + first
+        return (line.t_ns - first) / 1e9, start if source.week is not None or source.unix else 0, line.notes
     first = stamps[0] * factor
     if not source.unix and first >= _UPTIME and not CENTURY[0] < first < CENTURY[1]:  # no clock that somebody knows
         stamps = stamps - first // _UPTIME * _UPTIME / factor

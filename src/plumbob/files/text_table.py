@@ -6,11 +6,13 @@ cannot be read is refused with the first of them.
 """
 
 import csv
+import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from decimal import Decimal, InvalidOperation
+from functools import cache
 from itertools import islice
 from typing import Any, Final
 
@@ -22,7 +24,7 @@ from plumbob.core.text import counted, sentence_checksum
 from plumbob.data.recording import CUT
 from plumbob.files.arrow import column_numbers
 from plumbob.files.columns import FORM, is_clocklike
-from plumbob.files.profile import BLANK, ColumnRef, TextLayout
+from plumbob.files.profile import BLANK, JSON, QUOTED, ColumnRef, TextLayout
 
 TOKEN: Final = re.compile(
     r"(?<![\w.^:-])(?:\d{4}[-/]\d{1,2}[-/]\d{1,2}[T ])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?(?:Z\b)?|"
@@ -51,6 +53,84 @@ def single_blanks(text: str) -> str:
     while "  " in text:
         text = text.replace("  ", " ")
     return text.replace("\n ", "\n").replace(" \n", "\n").removeprefix(" ")
+
+
+def is_json(text: str) -> bool:
+    """Whether a text is meant as JSON: an object or an array, or an object in each line."""
+    return re.match(r"\s*(\[\s*)?\{\s*\"", text) is not None
+
+
+def objects_as_rows(text: str) -> str:
+    """Objects of JSON as a table with tabs: lines of what it says once, a row of names, and a row for each object.
+
+    Rows are the longest array of objects, or arrays of one length beside each other, or an array of arrays whose names
+    stand beside it. Several arrays of objects with the same keys are one table, with their own key as its ``sensor``.
+
+    Raises
+    ------
+    DecodeError
+        If it is not JSON, or no array in it has rows.
+    """
+    tables: dict[str, list[dict[str, str]]] = {}
+    facts: dict[str, str] = {}
+    try:
+        content = json.loads(f"[{','.join(filter(str.strip, text.splitlines()))}]" if _IN_LINES.match(text) else text)
+        _collect("", content, tables, facts)
+    except (ValueError, RecursionError) as error:
+        raise DecodeError(f"it is not JSON ({one_line(error)}); complete or correct it there.") from error
+    longest = max(map(len, tables.values()), default=0)
+    tables = {key: rows for key, rows in tables.items() if 2 * len(rows) > longest}
+    if len(tables) > 1 and len({frozenset(rows[0]) for rows in tables.values()}) == 1:
+        tables = {"": [{"sensor": key} | row for key, rows in tables.items() for row in rows]}
+    rows = max(tables.values(), key=len, default=[])
+    if not rows:
+        raise DecodeError('no array in it holds samples; write an array of objects, as [{"t": 0.01, "ax": 0.1}].')
+    names = dict.fromkeys(name for row in rows for name in row)
+    lines = [f"# {key}: {value}" for key, value in facts.items()]
+    return "\n".join([*lines, "\t".join(names), *("\t".join(row.get(name, "") for name in names) for row in rows), ""])
+
+
+_IN_LINES: Final = re.compile(r"\s*\{.*\}[ \r]*\n\s*\{")
+
+
+def _collect(key: str, value: Any, tables: dict[str, list[dict[str, str]]], facts: dict[str, str]) -> None:
+    """Find arrays of rows in JSON, and what it says once."""
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        tables[key] = [_flat("", item) for item in value]
+    elif isinstance(value, dict):
+        lists = {name: item for name, item in value.items() if isinstance(item, list) and item}
+        titles = [_titles(item) for item in lists.values()]
+        for name, item in lists.items():
+            if isinstance(item[0], list) and (fitting := [words for words in titles if len(words) == len(item[0])]):
+                tables[name] = [_flat("", dict(zip(fitting[0], row, strict=False))) for row in item]
+        columns = {name: item for name, item in lists.items() if not isinstance(item[0], dict) and name not in tables}
+        size = max(map(len, columns.values()), default=0)
+        columns = {name: item for name, item in columns.items() if len(item) == size}
+        tables[key] = [_flat("", dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)]
+        for name, item in value.items():
+            if name not in tables and name not in columns:
+                _collect(name, item, tables, facts)
+    elif not isinstance(value, list):
+        facts[key] = "" if value is None else str(value)
+
+
+def _titles(items: list[Any]) -> list[str]:
+    """Names of columns, with their units in brackets, in an array beside them."""
+    if all(isinstance(item, str) for item in items):
+        return items
+    entries = [item for item in items if isinstance(item, dict) and "name" in item]
+    return [f"{item['name']} [{item.get('units', item.get('unit', ''))}]" for item in entries]
+
+
+def _flat(name: str, value: Any) -> dict[str, str]:
+    """Cells of an object, also of what lies in it, as ``acc.x`` and ``acc[1]``."""
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        raise DecodeError(f"{name} holds several samples in one object. Write an object for each sample.")
+    if isinstance(value, dict | list):
+        items = value.items() if isinstance(value, dict) else ((f"[{k}]", item) for k, item in enumerate(value, 1))
+        keys = ((f"{name}.{key}" if name and isinstance(value, dict) else f"{name}{key}", item) for key, item in items)
+        return {cell: text for key, item in keys for cell, text in _flat(key, item).items()}
+    return {name: "" if value is None else " ".join(str(value).split())}
 
 
 _LONGEST_ROW = 1 << 20
@@ -129,10 +209,13 @@ def split_row(row: str, separator: str, line: int) -> list[str]:
         raise DecodeError(
             f"line {line} has {len(row)} characters, but a row of numbers has {_LONGEST_ROW} at most; is this the file?"
         )
+    if separator != ";":
+        row = row.rstrip("; \r") if row.rstrip().endswith(";") else row
     if separator == " ":
         return row.split()
     if separator == BLANK:
         return row.rstrip("\r").split(" ")
+    separator = "," if separator == QUOTED else separator
     if '"' not in row or row.lstrip().startswith("{"):
         return row.split(separator)
     try:
@@ -247,6 +330,7 @@ class _Reading:
         from pyarrow import csv
 
         names = [str(i) for i in range(self.width)]
+        separator = self.layout.separator
         types: dict[str, Any] = {str(place): pa.float64() for place in self.places.values()}
         types |= {str(self.places[ref]): pa.string() for ref in self.texts}
         if self.exact is not None:
@@ -256,7 +340,7 @@ class _Reading:
             table = csv.read_csv(
                 source,
                 read_options=csv.ReadOptions(column_names=names),
-                parse_options=csv.ParseOptions(delimiter=self.layout.separator.replace(BLANK, " ")),
+                parse_options=csv.ParseOptions(delimiter={BLANK: " ", QUOTED: ","}.get(separator, separator)),
                 convert_options=csv.ConvertOptions(
                     column_types=types,
                     include_columns=list(types),
@@ -361,6 +445,8 @@ def read_table(
         If a column is missing, or too many rows cannot be read; the message names the first line and column.
     """
     text = decode(raw, layout.encoding)
+    if layout.separator == JSON:
+        text, layout = objects_as_rows(text), replace(layout, separator="\t")
     text, cut = _ended(text, layout)
     head = find_head(text, layout)
     if layout.where and isinstance(layout.where[0], str) and layout.where[0] not in head.names:
@@ -487,6 +573,8 @@ def _checked(row: str, line: int) -> str:
 def _packed(block: str, layout: TextLayout) -> bytes:
     """UTF-8 without comments and with single blanks, as Arrow takes it."""
     mark = layout.comment
+    if layout.separator != ";" and ";\n" in block:
+        block = block.replace(";\n", "\n")
     if mark and (block.startswith(mark) or f"\n{mark}" in block):
         block = "".join(row for row in block.splitlines(keepends=True) if not row.startswith(mark))
     return (single_blanks(block) if layout.separator == " " else block).encode()
@@ -544,9 +632,17 @@ def _decimal(cell: str, line: int, ref: ColumnRef, layout: TextLayout) -> Decima
 
 def _plain(cell: str, layout: TextLayout) -> str:
     """Number with a point; raises ValueError where Python would take what no logger means."""
+    if layout.thousands and grouped(layout.thousands, layout.decimal).fullmatch(cell.strip()):
+        cell = cell.replace(layout.thousands, "")
     if "_" in cell or not cell.isascii() or (layout.decimal == "," and "." in cell):
         raise ValueError(cell)
     return cell.replace(",", ".") if layout.decimal == "," else cell
+
+
+@cache
+def grouped(thousands: str, decimal: str) -> re.Pattern[str]:
+    """Form of a number whose digits stand in groups of three."""
+    return re.compile(rf"[-+]?[1-9]\d{{0,2}}({re.escape(thousands)}\d{{3}})+({re.escape(decimal)}\d*)?")
 
 
 def _no_number(cell: str, line: int, ref: ColumnRef, layout: TextLayout) -> DecodeError:

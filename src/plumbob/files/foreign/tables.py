@@ -167,7 +167,7 @@ def _table(profile: Profile, container: "_Container") -> TextTable:
     zero = Decimal(0)
     for ref, (name, number) in places.items():
         column = tables[name][0][:, number - 1]
-        if isinstance(profile.time, TimeColumn) and ref == profile.time.column and profile.time.unix and column.size:
+        if isinstance(profile.time, TimeColumn) and ref == profile.time.exact and column.size:
             zero = Decimal(column[0].item())
             column = column - column[0]
         columns[ref] = np.asarray(column, dtype=np.float64)
