@@ -31,24 +31,25 @@ SENSORS = [  # name, cell of a row of units, sensor, axis, unit by our name
     ("xgyro", "", "gyr", "x", ""),  # MAVLink
     ("Vitesse angulaire Z (rad/s)", "", "gyr", "z", "rad/s"),
     ("Pelvis Accel Sensor X,mG", "", "acc", "x", "mg"),  # Noraxon
+    ("gyro_x_milli_dps", "", "gyr", "x", "mdeg/s"),  # not deg/s
+    ("ax_mps2", "", "acc", "x", "m/s2"),
+    ("mx_uT", "", "mag", "x", "uT"),
+    ("ω_y / °/s", "", "gyr", "y", "deg/s"),  # ISO 80000-1: a quantity divided by its unit
+    ("gx_deg/s", "", "gyr", "x", "deg/s"),
+    ("GYRO_X[mDPS]", "", "gyr", "x", "mdeg/s"),
+    ("VerticalAcc", "g", "acc", "z", "g"),  # AiM
+    ("AccML", "", "acc", "y", ""),  # mediolateral
+    ("Acceleration Sensor(X axis)(g)", "", "acc", "x", "g"),  # Torque
+    ("accelerationIncludingGravity.x", "", "acc", "x", ""),
+    ("rotationRate.alpha", "", "gyr", "z", ""),  # W3C Device Orientation, 5.3: about z
 ]
 OTHERS = [
-    ("Linear Acceleration x (m/s^2)", "linear"),
-    ("lin_acc_x", "linear"),
-    ("FreeAcc_X", "linear"),
-    ("Absolute acceleration (m/s^2)", "other"),
-    ("field.angular_velocity_covariance0", "other"),
-    ("gyro_temp", "other"),
-    ("Gyro X (m/s^2)", "other"),  # a unit of another quantity
-    ("mag_x (mV)", "other"),
-    ("Dev_Battery_CAL", ""),
-    ("axisP[0]", ""),
-    ("motor[0]", ""),
-    ("pressure (hPa)", ""),
-    ("roll", ""),
-    ("Gyro X (deg/s2)", "other"),
-    ("qx", ""),
-]
+    ("Linear Acceleration x (m/s^2)", "linear"), ("lin_acc_x", "linear"), ("FreeAcc_X", "linear"),
+    ("Absolute acceleration (m/s^2)", "other"), ("field.angular_velocity_covariance0", "other"), ("gyro_temp", "other"),
+    ("Gyro X (m/s^2)", "other"), ("mag_x (mV)", "other"),  # a unit of another quantity
+    ("Dev_Battery_CAL", ""), ("axisP[0]", ""), ("motor[0]", ""), ("pressure (hPa)", ""), ("roll", ""), ("qx", ""),
+    ("Gyro X (deg/s2)", "other"), ("Latitude (deg)", ""), ("gravity.x", "other"),
+]  # fmt: skip
 TIMES = ["t", "Time (s)", "time_ms", "timestamp", "Time stamp", "micros", "SampleTimeFine", "GPS TOW", "epoch (ms)",
          "elapsed (s)", "field.header.stamp", "Zeit [s]", "时间", "Dev_Timestamp_Unix_CAL"]  # fmt: skip
 COUNTERS = ["PacketCounter", "loopIteration", "sample", "index", "frame_id", "seq", "Row"]

@@ -4,6 +4,8 @@ The samples are made up in SI; each file is what a kind of logger would make of 
 """
 
 import json
+from functools import reduce
+from operator import xor
 
 import numpy as np
 import pytest
@@ -107,6 +109,23 @@ LOGS = {  # name of the file, its text, what a user answers
     "a serial monitor's arrow": (
         "a.txt", "".join(f"{t} -> {row}" for t, row in zip(CLOCK, rows(*G.T, *DPS.T).splitlines(True), strict=True)),
         UP | {"gyr.unit": "deg/s"}),
+    "seconds, and the rest in another column": (
+        "a.csv", "sec,usec," + names("acc*", "gyr*") + "\n" + rows([f"{k // 100}" for k in range(T.size)],
+        [f"{k % 100 * 10_000}" for k in range(T.size)], *ACC.T, *GYR.T), UP | {"gyr.unit": "rad/s"}),
+    "arrays of JSON, with names and an interval beside": ("a.json", json.dumps({"payload": {"interval_ms": 10,
+        "sensors": [{"name": s + n, "units": u} for s, u in (("acc", "m/s2"), ("gyr", "deg/s")) for n in "XYZ"],
+        "values": np.hstack([ACC, DPS]).tolist()}}), UP),
+    "an array of objects, right and down": ("a.json", json.dumps([{"t_ms": round(1e3 * t), "acc": dict(zip(
+        ("fwd", "right", "down"), a, strict=True)), "gyro": dict(zip(("fwd", "right", "down"), w, strict=True))}
+        for t, a, w in zip(T.tolist(), ACC.tolist(), GYR.tolist(), strict=True)]), UP | {"gyr.unit": "rad/s"}),
+    "minutes and seconds, a cell of words": (
+        "a.txt", "time\tname\t" + names("Acc*(g)", "As*(°/s)").replace(",", "\t") + "\n"
+        + rows([t[3:] for t in CLOCK], ["WT(6a:2f)"] * T.size, *G.T, *DPS.T, separator="\t"), UP),
+    "digits in groups, counts with a scale": (
+        "a.csv", "# 16384 LSB/g, 131 LSB/(deg/s)\ntime_us," + names("a*", "g*") + "\n" + rows(
+        *([f'"{v:,.0f}"' for v in c] for c in (T * 1e6, *(G * 16384).T, *(DPS * 131).T))), UP),
+    "start and rate above bare columns, a semicolon behind": (
+        "a.csv", "1714566605.25\n100.0\n" + rows(*ACC.T, *GYR.T).replace("\n", ";\n"), UP | {"gyr.unit": "rad/s"}),
     "a line cut at the end, and some that are broken": (
         "a.csv", "time_ms," + names("g*_dps", "a*_g", axes="xyz") + "\n" + rows(T * 1e3, *SIX), UP),
     "blanks of which each separates": (
@@ -209,9 +228,8 @@ def test_arrays_say_their_rate(tmp_path):
     path, out = tmp_path / "a.npz", tmp_path / "a.profile.toml"
     np.savez(path, gyr=GYR, acc=ACC, sampling_rate=np.array([250.0]))
     answers = UP | {"gyr.unit": "rad/s", "acc.unit": "m/s2"}
-    assert (
-        dict(plumbob.profile(path, accept=True, answers=answers, out=out).evidence)["time.rate"] == "the header says it"
-    )
+    draft = plumbob.profile(path, accept=True, answers=answers, out=out)
+    assert dict(draft.evidence)["time.rate"] == "the header says it"
     imu = plumbob.read(path).imu
     assert imu.t == pytest.approx(np.arange(T.size) / 250.0)
     assert imu.acc.tobytes() == ACC.tobytes()
@@ -274,10 +292,7 @@ def test_a_known_format_does_not_claim_another_loggers_table(tmp_path):
 
 def sentence(text):
     """With NMEA's checksum: the exclusive or of what stands between ``$`` and ``*``."""
-    bits = 0
-    for byte in text.encode():
-        bits ^= byte
-    return f"${text}*{bits:02X}\r\n"
+    return f"${text}*{reduce(xor, text.encode()):02X}\r\n"
 
 
 def test_sentences_with_a_checksum(tmp_path):
@@ -309,9 +324,7 @@ def test_columns_without_names_are_not_dealt_out_where_more_could_be_meant(tmp_p
     columns = {"acc.columns": [5, 6, 7], "gyr.columns": [8, 9, 10], "gyr.unit": "rad/s"}
     imu = drafted(tmp_path, "a.csv", text, UP | columns).imu
     assert (imu.gyr, imu.acc, imu.mag) == (pytest.approx(GYR, abs=1e-6), pytest.approx(ACC, abs=1e-6), None)
-    refused(
-        plumbob.profile, tmp_path / "a.csv", answers={"acc.columns": [1, 2, 11]}, match="column 11, which is not there"
-    )
+    refused(plumbob.profile, tmp_path / "a.csv", answers={"acc.columns": [1, 2, 11]}, match="column 11, which is not")
 
 
 def test_the_sensor_stands_in_the_name_of_the_file(tmp_path):

@@ -38,22 +38,28 @@ _CLOCK: Final = (
 )
 _ZONE: Final = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)"
 _STAMP: Final = re.compile(rf"(?:(?:{_DATE}|(?P<days>\d+) days?,?)(?:T| +))?{_CLOCK} *{_ZONE}?", re.IGNORECASE)
+_BASIC: Final = re.compile(r"(\d{4})(\d\d)(\d\d)[T _-](\d\d)(\d\d)(\d\d)(?!\d)")
 _CLOCKLIKE: Final = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ].*)?|.*\d{1,2}:\d\d:\d\d.*|\d+:\d\d[.,]\d+")
 
 
 def is_clocklike(cell: str) -> bool:
     """Tell whether a cell is a date or a clock time in some form, readable here or not."""
-    return _CLOCKLIKE.fullmatch(cell.strip()) is not None
+    return _CLOCKLIKE.fullmatch(cell.strip()) is not None or _matched(cell) is not None
 
 
 def is_stamp(cell: str) -> bool:
     """Tell whether a cell is a clock time, with a date or without, that can be read here."""
-    return _STAMP.fullmatch(cell.strip()) is not None
+    return _matched(cell) is not None
+
+
+def _matched(cell: str) -> re.Match[str] | None:
+    """A cell taken apart; of the basic form, as 20240501T123005, as of the extended one."""
+    return _STAMP.fullmatch(_BASIC.sub(r"\1-\2-\3T\4:\5:\6", cell.strip(), count=1))
 
 
 def has_zone(cell: str) -> bool:
     """Tell whether a time that can be read here names its zone."""
-    match = _STAMP.fullmatch(cell.strip())
+    match = _matched(cell)
     return match is not None and match["zone"] is not None
 
 
@@ -125,7 +131,7 @@ def stamps_ns(cells: Sequence[str], zone: int | None) -> tuple[list[int], bool]:
 
 
 def _parsed(row: int, cell: str) -> tuple[int, tuple[bool, bool]]:
-    match = _STAMP.fullmatch(cell.strip())
+    match = _matched(cell)
     if match is None:
         raise StampError(f"{excerpt(cell)} is not a time in the form of {FORM}, as 2024-05-01T12:30:05.120Z.", row)
     zone, fraction = match["zone"], match["fraction"] or match["parts"]

@@ -52,7 +52,7 @@ _SAID_RATES: Final = (
 _COUNTS: Final = "counts_per_unit"
 _COUNT: Final = r"(?:lsbs?|counts?|digits?)"
 _SCALES: Final = {
-    _COUNTS: rf"(\d+(?:\.\d+)?)\s*{_COUNT}\s*(?:/|per)\s*([^\s,;()]+|\([^()]*\))",
+    _COUNTS: rf"(\d+(?:\.\d+)?)\s*{_COUNT}\s*(?:/|per)\s*([^\s,:;()]+|\([^()]*\))",
     "unit_per_count": rf"(\d+(?:\.\d+)?(?:e-?\d+)?)\s*([^\s,;\d]+?)\s*(?:/|per)\s*{_COUNT}\b",
 }
 """How lines before a table say what a count is, by the key of a profile."""
@@ -250,7 +250,7 @@ def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str] | tu
     if sample.others:
         return [(kind, kind.layout.where, "") for kind in (sample, *sample.others)]
     parts = [taken_apart(name) for name in sample.for_cells(sample.names)]
-    if sum(part.axis in {"x", "y", "z"} and part.sensor == "" for part in parts) != 3:
+    if sum(part.axis in {"x", "y", "z"} and not (part.sensor or part.by_unit) for part in parts) != 3:
         return []
     for i in range(sample.width):
         cells = sample.cells(i)
@@ -493,6 +493,11 @@ class _DraftWriter:
             complete = [self._right_handed(columns) for columns in complete if self._is_measured(name, columns)]
             complete.sort(key=lambda columns: self._rank(name, columns))
             triads |= {name: complete[0]} if complete else {}
+        if triads and "acc" not in triads:  # steady vectors of the size of gravity, whose names say no sensor: asked
+            for i in self._free()[:-2]:
+                three = [part for part in self._parts[i : i + 3] if not part.sensor and not part.unit]
+                if [part.axis for part in three] == list("xyz") and self._has_gravity((i, i + 1, i + 2)):
+                    return triads | {"acc": (i, i + 1, i + 2)}
         return triads
 
     def _is_measured(self, name: str, columns: Sequence[int]) -> bool:
@@ -514,7 +519,8 @@ class _DraftWriter:
         part = self._parts[columns[0]]
         lacks_gravity = name == "acc" and not self._has_gravity(columns)
         has_no_unit = not part.unit_as(QUANTITY_BY_TRIAD[name])
-        return lacks_gravity, part.sensor == "linear", has_no_unit, "rate" in part.base.split()
+        derived = re.search(r"\b(rate|filt\w*|smooth\w*|lp|lpf|mean|avg|average)\b", part.base) is not None
+        return lacks_gravity, part.sensor == "linear", has_no_unit, derived
 
     def _sized_triads(self) -> dict[str, tuple[int, ...]]:
         """Threes of neighbouring columns without names, by their size: gravity is steady, the field is nearly so."""
@@ -720,7 +726,8 @@ class _DraftWriter:
 
     def _write_triad(self, name: str, columns: tuple[int, ...]) -> None:
         self._open(name)
-        named = bool(self._parts[columns[0]].axis) or bool(self._sensor)
+        part = self._parts[columns[0]]
+        named = bool(self._sensor) or (bool(part.axis) and bool(part.sensor or part.by_unit))
         by = "by their names" if named else "by their size; [] if they are none"
         sure, refs = named or self._is_sure_by_size(), tuple(map(self._ref, columns))
         self._set("columns", refs, f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure)
@@ -893,7 +900,7 @@ def _turn_rates(parts: list[ColumnName], names: Sequence[str]) -> list[ColumnNam
 
 def named_sensor(words: str) -> str:
     """Which sensor the name of a file or a kind of row is of; a single letter says nothing."""
-    longer = re.findall(r"[^\W_]{2,}", words)
+    longer = re.findall(r"[^\W\d_]{2,}", words)
     return taken_apart(" ".join([*longer, "x"])).sensor
 
 
@@ -923,9 +930,8 @@ def _time_unit(numbers: Floats, part: ColumnName) -> tuple[str, str, bool]:
     steps = np.diff(numbers[np.isfinite(numbers)])
     step = float(np.mean(steps[steps >= 0.0])) if (steps > 0.0).any() else 0.0
     rates = {unit: 1.0 / to_si(step, unit) for unit in _TIMES if step > 0.0}
-    named = part.unit_as(Quantity.TIME)
-    if named in rates:
-        return named, f"the header says {_one_line(part.unit)}: {rates[named]:.4g} Hz", True
+    if (named := part.unit_as(Quantity.TIME)) and step > 0.0:
+        return named, f"the header says {_one_line(part.unit)}: {1.0 / to_si(step, named):.4g} Hz", True
     if "tick" in part.base:
         return "", "ticks of a length that nothing says; give unit_per_count, or declare rate = '100 Hz'", False
     if "tow" in part.base:

@@ -9,6 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Final
 
@@ -42,20 +43,11 @@ _NUMBER: Final = {
 _GROUPED: Final = {
     ".": re.compile(r"[-+]?\d{1,3}(,\d{3}){2,}|[-+]?\d{1,3}(,\d{3})+\.\d+"),
     ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+"),
-    "quoted": grouped(",", "."),
 }
-"""Numbers in groups of three digits; a comma in a cell between commas was quoted."""
+"""Numbers that surely stand in groups of three digits; between commas, a cell with one was quoted."""
 _LAYOUTS: Final = (
-    (";", "."),
-    (";", ","),
-    ("\t", "."),
-    ("\t", ","),
-    (",", "."),
-    ("|", "."),
-    (" ", "."),
-    (" ", ","),
-    (QUOTED, ","),
-)
+    *product(";\t", ".,"), *product(",|", "."), *product(" ", ".,"), (QUOTED, ","),
+)  # fmt: skip
 _NINE: Final = tuple(f"{sensor}_{axis}" for sensor in ("mag (gauss)", "acc (m/s2)", "gyr (rad/s)") for axis in "xyz")
 SENTENCES: Final = {
     "VNYMR": ("yaw (deg)", "pitch (deg)", "roll (deg)", *_NINE),
@@ -149,8 +141,7 @@ def read_sample(path: Path) -> Sample:
     most = max((len(table.rows) for table in tables), default=0)
     named = [table for table in tables if len(table.rows) == most and _is_named(lines, table)]
     best = max(named or tables, key=lambda table: table.score, default=_SniffedTable(",", ".", 0, [], 0, []))
-    kinds = [] if named else _worded(lines, encoding)
-    if kinds:
+    if not named and (kinds := _worded(lines, encoding)):
         return replace(kinds[0], others=tuple(kinds[1:]))
     if len(best.rows) < FEWEST:
         first = next((line for line in lines if line.strip()), "")
@@ -292,24 +283,20 @@ def _is_number(cell: str) -> bool:
 
 
 def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
-    """What stands between groups of three digits, where no other cell tells against it and one proves it."""
+    """What stands between groups of three digits, where one number proves it and none tells against it."""
     sign = {".": ",", ",": "."}[decimal]
     said = [cell.strip() for row in rows for cell in row]
     groups = [cell for cell in said if sign in cell]
-    if not groups or not all(grouped(sign, decimal).fullmatch(cell) for cell in groups):
-        return ""
     others = [cell for cell in said if sign not in cell and _NUMBER[decimal].fullmatch(cell)]
-    long = any(re.match(r"[-+]?(0,|0\.|0\d)", cell) for cell in groups) or any(
-        re.match(r"[-+]?\d{4}", c) for c in others
-    )
     proven = any(cell.count(sign) > 1 or decimal in cell for cell in groups) or any(map(str.isdigit, others))
-    return sign if proven and not long else ""
+    long = any(re.match(r"[-+]?\d{4}", cell) for cell in others)
+    return sign if proven and not long and all(map(grouped(sign, decimal).fullmatch, groups)) and groups else ""
 
 
 def _known_cells(cells: Sequence[str], separator: str, decimal: str) -> int:
     """Cells that are numbers, times or missing, in a row of which at least half of what is said are; else 0."""
     said = [cell.strip() for cell in cells if cell.strip()]
-    forms = (_NUMBER[decimal], _GROUPED[decimal if separator != "," else "quoted"])
+    forms = (_NUMBER[decimal], grouped(",", ".") if separator == "," else _GROUPED[decimal])
     numbers = sum(any(form.fullmatch(cell) for form in forms) for cell in said)
     readable = numbers + sum(cell in MISSING or is_clocklike(cell) for cell in said)
     is_row = numbers >= 1 and 2 * readable >= len(said) and readable + len(cells) - len(said) >= 2
@@ -328,12 +315,11 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
     units: tuple[str, ...] = ()
     if len(before) > 1 and _are_units(split := _cells(before[-1][1], table.separator, 0)):
         units = tuple(split)
-    if told := _start_and_rate(lines):
-        layout = TextLayout(
-            table.separator, table.decimal, encoding=encoding, skip=2, names=False, missing=_missing(table.rows)
-        )
-        rows = [row for i, row in zip(table.lines, table.rows, strict=True) if i > told[0]]
-        return Sample(layout, (), (), False, rows, told[1])
+    if clock := _start_and_rate(lines):
+        missing = _missing(table.rows)
+        layout = TextLayout(table.separator, table.decimal, encoding, missing=missing, skip=2, names=False)
+        rows = [row for i, row in zip(table.lines, table.rows, strict=True) if i > 1]
+        return Sample(layout, (), (), by_name=False, rows=rows, facts=clock)
     at, line = before[-2 if units else -1] if before else (0, "")
     bare = line.lstrip("#%/ ")
     if table.separator == " " and before and len(apart := bare.split(" ")) > width:
@@ -361,15 +347,14 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
     return Sample(layout, full, units, bool(names) and full == names, table.rows, _facts(preamble))
 
 
-def _start_and_rate(lines: Sequence[str]) -> tuple[int, dict[str, str]] | None:
+def _start_and_rate(lines: Sequence[str]) -> dict[str, str]:
     """Start (Unix time) and sampling rate where the first two lines hold one number each, once or in each column."""
-    first = [(i, set(re.split(r"[,;\s]+", line.strip(",; \t")))) for i, line in enumerate(lines[:FEWEST])]
-    if len(first) < FEWEST or any(len(cells) != 1 for _, cells in first[:2]) or len(first[2][1]) == 1:
-        return None
-    start, rate = (_value(cell, ".") for _, cells in first[:2] for cell in cells)
-    if not (CENTURY[0] < start < CENTURY[1] and 0.0 < rate < CENTURY[0]):
-        return None
-    return 1, {"unix start": repr(start), "rate": f"{rate:g} Hz"}
+    first = [set(re.split(r"[,;\s]+", line.strip(",; \t"))) for line in lines[:FEWEST]]
+    if len(first) < FEWEST or len(first[0]) + len(first[1]) > 2 or len(first[2]) == 1:
+        return {}
+    start, rate = (_value(cells.pop(), ".") for cells in first[:2])
+    known = CENTURY[0] < start < CENTURY[1] and 0.0 < rate < CENTURY[0]
+    return {"unix start": repr(start), "rate": f"{rate:g} Hz"} if known else {}
 
 
 def _under(sensors: Sequence[str], axes: tuple[str, ...]) -> tuple[str, ...]:

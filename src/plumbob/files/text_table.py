@@ -111,7 +111,7 @@ def _collect(key: str, value: Any, tables: dict[str, list[dict[str, str]]], fact
             if name not in tables and name not in columns:
                 _collect(name, item, tables, facts)
     elif not isinstance(value, list):
-        facts[key] = "" if value is None else str(value)
+        facts |= _flat(key, value)
 
 
 def _titles(items: list[Any]) -> list[str]:
@@ -209,8 +209,7 @@ def split_row(row: str, separator: str, line: int) -> list[str]:
         raise DecodeError(
             f"line {line} has {len(row)} characters, but a row of numbers has {_LONGEST_ROW} at most; is this the file?"
         )
-    if separator != ";":
-        row = row.rstrip("; \r") if row.rstrip().endswith(";") else row
+    row = row.rstrip("; \r") if separator != ";" and row.rstrip().endswith(";") else row
     if separator == " ":
         return row.split()
     if separator == BLANK:
@@ -573,8 +572,7 @@ def _checked(row: str, line: int) -> str:
 def _packed(block: str, layout: TextLayout) -> bytes:
     """UTF-8 without comments and with single blanks, as Arrow takes it."""
     mark = layout.comment
-    if layout.separator != ";" and ";\n" in block:
-        block = block.replace(";\n", "\n")
+    block = block if layout.separator == ";" else block.replace(";\n", "\n")
     if mark and (block.startswith(mark) or f"\n{mark}" in block):
         block = "".join(row for row in block.splitlines(keepends=True) if not row.startswith(mark))
     return (single_blanks(block) if layout.separator == " " else block).encode()
