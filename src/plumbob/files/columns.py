@@ -39,12 +39,14 @@ _CLOCK: Final = (
 _ZONE: Final = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)"
 _STAMP: Final = re.compile(rf"(?:(?:{_DATE}|(?P<days>\d+) days?,?)(?:T| +))?{_CLOCK} *{_ZONE}?", re.IGNORECASE)
 _BASIC: Final = re.compile(r"(\d{4})(\d\d)(\d\d)[T _-](\d\d)(\d\d)(\d\d)(?!\d)")
-_CLOCKLIKE: Final = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ].*)?|.*\d{1,2}:\d\d:\d\d.*|\d+:\d\d[.,]\d+")
+_CLOCKLIKE: Final = re.compile(
+    r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ].*)?|.*\d{1,2}:\d\d:\d\d.*|\d+:\d\d[.,]\d+|\d{8}[T _-]\d{6}.*"
+)
 
 
 def is_clocklike(cell: str) -> bool:
     """Tell whether a cell is a date or a clock time in some form, readable here or not."""
-    return _CLOCKLIKE.fullmatch(cell.strip()) is not None or _matched(cell) is not None
+    return _CLOCKLIKE.fullmatch(cell.strip()) is not None
 
 
 def is_stamp(cell: str) -> bool:

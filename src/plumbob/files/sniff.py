@@ -287,17 +287,21 @@ def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
     sign = {".": ",", ",": "."}[decimal]
     said = [cell.strip() for row in rows for cell in row]
     groups = [cell for cell in said if sign in cell]
+    if not groups or not all(map(grouped(sign, decimal).fullmatch, groups)):
+        return ""
     others = [cell for cell in said if sign not in cell and _NUMBER[decimal].fullmatch(cell)]
     proven = any(cell.count(sign) > 1 or decimal in cell for cell in groups) or any(map(str.isdigit, others))
-    long = any(re.match(r"[-+]?\d{4}", cell) for cell in others)
-    return sign if proven and not long and all(map(grouped(sign, decimal).fullmatch, groups)) and groups else ""
+    return sign if proven and not any(re.match(r"[-+]?\d{4}", cell) for cell in others) else ""
 
 
 def _known_cells(cells: Sequence[str], separator: str, decimal: str) -> int:
     """Cells that are numbers, times or missing, in a row of which at least half of what is said are; else 0."""
     said = [cell.strip() for cell in cells if cell.strip()]
-    forms = (_NUMBER[decimal], grouped(",", ".") if separator == "," else _GROUPED[decimal])
-    numbers = sum(any(form.fullmatch(cell) for form in forms) for cell in said)
+    number, groups = (
+        _NUMBER[decimal].fullmatch,
+        (grouped(",", ".") if separator == "," else _GROUPED[decimal]).fullmatch,
+    )
+    numbers = sum((number(cell) or groups(cell)) is not None for cell in said)
     readable = numbers + sum(cell in MISSING or is_clocklike(cell) for cell in said)
     is_row = numbers >= 1 and 2 * readable >= len(said) and readable + len(cells) - len(said) >= 2
     return readable + len(cells) - len(said) if is_row else 0
