@@ -411,9 +411,9 @@ class _DraftWriter:
     def _in_two_parts(self, named: Sequence[int]) -> tuple[int, ...]:
         """Columns of whole seconds, which repeat, and of the parts of them, which begin again as they go on."""
         for i, k in product(named, range(self._sample.width)):
-            whole, unit = self._numbers[i], self._part_of_second(k)
-            if unit and (whole == np.rint(whole)).all() and (np.diff(whole) == 0.0).any():
-                t = whole - whole[0] + to_si(self._numbers[k], unit)
+            seconds, unit = self._numbers[i], self._part_of_second(k)
+            if unit and (seconds == np.rint(seconds)).all() and (np.diff(seconds) == 0.0).any():
+                t = seconds - seconds[0] + to_si(self._numbers[k], unit)
                 if (np.diff(t) > 0.0).all() and (np.diff(self._numbers[k]) < 0.0).any():
                     return (k, i)
         return ()
@@ -525,7 +525,7 @@ class _DraftWriter:
     def _sized_triads(self) -> dict[str, tuple[int, ...]]:
         """Threes of neighbouring columns without names, by their size: gravity is steady, the field is nearly so."""
         free = self._free()
-        if self._sensor in TRIADS and len(free) != len("xyz"):
+        if len(free) % len("xyz"):
             free = [i for i in free if np.nanmin(self._numbers[i]) < np.nanmax(self._numbers[i])]
         if self._sensor in TRIADS and len(free) == len("xyz"):
             return {self._sensor: tuple(free)}
@@ -673,7 +673,7 @@ class _DraftWriter:
         part, numbers = self._parts[self._time[0]], self._numbers[self._time[0]]
         steps = np.diff(numbers[np.isfinite(numbers)])
         even = bool(steps.size and np.std(steps) < _EVEN * np.mean(steps)) and not (steps == 1.0).all()
-        self._set("column", refs[0], "it increases like time", ask=True, sure=part.is_time or even)
+        self._set("column", refs[0], "it increases like time", ask=True, sure=part.is_time or even or len(refs) == 2)
         unit, why, sure = _time_unit(numbers, part)
         if len(refs) == 2:
             unit, why, sure = self._part_of_second(self._time[0]), "it begins again at each second", True
@@ -684,8 +684,8 @@ class _DraftWriter:
         weeks = [i for i, other in enumerate(self._parts) if other.is_week and "tow" in part.base]
         if weeks:
             self._set("week", self._ref(weeks[0]), "the GPS week that the time is of", ask=True, sure=True)
-        whole = self._numbers[self._time[1]][0] if len(refs) == 2 else 0.0
-        since = whole + to_si(float(numbers[0]), unit) if unit and not weeks else 0.0
+        seconds = self._numbers[self._time[1]][0] if len(refs) == 2 else 0.0
+        since = seconds + to_si(float(numbers[0]), unit) if unit and not weeks else 0.0
         if CENTURY[0] < since < CENTURY[1]:
             start = datetime.fromtimestamp(since, UTC)
             self._set("epoch", "unix", f"since 1970 (UTC): the first is {start:%Y-%m-%d %H:%M:%S}", ask=True, sure=True)
@@ -936,6 +936,9 @@ def _time_unit(numbers: Floats, part: ColumnName) -> tuple[str, str, bool]:
         return "", "ticks of a length that nothing says; give unit_per_count, or declare rate = '100 Hz'", False
     if "tow" in part.base:
         return "s", "a time of week counts seconds", True
+    clock = step < 40.0 and 1e4 <= numbers.max() < 24e4 and (numbers % 100 < 60).all()
+    if clock and ((steps > 40.0) & (steps - step < 41.0)).any():
+        return "", "it jumps by 40 at each minute: clock times, to be written as HH:MM:SS", False
     plausible = {unit: rate for unit, rate in rates.items() if _RATES[0] <= rate <= _RATES[1]}
     if not plausible:
         return "", f"steps of {step:.4g} make no usual rate; or delete both keys and declare rate = '100 Hz'", False

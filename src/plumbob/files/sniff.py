@@ -161,8 +161,8 @@ def read_sample(path: Path) -> Sample:
 def _is_named(lines: Sequence[str], table: _SniffedTable) -> bool:
     """Whether a row of names stands above a table, and only single cells of its rows are words."""
     names = _headed(lines, table, "utf-8").names
-    known = sum(bool(part.sensor or part.by_unit or part.is_time) for part in map(taken_apart, names))
-    return 2 * known >= len(names) > 0 and 4 * table.readable > 3 * len(table.rows) * len(table.rows[0])
+    understood = sum(bool(part.sensor or part.by_unit or part.is_time) for part in map(taken_apart, names))
+    return 2 * understood >= len(names) > 0 and 4 * table.readable > 3 * len(table.rows) * len(table.rows[0])
 
 
 def _of_objects(text: str, encoding: str) -> Sample | None:
@@ -315,6 +315,8 @@ def _value(cell: str, decimal: str, thousands: str = "") -> float:
 def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample:
     """Add names and units, and what the lines before them say."""
     before = [(i, line) for i, line in enumerate(lines[: table.first]) if re.search(r"\w", line)]
+    last = before[-1][0] if before else 0
+    before = [(i, line) for i, line in before if not re.fullmatch(r"\[[\w ]+\]\s*", line)]  # of a section
     width = len(table.rows[0])
     units: tuple[str, ...] = ()
     if len(before) > 1 and _are_units(split := _cells(before[-1][1], table.separator, 0)):
@@ -344,7 +346,7 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
         missing=_missing(table.rows),
         skip=skip,
         names=bool(names),
-        after_names=1 if units and names else 0,
+        after_names=last - at if names else 0,
         mark=line[: len(line) - len(bare)] if marked else "",
     )
     preamble = [line for i, line in before if i < at or not names]
@@ -357,8 +359,8 @@ def _start_and_rate(lines: Sequence[str]) -> dict[str, str]:
     if len(first) < FEWEST or len(first[0]) + len(first[1]) > 2 or len(first[2]) == 1:
         return {}
     start, rate = (_value(cells.pop(), ".") for cells in first[:2])
-    known = CENTURY[0] < start < CENTURY[1] and 0.0 < rate < CENTURY[0]
-    return {"unix start": repr(start), "rate": f"{rate:g} Hz"} if known else {}
+    plausible = CENTURY[0] < start < CENTURY[1] and 0.0 < rate < CENTURY[0]
+    return {"unix start": repr(start), "rate": f"{rate:g} Hz"} if plausible else {}
 
 
 def _under(sensors: Sequence[str], axes: tuple[str, ...]) -> tuple[str, ...]:
