@@ -7,42 +7,31 @@ from plumbob.files.column_names import canonical, taken_apart
 
 SENSORS = [  # name, cell of a row of units, sensor, axis, unit by our name
     ("Low/Acceleration/X", "m/s^2", "acc", "x", "m/s2"),  # APDM
-    ("Low/Angular Velocity/Y", "rad/s", "gyr", "y", "rad/s"),
-    ("Low/Magnetic Field/Z", "uT", "mag", "z", "uT"),
+    ("Low/Angular Velocity/Y", "rad/s", "gyr", "y", "rad/s"), ("Low/Magnetic Field/Z", "uT", "mag", "z", "uT"),
     ("Dev_Accel_LN_X_CAL", "m/(s^2)", "acc", "x", "m/s2"),  # Shimmer
     ("Dev_Mag_X_CAL", "local_flux", "mag", "x", ""),
     ("y-axis (deg/s)", "", "gyr", "y", "deg/s"),  # MetaMotion: the unit alone says it
-    ("x-axis (g)", "", "acc", "x", "g"),
-    ("gx(dps)", "", "gyr", "x", "deg/s"),
-    ("az", "", "acc", "z", ""),
-    ("acc_x_mg", "", "acc", "x", "mg"),
-    ("gyro_x_rad_s", "", "gyr", "x", "rad/s"),
+    ("x-axis (g)", "", "acc", "x", "g"), ("gx(dps)", "", "gyr", "x", "deg/s"), ("az", "", "acc", "z", ""),
+    ("acc_x_mg", "", "acc", "x", "mg"), ("gyro_x_rad_s", "", "gyr", "x", "rad/s"),
     ("field.angular_velocity.x", "", "gyr", "x", ""),  # rostopic echo -p
-    ("field.linear_acceleration.z", "", "acc", "z", ""),
-    ("gyroADC[2] (deg/s)", "", "gyr", "2", "deg/s"),  # Betaflight
-    ("accSmooth[1]", "", "acc", "1", ""),
-    ("X Accel [x8004]", "", "acc", "x", ""),  # SensorConnect: a code is no unit
-    ("角速度X", "[°/s]", "gyr", "x", "deg/s"),
-    ("加速度Z", "[g]", "acc", "z", "g"),
-    ("w_RS_S_x [rad s^-1]", "", "", "x", ""),
-    ("Roll Rate (deg/s)", "", "gyr", "x", "deg/s"),
-    ("GyroX(d/s)", "", "gyr", "x", "deg/s"),
+    ("field.linear_acceleration.z", "", "acc", "z", ""), ("gyroADC[2] (deg/s)", "", "gyr", "2", "deg/s"),  # Betaflight
+    ("accSmooth[1]", "", "acc", "1", ""), ("X Accel [x8004]", "", "acc", "x", ""),  # a code is no unit
+    ("角速度X", "[°/s]", "gyr", "x", "deg/s"), ("加速度Z", "[g]", "acc", "z", "g"), ("w_RS_S_x [rad s^-1]", "", "", "x", ""),
+    ("Roll Rate (deg/s)", "", "gyr", "x", "deg/s"), ("GyroX(d/s)", "", "gyr", "x", "deg/s"),
     ("Ax[mG]", "", "acc", "x", "mg"),  # Epson: no gauss
     ("xgyro", "", "gyr", "x", ""),  # MAVLink
     ("Vitesse angulaire Z (rad/s)", "", "gyr", "z", "rad/s"),
     ("Pelvis Accel Sensor X,mG", "", "acc", "x", "mg"),  # Noraxon
     ("gyro_x_milli_dps", "", "gyr", "x", "mdeg/s"),  # not deg/s
-    ("ax_mps2", "", "acc", "x", "m/s2"),
-    ("mx_uT", "", "mag", "x", "uT"),
+    ("ax_mps2", "", "acc", "x", "m/s2"), ("mx_uT", "", "mag", "x", "uT"),
     ("ω_y / °/s", "", "gyr", "y", "deg/s"),  # ISO 80000-1: a quantity divided by its unit
-    ("gx_deg/s", "", "gyr", "x", "deg/s"),
-    ("GYRO_X[mDPS]", "", "gyr", "x", "mdeg/s"),
+    ("gx_deg/s", "", "gyr", "x", "deg/s"), ("GYRO_X[mDPS]", "", "gyr", "x", "mdeg/s"),
     ("VerticalAcc", "g", "acc", "z", "g"),  # AiM
     ("AccML", "", "acc", "y", ""),  # mediolateral
     ("Acceleration Sensor(X axis)(g)", "", "acc", "x", "g"),  # Torque
     ("accelerationIncludingGravity.x", "", "acc", "x", ""),
     ("rotationRate.alpha", "", "gyr", "z", ""),  # W3C Device Orientation, 5.3: about z
-]
+]  # fmt: skip
 OTHERS = [
     ("Linear Acceleration x (m/s^2)", "linear"), ("lin_acc_x", "linear"), ("FreeAcc_X", "linear"),
     ("Absolute acceleration (m/s^2)", "other"), ("field.angular_velocity_covariance0", "other"), ("gyro_temp", "other"),

@@ -180,11 +180,9 @@ def test_of_a_rate_alone_lines_that_are_left_out_keep_their_time(tmp_path):
 
 
 def test_rows_that_name_their_sensor_are_one_recording(tmp_path):
-    long = [(t, f"accel,{1e3 * t:.3f},{a[0]:.6f},{a[1]:.6f},{a[2]:.6f}\n") for t, a in zip(T, ACC, strict=True)]
-    long += [(t, f"gyro,{1e3 * t:.3f},{w[0]:.6f},{w[1]:.6f},{w[2]:.6f}\n") for t, w in zip(T + 3e-3, GYR, strict=True)]
-    long += [
-        (t, f"mag,{1e3 * t:.3f},{b[0]:.6f},{b[1]:.6f},{b[2]:.6f}\n") for t, b in zip(T[::5], MAG[::5], strict=True)
-    ]
+    sources = (("accel", T, ACC), ("gyro", T + 3e-3, GYR), ("mag", T[::5], MAG[::5]))
+    each = ((t, word, v) for word, times, values in sources for t, v in zip(times, values, strict=True))
+    long = [(t, f"{word},{1e3 * t:.3f},{v[0]:.6f},{v[1]:.6f},{v[2]:.6f}\n") for t, word, v in each]
     text = "sensor,timestamp_ms,x,y,z\n" + "".join(line for _, line in sorted(long, key=lambda row: row[0]))
     imu = drafted(tmp_path, "a.csv", text, UP | {"gyr.unit": "rad/s", "acc.unit": "m/s2", "mag.unit": "uT"}).imu
     assert len(imu) == T.size - 1  # the last rate is later than every force
@@ -284,8 +282,7 @@ def test_a_known_format_does_not_claim_another_loggers_table(tmp_path):
     """phyphox writes its axes in small letters and its own units; this logger does not."""
     path = tmp_path / "log.csv"
     path.write_text("Time (s)," + names("Gyroscope * (deg/s)", "Accelerometer * (g)") + "\n" + rows(T, *SIX))
-    with pytest.raises(DecodeError, match="plumbob profile"):
-        plumbob.read(path)
+    refused(plumbob.read, path, match="plumbob profile")
     recording = drafted(tmp_path, "log.csv", path.read_text(), UP)
     assert recording.imu.gyr == pytest.approx(GYR, abs=1e-4)
 
