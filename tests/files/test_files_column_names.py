@@ -16,9 +16,9 @@ SENSORS = [  # name, cell of a row of units, sensor, axis, unit by our name
     ("field.angular_velocity.x", "", "gyr", "x", ""),  # rostopic echo -p
     ("field.linear_acceleration.z", "", "acc", "z", ""), ("gyroADC[2] (deg/s)", "", "gyr", "2", "deg/s"),  # Betaflight
     ("accSmooth[1]", "", "acc", "1", ""), ("X Accel [x8004]", "", "acc", "x", ""),  # a code is no unit
-    ("角速度X", "[°/s]", "gyr", "x", "deg/s"), ("加速度Z", "[g]", "acc", "z", "g"), ("GyroX(d/s)", "", "gyr", "x", "deg/s"),
-    ("Roll Rate (deg/s)", "", "gyr", "x", "deg/s"), ("w_RS_S_x [rad s^-1]", "", "", "x", ""),
-    ("Ax[mG]", "", "acc", "x", "mg"),  # Epson: no gauss
+    ("角速度X", "[°/s]", "gyr", "x", "deg/s"), ("加速度Z", "[g]", "acc", "z", "g"),
+    ("w_RS_S_x [rad s^-1]", "", "", "x", ""), ("Roll Rate (deg/s)", "", "gyr", "x", "deg/s"),
+    ("GyroX(d/s)", "", "gyr", "x", "deg/s"), ("Ax[mG]", "", "acc", "x", "mg"),  # Epson: no gauss
     ("xgyro", "", "gyr", "x", ""),  # MAVLink
     ("Vitesse angulaire Z (rad/s)", "", "gyr", "z", "rad/s"),
     ("Pelvis Accel Sensor X,mG", "", "acc", "x", "mg"),  # Noraxon
