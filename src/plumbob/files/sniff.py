@@ -173,7 +173,10 @@ def _of_objects(text: str, encoding: str) -> Sample | None:
         if text.lstrip().startswith("{") and text.count("\n") >= FEWEST:
             return None
         raise
-    sample = _headed(lines, _table(lines, "\t", "."), encoding)
+    table = _table(lines, "\t", ".")
+    if len(table.rows) < FEWEST:
+        raise DecodeError(f"no array in it holds {FEWEST} samples of 2 numbers; write an object for each sample.")
+    sample = _headed(lines, table, encoding)
     return replace(sample, layout=replace(sample.layout, separator=JSON))
 
 

@@ -76,7 +76,9 @@ def objects_as_rows(text: str) -> str:
     try:
         content = json.loads(f"[{','.join(filter(str.strip, text.splitlines()))}]" if _IN_LINES.match(text) else text)
         _collect("", content, tables, facts)
-    except (ValueError, RecursionError) as error:
+    except DecodeError:
+        raise
+    except (ValueError, TypeError, RecursionError) as error:
         raise DecodeError(f"it is not JSON ({one_line(error)}); complete or correct it there.") from error
     longest = max(map(len, tables.values()), default=0)
     tables = {key: rows for key, rows in tables.items() if 2 * len(rows) > longest}
@@ -86,10 +88,14 @@ def objects_as_rows(text: str) -> str:
     if not rows:
         raise DecodeError('no array in it holds samples; write an array of objects, as [{"t": 0.01, "ax": 0.1}].')
     names = dict.fromkeys(name for row in rows for name in row)
+    if len(names) * len(rows) > _MOST_EMPTY * len(text):
+        raise DecodeError(f"its objects have {len(names)} different keys, but those of a table share them.")
     lines = [f"# {key}: {value}" for key, value in facts.items()]
     return "\n".join([*lines, "\t".join(names), *("\t".join(row.get(name, "") for name in names) for row in rows), ""])
 
 
+_MOST_EMPTY: Final = 16
+"""Cells of a table for each character of JSON: what other sensors' objects lack is empty."""
 _IN_LINES: Final = re.compile(r"\s*\{.*\}[ \r]*\n\s*\{")
 
 
