@@ -90,7 +90,7 @@ def test_the_command_line_gives_the_same_to_the_bit_and_an_attitude_follows(tmp_
     for words, message in (
         ("--filter scalar --frame NED --init level", "--frame, --init: scalar gives no attitude"),
         ("--filter mahony --rest 0s..5s", "--drift and --rest are for a filter of rates"),
-        ("--filter scalar --rest 5s", "a span is written as 0s..5s"),
+        ("--filter scalar --rest 5s", "--rest needs a span as 0s..5s"),
     ):
         assert main(["run", str(file), *words.split()]) == 1
         assert message in capsys.readouterr().err

@@ -87,15 +87,15 @@ allan one.txt {n} --html x.png | --html needs a name that ends in .html or .htm
 allan one.txt {n} --kalibr . | is a folder
 allan one.txt {n} --card x.json --kalibr ./x.json | x.json is named for two outputs
 allan one.txt {n} --taus 0.015 | is not a multiple of the sampling time
-allan one.txt {n} --skip 5s | --skip needs times as 12s..14s
+allan one.txt {n} --skip 5s | --skip needs a span as 0s..5s
 calibrate accel rest.parquet --gravity '9.8 m/s2' --latitude '50 deg' | Give one
 calibrate accel rest.parquet --height '40 m' | needs latitude
 calibrate accel rest.parquet --latitude '95 deg' | latitude is from
 calibrate accel rest.parquet --from 200s | nothing lies
 calibrate hand rest.parquet --place 0,0 --latitude '0 deg' | Give one
 calibrate gyro rest.parquet --angle 360deg | belongs to --method ferraris
-calibrate gyro rest.parquet --preset trackball --method rest | method of its own
-calibrate gyro rest.parquet --method ferraris --parts p.csv --part-column part | Give one of them
+calibrate gyro rest.parquet --preset trackball --method rest | --preset does not go with --method
+calibrate gyro rest.parquet --method ferraris --parts p.csv --part-column part | --parts does not go with --part-column
 calibrate mag rest.parquet --shape level --tilt 9deg | tilt has no effect
 calibrate mag rest.parquet --in-use --with acc | leave them out
 calibrate mag --in-use --live --port /dev/null | does not go with --live
@@ -112,7 +112,7 @@ calibrate mag --live --port /dev/null --format buoy --out no/x.json | no/x.json
 calibrate mag --live --port /dev/null --format buoy --out x.json | --device
 calibrate mag --live --port /dev/null --format trackball --device x --out x.json | the line has no mag, only gyr
 calibrate gyro --live --method hand --port x --out x.json | guides a rest only
-calibrate mag --live --to 5s --out x.json | --to belong to recordings
+calibrate mag --live --to 5s --out x.json | --live does not go with --to
 arm export angles.parquet --out p.bag | --out takes names
 arm export angles.parquet --out m.urdf | name its file with --chain
 arm export angles.parquet --out p.csv --rate '5 m' | not a unit of frequency
@@ -137,7 +137,7 @@ info sea.parquet --min-grade 101 | 101
 benchmark accuracy . --filters mahony --gaps five | gaps needs their number and length, as 5x1s
 benchmark accuracy . --filters mahony --wrong-field 1,2,3uT | wrong_field needs field and times
 benchmark accuracy . --filters mahony --bias 1,2dps | has 2 numbers
-benchmark accuracy . --filters mahony --between 3s | a span is written as 0s..5s
+benchmark accuracy . --filters mahony --between 3s | --between needs a span as 0s..5s
 benchmark accuracy . --filters mahony --against vqf | there is no 'vqf' to compare with
 benchmark accuracy . --filters mahony --noise noise.json | mahony has no parameter that a noise card could give
 benchmark scenario static --frame NED --filters mahony --noise own | mahony has no parameter that a noise card could

@@ -6,6 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
+from plumbob.core.errors import ParameterError
+from plumbob.core.files import write_text
+from plumbob.core.units import Quantity, parse, to_deg
 
 if TYPE_CHECKING:
     from plumbob.arm.program import Program
@@ -18,7 +21,6 @@ Call = Callable[..., Any]
 
 def _read(args: argparse.Namespace, call: Call) -> "ImuArray":
     """Units of the sources, which are files or UNIT=FILE."""
-    from plumbob.core.errors import ParameterError
     from plumbob.door.reading import read_array
 
     pairs = [source.partition("=") for source in args.array]
@@ -32,8 +34,6 @@ def _read(args: argparse.Namespace, call: Call) -> "ImuArray":
 
 def _angles(texts: list[str], chain: "Chain") -> list[float]:
     """Angles with units, or zero for all of them."""
-    from plumbob.core.units import Quantity, parse
-
     if texts in ([], ["zero"]):
         return [0.0] * len(chain.angles)
     return [parse(text, Quantity.ANGLE) for text in texts]
@@ -42,8 +42,6 @@ def _angles(texts: list[str], chain: "Chain") -> list[float]:
 def align(args: argparse.Namespace, verb: "Verb", call: Call) -> int:
     """Find mountings and axes, and write the card."""
     from plumbob.arm import ArmCard, opened_chain
-    from plumbob.core.errors import ParameterError
-    from plumbob.core.units import Quantity, parse
 
     ArmCard.require_place(Path(args.out))
     chain = opened_chain(args.chain)
@@ -69,7 +67,6 @@ def align(args: argparse.Namespace, verb: "Verb", call: Call) -> int:
 def run(args: argparse.Namespace, verb: "Verb", call: Call) -> int:
     """Estimate joint angles."""
     from plumbob.arm import ArmCard, opened_chain
-    from plumbob.core.units import to_deg
 
     chain = opened_chain(args.chain)
     geometry = chain.chain if isinstance(chain, ArmCard) else chain
@@ -134,8 +131,6 @@ def export(
         Whether files that lie there may be replaced.
     """
     from plumbob import arm
-    from plumbob.core.errors import ParameterError
-    from plumbob.core.files import write_text
     from plumbob.data.chain_toml import load_chain
 
     paths = [Path(path) for path in out]
@@ -160,8 +155,6 @@ def export(
 
 def exported(args: argparse.Namespace, verb: "Verb", call: Call) -> int:
     """Write the program, and say what became of the angles."""
-    from plumbob.core.errors import ParameterError
-
     if not hasattr(args, "chain") and (args.html or args.plot):
         raise ParameterError("a page needs the chain; name its file with --chain.")
     program, chain = call()
@@ -176,7 +169,6 @@ def exported(args: argparse.Namespace, verb: "Verb", call: Call) -> int:
 def _require_suffixes(paths: list[Path]) -> None:
     """Refuse what cannot be written before anything is."""
     from plumbob.arm.exported import SUFFIXES
-    from plumbob.core.errors import ParameterError
 
     for path in paths:
         if path.suffix.lower() not in (*SUFFIXES, ".urdf"):
@@ -184,8 +176,6 @@ def _require_suffixes(paths: list[Path]) -> None:
 
 
 def _print_program(args: argparse.Namespace, program: "Program", chain: "Chain | None") -> None:
-    from plumbob.core.units import to_deg
-
     used = {} if chain is None else dict(program.used(chain))
     away = {name: (to_deg(error.rms), to_deg(error.max)) for name, error in (program.deviations or {}).items()}
     if args.json:
@@ -216,7 +206,6 @@ def replay(args: argparse.Namespace, verb: "Verb", call: Call) -> int:
     """Move a model by a program."""
     from plumbob.arm import JointTrack
     from plumbob.arm.angles import write_table
-    from plumbob.core.errors import ParameterError
 
     model = Path(args.model)
     if model.suffix.lower() not in (".toml", ".urdf"):

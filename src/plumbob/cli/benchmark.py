@@ -9,14 +9,16 @@ from plumbob.cli import common
 from plumbob.cli.engine import Verb, show
 from plumbob.cli.sim import scenario_settings
 from plumbob.cli.verbs import CHANGES
+from plumbob.core import check
+from plumbob.core.errors import ParameterError
 from plumbob.core.text import counted
+from plumbob.core.units import Quantity, parse
 
 Call = Callable[..., Any]
 
 
 def accuracy(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Filters and peers on recordings, each changed first as the options say."""
-    from plumbob.core import check
     from plumbob.fleet.experiments.peers import peer_runs
     from plumbob.fleet.experiments.trials import trials_in
     from plumbob.rotations import Frame
@@ -44,9 +46,6 @@ def accuracy(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 def scenario(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Filters on many seeds of a scenario."""
-    from plumbob.core.errors import ParameterError
-    from plumbob.core.units import Quantity, parse
-
     count = 20 if args.seeds is None else int(args.seeds)
     if count < 1:
         raise ParameterError(f"--seeds must be at least 1, but it is {count}.")

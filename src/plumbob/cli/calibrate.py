@@ -1,93 +1,215 @@
-"""plumbob calibrate: from a capture to a calibration card, or to the reason why there is none."""
+"""plumbob calibrate: from a capture, recorded or live, to a calibration card, or to the reason why there is none."""
 
 import argparse
-from collections.abc import Callable, Sequence
+import sys
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
-from plumbob.cli import capture, common
+from plumbob.cli import common
+from plumbob.cli.engine import Verb, show
+from plumbob.cli.verbs import OF_LINES
+from plumbob.core import check
+from plumbob.core.errors import CalibrationError, DecodeError, ParameterError, ShapeError
+from plumbob.core.files import is_same_file
+from plumbob.core.text import visible
+from plumbob.core.units import Quantity, given
 
 if TYPE_CHECKING:
-    from plumbob.cli.engine import Verb
+    from plumbob.calibration.calibration import Capture
+    from plumbob.data import ImuData
+    from plumbob.data.cards import CalibrationCard
     from plumbob.data.recording import Recording
+    from plumbob.door.calibrate import Kind
+    from plumbob.live.session import Session
     from plumbob.papers.buoy.static_test import StaticTest
-    from plumbob.reporting.report import Report
-
-GUIDED: Final = ("accel", "gyro", "mag")
-_ABSENT: Final = ("profile", "calibration", "start", "stop", "device", "port", "rate", "time", "iio", "format", "unit")
-"""Options that capture asks for, whatever the kind."""
 
 
-def calibrate(args: argparse.Namespace, verb: "Verb", call: Callable[..., Any]) -> int:
-    """Do it; a refusal is a result, with its reasons."""
+def calibrate(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
+    """Do it; a refusal is a result, with its reasons, as text on standard error or as JSON, and writes nothing."""
     from plumbob.calibration.fit import CaptureRefusedError
-    from plumbob.core.errors import ParameterError
 
-    args.told, args.guided = {}, args.kind if args.kind in GUIDED else None
-    for name in ("live", "guide", "raw", *_ABSENT):
-        setattr(args, name, getattr(args, name, None))
-    for name in ("recording", "profile", "calibration", "out", "html", "plot", "raw"):
-        value = getattr(args, name, None)
-        setattr(args, name, None if value is None else Path(value))
-    args.file = args.recording
+    args.file = Path(args.recording) if hasattr(args, "recording") else None
+    args.out = None if args.out is None else Path(args.out)
     if getattr(args, "counts", False):
-        from plumbob.cli.engine import show
         from plumbob.door.calibrate import calibrate_counts
 
-        return show(
-            args, verb._replace(pages=None), calibrate_counts(args.file, "acc" if args.kind == "accel" else args.kind)
-        )
+        sensor = "acc" if args.kind == "accel" else args.kind
+        return show(args, verb._replace(pages=None), calibrate_counts(args.file, sensor))
+    about: dict[str, Any] = {"file": args.file and str(args.file)}
     try:
-        if args.kind == "gyro":
-            return _find_gyro(args)
-        if args.kind == "mag" and args.live and hasattr(args, "in_use"):
-            raise ParameterError(
-                "--in-use takes a recording of a unit at work and does not go with --live; record first."
-            )
-        return capture.find(args, args.kind, **({"rates": _rates(args.rates)} if hasattr(args, "rates") else {}))
+        return _find(args, about)
     except CaptureRefusedError as why:
-        return capture.refused(args, why)
+        from plumbob.calibration.report import refusal_numbers, refusal_text
+
+        if args.json:
+            common.print_json(about | {"out": None, "html": None} | refusal_numbers(why))
+        else:
+            reasons = visible(refusal_text(why), keep="\n")
+            print(f"plumbob calibrate {args.kind}: {reasons}", file=sys.stderr)
+        return 1
 
 
-def _find_gyro(args: argparse.Namespace) -> int:
-    _refuse_idle(args)
-    if getattr(args, "method", "auto") != "ferraris":
-        return capture.find(args, "gyro")
-    from plumbob.files.text import read_labels
+def _find(args: argparse.Namespace, about: dict[str, Any]) -> int:
+    """Calibrate what the options name, print what was found, and write the card; what was read goes into `about`."""
+    from plumbob.data.cards import CalibrationCard
+    from plumbob.door import calibrate as door
 
-    labels = None if args.part_column is None else read_labels(args.file, args.part_column, args.profile)
-    return capture.find(args, "ferraris", labels=labels)
+    option = vars(args).get
+    kind, live, method = args.kind, option("live", False), option("method", "auto")
+    if kind == "gyro":
+        if live and method not in ("auto", "rest"):
+            raise ParameterError(f"--live guides a rest only; record for --method {method}, and give the recording.")
+        idle = [name for name in ("parts", "part_column", "angle") if option(name) is not None]
+        if idle and method != "ferraris":
+            word = idle[0].replace("_", "-")
+            raise ParameterError(f"--{word} belongs to --method ferraris; name that, or leave it out.")
+        kind = "ferraris" if method == "ferraris" else kind
+    path = option("calibration")
+    completes = args.out is not None and path is not None and is_same_file(args.out, Path(path))
+    common.check_pages(args, None if completes else args.out, inputs=args.inputs)
+    base = None if path is None else CalibrationCard.load(Path(path))
+    captured = (_live if live else _recorded)(args, door.KINDS[kind], base, about)
+    options = {"force": args.force, **args.given}
+    if option("part_column"):
+        from plumbob.files.text import read_labels
+
+        options["labels"] = read_labels(args.file, args.part_column, option("profile") and Path(args.profile))
+    options = {name: value for name, value in options.items() if name in door.kind_options(kind)}
+    calibrated = door.calibrate(captured, kind, note=common.note, **options)
+    if args.out is not None:
+        calibrated.save(args.out, overwrite=args.force or completes)
+    if args.json:
+        written = {"out": args.out and str(args.out), "html": args.html and str(args.html)}
+        common.print_json(about | written | calibrated.summary())
+    else:
+        print(calibrated.text())
+        print(f"card         {args.out or 'NOT WRITTEN: name a file with --out'}")
+    common.write_pages(args, calibrated.report(recording=args.file.name if args.file else "live"))
+    return 0
 
 
-def _refuse_idle(args: argparse.Namespace) -> None:
-    """Refuse options that would have no effect."""
-    from plumbob.core.errors import ParameterError
+def _require_room(args: argparse.Namespace, device: str, made: Collection[str], base: "CalibrationCard | None") -> None:
+    """Refuse to write a card over that of another unit, one that has more, or a part over another without --force."""
+    from plumbob.data.cards import CalibrationCard
 
-    method, preset = getattr(args, "method", "auto"), getattr(args, "preset", None)
-    if args.live and method not in ("auto", "rest"):
-        raise ParameterError(f"--live guides a rest only; record for --method {method}, and give the recording.")
-    if preset and method != "auto":
-        raise ParameterError(f"--preset {preset} is a method of its own; leave --method {method} out.")
-    given = [
-        f"--{name.replace('_', '-')}"
-        for name in ("parts", "part_column", "angle")
-        if getattr(args, name, None) is not None
-    ]
-    if given and method != "ferraris":
-        raise ParameterError(f"{given[0]} belongs to --method ferraris; name that, or leave it out.")
-    if hasattr(args, "parts") and args.part_column:
-        raise ParameterError("--parts and --part-column both name the parts. Give one of them.")
-    if args.part_column and (args.start is not None or args.stop is not None):
-        raise ParameterError("--part-column names the part of every sample, so --from and --to are not for it.")
+    out = args.out
+    if out is None or not out.is_file():
+        return
+    try:
+        there = CalibrationCard.load(out)
+    except DecodeError:
+        return
+    if there.device != device:
+        raise ParameterError(f"{out} is the card of '{there.device}', not of '{device}'; name another file.")
+    base_parts = base.parts if base else ()
+    if lost := [name for name in there.parts if name not in {*made, *base_parts}]:
+        raise ParameterError(
+            f"{out} has {' and '.join(lost)}, which this would lose; complete it with --calibration {out}, or name "
+            "another file."
+        )
+    if not args.force and (again := [name for name in there.parts if name in made]):
+        raise ParameterError(f"{out} has {' and '.join(again)} already. Name another file, or replace it with --force.")
 
 
-def _rates(text: str) -> list[float]:
-    """Rates of a list whose last one carries the unit for all."""
-    from plumbob.core.units import Quantity, parse, split
+def _recorded(
+    args: argparse.Namespace, how: "Kind", base: "CalibrationCard | None", about: dict[str, Any]
+) -> "Capture":
+    """Capture of a recording, for the triads that are calibrated, some of them only where it has them."""
+    from plumbob.door.calibrate import as_span, read_capture
 
-    *others, last = (word.strip() for word in text.split(","))
-    unit = split(last)[1]
-    return [parse(word if split(word)[1] else f"{word} {unit}".strip(), Quantity.RATE) for word in (*others, last)]
+    option = vars(args).get
+    if args.file is None:
+        raise ParameterError(f"name the recording of the capture, or a line: 'plumbob calibrate {args.kind} --live'.")
+    captured = read_capture(
+        args.file, triads=how.triads, if_present=how.if_present, device=option("device"), base=base,
+        profile=option("profile") and Path(args.profile), span=as_span(option("start"), option("stop")),
+    )  # fmt: skip
+    common.note(*(f"{args.file.name}: {line}" for line in captured.found))
+    made = {*how.triads, *(name for name in how.if_present if name in captured.imu.triads)} or {"mount"}
+    _require_room(args, captured.device, made, base)
+    if option("guide"):
+        from plumbob.live.guide.board import guide_summary, guide_text
+        from plumbob.live.guide.guides import GUIDES, guided
+
+        guide = GUIDES[args.kind]()
+        progress = guided(guide, captured.imu)
+        about |= guide_summary(guide, progress)
+        if not args.json:
+            print(guide_text(guide, progress))
+    return captured
+
+
+def _live(args: argparse.Namespace, how: "Kind", base: "CalibrationCard | None", about: dict[str, Any]) -> "Capture":
+    """Guided capture from a line; what would spoil its end is refused before it begins."""
+    from plumbob.calibration.calibration import capture, unit_of
+
+    if args.out is None or not args.out.parent.is_dir():
+        raise ParameterError(f"--live needs --out, a card to write in a folder that exists, but it is {args.out}.")
+    session, device = _session(args), args.given.get("device")
+    card = base or session.card
+    _require_room(args, unit_of(session.meta.device, device, card), how.triads, card)
+    parts = [f.triad.rpartition(".") for f in session.form.message(session.message).fields if f.triad]
+    present = {triad for unit, _, triad in parts if unit == session.unit}
+    if missing := [name for name in how.triads if name not in present]:
+        raise CalibrationError(f"the line has no {', '.join(missing)}, only {', '.join(sorted(present))}.")
+    imu = _guided(args, session, about)
+    if imu is None:
+        raise CalibrationError(
+            "no sample arrived over the line, so there is nothing to calibrate. See 'plumbob record'."
+        )
+    return capture(imu, triads=how.triads, device=device, base=card)
+
+
+def _guided(args: argparse.Namespace, session: "Session", about: dict[str, Any]) -> "ImuData | None":
+    """Samples of the line until the guide or somebody says stop; None where there are none."""
+    from plumbob.live.guide.board import Board, guide_summary
+    from plumbob.live.guide.guides import GUIDES, GuideSink
+    from plumbob.live.runner import run_stream
+    from plumbob.live.sinks import Collected, RecordingSink, Sink
+    from plumbob.live.sources import open_source
+    from plumbob.live.stream import Stream
+    from plumbob.live.transports.transport import Stop
+    from plumbob.live.watch import Watch
+
+    stream, guide, collected = Stream(session), GUIDES[args.kind](), Collected()
+    board, stop = Board(f"calibrate {args.kind}", guide), Stop()
+
+    def note(text: str) -> None:
+        board.erase()
+        common.note(text)
+
+    watch = Watch(stream, note)
+    recording_sink = None if session.record is None else RecordingSink(session, session.record)
+    source = open_source(session.source)
+    common.note("waiting for samples; the capture ends when it is good, or by Ctrl-C with what there is")
+    with common.stopped_by_signals(stop):
+        sinks: list[Sink] = [collected, GuideSink(guide, stop, board.show), watch]
+        run_stream(stream, source, sinks=sinks, recording=recording_sink, stop=stop, each=watch.look)
+    board.erase()
+    about |= guide_summary(guide, guide.progress())
+    return collected.imu(calibrated=False)
+
+
+def _session(args: argparse.Namespace) -> "Session":
+    """Session of the capture: nothing is estimated, and recorded only where that is asked for.
+
+    A unit that is called like its format was not named, and a card needs a name.
+    """
+    from plumbob.data import ImuMeta
+    from plumbob.live.session import RecordSpec
+    from plumbob.live.session_toml import capture_session
+
+    options, named = args.given, args.given.get("device")
+    line = {name: options[name] for name in OF_LINES if name in options}
+    device = named if args.file is None else None
+    session = capture_session(args.file, capture=options.get("start"), device=device, **line)
+    record = None if args.raw is None else replace(session.record or RecordSpec(""), path=args.raw)
+    device = session.meta.device
+    if device == session.form.name:
+        device = named or ImuMeta().device
+    return replace(session, meta=replace(session.meta, device=device), stage=None, record=record)
 
 
 def static_test(
@@ -123,18 +245,22 @@ def static_test(
         What the columns of a CSV or text file mean.
     """
     from plumbob.calibration.calibration import capture
-    from plumbob.core import check
-    from plumbob.core.errors import CalibrationError, ShapeError
-    from plumbob.core.units import Quantity, given
     from plumbob.data.cards import CalibrationCard
+    from plumbob.data.recording import found_in
+    from plumbob.door.reading import read
     from plumbob.papers.buoy.static_test import static_test
+
+    def opened(path: str | Path, profile: str | Path | None = None) -> "Recording":
+        opened = read(path, profile=None if profile is None else Path(profile)).of_unit(None)
+        common.note(*(f"{Path(path).name}: {line}" for line in found_in(opened.notes)))
+        return opened
 
     for word in align:
         check.one_of("--align", word, ("heading", "mounting", "time"))
-    measured = _read(recording, profile)
+    measured = opened(recording, profile)
     if measured.imu is None:
         raise CalibrationError(f"{recording} holds an attitude but no sensor data, so there is nothing to test.")
-    track = measured.track if reference is None else _read(reference).track
+    track = measured.track if reference is None else opened(reference).track
     if track is None:
         where = reference or recording
         raise ShapeError(f"{where} holds no attitude to compare with; name a track or recording with --reference.")
@@ -147,31 +273,15 @@ def static_test(
     )
 
 
-def _read(path: str | Path, profile: str | Path | None = None) -> "Recording":
-    """Read a recording, and warn of what was found in its data."""
-    from plumbob.data.recording import found_in
-    from plumbob.door.reading import read
-
-    recording = read(path, profile=None if profile is None else Path(profile)).of_unit(None)
-    common.note(*(f"{Path(path).name}: {line}" for line in found_in(recording.notes)))
-    return recording
-
-
-def static_test_page(result: "StaticTest", args: argparse.Namespace) -> "Report":
-    """Report of a static test, and where it comes from."""
-    reference = Path(getattr(args, "reference", args.recording)).name
-    facts = {
-        "recording": Path(args.recording).name,
-        "reference": f"{reference}: {result.before.reference.source}",
-        "calibration": Path(args.calibration).name,
-    }
-    return result.report(facts=list(facts.items()))
-
-
-def tested(args: argparse.Namespace, verb: "Verb", call: Callable[..., Any]) -> int:
-    """Print the errors of all rests."""
+def tested(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
+    """Print the errors of all rests, and where they come from."""
     result = call()
-    report = static_test_page(result, args)
+    reference = Path(getattr(args, "reference", args.recording)).name
+    facts = [
+        ("recording", Path(args.recording).name), ("reference", f"{reference}: {result.before.reference.source}"),
+        ("calibration", Path(args.calibration).name),
+    ]  # fmt: skip
+    report = result.report(facts=facts)
     common.print_json({"file": args.recording, **result.summary()}) if args.json else print(report.text())
     common.write_pages(args, report)
     return 0

@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.resources import guide
 from plumbob.core.text import visible
 
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 
 def filter_args(verb: str, filter_: str | None, params: str | None) -> dict[str, Any]:
     """The one filter of --filter with --params; None, a filter of rates, or a word that stands for one as it is."""
-    from plumbob.core.errors import ParameterError
-
     if filter_ is None:
         return {"filter": None, "params": dict(pairs(params))}
     from plumbob.filters.known import RATE_FILTERS
@@ -87,8 +86,6 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 def named_values(items: Sequence[str]) -> dict[str, str]:
     """Choices that --option names."""
-    from plumbob.core.errors import ParameterError
-
     options: dict[str, str] = {}
     for item in items:
         name, equals, value = item.partition("=")
@@ -100,15 +97,25 @@ def named_values(items: Sequence[str]) -> dict[str, str]:
     return options
 
 
-def span(text: str) -> tuple[float, float]:
+def span(option: str, text: str) -> tuple[float, float]:
     """Begin and end of a stretch of time, s, of ``0s..5s``."""
-    from plumbob.core.errors import ParameterError
     from plumbob.core.units import Quantity, parse
 
     first, dots, last = text.partition("..")
-    if not dots:
-        raise ParameterError(f"a span is written as 0s..5s, but it is '{text}'.")
+    if not dots or ".." in last:
+        raise ParameterError(f"{option} needs a span as 0s..5s, but got '{text.strip()}'.")
     return parse(first, Quantity.TIME), parse(last, Quantity.TIME)
+
+
+def numbers(option: str, text: str, quantity: str) -> list[float]:
+    """Numbers of a list in SI, where the unit of the last stands for those that have none, as in ``1,2,5 min``."""
+    from plumbob.core.units import Quantity, parse, split
+
+    words = [word.strip() for word in text.split(",") if word.strip()]
+    if not words:
+        raise ParameterError(f"{option} needs numbers, separated by commas, but got '{text}'.")
+    unit = split(words[-1])[1]
+    return [parse(word if split(word)[1] else f"{word} {unit}".strip(), Quantity[quantity]) for word in words]
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:
@@ -129,21 +136,15 @@ ENDINGS = {"html": (".html", ".htm"), "plot": (".svg", ".png", ".pdf")}
 
 def require_ending(option: str, path: str | Path | None, endings: Sequence[str]) -> None:
     """Refuse an output whose name ends otherwise."""
-    from plumbob.core.errors import ParameterError
-
     if path is not None and Path(path).suffix.lower() not in endings:
         raise ParameterError(f"{option} needs a name that ends in {' or '.join(endings)}, but got {path}.")
 
 
 def check_pages(args: argparse.Namespace, *outputs: Path | None, inputs: Sequence[Path | None] = ()) -> None:
     """Refuse what `check_outputs` does, of page, picture and other outputs; and names that end otherwise."""
-    from plumbob.core.errors import ParameterError
-
     check_outputs(args, args.html, args.plot, *outputs, inputs=inputs)
     for name, endings in ENDINGS.items():
         require_ending(f"--{name}", getattr(args, name), endings)
-    if args.lang and not (args.html or args.plot):
-        raise ParameterError("--lang is for --html or --plot, which is not given; leave it out.")
 
 
 def write_pages(args: argparse.Namespace, report: "Report") -> None:
@@ -169,7 +170,6 @@ def check_outputs(args: argparse.Namespace, *outputs: Path | None, inputs: Seque
     inputs : sequence of path or None
         Files that are read; none of them is ever an output.
     """
-    from plumbob.core.errors import ParameterError
     from plumbob.core.files import is_same_file, profile_paths, require_other, require_place
 
     read = [path for path in inputs if path is not None]
@@ -222,7 +222,6 @@ def stages(names: str, params: str | None) -> "list[Stage]":
     In `params`, ``name=value`` goes to the only filter, and ``filter.name=value`` to the one named. A TOML file holds
     the same: plain keys for the only filter, or a table per filter.
     """
-    from plumbob.core.errors import ParameterError
     from plumbob.filters import load
     from plumbob.filters.offline import Stage
 
@@ -268,8 +267,6 @@ def tell_noise(chosen: "Sequence[Stage]") -> None:
 
 def pairs(params: str | None) -> Iterator[tuple[str, Any]]:
     """Names and values of ``name=value,...`` or of a TOML file, where a table's name goes before its keys."""
-    from plumbob.core.errors import ParameterError
-
     if not params:
         return
     if params.endswith(".toml"):
@@ -284,7 +281,6 @@ def pairs(params: str | None) -> Iterator[tuple[str, Any]]:
 
 def _toml_pairs(path: Path) -> Iterator[tuple[str, Any]]:
     from plumbob.core import schema
-    from plumbob.core.errors import DecodeError, ParameterError
     from plumbob.core.files import text_of
 
     text = text_of(path)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
 from plumbob.cli.engine import Verb
+from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.files import profile_beside, replacing, replacing_all, write_text
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity, parse
 
@@ -25,7 +27,6 @@ _HINT = 1 << 18
 
 def run(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
     """Print the table, or write it, and say what was not decoded."""
-    from plumbob.core.errors import DecodeError
     from plumbob.data import UNCALIBRATED
     from plumbob.protocols.decode import decode
     from plumbob.protocols.format_toml import find_format, unassigned_told
@@ -116,7 +117,6 @@ class _MessageRows:
 
     def write(self, path: Path, counts: "Counts", profile: str, *, overwrite: bool) -> None:
         """Write all into a file whose suffix says the kind; text gets its profile beside it, Parquet inside."""
-        from plumbob.core.files import replacing, write_text
         from plumbob.data import UNCALIBRATED
 
         if path.suffix in _TEXT:
@@ -141,8 +141,6 @@ class _MessageRows:
             pq.write_table(pa.table(columns).replace_schema_metadata(metadata), temporary)
 
     def _write_text(self, path: Path, profile: str, overwrite: bool) -> None:
-        from plumbob.core.files import profile_beside, replacing_all
-
         beside = [profile_beside(path)] if profile else []
         with replacing_all(path, *beside, overwrite=overwrite) as (temporary, *described):
             for file in described:
@@ -201,7 +199,6 @@ def _chunks(name: str, table: _MessageRows) -> Iterator[bytes]:
 
 def _in_order(name: str, pieces: Iterator[bytes], form: "Format") -> Iterator[bytes]:
     """Frames of a ring in the order of their counter; tells what else is there."""
-    from plumbob.core.errors import DecodeError
     from plumbob.protocols.ring import read_ring
 
     try:
@@ -243,7 +240,6 @@ def _tell(form: "Format", counts: "Counts", table: _MessageRows) -> None:
 
 def _hint(form: "Format", head: bytes) -> str:
     """Which known formats would fit; only those that cannot fit by chance."""
-    from plumbob.core.errors import ParameterError
     from plumbob.protocols.decode import decode
     from plumbob.protocols.format_toml import device_names, find_format, rig_names
 

@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.cli import common
 from plumbob.cli.engine import Verb, show
+from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError, PlumbobError
+from plumbob.core.files import replacing, write_text
 from plumbob.core.text import counted
+from plumbob.core.units import Quantity, parse
 
 if TYPE_CHECKING:
     from plumbob.core.check import Floats
@@ -42,7 +45,6 @@ def require_as_sent(recorded: "ImuData | None", sent: "ImuData", counts: "Counts
     DecodeError
         With all that differs.
     """
-    from plumbob.core.errors import DecodeError
 
     wrong = [*_bytes(counts), *(_samples(recorded, sent) if recorded is not None else ("no sample was recorded",))]
     if wrong:
@@ -118,8 +120,6 @@ def calibrate_unit(out: Path, *, seed: int) -> "CalibrationCard":
 
 def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
     """Samples of a capture, from the bytes that the unit says during a motion, in a file as a logger keeps them."""
-    from plumbob.core.errors import DecodeError
-    from plumbob.core.files import replacing
     from plumbob.live.rigs.plan import PLANS
     from plumbob.live.rigs.rig import make_rig
     from plumbob.live.runner import run_stream
@@ -211,8 +211,6 @@ def stages() -> "list[Stage]":
 
 def demo(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
     """Run the buoy's line, or whole papers."""
-    from plumbob.core.errors import ParameterError
-
     papers = bool(getattr(args, "papers", []))
     idle = [
         name for name in (("view", "duration") if papers else ("seed", "lang", "jobs")) if getattr(args, name, None)
@@ -226,7 +224,6 @@ def demo(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
 
 
 def _tour(args: argparse.Namespace) -> int:
-    from plumbob.core.units import Quantity, parse
     from plumbob.data import calibration_told
     from plumbob.door.evaluate import evaluate
     from plumbob.evaluation.report import comparison
@@ -270,7 +267,6 @@ def _tour(args: argparse.Namespace) -> int:
 def _show(out: Path) -> None:
     """Show the buoy on the live page for a while; where that cannot be, say why."""
     from plumbob.cli.special import has_display
-    from plumbob.core.errors import MissingExtraError
     from plumbob.live.transports.transport import Stop
     from plumbob.viewer.view import view
 
@@ -312,7 +308,6 @@ def _live(out: Path, port: str, device: str) -> "Stream":
 
 def _session(out: Path, port: str, device: str) -> "Session":
     """Write the session file as a user would, for this unit's card, and load it."""
-    from plumbob.core.files import write_text
     from plumbob.live.session_toml import load_session
 
     for name in (RECORDING, TEXT):
@@ -325,7 +320,6 @@ def _session(out: Path, port: str, device: str) -> "Session":
 
 def _replayed(out: Path, sent: "ImuData") -> "tuple[dict[str, AttitudeTrack], int]":
     """Attitudes by name, the live filter's, that without its card and the others', and how many live ones are equal."""
-    from plumbob.core.errors import PlumbobError
     from plumbob.filters.offline import run_stage
     from plumbob.live.replay import open_recording, replay
 
@@ -349,7 +343,6 @@ def _replayed(out: Path, sent: "ImuData") -> "tuple[dict[str, AttitudeTrack], in
 def _truth(out: Path) -> "tuple[ImuData, AttitudeTrack]":
     """What the emulation put into its frames, and the attitude behind it."""
     from plumbob import files
-    from plumbob.core.errors import DecodeError
 
     recording = files.read(out / TRUTH)
     if recording.imu is None or recording.track is None:

@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import plumbob
 from plumbob.cli import common
+from plumbob.core.errors import ParameterError
 
 Call = Callable[..., Any]
 
@@ -49,6 +50,9 @@ HELP: Final = {
 """Help of what the words of a command line say in a way of their own."""
 
 
+QUANTITIES: Final = {"taus": "TIME", "rates": "RATE"}
+"""What a list of numbers measures, by parameter: a quantity of `plumbob.core.units`."""
+
 FORCE: Final = ("", HELP["overwrite"])
 """The option --force of a verb whose function replaces nothing."""
 
@@ -75,6 +79,10 @@ class Verb(NamedTuple):
         Parameters that are files to write.
     exclusive : tuple of tuple of str
         Parameters of which one is given at most.
+    needs, apart : mapping of str to tuple of str
+        Options that say something of others, of which one must be given, and options with which others do not go.
+    writes : mapping of str to (str, callable)
+        Outputs of the command line alone: word before the path, and what writes the result: of it, path and `args`.
     more : mapping of str to (str, str)
         Options of the command line alone: what stands for the value (none: a switch; with !: needed), and help. Of a
         parameter: what the help says instead.
@@ -107,6 +115,9 @@ class Verb(NamedTuple):
     optional: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ("out",)
     exclusive: tuple[tuple[str, ...], ...] = ()
+    needs: Mapping[str, tuple[str, ...]] = {}
+    apart: Mapping[str, tuple[str, ...]] = {}
+    writes: Mapping[str, tuple[str, Callable[[Any, Path, argparse.Namespace], object]]] = {}
     more: Mapping[str, tuple[str, str]] = {}
     run: str = "show"
     code: Callable[[Any], int] | None = None
@@ -141,7 +152,12 @@ class Option(NamedTuple):
             return [] if text == "none" else [word.strip() for word in text.split(",") if word.strip()]
         if "Mapping[" in self.type and not self.is_path:
             return dict(common.pairs(text))
-        return common.span(text) if self.type.startswith("tuple[") else text
+        if "Sequence[float]" in self.type and text != "all":
+            return common.numbers(_flag(self.name), text, QUANTITIES[self.name])
+        if re.match(r"([\w.]*Sequence\[)?tuple\[float", self.type):
+            spans = [common.span(_flag(self.name), word) for word in text.split(",")]
+            return spans if "Sequence[" in self.type else spans[0]
+        return text
 
 
 def named_function(path: str) -> Call:
@@ -299,6 +315,7 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
         chosen = common.filter_args(args.verb, given.get("filter"), getattr(args, "params", None))
         given |= {name: value for name, value in chosen.items() if value}
     args.given = given
+    _refuse_idle(verb, args)
     paths = {name: [Path(file) for file in (value if isinstance(value, list) else [value])]
              for name, value in given.items() if options[name].is_path}  # fmt: skip
     for name, endings in verb.ends.items():
@@ -338,13 +355,29 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
     return partial(getattr(import_module(f"plumbob.cli.{module or 'special'}"), hook), args, verb, call)
 
 
+def _refuse_idle(verb: Verb, args: argparse.Namespace) -> None:
+    """Refuse options that would have no effect."""
+    given = {name for name, value in vars(args).items() if value is not None and value is not False and value != []}
+    for name, others in verb.apart.items():
+        if name in given and (beside := [_flag(other) for other in others if other in given]):
+            raise ParameterError(f"{_flag(name)} does not go with {', '.join(beside)}; leave one of them out.")
+    pages = {} if verb.pages is None else {"lang": ("html", "plot")}
+    for name, outputs in (pages | dict(verb.needs)).items():
+        if name in given and not given & set(outputs):
+            named = " or ".join(map(_flag, outputs))
+            raise ParameterError(f"{_flag(name)} is for {named}, which is not given; leave it out.")
+
+
 def show(args: argparse.Namespace, verb: Verb, result: Any, *lines: str, **more: Any) -> int:
     """Print a result, or that of a call, with further lines or values; write its pages; give the exit code."""
     result = result() if callable(result) else result
+    written = {name: Path(path) for name in verb.writes if (path := getattr(args, name, None))}
+    for name, path in written.items():
+        verb.writes[name][1](result, path, args)
     if args.json:
         common.print_json(result.summary() | more)
     else:
-        print("\n".join((result.text(), *lines)))
+        print("\n".join((result.text(), *lines, *(f"{verb.writes[n][0]:12} {path}" for n, path in written.items()))))
     if verb.pages is not None:
         common.write_pages(args, verb.pages(result, args))
     return 0 if verb.code is None else verb.code(result)

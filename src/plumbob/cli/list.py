@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from plumbob.core.errors import ParameterError
 from plumbob.core.text import visible
 
 if TYPE_CHECKING:
@@ -134,7 +135,6 @@ def devices(
     c : bool
         Print a C11 header for whoever sends or reads the frame.
     """
-    from plumbob.core.errors import ParameterError
     from plumbob.protocols.c_header import c_header
     from plumbob.protocols.format_toml import device_names, find_format
     from plumbob.protocols.page import as_text, tables

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from plumbob.cli import common
 from plumbob.cli.engine import Verb
+from plumbob.core.errors import FrameError, ParameterError
 
 Call = Callable[..., Any]
 TEACH: Final = "teach"
@@ -15,7 +16,6 @@ TEACH: Final = "teach"
 
 def scenario_settings(args: argparse.Namespace) -> dict[str, Any]:
     """Keyword arguments of `plumbob.simulate` that the options name."""
-    from plumbob.core.errors import FrameError, ParameterError
     from plumbob.rotations import Frame
 
     if not hasattr(args, "frame"):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.cli import common
 from plumbob.cli.engine import Verb, show
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
 from plumbob.core.text import counted
 
 if TYPE_CHECKING:
@@ -42,35 +43,18 @@ def profile(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 
 def report(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """Files are written before the text, because who reads that may go away."""
-    from plumbob.core.errors import ParameterError
-
+    """Write the page before the text, because who reads that may go away; or draw one figure, and say where it is."""
     out, pdf = (getattr(args, name, None) for name in ("out", "pdf"))
     if args.figure:
-        return _figure(args, call)
-    if beside := [f"--{word}" for name, word in _OF_FIGURES.items() if hasattr(args, name)]:
-        raise ParameterError(f"{beside[0]} is for a figure; name it with --figure, or leave {beside[0]} out.")
-    if hasattr(args, "lang") and not (out or pdf):
-        raise ParameterError("--lang is for --out or --pdf, which is not given; leave it out.")
+        from plumbob.overview.overview import plot
+
+        if out is None or len(args.files) > 1:
+            raise ParameterError("--figure draws one recording; name the picture with --out.")
+        print(f"figure       {call(plot, file=args.files[0], what=args.figure)}")
+        return 0
     common.require_ending("--out", out, common.ENDINGS["html"])
     written = [f"{what:12} {path}" for what, path in (("page", out), ("pdf", pdf)) if path]
     return show(args, verb, call(), *written)
-
-
-_OF_FIGURES: Final = {"begin": "from", "end": "to", "width": "width"}
-
-
-def _figure(args: argparse.Namespace, call: Call) -> int:
-    """Draw one figure, and say where it is."""
-    from plumbob.core.errors import ParameterError
-    from plumbob.overview.overview import plot
-
-    if not hasattr(args, "out") or hasattr(args, "pdf") or len(args.files) > 1:
-        raise ParameterError("--figure draws one recording; name the picture with --out, and leave --pdf out.")
-    if args.json:
-        raise ParameterError("--figure gives no numbers; leave --json out.")
-    print(f"figure       {call(plot, file=args.files[0], what=args.figure)}")
-    return 0
 
 
 def record(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -88,8 +72,6 @@ def record(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 def recorded(args: argparse.Namespace, verb: Verb, result: Any) -> int:
     """Print what came over a line; nothing is an error."""
-    from plumbob.core.errors import DecodeError
-
     show(args, verb, result)
     if result.nothing is not None:
         raise DecodeError(result.nothing)
@@ -138,8 +120,6 @@ def emulate(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 def _noise(words: list[str]) -> "Path | dict[str, Path] | None":
     """Noise cards that the options name: one for all units, or by prefix; a path may hold an equals sign, too."""
-    from plumbob.core.errors import ParameterError
-
     pairs = [word.partition("=") for word in words]
     named = {prefix: Path(card) for prefix, equals, card in pairs if equals and prefix.isidentifier()}
     if len(named) == len(words):
@@ -177,7 +157,6 @@ def send(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 def info(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Compare with the grade that is asked for."""
     from plumbob.core import check
-    from plumbob.core.errors import ParameterError
 
     least, word = getattr(args, "min_grade", None), getattr(args, "require", None)
     if least is not None and not 0.0 <= float(least) <= 100.0:
@@ -233,7 +212,6 @@ def docs(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Print a page, or open it."""
     import webbrowser
 
-    from plumbob.core.errors import PlumbobError
     from plumbob.core.resources import page_path
 
     if not args.open:
@@ -251,7 +229,6 @@ _OF_ATTITUDES: Final = ("frame", "init", "place", "date", "noise", "card", "repo
 
 def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Estimate the attitude, or filter the rates; write the card and the page."""
-    from plumbob.core.errors import ParameterError
     from plumbob.filters.known import RATE_FILTERS, SMOOTHER
 
     name, args.recording = getattr(args, "filter", SMOOTHER), args.recording[0]
@@ -292,12 +269,11 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 def _rates(args: argparse.Namespace, call: Call) -> Any:
     """Filter the rates; the text of the result says its notes."""
-    from plumbob.core.errors import ParameterError
     from plumbob.door.rates import filter_rates
 
     if beside := [f"--{name}" for name in _OF_ATTITUDES if getattr(args, name, None) is not None]:
         raise ParameterError(f"{', '.join(beside)}: {args.filter} gives no attitude. Leave it out.")
-    rest = None if args.rest is None else common.span(args.rest)
+    rest = None if args.rest is None else common.span("--rest", args.rest)
     return call(filter_rates, drift=args.drift, rest=rest, note=None)
 
 
@@ -306,7 +282,6 @@ def _errors(track: "AttitudeTrack", reference: "AttitudeTrack") -> dict[str, Any
 
     Headings from two norths without a declination say nothing, but inclinations do.
     """
-    from plumbob.core.errors import PlumbobError
     from plumbob.door.evaluate import evaluate
 
     try:

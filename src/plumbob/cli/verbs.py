@@ -33,6 +33,8 @@ _GUIDE: Final = {
 }
 
 
+OF_LINES: Final = ("port", "iio", "format", "baud", "rate", "time", "unit")
+"""Options of `plumbob calibrate --live` that name its line."""
 _ONE_OF: Final = {"mag": (("strength", "place"),), "hand": (("strength", "place"),), "table": (("rates", "plan"),)}
 
 
@@ -53,13 +55,20 @@ def _calibrate(
     return Verb(
         line, "calibration.md", f"plumbob calibrate {kind} capture.parquet{example} --out card.json", "calibrate",
         also=(*functions, *(("live.session_toml.capture_session",) if guided else ())), run="calibrate.calibrate",
-        brought=("live", "port", "iio", "format", "baud", "rate", "time", "unit") if guided else (),
+        brought=("live", *OF_LINES) if guided else (),
         hidden=("kind", "labels", "force", *line_only) , outputs=(), note=note,
         optional=("recording",) if guided else (), pages=lambda calibrated, args: calibrated.report(),
+        needs=dict.fromkeys(("raw", *OF_LINES), ("live",)) if guided else {},
+        apart={
+            "live": ("profile", "stop"), "in_use": ("live",), "preset": ("method",), "parts": ("part_column",),
+            "part_column": ("start", "stop"),
+        },
         exclusive=_ONE_OF.get(kind, ()), more={**out, **(_GUIDE if guided else {}), **more},
     )  # fmt: skip
 
 
+_COEFFICIENTS: Final = ("card", "kalibr", "device", "methods", "curve")
+"""Options of `plumbob allan` that mean nothing where no coefficients are found."""
 START: Final = {
     "profile": Verb(
         "draft the profile of a logger's CSV or text file, with a question for every guess",
@@ -148,6 +157,8 @@ START: Final = {
         "one page about recordings, or one figure for a paper: attitude, tilt statistics, spectra, gaps, quality",
         "report.md", "plumbob report sea.parquet --out sea.html", run="report", outputs=("out", "pdf"),
         also=("plot",), hidden=("what",), exclusive=_ESTIMATE, ends={"pdf": (".pdf",)},
+        needs={"lang": ("out", "pdf"), **dict.fromkeys(("begin", "end", "width"), ("figure",))},
+        apart={"figure": ("pdf", "json")},
         more={
             "figure": ("NAME", "draw this figure alone into --out, a .svg, .pdf or .png: angles, tilt, rates, forces, "
                      "field, temperature, bias, sd, spectrum, rose, bursts or flags"),
@@ -178,7 +189,12 @@ START: Final = {
     "allan": Verb(
         "analyse the noise of a sensor at rest: Allan deviation, coefficients of a data sheet, noise card",
         "noise.md", "plumbob allan static.parquet --html noise.html --card noise.json", run="allan.allan",
-        outputs=("kalibr",), pages=lambda noise, args: noise.report(device=args.device),
+        outputs=("card", "kalibr"), pages=lambda noise, args: noise.report(device=args.device),
+        needs={"device": ("card", "html"), "topic": ("kalibr",)},
+        apart={
+            "after": (*_COEFFICIENTS, "paper", "deviation"), "deviation": (*_COEFFICIENTS, "paper", "html", "plot"),
+            "paper": ("json", "methods", "curve"),
+        },
         more={
             "deviation": ("KIND", "print this deviation alone, without coefficients: oadev, adev, mdev, ohdev, ..."),
             "after": ("FILE", "the same channels filtered: compare before and after; --calibration is then for it"),
