@@ -30,8 +30,8 @@ def poses(tmp_path_factory):
     return file
 
 
-FIRST = {"record", "docs", "run", "view", "control"}
-"""Verbs one of whose arguments has a default: the session, the page, the filter, what is shown or said."""
+FIRST = {"record", "docs", "run", "view", "control", "export"}
+"""Verbs one of whose arguments has a default: the session, the page, the filter, what is shown or said, limits."""
 
 
 def test_every_public_name_is_there_and_every_verb_has_its_function_with_keyword_only_options():

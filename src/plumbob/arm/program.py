@@ -28,6 +28,7 @@ from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity, to_deg
 from plumbob.data.chain import Chain, Limits
+from plumbob.data.chain_toml import load_chain
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -180,30 +181,30 @@ class Program(Series):
 
 
 def taught(
-    track: JointTrack,
-    limits: "Chain | Limits | Sequence[Limits] | None" = None,
+    track: JointTrack | str | Path,
+    limits: "Chain | Limits | Sequence[Limits] | str | Path | None" = None,
     *,
-    rate: float | str = 100.0,
-    smooth: float | str = 0.2,
+    rate: float | str = "100 Hz",
+    smooth: float | str = "0.2 s",
     still: float | str = "1 deg",
-    dwell: float | str = 0.3,
+    dwell: float | str = "0.3 s",
 ) -> Program:
-    """Program of recorded joint angles.
+    """Make a program of recorded joint angles: stops are kept, the rest is smoothed and slowed where limits ask for it.
 
     Parameters
     ----------
-    track : JointTrack
+    track : JointTrack or path
         What was recorded.
-    limits : Chain or Limits or sequence of Limits, optional
+    limits : Chain, path of its file, Limits or sequence of Limits, optional
         Of the chain's angles; one for all, or one for each.
     rate : float or str
-        Samples of the program per second, Hz, or text as ``"125 Hz"``.
+        Samples of the program per second, Hz, or text.
     smooth : float or str
         Distance of the spline's knots, s: what changes within less is smoothed away.
     still : float or str
         All angles stay within this, rad, at a stop.
     dwell : float or str
-        For at least this time, s.
+        Least duration of a stop, s.
 
     Returns
     -------
@@ -218,6 +219,8 @@ def taught(
     ShapeError
         If fewer than 8 samples are known.
     """
+    track = JointTrack.load(track) if isinstance(track, str | Path) else track
+    limits = load_chain(limits) if isinstance(limits, str | Path) else limits
     rate, smooth = _size("rate", rate, Quantity.FREQUENCY), _size("smooth", smooth, Quantity.TIME)
     still, dwell = _size("still", still, Quantity.ANGLE), _size("dwell", dwell, Quantity.TIME)
     bounds = _bounds(Limits() if limits is None else limits, track.names)

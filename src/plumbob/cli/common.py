@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.resources import guide
@@ -32,6 +32,21 @@ def filter_args(verb: str, filter_: str | None, params: str | None) -> dict[str,
     if len(chosen) != 1:
         raise ParameterError(f"{verb} takes one filter; run it again for another.")
     return {"filter": chosen[0].filter, "params": chosen[0].params}
+
+
+class Listed(NamedTuple):
+    """A list as text, and its values."""
+
+    lines: str
+    values: dict[str, Any]
+
+    def text(self) -> str:
+        """What is printed."""
+        return self.lines.rstrip("\n")
+
+    def summary(self) -> dict[str, Any]:
+        """The same as JSON has it."""
+        return self.values
 
 
 class Status:
@@ -116,11 +131,6 @@ def numbers(option: str, text: str, quantity: str) -> list[float]:
         raise ParameterError(f"{option} needs numbers, separated by commas, but got '{text}'.")
     unit = split(words[-1])[1]
     return [parse(word if split(word)[1] else f"{word} {unit}".strip(), Quantity[quantity]) for word in words]
-
-
-def add_force(parser: argparse.ArgumentParser) -> None:
-    """Option --force."""
-    parser.add_argument("--force", action="store_true", help="replace files that exist already; never an input")
 
 
 def add_page(parser: argparse.ArgumentParser) -> None:

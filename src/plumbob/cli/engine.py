@@ -19,11 +19,13 @@ Call = Callable[..., Any]
 FOR_PROGRAMS: Final = {"note", "progress", "opened", "sinks", "follow", "keep", "covariance", "max_bytes"}
 """Parameters that only a program can give."""
 SPELLED: Final = {"overwrite": "force", "capture": "from", "start": "from", "begin": "from", "end": "to", "stop": "to",
-                  "layout": "as", "form": "as", "options": "option", "kind": "type", "temp_c": "temp",
+                  "layout": "as", "limits": "chain",
+                  "form": "as", "options": "option", "kind": "type", "temp_c": "temp",
                   "poses": "pose", "with_": "with", "answers": "set"}  # fmt: skip
 """Parameters whose option has another name: `from` and `as` are words of Python."""
 SHORT: Final = {
-    "array": "SOURCE", "poses": "FROM,TO[,ANGLE...]", "pose_sd": "ANGLE", "pose": "zero|ANGLE,...",
+    "array": "SOURCE", "track": "ANGLES", "limits": "TOML",
+    "poses": "FROM,TO[,ANGLE...]", "pose_sd": "ANGLE", "pose": "zero|ANGLE,...",
     "mounts": "TOML|NAME",
     "frame": "ENU|NED|NWU", "init": "level|truth|ROLL,PITCH,HEADING", "place": "LAT,LON[,HEIGHT]", "params": "P",
     "date": "YYYY-MM-DD", "profile": "TOML", "calibration": "JSON", "noise": "JSON", "session": "TOML", "set": "P",
@@ -50,11 +52,8 @@ HELP: Final = {
 """Help of what the words of a command line say in a way of their own."""
 
 
-QUANTITIES: Final = {"taus": "TIME", "rates": "RATE"}
-"""What a list of numbers measures, by parameter: a quantity of `plumbob.core.units`."""
-
-FORCE: Final = ("", HELP["overwrite"])
-"""The option --force of a verb whose function replaces nothing."""
+QUANTITIES: Final = {"taus": "TIME", "rates": "RATE", "pose": "ANGLE"}
+"""What a list of numbers measures, by parameter: a quantity of `plumbob.core.units`; a word stays as it is."""
 
 
 class Verb(NamedTuple):
@@ -84,8 +83,8 @@ class Verb(NamedTuple):
     writes : mapping of str to (str, callable)
         Outputs of the command line alone: word before the path, and what writes the result: of it, path and `args`.
     more : mapping of str to (str, str)
-        Options of the command line alone: what stands for the value (none: a switch; with !: needed), and help. Of a
-        parameter: what the help says instead.
+        Options of the command line alone: what stands for the value (none: a switch; with !: needed; with + at the
+        end: several), and help. Of a parameter: what the help says instead. --force comes with an output.
     run : str
         Function of `plumbob.cli.special`, or ``module.name``, that calls, prints and gives the exit code; by default
         `show` does.
@@ -152,7 +151,7 @@ class Option(NamedTuple):
             return [] if text == "none" else [word.strip() for word in text.split(",") if word.strip()]
         if "Mapping[" in self.type and not self.is_path:
             return dict(common.pairs(text))
-        if "Sequence[float]" in self.type and text != "all":
+        if self.name in QUANTITIES and not text.isalpha():
             return common.numbers(_flag(self.name), text, QUANTITIES[self.name])
         if re.match(r"([\w.]*Sequence\[)?tuple\[float", self.type):
             spans = [common.span(_flag(self.name), word) for word in text.split(",")]
@@ -250,13 +249,13 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
             settings["help"] = verb.more[key][1]
         groups.get(key, p).add_argument(*settings.pop("flags"), **settings)
     for key, (value, help_) in ((key, more) for key, more in verb.more.items() if key not in options):
-        needed = value.endswith("!")
-        how: dict[str, Any] = {"metavar": value.rstrip("!"), "required": needed} if value else {"action": "store_true"}
+        how: dict[str, Any] = {"metavar": value.rstrip("!+"), "required": "!" in value, "nargs": "+"}
+        how = {"action": "store_true"} if not value else how if "+" in value[-1:] else {**how, "nargs": None}
         groups.get(key, p).add_argument(f"--{key.replace('_', '-')}", dest=key, help=help_, **how)
     if verb.pages is not None:
         common.add_page(p)
-        if "overwrite" not in options:
-            common.add_force(p)
+    if "overwrite" not in options and (verb.pages is not None or {"out", *verb.outputs} & {*verb.more} - {*options}):
+        p.add_argument("--force", action="store_true", help=HELP["overwrite"])
     if verb.json:
         common.add_json(groups.get("json", p))
     p.set_defaults(prepare=partial(prepare, verb, function, options), parser=p)
@@ -321,10 +320,11 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
     for name, endings in verb.ends.items():
         common.require_ending(_flag(name), given.get(name) or getattr(args, name, None), endings)
     outputs = [file for name in verb.outputs for path in paths.pop(name, ()) for file in common.with_profile(path)]
-    beside = {name: Path(path) for name, (value, _) in verb.more.items() if name not in options and value
-              and (path := getattr(args, name)) and (value == "FILE" or name in verb.outputs)}  # fmt: skip
-    outputs += [beside.pop(name) for name in verb.outputs if name in beside]
-    args.inputs = inputs = [*(path for some in paths.values() for path in some), *beside.values()]
+    more = {name: getattr(args, name) for name, (value, _) in verb.more.items()
+            if value and name not in options and (value == "FILE" or name in verb.outputs)}  # fmt: skip
+    beside = {name: [*map(Path, path if isinstance(path, list) else [path])] for name, path in more.items() if path}
+    outputs += [file for name in verb.outputs for file in beside.pop(name, ())]
+    args.inputs = inputs = [file for some in (*paths.values(), *beside.values()) for file in some]
     if verb.pages is not None:
         common.check_pages(args, *outputs, inputs=inputs)
     elif outputs:
@@ -368,16 +368,25 @@ def _refuse_idle(verb: Verb, args: argparse.Namespace) -> None:
             raise ParameterError(f"{_flag(name)} is for {named}, which is not given; leave it out.")
 
 
-def show(args: argparse.Namespace, verb: Verb, result: Any, *lines: str, **more: Any) -> int:
-    """Print a result, or that of a call, with further lines or values; write its pages; give the exit code."""
+def save(result: Any, path: Path, args: argparse.Namespace) -> None:
+    """Write a result that can be saved."""
+    result.save(path, overwrite=args.force)
+
+
+def show(args: argparse.Namespace, verb: Verb, result: Any, *lines: str, shown: Any = None, **more: Any) -> int:
+    """Write a result, or that of a call, print it or what is shown of it, with further lines or values, and its pages.
+
+    Gives the exit code.
+    """
     result = result() if callable(result) else result
     written = {name: Path(path) for name in verb.writes if (path := getattr(args, name, None))}
     for name, path in written.items():
         verb.writes[name][1](result, path, args)
+    shown = shown or result
     if args.json:
-        common.print_json(result.summary() | more)
+        common.print_json(shown.summary() | more)
     else:
-        print("\n".join((result.text(), *lines, *(f"{verb.writes[n][0]:12} {path}" for n, path in written.items()))))
+        print("\n".join((shown.text(), *lines, *(f"{verb.writes[n][0]:12} {path}" for n, path in written.items()))))
     if verb.pages is not None:
         common.write_pages(args, verb.pages(result, args))
     return 0 if verb.code is None else verb.code(result)

@@ -4,29 +4,15 @@ import inspect
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
+from plumbob.cli.common import Listed
 from plumbob.core.errors import ParameterError
 from plumbob.core.text import visible
 
 if TYPE_CHECKING:
     from plumbob.core.params import Parameter
     from plumbob.protocols.format import Format
-
-
-class Listed(NamedTuple):
-    """A list as text, and its values."""
-
-    lines: str
-    values: dict[str, Any]
-
-    def text(self) -> str:
-        """What is printed."""
-        return self.lines.rstrip("\n")
-
-    def summary(self) -> dict[str, Any]:
-        """The same as JSON has it."""
-        return self.values
 
 
 def filters(name: str | None = None) -> Listed:

@@ -337,29 +337,3 @@ def control(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     answer = call()
     common.print_json({"verb": args.what, "answer": answer}) if args.json else print(answer)
     return 0
-
-
-def array(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """Read the units, say what is found in them, and write the virtual one."""
-    from dataclasses import replace
-
-    from plumbob.data.array import UnitMount
-    from plumbob.data.recording import Recording, found_in
-    from plumbob.door.reading import read_array
-
-    notes: list[str] = []
-    files = args.array if len(args.array) > 1 else args.array[0]
-    units = call(read_array, sources=files, note=notes.append)
-    common.note(*found_in(notes))
-    if not hasattr(args, "mounts") and all(
-        replace(mount, noise=None) == UnitMount() for mount in units.mounts.values()
-    ):
-        common.note("no mount is known, so all units are taken to lie along the body's axes; see --mounts")
-    findings, out = call(array=units), getattr(args, "out", None)
-    if out is not None:
-        from plumbob.live.recorded import convert
-
-        note = f"virtual unit of the array in {', '.join(Path(file).name for file in args.array)}"
-        virtual = Recording(imu=findings.imu, name=Path(out).stem, notes=(note,))
-        convert(virtual, out, overwrite=args.force)
-    return show(args, verb, findings, *([f"written      {out}"] if out else []))

@@ -6,23 +6,28 @@ from pathlib import Path
 from typing import Any, Final
 
 from plumbob.cli.common import PARAMS_HELP
-from plumbob.cli.engine import FORCE, VERB_BY_FUNCTION, Verb
+from plumbob.cli.engine import VERB_BY_FUNCTION, Verb, save
 
 DIFFERENT: Final = 3
 """Exit code of a result that is not the wanted one: damaged, lossy, different, unproven, below a grade."""
 _ESTIMATE: Final = (("filter", "causal", "lag"),)
 
 
-def arm_page(motion: Any, args: Namespace) -> Any:
+def arm_page(motion: Any, _args: Namespace) -> Any:
     """Page of estimated joint angles."""
-    from plumbob.arm import ArmCard, arm_report, opened_chain
+    from plumbob.arm import arm_report
 
-    chain = opened_chain(args.chain)
-    geometry = chain.chain if isinstance(chain, ArmCard) else chain
     facts = [(name, value) for name, value in motion.facts().items() if name in ("frame", "method")]
     return arm_report(
-        geometry, motion.joints, postures=motion.postures(), facts=facts, remarks=motion.notes, title=geometry.name
-    )
+        motion.chain, motion.joints, postures=motion.postures(), facts=facts, remarks=motion.notes,
+        title=motion.chain.name,
+    )  # fmt: skip
+
+
+def _write_hand(replay: Any, path: Path, args: Namespace) -> None:
+    from plumbob.arm.angles import write_table
+
+    write_table(path, replay.columns(), source=f"{Path(args.model).name} moved", overwrite=args.force)
 
 
 _LINE: Final = ("file", "capture", "date", "filter", "lag", "params", "noise", "init", "frame")
@@ -233,7 +238,7 @@ LINES: Final = {
     "replay": Verb(
         "process a recorded line again, with its own filter or another",
         "recordings.md", "plumbob replay sea.mcap --filter vqf --out vqf.parquet", repeat=("send",), run="replay",
-        more={"out": ("FILE", "where to write the track (.parquet, .csv or .tum)"), "force": FORCE},
+        more={"out": ("FILE", "where to write the track (.parquet, .csv or .tum)")},
         code=lambda result: 0 if result.comparison is None or result.comparison.equal else DIFFERENT,
     ),
     "send": Verb(
@@ -256,7 +261,6 @@ LINES: Final = {
             "rate": ("HZ", "frames per second: adds a column of time, counted from the first frame"),
             "out": ("TABLE", "write .csv, .txt, .parquet or .json instead of printing CSV"),
             "unit": ("U", "which of several units in a frame the file is read as (default the first)"),
-            "force": FORCE,
         },
     ),
 }  # fmt: skip
@@ -281,7 +285,6 @@ FILES: Final = {
         more={
             "path": ("", "the recording, or some of its parts"),
             "repair": ("MCAP", "also write every whole row to this new, complete file"),
-            "force": FORCE,
         },
         note="exit codes: 0 whole, or repaired and nothing was lost, 3 damaged, not complete, or rows are lost, 1 it "
         "cannot be read or written",
@@ -341,7 +344,6 @@ JUDGE: Final = {
             "out": ("FILE!", "recording to write (.parquet or .csv)"),
             "card": ("JSON", "write the unit's calibration card too"),
             "noise_card": ("JSON", "write the unit's noise card too"),
-            "force": FORCE,
         },
     ),
     "eval": Verb(
@@ -410,13 +412,13 @@ JUDGE: Final = {
     ),
 }  # fmt: skip
 _HIDDEN: Final = ("excluded", "settings", "rate", "mount_angle", "mount_shift", "q_nb", "pos_n")
-_VIRTUAL: Final = {"out": ("FILE", "write the virtual unit: .mcap, .parquet or .csv"), "force": FORCE}
+_VIRTUAL: Final = {"out": ("FILE", "write the virtual unit: .mcap, .parquet or .csv")}
 _SUFFIXES: Final = {"out": (".mcap", ".parquet", ".csv")}
 
 
 def _array(line: str, name: str, more: Mapping[str, tuple[str, str]] = _VIRTUAL, example: str = "") -> Verb:
     return Verb(
-        line, "array.md", f"plumbob array {name} six.parquet{example}", f"arm.array.{name}", run="array",
+        line, "array.md", f"plumbob array {name} six.parquet{example}", f"arm.array.{name}", run="arm.array",
         also=("read_array",), hidden=(*_HIDDEN, "format"), more=more, ends=_SUFFIXES,
     )  # fmt: skip
 
@@ -442,10 +444,7 @@ UNITS: Final = {
                 "find how the units sit on their segments, and where joints lie",
                 "arm.md", "plumbob arm align arm.toml calibration.mcap --pose 0s,2s --out card.json", "arm.align",
                 also=("read_array",), hidden=(*_HIDDEN, "mounts"), repeat=("poses",), run="arm.align",
-                more={
-                    "out": ("JSON!", "card to write"),
-                    "force": FORCE,
-                },
+                writes={"out": ("card", save)}, more={"out": ("JSON!", "card to write")},
                 note="A pose is FROM,TO and angles, all zero where none are named: 0s,2s or 5s,7s,0deg,90deg. A "
                 "source is a recording of all units, or one file for each: FILE, whose stem is the unit's name, or "
                 "UNIT=FILE.",
@@ -454,12 +453,19 @@ UNITS: Final = {
                 "estimate joint angles and the hand's place",
                 "arm.md", "plumbob arm run card.json take.mcap --frame ENU --out angles.parquet", "arm.run",
                 also=("read_array",), hidden=(*_HIDDEN, "mounts"), run="arm.run", pages=arm_page,
-                more={"out": ("FILE", "table of angles: .csv or .parquet")},
+                writes={"out": ("file", save)}, more={"out": ("FILE", "table of angles: .csv or .parquet")},
             ),
             "export": Verb(
                 "make a program of joint angles, and write it for a robot",
                 "arm.md", "plumbob arm export angles.parquet --chain arm.toml --rate 125Hz --out program.yaml",
-                "cli.arm.export", run="arm.exported", pages=lambda *_: None,
+                "arm.taught", named=("limits",), run="arm.export", pages=lambda *_: None,
+                more={
+                    "track": ("", "table of angles: .csv or .parquet"),
+                    "limits": ("", "the chain, whose limits are kept"),
+                    "out": ("FILE!+", "files to write, by suffix"),
+                    "unit": ("rad|deg", "of a .csv file (default rad)"),
+                    "as_is": ("", "write the angles as they are: no smoothing, no limits"),
+                },
                 note=".csv and .parquet are tables of times and angles; .yaml and .json are a ROS "
                 "trajectory_msgs/JointTrajectory; .mcap is the same in CDR, with a sensor_msgs/JointState for each "
                 "sample. A .urdf is the chain itself, as a model for ROS.",
@@ -467,11 +473,10 @@ UNITS: Final = {
             "replay": Verb(
                 "move a model by a program, and compare the hand with truth",
                 "arm.md", "plumbob arm replay program.csv arm.urdf --truth hand.csv", "arm.replay", hidden=_HIDDEN,
-                run="arm.replay",
+                run="arm.replay", writes={"out": ("file", _write_hand)},
                 more={
                     "truth": ("FILE", "table with the hand's place: hand_x [m] and so on"),
                     "out": ("FILE", "write the hand's place: .csv or .parquet"),
-                    "force": FORCE,
                 },
             ),
         },
