@@ -314,7 +314,7 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
         chosen = common.filter_args(args.verb, given.get("filter"), getattr(args, "params", None))
         given |= {name: value for name, value in chosen.items() if value}
     args.given = given
-    _refuse_idle(verb, args)
+    _refuse_idle(verb, options, args)
     paths = {name: [Path(file) for file in (value if isinstance(value, list) else [value])]
              for name, value in given.items() if options[name].is_path}  # fmt: skip
     for name, endings in verb.ends.items():
@@ -355,17 +355,22 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
     return partial(getattr(import_module(f"plumbob.cli.{module or 'special'}"), hook), args, verb, call)
 
 
-def _refuse_idle(verb: Verb, args: argparse.Namespace) -> None:
+def _refuse_idle(verb: Verb, options: Mapping[str, Option], args: argparse.Namespace) -> None:
     """Refuse options that would have no effect."""
     given = {name for name, value in vars(args).items() if value is not None and value is not False and value != []}
+
+    def said(name: str) -> str:
+        bare = name in options and options[name].parameter.kind is inspect.Parameter.VAR_POSITIONAL
+        return name.upper() if bare else _flag(name)
+
     for name, others in verb.apart.items():
-        if name in given and (beside := [_flag(other) for other in others if other in given]):
-            raise ParameterError(f"{_flag(name)} does not go with {', '.join(beside)}; leave one of them out.")
+        if name in given and (beside := [said(other) for other in others if other in given]):
+            raise ParameterError(f"{said(name)} does not go with {', '.join(beside)}; leave one of them out.")
     pages = {} if verb.pages is None else {"lang": ("html", "plot")}
-    for name, outputs in (pages | dict(verb.needs)).items():
-        if name in given and not given & set(outputs):
-            named = " or ".join(map(_flag, outputs))
-            raise ParameterError(f"{_flag(name)} is for {named}, which is not given; leave it out.")
+    for name, others in (pages | dict(verb.needs)).items():
+        if name in given and not given & set(others):
+            named = " or ".join(map(said, others))
+            raise ParameterError(f"{said(name)} is for {named}, which is not given; leave it out.")
 
 
 def save(result: Any, path: Path, args: argparse.Namespace) -> None:

@@ -486,6 +486,7 @@ KNOWLEDGE: Final = {
     "demo": Verb(
         "an emulated buoy, calibrated, recorded, estimated and judged, in a minute; or the five papers' systems",
         "start.md", "plumbob demo --out demo-out", "reproduce", run="demo.demo", outputs=(),
+        needs=dict.fromkeys(("seed", "lang", "jobs"), ("papers",)), apart={"papers": ("view", "duration")},
         about="Emulate the drifting buoy of the paper: calibrate its unit by hand, then put it into waves, with its "
         "bytes on a serial line sixty times as fast as they would come; record and estimate, replay with other filters "
         "and without the calibration, compare with the truth. Exit code 1 where the recording is not what was sent.\n\n"
