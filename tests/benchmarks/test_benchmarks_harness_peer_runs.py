@@ -139,8 +139,8 @@ def test_an_attitude_that_is_not_finite_has_no_mean_and_progress_counts_every_ru
         file_of(tmp_path / f"{name}.parquet", rocking())
     steps = []
     stages = [Stage("mahony", {}), Stage("tilt_compass", {})]
-    found = measure_accuracy(trials_in(tmp_path), stages, peers=[Broken()], progress=steps.append)
-    assert steps == [1] * 6
+    found = measure_accuracy(trials_in(tmp_path), stages, peers=[Broken()], progress=lambda *now: steps.append(now))
+    assert steps == [(done, 6) for done in range(1, 7)]
     assert found.mean()["broken"] == dict.fromkeys(KEYS)
     assert found.mean()["mahony"]["total_rmse_deg"] > 0.0
     assert found.text().splitlines()[-1].split() == ["broken", "–", "–", "–"]

@@ -11,8 +11,6 @@ from plumbob.cli.sim import scenario_settings
 from plumbob.cli.verbs import CHANGES
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
-from plumbob.core.text import counted
-from plumbob.core.units import Quantity, parse
 
 Call = Callable[..., Any]
 
@@ -24,24 +22,13 @@ def accuracy(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob.rotations import Frame
 
     frame = {"frame": Frame.parse(args.frame)} if hasattr(args, "frame") else {}
-    files = trials_in(*map(Path, args.files))
-    for name in (name.strip() for name in getattr(args, "align", "").split(",") if name.strip()):
+    for name in args.given.get("align", ()):
         check.one_of("--align", name, ("heading", "mounting", "time"))
     changes = {name: "" if value is True else value for name in CHANGES if (value := getattr(args, name))}
-    stages = common.given_noise(common.stages(args.filters, args.params), args.noise and Path(args.noise))
+    stages = tuple(common.given_noise(common.stages(args.filters, args.params), args.noise and Path(args.noise)))
     peers, absent = peer_runs(args.peers or "none")
-    runs = len(stages) + len(peers)
-    with common.progress(f"{counted(len(files), 'file')}, {counted(runs, 'run')} each", len(files) * runs) as advance:
-        result = call(
-            files=tuple(files),
-            stages=tuple(stages),
-            peers=peers,
-            absent=absent,
-            changes=changes,
-            progress=advance,
-            **frame,
-        )
-    return show(args, verb, result)
+    files = tuple(trials_in(*map(Path, args.files)))
+    return show(args, verb, call(files=files, stages=stages, peers=peers, absent=absent, changes=changes, **frame))
 
 
 def scenario(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -56,14 +43,9 @@ def scenario(args: argparse.Namespace, verb: Verb, call: Call) -> int:
         stages = common.given_noise(stages, args.noise and Path(args.noise))
     settings = scenario_settings(args)
     choice = {name: settings.pop(name) for name in ("frame", "sensors", "unit")}
-    with common.progress(counted(count, "seed"), count) as advance:
-        result = call(
-            stages=tuple(stages), seeds=range(count), settings=settings,
-            settle=parse(args.settle or "0", Quantity.TIME),
-            limit=None if args.limit is None else parse(args.limit, Quantity.ANGLE), own_noise=own_noise,
-            progress=advance, **choice,
-        )  # fmt: skip
-    return show(args, verb, result)
+    return show(
+        args, verb, call(stages=tuple(stages), seeds=range(count), settings=settings, own_noise=own_noise, **choice)
+    )
 
 
 def tune(args: argparse.Namespace, verb: Verb, call: Call) -> int:

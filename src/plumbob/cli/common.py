@@ -5,9 +5,9 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.resources import guide
@@ -327,10 +327,11 @@ def stopped_by_signals(stop: "Stop") -> Iterator[None]:
 
 
 @contextmanager
-def progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Progress bar on standard error; silent where that is not a terminal."""
-    if not _may_draw(sys.stderr):
-        yield lambda done: None
+def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
+    """A bar on standard error for what is done in turn, by its title, what is done of it, and of all; on a terminal."""
+    forced = any(os.environ.get(name) for name in ("FORCE_COLOR", "TTY_COMPATIBLE"))
+    if not forced and (sys.stderr.closed or not sys.stderr.isatty()):  # Rich costs a tenth of a second to import
+        yield lambda what, so_far, total: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -340,34 +341,12 @@ def progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
     with Progress(
         *columns, TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal
     ) as bar:
-        task = bar.add_task(title, total=total)
-        yield lambda done: bar.advance(task, done)
 
+        def done(what: str, so_far: int, total: int) -> None:
+            if not any(task.description == what for task in bar.tasks):
+                for task in bar.task_ids:
+                    bar.remove_task(task)
+                bar.add_task(what)
+            bar.update(bar.task_ids[0], completed=so_far, total=total)
 
-@contextmanager
-def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
-    """A bar for each thing that is done in turn, by its title, what is done of it, and of all."""
-    bar = ExitStack()
-    title, before = "", 0
-    advance: Callable[[int], None] = _nowhere
-
-    def done(what: str, so_far: int, total: int) -> None:
-        nonlocal title, before, advance
-        if what != title:
-            bar.close()
-            title, before, advance = what, 0, bar.enter_context(progress(what, total))
-        advance(so_far - before)
-        before = so_far
-
-    with bar:
         yield done
-
-
-def _nowhere(_done: int) -> None:
-    pass
-
-
-def _may_draw(stream: TextIO) -> bool:
-    """Whether Rich may take a stream for a terminal, so that it must be asked: its import costs a tenth of a second."""
-    forced = any(os.environ.get(name) for name in ("FORCE_COLOR", "TTY_COMPATIBLE"))
-    return forced or (not stream.closed and stream.isatty())

@@ -296,8 +296,8 @@ def _replayed(out: Path, sent: "ImuData") -> "tuple[dict[str, AttitudeTrack], in
     assert session.stage and session.frame
     tracks = {"error-state EKF (live)": replayed.track}
     others = [(raw, replace(session.stage, label="the same, uncalibrated")), *((calibrated, s) for s in stages())]
-    with common.progress("estimating", len(others)) as advance:
-        for imu, stage in others:
+    with common.progress_bars() as bars:
+        for done, (imu, stage) in enumerate(others):
+            bars("estimating", done, len(others))
             tracks[stage.name] = run_stage(imu, stage, frame=session.frame)
-            advance(1)
     return tracks, same.compared

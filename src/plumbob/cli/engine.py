@@ -32,6 +32,7 @@ SHORT: Final = {
     "unit": "NAME|N", "filter": "NAME", "rate": "HZ", "format": "NAME|TOML", "port": "DEV", "iio": "DEV",
     "card": "JSON", "rest": "A..B", "tcp": "HOST:PORT", "udp": "HOST:PORT", "warm_up": "RISE,TIME",
     "send": "'FORM TARGET [RATE] [A,B]'", "faults": "F", "fixed": "P", "chain": "TOML", "lag": "T", "settle": "T",
+    "limit": "ANGLE",
     "max_gap": "T", "max_offset": "T", "burst": "T", "start": "T", "stop": "T", "begin": "T", "end": "T",
     "duration": "T", "tilt_limit": "ANGLE", "declination": "ANGLE", "mount_error": "ANGLE", "high_pass": "HZ",
     "temp_c": "T", "options": "NAME=VALUE", "speed": "K", "device": "ID", "clock_error": "E", "sensors": "A+B",

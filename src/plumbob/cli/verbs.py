@@ -384,15 +384,13 @@ JUDGE: Final = {
                 "choose-a-filter.md",
                 "plumbob benchmark scenario buoy --frame NED --filters mahony,mekf --seeds 20",
                 "fleet.experiments.scenario.measure_scenario", run="benchmark.scenario", outputs=(),
-                hidden=("stages", "seeds", "settings", "settle", "limit", "own_noise"),
+                hidden=("stages", "seeds", "settings", "own_noise"),
                 optional=("frame", "sensors", "unit"),
                 about="Simulate a scenario with many seeds, run filters on each, and print the errors per axis.",
                 more={
                     **_SCENARIO, **_FILTERS,
                     "noise": ("JSON|own", "noise card for filters that take one; own: of the simulated unit"),
                     "seeds": ("N", "number of seeds, from 0 (default 20)"),
-                    "settle": ("S", "leave out so much at the start, as 60s (default 0)"),
-                    "limit": ("A", "limit of roll and pitch error, as 1deg: print in how many seeds it holds"),
                 },
             ),
             "tune": Verb(

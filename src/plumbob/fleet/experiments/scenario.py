@@ -8,7 +8,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.text import counted
-from plumbob.core.units import to_deg
+from plumbob.core.units import Quantity, given, to_deg
 from plumbob.door.evaluate import evaluate
 from plumbob.filters.offline import Stage, bias_beyond, make_estimator, run_stage, with_noise
 from plumbob.reporting.content import Table
@@ -115,10 +115,10 @@ def measure_scenario(
     unit: str,
     seeds: Sequence[int],
     settings: Mapping[str, Any],
-    settle: float = 0.0,
-    limit: float | None = None,
+    settle: float | str = 0.0,
+    limit: float | str | None = None,
     own_noise: bool = False,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> MonteCarlo:
     """Simulate a scenario with each seed and run each filter on it.
 
@@ -136,19 +136,20 @@ def measure_scenario(
         One run each.
     settings : Mapping
         Everything else that `plumbob.simulation.simulate` takes.
-    settle : float
+    settle : float or str
         Time from the start that is left out, s.
-    limit : float, optional
+    limit : float or str, optional
         Error of roll and pitch, rad: the share of the seeds that keep it is reported, and how the filters compare.
     own_noise : bool
         Give each filter that takes one the noise card of the simulated unit.
     progress : callable, optional
-        Called with 1 after each seed.
+        Called with the seeds that are done, and all.
     """
+    settle, limit = given("settle", settle, Quantity.TIME) or 0.0, given("limit", limit, Quantity.ANGLE)
     values: dict[str, dict[str, dict[str, list[float]]]] = {}
     ran: dict[str, str] = {}
     warnings: dict[str, list[str]] = {}
-    for seed in seeds:
+    for done, seed in enumerate(seeds, start=1):
         run = simulate(scenario, frame=frame, sensors=sensors, unit=unit, seed=seed, **settings)
         for stage in with_noise(stages, run.noise) if own_noise else stages:
             track = run_stage(run.imu, stage, frame=frame)
@@ -158,7 +159,7 @@ def measure_scenario(
             figures = evaluate(track, run.truth, settle=settle).summary()
             _append(values.setdefault(stage.name, {}), figures)
         if progress:
-            progress(1)
+            progress(done, len(seeds))
     what = run.truth.source.rpartition(", seed")[0]
     title = f"{what}; sensors {sensors} ({unit}); {counted(len(seeds), 'seed')}; first {settle:g} s left out"
     if own_noise:

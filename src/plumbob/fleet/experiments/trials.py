@@ -89,7 +89,7 @@ def measure_accuracy(
     between: tuple[float, float] | None = None,
     calibrated: bool = False,
     against: str | None = None,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Accuracy:
     """Run each estimator on each recording that carries a reference.
 
@@ -121,7 +121,7 @@ def measure_accuracy(
     against : str, optional
         Estimator that the others are compared with, trial by trial.
     progress : callable, optional
-        Called with 1 after each run of an estimator on a file.
+        Called with the runs of an estimator on a file that are done, and all.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def measure_accuracy(
         raise ParameterError(f"there is no '{against}' to compare with; these run: {', '.join(ways)}.")
     skipped: dict[str, str] = {}
     trials: list[_Trial] = []
-    for file in files:
+    for number, file in enumerate(files):
         place = file if isinstance(file, Path) else None
         name, where = (file.name, file.name) if place is None else (place.stem, place.name)
         try:
@@ -148,13 +148,13 @@ def measure_accuracy(
         nav = navigation_frame(imu, frame, where=str(place or name))
         folder = "" if place is None else place.parent.name
         trial = _Trial(name, where, folder, calibration_told(imu.meta.calibration), {}, {})
-        for estimator, way in ways.items():
+        for at, (estimator, way) in enumerate(ways.items(), start=1):
             try:
                 trial.results[estimator] = _judged(way(imu=imu, frame=nav), raw, reference, align)
             except ShapeError as error:
                 trial.refused[estimator] = str(error)
             if progress:
-                progress(1)
+                progress(number * len(ways) + at, len(files) * len(ways))
         trials.append(trial)
     if not trials:
         raise DecodeError("no recording is a trial: " + "; ".join(dict.fromkeys(skipped.values())))
