@@ -5,8 +5,8 @@ Run: python -m benchmarks.harness faults|calibration|rooms|decoders [options]
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,10 +30,16 @@ def build_parser(_words: Sequence[str] = ()) -> argparse.ArgumentParser:
         "magnetometers in real rooms, and decoders on damaged streams.",
     )
     kinds = parser.add_subparsers(dest="verb", metavar="KIND", required=True)
-    _add_faults(kinds)
-    _add_calibration(kinds)
-    _add_rooms(kinds)
-    _add_decoders(kinds)
+    adds = {
+        _add_faults: run_faults,
+        _add_calibration: run_calibration,
+        _add_rooms: run_rooms,
+        _add_decoders: run_decoders,
+    }
+    for add, measure in adds.items():
+        p = add(kinds)
+        p.set_defaults(run=measure)
+        p.add_argument("--json", action="store_true", help="print one JSON object instead of text")
     return parser
 
 
@@ -42,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return run(argv, build_parser, PROGRAM)
 
 
-def _add_faults(kinds: Any) -> None:
+def _add_faults(kinds: Any) -> Any:
     p = kinds.add_parser(
         "faults",
         help="damaged samples, time stamps, starts and arguments, beside other libraries",
@@ -55,11 +61,10 @@ def _add_faults(kinds: Any) -> None:
     p.add_argument("--battery", choices=("first", "second"), default="first", help="set of faults (default first)")
     p.add_argument("--cases", default="", metavar="A,B", help="cases or groups, F1 to F9 or S1 to S9 (default all)")
     p.add_argument("--list", action="store_true", help="list the cases with what they inject")
-    common.add_json(p)
-    p.set_defaults(run=run_faults)
+    return p
 
 
-def _add_calibration(kinds: Any) -> None:
+def _add_calibration(kinds: Any) -> Any:
     p = kinds.add_parser(
         "calibration",
         help="calibrations of many simulated units: errors, predictions",
@@ -68,11 +73,10 @@ def _add_calibration(kinds: Any) -> None:
     )
     p.add_argument("--sections", default="", metavar="A,B", help="some of mag, accel, table, temperature (default all)")
     p.add_argument("--seeds", type=int, default=200, metavar="N", help="number of seeds, from 0 (default 200)")
-    common.add_json(p)
-    p.set_defaults(run=run_calibration)
+    return p
 
 
-def _add_rooms(kinds: Any) -> None:
+def _add_rooms(kinds: Any) -> Any:
     p = kinds.add_parser(
         "rooms",
         help="magnetometers that were turned in real rooms: calibrations beside a reference",
@@ -82,11 +86,10 @@ def _add_rooms(kinds: Any) -> None:
     )
     p.add_argument("folder", type=Path, help="folder of recordings, such as BROAD trials")
     p.add_argument("--window", metavar="S", help="calibrate windows of this length, as 30s (default: whole recordings)")
-    common.add_json(p)
-    p.set_defaults(run=run_rooms)
+    return p
 
 
-def _add_decoders(kinds: Any) -> None:
+def _add_decoders(kinds: Any) -> Any:
     p = kinds.add_parser(
         "decoders",
         help="sensor formats: damaged streams, noise, mutated bytes",
@@ -97,8 +100,21 @@ def _add_decoders(kinds: Any) -> None:
     p.add_argument("--frames", type=int, default=20_000, metavar="N", help="frames per stream (default 20000)")
     p.add_argument("--noise", type=int, default=100_000_000, metavar="N", help="random bytes each (default 100000000)")
     p.add_argument("--fuzz", type=int, default=10_000_000, metavar="N", help="mutated bytes each (default 10000000)")
-    common.add_json(p)
-    p.set_defaults(run=run_decoders)
+    return p
+
+
+@contextmanager
+def _progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Bar of so many steps, each of which is counted once it is done."""
+    done = 0
+    with common.progress_bars() as bars:
+
+        def advance(steps: int) -> None:
+            nonlocal done
+            done += steps
+            bars(title, done, total)
+
+        yield advance
 
 
 def run_faults(args: argparse.Namespace) -> int:
@@ -121,8 +137,7 @@ def run_faults(args: argparse.Namespace) -> int:
     contenders = [*map(contender_of, chosen), *others]
 
     def told(cases: "Sequence[Case]") -> AbstractContextManager[Callable[[int], None]]:
-        title = f"{len(cases)} cases, {len(contenders)} contenders"
-        return common.progress(title, len(cases) * len(contenders))
+        return _progress(f"{len(cases)} cases, {len(contenders)} contenders", len(cases) * len(contenders))
 
     if args.battery == "second":
         second = fault_cases.choose(wanted or list(second_cases.GROUPS), second_cases.CASES, second_cases.GROUPS)
@@ -142,7 +157,7 @@ def run_calibration(args: argparse.Namespace) -> int:
     _require_some("--seeds", args.seeds)
     names = [name.strip() for name in args.sections.split(",") if name.strip()]
     steps = sum(part.steps for name, part in PARTS.items() if name in names or not names)
-    with common.progress(f"{args.seeds} units", steps) as advance:
+    with _progress(f"{args.seeds} units", steps) as advance:
         result = measure_calibration(range(args.seeds), names, progress=advance)
     return _show(result, args)
 
@@ -155,7 +170,7 @@ def run_rooms(args: argparse.Namespace) -> int:
 
     files = trials_in(args.folder)
     window = None if args.window is None else parse(args.window, Quantity.TIME)
-    with common.progress(f"{len(files)} files", len(files)) as advance:
+    with _progress(f"{len(files)} files", len(files)) as advance:
         result = measure_rooms(files, window=window, progress=advance)
     return _show(result, args)
 
@@ -167,7 +182,7 @@ def run_decoders(args: argparse.Namespace) -> int:
     for name in ("frames", "noise", "fuzz"):
         _require_some(f"--{name}", getattr(args, name))
     forms = _formats(args.formats)
-    with common.progress(f"{len(forms)} formats", len(forms)) as advance:
+    with _progress(f"{len(forms)} formats", len(forms)) as advance:
         result = measure_decoders(forms, frames=args.frames, noise=args.noise, fuzzing=args.fuzz, progress=advance)
     return _show(result, args)
 

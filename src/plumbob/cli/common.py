@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.core.resources import guide
 from plumbob.core.text import visible
 
 if TYPE_CHECKING:
@@ -22,11 +21,9 @@ if TYPE_CHECKING:
 
 def filter_args(verb: str, filter_: str | None, params: str | None) -> dict[str, Any]:
     """The one filter of --filter with --params; None, a filter of rates, or a word that stands for one as it is."""
-    if filter_ is None:
-        return {"filter": None, "params": dict(pairs(params))}
     from plumbob.filters.known import RATE_FILTERS
 
-    if filter_ in ("track", "none", *RATE_FILTERS):
+    if filter_ in (None, "track", "none", *RATE_FILTERS):
         return {"filter": filter_, "params": dict(pairs(params))}
     chosen = stages(filter_, params)
     if len(chosen) != 1:
@@ -87,16 +84,6 @@ class Status:
 
 
 PARAMS_HELP = "name=value,... with units (kp=0.5,gate=0.08g,mag=off), or a TOML file; see 'plumbob list filters'"
-
-
-def more(example: str, page: str, *text: str) -> str:
-    """End of a verb's help: an example, what else to know, and the page of the documentation."""
-    return "\n".join(("example:", f"  {example}", "", *text, "documentation:", f"  {guide(page)}"))
-
-
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """Option --json."""
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of text")
 
 
 def named_values(items: Sequence[str]) -> dict[str, str]:

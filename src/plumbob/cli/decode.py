@@ -1,6 +1,7 @@
 """plumbob decode: bytes to a table of numbers with units."""
 
 import argparse
+import json
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -40,7 +41,8 @@ def run(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
     def take(frames: "Mapping[str, Frames]", _: "Counts") -> None:
         table.add(frames)
         if out is None:
-            table.print_new()
+            sys.stdout.writelines(table.csv())
+            sys.stdout.flush()
 
     pieces = _chunks(args.data, table)
     counts = decode(_in_order(args.data, pieces, form) if args.ring else pieces, form, each=take).counts
@@ -85,53 +87,47 @@ class _MessageRows:
         self.head = b""
         """First bytes of the stream, of which other formats are tried."""
         self._parts: list[Frames] = []
-        self._printed = 0
+        self._titled = False
         self._rows = 0
         self._count: int | None = None
         self.skipped = 0
+        """How many frames the counter skips; a count that repeats skips nothing."""
 
     def add(self, frames: "Mapping[str, Frames]") -> None:
         """Take frames of the message; of the first that comes, where none was asked for."""
-        self.message = self.message or min(frames, key=lambda name: int(frames[name].start[0]), default="")
-        if self.message in frames:
-            self._parts.append(frames[self.message])
-            self._follow(frames[self.message])
-
-    def _follow(self, frames: "Frames") -> None:
-        """Add up what the frames' counter skips; a count that repeats skips nothing."""
         import numpy as np
 
-        counter = frames.message.of_role("counter")
-        if counter is None:
+        self.message = self.message or min(frames, key=lambda name: int(frames[name].start[0]), default="")
+        if self.message not in frames:
             return
-        counts = frames.columns[counter.name].astype(np.int64)
-        steps = np.diff(counts, prepend=counts[0] - 1 if self._count is None else self._count) % (1 << counter.width)
-        self._count = int(counts[-1])
-        self.skipped += int(np.maximum(steps - 1, 0).sum())
-
-    def print_new(self) -> None:
-        """Print what has come since the last call, as CSV."""
-        for line in self._csv():
-            sys.stdout.write(line)
-        sys.stdout.flush()
+        part = frames[self.message]
+        self._parts.append(part)
+        if (counter := part.message.of_role("counter")) is not None:
+            counts = part.columns[counter.name].astype(np.int64)
+            first = counts[0] - 1 if self._count is None else self._count
+            steps = np.diff(counts, prepend=first) % (1 << counter.width)
+            self._count = int(counts[-1])
+            self.skipped += int(np.maximum(steps - 1, 0).sum())
 
     def write(self, path: Path, counts: "Counts", profile: str, *, overwrite: bool) -> None:
         """Write all into a file whose suffix says the kind; text gets its profile beside it, Parquet inside."""
         from plumbob.data import UNCALIBRATED
 
         if path.suffix in _TEXT:
-            self._write_text(path, profile, overwrite)
+            beside = [profile_beside(path)] if profile else []
+            with replacing_all(path, *beside, overwrite=overwrite) as (temporary, *described):
+                for file in described:
+                    file.write_text(profile, encoding="utf-8")
+                with temporary.open("w", encoding="utf-8") as stream:
+                    stream.writelines(self.csv())
             return
         columns: dict[str, list[Any]] = {}
-        for names, lists in self._blocks():
-            for name, values in zip(names, lists, strict=True):
+        for block in self._blocks():
+            for name, values in block.items():
                 columns.setdefault(name, []).extend(values)
         if path.suffix == ".json":
-            import json
-
             content = {"message": self.message, "calibration": UNCALIBRATED, "counts": counts.summary()}
-            content |= {"columns": columns}
-            write_text(path, json.dumps(content, allow_nan=False), overwrite=overwrite)
+            write_text(path, json.dumps(content | {"columns": columns}, allow_nan=False), overwrite=overwrite)
             return
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -140,30 +136,21 @@ class _MessageRows:
             metadata = {"calibration": UNCALIBRATED} | ({"plumbob profile": profile} if profile else {})
             pq.write_table(pa.table(columns).replace_schema_metadata(metadata), temporary)
 
-    def _write_text(self, path: Path, profile: str, overwrite: bool) -> None:
-        beside = [profile_beside(path)] if profile else []
-        with replacing_all(path, *beside, overwrite=overwrite) as (temporary, *described):
-            for file in described:
-                file.write_text(profile, encoding="utf-8")
-            with temporary.open("w", encoding="utf-8") as stream:
-                stream.writelines(self._csv())
+    def csv(self) -> Iterator[str]:
+        """Lines of what has come since the last call."""
+        for block in self._blocks():
+            if not self._titled:
+                yield ",".join(block) + "\n"
+            self._titled = True
+            yield from (",".join(map(_cell, row)) + "\n" for row in zip(*block.values(), strict=True))
 
-    def _csv(self) -> Iterator[str]:
-        for names, lists in self._blocks():
-            if self._printed == 0:
-                yield ",".join(names) + "\n"
-            self._printed += 1
-            yield from (",".join(map(_cell, row)) + "\n" for row in zip(*lists, strict=True))
-
-    def _blocks(self) -> Iterator[tuple[list[str], list[list[Any]]]]:
-        """Names and values of the columns, block by block."""
+    def _blocks(self) -> Iterator[dict[str, list[Any]]]:
+        """Columns by name, block by block."""
         parts, self._parts = self._parts, []
         for frames in parts:
-            columns = _columns(frames)
-            if self._rate:
-                columns = {self.time: [(self._rows + i) / self._rate for i in range(len(frames))]} | columns
+            times = [(self._rows + i) / self._rate for i in range(len(frames))] if self._rate else []
             self._rows += len(frames)
-            yield list(columns), list(columns.values())
+            yield ({self.time: times} if times else {}) | _columns(frames)
 
 
 def _columns(frames: "Frames") -> dict[str, list[Any]]:

@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 import plumbob
 from plumbob.cli import common
 from plumbob.core.errors import ParameterError
+from plumbob.core.resources import guide
 
 Call = Callable[..., Any]
 
@@ -258,14 +259,16 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
     if "overwrite" not in options and (verb.pages is not None or {"out", *verb.outputs} & {*verb.more} - {*options}):
         p.add_argument("--force", action="store_true", help=HELP["overwrite"])
     if verb.json:
-        common.add_json(groups.get("json", p))
+        help_ = "print one JSON object instead of text"
+        groups.get("json", p).add_argument("--json", action="store_true", help=help_)
     p.set_defaults(prepare=partial(prepare, verb, function, options), parser=p)
     return p
 
 
 def ending(verb: Verb) -> str:
     """End of a verb's help: an example, what else to know, and the page of the documentation on a line of its own."""
-    return common.more(verb.example, verb.page, *([verb.note, ""] if verb.note else []))
+    note = f"{verb.note}\n\n" if verb.note else ""
+    return f"example:\n  {verb.example}\n\n{note}documentation:\n  {guide(verb.page)}"
 
 
 def _flag(name: str) -> str:
