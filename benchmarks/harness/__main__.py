@@ -5,8 +5,7 @@ Run: python -m benchmarks.harness faults|calibration|rooms|decoders [options]
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,6 @@ from plumbob.cli.main import main as run
 from plumbob.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from benchmarks.harness.fault_cases import Case
     from plumbob.protocols.format import Format
 
 PROGRAM = "python -m benchmarks.harness"
@@ -103,20 +101,6 @@ def _add_decoders(kinds: Any) -> Any:
     return p
 
 
-@contextmanager
-def _progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Bar of so many steps, each of which is counted once it is done."""
-    done = 0
-    with common.progress_bars() as bars:
-
-        def advance(steps: int) -> None:
-            nonlocal done
-            done += steps
-            bars(title, done, total)
-
-        yield advance
-
-
 def run_faults(args: argparse.Namespace) -> int:
     """Do it under faults."""
     from benchmarks.harness import fault_cases, second_cases
@@ -136,18 +120,13 @@ def run_faults(args: argparse.Namespace) -> int:
     others, absent = peers(args.peers)
     contenders = [*map(contender_of, chosen), *others]
 
-    def told(cases: "Sequence[Case]") -> AbstractContextManager[Callable[[int], None]]:
-        return _progress(f"{len(cases)} cases, {len(contenders)} contenders", len(cases) * len(contenders))
-
     if args.battery == "second":
         second = fault_cases.choose(wanted or list(second_cases.GROUPS), second_cases.CASES, second_cases.GROUPS)
-        with told(second) as advance:
-            return _show(measure_second(contenders, second, absent=absent, progress=advance), args)
+        return _show(args, len(second) * len(contenders), measure_second, contenders, second, absent=absent)
     groups = fault_cases.GROUPS
     first = fault_cases.choose(wanted or list(groups), fault_cases.CASES, groups)
-    arguments = fault_cases.ARGUMENTS in wanted or not wanted
-    with told(first) as advance:
-        return _show(measure_faults(contenders, first, arguments=arguments, absent=absent, progress=advance), args)
+    how = {"arguments": fault_cases.ARGUMENTS in wanted or not wanted, "absent": absent}
+    return _show(args, len(first) * len(contenders), measure_faults, contenders, first, **how)
 
 
 def run_calibration(args: argparse.Namespace) -> int:
@@ -157,9 +136,7 @@ def run_calibration(args: argparse.Namespace) -> int:
     _require_some("--seeds", args.seeds)
     names = [name.strip() for name in args.sections.split(",") if name.strip()]
     steps = sum(part.steps for name, part in PARTS.items() if name in names or not names)
-    with _progress(f"{args.seeds} units", steps) as advance:
-        result = measure_calibration(range(args.seeds), names, progress=advance)
-    return _show(result, args)
+    return _show(args, steps, measure_calibration, range(args.seeds), names)
 
 
 def run_rooms(args: argparse.Namespace) -> int:
@@ -170,9 +147,7 @@ def run_rooms(args: argparse.Namespace) -> int:
 
     files = trials_in(args.folder)
     window = None if args.window is None else parse(args.window, Quantity.TIME)
-    with _progress(f"{len(files)} files", len(files)) as advance:
-        result = measure_rooms(files, window=window, progress=advance)
-    return _show(result, args)
+    return _show(args, len(files), measure_rooms, files, window=window)
 
 
 def run_decoders(args: argparse.Namespace) -> int:
@@ -182,9 +157,7 @@ def run_decoders(args: argparse.Namespace) -> int:
     for name in ("frames", "noise", "fuzz"):
         _require_some(f"--{name}", getattr(args, name))
     forms = _formats(args.formats)
-    with _progress(f"{len(forms)} formats", len(forms)) as advance:
-        result = measure_decoders(forms, frames=args.frames, noise=args.noise, fuzzing=args.fuzz, progress=advance)
-    return _show(result, args)
+    return _show(args, len(forms), measure_decoders, forms, frames=args.frames, noise=args.noise, fuzzing=args.fuzz)
 
 
 def _require_some(option: str, count: int) -> None:
@@ -192,8 +165,17 @@ def _require_some(option: str, count: int) -> None:
         raise ParameterError(f"{option} must be at least 1, but it is {count}.")
 
 
-def _show(result: Any, args: argparse.Namespace) -> int:
-    """Print what was measured, as --json asks."""
+def _show(args: argparse.Namespace, total: int, measure: Callable[..., Any], *given: Any, **how: Any) -> int:
+    """Measure so many steps with a bar, and print what was measured, as --json asks."""
+    done = 0
+    with common.progress_bars() as bars:
+
+        def advance(steps: int) -> None:
+            nonlocal done
+            done += steps
+            bars(args.verb, done, total)
+
+        result = measure(*given, progress=advance, **how)
     common.print_json(result.summary()) if args.json else print(result.text())
     return 0
 

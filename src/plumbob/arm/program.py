@@ -194,9 +194,9 @@ def taught(
     Parameters
     ----------
     track : JointTrack or path
-        What was recorded.
+        What was recorded: a table of angles, .csv or .parquet.
     limits : Chain, path of its file, Limits or sequence of Limits, optional
-        Of the chain's angles; one for all, or one for each.
+        The chain whose limits are kept; or limits of its angles, one for all, or one for each.
     rate : float or str
         Samples of the program per second, Hz, or text.
     smooth : float or str

@@ -35,9 +35,9 @@ def _read(args: argparse.Namespace, call: Call, note: Callable[[str], object] = 
 
 
 def array(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """Read the units, say what is found in them, and write the virtual one."""
+    """Read the units, say what is found in them, and combine or compare them."""
     from plumbob.data.array import UnitMount
-    from plumbob.data.recording import Recording, found_in
+    from plumbob.data.recording import found_in
 
     notes: list[str] = []
     units = _read(args, call, notes.append)
@@ -46,14 +46,7 @@ def array(args: argparse.Namespace, verb: Verb, call: Call) -> int:
         replace(mount, noise=None) == UnitMount() for mount in units.mounts.values()
     ):
         common.note("no mount is known, so all units are taken to lie along the body's axes; see --mounts")
-    findings, out = call(array=units), getattr(args, "out", None)
-    if out is not None:
-        from plumbob.live.recorded import convert
-
-        note = f"virtual unit of the array in {', '.join(Path(file).name for file in args.array)}"
-        virtual = Recording(imu=findings.imu, name=Path(out).stem, notes=(note,))
-        convert(virtual, out, overwrite=args.force)
-    return show(args, verb, findings, *([f"written      {out}"] if out else []))
+    return show(args, verb, call(array=units))
 
 
 def align(args: argparse.Namespace, verb: Verb, call: Call) -> int:

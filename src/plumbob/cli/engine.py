@@ -83,7 +83,8 @@ class Verb(NamedTuple):
     needs, apart : mapping of str to tuple of str
         Options that say something of others, of which one must be given, and options with which others do not go.
     writes : mapping of str to (str, callable)
-        Outputs of the command line alone: word before the path, and what writes the result: of it, path and `args`.
+        Outputs that are named at the end, by a word; and what writes them of the result, to the path, by the arguments,
+        where the function does not.
     more : mapping of str to (str, str)
         Options of the command line alone: what stands for the value (none: a switch; with !: needed; with + at the
         end: several), and help. Of a parameter: what the help says instead. --force comes with an output.
@@ -118,7 +119,7 @@ class Verb(NamedTuple):
     exclusive: tuple[tuple[str, ...], ...] = ()
     needs: Mapping[str, tuple[str, ...]] = {}
     apart: Mapping[str, tuple[str, ...]] = {}
-    writes: Mapping[str, tuple[str, Callable[[Any, Path, argparse.Namespace], object]]] = {}
+    writes: Mapping[str, tuple[str, Callable[[Any, Path, argparse.Namespace], object] | None]] = {}
     more: Mapping[str, tuple[str, str]] = {}
     run: str = "show"
     code: Callable[[Any], int] | None = None
@@ -390,7 +391,8 @@ def show(args: argparse.Namespace, verb: Verb, result: Any, *lines: str, shown: 
     result = result() if callable(result) else result
     written = {name: Path(path) for name in verb.writes if (path := getattr(args, name, None))}
     for name, path in written.items():
-        verb.writes[name][1](result, path, args)
+        if write := verb.writes[name][1]:
+            write(result, path, args)
     shown = shown or result
     if args.json:
         common.print_json(shown.summary() | more)

@@ -44,7 +44,7 @@ def profile(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 def report(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Write the page before the text, because who reads that may go away; or draw one figure, and say where it is."""
-    out, pdf = (getattr(args, name, None) for name in ("out", "pdf"))
+    out = getattr(args, "out", None)
     if args.figure:
         from plumbob.overview.overview import plot
 
@@ -53,8 +53,7 @@ def report(args: argparse.Namespace, verb: Verb, call: Call) -> int:
         print(f"figure       {call(plot, file=args.files[0], what=args.figure)}")
         return 0
     common.require_ending("--out", out, common.ENDINGS["html"])
-    written = [f"{what:12} {path}" for what, path in (("page", out), ("pdf", pdf)) if path]
-    return show(args, verb, call(), *written)
+    return show(args, verb, call())
 
 
 def record(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -130,15 +129,8 @@ def _noise(words: list[str]) -> "Path | dict[str, Path] | None":
 
 
 def replay(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """Hold in memory only what is written, and write it."""
-    from dataclasses import replace
-
-    from plumbob.live.recorded import convert
-
-    result = call(keep="track" if args.out else "nothing")
-    if args.out:
-        convert(replace(result.as_recording(), name=Path(args.out).stem), args.out, overwrite=args.force)
-    return show(args, verb, result, *([f"written      {args.out}"] if args.out else []))
+    """Hold in memory only what is written."""
+    return show(args, verb, call(keep="track" if args.out else "nothing"))
 
 
 def send(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -233,8 +225,9 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
     name, args.recording = getattr(args, "filter", SMOOTHER), args.recording[0]
     if name in RATE_FILTERS:
-        result, extra, lines = _rates(args, call), {}, []
-        samples, duration = result.summary()["samples"], result.summary()["duration_s"]
+        result = _rates(args, call)
+        numbers, lines = result.summary(), []
+        samples, duration = numbers["samples"], numbers["duration_s"]
     else:
         if args.drift or args.rest:
             raise ParameterError(f"--drift and --rest are for a filter of rates: --filter {', '.join(RATE_FILTERS)}.")
@@ -246,25 +239,16 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
             gatherer = Gatherer()
         result = call(filter=name, follow=gatherer)
-        if args.card:
-            result.card().save(Path(args.card), overwrite=args.force)
         if gatherer is not None:
             from plumbob.overview.overview import of_estimate
 
             of_estimate(result, gatherer, args.recording).write_html(Path(args.report), overwrite=args.force)
         errors = {} if result.reference is None else _errors(result.track, result.reference)
-        extra, lines = {"errors": errors} if errors else {}, _error_lines(errors)
+        numbers, lines = result.summary() | ({"errors": errors} if errors else {}), _error_lines(errors)
         samples, duration = result.outline.samples, result.outline.duration
-    out = getattr(args, "out", None)
-    if args.json:
-        common.print_json({"file": args.recording, "out": out, **result.summary(), **extra})
-        return 0
-    print(f"{args.recording}: {counted(samples, 'sample')}, {duration:.3f} s")
-    print("\n".join([result.text(), *lines]))
-    for what, path in (("written", out), ("card", args.card), ("page", args.report)):
-        if path:
-            print(f"{what:12} {path}")
-    return 0
+    text = [f"{args.recording}: {counted(samples, 'sample')}, {duration:.3f} s", result.text(), *lines]
+    about = {"file": args.recording, "out": getattr(args, "out", None)}
+    return show(args, verb, result, shown=common.Listed("\n".join(text), about | numbers))
 
 
 def _rates(args: argparse.Namespace, call: Call) -> Any:

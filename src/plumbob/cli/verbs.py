@@ -24,6 +24,29 @@ def arm_page(motion: Any, _args: Namespace) -> Any:
     )  # fmt: skip
 
 
+def save_card(estimate: Any, path: Path, args: Namespace) -> None:
+    """Write the card of what an estimate found of the gyroscope."""
+    estimate.card().save(path, overwrite=args.force)
+
+
+def save_recording(replayed: Any, path: Path, args: Namespace) -> None:
+    """Write the track of a replay."""
+    from dataclasses import replace
+
+    from plumbob.live.recorded import convert
+
+    convert(replace(replayed.as_recording(), name=path.stem), path, overwrite=args.force)
+
+
+def save_virtual(findings: Any, path: Path, args: Namespace) -> None:
+    """Write the virtual unit of an array."""
+    from plumbob.data.recording import Recording
+    from plumbob.live.recorded import convert
+
+    note = f"virtual unit of the array in {', '.join(Path(file).name for file in args.array)}"
+    convert(Recording(imu=findings.imu, name=path.stem, notes=(note,)), path, overwrite=args.force)
+
+
 def _write_hand(replay: Any, path: Path, args: Namespace) -> None:
     from plumbob.arm.angles import write_table
 
@@ -148,6 +171,7 @@ START: Final = {
         "estimate the attitude of a recording",
         "choose-a-filter.md", "plumbob run sea.parquet --out track.parquet", "estimate", run="run",
         named=("filter",), outputs=("out", "card", "report"), exclusive=_ESTIMATE,
+        writes={"out": ("written", None), "card": ("card", save_card), "report": ("page", None)},
         ends={"report": (".html", ".htm")},
         more={
             "drift": ("MODEL", "taken off before a filter of rates: chen2013, the trackball paper's figures"),
@@ -161,6 +185,7 @@ START: Final = {
     "report": Verb(
         "one page about recordings, or one figure for a paper: attitude, tilt statistics, spectra, gaps, quality",
         "report.md", "plumbob report sea.parquet --out sea.html", run="report", outputs=("out", "pdf"),
+        writes={"out": ("page", None), "pdf": ("pdf", None)},
         also=("plot",), hidden=("what",), exclusive=_ESTIMATE, ends={"pdf": (".pdf",)},
         needs={"lang": ("out", "pdf"), **dict.fromkeys(("begin", "end", "width"), ("figure",))},
         apart={"figure": ("pdf", "json")},
@@ -238,6 +263,7 @@ LINES: Final = {
     "replay": Verb(
         "process a recorded line again, with its own filter or another",
         "recordings.md", "plumbob replay sea.mcap --filter vqf --out vqf.parquet", repeat=("send",), run="replay",
+        writes={"out": ("written", save_recording)},
         more={"out": ("FILE", "where to write the track (.parquet, .csv or .tum)")},
         code=lambda result: 0 if result.comparison is None or result.comparison.equal else DIFFERENT,
     ),
@@ -338,8 +364,6 @@ JUDGE: Final = {
         more={
             **_SCENARIO,
             "seed": ("", "seed of everything random (default 0)"),
-            "noise": ("", "noise card whose N, B and K the sensors take instead of their own"),
-            "warm_up": ("", "temperature rises by RISE (1 - exp(-t/TIME)), as '15 K, 120 s'"),
             "chain": ("NAME|TOML", "chain that a program moves (default, of teach: teach)"),
             "out": ("FILE!", "recording to write (.parquet or .csv)"),
             "card": ("JSON", "write the unit's calibration card too"),
@@ -369,9 +393,6 @@ JUDGE: Final = {
                 more={
                     **_FILTERS,
                     "files": ("", "folders of recordings, or recordings"),
-                    "align": ("", "remove heading, mounting or time offsets first"),
-                    "calibrated": ("", "recordings without a card come from calibrated units: claims say so"),
-                    "against": ("", "compare the others with this one, trial by trial"),
                     "noise": ("JSON", "noise card of the unit, for filters that take one"),
                     "peers": ("A,B", "vqf, imufusion, ahrs, single ones as vqf.offlineVQF, all or none (default none); "
                               "ahrs takes a second for 5000 samples"),
@@ -417,6 +438,7 @@ _SUFFIXES: Final = {"out": (".mcap", ".parquet", ".csv")}
 def _array(line: str, name: str, more: Mapping[str, tuple[str, str]] = _VIRTUAL, example: str = "") -> Verb:
     return Verb(
         line, "array.md", f"plumbob array {name} six.parquet{example}", f"arm.array.{name}", run="arm.array",
+        writes={"out": ("written", save_virtual)},
         also=("read_array",), hidden=(*_HIDDEN, "format"), more=more, ends=_SUFFIXES,
     )  # fmt: skip
 
@@ -458,8 +480,6 @@ UNITS: Final = {
                 "arm.md", "plumbob arm export angles.parquet --chain arm.toml --rate 125Hz --out program.yaml",
                 "arm.taught", named=("limits",), run="arm.export", pages=lambda *_: None,
                 more={
-                    "track": ("", "table of angles: .csv or .parquet"),
-                    "limits": ("", "the chain, whose limits are kept"),
                     "out": ("FILE!+", "files to write, by suffix"),
                     "unit": ("rad|deg", "of a .csv file (default rad)"),
                     "as_is": ("", "write the angles as they are: no smoothing, no limits"),

@@ -211,7 +211,7 @@ def simulate(
     temp_c : float or Signal
         Temperature, °C, constant or over time.
     warm_up : str or tuple, optional
-        What is added to it, ``rise (1 - exp(-t / time))``: rise and time constant, as ``"15 K, 120 s"`` or
+        What is added to the temperature, ``rise (1 - exp(-t / time))``: rise and time constant, as ``"15 K, 120 s"`` or
         ``(15.0, 120.0)``.
     mag_rate : float, optional
         Sampling rate of the magnetometer, Hz, default: that of its data sheet; rows between are NaN.
