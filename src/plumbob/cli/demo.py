@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.cli import common
 from plumbob.cli.engine import Verb, show
-from plumbob.core.errors import DecodeError, MissingExtraError, PlumbobError
+from plumbob.core.errors import DecodeError, PlumbobError
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity, parse
 
@@ -122,9 +122,9 @@ PAGE: Final = "report.html"
 FILES: Final = (
     CARD, CERTIFICATE, HAND, MOUNTING, TRUTH, "truth.card.json", SESSION_FILE, RECORDING, TEXT, PAGE,
 )  # fmt: skip
-WITHOUT_BROWSER: Final = 20.0
-WITH_BROWSER: Final = 600.0
-"""How long the live page is served, s."""
+WITHOUT_BROWSER: Final = "20s"
+WITH_BROWSER: Final = "600s"
+"""How long the live page is served."""
 SEED: Final = 1
 SPEED: Final = 60
 DURATION: Final = "600s"
@@ -192,6 +192,8 @@ def demo(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
 
 def _tour(args: argparse.Namespace) -> int:
     from plumbob import files
+    from plumbob.cli.main import main
+    from plumbob.cli.special import has_display
     from plumbob.data import calibration_told
     from plumbob.door.evaluate import evaluate
     from plumbob.evaluation.report import comparison
@@ -231,33 +233,11 @@ def _tour(args: argparse.Namespace) -> int:
         numbers = {name: result.summary() for name, result in results.items()}
         common.print_json({"report": str(page), "certificate": str(certificate), "filters": numbers})
     elif args.view:
-        _view(out)
+        wait = WITH_BROWSER if has_display() else WITHOUT_BROWSER
+        print(f"live page    for {wait}, or until Ctrl-C; 'plumbob view --emulate buoy' shows it again", flush=True)
+        words = ["view", "--emulate", "buoy", "--also", "mahony", "--control", "--http-port", "0", "--duration"]
+        main([*words, wait, "--folder", str(out)])  # which says itself what it lacks
     return 0
-
-
-def _view(out: Path) -> None:
-    """Show the buoy on the live page for a while; where that cannot be, say why."""
-    from plumbob.cli.special import has_display
-    from plumbob.live.transports.transport import Stop
-    from plumbob.viewer.view import view
-
-    browser, stop = has_display(), Stop()
-    wait = WITH_BROWSER if browser else WITHOUT_BROWSER
-    how = f"for {wait / 60.0:.0f} min, or until Ctrl-C" if browser else f"for {wait:.0f} s"
-
-    def opened(url: str) -> None:
-        print(f"live page    {url}\n             {how}; 'plumbob view --emulate buoy' shows it again", flush=True)
-
-    try:
-        with common.stopped_by_signals(stop):
-            shown = view(
-                emulate="buoy", also=("mahony",), control=True, http_port=0, folder=out, duration=wait,
-                open_browser=browser, stop=stop, opened=opened,
-            )  # fmt: skip
-    except MissingExtraError as missing:
-        common.note(f"the live page is not shown: {missing}")
-        return
-    print(f"shown        {counted(0 if shown.ran is None else shown.ran.samples, 'sample')} as they came")
 
 
 def _live(out: Path, port: str, device: str) -> "Stream":

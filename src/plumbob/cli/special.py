@@ -32,13 +32,11 @@ def profile(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     out = getattr(args, "out", None) or profile_beside(Path(args.path[0]))
     draft = call(out=out, answers=dict(map(answer, getattr(args, "answers", []))))
     is_open = bool(hasattr(args, "accept") and draft.questions)
-    if args.json:
-        common.print_json({"profile": None if is_open else str(out), **draft.summary()})
-        return 1 if is_open else 0
     way = "with --set" if is_open else "in an editor"
-    print(f"{'not written' if is_open else out}: {counted(len(draft.questions), 'question')} to answer {way}")
-    for line in listed(f"{key}: {why}" for key, why in draft.questions):
-        print(line)
+    head = f"{'not written' if is_open else out}: {counted(len(draft.questions), 'question')} to answer {way}"
+    lines = [head, *listed(f"{key}: {why}" for key, why in draft.questions)]
+    values = {"profile": None if is_open else str(out), **draft.summary()}
+    show(args, verb, draft, shown=common.Listed("\n".join(lines), values))
     return 1 if is_open else 0
 
 
