@@ -109,6 +109,7 @@ def test_an_input_is_kept_by_whatever_name_it_is_reached(tmp_path, monkeypatch):
             common.check_outputs(ours, Path(out), inputs=(None, Path("other.csv"), Path("in.csv")))
     for out in (None, Path("new.csv"), Path("other.csv")):
         common.check_outputs(ours, out, inputs=(Path("in.csv"), None))
+        assert list(ours.outputs) == ([] if out is None else [out])
     with pytest.raises(ParameterError, match="is an input"):  # neither is there yet
         common.check_outputs(ours, Path("new.csv"), inputs=(Path("made/../new.csv"),))
     Path("in.profile.toml").touch()

@@ -77,6 +77,7 @@ def test_the_unit_that_is_read_is_one_of_the_frame(tmp_path):
 def test_a_table_that_was_changed_or_has_no_time_is_refused(buoy, tmp_path):
     typed(f"decode sea.bin --format buoy --out {tmp_path}/whole.parquet", cwd=buoy)
     table = pq.read_table(tmp_path / "whole.parquet")
+    assert len(read(tmp_path / "whole.parquet").imu) == len(table)
     pq.write_table(table.drop_columns(["gyr.x [rad/s]"]), tmp_path / "less.parquet")
     flags = table.column_names.index("flags")
     pq.write_table(table.set_column(flags, "flags", [["gap+tired"] * len(table)]), tmp_path / "odd.parquet")

@@ -136,6 +136,7 @@ LOST = [  # what becomes of the samples and items that were sent, and how it is 
 def test_what_is_not_as_sent_is_named(rig, sent, change, says):
     sent, items = change(sent, items_of(rig))
     imu, counts = taken(items, line_of("host" if "last .*" in says else "count"))
+    assert (imu is None) == ("no sample" in says)
     with pytest.raises(DecodeError, match=says):
         require_as_sent(imu, sent, counts)
 

@@ -149,4 +149,4 @@ def test_a_verb_imports_only_what_it_uses(told, line):
 
 
 def test_every_verb_is_listed():
-    assert {line.split()[0] for line in LISTED} | EVERYTHING == set(VERBS) | {"--help"}
+    assert {line.split()[0] for line in LISTED if line != "--help"} | EVERYTHING == VERBS.keys()

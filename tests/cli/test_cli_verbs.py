@@ -60,7 +60,7 @@ def test_without_a_verb_the_order_of_work_is_printed():
     commands = [line.partition("plumbob ")[2].split() for line in lines if line.startswith("  ")]
     assert [words[0] for words in commands] == ["sim", "record", "calibrate", "run", "eval"]
     for words in commands:
-        build_parser(words[:1]).parse_args(words)
+        assert build_parser(words[:1]).parse_args(words).verb == words[0]
 
 
 REPORTS = """

@@ -249,18 +249,11 @@ def taught(
         for span, pose, rest in zip(spans, poses, rests, strict=True)
         if rest[1] > rest[0]
     ]
+    deviations = dict(zip(track.names, _deviations(t, q, rests, poses, motions), strict=True))
     return Program(
-        times,
-        angles,
-        track.names,
-        velocities,
-        accelerations,
-        when,
-        tuple(stops),
-        dict(zip(track.names, _deviations(t, q, rests, poses, motions), strict=True)),
-        float(times[-1] / (t[-1] - t[0])),
-        (*notes, *clipped),
-    )
+        times, angles, track.names, velocities, accelerations, when, tuple(stops), deviations,
+        slowed=float(times[-1] / (t[-1] - t[0])), notes=(*notes, *clipped),
+    )  # fmt: skip
 
 
 def _size(name: str, value: float | str, quantity: Quantity) -> float:
