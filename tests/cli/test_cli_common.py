@@ -3,12 +3,14 @@
 import argparse
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from plumbob import Filter, Frame
 from plumbob.cli import common
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
 from plumbob.core.files import write_text
+from plumbob.data.cards import NoiseCard, TriadNoise
 from tests.helpers.commandline import plumbob
 
 
@@ -146,9 +148,11 @@ def test_what_is_not_written_is_known_at_the_end(tmp_path):
     assert common.unwritten(args) == [kept, absent]
 
 
-def test_a_noise_card_is_told_to_the_filters_that_take_none(capsys):
+def test_a_noise_card_is_told_to_the_filters_that_take_none(capsys, tmp_path):
     """mekf claims a covariance by the noise of the unit; mahony has gains only."""
-    common.tell_noise(common.stages("mahony,mekf", None))
+    NoiseCard("unit 7", "rest", gyr=TriadNoise(*np.full((3, 3), 1e-4))).save(tmp_path / "n.json")
+    given = common.given_noise(common.stages("mahony,mekf", None), tmp_path / "n.json")
+    assert [stage.noise is None for stage in given] == [True, False]
     assert capsys.readouterr().err == "note: the noise card is for mekf; mahony can take nothing from it\n"
     common.tell_noise(common.stages("mekf", None))
     assert capsys.readouterr().err == ""

@@ -36,11 +36,8 @@ FIRST = {"record", "docs", "run", "view", "control", "export"}
 
 def test_every_public_name_is_there_and_every_verb_has_its_function_with_keyword_only_options():
     assert [name for name in plumbob.__all__ if getattr(plumbob, name, None) is None] == []
-    tables = {
-        **{verb: table for verb, table in VERBS.items() if not table.kinds},
-        **VERBS["arm"].kinds,
-        **VERBS["array"].kinds,
-    }
+    tables = {verb: table for verb, table in VERBS.items() if not table.kinds}
+    tables |= {**VERBS["arm"].kinds, **VERBS["array"].kinds}
     functions = {verb: named_function(table.function or verb) for verb, table in tables.items()}
     for verb, function in functions.items():
         kinds = [one.kind for one in inspect.signature(function).parameters.values() if one.default is not one.empty]
@@ -56,9 +53,8 @@ def test_run_is_estimate(sea, tmp_path):
     assert result.summary() == {name: printed[name] for name in result.summary()}
     recording = plumbob.read(sea)
     tracks = [plumbob.estimate(given, "mahony").track for given in (str(sea), recording, recording.imu)]
-    assert {track.q_nb.tobytes() for track in (*tracks, plumbob.read(tmp_path / "a.parquet").track)} == {
-        result.track.q_nb.tobytes()
-    }
+    tracks.append(plumbob.read(tmp_path / "a.parquet").track)
+    assert {track.q_nb.tobytes() for track in tracks} == {result.track.q_nb.tobytes()}
     assert plumbob.evaluate(result, sea).summary()["total_rmse_deg"] == printed["errors"]["total_rmse_deg"]
 
 
