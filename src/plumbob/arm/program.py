@@ -196,9 +196,9 @@ def taught(
     track : JointTrack or path
         What was recorded: a table of angles, .csv or .parquet.
     limits : Chain, path of its file, Limits or sequence of Limits, optional
-        The chain whose limits are kept; or limits of its angles, one for all, or one for each.
+        Of the chain's angles; one for all, or one for each.
     rate : float or str
-        Samples of the program per second, Hz, or text.
+        Samples of the program per second, Hz.
     smooth : float or str
         Distance of the spline's knots, s: what changes within less is smoothed away.
     still : float or str

@@ -68,7 +68,7 @@ def _find(args: argparse.Namespace, about: dict[str, Any]) -> int:
         kind = "ferraris" if method == "ferraris" else kind
     path = option("calibration")
     completes = args.out is not None and path is not None and is_same_file(args.out, Path(path))
-    common.check_pages(args, None if completes else args.out, inputs=args.inputs)
+    common.check_outputs(args, *common.pages(args), None if completes else args.out, inputs=args.inputs)
     base = None if path is None else CalibrationCard.load(Path(path))
     captured = (_live if live else _recorded)(args, door.KINDS[kind], base, about)
     options = {"force": args.force, **args.given}

@@ -127,6 +127,11 @@ def add_page(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--lang", choices=("en", "zh"), help="language of the labels of page and figures (default en)")
 
 
+def pages(args: argparse.Namespace) -> list[Path | None]:
+    """Page and picture, as far as a verb has them."""
+    return [getattr(args, name, None) for name in ENDINGS]
+
+
 ENDINGS = {"html": (".html", ".htm"), "plot": (".svg", ".png", ".pdf")}
 """Of the names of pages and pictures."""
 
@@ -135,13 +140,6 @@ def require_ending(option: str, path: str | Path | None, endings: Sequence[str])
     """Refuse an output whose name ends otherwise."""
     if path is not None and Path(path).suffix.lower() not in endings:
         raise ParameterError(f"{option} needs a name that ends in {' or '.join(endings)}, but got {path}.")
-
-
-def check_pages(args: argparse.Namespace, *outputs: Path | None, inputs: Sequence[Path | None] = ()) -> None:
-    """Refuse what `check_outputs` does, of page, picture and other outputs; and names that end otherwise."""
-    check_outputs(args, args.html, args.plot, *outputs, inputs=inputs)
-    for name, endings in ENDINGS.items():
-        require_ending(f"--{name}", getattr(args, name), endings)
 
 
 def write_pages(args: argparse.Namespace, report: "Report") -> None:

@@ -24,11 +24,6 @@ def arm_page(motion: Any, _args: Namespace) -> Any:
     )  # fmt: skip
 
 
-def save_card(estimate: Any, path: Path, args: Namespace) -> None:
-    """Write the card of what an estimate found of the gyroscope."""
-    estimate.card().save(path, overwrite=args.force)
-
-
 def save_recording(replayed: Any, path: Path, args: Namespace) -> None:
     """Write the track of a replay."""
     from dataclasses import replace
@@ -171,7 +166,10 @@ START: Final = {
         "estimate the attitude of a recording",
         "choose-a-filter.md", "plumbob run sea.parquet --out track.parquet", "estimate", run="run",
         named=("filter",), outputs=("out", "card", "report"), exclusive=_ESTIMATE,
-        writes={"out": ("written", None), "card": ("card", save_card), "report": ("page", None)},
+        writes={
+            "out": ("written", None), "report": ("page", None),
+            "card": ("card", lambda estimate, path, args: save(estimate.card(), path, args)),
+        },
         ends={"report": (".html", ".htm")},
         more={
             "drift": ("MODEL", "taken off before a filter of rates: chen2013, the trackball paper's figures"),
@@ -480,6 +478,7 @@ UNITS: Final = {
                 "arm.md", "plumbob arm export angles.parquet --chain arm.toml --rate 125Hz --out program.yaml",
                 "arm.taught", named=("limits",), run="arm.export", pages=lambda *_: None,
                 more={
+                    "limits": ("", "the chain, whose limits are kept"),
                     "out": ("FILE!+", "files to write, by suffix"),
                     "unit": ("rad|deg", "of a .csv file (default rad)"),
                     "as_is": ("", "write the angles as they are: no smoothing, no limits"),

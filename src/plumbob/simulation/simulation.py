@@ -211,8 +211,7 @@ def simulate(
     temp_c : float or Signal
         Temperature, °C, constant or over time.
     warm_up : str or tuple, optional
-        What is added to the temperature, ``rise (1 - exp(-t / time))``: rise and time constant, as ``"15 K, 120 s"`` or
-        ``(15.0, 120.0)``.
+        What is added to the temperature, ``rise (1 - exp(-t / time))``, as ``"15 K, 120 s"`` or a pair of numbers.
     mag_rate : float, optional
         Sampling rate of the magnetometer, Hz, default: that of its data sheet; rows between are NaN.
     jitter : float
@@ -220,7 +219,7 @@ def simulate(
     lost : float
         Share of the samples that are missing from the recording.
     noise : NoiseCard, optional
-        N, B and K of each triad that it has, instead of the sensors' own; such as a noise analysis writes.
+        Noise card whose N, B and K the sensors take instead of their own.
     **parameters : float or str
         Of the scenario: a number in its unit, or text with a unit.
 

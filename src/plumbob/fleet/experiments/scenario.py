@@ -137,9 +137,9 @@ def measure_scenario(
     settings : Mapping
         Everything else that `plumbob.simulation.simulate` takes.
     settle : float or str
-        Time from the start that is left out, s.
+        Time from the start that is left out: s, or text with a unit.
     limit : float or str, optional
-        Error of roll and pitch, rad: the share of the seeds that keep it is reported, and how the filters compare.
+        Limit of roll and pitch error, as "1 deg": the share of the seeds that keep it, and how the filters compare.
     own_noise : bool
         Give each filter that takes one the noise card of the simulated unit.
     progress : callable, optional

@@ -108,7 +108,7 @@ def measure_accuracy(
     frame : Frame, optional
         Navigation frame where a recording names none.
     align : sequence of str
-        Alignments to allow, as in `plumbob.evaluate`; none by default.
+        Remove offsets first, of heading, mounting or time; none by default.
     changes : Mapping, optional
         What to change in every recording first, as `plumbob.fleet.experiments.variants.changed` has it.
     seed : int
