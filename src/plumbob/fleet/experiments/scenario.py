@@ -156,8 +156,7 @@ def measure_scenario(
             ran[stage.name] = track.source
             warning = bias_beyond(make_estimator(stage, frame, run.imu.meta), track)
             warnings.setdefault(stage.name, []).extend([warning] if warning else [])
-            figures = evaluate(track, run.truth, settle=settle).summary()
-            _append(values.setdefault(stage.name, {}), figures)
+            _append(values.setdefault(stage.name, {}), evaluate(track, run.truth, settle=settle).summary())
         if progress:
             progress(done, len(seeds))
     what = run.truth.source.rpartition(", seed")[0]
