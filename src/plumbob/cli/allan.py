@@ -25,6 +25,8 @@ def allan(args: argparse.Namespace, verb: "Verb", call: Callable[..., Any]) -> i
 
     if args.card is not None:
         NoiseCard.require_place(Path(args.card))
+        files = (Path(path) for path in (args.card, args.kalibr) if path is not None)
+        common.check_outputs(args, *common.pages(args), *files, inputs=args.inputs)
     path = Path(args.after or args.record if hasattr(args, "calibration") else args.record)
     named = [f"--{name}" for name in ("triads", "profile", "calibration") if hasattr(args, name)]
     if named and path.is_file() and not is_recording(path, getattr(args, "profile", None), getattr(args, "kind", None)):

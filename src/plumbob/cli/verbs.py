@@ -217,7 +217,7 @@ START: Final = {
     "allan": Verb(
         "analyse the noise of a sensor at rest: Allan deviation, coefficients of a data sheet, noise card",
         "noise.md", "plumbob allan static.parquet --html noise.html --card noise.json", run="allan.allan",
-        outputs=("card", "kalibr"), pages=lambda noise, args: noise.report(device=args.device),
+        outputs=("kalibr",), pages=lambda noise, args: noise.report(device=args.device),
         needs={"device": ("card", "html"), "topic": ("kalibr",)},
         apart={
             "after": (*_COEFFICIENTS, "paper", "deviation"), "deviation": (*_COEFFICIENTS, "paper", "html", "plot"),
