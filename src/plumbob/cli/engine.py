@@ -322,8 +322,6 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
     _refuse_idle(verb, options, args)
     paths = {name: [Path(file) for file in (value if isinstance(value, list) else [value])]
              for name, value in given.items() if options[name].is_path}  # fmt: skip
-    for name, endings in {**({} if verb.pages is None else common.ENDINGS), **verb.ends}.items():
-        common.require_ending(_flag(name), given.get(name) or getattr(args, name, None), endings)
     outputs = [file for name in verb.outputs for path in paths.pop(name, ()) for file in common.with_profile(path)]
     more = {name: getattr(args, name) for name, (value, _) in verb.more.items()
             if value and name not in options and (value == "FILE" or name in verb.outputs)}  # fmt: skip
@@ -332,6 +330,8 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
     args.inputs = inputs = [file for some in (*paths.values(), *beside.values()) for file in some]
     if outputs or verb.pages is not None:
         common.check_outputs(args, *outputs, *common.pages(args), inputs=inputs)
+    for name, endings in {**({} if verb.pages is None else common.ENDINGS), **verb.ends}.items():
+        common.require_ending(_flag(name), given.get(name) or getattr(args, name, None), endings)
 
     def call(to: Call = function, **more: Any) -> Any:
         signature = inspect.signature(to).parameters
