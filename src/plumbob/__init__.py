@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from plumbob.arm import array
     from plumbob.core import errors, flags, units
     from plumbob.core.errors import PlumbobError, PlumbobWarning
+    from plumbob.core.extensions import register
     from plumbob.core.resources import docs
     from plumbob.data import AttitudeTrack, ImuData, ImuMeta
     from plumbob.data.array import ImuArray
@@ -155,6 +156,7 @@ _HOME = {
     "profile": "files.draft",
     "read": "door.reading",
     "record": "live.record",
+    "register": "core.extensions",
     "repair": "files.mcap",
     "report": "overview.overview",
     "reproduce": "papers.reproduce",
@@ -223,6 +225,7 @@ __all__ = [
     "read",
     "read_array",
     "record",
+    "register",
     "repair",
     "replay",
     "report",

@@ -18,13 +18,14 @@ from benchmarks.harness.__main__ import main as measure
 from plumbob import profile, read
 from plumbob.core.constants import G0
 from plumbob.core.resources import guide
-from tests.helpers.commandline import call, is_built
+from tests.helpers.commandline import call, is_built, start
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 SOURCES = (ROOT / "src").rglob("*.py")
 CITED = re.compile(r"""guide\(["']([^"']+)["']\)""")
 NOT_PRINTED = {"noise.md": "of an hour", "own-csv.md": "a file, tested below"}
+NAMED = re.compile(r"# (\w+\.(toml|csv|py))\n")
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
@@ -46,23 +47,41 @@ def blocks(page):
 
 
 def write_named_files(page, folder):
-    """A block whose first line is a comment with a file's name is that file; a table has no such line in it."""
-    for kind, text in blocks(page):
-        if kind in {"toml", "csv"} and (name := re.match(rf"# (\w+\.{kind})\n", text)):
-            (folder / name[1]).write_text(text if kind == "toml" else text[name.end() :], encoding="utf-8")
+    """A block whose first line is a comment with a file's name is that file; a table has no such line in it.
+
+    A project is installed, as pip does it. Whether a page has one, whose lines then need processes of their own.
+    """
+    for _, text in blocks(page):
+        if name := NAMED.match(text):
+            (folder / name[1]).write_text(text[name.end() :] if name[2] == "csv" else text, encoding="utf-8")
+            if name[1] == "pyproject.toml":
+                install(tomllib.loads(text)["project"], folder)
+    return (folder / "pyproject.toml").exists()
+
+
+def install(project, folder):
+    """What pip leaves of a project beside its module."""
+    info = folder / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Name: {project['name']}\nVersion: {project['version']}\n")
+    groups = project["entry-points"].items()
+    lines = [f"[{group}]\n{name} = {where}\n" for group, names in groups for name, where in names.items()]
+    (info / "entry_points.txt").write_text("".join(lines))
 
 
 @pytest.mark.parametrize("page", pages("python"))
 def test_python_blocks_print_what_follows_them(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    write_named_files(page, tmp_path)
-    names: dict[str, object] = {}
+    installed, names = write_named_files(page, tmp_path), {}
     found = blocks(page)
     for (kind, code), (after, text) in zip(found, [*found, ("", "")][1:], strict=True):
-        if kind == "python":
+        if kind == "python" and not NAMED.match(code):
             printed = io.StringIO()
             with contextlib.redirect_stdout(printed):
-                exec(compile(code, page.name, "exec"), names)
+                if installed:
+                    printed.write(start("-c", code, cwd=tmp_path, program=(sys.executable,)).stdout)
+                else:
+                    exec(compile(code, page.name, "exec"), names)
             if after == "text":
                 assert printed.getvalue() == text
 
@@ -70,24 +89,24 @@ def test_python_blocks_print_what_follows_them(page, tmp_path, monkeypatch):
 @pytest.mark.parametrize("page", pages("console"))
 def test_console_blocks_run_and_print_what_follows_them(page, tmp_path):
     """Lines of the text that follows are printed, in this order; '…' stands for others."""
-    write_named_files(page, tmp_path)
+    run = start if write_named_files(page, tmp_path) else call
     found = blocks(page)
     for (kind, code), (after, text) in zip(found, [*found, ("", "")][1:], strict=True):
         if kind == "console":
             if re.search("plumbob report|--report", code) and not is_built():
                 pytest.skip("the pages are not built: run 'make page'")
-            printed = iter("".join(output(line, tmp_path) for line in code.splitlines()).splitlines())
+            printed = iter("".join(output(line, tmp_path, run) for line in code.splitlines()).splitlines())
             shown = text.splitlines() if after == "text" and page.name not in NOT_PRINTED else []
             assert [line for line in shown if line != "…" and line not in printed] == [], page.name
 
 
-def output(line, folder):
+def output(line, folder, run):
     """What a line of a console prints; those that need a network or a checkout are not run."""
     words = shlex.split(line.removeprefix("$ "), comments=True)
     if words[:3] == ["python", "-m", "benchmarks.harness"]:
         done = call(*words[3:], cwd=folder, main=measure)
     elif words[0] == "plumbob":
-        done = call(*words[1:], cwd=folder)
+        done = run(*words[1:], cwd=folder)
     else:
         assert words[0] in {"git", "make", "pip"}, line
         return ""

@@ -11,10 +11,11 @@ from plumbob.core.errors import ClockError, ParameterError, ShapeError
 from plumbob.core.params import describe
 from plumbob.core.units import deg, dps
 from plumbob.filters import filter_names
-from plumbob.filters.channel import RateFilter, channel_names, load
+from plumbob.filters.channel import RateFilter, load
 from plumbob.filters.channel_average import same_noise
 from plumbob.filters.channel_scalar import params_of, ramp_lag, steady_gain
 from plumbob.filters.channel_two_state import ACC, P00, P01, P11
+from plumbob.filters.known import RATE_FILTERS
 from plumbob.filters.layout import CLOCK, OWN, RATE
 
 EPS = np.finfo(float).eps
@@ -195,7 +196,7 @@ def test_equal_noise_is_equal_lag(n):
 # --- one step, however it is called -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", channel_names())
+@pytest.mark.parametrize("name", RATE_FILTERS)
 class TestEveryChannelFilter:
     def test_however_it_is_called_the_bits_are_the_same(self, name):
         """In chunks, sample by sample, made with the state on the way, each channel alone, and again after a reset."""
@@ -262,7 +263,7 @@ def test_parameters_in_text_carry_their_unit():
     f = RateFilter("two_state", params={"jerk": "0.05 deg/s2", "noise": "0.1 deg/s"})
     assert f.params.jerk == deg(0.05)
     assert f.describe() == "two_state(jerk=0.05 deg/s2, noise=0.1 deg/s, start=10 deg/s2)"
-    assert not set(channel_names()) & set(filter_names())
+    assert not set(RATE_FILTERS) & set(filter_names())
 
 
 @pytest.mark.parametrize(("call", "error", "words"), [

@@ -228,11 +228,10 @@ def _tell(form: "Format", counts: "Counts", table: _MessageRows) -> None:
 def _hint(form: "Format", head: bytes) -> str:
     """Which known formats would fit; only those that cannot fit by chance."""
     from plumbob.protocols.decode import decode
-    from plumbob.protocols.format_toml import device_names, find_format, rig_names
+    from plumbob.protocols.format_toml import EXTENSIBLE, device_names, rig_names
 
     fitting = []
-    for name in (*device_names(), *rig_names()):
-        other = find_format(name)
+    for name, other in EXTENSIBLE.usable((*device_names(), *rig_names())):
         if name == form.name or not (other.framing.sync and other.framing.checksum):
             continue
         try:

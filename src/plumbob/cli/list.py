@@ -26,16 +26,16 @@ def filters(name: str | None = None) -> Listed:
         One filter, with its description.
     """
     from plumbob.core.params import describe
-    from plumbob.filters import CommonParams, channel, estimator_names, load
-    from plumbob.filters.known import RATE_FILTERS
+    from plumbob.filters import CommonParams, estimator_names, load
+    from plumbob.filters.known import EXTENSIBLE, RATE_FILTERS
 
+    rates = [(each, module) for each, module in EXTENSIBLE.usable(RATE_FILTERS) if name in (each, None)]
+    of_rates = {each: _entry(module, described=name is not None) for each, module in rates}
     if name in RATE_FILTERS:
-        rates = {name: _entry(channel.load(name), described=True)}
-        return Listed("\n".join(_entry_lines(name, rates[name])), {"rate_filters": rates})
-    names = estimator_names() if name is None else (name,)
-    listed = {each: _entry(load(each), described=name is not None) for each in names}
+        return Listed("\n".join(_entry_lines(name, of_rates[name])), {"rate_filters": of_rates})
+    modules = [(name, load(name))] if name is not None else EXTENSIBLE.usable(estimator_names())
+    listed = {each: _entry(module, described=name is not None) for each, module in modules}
     shared = [_row(p) for p in describe(CommonParams)]
-    of_rates = {} if name else {each: _entry(channel.load(each), described=False) for each in RATE_FILTERS}
     lines = [line for each, entry in listed.items() for line in _entry_lines(each, entry)]
     lines += ["every filter takes also", *_row_lines(shared)]
     lines += ["filters of rates, which give no attitude"] if of_rates else []
@@ -122,13 +122,13 @@ def devices(
         Print a C11 header for whoever sends or reads the frame.
     """
     from plumbob.protocols.c_header import c_header
-    from plumbob.protocols.format_toml import device_names, find_format
+    from plumbob.protocols.format_toml import EXTENSIBLE, device_names, find_format
     from plumbob.protocols.page import as_text, tables
 
     if name is None:
         if c or options:
             raise ParameterError("name a device; 'plumbob list devices' lists them.")
-        page = (_markdown(find_format(each), 2) for each in device_names())
+        page = (_markdown(form, 2) for _, form in EXTENSIBLE.usable(device_names()))
         return Listed("\n".join([_HEAD, *page]), {}) if markdown else _all_devices()
     form = find_format(name)
     form = form.bind(options) if options or c else form
@@ -151,13 +151,13 @@ def _plain(form: "Format") -> dict[str, object]:
 
 
 def _all_devices() -> Listed:
-    from plumbob.protocols.format_toml import device_names, find_format, rig_names
+    from plumbob.protocols.format_toml import EXTENSIBLE, device_names, rig_names
     from plumbob.protocols.page import PageTable, as_text, framing_words, mark_words
 
     kinds = {}
     for kind, listed in (("Devices", device_names()), ("Rigs", rig_names())):
-        forms = [find_format(name) for name in listed]
-        kinds[kind] = [(form.name, form.title, framing_words(form), mark_words(form)) for form in forms]
+        forms = EXTENSIBLE.usable(listed)
+        kinds[kind] = [(name, form.title, framing_words(form), mark_words(form)) for name, form in forms]
     head = ("name", "title", "frame", "marks")
     shown = [
         PageTable(kind, ("name", "frame", "marks", "title"), tuple((n, f, m, t) for n, t, f, m in rows))

@@ -1,15 +1,18 @@
 """Files: `read` and `write` choose the format by the suffix; `FORMATS` lists what there is."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check
-from plumbob.core.errors import DecodeError, ParameterError, UnknownFormatError
-from plumbob.core.files import ARRAYS, TABLES, existing_file, reading, sidecars
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnknownFormatError
+from plumbob.core.extensions import ExtensibleTable
+from plumbob.core.files import ARRAYS, TABLES, existing_file, reading, replacing, sidecars
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording, all_findings, lines, provenance
@@ -30,35 +33,38 @@ class FileFormat:
         File names that end so are taken for it.
     what : str
         One line for help and documentation.
-    reader : str
-        Module and function of its reader, as ``"parquet.read_parquet"``; of a path, and a profile where it takes one.
+    reader : str or callable
+        Its reader, or module and function of it, as ``"parquet.read_parquet"``; of a path, and a profile where it takes
+        one.
     takes_in_memory : bool
         Whether the reader also takes whether all is to be in memory; otherwise samples may stay in the file.
     takes_profile : bool
         Whether a profile describes such files.
     takes_unit : bool
         Whether the reader itself chooses one of several units, whose clocks may differ.
-    accepts : str or None
+    accepts : str, callable or None
         As `reader`: whether a path is of this format, by its content; asked where several formats share a suffix, or it
         is a folder.
         None: the suffix says it all.
-    writers : tuple of (str, str)
+    writers : tuple of (str, str or callable)
         Suffixes that can be written, with their writers, as `reader`, which also take whether a file may be replaced.
     """
 
     name: str
     suffixes: tuple[str, ...]
     what: str
-    reader: str
+    reader: str | Callable[..., Any]
     takes_in_memory: bool = False
     takes_profile: bool = False
     takes_unit: bool = False
-    accepts: str | None = None
-    writers: tuple[tuple[str, str], ...] = ()
+    accepts: str | Callable[..., Any] | None = None
+    writers: tuple[tuple[str, str | Callable[..., Any]], ...] = ()
 
 
-def _named(name: str) -> Callable[..., Any]:
+def _named(name: str | Callable[..., Any]) -> Callable[..., Any]:
     """A function, whose module is imported when a file needs it."""
+    if callable(name):
+        return name
     module, _, function = name.rpartition(".")
     loaded: Callable[..., Any] = getattr(import_module(f"plumbob.files.{module}"), function)
     return loaded
@@ -131,6 +137,51 @@ FORMATS: Final = (
         takes_profile=True,
     ),
 )
+
+
+def _of_package(name: str, what: Any) -> FileFormat:
+    """Format of another package: its module has `read` of a path, and may have `accepts`, and `write` of both."""
+    module, suffix = import_module(what) if isinstance(what, str) else what, f".{name}"
+    if not hasattr(module, "accepts") and any(suffix in kind.suffixes for kind in FORMATS):
+        raise ParameterError(f"other files end in {suffix}, too, so it must have accepts(path)")
+
+    def reader(path: Path) -> Recording:
+        try:
+            return check.kind(f"what read gives of {path}", module.read(path), Recording)
+        except PlumbobError:
+            raise
+        except Exception as error:
+            raise DecodeError(f"{path} cannot be read as a {suffix} file: {type(error).__name__}: {error}.") from error
+
+    def accepts(path: Path) -> bool:
+        with suppress(Exception):  # a file that it cannot look at is not its own
+            return bool(module.accepts(path))
+        return False
+
+    def writer(path: Path, recording: Recording, overwrite: bool) -> None:
+        with replacing(path, overwrite=overwrite) as temporary:
+            module.write(temporary, recording)
+
+    decides, writers = not hasattr(module, "accepts"), ((suffix, writer),) if hasattr(module, "write") else ()
+    return FileFormat(name, (suffix,), name, reader, accepts=None if decides else accepts, writers=writers)
+
+
+_ALONE: Final = {
+    suffix[1:]: kind for kind in FORMATS if not (kind.accepts or kind.takes_profile) for suffix in kind.suffixes
+}
+"""Suffixes that other packages cannot have, because what ends so is of that format, whatever is in it."""
+EXTENSIBLE: Final = ExtensibleTable[FileFormat]("file", lambda: _ALONE, _of_package)
+"""Formats of other packages by their suffixes; `plumbob.register` adds to them."""
+
+
+def _of_suffix(suffix: str) -> Iterator[FileFormat]:
+    """Formats of a suffix, "" for a folder, as they are asked; other packages are looked at where Plumbob's refuse."""
+    usual = [kind for kind in FORMATS if suffix in kind.suffixes]
+    yield from (kind for kind in usual if not kind.takes_profile)
+    if suffix[1:] not in _ALONE:
+        others = EXTENSIBLE.usable([suffix[1:]]) if usual else [("", EXTENSIBLE.find(suffix[1:]))]
+        yield from (kind for _, kind in others if kind)
+        yield from (kind for kind in usual if kind.takes_profile)
 
 
 def read(
@@ -232,11 +283,12 @@ def write(
         If the notes are not lines of text.
     """
     added, file = lines("notes", notes), check.path("path", path)
-    writers = {suffix: writer for kind in _by_suffix(file) for suffix, writer in kind.writers}
-    if file.suffix.lower() not in writers:
+    kinds, suffix = chain(FORMATS, _by_suffix(file)), file.suffix.lower()
+    writer = next((writer for kind in kinds for written, writer in kind.writers if written == suffix), None)
+    if writer is None:
         raise DecodeError(f"{file}: {file.suffix} is not among {', '.join(_writable())}; plumbob.convert writes more.")
     recording = _recording(what, file.stem)
-    _named(writers[file.suffix.lower()])(file, replace(recording, notes=(*recording.notes, *added)), overwrite)
+    _named(writer)(file, replace(recording, notes=(*recording.notes, *added)), overwrite)
     return file
 
 
@@ -270,26 +322,28 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
         If there is none, or it is empty.
     """
     file = check.path("path", path)
-    if not file.is_dir():
-        described = described or bool(file.suffix and any(map(Path.is_file, sidecars(file))))
-        usual = any(file.suffix.lower() in kind.suffixes for kind in FORMATS)
-        candidates = _by_suffix(file) if file.suffix and (usual or not described) else []
-        existing_file(file)
-        texts = [kind for kind in FORMATS if described and kind.name == "text"]
-        candidates = candidates or texts or _by_suffix(file)
-    else:
-        candidates = [kind for kind in FORMATS if "" in kind.suffixes]
-    if not described and any(beside.is_file() for beside in sidecars(file)):
+    suffix = "" if file.is_dir() else file.suffix.lower() or "."
+    if suffix and not described and any(map(Path.is_file, sidecars(file))):
         from plumbob.files.profile_toml import profiles_beside
 
-        described = bool(profiles_beside(file))
-    if described and any(kind.takes_profile for kind in candidates):
-        candidates = [kind for kind in candidates if kind.takes_profile]
+        described = suffix != "." or bool(profiles_beside(file))
+    kinds: Iterable[FileFormat] = _of_suffix(suffix)
+    if suffix:
+        if not described and suffix != ".":
+            kinds = _by_suffix(file)
+        existing_file(file)
+        if described:
+            kinds = [kind for kind in FORMATS if kind.takes_profile and suffix in kind.suffixes] or [*kinds]
+            kinds = kinds or [kind for kind in FORMATS if kind.name == "text"]
+        elif suffix == ".":
+            kinds = _by_suffix(file)
+    tried = []
     with reading(file):
-        for kind in candidates:
+        for kind in kinds:
             if kind.accepts is None or _named(kind.accepts)(file):
                 return kind
-    names = ", ".join(kind.name for kind in candidates)
+            tried.append(kind.name)
+    names = ", ".join(tried)
     if file.is_dir():
         raise UnknownFormatError(f"{file} is a folder, and not one of {names}; name one file in it.")
     if file.stat().st_size == 0:
@@ -301,39 +355,38 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
 
 def is_recording(path: Path) -> bool:
     """Whether a path may be that of a recording: by its suffix, or by its content where others use that, too."""
-    if path.is_dir():
-        return _is_accepted(path, [kind for kind in FORMATS if "" in kind.suffixes])
-    suffix = path.suffix.lower()
-    candidates = [kind for kind in FORMATS if suffix and suffix in kind.suffixes]
-    if any(kind.accepts is None for kind in candidates) or not path.is_file():
-        return bool(candidates)
-    return _is_accepted(path, candidates)
-
-
-def _is_accepted(path: Path, kinds: Sequence[FileFormat]) -> bool:
-    return any(_named(kind.accepts)(path) for kind in kinds if kind.accepts is not None)
+    suffix, is_there = "" if path.is_dir() else path.suffix.lower() or ".", path.is_dir() or path.is_file()
+    if any(kind.accepts is None and suffix in kind.suffixes for kind in FORMATS):
+        return True
+    return any(kind.accepts is None or not is_there or _named(kind.accepts)(path) for kind in _of_suffix(suffix))
 
 
 def is_known_log(file: Path) -> bool:
     """Whether a text file is of a form that is known by its content and needs no profile."""
     from plumbob.files.draft import known_profile
 
-    kinds = [kind for kind in FORMATS if file.suffix.lower() in kind.suffixes]
-    return _is_accepted(file, kinds) or known_profile(file) is not None
+    looking = [kind.accepts for kind in _of_suffix(file.suffix.lower()) if kind.accepts is not None]
+    return any(_named(accepts)(file) for accepts in looking) or known_profile(file) is not None
 
 
-def _by_suffix(path: Path) -> list[FileFormat]:
+def _by_suffix(path: Path) -> Iterable[FileFormat]:
     """Formats that a suffix may mean."""
-    if formats := [kind for kind in FORMATS if path.suffix and path.suffix.lower() in kind.suffixes]:
-        return formats
+    kinds = _of_suffix(path.suffix.lower() or ".")
+    if first := next(kinds, None):
+        return chain([first], kinds)
     from plumbob.files.numbers import SUFFIXES
 
-    listed = ", ".join(dict.fromkeys(suffix for kind in FORMATS for suffix in kind.suffixes if suffix))
     hint = " Plain numbers are not a recording; 'plumbob allan' takes them." if path.suffix.lower() in SUFFIXES else ""
     raise UnknownFormatError(
-        f"{path}: the suffix '{path.suffix}' is unknown; known are {listed}; raw bytes are for 'plumbob record --from'."
-        f"{hint}"
+        f"{path}: the suffix '{path.suffix}' is unknown; known are {', '.join(suffixes())}; raw bytes are for 'plumbob "
+        f"record --from'.{hint}"
     )
+
+
+def suffixes() -> Sequence[str]:
+    """Suffixes of all formats; those of other packages come last."""
+    listed = dict.fromkeys(suffix for kind in FORMATS for suffix in kind.suffixes if suffix)
+    return list(listed | dict.fromkeys(f".{name}" for name in EXTENSIBLE.added()))
 
 
 def _writable() -> list[str]:

@@ -25,7 +25,7 @@ from plumbob.core.units import Quantity, to_deg
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.sample import ImuSample
 from plumbob.filters.input_checks import as_one, judge, or_zero, usable, watch
-from plumbob.filters.known import SMOOTHER, FilterModule, filter_names, load
+from plumbob.filters.known import BUILT_IN, SMOOTHER, FilterModule, load
 from plumbob.filters.layout import (
     BIAS,
     BLIND,
@@ -205,8 +205,8 @@ def filter_loops(name: str) -> Loops:
 
 
 def specialised() -> list[Kernel[..., Any]]:
-    """Loops of all filters, of which C is made."""
-    all_loops = [filter_loops(name) for name in filter_names() if name != SMOOTHER]
+    """Loops of all filters of which C is made."""
+    all_loops = [filter_loops(name) for name in BUILT_IN]
     return [loop for loops in all_loops for loop in (loops.batch, loops.claiming, loops.single)]
 
 

@@ -20,7 +20,6 @@ those of attitude filters are (`timing`).
 import math
 from collections.abc import Mapping
 from functools import cache
-from importlib import import_module
 from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
@@ -33,12 +32,8 @@ from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.kernels import Kernel, kernel, specialise
 from plumbob.core.params import build, describe, shown
 from plumbob.core.time import to_ns
-from plumbob.filters.known import RATE_FILTERS
+from plumbob.filters.known import EXTENSIBLE, RATE_FILTERS
 from plumbob.filters.layout import COUNT, OWN, RATE, tick
-
-_MODULES: Mapping[str, str] = dict(
-    zip(RATE_FILTERS, ("channel_scalar", "channel_two_state", "channel_average"), strict=True)
-)
 
 
 class ChannelEstimates(NamedTuple):
@@ -208,11 +203,6 @@ class RateFilter:
         return f"{self.name}({', '.join(settings)})"
 
 
-def channel_names() -> tuple[str, ...]:
-    """Names that `RateFilter` accepts."""
-    return RATE_FILTERS
-
-
 def load(name: str) -> ChannelModule:
     """Module of a channel filter.
 
@@ -221,9 +211,9 @@ def load(name: str) -> ChannelModule:
     ParameterError
         If there is no channel filter of that name.
     """
-    if name not in _MODULES:
-        raise ParameterError(f"there is no channel filter '{name}'; known are {', '.join(_MODULES)}.")
-    return cast(ChannelModule, import_module(f"plumbob.filters.{_MODULES[name]}"))
+    if name not in RATE_FILTERS:
+        raise ParameterError(f"there is no channel filter '{name}'; known are {', '.join(RATE_FILTERS)}.")
+    return cast(ChannelModule, EXTENSIBLE.find(name))
 
 
 @cache
@@ -235,7 +225,7 @@ def batch_loop(name: str) -> Kernel[..., None]:
 
 def specialised() -> list[Kernel[..., None]]:
     """Loops of all channel filters, of which C is made."""
-    return [batch_loop(name) for name in channel_names()]
+    return [batch_loop(name) for name in RATE_FILTERS]
 
 
 def _count(channels: int | None) -> int:

@@ -4,29 +4,20 @@ import re
 import unicodedata
 from collections.abc import Iterator, Mapping
 from importlib import import_module
-from typing import Any, Protocol, cast
+from typing import Any, Final, Protocol, cast
 
 from plumbob.core.check import said
 from plumbob.core.errors import ParameterError
+from plumbob.core.extensions import ExtensibleTable
 from plumbob.core.kernels import Kernel
 from plumbob.core.resources import docs_folder
 from plumbob.core.text import closest
 
-_MODULES = (
-    "complementary",
-    "ekf7",
-    "ekf_quaternion",
-    "fuzzy_pi",
-    "integrate",
-    "integrate_first_order",
-    "madgwick",
-    "mahony",
-    "mekf",
-    "tilt_compass",
-    "vqf",
-)
-
-
+BUILT_IN: Final = (
+    "complementary", "ekf7", "ekf_quaternion", "fuzzy_pi", "integrate", "integrate_first_order", "madgwick", "mahony",
+    "mekf", "tilt_compass", "vqf",
+)  # fmt: skip
+"""Filters of attitudes that take sample by sample, of which C is made when Plumbob is built."""
 RATE_FILTERS = ("scalar", "two_state", "moving_average")
 """Filters of one rate channel, which give no attitude: `plumbob.filters.channel`."""
 
@@ -57,14 +48,33 @@ class FilterModule(Protocol):
         ...
 
 
+def _module(name: str, what: Any) -> FilterModule:
+    """Module of a filter; that of another package must have what `FilterModule` says."""
+    module: Any = import_module(what) if isinstance(what, str) else what
+    parts = () if name in _TABLE else (*FilterModule.__annotations__, "coefficients")
+    if lacking := [part for part in parts if not hasattr(module, part)]:
+        raise ParameterError(f"it must have {', '.join(parts)}, but it lacks {', '.join(lacking)}")
+    return cast("FilterModule", module)
+
+
+_TABLE: Final = {name: f"plumbob.filters.{name}" for name in BUILT_IN} | {
+    "scalar": "plumbob.filters.channel_scalar",
+    "two_state": "plumbob.filters.channel_two_state",
+    "moving_average": "plumbob.filters.channel_average",
+    SMOOTHER: "plumbob.filters.smoother.model",
+}
+EXTENSIBLE: Final = ExtensibleTable[FilterModule]("filter", lambda: _TABLE, _module)
+"""All filters; `plumbob.register` adds to them."""
+
+
 def filter_names() -> tuple[str, ...]:
-    """Names that `Filter` accepts: causal filters, sample by sample."""
-    return _MODULES
+    """Names that `Filter` accepts: causal filters, sample by sample; those of other packages come last."""
+    return (*BUILT_IN, *EXTENSIBLE.added())
 
 
 def estimator_names() -> tuple[str, ...]:
     """Names that `plumbob.estimate` and the command line accept: the filters, and the smoother."""
-    return (*_MODULES, SMOOTHER)
+    return (*filter_names(), SMOOTHER)
 
 
 def load(name: str) -> FilterModule:
@@ -73,18 +83,18 @@ def load(name: str) -> FilterModule:
     Raises
     ------
     ParameterError
-        If there is no filter of that name.
+        If there is no filter of that name, or its package cannot be imported.
     """
     if isinstance(name, str) and name in RATE_FILTERS:
         raise ParameterError(
             f"'{name}' filters rates and gives no attitude: plumbob.filter_rates, or 'plumbob run --filter {name}', "
             "gives samples, which a filter of attitudes may then take."
         )
-    if not isinstance(name, str) or name not in estimator_names():
+    module = EXTENSIBLE.find(name) if isinstance(name, str) else None
+    if module is None:
         names = estimator_names()
         raise ParameterError(f"there is no filter {said(name)}; known are {', '.join(names)}.{closest(name, names)}")
-    place = "smoother.model" if name == SMOOTHER else name
-    return cast("FilterModule", import_module(f"plumbob.filters.{place}"))
+    return module
 
 
 def claims_covariance(name: str) -> bool:
@@ -121,11 +131,13 @@ def cite(*names: str, bib: bool = False) -> str:
     >>> cite("mekf", bib=True).splitlines()[0]
     '@misc{Sola2017,'
     """
-    keys = {name: load(name).REFERENCES for name in names or estimator_names()}
-    entries = bibliography()
+    modules = [(name, load(name)) for name in names] or EXTENSIBLE.usable(estimator_names())
+    keys, entries = {name: module.REFERENCES for name, module in modules}, bibliography()
     if bib:
-        return "\n".join(entries[key] for key in dict.fromkeys(key for of in keys.values() for key in of))
-    return "".join("\n    ".join((name, *(in_a_line(entries[key]) for key in of))) + "\n" for name, of in keys.items())
+        every = dict.fromkeys(key for of in keys.values() for key in of)
+        return "\n".join(entries.get(key, f"% {key}\n") for key in every)  # other packages may cite in plain words
+    lines = {key: in_a_line(entry) for key, entry in entries.items()}
+    return "".join("\n    ".join((name, *(lines.get(key, key) for key in of))) + "\n" for name, of in keys.items())
 
 
 def bibliography() -> dict[str, str]:

@@ -22,7 +22,7 @@ from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.recording import Recording, all_findings, inferred, provenance, read_notes, recalibrated, stored_notes
-from plumbob.files.formats import is_own
+from plumbob.files.formats import EXTENSIBLE, is_own
 from plumbob.files.header import ARRAY, META, TRACK, array_told, parsed, plain_meta
 from plumbob.files.mcap import Log, open_log
 from plumbob.files.mcap.verdict import write_rows
@@ -335,7 +335,7 @@ def require_writer(file: Path, layout: str | None) -> None:
         if file.suffix not in suffixes and (suffixes or file.suffix in SUFFIXES):
             form = f"a file whose name ends in {' or '.join(suffixes)}" if suffixes else "a folder"
             raise ParameterError(f"{file}: the layout {layout} is {form}; name the new one so.")
-    elif file.suffix not in SUFFIXES:
+    elif file.suffix not in SUFFIXES and not ((other := EXTENSIBLE.find(file.suffix.lower()[1:])) and other.writers):
         folders = " or ".join(f"--as {name}" for name, spec in LAYOUTS.items() if not spec.suffixes)
         raise ParameterError(
             f"{file}: convert writes {', '.join(SUFFIXES)}, not '{file.suffix}'; and folders with {folders}."

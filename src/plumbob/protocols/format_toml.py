@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check, schema, units
 from plumbob.core.errors import DecodeError, ParameterError, UnitError, excerpt
+from plumbob.core.extensions import ExtensibleTable
 from plumbob.core.files import reading, text_of
 from plumbob.core.resources import guide
 from plumbob.core.text import closest
@@ -472,9 +473,23 @@ def _formats(folder: str) -> "dict[str, Format]":
     return {name: form for form in forms for name in (form.name, *form.aliases)}
 
 
+def _of_package(name: str, what: "Format | str | Path") -> Format:
+    """Format of another package, as it is, or from its TOML."""
+    if isinstance(what, str) and "\n" in what:
+        what = parse_format(what)
+    form = what if isinstance(what, Format) else load_format(what)
+    if form.name != name:
+        raise ParameterError(f"it names itself '{form.name}'; both names must be the same")
+    return form
+
+
+EXTENSIBLE: Final = ExtensibleTable[Format]("format", lambda: _formats("rigs") | _formats("catalog"), _of_package)
+"""All formats by name; `plumbob.register` adds to them."""
+
+
 def device_names() -> tuple[str, ...]:
-    """Names of all devices of the catalogue, without aliases."""
-    return tuple(sorted({form.name for form in _formats("catalog").values()}))
+    """Names of all devices of the catalogue, without aliases; those of other packages come last."""
+    return (*sorted({form.name for form in _formats("catalog").values()}), *EXTENSIBLE.added())
 
 
 def rig_names() -> tuple[str, ...]:
@@ -502,27 +517,25 @@ def find_format(name: str | Path) -> "Format":
         return load_format(Path(name))
     if name in _formats("rigs"):
         return _formats("rigs")[name]
-    try:
-        return _device(name)
-    except ParameterError as error:
-        raise ParameterError(f"{error} Rigs are {', '.join(rig_names())}.") from error
+    return _device(name)
 
 
 def _device(name: str) -> Format:
-    """Device of the catalogue, by its name or an alias."""
-    if name not in _formats("catalog"):
+    """Device of the catalogue, by its name or an alias, or of another package."""
+    form = _formats("catalog").get(name) or EXTENSIBLE.find(name)
+    if form is None:
         raise ParameterError(
             f"'{name}' is not a known device; known are {', '.join(device_names())}. For another format, give its "
-            f".toml file.{closest(name, device_names())}"
+            f".toml file.{closest(name, device_names())} Rigs are {', '.join(rig_names())}."
         )
-    return _formats("catalog")[name]
+    return form
 
 
 def unassigned_told(form: "Format", message: "Message") -> str | None:
     """Which bytes of a message the user's own format leaves out; of a known device they are known to be spare."""
     from plumbob.protocols.overlap import unassigned
 
-    if form.name in {*device_names(), *rig_names()} or not (places := unassigned(form, message)):
+    if form.name in _formats("catalog") or form.name in _formats("rigs") or not (places := unassigned(form, message)):
         return None
     spans = ", ".join(str(at) if end == at + 1 else f"{at} to {end - 1}" for at, end in places)
     return f"no field of message {message.name} uses its bytes {spans} of {message.length}; they are ignored"

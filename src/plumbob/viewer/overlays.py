@@ -14,7 +14,8 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.time import to_ns
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.chain import Chain, Posture
-from plumbob.filters import SMOOTHER, Filter, Start, filter_names, load
+from plumbob.filters import Filter, Start, estimator_names
+from plumbob.filters.known import EXTENSIBLE
 from plumbob.filters.offline import Stage, make_follower
 from plumbob.filters.smoother import FixedLag, Smoother
 from plumbob.live.stream import UnitPart
@@ -31,7 +32,8 @@ _ABSENT: Final = np.uint32(flags.GYR_ABSENT | flags.ACC_ABSENT)
 
 def addable(triads: Sequence[str]) -> list[str]:
     """Names of estimators that work on samples with these triads as they come."""
-    return [name for name in (*filter_names(), SMOOTHER) if set(load(name).NEEDS) <= set(triads)]
+    usable = EXTENSIBLE.usable(estimator_names())
+    return [name for name, module in usable if set(module.NEEDS) <= set(triads)]
 
 
 def require_addable(name: str, triads: Sequence[str], *, beside: int) -> None:

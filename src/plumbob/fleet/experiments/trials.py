@@ -18,6 +18,7 @@ from plumbob.door.evaluate import evaluate
 from plumbob.evaluation.align import Fate
 from plumbob.evaluation.metrics import inside_claim
 from plumbob.evaluation.report import Evaluation
+from plumbob.files.formats import suffixes
 from plumbob.filters.offline import Stage, navigation_frame, run_stage
 from plumbob.fleet.experiments.accuracy import KEYS, Accuracy, Errors
 from plumbob.fleet.experiments.peers import PeerRun, peer_track
@@ -50,8 +51,7 @@ def trials_in(*places: Path) -> list[Path]:
             raise DecodeError(f"{place} {wrong}; name recordings, or a folder of them.")
         inside = sorted(p for p in place.iterdir() if io.is_recording(p))
         if not inside:
-            suffixes = dict.fromkeys(suffix for kind in io.FORMATS for suffix in kind.suffixes if suffix)
-            raise DecodeError(f"{place} holds no recording; known suffixes are {', '.join(suffixes)}.")
+            raise DecodeError(f"{place} holds no recording; known suffixes are {', '.join(suffixes())}.")
         files += inside
     return files
 

@@ -1,0 +1,120 @@
+"""What other packages add: filters, files and frames of bytes, by `register` or by entry points.
+
+Entry points are looked for where no other name will do, and each is imported when it is asked for.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final, Generic, Literal, TypeVar
+
+from plumbob.core.errors import ParameterError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+T = TypeVar("T")
+
+_HOMES: Final = {"filter": "filters.known", "file": "files.formats", "format": "protocols.format_toml"}
+"""Modules with the table of each kind, ``EXTENSIBLE``, which are imported at their first use, as the front door's."""
+
+
+class ExtensibleTable(Generic[T]):
+    """Names of one kind, and what `make` makes of what is given for them: Plumbob's, and those of other packages."""
+
+    def __init__(self, kind: str, builtin: Callable[[], Mapping[str, Any]], make: Callable[[str, Any], T]) -> None:
+        self._kind, self._builtin, self._make = kind, builtin, make
+        self._registered: dict[str, Any] = {}
+        self._made: dict[str, T] = {}
+
+    @cached_property
+    def _entries(self) -> "dict[str, EntryPoint]":
+        """Entry points by their names; those whose name is taken are left out, with a note."""
+        from importlib.metadata import entry_points
+
+        entries: dict[str, EntryPoint] = {}
+        for entry in entry_points(group=f"plumbob.{self._kind}s"):
+            if entry.name in self._builtin() or entry.name in entries:
+                by = _package(entries[entry.name]) if entry.name in entries else "Plumbob itself"
+                _note(f"{self._kind} '{entry.name}' of {_package(entry)} is not used: the name is taken by {by}.")
+            else:
+                entries[entry.name] = entry
+        return entries
+
+    def added(self) -> tuple[str, ...]:
+        """Names that other packages add; none of them is imported for it."""
+        return tuple(sorted({*self._registered, *self._entries}))
+
+    def add(self, name: str, what: Any) -> None:
+        """Add a name that is not taken."""
+        if not re.fullmatch(r"[a-z0-9][a-z0-9_-]*", name):
+            raise ParameterError(f"name must have a-z, 0-9, _ and - only, but it is '{name}'; choose another one.")
+        if name in self._builtin() or name in self.added():
+            raise ParameterError(f"the {self._kind} '{name}' exists already; choose another name.")
+        self._registered[name] = what
+
+    def find(self, name: str) -> T | None:
+        """What a name means; None where nobody has it. What another package has and cannot be used is refused."""
+        if name not in self._made:
+            if name in self._builtin():
+                self._made[name] = self._make(name, self._builtin()[name])
+            elif name in self._registered:
+                self._made[name] = self._of_package(name, "that was registered", lambda: self._registered[name])
+            elif name in self._entries:
+                entry = self._entries[name]
+                self._made[name] = self._of_package(name, f"of {_package(entry)}", entry.load)
+        return self._made.get(name)
+
+    def _of_package(self, name: str, whose: str, load: Callable[[], Any]) -> T:
+        try:
+            return self._make(name, load())
+        except Exception as error:  # other packages raise what they like
+            why = f"{type(error).__name__}: {error}".rstrip(".")
+            raise ParameterError(f"the {self._kind} '{name}' {whose} cannot be used ({why}).") from error
+
+    def usable(self, names: Iterable[str]) -> Iterator[tuple[str, T]]:
+        """Names with what they mean; a note says of each that cannot be used why."""
+        for name in names:
+            try:
+                meaning = self.find(name)
+            except ParameterError as error:
+                meaning = None
+                _note(str(error))
+            if meaning is not None:
+                yield name, meaning
+
+
+def register(kind: Literal["filter", "file", "format"], name: str, what: Any) -> None:
+    """Add a filter, a format of files, or a format of bytes, for as long as this Python runs.
+
+    A package adds one for every Python and for the command line by an entry point; docs/extend.md shows how.
+
+    Parameters
+    ----------
+    kind : {"filter", "file", "format"}
+        What it is.
+    name : str
+        Its name; of files, their suffix without its dot.
+    what : module, str, Path or Format
+        Of a filter or of files the module, or where it is imported from. Of bytes the format, its TOML as text, or the
+        path of that.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such kind, or the name is taken.
+    """
+    if kind not in _HOMES:
+        raise ParameterError(f"kind must be one of {', '.join(_HOMES)}, but it is {kind!r}.")
+    import_module(f"plumbob.{_HOMES[kind]}").EXTENSIBLE.add(name, what)
+
+
+def _package(entry: "EntryPoint") -> str:
+    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
+
+
+def _note(text: str) -> None:
+    import logging
+
+    logging.getLogger("plumbob").warning("note: %s", text)
