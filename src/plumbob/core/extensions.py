@@ -7,14 +7,12 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final, Generic, Literal, TypeVar
+from typing import Any, Final, Generic, Literal, TypeVar
 
 from plumbob.core.errors import ParameterError
 
-if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
-
 T = TypeVar("T")
+_Loader = tuple[str, Callable[[], Any]]
 
 _HOMES: Final = {"filter": "filters.known", "file": "files.formats", "format": "protocols.format_toml"}
 """Modules with the table of each kind, ``EXTENSIBLE``, which are imported at their first use, as the front door's."""
@@ -25,22 +23,23 @@ class ExtensibleTable(Generic[T]):
 
     def __init__(self, kind: str, builtin: Callable[[], Mapping[str, Any]], make: Callable[[str, Any], T]) -> None:
         self._kind, self._builtin, self._make = kind, builtin, make
-        self._registered: dict[str, Any] = {}
+        self._registered: dict[str, _Loader] = {}
         self._made: dict[str, T] = {}
 
     @cached_property
-    def _entries(self) -> "dict[str, EntryPoint]":
-        """Entry points by their names; those whose name is taken are left out, with a note."""
+    def _entries(self) -> dict[str, _Loader]:
+        """What entry points load; those whose name is taken are left out, with a note."""
         from importlib.metadata import entry_points
 
-        entries: dict[str, EntryPoint] = {}
+        loaders: dict[str, _Loader] = {}
         for entry in entry_points(group=f"plumbob.{self._kind}s"):
-            if entry.name in self._builtin() or entry.name in entries:
-                by = _package(entries[entry.name]) if entry.name in entries else "Plumbob itself"
-                _note(f"{self._kind} '{entry.name}' of {_package(entry)} is not used: the name is taken by {by}.")
+            whose = f"of {entry.dist.name} {entry.dist.version}" if entry.dist else f"of {entry.value}"
+            if entry.name in self._builtin() or entry.name in loaders:
+                other = "Plumbob" if entry.name in self._builtin() else f"that {loaders[entry.name][0]}"
+                _note(f"the {self._kind} '{entry.name}' {whose} is not used, but {other}: the name is taken.")
             else:
-                entries[entry.name] = entry
-        return entries
+                loaders[entry.name] = (whose, entry.load)
+        return loaders
 
     def added(self) -> tuple[str, ...]:
         """Names that other packages add; none of them is imported for it."""
@@ -52,26 +51,22 @@ class ExtensibleTable(Generic[T]):
             raise ParameterError(f"name must have a-z, 0-9, _ and - only, but it is '{name}'; choose another one.")
         if name in self._builtin() or name in self.added():
             raise ParameterError(f"the {self._kind} '{name}' exists already; choose another name.")
-        self._registered[name] = what
+        self._registered[name] = ("that was registered", lambda: what)
 
     def find(self, name: str) -> T | None:
         """What a name means; None where nobody has it. What another package has and cannot be used is refused."""
-        if name not in self._made:
-            if name in self._builtin():
-                self._made[name] = self._make(name, self._builtin()[name])
-            elif name in self._registered:
-                self._made[name] = self._of_package(name, "that was registered", lambda: self._registered[name])
-            elif name in self._entries:
-                entry = self._entries[name]
-                self._made[name] = self._of_package(name, f"of {_package(entry)}", entry.load)
+        if name in self._made:
+            return self._made[name]
+        if name in (builtin := self._builtin()):
+            self._made[name] = self._make(name, builtin[name])
+        elif loader := self._registered.get(name) or self._entries.get(name):
+            whose, load = loader
+            try:
+                self._made[name] = self._make(name, load())
+            except Exception as error:  # other packages raise what they like
+                why = f"{type(error).__name__}: {error}".rstrip(".")
+                raise ParameterError(f"the {self._kind} '{name}' {whose} cannot be used ({why}).") from error
         return self._made.get(name)
-
-    def _of_package(self, name: str, whose: str, load: Callable[[], Any]) -> T:
-        try:
-            return self._make(name, load())
-        except Exception as error:  # other packages raise what they like
-            why = f"{type(error).__name__}: {error}".rstrip(".")
-            raise ParameterError(f"the {self._kind} '{name}' {whose} cannot be used ({why}).") from error
 
     def usable(self, names: Iterable[str]) -> Iterator[tuple[str, T]]:
         """Names with what they mean; a note says of each that cannot be used why."""
@@ -108,10 +103,6 @@ def register(kind: Literal["filter", "file", "format"], name: str, what: Any) ->
     if kind not in _HOMES:
         raise ParameterError(f"kind must be one of {', '.join(_HOMES)}, but it is {kind!r}.")
     import_module(f"plumbob.{_HOMES[kind]}").EXTENSIBLE.add(name, what)
-
-
-def _package(entry: "EntryPoint") -> str:
-    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
 
 
 def _note(text: str) -> None:

@@ -283,9 +283,12 @@ def write(
         If the notes are not lines of text.
     """
     added, file = lines("notes", notes), check.path("path", path)
-    kinds, suffix = chain(FORMATS, _by_suffix(file)), file.suffix.lower()
+    suffix = file.suffix.lower() or "."
+    kinds = chain(FORMATS, _of_suffix(suffix))
     writer = next((writer for kind in kinds for written, writer in kind.writers if written == suffix), None)
     if writer is None:
+        if not any(suffix in kind.suffixes for kind in _of_suffix(suffix)):
+            raise _unknown(file)
         raise DecodeError(f"{file}: {file.suffix} is not among {', '.join(_writable())}; plumbob.convert writes more.")
     recording = _recording(what, file.stem)
     _named(writer)(file, replace(recording, notes=(*recording.notes, *added)), overwrite)
@@ -329,14 +332,15 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
         described = suffix != "." or bool(profiles_beside(file))
     kinds: Iterable[FileFormat] = _of_suffix(suffix)
     if suffix:
-        if not described and suffix != ".":
-            kinds = _by_suffix(file)
-        existing_file(file)
+        usual = [kind for kind in FORMATS if suffix in kind.suffixes]
+        is_known = described or bool(usual or EXTENSIBLE.find(suffix[1:]))
+        if is_known or suffix == ".":
+            existing_file(file)
+        if not is_known:
+            raise _unknown(file)
         if described:
-            kinds = [kind for kind in FORMATS if kind.takes_profile and suffix in kind.suffixes] or [*kinds]
+            kinds = [kind for kind in usual if kind.takes_profile] or [*kinds]
             kinds = kinds or [kind for kind in FORMATS if kind.name == "text"]
-        elif suffix == ".":
-            kinds = _by_suffix(file)
     tried = []
     with reading(file):
         for kind in kinds:
@@ -369,15 +373,12 @@ def is_known_log(file: Path) -> bool:
     return any(_named(accepts)(file) for accepts in looking) or known_profile(file) is not None
 
 
-def _by_suffix(path: Path) -> Iterable[FileFormat]:
-    """Formats that a suffix may mean."""
-    kinds = _of_suffix(path.suffix.lower() or ".")
-    if first := next(kinds, None):
-        return chain([first], kinds)
+def _unknown(path: Path) -> UnknownFormatError:
+    """Error of a suffix that nobody reads."""
     from plumbob.files.numbers import SUFFIXES
 
     hint = " Plain numbers are not a recording; 'plumbob allan' takes them." if path.suffix.lower() in SUFFIXES else ""
-    raise UnknownFormatError(
+    return UnknownFormatError(
         f"{path}: the suffix '{path.suffix}' is unknown; known are {', '.join(suffixes())}; raw bytes are for 'plumbob "
         f"record --from'.{hint}"
     )

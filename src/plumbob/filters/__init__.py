@@ -4,7 +4,6 @@ from plumbob.filters.base import CommonParams, Filter
 from plumbob.filters.known import (
     SMOOTHER,
     FilterModule,
-    claims_covariance,
     estimator_names,
     filter_names,
     load,
@@ -18,7 +17,6 @@ __all__ = [
     "Filter",
     "FilterModule",
     "Start",
-    "claims_covariance",
     "estimator_names",
     "filter_names",
     "load",

@@ -97,11 +97,6 @@ def load(name: str) -> FilterModule:
     return module
 
 
-def claims_covariance(name: str) -> bool:
-    """Whether a filter claims a covariance of its attitude."""
-    return hasattr(load(name), "COVARIANCE")
-
-
 def takes_noise(name: str) -> bool:
     """Whether a filter takes parameters from a `NoiseCard`."""
     return hasattr(load(name), "from_noise")

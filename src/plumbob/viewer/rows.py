@@ -15,7 +15,7 @@ from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.reading import read_at
-from plumbob.filters import SMOOTHER, claims_covariance, filter_names, load
+from plumbob.filters.known import EXTENSIBLE, SMOOTHER
 from plumbob.protocols.format import Message
 from plumbob.protocols.unpack import counts_for
 from plumbob.rotations import (
@@ -187,9 +187,8 @@ class ShownEstimator(NamedTuple):
 
 def shown_estimator(name: str, kind: str, title: str, *, primary: bool) -> ShownEstimator:
     """Estimator of a filter, or of the smoother, by the name of its kind."""
-    is_filter = kind == SMOOTHER or kind in filter_names()
-    claims = kind == SMOOTHER or (is_filter and claims_covariance(kind))
-    biased = kind == SMOOTHER or (is_filter and hasattr(load(kind), "BIAS"))  # its step writes that entry of the state
+    module = EXTENSIBLE.find(kind)  # BIAS: its step writes that entry of the state
+    claims, biased = (kind == SMOOTHER or hasattr(module, part) for part in ("COVARIANCE", "BIAS"))
     return ShownEstimator(Estimator(name=name, title=title, primary=primary, claims=claims), biased)
 
 
