@@ -9,7 +9,13 @@ from plumbob.core.errors import ParameterError
 from plumbob.filters import estimator_names
 from tests.helpers.commandline import ok, refused
 
-BROKEN = ("[plumbob.filters]", *("absent=no", "mahony=no", "bare=bare"), "[plumbob.files]", *("seven=no", "csv=bare"))
+BROKEN = (
+    "[plumbob.filters]",
+    *("absent=no", "mahony=no", "bare=bare"),
+    "[plumbob.files]",
+    *("seven=no", "csv=bare", "dat=path"),
+)
+PATH = "accepts = lambda path: path.stem == 'log'\nread = lambda path: path\n"
 PROCESS = {"PYTHONDONTWRITEBYTECODE": "1"}
 """With it a line has a process of its own, which finds what is installed in its folder."""
 
@@ -19,8 +25,10 @@ def folder(tmp_path):
     """One in which a package with nothing but faults is installed."""
     (info := tmp_path / "faults-1.0.dist-info").mkdir()
     texts = {info / "METADATA": "Name: faults\nVersion: 1.0", info / "entry_points.txt": "\n".join(BROKEN)}
-    for file, text in {**texts, tmp_path / "bare.py": "", tmp_path / "log.csv": "1,2\n"}.items():
+    for file, text in {**texts, tmp_path / "bare.py": "", tmp_path / "path.py": PATH}.items():
         file.write_text(text)
+    for name in ("log.csv", "log.dat", "other.dat"):
+        (tmp_path / name).write_text("1,2\n")
     return tmp_path
 
 
@@ -31,6 +39,8 @@ def folder(tmp_path):
         ("list filters bare", "filter 'bare' of faults 1.0 cannot be used (ParameterError: it must have SUMMARY,"),
         ("info log.seven", "file 'seven' of faults 1.0 cannot be used"),
         ("info log.csv", "log.csv: a text file does not say its units"),
+        ("info log.dat", "log.dat: what read gives must be a Recording"),
+        ("info other.dat", "other.dat: a text file does not say its units"),
     ],
 )
 def test_what_cannot_be_used_is_refused_with_its_package(folder, line, message):

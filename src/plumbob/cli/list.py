@@ -82,7 +82,7 @@ def _entry_lines(name: str, entry: dict[str, Any]) -> list[str]:
     about = [f"\n{entry['description']}\n\nparameters"] if "description" in entry else []
     return [
         f"{name}: {entry['summary']}",
-        f"    needs {', '.join(entry['needs'])}; sources {', '.join(entry['references'])}",
+        f"    needs {', '.join(entry['needs'])}; sources {', '.join(entry['references']) or 'none'}",
         f"    {claims}; {'takes a noise card' if entry['noise_card'] else 'takes no noise card'}",
         *about,
         *_row_lines(entry["parameters"]),

@@ -147,7 +147,8 @@ def _of_package(name: str, what: Any) -> FileFormat:
 
     def reader(path: Path) -> Recording:
         try:
-            return check.kind(f"what read gives of {path}", module.read(path), Recording)
+            with reading(path):
+                return check.kind("what read gives", module.read(path), Recording)
         except PlumbobError:
             raise
         except Exception as error:
