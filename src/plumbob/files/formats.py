@@ -31,8 +31,6 @@ class FileFormat:
         What it is called.
     suffixes : tuple of str
         File names that end so are taken for it.
-    what : str
-        One line for help and documentation.
     reader : str or callable
         Its reader, or module and function of it, as ``"parquet.read_parquet"``; of a path, and a profile where it takes
         one.
@@ -52,7 +50,6 @@ class FileFormat:
 
     name: str
     suffixes: tuple[str, ...]
-    what: str
     reader: str | Callable[..., Any]
     takes_in_memory: bool = False
     takes_profile: bool = False
@@ -84,59 +81,33 @@ def refuse_stream(path: Path) -> Recording:
     raise DecodeError(f"{path}: a recording of a line is decoded by plumbob.read, not by plumbob.files.read.")
 
 
-def _foreign(name: str, module: str, suffixes: tuple[str, ...], what: str, takes_unit: bool = False) -> FileFormat:
+def _foreign(name: str, module: str, *suffixes: str, takes_unit: bool = False) -> FileFormat:
     """A format of `plumbob.files.foreign`, whose module has `accepts` and `read`; a suffix of "" is a folder."""
     reader, accepts = f"foreign.{module}.read", f"foreign.{module}.accepts"
-    return FileFormat(name, suffixes, what, reader, accepts=accepts, takes_unit=takes_unit)
+    return FileFormat(name, suffixes, reader, accepts=accepts, takes_unit=takes_unit)
 
 
 FORMATS: Final = (
     FileFormat(
-        name="native",
-        suffixes=(".parquet",),
-        what="native recording: every bit, units and a checksum inside",
-        reader="parquet.read_parquet",
-        takes_in_memory=True,
+        "native", (".parquet",), "parquet.read_parquet", takes_in_memory=True,
         writers=((".parquet", "parquet.write_parquet"),),
     ),
-    _foreign("ROS", "ros", (".bag", ".db3", ".mcap", ""), "ROS 1 bags, ROS 2 bags and MCAP of both", True),
+    _foreign("ROS", "ros", ".bag", ".db3", ".mcap", "", takes_unit=True),
+    FileFormat("recording", (".mcap",), "formats.refuse_stream"),  # of a line, or samples for viewers
+    _foreign("ULog", "ulog", ".ulg", ".ulog", takes_unit=True),
+    _foreign("DataFlash", "ardupilot", ".bin", ".log", ".tlog", takes_unit=True),
+    _foreign("EuRoC", "euroc", "", ".csv"),
+    _foreign("KITTI", "kitti", ""),
+    _foreign("RepoIMU", "repoimu", ".csv"),
+    _foreign("phone", "phones", ".zip", ".csv", ".txt", ""),
+    _foreign("Xsens", "xsens", ".txt", ".mtb", takes_unit=True),
+    _foreign("x-IMU3", "ximu3", ".ximu3", ".csv", ""),
     FileFormat(
-        name="recording",
-        suffixes=(".mcap",),
-        what="recordings of a line by Plumbob, and samples for viewers; their bytes are decoded by `plumbob.read`",
-        reader="formats.refuse_stream",
-    ),
-    _foreign("ULog", "ulog", (".ulg", ".ulog"), "logs of PX4", True),
-    _foreign("DataFlash", "ardupilot", (".bin", ".log", ".tlog"), "logs of ArduPilot, and telemetry of MAVLink", True),
-    _foreign("EuRoC", "euroc", ("", ".csv"), "EuRoC and TUM VI: folders with mav0/imu0, or their data.csv"),
-    _foreign("KITTI", "kitti", ("",), "KITTI raw: a drive's folder with oxts/data"),
-    _foreign("RepoIMU", "repoimu", (".csv",), "trials of RepoIMU"),
-    _foreign(
-        "phone",
-        "phones",
-        (".zip", ".csv", ".txt", ""),
-        "phyphox, Sensor Logger and SensorLog, zipped, or as folder or CSV",
-    ),
-    _foreign("Xsens", "xsens", (".txt", ".mtb"), "exports of MT Manager as text, and its MTB logs", True),
-    _foreign(
-        "x-IMU3", "ximu3", (".ximu3", ".csv", ""), "logs of x-IMU3, and the folders of CSV that its GUI makes of them"
-    ),
-    FileFormat(
-        name="text",
-        suffixes=TABLES,
-        what="text tables, described by a profile in TOML; written as .csv or .txt with its profile beside it",
-        reader="formats.read_table",
-        takes_profile=True,
+        "text", TABLES, "formats.read_table", takes_profile=True,
         writers=tuple((suffix, "text_write.write_csv") for suffix in (".csv", ".txt")),
     ),
-    FileFormat(
-        name="arrays",
-        suffixes=ARRAYS,
-        what="named arrays of MATLAB, HDF5 and NumPy, described by a profile in TOML, or of BROAD; read only",
-        reader="foreign.tables.read",
-        takes_profile=True,
-    ),
-)
+    FileFormat("arrays", ARRAYS, "foreign.tables.read", takes_profile=True),
+)  # fmt: skip
 
 
 def _of_package(name: str, what: Any) -> FileFormat:
@@ -164,7 +135,7 @@ def _of_package(name: str, what: Any) -> FileFormat:
             module.write(temporary, recording)
 
     decides, writers = not hasattr(module, "accepts"), ((suffix, writer),) if hasattr(module, "write") else ()
-    return FileFormat(name, (suffix,), name, reader, accepts=None if decides else accepts, writers=writers)
+    return FileFormat(name, (suffix,), reader, accepts=None if decides else accepts, writers=writers)
 
 
 _ALONE: Final = {
