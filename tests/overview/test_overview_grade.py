@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from plumbob import AttitudeTrack, Frame, ImuArray, ImuData, North, Recording, info, simulate
+from plumbob import AttitudeTrack, Frame, ImuArray, ImuData, North, Recording, doctor, info, simulate
 from plumbob.cli.main import main
 from plumbob.core import flags
 from plumbob.core.constants import G0
@@ -221,3 +221,14 @@ def test_exit_codes_and_json(tmp_path, capsys):
         info(file).reaches("great")
     words = [grade_word(points) for points in (100.0, 80.0, 79.9, 60.0, 59.9, 0.0)]
     assert words == [word for word, _ in WORDS for _ in range(2)] == ["GOOD"] * 2 + ["FAIR"] * 2 + ["POOR"] * 2
+
+
+@pytest.mark.parametrize(
+    ("triad", "matrix"),
+    [("gyr", 2.0 * np.eye(3)), ("gyr", np.eye(3)[[1, 0, 2]]), ("acc", np.eye(3)[[0, 2, 1]]), ("mag", np.eye(3))],
+)
+def test_what_the_doctor_calls_wrong_is_never_good(triad, matrix):
+    imu, right = good(), bool((matrix == np.eye(3)).all())
+    recording = Recording(imu=made(imu, **{triad: getattr(imu, triad) @ matrix}), name="ball")
+    assert doctor(recording).wrong != right
+    assert info(recording).reaches("GOOD") == right

@@ -134,7 +134,7 @@ def info(
         report["array"] = _array(recording.array)
     if recording.track is not None:
         report["attitude"] = _attitude(recording.track)
-    made = grade_of(recording, judged=not isinstance(what, Recording))
+    made = grade_of(recording, judged=not isinstance(what, Recording), examined=True)
     report["grade"] = made.summary()
     lines = [name, *(f"{topic:12} {visible(text)}" for topic, text in _facts(report, said))]
     return Info(report, lines, made, made.points)

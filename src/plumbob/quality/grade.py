@@ -141,17 +141,17 @@ def grade_word(points: float) -> str:
     return next(word for word, least in WORDS if points >= least)
 
 
-def grade_of(recording: Recording, *, judged: bool = False) -> Grade:
-    """Grade of what a recording holds: of its samples, or of its attitude where it has none; `judged` as of `grade`."""
+def grade_of(recording: Recording, *, judged: bool = False, examined: bool = False) -> Grade:
+    """Grade of what a recording holds: of its samples, or of its attitude where it has none; options of `grade`."""
     if recording.array is not None:
-        return grade_units(recording.array.units, recording.notes)
+        return grade_units(recording.array.units, recording.notes, examined=examined)
     if recording.imu is not None:
-        return grade(recording.imu, recording.notes, judged=judged)
+        return grade(recording.imu, recording.notes, judged=judged, examined=examined)
     assert recording.track is not None
     return grade_track(recording.track)
 
 
-def grade(imu: ImuData, notes: Sequence[str] = (), *, judged: bool = False) -> Grade:
+def grade(imu: ImuData, notes: Sequence[str] = (), *, judged: bool = False, examined: bool = False) -> Grade:
     """Grade the samples of one unit.
 
     Parameters
@@ -162,6 +162,8 @@ def grade(imu: ImuData, notes: Sequence[str] = (), *, judged: bool = False) -> G
         What the reading of the file found; lines about gaps that only the host's clock shows count.
     judged : bool
         Whether the notes hold the doubts about units and signs already, as those of a file that has been read do.
+    examined : bool
+        Whether axes, units, signs and delays are examined as `plumbob.doctor` does, which takes a second.
     """
     steps = _Steps.measure(bursts(imu.t), np.diff(imu.t_ns))
     repeated = {name: statistics(imu, name).repeats for name in imu.triads}
@@ -174,7 +176,7 @@ def grade(imu: ImuData, notes: Sequence[str] = (), *, judged: bool = False) -> G
         _clipping(imu),
         _stuck(imu, repeated),
         _resolution(imu, repeated),
-        _plausible(imu, still := _rest(imu), _doubts(imu, notes if judged else None)),
+        _plausible(imu, still := _rest(imu), _doubts(imu, notes if judged else None), examined),
         _calibration(imu.meta.calibration),
         _static(imu, still),
         _clock(imu, steps, notes),
@@ -182,9 +184,9 @@ def grade(imu: ImuData, notes: Sequence[str] = (), *, judged: bool = False) -> G
     return Grade(tuple(criterion for criterion in made if criterion is not None))
 
 
-def grade_units(units: Mapping[str, ImuData], notes: Sequence[str] = ()) -> Grade:
+def grade_units(units: Mapping[str, ImuData], notes: Sequence[str] = (), *, examined: bool = False) -> Grade:
     """Grade of several units: that of the worst."""
-    each = {name: grade(imu, notes) for name, imu in units.items()}
+    each = {name: grade(imu, notes, examined=examined) for name, imu in units.items()}
     worst = min(each.values(), key=lambda unit: 100.0 - sum(reason.lost for reason in unit.criteria))
     return Grade(worst.criteria, each)
 
@@ -502,10 +504,10 @@ def _static(imu: ImuData, still: _Still | None) -> Criterion | None:
     )  # fmt: skip
 
 
-def _plausible(imu: ImuData, still: _Still | None, doubted: Sequence[str]) -> Criterion:
+def _plausible(imu: ImuData, still: _Still | None, doubted: Sequence[str], examined: bool) -> Criterion:
     """The worst of what contradicts the declared units: it costs once."""
     tests = [*_gravity(imu, still), *_field(imu), *_temperature(imu)]
-    tests += [(1.0, doubt) for doubt in (*doubted, *_conventions(imu))]
+    tests += [(1.0, doubt) for doubt in (*doubted, *(_contradicted(imu) if examined else ()))]
     lost, worst = max(tests, key=lambda test: test[0], default=(0.0, ""))
     others = "; ".join(dict.fromkeys(text for share, text in tests if share <= 0.0))
     low, high = EARTH_FIELD
@@ -514,8 +516,8 @@ def _plausible(imu: ImuData, still: _Still | None, doubted: Sequence[str]) -> Cr
         f"the worst of: |acc| at rest within {_percent(GRAVITY[0])} of 9.81 m/s², nothing from {_percent(GRAVITY[1])} "
         f"on, without a rest in a factor of {MOVING[0]:g}, nothing from {MOVING[1]:g} on; median |mag| in "
         f"{low:g} to {high:g} µT, half of the points lost at a factor of {OFF_FIELD[1]:g} outside; "
-        f"temperature in {quality.CELSIUS[0]:g} to {quality.CELSIUS[1]:g} °C; no doubt about units, axes, signs "
-        "or delays",
+        f"temperature in {quality.CELSIUS[0]:g} to {quality.CELSIUS[1]:g} °C; no doubt about units and signs"
+        f"{', axes and delays' if examined else ''}",
         "QARTOD (range); Alken 2021 (field); the rest " + OURS,
         "check units, axes and signs of the file ('plumbob doctor' says which), and calibrate" if lost else "",
     )  # fmt: skip
@@ -528,16 +530,16 @@ def _doubts(imu: ImuData, notes: Sequence[str] | None) -> list[str]:
     return [doubt for doubt in (*sizes, *others) if not doubt.startswith("time: the stamps come in bursts")]
 
 
-def _conventions(imu: ImuData) -> list[str]:
+def _contradicted(imu: ImuData) -> list[str]:
     """What is wrong by how gravity and field turn beside the rates, in the stretch that turns most."""
     if "gyr" not in imu.triads or len(imu.triads) < 2:
         return []
     most = max(imu.chunks(EXAMINED), key=lambda part: float(np.nansum(np.asarray(part.gyr) ** 2)))
     clipped = {name: (most.flags & np.uint32(TRIAD_FLAGS[name][1]) != 0)[:, np.newaxis] for name in most.triads}
     values: dict[str, Floats] = {name: np.where(at, np.nan, getattr(most, name)) for name, at in clipped.items()}
-    whole = most.corrected(meta=most.meta, **values)
-    findings = Examination(whole, "", Declared(None), None).diagnosis().findings
-    return [f"{TITLES[one.sensor]}, {one.question}: {one.value} ({one.answer})" for one in findings if one.wrong]
+    unclipped = most.corrected(meta=most.meta, **values)
+    findings = Examination(unclipped, "", Declared(None), None).diagnosis().findings
+    return [f"{TITLES[it.sensor]}, {it.question}: {it.value} ({it.answer})" for it in findings if it.wrong]
 
 
 def _gravity(imu: ImuData, still: _Still | None) -> Iterable[tuple[float, str]]:
