@@ -141,9 +141,7 @@ def _parsed(row: int, cell: str) -> tuple[int, tuple[bool, bool]]:
         days = _days(match["year"], match["month"], match["day"], match["dotted"] or match["named"])
     except ValueError:
         raise StampError(f"{excerpt(cell)} has no such day.", row) from None
-    hour, minute = (
-        divmod(int(match["minutes"] or 0), 60) if match["hour"] is None else map(int, match.group("hour", "minute"))
-    )
+    hour, minute = divmod(int(match["minutes"]), 60) if match["minutes"] else map(int, match.group("hour", "minute"))
     second = int(match["second"] or match["seconds"])
     if (days is not None and hour > 23) or minute > 59 or second > 59 or (match["half"] and not 1 <= hour <= 12):
         raise StampError(f"{excerpt(cell)} has no such hour, minute or second.", row)

@@ -110,10 +110,16 @@ FORMATS: Final = (
 )  # fmt: skip
 
 
+_BUILTIN: Final = {
+    suffix: [kind for kind in FORMATS if suffix in kind.suffixes] for some in FORMATS for suffix in some.suffixes
+}
+"""Plumbob's formats by suffix, "" for a folder."""
+
+
 def _of_package(name: str, what: Any) -> FileFormat:
     """Format of another package: its module has `read` of a path, and may have `accepts`, and `write` of both."""
     module, suffix = import_module(what) if isinstance(what, str) else what, f".{name}"
-    if not hasattr(module, "accepts") and any(suffix in kind.suffixes for kind in FORMATS):
+    if not hasattr(module, "accepts") and suffix in _BUILTIN:
         raise ParameterError(f"other files end in {suffix}, too, so it must have accepts(path)")
 
     def reader(path: Path) -> Recording:
@@ -148,7 +154,7 @@ EXTENSIBLE: Final = ExtensibleTable[FileFormat]("file", lambda: _ALONE, _of_pack
 
 def _of_suffix(suffix: str) -> Iterator[FileFormat]:
     """Formats of a suffix, "" for a folder, as they are asked; other packages are looked at where Plumbob's refuse."""
-    usual = [kind for kind in FORMATS if suffix in kind.suffixes]
+    usual = _BUILTIN.get(suffix, [])
     yield from (kind for kind in usual if not kind.takes_profile)
     if suffix[1:] not in _ALONE:
         others = EXTENSIBLE.usable([suffix[1:]]) if usual else [("", EXTENSIBLE.find(suffix[1:]))]
@@ -259,7 +265,7 @@ def write(
     kinds = chain(FORMATS, _of_suffix(suffix))
     writer = next((writer for kind in kinds for written, writer in kind.writers if written == suffix), None)
     if writer is None:
-        if not any(suffix in kind.suffixes for kind in _of_suffix(suffix)):
+        if not any(_of_suffix(suffix)):
             raise _unknown(file)
         raise DecodeError(f"{file}: {file.suffix} is not among {', '.join(_writable())}; plumbob.convert writes more.")
     recording = _recording(what, file.stem)
@@ -304,7 +310,7 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
         described = suffix != "." or bool(profiles_beside(file))
     kinds: Iterable[FileFormat] = _of_suffix(suffix)
     if suffix:
-        usual = [kind for kind in FORMATS if suffix in kind.suffixes]
+        usual = _BUILTIN.get(suffix, [])
         is_known = described or bool(usual or EXTENSIBLE.find(suffix[1:]))
         if is_known or suffix == ".":
             existing_file(file)
@@ -332,7 +338,7 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
 def is_recording(path: Path) -> bool:
     """Whether a path may be that of a recording: by its suffix, or by its content where others use that, too."""
     suffix, is_there = "" if path.is_dir() else path.suffix.lower() or ".", path.is_dir() or path.is_file()
-    if any(kind.accepts is None and suffix in kind.suffixes for kind in FORMATS):
+    if any(kind.accepts is None for kind in _BUILTIN.get(suffix, [])):
         return True
     return any(kind.accepts is None or not is_there or _named(kind.accepts)(path) for kind in _of_suffix(suffix))
 
@@ -341,8 +347,8 @@ def is_known_log(file: Path) -> bool:
     """Whether a text file is of a form that is known by its content and needs no profile."""
     from plumbob.files.draft import known_profile
 
-    looking = [kind.accepts for kind in _of_suffix(file.suffix.lower()) if kind.accepts is not None]
-    return any(_named(accepts)(file) for accepts in looking) or known_profile(file) is not None
+    looking = (kind.accepts for kind in _of_suffix(file.suffix.lower()))
+    return any(accepts and _named(accepts)(file) for accepts in looking) or known_profile(file) is not None
 
 
 def _unknown(path: Path) -> UnknownFormatError:

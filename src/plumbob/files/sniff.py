@@ -45,9 +45,7 @@ _GROUPED: Final = {
     ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+"),
 }
 """Numbers that surely stand in groups of three digits; between commas, a cell with one was quoted."""
-_LAYOUTS: Final = (
-    *product(";\t", ".,"), *product(",|", "."), *product(" ", ".,"), (QUOTED, ","),
-)  # fmt: skip
+_LAYOUTS: Final = (*product(";\t", ".,"), *product(",|", "."), *product(" ", ".,"), (QUOTED, ","))
 _NINE: Final = tuple(f"{sensor}_{axis}" for sensor in ("mag (gauss)", "acc (m/s2)", "gyr (rad/s)") for axis in "xyz")
 SENTENCES: Final = {
     "VNYMR": ("yaw (deg)", "pitch (deg)", "roll (deg)", *_NINE),
@@ -300,10 +298,8 @@ def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
 def _known_cells(cells: Sequence[str], separator: str, decimal: str) -> int:
     """Cells that are numbers, times or missing, in a row of which at least half of what is said are; else 0."""
     said = [cell.strip() for cell in cells if cell.strip()]
-    number, groups = (
-        _NUMBER[decimal].fullmatch,
-        (grouped(",", ".") if separator == "," else _GROUPED[decimal]).fullmatch,
-    )
+    number = _NUMBER[decimal].fullmatch
+    groups = (grouped(",", ".") if separator == "," else _GROUPED[decimal]).fullmatch
     numbers = sum((number(cell) or groups(cell)) is not None for cell in said)
     readable = numbers + sum(cell in MISSING or is_clocklike(cell) for cell in said)
     is_row = numbers >= 1 and 2 * readable >= len(said) and readable + len(cells) - len(said) >= 2

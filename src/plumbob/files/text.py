@@ -157,11 +157,11 @@ def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[str, .
     t0_ns = round(Fraction(table.zero) * nanoseconds)
     larger = source.seconds if source.week is None else source.week
     if larger is not None:
-        counts, size = table.columns[larger], 1 if source.week is None else WEEK
-        line = time_line((counts - counts[0]) * size * 1e9 + stamps * 1e9 * factor, 1.0, table.place)
+        counts, is_gps = table.columns[larger], source.week is not None
+        line = time_line((counts - counts[0]) * (WEEK if is_gps else 1) * 1e9 + stamps * 1e9 * factor, 1.0, table.place)
         first = int(line.t_ns[0])
-        start = utc_of_gps(int(counts[0]), first) if source.week is not None else int(counts[0]) * 10**9 + first
-        return (line.t_ns - first) / 1e9, start if source.week is not None or source.unix else 0, line.notes
+        start = utc_of_gps(int(counts[0]), first) if is_gps else int(counts[0]) * 10**9 + first
+        return (line.t_ns - first) / 1e9, start if is_gps or source.unix else 0, line.notes
     first = stamps[0] * factor
     if not source.unix and first >= _UPTIME and not CENTURY[0] < first < CENTURY[1]:  # no clock that somebody knows
         stamps = stamps - first // _UPTIME * _UPTIME / factor
