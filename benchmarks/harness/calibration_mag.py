@@ -51,7 +51,7 @@ HARD_IRON: Final = to_si(100.0, "mgauss")
 SKEW: Final = deg(1.0)
 MOUNTING: Final = deg(2.0)
 SILENT: Final = deg(3.0)
-"""Heading error from which on a calibration that is not called poor has failed silently, rad."""
+"""Heading error above which a calibration that is not called poor has failed silently, rad."""
 
 COVERED: Final = (60.0, 78.0)
 """Limits for the share of errors within one predicted standard deviation, %; 68.3 is right."""

@@ -136,7 +136,7 @@ MOST_OUTLIERS: Final = 0.1
 """Share of poses that may not fit the others."""
 
 WRONG: Final = 0.1
-"""Relative error of gravity's size from which on the unit or the range must be wrong."""
+"""Relative error of gravity's size above which the unit or the range must be wrong."""
 
 LIGHTEST, HEAVIEST = G0 - 0.05, G0 + 0.035
 """Gravity on Earth, m/s²: of high mountains at the equator, and of the poles."""

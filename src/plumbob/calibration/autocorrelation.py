@@ -26,7 +26,7 @@ VISIT: Final = deg(15.0)
 """Turn of the measured vector that begins another visit, rad: more than noise, less than a field bends over."""
 
 FEWEST_VISITS: Final = 12
-"""Visits from which on their memory is looked for, and what stays within them."""
+"""Fewest visits whose memory is looked for, and what stays within them."""
 
 STAYING: Final = 0.999
 """Correlation of neighbours beyond which a memory is not told from a constant."""
@@ -149,7 +149,7 @@ def _begins(unit: Floats, cosine: float, begins: NDArray[np.bool_]) -> None:
 
 
 LONG: Final = 100
-"""Residuals from which on their memory is looked for."""
+"""Fewest residuals whose memory is looked for."""
 
 SLOW: Final = 4.5
 """Samples that errors which stay count as: an axis of a sphere's centre has the variance 3σ²/N, and the unseen one ⅔ of

@@ -42,7 +42,7 @@ SLOW: Final = float(dps(15.0))
 """Rate up to which a sample tells a vertical, rad/s: beyond, delays between the sensors turn it."""
 
 LEAST_SLOW: Final = 0.1
-"""Share of slow samples from which on the accelerometer helps without being told so."""
+"""Share of slow samples above which the accelerometer helps without being told so."""
 
 LONG: Final = 300.0
 """Shortest record that may be that of a unit at work, s."""

@@ -33,7 +33,7 @@ LEVEL: Final = deg(10.0)
 """Dip up to which a field does not tell up from down, rad."""
 
 TUMBLED: Final = 0.2
-"""Standard deviation of the vertical along each axis from which on a field with hard iron tells its dip."""
+"""Standard deviation of the vertical along each axis above which a field with hard iron tells its dip."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ ASKEW: Final = float(deg(10.0))
 """Largest elevation of the axis about which the body was raised, rad."""
 
 SCATTER: Final = float(deg(10.0))
-"""Median angle from which on two attitudes do not differ by a constant rotation, rad."""
+"""Median angle above which two attitudes do not differ by a constant rotation, rad."""
 
 _GRAVITY = 0.05  # departure from standard gravity, relative, that no place on Earth and no usual bias has
 _UNKNOWN = float(np.pi / np.sqrt(3.0))  # standard deviation of an angle of which nothing is known, rad

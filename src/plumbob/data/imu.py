@@ -36,7 +36,7 @@ BLOCK = 1 << 14
 """Samples that are looked at together where a recording is judged as a whole."""
 
 ENOUGH = 100
-"""Samples from which on a recording's units are judged by its typical size."""
+"""Fewest samples by whose typical size a recording's units are judged."""
 
 TRIAD_FLAGS = {
     "gyr": (flags.GYR_ABSENT, flags.GYR_CLIPPED, flags.GYR_INVALID),

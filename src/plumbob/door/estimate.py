@@ -48,7 +48,7 @@ Note = Callable[[str], None]
 Progress = Callable[[int, int], None]
 
 _OFTEN = 0.05
-"""Share of samples behind a gap from which on the declared unit of time is in doubt."""
+"""Share of samples behind a gap above which the declared unit of time is in doubt."""
 
 
 class Follower(Protocol):

@@ -72,7 +72,7 @@ _FASTEST: Final = 70.0
 _ABOUT: Final = 0.15
 """A size at rest counts as one of a unit within this fraction; a sensor that is not calibrated errs by less."""
 _BEST: Final = 0.8
-"""Correlation from which on other axes are proposed, where the declared ones have less than half of it."""
+"""Correlation above which other axes are proposed, where the declared ones have less than half of it."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -24,7 +24,7 @@ DIP_BAND: Final = deg(10.0)
 SETTLED: Final = 0.5
 """For so long, s, must the field agree again before it is trusted."""
 TURNING: Final = dps(20.0)
-"""Rate of turn, rad/s, from which on a new field is taken to stand still in space."""
+"""Rate of turn, rad/s, above which a new field is taken to stand still in space."""
 FIRST_AFTER: Final = 5.0
 """The first reference is taken after so long of turning, s."""
 NEW_AFTER: Final = 20.0

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from plumbob.filters.smoother import FixedLag, Smoother
 
 BEYOND: Final = 3.0
-"""Standard deviations of the prior from which on an estimate contradicts it."""
+"""Standard deviations of the prior above which an estimate contradicts it."""
 
 
 def bias_beyond(filter_: "Filter | Smoother", track: AttitudeTrack) -> str | None:

@@ -22,7 +22,7 @@ from plumbob.rotations.headings import counted_from
 Note = Callable[[str], None]
 
 LONG: Final = 60.0
-"""Duration from which on the drift of a device clock is told, s."""
+"""Duration above which the drift of a device clock is told, s."""
 
 SETTLED: Final = 30.0
 """Time after which the estimated bias of a start in motion says something, s."""

@@ -262,7 +262,7 @@ def _judged(letter: str, of: Curve, mask: Mask, longest: float) -> NDArray[np.bo
 FEWEST: Final = 100
 """Samples below which not even the white noise of a record is worth a number."""
 
-_MISFIT = 0.2  # of the density over an octave, from which on a reader is told
+_MISFIT = 0.2  # of the density over an octave, above which a reader is told
 _SURE = 4.0  # standard deviations of it
 
 

@@ -228,7 +228,7 @@ def _fits(spectrum: Spectrum, fitted: LikelihoodFit, cut: float, tolerated: floa
 
 
 def _first_factor(spectrum: Spectrum, fitted: LikelihoodFit, cut: float, n: NDArray[np.int64]) -> tuple[int, float]:
-    """Smallest factor from which on masked frequencies hardly count, and what they add to the spectrum on the whole."""
+    """Smallest factor above which masked frequencies hardly count, and what they add to the spectrum on the whole."""
     model = fitted.squares @ densities(spectrum)
     width = spectrum.width
     weights = _mean_transfer(n, spectrum)

@@ -70,7 +70,7 @@ OUT: Final = 2.0
 DEVIATES, IS_NOISY, IS_FROZEN, IS_DEAD = 1.0, 2.0, 3.0, 4.0
 
 BECOMES_SUSPECT: Final = 0.73
-"""Share of an alarm from which on a unit is suspect: 4 of 5.5 standard deviations,"""
+"""Share of an alarm above which a unit is suspect: 4 of 5.5 standard deviations,"""
 AGAIN_GOOD: Final = 0.55
 """and below which it is not any more."""
 CLEAR: Final = 0.75
@@ -88,7 +88,7 @@ BELIEVED: Final = 6.0
 RARE: Final = 21.0
 """Minus the logarithm of the chance that a live axis says the same for so long: once in 10⁹."""
 FAST_FROM: Final = 4
-"""Units from which on the others tell the scale of the noise within `tau`."""
+"""Fewest units of which the others tell the scale of the noise within `tau`."""
 
 
 @kernel

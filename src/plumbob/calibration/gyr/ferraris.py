@@ -52,7 +52,7 @@ TURNS: Final = ("x_rot", "y_rot", "z_rot")
 """Turns about an axis."""
 
 STEEP: Final = float(np.cos(deg(25.0)))
-"""Share of gravity along an axis from which on that axis stands on end."""
+"""Share of gravity along an axis above which that axis stands on end."""
 
 LEAST_TURN: Final = float(deg(90.0))
 """Smallest turn that is looked for, rad."""

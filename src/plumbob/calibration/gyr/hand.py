@@ -88,7 +88,7 @@ FEWEST: Final = 9
 """Fewest motions: each gives two equations, and some must be left to show what they are worth."""
 
 FAR: Final = 5.0
-"""Robust standard deviations from which on a motion is an outlier."""
+"""Robust standard deviations above which a motion is an outlier."""
 
 _STEPS: Final = 8
 
@@ -254,7 +254,7 @@ def coupling_at_rest(rates: Floats, forces: Floats) -> Coupling | None:
 
 
 FAST: Final = float(dps(50.0))
-"""Rate from which on a flat top is a range, rad/s: slower, coarse steps repeat themselves, and no part ends there."""
+"""Rate above which a flat top is a range, rad/s: slower, coarse steps repeat themselves, and no part ends there."""
 
 FLAT: Final = 4
 """Equal values in a row that make a flat top; of a sensor slower than the recording, that many of its own."""
@@ -306,11 +306,11 @@ def swapped(miss: Callable[[Floats], float]) -> list[Reason]:
 
 
 UNTOLD: Final = 1e4
-"""Condition number of the normal equations, scaled, from which on entries of the matrix are not told apart; 20 motions
+"""Condition number of the normal equations, scaled, above which entries of the matrix are not told apart; 20 motions
 about random axes have 3 to 10."""
 
 SHORTEST: Final = 20
-"""Samples from which on rates between stretches at rest show a dead axis: coarse steps repeat in a few."""
+"""Fewest samples in which rates between stretches at rest show a dead axis: coarse steps repeat in a few."""
 
 STRANGE: Final = 0.3
 """Difference of the matrix from the identity beyond that of any gyroscope that works."""

@@ -107,7 +107,7 @@ LARGEST: Final = float(dps(40.0))
 """Largest bias of a MEMS gyroscope that works, rad/s: data sheets of consumer parts have ±1 to ±40 °/s."""
 
 FIELD_TURNED: Final = float(deg(3.0))
-"""Turn of the field beyond its noise from which on a stretch is no rest, rad."""
+"""Turn of the field beyond its noise above which a stretch is not at rest, rad."""
 
 UPRIGHT: Final = float(deg(15.0))
 """Tilt between stretches at rest that would show a turn about the vertical as a bias that changes, rad."""
@@ -120,7 +120,7 @@ UNSEEN: Final = "A slow turn about the vertical would be in this bias: neither m
 
 _NEARLY = 0.8  # of the stretches: an axis may die on the way
 _NOISE = 5.0  # standard deviations
-_MOST = 90.0  # percentile of the parts' turns: a passing disturbance is no turn
+_MOST = 90.0  # percentile of the parts' turns, so that a passing disturbance does not count
 
 
 def dead_axes(*stretches: Floats) -> list[Reason]:

@@ -50,7 +50,7 @@ SIGNIFICANCE: Final = 0.001
 """Chance at which a power that is not there is taken for one."""
 
 SURE: Final = 4.0
-"""Standard deviations from which on warming and cooling differ."""
+"""Standard deviations above which warming and cooling differ."""
 
 BLOCKS: Final = 200
 """Blocks that a record is averaged in; of the length of `SHORTEST` at least."""

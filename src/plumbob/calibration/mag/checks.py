@@ -136,12 +136,12 @@ LONGER: Final = "Keep turning it for a minute or two, through all attitudes, eac
 """Advice where the field may have been uneven."""
 
 LOST: Final = deg(30.0)
-"""Predicted heading error from which on there is no heading, rad: three of it are a quarter of a turn."""
+"""Predicted heading error above which there is no heading, rad: three of it are a quarter of a turn."""
 
 DIRECTION: Final = "An accelerometer in slow turning shows it (--with acc), or a gyroscope (--with gyr)."
 """Advice where only the field's direction could tell."""
 
-_LONG_MEMORY: Final = 10.0  # samples that count as one from which on it is told
+_LONG_MEMORY: Final = 10.0  # samples that count as one, above which it is told
 _COUNTS: Final = 1.5  # predicted error over that of an even field, above which it is told
 
 STEEL: Final = "Look for switched currents, moving iron and steel nearby."

@@ -52,7 +52,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 
 FEWEST: Final = 30
-"""Samples from which on a change is looked for."""
+"""Fewest samples in which a change is looked for."""
 
 _SOME_OF_ALL: Final = 4000
 

@@ -170,7 +170,7 @@ WIDEST_GAP: Final = deg(90.0)
 """Largest gap between the headings that were seen, rad."""
 
 LEANING: Final = deg(10.0)
-"""Inclination from which on a unit is not level, rad."""
+"""Inclination above which a unit is not level, rad."""
 
 _FEWEST: Final = 4 * PARAMETERS
 _WEAKEST: Final = 2.0  # µT of level field, of which nobody can tell a heading

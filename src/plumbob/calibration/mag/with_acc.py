@@ -313,7 +313,7 @@ FEWEST: Final = PARAMETERS + 1
 """Fewest samples or poses."""
 
 UNSTEADY: Final = deg(5.0)
-"""Scatter of the vertical from which on the accelerometer did not measure gravity, rad."""
+"""Scatter of the vertical above which the accelerometer did not measure gravity, rad."""
 
 _GRAVITY: Final = 0.1  # departure of gravity, of itself
 _SOME: Final = 20_000

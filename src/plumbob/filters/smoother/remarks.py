@@ -28,7 +28,7 @@ FREE: Final = "no field of the recording gives a heading: it counts from a free 
 WEIGHTLESS: Final = "no gravity shows in the specific force ({}): the attitude there may be any"
 WRONG: Final = "the field was not that of the place ({}); the heading there is the gyroscope's"
 MOSTLY: Final = 0.5
-"""Share of a recording from which on a remark names the other causes that it may have."""
+"""Share of a recording above which a remark names the other causes that it may have."""
 PUSHED: Final = "; unless it was pushed or fell for that time, gyroscope or accelerometer"
 IRON: Final = "; unless iron was near for that time, gyroscope or magnetometer"
 OTHERWISE: Final = " has a wrong factor, rate, unit, axis or sign: plumbob doctor shows which"

@@ -190,7 +190,7 @@ def _angle(axis: int, direction: Floats, goal: Floats) -> float:
 
 
 ENOUGH: Final = 15
-"""Directions of the 18 from which on a good prediction ends the capture."""
+"""Fewest directions of the 18 with which a good prediction ends the capture."""
 
 _LASTS: Final = 2.0
 

@@ -230,7 +230,7 @@ def turn(n: Ints, r: Floats) -> float:
 
 @kernel
 def _limit(n: Ints, r: Floats) -> float:
-    """Delay from which on a frame is suspect, ns: half of what could be missing unseen.
+    """Delay above which a frame is suspect, ns: half of what could be missing unseen.
 
     Where a read brings several frames, the least delay drifts with the beat between frames and reads, and then jumps by
     up to a frame, exactly as if one were lost: there it takes two.

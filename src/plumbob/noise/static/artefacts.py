@@ -76,7 +76,7 @@ def hold_length(values: Floats) -> int:
 LONGEST: Final = 12
 """Channels in turn that are looked for: three sensors of three axes, temperature, and two more."""
 APART: Final = 1.0
-"""Standard deviation of the means of the channels over that within them from which on they are not one channel. A
+"""Standard deviation of the means of the channels over that within them above which they are not one channel. A
 sinusoid at a whole fraction of the rate, such as mains folded down, would have to be that strong to look so."""
 
 _AS_GOOD: Final = 0.8  # of the best: the smallest number of channels
@@ -332,7 +332,7 @@ class ChannelWatch:
 
 
 LOUDER: Final = 16.0
-"""Energy of a window over that of the quiet ones from which on something moved; of noise, the extremes of a million
+"""Energy of a window over that of the quiet ones above which something moved; of noise, the extremes of a million
 windows stay below 10 (χ² of 8 degrees of freedom against its quantile of 20 %)."""
 
 JUMP: Final = 100.0
