@@ -151,6 +151,11 @@ def test_without_a_magnetometer_the_heading_is_free_and_less_and_less_certain(fi
     assert heading_var(found, "s1")[-1] > 1.5 * heading_var(found, "s1")[200] > 0.0
     for error in errors(made, found.tracks, made.t > 5.0).values():
         assert rms(error) < 2.0
+    # nothing says how the whole turned in a gap: by 90° (1 sd), less what a tilted body has of it
+    keep = (made.t < 10.0) | (made.t >= 15.0)
+    units = {name: ImuData(one.t[keep], one.gyr[keep], one.acc[keep], meta=one.meta) for name, one in units.items()}
+    behind = heading_var(run(card, ImuArray(units), params=INSTANT, causal=True), "s1")[made.t[keep] >= 15.0]
+    assert behind.min() > 0.95 * np.radians(90.0) ** 2
 
 
 def test_with_magnetometers_the_heading_does_not_lose_itself():

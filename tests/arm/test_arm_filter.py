@@ -129,6 +129,17 @@ def test_an_update_takes_off_an_error_what_its_covariances_claim(name, fields):
         np.testing.assert_allclose((ahead - behind)[turns] / (2.0 * STEP), claimed[turns, place], atol=0.005)
 
 
+def test_a_speed_is_drawn_to_zero_by_the_same_part_however_large_it_is():
+    """That no arm runs away is no measurement, which could be an outlier."""
+    _, samples, found = filter_at_truth("five")
+    path, size = np.zeros((*samples.gyr.shape[:2], 4)), WIDTH * found.units
+    at = shifted(found, np.zeros(size)).advance(samples, 1, 51, path)
+    fast = shifted(found, 30.0 * np.eye(size)[6]).advance(samples, 1, 51, path)
+    drawn = [end.linear[0, 3] - end.linear_prior[0, 3] for end in (at, fast)]
+    claimed = at.cov @ np.linalg.inv(at.cov_prior) - np.eye(size)  # Kalman, as above
+    assert (drawn[1] - drawn[0]) / 30.0 == pytest.approx(claimed[6, 6], rel=1e-9)
+
+
 def test_what_is_learnt_at_a_keyframe_does_not_depend_on_what_was_known():
     # the information of independent rows adds up (Bayes); that of a velocity which is zero for a time, and that of a
     # heading which the fields of two units share, are closed forms

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from plumbob.calibration.gyr.hand import FEWEST_RATES as FEWEST
 from plumbob.calibration.gyr.hand import coupling_at_rest, fit_hand, flat_tops
@@ -102,6 +103,13 @@ def poses(rng, count, noise, matrix=COUPLING):
 def test_coupling_at_rest_comes_back_with_errors_as_large_as_said():
     found = coupling_at_rest(*poses(np.random.default_rng(0), 20, 0.0))
     np.testing.assert_allclose(found.matrix, COUPLING, rtol=0, atol=1e-12)
+    # its significance is that of the F test of nine coefficients: squares of a regression without them and with
+    rates, forces = poses(np.random.default_rng(5), 12, dps(0.1))
+    rows = np.column_stack((np.ones(12), forces))
+    squares = np.sum((rates - rows @ np.linalg.lstsq(rows, rates)[0]) ** 2)
+    gained = 12.0 * np.var(rates, axis=0).sum() - squares
+    expected = stats.f.sf(gained / 9.0 / (squares / 24.0), 9, 24)
+    assert coupling_at_rest(rates, forces).chance == pytest.approx(expected, rel=1e-6) and 1e-12 < expected < 0.01
     # nine entries of 40 captures: mean square over the variance said, 1.06 for t of 36, ± √(2 / 360)
     rng, squares = np.random.default_rng(1), []
     for _ in range(40):

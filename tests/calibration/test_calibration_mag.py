@@ -5,9 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from plumbob.calibration.ellipsoid_fit import Shape
+from plumbob.calibration.ellipsoid_fit import Shape, choose
 from plumbob.calibration.fit import KINDS, CaptureRefusedError
 from plumbob.calibration.mag.ellipsoid import fit_mag
+from plumbob.calibration.mag.ellipsoid import moved as jumped
 from plumbob.calibration.predicted import REGIONS
 from plumbob.rotations import quat_from_rotvec, quat_multiply
 from tests.helpers.mag_scene import STRENGTH, Unit, attitudes, field, force, heading_rms, soft_iron
@@ -88,6 +89,15 @@ def test_a_few_bad_first_samples_are_set_aside(low):
     assert not fit.used[:4].any() and any("Set aside as outliers" in remark for remark in fit.remarks)
     (reason, *_) = reasons(fit_mag, mag[::-1])
     assert reason.kind == "magnet-moved" and "after 95 % of the samples" in reason.text
+
+
+def test_a_jump_is_judged_by_what_one_centre_leaves():
+    """A sphere of 50 µT of which half is shifted by 1 µT, and the centre of the first half: the jump explains all."""
+    mag = STRENGTH * np.tile(REGIONS, (20, 1))
+    first = choose(mag, Shape.SPHERE).fit
+    mag[len(mag) // 2 :, 0] += 1.0
+    place, size, _, explained = map(float, re.findall(r"(\d+\.?\d*) (?:%|µT)", jumped(mag, first).text))
+    assert (place, explained) == (50.0, 100.0) and size == pytest.approx(1.0, rel=0.02)
 
 
 def test_no_magnet_moved_in_clean_captures():

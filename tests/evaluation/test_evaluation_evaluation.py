@@ -1,6 +1,7 @@
 """The whole comparison: frames, norths, masks, remarks, and what the report says of them."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,6 +33,9 @@ def test_a_track_agrees_with_itself(reference):
     result = evaluate(reference, reference)
     assert all(result.stats[name].max_abs < 1e-15 for name in QUANTITIES)
     assert result.notes == ()
+    named = evaluate(replace(reference, source="mekf (gain 2)"), reference).facts()
+    assert named["source"] == "mekf"
+    assert result.facts()["source"] == "truth"
 
 
 @pytest.mark.parametrize("frame", list(Frame))

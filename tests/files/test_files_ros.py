@@ -16,6 +16,7 @@ from mcap.writer import CompressionType
 
 import plumbob
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnitError
+from plumbob.core.files import MAX_TEXT
 from plumbob.files.foreign import ros
 from plumbob.rotations import Frame, North, dcm_from_quat
 from tests.helpers.io_samples import refused
@@ -330,6 +331,12 @@ def missing_part(folder):
     return path
 
 
+def endless_metadata(folder):
+    path = made.write_2(folder / "a", made.all_rows())
+    os.truncate(path / "metadata.yaml", MAX_TEXT + 1)
+    return path
+
+
 def part_elsewhere(folder):
     path = made.write_2(folder / "a", made.all_rows())
     (path / "a.db3").unlink()
@@ -403,6 +410,7 @@ REFUSED = {
     "nothing": (lambda folder: made.write_2(folder / "a", []), "holds no message"),
     "checksum": (wrong_checksum, "does not fit its checksum"),
     "missing part": (missing_part, r"names a\.db3, which is not there"),
+    "endless metadata": (endless_metadata, f"needs a metadata.yaml of at most {MAX_TEXT} bytes"),
     "a link for a part": (part_elsewhere, "is not there"),
     "terabytes of zstd": (chunk("zstd", lambda: b"\x28\xb5\x2f\xfd", 1 << 40), "unpack to 1099511627776"),
     "terabytes": (chunk("", lambda: b"\x28\xb5\x2f\xfd", 1 << 40), "unpack to 1099511627776"),

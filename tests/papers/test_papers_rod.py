@@ -158,6 +158,8 @@ def test_a_run_through_bytes_is_compared_with_the_reference_and_the_truth(run):
         )
     )  # fmt: skip
     assert np.abs(difference - (of_estimate - of_reference)).max() < 1e-9
+    assert [part.largest.shape for part in parts] == [part.rms.shape for part in parts] == [(2,)] * 6
+    assert all((part.rms <= part.largest).all() for part in parts)
     assert parts[4].rms == pytest.approx([0.03, 0.03], abs=0.03)  # half of its variance is constant in a run
     expected = np.degrees(np.linalg.norm(run.true_mounting[1:])) * 2.0
     assert 0.0 < parts[5].rms.max() < expected

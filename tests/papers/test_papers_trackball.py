@@ -215,6 +215,10 @@ def test_outcomes_are_whole_and_items_name_them(found):
     assert len(outcomes) > 55
     assert unmet(outcomes.values()) <= {"allan.ratio.50", "allan.scatter.50", "allan.scatter.10"}  # few seeds here
     assert named(TRACKBALL.items) <= outcomes.keys()
+    scenes = [scene for part in made.report.parts for scene in part.scenes]
+    circles = [at[0] for scene in scenes for name, at in scene.points.items() if str(name).startswith(".")]
+    np.testing.assert_allclose(np.linalg.norm(circles, axis=1), np.ones(36), rtol=1e-12)  # three of 12 points
+    assert "with a mean of 1.5 °/s 1.06" in str(made.report)  # √½ of it and of white noise: 1.063 [closed form of (13)]
     assert english_alone(made.report, r"plumbob .*|solid.*|dashed.*|dotted.*") == set()
 
 

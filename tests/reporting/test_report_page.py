@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from plumbob.core.errors import MissingExtraError, ParameterError, ShapeError
+from plumbob.core.resources import asset
 from plumbob.reporting.content import Figure, Table
 from plumbob.reporting.drawing import CHINESE, svg, variable
 from plumbob.reporting.page import CSS
@@ -85,6 +86,7 @@ def test_a_picture_has_the_figures_of_parts_and_others_are_refused(tmp_path):
         (lambda: deep.plot(tmp_path / "a.jpg"), ParameterError, r"must end in \.svg, \.png, \.pdf, but it is .*a\.jpg"),
         (lambda: Report("Title").plot(tmp_path / "a.png"), ParameterError, "this report has no figure"),
         (lambda: deep.page(lang="de"), ShapeError, "lang must be one of en, zh"),
+        (lambda: asset("none.js"), MissingExtraError, r"none\.js is missing\. .* in a checkout, run 'make page'"),
     ):
         with pytest.raises(error, match=why):
             call()

@@ -256,3 +256,13 @@ def test_a_chain_gives_the_points_of_its_stick_figure():
     assert follower.joint_points({"lower": np.full(4, np.nan), "upper": north})[2:] == [None, None]
     with pytest.raises(ParameterError, match="has the units"):
         ChainFollower(chain, Frame.NED, ["other"])
+
+
+def test_samples_that_are_sent_twice_have_no_attitude_of_their_own():
+    from plumbob.viewer.overlays import Overlay
+
+    imu = plumbob.simulate("buoy", duration=0.05, seed=1, frame="NED", sensors="ideal", unit="calibrated").imu
+    overlay = Overlay("smoother", Frame.NED, imu.meta)
+    assert np.isfinite(overlay.take(imu).q_nb).all()
+    found = overlay.take(imu)
+    assert found.frame is Frame.NED and np.isnan(found.q_nb).all() and len(found.q_nb) == len(imu)

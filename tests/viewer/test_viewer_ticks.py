@@ -286,6 +286,10 @@ def test_who_lags_gets_the_newest_tick_and_every_event():
         await ticked(hub, 41)
         assert [parsed(client.next()).t[0] for _ in range(2)] == [4.0, 4.1]  # who is two behind misses none
         assert client.next() is None
+        slow = BODY.rows(420, 10)["values"]  # a sensor that is slower: its newest number stays until it is a second old
+        slow[7:, 6:9] = np.nan
+        hub.take(PipeMessage("batch", BODY.fields(429), BODY.rows(420, 10) | {"values": slow}))
+        np.testing.assert_array_equal(hub.state()["values"], np.r_[slow[9, :6], slow[6, 6:9], slow[9, 9:]])
 
     asyncio.run(main())
 

@@ -107,7 +107,7 @@ class Evaluation(Reported):
         """What it is, in words: scored samples and the root mean square of each error, degrees."""
         facts = {"scored": f"{int(np.count_nonzero(self.match.scored))} of {len(self.estimate)} samples"}
         facts |= {f"{name} rmse": f"{to_deg(stats.rmse):.3g}°" for name, stats in self.stats.items()}
-        return facts | {"source": self.estimate.source.partition("(")[0] or "not named"}
+        return facts | {"source": self.estimate.source.partition("(")[0].strip() or "not named"}
 
     def columns(self) -> Mapping[str, Floats]:
         """Time, and the error of each quantity that is scored, degrees, by name."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Final
 
@@ -139,18 +139,9 @@ class Diagnosis(Reported):
 
     def summary(self) -> dict[str, Any]:
         """All that is known, as JSON can hold it."""
-        rows = [
-            {
-                "sensor": finding.sensor,
-                "question": finding.question,
-                "answer": str(finding.answer),
-                "value": finding.value,
-                "log10_odds": min(finding.log_odds / math.log(10.0), 6.0),
-                "wrong": finding.wrong,
-                "why": finding.why,
-            }
-            for finding in self.findings
-        ]
+        rows = [asdict(finding) for finding in self.findings]
+        for row in rows:
+            row |= {"answer": str(row["answer"]), "log10_odds": min(row.pop("log_odds") / math.log(10.0), 6.0)}
         return {"recording": self.name, "wrong": self.wrong, "findings": rows, "profile": list(self.lines),
                 "remarks": list(self.remarks), "values": dict(self.values)}  # fmt: skip
 
@@ -270,7 +261,8 @@ class Examination:
                 self.remarks.append(f"The recording has no {TITLES[name]}.")
         if "gyr" in self.values:
             self._axes()
-        self._units()
+        for name in filter(self.values.__contains__, TRIADS):
+            self._unit(name, *self._size(name))
         for sensor in self.sensors.values():
             self._delay(sensor)
         order = {name: i for i, name in enumerate(TRIADS)}
@@ -439,11 +431,6 @@ class Examination:
         middle = float(np.nanmedian(down)) if np.isfinite(down).any() else 0.0
         return middle if abs(middle) > _LEAST_DIP else None
 
-    def _units(self) -> None:
-        for name in TRIADS:
-            if name in self.values:
-                self._unit(name, *self._size(name))
-
     def _size(self, name: str) -> tuple[float, float, Trust, str]:
         """Size by which the unit of a triad is known, the deviation of its logarithm, how sure, and by what."""
         if name == "gyr":
@@ -474,12 +461,22 @@ class Examination:
         weights = np.array([(fitted.scale / fitted.scale_sd) ** 2 for fitted in fits.values()])
         scale, sd = float(np.exp(logs @ weights / weights.sum())), math.hypot(weights.sum() ** -0.5, 0.5 * np.ptp(logs))
         self.numbers.setdefault("gyr", {}).update(scale=scale, scale_sd=scale * sd, by=" and ".join(fits))
+        for other in self._better_explained(fits):
+            if abs(math.log(other.scale / scale)) > _GAIN + 3.0 * math.hypot(sd, other.scale_sd / other.scale):
+                why = f"a sensor that turns with it says × {scale:.3g}, one that the rates explain better "
+                return 0.0, 0.0, Trust.UNKNOWN, f"{why}× {other.scale:.3g}; {self._would_tell(trusted[0])}"
         by = " and ".join(TITLES[name] for name in fits) + (" say" if len(fits) > 1 else " says")
         by = f"it turns {1.0 / scale:.4g} times as fast as the {by}"
         if not trusted[0].known:
             return 1.0 / scale, sd, Trust.LIKELY, f"{by}, if the axes are as declared"
         sure = any(sensor.answer is Trust.SURE for sensor in trusted)
         return 1.0 / scale, sd, Trust.SURE if sure else Trust.LIKELY, by
+
+    def _better_explained(self, fits: Mapping[str, VectorFit]) -> list[VectorFit]:
+        """Fits of other sensors whose change the rates explain mostly, and more of it than of those in `fits`."""
+        least = max(_MOST, *(fitted.explained for fitted in fits.values()))
+        others = [sensor.found for name, sensor in self.sensors.items() if name not in fits]
+        return [other for other in others if other is not None and other.explained > least]
 
     def _unit(self, name: str, size: float, sd: float, sure: Trust, by: str) -> None:
         declared = self.declared.unit(name)
