@@ -97,6 +97,20 @@ def test_unix_time_in_whole_nanoseconds_keeps_every_one(tmp_path):
     np.testing.assert_array_equal(imu.t_ns, stamps - stamps[0])
 
 
+def test_an_array_alone_and_units_that_attributes_say(tmp_path):
+    np.save(tmp_path / "log.npy", np.column_stack((T, GYR)))
+    text = 'arrays = true\n[time]\ncolumn = "log[1]"\nunit = "s"\n[gyr]\ncolumns = ["log[2]", "log[3]", "log[4]"]\n'
+    imu = read(tmp_path / "log.npy", profile=parse_profile(text + 'unit = "rad/s"\n')).imu
+    np.testing.assert_array_equal(imu.gyr, GYR)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for key, unit in (("imu/t", "s"), ("imu/gyro", np.bytes_(b"deg/s"))):
+            file[key] = T if key == "imu/t" else GYR
+            file[key].attrs["units"] = unit
+    drafted = profile(tmp_path / "a.h5", accept=True)
+    assert not drafted.questions
+    np.testing.assert_array_equal(read(tmp_path / "a.h5", profile=parse_profile(drafted.text)).imu.gyr, np.radians(GYR))
+
+
 TEXT = 'separator = ","\n[header]\nnames = true\n[time]\nrate = "1 Hz"\n[gyr]\ncolumns = [1, 2, 3]\nunit = "rad/s"\n'
 ALONE = FLAT.split("[acc]")[0]
 OBJECTS = np.array([{"a": 1}] * ROWS, dtype=object)

@@ -1,15 +1,25 @@
 """Drafted profiles: answered as they guess, they read what the logger meant; unanswered, they read nothing."""
 
+import bz2
+import gzip
+import io
 import json
+import lzma
 import tomllib
+import zipfile
 from datetime import datetime, timedelta
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+import zstandard
+from pyarrow import feather, orc
 
 import plumbob
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
+from plumbob.core.files import profile_beside
 from plumbob.files import parse_profile, read
 from plumbob.files.profile_toml import questions
 from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_multiply, quat_rotate, rotvec_from_quat
@@ -127,6 +137,50 @@ def test_a_draft_whose_guesses_are_accepted_reads_what_the_logger_meant(files, m
     assert imu.acc / G0 == pytest.approx(force, abs=half[1] * 1.001)
     assert imu.mag is None or imu.mag == pytest.approx(field, abs=1e-3)
     assert (imu.mag is not None) == (name in {"no header", "seconds since 1970, mg, mdps, mG"})
+
+
+def zipped(raw):
+    with zipfile.ZipFile(made := io.BytesIO(), "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("logs/a.csv", raw)
+    return made.getvalue()
+
+
+PACKED = {".gz": gzip.compress, ".bz2": bz2.compress, ".xz": lzma.compress, ".zip": zipped,
+          ".zst": lambda raw: zstandard.ZstdCompressor().compress(raw)}  # fmt: skip
+
+
+@pytest.mark.parametrize("suffix", PACKED)
+def test_packed_it_is_the_same_and_damage_and_bombs_are_refused(files, tmp_path, suffix):
+    plain, _ = files["semicolons and decimal commas"]
+    path = tmp_path / f"a.csv{suffix}"
+    path.write_bytes(PACKED[suffix](plain.read_bytes()))
+    given = {"accept": True, "answers": {"acc.sign": "specific-force"}}
+    draft = plumbob.profile(path, out=profile_beside(path), **given)
+    assert draft.text.partition("\n")[2] == plumbob.profile(plain, **given).text.partition("\n")[2]
+    np.testing.assert_array_equal(read(path).imu.gyr, read(plain, profile=parse_profile(draft.text)).imu.gyr)
+    path.write_bytes(path.read_bytes()[: 2 * path.stat().st_size // 3])
+    refused(read, path, match="it is cut or damaged")
+    path.write_bytes(PACKED[suffix](bytes(80 << 20)))
+    refused(read, path, match="are allowed: 64 MiB and 128 times the file")
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".feather", ".orc"])
+def test_tables_of_other_programs_are_read_by_a_profile_too(tmp_path, moved, suffix):
+    rate, force, field = moved
+    path, noon = tmp_path / f"a{suffix}", np.datetime64("2024-05-01T12:00", "ns")
+    columns = {"time": noon + np.rint(1e9 * T).astype("timedelta64[ns]"), "gyro": list(np.radians(rate))}
+    columns |= dict(zip(("acc_x", "acc_y", "acc_z"), G0 * force.T, strict=True))
+    made = pa.table(columns | {"mag": list(field), "label": ["walk"] * T.size})
+    {".parquet": pq.write_table, ".feather": feather.write_feather, ".orc": orc.write_table}[suffix](made, path)
+    answers = {"acc.sign": "specific-force", "gyr.unit": "rad/s", "time.zone": "UTC"}
+    plumbob.profile(path, accept=True, answers=answers, out=profile_beside(path))
+    imu = plumbob.read(path).imu
+    assert imu.meta.t0_ns == int(noon.astype(np.int64))
+    np.testing.assert_allclose(imu.t, T, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(imu.gyr, np.radians(rate))
+    np.testing.assert_allclose([imu.acc, imu.mag], [G0 * force, field], rtol=1e-12)
+    native = plumbob.write(tmp_path / "own.parquet", imu)
+    refused(plumbob.read, native, profile=profile_beside(path), match="describes itself", error=ParameterError)
 
 
 def whole_rates(fraction=0.0):

@@ -195,6 +195,6 @@ def test_the_two_doors_point_to_each_other(tmp_path):
     path.write_text("1 2 3\n4 5 6\n")
     refused(read, path, match="Plain numbers of a unit at rest are for 'plumbob allan', with --rate and --scale")
     np.save(tmp_path / "a.npy", np.zeros(3))
-    refused(read, tmp_path / "a.npy", match="Plain numbers are not a recording; 'plumbob allan' takes them")
+    refused(read, tmp_path / "a.npy", match="Plain numbers of a unit at rest are for 'plumbob allan'")
     path = path.rename(tmp_path / "a.bin")
     refused(open_numbers, path, columns=1, match="'.bin' does not say what numbers it holds", error=ParameterError)

@@ -349,7 +349,7 @@ def mtb_of(m):
     """MTData2 in ENU: SampleTimeFine of 0.1 ms, fields in units of the local one, quaternions."""
     raw = b""
     for i, tick in enumerate(((m.t_ns + 50_000) // 100_000).tolist()):
-        data = xbus_block(0x1020, struct.pack(">H", i)) + xbus_block(0x1060, struct.pack(">I", tick))
+        data = xbus_block(0x1020, struct.pack(">H", i)) + xbus_block(0x1060, struct.pack(">I", tick % 2**32))
         data += xbus_floats(0x0810, m.temp_c[i]) + xbus_floats(0x2010, *m.q_nb[i]) + xbus_floats(0x4020, *m.acc[i])
         raw += xbus_message(0x36, data + xbus_floats(0x8020, *m.gyr[i]) + xbus_floats(0xC020, *(m.mag[i] / 50.0)))
     return raw

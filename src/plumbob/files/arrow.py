@@ -8,16 +8,20 @@ thrift-compact-protocol.md). `write_table` names columns with their unit, as ``.
 
 import csv
 import io
+import lzma
 import math
+import zipfile
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import IO, TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.core.files import replacing
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, one_line
+from plumbob.core.files import replacing, require_room
+from plumbob.core.text import first_words
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -123,6 +127,88 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
         value |= (data[at] & 0x7F) << shift
         shift += 7
     return value, at + 1
+
+
+_PACKINGS: Final = {b"\x1f\x8b": "gzip", b"BZh": "bz2", b"(\xb5/\xfd": "zstd", b"\xfd7zXZ": "xz", b"PK\3\4": "zip"}
+_TABLES: Final = {b"PAR1": "parquet", b"ARROW1": "feather", b"ORC": "orc"}
+_AT_ONCE: Final = 1 << 20
+
+
+def text_bytes(path: Path, most: int | None = None) -> bytes:
+    """Bytes of a text file, or the first `most` of them.
+
+    What is packed (gzip, bzip2, xz, Zstandard, a ZIP of one file) is unpacked, and a table of other programs in
+    Parquet, Feather or ORC is one with tabs: a vector in one column becomes columns ``name_x`` and so on.
+
+    Raises
+    ------
+    DecodeError
+        If it is damaged, a ZIP holds several files, or it unpacks to more than `require_room` allows.
+    """
+    with path.open("rb") as file:
+        start = file.read(8)
+        file.seek(0)
+        packing = next((how for mark, how in _PACKINGS.items() if start.startswith(mark)), "")
+        kind = next((kind for mark, kind in _TABLES.items() if start.startswith(mark)), "")
+        if not packing and not kind:
+            return file.read(-1 if most is None else most)
+        try:
+            return _table_text(path, kind) if kind else _unpacked(path, file, packing, most)
+        except PlumbobError:
+            raise
+        except Exception as error:  # zlib, lzma, zipfile and Arrow have errors of their own
+            raise DecodeError(f"it is cut or damaged ({one_line(error)[:160]}); take a copy that is whole.") from error
+
+
+def _unpacked(path: Path, file: IO[bytes], packing: str, most: int | None) -> bytes:
+    import pyarrow as pa
+
+    with ExitStack() as stack:
+        if packing == "zip":
+            archive = stack.enter_context(zipfile.ZipFile(file))
+            names = [name for name in archive.namelist() if not name.endswith("/")]
+            if len(names) != 1:
+                raise DecodeError(
+                    f"it holds {len(names)} files ({first_words(names, 3)}); unpack it, and name one of them."
+                )
+            stream: Any = stack.enter_context(archive.open(names[0]))
+        else:
+            unpacker: Any = lzma.LZMAFile if packing == "xz" else pa.CompressedInputStream
+            stream = stack.enter_context(unpacker(file, *([] if packing == "xz" else [packing])))
+        parts, size = list[bytes](), 0
+        while (part := stream.read(_AT_ONCE)) and (most is None or size < most):
+            parts.append(part)
+            size += len(part)
+            require_room(size, path.stat().st_size)
+    return b"".join(parts)[:most]
+
+
+def _table_text(path: Path, kind: str) -> bytes:
+    import pyarrow as pa
+    from pyarrow import csv as arrow_csv
+    from pyarrow import feather, orc
+    from pyarrow import parquet as pq
+
+    if kind == "parquet":
+        require_room(unpacked_bytes(path, pq.read_metadata(path)), path.stat().st_size)
+    read: dict[str, Any] = {"parquet": pq.read_table, "feather": feather.read_table, "orc": orc.read_table}
+    table = read[kind](path)
+    require_room(table.nbytes, path.stat().st_size)
+    while any(pa.types.is_struct(column.type) for column in table.columns):
+        table = table.flatten()
+    columns: dict[str, Any] = {}
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        if not (pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type)):
+            columns[name] = column
+            continue
+        rows = column.to_pylist()
+        width = max((len(row) for row in rows if row is not None), default=0)
+        for k, axis in enumerate({3: "xyz", 4: "wxyz"}.get(width, map(str, range(1, width + 1)))):
+            columns[f"{name}_{axis}"] = pa.array([None if row is None or len(row) <= k else row[k] for row in rows])
+    text, options = pa.BufferOutputStream(), arrow_csv.WriteOptions(delimiter="\t", include_header=False)
+    text.write("\t".join(" ".join(name.split()) for name in columns).encode() + b"\n")
+    arrow_csv.write_csv(pa.table(columns), text, options)
+    return text.getvalue().to_pybytes()
 
 
 TABLES: Final = (".csv", ".parquet")

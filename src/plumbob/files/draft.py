@@ -27,6 +27,7 @@ from plumbob.core.text import FactsText
 from plumbob.core.units import QUANTITY_BY_TRIAD, UNITS, Quantity, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
 from plumbob.data.plausibility import Turning, turning
+from plumbob.files.arrow import text_bytes
 from plumbob.files.column_names import REVERSED, ColumnName, canonical, taken_apart
 from plumbob.files.columns import FORM, has_zone, is_stamp, to_seconds
 from plumbob.files.known_logs import KNOWN
@@ -43,7 +44,7 @@ _TIMES: Final = ("s", "ms", "us", "ns")
 _RATES: Final = (0.5, 50_000.0)
 """Sampling rates that are plausible, Hz."""
 _SAID_RATES: Final = (
-    (r"(?:rate|freq\w*|odr|sampling)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*(?:hz|sps)?(?![\w.%])", "Hz"),
+    (r"(?:rate|freq\w*|odr|sampling|\bfs\b)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*(?:hz|sps)?(?![\w.%])", "Hz"),
     (r"(?:\bat|sampling|@)\W*(\d+(?:\.\d+)?)\s*(?:hz|sps)\b", "Hz"),
     (r"(?:rate|interval|period|sampling)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*ms\b", "ms"),
     (r"(?:interval|period)[^:=]*[ _(\[]ms[)\]]?\s*[:=\s]+(\d+(?:\.\d+)?)$", "ms"),
@@ -164,8 +165,7 @@ def profile(
 def known_profile(file: Path) -> Profile | None:
     """Profile of a text log that is known by its names, where nothing stays to be asked, its frame neither; or None."""
     with reading(file):
-        with file.open("rb") as stream:
-            start = stream.read(_HEAD).decode("utf-8", "replace").replace("\0", "")  # also where a letter has two bytes
+        start = text_bytes(file, _HEAD).decode("utf-8", "replace").replace("\0", "")  # also of two bytes a letter
         if not any(log.is_named_in(start) for log in KNOWN):
             return None
         try:
@@ -208,7 +208,7 @@ def read_triples(path: str | Path, sensor: str) -> Floats:
                 "leave three."
             )
         refs = [i + 1 for i in columns]
-        table = read_table(file.read_bytes(), sample.layout, refs)
+        table = read_table(text_bytes(file), sample.layout, refs)
         return np.stack([table.columns[ref] for ref in refs], axis=1)
 
 
@@ -291,7 +291,10 @@ class _DraftWriter:
         self._name, self._sample, self._where, self._stream, self._answers = name, sample, where, stream, answers
         self._names = sample.for_cells(sample.names)
         units = sample.for_cells(sample.units)
-        self._parts = [taken_apart(*both) for both in zip(self._names, units, strict=True)]
+        groups = {name.partition("/")[0] for name in self._names}  # of arrays: one that holds all says nothing of them
+        above = "" if len(groups) > 1 or taken_apart(min(groups)).sensor else f"{min(groups)}/"
+        names = [name.removeprefix(above) for name in self._names]
+        self._parts = [taken_apart(*both) for both in zip(names, units, strict=True)]
         self._parts = _with_axes(_turn_rates(self._parts, self._names))
         self._sensor = sensor or (
             "" if any(p.axis and p.sensor for p in self._parts) else named_sensor(Path(name).stem)

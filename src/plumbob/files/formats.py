@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from plumbob.core import check
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnknownFormatError
 from plumbob.core.extensions import ExtensibleTable
-from plumbob.core.files import ARRAYS, TABLES, existing_file, reading, replacing, sidecars
+from plumbob.core.files import ARRAYS, COLUMNS, TABLES, existing_file, reading, replacing, sidecars
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording, all_findings, lines, provenance
@@ -89,7 +89,7 @@ def _foreign(name: str, module: str, *suffixes: str, takes_unit: bool = False) -
 
 FORMATS: Final = (
     FileFormat(
-        "native", (".parquet",), "parquet.read_parquet", takes_in_memory=True,
+        "native", (".parquet",), "parquet.read_parquet", takes_in_memory=True, accepts="parquet.accepts",
         writers=((".parquet", "parquet.write_parquet"),),
     ),
     _foreign("ROS", "ros", ".bag", ".db3", ".mcap", "", takes_unit=True),
@@ -103,7 +103,7 @@ FORMATS: Final = (
     _foreign("Xsens", "xsens", ".txt", ".mtb", takes_unit=True),
     _foreign("x-IMU3", "ximu3", ".ximu3", ".csv", ""),
     FileFormat(
-        "text", TABLES, "formats.read_table", takes_profile=True,
+        "text", (*TABLES, *COLUMNS), "formats.read_table", takes_profile=True,
         writers=tuple((suffix, "text_write.write_csv") for suffix in (".csv", ".txt")),
     ),
     FileFormat("arrays", ARRAYS, "foreign.tables.read", takes_profile=True),
@@ -145,7 +145,10 @@ def _of_package(name: str, what: Any) -> FileFormat:
 
 
 _ALONE: Final = {
-    suffix[1:]: kind for kind in FORMATS if not (kind.accepts or kind.takes_profile) for suffix in kind.suffixes
+    suffix[1:]: kind
+    for kind in FORMATS
+    if kind.name == "native" or not (kind.accepts or kind.takes_profile)
+    for suffix in kind.suffixes
 }
 """Suffixes that other packages cannot have, because what ends so is of that format, whatever is in it."""
 EXTENSIBLE: Final = ExtensibleTable[FileFormat]("file", lambda: _ALONE, _of_package)
@@ -159,7 +162,7 @@ def _of_suffix(suffix: str) -> Iterator[FileFormat]:
     if suffix[1:] not in _ALONE:
         others = EXTENSIBLE.usable([suffix[1:]]) if usual else [("", EXTENSIBLE.find(suffix[1:]))]
         yield from (kind for _, kind in others if kind)
-        yield from (kind for kind in usual if kind.takes_profile)
+    yield from (kind for kind in usual if kind.takes_profile)
 
 
 def read(
@@ -317,17 +320,20 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
         if not is_known:
             raise _unknown(file)
         if described:
-            kinds = [kind for kind in usual if kind.takes_profile] or [*kinds]
+            kinds = [kind for kind in usual if kind.takes_profile or kind.name == "native"] or [*kinds]
             kinds = kinds or [kind for kind in FORMATS if kind.name == "text"]
     tried = []
     with reading(file):
         for kind in kinds:
-            if kind.accepts is None or _named(kind.accepts)(file):
+            is_empty = kind.takes_profile and file.stat().st_size == 0
+            if not is_empty and (kind.accepts is None or _named(kind.accepts)(file)):
                 return kind
             tried.append(kind.name)
     names = ", ".join(tried)
     if file.is_dir():
-        raise UnknownFormatError(f"{file} is a folder, and not one of {names}; name one file in it.")
+        raise UnknownFormatError(
+            f"{file} is a folder, and not one of {names}; name one file in it, or those of its sensors."
+        )
     if file.stat().st_size == 0:
         raise DecodeError(f"{file} is empty: it has 0 bytes; take a copy that is whole.")
     raise UnknownFormatError(

@@ -161,6 +161,15 @@ class _RowGroupWriter:
             self._sums[name] = _crc(name, values, crc), size + values.nbytes
 
 
+def accepts(path: Path) -> bool:
+    """Whether a Parquet file is a recording, and no other program's; of one that is damaged nobody knows."""
+    try:
+        with _open(path) as parquet:
+            return not {KEY, PROFILE}.isdisjoint(parquet.metadata.metadata or {})
+    except DecodeError:
+        return True
+
+
 def read_parquet(path: str | Path, in_memory: bool = True) -> Recording:
     """Read a native recording, to the bit; unless all is to be in memory, samples without an attitude stay in the file.
 

@@ -18,6 +18,7 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.units import Quantity
+from plumbob.files.arrow import text_bytes
 from plumbob.files.column_names import canonical, taken_apart
 from plumbob.files.columns import is_clocklike
 from plumbob.files.profile import BLANK, JSON, QUOTED, TextLayout
@@ -126,11 +127,10 @@ def read_sample(path: Path) -> Sample:
     DecodeError
         If no layout makes a table of numbers of it.
     """
-    with path.open("rb") as stream:
-        raw = stream.read(READ)
-        complete = len(raw) < READ
+    raw = text_bytes(path, READ)
+    complete = len(raw) < READ
     text, encoding = _decoded(raw)
-    if is_json(text) and (sample := _of_objects(text if complete else decode(path.read_bytes(), encoding), encoding)):
+    if is_json(text) and (sample := _of_objects(text if complete else decode(text_bytes(path), encoding), encoding)):
         return sample
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     lines = lines if complete else lines[:-1]

@@ -22,6 +22,7 @@ from plumbob.core.time import interpolated, to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.imu import known_rows
 from plumbob.data.recording import Recording, read_notes
+from plumbob.files.arrow import text_bytes
 from plumbob.files.columns import StampError, to_seconds
 from plumbob.files.foreign.join import Readings, joined, joined_recordings
 from plumbob.files.profile import (
@@ -95,7 +96,7 @@ def _read_one(file: Path, declared: Profile, note: str) -> Recording:
     with reading(file):
         time = declared.time
         exact = time.exact if isinstance(time, TimeColumn) else None
-        table = read_table(file.read_bytes(), declared.layout, declared.used, exact, declared.texts)
+        table = read_table(text_bytes(file), declared.layout, declared.used, exact, declared.texts)
         return table_recording(declared, table, file.stem, note)
 
 
@@ -131,12 +132,12 @@ def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profil
             f"{file}: both {profiles[0].name} and {profiles[1].name} lie beside it; name one: --profile FILE.toml."
         )
     if not profiles:
-        with reading(file), file.open("rb") as stream:
-            start = stream.read(_FIRST_LINE_BYTES)
+        with reading(file):
+            start = text_bytes(file, _FIRST_LINE_BYTES)
         is_text = b"\0" not in start or start[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
         first = excerpt(start.partition(b"\n")[0].decode("utf-8", "replace").strip())
         raise (UnknownFormatError if is_text else DecodeError)(
-            f"{file}: a text file does not say its units, so it needs --profile FILE.toml (or {file.stem}.toml beside "
+            f"{file}: a table does not say its units, so it needs --profile FILE.toml (or {file.stem}.toml beside "
             f"it); its first line is {first}. plumbob profile {shlex.quote(str(file))} drafts one. Plain numbers of a "
             "unit at rest are for 'plumbob allan', with --rate and --scale."
         )
@@ -343,7 +344,7 @@ def read_labels(path: str | Path, column: ColumnRef, profile: Profile | str | Pa
     declared = text_profile(file, profile)[0]
     with reading(file):
         texts = (*declared.texts, column)
-        table = read_table(file.read_bytes(), declared.layout, (*declared.used, column), None, texts)
+        table = read_table(text_bytes(file), declared.layout, (*declared.used, column), None, texts)
         return [cell.strip() for cell in table.texts[column]]
 
 

@@ -1,4 +1,4 @@
-"""Named arrays of MATLAB (v5 and v7.3), HDF5 and NumPy (.npz), described by a profile in TOML.
+"""Named arrays of MATLAB (v5 and v7.3), HDF5 and NumPy (.npz, .npy), described by a profile in TOML.
 
 The container says names, shapes and types, and nothing of units, frames or clocks; the profile says these. An array is
 named by its path: ``imu/gyr`` is the data set of a group in HDF5, and the field of a struct in MATLAB. MATLAB v7.3
@@ -12,7 +12,7 @@ import re
 import zipfile
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, Final
@@ -59,10 +59,11 @@ _DEEPEST: Final = 6
 
 @dataclass(frozen=True, slots=True)
 class _Listed:
-    """Arrays of a container: shapes of those of numbers, and what the others are."""
+    """Arrays of a container: shapes of those of numbers, what the others are, and units that attributes say."""
 
     shapes: Mapping[str, tuple[int, ...]]
     others: Mapping[str, str]
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def summary(self) -> str:
         """Names and shapes for a message."""
@@ -77,7 +78,7 @@ def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
     Parameters
     ----------
     path : Path
-        ``.mat``, ``.h5``, ``.hdf5`` or ``.npz``.
+        ``.mat``, ``.h5``, ``.hdf5``, ``.npz`` or ``.npy``, whose array is called as the file is.
     profile : Profile or path, optional
         With ``arrays = true``; without one, ``NAME.toml`` or ``NAME.profile.toml`` beside the file is taken, and arrays
         that are known by their names need none.
@@ -120,7 +121,8 @@ def _profile_by_names(container: "_Container") -> Profile:
         return parse_profile(text, origin=data_set.name)
     raise UnknownFormatError(
         f"arrays do not say their units, so they need --profile FILE.toml with arrays = true; "
-        f"{guide('vendor-files.md')} shows one. The file holds {container.listed.summary()}."
+        f"{guide('vendor-files.md')} shows one. The file holds {container.listed.summary()}. Plain numbers of a unit "
+        "at rest are for 'plumbob allan', with --rate and --scale."
     )
 
 
@@ -152,7 +154,8 @@ def array_sample(path: Path) -> Sample:
             columns[name if table.shape[1] == 1 else f"{name}[{k + 1}]"] = [repr(float(v)) for v in table[:, k]]
     facts = {name.rpartition("/")[2].lower(): repr(float(content[name].ravel()[0])) for name in single}
     lines = [list(row) for row in zip(*columns.values(), strict=True)]
-    return Sample(TextLayout(separator=""), tuple(columns), (), True, lines, facts)
+    units = [container.listed.units.get(re.sub(r"\[\d+\]$", "", name), "") for name in columns]
+    return Sample(TextLayout(separator=""), tuple(columns), tuple(units), True, lines, facts)
 
 
 def _table(profile: Profile, container: "_Container") -> TextTable:
@@ -221,9 +224,9 @@ def _container(file: Path) -> _Container:
         return _Mat5(file)
     if start.startswith(HDF5_SIGNATURE) or start[_MAT73_AT:] == HDF5_SIGNATURE:
         return _Hdf5(file, transposed=start.startswith(_MAT73))
-    if start.startswith(b"PK"):
+    if start.startswith((b"PK", b"\x93NUMPY")):
         return _Npz(file)
-    raise DecodeError("it is neither MATLAB v5 or v7.3, nor HDF5, nor NumPy's .npz; save it as one of these.")
+    raise DecodeError("it is neither MATLAB v5 or v7.3, nor HDF5, nor NumPy's .npy or .npz; save it as one of these.")
 
 
 class _Mat5(_Container):
@@ -249,15 +252,17 @@ class _Hdf5(_Container):
     def __init__(self, file: Path, *, transposed: bool) -> None:
         self._file, self._transposed = file, transposed
         shapes: dict[str, tuple[int, ...]] = {}
-        others: dict[str, str] = {}
+        others, units = dict[str, str](), dict[str, str]()
         with opened_hdf5(file) as (h5py, hdf5):
-            _walk(h5py, hdf5, "", shapes, others)
+            _walk(h5py, hdf5, "", shapes, others, units)
             attributes = {key: np.asarray(hdf5.attrs[key]) for key in hdf5.attrs if key not in shapes}
             self._single = {
                 key: value for key, value in attributes.items() if value.size == 1 and value.dtype.kind in "fiu"
             }
         shapes |= {key: value.shape for key, value in self._single.items()}
-        self.listed = _Listed({name: shape[:: -1 if transposed else 1] for name, shape in shapes.items()}, others)
+        self.listed = _Listed(
+            {name: shape[:: -1 if transposed else 1] for name, shape in shapes.items()}, others, units
+        )
 
     def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
         size = self._file.stat().st_size
@@ -273,8 +278,15 @@ class _Hdf5(_Container):
             return arrays | {name: self._single[name] for name in names if name in self._single}
 
 
-def _walk(h5py: Any, group: Any, prefix: str, shapes: dict[str, tuple[int, ...]], others: dict[str, str]) -> None:
-    """Shapes of the data sets of numbers that lie in this very file; links are not followed."""
+def _walk(
+    h5py: Any,
+    group: Any,
+    prefix: str,
+    shapes: dict[str, tuple[int, ...]],
+    others: dict[str, str],
+    units: dict[str, str],
+) -> None:
+    """Shapes and units of the data sets of numbers that lie in this very file; links are not followed."""
     for key in group:
         if len(shapes) + len(others) >= MAX_ARRAYS:
             return
@@ -285,9 +297,11 @@ def _walk(h5py: Any, group: Any, prefix: str, shapes: dict[str, tuple[int, ...]]
         node = group[key]
         if isinstance(node, h5py.Group):
             if prefix.count("/") < _DEEPEST:
-                _walk(h5py, node, f"{name}/", shapes, others)
+                _walk(h5py, node, f"{name}/", shapes, others, units)
         elif isinstance(node, h5py.Dataset) and node.shape is not None and node.dtype.kind in "fiub":
             shapes[name] = tuple(node.shape)
+            said = next((node.attrs[key] for key in ("unit", "units") if key in node.attrs), "")
+            units[name] = said.decode("utf-8", "replace") if isinstance(said, bytes) else str(said)
         else:
             others[name] = "data set that is not of numbers"
 
