@@ -1,9 +1,12 @@
 """What names of columns say, in the words of loggers that are in use."""
 
+from email.utils import parsedate_to_datetime
+
 import pytest
 
 from plumbob.core.units import Quantity
 from plumbob.files.column_names import canonical, taken_apart
+from plumbob.files.columns import is_stamp, stamps_ns
 
 SENSORS = [  # name, cell of a row of units, sensor, axis, unit by our name
     ("Low/Acceleration/X", "m/s^2", "acc", "x", "m/s2"),  # APDM
@@ -30,6 +33,9 @@ SENSORS = [  # name, cell of a row of units, sensor, axis, unit by our name
     ("AccML", "", "acc", "y", ""),  # mediolateral
     ("Acceleration Sensor(X axis)(g)", "", "acc", "x", "g"),  # Torque
     ("accelerationIncludingGravity.x", "", "acc", "x", ""),
+    ("akm_akm09918.x", "", "mag", "x", ""), ("HMC5883L_y", "", "mag", "y", ""), ("LIS3MDL z", "", "mag", "z", ""),
+    ("adxl345_x", "", "acc", "x", ""), ("L3G4200D_z", "", "gyr", "z", ""), ("lis3dh_x", "", "acc", "x", ""),
+    ("lsm6ds3_x", "", "", "x", ""),  # parts with two sensors say nothing
     ("rotationRate.alpha", "", "gyr", "z", ""),  # W3C Device Orientation, 5.3: about z
 ]  # fmt: skip
 OTHERS = [
@@ -80,3 +86,13 @@ def test_components_of_a_quaternion(form, letters):
 def test_powers_are_quotients(text):
     assert canonical(text, Quantity.RATE) == "rad/s"
     assert canonical("m s^-2", Quantity.ACCELERATION) == canonical("m/(s^2)", Quantity.ACCELERATION) == "m/s2"
+
+
+def test_dates_in_words_are_the_moments_that_the_library_reads():
+    """As C's asctime, Java's Date, ``date`` and e-mail write 1640207386 s since 1970, read by `email.utils` too."""
+    moment = "Wed, 22 Dec 2021 21:09:46 +0000"
+    forms = ["Wed Dec 22 21:09:46 2021", "Wed Dec 22 21:09:46 UTC 2021", "Thu Dec 23 00:09:46 GMT+03:00 2021", moment,
+             "Wed, 22 Dec 2021 21:09:46 GMT", "Dec 22, 2021, 9:09:46 PM", "Dec 22 2021 21:09:46"]  # fmt: skip
+    utc = 1_000_000_000 * int(parsedate_to_datetime(moment).timestamp())
+    assert {stamps_ns([form], None)[0][0] for form in forms} == {utc}
+    assert not any(map(is_stamp, ("Wed Dec 22 21:09:46 CET 2021", "Mai 1 2024 12:00:00", "walking")))

@@ -106,6 +106,10 @@ LOGS = {  # name of the file, its text, what a user answers
     "a clock that began long ago": (
         "a.csv", "sensor timestamp [ns]," + names("acc*_", "gyr*_") + "\n"
         + rows([f"599628{s[6:]}" for s in STAMPS], *ACC.T, *GYR.T), UP | {"gyr.unit": "rad/s"}),
+    "a time with a colon, bars, labels, and a field of a part": (
+        "a.txt", "".join(f"{1e3 * t:.0f}: |Acc X:{a[0]:.5f}, Acc Y:{a[1]:.5f}, Acc Z:{a[2]:.5f} |Gyr X:{w[0]:.6f}, "
+                         f"Gyr Y:{w[1]:.6f}, Gyr Z:{w[2]:.6f} |q0:1.00\n" for t, a, w in zip(T, ACC, GYR, strict=True)),
+        UP | {"gyr.unit": "rad/s", "time.unit": "ms"}),
     "a serial monitor's arrow": (
         "a.txt", "".join(f"{t} -> {row}" for t, row in zip(CLOCK, rows(*G.T, *DPS.T).splitlines(True), strict=True)),
         UP | {"gyr.unit": "deg/s"}),

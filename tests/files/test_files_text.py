@@ -236,7 +236,8 @@ CELLS = [
 REFUSED = [
     *((ROWS.replace("0.01,4,5,6", row), PLAIN, match) for row, match in CELLS),
     ("one\ntwo\n\n# three\nt,gx,gy,gz\n# six\n\n0,1,2,3\n1,4,x,6\n", SKIPPED, "line 9, column 'gy'"),
-    ("", PLAIN, "ends before"),
+    ("", PLAIN, "is empty: it has 0 bytes"),
+    ("t,gx\n", PLAIN, "ends before"),
     ("t,gx,gy,gz\n\n", PLAIN, "no row of numbers"),
     ("t,gx,gx,gz\n0,1,2,3\n", PLAIN, "'gx' is twice or more"),
     ("t,gx,gy,GZ\n0,1,2,3\n", PLAIN, "'gz' is nowhere"),

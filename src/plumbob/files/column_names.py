@@ -29,6 +29,10 @@ _PHRASES: Final = (
     ),
     ("acc", re.compile(r"specific force|\bg force")),
     ("mag", re.compile(r"magnetic( field)?|^field$|local flux")),
+    # parts that measure one thing alone, by their makers' names
+    ("gyr", re.compile(r"\b(itg|l 3 gd?|bmg|fxas)( \d|\b)")),
+    ("acc", re.compile(r"\b(adxl|bma|mma|kx|lis \d dh)( ?\d|\b)")),
+    ("mag", re.compile(r"\b(akm|ak \d{4}|hmc|qmc|mmc|bmm|ist 83|rm 3100|lis \d mdl)( ?\d|\b)")),
 )
 _WITHOUT_GRAVITY: Final = re.compile(r"\b(linear|lin|free|user|usr)\b")
 _OTHER: Final = re.compile(

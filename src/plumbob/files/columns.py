@@ -39,6 +39,12 @@ _CLOCK: Final = (
 _ZONE: Final = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)"
 _STAMP: Final = re.compile(rf"(?:(?:{_DATE}|(?P<days>\d+) days?,?)(?:T| +))?{_CLOCK} *{_ZONE}?", re.IGNORECASE)
 _BASIC: Final = re.compile(r"(\d{4})(\d\d)(\d\d)[T _-](\d\d)(\d\d)(\d\d)(?!\d)")
+_WORDED: Final = re.compile(
+    rf"(?:[a-z]{{3,9}},? )?(?P<month>{'|'.join(_MONTHS)})[a-z]* +(?P<day>\d{{1,2}}),? +"
+    r"(?:(?P<year>\d{4}),? +(?P<clock>.+)|(?P<inner>\S+(?: [ap]m)?(?: \S+)?) +(?P<last>\d{4}))",
+    re.IGNORECASE,
+)
+"""A month before its day, as C's ``asctime``, Java and ``date`` print: ``Wed Dec 22 21:09:46 UTC 2021``."""
 _CLOCKLIKE: Final = re.compile(
     r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ].*)?|.*\d{1,2}:\d\d:\d\d.*|\d+:\d\d[.,]\d+|\d{8}[T _-]\d{6}.*"
 )
@@ -55,8 +61,13 @@ def is_stamp(cell: str) -> bool:
 
 
 def _matched(cell: str) -> re.Match[str] | None:
-    """A cell taken apart; of the basic form, as 20240501T123005, as of the extended one."""
-    return _STAMP.fullmatch(_BASIC.sub(r"\1-\2-\3T\4:\5:\6", cell.strip(), count=1))
+    """A cell taken apart; of the basic form, as 20240501T123005, and one with words as of the extended one."""
+    cell = cell.strip()
+    if cell[:1].isalpha() and (said := _WORDED.fullmatch(cell)):
+        clock = said["clock"] or said["inner"]
+        cell = f"{said['day']}-{said['month']}-{said['year'] or said['last']} {clock}"
+    cell = re.sub(r"^[A-Za-z]{3,9}, |(?<= )GMT(?=[+-])", "", cell).replace(" GMT", " UTC")
+    return _STAMP.fullmatch(_BASIC.sub(r"\1-\2-\3T\4:\5:\6", cell, count=1))
 
 
 def has_zone(cell: str) -> bool:

@@ -332,6 +332,9 @@ class _DraftWriter:
                 "the acceleration in it is without gravity, and there is no gyroscope: nothing in it can give an "
                 "attitude. Record the raw accelerometer, which measures gravity too."
                 if linear
+                else f"where its sensors stand, the first {len(self._sample.rows)} rows hold zeros alone: begin the file "
+                "where they measure."
+                if any(part.sensor in TRIADS for part in self._parts)
                 else f"no three columns look like a gyroscope, an accelerometer or a magnetometer; {GUIDE} says how to "
                 "write a profile by hand."
             )

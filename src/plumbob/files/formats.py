@@ -362,6 +362,7 @@ def _unknown(path: Path) -> UnknownFormatError:
     from plumbob.files.numbers import SUFFIXES
 
     hint = " Plain numbers are not a recording; 'plumbob allan' takes them." if path.suffix.lower() in SUFFIXES else ""
+    hint += " Save a spreadsheet's table as CSV." if path.suffix.lower() in (".xlsx", ".xls", ".ods") else ""
     return UnknownFormatError(
         f"{path}: the suffix '{path.suffix}' is unknown; known are {', '.join(suffixes())}; raw bytes are for 'plumbob "
         f"record --from'.{hint}"

@@ -234,7 +234,7 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     names = []
     for word in words[:-1]:
         axis = 0 if word else axis + 1
-        names.append(word or ("xyz"[axis] if axis < 3 else ""))
+        names.append(word or ("xyz"[axis] if any(names) and axis < 3 else ""))
     return tuple(names) if sum(map(bool, words[:-1])) > 1 else (), tuple(units)  # a word before all of them names none
 
 
