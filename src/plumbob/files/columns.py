@@ -66,7 +66,8 @@ def _matched(cell: str) -> re.Match[str] | None:
     if cell[:1].isalpha() and (said := _WORDED.fullmatch(cell)):
         clock = said["clock"] or said["inner"]
         cell = f"{said['day']}-{said['month']}-{said['year'] or said['last']} {clock}"
-    cell = re.sub(r"^[A-Za-z]{3,9}, |(?<= )GMT(?=[+-])", "", cell).replace(" GMT", " UTC")
+    if cell[:1].isalpha() or "GMT" in cell:
+        cell = re.sub(r"^[A-Za-z]{3,9}, |(?<= )GMT(?=[+-])", "", cell).replace(" GMT", " UTC")
     return _STAMP.fullmatch(_BASIC.sub(r"\1-\2-\3T\4:\5:\6", cell, count=1))
 
 

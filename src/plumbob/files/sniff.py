@@ -231,7 +231,7 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
                     break
                 units[k] = unit[1]
         words.append(label(gap[unit.end() :] if unit is not None and behind else gap))
-    names = []
+    names: list[str] = []
     for word in words[:-1]:
         axis = 0 if word else axis + 1
         names.append(word or ("xyz"[axis] if any(names) and axis < 3 else ""))
