@@ -634,6 +634,8 @@ class _DraftWriter:
             self._set("encoding", layout.encoding, "it is not UTF-8", ask=layout.encoding != "utf-16", sure=True)
         if layout.comment:
             self._set("comment", layout.comment, "lines that begin so are left out")
+        if layout.cells:
+            self._set("cells", layout.cells, "vectors, and units behind the numbers")
         if layout.missing != type(layout)(separator=",").missing:
             self._set("missing", layout.missing, "cells without a value")
 

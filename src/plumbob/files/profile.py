@@ -66,6 +66,9 @@ class TextLayout:
         A column and a word: only rows that have it there belong to the table.
     thousands : str
         Between groups of three digits; empty for none.
+    cells : tuple of str
+        What each cell of a row holds: ``[3]`` is a vector of three numbers, whose columns are then ``acc[1]`` to
+        ``acc[3]``; a unit stands behind the number; empty is a number alone. Empty where all cells are so.
     """
 
     separator: str
@@ -84,6 +87,7 @@ class TextLayout:
     checksum: bool = False
     where: tuple[ColumnRef, str] | tuple[()] = ()
     thousands: str = ""
+    cells: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,21 @@ from plumbob.files.column_names import canonical, taken_apart
 from plumbob.files.columns import is_clocklike
 from plumbob.files.profile import BLANK, JSON, QUOTED, TextLayout
 from plumbob.files.stamps import CENTURY
-from plumbob.files.text_table import TOKEN, among_words, decode, grouped, is_json, label, objects_as_rows, split_row
+from plumbob.files.text_table import (
+    NUMBER,
+    TOKEN,
+    among_words,
+    cells_apart,
+    decode,
+    grouped,
+    is_json,
+    label,
+    names_apart,
+    number_and_unit,
+    objects_as_rows,
+    split_vectors,
+    vector,
+)
 
 READ: Final = 1 << 20
 """Bytes that are looked at."""
@@ -36,10 +50,6 @@ ROWS: Final = 4000
 """Rows of arrays that are looked at."""
 MISSING: Final = ("", "NaN", "nan", "--", "null", "NULL", "N/A", "#N/A", "NA", "None", "none", "-", "1.#QNAN")
 _COMMENTS: Final = ("#", "%", "//")
-_NUMBER: Final = {
-    ".": re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"),
-    ",": re.compile(r"[-+]?(\d+(,\d+)?|,\d+)([eE][-+]?\d+)?"),
-}
 _GROUPED: Final = {
     ".": re.compile(r"[-+]?\d{1,3}(,\d{3}){2,}|[-+]?\d{1,3}(,\d{3})+\.\d+"),
     ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+"),
@@ -274,13 +284,13 @@ def _table(lines: Sequence[str], separator: str, decimal: str) -> _SniffedTable:
 
 def _cells(line: str, separator: str, number: int) -> list[str]:
     try:
-        return split_row(line, separator, number)
+        return split_vectors(line, separator, number)
     except DecodeError:
         return []
 
 
 def _is_number(cell: str) -> bool:
-    return _NUMBER["."].fullmatch(cell.strip()) is not None
+    return NUMBER["."].fullmatch(cell.strip()) is not None
 
 
 def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
@@ -290,7 +300,7 @@ def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
     groups = [cell for cell in said if sign in cell]
     if not groups or not all(map(grouped(sign, decimal).fullmatch, groups)):
         return ""
-    others = [cell for cell in said if sign not in cell and _NUMBER[decimal].fullmatch(cell)]
+    others = [cell for cell in said if sign not in cell and NUMBER[decimal].fullmatch(cell)]
     proven = any(cell.count(sign) > 1 or decimal in cell for cell in groups) or any(map(str.isdigit, others))
     return sign if proven and not any(re.match(r"[-+]?\d{4}", cell) for cell in others) else ""
 
@@ -298,17 +308,40 @@ def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
 def _known_cells(cells: Sequence[str], separator: str, decimal: str) -> int:
     """Cells that are numbers, times or missing, in a row of which at least half of what is said are; else 0."""
     said = [cell.strip() for cell in cells if cell.strip()]
-    number = _NUMBER[decimal].fullmatch
+    number = NUMBER[decimal].fullmatch
     groups = (grouped(",", ".") if separator == "," else _GROUPED[decimal]).fullmatch
-    numbers = sum((number(cell) or groups(cell)) is not None for cell in said)
+    numbers = sum((number(cell) or groups(cell)) is not None or _numbers_in(cell, decimal) for cell in said)
     readable = numbers + sum(cell in MISSING or is_clocklike(cell) for cell in said)
-    is_row = numbers >= 1 and 2 * readable >= len(said) and readable + len(cells) - len(said) >= 2
+    is_row = numbers >= 1 and len(cells) > 1 and 2 * readable >= len(said) and readable + len(cells) - len(said) >= 2
     return readable + len(cells) - len(said) if is_row else 0
+
+
+def _numbers_in(cell: str, decimal: str) -> int:
+    """Numbers in a cell that holds a vector, where it is in brackets, or a number with its unit."""
+    if numbers := vector(cell, decimal):
+        return len(numbers) if cell[-1] in "])}" else 1
+    text, unit = number_and_unit(cell)
+    return bool(NUMBER[decimal].fullmatch(text)) and _is_unit(unit)
+
+
+def _forms(table: _SniffedTable, names: Sequence[str]) -> tuple[str, ...]:
+    """What each cell of a row holds, as in `TextLayout.cells`; numbers without brackets are a vector of a sensor."""
+    forms = []
+    for column, name in zip(zip(*table.rows, strict=True), (*names, *[""] * len(table.rows[0])), strict=False):
+        said = [cell.strip() for cell in column if cell.strip() not in {*MISSING, "[]", "()"}]
+        sizes = Counter(len(vector(cell, table.decimal)) for cell in said).most_common(1) or [(0, 0)]
+        units = Counter(number_and_unit(cell)[1] for cell in said).most_common(1) or [("", 0)]
+        bracketed = any(cell[:1] in set('[({"') for cell in said) or bool(taken_apart(f"{name} x").sensor)
+        is_vector = sizes[0][0] > 1 and sizes[0][1] > 0.5 * len(said) and bracketed
+        has_unit = units[0][1] > 0.5 * len(said) and _is_unit(units[0][0])
+        forms.append(f"[{sizes[0][0]}]" if is_vector else units[0][0] if has_unit and not is_vector else "")
+    is_split = any(re.match(r"[\[({].*[,; ]", cell) for row in table.rows for cell in row)
+    return tuple(forms) if any(forms) or is_split else ()
 
 
 def _value(cell: str, decimal: str, thousands: str = "") -> float:
     cell = cell.replace(thousands, "") if thousands else cell
-    return float(cell.replace(",", ".")) if _NUMBER[decimal].fullmatch(cell) else float("nan")
+    return float(cell.replace(",", ".")) if NUMBER[decimal].fullmatch(cell) else float("nan")
 
 
 def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample:
@@ -349,7 +382,17 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
         mark=line[: len(line) - len(bare)] if marked else "",
     )
     preamble = [line for i, line in before if i < at or not names]
-    return Sample(layout, full, units, bool(names) and full == names, table.rows, _facts(preamble))
+    by_name, rows = bool(names) and full == names, table.rows
+    if forms := _forms(table, full):
+        layout = replace(layout, cells=forms)
+        rows = [cells_apart(row, layout, i + 1) for i, row in zip(table.lines, rows, strict=True)]
+        width = Counter(map(len, rows)).most_common(1)[0][0]
+        rows = [row for row in rows if len(row) == width]
+        beside = ["" if form.startswith("[") else form for form in forms]
+        stated = [unit or form for unit, form in zip((*units, *[""] * len(forms)), beside, strict=False)]
+        units = tuple(re.sub(r"\[\d+\]$", "", unit) for unit in names_apart(stated, forms))
+        full = names_apart(full, (*forms, *[""] * len(full)))
+    return Sample(layout, full, units, by_name, rows, _facts(preamble))
 
 
 def _start_and_rate(lines: Sequence[str]) -> dict[str, str]:

@@ -229,6 +229,84 @@ def split_row(row: str, separator: str, line: int) -> list[str]:
         raise DecodeError(f"line {line}: {excerpt(row)} cannot be split in cells ({one_line(error)}).") from error
 
 
+_IN_BRACKETS: Final = re.compile(r"[\[({][-+\d.,;\seEnaN]*[\])}]")
+_VECTOR: Final = re.compile(r"\[(\d+)\]")
+_SAID_NUMBER: Final = re.compile(r"[-+]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][-+]?\d+)?")
+NUMBER: Final = {
+    ".": re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"),
+    ",": re.compile(r"[-+]?(\d+(,\d+)?|,\d+)([eE][-+]?\d+)?"),
+}
+"""A number by its decimal sign."""
+
+
+def split_vectors(row: str, separator: str, line: int) -> list[str]:
+    """Cells of a row as of `split_row`, but numbers in brackets are one."""
+    inner = ";" if separator == " " else " "
+    row = _IN_BRACKETS.sub(
+        lambda match: re.sub(r"[,;\s]+" if separator == "," else rf"[{separator}\s]+", inner, match[0]), row
+    )
+    return split_row(row, separator, line)
+
+
+def vector(cell: str, decimal: str) -> list[str]:
+    """Numbers of a cell with two in brackets, as ``[0.1, -0.2, 9.8]``, or three without, or more; none of another."""
+    cell = cell.strip(" \t\"'")
+    inner, fewest = cell.strip("[](){},; "), 2 if cell[:1] in {"[", "(", "{"} else 3
+    for sign in (r"\s*;\s*", r"\s+", *([r"\s*,\s*"] if decimal == "." else [])):
+        numbers = re.split(sign, inner)
+        if len(numbers) >= fewest and all(NUMBER[decimal].fullmatch(text) or text.lower() == "nan" for text in numbers):
+            return numbers
+    return []
+
+
+def number_and_unit(cell: str) -> tuple[str, str]:
+    """Number at the beginning of a cell, and what stands behind it; without a number, nothing and the cell."""
+    match = _SAID_NUMBER.match(cell := cell.strip())
+    return (match[0], cell[match.end() :].strip()) if match else ("", cell)
+
+
+def names_apart(names: Sequence[str], forms: Sequence[str]) -> tuple[str, ...]:
+    """Names of columns, or their units, of which those of a vector have numbers behind them."""
+    sizes = [int(size[1]) if (size := _VECTOR.fullmatch(form)) else 0 for form in forms]
+    numbered = [[f"{name}[{k}]" for k in range(1, n + 1)] or [name] for name, n in zip(names, sizes, strict=False)]
+    return tuple(name for some in numbered for name in some)
+
+
+def cells_apart(cells: Sequence[str], layout: TextLayout, line: int) -> list[str]:
+    """Cells of a row with each number of a vector in a cell of its own, and without units.
+
+    Raises
+    ------
+    DecodeError
+        If a cell has another unit than its column.
+    """
+    numbers: list[str] = []
+    for place, (cell, form) in enumerate(zip(cells, layout.cells, strict=True), 1):
+        number, unit = number_and_unit(cell)
+        if size := _VECTOR.fullmatch(form):
+            numbers += vector(cell, layout.decimal) or [cell.strip(" []()")] + [""] * (int(size[1]) - 1)
+        elif form and number and unit != form and unit and not form.startswith(unit):
+            raise DecodeError(
+                f"line {line}, cell {place}: {excerpt(cell)} is in {unit}, but the column is in {form}. One unit is "
+                "expected in each column: convert these cells."
+            )
+        else:
+            numbers.append(number if form and unit == form else cell)
+    return numbers
+
+
+def _with_cells_apart(text: str, head: Head, layout: TextLayout) -> tuple[str, Head]:
+    """Text and head as they would be if each number stood in a cell of its own; lines stay lines."""
+    sign, rows = "," if layout.separator == QUOTED else layout.separator, []
+    for line, row in enumerate(text[head.start :].split("\n"), head.line):
+        cells = [] if is_idle(row, layout.comment) else split_vectors(row, layout.separator, line)
+        if fits := len(cells) == len(layout.cells):
+            cells = [f'"{cell}"' if sign in cell else cell for cell in cells_apart(cells, layout, line)]
+        rows.append(sign.join(cells) if fits else row)
+    names = names_apart(head.names, (*layout.cells, *[""] * len(head.names)))
+    return text[: head.start] + "\n".join(rows), replace(head, names=names)
+
+
 def _after_marker(text: str, layout: TextLayout) -> tuple[int, int]:
     place, line, remaining = 0, 1, layout.occurrence
     while place < len(text):
@@ -454,6 +532,8 @@ def read_table(
         text, layout = objects_as_rows(text), replace(layout, separator="\t")
     text, cut = _ended(text, layout)
     head = find_head(text, layout)
+    if layout.cells:
+        text, head = _with_cells_apart(text, head, layout)
     if layout.where and isinstance(layout.where[0], str) and layout.where[0] not in head.names:
         raise DecodeError(f"the column {excerpt(layout.where[0])} of header.where is nowhere in the row of names.")
     body = _Body(text, head, layout)
