@@ -132,6 +132,14 @@ LOGS = {  # name of the file, its text, what a user answers
     "a unit in each cell": (
         "a.csv", "t,battery," + names("a*", "g*") + "\n" + "".join("{:.0f} ms,88 %,{:.6f} g,{:.6f}g,{:.6f} g,{:.6f}°/s,"
                  "{:.6f}°/s,{:.6f}°/s\n".format(1e3 * t, *a, *w) for t, a, w in zip(T, G, DPS, strict=True))[:-1], UP),
+    "a table for each sensor": (
+        "a.txt", "# unit 1\n\n[ACC]\ntime_ms,x,y,z\n" + rows(1e3 * T, *ACC.T) + "\n[GYRO]\ntime_ms,x,y,z,temp\n"
+        + rows(1e3 * T, *GYR.T, 20.0 + T)[:-1], UP | {"gyr.unit": "rad/s", "temperature.unit": "degC"}),
+    "messages as they are printed": ("a.txt", "WARNING: not yet\n" + "---\n".join(
+        f"header: \n  stamp: \n    secs: 170{k // 100}\n    nsecs: {k % 100 * 10_000_000}\n  frame_id: \"imu\"\n" + "".join(
+            f"{name}: \n  x: {v[0]:.6f}\n  y: {v[1]:.6f}\n  z: {v[2]:.6f}\n{name}_covariance:\n- 0.1\n- 0.2\n"
+            for name, v in (("angular_velocity", GYR[k]), ("linear_acceleration", ACC[k]))) for k in range(T.size)),
+        UP | {"gyr.unit": "rad/s"}),
     "a line cut at the end, and some that are broken": (
         "a.csv", "time_ms," + names("g*_dps", "a*_g", axes="xyz") + "\n" + rows(T * 1e3, *SIX), UP),
     "blanks of which each separates": (

@@ -47,6 +47,8 @@ class TextLayout:
         The table starts after this line; empty for none.
     occurrence : int
         Which one, where the marker comes more than once.
+    end : str
+        Line before which the table ends; empty for the end of the file.
     skip : int
         Lines to leave out after the marker, or at the top.
     names : bool
@@ -78,6 +80,7 @@ class TextLayout:
     missing: tuple[str, ...] = ("", "NaN")
     marker: str = ""
     occurrence: int = 1
+    end: str = ""
     skip: int = 0
     names: bool = True
     after_names: int = 0

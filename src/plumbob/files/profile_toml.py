@@ -387,6 +387,7 @@ _HEADER: Final = _form(
         "words": schema.truth,
         "checksum": schema.truth,
         "where": schema.described(_where, type="array", minItems=2, maxItems=2),
+        "end": schema.text,
     },
     ("names",),
     _header,

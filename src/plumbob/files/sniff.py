@@ -9,7 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Final
 
@@ -17,8 +17,8 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
-from plumbob.core.units import Quantity
-from plumbob.files.column_names import canonical, taken_apart
+from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity
+from plumbob.files.column_names import canonical, named_sensor, taken_apart
 from plumbob.files.columns import is_clocklike
 from plumbob.files.profile import BLANK, JSON, QUOTED, TextLayout
 from plumbob.files.stamps import CENTURY
@@ -26,10 +26,10 @@ from plumbob.files.text_table import (
     NUMBER,
     TOKEN,
     among_words,
+    are_objects,
     cells_apart,
     decode,
     grouped,
-    is_json,
     label,
     names_apart,
     number_and_unit,
@@ -48,7 +48,7 @@ FEWEST: Final = 3
 """Rows that make a table."""
 ROWS: Final = 4000
 """Rows of arrays that are looked at."""
-MISSING: Final = ("", "NaN", "nan", "--", "null", "NULL", "N/A", "#N/A", "NA", "None", "none", "-", "1.#QNAN")
+MISSING: Final = ("", "NaN", "nan", "--", "null", "NULL", "N/A", "#N/A", "NA", "None", "none", "-", ".nan", "1.#QNAN")
 _COMMENTS: Final = ("#", "%", "//")
 _GROUPED: Final = {
     ".": re.compile(r"[-+]?\d{1,3}(,\d{3}){2,}|[-+]?\d{1,3}(,\d{3})+\.\d+"),
@@ -84,7 +84,9 @@ class Sample:
     facts : mapping of str to str
         What lines before the table say, by key, lower case; the lines themselves where they say no key.
     others : tuple of Sample
-        Rows of other kinds that stand between them.
+        Rows of other kinds that stand between them, or tables below.
+    sensor : str
+        Sensor of the table by its title; empty where none says it.
     """
 
     layout: TextLayout
@@ -94,6 +96,7 @@ class Sample:
     rows: list[list[str]]
     facts: Mapping[str, str]
     others: "tuple[Sample, ...]" = ()
+    sensor: str = ""
 
     @property
     def width(self) -> int:
@@ -140,7 +143,9 @@ def read_sample(path: Path) -> Sample:
         raw = stream.read(READ)
         complete = len(raw) < READ
     text, encoding = _decoded(raw)
-    if is_json(text) and (sample := _of_objects(text if complete else decode(path.read_bytes(), encoding), encoding)):
+    if are_objects(text) and (
+        sample := _of_objects(text if complete else decode(path.read_bytes(), encoding), encoding)
+    ):
         return sample
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     lines = lines if complete else lines[:-1]
@@ -163,7 +168,55 @@ def read_sample(path: Path) -> Sample:
             f"or in lines like 'acc x=0.1 y=0.2', but the first line is {excerpt(first)}. Write a row for each sample. "
             "Numbers of one axis at rest are for 'plumbob allan', with --rate and --scale."
         )
-    return _headed(lines, _table(lines, best.separator, best.decimal), encoding)
+    sample = _headed(lines, _table(lines, best.separator, best.decimal), encoding)
+    sensors = {part.sensor for part in map(taken_apart, sample.names)} & set(QUANTITY_BY_TRIAD)
+    if not complete and len(sensors) < 2:  # other sensors may have their table far below
+        lines = decode(path.read_bytes(), encoding).split("\n")
+    return _sections(lines, best, encoding) or sample
+
+
+def _sections(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample | None:
+    """Tables below each other, each under a row of names, of different sensors; None where there is but one."""
+    starts: dict[int, tuple[tuple[str, ...], str]] = {}
+    for i in range(len(lines)):
+        if names := _row_of_names(lines, i, table):
+            start = i
+            while start > 0 and not _known_cells(
+                _cells(lines[start - 1], table.separator, 0), table.separator, table.decimal
+            ):
+                start -= 1
+            start = next(k for k in range(start, i + 1) if lines[k].strip())
+            starts[start] = names, next(filter(None, map(named_sensor, reversed(lines[start:i]))), "")
+    if len(starts) < 2 or len(set(starts.values())) < len(starts):
+        return None
+    samples: list[Sample] = []
+    for start, end in pairwise((*starts, len(lines))):
+        part = lines[start : min(end, start + ROWS)]
+        sample = _headed(part, _table(part, table.separator, table.decimal), encoding)
+        layout, marker = sample.layout, lines[start].strip()
+        if layout.skip and start:
+            count = [line.strip() for line in lines[: start + 1]].count(marker)
+            layout = replace(layout, marker=marker, occurrence=count, skip=layout.skip - 1)
+        else:
+            layout = replace(layout, skip=start + layout.skip)
+        layout = replace(layout, end=lines[end].strip() if end < len(lines) else "")
+        facts = {**(samples[0].facts if samples else {}), **sample.facts}
+        samples.append(replace(sample, layout=layout, sensor=starts[start][1], facts=facts))
+    samples = [sample for sample in samples if len(sample.rows) >= FEWEST]
+    return replace(samples[0], others=tuple(samples[1:])) if samples else None
+
+
+def _row_of_names(lines: Sequence[str], row: int, table: _SniffedTable) -> tuple[str, ...]:
+    """Names in a line above rows of as many numbers, with or without a row of units between; nothing in another."""
+    line, signs = lines[row].lstrip("#%/ "), (table.separator, table.decimal)
+    if not line.lstrip('"')[:1].isalpha() or _known_cells(_cells(line, table.separator, 0), *signs):
+        return ()
+    below = [_cells(line, table.separator, 0) for line in lines[row + 1 : row + 6] if line.strip()]
+    below = below[1:] if below and _are_units(below[0]) else below
+    counts = [len(cells) for cells in below[:FEWEST] if _known_cells(cells, *signs)]
+    names = _names(line, table.separator, counts[0]) if len(counts) == FEWEST else ()
+    parts = [taken_apart(name) for name in names]
+    return names if 2 * sum(bool(part.axis or part.sensor or part.is_time) for part in parts) >= len(parts) else ()
 
 
 def _is_named(lines: Sequence[str], table: _SniffedTable) -> bool:

@@ -55,9 +55,47 @@ def single_blanks(text: str) -> str:
     return text.replace("\n ", "\n").replace(" \n", "\n").removeprefix(" ")
 
 
-def is_json(text: str) -> bool:
-    """Whether a text is meant as JSON: an object or an array, or an object in each line."""
-    return re.match(r"\s*(\[\s*)?\{\s*\"", text) is not None
+def are_objects(text: str) -> bool:
+    """Whether a text is meant as JSON: an object or an array, or an object in each line; or as documents of YAML."""
+    return re.match(r"\s*(\[\s*)?\{\s*\"", text) is not None or _are_documents(text)
+
+
+_BETWEEN: Final = re.compile(r"^---\s*$", re.MULTILINE)
+_ENTRY: Final = re.compile(r"(?P<indent> *)(?:(?P<key>[\w.]+):|-)(?: +(?P<value>.*))?")
+
+
+def _are_documents(text: str) -> bool:
+    return re.search(r"^\w+:[ \r]*\n +\w+:", text, re.MULTILINE) is not None and len(_BETWEEN.findall(text)) > 2
+
+
+def _documents(text: str) -> list[dict[str, Any]]:
+    """Documents of YAML as ``rostopic echo`` and ``ros2 topic echo`` print them: keys with values or indented keys."""
+    documents: list[dict[str, Any]] = []
+    for part in filter(str.strip, _BETWEEN.split(text)):
+        open_keys: list[tuple[int, dict[str, Any]]] = [(-1, {})]
+        for entry in filter(None, map(_ENTRY.fullmatch, map(str.rstrip, part.split("\n")))):
+            indent, key, value = len(entry["indent"]), entry["key"], (entry["value"] or "").strip()
+            while open_keys[-1][0] >= indent + (key is None):
+                open_keys.pop()
+            parent = open_keys[-1][1]
+            key = key or str(1 + len(parent))
+            if value:
+                parent[key] = value[1:-1].split(",") if value[0] + value[-1] == "[]" else value.strip("'\"")
+            else:
+                parent[key] = {}
+                open_keys.append((indent, parent[key]))
+        documents.append(open_keys[0][1])
+    return documents
+
+
+def _loaded(text: str, line: int = 1) -> Any:
+    """Content of JSON that begins in a line of a file."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        at = f"line {line - 1 + getattr(error, 'lineno', 1)}, column {getattr(error, 'colno', 1)}"
+        what = one_line(getattr(error, "msg", error))
+        raise DecodeError(f"{at}: it is not JSON ({what}); complete or correct it there.") from error
 
 
 def objects_as_rows(text: str) -> str:
@@ -73,13 +111,13 @@ def objects_as_rows(text: str) -> str:
     """
     tables: dict[str, list[dict[str, str]]] = {}
     facts: dict[str, str] = {}
-    try:
-        content = json.loads(f"[{','.join(filter(str.strip, text.splitlines()))}]" if _IN_LINES.match(text) else text)
-        _collect("", content, tables, facts)
-    except DecodeError:
-        raise
-    except (ValueError, TypeError, RecursionError) as error:
-        raise DecodeError(f"it is not JSON ({one_line(error)}); complete or correct it there.") from error
+    if _are_documents(text):
+        content: Any = _documents(text)
+    elif _IN_LINES.match(text):
+        content = [_loaded(line, number) for number, line in enumerate(text.split("\n"), 1) if line.strip()]
+    else:
+        content = _loaded(text)
+    _collect("", content, tables, facts)
     longest = max(map(len, tables.values()), default=0)
     tables = {key: rows for key, rows in tables.items() if 2 * len(rows) > longest}
     if len(tables) > 1 and len({frozenset(rows[0]) for rows in tables.values()}) == 1:
@@ -91,7 +129,8 @@ def objects_as_rows(text: str) -> str:
     if len(names) * len(rows) > _MOST_EMPTY * len(text):
         raise DecodeError(f"its objects have {len(names)} different keys, but those of a table share them.")
     lines = [f"# {key}: {value}" for key, value in facts.items()]
-    return "\n".join([*lines, "\t".join(names), *("\t".join(row.get(name, "") for name in names) for row in rows), ""])
+    lines += ["\t".join(names), *("\t".join(row.get(name, "") for name in names) for row in rows)]
+    return "\n".join(lines) + "\n" * text.endswith(("\n", "}", "]", "-"))  # else the last number may be cut
 
 
 _MOST_EMPTY: Final = 16
@@ -307,11 +346,21 @@ def _with_cells_apart(text: str, head: Head, layout: TextLayout) -> tuple[str, H
     return text[: head.start] + "\n".join(rows), replace(head, names=names)
 
 
+def _before_end(text: str, start: int, end: str) -> str:
+    """Text up to the line that ends the table, empty for none."""
+    if not end:
+        return text
+    match = re.compile(rf"^[ \t]*{re.escape(end)}[ \t,;]*$", re.MULTILINE).search(text, start)
+    if match is None:
+        raise DecodeError(f"the table ends before the line {excerpt(end)}, which is not there; check header.end.")
+    return text[: match.start()]
+
+
 def _after_marker(text: str, layout: TextLayout) -> tuple[int, int]:
     place, line, remaining = 0, 1, layout.occurrence
     while place < len(text):
         end = _end(text, place)
-        remaining -= text[place:end].rstrip(" \t,;") == layout.marker.rstrip(" \t,;")
+        remaining -= text[place:end].strip(" \t,;") == layout.marker.strip(" \t,;")
         place, line = end + 1, line + 1
         if remaining == 0:
             return place, line
@@ -532,6 +581,7 @@ def read_table(
         text, layout = objects_as_rows(text), replace(layout, separator="\t")
     text, cut = _ended(text, layout)
     head = find_head(text, layout)
+    text = _before_end(text, head.start, layout.end)
     if layout.cells:
         text, head = _with_cells_apart(text, head, layout)
     if layout.where and isinstance(layout.where[0], str) and layout.where[0] not in head.names:
