@@ -130,6 +130,20 @@ LOGS = {  # name of the file, its text, what a user answers
         *([f'"{v:,.0f}"' for v in c] for c in (T * 1e6, *(G * 16384).T, *(DPS * 131).T))), UP),
     "start and rate above bare columns, a semicolon behind": (
         "a.csv", "1714566605.25\n100.0\n" + rows(*ACC.T, *GYR.T).replace("\n", ";\n"), UP | {"gyr.unit": "rad/s"}),
+    "vectors in one cell, in quotes and without": (
+        "a.csv", "t;acc;label;gyro\n" + "".join('{:.6f};"[{:.6f}, {:.6f}, {:.6f}]";"a;b";{:.6f} {:.6f}  {:.6f}\r\n'
+                     .format(t, *a, *w) for t, a, w in zip(T, ACC, GYR, strict=True)), UP | {"gyr.unit": "rad/s"}),
+    "a unit in each cell": (
+        "a.csv", "t,battery," + names("a*", "g*") + "\n" + "".join("{:.0f} ms,88 %,{:.6f} g,{:.6f}g,{:.6f} g,{:.6f}°/s,"
+                 "{:.6f}°/s,{:.6f}°/s\n".format(1e3 * t, *a, *w) for t, a, w in zip(T, G, DPS, strict=True))[:-1], UP),
+    "a table for each sensor": (
+        "a.txt", "# unit 1\n\n[ACC]\ntime_ms,x,y,z\n" + rows(1e3 * T, *ACC.T) + "\n[GYRO]\ntime_ms,x,y,z,temp\n"
+        + rows(1e3 * T, *GYR.T, 20.0 + T)[:-1], UP | {"gyr.unit": "rad/s", "temperature.unit": "degC"}),
+    "messages as they are printed": ("a.txt", "WARNING: not yet\n" + "---\n".join(
+        f"header: \n  stamp: \n    secs: 170{k // 100}\n    nsecs: {k % 100 * 10_000_000}\n  frame_id: imu\n" + "".join(
+            f"{name}: \n  x: {v[0]:.6f}\n  y: {v[1]:.6f}\n  z: {v[2]:.6f}\n{name}_covariance:\n- 0.1\n- 0.2\n"
+            for name, v in (("angular_velocity", GYR[k]), ("linear_acceleration", ACC[k]))) for k in range(T.size)),
+        UP | {"gyr.unit": "rad/s"}),
     "a line cut at the end, and some that are broken": (
         "a.csv", "time_ms," + names("g*_dps", "a*_g", axes="xyz") + "\n" + rows(T * 1e3, *SIX), UP),
     "blanks of which each separates": (
@@ -174,6 +188,13 @@ def test_broken_lines_are_left_out_and_counted(tmp_path):
     assert recording.imu.acc == pytest.approx(np.delete(ACC, lost, axis=0), abs=1e-4)
     assert any("3 lines of 599 left out" in note and "line 101 has 2 cells" in note for note in recording.notes)
     assert any("line 601, the last, is cut" in note for note in recording.notes)
+
+
+def test_units_that_change_are_refused(tmp_path):
+    name, text, answers = LOGS["a unit in each cell"]
+    refused(
+        drafted, tmp_path, name, text.replace(" g,", " mg,", 1000), answers, match="is in g, but the column is in mg"
+    )
 
 
 def test_of_a_rate_alone_lines_that_are_left_out_keep_their_time(tmp_path):

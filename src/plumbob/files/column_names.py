@@ -242,6 +242,12 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
     return ColumnName(base, axis, stated or suffix, bool(stated))
 
 
+def named_sensor(words: str) -> str:
+    """Which sensor the name of a file or a kind of row is of; a single letter says nothing."""
+    longer = re.findall(r"[^\W\d_]{2,}", words)
+    return taken_apart(" ".join([*longer, "x"])).sensor
+
+
 _WORD: Final = re.compile(r"[A-Z]{2,}(?![a-z])|[A-Z]?[a-z]+|[A-Z]|\d+|[^\W\d_A-Za-z]+")
 
 

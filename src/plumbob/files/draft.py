@@ -28,7 +28,7 @@ from plumbob.core.units import QUANTITY_BY_TRIAD, UNITS, Quantity, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
 from plumbob.data.plausibility import Turning, turning
 from plumbob.files.arrow import text_bytes
-from plumbob.files.column_names import REVERSED, ColumnName, canonical, taken_apart
+from plumbob.files.column_names import REVERSED, ColumnName, canonical, named_sensor, taken_apart
 from plumbob.files.columns import FORM, has_zone, is_stamp, to_seconds
 from plumbob.files.known_logs import KNOWN
 from plumbob.files.profile import AS_MOUNTED, Profile, TextLayout
@@ -248,7 +248,7 @@ def _writers(name: str, sample: Sample, answers: Mapping[str, Any], *, is_alone:
 def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str] | tuple[()], str]]":
     """Rows of each sensor, where rows name it: with the column and the word, and the sensor; or nothing."""
     if sample.others:
-        return [(kind, kind.layout.where, "") for kind in (sample, *sample.others)]
+        return [(kind, kind.layout.where, kind.sensor) for kind in (sample, *sample.others)]
     parts = [taken_apart(name) for name in sample.for_cells(sample.names)]
     if sum(part.axis in {"x", "y", "z"} and not (part.sensor or part.by_unit) for part in parts) != 3:
         return []
@@ -332,8 +332,8 @@ class _DraftWriter:
                 "the acceleration in it is without gravity, and there is no gyroscope: nothing in it can give an "
                 "attitude. Record the raw accelerometer, which measures gravity too."
                 if linear
-                else f"where its sensors stand, the first {len(self._sample.rows)} rows hold zeros alone: begin the file "
-                "where they measure."
+                else f"where its sensors stand, the first {len(self._sample.rows)} rows hold zeros alone: begin the "
+                "file where they measure."
                 if any(part.sensor in TRIADS for part in self._parts)
                 else f"no three columns look like a gyroscope, an accelerometer or a magnetometer; {GUIDE} says how to "
                 "write a profile by hand."
@@ -640,14 +640,21 @@ class _DraftWriter:
             self._set("encoding", layout.encoding, "it is not UTF-8", ask=layout.encoding != "utf-16", sure=True)
         if layout.comment:
             self._set("comment", layout.comment, "lines that begin so are left out")
+        if layout.cells:
+            self._set("cells", layout.cells, "vectors, and units behind the numbers")
         if layout.missing != type(layout)(separator=",").missing:
             self._set("missing", layout.missing, "cells without a value")
 
     def _write_header(self, layout: TextLayout) -> None:
         self._open("header")
         self._set("names", layout.names, "" if layout.names else "no row of names: columns are numbered from 1")
+        if layout.marker:
+            self._set("marker", layout.marker, "the table begins behind this line")
+            self._set("occurrence", layout.occurrence)
+        if layout.end:
+            self._set("end", layout.end, "and ends before this one")
         if layout.skip:
-            self._set("skip", layout.skip, "lines at the top")
+            self._set("skip", layout.skip, "lines there" if layout.marker else "lines at the top")
         if layout.after_names:
             self._set("after_names", layout.after_names, "the row of units")
         marks = {"mark": "before the names", "words": "numbers stand among words", "checksum": "of each row"}
@@ -902,12 +909,6 @@ def _turn_rates(parts: list[ColumnName], names: Sequence[str]) -> list[ColumnNam
             rates = [part if part.unit else unit for part, unit in zip(parts[i:], units, strict=False)]
             parts[i : i + 3] = [replace(part, base="gyr", axis=axis) for part, axis in zip(rates, "xyz", strict=True)]
     return parts
-
-
-def named_sensor(words: str) -> str:
-    """Which sensor the name of a file or a kind of row is of; a single letter says nothing."""
-    longer = re.findall(r"[^\W\d_]{2,}", words)
-    return taken_apart(" ".join([*longer, "x"])).sensor
 
 
 def _with_axes(parts: list[ColumnName]) -> list[ColumnName]:

@@ -47,6 +47,8 @@ class TextLayout:
         The table starts after this line; empty for none.
     occurrence : int
         Which one, where the marker comes more than once.
+    end : str
+        Line before which the table ends; empty for the end of the file.
     skip : int
         Lines to leave out after the marker, or at the top.
     names : bool
@@ -66,6 +68,9 @@ class TextLayout:
         A column and a word: only rows that have it there belong to the table.
     thousands : str
         Between groups of three digits; empty for none.
+    cells : tuple of str
+        What each cell of a row holds: ``[3]`` is a vector of three numbers, whose columns are then ``acc[1]`` to
+        ``acc[3]``; a unit stands behind the number; empty is a number alone. Empty where all cells are so.
     """
 
     separator: str
@@ -75,6 +80,7 @@ class TextLayout:
     missing: tuple[str, ...] = ("", "NaN")
     marker: str = ""
     occurrence: int = 1
+    end: str = ""
     skip: int = 0
     names: bool = True
     after_names: int = 0
@@ -84,6 +90,7 @@ class TextLayout:
     checksum: bool = False
     where: tuple[ColumnRef, str] | tuple[()] = ()
     thousands: str = ""
+    cells: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

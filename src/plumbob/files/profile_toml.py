@@ -48,7 +48,7 @@ _ORDERS = {"wxyz": 4, "xyzw": 4, "yaw pitch roll": 3}
 _META = ("device", "axes", "frame", "north", "declination", "rate_nominal", "t0_ns", "calibration", "unit_check")
 _INNER = {"bias": 3, "covariance": 9}
 _NO_LAYOUT = TextLayout(separator=",")
-_LAYOUT = ("separator", "decimal", "thousands", "encoding", "comment", "missing", "rows")
+_LAYOUT = ("separator", "decimal", "thousands", "encoding", "comment", "missing", "rows", "cells")
 
 
 def load_profile(path: str | Path) -> Profile:
@@ -387,6 +387,7 @@ _HEADER: Final = _form(
         "words": schema.truth,
         "checksum": schema.truth,
         "where": schema.described(_where, type="array", minItems=2, maxItems=2),
+        "end": schema.text,
     },
     ("names",),
     _header,
@@ -445,6 +446,7 @@ _KEYS: Final = {
     "comment": schema.text,
     "missing": schema.texts,
     "rows": schema.whole(1),
+    "cells": schema.texts,
     "arrays": schema.truth,
     "header": _HEADER,
     "time": _TIME,

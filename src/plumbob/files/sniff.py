@@ -9,7 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Final
 
@@ -17,13 +17,27 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
-from plumbob.core.units import Quantity
+from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity
 from plumbob.files.arrow import text_bytes
-from plumbob.files.column_names import canonical, taken_apart
+from plumbob.files.column_names import canonical, named_sensor, taken_apart
 from plumbob.files.columns import is_clocklike
 from plumbob.files.profile import BLANK, JSON, QUOTED, TextLayout
 from plumbob.files.stamps import CENTURY
-from plumbob.files.text_table import TOKEN, among_words, decode, grouped, is_json, label, objects_as_rows, split_row
+from plumbob.files.text_table import (
+    NUMBER,
+    TOKEN,
+    among_words,
+    are_objects,
+    cells_apart,
+    decode,
+    grouped,
+    label,
+    names_apart,
+    number_and_unit,
+    objects_as_rows,
+    split_vectors,
+    vector,
+)
 
 READ: Final = 1 << 20
 """Bytes that are looked at."""
@@ -35,12 +49,8 @@ FEWEST: Final = 3
 """Rows that make a table."""
 ROWS: Final = 4000
 """Rows of arrays that are looked at."""
-MISSING: Final = ("", "NaN", "nan", "--", "null", "NULL", "N/A", "#N/A", "NA", "None", "none", "-", "1.#QNAN")
+MISSING: Final = ("", "NaN", "nan", "--", "null", "NULL", "N/A", "#N/A", "NA", "None", "none", "-", ".nan", "1.#QNAN")
 _COMMENTS: Final = ("#", "%", "//")
-_NUMBER: Final = {
-    ".": re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"),
-    ",": re.compile(r"[-+]?(\d+(,\d+)?|,\d+)([eE][-+]?\d+)?"),
-}
 _GROUPED: Final = {
     ".": re.compile(r"[-+]?\d{1,3}(,\d{3}){2,}|[-+]?\d{1,3}(,\d{3})+\.\d+"),
     ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+"),
@@ -75,7 +85,9 @@ class Sample:
     facts : mapping of str to str
         What lines before the table say, by key, lower case; the lines themselves where they say no key.
     others : tuple of Sample
-        Rows of other kinds that stand between them.
+        Rows of other kinds that stand between them, or tables below.
+    sensor : str
+        Sensor of the table by its title; empty where none says it.
     """
 
     layout: TextLayout
@@ -85,6 +97,7 @@ class Sample:
     rows: list[list[str]]
     facts: Mapping[str, str]
     others: "tuple[Sample, ...]" = ()
+    sensor: str = ""
 
     @property
     def width(self) -> int:
@@ -130,7 +143,9 @@ def read_sample(path: Path) -> Sample:
     raw = text_bytes(path, READ)
     complete = len(raw) < READ
     text, encoding = _decoded(raw)
-    if is_json(text) and (sample := _of_objects(text if complete else decode(text_bytes(path), encoding), encoding)):
+    if are_objects(text) and (
+        sample := _of_objects(text if complete else decode(text_bytes(path), encoding), encoding)
+    ):
         return sample
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     lines = lines if complete else lines[:-1]
@@ -153,7 +168,55 @@ def read_sample(path: Path) -> Sample:
             f"or in lines like 'acc x=0.1 y=0.2', but the first line is {excerpt(first)}. Write a row for each sample. "
             "Numbers of one axis at rest are for 'plumbob allan', with --rate and --scale."
         )
-    return _headed(lines, _table(lines, best.separator, best.decimal), encoding)
+    sample = _headed(lines, _table(lines, best.separator, best.decimal), encoding)
+    sensors = {part.sensor for part in map(taken_apart, sample.names)} & set(QUANTITY_BY_TRIAD)
+    if not complete and len(sensors) < 2:  # other sensors may have their table far below
+        lines = decode(text_bytes(path), encoding).split("\n")
+    return _sections(lines, best, encoding) or sample
+
+
+def _sections(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample | None:
+    """Tables below each other, each under a row of names, of different sensors; None where there is but one."""
+    starts: dict[int, tuple[tuple[str, ...], str]] = {}
+    for i in range(len(lines)):
+        if names := _row_of_names(lines, i, table):
+            start = i
+            while start > 0 and not _known_cells(
+                _cells(lines[start - 1], table.separator, 0), table.separator, table.decimal
+            ):
+                start -= 1
+            start = next(k for k in range(start, i + 1) if lines[k].strip())
+            starts[start] = names, next(filter(None, map(named_sensor, reversed(lines[start:i]))), "")
+    if len(starts) < 2 or len(set(starts.values())) < len(starts):
+        return None
+    samples: list[Sample] = []
+    for start, end in pairwise((*starts, len(lines))):
+        part = lines[start : min(end, start + ROWS)]
+        sample = _headed(part, _table(part, table.separator, table.decimal), encoding)
+        layout, marker = sample.layout, lines[start].strip()
+        if layout.skip and start:
+            count = [line.strip() for line in lines[: start + 1]].count(marker)
+            layout = replace(layout, marker=marker, occurrence=count, skip=layout.skip - 1)
+        else:
+            layout = replace(layout, skip=start + layout.skip)
+        layout = replace(layout, end=lines[end].strip() if end < len(lines) else "")
+        facts = {**(samples[0].facts if samples else {}), **sample.facts}
+        samples.append(replace(sample, layout=layout, sensor=starts[start][1], facts=facts))
+    samples = [sample for sample in samples if len(sample.rows) >= FEWEST]
+    return replace(samples[0], others=tuple(samples[1:])) if samples else None
+
+
+def _row_of_names(lines: Sequence[str], row: int, table: _SniffedTable) -> tuple[str, ...]:
+    """Names in a line above rows of as many numbers, with or without a row of units between; nothing in another."""
+    line, signs = lines[row].lstrip("#%/ "), (table.separator, table.decimal)
+    if not line.lstrip('"')[:1].isalpha() or _known_cells(_cells(line, table.separator, 0), *signs):
+        return ()
+    below = [_cells(line, table.separator, 0) for line in lines[row + 1 : row + 6] if line.strip()]
+    below = below[1:] if below and _are_units(below[0]) else below
+    counts = [len(cells) for cells in below[:FEWEST] if _known_cells(cells, *signs)]
+    names = _names(line, table.separator, counts[0]) if len(counts) == FEWEST else ()
+    parts = [taken_apart(name) for name in names]
+    return names if 2 * sum(bool(part.axis or part.sensor or part.is_time) for part in parts) >= len(parts) else ()
 
 
 def _is_named(lines: Sequence[str], table: _SniffedTable) -> bool:
@@ -274,13 +337,13 @@ def _table(lines: Sequence[str], separator: str, decimal: str) -> _SniffedTable:
 
 def _cells(line: str, separator: str, number: int) -> list[str]:
     try:
-        return split_row(line, separator, number)
+        return split_vectors(line, separator, number)
     except DecodeError:
         return []
 
 
 def _is_number(cell: str) -> bool:
-    return _NUMBER["."].fullmatch(cell.strip()) is not None
+    return NUMBER["."].fullmatch(cell.strip()) is not None
 
 
 def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
@@ -290,7 +353,7 @@ def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
     groups = [cell for cell in said if sign in cell]
     if not groups or not all(map(grouped(sign, decimal).fullmatch, groups)):
         return ""
-    others = [cell for cell in said if sign not in cell and _NUMBER[decimal].fullmatch(cell)]
+    others = [cell for cell in said if sign not in cell and NUMBER[decimal].fullmatch(cell)]
     proven = any(cell.count(sign) > 1 or decimal in cell for cell in groups) or any(map(str.isdigit, others))
     return sign if proven and not any(re.match(r"[-+]?\d{4}", cell) for cell in others) else ""
 
@@ -298,17 +361,40 @@ def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
 def _known_cells(cells: Sequence[str], separator: str, decimal: str) -> int:
     """Cells that are numbers, times or missing, in a row of which at least half of what is said are; else 0."""
     said = [cell.strip() for cell in cells if cell.strip()]
-    number = _NUMBER[decimal].fullmatch
+    number = NUMBER[decimal].fullmatch
     groups = (grouped(",", ".") if separator == "," else _GROUPED[decimal]).fullmatch
-    numbers = sum((number(cell) or groups(cell)) is not None for cell in said)
+    numbers = sum((number(cell) or groups(cell)) is not None or _numbers_in(cell, decimal) for cell in said)
     readable = numbers + sum(cell in MISSING or is_clocklike(cell) for cell in said)
-    is_row = numbers >= 1 and 2 * readable >= len(said) and readable + len(cells) - len(said) >= 2
+    is_row = numbers >= 1 and len(cells) > 1 and 2 * readable >= len(said) and readable + len(cells) - len(said) >= 2
     return readable + len(cells) - len(said) if is_row else 0
+
+
+def _numbers_in(cell: str, decimal: str) -> int:
+    """Numbers in a cell that holds a vector, where it is in brackets, or a number with its unit."""
+    if numbers := vector(cell, decimal):
+        return len(numbers) if cell[-1] in "])}" else 1
+    text, unit = number_and_unit(cell)
+    return bool(NUMBER[decimal].fullmatch(text)) and _is_unit(unit)
+
+
+def _forms(table: _SniffedTable, names: Sequence[str]) -> tuple[str, ...]:
+    """What each cell of a row holds, as in `TextLayout.cells`; numbers without brackets are a vector of a sensor."""
+    forms = []
+    for column, name in zip(zip(*table.rows, strict=True), (*names, *[""] * len(table.rows[0])), strict=False):
+        said = [cell.strip() for cell in column if cell.strip() not in {*MISSING, "[]", "()"}]
+        sizes = Counter(len(vector(cell, table.decimal)) for cell in said).most_common(1) or [(0, 0)]
+        units = Counter(number_and_unit(cell)[1] for cell in said).most_common(1) or [("", 0)]
+        bracketed = any(cell[:1] in set('[({"') for cell in said) or bool(taken_apart(f"{name} x").sensor)
+        is_vector = sizes[0][0] > 1 and sizes[0][1] > 0.5 * len(said) and bracketed
+        has_unit = units[0][1] > 0.5 * len(said) and _is_unit(units[0][0])
+        forms.append(f"[{sizes[0][0]}]" if is_vector else units[0][0] if has_unit and not is_vector else "")
+    is_split = any(re.match(r"[\[({].*[,; ]", cell) for row in table.rows for cell in row)
+    return tuple(forms) if any(forms) or is_split else ()
 
 
 def _value(cell: str, decimal: str, thousands: str = "") -> float:
     cell = cell.replace(thousands, "") if thousands else cell
-    return float(cell.replace(",", ".")) if _NUMBER[decimal].fullmatch(cell) else float("nan")
+    return float(cell.replace(",", ".")) if NUMBER[decimal].fullmatch(cell) else float("nan")
 
 
 def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample:
@@ -349,7 +435,17 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
         mark=line[: len(line) - len(bare)] if marked else "",
     )
     preamble = [line for i, line in before if i < at or not names]
-    return Sample(layout, full, units, bool(names) and full == names, table.rows, _facts(preamble))
+    by_name, rows = bool(names) and full == names, table.rows
+    if forms := _forms(table, full):
+        layout = replace(layout, cells=forms)
+        rows = [cells_apart(row, layout, i + 1) for i, row in zip(table.lines, rows, strict=True)]
+        width = Counter(map(len, rows)).most_common(1)[0][0]
+        rows = [row for row in rows if len(row) == width]
+        beside = ["" if form.startswith("[") else form for form in forms]
+        stated = [unit or form for unit, form in zip((*units, *[""] * len(forms)), beside, strict=False)]
+        units = tuple(re.sub(r"\[\d+\]$", "", unit) for unit in names_apart(stated, forms))
+        full = names_apart(full, (*forms, *[""] * len(full)))
+    return Sample(layout, full, units, by_name, rows, _facts(preamble))
 
 
 def _start_and_rate(lines: Sequence[str]) -> dict[str, str]:

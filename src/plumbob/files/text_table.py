@@ -56,9 +56,47 @@ def single_blanks(text: str) -> str:
     return text.replace("\n ", "\n").replace(" \n", "\n").removeprefix(" ")
 
 
-def is_json(text: str) -> bool:
-    """Whether a text is meant as JSON: an object or an array, or an object in each line."""
-    return re.match(r"\s*(\[\s*)?\{\s*\"", text) is not None
+def are_objects(text: str) -> bool:
+    """Whether a text is meant as JSON: an object or an array, or an object in each line; or as documents of YAML."""
+    return re.match(r"\s*(\[\s*)?\{\s*\"", text) is not None or _are_documents(text)
+
+
+_BETWEEN: Final = re.compile(r"^---\s*$", re.MULTILINE)
+_ENTRY: Final = re.compile(r"(?P<indent> *)(?:(?P<key>[\w.]+):|-)(?: +(?P<value>.*))?")
+
+
+def _are_documents(text: str) -> bool:
+    return re.search(r"^\w+:[ \r]*\n +\w+:", text, re.MULTILINE) is not None and len(_BETWEEN.findall(text)) > 2
+
+
+def _documents(text: str) -> list[dict[str, Any]]:
+    """Documents of YAML as ``rostopic echo`` and ``ros2 topic echo`` print them: keys with values or indented keys."""
+    documents: list[dict[str, Any]] = []
+    for part in filter(str.strip, _BETWEEN.split(text)):
+        open_keys: list[tuple[int, dict[str, Any]]] = [(-1, {})]
+        for entry in filter(None, map(_ENTRY.fullmatch, map(str.rstrip, part.split("\n")))):
+            indent, key, value = len(entry["indent"]), entry["key"], (entry["value"] or "").strip()
+            while open_keys[-1][0] >= indent + (key is None):
+                open_keys.pop()
+            parent = open_keys[-1][1]
+            key = key or str(1 + len(parent))
+            if value:
+                parent[key] = value[1:-1].split(",") if value[0] + value[-1] == "[]" else value.strip("'\"")
+            else:
+                parent[key] = {}
+                open_keys.append((indent, parent[key]))
+        documents.append(open_keys[0][1])
+    return documents
+
+
+def _loaded(text: str, line: int = 1) -> Any:
+    """Content of JSON that begins in a line of a file."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        at = f"line {line - 1 + getattr(error, 'lineno', 1)}, column {getattr(error, 'colno', 1)}"
+        what = one_line(getattr(error, "msg", error))
+        raise DecodeError(f"{at}: it is not JSON ({what}); complete or correct it there.") from error
 
 
 def objects_as_rows(text: str) -> str:
@@ -74,13 +112,13 @@ def objects_as_rows(text: str) -> str:
     """
     tables: dict[str, list[dict[str, str]]] = {}
     facts: dict[str, str] = {}
-    try:
-        content = json.loads(f"[{','.join(filter(str.strip, text.splitlines()))}]" if _IN_LINES.match(text) else text)
-        _collect("", content, tables, facts)
-    except DecodeError:
-        raise
-    except (ValueError, TypeError, RecursionError) as error:
-        raise DecodeError(f"it is not JSON ({one_line(error)}); complete or correct it there.") from error
+    if _are_documents(text):
+        content: Any = _documents(text)
+    elif _IN_LINES.match(text):
+        content = [_loaded(line, number) for number, line in enumerate(text.split("\n"), 1) if line.strip()]
+    else:
+        content = _loaded(text)
+    _collect("", content, tables, facts)
     longest = max(map(len, tables.values()), default=0)
     tables = {key: rows for key, rows in tables.items() if 2 * len(rows) > longest}
     if len(tables) > 1 and len({frozenset(rows[0]) for rows in tables.values()}) == 1:
@@ -92,7 +130,8 @@ def objects_as_rows(text: str) -> str:
     if len(names) * len(rows) > _MOST_EMPTY * len(text):
         raise DecodeError(f"its objects have {len(names)} different keys, but those of a table share them.")
     lines = [f"# {key}: {value}" for key, value in facts.items()]
-    return "\n".join([*lines, "\t".join(names), *("\t".join(row.get(name, "") for name in names) for row in rows), ""])
+    lines += ["\t".join(names), *("\t".join(row.get(name, "") for name in names) for row in rows)]
+    return "\n".join(lines) + "\n" * text.endswith(("\n", "}", "]", "-"))  # else the last number may be cut
 
 
 _MOST_EMPTY: Final = 16
@@ -230,11 +269,99 @@ def split_row(row: str, separator: str, line: int) -> list[str]:
         raise DecodeError(f"line {line}: {excerpt(row)} cannot be split in cells ({one_line(error)}).") from error
 
 
+_IN_BRACKETS: Final = re.compile(r"[\[({][-+\d.,;\seEnaN]*[\])}]")
+_VECTOR: Final = re.compile(r"\[(\d+)\]")
+_SAID_NUMBER: Final = re.compile(r"[-+]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][-+]?\d+)?")
+NUMBER: Final = {
+    ".": re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"),
+    ",": re.compile(r"[-+]?(\d+(,\d+)?|,\d+)([eE][-+]?\d+)?"),
+}
+"""A number by its decimal sign."""
+
+
+def split_vectors(row: str, separator: str, line: int) -> list[str]:
+    """Cells of a row as of `split_row`, but numbers in brackets are one."""
+    inner = ";" if separator == " " else " "
+    row = _IN_BRACKETS.sub(
+        lambda match: re.sub(r"[,;\s]+" if separator == "," else rf"[{separator}\s]+", inner, match[0]), row
+    )
+    return split_row(row, separator, line)
+
+
+def vector(cell: str, decimal: str) -> list[str]:
+    """Numbers of a cell with two in brackets, as ``[0.1, -0.2, 9.8]``, or three without, or more; none of another."""
+    cell = cell.strip(" \t\"'")
+    inner, fewest = cell.strip("[](){},; "), 2 if cell[:1] in {"[", "(", "{"} else 3
+    for sign in (r"\s*;\s*", r"\s+", *([r"\s*,\s*"] if decimal == "." else [])):
+        numbers = re.split(sign, inner)
+        if len(numbers) >= fewest and all(NUMBER[decimal].fullmatch(text) or text.lower() == "nan" for text in numbers):
+            return numbers
+    return []
+
+
+def number_and_unit(cell: str) -> tuple[str, str]:
+    """Number at the beginning of a cell, and what stands behind it; without a number, nothing and the cell."""
+    match = _SAID_NUMBER.match(cell := cell.strip())
+    return (match[0], cell[match.end() :].strip()) if match else ("", cell)
+
+
+def names_apart(names: Sequence[str], forms: Sequence[str]) -> tuple[str, ...]:
+    """Names of columns, or their units, of which those of a vector have numbers behind them."""
+    sizes = [int(size[1]) if (size := _VECTOR.fullmatch(form)) else 0 for form in forms]
+    numbered = [[f"{name}[{k}]" for k in range(1, n + 1)] or [name] for name, n in zip(names, sizes, strict=False)]
+    return tuple(name for some in numbered for name in some)
+
+
+def cells_apart(cells: Sequence[str], layout: TextLayout, line: int) -> list[str]:
+    """Cells of a row with each number of a vector in a cell of its own, and without units.
+
+    Raises
+    ------
+    DecodeError
+        If a cell has another unit than its column.
+    """
+    numbers: list[str] = []
+    for place, (cell, form) in enumerate(zip(cells, layout.cells, strict=True), 1):
+        number, unit = number_and_unit(cell)
+        if size := _VECTOR.fullmatch(form):
+            numbers += vector(cell, layout.decimal) or [cell.strip(" []()")] + [""] * (int(size[1]) - 1)
+        elif form and number and unit != form and unit and not form.startswith(unit):
+            raise DecodeError(
+                f"line {line}, cell {place}: {excerpt(cell)} is in {unit}, but the column is in {form}. One unit is "
+                "expected in each column: convert these cells."
+            )
+        else:
+            numbers.append(number if form and unit == form else cell)
+    return numbers
+
+
+def _with_cells_apart(text: str, head: Head, layout: TextLayout) -> tuple[str, Head]:
+    """Text and head as they would be if each number stood in a cell of its own; lines stay lines."""
+    sign, rows = "," if layout.separator == QUOTED else layout.separator, []
+    for line, row in enumerate(text[head.start :].split("\n"), head.line):
+        cells = [] if is_idle(row, layout.comment) else split_vectors(row, layout.separator, line)
+        if fits := len(cells) == len(layout.cells):
+            cells = [f'"{cell}"' if sign in cell else cell for cell in cells_apart(cells, layout, line)]
+        rows.append(sign.join(cells) if fits else row)
+    names = names_apart(head.names, (*layout.cells, *[""] * len(head.names)))
+    return text[: head.start] + "\n".join(rows), replace(head, names=names)
+
+
+def _before_end(text: str, start: int, end: str) -> str:
+    """Text up to the line that ends the table, empty for none."""
+    if not end:
+        return text
+    match = re.compile(rf"^[ \t]*{re.escape(end)}[ \t,;]*$", re.MULTILINE).search(text, start)
+    if match is None:
+        raise DecodeError(f"the table ends before the line {excerpt(end)}, which is not there; check header.end.")
+    return text[: match.start()]
+
+
 def _after_marker(text: str, layout: TextLayout) -> tuple[int, int]:
     place, line, remaining = 0, 1, layout.occurrence
     while place < len(text):
         end = _end(text, place)
-        remaining -= text[place:end].rstrip(" \t,;") == layout.marker.rstrip(" \t,;")
+        remaining -= text[place:end].strip(" \t,;") == layout.marker.strip(" \t,;")
         place, line = end + 1, line + 1
         if remaining == 0:
             return place, line
@@ -455,6 +582,9 @@ def read_table(
         text, layout = objects_as_rows(text), replace(layout, separator="\t")
     text, cut = _ended(text, layout)
     head = find_head(text, layout)
+    text = _before_end(text, head.start, layout.end)
+    if layout.cells:
+        text, head = _with_cells_apart(text, head, layout)
     if layout.where and isinstance(layout.where[0], str) and layout.where[0] not in head.names:
         raise DecodeError(f"the column {excerpt(layout.where[0])} of header.where is nowhere in the row of names.")
     body = _Body(text, head, layout)
