@@ -129,14 +129,11 @@ def profile_beside(path: Path) -> Path:
     return path.parent / f"{path.stem}.profile.toml"  # of a folder such as "." too, where with_name fails
 
 
-TABLES: Final = (".csv", ".txt", ".tsv", ".lvm", ".dat", ".log", ".gcsv")
-"""Suffixes of text tables, which a profile describes."""
-
-
-COLUMNS: Final = (".gz", ".bz2", ".xz", ".zst", ".zip", ".jsonl", ".ndjson", ".parquet", ".feather", ".arrow", ".orc")
-"""Suffixes of what is read as a text table, too: packed ones, objects in lines, and columns of other programs."""
-
-
+TABLES: Final = (
+    ".csv", ".txt", ".tsv", ".lvm", ".dat", ".log", ".gcsv", ".jsonl", ".ndjson", ".gz", ".bz2", ".xz", ".zst", ".zip",
+    ".parquet", ".feather", ".arrow", ".orc",
+)  # fmt: skip
+"""Suffixes of tables, which a profile describes: of text, packed, or columns of other programs."""
 ARRAYS: Final = (".mat", ".h5", ".hdf5", ".npz", ".npy")
 """Suffixes of files of named arrays, which a profile describes."""
 
@@ -148,7 +145,7 @@ def sidecars(path: Path) -> tuple[Path, Path]:
 
 def profile_paths(path: Path) -> tuple[Path, ...]:
     """Names that a profile of a file may have beside it; none where a profile cannot describe such a file."""
-    return sidecars(path) if path.suffix.lower() in (*TABLES, *COLUMNS, *ARRAYS) else ()
+    return sidecars(path) if path.suffix.lower() in (*TABLES, *ARRAYS) else ()
 
 
 @contextmanager

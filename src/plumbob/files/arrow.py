@@ -190,7 +190,10 @@ def _table_text(path: Path, kind: str) -> bytes:
     from pyarrow import parquet as pq
 
     if kind == "parquet":
-        require_room(unpacked_bytes(path, pq.read_metadata(path)), path.stat().st_size)
+        contents = pq.read_metadata(path)
+        if b"plumbob" in (contents.metadata or {}):
+            raise ParameterError("it describes itself (native), so it takes no profile; leave --profile out.")
+        require_room(unpacked_bytes(path, contents), path.stat().st_size)
     read: dict[str, Any] = {"parquet": pq.read_table, "feather": feather.read_table, "orc": orc.read_table}
     table = read[kind](path)
     require_room(table.nbytes, path.stat().st_size)

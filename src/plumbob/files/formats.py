@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from plumbob.core import check
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnknownFormatError
 from plumbob.core.extensions import ExtensibleTable
-from plumbob.core.files import ARRAYS, COLUMNS, TABLES, existing_file, reading, replacing, sidecars
+from plumbob.core.files import ARRAYS, TABLES, existing_file, reading, replacing, sidecars
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording, all_findings, lines, provenance
@@ -89,7 +89,7 @@ def _foreign(name: str, module: str, *suffixes: str, takes_unit: bool = False) -
 
 FORMATS: Final = (
     FileFormat(
-        "native", (".parquet",), "parquet.read_parquet", takes_in_memory=True, accepts="parquet.accepts",
+        "native", (".parquet",), "parquet.read_parquet", takes_in_memory=True,
         writers=((".parquet", "parquet.write_parquet"),),
     ),
     _foreign("ROS", "ros", ".bag", ".db3", ".mcap", "", takes_unit=True),
@@ -103,7 +103,7 @@ FORMATS: Final = (
     _foreign("Xsens", "xsens", ".txt", ".mtb", takes_unit=True),
     _foreign("x-IMU3", "ximu3", ".ximu3", ".csv", ""),
     FileFormat(
-        "text", (*TABLES, *COLUMNS), "formats.read_table", takes_profile=True,
+        "text", TABLES, "formats.read_table", takes_profile=True,
         writers=tuple((suffix, "text_write.write_csv") for suffix in (".csv", ".txt")),
     ),
     FileFormat("arrays", ARRAYS, "foreign.tables.read", takes_profile=True),
@@ -145,10 +145,7 @@ def _of_package(name: str, what: Any) -> FileFormat:
 
 
 _ALONE: Final = {
-    suffix[1:]: kind
-    for kind in FORMATS
-    if kind.name == "native" or not (kind.accepts or kind.takes_profile)
-    for suffix in kind.suffixes
+    suffix[1:]: kind for kind in FORMATS if not (kind.accepts or kind.takes_profile) for suffix in kind.suffixes
 }
 """Suffixes that other packages cannot have, because what ends so is of that format, whatever is in it."""
 EXTENSIBLE: Final = ExtensibleTable[FileFormat]("file", lambda: _ALONE, _of_package)
@@ -307,7 +304,7 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
     """
     file = check.path("path", path)
     suffix = "" if file.is_dir() else file.suffix.lower() or "."
-    if suffix and not described and any(map(Path.is_file, sidecars(file))):
+    if suffix not in ("", ".parquet") and not described and any(map(Path.is_file, sidecars(file))):
         from plumbob.files.profile_toml import profiles_beside
 
         described = suffix != "." or bool(profiles_beside(file))
@@ -320,7 +317,7 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
         if not is_known:
             raise _unknown(file)
         if described:
-            kinds = [kind for kind in usual if kind.takes_profile or kind.name == "native"] or [*kinds]
+            kinds = [kind for kind in usual if kind.takes_profile] or [*kinds]
             kinds = kinds or [kind for kind in FORMATS if kind.name == "text"]
     tried = []
     with reading(file):

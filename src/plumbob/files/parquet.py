@@ -21,7 +21,6 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, one_line
 from plumbob.core.files import existing_file, read_in_parts, reading, replacing, require_room
-from plumbob.core.resources import guide
 from plumbob.core.time import is_gap, to_ns, to_s
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
@@ -161,17 +160,10 @@ class _RowGroupWriter:
             self._sums[name] = _crc(name, values, crc), size + values.nbytes
 
 
-def accepts(path: Path) -> bool:
-    """Whether a Parquet file is a recording, and no other program's; of one that is damaged nobody knows."""
-    try:
-        with _open(path) as parquet:
-            return not {KEY, PROFILE}.isdisjoint(parquet.metadata.metadata or {})
-    except DecodeError:
-        return True
-
-
 def read_parquet(path: str | Path, in_memory: bool = True) -> Recording:
     """Read a native recording, to the bit; unless all is to be in memory, samples without an attitude stay in the file.
+
+    A table of another program is read as its profile beside it says.
 
     Raises
     ------
@@ -179,17 +171,17 @@ def read_parquet(path: str | Path, in_memory: bool = True) -> Recording:
         If the file is not Parquet, cut, damaged, foreign, or of a newer version; the message is one line.
     """
     file = existing_file(path)
+    with reading(file), _open(file) as parquet:
+        metadata = parquet.metadata.metadata or {}
+        if KEY not in metadata and PROFILE in metadata:
+            return read_described(parquet, file)
+        is_own = KEY in metadata
+        content, columns = _load(file, parquet, header.load(metadata[KEY]), in_memory) if is_own else ({}, {})
+    if not is_own:
+        from plumbob.files.formats import read_table
+
+        return read_table(file, None)
     with reading(file):
-        with _open(file) as parquet:
-            metadata = parquet.metadata.metadata or {}
-            if KEY not in metadata and PROFILE in metadata:
-                return read_described(parquet, file)
-            if KEY not in metadata:
-                raise DecodeError(
-                    "it is not a recording, but a Parquet file of another program (no 'plumbob' in its metadata); "
-                    f"export it as CSV and describe that with a profile, see {guide('file-formats.md')}."
-                )
-            content, columns = _load(file, parquet, header.load(metadata[KEY]), in_memory)
         content = header.parse_header(content)
         track, several = content["track"], content.get("array", {})
         require(content["units"], imu=content["imu"] is not None, track=track is not None, units=list(several))
