@@ -6,15 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from plumbob import ImuArray, ImuData, flags, simulate_chain
 from plumbob.arm import ArmCard, align, run
-from plumbob.core import flags
 from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
 from plumbob.core.units import deg
-from plumbob.data.array import ImuArray
 from plumbob.data.chain import Chain, Joint, Segment
-from plumbob.data.imu import ImuData
 from plumbob.rotations import change_frame, dcm_from_quat, quat_angle, quat_conjugate, quat_multiply
-from plumbob.simulation import simulate_chain
 
 INSTANT = {"mean_rate": False}
 """The simulator takes the rate at the instant of a sample."""

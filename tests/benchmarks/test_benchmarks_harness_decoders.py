@@ -6,8 +6,7 @@ import pytest
 from benchmarks.harness.decoder_fuzz import Fuzzed, fuzz
 from benchmarks.harness.decoder_streams import HARMS, Damaged, damage, frames_of, settled, user_frame
 from benchmarks.harness.decoders import judge, measure_decoders
-from plumbob.protocols.decode import decode
-from plumbob.protocols.format_toml import find_format
+from plumbob import decode, find_format
 
 GROWTH = {"bit flip": 0, "byte dropped": -1, "byte inserted": 1, "length flip": 0}
 

@@ -9,18 +9,15 @@ from importlib.metadata import version
 import numpy as np
 import pytest
 
-from plumbob import Frame, files
+from plumbob import Frame, Recording, evaluate, files, simulate
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import deg
-from plumbob.data.recording import Recording
-from plumbob.door.evaluate import evaluate
 from plumbob.filters.offline import Stage
 from plumbob.fleet.experiments.accuracy import KEYS
 from plumbob.fleet.experiments.peers import peer_runs, peer_track
 from plumbob.fleet.experiments.trials import measure_accuracy, trials_in
 from plumbob.fleet.experiments.variants import without_mag
 from plumbob.rotations import North, change_frame, quat_angle, quat_from_euler_zyx, quat_multiply
-from plumbob.simulation import simulate
 
 LIBRARIES = ["vqf", "imufusion", "ahrs"]
 

@@ -8,8 +8,7 @@ from random import Random
 
 import pytest
 
-from plumbob.core import flags
-from plumbob.filters import filter_names
+from plumbob import filter_names, flags
 from tests.helpers.commandline import call, start
 
 

@@ -8,9 +8,7 @@ import pytest
 from plumbob.calibration.autocorrelation import SLOW, alike, memory, visits
 from plumbob.calibration.ellipsoid_fit import Shape
 from plumbob.calibration.fit import CaptureRefusedError
-from plumbob.calibration.mag.ellipsoid import fit_mag
-from plumbob.calibration.mag.with_acc import fit_mag_acc
-from plumbob.calibration.mag.with_gyr import fit_mag_gyr
+from plumbob.calibration.mag import fit_mag, fit_mag_acc, fit_mag_gyr
 from plumbob.rotations import quat_conjugate, quat_rotate
 from tests.helpers import mag_scene as mags
 from tests.helpers import noise_records, slow_as_python

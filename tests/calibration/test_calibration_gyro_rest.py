@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob.calibration.gyr.ferraris import fit_trackball
-from plumbob.calibration.gyr.hand import fit_hand
+from plumbob.calibration.gyr import fit_hand, fit_temperature, fit_trackball
 from plumbob.calibration.gyr.rest import UNCALIBRATED, UNSEEN, Rates, fit_rest
-from plumbob.calibration.gyr.temperature import fit_temperature
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps

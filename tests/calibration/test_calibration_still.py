@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
+from plumbob import Frame, simulate
 from plumbob.core.units import dps
 from plumbob.quality.static_periods import BLOCK, stills
-from plumbob.rotations import Frame
-from plumbob.simulation import simulate
 
 RATE = 100.0
 G = 9.80665

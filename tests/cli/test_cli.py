@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob import Filter, Frame, ImuData, files, simulate
-from plumbob.data.recording import Recording
+from plumbob import Filter, Frame, ImuData, Recording, files, simulate
 from plumbob.fleet.experiments.scenario import MonteCarlo
 from plumbob.rotations import euler_zyx_from_quat
 from tests.helpers.commandline import PLUMBOB, answer, call, typed

@@ -2,9 +2,7 @@
 
 import pytest
 
-from plumbob import Frame, files
-from plumbob.data.recording import Recording
-from plumbob.simulation import simulate
+from plumbob import Frame, Recording, files, simulate
 from tests.helpers.commandline import answer, refused, typed
 
 WORDS = "benchmark accuracy a.parquet --filters"

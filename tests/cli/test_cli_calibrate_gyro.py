@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from plumbob import CalibrationCard, ImuData, ImuMeta, files
+from plumbob import CalibrationCard, ImuData, ImuMeta, apply_card, files
 from plumbob.core.constants import G0
 from plumbob.core.units import dps, from_si, to_dps
-from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import TriadCalibration
 from tests.helpers.commandline import answer, ok, plumbob, refused
 from tests.helpers.gyro_sessions import ferraris, hand

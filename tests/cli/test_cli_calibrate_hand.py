@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
+from plumbob import CalibrationCard, apply_card
 from plumbob import files as io
 from plumbob.core.constants import G0
-from plumbob.data.calibrated import apply_card
-from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import Frame, quat_conjugate, quat_rotate
 from tests.helpers.commandline import answer, typed
 

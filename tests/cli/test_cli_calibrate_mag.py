@@ -5,9 +5,8 @@ import re
 import numpy as np
 import pytest
 
+from plumbob import CalibrationCard, ImuData, ImuMeta
 from plumbob import files as io
-from plumbob.data import ImuData, ImuMeta
-from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import quat_from_rotvec, quat_multiply
 from tests.helpers.commandline import answer, typed
 from tests.helpers.mag_scene import Unit, attitudes, field, force, heading_rms, rates, trajectory, tumbling, unit_of

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from plumbob import CalibrationCard
 from plumbob import files as io
 from plumbob.core.units import dps
-from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import quat_angle, quat_conjugate, quat_multiply, quat_rotate
 from plumbob.simulation import Module, TriadErrors, simulate
 from tests.helpers.commandline import answer, typed

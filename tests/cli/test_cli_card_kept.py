@@ -5,9 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from plumbob import files
+from plumbob import ImuData, ImuMeta, files
 from plumbob.cli.main import main
-from plumbob.data import ImuData, ImuMeta
 from plumbob.data.cards import UNITS, CalibrationCard, TriadCalibration
 from tests.helpers.commandline import table_of
 

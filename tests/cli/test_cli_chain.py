@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pyarrow.parquet as pq
 
-from plumbob.data.cards import CalibrationCard
-from plumbob.data.chain_toml import load_chain
+from plumbob import CalibrationCard, find_format, load_chain
 from plumbob.files import read
 from plumbob.live.rigs.plan import PLANS
 from plumbob.live.rigs.rig import make_rig
-from plumbob.protocols.format_toml import find_format
 from plumbob.rotations import quat_angle
 from plumbob.simulation import CHAINS, simulate_chain
 from tests.helpers.commandline import typed

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import files
+from plumbob import Stream, files, find_format
 from plumbob.cli import demo
 from plumbob.cli.demo import require_as_sent
 from plumbob.core.errors import DecodeError
@@ -17,9 +17,7 @@ from plumbob.live.rigs.plan import PLANS
 from plumbob.live.rigs.rig import make_rig
 from plumbob.live.session_toml import parse_session
 from plumbob.live.sinks import Collected
-from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Received
-from plumbob.protocols.format_toml import find_format
 from tests.helpers.commandline import call, ok
 
 SECONDS = 3.0

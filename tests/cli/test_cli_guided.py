@@ -12,8 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from plumbob import files
-from plumbob.data.cards import CalibrationCard
+from plumbob import CalibrationCard, files
 from plumbob.live.guide.board import Board, board_lines
 from plumbob.live.guide.guide import AxisTurn, Moment, Progress
 from tests.helpers.commandline import PLUMBOB, answer, emulated, typed

@@ -5,17 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from plumbob import files
+from plumbob import AttitudeTrack, Frame, ImuData, ImuMeta, North, Recording, convert, files, find_format
 from plumbob.cli.main import main
 from plumbob.core.text import visible
-from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.cards import NoiseCard, TriadNoise
-from plumbob.data.recording import Recording
 from plumbob.files.mcap import Recorder
-from plumbob.live.recorded import convert
 from plumbob.protocols.c_header import c_header
-from plumbob.protocols.format_toml import find_format
-from plumbob.rotations import Frame, North
 
 STEER = "unit\x1b]0;owned\x07\x1b[2J\x9b31m\u202edoog\nverdict      whole"
 SHOWN = "unit\\x1b]0;owned\\x07\\x1b[2J\\x9b31m\\u202edoog\\nverdict      whole"

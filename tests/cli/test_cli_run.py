@@ -7,9 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from plumbob import AttitudeTrack, Filter, Frame, ImuData, ImuMeta, files
+from plumbob import AttitudeTrack, Filter, Frame, ImuData, ImuMeta, Recording, files
 from plumbob.cli.main import main
-from plumbob.data.recording import Recording
 from plumbob.rotations import North, dcm_from_quat, quat_conjugate, quat_from_euler_zyx
 from tests.helpers.motion import seen_by
 

@@ -12,7 +12,7 @@ import threading
 import numpy as np
 import pytest
 
-from plumbob import Recording
+from plumbob import AttitudeTrack, ImuData, Recording, convert, find_format, load_session
 from plumbob import files as formats
 from plumbob.calibration.calibrate_gyro import read_plan
 from plumbob.calibration.report import certificate
@@ -20,16 +20,12 @@ from plumbob.cli import common
 from plumbob.cli.main import main
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import MAX_TEXT, replacing, write_text
-from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import CalibrationCard, NoiseCard, TriadCalibration, TriadNoise, open_card
 from plumbob.files.mcap import repair, verdict
 from plumbob.files.mcap.layout import pack
 from plumbob.files.profile_toml import load_profile
 from plumbob.files.text import read_spans
-from plumbob.live.recorded import convert
-from plumbob.live.session_toml import load_session
 from plumbob.live.sources import CaptureSource
-from plumbob.protocols.format_toml import find_format
 from plumbob.reporting.content import Figure
 from plumbob.reporting.drawing import picture
 from plumbob.rotations import IDENTITY, Frame, North

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob.core import flags, units
+from plumbob import ImuData, ImuMeta, flags, units
 from plumbob.core.errors import CalibrationError
-from plumbob.data import ImuData, ImuMeta
 from plumbob.data.calibrated import apply_card, temperature_beyond, temperature_drift
 from plumbob.data.cards import UNITS, CalibrationCard, Mount, TriadCalibration
 from plumbob.data.cards.residuals import NOTHING

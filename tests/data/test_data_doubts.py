@@ -6,8 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData
-from plumbob.core.errors import PlumbobWarning
+from plumbob import Filter, Frame, ImuData, PlumbobWarning
 from plumbob.data import ENOUGH
 from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, bursts, doubts, statistics, upside_down
 

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from plumbob.core import flags, units
+from plumbob import Frame, North, flags, units
 from plumbob.core.errors import ClockError, FrameError, PlumbobError, ShapeError, UnitError
 from plumbob.core.time import to_s
 from plumbob.data import ENOUGH, TRIADS, ImuData, ImuMeta
-from plumbob.rotations import Frame, North
 from tests.helpers import examples
 
 N = 200

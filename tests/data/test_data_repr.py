@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import AttitudeTrack, Filter, ImuData, ImuMeta, simulate
-from plumbob.door.evaluate import evaluate
+from plumbob import AttitudeTrack, Filter, ImuData, ImuMeta, evaluate, simulate
 from plumbob.rotations import quat_from_euler_zyx
 
 MADE = simulate("static", frame="NED", sensors="mpu6000+hmc5983", unit="random", seed=0, rate=50.0, duration=2.0)

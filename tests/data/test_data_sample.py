@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData, ImuSample
-from plumbob.core import flags
+from plumbob import Filter, Frame, ImuData, ImuMeta, ImuSample, flags
 from plumbob.core.errors import ClockError, ParameterError, ShapeError
-from plumbob.data import ImuMeta
 from tests.helpers.motion import noisy
 
 TRIADS = ("gyr", "acc", "mag")

@@ -7,9 +7,8 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
-from plumbob.core import flags
+from plumbob import AttitudeTrack, flags
 from plumbob.core.errors import ClockError, FrameError, ShapeError
-from plumbob.data import AttitudeTrack
 from plumbob.rotations import Frame, North, assert_same, quat_from_rotvec
 
 N = 50

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob import Filter, Frame, ImuData, ImuMeta, ImuSample, North, Recording, find_format, simulate
+from plumbob import Filter, Frame, ImuData, ImuMeta, ImuSample, North, Recording, evaluate, find_format, simulate
 from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
-from plumbob.door.evaluate import evaluate
 
 FORM = find_format("fin")
 MADE = simulate("static", frame="NED", sensors="ideal", unit="random", seed=0, rate=20.0, duration=1.0)

@@ -5,16 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import Frame, files
+from plumbob import Frame, Recording, files, simulate
 from plumbob.core.errors import DecodeError
 from plumbob.core.units import deg
-from plumbob.data.recording import Recording
 from plumbob.evaluation.metrics import INSIDE, inside_claim
 from plumbob.filters.offline import Stage
 from plumbob.fleet.experiments.accuracy import KEYS, SHARES
 from plumbob.fleet.experiments.trials import measure_accuracy, trials_in
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply
-from plumbob.simulation import simulate
 
 TOTAL = KEYS[0]
 

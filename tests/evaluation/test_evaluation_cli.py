@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import ImuData
+from plumbob import ImuData, Recording
 from plumbob import files as io
-from plumbob.data.recording import Recording
 from plumbob.rotations import North, quat_from_euler_zyx, quat_multiply
 from tests.helpers.commandline import call, ok, refused
 

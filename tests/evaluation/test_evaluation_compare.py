@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from plumbob import AttitudeTrack, Frame, ImuData, North, Recording, compare, simulate
+from plumbob import AttitudeTrack, Frame, ImuData, North, Recording, compare, simulate, write
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import deg, to_deg
-from plumbob.files import write
 from plumbob.rotations import change_frame, quat_angle, quat_conjugate, quat_from_euler_zyx, quat_rotate
 from tests.helpers.commandline import call, ok
 

@@ -6,11 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import Filter, ImuData
-from plumbob.core import flags
+from plumbob import Filter, ImuData, evaluate, flags
 from plumbob.core.errors import FrameError, ParameterError, ShapeError, UnitError
 from plumbob.core.units import deg
-from plumbob.door.evaluate import evaluate
 from plumbob.evaluation.metrics import QUANTITIES
 from plumbob.rotations import Frame, North, change_frame, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
 from plumbob.rotations.headings import turn_heading

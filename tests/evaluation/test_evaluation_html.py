@@ -5,9 +5,8 @@ import sys
 import numpy as np
 import pytest
 
-from plumbob.core import flags
+from plumbob import evaluate, flags
 from plumbob.core.errors import MissingExtraError, ShapeError
-from plumbob.door.evaluate import evaluate
 from plumbob.evaluation.report import comparison
 from plumbob.rotations import North, quat_conjugate, quat_from_rotvec, quat_multiply
 from tests.helpers.page_battery import HOSTILE, PageBattery

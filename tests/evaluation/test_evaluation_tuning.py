@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import Frame, estimate, evaluate, files, simulate, tune
+from plumbob import Frame, Recording, estimate, evaluate, files, simulate, tune
 from plumbob.core.errors import DecodeError, ParameterError, ShapeError
 from plumbob.core.params import describe
-from plumbob.data.recording import Recording
 from plumbob.filters import load
 from plumbob.fleet.experiments import tuning
 from plumbob.fleet.experiments.tuning import Range

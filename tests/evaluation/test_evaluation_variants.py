@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from plumbob import Frame, ImuData, ImuMeta
-from plumbob.core import flags
+from plumbob import AttitudeTrack, Frame, ImuData, ImuMeta, flags
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
 from plumbob.core.units import dps
-from plumbob.data import AttitudeTrack
 from plumbob.fleet.experiments.variants import CHANGES, MARGIN, changed, motion_begins, turning
 from plumbob.rotations import North, quat_rotate
 

@@ -8,8 +8,7 @@ import pytest
 
 from plumbob.core.errors import ParameterError
 from plumbob.files import kind_of, read, write
-from plumbob.rotations import Frame, North
-from plumbob.rotations.quaternions import quat_angle
+from plumbob.rotations import Frame, North, quat_angle
 from tests.helpers import log_samples as made
 from tests.helpers.file_kinds import telemetry
 from tests.helpers.io_samples import refused

@@ -8,11 +8,10 @@ import pyarrow.parquet as pq
 import pytest
 
 import plumbob
+from plumbob import ImuMeta, Recording
 from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
-from plumbob.data import ImuMeta
 from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards import NoiseCard, TriadNoise
-from plumbob.data.recording import Recording
 from plumbob.files import header, read
 from plumbob.files.columns import to_columns
 from plumbob.files.parquet import Stored, read_parquet, write_parquet

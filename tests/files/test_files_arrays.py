@@ -7,9 +7,7 @@ import pytest
 
 from plumbob import profile
 from plumbob.core.errors import DecodeError, UnitError
-from plumbob.files import read
-from plumbob.files.formats import kind_of
-from plumbob.files.profile_toml import parse_profile
+from plumbob.files import kind_of, parse_profile, read
 from tests.helpers.file_kinds import hdf5
 from tests.helpers.io_samples import refused
 

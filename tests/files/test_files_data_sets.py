@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from plumbob.files import kind_of, read
-from plumbob.rotations import Frame, North
-from plumbob.rotations.quaternions import quat_angle, quat_multiply, quat_rotate
+from plumbob.rotations import Frame, North, quat_angle, quat_multiply, quat_rotate
 from tests.helpers import log_samples as made
 from tests.helpers.file_kinds import HEAD, IDENTITY, IMU_HEAD, QUARTER, START, asl, drive, yaml
 from tests.helpers.io_samples import refused

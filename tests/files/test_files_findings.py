@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from plumbob import files
-from plumbob.data import ImuData, ImuMeta
+from plumbob import Frame, ImuData, ImuMeta, files
 from plumbob.data.plausibility import doubts, turning, upside_down
 from plumbob.data.recording import EARTH_FIELD, TOPICS, findings, provenance
-from plumbob.rotations import Frame
 from plumbob.simulation import SCENARIOS, simulate
 from tests.helpers.io_samples import make_imu
 from tests.helpers.real_data import DATA, needs

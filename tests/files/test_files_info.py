@@ -8,11 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 import plumbob
-from plumbob import AttitudeTrack, ImuData, files
-from plumbob.core import flags
-from plumbob.data import ImuMeta
+from plumbob import AttitudeTrack, Frame, ImuData, ImuMeta, North, files, flags
 from plumbob.data.recording import TOPICS
-from plumbob.rotations import Frame, North
 from tests.helpers.commandline import ok
 from tests.helpers.io_samples import make_imu
 

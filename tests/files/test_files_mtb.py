@@ -9,10 +9,9 @@ import struct
 import numpy as np
 import pytest
 
-from plumbob.core import flags
+from plumbob import Frame, North, flags
 from plumbob.core.errors import ParameterError
 from plumbob.files import kind_of, read
-from plumbob.rotations import Frame, North
 from tests.helpers.file_kinds import xbus_block, xbus_floats, xbus_message
 from tests.helpers.io_samples import refused
 

@@ -13,11 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from plumbob import ImuArray, ImuData, ImuMeta, Recording
 from plumbob.core.errors import ClockError, DecodeError, FrameError, ParameterError
 from plumbob.core.files import require_room
-from plumbob.data import ImuData, ImuMeta
-from plumbob.data.array import ImuArray
-from plumbob.data.recording import Recording
 from plumbob.files import header
 from plumbob.files.arrow import unpacked_bytes
 from plumbob.files.columns import COLUMNS, to_columns

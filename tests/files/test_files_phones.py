@@ -7,9 +7,8 @@ import pytest
 
 from plumbob.core.constants import G0
 from plumbob.core.errors import ClockError, DecodeError
-from plumbob.files import read
+from plumbob.files import kind_of, read
 from plumbob.files.foreign import phones
-from plumbob.files.formats import kind_of
 from plumbob.rotations import Frame, North, quat_rotate
 from tests.helpers import file_kinds as kinds
 from tests.helpers.io_samples import refused

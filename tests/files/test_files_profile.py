@@ -5,13 +5,11 @@ import re
 
 import pytest
 
-from plumbob import files, json_schema
+from plumbob import Frame, ImuMeta, North, files, json_schema
 from plumbob.core.constants import G0
 from plumbob.core.errors import DecodeError, FrameError, ParameterError, UnitError
-from plumbob.data import ImuMeta
 from plumbob.files import Profile, load_profile, parse_profile
 from plumbob.files.profile import TimeColumn, TimeRate
-from plumbob.rotations import Frame, North
 from tests.helpers.io_samples import ROOT, refused, schema_keys
 
 MINIMAL = """

@@ -9,8 +9,7 @@ import pyulog
 from plumbob.core.errors import ParameterError
 from plumbob.files import kind_of, read
 from plumbob.files.foreign import ulog as reader
-from plumbob.rotations import Frame, North
-from plumbob.rotations.quaternions import quat_angle
+from plumbob.rotations import Frame, North, quat_angle
 from tests.helpers import log_samples as made
 from tests.helpers.io_samples import refused
 from tests.helpers.real_data import DATA, needs

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from plumbob.core.constants import G0
-from plumbob.files import read
-from plumbob.files.formats import kind_of
+from plumbob.files import kind_of, read
 from plumbob.rotations import Frame, North
 from tests.helpers.file_kinds import binary
 from tests.helpers.io_samples import refused

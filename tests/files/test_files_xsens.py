@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from plumbob.core.errors import ClockError, DecodeError, ParameterError
-from plumbob.files import read
-from plumbob.files.formats import kind_of
+from plumbob.files import kind_of, read
 from plumbob.rotations import Frame, quat_from_dcm
 from tests.helpers.file_kinds import NEW, OLD, SENSORS, export
 from tests.helpers.io_samples import refused

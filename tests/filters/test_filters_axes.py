@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData
-from plumbob.core import flags
+from plumbob import Filter, Frame, ImuData, flags
 from plumbob.core.units import dps
 from plumbob.filters.input_checks import LONG
 from plumbob.filters.smoother import Smoother

@@ -6,9 +6,8 @@ import pickle
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData, ImuSample
+from plumbob import Filter, Frame, ImuData, ImuSample, filter_names
 from plumbob.core.errors import ClockError, DecodeError, ShapeError
-from plumbob.filters import filter_names
 from plumbob.rotations import quat_from_euler_zyx
 from tests.helpers import in_the_other_mode
 from tests.helpers.filter_battery import FilterBattery, digest

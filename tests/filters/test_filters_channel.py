@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy import linalg, signal
 
-from plumbob.core import flags
+from plumbob import filter_names, flags
 from plumbob.core.errors import ClockError, ParameterError, ShapeError
 from plumbob.core.params import describe
 from plumbob.core.units import deg, dps
-from plumbob.filters import filter_names
 from plumbob.filters.channel import RateFilter, load
 from plumbob.filters.channel_average import same_noise
 from plumbob.filters.channel_scalar import params_of, ramp_lag, steady_gain

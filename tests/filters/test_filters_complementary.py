@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData
-from plumbob.core import flags
+from plumbob import Filter, Frame, ImuData, flags
 from plumbob.core.constants import G0
 from plumbob.evaluation.metrics import attitude_errors
 from plumbob.filters.complementary import arc, share

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.claims import judged, limits
-from plumbob import CalibrationCard, Filter, Frame, ImuData, ImuMeta, files
-from plumbob.data.calibrated import apply_card
+from plumbob import CalibrationCard, Filter, Frame, ImuData, ImuMeta, apply_card, files
 from plumbob.data.cards import Mount, TriadCalibration
 from plumbob.data.cards.residuals import NOTHING, full_covariance, left_by, uncalibrated, upper_half
 from plumbob.evaluation.metrics import BOUNDS

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from plumbob import Filter, Frame, ImuData, ImuMeta, NoiseCard, simulate
-from plumbob.core import flags
+from plumbob import Filter, Frame, ImuData, ImuMeta, NoiseCard, flags, simulate
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.data.cards import TriadNoise

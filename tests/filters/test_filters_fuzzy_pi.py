@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData
+from plumbob import Filter, Frame, ImuData, evaluate
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
-from plumbob.door.evaluate import evaluate
 from plumbob.filters.fuzzy_pi import WOUND
 from plumbob.filters.offline import Stage
 from plumbob.fleet.experiments.scenario import measure_scenario

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob import Filter, Frame
-from plumbob.core import flags
+from plumbob import Filter, Frame, flags
 from plumbob.core.constants import G0, IMPOSSIBLE_RATE
 from plumbob.filters import input_checks
 from plumbob.filters.input_checks import (

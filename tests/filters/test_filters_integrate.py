@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData
-from plumbob.core import flags
-from plumbob.rotations import IDENTITY, quat_angle, quat_from_euler_zyx, quat_from_rotvec
-from plumbob.rotations.quaternions import body_rate_from_euler_zyx
+from plumbob import Filter, Frame, ImuData, flags
+from plumbob.rotations import IDENTITY, body_rate_from_euler_zyx, quat_angle, quat_from_euler_zyx, quat_from_rotvec
 
 
 def coning(t, half_angle, speed):

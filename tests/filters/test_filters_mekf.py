@@ -7,8 +7,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from plumbob import Filter, Frame, ImuData, ImuMeta, NoiseCard
-from plumbob.core import flags
+from plumbob import Filter, Frame, ImuData, ImuMeta, NoiseCard, flags, simulate
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps
 from plumbob.data.cards import TriadNoise
@@ -24,7 +23,6 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
-from plumbob.simulation import simulate
 from tests.helpers import slow_as_python
 from tests.helpers.filter_state import coefficients_of, fresh_state, state_of
 from tests.helpers.hand_motion import error_n

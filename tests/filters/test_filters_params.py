@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob import Filter, Frame, ImuData, ImuMeta, ImuSample, NoiseCard
-from plumbob.core import flags
+from plumbob import Filter, Frame, ImuData, ImuMeta, ImuSample, NoiseCard, flags
 from plumbob.core.constants import G0
 from plumbob.core.errors import FrameError, ParameterError, ShapeError
 from plumbob.core.params import describe

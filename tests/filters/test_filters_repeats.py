@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData, ImuMeta
-from plumbob.core import flags
+from plumbob import Filter, FixedLag, Frame, ImuData, ImuMeta, flags
 from plumbob.core.time import REMEMBERED, Repeats
-from plumbob.filters.smoother import FixedLag
 from plumbob.rotations import quat_angle
 from tests.helpers.motion import consistent
 

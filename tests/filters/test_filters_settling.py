@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData
-from plumbob.core import flags
+from plumbob import Filter, Frame, ImuData, flags
 from plumbob.core.constants import G0
 from plumbob.filters.settling import LONGEST, REST_TURN, SIZE_BAND, STEADY, STEADY_FOR, UPRIGHT_FOR, trial_time
 from plumbob.filters.start import upright

@@ -4,10 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob import Filter, Frame, ImuData
-from plumbob.core import flags
+from plumbob import Filter, Frame, ImuData, ImuSample, flags
 from plumbob.core.time import to_ns, to_s
-from plumbob.data.sample import ImuSample
 from plumbob.filters.layout import COUNT, LATE, OWN, tick
 from plumbob.rotations import quat_angle
 from tests.helpers.motion import consistent

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from plumbob import ImuData
+from plumbob import ImuData, NoiseCard
 from plumbob.data.array import ImuArray, UnitMount
-from plumbob.data.cards import NoiseCard
 from plumbob.data.cards.noise import TriadNoise
 from plumbob.papers.arm.faults import as_array, moved
 from plumbob.rotations import quat_from_rotvec

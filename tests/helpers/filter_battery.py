@@ -8,8 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
-from plumbob import Filter, Frame, ImuData, ImuSample
-from plumbob.core import flags
+from plumbob import Filter, Frame, ImuData, ImuSample, flags
 from plumbob.core.constants import G0
 from plumbob.filters import filter_names, load
 from plumbob.filters.layout import CLOCK, OWN

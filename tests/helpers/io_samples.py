@@ -10,9 +10,8 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from plumbob import AttitudeTrack, ImuData, ImuMeta, Recording
 from plumbob.core.errors import DecodeError
-from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-from plumbob.data.recording import Recording
 from plumbob.files import header
 from plumbob.files.columns import column
 from plumbob.rotations import Frame, North, quat_normalize

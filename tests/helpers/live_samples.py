@@ -4,12 +4,11 @@ import functools
 
 import numpy as np
 
-from plumbob import Frame, simulate
+from plumbob import Frame, Stream, simulate
 from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
 from plumbob.live.session_toml import parse_session
 from plumbob.live.sinks import Collected, RecordingSink
-from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.decode import values_by_field
 from plumbob.protocols.encode import encode

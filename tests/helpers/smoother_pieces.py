@@ -5,8 +5,7 @@ import hashlib
 import numpy as np
 
 from plumbob import ImuData
-from plumbob.filters.smoother import Smoother, samples
-from plumbob.filters.smoother.model import Params
+from plumbob.filters.smoother import Params, Smoother, samples
 from plumbob.filters.smoother.preprocess import Arriving
 from tests.helpers.motion import noisy
 

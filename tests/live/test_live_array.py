@@ -8,20 +8,17 @@ import numpy as np
 import pytest
 
 import plumbob
+from plumbob import Stream, apply_card, find_format, read_array
 from plumbob.core.errors import ClockError, DecodeError, ParameterError, PlumbobError
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.array import PRESETS, ImuArray, UnitMount
-from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard, TriadCalibration
-from plumbob.door.reading import read_array
 from plumbob.files.mcap import open_log, repair, verify
 from plumbob.live.rigs.plan import PLANS
 from plumbob.live.rigs.rig import make_rig
 from plumbob.live.session_toml import of_unit, parse_session
-from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.decode import decode, triads_of
-from plumbob.protocols.format_toml import find_format
 from tests.helpers.commandline import ok, refused
 from tests.helpers.live_samples import through
 

@@ -6,18 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import files
+from plumbob import AttitudeTrack, Filter, Frame, North, Recording, Stream, files, filter_names, simulate
 from plumbob.core.units import dps
-from plumbob.data import AttitudeTrack
-from plumbob.data.recording import Recording
-from plumbob.filters import Filter, filter_names
 from plumbob.filters.offline import Stage, bias_beyond
 from plumbob.fleet.experiments.scenario import measure_scenario
-from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Received
 from plumbob.live.watch import SETTLED, Watch
-from plumbob.rotations import Frame, North
-from plumbob.simulation import simulate
 from plumbob.simulation.presets import draw_module
 from tests.helpers.commandline import ok
 from tests.helpers.live_samples import SESSION, session, stream

@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import ImuMeta
+from plumbob import Frame, ImuMeta, simulate
 from plumbob.calibration.calibrate_accel import calibrate_accel, poses_at_rest
 from plumbob.calibration.predicted import REGIONS
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import g
-from plumbob.rotations import Frame
-from plumbob.simulation import simulate
 from tests.helpers.pose_capture import BIAS, GAIN, NOISE, RATE, pose_capture, symmetric
 from tests.helpers.refusals import reasons
 

@@ -9,7 +9,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from plumbob.core import flags
+from plumbob import Stream, flags
 from plumbob.core.errors import DecodeError, LineError, ParameterError, UnitError
 from plumbob.core.event import Event
 from plumbob.live.replay import open_recording, replay
@@ -19,7 +19,6 @@ from plumbob.live.session_toml import parse_session
 from plumbob.live.sinks import Collected, RecordingSink
 from plumbob.live.source_toml import iio_format
 from plumbob.live.sources import open_source
-from plumbob.live.stream import Stream
 from plumbob.live.transports.iio_layout import IioChannel, IioLayout, IioType
 from plumbob.live.transports.transport import Received
 from tests.helpers.iio_tree import ACCEL, GYRO, Tree, motion, scans

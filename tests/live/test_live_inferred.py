@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import pytest
 
+from plumbob import Stream, read
 from plumbob.data.recording import inferred, inferred_in
-from plumbob.door.reading import read
 from plumbob.live.recorded import convert, read_recorded
 from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
 from plumbob.live.sinks import RecordingSink
-from plumbob.live.stream import Stream
 from plumbob.live.watch import Watch, report_lines, run_report
 from tests.helpers.commandline import ok
 from tests.helpers.live_samples import Handed, reads, session, stream

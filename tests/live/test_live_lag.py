@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob.core import flags
+from plumbob import Frame, flags, replay
 from plumbob.core.errors import ParameterError
 from plumbob.core.event import Event
 from plumbob.filters.offline import Stage, run_stage
 from plumbob.filters.smoother import FixedLag, Smoother
-from plumbob.live.replay import replay
 from plumbob.live.sinks import TextSink
 from plumbob.live.stream import STARTED_AGAIN, Stream
 from plumbob.live.transports.transport import Received
-from plumbob.rotations import Frame
 from tests.helpers.hand_motion import by_hand
 from tests.helpers.live_samples import reads, session, stream, through
 

@@ -5,7 +5,7 @@ import errno
 import numpy as np
 import pytest
 
-from plumbob.core import flags
+from plumbob import find_format, flags
 from plumbob.core.event import Event
 from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.files.mcap import disk, verify
@@ -17,7 +17,6 @@ from plumbob.live.stream import Stream, time_spec
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.decode import values_by_field
 from plumbob.protocols.encode import encode
-from plumbob.protocols.format_toml import find_format
 from tests.helpers.live_samples import FORMAT, RATE, SESSION, Handed, form, motion, reads, session, stream, through
 
 

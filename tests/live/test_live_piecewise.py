@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob import CalibrationCard, ImuData, Recording
-from plumbob.core import flags
+from plumbob import CalibrationCard, ImuData, Recording, flags
 from plumbob.core.errors import ClockError, DecodeError, UnitError
 from plumbob.data import ImuMeta, imu, plausibility
 from plumbob.data.cards import TriadCalibration
-from plumbob.files import parquet
-from plumbob.files.formats import read
+from plumbob.files import parquet, read
 from plumbob.filters import offline
 from plumbob.filters.smoother import samples
 from tests.helpers import full_disk

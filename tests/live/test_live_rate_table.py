@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from plumbob import Frame, apply_card
 from plumbob.calibration.calibrate_gyro import Plateau, calibrate_table, found_plateaus, read_plan
 from plumbob.calibration.calibration import capture, card_of
 from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.core.constants import G0
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.units import dps
-from plumbob.data.calibrated import apply_card
-from plumbob.rotations import Frame
 from plumbob.simulation import Module, TriadErrors, simulate
 from tests.helpers.refusals import reason_kinds
 

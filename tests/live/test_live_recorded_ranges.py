@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from plumbob import files
-from plumbob.core import flags
+from plumbob import files, flags
 from plumbob.live.recorded import convert, read_recorded
 from plumbob.protocols.decode import full_scales
 from plumbob.protocols.encode import encode

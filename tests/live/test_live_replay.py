@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import files
-from plumbob.core import flags
+from plumbob import files, find_format, flags
 from plumbob.core.errors import DecodeError, ParameterError, ShapeError
 from plumbob.core.event import Event
 from plumbob.door import reading
@@ -21,7 +20,6 @@ from plumbob.live.rigs.rig import make_rig
 from plumbob.live.sinks import TextSink
 from plumbob.live.sources import open_source
 from plumbob.live.transports.transport import Received
-from plumbob.protocols.format_toml import find_format
 from plumbob.rotations import North, euler_zyx_from_quat, quat_angle, quat_conjugate, quat_multiply
 from tests.helpers.live_samples import OFFSET, SESSION, motion, reads, record, session, stream, through
 

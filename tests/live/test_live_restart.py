@@ -6,15 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob.core import flags
+from plumbob import Stream, flags, replay
 from plumbob.core.errors import DecodeError
 from plumbob.files.mcap import disk, open_log, repair
 from plumbob.live.recorded import read_recorded
-from plumbob.live.replay import replay
 from plumbob.live.runner import run_stream
 from plumbob.live.session import OutputSpec, RecordSpec
 from plumbob.live.sinks import Collected, RecordingSink, named_at
-from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Received
 from tests.helpers.live_samples import OFFSET, Handed, reads, session, stream, through
 

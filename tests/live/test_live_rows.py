@@ -7,9 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
-from plumbob import Frame, ImuData, North
-from plumbob.core import flags
-from plumbob.data import AttitudeTrack
+from plumbob import AttitudeTrack, Frame, ImuData, North, flags
 from plumbob.live.rows import attitude_rows, imu_rows
 
 T_NS = [5, 10, 2**61]

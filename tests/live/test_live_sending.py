@@ -14,11 +14,9 @@ import pytest
 from pynmeagps import NMEAReader
 
 import plumbob
+from plumbob import AttitudeTrack, flags, send, units
 from plumbob.cli.main import main
-from plumbob.core import flags, units
 from plumbob.core.errors import DecodeError, FrameError, LineError, ParameterError, ShapeError
-from plumbob.data import AttitudeTrack
-from plumbob.door.send import send
 from plumbob.live.sending import Due
 from plumbob.live.session import parse_send
 from plumbob.live.transports import outgoing

@@ -6,11 +6,10 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from plumbob import Frame, json_schema
+from plumbob import Frame, Stream, json_schema
 from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError, ShapeError, UnitError
 from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.live.session_toml import load_session, parse_session, plain_session, recorded_session
-from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format

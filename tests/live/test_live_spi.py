@@ -5,17 +5,15 @@ from functools import partial
 import numpy as np
 import pytest
 
-from plumbob.core import flags
+from plumbob import Stream, flags, replay
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnitError
 from plumbob.core.event import Event
 from plumbob.files.mcap import open_log
-from plumbob.live.replay import replay
 from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
 from plumbob.live.session_toml import parse_session
 from plumbob.live.sinks import Collected, RecordingSink
 from plumbob.live.sources import spi_source
-from plumbob.live.stream import Stream
 from tests.helpers.chips.adxrs290 import Adxrs290
 from tests.helpers.chips.adxrs453 import Adxrs453, Fault, sensor_command
 

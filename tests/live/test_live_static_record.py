@@ -5,10 +5,9 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from plumbob import files
+from plumbob import ImuData, ImuMeta, files
 from plumbob.core.errors import ClockError, DecodeError, ParameterError, ShapeError, UnitError
 from plumbob.core.units import Quantity, dps
-from plumbob.data import ImuData, ImuMeta
 from plumbob.door.allan import load_static
 from plumbob.noise.static_record import check_static
 from tests.helpers.real_data import DATA, needs

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from plumbob import AttitudeTrack, Frame, North
 from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.core.errors import CalibrationError, FrameError
 from plumbob.core.units import deg
-from plumbob.data import AttitudeTrack
 from plumbob.papers.buoy.static_test import static_test
-from plumbob.rotations import Frame, North
 from plumbob.simulation import Module, TriadErrors, simulate
 
 IRON = 8.0  # µT along the unit's nose

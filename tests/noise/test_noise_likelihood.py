@@ -7,8 +7,7 @@ import pytest
 from scipy.fft import dct
 from scipy.interpolate import PchipInterpolator
 
-from plumbob.noise import analysis, likelihood
-from plumbob.noise.findings import Coefficient
+from plumbob.noise import Coefficient, analysis, likelihood
 from plumbob.noise.likelihood import evaluate, point
 from plumbob.noise.spectrum import LETTERS, densities, edges, markov_bins, markov_density, ramp_coefficients, spectrum
 from plumbob.simulation import errors

@@ -15,8 +15,7 @@ from scipy.signal import lfilter
 from plumbob.core.errors import MissingExtraError, ShapeError
 from plumbob.core.text import measured, number
 from plumbob.core.units import Quantity, dps, from_si, to_si
-from plumbob.noise import ChannelComparison, compare, report
-from plumbob.noise.curve import Curve
+from plumbob.noise import ChannelComparison, Curve, compare, report
 from plumbob.noise.findings import Candidate, Coefficient, Estimates, Mask, Sinusoid
 from plumbob.noise.terms import DATASHEET, variance
 from plumbob.papers.fin.datasheet import fin_report

@@ -8,9 +8,7 @@ import pytest
 
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import Quantity
-from plumbob.noise.static import artefacts
-from plumbob.noise.static.judge import FEWEST_SAMPLES, StaticCheck, judge
-from plumbob.noise.static.report import bridged
+from plumbob.noise.static import FEWEST_SAMPLES, StaticCheck, artefacts, bridged, judge
 from plumbob.simulation.errors import flicker, random_walk
 from tests.helpers import is_plain, slow_as_python
 

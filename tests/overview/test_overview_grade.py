@@ -7,12 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from plumbob import AttitudeTrack, Frame, ImuArray, ImuData, North, Recording, doctor, info, simulate
+from plumbob import AttitudeTrack, Frame, ImuArray, ImuData, North, Recording, doctor, flags, info, simulate, write
 from plumbob.cli.main import main
-from plumbob.core import flags
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
-from plumbob.files import write
 from plumbob.quality.grade import WORDS, grade, grade_track, grade_word
 
 LITTLE = 1.0

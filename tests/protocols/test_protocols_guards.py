@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.harness.false_accepts import false_accepts
-from plumbob.core import flags
+from plumbob import Decoder, decode, flags
 from plumbob.core.errors import DecodeError
-from plumbob.protocols.decode import Decoder, decode
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import find_format, parse_format
 from plumbob.protocols.unpack import read_counts

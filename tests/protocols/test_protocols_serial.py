@@ -5,11 +5,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from plumbob.core import flags, units
+from plumbob import find_format, flags, units
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.protocols.decode import decode, format_title
 from plumbob.protocols.encode import encode
-from plumbob.protocols.format_toml import find_format
 
 
 class Stream(NamedTuple):

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plumbob import ImuData, ImuMeta, doctor
+from plumbob import ImuData, ImuMeta, Recording, doctor
 from plumbob.core.units import from_si
-from plumbob.data.recording import Recording
 from plumbob.quality.arrangement import ARRANGEMENTS, fit, means
 from plumbob.quality.derotated import fit_force
 from plumbob.quality.diagnosis import Diagnosis, Trust

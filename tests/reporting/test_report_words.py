@@ -13,8 +13,7 @@ from plumbob.core import flags
 from plumbob.core.units import Quantity
 from plumbob.data.cards import CalibrationCard, Mount
 from plumbob.evaluation.report import comparison
-from plumbob.filters import load
-from plumbob.filters.base import CommonParams
+from plumbob.filters import CommonParams, load
 from plumbob.noise import ChannelComparison, compare
 from plumbob.noise.report import NOISE
 from plumbob.noise.report import comparison as before_and_after

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from plumbob import Frame, North
 from plumbob.core.errors import FrameError
 from plumbob.rotations import (
-    Frame,
-    North,
     assert_same,
     axes_letters,
     body_axes,

@@ -3,19 +3,12 @@
 import numpy as np
 import pytest
 
+from plumbob import Frame
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.data.array import UnitMount
 from plumbob.data.chain import Chain, Joint, Segment
-from plumbob.rotations import (
-    Frame,
-    quat_angle,
-    quat_conjugate,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_rotate,
-    rotvec_from_quat,
-)
+from plumbob.rotations import quat_angle, quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate, rotvec_from_quat
 from plumbob.simulation import CHAINS, PROGRAMS, BentRegion, ChainProgram, Dipole, EulerMotion, simulate_chain
 from plumbob.simulation.bodies import ChainMotion
 from plumbob.simulation.signals import Polynomial, Sinusoids, Stack, constant, sinusoid

@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from plumbob import Frame, apply_card, simulate, simulate_chain
 from plumbob.core.errors import CalibrationError, FrameError, ParameterError, PlumbobError, ShapeError
-from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import NoiseCard, TriadNoise
 from plumbob.data.chain import Chain, Segment
-from plumbob.rotations import Frame
 from plumbob.simulation import (
     CHAINS,
     Dipole,
@@ -20,8 +19,6 @@ from plumbob.simulation import (
     draw_module,
     earth_field,
     scenario,
-    simulate,
-    simulate_chain,
     waypoints,
 )
 from plumbob.simulation.errors import AttitudeErrors

@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob.core import flags
+from plumbob import apply_card, flags
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import deg
-from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import NoiseCard, TriadNoise
 from plumbob.rotations import Frame, North, change_frame, euler_zyx_from_quat, quat_angle, quat_multiply, quat_rotate
 from plumbob.simulation import Module, TriadErrors, draw_module, scenario, simulate

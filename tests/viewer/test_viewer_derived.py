@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from websockets.sync.client import connect
 
-from plumbob.core import flags
-from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-from plumbob.data.cards import CalibrationCard
-from plumbob.door.calibrate import calibrate
+from plumbob import AttitudeTrack, CalibrationCard, ImuData, ImuMeta, calibrate, flags
 from plumbob.live.sinks import track_lines
 from plumbob.rotations import Frame, North, quat_from_rotvec, quat_multiply, quat_rotate
 from plumbob.viewer.derived import Allan, FedSamples

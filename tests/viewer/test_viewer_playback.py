@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob import files
+from plumbob import Recording, convert, files
 from plumbob.core.errors import FrameError, ParameterError, ShapeError
 from plumbob.core.units import to_deg
-from plumbob.data.recording import Recording
-from plumbob.live.recorded import convert
 from plumbob.viewer.playback import Player, load
 from tests.helpers import live_samples
 from tests.helpers.outlets import Clock, Kept

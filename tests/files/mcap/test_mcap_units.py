@@ -11,13 +11,11 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob.data import ImuData, ImuMeta
+from plumbob import ImuData, ImuMeta, find_format, read_array
 from plumbob.data.array import ImuArray, UnitMount
-from plumbob.door.reading import read_array
 from plumbob.files.header import array_told
 from plumbob.files.mcap import open_log
 from plumbob.protocols.decode import decode, triads_of
-from plumbob.protocols.format_toml import find_format
 from tests.helpers.commandline import PLUMBOB
 from tests.helpers.io_samples import refused
 from tests.helpers.record_samples import flipped, recorder

@@ -9,8 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from plumbob import Frame, ImuData, ImuMeta, North, estimate, evaluate, simulate
-from plumbob.core import flags
+from plumbob import Frame, ImuData, ImuMeta, North, estimate, evaluate, flags, simulate
 from plumbob.core.units import deg, dps
 from plumbob.filters.smoother import Smoother, samples
 from plumbob.rotations import (

@@ -8,13 +8,11 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from plumbob import ImuData, NoiseCard
-from plumbob.core import flags
+from plumbob import ImuData, ImuMeta, NoiseCard, flags
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.data.cards import TriadNoise
 from plumbob.data.cards.residuals import uncalibrated
-from plumbob.data.imu import ImuMeta
 from plumbob.filters.smoother import Params, Smoother
 from plumbob.filters.smoother.field import LEAST_BEND, LEAST_NOISE, Reference, direction_scatter
 from plumbob.filters.smoother.keyframes import Keyframes

@@ -6,11 +6,10 @@ import warnings
 import numpy as np
 import pytest
 
-from plumbob import Filter, ImuData, ImuMeta, estimate, files, flags, load_session
+from plumbob import Filter, ImuData, ImuMeta, Stream, estimate, files, flags, load_session
 from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
 from plumbob.filters.smoother import Smoother
 from plumbob.live.session_toml import capture_session
-from plumbob.live.stream import Stream
 from plumbob.rotations import quat_conjugate, quat_rotate
 from tests.helpers.commandline import ok, plumbob
 from tests.helpers.hand_motion import by_hand

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as nps
 
-from plumbob import ImuData
-from plumbob.core import flags
+from plumbob import ImuData, flags
 from plumbob.core.units import deg
 from plumbob.filters.smoother import Smoother, keyframes, samples
 from plumbob.filters.smoother.keyframes import Keyframes, between, longest_step

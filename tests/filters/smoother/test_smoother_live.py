@@ -13,8 +13,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from plumbob import ImuData, ImuMeta
-from plumbob.core import flags
+from plumbob import ImuData, ImuMeta, flags
 from plumbob.core.errors import ShapeError
 from plumbob.core.units import deg, dps
 from plumbob.filters.smoother import FixedLag, Smoother, inertial, live

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob import ImuData, ImuMeta, ImuSample
-from plumbob.core import flags
+from plumbob import FixedLag, ImuData, ImuMeta, ImuSample, flags
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.filters.smoother import FixedLag
 from plumbob.filters.smoother.live import Live
 from tests.helpers import slow_as_python
 from tests.helpers.hand_motion import by_hand

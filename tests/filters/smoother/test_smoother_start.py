@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from plumbob import AttitudeTrack, Frame, ImuMeta, North, estimate
-from plumbob.core import flags
+from plumbob import AttitudeTrack, Frame, ImuMeta, North, estimate, flags
 from plumbob.core.units import deg
 from plumbob.filters import Start
 from plumbob.filters.offline import Stage, run_stage

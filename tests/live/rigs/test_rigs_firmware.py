@@ -5,14 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, read
-from plumbob.data import ImuData
+from plumbob import Filter, Frame, ImuData, decode, find_format, read
 from plumbob.live.rigs.firmware import Processor, decoded, run_firmware
 from plumbob.live.rigs.flash import FlashLog
 from plumbob.live.rigs.plan import PLANS
 from plumbob.live.rigs.rig import make_rig
-from plumbob.protocols.decode import decode
-from plumbob.protocols.format_toml import find_format
 from plumbob.protocols.ring import read_ring
 from plumbob.rotations import North, quat_angle
 from plumbob.simulation import scenario

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
+from plumbob import decode, find_format
 from plumbob.live.rigs.flash import YEAR_S, FlashLog
-from plumbob.protocols.decode import decode
 from plumbob.protocols.encode import encode
-from plumbob.protocols.format_toml import find_format
 from plumbob.protocols.ring import read_ring
 
 FORM = find_format("buoy_attitude")

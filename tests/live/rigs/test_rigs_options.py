@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 
 import plumbob
+from plumbob import find_format, record
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg
 from plumbob.data.cards import NoiseCard, TriadNoise
 from plumbob.live.emulated import unit_file
-from plumbob.live.record import record
 from plumbob.live.rigs.plan import PLANS
 from plumbob.live.rigs.rig import make_rig
 from plumbob.protocols.checksum import of_rows
 from plumbob.protocols.decode import decode, triads_of, unit_temperature
-from plumbob.protocols.format_toml import find_format
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_angle, quat_conjugate, quat_multiply
 from plumbob.simulation.signals import Polynomial
 

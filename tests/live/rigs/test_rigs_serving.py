@@ -11,12 +11,11 @@ from io import BytesIO
 import numpy as np
 import pytest
 
+from plumbob import decode, find_format
 from plumbob.core.errors import ParameterError
 from plumbob.live.rigs.plan import PLANS
 from plumbob.live.rigs.rig import make_rig
 from plumbob.live.rigs.serving import FilePort, PtyPort, TcpPort, UdpPort, serve
-from plumbob.protocols.decode import decode
-from plumbob.protocols.format_toml import find_format
 
 LONG = 30.0
 

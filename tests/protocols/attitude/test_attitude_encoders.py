@@ -12,21 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pynmeagps import NMEAReader
 
-from plumbob.core import flags, units
+from plumbob import AttitudeTrack, Frame, ImuData, North, flags, units
 from plumbob.core.errors import FrameError, ParameterError
-from plumbob.data import AttitudeTrack, ImuData
 from plumbob.protocols.attitude import AttitudeSample, BodyAxes, attitudes, lines
 from plumbob.protocols.attitude.mavlink import Mavlink
 from plumbob.protocols.attitude.ros2 import Imus
-from plumbob.rotations import (
-    Frame,
-    North,
-    change_frame,
-    quat_conjugate,
-    quat_from_euler_zyx,
-    quat_multiply,
-    quat_rotate,
-)
+from plumbob.rotations import change_frame, quat_conjugate, quat_from_euler_zyx, quat_multiply, quat_rotate
 from tests.helpers import examples
 
 NOON = 1_700_000_000_123_456_789  # 2023-11-14T22:13:20.123456789Z
