@@ -192,8 +192,8 @@ def batch(
     dataset, workers = _dataset(out), _workers(jobs, cluster)
     items, total = _listed(sources, say)
     settings.try_out()
-    if total == 1 and cluster is None:
-        workers = 1  # it is over before a process of its own has started
+    if total is not None:
+        workers = min(workers, total)  # a recording alone is over before a process of its own has started
     with dataset.locked(*_TABLES), closing(outcomes(settings, items, dataset.name, workers, cluster)) as running:
         counts, others, skipped = _tally(running, total, say, progress)
         _write_tables(dataset)
