@@ -206,8 +206,7 @@ def test_a_killed_run_leaves_whole_files_and_no_process_and_goes_on(folder, data
     until(lambda: len(list(out.glob("_jobs/*.json"))) >= 2 or child.poll() is not None, "no recording is done")
     linux = sys.platform == "linux" and jobs > 1
     workers = children_of(child.pid) if linux else []
-    end = os.killpg if name == "SIGINT" else os.kill  # as a terminal does
-    end(child.pid, getattr(signal, name))
+    (os.killpg if name == "SIGINT" else os.kill)(child.pid, getattr(signal, name))  # as a terminal does
     assert child.wait() == code
     assert bool(workers) == linux
     until(lambda: not any(map(lives, workers)), "a worker lives on")
@@ -287,11 +286,14 @@ def test_a_place_that_is_in_use_or_holds_other_files_is_refused(folder, tmp_path
         plumbob.batch(folder, folder, **SETTINGS)
     assert sorted(folder.iterdir()) == before
     (tmp_path / "out/verdicts.csv").mkdir()
+    with as_place(str(tmp_path / "other")).locked():
+        (tmp_path / "other/attitude").write_text("")
     (tmp_path / "file").write_text("")
-    for out, why in (("out", "verdicts.csv cannot be written: it is a folder"), ("file/out", "out cannot be written")):
+    wrong = {"out": "verdicts.csv cannot be written: it is a folder", "file/out": "out cannot be", "other": "attitude"}
+    for out, why in wrong.items():
         with pytest.raises(DecodeError, match=why):
             plumbob.batch(folder, tmp_path / out, **SETTINGS)
-    assert not list(tmp_path.glob("out/_jobs/*.json"))
+    assert not list(tmp_path.rglob("_jobs/*.json"))
 
 
 def test_a_row_has_its_times_in_utc_and_a_spreadsheet_takes_no_cell_for_a_formula(tmp_path):
@@ -306,8 +308,7 @@ def test_a_row_has_its_times_in_utc_and_a_spreadsheet_takes_no_cell_for_a_formul
 
 
 def test_recordings_in_memory_come_from_an_iterator(folder, dataset, tmp_path):
-    seen = []
-    given = iter(in_memory(folder, "r1.parquet", "r2.parquet"))
+    seen, given = [], iter(in_memory(folder, "r1.parquet", "r2.parquet"))
     done = plumbob.batch(given, tmp_path / "out", progress=lambda *now: seen.append(now), jobs=1, **SETTINGS)
     assert seen == [(1, None), (2, None)] and done.counts["done"] == 2
     assert parts(tmp_path / "out").items() <= parts(dataset[1]).items()
@@ -413,8 +414,7 @@ def test_the_verb_is_the_function(folder, dataset, tmp_path):
     done = call("batch", folder, "--filter", "mahony", "--jobs", "2", "--out", tmp_path / "out", "--json")
     assert done.returncode == 3, done.stderr
     said = json.loads(done.stdout)
-    assert said["verdicts"] == dataset[0].counts
-    assert [one["recording"] for one in said["not_done"]] == sorted(BAD)
+    assert (said["verdicts"], [one["recording"] for one in said["not_done"]]) == (dataset[0].counts, sorted(BAD))
     assert "note: cut.parquet: damaged: " in done.stderr
     assert parts(tmp_path / "out") == parts(dataset[1])
     good = call("batch", f"{folder}/r*.parquet", "--filter", "mahony", "--out", tmp_path / "good")
