@@ -104,7 +104,7 @@ def _cluster(address: str) -> Iterator[_Pool]:
 @contextmanager
 def processes(jobs: int) -> Iterator[_Pool]:
     """Processes with a job each; none for one job at a time, or where none can be started."""
-    children = list[_Child]()
+    children, most = list[_Child](), 0
 
     def submit(job: _Job) -> _Answer:
         try:
@@ -125,9 +125,11 @@ def processes(jobs: int) -> Iterator[_Pool]:
     try:
         if jobs > 1 and sys.executable and not getattr(sys, "frozen", False):
             with suppress(OSError, AssertionError, RuntimeError):  # the last two where this process may not have any
-                children += [_Child() for _ in range(jobs)]
+                for _ in range(jobs):
+                    children.append(_Child())
                 children[0].ready.result()
-        yield _Pool(submit, len(children), BrokenProcessPool, how_lost)
+                most = jobs
+        yield _Pool(submit, most, BrokenProcessPool, how_lost)
     finally:
         for child in children:
             child.process.terminate()
