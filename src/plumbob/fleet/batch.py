@@ -6,11 +6,8 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing, suppress
 from dataclasses import dataclass
-from functools import partial
 from itertools import islice
 from pathlib import Path
-from shutil import copyfile
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check
@@ -192,9 +189,10 @@ def batch(
     dataset, workers = _dataset(out), _workers(jobs, cluster)
     items, total = _listed(sources, say)
     settings.try_out()
-    if total == 1 and cluster is None:
-        workers = 1  # it is over before a process of its own has started
-    with dataset.locked(*_TABLES), closing(outcomes(settings, items, dataset.name, workers, cluster)) as running:
+    if total is not None:
+        workers = min(workers, total)  # a recording alone is over before a process of its own has started
+    lock = dataset.locked(_TABLES, ("attitude", "pages") if pages else ("attitude",))
+    with lock, closing(outcomes(settings, items, dataset.name, workers, cluster)) as running:
         counts, others, skipped = _tally(running, total, say, progress)
         _write_tables(dataset)
     shown = tuple(sorted(others, key=lambda outcome: outcome.name))
@@ -311,29 +309,28 @@ def _rows(place: Place) -> Iterator[dict[str, Any]]:
 
 
 def _write_tables(place: Place) -> None:
-    """Write the table of verdicts, as Parquet and as CSV, few rows at a time."""
+    """Write the table of verdicts, as Parquet and as CSV, from columns that are filled with few rows at a time."""
     import pyarrow as pa
-    from pyarrow.parquet import ParquetWriter
+    from pyarrow.parquet import write_table
 
     kinds = {str: pa.string(), int: pa.int64(), float: pa.float64()}
     schema = pa.schema([pa.field(name, kinds[kind]) for name, kind in COLUMNS.items()])
+    rows, parts = _rows(place), list[pa.RecordBatch]()
+    while some := list(islice(rows, _ROWS)):
+        parts.append(pa.RecordBatch.from_pylist(some, schema))
 
-    rows = _rows(place)
-    with TemporaryDirectory(prefix="plumbob-") as folder:
-        files = [Path(folder) / name for name in _TABLES]
-        with ParquetWriter(str(files[0]), schema) as table, files[1].open("w", encoding="utf-8") as text:
-            text.write(",".join(COLUMNS) + "\n")
-            while some := list(islice(rows, _ROWS)):
-                table.write_table(pa.Table.from_pylist(some, schema))
-                text.writelines(",".join(_cell(row.get(name)) for name in COLUMNS) + "\n" for row in some)
-        for file in files:
-            place.write(file.name, partial(_copy_whole, file))
+    def save(path: Path) -> None:
+        with replacing(path, overwrite=True) as temporary:
+            if path.suffix == ".csv":
+                with temporary.open("w", encoding="utf-8") as text:
+                    text.write(",".join(COLUMNS) + "\n")
+                    for part in parts:
+                        text.writelines(",".join(map(_cell, row.values())) + "\n" for row in part.to_pylist())
+            else:
+                write_table(pa.Table.from_batches(parts, schema), str(temporary))
 
-
-def _copy_whole(file: Path, path: Path) -> None:
-    """Copy a file, which is there as a whole or as it was before."""
-    with replacing(path, overwrite=True) as temporary:
-        copyfile(file, temporary)
+    for name in _TABLES:
+        place.write(name, save)
 
 
 def _cell(value: Any) -> str:

@@ -9,11 +9,11 @@ import re
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, TemporaryFile
 from typing import TYPE_CHECKING, Final
 
 from plumbob.core.errors import DecodeError, LineError, MissingExtraError, ParameterError, PlumbobError, one_line
@@ -147,7 +147,7 @@ class Place:
         (self._folder / name).unlink(missing_ok=True)
 
     @contextmanager
-    def locked(self, *names: str) -> Iterator[None]:
+    def locked(self, files: Iterable[str] = (), folders: Iterable[str] = ()) -> Iterator[None]:
         """Context in which no other run writes here, by a lock that goes with its process, however that ends.
 
         Raises
@@ -155,15 +155,17 @@ class Place:
         ParameterError
             If another run writes here.
         DecodeError
-            If nothing can be written here, or no file of one of these names.
+            If nothing can be written here, to one of these folders, or to a file of one of these names.
         """
-        path = self._folder / LOCK
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            descriptor = os.open(path, os.O_CREAT | os.O_RDWR, 0o666)
+            for folder in (self._folder / LOCK).parent, *map(self._folder.joinpath, folders):
+                folder.mkdir(parents=True, exist_ok=True)
+                with TemporaryFile(dir=folder):  # what a system says of rights need not be so
+                    pass
+            descriptor = os.open(self._folder / LOCK, os.O_CREAT | os.O_RDWR, 0o666)
         except OSError as error:
-            why = error.strerror or one_line(error)
-            raise DecodeError(f"{self.name} cannot be written: {why}. Name another folder.") from error
+            why = f"{error.filename}: {error.strerror}" if error.filename else one_line(error)
+            raise DecodeError(f"{self.name} cannot be written ({why}). Name another folder.") from error
         try:
             try:
                 lock(descriptor)
@@ -171,7 +173,7 @@ class Place:
                 raise _taken(self.name, os.read(descriptor, 200).decode("utf-8", "replace")) from None
             os.truncate(descriptor, 0)
             os.write(descriptor, _holder().encode())
-            for name in names:
+            for name in files:
                 require_place(self._folder / name, overwrite=True)
             yield
         finally:
@@ -215,7 +217,7 @@ class _Remote(Place):
             self._system.rm_file(self._path(name))
 
     @contextmanager
-    def locked(self, *_names: str) -> Iterator[None]:
+    def locked(self, _files: Iterable[str] = (), _folders: Iterable[str] = ()) -> Iterator[None]:
         """Hold a file that says since when; it is written again while the run lasts, and an old one is passed over."""
         held = json.loads(self.read(LOCK) or b"null")
         if held is not None and time.time() - held["time"] < _STALE and not _ended(held["holder"]):

@@ -1,7 +1,7 @@
 """Who does the jobs of a batch: this process, processes of it, or the workers of a Dask cluster.
 
-Processes and a cluster have one interface, that of `concurrent.futures`, and a few jobs wait in it at a time. Most of a
-job on a short recording is Python, which holds the interpreter's lock, so that two threads take as long as one.
+Processes and a cluster have one interface, futures as of `concurrent.futures`, and are given a few jobs at a time. Most
+of a job on a short recording is Python, which holds the interpreter's lock, so that two threads take as long as one.
 """
 
 import os
@@ -9,15 +9,15 @@ import pickle
 import signal
 import sys
 import threading
-import traceback
+import time
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import partial
-from itertools import islice
-from multiprocessing import get_context, parent_process, resource_tracker
-from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnProcess
+from multiprocessing import parent_process, resource_tracker
+from multiprocessing.connection import wait as wait_for_some
+from multiprocessing.context import SpawnContext, SpawnProcess
 from types import ModuleType
 from typing import Any, Final, NamedTuple
 
@@ -28,16 +28,19 @@ from plumbob.fleet.places import in_memory
 
 _PATIENCE: Final = 20.0
 """Time that a process has to break off its job, s."""
-_SPAWN: Final = get_context("spawn")
 _STARTING: Final = threading.Lock()
+_Job = Callable[[], JobOutcome]
+_Answer = Future[JobOutcome | None]
+"""None where this process has to do the job."""
 
 
 class _Pool(NamedTuple):
-    """Who does jobs, how many it is given at a time, and the error that says that the worker of one is lost."""
+    """Who does jobs, how many at a time, the error that says that the worker of one is lost, and how that ended."""
 
-    executor: Executor
+    submit: Callable[[_Job], _Answer]
     most: int
     lost: type[Exception]
+    how_lost: Callable[[_Answer], str]
 
 
 def outcomes(
@@ -54,27 +57,28 @@ def outcomes(
     LineError
         If there is no scheduler at the address.
     """
-    if cluster is None and jobs == 1:
-        yield from (run_job(settings, item, out) for item in items)
-        return
-    with _processes(jobs) if cluster is None else _cluster(cluster) as pool:
-        waiting, running = iter(items), dict[Future[JobOutcome], Item]()
-        while True:
-            for item in islice(waiting, pool.most - len(running)):
-                if in_memory(out) or in_memory(item.where):  # which no other process has
-                    yield run_job(settings, item, out)
-                else:
-                    running[pool.executor.submit(run_job, settings, item, out)] = item
-            if not running:
-                return
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                item = running.pop(future)
-                try:
-                    outcome = future.result()
-                except pool.lost as error:
-                    reason = f"the process that worked on it was lost: {one_line(error)}; the next run tries it again."
-                    outcome = failed(settings, item, out, reason)
-                yield outcome
+    running: dict[_Answer, Item] = {}
+
+    def finished() -> Iterator[JobOutcome]:
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            item = running.pop(future)
+            if isinstance(future.exception(), pool.lost):
+                how = " ".join(pool.how_lost(future).split())
+                reason = f"the process that worked on it was lost: {how}; the next run tries it again."
+                yield failed(settings, item, out, reason)
+            else:
+                yield future.result() or run_job(settings, item, out)
+
+    with processes(jobs) if cluster is None else _cluster(cluster) as pool:
+        for item in items:
+            if not pool.most or in_memory(out) or in_memory(item.where):  # which no other process has
+                yield run_job(settings, item, out)
+            else:
+                running[pool.submit(partial(run_job, settings, item, out))] = item
+            while running and len(running) >= pool.most:
+                yield from finished()
+        while running:
+            yield from finished()
 
 
 @contextmanager
@@ -90,114 +94,95 @@ def _cluster(address: str) -> Iterator[_Pool]:
     except (OSError, ValueError) as error:
         raise LineError(f"no Dask scheduler answers at {address}: {one_line(error)}. Check the address.") from error
     with client:
-        executor = client.get_executor(pure=False)
+        executor, most = client.get_executor(pure=False), 4 * max(1, sum(client.nthreads().values()))
         try:
-            yield _Pool(executor, 4 * max(1, sum(client.nthreads().values())), untyped.KilledWorker)
+            yield _Pool(executor.submit, most, untyped.KilledWorker, lambda answer: str(answer.exception()))
         finally:
             executor.shutdown(wait=False)
 
 
 @contextmanager
-def _processes(jobs: int) -> Iterator[_Pool]:
-    executor = ProcessExecutor(jobs)
-    try:
-        yield _Pool(executor, 2 * jobs, LostProcessError)
-    finally:
-        executor.shutdown(cancel_futures=True)
+def processes(jobs: int) -> Iterator[_Pool]:
+    """Processes with a job each; none for one job at a time, or where none can be started."""
+    children, most = list[_Child](), 0
 
-
-class LostProcessError(Exception):
-    """The process of a job has ended; the text says how."""
-
-
-class ProcessExecutor(Executor):
-    """Executor whose jobs each cost at most their own process: where one dies, another is started for the next job.
-
-    The executor of the standard library is broken as a whole by such a death. Where no process can be started, or the
-    job cannot be handed over, because a type is known in this process alone, a thread here does it.
-    """
-
-    def __init__(self, jobs: int) -> None:
-        first = None
-        if sys.platform != "win32":
-            resource_tracker.ensure_running()  # not in a thread, because it allows Ctrl-C there
-            first = partial(signal.pthread_sigmask, signal.SIG_BLOCK, {signal.SIGINT})
-        self._threads = ThreadPoolExecutor(jobs, thread_name_prefix="plumbob-batch", initializer=first)
-        self._all: list[SpawnProcess] = []
-        self._idle: list[tuple[SpawnProcess, Connection]] = []
-        self._ending = False
-        self._hopeless = not sys.executable or getattr(sys, "frozen", False)
-
-    def submit(self, do: Callable[..., Any], /, *args: Any, **how: Any) -> Future[Any]:
-        """Let a process do it."""
-        return self._threads.submit(self._done, partial(do, *args, **how))
-
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Break off what runs, and end all processes."""
-        self._ending = True
-        self._threads.shutdown(wait=False, cancel_futures=cancel_futures)
-        self._end()
-        self._threads.shutdown(wait=wait)
-        self._end()  # those that were started meanwhile
-
-    def _end(self) -> None:
-        for process in self._all:
-            process.terminate()
-        for process in self._all:
-            process.join(_PATIENCE)
-            process.kill()
-            process.join()
-
-    def _done(self, job: Callable[[], Any]) -> Any:
+    def submit(job: _Job) -> _Answer:
         try:
             data = pickle.dumps(job)
-        except Exception:  # whatever a foreign type raises
-            return job()
-        idle = self._free()
-        if self._ending:  # it may have ended the process that was about to start
-            raise LostProcessError("the batch is ending")
-        if idle is None:
-            return job()
-        process, pipe = idle
-        try:
-            pipe.send_bytes(data)
-            kind, answer = pipe.recv()
-        except (OSError, EOFError) as error:
-            process.join()
-            raise LostProcessError(_how_ended(process.exitcode or 0)) from error
-        self._idle.append(idle)
-        if kind == "raised":
-            raise answer
-        return answer if kind == "done" else job()
+            if (child := next((child for child in children if child.answer.done()), None)) is None:
+                children.append(child := _Child())
+            child.answer = child.submit(_answer, data)
+        except Exception:  # whatever a foreign type raises, or the system that has no room for a process
+            return _done_here()
+        return child.answer
 
-    def _free(self) -> tuple[SpawnProcess, Connection] | None:
-        """A process without a job; None where none can be started."""
-        with suppress(IndexError):
-            return self._idle.pop()
-        if not self._hopeless:
-            try:
-                return self._started()
-            except (OSError, EOFError, AssertionError, RuntimeError):  # the last two where it may not have any
-                self._hopeless = True
-        return None
+    def how_lost(answer: _Answer) -> str:
+        child = next(child for child in children if child.answer is answer)
+        children.remove(child)
+        child.shutdown()
+        return _how_ended(child.process.exitcode or 0)
 
-    def _started(self) -> tuple[SpawnProcess, Connection]:
-        """Start a process that imports this package, and never the program that called it.
+    try:
+        if jobs > 1 and sys.executable and not getattr(sys, "frozen", False):
+            with suppress(OSError, AssertionError, RuntimeError):  # the last two where this process may not have any
+                for _ in range(jobs):
+                    children.append(_Child())
+                children[0].ready.result()
+                most = jobs
+        yield _Pool(submit, most, BrokenProcessPool, how_lost)
+    finally:
+        for child in children:
+            child.process.terminate()
+            child.shutdown(wait=False)
+        for child in children:
+            wait_for_some([child.process.sentinel], _PATIENCE)
+            child.process.kill()
 
-        So a script needs no main guard, and a notebook or a prompt will do.
-        """
-        pipe, inside = _SPAWN.Pipe()
-        process = _SPAWN.Process(target=_serve, args=(inside,), daemon=True)
-        with _STARTING:
+
+def _done_here() -> _Answer:
+    answer: _Answer = Future()
+    answer.set_result(None)
+    return answer
+
+
+class _Child(ProcessPoolExecutor):
+    """One process, which imports this package and never the program that called it, and the answer to its last job.
+
+    So a script needs no main guard, and a notebook or a prompt will do. A pool of several processes would be broken as
+    a whole by the death of one.
+    """
+
+    process: SpawnProcess
+
+    def __init__(self) -> None:
+        context = SpawnContext()
+        context.Process = self._made  # type: ignore[misc, assignment]
+        super().__init__(1, context, _prepare)
+        self.answer = _done_here()
+        with _STARTING, _without_interrupt():
             main, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
             try:
-                process.start()
+                self.ready = self.submit(os.getpid)  # the first job starts it
             finally:
                 sys.modules["__main__"] = main
-        self._all.append(process)
-        inside.close()
-        pipe.recv()  # it is there
-        return process, pipe
+
+    def _made(self, *args: Any, **how: Any) -> SpawnProcess:
+        self.process = SpawnProcess(*args, **how)
+        return self.process
+
+
+@contextmanager
+def _without_interrupt() -> Iterator[None]:
+    """Context in which Ctrl-C waits, and that of a process that is started here for good."""
+    if sys.platform == "win32":
+        yield
+        return
+    resource_tracker.ensure_running()  # before, because it lets Ctrl-C through
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _how_ended(code: int) -> str:
@@ -211,35 +196,30 @@ def _how_ended(code: int) -> str:
 # In the process -------------------------------------------------------------------------------------------------------
 
 
-def _serve(pipe: Connection) -> None:
-    """Do the jobs that come, until no more can come; what is printed goes to standard error."""
+def _prepare() -> None:
+    """Leave Ctrl-C to the batch, end when it ends, and print to standard error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # on its way out it removes what is half written
     with suppress(OSError):  # the batch has no standard error
         os.dup2(2, 1)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    try:
-        pipe.send("ready")
-        while True:
-            pipe.send(_answer(pipe.recv_bytes()))
-    except (EOFError, OSError, SystemExit):
-        os._exit(128 + signal.SIGTERM)  # at once: to take all apart costs a tenth of a second
 
 
 def _end_with_parent() -> None:
     if (batch := parent_process()) is not None:
         batch.join()
         os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(_PATIENCE)  # where an answer was on its way, its sender has caught that
+        os._exit(128 + signal.SIGTERM)
 
 
-def _answer(data: bytes) -> tuple[str, Any]:
-    """What a job gives or raises, with the lines where it was raised as a note."""
+def _answer(data: bytes) -> Any:
+    """What a job gives; None where it cannot be taken, because a type is not known here."""
     try:
-        job = pickle.loads(data)  # noqa: S301 - from the batch that started this process
-    except Exception:  # whatever the lack of a type raises
-        return "not taken", None
-    try:
-        return "done", job()
-    except Exception as error:
-        error.add_note("".join(traceback.format_exception(error)))
-        return "raised", error
+        try:
+            job = pickle.loads(data)  # noqa: S301 - from the batch that started this process
+        except Exception:  # whatever the lack of a type raises
+            return None
+        return job()
+    except SystemExit:  # the executor would catch it, and wait for the next job
+        os._exit(128 + signal.SIGTERM)

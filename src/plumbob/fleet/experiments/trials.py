@@ -242,10 +242,8 @@ def _gathered(
     folders = dict.fromkeys(trial.folder for trial in measured)
     shared: dict[str, _Trial] = {}
     for folder in folders:
-        trials, before = (
-            [trial for trial in measured if trial.folder == folder],
-            f"{folder}/" if len(folders) > 1 else "",
-        )
+        trials = [trial for trial in measured if trial.folder == folder]
+        before = f"{folder}/" if len(folders) > 1 else ""
         none = [name for name in names if all(name in trial.refused for trial in trials)]
         for name in none:
             absent[f"{name} ({folder})" if before else name] = trials[0].refused[name]
