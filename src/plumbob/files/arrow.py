@@ -192,7 +192,7 @@ def _table_text(path: Path, kind: str) -> bytes:
     if kind == "parquet":
         contents = pq.read_metadata(path)
         if b"plumbob" in (contents.metadata or {}):
-            raise ParameterError("it describes itself (native), so it takes no profile; leave --profile out.")
+            raise DecodeError("it is a recording of Plumbob: let its name end in .parquet, and give it no profile.")
         require_room(unpacked_bytes(path, contents), path.stat().st_size)
     read: dict[str, Any] = {"parquet": pq.read_table, "feather": feather.read_table, "orc": orc.read_table}
     table = read[kind](path)
