@@ -11,7 +11,7 @@ from plumbob.data.chain import Chain, Joint, Segment
 from plumbob.rotations import quat_angle, quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate, rotvec_from_quat
 from plumbob.simulation import CHAINS, PROGRAMS, BentRegion, ChainProgram, Dipole, EulerMotion, simulate_chain
 from plumbob.simulation.bodies import ChainMotion
-from plumbob.simulation.signals import Polynomial, Sinusoids, Stack, constant, sinusoid
+from plumbob.simulation.signals import Sinusoids, Stack, constant, sinusoid
 
 T = np.linspace(0.1, 6.3, 120)
 Z = (0.0, 0.0, 1.0)
@@ -76,27 +76,6 @@ def test_tip_of_a_double_pendulum_is_the_closed_form():
     force = np.column_stack((in_body.real, in_body.imag, flat + G0))
     np.testing.assert_allclose(tip.specific_force_b, force, atol=1e-12)
     np.testing.assert_allclose(tip.rate_b, np.column_stack((flat, flat, da + db)), atol=1e-14)
-
-
-def test_one_hinge_is_a_turntable():
-    lever, yaw = (0.3, -0.1, 0.2), sinusoid(1.2, 0.5)
-    chain = Chain(
-        "one", (Segment("base"), Segment("a", "a", UnitMount(lever_b=lever))), (Joint("j", "base", "a", axes=(Z,)),)
-    )
-    here = ChainMotion(chain, Stack((yaw,)), Frame.ENU).truth(T)["a"].at_lever(lever)
-    there = EulerMotion(Frame.ENU, Stack((yaw, constant(0.0), constant(0.0))), lever_b=lever).truth(T)
-    for name in ("rate_b", "rate_dot_b", "pos_n", "vel_n", "acc_n"):
-        np.testing.assert_allclose(getattr(here, name), getattr(there, name), atol=1e-13)
-    assert quat_angle(here.q_nb, there.q_nb).max() < 1e-14
-
-
-def test_a_constant_turn_pulls_to_the_axis_by_omega_squared_r():
-    chain, omega = planar(0.3, 0.25), deg(200.0)
-    turn = ChainProgram("turn", Stack((Polynomial((0.0, omega)), constant(0.0))), 2.0)
-    made = simulate_chain(chain, turn, frame=Frame.NWU, unit="calibrated", seed=0)
-    imu = made.array.units["b"]
-    np.testing.assert_allclose(imu.acc, np.tile((-(omega**2) * 0.55, 0.0, G0), (200, 1)), atol=1e-9)
-    np.testing.assert_allclose(imu.gyr, np.tile((0.0, 0.0, omega), (200, 1)), atol=1e-12)
 
 
 @pytest.mark.parametrize("frame", list(Frame))

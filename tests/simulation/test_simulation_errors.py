@@ -132,12 +132,12 @@ def test_the_bias_that_is_told_is_all_but_white_noise():
 
 def test_a_calibrated_triad_keeps_noise_range_and_rate_only():
     e = TriadErrors(**EVERYTHING, scale=0.1, soft_iron=2.0 * np.eye(3), hard_iron=5.0, lsb=0.01, full_scale=9.0,
-                    latency=0.01, rate=20.0)  # fmt: skip
+                    latency=0.01, rate=20.0, high_pass=CORNER)  # fmt: skip
     c = e.calibrated()
     np.testing.assert_array_equal(c.response, np.eye(3))
     for gone in ("bias", "bias_per_k", "scale", "hard_iron", "g_sensitivity", "latency", "iron"):
         assert not getattr(c, gone).any(), gone
-    for kept in ("white_rpsd", "white_sd", "flicker", "walk_rpsd", "ramp", "lsb", "full_scale", "rate"):
+    for kept in ("white_rpsd", "white_sd", "flicker", "walk_rpsd", "ramp", "lsb", "full_scale", "rate", "high_pass"):
         np.testing.assert_array_equal(getattr(c, kept), getattr(e, kept))
 
 
@@ -174,24 +174,6 @@ def test_a_step_behind_a_high_pass_decays_with_its_corner():
     np.testing.assert_allclose(found[1000:], np.exp(-2.0 * np.pi * CORNER * t)[:, np.newaxis] * step[-1], atol=1e-12)
 
 
-def test_a_turn_behind_a_high_pass_is_forgotten():
-    """The integral of a rate pulse of 90° decays as exp(-2π f t): nothing is left of a turn that is held."""
-    rate = np.zeros_like(TRUTH)
-    rate[100:200, 2] = np.radians(90.0)
-    angle = np.degrees(np.cumsum(high_passed(rate).values[:, 2]) / RATE)
-    assert np.cumsum(rate[:, 2])[-1] / RATE == pytest.approx(np.radians(90.0))
-    assert angle[:200].max() > 20.0
-    assert abs(angle[-1]) < 1e-6  # 38 s of 0.3 s each
-
-
-def test_a_sinusoid_behind_a_high_pass_has_the_gain_of_first_order():
-    """At the corner 1/√2; held constant between instants, 100 of them a period, to 2 %."""
-    t = np.arange(COUNT) / RATE
-    wave = np.sin(2.0 * np.pi * CORNER * t)[:, np.newaxis] * np.ones(3)
-    settled = high_passed(wave).values[2000:]
-    np.testing.assert_allclose(np.sqrt(2.0 * (settled**2).mean(axis=0)), np.sqrt(0.5), rtol=0.02)
-
-
 def test_what_is_steady_is_gone_from_the_first_value_on():
     still = np.full_like(TRUTH, 0.7)
     found = measure(
@@ -218,7 +200,3 @@ def test_white_noise_behind_a_high_pass_falls_with_one_over_tau():
     second = theta[2 * m :] - 2.0 * theta[m:-m] + theta[: -2 * m]
     sigma = np.sqrt(0.5 * (second**2).mean()) / 20.0
     assert sigma == pytest.approx(n * np.sqrt(3.0 / (4.0 * np.pi * CORNER)) / 20.0, rel=0.05)
-
-
-def test_a_high_pass_stays_behind_an_ideal_calibration():
-    assert TriadErrors(high_pass=CORNER, bias=0.3).calibrated().high_pass == CORNER

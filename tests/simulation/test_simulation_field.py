@@ -20,9 +20,3 @@ def test_strength_dip_and_declination_come_back(frame, dip, declination):
     assert np.linalg.norm(field) == pytest.approx(48.0, rel=1e-14)
     assert math.atan2(-up, math.hypot(east, north)) == pytest.approx(dip, abs=1e-14)  # positive down
     assert math.atan2(east, north) == pytest.approx(declination, abs=1e-14)  # positive to the east
-
-
-def test_one_place_in_numbers():
-    # 50 µT, dip 60°, declination 0 in NED: north 50 cos 60° = 25, down 50 sin 60° = 43.30 (trigonometry)
-    field = earth_field(Frame.NED, strength=50.0, dip=math.radians(60.0), declination=0.0)
-    np.testing.assert_allclose(field, [25.0, 0.0, 50.0 * math.sqrt(3.0) / 2.0], atol=1e-13)
