@@ -44,16 +44,6 @@ def test_planted_heading_and_tilt(motion, t, angle):
             np.testing.assert_allclose(found[name], value, rtol=1e-12, atol=1e-14)
 
 
-def test_heading_and_tilt_together(motion, t):
-    # e = (turn ψ about z)(turn θ about y): w = cos ψ/2 cos θ/2, z = sin ψ/2 cos θ/2
-    psi, theta = 0.7, 0.4
-    q_ref = motion(t)
-    found = errors(turned(turned(q_ref, [0.0, theta, 0.0]), [0.0, 0.0, psi]), q_ref)
-    np.testing.assert_allclose(found["heading"], psi, rtol=1e-12)
-    np.testing.assert_allclose(found["inclination"], theta, rtol=1e-12)
-    np.testing.assert_allclose(found["total"], 2.0 * np.arccos(np.cos(psi / 2) * np.cos(theta / 2)), rtol=1e-12)
-
-
 @given(quats, quats)
 def test_agrees_with_the_published_formulas(a, b):
     # [Laidig2021]: total 2 acos |w|, heading 2 atan |z / w|, inclination 2 acos √(w² + z²)

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.noise import deviation, edf
+from plumbob.noise import edf
 from plumbob.noise.factors import SHAPES
-from tests.helpers import is_plain
 
 KINDS = ("oadev", "adev", "mdev", "ohdev", "hdev")
-COMPILED = not is_plain()
 SUMMED = 3e-3  # what the straight lines between far lags cost, at most
 CUT = 8e-3  # what the correlation of flicker noise beyond the lags that are summed is worth
 
@@ -90,29 +88,6 @@ def test_the_simple_formulas_of_the_handbook():
     for n in (1, 10, 100):
         phase = (1001 + 1) * (1001 - 2 * n) / (2.0 * (1001 - n))
         assert edf("oadev", 2.0, 1000, [n])[0] == pytest.approx(phase, rel=0.05)
-
-
-def fractional(alpha, count, records, past):
-    """Noise of density |2 sin(ω/2)|^α: white noise through its pulse response [Kasdin1995], after a long past."""
-    k = np.arange(1, count + past)
-    pulse = np.concatenate(([1.0], np.cumprod((k - 1.0 - alpha / 2.0) / k)))
-    size = 1 << (2 * pulse.size - 1).bit_length()
-    white = np.random.default_rng(int(10 * alpha) + 77).standard_normal((records, pulse.size))
-    made = np.fft.irfft(np.fft.rfft(pulse, size) * np.fft.rfft(white, size, axis=1), size, axis=1)
-    return made[:, past : past + count].T
-
-
-@pytest.mark.parametrize("alpha", [2, 0, -1, -2])
-def test_records_that_are_made_here(alpha):
-    """A variance of R values is known to √((kurtosis − 1) / R), the kurtosis being that of χ²; 4 of it are allowed."""
-    count, records = 200, 1500 if COMPILED else 400
-    rate = fractional(alpha, count, records, past=0 if alpha in {0, 2} else 5 * count)
-    for n in (1, 4, 20, 60):
-        variance = deviation(rate, [n])[0] ** 2
-        found = 2.0 * variance.mean() ** 2 / variance.var()
-        expected = edf("oadev", alpha, count, [n])[0]
-        kurtosis = 3.0 + 12.0 / expected
-        assert found == pytest.approx(expected, rel=4.0 * math.sqrt((kurtosis - 1.0) / records)), n
 
 
 def test_total_deviation():

@@ -9,7 +9,7 @@ import pytest
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import deviation, every, every_adev, kernels
 from tests.helpers import is_plain, slow_as_python
-from tests.helpers.noise_records import NBS14, drifting, exact_squares, exactly, flicker, walk, white, whole_numbers
+from tests.helpers.noise_records import drifting, exact_squares, exactly, flicker, walk, white, whole_numbers
 
 EPS = np.finfo(float).eps
 
@@ -70,12 +70,6 @@ def test_short_records_and_the_edges_of_triangles(count):
     made, n = every_adev(rate), np.arange(1, count // 2 + 1)
     expected = [exactly(rate, k) for k in n.tolist()] if count < 20 else deviation(rate, n)
     np.testing.assert_allclose(made, expected, rtol=2e-12, strict=True)
-
-
-def test_published_rates():
-    """[Riley2008] Table 30; the other two are by brute force."""
-    published = [91.22945, 85.95287, exactly(NBS14, 3), exactly(NBS14, 4)]
-    assert every_adev(NBS14) == pytest.approx(published, rel=5e-7)
 
 
 @slow_as_python

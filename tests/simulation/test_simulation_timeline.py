@@ -15,10 +15,6 @@ def test_a_plain_line_is_even_to_the_nanosecond():
     assert line.kept.all()
 
 
-def test_the_fin_papers_record_has_its_110000_samples():
-    assert time_line(rate=500.0, duration=220.0, seed=0).sampled.size == 110_000  # bionic-fin paper: N = 110 000
-
-
 def test_stamps_scatter_by_the_jitter_and_keep_their_order():
     line = time_line(rate=100.0, duration=200.0, jitter=1e-3, seed=3)
     stray = line.stamps - line.sampled
