@@ -180,7 +180,7 @@ def test_tables_of_other_programs_are_read_by_a_profile_too(tmp_path, moved, suf
     np.testing.assert_array_equal(imu.gyr, np.radians(rate))
     np.testing.assert_allclose([imu.acc, imu.mag], [G0 * force, field], rtol=1e-12)
     native = plumbob.write(tmp_path / "own.parquet", imu)
-    refused(plumbob.read, native, profile=profile_beside(path), match="is a recording of Plumbob")
+    refused(plumbob.read, native, profile=profile_beside(path), match="describes itself", error=ParameterError)
 
 
 def whole_rates(fraction=0.0):

@@ -12,7 +12,7 @@ import lzma
 import math
 import zipfile
 from collections.abc import Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final
 
@@ -183,6 +183,19 @@ def _unpacked(path: Path, file: IO[bytes], packing: str, most: int | None) -> by
     return b"".join(parts)[:most]
 
 
+def holds_recording(path: Path) -> bool:
+    """Whether a file is a recording of Plumbob in Parquet, which describes itself; of a damaged one nobody knows."""
+    import pyarrow as pa
+    from pyarrow import parquet as pq
+
+    with path.open("rb") as file:
+        if file.read(4) != b"PAR1":
+            return False
+    with suppress(pa.ArrowException, OSError):
+        return b"plumbob" in (pq.read_metadata(path).metadata or {})
+    return False
+
+
 def _table_text(path: Path, kind: str) -> bytes:
     import pyarrow as pa
     from pyarrow import csv as arrow_csv
@@ -190,10 +203,9 @@ def _table_text(path: Path, kind: str) -> bytes:
     from pyarrow import parquet as pq
 
     if kind == "parquet":
-        contents = pq.read_metadata(path)
-        if b"plumbob" in (contents.metadata or {}):
+        if holds_recording(path):
             raise DecodeError("it is a recording of Plumbob: let its name end in .parquet, and give it no profile.")
-        require_room(unpacked_bytes(path, contents), path.stat().st_size)
+        require_room(unpacked_bytes(path, pq.read_metadata(path)), path.stat().st_size)
     read: dict[str, Any] = {"parquet": pq.read_table, "feather": feather.read_table, "orc": orc.read_table}
     table = read[kind](path)
     require_room(table.nbytes, path.stat().st_size)

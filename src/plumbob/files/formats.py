@@ -317,7 +317,9 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
         if not is_known:
             raise _unknown(file)
         if described:
-            kinds = [kind for kind in usual if kind.takes_profile] or [*kinds]
+            from plumbob.files.arrow import holds_recording
+
+            kinds = [kind for kind in usual if kind.takes_profile and not holds_recording(file)] or [*kinds]
             kinds = kinds or [kind for kind in FORMATS if kind.name == "text"]
     tried = []
     with reading(file):
