@@ -136,10 +136,16 @@ LOGS = {  # name of the file, its text, what a user answers
         "a.txt", "# unit 1\n\n[ACC]\ntime_ms,x,y,z\n" + rows(1e3 * T, *ACC.T) + "\n[GYRO]\ntime_ms,x,y,z,temp\n"
         + rows(1e3 * T, *GYR.T, 20.0 + T)[:-1], UP | {"gyr.unit": "rad/s", "temperature.unit": "degC"}),
     "messages as they are printed": ("a.txt", "WARNING: not yet\n" + "---\n".join(
-        f"header: \n  stamp: \n    secs: 170{k // 100}\n    nsecs: {k % 100 * 10_000_000}\n  frame_id: \"imu\"\n" + "".join(
+        f"header: \n  stamp: \n    secs: 170{k // 100}\n    nsecs: {k % 100 * 10_000_000}\n  frame_id: imu\n" + "".join(
             f"{name}: \n  x: {v[0]:.6f}\n  y: {v[1]:.6f}\n  z: {v[2]:.6f}\n{name}_covariance:\n- 0.1\n- 0.2\n"
             for name, v in (("angular_velocity", GYR[k]), ("linear_acceleration", ACC[k]))) for k in range(T.size)),
         UP | {"gyr.unit": "rad/s"}),
+    "the newest row first, feet": ("a.csv", "time_ms," + names("a* (ft/s²)", "g* (dps)") + "\n" + rows(
+        1e3 * T[::-1], *(ACC / 0.3048).T[:, ::-1], *DPS.T[:, ::-1]), UP),
+    "days of a spreadsheet": ("a.csv", "Date," + names("a* (g)", "g* (dps)") + "\n" + rows(
+        45413.5 + T / 86_400, *SIX[3:], *SIX[:3], form="{:.12f}"), UP),
+    "digits of a clock": ("a.csv", "UTC," + names("a* (g)", "g* (dps)") + "\n" + rows(
+        [clock.replace(":", "") for clock in CLOCK], *SIX[3:], *SIX[:3]), UP),
     "a line cut at the end, and some that are broken": (
         "a.csv", "time_ms," + names("g*_dps", "a*_g", axes="xyz") + "\n" + rows(T * 1e3, *SIX), UP),
     "blanks of which each separates": (

@@ -39,6 +39,7 @@ _CLOCK: Final = (
 _ZONE: Final = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)"
 _STAMP: Final = re.compile(rf"(?:(?:{_DATE}|(?P<days>\d+) days?,?)(?:T| +))?{_CLOCK} *{_ZONE}?", re.IGNORECASE)
 _BASIC: Final = re.compile(r"(\d{4})(\d\d)(\d\d)[T _-](\d\d)(\d\d)(\d\d)(?!\d)")
+_DIGITS: Final = re.compile(r"^([01]?\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d+)?)$")
 _CLOCKLIKE: Final = re.compile(
     r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ].*)?|.*\d{1,2}:\d\d:\d\d.*|\d+:\d\d[.,]\d+|\d{8}[T _-]\d{6}.*"
 )
@@ -50,13 +51,19 @@ def is_clocklike(cell: str) -> bool:
 
 
 def is_stamp(cell: str) -> bool:
-    """Tell whether a cell is a clock time, with a date or without, that can be read here."""
-    return _matched(cell) is not None
+    """Tell whether a cell is a clock time, with a date or without, that can be read here, and is no number."""
+    return not is_time_of_day(cell) and _matched(cell) is not None
+
+
+def is_time_of_day(cell: str) -> bool:
+    """Tell whether a number may be a clock time as hhmmss.sss: its minutes and seconds are below 60."""
+    return _DIGITS.fullmatch(cell.strip()) is not None
 
 
 def _matched(cell: str) -> re.Match[str] | None:
-    """A cell taken apart; of the basic form, as 20240501T123005, as of the extended one."""
-    return _STAMP.fullmatch(_BASIC.sub(r"\1-\2-\3T\4:\5:\6", cell.strip(), count=1))
+    """A cell taken apart; of the basic form, as 20240501T123005 or 123005.25, as of the extended one."""
+    cell = _DIGITS.sub(r"\1:\2:\3", cell.strip())
+    return _STAMP.fullmatch(_BASIC.sub(r"\1-\2-\3T\4:\5:\6", cell, count=1))
 
 
 def has_zone(cell: str) -> bool:

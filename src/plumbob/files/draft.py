@@ -28,12 +28,12 @@ from plumbob.core.units import QUANTITY_BY_TRIAD, UNITS, Quantity, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
 from plumbob.data.plausibility import Turning, turning
 from plumbob.files.column_names import REVERSED, ColumnName, canonical, named_sensor, taken_apart
-from plumbob.files.columns import FORM, has_zone, is_stamp, to_seconds
+from plumbob.files.columns import FORM, StampError, has_zone, is_stamp, is_time_of_day, to_seconds
 from plumbob.files.known_logs import KNOWN
 from plumbob.files.profile import AS_MOUNTED, Profile, TextLayout
 from plumbob.files.profile_toml import GUIDE, parse_profile
 from plumbob.files.sniff import Sample, read_sample
-from plumbob.files.stamps import CENTURY
+from plumbob.files.stamps import CENTURY, falls
 from plumbob.files.text_table import LEFT_OUT_MOST, read_table
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
 
@@ -42,6 +42,8 @@ _HEAD: Final = 1 << 16
 _TIMES: Final = ("s", "ms", "us", "ns")
 _RATES: Final = (0.5, 50_000.0)
 """Sampling rates that are plausible, Hz."""
+_SPREADSHEET: Final = (36_526.0, 51_544.0)
+"""Days since 1899-12-30 of 2000, and of 2041; from there on they may be modified Julian days, since 2000."""
 _SAID_RATES: Final = (
     (r"(?:rate|freq\w*|odr|sampling)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*(?:hz|sps)?(?![\w.%])", "Hz"),
     (r"(?:\bat|sampling|@)\W*(\d+(?:\.\d+)?)\s*(?:hz|sps)\b", "Hz"),
@@ -288,10 +290,14 @@ class _DraftWriter:
         stream: str,
         answers: Mapping[str, Any],
     ) -> None:
-        self._name, self._sample, self._where, self._stream, self._answers = name, sample, where, stream, answers
         self._names = sample.for_cells(sample.names)
         units = sample.for_cells(sample.units)
         self._parts = [taken_apart(*both) for both in zip(self._names, units, strict=True)]
+        if clocks := [
+            clock for i, part in enumerate(self._parts) if part.is_time and (clock := _clock(sample, i)).size
+        ]:
+            sample = replace(sample, rows=sample.rows[::-1]) if all(map(falls, clocks)) else sample
+        self._name, self._sample, self._where, self._stream, self._answers = name, sample, where, stream, answers
         self._parts = _with_axes(_turn_rates(self._parts, self._names))
         self._sensor = sensor or (
             "" if any(p.axis and p.sensor for p in self._parts) else named_sensor(Path(name).stem)
@@ -384,6 +390,8 @@ class _DraftWriter:
         if "time.column" in self._answers:
             return (self._place("time.column", self._answers["time.column"]),)
         named = [i for i, part in enumerate(self._parts) if part.is_time]
+        if clocks := list(filter(self._is_time_of_day, named)):
+            return (clocks[0],)
         if rising := [i for i in named if self._rises(i)]:
             return self._in_two_parts(named) or (min(rising, key=self._time_rank),)
         others = [i for i in range(self._sample.width) if i not in named]
@@ -393,9 +401,16 @@ class _DraftWriter:
                 return (i,)
             if i + 1 < self._sample.width and _dates(cells) and all(map(is_stamp, self._sample.cells(i + 1))):
                 return (i, i + 1)
-        if self._clocks:
-            return self._clocks[:1]
-        return () if named else self._rising_column()
+        return self._clocks[:1] or (() if named else self._rising_column())
+
+    def _is_time_of_day(self, column: int) -> bool:
+        """Whether numbers are clock times as hhmmss, by their name or because they jump by 40 at each minute."""
+        cells, steps = self._sample.cells(column), np.diff(self._numbers[column])
+        if not all(map(is_time_of_day, cells)):
+            return False
+        jumps = bool(((steps > 40.0) & (steps < 41.0 + np.median(steps))).any())
+        is_utc = "utc" in self._parts[column].base and all(re.match(r"\d{6}", cell) for cell in cells)
+        return jumps or is_utc or re.search(r"hhmmss|hms", self._parts[column].base) is not None
 
     def _rising_column(self) -> tuple[int, ...]:
         """First column of numbers that rise in each row: of those without a name, or the very first one."""
@@ -451,7 +466,8 @@ class _DraftWriter:
     @property
     def _stamped(self) -> bool:
         """Whether time is dates and clock times."""
-        return bool(self._time) and is_stamp(self._sample.cells(self._time[-1])[0])
+        last = self._time[-1:]
+        return any(is_stamp(self._sample.cells(i)[0]) or self._is_time_of_day(i) for i in last)
 
     def _quaternion_columns(self) -> tuple[int, ...]:
         """Columns w, x, y, z of unit quaternions."""
@@ -922,6 +938,17 @@ def _with_axes(parts: list[ColumnName]) -> list[ColumnName]:
     return parts
 
 
+def _clock(sample: Sample, column: int) -> Floats:
+    """Numbers of a column, or seconds of its clock times; empty where it holds others."""
+    numbers = sample.numbers(column)
+    if np.isfinite(numbers).all():
+        return numbers
+    try:
+        return to_seconds([sample.cells(column)], None)[0]
+    except StampError:
+        return numbers[:0]
+
+
 def _dates(cells: Sequence[str]) -> bool:
     return all(re.fullmatch(r"\d{4}([-/])\d{1,2}\1\d{1,2}", cell) for cell in cells)
 
@@ -937,9 +964,16 @@ def _time_unit(numbers: Floats, part: ColumnName) -> tuple[str, str, bool]:
         return "", "ticks of a length that nothing says; give unit_per_count, or declare rate = '100 Hz'", False
     if "tow" in part.base:
         return "s", "a time of week counts seconds", True
-    clock = step < 40.0 and 1e4 <= numbers.max() < 24e4 and (numbers % 100 < 60).all()
-    if clock and ((steps > 40.0) & (steps - step < 41.0)).any():
-        return "", "it jumps by 40 at each minute: clock times, to be written as HH:MM:SS", False
+    if (
+        _SPREADSHEET[0] <= numbers.min()
+        and numbers.max() < _SPREADSHEET[1]
+        and 0.0 < step < 2.0 * to_si(1.0, "s") / to_si(1.0, "day")
+    ):
+        return (
+            "day",
+            f"days since 1899-12-30, as spreadsheets count them: {1.0 / to_si(step, 'day'):.4g} Hz",
+            part.is_time,
+        )
     plausible = {unit: rate for unit, rate in rates.items() if _RATES[0] <= rate <= _RATES[1]}
     if not plausible:
         return "", f"steps of {step:.4g} make no usual rate; or delete both keys and declare rate = '100 Hz'", False

@@ -5,6 +5,8 @@ import csv
 import math
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
+from decimal import Decimal
 from fnmatch import fnmatch
 from fractions import Fraction
 from pathlib import Path
@@ -22,7 +24,7 @@ from plumbob.core.time import interpolated, to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.imu import known_rows
 from plumbob.data.recording import Recording, read_notes
-from plumbob.files.columns import StampError, to_seconds
+from plumbob.files.columns import StampError, is_stamp, to_seconds
 from plumbob.files.foreign.join import Readings, joined, joined_recordings
 from plumbob.files.profile import (
     AS_MOUNTED,
@@ -36,7 +38,7 @@ from plumbob.files.profile import (
     TimeStamps,
 )
 from plumbob.files.profile_toml import load_profile, profiles_beside
-from plumbob.files.stamps import CENTURY, WEEK, time_line, utc_of_gps
+from plumbob.files.stamps import CENTURY, WEEK, falls, time_line, utc_of_gps
 from plumbob.files.text_table import TextTable, read_table
 from plumbob.rotations import (
     body_axes,
@@ -101,11 +103,36 @@ def _read_one(file: Path, declared: Profile, note: str) -> Recording:
 
 def table_recording(profile: Profile, table: TextTable, name: str, note: str) -> Recording:
     """Recording of a table, by its profile; `note` says which. Errors as in `read_text`."""
+    table = _oldest_first(profile, table)
     t, t0_ns, clock = _time(profile, table)
     imu, clock = _in_turns(_imu(profile, table, t, t0_ns), clock) if profile.triads else (None, clock)
     track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
     notes = (*read_notes(profile.notes, imu), note, *table.notes, *clock, *_changes(profile, t0_ns))
     return Recording(imu=imu, track=track, name=name, notes=notes)
+
+
+def _oldest_first(profile: Profile, table: TextTable) -> TextTable:
+    """The same table, or its rows in the order of time where the newest stands first."""
+    source, last = profile.time, table.rows - 1
+    if isinstance(source, TimeRate):
+        return table
+    if isinstance(source, TimeStamps):
+        ends = [[table.texts[ref][0], table.texts[ref][last]] for ref in source.columns]
+        is_back = all(map(is_stamp, ends[-1])) and to_seconds(ends, source.zone)[0][1] < 0.0
+        is_back = is_back and falls(to_seconds([table.texts[ref] for ref in source.columns], source.zone)[0])
+    else:
+        is_back = falls(table.columns[source.seconds or source.week or source.column])
+    if not is_back:
+        return table
+    columns = {ref: values[::-1] for ref, values in table.columns.items()}
+    zero = table.zero
+    if isinstance(source, TimeColumn) and source.exact is not None:
+        zero += Decimal(float(columns[source.exact][0]))
+        columns[source.exact] = columns[source.exact] - columns[source.exact][0]
+    texts = {ref: cells[::-1] for ref, cells in table.texts.items()}
+    note = "time: the newest row stands first, so the rows were read from the last to the first"
+    notes, line_of = (*table.notes, note), table.line_of
+    return replace(table, columns=columns, zero=zero, texts=texts, notes=notes, line_of=lambda row: line_of(last - row))
 
 
 def _in_turns(imu: ImuData, notes: tuple[str, ...]) -> tuple[ImuData, tuple[str, ...]]:
