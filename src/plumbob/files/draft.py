@@ -252,20 +252,47 @@ def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str] | tu
     if sample.others:
         return [(kind, kind.layout.where, kind.sensor) for kind in (sample, *sample.others)]
     parts = [taken_apart(name) for name in sample.for_cells(sample.names)]
-    if sum(part.axis in {"x", "y", "z"} and not (part.sensor or part.by_unit) for part in parts) != 3:
-        return []
-    for i in range(sample.width):
-        cells = sample.cells(i)
-        sensors = {word: named_sensor(word) for word in dict.fromkeys(cells)}
-        sensor_by_word = {word: sensor for word, sensor in sensors.items() if sensor in TRIADS}
+    values = [i for i, part in enumerate(parts) if part.axis and not (part.sensor or part.by_unit)]
+    values = values if any(sample.names) else list(range(sample.width))[-3:]
+    for i in range(sample.width) if len(values) == len("xyz") else ():
+        sensors = {word: named_sensor(word) for word in dict.fromkeys(sample.cells(i))}
+        units = _android_units(sample, i, values) if i not in values else {}
+        sensor_by_word = {word: units.get(word, (sensor, ""))[0] for word, sensor in sensors.items()}
+        sensor_by_word = {word: sensor for word, sensor in sensor_by_word.items() if sensor in TRIADS}
         apart = len(set(sensor_by_word.values())) == len(sensor_by_word)
         if sensor_by_word and apart and len(sensors) <= _MOST_SENSORS:
             ref = sample.names[i] if sample.by_name else i + 1
             return [
-                (replace(sample, rows=[row for row in sample.rows if row[i].strip() == word]), (ref, word), sensor)
+                (
+                    replace(
+                        sample,
+                        rows=[row for row in sample.rows if row[i].strip() == word],
+                        units=tuple(units[word][1] * (k in values) for k in range(sample.width))
+                        if units
+                        else sample.units,
+                    ),
+                    (ref, word),
+                    sensor,
+                )
                 for word, sensor in sensor_by_word.items()
             ]
     return []
+
+
+_ANDROID: Final = {"1": ("acc", "m/s2"), "2": ("mag", "uT"), "4": ("gyr", "rad/s")}
+"""Sensors by their types, with their units [Android, SensorEvent.values]."""
+
+
+def _android_units(sample: Sample, column: int, values: Sequence[int]) -> Mapping[str, tuple[str, str]]:
+    """Sensors and units by word where a column has Android's types of sensors, and sizes are those of its units."""
+    kinds = sample.cells(column)
+    vectors = np.stack([sample.numbers(i) for i in values], axis=1)
+    sizes = {word: np.linalg.norm(vectors[[kind == word for kind in kinds]], axis=1) for word in _ANDROID}
+    medians = {word: float(np.median(size)) for word, size in sizes.items() if size.size}
+    is_type = not sample.names or re.search(r"(?i)type|sensor", sample.for_cells(sample.names)[column])
+    fits = {"1", "4"} <= set(medians) and all(map(str.isdigit, kinds)) and _gravity_unit(medians["1"]).unit == "m/s2"
+    field = medians.get("2")
+    return _ANDROID if is_type and fits and (field is None or _field_unit(field).unit == "uT") else {}
 
 
 @dataclass(frozen=True, slots=True)
