@@ -255,26 +255,25 @@ def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str] | tu
     values = [i for i, part in enumerate(parts) if part.axis and not (part.sensor or part.by_unit)]
     values = values if any(sample.names) else list(range(sample.width))[-3:]
     for i in range(sample.width) if len(values) == len("xyz") else ():
-        sensors = {word: named_sensor(word) for word in dict.fromkeys(sample.cells(i))}
+        words = list(dict.fromkeys(sample.cells(i)))
+        sensors = {word: named_sensor(word) for word in words[: _MOST_SENSORS + 1]}
         units = _android_units(sample, i, values) if i not in values else {}
         sensor_by_word = {word: units.get(word, (sensor, ""))[0] for word, sensor in sensors.items()}
         sensor_by_word = {word: sensor for word, sensor in sensor_by_word.items() if sensor in TRIADS}
         apart = len(set(sensor_by_word.values())) == len(sensor_by_word)
         if sensor_by_word and apart and len(sensors) <= _MOST_SENSORS:
             ref = sample.names[i] if sample.by_name else i + 1
+            said = [
+                [units[word][1] * (k in values) for k in range(sample.width)] if units else sample.units
+                for word in sensor_by_word
+            ]
             return [
                 (
-                    replace(
-                        sample,
-                        rows=[row for row in sample.rows if row[i].strip() == word],
-                        units=tuple(units[word][1] * (k in values) for k in range(sample.width))
-                        if units
-                        else sample.units,
-                    ),
+                    replace(sample, rows=[row for row in sample.rows if row[i].strip() == word], units=tuple(beside)),
                     (ref, word),
                     sensor,
                 )
-                for word, sensor in sensor_by_word.items()
+                for (word, sensor), beside in zip(sensor_by_word.items(), said, strict=True)
             ]
     return []
 
