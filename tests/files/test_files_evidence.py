@@ -146,6 +146,8 @@ LOGS = {  # name of the file, its text, what a user answers
         45413.5 + T / 86_400, *SIX[3:], *SIX[:3], form="{:.12f}"), UP),
     "types of Android's sensors": ("a.txt", "".join(f"{k}0000000 {kind} " + "{:.6f} {:.6f} {:.6f}\n".format(*v)
         for k, both in enumerate(zip(ACC, GYR, strict=True), 1) for kind, v in zip((1, 4), both, strict=True)), UP),
+    "gravity beside": ("a.csv", "t," + names("userAcceleration.*", "gravity.*", "rotationRate.*", axes="xyz") + "\n"
+        + rows(T, *(0.1 * G).T, *(-1.1 * G).T, *GYR.T), {"gyr.unit": "rad/s"}),
     "digits of a clock": ("a.csv", "UTC," + names("a* (g)", "g* (dps)") + "\n" + rows(
         [clock.replace(":", "") for clock in CLOCK], *SIX[3:], *SIX[:3]), UP),
     "a line cut at the end, and some that are broken": (

@@ -9,10 +9,11 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from fractions import Fraction
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any, Final
@@ -336,6 +337,7 @@ class _DraftWriter:
         self._time = self._time_columns()
         self._quaternion = self._quaternion_columns()
         self._angles = () if self._quaternion else self._angle_columns()
+        self._plus: tuple[int, ...] = ()
         self._triads = self._named_triads() or (self._sized_triads() if self._is_nameless() else {})
         self._triads |= self._answered_triads()
         self._triads = {name: columns for name, columns in self._triads.items() if columns}
@@ -389,7 +391,7 @@ class _DraftWriter:
     def _free(self) -> list[int]:
         """Columns of numbers that have no meaning yet."""
         taken = {*self._time, *self._clocks, *self._quaternion}
-        taken |= {i for columns in getattr(self, "_triads", {}).values() for i in columns}
+        taken |= {i for columns in getattr(self, "_triads", {}).values() for i in columns} | {*self._plus}
         return [i for i in range(self._sample.width) if i not in taken and np.isfinite(self._numbers[i]).any()]
 
     def _place(self, key: str, ref: Any) -> int:
@@ -521,26 +523,40 @@ class _DraftWriter:
     def _named_triads(self) -> dict[str, tuple[int, ...]]:
         triads: dict[str, tuple[int, ...]] = {}
         for name in TRIADS:
-            sets: dict[str, dict[str, int]] = {}
-            for i in self._free():
-                part = self._parts[i]
-                if part.axis and (name in {part.sensor, part.by_unit} or (name, part.sensor) == ("acc", "linear")):
-                    sets.setdefault(f"{part.base} {part.unit}", {}).setdefault(part.axis, i)
-            complete = [
-                tuple(axes[letter] for letter in letters)
-                for axes in sets.values()
-                for letters in ("xyz", "012", "123", "234")
-                if set(letters) == set(axes) or (letters == "xyz" and set(letters) <= set(axes))
-            ]
+            complete = self._threes(partial(_may_be, name))
             complete = [self._right_handed(columns) for columns in complete if self._is_measured(name, columns)]
             complete.sort(key=lambda columns: self._rank(name, columns))
             triads |= {name: complete[0]} if complete else {}
+        if "acc" not in triads and (without := self._threes(lambda part: part.sensor == "linear")):
+            gravity = self._threes(lambda part: re.search(r"\bgrav(ity)?\b", part.base) is not None)
+            if (
+                gravity
+                and self._parts[gravity[0][0]].unit == self._parts[without[0][0]].unit
+                and self._has_gravity(gravity[0])
+            ):
+                self._plus, triads["acc"] = gravity[0], without[0]
+                for i, k in zip(without[0], gravity[0], strict=True):
+                    self._numbers[i] = self._numbers[i] + self._numbers[k]
         if triads and "acc" not in triads:  # steady vectors of the size of gravity, whose names say no sensor: asked
             for i in self._free()[:-2]:
                 three = [part for part in self._parts[i : i + 3] if not part.sensor and not part.unit]
                 if [part.axis for part in three] == list("xyz") and self._has_gravity((i, i + 1, i + 2)):
                     return triads | {"acc": (i, i + 1, i + 2)}
         return triads
+
+    def _threes(self, belongs: Callable[[ColumnName], bool]) -> list[tuple[int, ...]]:
+        """Columns x, y, z of the same words and unit, of those that belong."""
+        sets: dict[str, dict[str, int]] = {}
+        for i in self._free():
+            part = self._parts[i]
+            if part.axis and belongs(part):
+                sets.setdefault(f"{part.base} {part.unit}", {}).setdefault(part.axis, i)
+        return [
+            tuple(axes[letter] for letter in letters)
+            for axes in sets.values()
+            for letters in ("xyz", "012", "123", "234")
+            if set(letters) == set(axes) or (letters == "xyz" and set(letters) <= set(axes))
+        ]
 
     def _is_measured(self, name: str, columns: Sequence[int]) -> bool:
         """Whether they hold more than zeros, and gravity where not their words say that they are an acceleration."""
@@ -780,6 +796,8 @@ class _DraftWriter:
         by = "by their names" if named else "by their size; [] if they are none"
         sure, refs = named or self._is_sure_by_size(), tuple(map(self._ref, columns))
         self._set("columns", refs, f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure)
+        if name == "acc" and self._plus:
+            self._set("plus", tuple(map(self._ref, self._plus)), "gravity, which these lack", ask=True, sure=True)
         zero = self._middle(columns)
         guess = self._triad_unit(name, columns, zero)
         scale = self._stated_scale(name)
@@ -796,7 +814,10 @@ class _DraftWriter:
         if zero:
             self._set("zero", f"{zero:g}", "whole numbers around it: counts that mean 0", ask=True)
         if name == "acc":
-            self._set("sign", "specific-force", self._sign_told(columns, zero), ask=True)
+            if self._plus and "user" in part.base and guess.unit == "g":  # [Apple, CMDeviceMotion]: gravity points down
+                self._set("sign", "gravity", "user acceleration and gravity, as iOS has them", ask=True, sure=True)
+            else:
+                self._set("sign", "specific-force", self._sign_told(columns, zero), ask=True)
         if name == "gyr" and self._turns[0] != AS_MOUNTED and not self._accept:
             self._write_axes(signed_axes(self._turns[0]))
 
@@ -973,6 +994,11 @@ def _clock(sample: Sample, column: int) -> Floats:
         return to_seconds([sample.cells(column)], None)[0]
     except StampError:
         return numbers[:0]
+
+
+def _may_be(sensor: str, part: ColumnName) -> bool:
+    """Whether a column may be one of a sensor's, or has acceleration without gravity."""
+    return sensor in {part.sensor, part.by_unit} or (sensor, part.sensor) == ("acc", "linear")
 
 
 def _dates(cells: Sequence[str]) -> bool:

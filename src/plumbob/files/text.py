@@ -277,7 +277,7 @@ def _stacked(columns: tuple[ColumnRef, ...], table: TextTable) -> Floats:
 
 
 def _vector(group: GroupSource, table: TextTable, turn: str | None) -> Floats:
-    counts = _stacked(group.columns, table)
+    counts = _stacked(group.columns, table) + (_stacked(group.plus, table) if group.plus else 0.0)
     if group.zero is not None:
         counts = counts - group.zero
     values = _inside(counts if group.unit_per_count == 1.0 else counts * group.unit_per_count, group.unit)
@@ -331,6 +331,8 @@ def _changes(profile: Profile, t0_ns: int) -> tuple[str, ...]:
     for name, group in profile.triads.items():
         if group.axes != AS_MOUNTED:
             notes.append(f"{name}: the case's x, y, z are its '{group.axes}', as the profile says")
+        if group.plus:
+            notes.append(f"{name}: the columns {', '.join(map(str, group.plus))} were added, as the profile says")
         if group.delay:
             notes.append(
                 f"{name}: its rows are {1e3 * group.delay:g} ms late, as the profile says, and were interpolated; "
