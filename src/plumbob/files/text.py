@@ -24,7 +24,7 @@ from plumbob.core.time import interpolated, to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.imu import known_rows
 from plumbob.data.recording import Recording, read_notes
-from plumbob.files.columns import StampError, is_stamp, to_seconds
+from plumbob.files.columns import StampError, to_seconds
 from plumbob.files.foreign.join import Readings, joined, joined_recordings
 from plumbob.files.profile import (
     AS_MOUNTED,
@@ -117,9 +117,12 @@ def _oldest_first(profile: Profile, table: TextTable) -> TextTable:
     if isinstance(source, TimeRate):
         return table
     if isinstance(source, TimeStamps):
-        ends = [[table.texts[ref][0], table.texts[ref][last]] for ref in source.columns]
-        is_back = all(map(is_stamp, ends[-1])) and to_seconds(ends, source.zone)[0][1] < 0.0
-        is_back = is_back and falls(to_seconds([table.texts[ref] for ref in source.columns], source.zone)[0])
+        cells = [table.texts[ref] for ref in source.columns]
+        try:
+            is_back = to_seconds([column[:: last or 1] for column in cells], source.zone)[0][-1] < 0.0
+            is_back = is_back and falls(to_seconds(cells, source.zone)[0])
+        except StampError:  # which is said with its line when time is made of them
+            return table
     else:
         is_back = falls(table.columns[source.seconds or source.week or source.column])
     if not is_back:
@@ -277,7 +280,9 @@ def _stacked(columns: tuple[ColumnRef, ...], table: TextTable) -> Floats:
 
 
 def _vector(group: GroupSource, table: TextTable, turn: str | None) -> Floats:
-    counts = _stacked(group.columns, table) + (_stacked(group.plus, table) if group.plus else 0.0)
+    counts = _stacked(group.columns, table)
+    if group.plus:
+        counts = counts + _stacked(group.plus, table)
     if group.zero is not None:
         counts = counts - group.zero
     values = _inside(counts if group.unit_per_count == 1.0 else counts * group.unit_per_count, group.unit)
