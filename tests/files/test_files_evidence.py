@@ -196,13 +196,6 @@ def test_broken_lines_are_left_out_and_counted(tmp_path):
     assert any("line 601, the last, is cut" in note for note in recording.notes)
 
 
-def test_units_that_change_are_refused(tmp_path):
-    name, text, answers = LOGS["a unit in each cell"]
-    refused(
-        drafted, tmp_path, name, text.replace(" g,", " mg,", 1000), answers, match="is in g, but the column is in mg"
-    )
-
-
 def test_of_a_rate_alone_lines_that_are_left_out_keep_their_time(tmp_path):
     _, text, answers = LOGS["labels in every cell"]
     lines = text.splitlines(True)
@@ -285,6 +278,7 @@ def test_what_nothing_speaks_for_stays_a_question_and_nothing_is_written(tmp_pat
         (OPEN, UP | UNITS | {"frame": "up"}, "frame"),
         ("Time (s)," + names("Linear Acceleration * (m/s^2)") + "\n" + rows(T, *GYR.T), {}, "without gravity"),
         ("t," + names("speed_*") + "\n" + rows(T, *ACC.T), {}, "no three columns look like"),
+        (LOGS["a unit in each cell"][1].replace(" g,", " mg,", 1000), UP, "is in g, but the column is in mg"),
     ],
 )
 def test_answers_that_do_not_fit_and_files_that_cannot_give_an_attitude_are_refused(tmp_path, text, answers, match):

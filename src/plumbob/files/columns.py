@@ -51,7 +51,7 @@ def is_clocklike(cell: str) -> bool:
 
 
 def is_stamp(cell: str) -> bool:
-    """Tell whether a cell is a clock time, with a date or without, that can be read here, and is no number."""
+    """Tell whether a cell is a clock time, with a date or without, that can be read here; a number is none."""
     return not is_time_of_day(cell) and _matched(cell) is not None
 
 
