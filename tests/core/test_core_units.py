@@ -31,7 +31,10 @@ FACTORS = [
     (1e-4 * 1e6, "gauss"),
     (1e-4 * 1e6 * 1e-3, "mgauss"),
     (50.0, "relative"),  # what stands for the field of the place, docs/file-formats.md
+    (0.3048, "ft/s2"),  # international foot and inch (NIST SP 811, B.8)
+    (0.0254, "in/s2"),
     (60.0, "min"),
+    (24 * 3600.0, "day"),
     (3600.0, "h"),
     (DEG, "deg/s, deg/s2, deg/s3, deg, deg/s/rtHz, deg/s2/rtHz"),
     (DEG / 1000, "mdeg/s"),

@@ -40,7 +40,7 @@ _OTHER: Final = re.compile(
     r"angular acc\w*|temp\w*|status|acc\w* (x|y|z )?(err\w*)|accuracy|error|inc(r\w*|lin\w*)?)\b"
 )
 _TIME: Final = re.compile(
-    r"t|ts|.*\b(times?|timestamps?|stamps?|micros|millis|usec|msec|elapsed|epoch|clock|timems|timeus)\b.*|"
+    r"t|ts|(utc|hhmmss|hms)\b.*|.*\b(times?|timestamps?|stamps?|micros|millis|usec|msec|elapsed|epoch|clock|timems|timeus)\b.*|"
     r"sec\w*|date.*|gps tow|.*\btow\b.*|.*时间.*|zeit.*|temps|tiempo.*|tempo|tid|czas|время"
 )
 _COUNTER: Final = re.compile(
@@ -194,7 +194,7 @@ _SPELLINGS: Final = (
     (r"(?i)\bg[' ]?s$|^lsb/g$", "g"),
     (r"[*.· ]*s\^?(-|⁻)[1¹]$", "/s"),
     (r"[*.· ]*s\^?(-|⁻)[2²]$", "/s2"),
-    (r"/s(\^|\*\*| )[2²]$|/s squared$", "/s2"),
+    (r"/s(\^|\*\*| )?[2²]$|/s squared$", "/s2"),
 )
 """How people spell units, and what that comes to, one after the other."""
 _LETTERS: Final = {"G": "g", "mG": "mg"}

@@ -45,6 +45,7 @@ _WORDED: Final = re.compile(
     re.IGNORECASE,
 )
 """A month before its day, as C's ``asctime``, Java and ``date`` print: ``Wed Dec 22 21:09:46 UTC 2021``."""
+_DIGITS: Final = re.compile(r"^([01]?\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d+)?)$")
 _CLOCKLIKE: Final = re.compile(
     r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ].*)?|.*\d{1,2}:\d\d:\d\d.*|\d+:\d\d[.,]\d+|\d{8}[T _-]\d{6}.*"
 )
@@ -56,13 +57,18 @@ def is_clocklike(cell: str) -> bool:
 
 
 def is_stamp(cell: str) -> bool:
-    """Tell whether a cell is a clock time, with a date or without, that can be read here."""
-    return _matched(cell) is not None
+    """Tell whether a cell is a clock time, with a date or without, that can be read here; a number is none."""
+    return not is_time_of_day(cell) and _matched(cell) is not None
+
+
+def is_time_of_day(cell: str) -> bool:
+    """Tell whether a number may be a clock time as hhmmss.sss: its minutes and seconds are below 60."""
+    return _DIGITS.fullmatch(cell.strip()) is not None
 
 
 def _matched(cell: str) -> re.Match[str] | None:
-    """A cell taken apart; of the basic form, as 20240501T123005, and one with words as of the extended one."""
-    cell = cell.strip()
+    """A cell taken apart; of the basic form, as 20240501T123005 or 123005.25, or with words, as of the extended one."""
+    cell = _DIGITS.sub(r"\1:\2:\3", cell.strip())
     if cell[:1].isalpha() and (said := _WORDED.fullmatch(cell)):
         clock = said["clock"] or said["inner"]
         cell = f"{said['day']}-{said['month']}-{said['year'] or said['last']} {clock}"

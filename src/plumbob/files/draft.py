@@ -9,10 +9,11 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from fractions import Fraction
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any, Final
@@ -29,12 +30,12 @@ from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
 from plumbob.data.plausibility import Turning, turning
 from plumbob.files.arrow import text_bytes
 from plumbob.files.column_names import REVERSED, ColumnName, canonical, named_sensor, taken_apart
-from plumbob.files.columns import FORM, has_zone, is_stamp, to_seconds
+from plumbob.files.columns import FORM, StampError, has_zone, is_stamp, is_time_of_day, to_seconds
 from plumbob.files.known_logs import KNOWN
 from plumbob.files.profile import AS_MOUNTED, Profile, TextLayout
 from plumbob.files.profile_toml import GUIDE, parse_profile
 from plumbob.files.sniff import Sample, read_sample
-from plumbob.files.stamps import CENTURY
+from plumbob.files.stamps import CENTURY, falls
 from plumbob.files.text_table import LEFT_OUT_MOST, read_table
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
 
@@ -43,6 +44,8 @@ _HEAD: Final = 1 << 16
 _TIMES: Final = ("s", "ms", "us", "ns")
 _RATES: Final = (0.5, 50_000.0)
 """Sampling rates that are plausible, Hz."""
+_SPREADSHEET: Final = (36_526.0, 51_544.0)
+"""Days since 1899-12-30 of 2000, and of 2041; from there on they may be modified Julian days, since 2000."""
 _SAID_RATES: Final = (
     (r"(?:rate|freq\w*|odr|sampling|\bfs\b)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*(?:hz|sps)?(?![\w.%])", "Hz"),
     (r"(?:\bat|sampling|@)\W*(\d+(?:\.\d+)?)\s*(?:hz|sps)\b", "Hz"),
@@ -250,20 +253,46 @@ def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str] | tu
     if sample.others:
         return [(kind, kind.layout.where, kind.sensor) for kind in (sample, *sample.others)]
     parts = [taken_apart(name) for name in sample.for_cells(sample.names)]
-    if sum(part.axis in {"x", "y", "z"} and not (part.sensor or part.by_unit) for part in parts) != 3:
-        return []
-    for i in range(sample.width):
-        cells = sample.cells(i)
-        sensors = {word: named_sensor(word) for word in dict.fromkeys(cells)}
-        sensor_by_word = {word: sensor for word, sensor in sensors.items() if sensor in TRIADS}
+    values = [i for i, part in enumerate(parts) if part.axis and not (part.sensor or part.by_unit)]
+    values = values if any(sample.names) else list(range(sample.width))[-3:]
+    for i in range(sample.width) if len(values) == len("xyz") else ():
+        words = list(dict.fromkeys(sample.cells(i)))
+        sensors = {word: named_sensor(word) for word in words[: _MOST_SENSORS + 1]}
+        units = _android_units(sample, i, values) if i not in values else {}
+        sensor_by_word = {word: units.get(word, (sensor, ""))[0] for word, sensor in sensors.items()}
+        sensor_by_word = {word: sensor for word, sensor in sensor_by_word.items() if sensor in TRIADS}
         apart = len(set(sensor_by_word.values())) == len(sensor_by_word)
         if sensor_by_word and apart and len(sensors) <= _MOST_SENSORS:
             ref = sample.names[i] if sample.by_name else i + 1
+            said = [
+                [units[word][1] * (k in values) for k in range(sample.width)] if units else sample.units
+                for word in sensor_by_word
+            ]
             return [
-                (replace(sample, rows=[row for row in sample.rows if row[i].strip() == word]), (ref, word), sensor)
-                for word, sensor in sensor_by_word.items()
+                (
+                    replace(sample, rows=[row for row in sample.rows if row[i].strip() == word], units=tuple(beside)),
+                    (ref, word),
+                    sensor,
+                )
+                for (word, sensor), beside in zip(sensor_by_word.items(), said, strict=True)
             ]
     return []
+
+
+_ANDROID: Final = {"1": ("acc", "m/s2"), "2": ("mag", "uT"), "4": ("gyr", "rad/s")}
+"""Sensors by their types, with their units [Android, SensorEvent.values]."""
+
+
+def _android_units(sample: Sample, column: int, values: Sequence[int]) -> Mapping[str, tuple[str, str]]:
+    """Sensors and units by word where a column has Android's types of sensors, and sizes are those of its units."""
+    kinds = sample.cells(column)
+    vectors = np.stack([sample.numbers(i) for i in values], axis=1)
+    sizes = {word: np.linalg.norm(vectors[[kind == word for kind in kinds]], axis=1) for word in _ANDROID}
+    medians = {word: float(np.median(size)) for word, size in sizes.items() if size.size}
+    is_type = not sample.names or re.search(r"(?i)type|sensor", sample.for_cells(sample.names)[column])
+    fits = {"1", "4"} <= set(medians) and all(map(str.isdigit, kinds)) and _gravity_unit(medians["1"]).unit == "m/s2"
+    field = medians.get("2")
+    return _ANDROID if is_type and fits and (field is None or _field_unit(field).unit == "uT") else {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,13 +317,17 @@ class _DraftWriter:
         stream: str,
         answers: Mapping[str, Any],
     ) -> None:
-        self._name, self._sample, self._where, self._stream, self._answers = name, sample, where, stream, answers
         self._names = sample.for_cells(sample.names)
         units = sample.for_cells(sample.units)
         groups = {name.partition("/")[0] for name in self._names}  # of arrays: one that holds all says nothing of them
         above = "" if len(groups) > 1 or taken_apart(min(groups)).sensor else f"{min(groups)}/"
         names = [name.removeprefix(above) for name in self._names]
         self._parts = [taken_apart(*both) for both in zip(names, units, strict=True)]
+        if clocks := [
+            clock for i, part in enumerate(self._parts) if part.is_time and (clock := _clock(sample, i)).size
+        ]:
+            sample = replace(sample, rows=sample.rows[::-1]) if all(map(falls, clocks)) else sample
+        self._name, self._sample, self._where, self._stream, self._answers = name, sample, where, stream, answers
         self._parts = _with_axes(_turn_rates(self._parts, self._names))
         self._sensor = sensor or (
             "" if any(p.axis and p.sensor for p in self._parts) else named_sensor(Path(name).stem)
@@ -307,6 +340,7 @@ class _DraftWriter:
         self._time = self._time_columns()
         self._quaternion = self._quaternion_columns()
         self._angles = () if self._quaternion else self._angle_columns()
+        self._plus: tuple[int, ...] = ()
         self._triads = self._named_triads() or (self._sized_triads() if self._is_nameless() else {})
         self._triads |= self._answered_triads()
         self._triads = {name: columns for name, columns in self._triads.items() if columns}
@@ -363,7 +397,7 @@ class _DraftWriter:
     def _free(self) -> list[int]:
         """Columns of numbers that have no meaning yet."""
         taken = {*self._time, *self._clocks, *self._quaternion}
-        taken |= {i for columns in getattr(self, "_triads", {}).values() for i in columns}
+        taken |= {i for columns in getattr(self, "_triads", {}).values() for i in columns} | {*self._plus}
         return [i for i in range(self._sample.width) if i not in taken and np.isfinite(self._numbers[i]).any()]
 
     def _place(self, key: str, ref: Any) -> int:
@@ -390,6 +424,8 @@ class _DraftWriter:
         if "time.column" in self._answers:
             return (self._place("time.column", self._answers["time.column"]),)
         named = [i for i, part in enumerate(self._parts) if part.is_time]
+        if clocks := list(filter(self._is_time_of_day, named)):
+            return (clocks[0],)
         if rising := [i for i in named if self._rises(i)]:
             return self._in_two_parts(named) or (min(rising, key=self._time_rank),)
         others = [i for i in range(self._sample.width) if i not in named]
@@ -399,9 +435,16 @@ class _DraftWriter:
                 return (i,)
             if i + 1 < self._sample.width and _dates(cells) and all(map(is_stamp, self._sample.cells(i + 1))):
                 return (i, i + 1)
-        if self._clocks:
-            return self._clocks[:1]
-        return () if named else self._rising_column()
+        return self._clocks[:1] or (() if named else self._rising_column())
+
+    def _is_time_of_day(self, column: int) -> bool:
+        """Whether numbers are clock times as hhmmss, by their name or because they jump by 40 at each minute."""
+        cells, steps = self._sample.cells(column), np.diff(self._numbers[column])
+        if not all(map(is_time_of_day, cells)):
+            return False
+        jumps = bool(((steps > 40.0) & (steps < 41.0 + np.median(steps))).any())
+        is_utc = "utc" in self._parts[column].base and all(re.match(r"\d{6}", cell) for cell in cells)
+        return jumps or is_utc or re.search(r"hhmmss|hms", self._parts[column].base) is not None
 
     def _rising_column(self) -> tuple[int, ...]:
         """First column of numbers that rise in each row: of those without a name, or the very first one."""
@@ -457,7 +500,8 @@ class _DraftWriter:
     @property
     def _stamped(self) -> bool:
         """Whether time is dates and clock times."""
-        return bool(self._time) and is_stamp(self._sample.cells(self._time[-1])[0])
+        last = self._time[-1:]
+        return any(is_stamp(self._sample.cells(i)[0]) or self._is_time_of_day(i) for i in last)
 
     def _quaternion_columns(self) -> tuple[int, ...]:
         """Columns w, x, y, z of unit quaternions."""
@@ -485,26 +529,40 @@ class _DraftWriter:
     def _named_triads(self) -> dict[str, tuple[int, ...]]:
         triads: dict[str, tuple[int, ...]] = {}
         for name in TRIADS:
-            sets: dict[str, dict[str, int]] = {}
-            for i in self._free():
-                part = self._parts[i]
-                if part.axis and (name in {part.sensor, part.by_unit} or (name, part.sensor) == ("acc", "linear")):
-                    sets.setdefault(f"{part.base} {part.unit}", {}).setdefault(part.axis, i)
-            complete = [
-                tuple(axes[letter] for letter in letters)
-                for axes in sets.values()
-                for letters in ("xyz", "012", "123", "234")
-                if set(letters) == set(axes) or (letters == "xyz" and set(letters) <= set(axes))
-            ]
+            complete = self._threes(partial(_may_be, name))
             complete = [self._right_handed(columns) for columns in complete if self._is_measured(name, columns)]
             complete.sort(key=lambda columns: self._rank(name, columns))
             triads |= {name: complete[0]} if complete else {}
+        if "acc" not in triads and (without := self._threes(lambda part: part.sensor == "linear")):
+            gravity = self._threes(lambda part: re.search(r"\bgrav(ity)?\b", part.base) is not None)
+            if (
+                gravity
+                and self._parts[gravity[0][0]].unit == self._parts[without[0][0]].unit
+                and self._has_gravity(gravity[0])
+            ):
+                self._plus, triads["acc"] = gravity[0], without[0]
+                for i, k in zip(without[0], gravity[0], strict=True):
+                    self._numbers[i] = self._numbers[i] + self._numbers[k]
         if triads and "acc" not in triads:  # steady vectors of the size of gravity, whose names say no sensor: asked
             for i in self._free()[:-2]:
                 three = [part for part in self._parts[i : i + 3] if not part.sensor and not part.unit]
                 if [part.axis for part in three] == list("xyz") and self._has_gravity((i, i + 1, i + 2)):
                     return triads | {"acc": (i, i + 1, i + 2)}
         return triads
+
+    def _threes(self, belongs: Callable[[ColumnName], bool]) -> list[tuple[int, ...]]:
+        """Columns x, y, z of the same words and unit, of those that belong."""
+        sets: dict[str, dict[str, int]] = {}
+        for i in self._free():
+            part = self._parts[i]
+            if part.axis and belongs(part):
+                sets.setdefault(f"{part.base} {part.unit}", {}).setdefault(part.axis, i)
+        return [
+            tuple(axes[letter] for letter in letters)
+            for axes in sets.values()
+            for letters in ("xyz", "012", "123", "234")
+            if set(letters) == set(axes) or (letters == "xyz" and set(letters) <= set(axes))
+        ]
 
     def _is_measured(self, name: str, columns: Sequence[int]) -> bool:
         """Whether they hold more than zeros, and gravity where not their words say that they are an acceleration."""
@@ -744,6 +802,8 @@ class _DraftWriter:
         by = "by their names" if named else "by their size; [] if they are none"
         sure, refs = named or self._is_sure_by_size(), tuple(map(self._ref, columns))
         self._set("columns", refs, f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure)
+        if name == "acc" and self._plus:
+            self._set("plus", tuple(map(self._ref, self._plus)), "gravity, which these lack", ask=True, sure=True)
         zero = self._middle(columns)
         guess = self._triad_unit(name, columns, zero)
         scale = self._stated_scale(name)
@@ -760,7 +820,10 @@ class _DraftWriter:
         if zero:
             self._set("zero", f"{zero:g}", "whole numbers around it: counts that mean 0", ask=True)
         if name == "acc":
-            self._set("sign", "specific-force", self._sign_told(columns, zero), ask=True)
+            if self._plus and "user" in part.base and guess.unit == "g":  # [Apple, CMDeviceMotion]: gravity points down
+                self._set("sign", "gravity", "user acceleration and gravity, as iOS has them", ask=True, sure=True)
+            else:
+                self._set("sign", "specific-force", self._sign_told(columns, zero), ask=True)
         if name == "gyr" and self._turns[0] != AS_MOUNTED and not self._accept:
             self._write_axes(signed_axes(self._turns[0]))
 
@@ -928,6 +991,22 @@ def _with_axes(parts: list[ColumnName]) -> list[ColumnName]:
     return parts
 
 
+def _clock(sample: Sample, column: int) -> Floats:
+    """Numbers of a column, or seconds of its clock times; empty where it holds others."""
+    numbers = sample.numbers(column)
+    if np.isfinite(numbers).all():
+        return numbers
+    try:
+        return to_seconds([sample.cells(column)], None)[0]
+    except StampError:
+        return numbers[:0]
+
+
+def _may_be(sensor: str, part: ColumnName) -> bool:
+    """Whether a column may be one of a sensor's, or has acceleration without gravity."""
+    return sensor in {part.sensor, part.by_unit} or (sensor, part.sensor) == ("acc", "linear")
+
+
 def _dates(cells: Sequence[str]) -> bool:
     return all(re.fullmatch(r"\d{4}([-/])\d{1,2}\1\d{1,2}", cell) for cell in cells)
 
@@ -943,9 +1022,16 @@ def _time_unit(numbers: Floats, part: ColumnName) -> tuple[str, str, bool]:
         return "", "ticks of a length that nothing says; give unit_per_count, or declare rate = '100 Hz'", False
     if "tow" in part.base:
         return "s", "a time of week counts seconds", True
-    clock = step < 40.0 and 1e4 <= numbers.max() < 24e4 and (numbers % 100 < 60).all()
-    if clock and ((steps > 40.0) & (steps - step < 41.0)).any():
-        return "", "it jumps by 40 at each minute: clock times, to be written as HH:MM:SS", False
+    if (
+        _SPREADSHEET[0] <= numbers.min()
+        and numbers.max() < _SPREADSHEET[1]
+        and 0.0 < step < 2.0 * to_si(1.0, "s") / to_si(1.0, "day")
+    ):
+        return (
+            "day",
+            f"days since 1899-12-30, as spreadsheets count them: {1.0 / to_si(step, 'day'):.4g} Hz",
+            part.is_time,
+        )
     plausible = {unit: rate for unit, rate in rates.items() if _RATES[0] <= rate <= _RATES[1]}
     if not plausible:
         return "", f"steps of {step:.4g} make no usual rate; or delete both keys and declare rate = '100 Hz'", False

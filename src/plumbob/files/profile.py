@@ -176,6 +176,8 @@ class GroupSource:
         Measuring range, in the unit used inside; of each column where they differ.
     delay : float
         By how much the stamps of its rows are late, s; negative: early.
+    plus : tuple of int or str
+        Columns that are added, as gravity is to an acceleration without it; empty for none.
     """
 
     columns: tuple[ColumnRef, ...]
@@ -186,6 +188,7 @@ class GroupSource:
     gravity: bool = False
     full_scale: Range = None
     delay: float = 0.0
+    plus: tuple[ColumnRef, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,4 +319,8 @@ class Profile:
         single = time if self.flags is None else (*time, self.flags)
         groups = [*self.triads.values(), *([self.temperature] if self.temperature else [])]
         reference = self.reference.used if self.reference else ()
-        return (*single, *(ref for group in groups for ref in group.columns if ref != NO_COLUMN), *reference)
+        return (
+            *single,
+            *(ref for group in groups for ref in (*group.columns, *group.plus) if ref != NO_COLUMN),
+            *reference,
+        )

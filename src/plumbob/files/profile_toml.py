@@ -320,6 +320,7 @@ def _group_source(where: str, table: dict[str, Any]) -> GroupSource:
         gravity=table.get("sign") == "gravity",
         full_scale=table.get("range"),
         delay=table.get("delay", 0.0),
+        plus=table.get("plus", ()),
     )
 
 
@@ -436,7 +437,7 @@ _TEMPERATURE: Final = _form(
     ("column", "unit"),
     lambda _, table: GroupSource(columns=(table["column"],), unit=table["unit"]),
 )
-_SIGN: Final = {"sign": schema.one_of("specific-force", "gravity")}
+_SIGN: Final = {"sign": schema.one_of("specific-force", "gravity"), "plus": _columns(3)}
 _KEYS: Final = {
     "format_version": schema.version(VERSION),
     "separator": schema.converted(lambda word: _SEPARATORS[word], schema.one_of(*_SEPARATORS)),

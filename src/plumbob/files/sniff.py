@@ -380,7 +380,7 @@ def _numbers_in(cell: str, decimal: str) -> int:
 def _forms(table: _SniffedTable, names: Sequence[str]) -> tuple[str, ...]:
     """What each cell of a row holds, as in `TextLayout.cells`; numbers without brackets are a vector of a sensor."""
     forms = []
-    for column, name in zip(zip(*table.rows, strict=True), (*names, *[""] * len(table.rows[0])), strict=False):
+    for column, name in zip(zip(*table.rows[:TRIED], strict=True), (*names, *[""] * len(table.rows[0])), strict=False):
         said = [cell.strip() for cell in column if cell.strip() not in {*MISSING, "[]", "()"}]
         sizes = Counter(len(vector(cell, table.decimal)) for cell in said).most_common(1) or [(0, 0)]
         units = Counter(number_and_unit(cell)[1] for cell in said).most_common(1) or [("", 0)]
@@ -388,7 +388,7 @@ def _forms(table: _SniffedTable, names: Sequence[str]) -> tuple[str, ...]:
         is_vector = sizes[0][0] > 1 and sizes[0][1] > 0.5 * len(said) and bracketed
         has_unit = units[0][1] > 0.5 * len(said) and _is_unit(units[0][0])
         forms.append(f"[{sizes[0][0]}]" if is_vector else units[0][0] if has_unit and not is_vector else "")
-    is_split = any(re.match(r"[\[({].*[,; ]", cell) for row in table.rows for cell in row)
+    is_split = any(re.match(r"[\[({].*[,; ]", cell) for row in table.rows[:TRIED] for cell in row)
     return tuple(forms) if any(forms) or is_split else ()
 
 

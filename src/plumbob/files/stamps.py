@@ -55,6 +55,12 @@ def _row(row: int) -> str:
     return f"row {row + 1}"
 
 
+def falls(times: Floats) -> bool:
+    """Whether a clock goes back from the first row to the last, in several steps: the newest row stands first."""
+    steps = np.diff(times)
+    return bool(np.count_nonzero(steps < 0.0) > 1 and (steps <= 0.0).all())
+
+
 def time_line(
     stamps: Floats | NDArray[np.int64], unit_ns: float = 1.0, place: Callable[[int], str] = _row
 ) -> SampleTimes:

@@ -5,6 +5,8 @@ import csv
 import math
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
+from decimal import Decimal
 from fnmatch import fnmatch
 from fractions import Fraction
 from pathlib import Path
@@ -37,7 +39,7 @@ from plumbob.files.profile import (
     TimeStamps,
 )
 from plumbob.files.profile_toml import load_profile, profiles_beside
-from plumbob.files.stamps import CENTURY, WEEK, time_line, utc_of_gps
+from plumbob.files.stamps import CENTURY, WEEK, falls, time_line, utc_of_gps
 from plumbob.files.text_table import TextTable, read_table
 from plumbob.rotations import (
     body_axes,
@@ -102,11 +104,39 @@ def _read_one(file: Path, declared: Profile, note: str) -> Recording:
 
 def table_recording(profile: Profile, table: TextTable, name: str, note: str) -> Recording:
     """Recording of a table, by its profile; `note` says which. Errors as in `read_text`."""
+    table = _oldest_first(profile, table)
     t, t0_ns, clock = _time(profile, table)
     imu, clock = _in_turns(_imu(profile, table, t, t0_ns), clock) if profile.triads else (None, clock)
     track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
     notes = (*read_notes(profile.notes, imu), note, *table.notes, *clock, *_changes(profile, t0_ns))
     return Recording(imu=imu, track=track, name=name, notes=notes)
+
+
+def _oldest_first(profile: Profile, table: TextTable) -> TextTable:
+    """The same table, or its rows in the order of time where the newest stands first."""
+    source, last = profile.time, table.rows - 1
+    if isinstance(source, TimeRate):
+        return table
+    if isinstance(source, TimeStamps):
+        cells = [table.texts[ref] for ref in source.columns]
+        try:
+            is_back = to_seconds([column[:: last or 1] for column in cells], source.zone)[0][-1] < 0.0
+            is_back = is_back and falls(to_seconds(cells, source.zone)[0])
+        except StampError:  # which is said with its line when time is made of them
+            return table
+    else:
+        is_back = falls(table.columns[source.seconds or source.week or source.column])
+    if not is_back:
+        return table
+    columns = {ref: values[::-1] for ref, values in table.columns.items()}
+    zero = table.zero
+    if isinstance(source, TimeColumn) and source.exact is not None:
+        zero += Decimal(float(columns[source.exact][0]))
+        columns[source.exact] = columns[source.exact] - columns[source.exact][0]
+    texts = {ref: cells[::-1] for ref, cells in table.texts.items()}
+    note = "time: the newest row stands first, so the rows were read from the last to the first"
+    notes, line_of = (*table.notes, note), table.line_of
+    return replace(table, columns=columns, zero=zero, texts=texts, notes=notes, line_of=lambda row: line_of(last - row))
 
 
 def _in_turns(imu: ImuData, notes: tuple[str, ...]) -> tuple[ImuData, tuple[str, ...]]:
@@ -252,6 +282,8 @@ def _stacked(columns: tuple[ColumnRef, ...], table: TextTable) -> Floats:
 
 def _vector(group: GroupSource, table: TextTable, turn: str | None) -> Floats:
     counts = _stacked(group.columns, table)
+    if group.plus:
+        counts = counts + _stacked(group.plus, table)
     if group.zero is not None:
         counts = counts - group.zero
     values = _inside(counts if group.unit_per_count == 1.0 else counts * group.unit_per_count, group.unit)
@@ -305,6 +337,8 @@ def _changes(profile: Profile, t0_ns: int) -> tuple[str, ...]:
     for name, group in profile.triads.items():
         if group.axes != AS_MOUNTED:
             notes.append(f"{name}: the case's x, y, z are its '{group.axes}', as the profile says")
+        if group.plus:
+            notes.append(f"{name}: the columns {', '.join(map(str, group.plus))} were added, as the profile says")
         if group.delay:
             notes.append(
                 f"{name}: its rows are {1e3 * group.delay:g} ms late, as the profile says, and were interpolated; "

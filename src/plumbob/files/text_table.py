@@ -330,6 +330,8 @@ def cells_apart(cells: Sequence[str], layout: TextLayout, line: int) -> list[str
                 f"line {line}, cell {place}: {excerpt(cell)} is in {unit}, but the column is in {form}. One unit is "
                 "expected in each column: convert these cells."
             )
+        elif form and number and not unit:
+            numbers.append(f"{cell} without {form}")  # it may be cut, and is left out
         else:
             numbers.append(number if form and unit == form else cell)
     return numbers
@@ -339,7 +341,7 @@ def _with_cells_apart(text: str, head: Head, layout: TextLayout) -> tuple[str, H
     """Text and head as they would be if each number stood in a cell of its own; lines stay lines."""
     sign, rows = "," if layout.separator == QUOTED else layout.separator, []
     for line, row in enumerate(text[head.start :].split("\n"), head.line):
-        cells = [] if is_idle(row, layout.comment) else split_vectors(row, layout.separator, line)
+        cells = [] if is_idle(row, layout.comment) or row.count('"') % 2 else split_vectors(row, layout.separator, line)
         if fits := len(cells) == len(layout.cells):
             cells = [f'"{cell}"' if sign in cell else cell for cell in cells_apart(cells, layout, line)]
         rows.append(sign.join(cells) if fits else row)
