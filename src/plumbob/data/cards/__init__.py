@@ -52,7 +52,5 @@ def open_card(path: str | Path) -> "CalibrationCard | NoiseCard":
         if kind == cls.KIND:
             card: CalibrationCard | NoiseCard = cls.from_text(text, str(path))
             return card
-    raise DecodeError(
-        f"{path} is not a card: its 'kind' must be '{CalibrationCard.KIND}' or '{NoiseCard.KIND}'. Of "
-        "a log of samples, 'plumbob profile' drafts what describes it."
-    )
+    kinds = f"'{CalibrationCard.KIND}' or '{NoiseCard.KIND}'"
+    raise DecodeError(f"{path} is not a card: its 'kind' must be {kinds}; 'plumbob profile' describes logs.")
