@@ -20,7 +20,7 @@ import plumbob
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import profile_beside
-from plumbob.files import parse_profile, read
+from plumbob.files import arrow, parse_profile, read
 from plumbob.files.profile_toml import questions
 from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_multiply, quat_rotate, rotvec_from_quat
 from tests.helpers.io_samples import refused
@@ -175,7 +175,7 @@ def test_tables_of_other_programs_are_read_by_a_profile_too(tmp_path, moved, suf
     answers = {"acc.sign": "specific-force", "gyr.unit": "rad/s", "time.zone": "UTC"}
     plumbob.profile(path, accept=True, answers=answers, out=profile_beside(path))
     imu = plumbob.read(path).imu
-    assert imu.meta.t0_ns == int(noon.astype(np.int64))
+    assert imu.meta.t0_ns == int(noon.astype(np.int64)) and arrow.text_bytes(path, 999) == arrow.text_bytes(path)[:999]
     np.testing.assert_allclose(imu.t, T, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(imu.gyr, np.radians(rate))
     np.testing.assert_allclose([imu.acc, imu.mag], [G0 * force, field], rtol=1e-12)

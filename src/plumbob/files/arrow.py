@@ -153,7 +153,7 @@ def text_bytes(path: Path, most: int | None = None) -> bytes:
         if not packing and not kind:
             return file.read(-1 if most is None else most)
         try:
-            return _table_text(path, kind) if kind else _unpacked(path, file, packing, most)
+            return _table_text(path, kind, most) if kind else _unpacked(path, file, packing, most)
         except PlumbobError:
             raise
         except Exception as error:  # zlib, lzma, zipfile and Arrow have errors of their own
@@ -188,18 +188,15 @@ def holds_recording(path: Path) -> bool:
     import pyarrow as pa
     from pyarrow import parquet as pq
 
-    with path.open("rb") as file:
-        if file.read(4) != b"PAR1":
-            return False
     with suppress(pa.ArrowException, OSError):
         return b"plumbob" in (pq.read_metadata(path).metadata or {})
     return False
 
 
-def _table_text(path: Path, kind: str) -> bytes:
+def _table_text(path: Path, kind: str, most: int | None) -> bytes:
     import pyarrow as pa
+    from pyarrow import compute, feather, orc
     from pyarrow import csv as arrow_csv
-    from pyarrow import feather, orc
     from pyarrow import parquet as pq
 
     if kind == "parquet":
@@ -211,19 +208,22 @@ def _table_text(path: Path, kind: str) -> bytes:
     require_room(table.nbytes, path.stat().st_size)
     while any(pa.types.is_struct(column.type) for column in table.columns):
         table = table.flatten()
+    vectors = [pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) for kind in table.schema.types]
+    scalars = {name for name, vector in zip(table.column_names, vectors, strict=True) if not vector}
+    wanted = None if most is None else most // max(len(scalars), 1) + 1  # rows: a number takes a byte at least
     columns: dict[str, Any] = {}
-    for name, column in zip(table.column_names, table.columns, strict=True):
-        if not (pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type)):
-            columns[name] = column
+    for name, column, vector in zip(table.column_names, table.columns, vectors, strict=True):
+        if not vector:
+            columns[name] = column.slice(0, wanted)
             continue
-        rows = column.to_pylist()
-        width = max((len(row) for row in rows if row is not None), default=0)
+        width = compute.max(compute.list_value_length(column)).as_py() or 0
+        rows = column.slice(0, wanted).to_pylist()
         for k, axis in enumerate({3: "xyz", 4: "wxyz"}.get(width, map(str, range(1, width + 1)))):
             columns[f"{name}_{axis}"] = pa.array([None if row is None or len(row) <= k else row[k] for row in rows])
     text, options = pa.BufferOutputStream(), arrow_csv.WriteOptions(delimiter="\t", include_header=False)
     text.write("\t".join(" ".join(name.split()) for name in columns).encode() + b"\n")
     arrow_csv.write_csv(pa.table(columns), text, options)
-    return text.getvalue().to_pybytes()
+    return text.getvalue().to_pybytes()[:most]
 
 
 TABLES: Final = (".csv", ".parquet")

@@ -136,7 +136,7 @@ LONGER: Final = "Keep turning it for a minute or two, through all attitudes, eac
 """Advice where the field may have been uneven."""
 
 LOST: Final = deg(30.0)
-"""Predicted heading error above which there is no heading, rad: three of it are a quarter of a turn."""
+"""Predicted heading error above which there is no heading, rad; three times as much is a quarter of a turn."""
 
 DIRECTION: Final = "An accelerometer in slow turning shows it (--with acc), or a gyroscope (--with gyr)."
 """Advice where only the field's direction could tell."""
