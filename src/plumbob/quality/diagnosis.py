@@ -65,8 +65,8 @@ class Trust(StrEnum):
 
 
 @dataclass(frozen=True)
-class Finding:
-    """One question and its answer.
+class Convention:
+    """One question about a convention, and its answer.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class Diagnosis(Reported):
     ----------
     name : str
         Of the recording.
-    findings : tuple of Finding
+    findings : tuple of Convention
         Every question.
     lines : tuple of str
         Lines of the profile, as TOML.
@@ -122,7 +122,7 @@ class Diagnosis(Reported):
     """
 
     name: str
-    findings: tuple[Finding, ...]
+    findings: tuple[Convention, ...]
     lines: tuple[str, ...]
     remarks: tuple[str, ...]
     values: Mapping[str, Any]
@@ -247,7 +247,7 @@ class Examination:
         self.name, self.declared, self.hemisphere = name, declared, hemisphere
         self.t, self.up = imu.t, (imu.meta.frame or Frame.ENU).up
         self.values = {triad: _finite(getattr(imu, triad)) for triad in imu.triads}
-        self.findings: list[Finding] = []
+        self.findings: list[Convention] = []
         self.lines: dict[str, list[str]] = {}
         self.remarks: list[str] = []
         self.numbers: dict[str, Any] = {}
@@ -550,7 +550,7 @@ class Examination:
         wrong: bool = False,
         why: str = "",
     ) -> None:
-        self.findings.append(Finding(sensor, question, answer, value, log_odds, wrong, why))
+        self.findings.append(Convention(sensor, question, answer, value, log_odds, wrong, why))
 
 
 def _resting(t: Floats, gyr: Floats) -> Floats:
