@@ -64,6 +64,8 @@ class Target(NamedTuple):
 TARGETS = (
     Target("Parquet", "b.parquet"),
     Target("CSV", "b.csv"),
+    Target("MATLAB", "b.mat"),
+    Target("NetCDF", "b.nc"),
     Target("MCAP", "b.mcap"),
     Target("ROS 2 MCAP", "ros.mcap", ("--as", "ros2")),
     Target("rosbag2", "bag", ("--as", "rosbag2")),
@@ -525,7 +527,7 @@ _ROS = ("ROS 2 MCAP", "rosbag2", "ROS 1 bag")
 def page(done: Sequence[Row]) -> str:
     """The page of the documentation."""
     names = [target.name for target in TARGETS if target.name not in _ROS]
-    names[3:3] = ["ROS"]
+    names.insert(names.index("MCAP") + 1, "ROS")
     lines = [HEAD, f"| file | from | `info` | `run` | {' | '.join(names)} |", "|---" * (len(names) + 4) + "|"]
     reasons: dict[str, int] = {}
     for row in done:

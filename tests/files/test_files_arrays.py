@@ -5,11 +5,12 @@ import zipfile
 import numpy as np
 import pytest
 
-from plumbob import profile
+from plumbob import AttitudeTrack, profile
 from plumbob.core.errors import DecodeError, UnitError
-from plumbob.files import kind_of, parse_profile, read
+from plumbob.files import kind_of, parse_profile, read, write
+from plumbob.rotations import quat_from_rotvec, quat_rotate
 from tests.helpers.file_kinds import hdf5
-from tests.helpers.io_samples import refused
+from tests.helpers.io_samples import CASES, refused
 
 h5py = pytest.importorskip("h5py")
 scipy_io = pytest.importorskip("scipy.io")
@@ -154,3 +155,41 @@ def test_what_does_not_fit_its_profile_or_is_hostile_is_refused(tmp_path, case):
     name, put, text, match, error = (*case, DecodeError)[:5]
     put(tmp_path / name)
     refused(lambda: read(tmp_path / name, profile=parse_profile(text)), match=match, error=error)
+
+
+def test_scipy_and_xarray_open_what_is_written_with_units_and_utc(tmp_path):
+    xarray = pytest.importorskip("xarray", reason="xarray is not installed")
+    both = CASES["both"]
+    matlab = scipy_io.loadmat(write(tmp_path / "a.mat", both), squeeze_me=True, struct_as_record=False)
+    with xarray.open_dataset(write(tmp_path / "a.nc", both), engine="netcdf4") as data:  # by Unidata's library
+        for name, of in (("gyr", both.imu), ("mag", both.imu), ("q_nb", both.track), ("track_flags", both.track)):
+            values = getattr(of, name.removeprefix("track_"))
+            assert np.array_equal(matlab[name], values, equal_nan=values.dtype == float)
+            assert np.array_equal(data[name], values, equal_nan=values.dtype == float)
+            assert getattr(matlab["units"], name) == data[name].attrs["units"]
+        assert data.attrs["Conventions"] == "CF-1.11"
+        assert data.acc.attrs["units"] == "m/s2"
+        assert np.array_equal(data.acc.sel(axis="y"), both.imu.acc[:, 1])
+        assert np.array_equal(data.time.astype("int64"), both.imu.t_ns + both.imu.meta.t0_ns)  # ns of UTC
+    write(tmp_path / "b.csv", CASES["both"])  # a profile of the same name beside it
+    level = read(write(tmp_path / "b.nc", CASES["track"])).track
+    assert np.array_equal(level.q_nb, CASES["track"].track.q_nb, equal_nan=True)
+
+
+@pytest.mark.parametrize(("frame", "yaw", "pitch"), [("NED", "starboard", "up"), ("ENU", "port", "down")])
+def test_the_angles_of_a_platform_have_the_sense_that_their_standard_names_say(tmp_path, frame, yaw, pitch):
+    # CF standard name table: platform_yaw_fore_starboard grows as the bow turns right, platform_pitch_fore_up as it
+    # rises; platform_roll_starboard_down as the right side sinks.
+    xarray = pytest.importorskip("xarray", reason="xarray is not installed")
+    axes = np.eye(3)
+    q_nb = np.stack([quat_from_rotvec(0.1 * axis) for axis in axes])
+    track = AttitudeTrack(t=[0.0, 1.0, 2.0], q_nb=q_nb, frame=frame, north="true")
+    up, bow, right = track.frame.up, quat_rotate(q_nb, axes[0]), quat_rotate(q_nb, np.cross(axes[0], track.frame.up))
+    with xarray.open_dataset(write(tmp_path / "a.nc", track)) as data:
+        names = [data[name].attrs["standard_name"] for name in ("yaw", "pitch", "roll")]
+        assert names == [f"platform_yaw_fore_{yaw}", f"platform_pitch_fore_{pitch}", "platform_roll_starboard_down"]
+        angles = np.radians([float(data[name][i]) for i, name in enumerate(("roll", "pitch", "yaw"))])
+    sense = 1.0 if frame == "NED" else -1.0
+    starboard = np.cross(axes[0], up)
+    seen = [-right[0] @ up, sense * (bow[1] @ up), sense * (bow[2] @ starboard)]
+    assert angles == pytest.approx(np.arcsin(seen))

@@ -13,7 +13,10 @@ from plumbob.files import FORMATS, read, write
 from tests.helpers import full_disk
 from tests.helpers.io_samples import CASES, ROWS, assert_same, make_imu, make_track, refused
 
-FORMATS_WRITTEN = {".parquet": {"nan_bits": True}, ".csv": {"nan_bits": False}, ".txt": {"nan_bits": False}}
+FORMATS_WRITTEN = {
+    **{suffix: {"nan_bits": True} for suffix in (".parquet", ".mat", ".nc")},
+    **{suffix: {"nan_bits": False} for suffix in (".csv", ".txt")},
+}
 SUFFIXES = [suffix for kind in FORMATS for suffix in kind.suffixes]
 every_format = pytest.mark.parametrize("suffix", FORMATS_WRITTEN)
 
@@ -116,8 +119,8 @@ def test_what_no_format_takes_is_refused(tmp_path):
     refused(read, tmp_path / "pipe.parquet", match="not a regular file")
     refused(read, tmp_path / "a.xlsx", match=r"'\.xlsx' is unknown; known are \.parquet, \.bag, .*\.csv")
     refused(write, tmp_path / "a", imu, match="is unknown")
-    known = r"is not among \.parquet, \.csv, \.txt; plumbob\.convert writes more"
-    for suffix in (".hdf5", ".mat", ".tsv"):
+    known = r"is not among \.parquet, \.csv, \.txt, \.mat, \.nc; plumbob\.convert writes more"
+    for suffix in (".hdf5", ".npz", ".tsv"):
         refused(write, tmp_path / f"a{suffix}", imu, match=known)
     for suffix in FORMATS_WRITTEN:
         refused(write, tmp_path / "none" / f"a{suffix}", imu, match="create it first")

@@ -299,7 +299,7 @@ FILES: Final = {
         },
     ),
     "convert": Verb(
-        "write a recording of any format as CSV, Parquet, MCAP, TUM, text, or for ROS and EuRoC",
+        "write a recording of any format as CSV, Parquet, MATLAB, NetCDF, MCAP, TUM, text, or for ROS and EuRoC",
         "file-formats.md", "plumbob convert sea.mcap sea.csv", run="convert", outputs=(), json=False,
     ),
     "verify": Verb(

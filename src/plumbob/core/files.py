@@ -134,7 +134,7 @@ TABLES: Final = (
     ".parquet", ".feather", ".arrow", ".orc",
 )  # fmt: skip
 """Suffixes of tables, which a profile describes: of text, packed, or columns of other programs."""
-ARRAYS: Final = (".mat", ".h5", ".hdf5", ".npz", ".npy")
+ARRAYS: Final = (".mat", ".h5", ".hdf5", ".nc", ".npz", ".npy")
 """Suffixes of files of named arrays, which a profile describes."""
 
 

@@ -1,9 +1,15 @@
-"""Named arrays in containers, with every length checked before it is used: MATLAB v5 and HDF5.
+"""Named arrays in containers, with every length checked before it is used: MATLAB v5 and HDF5, NetCDF-4 among it.
 
 SciPy's reader of MATLAB v5 is not used, since damaged files can end its process [MAT-File Format, level 5]. Links and
 data in other files are refused in HDF5.
+
+A recording is written as MATLAB v5 or NetCDF-4: `time` in s, tables with a row for each sample, their units, and in
+`PROFILE` the profile that reads them back. NetCDF follows the CF conventions 1.11; these know no name for what an IMU
+measures, so only the time, the angles of a platform and flags have a standard_name. Discrete sampling geometries
+(featureType) need a place in latitude and longitude, which a recording does not have.
 """
 
+import io
 import math
 import struct
 import zlib
@@ -15,9 +21,19 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core.errors import DecodeError, MissingExtraError, PlumbobError, one_line
-from plumbob.core.files import require_room
+from plumbob.core import flags
+from plumbob.core.errors import DecodeError, PlumbobError, one_line
+from plumbob.core.files import replacing, require_room
+from plumbob.core.series import needed
+from plumbob.core.time import to_s
+from plumbob.core.units import to_deg
+from plumbob.data.recording import Recording, stored_notes
+from plumbob.files.columns import COLUMNS, GROUPS, TIME
+from plumbob.files.text_write import ARRAY_NAMES, columns_of_unit, table_profile
+from plumbob.rotations import Frame
 
+PROFILE: Final = "plumbob_profile"
+"""Where a file that Plumbob wrote keeps its profile: a text in MATLAB, an attribute in NetCDF."""
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 MAT5_SIGNATURE: Final = b"MATLAB 5.0"
 MAX_VARIABLES: Final = 10_000
@@ -40,10 +56,7 @@ def opened_hdf5(file: Path) -> Iterator[tuple[Any, Any]]:
     DecodeError
         If the file is cut or damaged.
     """
-    try:
-        import h5py
-    except ImportError as error:
-        raise MissingExtraError('HDF5 files need h5py; install it with: pip install "plumbob[hdf5]".') from error
+    h5py = needed("h5py", "HDF5 files", "plumbob[hdf5]")
     try:
         with h5py.File(file, "r") as hdf5:
             yield h5py, hdf5
@@ -89,6 +102,7 @@ def own_dataset(h5py: Any, hdf5: Any, key: str) -> Any:
 
 # Table 1-1: types of elements
 _INT8, _INT32, _UINT32, _MATRIX, _COMPRESSED, _UTF8 = 1, 5, 6, 14, 15, 16
+_OF_8_BITS = (_INT8, 2, _UTF8)
 _DTYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 
 # Table 1-3: classes of arrays
@@ -246,19 +260,31 @@ def mat_array(variable: Variable, order: str) -> NDArray[Any]:
     DecodeError
         If it is cut or damaged, or does not unpack to what it states.
     """
-    values = math.prod(variable.shape)
     with _damage_at(variable.place):
-        if variable.size > variable.start + 16 + 8 * values:  # a tag, the widest numbers, and what fills 8 bytes
-            raise ValueError(f"it states {variable.size} bytes for {values} numbers")
-        content, complete = _unpacked(variable.element, variable.packed, variable.size + 1)
-        if len(content) != variable.size or not complete:
-            raise ValueError(f"it does not unpack to the {variable.size} bytes that it states")
-        kind, numbers, _ = _part(content, variable.start, order)
+        kind, numbers, values = _content(variable, order)
         dtype = np.dtype(order + _DTYPES.get(kind, "f8"))
         if kind not in _DTYPES or len(numbers) != values * dtype.itemsize:
             raise ValueError(f"its numbers, of type {kind}, have {len(numbers)} bytes, and not those of {values}")
     table = np.frombuffer(numbers, dtype).reshape(variable.shape, order="F")
     return np.ascontiguousarray(table, dtype.newbyteorder("="))
+
+
+def mat_text(variable: Variable, order: str) -> str:
+    """Text of a row of characters; errors as of `mat_array`."""
+    with _damage_at(variable.place):
+        kind, text, _ = _content(variable, order)
+        return str(text, "utf-8" if kind in _OF_8_BITS else "utf-16-le" if order == "<" else "utf-16-be", "replace")
+
+
+def _content(variable: Variable, order: str) -> tuple[int, memoryview, int]:
+    """Type and bytes of the values of a variable, and how many values there are."""
+    values = math.prod(variable.shape)
+    if variable.size > variable.start + 16 + 8 * values:  # a tag, the widest numbers, and what fills 8 bytes
+        raise ValueError(f"it states {variable.size} bytes for {values} numbers")
+    content, complete = _unpacked(variable.element, variable.packed, variable.size + 1)
+    if len(content) != variable.size or not complete:
+        raise ValueError(f"it does not unpack to the {variable.size} bytes that it states")
+    return *_part(content, variable.start, order)[:2], values
 
 
 def _unpacked(element: memoryview, packed: bool, most: int) -> tuple[memoryview, bool]:
@@ -291,3 +317,111 @@ def _damage_at(place: int) -> Iterator[None]:
         raise DecodeError(
             f"the variable at byte {place} is cut or damaged: {error}. Take a copy that is whole."
         ) from error
+
+
+def _tables(path: Path, recording: Recording) -> tuple[dict[str, tuple[NDArray[Any], str]], str]:
+    """Arrays of a recording with units, (N,) or (N, …) of a group of columns; and the profile that reads them."""
+    columns = columns_of_unit(path, recording)
+    tables = {"time": (to_s(columns[TIME]), "s")}
+    single = dict.fromkeys(name for name in columns if name != TIME)
+    for group, names in GROUPS.items():
+        if names[0] in columns:
+            table = np.stack([columns[name] for name in names], axis=1)
+            tables[ARRAY_NAMES.get(group, group)] = table, COLUMNS[names[0]].unit
+            single = {name: None for name in single if name not in names}
+    tables |= {name: (columns[name], COLUMNS[name].unit) for name in single}
+    tables = {name: (v.astype(np.uint8) if v.dtype == bool else v, unit) for name, (v, unit) in tables.items()}
+    return tables, table_profile(recording, columns, arrays=True)
+
+
+def write_mat(path: Path, recording: Recording, overwrite: bool = False) -> None:
+    """Write named arrays as MATLAB v5: `time` (s), `gyr`, `acc`, `q_nb` and so on, and the struct `units`.
+
+    Raises
+    ------
+    ClockError
+        If imu and track have different time stamps.
+    ParameterError
+        If the file exists and `overwrite` is false, or there are several units.
+    DecodeError
+        If the system refuses to write.
+    """
+    from scipy.io import savemat
+
+    tables, profile = _tables(path, recording)
+    content: dict[str, Any] = {name: table for name, (table, _) in tables.items()}
+    content |= {"units": {name: unit for name, (_, unit) in tables.items()}, PROFILE: profile}
+    stream: Any = io.BytesIO()
+    savemat(stream, content, do_compression=True, oned_as="column")
+    with replacing(path, overwrite=overwrite) as temporary:
+        temporary.write_bytes(stream.getvalue())
+
+
+_LABELS: Final = {3: ("axis", "xyz"), 4: ("component", "wxyz"), 9: ("pair", [a + b for a in "xyz" for b in "xyz"])}
+"""Dimension of a table by its width, and the labels along it."""
+_LONG_NAMES: Final = {
+    "time": "time on the clock of the recording",
+    "gyr": "angular rate of the body in its axes",
+    "acc": "specific force in body axes",
+    "mag": "magnetic flux density in body axes",
+    "temp_c": "temperature of the sensor",
+    "bias_b": "bias of the gyroscope in body axes",
+    "cov_b": "covariance of the attitude error as a rotation vector in body axes",
+    "score": "whether a sample counts in an evaluation",
+    "mag_weight": "how far the magnetic field was believed",
+}
+_ANGLES: Final = {
+    "yaw": "platform_yaw_fore_{}",
+    "pitch": "platform_pitch_fore_{}",
+    "roll": "platform_roll_starboard_down",
+}
+"""Standard names of the angles of a track, whose sense is that of its frame's axes."""
+
+
+def write_netcdf(path: Path, recording: Recording, overwrite: bool = False) -> None:
+    """Write named arrays as NetCDF-4 by the CF conventions 1.11; errors as of `write_mat`, and those of the extra.
+
+    Raises
+    ------
+    MissingExtraError
+        If h5netcdf is not installed.
+    """
+    h5netcdf, h5py = (needed(name, "NetCDF files", "plumbob[netcdf]") for name in ("h5netcdf", "h5py"))
+    tables, profile = _tables(path, recording)
+    imu, track, stream = recording.imu, recording.track, io.BytesIO()
+    t0_ns = 0 if imu is None else imu.meta.t0_ns
+    since = f"seconds since {str(np.datetime64(t0_ns, 'ns')).replace('T', ' ')}"
+    utc = {
+        "units": since,
+        "standard_name": "time",
+        "axis": "T",
+        "calendar": "standard",
+        "units_metadata": "leap_seconds: none",
+    }
+    about: dict[str, dict[str, Any]] = {name: {"long_name": words} for name, words in _LONG_NAMES.items()}
+    about |= {"time": utc} if t0_ns else {}
+    for name in {"flags", "track_flags"} & tables.keys():
+        masks, meanings = np.array([*flags.MEANING], np.uint32), " ".join(name for name, _ in flags.MEANING.values())
+        about[name] = {"standard_name": "quality_flag", "flag_masks": masks, "flag_meanings": meanings}
+    if track is not None:
+        about["q_nb"] = {"long_name": f"rotation from body axes to {track.frame}, heading from {track.north} north"}
+        senses = {"yaw": "starboard", "pitch": "up"} if track.frame is Frame.NED else {"yaw": "port", "pitch": "down"}
+        for (name, standard), angle in zip(_ANGLES.items(), to_deg(track.euler_zyx).T, strict=True):
+            tables[name] = angle, "degree"
+            about[name] = {"standard_name": standard.format(senses.get(name, ""))}
+    with h5netcdf.File(stream, "w") as file:
+        file.dimensions = {"time": len(tables["time"][0])} | {name: len(labels) for name, labels in _LABELS.values()}
+        for name, labels in _LABELS.values():
+            file.create_variable(name, (name,), h5py.string_dtype(), data=np.array([*labels], object))
+        for name, (table, unit) in tables.items():
+            fill = math.nan if table.dtype == np.float64 and name != "time" else None
+            dimensions = ("time", *(_LABELS[width][0] for width in table.shape[1:]))
+            variable = file.create_variable(name, dimensions, data=table, fillvalue=fill, compression="gzip")
+            variable.attrs.update({"units": unit} | about.get(name, {}))
+        made = {"device": imu.meta.device} if imu is not None else {}
+        made |= {"source": track.source} if track is not None else {}
+        made |= {"history": notes} if (notes := "\n".join(stored_notes(recording))) else {}
+        said = {"Conventions": "CF-1.11", "title": recording.name or path.stem, PROFILE: profile}
+        file.attrs.update(said | made)
+    with replacing(path, overwrite=overwrite) as temporary:
+        temporary.write_bytes(stream.getvalue())

@@ -106,7 +106,10 @@ FORMATS: Final = (
         "text", TABLES, "formats.read_table", takes_profile=True,
         writers=tuple((suffix, "text_write.write_csv") for suffix in (".csv", ".txt")),
     ),
-    FileFormat("arrays", ARRAYS, "foreign.tables.read", takes_profile=True),
+    FileFormat(
+        "arrays", ARRAYS, "foreign.tables.read", takes_profile=True,
+        writers=((".mat", "arrays.write_mat"), (".nc", "arrays.write_netcdf")),
+    ),
 )  # fmt: skip
 
 

@@ -1,6 +1,9 @@
-"""Write a recording as CSV with units in its header, and beside it the profile that reads it back to the bit."""
+"""Write a recording as CSV with units in its header, and beside it the profile that reads it back to the bit.
 
-from collections.abc import Iterator
+Of MATLAB and NetCDF, whose arrays have names and units, `plumbob.files.arrays` writes the same profile into the file.
+"""
+
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,6 +22,17 @@ from plumbob.files.columns import COLUMNS, GROUPS, TIME, Columns, to_columns
 from plumbob.files.header import plain_meta
 
 _FORMULA: Final = ("=", "+", "-", "@")
+ARRAY_NAMES: Final = {"q": "q_nb", "bias": "bias_b", "cov": "cov_b"}
+"""What the table of a group of columns is called among named arrays, where not as the group is."""
+_PLACES: Final = (
+    dict(zip(COLUMNS, COLUMNS, strict=True))
+    | {
+        name: f"{ARRAY_NAMES.get(group, group)}[{k}]"
+        for group, names in GROUPS.items()
+        for k, name in enumerate(names, 1)
+    }
+    | {TIME: "time"}
+)
 
 
 def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None:
@@ -33,21 +47,32 @@ def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None
     ParameterError
         If one of the two exists and `overwrite` is false, or there are several units.
     """
-    if recording.array is not None:
-        raise ParameterError(
-            f"{path}: a table of text holds one unit, and there are {', '.join(recording.array.names)}. Write .parquet "
-            "instead, or choose one with --unit."
-        )
-    columns = to_columns(recording)
+    columns = columns_of_unit(path, recording)
     other, profile = sidecars(path)
     if other.exists():
         raise DecodeError(f"{path} would have two profiles, {other.name} and {profile.name}; choose another name.")
     # The profile takes its name first: alone it reads nothing, where a table alone would be read by guess.
     with replacing_all(profile, path, overwrite=overwrite) as (profile_file, csv_file):
-        profile_file.write_bytes(_encoded("\n".join(_profile(recording, columns)) + "\n"))
+        profile_file.write_bytes(_encoded(table_profile(recording, columns)))
         with csv_file.open("wb") as stream:
             stream.write(_encoded("".join(f"{line}\n" for line in _head(path, recording, columns))))
             _write_numbers(stream, columns)
+
+
+def columns_of_unit(path: Path, recording: Recording) -> Columns:
+    """Columns of a recording of one unit.
+
+    Raises
+    ------
+    ParameterError
+        If there are several.
+    """
+    if recording.array is not None:
+        raise ParameterError(
+            f"{path}: such a file holds one unit, and there are {', '.join(recording.array.names)}. Write .parquet "
+            "instead, or choose one with --unit."
+        )
+    return to_columns(recording)
 
 
 def text_cell(text: str) -> str:
@@ -83,21 +108,22 @@ def _write_numbers(stream: Any, columns: Columns) -> None:
     csv.write_csv(table, stream, csv.WriteOptions(include_header=False, quoting_style="none"))
 
 
-def _profile(recording: Recording, columns: Columns) -> Iterator[str]:
-    yield "# Reads the CSV file of the same name. SI and radians, uT, degC."
-    yield "format_version = 1"
-    yield 'separator = ","'
-    yield 'comment = "#"'
-    yield f"rows = {columns[TIME].size}"
+def table_profile(recording: Recording, columns: Columns, *, arrays: bool = False) -> str:
+    """Profile that reads columns back: from a CSV file, or from the named arrays that they are in."""
+    lines = [f"# Reads the {'arrays' if arrays else 'CSV file'} of the same name. SI and radians, uT, degC."]
+    lines += ["format_version = 1"]
+    lines += ["arrays = true"] if arrays else ['separator = ","', 'comment = "#"', f"rows = {columns[TIME].size}"]
     if recording.imu is not None:
-        yield from _meta(plain_meta(recording.imu.meta))
-    yield f"notes = [{', '.join(toml_text(note) for note in stored_notes(recording))}]"
-    yield from ("", "[header]", "names = true")
-    yield from ("", "[time]", f"column = {toml_text(_title(TIME))}", 'unit = "s"')
+        lines += _meta(plain_meta(recording.imu.meta))
+    lines += [f"notes = [{', '.join(toml_text(note) for note in stored_notes(recording))}]"]
+    lines += [] if arrays else ["", "[header]", "names = true"]
+    names = _PLACES if arrays else {name: _title(name) for name in COLUMNS}
+    lines += ["", "[time]", f"column = {toml_text(names[TIME])}", 'unit = "s"']
     if recording.imu is not None:
-        yield from _samples(recording.imu)
+        lines += _samples(recording.imu, names)
     if recording.track is not None:
-        yield from _reference(recording.track)
+        lines += _reference(recording.track, names)
+    return "\n".join([*lines, ""])
 
 
 def _meta(meta: ImuMeta) -> Iterator[str]:
@@ -115,17 +141,17 @@ def _meta(meta: ImuMeta) -> Iterator[str]:
         yield f'rate_nominal = "{meta.rate_nominal!r} Hz"'
 
 
-def _samples(imu: ImuData) -> Iterator[str]:
+def _samples(imu: ImuData, names: Mapping[str, str]) -> Iterator[str]:
     meta = plain_meta(imu.meta)
     for name in imu.triads:
-        yield from ("", f"[{name}]", _listed("columns", name), f'unit = "{UNITS[name]}"')
+        yield from ("", f"[{name}]", _listed(name, names), f'unit = "{UNITS[name]}"')
         full_scale = getattr(meta, f"{name}_range")
         if full_scale is not None:
             yield f"range = {_range(full_scale, UNITS[name])}"
         if name == "acc":
             yield 'sign = "specific-force"'
     if imu.temp_c is not None:
-        yield from ("", "[temperature]", f"column = {toml_text(_title('temp_c'))}", 'unit = "degC"')
+        yield from ("", "[temperature]", f"column = {toml_text(names['temp_c'])}", 'unit = "degC"')
     yield from ("", "[flags]", 'column = "flags"')
 
 
@@ -135,8 +161,8 @@ def _range(full_scale: float | tuple[float, ...], unit: str) -> str:
     return f'"{full_scale!r} {unit}"'
 
 
-def _reference(track: AttitudeTrack) -> Iterator[str]:
-    yield from ("", "[reference]", _listed("columns", "q"), 'order = "wxyz"')
+def _reference(track: AttitudeTrack, names: Mapping[str, str]) -> Iterator[str]:
+    yield from ("", "[reference]", _listed("q", names), 'order = "wxyz"')
     yield from (f'frame = "{track.frame}"', f'north = "{track.north}"', f"source = {toml_text(track.source)}")
     if track.flags is not None:
         yield 'flags = "track_flags"'
@@ -145,13 +171,13 @@ def _reference(track: AttitudeTrack) -> Iterator[str]:
     if track.mag_weight is not None:
         yield 'mag_weight = "mag_weight"'
     if track.bias_b is not None:
-        yield from ("", "[reference.bias]", _listed("columns", "bias"), f'unit = "{UNITS["gyr"]}"')
+        yield from ("", "[reference.bias]", _listed("bias", names), f'unit = "{UNITS["gyr"]}"')
     if track.cov_b is not None:
-        yield from ("", "[reference.covariance]", _listed("columns", "cov"), 'angle_unit = "rad"')
+        yield from ("", "[reference.covariance]", _listed("cov", names), 'angle_unit = "rad"')
 
 
-def _listed(key: str, group: str) -> str:
-    return f"{key} = [{', '.join(toml_text(_title(name)) for name in GROUPS[group])}]"
+def _listed(group: str, names: Mapping[str, str]) -> str:
+    return f"columns = [{', '.join(toml_text(names[name]) for name in GROUPS[group])}]"
 
 
 def _encoded(text: str) -> bytes:

@@ -251,7 +251,7 @@ def convert(
 
     ``.tum`` holds the attitude as ``t x y z qx qy qz qw`` with positions of zero, for evo; ``.txt`` roll, pitch and yaw
     in degrees, as the papers' hosts kept them; ``.mcap`` samples and attitude for viewers; ``.bag`` is a bag of ROS 1;
-    others are those of `plumbob.files.write`.
+    others, as ``.mat`` and ``.nc``, are those of `plumbob.files.write`.
 
     Parameters
     ----------
@@ -486,7 +486,7 @@ _LACKS: Final[dict[str, frozenset[str]]] = {
     "euroc": _SENSE - {"bias"} | {"mag", "temp_c", "device"},
     **dict.fromkeys(("bag", "ros2", "rosbag2"), _SENSE - {"covariance"} | {"nominal rate"}),
 }
-"""What each format has no place for, of `_extras`; CSV and Parquet hold everything."""
+"""What each format has no place for, of `_extras`; CSV, Parquet, MATLAB and NetCDF hold everything."""
 _TRACKS: Final = ("tum", "txt")
 _OF_ROS: Final = ("bag", "ros2", "rosbag2")
 _NAMED: Final = {"euroc": "EuRoC", "txt": "text", **dict.fromkeys(_OF_ROS, "ROS")}
@@ -506,7 +506,7 @@ _OWN: Final[dict[str, Callable[[Path, Recording, bool], None]]] = {
     ".bag": _of_ros("write_bag"),
 }
 _OWN_CLOCKS: Final = (_write_tum, _write_text, write_mcap)
-SUFFIXES: Final = (*_OWN, ".csv", ".parquet")
+SUFFIXES: Final = (*_OWN, ".csv", ".parquet", ".mat", ".nc")
 LAYOUTS: Final = {
     "ros2": RecordingLayout((".mcap",), _of_ros("write_mcap")),
     "rosbag2": RecordingLayout((), _of_ros("write_rosbag2")),

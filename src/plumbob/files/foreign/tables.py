@@ -1,4 +1,4 @@
-"""Named arrays of MATLAB (v5 and v7.3), HDF5 and NumPy (.npz, .npy), described by a profile in TOML.
+"""Named arrays of MATLAB (v5 and v7.3), HDF5, NetCDF-4 and NumPy (.npz, .npy), described by a profile in TOML.
 
 The container says names, shapes and types, and nothing of units, frames or clocks; the profile says these. An array is
 named by its path: ``imu/gyr`` is the data set of a group in HDF5, and the field of a struct in MATLAB. MATLAB v7.3
@@ -29,10 +29,12 @@ from plumbob.files.arrays import (
     HDF5_SIGNATURE,
     MAT5_SIGNATURE,
     NUMERIC,
+    PROFILE,
     Variable,
     mat_array,
     mat_fields,
     mat_order,
+    mat_text,
     mat_variables,
     opened_hdf5,
     own_dataset,
@@ -55,6 +57,8 @@ _COLUMN: Final = re.compile(r"(?P<name>.+?)\[(?P<number>[1-9]\d{0,3})(?: of (?P<
 _LISTED: Final = 20
 _DIMENSIONS: Final = 2
 _DEEPEST: Final = 6
+_INSIDE: Final = "in the file itself"
+"""Origin of a profile that a file of Plumbob holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +99,7 @@ def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
     file = existing_file(path)
     with reading(file):
         container = _container(file)
-        if profile is None and not profiles_beside(file):
+        if profile is None and (container.profile or not profiles_beside(file)):
             profile = _profile_by_names(container)
     declared, note = text_profile(file, profile)
     with reading(file):
@@ -107,7 +111,9 @@ def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
 
 
 def _profile_by_names(container: "_Container") -> Profile:
-    """Profile of a data set whose arrays are known by their names; refused where they are not."""
+    """Profile that the file holds, or that of a data set whose arrays are known by their names; refused without one."""
+    if container.profile:
+        return parse_profile(container.profile, origin=_INSIDE)
     for data_set in KNOWN_ARRAYS:
         if not data_set.names <= container.listed.shapes.keys():
             continue
@@ -159,9 +165,10 @@ def array_sample(path: Path) -> Sample:
 
 
 def _table(profile: Profile, container: "_Container") -> TextTable:
-    places = {ref: _place(ref, container.listed) for ref in profile.used}
+    upright = profile.origin == _INSIDE
+    places = {ref: _place(ref, container.listed, upright=upright) for ref in profile.used}
     content = container.load(sorted({name for name, _ in places.values()}))
-    tables = {name: _upright(name, array) for name, array in content.items()}
+    tables = {name: _upright(name, array, upright=upright) for name, array in content.items()}
     rows = {name: len(table) for name, (table, _) in tables.items()}
     if len(set(rows.values())) > 1:
         sizes = ", ".join(f"{name} {count}" for name, count in rows.items())
@@ -178,7 +185,7 @@ def _table(profile: Profile, container: "_Container") -> TextTable:
     return TextTable(columns, zero, next(iter(rows.values()), 0), turned, {}, lambda row: row + 1)
 
 
-def _place(ref: ColumnRef, listed: _Listed) -> tuple[str, int]:
+def _place(ref: ColumnRef, listed: _Listed, *, upright: bool) -> tuple[str, int]:
     """Array and number of its column, from 1; a name alone has one column, ``[1 of 3]`` is of just three."""
     if not isinstance(ref, str):
         raise DecodeError(f"{ref} is the number of a column; an array has a name, as in 'gyr[{ref}]'.")
@@ -189,7 +196,7 @@ def _place(ref: ColumnRef, listed: _Listed) -> tuple[str, int]:
         why = f"is not an array of numbers but a {kind}" if kind else "is not in the file"
         raise DecodeError(f"{excerpt(name)} {why}; the file holds {listed.summary()}.")
     shape = listed.shapes[name]
-    count = min(shape) if len(shape) == _DIMENSIONS else 1
+    count = (shape[1] if upright else min(shape)) if len(shape) == _DIMENSIONS else 1
     if number > count or stated not in (None, str(count)):
         raise DecodeError(
             f"{name} has {counted(count, 'column')}, but {stated or number} must be there; say which are meant, as in "
@@ -198,13 +205,13 @@ def _place(ref: ColumnRef, listed: _Listed) -> tuple[str, int]:
     return name, number
 
 
-def _upright(name: str, array: NDArray[Any]) -> tuple[NDArray[Any], bool]:
+def _upright(name: str, array: NDArray[Any], *, upright: bool = False) -> tuple[NDArray[Any], bool]:
     """Table of a row for each sample, and whether it lay on its side."""
     if array.ndim > 2 or array.ndim == 0 or array.size == 0:
         raise DecodeError(f"{name} has shape {array.shape}, but it must be samples, or samples and columns.")
     if array.ndim == 1:
         return array[:, np.newaxis], False
-    aside = array.shape[0] < array.shape[1]
+    aside = array.shape[0] < array.shape[1] and not upright
     return (array.T if aside else array), aside and array.shape[0] > 1
 
 
@@ -212,6 +219,8 @@ class _Container:
     """Arrays of one file; subclasses list them without loading, and load some."""
 
     listed: _Listed
+    profile = ""
+    """Profile that the file holds itself; its tables then have a row for each sample, however few there are."""
 
     def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
         raise NotImplementedError
@@ -239,6 +248,8 @@ class _Mat5(_Container):
         for name, variable in mat_variables(raw, self._order).items():
             fields = mat_fields(variable, self._order, len(raw))
             leaves |= {f"{name}/{key}": field for key, field in fields.items()} or {name: variable}
+        if PROFILE in leaves and leaves[PROFILE].kind == "char":
+            self.profile = mat_text(leaves[PROFILE], self._order)
         self._found = {name: leaf for name, leaf in leaves.items() if leaf.kind in NUMERIC.values()}
         others = {name: leaf.kind for name, leaf in leaves.items() if name not in self._found}
         self.listed = _Listed({name: leaf.shape for name, leaf in self._found.items()}, others)
@@ -255,6 +266,7 @@ class _Hdf5(_Container):
         others, units = dict[str, str](), dict[str, str]()
         with opened_hdf5(file) as (h5py, hdf5):
             _walk(h5py, hdf5, "", shapes, others, units)
+            self.profile = str(hdf5.attrs.get(PROFILE, ""))
             attributes = {key: np.asarray(hdf5.attrs[key]) for key in hdf5.attrs if key not in shapes}
             self._single = {
                 key: value for key, value in attributes.items() if value.size == 1 and value.dtype.kind in "fiu"
